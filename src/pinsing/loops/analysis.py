@@ -33,7 +33,6 @@ from pinsing.robot.mechanism import Mechanism
 from pinsing.sampling.stopping import Stages
 
 _AGREE = 1e-9
-_ON = 1e-7
 
 
 @checked
@@ -298,7 +297,7 @@ def _pose_checks(
         "sweep lies on a locus over the pose (largest "
         f"relative value {worst:.1e}; {regular:.1e} at home)"
     )
-    return [Check(words, worst <= _ON)]
+    return [Check(words, worst <= 1e-7)]
 
 
 def _by_itself(mechanism: Mechanism, point: SingularPoint) -> bool:

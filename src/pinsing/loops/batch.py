@@ -17,8 +17,6 @@ from pinsing.loops.structure import Centre, structure
 from pinsing.robot.mechanism import Mechanism
 
 _TINY = 1e-12
-_FLOOR = 1e-15
-_LARGEST_STEP = 0.5
 _CLOSE = 1e-9
 
 
@@ -238,7 +236,7 @@ def newton(
         J = J[:, :, columns]
         step = _step(J[active_now], error[active_now])
         longest = np.abs(step).max(axis=1, initial=0.0)
-        step *= np.minimum(1.0, _LARGEST_STEP / np.maximum(longest, 1e-300))[:, None]
+        step *= np.minimum(1.0, 0.5 / np.maximum(longest, 1e-300))[:, None]
         active = active[active_now]
         moved = Q[active]
         moved[:, columns] += step * loops.units[columns]
@@ -275,7 +273,7 @@ def _step(J: Array, error: Array) -> Array:
     wide = J.shape[1] <= J.shape[2]
     A = J @ Jt if wide else Jt @ J
     # Of long links the products are so large that this would be rounded away.
-    damping = np.maximum(damping, _FLOOR * np.trace(A, axis1=1, axis2=2))
+    damping = np.maximum(damping, 1e-15 * np.trace(A, axis1=1, axis2=2))
     A = A + damping[:, None, None] * np.eye(A.shape[-1])
     if wide:
         return np.asarray(-(Jt @ np.linalg.solve(A, error[:, :, None]))[:, :, 0])
@@ -322,7 +320,6 @@ BESIDE = 0.1
 """A lock is near where the volume that the three axes span is at most this, of at most 1."""
 
 _HINGES = 3
-_FLAT = 1e-6
 
 
 def locked(mechanism: Mechanism, Q: Array) -> Bool:
@@ -360,7 +357,7 @@ def hinge_rates(loops: BatchLoops, q: Array, basis: Array) -> Array:
     axis = loops.place(q[None]).axis[:, 0]
     for ball in _balls(loops.mechanism):
         rows = list(ball)
-        out[rows] = np.linalg.pinv(axis[rows].T, rcond=_FLAT) @ basis[rows]
+        out[rows] = np.linalg.pinv(axis[rows].T, rcond=1e-6) @ basis[rows]
     return out
 
 

@@ -25,15 +25,9 @@ Mask = npt.NDArray[np.bool_]
 CLOSED = 1e-11
 """A residual (metres over the length scale, radians) up to this counts as closed."""
 
-_SAMPLES = 12
 _FEW = 3
-_AROUND = (0.05, 0.2)
-_HUGE = 20.0
 _SEED = 5471
-_AT_HOME = 1e-6
 _STEP = 0.03
-_STEPS = 4
-_LOOSE = 1e-7
 _FAR = 30.0
 
 
@@ -248,7 +242,7 @@ def near_home(mechanism: Mechanism) -> list[Array]:
     loops, rng = Loops(mechanism), np.random.default_rng(_SEED)
     free = np.ones(mechanism.n, dtype=bool)
     out = []
-    for away in (0.0, *np.repeat(_AROUND, 4)):
+    for away in (0.0, *np.repeat((0.05, 0.2), 4)):
         start = mechanism.home + away * rng.uniform(-1, 1, mechanism.n) * loops.column_scale
         q, error = gauss_newton(loops, start, free)
         if error <= CLOSED:
@@ -263,7 +257,7 @@ def _beside_home(mechanism: Mechanism, loops: Loops) -> list[Array]:
     motions of a finite length show that this is no single point.
     """
     q = mechanism.home.copy()
-    if np.abs(loops.scaled(q)[0]).max() > _AT_HOME:
+    if np.abs(loops.scaled(q)[0]).max() > 1e-6:
         return []
     q, error = gauss_newton(loops, q, np.ones(mechanism.n, dtype=bool))
     if error > CLOSED:
@@ -272,7 +266,7 @@ def _beside_home(mechanism: Mechanism, loops: Loops) -> list[Array]:
     out = [q]
     for away in (_STEP, -_STEP):
         at = q
-        for _ in range(_STEPS):
+        for _ in range(4):
             G = loops.scaled(at)[1]
             free = np.linalg.svd(G)[2][_rank(loops, at) :]
             if not len(free):
@@ -290,7 +284,7 @@ def _beside_home(mechanism: Mechanism, loops: Loops) -> list[Array]:
 
 def _rank(loops: Loops, q: Array) -> int:
     sigma = np.linalg.svd(loops.scaled(q)[1], compute_uv=False)
-    return int((sigma > _LOOSE * sigma[0]).sum())
+    return int((sigma > 1e-7 * sigma[0]).sum())
 
 
 def _advice(mechanism: Mechanism) -> str:
@@ -300,7 +294,7 @@ def _advice(mechanism: Mechanism) -> str:
         f.placement.translation for f in model.frames
     ]
     size = max(float(np.linalg.norm(p)) for p in places)
-    if size > _HUGE * mechanism.length_scale:
+    if size > 20.0 * mechanism.length_scale:
         return (
             f"lengths of the file are up to {size:.3g} m; if they are in millimetres, write them "
             f"in metres or give a length scale (--length-scale {10 ** round(np.log10(size)):.0f})"
@@ -312,7 +306,7 @@ def _ranks(mechanism: Mechanism) -> Ranks:
     idle = idle_link(mechanism)
     if idle:
         raise PinsingError(f"{mechanism.name}: {idle}")
-    samples = random_closed(mechanism, _SAMPLES, np.random.default_rng(_SEED))
+    samples = random_closed(mechanism, 12, np.random.default_rng(_SEED))
     if len(samples) < _FEW:
         samples += near_home(mechanism)
     if not samples:

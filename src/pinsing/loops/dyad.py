@@ -15,7 +15,6 @@ from pinsing._types import Array
 from pinsing.robot.mechanism import Mechanism
 
 _TOUCH = 1e-12
-_FLAT = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
@@ -148,7 +147,7 @@ class Dyad:
         )
         rows = mechanism.task.rows
         across = [k for k in range(3) if k not in rows]
-        position = set(rows) <= {0, 1, 2} and not (np.abs(self.basis[:, across]) > _FLAT).any()
+        position = set(rows) <= {0, 1, 2} and not (np.abs(self.basis[:, across]) > 1e-9).any()
         return meets and position
 
     def close(self, inputs: npt.ArrayLike) -> tuple[Array, ...]:

@@ -19,9 +19,6 @@ from pinsing._dataclass import dataclass
 from pinsing._types import Array
 from pinsing.algebra.ring import Poly, Ring, rational
 
-_SAME = 1e-9
-_DECIMALS = 12
-
 Vector = tuple[Fraction, Fraction, Fraction]
 
 
@@ -56,7 +53,7 @@ def _snapped(points: Sequence[Array], square: int) -> tuple[ExactPoints, int]:
     unit = float(np.sqrt(square))
     # Decimals, so that points that differ by a sign stay so; round ones first, the others follow.
     plain = [
-        tuple(Fraction(repr(round(float(v), _DECIMALS))) for v in (p[0], p[1] / unit, p[2]))
+        tuple(Fraction(repr(round(float(v), 12))) for v in (p[0], p[1] / unit, p[2]))
         for p in points
     ]
     order = sorted(range(len(points)), key=lambda k: max(v.denominator for v in plain[k]))
@@ -94,25 +91,48 @@ def _float(v: Vector, unit: float) -> Array:
 
 
 def _near(v: Vector, p: Array, unit: float) -> bool:
-    return bool(np.abs(_float(v, unit) - p).max() <= _SAME)
+    return bool(np.abs(_float(v, unit) - p).max() <= 1e-9)
 
 
 Row = list[Poly]
 Turn = tuple[tuple[Fraction, Fraction, Fraction], ...]
 
-_SIMPLE = 1000
-_NEAR = 1e-13
-_DECIMALS_CHAIN = 13
-
 
 def near(value: float) -> Fraction:
     """A simple fraction where there is one; otherwise the decimals."""
-    found = Fraction(value).limit_denominator(_SIMPLE)
-    return (
-        found
-        if abs(float(found) - value) <= _NEAR
-        else Fraction(repr(round(value, _DECIMALS_CHAIN)))
-    )
+    found = Fraction(value).limit_denominator(1000)
+    return found if abs(float(found) - value) <= 1e-13 else Fraction(repr(round(value, 13)))
+
+
+def short_fraction(value: float) -> Fraction:
+    """A length without what the solver left: a short fraction where there is one."""
+    short = Fraction(value).limit_denominator(10**4)
+    return short if abs(float(short) - value) <= 1e-9 else Fraction(repr(round(value, 12)))
+
+
+def quaternion_turn(e: Sequence[Poly], square: int = 1) -> tuple[list[Row], Poly]:
+    """Rotation matrix of a quaternion times the square N of its length, and N.
+
+    With y, and e1 and e3, in units of the root of ``square``.
+    """
+    (a, b, c, d), k = e, square
+    a2, b2, c2, d2 = a * a, k * b * b, c * c, k * d * d
+    R = [
+        [a2 + b2 - c2 - d2, 2 * k * (b * c - a * d), 2 * (k * b * d + a * c)],
+        [2 * (b * c + a * d), a2 - b2 + c2 - d2, 2 * (c * d - a * b)],
+        [2 * (k * b * d - a * c), 2 * k * (c * d + a * b), a2 - b2 - c2 + d2],
+    ]
+    return R, a2 + b2 + c2 + d2
+
+
+def divided_by(poly: Poly, N: Poly) -> Poly:
+    """Divide by N as often as it goes: it is 1, or positive."""
+    while poly != 0 and not N.is_constant():
+        quotient, rest = divmod(poly, N)
+        if rest != 0:
+            break
+        poly = quotient
+    return poly
 
 
 def rational_turn(R: Array) -> Turn:

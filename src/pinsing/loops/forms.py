@@ -18,6 +18,7 @@ from pinsing.algebra.ring import Poly, Ring, fraction, rational
 from pinsing.serialization import JsonResult
 
 _ANGLE = ("cos φ", "sin φ")
+TURNS = ("e0", "e1", "e2", "e3")
 SHORT = 24
 """Terms up to which an equation is written out for people."""
 
@@ -125,7 +126,7 @@ class PoseEquation:
                 whole = self.degree(self.names)
                 return f"f({', '.join(self.used)}) = 0 [{len(self.values)} terms, degree {whole}]"
             where = self.degree(("x", "y", "z"))
-            turn = self.degree(("e0", "e1", "e2", "e3", *_ANGLE))
+            turn = self.degree((*TURNS, *_ANGLE))
             more = f", {turn} in the rotation" if turn else ""
             return (
                 f"f({', '.join(self.used)}) = 0 [{len(self.values)} terms, degree {where} in the "
@@ -544,18 +545,21 @@ class PoseForms(JsonResult):
         return "\n".join([*lines, *self.notes])
 
 
-_TRIES = 400
-_SEED = 2718
+def random_variables(names: Sequence[str], count: int) -> Array:
+    """Random values (count, V): unit quaternions, cosines and sines of one angle, any lengths."""
+    rng = np.random.default_rng(2718)
+    x = rng.normal(size=(count, len(names))) * rng.choice([0.1, 1.0, 3.0], size=(count, 1))
+    for k, name in enumerate(names[:-1]):
+        if name.startswith("cos ") and names[k + 1] == f"sin {name[4:]}":
+            angle = rng.uniform(-np.pi, np.pi, count)
+            x[:, k], x[:, k + 1] = np.cos(angle), np.sin(angle)
+    turn = [k for k, name in enumerate(names) if name in TURNS]
+    if turn:
+        x[:, turn] /= np.linalg.norm(x[:, turn], axis=1)[:, None]
+    return np.asarray(x)
 
 
 def has_real_points(found: PoseEquation) -> bool:
     """Whether it changes its sign over random poses and inputs."""
-    x = np.random.default_rng(_SEED).normal(size=(_TRIES, len(found.names)))
-    x *= np.random.default_rng(_SEED + 1).choice([0.1, 1.0, 3.0], size=(_TRIES, 1))
-    for k, name in enumerate(found.names[:-1]):
-        # A cosine and its sine are of one angle.
-        if name.startswith("cos ") and found.names[k + 1] == f"sin {name[4:]}":
-            angle = np.random.default_rng(_SEED + 2 + k).uniform(-np.pi, np.pi, _TRIES)
-            x[:, k], x[:, k + 1] = np.cos(angle), np.sin(angle)
-    values = found(x)
+    values = found(random_variables(found.names, 400))
     return bool((values > 0).any() and (values < 0).any())

@@ -30,18 +30,15 @@ from pinsing.loops.leg_wrenches import (
     SIZE,
     SPACE,
     SPHERE,
-    AtZero,
     LegWrench,
     LegWrenches,
-    NotThisKind,
     kind_of,
     leg_wrenches,
-    path_to,
     room_of,
 )
 from pinsing.loops.pose_ring import determinant
 from pinsing.loops.sphere_loci import type1_alone
-from pinsing.loops.structure import structure, without_length
+from pinsing.loops.structure import NotThisKind, at_zero, path_to, structure, without_length
 from pinsing.robot.mechanism import Loop, Mechanism
 
 Step = tuple[int, int]
@@ -93,7 +90,7 @@ class _Velocities:
     def __init__(self, mechanism: Mechanism, ring: Ring) -> None:
         self.mechanism = mechanism
         self.ring = ring
-        self.zero = AtZero(mechanism, structure(mechanism))
+        self.zero = at_zero(mechanism)
         self.kind, self.turn, _ = room_of(mechanism)
         self.off = 0.0
         self._frames = {f.name: k for k, f in enumerate(mechanism.model.frames)}
@@ -158,7 +155,7 @@ class _Velocities:
             return
         joints = [j for j, _ in steps]
         # A joint that is passed from its own body to the one before moves that the other way.
-        axes = self.zero.axes[joints] * np.array([float(sign) for _, sign in steps])[:, None]
+        axes = self.zero.axis[joints] * np.array([float(sign) for _, sign in steps])[:, None]
         chain = leg_chain(self.ring, joints, axes, self.zero.origins[joints], turn)
         self.off = max(self.off, chain.off)
         point, scale = chain.point(at), chain.scale
@@ -180,14 +177,8 @@ def _parted(steps: Sequence[Step], middle: int) -> tuple[list[Step], list[Step]]
     return [(j, -sign) for j, sign in reversed(steps[:middle])], list(steps[middle:])
 
 
-_MOST_JOINTS = 7
-_MOST_TERMS = 4e8
 _ROUNDING = 1e-12
-_READ = 24
-_TRIED = 6
 _FEW = 4
-_ALWAYS = 1e-10
-_SEED = 6203
 
 
 def joint_forms(mechanism: Mechanism) -> JointForms:
@@ -252,12 +243,12 @@ def _forms(mechanism: Mechanism) -> JointForms:
 
 def _everywhere(mechanism: Mechanism, forms: JointForms) -> str:
     """What is to be said where one of them holds at every configuration that was tried."""
-    tried = near_home(mechanism) + random_closed(mechanism, _TRIED, np.random.default_rng(_SEED))
+    tried = near_home(mechanism) + random_closed(mechanism, 6, np.random.default_rng(6203))
     if len(tried) < _FEW:
         return ""
     at = np.array(tried)
     kinds = dict.fromkeys(
-        x.kind for x in forms.loci if x.ratio(at, forms.joints).max() <= _ALWAYS
+        x.kind for x in forms.loci if x.ratio(at, forms.joints).max() <= 1e-10
     )  # fmt: skip
     if not kinds:
         return ""
@@ -430,11 +421,11 @@ def _loci(
     whole = JointLocus(kind, words, names, None, _matrix(rows, ring, mechanism))
     if len(rows) > len(rows[0]) and len(joints) > 1:
         return [whole]
-    if len(joints) > _MOST_JOINTS:
+    if len(joints) > 7:
         return [whole]
     rows = [_level(row, ring) for row in rows]
     size = float(np.prod([max(len(x) for x in row) + 1.0 for row in rows]))
-    if size > _MOST_TERMS:
+    if size > 4e8:
         return [whole]
     # Of one joint all largest minors vanish together where what they share does.
     minors = [
@@ -445,7 +436,7 @@ def _loci(
     if value == 0:
         return [whole]
     found = _factored(ring, mechanism, kind, words, value)
-    if len(found) == 1 and len(found[0].equation.cos) > _READ:  # type: ignore[union-attr]
+    if len(found) == 1 and len(found[0].equation.cos) > 24:  # type: ignore[union-attr]
         # One long factor: the determinant says more.
         return [replace(found[0], matrix=whole.matrix)]
     return found

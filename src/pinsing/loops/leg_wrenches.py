@@ -9,7 +9,8 @@ from __future__ import annotations
 
 import functools
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pinocchio as pin
@@ -18,7 +19,6 @@ from pinsing._dataclass import dataclass
 from pinsing._types import Array
 from pinsing.algebra.ring import Poly, Ring, make_ring, rational
 from pinsing.errors import OptionError
-from pinsing.families import ClosedForm, closed_form, prove
 from pinsing.loops.exact import (
     Hinge,
     LegChain,
@@ -30,19 +30,23 @@ from pinsing.loops.exact import (
     rational_turn,
     turn_to,
 )
-from pinsing.loops.structure import Structure, structure
-from pinsing.robot.load import load
+from pinsing.loops.structure import (
+    SMALL,
+    NotThisKind,
+    Sample,
+    at_zero,
+    path_to,
+    plane_normal,
+    structure,
+)
 from pinsing.robot.mechanism import Mechanism
 
-_SMALL = 1e-9
-_SEED = 929
+if TYPE_CHECKING:
+    from pinsing.families import ClosedForm
+
 SPACE, PLANE, SPHERE = "space", "plane", "sphere"
 SIZE = {SPACE: 6, PLANE: 3, SPHERE: 3}
 """Dimension of the motions that each kind of mechanism has room for."""
-
-
-class NotThisKind(Exception):
-    """The legs are others; the message says in which way."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -146,15 +150,14 @@ def kind_of(mechanism: Mechanism) -> str:
 
 def room_of(mechanism: Mechanism) -> tuple[str, Turn, Array]:
     """The same, the turn that makes the plane's normal z, and the sphere's centre."""
-    return mechanism.once("room", lambda: _kind(mechanism, structure(mechanism)))
+    return mechanism.once("room", lambda: _room(mechanism))
 
 
 def _wrenches(mechanism: Mechanism) -> LegWrenches:
-    built = structure(mechanism)
-    zero = AtZero(mechanism, built)
+    zero = at_zero(mechanism)
     kind, turn, centre = room_of(mechanism)
     ring = make_ring(mechanism.prismatic.tolist())
-    ways = _ways(mechanism, built, zero, kind)
+    ways = leg_ways(mechanism)
     seen: set[int] = set()
     for joints, _, _ in ways:
         mine = {j for j in joints if j in mechanism.passive}
@@ -164,8 +167,8 @@ def _wrenches(mechanism: Mechanism) -> LegWrenches:
     wrenches: list[LegWrench] = []
     passive: list[Passive] = []
     off = 0.0
-    path = path_to(mechanism, built.output)
-    carrier = zero.chain(ring, path, turn)
+    path = path_to(mechanism, structure(mechanism).output)
+    carrier = leg_chain(ring, path, zero.axis[path], zero.origins[path], turn)
     at = np.array(zero.frames[mechanism.output_id].translation)
     output = carrier.placed(carrier.point(at), carrier.scale)
     ended = False
@@ -173,7 +176,7 @@ def _wrenches(mechanism: Mechanism) -> LegWrenches:
         if end is None and kind != SPHERE:
             continue
         ended = ended or number == 1
-        chain = zero.chain(ring, joints, turn)
+        chain = leg_chain(ring, joints, zero.axis[joints], zero.origins[joints], turn)
         off = max(off, chain.off)
         found, own = _leg(mechanism, chain, number, kind, end, centre)
         wrenches += found
@@ -186,8 +189,28 @@ def _wrenches(mechanism: Mechanism) -> LegWrenches:
     )  # fmt: skip
 
 
-def leg_ends(mechanism: Mechanism) -> list[tuple[list[int], Array | None]]:
-    """Of each way from the base to the output: its joints, and its end with all joints at zero.
+def _room(mechanism: Mechanism) -> tuple[str, Turn, Array]:
+    drawn = Sample(mechanism, mechanism.space.sample(1, np.random.default_rng(929))[0])
+    still, none = rational_turn(np.eye(3)), np.zeros(3)
+    normal = plane_normal(mechanism, drawn.axis)
+    if normal is not None:
+        return PLANE, rational_turn(turn_to(normal).T), none
+    if not mechanism.prismatic.any():
+        across = [np.eye(3) - np.outer(a, a) for a in drawn.axis]
+        rows = np.concatenate(across)
+        right = np.concatenate([P @ p for P, p in zip(across, drawn.origins, strict=True)])
+        centre, _, rank, _ = np.linalg.lstsq(rows, right, rcond=None)
+        if rank == 3 and np.abs(rows @ centre - right).max() <= SMALL:
+            return SPHERE, still, centre
+    return SPACE, still, none
+
+
+Way = tuple[list[int], Array | None, tuple[int, ...]]
+"""Joints before the end of a leg, the end (3,) with all joints at zero, hinges of a ball there."""
+
+
+def leg_ways(mechanism: Mechanism) -> list[Way]:
+    """Each way from the base to the output.
 
     The first is that of the tree; its end is None where it has none of its own, and on the sphere.
 
@@ -196,117 +219,35 @@ def leg_ends(mechanism: Mechanism) -> list[tuple[list[int], Array | None]]:
     NotThisKind
         If a loop closes elsewhere, or in another way.
     """
-    built = structure(mechanism)
-    kind = room_of(mechanism)[0]
-    ways = _ways(mechanism, built, AtZero(mechanism, built), kind)
-    return [(joints, end) for joints, end, _ in ways]
-
-
-class AtZero:
-    """Everything with all joints at zero, in the base.
-
-    Attributes
-    ----------
-    joints, frames : sequences of pin.SE3
-        Placements.
-    axes, origins : (n, 3) arrays
-        Axes of the joints, and points on them, metres.
-    """
-
-    def __init__(self, mechanism: Mechanism, built: Structure) -> None:
-        data = mechanism.model.createData()
-        pin.forwardKinematics(mechanism.model, data, mechanism.model_q(np.zeros(mechanism.n)))
-        pin.updateFramePlacements(mechanism.model, data)
-        self.joints, self.frames = data.oMi, data.oMf
-        # Kept: the placements live as long as the data do.
-        self._data = data
-        self.axes = np.array([data.oMi[j + 1].rotation @ built.axes[j] for j in range(mechanism.n)])
-        self.origins = np.array([data.oMi[j + 1].translation for j in range(mechanism.n)])
-
-    def chain(self, ring: Ring, joints: Sequence[int], turn: Turn) -> LegChain:
-        """The joints as polynomials."""
-        return leg_chain(ring, joints, self.axes[joints], self.origins[joints], turn)
-
-
-def _kind(mechanism: Mechanism, built: Structure) -> tuple[str, Turn, Array]:
-    """Plane, sphere or space; the turn that makes the plane's normal z; the sphere's centre."""
-    q = mechanism.space.sample(1, np.random.default_rng(_SEED))[0]
-    data = mechanism.model.createData()
-    pin.forwardKinematics(mechanism.model, data, mechanism.model_q(q))
-    axes = np.array([data.oMi[j + 1].rotation @ built.axes[j] for j in range(mechanism.n)])
-    points = np.array([data.oMi[j + 1].translation for j in range(mechanism.n)])
-    still, none = np.eye(3), np.zeros(3)
-    slides = mechanism.prismatic
-    if not slides.all():
-        normal = axes[np.flatnonzero(~slides)[0]]
-        normal = normal * np.sign(normal[int(np.argmax(np.abs(normal)))])
-        across = np.abs(axes @ normal)
-        if (np.abs(across - ~slides) <= _SMALL).all():
-            return PLANE, rational_turn(turn_to(normal).T), none
-    if not slides.any():
-        rows = np.concatenate([np.eye(3) - np.outer(a, a) for a in axes])
-        right = np.concatenate([p - (a @ p) * a for a, p in zip(axes, points, strict=True)])
-        centre, _, rank, _ = np.linalg.lstsq(rows, right, rcond=None)
-        if rank == 3 and np.abs(rows @ centre - right).max() <= _SMALL:
-            return SPHERE, rational_turn(still), centre
-    return SPACE, rational_turn(still), none
-
-
-def path_to(mechanism: Mechanism, body: int) -> list[int]:
-    """The joints on the tree's way from the base to a body."""
-    path: list[int] = []
-    while body:
-        path.insert(0, body - 1)
-        body = int(mechanism.model.parents[body])
-    return path
-
-
-def _ways(
-    mechanism: Mechanism, built: Structure, zero: AtZero, kind: str
-) -> list[tuple[list[int], Array | None, tuple[int, ...]]]:
-    """Each way from the base to the output: joints before its end, the end, hinges of a ball.
-
-    The first is that of the tree; its end is None where it has none.
-    """
+    built, zero, kind = structure(mechanism), at_zero(mechanism), room_of(mechanism)[0]
     if built.output == 0:
         raise NotThisKind("the output is the base")
     path = path_to(mechanism, built.output)
-    if kind == SPHERE:
-        return [(path, None, ()), *_closing(mechanism, built, zero, kind)]
+    out: list[Way] = [(path, None, ())]
     last = next((c for c in built.centres if built.output - 1 in c.joints), None)
-    out: list[tuple[list[int], Array | None, tuple[int, ...]]] = []
     size = 3 if kind == SPACE else 1
-    if last is not None and len(last.joints) == size and path[-size:] == list(last.joints):
-        if len(path) > size:
-            end = np.array(zero.joints[path[-size] + 1].act(last.point))
-            out.append((path[:-size], end, last.joints if kind == SPACE else ()))
-        else:
-            out.append((path, None, ()))
-    else:
-        out.append((path, None, ()))
-    return [*out, *_closing(mechanism, built, zero, kind)]
-
-
-def _closing(
-    mechanism: Mechanism, built: Structure, zero: AtZero, kind: str
-) -> list[tuple[list[int], Array | None, tuple[int, ...]]]:
-    """The ways through the loops."""
-    out: list[tuple[list[int], Array | None, tuple[int, ...]]] = []
-    frames = {f.name: f for f in mechanism.model.frames}
+    centred = last is not None and path[-size:] == list(last.joints)
+    if kind != SPHERE and last is not None and centred and len(path) > size == len(last.joints):
+        end = np.array(zero.joints[path[-size] + 1].act(last.point))
+        out = [(path[:-size], end, last.joints if kind == SPACE else ())]
     numbers = {f.name: k for k, f in enumerate(mechanism.model.frames)}
     for loop in mechanism.loops:
-        a, b = frames[loop.frame_a], frames[loop.frame_b]
-        if int(a.parentJoint) == built.output:
-            a, b = b, a
-        if int(b.parentJoint) != built.output:
+        inner, outer = numbers[loop.frame_a], numbers[loop.frame_b]
+        if _body(mechanism, inner) == built.output:
+            inner, outer = outer, inner
+        if _body(mechanism, outer) != built.output:
             raise NotThisKind("a loop closes away from the output")
-        if loop.kind != ("planar" if kind == PLANE else "3d") and loop.kind != "3d":
+        if loop.kind not in ("3d", "planar" if kind == PLANE else "3d"):
             raise NotThisKind(f"a loop of type {loop.kind} leaves no ball, pin or hinge")
-        joints = path_to(mechanism, int(a.parentJoint))
+        joints = path_to(mechanism, _body(mechanism, inner))
         if not joints or built.output - 1 in joints:
             raise NotThisKind("a loop ties the output to the base or to itself")
-        out.append((joints, np.array(zero.frames[numbers[a.name]].translation), ()))
+        out.append((joints, np.array(zero.frames[inner].translation), ()))
     return out
+
+
+def _body(mechanism: Mechanism, frame: int) -> int:
+    return int(mechanism.model.frames[frame].parentJoint)
 
 
 def _leg(
@@ -488,7 +429,7 @@ def leg_proofs(mechanism: Mechanism, seconds: float = 20.0) -> tuple[LegProof, .
         If no leg ends in a ball, a pin or a hinge at the output.
     """
     try:
-        ends = leg_ends(mechanism)
+        ends = leg_ways(mechanism)
     except NotThisKind as why:
         raise OptionError(f"{mechanism.name}: no leg has a certificate of its own: {why}") from None
     out = tuple(_proofs(mechanism, ends, seconds))
@@ -500,20 +441,21 @@ def leg_proofs(mechanism: Mechanism, seconds: float = 20.0) -> tuple[LegProof, .
     return out
 
 
-def _proofs(
-    mechanism: Mechanism, ends: list[tuple[list[int], Array | None]], seconds: float
-) -> Iterator[LegProof]:
+def _proofs(mechanism: Mechanism, ends: list[Way], seconds: float) -> Iterator[LegProof]:
+    from pinsing.families import closed_form, prove
+    from pinsing.robot.load import load
+
     kind, turn, centre = room_of(mechanism)
-    zero = AtZero(mechanism, structure(mechanism))
+    zero = at_zero(mechanism)
     task = "position"
     if kind == PLANE:
         normal = np.abs([float(v) for v in turn[2]])
-        if normal.max() >= 1 - _SMALL:
+        if normal.max() >= 1 - SMALL:
             task = ",".join(r for k, r in enumerate(_ROWS) if k != int(np.argmax(normal)))
-    for number, (path, place) in enumerate(ends, 1):
+    for number, (path, place, _) in enumerate(ends, 1):
         joints, end = path, place
         if kind == SPHERE and end is None:
-            joints, end = path[:-1], centre + zero.axes[path[-1]]
+            joints, end = path[:-1], centre + zero.axis[path[-1]]
         driven = [j for j in joints if j in mechanism.actuated]
         if end is None or len(driven) != 1:
             continue

@@ -1,78 +1,291 @@
-"""One force that a leg passes on the output, and what legs are read from."""
+"""Legs that pass one force each on the output: what a kind answers, and how one is recognised.
+
+A leg has two passive centres, C and B, and one actuated joint: a slide along C B (UPS, SPS, RPR), a
+crank or slide before C (RUS, PUS, RRR, PRR), or an elbow between them in the plane. With the
+actuator locked everything that the leg can pass on is a force along C B, since each passive axis
+meets that line. Where the inner centre is a single turning joint in space (RPS, PRS, RRS) it passes
+a second force: through B, along that joint's axis.
+
+A leg that is driven at its foot and has a passive slide along C B (RPR, RPS, UPS) passes a force
+through B across C B: with a the axis of the foot's first joint, along a x CB where that joint is
+driven, along (a x CB) x CB where the second one is. Each does work on its own joint alone.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from abc import ABC, abstractmethod
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
+import numpy.typing as npt
 import pinocchio as pin
 
 from pinsing._dataclass import dataclass
 from pinsing._types import Array
-from pinsing.loops.structure import Centre, Structure, structure
+from pinsing.algebra.ring import Poly
+from pinsing.loops.exact import short_fraction
+from pinsing.loops.modes import home
+from pinsing.loops.structure import (
+    SMALL,
+    Centre,
+    NotThisKind,
+    Sample,
+    output_pose,
+    path_to,
+    plane_axes,
+    structure,
+)
 from pinsing.robot.mechanism import Mechanism
 
-_SMALL = 1e-9
+if TYPE_CHECKING:
+    from pinsing.loops.pose_ring import PoseRing
+
+TOUCHING = 1e-9
+"""Two solutions that are this near to each other are not counted."""
 
 
 @dataclass(frozen=True, eq=False)
-class Rod:
-    """One force that a leg passes, along the line through C and B.
+class Rod(ABC):
+    """One force that a leg passes, by C and B: what its kind answers. All else knows only this.
 
     Attributes
     ----------
     joint : int
         The actuated joint of the leg.
-    slides : bool
-        Whether that is the length of C B itself.
     outer : (3,) array
         B in the frame of the output, metres.
     inner : (3,) array
-        C in the base; with a crank or slide before it the part that does not move.
-    first, second : (3,) arrays
-        C = inner + cos(q) first + sin(q) second for a crank, inner + q first for a slide before
-        C; zero otherwise.
+        C in the base; of a kind that moves it the part that does not move.
     hinge : (3,) array or None
         Axis of the only passive joint at C, in space: the leg passes a force along it too.
-    bends : bool
-        Whether the actuated joint is an elbow between C and B, in the plane.
-    across : (3,) array or None
-        a, of a leg that is driven at its foot: the force is not along C B but across it.
-    side : int
-        0: along C B; 1: along a x CB; 2: along (a x CB) x CB.
-    slide : int
-        Of such a leg, the joint that slides along C B; -1 elsewhere.
-    offset : float
-        What is added to the value of the joint that slides along C B to have the length, metres;
-        a length below zero is one the other way.
-    links : tuple of float
-        Of a leg that is driven at its elbow the lengths of both links, metres; empty elsewhere.
     """
 
     joint: int
-    slides: bool
     outer: Array
     inner: Array
-    first: Array
-    second: Array
     hinge: Array | None
-    bends: bool = False
-    across: Array | None = None
-    side: int = 0
-    slide: int = -1
-    offset: float = 0.0
-    links: tuple[float, ...] = ()
+
+    side = 0
+    """0: the force is along C B; 1: along a x CB; 2: along (a x CB) x CB."""
+    moved = False
+    """Whether C moves with the actuated joint."""
+    offset = 0.0
+    """What is added to the value of `sliding` for the length of C B, metres."""
+    sure = False
+    """Whether its equations of type 1 have real points whatever their signs."""
 
     @property
     def sliding(self) -> int:
-        """The joint whose value, with the offset, is the length of C B; -1 where there is none."""
-        return self.slide if self.side else self.joint if self.slides else -1
+        """The joint that slides along C B; -1 where there is none."""
+        return -1
+
+    def vectors(self) -> tuple[Array, Array, Array]:
+        """C = inner + c first + s second, with c and s of `turned`; and a. Zero where unused."""
+        return np.zeros(3), np.zeros(3), np.zeros(3)
+
+    def turned(self, values: npt.ArrayLike) -> tuple[Array, Array]:
+        """The factors of ``first`` and ``second`` at values (...) of the joint."""
+        return np.zeros(np.shape(values)), np.zeros(np.shape(values))
+
+    def foot(self, values: npt.ArrayLike) -> Array:
+        """C (..., 3) at values (...) of the joint."""
+        (c, s), (first, second, _) = self.turned(values), self.vectors()
+        return np.asarray(self.inner + c[..., None] * first + s[..., None] * second)
+
+    def distance(self, values: Array, length: float) -> Array | None:
+        """Distance (N,) of C and B at values (N,), ``length`` at home; None where it is open."""
+        return None
+
+    def solutions(self, B: Array, planar: bool, length: float) -> tuple[float, ...] | None:
+        """Values of the joint with the end at B (3,); None where two meet, or it is not told."""
+        return None
+
+    def variables(self, name: str) -> tuple[str, ...]:
+        """Variables that equations have for the joint of this name."""
+        return ()
+
+    @abstractmethod
+    def type1(self, ring: PoseRing, number: int) -> Iterator[tuple[str, Poly]]:
+        """Words and factors of where the actuator does not work on a force that has a length."""
+
+    def foot_text(self, name: str) -> str:
+        """C for people, with the joint's name."""
+        return written(self.inner)
+
+
+@dataclass(frozen=True, eq=False)
+class Strut(Rod):
+    """The actuated joint slides along C B, and its value with ``offset`` is the length, metres.
+
+    A length below zero is one the other way.
+    """
+
+    offset: float = 0.0
 
     @property
-    def moved(self) -> bool:
-        """Whether C moves with the actuated joint."""
-        return bool(np.linalg.norm(self.first) > _SMALL)
+    def sliding(self) -> int:
+        """The joint that slides along C B."""
+        return self.joint
+
+    def distance(self, values: Array, length: float) -> Array:
+        """See `Rod`."""
+        return np.asarray(np.abs(values + self.offset))
+
+    def type1(self, ring: PoseRing, number: int) -> Iterator[tuple[str, Poly]]:
+        """See `Rod`."""
+        return iter(())
+
+    def solutions(self, B: Array, planar: bool, length: float) -> tuple[float, ...] | None:
+        """See `Rod`."""
+        reach = float(np.linalg.norm((B - self.inner)[: 2 if planar else 3]))
+        return None if reach <= TOUCHING else (reach - self.offset, -reach - self.offset)
+
+
+@dataclass(frozen=True, eq=False)
+class Foot(Rod):
+    """Driven at its foot: the force is across C B, whose length a passive joint slides.
+
+    Attributes
+    ----------
+    across : (3,) array
+        a, the axis of the first joint.
+    """
+
+    across: Array
+    side: int = 1
+    slide: int = -1
+    offset: float = 0.0
+
+    @property
+    def sliding(self) -> int:
+        """The joint that slides along C B."""
+        return self.slide
+
+    def vectors(self) -> tuple[Array, Array, Array]:
+        """See `Rod`."""
+        return np.zeros(3), np.zeros(3), self.across
+
+    def type1(self, ring: PoseRing, number: int) -> Iterator[tuple[str, Poly]]:
+        """See `Rod`."""
+        return iter(())
+
+
+@dataclass(frozen=True, eq=False)
+class Elbow(Rod):
+    """Driven at an elbow between C and B, in the plane; ``links``: lengths of both, metres."""
+
+    links: tuple[float, float]
+    # A circle, or its centre where both links are alike.
+    sure = True
+
+    def type1(self, ring: PoseRing, number: int) -> Iterator[tuple[str, Poly]]:
+        """See `Rod`."""
+        name = ring.rods.mechanism.joints[self.joint]
+        one, two = self.links
+        for reach, shape in ((one + two, "stretched"), (abs(one - two), "folded")):
+            words = f"leg {number} is {shape} at its actuated elbow {name}"
+            yield words, ring.length(self, short_fraction(reach))
+
+
+class _Carried(Rod):
+    """The actuated joint moves C, and C B has one length."""
+
+    moved = True
+
+    def distance(self, values: Array, length: float) -> Array:
+        """See `Rod`."""
+        return np.full(len(values), length)
+
+    def type1(self, ring: PoseRing, number: int) -> Iterator[tuple[str, Poly]]:
+        """See `Rod`."""
+        words = self.in_line(ring, number, ring.rods.mechanism.joints[self.joint])
+        for factor, _ in ring.without_norm(ring.moment_arm(self)).factor()[1]:
+            yield words, factor
+
+    @abstractmethod
+    def in_line(self, ring: PoseRing, number: int, name: str) -> str:
+        """Words for where the rod does not move with the joint."""
+
+
+@dataclass(frozen=True, eq=False)
+class Crank(_Carried):
+    """C = inner + cos(q) first + sin(q) second."""
+
+    first: Array
+    second: Array
+
+    def vectors(self) -> tuple[Array, Array, Array]:
+        """See `Rod`."""
+        return self.first, self.second, np.zeros(3)
+
+    def turned(self, values: npt.ArrayLike) -> tuple[Array, Array]:
+        """See `Rod`."""
+        return np.cos(values), np.sin(values)
+
+    def solutions(self, B: Array, planar: bool, length: float) -> tuple[float, ...] | None:
+        """See `Rod`."""
+        keep = np.array([1.0, 1.0, 0.0 if planar else 1.0])
+        e, first, second = (B - self.inner) * keep, self.first * keep, self.second * keep
+        known = (float(e @ e) + float(first @ first) - length**2) / 2
+        return angles_of(float(e @ first), float(e @ second), known)
+
+    def variables(self, name: str) -> tuple[str, ...]:
+        """See `Rod`."""
+        return f"cos {name}", f"sin {name}"
+
+    def in_line(self, ring: PoseRing, number: int, name: str) -> str:
+        """See above."""
+        if ring.rods.planar:
+            return f"crank {name} and its rod are in line"
+        if ring.level:
+            return f"the rods of crank {name} are in line with it, or meet its axis"
+        return f"rod {number} is in a plane with the axis of crank {name} and its pin"
+
+    def foot_text(self, name: str) -> str:
+        """See `Rod`."""
+        moved = f"cos {name} {written(self.first)} + sin {name} {written(self.second)}"
+        return f"{written(self.inner)} + {moved}"
+
+
+@dataclass(frozen=True, eq=False)
+class Rail(_Carried):
+    """C = inner + q first."""
+
+    first: Array
+
+    def vectors(self) -> tuple[Array, Array, Array]:
+        """See `Rod`."""
+        return self.first, np.zeros(3), np.zeros(3)
+
+    def turned(self, values: npt.ArrayLike) -> tuple[Array, Array]:
+        """See `Rod`."""
+        return np.asarray(values, dtype=float), np.zeros(np.shape(values))
+
+    def solutions(self, B: Array, planar: bool, length: float) -> tuple[float, ...] | None:
+        """See `Rod`."""
+        keep = np.array([1.0, 1.0, 0.0 if planar else 1.0])
+        e, first = (B - self.inner) * keep, self.first * keep
+        # |e - q first| = length.
+        size = float(first @ first)
+        middle = float(e @ first) / size
+        left = middle**2 - (float(e @ e) - length**2) / size
+        if abs(left) <= TOUCHING:
+            return None
+        return () if left < 0 else (middle + float(np.sqrt(left)), middle - float(np.sqrt(left)))
+
+    def variables(self, name: str) -> tuple[str, ...]:
+        """See `Rod`."""
+        return (name,)
+
+    def in_line(self, ring: PoseRing, number: int, name: str) -> str:
+        """See above."""
+        return f"rod {number} is across the slide {name}"
+
+    def foot_text(self, name: str) -> str:
+        """See `Rod`."""
+        return f"{written(self.inner)} + {name} {written(self.first)}"
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,34 +316,106 @@ class Rods:
     def tilted(self) -> bool:
         """Whether these are not the axes of the base, or of the output."""
         eye = np.eye(3)
-        return bool(max(np.abs(self.axes - eye).max(), np.abs(self.own - eye).max()) > _SMALL)
+        return bool(max(np.abs(self.axes - eye).max(), np.abs(self.own - eye).max()) > SMALL)
+
+    @property
+    def hinged(self) -> bool:
+        """Whether a leg passes a force along a hinge."""
+        return any(rod.hinge is not None for rod in self.rods)
 
     def placed(self, pose: pin.SE3) -> pin.SE3:
         """A pose of the output in these axes: in the plane a turn about the third."""
         return pin.SE3(self.axes @ pose.rotation @ self.own, self.axes @ pose.translation)
 
+    def length(self, rod: Rod) -> float:
+        """Distance of C and B at home, metres; in the plane if that is level."""
+        q = home(self.mechanism)
+        pose = self.placed(output_pose(self.mechanism, q))
+        away = pose.act(rod.outer) - rod.foot(float(q[rod.joint]))
+        return float(np.linalg.norm(away[: 2 if self.planar else 3]))
 
-class Sample:
-    """Placements at one configuration of the tree, closed or not, in given axes (rows)."""
 
-    def __init__(
-        self, mechanism: Mechanism, built: Structure, q: Array, axes: Array, own: Array
-    ) -> None:
-        data = mechanism.model.createData()
-        pin.forwardKinematics(mechanism.model, data, mechanism.model_q(q))
-        pin.updateFramePlacements(mechanism.model, data)
-        turn = pin.SE3(axes, np.zeros(3))
-        self.q = q
-        self.joints = [turn * m for m in data.oMi]
-        self.frames = [turn * m for m in data.oMf]
-        self.output = self.frames[mechanism.output_id] * pin.SE3(own, np.zeros(3))
-        self.axis = np.array(
-            [self.joints[j + 1].rotation @ built.axes[j] for j in range(mechanism.n)]
-        )
+def written(axis: Array) -> str:
+    """A vector for people."""
+    return f"({', '.join(f'{round(float(v), 12) + 0.0:.6g}' for v in axis)})"
+
+
+def angles_of(a: float, b: float, known: float) -> tuple[float, ...] | None:
+    """Both angles with a cos + b sin = known; none where there are none, None where they meet."""
+    size = float(np.hypot(a, b))
+    if abs(size - abs(known)) <= TOUCHING:
+        return None
+    if size < abs(known):
+        return ()
+    middle, spread = float(np.arctan2(b, a)), float(np.arccos(known / size))
+    return middle + spread, middle - spread
+
+
+def count_inside(
+    mechanism: Mechanism, choices: Iterable[tuple[int, tuple[float, ...] | None]]
+) -> int | None:
+    """Combinations of values of joints within their limits; None where values of one are None."""
+    count = 1
+    for joint, values in choices:
+        if values is None:
+            return None
+        count *= sum(inside(mechanism, joint, v) for v in values)
+    return count
+
+
+def inside(mechanism: Mechanism, joint: int, value: float) -> bool:
+    """Whether a value of a joint is within its limits, whole turns aside."""
+    low, high = float(mechanism.lower[joint]), float(mechanism.upper[joint])
+    if mechanism.prismatic[joint]:
+        return low <= value <= high
+    return not np.isfinite([low, high]).all() or (value - low) % (2 * np.pi) <= high - low
+
+
+def rods(mechanism: Mechanism) -> Rods | None:
+    """Recognise a mechanism whose legs pass one force each; None for another one."""
+    found = mechanism.once("rods", lambda: _recognized(mechanism))
+    return found if isinstance(found, Rods) else None
+
+
+def why_no_rods(mechanism: Mechanism) -> str:
+    """What keeps the legs from passing one force each; empty where they do."""
+    found = mechanism.once("rods", lambda: _recognized(mechanism))
+    return found if isinstance(found, str) else ""
+
+
+def most_assemblies(mechanism: Mechanism) -> int | None:
+    """How many poses given inputs can have at most; None where no number is known.
+
+    Three distances of a body in a plane: 6 (Gosselin and Sefrioui 1991); six in space: 40
+    (Raghavan 1991, Lazard 1992); 3-RPS: 16 (Nanua, Waldron and Murthy 1990).
+    """
+    found = rods(mechanism)
+    if found is None or any(rod.side for rod in found.rods):
+        return None
+    if found.hinged:
+        return 16 if len(found.rods) == 3 and not found.planar else None
+    return {(True, 3): 6, (False, 6): 40}.get((found.planar, len(found.rods)))
+
+
+def carried(mechanism: Mechanism, sample: Sample, joint: int, C: Array, outer: Array) -> Rod | None:
+    """A rod whose inner end, at C (3,) there, moves with the one joint before it.
+
+    None where C is on the axis of that joint.
+    """
+    axis, at = sample.axis[joint], np.array(sample.joints[joint + 1].translation)
+    if mechanism.prismatic[joint]:
+        return Rail(joint, outer, C - sample.q[joint] * axis, None, axis)
+    arm = C - at
+    rest = (arm @ axis) * axis
+    c, s = np.cos(sample.q[joint]), np.sin(sample.q[joint])
+    first = c * (arm - rest) - s * np.cross(axis, arm - rest)
+    if np.linalg.norm(first) <= SMALL:
+        return None
+    return Crank(joint, outer, at + rest, None, first, np.cross(axis, first))
 
 
 @dataclass(frozen=True, eq=False)
-class End:
+class _End:
     """Where a leg meets the output: a loop's two frames, or joints of the tree at a centre.
 
     With a centre the frames mean nothing. ``hanging``: joints between the output and the loop, of
@@ -143,423 +428,268 @@ class End:
     hanging: tuple[int, ...] = ()
 
 
-def end_point(sample: Sample, end: End) -> Array:
-    """B (3,) of a leg there."""
-    if end.centre is not None:
-        return np.array(sample.joints[end.centre.joints[0] + 1].act(end.centre.point))
-    return np.array(sample.frames[end.frame].translation)
-
-
-def slide_offset(reach: Array, along: Array, values: Array) -> float | None:
-    """What a slide's values (N,) need to be the lengths of reach (N, 3) along unit axes (N, 3).
-
-    Slides are often counted from mid-stroke. None where the two do not go together.
-    """
-    lengths = (reach * along).sum(axis=1)
-    for sign in (1.0, -1.0):
-        off = sign * lengths - values
-        if np.abs(off - off[0]).max() <= _SMALL:
-            return 0.0 if abs(off[0]) <= _SMALL else round(float(off[0]), 12)
-    return None
-
-
-def in_output(mechanism: Mechanism, sample: Sample, end: End) -> Array:
-    """B in the frame of the output; the same at all configurations."""
-    output = sample.output
-    if end.centre is None:
-        return np.array(output.actInv(sample.frames[end.other].translation))
-    return np.array(output.actInv(end_point(sample, end)))
-
-
-def foot_driven(
-    mechanism: Mechanism,
-    built: Structure,
-    samples: list[Sample],
-    path: list[int],
-    end: End,
-    planar: bool,
-) -> list[Rod]:
-    """The forces of one leg that is driven at its foot; empty for another one."""
-    size = 1 if planar else 3
-    if end.hanging or (end.centre is not None and len(end.centre.joints) != size):
-        return []
-    slides = mechanism.prismatic[path]
-    if not 2 <= len(path) <= (2 if planar else 3) or slides[:-1].any() or not slides[-1]:
-        return []
-    first, slide = path[0], path[-1]
-    if not set(path[:-1]) & set(mechanism.actuated):
-        return []
-    flat = np.array([1.0, 1.0, 0.0]) if planar else np.ones(3)
-    axis = samples[0].axis[first]
-    foot = np.array(samples[0].joints[first + 1].translation)
-    B = np.array([end_point(s, end) for s in samples])
-    along = np.array([s.axis[slide] for s in samples])
-    if np.abs(along @ axis).max() > _SMALL and len(path) == 2:
-        return []
-    if len(path) == 3:
-        met = _universal(samples, path, along)
-        if met is None:
-            return []
-        foot = foot + met * axis
-    else:
-        # Straight across from the end.
-        off = (B - foot) @ axis
-        if np.abs(off - off[0]).max() > _SMALL:
-            return []
-        foot = foot + off[0] * axis
-    if np.abs(np.cross((B - foot) * flat, along)).max() > _SMALL:
-        return []
-    offset = slide_offset((B - foot) * flat, along, np.array([s.q[slide] for s in samples]))
-    if offset is None:
-        return []
-    outer, zero = in_output(mechanism, samples[0], end), np.zeros(3)
-    hinge = axis if len(path) == 2 and not planar else None
-    out = []
-    for side, joint in ((0, slide), *enumerate(path[:-1], 1)):
-        if joint in mechanism.actuated:
-            out.append(
-                Rod(
-                    joint, side == 0, outer, foot, zero, zero, hinge, False, axis, side, slide,
-                    offset,
-                )
-            )  # fmt: skip
-            hinge = None
-    return out
-
-
-def _universal(samples: list[Sample], path: list[int], along: object) -> float | None:
-    """Where along the first axis the second one meets it, all crossed at right angles, or None."""
-    found = []
-    for s, slide in zip(samples, np.asarray(along), strict=True):
-        a, b = s.axis[path[0]], s.axis[path[1]]
-        if max(abs(float(a @ b)), abs(float(b @ slide))) > _SMALL:
-            return None
-        gap = np.array(s.joints[path[1] + 1].translation - s.joints[path[0] + 1].translation)
-        if abs(float(gap @ np.cross(a, b))) > _SMALL:
-            return None
-        found.append(float(gap @ a))
-    return found[0]
-
-
-def leg_reason(
-    mechanism: Mechanism,
-    built: Structure,
-    samples: Sequence[Sample],
-    path: Sequence[int],
-    end: End,
-    planar: bool,
-) -> str:
-    """Of a leg that is of another kind than those with a wrench over the pose."""
-    at_end = () if end.centre is None else end.centre.joints
-    joints = [*path, *at_end, *reversed(end.hanging)]
-    name = f"the leg of {', '.join(mechanism.joints[j] for j in joints) or 'no joints'}"
-    driven = [j for j in joints if j in mechanism.actuated]
-    slides = [j for j in joints if mechanism.prismatic[j]]
-    where = "is not supported over the pose"
-    if not driven:
-        return f"{name} has no actuated joint, which {where}"
-    told = " and ".join(mechanism.joints[j] for j in driven)
-    if end.hanging:
-        return f"{name}, written from the output and driven at {told}, {where}"
-    loose = [j for j in slides if j not in driven]
-    if slides and _askew(mechanism, built, samples, path, end, slides, planar):
-        across = mechanism.joints[slides[0]]
-        return f"{name} slides ({across}) beside the line from its foot to its end, which {where}"
-    if loose and path and loose[0] == path[0]:
-        first = mechanism.joints[loose[0]]
-        return f"{name} is driven at {told} behind the passive slide {first}, which {where}"
-    if len(driven) > 1:
-        return f"{name} has {len(driven)} actuated joints ({told}), which {where}"
-    return f"{name}, driven at {told}, {where}"
-
-
-def _askew(
-    mechanism: Mechanism, built: Structure, samples: Sequence[Sample], path: Sequence[int],
-    end: End, slides: Sequence[int], planar: bool,
-) -> bool:  # fmt: skip
-    """Whether a slide after turning joints does not point along the line through the leg's ends."""
-    turning = [j for j in path if not mechanism.prismatic[j]]
-    if len(slides) != 1 or slides[0] not in path or not turning or path[-1] != slides[0]:
-        return False
-    centre = next((c for c in built.centres if c.joints[0] == turning[0]), None)
-    flat = np.array([1.0, 1.0, 0.0]) if planar else np.ones(3)
-
-    def foot(s: Sample) -> Array:
-        at = s.joints[turning[0] + 1]
-        return np.array(at.translation if centre is None else at.act(centre.point))
-
-    reach = np.array([(end_point(s, end) - foot(s)) * flat for s in samples])
-    along = np.array([s.axis[slides[0]] for s in samples])
-    return bool(np.abs(np.cross(reach, along)).max() > _SMALL)
-
-
-def tree_reason(mechanism: Mechanism, path: Sequence[int]) -> str:
-    """Of the leg that carries the output in the tree where it does not end in a pin or ball."""
-    names = ", ".join(mechanism.joints[j] for j in path)
-    last = path[-1]
-    if last in mechanism.actuated:
-        how = f"is driven at its joint with the output ({mechanism.joints[last]})"
-    elif mechanism.prismatic[last]:
-        how = f"ends in a slide at the output ({mechanism.joints[last]})"
-    else:
-        how = f"does not end in a pin or a ball at the output ({mechanism.joints[last]})"
-    return f"the leg of {names} {how}, which is not supported over the pose"
-
-
-_SEED = 4177
-_MOST = {(True, 3): 6, (False, 6): 40}
-
-
-def rods(mechanism: Mechanism) -> Rods | None:
-    """Recognise a mechanism whose legs pass one force each; None for another one."""
-    found = mechanism.once("rods", lambda: _rods(mechanism))
-    return found if isinstance(found, Rods) else None
-
-
-def why_no_rods(mechanism: Mechanism) -> str:
-    """What keeps the legs from passing one force each; empty where they do."""
-    found = mechanism.once("rods", lambda: _rods(mechanism))
-    return found if isinstance(found, str) else ""
-
-
-def most_assemblies(mechanism: Mechanism) -> int | None:
-    """How many poses given inputs can have at most; None where no number is known.
-
-    Three distances of a body in a plane: 6 (Gosselin and Sefrioui 1991); six in space: 40
-    (Raghavan 1991, Lazard 1992); 3-RPS: 16 (Nanua, Waldron and Murthy 1990).
-    """
-    found = rods(mechanism)
-    if found is None:
-        return None
-    if any(rod.side for rod in found.rods):
-        return None
-    if any(rod.hinge is not None for rod in found.rods):
-        return 16 if len(found.rods) == 3 and not found.planar else None
-    return _MOST.get((found.planar, len(found.rods)))
-
-
-def _rods(mechanism: Mechanism) -> Rods | str:
+def _recognized(mechanism: Mechanism) -> Rods | str:
     """The rods, or why there are none."""
-    built = structure(mechanism)
-    if built.output == 0:
-        return f"the output {mechanism.output} is not on a link that moves between legs"
-    ends = _ends(mechanism, built)
-    if isinstance(ends, str):
-        return ends
-    rng = np.random.default_rng(_SEED)
-    drawn = mechanism.space.sample(4, rng)
-    plane = plane_axes(mechanism)
-    planar = plane is not None
-    axes, own = plane or (np.eye(3), np.eye(3))
-    samples = [Sample(mechanism, built, q, axes, own) for q in drawn]
-    out = []
-    for path, end in ends:
-        legs = foot_driven(mechanism, built, samples, path, end, planar)
-        rod = None if legs else _rod(mechanism, built, samples, path, end, planar)
-        if rod is None and not legs:
-            return leg_reason(mechanism, built, samples, path, end, planar)
-        out += [rod] if rod is not None else legs
-    wrenches = len(out) + sum(rod.hinge is not None for rod in out)
-    needed = 3 if planar else 6
-    if wrenches != needed:
-        return (
-            f"the legs pass {wrenches} force{'s' * (wrenches != 1)} where {needed} hold the output"
-        )
-    if {r.joint for r in out} != set(mechanism.actuated):
-        return "there are actuated joints that are on no leg from the base to the output"
-    return Rods(mechanism, tuple(out), planar, axes, own)
+    try:
+        return _Recognizer(mechanism).rods()
+    except NotThisKind as why:
+        return str(why)
 
 
-def plane_axes(mechanism: Mechanism) -> tuple[Array, Array] | None:
-    """Axes of the base and of the output, as of ``Rods``, of the plane in which all moves; or None.
+class _Recognizer:
+    """Tries each leg of a mechanism against the kinds, at random configurations of its tree."""
 
-    None in space.
-    """
-    zero = Sample(mechanism, structure(mechanism), np.zeros(mechanism.n), np.eye(3), np.eye(3))
-    normal = _normal(mechanism, zero.axis)
-    if normal is None:
+    def __init__(self, mechanism: Mechanism) -> None:
+        self.mechanism, self.built = mechanism, structure(mechanism)
+        plane = plane_axes(mechanism)
+        self.planar = plane is not None
+        # Passive joints of a ball at the end, in the plane of a pin; coordinates that count.
+        self.ball = 1 if self.planar else 3
+        self.flat: Array = np.array([1.0, 1.0, 0.0 if self.planar else 1.0])
+        self.axes, self.own = plane or (np.eye(3), np.eye(3))
+        drawn = mechanism.space.sample(4, np.random.default_rng(4177))
+        self.samples = [Sample(mechanism, q, self.axes, self.own) for q in drawn]
+
+    def rods(self) -> Rods:
+        mechanism = self.mechanism
+        out: list[Rod] = []
+        for path, end in self.ends():
+            found = self.foot_driven(path, end) or self.one_force(path, end)
+            if not found:
+                raise NotThisKind(self.reason(path, end))
+            out += found
+        forces = len(out) + sum(rod.hinge is not None for rod in out)
+        needed = 3 if self.planar else 6
+        if forces != needed:
+            raise NotThisKind(
+                f"the legs pass {forces} force{'s' * (forces != 1)} where {needed} hold the output"
+            )
+        if {r.joint for r in out} != set(mechanism.actuated):
+            raise NotThisKind(
+                "there are actuated joints that are on no leg from the base to the output"
+            )
+        return Rods(mechanism, tuple(out), self.planar, self.axes, self.own)
+
+    def ends(self) -> list[tuple[list[int], _End]]:
+        """For each leg's connection with the output, the joints from the base to it."""
+        mechanism, output = self.mechanism, self.built.output
+        if output == 0:
+            raise NotThisKind(
+                f"the output {mechanism.output} is not on a link that moves between legs"
+            )
+        frames = mechanism.model.frames
+        numbers = {f.name: i for i, f in enumerate(frames)}
+        out: list[tuple[list[int], _End]] = []
+        for loop in mechanism.loops:
+            a, b = numbers[loop.frame_a], numbers[loop.frame_b]
+            if loop.kind == "6d":
+                raise NotThisKind(f"the loop {loop} is welded")
+            paths = [path_to(mechanism, int(frames[k].parentJoint)) for k in (a, b)]
+            if output - 1 in paths[0]:
+                a, b, paths = b, a, paths[::-1]
+            if output - 1 not in paths[1] or output - 1 in paths[0]:
+                raise NotThisKind(f"the loop {loop} does not join a leg to the link of the output")
+            hanging = tuple(paths[1][paths[1].index(output - 1) + 1 :])
+            out.append((paths[0], _End(a, b, None, hanging)))
+        path = path_to(mechanism, output)
+        last = next((c for c in self.built.centres if output - 1 in c.joints), None)
+        if last is None or path[-len(last.joints) :] != list(last.joints):
+            raise NotThisKind(self.tree_reason(path))
+        return [(path[: -len(last.joints)], _End(0, 0, last)), *out]
+
+    def outer_points(self, end: _End) -> Array:
+        """B (N, 3) of a leg."""
+        if end.centre is not None:
+            return self.points(end.centre)
+        return np.array([s.frames[end.frame].translation for s in self.samples])
+
+    def points(self, centre: Centre) -> Array:
+        """A centre (N, 3)."""
+        return np.array([s.joints[centre.joints[0] + 1].act(centre.point) for s in self.samples])
+
+    def in_output(self, end: _End) -> Array:
+        """B in the frame of the output; the same at all configurations."""
+        sample = self.samples[0]
+        at = self.points(end.centre)[0] if end.centre else sample.frames[end.other].translation
+        return np.array(sample.output.actInv(at))
+
+    def offset(self, joint: int, reach: Array) -> float | None:
+        """What to add to a joint's value for the length (N, 3) that it slides along, or None.
+
+        Slides are often counted from mid-stroke.
+        """
+        along = np.array([s.axis[joint] for s in self.samples])
+        reach = reach * self.flat
+        if not self.mechanism.prismatic[joint] or np.abs(np.cross(reach, along)).max() > SMALL:
+            return None
+        lengths = (reach * along).sum(axis=1)
+        for sign in (1.0, -1.0):
+            off = sign * lengths - np.array([s.q[joint] for s in self.samples])
+            if np.abs(off - off[0]).max() <= SMALL:
+                return 0.0 if abs(off[0]) <= SMALL else round(float(off[0]), 12)
         return None
-    axes = _level(normal)
-    return axes, _upright(axes @ zero.output.rotation, axes)
 
+    def one_force(self, path: list[int], end: _End) -> list[Rod]:
+        found = self.hanging(path, end) if end.hanging else self.along(path, end)
+        return [] if found is None else [found]
 
-def _upright(turned: Array, axes: Array) -> Array:
-    """Axes of the output (columns) that make its rotation one about the normal of the plane."""
-    for own in (axes.T, np.eye(3)):
-        if abs((turned @ own)[2, 2] - 1) <= _SMALL:
-            return np.array(own)
-    return np.array(turned.T)
+    def along(self, path: list[int], end: _End) -> Rod | None:
+        """A leg with one centre and one actuated joint before or behind it."""
+        mechanism, sample = self.mechanism, self.samples[0]
+        driven = [j for j in path if j in mechanism.actuated]
+        passive = tuple(j for j in path if j not in mechanism.actuated)
+        centre = next((c for c in self.built.centres if passive and c.joints == passive), None)
+        if len(driven) != 1 or centre is None or len(passive) > self.ball:
+            return None
+        if end.centre is not None and len(end.centre.joints) != self.ball:
+            return None
+        (joint,) = driven
+        hinge = len(passive) == 1 and not self.planar
+        axis = sample.axis[passive[0]]
+        C, B, outer = self.points(centre), self.outer_points(end), self.in_output(end)
+        if path.index(joint) > path.index(passive[-1]):
+            if self.planar and not mechanism.prismatic[joint]:
+                elbow = sample.joints[joint + 1].translation
+                one, two = (float(np.linalg.norm((elbow - p[0])[:2])) for p in (C, B))
+                return Elbow(joint, outer, C[0], None, (one, two))
+            offset = self.offset(joint, B - C)
+            if offset is None:
+                return None
+            if hinge and max(abs(s.axis[joint] @ axis) for s in self.samples) > SMALL:
+                return None
+            return Strut(joint, outer, C[0], axis if hinge else None, offset)
+        if path != [joint, *passive]:
+            return None
+        if not hinge:
+            return carried(mechanism, sample, joint, C[0], outer)
+        # A hinge that a slide or a crank with the same axis carries (PRS, RRS): its point that is
+        # straight across from the end of the rod.
+        off = (B - C) @ axis
+        if np.abs([s.axis[passive[0]] - axis for s in self.samples]).max() > SMALL:
+            return None
+        if np.abs(off - off[0]).max() > SMALL:
+            return None
+        found = carried(mechanism, sample, joint, C[0] + off[0] * axis, outer)
+        return None if found is None else replace(found, hinge=axis)
 
+    def hanging(self, path: list[int], end: _End) -> Rod | None:
+        """A leg written from the output towards the base, the loop at its foot or at the crank."""
+        mechanism, sample = self.mechanism, self.samples[0]
+        passive = tuple(j for j in end.hanging if j not in mechanism.actuated)
+        driven = [j for j in end.hanging if j in mechanism.actuated]
+        centre = next((c for c in self.built.centres if passive and c.joints == passive), None)
+        if centre is None or len(passive) not in ((1,) if self.planar else (2, 3)):
+            return None
+        B = self.points(centre)
+        C = np.array([s.frames[end.frame].translation for s in self.samples])
+        outer = np.array(sample.output.actInv(B[0]))
+        if not driven and len(path) == 1 and path[0] in mechanism.actuated:
+            return carried(mechanism, sample, path[0], C[0], outer)
+        if len(driven) != 1 or path or end.hanging != (*passive, *driven):
+            return None
+        E = np.array([s.frames[end.other].translation for s in self.samples])
+        offset = self.offset(driven[0], E - B)
+        return None if offset is None else Strut(driven[0], outer, C[0], None, offset)
 
-def _normal(mechanism: Mechanism, axes: Array) -> Array | None:
-    """Normal (3,) of the plane in which everything moves; None in space."""
-    turning = np.flatnonzero(~mechanism.prismatic)
-    if not len(turning):
-        return None
-    normal = axes[turning[0]]
-    normal = normal * np.sign(normal[int(np.argmax(np.abs(normal).round(6)))])
-    across = np.abs(axes @ normal)
-    flat = np.abs(across - ~mechanism.prismatic).max() <= _SMALL
-    return np.array(normal) if flat else None
-
-
-def _level(normal: Array) -> Array:
-    """Axes (rows) with the normal last; those of the base in turn where it is one of them."""
-    k = int(np.argmax(np.abs(normal)))
-    if abs(normal[k] - 1) <= _SMALL:
-        return np.roll(np.eye(3), 2 - k, axis=0)
-    first = np.cross([0.0, 1.0, 0.0] if k != 1 else [0.0, 0.0, 1.0], normal)
-    first /= np.linalg.norm(first)
-    return np.array([first, np.cross(normal, first), normal])
-
-
-def _ends(mechanism: Mechanism, built: Structure) -> list[tuple[list[int], End]] | str:
-    """For each leg's connection with the output, the joints from the base to it; or why not."""
-    model = mechanism.model
-    frames = {f.name: i for i, f in enumerate(model.frames)}
-    out: list[tuple[list[int], End]] = []
-    for loop in mechanism.loops:
-        a, b = frames[loop.frame_a], frames[loop.frame_b]
-        if loop.kind == "6d":
-            return f"the loop {loop} is welded"
-        paths = [_path(mechanism, int(model.frames[k].parentJoint)) for k in (a, b)]
-        if built.output - 1 in paths[0]:
-            a, b, paths = b, a, paths[::-1]
-        if built.output - 1 not in paths[1] or built.output - 1 in paths[0]:
-            return f"the loop {loop} does not join a leg to the link of the output"
-        hanging = tuple(paths[1][paths[1].index(built.output - 1) + 1 :])
-        out.append((paths[0], End(a, b, None, hanging)))
-    path = _path(mechanism, built.output)
-    last = [c for c in built.centres if built.output - 1 in c.joints]
-    if not last or path[-len(last[0].joints) :] != list(last[0].joints):
-        return tree_reason(mechanism, path)
-    return [(path[: -len(last[0].joints)], End(0, 0, last[0])), *out]
-
-
-def _path(mechanism: Mechanism, body: int) -> list[int]:
-    path: list[int] = []
-    while body:
-        path.insert(0, body - 1)
-        body = int(mechanism.model.parents[body])
-    return path
-
-
-def _rod(
-    mechanism: Mechanism,
-    built: Structure,
-    samples: list[Sample],
-    path: list[int],
-    end: End,
-    planar: bool,
-) -> Rod | None:
-    if end.hanging:
-        return _hanging(mechanism, built, samples, path, end, planar)
-    driven = [j for j in path if j in mechanism.actuated]
-    passive = [j for j in path if j not in mechanism.actuated]
-    inner = [c for c in built.centres if passive and c.joints == tuple(passive)]
-    if len(driven) != 1 or len(inner) != 1:
-        return None
-    joint, centre = driven[0], inner[0]
-    count = len(centre.joints)
-    ball = end.centre is None or len(end.centre.joints) == (1 if planar else 3)
-    if not ball or count > (1 if planar else 3):
-        return None
-    hinge = count == 1 and not planar
-    C = np.array([s.joints[centre.joints[0] + 1].act(centre.point) for s in samples])
-    B = np.array([end_point(s, end) for s in samples])
-    outer = in_output(mechanism, samples[0], end)
-    zero = np.zeros(3)
-    after = path.index(joint) > path.index(centre.joints[-1])
-    if after:
-        along = np.array([s.axis[joint] for s in samples])
-        if planar and not mechanism.prismatic[joint]:
-            elbow = samples[0].joints[joint + 1].translation
-            links = tuple(float(np.linalg.norm((elbow - p[0])[:2])) for p in (C, B))
-            return Rod(joint, False, outer, C[0], zero, zero, None, True, links=links)
-        offset = _slides_along(mechanism, samples, joint, B - C, planar)
+    def foot_driven(self, path: list[int], end: _End) -> list[Rod]:
+        """The forces of one leg that is driven at its foot; empty for another one."""
+        mechanism, sample = self.mechanism, self.samples[0]
+        if end.hanging or (end.centre is not None and len(end.centre.joints) != self.ball):
+            return []
+        slides = mechanism.prismatic[path]
+        if not 2 <= len(path) <= (2 if self.planar else 3) or slides[:-1].any() or not slides[-1]:
+            return []
+        first, slide = path[0], path[-1]
+        if not set(path[:-1]) & set(mechanism.actuated):
+            return []
+        axis = sample.axis[first]
+        foot, B = np.array(sample.joints[first + 1].translation), self.outer_points(end)
+        if len(path) == 3:
+            met = self.universal(path)
+            if met is None:
+                return []
+        else:
+            # Straight across from the end.
+            off = (B - foot) @ axis
+            met = float(off[0])
+            along = max(abs(s.axis[slide] @ axis) for s in self.samples)
+            if max(along, np.abs(off - met).max()) > SMALL:
+                return []
+        foot = foot + met * axis
+        offset = self.offset(slide, B - foot)
         if offset is None:
-            return None
-        axis = samples[0].axis[centre.joints[0]] if hinge else None
-        if axis is not None and np.abs(along @ axis).max() > _SMALL:
-            return None
-        return Rod(joint, True, outer, C[0], zero, zero, axis, offset=offset)
-    if path != [joint, *centre.joints]:
-        return None
-    if hinge:
-        return _hinged_after(mechanism, samples, joint, centre.joints[0], C, B, outer)
-    return carried(mechanism, samples[0], joint, C[0], outer)
+            return []
+        outer = self.in_output(end)
+        hinge = axis if len(path) == 2 and not self.planar else None
+        out: list[Rod] = []
+        for side, joint in ((0, slide), *enumerate(path[:-1], 1)):
+            if joint in mechanism.actuated:
+                out.append(
+                    Foot(joint, outer, foot, hinge, axis, side, slide, offset)
+                    if side
+                    else Strut(joint, outer, foot, hinge, offset)
+                )
+                hinge = None
+        return out
 
+    def universal(self, path: list[int]) -> float | None:
+        """Where along the first axis the second one meets it, all crossed at right angles."""
+        found = []
+        for s in self.samples:
+            a, b, slide = (s.axis[j] for j in path)
+            gap = s.joints[path[1] + 1].translation - s.joints[path[0] + 1].translation
+            if max(abs(a @ b), abs(b @ slide), abs(gap @ np.cross(a, b))) > SMALL:
+                return None
+            found.append(float(gap @ a))
+        return found[0]
 
-def _hinged_after(
-    mechanism: Mechanism, samples: list[Sample], joint: int, turning: int, C: Array, B: Array,
-    outer: Array,
-) -> Rod | None:  # fmt: skip
-    """A rod on a hinge that a slide or a crank with the same axis carries (PRS, RRS)."""
-    axis = samples[0].axis[turning]
-    if max(np.abs(s.axis[turning] - axis).max() for s in samples) > _SMALL:
-        return None
-    # The point of the hinge that is straight across from the end of the rod.
-    off = (B - C) @ axis
-    if np.abs(off - off[0]).max() > _SMALL:
-        return None
-    found = carried(mechanism, samples[0], joint, C[0] + off[0] * axis, outer)
-    return None if found is None else replace(found, hinge=axis)
+    def reason(self, path: Sequence[int], end: _End) -> str:
+        """Of a leg that is of another kind than those with a wrench over the pose."""
+        mechanism = self.mechanism
+        at_end = () if end.centre is None else end.centre.joints
+        joints = [*path, *at_end, *reversed(end.hanging)]
+        name = f"the leg of {', '.join(mechanism.joints[j] for j in joints) or 'no joints'}"
+        driven = [j for j in joints if j in mechanism.actuated]
+        slides = [j for j in joints if mechanism.prismatic[j]]
+        where = "is not supported over the pose"
+        if not driven:
+            return f"{name} has no actuated joint, which {where}"
+        told = " and ".join(mechanism.joints[j] for j in driven)
+        if end.hanging:
+            return f"{name}, written from the output and driven at {told}, {where}"
+        loose = [j for j in slides if j not in driven]
+        if slides and self.askew(path, end, slides):
+            beside = mechanism.joints[slides[0]]
+            return (
+                f"{name} slides ({beside}) beside the line from its foot to its end, which {where}"
+            )
+        if loose and path and loose[0] == path[0]:
+            first = mechanism.joints[loose[0]]
+            return f"{name} is driven at {told} behind the passive slide {first}, which {where}"
+        if len(driven) > 1:
+            return f"{name} has {len(driven)} actuated joints ({told}), which {where}"
+        return f"{name}, driven at {told}, {where}"
 
+    def askew(self, path: Sequence[int], end: _End, slides: Sequence[int]) -> bool:
+        """Whether a slide after turning joints is not along the line through the leg's ends."""
+        turning = [j for j in path if not self.mechanism.prismatic[j]]
+        if len(slides) != 1 or slides[0] not in path or not turning or path[-1] != slides[0]:
+            return False
+        centre = next((c for c in self.built.centres if c.joints[0] == turning[0]), None)
+        feet = self.points(centre or Centre((turning[0],), np.zeros(3)))
+        reach = (self.outer_points(end) - feet) * self.flat
+        along = np.array([s.axis[slides[0]] for s in self.samples])
+        return bool(np.abs(np.cross(reach, along)).max() > SMALL)
 
-def _slides_along(
-    mechanism: Mechanism, samples: list[Sample], joint: int, reach: Array, planar: bool
-) -> float | None:
-    """What to add to a joint's value for the length (samples, 3) that it slides along, or None."""
-    along = np.array([s.axis[joint] for s in samples])
-    flat = reach * (1.0, 1.0, 0.0) if planar else reach
-    if not mechanism.prismatic[joint] or np.abs(np.cross(flat, along)).max() > _SMALL:
-        return None
-    return slide_offset(flat, along, np.array([s.q[joint] for s in samples]))
-
-
-def carried(mechanism: Mechanism, sample: Sample, joint: int, C: Array, outer: Array) -> Rod | None:
-    """A rod whose inner end, at C (3,) there, moves with the one joint before it.
-
-    None where C is on the axis of that joint.
-    """
-    start, axis, zero = sample.joints[joint + 1], sample.axis[joint], np.zeros(3)
-    if mechanism.prismatic[joint]:
-        return Rod(joint, False, outer, C - sample.q[joint] * axis, axis, zero, None)
-    at = np.array(start.translation)
-    arm = C - at
-    rest = (arm @ axis) * axis
-    c, s = np.cos(sample.q[joint]), np.sin(sample.q[joint])
-    turned = arm - rest
-    first = c * turned - s * np.cross(axis, turned)
-    if np.linalg.norm(first) <= _SMALL:
-        return None
-    return Rod(joint, False, outer, at + rest, first, np.cross(axis, first), None)
-
-
-def _hanging(
-    mechanism: Mechanism,
-    built: Structure,
-    samples: list[Sample],
-    path: list[int],
-    end: End,
-    planar: bool,
-) -> Rod | None:
-    """A leg written from the output towards the base, the loop at its foot or at the crank."""
-    passive = tuple(j for j in end.hanging if j not in mechanism.actuated)
-    driven = [j for j in end.hanging if j in mechanism.actuated]
-    centre = next((c for c in built.centres if passive and c.joints == passive), None)
-    if centre is None or len(passive) not in ((1,) if planar else (2, 3)):
-        return None
-    B = np.array([s.joints[centre.joints[0] + 1].act(centre.point) for s in samples])
-    C = np.array([s.frames[end.frame].translation for s in samples])
-    E = np.array([s.frames[end.other].translation for s in samples])
-    outer = np.array(samples[0].output.actInv(B[0]))
-    if not driven and len(path) == 1 and path[0] in mechanism.actuated:
-        return carried(mechanism, samples[0], path[0], C[0], outer)
-    if len(driven) != 1 or path or end.hanging != (*passive, *driven):
-        return None
-    offset = _slides_along(mechanism, samples, driven[0], E - B, planar)
-    if offset is None:
-        return None
-    zero = np.zeros(3)
-    return Rod(driven[0], True, outer, C[0], zero, zero, None, offset=offset)
+    def tree_reason(self, path: Sequence[int]) -> str:
+        """Of the leg that carries the output in the tree, where it ends in no pin or ball."""
+        mechanism, last = self.mechanism, path[-1]
+        name = mechanism.joints[last]
+        if last in mechanism.actuated:
+            how = f"is driven at its joint with the output ({name})"
+        elif mechanism.prismatic[last]:
+            how = f"ends in a slide at the output ({name})"
+        else:
+            how = f"does not end in a pin or a ball at the output ({name})"
+        names = ", ".join(mechanism.joints[j] for j in path)
+        return f"the leg of {names} {how}, which is not supported over the pose"

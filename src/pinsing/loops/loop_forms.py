@@ -69,7 +69,6 @@ def roots(equation: Equation, inputs: npt.ArrayLike, free: int) -> Array:
     return np.sort(np.array(out))
 
 
-_DENOMINATOR = 10**9
 _WITNESS_SEED = 6151
 _TRIED = 60
 
@@ -234,7 +233,7 @@ class _LoopEquations:
         self.direction.append((x**2 - y**2, 2 * int(side.crank_sign) * x * y))
 
     def _exact(self, value: float, what: str) -> Any:
-        near = Fraction(value).limit_denominator(_DENOMINATOR)
+        near = Fraction(value).limit_denominator(10**9)
         if abs(float(near) - value) > _EXACT * max(1.0, abs(value)):
             self.notes.append(
                 f"a {what} of {value!r} m was taken as {near} (off by {float(near) - value:.1e})"

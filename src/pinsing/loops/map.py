@@ -22,19 +22,17 @@ from pinsing.errors import OptionError
 from pinsing.loops.analysis import independent_inputs
 from pinsing.loops.batch import BatchLoops, newton
 from pinsing.loops.closure import near_home, random_closed, ranks
-from pinsing.loops.legs import Rod, Rods, rods
+from pinsing.loops.legs import Rods, rods
 from pinsing.loops.modes import home, mode_of
 from pinsing.loops.motion import measure_many
 from pinsing.loops.pose import Pose, pose_of, pose_table
 from pinsing.loops.structure import output_pose
-from pinsing.loops.three_distances import rod_length
 from pinsing.measures import NEAR_RTOL, SINGULAR_RTOL
 from pinsing.prose import PLAIN, Page
 from pinsing.robot.mechanism import Mechanism
 from pinsing.serialization import JsonResult
 
 # What is too long by less than this, over the longest, may be rounding.
-_SURE = 1e-9
 
 
 def cannot_close(mechanism: Mechanism, inputs: Array) -> Bool:
@@ -56,35 +54,18 @@ def cannot_close(mechanism: Mechanism, inputs: Array) -> Bool:
         return out
     column = {j: k for k, j in enumerate(mechanism.actuated)}
     # Driven at the foot or at the elbow C B has another length, that is not among the inputs.
-    plain = [r for r in found.rods if not r.side and not r.bends]
-    ends = [_inner(mechanism, r, inputs[:, column[r.joint]]) for r in plain]
-    lengths = [_length(mechanism, r, inputs[:, column[r.joint]]) for r in plain]
-    for a, b in itertools.combinations(range(len(plain)), 2):
-        sides = np.stack(
-            [
-                _norm(found, ends[a] - ends[b]),
-                np.full(len(inputs), _norm(found, plain[a].outer - plain[b].outer)),
-                lengths[a],
-                lengths[b],
-            ]
-        )
+    known = []
+    for rod in found.rods:
+        values = inputs[:, column[rod.joint]]
+        length = rod.distance(values, found.length(rod))
+        if length is not None:
+            known.append((rod, rod.foot(values), length))
+    for (one, C, length), (two, D, other) in itertools.combinations(known, 2):
+        between = np.full(len(inputs), _norm(found, one.outer - two.outer))
+        sides = np.stack([_norm(found, C - D), between, length, other])
         longest = sides.max(axis=0)
-        out |= 2 * longest - sides.sum(axis=0) > _SURE * longest
+        out |= 2 * longest - sides.sum(axis=0) > 1e-9 * longest
     return out
-
-
-def _inner(mechanism: Mechanism, rod: Rod, values: Array) -> Array:
-    """C (N, 3) at values (N,) of the rod's joint."""
-    slides = mechanism.prismatic[rod.joint]
-    c, s = (values, np.zeros_like(values)) if slides else (np.cos(values), np.sin(values))
-    return np.asarray(rod.inner + c[:, None] * rod.first + s[:, None] * rod.second)
-
-
-def _length(mechanism: Mechanism, rod: Rod, values: Array) -> Array:
-    """Lengths (N,) of C B; a value of a slide below zero is a length the other way."""
-    if rod.slides:
-        return np.abs(values + rod.offset)
-    return np.full(len(values), rod_length(mechanism, rod))
 
 
 def _norm(found: Rods, away: Array) -> Array:
@@ -95,9 +76,6 @@ def _norm(found: Rods, away: Array) -> Array:
 TRIES = 4
 _STEPS = 30
 _CLOSED = 1e-9
-_PILOT = 512
-_PILOT_SEED = 64
-_SPARE = 64
 _FEW = 8
 
 
@@ -193,14 +171,14 @@ def _nearest(
 def known_closed(loops: BatchLoops) -> Array:
     """Closed configurations (N, n) from random starts; within the limits where enough are."""
     mechanism = loops.mechanism
-    rng = np.random.default_rng(_PILOT_SEED)
-    drawn = rng.uniform(*mechanism.space.span, (_PILOT, mechanism.n))
+    rng = np.random.default_rng(64)
+    drawn = rng.uniform(*mechanism.space.span, (512, mechanism.n))
     drawn[0] = home(mechanism)
     Q, size = newton(loops, drawn, np.ones(mechanism.n, dtype=bool), steps=_STEPS)
     Q = mechanism.space.fold(Q[size <= _CLOSED])
     if not len(Q):
         # Starts within narrow limits lead nowhere; those that told the ranks did.
-        spare = random_closed(mechanism, _SPARE, rng) + near_home(mechanism)
+        spare = random_closed(mechanism, 64, rng) + near_home(mechanism)
         Q = mechanism.space.fold(np.array(spare).reshape(-1, mechanism.n))
     inside = Q[~mechanism.space.unreachable(Q).any(axis=1)]
     return inside if len(inside) >= _FEW else Q

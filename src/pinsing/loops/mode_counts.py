@@ -1,245 +1,47 @@
-"""How many modes there are, by algebra, where each leg passes one force.
+"""How many modes there are, by algebra.
 
-Given the pose, each leg is by itself: its actuated joint has the two solutions of a quadratic
-equation.
+Given the pose each leg is by itself: its actuated joint has the two solutions of a quadratic
+equation. One rod that ties two links, each on one joint (four-bar, RSSR, slider-crank): with one of
+the joints given its length is a quadratic equation of the other. Three legs on hinges (3-RPS): a
+height and a tilt of the output leave two solutions of a line and a circle, and each leg two
+lengths. An output that keeps the axes of the base (Delta): its position is on three spheres. Where
+the passive joints of one loop are three parallel pins (five-bars on cranks, on slides, welded or
+driven in the middle) the loop is a triangle with the inputs held, on either side of the base.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from pinsing._dataclass import dataclass
 from pinsing._types import Array
-from pinsing.loops.leg_wrenches import path_to
-from pinsing.loops.legs import Rod, Rods, Sample, carried, plane_axes, rods
+from pinsing.loops.legs import (
+    TOUCHING,
+    Rod,
+    Rods,
+    Strut,
+    carried,
+    count_inside,
+    inside,
+    rods,
+)
 from pinsing.loops.modes import home
-from pinsing.loops.sphere_loci import count_inputs
-from pinsing.loops.structure import output_pose, structure
-from pinsing.loops.three_distances import count_poses, rod_length
+from pinsing.loops.sphere_loci import sphere_loci
+from pinsing.loops.structure import (
+    SMALL,
+    Sample,
+    at_zero,
+    output_pose,
+    path_to,
+    plane_axes,
+    structure,
+)
+from pinsing.loops.three_distances import count_poses
 from pinsing.robot.mechanism import Mechanism
-
-TOUCHING = 1e-9
-"""Two solutions that are this near to each other are not counted."""
-_PLANE, _SPACE = {0, 1, 5}, set(range(6))
-
-
-def count_working(mechanism: Mechanism, R: Array, p: Array) -> int | None:
-    """Values of the inputs for a pose R (3, 3), p (3,) within their limits; None where not told.
-
-    Passive joints have limits of their own, which may leave fewer.
-    """
-    found = rods(mechanism)
-    if found is None:
-        return count_inputs(mechanism, R)
-    if found.tilted or any(rod.bends or rod.side for rod in found.rods):
-        return None
-    if set(mechanism.task.rows) != (_PLANE if found.planar else _SPACE):
-        return None
-    joints = [rod.joint for rod in found.rods]
-    if len(set(joints)) < len(joints) or any(rod.hinge is not None for rod in found.rods):
-        return None
-    count = 1
-    for rod in found.rods:
-        length = 0.0 if rod.slides else rod_length(mechanism, rod)
-        roots = values(mechanism, rod, p + R @ rod.outer, found.planar, length)
-        if roots is None:
-            return None
-        count *= sum(inside(mechanism, rod.joint, v) for v in roots)
-    return count
-
-
-def values(
-    mechanism: Mechanism, rod: Rod, B: Array, planar: bool, length: float
-) -> tuple[float, ...] | None:
-    """What the actuated joint can be with the outer end at B; None where two solutions meet."""
-    keep = (1.0, 1.0, 0.0) if planar else (1.0, 1.0, 1.0)
-    e = (B - rod.inner) * keep
-    if rod.slides:
-        reach = float(np.linalg.norm(e))
-        return None if reach <= TOUCHING else (reach - rod.offset, -reach - rod.offset)
-    first, second = rod.first * keep, rod.second * keep
-    if mechanism.prismatic[rod.joint]:
-        # |e - q a| = length.
-        middle, size = float(e @ first) / float(first @ first), float(first @ first)
-        left = middle**2 - (float(e @ e) - length**2) / size
-        if abs(left) <= TOUCHING:
-            return None
-        return () if left < 0 else (middle + float(np.sqrt(left)), middle - float(np.sqrt(left)))
-    # (cos, sin) . (e . first, e . second) = known.
-    a, b = float(e @ first), float(e @ second)
-    known = (float(e @ e) + float(first @ first) - length**2) / 2
-    size = float(np.hypot(a, b))
-    if abs(size - abs(known)) <= TOUCHING:
-        return None
-    if size < abs(known):
-        return ()
-    middle, spread = float(np.arctan2(b, a)), float(np.arccos(known / size))
-    return middle + spread, middle - spread
-
-
-def inside(mechanism: Mechanism, joint: int, value: float) -> bool:
-    """Whether a value of a joint is within its limits, whole turns aside."""
-    low, high = float(mechanism.lower[joint]), float(mechanism.upper[joint])
-    if mechanism.prismatic[joint]:
-        return low <= value <= high
-    if not np.isfinite([low, high]).all():
-        return True
-    return (value - low) % (2 * np.pi) <= high - low
-
 
 LOOP = -1
 """Stands for the pin that a loop closes in, among the joints of its ring."""
-
-_SMALL = 1e-9
-_FLAT = 1e-5
-"""Height of a triangle, of its longest side, at which both of its places are one."""
-
-
-def count_triangles(mechanism: Mechanism, found: Sequence[Array]) -> int | None:
-    """Poses at the inputs of closed configurations (n,), limits left aside; None of other loops."""
-    ring = _ring(mechanism)
-    if ring is None or not found:
-        return None
-    moving = {j for j in ring if j in mechanism.passive}
-    if not moving & set(path_to(mechanism, structure(mechanism).output)):
-        return None
-    corners = _corners(mechanism, ring, found[0])
-    if corners is None:
-        return None
-    sides = corners - np.roll(corners, 1, axis=0)
-    lengths = np.linalg.norm(sides, axis=1)
-    if lengths.min() <= _SMALL * max(lengths.max(), _SMALL):
-        return None
-    height = abs(sides[0][0] * sides[1][1] - sides[0][1] * sides[1][0]) / lengths.max()
-    return 1 if height <= _FLAT * lengths.max() else 2
-
-
-def count_of_point(mechanism: Mechanism, p: Array) -> int | None:
-    """Values of the inputs within their limits that bring the middle pin to p (3,), the output.
-
-    None of other mechanisms, or where two solutions meet.
-    """
-    legs = point_legs(mechanism)
-    if legs is None:
-        return None
-    count = 1
-    for rod, length in zip(legs.rods.rods, legs.lengths, strict=True):
-        roots = values(mechanism, rod, legs.rods.axes @ p, True, length)
-        if roots is None:
-            return None
-        count *= sum(inside(mechanism, rod.joint, v) for v in roots)
-    return count
-
-
-@dataclass(frozen=True, eq=False)
-class PointLegs:
-    """Both rods of a five-bar whose output is the position of the middle pin, in any plane.
-
-    Attributes
-    ----------
-    rods : Rods
-        Each hangs on a crank or a slide.
-    lengths : tuple of float
-        Metres.
-    """
-
-    rods: Rods
-    lengths: tuple[float, ...]
-
-
-def point_legs(mechanism: Mechanism) -> PointLegs | None:
-    """The rods of such a five-bar; None of other mechanisms."""
-    return mechanism.once("point_legs", lambda: _point_legs(mechanism))
-
-
-def _point_legs(mechanism: Mechanism) -> PointLegs | None:
-    ring, plane = _ring(mechanism), plane_axes(mechanism)
-    if ring is None or plane is None or not _position_in(plane[0], mechanism.task.rows):
-        return None
-    driven = [j in mechanism.actuated for j in ring]
-    if driven != [True, False, False, False, True] or len(ring) != mechanism.n + (LOOP in ring):
-        return None
-    start = _sample(mechanism, home(mechanism), *plane)
-    zero = _sample(mechanism, np.zeros(mechanism.n), *plane)
-    if not _at_pin(mechanism, ring[2], start):
-        return None
-    loop = mechanism.loops[0]
-    found, lengths = [], []
-    for act, pin, own in ((ring[0], ring[1], loop.frame_a), (ring[4], ring[3], loop.frame_b)):
-        rod = carried(mechanism, zero, act, _place(mechanism, zero, pin, own), np.zeros(3))
-        if rod is None:
-            return None
-        reach = _place(mechanism, start, pin, own) - np.array(start.output.translation)
-        found.append(rod)
-        lengths.append(float(np.linalg.norm(reach[:2])))
-    return PointLegs(Rods(mechanism, tuple(found), True, *plane), tuple(lengths))
-
-
-def _position_in(axes: Array, rows: Sequence[int]) -> bool:
-    """Whether rows of a task are the position in a plane, whose axes are rows of (3, 3)."""
-    across = [k for k in range(3) if k not in rows]
-    return set(rows) <= {0, 1, 2} and bool((np.abs(axes[:2, across]) <= _SMALL).all())
-
-
-def _place(mechanism: Mechanism, sample: Sample, pin: int, own: str) -> Array:
-    """Where a pin is (3,); that of the loop by its frame ``own``, since the tree may be open."""
-    if pin != LOOP:
-        return np.array(sample.joints[pin + 1].translation)
-    frames = zip(sample.frames, mechanism.model.frames, strict=True)
-    return np.array(next(f for f, x in frames if x.name == own).translation)
-
-
-def _ring(mechanism: Mechanism) -> list[int] | None:
-    """Joints around the one loop from base to base, of which three are passive pins; or None."""
-    if len(mechanism.loops) != 1 or mechanism.prismatic[list(mechanism.passive)].any():
-        return None
-    loop = mechanism.loops[0]
-    bodies = {f.name: int(f.parentJoint) for f in mechanism.model.frames}
-    first, second = (path_to(mechanism, bodies[name]) for name in (loop.frame_a, loop.frame_b))
-    if set(first) & set(second):
-        return None
-    ring = [*first, *([] if loop.kind == "6d" else [LOOP]), *reversed(second)]
-    pins = [j for j in ring if j not in mechanism.actuated]
-    return ring if len(pins) == 3 and set(mechanism.passive) <= set(pins) else None
-
-
-def _corners(mechanism: Mechanism, ring: Sequence[int], q: Array) -> Array | None:
-    """The three pins (3, 2) in their plane; None where they are not parallel."""
-    sample, loop = _sample(mechanism, q, np.eye(3), np.eye(3)), mechanism.loops[0]
-    pins = [j for j in ring if j not in mechanism.actuated]
-    axes = np.array([sample.axis[j] for j in pins if j != LOOP])
-    frame = next(f for f, x in zip(sample.frames, mechanism.model.frames, strict=True)
-                 if x.name == loop.frame_a)  # fmt: skip
-    if loop.kind == "planar":
-        axes = np.concatenate([axes, np.array(frame.rotation)[None, :, 2]])
-    if np.abs(np.cross(axes, axes[0])).max() > _SMALL:
-        return None
-    points = np.array(
-        [frame.translation if j == LOOP else sample.joints[j + 1].translation for j in pins]
-    )
-    return np.asarray(points @ np.linalg.svd(axes[:1])[2][1:].T)
-
-
-def _at_pin(mechanism: Mechanism, pin: int, at: Sample) -> bool:
-    """Whether the output is the position of a pin, as a point of one of its two bodies."""
-    frames = {f.name: f for f in mechanism.model.frames}
-    output, loop = frames[mechanism.output], mechanism.loops[0]
-    if pin == LOOP:
-        bodies = {frames[name].parentJoint for name in (loop.frame_a, loop.frame_b)}
-    else:
-        bodies = {pin + 1, mechanism.model.parents[pin + 1]}
-    if output.parentJoint not in bodies:
-        return False
-    away = _place(mechanism, at, pin, loop.frame_a) - np.array(at.output.translation)
-    return bool(np.linalg.norm(away[:2]) <= _SMALL * mechanism.length_scale)
-
-
-def _sample(mechanism: Mechanism, q: Array, axes: Array, own: Array) -> Sample:
-    return Sample(mechanism, structure(mechanism), q, axes, own)
-
-
 _LEVEL = 1e-7
 
 
@@ -271,6 +73,33 @@ def number_of_modes(
     return count_working(mechanism, target[0], target[1]), "the two solutions of each leg"
 
 
+def count_working(mechanism: Mechanism, R: Array, p: Array) -> int | None:
+    """Values of the inputs for a pose R (3, 3), p (3,) within their limits; None where not told.
+
+    Passive joints have limits of their own, which may leave fewer.
+    """
+    found = rods(mechanism)
+    if found is None:
+        sphere = sphere_loci(mechanism)
+        legs = () if sphere is None else sphere.legs
+        choices = [(leg.joint, leg.solutions(R)) for leg in legs]
+        return count_inside(mechanism, choices) if choices else None
+    every = {0, 1, 5} if found.planar else set(range(6))
+    if found.tilted or found.hinged or set(mechanism.task.rows) != every:
+        return None
+    if len({rod.joint for rod in found.rods}) < len(found.rods):
+        return None
+    return _solutions(found, found.rods, lambda rod: p + R @ rod.outer)
+
+
+def _solutions(found: Rods, legs: Sequence[Rod], end: Callable[[Rod], Array]) -> int | None:
+    """Values of the joints of legs, within their limits, with each leg's end at ``end``."""
+    return count_inside(
+        found.mechanism,
+        ((r.joint, r.solutions(end(r), found.planar, found.length(r))) for r in legs),
+    )
+
+
 def count_one_rod(mechanism: Mechanism, found: Sequence[Array], direct: bool) -> int | None:
     """Poses (direct), or working modes within limits, of one rod between two joints, or None.
 
@@ -285,17 +114,16 @@ def count_one_rod(mechanism: Mechanism, found: Sequence[Array], direct: bool) ->
         return None
     given, sought = (driven, other) if direct else (other, driven)
     at = np.array([q[given] for q in found])
-    if np.abs(mechanism.space.wrap(np.array(found) - found[0])[:, given]).max() > _SMALL:
+    if np.abs(mechanism.space.wrap(np.array(found) - found[0])[:, given]).max() > SMALL:
         return None
-    zero = Sample(mechanism, structure(mechanism), np.zeros(mechanism.n), np.eye(3), np.eye(3))
-    start = Sample(mechanism, structure(mechanism), home(mechanism), np.eye(3), np.eye(3))
+    zero, start = at_zero(mechanism), Sample(mechanism, home(mechanism))
     points = dict(zip(ends, _ends(mechanism, zero), strict=True))
     length = float(np.linalg.norm(np.subtract(*_ends(mechanism, start))))
     held = carried(mechanism, zero, given, points[given], np.zeros(3))
     moving = carried(mechanism, zero, sought, points[sought], np.zeros(3))
     if held is None or moving is None:
         return None
-    roots = values(mechanism, moving, _at(mechanism, held, float(at[0])), False, length)
+    roots = moving.solutions(held.foot(float(at[0])), False, length)
     if roots is None or direct:
         return None if roots is None else len(roots)
     return sum(inside(mechanism, sought, v) for v in roots)
@@ -306,7 +134,7 @@ def count_hinged(mechanism: Mechanism, R: Array, p: Array) -> int | None:
     made = rods(mechanism)
     if made is None or made.planar or len(made.rods) != 3:
         return None
-    if any(r.hinge is None or not r.slides for r in made.rods):
+    if any(r.hinge is None or not isinstance(r, Strut) for r in made.rods):
         return None
     rows = set(mechanism.task.rows)
     moves, turns = [k for k in range(3) if k in rows], [k for k in range(3) if k + 3 in rows]
@@ -376,7 +204,12 @@ def level_words(mechanism: Mechanism, found: Sequence[Array], direct: bool, p: A
         q = found[0] if len(found) else home(mechanism)
         number, by = _three_spheres(mechanism, pairs, q), "three spheres"
     else:
-        number, by = _cranks(mechanism, pairs, p), "the two solutions of each crank"
+        made = rods(mechanism)
+        assert made is not None  # the pairs are of them
+        number, by = (
+            _solutions(made, pairs, lambda r: p + r.outer),
+            "the two solutions of each crank",
+        )
     if number is None:
         return ""
     all_ = "all there are" if number == len(mine) else f"of {number} that there are"
@@ -394,48 +227,32 @@ def _level_pairs(mechanism: Mechanism) -> list[Rod] | None:
             return None
         first = out.setdefault(rod.joint, rod)
         gap = (rod.inner - rod.outer) - (first.inner - first.outer)
-        unlike = abs(rod_length(mechanism, rod) - rod_length(mechanism, first))
-        moved = max(np.abs(rod.first - first.first).max(), np.abs(rod.second - first.second).max())
+        unlike = abs(made.length(rod) - made.length(first))
+        moved = np.abs(np.subtract(rod.vectors(), first.vectors())).max()
         if max(float(np.abs(gap).max()), unlike, float(moved)) > _LEVEL:
             return None
     away = np.abs(output_pose(mechanism, home(mechanism)).rotation - np.eye(3)).max()
     return list(out.values()) if len(out) == 3 and away <= _LEVEL else None
 
 
-def _cranks(mechanism: Mechanism, pairs: Sequence[Rod], p: Array) -> int | None:
-    count = 1
-    for rod in pairs:
-        length = rod_length(mechanism, rod)
-        roots = values(mechanism, rod, p + rod.outer, False, length)
-        if roots is None:
-            return None
-        count *= sum(inside(mechanism, rod.joint, v) for v in roots)
-    return count
-
-
 def _three_spheres(mechanism: Mechanism, pairs: Sequence[Rod], q: Array) -> int | None:
     """Positions of the output at the inputs of q, limits of passive joints left aside."""
-    centres = np.array([_at(mechanism, r, float(q[r.joint])) - r.outer for r in pairs])
-    sizes = np.array([rod_length(mechanism, r) for r in pairs])
+    centres = np.array([r.foot(float(q[r.joint])) - r.outer for r in pairs])
+    made = rods(mechanism)
+    assert made is not None  # the pairs are of them
+    sizes = np.array([made.length(r) for r in pairs])
     rows = 2 * (centres[1:] - centres[0])
     right = (centres[1:] ** 2).sum(axis=1) - centres[0] @ centres[0] - sizes[1:] ** 2
     right = right + sizes[0] ** 2
     normal = np.cross(*rows)
     size = float(np.linalg.norm(normal))
-    if size <= _SMALL:
+    if size <= SMALL:
         return None
     x = np.linalg.lstsq(rows, right, rcond=None)[0] - centres[0]
     n = normal / size
     foot = x - (x @ n) * n
     left = float(sizes[0] ** 2 - foot @ foot)
     return None if abs(left) <= TOUCHING else 2 * (left > 0)
-
-
-def _at(mechanism: Mechanism, rod: Rod, value: float) -> Array:
-    """C (3,) of a rod at a value of its joint."""
-    slides = mechanism.prismatic[rod.joint]
-    c, s = (value, 0.0) if slides else (float(np.cos(value)), float(np.sin(value)))
-    return np.asarray(rod.inner + c * rod.first + s * rod.second)
 
 
 def _one_rod(mechanism: Mechanism) -> tuple[int, int] | None:
@@ -456,14 +273,7 @@ def _sides(mechanism: Mechanism) -> tuple[int, int, tuple[int, ...]] | None:
     """The joint before the rod, the joint beyond the loop, and those of the rod's centre."""
     frames = {f.name: int(f.parentJoint) for f in mechanism.model.frames}
     loop = mechanism.loops[0]
-    paths = []
-    for name in (loop.frame_a, loop.frame_b):
-        path: list[int] = []
-        body = frames[name]
-        while body:
-            path.insert(0, body - 1)
-            body = int(mechanism.model.parents[body])
-        paths.append(path)
+    paths = [path_to(mechanism, frames[name]) for name in (loop.frame_a, loop.frame_b)]
     long, short = sorted(paths, key=len, reverse=True)
     if len(short) != 1 or len(long) < 2 or set(long) & set(short):
         return None
@@ -494,11 +304,130 @@ def _ends(mechanism: Mechanism, sample: Sample) -> tuple[Array, Array]:
 def _shown(mechanism: Mechanism, joint: int) -> bool:
     """Whether the one row of the output is the motion of this joint."""
     row = mechanism.task.rows[0]
-    zero = Sample(mechanism, structure(mechanism), np.zeros(mechanism.n), np.eye(3), np.eye(3))
+    zero = at_zero(mechanism)
     turning = not mechanism.prismatic[joint]
     if turning != (row >= 3):
         return False
-    return bool(abs(abs(float(zero.axis[joint][row % 3])) - 1) <= _SMALL)
+    return bool(abs(abs(float(zero.axis[joint][row % 3])) - 1) <= SMALL)
+
+
+def count_triangles(mechanism: Mechanism, found: Sequence[Array]) -> int | None:
+    """Poses at the inputs of closed configurations (n,), limits left aside; None of other loops."""
+    ring = _ring(mechanism)
+    if ring is None or not found:
+        return None
+    moving = {j for j in ring if j in mechanism.passive}
+    if not moving & set(path_to(mechanism, structure(mechanism).output)):
+        return None
+    corners = _corners(mechanism, ring, found[0])
+    if corners is None:
+        return None
+    sides = corners - np.roll(corners, 1, axis=0)
+    lengths = np.linalg.norm(sides, axis=1)
+    if lengths.min() <= SMALL * max(lengths.max(), SMALL):
+        return None
+    height = abs(sides[0][0] * sides[1][1] - sides[0][1] * sides[1][0]) / lengths.max()
+    # Height of a triangle, of its longest side, at which both of its places are one.
+    return 1 if height <= 1e-5 * lengths.max() else 2
+
+
+def count_of_point(mechanism: Mechanism, p: Array) -> int | None:
+    """Values of the inputs within their limits that bring the middle pin to p (3,), the output.
+
+    None of other mechanisms, or where two solutions meet.
+    """
+    legs = point_legs(mechanism)
+    return (
+        None if legs is None else _solutions(legs, legs.rods, lambda _: np.asarray(legs.axes @ p))
+    )
+
+
+def point_legs(mechanism: Mechanism) -> Rods | None:
+    """Both rods of a five-bar whose output is the position of the middle pin, in any plane.
+
+    Each hangs on a crank or a slide. None of other mechanisms.
+    """
+    return mechanism.once("point_legs", lambda: _point_legs(mechanism))
+
+
+def _point_legs(mechanism: Mechanism) -> Rods | None:
+    ring, plane = _ring(mechanism), plane_axes(mechanism)
+    if ring is None or plane is None or not _position_in(plane[0], mechanism.task.rows):
+        return None
+    driven = [j in mechanism.actuated for j in ring]
+    if driven != [True, False, False, False, True] or len(ring) != mechanism.n + (LOOP in ring):
+        return None
+    start = Sample(mechanism, home(mechanism), *plane)
+    zero = Sample(mechanism, np.zeros(mechanism.n), *plane)
+    if not _at_pin(mechanism, ring[2], start):
+        return None
+    loop = mechanism.loops[0]
+    found = []
+    for act, pin, own in ((ring[0], ring[1], loop.frame_a), (ring[4], ring[3], loop.frame_b)):
+        rod = carried(mechanism, zero, act, _place(mechanism, zero, pin, own), np.zeros(3))
+        if rod is None:
+            return None
+        found.append(rod)
+    return Rods(mechanism, tuple(found), True, *plane)
+
+
+def _position_in(axes: Array, rows: Sequence[int]) -> bool:
+    """Whether rows of a task are the position in a plane, whose axes are rows of (3, 3)."""
+    across = [k for k in range(3) if k not in rows]
+    return set(rows) <= {0, 1, 2} and bool((np.abs(axes[:2, across]) <= SMALL).all())
+
+
+def _place(mechanism: Mechanism, sample: Sample, pin: int, own: str) -> Array:
+    """Where a pin is (3,); that of the loop by its frame ``own``, since the tree may be open."""
+    if pin != LOOP:
+        return np.array(sample.joints[pin + 1].translation)
+    frames = zip(sample.frames, mechanism.model.frames, strict=True)
+    return np.array(next(f for f, x in frames if x.name == own).translation)
+
+
+def _ring(mechanism: Mechanism) -> list[int] | None:
+    """Joints around the one loop from base to base, of which three are passive pins; or None."""
+    if len(mechanism.loops) != 1 or mechanism.prismatic[list(mechanism.passive)].any():
+        return None
+    loop = mechanism.loops[0]
+    bodies = {f.name: int(f.parentJoint) for f in mechanism.model.frames}
+    first, second = (path_to(mechanism, bodies[name]) for name in (loop.frame_a, loop.frame_b))
+    if set(first) & set(second):
+        return None
+    ring = [*first, *([] if loop.kind == "6d" else [LOOP]), *reversed(second)]
+    pins = [j for j in ring if j not in mechanism.actuated]
+    return ring if len(pins) == 3 and set(mechanism.passive) <= set(pins) else None
+
+
+def _corners(mechanism: Mechanism, ring: Sequence[int], q: Array) -> Array | None:
+    """The three pins (3, 2) in their plane; None where they are not parallel."""
+    sample, loop = Sample(mechanism, q), mechanism.loops[0]
+    pins = [j for j in ring if j not in mechanism.actuated]
+    axes = np.array([sample.axis[j] for j in pins if j != LOOP])
+    frame = next(f for f, x in zip(sample.frames, mechanism.model.frames, strict=True)
+                 if x.name == loop.frame_a)  # fmt: skip
+    if loop.kind == "planar":
+        axes = np.concatenate([axes, np.array(frame.rotation)[None, :, 2]])
+    if np.abs(np.cross(axes, axes[0])).max() > SMALL:
+        return None
+    points = np.array(
+        [frame.translation if j == LOOP else sample.joints[j + 1].translation for j in pins]
+    )
+    return np.asarray(points @ np.linalg.svd(axes[:1])[2][1:].T)
+
+
+def _at_pin(mechanism: Mechanism, pin: int, at: Sample) -> bool:
+    """Whether the output is the position of a pin, as a point of one of its two bodies."""
+    frames = {f.name: f for f in mechanism.model.frames}
+    output, loop = frames[mechanism.output], mechanism.loops[0]
+    if pin == LOOP:
+        bodies = {frames[name].parentJoint for name in (loop.frame_a, loop.frame_b)}
+    else:
+        bodies = {pin + 1, mechanism.model.parents[pin + 1]}
+    if output.parentJoint not in bodies:
+        return False
+    away = _place(mechanism, at, pin, loop.frame_a) - np.array(at.output.translation)
+    return bool(np.linalg.norm(away[:2]) <= SMALL * mechanism.length_scale)
 
 
 def noun(problem: str, count: int) -> str:

@@ -299,9 +299,6 @@ def mechanism_at(
     )
 
 
-_ZERO = 1e-12
-
-
 @dataclass(frozen=True, eq=False)
 class ManyMeasures:
     """Measures of N configurations, without units.
@@ -369,7 +366,7 @@ def _motions_many(G: Array, rank: int) -> tuple[Array, Array]:
     Where as many rows as the rank are other than zero, those of the triangle of G' = Q R are those
     of G, and the last columns of Q are the basis: that takes two thirds of the time.
     """
-    rows = np.flatnonzero(np.abs(G).max(axis=(0, 2)) > _ZERO)
+    rows = np.flatnonzero(np.abs(G).max(axis=(0, 2)) > 1e-12)
     if len(rows) != rank:
         _, sigma, Vt = np.linalg.svd(G, full_matrices=True)
         return sigma, np.swapaxes(Vt[:, rank:], 1, 2)

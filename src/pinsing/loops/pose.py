@@ -125,11 +125,6 @@ def _matrix(values: Array) -> pin.SE3:
     return pin.SE3(U @ Vt, values[:3, 3])
 
 
-_SAMPLES = 4
-_SEED = 673
-_STILL = 1e-8
-
-
 def led_pose(mechanism: Mechanism) -> dict[str, Any]:
     """Rows of the output that can be led independently, and what its turns are; ready for JSON.
 
@@ -147,8 +142,8 @@ def led_pose(mechanism: Mechanism) -> dict[str, Any]:
     if len(turning) == 3:
         return {"rows": rows, "turn": {"kind": "full"}}
     others = [row for row in (3, 4, 5) if row not in turning]
-    samples = [start, *random_closed(mechanism, _SAMPLES, np.random.default_rng(_SEED))]
-    still = all(np.abs(_moves(mechanism, loops, q)[others]).max() <= _STILL for q in samples)
+    samples = [start, *random_closed(mechanism, 4, np.random.default_rng(673))]
+    still = all(np.abs(_moves(mechanism, loops, q)[others]).max() <= 1e-8 for q in samples)
     if len(turning) > 1 or not still:
         return {"rows": rows, "turn": {"kind": "angles"}}
     R = np.array(loops.output(start)[0].rotation)
@@ -183,7 +178,6 @@ def _independent(mechanism: Mechanism, loops: Loops, q: Array) -> list[int]:
 
 _NAMES = ("x", "y", "z", "roll", "pitch", "yaw")
 _ROUND = 5e-10
-_SAME = 1e-7
 
 
 @dataclass(frozen=True)
@@ -234,7 +228,7 @@ def pose_table(
     values = [[*p.position, *(_half_turn(v) for v in p.angles)] for p in poses]
     shown = [k for k in range(6) if any(abs(v[k]) > _ROUND for v in values)] or [0, 1, 2]
     pose = [Column(_NAMES[k], [v[k] for v in values], k > 2) for k in shown]
-    changing = [c for c in pose if max(c.values) - min(c.values) > _SAME]
+    changing = [c for c in pose if max(c.values) - min(c.values) > 1e-7]
     alike = [c for c in pose if c not in changing] if columns and len(poses) > 1 else []
     for left in ([], alike) if alike else ([],):
         head = _said(left, degrees)

@@ -1,302 +1,60 @@
-"""Singular loci of a spherical mechanism over the orientation of its output."""
+"""Singular loci over the pose of the output, in closed form, where each leg passes one force.
+
+Type 2 (and constraint): the forces that the legs pass on with the actuators locked are dependent.
+Their Plücker coordinates are polynomials in the pose, and in the inputs where these move their
+inner ends; the determinant of six of them (three in the plane) is the equation, exactly. After
+Merlet, "Singular configurations of parallel manipulators and Grassmann geometry" (1989), "Parallel
+Robots" (2006), chapters 2 and 6, and St-Onge and Gosselin, "Singularity analysis and representation
+of the general Gough-Stewart platform" (2000), who give its degree: three in the position. With what
+each actuator feels of them and the motions of the output that its rows leave out, a determinant
+too, comes type 1. Of legs on cranks, rails or driven feet in space the determinants have tens of
+thousands of terms: they stay determinants, and `closing` says which poses and inputs go together.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator
 from dataclasses import replace
-from fractions import Fraction
 from typing import Any
 
 import numpy as np
 
-from pinsing._dataclass import dataclass
 from pinsing.algebra.ring import Poly
 from pinsing.loops.closure import near_home, random_closed, ranks
 from pinsing.loops.dyad import planar_dyad
+from pinsing.loops.exact import Row, cross, short_fraction
 from pinsing.loops.forms import (
     PoseEquation,
     PoseForms,
     PoseLocus,
-    determinant_equation,
-    entry,
     has_real_points,
-    planar_equation,
     pose_equation,
+    random_variables,
 )
 from pinsing.loops.legs import Rod, Rods, rods
 from pinsing.loops.mode_counts import point_legs
 from pinsing.loops.modes import home
 from pinsing.loops.pose_notes import (
-    always_dependent,
-    architecture,
+    PROOFS,
     in_plane,
     inputs_notes,
     locus_distance,
+    made_exact,
     needs,
+    with_inputs,
 )
 from pinsing.loops.pose_ring import (
     PARALLEL,
     PoseRing,
-    Row,
     counts_hinges,
-    cross,
     determinant,
     every_position,
     hinged_type1,
 )
 from pinsing.loops.sphere_loci import SphereLoci, sphere_loci, squares_note
 from pinsing.loops.structure import output_pose
-from pinsing.loops.three_distances import input_loci, rod_length
+from pinsing.loops.three_distances import input_loci
 from pinsing.robot.mechanism import Mechanism
-
-
-def of_sphere(mechanism: Mechanism, found: SphereLoci) -> PoseForms:
-    """Over the orientation, and the inputs where they do not drop out."""
-    parts = [("type 2", "the planes of the outer links meet in one line", found.type2)]
-    for k, (leg, poly) in enumerate(zip(found.legs, found.type1, strict=True), 1):
-        name = mechanism.joints[leg.joint]
-        parts.append(("type 1", f"leg {k} is folded or stretched: {name} turns nothing", poly))
-    squares = squares_note(found)
-    loci = [
-        # Sums of squares have real zeros too: turns by which an outer axis meets a base axis.
-        PoseLocus(kind, words, equation, bool(squares) or has_real_points(equation))
-        for kind, words, poly in parts if poly != 0
-        for factor, _ in poly.factor()[1]
-        for equation in [pose_equation(factor, found.names, (), 1)]
-    ]  # fmt: skip
-    notes = [squares] if squares else []
-    if len(found.names) > 4:
-        notes.append(
-            "the equations are in the orientation and the inputs together: an orientation and "
-            "inputs that close the loops are singular if and only if one of them is zero"
-        )
-    else:
-        notes.append("both links of each leg are quarter circles: the inputs drop out")
-    if found.off > 1e-12:
-        notes.append(f"axes were made exact, by at most {found.off:.1e}")
-    notes.append(
-        "exact over the rationals at each step; certificates are of each leg alone (--prove)"
-    )
-    always = "" if found.type2 != 0 else (
-        "architecture singularity: the moments of the legs lie in a plane at every orientation"
-    )  # fmt: skip
-    return PoseForms(found.names, always, tuple(loci), (), (), True, tuple(notes))
-
-
-def point_forms(mechanism: Mechanism) -> PoseForms | None:
-    """Over the position and the inputs; None of others, and where the inputs alone will do."""
-    legs = point_legs(mechanism)
-    if legs is None or planar_dyad(mechanism) is not None:
-        return None
-    found = legs.rods
-    ring = PoseRing(found, level=True)
-    (a, b, _), (c, d, _) = (ring.direction(rod) for rod in found.rods)
-    parts = [("type 2", "both rods are in line", a * d - b * c)]
-    for k, rod in enumerate(found.rods, 1):
-        name = mechanism.joints[rod.joint]
-        slides = mechanism.prismatic[rod.joint]
-        words = f"rod {k} is across the slide {name}" if slides else (
-            f"crank {name} and its rod are in line"
-        )  # fmt: skip
-        parts.append(("type 1", words, ring.moment_arm(rod)))
-
-    def written(poly: object) -> PoseEquation:
-        return pose_equation(poly, ring.names, ring.odd, ring.square)
-
-    loci = [
-        PoseLocus(kind, words, equation, has_real_points(equation))
-        for kind, words, poly in parts
-        for factor, _ in poly.factor()[1]
-        for equation in [written(factor)]
-    ]
-    closing = tuple(
-        written(ring.length(rod, simple(length)))
-        for rod, length in zip(found.rods, legs.lengths, strict=True)
-    )
-    notes = [*in_plane(found, turns=False)]
-    notes += [
-        "the equations are in the position and the inputs together: a position and inputs that "
-        "close the loop are singular if and only if one of them is zero"
-    ]
-    if ring.off > 1e-12:
-        notes.append(f"coordinates were made exact, by at most {ring.off:.1e} m")
-    notes.append(
-        "exact over the rationals at each step; certificates are of each leg alone (--prove)"
-    )
-    return PoseForms(ring.names, "", tuple(loci), (), (), True, tuple(notes), (), closing)
-
-
-_DEPENDENT = 1e-10
-_TRIED = 6
-_FEW = 4
-_SEED = 2719
-"""Roots of the ring's number in the columns of a wrench: force, then moment."""
-_ROOTS = (0, 1, 0, 1, 0, 1)
-
-
-@dataclass(frozen=True, eq=False)
-class _Wrench:
-    """A force through a point of the output, both as polynomials.
-
-    ``feels``: what the actuated joint of its rod feels of it.
-    """
-
-    rod: Rod
-    force: Row
-    line: Row
-    feels: Poly
-
-
-def turning(found: Rods) -> bool:
-    """Whether the loci are over pose and inputs, as determinants."""
-    return not found.planar and any(rod.moved or rod.side for rod in found.rods)
-
-
-def turning_forms(mechanism: Mechanism, found: Rods) -> PoseForms:
-    """The loci, each a determinant that is not multiplied out, or one leg's equation."""
-    ring = PoseRing(found, False, unit=True)
-    wrenches = list(_wrenches(ring))
-    notes = list(inputs_notes(ring))
-    two = _matrix(ring, [w.line for w in wrenches], _ROOTS)
-    words = _words(found)
-    if always_dependent(found):
-        always = "architecture singularity: the leg lines are dependent whatever the pose"
-        return PoseForms(
-            ring.names, f"{always}: singular at every pose", (), (), (), True, tuple(notes), (),
-            tuple(closing(ring)),
-        )  # fmt: skip
-    hinged = any(rod.hinge is not None for rod in found.rods)
-    kind = "type 2 or constraint" if hinged or len(mechanism.task.rows) < 6 else "type 2"
-    loci = [PoseLocus(kind, words, two, has_real_points(two))]
-    ones, complete = _type1(ring, wrenches)
-    if not complete:
-        notes.append(
-            "type 1 is not in these equations: the output does not show each of the freedoms once; "
-            "the equations in the joint angles have it"
-        )
-    made = PoseForms(
-        ring.names, "", (*loci, *ones), (), (), complete, tuple(notes), (), tuple(closing(ring))
-    )
-    return _said(mechanism, made)
-
-
-def closing(ring: PoseRing) -> Iterator[PoseEquation]:
-    """Lengths of the rods that are no actuators, and planes of hinges, by pose and inputs."""
-    for rod in ring.rods.rods:
-        if rod.moved:
-            length = rod_length(ring.rods.mechanism, rod)
-            yield _equation(ring, ring.length(rod, simple(length)))
-        if rod.hinge is not None:
-            yield _equation(ring, ring.dot(ring.direction(rod), ring.hinge(rod)))
-
-
-def simple(value: float) -> Fraction:
-    """A length without what the solver left: a short fraction where there is one."""
-    short = Fraction(value).limit_denominator(10**4)
-    return short if abs(float(short) - value) <= 1e-9 else Fraction(repr(round(value, 12)))
-
-
-def _equation(ring: PoseRing, poly: Poly) -> PoseEquation:
-    return pose_equation(poly, ring.names, ring.odd, ring.square)
-
-
-def _wrenches(ring: PoseRing) -> Iterator[_Wrench]:
-    slides = ring.rods.mechanism.prismatic
-    for rod in ring.rods.rods:
-        force = ring.force(rod)
-        yield _Wrench(rod, force, ring.line(rod), _feels(ring, rod, force))
-        if rod.hinge is not None:
-            axis = ring.hinge(rod)
-            zero = ring.number(0)
-            along = ring.motion(rod) if rod.moved and slides[rod.joint] else [zero] * 3
-            yield _Wrench(rod, axis, ring.hinge_line(rod), ring.dot(axis, along))
-
-
-def _feels(ring: PoseRing, rod: Rod, force: Row) -> Poly:
-    """Work on the leg's own joint, up to a factor that is zero only where the force is."""
-    return ring.moment_arm(rod) if rod.moved else ring.dot(force, force)
-
-
-def _matrix(ring: PoseRing, rows: list[Row], roots: tuple[int, ...]) -> PoseEquation:
-    made = tuple(
-        tuple(entry(x, ring.names, ring.odd, ring.square, r)
-              for x, r in zip(row, roots, strict=True))
-        for row in rows
-    )  # fmt: skip
-    return determinant_equation(ring.names, made)
-
-
-def _words(found: Rods) -> str:
-    hinged = any(rod.hinge is not None for rod in found.rods)
-    across = any(rod.side for rod in found.rods)
-    if hinged:
-        which = "the forces that the legs pass" if across else "the rod lines"
-        return (
-            f"{which} and the forces along the hinges through the same points belong to one linear "
-            "complex"
-        )
-    if across:
-        return "the six forces that the legs pass belong to one linear complex"
-    return "the six rod lines belong to one linear complex"
-
-
-def _type1(ring: PoseRing, wrenches: list[_Wrench]) -> tuple[list[PoseLocus], bool]:
-    """Where a motion leaves the output at rest, and whether that is all told."""
-    mechanism = ring.rods.mechanism
-    task = sorted(mechanism.task.rows)
-    inputs = list(mechanism.actuated)
-    if len(task) == 6 and sorted(w.rod.joint for w in wrenches) == sorted(inputs):
-        return list(_leg_by_leg(ring)), True
-    left = [k for k in range(6) if k not in task]
-    if len(left) + len(inputs) != 6 or len(wrenches) != 6:
-        return [], False
-    zero, rows = ring.number(0), []
-    for w in wrenches:
-        about = ring.outer(w.rod)
-        _, N = ring.turn
-        arm = [b - N * ring.variable(n) for b, n in zip(about, "xyz", strict=True)]
-        whole = [*w.force, *cross(arm, w.force)]
-        feels = [w.feels if j == w.rod.joint else zero for j in inputs]
-        rows.append([*(whole[k] for k in left), *feels])
-    found = _matrix(ring, rows, (*(_ROOTS[k] for k in left), *[0] * len(inputs)))
-    if _always_zero(found):
-        return [], False
-    words = "a motion of the joints leaves the rows of the output at rest"
-    return [PoseLocus("type 1", words, found, has_real_points(found))], True
-
-
-def _leg_by_leg(ring: PoseRing) -> Iterator[PoseLocus]:
-    mechanism = ring.rods.mechanism
-    for k, rod in enumerate(ring.rods.rods, 1):
-        if not rod.moved:
-            continue
-        name = mechanism.joints[rod.joint]
-        words = (
-            f"rod {k} is across the slide {name}" if mechanism.prismatic[rod.joint]
-            else f"rod {k} is in a plane with the axis of crank {name} and its pin"
-        )  # fmt: skip
-        for factor, _ in ring.moment_arm(rod).factor()[1]:
-            made = _equation(ring, factor)
-            yield PoseLocus("type 1", words, made, has_real_points(made))
-
-
-def _always_zero(found: PoseEquation) -> bool:
-    """Whether a determinant is zero, to rounding, at random values of its variables."""
-    x = np.random.default_rng(_SEED).normal(size=(_TRIED, len(found.names)))
-    sigma = np.linalg.svd(found.entries(x), compute_uv=False)
-    return bool((sigma[:, -1] <= _DEPENDENT * sigma[:, 0]).all())
-
-
-def _said(mechanism: Mechanism, made: PoseForms) -> PoseForms:
-    """With what is to be said where a locus holds at every closed configuration that was tried."""
-    tried = near_home(mechanism) + random_closed(mechanism, _TRIED, np.random.default_rng(_SEED))
-    two = replace(made, loci=made.loci[:1])
-    if len(tried) < _FEW or max(locus_distance(mechanism, two, q) for q in tried) > _DEPENDENT:
-        return made
-    return replace(
-        made, architecture=f"{made.loci[0].kind} at each of the {len(tried)} closed "
-        "configurations tried: taken for singular at every pose",
-    )  # fmt: skip
 
 
 def pose_forms(mechanism: Mechanism) -> PoseForms | None:
@@ -321,19 +79,89 @@ def pose_forms(mechanism: Mechanism) -> PoseForms | None:
         If the loops close nowhere.
     """
     ranks(mechanism)
+    return mechanism.once("pose_forms", lambda: _made(mechanism))
+
+
+def _made(mechanism: Mechanism) -> PoseForms | None:
     found = rods(mechanism)
-    sphere = sphere_loci(mechanism) if found is None else None
-    if sphere is not None:
-        return mechanism.once("pose_forms", lambda: of_sphere(mechanism, sphere))
-    if found is None:
-        return mechanism.once("pose_forms", lambda: point_forms(mechanism))
-    return mechanism.once("pose_forms", lambda: _forms(mechanism, found))
+    if found is not None:
+        return _forms(mechanism, found)
+    sphere = sphere_loci(mechanism)
+    return _point_forms(mechanism) if sphere is None else _sphere_forms(mechanism, sphere)
+
+
+Part = tuple[str, str, Any, bool]
+"""Kind, words, a polynomial, and whether it has real points whatever its signs."""
+
+
+def _loci(ring: PoseRing, parts: Iterable[Part]) -> list[PoseLocus]:
+    """Loci of polynomials that are taken as they are, each once."""
+    out: list[PoseLocus] = []
+    seen: list[Any] = []
+    for kind, words, poly, sure in parts:
+        if (kind, poly) not in seen:
+            seen.append((kind, poly))
+            found = ring.equation(poly)
+            out.append(PoseLocus(kind, words, found, sure or has_real_points(found)))
+    return out
+
+
+def _factors(parts: Iterable[tuple[str, str, Any]]) -> Iterator[Part]:
+    for kind, words, poly in parts:
+        for factor, _ in poly.factor()[1] if poly != 0 else ():
+            yield kind, words, factor, False
+
+
+def _sphere_forms(mechanism: Mechanism, found: SphereLoci) -> PoseForms:
+    """Over the orientation, and the inputs where they do not drop out."""
+    parts = [("type 2", "the planes of the outer links meet in one line", found.type2)]
+    for k, (leg, poly) in enumerate(zip(found.legs, found.type1, strict=True), 1):
+        name = mechanism.joints[leg.joint]
+        parts.append(("type 1", f"leg {k} is folded or stretched: {name} turns nothing", poly))
+    squares = squares_note(found)
+    loci = []
+    for kind, words, factor, _ in _factors(parts):
+        equation = pose_equation(factor, found.names, (), 1)
+        # Sums of squares have real zeros too: turns by which an outer axis meets a base axis.
+        real = bool(squares) or has_real_points(equation)
+        loci.append(PoseLocus(kind, words, equation, real))
+    notes = [squares] if squares else []
+    if len(found.names) > 4:
+        notes.append(with_inputs("orientation", "loops", "an"))
+    else:
+        notes.append("both links of each leg are quarter circles: the inputs drop out")
+    if found.off > 1e-12:
+        notes.append(f"axes were made exact, by at most {found.off:.1e}")
+    notes.append(PROOFS)
+    always = "" if found.type2 != 0 else (
+        "architecture singularity: the moments of the legs lie in a plane at every orientation"
+    )  # fmt: skip
+    return PoseForms(found.names, always, tuple(loci), (), (), True, tuple(notes))
+
+
+def _point_forms(mechanism: Mechanism) -> PoseForms | None:
+    """Of a five-bar over the position of its middle pin, the output, and the inputs.
+
+    Each leg passes one force on the pin, along its rod. None of others, and where the inputs alone
+    will do.
+    """
+    found = point_legs(mechanism)
+    if found is None or planar_dyad(mechanism) is not None:
+        return None
+    ring = PoseRing(found, level=True)
+    (a, b, _), (c, d, _) = (ring.direction(rod) for rod in found.rods)
+    both = _factors([("type 2", "both rods are in line", a * d - b * c)])
+    loci = [*_loci(ring, both), *_type1(ring)]
+    both_in = with_inputs("position", "loop", "a")
+    notes = (*in_plane(found, turns=False), both_in, *made_exact(ring), PROOFS)
+    return PoseForms(ring.names, "", tuple(loci), (), (), True, notes, (), _closing(ring))
 
 
 def _forms(mechanism: Mechanism, found: Rods) -> PoseForms:
-    level = turning(found) and _upright(mechanism, found)
-    if turning(found) and not level:
-        return turning_forms(mechanism, found)
+    turning = not found.planar and any(rod.moved or rod.side for rod in found.rods)
+    level = turning and _upright(mechanism, found)
+    if turning and not level:
+        return _turning_forms(mechanism, found)
     notes: list[str] = []
     if level:
         notes.append(
@@ -342,49 +170,162 @@ def _forms(mechanism: Mechanism, found: Rods) -> PoseForms:
             "down to; the determinants hold whether it is turned or not"
         )
     ring = PoseRing(found, level)
-    if ring.off > 1e-12:
-        notes.append(f"coordinates were made exact, by at most {ring.off:.1e} m")
+    notes += made_exact(ring)
     if ring.snapped > 0:
         notes.append(
             f"rods of one crank that are parallel to {PARALLEL:g} m were taken as parallel (their "
             f"ends were moved by at most {ring.snapped:.1e} m)"
         )
-    together = _together(ring)
+    lines = ring.lines()
+    # Zero as a polynomial where every pose is singular.
+    together = ring.without_norm(determinant(lines, ring.number(1)))
     notes += [] if level and together != 0 else list(needs(ring))
-    if together != 0 and always_dependent(found):
+    if together != 0 and _dependent(ring.determinant(lines)):
         notes.append(
             "the coordinates of the file make the lines dependent to 1e-9 of their size, at every "
             "pose tried; that is taken for what is meant"
         )
         together = ring.number(0)
+    ones = _type1(ring)
     if together == 0:
-        words = architecture(found)
-        alone = tuple(_type1_loci(ring))
-        return PoseForms(ring.names, words, alone, (), (), True, tuple(notes))
-    loci = [*_split(ring, together), *_type1_loci(ring)]
+        words = _architecture(found)
+        return PoseForms(ring.names, words, tuple(ones), (), (), True, tuple(notes))
+    loci = [*_loci(ring, _split(ring, together)), *ones]
     if level:
-        return _in_all_modes(turning_forms(mechanism, found), loci, notes)
-    families = every_position(ring, together)
-    tied = any(rod.hinge is not None for rod in found.rods)
+        # Of an output that is not turned, then the determinants that hold for a turned one, too.
+        turned = _turning_forms(mechanism, found)
+        more = [replace(x, words=f"turned or not, {x.words}") for x in turned.loci]
+        said = tuple(dict.fromkeys([*notes, *turned.notes]))
+        return replace(turned, loci=(*loci, *more), notes=said)
+    words = "over the inputs, where two assembly modes meet"
+    inputs = tuple(PoseLocus("type 2", words, x, has_real_points(x)) for x in input_loci(mechanism))
     return PoseForms(
-        ring.names, "", tuple(loci), families, tuple(_at_home(mechanism, ring, together)),
-        not tied or counts_hinges(ring), tuple(notes), tuple(_over_inputs(mechanism)),
-        _closing(ring),
+        ring.names, "", tuple(loci), every_position(ring, together),
+        tuple(_at_home(mechanism, ring, together)), not found.hinged or counts_hinges(ring),
+        tuple(notes), inputs, _closing(ring),
     )  # fmt: skip
 
 
-def _in_all_modes(turned: PoseForms, loci: Sequence[PoseLocus], notes: Sequence[str]) -> PoseForms:
-    """Loci of a level output, then the determinants that hold for a turned one, too."""
-    more = [replace(x, words=f"turned or not, {x.words}") for x in turned.loci]
-    return replace(turned, loci=(*loci, *more), notes=tuple(dict.fromkeys([*notes, *turned.notes])))
+def _architecture(found: Rods) -> str:
+    """Words for lines that are dependent at every pose."""
+    a, b = (np.array([getattr(r, end) for r in found.rods]) for end in ("inner", "outer"))
+    a, b = a - a.mean(axis=0), b - b.mean(axis=0)
+    # Whether the outer points are the inner ones moved, turned and scaled.
+    U, sigma, Vt = np.linalg.svd(a.T @ b)
+    size = float(sigma.sum() / (a**2).sum())
+    near = np.abs(size * a @ (U @ Vt) - b).max() <= 1e-9 * max(1.0, float(np.abs(b).max()))
+    why = "the leg lines are dependent whatever the pose"
+    if near and not any(r.moved or r.side for r in found.rods):
+        why = f"platform and base {'triangles' if len(a) == 3 else 'hexagons'} are similar"
+    return f"architecture singularity: {why}: singular at every pose"
+
+
+def _turning_forms(mechanism: Mechanism, found: Rods) -> PoseForms:
+    """Of legs on cranks, rails or driven feet in space: determinants, or one leg's equation."""
+    ring = PoseRing(found, False, unit=True)
+    notes = list(inputs_notes(ring))
+    two, closing = ring.determinant(ring.lines()), _closing(ring)
+    if _dependent(two):
+        always = "architecture singularity: the leg lines are dependent whatever the pose"
+        return PoseForms(
+            ring.names,
+            f"{always}: singular at every pose",
+            (),
+            (),
+            (),
+            True,
+            tuple(notes),
+            (),
+            closing,
+        )
+    kind = "type 2 or constraint" if found.hinged or len(mechanism.task.rows) < 6 else "type 2"
+    loci = [PoseLocus(kind, _complex(found), two, has_real_points(two))]
+    ones = _turning_type1(ring)
+    if ones is None:
+        notes.append(
+            "type 1 is not in these equations: the output does not show each of the freedoms once; "
+            "the equations in the joint angles have it"
+        )
+    made = PoseForms(
+        ring.names, "", (*loci, *(ones or ())), (), (), ones is not None, tuple(notes), (), closing
+    )
+    tried = near_home(mechanism) + random_closed(mechanism, 6, np.random.default_rng(2719))
+    alone = replace(made, loci=made.loci[:1])
+    if len(tried) < 4 or max(locus_distance(mechanism, alone, q) for q in tried) > 1e-10:
+        return made
+    return replace(
+        made, architecture=f"{kind} at each of the {len(tried)} closed configurations tried: taken "
+        "for singular at every pose",
+    )  # fmt: skip
 
 
 def _closing(ring: PoseRing) -> tuple[PoseEquation, ...]:
-    """Lengths of rods by pose and inputs, where the loci are in both."""
-    return tuple(
-        _equation_loci(ring, ring.length(rod, simple(rod_length(ring.rods.mechanism, rod))))
-        for rod in ring.rods.rods if rod.moved
-    )  # fmt: skip
+    """Lengths of rods that are no actuators, and planes of hinges, by pose and inputs."""
+    out = []
+    for rod in ring.rods.rods:
+        if rod.moved:
+            out.append(ring.length(rod, short_fraction(ring.rods.length(rod))))
+        if rod.hinge is not None and ring.unit:
+            out.append(ring.dot(ring.direction(rod), ring.hinge(rod)))
+    return tuple(ring.equation(x) for x in out)
+
+
+def _dependent(found: PoseEquation) -> bool:
+    """Whether the rows of a determinant are dependent, to the rounding of a file, at random."""
+    M = found.entries(random_variables(found.names, 6))
+    M = M / np.maximum(np.linalg.norm(M, axis=-1), 1e-300)[..., None]
+    sigma = np.linalg.svd(M, compute_uv=False)
+    return bool((sigma[:, -1] <= 1e-9 * sigma[:, 0]).all())
+
+
+def _complex(found: Rods) -> str:
+    across = any(rod.side for rod in found.rods)
+    if found.hinged:
+        which = "the forces that the legs pass" if across else "the rod lines"
+        return (
+            f"{which} and the forces along the hinges through the same points belong to one linear "
+            "complex"
+        )
+    which = "forces that the legs pass" if across else "rod lines"
+    return f"the six {which} belong to one linear complex"
+
+
+def _turning_type1(ring: PoseRing) -> list[PoseLocus] | None:
+    """Where a motion leaves the output at rest; None where these equations do not tell."""
+    mechanism = ring.rods.mechanism
+    task, inputs = sorted(mechanism.task.rows), list(mechanism.actuated)
+    wrenches = list(_wrenches(ring))
+    if len(task) == 6 and sorted(rod.joint for rod, _, _ in wrenches) == sorted(inputs):
+        return _type1(ring)
+    left = [k for k in range(6) if k not in task]
+    if len(left) + len(inputs) != 6 or len(wrenches) != 6:
+        return None
+    zero, rows = ring.number(0), []
+    for rod, force, feels in wrenches:
+        N, at = ring.turn[1], ring.outer(rod)
+        arm = [b - N * ring.variable(n) for b, n in zip(at, "xyz", strict=True)]
+        whole = [*force, *cross(arm, force)]
+        felt = [feels if j == rod.joint else zero for j in inputs]
+        rows.append([*(whole[k] for k in left), *felt])
+    found = ring.determinant(rows, (*(k % 2 for k in left), *[0] * len(inputs)))
+    if _dependent(found):
+        return None
+    words = "a motion of the joints leaves the rows of the output at rest"
+    return [PoseLocus("type 1", words, found, has_real_points(found))]
+
+
+def _wrenches(ring: PoseRing) -> Iterator[tuple[Rod, Row, Poly]]:
+    """Each force, through the outer end of its rod, and what the actuated joint feels of it.
+
+    Of forces across a rod up to a factor that is zero only where the force is.
+    """
+    for rod in ring.rods.rods:
+        force = ring.force(rod)
+        yield rod, force, ring.moment_arm(rod) if rod.moved else ring.dot(force, force)
+        if rod.hinge is not None:
+            axis = ring.hinge(rod)
+            slides = rod.moved and ring.rods.mechanism.prismatic[rod.joint]
+            yield rod, axis, ring.dot(axis, ring.motion(rod)) if slides else ring.number(0)
 
 
 def _upright(mechanism: Mechanism, found: Rods) -> bool:
@@ -395,35 +336,12 @@ def _upright(mechanism: Mechanism, found: Rods) -> bool:
     return bool(away < 1e-9) and set(mechanism.task.rows) == {0, 1, 2}
 
 
-def _over_inputs(mechanism: Mechanism) -> Iterator[PoseLocus]:
-    words = "over the inputs, where two assembly modes meet"
-    for found in input_loci(mechanism):
-        yield PoseLocus("type 2", words, found, has_real_points(found))
-
-
-def _together(ring: PoseRing) -> Any:
-    """The determinant of all forces; zero as a polynomial where every pose is singular."""
-    lines = [ring.line(rod) for rod in ring.rods.rods]
-    lines += [ring.hinge_line(rod) for rod in ring.rods.rods if rod.hinge is not None]
-    return ring.without_norm(determinant(lines, ring.number(1)))
-
-
-def _pairs(ring: PoseRing) -> list[tuple[Rod, Rod]]:
-    """Rods that share a crank, two by two."""
-    out = []
-    for joint in ring.drivers:
-        mine = [r for r in ring.rods.rods if r.joint == joint]
-        if len(mine) != 2:
-            return []
-        out.append((mine[0], mine[1]))
-    return out
-
-
-def _split(ring: PoseRing, together: Any) -> Iterator[PoseLocus]:
+def _split(ring: PoseRing, together: Any) -> Iterator[Part]:
     """Factors of the determinant with what each means."""
-    hinged = any(rod.hinge is not None for rod in ring.rods.rods)
-    names = _rod_names(ring.rods.rods)
-    kind = "type 2 or constraint" if hinged else "type 2"
+    hinged = ring.rods.hinged
+    *numbers, last = range(1, len(ring.rods.rods) + 1)
+    names = f"the lines of legs {', '.join(map(str, numbers))} and {last}"
+    words = "the six leg lines belong to one linear complex"
     if ring.rods.planar:
         words = f"{names} meet in one point or are parallel"
     elif hinged:
@@ -431,32 +349,28 @@ def _split(ring: PoseRing, together: Any) -> Iterator[PoseLocus]:
             f"{names} and the forces along the hinges through the same points belong to one linear "
             "complex"
         )
-    else:
-        words = "the six leg lines belong to one linear complex"
     parallel = _parallelograms(ring)
     for factor, _ in together.factor()[1]:
         if parallel is not None and divmod(parallel[0], factor)[1] == 0:
-            yield _locus(
-                ring, "type 2", factor,
-                "the rods are parallel to a plane, or two pairs of them to each other",
-            )  # fmt: skip
+            plane = "the rods are parallel to a plane, or two pairs of them to each other"
+            yield "type 2", plane, factor, False
         elif parallel is not None and divmod(parallel[1], factor)[1] == 0:
-            yield _locus(
-                ring, "constraint", factor,
+            normals = (
                 "the normals of the three parallelograms are parallel to a plane: the output can "
-                "turn",
-            )  # fmt: skip
+                "turn"
+            )
+            yield "constraint", normals, factor, False
         else:
-            yield _locus(ring, kind, factor, words)
+            yield "type 2 or constraint" if hinged else "type 2", words, factor, False
 
 
 def _parallelograms(ring: PoseRing) -> tuple[Any, Any] | None:
     """With the output level and two rods a crank: determinants of directions and of normals."""
-    pairs = _pairs(ring) if ring.level else []
-    if len(pairs) != 3:
+    mine = [[r for r in ring.rods.rods if r.joint == joint] for joint in ring.drivers]
+    if not ring.level or [len(pair) for pair in mine] != [2, 2, 2]:
         return None
     directions, normals = [], []
-    for one, two in pairs:
+    for one, two in mine:
         d, other = ring.direction(one), ring.direction(two)
         if any(a != b for a, b in zip(d, other, strict=True)):
             return None
@@ -467,56 +381,16 @@ def _parallelograms(ring: PoseRing) -> tuple[Any, Any] | None:
     return determinant(directions, one_), determinant(normals, one_)
 
 
-def _type1_loci(ring: PoseRing) -> Iterator[PoseLocus]:
-    seen: list[Any] = []
-    for factor, _ in hinged_type1(ring).factor()[1] if counts_hinges(ring) else ():
-        words = "a motion that the hinges allow leaves the rows of the output at rest"
-        yield _locus(ring, "type 1", factor, words)
-    for k, rod in enumerate(ring.rods.rods, 1):
-        if rod.bends:
-            yield from _elbow(ring, k, rod)
-        if not rod.moved:
-            continue
-        name = ring.rods.mechanism.joints[rod.joint]
-        slides = ring.rods.mechanism.prismatic[rod.joint]
-        if slides:
-            words = f"rod {k} is across the slide {name}"
-        elif ring.rods.planar:
-            words = f"crank {name} and its rod are in line"
-        else:
-            words = f"the rods of crank {name} are in line with it, or meet its axis"
-        for factor, _ in ring.without_norm(ring.moment_arm(rod)).factor()[1]:
-            if factor not in seen:
-                seen.append(factor)
-                yield _locus(ring, "type 1", factor, words)
-
-
-def _elbow(ring: PoseRing, leg: int, rod: Rod) -> Iterator[PoseLocus]:
-    """Where both links of a leg that is driven at its elbow are in line."""
-    name = ring.rods.mechanism.joints[rod.joint]
-    one, two = rod.links
-    for reach, shape in ((one + two, "stretched"), (abs(one - two), "folded")):
-        found = _equation_loci(ring, ring.length(rod, simple(reach)))
-        words = f"leg {leg} is {shape} at its actuated elbow {name}"
-        # A circle, or its centre where both links are alike: real.
-        yield PoseLocus("type 1", words, found, True)
-
-
-def _locus(ring: PoseRing, kind: str, factor: Any, words: str) -> PoseLocus:
-    found = _equation_loci(ring, factor)
-    return PoseLocus(kind, words, found, has_real_points(found))
-
-
-def _equation_loci(ring: PoseRing, factor: Any) -> PoseEquation:
-    if ring.rods.planar:
-        half = (ring.names.index("e0"), ring.names.index("e3"))
-        return planar_equation(factor, ring.names, ring.odd, ring.square, half)
-    return pose_equation(factor, ring.names, ring.odd, ring.square)
-
-
-def _rod_names(found: Sequence[Rod]) -> str:
-    numbers = [str(k) for k in range(1, len(found) + 1)]
-    return f"the lines of legs {', '.join(numbers[:-1])} and {numbers[-1]}"
+def _type1(ring: PoseRing) -> list[PoseLocus]:
+    """Where a motion that the hinges allow, or a leg's own, leaves the output at rest."""
+    words = "a motion that the hinges allow leaves the rows of the output at rest"
+    hinged = [("type 1", words, hinged_type1(ring))] if counts_hinges(ring) else []
+    parts = [
+        ("type 1", *found, rod.sure)
+        for k, rod in enumerate(ring.rods.rods, 1)
+        for found in rod.type1(ring, k)
+    ]
+    return _loci(ring, [*_factors(hinged), *parts])
 
 
 def _at_home(mechanism: Mechanism, ring: PoseRing, together: Any) -> Iterator[PoseLocus]:

@@ -5,29 +5,37 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 
 import numpy as np
-import pinocchio as pin
 
 from pinsing._types import Array
-from pinsing.loops.forms import PoseEquation, PoseForms
-from pinsing.loops.legs import Rod, Rods, rods
+from pinsing.loops.forms import TURNS, PoseEquation, PoseForms
+from pinsing.loops.legs import Elbow, Rod, Rods, rods, written
 from pinsing.loops.mode_counts import point_legs
 from pinsing.loops.pose import pose_of
 from pinsing.loops.pose_ring import PoseRing, counts_hinges
 from pinsing.loops.structure import output_pose, structure
-from pinsing.loops.three_distances import degree_notes, length_name, rod_length
+from pinsing.loops.three_distances import degree_notes, length_name
 from pinsing.robot.mechanism import Mechanism
 
-_SMALL = 1e-9
+PROOFS = "exact over the rationals at each step; certificates are of each leg alone (--prove)"
 
 
-def _written(axis: Array) -> str:
-    return f"({', '.join(f'{round(float(v), 12) + 0.0:.6g}' for v in axis)})"
+def with_inputs(pose: str, loops: str, article: str) -> str:
+    """That equations are in the pose and the inputs together."""
+    return (
+        f"the equations are in the {pose} and the inputs together: {article} {pose} and inputs "
+        f"that close the {loops} are singular if and only if one of them is zero"
+    )
+
+
+def made_exact(ring: PoseRing) -> Iterator[str]:
+    """By how much coordinates were changed."""
+    if ring.off > 1e-12:
+        yield f"coordinates were made exact, by at most {ring.off:.1e} m"
 
 
 def inputs_notes(ring: PoseRing) -> Iterator[str]:
     """Notes on determinants over the pose and the inputs."""
-    if ring.off > 1e-12:
-        yield f"coordinates were made exact, by at most {ring.off:.1e} m"
+    yield from made_exact(ring)
     mechanism = ring.rods.mechanism
     plain = [r for r in ring.rods.rods if not r.moved]
     if plain and len(mechanism.task.rows) == 6:
@@ -36,7 +44,7 @@ def inputs_notes(ring: PoseRing) -> Iterator[str]:
         yield f"type 1: {also}where a leg has no length{_short(ring, plain)}{first}; {_else(ring)}"
     yield from _lines(ring)
     inputs = " and inputs" if ring.drivers else ""
-    if ring.drivers or any(r.hinge is not None for r in ring.rods.rods):
+    if ring.drivers or ring.rods.hinged:
         what = f"a pose{inputs} that close the loops are" if inputs else (
             "a pose that closes the loops is"
         )  # fmt: skip
@@ -115,43 +123,39 @@ def _lines(ring: PoseRing) -> Iterator[str]:
         "origin of the base; B = (x, y, z) + R b with R the rotation of e0, e1, e2, e3"
     )
     for k, rod in enumerate(ring.rods.rods, 1):
-        name, C = mechanism.joints[rod.joint], _written(rod.inner)
-        if rod.moved and mechanism.prismatic[rod.joint]:
-            C += f" + {name} {_written(rod.first)}"
-        elif rod.moved:
-            C += f" + cos {name} {_written(rod.first)} + sin {name} {_written(rod.second)}"
         force = ("B - C", "a x (B - C)", "(a x (B - C)) x (B - C)")[rod.side]
-        text = f"force {k}: f = {force}, b = {_written(rod.outer)}, C = {C}"
-        if rod.across is not None and rod.side:
-            text += f", a = {_written(rod.across)}"
+        C = rod.foot_text(mechanism.joints[rod.joint])
+        text = f"force {k}: f = {force}, b = {written(rod.outer)}, C = {C}"
+        if rod.side:
+            text += f", a = {written(rod.vectors()[2])}"
         if rod.hinge is not None:
-            text += f"; and f = {_written(rod.hinge)}, across which B - C stays"
+            text += f"; and f = {written(rod.hinge)}, across which B - C stays"
         if rod.moved:
-            text += f"; it closes where |B - C| = {rod_length(mechanism, rod):.6g} m"
+            text += f"; it closes where |B - C| = {ring.rods.length(rod):.6g} m"
         yield text
 
 
 def in_plane(found: Rods, turns: bool = True) -> Iterator[str]:
     """What x, y, and φ where the output ``turns``, are in a plane that is not that of the base."""
     eye = np.eye(3)
-    if not found.tilted or (not turns and np.abs(found.axes - eye).max() <= _SMALL):
+    if not found.tilted or (not turns and np.abs(found.axes - eye).max() <= 1e-9):
         return
-    x, y, n = (_written(a) for a in found.axes)
+    x, y, n = (written(a) for a in found.axes)
     if not turns:
         yield f"x and y are in the plane of the mechanism: x along {x} of the base, y along {y}"
         return
     yield (
         f"x, y and φ are in the plane of the mechanism: x along {x} of the base, y along {y}, "
-        f"φ about {n}, zero where {_written(found.own[:, 0])} of the output is along x"
+        f"φ about {n}, zero where {written(found.own[:, 0])} of the output is along x"
     )
 
 
 def needs(ring: PoseRing) -> Iterator[str]:
     """Notes, one after the other."""
     mechanism = ring.rods.mechanism
-    legs = [rod for rod in ring.rods.rods if rod.slides or rod.side]
+    legs = [rod for rod in ring.rods.rods if rod.sliding >= 0]
     if legs:
-        tied = any(rod.hinge is not None for rod in ring.rods.rods)
+        tied = ring.rods.hinged
         open_ = tied and not counts_hinges(ring)
         if open_:
             yield (
@@ -159,15 +163,12 @@ def needs(ring: PoseRing) -> Iterator[str]:
                 "six together; the equations in the joint angles have it"
             )
         if not open_:
-            told = tied or any(rod.moved or rod.bends for rod in ring.rods.rods)
+            told = tied or any(rod.moved or isinstance(rod, Elbow) for rod in ring.rods.rods)
             also = "also " if told else ""
             yield f"type 1: {also}where a leg has no length{_short(ring, legs)}; {_else(ring)}"
     yield from in_plane(ring.rods)
     if any(rod.moved for rod in ring.rods.rods):
-        yield (
-            "the equations are in the pose and the inputs together: a pose and inputs that close "
-            f"the loops are singular if and only if one of them is zero{_aside(ring)}"
-        )
+        yield with_inputs("pose", "loops", "a") + _aside(ring)
         cranks = not mechanism.prismatic[list(ring.drivers)].any()
         if ring.rods.planar and cranks and all(rod.moved for rod in ring.rods.rods):
             yield (
@@ -176,68 +177,13 @@ def needs(ring: PoseRing) -> Iterator[str]:
                 "legs of equal lengths (Bonev and Gosselin 2001); not done"
             )
     yield from degree_notes(mechanism)
-    if any(rod.hinge is not None for rod in ring.rods.rods):
+    if ring.rods.hinged:
         yield (
             "poses of this mechanism keep the outer end of each leg in the plane across its hinge; "
             f"such a pose is singular if and only if one of the equations holds{_aside(ring)}"
         )
     yield from _passive(ring)
-    yield "exact over the rationals at each step; certificates are of each leg alone (--prove)"
-
-
-_POSES = 6
-_DEPENDENT = 1e-9
-_SEED = 2718
-
-
-def architecture(found: Rods) -> str:
-    """Words for lines that are dependent at every pose."""
-    inner = np.array([r.inner for r in found.rods])
-    outer = np.array([r.outer for r in found.rods])
-    why = "the leg lines are dependent whatever the pose"
-    if not any(r.moved or r.side for r in found.rods) and _similar(inner, outer):
-        shape = "triangles" if len(inner) == 3 else "hexagons"
-        why = f"platform and base {shape} are similar"
-    return f"architecture singularity: {why}: singular at every pose"
-
-
-def always_dependent(found: Rods) -> bool:
-    """Whether the lines are dependent, to the rounding of a file, at random poses and inputs."""
-    rng = np.random.default_rng(_SEED)
-    size = 0.0
-    for _ in range(_POSES):
-        e = rng.normal(size=4) * ((1, 0, 0, 1) if found.planar else 1)
-        R = pin.Quaternion(*(e / np.linalg.norm(e))).matrix()
-        at = rng.normal(size=3) * ((1, 1, 0) if found.planar else 1)
-        lines = []
-        for rod in found.rods:
-            B, value = at + R @ rod.outer, rng.normal()
-            turning = not found.mechanism.prismatic[rod.joint]
-            c, s = (np.cos(value), np.sin(value)) if turning else (value, 0.0)
-            C = rod.inner + c * rod.first + s * rod.second
-            force = B - C
-            if rod.across is not None and rod.side:
-                force = np.cross(rod.across, force)
-                force = force if rod.side == 1 else np.cross(force, B - C)
-            lines.append(np.concatenate([force, np.cross(B, force)]))
-            if rod.hinge is not None:
-                lines.append(np.concatenate([rod.hinge, np.cross(B, rod.hinge)]))
-        rows = np.array(lines)[:, [0, 1, 5]] if found.planar else np.array(lines)
-        sigma = np.linalg.svd(rows / np.linalg.norm(rows, axis=1)[:, None], compute_uv=False)
-        size = max(size, float(sigma[-1] / sigma[0]))
-    return size <= _DEPENDENT
-
-
-def _similar(inner: Array, outer: Array) -> bool:
-    """Whether the outer points are the inner ones moved, turned and scaled."""
-    a, b = inner - inner.mean(axis=0), outer - outer.mean(axis=0)
-    U, sigma, Vt = np.linalg.svd(a.T @ b)
-    size = float(sigma.sum() / (a**2).sum())
-    return bool(np.abs(size * a @ (U @ Vt) - b).max() <= 1e-9 * max(1.0, float(np.abs(b).max())))
-
-
-_LEVEL = 1e-9
-_TURNS = ("e0", "e1", "e2", "e3")
+    yield PROOFS
 
 
 def locus_distance(mechanism: Mechanism, forms: PoseForms, q: Array) -> float:
@@ -252,7 +198,7 @@ def locus_distance(mechanism: Mechanism, forms: PoseForms, q: Array) -> float:
     reach = max((float(np.linalg.norm(p)) for p in places), default=mechanism.length_scale)
     reach = max(reach, *(abs(at[n]) for n in "xyz"))
     # Beside equations in the quaternion those without it are of a level output.
-    turned = "e0" in forms.variables and "z" in forms.variables and abs(at["e0"]) < 1 - _LEVEL
+    turned = "e0" in forms.variables and "z" in forms.variables and abs(at["e0"]) < 1 - 1e-9
     loci = [x for x in forms.loci if not turned or "e0" in x.equation.names]
     return min(_relative(locus.equation, at, reach) for locus in loci)
 
@@ -275,13 +221,12 @@ def _rods(mechanism: Mechanism) -> Rods | None:
     """Of legs that pass one force on the output, or of a five-bar on its pin."""
     if (found := rods(mechanism)) is not None:
         return found
-    legs = point_legs(mechanism)
-    return None if legs is None else legs.rods
+    return point_legs(mechanism)
 
 
 def _relative(equation: PoseEquation, at: dict[str, float], reach: float) -> float:
     x = np.array([at[n] for n in equation.names])
-    turning = [n in _TURNS or n.startswith(("cos ", "sin ")) for n in equation.names]
+    turning = [n in TURNS or n.startswith(("cos ", "sin ")) for n in equation.names]
     most = np.where(turning, 1.0, np.maximum(np.abs(x), reach))
     if equation.matrix:
         sizes = np.array([[_size(e, most) for e in row] for row in equation.matrix])

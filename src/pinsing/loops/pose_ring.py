@@ -9,6 +9,7 @@ from __future__ import annotations
 import functools
 import itertools
 import math
+from collections.abc import Sequence
 from fractions import Fraction
 from functools import cached_property
 from typing import Any
@@ -18,11 +19,26 @@ from flint import Ordering, fmpq_mpoly_ctx
 
 from pinsing._dataclass import dataclass
 from pinsing.algebra.ring import Poly, rational
-from pinsing.loops.exact import ExactPoints, Vector, exact_points
-from pinsing.loops.forms import PoseEquation, PoseFamily, pose_equation
+from pinsing.loops.exact import (
+    ExactPoints,
+    Row,
+    Vector,
+    cross,
+    divided_by,
+    exact_points,
+    quaternion_turn,
+)
+from pinsing.loops.forms import (
+    TURNS,
+    PoseEquation,
+    PoseFamily,
+    determinant_equation,
+    entry,
+    has_real_points,
+    planar_equation,
+    pose_equation,
+)
 from pinsing.loops.legs import Rod, Rods
-
-Row = list[Poly]
 
 PARALLEL = 1e-9
 """Metres: the rods of one crank are parallel where their ends are that near to it."""
@@ -51,8 +67,8 @@ class PoseRing:
         points = []
         for rod in self.rods.rods:
             hinge = np.zeros(3) if rod.hinge is None else rod.hinge
-            points += [rod.outer, rod.inner, rod.first, rod.second, hinge]
-        points += [np.zeros(3) if r.across is None else r.across for r in self.rods.rods]
+            points += [rod.outer, rod.inner, *rod.vectors()[:2], hinge]
+        points += [rod.vectors()[2] for rod in self.rods.rods]
         return exact_points(points)
 
     @cached_property
@@ -107,12 +123,9 @@ class PoseRing:
         """Names of the variables for people."""
         position = ("x", "y") if self.rods.planar else ("x", "y", "z")
         turn = ("e0", "e3") if self.rods.planar else ("e0", "e1", "e2", "e3")
-        mechanism = self.rods.mechanism
-        inputs: list[str] = []
-        for j in self.drivers:
-            name = mechanism.joints[j]
-            inputs += [name] if mechanism.prismatic[j] else [f"cos {name}", f"sin {name}"]
-        return (*position, *(() if self.level else turn), *inputs)
+        joints = self.rods.mechanism.joints
+        inputs = [n for rod in self.rods.rods for n in rod.variables(joints[rod.joint])]
+        return (*position, *(() if self.level else turn), *dict.fromkeys(inputs))
 
     @cached_property
     def context(self) -> Any:
@@ -140,15 +153,8 @@ class PoseRing:
         one, zero = self.number(1), self.number(0)
         if self.level:
             return [[one if i == j else zero for j in range(3)] for i in range(3)], one
-        k = self.square
-        a, b, c, d = (self.variable(f"e{i}") for i in range(4))
-        a2, b2, c2, d2 = a * a, k * b * b, c * c, k * d * d
-        R = [
-            [a2 + b2 - c2 - d2, 2 * k * (b * c - a * d), 2 * (k * b * d + a * c)],
-            [2 * (b * c + a * d), a2 - b2 + c2 - d2, 2 * (c * d - a * b)],
-            [2 * (k * b * d - a * c), 2 * k * (c * d + a * b), a2 - b2 - c2 + d2],
-        ]
-        return R, self.number(1) if self.unit else a2 + b2 + c2 + d2
+        R, N = quaternion_turn([self.variable(f"e{i}") for i in range(4)], self.square)
+        return R, one if self.unit else N
 
     def _vectors(self, rod: Rod) -> tuple[Vector, ...]:
         # Rods are told apart as objects: two may be alike.
@@ -173,11 +179,9 @@ class PoseRing:
 
     def driver(self, rod: Rod) -> tuple[Poly, Poly]:
         """Cosine and sine of the crank before C; the slide's value, and 0."""
-        mechanism = self.rods.mechanism
-        name = mechanism.joints[rod.joint]
-        if mechanism.prismatic[rod.joint]:
-            return self.variable(name), self.number(0)
-        return self.variable(f"cos {name}"), self.variable(f"sin {name}")
+        names = rod.variables(self.rods.mechanism.joints[rod.joint])
+        c, s, *_ = (*(self.variable(n) for n in names), self.number(0), self.number(0))
+        return c, s
 
     def direction(self, rod: Rod) -> Row:
         """B - C times N."""
@@ -266,26 +270,36 @@ class PoseRing:
 
     def without_norm(self, poly: Poly) -> Poly:
         """Divide by N as often as it goes: it is 1."""
-        _, N = self.turn
-        while poly != 0 and not N.is_constant():
-            quotient, rest = divmod(poly, N)
-            if rest != 0:
-                break
-            poly = quotient
-        return poly
+        return divided_by(poly, self.turn[1])
 
+    def lines(self) -> list[Row]:
+        """All wrenches: of each rod, and of its hinge."""
+        out = []
+        for rod in self.rods.rods:
+            out += [self.line(rod)] if rod.hinge is None else [self.line(rod), self.hinge_line(rod)]
+        return out
 
-def cross(a: Row, b: Row) -> Row:
-    """Vector product, its middle entry over the root and the outer ones too: zero is what counts.
+    def determinant(self, rows: list[Row], roots: Sequence[int] = ()) -> PoseEquation:
+        """The determinant of rows, not multiplied out, with so many roots of `square` a column.
 
-    With y = root Y the true product is (root p, q, root r); the columns of a determinant may be
-    divided by constants.
-    """
-    return [
-        a[1] * b[2] - a[2] * b[1],
-        a[2] * b[0] - a[0] * b[2],
-        a[0] * b[1] - a[1] * b[0],
-    ]
+        Without ``roots`` those of wrenches: forces, then moments.
+        """
+        roots = roots or ((0, 1, 1) if self.rods.planar else (0, 1, 0, 1, 0, 1))
+        made = tuple(
+            tuple(
+                entry(x, self.names, self.odd, self.square, r)
+                for x, r in zip(row, roots, strict=True)
+            )
+            for row in rows
+        )
+        return determinant_equation(self.names, made)
+
+    def equation(self, poly: Poly) -> PoseEquation:
+        """A polynomial as an equation; in the plane in the angle of the output."""
+        if self.rods.planar and not self.level:
+            half = (self.names.index("e0"), self.names.index("e3"))
+            return planar_equation(poly, self.names, self.odd, self.square, half)
+        return pose_equation(poly, self.names, self.odd, self.square)
 
 
 def determinant(rows: list[Row], one: Poly) -> Poly:
@@ -326,13 +340,12 @@ def hinged_type1(ring: PoseRing) -> Poly:
 
 
 _AXES = {"e1": "x", "e2": "y", "e3": "z"}
-_REAL = 1e-9
 
 
 def every_position(ring: PoseRing, poly: Any) -> tuple[PoseFamily, ...]:
     """Families of orientations at which ``poly`` vanishes for all positions."""
     names = ring.names
-    turn = [k for k, n in enumerate(names) if n in ("e0", "e1", "e2", "e3")]
+    turn = [k for k, n in enumerate(names) if n in TURNS]
     others = [k for k in range(len(names)) if k not in turn]
     if not turn:
         return ()
@@ -395,18 +408,14 @@ def _contains(ring: PoseRing, other: Any, zero: frozenset[int], factor: Any) -> 
 
 def _has_real_points(ring: PoseRing, factor: Any, used: list[int]) -> bool:
     """Whether the factor changes its sign somewhere: else it is a sum of squares, or the like."""
-    if len(used) < 2:
-        return bool(used)
     plain = pose_equation(factor, ring.names, ring.odd, ring.square)
-    x = np.random.default_rng(5).normal(size=(400, len(ring.names)))
-    values = plain(x)
-    return bool((values > 0).any() and (values < 0).any())
+    return has_real_points(plain) if len(used) > 1 else bool(used)
 
 
 def _family(ring: PoseRing, zero: frozenset[int], factor: Any) -> PoseFamily:
     names = ring.names
     vanish = tuple(names[k] for k in sorted(zero))
-    turn = [n for n in names if n in ("e0", "e1", "e2", "e3")]
+    turn = [n for n in names if n in TURNS]
     left = [n for n in turn if n not in vanish]
     equations = () if factor == 0 else (pose_equation(factor, names, ring.odd, ring.square),)
     return PoseFamily(_words(vanish, left, equations), vanish, equations)
@@ -440,7 +449,7 @@ def _ratios(equation: PoseEquation, left: list[str]) -> list[float]:
     for value, powers in zip(equation.values, equation.powers, strict=True):
         line[int(powers[two])] += value
     found = np.roots(line[::-1])
-    return sorted(float(r.real) for r in found if abs(r.imag) <= _REAL)
+    return sorted(float(r.real) for r in found if abs(r.imag) <= 1e-9)
 
 
 def _listed(values: list[float]) -> str:

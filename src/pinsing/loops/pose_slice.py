@@ -22,9 +22,6 @@ from pinsing.robot.mechanism import Mechanism
 COORDINATES = ("x", "y", "z", "roll", "pitch", "yaw")
 CLOSED_LOOPS = 1e-9
 _QUARTER = np.radians(89.5)
-_SAME_TURN = 1e-9
-_NEARBY = 1e-3
-_MORE = 0.15
 
 
 class PoseWay:
@@ -71,7 +68,7 @@ class PoseWay:
         """
         if set(self.targets_rows) & {3, 4, 5}:
             return False
-        around = _NEARBY * self._size() * np.array([[1.0, 0.3], [-0.3, 1.0], [-1.0, -0.7]])
+        around = 1e-3 * self._size() * np.array([[1.0, 0.3], [-0.3, 1.0], [-1.0, -0.7]])
         first, second = (np.tile(self.start(k) + around[:, k], len(starts)) for k in (0, 1))
         R, p = self.targets(first, second)
         Q, error = newton(
@@ -81,7 +78,7 @@ class PoseWay:
             target=(R, p, self.targets_rows),
         )
         turned = np.abs(self.loops.output(Q)[0] - np.array(self.place.rotation)).max()
-        kept = bool(error.max() <= CLOSED_LOOPS and turned <= _SAME_TURN)
+        kept = bool(error.max() <= CLOSED_LOOPS and turned <= 1e-9)
         if kept:
             self.targets_rows = (*self.targets_rows, 3, 4, 5)
         return kept
@@ -143,7 +140,7 @@ class PoseWay:
             low, high = float(side[0]), float(side[-1])
             if self.rows[k] < 3 and ends.any():
                 more = True
-                size = _MORE * (high - low)
+                size = 0.15 * (high - low)
                 side = np.linspace(low - size * ends[0], high + size * ends[1], len(side))
             out.append(side)
         return out, more
@@ -190,10 +187,6 @@ class PoseWay:
 _COARSE = 41
 _CHUNK = 4096
 _NEAR_STEPS, _FAR_STEPS = 10, 30
-_JUMP = 1.0
-_TRIES = 3
-_SEEDS = 120
-_SEED = 1201
 _SIZE = 1.3
 _WIDER = 3
 
@@ -336,7 +329,7 @@ class _Grid:
         """Go on from what is solved to its neighbours."""
         for _ in range(layers):
             source = np.full((*self.solved.shape, 2), -1)
-            open_ = ~self.solved & (self.tried < _TRIES)
+            open_ = ~self.solved & (self.tried < 3)
             chosen = np.zeros_like(self.solved)
             for dj, di in ((0, 1), (0, -1), (1, 0), (-1, 0)):
                 moved = np.zeros_like(self.fresh)
@@ -360,13 +353,13 @@ class _Grid:
     def scatter(self) -> None:
         """Seek the same modes at poses that no way of neighbours has led to."""
         way = self.way
-        rng = np.random.default_rng(_SEED)
+        rng = np.random.default_rng(1201)
         low, high = way.mechanism.space.span
         for k in range(self.modes):
             left = np.argwhere(~self.solved[k])
             if not len(left):
                 continue
-            left = left[rng.permutation(len(left))[:_SEEDS]]
+            left = left[rng.permutation(len(left))[:120]]
             cells = np.concatenate([np.full((len(left), 1), k), left], axis=1)
             drawn = rng.uniform(low, high, (len(cells), way.mechanism.n))
             self._take(cells, drawn, far=np.inf, within=True)
@@ -385,7 +378,7 @@ class _Grid:
         margin[self.solved] = room.min(axis=1)
         return inside, margin
 
-    def _take(self, cells: Any, begin: Array, far: float = _JUMP, within: bool = False) -> None:
+    def _take(self, cells: Any, begin: Array, far: float = 1.0, within: bool = False) -> None:
         """Solve cells (N, 3) from configurations (N, n), and keep what is of the same mode."""
         way = self.way
         x, y = self.sides

@@ -30,7 +30,6 @@ from pinsing.serialization import JsonResult
 
 _STARTS = 24
 _CLOSED = 1e-9
-_EQUAL = 1e-5
 _FREE = 1e-6
 _POINTS = 8
 
@@ -135,7 +134,7 @@ def _close(
 def _add(mechanism: Mechanism, found: list[Array], q: Array) -> bool:
     if found:
         away = np.abs(mechanism.space.wrap(np.array(found) - q)) / mechanism.space.metric
-        if (away.max(axis=1) <= _EQUAL).any():
+        if (away.max(axis=1) <= 1e-5).any():
             return False
     found.append(q)
     return True
@@ -176,7 +175,6 @@ def _grouped(mechanism: Mechanism, leg: Leg, mine: Bool, solutions: list[Array])
 
 STARTS = 400
 SEED = 811
-_DOUBLE = 1e-3
 _MOST = 4096
 
 
@@ -483,7 +481,7 @@ def _poses(loops: BatchLoops, Q: Array) -> tuple[list[Array], list[int]]:
     if len(poses) > 1:
         marks = _marks(loops, np.array(poses))
         gaps = np.abs(marks[:, None] - marks[None]).max(axis=-1) + np.eye(len(poses))
-        close = np.flatnonzero(gaps.min(axis=1) <= _DOUBLE)
+        close = np.flatnonzero(gaps.min(axis=1) <= 1e-3)
         if len(close):
             mechanism = loops.mechanism
             passive = np.isin(np.arange(mechanism.n), mechanism.passive)

@@ -192,8 +192,6 @@ FORMS = "closed forms over the "
 _WHY = "why was not kept in this file"
 _FEW = 7
 """Joints up to which a text lists the values of all of them."""
-_FEW_INPUTS = 3
-_MOST_ROWS = 16
 
 
 @dataclass(frozen=True)
@@ -385,7 +383,7 @@ def _modes(
 ) -> Iterator[Line]:
     """A table: the pose of the output first, then the ``inputs`` that tell modes apart."""
     rows = [s.pose for s in modes if s.pose is not None]
-    count = min(len(rows), len(modes) if joints else _MOST_ROWS)
+    count = min(len(rows), len(modes) if joints else 16)
     for line in pose_table(
         rows[:count],
         [(str(s.ways), s.mode) for s in modes[:count]],
@@ -422,7 +420,7 @@ def _points(a: MechanismAnalysis, values: Values) -> Iterator[Line]:
                 if p.range_end
                 else ""
             )
-            if len(a.inputs) <= _FEW_INPUTS:
+            if len(a.inputs) <= 3:
                 shown = values.named(a.inputs, p.inputs.round(12), 10)
                 told[shown, mode] = told.get((shown, mode), 0) + 1
                 continue

@@ -31,14 +31,8 @@ from pinsing.robot.mechanism import Mechanism
 from pinsing.serialization import JsonResult
 
 KINDS = ("type 1", "type 2", "constraint")
-_WORTH = 0.3
-_GROWTH = 1.3
-_STEPS = 40
 _SAME = 1e-6
 _ZERO = 1e-9
-_RUN = 3
-_MEETING = 1e-6
-_NEAR = 5e-3
 
 
 @dataclass(frozen=True, eq=False)
@@ -165,8 +159,8 @@ def _of_one_mode(mechanism: Mechanism, found: list[SingularPoint]) -> list[Singu
         for k, (other, seen) in enumerate(zip(marks, out, strict=True)):
             # Where two of a kind meet, Newton ends with half the digits.
             close = point.kind == seen.kind and bool(
-                np.abs(point.inputs - seen.inputs).max() <= _MEETING
-                and np.abs(mark - other).max() <= _NEAR
+                np.abs(point.inputs - seen.inputs).max() <= 1e-6
+                and np.abs(mark - other).max() <= 5e-3
             )
             if same(mark, other) or close:
                 if point.ratio < seen.ratio:
@@ -214,7 +208,7 @@ def _one_of_each_run(found: list[int], zero: Bool) -> list[int]:
     out = [k for k in found if not zero[k]]
     for a, b in zip(starts.tolist(), ends.tolist(), strict=True):
         inside = [k for k in found if a <= k <= b]
-        if b - a < _RUN:
+        if b - a < 3:
             out += inside
         elif inside:
             out.append(min(inside, key=lambda k: abs(k - (a + b) / 2)))
@@ -232,11 +226,11 @@ def _candidates(t: Trace, index: int) -> list[tuple[str, int]]:
         right = np.roll(ratio, -1) if not t.closed else np.concatenate([ratio[1:], ratio[1:2]])
         if not t.closed:
             left[0] = right[-1] = np.inf
-        low = (ratio <= left) & (ratio <= right) & (ratio < _WORTH)
+        low = (ratio <= left) & (ratio <= right) & (ratio < 0.3)
         # Beside a zero the measure grows by its own size within a step; not so a flat minimum.
         if not t.closed:
             left[0], right[-1] = ratio[2], ratio[-3]
-        low &= np.maximum(left, right) >= _GROWTH * ratio
+        low &= np.maximum(left, right) >= 1.3 * ratio
         if low.all():
             continue
         out += [(kind, k) for k in _one_of_each_run(np.flatnonzero(low).tolist(), ratio <= _ZERO)]
@@ -316,7 +310,7 @@ def _solve(system: _System, q: Array) -> Array:
     x, Z = system.start(q)
     value = system.residual(x, Z)
     size, stalled = float(np.linalg.norm(value)), 0
-    for _ in range(_STEPS):
+    for _ in range(40):
         if size <= 1e-15 or stalled == 2:
             break
         step = np.linalg.lstsq(system.jacobian(x, Z), -value, rcond=1e-9)[0]

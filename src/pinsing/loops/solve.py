@@ -24,7 +24,6 @@ from pinsing.robot.mechanism import Mechanism
 from pinsing.serialization import JsonResult
 
 _STEP = 0.05
-_SMALLEST = 1e-5
 
 
 class InfeasibleError(ConfigurationError):
@@ -150,7 +149,7 @@ def _walk(
     if distance == 0:
         return q, 1.0, ""
     part, step = 0.0, min(1.0, _STEP / distance)
-    smallest = min(1.0, _SMALLEST / distance)
+    smallest = min(1.0, 1e-5 / distance)
     while part < 1:
         ahead = min(1.0, part + step)
         guess = _predict(loops, q, (ahead - part) * (target - origin) / units, actuated, free)
@@ -178,10 +177,6 @@ def _predict(loops: Loops, q: Array, move: Array, actuated: list[int], free: Mas
     return out
 
 
-_SEED = 811
-_CLOSED = 1e-9
-_POINT = 1e-7
-_BESIDE = 0.05
 MOST_CURVES = 24
 """More curves of one input are not followed: free passive joints multiply them."""
 
@@ -233,7 +228,7 @@ def curves(
     inputs: npt.ArrayLike,
     moving: int,
     starts: int = 160,
-    seed: int = _SEED,
+    seed: int = 811,
     over: Callable[[], bool] | None = None,
 ) -> tuple[Trace, ...]:
     """Solution curves with input ``moving`` (position among the inputs) free, the others held.
@@ -255,7 +250,7 @@ def curves(
     # Home first: what is known to close is not left to chance.
     begin[0, free] = home(mechanism)[free]
     found, error = newton(BatchLoops(mechanism), begin, free)
-    closed = distinct(mechanism, list(found[error <= _CLOSED]))
+    closed = distinct(mechanism, list(found[error <= 1e-9]))
     return cover(mechanism, closed, moving, over)
 
 
@@ -298,7 +293,7 @@ class _Followed:
             size = float(step @ step)
             along = float(np.clip((mark - start) @ step / size, 0, 1)) if size > 0 else 0.0
             # Beside a step by its curvature only.
-            if np.linalg.norm(mark - start - along * step) <= _BESIDE * np.sqrt(size):
+            if np.linalg.norm(mark - start - along * step) <= 0.05 * np.sqrt(size):
                 return True
         return False
 
@@ -337,7 +332,7 @@ def intervals(mechanism: Mechanism, found: Sequence[Trace], moving: int) -> tupl
             merged.append([low, high])
     # A curve that ends where it begins, at a limit, is no range.
     scale = mechanism.length_scale if mechanism.prismatic[index] else 1.0
-    return tuple(Interval(low, high) for low, high in merged if high - low > _POINT * scale)
+    return tuple(Interval(low, high) for low, high in merged if high - low > 1e-7 * scale)
 
 
 def _near(value: Array, ends: Array, prismatic: bool) -> Array:
@@ -349,7 +344,6 @@ def _near(value: Array, ends: Array, prismatic: bool) -> Array:
 
 
 _AT_TYPE_2 = 1e-6
-_LEAVE = 0.02
 
 
 @dataclass(frozen=True, eq=False)
@@ -400,7 +394,7 @@ def _ways_out(mechanism: Mechanism, q: Array) -> list[Array]:
     loops = Loops(mechanism)
     along = here.basis @ np.linalg.svd(here.inputs)[2][-1] * loops.column_scale
     everything = np.ones(mechanism.n, dtype=bool)
-    return [gauss_newton(loops, q + side * _LEAVE * along, everything)[0] for side in (1, -1)]
+    return [gauss_newton(loops, q + side * 0.02 * along, everything)[0] for side in (1, -1)]
 
 
 def stretch(mechanism: Mechanism, q: npt.ArrayLike, moving: int) -> Stretch:

@@ -21,14 +21,12 @@ from flint import Ordering, fmpq_mpoly_ctx
 from pinsing._dataclass import dataclass
 from pinsing._types import Array
 from pinsing.algebra.ring import Poly, rational
-from pinsing.loops.exact import Row, cross, dot, vector
-from pinsing.loops.forms import pose_equation
-from pinsing.loops.leg_wrenches import SPHERE, AtZero, path_to, room_of
-from pinsing.loops.structure import structure
+from pinsing.loops.exact import cross, divided_by, dot, quaternion_turn, vector
+from pinsing.loops.forms import TURNS, pose_equation
+from pinsing.loops.leg_wrenches import SPHERE, room_of
+from pinsing.loops.legs import angles_of
+from pinsing.loops.structure import SMALL, at_zero, path_to, structure
 from pinsing.robot.mechanism import Mechanism
-
-_SMALL = 1e-9
-TURNS = ("e0", "e1", "e2", "e3")
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,10 +53,20 @@ class SphereLeg:
     outer: Array
     cosine: float
 
+    def solutions(self, R: Array) -> tuple[float, ...] | None:
+        """Values of the joint for an orientation R (3, 3); None where two meet.
+
+        v . w is the cosine of the outer link, linear in cosine and sine of the joint's angle.
+        """
+        w, u = R @ self.outer, self.driven
+        rest = float(u @ self.middle) * u
+        a, b = float(w @ (self.middle - rest)), float(w @ np.cross(u, self.middle))
+        return angles_of(a, b, self.cosine - float(w @ rest))
+
     @property
     def square(self) -> bool:
         """Whether both links are quarter circles."""
-        return bool(max(abs(float(self.driven @ self.middle)), abs(self.cosine)) <= _SMALL)
+        return bool(max(abs(float(self.driven @ self.middle)), abs(self.cosine)) <= SMALL)
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,35 +103,6 @@ MOST_ASSEMBLIES = 8
 """Three equations of degree 2 in the quaternion: no more, where they are finite in number."""
 
 
-def count_inputs(mechanism: Mechanism, R: Array) -> int | None:
-    """Values of the inputs within their limits for an orientation R (3, 3); None where not told.
-
-    Each leg by itself: v . w is the cosine of its outer link, linear in cosine and sine of the
-    actuated angle, so that two values fulfil it.
-    """
-    found = sphere_loci(mechanism)
-    if found is None:
-        return None
-    count = 1
-    for leg in found.legs:
-        w, u = R @ leg.outer, leg.driven
-        rest = float(u @ leg.middle) * u
-        a, b = float(w @ (leg.middle - rest)), float(w @ np.cross(u, leg.middle))
-        known, size = leg.cosine - float(w @ rest), float(np.hypot(a, b))
-        if abs(size - abs(known)) <= _SMALL:
-            return None
-        if size < abs(known):
-            return 0
-        middle, spread = float(np.arctan2(b, a)), float(np.arccos(known / size))
-        count *= sum(_inside(mechanism, leg.joint, v) for v in (middle + spread, middle - spread))
-    return count
-
-
-def _inside(mechanism: Mechanism, joint: int, value: float) -> bool:
-    low, high = float(mechanism.lower[joint]), float(mechanism.upper[joint])
-    return not np.isfinite([low, high]).all() or (value - low) % (2 * np.pi) <= high - low
-
-
 def type1_alone(mechanism: Mechanism) -> bool:
     """Whether type 2 is shown to need type 1 of a leg."""
     found = sphere_loci(mechanism)
@@ -138,7 +117,7 @@ def squares_note(found: SphereLoci) -> str:
     """
     U = np.array([leg.driven for leg in found.legs]).T
     W = np.array([leg.outer for leg in found.legs]).T
-    right = max(float(np.abs(A.T @ A - np.eye(3)).max()) for A in (U, W)) <= _SMALL
+    right = max(float(np.abs(A.T @ A - np.eye(3)).max()) for A in (U, W)) <= SMALL
     if not right or not all(leg.square for leg in found.legs):
         return ""
     unit = np.eye(3)
@@ -194,7 +173,7 @@ def _polynomials(
     """Type 2, type 1 of each leg, and what was changed; v is u x w where no joints are given."""
     context: Any = fmpq_mpoly_ctx.get([f"v{k}" for k in range(len(names))], Ordering.degrevlex)
     gens = context.gens()
-    R, N = _turn(gens[:4])
+    R, N = quaternion_turn(gens[:4])
     zero = context.constant(0)
     off, rows, ones = 0.0, [], []
     for k, leg in enumerate(legs):
@@ -215,18 +194,17 @@ def _polynomials(
             ]
         moment = cross(v, w)
         rows.append(moment)
-        ones.append(_without(dot(base, moment, zero), N))
+        ones.append(divided_by(dot(base, moment, zero), N))
     type2 = dot(rows[0], cross(rows[1], rows[2]), zero)
-    return _without(type2, N), tuple(ones), off
+    return divided_by(type2, N), tuple(ones), off
 
 
 def _legs(mechanism: Mechanism) -> list[SphereLeg] | None:
-    built = structure(mechanism)
-    zero = AtZero(mechanism, built)
+    built, zero = structure(mechanism), at_zero(mechanism)
     centre = room_of(mechanism)[2]
     turn = np.array(zero.frames[mechanism.output_id].rotation)
     frames = {f.name: k for k, f in enumerate(mechanism.model.frames)}
-    whole, last = path_to(mechanism, built.output), zero.axes[built.output - 1]
+    whole, last = path_to(mechanism, built.output), zero.axis[built.output - 1]
     # Of each way: its joints, the outer axis by the link before it, and by the output.
     ways = [(whole[:-1], last, last)]
     for loop in mechanism.loops:
@@ -237,7 +215,7 @@ def _legs(mechanism: Mechanism) -> list[SphereLeg] | None:
             return None
         radii = [np.array(zero.frames[k].translation) - centre for k in (inner, outer)]
         sizes = [float(np.linalg.norm(r)) for r in radii]
-        if min(sizes) <= _SMALL:
+        if min(sizes) <= SMALL:
             return None
         joints = path_to(mechanism, int(mechanism.model.frames[inner].parentJoint))
         ways.append((joints, radii[0] / sizes[0], radii[1] / sizes[1]))
@@ -249,30 +227,9 @@ def _legs(mechanism: Mechanism) -> list[SphereLeg] | None:
             or joints[1] in mechanism.actuated
         ):
             return None
-        u, v = zero.axes[joints[0]], zero.axes[joints[1]]
+        u, v = zero.axis[joints[0]], zero.axis[joints[1]]
         out.append(SphereLeg(joints[0], u, v, turn.T @ after, float(v @ before)))
     return out if {leg.joint for leg in out} == set(mechanism.actuated) else None
-
-
-def _turn(e: Sequence[Poly]) -> tuple[list[Row], Poly]:
-    """Rotation matrix of a quaternion, times the square of its length, and that."""
-    a, b, c, d = e
-    N = a * a + b * b + c * c + d * d
-    return [
-        [a * a + b * b - c * c - d * d, 2 * (b * c - a * d), 2 * (b * d + a * c)],
-        [2 * (b * c + a * d), a * a - b * b + c * c - d * d, 2 * (c * d - a * b)],
-        [2 * (b * d - a * c), 2 * (c * d + a * b), a * a - b * b - c * c + d * d],
-    ], N
-
-
-def _without(poly: Poly, N: Poly) -> Poly:
-    """Divide by N as often as it goes: it is 1."""
-    while poly != 0:
-        quotient, rest = divmod(poly, N)
-        if rest != 0:
-            break
-        poly = quotient
-    return poly
 
 
 def _away(found: Sequence[Any], meant: Array) -> float:

@@ -12,7 +12,8 @@ from pinsing._types import Array
 from pinsing.robot.joints import joint_axis
 from pinsing.robot.mechanism import Mechanism
 
-_SMALL = 1e-9
+SMALL = 1e-9
+"""Metres, and sines: what is smaller is zero."""
 
 
 @dataclass(frozen=True)
@@ -77,6 +78,92 @@ def structure(mechanism: Mechanism) -> Structure:
     return mechanism.once("structure", lambda: _structure(mechanism))
 
 
+class NotThisKind(Exception):
+    """The legs are others; the message says in which way."""
+
+
+class Sample:
+    """Placements at a configuration q (n,) of the tree, closed or not, in axes (rows) of the base.
+
+    Attributes
+    ----------
+    q : (n,) array
+        The configuration.
+    joints, frames : lists of pin.SE3
+        As in Pinocchio's data.
+    output : pin.SE3
+        Of the output, in axes ``own`` (columns) of it.
+    axis, origins : (n, 3) arrays
+        Axes of the joints, and points on them, metres.
+    """
+
+    def __init__(
+        self, mechanism: Mechanism, q: Array, axes: Array | None = None, own: Array | None = None
+    ) -> None:
+        data, joints = mechanism.model.createData(), range(mechanism.n)
+        pin.forwardKinematics(mechanism.model, data, mechanism.model_q(q))
+        pin.updateFramePlacements(mechanism.model, data)
+        turn = pin.SE3(np.eye(3) if axes is None else axes, np.zeros(3))
+        self.q = q
+        self.joints = [turn * m for m in data.oMi]
+        self.frames = [turn * m for m in data.oMf]
+        self.output = self.frames[mechanism.output_id]
+        if own is not None:
+            self.output = self.output * pin.SE3(own, np.zeros(3))
+        built = structure(mechanism)
+        self.axis = np.array([self.joints[j + 1].rotation @ built.axes[j] for j in joints])
+        self.origins = np.array([self.joints[j + 1].translation for j in joints])
+
+
+def at_zero(mechanism: Mechanism) -> Sample:
+    """Everything with all joints at zero, in the base."""
+    return Sample(mechanism, np.zeros(mechanism.n))
+
+
+def path_to(mechanism: Mechanism, body: int) -> list[int]:
+    """The joints on the tree's way from the base to a body (a joint of the model)."""
+    path: list[int] = []
+    while body:
+        path.insert(0, body - 1)
+        body = int(mechanism.model.parents[body])
+    return path
+
+
+def plane_normal(mechanism: Mechanism, axes: Array) -> Array | None:
+    """Normal (3,) of the plane in which joints with these axes (n, 3) move; None in space."""
+    turning = ~mechanism.prismatic
+    if not turning.any():
+        return None
+    normal = axes[int(np.argmax(turning))]
+    normal = normal * np.sign(normal[int(np.argmax(np.abs(normal).round(6)))])
+    flat = np.abs(np.abs(axes @ normal) - turning).max() <= SMALL
+    return np.array(normal) if flat else None
+
+
+def plane_axes(mechanism: Mechanism) -> tuple[Array, Array] | None:
+    """Axes of the base (rows) and of the output (columns) of the plane in which all moves; or None.
+
+    The normal is the third; axes of the base are taken in turn where it is one of them. Those of
+    the output are along them when its rotation is none but about the normal.
+    """
+    zero = at_zero(mechanism)
+    normal = plane_normal(mechanism, zero.axis)
+    if normal is None:
+        return None
+    k = int(np.argmax(np.abs(normal)))
+    if abs(normal[k] - 1) <= SMALL:
+        axes = np.roll(np.eye(3), 2 - k, axis=0)
+    else:
+        first = np.cross([0.0, 1.0, 0.0] if k != 1 else [0.0, 0.0, 1.0], normal)
+        first /= np.linalg.norm(first)
+        axes = np.array([first, np.cross(normal, first), normal])
+    turned = axes @ zero.output.rotation
+    for own in (axes.T, np.eye(3)):
+        if abs((turned @ own)[2, 2] - 1) <= SMALL:
+            return axes, np.array(own)
+    return axes, np.array(turned.T)
+
+
 def bodies(mechanism: Mechanism) -> tuple[tuple[int, int], ...]:
     """The two bodies (joints of the model, 0 the base) that each loop holds together."""
     frames = {f.name: int(f.parentJoint) for f in mechanism.model.frames}
@@ -113,7 +200,7 @@ def _coaxial(mechanism: Mechanism) -> list[tuple[int, int]]:
         place = model.jointPlacements[j + 1]
         turned = np.array(place.rotation) @ axes[j]
         apart = np.cross(axes[parent], np.array(place.translation))
-        if max(np.abs(np.cross(axes[parent], turned)).max(), np.abs(apart).max()) <= _SMALL:
+        if max(np.abs(np.cross(axes[parent], turned)).max(), np.abs(apart).max()) <= SMALL:
             out.append((parent, j))
     return out
 
@@ -204,9 +291,9 @@ def _run(
             break
         if free:
             start = met[0]
-            sitting = int(np.linalg.norm(start) <= _SMALL)
+            sitting = int(np.linalg.norm(start) <= SMALL)
         point, free, here = met[1], False, after[0]
-        sitting += int(np.linalg.norm(point) <= _SMALL)
+        sitting += int(np.linalg.norm(point) <= SMALL)
         chain.append(here)
     return Centre(tuple(chain), start), sitting
 
@@ -223,13 +310,13 @@ def _meeting(
     normal = np.cross(axis, direction)
     size = float(np.linalg.norm(normal))
     if free:
-        if size <= _SMALL or abs(t @ normal) > _SMALL * size:
+        if size <= SMALL or abs(t @ normal) > SMALL * size:
             return None
         # t + s d = r a: the common point is r a.
         r = float(np.cross(t, direction) @ normal) / size**2
         point = r * axis
     inside = R.T @ (point - t)
-    if np.linalg.norm(np.cross(inside, following)) > _SMALL:
+    if np.linalg.norm(np.cross(inside, following)) > SMALL:
         return None
     return point, inside
 

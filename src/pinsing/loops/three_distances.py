@@ -21,17 +21,12 @@ from flint import Ordering, fmpq_mpoly_ctx, fmpq_poly
 from pinsing._dataclass import dataclass
 from pinsing._types import Array
 from pinsing.algebra.ring import Poly, fraction, rational
-from pinsing.loops.exact import ExactPoints, exact_points
+from pinsing.loops.exact import ExactPoints, divided_by, exact_points
 from pinsing.loops.forms import PoseEquation
-from pinsing.loops.legs import Rod, Rods, rods
-from pinsing.loops.modes import home
-from pinsing.loops.structure import output_pose
+from pinsing.loops.legs import Crank, Elbow, Foot, Rod, Rods, Strut, rods
 from pinsing.robot.mechanism import Mechanism
 
 _TURNS = ((1, 0), (Fraction(4, 5), Fraction(3, 5)), (Fraction(5, 13), Fraction(12, 13)))
-_SAMPLES = 6
-_ZERO = 1e-7
-_LONGEST = 10**5
 _SEED = 5077
 Point = tuple[Any, Any]
 
@@ -57,7 +52,7 @@ def planar_rods(mechanism: Mechanism) -> Rods | None:
     found = rods(mechanism)
     if found is None or not found.planar or len(found.rods) != 3:
         return None
-    return None if any(rod.bends or rod.side for rod in found.rods) else found
+    return None if any(isinstance(rod, Elbow | Foot) for rod in found.rods) else found
 
 
 def count_poses(mechanism: Mechanism, inputs: Array) -> int | None:
@@ -70,13 +65,11 @@ def count_poses(mechanism: Mechanism, inputs: Array) -> int | None:
     inner: list[Point] = []
     squares: list[Any] = []
     for rod in found.rods:
-        value = at[rod.joint]
-        C = rod.inner
-        if rod.moved:
-            slides = mechanism.prismatic[rod.joint]
-            c, s = (value, 0.0) if slides else (float(np.cos(value)), float(np.sin(value)))
-            C = rod.inner + c * rod.first + s * rod.second
-        length = abs(value + rod.offset) if rod.slides else rod_length(mechanism, rod)
+        value = np.array([at[rod.joint]])
+        (C,) = rod.foot(value)
+        distance = rod.distance(value, found.length(rod))
+        assert distance is not None  # such rods are left out
+        length = float(distance[0])
         inner.append(tuple(context.constant(rational(Fraction(v))) for v in C[:2].tolist()))
         squares.append(context.constant(rational(Fraction(length) ** 2)))
     outer = [tuple(context.constant(rational(Fraction(v))) for v in r.outer[:2].tolist())
@@ -101,7 +94,7 @@ def input_loci(mechanism: Mechanism) -> tuple[PoseEquation, ...]:
     by its input, "(p1 + 0.5)". A point on it has two poses that meet, real or complex ones.
     """
     found = planar_rods(mechanism)
-    if found is None or not all(rod.slides for rod in found.rods):
+    if found is None or not all(isinstance(r, Strut) for r in found.rods):
         return ()
     return mechanism.once("input_loci", lambda: _input_loci(mechanism, found))
 
@@ -109,8 +102,7 @@ def input_loci(mechanism: Mechanism) -> tuple[PoseEquation, ...]:
 def input_degrees(mechanism: Mechanism) -> InputDegrees | None:
     """Degrees of type 2 over the inputs of cranks, each counted with the other inputs fixed."""
     found = planar_rods(mechanism)
-    slides = mechanism.prismatic
-    if found is None or not all(r.moved and not slides[r.joint] for r in found.rods):
+    if found is None or not all(isinstance(r, Crank) for r in found.rods):
         return None
     return mechanism.once("input_degrees", lambda: _degrees(mechanism, found))
 
@@ -118,7 +110,11 @@ def input_degrees(mechanism: Mechanism) -> InputDegrees | None:
 def degree_notes(mechanism: Mechanism) -> Iterator[str]:
     """The same in words, and why a locus over three distances is left out."""
     slid = planar_rods(mechanism)
-    if slid is not None and all(r.slides for r in slid.rods) and not input_loci(mechanism):
+    if (
+        slid is not None
+        and all(isinstance(r, Strut) for r in slid.rods)
+        and not input_loci(mechanism)
+    ):
         yield (
             "the inputs alone: eliminating the pose leaves a polynomial, in general of degree 12 "
             "in the squares of the inputs; not written out where coordinates have more than five "
@@ -142,20 +138,6 @@ def length_name(mechanism: Mechanism, rod: Rod, digits: int = 12) -> str:
     if rod.offset == 0:
         return name
     return f"({name} {'+' if rod.offset > 0 else '-'} {abs(rod.offset):.{digits}g})"
-
-
-def rod_length(mechanism: Mechanism, rod: Rod) -> float:
-    """Distance of the ends of a rod that is no actuator, metres; in the plane if that is level."""
-    q = home(mechanism)
-    found = rods(mechanism)
-    assert found is not None  # the rod is one of them
-    pose = found.placed(output_pose(mechanism, q))
-    value = float(q[rod.joint])
-    slides = mechanism.prismatic[rod.joint]
-    c, s = (value, 0.0) if slides else (float(np.cos(value)), float(np.sin(value)))
-    C = rod.inner + c * rod.first + s * rod.second
-    B = np.array(pose.translation) + np.array(pose.rotation) @ rod.outer
-    return float(np.linalg.norm((B - C)[:2] if found.planar else B - C))
 
 
 def _poses(
@@ -190,12 +172,7 @@ def _poses(
     wx = right[0] * away[1][1] - right[1] * away[0][1]
     wy = away[0][0] * right[1] - away[1][0] * right[0]
     poly = square * wx**2 + wy**2 - 4 * square * squares[0] * below**2
-    while poly != 0:
-        quotient, rest = divmod(poly, n)
-        if rest != 0:
-            break
-        poly = quotient
-    return poly, below
+    return divided_by(poly, n), below
 
 
 def _univariate(poly: Poly) -> fmpq_poly:
@@ -229,14 +206,14 @@ def _input_loci(mechanism: Mechanism, found: Rods) -> tuple[PoseEquation, ...]:
 
 def _written_short(exact: ExactPoints) -> bool:
     """Whether the coefficients stay of a length that is found in seconds."""
-    return max(v.denominator for p in exact.vectors for v in p[:2]) <= _LONGEST
+    return max(v.denominator for p in exact.vectors for v in p[:2]) <= (10**5)
 
 
 def _singular_squares(found: Rods) -> list[Array]:
     """Squared lengths (3,), complex, at random singular poses of the platform."""
     rng = np.random.default_rng(_SEED)
     out: list[Array] = []
-    for _ in range(_SAMPLES):
+    for _ in range(6):
         angle, y = rng.uniform(-np.pi, np.pi), rng.normal()
         R = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
         turned = [R @ rod.outer[:2] for rod in found.rods]
@@ -266,7 +243,7 @@ def _vanishes(factor: Poly, at: Array) -> bool:
         for value, power in zip(at, tuple(monomial)[1:], strict=True):
             term *= complex(value) ** int(power)
         total, size = total + term, size + abs(term)
-    return abs(total) <= _ZERO * size
+    return abs(total) <= 1e-7 * size
 
 
 def _in_inputs(factor: Poly, names: tuple[str, ...]) -> PoseEquation:
@@ -289,7 +266,7 @@ def _degrees(mechanism: Mechanism, found: Rods) -> InputDegrees | None:
     context = fmpq_mpoly_ctx.get(["t", "u"], Ordering.degrevlex)
     u = context.gens()[1]
     rng = np.random.default_rng(_SEED)
-    lengths = [Fraction(rod_length(mechanism, r)).limit_denominator(1000) for r in found.rods]
+    lengths = [Fraction(found.length(r)).limit_denominator(1000) for r in found.rods]
     degrees = []
     for moving in range(3):
         inner: list[Point] = []
@@ -297,9 +274,10 @@ def _degrees(mechanism: Mechanism, found: Rods) -> InputDegrees | None:
         for k, rod in enumerate(found.rods):
             h = u if k == moving else context.constant(int(rng.integers(2, 9)))
             n, c, s = 1 + h**2, 1 - h**2, 2 * h
+            first, second, _ = rod.vectors()
             inner.append(
-                tuple(n * _simple(rod.inner[i]) + c * _simple(rod.first[i])
-                      + s * _simple(rod.second[i]) for i in range(2))
+                tuple(n * _simple(rod.inner[i]) + c * _simple(first[i]) + s * _simple(second[i])
+                      for i in range(2))
             )  # fmt: skip
             below.append(n)
         # All lengths times the product of the denominators.

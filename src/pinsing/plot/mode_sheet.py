@@ -27,7 +27,6 @@ if TYPE_CHECKING:
 _MOST = 16
 _ROW = 4
 _SMALL = 7.5
-_ALIKE = 1e-6
 
 
 def mode_sheet(
@@ -106,7 +105,7 @@ def looks_apart(mechanism: Mechanism, modes: Sequence[Solution], most: int = _MO
     turned = [int((mode.q[slides] < 0).sum()) for mode in modes]
     for k in np.argsort(turned, kind="stable").tolist():
         cloud = joint_points(mechanism, modes[k].q)
-        if all(np.abs(cloud - other).max() > _ALIKE for other in clouds):
+        if all(np.abs(cloud - other).max() > 1e-6 for other in clouds):
             kept.append(k)
             clouds.append(cloud)
         if len(kept) == most:

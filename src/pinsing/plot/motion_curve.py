@@ -30,7 +30,6 @@ _MODES = {
     "+": (PLUS, "assembly +, as at home"), "-": (MINUS, "assembly −"), "0": (_PLAIN, "poses"),
     "?": (_PLAIN, "poses"),
 }  # fmt: skip
-_EVERY = 7
 _STILL = 1e-9
 
 
@@ -175,7 +174,7 @@ def _apart(found: Sequence[tuple[Array, Array]], turn: Array) -> list[tuple[Arra
         for _, other in kept:
             there = _folded(other, turn)
             step = np.abs(_folded(np.diff(other, axis=0), turn)).max(axis=0) + _STILL
-            gap = np.abs(_folded(mine[::_EVERY, None] - there[None], turn))
+            gap = np.abs(_folded(mine[::7, None] - there[None], turn))
             if ((gap <= step).all(axis=2)).any(axis=1).all():
                 break
         else:

@@ -40,14 +40,8 @@ PASSIVE = "#7d3c98"
 LIMIT = "#6b7480"
 SINGULAR = "#e4e2e8"
 _SAMPLES = {1: 161, 2: 141, 4: 111, 8: 91}
-_MOST_PANELS = 8
 _ALIKE = 1e-6
 _MOST_NAMED = 6
-_JUST = 1e-6
-_ROUNDING = 1e-10
-"""Left sides, whose factors have unit length, of a locus that is zero all over a slice."""
-_EDGE = 0.9
-"""Cells over which the border of what was reached is smoothed."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -154,7 +148,7 @@ def pose_maps(
 
     names = _names(mechanism, over)
     modes = _modes(mechanism, names, start)
-    shown = modes[:_MOST_PANELS]
+    shown = modes[:8]
     if len(shown) == 1:
         return _figure_of(pose_map(mechanism, names, None, samples, degrees, start))
     count = next(v for k, v in _SAMPLES.items() if len(shown) <= k)
@@ -287,7 +281,8 @@ def _lefts(forms: JointForms, Q: Array, reached: Bool) -> list[tuple[str, Array]
 
 def _vanishes(left: Array) -> bool:
     there = np.abs(left[np.isfinite(left)])
-    return bool(len(there)) and float(there.max()) <= _ROUNDING
+    # Left sides, whose factors have unit length, of a locus that is zero all over a slice.
+    return bool(len(there)) and float(there.max()) <= 1e-10
 
 
 def _everywhere(mechanism: Mechanism) -> bool:
@@ -338,7 +333,8 @@ def _draw(ax: Axes, mechanism: Mechanism, found: PoseSlice, panel: Panel, degree
         if ones:
             edge, level = np.ma.masked_invalid(border_field(panel.reached, ones)), 0.0
         else:
-            edge, level = gaussian_filter(panel.reached.astype(float), _EDGE), 0.5
+            # Cells over which the border of what was reached is smoothed.
+            edge, level = gaussian_filter(panel.reached.astype(float), 0.9), 0.5
         ax.contour(x, y, edge, levels=[level], colors=[_border(mechanism)], linewidths=1.2)
     _zero(ax, x, y, np.where(np.isfinite(panel.margin), panel.margin, np.nan), LIMIT, "--")
     for kind, left in panel.lefts:
@@ -378,7 +374,7 @@ def border_field(reached: Bool, ones: Sequence[Array]) -> Array:
             last = near.min(axis=0)
             on = (2 * near - further).min(axis=0) if sure else -last
             # What bends downwards is led a little too high.
-            on = np.where((on >= 0) & (on < last / 2), -_JUST * last, on)
+            on = np.where((on >= 0) & (on < last / 2), -1e-6 * last, on)
             led.append(np.where(on < 0, on, np.nan))
         known = np.isfinite(led)
         mean = np.where(known, led, 0.0).sum(axis=0) / np.maximum(known.sum(axis=0), 1)

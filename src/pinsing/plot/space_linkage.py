@@ -8,14 +8,13 @@ import numpy as np
 import pinocchio as pin
 
 from pinsing._types import Array
-from pinsing.loops.legs import plane_axes
+from pinsing.loops.structure import plane_axes
 from pinsing.robot.joints import joint_axis
 from pinsing.robot.mechanism import Mechanism
 
 _LINK, _DRIVEN, _NODE, _OUTPUT = "#8a9ba8", "#41719c", "#37424d", "#cc333d"
 _PLATE, _GROUND = "#e9d5d6", "#e3e7ea"
 _FLAT = 1e-9
-_LEVEL = 1e-6
 
 
 def joint_points(mechanism: Mechanism, q: Array) -> Array:
@@ -33,7 +32,7 @@ def drawing_plane(mechanism: Mechanism) -> tuple[int, int] | None:
         return None
     found = np.abs(plane[0][2])
     k = int(np.argmax(found))
-    if found[k] < 1 - _LEVEL:
+    if found[k] < 1 - 1e-6:
         return None
     return ((1, 2), (0, 2), (0, 1))[k]
 

@@ -26,8 +26,6 @@ TYPES = {
 }
 _PAGE = Page(84)
 _ROUGH, _MOST_TRIED = 41, 8
-_LONGEST = 12_000
-"""Letters of written-out determinants; longer ones are left to the JSON."""
 
 
 def input_value(value: float, slides: bool) -> str:
@@ -161,7 +159,8 @@ def _in_joints(a: MechanismAnalysis) -> Iterator[str]:
         return
     yield f"<h3>{text('In the joint angles')}</h3>"
     lines = list(joint_lines(a.joint_forms, True))
-    if sum(map(len, map(_plain, lines))) > _LONGEST:
+    # Letters of written-out determinants; longer ones are left to the JSON.
+    if sum(map(len, map(_plain, lines))) > 12_000:
         lines = list(joint_lines(a.joint_forms, False))
     yield _written(lines)
 

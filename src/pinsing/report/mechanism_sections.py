@@ -29,7 +29,6 @@ from pinsing.robot.mechanism import Mechanism
 Section = tuple[str, str, str]
 
 _TONES = {"regular": "good"}
-_MOST_POINTS = 60
 
 
 @dataclass(frozen=True, eq=False)
@@ -179,7 +178,7 @@ def points(mechanism: Mechanism, a: MechanismAnalysis) -> Section:
             text(p.mode),
             text("end of the range" if p.range_end else ""),
         )
-        for p in a.points[:_MOST_POINTS]
+        for p in a.points[:60]
     ]
     header = ("kind", "inputs", "mode", "")
     more = len(a.points) - len(rows)

@@ -12,7 +12,6 @@ from pinsing.loops.result import MechanismAnalysis
 from pinsing.loops.singular_points import SingularPoint
 from pinsing.robot.mechanism import Mechanism
 
-_ON = 1e-7
 _SAME = 1e-6
 _MEANING = {
     "type 1": "the output loses a direction",
@@ -113,7 +112,7 @@ def input_text(mechanism: Mechanism, k: int, value: float, digits: int = 1) -> s
 def _on(locus: Locus, point: SingularPoint) -> bool:
     if point.kind not in (locus.kind, "type 3"):
         return False
-    return abs(float(locus.equation(point.inputs))) <= _ON * locus.equation.size
+    return abs(float(locus.equation(point.inputs))) <= 1e-7 * locus.equation.size
 
 
 def _words(mechanism: Mechanism, point: SingularPoint) -> str:

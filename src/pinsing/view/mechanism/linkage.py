@@ -18,9 +18,6 @@ from pinsing.robot.source import Source
 from pinsing.view.sizes import Sizes
 from pinsing.view.stage import SIDE
 
-_SAMPLES = 16
-_SEED = 377
-_TILT = 0.42
 _PARALLEL = 1e-6
 
 
@@ -84,8 +81,8 @@ def linkage_sizes(mechanism: Mechanism, scale: float = 1.0) -> Sizes:
 
     Velocities are those at unit input speed, at regular configurations drawn at random.
     """
-    rng = np.random.default_rng(_SEED)
-    samples = [home(mechanism), *random_closed(mechanism, _SAMPLES, rng)]
+    rng = np.random.default_rng(377)
+    samples = [home(mechanism), *random_closed(mechanism, 16, rng)]
     states = [mechanism_at(mechanism, q) for q in samples]
     fast: dict[bool, list[float]] = {True: [], False: []}
     rows = np.array(mechanism.task.rows)
@@ -153,4 +150,4 @@ def side(normal: Array | None) -> tuple[float, ...]:
     across = np.array([x, z, -y])
     # A little off the normal, so that what stands on the plane is seen as well.
     tilt = np.array([0.0, 0.0, 1.0]) if abs(z) > 0.7 else np.array([0.0, 1.0, 0.0])
-    return tuple(float(v) for v in across + _TILT * tilt)
+    return tuple(float(v) for v in across + 0.42 * tilt)

@@ -12,8 +12,6 @@ from pinsing.view.mechanism.linkage import plane_normal
 from pinsing.view.scene import HOT, ROTATION, ring_arrow, straight_arrow, torus
 from pinsing.view.sizes import Sizes
 
-_BELOW = 0.06
-
 
 def draw_linkage_marks(node: Any, mechanism: Mechanism, size: Sizes) -> None:
     """Draw the arrows of motions that the actuators do not hold; adapt the rest to a plane.
@@ -42,5 +40,5 @@ def draw_linkage_marks(node: Any, mechanism: Mechanism, size: Sizes) -> None:
     turning["ring"].set_object(torus(1.0, 0.035), mg.MeshPhongMaterial(color=ROTATION))
     if abs(normal[2]) > 1 - 1e-9:
         below = np.eye(4)
-        below[2, 3] = -_BELOW * size.reach
+        below[2, 3] = -0.06 * size.reach
         node["floor"].set_transform(below)
