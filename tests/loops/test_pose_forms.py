@@ -17,9 +17,9 @@ from pinsing.cli import main
 from pinsing.loops import PoseForms, mechanism_at, pose_forms, refine, working_modes
 from pinsing.loops.closure import Loops, random_closed
 from pinsing.loops.legs import rods
-from pinsing.loops.pose_loci import _split, _together, _type1_loci
+from pinsing.loops.pose_loci import _loci, _split, _type1
 from pinsing.loops.pose_notes import variables_at
-from pinsing.loops.pose_ring import PoseRing
+from pinsing.loops.pose_ring import PoseRing, determinant
 from pinsing.plot.mechanism import TYPE_2
 from pinsing.plot.pose_aspects import colors, regions
 from pinsing.plot.pose_map import border_field, pose_map

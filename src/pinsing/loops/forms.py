@@ -335,6 +335,8 @@ class JointLocus:
         Entries of the determinant that is zero exactly there; with more rows than columns its
         columns are dependent exactly there. Empty where ``equation`` is short, or one of several
         factors.
+    ball : bool
+        Whether it is of three hinges that stand for a ball: they lie in a plane, the ball is free.
     """
 
     kind: str
@@ -342,6 +344,7 @@ class JointLocus:
     joints: tuple[str, ...]
     equation: Equation | None
     matrix: tuple[tuple[PoseEquation, ...], ...] = field(default=(), metadata={"optional": True})
+    ball: bool = field(default=False, metadata={"optional": True})
 
     def entries(self, q: npt.ArrayLike, joints: Sequence[str]) -> Array:
         """The matrix (..., k, m) at configurations q (..., n) of joints with these names."""
@@ -411,6 +414,8 @@ class JointForms(JsonResult):
         Whether that holds; without it there are none, and the notes say why.
     notes : tuple of str
         What was assumed.
+    always : tuple of str
+        Kinds whose condition holds at every closed configuration that was tried.
     """
 
     schema: ClassVar[str] = "pinsing/joint-forms/1"
@@ -419,6 +424,7 @@ class JointForms(JsonResult):
     loci: tuple[JointLocus, ...]
     complete: bool
     notes: tuple[str, ...]
+    always: tuple[str, ...] = field(default=(), metadata={"optional": True})
 
     def values(self, q: npt.ArrayLike) -> Array:
         """Left sides (..., number of loci) at configurations q (..., n), radians and metres.

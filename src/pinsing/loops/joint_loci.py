@@ -237,25 +237,19 @@ def _forms(mechanism: Mechanism) -> JointForms:
     if off > 1e-12:
         notes.append(f"coordinates were made exact, by at most {off:.1e}")
     found = JointForms(mechanism.joints, tuple(loci), True, tuple(notes))
-    always = _everywhere(mechanism, found)
-    return replace(found, notes=(*found.notes, always)) if always else found
-
-
-def _everywhere(mechanism: Mechanism, forms: JointForms) -> str:
-    """What is to be said where one of them holds at every configuration that was tried."""
     tried = near_home(mechanism) + random_closed(mechanism, 6, np.random.default_rng(6203))
-    if len(tried) < _FEW:
-        return ""
-    at = np.array(tried)
-    kinds = dict.fromkeys(
-        x.kind for x in forms.loci if x.ratio(at, forms.joints).max() <= 1e-10
-    )  # fmt: skip
-    if not kinds:
-        return ""
-    return (
+    always = tuple(
+        dict.fromkeys(
+            x.kind for x in loci if x.ratio(np.array(tried), found.joints).max() <= 1e-10
+        )
+    ) if len(tried) >= 4 else ()  # fmt: skip
+    if not always:
+        return found
+    notes.append(
         f"at each of the {len(tried)} closed configurations tried the condition of "
-        f"{' and '.join(kinds)} holds: taken for singular everywhere"
+        f"{' and '.join(always)} holds: taken for singular everywhere"
     )
+    return replace(found, notes=tuple(notes), always=always)
 
 
 def _of_closure(mechanism: Mechanism) -> tuple[list[JointLocus], float]:
@@ -518,7 +512,8 @@ def _passive(mechanism: Mechanism, legs: LegWrenches) -> list[JointLocus]:
             words = f"leg {leg}: the end of the leg is on the axis of {names}"
         else:
             words = f"leg {leg}: {names} move its end the same way"
-        out += _factored(legs.ring, mechanism, "passive", words, factor)
+        found = _factored(legs.ring, mechanism, "passive", words, factor)
+        out += [replace(x, ball=ball) for x in found]
     return out
 
 

@@ -1,8 +1,20 @@
-"""Real roots of a trigonometric equation in one joint."""
+"""Singular loci of dyad-closed loops as equations in the actuated angles, exactly.
+
+With the links of the dyad d1 and d2 long and v = B2 - B1 between their ends, type 2 is where B1, P,
+B2 are in line,
+
+    v.v = (d1 + d2)^2   or   v.v = (d1 - d2)^2,
+
+and leg 1 is at type 1 where A1, B1, P are: with e the direction of its crank
+
+    (v - d1 e).(v - d1 e) = d2^2   or   (v + d1 e).(v + d1 e) = d2^2,
+
+so leg 2. In half-angle coordinates of the inputs these are polynomials over the rationals.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator
 from dataclasses import field
 from fractions import Fraction
 from typing import Any, ClassVar
@@ -140,36 +152,29 @@ def loop_forms(mechanism: Mechanism) -> LoopForms | None:
         return None
     system = _LoopEquations(dyad)
     notes = list(system.notes)
-    conditions: list[tuple[str, int | None, Poly]] = [("type 2", None, system.between())]
     legs = _type1_legs(dyad)
     if legs is None:
         notes.append(
             f"type 1 loci are left out: the output {mechanism.output} ({mechanism.task}) is "
             "neither the pin's position nor the link that the dyad drives"
         )
-    conditions += [("type 1", i, system.leg(i)) for i in legs or ()]
     loci: list[Locus] = []
     always = False
-    for kind, leg, condition in conditions:
-        eliminated = system.ring.strip(system.eliminate(condition))
-        if eliminated != 0:
-            loci += _loci(system, kind, leg, eliminated)
-            continue
-        always = True
-        if leg is None:
-            notes.append(f"{kind}: at all inputs in one assembly mode")
-            continue
-        # One of the two ways to be in line is there at all inputs; the other has an equation.
+    for leg in (None, *(legs or ())):
+        kind = "type 2" if leg is None else "type 1"
         for sense, word in ((1, "stretched"), (-1, "folded")):
             inputs = system.ring.strip(system.in_line(leg, sense))
             if inputs != 0:
                 loci += _loci(system, kind, leg, inputs, sense)
                 continue
-            notes.append(
-                f"{kind}: at all inputs in one assembly mode, of which no equation over the inputs "
-                f"tells: leg {leg + 1} is {word} there with its end at rest; the equations in the "
-                "joint angles have it"
-            )
+            always = True
+            note = f"{kind}: at all inputs in one assembly mode"
+            if leg is not None:
+                note += (
+                    f", of which no equation over the inputs tells: leg {leg + 1} is {word} there "
+                    "with its end at rest; the equations in the joint angles have it"
+                )
+            notes.append(note)
     return LoopForms(tuple(loci), legs is not None and not always, tuple(notes))
 
 
@@ -184,11 +189,8 @@ class _LoopEquations:
         if sorted(cranks) != list(range(len(actuated))):
             raise OptionError("every input must turn a crank of the loop")
         self.names = dyad.mechanism.inputs
-        self.ring: Ring = make_ring([False] * len(actuated) + [True, True])
-        gens = self.ring.context.gens()
-        self.u = (gens[-2], gens[-1])
-        self.variables = (f"z{len(actuated) + 1}", f"z{len(actuated) + 2}")
-        self.offset = np.zeros(len(actuated) + 2)
+        self.ring: Ring = make_ring([False] * len(actuated))
+        self.offset = np.zeros(len(actuated))
         # Directions of the cranks times w; a fixed pivot has length zero and w = 1.
         self.w: list[Poly] = []
         self.direction: list[tuple[Poly, Poly]] = []
@@ -211,12 +213,6 @@ class _LoopEquations:
         self.v = tuple(b - a for a, b in zip(*ends, strict=True))
         d1, d2 = self._exact(first.rod_length, "rod"), self._exact(second.rod_length, "rod")
         self.rods = (d1, d2)
-        u, v = self.u, self.v
-        self.circle = u[0] ** 2 + u[1] ** 2 - d1 * d1
-        # The second circle minus the first: linear in u.
-        self.chord = (
-            v[0] ** 2 + v[1] ** 2 - 2 * W * (u[0] * v[0] + u[1] * v[1]) + (d1 * d1 - d2 * d2) * W**2
-        )
 
     def _crank(self, side: Side) -> None:
         one, zero = self.ring.one, self.ring.zero
@@ -240,47 +236,23 @@ class _LoopEquations:
             )
         return rational(near)
 
-    def between(self) -> Poly:
-        """B1, P, B2 in line."""
-        return self.u[0] * self.v[1] - self.u[1] * self.v[0]
+    def in_line(self, leg: int | None, sense: int) -> Poly:
+        """What the inputs fulfil with a leg, or both rods, stretched (``sense`` 1) or folded (-1).
 
-    def leg(self, side: int) -> Poly:
-        """A, B, P of a leg in line."""
-        c, s = self.direction[side]
-        if side == 0:
-            return self.u[0] * s - self.u[1] * c
-        return (self.W * self.u[0] - self.v[0]) * s - (self.W * self.u[1] - self.v[1]) * c
-
-    def in_line(self, side: int, sense: int) -> Poly:
-        """What the inputs must fulfil with a leg stretched (``sense`` 1) or folded (-1)."""
+        It is a squared distance minus a squared reach, over W^2 in square metres.
+        """
         v, W, d1, d2 = self.v, self.W, *self.rods
-        if side == 1:
+        square = v[0] ** 2 + v[1] ** 2
+        if leg is None:
+            return square - (d1 + sense * d2) ** 2 * W**2
+        if leg == 1:
             v, d1, d2 = (-v[0], -v[1]), d2, d1
-        c, s = self.direction[side]
-        along = 2 * sense * d1 * self.w[1 - side] * (c * v[0] + s * v[1])
-        return v[0] ** 2 + v[1] ** 2 - along + (d1 * d1 - d2 * d2) * W**2
-
-    def eliminate(self, condition: Poly) -> Poly:
-        """What the inputs must fulfil: the rod's vector eliminated in either order."""
-        out = self.ring.zero
-        for first, last in (self.variables, self.variables[::-1]):
-            line = self.chord.resultant(condition, first)
-            square = self.circle.resultant(condition, first)
-            out = out.gcd(line.resultant(square, last))
-        return out
+        c, s = self.direction[leg]
+        along = 2 * sense * d1 * self.w[1 - leg] * (c * v[0] + s * v[1])
+        return square - along + (d1 * d1 - d2 * d2) * W**2
 
     def equation(self, factor: Poly) -> Equation:
-        n = len(self.names)
-        names = (*self.names, "ux", "uy")
-        full = equation(factor, self.ring, names, self.offset)
-        return Equation(
-            self.names,
-            full.frequencies[:, :n],
-            full.powers[:, :n],
-            full.cos,
-            full.sin,
-            full.shift[:n],
-        )
+        return equation(factor, self.ring, self.names, self.offset)
 
 
 def _type1_legs(dyad: Dyad) -> tuple[int, ...] | None:
@@ -295,15 +267,15 @@ def _type1_legs(dyad: Dyad) -> tuple[int, ...] | None:
 
 
 def _loci(
-    system: _LoopEquations, kind: str, leg: int | None, eliminated: Poly, sense: int = 0
+    system: _LoopEquations, kind: str, leg: int | None, inputs: Poly, sense: int
 ) -> list[Locus]:
-    """The factors that have real points; ``sense`` as in `_LoopEquations.in_line`, 0 for either."""
+    """The factors that have real points; ``leg``, ``sense`` as in `_LoopEquations.in_line`."""
     ring, dyad = system.ring, system.dyad
     square = system.v[0] ** 2 + system.v[1] ** 2
     apart = bool(np.any(dyad.sides[0].pivot != dyad.sides[1].pivot))
     extremes = _extremes(dyad, leg)
     out = []
-    for factor in ring.factors(eliminated):
+    for factor in ring.factors(inputs):
         form = system.equation(factor)
         coincide = kind == "type 2" and divmod(square, factor)[1] == 0
         lowest, highest, touching = _range(form, extremes)
@@ -316,13 +288,13 @@ def _loci(
         points_only = apart and (coincide or (single and len(form.involved) == 2))
         candidates = touching if points_only else _on(form, extremes)
         witness = _witness(dyad, kind, leg, candidates, points_only, sense)
-        words = _words(dyad, kind, leg, witness, coincide)
-        metric = _metric(dyad, form, leg, words)
+        words = _words(dyad, leg, sense, coincide)
+        metric = _metric(dyad, form, leg, sense)
         out.append(Locus(kind, words, metric, points_only, witness))
     return out
 
 
-def _metric(dyad: Dyad, form: Equation, leg: int | None, words: str) -> Equation:
+def _metric(dyad: Dyad, form: Equation, leg: int | None, sense: int) -> Equation:
     """The equation in square metres: a squared distance minus a squared reach, up to sign.
 
     Type 2: |B1 B2|^2 - (d1 +- d2)^2. Type 1 of leg 1: |A1 + (l1 +- d1) e1 - B2|^2 - d2^2. The
@@ -330,7 +302,7 @@ def _metric(dyad: Dyad, form: Equation, leg: int | None, words: str) -> Equation
     """
     reach = [side.crank_length for side in dyad.sides]
     if leg is not None:
-        reach[leg] += dyad.sides[leg].rod_length * (-1 if words.endswith("folded") else 1)
+        reach[leg] += dyad.sides[leg].rod_length * sense
     if len(form.joints) == 1:
         reach[reach.index(0.0)] = float(np.linalg.norm(dyad.sides[1].pivot - dyad.sides[0].pivot))
     top = np.abs(form.frequencies).sum(axis=1)
@@ -410,10 +382,9 @@ def _witness(
         for q in dyad.close(inputs) or _touching(dyad, inputs):
             if leg is not None and abs(float(dyad.elbow_sine(q, leg))) > 1e-6:
                 continue
-            if leg is not None and sense:
-                crank, rod = dyad.link_directions(q, leg)
-                if sense * float(crank @ rod) < 0:
-                    continue
+            first, second = _links(dyad, q, leg)
+            if sense * float(first @ second) < 0:
+                continue
             held = [] if points_only else list(mechanism.actuated[:-1])
             point = refine_point(mechanism, q, kind, held)
             if point.converged and np.abs(mechanism.space.wrap(point.q - q)).max() < 1e-3:
@@ -433,25 +404,16 @@ def _touching(dyad: Dyad, inputs: Array) -> tuple[Array, ...]:
     return (dyad.reaching(inputs, P),)
 
 
-def _words(
-    dyad: Dyad, kind: str, leg: int | None, witness: SingularPoint | None, coincide: bool
-) -> str:
+def _links(dyad: Dyad, q: Array, leg: int | None) -> tuple[Array, Array]:
+    """Unit vectors that agree where a leg, or both rods, are stretched."""
+    if leg is not None:
+        return dyad.link_directions(q, leg)
+    return dyad.link_directions(q, 0)[1], -dyad.link_directions(q, 1)[1]
+
+
+def _words(dyad: Dyad, leg: int | None, sense: int, coincide: bool) -> str:
     if coincide:
         return "B1 and B2 coincide and P turns about them"
-    one, two = _points(dyad)
-    if leg is None:
-        if witness is None:
-            return f"{one}, P, {two} in line"
-        a, b = (dyad.link_directions(witness.q, k)[1] for k in (0, 1))
-        return f"{one}, P, {two} in line, " + ("stretched" if a @ b < 0 else "folded")
-    name = f"A{leg + 1}, B{leg + 1}, P in line"
-    if witness is None:
-        return name
-    crank, rod = dyad.link_directions(witness.q, leg)
-    return f"{name}, " + ("stretched" if crank @ rod > 0 else "folded")
-
-
-def _points(dyad: Dyad) -> Sequence[str]:
-    return tuple(
-        f"{'B' if side.crank is not None else 'A'}{k}" for k, side in enumerate(dyad.sides, 1)
-    )
+    ends = [f"{'B' if side.crank is not None else 'A'}{k}" for k, side in enumerate(dyad.sides, 1)]
+    links = f"{ends[0]}, P, {ends[1]}" if leg is None else f"A{leg + 1}, B{leg + 1}, P"
+    return f"{links} in line, {'stretched' if sense > 0 else 'folded'}"

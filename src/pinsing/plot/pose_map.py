@@ -272,11 +272,7 @@ def _lefts(forms: JointForms, Q: Array, reached: Bool) -> list[tuple[str, Array]
     """
     values = np.full((*reached.shape, len(forms.loci)), np.nan)
     values[reached] = forms.values(Q[reached])
-    return [
-        (locus.kind, values[..., k])
-        for k, locus in enumerate(forms.loci)
-        if not locus.words.startswith("the three hinges")
-    ]
+    return [(locus.kind, values[..., k]) for k, locus in enumerate(forms.loci) if not locus.ball]
 
 
 def _vanishes(left: Array) -> bool:
@@ -290,8 +286,7 @@ def _everywhere(mechanism: Mechanism) -> bool:
     forms = pose_forms(mechanism)
     if forms is not None and forms.architecture:
         return True
-    told = [x for x in joint_forms(mechanism).notes if x.endswith("taken for singular everywhere")]
-    return any("type 2" in x for x in told)
+    return "type 2" in joint_forms(mechanism).always
 
 
 def _of_home(mechanism: Mechanism, Q: Array, there: Bool, sign: bool) -> bool:
