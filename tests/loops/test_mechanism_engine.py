@@ -15,25 +15,28 @@ from tiers import tiered
 from pinsing.loops import (
     assemblies,
     drive,
+    feasible,
     home,
     mechanism_at,
     motions,
     refine,
     residual,
-    stretch,
     working_modes,
 )
 from pinsing.loops.batch import BatchLoops, newton
 from pinsing.loops.closure import Loops, random_closed
 from pinsing.loops.dyad import planar_dyad
-from pinsing.loops.lost_motion import free_motions, lost_motions
+from pinsing.loops.modes import assembly_sign
 from pinsing.loops.structure import output_pose
 from pinsing.robot.load_mechanism import Loop, Mechanism
-from pinsing.view.mechanism.engine_data import mechanism_data
-from pinsing.view.mechanism.groups import groups
-from pinsing.view.mechanism.linkage import linkage_sizes, plane_normal
+from pinsing.view.mechanism.linkage import linkage_sizes, mechanism_data, plane_normal
+from pinsing.view.mechanism.stage import groups
 
 SHIPPED = ["five_bar", "four_bar", "planar_3rrr"]
+WORDS = {
+    ("planar_3rrr", "type 2"): "center turns about z through (",
+    ("four_bar", "type 1"): "rocker_link cannot turn about z",
+}
 
 
 def slider_crank() -> Mechanism:
@@ -167,12 +170,8 @@ def test_what_is_shown_is_what_python_says(name: str) -> None:
         state = mechanism_at(mechanism, q)
         assert (frame["kind"], frame["mode"]) == (state.kind, state.mode)
         shown.add(state.kind)
-        if state.kind == "type 1":
-            assert [m["words"] for m in frame["lost"]] == [
-                m.words for m in lost_motions(mechanism, state)
-            ]
-        if state.kind == "type 2":
-            assert frame["given"] == [m.words for m in free_motions(mechanism, state)]
+        told = [*(m["words"] for m in frame["lost"]), *frame["given"]]
+        assert WORDS.get((name, state.kind), "") in " ".join(told)
         assert bool(frame["lost"]) == (state.kind in ("type 1", "type 3"))
         assert bool(frame["hot"]) == (state.kind not in ("regular", "constraint"))
         assert (frame["condition"] is None) == (state.kind != "regular")  # infinite
@@ -190,46 +189,37 @@ def test_what_is_shown_is_what_python_says(name: str) -> None:
         np.testing.assert_allclose(drawn, expected, atol=3e-4 * sizes.translation**2)
 
 
-def test_words_name_what_happens() -> None:
-    for name, kind, words in (
-        ("planar_3rrr", "type 2", "center turns about z through ("),
-        ("four_bar", "type 1", "rocker_link cannot turn about z"),
-    ):
-        mechanism = shipped(name)
-        point = next(p.q for p in analyzed(name).points if p.kind == kind)
-        state = mechanism_at(mechanism, point)
-        found = (*lost_motions(mechanism, state), *free_motions(mechanism, state))
-        assert words in found[0].words
-
-
+@needs_node
 @pytest.mark.parametrize("name", SHIPPED)
 def test_lost_wrenches_do_no_work_and_free_motions_need_no_motor(name: str) -> None:
     mechanism = shipped(name)
     rows = list(mechanism.task.rows)
-    found = {
-        kind: next(p.q for p in analyzed(name).points if p.kind == kind)
-        for kind in ("type 1", "type 2")
-    }
-    state = mechanism_at(mechanism, found["type 1"])
-    (lost,) = lost_motions(mechanism, state)
-    assert state.velocity is not None
-    wrench = np.concatenate([lost.force, lost.moment])[rows]
-    np.testing.assert_allclose(wrench @ state.velocity, 0, atol=1e-8)
-    if lost.line is not None:  # the same force, on its line, has no moment left
-        moment = np.cross(lost.line - state.position, lost.force)
-        np.testing.assert_allclose(moment, lost.moment, atol=1e-9)
-
-    state = mechanism_at(mechanism, found["type 2"])
-    (free,) = free_motions(mechanism, state)
-    motion = motions(mechanism, found["type 2"])
-    z = np.linalg.svd(motion.inputs)[2][-1]
+    q = [
+        next(p.q for p in analyzed(name).points if p.kind == kind) for kind in ("type 1", "type 2")
+    ]
+    one, two = (mechanism_at(mechanism, x) for x in q)
+    lost, free = run(
+        "(m, {data, one, two}) => [m.lostOf(data, ...one), m.freeOf(data, ...two)]",
+        {
+            "data": data_of(mechanism),
+            "one": [one.position.tolist(), one.lost[:, 0].tolist()],
+            "two": [two.position.tolist(), two.uncontrolled[:, 0].tolist()],
+        },
+    )
+    assert one.velocity is not None
+    wrench = np.concatenate([lost["force"], lost["moment"]])[rows]
+    np.testing.assert_allclose(wrench @ one.velocity, 0, atol=1e-8)
+    if lost["line"] is not None:  # the same force, on its line, has no moment left
+        moment = np.cross(lost["line"] - one.position, lost["force"])
+        np.testing.assert_allclose(moment, lost["moment"], atol=1e-9)
+    motion = motions(mechanism, q[1])
     expected = np.zeros(6)
-    expected[rows] = motion.outputs @ z
-    got = np.concatenate([free.velocity, free.turning])
+    expected[rows] = motion.outputs @ np.linalg.svd(motion.inputs)[2][-1]
+    got = np.concatenate([free["velocity"], free["turning"]])
     cosine = got @ expected / np.linalg.norm(got) / np.linalg.norm(expected)
     assert abs(cosine) == pytest.approx(1, abs=1e-9)
-    if free.centre is not None:  # a point of the axis rests
-        rest = free.velocity + np.cross(free.turning, free.centre - state.position)
+    if free["centre"] is not None:  # a point of the axis rests
+        rest = free["velocity"] + np.cross(free["turning"], free["centre"] - two.position)
         np.testing.assert_allclose(rest, 0, atol=1e-9)
 
 
@@ -257,38 +247,76 @@ def test_driving_follows_the_same_mode_as_far(name: str) -> None:
         assert 0 < stopped < 24
 
 
-@needs_node
-@pytest.mark.parametrize("name", tiered(EVERY, FEW[:1]))
-def test_ranges_and_singular_poses_on_the_way_agree(name: str) -> None:
-    mechanism = mechanism_of(name)
-    q = home(mechanism)
-    found = run(
+def ranges(mechanism: Mechanism, q: np.ndarray) -> list[dict[str, Any]]:
+    found: list[dict[str, Any]] = run(
         "(m, {data, q}) => data.actuated.map((_, k) => m.stretch(data, q, k))",
         {"data": data_of(mechanism), "q": q.tolist()},
     )
-    for k, here in enumerate(found):
-        there = stretch(mechanism, q, k)
-        assert here["whole"] == there.whole
-        assert [here["lower"], here["upper"]] == pytest.approx([there.lower, there.upper], abs=1e-8)
-        assert [p["kind"] for p in here["points"]] == [p.kind for p in there.points]
-        assert [p["rangeEnd"] for p in here["points"]] == [p.range_end for p in there.points]
-        for p, other in zip(here["points"], there.points, strict=True):
-            np.testing.assert_allclose(mechanism.fold(np.array(p["q"]) - other.q), 0, atol=1e-7)
+    return found
 
 
 @needs_node
-def test_ranges_of_the_five_bar_are_the_reach_of_its_rods() -> None:
+@pytest.mark.parametrize("name", tiered(EVERY, FEW[:1]))
+def test_a_range_ends_where_driving_does(name: str) -> None:
+    mechanism = mechanism_of(name)
+    q = home(mechanism)
+    for k, here in enumerate(ranges(mechanism, q)):
+        joint = mechanism.actuated[k]
+        limits = (mechanism.lower[joint], mechanism.upper[joint])
+        for p in here["points"]:
+            state = mechanism_at(mechanism, p["q"])
+            assert state.kind == p["kind"]
+            assert assembly_sign(mechanism, state.q) in ("0", "?", assembly_sign(mechanism, q))
+        if here["whole"]:
+            assert here["upper"] - here["lower"] == pytest.approx(2 * np.pi)
+            continue
+        for end, inward in ((here["lower"], 1), (here["upper"], -1)):
+            at = q[list(mechanism.actuated)]
+            for beyond in (False, True):
+                at[k] = end + 1e-4 * inward * (-1 if beyond else 1)
+                if not (beyond and min(abs(limits - end)) < 1e-9):
+                    assert drive(mechanism, at, q).converged != beyond
+        ends = [p["q"][joint] for p in here["points"] if p["rangeEnd"]]
+        assert set(np.round(ends, 9)) <= set(np.round([here["lower"], here["upper"]], 9))
+
+
+@needs_node
+def test_ranges_of_the_five_bar_are_its_feasible_ones() -> None:
     mechanism = shipped("five_bar")
     q = home(mechanism)
-    one, two, ahead = run(
-        """(m, {data, q}) => { const s = [0, 1].map((k) => m.stretch(data, q, k));
-             return [...s, m.aheadOf(data, q, s).text]; }""",
+    found = ranges(mechanism, q)
+    for here, (interval,) in zip(found, feasible(mechanism, [np.pi / 3] * 2).values(), strict=True):
+        ends = [here["lower"], here["upper"]]
+        assert ends == pytest.approx([interval.lower, interval.upper], abs=1e-9)
+    one, two = found
+    assert [p["kind"] for p in one["points"]] == ["type 2", "type 1", "type 2"]
+    assert [p["kind"] for p in two["points"]] == ["type 2", *["type 1"] * 3, "type 2"]
+    # The three of the paper's assembly mode; 2.70536 is in the other one.
+    values = [p["q"][mechanism.actuated[1]] for p in two["points"]]
+    assert values[1:4] == pytest.approx([1.4092167, 1.9685594, 2.2456653], abs=1e-7)
+    assert two["upper"] > np.pi  # in the turn of the range
+    ahead = run(
+        """(m, {data, q}) => m.aheadOf(data, q, [0, 1].map((k) => m.stretch(data, q, k))).text""",
         {"data": data_of(mechanism), "q": q.tolist()},
     )
-    assert one["upper"] == pytest.approx(1.3990140, abs=1e-6)
-    assert two["lower"] == pytest.approx(0.6270392, abs=1e-6)
-    assert [p["kind"] for p in one["points"]] == ["type 2", "type 1", "type 2"]
     assert ahead == "type 1 is nearest: q1 − 10.5°"
+
+
+@needs_node
+def test_a_crank_that_turns_round_has_no_ends_and_limits_end_a_range() -> None:
+    mechanism = four_bar(0.4, 0.1, 0.4, 0.3)  # Grashof: the shortest link turns round
+    q = home(mechanism)
+    (found,) = ranges(mechanism, q)
+    assert found["whole"]
+    # Where crank and coupler are in line the rocker turns back: twice a turn.
+    assert [p["kind"] for p in found["points"]] == ["type 1", "type 1"]
+    assert drive(mechanism, q[[0]] + 2 * np.pi, q).converged
+    whole = shipped("five_bar")
+    low, high = whole.lower.copy(), whole.upper.copy()
+    low[whole.actuated[0]], high[whole.actuated[0]] = 0.5, 1.2
+    found = ranges(replace(whole, lower=low, upper=high), home(whole))[0]
+    assert [found["lower"], found["upper"]] == [0.5, 1.2]
+    assert {p["kind"] for p in found["points"]} == {"type 1"}
 
 
 @needs_node

@@ -17,13 +17,11 @@ from pinsing.loops.singular_points import refine_point as refine
 from pinsing.loops.solve import (
     InfeasibleError,
     Solution,
-    Stretch,
     curves,
     drive,
     feasible,
     follow,
     solve,
-    stretch,
 )
 from pinsing.loops.trace import Trace, trace
 
@@ -43,7 +41,6 @@ __all__ = [
     "PoseLocus",
     "SingularPoint",
     "Solution",
-    "Stretch",
     "Trace",
     "WorstConfiguration",
     "analyze_mechanism",
@@ -71,7 +68,6 @@ __all__ = [
     "residual",
     "solve",
     "split",
-    "stretch",
     "trace",
     "working_modes",
 ]

@@ -14,9 +14,8 @@ driven, along (a x CB) x CB where the second one is. Each does work on its own j
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
@@ -24,8 +23,6 @@ import pinocchio as pin
 
 from pinsing._dataclass import dataclass
 from pinsing._types import Array
-from pinsing.algebra.ring import Poly
-from pinsing.loops.exact import short_fraction
 from pinsing.loops.modes import home
 from pinsing.loops.structure import (
     SMALL,
@@ -39,11 +36,12 @@ from pinsing.loops.structure import (
 )
 from pinsing.robot.mechanism import Mechanism
 
-if TYPE_CHECKING:
-    from pinsing.loops.pose_ring import PoseRing
-
 TOUCHING = 1e-9
 """Two solutions that are this near to each other are not counted."""
+
+
+Condition = tuple[str, float | None]
+"""Words, and the distance of C and B there; None: the force does not work on the motion of C."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,8 +71,6 @@ class Rod(ABC):
     """Whether C moves with the actuated joint."""
     offset = 0.0
     """What is added to the value of `sliding` for the length of C B, metres."""
-    sure = False
-    """Whether its equations of type 1 have real points whatever their signs."""
 
     @property
     def sliding(self) -> int:
@@ -107,8 +103,8 @@ class Rod(ABC):
         return ()
 
     @abstractmethod
-    def type1(self, ring: PoseRing, number: int) -> Iterator[tuple[str, Poly]]:
-        """Words and factors of where the actuator does not work on a force that has a length."""
+    def type1(self, number: int, name: str, planar: bool, level: bool) -> list[Condition]:
+        """Where the actuator, the joint of this name, does not move a rod that has a length."""
 
     def foot_text(self, name: str) -> str:
         """C for people, with the joint's name."""
@@ -133,9 +129,9 @@ class Strut(Rod):
         """See `Rod`."""
         return np.asarray(np.abs(values + self.offset))
 
-    def type1(self, ring: PoseRing, number: int) -> Iterator[tuple[str, Poly]]:
+    def type1(self, number: int, name: str, planar: bool, level: bool) -> list[Condition]:
         """See `Rod`."""
-        return iter(())
+        return []
 
     def solutions(self, B: Array, planar: bool, length: float) -> tuple[float, ...] | None:
         """See `Rod`."""
@@ -167,29 +163,25 @@ class Foot(Rod):
         """See `Rod`."""
         return np.zeros(3), np.zeros(3), self.across
 
-    def type1(self, ring: PoseRing, number: int) -> Iterator[tuple[str, Poly]]:
+    def type1(self, number: int, name: str, planar: bool, level: bool) -> list[Condition]:
         """See `Rod`."""
-        return iter(())
+        return []
 
 
 @dataclass(frozen=True, eq=False)
-class Elbow(Rod):
+class ElbowRod(Rod):
     """Driven at an elbow between C and B, in the plane; ``links``: lengths of both, metres."""
 
     links: tuple[float, float]
-    # A circle, or its centre where both links are alike.
-    sure = True
 
-    def type1(self, ring: PoseRing, number: int) -> Iterator[tuple[str, Poly]]:
+    def type1(self, number: int, name: str, planar: bool, level: bool) -> list[Condition]:
         """See `Rod`."""
-        name = ring.rods.mechanism.joints[self.joint]
+        words = f"leg {number} is {{}} at its actuated elbow {name}".format
         one, two = self.links
-        for reach, shape in ((one + two, "stretched"), (abs(one - two), "folded")):
-            words = f"leg {number} is {shape} at its actuated elbow {name}"
-            yield words, ring.length(self, short_fraction(reach))
+        return [(words("stretched"), one + two), (words("folded"), abs(one - two))]
 
 
-class _Carried(Rod):
+class _MovedFoot(Rod):
     """The actuated joint moves C, and C B has one length."""
 
     moved = True
@@ -198,19 +190,9 @@ class _Carried(Rod):
         """See `Rod`."""
         return np.full(len(values), length)
 
-    def type1(self, ring: PoseRing, number: int) -> Iterator[tuple[str, Poly]]:
-        """See `Rod`."""
-        words = self.in_line(ring, number, ring.rods.mechanism.joints[self.joint])
-        for factor, _ in ring.without_norm(ring.moment_arm(self)).factor()[1]:
-            yield words, factor
-
-    @abstractmethod
-    def in_line(self, ring: PoseRing, number: int, name: str) -> str:
-        """Words for where the rod does not move with the joint."""
-
 
 @dataclass(frozen=True, eq=False)
-class Crank(_Carried):
+class Crank(_MovedFoot):
     """C = inner + cos(q) first + sin(q) second."""
 
     first: Array
@@ -235,13 +217,14 @@ class Crank(_Carried):
         """See `Rod`."""
         return f"cos {name}", f"sin {name}"
 
-    def in_line(self, ring: PoseRing, number: int, name: str) -> str:
-        """See above."""
-        if ring.rods.planar:
-            return f"crank {name} and its rod are in line"
-        if ring.level:
-            return f"the rods of crank {name} are in line with it, or meet its axis"
-        return f"rod {number} is in a plane with the axis of crank {name} and its pin"
+    def type1(self, number: int, name: str, planar: bool, level: bool) -> list[Condition]:
+        """See `Rod`."""
+        words = f"rod {number} is in a plane with the axis of crank {name} and its pin"
+        if planar:
+            words = f"crank {name} and its rod are in line"
+        elif level:
+            words = f"the rods of crank {name} are in line with it, or meet its axis"
+        return [(words, None)]
 
     def foot_text(self, name: str) -> str:
         """See `Rod`."""
@@ -250,7 +233,7 @@ class Crank(_Carried):
 
 
 @dataclass(frozen=True, eq=False)
-class Rail(_Carried):
+class Rail(_MovedFoot):
     """C = inner + q first."""
 
     first: Array
@@ -279,9 +262,9 @@ class Rail(_Carried):
         """See `Rod`."""
         return (name,)
 
-    def in_line(self, ring: PoseRing, number: int, name: str) -> str:
-        """See above."""
-        return f"rod {number} is across the slide {name}"
+    def type1(self, number: int, name: str, planar: bool, level: bool) -> list[Condition]:
+        """See `Rod`."""
+        return [(f"rod {number} is across the slide {name}", None)]
 
     def foot_text(self, name: str) -> str:
         """See `Rod`."""
@@ -551,7 +534,7 @@ class _Recognizer:
             if self.planar and not mechanism.prismatic[joint]:
                 elbow = sample.joints[joint + 1].translation
                 one, two = (float(np.linalg.norm((elbow - p[0])[:2])) for p in (C, B))
-                return Elbow(joint, outer, C[0], None, (one, two))
+                return ElbowRod(joint, outer, C[0], None, (one, two))
             offset = self.offset(joint, B - C)
             if offset is None:
                 return None

@@ -385,11 +385,16 @@ def _type1(ring: PoseRing) -> list[PoseLocus]:
     """Where a motion that the hinges allow, or a leg's own, leaves the output at rest."""
     words = "a motion that the hinges allow leaves the rows of the output at rest"
     hinged = [("type 1", words, hinged_type1(ring))] if counts_hinges(ring) else []
-    parts = [
-        ("type 1", *found, rod.sure)
-        for k, rod in enumerate(ring.rods.rods, 1)
-        for found in rod.type1(ring, k)
-    ]
+    parts: list[Part] = []
+    for k, rod in enumerate(ring.rods.rods, 1):
+        name = ring.rods.mechanism.joints[rod.joint]
+        for words, reach in rod.type1(k, name, ring.rods.planar, ring.level):
+            if reach is None:
+                arm = ring.without_norm(ring.moment_arm(rod))
+                parts += _factors([("type 1", words, arm)])
+            else:
+                # A circle, or its centre: real points, whatever its signs.
+                parts.append(("type 1", words, ring.length(rod, short_fraction(reach)), True))
     return _loci(ring, [*_factors(hinged), *parts])
 
 

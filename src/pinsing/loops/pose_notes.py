@@ -8,7 +8,7 @@ import numpy as np
 
 from pinsing._types import Array
 from pinsing.loops.forms import TURNS, PoseEquation, PoseForms
-from pinsing.loops.legs import Elbow, Rod, Rods, rods, written
+from pinsing.loops.legs import ElbowRod, Rod, Rods, rods, written
 from pinsing.loops.mode_counts import point_legs
 from pinsing.loops.pose import pose_of
 from pinsing.loops.pose_ring import PoseRing, counts_hinges
@@ -163,7 +163,7 @@ def needs(ring: PoseRing) -> Iterator[str]:
                 "six together; the equations in the joint angles have it"
             )
         if not open_:
-            told = tied or any(rod.moved or isinstance(rod, Elbow) for rod in ring.rods.rods)
+            told = tied or any(rod.moved or isinstance(rod, ElbowRod) for rod in ring.rods.rods)
             also = "also " if told else ""
             yield f"type 1: {also}where a leg has no length{_short(ring, legs)}; {_else(ring)}"
     yield from in_plane(ring.rods)

@@ -23,7 +23,7 @@ from pinsing._types import Array
 from pinsing.algebra.ring import Poly, fraction, rational
 from pinsing.loops.exact import ExactPoints, divided_by, exact_points
 from pinsing.loops.forms import PoseEquation
-from pinsing.loops.legs import Crank, Elbow, Foot, Rod, Rods, Strut, rods
+from pinsing.loops.legs import Crank, ElbowRod, Foot, Rod, Rods, Strut, rods
 from pinsing.robot.mechanism import Mechanism
 
 _TURNS = ((1, 0), (Fraction(4, 5), Fraction(3, 5)), (Fraction(5, 13), Fraction(12, 13)))
@@ -52,7 +52,7 @@ def planar_rods(mechanism: Mechanism) -> Rods | None:
     found = rods(mechanism)
     if found is None or not found.planar or len(found.rods) != 3:
         return None
-    return None if any(isinstance(rod, Elbow | Foot) for rod in found.rods) else found
+    return None if any(isinstance(rod, ElbowRod | Foot) for rod in found.rods) else found
 
 
 def count_poses(mechanism: Mechanism, inputs: Array) -> int | None:

@@ -17,8 +17,7 @@ from pinsing.loops.pose_slice import COORDINATES, free_coordinates
 from pinsing.loops.problems import Modes, assembly_modes, working_modes
 from pinsing.loops.solve import Solution
 from pinsing.loops.structure import output_pose
-from pinsing.plot.mechanism import draw_linkage
-from pinsing.plot.space_linkage import draw_space_linkage, drawing_plane, joint_points
+from pinsing.plot.mechanism import draw_linkage, draw_space_linkage, drawing_plane, joint_points
 from pinsing.robot.mechanism import Mechanism
 
 if TYPE_CHECKING:

@@ -26,10 +26,9 @@ from pinsing.loops.pose_slice import (
 )
 from pinsing.loops.problems import working_modes
 from pinsing.loops.structure import likeness, output_pose, same
-from pinsing.plot.mechanism import TYPE_1, TYPE_2
+from pinsing.plot.mechanism import TYPE_1, TYPE_2, joint_points
 from pinsing.plot.mode_sheet import looks_apart
 from pinsing.plot.pose_aspects import LEAST, colors, regions
-from pinsing.plot.space_linkage import joint_points
 from pinsing.robot.mechanism import Mechanism
 
 if TYPE_CHECKING:

@@ -15,11 +15,13 @@ from pinsing.loops.solve import InfeasibleError
 from pinsing.report.arm_report import SCHEMA
 from pinsing.report.content import Made
 from pinsing.report.document import computed, data, document, model, result
-from pinsing.report.mechanism_loci import aspects, loci, modes
 from pinsing.report.mechanism_sections import (
     SpecialInputs,
+    aspects,
     assumed,
+    loci,
     maps,
+    modes,
     points,
     robot,
     summary,

@@ -1,4 +1,4 @@
-"""A mechanism with its list of singular poses, as its page has it."""
+"""What the page of a mechanism lists: its singular loci, each with the poses found on it."""
 
 from __future__ import annotations
 
@@ -9,15 +9,157 @@ import numpy as np
 
 from pinsing._dataclass import dataclass
 from pinsing._types import Array
-from pinsing.loops.modes import home
+from pinsing.loops.loop_forms import Locus
+from pinsing.loops.modes import STRAIGHT, elbow_sines, elbows, home
+from pinsing.loops.result import MechanismAnalysis
 from pinsing.loops.singular_points import SingularPoint
 from pinsing.robot.mechanism import Mechanism
-from pinsing.view.links import Links
-from pinsing.view.mechanism.engine_data import mechanism_data
-from pinsing.view.mechanism.groups import Group, point_words
-from pinsing.view.mechanism.linkage import Linkage, plane_normal, side
 from pinsing.view.sizes import ARROWS, LEAST, Sizes
+from pinsing.view.links import Links
+from pinsing.view.mechanism.linkage import Linkage, mechanism_data, plane_normal, side
 from pinsing.view.stage import check_place
+
+_SAME = 1e-6
+_MEANING = {
+    "type 1": "the output loses a direction",
+    "type 2": "the actuators do not hold the output",
+    "type 3": "type 1 and type 2 at once",
+    "constraint": "the linkage gains a motion",
+}
+
+
+@dataclass(frozen=True, eq=False)
+class Group:
+    """A line of the list.
+
+    Attributes
+    ----------
+    name : str
+        ``L1``.
+    text : str
+        What is singular, and how.
+    more : tuple of str
+        The equation, and what else there is to say.
+    points : tuple of SingularPoint
+        Poses to step through, those near home first.
+    """
+
+    name: str
+    text: str
+    more: tuple[str, ...]
+    points: tuple[SingularPoint, ...]
+
+
+def groups(mechanism: Mechanism, analysis: MechanismAnalysis) -> tuple[Group, ...]:
+    """Singular points of an analysis by locus: by equation if there is one, else by kind."""
+    start = home(mechanism)
+    points = sorted(analysis.points, key=lambda p: _away(mechanism, p, start))
+    found: list[tuple[str, tuple[str, ...], list[SingularPoint]]] = []
+    for locus in () if analysis.forms is None else analysis.forms.loci:
+        mine = [p for p in points if _on(locus, p)]
+        if not mine and locus.witness is not None:
+            mine = [locus.witness]
+        points = [p for p in points if not any(p is x for x in mine)]
+        more: tuple[str, ...] = (str(locus.equation),)
+        if locus.points_only:
+            more += ("isolated points",)
+        if not mine:
+            more += ("no configuration found where the loops close",)
+        found.append((f"{locus.kind}: {locus.words}", more, mine))
+    said = _over_pose(analysis)
+    rest: dict[str, list[SingularPoint]] = {}
+    for point in points:
+        told = said.get(point.kind)
+        rest.setdefault(told[0] if told else _words(mechanism, point), []).append(point)
+    more_of = dict(said.values())
+    found += [(text, more_of.get(text, ()), rest[text]) for text in sorted(rest)]
+    return tuple(
+        Group(f"L{number}", text, (*more, *_count(mine)), _distinct(mechanism, mine))
+        for number, (text, more, mine) in enumerate(found, 1)
+    )
+
+
+def _over_pose(analysis: MechanismAnalysis) -> dict[str, tuple[str, tuple[str, ...]]]:
+    """By kind, where one locus over the pose is all of that kind: its words, and what is known."""
+    forms = analysis.pose_forms
+    if forms is None or analysis.forms is not None:
+        return {}
+    out: dict[str, tuple[str, tuple[str, ...]]] = {}
+    for kind in ("type 2", "constraint", "type 2 or constraint"):
+        mine = [x for x in forms.loci if x.kind == kind]
+        if len(mine) != 1:
+            continue
+        more = [str(mine[0].equation)]
+        if kind != "constraint":
+            more += [str(x) for x in forms.everywhere]
+        for each in ("type 2", "constraint") if kind == "type 2 or constraint" else (kind,):
+            out.setdefault(each, (f"{each}: {mine[0].words}", tuple(more)))
+    if forms.architecture:
+        out["type 2"] = (f"type 2: {forms.architecture}", ())
+    return out
+
+
+def point_words(mechanism: Mechanism, point: SingularPoint) -> str:
+    """One line about a pose: its inputs, its mode, and whether a range ends there."""
+    values = ", ".join(
+        f"{name} = {input_text(mechanism, k, float(value))}"
+        for k, (name, value) in enumerate(zip(mechanism.inputs, point.inputs, strict=True))
+    )
+    end = f"; the range of {point.moving} ends here" if point.range_end else ""
+    return f"{point.kind} at {values}; {point.mode}{end}"
+
+
+def input_text(mechanism: Mechanism, k: int, value: float, digits: int = 1) -> str:
+    """A value of input k, degrees or millimetres, with its unit."""
+    if mechanism.prismatic[mechanism.actuated[k]]:
+        return f"{1000 * value:.{digits}f} mm"
+    return f"{np.degrees(value) + 0.0:.{digits}f}°"
+
+
+def _on(locus: Locus, point: SingularPoint) -> bool:
+    if point.kind not in (locus.kind, "type 3"):
+        return False
+    return abs(float(locus.equation(point.inputs))) <= 1e-7 * locus.equation.size
+
+
+def _words(mechanism: Mechanism, point: SingularPoint) -> str:
+    if point.kind != "type 1":
+        return f"{point.kind}: {_MEANING[point.kind]}"
+    sines = elbow_sines(mechanism, point.q)
+    # Refined poses are straight to rounding of the root, not of the sine itself.
+    straight = [
+        e for e, s in zip(elbows(mechanism), sines, strict=True) if abs(s) <= max(STRAIGHT, _SAME)
+    ]
+    if not straight:
+        return f"type 1: {_MEANING['type 1']}"
+    ways = (
+        ("the leg of", "in line", [e for e in straight if not e.slides and not e.turns_freely]),
+        ("the rod of", "in a plane with the axis of its crank",
+         [e for e in straight if not e.slides and e.turns_freely]),
+        ("the rod of", "square to its slide", [e for e in straight if e.slides]),
+    )  # fmt: skip
+    said = [
+        f"{what} {' and '.join(mechanism.joints[e.crank - 1] for e in here)} {how}"
+        for what, how, here in ways
+        if here
+    ]
+    return f"type 1: {' and '.join(said)}"
+
+
+def _count(points: list[SingularPoint]) -> tuple[str, ...]:
+    return (f"{len(points)} poses",) if len(points) > 1 else ()
+
+
+def _away(mechanism: Mechanism, point: SingularPoint, start: Array) -> float:
+    return float(np.linalg.norm(mechanism.space.wrap(point.q - start)))
+
+
+def _distinct(mechanism: Mechanism, points: list[SingularPoint]) -> tuple[SingularPoint, ...]:
+    out: list[SingularPoint] = []
+    for p in points:
+        if all(np.abs(mechanism.space.wrap(p.q - x.q)).max() > _SAME for x in out):
+            out.append(p)
+    return tuple(out)
 
 
 @dataclass

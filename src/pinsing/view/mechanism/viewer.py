@@ -14,10 +14,8 @@ from pinsing.loops.solve import drive
 from pinsing.robot.mechanism import Mechanism
 from pinsing.view.drawing import Recorder
 from pinsing.view.links import Links, read_links
-from pinsing.view.mechanism.groups import Group, groups
-from pinsing.view.mechanism.linkage import Linkage, linkage_sizes
-from pinsing.view.mechanism.marks import draw_linkage_marks
-from pinsing.view.mechanism.stage import MechanismStage
+from pinsing.view.mechanism.linkage import Linkage, draw_linkage_marks, linkage_sizes
+from pinsing.view.mechanism.stage import Group, MechanismStage, groups
 from pinsing.view.scene import draw_scene
 from pinsing.view.tab import Tab, place_in_list
 
