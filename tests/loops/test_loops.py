@@ -18,7 +18,6 @@ from mechanisms import (
     planar_tree,
     shipped,
 )
-from scipy.optimize import brentq
 from urdf_text import J, frame, loop_text, written
 
 from pinsing.errors import (
@@ -67,6 +66,17 @@ def welded() -> Mechanism:
     return from_model(model, [Loop("one_end", "ground", "6d")], ["a"], "one_end", "wz")
 
 
+def two_cranks(feet, links) -> Mechanism:
+    """A five-bar: pivots (2, 2), and lengths of crank 1, rod 1, crank 2, rod 2."""
+    l1, d1, l2, d2 = links
+    chains = {
+        "one": (feet[0], [("q1", l1), ("b1", d1)]),
+        "two": (feet[1], [("q2", l2), ("b2", d2)]),
+    }
+    loop = Loop("one_end", "two_end", "3d")
+    return from_model(planar_tree(chains), [loop], ["q1", "q2"], "one_end", "vx,vy")
+
+
 def every() -> list[Mechanism]:
     return [*(shipped(name) for name in MODELS), welded(), four_bar(0.4, 0.1, 0.35, 0.3)]
 
@@ -103,41 +113,28 @@ def test_a_weld_in_space_is_redundant_for_a_planar_loop():
     assert welded().rows == 6
 
 
+def differences(f, q, step=1e-6):
+    """Columns of the derivative of f at q, by central differences."""
+    each = step * np.eye(len(q))
+    return np.stack([(f(q + e) - f(q - e)) / (2 * step) for e in each], axis=1)
+
+
 def test_constraint_jacobians_equal_finite_differences_of_the_closure(rng):
     for mechanism in every():
         for q in random_closed(mechanism, 4, rng):
             G = constraint_jacobian(mechanism, q)
-            step = 1e-6
-            numeric = np.stack(
-                [
-                    (residual(mechanism, q + step * e) - residual(mechanism, q - step * e))
-                    / (2 * step)
-                    for e in np.eye(mechanism.n)
-                ],
-                axis=1,
-            )
+            numeric = differences(lambda x, m=mechanism: residual(m, x), q)
             np.testing.assert_allclose(G, numeric, atol=1e-8)
             assert np.abs(G).max() > 0.1
 
 
-def test_output_jacobian_equals_finite_differences_of_the_position(rng):
-    for name in ("five_bar", "planar_3rrr"):
-        mechanism = shipped(name)
-        q = random_closed(mechanism, 3, rng)[0]
-        loops, step = Loops(mechanism), 1e-6
-
-        def position(q, loops=loops):
-            loops.at(q)
-            return np.array(loops.output(q)[0].translation)[:2]
-
-        numeric = np.stack(
-            [
-                (position(q + step * e) - position(q - step * e)) / (2 * step)
-                for e in np.eye(mechanism.n)
-            ],
-            axis=1,
-        )
-        np.testing.assert_allclose(output_jacobian(mechanism, q)[:2], numeric, atol=1e-8)
+@pytest.mark.parametrize("name", ["five_bar", "planar_3rrr"])
+def test_output_jacobian_equals_finite_differences_of_the_position(rng, name):
+    mechanism = shipped(name)
+    q = random_closed(mechanism, 3, rng)[0]
+    loops = Loops(mechanism)
+    numeric = differences(lambda x: np.array(loops.output(x)[0].translation)[:2], q)
+    np.testing.assert_allclose(output_jacobian(mechanism, q)[:2], numeric, atol=1e-8)
 
 
 def test_split_keeps_every_column_once():
@@ -172,27 +169,6 @@ def test_the_two_matrices_of_equation_13():
     sigma = np.linalg.svd(A, compute_uv=False)
     np.testing.assert_allclose(sigma, np.linalg.svd(J_q, compute_uv=False), atol=1e-12)
     assert sigma[-1] == pytest.approx(0.8485, abs=5e-5)
-
-
-def test_the_diagonal_matrix_of_the_paper_belongs_to_the_inputs():
-    """J_q x' = J_x q': Eq. (13), J_x x' + J_q q' = 0, has the two swapped and a sign wrong."""
-    for q1, q2 in ((THIRD, THIRD), (1.2, 1.9), (0.7, 2.2)):
-        step = 1e-6
-        J = np.stack(
-            [
-                (
-                    np.array(paper_point(q1 + step * a, q2 + step * b))
-                    - np.array(paper_point(q1 - step * a, q2 - step * b))
-                )
-                / (2 * step)
-                for a, b in ((1, 0), (0, 1))
-            ],
-            axis=1,
-        )
-        J_x, J_q = paper_matrices(q1, q2)
-        np.testing.assert_allclose(J_q @ J, J_x, atol=1e-7)
-        with pytest.raises(AssertionError):
-            np.testing.assert_allclose(J_x @ J, -J_q, atol=1e-2)
 
 
 def test_input_output_relation_holds_along_real_motions(rng):
@@ -240,27 +216,6 @@ def test_singular_q2_at_q1_of_60_degrees(five_bar_points):
     values = [p.inputs[1] for p in found]
     for printed in (1.4092167, 1.9685594, 2.2456653, 2.7053586):
         assert min(abs(v - printed) for v in values) < 1e-7
-
-
-def test_the_papers_own_curve_has_four_zeros_and_the_fourth_is_another_assembly_mode():
-    """Its root y is the upper intersection, which changes sides where B1 and B2 are in column."""
-
-    def det(q2):
-        return np.linalg.det(paper_matrices(THIRD, q2)[0])
-
-    grid = np.linspace(0.63, np.pi, 4001)
-    values = np.array([det(x) for x in grid])
-    change = [
-        brentq(det, a, b, xtol=1e-14)
-        for a, b, u, v in zip(grid[:-1], grid[1:], values[:-1], values[1:], strict=True)
-        if u * v < 0 and abs(u) + abs(v) < 0.1
-    ]
-    expected = [1.4092166541, 1.9685593623, 2.2456653137, 2.7053585910]
-    np.testing.assert_allclose(change, expected, atol=1e-9)
-    jump = np.arccos(np.cos(THIRD) - 2 * R3 / R1)
-    assert change[2] < jump < change[3]
-    left, right = det(jump - 1e-6), det(jump + 1e-6)
-    assert abs(left - right) > 0.1
 
 
 def test_singular_q1_at_q2_of_60_degrees(five_bar_points):
@@ -406,15 +361,7 @@ def test_loci_that_shrink_to_a_point_are_stated(gap, links, lost, at, off):
     """
     l1, d1, l2, d2 = links
     grown = d2 + off
-    model = planar_tree(
-        {
-            "one": ((0.1, 0.0), [("q1", l1), ("b1", d1)]),
-            "two": ((0.1 + gap[0], gap[1]), [("q2", l2), ("b2", grown)]),
-        }
-    )
-    mechanism = from_model(
-        model, [Loop("one_end", "two_end", "3d")], ["q1", "q2"], "one_end", "vx,vy"
-    )
+    mechanism = two_cranks([(0.1, 0.0), (0.1 + gap[0], gap[1])], [l1, d1, l2, grown])
     forms = loop_forms(mechanism)
     assert forms.complete
     base = float(np.hypot(*gap))
@@ -444,15 +391,7 @@ def test_loci_that_shrink_to_a_point_are_stated(gap, links, lost, at, off):
 
 
 def test_an_isolated_point_is_found_along_its_lines_too():
-    model = planar_tree(
-        {
-            "one": ((-0.1, 0.0), [("q1", 0.2), ("b1", 0.3)]),
-            "two": ((0.1, 0.0), [("q2", 0.2), ("b2", 0.3)]),
-        }
-    )
-    mechanism = from_model(
-        model, [Loop("one_end", "two_end", "3d")], ["q1", "q2"], "one_end", "vx,vy"
-    )
+    mechanism = two_cranks([(-0.1, 0.0), (0.1, 0.0)], [0.2, 0.3, 0.2, 0.3])
     found = analyze_mechanism(mechanism, [np.pi, 0.0])
     assert found.state.input_ratio < 1e-12
     assert [c.passed for c in found.checks] == [True, True]
@@ -460,15 +399,7 @@ def test_an_isolated_point_is_found_along_its_lines_too():
 
 def test_cranks_on_one_axis_meet_along_a_line():
     """Ends that coincide at equal angles, whatever these are: no isolated points."""
-    model = planar_tree(
-        {
-            "one": ((0.0, 0.0), [("q1", 0.2), ("b1", 0.3)]),
-            "two": ((0.0, 0.0), [("q2", 0.2), ("b2", 0.3)]),
-        }
-    )
-    mechanism = from_model(
-        model, [Loop("one_end", "two_end", "3d")], ["q1", "q2"], "one_end", "vx,vy"
-    )
+    mechanism = two_cranks([(0.0, 0.0), (0.0, 0.0)], [0.2, 0.3, 0.2, 0.3])
     (meet,) = [x for x in loop_forms(mechanism).loci if "coincide" in x.words]
     assert not meet.points_only
     assert float(meet.equation([0.7, 0.7])) == pytest.approx(0, abs=1e-12)
@@ -714,15 +645,7 @@ def test_a_rhombus_is_said_whole_and_long_links_are_no_trouble():
 
 def test_both_cranks_stretched_with_rods_in_line_is_type_3():
     """P between B1 and B2 on the line A1 A2, all in one line: types 1 and 2 at once."""
-    model = planar_tree(
-        {
-            "one": ((0.0, 0.0), [("q1", 0.5), ("b1", 0.5)]),
-            "two": ((1.6, 0.0), [("q2", 0.3), ("b2", 0.3)]),
-        }
-    )
-    mechanism = from_model(
-        model, [Loop("one_end", "two_end", "3d")], ["q1", "q2"], "one_end", "vx,vy"
-    )
+    mechanism = two_cranks([(0.0, 0.0), (1.6, 0.0)], [0.5, 0.5, 0.3, 0.3])
     q = np.array([0.0, 0.0, np.pi, 0.0])
     assert np.abs(residual(mechanism, q)).max() < 1e-12
     assert motions(mechanism, q).input_ratio < 1e-9
@@ -732,15 +655,7 @@ def test_both_cranks_stretched_with_rods_in_line_is_type_3():
 
 def test_a_type_3_configuration_that_is_not_flat():
     """Leg 1 stretched and B2 in line with B1 and P, leg 2 bent."""
-    model = planar_tree(
-        {
-            "one": ((0.0, 0.0), [("q1", 0.5), ("b1", 0.5)]),
-            "two": ((1.3, -0.4), [("q2", 0.4), ("b2", 0.3)]),
-        }
-    )
-    mechanism = from_model(
-        model, [Loop("one_end", "two_end", "3d")], ["q1", "q2"], "one_end", "vx,vy"
-    )
+    mechanism = two_cranks([(0.0, 0.0), (1.3, -0.4)], [0.5, 0.5, 0.4, 0.3])
     q = np.array([0.0, 0.0, np.pi / 2, np.pi / 2])
     assert np.abs(residual(mechanism, q)).max() < 1e-12
     assert mechanism_at(mechanism, q).kind == "type 3"

@@ -262,7 +262,7 @@ def test_a_range_ends_where_driving_does(name: str) -> None:
     q = home(mechanism)
     for k, here in enumerate(ranges(mechanism, q)):
         joint = mechanism.actuated[k]
-        limits = (mechanism.lower[joint], mechanism.upper[joint])
+        limits = np.array([mechanism.lower[joint], mechanism.upper[joint]])
         for p in here["points"]:
             state = mechanism_at(mechanism, p["q"])
             assert state.kind == p["kind"]
@@ -274,7 +274,7 @@ def test_a_range_ends_where_driving_does(name: str) -> None:
             at = q[list(mechanism.actuated)]
             for beyond in (False, True):
                 at[k] = end + 1e-4 * inward * (-1 if beyond else 1)
-                if not (beyond and min(abs(limits - end)) < 1e-9):
+                if not (beyond and np.abs(limits - end).min() < 1e-9):
                     assert drive(mechanism, at, q).converged != beyond
         ends = [p["q"][joint] for p in here["points"] if p["rangeEnd"]]
         assert set(np.round(ends, 9)) <= set(np.round([here["lower"], here["upper"]], 9))
