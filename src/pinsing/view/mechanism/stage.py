@@ -14,9 +14,9 @@ from pinsing.loops.modes import STRAIGHT, elbow_sines, elbows, home
 from pinsing.loops.result import MechanismAnalysis
 from pinsing.loops.singular_points import SingularPoint
 from pinsing.robot.mechanism import Mechanism
-from pinsing.view.sizes import ARROWS, LEAST, Sizes
 from pinsing.view.links import Links
 from pinsing.view.mechanism.linkage import Linkage, mechanism_data, plane_normal, side
+from pinsing.view.sizes import ARROWS, LEAST, Sizes
 from pinsing.view.stage import check_place
 
 _SAME = 1e-6
