@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -31,12 +30,6 @@ from pinsing.kinematics.jacobian import frame_jacobian, singular_values
 from pinsing.plot.style import pi_text, pi_ticks
 from pinsing.sampling.findings import singular_configurations
 from pinsing.sampling.sweep_run import SweepResult, sweep
-
-
-@pytest.fixture(autouse=True)
-def _close_figures() -> Iterator[None]:
-    yield
-    plt.close("all")
 
 
 @pytest.fixture(scope="module")

@@ -221,7 +221,7 @@ def test_links_are_drawn_where_they_are(rng):
     arm = pinsing.load(dressed.format(mimic=""), base="foot", tip="hand")
     geometry = read_links(arm).geometry
     whole, base, _ = frames(arm)
-    visual, _ = read_geometry(whole, arm.source.xml)
+    visual, _, _ = read_geometry(whole, arm.source.xml)
     places = {g.name: (g.parentJoint, g.placement) for g in visual.geometryObjects}
     q = drawn(arm, rng, 1)[0]
     here, there = arm.model.createData(), whole.createData()

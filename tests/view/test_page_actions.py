@@ -75,9 +75,19 @@ def until(page: Any, selector: str, words: str) -> None:
 
 
 def step_through(page: Any) -> None:
-    until(page, "#playing", "F1, pose 1")
-    page.keyboard.press("ArrowRight")
-    until(page, "#playing", "F1, pose 2")
+    """By buttons and keys, both ways and around the end."""
+    until(page, "#playing", "F1, pose 1 of 3")
+    for step, said in [
+        ("ArrowRight", "F1, pose 2"),
+        ("#next", "F1, pose 3"),
+        ("n", "F2, pose 1"),
+        ("ArrowLeft", "F1, pose 3"),
+        ("#prev", "F1, pose 2"),
+        ("p", "F1, pose 1"),
+        ("p", "F3, pose 3"),
+    ]:
+        page.locator(step).click() if step[0] == "#" else page.keyboard.press(step)
+        until(page, "#playing", said)
 
 
 def click_a_family(page: Any) -> None:
@@ -99,6 +109,10 @@ def move_within(page: Any) -> None:
     page.wait_for_function("() => window.pinsing.path?.kind === 'along'")
     statuses = page.evaluate("() => window.pinsing.path.frames.map((f) => f.status)")
     assert set(statuses) == {"singular"}
+    page.keyboard.press("Space")  # on the button that was clicked: the same once more is an end
+    page.wait_for_function("() => !window.pinsing.running")
+    page.wait_for_timeout(300)
+    assert not page.evaluate("() => window.pinsing.running")  # and it does not begin anew
 
 
 def meet_another_family(page: Any) -> None:
@@ -138,13 +152,17 @@ def clearest(page: Any) -> None:
 
 def take_the_pose(page: Any) -> None:
     drag(page)
-    said = page.evaluate("() => ['flag', 'python', 'json'].map((k) => window.pinsing.take.text(k))")
+    kinds = "['flag', 'python', 'json', 'link']"
+    said = page.evaluate(f"() => {kinds}.map((k) => window.pinsing.take.text(k))")
     q = q_of(page).round(9)
     np.testing.assert_allclose([float(x) for x in said[0].removeprefix("--q=").split(",")], q)
     space: dict[str, Any] = {"np": np}
     exec(said[1], space)
     np.testing.assert_allclose(space["q"], q)
     np.testing.assert_allclose(json.loads(said[2])["q"], q, atol=1e-9)
+    assert said[3].split("#q=")[1] == said[0].removeprefix("--q=")
+    page.locator("#copy").click()
+    until(page, "#copied", said[0])
 
 
 def follow_an_address_and_go_back(page: Any) -> None:
@@ -181,6 +199,11 @@ def open_a_path(page: Any) -> None:
     page.locator("#path-file").set_input_files(beyond)
     until(page, "#playing", "beyond.csv: 1 sample, nearest: ")
     until(page, "#playing", "outside the limits: ")
+    page.evaluate("""() => {
+      const transfer = new DataTransfer();
+      transfer.items.add(new File(["1,2"], "dropped.csv"));
+      document.dispatchEvent(new DragEvent("drop", { dataTransfer: transfer })); }""")
+    until(page, "#playing", "dropped.csv: 2 columns for 6 joints")
 
 
 def look_at_parts(page: Any) -> None:

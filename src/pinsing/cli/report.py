@@ -133,7 +133,7 @@ def report_command(
 def _files(out: str | Path | None, pdf: str | None) -> tuple[Path | None, Path | None]:
     """The HTML and the PDF file that are meant, checked."""
     from pinsing.atomic_write import check_writable
-    from pinsing.report.pdf import check_browser
+    from pinsing.view.picture import check_browser
 
     if out == STDOUT:
         raise OutputError("a report is a file: give -o the name of one that ends in .html")

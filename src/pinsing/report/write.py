@@ -13,9 +13,9 @@ from pinsing.arguments import checked
 from pinsing.atomic_write import check_writable, write_bytes, write_text
 from pinsing.errors import OptionError, OutputError
 from pinsing.families import ClosedForm
-from pinsing.report.pdf import check_browser, printed
 from pinsing.robot.arm import Arm
 from pinsing.robot.mechanism import Mechanism
+from pinsing.view.picture import check_browser, printed
 
 
 @checked

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping
-from typing import Any, NamedTuple, Protocol
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -16,6 +16,9 @@ from pinsing.families import Branch, Family, JointValue, joint_symbols
 from pinsing.families.paths import FamilyLike, telling_poses
 from pinsing.robot.arm import Arm
 from pinsing.sampling.finding import Finding
+
+if TYPE_CHECKING:
+    from pinsing.postures.changes import PostureChanges
 
 _LONGEST = 72
 
@@ -256,27 +259,7 @@ class Posture:
     way: Array | None
 
 
-class _Changes(Protocol):
-    """What `posture_changes` returns."""
-
-    @property
-    def q(self) -> Array:
-        """The configuration that was given."""
-
-    @property
-    def aspect(self) -> int | None:
-        """Its aspect."""
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """Words of the field for it."""
-
-    @property
-    def others(self) -> tuple[Any, ...]:
-        """The other solutions."""
-
-
-def listed_postures(arm: Arm, found: _Changes) -> tuple[Posture, ...]:
+def listed_postures(arm: Arm, found: PostureChanges) -> tuple[Posture, ...]:
     """The postures of a pose in the order of `posture_changes`, that at hand first.
 
     Raises

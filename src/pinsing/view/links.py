@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 from collections.abc import Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
+from dataclasses import field
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -20,7 +21,7 @@ from pinsing.robot.models import make_names_unique, turned_round
 from pinsing.robot.source import Source
 from pinsing.view.collada import Painted, as_object
 from pinsing.view.drawing import geometry as mg
-from pinsing.view.meshes import Mesh, read_geometry, read_meshes
+from pinsing.view.meshes import Mesh, read_geometry
 
 
 class Body(Protocol):
@@ -56,7 +57,6 @@ class Body(Protocol):
 
 
 _IMAGES = {b"\x89PNG\r\n\x1a\n": "image/png", b"\xff\xd8\xff": "image/jpeg"}
-_AROUND = 24
 
 
 class DrawnRod(mg.Cylinder):  # type: ignore[misc]
@@ -95,13 +95,10 @@ class _Collada(mg.ReferenceSceneElement):  # type: ignore[misc]
         return {"type": "set_object", "path": self.path.lower(), "object": self.content}
 
 
-def draw_shape(node: Any, shape: pin.GeometryObject, parts: Sequence[Painted] = ()) -> str:
-    """Draw one shape at a meshcat node; return why it cannot be drawn, empty if it is.
-
-    ``parts`` are those of a Collada file, as far as it is plain.
-    """
+def draw_shape(node: Any, shape: pin.GeometryObject, mesh: Mesh | None) -> str:
+    """Draw one shape, or its mesh, at a meshcat node; return why it cannot be, empty if it is."""
     try:
-        made = _made(shape, parts)
+        made = _made(shape, mesh)
     except (OSError, ValueError, ColladaProblem) as error:
         return f"the shape {shape.name!r} is not drawn: {' '.join(str(error).split())}"
     if made is None:
@@ -118,55 +115,28 @@ def draw_shape(node: Any, shape: pin.GeometryObject, parts: Sequence[Painted] = 
     return ""
 
 
-def _made(shape: pin.GeometryObject, parts: Sequence[Painted]) -> Any:
+def _made(shape: pin.GeometryObject, mesh: Mesh | None) -> Any:
     geometry = shape.geometry
+    if mesh is not None:
+        return _mesh(Path(shape.meshPath), mesh)
     if isinstance(geometry, coal.Box):
         return mg.Box([2.0 * float(x) for x in geometry.halfSide])
     if isinstance(geometry, coal.Sphere):
         return mg.Sphere(float(geometry.radius))
     if isinstance(geometry, coal.Cylinder):
         return DrawnRod(2.0 * float(geometry.halfLength), float(geometry.radius))
-    if isinstance(geometry, coal.Cone):
-        return DrawnRod(
-            2.0 * geometry.halfLength, radiusTop=0.0, radiusBottom=float(geometry.radius)
-        )
-    if isinstance(geometry, coal.Capsule):
-        return _capsule(float(geometry.halfLength), float(geometry.radius))
-    file = Path(shape.meshPath)
+    return None
+
+
+def _mesh(file: Path, mesh: Mesh) -> Any:
     kind = file.suffix.lower()
     if kind == ".dae":
-        return _Collada(file, parts)
+        return _Collada(file, mesh.painted)
     if kind == ".obj":
         return mg.MeshGeometry(file.read_text(encoding="utf-8", errors="replace"), "obj")
     if kind == ".stl":
         return mg.StlMeshGeometry.from_file(str(file))
-    if isinstance(geometry, coal.BVHModelBase) and geometry.num_vertices:
-        corners = [geometry.tri_indices(k) for k in range(geometry.num_tris)]
-        faces = np.array([[t[0], t[1], t[2]] for t in corners], dtype=np.uint32)
-        vertices = np.array(geometry.vertices(), dtype=np.float32)
-        return mg.TriangularMeshGeometry(vertices, faces)
-    return None
-
-
-def _capsule(half: float, radius: float) -> Any:
-    """A cylinder along z with round ends: rings from pole to pole, metres."""
-    angle = np.linspace(-np.pi / 2, np.pi / 2, 2 * (_AROUND // 4) + 1)
-    rise = radius * np.sin(angle) + np.where(angle > 0, half, -half)
-    turn = np.linspace(0, 2 * np.pi, _AROUND, endpoint=False)
-    across = radius * np.cos(angle)[:, None]
-    points = [
-        across * np.cos(turn),
-        across * np.sin(turn),
-        np.broadcast_to(rise[:, None], (len(angle), _AROUND)),
-    ]
-    ring, place = np.meshgrid(np.arange(len(angle) - 1), np.arange(_AROUND), indexing="ij")
-    a = (ring * _AROUND + place).ravel()
-    b = (ring * _AROUND + (place + 1) % _AROUND).ravel()
-    faces = np.concatenate(
-        [np.stack([a, b, b + _AROUND], 1), np.stack([a, b + _AROUND, a + _AROUND], 1)]
-    )
-    vertices = np.stack([x.ravel() for x in points], axis=1)
-    return mg.TriangularMeshGeometry(vertices.astype(np.float32), faces.astype(np.uint32))
+    return mg.TriangularMeshGeometry(mesh.vertices.astype(np.float32), mesh.faces.astype(np.uint32))
 
 
 def _color(rgba: Array) -> int:
@@ -205,10 +175,13 @@ class Links:
         in the base of the arm. None where the robot comes without any.
     notes : tuple of str
         What is not there, may not be opened or could not be read.
+    meshes : dict of Path to Mesh
+        Those that it names.
     """
 
     geometry: pin.GeometryModel | None
     notes: tuple[str, ...] = ()
+    meshes: dict[Path, Mesh] = field(default_factory=dict)
 
     def bare(self, arm: Body) -> tuple[int, ...]:
         """Joints of the model that nothing is attached to."""
@@ -238,7 +211,7 @@ def _read_links(arm: Body) -> Links:
         return Links(None)
     absent = source.mesh_notes
     try:
-        whole, notes = read_geometry(source.full_model, source.xml)
+        whole, meshes, notes = read_geometry(source.full_model, source.xml)
     except (ValueError, RuntimeError) as error:
         reason = " ".join(str(error).split())
         said = f"its meshes cannot be read, so a skeleton stands for it: {reason}"
@@ -255,7 +228,7 @@ def _read_links(arm: Body) -> Links:
         for g in geometry.geometryObjects:
             carrier, place = carried[int(g.parentJoint)]
             g.parentJoint, g.placement = carrier, place * g.placement
-        return Links(geometry, notes)
+        return Links(geometry, notes, meshes)
     back = base_placement(arm).inverse()
     for g in geometry.geometryObjects:
         joint = int(g.parentJoint)
@@ -264,7 +237,7 @@ def _read_links(arm: Body) -> Links:
         g.parentJoint = arm.model.getJointId(original.get(name, name)) if joint else 0
         if not joint:
             g.placement = back * g.placement
-    return Links(geometry, notes)
+    return Links(geometry, notes, meshes)
 
 
 def base_placement(arm: Body, full_q: Array | None = None) -> pin.SE3:
@@ -286,13 +259,10 @@ def draw_links(node: Any, links: Links) -> tuple[str, ...]:
     if links.geometry is None:
         return ()
     notes = []
-    files = {Path(g.meshPath) for g in links.geometry.geometryObjects}
-    found = read_meshes(sorted(file for file in files if file.suffix.lower() == ".dae"))
     for number, g in enumerate(links.geometry.geometryObjects):
         # Names of the file stay out of paths.
         here = node[f"{int(g.parentJoint)}/visual/{number}"]
-        mesh = found.get(Path(g.meshPath))
-        note = draw_shape(here, g, mesh.painted if isinstance(mesh, Mesh) else ())
+        note = draw_shape(here, g, links.meshes.get(Path(g.meshPath)))
         if note:
             notes.append(note)
             continue

@@ -15,7 +15,6 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-import coal
 import numpy as np
 import numpy.typing as npt
 import pinocchio as pin
@@ -54,18 +53,13 @@ class Mesh:
     faces: npt.NDArray[np.int32]
     painted: tuple[Painted, ...] = ()
 
-    def geometry(self) -> Any:
-        """Return the triangles as Pinocchio keeps them."""
-        model = coal.BVHModelOBBRSS()
-        model.beginModel(len(self.faces), len(self.vertices))
-        model.addVertices(np.asfortranarray(self.vertices))
-        model.addTriangles(np.asfortranarray(self.faces))
-        model.endModel()
-        return model
 
+def read_geometry(
+    model: pin.Model, xml: str
+) -> tuple[pin.GeometryModel, dict[Path, Mesh], tuple[str, ...]]:
+    """Return the visual geometry of a URDF, its meshes, and notes on what was left out.
 
-def read_geometry(model: pin.Model, xml: str) -> tuple[pin.GeometryModel, tuple[str, ...]]:
-    """Return the visual geometry of a URDF, and notes on what was left out.
+    A mesh stands as a sphere in the geometry, with its path and scale.
 
     Parameters
     ----------
@@ -90,26 +84,24 @@ def read_geometry(model: pin.Model, xml: str) -> tuple[pin.GeometryModel, tuple[
                 scale = np.array([float(x) for x in mesh.get("scale", "1 1 1").split()])
                 path = Path(mesh.get("filename", "").removeprefix("file://"))
                 wanted[f"{link.get('name')}_{number}"] = (path, scale)
-                # Pinocchio builds everything around it; the mesh takes its place below.
+                # Pinocchio builds everything around it.
                 shape.remove(mesh)
                 ET.SubElement(shape, "sphere", radius="1")
     geometry = pin.buildGeomFromUrdfString(model, ET.tostring(root, "unicode"), pin.VISUAL)
     if not wanted:
-        return geometry, ()
+        return geometry, {}, ()
     paths = tuple(dict.fromkeys(path for path, _ in wanted.values()))
     said: list[str] = []
     found = read_meshes(paths, said.append)
     for name in [g.name for g in geometry.geometryObjects if g.name in wanted]:
         path, scale = wanted[name]
-        mesh_read = found[path]
-        if isinstance(mesh_read, str):
+        if isinstance(found[path], str):
             geometry.removeGeometryObject(name)
             continue
         held = geometry.geometryObjects[geometry.getGeometryId(name)]
         held.meshPath, held.meshScale = str(path), scale
-        as_file = path.suffix.lower() in _AS_FILES
-        held.geometry = coal.BVHModelOBBRSS() if as_file else mesh_read.geometry()
-    return geometry, (*_notes(found), *said)
+    meshes = {path: mesh for path, mesh in found.items() if isinstance(mesh, Mesh)}
+    return geometry, meshes, (*_notes(found), *said)
 
 
 def _notes(found: Mapping[Path, Mesh | str]) -> tuple[str, ...]:

@@ -1,4 +1,4 @@
-"""Pictures of a page, taken by a headless Chromium through its own debugging protocol."""
+"""Chromium without a window: pictures of a page, through its debugging protocol, and PDF."""
 
 from __future__ import annotations
 
@@ -58,14 +58,73 @@ def take_picture(url: str, path: str | os.PathLike[str], size: tuple[int, int]) 
     if not all(16 <= side <= 8192 for side in size):
         raise OptionError(f"the size of a picture must be within 16 and 8192 pixels, got {size}")
     path = check_writable(path)
+    browser = check_browser(path, "a picture", "--html needs none")
+    write_bytes(path, _taken(browser, url, size))
+
+
+def check_browser(
+    path: str | os.PathLike[str],
+    what: str = "PDF",
+    instead: str = "the HTML prints from any browser",
+) -> str:
+    """Return the browser that will write ``path``, before anything is computed.
+
+    Raises
+    ------
+    OutputError
+        If there is none.
+    """
     browser = find_browser()
     if browser is None:
         raise OutputError(
-            f"cannot write {path}: a picture needs Chromium or Chrome, and none is installed "
-            "(apt install chromium, or name one in the variable CHROMIUM); "
-            "--html needs none"
+            f"cannot write {path}: {what} needs Chromium or Chrome, and none is installed "
+            f"(apt install chromium, or name one in the variable CHROMIUM); {instead}"
         )
-    write_bytes(path, _taken(browser, url, size))
+    return browser
+
+
+def printed(html: str, path: str | os.PathLike[str]) -> bytes:
+    """Return a page as PDF, meant for ``path``, which is left alone.
+
+    Raises
+    ------
+    OutputError
+        If there is no browser, or it fails.
+    """
+    browser = check_browser(path)
+    with tempfile.TemporaryDirectory(prefix="pinsing-", ignore_cleanup_errors=True) as folder:
+        page, out = Path(folder, "report.html"), Path(folder, "report.pdf")
+        page.write_text(html, encoding="utf-8")
+        arguments = [
+            *(browser, *_arguments(f"{folder}/profile")),
+            "--disable-gpu",
+            "--no-pdf-header-footer",
+            "--generate-pdf-document-outline",
+            f"--print-to-pdf={out}",
+        ]
+        try:
+            done = subprocess.run(
+                [*arguments, page.as_uri()],
+                stdin=subprocess.DEVNULL,
+                stdout=subprocess.DEVNULL,
+                stderr=subprocess.PIPE,
+                timeout=_SECONDS,
+                check=False,
+            )
+        except subprocess.TimeoutExpired:
+            raise OutputError(
+                f"cannot write {path}: the browser did not print within {_SECONDS:g} s"
+            ) from None
+        except OSError as error:
+            raise OutputError(f"cannot write {path}: {browser}: {error.strerror}") from None
+        data = out.read_bytes() if out.is_file() else b""
+        if not data.startswith(b"%PDF"):
+            lines = done.stderr.decode(errors="replace").strip().splitlines()
+            raise OutputError(
+                f"cannot write {path}: the browser printed nothing: "
+                f"{lines[-1] if lines else 'no message'}"
+            )
+    return data
 
 
 def _taken(browser: str, url: str, size: tuple[int, int]) -> bytes:
@@ -73,7 +132,17 @@ def _taken(browser: str, url: str, size: tuple[int, int]) -> bytes:
     # The profile may still be written to for a moment after the end.
     with tempfile.TemporaryDirectory(prefix="pinsing-", ignore_cleanup_errors=True) as profile:
         process = subprocess.Popen(
-            [browser, *_arguments(profile, size), "about:blank"],
+            [
+                *(browser, *_arguments(profile)),
+                "--remote-debugging-port=0",
+                f"--window-size={size[0]},{size[1]}",
+                "--use-gl=angle",
+                "--use-angle=swiftshader",
+                "--enable-unsafe-swiftshader",
+                "--hide-scrollbars",
+                "--mute-audio",
+                "about:blank",
+            ],
             stdin=subprocess.DEVNULL,
             stdout=subprocess.DEVNULL,
             stderr=subprocess.PIPE,
@@ -96,17 +165,10 @@ def _end(process: subprocess.Popen[bytes]) -> None:
         process.communicate()
 
 
-def _arguments(profile: str, size: tuple[int, int]) -> list[str]:
+def _arguments(profile: str) -> list[str]:
     arguments = [
         "--headless=new",
-        "--remote-debugging-port=0",
         f"--user-data-dir={profile}",
-        f"--window-size={size[0]},{size[1]}",
-        "--use-gl=angle",
-        "--use-angle=swiftshader",
-        "--enable-unsafe-swiftshader",
-        "--hide-scrollbars",
-        "--mute-audio",
         "--no-first-run",
         "--no-default-browser-check",
         "--disable-extensions",

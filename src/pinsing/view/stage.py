@@ -11,7 +11,6 @@ import numpy as np
 
 from pinsing._dataclass import dataclass
 from pinsing._types import Array
-from pinsing.errors import OptionError
 from pinsing.measures import SINGULAR_RTOL
 from pinsing.robot.arm import Arm
 from pinsing.view.engine_data import engine_data
@@ -183,23 +182,6 @@ def _more(entry: Entry) -> Iterator[str]:
         yield "out of reach of the limits"
     if entry.reachable is None:
         yield "no configuration found within the limits"
-
-
-def check_place(entry: object, pose: object, counts: Sequence[int]) -> None:
-    """Refuse what is not the number of an entry and of one of its poses (``counts`` of each).
-
-    Raises
-    ------
-    OptionError
-        If it is not.
-    """
-    for value, what in ((entry, "entry"), (pose, "pose")):
-        if isinstance(value, bool) or not isinstance(value, int):
-            raise OptionError(f"{what} is not a number of the list: {value!r}")
-    if not (isinstance(entry, int) and isinstance(pose, int)):
-        raise OptionError("a place in the list is two numbers")
-    if not 0 <= entry < len(counts) or not 0 <= pose < counts[entry]:
-        raise OptionError(f"there is no pose {pose} of entry {entry}")
 
 
 def _solved(entry: Entry) -> list[dict[str, Any]]:

@@ -17,7 +17,6 @@ from pinsing.robot.mechanism import Mechanism
 from pinsing.view.links import Links
 from pinsing.view.mechanism.linkage import Linkage, mechanism_data, plane_normal, side
 from pinsing.view.sizes import ARROWS, LEAST, Sizes
-from pinsing.view.stage import check_place
 
 _SAME = 1e-6
 _MEANING = {
@@ -209,14 +208,7 @@ class MechanismStage:
         return self.mechanism.name
 
     def pose_q(self, entry: int, pose: int) -> Array:
-        """Configuration (n,) of a pose of the list.
-
-        Raises
-        ------
-        OptionError
-            If there is none.
-        """
-        check_place(entry, pose, [len(g.points) for g in self.groups])
+        """Configuration (n,) of a pose of the list."""
         return np.array(self.groups[entry].points[pose].q)
 
     def start(self) -> dict[str, Any]:
