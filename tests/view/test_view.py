@@ -36,9 +36,8 @@ from pinsing.errors import (
 )
 from pinsing.families import closed_form
 from pinsing.families.certainty import coverage_words
-from pinsing.families.paths import along, into
 from pinsing.kinematics.jacobian import frame_jacobian, singular_values, tip_placement
-from pinsing.measures import SINGULAR_RTOL, pure_ellipsoids, velocity_ellipsoid
+from pinsing.measures import pure_ellipsoids, velocity_ellipsoid
 from pinsing.robot.arm import Arm
 from pinsing.robot.load import load
 from pinsing.sampling.analyze import analyze
@@ -139,29 +138,6 @@ def test_poses_are_on_their_family_inside_the_limits_and_the_same_every_time(nam
             np.testing.assert_array_equal(q, other)
 
 
-@pytest.mark.parametrize("name", ARMS)
-def test_paths(name: str) -> None:
-    arm, entries = entries_of(name)
-    for entry in entries:
-        for q in entry.poses[:1]:
-            path = into(arm, entry.moved, q)
-            sigma = singular_values(arm, path)
-            ratio = sigma[:, -1] / sigma[:, 0]
-            np.testing.assert_array_equal(path[-1], q)
-            assert ratio[0] > 1e-3, entry.name
-            assert ratio[-1] <= SINGULAR_RTOL
-            assert (np.diff(ratio) <= 0.02).all()
-            assert arm.within_limits(path).all()
-            loop = along(arm, entry.family, q)
-            assert len(loop), entry.name
-            sigma = singular_values(arm, loop)
-            assert (sigma[:, -1] <= 1e-8 * sigma[:, 0]).all()
-            assert arm.within_limits(loop).all()
-            assert np.ptp(loop, axis=0).max() > 0.05
-            closed = np.concatenate([loop, loop[:1]])
-            assert np.abs(np.diff(closed, axis=0)).max() < 0.4
-
-
 def test_findings_of_a_sweep_are_listed() -> None:
     from pinsing.sampling.findings import singular_configurations
     from pinsing.sampling.sweep_run import sweep
@@ -175,7 +151,6 @@ def test_findings_of_a_sweep_are_listed() -> None:
             assert singular_values(arm, q[None])[0, -1] < 1e-9
     wrist = next(e for e in entries if e.text == "q5 = 0")
     assert wrist.family.distance([0, 1, 0.3, 0, 0.1, 0]).value == pytest.approx(0.1)
-    assert len(along(arm, wrist.family, wrist.poses[0]))
 
 
 def test_fixed_joints_wrap_whole_turns() -> None:

@@ -20,7 +20,7 @@ from pinsing.configuration.at import at
 from pinsing.configuration.state import State
 from pinsing.errors import PinsingError
 from pinsing.families import ClosedForm, Family, closed_form
-from pinsing.families.paths import telling_poses
+from pinsing.families.telling_poses import telling_poses
 from pinsing.kinematics.verdict import SINGULAR_RTOL
 from pinsing.proximity.clearance import Clearance, clearance
 from pinsing.proximity.suggestion import Suggestion, suggest

@@ -13,7 +13,7 @@ from pinsing._dataclass import dataclass
 from pinsing._types import Array
 from pinsing.errors import OptionError
 from pinsing.families import Branch, Family, JointValue, joint_symbols
-from pinsing.families.paths import FamilyLike, telling_poses
+from pinsing.families.telling_poses import FamilyLike, telling_poses
 from pinsing.robot.arm import Arm
 from pinsing.sampling.finding import Finding
 

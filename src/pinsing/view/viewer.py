@@ -16,7 +16,7 @@ from pinsing.arguments import checked, shown
 from pinsing.errors import ArgumentError, ConfigurationError, OptionError
 from pinsing.families import Family
 from pinsing.families.certainty import coverage_words
-from pinsing.families.paths import FamilyLike
+from pinsing.families.telling_poses import FamilyLike
 from pinsing.robot.arm import Arm
 from pinsing.sampling.finding import Finding
 from pinsing.view.drawing import Recorder
