@@ -8,7 +8,7 @@ from importlib.metadata import distribution
 import numpy as np
 import pinocchio as pin
 
-from pinsing._batch.chain import FlatChain
+from pinsing._batch.engine import FlatChain
 from pinsing.robot.joints import axis_rotation, joint_axis
 
 ROBOTS = "cmeel.prefix/share/example-robot-data/robots"

@@ -12,7 +12,7 @@ import pytest
 from batch_cases import PANDA, UR5, close, flat, lapack, random_chain, reference_jacobian, robot
 
 from pinsing._batch import engine
-from pinsing._batch.chain import FlatChain
+from pinsing._batch.engine import FlatChain
 
 if not engine.available():
     if os.environ.get("PINSING_REQUIRE_ENGINE"):

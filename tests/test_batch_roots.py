@@ -9,7 +9,7 @@ import pytest
 from batch_cases import PANDA, UR5, flat, lapack, matrices, random_chain, robot, with_values
 
 from pinsing._batch import engine
-from pinsing._batch.chain import FlatChain
+from pinsing._batch.engine import FlatChain
 
 if not engine.available():
     if os.environ.get("PINSING_REQUIRE_ENGINE"):

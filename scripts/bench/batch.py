@@ -22,7 +22,7 @@ import pinocchio as pin
 from peers import missing, peers
 
 from pinsing._batch import engine
-from pinsing._batch.chain import FlatChain
+from pinsing._batch.engine import FlatChain
 from pinsing.kinematics.verdict import evaluator
 from pinsing.robot.arm import Arm
 from pinsing.robot.chain import flatten

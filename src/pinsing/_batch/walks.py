@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pinsing._batch import engine
-from pinsing._batch.chain import FlatChain
+from pinsing._batch.engine import FlatChain
 from pinsing._dataclass import dataclass
 
 Floats = NDArray[np.float64]

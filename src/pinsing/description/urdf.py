@@ -24,9 +24,16 @@ from pinsing.description.urdf_elements import (
     check_mimics,
 )
 from pinsing.description.urdf_meshes import Shapes
-from pinsing.description.urdf_source import UrdfSource, show
 from pinsing.description.xacro import expand_xacro, is_xacro
-from pinsing.description.xml_tree import Node, parse_text, parse_xml, read_bytes, to_text
+from pinsing.description.xml_tree import (
+    Node,
+    UrdfSource,
+    parse_text,
+    parse_xml,
+    read_bytes,
+    show,
+    to_text,
+)
 from pinsing.errors import RobotFileError, UnknownNameError
 
 __all__ = ["Description", "JointEntry", "Mimic", "parse_description", "read_description"]

@@ -13,8 +13,14 @@ from dataclasses import replace
 from typing import Literal, cast, get_args
 
 from pinsing._dataclass import dataclass
-from pinsing.description.urdf_source import LARGEST, LARGEST_INERTIA, UrdfSource, show
-from pinsing.description.xml_tree import Node
+from pinsing.description.xml_tree import (
+    LARGEST,
+    LARGEST_INERTIA,
+    Node,
+    UrdfSource,
+    show,
+    suggestion,
+)
 from pinsing.errors import RobotFileError
 
 JointKind = Literal["revolute", "continuous", "prismatic", "fixed", "floating", "planar"]
@@ -116,8 +122,7 @@ def check_joint(node: Node, source: UrdfSource) -> tuple[JointEntry, Node]:
 def _kind(node: Node, source: UrdfSource, what: str) -> JointKind:
     kind = source.attribute(node, "type", what)
     if kind not in KINDS:
-        close = difflib.get_close_matches(kind.strip().lower(), KINDS, n=1)
-        hint = f"did you mean {close[0]!r}?" if close else "known: " + ", ".join(KINDS)
+        hint = suggestion(kind.strip().lower(), KINDS)
         raise source.error(f"{what}: unknown type {show(kind)}: {hint}", node)
     return cast(JointKind, kind)
 

@@ -15,7 +15,7 @@ from xml.parsers import expat
 
 from pinsing._dataclass import dataclass
 from pinsing.description.ros_packages import MeshProblem, PackageIndex
-from pinsing.description.urdf_source import show
+from pinsing.description.xml_tree import show
 
 if TYPE_CHECKING:
     from xml.etree.ElementTree import Element

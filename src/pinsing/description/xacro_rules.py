@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Mapping
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
@@ -17,7 +18,7 @@ import yaml
 
 from pinsing.description.xacro_document import Builder, Places, RefusedAt, keep_places, replaces
 from pinsing.description.xacro_expression import FUNCTIONS, MATH, Function, Kinds, Refused, evaluate
-from pinsing.description.yaml_tree import Loader
+from pinsing.description.yaml_tree import Loader, yaml_problem
 
 
 def _known(name: str, known: Mapping[str, Any]) -> Any:
@@ -301,13 +302,9 @@ class Rules:
                 return None
             _count(node, filename)
             value = loader.construct_document(node)
-        except yaml.MarkedYAMLError as error:
-            mark = error.problem_mark or error.context_mark
-            line = None if mark is None else mark.line + 1
-            raise RefusedAt(f"not valid YAML: {error.problem or error}", filename, line) from None
         except yaml.YAMLError as error:
-            reason = getattr(error, "reason", error)
-            raise RefusedAt(f"not valid YAML: {reason}", filename) from None
+            problem, _, line = yaml_problem(error, text, Path(filename))
+            raise RefusedAt(problem, filename, line) from None
         self.xacro.filestack.pop()
         self.xacro.all_includes.append(filename)
         self.tables[filename] = self.kinds.listed.wrap(value)

@@ -3,16 +3,23 @@
 Expat checks the syntax; entities, document types, deep nesting and huge files are refused, and no
 other file is ever opened. Text between tags is dropped: in a robot description all is in
 attributes.
+
+What all checks of a URDF share stands here too: errors at their line, numbers, counted notes.
 """
 
 from __future__ import annotations
 
+import dataclasses
+import difflib
+import math
 import re
-from collections.abc import Iterator
-from dataclasses import dataclass, field
+import unicodedata
+from collections.abc import Iterable, Iterator
+from dataclasses import field
 from pathlib import Path
 from xml.parsers import expat
 
+from pinsing._dataclass import dataclass
 from pinsing.errors import RobotFileError
 
 MAX_BYTES = 32 * 2**20
@@ -35,7 +42,7 @@ _ESCAPES = str.maketrans(
 )
 
 
-@dataclass(slots=True)
+@dataclasses.dataclass(slots=True)
 class Node:
     """An element: its tag as written, its attributes, its children, and its line in the file."""
 
@@ -61,33 +68,39 @@ class Node:
             stack.extend(reversed(node.children))
 
 
-def read_bytes(path: Path) -> bytes:
-    """Return the content of a file that may be a robot description.
+def read_bytes(path: Path, most: int = 0, kind: str = "URDF or xacro file") -> bytes:
+    """Return the content of a plain file of at most ``most`` bytes (32 MiB), not empty.
 
     Raises
     ------
     RobotFileError
-        If it is missing, a folder, not a plain file, unreadable, empty, or larger than 32 MiB.
+        If it is missing, a folder, not a plain file, unreadable, empty, or larger.
     """
     try:
         if path.is_dir():
-            raise RobotFileError("is a folder: give the URDF or xacro file in it", path)
+            raise RobotFileError(f"is a folder: give the {kind} in it", path)
         if not path.exists():
             raise RobotFileError("no such file", path)
         if not path.is_file():
-            raise RobotFileError("is not a plain file: give a URDF or xacro file", path)
+            raise RobotFileError(f"is not a plain file: give a {kind}", path)
         with path.open("rb") as stream:
-            data = stream.read(MAX_BYTES + 1)
+            most = most or MAX_BYTES
+            data = stream.read(most + 1)
     except (OSError, ValueError) as error:
+        if isinstance(error, RobotFileError):
+            raise
         reason = getattr(error, "strerror", None) or str(error)
         raise RobotFileError(f"cannot be read: {reason}", path) from error
-    if len(data) > MAX_BYTES:
-        raise RobotFileError(
-            f"is larger than {MAX_BYTES // 2**20} MiB: not a robot description", path
-        )
+    _require_size(data, most, path)
     if not data.strip(b" \t\r\n\0"):
         raise RobotFileError("the file is empty", path)
     return data
+
+
+def _require_size(data: bytes, most: int, path: Path) -> None:
+    if len(data) > most:
+        size = f"{most // 2**20} MiB" if most >= 2**20 else f"{most // 2**10} KiB"
+        raise RobotFileError(f"is larger than {size}: not a robot description", path)
 
 
 def parse_text(text: str, path: Path) -> Node:
@@ -106,10 +119,7 @@ def parse_text(text: str, path: Path) -> Node:
     except UnicodeEncodeError as error:
         line = text.count("\n", 0, error.start) + 1
         raise RobotFileError("holds half a character (a lone surrogate)", path, line) from None
-    if len(data) > MAX_BYTES:
-        raise RobotFileError(
-            f"is larger than {MAX_BYTES // 2**20} MiB: not a robot description", path
-        )
+    _require_size(data, MAX_BYTES, path)
     return parse_xml(data, path)
 
 
@@ -216,3 +226,170 @@ def to_text(root: Node) -> str:
         stack.append((f"{indent}</{node.tag}>\n", depth))
         stack.extend((child, depth + 1) for child in reversed(node.children))
     return "".join(pieces)
+
+
+# As strict as urdfdom, which reads no "nan", "inf", hexadecimal or "1_000".
+_LONGEST_NUMBER = 1000
+_NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?", re.ASCII)
+_NOT_FINITE = re.compile(r"[+-]?(?:nan(?:\(.*\))?|inf|infinity)", re.IGNORECASE)
+# No robot has a link, an angle or a mass of that size; a finger on the keyboard has.
+LARGEST = 1e6
+LARGEST_INERTIA = 1e12
+
+
+def show(text: str, length: int = 60) -> str:
+    """Return text from a file as a quoted literal, cut to a length, control characters escaped."""
+    return repr(text if len(text) <= length else text[: length - 3] + "...")
+
+
+def suggestion(name: str, known: Iterable[str]) -> str:
+    """Say which of the known names was probably meant, or list them all."""
+    known = tuple(known)
+    # A name of thousands of characters resembles none, and takes minutes to compare.
+    close = difflib.get_close_matches(name[:200], known, n=2, cutoff=0.5)
+    if close:
+        return "did you mean " + " or ".join(repr(c) for c in close) + "?"
+    return "known: " + ", ".join(known)
+
+
+def has_control(name: str) -> bool:
+    """Whether a name holds a line break, a tab, an escape or the like."""
+    return any(unicodedata.category(c) == "Cc" for c in name)
+
+
+@dataclass
+class UrdfSource:
+    """The file under check, and what was noted about it.
+
+    Attributes
+    ----------
+    path : Path
+        The file as given.
+    expanded : bool
+        Whether the text is what xacro made of the file, whose lines are not those of the file.
+    version : str
+        Version of the URDF format, as the file says.
+    """
+
+    path: Path
+    expanded: bool = False
+    version: str = "1.0"
+    _findings: dict[str, list[str]] = field(default_factory=dict)
+
+    def error(self, problem: str, node: Node | None = None) -> RobotFileError:
+        """Return an error at the line of a node."""
+        if node is None:
+            return RobotFileError(problem, self.path)
+        if self.expanded:
+            where = f" (line {node.line} of what `xacro {self.path.name}` prints)"
+            return RobotFileError(problem + where, self.path)
+        return RobotFileError(problem, self.path, node.line)
+
+    def refuse_if(self, wrong: object, problem: str, node: Node | None = None) -> None:
+        """Raise an error at the line of a node if something is wrong with it."""
+        if wrong:
+            raise self.error(problem, node)
+
+    def line(self, node: Node) -> int | None:
+        """Return the line of a node in the file, None where xacro stands between."""
+        return None if self.expanded else node.line
+
+    def note(self, text: str, where: str = "") -> None:
+        """Note something; the same text at several places becomes one note with its count."""
+        self._findings.setdefault(text, []).append(where)
+
+    def notes(self) -> tuple[str, ...]:
+        """Return the notes in the order of their first finding."""
+        return tuple(_note(text, places) for text, places in self._findings.items())
+
+    def check_name(self, name: str, what: str, node: Node) -> None:
+        """Refuse control characters, which terminals, LaTeX and tables obey or trip over."""
+        self.refuse_if(
+            has_control(name), f"{what}: the name holds a control character: rename it", node
+        )
+
+    def attribute(self, node: Node, name: str, what: str) -> str:
+        """Return a required attribute that is not blank."""
+        value = node.attributes.get(name, "")
+        self.refuse_if(not value.strip(), f'{what}: <{node.tag}> has no {name}="..."', node)
+        return value
+
+    def numbers(
+        self, node: Node, name: str, count: int, what: str, largest: float = LARGEST
+    ) -> tuple[float, ...]:
+        """Return the numbers in an attribute, each finite and at most ``largest``.
+
+        The attribute is rewritten with single blanks between them, all that urdfdom can read.
+        """
+        text = node.attributes[name]
+        words = text.split()
+        at = f"{what}: <{node.tag} {name}={show(text)}>"
+        if len(words) != count:
+            expected = "one number" if count == 1 else f"{count} numbers"
+            raise self.error(f"{at} must have {expected}, separated by blanks", node)
+        values = []
+        for word in words:
+            self.refuse_if(
+                _NOT_FINITE.fullmatch(word), f"{at}: {word} is not a finite number", node
+            )
+            if len(word) > _LONGEST_NUMBER and not word[:50].strip("+-.0123456789"):
+                # The expression below would take the square of that many steps.
+                raise self.error(f"{at}: a number of {len(word):,} characters: round it", node)
+            if not _NUMBER.fullmatch(word):
+                hint = ": a xacro expression? name the file .xacro" if "${" in text else ""
+                raise self.error(f"{at}: {show(word, 30)} is not a number{hint}", node)
+            value = float(word)
+            self.refuse_if(
+                not math.isfinite(value) or abs(value) > largest,
+                f"{at}: {show(word, 30)} is too large, at most {largest:g}",
+                node,
+            )
+            values.append(value)
+        node.attributes[name] = " ".join(words)
+        return tuple(values)
+
+    def one(self, node: Node, tag: str, what: str) -> Node | None:
+        """Return the only child with a tag, None if there is none; refuse several."""
+        found = node.all(tag)
+        if len(found) > 1:
+            raise self.error(f"{what} has {len(found)} <{tag}> elements: keep one", found[1])
+        return found[0] if found else None
+
+    def origin(self, node: Node, what: str) -> list[Node]:
+        """Return a checked copy of the <origin> of a node, as a list of none or one."""
+        origin = self.one(node, "origin", what)
+        if origin is None:
+            return []
+        kept = Node("origin", dict(origin.attributes), origin.line)
+        for name in ("xyz", "rpy"):
+            if name in kept.attributes:
+                self.numbers(kept, name, 3, what)
+        if "quat_xyzw" in kept.attributes:
+            if self.version not in ("1.1", "1.2"):
+                # Readers of version 1.0 pass over it and lose the rotation without a word.
+                raise self.error(
+                    f"{what}: <origin quat_xyzw> does not exist in URDF 1.0: "
+                    'write <robot version="1.1">, or give rpy',
+                    origin,
+                )
+            quaternion = self.numbers(kept, "quat_xyzw", 4, what)
+            self.refuse_if(
+                "rpy" in kept.attributes,
+                f"{what}: <origin> has both rpy and quat_xyzw: keep one",
+                origin,
+            )
+            self.refuse_if(
+                math.hypot(*quaternion) < 1e-6,
+                f"{what}: <origin quat_xyzw> is zero, so no rotation",
+                origin,
+            )
+        return [kept]
+
+
+def _note(text: str, places: list[str]) -> str:
+    named = [p for p in places if p]
+    if not named:
+        return text
+    more = f" and {len(named) - 3} more" if len(named) > 4 else ""
+    shown = named if len(named) <= 4 else named[:3]
+    return f"{text} {', '.join(shown)}{more}"

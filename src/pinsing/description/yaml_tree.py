@@ -7,7 +7,6 @@ millimetres the double 0.4318).
 
 from __future__ import annotations
 
-import difflib
 import math
 import re
 from collections.abc import Iterable
@@ -18,26 +17,21 @@ from typing import Any
 import yaml
 
 from pinsing._dataclass import dataclass
+from pinsing.description.xml_tree import read_bytes, show, suggestion
 from pinsing.errors import RobotFileError
-
-DEEPEST = 50
-
-
-class NestedError(yaml.MarkedYAMLError):
-    """Lists or keys within each other, more than any table needs."""
 
 
 class Loader(yaml.SafeLoader):
-    """Refuses what is nested more than `DEEPEST` levels, as soon as it gets there."""
+    """Refuses what is nested more than 50 levels, as soon as it gets there."""
 
     _level = 0
 
     def compose_node(self, parent: Any, index: Any) -> Any:
         """Compose one value."""
         self._level += 1
-        if self._level > DEEPEST:
+        if self._level > 50:
             mark = self.peek_event().start_mark  # type: ignore[no-untyped-call]
-            raise NestedError(problem="nested too deeply", problem_mark=mark)
+            raise yaml.MarkedYAMLError(problem="nested too deeply", problem_mark=mark)
         node = super().compose_node(parent, index)
         self._level -= 1
         return node
@@ -96,21 +90,6 @@ def parse_number(text: str) -> Number | None:
     return Number(value, pi)
 
 
-def _show(text: str) -> str:
-    """Return text of the file as a quoted literal, cut where it is long."""
-    return repr(text if len(text) <= 60 else text[:57] + "...")
-
-
-def suggestion(name: str, known: Iterable[str]) -> str:
-    """Say which of the known names was probably meant, or list them all."""
-    known = tuple(known)
-    # A name of thousands of characters resembles none, and takes minutes to compare.
-    close = difflib.get_close_matches(name[:200], known, n=2, cutoff=0.5)
-    if close:
-        return "did you mean " + " or ".join(repr(c) for c in close) + "?"
-    return "known: " + ", ".join(known)
-
-
 @dataclass(frozen=True)
 class YamlNode:
     """One value of a YAML file, with its place.
@@ -156,7 +135,7 @@ class YamlNode:
     @property
     def _found(self) -> str:
         if isinstance(self.node, yaml.ScalarNode):
-            return _show(self.node.value) if self.node.value else "nothing"
+            return show(self.node.value) if self.node.value else "nothing"
         return "a list" if isinstance(self.node, yaml.SequenceNode) else "keys and values"
 
     def mapping(self, required: Iterable[str], optional: Iterable[str] = ()) -> dict[str, YamlNode]:
@@ -175,9 +154,9 @@ class YamlNode:
             key = key_node.value if isinstance(key_node, yaml.ScalarNode) else "?"
             here = YamlNode(key_node, self.path, self.label)
             if key not in known:
-                raise here.error(f"unknown key {_show(key)}: {suggestion(key, known)}")
+                raise here.error(f"unknown key {show(key)}: {suggestion(key, known)}")
             if key in values:
-                raise here.error(f"key {_show(key)} is given twice: remove one")
+                raise here.error(f"key {show(key)} is given twice: remove one")
             values[key] = self._child(value_node, key)
         missing = [key for key in required if key not in values]
         self.refuse_if(
@@ -236,7 +215,7 @@ class YamlNode:
         """
         text, options = self.text(), tuple(options)
         if text not in options:
-            raise self.error(f"unknown value {_show(text)}: {suggestion(text, options)}")
+            raise self.error(f"unknown value {show(text)}: {suggestion(text, options)}")
         return text
 
     def number(self, factor: Fraction | int = 1, pi: int | None = None) -> float:
@@ -266,13 +245,13 @@ class YamlNode:
             raise self.error(f"expected a number{hint}, found {self._found}")
         if number.pi and pi != 0:
             raise self.error(
-                f"{_show(text or '')} holds pi, which only an angle in radians may: "
+                f"{show(text or '')} holds pi, which only an angle in radians may: "
                 "write a plain number in the unit of the table"
             )
         try:
             return Number(number.value, number.pi or pi == 1).times(factor)
         except OverflowError:
-            raise self.error(f"{_show(text or '')} is not a finite number") from None
+            raise self.error(f"{show(text or '')} is not a finite number") from None
 
 
 def compose(path: str | Path) -> YamlNode:
@@ -285,42 +264,22 @@ def compose(path: str | Path) -> YamlNode:
     """
     path = Path(path)
     try:
-        if path.exists() and not path.is_dir() and not path.is_file():
-            raise RobotFileError("is not a plain file: give a YAML file", path)
-        with path.open("rb") as stream:
-            data = stream.read(MAX_BYTES + 1)
-        if len(data) > MAX_BYTES:
-            raise RobotFileError(
-                f"is larger than {MAX_BYTES // 1024} KiB: no table of a robot is", path
-            )
-        text = data.decode("utf-8-sig")
-    except IsADirectoryError:
-        raise RobotFileError("is a folder: give a file", path) from None
-    except FileNotFoundError:
-        raise RobotFileError("no such file: check the path", path) from None
+        text = read_bytes(path, MAX_BYTES, "YAML file").decode("utf-8-sig")
+        node = yaml.compose(text, Loader=Loader)
     except UnicodeDecodeError:
         raise RobotFileError("is not UTF-8 text: give a YAML file", path) from None
-    except OSError as error:
-        raise RobotFileError(f"cannot be read: {error.strerror}", path) from None
-    except ValueError as error:  # a null character in the name
-        if isinstance(error, RobotFileError):
-            raise
-        raise RobotFileError(f"cannot be read: {error}", path) from None
-    try:
-        node = yaml.compose(text, Loader=Loader)
-    except NestedError as error:
-        place = error.problem_mark.line + 1 if error.problem_mark else None
-        raise RobotFileError("nested too deeply: give a plain table", path, place) from None
-    except yaml.MarkedYAMLError as error:
-        mark = error.problem_mark or error.context_mark
-        line = None if mark is None else mark.line + 1
-        problem = error.problem or error.context or "malformed"
-        raise RobotFileError(f"not valid YAML: {problem}", path, line) from None
-    except yaml.reader.ReaderError as error:
-        line = text.count("\n", 0, error.position) + 1
-        raise RobotFileError(f"not valid YAML: {error.reason}", path, line) from None
-    except RecursionError:
-        raise RobotFileError("nested too deeply: give a plain table", path) from None
+    except yaml.YAMLError as error:
+        raise RobotFileError(*yaml_problem(error, text, path)) from None
     if node is None:
         raise RobotFileError("is empty: nothing to read", path)
     return YamlNode(node, path)
+
+
+def yaml_problem(error: yaml.YAMLError, text: str, file: Path) -> tuple[str, Path, int | None]:
+    """Return what is no YAML in a text, its file, and its line."""
+    mark = getattr(error, "problem_mark", None) or getattr(error, "context_mark", None)
+    line = None if mark is None else mark.line + 1
+    if isinstance(error, yaml.reader.ReaderError):
+        line = text.count("\n", 0, error.position) + 1
+    problem = getattr(error, "problem", None) or getattr(error, "reason", None) or error
+    return f"not valid YAML: {problem}", file, line

@@ -10,7 +10,7 @@ import numpy as np
 import pinocchio as pin
 
 from pinsing._batch import engine as kernel
-from pinsing._batch.chain import FlatChain
+from pinsing._batch.engine import FlatChain
 from pinsing._types import Array
 from pinsing.errors import EngineError, OptionError
 from pinsing.robot.arm import Arm

@@ -28,7 +28,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from pinsing._batch.chain import FlatChain
+from pinsing._batch.engine import FlatChain
 from pinsing._dataclass import dataclass
 from pinsing._types import Array, Ints
 from pinsing.errors import OptionError

@@ -11,15 +11,7 @@ from pinsing._types import Array
 from pinsing.errors import JointError
 from pinsing.robot.source import Coupling
 
-_ALONG = {
-    f"JointModel{kind}{axis}": (k, kind == "P")
-    for kind in ("R", "RUB", "P")
-    for k, axis in enumerate("XYZ")
-}
-"""Pinocchio's joints about and along coordinate axes: which axis, and whether they slide."""
-
 _Z = np.array([0.0, 0.0, 1.0])
-_DOWN = -0.9
 
 
 def joint_axis(joint: pin.JointModel, name: str = "") -> tuple[Array, bool]:
@@ -30,17 +22,8 @@ def joint_axis(joint: pin.JointModel, name: str = "") -> tuple[Array, bool]:
     JointError
         If the joint neither turns nor slides: a screw, or several joints in one.
     """
-    kind = joint.shortname()
-    if kind in _ALONG:
-        k, slides = _ALONG[kind]
-        return np.eye(3)[k], slides
-    if "Composite" in kind:
+    if "Composite" in joint.shortname():
         raise JointError(name, "is several joints in one; give each a joint of its own")
-    return computed_axis(joint, name)
-
-
-def computed_axis(joint: pin.JointModel, name: str = "") -> tuple[Array, bool]:
-    """The same from the joint's own motion subspace, of joints of any kind; raises likewise."""
     data = joint.createData()
     q = np.zeros(joint.idx_q + joint.nq)  # of the whole model up to it: calc reads from idx_q on
     q[joint.idx_q] = 1.0 if joint.nq == 2 else 0.0
@@ -62,7 +45,7 @@ def axis_rotation(axis: Array) -> Array:
         sign = 1.0 if axis[k] > 0 else -1.0
         out[(k + 1) % 3, 0], out[(k + 2) % 3, 1], out[k, 2] = 1.0, sign, sign
         return out
-    if axis[2] > _DOWN:
+    if axis[2] > -0.9:
         return np.array(pin.Quaternion.FromTwoVectors(_Z, axis).matrix())
     # Near -z that loses half of the digits: half a turn about x first.
     over = np.array([1.0, -1.0, -1.0])

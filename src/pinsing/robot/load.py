@@ -23,10 +23,9 @@ from pinsing.robot.chains import (
     joint_path,
     long_chain_note,
 )
-from pinsing.robot.given import HasModel, given_file, given_model
 from pinsing.robot.joints import Follow, chain_limits, couple, coupled_limits, leader_of, locked_at
 from pinsing.robot.models import Way, lock_joints, reroot, turned_round, way_between
-from pinsing.robot.source import Source
+from pinsing.robot.source import HasModel, Source, given_file, given_model
 from pinsing.robot.task import Task, parse_task
 
 if TYPE_CHECKING:
@@ -35,15 +34,6 @@ if TYPE_CHECKING:
 
 MAX_IN_A_ROW = 64
 """Joints of an arm; hours and gigabytes, not insight, lie beyond."""
-
-
-@dataclass(frozen=True)
-class _Ends:
-    """Where a chain begins and ends."""
-
-    tip: str
-    base: str
-    way: Way
 
 
 @dataclass(frozen=True)
@@ -157,8 +147,8 @@ def load(
     free = _free_joints(whole, way, joints, notes)
     many = "" if way.up or joints is not None else long_chain_note(model, last, base_joint)
     notes += [many] if many else []
-    ends = _Ends(tip, base_frame, way)
-    arm = _build(whole, ends, free, parsed_task, float(length_scale), tuple(notes))
+    ends = (base_frame, tip)
+    arm = _build(whole, ends, way, free, parsed_task, float(length_scale), tuple(notes))
     return arm if units is None else replace(arm, units=units)
 
 
@@ -291,13 +281,14 @@ def _free_joints(
 
 def _build(
     whole: _Whole,
-    ends: _Ends,
+    ends: tuple[str, str],
+    way: Way,
     free: list[int],
     task: Task,
     length_scale: float,
     notes: tuple[str, ...],
 ) -> Arm:
-    model, base, path = whole.model, ends.base, ends.way.path
+    model, (base, tip), path = whole.model, ends, way.path
     in_order = [model.names[j] for j in free]
     on_path = set(in_order)
     # A follower whose leader is locked is locked as well; one whose leader moves, follows.
@@ -329,8 +320,8 @@ def _build(
         are = "joint outside the chain is" if len(off_path) == 1 else "joints outside the chain are"
         notes += (f"{len(off_path)} {are} locked (no effect on this chain)",)
     reduced = lock_joints(model, lock, reference)
-    if any(j in ends.way.up for j in kept):
-        at = [frame_index(reduced, name) for name in (base, ends.tip)]
+    if any(j in way.up for j in kept):
+        at = [frame_index(reduced, name) for name in ends]
         reduced, _ = turned_round(reduced, *at)
     elif base != "universe":
         reroot(reduced, base)
@@ -349,7 +340,7 @@ def _build(
     return Arm(
         name=whole.name,
         model=reduced,
-        tip=ends.tip,
+        tip=tip,
         base=root_name(reduced) if base == "universe" else base,
         joints=tuple(independent),
         prismatic=prismatic[index],

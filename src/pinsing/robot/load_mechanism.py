@@ -21,15 +21,15 @@ from pinsing._dataclass import dataclass
 from pinsing._types import Array
 from pinsing.arguments import checked
 from pinsing.description.urdf_elements import NO_LIMITS
-from pinsing.description.yaml_tree import YamlNode, compose, suggestion
+from pinsing.description.xml_tree import suggestion
+from pinsing.description.yaml_tree import YamlNode, compose
 from pinsing.errors import JointError, OptionError, PinsingError
 from pinsing.robot.chains import frame_index
-from pinsing.robot.given import HasModel, given_file, given_model
 from pinsing.robot.idle_spins import without_idle_spins
 from pinsing.robot.joints import joint_axis
 from pinsing.robot.loop_joints import replaced_joints
 from pinsing.robot.mechanism import LOOP_KINDS, Loop, Mechanism
-from pinsing.robot.source import Source
+from pinsing.robot.source import HasModel, Source, given_file, given_model
 from pinsing.robot.task import ROW_NAMES, Task, parse_task
 
 __all__ = ["LOOP_KINDS", "Loop", "Mechanism", "load_mechanism"]

@@ -10,7 +10,8 @@ from __future__ import annotations
 import numpy as np
 import pinocchio as pin
 
-from pinsing.description.yaml_tree import YamlNode, suggestion
+from pinsing.description.xml_tree import suggestion
+from pinsing.description.yaml_tree import YamlNode
 from pinsing.errors import PinsingError
 from pinsing.robot.joint_space import model_q
 

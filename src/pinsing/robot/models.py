@@ -38,14 +38,13 @@ def build_model(description: Description) -> pin.Model:
     RobotFileError
         If Pinocchio refuses it nevertheless; the reason is what Pinocchio printed.
     """
-    reason = ""
-    with _stderr_of_c() as captured:
+    with _stderr_of_c() as store:
         try:
             return pin.buildModelFromXML(description.kinematics)
         except (ValueError, RuntimeError, IndexError) as error:
             reason = str(error)
-        finally:
-            printed = captured()
+        store.seek(0)
+        printed = store.read(20_000).decode(errors="replace")
     said = " ".join(
         word for line in printed.splitlines() if " at line " not in line for word in line.split()
     )
@@ -53,18 +52,18 @@ def build_model(description: Description) -> pin.Model:
 
 
 @contextlib.contextmanager
-def _stderr_of_c() -> Iterator[_Captured]:
+def _stderr_of_c() -> Iterator[BinaryIO]:
     """Catch what C++ prints to file descriptor 2; a process without one is left as it is."""
     with _CAPTURE, _store() as store:
         sys.stderr.flush()
         try:
             saved = os.dup(2)
         except OSError:
-            yield _Captured(store)
+            yield store
             return
         try:
             os.dup2(store.fileno(), 2)
-            yield _Captured(store)
+            yield store
         finally:
             os.dup2(saved, 2)
             os.close(saved)
@@ -78,17 +77,6 @@ def _store() -> BinaryIO:
     import tempfile  # with shutil and its archives: a start of half a second can do without
 
     return cast("BinaryIO", tempfile.TemporaryFile())
-
-
-class _Captured:
-    """What has been caught so far."""
-
-    def __init__(self, store: BinaryIO) -> None:
-        self._store = store
-
-    def __call__(self) -> str:
-        self._store.seek(0)
-        return self._store.read(20_000).decode(errors="replace")
 
 
 def lock_joints(model: pin.Model, lock: Sequence[int], reference: Array) -> pin.Model:

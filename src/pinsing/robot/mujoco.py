@@ -22,10 +22,9 @@ from pinsing._dataclass import dataclass
 from pinsing._types import Array
 from pinsing.description.catalog import CatalogEntry, locate_robot
 from pinsing.description.urdf import MAX_DEPTH, MAX_IN_A_TREE
-from pinsing.description.urdf_source import UrdfSource, show
-from pinsing.description.xml_tree import MAX_BYTES, Node, parse_xml, read_bytes
+from pinsing.description.xml_tree import MAX_BYTES, Node, UrdfSource, parse_xml, read_bytes, show
 from pinsing.errors import RobotFileError
-from pinsing.robot.given import given_model
+from pinsing.robot.source import given_model
 
 SUFFIXES = (".xml", ".mjcf")
 
