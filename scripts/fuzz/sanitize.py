@@ -43,7 +43,7 @@ TESTS = (
         "tests/test_batch_roots.py",
     ),
 )
-_CLEARANCE = "tests/test_clearance.py::test_the_compiled_bounds_are_those_of_numpy"
+_CLEARANCE = "tests/proximity/test_clearance.py::test_the_compiled_bounds_are_those_of_numpy"
 
 PLUGIN = '''
 """Puts the kernel that was compiled for the sanitizers in the place of the installed one."""

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from test_inverse_oracle import CRX, robot
+from dh_arms import CRX, dh_arm
 
 import pinsing
 from pinsing.description.catalog import data_folder
@@ -64,7 +64,7 @@ def test_catalogue(name: str, wanted: dict[str, str]) -> None:
 
 
 def test_negatives(tmp_path: Path) -> None:
-    assert titles(robot(tmp_path, CRX)) == {}
+    assert titles(dh_arm(CRX)) == {}
     assert titles(load("puma560", task="position")) == {}
     slide, turn = (
         "{type: prismatic, limits: [-1, 1], d: 0",

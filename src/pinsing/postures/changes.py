@@ -36,7 +36,6 @@ SECONDS = 60.0
 
 _ITSELF = 1e-4
 """Joint distance up to which two solutions are one, as in `inverse`."""
-_SETS = 1000
 _LITTLE = 1e-3
 """sigma_r / sigma_1 of the joints that stay free, under which others are held instead."""
 
@@ -362,7 +361,7 @@ def _spare(arm: Arm, q: Array, more: int) -> tuple[int, ...]:
     """Joints to hold: in the middle, where the others can then meet all conditions of the task."""
     first = arm.n // 2 - 1
     middle = tuple(range(first, first + more))
-    sets = [middle, *islice(combinations(range(arm.n), more), _SETS)]
+    sets = [middle, *islice(combinations(range(arm.n), more), 1000)]
     away = arm.space.sample(8, np.random.default_rng(0), True)
     J = columns(arm, np.concatenate([q[None], away]))
     rank = generic_rank(arm)

@@ -32,8 +32,6 @@ POSES = 60
 CUSPIDAL, NOT_CUSPIDAL, NO_EVIDENCE = "cuspidal", "not cuspidal", "no evidence"
 
 _SAME_POSE = 1e-9
-_APART = 1e-3
-_FINE = 400
 
 
 _WITNESS = (
@@ -268,7 +266,7 @@ def _stands(arm: Arm, path: Array) -> bool:
 
 def _ends(arm: Arm, path: Array) -> bool:
     apart = float(np.abs(arm.space.wrap(path[-1] - path[0])).max())
-    return apart > _APART and one_sheet(arm, path[0], path[-1])
+    return apart > 1e-3 and one_sheet(arm, path[0], path[-1])
 
 
 def _few(arm: Arm, error: float) -> str:
@@ -288,7 +286,7 @@ def _checked(arm: Arm, path: Array) -> tuple[float, float]:
     apart = np.abs(
         picked(arm.task, np.append(last.translation - first.translation, turned)[:, None], R)
     )
-    share = np.linspace(0, 1, max(2, _FINE // len(path)))[:, None]
+    share = np.linspace(0, 1, max(2, 400 // len(path)))[:, None]
     fine = np.concatenate([a + share * (b - a) for a, b in pairwise(path)])
     return float(apart.max()), float(ratios(arm, fine).min())
 

@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from functools import cached_property, partial
+from functools import cached_property
 
 import numpy as np
 
 from pinsing._dataclass import dataclass
-from pinsing._types import Array, Bool, Ints
+from pinsing._types import Array, Ints
 from pinsing.algebra.trig_sum import TrigSum
 from pinsing.postures.boxes import Leaves, sum_of
 from pinsing.postures.partition import Arc, Part
-from pinsing.postures.pieces import Clear, CountedPiece, toward
+from pinsing.postures.pieces import Clear, CountedPiece, top_of, toward
 from pinsing.postures.subdivision import Components, Sections
 
 
@@ -188,7 +187,7 @@ class Divided(CountedPiece):
         good = (self.found.label[every] >= 0) & (leaves.sign[every] == signs).all(axis=1)
         every = every[good]
         x = self.middles[0]
-        away = np.linalg.norm(_toward_all(x[box], x[every], self.found.ground.circle), axis=1)
+        away = np.linalg.norm(toward(x[box], x[every], self.found.ground.circle) - x[box], axis=1)
         return np.asarray(every[np.argsort(away)])
 
     @cached_property
@@ -235,15 +234,6 @@ class Divided(CountedPiece):
         """Of each certain box the next one towards a hub: few boxes, so large and clear ones."""
         a, b = self.found.edges[:, self.found.passable]
         return tree_to_hubs(self.found.label, self.found.leaves.level, a, b)
-
-
-def _toward_all(a: Array, b: Array, circle: Bool) -> Array:
-    gap = b - a
-    return np.where(circle, gap - 2 * math.pi * np.round(gap / (2 * math.pi)), gap)
-
-
-_INSET = 1e-6
-"""How far ways keep from the ends of a box, as a share of its length."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -303,11 +293,8 @@ class Sectioned(CountedPiece):
 
     def _arcs(self, x: Array) -> tuple[Array, Array]:
         """Ends (...,) of the hub's values at which f keeps its sign over x, within the limits."""
-        a, b = x.copy(), x.copy()
-        a[..., self.hub], b[..., self.hub] = 0.0, math.pi / 2
         s = np.where(self._terms(x) > 0, 1.0, -1.0)
-        top = np.arctan2(s * self._terms(b), s * self._terms(a))
-        top += 2 * math.pi * np.round((x[..., self.hub] - top) / (2 * math.pi))
+        top = top_of(self._terms, self.hub, x, s)
         arc = self.box[self.hub]
         return np.maximum(arc.low, top - math.pi / 2), np.minimum(arc.high, top + math.pi / 2)
 
@@ -315,7 +302,8 @@ class Sectioned(CountedPiece):
     def _cuts(self) -> Array:
         """Sections as ways use them: the ends of the box may lie on families, so just within."""
         arc = self.box[self.hub]
-        inset = _INSET * (arc.high - arc.low)
+        # How far ways keep from the ends of a box, as a share of its length.
+        inset = 1e-6 * (arc.high - arc.low)
         return np.clip(self.found.cuts, arc.low + inset, arc.high - inset)
 
     def locate(self, x: Array, clear: Clear) -> int | None:
@@ -334,7 +322,7 @@ class Sectioned(CountedPiece):
             cut = float(self._cuts[i])
             if not clear(np.stack([x, self._lifted(flat, cut)])):
                 continue
-            way = self._on[i].to_certain(flat, partial(self._clear_on, clear, cut))
+            way = self._on[i].to_certain(flat, lambda X, cut=cut: clear(self._lifted(X, cut)))
             if way is None:
                 continue
             box, points = way
@@ -343,9 +331,6 @@ class Sectioned(CountedPiece):
             if np.sign(self._terms(last)) == self.found.leaves.sign[box, i]:
                 return box, int(i), np.concatenate([x[None], self._lifted(points, cut)])
         return None
-
-    def _clear_on(self, clear: Callable[[Array], bool], cut: float, X: Array) -> bool:
-        return clear(self._lifted(X, cut))
 
     @cached_property
     def _tree(self) -> Ints:

@@ -128,6 +128,21 @@ class ExactChain:
         zero = Fraction(0)
         return zero, zero, first[0]
 
+    def seen_before(self, j: int, height: Exact) -> Vector:
+        """The point at a height along axis j, in the frame that joint j - 1 moves."""
+        C, c = self.rotation[j], self.translation[j]
+        return c[0] + C[0][2] * height, c[1] + C[1][2] * height, c[2] + C[2][2] * height
+
+    def planar_middle(self) -> float | None:
+        """Height along axis 4 of where it crosses the last axis, if the three before are parallel.
+
+        The joints all turn, and the axes before and after these three are not parallel to them.
+        """
+        crossing = self.crossing(4)
+        if any(self.prismatic) or crossing is None or self.parallel(0) or self.parallel(3):
+            return None
+        return float(crossing[0]) if self.parallel(1) and self.parallel(2) else None
+
 
 def apply(R: Matrix, v: Sequence[Exact]) -> Vector:
     """The exact vector R v."""

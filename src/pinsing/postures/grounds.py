@@ -20,9 +20,6 @@ _PIECES = (2_000, 20_000)
 _CLEAR = 1e-9
 """sigma_r / sigma_1 above which a determinant has a sign that rounding does not make."""
 
-_TINY = 1e-6
-"""Lengths, in length scales, that rounding makes: no arm is built that exactly."""
-
 
 PROVEN, PROBABLE, NOT_COMPLETE = "proven", "probable", "not complete"
 
@@ -81,7 +78,8 @@ def nearly(arm: Arm, least: float) -> list[str]:
     """Say that a way is singular for all that a motor can tell, and what tiny lengths do."""
     if not least < PRACTICAL:
         return []
-    small = _TINY * arm.length_scale
+    # Lengths, in length scales, that rounding makes: no arm is built that exactly.
+    small = 1e-6 * arm.length_scale
     ladder = ladder_of(nominal(arm, snap_length=small))
     if ladder is None:
         found = "what the arm is without its tiny lengths is not known"

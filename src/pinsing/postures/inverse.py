@@ -26,7 +26,6 @@ from pinsing.postures.stepwise import steps_of
 from pinsing.robot.arm import Arm, summarize
 from pinsing.robot.nominal import nominal
 
-_WIDE = 4
 _FREE = 1e-9
 
 
@@ -37,7 +36,7 @@ def drawn(
 
     Where solutions with one sign of the determinant lack, all starts have that sign, if it can be.
     """
-    Q = arm.space.sample(count * (_WIDE if lacking else 1), rng, True)
+    Q = arm.space.sample(count * (4 if lacking else 1), rng, True)
     Q = np.where(np.isnan(held), Q, held)
     if lacking:
         other = solver.signs(Q) * lacking <= 0
@@ -98,12 +97,6 @@ def _mirrored_elbow(solver: Solver, Q: Array, j: int) -> Array:
 
 STARTS = 256
 MOST_STARTS = 4096
-
-_FAR = 1e12
-"""Length scales beyond which a pose is not solved step by step: squares lose all digits."""
-
-_CHECK = 8
-"""Share of the random starts that check solutions found step by step: one in so many."""
 
 
 @checked
@@ -195,7 +188,8 @@ def inverse(
     found, stalled = FoundSolutions(solver, arm, held), Stalled(arm.space)
     geometry = nominal(arm)
     alone = len(free) == arm.n
-    far = np.abs(position).max() > _FAR * arm.length_scale
+    # Length scales beyond which a pose is not solved step by step: squares lose all digits.
+    far = np.abs(position).max() > 1e12 * arm.length_scale
     steps = steps_of(geometry, position, rotation) if alone and not far else None
     first = starts
     known = -1
@@ -203,7 +197,8 @@ def inverse(
         found.add(*solver.solve(steps.Q))
         solved = int((np.linalg.norm(solver.linear(steps.Q)[0], axis=1) < steps.near).sum())
         if steps.clear and solved == len(found.q) and found.regular.all():
-            known, first = len(found.q), max(1, starts // _CHECK)
+            # Share of the random starts that check solutions found step by step: one in so many.
+            known, first = len(found.q), max(1, starts // 8)
     if near is not None:
         own = arm.check_many(near, "near")
         found.add(*solver.solve(np.where(np.isnan(held), own, held), stalled=stalled))

@@ -168,13 +168,6 @@ class InverseSolutions(JsonResult):
 ENOUGH = 5
 """A solution that was met so often has a share of the starts that is not small."""
 
-_APART = 1e-4
-_MOST = 4096
-_NEAR = 0.1
-_QUICK = 30
-"""Steps from an image: it is near a solution, or of no use."""
-_ROUNDS = 4
-_SINGULAR_LISTED = 32
 _REGULAR = 1e-6
 """sigma_r / sigma_1 above which a solution is regular: of a singular one half the digits hold."""
 
@@ -214,12 +207,12 @@ class FoundSolutions:
                 gap = np.abs(self.arm.space.wrap(np.array(self.q) - q)).max(axis=1)
                 gap[np.array(self.sign) * sign < 0] = np.inf
                 k = int(np.argmin(gap))
-                if gap[k] < _APART:
+                if gap[k] < 1e-4:
                     self.hits[k] += 1
                     if e < self.left[k]:
                         self.q[k], self.left[k], self.sign[k] = q, float(e), float(sign)
                     continue
-            if len(self.q) < _MOST:
+            if len(self.q) < 4096:
                 self.q.append(q)
                 self.left.append(float(e))
                 self.sign.append(float(sign))
@@ -243,7 +236,7 @@ class FoundSolutions:
 
     def follow(self, images: Callable[[Array], Array]) -> None:
         """Start from images of each solution that is new since the last time, and of theirs."""
-        for _ in range(_ROUNDS):
+        for _ in range(4):
             new = np.array(self.q[self._followed :])
             self._followed = len(self.q)
             # Singular solutions lie on curves, of which there is no end.
@@ -252,9 +245,10 @@ class FoundSolutions:
                 return
             start = images(new)
             gap = self.arm.space.wrap(start[:, None] - np.array(self.q))
-            start = start[np.abs(gap).max(axis=2).min(axis=1) > _NEAR] if len(start) else start
+            start = start[np.abs(gap).max(axis=2).min(axis=1) > 0.1] if len(start) else start
             if len(start):
-                self.add(*self.solver.solve(start, _QUICK))
+                # Steps from an image: it is near a solution, or of no use.
+                self.add(*self.solver.solve(start, 30))
 
     @property
     def regular(self) -> Bool:
@@ -299,7 +293,7 @@ class FoundSolutions:
         out, singular = [], 0
         for k in np.lexsort((-measure, outside)):
             singular += not regular[k]
-            if not regular[k] and singular > _SINGULAR_LISTED:
+            if not regular[k] and singular > 32:
                 continue
             out.append(
                 InverseSolution(

@@ -6,16 +6,15 @@ from collections.abc import Iterator
 from dataclasses import replace
 from functools import cached_property
 from itertools import product
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from pinsing._dataclass import dataclass
 from pinsing._types import Array
-from pinsing.algebra.equation import Equation
+from pinsing.algebra.conditions import Conditions
 from pinsing.errors import ConfigurationError, OptionError
-from pinsing.families import Family
-from pinsing.families.parts import Branch
 from pinsing.postures.boxes import Ground, sum_of
 from pinsing.postures.divided import Divided, Sectioned
 from pinsing.postures.partition import Arc, Part, Partition, partition
@@ -80,8 +79,7 @@ def require_same_families(asked: Watched, given: Watched) -> None:
     for what in ("joints", "prismatic", "lower", "upper"):
         if not np.array_equal(getattr(asked, what), getattr(given, what)):
             raise OptionError(f"the aspects given are of another arm: {_PLURAL[what]} differ")
-    one, other = _separating(asked), _separating(given)
-    if len(one) != len(other) or not all(map(_same, one, other)):
+    if not _same_families(asked, given):
         raise OptionError("the aspects given are of another arm: what is singular differs")
 
 
@@ -93,36 +91,19 @@ _PLURAL = {
 }
 
 
-def _separating(watched: Watched) -> list[Family]:
-    return [f for f in watched.families if f.real and f.codimension == 1]
-
-
-def _same(a: Family, b: Family) -> bool:
-    return len(a.branches) == len(b.branches) and all(map(_alike, a.branches, b.branches))
-
-
-def _alike(a: Branch, b: Branch) -> bool:
-    if len(a.values) != len(b.values) or len(a.equations) != len(b.equations):
-        return False
-    values = all(
-        v.joint == w.joint and abs(v.value - w.value) <= _SAME
-        for v, w in zip(a.values, b.values, strict=True)
+def _same_families(a: Watched, b: Watched) -> bool:
+    """Compare what separates, number by number."""
+    one, other = _numbers(a), _numbers(b)
+    return all(
+        one[k].shape == other[k].shape and np.allclose(one[k], other[k], rtol=1e-9, atol=1e-9)
+        for k in one
     )
-    return values and all(map(_equal, a.equations, b.equations))
 
 
-def _equal(a: Equation, b: Equation) -> bool:
-    if not (np.array_equal(a.frequencies, b.frequencies) and np.array_equal(a.powers, b.powers)):
-        return False
-    return _near(a.cos, b.cos) and _near(a.sin, b.sin) and _near(a.shift, b.shift)
-
-
-def _near(a: Array, b: Array) -> bool:
-    return bool(np.abs(a - b).max(initial=0.0) <= _SAME * max(1.0, np.abs(a).max(initial=0.0)))
-
-
-_ON = 1e-9
-"""Distance, radians, within which a configuration is on a family: files round their limits."""
+def _numbers(watched: Watched) -> dict[str, npt.NDArray[Any]]:
+    branches = [f.branches for f in watched.families if f.real and f.codimension == 1]
+    flat = Conditions.of(branches, watched.prismatic, watched.weight).flat
+    return {**flat, "phase": np.exp(1j * flat["phase"])}  # -pi is pi
 
 
 @dataclass(frozen=True, eq=False)
@@ -189,7 +170,9 @@ class Map:
         for event in crossings_of(self.watched, motion_of(self.watched, np.stack([q, q]), None)):
             return event.family
         near = quick(self.watched, q[None])
-        return self.watched.names[int(near.family[0])] if float(near.upper[0]) <= _ON else ""
+        # Distance, radians, within which a configuration is on a family: files round their
+        # limits.
+        return self.watched.names[int(near.family[0])] if float(near.upper[0]) <= 1e-9 else ""
 
     def clear_in(self, part: Part, q: Array) -> Clear:
         """The same for the joints of a part, with the others as in q."""

@@ -44,6 +44,8 @@ Each changes only at a singular configuration, since signs of `pinsing.postures.
 
 from __future__ import annotations
 
+from fractions import Fraction
+
 import numpy as np
 
 from pinsing._dataclass import dataclass
@@ -115,8 +117,7 @@ def _ladder(geometry: Nominal) -> Ladder | None:
         return None
     chain = ExactChain.of(geometry)
     if rows == (0, 1, 2) and n == 3:
-        w = chain.translation[3]
-        stages = ways_of(chain, (w[0], w[1], w[2]))
+        stages = ways_of(chain, chain.seen_before(3, Fraction(0)))
         return None if stages is None else Ladder(stages, "three joints move a point", chain, None)
     if rows == tuple(range(6)) and n == 6 and not any(chain.prismatic[3:]):
         found = _wrist(chain) or _planar_middle(chain)
@@ -136,10 +137,8 @@ def _wrist(chain: ExactChain) -> Ladder | None:
     point = chain.common_point(3)
     if point is None:
         return None
-    C, c = chain.rotation[3], chain.translation[3]
     height = point[2]
-    w = tuple(c[k] + C[k][2] * height for k in range(3))
-    stages = ways_of(chain, (w[0], w[1], w[2]))
+    stages = ways_of(chain, chain.seen_before(3, height))
     if stages is None:
         return None
     where = "wrist" if chain.sign > 0 else "shoulder"
@@ -164,12 +163,9 @@ def _bent(chain: ExactChain, j: int, name: str) -> SolutionStage:
 
 
 def _planar_middle(chain: ExactChain) -> Ladder | None:
-    if any(chain.prismatic) or not (chain.parallel(1) and chain.parallel(2)):
+    height = chain.planar_middle()
+    if height is None:
         return None
-    crossing = chain.crossing(4)
-    if chain.parallel(0) or chain.parallel(3) or crossing is None:
-        return None
-    height = float(crossing[0])
 
     def shoulder(Q: Array) -> Array:
         R, p = chain.frames(chain.values(Q))

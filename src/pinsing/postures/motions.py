@@ -106,10 +106,6 @@ def _turned(arm: Arm, Q: Array) -> Array:
     return np.where(usable, np.clip(0.0, fewest, most), 0.0) * 2 * math.pi
 
 
-_TOGETHER = 1e-9
-"""Share of the motion within which two meetings are one."""
-
-
 @checked
 def aspect_changes(
     forms: Forms,
@@ -178,7 +174,8 @@ def aspect_changes(
     span = max(float(times[-1] - times[0]), 1e-300)
     groups: list[tuple[float, float, set[str]]] = []
     for event in sorted(met, key=lambda e: e.t):
-        if groups and event.t - groups[-1][1] <= _TOGETHER * span:
+        # Share of the motion within which two meetings are one.
+        if groups and event.t - groups[-1][1] <= 1e-9 * span:
             start, end, names = groups[-1]
             groups[-1] = (start, max(end, event.t_end), names | {event.family})
         else:

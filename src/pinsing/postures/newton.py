@@ -39,13 +39,8 @@ from pinsing.robot.chain import flatten
 from pinsing.robot.joint_space import JointSpace
 from pinsing.robot.task import Task
 
-_SMALL = 1e-5
-"""What is left of the pose below which a start all but reached it: radians, or length scales."""
-
 _BESIDE = 0.1
 """Joint distance within which a start that stalled says nothing more than the solution there."""
-
-_KEPT = 512
 
 
 @dataclass(eq=False)
@@ -63,8 +58,10 @@ class Stalled:
 
     def add(self, Q: Array, left: Array) -> None:
         """Keep the ends Q (N, n), at each of which ``left`` (N,) of the pose remains."""
-        near = np.flatnonzero(left < _SMALL)
-        for k in near[: _KEPT - len(self.Q)]:
+        # What is left of the pose below which a start all but reached it: radians, or length
+        # scales.
+        near = np.flatnonzero(left < 1e-5)
+        for k in near[: 512 - len(self.Q)]:
             self.Q.append(Q[k])
             self.left.append(float(left[k]))
 
@@ -229,9 +226,6 @@ def _damped(J: Array, e: Array, damping: Array) -> Array:
     return step
 
 
-_ROUNDING = 1e-13
-"""Of F and F', relative to the size of the chain over the length scale; with room."""
-
 POSE = (0, 1, 2, 3, 4, 5)
 POSITION = (0, 1, 2)
 
@@ -252,7 +246,8 @@ def radii(solver: Solver, Q: Array) -> Array:
         return out
     error, J = solver.linear(Q)
     reach = _reach(solver, Q)
-    rounding = _ROUNDING * (1 + reach.max(axis=1) / solver.scale)
+    # Of F and F', relative to the size of the chain over the length scale; with room.
+    rounding = 1e-13 * (1 + reach.max(axis=1) / solver.scale)
     left = np.linalg.norm(error, axis=1) + rounding
     least = np.linalg.svd(J, compute_uv=False)[:, -1] - 4 * left
     bend = _bend(solver, reach)
@@ -301,11 +296,7 @@ def _bend(solver: Solver, reach: Array) -> Array:
     return np.asarray(np.linalg.norm(size / weight, axis=(1, 2)))
 
 
-_ROUNDING_OF_RANK = 1e-12
 _MOST = 200_000
-_SHORT = 1e-8
-"""Half a piece, radians: where that is not short enough a configuration is as good as singular."""
-_ALIKE = 1e-6
 
 
 def regular_way(arm: Arm, path: Array, most: int = _MOST) -> bool:
@@ -330,8 +321,10 @@ def regular_way(arm: Arm, path: Array, most: int = _MOST) -> bool:
         middle = (a + b) / 2
         half = np.linalg.norm((b - a) * solver.weight, axis=1) / 2
         sizes = np.linalg.svd(solver.linear(middle)[1], compute_uv=False)
-        open_ = sizes[:, rank - 1] - _ROUNDING_OF_RANK * sizes[:, 0] <= steep * half
-        if done > most or (half[open_] < _SHORT).any():
+        open_ = sizes[:, rank - 1] - 1e-12 * sizes[:, 0] <= steep * half
+        # Half a piece, radians: where that is not short enough a configuration is as good as
+        # singular.
+        if done > most or (half[open_] < 1e-8).any():
             return False
         a, b, middle = a[open_], b[open_], middle[open_]
         ends = np.concatenate([np.stack([a, middle], 1), np.stack([middle, b], 1)])
@@ -348,7 +341,7 @@ def one_sheet(arm: Arm, a: Array, b: Array) -> bool:
     if J.shape[1] <= generic_rank(arm):
         return True
     u, v = (np.linalg.svd(A)[0][:, : generic_rank(arm)] for A in J)
-    return bool(np.abs(v - u @ (u.T @ v)).max() < _ALIKE)
+    return bool(np.abs(v - u @ (u.T @ v)).max() < 1e-6)
 
 
 def columns(arm: Arm, Q: Array) -> Array:

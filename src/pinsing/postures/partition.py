@@ -231,18 +231,8 @@ def _arcs(
 
 def _groups(n: int, surfaces: list[Surface]) -> list[tuple[int, ...]]:
     """Joints that share an equation, directly or by way of others."""
-    head = list(range(n))
-
-    def find(j: int) -> int:
-        while head[j] != j:
-            j = head[j]
-        return j
-
+    groups = [{j} for j in range(n)]
     for s in surfaces:
-        first, *rest = s.equation.involved
-        for j in rest:
-            head[find(j)] = find(first)
-    groups: dict[int, list[int]] = {}
-    for j in range(n):
-        groups.setdefault(find(j), []).append(j)
-    return [tuple(g) for g in groups.values()]
+        joined = [g for g in groups if not g.isdisjoint(s.equation.involved)]
+        groups = [g for g in groups if g not in joined] + [set[int]().union(*joined)]
+    return sorted(tuple(sorted(g)) for g in groups)

@@ -123,6 +123,14 @@ class Plain:
         return np.stack([a, toward(a, b, np.array([arc.circle for arc in self.box]))])
 
 
+def top_of(f: TrigSum, hub: int, x: Array, s: Array | float) -> Array:
+    """Values (...,) of the hub, once in every term, at which s f is largest over x (..., d)."""
+    a, b = x.copy(), x.copy()
+    a[..., hub], b[..., hub] = 0.0, math.pi / 2
+    top = np.arctan2(s * f(b), s * f(a))
+    return np.asarray(top + 2 * math.pi * np.round((x[..., hub] - top) / (2 * math.pi)))
+
+
 def hub_of(part: Part, box: tuple[Arc, ...]) -> int | None:
     """Place in the part of a joint that turns endlessly and is in every term exactly once."""
     surface = part.surfaces[0]
@@ -181,7 +189,7 @@ class Wheel:
         low, high = (np.array([getattr(a, k) for a in self.box]) for k in ("low", "high"))
         inside = low + (high - low) * rng.uniform(0.05, 0.95, (512, len(low)))
         s = 1.0 if component == 0 else -1.0
-        x = np.stack([self._top(p, s) for p in inside])
+        x = self._top(inside, s)
         order = np.argsort(-np.abs(self._terms(x)))[:32]
         return np.asarray(x[order])
 
@@ -194,14 +202,10 @@ class Wheel:
         return 0 if self._joined or self._terms(x) > 0 else 1
 
     def _top(self, x: Array, s: float) -> Array:
-        """The point with the hub where s f is largest, by whole turns near to what it was."""
-        a = x.copy()
-        a[self.hub] = 0.0
-        b = a.copy()
-        b[self.hub] = math.pi / 2
-        angle = math.atan2(s * float(self._terms(b)), s * float(self._terms(a)))
-        a[self.hub] = angle + 2 * math.pi * round((x[self.hub] - angle) / (2 * math.pi))
-        return a
+        """Points (..., d) with the hub where s f is largest, by whole turns near to what it was."""
+        top = x.copy()
+        top[..., self.hub] = top_of(self._terms, self.hub, x, s)
+        return top
 
     def route(self, component: int, a: Array, b: Array, clear: Clear) -> Array | None:
         """By way of the tops over a line in the other joints, or over lines round R = 0."""

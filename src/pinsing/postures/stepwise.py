@@ -18,6 +18,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import field
+from fractions import Fraction
 
 import numpy as np
 
@@ -30,8 +31,6 @@ from pinsing.robot.nominal import Nominal
 
 _NEAR = 0.05
 """Roots this far from real are starts, too: the arm itself may have what its nominal one lacks."""
-_CHANGE = 1e3
-"""Times the change of the geometry by which it became nominal: what counts as nearly double."""
 _ALIKE = 1e-6
 """How far the tip of the nominal arm may be from that of the arm, over its length scale."""
 
@@ -127,7 +126,8 @@ def steps_of(geometry: Nominal, position: Array, rotation: Array | None) -> Step
     plan = geometry.arm.once("stepwise", lambda: _plan(geometry))
     if plan is None:
         return None
-    roots = _Roots(min(_NEAR, max(1e-7, _CHANGE * geometry.jacobian_change)))
+    # Times the change of the geometry by which it became nominal: what counts as nearly double.
+    roots = _Roots(min(_NEAR, max(1e-7, 1e3 * geometry.jacobian_change)))
     R = np.eye(3) if rotation is None else rotation @ plan.tip.T
     p = position
     if plan.backward:
@@ -175,7 +175,7 @@ def _plan(geometry: Nominal) -> _Plan | None:
         read = chain.backward() if back else chain
         if any(read.prismatic[3:]):
             continue
-        middle = _middle_axes(read)
+        middle = read.planar_middle()
         common = read.common_point(3)
         place = 3 if common is not None else 4 if middle is not None else None
         if place is None:
@@ -199,29 +199,14 @@ def _plan(geometry: Nominal) -> _Plan | None:
 def _pointed(
     kind: str, chain: ExactChain, back: bool, X: Array, centre: Array, along: float, scale: float
 ) -> _Plan | None:
-    C, c = chain.rotation[3], chain.translation[3]
-    if kind == "wrist":
-        found = chain.common_point(3)
-        height = found[2] if found is not None else 0
-        w = (c[0] + C[0][2] * height, c[1] + C[1][2] * height, c[2] + C[2][2] * height)
-    else:
-        w = (c[0], c[1], c[2])
+    found = chain.common_point(3) if kind == "wrist" else None
+    w = chain.seen_before(3, Fraction(0) if found is None else found[2])
     point = Point.of(chain, w)
     if point is None or (point.parallel and point.tau[0] == 0 and point.tau[1] == 0):
         return None
     return _Plan(
         kind, chain, back, X, centre, along, point.numbers, point.parallel, point.crossing, scale
     )
-
-
-def _middle_axes(chain: ExactChain) -> float | None:
-    """Height of where the last two axes cross, if the three before them are parallel."""
-    if any(chain.prismatic) or not (chain.parallel(1) and chain.parallel(2)):
-        return None
-    crossing = chain.crossing(4)
-    if chain.parallel(0) or chain.parallel(3) or crossing is None:
-        return None
-    return float(crossing[0])
 
 
 def _tip(geometry: Nominal, chain: ExactChain) -> Array | None:

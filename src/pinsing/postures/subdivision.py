@@ -46,8 +46,6 @@ DEEPEST = 14
 """How often boxes are halved at most."""
 MOST = 400_000
 """Boxes at which to stop."""
-_AT_ONCE = 4_096
-"""Boxes that are halved between two looks at the clock."""
 
 
 class Counted(Protocol):
@@ -88,7 +86,8 @@ def halved(
     def split(which: Bool) -> Leaves:
         left, more = which.copy(), list[Leaves]()
         while left.any() and not (more and full()):  # what there is no time for stays whole
-            some = left & (np.cumsum(left) <= _AT_ONCE)
+            # Boxes that are halved between two looks at the clock.
+            some = left & (np.cumsum(left) <= 4_096)
             more.append(classify(ground, *leaves.halves(some)))
             left &= ~some
         return functools.reduce(Leaves.with_more, more, leaves.take(left | ~which))
@@ -268,11 +267,6 @@ def connected(n: int, a: Ints, b: Ints) -> Ints:
     return head
 
 
-_APART = 2.4
-_OFF = 0.2
-"""Sections are at most 2.8 rad apart, less than half a turn, and not at round angles."""
-
-
 @dataclass(frozen=True, eq=False)
 class Sections:
     """What sections across a hub have found.
@@ -339,9 +333,10 @@ def across(part: Part, box: tuple[Arc, ...]) -> int | None:
 
 def cuts_of(arc: Arc) -> Array:
     """Values of the sections across the range of the hub."""
-    count = math.floor((arc.high - arc.low) / _APART) + 1
+    count = math.floor((arc.high - arc.low) / 2.4) + 1
     share = np.linspace(arc.low, arc.high, count + 1)
-    share[1:-1] += _OFF * np.sin(2.4 * np.arange(1, count))
+    # Sections are at most 2.8 rad apart, less than half a turn, and not at round angles.
+    share[1:-1] += 0.2 * np.sin(2.4 * np.arange(1, count))
     return share
 
 

@@ -15,22 +15,17 @@ from pinsing._types import Array
 from pinsing.postures.joint_map import Map
 from pinsing.proximity.clearance import quick
 
-_FINE = 24
 _STATIONS = 40
 """Waypoints that are pushed, at most; evenly along the way."""
-_ROUNDS = 8
-_ENOUGH = 0.85
-"""Share of the clearance of the nearer end at which a way is clear enough: it can have no more."""
 _PROBE = 0.01
 _STRIDE = 0.12
 _ASIDE = (0.02, 0.05, 0.1, 0.2, 0.4, 0.8)
 """How far a way bends, radians, that goes round what separates nothing."""
-_DIRECTIONS = 4
 
 
 def lowest(chosen: Map, Q: Array) -> float:
     """Least lower bound of the clearance at some points of a polyline."""
-    share = np.linspace(0, 1, _FINE)
+    share = np.linspace(0, 1, 24)
     fine = np.concatenate([a + share[:, None] * (b - a) for a, b in pairwise(Q)])
     return float(quick(chosen.watched, fine).lower.min())
 
@@ -107,8 +102,10 @@ def raised(chosen: Map, path: Array, until: float) -> Array:
     most = float(quick(chosen.watched, path[[0, -1]]).lower.min())
     best, bound = path, least(chosen, path)
     points, stride = _stations(chosen, path), _STRIDE
-    for _ in range(_ROUNDS):
-        if bound >= _ENOUGH * most or time.monotonic() > until:
+    for _ in range(8):
+        # Share of the clearance of the nearer end at which a way is clear enough: it can have no
+        # more.
+        if bound >= 0.85 * most or time.monotonic() > until:
             break
         tried = _pushed(chosen, points, most, stride)
         now = least(chosen, tried) if chosen.regular(tried) else 0.0
@@ -138,7 +135,7 @@ def beside(chosen: Map, path: Array) -> Array | None:
     low, high = chosen.partition.low, chosen.partition.high
     rng = np.random.default_rng(0)
     for size in _ASIDE:
-        for direction in rng.normal(size=(_DIRECTIONS, path.shape[1])):
+        for direction in rng.normal(size=(4, path.shape[1])):
             aside = size * direction / np.linalg.norm(direction) / chosen.watched.weight
             tried: Array = np.clip(points + bend * aside, low, high)
             tried[0], tried[-1] = path[0], path[-1]

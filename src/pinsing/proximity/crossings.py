@@ -16,7 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from pinsing._dataclass import dataclass
-from pinsing._types import Array, Ints
+from pinsing._types import Array
 from pinsing.algebra.conditions import Conditions
 from pinsing.algebra.equation import Equation
 from pinsing.algebra.sum_zeros import SIMPLE, Zeros, zeros_along
@@ -31,7 +31,6 @@ CONTACT = 1e-6
 """As near as this, in joint space, is on the family."""
 
 _SHORT = 2e-7
-_PARTS = 400_000
 
 
 def contacts(
@@ -60,7 +59,7 @@ def _of_family(c: Conditions, motion: Motion) -> list[tuple[float, float]]:
         before, after = before[left], after[left]
         seen += len(index)
         done = length <= _SHORT
-        if seen > _PARTS:
+        if seen > 400_000:
             done[:] = True
         rested.append((low[done], high[done]))
         index, low, high = index[~done], low[~done], high[~done]
@@ -72,7 +71,11 @@ def _of_family(c: Conditions, motion: Motion) -> list[tuple[float, float]]:
         index = np.repeat(index, 2)
         low, high = _pairs(low, middle), _pairs(middle, high)
         before, after = _pairs(before, there), _pairs(there, after)
-    return _joined(rested)
+    lows, highs = (np.concatenate([r[k] for r in rested] or [np.zeros(0)]) for k in (0, 1))
+    order = np.argsort(lows)
+    lows, highs = lows[order], highs[order]
+    groups = _groups(lows, highs, np.full(len(motion.pieces), 1e-12))
+    return [(float(lows[a]), float(highs[a:b].max())) for a, b in groups]
 
 
 def _pairs(a: Array, b: Array) -> Array:
@@ -85,25 +88,6 @@ def _length(c: Conditions, pieces: Array, low: Array, high: Array) -> Array:
     k = np.arange(1, pieces.shape[1])
     powers = high[:, None] ** k - low[:, None] ** k  # each term moves one way
     return np.asarray((norms * powers).sum(axis=1) * (1 + 1e-12))
-
-
-def _joined(parts: list[tuple[Array, Array]]) -> list[tuple[float, float]]:
-    low = np.concatenate([p[0] for p in parts]) if parts else np.zeros(0)
-    high = np.concatenate([p[1] for p in parts]) if parts else np.zeros(0)
-    order: Ints = np.argsort(low)
-    out: list[tuple[float, float]] = []
-    for i in order:
-        if out and low[i] <= out[-1][1] + 1e-12:
-            out[-1] = (out[-1][0], max(out[-1][1], float(high[i])))
-        else:
-            out.append((float(low[i]), float(high[i])))
-    return out
-
-
-_MERGED = 1e-9
-"""Joint-space length within which events of one equation are one."""
-_ALONG = 1e-3
-"""Joint-space length from which on an interval of zeros is called "along"."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -272,7 +256,8 @@ def _on_surfaces(
 ) -> list[tuple[float, float, int, str]]:
     zeros = _near_zeros(conditions, motion)
     step = _lengths(conditions, motion)
-    near = 1e-12 + _MERGED / np.maximum(step, 1e-300)  # in s, of each piece
+    # Joint-space length within which events of one equation are one.
+    near = 1e-12 + 1e-9 / np.maximum(step, 1e-300)  # in s, of each piece
     out = []
     for e, f in enumerate(of_equation):
         starts, ends, simple = _intervals(conditions, e, zeros, motion)
@@ -282,7 +267,8 @@ def _on_surfaces(
             if kind is None:
                 continue
             Q = motion.at(np.linspace(u, end, 4)) * conditions.weight
-            long = bool(np.linalg.norm(Q - Q[0], axis=1).max() > _ALONG)
+            # Joint-space length from which on an interval of zeros is called "along".
+            long = bool(np.linalg.norm(Q - Q[0], axis=1).max() > 1e-3)
             out.append((u, end, f, "along" if long else kind))
     return out
 

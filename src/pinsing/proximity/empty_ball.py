@@ -21,19 +21,12 @@ from pinsing.algebra.nearest import SearchOptions, nearest_points
 from pinsing.families import Branch, Family
 from pinsing.proximity.watched import Watched
 
-_POINTS = 96
-_DRAWN = 4096
 _CLIMBERS = 48
 _STEPS = 25
-_ROUNDS = 12
 _TRIED = 4
 _BATCH = 256
-_SPLITS = 40
 _GAP = 1e-3
 _SLACK = 1e-6
-_NEAR_BY = 1e-9
-_COMFORT = 0.05
-"""Of clearance that is given for being nearer to where joints are preferred."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,7 +82,7 @@ class Sites:
         self._groups: dict[tuple[int, tuple[int, ...]], Array] = {}
         for number, family in enumerate(watched.families):
             for branch in family.branches:
-                count = _POINTS if branch.equations else 1
+                count = 96 if branch.equations else 1
                 found = replace(family, branches=(branch,)).points(count, rng)
                 self._take(number, branch, found * watched.weight)
 
@@ -138,9 +131,7 @@ class Sites:
 
 def _branch_of(family: Family, q: Array) -> Branch | None:
     """Branch of a family that q is on, with the fewest joints."""
-    found = [
-        b for b in family.branches if replace(family, branches=(b,)).contains(q, _NEAR_BY).item()
-    ]
+    found = [b for b in family.branches if replace(family, branches=(b,)).contains(q, 1e-9).item()]
     return min(found, key=lambda b: len(b.involved), default=None)
 
 
@@ -208,10 +199,10 @@ class _Search:
     def climb(self) -> None:
         """From many starts uphill on what the sites promise, proving the best."""
         room, width = self.room, self.room.high - self.room.low
-        X = room.fit(self.rng.uniform(room.low, room.high, (_DRAWN, self.watched.n)))
+        X = room.fit(self.rng.uniform(room.low, room.high, (4096, self.watched.n)))
         promise = np.concatenate([self.sites.within(x) for x in np.array_split(X, 16)])
         X = X[np.argsort(-promise, kind="stable")[:_CLIMBERS]]
-        for round_ in range(_ROUNDS):
+        for round_ in range(12):
             if self.over:
                 return
             promise = self.sites.within(X)
@@ -242,7 +233,7 @@ class _Search:
         room = self.room
         centers, halves = (room.low + room.high)[None] / 2, (room.high - room.low)[None] / 2
         bounds = self._promise(centers, halves)
-        for _ in range(_SPLITS):
+        for _ in range(40):
             goal = max(self.best.lower, 0.0) + _GAP
             keep = bounds > goal
             centers, halves, bounds = centers[keep], halves[keep], bounds[keep]
@@ -295,4 +286,5 @@ class _Search:
     def _worth(self, X: Array, enough: float) -> Array:
         each = self.sites.each(X)
         off = np.linalg.norm(X - self.room.center, axis=1)
-        return np.where(each.min(axis=1) >= enough, each.sum(axis=1) - _COMFORT * off, -np.inf)
+        # Of clearance that is given for being nearer to where joints are preferred.
+        return np.where(each.min(axis=1) >= enough, each.sum(axis=1) - 0.05 * off, -np.inf)

@@ -14,11 +14,7 @@ from pinsing.kinematics.jacobian import frame_jacobian
 from pinsing.robot.arm import Arm
 
 _LONGEST, _FIRST, _SHORTEST = 0.02, 1e-3, 1e-10
-_FOLDS = 1e-3
 _ON = 1e-13
-_TURNED = 0.3
-"""Correction over step from which on a step is too long to be sure of the branch."""
-_MOST = 200_000
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,7 +104,7 @@ class Tracked:
         They move as the root of what is left of the line, the others in proportion to it.
         """
         left = np.abs(q - self.q[-1])
-        folds = (left > 1e-15) & (left > _FOLDS * left.max())
+        folds = (left > 1e-15) & (left > 1e-3 * left.max())
         rate = np.where(folds, np.inf, self.rate[-1])
         if s <= self.s[-1]:
             keep = self.s < s
@@ -164,7 +160,7 @@ def track(arm: Arm, line: Line, q: Array) -> Tracked:
             rates.append(rates[-1])
             break
         rates.append(rate)
-        if s >= 1.0 or len(S) >= _MOST:
+        if s >= 1.0 or len(S) >= 200_000:
             break
         fastest = float(np.abs(rate).max())
         step = min(2 * step, _LONGEST / max(fastest, _LONGEST * 20), 1.0 - s)
@@ -186,7 +182,8 @@ def track(arm: Arm, line: Line, q: Array) -> Tracked:
 def _step(arm: Arm, line: Line, scale: Array, q: Array, s: float, ahead: Array) -> Array | None:
     """The configuration at s near q + ahead; None if Newton's method strays from it."""
     x = q + ahead
-    allowed = _TURNED * float(np.abs(ahead).max()) + 1e-12
+    # Correction over step from which on a step is too long to be sure of the branch.
+    allowed = 0.3 * float(np.abs(ahead).max()) + 1e-12
     for _ in range(8):
         error = _rows(arm, line.error(arm, x, s), x)
         if np.abs(error / scale).max() < _ON:

@@ -21,7 +21,6 @@ from pinsing.robot.whole_model import WholeModel
 
 CLEAR, WARN, STOP = LEVELS = ("clear", "warn", "stop")
 
-_STEADY = 1e-6
 _NOTHING = np.zeros(0)
 _FLOAT = np.dtype(float)
 
@@ -253,7 +252,7 @@ class Monitor:
         if dq is None:
             return Verdict(level, name, lower, upper, None, None, None, title)
         trend = "steady"
-        if rate != 0.0 and abs(rate) > _STEADY * max(map(abs, velocity.tolist())):
+        if rate != 0.0 and abs(rate) > 1e-6 * max(map(abs, velocity.tolist())):
             trend = "away" if rate > 0.0 else "toward"
         return Verdict(level, name, lower, upper, time, trend, rate, title)
 

@@ -26,7 +26,6 @@ from pinsing.proximity.watched import Watched
 
 _SHORT = 1e-4
 """Length of a step that is not halved any more."""
-_ROUNDS = 18
 _MOST = 1000
 
 
@@ -90,7 +89,7 @@ class Stretches:
     def feed(self, motion: Motion, u: Array, Q: Array, least: Array, family: Ints) -> None:
         """Take places u (K,) of a motion, where the clearance is at least ``least``."""
         places, near = _Places(u, least, family, Q), self.near
-        for _ in range(_ROUNDS):
+        for _ in range(18):
             length, bound = places.step(self.watched)
             outside = places.least >= near
             edge = outside[:-1] | outside[1:]
@@ -106,14 +105,9 @@ class Stretches:
         """Steps of a stretch on which it may be a good deal nearer than is known so far."""
         inside = bound < self.near
         a, b = _runs(inside)
-        again = np.zeros(len(inside), dtype=bool)
-        if not len(a):
-            return again
-        lows = np.minimum(places.least[:-1], places.least[1:])
-        of_run = np.minimum.reduceat(lows, np.stack([a, b], axis=1).ravel()[: 2 * len(a) - 1])[::2]
         known = np.full(len(inside), np.inf)
-        for k in range(len(a)):
-            known[a[k] : b[k]] = of_run[k]
+        for start, end in zip(a.tolist(), b.tolist(), strict=True):
+            known[start:end] = places.least[start : end + 1].min()
         worse = bound < 0.95 * known - 0.01 * self.near
         return np.asarray(inside & worse & (length > _SHORT))
 
@@ -154,10 +148,6 @@ def _runs(inside: Bool) -> tuple[Ints, Ints]:
     return np.flatnonzero(change == 1), np.flatnonzero(change == -1)
 
 
-_MOST_CROSSINGS = 1000
-_STEP = 0.05
-"""Longer steps are looked at in between, this far apart in joint space."""
-_BETWEEN = 64
 _CANDIDATES = 6
 _SEARCH = SearchOptions(gap=1e-6, seconds=0.3)
 
@@ -242,7 +232,7 @@ class Passage:
                 if c.t_end > other.t_end:  # goes on in the next part
                     self._crossings[k] = replace(other, t_end=c.t_end, kind=c.kind)
                 return
-        if len(self._crossings) >= _MOST_CROSSINGS:
+        if len(self._crossings) >= 1000:
             self._cut = True
             return
         self._crossings.append(c)
@@ -250,7 +240,8 @@ class Passage:
     def _look(self, motion: Motion, first: int, last: int, end: bool) -> None:
         """Clearance at samples and, where steps are long, in between."""
         steps = self.watched.length(motion.pieces[first:last, 1])
-        counts = np.clip(np.ceil(steps / _STEP), 1, _BETWEEN).astype(np.int64)
+        # Longer steps are looked at in between, this far apart in joint space.
+        counts = np.clip(np.ceil(steps / 0.05), 1, 64).astype(np.int64)
         u = np.concatenate([first + k + np.arange(m) / m for k, m in enumerate(counts)] or [[]])
         u = np.append(u, float(last))
         Q = motion.at(u)
@@ -306,7 +297,7 @@ class Passage:
                 return Approach(name, c.t, c.q, 0.0, 0.0, title)
         branches = [watched.families[f].branches]
         conditions = Conditions.of(branches, watched.prismatic, watched.weight, watched.norm)
-        best: tuple[float, float, Array, float] | None = None
+        best: tuple[float, float, Array] | None = None
         for candidate in self._candidates[f]:
             if best is not None and candidate.bound >= best[0]:
                 continue
@@ -315,37 +306,35 @@ class Passage:
                 best = found
         if best is None:
             return None
-        upper, t, q, _ = best
+        upper, t, q = best
         least = max(0.0, min(float(self._least[f]), upper))
         return Approach(name, t, q, upper, least, title)
 
 
 def _refined(
     conditions: Conditions, watched: Watched, candidate: _Candidate
-) -> tuple[float, float, Array, float]:
-    """Least certified distance near a candidate: (upper, t, q, lower)."""
+) -> tuple[float, float, Array]:
+    """Least certified distance near a candidate: (upper, t, q)."""
     motion = candidate.motion
 
-    def at(places: Array) -> tuple[Array, Array]:
+    def at(places: Array) -> Array:
         Q = motion.at(places)
-        found = nearest_points(conditions, Q, watched.lower, watched.upper, _SEARCH)
-        return found.upper, found.lower
+        return nearest_points(conditions, Q, watched.lower, watched.upper, _SEARCH).upper
 
     low, high = 0.0, float(len(motion.pieces))
     u = np.unique(
         np.clip([candidate.u, low, high, candidate.u - 0.5, candidate.u + 0.5], low, high)
     )
-    upper, lower = at(u)
+    upper = at(u)
     for _ in range(12):
         k = int(np.argmin(upper))
         left, right = u[max(k - 1, 0)], u[min(k + 1, len(u) - 1)]
         if right - left < 1e-6:
             break
         fresh = np.setdiff1d(np.array([(left + u[k]) / 2, (u[k] + right) / 2]), u)
-        more, less = at(fresh)
-        u, upper, lower = np.append(u, fresh), np.append(upper, more), np.append(lower, less)
+        u, upper = np.append(u, fresh), np.append(upper, at(fresh))
         order = np.argsort(u)
-        u, upper, lower = u[order], upper[order], lower[order]
+        u, upper = u[order], upper[order]
     k = int(np.argmin(upper))
     place = u[k : k + 1]
-    return float(upper[k]), float(motion.time(place)[0]), motion.at(place)[0], float(lower[k])
+    return float(upper[k]), float(motion.time(place)[0]), motion.at(place)[0]

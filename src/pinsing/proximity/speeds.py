@@ -13,7 +13,6 @@ from pinsing.robot.arm import Arm
 
 _MOST = 200
 _LONG_JUMP, _SHORT_JUMP = np.pi, 0.2
-_OFTEN = 20.0
 _SLACK = 1e-9
 
 
@@ -75,7 +74,7 @@ class Speeds:
         before, after = t[begin - 1 : last - 1], t[begin:last]
         usual = np.median(np.abs(step), axis=0)
         far = np.where(self.arm.prismatic, self.arm.length_scale, 1.0)
-        bound = np.maximum(_SHORT_JUMP * far, _OFTEN * usual) if len(step) > 8 else np.inf * far
+        bound = np.maximum(_SHORT_JUMP * far, 20.0 * usual) if len(step) > 8 else np.inf * far
         bound = np.minimum(bound, np.where(self.arm.prismatic, np.inf, _LONG_JUMP))
         jump = np.abs(step) > bound
         limits = np.broadcast_to(bound, step.shape)
@@ -148,7 +147,9 @@ class Speeds:
                     float(limit[k, j]),
                 )
                 if run[0] == 0 and was is not None:
-                    listed[was] = _merged(listed[was], new)
+                    old = listed[was]
+                    larger = abs(new.worst - new.limit) > abs(old.worst - old.limit)
+                    listed[was] = replace(new if larger else old, t=old.t, t_end=new.t_end)
                     index = was
                 elif len(listed) < _MOST:
                     listed.append(new)
@@ -157,11 +158,6 @@ class Speeds:
                     continue
                 if run[-1] == len(bad) - 1:
                     self._open[kind, j] = index
-
-
-def _merged(a: Excess, b: Excess) -> Excess:
-    worse = b if abs(b.worst - b.limit) > abs(a.worst - a.limit) else a
-    return replace(worse, t=a.t, t_end=b.t_end)
 
 
 def limits_of(arm: Arm) -> Array:

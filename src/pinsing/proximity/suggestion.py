@@ -31,7 +31,6 @@ SECONDS = 10.0
 
 _HUNDREDTHS = 100
 """Parts of a degree that angles are rounded to; lengths to tenths of a millimetre."""
-_SAMPLES = 2048
 
 
 @dataclass(frozen=True, eq=False)
@@ -214,7 +213,7 @@ def suggest(
     elif watched.complete:
         q = _rounded(arm, watched, room, room.center / watched.weight)
     else:
-        drawn = room.fit(rng.uniform(room.low, room.high, (_SAMPLES, arm.n))) / watched.weight
+        drawn = room.fit(rng.uniform(room.low, room.high, (2048, arm.n))) / watched.weight
         q = _rounded(arm, watched, room, drawn[int(np.argmax(ratios(arm, drawn)))])
         lower = 0.0
     if not watched.complete:

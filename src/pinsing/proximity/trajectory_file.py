@@ -22,7 +22,6 @@ from pinsing.robot.arm import Arm
 
 _TIME = re.compile(r"(?i)(t|time|times|timestamp|seconds|secs?)(\s*[\[(_]?\s*s(ec(onds)?)?[\])]?)?")
 _HANDED = ("/dev/stdin", "/dev/fd/", "/proc/self/fd/")  # pipes that the shell has set up
-_ROWS = 100_000
 _LARGEST = 4 << 30  # bytes
 _CELL = re.compile(r"could not convert string ('.*') to float64 at row (\d+), column (\d+)\.")
 _SAMPLES = ("q", "Q", "positions", "position", "samples")
@@ -234,7 +233,7 @@ def _rows(path: Path, file: io.TextIOBase, separator: str | None, width: int, fi
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # an end of file is no surprise
         try:
-            table = np.loadtxt(file, delimiter=separator, max_rows=_ROWS, ndmin=2, comments="#")
+            table = np.loadtxt(file, delimiter=separator, max_rows=100_000, ndmin=2, comments="#")
         except ValueError as error:
             words = " ".join(str(error).split())
             cell = _CELL.fullmatch(words)

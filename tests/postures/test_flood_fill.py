@@ -12,20 +12,16 @@ from __future__ import annotations
 
 import functools
 import math
-import tempfile
-from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
 import pytest
+from dh_arms import dh_arm
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
 import pinsing
-from pinsing.description.dh_urdf import dh_to_urdf, read_dh
 
-HEAD = "name: made\nconvention: standard\nunits: {angle: deg, length: m}\nrows:\n"
-ROW = "  - {{alpha: {}, a: {}, d: {}, theta: 0, type: revolute, limits: [-180, 180]}}\n"
 ENDLESS_SLIDE = (-3.3, 3.7)
 POINTS = {1: (20_000, 50_000), 2: (160, 240, 360, 540), 3: (40, 56, 80, 112)}
 """Cells for each turn of a joint, by the number of joints of a group.
@@ -40,10 +36,7 @@ def arm_of(name):
     if name.startswith("3R"):
         d2, d3, d4, r2 = (float(x) for x in name[3:].split(","))
         rows = ((-90, d2, 0), (90, d3, r2), (0, d4, 0))
-        with tempfile.TemporaryDirectory() as folder:
-            path = Path(folder, "arm.dh.yaml")
-            path.write_text(HEAD + "".join(ROW.format(*row) for row in rows))
-            return pinsing.load(dh_to_urdf(read_dh(path)), task="position")
+        return dh_arm(rows, "position")
     if name.startswith("leg"):
         return pinsing.load("anymal", tip="LF_FOOT", task="position")
     if name.startswith("solo12"):

@@ -5,6 +5,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+from dh_arms import dh_arm
 
 import pinsing
 from pinsing.algebra.equation import Equation
@@ -143,15 +144,9 @@ def test_a_saddle_on_a_limit_has_no_largest_value_and_a_hill_has_one():
     assert not growing(crossing, np.ones(2), on_boxes(crossing, x, h), x, h, side + 1).any()
 
 
-def test_every_regular_configuration_has_an_aspect_though_a_section_lies_on_a_family(tmp_path):
+def test_every_regular_configuration_has_an_aspect_though_a_section_lies_on_a_family():
     """The elbow of this arm is singular at joint values of its own, where boxes end."""
-    rows = "\n".join(
-        f"  - {{alpha: {alpha}, a: {a}, d: {d}, theta: 0, type: revolute, limits: [-180, 180]}}"
-        for alpha, a, d in ((-90, 0.971, 0), (90, 0.798, 0.84), (0, 1.372, 0))
-    )
-    table = f"name: turned\nconvention: standard\nunits: {{angle: deg, length: m}}\nrows:\n{rows}\n"
-    (tmp_path / "turned.dh.yaml").write_text(table)
-    arm = pinsing.load(tmp_path / "turned.dh.yaml", task="position")
+    arm = dh_arm([(-90, 0.971, 0), (90, 0.798, 0.84), (0, 1.372, 0)], "position")
     form = pinsing.closed_form(arm)
     found = pinsing.aspects(form)
     assert (found.lower, found.upper) == (9, 9)

@@ -4,29 +4,15 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from dh_arms import dh_arm
 from tiers import tiered
 
 import pinsing
-from pinsing.description.dh_urdf import dh_to_urdf, read_dh
 from pinsing.kinematics.jacobian import tip_placement
 from pinsing.postures.exact_chain import ExactChain
 from pinsing.postures.ladder import ladder_of, posture_names
 from pinsing.postures.root_bound import one_root_left
 from pinsing.postures.three_joints import Point
-
-ROW = "  - {{alpha: {}, a: {}, d: {}, theta: 0, type: {}, limits: [{}, {}]}}\n"
-HEAD = "name: made\nconvention: standard\nunits: {angle: deg, length: m}\nrows:\n"
-
-
-def table(tmp_path, rows, task="position"):
-    text = ""
-    for alpha, a, d, *rest in rows:
-        kind = rest[0] if rest else "revolute"
-        low, high = (-180, 180) if kind == "revolute" else (-1, 1)
-        text += ROW.format(alpha, a, d, kind, low, high)
-    path = tmp_path / "made.dh.yaml"
-    path.write_text(HEAD + text)
-    return pinsing.load(dh_to_urdf(read_dh(path)), task=task)
 
 
 def share(arm, count=60):
@@ -57,18 +43,18 @@ POSITION = {
     "twisted, last axes parallel": [(60, 0.4, 0.3), (0, 0.7, 0.2), (0, 0.5, 0.1)],
     "orthogonal, no offset": [(-90, 1, 0), (90, 2, 0), (0, 1.5, 0)],
     "few solutions": [(-90, 1, 0), (90, 2, 1), (0, 0.1, 0)],
-    "a slide, the first axes cross": [(90, 0, 0), (90, 0.3, 0.2), (0, 0, 0.5, "prismatic")],
-    "a slide, offset": [(90, 0.4, 0), (90, 0, 0.2), (0, 0, 0.5, "prismatic")],
+    "a slide, the first axes cross": [(90, 0, 0), (90, 0.3, 0.2), (0, 0, 0.5, 0, "prismatic")],
+    "a slide, offset": [(90, 0.4, 0), (90, 0, 0.2), (0, 0, 0.5, 0, "prismatic")],
 }
 
 
 @pytest.mark.parametrize(
     "name", tiered(POSITION, ("first axes cross", "orthogonal, no offset", "a slide, offset"))
 )
-def test_no_two_solutions_of_a_point_agree_in_all_signs(tmp_path, name):
+def test_no_two_solutions_of_a_point_agree_in_all_signs(name):
     """The theorem, at random points; with the product of the values against det J."""
     rows = POSITION[name]
-    arm = table(tmp_path, rows)
+    arm = dh_arm(rows, "position")
     ladder = ladder_of(pinsing.nominal(arm))
     assert ladder is not None
     ratio = share(arm)
@@ -83,18 +69,17 @@ def test_no_two_solutions_of_a_point_agree_in_all_signs(tmp_path, name):
     assert 2 <= most <= ladder.most
 
 
-def test_arms_without_a_ladder(tmp_path):
+def test_arms_without_a_ladder():
     """Cuspidal and other arms: nothing is claimed of them."""
-    assert (
-        ladder_of(pinsing.nominal(table(tmp_path, [(-90, 1, 0), (90, 2, 1), (0, 1.5, 0)]))) is None
-    )
+    cuspidal = dh_arm([(-90, 1, 0), (90, 2, 1), (0, 1.5, 0)], "position")
+    assert ladder_of(pinsing.nominal(cuspidal)) is None
     for name in ("so101", "panda", "iiwa14"):
         assert ladder_of(pinsing.nominal(pinsing.load(name))) is None
 
 
-def test_what_is_left_of_the_equation_has_the_roots_of_the_others(tmp_path):
+def test_what_is_left_of_the_equation_has_the_roots_of_the_others():
     """The sign of its discriminant against the number of solutions found, arm with 2 and 4."""
-    arm = table(tmp_path, [(-90, 1, 0), (90, 2, 1), (0, 1.5, 0)])
+    arm = dh_arm([(-90, 1, 0), (90, 2, 1), (0, 1.5, 0)], "position")
     chain = ExactChain.of(pinsing.nominal(arm))
     cubic = Point.of(chain, chain.translation[3]).numbers.deflated()
     assert not one_root_left(cubic)
@@ -107,9 +92,9 @@ def test_what_is_left_of_the_equation_has_the_roots_of_the_others(tmp_path):
     assert counts == {2, 4}
 
 
-def test_the_bound_of_the_discriminant_is_just_above_it(tmp_path):
+def test_the_bound_of_the_discriminant_is_just_above_it():
     chain = ExactChain.of(
-        pinsing.nominal(table(tmp_path, [(-70, 1, 0.2), (80, 2, 1), (0, 1.5, 0)]))
+        pinsing.nominal(dh_arm([(-70, 1, 0.2), (80, 2, 1), (0, 1.5, 0)], "position"))
     )
     cubic = Point.of(chain, chain.translation[3]).numbers.deflated()
     x = np.random.default_rng(0).uniform(-4, 4, (2000, 2))

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from functools import cache
 from itertools import pairwise
 
 import numpy as np
 import pytest
+from dh_arms import arm_of, aspects_of, form_of
 
 import pinsing
 from pinsing.kinematics.jacobian import tip_placement
@@ -15,21 +15,6 @@ from pinsing.kinematics.verdict import ratios
 from pinsing.postures.newton import columns, regular_way
 
 EVERY = ("F1", "F2", "F3")
-
-
-@cache
-def arm_of(name):
-    return pinsing.load(name)
-
-
-@cache
-def form_of(name):
-    return pinsing.closed_form(arm_of(name))
-
-
-@cache
-def aspects_of(name):
-    return pinsing.aspects(form_of(name))
 
 
 def lacking(name, *names):

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-import functools
 import json
 from itertools import pairwise
 
 import numpy as np
 import pytest
+from dh_arms import CRX, GOFA, arm_of, aspects_of, dh_arm, form_of
 
 import pinsing
-from pinsing.description.dh_urdf import dh_to_urdf, read_dh
 from pinsing.errors import ConfigurationError, OptionError, PinsingError, UnknownNameError
 from pinsing.kinematics.jacobian import tip_placement
 from pinsing.postures.boxes import Ground, on_boxes, slope, sum_of
@@ -38,54 +37,13 @@ COUNTS = {
     "xarm7": (1, 1),
 }
 
-CRX = """
-  - {alpha: -90, a: 0, d: 0.245, theta: 0}
-  - {alpha: 0, a: 0.71, d: 0, theta: -90}
-  - {alpha: -90, a: 0, d: 0, theta: 0}
-  - {alpha: 90, a: 0, d: 0.54, theta: 0}
-  - {alpha: -90, a: 0, d: -0.15, theta: 0}
-  - {alpha: 0, a: 0, d: 0.16, theta: 0}
-"""
-GOFA = """
-  - {alpha: -90, a: 0, d: 0.265, theta: 0}
-  - {alpha: 0, a: 0.444, d: 0, theta: -90}
-  - {alpha: -90, a: 0.11, d: 0, theta: 0}
-  - {alpha: 90, a: 0, d: 0.47, theta: 0}
-  - {alpha: -90, a: 0.08, d: 0, theta: 0}
-  - {alpha: 0, a: 0, d: 0.101, theta: 180}
-"""
-ORTHOGONAL = """
-  - {{alpha: -90, a: {0}, d: 0, theta: 0}}
-  - {{alpha: 90, a: {1}, d: {3}, theta: 0}}
-  - {{alpha: 0, a: {2}, d: 0, theta: 0}}
-"""
-
 
 def _slow(*values):
     return pytest.param(*values, marks=pytest.mark.slow)
 
 
-@functools.cache
-def arm_of(name, **options):
-    return pinsing.load(name, **options)
-
-
-@functools.cache
-def form_of(name):
-    return pinsing.closed_form(arm_of(name))
-
-
-@functools.cache
-def aspects_of(name, limits=True):
-    return pinsing.aspects(form_of(name), limits)
-
-
-def table(tmp_path, rows, task="pose"):
-    rows = rows.replace("}", ", type: revolute, limits: [-180, 180]}")
-    head = "name: made\nconvention: standard\nunits: {angle: deg, length: m}\nrows:"
-    path = tmp_path / "made.dh.yaml"
-    path.write_text(head + rows)
-    return pinsing.load(dh_to_urdf(read_dh(path)), task=task)
+def orthogonal(d2, d3, d4, r2):
+    return dh_arm([(-90, d2, 0), (90, d3, r2), (0, d4, 0)], task="position")
 
 
 def signs_of_det(arm, path, count=60):
@@ -219,8 +177,8 @@ def test_sliding_terms_are_bounded():
         assert (np.abs(along - rise) <= error + 1e-12).all()
 
 
-def test_an_offset_wrist_has_two_aspects_by_algebra(tmp_path):
-    form = pinsing.closed_form(table(tmp_path, CRX))
+def test_an_offset_wrist_has_two_aspects_by_algebra():
+    form = pinsing.closed_form(dh_arm(CRX))
     cut = partition(watch(form), limits=False)
     (part,) = [p for p in cut.parts if p.surfaces]
     found = pinsing.aspects(form, limits=False)
@@ -389,8 +347,8 @@ class TestInverse:
 
 class TestCuspidality:
     @pytest.mark.parametrize("rows", [CRX, _slow(GOFA)])
-    def test_offset_wrists_are_cuspidal(self, tmp_path, rows):
-        arm = table(tmp_path, rows)
+    def test_offset_wrists_are_cuspidal(self, rows):
+        arm = dh_arm(rows)
         found = pinsing.cuspidality(arm, poses=6)
         assert found.answer == "cuspidal"
         assert found.proven
@@ -410,9 +368,9 @@ class TestCuspidality:
             ((1, 2, 1.5, 0), "not cuspidal", 4, 4),
         ],
     )
-    def test_orthogonal_arms(self, tmp_path, lengths, answer, aspects, most):
+    def test_orthogonal_arms(self, lengths, answer, aspects, most):
         """Three orthogonal axes (Wenger): d2, d3, d4, r2."""
-        arm = table(tmp_path, ORTHOGONAL.format(*lengths), task="position")
+        arm = orthogonal(*lengths)
         found = pinsing.cuspidality(arm, poses=20)
         assert found.answer == answer
         assert found.aspects == aspects
@@ -483,11 +441,11 @@ class TestCuspidality:
 
 
 @pytest.mark.slow
-def test_posture_changes(tmp_path):
+def test_posture_changes():
     q = [0.1, -1.0, 1.2, 0.3, 0.9, 0.2]
     found = pinsing.posture_changes(arm_of("ur5"), q, forms=form_of("ur5"))
     assert all(o.connection is None or o.connection.answer == "different" for o in found.others)
-    arm = table(tmp_path, CRX)
+    arm = dh_arm(CRX)
     rng = np.random.default_rng(1)
     reached = 0
     for q in arm.space.sample(3, rng):

@@ -558,13 +558,13 @@ class TestCommand:
 
     def test_the_robot_is_not_overwritten(self, tmp_path: Path) -> None:
         robot = tmp_path / "arm.urdf"
-        shutil.copy(Path(__file__).parents[1] / "urdf" / "scara.urdf", robot)
+        shutil.copy(Path(__file__).parents[2] / "urdf" / "scara.urdf", robot)
         before = robot.read_bytes()
         assert run("export", str(robot), "--c", str(robot)).exit_code == 2
         assert robot.read_bytes() == before
 
 
-EXAMPLES = Path(__file__).parents[1] / "examples"
+EXAMPLES = Path(__file__).parents[2] / "examples"
 
 
 @needs_gcc

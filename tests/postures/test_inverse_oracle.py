@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import functools
 import itertools
 
+import dh_arms
 import numpy as np
 import pytest
 from tiers import tiered_rows
@@ -78,18 +80,15 @@ def puma_inverse(T):
     return out
 
 
-UR5 = [(0.089159, 0, 90), (0, -0.425, 0), (0, -0.39225, 0), (0.10915, 0, 90)]
-UR5 += [(0.09465, 0, -90), (0.0823, 0, 0)]
-PUMA = [(0, 0, 90), (0, 0.4318, 0), (0.15005, 0.0203, -90), (0.4318, 0, 90), (0, 0, -90), (0, 0, 0)]
-CRX = [(0.245, 0, -90), (0, 0.71, 0), (0, 0, -90), (0.54, 0, 90), (-0.15, 0, -90), (0.16, 0, 0)]
-GOFA = [
-    (0.265, 0, -90),
-    (0, 0.444, 0),
-    (0, 0.11, -90),
-    (0.47, 0, 90),
-    (0, 0.08, -90),
-    (0.101, 0, 0),
-]
+UR5 = (
+    (0.089159, 0, 90), (0, -0.425, 0), (0, -0.39225, 0), (0.10915, 0, 90), (0.09465, 0, -90),
+    (0.0823, 0, 0),
+)  # fmt: skip
+PUMA = (
+    (0, 0, 90), (0, 0.4318, 0), (0.15005, 0.0203, -90), (0.4318, 0, 90), (0, 0, -90), (0, 0, 0),
+)  # fmt: skip
+CRX = tuple((d, a, alpha) for alpha, a, d, *_ in dh_arms.CRX)
+GOFA = tuple((d, a, alpha) for alpha, a, d, *_ in dh_arms.GOFA)
 
 
 def dh(theta, d, a, alpha):
@@ -106,29 +105,10 @@ def placed(rows, q):
     return T
 
 
-def robot(folder, rows, task="pose"):
+@functools.cache
+def made(rows, task="pose"):
     """A table as a robot of its own, so that angles are those of the formulas."""
-    from pinsing.description.dh_urdf import dh_to_urdf, read_dh
-
-    text = "name: made\nconvention: standard\nunits: {angle: deg, length: m}\nrows:\n"
-    for d, a, alpha in rows:
-        text += f"  - {{alpha: {alpha}, a: {a}, d: {d}, theta: 0, type: revolute, "
-        text += "limits: [-180, 180]}\n"
-    path = folder / "made.dh.yaml"
-    path.write_text(text)
-    return pinsing.load(dh_to_urdf(read_dh(path)), task=task)
-
-
-@pytest.fixture(scope="module")
-def made(tmp_path_factory):
-    known = {}
-
-    def get(rows):
-        if id(rows) not in known:
-            known[id(rows)] = robot(tmp_path_factory.mktemp("arm"), rows)
-        return known[id(rows)]
-
-    return get
+    return dh_arms.dh_arm([(alpha, a, d) for d, a, alpha in rows], task)
 
 
 def compare(arm, rows, formula, count, seed):
@@ -154,7 +134,7 @@ CLOSED = [(UR5, ur5_inverse, 4), (PUMA, puma_inverse, 7.9)]
 
 
 @pytest.mark.parametrize(("rows", "formula", "mean"), CLOSED, ids=["ur5", "puma"])
-def test_against_a_closed_formula(made, rows, formula, mean):
+def test_against_a_closed_formula(rows, formula, mean):
     total, certified = compare(made(rows), rows, formula, 10, 0)
     assert total > 10 * mean
     assert certified == total
@@ -162,7 +142,7 @@ def test_against_a_closed_formula(made, rows, formula, mean):
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("rows", "formula", "mean"), CLOSED, ids=["ur5", "puma"])
-def test_against_a_closed_formula_at_500_poses(made, rows, formula, mean):
+def test_against_a_closed_formula_at_500_poses(rows, formula, mean):
     """A PUMA meets poses so near its shoulder's singularity that no proof is to be had there."""
     total, certified = compare(made(rows), rows, formula, 500, 1)
     assert total > 500 * mean
@@ -172,7 +152,7 @@ def test_against_a_closed_formula_at_500_poses(made, rows, formula, mean):
 @pytest.mark.parametrize(
     ("rows", "formula", "mean"), tiered_rows(CLOSED, CLOSED[:1]), ids=["ur5", "puma"]
 )
-def test_pairs_next_to_a_singularity_are_told_apart(made, rows, formula, mean):
+def test_pairs_next_to_a_singularity_are_told_apart(rows, formula, mean):
     """Stretched elbows but for 1e-4 and less: two solutions that near, of opposite signs."""
     arm = made(rows)
     stretched = 0.0 if rows is UR5 else -np.arctan2(0.4318, 0.0203)
@@ -205,7 +185,7 @@ def against_more_starts(arm, count, seed):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("rows", [UR5, PUMA, CRX], ids=["ur5", "puma", "crx"])
-def test_against_another_library_at_500_poses(made, rows):
+def test_against_another_library_at_500_poses(rows):
     """ssik (BSD-3), where it is installed: each solution of either is one of the other's.
 
     Of an offset wrist ssik derives its equations once, which takes two minutes, and keeps them.
@@ -226,12 +206,12 @@ def test_against_another_library_at_500_poses(made, rows):
     assert total > 500 * 6
 
 
-def test_offset_wrist_against_four_times_the_starts(made):
+def test_offset_wrist_against_four_times_the_starts():
     assert len(set(against_more_starts(made(CRX), 3, 11))) >= 1
 
 
 @pytest.mark.slow
-def test_offset_wrist_against_four_times_the_starts_at_120_poses(made):
+def test_offset_wrist_against_four_times_the_starts_at_120_poses():
     assert set(against_more_starts(made(CRX), 120, 11)) >= {4, 8, 12}
 
 
@@ -254,12 +234,12 @@ class TestSteps:
             assert sum(e < 1e-8 for e in error) >= 2
 
     @pytest.mark.parametrize("backward", [False, True])
-    def test_a_shoulder_of_three_axes_is_read_from_the_tip(self, tmp_path, backward):
+    def test_a_shoulder_of_three_axes_is_read_from_the_tip(self, backward):
         """The PUMA from base to tip, and a chain of its rows in the other order."""
         # Turned round, a row (alpha, a, d) before its joint is one after it.
         back = [(0, 0, 90), (0, 0, -90), (0.4318, 0.0203, 90), (0.15005, 0.4318, 0)]
         back += [(0, 0.1, 90), (0.2, 0, 0)]
-        arm = robot(tmp_path, back if backward else PUMA)
+        arm = made(tuple(back if backward else PUMA))
         q = np.array([0.3, -0.8, 1.1, 0.4, 0.9, -0.5])
         T = tip_placement(arm, q)
         steps = steps_of(pinsing.nominal(arm), T.translation, T.rotation)
@@ -271,14 +251,14 @@ class TestSteps:
         T = tip_placement(arm, np.array([0.2, 0.3, 0.5, 0.4, 0.0, 0.1]))
         assert not steps_of(pinsing.nominal(arm), T.translation, T.rotation).clear
 
-    def test_none_for_an_offset_wrist(self, made):
+    def test_none_for_an_offset_wrist(self):
         geometry = pinsing.nominal(made(CRX))
         assert steps_of(geometry, np.array([0.4, 0.2, 0.3]), np.eye(3)) is None
 
 
-def test_a_cuspidal_arm_of_three_joints_has_all_its_points(tmp_path):
+def test_a_cuspidal_arm_of_three_joints_has_all_its_points():
     """Its equation of degree four has two or four solutions; 2048 starts are the judge."""
-    arm = robot(tmp_path, [(0, 1, -90), (1, 2, 90), (0, 1.5, 0)], task="position")
+    arm = made(((0, 1, -90), (1, 2, 90), (0, 1.5, 0)), "position")
     counts = set()
     for q in arm.space.sample(6, np.random.default_rng(2), True):
         p = tip_placement(arm, q).translation
@@ -290,7 +270,7 @@ def test_a_cuspidal_arm_of_three_joints_has_all_its_points(tmp_path):
     assert counts == {2, 4}
 
 
-def test_a_sign_that_lacks_is_known(made):
+def test_a_sign_that_lacks_is_known():
     """Solutions of a pose with one left out: the determinants do not balance, and starts follow."""
     arm = made(CRX)
     q = np.array([0.3, -0.8, 1.1, 0.4, 0.9, -0.5])

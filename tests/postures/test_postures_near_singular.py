@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-import functools
 import warnings
 
 import numpy as np
 import pytest
+from dh_arms import CRX, arm_of, aspects_of, dh_arm, form_of
 from tiers import tiered
 
 import pinsing
-from pinsing.description.dh_urdf import dh_to_urdf, read_dh
 from pinsing.errors import ConfigurationError, OptionError
 from pinsing.kinematics.jacobian import tip_placement
 from pinsing.postures.inverse import inverse
@@ -20,45 +19,9 @@ from pinsing.postures.newton import Solver
 # is half a millimetre from the axis of joint 2, and the pose tells little about two joints.
 FOLDED = np.pi / 2 + np.arctan2(0.0203, 0.4318)
 
-CRX = """
-  - {alpha: -90, a: 0, d: 0.245, theta: 0}
-  - {alpha: 0, a: 0.71, d: 0, theta: -90}
-  - {alpha: -90, a: 0, d: 0, theta: 0}
-  - {alpha: 90, a: 0, d: 0.54, theta: 0}
-  - {alpha: -90, a: 0, d: -0.15, theta: 0}
-  - {alpha: 0, a: 0, d: 0.16, theta: 0}
-"""
-PUMA_LIKE = """
-  - {alpha: -90, a: 0, d: 0, theta: 0}
-  - {alpha: 0, a: 1, d: 0.2, theta: 0}
-  - {alpha: -90, a: 0.02, d: 0, theta: 0}
-  - {alpha: 90, a: 0, d: 1, theta: 0}
-  - {alpha: -90, a: 1.0e-9, d: 0, theta: 0}
-  - {alpha: 0, a: 0, d: 0, theta: 0}
-"""
-
-
-@functools.cache
-def arm_of(name):
-    return pinsing.load(name)
-
-
-@functools.cache
-def form_of(name):
-    return pinsing.closed_form(arm_of(name))
-
-
-@functools.cache
-def aspects_of(name):
-    return pinsing.aspects(form_of(name))
-
-
-def table(tmp_path, rows):
-    rows = rows.replace("}", ", type: revolute, limits: [-180, 180]}")
-    head = "name: made\nconvention: standard\nunits: {angle: deg, length: m}\nrows:"
-    path = tmp_path / "made.dh.yaml"
-    path.write_text(head + rows)
-    return pinsing.load(dh_to_urdf(read_dh(path)))
+PUMA_LIKE = [
+    (-90, 0, 0), (0, 1, 0.2), (-90, 0.02, 0), (90, 0, 1), (-90, 1.0e-9, 0), (0, 0, 0),
+]  # fmt: skip
 
 
 def pose_of(arm, q):
@@ -82,8 +45,8 @@ class TestInverseNextToTheWristSingularity:
         if q5 > 1e-8:
             assert nearest(arm, found, q) < 1e-6
 
-    def test_an_offset_wrist(self, tmp_path):
-        arm = table(tmp_path, CRX)
+    def test_an_offset_wrist(self):
+        arm = dh_arm(CRX)
         for q5 in (1e-8, 1e-10):
             q = [0.2, -3.0877, np.pi / 2 - q5, 2.7542, q5, -1.7508]
             assert nearest(arm, pinsing.inverse(arm, pose_of(arm, q)), q) < 1e-4
@@ -154,7 +117,7 @@ def test_a_joint_held_outside_its_limits_stays_there_and_is_flagged():
 
 
 class TestAspectsOfAnotherArm:
-    def test_they_are_refused(self, tmp_path):
+    def test_they_are_refused(self):
         ur5 = form_of("ur5")
         with pytest.raises(OptionError, match="another arm"):
             pinsing.connect(form_of("puma560"), [0.1] * 6, [0.2] * 6, of=aspects_of("ur5"))
@@ -165,9 +128,9 @@ class TestAspectsOfAnotherArm:
         way = pinsing.connect(again, [0.1] * 6, [0.2] * 6, of=aspects_of("ur5"))
         assert way.answer == "same"
 
-    def test_joints_of_the_same_names_and_other_lengths(self, tmp_path):
-        one = pinsing.closed_form(table(tmp_path, CRX))
-        other = pinsing.closed_form(table(tmp_path, CRX.replace("-0.15", "-0.12")))
+    def test_joints_of_the_same_names_and_other_lengths(self):
+        one = pinsing.closed_form(dh_arm(CRX))
+        other = pinsing.closed_form(dh_arm([*CRX[:4], (-90, 0, -0.12), CRX[5]]))
         found = pinsing.aspects(one, limits=False)
         q = [0.1, 0.2, 0.3, 0.4, 0.5, 0.6]
         with pytest.raises(OptionError, match="what is singular differs"):
@@ -188,8 +151,8 @@ def test_an_end_on_a_limit_that_is_singular_is_said_to_be():
 
 
 class TestWhatCuspidalStandsOn:
-    def test_a_way_that_is_proven_needs_no_certificate(self, tmp_path):
-        found = pinsing.cuspidality(table(tmp_path, CRX), poses=4)
+    def test_a_way_that_is_proven_needs_no_certificate(self):
+        found = pinsing.cuspidality(dh_arm(CRX), poses=4)
         assert found.answer == "cuspidal"
         assert found.proven
         assert not any("certificate" in n for n in found.notes)
@@ -201,8 +164,8 @@ class TestWhatCuspidalStandsOn:
         assert not any("certificate" in n for n in found.notes)
 
     @pytest.mark.slow
-    def test_an_arm_that_rounding_made_cuspidal(self, tmp_path):
-        found = pinsing.cuspidality(table(tmp_path, PUMA_LIKE), poses=5)
+    def test_an_arm_that_rounding_made_cuspidal(self):
+        found = pinsing.cuspidality(dh_arm(PUMA_LIKE), poses=5)
         assert found.answer == "cuspidal"
         assert found.proven
         assert found.least_ratio < 1e-5

@@ -1,0 +1,48 @@
+"""Arms written as rows of Denavit and Hartenberg, and what is made of named ones, once."""
+
+from __future__ import annotations
+
+import functools
+import tempfile
+from pathlib import Path
+
+import pinsing
+from pinsing.description.dh_urdf import dh_to_urdf, read_dh
+
+# Alpha in degrees, a, d, and where they are not 0 and "revolute" theta in degrees and the kind.
+CRX = [
+    (-90, 0, 0.245), (0, 0.71, 0, -90), (-90, 0, 0), (90, 0, 0.54), (-90, 0, -0.15), (0, 0, 0.16),
+]  # fmt: skip
+GOFA = [
+    (-90, 0, 0.265), (0, 0.444, 0, -90), (-90, 0.11, 0), (90, 0, 0.47), (-90, 0.08, 0),
+    (0, 0, 0.101, 180),
+]  # fmt: skip
+
+
+def dh_arm(rows, task="pose", limits=(-180, 180)):
+    """The arm of some rows (standard convention); slides go from -1 to 1 m."""
+    text = "name: made\nconvention: standard\nunits: {angle: deg, length: m}\nrows:\n"
+    for alpha, a, d, *rest in rows:
+        theta, kind = (*rest, *(0, "revolute")[len(rest) :])
+        low, high = limits if kind == "revolute" else (-1, 1)
+        text += f"  - {{alpha: {alpha}, a: {a}, d: {d}, theta: {theta}, type: {kind}, "
+        text += f"limits: [{low}, {high}]}}\n"
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder, "made.dh.yaml")
+        path.write_text(text)
+        return pinsing.load(dh_to_urdf(read_dh(path)), task=task)
+
+
+@functools.cache
+def arm_of(name, **options):
+    return pinsing.load(name, **options)
+
+
+@functools.cache
+def form_of(name):
+    return pinsing.closed_form(arm_of(name))
+
+
+@functools.cache
+def aspects_of(name, limits=True):
+    return pinsing.aspects(form_of(name), limits)
