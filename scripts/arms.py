@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Write docs/arms.md: the arms known by name with their families; takes about ten minutes."""
+"""Write docs/arms.md: the arms known by name with their families; takes about five minutes."""
 
 from __future__ import annotations
 
