@@ -55,3 +55,18 @@ def planar(lengths: tuple[float, ...], task: str = "position", limit: float = np
     tip = pin.SE3(np.eye(3), np.array([x, 0.0, 0.0]))
     model.addFrame(pin.Frame("tip", parent, 0, tip, pin.FrameType.OP_FRAME))
     return load(model, tip="tip", task=task)
+
+
+_BY_NAME = [
+    "stanford", "surgical7", "puma560", "irb1400", "iiwa14", "planar3r", "scara", "ur5",
+    "panda", "kinova", "xarm7", "z1", "talos_arm", "tiago", "so100", "so101",
+    "hextilt",
+]  # fmt: skip
+CATALOGUE = [
+    *((name, None) for name in _BY_NAME),
+    ("pr2", "r_gripper_tool_frame"),
+    ("baxter", "left_gripper_base_link"),
+    ("icub", "l_gripper"),
+    ("g1", "left_rubber_hand"),
+]
+"""Arms that come with pinsing and its data, with their tips where one has to be named."""

@@ -9,6 +9,7 @@ from fractions import Fraction
 import numpy as np
 import pinocchio as pin
 import pytest
+from arms import CATALOGUE
 from hypothesis import example, given
 from hypothesis import strategies as st
 
@@ -28,29 +29,6 @@ from pinsing.robot.load import load
 from pinsing.robot.nominal import ANGLE_TOL, Nominal, nominal
 from pinsing.robot.surd import Surd, cosine, sine
 
-ARMS = [
-    ("stanford", None),
-    ("surgical7", None),
-    ("puma560", None),
-    ("irb1400", None),
-    ("iiwa14", None),
-    ("planar3r", None),
-    ("scara", None),
-    ("ur5", None),
-    ("panda", None),
-    ("kinova", None),
-    ("xarm7", None),
-    ("z1", None),
-    ("talos_arm", None),
-    ("tiago", None),
-    ("so100", None),
-    ("so101", None),
-    ("hextilt", None),
-    ("pr2", "r_gripper_tool_frame"),
-    ("baxter", "left_gripper_base_link"),
-    ("icub", "l_gripper"),
-    ("g1", "left_rubber_hand"),
-]
 IDENTITY = ((1, 0, 0), (0, 1, 0), (0, 0, 1))
 
 
@@ -431,7 +409,7 @@ def test_an_axis_off_all_coordinates_is_a_stated_twist(make_model, rng):
 # Real arms
 
 
-@pytest.mark.parametrize(("robot", "tip"), ARMS, ids=[name for name, _ in ARMS])
+@pytest.mark.parametrize(("robot", "tip"), CATALOGUE, ids=[name for name, _ in CATALOGUE])
 def test_real_arms(robot, tip, rng):
     arm = load(robot, tip=tip)
     exact = nominal(arm)
