@@ -17,8 +17,8 @@ from pinsing.errors import OptionError
 from pinsing.loops import home, mechanism_at, mode_of, refine
 from pinsing.loops.closure import Loops
 from pinsing.loops.dyad import planar_dyad
-from pinsing.loops.pose import pose_of
-from pinsing.loops.pose_slice import COORDINATES, pose_slice
+from pinsing.loops.pose import COORDINATES, pose_of
+from pinsing.loops.pose_slice import pose_slice
 from pinsing.loops.problems import working_modes
 from pinsing.loops.structure import output_pose
 from pinsing.plot.mechanism import TYPE_1, draw_linkage, input_map, is_left, map_legend

@@ -18,6 +18,8 @@ from pinsing.robot.mechanism import Mechanism
 
 _TINY = 1e-12
 _CLOSE = 1e-9
+CLOSED_MANY = 1e-9
+"""A residual after `newton` up to this counts as closed."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -319,8 +321,6 @@ def _log(R: Array) -> Array:
 BESIDE = 0.1
 """A lock is near where the volume that the three axes span is at most this, of at most 1."""
 
-_HINGES = 3
-
 
 def locked(mechanism: Mechanism, Q: Array) -> Bool:
     """Whether a ball is locked, or nearly: (N,) bool at Q (N, n)."""
@@ -340,7 +340,7 @@ def ball_jacobians(loops: BatchLoops, Q: Array) -> tuple[Array, Array]:
     placed = loops.place(Q)
     axis, pivot = placed.axis.copy(), placed.position.copy()
     for ball, at in zip(_balls(mechanism), _centres(placed, hinged_balls(mechanism)), strict=True):
-        for joint, along in zip(ball, np.eye(_HINGES), strict=True):
+        for joint, along in zip(ball, np.eye(3), strict=True):
             axis[joint], pivot[joint + 1] = along, at
     whole = replace(placed, axis=axis, pivot=pivot)
     G = loops.closure(Q, placed=whole)[1]
@@ -378,7 +378,7 @@ def _find(mechanism: Mechanism) -> tuple[Centre, ...]:
     out = []
     for centre in structure(mechanism).centres:
         ball = centre.joints
-        if len(ball) != _HINGES or mechanism.prismatic[list(ball)].any():
+        if len(ball) != 3 or mechanism.prismatic[list(ball)].any():
             continue
         carried = {j for j in range(mechanism.n) if int(model.parents[j + 1]) - 1 in ball[:2]}
         in_line = all(int(model.parents[b + 1]) - 1 == a for a, b in itertools.pairwise(ball))

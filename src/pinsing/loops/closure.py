@@ -25,7 +25,6 @@ Mask = npt.NDArray[np.bool_]
 CLOSED = 1e-11
 """A residual (metres over the length scale, radians) up to this counts as closed."""
 
-_FEW = 3
 _SEED = 5471
 _STEP = 0.03
 _FAR = 30.0
@@ -307,7 +306,7 @@ def _ranks(mechanism: Mechanism) -> Ranks:
     if idle:
         raise PinsingError(f"{mechanism.name}: {idle}")
     samples = random_closed(mechanism, 12, np.random.default_rng(_SEED))
-    if len(samples) < _FEW:
+    if len(samples) < 3:
         samples += near_home(mechanism)
     if not samples:
         raise PinsingError(

@@ -8,10 +8,10 @@ from __future__ import annotations
 
 import numpy as np
 import numpy.typing as npt
-import pinocchio as pin
 
 from pinsing._dataclass import dataclass
 from pinsing._types import Array
+from pinsing.loops.structure import Sample, at_zero, path_to
 from pinsing.robot.mechanism import Mechanism
 
 _TOUCH = 1e-12
@@ -230,9 +230,8 @@ def _recognise(mechanism: Mechanism) -> Dyad | None:
         return None
     frames = {f.name: f for f in model.frames}
     loop = mechanism.loops[0]
-    data = model.createData()
-    pin.computeJointJacobians(model, data, mechanism.model_q(np.zeros(mechanism.n)))
-    axes = np.array(data.J)[3:].T
+    zero = at_zero(mechanism)
+    axes = zero.axis
     normal = axes[0]
     if np.abs(np.abs(axes @ normal) - 1).max() > 1e-9:
         return None
@@ -240,14 +239,12 @@ def _recognise(mechanism: Mechanism) -> Dyad | None:
     sides, used, heights = [], 0, []
     for name in (loop.frame_a, loop.frame_b):
         frame = frames[name]
-        path: list[int] = []
-        joint = int(frame.parentJoint)
-        while joint:
-            path.insert(0, joint)
-            joint = int(model.parents[joint])
+        path = path_to(mechanism, int(frame.parentJoint))
         used += len(path)
-        end = data.oMi[path[-1]].act(frame.placement.translation) if path else np.zeros(3)
-        side = _side(mechanism, [j - 1 for j in path], data, axes @ normal, basis, end)
+        end = np.zeros(3)
+        if path:
+            end = zero.joints[path[-1] + 1].act(frame.placement.translation)
+        side = _side(mechanism, path, zero, axes @ normal, basis, end)
         if side is None:
             return None
         sides.append(side)
@@ -261,7 +258,7 @@ def _recognise(mechanism: Mechanism) -> Dyad | None:
 def _side(
     mechanism: Mechanism,
     path: list[int],
-    data: pin.Data,
+    zero: Sample,
     senses: Array,
     basis: Array,
     end: Array,
@@ -269,7 +266,7 @@ def _side(
     driven = [j in mechanism.actuated for j in path]
     if driven not in ([True, False], [False]):
         return None
-    points = [basis @ data.oMi[j + 1].translation for j in path]
+    points = [basis @ zero.origins[j] for j in path]
     rod = basis @ end - points[-1]
     length = float(np.linalg.norm(rod))
     crank = points[-1] - points[0]

@@ -81,10 +81,6 @@ def roots(equation: Equation, inputs: npt.ArrayLike, free: int) -> Array:
     return np.sort(np.array(out))
 
 
-_WITNESS_SEED = 6151
-_TRIED = 60
-
-
 @dataclass(frozen=True, eq=False)
 class Locus:
     """One irreducible singular locus, as an equation in the inputs.
@@ -314,13 +310,16 @@ def _metric(dyad: Dyad, form: Equation, leg: int | None, sense: int) -> Equation
 def _range(form: Equation, extremes: Array) -> tuple[float, float, Array]:
     """Least and largest value, zero where that is rounding, and the extremes on the locus."""
     n = len(form.joints)
-    tried = np.random.default_rng(_WITNESS_SEED).uniform(-np.pi, np.pi, (_TRIED, n))
-    values = form(np.concatenate([extremes, tried]))
+    values = form(np.concatenate([extremes, _tried(n)]))
     values[np.abs(values) <= _EXACT * form.size] = 0.0
     if n == 1 and len(roots(form, [0.0], 0)):
         values = np.append(values, 0.0)
     touching = extremes[values[: len(extremes)] == 0]
     return float(values.min()), float(values.max()), touching
+
+
+def _tried(n: int) -> Array:
+    return np.random.default_rng(6151).uniform(-np.pi, np.pi, (60, n))
 
 
 def _on(form: Equation, extremes: Array) -> Iterator[Array]:
@@ -329,7 +328,7 @@ def _on(form: Equation, extremes: Array) -> Iterator[Array]:
     Lines along the inputs, random ones first; small loops lie about an extreme of the equation.
     """
     n = len(form.joints)
-    tried = np.random.default_rng(_WITNESS_SEED).uniform(-np.pi, np.pi, (_TRIED, n))
+    tried = _tried(n)
     for base in np.concatenate([tried, extremes]) if n > 1 else tried[:1]:
         for free in range(n):
             for value in roots(form, base, free):

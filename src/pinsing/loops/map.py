@@ -20,7 +20,7 @@ from pinsing._types import Array, Bool
 from pinsing.arguments import checked
 from pinsing.errors import OptionError
 from pinsing.loops.analysis import independent_inputs
-from pinsing.loops.batch import BatchLoops, newton
+from pinsing.loops.batch import CLOSED_MANY, BatchLoops, newton
 from pinsing.loops.closure import near_home, random_closed, ranks
 from pinsing.loops.legs import Rods, rods
 from pinsing.loops.modes import home, mode_of
@@ -31,8 +31,6 @@ from pinsing.measures import NEAR_RTOL, SINGULAR_RTOL
 from pinsing.prose import PLAIN, Page
 from pinsing.robot.mechanism import Mechanism
 from pinsing.serialization import JsonResult
-
-# What is too long by less than this, over the longest, may be rounding.
 
 
 def cannot_close(mechanism: Mechanism, inputs: Array) -> Bool:
@@ -64,6 +62,7 @@ def cannot_close(mechanism: Mechanism, inputs: Array) -> Bool:
         between = np.full(len(inputs), _norm(found, one.outer - two.outer))
         sides = np.stack([_norm(found, C - D), between, length, other])
         longest = sides.max(axis=0)
+        # What is too long by less than this may be rounding.
         out |= 2 * longest - sides.sum(axis=0) > 1e-9 * longest
     return out
 
@@ -75,8 +74,6 @@ def _norm(found: Rods, away: Array) -> Array:
 
 TRIES = 4
 _STEPS = 30
-_CLOSED = 1e-9
-_FEW = 8
 
 
 def draw_closed(
@@ -137,7 +134,7 @@ def draw_closed(
             Q[:, actuated] = held[left]
         here = None if target is None else (target[0][left], target[1][left], mechanism.task.rows)
         Q, size = newton(loops, Q, free, target=here, steps=_STEPS)
-        done = size <= _CLOSED
+        done = size <= CLOSED_MANY
         Q = mechanism.space.fold(Q)
         # One beyond a limit is kept until it is found within it another way.
         out[left[done]], kept[left[done]] = Q[done], True
@@ -175,13 +172,13 @@ def known_closed(loops: BatchLoops) -> Array:
     drawn = rng.uniform(*mechanism.space.span, (512, mechanism.n))
     drawn[0] = home(mechanism)
     Q, size = newton(loops, drawn, np.ones(mechanism.n, dtype=bool), steps=_STEPS)
-    Q = mechanism.space.fold(Q[size <= _CLOSED])
+    Q = mechanism.space.fold(Q[size <= CLOSED_MANY])
     if not len(Q):
         # Starts within narrow limits lead nowhere; those that told the ranks did.
         spare = random_closed(mechanism, 64, rng) + near_home(mechanism)
         Q = mechanism.space.fold(np.array(spare).reshape(-1, mechanism.n))
     inside = Q[~mechanism.space.unreachable(Q).any(axis=1)]
-    return inside if len(inside) >= _FEW else Q
+    return inside if len(inside) >= 8 else Q
 
 
 def _poses(
@@ -474,18 +471,14 @@ def mechanism_map(
         if len(ratios)
         else np.full((len(_QUANTILES), 3), math.nan)
     )
+    listed = tuple(
+        WorstConfiguration(
+            low, kind, q, q[list(mechanism.actuated)], pose_of(output_pose(mechanism, q)),
+            mode_of(mechanism, q),
+        )
+        for low, _, kind, q in least
+    )  # fmt: skip
     return MechanismMap(
         mechanism.name, over, count, seed, TRIES, closed, impossible, thin, beyond, kinds, near,
-        _QUANTILES,
-        told[:, 0], told[:, 1], told[:, 2],
-        tuple(_worst(mechanism, *x) for x in least),
-    )  # fmt: skip
-
-
-def _worst(
-    mechanism: Mechanism, measure: float, number: int, kind: str, q: Array
-) -> WorstConfiguration:
-    return WorstConfiguration(
-        measure, kind, q, q[list(mechanism.actuated)], pose_of(output_pose(mechanism, q)),
-        mode_of(mechanism, q),
+        _QUANTILES, told[:, 0], told[:, 1], told[:, 2], listed,
     )  # fmt: skip

@@ -15,7 +15,7 @@ import pinocchio as pin
 from pinsing._dataclass import dataclass
 from pinsing._types import Array
 from pinsing.errors import ConfigurationError
-from pinsing.loops.batch import BatchLoops, newton
+from pinsing.loops.batch import CLOSED_MANY, BatchLoops, newton
 from pinsing.loops.closure import (
     CLOSED,
     Loops,
@@ -25,7 +25,7 @@ from pinsing.loops.closure import (
     random_closed,
     ranks,
 )
-from pinsing.robot.joints import joint_axis
+from pinsing.loops.structure import SMALL, structure
 from pinsing.robot.mechanism import Mechanism
 
 STRAIGHT = 1e-9
@@ -34,9 +34,7 @@ STRAIGHT = 1e-9
 _SEED = 947
 _HOME_STARTS = 60
 _MORE_STARTS = 4000
-_POINT = 1e-9
 _NO_ELBOW = "."
-_ORDER = {"+": 0, "0": 0, "-": 1, "?": 2, _NO_ELBOW: 0}
 
 
 @dataclass(frozen=True)
@@ -87,7 +85,7 @@ class ModeSigns:
     @property
     def order(self) -> tuple[int, ...]:
         """What modes are listed by: the home assembly first, elbows to the left first."""
-        return tuple(_ORDER[sign] for sign in (self.assembly, *self.elbows))
+        return tuple({"-": 1, "?": 2}.get(sign, 0) for sign in (self.assembly, *self.elbows))
 
     def __str__(self) -> str:
         assembly = f"assembly {self.assembly}"
@@ -117,16 +115,19 @@ def elbows(mechanism: Mechanism) -> tuple[Elbow, ...]:
             beyond = [j for j in range(1, model.njoints) if parents[j] == last]
         if beyond:
             end = model.jointPlacements[beyond[0]].translation
-            if np.linalg.norm(end) <= _POINT:
+            if np.linalg.norm(end) <= SMALL:
                 # Two axes through one point: a ball has no elbow, a leg on a sphere has.
                 if slides or not _meets(model, elbow):
                     continue
-                end = model.jointPlacements[beyond[0]].rotation @ _axis(model, beyond[0])
+                end = (
+                    model.jointPlacements[beyond[0]].rotation
+                    @ structure(mechanism).axes[beyond[0] - 1]
+                )
         else:
             names = {f.name: f for f in model.frames}
             closing = [names[n] for x in mechanism.loops for n in (x.frame_a, x.frame_b)]
             here = [f for f in closing if f.parentJoint == last]
-            if not here or (slides and np.linalg.norm(here[0].placement.translation) <= _POINT):
+            if not here or (slides and np.linalg.norm(here[0].placement.translation) <= SMALL):
                 continue
             end = here[0].placement.translation
         x, y, z = (float(v) for v in end)
@@ -136,7 +137,7 @@ def elbows(mechanism: Mechanism) -> tuple[Elbow, ...]:
 
 def _meets(model: pin.Model, joint: int) -> bool:
     """Whether a joint stands where the one before it stands."""
-    return bool(np.linalg.norm(model.jointPlacements[joint].translation) <= _POINT)
+    return bool(np.linalg.norm(model.jointPlacements[joint].translation) <= SMALL)
 
 
 def _hangs(mechanism: Mechanism, joint: int) -> bool:
@@ -147,11 +148,6 @@ def _hangs(mechanism: Mechanism, joint: int) -> bool:
             return True
         parent = int(mechanism.model.parents[parent])
     return False
-
-
-def _axis(model: pin.Model, joint: int) -> Array:
-    """Direction of a joint's axis in its own frame."""
-    return np.asarray(joint_axis(model.joints[joint], model.names[joint])[0])
 
 
 def elbow_sines(mechanism: Mechanism, q: npt.ArrayLike) -> Array:
@@ -171,12 +167,12 @@ def elbow_sines(mechanism: Mechanism, q: npt.ArrayLike) -> Array:
         second = data.oMi[e.end_joint].act(np.array(e.end)) - b
         if e.slides:
             axis = np.array(data.J)[:3, model.joints[e.crank].idx_v]
-            out.append(float(axis @ second) / max(float(np.linalg.norm(second)), _POINT))
+            out.append(float(axis @ second) / max(float(np.linalg.norm(second)), SMALL))
             continue
         axis = np.array(data.J)[3:, model.joints[e.crank].idx_v]
-        if np.linalg.norm(first) <= _POINT:
+        if np.linalg.norm(first) <= SMALL:
             bent = np.array(data.J)[3:, model.joints[e.elbow].idx_v]
-            out.append(float(np.cross(axis, bent) @ second / max(np.linalg.norm(second), _POINT)))
+            out.append(float(np.cross(axis, bent) @ second / max(np.linalg.norm(second), SMALL)))
             continue
         lengths = float(np.linalg.norm(first) * np.linalg.norm(second))
         out.append(float(np.cross(first, second) @ axis) / lengths if lengths > 0 else 0.0)
@@ -285,7 +281,7 @@ def _home(mechanism: Mechanism) -> Array:
     Q, size = newton(
         BatchLoops(mechanism), rng.uniform(low, high, (_MORE_STARTS, mechanism.n)), masks[1]
     )
-    for q in Q[size <= _POINT]:
+    for q in Q[size <= CLOSED_MANY]:
         if mechanism.space.unreachable(mechanism.space.fold(q)).any():
             continue
         found, error = gauss_newton(loops, q, masks[1])

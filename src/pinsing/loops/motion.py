@@ -21,7 +21,7 @@ lie in a plane (a gimbal lock) takes no freedom from the mechanism.
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 import numpy.typing as npt
@@ -71,15 +71,14 @@ class Motions:
 
     def kind(self, rtol: float = SINGULAR_RTOL) -> str:
         """``regular``, ``type 1``, ``type 2``, ``type 3`` or ``constraint``."""
-        if self.constraint_ratio <= rtol:
-            return "constraint"
-        one, two = self.output_ratio <= rtol, self.input_ratio <= rtol
-        return {
-            (False, False): "regular",
-            (True, False): "type 1",
-            (False, True): "type 2",
-            (True, True): "type 3",
-        }[one, two]
+        return str(_kinds(self.output_ratio, self.input_ratio, self.constraint_ratio, rtol))
+
+
+def _kinds(one: npt.ArrayLike, two: npt.ArrayLike, constraint: npt.ArrayLike, rtol: float) -> Any:
+    """Kinds (...) by the measures (...) of type 1, type 2 and constraint singularities."""
+    low = [np.asarray(x) <= rtol for x in (constraint, one, two)]
+    names = ["constraint", "type 3", "type 1", "type 2"]
+    return np.select([low[0], low[1] & low[2], low[1], low[2]], names, "regular")
 
 
 def motions(mechanism: Mechanism, q: npt.ArrayLike, rtol: float = SINGULAR_RTOL) -> Motions:
@@ -315,13 +314,9 @@ class ManyMeasures:
 
     def kinds(self, rtol: float = SINGULAR_RTOL) -> npt.NDArray[np.str_]:
         """``regular``, ``near``, ``type 1``, ``type 2``, ``type 3`` or ``constraint``, each."""
-        one, two = self.output_ratio <= rtol, self.input_ratio <= rtol
         least = np.minimum(np.minimum(self.output_ratio, self.input_ratio), self.constraint_ratio)
-        return np.select(
-            [self.constraint_ratio <= rtol, one & two, one, two, least <= NEAR_RTOL],
-            ["constraint", "type 3", "type 1", "type 2", "near"],
-            "regular",
-        )
+        found = _kinds(self.output_ratio, self.input_ratio, self.constraint_ratio, rtol)
+        return np.where((found == "regular") & (least <= NEAR_RTOL), "near", found)
 
 
 def measure_many(loops: BatchLoops, Q: Array, rtol: float = SINGULAR_RTOL) -> ManyMeasures:

@@ -21,6 +21,7 @@ from pinsing.loops.structure import output_pose
 from pinsing.robot.mechanism import Mechanism
 from pinsing.robot.task import ROW_NAMES
 
+COORDINATES = ("x", "y", "z", "roll", "pitch", "yaw")
 _UNIT = 1e-6
 
 
@@ -176,7 +177,6 @@ def _independent(mechanism: Mechanism, loops: Loops, q: Array) -> list[int]:
     return list(dict.fromkeys(chosen))
 
 
-_NAMES = ("x", "y", "z", "roll", "pitch", "yaw")
 _ROUND = 5e-10
 
 
@@ -227,7 +227,7 @@ def pose_table(
         return []
     values = [[*p.position, *(_half_turn(v) for v in p.angles)] for p in poses]
     shown = [k for k in range(6) if any(abs(v[k]) > _ROUND for v in values)] or [0, 1, 2]
-    pose = [Column(_NAMES[k], [v[k] for v in values], k > 2) for k in shown]
+    pose = [Column(COORDINATES[k], [v[k] for v in values], k > 2) for k in shown]
     changing = [c for c in pose if max(c.values) - min(c.values) > 1e-7]
     alike = [c for c in pose if c not in changing] if columns and len(poses) > 1 else []
     for left in ([], alike) if alike else ([],):

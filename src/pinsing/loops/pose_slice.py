@@ -12,15 +12,13 @@ import pinocchio as pin
 from pinsing._dataclass import dataclass
 from pinsing._types import Array, Bool
 from pinsing.errors import OptionError
-from pinsing.loops.batch import BatchLoops, newton
+from pinsing.loops.batch import CLOSED_MANY, BatchLoops, newton
 from pinsing.loops.joint_loci import joint_forms
 from pinsing.loops.modes import home
-from pinsing.loops.pose import led_pose
+from pinsing.loops.pose import COORDINATES, led_pose
 from pinsing.loops.structure import output_pose
 from pinsing.robot.mechanism import Mechanism
 
-COORDINATES = ("x", "y", "z", "roll", "pitch", "yaw")
-CLOSED_LOOPS = 1e-9
 _QUARTER = np.radians(89.5)
 
 
@@ -78,7 +76,7 @@ class PoseWay:
             target=(R, p, self.targets_rows),
         )
         turned = np.abs(self.loops.output(Q)[0] - np.array(self.place.rotation)).max()
-        kept = bool(error.max() <= CLOSED_LOOPS and turned <= 1e-9)
+        kept = bool(error.max() <= CLOSED_MANY and turned <= 1e-9)
         if kept:
             self.targets_rows = (*self.targets_rows, 3, 4, 5)
         return kept
@@ -392,7 +390,7 @@ class _Grid:
                 target=(R, p, way.targets_rows),
                 steps=_NEAR_STEPS if np.isfinite(far) else _FAR_STEPS,
             )
-            ok = error <= CLOSED_LOOPS
+            ok = error <= CLOSED_MANY
             if np.isfinite(far):
                 gap = np.abs(way.mechanism.space.wrap(Q - Q0)) / way.mechanism.space.metric
                 ok &= gap.max(axis=1) <= far

@@ -16,20 +16,21 @@ from pinsing._dataclass import dataclass
 from pinsing._types import Array, Bool
 from pinsing.arguments import checked
 from pinsing.errors import ConfigurationError, OptionError
-from pinsing.loops.batch import BatchLoops, newton
+from pinsing.loops.batch import CLOSED_MANY, BatchLoops, newton
 from pinsing.loops.closure import CLOSED, Loops, gauss_newton, ranks
 from pinsing.loops.dyad import planar_dyad
+from pinsing.loops.legs import most_assemblies
 from pinsing.loops.mode_counts import found_words, level_words, noun, number_of_modes
 from pinsing.loops.modes import home, home_error, mode_at, mode_of
 from pinsing.loops.motion import motions
 from pinsing.loops.pose import pose_of, read_pose
 from pinsing.loops.solve import InfeasibleError, Solution, feasible
+from pinsing.loops.sphere_loci import MOST_ASSEMBLIES, sphere_loci
 from pinsing.loops.structure import SAME, Leg, likeness, output_pose, same, structure
 from pinsing.robot.mechanism import Mechanism
 from pinsing.serialization import JsonResult
 
 _STARTS = 24
-_CLOSED = 1e-9
 _FREE = 1e-6
 _POINTS = 8
 
@@ -94,7 +95,7 @@ def _solutions(
         Q, size = _close(loops, leg, starts, mine, R[pose], p[pose])
         fresh: list[tuple[int, Array]] = []
         for i, q, error in zip(pose.tolist(), Q, size, strict=True):
-            if error <= _CLOSED and _add(mechanism, found[i], q):
+            if error <= CLOSED_MANY and _add(mechanism, found[i], q):
                 fresh.append((i, q))
         flips = [(i, x) for i, q in fresh for x in _flipped(mechanism, q, mine)]
         if not flips:
@@ -372,7 +373,8 @@ def _check_starts(starts: int) -> None:
 def _exact(mechanism: Mechanism, problem: str, found: tuple[Array, ...], most: int) -> Modes:
     inside = [q for q in found if not mechanism.space.unreachable(q).any()]
     beyond = len(found) - len(inside)
-    modes = _ordered([_solution(mechanism, q, 1) for q in inside], mechanism)
+    solved = [_solution(mechanism, q, 1) for q in inside]
+    modes = tuple(sorted(solved, key=lambda s: _order(s, mechanism)))
     what = noun(problem, len(modes))
     words = f"{len(modes)} {what}: all there are, by the intersection of circles"
     if beyond:
@@ -397,7 +399,7 @@ def _sought(
     drawn[0] = home(mechanism)
     Q[:, free] = drawn[:, free]
     Q, size = newton(loops, Q, free, target=target)
-    poses, hits = _poses(loops, Q[size <= _CLOSED])
+    poses, hits = _poses(loops, Q[size <= CLOSED_MANY])
     loose = [motions(mechanism, q).input_ratio <= _FREE for q in poses]
     spare = _curve(loose)
     kept = [k for k in range(len(poses)) if k not in spare]
@@ -409,8 +411,8 @@ def _sought(
         beyond += not all(legs)
         for choice in itertools.islice(itertools.product(*legs), _MOST + 1 - len(modes)):
             q = poses[k].copy()
-            for leg, one in zip(_legs(mechanism), choice, strict=True):
-                q[list(leg)] = one.q[list(leg)]
+            for leg, one in zip(structure(mechanism).legs, choice, strict=True):
+                q[list(leg.joints)] = one.q[list(leg.joints)]
             ways = int(np.prod([one.ways for one in choice]))
             modes.append(_solution(mechanism, q, ways, free))
             moving += any(one.loose for one in choice)
@@ -419,7 +421,10 @@ def _sought(
         modes, count, cut = modes[:_MOST], count[:_MOST], True
     pairs = sorted(zip(modes, count, strict=True), key=lambda x: _order(x[0], mechanism))
     modes, count = [m for m, _ in pairs], [c for _, c in pairs]
-    bound = _bound(mechanism) if problem == "direct" else None
+    bound = None
+    if problem == "direct":
+        sphere = sphere_loci(mechanism) is not None
+        bound = MOST_ASSEMBLIES if sphere else most_assemblies(mechanism)
     number, by = number_of_modes(mechanism, begin[list(mechanism.actuated)], target, poses)
     reached_all = number == (len(poses) if problem == "direct" else len(modes)) and not spare
     complete = reached_all or (bound is not None and len(poses) >= bound and not spare)
@@ -461,12 +466,6 @@ def _curve(loose: list[bool]) -> set[int]:
     """All but the first of the poses at which the output is loose, where there are many."""
     places = [k for k, x in enumerate(loose) if x]
     return set(places[1:]) if len(places) > 8 else set()
-
-
-def _legs(mechanism: Mechanism) -> list[tuple[int, ...]]:
-    from pinsing.loops.structure import structure
-
-    return [leg.joints for leg in structure(mechanism).legs]
 
 
 def _poses(loops: BatchLoops, Q: Array) -> tuple[list[Array], list[int]]:
@@ -535,15 +534,3 @@ def _solution(mechanism: Mechanism, q: Array, ways: int, free: Bool | None = Non
 
 def _order(s: Solution, mechanism: Mechanism) -> tuple[tuple[int, ...], list[float]]:
     return mode_at(mechanism, s.q).order, np.round(mechanism.space.wrap(s.q), 6).tolist()
-
-
-def _ordered(found: list[Solution], mechanism: Mechanism) -> tuple[Solution, ...]:
-    return tuple(sorted(found, key=lambda s: _order(s, mechanism)))
-
-
-def _bound(mechanism: Mechanism) -> int | None:
-    """How many poses the inputs can have at most, where that is known."""
-    from pinsing.loops.legs import most_assemblies
-    from pinsing.loops.sphere_loci import MOST_ASSEMBLIES, sphere_loci
-
-    return MOST_ASSEMBLIES if sphere_loci(mechanism) is not None else most_assemblies(mechanism)

@@ -26,7 +26,6 @@ from pinsing.loops.forms import PoseEquation
 from pinsing.loops.legs import Crank, ElbowRod, Foot, Rod, Rods, Strut, rods
 from pinsing.robot.mechanism import Mechanism
 
-_TURNS = ((1, 0), (Fraction(4, 5), Fraction(3, 5)), (Fraction(5, 13), Fraction(12, 13)))
 _SEED = 5077
 Point = tuple[Any, Any]
 
@@ -74,7 +73,8 @@ def count_poses(mechanism: Mechanism, inputs: Array) -> int | None:
         squares.append(context.constant(rational(Fraction(length) ** 2)))
     outer = [tuple(context.constant(rational(Fraction(v))) for v in r.outer[:2].tolist())
              for r in found.rods]  # fmt: skip
-    for turn in _TURNS:
+    # The angle is counted from a rational turn: a pose half a turn from it has no t.
+    for turn in ((1, 0), (Fraction(4, 5), Fraction(3, 5)), (Fraction(5, 13), Fraction(12, 13))):
         poly, denominator = _poses(context, inner, outer, squares, 1, turn)
         line, common = _univariate(poly), _univariate(denominator)
         if line.degree() == 6:

@@ -12,8 +12,8 @@ from pinsing._types import Array
 from pinsing.errors import OptionError
 from pinsing.loops.closure import ranks
 from pinsing.loops.modes import home
-from pinsing.loops.pose import pose_of
-from pinsing.loops.pose_slice import COORDINATES, free_coordinates
+from pinsing.loops.pose import COORDINATES, pose_of
+from pinsing.loops.pose_slice import free_coordinates
 from pinsing.loops.problems import Modes, assembly_modes, working_modes
 from pinsing.loops.solve import Solution
 from pinsing.loops.structure import output_pose

@@ -13,8 +13,7 @@ from pinsing.errors import OptionError
 from pinsing.loops.batch import BatchLoops
 from pinsing.loops.closure import ranks
 from pinsing.loops.modes import assembly_sign, home
-from pinsing.loops.pose import led_pose
-from pinsing.loops.pose_slice import COORDINATES
+from pinsing.loops.pose import COORDINATES, led_pose
 from pinsing.loops.singular_points import find_singular
 from pinsing.loops.solve import curves
 from pinsing.plot.mechanism import TYPE_1, TYPE_2
