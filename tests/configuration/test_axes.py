@@ -348,20 +348,3 @@ def test_ranks_of_all_sets_are_those_of_each(
             general = np.linalg.svd(found.generic[:, :, ids], compute_uv=False)
             assert found.generic_rank(ids) == (general > 1e-9 * general.max()).sum(axis=1).max()
     assert found.lost > 0
-
-
-def test_many_columns_are_searched_set_by_set(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The way of long chains gives the same causes and pieces as that of short ones."""
-    for name, q in [
-        ("iiwa14", [0.1, 0, 0.3, 1.4, np.pi / 2, 0, 0.5]),
-        ("puma560", [0.1, 0.2, 0.3, 0.4, 0, 0.5]),
-        ("ur5", [0, 0, 0, 0, 0, 0]),
-    ]:
-        short = ranks_of(name, q)
-        with monkeypatch.context() as changed:
-            changed.setattr("pinsing.configuration.axis_dependence._AT_ONCE", 0)
-            long = ranks_of(name, q)
-            assert long.causes() == short.causes() != []
-            assert [long.pieces(c) for c in long.causes()] == [
-                short.pieces(c) for c in short.causes()
-            ]

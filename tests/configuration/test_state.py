@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 import pinsing
 from pinsing.configuration.at import at
-from pinsing.configuration.line_geometry import nearest_to_lines
+from pinsing.configuration.line_geometry import JointAxes
 from pinsing.configuration.lost_motion import Tool, lost_motions, nice_basis
 from pinsing.configuration.state import State, state_text
 from pinsing.errors import ConfigurationError, OptionError, ResultError
@@ -354,25 +354,21 @@ def test_a_task_that_vanishes_altogether_is_singular():
     assert at(arm, [0.3, 0.2, 0.1]).status == "regular"
 
 
-def test_the_point_nearest_to_lines_is_that_of_least_squares():
-    """Also of lines that miss each other; nearly parallel ones are left to what has more digits."""
+@pytest.mark.parametrize("spread", [1.0, 1e-1, 1e-3])
+def test_lines_through_one_point_meet_there(spread: float):
+    """Also nearly parallel ones; others that miss each other, or are parallel, meet nowhere."""
     rng = np.random.default_rng(1)
-    seen = set()
-    for least in (0.0, 0.1, 0.5):
-        for _ in range(300):
-            z = rng.normal(size=(int(rng.integers(2, 6)), 3))
-            z = z[0] + rng.uniform(0, 1) * z
-            z /= np.linalg.norm(z, axis=1)[:, None]
-            points = rng.normal(size=z.shape)
-            away = [np.eye(3) - np.outer(d, d) for d in z]
-            A = np.concatenate(away)
-            b = np.concatenate([P @ p for P, p in zip(away, points, strict=True)])
-            smallest = np.linalg.svd(A, compute_uv=False)[-1]
-            if abs(smallest - max(0.1, least)) < 1e-9:
-                continue
-            found = nearest_to_lines(z, points, least)
-            assert (found is None) == (smallest < max(0.1, least))
-            seen.add(found is None)
-            if found is not None:
-                assert found == pytest.approx(np.linalg.lstsq(A, b, rcond=None)[0], abs=1e-11)
-    assert seen == {True, False}
+    for _ in range(50):
+        k = int(rng.integers(2, 6))
+        z = rng.normal(size=3) + spread * rng.normal(size=(k, 3))
+        z /= np.linalg.norm(z, axis=1)[:, None]
+        meet, tip = rng.normal(size=(2, 3))
+        points = meet + rng.normal(size=(k, 1)) * z
+        axes = JointAxes(z, points, np.zeros(k, dtype=bool), tip, 1.0)
+        found = axes.meeting_point(range(k), 1e-6)
+        np.testing.assert_allclose(found, meet, atol=1e-6)
+        normal = np.cross(z[0], z[1])
+        points[0] += normal / np.linalg.norm(normal)
+        assert axes.meeting_point(range(k), 1e-6) is None
+    parallel = JointAxes(np.tile(z[0], (k, 1)), points, np.zeros(k, dtype=bool), tip, 1.0)
+    assert parallel.meeting_point(range(k), 1e-6) is None

@@ -38,8 +38,6 @@ from pinsing.robot.task import TOOL_AXES
 Ints = npt.NDArray[np.intp]
 
 _MANY = 60_000  # sets of joints; beyond, the whole arm is named without a search
-_AT_ONCE = 8
-"""Joints up to which the ranks of all sets are found at once."""
 
 
 class ColumnRanks:
@@ -66,28 +64,15 @@ class ColumnRanks:
     ) -> None:
         self.J = own_scale(arm).apply(arm, J, q)
         self.generic, self.used = generic, used
-        self._bit = {j: 1 << i for i, j in enumerate(used)}
-        self._few = len(used) <= _AT_ONCE
-        sets = of_all_sets(self.J[None, :, list(used)])[0] if self._few else None
-        if sets is not None and len(used) == self.J.shape[1]:
-            sigma = sets[-1]
-        else:
-            sigma = singular_values(self.J[None])[0]
-        self.zero = zero_of(arm, sigma, rtol)
-        if sets is not None:
-            self._table = _counts(sets > self.zero)
-            self._generic = arm.once(
-                "generic_column_ranks", lambda: _generic_table(generic[:, :, list(used)])
-            )
+        self.zero = zero_of(arm, singular_values(self.J[None])[0], rtol)
         self._rank: dict[tuple[int, ...], int] = {(): 0}
+        self._generic: dict[tuple[int, ...], int] = arm.once("generic_column_ranks", dict)
         r = generic_rank(arm)
         self.spare = len(self.used) - r
         self.lost = r - self.rank(self.used)
 
     def rank(self, ids: Sequence[int]) -> int:
         """Rank of the columns ``ids`` at the configuration."""
-        if self._few:
-            return int(self._table[self._mask(ids)])
         key = tuple(ids)
         if key not in self._rank:
             self._rank[key] = int(self._ranks(np.array([ids]))[0])
@@ -99,10 +84,12 @@ class ColumnRanks:
 
     def generic_rank(self, ids: Sequence[int]) -> int:
         """Rank of the columns ``ids`` at almost every configuration."""
-        if self._few:
-            return int(self._generic[self._mask(ids)])
-        sigma = np.linalg.svd(self.generic[:, :, list(ids)], compute_uv=False)
-        return int((sigma > SINGULAR_RTOL * sigma.max()).sum(axis=-1).max())
+        key = tuple(ids)
+        if key not in self._generic:
+            sigma = singular_values(self.generic[:, :, list(ids)])
+            above = sigma > SINGULAR_RTOL * sigma.max()
+            self._generic[key] = int(above.sum(axis=-1).max())
+        return self._generic[key]
 
     def deficient(self, ids: Sequence[int]) -> bool:
         """Whether the columns ``ids`` have a smaller rank here than in general."""
@@ -137,9 +124,6 @@ class ColumnRanks:
                 break
         return found
 
-    def _mask(self, ids: Sequence[int]) -> int:
-        return sum(self._bit[i] for i in ids)
-
     def _ranks(self, sets: Ints) -> Ints:
         """Ranks at the configuration of sets (N, k) of columns."""
         stack = self.J[:, sets].transpose(1, 0, 2)  # (N, m, k)
@@ -147,13 +131,6 @@ class ColumnRanks:
 
     def _by_size(self, ids: Sequence[int], nullity: int) -> Iterator[tuple[int, ...]]:
         """Sets within ``ids``, smallest first, of at least this nullity."""
-        if self._few:
-            masks, sizes = _by_number(len(self.used))
-            outside = ~self._mask(ids)
-            enough = ((masks & outside) == 0) & (sizes - self._table[masks] >= nullity)
-            for mask in masks[enough].tolist():
-                yield tuple(j for j in self.used if self._bit[j] & mask)
-            return
         for size in range(1, len(ids) + 1):
             if comb(len(ids), size) > _MANY:
                 break
@@ -170,39 +147,6 @@ def singular_values(stack: Array) -> Array:
     if kernel.available() and min(stack.shape[1:]) > 0:
         return kernel.svdvals(stack, threads=1)
     return np.asarray(np.linalg.svd(stack, compute_uv=False), dtype=np.float64)
-
-
-def of_all_sets(J: Array) -> Array:
-    """Singular values (N, 2^n, k) of all sets of columns of J (N, m, n), by their binary number."""
-    n = J.shape[-1]
-    kept = _membership(n)  # (2^n, n)
-    stack = (J[:, None] * kept[:, None, :]).reshape(-1, *J.shape[1:])
-    return singular_values(stack).reshape(len(J), len(kept), -1)
-
-
-def _counts(above: npt.NDArray[np.bool_]) -> Ints:
-    return np.asarray(above.sum(axis=-1))
-
-
-def _generic_table(J: Array) -> Ints:
-    sigma = of_all_sets(J)
-    top = sigma.max(axis=(0, 2))  # of each set
-    return np.asarray(_counts(sigma > SINGULAR_RTOL * top[:, None]).max(axis=0))
-
-
-@functools.cache
-def _membership(n: int) -> Array:
-    """Which of n columns (2^n, n) are in the set of each binary number, as 0 and 1."""
-    numbers = np.arange(2**n)
-    return ((numbers[:, None] >> np.arange(n)) & 1).astype(float)
-
-
-@functools.cache
-def _by_number(n: int) -> tuple[Ints, Ints]:
-    """Binary numbers of all sets of n but the empty one, smallest sets first, and their sizes."""
-    sets = [ids for size in range(1, n + 1) for ids in combinations(range(n), size)]
-    masks = [sum(1 << i for i in ids) for ids in sets]
-    return np.array(masks, dtype=np.intp), np.array([len(ids) for ids in sets], dtype=np.intp)
 
 
 @functools.cache
@@ -337,17 +281,17 @@ def arm_centres(arm: Arm) -> tuple[AxesCentre, ...]:
 
 def moving_columns(arm: Arm) -> tuple[int, ...]:
     """Joints (indices) that move the task at some configuration."""
-    return arm.once("moving_columns", lambda: _moving_columns(arm))
+
+    def find() -> tuple[int, ...]:
+        general = np.linalg.norm(_generic_task(arm), axis=1).max(axis=0)
+        return tuple(int(i) for i in np.flatnonzero(general > SINGULAR_RTOL * general.max()))
+
+    return arm.once("moving_columns", find)
 
 
 def generic_axes(arm: Arm) -> list[JointAxes]:
     """Joint axes at random configurations, with the base as origin."""
     return [JointAxes.of(g, arm.prismatic, np.zeros(3)) for g in _generic_jacobians(arm)]
-
-
-def _moving_columns(arm: Arm) -> tuple[int, ...]:
-    general = np.linalg.norm(_generic_task(arm), axis=1).max(axis=0)
-    return tuple(int(i) for i in np.flatnonzero(general > SINGULAR_RTOL * general.max()))
 
 
 def _generic_task(arm: Arm) -> Array:

@@ -30,56 +30,9 @@ def cross(a: Array, b: Array) -> Array:
     return np.array([ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx])
 
 
-def cross_rows(a: Array, b: Array) -> Array:
-    """Vector products (n, 3) of the rows of a and b (n, 3)."""
-    return np.asarray(a[:, [1, 2, 0]] * b[:, [2, 0, 1]] - a[:, [2, 0, 1]] * b[:, [1, 2, 0]])
-
-
 def length(a: Array) -> float:
     """Euclidean norm of a (k,)."""
     return math.sqrt(float(a @ a))
-
-
-def nearest_to_lines(directions: Array, points: Array, least: float = 0.1) -> Array | None:
-    """The point (3,) with the least sum of squared distances from lines, in plain arithmetic.
-
-    None unless they are far from parallel: then normal equations lose no more than two digits.
-
-    Parameters
-    ----------
-    directions : (k, 3) array
-        Of unit length.
-    points : (k, 3) array
-        A point of each line.
-    least : float
-        The root of the sum of squared sines between the lines and any one direction is to be
-        greater; 0.1 if this is less.
-    """
-    least = max(least**2, _FAR)
-    a = d = f = float(len(directions))
-    b = c = e = u = v = w = 0.0
-    for (x, y, z), (p, q, r) in zip(directions.tolist(), points.tolist(), strict=True):
-        a, b, c = a - x * x, b - x * y, c - x * z
-        d, e, f = d - y * y, e - y * z, f - z * z
-        along = p * x + q * y + r * z
-        u, v, w = u + p - along * x, v + q - along * y, w + r - along * z
-    low, mid, high = a - least, d - least, f - least  # Sylvester's criterion
-    minor = low * mid - b * b
-    if low <= 0 or minor <= 0:
-        return None
-    if high * minor - low * e * e - mid * c * c + 2 * b * c * e <= 0:
-        return None
-    # The adjugate of the symmetric matrix of rows (a, b, c), (b, d, e), (c, e, f).
-    df, bf, be, ae = d * f - e * e, c * e - b * f, b * e - c * d, b * c - a * e
-    af, ad = a * f - c * c, a * d - b * b
-    whole = a * df + b * bf + c * be
-    return np.array(
-        [
-            (df * u + bf * v + be * w) / whole,
-            (bf * u + af * v + ae * w) / whole,
-            (be * u + ae * v + ad * w) / whole,
-        ]
-    )
 
 
 STRUCTURE_TOL = 2e-5
@@ -115,7 +68,7 @@ class JointAxes:
         """Axes from a frame Jacobian (6, n): columns (z x (tip - p), z), or (z, 0)."""
         v, w = J[:3].T, J[3:].T
         direction = np.where(prismatic[:, None], v, w)
-        arms = np.where(prismatic[:, None], 0.0, cross_rows(v, w))  # from the axis to the tip
+        arms = np.where(prismatic[:, None], 0.0, np.cross(v, w))  # from the axis to the tip
         size = float(np.linalg.norm(arms, axis=1).max(initial=0.0)) or 1.0
         return cls(direction, tip - arms, prismatic, tip, size)
 
@@ -134,24 +87,15 @@ class JointAxes:
 
     def meeting_point(self, ids: Sequence[int], tol: float) -> Array | None:
         """Return the point (3,) that all these turning axes pass through, if there is one."""
-        chosen = list(ids)
-        met = nearest_to_lines(self.direction[chosen], self.point[chosen] - self.tip, 10 * tol)
-        point = self._nearly_parallel(chosen, tol) if met is None else self.tip + met
-        if point is None:
+        z, p = self.direction[list(ids)], self.point[list(ids)] - self.tip
+        # The normal equations of least squares: the sum of (1 - z z^T)(x - p) is zero.
+        A = len(z) * np.eye(3) - z.T @ z
+        if np.linalg.eigvalsh(A)[0] <= (10 * tol) ** 2:  # nearly parallel
             return None
+        across = p - (p * z).sum(axis=1, keepdims=True) * z
+        point = self.tip + np.linalg.solve(A, across.sum(axis=0))
         near = all(self.distance(i, point) <= tol * self.size for i in ids)
-        return np.asarray(point) if near else None
-
-    def _nearly_parallel(self, ids: Sequence[int], tol: float) -> Array | None:
-        """The point (3,) nearest to turning axes; None where all are parallel."""
-        project = [np.eye(3) - np.outer(z, z) for z in self.direction[ids]]
-        A = np.concatenate(project)
-        b = np.concatenate(
-            [P @ (self.point[i] - self.tip) for P, i in zip(project, ids, strict=True)]
-        )
-        if np.linalg.svd(A, compute_uv=False)[-1] <= 10 * tol:
-            return None
-        return np.asarray(self.tip + np.linalg.lstsq(A, b, rcond=None)[0])
+        return point if near else None
 
     def in_one_plane(self, ids: Sequence[int], tol: float, *points: Array) -> bool:
         """Whether these turning axes, and the given points (3,), lie in one plane."""
