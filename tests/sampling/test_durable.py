@@ -301,15 +301,6 @@ def test_killed_again_and_again(tmp_path: Path, where: str, most: int) -> None:
     assert (out / "result.json").read_text() == result.to_json() + "\n"
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("seed", range(10))
-def test_killed_at_many_moments(tmp_path: Path, seed: int) -> None:
-    words = ["map", "ur5", "--count", "3000000", "--chunk", "8192", "--sampling", "random"]
-    assert kill_until_done(words, tmp_path / "run", seed, wait=0.5, most=5) >= 2
-    result = sigma_map(load("ur5"), "random", count=3_000_000, chunk=8192)
-    assert (tmp_path / "run" / "result.json").read_text() == result.to_json() + "\n"
-
-
 @pytest.mark.parametrize("where", tiered(["--threads", "--workers"], ("--threads",)))
 def test_ctrl_c_at_a_terminal(tmp_path: Path, where: str) -> None:
     out = tmp_path / "run"

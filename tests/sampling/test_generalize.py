@@ -60,16 +60,6 @@ def test_known_families(name, q, expected):
     assert texts(arms.textbook(name), q) == expected
 
 
-def test_values_that_are_no_special_angles():
-    """The elbow of the PUMA: a3 sin q3 + d4 cos q3 = 0 up to the convention."""
-    arm = arms.textbook("puma560")
-    start = [0.3, 0.4, -1.5, 0.7, 0.9, 0.9]
-    condition = generalize(arm, refine(arm, start, fixed=["q2", "q5"])).conditions[0]
-    assert condition.minimal
-    assert set(condition.fixed) == {"q3"}
-    assert abs(np.tan(condition.fixed["q3"])) == pytest.approx(0.4318 / 0.0203, rel=1e-9)
-
-
 def test_the_relation_of_the_puma_that_the_paper_cannot_find():
     arm = arms.textbook("puma560")
     found = refine(arm, [0.3, 1.3, -0.6, 0.7, 0.9, 0.9], fixed=["q3", "q5"])
@@ -79,15 +69,6 @@ def test_the_relation_of_the_puma_that_the_paper_cannot_find():
     assert condition.fixed == {}
     assert condition.depends_on == ("q2", "q3")
     assert set(condition.forced_by) == {"q2", "q3"}
-
-
-def test_ur5():
-    arm = arms.ur5()
-    assert texts(arm, [0.1, 0.2, 0.0, 0.4, 0.5, 0.6]) == {"elbow_joint = 0"}
-    assert texts(arm, [0.1, 0.2, 0.7, 0.4, PI, 0.6]) == {"wrist_2_joint = 180 deg"}
-    shoulder = refine(arm, [0.1, 1.6, 0.4, 0.4, 0.5, 0.6], fixed=["elbow_joint", "wrist_2_joint"])
-    (condition,) = generalize(arm, shoulder).conditions
-    assert condition.related == ("shoulder_lift_joint", "elbow_joint", "wrist_1_joint")
 
 
 @pytest.mark.parametrize(

@@ -433,11 +433,10 @@ def test_killed_and_stopped_sweeps_go_on_to_the_same_result(tmp_path: Path) -> N
 # ---- memory
 
 
-def count_and_peak(step: int, levels: int, samples: int, find: bool) -> tuple[int, float]:
+def count_and_peak(step: int, levels: int, samples: int) -> tuple[int, float]:
     """Jacobians that a child process sweeps a Panda through, and its peak memory in MiB."""
     code = (
         "import numpy as np\n"
-        "from pinsing.sampling.findings import singular_configurations\n"
         "from pinsing.robot.load import load\n"
         "from pinsing.sampling.sweep_run import run_sweep\n"
         "from pinsing.sampling.planning import plan_sweep\n"
@@ -446,7 +445,6 @@ def count_and_peak(step: int, levels: int, samples: int, find: bool) -> tuple[in
         f"plan = plan_sweep(arm, special=special, levels=({levels},), samples={samples})\n"
         "result = run_sweep(arm, plan, threads=2, keep=False)\n"
         "assert result.complete\n"
-        f"assert not {find} or singular_configurations(arm, result)\n"
         "lines = open('/proc/self/status').read().splitlines()\n"
         "print(result.done, next(int(x.split()[1]) for x in lines if x.startswith('VmHWM')) / 1024)"
     )
@@ -457,15 +455,8 @@ def count_and_peak(step: int, levels: int, samples: int, find: bool) -> tuple[in
 
 @pytest.mark.slow
 def test_memory_does_not_grow_with_the_sweep() -> None:
-    _, small = count_and_peak(90, 1, 101, False)
-    count, large = count_and_peak(15, 2, 2401, False)
+    _, small = count_and_peak(90, 1, 101)
+    count, large = count_and_peak(15, 2, 2401)
     assert count > 10_000_000  # whose curves take 160 MB
     assert large - small < 60
     assert large < 400
-
-
-@pytest.mark.slow
-def test_a_hundred_million_jacobians_in_a_gibibyte() -> None:
-    count, peak = count_and_peak(12, 3, 603, True)
-    assert count > 100_000_000
-    assert peak < 500
