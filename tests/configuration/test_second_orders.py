@@ -10,7 +10,7 @@ from pinsing import closed_form, load
 from pinsing._batch import engine
 from pinsing._batch import walks as kernel
 from pinsing.configuration import second_order as module
-from pinsing.configuration.second_order import clear_kinds, second_order
+from pinsing.configuration.second_order import clear_kinds, second_order_many
 from pinsing.kinematics.batch import batch, own_scale
 from pinsing.kinematics.verdict import SINGULAR_RTOL, task_size
 from pinsing.robot.nominal import nominal
@@ -124,7 +124,7 @@ def test_kinds_of_arms_that_miss_motions_are_those_of_one_at_a_time(case):
     arm = nominal(loaded).arm
     rng = np.random.default_rng(6)
     Q = np.concatenate([f.points(20, rng) for f in closed_form(loaded).families])
-    alone = [second_order(arm, q).kind for q in Q]
+    alone = [second_order_many(arm, q)[0].kind for q in Q]
     told = clear_kinds(arm, Q)
     clear = [kind is not None for kind in told]
     assert sum(clear) > 10

@@ -199,10 +199,9 @@ def test_contents_that_no_chunk_has(run: Path, whole: Path, kind: str) -> None:
     identity = recorded(run)
     assert identity is not None
     folder = RunFolder(run, identity, 4)
-    record = folder.load(2)
-    assert record is not None
+    record = folder.read(2)
     folder.save(2, WRONG[kind](record))
-    assert folder.load(2) is not None  # its bytes are whole
+    folder.read(2)  # its bytes are whole
     told = resume(run, whole)
     assert told[0] == "3 of 4 chunks were done before"
     assert told[1].startswith("damaged and done again: chunks 2 (")

@@ -28,8 +28,7 @@ from pinsing.configuration.line_geometry import (
     position_reason,
 )
 from pinsing.kinematics.batch import own_scale, random_turns
-from pinsing.kinematics.jacobian import frame_jacobian, frame_jacobians
-from pinsing.kinematics.jacobian import tip_placement as placement_of
+from pinsing.kinematics.jacobian import frame_jacobians
 from pinsing.kinematics.verdict import SINGULAR_RTOL, generic_rank, zero_of
 from pinsing.robot.arm import Arm
 from pinsing.robot.nominal import nominal
@@ -188,19 +187,8 @@ class AxisDependence:
         return self.reason
 
 
-def dependent_axes(
-    arm: Arm, q: npt.ArrayLike, rtol: float = DEPENDENCE_RTOL
-) -> AxisDependence | None:
-    """Smallest set of joints whose dependence alone makes the arm singular at q (n,).
-
-    None where the arm is regular. See `axis_dependences`.
-    """
-    found = axis_dependences(arm, q, rtol)
-    return found[0] if found else None
-
-
-def axis_dependences(
-    arm: Arm, q: npt.ArrayLike, rtol: float = DEPENDENCE_RTOL
+def dependences_of(
+    arm: Arm, J: Array, q: Array, axes: JointAxes, rtol: float
 ) -> tuple[AxisDependence, ...]:
     """Independent reasons of a loss of rank: one for each rank lost, the smallest set first.
 
@@ -210,10 +198,10 @@ def axis_dependences(
 
     Parameters
     ----------
-    arm : Arm
-        Any arm.
-    q : (n,) or (nq,) array_like
-        Radians or metres.
+    J : (6, n) array
+        Frame Jacobian at q (n,), radians and metres.
+    axes : JointAxes
+        The axes there.
     rtol : float
         Singular values at or below ``rtol`` times the largest of the task Jacobian are zero.
 
@@ -221,22 +209,7 @@ def axis_dependences(
     -------
     tuple of AxisDependence
         Empty where the arm is regular.
-
-    Raises
-    ------
-    ConfigurationError
-        If q has the wrong length or is not finite.
     """
-    q = arm.check_one(q)
-    J = frame_jacobian(arm, q)
-    tip = np.array(placement_of(arm, q).translation)
-    return dependences_of(arm, J, q, JointAxes.of(J, arm.prismatic, tip), rtol)
-
-
-def dependences_of(
-    arm: Arm, J: Array, q: Array, axes: JointAxes, rtol: float
-) -> tuple[AxisDependence, ...]:
-    """`axis_dependences` at q (n,), with its frame Jacobian (6, n) and the axes there."""
     columns = ColumnRanks(arm, J, q, rtol, _generic_task(arm), moving_columns(arm))
     if columns.lost <= 0:
         return ()

@@ -24,9 +24,6 @@ EXACT_TOL = 1e-5
 """Share of a wrench that may be moment (or force) and still be called a pure force (moment)."""
 
 
-_NOUNS = {"translate": "translation", "rotate": "rotation", "move": "motion"}
-
-
 @dataclass(frozen=True, eq=False)
 class LostMotion:
     """One independent motion that cannot be produced.
@@ -131,8 +128,53 @@ def lost_motions(
     columns = [np.append(d, np.zeros(3)) for d in nice_basis(forces @ no_moment, tool.rotation)]
     columns += [np.append(np.zeros(3), d) for d in nice_basis(moments @ no_force, tool.rotation)]
     columns += list((U @ rest).T)
-    say = _Words(J, own_length, length_scale, tool, tol, hardly)
-    return tuple(say(u) for u in columns)
+
+    def described(u: Array) -> LostMotion:
+        force, moment = u[:3] / own_length, u[3:]
+        at_scale = np.append(length_scale * force, moment)
+        at_scale /= np.linalg.norm(at_scale)
+        strength = float(np.linalg.norm(force))
+        is_moment = strength * own_length <= tol
+        wrench = np.append(force, moment) / (np.linalg.norm(moment) if is_moment else strength)
+        force, moment = wrench[:3], wrench[3:]
+        point, pitch = tool.position, math.inf
+        direction = moment if is_moment else force
+        if not is_moment:
+            pitch, lever = float(force @ moment), cross(force, moment)
+            point = point if length(lever) <= tol * tool.size else point + lever
+        # Of d and -d, the one whose largest component is positive.
+        largest = int(np.argmax(np.abs(direction).round(9)))
+        direction = np.asarray(direction * np.sign(direction[largest]))
+        if is_moment:
+            kind, noun, verb = "rotation", "rotation", "rotate"
+            where = f"about {axis_name(direction, tool.rotation)}"
+        elif abs(pitch) > tol * tool.size:
+            kind, noun, verb = "screw", "motion", "move"
+            line = _line_words(direction, point, tool, tol)
+            where = f"on the screw of pitch {pitch:.3g} m/rad about the line {line}"
+        elif point is tool.position:
+            kind, noun, verb, pitch = "translation", "translation", "translate", 0.0
+            where = f"along {axis_name(direction, tool.rotation)}"
+        else:
+            kind, noun, verb, pitch = "line", "motion", "move", 0.0
+            where = f"along the line {_line_words(direction, point, tool, tol)}"
+        speed = float(np.linalg.norm(J.T @ wrench))
+        words = f"cannot {verb} {where}"
+        if hardly:
+            unit = "rad/s" if is_moment else "m/s"
+            words = f"nearly loses {noun} {where} ({speed:.2g} {unit} at unit joint speed)"
+        return LostMotion(
+            kind=kind,
+            direction=direction,
+            point=np.array(point),
+            pitch=pitch,
+            wrench=wrench,
+            twist=np.append(length_scale * at_scale[:3], at_scale[3:]),
+            speed=speed,
+            words=words,
+        )
+
+    return tuple(described(u) for u in columns)
 
 
 def _null_space(A: Array, tol: float) -> Array:
@@ -185,91 +227,20 @@ def _aligned(direction: Array) -> str:
 
 def vector(components: Array, digits: int = 3) -> str:
     """``(0.707, 0, -0.707)``."""
-    return "(" + ", ".join(f"{x:.{digits}f}" for x in _no_minus_zero(components, digits)) + ")"
+    return "(" + ", ".join(f"{x:.{digits}f}" for x in np.round(components, digits) + 0.0) + ")"
 
 
-def _no_minus_zero(values: Array, digits: int) -> Array:
-    return np.asarray(np.round(values, digits) + 0.0)
-
-
-@dataclass(frozen=True, eq=False)
-class _Words:
-    J: Array
-    own_length: float
-    length_scale: float
-    tool: Tool
-    tol: float
-    hardly: bool
-
-    def __call__(self, u: Array) -> LostMotion:
-        L, tool = self.length_scale, self.tool
-        force, moment = u[:3] / self.own_length, u[3:]
-        at_scale = np.append(L * force, moment)
-        at_scale /= np.linalg.norm(at_scale)
-        strength = float(np.linalg.norm(force))
-        is_moment = strength * self.own_length <= self.tol
-        wrench = np.append(force, moment) / (np.linalg.norm(moment) if is_moment else strength)
-        force, moment = wrench[:3], wrench[3:]
-        if is_moment:
-            kind, direction, point, pitch = "rotation", moment, tool.position, math.inf
-        else:
-            pitch = float(force @ moment)
-            lever = cross(force, moment)
-            through_tip = length(lever) <= self.tol * tool.size
-            point = tool.position if through_tip else tool.position + lever
-            direction = force
-            if abs(pitch) > self.tol * tool.size:
-                kind = "screw"
-            else:
-                kind, pitch = ("translation" if through_tip else "line"), 0.0
-        direction = _point_up(direction)
-        speed = float(np.linalg.norm(self.J.T @ wrench))
-        verb, where = self._say(kind, direction, point, pitch)
-        if self.hardly:
-            unit = "rad/s" if kind == "rotation" else "m/s"
-            noun = _NOUNS[verb]
-            words = f"nearly loses {noun} {where} ({speed:.2g} {unit} at unit joint speed)"
-        else:
-            words = f"cannot {verb} {where}"
-        return LostMotion(
-            kind=kind,
-            direction=direction,
-            point=np.array(point),
-            pitch=pitch,
-            wrench=wrench,
-            twist=np.append(L * at_scale[:3], at_scale[3:]),
-            speed=speed,
-            words=words,
-        )
-
-    def _say(self, kind: str, direction: Array, point: Array, pitch: float) -> tuple[str, str]:
-        """What is lost, as a verb, and where."""
-        if kind in ("translation", "rotation"):
-            name = axis_name(direction, self.tool.rotation)
-            turns = kind == "rotation"
-            return ("rotate", f"about {name}") if turns else ("translate", f"along {name}")
-        where = self._line(direction, point)
-        if kind == "line":
-            return "move", f"along the line {where}"
-        return "move", f"on the screw of pitch {pitch:.3g} m/rad about the line {where}"
-
-    def _line(self, direction: Array, point: Array) -> str:
-        tool = self.tool
-        on_it = [
-            name
-            for name, place in tool.landmarks.items()
-            if length(cross(direction, place - point)) <= 10 * self.tol * tool.size
-        ]
-        if len(on_it) > 1:
-            return "through " + " and ".join(on_it[:2])
-        through = vector(point) + " m"
-        if on_it:
-            through = f"{on_it[0]} {vector(tool.landmarks[on_it[0]])} m"
-        base = _aligned(direction)
-        along = f"base {base}" if base else f"{vector(direction)} of the base"
-        return f"through {through} in direction {along}"
-
-
-def _point_up(direction: Array) -> Array:
-    """Of d and -d, the one whose largest component is positive."""
-    return np.asarray(direction * np.sign(direction[int(np.argmax(np.abs(direction).round(9)))]))
+def _line_words(direction: Array, point: Array, tool: Tool, tol: float) -> str:
+    on_it = [
+        name
+        for name, place in tool.landmarks.items()
+        if length(cross(direction, place - point)) <= 10 * tol * tool.size
+    ]
+    if len(on_it) > 1:
+        return "through " + " and ".join(on_it[:2])
+    through = vector(point) + " m"
+    if on_it:
+        through = f"{on_it[0]} {vector(tool.landmarks[on_it[0]])} m"
+    base = _aligned(direction)
+    along = f"base {base}" if base else f"{vector(direction)} of the base"
+    return f"through {through} in direction {along}"

@@ -19,7 +19,6 @@ import numpy.typing as npt
 
 from pinsing._batch import walks
 from pinsing._types import Array
-from pinsing.errors import ConfigurationError
 from pinsing.kinematics.batch import batch, own_scale, task_rows, turn_left
 from pinsing.kinematics.engine import PINOCCHIO
 from pinsing.kinematics.jacobian import (
@@ -174,48 +173,15 @@ class SecondOrder:
     kind: Kind
 
 
-def classify(arm: Arm, q: npt.ArrayLike) -> Kind:
-    """Tell a boundary singularity from an interior one.
+def second_order_many(arm: Arm, Q: npt.ArrayLike) -> tuple[SecondOrder, ...]:
+    """Null spaces, lost directions and kind at each row of Q (N, n).
 
-    Where Q is only semidefinite, a kernel direction n along which (u . H) n is not zero makes
-    the answer ``interior``: moving along that self-motion makes u attainable to first order.
+    Where the form is only semidefinite, a kernel direction n along which (u . H) n is not zero
+    makes the answer ``interior``: moving along that self-motion makes u attainable to first order.
     If it is zero, but the arm can slide along n for a finite way with the tip still and u
     lost all along, Q counts transversally to that way (Morse-Bott) and the answer is
     ``boundary``. What is left, such as a vanishing Q, is ``undecided``.
-
-    Parameters
-    ----------
-    arm : Arm
-        Any arm.
-    q : (n,) or (nq,) array_like
-        Singular configuration, radians or metres.
-
-    Returns
-    -------
-    str
-        ``"boundary"``, ``"interior"`` or ``"undecided"``.
-
-    Raises
-    ------
-    ConfigurationError
-        If q is not singular to ``SINGULAR_RTOL``.
     """
-    found = second_order(arm, q)
-    if found.rank >= generic_rank(arm):
-        raise ConfigurationError(
-            f"boundary or interior is asked of a regular configuration of {arm.name}; "
-            "refine it to a singular one first"
-        )
-    return found.kind
-
-
-def second_order(arm: Arm, q: npt.ArrayLike) -> SecondOrder:
-    """Null spaces, lost directions and kind at one configuration q (n,)."""
-    return second_order_many(arm, arm.check_one(q).reshape(1, arm.n))[0]
-
-
-def second_order_many(arm: Arm, Q: npt.ArrayLike) -> tuple[SecondOrder, ...]:
-    """``second_order`` for each row of Q (N, n)."""
     Q = np.atleast_2d(arm.check(Q))
     J, H = own_jacobians_and_derivatives(arm, Q)
     # What is printed of it is at the length scale of the arm, and by its own joint speeds.
@@ -227,7 +193,7 @@ def second_order_many(arm: Arm, Q: npt.ArrayLike) -> tuple[SecondOrder, ...]:
 
 
 def kinds_many(arm: Arm, Q: npt.ArrayLike, most: int | None = None) -> list[Kind | None]:
-    """The ``kind`` of ``second_order`` for each row of Q (N, n), and nothing else.
+    """The ``kind`` of ``second_order_many`` for each row of Q (N, n), and nothing else.
 
     One lost direction alone needs no search for a definite combination: what is clearly definite
     or indefinite there is decided for all rows at once. Of the others the first ``most`` are

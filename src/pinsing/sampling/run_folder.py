@@ -65,13 +65,6 @@ class RunFolder:
             make_chunks(self.path)
         self._write(path, data)
 
-    def load(self, index: int) -> Record | None:
-        """Record of a chunk; None if it is not there, damaged, or of another run or place."""
-        try:
-            return self.read(index)
-        except (FileNotFoundError, DamagedError):
-            return None
-
     def read(
         self, index: int, check: Callable[[Record], None] | None = None, room: int = _ROOM
     ) -> Record:
