@@ -25,7 +25,6 @@ Record = dict[str, npt.NDArray[np.generic]]
 _DIGEST = 64  # hexadecimal digits
 _MARK = b"sha256:"
 _HEADERS = 4096  # bytes that names and headers of an array take at most
-_ARRAYS = 64  # in a file at most
 _KINDS = "biufSU"  # of numbers and texts; nothing that holds objects
 
 
@@ -75,7 +74,7 @@ def read_arrays(data: bytes, room: int) -> Record:
     try:
         with zipfile.ZipFile(io.BytesIO(data)) as archive:
             members = archive.infolist()
-            if len(members) > _ARRAYS:
+            if len(members) > 64:  # in a file at most
                 raise DamagedError(f"it holds {len(members)} arrays")
             if sum(m.file_size for m in members) > room + _HEADERS * len(members):
                 raise DamagedError("its arrays are too large")

@@ -12,7 +12,6 @@ from pinsing.prose import unbroken
 
 _EXACT = 12
 """Digits after which a configuration is as singular as it was."""
-_LOOSE = 6
 
 
 def typed(
@@ -44,7 +43,7 @@ def typed(
     """
     slides = np.asarray(prismatic, dtype=bool)
     words = [
-        _number(float(value), bool(slides[j]), degrees, _LOOSE if j in loose else digits)
+        _number(float(value), bool(slides[j]), degrees, 6 if j in loose else digits)
         for j, value in enumerate(np.asarray(q, dtype=float))
     ]
     option = f"{'--deg ' if degrees else ''}--q "

@@ -51,8 +51,6 @@ from pinsing.prose import listed
 from pinsing.robot.arm import Arm, summarize
 from pinsing.robot.nominal import nominal
 
-_SEED = 77041
-
 
 @checked
 def at(
@@ -209,7 +207,7 @@ def never_produced(arm: Arm) -> Array:
 
 def _never_produced(arm: Arm) -> Array:
     exact = nominal(arm).arm
-    Q = random_turns(exact, 6, _SEED)
+    Q = random_turns(exact, 6, 77041)
     J = own_scale(exact).apply(exact, frame_jacobians(exact, Q), Q)
     U, sigma, _ = np.linalg.svd(np.concatenate(list(J), axis=1))
     return np.asarray(U[:, int((sigma > SINGULAR_RTOL * sigma[0]).sum()) :])

@@ -36,8 +36,6 @@ from pinsing.robot.task import TOOL_AXES
 
 Ints = npt.NDArray[np.intp]
 
-_MANY = 60_000  # sets of joints; beyond, the whole arm is named without a search
-
 
 class ColumnRanks:
     """Ranks of sets of columns of one task Jacobian, here and in general.
@@ -131,7 +129,8 @@ class ColumnRanks:
     def _by_size(self, ids: Sequence[int], nullity: int) -> Iterator[tuple[int, ...]]:
         """Sets within ``ids``, smallest first, of at least this nullity."""
         for size in range(1, len(ids) + 1):
-            if comb(len(ids), size) > _MANY:
+            # sets of joints; beyond, the whole arm is named without a search
+            if comb(len(ids), size) > 60_000:
                 break
             sets = np.array(ids)[_combinations(len(ids), size)]
             for k in np.flatnonzero(size - self._ranks(sets) >= nullity):
@@ -159,10 +158,6 @@ DEPENDENCE_RTOL = 10 * SINGULAR_RTOL
 
 _SEED = 40823
 _SAMPLES = 4
-
-
-_FEW_LINKS = 3
-"""Axes of which each three that lie in a plane need not be named."""
 
 
 @dataclass(frozen=True)
@@ -294,7 +289,8 @@ class _Reasons:
         self.nearly = "" if rtol <= DEPENDENCE_RTOL else "nearly "
 
     def reason(self, ids: tuple[int, ...]) -> str:
-        if len(ids) > _FEW_LINKS and (words := self._in_line(ids)):
+        # Axes of which each three that lie in a plane need not be named
+        if len(ids) > 3 and (words := self._in_line(ids)):
             return words
         parts = self.columns.pieces(ids)
         if parts == [ids]:

@@ -43,8 +43,6 @@ _RULES = walks.WalkRules(
     stretch=2.0,  # the step that is exact where sigma_r touches zero with the order two
 )
 
-_NOTHING = 1e-14
-"""Singular value of the equations, over their largest one, that is none."""
 
 _Ends = tuple[Array, npt.NDArray[np.intp], Bool]  # configurations, derivatives taken, stationary
 
@@ -232,7 +230,8 @@ def _damped(B: Array, last: Array, damping: Array) -> Array:
     W, s, Zt = np.linalg.svd(B, full_matrices=False)
     shift = (damping * last**2)[:, None] + np.finfo(float).eps ** 2 * s[:, :1] ** 2
     gain = s / (s**2 + shift + np.finfo(float).tiny)
-    gain[s <= _NOTHING * s[:, :1]] = 0.0  # what is made up of rounding alone leads nowhere
+    # Singular value of the equations, over their largest one, that is none
+    gain[s <= 1e-14 * s[:, :1]] = 0.0  # what is made up of rounding alone leads nowhere
     return np.asarray(-np.matmul((gain * W[:, 0, :] * last[:, None])[:, None, :], Zt)[:, 0])
 
 

@@ -43,8 +43,6 @@ Kind = Literal["boundary", "interior", "undecided"]
 ZERO = 1e-7
 """Entries of second order, relative to the largest of dJ/dq, that count as zero."""
 UNDECIDED: Kind = "undecided"
-_SHARED = 1_000
-"""Configurations from which on they are shared out among threads."""
 
 
 def clear_kinds(arm: Arm, Q: Array, compiled: bool = True) -> list[Kind | None]:
@@ -79,7 +77,8 @@ def _told_compiled(arm: Arm, Q: Array) -> Array | None:
         rows=rows,
         zero=SINGULAR_RTOL,
         size=task_size(arm),
-        threads=1 if len(Q) < _SHARED else None,
+        # Configurations from which on they are shared out among threads
+        threads=1 if len(Q) < 1_000 else None,
         isa=on.engine,
     )
 
@@ -136,7 +135,6 @@ def _of_form(above: npt.NDArray[np.intp], B: Array, still: Array, H: Array) -> A
     )
 
 
-_NEARBY = 1e-3  # radians or lengths of the arm, for directions that a first derivative misses
 _SLIDE = 0.05  # length of the self-motion tried along a degenerate direction, as above
 _SEED = 90210
 
@@ -315,7 +313,8 @@ def _range_nearby(arm: Arm, q: Array, left: Array, rank: int, r: int) -> Array:
     """Directions, in the basis ``left``, that are attainable a little beside q."""
     scale = own_scale(arm)
     move = np.random.default_rng(_SEED).standard_normal(arm.n)
-    move *= _NEARBY / np.linalg.norm(move)
+    # radians or lengths of the arm, for directions that a first derivative misses
+    move *= 1e-3 / np.linalg.norm(move)
     beside = q + move * scale.columns
     U, _, _ = np.linalg.svd(scale.apply(arm, frame_jacobian(arm, beside), beside))
     W, _, _ = np.linalg.svd(left.T @ U[:, rank:r], full_matrices=False)

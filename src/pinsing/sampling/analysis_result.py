@@ -17,9 +17,6 @@ from pinsing.sampling.finding import Finding, finding_spans
 from pinsing.sampling.sweep_result import SweepResult
 from pinsing.serialization import JsonResult
 
-_ROUNDING = 1e-9
-"""What changes the Jacobian by less is not worth naming one by one."""
-
 
 @dataclass(frozen=True, eq=False)
 class FamilyCheck:
@@ -260,7 +257,8 @@ def _geometry(analysis: Analysis) -> Iterator[str]:
     if forms.jacobian_change <= 1e-12:
         return
     detail = ""
-    if forms.jacobian_change > _ROUNDING:
+    # What changes the Jacobian by less is not worth naming one by one
+    if forms.jacobian_change > 1e-9:
         more = f"; and {len(forms.snaps) - 3} more" if len(forms.snaps) > 3 else ""
         detail = f" ({'; '.join(forms.snaps[:3])}{more})"
     yield (

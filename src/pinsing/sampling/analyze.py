@@ -30,13 +30,6 @@ ON_FAMILY_TOL = 1e-5
 
 _VALLEY = 1e-2
 """How far from a zero of sigma_r it may be below the tolerance."""
-_DOWN = 0.7
-"""Share of the way from a family that is left when a point is put back towards it."""
-_STAYED = 0.85
-"""Share above which it has come back to where it was."""
-_STEPS = 30
-_NOISE = 1e-13
-"""sigma_r / sigma_1 of what is singular, with rounding."""
 _SECONDS = 0.2
 """For one distance to one family."""
 _BATCH = 100
@@ -101,18 +94,21 @@ def leads_down(exact: Arm, forms: ClosedForm, q: Array) -> bool:
         away = where[1] + _VALLEY / where[0] * exact.space.wrap(q - where[1])
         ends = approach(exact, away)
         there = _beside(forms, ends.q[0])
-        if ends.ratio[0] <= _NOISE and there is not None and there[0] > _VALLEY / 2:
+        # sigma_r / sigma_1 of what is singular, with rounding
+        if ends.ratio[0] <= 1e-13 and there is not None and there[0] > _VALLEY / 2:
             return False
-    for _ in range(_STEPS):
+    for _ in range(30):
         if where is None or where[0] > _VALLEY:
             return False
         distance, nearest = where
         if distance <= ON_FAMILY_TOL:
             return True
-        between = nearest + _DOWN * exact.space.wrap(q - nearest)
+        # Share of the way from a family that is left when a point is put back towards it
+        between = nearest + 0.7 * exact.space.wrap(q - nearest)
         ends = approach(exact, between)
         q, where = ends.q[0], _beside(forms, ends.q[0])
-        if not ends.singular[0] or where is None or where[0] > _STAYED * distance:
+        # Share above which it has come back to where it was
+        if not ends.singular[0] or where is None or where[0] > 0.85 * distance:
             return False
     return False
 
@@ -125,13 +121,8 @@ def _beside(forms: ClosedForm, q: Array) -> tuple[float, Array] | None:
     return None if best is None else (best.upper, best.q)
 
 
-_RAW_ANGLE_TOL = 1e-10
-_FAMILY_SAMPLES = 60
-_ROUNDING = 1e-6
-
 SECONDS = 60.0
 """Time that an analysis may take."""
-_ALGEBRA = 1 / 2
 
 
 @checked
@@ -196,13 +187,11 @@ def analyze(
     whole_number(seed, "seed", 0, MAX_SEED)
     started = time.monotonic()
     if geometry == "raw":
-        angle_tol, snap_length = min(angle_tol, _RAW_ANGLE_TOL), 0.0
+        angle_tol, snap_length = min(angle_tol, 1e-10), 0.0
     exact = nominal_geometry(arm, angle_tol, snap_length).arm
     swept = exact if geometry == "nominal" else arm
     stages = Stages(seconds)
-    forms = closed_form(
-        arm, seconds=_ALGEBRA * seconds, angle_tol=angle_tol, snap_length=snap_length
-    )
+    forms = closed_form(arm, seconds=seconds / 2, angle_tol=angle_tol, snap_length=snap_length)
     result = stages.run(
         "sweep",
         lambda: sweep(
@@ -277,7 +266,7 @@ def _check_families(
     for family in forms.families:
         if stages.over:
             break
-        points = family.points(_FAMILY_SAMPLES, rng)
+        points = family.points(60, rng)
         if not len(points):
             checks.append(FamilyCheck(family.name, 0, 0.0, 0.0, 0.0))
             continue
@@ -306,7 +295,7 @@ def _polished(exact: Arm, points: Array) -> Array:
     if len(off):
         ends = walk(exact, points[off], ignore_limits=True)
         moved = np.linalg.norm(ends.q - exact.fold(points[off]), axis=1)
-        near = (ends.ratio <= SINGULAR_RTOL) & (moved <= _ROUNDING)
+        near = (ends.ratio <= SINGULAR_RTOL) & (moved <= 1e-6)
         points[off[near]] = ends.q[near]
     return points
 

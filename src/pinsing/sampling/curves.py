@@ -182,7 +182,6 @@ CANDIDATES = 65_536
 """Dips that a sweep goes on with unless asked otherwise."""
 
 _CELLS = 64  # parts of a range
-_RUN = 3  # singular samples in a row that are a stretch and no crossing
 _FLAT = 1e-9  # relative change below which a curve has rounding but no dips
 
 
@@ -242,7 +241,7 @@ def minima(sigma: Array, ratio: Array, before: Array, after: Array) -> Bool:
     for row in np.flatnonzero(inside.any(axis=1)):
         steps = np.diff(singular[row].astype(np.int8), prepend=0, append=0)
         for first, stop in zip(np.flatnonzero(steps > 0), np.flatnonzero(steps < 0), strict=True):
-            if stop - first >= _RUN:
+            if stop - first >= 3:  # singular samples in a row that are a stretch and no crossing
                 found[row, first:stop] = False
                 found[row, first + (stop - first) // 3] = True
     return found

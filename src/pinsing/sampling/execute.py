@@ -102,7 +102,6 @@ def how_many(asked: int | None, what: str) -> int:
     return int(asked)
 
 
-_PER_WORKER = 2  # chunks handed out at a time: one to work on, one waiting
 _NAMED = 8  # damaged chunks that are named
 _AGAIN = "what is kept in a folder is safe: run the same again"
 
@@ -253,7 +252,8 @@ def finished_chunks(
             yield index, record
     pending: dict[Future[Record], int] = {}
     waiting = (index for index in range(job.chunks) if index not in have)
-    limit = _PER_WORKER * (cpu_count() if parallel is None else parallel)
+    # chunks handed out at a time: one to work on, one waiting
+    limit = 2 * (cpu_count() if parallel is None else parallel)
     left = job.chunks - len(have)
     try:
         while left:

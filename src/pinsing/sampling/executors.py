@@ -19,9 +19,6 @@ from pinsing._version import __version__
 from pinsing.errors import WorkerError
 from pinsing.sampling.execute import connection_lost, how_many
 
-_LOOK_EVERY = 0.5
-_TIME_TO_NOTICE = 2.0
-
 
 @contextlib.contextmanager
 def local_processes(workers: int | None = None) -> Iterator[tuple[Executor, int]]:
@@ -56,10 +53,10 @@ class _Processes(ProcessPoolExecutor):
         The executor does so by itself, but where the worker was amid the writing of a result: then
         it waits for the rest for ever, and so does every other worker that has one.
         """
-        while not ended.wait(_LOOK_EVERY):
+        while not ended.wait(0.5):
             workers = list((getattr(self, "_processes", None) or {}).values())
             if any(not worker.is_alive() for worker in workers):
-                if ended.wait(_TIME_TO_NOTICE):
+                if ended.wait(2.0):
                     return
                 for worker in workers:
                     worker.kill()

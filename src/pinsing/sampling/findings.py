@@ -31,16 +31,9 @@ from pinsing.sampling.generalize import SAMPLES, ConditionTester
 from pinsing.sampling.sweep_result import SweepResult
 
 _ON = 1e-6  # radians or metres: a value this near to a fixed one is that one
-_SAME_VALUES = 1e-5  # conditions whose values agree to this are one
 _SAME_RELATION = 1e-2  # the same beside a relation: near it, a raw geometry blurs the values
-_NEAR_ON = 0.05  # the same for near-singular valleys
-_BESIDE = 0.02  # a mere dip this near to a singular condition belongs to it
-_MEMBER_RATIO = 1e-6  # sigma_r / sigma_1 of a member of a relation, from refined values
-_MEMBER_SAMPLES = 6
 _CANDIDATES = 12  # configurations looked at for a representative
-_PATIENCE = 50  # points in a row without a new condition
 _BATCH = 4096  # walks at a time
-_MAX_NEAR = 12  # near-singular valleys that are stated
 
 
 MAX_STARTS = 10_000_000
@@ -194,7 +187,8 @@ class _Collector:
     def add(self, condition: JointCondition, curves: Iterable[int] = ()) -> None:
         """Record a condition, unless it is known, and all points that lie on it."""
         for known, where in zip(self.conditions, self.curves, strict=True):
-            if condition.same_as(known, _SAME_RELATION if condition.related else _SAME_VALUES):
+            # conditions whose values agree to this are one
+            if condition.same_as(known, _SAME_RELATION if condition.related else 1e-5):
                 where += curves
                 return
         tol = _SAME_RELATION if condition.related else _ON
@@ -214,8 +208,9 @@ class _Collector:
         held = tuple(self.exact.joints.index(name) for name in condition.depends_on)
 
         def forced(subset: tuple[int, ...]) -> Bool:
-            worst = self.tester.worst_ratios([subset] * len(Q), Q, _MEMBER_SAMPLES)
-            return np.asarray(worst <= _MEMBER_RATIO)
+            worst = self.tester.worst_ratios([subset] * len(Q), Q, 6)
+            # sigma_r / sigma_1 of a member of a relation, from refined values
+            return np.asarray(worst <= 1e-6)
 
         fewer = itertools.combinations(held, len(held) - 1)
         return np.asarray(forced(held) & ~np.any([forced(s) for s in fewer], axis=0))
@@ -228,7 +223,8 @@ class _Collector:
         """
         idle = 0
         for i in range(len(self.points.q)):
-            if self.explained[i] or idle >= _PATIENCE or time.monotonic() > until:
+            # points in a row without a new condition
+            if self.explained[i] or idle >= 50 or time.monotonic() > until:
                 continue
             before = len(self.conditions)
             for condition in self.tester.conditions(self.tester.snap(self.points.q[i])):
@@ -331,18 +327,21 @@ def _valleys(
     beside = np.zeros(len(points.q), dtype=bool)
     for finding in known:
         if finding.condition.minimal:
-            beside |= on_condition(exact, finding.condition, points.q, _BESIDE)
+            # a mere dip this near to a singular condition belongs to it
+            beside |= on_condition(exact, finding.condition, points.q, 0.02)
     points = points.where(~beside)
     points = _Points(*(a[np.argsort(points.ratio, kind="stable")] for a in vars(points).values()))
     plan = result.plan
     tester = ConditionTester(exact, plan.relevant, samples, NEAR_RTOL, plan.seed)
     left = np.ones(len(points.q), dtype=bool)
     found: list[Finding] = []
-    while left.any() and len(found) < _MAX_NEAR and time.monotonic() <= until:
+    # at most twelve near-singular valleys are stated
+    while left.any() and len(found) < 12 and time.monotonic() <= until:
         i = int(np.flatnonzero(left)[0])
         left[i] = False
         for condition in tester.plain_conditions(points.q[i]):
-            rows = on_condition(exact, condition, points.q, _NEAR_ON)
+            # near-singular valleys are wide
+            rows = on_condition(exact, condition, points.q, 0.05)
             left &= ~rows
             chosen = describe(exact, points.q[i])
             curves = [c for c in points.curve[rows].tolist() if c >= 0]

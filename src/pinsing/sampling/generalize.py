@@ -34,14 +34,8 @@ SNAP_TOL = 1e-4
 SAMPLES = 64
 """Random values of the other joints that a condition is tested at."""
 
-_LOOSE = 1e-6  # ratio for candidates, before their values are polished
 _SCREEN = 3  # samples that sort out most subsets
-_NEAR = 0.01  # radians or length scales: how far a given configuration may be from singular
 _PUSHES = 8
-_PUSH_SIZES = (1e-2, 1e-3, 1e-4)  # radians or length scales, to see whether values are isolated
-_WALK = 0.05  # push that leads from a special member of a relation to a generic one
-_STILL = 0.1  # of the push: values of which none ends farther away are isolated
-_BACK = 1e-4  # of the push: else, a single value that ends nearer is fixed nevertheless
 _MAX_IN_SUBSETS = 12
 MAX_SAMPLES = 1_000_000
 
@@ -145,7 +139,8 @@ def generalize(
     if _ratio(exact, q) > rtol:
         end = approach(exact, q)
         metric = own_scale(arm).columns
-        if end.ratio[0] > rtol or np.linalg.norm((end.q[0] - q) / metric) > _NEAR:
+        # radians or length scales: how far a given configuration may be from singular
+        if end.ratio[0] > rtol or np.linalg.norm((end.q[0] - q) / metric) > 0.01:
             raise ConfigurationError(
                 f"{arm.name} is not singular there (sigma_r/sigma_1 = {_ratio(exact, q):.1e} on "
                 "the nominal geometry); refine the configuration first"
@@ -238,7 +233,7 @@ class ConditionTester:
                 break
             repeated = np.repeat(q[None], len(subsets), axis=0)
             screened = self.worst_ratios(subsets, repeated, _SCREEN)
-            loose = max(_LOOSE, self.rtol)
+            loose = max(1e-6, self.rtol)  # ratio for candidates, before their values are polished
             for s in (s for s, worst in zip(subsets, screened, strict=True) if worst <= loose):
                 polished = self._polish(s, q)
                 if polished is not None:
@@ -269,7 +264,8 @@ class ConditionTester:
                 break
             # A special member of a relation may hide joints that it depends on: go to a
             # generic member and look again.
-            points = self._push(forced, at, _WALK)
+            # push that leads from a special member of a relation to a generic one
+            points = self._push(forced, at, 0.05)
             if not len(points):
                 break
             wider = [(s, v) for s, v in self.minimal_subsets(points[0]) if set(s) & set(related)]
@@ -334,14 +330,17 @@ class ConditionTester:
         nearby can catch a large push, but not a small one.
         """
         moved: frozenset[int] | None = None
-        for size in _PUSH_SIZES if len(subset) > 1 else ():
+        # radians or length scales, to see whether values are isolated
+        for size in (1e-2, 1e-3, 1e-4) if len(subset) > 1 else ():
             ends = self._push(subset, values, size)
             if len(ends) < _PUSHES // 2:
                 continue
             away = _middle(np.abs(ends - values) / self.metric)
-            if away[list(subset)].max() <= _STILL * size:
+            # of the push: values of which none ends farther away are isolated
+            if away[list(subset)].max() <= 0.1 * size:
                 return frozenset()
-            moved = moved or frozenset(i for i in subset if away[i] > _BACK * size)
+            # of the push: else, a single value that ends nearer is fixed nevertheless
+            moved = moved or frozenset(i for i in subset if away[i] > 1e-4 * size)
         return moved or frozenset()
 
 

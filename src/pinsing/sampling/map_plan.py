@@ -40,7 +40,6 @@ WORST = 20
 _MAX_COUNT = 10**15
 _MAX_STEPS = 1_000_000
 _MAX_WORST = 100_000
-_NO_EFFECT = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
@@ -279,7 +278,7 @@ def _effective(arm: Arm) -> npt.NDArray[np.bool_]:
     on = batch(arm)
     sigma = on.own_sigma(start)
     moved = on.own_sigma(turned.reshape(-1, arm.n)).reshape(arm.n, *sigma.shape)
-    return np.asarray((np.abs(moved - sigma) > _NO_EFFECT * sigma[:, :1]).any(axis=(1, 2)))
+    return np.asarray((np.abs(moved - sigma) > 1e-9 * sigma[:, :1]).any(axis=(1, 2)))
 
 
 def _ranges(

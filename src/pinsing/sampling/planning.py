@@ -40,10 +40,6 @@ from pinsing.sampling.sweep_plan import (
     SweepPlan,
 )
 
-_LISTED = 2  # values that a note names one by one
-_NOMINAL_TRIES = 200
-_TURN = 2 * math.pi
-
 
 def uniform_configurations(
     arm: Arm, nominal: Array, special: Special, ignore_limits: bool, notes: list[str]
@@ -112,7 +108,7 @@ def choose_nominal(
     inside = ignore_limits or bool(arm.within_limits(paper))
     if inside and ratios(arm, paper)[0] > NEAR_RTOL:
         return paper, "pi/3"
-    tries = arm.space.sample(_NOMINAL_TRIES, rng, ignore_limits)
+    tries = arm.space.sample(200, rng, ignore_limits)
     ratio = ratios(arm, tries)
     if ratio.max() <= SINGULAR_RTOL:
         raise ConfigurationError(
@@ -199,21 +195,20 @@ def special_values(
 def _left_out(words: Sequence[str]) -> str:
     """One line with their number, and the values themselves where they are few."""
     count = len(words)
-    if count > _LISTED:
+    if count > 2:  # values that a note names one by one
         return f"{count} special values are outside the joint limits: left out"
     what = "special value is" if count == 1 else "special values are"
     return f"{count} {what} outside the joint limits: left out ({', '.join(words)})"
 
 
 def _same(a: float, b: float, prismatic: bool) -> bool:
-    return abs(a - b if prismatic else math.remainder(a - b, _TURN)) < 1e-9
+    return abs(a - b if prismatic else math.remainder(a - b, 2 * math.pi)) < 1e-9
 
 
 LEVELS = (1, 2)
 """Levels of a sweep unless asked otherwise: cheap, and enough for most arms."""
 
 _EFFECT_SAMPLES = 33
-_EFFECT_STARTS = 4
 _MAX_SETS = 500_000
 _MAX_SAMPLES = 10_000_000  # finer, neighbours differ by rounding where a curve is level
 _SCREEN_CHUNK = 4096
@@ -332,7 +327,7 @@ def _effects(
     notes: list[str],
 ) -> tuple[JointEffect, ...]:
     """Which joints change sigma_r, by their curves from q and from random configurations."""
-    bases = np.concatenate([q[None], random_configurations(arm, _EFFECT_STARTS, rng)])
+    bases = np.concatenate([q[None], random_configurations(arm, 4, rng)])
     Q = np.repeat(bases[None, :, None], arm.n, axis=0).repeat(_EFFECT_SAMPLES, axis=2)
     for i in range(arm.n):
         Q[i, :, :, i] = np.linspace(ranges[i, 0], ranges[i, 1], _EFFECT_SAMPLES)

@@ -26,8 +26,6 @@ from pinsing.errors import OutputError
 _SCHEMA = "pinsing/run/1"
 _PLAN, _CHUNKS, _LOCK = "plan.json", "chunks", "lock"
 _ROBOT = "robot"
-_PLAN_BYTES = 16 << 20
-_ROOM = 256 << 20  # bytes that the arrays of a chunk take, unless the run says
 _FULL = frozenset({errno.ENOSPC, errno.EDQUOT, errno.EFBIG})
 
 
@@ -66,7 +64,11 @@ class RunFolder:
         self._write(path, data)
 
     def read(
-        self, index: int, check: Callable[[Record], None] | None = None, room: int = _ROOM
+        # bytes that the arrays of a chunk take, unless the run says
+        self,
+        index: int,
+        check: Callable[[Record], None] | None = None,
+        room: int = 256 << 20,
     ) -> Record:
         """Record of a chunk.
 
@@ -145,7 +147,7 @@ def recorded(path: str | os.PathLike[str]) -> dict[str, Any] | None:
     plan = Path(path) / _PLAN
     advice = f"give another folder, or delete {path} to start anew"
     try:
-        text = read_bounded(plan, _PLAN_BYTES).decode()
+        text = read_bounded(plan, 16 << 20).decode()
     except (FileNotFoundError, NotADirectoryError):
         return None
     except DamagedError as error:

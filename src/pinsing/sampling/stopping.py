@@ -19,7 +19,6 @@ from queue import SimpleQueue
 from types import FrameType
 from typing import Any, TypeVar
 
-_STOPPED = 130
 _AT_ONCE = b"\npinsing: ended at once; what is in a folder is kept\n"
 
 _ends_process = False
@@ -78,7 +77,7 @@ def ctrl_c_to(inbox: Inbox) -> Iterator[None]:
         if inbox.asked >= 2 and _ends_process:
             with contextlib.suppress(OSError):
                 os.write(2, _AT_ONCE)
-            os._exit(_STOPPED)
+            os._exit(130)
         if inbox.asked >= 3:
             before(number, frame)
 

@@ -33,9 +33,6 @@ HOW_TO_KEEP = (
 CURVES = "sweep.npz"
 """File of the folder of a complete sweep that holds its result, with the curves if kept in it."""
 
-_DIGITS = 9
-_SHOWN = ((0.01, "1 %"), (0.1, "10 %"), (0.5, "median"))
-
 
 @dataclass(frozen=True, eq=False)
 class SweepCurve:
@@ -120,7 +117,10 @@ class SweepSummary:
 
     def __str__(self) -> str:
         ratio = self.ratio
-        shown = ", ".join(f"{name} {ratio.quantile(p):.3g}" for p, name in _SHOWN)
+        shown = ", ".join(
+            f"{name} {ratio.quantile(p):.3g}"
+            for p, name in ((0.01, "1 %"), (0.1, "10 %"), (0.5, "median"))
+        )
         return (
             f"sigma_r/sigma_1 over {self.count:,} configurations: "
             f"smallest {ratio.smallest.value:.3g}, {shown}, largest {ratio.largest.value:.3g}; "
@@ -302,7 +302,7 @@ def sweep_text(
 def _swept(result: SweepResult, degrees: bool, room: int) -> Iterator[tuple[Span, ...]]:
     plan = result.plan
     yield (f"sweep of {result.arm.name}: {plan}",)
-    at = typed(plan.nominal, result.arm.prismatic, degrees, _DIGITS, room=room)
+    at = typed(plan.nominal, result.arm.prismatic, degrees, 9, room=room)
     origin = {
         "given": "as given",
         "pi/3": "60 degrees, as in the paper",

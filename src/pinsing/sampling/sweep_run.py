@@ -72,8 +72,6 @@ PIECE = 32_768
 # Jacobians of a chunk at least, in memory and in a folder, where it is 1 MB with its curves.
 _CHUNK, _CHUNK_ON_DISK = 16_384, 65_536
 
-_BLOCK = 4096  # configurations that are treated at a time, of shorter curves
-
 
 @dataclass(frozen=True)
 class Kept:
@@ -284,7 +282,7 @@ def _blocks(work: Work) -> Iterator[tuple[slice, int, int]]:
 
 
 def _curves_per_block(samples: int) -> int:
-    return max(1, _BLOCK // samples)
+    return max(1, 4096 // samples)  # configurations that are treated at a time, of shorter curves
 
 
 __all__ = [
