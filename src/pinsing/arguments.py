@@ -17,7 +17,7 @@ import types
 import typing
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Literal, NamedTuple, TypeVar
+from typing import Any, Literal, TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -31,7 +31,6 @@ MAX_SEED = 2**64 - 1
 
 _LONGEST = 40
 _NUMBERS = "numbers"
-_DEEPEST = 64  # lists in lists: arrays of NumPy have no more axes
 _MOST_BITS = 1024  # whole numbers beyond it are no floats either
 
 
@@ -49,13 +48,6 @@ class _Kind:
     once: bool = False  # whether a generator will do
 
 
-class _Parameter(NamedTuple):
-    name: str
-    position: int | None
-    variadic: bool
-    kind: _Kind
-
-
 def checked(function: F) -> F:
     """Make a function compare its arguments with their annotations before it runs.
 
@@ -68,7 +60,7 @@ def checked(function: F) -> F:
     ConfigurationError
         On a call, if an argument that should hold numbers holds something else.
     """
-    parameters: list[_Parameter] | None = None
+    parameters: list[tuple[str, int | None, bool, _Kind]] | None = None
 
     @functools.wraps(function)
     def call(*args: Any, **kwargs: Any) -> Any:
@@ -186,7 +178,7 @@ def shown(value: Any) -> str:
 def _refusal(name: str, kind: _Kind, value: Any) -> ConfigurationError | ArgumentError:
     if kind.expected == _NUMBERS:
         return _no_numbers(name, value)
-    if isinstance(value, Mapping | list | tuple) and _holds_nan(value):
+    if isinstance(value, Mapping | list | tuple) and _holds(value, _is_nan, False):
         return ConfigurationError(f"{name} holds a value that is not finite")
     hint = kind.hint
     if hint.startswith("pinsing.load(") and isinstance(value, str | os.PathLike):
@@ -209,16 +201,21 @@ def _no_numbers(name: str, value: Any) -> ConfigurationError:
     return ConfigurationError(f"{name} must be {_NUMBERS}, got {shown(value)}")
 
 
-def _holds_nan(value: Any, above: tuple[int, ...] = ()) -> bool:
-    """Whether NaN stands somewhere in lists, tuples and dicts; not where they hold themselves."""
+def _holds(
+    value: Any, what: Callable[[Any], bool], endless: bool, above: tuple[int, ...] = ()
+) -> bool:
+    """Whether it stands somewhere in lists, tuples and dicts; ``endless`` if they hold themselves."""
     if not isinstance(value, Mapping | list | tuple):
-        return isinstance(value, float | np.floating) and math.isnan(value)
-    if id(value) in above or len(above) > _DEEPEST:
-        return False
+        return what(value)
+    if id(value) in above or len(above) > 64:  # arrays of NumPy have no more axes
+        return endless
     here = (*above, id(value))
-    return any(
-        _holds_nan(v, here) for v in (value.values() if isinstance(value, Mapping) else value)
-    )
+    items = value.values() if isinstance(value, Mapping) else value
+    return any(_holds(v, what, endless, here) for v in items)
+
+
+def _is_nan(value: Any) -> bool:
+    return isinstance(value, float | np.floating) and math.isnan(value)
 
 
 def _load_call(robot: str | bytes) -> str:
@@ -233,8 +230,11 @@ def _cut(text: str) -> str:
 # Annotations --------------------------------------------------------------------------
 
 
-def _parameters(function: Callable[..., Any]) -> list[_Parameter]:
-    """Return the parameters of a function that are annotated with something to check."""
+def _parameters(function: Callable[..., Any]) -> list[tuple[str, int | None, bool, _Kind]]:
+    """Return the parameters that are annotated with something to check.
+
+    Of each its name, its position if it has one, whether it takes several, and the kind.
+    """
     numpy_typing = types.SimpleNamespace(ArrayLike=_ArrayLike, NDArray=npt.NDArray)
     names = {**sys.modules[function.__module__].__dict__, "npt": numpy_typing}
     found = []
@@ -249,7 +249,7 @@ def _parameters(function: Callable[..., Any]) -> list[_Parameter]:
         if kind is not None:
             by_position = p.kind is not p.KEYWORD_ONLY
             variadic = p.kind is p.VAR_POSITIONAL
-            found.append(_Parameter(name, position if by_position else None, variadic, kind))
+            found.append((name, position if by_position else None, variadic, kind))
     return found
 
 
@@ -272,7 +272,13 @@ def _kind_of(hint: Any) -> _Kind | None:
     if origin in (Sequence, Iterable, list, tuple):
         return _sequence(_kind_of(args[0]) if args else None, once=origin is Iterable)
     if origin is Mapping:
-        return _mapping(_kind_of(args[0]), _kind_of(args[1]))
+        key, item = (_kind_of(a) or _Kind("", lambda v: True) for a in args)
+        return _Kind(
+            "a mapping",
+            lambda v: (
+                isinstance(v, Mapping) and all(key.fits(k) and item.fits(x) for k, x in v.items())
+            ),
+        )
     if origin is Callable or hint is Callable:
         return _Kind("a function", callable)
     kind = origin or hint
@@ -315,16 +321,6 @@ def _sequence(item: _Kind | None, once: bool = False) -> _Kind:
         return item is None or all(map(item.fits, value))
 
     return _Kind("names" if text else "a sequence of values", fits, once=once)
-
-
-def _mapping(key: _Kind | None, item: _Kind | None) -> _Kind:
-    def fits(value: Any) -> bool:
-        return isinstance(value, Mapping) and all(
-            (key is None or key.fits(k)) and (item is None or item.fits(v))
-            for k, v in value.items()
-        )
-
-    return _Kind("a mapping", fits)
 
 
 def _is_number(value: Any) -> bool:
@@ -379,7 +375,7 @@ def _reals(value: Any) -> npt.NDArray[Any] | None:
     """Return an array of real numbers of whatever size, None if a value is none."""
     if isinstance(value, str | bytes | bytearray | Mapping | type(None)):
         return None
-    if _is_masked(value) or _holds_what_does_not_fit(value):
+    if _holds(value, _is_masked, True):
         return None
     try:
         array = np.asarray(value)
@@ -388,16 +384,6 @@ def _reals(value: Any) -> npt.NDArray[Any] | None:
     if array.dtype.kind == "O":
         return array if array.size > 0 and all(map(_is_real, array.flat)) else None
     return array if array.dtype.kind in "iuf" else None
-
-
-def _holds_what_does_not_fit(value: Any, above: tuple[int, ...] = ()) -> bool:
-    """Whether lists hold a masked value, or themselves, or each other without end."""
-    if not isinstance(value, list | tuple):
-        return False
-    if id(value) in above or len(above) > _DEEPEST:
-        return True
-    here = (*above, id(value))
-    return any(_is_masked(v) or _holds_what_does_not_fit(v, here) for v in value)
 
 
 def _is_masked(value: Any) -> bool:

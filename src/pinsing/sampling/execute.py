@@ -259,7 +259,10 @@ def finished_chunks(
         while left:
             if not inbox.asked:
                 for index in waiting:
-                    future = _submit(executor, job, index)
+                    try:
+                        future = executor.submit(job.part(index))
+                    except BrokenExecutor as error:
+                        raise _died(error) from error
                     pending[future] = index
                     inbox.follow(future)
                     if len(pending) >= limit:
@@ -311,14 +314,6 @@ def _begun(pending: dict[Future[Record], int]) -> bool:
     for future in [f for f in pending if f.cancel()]:
         del pending[future]
     return bool(pending)
-
-
-def _submit(executor: Executor, job: Job, index: int) -> Future[Record]:
-    part = job.part(index)
-    try:
-        return executor.submit(part)
-    except BrokenExecutor as error:
-        raise _died(error) from error
 
 
 def _outcome(future: Future[Record], job: Job, index: int) -> Record:

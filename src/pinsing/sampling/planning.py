@@ -261,7 +261,8 @@ def plan_sweep(
         )
     exact = nominal_geometry(arm).arm if geometry is None else geometry
     asked = _levels(levels, arm.n)
-    chosen = _joints(arm, joints)
+    named = arm.joints if joints is None else joints
+    chosen = tuple(sorted({arm.space.index(name) for name in named}))
     rng = np.random.default_rng(whole_number(seed, "seed", 0, MAX_SEED))
     notes = list(scale_notes(arm))
     q, origin = choose_nominal(arm, nominal, ignore_limits, rng)
@@ -308,12 +309,6 @@ def _levels(levels: int | Iterable[int] | None, n: int) -> tuple[int, ...]:
             f"{', '.join(map(str, asked)) or 'none'}"
         )
     return asked
-
-
-def _joints(arm: Arm, joints: Sequence[str] | None) -> tuple[int, ...]:
-    if joints is None:
-        return tuple(range(arm.n))
-    return tuple(sorted({arm.space.index(name) for name in joints}))
 
 
 def _effects(
