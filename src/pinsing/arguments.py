@@ -204,7 +204,7 @@ def _no_numbers(name: str, value: Any) -> ConfigurationError:
 def _holds(
     value: Any, what: Callable[[Any], bool], endless: bool, above: tuple[int, ...] = ()
 ) -> bool:
-    """Whether it stands somewhere in lists, tuples and dicts; ``endless`` if they hold themselves."""
+    """Whether it stands somewhere in lists and dicts; ``endless`` where they hold themselves."""
     if not isinstance(value, Mapping | list | tuple):
         return what(value)
     if id(value) in above or len(above) > 64:  # arrays of NumPy have no more axes

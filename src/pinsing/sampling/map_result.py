@@ -19,7 +19,6 @@ from pinsing.sampling.tally import (
 )
 from pinsing.serialization import JsonResult
 
-_SHOWN_QUANTILES = (0.0, 0.001, 0.01, 0.1, 0.5, 0.9, 0.99, 1.0)
 _SHOWN_WORST = 5
 _DIGITS = 9
 
@@ -171,12 +170,7 @@ class MapResult(JsonResult):
 
     def quantile_rows(self) -> tuple[tuple[str, str, str], ...]:
         """Share of the configurations, and what sigma_r and the ratio are at most there."""
-        rows = []
-        for p in _SHOWN_QUANTILES:
-            share = {0.0: "smallest", 0.5: "median", 1.0: "largest"}.get(p, f"{100 * p:g} %")
-            values = (self.sigma_min.quantile(p), self.ratio.quantile(p))
-            rows.append((share, *(f"{value:.4g}" for value in values)))
-        return tuple(rows)  # type: ignore[arg-type]
+        return _quantile_rows(self.sigma_min, self.ratio)
 
     @checked
     def tail(self, degrees: bool = False, page: Page = PLAIN) -> str:
@@ -202,6 +196,18 @@ class MapResult(JsonResult):
         return self.text()
 
 
+def _quantile_rows(
+    one: Distribution, two: Distribution, scale: float = 1.0
+) -> tuple[tuple[str, str, str], ...]:
+    rows = []
+    for p in (0.0, 0.001, 0.01, 0.1, 0.5, 0.9, 0.99, 1.0):
+        share = {0.0: "smallest", 0.5: "median", 1.0: "largest"}.get(p, f"{100 * p:g} %")
+        values = (scale * d.quantile(p) for d in (one, two))
+        a, b = (f"{value:.4g}" if value < math.inf else "-" for value in values)
+        rows.append((share, a, b))
+    return tuple(rows)
+
+
 def _clearance_text(spread: ClearanceSpread, plan: MapPlan, degrees: bool, page: Page) -> list[str]:
     """Quantiles of both bounds, and the configurations that are nearest to a family."""
     slides = any(plan.arm.prismatic)
@@ -216,12 +222,8 @@ def _clearance_text(spread: ClearanceSpread, plan: MapPlan, degrees: bool, page:
             "; the closed form is NOT complete: singular configurations of no family may be nearer"
         )
     scale = 180 / math.pi if degrees else 1.0
-    rows = []
-    for p in _SHOWN_QUANTILES:
-        share = {0.0: "smallest", 0.5: "median", 1.0: "largest"}.get(p, f"{100 * p:g} %")
-        both = (scale * spread.lower.quantile(p), scale * spread.upper.quantile(p))
-        rows.append((share, *(f"{value:.4g}" if value < math.inf else "-" for value in both)))
-    table = Table(("share", "at least", "at most"), tuple(rows), frozenset({0, 1, 2}))
+    rows = _quantile_rows(spread.lower, spread.upper, scale)
+    table = Table(("share", "at least", "at most"), rows, frozenset({0, 1, 2}))
     lines = ["the smallest clearances:"]
     lines += [_nearest(p, plan, degrees, scale, page) for p in spread.nearest[:_SHOWN_WORST]]
     return [page.paragraph(what, rest="  "), page.table(table), "\n".join(lines)]

@@ -62,7 +62,8 @@ def load_npz(path: str | os.PathLike[str]) -> SweepResult:
         )
         header: dict[str, Any] = json.loads(arrays["header"].item())
         bare = SweepResult.from_dict(header)
-        curves = _curves(bare, arrays)
+        values = (arrays[name] for name in ("number", "x", "sigma_min", "sigma_ratio"))
+        curves = tuple(curves_of(CurveTable(bare.plan), *values))
     except OSError as error:
         raise ResultError(f"cannot read {path}: {error.strerror or error}") from None
     except (KeyError, IndexError, TypeError, ValueError, RecursionError, DamagedError) as error:
@@ -109,23 +110,3 @@ def kept_curves(folder: str | os.PathLike[str]) -> Iterator[SweepCurve]:
         last, ratio = rest[:, : count * samples].reshape(2, count, samples)
         yield from curves_of(table, np.arange(number, number + count), x, last, ratio)
         number, rest = number + count, rest[:, count * samples :]
-
-
-def _curves(bare: SweepResult, arrays: dict[str, Any]) -> tuple[SweepCurve, ...]:
-    joints, x = bare.arm.joints, arrays["x"]
-    curves = []
-    for i, moving in enumerate(arrays["moving"].tolist()):
-        held = np.flatnonzero(~np.isnan(arrays["fixed"][i]))
-        curves.append(
-            SweepCurve(
-                level=int(arrays["level"][i]),
-                fixed={joints[j]: float(arrays["fixed"][i, j]) for j in held},
-                forced=bool(arrays["forced"][i]),
-                moving=int(moving),
-                x=x[moving],
-                sigma_min=arrays["sigma_min"][i],
-                sigma_ratio=arrays["sigma_ratio"][i],
-                number=int(arrays["number"][i]),
-            )
-        )
-    return tuple(curves)
