@@ -12,7 +12,7 @@ from singular_sets import Joint, arm_of, build, closed
 import pinsing
 from pinsing._batch import engine
 from pinsing._types import Array
-from pinsing.algebra import contact
+from pinsing.algebra import along
 from pinsing.algebra.equation import Equation
 from pinsing.errors import ConfigurationError, OptionError, PinsingError, UnknownNameError
 from pinsing.families import Branch
@@ -388,7 +388,7 @@ def test_continuous_joints_count_modulo_whole_turns() -> None:
 def test_contact_of_nothing() -> None:
     conditions = closed("ur5").families[0].conditions()
     x = np.zeros(6)
-    assert contact.contact_along(conditions, 0, x, np.zeros(6), 1.0) == (np.inf, 0.0)
+    assert along.contact_along(conditions, 0, x, np.zeros(6), 1.0) == (np.inf, 0.0)
 
 
 def test_speeds_of_the_whole_model_do_as_well() -> None:

@@ -17,9 +17,9 @@ import numpy.typing as npt
 
 from pinsing._dataclass import dataclass
 from pinsing._types import Array
+from pinsing.algebra.along import SIMPLE, Zeros, zeros_along
 from pinsing.algebra.conditions import Conditions
 from pinsing.algebra.equation import Equation
-from pinsing.algebra.sum_zeros import SIMPLE, Zeros, zeros_along
 from pinsing.algebra.two_sided import two_sided
 from pinsing.arguments import checked
 from pinsing.families import Branch, JointValue

@@ -9,7 +9,6 @@ from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Literal
 
-import numpy as np
 import numpy.typing as npt
 
 from pinsing._dataclass import dataclass
@@ -356,15 +355,21 @@ def make_guard(
         else:
             kept.append((name, family))
     complete = not notes
-    word = _word(every) if complete else "not complete"
+    unproven = [form.proof for form in every if form.word != "proven"]
+    word = "not complete"
+    if complete:  # of several forms the less sure one's
+        word = "probable" if unproven else "proven"
     if word == "probable":
-        notes.append(f"that no family is missing is probable, not proven: {_unproven(every)}")
+        reasons = ["no certificate was looked for" if p is None else p.reason for p in unproven]
+        because = "; ".join(dict.fromkeys(reasons))
+        notes.append(f"that no family is missing is probable, not proven: {because}")
     change = max(form.jacobian_change for form in every)
     if change > 1e-12:
         notes.append(
             f"the description is rounded; made exact this changes no column of the Jacobian by "
             f"more than {change:.1e}"
         )
+    geometries = [form.geometry or nominal(arm) for form in every]
     source = GuardSource(
         prefix=prefix,
         robot=f"{arm.name} ({arm.source.label}), {arm.base} to {arm.tip}",
@@ -372,13 +377,15 @@ def make_guard(
         length_scale=arm.length_scale,
         version=__version__,
         robot_hash=f"sha256:{fingerprint(arm)}",
-        tolerance=_tolerance(arm, every),
+        tolerance=max(
+            (s.size for g in geometries for s in g.snaps if s.what != "length"), default=0.0
+        ),
         change=change,
         joints=arm.joints,
         lower=arm.lower,
         upper=arm.upper,
         families=tuple((name, _text(family)) for name, family in kept),
-        conditions=_conditions([family for _, family in kept], arm, watched.weight),
+        conditions=Conditions.of([f.branches for _, f in kept], watched.prismatic, watched.weight),
         complete=complete,
         word=word,
         notes=tuple(notes),
@@ -389,32 +396,6 @@ def make_guard(
 
 def _text(family: Family) -> str:
     return f"{family.title}: {family.text}" if family.title else family.text
-
-
-def _word(forms: Sequence[ClosedForm]) -> str:
-    """The word that is true of all of them, none of which is not complete."""
-    return "proven" if all(form.word == "proven" for form in forms) else "probable"
-
-
-def _unproven(forms: Sequence[ClosedForm]) -> str:
-    """Why there is no certificate."""
-    reasons = [
-        "no certificate was looked for" if form.proof is None else form.proof.reason
-        for form in forms
-        if form.word != "proven"
-    ]
-    return "; ".join(dict.fromkeys(reasons))
-
-
-def _conditions(families: Sequence[Family], arm: Arm, weight: np.ndarray) -> Conditions:
-    return Conditions.of([f.branches for f in families], np.array(arm.prismatic), weight)
-
-
-def _tolerance(arm: Arm, forms: Sequence[ClosedForm]) -> float:
-    """The most that an angle of the description was moved by."""
-    geometries = [form.geometry or nominal(arm) for form in forms]
-    sizes = [s.size for g in geometries for s in g.snaps if s.what != "length"]
-    return max(sizes, default=0.0)
 
 
 def _prefix(name: str) -> str:

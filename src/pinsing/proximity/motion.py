@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from pinsing._dataclass import dataclass
 from pinsing._types import Array, Ints
-from pinsing.algebra.sum_zeros import place
+from pinsing.algebra.along import place
 from pinsing.arguments import real_numbers
 from pinsing.errors import ConfigurationError, OptionError
 from pinsing.proximity.watched import Watched
