@@ -1,0 +1,265 @@
+"""Inverse solutions of many poses at once: by EAIK where it knows the arm, else by continuation.
+
+EAIK (Ostermeier, https://github.com/OstermD/EAIK) decomposes arms of six revolute joints into
+subproblems. It is given the nominal chain, whose axes meet or are parallel exactly; each solution
+is brought to the arm itself by Newton steps and kept only if forward kinematics gives the pose.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from pinsing._types import Array, Bool
+from pinsing.errors import OptionError
+from pinsing.kinematics.jacobian import generic_rank
+from pinsing.postures.inverse import inverse
+from pinsing.postures.newton import Solver
+from pinsing.robot.arm import Arm
+from pinsing.robot.chain import Chain, flatten
+from pinsing.robot.nominal import nominal
+
+REACHED = 1e-9
+"""Residual of a pose that is reached: radians, and metres over the length scale."""
+_NEAR = 1e-2
+"""Residual from which a few Newton steps lead to a solution, if there is one."""
+_SAME = 1e-5
+"""Radians between two solutions of one pose that are one: Newton leaves far less."""
+_ROWS = 50_000
+"""Configurations in one call of the solver: some tens of megabytes."""
+
+Progress = Callable[[int, int], None]
+
+
+class InverseMany:
+    """All inverse solutions at the nodes of a grid: poses times values of what is free.
+
+    Parameters
+    ----------
+    arm : Arm
+        A serial arm whose task is the whole pose.
+    held : int, optional
+        Index of the joint that is held at a value, of an arm with a seventh joint.
+    """
+
+    def __init__(self, arm: Arm, held: int | None = None) -> None:
+        spare = arm.n - (held is not None)
+        if arm.task.name != "pose" or generic_rank(arm) != 6 or spare != 6:
+            with_it = "" if held is None else f" with {arm.joints[held]} held"
+            raise OptionError(
+                f"{arm.name}{with_it} has {spare} free joints for the task {arm.task}: a path of "
+                "poses needs six and the task pose"
+            )
+        self.arm, self.held = arm, held
+        self.free = np.array([j for j in range(arm.n) if j != held])
+        self.exact = self._eaik(0.0) is not None
+
+    def solve(
+        self,
+        position: Array,
+        rotation: Array,
+        values: Array | None = None,
+        progress: Progress | None = None,
+    ) -> Array:
+        """Return the solutions (N, G, S, n) at a grid of poses, NaN where there are fewer than S.
+
+        Parameters
+        ----------
+        position, rotation : (N, G, 3), (N, G, 3, 3) array
+            Of the tip in the base frame, metres.
+        values : (G,) array, optional
+            Of the held joint along the second axis.
+        progress : callable
+            Told how many of the rows or columns are done.
+        """
+        solve = self._decomposed if self.exact else self._continued
+        Q = solve(position, rotation, values, progress)
+        slots = Q.shape[2]
+        flat = self._polished(
+            Q.reshape(-1, self.arm.n), position.reshape(-1, 3), rotation.reshape(-1, 3, 3), slots
+        )
+        return _distinct(flat.reshape(Q.shape), self.arm)
+
+    def _eaik(self, value: float) -> Any:
+        """Return EAIK's robot with the held joint at a value; None if EAIK does not know it."""
+        try:
+            from eaik.IK_Homogeneous import HomogeneousRobot
+        except ImportError:
+            return None
+        chain = flatten(nominal(self.arm).arm)
+        if chain.prismatic.any():
+            return None
+        fixed = [] if self.held is None else [(self.held, value)]
+        robot = HomogeneousRobot(_frames_at_zero(chain), fixed_axes=fixed)
+        return robot if robot.hasKnownDecomposition() else None
+
+    def _decomposed(
+        self, position: Array, rotation: Array, values: Array | None, progress: Progress | None
+    ) -> Array:
+        T = np.zeros((*position.shape[:2], 4, 4))
+        T[..., :3, :3], T[..., :3, 3], T[..., 3, 3] = rotation, position, 1.0
+        if values is not None:  # another robot for each value of the held joint
+            T = T.swapaxes(0, 1)
+        robot = self._eaik(0.0)
+        found = []
+        for k, batch in enumerate(T):
+            if values is not None:
+                robot = self._eaik(float(values[k]))
+            solved = [] if robot is None else robot.IK_batched(batch, num_worker_threads=2)
+            found.append([_exact(x) for x in solved] or [np.empty((0, 6))] * len(batch))
+            if progress is not None:
+                progress(k + 1, len(T))
+        slots = max(1, max(len(q) for row in found for q in row))
+        Q = np.full((*T.shape[:2], slots, self.arm.n), np.nan)
+        for k, row in enumerate(found):
+            for i, q in enumerate(row):
+                Q[k, i, : len(q), self.free] = q.T
+            if values is not None:
+                Q[k, :, :, self.held] = values[k]
+        return Q if values is None else Q.swapaxes(0, 1)
+
+    def _continued(
+        self, position: Array, rotation: Array, values: Array | None, progress: Progress | None
+    ) -> Array:
+        """Solve some nodes one by one, and follow their solutions over the grid, both ways."""
+        N, G = position.shape[:2]
+        T = np.zeros((N, G, 4, 4))
+        T[..., :3, :3], T[..., :3, 3], T[..., 3, 3] = rotation, position, 1.0
+        rows = np.unique(np.linspace(0, N - 1, min(N, 5)).astype(int))
+        columns = np.unique(np.linspace(0, G - 1, min(G, 9)).astype(int))
+        nodes: list[list[Array]] = [[np.empty((0, self.arm.n))] * G for _ in range(N)]
+        for k in rows:
+            for i in columns:
+                fixed = {} if values is None else {self.arm.joints[self.held or 0]: values[i]}
+                nodes[k][i] = np.array(
+                    [s.q for s in inverse(self.arm, T[k, i], fixed=fixed) if s.regular]
+                ).reshape(-1, self.arm.n)
+        slots = 2 * max(1, max(len(q) for row in nodes for q in row))
+        Q = np.full((N, G, slots, self.arm.n), np.nan)
+        for k, row in enumerate(nodes):
+            for i, q in enumerate(row):
+                Q[k, i, : len(q)] = q
+
+        def follow(to: tuple[Any, ...], source: Array) -> None:
+            """Continue solutions (M, S, n) of neighbours to the nodes ``to`` (M of them)."""
+            if values is not None:
+                here = np.broadcast_to(values, (N, G))[to]
+                source = source.copy()
+                source[..., self.held] = np.where(
+                    np.isfinite(source[..., 0]), here[:, None], np.nan
+                )
+            M = len(source)
+            moved = self._polished(
+                source.reshape(M * slots, -1), position[to], rotation[to], slots, near=1.0
+            )
+            both = np.concatenate([Q[to], moved.reshape(M, slots, -1)], axis=1)
+            Q[to] = _distinct(both, self.arm)[..., :slots, :]
+
+        for sweep in (range(1, 2 * G), range(2 * G, 0, -1)):  # round the circle, both ways
+            for i in sweep:
+                to = i % G
+                near = (i - 1) % G if sweep.step > 0 else (i + 1) % G
+                if values is None or abs(to - near) == 1:
+                    follow((rows, np.full(len(rows), to)), Q[rows, near])
+        every = np.arange(G)
+        for sweep in (range(1, N), range(N - 2, -1, -1)):
+            for k in sweep:
+                follow((np.full(G, k), every), Q[k - sweep.step])
+                if progress is not None:
+                    progress(k, N)
+        return Q
+
+    def _polished(
+        self, Q: Array, position: Array, rotation: Array, slots: int, near: float = _NEAR
+    ) -> Array:
+        """Configurations (M S, n) at poses (M), by Newton steps from Q; NaN if not reached."""
+        for start in range(0, len(Q), _ROWS):
+            here = Q[start : start + _ROWS]
+            rows = np.flatnonzero(np.isfinite(here[:, 0]))
+            pose = (start + rows) // slots
+            q = here[rows]
+            here[:] = np.nan
+            for count in range(8):
+                off = self._residual(q, position[pose], rotation[pose])
+                here[rows[off < REACHED]] = q[off < REACHED]
+                more = (off >= REACHED) & (off < near if count == 0 else True)
+                q, rows, pose = q[more], rows[more], pose[more]
+                if not len(rows):
+                    break
+                solver = Solver.of(
+                    self.arm, position[pose], rotation[pose], np.full(self.arm.n, np.nan), self.free
+                )
+                error, J = solver.linear(q)
+                # Damped, so that a singular configuration beside the way is no end of it.
+                A = J.swapaxes(1, 2) @ J + 1e-12 * np.eye(J.shape[2])
+                step = np.linalg.solve(A, J.swapaxes(1, 2) @ error[..., None])[..., 0]
+                step *= np.minimum(1.0, 0.3 / np.maximum(np.abs(step).max(axis=1), 1e-300))[:, None]
+                q[:, self.free] += step / solver.weight
+        return Q
+
+    def _residual(self, Q: Array, position: Array, rotation: Array) -> Array:
+        """What is left (M,) of the poses at Q (M, n): radians, or metres over the length scale.
+
+        Forward kinematics by columns of the rotation, each (3, M), for all rows at once.
+        """
+        chain = flatten(self.arm)
+        one = np.ones(len(Q))
+        axes = [np.outer(column, one) for column in chain.R[0].T]
+        p = np.outer(chain.t[0], one)
+        for j, slides in enumerate(chain.prismatic):
+            if slides:
+                p = p + axes[2] * Q[:, j]
+            else:
+                c, s = np.cos(Q[:, j]), np.sin(Q[:, j])
+                x, y, _ = axes
+                axes[:2] = x * c + y * s, y * c - x * s
+            p = _sum(chain.t[j + 1], axes, p)
+            axes = [_sum(column, axes, 0.0) for column in chain.R[j + 1].T]
+        off = np.abs(p.T - position).max(axis=1) / self.arm.length_scale
+        for k, axis in enumerate(axes):
+            off = np.maximum(off, np.abs(axis.T - rotation[:, :, k]).max(axis=1))
+        return np.asarray(off)
+
+
+def _sum(weights: Array, vectors: list[Array], start: Any) -> Any:
+    """Sum of vectors (3, M) times constants, most of which are zero."""
+    for w, v in zip(weights, vectors, strict=True):
+        if w != 0.0:
+            start = start + w * v
+    return start
+
+
+def _frames_at_zero(chain: Chain) -> Array:
+    """The placements (n + 1, 4, 4) of the joints at zero, their axes along z, and of the tip."""
+    frames, at = [], np.eye(4)
+    for R, t in zip(chain.R, chain.t, strict=True):
+        here = np.eye(4)
+        here[:3, :3], here[:3, 3] = R, t
+        at = at @ here
+        frames.append(at)
+    return np.array(frames)
+
+
+def _exact(found: Any) -> Array:
+    """Solutions (k, 6) without those that are least squares only."""
+    if not len(found.Q):
+        return np.empty((0, 6))
+    return np.asarray(found.Q, dtype=float)[~np.asarray(found.is_LS, dtype=bool)]
+
+
+def _distinct(Q: Array, arm: Arm) -> Array:
+    """Solutions (..., S, n) within limits where whole turns allow it, each once, NaN behind."""
+    finite: Bool = np.isfinite(Q[..., 0])
+    Q[~finite] = 0.0
+    Q = arm.space.fold(arm.space.wrap(Q))
+    turn = np.where(arm.prismatic, 0.0, 2 * np.pi)
+    for a in range(1, Q.shape[-2]):
+        gap = Q[..., :a, :] - Q[..., a, None, :]
+        apart = np.abs(gap - turn * np.rint(gap / (2 * np.pi))).max(axis=-1)
+        finite[..., a] &= ~((apart < _SAME) & finite[..., :a]).any(axis=-1)
+    Q[~finite] = np.nan
+    order = np.argsort(~finite, axis=-1, kind="stable")
+    most = max(1, int(finite.sum(axis=-1).max(initial=0)))
+    return np.take_along_axis(Q, order[..., None], axis=-2)[..., :most, :]

@@ -1,0 +1,707 @@
+"""Toolpaths: the joint path through given poses that stays farthest from singularities.
+
+Between poses joints move linearly. What is free (the rotation about the tool's z axis, a redundant
+joint, or the branch alone) takes values on a grid; the path with the greatest least clearance is
+found by dynamic programming over poses, values and branches. An edge exists where the motion keeps
+joint limits and speeds and is proven clear: distance to the families changes no faster than joints
+move, so that it is at least (a + b - d) / 2 on a segment of length d between clearances a and b.
+"""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Callable, Sequence
+from dataclasses import field
+from typing import ClassVar
+
+import numpy as np
+import numpy.typing as npt
+
+from pinsing._dataclass import dataclass
+from pinsing._types import Array, Bool, Ints
+from pinsing.arguments import checked
+from pinsing.errors import ConfigurationError, OptionError
+from pinsing.families import ClosedForm, Family
+from pinsing.notebook import one_line
+from pinsing.postures.inverse_batch import InverseMany
+from pinsing.proximity.clearance import clearance
+from pinsing.proximity.crossings import crossings
+from pinsing.proximity.speeds import limits_of
+from pinsing.robot.arm import Arm, ArmSummary, summarize
+from pinsing.serialization import JsonResult
+
+STEP = np.radians(1.0)
+"""Default distance of two values of what is free, radians."""
+_TURNS = 3
+"""Turns of what is free that a path of any number of poses may take in all."""
+_BISECTED = np.radians(0.1)
+"""How near the bound is brought to what is reached at the poses that decide it."""
+_STEPS = 4
+"""Steps to the nearest point of a surface; each doubles the digits."""
+_ALIKE = 1e-3
+"""Relative difference of bounds that are as good as an estimate."""
+_ROWS = 100_000
+"""Configurations in one call: some tens of megabytes."""
+_BRANCH = 1.0
+"""Radians beyond which solutions of neighbouring values are of two branches."""
+_COARSE = 1e-2
+"""The same where configurations are only compared."""
+_GAP = 1e-3
+"""Radians between the certified bounds of a clearance."""
+_FINEST = 1e-5
+"""Radians below which nothing is halved any more."""
+_THINNED = 6
+"""One value and one pose in so many are looked at first."""
+_DECIDING = 3
+"""Poses at which the bound is looked for: those with the least room."""
+
+
+@dataclass(frozen=True, eq=False)
+class PathPlan(JsonResult):
+    """The joint path through a toolpath's poses that stays farthest from singularities.
+
+    Attributes
+    ----------
+    arm : ArmSummary
+        The arm.
+    free : str
+        What was free: "roll", the name of a joint, or "branch".
+    q : (N, n) array
+        The path, radians and metres; between poses joints move linearly. Empty if there is none.
+    values : (N,) array
+        What is free along the path: radians from the given pose, or the joint's value.
+    t : (N,) array
+        Seconds, where the feed was given; else the number of the pose.
+    clearance : float
+        Proven, between poses too: the path is nowhere nearer to a family of singular
+        configurations. Radians, as in `pinsing.clearance`; 0 if there is no path.
+    where : float
+        Number of the pose (or a place between two) where it is nearest.
+    family : str
+        The family there.
+    bound : float
+        No path through these poses stays farther away, by bisection of what is free at the poses
+        with the least room; radians.
+    fixed : tuple of float
+        Clearance at the poses of the paths along which what is free keeps its first value, one for
+        each branch at the first pose; 0 where such a path ends early.
+    reason : str
+        Why there is no path; empty if there is one.
+    nodes : int
+        Configurations that were compared.
+    notes : tuple of str
+        What was assumed.
+    """
+
+    schema: ClassVar[str] = "pinsing/path_plan/1"
+
+    arm: ArmSummary
+    free: str
+    q: Array
+    values: Array
+    t: Array
+    clearance: float
+    where: float
+    family: str
+    bound: float
+    fixed: tuple[float, ...]
+    reason: str
+    nodes: int
+    notes: tuple[str, ...] = field(default=())
+
+    def __repr__(self) -> str:
+        said = self.reason or f"clearance {self.clearance:.3g}, bound {self.bound:.3g}"
+        return one_line("PathPlan", f"{self.arm.name}, {len(self.t)} poses, {self.free}: {said}")
+
+    def __str__(self) -> str:
+        return self.text()
+
+    def text(self, degrees: bool = True) -> str:
+        """Return the answer in lines.
+
+        Parameters
+        ----------
+        degrees : bool
+            Angles in degrees, or in radians.
+        """
+        factor, unit = (180 / np.pi, "°") if degrees else (1.0, " rad")
+
+        def angle(x: float) -> str:
+            return f"{factor * x:.3g}{unit}"
+
+        if self.reason:
+            return f"No path: {self.reason}."
+        best = max(self.fixed, default=0.0)
+        kept = {"branch": ""}.get(self.free, f" With {self.free} kept: {angle(best)}.")
+        lines = [
+            f"The path stays at least {angle(self.clearance)} from singularities (proven); "
+            f"nearest: {self.family} at pose {self.where:.4g}.",
+            f"No path through these poses stays farther than {angle(self.bound)} away.{kept}",
+        ]
+        return "\n".join([*lines, *(f"note: {n}" for n in self.notes)])
+
+
+@checked
+def plan_path(
+    form: ClosedForm,
+    poses: npt.ArrayLike,
+    *,
+    free: str = "branch",
+    step: float = STEP,
+    start: npt.ArrayLike | None = None,
+    t: npt.ArrayLike | None = None,
+    arm: Arm | None = None,
+    progress: Callable[[str, int, int], None] | None = None,
+) -> PathPlan:
+    """Find the joint path through poses that stays farthest from singular configurations.
+
+    Parameters
+    ----------
+    form : ClosedForm
+        Of the arm.
+    poses : (N, 4, 4) array_like
+        Poses of the tip in the base frame, metres; at least two.
+    free : str
+        "branch": the inverse kinematics solution alone is chosen; "roll": the rotation about the
+        tip's z axis, too; or the name of a joint of an arm that has a seventh one.
+    step : float
+        Distance of the values of what is free that are compared: radians, metres of a prismatic
+        joint.
+    start : (n,) array_like, optional
+        Configuration at the first pose; otherwise any.
+    t : (N,) array_like, optional
+        Seconds at the poses: joint speed limits are then kept.
+    arm : Arm, optional
+        The arm that shall reach the poses; the form's own nominal geometry if not given.
+    progress : callable
+        Told what is done, how far it is, and how far that goes.
+
+    Returns
+    -------
+    PathPlan
+        With ``reason`` where there is no path.
+
+    Raises
+    ------
+    ConfigurationError
+        If the poses are no rigid motions, or ``start`` does not reach the first.
+    OptionError
+        If ``free`` names nothing that can be free, or the arm has another number of joints.
+
+    Examples
+    --------
+    >>> import numpy as np, pinsing
+    >>> arm = pinsing.load("ur5")
+    >>> T = np.tile(np.diag([1.0, -1.0, -1.0, 1.0]), (5, 1, 1))
+    >>> T[:, :3, 3] = [[0.4, y, 0.2] for y in np.linspace(-0.1, 0.1, 5)]
+    >>> plan = pinsing.plan_path(pinsing.closed_form(arm), T)
+    >>> plan.q.shape, plan.clearance <= plan.bound
+    ((5, 6), True)
+    """
+    if arm is None and form.geometry is None:
+        raise OptionError("a form that was read from JSON has no geometry: give arm=")
+    arm = arm or form.geometry.arm
+    planner = _Planner(form, arm, _rigid(poses), free, step, t, progress or (lambda *_: None))
+    return planner.plan(start)
+
+
+class _Planner:
+    """The grid of one toolpath: nodes (N, G, S), their clearance, and which are neighbours."""
+
+    def __init__(
+        self,
+        form: ClosedForm,
+        arm: Arm,
+        T: Array,
+        free: str,
+        step: float,
+        t: npt.ArrayLike | None,
+        progress: Callable[[str, int, int], None],
+    ) -> None:
+        if not step > 0:
+            raise OptionError(f"step must be positive, got {step!r}")
+        if free not in ("branch", "roll", *arm.joints):
+            raise OptionError(
+                f"free={free!r} is neither branch, roll, nor a joint ({', '.join(arm.joints)})"
+            )
+        self.form, self.arm, self.T, self.free, self.progress = form, arm, T, free, progress
+        self.t = np.arange(len(T), dtype=float) if t is None else np.asarray(t, dtype=float)
+        if self.t.shape != (len(T),) or not (np.diff(self.t) > 0).all():
+            raise OptionError(f"t needs {len(T)} increasing times")
+        self.timed = t is not None
+        held = arm.joints.index(free) if free in arm.joints else None
+        self.solver = InverseMany(arm, held)
+        self.cyclic = free == "roll"
+        if free == "branch":
+            self.grid = np.zeros(1)
+        elif held is None:
+            self.grid = np.arange(round(2 * np.pi / step)) * (2 * np.pi / round(2 * np.pi / step))
+        else:
+            low, high = arm.space.span
+            self.grid = np.linspace(low[held], high[held], 1 + round((high - low)[held] / step))
+        self.held = held
+        whole = np.isfinite(arm.lower) & (arm.upper - arm.lower < 2 * np.pi)
+        self.bounded: Bool = whole | np.asarray(arm.prismatic, dtype=bool)
+        self.turn = np.where(self.bounded, 0.0, 2 * np.pi)
+        self.scale = np.where(arm.prismatic, 1 / arm.length_scale, 1.0)
+
+    def plan(self, start: npt.ArrayLike | None) -> PathPlan:
+        """Solve the grid, find the best path on it, prove its clearance, and bound all others."""
+        N = len(self.T)
+        position, rotation = self._targets(self.T, self.grid)
+        self.Q = self.solver.solve(
+            position, rotation, self._held_values(self.grid),
+            lambda k, n: self.progress("inverse kinematics", k, n),
+        )  # fmt: skip
+        turned = np.nan_to_num(self.Q).astype(np.float32)
+        there = np.isfinite(self.Q[..., :1])
+        self.circle = np.concatenate([np.cos(turned) * there, np.sin(turned) * there], axis=-1)
+        self._bounds()
+        notes = [] if self.solver.exact else [
+            "inverse kinematics by continuation from solutions at some poses: others may exist"
+        ]  # fmt: skip
+        if not self.form.complete:
+            notes.append("the closed form is not complete: other singularities may be nearer")
+        if self.cyclic and self._roll_moves_the_last_joint():
+            notes.append(
+                "rolling moves the last joint alone (the tool's z axis is its axis): it cannot "
+                "increase the clearance"
+            )
+        if (reason := self._unreached()) is not None:
+            return self._none(reason, notes)
+        first = self._first(start)
+        path = self._searched(first)
+        if isinstance(path, str):
+            return self._none(path, notes)
+        i, s = path
+        every = np.arange(N)
+        q = self._unwrapped(self.Q[every, i, s])
+        if (q is None) or self.arm.space.outside(q).any():
+            return self._none(
+                "the path with the greatest clearance winds joints beyond their limits", notes
+            )
+        proven, where = self._proven(q)
+        near = clearance(self.form, q[round(where)])
+        return PathPlan(
+            arm=summarize(self.arm),
+            free=self.free,
+            q=q,
+            values=self.grid[i] if self.free != "branch" else np.zeros(N),
+            t=self.t,
+            clearance=proven,
+            where=where,
+            family=near.names[int(near.family)] if near.names else "",
+            bound=max(min(self._bound(), self.relaxed), proven),
+            fixed=self._fixed(),
+            reason="",
+            nodes=int(np.isfinite(self.clear).sum()),
+            notes=tuple(notes),
+        )
+
+    def _none(self, reason: str, notes: Sequence[str]) -> PathPlan:
+        n = self.arm.n
+        return PathPlan(
+            arm=summarize(self.arm), free=self.free, q=np.empty((0, n)), values=np.empty(0),
+            t=self.t, clearance=0.0, where=0.0, family="", bound=0.0, fixed=(), reason=reason,
+            nodes=int(np.isfinite(self.clear).sum()), notes=tuple(notes),
+        )  # fmt: skip
+
+    # -- the grid ---------------------------------------------------------------------------------
+
+    def _targets(self, T: Array, values: Array) -> tuple[Array, Array]:
+        """Positions (N, G, 3) and rotations (N, G, 3, 3) of the nodes of poses T (N, 4, 4)."""
+        N, G = len(T), len(values)
+        rotation = np.broadcast_to(T[:, None, :3, :3], (N, G, 3, 3))
+        if self.cyclic:
+            c, s = np.cos(values), np.sin(values)
+            zero, one = np.zeros(G), np.ones(G)
+            spin = np.stack([c, -s, zero, s, c, zero, zero, zero, one], axis=-1).reshape(G, 3, 3)
+            rotation = rotation @ spin
+        position = np.broadcast_to(T[:, None, :3, 3], (N, G, 3))
+        return np.ascontiguousarray(position), np.ascontiguousarray(rotation)
+
+    def _held_values(self, values: Array) -> Array | None:
+        return None if self.held is None else values
+
+    def _bounds(self) -> None:
+        """Bound the clearance of all nodes: ``clear`` from below, ``most`` from above."""
+        self.clear, self.most = np.full((2, *self.Q.shape[:-1]), -np.inf)
+        there = np.isfinite(self.Q[..., 0])
+        found = clearance(self.form, self.Q[there])
+        self.clear[there], self.most[there] = found.lower, found.upper
+        self.usable = there & ~self.arm.space.outside(np.nan_to_num(self.Q)).any(axis=-1)
+
+    def _searched(self, first: Bool) -> tuple[Ints, Ints] | str:
+        """The best path on the grid; else why there is none.
+
+        A path on a part of the grid comes first: what has less clearance for sure than that is not
+        looked at more closely.
+        """
+        columns = max(d for d in range(1, _THINNED + 1) if len(self.grid) % d == 0)
+        coarse = copy.copy(self)
+        for name in ("Q", "circle", "clear", "most", "usable"):
+            setattr(coarse, name, getattr(self, name)[::_THINNED, ::columns])
+        coarse.grid, coarse.T, coarse.t = (
+            self.grid[::columns],
+            self.T[::_THINNED],
+            self.t[::_THINNED],
+        )
+        least = -np.inf
+        if len(coarse.T) > 1 and coarse.clear.size * _THINNED <= self.clear.size:
+            coarse.likely = coarse._estimates(least)
+            path = coarse._best_path(coarse.usable[0])
+            if not isinstance(path, str):
+                least = coarse.reached
+        while True:
+            self.likely = self._estimates(least)
+            path = self._best_path(first)
+            if least == -np.inf or (not isinstance(path, str) and self.reached >= least):
+                return path
+            least = -np.inf if isinstance(path, str) else self.reached - _BISECTED
+
+    def _estimates(self, least: float) -> Array:
+        """The clearance of all nodes as steps find it, at least ``least`` or a lower bound."""
+        out = self.clear.copy()
+        open_ = self.usable & (self.most >= least) & (self.most > self.clear * (1 + _ALIKE))
+        rows = np.argwhere(open_)
+        for start in range(0, len(rows), _ROWS):
+            at = tuple(rows[start : start + _ROWS].T)
+            out[at] = np.maximum(out[at], self._estimate(self.Q[at]))
+        return out
+
+    def _estimate(self, Q: Array) -> Array:
+        """Distance (M,) of configurations (M, n) to the nearest families, as steps lead there.
+
+        The nearest point x of a surface f = 0 fulfils Q - x = c grad f(x): with f linearised at the
+        last x, a step gives c (sequential quadratic programming). Where steps do not converge, and
+        of families that are no surfaces, the certified search is asked.
+        """
+        out = np.full(len(Q), np.inf)
+        for family in self.form.families:
+            surfaces = [b.equations[0] for b in family.branches if len(b.equations) == 1]
+            whole = len(surfaces) == len(family.branches)
+            left = np.full(len(Q), True)
+            if whole and not any(b.values for b in family.branches):
+                left[:] = False
+                for equation in surfaces:
+                    x = Q.copy()
+                    for _ in range(_STEPS):
+                        slope = equation.gradient(x) / self.scale**2
+                        size = (slope * slope * self.scale**2).sum(axis=1)
+                        off = equation(x) + (slope * (Q - x) * self.scale**2).sum(axis=1)
+                        x = Q - (off / np.maximum(size, 1e-300))[:, None] * slope
+                    on = np.abs(equation(x)) < 1e-3 * equation.size
+                    away = np.linalg.norm((x - Q) * self.scale, axis=1)
+                    out = np.minimum(out, np.where(on, away, np.inf))
+                    left |= ~on
+            if left.any():
+                sure = clearance(
+                    self.form, Q[left], families=[family.name], certify=True, gap=_COARSE
+                )
+                out[left] = np.minimum(out[left], sure.upper)
+        return out
+
+    def _unreached(self) -> str | None:
+        """The first pose without a usable node, in words."""
+        reached = np.isfinite(self.clear).any(axis=(1, 2))
+        within = self.usable.any(axis=(1, 2))
+        if within.all():
+            return None
+        k = int(np.argmin(within))
+        if not reached[k]:
+            at = ", ".join(f"{x:.4g}" for x in self.T[k, :3, 3])
+            return f"pose {k} at ({at}) m is out of reach" + (
+                "" if self.free == "branch" else f" for every value of {self.free}"
+            )
+        q = self.Q[k][np.isfinite(self.clear[k])]
+        beyond = self.arm.joints[int(self.arm.space.outside(q).sum(axis=0).argmax())]
+        return f"at pose {k} every solution is outside the limits of {beyond}"
+
+    def _first(self, start: npt.ArrayLike | None) -> Bool:
+        """Which nodes (G, S) of the first pose a path may begin at."""
+        if start is None:
+            return np.asarray(self.usable[0])
+        q = self.arm.check_one(start, "start")
+        apart = np.abs(self._gap(np.nan_to_num(self.Q[0], nan=1e9) - q)).max(axis=-1)
+        half = 0.5 * (self.grid[1] - self.grid[0]) if len(self.grid) > 1 else 0.0
+        near = apart <= apart.min()
+        if apart.min() > max(1e-4, 10 * half):
+            raise ConfigurationError("start does not reach the first pose at any value on the grid")
+        return np.asarray(near & self.usable[0])
+
+    def _gap(self, difference: Array) -> Array:
+        """Motions between nodes: whole turns aside for joints that have room for them."""
+        return difference - self.turn * np.rint(difference / (2 * np.pi))
+
+    # -- the path ---------------------------------------------------------------------------------
+
+    def _best_path(self, first: Bool) -> tuple[Ints, Ints] | str:
+        """Indices of values and slots (N,), (N,) of the best path; else why there is none.
+
+        Beside it, ``relaxed`` becomes what paths between the grid's values may have: nodes have
+        half of the way to their neighbours more, and one value more may be passed at a time.
+        """
+        N, G, S = self.clear.shape
+        window = 0 if G == 1 else min(G // 2, max(3, -(-_TURNS * G // N)))
+        links, room = self._beside(0)
+        best = np.where(first, np.stack([self.likely[0], room]), -np.inf)
+        back = np.zeros((N, G, S, 2), dtype=np.int32)
+        every = np.arange(G)
+        for k in range(1, N):
+            before, (links, room) = links, self._beside(k)
+            nodes = np.stack([self.likely[k], room])
+            new = np.full((2, G, S), -np.inf)
+            slot = self._nearest(self.circle[k], self.circle[k - 1])
+            for side, (beside, link) in enumerate(before):
+                source, here = every, slot
+                for d in range(window + 2 if G > 1 else 1):
+                    if d > 0:
+                        here = np.take_along_axis(link[source], here, axis=1)
+                        source = beside[source]
+                    elif side:
+                        continue
+                    take = source[:, None], here
+                    value = np.minimum(best[:, take[0], take[1]], nodes)
+                    value[~self._passable(k, take, nodes)] = -np.inf
+                    up = (value[0] > new[0]) & (d <= window)
+                    new[0][up] = value[0][up]
+                    new[1] = np.maximum(new[1], value[1])
+                    back[k, ..., 0][up] = np.broadcast_to(source[:, None], up.shape)[up]
+                    back[k, ..., 1][up] = here[up]
+            if not np.isfinite(new[0]).any():
+                return self._why(k, best[0])
+            best = new
+            if k % 20 == 0:
+                self.progress("best path", k, N)
+        self.reached, self.relaxed = float(best[0].max()), float(best[1].max())
+        i, s = (int(x) for x in np.unravel_index(int(best[0].argmax()), best[0].shape))
+        rows, slots = np.zeros(N, dtype=int), np.zeros(N, dtype=int)
+        for k in range(N - 1, -1, -1):
+            rows[k], slots[k] = i, s
+            i, s = (int(x) for x in back[k, i, s])
+        return rows, slots
+
+    def _beside(self, k: int) -> tuple[list[tuple[Ints, Ints]], Array]:
+        """The neighbours of pose k's nodes along the grid, both ways, and the room of each node.
+
+        Each way as indices (G,) and slots (G, S). The room (G, S) is the clearance with half of the
+        longer way to a neighbour, a tenth added since a branch moves on an arc.
+        """
+        out, way = [], np.zeros(self.likely[k].shape)
+        for side in (-1, 1):
+            beside = self._shifted(np.arange(len(self.grid)), side)
+            link = self._nearest(self.circle[k], self.circle[k][beside])
+            gap = self._gap(self.Q[k] - self.Q[k][beside[:, None], link]) * self.scale
+            way = np.fmax(way, np.sqrt((gap**2).sum(axis=-1)))
+            out.append((beside, link))
+        near = np.where(way < _BRANCH, way, 0.0)
+        return out, np.where(self.usable[k], self.likely[k] + 0.55 * near, -np.inf)
+
+    def _nearest(self, a: Array, b: Array) -> Ints:
+        """Slots (M, S) of nodes b (M, S, 2n) nearest to those of nodes a, by sums of cosines."""
+        return np.asarray((a @ b.swapaxes(1, 2)).argmax(axis=-1))
+
+    def _passable(self, k: int, take: tuple[Array, Ints], room: Array) -> Bool:
+        """Which nodes of pose k are reached from the pose before (2, G, S): proven, relaxed."""
+        gap = self._gap(self.Q[k] - self.Q[k - 1][take]) * self.scale
+        length = np.sqrt((gap**2).sum(axis=-1))
+        with np.errstate(invalid="ignore"):
+            clear = self.clear[k] + self.clear[k - 1][take] - length > 0
+            loose = length < 2 * room[1]
+            if self.timed:
+                most = limits_of(self.arm) * (self.t[k] - self.t[k - 1])
+                clear &= (np.abs(gap) <= most * self.scale).all(axis=-1)
+        return np.stack([clear, loose]) & self.usable[k]
+
+    def _shifted(self, i: Ints, d: int) -> Ints:
+        """Neighbours of values i on the grid; the ends have none beyond them, and stay."""
+        G = len(self.grid)
+        return (i + d) % G if self.cyclic else np.clip(i + d, 0, G - 1)
+
+    def _why(self, k: int, best: Array) -> str:
+        """Why no node of pose k is reached from those of the pose before."""
+        source, target = np.isfinite(best), self.usable[k]
+        q, to = self.Q[k - 1][source], self.Q[k][target]
+        gap = self._gap(to[None] - q[:, None])
+        near = np.unravel_index(int(np.linalg.norm(gap, axis=-1).argmin()), gap.shape[:2])
+        a, move = q[near[0]], gap[near]
+        met = crossings(self.form, np.array([a, a + move])).events
+        if met:
+            return f"every path crosses {met[0].family} between poses {k - 1} and {k}"
+        if self.timed and (np.abs(move) > limits_of(self.arm) * (self.t[k] - self.t[k - 1])).any():
+            j = int((np.abs(move) / limits_of(self.arm)).argmax())
+            return (
+                f"{self.arm.joints[j]} would exceed its speed limit between poses {k - 1} and {k}"
+            )
+        return (
+            f"no motion between poses {k - 1} and {k} is proven clear: the nearest solutions are "
+            f"{np.degrees(np.linalg.norm(move)):.3g}° apart"
+        )
+
+    def _unwrapped(self, q: Array) -> Array | None:
+        """The path (N, n) without jumps by whole turns, moved by whole turns into the limits."""
+        steps = self._gap(np.diff(q, axis=0))
+        path = np.concatenate([q[:1], q[0] + np.cumsum(steps, axis=0)])
+        low, high = self.arm.space.span
+        for j in np.flatnonzero(~self.bounded):
+            most = np.floor((high[j] - path[:, j].max()) / (2 * np.pi) + 1e-9)
+            least = np.ceil((low[j] - path[:, j].min()) / (2 * np.pi) - 1e-9)
+            if np.isfinite(most) and np.isfinite(least) and most < least:
+                return None
+            turns = 0.0 if least <= 0.0 <= most else (most if most < 0 else least)
+            path[:, j] += 2 * np.pi * turns
+        return path
+
+    # -- what others reach ------------------------------------------------------------------------
+
+    def _fixed(self) -> tuple[float, ...]:
+        """Least clearance at the poses with what is free kept, of each branch at the first pose."""
+        out = []
+        for s in np.flatnonzero(self.usable[0, 0]):
+            q, least = self.Q[0, 0, s], float(self.likely[0, 0, s])
+            for k in range(1, len(self.T)):
+                gap = np.linalg.norm(self._gap(self.Q[k, 0] - q) * self.scale, axis=-1)
+                near = int(np.where(self.usable[k, 0], gap, np.inf).argmin())
+                here = self.clear[k, 0, near]
+                if not self.usable[k, 0, near] or gap[near] >= here + self._at(q):
+                    least = 0.0
+                    break
+                q, least = self.Q[k, 0, near], min(least, float(self.likely[k, 0, near]))
+            out.append(least)
+        return tuple(out)
+
+    def _at(self, q: Array) -> float:
+        return float(clearance(self.form, q).lower)
+
+    def _roll_moves_the_last_joint(self) -> bool:
+        """Whether all nodes of the first pose differ in the last joint alone."""
+        Q = self.Q[0].reshape(-1, self.arm.n)
+        Q = Q[np.isfinite(Q[:, 0])]
+        others = Q[:, :-1]
+        apart = np.abs(self.arm.space.wrap(Q[:, None] - Q[None, :1]))[..., :-1].max(axis=-1)
+        return len(others) > 0 and len(np.unique(np.round(apart, 6))) <= 16
+
+    def _bound(self) -> float:
+        """What no path exceeds: a path stays on one side of each surface, so the most of any side.
+
+        Of each side, the most at the poses where it has the least room.
+        """
+        side = self._sides(self.Q)
+        most = 0.0
+        for label in np.unique(side[0][self.usable[0]]):
+            room = np.where(self.usable & (side == label), self.likely, -np.inf).max(axis=(1, 2))
+            deciding = np.argsort(room)[:_DECIDING]
+            if np.isfinite(room[deciding]).all():
+                most = max(most, min(self._most_at(int(k), int(label)) for k in deciding))
+        return most
+
+    def _sides(self, Q: Array) -> Ints:
+        """On which sides of the surfaces that part joint space nodes (..., n) are, as a number."""
+        out = np.zeros(Q.shape[:-1], dtype=int)
+        q = np.nan_to_num(Q)
+        for family in self.form.families:
+            f: Array = np.ones(Q.shape[:-1])
+            for branch in family.branches:
+                if len(branch.values) + len(branch.equations) != 1:
+                    f = np.ones(Q.shape[:-1])  # it parts nothing
+                    break
+                for v in branch.values:
+                    slides = self.arm.prismatic[v.joint]
+                    off = q[..., v.joint] - v.value
+                    f = f * (off if slides else np.sin(off / 2))
+                for equation in branch.equations:
+                    f = f * equation(q)
+            if self._has_a_sign(family):
+                out = 2 * out + (f > 0)
+        return out
+
+    def _has_a_sign(self, family: Family) -> bool:
+        """Whether whole turns leave the sign of a family's product of equations as it is."""
+        odd = np.zeros(self.arm.n)
+        for branch in family.branches:
+            for v in branch.values:
+                odd[v.joint] += 1
+            for equation in branch.equations:
+                odd += equation.frequencies[0] if len(equation.frequencies) else 0
+        return bool((odd[self.turn > 0] % 2 == 0).all())
+
+    def _most_at(self, k: int, side: int) -> float:
+        """The most clearance at pose k on a side, whatever the value and the branch, by bisection.
+
+        Between two neighbouring values a branch moves by the length of its arc, here its chord
+        and a tenth; clearance changes no faster.
+        """
+
+        def upper(Q: Array) -> Array:
+            there = np.isfinite(Q[..., 0]) & self.arm.within_limits(np.nan_to_num(Q))
+            there &= self._sides(Q) == side
+            out = np.full(there.shape, -np.inf)
+            if there.any():
+                out[there] = clearance(self.form, Q[there], certify=True, gap=_GAP).upper
+            return out
+
+        values, Q = self.grid, self.Q[k]
+        found = upper(Q)
+        best = float(found.max())
+        if self.free == "branch":
+            return best
+        ends = self._shifted(np.arange(len(values)), 1)
+        width = 2 * np.pi / len(values) if self.cyclic else float(values[1] - values[0])
+        left = [(values[i], Q[i], found[i], Q[j], found[j]) for i, j in enumerate(ends)]
+        while True:
+            ceiling = [self._ceiling(*x[1:]) for x in left]
+            left = [x for x, c in zip(left, ceiling, strict=True) if c > best + _BISECTED]
+            if not left or width < _FINEST:
+                return max(best, *ceiling)
+            width /= 2
+            middle = np.array([x[0] + width for x in left])
+            held = middle if self.held is not None else None
+            here = self.solver.solve(*self._targets(self.T[k : k + 1], middle), held)[0]
+            found = upper(here)
+            best = max(best, float(found.max()))
+            left = [
+                y
+                for (v, a, ua, b, ub), q, u in zip(left, here, found, strict=True)
+                for y in ((v, a, ua, q, u), (v + width, q, u, b, ub))
+            ]
+
+    def _ceiling(self, a: Array, ua: Array, b: Array, ub: Array) -> float:
+        """The most that a branch has between two values with solutions (S, n) at each end."""
+        gap = self._gap(np.nan_to_num(a, nan=1e9)[:, None] - np.nan_to_num(b, nan=-1e9))
+        chord = np.linalg.norm(gap * self.scale, axis=-1)
+        pair = np.where(chord < _BRANCH, (ua[:, None] + ub[None] + 1.1 * chord) / 2, -np.inf)
+        return float(pair.max(initial=-np.inf))
+
+    def _proven(self, q: Array) -> tuple[float, float]:
+        """The least clearance along a path (N, n), between poses too, and at which pose it is.
+
+        Segments are halved where their bound, from clearances at their ends, is the least.
+        """
+        places = np.arange(len(q), dtype=float)
+        lower = clearance(self.form, q, certify=True, gap=_GAP).lower
+        while True:
+            length = np.linalg.norm(np.diff(q, axis=0) * self.scale, axis=1)
+            bound = np.minimum(
+                (lower[:-1] + lower[1:] - length) / 2, np.minimum(lower[:-1], lower[1:])
+            )
+            wide = np.flatnonzero(bound < lower.min() - _BISECTED / 2)
+            if not len(wide) or length[wide].max() < _FINEST:
+                return max(float(bound.min()), 0.0), float(places[lower.argmin()])
+            middle = (q[wide] + q[wide + 1]) / 2
+            here = clearance(self.form, middle, certify=True, gap=_GAP).lower
+            lower = np.insert(lower, wide + 1, here)
+            places = np.insert(places, wide + 1, (places[wide] + places[wide + 1]) / 2)
+            q = np.insert(q, wide + 1, middle, axis=0)
+
+
+def _rigid(poses: npt.ArrayLike) -> Array:
+    """Poses (N, 4, 4), checked."""
+    T: Array = np.asarray(poses, dtype=float)
+    if T.ndim != 3 or T.shape[1:] != (4, 4) or len(T) < 2:
+        raise ConfigurationError(f"poses needs two or more 4x4 matrices, got shape {T.shape}")
+    R = T[:, :3, :3]
+    off = np.abs(R @ R.swapaxes(1, 2) - np.eye(3)).max(axis=(1, 2))
+    bad = ~np.isfinite(T).all(axis=(1, 2)) | (off > 1e-6) | (np.linalg.det(R) < 0)
+    if bad.any():
+        raise ConfigurationError(f"pose {int(bad.argmax())} is no rigid motion")
+    return T
