@@ -253,6 +253,11 @@ CALLS = {
         lambda: pinsing.export_guard, with_arm(language="python", prefix="planar"), slow=True
     ),
     "plan_map": Call(lambda: pinsing.plan_map, with_arm(count=8)),
+    "plan_path": Call(
+        lambda: pinsing.plan_path,
+        lambda: {"form": pinsing.closed_form(pinsing.load("ur5"), prove=False), "poses": POSES},
+        slow=True,
+    ),
     "plan_sweep": Call(lambda: pinsing.plan_sweep, with_arm(levels=1, samples=5)),
     "refine": Call(lambda: pinsing.refine, with_arm(q0=Q)),
     "refine_many": Call(lambda: pinsing.refine_many, with_arm(Q0=[Q])),

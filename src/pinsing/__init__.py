@@ -38,6 +38,7 @@ if TYPE_CHECKING:
     from pinsing.postures.inverse import inverse
     from pinsing.postures.inverse_solutions import InverseSolutions
     from pinsing.postures.motions import aspect_changes, line_postures
+    from pinsing.postures.toolpath import PathPlan, plan_path
     from pinsing.proximity.clearance import Clearance, clearance, is_clear
     from pinsing.proximity.crossings import Crossing, Crossings, crossings
     from pinsing.proximity.guard import export_guard
@@ -92,6 +93,7 @@ _HOME = {
     "Modes": "pinsing.loops",
     "Monitor": "pinsing.proximity.monitor",
     "Nominal": "pinsing.robot.nominal",
+    "PathPlan": "pinsing.postures.toolpath",
     "PinsingError": "pinsing.errors",
     "PostureChanges": "pinsing.postures.changes",
     "SingularConfiguration": "pinsing.configuration.refine",
@@ -129,6 +131,7 @@ _HOME = {
     "mechanism_map": "pinsing.loops",
     "nominal": "pinsing.robot.nominal",
     "plan_map": "pinsing.sampling",
+    "plan_path": "pinsing.postures.toolpath",
     "plan_sweep": "pinsing.sampling.planning",
     "posture_changes": "pinsing.postures.changes",
     "refine": "pinsing.configuration.refine",
@@ -168,6 +171,7 @@ __all__ = [
     "Modes",
     "Monitor",
     "Nominal",
+    "PathPlan",
     "PinsingError",
     "PostureChanges",
     "SingularConfiguration",
@@ -205,6 +209,7 @@ __all__ = [
     "mechanism_map",
     "nominal",
     "plan_map",
+    "plan_path",
     "plan_sweep",
     "posture_changes",
     "refine",

@@ -12,6 +12,10 @@ COMMANDS: dict[str, tuple[str, str]] = {
     "analyze": ("singularities", "Find all singular configurations."),
     "at": ("at", "Everything about one configuration."),
     "check": ("check", "Whether a trajectory meets or nears singularities."),
+    "path": (
+        "path",
+        "The joint path through a toolpath that stays farthest from them.",
+    ),
     "line": ("line", "Whether the tip can follow a straight line (MoveL)."),
     "suggest": ("suggest", "A configuration far from all singular ones."),
     "aspects": ("postures", "The pieces that singularities cut joint space into."),

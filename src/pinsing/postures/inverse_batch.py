@@ -80,7 +80,9 @@ class InverseMany:
         flat = self._polished(
             Q.reshape(-1, self.arm.n), position.reshape(-1, 3), rotation.reshape(-1, 3, 3), slots
         )
-        return _distinct(flat.reshape(Q.shape), self.arm)
+        flat = _distinct(flat.reshape(Q.shape), self.arm)
+        most = max(1, int(np.isfinite(flat[..., 0]).sum(axis=-1).max(initial=0)))
+        return flat[..., :most, :]
 
     def _eaik(self, value: float) -> Any:
         """Return EAIK's robot with the held joint at a value; None if EAIK does not know it."""
@@ -102,22 +104,20 @@ class InverseMany:
         T[..., :3, :3], T[..., :3, 3], T[..., 3, 3] = rotation, position, 1.0
         if values is not None:  # another robot for each value of the held joint
             T = T.swapaxes(0, 1)
-        robot = self._eaik(0.0)
+        robot, n = self._eaik(0.0), self.arm.n
         found = []
         for k, batch in enumerate(T):
             if values is not None:
                 robot = self._eaik(float(values[k]))
             solved = [] if robot is None else robot.IK_batched(batch, num_worker_threads=2)
-            found.append([_exact(x) for x in solved] or [np.empty((0, 6))] * len(batch))
+            found.append([_exact(x, n) for x in solved] or [np.empty((0, n))] * len(batch))
             if progress is not None:
                 progress(k + 1, len(T))
         slots = max(1, max(len(q) for row in found for q in row))
-        Q = np.full((*T.shape[:2], slots, self.arm.n), np.nan)
+        Q = np.full((*T.shape[:2], slots, n), np.nan)
         for k, row in enumerate(found):
             for i, q in enumerate(row):
-                Q[k, i, : len(q), self.free] = q.T
-            if values is not None:
-                Q[k, :, :, self.held] = values[k]
+                Q[k, i, : len(q)] = q
         return Q if values is None else Q.swapaxes(0, 1)
 
     def _continued(
@@ -144,9 +144,9 @@ class InverseMany:
 
         def follow(to: tuple[Any, ...], source: Array) -> None:
             """Continue solutions (M, S, n) of neighbours to the nodes ``to`` (M of them)."""
+            source = source.copy()
             if values is not None:
                 here = np.broadcast_to(values, (N, G))[to]
-                source = source.copy()
                 source[..., self.held] = np.where(
                     np.isfinite(source[..., 0]), here[:, None], np.nan
                 )
@@ -174,7 +174,7 @@ class InverseMany:
     def _polished(
         self, Q: Array, position: Array, rotation: Array, slots: int, near: float = _NEAR
     ) -> Array:
-        """Configurations (M S, n) at poses (M), by Newton steps from Q; NaN if not reached."""
+        """Move Q (M S, n) to the poses (M), in place, by Newton steps; NaN where that fails."""
         for start in range(0, len(Q), _ROWS):
             here = Q[start : start + _ROWS]
             rows = np.flatnonzero(np.isfinite(here[:, 0]))
@@ -242,11 +242,10 @@ def _frames_at_zero(chain: Chain) -> Array:
     return np.array(frames)
 
 
-def _exact(found: Any) -> Array:
-    """Solutions (k, 6) without those that are least squares only."""
-    if not len(found.Q):
-        return np.empty((0, 6))
-    return np.asarray(found.Q, dtype=float)[~np.asarray(found.is_LS, dtype=bool)]
+def _exact(found: Any, n: int) -> Array:
+    """Solutions (k, n), a held joint included, without those that are least squares only."""
+    least_squares: Bool = np.asarray(found.is_LS, dtype=bool)
+    return np.asarray(np.asarray(found.Q, dtype=float).reshape(-1, n)[~least_squares])
 
 
 def _distinct(Q: Array, arm: Arm) -> Array:
@@ -261,5 +260,4 @@ def _distinct(Q: Array, arm: Arm) -> Array:
         finite[..., a] &= ~((apart < _SAME) & finite[..., :a]).any(axis=-1)
     Q[~finite] = np.nan
     order = np.argsort(~finite, axis=-1, kind="stable")
-    most = max(1, int(finite.sum(axis=-1).max(initial=0)))
-    return np.take_along_axis(Q, order[..., None], axis=-2)[..., :most, :]
+    return np.take_along_axis(Q, order[..., None], axis=-2)

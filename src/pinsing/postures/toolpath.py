@@ -91,6 +91,12 @@ class PathPlan(JsonResult):
         Configurations that were compared.
     notes : tuple of str
         What was assumed.
+    grid : (G,) array
+        The values of what is free that were compared; not written to JSON.
+    room : (N, G) array
+        The greatest clearance over the branches there, -inf where the pose is not reached within
+        the joint limits; what is surely less than the path has counts by a lower bound. Not
+        written to JSON.
     """
 
     schema: ClassVar[str] = "pinsing/path_plan/1"
@@ -108,6 +114,10 @@ class PathPlan(JsonResult):
     reason: str
     nodes: int
     notes: tuple[str, ...] = field(default=())
+    grid: Array = field(default_factory=lambda: np.empty(0), repr=False, metadata={"json": False})
+    room: Array = field(
+        default_factory=lambda: np.empty((0, 0)), repr=False, metadata={"json": False}
+    )
 
     def __repr__(self) -> str:
         said = self.reason or f"clearance {self.clearance:.3g}, bound {self.bound:.3g}"
@@ -151,6 +161,7 @@ def plan_path(
     start: npt.ArrayLike | None = None,
     t: npt.ArrayLike | None = None,
     arm: Arm | None = None,
+    tool: npt.ArrayLike | None = None,
     progress: Callable[[str, int, int], None] | None = None,
 ) -> PathPlan:
     """Find the joint path through poses that stays farthest from singular configurations.
@@ -160,10 +171,10 @@ def plan_path(
     form : ClosedForm
         Of the arm.
     poses : (N, 4, 4) array_like
-        Poses of the tip in the base frame, metres; at least two.
+        Poses of the tool in the base frame, metres; at least two.
     free : str
         "branch": the inverse kinematics solution alone is chosen; "roll": the rotation about the
-        tip's z axis, too; or the name of a joint of an arm that has a seventh one.
+        tool's z axis, too; or the name of a joint of an arm that has a seventh one.
     step : float
         Distance of the values of what is free that are compared: radians, metres of a prismatic
         joint.
@@ -173,6 +184,8 @@ def plan_path(
         Seconds at the poses: joint speed limits are then kept.
     arm : Arm, optional
         The arm that shall reach the poses; the form's own nominal geometry if not given.
+    tool : (4, 4) array_like, optional
+        Pose of the tool in the tip frame, metres; the tip itself if not given.
     progress : callable
         Told what is done, how far it is, and how far that goes.
 
@@ -198,10 +211,17 @@ def plan_path(
     >>> plan.q.shape, plan.clearance <= plan.bound
     ((5, 6), True)
     """
-    if arm is None and form.geometry is None:
-        raise OptionError("a form that was read from JSON has no geometry: give arm=")
-    arm = arm or form.geometry.arm
-    planner = _Planner(form, arm, _rigid(poses), free, step, t, progress or (lambda *_: None))
+    if arm is None:
+        if form.geometry is None:
+            raise OptionError("a form that was read from JSON has no geometry: give arm=")
+        arm = form.geometry.arm
+    back: Array = np.eye(4)
+    if tool is not None:
+        back = np.linalg.inv(rigid_motions(np.asarray(tool)[None], "tool")[0])
+    T = rigid_motions(poses, "poses")
+    if len(T) < 2:
+        raise ConfigurationError("a path has two poses at least")
+    planner = _Planner(form, arm, T, back, free, step, t, progress or (lambda *_: None))
     return planner.plan(start)
 
 
@@ -213,6 +233,7 @@ class _Planner:
         form: ClosedForm,
         arm: Arm,
         T: Array,
+        back: Array,
         free: str,
         step: float,
         t: npt.ArrayLike | None,
@@ -224,21 +245,23 @@ class _Planner:
             raise OptionError(
                 f"free={free!r} is neither branch, roll, nor a joint ({', '.join(arm.joints)})"
             )
-        self.form, self.arm, self.T, self.free, self.progress = form, arm, T, free, progress
+        self.form, self.arm, self.T, self.back = form, arm, T, back
+        self.free, self.progress = free, progress
         self.t = np.arange(len(T), dtype=float) if t is None else np.asarray(t, dtype=float)
         if self.t.shape != (len(T),) or not (np.diff(self.t) > 0).all():
             raise OptionError(f"t needs {len(T)} increasing times")
         self.timed = t is not None
         held = arm.joints.index(free) if free in arm.joints else None
         self.solver = InverseMany(arm, held)
+        self.likely: Array = np.empty((0, 0, 0))
+        self.reached = self.relaxed = -np.inf
         self.cyclic = free == "roll"
-        if free == "branch":
-            self.grid = np.zeros(1)
-        elif held is None:
-            self.grid = np.arange(round(2 * np.pi / step)) * (2 * np.pi / round(2 * np.pi / step))
-        else:
-            low, high = arm.space.span
-            self.grid = np.linspace(low[held], high[held], 1 + round((high - low)[held] / step))
+        self.grid: Array = np.zeros(1)
+        if self.cyclic:
+            self.grid = np.linspace(0, 2 * np.pi, max(3, round(2 * np.pi / step)), endpoint=False)
+        elif held is not None:
+            low, high = (x[held] for x in arm.space.span)
+            self.grid = np.linspace(low, high, max(2, 1 + round((high - low) / step)))
         self.held = held
         whole = np.isfinite(arm.lower) & (arm.upper - arm.lower < 2 * np.pi)
         self.bounded: Bool = whole | np.asarray(arm.prismatic, dtype=bool)
@@ -296,6 +319,8 @@ class _Planner:
             reason="",
             nodes=int(np.isfinite(self.clear).sum()),
             notes=tuple(notes),
+            grid=self.grid,
+            room=np.where(self.usable, self.likely, -np.inf).max(axis=2),
         )
 
     def _none(self, reason: str, notes: Sequence[str]) -> PathPlan:
@@ -309,16 +334,15 @@ class _Planner:
     # -- the grid ---------------------------------------------------------------------------------
 
     def _targets(self, T: Array, values: Array) -> tuple[Array, Array]:
-        """Positions (N, G, 3) and rotations (N, G, 3, 3) of the nodes of poses T (N, 4, 4)."""
-        N, G = len(T), len(values)
-        rotation = np.broadcast_to(T[:, None, :3, :3], (N, G, 3, 3))
+        """Positions (N, G, 3) and rotations (N, G, 3, 3) of the tip at poses T (N, 4, 4)."""
+        spin = np.broadcast_to(np.eye(3), (len(values), 3, 3)).copy()
         if self.cyclic:
-            c, s = np.cos(values), np.sin(values)
-            zero, one = np.zeros(G), np.ones(G)
-            spin = np.stack([c, -s, zero, s, c, zero, zero, zero, one], axis=-1).reshape(G, 3, 3)
-            rotation = rotation @ spin
-        position = np.broadcast_to(T[:, None, :3, 3], (N, G, 3))
-        return np.ascontiguousarray(position), np.ascontiguousarray(rotation)
+            spin[:, 0, 0] = spin[:, 1, 1] = np.cos(values)
+            spin[:, 1, 0] = np.sin(values)
+            spin[:, 0, 1] = -spin[:, 1, 0]
+        rotation = T[:, None, :3, :3] @ spin
+        position = T[:, None, :3, 3] + rotation @ self.back[:3, 3]
+        return position, rotation @ self.back[:3, :3]
 
     def _held_values(self, values: Array) -> Array | None:
         return None if self.held is None else values
@@ -361,7 +385,7 @@ class _Planner:
 
     def _estimates(self, least: float) -> Array:
         """The clearance of all nodes as steps find it, at least ``least`` or a lower bound."""
-        out = self.clear.copy()
+        out: Array = self.clear.copy()
         open_ = self.usable & (self.most >= least) & (self.most > self.clear * (1 + _ALIKE))
         rows = np.argwhere(open_)
         for start in range(0, len(rows), _ROWS):
@@ -431,7 +455,7 @@ class _Planner:
 
     def _gap(self, difference: Array) -> Array:
         """Motions between nodes: whole turns aside for joints that have room for them."""
-        return difference - self.turn * np.rint(difference / (2 * np.pi))
+        return np.asarray(difference - self.turn * np.rint(difference / (2 * np.pi)))
 
     # -- the path ---------------------------------------------------------------------------------
 
@@ -511,7 +535,7 @@ class _Planner:
             if self.timed:
                 most = limits_of(self.arm) * (self.t[k] - self.t[k - 1])
                 clear &= (np.abs(gap) <= most * self.scale).all(axis=-1)
-        return np.stack([clear, loose]) & self.usable[k]
+        return np.asarray(np.stack([clear, loose]) & self.usable[k])
 
     def _shifted(self, i: Ints, d: int) -> Ints:
         """Neighbours of values i on the grid; the ends have none beyond them, and stay."""
@@ -651,7 +675,7 @@ class _Planner:
         while True:
             ceiling = [self._ceiling(*x[1:]) for x in left]
             left = [x for x, c in zip(left, ceiling, strict=True) if c > best + _BISECTED]
-            if not left or width < _FINEST:
+            if not left or width < _FINEST or not self.solver.exact:  # else each costs a search
                 return max(best, *ceiling)
             width /= 2
             middle = np.array([x[0] + width for x in left])
@@ -694,14 +718,20 @@ class _Planner:
             q = np.insert(q, wide + 1, middle, axis=0)
 
 
-def _rigid(poses: npt.ArrayLike) -> Array:
-    """Poses (N, 4, 4), checked."""
+def rigid_motions(poses: npt.ArrayLike, name: str) -> Array:
+    """Return poses as an array (N, 4, 4).
+
+    Raises
+    ------
+    ConfigurationError
+        If they are no rigid motions; the message calls them ``name``.
+    """
     T: Array = np.asarray(poses, dtype=float)
-    if T.ndim != 3 or T.shape[1:] != (4, 4) or len(T) < 2:
-        raise ConfigurationError(f"poses needs two or more 4x4 matrices, got shape {T.shape}")
+    if T.ndim != 3 or T.shape[1:] != (4, 4):
+        raise ConfigurationError(f"{name} needs 4x4 matrices, got shape {T.shape}")
     R = T[:, :3, :3]
     off = np.abs(R @ R.swapaxes(1, 2) - np.eye(3)).max(axis=(1, 2))
-    bad = ~np.isfinite(T).all(axis=(1, 2)) | (off > 1e-6) | (np.linalg.det(R) < 0)
+    bad = ~np.isfinite(T).all(axis=(1, 2)) | ~(off < 1e-6) | ~(np.linalg.det(R) > 0)
     if bad.any():
-        raise ConfigurationError(f"pose {int(bad.argmax())} is no rigid motion")
+        raise ConfigurationError(f"{name}: number {int(bad.argmax())} is no rigid motion")
     return T

@@ -1,0 +1,166 @@
+"""``pinsing path``: the best joint path through a toolpath."""
+
+from __future__ import annotations
+
+import io
+import math
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from pinsing.cli.check import angle
+from pinsing.cli.figure import check_figure, off_screen, save_figure
+from pinsing.cli.options import (
+    RobotRequest,
+    arm_options,
+    deg_option,
+    joint_vector,
+    json_option,
+    parse_numbers,
+)
+from pinsing.cli.output import OutputFile, emit_json, emit_lines, say
+from pinsing.cli.waiting import waiting
+from pinsing.errors import OptionError
+
+if TYPE_CHECKING:
+    from pinsing._types import Array
+
+
+@click.command("path")
+@arm_options
+@click.argument("poses", type=click.Path(path_type=Path))
+@click.option("-o", "--output", type=OutputFile(), metavar="FILE|-", help="Write the path as CSV.")
+@click.option(
+    "--free",
+    default="branch",
+    show_default=True,
+    metavar="roll|JOINT|branch",
+    help="What may be chosen: the rotation about the tool's z axis, a seventh joint, or only the "
+    "inverse kinematics branch.",
+)
+@click.option("--step", default="1deg", show_default=True, metavar="ANGLE", help="Its grid.")
+@click.option("--tool", metavar="X,Y,Z[,R,P,Y]", help="Pose of the tool in the tip frame, metres.")
+@click.option(
+    "--base-frame",
+    metavar="X,Y,Z[,R,P,Y]",
+    help="Frame of the poses, in the base frame of the robot, metres.",
+)
+@click.option("--start", metavar="Q1,Q2,...", help="Configuration at the first pose.")
+@click.option("--feed", type=float, metavar="M/S", help="Tool speed: joint speed limits are kept.")
+@click.option("--mm", is_flag=True, help="x, y, z of the file are millimetres.")
+@click.option(
+    "--plot",
+    type=OutputFile(dash=False),
+    metavar="FILE",
+    help="Draw the clearance along it.",
+)
+@deg_option
+@json_option
+def path_command(
+    request: RobotRequest,
+    poses: Path,
+    output: str | Path | None,
+    free: str,
+    step: str,
+    tool: str | None,
+    base_frame: str | None,
+    start: str | None,
+    feed: float | None,
+    mm: bool,
+    plot: Path | None,
+    deg: bool,
+    json_target: str | Path | None,
+) -> int:
+    """Find the joint path through POSES that stays farthest from singularities.
+
+    POSES is a CSV file with a header: x, y, z and qx, qy, qz, qw, or roll, pitch, yaw, or i, j, k
+    (the direction from the tip into the tool); t, if there is one, gives seconds. The exit code is
+    1 if there is no path.
+
+    Example: pinsing path ur5 seam.csv --free roll --tool 0,0.05,0.15,45,0,0 --deg -o joints.csv
+    """
+    import numpy as np
+
+    grid = angle(step, "--step", True)
+    if plot is not None:
+        check_figure(plot)
+    if feed is not None and not feed > 0:
+        raise OptionError(f"--feed must be positive, got {feed:g}")
+    in_tip = _frame(tool, "--tool", deg)
+    in_base = _frame(base_frame, "--base-frame", deg)
+    arm = request.load()
+    from pinsing.families.solve import form_to_measure
+    from pinsing.postures.pose_file import read_poses
+    from pinsing.postures.toolpath import plan_path
+
+    read = read_poses(poses, degrees=deg, millimetres=mm)
+    if not read.has_roll and free != "roll":
+        raise OptionError(f"{poses} has no rotation about the tool: add --free roll")
+    T, t = in_base @ read.poses, read.t
+    if feed is not None:
+        moved = np.linalg.norm(np.diff(T[:, :3, 3], axis=0), axis=1) / feed
+        if not (moved > 0).all():
+            raise OptionError("--feed needs poses at different places: give times in a column t")
+        t = np.concatenate([[0.0], np.cumsum(moved)])
+    q0 = None if start is None else joint_vector(arm, start, "--start", deg)
+    with waiting() as step_to:
+        step_to("families")
+        form = form_to_measure(arm)
+        plan = plan_path(
+            form, T, free=free, step=grid, start=q0, t=t, arm=arm, tool=in_tip,
+            progress=lambda what, k, n: step_to(f"{what}: {100 * k // n} %"),
+        )  # fmt: skip
+    if not emit_json(plan, json_target):
+        emit_lines(plan.text())
+    if plan.reason:
+        return 1
+    if output is not None:
+        factor = np.where(arm.prismatic, 1.0, 180 / math.pi) if deg else np.ones(arm.n)
+        columns, names = plan.q * factor, list(arm.joints)
+        if t is not None:
+            columns, names = np.column_stack([t, columns]), ["t", *names]
+        text = io.StringIO()
+        np.savetxt(text, columns, fmt="%.12g", delimiter=",", header=",".join(names), comments="")
+        _write(output, text.getvalue())
+        if output != "-":
+            say(
+                f"wrote {output}; check it: pinsing check {request.robot} {output}" + " --deg" * deg
+            )
+    if plot is not None:
+        off_screen()
+        from pinsing.plot.toolpath import path_sheet
+
+        save_figure(path_sheet(plan, form), plot)
+        say(f"wrote {plot}")
+    return 0
+
+
+def _write(target: str | Path, text: str) -> None:
+    if target == "-":
+        emit_lines(text.rstrip("\n"))
+    else:
+        from pinsing.atomic_write import write_text
+
+        write_text(target, text)
+
+
+def _frame(text: str | None, option: str, degrees: bool) -> Array:
+    """A pose (4, 4) from three numbers, or six with roll, pitch, yaw; the identity from None."""
+    import numpy as np
+
+    T = np.eye(4)
+    if text is None:
+        return T
+    values = parse_numbers(text, option)
+    if len(values) not in (3, 6):
+        raise OptionError(
+            f"{option} needs 3 numbers (x, y, z) or 6 (and roll, pitch, yaw): {text!r}"
+        )
+    T[:3, 3] = values[:3]
+    if len(values) == 6:
+        import pinocchio as pin
+
+        angles = np.radians(values[3:]) if degrees else np.array(values[3:])
+        T[:3, :3] = pin.rpy.rpyToMatrix(angles)
+    return T

@@ -1,0 +1,264 @@
+"""Toolpaths: the best joint path, held against brute force, and files of poses."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from click.testing import CliRunner
+
+import pinsing
+from pinsing.cli.app import command
+from pinsing.errors import ConfigurationError, OptionError, RobotFileError
+from pinsing.kinematics.jacobian import tip_placement
+from pinsing.plot.toolpath import path_sheet
+from pinsing.postures.inverse_batch import InverseMany
+from pinsing.postures.pose_file import read_poses
+from pinsing.postures.toolpath import plan_path
+
+TORCH = pin.SE3(pin.utils.rotate("x", np.radians(45)), np.array([0.0, 0.05, 0.15])).homogeneous
+START = np.radians([20, -80, 95, -105, -12, 20])
+
+
+@pytest.fixture(scope="module")
+def ur5():
+    arm = pinsing.load("ur5")
+    return arm, pinsing.closed_form(arm, prove=False)
+
+
+def circle(arm, count, radius=0.12):
+    """Poses of the torch along a circle, its rotation kept."""
+    T = np.tile(tip_placement(arm, START).homogeneous @ TORCH, (count, 1, 1))
+    a = 2 * np.pi * np.linspace(0, 1, count)
+    T[:, 0, 3] += radius * (np.cos(a) - 1)
+    T[:, 1, 3] += radius * np.sin(a)
+    return T
+
+
+def reached(arm, plan, T, tool):
+    """The path's configurations are at the poses, turned about the tool's z by its values."""
+    for q, value, pose in zip(plan.q, plan.values, T, strict=True):
+        turn = np.eye(4)
+        turn[:3, :3] = pin.utils.rotate("z", value if plan.free == "roll" else 0.0)
+        np.testing.assert_allclose(tip_placement(arm, q).homogeneous @ tool, pose @ turn, atol=1e-7)
+
+
+def test_a_torch_on_a_circle(ur5):
+    arm, form = ur5
+    T = circle(arm, 60)
+    plan = plan_path(form, T, free="roll", step=np.radians(6), arm=arm, tool=TORCH)
+    reached(arm, plan, T, TORCH)
+    assert np.degrees(plan.clearance) > 48
+    assert 0 <= np.degrees(plan.bound - plan.clearance) < 2
+    assert max(plan.fixed) < np.radians(25)
+    check = pinsing.check_trajectory(arm, plan.q, forms=form)
+    assert not check.crossings
+    assert not check.outside
+    # Between the samples, too, the clearance is no less than what is said.
+    s = np.linspace(0, 1, 7)[:, None, None]
+    between = (plan.q[:-1] * (1 - s) + plan.q[1:] * s).reshape(-1, 6)
+    true = pinsing.clearance(form, between, certify=True)
+    assert true.upper.min() >= plan.clearance - 1e-9
+    again = pinsing.PathPlan.from_json(plan.to_json())
+    assert again.clearance == plan.clearance
+    assert {"clearance", "bound"} <= json.loads(plan.to_json()).keys()
+    assert len(path_sheet(plan, form).axes) == 3
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_the_optimum_is_that_of_brute_force(ur5, seed):
+    """Over four poses and six values, by our own inverse; edges as the module defines them."""
+    arm, form = ur5
+    rng = np.random.default_rng(seed)
+    T = circle(arm, 4, 0.02)
+    T[:, :3, :3] = T[:, :3, :3] @ pin.exp3(0.3 * rng.normal(size=3))
+    step = np.radians(60)
+    plan = plan_path(form, T, free="roll", step=step, arm=arm, tool=TORCH)
+    angles = np.arange(6) * step
+    back = np.linalg.inv(TORCH)
+    nodes = []
+    for pose in T:
+        here = []
+        for value in angles:
+            turn = np.eye(4)
+            turn[:3, :3] = pin.utils.rotate("z", value)
+            here += [s.q for s in pinsing.inverse(arm, pose @ turn @ back) if s.within_limits]
+        nodes.append(np.array(here))
+    best = 0.0
+    clear = [pinsing.clearance(form, q) for q in nodes]
+    sure = [pinsing.clearance(form, q, certify=True, gap=1e-4).upper for q in nodes]
+    reach = sure[0].copy()
+    for k in range(1, 4):
+        gap = np.linalg.norm(arm.space.wrap(nodes[k][:, None] - nodes[k - 1]), axis=-1)
+        ok = clear[k].lower[:, None] + clear[k - 1].lower > gap
+        reach = np.minimum(np.where(ok, reach, -np.inf).max(axis=1), sure[k])
+    best = reach.max()
+    at_poses = pinsing.clearance(form, plan.q, certify=True, gap=1e-4).upper.min()
+    assert at_poses == pytest.approx(best, abs=2e-2)
+    assert plan.bound >= at_poses - 1e-3
+
+
+def test_a_rotation_about_the_last_axis_cannot_help(ur5):
+    arm, form = ur5
+    T = np.tile(tip_placement(arm, START).homogeneous, (5, 1, 1))
+    T[:, 0, 3] += np.linspace(0, 0.05, 5)
+    plan = plan_path(form, T, free="roll", step=np.radians(10), arm=arm)
+    assert any("cannot increase the clearance" in note for note in plan.notes)
+    torch = plan_path(form, circle(arm, 5), free="roll", step=np.radians(10), arm=arm, tool=TORCH)
+    assert not any("cannot increase" in note for note in torch.notes)
+
+
+def test_why_there_is_no_path(ur5):
+    arm, form = ur5
+    far = circle(arm, 5)
+    far[3, 0, 3] += 3.0
+    plan = plan_path(form, far, arm=arm, tool=TORCH)
+    assert plan.reason.startswith("pose 3 at (")
+    assert "out of reach" in plan.reason
+    assert not len(plan.q)
+    # Elbow up at the first pose, and only elbow down where joint limits leave nothing else.
+    q = np.array([[0.1, -1.2, 0.4, -1.0, 0.8, 0.0], [0.1, -0.8, -0.4, -1.0, 0.8, 0.0]])
+    poses = np.array([tip_placement(arm, x).homogeneous for x in q])
+    crossing = plan_path(form, poses, arm=arm, start=q[0])
+    assert crossing.clearance > 0
+    with pytest.raises(ConfigurationError, match="does not reach"):
+        plan_path(form, poses, arm=arm, start=q[0] + 0.1)
+    rushed = plan_path(form, poses, arm=arm, start=q[0], t=[0.0, 1e-3])
+    assert "speed limit between poses 0 and 1" in rushed.reason
+
+
+def test_a_wall_between_two_poses(ur5):
+    arm, form = ur5
+    low, high = arm.lower.copy(), arm.upper.copy()
+    model = arm.model.copy()
+    model.lowerPositionLimit[2], model.upperPositionLimit[2] = -1.0, 1.0
+    model.lowerPositionLimit[4], model.upperPositionLimit[4] = -0.5, 3.0
+    narrow = pinsing.load(model, tip=arm.tip)
+    form = pinsing.closed_form(narrow, prove=False)
+    assert (low <= high).all()
+    q = np.array([[0.1, -1.2, 0.8, -1.0, 0.3, 0.0], [0.1, -1.2, 0.8, -1.0, -0.3, 0.0]])
+    poses = np.array([tip_placement(narrow, x).homogeneous for x in q])
+    plan = plan_path(form, poses, arm=narrow, start=q[0])
+    if plan.reason:
+        assert "crosses F2 between poses 0 and 1" in plan.reason or "proven clear" in plan.reason
+    else:
+        assert plan.clearance > 0
+
+
+@pytest.mark.parametrize("name", ["ur5", "puma560", "z1"])
+def test_eaik_misses_nothing_that_ours_finds(name):
+    arm = pinsing.load(name)
+    many = InverseMany(arm)
+    assert many.exact
+    Q = np.random.default_rng(3).uniform(-2.5, 2.5, (40, arm.n))
+    Q = np.clip(Q, arm.space.span[0], arm.space.span[1])
+    T = np.array([tip_placement(arm, q).homogeneous for q in Q])
+    found = many.solve(T[:, None, :3, 3], T[:, None, :3, :3])[:, 0]
+    for k, pose in enumerate(T):
+        here = found[k][np.isfinite(found[k][:, 0])]
+        for q in here:
+            np.testing.assert_allclose(tip_placement(arm, q).homogeneous, pose, atol=1e-8)
+        ours = [s for s in pinsing.inverse(arm, pose) if s.regular]
+        assert len(here) >= len(ours)
+        for s in ours:
+            assert np.abs(arm.space.wrap(here - s.q)).max(axis=1).min() < 1e-5
+
+
+def test_an_arm_that_has_no_decomposition_is_followed(ur5, monkeypatch):
+    arm, form = ur5
+    monkeypatch.setattr(InverseMany, "_eaik", lambda self, value: None)
+    T = circle(arm, 8)
+    plan = plan_path(form, T, free="roll", step=np.radians(30), arm=arm, tool=TORCH)
+    reached(arm, plan, T, TORCH)
+    assert any("by continuation" in note for note in plan.notes)
+    monkeypatch.undo()
+    exact = plan_path(form, T, free="roll", step=np.radians(30), arm=arm, tool=TORCH)
+    assert plan.nodes == pytest.approx(exact.nodes, rel=0.02)
+    assert plan.clearance == pytest.approx(exact.clearance, abs=0.02)
+
+
+def test_a_seventh_joint_is_free():
+    arm = pinsing.load("panda")
+    form = pinsing.closed_form(arm, prove=False)
+    q = np.array([0.1, -0.4, 0.2, -2.0, 0.1, 1.7, 0.6])
+    T = np.tile(tip_placement(arm, q).homogeneous, (6, 1, 1))
+    T[:, 1, 3] += np.linspace(0, 0.1, 6)
+    plan = plan_path(form, T, free=arm.joints[6], step=np.radians(5), arm=arm)
+    reached(arm, plan, T, np.eye(4))
+    np.testing.assert_allclose(plan.q[:, 6], plan.values, atol=1e-9)
+    assert plan.clearance > 0
+    with pytest.raises(OptionError, match="7 free joints"):
+        plan_path(form, T, arm=arm)
+    with pytest.raises(OptionError, match="neither branch, roll, nor a joint"):
+        plan_path(form, T, free="elbow", arm=arm)
+
+
+HEADS = {
+    "quaternion": ("x,y,z,qx,qy,qz,qw", "0.3,0.1,0.2,0,0,0,1"),
+    "semicolons": ("X;Y;Z;roll;pitch;yaw", "0,3;0,1;0,2;0;0;0"),
+    "tabs and time": ("t\tx\ty\tz\troll\tpitch\tyaw", "{n}\t0.3\t0.1\t0.2\t0\t0\t0"),
+    "direction": ("x,y,z,i,j,k", "0.3,0.1,0.2,0,0,-1"),
+}
+
+
+@pytest.mark.parametrize("head", HEADS)
+def test_files_of_poses(tmp_path, head):
+    first, row = HEADS[head]
+    file = tmp_path / "poses.csv"
+    file.write_text("\n".join([first, *(row.format(n=n) for n in range(3))]) + "\n")
+    read = read_poses(file)
+    np.testing.assert_allclose(read.poses[:, :3, 3], [[0.3, 0.1, 0.2]] * 3)
+    np.testing.assert_allclose(read.poses[:, :3, 2], [[0, 0, 1]] * 3, atol=1e-12)
+    assert (read.t is not None) == ("time" in head)
+    assert read.has_roll == (head != "direction")
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("", "the first line names the columns"),
+        ("1,2,3,0,0,0,1\n", "the first line names the columns"),
+        ("x,y,z\n1,2,3\n", "the first line names the columns"),
+        ("x,y,z,i,j,k\n1,2,3,0,0\n", "line 2: 6 numbers are needed"),
+        ("x,y,z,i,j,k\n1,2,nan,0,0,1\n", "line 2: 6 numbers are needed"),
+        ("x,y,z,i,j,k\n1,2,3,0,0,1\n", "two poses at least"),
+        ("x,y,z,i,j,k\n1,2,3,0,0,5\n1,2,3,0,0,1\n", "pose 0: i, j, k have length 5"),
+        ("x,y,z,i,j,k\n300,2,3,0,0,1\n1,2,3,0,0,1\n", "for millimetres add --mm"),
+        ("x,y,z,roll,pitch,yaw\n1,2,3,0,0,90\n1,2,3,0,0,1\n", "for degrees add --deg"),
+        ("x,x,y,z,i,j,k\n1,2,3,0,0,0,1\n", "named twice"),
+    ],
+)
+def test_bad_files_are_refused(tmp_path, text, said):
+    file = tmp_path / "poses.csv"
+    file.write_text(text)
+    with pytest.raises(RobotFileError, match=said):
+        read_poses(file)
+
+
+def test_the_command_writes_a_path_that_check_takes(ur5, tmp_path):
+    arm, _ = ur5
+    T = circle(arm, 8)
+    poses, out, picture = (tmp_path / n for n in ("poses.csv", "joints.csv", "path.png"))
+    rows = [[*P[:3, 3], *pin.Quaternion(P[:3, :3]).coeffs()] for P in T]
+    np.savetxt(poses, rows, delimiter=",", header="x,y,z,qx,qy,qz,qw", comments="")
+    tool = "0,0.05,0.15,45,0,0"
+    arguments = ["path", "ur5", str(poses), "--free", "roll", "--step", "10deg", "--tool", tool]
+    done = CliRunner().invoke(
+        command, [*arguments, "--deg", "-o", str(out), "--plot", str(picture), "--json", "-"]
+    )
+    assert done.exit_code == 0, done.output
+    assert json.loads(done.stdout)["clearance"] > 0.7
+    assert out.read_text().splitlines()[0].split(",") == list(arm.joints)
+    assert picture.stat().st_size > 10_000
+    check = CliRunner().invoke(command, ["check", "ur5", str(out), "--deg"])
+    assert check.exit_code == 0, check.output
+    rows[3][0] += 5.0
+    np.savetxt(poses, rows, delimiter=",", header="x,y,z,qx,qy,qz,qw", comments="")
+    none = CliRunner().invoke(command, [*arguments, "--deg"])
+    assert none.exit_code == 1
+    assert "No path: pose 3 at (" in none.stdout
+    bad = CliRunner().invoke(command, ["path", "ur5", str(Path("nothere.csv"))])
+    assert bad.exit_code == 2
