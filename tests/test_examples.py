@@ -26,7 +26,6 @@ PLUMBING = {
     "Arm.once",
     "Family.box",
     "Family.conditions",
-    "MapPlan.identity",
     "MapResult.head",
     "MapResult.quantile_rows",
     "MapResult.tail",

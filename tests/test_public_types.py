@@ -181,6 +181,8 @@ def page():
 
 
 Q = (0.1, 0.5, 0.7)
+POSES = np.tile(np.diag([1.0, -1.0, -1.0, 1.0]), (2, 1, 1))
+POSES[:, :3, 3] = [[0.4, -0.1, 0.2], [0.4, 0.1, 0.2]]
 LINE = (0.1, 0.7, 0.3, 0.2, 0.6, 0.1)
 
 
@@ -323,9 +325,6 @@ CALLS = {
     ),
     "Family.sample": Call(
         lambda: form().families[0].sample, lambda: {"n": 2, "rng": np.random.default_rng(0)}
-    ),
-    "MapPlan.configurations": Call(
-        lambda: mapped().plan.configurations, lambda: {"start": 0, "stop": 8}
     ),
     "MapResult.head": Call(lambda: mapped().head),
     "MapResult.tail": Call(lambda: mapped().tail),

@@ -17,7 +17,7 @@ from pinsing.kinematics.jacobian import tip_placement
 from pinsing.plot.toolpath import path_sheet
 from pinsing.postures.inverse_batch import InverseMany
 from pinsing.postures.pose_file import read_poses
-from pinsing.postures.toolpath import plan_path
+from pinsing.postures.toolpath import PathPlan, plan_path
 
 TORCH = pin.SE3(pin.utils.rotate("x", np.radians(45)), np.array([0.0, 0.05, 0.15])).homogeneous
 START = np.radians([20, -80, 95, -105, -12, 20])
@@ -62,7 +62,7 @@ def test_a_torch_on_a_circle(ur5):
     between = (plan.q[:-1] * (1 - s) + plan.q[1:] * s).reshape(-1, 6)
     true = pinsing.clearance(form, between, certify=True)
     assert true.upper.min() >= plan.clearance - 1e-9
-    again = pinsing.PathPlan.from_json(plan.to_json())
+    again = PathPlan.from_json(plan.to_json())
     assert again.clearance == plan.clearance
     assert {"clearance", "bound"} <= json.loads(plan.to_json()).keys()
     assert len(path_sheet(plan, form).axes) == 3

@@ -38,7 +38,7 @@ if TYPE_CHECKING:
     from pinsing.postures.inverse import inverse
     from pinsing.postures.inverse_solutions import InverseSolutions
     from pinsing.postures.motions import aspect_changes, line_postures
-    from pinsing.postures.toolpath import PathPlan, plan_path
+    from pinsing.postures.toolpath import plan_path
     from pinsing.proximity.clearance import Clearance, clearance, is_clear
     from pinsing.proximity.crossings import Crossing, Crossings, crossings
     from pinsing.proximity.guard import export_guard
@@ -52,7 +52,6 @@ if TYPE_CHECKING:
     from pinsing.robot.load_mechanism import Mechanism, load_mechanism
     from pinsing.robot.nominal import Nominal, nominal
     from pinsing.sampling import (
-        MapPlan,
         MapResult,
         plan_map,
         sigma_map,
@@ -85,7 +84,6 @@ _HOME = {
     "InverseSolutions": "pinsing.postures.inverse_solutions",
     "InverseVelocity": "pinsing.kinematics.inverse_velocity",
     "LineCheck": "pinsing.proximity.line",
-    "MapPlan": "pinsing.sampling",
     "MapResult": "pinsing.sampling",
     "Mechanism": "pinsing.robot.load_mechanism",
     "MechanismAnalysis": "pinsing.loops",
@@ -93,7 +91,6 @@ _HOME = {
     "Modes": "pinsing.loops",
     "Monitor": "pinsing.proximity.monitor",
     "Nominal": "pinsing.robot.nominal",
-    "PathPlan": "pinsing.postures.toolpath",
     "PinsingError": "pinsing.errors",
     "PostureChanges": "pinsing.postures.changes",
     "SingularConfiguration": "pinsing.configuration.refine",
@@ -163,7 +160,6 @@ __all__ = [
     "InverseSolutions",
     "InverseVelocity",
     "LineCheck",
-    "MapPlan",
     "MapResult",
     "Mechanism",
     "MechanismAnalysis",
@@ -171,7 +167,6 @@ __all__ = [
     "Modes",
     "Monitor",
     "Nominal",
-    "PathPlan",
     "PinsingError",
     "PostureChanges",
     "SingularConfiguration",

@@ -34,16 +34,6 @@ def path_sheet(plan: PathPlan, form: ClosedForm) -> Figure:
     ------
     ValueError
         If there is no path.
-
-    Examples
-    --------
-    >>> import numpy as np, pinsing
-    >>> from pinsing.plot.toolpath import path_sheet
-    >>> T = np.tile(np.diag([1.0, -1.0, -1.0, 1.0]), (5, 1, 1))
-    >>> T[:, :3, 3] = [[0.4, y, 0.2] for y in np.linspace(-0.1, 0.1, 5)]
-    >>> form = pinsing.closed_form(pinsing.load("ur5"))
-    >>> len(path_sheet(pinsing.plan_path(form, T), form).axes)
-    1
     """
     from matplotlib import pyplot as plt
 

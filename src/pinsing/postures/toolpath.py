@@ -255,6 +255,7 @@ class _Planner:
         self.solver = InverseMany(arm, held)
         self.likely: Array = np.empty((0, 0, 0))
         self.reached = self.relaxed = -np.inf
+        self.idle = False
         self.cyclic = free == "roll"
         self.grid: Array = np.zeros(1)
         if self.cyclic:
@@ -285,7 +286,8 @@ class _Planner:
         ]  # fmt: skip
         if not self.form.complete:
             notes.append("the closed form is not complete: other singularities may be nearer")
-        if self.cyclic and self._roll_moves_the_last_joint():
+        self.idle = self.cyclic and self._roll_moves_the_last_joint()
+        if self.idle:
             notes.append(
                 "rolling moves the last joint alone (the tool's z axis is its axis): it cannot "
                 "increase the clearance"
@@ -667,7 +669,7 @@ class _Planner:
         values, Q = self.grid, self.Q[k]
         found = upper(Q)
         best = float(found.max())
-        if self.free == "branch":
+        if self.free == "branch" or self.idle:
             return best
         ends = self._shifted(np.arange(len(values)), 1)
         width = 2 * np.pi / len(values) if self.cyclic else float(values[1] - values[0])
