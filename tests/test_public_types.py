@@ -120,6 +120,11 @@ def swept():
 
 
 @functools.cache
+def six_joints():
+    return pinsing.closed_form(pinsing.load("ur5"), prove=False)
+
+
+@functools.cache
 def form():
     return pinsing.closed_form(arm())
 
@@ -257,7 +262,7 @@ CALLS = {
     "plan_map": Call(lambda: pinsing.plan_map, with_arm(count=8)),
     "plan_path": Call(
         lambda: pinsing.plan_path,
-        lambda: {"form": pinsing.closed_form(pinsing.load("ur5"), prove=False), "poses": POSES},
+        lambda: {"form": six_joints(), "poses": POSES},
         slow=True,
     ),
     "plan_sweep": Call(lambda: pinsing.plan_sweep, with_arm(levels=1, samples=5)),
@@ -320,9 +325,11 @@ CALLS = {
     "Family.conditions": Call(lambda: form().families[0].conditions),
     "Family.contains": Call(lambda: form().families[0].contains, lambda: {"q": Q}),
     "Family.distance": Call(lambda: form().families[0].distance, lambda: {"q": Q}),
+    "Family.gradient": Call(lambda: form().families[0].gradient, lambda: {"q": Q}),
     "Family.points": Call(
         lambda: form().families[0].points, lambda: {"n": 2, "rng": np.random.default_rng(0)}
     ),
+    "Family.where": Call(lambda: form().families[0].where, lambda: {}),
     "Family.sample": Call(
         lambda: form().families[0].sample, lambda: {"n": 2, "rng": np.random.default_rng(0)}
     ),
