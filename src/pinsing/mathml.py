@@ -10,16 +10,12 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator
 
-_TOKENS = re.compile(
-    r"(?P<command>\\(?:[A-Za-z]+|.))|(?P<number>\d+(?:\.\d+)?)|(?P<word>[A-Za-z]+)"
-    r"|(?P<mark>[-+=(){}^_/,.<>|:;])|(?P<space>\s+)"
-)
-_OPERATORS = {"pm": "±", "cdot": "·", "le": "≤", "ge": "≥", "times": "×"}
-_FUNCTIONS = ("cos", "sin")
+_TOKENS = re.compile(r"\\[A-Za-z]+|\\.|\d+(?:\.\d+)?|[A-Za-z]+|[-+=(){}^_/,.<>|:;]|\s+")
 _LETTERS = {"sigma": "σ", "pi": "π", "circ": "°", "varphi": "φ"}
-_THIN, _SPACE = "0.17em", "0.4em"
-_GAPS = {",": _THIN, " ": _SPACE, "quad": "1em"}
-_UPRIGHT = ("mathrm", "operatorname")
+_OPERATORS = {"pm": "±", "cdot": "·", "le": "≤", "ge": "≥", "times": "×"}
+_THIN, _SPACE, _QUAD = (f'<mspace width="{w}"></mspace>' for w in ("0.17em", "0.4em", "1em"))
+_GAPS = {",": _THIN, " ": _SPACE, "quad": _QUAD}
+_FUNCTIONS = (r"\cos", r"\sin")
 
 
 def escaped(words: str) -> str:
@@ -57,7 +53,7 @@ def _pieces(row: list[str]) -> Iterator[list[str]]:
         if depth == 0 and part in signs and piece:
             yield piece
             piece = [part.replace("<mo", '<mo form="infix"')]  # else it stands like a sign alone
-        elif depth == 0 and part == _gap(_SPACE):
+        elif depth == 0 and part == _SPACE:
             if piece:
                 yield piece
             piece = []
@@ -71,84 +67,70 @@ class _Reader:
     """Goes over the tokens of a formula once."""
 
     def __init__(self, latex: str) -> None:
-        self._latex = latex
-        self._tokens: list[tuple[str, str]] = []
-        end = 0
-        for match in _TOKENS.finditer(latex):
-            if match.start() != end:
-                raise _Unknown(latex)
-            end = match.end()
-            if match.lastgroup != "space":
-                self._tokens.append((str(match.lastgroup), match.group()))
-            elif self._tokens and self._tokens[-1][0] != "space":
-                self._tokens.append(("space", " "))
-        if end != len(latex):
+        tokens = _TOKENS.findall(latex)
+        if "".join(tokens) != latex:
             raise _Unknown(latex)
-        self._at = 0
+        self._left = [token if token.strip() else " " for token in reversed(tokens)]
+
+    def _next(self) -> str:
+        if not self._left:
+            raise _Unknown("it ends too early")
+        return self._left.pop()
 
     def row(self, depth: int) -> list[str]:
         """Elements up to the brace that closes, or the end."""
         if depth > 12:
-            raise _Unknown(self._latex)
+            raise _Unknown("too deep")
         out: list[str] = []
-        while self._at < len(self._tokens):
-            kind, token = self._tokens[self._at]
-            if token == "}" and kind == "mark":
-                if depth == 0:
-                    raise _Unknown(self._latex)
-                return out
-            self._at += 1
-            if kind == "space":
+        while self._left or depth:
+            token = self._next()
+            if token == "}" and depth:
+                break
+            if token == " ":
                 continue
-            if kind == "mark" and token in "^_":
-                if not out:
-                    raise _Unknown(self._latex)
-                gap = [out.pop()] if len(out) > 1 and out[-1] == _gap(_THIN) else []
+            if token in ("^", "_") and out:
+                gap = [out.pop()] if len(out) > 1 and out[-1] == _THIN else []
                 out.append(self._script(out.pop(), token, depth))  # cos^2: before its gap
                 out += gap
+            elif token in ("-", r"\pm") and _begins(out):
+                # Else a sign that follows another stands as far off as between two numbers.
+                sign = _operator("−" if token == "-" else "±")
+                out.append(sign.replace("<mo", '<mo form="prefix"'))
             else:
-                if token[1:] in _FUNCTIONS and out and out[-1].startswith(("<mn", "<ms")):
-                    out.append(_gap(_THIN))
-                elif token in ("-", r"\pm") and _begins(out):
-                    # Else a sign that follows another stands as far off as between two numbers.
-                    sign = _operator("−" if token == "-" else "±")
-                    out.append(sign.replace("<mo", '<mo form="prefix"'))
-                    continue
-                out += self._element(kind, token, depth)
-        if depth:
-            raise _Unknown(self._latex)
+                if token in _FUNCTIONS and out and out[-1].startswith(("<mn", "<ms")):
+                    out.append(_THIN)
+                out += self._element(token, depth)
         return out
 
-    def _element(self, kind: str, token: str, depth: int) -> list[str]:
-        if kind == "number":
+    def _element(self, token: str, depth: int) -> list[str]:
+        if token[0].isdigit():
             return [f"<mn>{token}</mn>"]
-        if kind == "word":
+        if token.isalpha():
             return [f"<mi>{token}</mi>"]
-        if kind == "mark":
-            if token == "{":
-                return [f"<mrow>{' '.join(self._rest_of_group(depth))}</mrow>"]
+        if token == "{":
+            return [f"<mrow>{' '.join(self.row(depth + 1))}</mrow>"]
+        if token[0] != "\\" and token not in "}^_":
             return [_operator("−" if token == "-" else token)]
         command = token[1:]
         if command == "text":
             return [f"<mtext>{escaped(self._words())}</mtext>"]
-        if command in _UPRIGHT:
+        if command in ("mathrm", "operatorname"):
             upright = f'<mi mathvariant="normal">{escaped(self._words())}</mi>'
-            return [upright, _gap(_THIN)] if command == "operatorname" else [upright]
+            return [upright, _THIN] if command == "operatorname" else [upright]
         if command == "sqrt":
             return [f"<msqrt>{''.join(self._group(depth))}</msqrt>"]
         if command == "pmod":
-            inner = "".join(self._group(depth))
-            inner = f"{_operator('(')}<mi>mod</mi> {_gap(_SPACE)}{inner}{_operator(')')}"
-            return [_gap(_SPACE), f"<mrow>{inner}</mrow>"]
-        if command in _FUNCTIONS:
-            return [f"<mi>{command}</mi>", _gap(_THIN)]
+            inner = f"{_operator('(')}<mi>mod</mi> {_SPACE}{''.join(self._group(depth))}"
+            return [_SPACE, f"<mrow>{inner}{_operator(')')}</mrow>"]
+        if token in _FUNCTIONS:
+            return [f"<mi>{command}</mi>", _THIN]
         if command in _LETTERS:
             return [f"<mi>{_LETTERS[command]}</mi>"]
         if command in _OPERATORS:
             return [_operator(_OPERATORS[command])]
         if command in _GAPS:
-            return [_gap(_GAPS[command])]
-        raise _Unknown(self._latex)
+            return [_GAPS[command]]
+        raise _Unknown(token)
 
     def _script(self, base: str, mark: str, depth: int) -> str:
         inner = self._group(depth)
@@ -160,48 +142,32 @@ class _Reader:
 
     def _group(self, depth: int) -> list[str]:
         """What an index or a power takes: braces, or one token."""
-        while self._at < len(self._tokens) and self._tokens[self._at][0] == "space":
-            self._at += 1
-        if self._at == len(self._tokens):
-            raise _Unknown(self._latex)
-        kind, token = self._tokens[self._at]
-        self._at += 1
+        token = self._next()
+        while token == " ":
+            token = self._next()
         if token == "{":
-            return self._rest_of_group(depth)
-        if kind == "mark":
-            raise _Unknown(self._latex)
-        return self._element(kind, token, depth + 1)
-
-    def _rest_of_group(self, depth: int) -> list[str]:
-        inner = self.row(depth + 1)
-        self._at += 1
-        return inner
+            return self.row(depth + 1)
+        if not (token.isalnum() or token[0] == "\\" or "." in token[1:]):
+            raise _Unknown(token)
+        return self._element(token, depth + 1)
 
     def _words(self) -> str:
         """The plain words in the braces of a text."""
-        if self._at == len(self._tokens) or self._tokens[self._at][1] != "{":
-            raise _Unknown(self._latex)
         words = ""
-        for at in range(self._at + 1, len(self._tokens)):
-            kind, token = self._tokens[at]
-            if token == "}":
-                self._at = at + 1
-                return words
-            if kind == "command" or token == "{":
-                raise _Unknown(self._latex)
+        if self._next() != "{":
+            raise _Unknown("a text without braces")
+        while (token := self._next()) != "}":
+            if token == "{" or token[0] == "\\":
+                raise _Unknown(token)
             words += token
-        raise _Unknown(self._latex)
+        return words
 
 
 def _begins(row: list[str]) -> bool:
     """Whether what comes next begins a term, as after an equals sign or a gap."""
-    return not row or row[-1] == _gap(_SPACE) or (row[-1].startswith("<mo") and ")" not in row[-1])
+    return not row or row[-1] == _SPACE or (row[-1].startswith("<mo") and ")" not in row[-1])
 
 
 def _operator(sign: str) -> str:
     fixed = ' stretchy="false"' if sign in "()" else ""
     return f"<mo{fixed}>{escaped(sign)}</mo>"
-
-
-def _gap(width: str) -> str:
-    return f'<mspace width="{width}"></mspace>'

@@ -173,6 +173,8 @@ def basis(value: Array, slides: bool, order: int = 0) -> Array:
 
 def cusps_of(section: Section, curves: list[Array]) -> Array:
     """Joint values (C, 2) of the cusps on curves (K, 2) of singular joint values."""
+    from scipy.optimize import root
+
     size = float(np.abs(section.tensor).max()) ** 3
     found: list[Array] = []
     for curve in curves:
@@ -185,7 +187,12 @@ def cusps_of(section: Section, curves: list[Array]) -> Array:
                 continue
             if min(steep[k], steep[k + 1]) < _FLAT * size:
                 continue
-            x = _refined(section, (curve[k] + curve[k + 1]) / 2, int(row[k]))
+            tangent = int(row[k])
+            x = root(
+                lambda y, tangent=tangent: [section.singular(y), section.tangent(y)[tangent]],
+                (curve[k] + curve[k + 1]) / 2,
+                tol=1e-12,
+            ).x
             if np.linalg.norm(section.steepest(x)) < _CROSS * float(np.median(steep)):
                 continue
             near = np.linalg.norm(x - curve[k]) < 4 * np.linalg.norm(curve[k + 1] - curve[k])
@@ -199,23 +206,6 @@ def _alike(section: Section, x: Array, y: Array) -> bool:
     turns = 2 * math.pi * np.round(gap / (2 * math.pi))
     gap = gap - np.where(section.slides, 0.0, turns)
     return bool(np.abs(gap).max() < 1e-4)
-
-
-def _refined(section: Section, x: Array, row: int) -> Array:
-    """Newton to f = 0 and tangency, from near by."""
-
-    def value(y: Array) -> Array:
-        return np.array([section.singular(y), section.tangent(y)[row]])
-
-    for _ in range(12):
-        e = 1e-6 * np.eye(2)
-        J = np.stack([(value(x + v) - value(x - v)) / 2e-6 for v in e], axis=1)
-        step = np.linalg.lstsq(J, -value(x), rcond=None)[0]
-        length = float(np.linalg.norm(step))
-        x = x + step * min(1.0, 0.05 / max(length, 1e-300))
-        if length < 1e-10:
-            break
-    return x
 
 
 def nodes_of(section: Section, lines: list[Array], cusps: Array, size: float) -> Array:
@@ -262,25 +252,19 @@ def _crossed(section: Section, both: Array, size: float, steep: float) -> Array 
     Both are singular, and have one place: four equations, which are regular where the images cross
     at an angle. At the first axis curves end against their mirror images: that is no node.
     """
-    steps = 1e-6 * np.eye(4).reshape(4, 2, 2)
+    from scipy.optimize import root
 
     def value(y: Array) -> Array:
-        places = section.place(y)
-        f = section.singular(y) / size**3
-        return np.concatenate([f, ((places[..., 0, :] - places[..., 1, :]) / size)], axis=-1)
+        places = section.place(y.reshape(2, 2))
+        f = section.singular(y.reshape(2, 2)) / size**3
+        return np.concatenate([f, (places[0] - places[1]) / size])
 
-    y, start = both, both
-    for _ in range(8):
-        J = np.stack([(value(y + e) - value(y - e)) / 2e-6 for e in steps], axis=-1)
-        change = np.linalg.lstsq(J, -value(y), rcond=1e-9)[0].reshape(2, 2)
-        y = y + change
-        # A node is nearer than this to where drawn curves cross, radians or metres
-        if np.abs(y - start).max() > 0.1:
-            return None
-        if np.abs(change).max() < 1e-11:
-            break
+    y = np.asarray(root(value, both.ravel(), tol=1e-12).x).reshape(2, 2)
+    # A node is nearer than this to where drawn curves cross, radians or metres.
+    if np.abs(y - both).max() > 0.1:
+        return None
     at = np.asarray(section.place(y)[0])
-    if np.abs(value(y)).max() > 1e-9 or at[0] < _NEAR * size:
+    if np.abs(value(y.ravel())).max() > 1e-9 or at[0] < _NEAR * size:
         return None
     g = section.steepest(y)
     if _alike(section, y[0], y[1]) or np.linalg.norm(g, axis=-1).min() < steep:

@@ -133,20 +133,16 @@ def read_meshes(
         except OSError as error:
             found[path] = f"cannot be read: {error.strerror}"
     folder = cache_folder() if left else None
-    keys = {path: key for path in left if folder and (key := _key(path)) is not None}
+    keys = {path: key for path in left if folder and (key := content_key(path))}
     for path, key in keys.items():
         assert folder is not None
         before = kept(folder, key)
         if before is not None and (mesh := _mesh(path, *before)) is not None:
             found[path] = mesh
     left = [path for path in left if path not in found]
-    told = False
+    missing: list[str] = []
     while left:
-        missing: list[str] = []
         done = _ask_child(left, missing)
-        if missing and not told:
-            told = True
-            tell(f"meshes were read without all of the kernel's walls: {'; '.join(missing)}")
         if len(done) == 0:  # the child did not even start
             found.update(dict.fromkeys(left, "the reader of meshes cannot be started"))
             break
@@ -158,14 +154,10 @@ def read_meshes(
             found[path] = _mesh(path, *answered) or "breaks its reader"
             if folder is not None and path in keys:
                 keep(folder, keys[path], *answered)
+    if missing:
+        walls = "; ".join(dict.fromkeys(missing))
+        tell(f"meshes were read without all of the kernel's walls: {walls}")
     return {path: found[path] for path in paths}
-
-
-def _key(path: Path) -> str | None:
-    try:
-        return content_key(path)
-    except OSError:  # the child says what is wrong with it
-        return None
 
 
 def _mesh(path: Path, first: bytes, second: bytes) -> Mesh | None:
@@ -276,11 +268,6 @@ def _receive(stream: Any) -> tuple[bytes, bytes] | str | None:
     return pieces[0], pieces[1]
 
 
-_VERSION = "3"
-_MOST_BYTES = 512 * 2**20
-_LARGEST = 64 * 2**20
-
-
 def cache_folder() -> Path | None:
     """Our own folder of meshes, for this user alone; None where there can be none.
 
@@ -308,52 +295,43 @@ def cache_folder() -> Path | None:
 
 
 def content_key(path: Path) -> str:
-    """Name under which a mesh file's answer is kept: of its bytes and its kind.
-
-    Raises
-    ------
-    OSError
-        If the file cannot be read.
-    """
-    digest = hashlib.sha256()
-    with path.open("rb") as file:
-        while part := file.read(1 << 20):
-            digest.update(part)
-    asked = f"{_VERSION}\0{path.suffix.lower()}"
-    return hashlib.sha256(digest.digest() + asked.encode()).hexdigest()
+    """Name under which a mesh file's answer is kept: of its bytes and its kind; empty for none."""
+    digest = hashlib.sha256(f"4\0{path.suffix.lower()}\0".encode())  # the version of answers
+    try:
+        with path.open("rb") as file:
+            while part := file.read(1 << 20):
+                digest.update(part)
+    except OSError:  # the child says what is wrong with it
+        return ""
+    return digest.hexdigest()
 
 
 def kept(folder: Path, key: str) -> tuple[bytes, bytes] | None:
-    """Vertices and triangles that were kept, as bytes; None where nothing whole is there."""
+    """The two pieces of an answer that were kept; None where nothing whole is there."""
     try:
-        head, _, body = (folder / key).read_bytes().partition(b"\n")
-        said = json.loads(head)
-        count, digest = int(said["vertices"]), str(said["sha256"])
-    except (OSError, ValueError, KeyError, TypeError):
+        data = (folder / key).read_bytes()
+    except OSError:
         return None
-    if hashlib.sha256(body).hexdigest() != digest or not 0 <= count <= len(body):
+    digest, body = data[:32], data[32:]
+    if hashlib.sha256(body).digest() != digest:
         return None
     with contextlib.suppress(OSError):
         os.utime(folder / key)  # the longest unused go first
-    return body[:count], body[count:]
+    count = 8 + int.from_bytes(body[:8], "little")
+    return body[8:count], body[count:]
 
 
-def keep(folder: Path, key: str, vertices: bytes, faces: bytes) -> None:
+def keep(folder: Path, key: str, first: bytes, second: bytes) -> None:
     """Keep an answer; a full disk, or one that cannot be written, is no error."""
-    body = vertices + faces
-    if len(body) > _LARGEST:
+    body = len(first).to_bytes(8, "little") + first + second
+    if len(body) > 64 * 2**20:
         return
-    head = {"vertices": len(vertices), "sha256": hashlib.sha256(body).hexdigest()}
     with contextlib.suppress(OSError, PinsingError):
-        write_bytes(folder / key, json.dumps(head).encode() + b"\n" + body)
-        _prune(folder)
-
-
-def _prune(folder: Path) -> None:
-    files = [(p, p.stat()) for p in folder.iterdir() if p.is_file()]
-    total = sum(found.st_size for _, found in files)
-    for path, found in sorted(files, key=lambda f: f[1].st_mtime):
-        if total <= _MOST_BYTES:
-            break
-        path.unlink(missing_ok=True)
-        total -= found.st_size
+        write_bytes(folder / key, hashlib.sha256(body).digest() + body)
+        files = [(path, path.stat()) for path in folder.iterdir() if path.is_file()]
+        total = sum(found.st_size for _, found in files)
+        for path, found in sorted(files, key=lambda f: f[1].st_mtime):
+            if total <= 512 * 2**20:
+                break
+            path.unlink(missing_ok=True)
+            total -= found.st_size
