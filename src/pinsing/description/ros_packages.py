@@ -173,9 +173,7 @@ class PackageIndex:
             raise MeshProblem("is no file name", refused=True)
         path = self._locate(uri.strip())
         try:
-            real = path.resolve()
-            if not any(real.is_relative_to(r.resolve()) for r in self.roots()):
-                raise MeshProblem("lies outside the robot's folders", refused=True)
+            real = self._inside(path, "lies outside the robot's folders")
             if real.suffix.lower() not in _MESH_SUFFIXES | _IMAGE_SUFFIXES:
                 raise MeshProblem("is not of a known mesh format", refused=True)
             if not real.is_file():
@@ -183,6 +181,13 @@ class PackageIndex:
         except (OSError, RuntimeError) as error:
             raise MeshProblem("cannot be read", refused=False) from error
         return path
+
+    def _inside(self, path: Path, otherwise: str) -> Path:
+        """Return where a path leads, which must be within the robot's folders."""
+        real = path.resolve()
+        if not any(real.is_relative_to(root.resolve()) for root in self.roots()):
+            raise MeshProblem(otherwise, refused=True)
+        return real
 
     def image(self, path: Path) -> None:
         """Refuse an image that a mesh refers to, unless it is one within the robot's folders.
@@ -193,12 +198,9 @@ class PackageIndex:
             If it lies elsewhere, or is no image. One that does not exist is nobody's secret.
         """
         try:
-            real = path.resolve()
-            inside = any(real.is_relative_to(r.resolve()) for r in self.roots())
+            real = self._inside(path, "refers to a file outside the robot's folders")
         except (OSError, RuntimeError, ValueError) as error:
             raise MeshProblem("refers to a file that cannot be read", refused=True) from error
-        if not inside:
-            raise MeshProblem("refers to a file outside the robot's folders", refused=True)
         if real.suffix.lower() not in _IMAGE_SUFFIXES:
             raise MeshProblem("refers to a file that is no image", refused=True)
 

@@ -378,7 +378,12 @@ def _shape(node: Node, source: UrdfSource, what: str) -> list[Node]:
     placed = [(clean, origin)]
     if shape.tag == "capsule":
         radius, length = (source.numbers(shape, key, 1, what)[0] for key in ("radius", "length"))
-        placed = _capsule(radius, length, _pose(node, source, what), shape.line)
+        at = origin[0] if origin else Node("origin", {}, node.line)
+        xyz, rpy = (
+            list(source.numbers(at, key, 3, what)) if key in at.attributes else [0.0, 0.0, 0.0]
+            for key in ("xyz", "rpy")
+        )
+        placed = _capsule(radius, length, (xyz, rpy), shape.line)
     extra = []
     if node.tag == "visual":
         for material in node.all("material")[:1]:
@@ -388,19 +393,6 @@ def _shape(node: Node, source: UrdfSource, what: str) -> list[Node]:
         Node(node.tag, named, node.line, [*at, Node("geometry", {}, 0, [made]), *extra])
         for made, at in placed
     ]
-
-
-def _pose(node: Node, source: UrdfSource, what: str) -> tuple[list[float], list[float]]:
-    """Translation and roll, pitch, yaw of a shape in its link."""
-    origin = node.first("origin")
-    zero = [0.0, 0.0, 0.0]
-    if origin is None:
-        return zero, zero
-    xyz, rpy = (
-        list(source.numbers(origin, key, 3, what)) if key in origin.attributes else zero
-        for key in ("xyz", "rpy")
-    )
-    return xyz, rpy
 
 
 def _capsule(

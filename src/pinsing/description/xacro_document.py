@@ -101,9 +101,9 @@ _LONGEST_SHOWN = 120
 def explain(error: BaseException, xacro: Any, places: Places) -> dict[str, Any]:
     """Turn an exception into problem, file and line."""
     errors = causes(error)
-    files = list(
-        dict.fromkeys(f for f in [macro_file(xacro), (xacro.filestack or [None])[-1]] if f)
-    )
+    stack = xacro.macrostack or []  # innermost last, with the file that defines each macro
+    macro = stack[-1].history[-1][-1] if stack and stack[-1].history else None
+    files = [*dict.fromkeys(f for f in (macro, (xacro.filestack or [None])[-1]) if f)]
     problem = ""
     for found in errors:
         if isinstance(found, expat.ExpatError):
@@ -142,12 +142,6 @@ def causes(error: BaseException) -> list[BaseException]:
         errors.append(current)
         current = getattr(current, "exc", None) or current.__cause__
     return errors
-
-
-def macro_file(xacro: Any) -> str | None:
-    """Return the file that defines the innermost macro being expanded."""
-    stack = xacro.macrostack or []
-    return stack[-1].history[-1][-1] if stack and stack[-1].history else None
 
 
 def needles(message: str, error: BaseException) -> list[str]:

@@ -313,7 +313,11 @@ class Arm(Memory):
         [0.0, 0.0, 0.0, -2.0, 0.0, 2.0, 0.0, 0.0, 0.0]
         """
         rest = self.source.reference if others is None else real_numbers(others, "others")
-        self._whole.require_one(rest, "others")
+        whole = int(self.source.full_model.nq)
+        if rest.shape != (whole,) or not np.isfinite(rest).all():
+            raise ConfigurationError(
+                f"others needs {whole} finite values, got shape {rest.shape}", lengths=(whole,)
+            )
         return self._whole.full_q(self.check(q), rest)
 
     @checked

@@ -123,14 +123,6 @@ class WholeModel:
                 lengths=(whole,),
             )
 
-    def require_one(self, q: Array, called: str) -> None:
-        """Raise a ConfigurationError unless ``q`` is (nq,) and finite."""
-        whole = int(self.source.full_model.nq)
-        if q.shape != (whole,) or not np.isfinite(q).all():
-            raise ConfigurationError(
-                f"{called} needs {whole} finite values, got shape {q.shape}", lengths=(whole,)
-            )
-
     def q_of(self, full_q: Array) -> Array:
         """Joint vectors (..., n) of the arm out of configurations (..., nq) of the whole model.
 
