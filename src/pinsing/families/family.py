@@ -16,6 +16,8 @@ from pinsing._types import Array
 from pinsing.algebra.components import Component
 from pinsing.algebra.equation import Equation
 from pinsing.algebra.equation_text import latex_symbol
+from pinsing.arguments import checked
+from pinsing.errors import ConfigurationError
 from pinsing.families.at_once import LONG, AtOnce, SolvedFor, long_form, long_ones
 from pinsing.families.members import Members
 from pinsing.families.nearness import Confirm
@@ -177,13 +179,19 @@ class Family(Members, JsonResult):
         """What people call it: ``F2 (wrist)``, or ``F2`` where it has no title."""
         return f"{self.name} ({self.title})" if self.title else self.name
 
-    def where(self, q: Array | None = None) -> str:
+    @checked
+    def where(self, q: npt.ArrayLike | None = None) -> str:
         """Return its condition with the joints' own names, in degrees and metres.
 
         Parameters
         ----------
-        q : (n,) array, optional
+        q : (n,) or (nq,) array_like, optional
             A configuration on it: then the joints at their values there.
+
+        Raises
+        ------
+        ConfigurationError
+            If q has the wrong length or is not finite.
 
         Examples
         --------
@@ -199,7 +207,10 @@ class Family(Members, JsonResult):
         if self.title in _PLACES and equations:
             return _PLACES[self.title]
         if q is not None and not equations:
-            return " and ".join(f"{names[j]} = {self._value(q, j)}" for j in sorted(fixed))
+            at = self._check(q)
+            if at.ndim != 1:
+                raise ConfigurationError(f"q is one configuration, got shape {at.shape}")
+            return " and ".join(f"{names[j]} = {self._value(at, j)}" for j in sorted(fixed))
         said = [m[1] if (m := _SOLVED.search(t)) else t for t in self.text.split(" and ")]
         if equations and (len(self.text) > 72 or "φ" in self.text):
             others = listed([names[j] for j in names if j not in fixed])
