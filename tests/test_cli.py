@@ -61,7 +61,7 @@ class TestProcess:
         code = (
             "import sys; from pinsing.cli.app import command\n"
             "from pinsing.cli.commands import COMMANDS\n"
-            "for words in (['--help'], ['info', '--help']):\n"
+            "for words in (['--help'], ['list', '--help']):\n"
             "    try: command(words)\n"
             "    except SystemExit: pass\n"
             "    have = {m for m in sys.modules if m.startswith('pinsing.cli.')}\n"
@@ -112,7 +112,7 @@ class TestProcess:
             ],
             names=["gelenk_ä"],
         )
-        done = process("info", str(path), env={**os.environ, "PYTHONIOENCODING": "ascii"})
+        done = process("list", str(path), env={**os.environ, "PYTHONIOENCODING": "ascii"})
         assert done.returncode == 0
         assert "gelenk_\\xe4" in done.stdout
 
@@ -231,8 +231,8 @@ class TestAt:
             ("line", "ur5", *q, "--to", "0.3,0.2,0.5"),
             ("postures", "ur5", *q),
             ("view", "ur5", *q, "--html", "never.html"),
-            ("sweep", "ur5", "--special", "0,90"),
-            ("suggest", "ur5", "--near", q[1]),
+            ("analyze", "--sweep", "ur5", "--special", "0,90"),
+            ("at", "--suggest", "ur5", "--near", q[1]),
         ]
         for words in commands:
             done = run(*words)
@@ -276,7 +276,7 @@ class TestAt:
 
 class TestSweep:
     def test_families_of_the_stanford_arm(self):
-        done = run("sweep", "stanford", "--levels", "1")
+        done = run("analyze", "--sweep", "stanford", "--levels", "1")
         assert done.exit_code == 0
         assert "Jacobians" in done.stderr
         found = done.stdout.split("Found, refined and generalised:")[1].splitlines()
@@ -287,7 +287,7 @@ class TestSweep:
     def test_curves_and_json_files(self, tmp_path):
         npz, js = tmp_path / "curves.npz", tmp_path / "sweep.json"
         words = ["--levels", "1", "--samples", "21", "--out", str(npz), "--json", str(js)]
-        assert run("sweep", "planar3r", *words).exit_code == 0
+        assert run("analyze", "--sweep", "planar3r", *words).exit_code == 0
         curves = load_npz(npz)
         data = json.loads(js.read_text())
         assert SweepResult.from_dict(data).to_dict() == curves.to_dict()
@@ -296,13 +296,13 @@ class TestSweep:
         assert sorted(tmp_path.iterdir()) == [npz, js]
 
     def test_degrees_of_special_values(self):
-        words = ["sweep", "puma560", "--levels", "1", "--samples", "11", "--json", "-"]
+        words = ["analyze", "--sweep", "puma560", "--levels", "1", "--samples", "11", "--json", "-"]
         in_degrees = json.loads(run(*words, "--special", "0,90", "--deg").stdout)
         in_radians = json.loads(run(*words, "--special", "0,pi/2").stdout)
         assert in_degrees == in_radians
 
     def test_fail_if_singular(self):
-        words = ["sweep", "planar3r", "--levels", "1", "--samples", "21"]
+        words = ["analyze", "--sweep", "planar3r", "--levels", "1", "--samples", "21"]
         assert run(*words, "--fail-if-singular").exit_code == 1
 
     def test_ctrl_c_keeps_what_is_done(self, monkeypatch, tmp_path):
@@ -313,7 +313,7 @@ class TestSweep:
 
         monkeypatch.setattr(module, "compute_curves", interrupted)
         out = tmp_path / "part.npz"
-        done = run("sweep", "planar3r", "--out", str(out))
+        done = run("analyze", "--sweep", "planar3r", "--out", str(out))
         assert done.exit_code == 130
         assert "stopped after 0 of" in done.stdout
         assert not load_npz(out).complete
@@ -341,7 +341,7 @@ class TestAnalyze:
     def test_one_geometry_for_everything(self, geometry):
         done = run(*self.words, "--json", "-", f"--{geometry}")
         assert Analysis.from_json(done.stdout).geometry == geometry
-        assert run("sweep", *self.words[1:-2], f"--{geometry}").exit_code == 0
+        assert run("analyze", "--sweep", *self.words[1:-2], f"--{geometry}").exit_code == 0
 
 
 class TestFamilies:
@@ -372,7 +372,7 @@ class TestFamilies:
 
 class TestInfo:
     def test_chain_limits_rank_and_notes(self):
-        done = run("info", "panda")
+        done = run("list", "panda")
         assert done.exit_code == 0
         assert "panda_joint4" in done.stdout
         assert "-3.0718" in done.stdout
@@ -381,30 +381,30 @@ class TestInfo:
         assert done.stderr == ""
 
     def test_degrees_and_continuous_joints(self):
-        out = run("info", "kinova", "--deg").stdout
+        out = run("list", "kinova", "--deg").stdout
         assert "continuous" in out
         assert "deg" in out
         row = next(line for line in out.splitlines() if "j2s6s200_joint_2" in line)
         assert row.split()[-3:] == ["47", "313", "deg"]
 
     def test_rounded_geometry_is_told_with_its_size(self):
-        out = run("info", "xarm7").stdout
+        out = run("list", "xarm7").stdout
         assert "moved: " in out
-        info = ArmInfo.from_json(run("info", "xarm7", "--json", "-").stdout)
+        info = ArmInfo.from_json(run("list", "xarm7", "--json", "-").stdout)
         assert info.schema == "pinsing/info/2"
         assert 0 < info.jacobian_change < 1e-4
         assert max(s.size for s in info.snaps) < 1e-5
-        assert "moved: " not in run("info", "puma560").stdout
-        assert "exact: every number" in run("info", "planar3r").stdout
+        assert "moved: " not in run("list", "puma560").stdout
+        assert "exact: every number" in run("list", "planar3r").stdout
 
     def test_several_arms_are_listed_with_the_command_for_each(self):
-        done = run("info", "baxter")
+        done = run("list", "baxter")
         assert done.exit_code == 2
         assert "pinsing analyze baxter --tip left_" in done.stdout
         assert "pinsing analyze baxter --tip right_" in done.stdout
         assert "choose one" in done.stderr
         asked = next(w for w in done.stdout.split() if w.startswith("left_"))
-        assert run("info", "baxter", "--tip", asked).exit_code == 0
+        assert run("list", "baxter", "--tip", asked).exit_code == 0
 
     def test_the_commands_work_as_they_stand(self, tmp_path):
         """With the options that the file needs, and names that a shell would take apart."""
@@ -427,25 +427,25 @@ class TestInfo:
             '<xacro:arm side="left"/><xacro:arm side="right"/></robot>'
         )
         needs = ["--package", f"two_arms={folder}", "--xacro-arg", "reach:=0.3"]
-        done = run("info", str(path), *needs)
+        done = run("list", str(path), *needs)
         assert done.exit_code == 2
         commands = [line.partition(": pinsing ")[2] for line in done.stdout.splitlines()]
         commands = [shlex.split(command) for command in commands if command]
         assert [words[-2:] for words in commands] == [["--tip", "left 3"], ["--tip", "right 3"]]
         for words in commands:
             assert words[0] == "analyze"
-            arm = json.loads(run("info", *words[1:], "--json", "-").stdout)["arm"]
+            arm = json.loads(run("list", "--info", *words[1:], "--json", "-").stdout)["arm"]
             assert arm["joints"] == [f"{words[-1][:-2]} j{i}" for i in range(4)]
 
     def test_a_base_leaves_what_lies_beyond_it(self):
-        done = run("info", "talos", "--base", "torso_2_link")
+        done = run("list", "talos", "--base", "torso_2_link")
         assert (done.exit_code, done.stdout) == (2, "")
         assert "2 chains could be the arm" in done.stderr
         assert "--tip wrist_left_ft_tool_link (7 joints)" in done.stderr
-        assert "no joint lies beyond the base" in run("info", "ur5", "--base", "tool0").stderr
+        assert "no joint lies beyond the base" in run("list", "ur5", "--base", "tool0").stderr
 
     def test_json_goes_back(self):
-        text = run("info", "stanford", "--json", "-").stdout
+        text = run("list", "stanford", "--json", "-").stdout
         assert ArmInfo.from_json(text).to_json() + "\n" == text
 
 
@@ -471,16 +471,16 @@ class TestList:
 class TestDh:
     def test_urdf_is_that_of_the_library(self, tmp_path):
         out = tmp_path / "arm.urdf"
-        done = run("dh", str(URDF / "stanford.dh.yaml"), "-o", str(out))
+        done = run("export", "--urdf", str(URDF / "stanford.dh.yaml"), "-o", str(out))
         assert (done.exit_code, done.stdout) == (0, "")
         assert out.read_text() == (URDF / "stanford.urdf").read_text()
-        to_stdout = run("dh", str(URDF / "stanford.dh.yaml"), "-o", "-")
+        to_stdout = run("export", "--urdf", str(URDF / "stanford.dh.yaml"), "-o", "-")
         assert to_stdout.stdout == out.read_text()
 
     def test_result_is_a_robot(self, tmp_path):
         out = tmp_path / "mine.urdf"
-        run("dh", str(URDF / "scara.dh.yaml"), "-o", str(out))
-        assert run("info", str(out)).exit_code == 0
+        run("export", "--urdf", str(URDF / "scara.dh.yaml"), "-o", str(out))
+        assert run("list", str(out)).exit_code == 0
 
 
 def test_json_file_beside_the_text(tmp_path):
@@ -500,7 +500,7 @@ def test_no_command_shows_help_and_version_works():
     assert done.stdout.startswith("pinsing ")
 
 
-@pytest.mark.parametrize("name", ["analyze", "at", "dh", "families", "info", "list", "sweep"])
+@pytest.mark.parametrize("name", ["analyze", "at", "check", "families", "list", "postures"])
 def test_every_command_explains_itself(name):
     done = run(name, "--help")
     assert done.exit_code == 0
@@ -535,7 +535,7 @@ class TestText:
         assert safe("gelenk_ä") == "gelenk_ä"
 
     def test_names_from_files_cannot_paint_the_terminal(self):
-        done = run("info", "\x1b[31mred")
+        done = run("list", "\x1b[31mred")
         assert "\x1b" not in done.output
         assert done.exit_code == 2
 

@@ -31,17 +31,17 @@ def offered(line: str) -> list[str]:
         ("analyze fran", {"franka", "franka_panda"}, set()),
         ("at ur5 --tip w", {"wrist_1_link", "world"}, {"ee_link"}),
         ("at --tip tool0 ur5 --base ", {"world", "base_link"}, set()),
-        ("info ur5 --joints elbow_joint,", {"elbow_joint,wrist_1_joint"}, {"elbow_joint"}),
+        ("families ur5 --joints elbow_joint,", {"elbow_joint,wrist_1_joint"}, {"elbow_joint"}),
         ("analyze ur5 --task po", {"pose", "position"}, {"orientation"}),
         ("analyze ur5 --task vx,v", {"vx,vy", "vx,vz"}, {"vx,vx", "vx,wx"}),
         ("view ur5 --family F", {"F1", "F2", "F3"}, {"F4"}),
         ("plot map puma560 --over q2,", {"q2,q3"}, {"q2,q2"}),
         ("plot curves puma560 --fixed q", {"q1=", "q6="}, set()),
         ("map ur5 --sampling ", {"sobol", "random", "grid"}, set()),
-        ("sweep ur5 --engine b", {"batch", "baseline"}, {"auto"}),
+        ("analyze ur5 --sweep --engine b", {"batch", "baseline"}, {"auto"}),
         ("list talos_a", {"talos_arm"}, set()),
         ("view ur5 --", {"--family", "--html", "--deg"}, set()),
-        (f"info {URDF}/five_bar.urdf --tip ", {"P"}, set()),
+        (f"families {URDF}/five_bar.urdf --tip ", {"P"}, set()),
     ],
 )
 def test_what_is_offered(line, some, none):
@@ -62,8 +62,8 @@ def test_robot_files_here(tmp_path, monkeypatch):
     for name in ("mine.urdf", "mine.xacro", "mine.txt"):
         (tmp_path / name).write_text("x")
     monkeypatch.chdir(tmp_path)
-    assert offered("info mi") == ["mine.urdf", "mine.xacro"]
-    assert "ur5" in offered("info ")
+    assert offered("families mi") == ["mine.urdf", "mine.xacro"]
+    assert "ur5" in offered("families ")
 
 
 @pytest.mark.parametrize(
@@ -85,7 +85,7 @@ def test_names_from_a_file_do_not_reach_the_shell(tmp_path):
     )
     path = tmp_path / "arm.urdf"
     path.write_text(f'<robot name="r"><link name="base"/>{joints}</robot>')
-    assert set(offered(f"info {path} --tip ")) <= {"base", "ok_link"}
+    assert set(offered(f"families {path} --tip ")) <= {"base", "ok_link"}
 
 
 @pytest.mark.skipif(shutil.which("bash") is None, reason="no bash")
@@ -135,6 +135,6 @@ def test_fish_takes_values_with_commas_whole(tmp_path):
     assert source.count('(string split --max 1 "," $completion)') == 1
     if shutil.which("fish") is None:
         return
-    script = source + '\ncomplete -C "pinsing info ur5 --joints elbow_joint,wrist_1"'
+    script = source + '\ncomplete -C "pinsing families ur5 --joints elbow_joint,wrist_1"'
     done = subprocess.run(["fish", "-c", script], capture_output=True, text=True, env=env)
     assert done.stdout.split("\t")[0] == "elbow_joint,wrist_1_joint"

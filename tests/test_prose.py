@@ -207,11 +207,11 @@ COMMANDS = [
     ("analyze", "ur5", "--levels", "1"),
     ("families", "panda"),
     ("at", "ur5", "--deg", "--q", "0,-80,60,-100,0,0"),
-    ("info", "panda"),
-    ("sweep", "panda", "--levels", "1"),
+    ("list", "panda"),
+    ("analyze", "--sweep", "panda", "--levels", "1"),
     ("map", "ur5", "--count", "1000"),
-    ("list", "talos"),
-    ("suggest", "scara"),
+    ("list", "tal"),
+    ("at", "--suggest", "scara"),
 ]
 
 

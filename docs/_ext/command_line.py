@@ -12,6 +12,7 @@ from sphinx.application import Sphinx
 from sphinx.util.docutils import SphinxDirective
 
 from pinsing.cli.app import command
+from pinsing.cli.commands import VARIANTS
 
 
 class CommandLine(SphinxDirective):
@@ -20,8 +21,10 @@ class CommandLine(SphinxDirective):
     def run(self) -> list[nodes.Node]:
         """Make the sections."""
         sections: list[nodes.Node] = []
-        for name in command.commands:
-            section = nodes.section(ids=[f"pinsing-{name}"], names=[f"pinsing {name}"])
+        for name in (*command.commands, *VARIANTS):
+            section = nodes.section(
+                ids=[f"pinsing-{name.replace(' --', '-')}"], names=[f"pinsing {name}"]
+            )
             section += nodes.title(text=f"pinsing {name}")
             lines = StringList(list(page(name, command.commands[name])), source=name)
             self.state.nested_parse(lines, 0, section)
@@ -35,6 +38,7 @@ def page(name: str, part: click.Command) -> Iterator[str]:
     context = click.Context(
         part, info_name=f"pinsing {name}", max_content_width=90, terminal_width=90
     )
+    context.meta["all options"] = True
     help_text = click.unstyle(part.get_help(context))
     usage, _, rest = help_text.partition("\n\n")
     words, _, options = rest.partition("\nOptions:\n")

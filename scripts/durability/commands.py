@@ -66,13 +66,15 @@ def _json(*words: str) -> Command:
 
 
 _MAP = ("map", "planar3r", "--count", "9000", "--chunk", "4096", "--threads", "1")
-_SWEEP = ("sweep", "planar3r", "--levels", "1", "--samples", "21")
+_SWEEP = ("analyze", "--sweep", "planar3r", "--levels", "1", "--samples", "21")
 _FOLDER = ("--levels", "1", "--samples", "2001", "--chunk", "1", "--threads", "1")
 _Q = ("--q", "0,1,0.5")
 
 COMMANDS: dict[str, Command] = {
     "map --out DIR": Command((*_MAP, "--out", "OUT"), "run", is_run=True),
-    "sweep --out DIR": Command(("sweep", "planar3r", *_FOLDER, "--out", "OUT"), "run", is_run=True),
+    "sweep --out DIR": Command(
+        ("analyze", "--sweep", "planar3r", *_FOLDER, "--out", "OUT"), "run", is_run=True
+    ),
     "sweep --out FILE.npz": Command((*_SWEEP, "--out", "OUT"), "curves.npz"),
     "map --json": _json("map", "planar3r", "--count", "5000"),
     "at --json": _json("at", "planar3r", "--q", "0,1,0"),
@@ -90,16 +92,16 @@ COMMANDS: dict[str, Command] = {
         ("plot", "ellipsoids", "planar3r", "--q", "0,1,0", "--dpi", "30", "--out", "OUT"),
         "figure.png",
     ),
-    "dh": Command(("dh", "TABLE", "-o", "OUT"), "arm.urdf"),
-    "info --json": _json("info", "planar3r"),
+    "dh": Command(("export", "--urdf", "TABLE", "-o", "OUT"), "arm.urdf"),
+    "info --json": _json("list", "planar3r"),
     "list --json": _json("list", "ur5"),
     "families --json": _json("families", "planar3r"),
     "sweep --json": _json(*_SWEEP),
-    "aspects --json": _json("aspects", "planar3r"),
+    "aspects --json": _json("postures", "--aspects", "planar3r"),
     "postures --json": _json("postures", "planar3r", *_Q),
     "postures --html": Command(("postures", "planar3r", *_Q, "--html", "OUT"), "page.html"),
-    "cuspidal --json": _json("cuspidal", "planar3r", "--poses", "2"),
-    "suggest --json": _json("suggest", "planar3r", "--task", "position"),
+    "cuspidal --json": _json("postures", "--cuspidal", "planar3r", "--poses", "2"),
+    "suggest --json": _json("at", "--suggest", "planar3r", "--task", "position"),
     "line --json": _json(
         *("line", "stanford", "--q", "0.1,0.7,0.3,0.2,0.6,0.1", "--to", "0.1,0.2,0.3")
     ),

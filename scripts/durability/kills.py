@@ -29,7 +29,18 @@ _HANG = 120.0  # seconds that no life takes
 _STOPPED = 130
 
 MAP = ("map", "stanford", "--count", "330000", "--chunk", "4096")
-SWEEP = ("sweep", "stanford", "--levels", "1,2", "--samples", "2001", "--chunk", "1", "--no-keep")
+SWEEP = (
+    "analyze",
+    "--sweep",
+    "stanford",
+    "--levels",
+    "1,2",
+    "--samples",
+    "2001",
+    "--chunk",
+    "1",
+    "--no-keep",
+)
 
 # ADDRESS is put in when the scheduler has one.
 KINDS: dict[str, tuple[str, ...]] = {

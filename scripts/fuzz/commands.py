@@ -17,14 +17,14 @@ def calls(kind: str, seed: int, index: int, path: Path) -> list[list[str]]:
     """Command lines that a file of a kind goes through, one after the other."""
     if kind == "dh":
         made = str(path.with_name("made.urdf"))
-        return [["dh", str(path), "-o", made], ["info", made]]
+        return [["export", "--urdf", str(path), "-o", made], ["list", made]]
     if kind == "loops":
         return [["", TREES[index], str(path)]]
     # One in forty is analysed, with bounds that suit the time.
     if seed % 40 == 0:
         quick = ["--seconds", "1", "--samples", "9", "--random-starts", "20", "--levels", "1"]
-        return [["info", str(path)], ["analyze", str(path), *quick]]
-    return [["info", str(path)]]
+        return [["list", str(path)], ["analyze", str(path), *quick]]
+    return [["list", str(path)]]
 
 
 def call(words: list[str]) -> Ended:

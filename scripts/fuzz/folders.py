@@ -19,7 +19,19 @@ from fuzz.judge import Ended, Wrong
 _RUNS = (
     ("map", "planar3r", "--count", "9000", "--chunk", "4096", "--threads", "1"),
     ("map", "planar3r", "--count", "9000", "--chunk", "4096", "--threads", "1", "--keep-values"),
-    ("sweep", "planar3r", "--levels", "1", "--samples", "2001", "--chunk", "1", "--threads", "1"),
+    (
+        "analyze",
+        "--sweep",
+        "planar3r",
+        "--levels",
+        "1",
+        "--samples",
+        "2001",
+        "--chunk",
+        "1",
+        "--threads",
+        "1",
+    ),
 )
 
 

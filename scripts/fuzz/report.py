@@ -101,7 +101,7 @@ reaches a new line is kept, and others are made from it by further changes: {lat
   elements and lines removed, moved, doubled, renamed; joints hung into loops; expressions that
   fail, never end, or reach for the machine; wrong encodings, truncated and flipped bytes, 10 MB of
   one thing, deep nesting, rows and crowds of thousands of joints, entities of all kinds. Each goes
-  through `pinsing info` (every fortieth URDF and xacro through `pinsing analyze` as well), `pinsing
+  through `pinsing list` (every fortieth URDF and xacro through `pinsing analyze` as well), `pinsing
   dh` and then `info`, or the loading and closing of a mechanism.
 - *run*: folders of `pinsing map` and `sweep`: files cut, flipped, exchanged, removed, replaced by
   links, pipes, folders and 8 GiB of nothing, plans changed, chunks forged with a right digest. The

@@ -142,7 +142,7 @@ def test_a_clone_that_is_not_whole_fetches_nothing(package, tmp_path):
         "URDF_PATH = path.join(clone_to_cache('here'), 'puma.urdf')\n"
     )
     (tmp_path / "cache" / "here" / ".git").mkdir()
-    done = CliRunner().invoke(command, ["info", "rd:puma_description"])
+    done = CliRunner().invoke(command, ["list", "rd:puma_description"])
     assert done.exit_code == 2
     assert "puma.urdf. What is missing would have to be downloaded" in done.stderr
     assert "`robot_descriptions pull puma_description` does it" in done.stderr
@@ -165,7 +165,7 @@ def test_a_clone_that_is_not_whole_fetches_nothing(package, tmp_path):
     ],
 )
 def test_what_cannot_be_had_is_one_line(package, name, said):
-    done = CliRunner().invoke(command, ["info", name])
+    done = CliRunner().invoke(command, ["list", name])
     assert done.exit_code == 2
     assert said in done.stderr
     assert len(done.stderr.strip().splitlines()) == 1
@@ -216,6 +216,6 @@ def test_a_mujoco_arm_loads(tmp_path):
 def test_a_broken_mujoco_file_is_one_line(tmp_path, text):
     file = tmp_path / "arm.xml"
     file.write_text(text)
-    done = CliRunner().invoke(command, ["info", str(file)])
+    done = CliRunner().invoke(command, ["list", str(file)])
     assert done.exit_code == 2
     assert len(done.stderr.strip().splitlines()) == 1

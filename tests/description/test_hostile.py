@@ -238,14 +238,18 @@ def run(*words: str) -> Result:
 
 def test_names_are_text_in_the_terminal_and_in_json(named):
     name, path = named
-    for words in (["info", str(path)], ["families", str(path)], ["info", str(path), "--tip", name]):
+    for words in (
+        ["list", str(path)],
+        ["families", str(path)],
+        ["list", str(path), "--tip", name],
+    ):
         ended = run(*words)
         assert ended.exit_code in (0, 2), ended.stderr
         for line in (ended.stdout + ended.stderr).split("\n"):
             assert all(c.isprintable() or c == "\t" for c in line), line
         if ended.exit_code == 2:  # there is no such frame, said in one line
             assert len(ended.stderr.strip().splitlines()) == 1
-    data = run("info", str(path), "--json", "-")
+    data = run("list", str(path), "--json", "-")
     assert all(c.isprintable() or c == "\n" for c in data.stdout)
     assert json.loads(data.stdout)["arm"]["joints"] == [f"{name} {i}" for i in range(3)]
 

@@ -215,7 +215,7 @@ def test_a_configuration_far_outside_the_limits_is_refused() -> None:
 class TestCommand:
     def test_what_is_printed_can_be_pasted(self) -> None:
         for deg in ([], ["--deg"]):
-            done = run("suggest", "puma560", *deg)
+            done = run("at", "--suggest", "puma560", *deg)
             assert done.exit_code == 0
             first = done.stdout.splitlines()[0]
             at = run("at", "puma560", *shlex.split(first))
@@ -232,7 +232,16 @@ class TestCommand:
 
     def test_near_and_json(self) -> None:
         done = run(
-            "suggest", "ur5", "--deg", "--near", "0,0,0,0,0,0", "--reach", "20deg", "--json", "-"
+            "at",
+            "--suggest",
+            "ur5",
+            "--deg",
+            "--near",
+            "0,0,0,0,0,0",
+            "--reach",
+            "20deg",
+            "--json",
+            "-",
         )
         data = json.loads(done.stdout)
         assert data["schema"] == "pinsing/suggestion/1"
@@ -251,7 +260,7 @@ class TestCommand:
         ],
     )
     def test_bad_input_is_one_line(self, words: tuple[str, ...]) -> None:
-        done = run("suggest", *words)
+        done = run("at", "--suggest", *words)
         assert done.exit_code == 2
         assert done.stdout == ""
         assert sum("error: " in line for line in done.stderr.splitlines()) == 1
@@ -263,7 +272,7 @@ class TestCommand:
 
 class TestInfo:
     def test_a_singular_zero_pose_is_said_with_a_clear_one(self) -> None:
-        done = run("info", "ur5")
+        done = run("list", "ur5")
         (line,) = [x for x in done.stdout.replace("\n  ", " ").splitlines() if "pose: " in x]
         assert "the zero pose is singular (on F1, F2)" in line
         q = [float(x) for x in line.split("--q ")[1].strip('"').split(",")]
@@ -284,4 +293,4 @@ class TestInfo:
         (pose,) = singular_poses(pinsing.load("surgical7"))
         assert pose.instead is None
         text = pose.text("surgical7", np.zeros(7, dtype=bool), False)
-        assert "pinsing suggest surgical7" in text
+        assert "pinsing at --suggest surgical7" in text

@@ -284,7 +284,9 @@ def test_the_command_takes_it(tmp_path):
     file = tmp_path / "tree.urdf"
     file.write_text(TOWARDS["tree"])
     done = CliRunner().invoke(
-        command, ["info", str(file), "--base", "foot", "--tip", "hand"], prog_name="pinsing"
+        command,
+        ["list", str(file), "--base", "foot", "--tip", "hand"],
+        prog_name="pinsing",
     )
     assert done.exit_code == 0
     assert "traversed backwards: ankle, knee, hip" in done.stdout + done.stderr

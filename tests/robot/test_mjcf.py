@@ -76,7 +76,7 @@ def load(folder: Path, text: str) -> pinsing.Arm:
 def refused(folder: Path, text: str) -> str:
     file = folder / "arm.xml"
     file.write_text(text)
-    done = CliRunner().invoke(command, ["info", str(file)])
+    done = CliRunner().invoke(command, ["list", str(file)])
     assert done.exit_code == 2, (done.stdout, done.exception)
     (line,) = done.stderr.strip().splitlines()
     return line

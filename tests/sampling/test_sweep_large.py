@@ -377,7 +377,7 @@ def run(*words: str):
 
 
 def test_keep_on_the_command_line(tmp_path: Path, small_keep: None) -> None:
-    words = ["sweep", "planar3r", "--levels", "1", "--samples", "41"]
+    words = ["analyze", "--sweep", "planar3r", "--levels", "1", "--samples", "41"]
     refused = run(*words, "--out", str(tmp_path / "curves.npz"))
     assert refused.exit_code == 2
     assert "--keep --out DIR" in refused.stderr
@@ -395,8 +395,17 @@ def test_keep_on_the_command_line(tmp_path: Path, small_keep: None) -> None:
 def test_killed_and_stopped_sweeps_go_on_to_the_same_result(tmp_path: Path) -> None:
     """kill -9, then Ctrl-C, then to the end: what a run at one stretch gives."""
     special = ",".join(str(a) for a in range(-180, 180, 30))
-    words = ["sweep", "panda", f"--special={special}", "--deg", "--levels", "2", "--no-keep"]
-    words += ["--samples", "1201", "--json"]
+    words = [
+        "analyze",
+        "--sweep",
+        "panda",
+        f"--special={special}",
+        "--deg",
+        "--levels",
+        "2",
+        "--no-keep",
+    ]
+    words += ["--levels", "2", "--no-keep", "--samples", "1201", "--json"]
     out = tmp_path / "run"
 
     def chunks() -> int:

@@ -16,11 +16,11 @@ import click
 from pinsing._version import __version__
 from pinsing.atomic_write import why
 from pinsing.cli import memory_problem, memory_refusal
-from pinsing.cli.commands import COMMANDS, Commands
+from pinsing.cli.commands import COMMANDS, RENAMED, Commands, variant_of
 from pinsing.cli.output import STOPPED, complain, say
 from pinsing.cli.running import WORDS
 from pinsing.cli.streams import READER_GONE, StdoutError, give_up_stdout, guard_streams
-from pinsing.errors import PinsingError, UnknownNameError, shown_path
+from pinsing.errors import OptionError, PinsingError, UnknownNameError, shown_path
 
 BAD_INPUT = 2
 
@@ -86,11 +86,19 @@ class PinsingGroup(click.Group):
         self, ctx: click.Context, args: list[str]
     ) -> tuple[str | None, click.Command | None, list[str]]:
         """Find the command, or name those that resemble it."""
+        if args and args[0] in RENAMED:
+            raise OptionError(f"there is no command {args[0]!r}: type pinsing {RENAMED[args[0]]}")
         if args and not args[0].startswith("-") and self.get_command(ctx, args[0]) is None:
             raise UnknownNameError("command", args[0], self.list_commands(ctx))
         if too_little := memory_refusal():
             raise click.ClickException(too_little)
-        return super().resolve_command(ctx, args)
+        name, found, words = super().resolve_command(ctx, args)
+        variant, words = variant_of(name or "", words)
+        return (variant, self.commands[variant], words) if variant != name else (name, found, words)
+
+    def list_commands(self, ctx: click.Context) -> list[str]:
+        """Name the commands, those that most people want first."""
+        return list(self.commands)
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         """List the commands with what they are for; none is imported."""
@@ -121,7 +129,7 @@ def command() -> None:
                  1  done and singular (only with --fail-if-singular); verify: not accepted
                  2  bad input, or output that cannot be written
                130  stopped with Ctrl-C, or out of time: what is missing is said
-               141  whoever reads the output has gone
+               141  broken pipe
     """  # noqa: D301
 
 

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from pinsing.cli.grouped import command
 from pinsing.cli.options import (
     RobotRequest,
     arm_options,
@@ -30,7 +31,7 @@ if TYPE_CHECKING:
     from pinsing.robot.arm import Arm
 
 
-@click.command("at")
+@command("at")
 @arm_options
 @once_option(
     "--q",

@@ -12,6 +12,7 @@ from typing import Any
 import click
 
 from pinsing.cli.figure import check_figure, off_screen, save_figure
+from pinsing.cli.grouped import command
 from pinsing.cli.options import RobotRequest, arm_options, deg_option, json_option
 from pinsing.cli.output import OutputFile, emit_json, emit_lines, say
 from pinsing.cli.running import run_progress
@@ -44,7 +45,7 @@ def angle(text: str, option: str, degrees: bool) -> float:
     return math.radians(value) if unit in ("deg", "°") or (degrees and not unit) else value
 
 
-@click.command("check")
+@command("check")
 @arm_options
 @click.argument("file", type=click.Path(path_type=Path))
 @deg_option

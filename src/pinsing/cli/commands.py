@@ -3,51 +3,100 @@
 from __future__ import annotations
 
 import importlib
-from collections.abc import Iterator, MutableMapping
+import itertools
+import os
+from collections.abc import Iterator, MutableMapping, Sequence
 
 import click
 
 COMMANDS: dict[str, tuple[str, str]] = {
-    "info": ("robots", "What pinsing makes of a robot, before any analysis."),
-    "analyze": ("singularities", "Find all singular configurations."),
-    "at": ("at", "Everything about one configuration."),
-    "check": ("check", "Whether a trajectory meets or nears singularities."),
-    "path": (
-        "path",
-        "The joint path through a toolpath that stays farthest from them.",
-    ),
-    "line": ("line", "Whether the tip can follow a straight line (MoveL)."),
-    "suggest": ("suggest", "A configuration far from all singular ones."),
-    "aspects": ("postures", "The pieces that singularities cut joint space into."),
-    "postures": ("postures", "The other postures of a pose, and ways to them."),
-    "cuspidal": ("postures", "Whether the arm changes posture without a singularity."),
-    "export": ("export", "A guard for a control loop, in C or Python."),
-    "sweep": ("singularities", "The joint-angle parameterization method."),
-    "map": ("map", "Singular values over a grid or sample of any size."),
-    "families": ("families", "All families as equations."),
+    "families": ("families", "Find all families of singular configurations."),
+    "at": ("at", "Analyze one configuration, or suggest one (--suggest)."),
+    "check": ("check", "Check a trajectory for singularities."),
+    "path": ("path", "Find the joint path of a toolpath with the largest clearance."),
+    "line": ("line", "Check a straight line of the tip (MoveL)."),
+    "postures": ("postures", "List the other postures of a pose, or the aspects of an arm."),
+    "analyze": ("singularities", "Cross-check the families with a sweep of the joints (--sweep)."),
+    "map": ("map", "Compute singular values over a grid or sample."),
+    "view": ("view", "Show singular poses and velocity ellipsoids in a browser."),
+    "plot": ("plot", "Draw curves, maps and ellipsoids."),
+    "report": ("report", "Write a self-contained report."),
+    "export": ("export", "Export a guard as C or Python, or a DH table as URDF."),
     "verify": ("families", "Check certificates."),
-    "view": ("view", "See singular poses and velocity ellipsoids in a browser."),
-    "plot": ("plot", "Curves, maps and ellipsoids as PNG, SVG or PDF."),
-    "report": ("report", "One file that explains it all, to send on."),
-    "dh": ("robots", "DH table to URDF."),
-    "list": ("robots", "Robots known by name."),
+    "list": ("robots", "List the known robots, or show how one is interpreted."),
 }
 """Module of `pinsing.cli` that holds the function NAME_command, and what it is for in a line."""
 
+VARIANTS = {
+    "analyze --sweep": ("singularities", "sweep"),
+    "at --suggest": ("suggest", "suggest"),
+    "postures --aspects": ("postures", "aspects"),
+    "postures --cuspidal": ("postures", "cuspidal"),
+    "export --urdf": ("robots", "dh"),
+    "list --info": ("robots", "info"),
+}
+"""Flags that make a command answer a related question: module, and NAME of NAME_command."""
+
+RENAMED = {
+    "info": "list ROBOT",
+    "sweep": "analyze ROBOT --sweep",
+    "suggest": "at ROBOT --suggest",
+    "aspects": "postures ROBOT --aspects",
+    "cuspidal": "postures ROBOT --cuspidal",
+    "dh": "export TABLE.dh.yaml -o ROBOT.urdf",
+}
+"""What to type instead of commands that there are no more."""
+
+
+def variant_of(name: str, words: Sequence[str]) -> tuple[str, list[str]]:
+    """Return the command that these words ask for, and the words that are left."""
+    for variant in VARIANTS:
+        command, flag = variant.split()
+        if command == name and flag in words:
+            return variant, [word for word in words if word != flag]
+    if name == "export" and _written(words).lower().endswith(".urdf"):
+        return "export --urdf", list(words)
+    if name == "list" and words and _is_robot(words[0]):
+        return "list --info", list(words)
+    asks = any(word in ("-h", "--help", "--help-all") for word in words)
+    if name == "postures" and words and not asks and not any(w.startswith("--q") for w in words):
+        return "postures --aspects", list(words)
+    return name, list(words)
+
+
+def _written(words: Sequence[str]) -> str:
+    """The file after ``-o``."""
+    return next((b for a, b in itertools.pairwise(words) if a in ("-o", "--output")), "")
+
+
+def _is_robot(word: str) -> bool:
+    """Whether a word names one robot: a file, or a name in full."""
+    if word.startswith("-") or word.endswith(":"):
+        return False
+    if os.sep in word or os.path.isfile(word):
+        return True
+    from pinsing.description.catalog import described_entries, known_robots
+
+    if word.startswith("rd:"):
+        return any(word == entry.name for entry in described_entries())
+    return word in known_robots()
+
 
 class Commands(MutableMapping[str, click.Command]):
-    """`COMMANDS` as click wants them, imported when looked at."""
+    """`COMMANDS` as click wants them, imported when looked at; `VARIANTS` as well, by name."""
 
     def __init__(self) -> None:
         self._found: dict[str, click.Command | None] = dict.fromkeys(COMMANDS)
 
     def __getitem__(self, name: str) -> click.Command:
-        found = self._found[name]
+        found = self._found.get(name)
         if found is None:
-            place, short = COMMANDS[name]
+            place, called = VARIANTS.get(name) or (COMMANDS[name][0], name)
             module = importlib.import_module(f"pinsing.cli.{place}")
-            found = self._found[name] = getattr(module, f"{name}_command")
-            found.short_help = short
+            found = getattr(module, f"{called}_command")
+            if name in COMMANDS:
+                self._found[name] = found
+                found.short_help = COMMANDS[name][1]
         return found
 
     def __setitem__(self, name: str, command: click.Command) -> None:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import click
 
 from pinsing.atomic_write import write_text
+from pinsing.cli.grouped import command
 from pinsing.cli.options import RobotRequest, arm_options
 from pinsing.cli.output import STDOUT, OutputFile, say
 from pinsing.cli.singularities import prove_option
@@ -18,7 +19,7 @@ if TYPE_CHECKING:
     from pinsing.families.solve import Prove
 
 
-@click.command("export")
+@command("export")
 @arm_options
 @click.option(
     "--c", "c", type=OutputFile(), metavar="FILE.h|-", help="Write a C99 header; - for stdout."

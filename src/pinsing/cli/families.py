@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from pinsing.cli.grouped import command
 from pinsing.cli.mechanism import families_loops, loops_option
 from pinsing.cli.options import (
     RobotRequest,
@@ -34,7 +35,7 @@ if TYPE_CHECKING:
 _REDRAW_SECONDS = 0.1
 
 
-@click.command("families")
+@command("families")
 @loops_option(families_loops)
 @arm_options
 @verbose_option
@@ -200,7 +201,7 @@ def _write(data: dict[str, Any] | None, reason: str, path: Path) -> None:
     say(f"wrote {path}")
 
 
-@click.command("verify")
+@command("verify")
 @click.argument(
     "files", metavar="FILE.json...", nargs=-1, required=True, type=click.Path(path_type=Path)
 )

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from pinsing.cli.grouped import command
 from pinsing.cli.options import (
     RobotRequest,
     arm_options,
@@ -31,7 +32,7 @@ _STILL = 1e-6
 """Share of the speed asked for below which an allowed speed is none."""
 
 
-@click.command("line")
+@command("line")
 @arm_options
 @once_option(
     "--q",

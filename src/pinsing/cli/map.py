@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from pinsing.cli import completion
+from pinsing.cli.grouped import command
 from pinsing.cli.mechanism import loops_option, map_loops, over_option
 from pinsing.cli.options import (
     RobotRequest,
@@ -29,7 +30,7 @@ if TYPE_CHECKING:
     from pinsing.robot.arm import Arm
 
 
-@click.command("map")
+@command("map")
 @loops_option(map_loops)
 @arm_options
 @click.option(

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from pinsing.cli.grouped import command
 from pinsing.cli.check import angle
 from pinsing.cli.figure import check_figure, off_screen, save_figure
 from pinsing.cli.options import (
@@ -27,7 +28,7 @@ if TYPE_CHECKING:
     from pinsing._types import Array
 
 
-@click.command("path")
+@command("path")
 @arm_options
 @click.argument("poses", type=click.Path(path_type=Path))
 @click.option("-o", "--output", type=OutputFile(), metavar="FILE|-", help="Write the path as CSV.")

@@ -9,6 +9,7 @@ import click
 
 from pinsing.cli import completion
 from pinsing.cli.figure import check_figure, off_screen, save_figure
+from pinsing.cli.grouped import command
 from pinsing.cli.mechanism import loops_option
 from pinsing.cli.mechanism_plot import plot_loops
 from pinsing.cli.options import RobotRequest, arm_options, deg_option, joint_vector, parse_numbers
@@ -26,7 +27,7 @@ KINDS = (
 _STEPS = 400
 
 
-@click.command("plot")
+@command("plot")
 @click.argument("kind", type=click.Choice(KINDS))
 @loops_option(plot_loops)
 @arm_options

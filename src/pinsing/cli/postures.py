@@ -1,4 +1,4 @@
-"""``pinsing aspects``, ``postures`` and ``cuspidal``: the pieces of joint space, and ways."""
+"""``pinsing postures``: other postures of a pose, aspects, and posture changes (cuspidal)."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ from pathlib import Path
 
 import click
 
+from pinsing.cli.grouped import command
 from pinsing.cli.options import (
     RobotRequest,
     arm_options,
@@ -24,7 +25,7 @@ _ignore_limits = click.option(
 )
 
 
-@click.command("aspects")
+@command("aspects")
 @arm_options
 @_ignore_limits
 @deg_option
@@ -36,7 +37,7 @@ def aspects_command(
 
     An arm gets from one aspect into another only by way of a singular configuration.
 
-    Example: pinsing aspects ur5
+    Example: pinsing postures --aspects ur5
     """
     arm = request.load()
     from pinsing.families import closed_form
@@ -47,7 +48,7 @@ def aspects_command(
         emit_lines(found.text(deg))
 
 
-@click.command("postures")
+@command("postures")
 @arm_options
 @once_option(
     "--q",
@@ -105,7 +106,7 @@ def postures_command(
         show(viewer, html, view, no_open)
 
 
-@click.command("cuspidal")
+@command("cuspidal")
 @arm_options
 @click.option(
     "--poses", type=int, default=60, show_default=True, metavar="N", help="Random poses to try."
@@ -125,7 +126,7 @@ def cuspidal_command(
     Joint limits do not count. With a witness where it is: two inverse solutions of one pose, and
     a proven way from one to the other.
 
-    Example: pinsing cuspidal puma560 --poses 20
+    Example: pinsing postures --cuspidal puma560 --poses 20
     """
     arm = request.load()
     from pinsing.families import closed_form

@@ -12,6 +12,7 @@ import click
 
 from pinsing.cli import completion
 from pinsing.cli.figure import off_screen
+from pinsing.cli.grouped import command
 from pinsing.cli.mechanism import loops_option, read
 from pinsing.cli.options import RobotRequest, arm_options, deg_option, joint_vector, parse_numbers
 from pinsing.cli.output import STDOUT, OutputFile, emit, say
@@ -81,7 +82,7 @@ def out_options(command: F) -> F:
     return wrapper  # type: ignore[return-value]
 
 
-@click.command("report")
+@command("report")
 @loops_option(_report_loops)
 @arm_options
 @out_options

@@ -1,4 +1,4 @@
-"""``pinsing info``, ``pinsing list`` and ``pinsing dh``: robots themselves."""
+"""``pinsing list``, ``pinsing list`` and ``pinsing export``: robots themselves."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ import click
 
 from pinsing.atomic_write import check_writable, write_text
 from pinsing.cli import completion
+from pinsing.cli.grouped import command
 from pinsing.cli.options import RobotRequest, arm_options, deg_option, json_option
 from pinsing.cli.output import STDOUT, OutputFile, emit, emit_json, emit_json_data, say
 from pinsing.errors import ChainError, OptionError
@@ -19,7 +20,7 @@ if TYPE_CHECKING:
     from pinsing.description.catalog import CatalogEntry
 
 
-@click.command("info")
+@command("info")
 @arm_options
 @deg_option
 @json_option
@@ -74,7 +75,7 @@ def _show_chains(request: RobotRequest) -> None:
         emit(chains_text(chains, words))
 
 
-@click.command("list")
+@command("list")
 @click.argument("word", required=False, default="", shell_complete=completion.known)
 @click.option("--json", "json_target", type=OutputFile(), metavar="FILE|-", help="As JSON.")
 def list_command(word: str, json_target: str | Path | None) -> None:
@@ -128,7 +129,7 @@ def _listed(entries: list[CatalogEntry]) -> str:
     return "\n\n".join(Page.of().table(table) for table in tables if table.rows)
 
 
-@click.command("dh")
+@command("dh")
 @click.argument("table", shell_complete=completion.files)
 @click.option(
     "-o",

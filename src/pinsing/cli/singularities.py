@@ -1,4 +1,4 @@
-"""``pinsing analyze`` and ``pinsing sweep``: all singular configurations."""
+"""``pinsing analyze`` and ``pinsing analyze --sweep``: all singular configurations."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import click
 
 from pinsing.cli import completion
+from pinsing.cli.grouped import command
 from pinsing.cli.mechanism import analyze_loops, joints_option, loops_option
 from pinsing.cli.options import (
     RobotRequest,
@@ -203,7 +204,7 @@ def _levels(text: str) -> tuple[int, ...]:
     return tuple(sorted(found))
 
 
-@click.command("sweep")
+@command("sweep")
 @arm_options
 @sweep_options()
 @geometry_options
@@ -300,7 +301,7 @@ def sweep_command(
     return int(fail_if_singular and met)
 
 
-@click.command("analyze")
+@command("analyze")
 @loops_option(analyze_loops)
 @joints_option
 @arm_options

@@ -1,4 +1,4 @@
-"""``pinsing suggest``: a configuration far from all singular ones."""
+"""``pinsing at --suggest``: a configuration far from all singular ones."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from pathlib import Path
 import click
 
 from pinsing.cli.check import angle
+from pinsing.cli.grouped import command
 from pinsing.cli.options import (
     RobotRequest,
     arm_options,
@@ -19,7 +20,7 @@ from pinsing.cli.output import emit_json, emit_lines
 from pinsing.errors import OptionError
 
 
-@click.command("suggest")
+@command("suggest")
 @arm_options
 @click.option(
     "--near",
@@ -52,7 +53,7 @@ def suggest_command(
 
     Such as for a home pose. The first line is ready to paste.
 
-    Example: pinsing suggest ur5 --near 0,-90,90,0,0,0 --deg
+    Example: pinsing at --suggest ur5 --near 0,-90,90,0,0,0 --deg
     """
     if reach is not None and near is None:
         raise OptionError("--reach is for use with --near")

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, TypeAlias
 import click
 
 from pinsing.cli import completion
+from pinsing.cli.grouped import command
 from pinsing.cli.mechanism import loops_option, view_loops
 from pinsing.cli.options import RobotRequest, arm_options, deg_option, joint_vector, parse_numbers
 from pinsing.cli.output import STDOUT, OutputFile, say
@@ -25,7 +26,7 @@ if TYPE_CHECKING:
     from pinsing.sampling.finding import Finding
 
 
-@click.command("view")
+@command("view")
 @loops_option(view_loops)
 @arm_options
 @click.option(

@@ -63,7 +63,7 @@ class SingularPose:
         on = f" (on {', '.join(self.families)})" if self.families else ""
         said = f"the {self.name} pose{outside} is singular{on}"
         if self.instead is None:
-            return f"{said}; pinsing suggest {robot} finds one that is not"
+            return f"{said}; pinsing at --suggest {robot} finds one that is not"
         far = f"{np.floor(np.degrees(self.clearance) * 100) / 100:g}°"
         pose = typed(self.instead, prismatic, degrees, digits=8, room=room)
         return (

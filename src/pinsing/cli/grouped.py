@@ -1,0 +1,131 @@
+"""A command with its options in groups, one output option ``-o``, and vectors typed with spaces."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import click
+
+from pinsing.errors import OptionError
+
+ROBOT = (
+    *("loops", "no_loops", "tip", "base", "joints", "task", "tool_axis", "length_scale"),
+    *("packages", "xacro_args"),
+)
+OUTPUT = (
+    *("out", "output", "json_target", "html", "png", "plot", "pdf", "c", "python", "certificate"),
+    *("system", "verbose", "deg", "latex", "exact", "view", "no_open", "page", "skeleton", "keep"),
+    *("keep_values", "size", "panel", "fail_if_singular", "fail_within"),
+)
+RARE = (
+    *("length_scale", "packages", "xacro_args", "angle_tol", "snap_length", "engine", "threads"),
+    *("workers", "dask", "chunk", "keep", "keep_values", "seed", "rtol", "near_rtol", "host"),
+    *("port", "panel", "size", "no_open", "system", "chosen", "prefix", "special", "levels"),
+    *("samples", "sweep_joints", "no_prune", "nominal_q", "random_starts", "no_loops"),
+    *("html", "png", "plot", "c", "python"),  # -o does, by the ending
+)
+"""Options that ``--help-all`` shows, and ``--help`` does not."""
+
+ENDINGS = {
+    ".json": ("json_target",),
+    ".html": ("html",),
+    ".png": ("png", "plot"),
+    ".svg": ("plot",),
+    ".pdf": ("plot",),
+    ".h": ("c",),
+    ".py": ("python",),
+    "": ("out",),
+}
+"""The option that a file after ``-o`` means, by its ending."""
+
+_VECTORS = ("--q", "--near", "--nominal-q", "--to")
+_NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)(e[+-]?\d+)?", re.IGNORECASE)
+
+
+class GroupedCommand(click.Command):
+    """What `command` makes."""
+
+    def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
+        """Take ``-o FILE`` by its ending, and ``--q 0 -80 60``; show all options on demand."""
+        ctx.meta["all options"] = "--help-all" in args
+        args = ["--help" if word == "--help-all" else word for word in args]
+        return super().parse_args(ctx, list(self._by_ending(_joined(args))))
+
+    def _by_ending(self, args: list[str]) -> Iterator[str]:
+        own = any("-o" in p.opts for p in self.params)
+        options = {p.name: p.opts[-1] for p in self.params if isinstance(p, click.Option)}
+        before = ""
+        for word in args:
+            if before == "-o" and not own:
+                ending = Path(word).suffix.lower()
+                means = (*ENDINGS.get(ending, ()), *ENDINGS[""])
+                found = next((options[n] for n in means if n in options), None)
+                if found is None:
+                    usable = [e for e, n in ENDINGS.items() if e and set(n) & set(options)]
+                    raise OptionError(f"-o {word}: name a file that ends in {' or '.join(usable)}")
+                yield from (found, word)
+            elif word != "-o" or own:
+                yield word
+            before = word
+        if before == "-o" and not own:
+            raise OptionError("-o needs the name of a file")
+
+    def collect_usage_pieces(self, ctx: click.Context) -> list[str]:
+        """Name the options that have to be given too."""
+        needed = [
+            f"{p.opts[0]} {p.make_metavar(ctx)}"
+            for p in self.params
+            if isinstance(p, click.Option) and p.required
+        ]
+        return [*super().collect_usage_pieces(ctx), *needed]
+
+    def format_options(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """List what to do, which robot, and what to write; rare options on demand."""
+        every = ctx.meta.get("all options", False)
+        groups: dict[str, list[tuple[str, str]]] = {"Options": [], "Robot": [], "Output": []}
+        hidden = 0
+        for p in self.get_params(ctx):
+            record = p.get_help_record(ctx)
+            if record is None or not isinstance(p, click.Option):
+                continue
+            if p.name in RARE and not every:
+                hidden += 1
+                continue
+            group = "Robot" if p.name in ROBOT else "Output" if p.name in OUTPUT else "Options"
+            groups[group].append(record)
+        names = {p.name for p in self.params}
+        kinds = [e for e, n in ENDINGS.items() if e and set(n) & names]
+        if kinds and not any("-o" in p.opts for p in self.params):
+            text = f"Write a file, by its ending: {', '.join(kinds)}."
+            groups["Output"].insert(0, ("-o FILE", text))
+        if hidden:
+            groups["Options"].append(("--help-all", f"Show {hidden} more options."))
+        for title, records in groups.items():
+            if records:
+                with formatter.section(title):
+                    formatter.write_dl(records)
+
+
+def command(name: str) -> Callable[[Callable[..., Any]], GroupedCommand]:
+    """As `click.command`, of a `GroupedCommand`."""
+    return click.command(name, cls=GroupedCommand)
+
+
+def _joined(args: list[str]) -> list[str]:
+    """Numbers after ``--q`` that stand apart as one word."""
+    out: list[str] = []
+    taking = False
+    for word in args:
+        if taking and _NUMBER.fullmatch(word) and _vector(out[-1]):
+            out[-1] += f",{word}"
+        else:
+            out.append(word)
+            taking = len(out) > 1 and out[-2] in _VECTORS
+    return out
+
+
+def _vector(word: str) -> bool:
+    return all(_NUMBER.fullmatch(part) for part in word.split(","))
