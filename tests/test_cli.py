@@ -535,7 +535,7 @@ class TestText:
         assert safe("gelenk_ä") == "gelenk_ä"
 
     def test_names_from_files_cannot_paint_the_terminal(self):
-        done = run("list", "\x1b[31mred")
+        done = run("list", "--info", "\x1b[31mred")
         assert "\x1b" not in done.output
         assert done.exit_code == 2
 

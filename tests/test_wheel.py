@@ -83,7 +83,7 @@ def holds_the_program_and_not_the_source_of_the_kernel(wheel: Path) -> None:
 
 def runs(pinsing: Path, alone: dict[str, str], folder: Path) -> None:
     folder.mkdir()
-    said = run([pinsing, "info", "ur5"], alone, folder)
+    said = run([pinsing, "list", "ur5"], alone, folder)
     assert said.returncode == 0, said.stderr
     assert "compiled" in said.stdout
     said = run([pinsing, "families", "stanford"], alone, folder)
@@ -171,5 +171,5 @@ def test_a_wheel_and_the_demo_run_where_there_is_no_compiler(tmp_path):
     done = run([tree / "scripts/demo"], alone, tree)
     assert done.returncode == 0, done.stderr
     assert done.stdout.count("Checked:") == 3
-    said = run([place / "bin/pinsing", "info", "ur5"], alone, tree)
+    said = run([place / "bin/pinsing", "list", "ur5"], alone, tree)
     assert "Pinocchio and NumPy" in said.stdout

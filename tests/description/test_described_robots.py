@@ -165,7 +165,7 @@ def test_a_clone_that_is_not_whole_fetches_nothing(package, tmp_path):
     ],
 )
 def test_what_cannot_be_had_is_one_line(package, name, said):
-    done = CliRunner().invoke(command, ["list", name])
+    done = CliRunner().invoke(command, ["list", "--info", name])
     assert done.exit_code == 2
     assert said in done.stderr
     assert len(done.stderr.strip().splitlines()) == 1

@@ -135,7 +135,7 @@ def test_only_info_and_view_say_which_meshes_are_missing(package):
     file = package / "urdf" / "arm.urdf"
     file.write_text(mesh_robot("b.stl"))
     said = "1 of 1 mesh files not found and not drawn, as 'b.stl' (no such file)"
-    for words, told in (["info"], True), (["families"], False), (["at", "--q", "0,0"], False):
+    for words, told in (["list"], True), (["families"], False), (["at", "--q", "0,0"], False):
         done = CliRunner().invoke(command, [words[0], str(file), *words[1:]])
         assert done.exit_code == 0
         assert (said in " ".join(done.output.split())) == told
