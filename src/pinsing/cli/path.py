@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING
 
 import click
 
-from pinsing.cli.grouped import command
 from pinsing.cli.check import angle
 from pinsing.cli.figure import check_figure, off_screen, save_figure
+from pinsing.cli.grouped import command
 from pinsing.cli.options import (
     RobotRequest,
     arm_options,
