@@ -106,6 +106,7 @@ PRINTING = {
     ),
     "at": ("at", "planar3r", "--q", "0,0,0", "--fail-if-singular"),
     "check": ("check", "planar3r", "PATH"),
+    "path": ("path", "--help"),
     "line": ("line", "stanford", "--q", "0.1,0.7,0.3,0.2,0.6,0.1", "--to", "0.1,0.2,0.3"),
     "at --suggest": ("at", "--suggest", "planar3r"),
     "postures --aspects": ("postures", "--aspects", "planar3r"),
