@@ -8,6 +8,7 @@ whose Jacobian vanishes altogether is judged rightly too.
 from __future__ import annotations
 
 import functools
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -111,6 +112,38 @@ def build(
 
 # Cosine and sine are short decimals, so that intersecting axes intersect in decimals too.
 TILTS = (0.0, RIGHT, -RIGHT, np.arctan2(0.6, 0.8), np.arctan2(0.8, 0.6), -np.arctan2(0.28, 0.96))
+
+
+def iiwa_with_offset() -> Arm:
+    """The KUKA of ROS-Industrial: axes 2 and 4 stand 0.436 mm beside the others."""
+    model = pin.Model()
+    model.name = "lbr_iiwa_14_r820"
+    y, z = np.array([0.0, 1.0, 0.0]), np.array([0.0, 0.0, 1.0])
+    off = 0.00043624
+    rows = [
+        ((0, 0, 0), z, 170),
+        ((-off, 0, 0.36), y, 120),
+        ((0, 0, 0), z, 170),
+        ((off, 0, 0.42), -y, 120),
+        ((0, 0, 0), z, 170),
+        ((0, 0, 0.4), y, 120),
+        ((0, 0, 0), z, 175),
+    ]
+    parent = 0
+    for i, (at, axis, limit) in enumerate(rows, 1):
+        parent = model.addJoint(
+            parent,
+            pin.JointModelRevoluteUnaligned(axis),
+            pin.SE3(np.eye(3), np.array(at, dtype=float)),
+            f"joint_a{i}",
+            np.full(1, 1e3),
+            np.full(1, 1e3),
+            np.full(1, -math.radians(limit)),
+            np.full(1, math.radians(limit)),
+        )
+    place = pin.SE3(np.eye(3), np.array([0, 0, 0.126]))
+    model.addFrame(pin.Frame("tool0", parent, 0, place, pin.FrameType.OP_FRAME))
+    return load(model, tip="tool0")
 
 
 def random_arm(seed: int, kind: str, task: str = "pose", joints: int | None = None) -> Arm:

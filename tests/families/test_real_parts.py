@@ -5,9 +5,8 @@ from __future__ import annotations
 import math
 
 import numpy as np
-import pinocchio as pin
 import pytest
-from singular_sets import Joint, build
+from singular_sets import Joint, build, iiwa_with_offset
 
 from pinsing.algebra import real_roots
 from pinsing.algebra.budget import Budget
@@ -21,7 +20,6 @@ from pinsing.families.form import families_text
 from pinsing.families.pieces import PieceMaker
 from pinsing.kinematics.verdict import ratios
 from pinsing.plot.curves import _singular as singular_values_of
-from pinsing.robot.arm import Arm
 from pinsing.robot.load import load
 from pinsing.robot.nominal import nominal
 from pinsing.robot.surd import cosine
@@ -32,38 +30,6 @@ from pinsing.sampling.stopping import Stages
 from pinsing.sampling.sweep_run import sweep
 
 RIGHT = math.pi / 2
-
-
-def iiwa_with_offset() -> Arm:
-    """The KUKA of ROS-Industrial: axes 2 and 4 stand 0.436 mm beside the others."""
-    model = pin.Model()
-    model.name = "lbr_iiwa_14_r820"
-    y, z = np.array([0.0, 1.0, 0.0]), np.array([0.0, 0.0, 1.0])
-    off = 0.00043624
-    rows = [
-        ((0, 0, 0), z, 170),
-        ((-off, 0, 0.36), y, 120),
-        ((0, 0, 0), z, 170),
-        ((off, 0, 0.42), -y, 120),
-        ((0, 0, 0), z, 170),
-        ((0, 0, 0.4), y, 120),
-        ((0, 0, 0), z, 175),
-    ]
-    parent = 0
-    for i, (at, axis, limit) in enumerate(rows, 1):
-        parent = model.addJoint(
-            parent,
-            pin.JointModelRevoluteUnaligned(axis),
-            pin.SE3(np.eye(3), np.array(at, dtype=float)),
-            f"joint_a{i}",
-            np.full(1, 1e3),
-            np.full(1, 1e3),
-            np.full(1, -math.radians(limit)),
-            np.full(1, math.radians(limit)),
-        )
-    place = pin.SE3(np.eye(3), np.array([0, 0, 0.126]))
-    model.addFrame(pin.Frame("tool0", parent, 0, place, pin.FrameType.OP_FRAME))
-    return load(model, tip="tool0")
 
 
 def test_joint_values_that_depend_on_each_other_are_stated_exactly():

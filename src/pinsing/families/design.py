@@ -315,7 +315,4 @@ def _at_value(joint: int, value: Any, ring: Ring) -> Poly:
 
 
 def _product(polys: Sequence[Poly]) -> Poly:
-    total = polys[0]
-    for p in polys[1:]:
-        total = total * p
-    return total
+    return math.prod(polys[1:], start=polys[0])

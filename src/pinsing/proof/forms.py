@@ -66,10 +66,12 @@ def empty(ring: Ring, forms: Sequence[Poly]) -> bool:
     return any(f != 0 and not ring.joints(f) for f in forms)
 
 
-def shown(ring: Ring, question: Callable[[], bool]) -> bool:
-    """Whether something is seen, and not only after long; the work is not counted."""
-    # Products of terms that one question may take: a small part of what the checker spends in all.
-    ring.work = MOST_WORK - 10_000_000
+def shown(ring: Ring, question: Callable[[], bool], most: int = 10_000_000) -> bool:
+    """Whether something is seen with so many products of terms; they are not counted.
+
+    By default these are a small part of what the checker spends in all.
+    """
+    ring.work = MOST_WORK - most
     try:
         return question()
     except Rejected:
@@ -184,8 +186,9 @@ class Forms:
         return SurdRing(ring.context, flat, start, norms, roots, self._budget)
 
     def require_time(self) -> None:
-        """Raise BudgetExceeded once the time is over."""
+        """Raise BudgetExceeded once the time is over; begin to count the work of one step."""
         self._budget.check()
+        self.ring.work = 0  # the checker counts that of the whole check
 
     def place_of(self, forms: Sequence[Poly], points: bool = False) -> Place:
         """A place by its forms, in the one way that it is written."""

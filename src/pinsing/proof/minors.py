@@ -11,8 +11,8 @@ from typing import Any
 from flint import fmpq_mat
 
 from pinsing._dataclass import dataclass
-from pinsing.proof.checker import Certificate, Poly, Rejected, Ring
-from pinsing.proof.forms import Forms, NotFound, Place, content, divisions, place_text
+from pinsing.proof.checker import MOST_WORK, Certificate, Poly, Ring
+from pinsing.proof.forms import Forms, NotFound, Place, content, divisions, place_text, shown
 from pinsing.proof.skeleton import form_text
 
 
@@ -128,7 +128,6 @@ class _Minors:
         self.minors: dict[Lines, Poly] = {}
         for lines in itertools.product(*chosen):
             tidy.require_time()
-            self.ring.work = 0  # what is counted is one step here, the whole check there
             self.minors[lines] = minor(*lines)
         self.known: dict[Lines, _Known] = {}
 
@@ -148,7 +147,6 @@ class _Minors:
         for lines, known in sorted(self.known.items(), key=lambda item: item[1].depth):
             self.tidy.require_time()
             minor = self.minors[lines]
-            self.ring.work = 0
             if known.depth == 0 or any(self.ring.divides(p, minor) for p in totals):
                 continue
             total = self._written(known)
@@ -169,7 +167,6 @@ class _Minors:
     def _sum(self, lines: Lines) -> _Known | None:
         """The shortest of the sums that a minor is by what is known."""
         self.tidy.require_time()
-        self.ring.work = 0
         ways = [
             (sum(len(c) for _, known, _ in terms for c in known.terms.values()), n, i, extra, terms)
             for n, (i, extra, terms) in enumerate(self._relations(lines))
@@ -280,7 +277,6 @@ def soundness(draft: Certificate, tidy: Forms, family: Place, codimension: int) 
     multiples, totals = sums_to_minors(draft, tidy, family)
     for minor in minors.values():
         tidy.require_time()
-        draft.ring.work = 0  # what is counted is one step here, the whole check there
         place = (family.values, [*family.relations, *totals])
         if draft.ring.vanishes(minor, place):
             continue
@@ -313,14 +309,9 @@ def _by_division(
 
 def _is_apart(draft: Certificate, family: Place, form: Poly) -> bool:
     """Whether a form is seen to be zero on no component of a family."""
-    draft.ring.work = 0  # what is counted is one step here, the whole check there
+    count = len(family.relations) + 1
     forms = [*family.relations, *draft.ring.stripped(form)]
-    try:
-        return draft.ring.codimension_at_least(len(family.relations) + 1, forms)
-    except Rejected:  # it would take too long to see
-        return False
-    finally:
-        draft.ring.work = 0
+    return shown(draft.ring, lambda: draft.ring.codimension_at_least(count, forms), most=MOST_WORK)
 
 
 def _minors(

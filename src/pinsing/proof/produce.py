@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import json
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any
@@ -10,8 +11,8 @@ from pinsing._dataclass import dataclass
 from pinsing.algebra.budget import Budget
 from pinsing.algebra.components import Component
 from pinsing.algebra.ring import Ring, Value
-from pinsing.proof.checker import Certificate, Rejected, verify
-from pinsing.proof.forms import Forms, NotFound, Place, vanishes
+from pinsing.proof.checker import MOST_WORK, Certificate, Rejected, verify
+from pinsing.proof.forms import Forms, NotFound, Place, shown, vanishes
 from pinsing.proof.minors import soundness
 from pinsing.proof.skeleton import (
     Draft,
@@ -98,7 +99,7 @@ def certificate(
                 )
         draft.polys = [draft.ring.parse(text) for text in polynomials.texts]
         data["polynomials"] = polynomials.texts
-        root = Tree(tidy, budget, progress).root()
+        root = Tree(tidy, progress).root()
     except Rejected as reason:
         raise NotFound(str(reason)) from None
     order = _ordered(root)
@@ -123,14 +124,9 @@ def _without_implied(draft: Certificate, family: Place) -> list[Any]:
     linear, rest = family.forms[: len(family.values)], family.relations
     kept: list[Any] = []
     for p in rest:
-        draft.ring.work = 0  # what is counted is one step here, the whole check there
-        try:
-            implied = bool(kept) and vanishes(draft.ring, p, kept)
-        except Rejected:  # it would take too long to see
-            implied = False
-        if not implied:
+        implied = functools.partial(vanishes, draft.ring, p, kept)
+        if not kept or not shown(draft.ring, implied, most=MOST_WORK):
             kept.append(p)
-    draft.ring.work = 0
     return [*linear, *kept]
 
 

@@ -12,7 +12,7 @@ import itertools
 from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
-from pinsing.algebra.budget import Budget, BudgetExceeded
+from pinsing.algebra.budget import BudgetExceeded
 from pinsing.proof.checker import Poly, Rejected, Ring
 from pinsing.proof.forms import (
     Forms,
@@ -269,17 +269,16 @@ class Tree:
     def __init__(
         self,
         forms: Forms,
-        budget: Budget,
         progress: Callable[[str], None] | None = None,
     ) -> None:
         self.forms, self.certificate, self.ring = forms, forms.certificate, forms.ring
-        self._budget, self._progress = budget, progress
+        self._progress = progress
         certificate = self.certificate
         self.families = [certificate.forms(f) for f in certificate.data["families"]]
         # Relations, if no family has more, beyond which a place is not split: splits that say
         # nothing new go on for ever.
         self._most = max([8, *map(len, self.families)])
-        self._splits = Splits(self.forms, self.families, self._check_time)
+        self._splits = Splits(self.forms, self.families, forms.require_time)
         self._places: dict[tuple[Any, ...], Place | NotFound | None] = {}
 
     def root(self) -> Place:
@@ -293,10 +292,6 @@ class Tree:
         place = self._place([])
         assert place is not None
         return place
-
-    def _check_time(self) -> None:
-        self._budget.check()
-        self.ring.work = 0  # what is counted is one step here, the whole check there
 
     def _place(self, forms: Sequence[Poly], points: bool = False) -> Place | None:
         """The place where forms vanish, closed or split; None where it is empty."""
@@ -317,7 +312,7 @@ class Tree:
             return wider
         self._places[key] = None
         try:
-            self._check_time()
+            self.forms.require_time()
             if self._progress is not None:
                 self._progress(f"{len(self._places)} places looked at")
             self._close(place)
@@ -329,7 +324,7 @@ class Tree:
 
     def _shown(self, question: Callable[[], bool]) -> bool:
         """Whether something is seen, and not only after long."""
-        self._check_time()
+        self.forms.require_time()
         return shown(self.ring, question)
 
     def _closed_around(self, forms: set[str], points: bool) -> Place | None:
