@@ -24,7 +24,7 @@ class Command:
     ----------
     words : tuple of str
         Its words; OUT stands for the file, OUT_LEGS for what files of legs are named after; TABLE,
-        FIVE_BAR, LOOPS and PATH for what it reads.
+        FIVE_BAR, LOOPS, PATH and POSES for what it reads.
     out : str
         Name of that file, or of the folder of a run.
     beside : tuple of str
@@ -42,6 +42,11 @@ class Command:
         """The words, with the files in ``folder``; what is read lies beside that."""
         if "PATH" in self.words:
             (folder.parent / "path.csv").write_text("0,0.5,0.7\n0.2,0.6,0.9\n")
+        if "POSES" in self.words:
+            (folder.parent / "poses.csv").write_text(
+                "x,y,z,qx,qy,qz,qw\n0.61775,0.11497,0.46622,-0.70195,0.70622,0.08521,-0.03534\n"
+                "0.61486,0.12729,0.45695,-0.70809,0.69879,0.09179,-0.04332\n"
+            )
         meant = {
             "OUT": folder / self.out,
             "OUT_LEGS": folder / "certificate.json",
@@ -49,6 +54,7 @@ class Command:
             "FIVE_BAR": _URDF / "five_bar.urdf",
             "LOOPS": _URDF / "five_bar.loops.yaml",
             "PATH": folder.parent / "path.csv",
+            "POSES": folder.parent / "poses.csv",
             **{f"OUT{k}": folder / name for k, name in enumerate(self.beside, 2)},
         }
         return [str(meant.get(word, word)) for word in self.words]
@@ -108,6 +114,9 @@ COMMANDS: dict[str, Command] = {
     "check --json": _json("check", "planar3r", "PATH"),
     "check --plot": Command(("check", "planar3r", "PATH", "--plot", "OUT"), "check.png"),
     "check --html": Command(("check", "planar3r", "PATH", "--html", "OUT"), "check.html"),
+    "path --json": _json("path", "ur5", "POSES"),
+    "path --plot": Command(("path", "ur5", "POSES", "--plot", "OUT"), "path.png"),
+    "path -o": Command(("path", "ur5", "POSES", "-o", "OUT"), "joints.csv"),
     "export --c --python": Command(
         ("export", "planar3r", "--c", "OUT", "--python", "OUT2"), "guard.h", ("guard.py",)
     ),
@@ -142,7 +151,7 @@ BROWSER = {name for name, c in COMMANDS.items() if {"--png", "--pdf"} & set(c.wo
 """Those that need Chromium."""
 
 # Options and arguments that name a file which is read.
-_READ = {"--loops", "--analysis", "--package", "file", "files", "table", "robot"}
+_READ = {"poses", "--loops", "--analysis", "--package", "file", "files", "table", "robot"}
 REFUSED = {("families --system", True), ("map --out", True)}
 """Options that are refused for mechanisms, so that nothing is written."""
 
