@@ -35,6 +35,7 @@ def test_the_oldest_set_is_that_of_the_lower_bounds():
 
 # The packages whose modules have other names than themselves.
 PROVIDER = {
+    "collada": "pycollada",
     "flint": "python-flint",
     "mpl_toolkits": "matplotlib",
     "pil": "pillow",
