@@ -235,7 +235,7 @@ def test_a_robot_that_nobody_knows():
     assert "ur5" in caught.value.known
     for asked, meant in [
         ("kuka", "iiwa14"),
-        ("ur5e", "ur5"),
+        ("ur5x", "ur5"),
         ("Franka Emika", "panda"),
         ("universal robots", "ur10"),
         ("pandda", "panda"),

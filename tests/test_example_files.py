@@ -35,7 +35,7 @@ def test_examples_are_short():
 
 
 def test_every_example_is_run_by_a_test():
-    tests = [p.read_text() for p in Path(__file__).parent.glob("test_*.py")]
+    tests = [p.read_text() for p in Path(__file__).parent.rglob("test_*.py")]
     for file in EXAMPLES.glob("*.py"):
         assert any(file.name in text for text in tests), file.name
 

@@ -124,12 +124,12 @@ def test_the_end_says_what_is_missing_where_no_proof_mends_it() -> None:
 
 @pytest.mark.usefixtures("slow")
 def test_without_time_it_says_how_much_there_was_and_what_to_do() -> None:
-    done = run("families", "puma560")
+    done = run("families", "puma560", "-v")
     assert done.exit_code == 0
     text = " ".join(done.stdout.split())
     assert "no certificate: none was found in the 0 s of work allowed" in text
     assert "--prove, or prove=True, looks for one for 60 s" in text
-    assert text.startswith("3 families of singular configurations, probable (")
+    assert text.startswith("puma560: 3 families of singular configurations (complete, probable)")
 
 
 def test_whether_work_or_time_ran_out_is_said() -> None:

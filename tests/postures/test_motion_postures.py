@@ -67,7 +67,7 @@ def test_check_says_it(tmp_path):
     path = tmp_path / "way.csv"
     path.write_text("0,0.3,0.2,0,0.8,0\n0,0.3,0.2,0,-0.4,0\n")
     run = CliRunner().invoke(command, ["check", "puma560", str(path)])
-    assert "changes of aspect (as `pinsing aspects` numbers them):" in run.output
+    assert "changes of aspect (as `pinsing postures` numbers them):" in run.output
     assert "wrist no-flip" in run.output
     run = CliRunner().invoke(command, ["check", "puma560", str(path), "--json", "-"])
     (change,) = json.loads(run.stdout)["aspect_changes"]

@@ -27,6 +27,7 @@ JOINT_VALUES = {
 # What has such a name and is none: a number, a file; or what knows no model.
 OTHERS = {
     ("cuspidality", "poses"),
+    ("plan_path", "poses"),
     *((name, "near") for name in ("check_line", "check_trajectory")),
     *((name, "path") for name in ("write_report", "Viewer.save_html", "Viewer.save_png")),
     ("DesignForm.residuals", "q"),
@@ -115,6 +116,8 @@ TAKES: dict[tuple[str, str], Of] = {
     ("ClosedForm.family_of", "q"): lambda arm, form, a, b: form.family_of(a),
     ("Family.contains", "q"): lambda arm, form, a, b: form.families[0].contains([a, b], 0.6),
     ("Family.distance", "q"): lambda arm, form, a, b: form.families[0].distance(a).value,
+    ("Family.gradient", "q"): lambda arm, form, a, b: form.families[0].gradient(a),
+    ("Family.where", "q"): lambda arm, form, a, b: form.families[0].where(a),
     ("plot.aspect_plane", "q"): lambda arm, form, a, b: drawn(
         plot.aspect_plane(arm, "q2", "q3", forms=form, samples=5, q=a)
     ),

@@ -103,7 +103,7 @@ class Budget:
     def allowed(self) -> str:
         """What was allowed, in words: the work, or the time if that has struck."""
         if time.monotonic() > self._deadline:
-            return f"{self._deadline - self._began:.3g} s on the clock"
+            return f"{max(self._deadline - self._began, 0.0):.3g} s on the clock"
         return f"{self.seconds:.3g} s of work"
 
     def part(self, share: float, least: float = 0.0) -> Budget:
@@ -113,7 +113,8 @@ class Budget:
         )
         found._meter, found._most = self._meter, self._meter.done + PER_SECOND * found.seconds
         clock = max(share * self.on_clock, _CLOCK * least * self.seconds)
-        found._end, found._deadline = self._end, min(found._began + clock, self._end)
+        found._end = self._end
+        found._deadline = min(found._began + clock, self._end)
         return found
 
     def at_most(self, seconds: float) -> Budget:
@@ -135,7 +136,11 @@ class Budget:
         """Count a step of about so many term products; BudgetExceeded unless it fits in."""
         now = time.monotonic()
         if now > self._deadline:
-            raise BudgetExceeded(f"the time budget of {self._deadline - self._began:.3g} s ran out")
+            raise BudgetExceeded(
+                "the time was over before this step"
+                if self._deadline <= self._began
+                else f"the time budget of {self._deadline - self._began:.3g} s ran out"
+            )
         self.spend(_QUESTION + term_products)
         if self._meter.done > self._most:
             self._meter.done -= term_products  # it is not begun

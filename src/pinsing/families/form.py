@@ -322,9 +322,10 @@ def answer_text(forms: ClosedForm, page: Page = PLAIN, robot: str = "ROBOT") -> 
     if not count and forms.complete:
         what = "no singular configurations"
     word = _word(forms)
-    lines = [
-        page.paragraph(f"{forms.arm.name}: {what} (", word, " complete)" if forms.complete else ")")
-    ]
+    before, after = {"proven": ("", " complete"), "probable": ("complete, ", "")}.get(
+        forms.word, ("", "")
+    )
+    lines = [page.paragraph(f"{forms.arm.name}: {what} ({before}", word, f"{after})")]
     if forms.deviation is not None:
         lines.append(page.paragraph(str(forms.deviation), first="  "))
     if forms.gaps:
