@@ -22,7 +22,6 @@ SOURCE = Path(pinsing.__file__).parent
 
 # From the ground up. A package imports what stands before it, and itself; nothing else.
 ORDER = (
-    "_dataclass",
     "_types",
     "_version",
     "errors",

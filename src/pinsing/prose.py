@@ -7,10 +7,9 @@ import re
 import sys
 import unicodedata
 from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
 from enum import Enum
 from typing import TextIO
-
-from pinsing._dataclass import dataclass
 
 WIDTH = 100
 """Columns where there is no terminal."""

@@ -508,7 +508,7 @@ def test_ctrl_c_after_the_last_chunk_of_a_sweep(
     home, _, function = place.rpartition(".")
     module = importlib.import_module(home)
     monkeypatch.setattr(module, function, _ctrl_c_before(getattr(module, function)))
-    words = ["sweep", "planar3r", "--levels", "1", "--samples", "21", "--threads", "1"]
+    words = ["analyze", "planar3r", "--sweep", "--levels", "1", "--samples", "21", "--threads", "1"]
     out = tmp_path / name
     done = run(*words, "--out", str(out))
     assert done.exit_code == 130
@@ -560,7 +560,7 @@ def test_sweep_on_any_engine_and_threads() -> None:
 
 
 def test_sweep_command_in_a_folder(tmp_path: Path) -> None:
-    words = ["sweep", "planar3r", "--levels", "1", "--samples", "21"]
+    words = ["analyze", "planar3r", "--sweep", "--levels", "1", "--samples", "21"]
     done = run(*words, "--out", str(tmp_path / "run"), "--threads", "2")
     assert done.exit_code == 0
     kept = load_npz(tmp_path / "run" / "sweep.npz")
@@ -569,6 +569,6 @@ def test_sweep_command_in_a_folder(tmp_path: Path) -> None:
     again = run(*words, "--out", str(tmp_path / "run"))
     assert "1 of 1 chunks were done before" in again.stderr
     assert again.stdout == done.stdout
-    other = run("sweep", "planar3r", "--samples", "22", "--out", str(tmp_path / "run"))
+    other = run("analyze", "planar3r", "--sweep", "--samples", "22", "--out", str(tmp_path / "run"))
     assert other.exit_code == 2
     assert "holds another run" in other.stderr

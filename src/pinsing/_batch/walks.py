@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pinsing._batch import engine
 from pinsing._batch.engine import FlatChain
-from pinsing._dataclass import dataclass
 
 Floats = NDArray[np.float64]
 

@@ -15,11 +15,11 @@ The compiled engine does both (``isolate.cpp``, ``contact.cpp``); here stands th
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 
 import numpy as np
 
 from pinsing._batch import engine
-from pinsing._dataclass import dataclass
 from pinsing._types import Array, Ints
 from pinsing.algebra.conditions import Conditions, WeightedBranch
 from pinsing.algebra.trig_sum import COMBINED, TrigSum

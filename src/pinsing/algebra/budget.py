@@ -13,10 +13,8 @@ import sys
 import time
 import warnings
 from collections.abc import Callable
-from dataclasses import field
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
-
-from pinsing._dataclass import dataclass
 
 if TYPE_CHECKING:
     from multiprocessing.connection import Connection

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from pinsing._dataclass import dataclass
 from pinsing.algebra.budget import Budget, BudgetExceeded
 from pinsing.algebra.generic_points import Residues, SlicePoint, Slices, slice_points
 from pinsing.algebra.matrix import Matrix

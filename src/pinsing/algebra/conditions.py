@@ -6,13 +6,13 @@ All of it in weighted coordinates ``x = w q``, in which distances are plain norm
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, Protocol
 
 import numpy as np
 
 from pinsing._batch import engine
-from pinsing._dataclass import dataclass
 from pinsing._types import Array, Bool, Ints
 from pinsing.algebra.equation import Equation
 from pinsing.algebra.trig_sum import TrigSum

@@ -7,9 +7,9 @@ over, and what it decided at random points is asked again modulo a second prime.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any
 
-from pinsing._dataclass import dataclass
 from pinsing.algebra.budget import Apart, Budget, BudgetExceeded
 from pinsing.algebra.components import (
     FIRST_SEED,

@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Sequence
+from dataclasses import dataclass
 
-from pinsing._dataclass import dataclass
 from pinsing.robot.surd import Exact, exact_text, parts_of
 
 

@@ -8,14 +8,13 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import field
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 from flint import nmod_mat
 
-from pinsing._dataclass import dataclass
 from pinsing.algebra.matrix import Matrix
 from pinsing.algebra.prime_field import (
     WORD_PRIME,

@@ -7,10 +7,11 @@ others, q is one of two values. Where C is zero throughout they lie half a turn 
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 import numpy.typing as npt
 
-from pinsing._dataclass import dataclass
 from pinsing._types import Array
 from pinsing.algebra.equation import Equation
 from pinsing.algebra.equation_text import format_angle, latex_symbol

@@ -10,11 +10,11 @@ from __future__ import annotations
 import math
 import random
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from fractions import Fraction
 
 import numpy as np
 
-from pinsing._dataclass import dataclass
 from pinsing._types import Array
 from pinsing.robot.exact_placements import Snap
 from pinsing.robot.nominal import Motion, Nominal, Vector, jacobian_at, jacobian_modulo, turned

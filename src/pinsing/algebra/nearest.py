@@ -7,11 +7,11 @@ without it and arms too long for it: the same bounds in fewer kinds, so that it 
 from __future__ import annotations
 
 import time
+from dataclasses import dataclass
 
 import numpy as np
 
 from pinsing._batch import engine
-from pinsing._dataclass import dataclass
 from pinsing._types import Array, Ints
 from pinsing.algebra.conditions import Conditions, WeightedBranch
 from pinsing.algebra.trig_sum import TINY, At, least_norm

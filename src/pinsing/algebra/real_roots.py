@@ -5,12 +5,12 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from fractions import Fraction
 from typing import Any
 
 from flint import Ordering, acb, arb, ctx, fmpz_mpoly_ctx, fmpz_mpoly_vec, fmpz_poly
 
-from pinsing._dataclass import dataclass
 from pinsing.algebra.budget import Budget
 from pinsing.algebra.ring import Poly, Ring, Value, terms_of
 from pinsing.robot.surd import SQUARES, Exact, Surd, parts_of, surd

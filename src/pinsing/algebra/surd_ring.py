@@ -16,13 +16,12 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import field
+from dataclasses import dataclass, field
 from fractions import Fraction
 from typing import Any
 
 from flint import Ordering, fmpq_mpoly_ctx, fmpz_mat
 
-from pinsing._dataclass import dataclass
 from pinsing.algebra.budget import Budget, BudgetExceeded
 from pinsing.algebra.prime_field import WORD_PRIME, image, root_modulo
 from pinsing.algebra.ring import (

@@ -6,10 +6,11 @@ reached within ``2 |f| / (|g| + sqrt(|g|^2 - 2 M |f|))``, where that is real: th
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from pinsing._batch import engine
-from pinsing._dataclass import dataclass
 from pinsing._types import Array, Ints
 from pinsing.algebra.conditions import Conditions, WeightedBranch
 from pinsing.algebra.trig_sum import TINY, At, TrigSum, off_values, to_zeros

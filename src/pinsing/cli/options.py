@@ -6,13 +6,13 @@ import functools
 import math
 import re
 from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, TypeVar
 
 import click
 from click.core import ParameterSource
 
-from pinsing._dataclass import dataclass
 from pinsing.cli import completion
 from pinsing.cli.output import OutputFile, ParamType, say
 from pinsing.errors import ConfigurationError, OptionError, OutputError

@@ -10,12 +10,12 @@ import sys
 import time
 import warnings
 from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
-from pinsing._dataclass import dataclass
 from pinsing.cli import completion
 from pinsing.cli.output import say
 from pinsing.errors import OptionError

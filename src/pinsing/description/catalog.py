@@ -17,13 +17,12 @@ import re
 import sys
 from collections import Counter
 from collections.abc import Collection, Iterator, Mapping
-from dataclasses import field, replace
+from dataclasses import dataclass, field, replace
 from functools import cache
 from pathlib import Path
 from types import ModuleType, SimpleNamespace
 from typing import Any
 
-from pinsing._dataclass import dataclass
 from pinsing.errors import RobotFileError, UnknownNameError
 
 

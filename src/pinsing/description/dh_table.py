@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import math
 import re
+from dataclasses import dataclass
 from fractions import Fraction
 from pathlib import Path
 from typing import Literal, cast
 
-from pinsing._dataclass import dataclass
 from pinsing.description.catalog import known_arms
 from pinsing.description.yaml_tree import Number, YamlNode, compose
 

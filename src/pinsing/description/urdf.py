@@ -10,10 +10,9 @@ from __future__ import annotations
 import difflib
 from collections import defaultdict
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import field
+from dataclasses import dataclass, field
 from pathlib import Path
 
-from pinsing._dataclass import dataclass
 from pinsing.description.ros_packages import PackageIndex
 from pinsing.description.urdf_elements import (
     JointEntry,

@@ -9,10 +9,9 @@ from __future__ import annotations
 import difflib
 import math
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Literal, cast, get_args
 
-from pinsing._dataclass import dataclass
 from pinsing.description.xml_tree import (
     LARGEST,
     LARGEST_INERTIA,

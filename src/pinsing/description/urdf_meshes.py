@@ -7,13 +7,12 @@ from __future__ import annotations
 
 import os
 import re
-from dataclasses import field
+from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING
 from xml.parsers import expat
 
-from pinsing._dataclass import dataclass
 from pinsing.description.ros_packages import MeshProblem, PackageIndex
 from pinsing.description.xml_tree import show
 

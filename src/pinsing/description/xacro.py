@@ -28,10 +28,10 @@ import re
 import sys
 import threading
 from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from pinsing._dataclass import dataclass
 from pinsing.description import child_jail
 from pinsing.description.ros_packages import PackageIndex
 from pinsing.description.xml_tree import MAX_BYTES, Node

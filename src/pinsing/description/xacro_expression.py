@@ -20,9 +20,8 @@ import operator
 import re
 import unicodedata  # noqa: F401 (the parser asks for it where a name is not ASCII)
 from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
 from typing import Any
-
-from pinsing._dataclass import dataclass
 
 LONGEST_EXPRESSION = 20_000
 LONGEST_TEXT = 1_000_000

@@ -15,11 +15,10 @@ import math
 import re
 import unicodedata
 from collections.abc import Iterable, Iterator
-from dataclasses import field
+from dataclasses import dataclass, field
 from pathlib import Path
 from xml.parsers import expat
 
-from pinsing._dataclass import dataclass
 from pinsing.errors import RobotFileError
 
 MAX_BYTES = 32 * 2**20

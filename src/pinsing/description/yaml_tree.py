@@ -10,13 +10,13 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Iterable
+from dataclasses import dataclass
 from fractions import Fraction
 from pathlib import Path
 from typing import Any
 
 import yaml
 
-from pinsing._dataclass import dataclass
 from pinsing.description.xml_tree import read_bytes, show, suggestion
 from pinsing.errors import RobotFileError
 

@@ -7,11 +7,11 @@ joints can be chosen, and how the others follow from them.
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
 from itertools import combinations
 
 import numpy as np
 
-from pinsing._dataclass import dataclass
 from pinsing._types import Array
 from pinsing.algebra.equation import Equation
 from pinsing.algebra.joint_form import JointForm, enters_once, joint_form

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import field
+from dataclasses import dataclass, field
 from typing import Any, Protocol
 
-from pinsing._dataclass import dataclass
 from pinsing.algebra.components import RandomSteps
 from pinsing.families.slice_count import SliceCount
 from pinsing.prose import PLAIN, Page, caution, good, unbroken

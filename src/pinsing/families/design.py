@@ -11,12 +11,11 @@ import itertools
 import math
 import time
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
-from pinsing._dataclass import dataclass
 from pinsing.algebra.budget import Budget, BudgetExceeded
 from pinsing.algebra.components import Component
 from pinsing.algebra.decompose import Decomposition

@@ -5,13 +5,12 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import field
+from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
 import numpy as np
 import numpy.typing as npt
 
-from pinsing._dataclass import dataclass
 from pinsing._types import Array
 from pinsing.algebra.components import Component
 from pinsing.algebra.equation import Equation

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import field
+from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
 import numpy as np
 import numpy.typing as npt
 
 from pinsing import notebook
-from pinsing._dataclass import dataclass
 from pinsing.algebra.components import Component, RandomSteps
 from pinsing.arguments import checked
 from pinsing.errors import ConfigurationError, OptionError, UnknownNameError

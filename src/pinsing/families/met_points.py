@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
 from flint import nmod_mat
 
-from pinsing._dataclass import dataclass
 from pinsing._types import Array, Bool
 from pinsing.algebra.components import Component
 from pinsing.algebra.minors import NearMinors, NotSquare

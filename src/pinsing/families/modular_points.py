@@ -11,12 +11,12 @@ from __future__ import annotations
 
 import random
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from fractions import Fraction
 from functools import cached_property
 
 from flint import nmod_mat, nmod_poly
 
-from pinsing._dataclass import dataclass
 from pinsing.algebra.budget import Budget
 from pinsing.algebra.generic_points import Powers, Residues
 from pinsing.algebra.mimic import own_jacobian_modulo

@@ -5,11 +5,10 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from pinsing._dataclass import dataclass
 from pinsing._types import Array, Bool
 from pinsing.algebra.budget import Budget, BudgetExceeded
 from pinsing.algebra.components import Component

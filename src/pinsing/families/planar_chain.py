@@ -15,12 +15,12 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Sequence
+from dataclasses import dataclass
 from fractions import Fraction
 
 import numpy as np
 import numpy.typing as npt
 
-from pinsing._dataclass import dataclass
 from pinsing.algebra.components import Component
 from pinsing.algebra.ring import Poly, Ring, Value
 from pinsing.robot.nominal import Nominal

@@ -7,10 +7,10 @@ these roots; over the real numbers random starts meet it where it has real point
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
-from pinsing._dataclass import dataclass
 from pinsing._types import Array, Bool
 from pinsing.algebra.budget import Budget
 from pinsing.algebra.components import Component

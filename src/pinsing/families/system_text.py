@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
-from pinsing._dataclass import dataclass
 from pinsing.errors import OptionError, UnknownNameError
 from pinsing.families.family import Family
 from pinsing.families.system import FamilySystem, Systems, Terms, systems

@@ -7,13 +7,13 @@ Q (N, n) that have been checked.
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 
 import numpy as np
 import pinocchio as pin
 
 from pinsing._batch import engine as kernel
 from pinsing._batch.engine import FlatChain
-from pinsing._dataclass import dataclass
 from pinsing._types import Array
 from pinsing.errors import EngineError
 from pinsing.kinematics.engine import (

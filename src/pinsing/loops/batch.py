@@ -6,12 +6,11 @@ The same numbers as Pinocchio's constraint models give one by one, for arrays of
 from __future__ import annotations
 
 import itertools
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
 
-from pinsing._dataclass import dataclass
 from pinsing._types import Array, Bool
 from pinsing.loops.structure import Centre, structure
 from pinsing.robot.mechanism import Mechanism

@@ -7,13 +7,12 @@ the axes of its first frame; translations before rotations.
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
 import pinocchio as pin
 
-from pinsing._dataclass import dataclass
 from pinsing._types import Array
 from pinsing.errors import OptionError, PinsingError
 from pinsing.loops.structure import idle_link

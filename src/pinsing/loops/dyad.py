@@ -6,10 +6,11 @@ passive angles follow from the intersection of two circles, and all modes can be
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 import numpy.typing as npt
 
-from pinsing._dataclass import dataclass
 from pinsing._types import Array
 from pinsing.loops.structure import Sample, at_zero, path_to
 from pinsing.robot.mechanism import Mechanism

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import field
+from dataclasses import dataclass, field
 from fractions import Fraction
 from typing import Any, ClassVar
 
@@ -11,7 +11,6 @@ import numpy as np
 import numpy.typing as npt
 from flint import Ordering, fmpq_mpoly_ctx
 
-from pinsing._dataclass import dataclass
 from pinsing._types import Array
 from pinsing.algebra.equation import Equation
 from pinsing.algebra.ring import Poly, Ring, fraction, rational

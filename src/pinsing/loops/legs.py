@@ -15,13 +15,12 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Iterable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
 import pinocchio as pin
 
-from pinsing._dataclass import dataclass
 from pinsing._types import Array
 from pinsing.loops.modes import home
 from pinsing.loops.structure import (

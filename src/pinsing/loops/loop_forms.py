@@ -15,14 +15,13 @@ so leg 2. In half-angle coordinates of the inputs these are polynomials over the
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from dataclasses import field
+from dataclasses import dataclass, field
 from fractions import Fraction
 from typing import Any, ClassVar
 
 import numpy as np
 import numpy.typing as npt
 
-from pinsing._dataclass import dataclass
 from pinsing._types import Array
 from pinsing.algebra.equation import Equation, equation
 from pinsing.algebra.ring import Poly, Ring, make_ring, rational

@@ -8,11 +8,12 @@ is bent; of a driven slide, whether its rod leans ahead along it or back.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 import numpy.typing as npt
 import pinocchio as pin
 
-from pinsing._dataclass import dataclass
 from pinsing._types import Array
 from pinsing.errors import ConfigurationError
 from pinsing.loops.batch import CLOSED_MANY, BatchLoops, newton

@@ -20,13 +20,12 @@ lie in a plane (a gimbal lock) takes no freedom from the mechanism.
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any, ClassVar
 
 import numpy as np
 import numpy.typing as npt
 
-from pinsing._dataclass import dataclass
 from pinsing._types import Array
 from pinsing.errors import ConfigurationError
 from pinsing.loops.batch import BatchLoops, ball_jacobians, hinge_rates, locked

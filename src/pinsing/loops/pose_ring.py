@@ -10,6 +10,7 @@ import functools
 import itertools
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 from fractions import Fraction
 from functools import cached_property
 from typing import Any
@@ -17,7 +18,6 @@ from typing import Any
 import numpy as np
 from flint import Ordering, fmpq_mpoly_ctx
 
-from pinsing._dataclass import dataclass
 from pinsing.algebra.ring import Poly, rational
 from pinsing.loops.exact import (
     ExactPoints,

@@ -7,12 +7,12 @@ do is the product.
 from __future__ import annotations
 
 import itertools
+from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
 import numpy.typing as npt
 
-from pinsing._dataclass import dataclass
 from pinsing._types import Array, Bool
 from pinsing.arguments import checked
 from pinsing.errors import ConfigurationError, OptionError

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection, Iterator, Sequence
-from dataclasses import field
+from dataclasses import dataclass, field
 from typing import ClassVar
 
-from pinsing._dataclass import dataclass
 from pinsing._types import Array
 from pinsing.joint_text import typed
 from pinsing.loops.forms import SHORT, JointForms, PoseForms

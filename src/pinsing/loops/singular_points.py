@@ -12,13 +12,12 @@ inputs but one held, and a velocity z of unit length with
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import field, replace
+from dataclasses import dataclass, field, replace
 from typing import ClassVar
 
 import numpy as np
 import numpy.typing as npt
 
-from pinsing._dataclass import dataclass
 from pinsing._types import Array, Bool
 from pinsing.errors import OptionError
 from pinsing.loops.closure import Loops, ranks, to_its_size

@@ -12,13 +12,12 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from flint import Ordering, fmpq_mpoly_ctx
 
-from pinsing._dataclass import dataclass
 from pinsing._types import Array
 from pinsing.algebra.ring import Poly, rational
 from pinsing.loops.exact import cross, divided_by, dot, quaternion_turn, vector

@@ -12,13 +12,13 @@ from __future__ import annotations
 import functools
 import math
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from fractions import Fraction
 from typing import Any
 
 import numpy as np
 from flint import Ordering, fmpq_mpoly_ctx, fmpq_poly
 
-from pinsing._dataclass import dataclass
 from pinsing._types import Array
 from pinsing.algebra.ring import Poly, fraction, rational
 from pinsing.loops.exact import ExactPoints, divided_by, exact_points

@@ -8,10 +8,10 @@ range of an input are therefore points of the curve like any other.
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 
-from pinsing._dataclass import dataclass
 from pinsing._types import Array
 from pinsing.errors import PinsingError
 from pinsing.loops.closure import CLOSED, Loops, ranks

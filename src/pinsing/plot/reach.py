@@ -12,13 +12,13 @@ direction that the map forgets is tangent to that curve.
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 from itertools import product
 
 import numpy as np
 import pinocchio as pin
 from matplotlib.figure import Figure
 
-from pinsing._dataclass import dataclass
 from pinsing._types import Array, Ints
 from pinsing.errors import OptionError
 from pinsing.kinematics.verdict import generic_rank

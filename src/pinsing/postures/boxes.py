@@ -22,11 +22,11 @@ within the limits, if
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
-from pinsing._dataclass import dataclass
 from pinsing._types import Array, Bool, Ints
 from pinsing.algebra.equation import Equation
 from pinsing.algebra.trig_sum import TrigSum

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
-from pinsing._dataclass import dataclass
 from pinsing._types import Array, Ints
 from pinsing.algebra.trig_sum import TrigSum
 from pinsing.postures.boxes import Leaves, sum_of

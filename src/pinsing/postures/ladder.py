@@ -44,11 +44,11 @@ Each changes only at a singular configuration, since signs of `pinsing.postures.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from fractions import Fraction
 
 import numpy as np
 
-from pinsing._dataclass import dataclass
 from pinsing._types import Array
 from pinsing.postures.exact_chain import ExactChain
 from pinsing.postures.three_joints import SolutionStage, ways_of

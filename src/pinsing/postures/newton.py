@@ -23,13 +23,12 @@ its middle. No closed form is needed, and families of every codimension count.
 
 from __future__ import annotations
 
-from dataclasses import field
+from dataclasses import dataclass, field
 from itertools import pairwise
 
 import numpy as np
 
 from pinsing._batch.engine import FlatChain
-from pinsing._dataclass import dataclass
 from pinsing._types import Array, Ints
 from pinsing.errors import OptionError
 from pinsing.kinematics.batch import picked, turn_left

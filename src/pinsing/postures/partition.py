@@ -7,11 +7,11 @@ joints that they share into a group, and a group is looked at on each box of arc
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 from itertools import pairwise, product
 
 import numpy as np
 
-from pinsing._dataclass import dataclass
 from pinsing._types import Array
 from pinsing.algebra.equation import Equation
 from pinsing.proximity.watched import Watched

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Protocol
 
 import numpy as np
 
-from pinsing._dataclass import dataclass
 from pinsing._types import Array, Bool
 from pinsing.algebra.trig_sum import TrigSum
 from pinsing.postures.boxes import sum_of

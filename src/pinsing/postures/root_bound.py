@@ -8,9 +8,10 @@ trigonometric sum, of which boxes show that it is negative wherever it may have 
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
-from pinsing._dataclass import dataclass
 from pinsing._types import Array
 from pinsing.algebra.trig_sum import TrigSum
 

@@ -31,12 +31,12 @@ import functools
 import math
 import time
 from collections.abc import Callable
+from dataclasses import dataclass
 from functools import partial
 from typing import Protocol, TypeVar
 
 import numpy as np
 
-from pinsing._dataclass import dataclass
 from pinsing._types import Array, Bool, Ints
 from pinsing.algebra.trig_sum import TrigSum
 from pinsing.postures.boxes import Ground, Leaves, growing, is_regular, on_boxes, sum_of

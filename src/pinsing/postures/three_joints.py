@@ -21,12 +21,12 @@ is on the second axis, where q2 does not move it.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from fractions import Fraction
 from functools import cached_property
 
 import numpy as np
 
-from pinsing._dataclass import dataclass
 from pinsing._types import Array
 from pinsing.postures.exact_chain import ExactChain, Vector, added, apply, transposed_apply
 from pinsing.postures.root_bound import Deflated, one_root_left

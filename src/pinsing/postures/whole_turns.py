@@ -10,11 +10,11 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Collection
+from dataclasses import dataclass
 from itertools import product
 
 import numpy as np
 
-from pinsing._dataclass import dataclass
 from pinsing._types import Array
 from pinsing.postures.joint_map import Map
 from pinsing.postures.partition import Part

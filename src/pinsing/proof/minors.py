@@ -5,12 +5,11 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import field
+from dataclasses import dataclass, field
 from typing import Any
 
 from flint import fmpq_mat
 
-from pinsing._dataclass import dataclass
 from pinsing.proof.checker import MOST_WORK, Certificate, Poly, Ring
 from pinsing.proof.forms import Forms, NotFound, Place, content, divisions, place_text, shown
 from pinsing.proof.skeleton import form_text

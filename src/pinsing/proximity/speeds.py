@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from pinsing._dataclass import dataclass
 from pinsing._types import Array, Bool
 from pinsing.kinematics.jacobian import generic_rank, singular_values, task_jacobians
 from pinsing.robot.arm import Arm

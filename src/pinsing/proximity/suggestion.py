@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
 import numpy.typing as npt
 
-from pinsing._dataclass import dataclass
 from pinsing._types import Array, Bool
 from pinsing.algebra.nearest import SearchOptions
 from pinsing.arguments import MAX_SEED, checked, whole_number

@@ -7,14 +7,13 @@ import os
 import re
 import tokenize
 from collections.abc import Mapping, Sequence
-from dataclasses import field, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from pinsing._dataclass import dataclass
 from pinsing._types import Array
 from pinsing.chunk_file import DamagedError, read_arrays, read_bounded
 from pinsing.errors import ConfigurationError

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import contextlib
-from dataclasses import field, replace
+from dataclasses import dataclass, field, replace
 from typing import ClassVar
 
 import numpy as np
 
-from pinsing._dataclass import dataclass
 from pinsing._types import Array, Bool
 from pinsing.errors import PinsingError
 from pinsing.families import closed_form

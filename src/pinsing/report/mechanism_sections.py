@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 
-from pinsing._dataclass import dataclass
 from pinsing._types import Array
 from pinsing.loops import MechanismAnalysis, MechanismState
 from pinsing.loops.dyad import planar_dyad

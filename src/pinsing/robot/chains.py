@@ -9,13 +9,12 @@ from __future__ import annotations
 import re
 import shlex
 from collections.abc import Collection, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from shlex import quote
 
 import numpy as np
 import pinocchio as pin
 
-from pinsing._dataclass import dataclass
 from pinsing.errors import ChainError, UnknownNameError
 
 # Names in use for the working frame of an arm, the usual first.

@@ -7,11 +7,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
 from fractions import Fraction
 
 import numpy as np
 
-from pinsing._dataclass import dataclass
 from pinsing._types import Array
 from pinsing.robot.arm import Arm
 from pinsing.robot.chain import Chain, rotation_angle, with_fixed_joints_put

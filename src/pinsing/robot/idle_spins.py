@@ -7,12 +7,11 @@ freedom of the mechanism. One passive hinge is held where it is at home, and tha
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pinocchio as pin
 
-from pinsing._dataclass import dataclass
 from pinsing._types import Array
 from pinsing.robot.chains import frame_index
 from pinsing.robot.joint_space import model_q

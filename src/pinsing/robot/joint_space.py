@@ -6,13 +6,13 @@ An arm, a family of its singular configurations and a mechanism each have one.
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
 import pinocchio as pin
 
-from pinsing._dataclass import dataclass
 from pinsing._types import Array, Bool
 from pinsing.errors import ConfigurationError, OptionError, UnknownNameError
 

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from shlex import quote
 from typing import TYPE_CHECKING, Any, Literal
 
 import pinocchio as pin
 
-from pinsing._dataclass import dataclass
 from pinsing.arguments import checked
 from pinsing.errors import ChainError, JointError, UnknownNameError
 from pinsing.robot.arm import Arm

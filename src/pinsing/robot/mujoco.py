@@ -11,14 +11,13 @@ from __future__ import annotations
 import math
 import os
 from collections.abc import Iterator, Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pinocchio as pin
 
-from pinsing._dataclass import dataclass
 from pinsing._types import Array
 from pinsing.description.catalog import CatalogEntry, locate_robot
 from pinsing.description.urdf import MAX_DEPTH, MAX_IN_A_TREE

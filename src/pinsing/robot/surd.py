@@ -5,10 +5,9 @@ from __future__ import annotations
 import functools
 import math
 import re
+from dataclasses import dataclass
 from fractions import Fraction
 from typing import TypeAlias
-
-from pinsing._dataclass import dataclass
 
 SQUARES = (1, 2, 3, 6)
 _PRODUCT = {

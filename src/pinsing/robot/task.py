@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from dataclasses import dataclass
 
-from pinsing._dataclass import dataclass
 from pinsing.errors import OptionError
 
 ROW_NAMES = ("vx", "vy", "vz", "wx", "wy", "wz")

@@ -13,14 +13,12 @@ import hmac
 import json
 from collections.abc import Callable, Mapping
 from concurrent.futures import Future
-from dataclasses import field
+from dataclasses import dataclass, field
 from typing import Any, Protocol
 
 from tornado.iostream import StreamClosedError
 from tornado.web import HTTPError, RequestHandler
 from tornado.websocket import WebSocketClosedError, WebSocketHandler
-
-from pinsing._dataclass import dataclass
 
 MOST_PAGES = 64
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import base64
 from collections.abc import Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
-from dataclasses import field
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -13,7 +13,6 @@ import coal
 import numpy as np
 import pinocchio as pin
 
-from pinsing._dataclass import dataclass
 from pinsing._types import Array
 from pinsing.description.urdf_meshes import ColladaProblem, image_references
 from pinsing.robot.chains import frame_index

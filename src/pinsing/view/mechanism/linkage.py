@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import pinocchio as pin
 
-from pinsing._dataclass import dataclass
 from pinsing._types import Array
 from pinsing.loops.batch import hinged_balls
 from pinsing.loops.closure import random_closed, ranks

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import field
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 
-from pinsing._dataclass import dataclass
 from pinsing._types import Array
 from pinsing.loops.loop_forms import Locus
 from pinsing.loops.modes import STRAIGHT, elbow_sines, elbows, home
