@@ -104,19 +104,20 @@ rows:
 """
 Q, OTHER = "0,-1,1,0,1,0", "0.3,-1.2,1.2,0,0.8,0"
 CALLS = (
-    *("info ur5", "list", "at ur5 --q " + Q),
+    *("list ur5", "list", "at ur5 --q " + Q),
     *("analyze planar3r", "analyze five_bar --loops", "families ur5 --certificate proof.json"),
-    *("families planar_3rrr --loops", "verify proof.json", "sweep planar3r"),
-    *("map ur5 --count 1000", "map five_bar --loops --count 1000", "suggest ur5"),
-    *("check ur5 path.csv", f"line ur5 --q {Q} --to 0.3,0.2,0.5", "aspects scara"),
+    *("families planar_3rrr --loops", "verify proof.json", "analyze planar3r --sweep"),
+    *("map ur5 --count 1000", "map five_bar --loops --count 1000", "at ur5 --suggest"),
+    *("check ur5 path.csv", f"line ur5 --q {Q} --to 0.3,0.2,0.5", "postures scara --aspects"),
     *(
         f"postures ur5 --q {Q}",
-        "cuspidal scara --poses 2",
+        "postures scara --cuspidal --poses 2",
         "export ur5 --c guard.h --python guard.py",
     ),
     *("view stanford --html arm.html", "view five_bar --loops --html five_bar.html"),
     *("report planar3r -o arm.report.html", "report planar_3rrr --loops -o loops.report.html"),
-    f"dh {ROOT / 'urdf/scara.dh.yaml'} -o scara.urdf",
+    f"export {ROOT / 'urdf/scara.dh.yaml'} -o scara.urdf",
+    "path ur5 poses.csv --free roll --step 30",
     *("plot curves stanford", "plot map scara --over q1,q2", "plot ellipsoids ur5"),
     *("plot locus ur5 --family F3", f"plot along ur5 --q={Q} --q={OTHER}"),
     *(
@@ -136,6 +137,7 @@ def every_command_runs(pinsing: Path, alone: dict[str, str], folder: Path) -> No
     assert {words[0] for words in called} == set(COMMANDS)
     assert {words[1] for words in called if words[0] == "plot"} == set(KINDS)
     (folder / "path.csv").write_text("\n".join([Q, OTHER]) + "\n")
+    (folder / "poses.csv").write_text("x,y,z,i,j,k\n0.4,0.1,0.2,0,0,1\n0.4,0.2,0.2,0,0,1\n")
     (folder / "arm.dh.yaml").write_text(ARM)
     wrong = []
     for number, words in enumerate(called):
