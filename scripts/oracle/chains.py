@@ -127,4 +127,4 @@ def arm_of(spec: Spec, limit: float = math.pi) -> Arm:
         )
         before = pin.SE3(pin.utils.rotate("x", math.radians(r.alpha)), np.array([r.a, 0.0, r.d]))
     model.addFrame(pin.Frame("tip", parent, 0, before, pin.FrameType.OP_FRAME))
-    return load(model, tip="tip", task=spec.task)
+    return load(model, tip="tip", task=spec.task, units="rad")

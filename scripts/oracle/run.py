@@ -43,7 +43,7 @@ _FALSE = ("missed", "false", "rank", "sample", "error")
 _SAMPLES = 20
 _SINGULAR = 1e-6
 """Ratio of a family's own points, which are given to half of the digits at least."""
-_NEAR = 1e-3
+_NEAR = 3e-3
 """Where a point that Newton's method found may be, of a set that it comes to slowly."""
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+import pinocchio as pin
 import pytest
 
 import pinsing
@@ -14,6 +15,7 @@ from pinsing.families.real_control import OwnPoints
 from pinsing.families.solve import joint_symbols
 from pinsing.families.steps import ComponentSearch
 from pinsing.kinematics.jacobian import generic_rank
+from pinsing.kinematics.verdict import ratios
 from pinsing.robot.nominal import nominal
 
 
@@ -72,3 +74,20 @@ def test_a_point_off_by_the_root_of_rounding_is_brought_to_all_digits(search):
     held = every.copy()
     held[2] = False
     assert own.sharpened(blunt, held)[0, 2] == elbow[2]
+
+
+def test_points_that_a_search_turned_beyond_the_limits_are_judged():
+    """Six joints, vx,vz,wy: a sample of the search was turned by 1.75 turns, as if in degrees."""
+    rows = [(0, 0.05, 0), (0, 0, -90), (-0.1, 0, 0), (0, 0, -90), (-0.1, 0, 90), (0, 0, -90)]
+    model = pin.Model()
+    parent, place = 0, pin.SE3.Identity()
+    for i, (a, d, alpha) in enumerate(rows):
+        parent = model.addJoint(parent, pin.JointModelRZ(), place, f"j{i + 1}")
+        model.lowerPositionLimit[i], model.upperPositionLimit[i] = -np.pi, np.pi
+        place = pin.SE3(pin.utils.rotate("x", np.radians(alpha)), np.array([a, 0, d]))
+    model.addFrame(pin.Frame("tip", parent, 0, place, pin.FrameType.OP_FRAME))
+    arm = pinsing.load(model, tip="tip", task="vx,vz,wy")
+    far = np.full((1, 6), 0.3)
+    far[0, 3] += 4 * np.pi
+    assert ratios(arm, far) == pytest.approx(ratios(arm, far - [0, 0, 0, 4 * np.pi, 0, 0]))
+    assert pinsing.closed_form(arm, seconds=4, prove=False).families

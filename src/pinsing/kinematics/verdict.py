@@ -130,8 +130,8 @@ def measure(arm: Arm, Q: npt.ArrayLike, engine: str = "auto") -> Measured:
 
 
 def ratios(arm: Arm, Q: npt.ArrayLike, engine: str = "auto") -> Array:
-    """Measure of verdicts (N,) at Q (N, n), radians and metres."""
-    Q = np.atleast_2d(arm.check(Q))
+    """Measure of verdicts (N,) at Q (N, n), radians and metres, however many turns away."""
+    Q = np.atleast_2d(arm.fold(Q))
     return ratio_of(arm, batch(arm, engine).own_sigma(Q)) if len(Q) else np.zeros(0)
 
 
