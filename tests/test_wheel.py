@@ -88,7 +88,7 @@ def runs(pinsing: Path, alone: dict[str, str], folder: Path) -> None:
     assert "compiled" in said.stdout
     said = run([pinsing, "families", "stanford"], alone, folder)
     assert said.returncode == 0, said.stderr
-    assert said.stdout.startswith("3 families of singular configurations")
+    assert said.stdout.startswith("stanford: 3 families of singular configurations")
     said = run([pinsing, "view", "stanford", "--html", "page.html"], alone, folder)
     assert said.returncode == 0, said.stderr
     assert (folder / "page.html").stat().st_size > 500_000

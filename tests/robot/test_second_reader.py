@@ -27,7 +27,9 @@ def test_both_read_the_same_in_every_arm_of_the_catalogue(name: str) -> None:
     except PinsingError:
         pytest.skip("no single arm by default")
     found = second_reading(arm)
-    assert found is not None
+    if found is None:
+        assert arm.source.path is None or arm.source.path.suffix != ".urdf"
+        pytest.skip("no URDF: a table or a MuJoCo model")
     assert (found.note, found.differences) == ("", ())
     assert len(found.links) >= len(arm.source.kept)
     assert max(found.translation, found.rotation) < 1e-12

@@ -115,7 +115,8 @@ def _above(a: JointAxes, tol: float) -> bool:
 
 def _moves_center_one_way(a: JointAxes, tol: float) -> bool:
     """Joints 2 and 3 move the wrist center in one direction only, or not at all."""
-    return a.velocity_rank((1, 2), _center(a, 4, 5), tol) < 2
+    center = _center(a, 4, 5)
+    return bool(np.isfinite(center).all()) and a.velocity_rank((1, 2), center, tol) < 2
 
 
 def _stretched(a: JointAxes, tol: float) -> bool:

@@ -147,8 +147,9 @@ def _strings(name: str, values: Sequence[str]) -> str:
 
 def _table(name: str, values: npt.NDArray[Any]) -> str:
     """An array of C; an empty one holds a zero."""
-    kind, words = "int", [str(int(v)) for v in values]
-    if values.dtype.kind == "f":
+    if values.dtype.kind != "f":
+        kind, words = "int", [str(int(v)) for v in values]
+    else:
         kind = "double"
         words = [f"{'-' * (v < 0)}HUGE_VAL" if math.isinf(v) else repr(float(v)) for v in values]
     head, inside = f"static const {kind} {name}[] = {{", ", ".join(words or ["0"])
