@@ -151,7 +151,9 @@ def _table(name: str, values: npt.NDArray[Any]) -> str:
         kind, words = "int", [str(int(v)) for v in values]
     else:
         kind = "double"
-        words = [f"{'-' * (v < 0)}HUGE_VAL" if math.isinf(v) else repr(float(v)) for v in values]
+        words = [
+            f"{'-' if v < 0 else ''}HUGE_VAL" if math.isinf(v) else repr(float(v)) for v in values
+        ]
     head, inside = f"static const {kind} {name}[] = {{", ", ".join(words or ["0"])
     if len(head) + len(inside) + 4 <= _WIDTH:
         return f"{head} {inside} }};"
