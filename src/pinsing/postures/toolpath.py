@@ -79,8 +79,8 @@ class PathPlan(JsonResult):
     family : str
         The family there.
     bound : float
-        No path through these poses stays farther away, by bisection of what is free at the poses
-        with the least room; radians.
+        No path through these poses stays farther away, by a search and not proven: bisection of
+        what is free at the poses with the least room, arcs taken as chords and a tenth; radians.
     fixed : tuple of float
         Clearance at the poses of the paths along which what is free keeps its first value, one for
         each branch at the first pose; 0 where such a path ends early.
@@ -145,7 +145,7 @@ class PathPlan(JsonResult):
         lines = [
             f"The path stays at least {angle(self.clearance)} from singularities (proven); "
             f"nearest: {self.family} at pose {self.where:.4g}.",
-            f"No path through these poses stays farther than {angle(self.bound)} away.{kept}",
+            f"Bound of all paths, searched and not proven: {angle(self.bound)}.{kept}",
         ]
         return "\n".join([*lines, *(f"note: {n}" for n in self.notes)])
 
