@@ -21,15 +21,14 @@ from pinsing.atomic_write import check_writable, write_bytes, write_text
 from pinsing.cli.app import command
 from pinsing.cli.commands import COMMANDS
 from pinsing.cli.options import parse_numbers
-from pinsing.configuration.at import at
-from pinsing.configuration.state import State
+from pinsing.configuration.at import State, at
 from pinsing.errors import ConfigurationError, OutputError
 from pinsing.families import ClosedForm
 from pinsing.kinematics.jacobian import task_jacobian
 from pinsing.prose import safe
 from pinsing.report.info import ArmInfo
 from pinsing.robot.load import load
-from pinsing.sampling.analysis_result import Analysis
+from pinsing.sampling.analyze import Analysis
 from pinsing.sampling.npz import load_npz
 from pinsing.sampling.sweep_run import SweepResult
 

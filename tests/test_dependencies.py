@@ -44,7 +44,7 @@ PROVIDER = {
     "yaml": "pyyaml",
 }
 # Imported by a call of import_module, which the walk does not see.
-BY_NAME = {"example-robot-data": "files alone", "meshcat": "pinsing.view.drawing"}
+BY_NAME = {"example-robot-data": "files alone", "meshcat": "pinsing.view.links"}
 
 
 def imported(tree: ast.AST) -> Iterator[str]:

@@ -158,7 +158,7 @@ from pinsing import measures
 from . import serialization
 from .robot.load import load
 if TYPE_CHECKING:
-    from pinsing.configuration.state import State
+    from pinsing.configuration.at import State
 else:
     import scipy
 def f():
@@ -180,7 +180,7 @@ except ImportError:
         ("pinsing.measures", True),
         ("pinsing.serialization", True),
         ("pinsing.robot.load", True),
-        ("pinsing.configuration.state", False),
+        ("pinsing.configuration.at", False),
         ("scipy", True),
         ("click", False),
         ("pinsing.robot.arm", True),

@@ -122,10 +122,9 @@ def pictures(mechanism: Mechanism, name: str) -> list[str]:
     import matplotlib as mpl
 
     mpl.use("agg")
-    from pinsing.plot.mode_sheet import mode_sheet
-    from pinsing.plot.motion_curve import motion_curve
+    from pinsing.plot.motion_curve import mode_sheet, motion_curve
     from pinsing.plot.pose_map import pose_maps
-    from pinsing.report.pictures import png
+    from pinsing.report.document import png
 
     over = SLICES[name]
     if over:

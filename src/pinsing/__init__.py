@@ -8,9 +8,8 @@ from typing import TYPE_CHECKING, Any
 from pinsing._version import __version__ as __version__
 
 if TYPE_CHECKING:
-    from pinsing.configuration.at import at
+    from pinsing.configuration.at import State, at
     from pinsing.configuration.refine import SingularConfiguration, refine, refine_many
-    from pinsing.configuration.state import State
     from pinsing.errors import PinsingError
     from pinsing.families import ClosedForm, DesignForm, Family, closed_form
     from pinsing.kinematics.inverse_velocity import InverseVelocity, inverse_velocity
@@ -56,20 +55,17 @@ if TYPE_CHECKING:
         plan_map,
         sigma_map,
     )
-    from pinsing.sampling.analysis_result import Analysis
-    from pinsing.sampling.analyze import analyze
-    from pinsing.sampling.finding import Finding
+    from pinsing.sampling.analyze import Analysis, analyze
     from pinsing.sampling.findings import singular_configurations
-    from pinsing.sampling.generalize import generalize
-    from pinsing.sampling.planning import plan_sweep
-    from pinsing.sampling.sweep_plan import SweepPlan
+    from pinsing.sampling.generalize import Finding, generalize
+    from pinsing.sampling.sweep_plan import SweepPlan, plan_sweep
     from pinsing.sampling.sweep_run import SweepResult, sweep
     from pinsing.view.viewer import Viewer
 
 # Where each public name lives: imported when first used, so that `import pinsing` and the
 # command line's --help wait for neither Pinocchio nor NumPy.
 _HOME = {
-    "Analysis": "pinsing.sampling.analysis_result",
+    "Analysis": "pinsing.sampling.analyze",
     "Arm": "pinsing.robot.arm",
     "Aspects": "pinsing.postures.aspects",
     "Clearance": "pinsing.proximity.clearance",
@@ -80,7 +76,7 @@ _HOME = {
     "Cuspidality": "pinsing.postures.cuspidal",
     "DesignForm": "pinsing.families",
     "Family": "pinsing.families",
-    "Finding": "pinsing.sampling.finding",
+    "Finding": "pinsing.sampling.generalize",
     "InverseSolutions": "pinsing.postures.inverse_solutions",
     "InverseVelocity": "pinsing.kinematics.inverse_velocity",
     "LineCheck": "pinsing.proximity.line",
@@ -94,7 +90,7 @@ _HOME = {
     "PinsingError": "pinsing.errors",
     "PostureChanges": "pinsing.postures.changes",
     "SingularConfiguration": "pinsing.configuration.refine",
-    "State": "pinsing.configuration.state",
+    "State": "pinsing.configuration.at",
     "Suggestion": "pinsing.proximity.suggestion",
     "SweepPlan": "pinsing.sampling.sweep_plan",
     "SweepResult": "pinsing.sampling.sweep_run",
@@ -129,7 +125,7 @@ _HOME = {
     "nominal": "pinsing.robot.nominal",
     "plan_map": "pinsing.sampling",
     "plan_path": "pinsing.postures.toolpath",
-    "plan_sweep": "pinsing.sampling.planning",
+    "plan_sweep": "pinsing.sampling.sweep_plan",
     "posture_changes": "pinsing.postures.changes",
     "refine": "pinsing.configuration.refine",
     "refine_many": "pinsing.configuration.refine",

@@ -23,9 +23,8 @@ from pinsing.kinematics.verdict import ratios
 from pinsing.mathml import mathml
 from pinsing.proof.checker import verify
 from pinsing.robot.surd import exact_of, exact_text, surd
-from pinsing.view.engine_data import engine_data
-from pinsing.view.entries import family_entries
-from pinsing.view.sizes import sizes
+from pinsing.view.entries import engine_data, family_entries
+from pinsing.view.scene import sizes
 
 # Offset wrists. FANUC CRX-10iA/L and ABB GoFa 5: a, alpha, d, theta at zero (m, degrees).
 DH = {

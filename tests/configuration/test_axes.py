@@ -11,7 +11,7 @@ import pytest
 from scipy.optimize import brentq
 
 from pinsing.configuration.axis_dependence import DEPENDENCE_RTOL, ColumnRanks, dependences_of
-from pinsing.configuration.line_geometry import JointAxes
+from pinsing.configuration.lost_motion import JointAxes
 from pinsing.kinematics.batch import own_scale
 from pinsing.kinematics.jacobian import frame_jacobian, task_jacobian, tip_placement
 from pinsing.robot.arm import Arm

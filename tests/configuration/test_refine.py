@@ -6,12 +6,13 @@ import arms
 import numpy as np
 import pytest
 
+import pinsing.configuration.refine as module
 from pinsing._batch import engine as kernel
 from pinsing._batch import walks as compiled
-from pinsing.configuration import rank_drop
-from pinsing.configuration.rank_drop import approach, constraint_gradient
 from pinsing.configuration.refine import (
     SingularConfiguration,
+    approach,
+    constraint_gradient,
     describe,
     refine,
     refine_many,
@@ -211,7 +212,7 @@ def test_wrong_input():
 
 
 def in_numpy(monkeypatch):
-    monkeypatch.setattr("pinsing.configuration.rank_drop._compiled", lambda *given: None)
+    monkeypatch.setattr("pinsing.configuration.refine._compiled", lambda *given: None)
 
 
 @pytest.mark.skipif(not kernel.available(), reason="no compiled kernel")
@@ -260,7 +261,7 @@ def test_compiled_walks_refuse_what_does_not_fit():
         "rows": range(6),
         "rank": 6,
         "size": 0.0,
-        "rules": rank_drop._RULES,
+        "rules": module._RULES,
         "max_iterations": 3,
     }
     compiled.walks(chain, **ok)

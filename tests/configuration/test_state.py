@@ -11,10 +11,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import pinsing
-from pinsing.configuration.at import at
-from pinsing.configuration.line_geometry import JointAxes
-from pinsing.configuration.lost_motion import Tool, lost_motions, nice_basis
-from pinsing.configuration.state import State, state_text
+from pinsing.configuration.at import State, at, state_text
+from pinsing.configuration.lost_motion import JointAxes, Tool, lost_motions, nice_basis
 from pinsing.errors import ConfigurationError, OptionError, ResultError
 from pinsing.robot.arm import Arm
 from pinsing.robot.load import load

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from pinsing.algebra.mimic import NotFollowed, drives
-from pinsing.configuration.rank_drop import approach
+from pinsing.configuration.refine import approach
 from pinsing.families import closed_form
 from pinsing.kinematics.jacobian import singular_values
 from pinsing.kinematics.verdict import ratios

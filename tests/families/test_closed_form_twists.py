@@ -9,7 +9,7 @@ import pinocchio as pin
 import pytest
 from tiers import tiered
 
-from pinsing.configuration.rank_drop import approach
+from pinsing.configuration.refine import approach
 from pinsing.families import ClosedForm, closed_form, prove
 from pinsing.families.certainty import coverage_words
 from pinsing.kinematics.verdict import ratios

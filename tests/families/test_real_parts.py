@@ -23,10 +23,9 @@ from pinsing.plot.curves import _singular as singular_values_of
 from pinsing.robot.load import load
 from pinsing.robot.nominal import nominal
 from pinsing.robot.surd import cosine
-from pinsing.sampling.analysis_result import analysis_text
-from pinsing.sampling.analyze import analyze
+from pinsing.sampling.analyze import analysis_text, analyze
+from pinsing.sampling.execute import Stages
 from pinsing.sampling.findings import singular_configurations
-from pinsing.sampling.stopping import Stages
 from pinsing.sampling.sweep_run import sweep
 
 RIGHT = math.pi / 2

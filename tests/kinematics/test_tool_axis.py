@@ -21,8 +21,8 @@ from pinsing.kinematics.engine import PINOCCHIO
 from pinsing.kinematics.jacobian import task_jacobians_and_derivatives, tip_placement
 from pinsing.proof.checker import Rejected, verify
 from pinsing.robot.task import parse_task
-from pinsing.view.engine_data import engine_data
-from pinsing.view.sizes import sizes
+from pinsing.view.entries import engine_data
+from pinsing.view.scene import sizes
 
 AXES = {"tool-axis": 2, "tool-axis-x": 0, "tool-axis-y": 1}
 

@@ -22,8 +22,7 @@ from pinsing.loops.pose_slice import pose_slice
 from pinsing.loops.problems import working_modes
 from pinsing.loops.structure import output_pose
 from pinsing.plot.mechanism import TYPE_1, draw_linkage, input_map, is_left, map_legend
-from pinsing.plot.mode_sheet import mode_sheet
-from pinsing.plot.motion_curve import MINUS, PLUS, motion_curve
+from pinsing.plot.motion_curve import MINUS, PLUS, mode_sheet, motion_curve
 from pinsing.plot.pose_map import _modes, panels, pose_map, pose_maps
 
 mpl.use("agg")

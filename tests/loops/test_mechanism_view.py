@@ -19,8 +19,7 @@ from mechanisms import URDF, analyzed, four_bar, shipped
 from pinsing.cli.mechanism import view_loops
 from pinsing.errors import ConfigurationError, OptionError, ResultError, UnknownNameError
 from pinsing.loops import home, mechanism_at
-from pinsing.view.drawing import Recorder
-from pinsing.view.links import read_links
+from pinsing.view.links import Recorder, read_links
 from pinsing.view.mechanism import MechanismViewer
 from pinsing.view.mechanism.linkage import Linkage, linkage_sizes, plane_normal, side
 from pinsing.view.mechanism.stage import groups

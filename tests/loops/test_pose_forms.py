@@ -21,8 +21,7 @@ from pinsing.loops.pose_loci import _loci, _split, _type1
 from pinsing.loops.pose_notes import variables_at
 from pinsing.loops.pose_ring import PoseRing, determinant
 from pinsing.plot.mechanism import TYPE_2
-from pinsing.plot.pose_aspects import colors, regions
-from pinsing.plot.pose_map import border_field, pose_map
+from pinsing.plot.pose_map import border_field, colors, pose_map, regions
 from pinsing.robot.load_mechanism import Loop, Mechanism
 
 mpl.use("agg")

@@ -13,8 +13,7 @@ import pinsing
 from pinsing._types import Array
 from pinsing.cli.app import command
 from pinsing.errors import ConfigurationError, OptionError
-from pinsing.proximity.line import LineCheck, check_line
-from pinsing.proximity.line_tracking import tip
+from pinsing.proximity.line import LineCheck, check_line, tip
 from pinsing.robot.arm import Arm
 
 

@@ -17,9 +17,8 @@ from pinsing._types import Array
 from pinsing.cli.app import command
 from pinsing.errors import ConfigurationError, OptionError
 from pinsing.proximity import passage, trajectory
-from pinsing.proximity.trajectory import check_trajectory
+from pinsing.proximity.trajectory import check_trajectory, details, summary
 from pinsing.proximity.trajectory_file import read_trajectory
-from pinsing.proximity.trajectory_text import details, summary
 
 CLEAR = np.array([0.1, -1.2, 1.3, -1.6, -1.4, 0.3])
 

@@ -12,8 +12,7 @@ from pinsing.errors import OptionError, ResultError
 from pinsing.families import closed_form
 from pinsing.robot.load import load
 from pinsing.sampling import analyze as module
-from pinsing.sampling.analysis_result import Analysis
-from pinsing.sampling.analyze import analyze
+from pinsing.sampling.analyze import Analysis, analyze
 
 ARMS = ("stanford", "surgical7", "puma560", "scara", "planar3r", "iiwa14", "ur5", "so101", "z1")
 

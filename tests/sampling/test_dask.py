@@ -26,7 +26,7 @@ from pinsing.robot.load import load
 from pinsing.sampling import sigma_map
 from pinsing.sampling.executors import call_there, dask_cluster
 from pinsing.sampling.map_plan import BLOCK
-from pinsing.sampling.planning import plan_sweep
+from pinsing.sampling.sweep_plan import plan_sweep
 from pinsing.sampling.sweep_run import run_sweep
 
 distributed = pytest.importorskip("distributed", reason="the extra 'cluster' is not installed")

@@ -30,11 +30,11 @@ from pinsing.cli.app import command
 from pinsing.errors import EngineError, OutputError
 from pinsing.robot.load import load
 from pinsing.sampling import plan_map, sigma_map
+from pinsing.sampling.execute import ctrl_c_afterwards
 from pinsing.sampling.map_plan import BLOCK
 from pinsing.sampling.npz import load_npz
-from pinsing.sampling.planning import plan_sweep
 from pinsing.sampling.run_folder import RunFolder, open_run, recorded
-from pinsing.sampling.stopping import ctrl_c_afterwards
+from pinsing.sampling.sweep_plan import plan_sweep
 from pinsing.sampling.sweep_run import SweepResult, run_sweep
 
 IDENTITY = {"kind": "test", "size": 3}

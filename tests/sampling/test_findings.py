@@ -16,8 +16,8 @@ from pinsing.measures import Reachability, sigma_ratio
 from pinsing.robot.load import load
 from pinsing.robot.nominal import nominal
 from pinsing.sampling.curves import dips
-from pinsing.sampling.finding import Finding
 from pinsing.sampling.findings import singular_configurations
+from pinsing.sampling.generalize import Finding
 from pinsing.sampling.sweep_run import sweep
 
 PI = np.pi

@@ -11,8 +11,12 @@ from pinsing.errors import ConfigurationError, OptionError
 from pinsing.kinematics.jacobian import singular_values
 from pinsing.measures import sigma_ratio
 from pinsing.robot.load import load
-from pinsing.sampling.finding import value_text
-from pinsing.sampling.generalize import Generalization, generalize, random_configurations
+from pinsing.sampling.generalize import (
+    Generalization,
+    generalize,
+    random_configurations,
+    value_text,
+)
 
 PI = np.pi
 

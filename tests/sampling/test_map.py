@@ -38,10 +38,9 @@ from pinsing.kinematics.verdict import evaluator, fingerprint, fixed_engine
 from pinsing.measures import sigma_ratio
 from pinsing.robot.load import load
 from pinsing.robot.source import Coupling
-from pinsing.sampling import MapResult, plan_map, sample, sigma_map
+from pinsing.sampling import MapResult, map_plan, plan_map, sigma_map
 from pinsing.sampling.executors import local_processes
-from pinsing.sampling.map_plan import BLOCK
-from pinsing.sampling.sample import grid_axis, grid_points, put_points, unit_points
+from pinsing.sampling.map_plan import BLOCK, grid_axis, grid_points, put_points, unit_points
 from pinsing.sampling.tally import BINS, QUANTILE_ERROR, Tally, bin_edges, bin_numbers, count_values
 
 N = 5 * BLOCK + 77
@@ -55,21 +54,21 @@ def run(*words: str) -> Result:
 
 
 @pytest.mark.filterwarnings("ignore:The balance properties")
-@pytest.mark.parametrize("dimension", [1, 2, 3, 7, 21, sample.MAX_DIMENSION])
+@pytest.mark.parametrize("dimension", [1, 2, 3, 7, 21, map_plan.MAX_DIMENSION])
 def test_sobol_points_are_those_of_scipy(dimension: int) -> None:
-    expected = qmc.Sobol(dimension, scramble=False, bits=sample.BITS).random(5000)
-    words = sample.sobol(0, 5000, dimension)
-    np.testing.assert_array_equal(words * 2.0**-sample.BITS, expected)
+    expected = qmc.Sobol(dimension, scramble=False, bits=map_plan.BITS).random(5000)
+    words = map_plan.sobol(0, 5000, dimension)
+    np.testing.assert_array_equal(words * 2.0**-map_plan.BITS, expected)
 
 
 @given(start=st.integers(0, 10**15), length=st.integers(0, 9000))
 def test_any_stretch_of_the_sobol_sequence(start: int, length: int) -> None:
-    found = sample.sobol(start, start + length, 3)
-    v = sample.directions(3)
+    found = map_plan.sobol(start, start + length, 3)
+    v = map_plan.directions(3)
     for i in {0, length // 2, length - 1} - {-1}:
         if i < length:
             gray = (start + i) ^ ((start + i) >> 1)
-            digits = [j for j in range(sample.BITS) if gray >> j & 1]
+            digits = [j for j in range(map_plan.BITS) if gray >> j & 1]
             np.testing.assert_array_equal(found[i], np.bitwise_xor.reduce(v[digits], axis=0))
 
 
@@ -113,8 +112,8 @@ def test_the_kernel_puts_the_same_bits(start: int, length: int, n: int, seed: in
 
 @pytest.mark.skipif(not kernel.available(), reason="the compiled kernel is not installed")
 def test_the_kernel_refuses_what_is_not_there() -> None:
-    k, last = 3, 1 << sample.BITS
-    v, words = sample.directions(k), np.zeros(k, dtype=np.uint64)
+    k, last = 3, 1 << map_plan.BITS
+    v, words = map_plan.directions(k), np.zeros(k, dtype=np.uint64)
     columns, ones = np.arange(k), np.ones(k)
     out = np.empty((2, k))
     kernel.put_sobol(out, v, words, last - 2, columns, ones, ones)  # the last two

@@ -9,7 +9,7 @@ import pytest
 from pinsing import load
 from pinsing.families import closed_form
 from pinsing.sampling.analyze import leads_down, random_search
-from pinsing.sampling.stopping import Stages
+from pinsing.sampling.execute import Stages
 
 FLAT = """
 name: flat

@@ -13,8 +13,7 @@ from pinsing.errors import ConfigurationError, OptionError, OutputError, ResultE
 from pinsing.errors import UnknownNameError as NoName
 from pinsing.kinematics.jacobian import singular_values
 from pinsing.sampling.npz import load_npz, save_npz
-from pinsing.sampling.planning import plan_sweep
-from pinsing.sampling.sweep_plan import SweepPlan
+from pinsing.sampling.sweep_plan import SweepPlan, plan_sweep
 from pinsing.sampling.sweep_run import SweepResult, run_sweep, sweep
 
 PI = np.pi

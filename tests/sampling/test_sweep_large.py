@@ -26,7 +26,7 @@ from pinsing.sampling.curves import CurveTable, Pool, axis_values, dips, minima
 from pinsing.sampling.executors import local_processes
 from pinsing.sampling.findings import singular_configurations
 from pinsing.sampling.npz import kept_curves, load_npz
-from pinsing.sampling.planning import plan_sweep
+from pinsing.sampling.sweep_plan import plan_sweep
 from pinsing.sampling.sweep_run import SweepResult, run_sweep, sweep
 
 SWEEP = sys.modules[run_sweep.__module__]  # the package has a function of that name
@@ -448,7 +448,7 @@ def count_and_peak(step: int, levels: int, samples: int) -> tuple[int, float]:
         "import numpy as np\n"
         "from pinsing.robot.load import load\n"
         "from pinsing.sampling.sweep_run import run_sweep\n"
-        "from pinsing.sampling.planning import plan_sweep\n"
+        "from pinsing.sampling.sweep_plan import plan_sweep\n"
         "arm = load('panda')\n"
         f"special = tuple(np.deg2rad(np.arange(-180, 180, {step})).tolist())\n"
         f"plan = plan_sweep(arm, special=special, levels=({levels},), samples={samples})\n"

@@ -15,8 +15,7 @@ from pinsing.description import urdf_meshes as references
 from pinsing.view import collada as collada_reader
 from pinsing.view import meshes
 from pinsing.view.collada import NotPlainError, Painted, as_object, read_collada
-from pinsing.view.drawing import Recorder
-from pinsing.view.links import draw_links, read_links
+from pinsing.view.links import Recorder, draw_links, read_links
 from pinsing.view.meshes import Mesh, read_meshes
 
 pytestmark = pytest.mark.filterwarnings("ignore:the matrix subclass")  # pycollada's

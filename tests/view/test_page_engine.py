@@ -21,10 +21,9 @@ from pinsing.kinematics.jacobian import frame_jacobian, tip_placement
 from pinsing.kinematics.verdict import ratios, status_of
 from pinsing.measures import pure_ellipsoids
 from pinsing.robot.arm import Arm
-from pinsing.view.engine_data import engine_data
-from pinsing.view.entries import Entry, family_entries
+from pinsing.view.entries import Entry, engine_data, family_entries
 from pinsing.view.page import engine_script
-from pinsing.view.sizes import sizes
+from pinsing.view.scene import sizes
 
 Floats = NDArray[np.float64]
 

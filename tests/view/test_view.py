@@ -42,18 +42,10 @@ from pinsing.robot.arm import Arm
 from pinsing.robot.load import load
 from pinsing.sampling.analyze import analyze
 from pinsing.view import Viewer
-from pinsing.view.drawing import Recorder
 from pinsing.view.entries import Entry, FixedJoints, family_entries, finding_entries
-from pinsing.view.links import base_placement, read_links
-from pinsing.view.overlay import full_configuration
-from pinsing.view.scene import draw_scene
+from pinsing.view.links import Recorder, base_placement, read_links
+from pinsing.view.scene import FLATTEST, LEAST, draw_scene, drawn_radii, full_configuration, sizes
 from pinsing.view.server import is_loopback
-from pinsing.view.sizes import (
-    FLOOR,
-    LEAST,
-    drawn_radii,
-    sizes,
-)
 
 ARMS = ["stanford", "puma560", "surgical7", "irb1400", "iiwa14", "scara"]
 
@@ -100,7 +92,7 @@ def test_pure_ellipsoid_bounds_the_motions_that_leave_the_rest_alone(
 def test_a_flat_ellipsoid_is_drawn_as_a_disc_and_its_data_left_alone() -> None:
     radii = np.array([2.0, 1.0, 0.0])
     drawn = drawn_radii(radii, 0.5, reach=1.0)
-    assert drawn == pytest.approx([1.0, 0.5, FLOOR])
+    assert drawn == pytest.approx([1.0, 0.5, FLATTEST])
     assert radii[2] == 0.0
     assert drawn_radii(np.zeros(3), 1.0, reach=1.0) == pytest.approx([0, 0, 0])
 
@@ -371,7 +363,7 @@ def test_a_viewer_brings_nothing_that_a_browser_would_wait_for_in_vain() -> None
     code = (
         "import sys, pinsing.view.viewer as view, pinsing\n"
         "view.Viewer(pinsing.load('urdf/planar3r.urdf'), skeleton=True).html()\n"
-        "late = ('IPython', 'pinsing.postures', 'pinsing.view.overlay')\n"
+        "late = ('IPython', 'pinsing.postures')\n"
         "assert not [name for name in late if name in sys.modules]\n"
         "import meshcat.visualizer, IPython.display\n"
         "made = meshcat.visualizer.HTML('<b>x</b>')\n"

@@ -16,7 +16,7 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class WalkRules:
-    """When walks end and how far their steps go: `pinsing.configuration.rank_drop` has the reasons.
+    """When walks end and how far their steps go: `pinsing.configuration.refine` has the reasons.
 
     Attributes
     ----------

@@ -26,7 +26,7 @@ from pinsing.prose import Page
 
 if TYPE_CHECKING:
     from pinsing._types import Array
-    from pinsing.configuration.state import State
+    from pinsing.configuration.at import State
     from pinsing.proximity.clearance import Distances
     from pinsing.robot.arm import Arm
 
@@ -87,8 +87,7 @@ def at_command(
     """
     parse_numbers(q, "--q", deg)  # a slip of the pen, before the robot is read
     arm = request.load()
-    from pinsing.configuration.at import at
-    from pinsing.configuration.state import LABEL, state_text
+    from pinsing.configuration.at import LABEL, at, state_text
     from pinsing.measures import NEAR_RTOL, SINGULAR_RTOL
     from pinsing.proximity.clearance import distance_words
     from pinsing.robot.nominal import nominal

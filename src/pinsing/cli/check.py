@@ -115,9 +115,8 @@ def check_command(
     fail = None if fail_within is None else angle(fail_within, "--fail-within", deg)
     arm = request.load()
     from pinsing.families import closed_form
-    from pinsing.proximity.trajectory import check_trajectory
+    from pinsing.proximity.trajectory import check_trajectory, details, summary
     from pinsing.proximity.trajectory_file import read_trajectory
-    from pinsing.proximity.trajectory_text import details, summary
 
     read = read_trajectory(file, arm, deg)
     for note in read.notes:

@@ -136,7 +136,7 @@ def map_command(
     if pairs:
         chosen["ranges"] = {n: _in_radians(arm, n, low, high, deg) for n, low, high in pairs}
     from pinsing.sampling import sigma_map
-    from pinsing.sampling.stopping import ctrl_c_afterwards
+    from pinsing.sampling.execute import ctrl_c_afterwards
 
     result = None
     try:

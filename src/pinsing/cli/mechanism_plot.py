@@ -74,7 +74,7 @@ def _figure(
 
     names = None if over is None else [n.strip() for n in over.split(",")]
     if kind == "modes":
-        from pinsing.plot.mode_sheet import mode_sheet
+        from pinsing.plot.motion_curve import mode_sheet
 
         return mode_sheet(mechanism, inputs if asked else None, deg)
     if kind == "map" and ranks(mechanism).mobility == 1:

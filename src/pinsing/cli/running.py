@@ -56,7 +56,7 @@ class RunPlace:
     @contextlib.contextmanager
     def options(self) -> Iterator[dict[str, Any]]:
         """Keyword arguments of a run; the executor ends with the block."""
-        from pinsing.sampling.stopping import second_ctrl_c_ends_process
+        from pinsing.sampling.execute import second_ctrl_c_ends_process
 
         chosen: dict[str, Any] = {"engine": self.engine}
         with contextlib.ExitStack() as stack:

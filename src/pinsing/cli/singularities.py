@@ -29,7 +29,7 @@ from pinsing.prose import Page
 
 if TYPE_CHECKING:
     from pinsing.robot.arm import Arm
-    from pinsing.sampling.finding import Finding
+    from pinsing.sampling.generalize import Finding
 
 F = TypeVar("F", bound=Callable[..., Any])
 
@@ -253,10 +253,10 @@ def sweep_command(
     if keep and out is None:
         raise OptionError("--keep needs a folder to keep the curves in: give --out DIR")
     from pinsing.robot.nominal import nominal
+    from pinsing.sampling.execute import ctrl_c_afterwards
     from pinsing.sampling.findings import singular_configurations
     from pinsing.sampling.npz import save_npz
-    from pinsing.sampling.planning import plan_sweep
-    from pinsing.sampling.stopping import ctrl_c_afterwards
+    from pinsing.sampling.sweep_plan import plan_sweep
     from pinsing.sampling.sweep_result import CURVES, sweep_text
     from pinsing.sampling.sweep_run import check_keep, run_sweep
     from pinsing.serialization import encode
@@ -338,7 +338,7 @@ def analyze_command(
     with run_progress() as progress:
         analysis = analyze(arm, geometry=geometry, progress=progress, **chosen, **algebra)
     if not emit_json(analysis, json_target):
-        from pinsing.sampling.analysis_result import analysis_text
+        from pinsing.sampling.analyze import analysis_text
 
         emit(analysis_text(analysis, Page.of(), deg))
     for problem in analysis.problems:

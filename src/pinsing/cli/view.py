@@ -22,8 +22,8 @@ from pinsing.errors import OptionError, ResultError
 if TYPE_CHECKING:
     from pinsing.families import Family
     from pinsing.robot.arm import Arm
-    from pinsing.sampling.analysis_result import Analysis
-    from pinsing.sampling.finding import Finding
+    from pinsing.sampling.analyze import Analysis
+    from pinsing.sampling.generalize import Finding
 
 
 @command("view")
@@ -160,7 +160,7 @@ def _find(arm: Arm, at: Callable[[str], None]) -> _Listed:
 def _read(path: Path, arm: Arm) -> _Listed:
     """Families and findings of a saved analysis, or of a saved closed form, of the same arm."""
     from pinsing.families import ClosedForm
-    from pinsing.sampling.analysis_result import Analysis
+    from pinsing.sampling.analyze import Analysis
 
     data = read_json(path)
     schema = data.get("schema") if isinstance(data, dict) else None

@@ -5,11 +5,12 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from typing import ClassVar
 
 import numpy as np
 import numpy.typing as npt
 
-from pinsing import measures
+from pinsing import measures, notebook
 from pinsing._types import Array
 from pinsing.arguments import checked
 from pinsing.configuration.axis_dependence import (
@@ -18,16 +19,14 @@ from pinsing.configuration.axis_dependence import (
     dependences_of,
     landmarks,
 )
-from pinsing.configuration.line_geometry import JointAxes
-from pinsing.configuration.lost_motion import EXACT_TOL, LostMotion, Tool, lost_motions
-from pinsing.configuration.state import (
-    NEAR_SINGULAR,
-    REGULAR,
-    ROUNDED_AWAY,
-    SINGULAR,
-    SelfMotion,
-    State,
-    VelocityEllipsoid,
+from pinsing.configuration.lost_motion import (
+    EXACT_TOL,
+    JointAxes,
+    LostMotion,
+    Tool,
+    axis_name,
+    lost_motions,
+    vector,
 )
 from pinsing.kinematics.batch import in_base, own_scale, random_turns
 from pinsing.kinematics.jacobian import (
@@ -47,9 +46,329 @@ from pinsing.kinematics.verdict import (
     scale_notes,
     status_of,
 )
-from pinsing.prose import listed
-from pinsing.robot.arm import Arm, summarize
+from pinsing.prose import PLAIN, Page, Span, listed, measured, unbroken, verdict
+from pinsing.robot.arm import Arm, ArmSummary, summarize
 from pinsing.robot.nominal import nominal
+from pinsing.robot.task import parse_task
+from pinsing.serialization import JsonResult
+
+SINGULAR, NEAR_SINGULAR, REGULAR = "singular", "near-singular", "regular"
+ROUNDED_AWAY = "singular if the rounded numbers of the file"
+"""What the note begins with where only rounding keeps a configuration from being singular."""
+
+LABEL = 18
+"""Width of the labels of a state's lines."""
+
+Line = tuple[str, Span | tuple[Span, ...]]
+
+
+@dataclass(frozen=True, eq=False)
+class VelocityEllipsoid:
+    """Tip velocities at unit joint speed, paper Eqs. (15), (16).
+
+    Attributes
+    ----------
+    center : (3,) array
+        Tip position in the base, metres.
+    axes : (3, 3) array
+        Columns are the directions of the semi-axes, a right-handed frame in base axes.
+    radii : (3,) array
+        Semi-axes, largest first, in ``unit`` per unit joint speed; zero where lost.
+    unit : str
+        ``m/s`` or ``rad/s``.
+    """
+
+    center: Array
+    axes: Array
+    radii: Array
+    unit: str
+
+
+@dataclass(frozen=True, eq=False)
+class SelfMotion:
+    """Joint velocities that leave the task at rest.
+
+    Attributes
+    ----------
+    direction : (n,) array
+        rad/s or m/s; the largest is 1.
+    words : str
+        The same in words, joints numbered from 1.
+    """
+
+    direction: Array
+    words: str
+
+    def __str__(self) -> str:
+        return self.words
+
+
+@dataclass(frozen=True, eq=False)
+class State(JsonResult):
+    """What an arm can and cannot do at one configuration.
+
+    Attributes
+    ----------
+    arm : ArmSummary
+        The arm, its tip, task and length scale.
+    q : (n,) array
+        Radians or metres.
+    within_limits : bool
+        Whether all joints are, whole turns aside.
+    outside : tuple of str
+        Joints that are not.
+    tip_position : (3,) array
+        Metres, in the base.
+    tip_rotation : (3, 3) array
+        Columns are the tool axes, in base axes.
+    J : (6, n) array
+        Frame Jacobian, LOCAL_WORLD_ALIGNED at the tip in base axes, metres and radians.
+    sigma : (min(m, n),) array
+        Singular values of the task Jacobian (translation rows over the length scale).
+    rank, generic_rank : int
+        Here, and at almost every configuration.
+    sigma_ratio : float
+        sigma_r / sigma_1 with r the generic rank, at the arm's own scale
+        (`pinsing.kinematics.batch`): that of ``sigma`` for a length scale as long as the arm.
+    rtol, near_rtol : float
+        The ratio at or below which the configuration is singular, or near-singular.
+    status : str
+        ``singular``, ``near-singular`` or ``regular``.
+    manipulability : float
+        Product of the first r singular values, paper Eq. (14).
+    condition_number : float
+        sigma_1 / sigma_r, paper Eq. (17); may be infinite.
+    determinant : float
+        det J of a square task Jacobian; det(J J^T) of a wide one, det(J^T J) of a tall one.
+    translational, rotational : VelocityEllipsoid
+        Of the rows vx, vy, vz and wx, wy, wz of J.
+    lost : tuple of LostMotion
+        Directions that cannot be produced here; nearly lost ones where near-singular. Those
+        that the arm can produce nowhere are left out.
+    always_missing : int
+        How many of ``lost`` are missing at every configuration, in directions that move with
+        q: an arm with five joints always misses one of six.
+    self_motions : tuple of SelfMotion
+        Basis of the joint velocities that leave the task at rest (nearly, where near-singular).
+    always_idle : int
+        Dimension of that space at almost every configuration: positive for redundant arms.
+    dependences : tuple of AxisDependence
+        Which joint axes line up, and how.
+    notes : tuple of str
+        What else one should know.
+    """
+
+    schema: ClassVar[str] = "pinsing/state/1"
+    made_by: ClassVar[str] = "pinsing.at(arm, q)"
+
+    arm: ArmSummary
+    q: Array
+    within_limits: bool
+    outside: tuple[str, ...]
+    tip_position: Array
+    tip_rotation: Array
+    J: Array
+    sigma: Array
+    rank: int
+    generic_rank: int
+    sigma_ratio: float
+    rtol: float
+    near_rtol: float
+    status: str
+    manipulability: float
+    condition_number: float
+    determinant: float
+    translational: VelocityEllipsoid
+    rotational: VelocityEllipsoid
+    lost: tuple[LostMotion, ...]
+    always_missing: int
+    self_motions: tuple[SelfMotion, ...]
+    always_idle: int
+    dependences: tuple[AxisDependence, ...]
+    notes: tuple[str, ...]
+
+    @property
+    def singular(self) -> bool:
+        """Whether the rank is below the generic one, to ``rtol``."""
+        return self.status == SINGULAR
+
+    def __repr__(self) -> str:
+        said = "SINGULAR" if self.singular else self.status
+        r = self.generic_rank
+        ratio = f"sigma_{r}/sigma_1 = {self.sigma_ratio:.2g}"
+        return notebook.one_line(
+            "State", f"{self.arm.name}, {said}: rank {self.rank} of {r}, {ratio}"
+        )
+
+    def __str__(self) -> str:
+        return state_text(self)
+
+    def _repr_latex_(self) -> str:
+        """For notebooks: rank and ratio."""
+        r = self.generic_rank
+        return (
+            rf"$$\operatorname{{rank}} J = {self.rank},\quad r = {r},\quad "
+            rf"\sigma_{{{r}}}/\sigma_1 = {_latex_number(self.sigma_ratio)}$$"
+        )
+
+    def _repr_html_(self) -> str:
+        """For notebooks, which prefer it: verdict in colour, what is lost and why."""
+        text = notebook.text
+        tone = {SINGULAR: "alarm", NEAR_SINGULAR: "caution"}.get(self.status, "good")
+        said = "SINGULAR" if self.status == SINGULAR else self.status
+        ratio = rf"\sigma_{{{self.generic_rank}}}/\sigma_1 = {_latex_number(self.sigma_ratio)}"
+        values = zip(self.arm.joints, self.q, self.arm.prismatic, strict=True)
+        rows = [
+            (text("verdict"), f"{notebook.verdict(said, tone)} {notebook.formula(ratio)}"),
+            (text("rank"), f"{self.rank} {text('of')} {self.generic_rank}"),
+            *(
+                (notebook.name(joint), text(f"{value:.6g} {'m' if slides else 'rad'}"))
+                for joint, value, slides in values
+            ),
+            *((text("lost"), text(motion.words)) for motion in self.lost),
+            *((text("why"), text(dependence.reason)) for dependence in self.dependences),
+            *((text("note"), text(note)) for note in self.notes),
+        ]
+        arm, tip = notebook.name(self.arm.name), notebook.name(self.arm.tip)
+        return f"<p>{arm} {text('tip')} {tip}</p>{notebook.table(rows)}"
+
+
+def _latex_number(value: float) -> str:
+    """A number with its power of ten written as one."""
+    mantissa, _, exponent = f"{value:.2g}".partition("e")
+    return rf"{mantissa} \cdot 10^{{{int(exponent)}}}" if exponent else mantissa
+
+
+def state_text(state: State, degrees: bool = False, page: Page = PLAIN) -> str:
+    """All that is worth reading about a state, aligned, with units.
+
+    Parameters
+    ----------
+    state : State
+        What to print.
+    degrees : bool
+        Print revolute joint values in degrees.
+    page : Page
+        What it is fitted to.
+    """
+    return page.fields(_lines(state, degrees), LABEL)
+
+
+def _lines(state: State, degrees: bool) -> Iterator[Line]:
+    arm = state.arm
+    yield "arm", f"{arm.name}, tip {arm.tip}, base {arm.base}"
+    yield "", f"task {arm.task}, length scale {arm.length_scale:g} m"
+    yield from _joints(state, degrees)
+    yield "", ""
+    yield "status", _verdict(state)
+    if any(note.startswith(ROUNDED_AWAY) for note in state.notes):
+        yield "", "(singular but for the rounding of the file, see the note)"
+    yield from _meaning(state)
+    yield "", ""
+    yield "sigma", "  ".join(_short(s) for s in state.sigma)
+    yield "manipulability", _short(state.manipulability)
+    yield "condition number", _short(state.condition_number)
+    yield _determinant_label(state), _short(state.determinant)
+    yield "", ""
+    yield "tip position", measured(f"{vector(state.tip_position, 4)} m")
+    yield from _ellipsoid("translation", state.translational, state.tip_rotation)
+    yield from _ellipsoid("rotation", state.rotational, state.tip_rotation)
+    for note in state.notes:
+        yield "", ""
+        yield "note", note
+
+
+def _meaning(state: State) -> Iterator[Line]:
+    """What cannot be done, why, and what moves although the tip rests."""
+    if state.lost:
+        yield "", ""
+        label = "lost" if state.singular else "nearly lost"
+        for motion in state.lost:
+            torque = "no" if state.singular else "almost no"
+            text = f"{motion.words}; {motion.free_wrench} needs {torque} joint torque"
+            yield label, measured(text)
+            label = ""
+        if state.always_missing:
+            are = "is" if state.always_missing == 1 else "are"
+            yield (
+                "",
+                f"({state.always_missing} of these {len(state.lost)} {are} missing at every "
+                f"configuration: the arm reaches rank {state.generic_rank} in a task of "
+                f"{_rows(state)} rows)",
+            )
+    if state.dependences:
+        yield "", ""
+        label = "why"
+        for dependence in state.dependences:
+            yield label, dependence.reason
+            yield "", f"({', '.join(dependence.joints)})"
+            label = ""
+    if state.self_motions:
+        yield "", ""
+        nearly = "nearly " if state.status == "near-singular" else ""
+        label = "self-motion"
+        for self_motion in state.self_motions:
+            verb = "leaves" if np.count_nonzero(self_motion.direction) == 1 else "leave"
+            rest = "tip" if state.arm.task == "pose" else "task"
+            yield label, measured(f"{self_motion.words} {verb} the {rest} {nearly}at rest")
+            label = ""
+        if state.always_idle:
+            yield (
+                "",
+                f"(dimension {state.always_idle} at every configuration: the arm is redundant)",
+            )
+
+
+def _joints(state: State, degrees: bool) -> Iterator[Line]:
+    arm = state.arm
+    width = max(len(name) for name in arm.joints)
+    label = "q"
+    for i, name in enumerate(arm.joints):
+        value, unit = state.q[i], "rad"
+        if arm.prismatic[i]:
+            unit = "m"
+        elif degrees:
+            value, unit = np.degrees(value), "deg"
+        limits = arm.space.range_words(i, degrees)
+        outside = f"  (outside its limits, {limits})" if name in state.outside else ""
+        left = unbroken(f"{i + 1:>2} {name:<{width}}")
+        yield label, f"{left} {unbroken(f'{value:>11.6g} {unit}')}{outside}"
+        label = ""
+
+
+def _verdict(state: State) -> tuple[Span, ...]:
+    r = state.generic_rank
+    ratio = unbroken(f"sigma_{r}/sigma_1 = {state.sigma_ratio:.2g}")
+    if state.status == "singular":
+        said = verdict(state.status, "SINGULAR")
+        return said, f": rank {state.rank} instead of {r} ({ratio} <= {state.rtol:g})"
+    if state.status == "near-singular":
+        more = f"(singular from {state.rtol:g}); rank {state.rank}"
+        return verdict(state.status), f": {ratio} <= {state.near_rtol:g} {more}"
+    more = f"(near-singular from {state.near_rtol:g})"
+    return verdict(state.status), f": rank {state.rank}, {ratio} {more}"
+
+
+def _determinant_label(state: State) -> str:
+    m, n = _rows(state), state.arm.n
+    return "det J" if m == n else "det J J^T" if m < n else "det J^T J"
+
+
+def _rows(state: State) -> int:
+    return len(parse_task(state.arm.task).rows)
+
+
+def _ellipsoid(what: str, ellipsoid: VelocityEllipsoid, rotation: Array) -> Iterator[Line]:
+    label = f"{what} speed"
+    verb = "along" if what == "translation" else "about"
+    for radius, direction in zip(ellipsoid.radii, ellipsoid.axes.T, strict=True):
+        speed = unbroken(f"{_short(radius):>9} {ellipsoid.unit}")
+        yield label, measured(f"{speed} {verb} {axis_name(direction, rotation)}")
+        label = ""
+
+
+def _short(value: float) -> str:
+    return f"{value + 0.0:.4g}"  # no minus zero
 
 
 @checked
@@ -113,8 +432,8 @@ def at(
         manipulability=float(measures.manipulability(Js, r)),
         condition_number=float(measures.condition_number(Js, r)),
         determinant=float(measures.determinant(Js)),
-        translational=_ellipsoid(J[:3], position, "m/s"),
-        rotational=_ellipsoid(J[3:], position, "rad/s"),
+        translational=_velocity_ellipsoid(J[:3], position, "m/s"),
+        rotational=_velocity_ellipsoid(J[3:], position, "rad/s"),
         lost=loss.lost,
         always_missing=loss.always_missing,
         self_motions=_self_motions(scale.columns[:, None] * loss.still, arm.prismatic),
@@ -189,7 +508,7 @@ def loss_at(arm: Arm, q: Array, rtol: float = SINGULAR_RTOL, near_rtol: float = 
     )
 
 
-def _ellipsoid(rows: Array, center: Array, unit: str) -> VelocityEllipsoid:
+def _velocity_ellipsoid(rows: Array, center: Array, unit: str) -> VelocityEllipsoid:
     axes, radii = measures.velocity_ellipsoid(rows)
     return VelocityEllipsoid(center, axes, radii, unit)
 

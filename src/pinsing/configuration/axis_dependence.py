@@ -13,7 +13,7 @@ import numpy.typing as npt
 
 from pinsing._batch import engine as kernel
 from pinsing._types import Array
-from pinsing.configuration.line_geometry import (
+from pinsing.configuration.lost_motion import (
     STRUCTURE_TOL,
     AxesCentre,
     JointAxes,

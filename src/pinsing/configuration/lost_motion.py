@@ -9,13 +9,408 @@ a screw (J. K. Davidson and K. H. Hunt, "Robots and Screw Theory", 2004).
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import combinations
 
 import numpy as np
+import numpy.typing as npt
 
 from pinsing._types import Array
-from pinsing.configuration.line_geometry import cross, length
+from pinsing.prose import listed
+
+_FAR = 0.01
+"""Smallest eigenvalue of normal equations from which on lines are far from parallel."""
+
+
+def cross(a: Array, b: Array) -> Array:
+    """Vector product of a (3,) and b (3,)."""
+    ax, ay, az = a.tolist()
+    bx, by, bz = b.tolist()
+    return np.array([ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx])
+
+
+def length(a: Array) -> float:
+    """Euclidean norm of a (k,)."""
+    return math.sqrt(float(a @ a))
+
+
+STRUCTURE_TOL = 2e-5
+"""Radians, and share of the arm's size: parallel or meeting within what files round angles to."""
+
+
+@dataclass(frozen=True, eq=False)
+class JointAxes:
+    """Joint axes at one configuration, base axes.
+
+    Attributes
+    ----------
+    direction : (n, 3) array
+        Unit directions.
+    point : (n, 3) array
+        The point of each turning axis that is nearest to the tip, metres.
+    prismatic : (n,) array of bool
+        Which joints slide: these have a direction only.
+    tip : (3,) array
+        Tip position, metres.
+    size : float
+        Greatest distance of an axis from the tip (1 where there is none), metres.
+    """
+
+    direction: Array
+    point: Array
+    prismatic: npt.NDArray[np.bool_]
+    tip: Array
+    size: float
+
+    @classmethod
+    def of(cls, J: Array, prismatic: npt.NDArray[np.bool_], tip: Array) -> JointAxes:
+        """Axes from a frame Jacobian (6, n): columns (z x (tip - p), z), or (z, 0)."""
+        v, w = J[:3].T, J[3:].T
+        direction = np.where(prismatic[:, None], v, w)
+        arms = np.where(prismatic[:, None], 0.0, np.cross(v, w))  # from the axis to the tip
+        size = float(np.linalg.norm(arms, axis=1).max(initial=0.0)) or 1.0
+        return cls(direction, tip - arms, prismatic, tip, size)
+
+    def parallel(self, ids: Sequence[int], tol: float) -> bool:
+        """Whether all these axes have one direction, up to sign."""
+        first = self.direction[ids[0]]
+        return all(length(cross(first, self.direction[i])) <= tol for i in ids[1:])
+
+    def perpendicular(self, i: int, direction: Array, tol: float) -> bool:
+        """Whether axis i is perpendicular to a unit direction (3,)."""
+        return bool(abs(self.direction[i] @ direction) <= tol)
+
+    def distance(self, i: int, point: Array) -> float:
+        """Distance of a point (3,) from turning axis i, metres."""
+        return length(cross(self.direction[i], point - self.point[i]))
+
+    def meeting_point(self, ids: Sequence[int], tol: float) -> Array | None:
+        """Return the point (3,) that all these turning axes pass through, if there is one."""
+        z, p = self.direction[list(ids)], self.point[list(ids)] - self.tip
+        # The normal equations of least squares: the sum of (1 - z z^T)(x - p) is zero.
+        A = len(z) * np.eye(3) - z.T @ z
+        if np.linalg.eigvalsh(A)[0] <= (10 * tol) ** 2:  # nearly parallel
+            return None
+        across = p - (p * z).sum(axis=1, keepdims=True) * z
+        point = self.tip + np.linalg.solve(A, across.sum(axis=0))
+        near = all(self.distance(i, point) <= tol * self.size for i in ids)
+        return point if near else None
+
+    def in_one_plane(self, ids: Sequence[int], tol: float, *points: Array) -> bool:
+        """Whether these turning axes, and the given points (3,), lie in one plane."""
+        start = self.point[ids[0]]
+        others = [p - start for p in (*self.point[list(ids)], *points)]
+        spanned = np.array([*self.direction[list(ids)], *(p / self.size for p in others)])
+        return bool(np.linalg.svd(spanned, compute_uv=False)[2] <= tol)
+
+    def velocity(self, i: int, point: Array) -> Array:
+        """Velocity (3,) of a point (3,) carried by joint i at unit speed, base axes."""
+        if self.prismatic[i]:
+            return np.asarray(self.direction[i])
+        return cross(self.direction[i], point - self.point[i])
+
+    def velocity_rank(self, ids: Sequence[int], point: Array, tol: float) -> int:
+        """Dimension of the velocities that these joints give to a point (3,)."""
+        rows = [self.velocity(i, point) / (1.0 if self.prismatic[i] else self.size) for i in ids]
+        return int((np.linalg.svd(np.array(rows), compute_uv=False) > tol).sum())
+
+
+@dataclass(frozen=True)
+class AxesCentre:
+    """Three turning axes in a row that meet in one point at every configuration.
+
+    Attributes
+    ----------
+    ids : tuple of int
+        The joints, counted from 0.
+    n : int
+        Joints of the arm.
+    """
+
+    ids: tuple[int, ...]
+    n: int
+
+    @property
+    def short(self) -> str:
+        """``wrist centre``, ``shoulder centre``, or empty for one in the middle."""
+        if self.ids[-1] == self.n - 1:
+            return "wrist centre"
+        return "shoulder centre" if self.ids[0] == 0 else ""
+
+    def named(self) -> str:
+        """``the wrist centre (where axes 4, 5 and 6 meet)``."""
+        meet = f"where axes {numbers(self.ids)} meet"
+        return f"the {self.short} ({meet})" if self.short else f"the point {meet}"
+
+
+def find_centres(samples: Sequence[JointAxes]) -> tuple[AxesCentre, ...]:
+    """Return every three turning axes in a row that meet in one point in all the samples."""
+    n = len(samples[0].prismatic)
+    rows = [(i, i + 1, i + 2) for i in range(n - 2)]
+    return tuple(
+        AxesCentre(ids, n)
+        for ids in rows
+        if not samples[0].prismatic[list(ids)].any()
+        and all(axes.meeting_point(ids, STRUCTURE_TOL) is not None for axes in samples)
+    )
+
+
+def numbers(ids: Sequence[int]) -> str:
+    """Joint numbers, counted from 1: ``1``, ``1 and 2``, ``1, 2 and 3``."""
+    return listed([str(i + 1) for i in ids])
+
+
+def joints_of(ids: Sequence[int]) -> str:
+    """``joint 1`` or ``joints 1 and 2``."""
+    return _counted("joint", "joints", ids)
+
+
+def _counted(one: str, many: str, ids: Sequence[int]) -> str:
+    return f"{one if len(ids) == 1 else many} {numbers(ids)}"
+
+
+def dependent(
+    ids: Sequence[int], nearly: str = "", who: str = "the tip", how: str = "at rest"
+) -> str:
+    """Say no more than what it means that columns are linearly dependent."""
+    return f"{joints_of(ids)} can move together with {who} {nearly}{how}"
+
+
+def pose_reason(
+    axes: JointAxes,
+    ids: tuple[int, ...],
+    centres: Sequence[AxesCentre],
+    tol: float,
+    nearly: str = "",
+) -> str:
+    """Say why these axes, known to be dependent as twists, are so.
+
+    Parameters
+    ----------
+    axes : JointAxes
+        At the configuration.
+    ids : tuple of int
+        The smallest dependent set, counted from 0.
+    centres : sequence of AxesCentre
+        Of the arm.
+    tol : float
+        Radians, and share of the arm's size.
+    nearly : str
+        Empty, or ``"nearly "``.
+    """
+    turning = tuple(i for i in ids if not axes.prismatic[i])
+    sliding = tuple(i for i in ids if axes.prismatic[i])
+    reason = None
+    if not sliding:
+        reason = _of_turning(axes, ids, centres, tol, nearly)
+    elif not turning:
+        words = "parallel" if axes.parallel(ids, tol) else "parallel to one plane"
+        reason = f"prismatic joints {numbers(ids)} are {nearly}{words}"
+    elif axes.parallel(turning, tol) and len(turning) > 1:
+        reason = _parallel_and_sliding(axes, turning, sliding, tol, nearly)
+    if reason is None:
+        reason = _through_a_centre(axes, ids, centres, tol, nearly)
+    if reason is None:
+        reason = one_line(axes, ids, tol, nearly) or one_complex(axes, ids, tol, nearly)
+    return reason or dependent(ids, nearly)
+
+
+def _of_turning(
+    axes: JointAxes, ids: tuple[int, ...], centres: Sequence[AxesCentre], tol: float, nearly: str
+) -> str | None:
+    several = f"axes {numbers(ids)}"
+    flat = axes.in_one_plane(ids, tol)
+    if axes.parallel(ids, tol):
+        if all(axes.distance(ids[0], axes.point[i]) <= tol * axes.size for i in ids[1:]):
+            return f"{several} are {nearly}collinear"
+        if flat:
+            return f"{several} are parallel and lie {nearly}in one plane"
+        return f"{several} are {nearly}parallel"
+    if axes.meeting_point(ids, tol) is not None:
+        for centre in centres:
+            rest = sorted(set(ids) - set(centre.ids))
+            if set(centre.ids) < set(ids) and len(rest) == 1:
+                return f"{centre.named()} lies {nearly}on axis {numbers(rest)}"
+        if flat and len(ids) == 3:
+            return f"{several} meet in one point and lie {nearly}in one plane"
+        return f"{several} {nearly}meet in one point"
+    return f"{several} lie {nearly}in one plane" if flat and len(ids) > 3 else None
+
+
+def _parallel_and_sliding(
+    axes: JointAxes, turning: tuple[int, ...], sliding: tuple[int, ...], tol: float, nearly: str
+) -> str | None:
+    z = axes.direction[turning[0]]
+    if not all(axes.perpendicular(i, z, tol) for i in sliding):
+        return None
+    prismatic = _counted("prismatic joint", "prismatic joints", sliding)
+    if len(turning) == 2 and len(sliding) == 1:
+        apart = axes.point[turning[1]] - axes.point[turning[0]]
+        gap = apart - (apart @ z) * z
+        if abs(axes.direction[sliding[0]] @ gap) <= tol * axes.size:
+            return f"{prismatic} is {nearly}perpendicular to the plane of axes {numbers(turning)}"
+        return None
+    verb = "is" if len(sliding) == 1 else "are"
+    parallel = f"axes {numbers(turning)} are parallel"
+    return f"{parallel} and {prismatic} {verb} {nearly}perpendicular to them"
+
+
+def _through_a_centre(
+    axes: JointAxes, ids: tuple[int, ...], centres: Sequence[AxesCentre], tol: float, nearly: str
+) -> str | None:
+    """With all turns about a centre at hand, the others must move the centre independently."""
+    for centre in centres:
+        rest = tuple(i for i in ids if i not in centre.ids)
+        point = axes.meeting_point(centre.ids, STRUCTURE_TOL)
+        if not set(centre.ids) < set(ids) or point is None or len(rest) > 3:
+            continue
+        if axes.velocity_rank(rest, point, tol) == len(rest):
+            continue
+        return _centre_words(axes, rest, point, centre.named(), tol, nearly)
+    return None
+
+
+def _centre_words(
+    axes: JointAxes, rest: tuple[int, ...], point: Array, name: str, tol: float, nearly: str
+) -> str:
+    """Say why joints do not move a point in as many directions as there are joints."""
+    turning = not axes.prismatic[list(rest)].any()
+    if len(rest) == 1:
+        return f"{name} lies {nearly}on axis {numbers(rest)}"
+    if len(rest) == 2:
+        if turning and axes.in_one_plane(rest, tol, point):
+            kind = "the parallel axes" if axes.parallel(rest, tol) else "axes"
+            return f"{name} lies {nearly}in the plane of {kind} {numbers(rest)}"
+        return f"{joints_of(rest)} {nearly}move {name} along the same line"
+    for pair in combinations(rest, 2):
+        other = next(i for i in rest if i not in pair)
+        if not turning or not axes.parallel(pair, tol) or axes.parallel((other, pair[0]), tol):
+            continue
+        normal = cross(axes.direction[other], axes.direction[pair[0]])
+        off = (point - axes.point[other]) @ normal / length(normal)
+        if abs(off) <= tol * axes.size:
+            plane = f"the plane through axis {numbers((other,))} parallel to axes {numbers(pair)}"
+            return f"{name} lies {nearly}in {plane}"
+    if axes.velocity_rank(rest, point, tol) == 1:
+        return f"{joints_of(rest)} {nearly}move {name} along the same line"
+    return f"{joints_of(rest)} move {name} {nearly}within one plane only"
+
+
+def one_line(axes: JointAxes, ids: tuple[int, ...], tol: float, nearly: str) -> str | None:
+    """Say which line meets all of these axes or is parallel to them, if there is just one.
+
+    A force along such a line has no moment about any of the axes: with five independent
+    twists the only reciprocal wrench has pitch zero (Merlet, "Singular configurations of
+    parallel manipulators and Grassmann geometry", 1989).
+    """
+    found = _reciprocal(axes, ids, tol)
+    if found is None:
+        return None
+    force, moment = found
+    strength = length(force)
+    if strength <= tol:
+        turning = [i for i in ids if not axes.prismatic[i]]
+        return f"axes {numbers(turning)} are {nearly}parallel to one plane"
+    if abs(force @ moment) > tol * strength**2:
+        return None
+    direction = force / strength
+    point = axes.tip + cross(force, moment) / strength**2 * axes.size
+    met, along, across = [], [], []
+    for i in ids:
+        normal = cross(axes.direction[i], direction)
+        sine = length(normal)
+        if axes.prismatic[i]:
+            across.append(i)
+        elif sine <= tol:
+            along.append(i)
+        elif abs((axes.point[i] - point) @ normal) <= 10 * tol * axes.size * sine:
+            met.append(i)
+        else:
+            return None
+    if not met:
+        return None
+    return _common_line(len(axes.prismatic), met, along, across, nearly)
+
+
+def one_complex(axes: JointAxes, ids: tuple[int, ...], tol: float, nearly: str) -> str | None:
+    """Say that these axes belong to one linear complex, and of which pitch, if they do.
+
+    Five independent twists have one reciprocal wrench. Where its pitch is not zero, the lines
+    that it does no work on are those of a linear complex of that pitch (K. H. Hunt, "Kinematic
+    Geometry of Mechanisms", 1978).
+    """
+    found = _reciprocal(axes, ids, tol)
+    if found is None:
+        return None
+    force, moment = found
+    strength = length(force)
+    if strength <= tol:
+        return None
+    pitch = float(force @ moment) / strength**2 * axes.size
+    turning = [i for i in ids if not axes.prismatic[i]]
+    sliding = [i for i in ids if axes.prismatic[i]]
+    every = len(turning) == len(axes.prismatic)
+    count = {6: "six ", 5: "five ", 7: "seven "}.get(len(turning), "")
+    who = f"all {count}axes" if every else f"axes {numbers(turning)}"
+    words = f"{who} {nearly}belong to one linear complex, here of pitch {pitch:.3g} m/rad"
+    if sliding:
+        verb = "is" if len(sliding) == 1 else "are"
+        prismatic = _counted("prismatic joint", "prismatic joints", sliding)
+        words += f", and {prismatic} {verb} {nearly}perpendicular to its axis"
+    return words
+
+
+def _reciprocal(axes: JointAxes, ids: tuple[int, ...], tol: float) -> tuple[Array, Array] | None:
+    """The one wrench (force, moment about the tip in units of size) that none of these moves."""
+    v = np.array([axes.velocity(i, axes.tip) for i in ids]) / axes.size
+    w = np.where(axes.prismatic[list(ids), None], 0.0, axes.direction[list(ids)])
+    v[axes.prismatic[list(ids)]] *= axes.size
+    _, sigma, Vt = np.linalg.svd(np.concatenate([v, w], axis=1))
+    if (sigma > tol * sigma[0]).sum() != 5:
+        return None
+    return Vt[5, :3], Vt[5, 3:]
+
+
+def _common_line(
+    n: int, met: Sequence[int], along: Sequence[int], across: Sequence[int], nearly: str
+) -> str:
+    """Say which of n joints meet a line, are parallel to it, or perpendicular to it."""
+    who = "all axes" if len(met) == n else _counted("axis", "axes", met)
+    words = [f"{who} {nearly}{'meets' if len(met) == 1 else 'meet'} a common line"]
+    for ids, one, many, how in (
+        (along, "axis", "axes", "parallel"),
+        (across, "prismatic joint", "prismatic joints", "perpendicular"),
+    ):
+        if ids:
+            verb = "is" if len(ids) == 1 else "are"
+            words.append(f"{_counted(one, many, ids)} {verb} {nearly}{how} to it")
+    return ", ".join(words[:-1]) + ", and " + words[-1] if words[1:] else words[0]
+
+
+def position_reason(axes: JointAxes, ids: tuple[int, ...], tol: float, nearly: str = "") -> str:
+    """Say why joints move the tip in fewer directions than their number would allow."""
+    rank = axes.velocity_rank(ids, axes.tip, tol)
+    every = len(ids) == len(axes.prismatic) > 2 and not axes.prismatic.any()
+    if rank == 1 and every and axes.parallel(ids, tol):
+        same = f"{joints_of(ids)} {nearly}move the tip along the same line"
+        return f"all links {nearly}in line: {same}"
+    if len(ids) <= 3 and rank < len(ids):
+        return _centre_words(axes, ids, axes.tip, "the tip", tol, nearly)
+    if rank == 0:
+        return f"{joints_of(ids)} do {nearly}not move the tip"
+    if rank == 1:
+        return f"{joints_of(ids)} {nearly}move the tip along the same line"
+    return f"{joints_of(ids)} move the tip {nearly}within one plane only"
+
+
+def orientation_reason(axes: JointAxes, ids: tuple[int, ...], tol: float, nearly: str = "") -> str:
+    """Say why joints turn the tip about fewer directions than their number would allow."""
+    turning = tuple(i for i in ids if not axes.prismatic[i])
+    if axes.parallel(turning, tol):
+        return f"axes {numbers(turning)} are {nearly}parallel"
+    return f"axes {numbers(turning)} are {nearly}parallel to one plane"
+
 
 ALIGNED = math.radians(0.1)
 """Radians; a direction this close to an axis of the tool or the base goes by that axis."""

@@ -12,9 +12,8 @@ import numpy as np
 
 from pinsing._types import Array, Bool
 from pinsing.algebra.budget import Budget
-from pinsing.configuration.at import Loss, loss_at
+from pinsing.configuration.at import Loss, State, loss_at
 from pinsing.configuration.second_order import kinds_many
-from pinsing.configuration.state import State
 from pinsing.families.at_once import at_once, solved_for
 from pinsing.families.empty_box import Stop, proven_empty
 from pinsing.families.family import Family

@@ -27,7 +27,7 @@ import numpy as np
 
 from pinsing._types import Array
 from pinsing.configuration.axis_dependence import generic_axes
-from pinsing.configuration.line_geometry import STRUCTURE_TOL, JointAxes
+from pinsing.configuration.lost_motion import STRUCTURE_TOL, JointAxes
 from pinsing.kinematics.jacobian import frame_jacobians
 from pinsing.robot.arm import Arm
 

@@ -30,7 +30,7 @@ from pinsing.loops.solve import MOST_CURVES, InfeasibleError, Interval, curves, 
 from pinsing.loops.structure import output_pose, without_length
 from pinsing.loops.trace import Trace
 from pinsing.robot.mechanism import Mechanism
-from pinsing.sampling.stopping import Stages
+from pinsing.sampling.execute import Stages
 
 _AGREE = 1e-9
 

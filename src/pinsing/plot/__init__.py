@@ -5,12 +5,11 @@ it makes a figure that is readable at one column's width.
 """
 
 from pinsing.plot.along import sigma_along
-from pinsing.plot.aspect_plane import aspect_plane
+from pinsing.plot.aspect_plane import aspect_plane, locus
 from pinsing.plot.curves import sigma_curves
 from pinsing.plot.ellipsoids import ellipsoids
-from pinsing.plot.inverse_count import inverse_count
-from pinsing.plot.locus import locus
 from pinsing.plot.plane import sigma_plane
+from pinsing.plot.reach import inverse_count
 from pinsing.plot.workspace import workspace
 
 sigma_map = sigma_plane

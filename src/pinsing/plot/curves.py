@@ -28,7 +28,7 @@ from pinsing.plot.style import (
     value_label,
 )
 from pinsing.robot.arm import Arm, ArmSummary
-from pinsing.sampling.finding import Finding, JointCondition
+from pinsing.sampling.generalize import Finding, JointCondition
 from pinsing.sampling.sweep_run import SweepCurve, SweepResult
 
 

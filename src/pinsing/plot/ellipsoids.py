@@ -16,8 +16,8 @@ import pinocchio as pin
 
 from pinsing._types import Array
 from pinsing.arguments import checked
+from pinsing.configuration.at import REGULAR, State
 from pinsing.configuration.lost_motion import LostMotion
-from pinsing.configuration.state import REGULAR, State
 from pinsing.errors import OptionError
 from pinsing.kinematics.verdict import SINGULAR_RTOL
 from pinsing.measures import Ellipsoid, pure_by_default, pure_ellipsoids

@@ -20,8 +20,7 @@ from pinsing.postures.partition import Arc, Part, Partition, partition
 from pinsing.postures.pieces import Clear, Piece, Plain, Wheel, hub_of
 from pinsing.postures.subdivision import across, sections, subdivide
 from pinsing.proximity.clearance import quick
-from pinsing.proximity.crossings import crossings_of
-from pinsing.proximity.motion import motion_of
+from pinsing.proximity.crossings import crossings_of, motion_of
 from pinsing.proximity.watched import Forms, Watched, watch
 
 

@@ -17,9 +17,8 @@ from pinsing.kinematics.verdict import generic_rank
 from pinsing.postures.aspects import SECONDS, Aspects, aspects, map_of
 from pinsing.postures.inverse import inverse
 from pinsing.postures.ladder import posture_names
-from pinsing.proximity.crossings import crossings_of
+from pinsing.proximity.crossings import check_times, crossings_of, motion_of
 from pinsing.proximity.line import LinePosture, check_line
-from pinsing.proximity.motion import check_times, motion_of
 from pinsing.proximity.trajectory import AspectChange
 from pinsing.proximity.watched import Forms, watch
 from pinsing.robot.arm import Arm

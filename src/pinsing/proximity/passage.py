@@ -19,8 +19,7 @@ from pinsing._types import Array, Bool, Ints
 from pinsing.algebra.conditions import Conditions
 from pinsing.algebra.nearest import SearchOptions, nearest_points
 from pinsing.algebra.two_sided import two_sided
-from pinsing.proximity.crossings import Crossing, crossings_of
-from pinsing.proximity.motion import Motion
+from pinsing.proximity.crossings import Crossing, Motion, crossings_of
 from pinsing.proximity.watched import Watched
 
 _SHORT = 1e-4

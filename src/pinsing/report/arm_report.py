@@ -4,18 +4,20 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 
 import numpy as np
 
 from pinsing._types import Array
 from pinsing._version import __version__
-from pinsing.families import ClosedForm
+from pinsing.algebra.equation_text import latex_symbol
+from pinsing.configuration.at import SINGULAR, State
+from pinsing.families import ClosedForm, Family
+from pinsing.families.describe import missing_everywhere
+from pinsing.joint_text import typed
+from pinsing.measures import Reachability
 from pinsing.proof.produce import text_of
 from pinsing.report import arm_report as verdict
-from pinsing.report import arm_sections as part
-from pinsing.report.arm_sections import Section, sentence, status_badge
-from pinsing.report.content import Content, Made, gather
 from pinsing.report.document import (
     badge,
     bullets,
@@ -23,16 +25,355 @@ from pinsing.report.document import (
     data,
     document,
     download,
+    figure,
+    map_picture,
+    map_planes,
     model,
     name,
     paragraph,
+    pose_picture,
+    quiet_backend,
     result,
     section,
     table,
+    terms,
     text,
 )
-from pinsing.report.pictures import quiet_backend
+from pinsing.report.document import math as formula
+from pinsing.report.info import Content, Made, Special, gather
 from pinsing.robot.arm import Arm, ArmSummary
+
+Section = tuple[str, str, str]
+
+_TONE = {"singular": "alarm", "near-singular": "caution", "regular": "good"}
+_REACHED = {
+    Reachability.INSIDE: "alarm",
+    Reachability.AT_LIMIT: "caution",
+    Reachability.OUTSIDE: "good",
+    Reachability.UNKNOWN: "",
+}
+_MOST_PICTURES = 12
+_COUNTS = ("no", "one", "two", "three", "four", "five", "six", "seven", "eight", "nine")
+
+
+def counted(number: int, one: str, many: str) -> str:
+    """``one family``, ``three families``, ``12 families``."""
+    said = _COUNTS[number] if number < len(_COUNTS) else str(number)
+    return f"{said} {one if number == 1 else many}"
+
+
+def summary(c: Content) -> Section:
+    """What somebody who reads nothing else should know."""
+    arm, forms = c.info.arm, c.forms
+    families = forms.families
+    inside = [f for f in families if f.is_reachable]
+    families_said = counted(len(families), "family", "families")
+    if families:
+        reached = {0: "none of them known to be", len(families): "all of them"}.get(
+            len(inside), f"{counted(len(inside), 'of them', 'of them')}"
+        )
+        found = f"has {families_said} of singular configurations, {reached} within the joint limits"
+    elif forms.complete:
+        found = "has no singular configuration"
+    else:
+        found = "has no singular configuration that is known"
+    lead = paragraph(
+        name(arm.name),
+        text(f"has {counted(arm.n, 'joint', 'joints')} between"),
+        name(arm.base),
+        text("and"),
+        name(arm.tip) + text(". For the task"),
+        name(arm.task),
+        text(f"it {found}."),
+        kind="lead",
+    )
+    sure = {
+        "proven": "That nothing is missing is proven: a certificate is attached.",
+        "probable": "Nothing is known to be missing, but there is no certificate of that.",
+    }.get(forms.word, "The list is not complete; what is missing is said below.")
+    said = badge(forms.word, {"proven": "good", "not complete": "caution"}.get(forms.word, ""))
+    meaning = (
+        "At a singular configuration the tool cannot move in every direction in which it can move "
+        "elsewhere, whatever the joints do. Near one, joints must turn very fast for a slow motion "
+        "of the tool."
+    )
+    rows = [
+        (
+            f'<a href="#{f.name}">{text(f.label)}</a>',
+            text(f.text) if f.solved or f.abridged else formula(f.latex),
+            text(_kind(f)),
+            badge(f.reach, _REACHED[f.reachability]),
+        )
+        for f in families
+    ]
+    listed = (
+        table("The families", ("", "singular where", "kind", "reachable"), rows) if rows else ""
+    )
+    at_once = [_one_verdict(s) for s in c.special]
+    return section(
+        "summary",
+        "Summary",
+        lead,
+        paragraph(said, text(sure)),
+        paragraph(text(meaning)),
+        listed,
+        legend(c),
+        bullets(at_once),
+    )
+
+
+def _one_verdict(s: Special) -> str:
+    return f"{text('At')} {name(s.name)} {text('the arm is')} {status_badge(s.state)}."
+
+
+def status_badge(state: State) -> str:
+    """The verdict of a configuration, coloured."""
+    return badge(state.status, _TONE[state.status])
+
+
+def legend(c: Content) -> str:
+    """Which joint each symbol stands for, where the names differ."""
+    pairs = [
+        f"{formula(latex_symbol(symbol))} {text('is')} {name(joint)}"
+        for symbol, joint in c.forms.legend
+        if symbol != joint
+    ]
+    return paragraph(text("Symbols:"), ", ".join(pairs) + ".", kind="sub") if pairs else ""
+
+
+def robot(c: Content) -> Section:
+    """The chain and its joints."""
+    info, arm = c.info, c.info.arm
+    rank = f"{info.generic_rank} of {info.task_rows}"
+    if arm.n > info.generic_rank:
+        rank += f", redundant by {arm.n - info.generic_rank}"
+    pairs = [
+        ("robot", name(arm.name)),
+        ("described by", name(arm.source)),
+        ("chain", f"{name(arm.base)} {text('to')} {name(arm.tip)}"),
+        ("task", name(arm.task)),
+        ("independent motions of the tool, in general", text(rank)),
+        ("length scale", text(f"{arm.length_scale:g} m")),
+    ]
+    rows = []
+    for i, joint in enumerate(arm.joints):
+        slides = bool(arm.prismatic[i])
+        rows.append(
+            (
+                formula(latex_symbol(c.forms.symbols[i])),
+                name(joint),
+                text(info.kinds[i]),
+                text(_value(arm.lower[i], slides)),
+                text(_value(arm.upper[i], slides)),
+            )
+        )
+    header = ("symbol", "joint", "type", "from", "to")
+    return section(
+        "robot",
+        "The robot",
+        terms(pairs),
+        table("Joints, base to tip, with their limits", header, rows, (3, 4)),
+    )
+
+
+def _value(limit: float, slides: bool) -> str:
+    if not np.isfinite(limit):
+        return "none"
+    return f"{limit:.6g} m" if slides else f"{math.degrees(limit):.6g}°"
+
+
+def assumed(c: Content) -> Section:
+    """What the answer stands on besides the file."""
+    rows = [text(note) for note in c.info.arm.notes]
+    rows.append(text(f"Geometry: {c.info.geometry()}."))
+    rows += [text(note) for note in c.forms.hints]
+    rows.append(
+        text(
+            "Singular means: the rank of the Jacobian of the task is below its generic rank. In "
+            "numbers: sigma_r / sigma_1 at or below 1e-9, with r the generic rank; near-singular: "
+            "at or below 0.01. Families hold exactly, on the geometry with exact numbers, and on "
+            "whole circles of the joints; limits are looked at afterwards."
+        )
+    )
+    rows.append(
+        text(
+            "Collisions, cables, speeds, torques and masses are not looked at: a configuration "
+            "that is called reachable is within the joint limits, no more."
+        )
+    )
+    return section("assumed", "What was assumed", bullets(rows))
+
+
+def maps(c: Content) -> Section:
+    """sigma_min over two joints."""
+    planes = map_planes(c.arm, c.forms.families)
+    pictures = []
+    for pair in planes:
+        a, b = (c.forms.symbols[j] for j in pair)
+        alt = (
+            f"Map of the smallest singular value over {a} and {b}, the other joints held at the "
+            "values in its title; lines mark where families of singular configurations cross it."
+        )
+        joints = f"{formula(latex_symbol(a))} {text('and')} {formula(latex_symbol(b))}"
+        caption = (
+            f"{text('Smallest singular value over')} {joints}{text('; the other joints rest at')} "
+            f"{text('the values above the map. Dark is near-singular; lines are the families.')}"
+        )
+        pictures.append(figure(map_picture(c.arm, c.forms.families, pair), alt, caption, "map"))
+    if not pictures:
+        pictures = [
+            paragraph(text("No family shows on a map over two joints with the others held."))
+        ]
+    if len(pictures) > 1:
+        pictures = ['<div class="maps">', *pictures, "</div>"]
+    return section("map", "Map of two joints", *pictures)
+
+
+def families(c: Content) -> Section:
+    """Each family with its equation, words and a picture."""
+    parts = []
+    for k, (family, pose) in enumerate(zip(c.forms.families, c.poses, strict=True)):
+        parts += list(_family(c, family, pose, k < _MOST_PICTURES))
+    if not parts:
+        parts = [paragraph(text("There are none." if c.forms.complete else "None is known."))]
+    if len(c.forms.families) > _MOST_PICTURES:
+        note = f"Pictures stand with the first {_MOST_PICTURES} families only."
+        parts.append(paragraph(text(note), kind="sub"))
+    return section("families", "The families", *parts)
+
+
+def _family(
+    c: Content, family: Family, pose: tuple[Arm, State] | None, drawn: bool
+) -> Iterator[str]:
+    yield f'<h3 id="{family.name}">{text(f"Family {family.label}")}</h3>'
+    yield _equation(family)
+    n = family.n
+    facts = [
+        ("kind", text(_kind(family))),
+        ("reachable", badge(family.reach, _REACHED[family.reachability])),
+        (
+            "size",
+            text(f"codimension {family.codimension} of {n}: " + _extent(n - family.codimension)),
+        ),
+        ("joints involved", ", ".join(name(j) for j in family.joints)),
+    ]
+    why, lost = _there(family, pose)
+    if why:
+        facts.append(("why", text(sentence(why))))
+    if lost:
+        facts.append(("what is lost", bullets(text(sentence(x)) for x in lost)))
+    facts += [("limit", text(met)) for met in family.limits_met]
+    yield terms(facts)
+    if pose is None:
+        yield paragraph(text("No real configuration of it is known."))
+        return
+    shown, state = pose
+    loose = set(range(n)).difference(*(b.involved for b in family.branches))
+    q = typed(state.q, family.prismatic, True, loose=loose)
+    if shown is not c.arm:
+        q = f"--nominal {q}"
+    yield paragraph(text("A configuration of it, degrees and metres, for"), name("pinsing at"), ":")
+    yield f"<pre>{text(q)}</pre>"
+    if drawn:
+        alt = (
+            f"The arm at that configuration, drawn as lines between its joints, with the velocity "
+            f"ellipsoids at its tip. "
+            f"{sentence('; '.join(m.words for m in state.lost) or 'nothing is lost')}"
+        )
+        caption = text(
+            "The arm there, and how fast its tip moves at unit joint speed: an ellipsoid is flat "
+            "where a motion is lost (dashed). Thin lines are the joint axes that depend on each "
+            "other."
+        )
+        yield figure(pose_picture(shown, state), alt, caption)
+
+
+def _there(family: Family, pose: tuple[Arm, State] | None) -> tuple[str, tuple[str, ...]]:
+    """Why it is singular and what is lost, at the configuration that stands below and is drawn."""
+    if pose is None or pose[1].status != SINGULAR:
+        return family.reason, family.lost
+    state = pose[1]
+    lost = (*(str(m) for m in state.lost), *missing_everywhere(state))
+    return "; ".join(str(d) for d in state.dependences) or family.reason, lost
+
+
+def _equation(family: Family) -> str:
+    """The condition typeset; a long one line by line, with what follows for a joint."""
+    if family.at_once:
+        said = [text(sentence(line)) for one in family.at_once for line in one.lines()]
+        return f'<div class="equation">{formula(family.latex)}{bullets(said)}</div>'
+    if not family.solved:
+        return f'<div class="equation">{formula(family.latex)}</div>'
+    lines = []
+    for one in family.solved:
+        condition, *where = (one.exact_latex or one.latex).split(r",\ ")
+        lines += [formula(condition), text(one.solution), *map(formula, where)]
+    if any(b.values for b in family.branches) or len(family.equations) > len(family.solved):
+        lines = [formula(family.latex), *lines]
+    return f'<div class="equation">{"".join(map(paragraph, lines))}</div>'
+
+
+def _kind(family: Family) -> str:
+    if not family.real:
+        return "no real point known"
+    if family.kind == "varies":
+        return "; ".join(str(part) for part in family.kinds)
+    return family.kind
+
+
+def _extent(dimension: int) -> str:
+    if dimension == 0:
+        return "single configurations"
+    free = "one joint motion stays" if dimension == 1 else f"{dimension} joint motions stay"
+    return f"{free} free on it"
+
+
+def sentence(words: str) -> str:
+    """Words with a capital first letter and a full stop."""
+    return words[:1].upper() + words[1:] + ("" if words.endswith(".") else ".")
+
+
+def words() -> Section:
+    """The words that a reader needs."""
+    pairs = [
+        (
+            "singular configuration",
+            "The joints cannot produce every motion of the tool that they produce elsewhere: the "
+            "Jacobian, which turns joint velocities into the tool's, loses rank.",
+        ),
+        (
+            "family",
+            "All singular configurations that one condition describes, with its mirror images.",
+        ),
+        (
+            "codimension",
+            "How many independent conditions a family needs. Those of codimension 1 are walls in "
+            "the space of the joints, which a motion may have to cross; others can be passed by.",
+        ),
+        (
+            "boundary, interior",
+            "At a boundary singularity the tool stands at the edge of what it can reach in some "
+            "direction, as with a stretched elbow. At an interior one it does not.",
+        ),
+        (
+            "σ_min/σ_max",
+            "The smallest singular value of the Jacobian that counts, over the largest: 0 where "
+            "singular, near 1 where the tool moves as well in every direction.",
+        ),
+        (
+            "velocity ellipsoid",
+            "The velocities of the tool that joint speeds of total size 1 reach. Drawn are pure "
+            "motions where the task is a pose: pure translations (ω = 0), and rotations that leave "
+            "its tip at rest (v = 0).",
+        ),
+        (
+            "proven, probable, not complete",
+            "Proven: a small independent program has accepted a certificate that no family is "
+            "missing. Probable: nothing is known to be missing, some steps rest on random points. "
+            "Not complete: something is known to be missing, and said.",
+        ),
+    ]
+    return section("words", "What the words mean", terms([(text(a), text(b)) for a, b in pairs]))
 
 
 def special(c: Content) -> Section:
@@ -210,11 +551,11 @@ def arm_report(
     certificate = content.forms.certificate
     written = None if certificate is None else text_of(certificate) + "\n"
     sections = [
-        part.summary(content),
-        part.robot(content),
-        part.assumed(content),
-        part.maps(content),
-        part.families(content),
+        summary(content),
+        robot(content),
+        assumed(content),
+        maps(content),
+        families(content),
         verdict.special(content),
         verdict.proof(content, written),
         model(shown if page else None, beside),
@@ -223,7 +564,7 @@ def arm_report(
     algebra = f"{content.forms.seconds:.2g} s of it for the families"
     sections += [
         computed(made, content.info.engine, [("", algebra)]),
-        part.words(),
+        words(),
         data(SCHEMA),
     ]
     html = document(

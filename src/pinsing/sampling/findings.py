@@ -18,16 +18,20 @@ import numpy.typing as npt
 
 from pinsing._types import Array, Bool
 from pinsing.arguments import checked, whole_number
-from pinsing.configuration.rank_drop import approach
-from pinsing.configuration.refine import SingularConfiguration, describe, describe_many, walk
+from pinsing.configuration.refine import (
+    SingularConfiguration,
+    approach,
+    describe,
+    describe_many,
+    walk,
+)
 from pinsing.errors import OptionError
 from pinsing.kinematics.verdict import NEAR_RTOL, SINGULAR_RTOL, ratios
 from pinsing.measures import Reachability
 from pinsing.robot.arm import Arm
 from pinsing.robot.nominal import ANGLE_TOL, nominal
 from pinsing.sampling.curves import CurveTable
-from pinsing.sampling.finding import Finding, JointCondition
-from pinsing.sampling.generalize import SAMPLES, ConditionTester
+from pinsing.sampling.generalize import SAMPLES, ConditionTester, Finding, JointCondition
 from pinsing.sampling.sweep_result import SweepResult
 
 _ON = 1e-6  # radians or metres: a value this near to a fixed one is that one

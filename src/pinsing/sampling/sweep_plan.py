@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -11,8 +12,17 @@ import numpy as np
 import numpy.typing as npt
 
 from pinsing._types import Array
-from pinsing.arguments import checked
-from pinsing.robot.arm import ArmSummary
+from pinsing.arguments import MAX_SEED, checked, whole_number
+from pinsing.errors import ConfigurationError, OptionError, UnknownNameError
+from pinsing.kinematics.batch import batch
+from pinsing.kinematics.jacobian import singular_values
+from pinsing.kinematics.verdict import NEAR_RTOL, SINGULAR_RTOL, generic_rank, ratios, scale_notes
+from pinsing.robot.arm import Arm, ArmSummary, summarize
+from pinsing.robot.joint_space import SLACK
+from pinsing.robot.nominal import ANGLE_TOL
+from pinsing.robot.nominal import nominal as nominal_geometry
+from pinsing.sampling.generalize import ConditionTester, random_configurations, value_text
+from pinsing.sampling.map_plan import moving_ranges
 from pinsing.serialization import JsonResult
 
 SPECIAL_ANGLES = (0.0, math.pi / 2, -math.pi / 2, math.pi, -math.pi)
@@ -198,3 +208,378 @@ class SweepPlan(JsonResult):
         )
         held = f"; special values: {sets}" if sets else ", with no joint at a special value"
         return f"{self.n_curves:,} curves, {self.n_jacobians:,} Jacobians{held}"
+
+
+def uniform_configurations(
+    arm: Arm, nominal: Array, special: Special, ignore_limits: bool, notes: list[str]
+) -> tuple[tuple[float, Array], ...]:
+    """Step (2): all revolute joints at one special value, prismatic ones at ``nominal``.
+
+    Returns
+    -------
+    tuple of (value, (n,) array)
+        None twice, none outside the limits.
+    """
+    if arm.prismatic.all():
+        return ()
+    flat = itertools.chain(*special.values()) if isinstance(special, Mapping) else special
+    found: list[tuple[float, Array]] = []
+    outside: list[str] = []
+    for value in flat:
+        if any(_same(value, known, False) for known, _ in found):
+            continue
+        q = np.where(arm.prismatic, nominal, value)
+        if not ignore_limits and arm.space.unreachable(q).any():
+            outside.append(value_text(value))
+            continue
+        found.append((float(value), q if ignore_limits else arm.fold(q)))
+    if outside:
+        places = ", ".join(outside)
+        notes.append(f"not tried, being outside the joint limits: all joints at {places} at once")
+    return tuple(found)
+
+
+def choose_nominal(
+    arm: Arm, given: npt.ArrayLike | None, ignore_limits: bool, rng: np.random.Generator
+) -> tuple[Array, str]:
+    """Step (1): a regular configuration (n,), given or found, and where it is from.
+
+    All revolute joints at pi/3, as in the paper, if that is inside the limits and well
+    conditioned; else the best conditioned of some random configurations.
+
+    Raises
+    ------
+    ConfigurationError
+        If the given one is singular or outside the limits, or none is regular.
+    """
+    if given is not None:
+        q = arm.check_one(given, "nominal")
+        if not ignore_limits and not arm.within_limits(q):
+            bad = np.flatnonzero(arm.space.outside(q))
+            names = ", ".join(arm.joints[i] for i in bad)
+            raise ConfigurationError(
+                f"the nominal configuration is outside the limits of {names}; "
+                "change it, or sweep with ignore_limits",
+                joint=arm.joints[bad[0]],
+                value=float(q[bad[0]]),
+                limits=(float(arm.lower[bad[0]]), float(arm.upper[bad[0]])),
+            )
+        given_ratio = float(ratios(arm, q)[0])
+        if given_ratio <= SINGULAR_RTOL:
+            raise ConfigurationError(
+                f"the nominal configuration is singular (sigma_r/sigma_1 = {given_ratio:.1e}); "
+                "choose a regular one, or leave it out and one is found"
+            )
+        return q, "given"
+    low, high = arm.span
+    # Four fifths of the range: the paper's 0.3 m for d3 of the Stanford arm in [-0.5, 0.5].
+    paper = np.where(arm.prismatic, low + 0.8 * (high - low), np.pi / 3)
+    inside = ignore_limits or bool(arm.within_limits(paper))
+    if inside and ratios(arm, paper)[0] > NEAR_RTOL:
+        return paper, "pi/3"
+    tries = arm.space.sample(200, rng, ignore_limits)
+    ratio = ratios(arm, tries)
+    if ratio.max() <= SINGULAR_RTOL:
+        raise ConfigurationError(
+            f"{arm.name} is singular at every configuration within its limits; "
+            "widen them or sweep with ignore_limits"
+        )
+    return tries[int(ratio.argmax())], "random"
+
+
+def special_values(
+    arm: Arm, special: Special, ignore_limits: bool, notes: list[str]
+) -> list[Array]:
+    """Special values of each joint inside its limits, none twice.
+
+    A prismatic joint takes 0 and the middle of its range. What is left out goes to ``notes``.
+
+    Raises
+    ------
+    ConfigurationError
+        If a value that the caller chose lies outside the limits of its joint, or of all joints.
+    OptionError
+        If a value is not finite.
+    UnknownNameError
+        If a joint does not exist.
+    """
+    by_joint = special if isinstance(special, Mapping) else {}
+    for name in by_joint:
+        if name not in arm.joints:
+            raise UnknownNameError("joint", name, arm.joints)
+    common = SPECIAL_ANGLES if isinstance(special, Mapping) else tuple(special)
+    own = special is not SPECIAL_ANGLES
+    result, left_out = [], []
+    used: set[float] = set()
+    merged = False
+    for i, name in enumerate(arm.joints):
+        if name in by_joint:
+            wanted: Sequence[float] = by_joint[name]
+        elif arm.prismatic[i]:
+            low, high = arm.span[0][i], arm.span[1][i]
+            wanted = (0.0, float(low + high) / 2)
+        else:
+            wanted = common
+        kept: list[float] = []
+        for value in wanted:
+            if not math.isfinite(value):
+                raise OptionError(f"special value {value} of {name} is not finite")
+            row = np.zeros(arm.n)
+            row[i] = value
+            arm.check(row, "special")
+            folded = value if ignore_limits else float(arm.fold(row)[i])
+            room = SLACK if arm.prismatic[i] else ANGLE_TOL  # files say 1.5707 for 90 degrees
+            if not ignore_limits and not arm.lower[i] - room <= folded <= arm.upper[i] + room:
+                if name in by_joint:
+                    raise ConfigurationError(
+                        f"special value {value:g} of {name} is outside its limits "
+                        f"[{arm.lower[i]:g}, {arm.upper[i]:g}]; "
+                        "change it, or sweep with ignore_limits",
+                        joint=name,
+                        value=float(value),
+                        limits=(float(arm.lower[i]), float(arm.upper[i])),
+                    )
+                left_out.append(f"{name} = {value_text(value, bool(arm.prismatic[i]))}")
+                continue
+            used.add(value)
+            if any(_same(folded, k, bool(arm.prismatic[i])) for k in kept):
+                merged = merged or not arm.prismatic[i]
+                continue
+            kept.append(folded)
+        result.append(np.array(kept, dtype=float))
+    if own and not isinstance(special, Mapping) and not arm.prismatic.all():
+        for value in common:
+            if value not in used:
+                raise ConfigurationError(
+                    f"special value {value:g} is outside the limits of every joint; "
+                    "change it, or sweep with ignore_limits"
+                )
+    if merged:
+        notes.append("special values a whole turn apart are swept once")
+    if left_out:
+        notes.append(_left_out(left_out))
+    return result
+
+
+def _left_out(words: Sequence[str]) -> str:
+    """One line with their number, and the values themselves where they are few."""
+    count = len(words)
+    if count > 2:  # values that a note names one by one
+        return f"{count} special values are outside the joint limits: left out"
+    what = "special value is" if count == 1 else "special values are"
+    return f"{count} {what} outside the joint limits: left out ({', '.join(words)})"
+
+
+def _same(a: float, b: float, prismatic: bool) -> bool:
+    return abs(a - b if prismatic else math.remainder(a - b, 2 * math.pi)) < 1e-9
+
+
+LEVELS = (1, 2)
+"""Levels of a sweep unless asked otherwise: cheap, and enough for most arms."""
+
+_EFFECT_SAMPLES = 33
+_MAX_SETS = 500_000
+_MAX_SAMPLES = 10_000_000  # finer, neighbours differ by rounding where a curve is level
+_SCREEN_CHUNK = 4096
+
+
+@checked
+def plan_sweep(
+    arm: Arm,
+    nominal: npt.ArrayLike | None = None,
+    special: Special = SPECIAL_ANGLES,
+    levels: int | Iterable[int] | None = None,
+    samples: int = SAMPLES,
+    joints: Sequence[str] | None = None,
+    ignore_limits: bool = False,
+    prune: bool = True,
+    seed: int = 0,
+    geometry: Arm | None = None,
+) -> SweepPlan:
+    """Choose what to sweep and count what it costs.
+
+    Parameters
+    ----------
+    arm, nominal, special, levels, samples, joints, ignore_limits, prune, seed, geometry
+        As in ``sweep``.
+
+    Returns
+    -------
+    SweepPlan
+        What `sweep` would compute.
+
+    Raises
+    ------
+    ConfigurationError
+        If ``nominal`` or a special value given by the caller lies outside the limits
+        (``ignore_limits`` lifts them), or ``nominal`` is singular.
+    OptionError
+        If levels, samples or special values make no sense, or too many sets result.
+    UnknownNameError
+        If a joint does not exist.
+
+    Examples
+    --------
+    >>> import pinsing
+    >>> pinsing.plan_sweep(pinsing.load("planar3r"))
+    <SweepPlan: 3 curves, 547 Jacobians; special values: 4 of 1 joint>
+    """
+    if not 3 <= samples <= _MAX_SAMPLES:
+        raise OptionError(
+            f"a curve needs at least 3 samples, and at most {_MAX_SAMPLES:,}; got {samples}"
+        )
+    exact = nominal_geometry(arm).arm if geometry is None else geometry
+    asked = _levels(levels, arm.n)
+    named = arm.joints if joints is None else joints
+    chosen = tuple(sorted({arm.space.index(name) for name in named}))
+    rng = np.random.default_rng(whole_number(seed, "seed", 0, MAX_SEED))
+    notes = list(scale_notes(arm))
+    q, origin = choose_nominal(arm, nominal, ignore_limits, rng)
+    ranges = moving_ranges(arm, ignore_limits, notes)
+    values = special_values(arm, special, ignore_limits, notes)
+    uniform = uniform_configurations(arm, q, special, ignore_limits, notes)
+    effects = _effects(arm, exact, q, chosen, values, ranges, rng, notes)
+    planned = _combinations(exact, effects, asked, prune, seed)
+    for level in asked:
+        if level > sum(e.swept for e in effects):
+            notes.append(
+                f"level {level} is empty: there are not {level} joints that change sigma_min"
+            )
+    swept = sum(e.swept for e in effects)
+    n_curves = len(chosen) + sum(len(p.values) * (swept - p.level) for p in planned if p.swept)
+    return SweepPlan(
+        arm=summarize(arm),
+        nominal=q,
+        nominal_sigma=singular_values(arm, q)[0],
+        nominal_origin=origin,
+        effects=effects,
+        uniform_values=np.array([value for value, _ in uniform], dtype=float),
+        uniform=np.array([row for _, row in uniform], dtype=float).reshape(-1, arm.n),
+        levels=planned,
+        samples=samples,
+        ignore_limits=ignore_limits,
+        prune=prune,
+        seed=seed,
+        n_curves=n_curves,
+        n_jacobians=n_curves * samples + len(uniform),
+        notes=tuple(notes),
+    )
+
+
+def _levels(levels: int | Iterable[int] | None, n: int) -> tuple[int, ...]:
+    if levels is None:
+        return tuple(level for level in LEVELS if level < n)
+    if isinstance(levels, int | np.integer):
+        levels = range(1, min(int(levels), n) + 1)
+    asked = tuple(sorted({int(level) for level in levels}))
+    if not asked or asked[0] < 1 or asked[-1] > n - 1:
+        raise OptionError(
+            f"levels must lie between 1 and {n - 1} for {n} joints, got "
+            f"{', '.join(map(str, asked)) or 'none'}"
+        )
+    return asked
+
+
+def _effects(
+    arm: Arm,
+    exact: Arm,
+    q: Array,
+    chosen: tuple[int, ...],
+    values: list[Array],
+    ranges: Array,
+    rng: np.random.Generator,
+    notes: list[str],
+) -> tuple[JointEffect, ...]:
+    """Which joints change sigma_r, by their curves from q and from random configurations."""
+    bases = np.concatenate([q[None], random_configurations(arm, 4, rng)])
+    Q = np.repeat(bases[None, :, None], arm.n, axis=0).repeat(_EFFECT_SAMPLES, axis=2)
+    for i in range(arm.n):
+        Q[i, :, :, i] = np.linspace(ranges[i, 0], ranges[i, 1], _EFFECT_SAMPLES)
+    sigma = batch(exact).own_sigma(Q.reshape(-1, arm.n))[:, generic_rank(exact) - 1]
+    sigma = sigma.reshape(arm.n, len(bases), _EFFECT_SAMPLES)
+    top = sigma.max(axis=2)
+    change = ((top - sigma.min(axis=2)) / np.where(top > 0, top, 1.0)).max(axis=1)
+    effects = []
+    for i, name in enumerate(arm.joints):
+        reason = ""
+        if i not in chosen:
+            reason = NOT_ASKED
+        elif change[i] <= NO_EFFECT:
+            reason = NOT_CHANGING
+        elif arm.task.name == "pose" and i == arm.n - 1 and arm.coupling is None:
+            # Taken at a point of the base, no column depends on the last joint at all.
+            reason = MOVES_TIP
+        elif not len(values[i]):
+            notes.append(f"{name} has no special value inside its limits; it only moves")
+        effects.append(
+            JointEffect(name, float(change[i]), not reason, reason, values[i], ranges[i])
+        )
+    by_reason: dict[str, list[str]] = {}
+    for effect in effects:
+        if effect.reason:
+            by_reason.setdefault(effect.reason, []).append(effect.joint)
+    for why, names in by_reason.items():
+        many = len(names) > 1 and why == NOT_CHANGING
+        notes.append(f"not swept: {', '.join(names)} ({NOT_CHANGING_BOTH if many else why})")
+    return tuple(effects)
+
+
+def _combinations(
+    exact: Arm, effects: tuple[JointEffect, ...], asked: tuple[int, ...], prune: bool, seed: int
+) -> tuple[PlannedLevel, ...]:
+    """Sets of special values level by level, with the test whether they force a singularity.
+
+    Lower levels than asked for are tested too, so that forced sets are minimal.
+    """
+    swept = [i for i, effect in enumerate(effects) if effect.swept]
+    counts = [1]  # elementary symmetric polynomials of the numbers of special values
+    for i in swept:
+        k = len(effects[i].special)
+        counts = [a + k * b for a, b in zip([*counts, 0], [0, *counts], strict=True)]
+    top = min(max(asked, default=0), len(swept))
+    total = sum(counts[1 : top + 1])
+    if total > _MAX_SETS:
+        raise OptionError(
+            f"{total:,} sets of special values are too many (at most {_MAX_SETS:,}); "
+            "choose fewer levels or joints"
+        )
+    tester = ConditionTester(exact, range(0), seed=seed)
+    found: list[frozenset[tuple[int, float]]] = []
+    planned = []
+    for level in range(1, top + 1):
+        sets = [
+            tuple(zip(js, vs, strict=True))
+            for js in itertools.combinations(swept, level)
+            for vs in itertools.product(*(effects[j].special.tolist() for j in js))
+        ]
+        new = np.array([not any(f <= set(s) for f in found) for s in sets], dtype=bool)
+        if prune:
+            sets, new = [s for s, n in zip(sets, new, strict=True) if n], new[new]
+        js = np.array([[j for j, _ in s] for s in sets], dtype=np.intp).reshape(-1, level)
+        vs = np.array([[v for _, v in s] for s in sets], dtype=float).reshape(-1, level)
+        forced = new & _forced(tester, js, vs, new)
+        found += [frozenset(s) for s, f in zip(sets, forced, strict=True) if f]
+        planned.append(PlannedLevel(level, js, vs, forced, level in asked))
+    return tuple(planned)
+
+
+def _forced(
+    tester: ConditionTester,
+    joints: npt.NDArray[np.intp],
+    values: Array,
+    ask: npt.NDArray[np.bool_],
+) -> npt.NDArray[np.bool_]:
+    """Which sets (S, k) are singular whatever the others; only those to ``ask`` of are tested."""
+    forced = np.zeros(len(joints), dtype=bool)
+    rows = np.flatnonzero(ask)
+    for start in range(0, len(rows), _SCREEN_CHUNK):
+        chunk = rows[start : start + _SCREEN_CHUNK]
+        full = np.zeros((len(chunk), tester.arm.n))
+        np.put_along_axis(full, joints[chunk], values[chunk], axis=1)
+        subsets = [tuple(row) for row in joints[chunk].tolist()]
+        forced[chunk] = tester.worst_ratios(subsets, full, 2) <= tester.rtol
+    for i in np.flatnonzero(forced):
+        full_row = np.zeros(tester.arm.n)
+        full_row[joints[i]] = values[i]
+        forced[i] = tester.forces(tuple(joints[i].tolist()), full_row)
+    return forced

@@ -19,7 +19,7 @@ from pinsing.kinematics.verdict import Status
 from pinsing.prose import PLAIN, Page, Span, alarm, unbroken, verdict
 from pinsing.robot.arm import ArmSummary
 from pinsing.sampling.curves import Candidates, CurveTable, axis_values
-from pinsing.sampling.finding import Finding, finding_spans, value_text
+from pinsing.sampling.generalize import Finding, finding_spans, value_text
 from pinsing.sampling.sweep_plan import SweepPlan
 from pinsing.sampling.tally import Distribution, WorstPoint
 from pinsing.serialization import JsonResult

@@ -45,8 +45,7 @@ from pinsing.sampling.execute import (
     planned_evaluator,
     running,
 )
-from pinsing.sampling.planning import plan_sweep
-from pinsing.sampling.sweep_plan import SAMPLES, SPECIAL_ANGLES, Special, SweepPlan
+from pinsing.sampling.sweep_plan import SAMPLES, SPECIAL_ANGLES, Special, SweepPlan, plan_sweep
 from pinsing.sampling.sweep_result import (
     CURVES,
     HOW_TO_KEEP,

@@ -3,15 +3,20 @@
 from __future__ import annotations
 
 import base64
-from collections.abc import Sequence
+import importlib
+import re
+import sys
+from collections.abc import Iterable, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, field
 from pathlib import Path
+from types import ModuleType
 from typing import Any, Protocol
 
 import coal
 import numpy as np
 import pinocchio as pin
+import umsgpack
 
 from pinsing._types import Array
 from pinsing.description.urdf_meshes import ColladaProblem, image_references
@@ -19,8 +24,72 @@ from pinsing.robot.chains import frame_index
 from pinsing.robot.models import make_names_unique, turned_round
 from pinsing.robot.source import Source
 from pinsing.view.collada import Painted, as_object
-from pinsing.view.drawing import geometry as mg
 from pinsing.view.meshes import Mesh, read_geometry
+
+
+def _html(*args: Any, **kwargs: Any) -> Any:
+    return importlib.import_module("IPython.display").HTML(*args, **kwargs)
+
+
+def _import_meshcat() -> Any:
+    if "IPython" in sys.modules or "meshcat" in sys.modules:
+        return importlib.import_module("meshcat")
+    package, display = ModuleType("IPython"), ModuleType("IPython.display")
+    package.display, display.HTML = display, _html  # type: ignore[attr-defined]
+    stand_ins = {module.__name__: module for module in (package, display)}
+    sys.modules.update(stand_ins)
+    try:
+        return importlib.import_module("meshcat")
+    finally:
+        for name, module in stand_ins.items():
+            if sys.modules.get(name) is module:
+                del sys.modules[name]
+
+
+meshcat: Any = _import_meshcat()
+geometry: Any = meshcat.geometry
+
+
+_SHAPES = re.compile(r"/arm/\d+/visual/")
+
+
+class Recorder:
+    """Takes what `meshcat.Visualizer` sends.
+
+    Attributes
+    ----------
+    commands : list of (str, bytes)
+        Where each draws, and the command as msgpack, in order, as meshcat's page reads them.
+    """
+
+    def __init__(self) -> None:
+        self.commands: list[tuple[str, bytes]] = []
+
+    def send(self, command: Any) -> None:
+        """Keep a command."""
+        lowered = command.lower()
+        self.commands.append((str(lowered.get("path", "")), umsgpack.packb(lowered)))
+
+    def visualizer(self) -> Any:
+        """A meshcat visualizer at the root that draws into this recorder."""
+        return meshcat.Visualizer.view_into(self, meshcat.path.Path(()))
+
+    def packed(self) -> bytes:
+        """All commands, each after its length as 4 bytes, little endian."""
+        return _packed(command for _, command in self.commands)
+
+    def parts(self) -> tuple[bytes, bytes]:
+        """The same in two: what can be shown at once, and the shapes of links, which are large."""
+        shapes = [_SHAPES.search(path) is not None for path, _ in self.commands]
+        each = list(zip(shapes, self.commands, strict=True))
+        return (
+            _packed(command for shape, (_, command) in each if not shape),
+            _packed(command for shape, (_, command) in each if shape),
+        )
+
+
+def _packed(commands: Iterable[bytes]) -> bytes:
+    return b"".join(len(c).to_bytes(4, "little") + c for c in commands)
 
 
 class Body(Protocol):
@@ -58,7 +127,7 @@ class Body(Protocol):
 _IMAGES = {b"\x89PNG\r\n\x1a\n": "image/png", b"\xff\xd8\xff": "image/jpeg"}
 
 
-class DrawnRod(mg.Cylinder):  # type: ignore[misc]
+class DrawnRod(geometry.Cylinder):  # type: ignore[misc]
     """A cylinder or cone along z, which three.js draws along y."""
 
     def intrinsic_transform(self) -> Array:
@@ -67,7 +136,7 @@ class DrawnRod(mg.Cylinder):  # type: ignore[misc]
         return np.array([[1.0, 0, 0, 0], [0, 0, 1.0, 0], [0, -1.0, 0, 0], [0, 0, 0, 1.0]])
 
 
-class _Collada(mg.ReferenceSceneElement):  # type: ignore[misc]
+class _Collada(geometry.ReferenceSceneElement):  # type: ignore[misc]
     """A Collada file: its triangles; with its textures, as it is, where it is not plain."""
 
     def __init__(self, file: Path, parts: Sequence[Painted]) -> None:
@@ -103,7 +172,7 @@ def draw_shape(node: Any, shape: pin.GeometryObject, mesh: Mesh | None) -> str:
     if made is None:
         kind = type(shape.geometry).__name__
         return f"the shape {shape.name!r} is not drawn: it is a {kind}"
-    material = mg.MeshPhongMaterial(color=_color(shape.meshColor))
+    material = geometry.MeshPhongMaterial(color=_color(shape.meshColor))
     if float(shape.meshColor[3]) != 1.0:
         material.transparent, material.opacity = True, float(shape.meshColor[3])
     if isinstance(made, _Collada):
@@ -115,15 +184,15 @@ def draw_shape(node: Any, shape: pin.GeometryObject, mesh: Mesh | None) -> str:
 
 
 def _made(shape: pin.GeometryObject, mesh: Mesh | None) -> Any:
-    geometry = shape.geometry
+    form = shape.geometry
     if mesh is not None:
         return _mesh(Path(shape.meshPath), mesh)
-    if isinstance(geometry, coal.Box):
-        return mg.Box([2.0 * float(x) for x in geometry.halfSide])
-    if isinstance(geometry, coal.Sphere):
-        return mg.Sphere(float(geometry.radius))
-    if isinstance(geometry, coal.Cylinder):
-        return DrawnRod(2.0 * float(geometry.halfLength), float(geometry.radius))
+    if isinstance(form, coal.Box):
+        return geometry.Box([2.0 * float(x) for x in form.halfSide])
+    if isinstance(form, coal.Sphere):
+        return geometry.Sphere(float(form.radius))
+    if isinstance(form, coal.Cylinder):
+        return DrawnRod(2.0 * float(form.halfLength), float(form.radius))
     return None
 
 
@@ -132,10 +201,12 @@ def _mesh(file: Path, mesh: Mesh) -> Any:
     if kind == ".dae":
         return _Collada(file, mesh.painted)
     if kind == ".obj":
-        return mg.MeshGeometry(file.read_text(encoding="utf-8", errors="replace"), "obj")
+        return geometry.MeshGeometry(file.read_text(encoding="utf-8", errors="replace"), "obj")
     if kind == ".stl":
-        return mg.StlMeshGeometry.from_file(str(file))
-    return mg.TriangularMeshGeometry(mesh.vertices.astype(np.float32), mesh.faces.astype(np.uint32))
+        return geometry.StlMeshGeometry.from_file(str(file))
+    return geometry.TriangularMeshGeometry(
+        mesh.vertices.astype(np.float32), mesh.faces.astype(np.uint32)
+    )
 
 
 def _color(rgba: Array) -> int:

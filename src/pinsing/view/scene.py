@@ -8,16 +8,95 @@ Paths: ``pinsing/arm/<joint of the model>/{visual,bone,axis,hot}``, ``pinsing/ti
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import pinocchio as pin
 
 from pinsing._types import Array
+from pinsing.configuration.at import at
+from pinsing.errors import OptionError
+from pinsing.kinematics.jacobian import frame_jacobians
+from pinsing.measures import pure_ellipsoids
+from pinsing.robot.arm import Arm
 from pinsing.robot.joints import joint_axis
-from pinsing.view.drawing import geometry as mg
-from pinsing.view.links import Body, DrawnRod, Links, base_placement, draw_links
-from pinsing.view.sizes import ARROWS, Sizes, turn_z_to
+from pinsing.view.links import Body, DrawnRod, Links, base_placement, draw_links, geometry
+
+ARROWS = 3
+"""Lost motions drawn at most."""
+
+FLATTEST = 0.012
+"""Drawn semi-axes are at least this share of the largest: an exact zero would vanish."""
+
+LEAST = 0.006
+"""And at least this share of the reach: a disc or a line of a small arm would be a sliver."""
+
+SLIM = 0.1
+"""But for its sake no more than this share of the largest: what is flat is to look flat."""
+
+
+@dataclass(frozen=True)
+class Sizes:
+    """How large things are drawn; one choice per arm, so that poses can be compared.
+
+    Attributes
+    ----------
+    reach : float
+        Length of the stretched arm, metres.
+    translation : float
+        Metres drawn for 1 m/s.
+    rotation : float
+        Metres drawn for 1 rad/s.
+    """
+
+    reach: float
+    translation: float
+    rotation: float
+
+
+def sizes(arm: Arm, scale: float = 1.0) -> Sizes:
+    """Sizes that suit an arm: the ellipsoids about a quarter of its reach, times ``scale``."""
+    rng = np.random.default_rng(512)
+    lower, upper = arm.span
+    J = frame_jacobians(arm, rng.uniform(lower, upper, (48, arm.n)))
+    length = _reach(arm)
+    fastest = np.median(np.linalg.svd(J[:, :3], compute_uv=False)[:, 0])
+    turning = np.median(np.linalg.svd(J[:, 3:], compute_uv=False)[:, 0])
+    return Sizes(
+        reach=length,
+        translation=scale * 0.27 * length / max(float(fastest), 1e-9),
+        rotation=scale * 0.20 * length / max(float(turning), 1e-9),
+    )
+
+
+def _reach(arm: Arm) -> float:
+    """Sum of the distances between successive joints, sliders pulled out, metres."""
+    offsets = [np.linalg.norm(place.translation) for place in arm.model.jointPlacements[2:]]
+    tip = np.linalg.norm(arm.model.frames[arm.tip_id].placement.translation)
+    lower, upper = arm.span
+    slides = np.maximum(np.abs(lower), np.abs(upper))[arm.prismatic].sum()
+    return max(float(sum(offsets) + tip + slides), 1e-3)
+
+
+def drawn_radii(radii: Array, scale: float, reach: float) -> Array:
+    """Semi-axes (3,) to draw, metres: floored where flat; all zero where there is no motion."""
+    largest = scale * float(radii[0])
+    if radii[0] <= 1e-12:
+        return np.zeros(3)
+    thinnest = max(FLATTEST * largest, min(LEAST * reach, SLIM * largest))
+    return np.asarray(np.maximum(scale * radii, thinnest))
+
+
+def quaternion(rotation: Array) -> Array:
+    """Quaternion (x, y, z, w) of a rotation matrix (3, 3)."""
+    return np.array(pin.Quaternion(rotation).coeffs())
+
+
+def turn_z_to(direction: Array) -> Array:
+    """Quaternion (x, y, z, w) of the shortest turn from z to a unit vector (3,)."""
+    return np.array(pin.Quaternion.FromTwoVectors(np.array([0.0, 0.0, 1.0]), direction).coeffs())
+
 
 # Okabe and Ito's palette: told apart with any colour vision.
 TRANSLATION = 0x0072B2
@@ -36,7 +115,7 @@ OUTSIDE = 0
 _DISC = np.linspace(0.0, 2 * np.pi, 65)
 
 
-class _Sphere(mg.Sphere):  # type: ignore[misc]
+class _Sphere(geometry.Sphere):  # type: ignore[misc]
     """A sphere smooth enough to be stretched."""
 
     def lower(self, object_data: Any) -> dict[str, Any]:
@@ -61,23 +140,23 @@ def draw_scene(
         straight_arrow(node[f"lost/{k}/arrow"], size.reach)
         ring_arrow(node[f"lost/{k}/ring"], size.reach)
         line = DrawnRod(4 * size.reach, 0.0012 * size.reach)
-        faint = mg.MeshBasicMaterial(color=LOST, opacity=0.64, side=OUTSIDE)
+        faint = geometry.MeshBasicMaterial(color=LOST, opacity=0.64, side=OUTSIDE)
         node[f"lost/{k}/line"].set_object(line, faint)
     tip = _Sphere(0.012 * size.reach)
-    node["tip"].set_object(tip, mg.MeshPhongMaterial(color=0x111827, side=OUTSIDE))
+    node["tip"].set_object(tip, geometry.MeshPhongMaterial(color=0x111827, side=OUTSIDE))
     _floor(node["floor"], arm, size.reach)
     return (*links.notes, *notes)
 
 
 def _ellipsoid(node: Any, color: int) -> None:
     """Unit sphere with its three principal circles: they show a disc even edge on."""
-    skin = mg.MeshPhongMaterial(color=color, opacity=0.38, transparent=True, depthWrite=False)
+    skin = geometry.MeshPhongMaterial(color=color, opacity=0.38, transparent=True, depthWrite=False)
     node["skin"].set_object(_Sphere(1.0), skin)
     c, s, o = np.cos(_DISC), np.sin(_DISC), np.zeros_like(_DISC)
     for name, circle in (("xy", (c, s, o)), ("yz", (o, c, s)), ("zx", (s, o, c))):
         points = np.array(circle, dtype=np.float32)
-        material = mg.LineBasicMaterial(color=_darker(color), side=OUTSIDE)
-        node[name].set_object(mg.Line(mg.PointsGeometry(points), material))
+        material = geometry.LineBasicMaterial(color=_darker(color), side=OUTSIDE)
+        node[name].set_object(geometry.Line(geometry.PointsGeometry(points), material))
 
 
 def _darker(color: int) -> int:
@@ -88,7 +167,7 @@ def _darker(color: int) -> int:
 
 def straight_arrow(node: Any, reach: float, color: int = LOST) -> None:
     """Double arrow along z: translations both ways."""
-    material = mg.MeshPhongMaterial(color=color, side=OUTSIDE)
+    material = geometry.MeshPhongMaterial(color=color, side=OUTSIDE)
     half, head = 0.22 * reach, 0.045 * reach
     node["shaft"].set_object(DrawnRod(2 * half, 0.0045 * reach), material)
     for name, sign in (("up", 1.0), ("down", -1.0)):
@@ -98,7 +177,7 @@ def straight_arrow(node: Any, reach: float, color: int = LOST) -> None:
 
 def ring_arrow(node: Any, reach: float, color: int = LOST) -> None:
     """Axis along z with a ring around it: rotations about it."""
-    material = mg.MeshPhongMaterial(color=color, side=OUTSIDE)
+    material = geometry.MeshPhongMaterial(color=color, side=OUTSIDE)
     node["shaft"].set_object(DrawnRod(0.34 * reach, 0.0035 * reach), material)
     ring = torus(0.085 * reach, 0.0045 * reach)
     node["ring"].set_object(ring, material)
@@ -126,7 +205,7 @@ def torus(radius: float, thickness: float, around: int = 64, across: int = 12) -
     a, b = i * across + j, ((i + 1) % around) * across + j
     c, d = ((i + 1) % around) * across + (j + 1) % across, i * across + (j + 1) % across
     faces = np.concatenate([np.stack([a, b, c], axis=1), np.stack([a, c, d], axis=1)])
-    return mg.TriangularMeshGeometry(vertices.astype(np.float32), faces.astype(np.uint32))
+    return geometry.TriangularMeshGeometry(vertices.astype(np.float32), faces.astype(np.uint32))
 
 
 def _axes(node: Any, arm: Body, reach: float) -> None:
@@ -138,7 +217,7 @@ def _axes(node: Any, arm: Body, reach: float) -> None:
             ("axis", AXIS, 0.15, 0.002),
             ("hot", HOT, 0.42, 0.0025),
         ):
-            material = mg.MeshPhongMaterial(color=color, side=OUTSIDE)
+            material = geometry.MeshPhongMaterial(color=color, side=OUTSIDE)
             here = node[f"{j}/{name}"]
             here.set_transform(turn)
             here["rod"].set_object(DrawnRod(length * reach, radius * reach), material)
@@ -152,8 +231,8 @@ def _axes(node: Any, arm: Body, reach: float) -> None:
 def _skeleton(node: Any, arm: Body, reach: float, frames: Sequence[int]) -> None:
     """Drums at the joints, and bones from each to the next and to the frames."""
     model = arm.model
-    bone = mg.MeshPhongMaterial(color=BONE, side=OUTSIDE)
-    drum = mg.MeshPhongMaterial(color=DRUM, side=OUTSIDE)
+    bone = geometry.MeshPhongMaterial(color=BONE, side=OUTSIDE)
+    drum = geometry.MeshPhongMaterial(color=DRUM, side=OUTSIDE)
     ends = [(int(model.parents[j]), model.jointPlacements[j]) for j in range(1, model.njoints)]
     last = [model.frames[i] for i in frames]
     ends += [(int(frame.parentJoint), frame.placement) for frame in last]
@@ -169,7 +248,11 @@ def _skeleton(node: Any, arm: Body, reach: float, frames: Sequence[int]) -> None
         axis, slides = joint_axis(model.joints[j], model.names[j])
         here = node[f"{j}/bone/drum"]
         side = 0.05 * reach
-        shape = mg.Box([side, side, 2 * side]) if slides else DrawnRod(0.075 * reach, 0.03 * reach)
+        shape = (
+            geometry.Box([side, side, 2 * side])
+            if slides
+            else DrawnRod(0.075 * reach, 0.03 * reach)
+        )
         here.set_object(shape, drum)
         here.set_transform(_turn(axis))
         if slides:  # the rail that it runs on stays with the link before
@@ -198,8 +281,8 @@ def _floor(node: Any, arm: Body, reach: float) -> None:
     for k in range(-half, half + 1):
         lines += [[k, -half, 0], [k, half, 0], [-half, k, 0], [half, k, 0]]
     points = (step * np.array(lines, dtype=np.float32)).T
-    material = mg.LineBasicMaterial(color=FLOOR, side=OUTSIDE)
-    node.set_object(mg.LineSegments(mg.PointsGeometry(points), material))
+    material = geometry.LineBasicMaterial(color=FLOOR, side=OUTSIDE)
+    node.set_object(geometry.LineSegments(geometry.PointsGeometry(points), material))
     node.set_transform(floor_placement(arm))
 
 
@@ -225,3 +308,105 @@ def _shift(offset: list[float]) -> Array:
     out = np.eye(4)
     out[:3, 3] = offset
     return out
+
+
+SYMBOLS = {
+    "arrow": ("translation", "line", "screw"),
+    "ring": ("rotation", "screw"),
+    "line": ("line", "screw"),
+}
+"""What each kind of lost motion is drawn as; the page does the same."""
+
+
+class Overlay:
+    """Keeps the node ``pinsing`` of a visualizer up to date.
+
+    Parameters
+    ----------
+    visualizer : pinocchio MeshcatVisualizer or meshcat.Visualizer
+        The former also displays the robot, if its model is the arm's or the one it came from.
+    arm : Arm
+        The arm.
+    size : Sizes
+        How large things are drawn.
+
+    Raises
+    ------
+    OptionError
+        If it is neither, or has no viewer yet.
+    """
+
+    def __init__(self, visualizer: Any, arm: Arm, size: Sizes) -> None:
+        root = getattr(visualizer, "viewer", visualizer)
+        if not hasattr(root, "set_transform"):
+            raise OptionError(
+                "visualizer must be a meshcat.Visualizer, or a MeshcatVisualizer after initViewer()"
+            )
+        self._arm, self._size = arm, size
+        self._display = getattr(visualizer, "display", None)
+        self._model = getattr(visualizer, "model", None)
+        draw_scene(root, arm, Links(None), size)
+        self._node = root["pinsing"]
+        self._node.set_transform(base_placement(arm).homogeneous)
+        self._node["floor"].set_property("visible", False)
+        for j in range(arm.model.njoints):
+            self._node[f"arm/{j}/bone"].set_property("visible", self._model is None)
+
+    def show(self, q: Array, mode: str) -> None:
+        """Place everything as at q (n,); ``mode`` is "pure" or "all" motions."""
+        arm, node, state = self._arm, self._node, at(self._arm, q)
+        self._move_robot(q)
+        hot = {arm.joints[i] for d in state.dependences for i in d.indices}
+        data = arm.model.createData()
+        pin.forwardKinematics(arm.model, data, arm.model_q(q))
+        for j in range(1, arm.model.njoints):
+            here = node[f"arm/{j}"]
+            here.set_transform(data.oMi[j].homogeneous)
+            here["axis"].set_property("visible", arm.model.names[j] not in hot)
+            here["hot"].set_property("visible", arm.model.names[j] in hot)
+        node["tip"].set_transform(_place(state.tip_position, np.array([0, 0, 0, 1])))
+        shapes = [(e.axes, e.radii) for e in (state.translational, state.rotational)]
+        if mode == "pure":
+            shapes = [(e.axes, e.radii) for e in pure_ellipsoids(state.J)]
+        for kind, (axes, radii) in zip(("translation", "rotation"), shapes, strict=True):
+            drawn = drawn_radii(radii, getattr(self._size, kind), self._size.reach)
+            node[f"ellipsoid/{kind}"].set_property("visible", bool(drawn[0] > 0))
+            if drawn[0] > 0:
+                pose = _place(state.tip_position, quaternion(axes)) @ np.diag([*drawn, 1.0])
+                node[f"ellipsoid/{kind}"].set_transform(pose)
+        for k in range(ARROWS):
+            lost = state.lost[k] if k < len(state.lost) else None
+            close = lost is not None and (
+                np.linalg.norm(lost.point - state.tip_position) <= 1.5 * self._size.reach
+            )
+            for part, kinds in SYMBOLS.items():
+                seen = lost is not None and bool(close) and lost.kind in kinds
+                node[f"lost/{k}/{part}"].set_property("visible", seen)
+            if lost is not None:
+                node[f"lost/{k}"].set_transform(_place(lost.point, turn_z_to(lost.direction)))
+
+    def _move_robot(self, q: Array) -> None:
+        if self._display is None or self._model is None:
+            return
+        arm, model = self._arm, self._model
+        if list(model.names) == list(arm.model.names):
+            self._display(arm.model_q(q))
+        elif list(model.names) == list(arm.source.full_model.names):
+            full = full_configuration(arm, q)
+            self._display(full)
+            self._node.set_transform(base_placement(arm, full).homogeneous)
+
+
+def full_configuration(arm: Arm, q: Array) -> Array:
+    """Configuration of the model before joints were locked."""
+    full, values = arm.source.full_model, arm.model_q(q)
+    out: Array = np.array(arm.source.reference)
+    for j in range(1, arm.model.njoints):
+        here = arm.model.joints[j]
+        there = full.joints[full.getJointId(arm.model.names[j])]
+        out[there.idx_q : there.idx_q + there.nq] = values[here.idx_q : here.idx_q + here.nq]
+    return out
+
+
+def _place(position: Array, turn: Array) -> Array:
+    return np.array(pin.XYZQUATToSE3(np.array([*position, *turn])).homogeneous)

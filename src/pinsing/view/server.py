@@ -28,8 +28,19 @@ from tornado.httputil import HTTPInputError, HTTPMessageDelegate
 from tornado.web import Application
 
 from pinsing.errors import OptionError
-from pinsing.view.handlers import Content, Live, Nothing, PagePart, Served, Site
-from pinsing.view.page import LIVE_POLICY, asset, live_html, meshcat_script, script
+from pinsing.view.page import (
+    LIVE_POLICY,
+    Content,
+    Live,
+    Nothing,
+    PagePart,
+    Served,
+    Site,
+    asset,
+    live_html,
+    meshcat_script,
+    script,
+)
 
 _MOST_LINKS = 512
 _NO_FILES = frozenset({errno.EMFILE, errno.ENFILE, errno.ENOBUFS, errno.ENOMEM})

@@ -12,10 +12,9 @@ import numpy as np
 from pinsing._types import Array
 from pinsing.measures import SINGULAR_RTOL
 from pinsing.robot.arm import Arm
-from pinsing.view.engine_data import engine_data
-from pinsing.view.entries import Entry, Posture, posture_data
+from pinsing.view.entries import Entry, Posture, engine_data, posture_data
 from pinsing.view.links import Links
-from pinsing.view.sizes import ARROWS, LEAST, Sizes
+from pinsing.view.scene import ARROWS, LEAST, Sizes
 
 if TYPE_CHECKING:
     from pinsing.proximity.suggestion import Suggestion

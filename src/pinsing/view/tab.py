@@ -13,8 +13,7 @@ from pinsing._types import Array
 from pinsing.arguments import checked
 from pinsing.atomic_write import write_text
 from pinsing.errors import OptionError, UnknownNameError
-from pinsing.view.handlers import Served
-from pinsing.view.page import static_html
+from pinsing.view.page import Served, static_html
 from pinsing.view.server import Server
 from pinsing.view.stage import KINDS
 

@@ -18,8 +18,7 @@ from pinsing.families import Family
 from pinsing.families.certainty import coverage_words
 from pinsing.families.telling_poses import FamilyLike
 from pinsing.robot.arm import Arm
-from pinsing.sampling.finding import Finding
-from pinsing.view.drawing import Recorder
+from pinsing.sampling.generalize import Finding
 from pinsing.view.entries import (
     Entry,
     Posture,
@@ -28,9 +27,8 @@ from pinsing.view.entries import (
     listed_postures,
     pose_entries,
 )
-from pinsing.view.links import Links, read_links, read_links_ahead
-from pinsing.view.scene import draw_scene
-from pinsing.view.sizes import sizes
+from pinsing.view.links import Links, Recorder, read_links, read_links_ahead
+from pinsing.view.scene import draw_scene, sizes
 from pinsing.view.stage import Stage
 from pinsing.view.tab import Tab, place_in_list
 
@@ -136,7 +134,7 @@ class Viewer(Tab):
         self._stage.coverage, self._stage.clearest = coverage, clearest
         self._overlay = None
         if visualizer is not None:
-            from pinsing.view.overlay import Overlay
+            from pinsing.view.scene import Overlay
 
             self._overlay = Overlay(visualizer, arm, size)
         super().__init__(self._stage, *recorder.parts(), host, port)

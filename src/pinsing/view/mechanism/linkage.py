@@ -20,10 +20,9 @@ from pinsing.measures import NEAR_RTOL, SINGULAR_RTOL
 from pinsing.robot.chains import frame_index
 from pinsing.robot.mechanism import Mechanism
 from pinsing.robot.source import Source
-from pinsing.view.drawing import geometry as mg
-from pinsing.view.engine_data import chain_data, frame_data, joint_data, numbers, sizes_data
-from pinsing.view.scene import HOT, ROTATION, ring_arrow, straight_arrow, torus
-from pinsing.view.sizes import Sizes
+from pinsing.view.entries import chain_data, frame_data, joint_data, numbers, sizes_data
+from pinsing.view.links import geometry as mg
+from pinsing.view.scene import HOT, ROTATION, Sizes, ring_arrow, straight_arrow, torus
 from pinsing.view.stage import SIDE
 
 SCHEMA = "pinsing/mechanism-engine/1"

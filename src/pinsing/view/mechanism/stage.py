@@ -15,7 +15,7 @@ from pinsing.loops.singular_points import SingularPoint
 from pinsing.robot.mechanism import Mechanism
 from pinsing.view.links import Links
 from pinsing.view.mechanism.linkage import Linkage, mechanism_data, plane_normal, side
-from pinsing.view.sizes import ARROWS, LEAST, Sizes
+from pinsing.view.scene import ARROWS, LEAST, Sizes
 
 _SAME = 1e-6
 _MEANING = {

@@ -12,8 +12,7 @@ from pinsing.loops.problems import assemblies
 from pinsing.loops.result import MechanismAnalysis
 from pinsing.loops.solve import drive
 from pinsing.robot.mechanism import Mechanism
-from pinsing.view.drawing import Recorder
-from pinsing.view.links import Links, read_links
+from pinsing.view.links import Links, Recorder, read_links
 from pinsing.view.mechanism.linkage import Linkage, draw_linkage_marks, linkage_sizes
 from pinsing.view.mechanism.stage import Group, MechanismStage, groups
 from pinsing.view.scene import draw_scene
