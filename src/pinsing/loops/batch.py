@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from pinsing._types import Array, Bool
-from pinsing.loops.structure import Centre, structure
+from pinsing.loops.structure import Centre, closing, once, structure
 from pinsing.robot.mechanism import Mechanism
 
 _TINY = 1e-12
@@ -65,17 +65,15 @@ class BatchLoops:
         for j, parent in enumerate(self._parents):
             self._above[j + 1] = self._above[parent]
             self._above[j + 1, j] = True
-        frames = {f.name: f for f in model.frames}
-
-        def fixed(name: str) -> tuple[int, Array, Array]:
-            frame = frames[name]
-            place = frame.placement
-            return int(frame.parentJoint), np.array(place.rotation), np.array(place.translation)
-
-        self._loops = [
-            (fixed(x.frame_a), fixed(x.frame_b), x.kind, x.rows) for x in mechanism.loops
+        fixed = [
+            (int(f.parentJoint), np.array(f.placement.rotation), np.array(f.placement.translation))
+            for f in model.frames
         ]
-        self._output = fixed(mechanism.output)
+        self._loops = [
+            (fixed[a], fixed[b], x.kind, x.rows)
+            for x, a, b in zip(mechanism.loops, *closing(mechanism), strict=True)
+        ]
+        self._output = fixed[mechanism.output_id]
         self._scale = mechanism.length_scale
         self.units = mechanism.space.metric
 
@@ -324,8 +322,8 @@ BESIDE = 0.1
 def locked(mechanism: Mechanism, Q: Array) -> Bool:
     """Whether a ball is locked, or nearly: (N,) bool at Q (N, n)."""
     out = np.zeros(len(Q), dtype=bool)
-    for ball in _balls(mechanism):
-        out |= np.abs(_volume(mechanism, ball, Q[:, ball[1]])) <= BESIDE
+    for ball in hinged_balls(mechanism):
+        out |= np.abs(_volume(mechanism, ball.joints, Q[:, ball.joints[1]])) <= BESIDE
     return out
 
 
@@ -338,8 +336,10 @@ def ball_jacobians(loops: BatchLoops, Q: Array) -> tuple[Array, Array]:
     mechanism = loops.mechanism
     placed = loops.place(Q)
     axis, pivot = placed.axis.copy(), placed.position.copy()
-    for ball, at in zip(_balls(mechanism), _centres(placed, hinged_balls(mechanism)), strict=True):
-        for joint, along in zip(ball, np.eye(3), strict=True):
+    for ball in hinged_balls(mechanism):
+        first = ball.joints[0] + 1
+        at = placed.position[first] + placed.rotation[first] @ ball.point
+        for joint, along in zip(ball.joints, np.eye(3), strict=True):
             axis[joint], pivot[joint + 1] = along, at
     whole = replace(placed, axis=axis, pivot=pivot)
     G = loops.closure(Q, placed=whole)[1]
@@ -354,26 +354,18 @@ def hinge_rates(loops: BatchLoops, q: Array, basis: Array) -> Array:
     """
     out = basis.copy()
     axis = loops.place(q[None]).axis[:, 0]
-    for ball in _balls(loops.mechanism):
-        rows = list(ball)
+    for ball in hinged_balls(loops.mechanism):
+        rows = list(ball.joints)
         out[rows] = np.linalg.pinv(axis[rows].T, rcond=1e-6) @ basis[rows]
     return out
 
 
+@once
 def hinged_balls(mechanism: Mechanism) -> tuple[Centre, ...]:
     """Balls of three hinges that carry nothing between them, with their centres."""
-    return mechanism.once("whole_balls", lambda: _find(mechanism))
-
-
-def _balls(mechanism: Mechanism) -> list[tuple[int, ...]]:
-    return [ball.joints for ball in hinged_balls(mechanism)]
-
-
-def _find(mechanism: Mechanism) -> tuple[Centre, ...]:
     model = mechanism.model
-    frames = {f.name: int(f.parentJoint) - 1 for f in model.frames}
-    held = {frames[name] for x in mechanism.loops for name in (x.frame_a, x.frame_b)}
-    held.add(frames[mechanism.output])
+    ends = [*itertools.chain(*closing(mechanism)), mechanism.output_id]
+    held = {int(model.frames[k].parentJoint) - 1 for k in ends}
     out = []
     for centre in structure(mechanism).centres:
         ball = centre.joints
@@ -384,15 +376,6 @@ def _find(mechanism: Mechanism) -> tuple[Centre, ...]:
         if in_line and not held & set(ball[:2]) and carried == set(ball[1:]):
             out.append(centre)
     return tuple(out)
-
-
-def _centres(placed: Placed, balls: tuple[Centre, ...]) -> list[Array]:
-    """Centres (N, 3) of the balls."""
-    firsts = [ball.joints[0] + 1 for ball in balls]
-    return [
-        placed.position[first] + placed.rotation[first] @ ball.point
-        for first, ball in zip(firsts, balls, strict=True)
-    ]
 
 
 def _volume(mechanism: Mechanism, ball: tuple[int, ...], middle: Array) -> Array:

@@ -15,7 +15,7 @@ import pinocchio as pin
 
 from pinsing._types import Array
 from pinsing.errors import OptionError, PinsingError
-from pinsing.loops.structure import idle_link
+from pinsing.loops.structure import closing, idle_link, once
 from pinsing.measures import SINGULAR_RTOL
 from pinsing.robot.mechanism import Mechanism
 
@@ -29,25 +29,25 @@ _STEP = 0.03
 _FAR = 30.0
 
 
+@once
 def to_its_size(mechanism: Mechanism) -> Mechanism:
     """The mechanism, or one whose length scale is its own size where that is far from the given.
 
     Newton's steps of a system with lengths and angles in it depend on it: a linkage of millimetres
     on a scale of a metre has columns that are lost beside those of turning.
     """
-    return mechanism.once("to_its_size", lambda: _to_its_size(mechanism))
-
-
-def _to_its_size(mechanism: Mechanism) -> Mechanism:
-    model = mechanism.model
-    places = [*(p.translation for p in model.jointPlacements)]
-    places += [f.placement.translation for f in model.frames]
-    size = max((float(np.linalg.norm(p)) for p in places), default=0.0)
     ends = np.array([mechanism.lower, mechanism.upper])[:, mechanism.prismatic]
-    size = max(size, float(np.abs(ends[np.isfinite(ends)]).max(initial=0.0)))
+    size = max(_longest(mechanism), float(np.abs(ends[np.isfinite(ends)]).max(initial=0.0)))
     if size == 0 or 1 / _FAR <= size / mechanism.length_scale <= _FAR:
         return mechanism
     return replace(mechanism, length_scale=size)
+
+
+def _longest(mechanism: Mechanism) -> float:
+    """The longest shift from one joint, or frame, to the next, metres."""
+    model = mechanism.model
+    places = [*model.jointPlacements, *(f.placement for f in model.frames)]
+    return max(float(np.linalg.norm(p.translation)) for p in places)
 
 
 class Loops:
@@ -60,10 +60,9 @@ class Loops:
         self._output = mechanism.output_id
         self._task = np.array(mechanism.task.rows)
         self._anchors = []
-        names = {frame.name: frame for frame in model.frames}
         scales: list[float] = []
-        for loop in mechanism.loops:
-            a, b = names[loop.frame_a], names[loop.frame_b]
+        for loop, i, k in zip(mechanism.loops, *closing(mechanism), strict=True):
+            a, b = model.frames[i], model.frames[k]
             kind = (
                 pin.FrameAnchorConstraintModel
                 if loop.kind == "6d"
@@ -71,7 +70,7 @@ class Loops:
             )
             anchor = kind(model, a.parentJoint, a.placement, b.parentJoint, b.placement)
             self._anchors.append((anchor, anchor.createData(), loop.rows))
-            scales += [1 / mechanism.length_scale if i < 3 else 1.0 for i in range(loop.rows)]
+            scales += [1 / mechanism.length_scale if row < 3 else 1.0 for row in range(loop.rows)]
         joints = list(model.joints)[1:]
         self._plain = np.array([j.idx_q for j in joints if j.nq == 1], dtype=int)
         self._turning = np.array([j.idx_q for j in joints if j.nq == 2], dtype=int)
@@ -201,7 +200,7 @@ def ranks(mechanism: Mechanism) -> Ranks:
         If fewer joints are actuated than there are degrees of freedom. More are redundant
         actuation, and taken as such.
     """
-    found = mechanism.once("ranks", lambda: _ranks(mechanism))
+    found = _ranks(mechanism)
     if found.mobility > len(mechanism.actuated):
         count = len(mechanism.actuated)
         driven = f"{count} {'joints are' if count > 1 else 'joint is'} actuated"
@@ -287,11 +286,7 @@ def _rank(loops: Loops, q: Array) -> int:
 
 def _advice(mechanism: Mechanism) -> str:
     """What to look at where no configuration closes the loops."""
-    model = mechanism.model
-    places = [m.translation for m in model.jointPlacements] + [
-        f.placement.translation for f in model.frames
-    ]
-    size = max(float(np.linalg.norm(p)) for p in places)
+    size = _longest(mechanism)
     if size > 20.0 * mechanism.length_scale:
         return (
             f"lengths of the file are up to {size:.3g} m; if they are in millimetres, write them "
@@ -300,6 +295,7 @@ def _advice(mechanism: Mechanism) -> str:
     return "check the frames, the lengths and the kinds of the loops"
 
 
+@once
 def _ranks(mechanism: Mechanism) -> Ranks:
     idle = idle_link(mechanism)
     if idle:

@@ -6,13 +6,14 @@ passive angles follow from the intersection of two circles, and all modes can be
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
 from pinsing._types import Array
-from pinsing.loops.structure import Sample, at_zero, path_to
+from pinsing.loops.structure import Sample, at_zero, closing, once, path_to
 from pinsing.robot.mechanism import Mechanism
 
 _TOUCH = 1e-12
@@ -138,9 +139,9 @@ class Dyad:
 
     def at_pin(self, mechanism: Mechanism) -> bool:
         """Whether the output is the position of the pin, in the plane."""
-        frames = {f.name: f for f in mechanism.model.frames}
-        loop, output = mechanism.loops[0], frames[mechanism.output]
-        pins = [frames[loop.frame_a], frames[loop.frame_b]]
+        frames = mechanism.model.frames
+        output = frames[mechanism.output_id]
+        pins = [frames[k] for (k,) in closing(mechanism)]
         meets = any(
             output.parentJoint == p.parentJoint
             and np.allclose(output.placement.translation, p.placement.translation, atol=1e-12)
@@ -162,7 +163,8 @@ class Dyad:
         if np.linalg.norm(second - first) <= _TOUCH and np.isclose(
             self.sides[0].rod_length, self.sides[1].rod_length, rtol=1e-12
         ):
-            return tuple(self._free(inputs, turn) for turn in (0.0, np.pi))
+            around = [first + self.sides[0].rod_length * _unit(turn) for turn in (0.0, np.pi)]
+            return tuple(self.reaching(inputs, P) for P in around)
         found = [self.configuration(inputs, left) for left in (True, False)]
         found = [q for q in found if np.isfinite(q).all()]
         if (
@@ -175,61 +177,36 @@ class Dyad:
     def working_modes(self, point: npt.ArrayLike) -> tuple[Array, ...]:
         """All configurations (n,) that put the pin at a point (2,) of the plane: up to four."""
         point = np.asarray(point, dtype=float)
-        choices: list[list[dict[int, float]]] = []
+        choices: list[list[tuple[float, ...]]] = []
         for side in self.sides:
             reach = point - side.pivot
-            away, far = float(np.arctan2(reach[1], reach[0])), float(np.linalg.norm(reach))
-            options: list[dict[int, float]] = []
+            far, length, rod = float(np.linalg.norm(reach)), side.crank_length, side.rod_length
             if side.crank is None:
-                if abs(far - side.rod_length) <= 1e-9 * side.rod_length:
-                    options.append({side.pin: side.pin_sign * (away - side.rod_angle)})
-            else:
-                length, rod = side.crank_length, side.rod_length
-                cosine = (far**2 + length**2 - rod**2) / (2 * far * length) if far > 0 else np.inf
-                if abs(cosine) <= 1 + _TOUCH:
-                    bend = float(np.arccos(np.clip(cosine, -1, 1)))
-                    for turn in (bend, -bend) if bend > 0 else (0.0,):
-                        options.append(self._leg(side, point, away + turn))
-            choices.append(options)
+                choices.append([()] if abs(far - rod) <= 1e-9 * rod else [])
+                continue
+            cosine = (far**2 + length**2 - rod**2) / (2 * far * length) if far > 0 else np.inf
+            away = float(np.arctan2(reach[1], reach[0])) - side.crank_angle
+            bend = float(np.arccos(np.clip(cosine, -1, 1)))
+            turns = [] if abs(cosine) > 1 + _TOUCH else [bend, -bend] if bend > 0 else [0.0]
+            choices.append([(side.crank_sign * (away + turn),) for turn in turns])
+        cranks = [side.crank for side in self.sides if side.crank is not None]
         out = []
-        for one in choices[0]:
-            for two in choices[1]:
-                q = np.zeros(self.mechanism.n)
-                for joint, value in {**one, **two}.items():
-                    q[joint] = value
-                out.append(self.mechanism.space.wrap(q))
+        for one, two in itertools.product(*choices):
+            values = dict(zip(cranks, (*one, *two), strict=True))
+            out.append(self.reaching([values[j] for j in self.mechanism.actuated], point))
         return tuple(out)
 
-    def _leg(self, side: Side, point: Array, angle: float) -> dict[int, float]:
-        B = side.pivot + side.crank_length * _unit(angle)
-        turned = angle - side.crank_angle
-        rod = float(np.arctan2(*(point - B)[::-1])) - side.rod_angle - turned
-        assert side.crank is not None  # a leg has a crank
-        return {side.crank: side.crank_sign * turned, side.pin: side.pin_sign * rod}
 
-    def _free(self, inputs: Array, turn: float) -> Array:
-        q = np.zeros(self.mechanism.n)
-        q[list(self.mechanism.actuated)] = inputs
-        for side in self.sides:
-            turned = 0.0 if side.crank is None else side.crank_sign * q[side.crank]
-            q[side.pin] = side.pin_sign * (turn - side.rod_angle - turned)
-        return self.mechanism.space.wrap(q)
-
-
+@once
 def planar_dyad(mechanism: Mechanism) -> Dyad | None:
     """Recognise a single planar loop that a dyad closes; None if the mechanism is another.
 
     Asked for: one loop; each of its frames at the end of an actuated crank and a passive link, or
     of a passive link alone; all axes parallel; both frames in one plane; no other joint.
     """
-    return mechanism.once("dyad", lambda: _recognise(mechanism))
-
-
-def _recognise(mechanism: Mechanism) -> Dyad | None:
     model = mechanism.model
     if len(mechanism.loops) != 1 or mechanism.prismatic.any() or mechanism.loops[0].kind == "6d":
         return None
-    frames = {f.name: f for f in model.frames}
     loop = mechanism.loops[0]
     zero = at_zero(mechanism)
     axes = zero.axis
@@ -238,8 +215,8 @@ def _recognise(mechanism: Mechanism) -> Dyad | None:
         return None
     basis = _plane(normal)
     sides, used, heights = [], 0, []
-    for name in (loop.frame_a, loop.frame_b):
-        frame = frames[name]
+    for (k,) in closing(mechanism):
+        frame = model.frames[k]
         path = path_to(mechanism, int(frame.parentJoint))
         used += len(path)
         end = np.zeros(3)

@@ -139,13 +139,8 @@ def rational_turn(R: Array) -> Turn:
     """A rotation matrix with rational entries near R (3, 3)."""
     turn = pin.Quaternion(np.array(R))
     e = np.array([turn.w, turn.x, turn.y, turn.z])
-    a, b, c, d = (near(float(v)) for v in e / e[int(np.argmax(np.abs(e)))])
-    n = a * a + b * b + c * c + d * d
-    return (
-        ((a * a + b * b - c * c - d * d) / n, 2 * (b * c - a * d) / n, 2 * (b * d + a * c) / n),
-        (2 * (b * c + a * d) / n, (a * a - b * b + c * c - d * d) / n, 2 * (c * d - a * b) / n),
-        (2 * (b * d - a * c) / n, 2 * (c * d + a * b) / n, (a * a - b * b - c * c + d * d) / n),
-    )
+    grown, n = quaternion_turn([near(float(v)) for v in e / e[int(np.argmax(np.abs(e)))]])
+    return tuple((x / n, y / n, z / n) for x, y, z in grown)
 
 
 def turn_to(axis: Array) -> Array:
@@ -295,12 +290,14 @@ def leg_chain(
             p = [p[i] + gens[v] * axis[i] for i in range(3)]
             continue
         x, y = (gens[v] for v in ring.variables(joint))
-        R = _times(R, _turned(unit, x, y, ring), zero)
+        R = _product(R, _turned(unit, x, y, ring), zero)
         w = x**2 + y**2
         p, scale = [w * v for v in p], scale * w
+    ((x,), (y,), (z,)) = _product(turn, [[v] for v in at], Fraction(0))
     return LegChain(
-        ring, tuple(hinges), R, p, scale, before, frame, start, _product(turn, base),
-        _moved(turn, at), off,
+        ring, tuple(hinges), R, p, scale, before, frame, start,
+        tuple((x, y, z) for x, y, z in _product(turn, base, Fraction(0))),
+        (x, y, z), off,
     )  # fmt: skip
 
 
@@ -330,8 +327,7 @@ def _turned(unit: Sequence[Fraction], x: Poly, y: Poly, ring: Ring) -> list[Row]
     a, b, c = unit
     none = Fraction(0)
     K = [[none, -c, b], [c, none, -a], [-b, a, none]]
-    square = [[sum((K[i][m] * K[m][k] for m in range(3)), none) for k in range(3)]
-              for i in range(3)]  # fmt: skip
+    square = _product(K, K, none)
     w = x**2 + y**2
     return [
         [
@@ -344,21 +340,9 @@ def _turned(unit: Sequence[Fraction], x: Poly, y: Poly, ring: Ring) -> list[Row]
     ]
 
 
-def _times(A: list[Row], B: list[Row], zero: Poly) -> list[Row]:
-    return [[sum((A[i][m] * B[m][k] for m in range(3)), zero) for k in range(3)] for i in range(3)]
-
-
-def _product(A: Turn, B: Turn) -> Turn:
-    rows = [
-        tuple(sum((A[i][m] * B[m][k] for m in range(3)), Fraction(0)) for k in range(3))
-        for i in range(3)
-    ]
-    return tuple((r[0], r[1], r[2]) for r in rows)
-
-
-def _moved(A: Turn, v: Sequence[Fraction]) -> tuple[Fraction, Fraction, Fraction]:
-    x, y, z = (sum((A[i][m] * v[m] for m in range(3)), Fraction(0)) for i in range(3))
-    return x, y, z
+def _product(A: Sequence[Sequence[Any]], B: Sequence[Sequence[Any]], zero: Any) -> list[list[Any]]:
+    columns = list(zip(*B, strict=True))
+    return [[sum((a * b for a, b in zip(row, c, strict=True)), zero) for c in columns] for row in A]
 
 
 def cross(a: Row, b: Row) -> Row:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from typing import Any, ClassVar
 
@@ -142,44 +142,56 @@ def _factors(names: tuple[str, ...], powers: list[int]) -> list[str]:
     ]
 
 
-def pose_equation(
-    poly: Any, names: tuple[str, ...], odd: tuple[int, ...], square: int
+def _equation(
+    names: tuple[str, ...],
+    terms: Sequence[tuple[tuple[int, ...], Fraction, int]],
+    square: int = 1,
+    roots: int = 0,
 ) -> PoseEquation:
-    """The equation of a polynomial whose variables ``odd`` are in units of sqrt(square)."""
-    terms = []
-    for monomial, c in poly.to_dict().items():
-        powers = tuple(int(e) for e in monomial)
-        terms.append((powers, fraction(c), sum(powers[k] for k in odd)))
-    return _equation(names, terms, square)
+    """Terms, each over so many roots of ``square``; all of them times ``roots`` of these."""
+    terms = sorted(terms, key=lambda t: [-p for p in t[0]])
+    exact, values = [], []
+    for _, c, k in terms:
+        whole, rest = divmod(roots - k, 2)
+        scaled = c * Fraction(square) ** whole
+        exact.append(f"{scaled} sqrt({square})" if rest and square > 1 else str(scaled))
+        values.append(float(scaled) * float(np.sqrt(square)) ** rest)
+    powers = np.array([p for p, _, _ in terms], dtype=int).reshape(len(terms), len(names))
+    return PoseEquation(names, powers, tuple(exact), np.array(values))
+
+
+def _terms(poly: Any, odd: Sequence[int] = ()) -> list[tuple[tuple[int, ...], Fraction, int]]:
+    """Powers, coefficients, and how many variables ``odd`` each term has."""
+    powers = ((tuple(int(e) for e in m), c) for m, c in poly.to_dict().items())
+    return [(p, fraction(c), sum(p[k] for k in odd)) for p, c in powers]
+
+
+def pose_equation(
+    poly: Any, names: tuple[str, ...], odd: tuple[int, ...] = (), square: int = 1
+) -> PoseEquation:
+    """The equation of a polynomial whose variables ``odd`` are in units of sqrt(square).
+
+    Its largest coefficient is 1.
+    """
+    terms = _terms(poly, odd)
+    found = _equation(names, terms, square, int(all(k % 2 for _, _, k in terms)))
+    size = np.abs(found.values)
+    lead = found.values[int(np.argmax(size >= size.max() * (1 - 1e-12)))]
+    return replace(found, values=found.values / lead)
 
 
 def entry(
     poly: Any, names: tuple[str, ...], odd: tuple[int, ...], square: int, roots: int
 ) -> PoseEquation:
     """A polynomial times so many roots of ``square`` as it is, an entry of a matrix."""
-    powers, exact, values = [], [], []
-    for monomial, c in poly.to_dict().items():
-        mine = [int(e) for e in monomial]
-        whole, rest = divmod(roots - sum(mine[k] for k in odd), 2)
-        scaled = fraction(c) * Fraction(square) ** whole
-        powers.append(mine)
-        exact.append(f"{scaled} sqrt({square})" if rest and square > 1 else str(scaled))
-        values.append(float(scaled) * float(np.sqrt(square)) ** rest)
-    order = sorted(range(len(powers)), key=lambda k: [-p for p in powers[k]])
-    return PoseEquation(
-        names,
-        np.array([powers[k] for k in order], dtype=int).reshape(-1, len(names)),
-        tuple(exact[k] for k in order),
-        np.array([values[k] for k in order]),
-    )
+    return _equation(names, _terms(poly, odd), square, roots)
 
 
 def determinant_equation(
     names: tuple[str, ...], matrix: tuple[tuple[PoseEquation, ...], ...]
 ) -> PoseEquation:
     """The equation of a determinant that is not multiplied out."""
-    none = np.zeros((0, len(names)), dtype=int)
-    return PoseEquation(names, none, (), np.zeros(0), matrix)
+    return replace(_equation(names, ()), matrix=matrix)
 
 
 def planar_equation(
@@ -190,62 +202,18 @@ def planar_equation(
     Where the degree in them is odd, they stay.
     """
     a, b = half
-    terms: dict[tuple[int, ...], Fraction] = {}
+    if any((m[a] + m[b]) % 2 for m in poly.monoms()):
+        return pose_equation(poly, names, odd, square)
+    context, total = poly.context(), 0 * poly
+    cos, sin = context.gens()[a], context.gens()[b]
     for monomial, c in poly.to_dict().items():
-        powers = [int(e) for e in monomial]
-        i, j = powers[a], powers[b]
-        if (i + j) % 2:
-            return pose_equation(poly, names, odd, square)
-        # e0^2 = (1 + c)/2; 3 f3^2 = e3^2 = (1 - c)/2; e0 f3 = s / (2 sqrt 3).
-        line = {(0, 0): fraction(c)}
-        for sign, count in ((1, i // 2), (-1, j // 2)):
-            for _ in range(count):
-                line = _times_half(line, sign, 1 if sign == 1 else square)
-        if i % 2:
-            line = {(p, q + 1): v / 2 for (p, q), v in line.items()}
-        for (p, q), v in line.items():
-            powers[a], powers[b] = p, q
-            key = tuple(powers)
-            terms[key] = terms.get(key, Fraction(0)) + v
+        rest = [0 if k in half else int(e) for k, e in enumerate(monomial)]
+        i, j = int(monomial[a]), int(monomial[b])
+        # 3 f3^2 = e3^2, and sin φ is in units of the root as e3 is.
+        scale = c * rational(Fraction(1, square ** (j // 2)))
+        total += context.from_dict({tuple(rest): scale}) * _pair(i, j, cos, sin)
     renamed = tuple({a: _ANGLE[0], b: _ANGLE[1]}.get(k, n) for k, n in enumerate(names))
-    found = [(p, v, sum(p[k] for k in odd)) for p, v in terms.items() if v]
-    return _equation(renamed, found, square)
-
-
-def _times_half(
-    line: dict[tuple[int, int], Fraction], sign: int, over: int
-) -> dict[tuple[int, int], Fraction]:
-    """Times (1 + sign c) / (2 over)."""
-    out: dict[tuple[int, int], Fraction] = {}
-    for (p, q), v in line.items():
-        out[p, q] = out.get((p, q), Fraction(0)) + v / (2 * over)
-        out[p + 1, q] = out.get((p + 1, q), Fraction(0)) + sign * v / (2 * over)
-    return out
-
-
-def _equation(
-    names: tuple[str, ...], terms: list[tuple[tuple[int, ...], Fraction, int]], square: int
-) -> PoseEquation:
-    """Terms with a coefficient each, over so many roots of ``square``."""
-    terms = sorted(terms, key=lambda t: tuple(-p for p in t[0]))
-    odd = square > 1 and all(k % 2 for _, _, k in terms)
-    exact: list[str] = []
-    values = []
-    for _, c, k in terms:
-        k = k - 1 if odd else k
-        whole, rest = divmod(k, 2)
-        c = c / square**whole
-        if rest and square > 1:
-            exact.append(f"{c / square} sqrt({square})")
-            values.append(float(c) / float(np.sqrt(square)))
-        else:
-            exact.append(str(c))
-            values.append(float(c))
-    found = np.array(values)
-    lead = found[int(np.argmax(np.abs(found) >= np.abs(found).max() * (1 - 1e-12)))]
-    return PoseEquation(
-        names, np.array([p for p, _, _ in terms], dtype=int), tuple(exact), found / lead
-    )
+    return pose_equation(total, renamed, odd, square)
 
 
 def trig_polynomial(poly: Poly, ring: Ring, joints: Sequence[str]) -> PoseEquation:
@@ -267,8 +235,7 @@ def trig_polynomial(poly: Poly, ring: Ring, joints: Sequence[str]) -> PoseEquati
     for j in used:
         names += [joints[j]] if ring.prismatic[j] else [f"cos {joints[j]}", f"sin {joints[j]}"]
     if not names:
-        constant = [fraction(c) for c in poly.to_dict().values()] if poly != 0 else []
-        return _polynomial((), [((), c) for c in constant])
+        return _equation((), [((), c, 0) for _, c, _ in _terms(poly)])
     there = fmpq_mpoly_ctx.get([f"t{k}" for k in range(len(names))], Ordering.lex)
     gens = iter(there.gens())
     places = [(next(gens),) if ring.prismatic[j] else (next(gens), next(gens)) for j in used]
@@ -287,19 +254,7 @@ def trig_polynomial(poly: Poly, ring: Ring, joints: Sequence[str]) -> PoseEquati
                 )
             line *= known[key]
         total += line
-    found = [(tuple(int(e) for e in powers), fraction(c)) for powers, c in total.to_dict().items()]
-    return _polynomial(tuple(names), sorted(found, key=lambda t: tuple(-p for p in t[0])))
-
-
-def _polynomial(
-    names: tuple[str, ...], found: Sequence[tuple[tuple[int, ...], Fraction]]
-) -> PoseEquation:
-    return PoseEquation(
-        names,
-        np.array([k for k, _ in found], dtype=int).reshape(len(found), len(names)),
-        tuple(str(v) for _, v in found),
-        np.array([float(v) for _, v in found]),
-    )
+    return _equation(tuple(names), _terms(total))
 
 
 def _pair(i: int, j: int, c: Poly, s: Poly) -> Poly:

@@ -37,8 +37,16 @@ from pinsing.loops.leg_wrenches import (
 )
 from pinsing.loops.pose_ring import determinant
 from pinsing.loops.sphere_loci import type1_alone
-from pinsing.loops.structure import NotThisKind, at_zero, path_to, structure, without_length
-from pinsing.robot.mechanism import Loop, Mechanism
+from pinsing.loops.structure import (
+    NotThisKind,
+    at_zero,
+    closing,
+    once,
+    path_to,
+    structure,
+    without_length,
+)
+from pinsing.robot.mechanism import Mechanism
 
 Step = tuple[int, int]
 """A joint, and 1 where it is passed outwards, -1 where towards the base."""
@@ -73,7 +81,8 @@ def closure_forms(mechanism: Mechanism) -> ClosureForms:
     """The matrices of a mechanism, whatever its legs are."""
     ring = make_ring(mechanism.prismatic.tolist())
     made = _Velocities(mechanism, ring)
-    rows = [row for loop in mechanism.loops for row in made.loop(loop)]
+    loops = zip(mechanism.loops, *closing(mechanism), strict=True)
+    rows = [row for loop, a, b in loops for row in made.loop(loop.kind, a, b)]
     held = [[row[j] for j in mechanism.passive] for row in rows]
     whole = [*rows, *made.output()]
     return ClosureForms(ring, _not_zero(held), _not_zero(whole), made.off)
@@ -92,19 +101,17 @@ class _Velocities:
         self.zero = at_zero(mechanism)
         self.kind, self.turn, _ = room_of(mechanism)
         self.off = 0.0
-        self._frames = {f.name: k for k, f in enumerate(mechanism.model.frames)}
 
-    def loop(self, loop: Loop) -> list[Row]:
+    def loop(self, kind: str, a: int, b: int) -> list[Row]:
         """One loop's rows, seen from the middle of the joints that it goes through."""
         frames = self.mechanism.model.frames
-        a, b = self._frames[loop.frame_a], self._frames[loop.frame_b]
         first, second = (path_to(self.mechanism, int(frames[k].parentJoint)) for k in (a, b))
         shared = sum(x == y for x, y in zip(first, second, strict=False))
         round_ = [(j, -1) for j in reversed(first[shared:])] + [(j, 1) for j in second[shared:]]
-        if loop.kind == "6d":
+        if kind == "6d":
             return self._whole(round_)
         # The rows of a planar loop are along the axes of its first frame: it is the one that rests.
-        planar = loop.kind == "planar" and self.kind != PLANE
+        planar = kind == "planar" and self.kind != PLANE
         rows = self._zero()
         back, on = _parted(round_, 0 if planar else len(round_) // 2)
         for side, frame, steps in ((-1, a, back), (1, b, on)):
@@ -180,6 +187,7 @@ _ROUNDING = 1e-12
 _FEW = 4
 
 
+@once
 def joint_forms(mechanism: Mechanism) -> JointForms:
     """Closed forms in the joint angles.
 
@@ -194,10 +202,6 @@ def joint_forms(mechanism: Mechanism) -> JointForms:
         With ``str()``: the equations. Without any where the legs are of another kind; the notes
         say which.
     """
-    return mechanism.once("joint_forms", lambda: _forms(mechanism))
-
-
-def _forms(mechanism: Mechanism) -> JointForms:
     generic = ranks(mechanism)
     notes = [
         "a configuration that closes the loops is singular if and only if one of these is zero"

@@ -35,6 +35,8 @@ from pinsing.loops.structure import (
     NotThisKind,
     Sample,
     at_zero,
+    closing,
+    once,
     path_to,
     plane_normal,
     structure,
@@ -132,6 +134,7 @@ class LegWrenches:
     off: float
 
 
+@once
 def leg_wrenches(mechanism: Mechanism) -> LegWrenches:
     """The wrenches of all legs.
 
@@ -140,20 +143,6 @@ def leg_wrenches(mechanism: Mechanism) -> LegWrenches:
     NotThisKind
         If a leg does not end in a ball, pin or hinge at the output, or shares passive joints.
     """
-    return mechanism.once("leg_wrenches", lambda: _wrenches(mechanism))
-
-
-def kind_of(mechanism: Mechanism) -> str:
-    """``space``, ``plane`` or ``sphere``: what the motions of all its joints have room in."""
-    return room_of(mechanism)[0]
-
-
-def room_of(mechanism: Mechanism) -> tuple[str, Turn, Array]:
-    """The same, the turn that makes the plane's normal z, and the sphere's centre."""
-    return mechanism.once("room", lambda: _room(mechanism))
-
-
-def _wrenches(mechanism: Mechanism) -> LegWrenches:
     zero = at_zero(mechanism)
     kind, turn, centre = room_of(mechanism)
     ring = make_ring(mechanism.prismatic.tolist())
@@ -189,7 +178,14 @@ def _wrenches(mechanism: Mechanism) -> LegWrenches:
     )  # fmt: skip
 
 
-def _room(mechanism: Mechanism) -> tuple[str, Turn, Array]:
+def kind_of(mechanism: Mechanism) -> str:
+    """``space``, ``plane`` or ``sphere``: what the motions of all its joints have room in."""
+    return room_of(mechanism)[0]
+
+
+@once
+def room_of(mechanism: Mechanism) -> tuple[str, Turn, Array]:
+    """The same, the turn that makes the plane's normal z, and the sphere's centre."""
     drawn = Sample(mechanism, mechanism.space.sample(1, np.random.default_rng(929))[0])
     still, none = rational_turn(np.eye(3)), np.zeros(3)
     normal = plane_normal(mechanism, drawn.axis)
@@ -230,9 +226,7 @@ def leg_ways(mechanism: Mechanism) -> list[Way]:
     if kind != SPHERE and last is not None and centred and len(path) > size == len(last.joints):
         end = np.array(zero.joints[path[-size] + 1].act(last.point))
         out = [(path[:-size], end, last.joints if kind == SPACE else ())]
-    numbers = {f.name: k for k, f in enumerate(mechanism.model.frames)}
-    for loop in mechanism.loops:
-        inner, outer = numbers[loop.frame_a], numbers[loop.frame_b]
+    for loop, inner, outer in zip(mechanism.loops, *closing(mechanism), strict=True):
         if _body(mechanism, inner) == built.output:
             inner, outer = outer, inner
         if _body(mechanism, outer) != built.output:

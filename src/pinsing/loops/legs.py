@@ -13,9 +13,8 @@ driven, along (a x CB) x CB where the second one is. Each does work on its own j
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -28,6 +27,8 @@ from pinsing.loops.structure import (
     Centre,
     NotThisKind,
     Sample,
+    closing,
+    once,
     output_pose,
     path_to,
     plane_axes,
@@ -41,14 +42,19 @@ TOUCHING = 1e-9
 
 Condition = tuple[str, float | None]
 """Words, and the distance of C and B there; None: the force does not work on the motion of C."""
+_NONE = np.zeros(3)
 
 
 @dataclass(frozen=True, eq=False)
-class Rod(ABC):
-    """One force that a leg passes, by C and B: what its kind answers. All else knows only this.
+class Rod:
+    """One force that a leg passes, by C = inner + c first + s second, and B.
 
     Attributes
     ----------
+    kind : str
+        ``strut``: the actuated joint slides along C B; ``foot``: driven at its foot, the force is
+        across C B, whose length a passive joint slides; ``elbow``: driven between C and B, in the
+        plane; ``crank`` and ``rail``: the actuated joint moves C, and C B has one length.
     joint : int
         The actuated joint of the leg.
     outer : (3,) array
@@ -57,167 +63,88 @@ class Rod(ABC):
         C in the base; of a kind that moves it the part that does not move.
     hinge : (3,) array or None
         Axis of the only passive joint at C, in space: the leg passes a force along it too.
+    first, second : (3,) arrays
+        Of a crank, with cosine and sine of its angle, and of a rail, with its value and 0.
+    across : (3,) array
+        a, the axis of the first joint of a foot.
+    side : int
+        0: the force is along C B; 1: along a x CB; 2: along (a x CB) x CB.
+    sliding : int
+        The joint that slides along C B; -1 where there is none.
+    offset : float
+        What is added to its value for the length of C B, metres; below zero it is one the other
+        way.
+    links : tuple of two floats
+        Lengths on both sides of an elbow, metres.
     """
 
+    kind: str
     joint: int
     outer: Array
     inner: Array
-    hinge: Array | None
-
-    side = 0
-    """0: the force is along C B; 1: along a x CB; 2: along (a x CB) x CB."""
-    moved = False
-    """Whether C moves with the actuated joint."""
-    offset = 0.0
-    """What is added to the value of `sliding` for the length of C B, metres."""
+    hinge: Array | None = None
+    first: Array = field(default_factory=lambda: _NONE)
+    second: Array = field(default_factory=lambda: _NONE)
+    across: Array = field(default_factory=lambda: _NONE)
+    side: int = 0
+    sliding: int = -1
+    offset: float = 0.0
+    links: tuple[float, float] = (0.0, 0.0)
 
     @property
-    def sliding(self) -> int:
-        """The joint that slides along C B; -1 where there is none."""
-        return -1
-
-    def vectors(self) -> tuple[Array, Array, Array]:
-        """C = inner + c first + s second, with c and s of `turned`; and a. Zero where unused."""
-        return np.zeros(3), np.zeros(3), np.zeros(3)
-
-    def turned(self, values: npt.ArrayLike) -> tuple[Array, Array]:
-        """The factors of ``first`` and ``second`` at values (...) of the joint."""
-        return np.zeros(np.shape(values)), np.zeros(np.shape(values))
+    def moved(self) -> bool:
+        """Whether C moves with the actuated joint."""
+        return self.kind in ("crank", "rail")
 
     def foot(self, values: npt.ArrayLike) -> Array:
         """C (..., 3) at values (...) of the joint."""
-        (c, s), (first, second, _) = self.turned(values), self.vectors()
-        return np.asarray(self.inner + c[..., None] * first + s[..., None] * second)
+        x = np.asarray(values, dtype=float)[..., None]
+        c, s = (np.cos(x), np.sin(x)) if self.kind == "crank" else (x, 0 * x)
+        return np.asarray(self.inner + c * self.first + s * self.second)
 
     def distance(self, values: Array, length: float) -> Array | None:
         """Distance (N,) of C and B at values (N,), ``length`` at home; None where it is open."""
-        return None
+        if self.kind == "strut":
+            return np.asarray(np.abs(values + self.offset))
+        return np.full(len(values), length) if self.moved else None
 
     def solutions(self, B: Array, planar: bool, length: float) -> tuple[float, ...] | None:
         """Values of the joint with the end at B (3,); None where two meet, or it is not told."""
-        return None
+        e, first, second = np.array([B - self.inner, self.first, self.second])[
+            :, : 2 if planar else 3
+        ]
+        if self.kind == "strut":
+            reach = float(np.linalg.norm(e))
+            return None if reach <= TOUCHING else (reach - self.offset, -reach - self.offset)
+        if not self.moved:
+            return None
+        along, size, known = float(e @ first), float(first @ first), float(e @ e) - length**2
+        if self.kind == "crank":
+            return angles_of(along, float(e @ second), (known + size) / 2)
+        # |e - q first| = length.
+        middle = along / size
+        left = middle**2 - known / size
+        if abs(left) <= TOUCHING:
+            return None
+        return () if left < 0 else (middle + float(np.sqrt(left)), middle - float(np.sqrt(left)))
 
     def variables(self, name: str) -> tuple[str, ...]:
         """Variables that equations have for the joint of this name."""
-        return ()
+        return {"crank": (f"cos {name}", f"sin {name}"), "rail": (name,)}.get(self.kind, ())
 
-    @abstractmethod
     def type1(self, number: int, name: str, planar: bool, level: bool) -> list[Condition]:
         """Where the actuator, the joint of this name, does not move a rod that has a length."""
-
-    def foot_text(self, name: str) -> str:
-        """C for people, with the joint's name."""
-        return written(self.inner)
-
-
-@dataclass(frozen=True, eq=False)
-class Strut(Rod):
-    """The actuated joint slides along C B, and its value with ``offset`` is the length, metres.
-
-    A length below zero is one the other way.
-    """
-
-    offset: float = 0.0
-
-    @property
-    def sliding(self) -> int:
-        """The joint that slides along C B."""
-        return self.joint
-
-    def distance(self, values: Array, length: float) -> Array:
-        """See `Rod`."""
-        return np.asarray(np.abs(values + self.offset))
-
-    def type1(self, number: int, name: str, planar: bool, level: bool) -> list[Condition]:
-        """See `Rod`."""
-        return []
-
-    def solutions(self, B: Array, planar: bool, length: float) -> tuple[float, ...] | None:
-        """See `Rod`."""
-        reach = float(np.linalg.norm((B - self.inner)[: 2 if planar else 3]))
-        return None if reach <= TOUCHING else (reach - self.offset, -reach - self.offset)
-
-
-@dataclass(frozen=True, eq=False)
-class Foot(Rod):
-    """Driven at its foot: the force is across C B, whose length a passive joint slides.
-
-    Attributes
-    ----------
-    across : (3,) array
-        a, the axis of the first joint.
-    """
-
-    across: Array
-    side: int = 1
-    slide: int = -1
-    offset: float = 0.0
-
-    @property
-    def sliding(self) -> int:
-        """The joint that slides along C B."""
-        return self.slide
-
-    def vectors(self) -> tuple[Array, Array, Array]:
-        """See `Rod`."""
-        return np.zeros(3), np.zeros(3), self.across
-
-    def type1(self, number: int, name: str, planar: bool, level: bool) -> list[Condition]:
-        """See `Rod`."""
-        return []
-
-
-@dataclass(frozen=True, eq=False)
-class ElbowRod(Rod):
-    """Driven at an elbow between C and B, in the plane; ``links``: lengths of both, metres."""
-
-    links: tuple[float, float]
-
-    def type1(self, number: int, name: str, planar: bool, level: bool) -> list[Condition]:
-        """See `Rod`."""
-        words = f"leg {number} is {{}} at its actuated elbow {name}".format
-        one, two = self.links
-        return [(words("stretched"), one + two), (words("folded"), abs(one - two))]
-
-
-class _MovedFoot(Rod):
-    """The actuated joint moves C, and C B has one length."""
-
-    moved = True
-
-    def distance(self, values: Array, length: float) -> Array:
-        """See `Rod`."""
-        return np.full(len(values), length)
-
-
-@dataclass(frozen=True, eq=False)
-class Crank(_MovedFoot):
-    """C = inner + cos(q) first + sin(q) second."""
-
-    first: Array
-    second: Array
-
-    def vectors(self) -> tuple[Array, Array, Array]:
-        """See `Rod`."""
-        return self.first, self.second, np.zeros(3)
-
-    def turned(self, values: npt.ArrayLike) -> tuple[Array, Array]:
-        """See `Rod`."""
-        return np.cos(values), np.sin(values)
-
-    def solutions(self, B: Array, planar: bool, length: float) -> tuple[float, ...] | None:
-        """See `Rod`."""
-        keep = np.array([1.0, 1.0, 0.0 if planar else 1.0])
-        e, first, second = (B - self.inner) * keep, self.first * keep, self.second * keep
-        known = (float(e @ e) + float(first @ first) - length**2) / 2
-        return angles_of(float(e @ first), float(e @ second), known)
-
-    def variables(self, name: str) -> tuple[str, ...]:
-        """See `Rod`."""
-        return f"cos {name}", f"sin {name}"
-
-    def type1(self, number: int, name: str, planar: bool, level: bool) -> list[Condition]:
-        """See `Rod`."""
+        if self.kind == "elbow":
+            one, two = self.links
+            where = f"at its actuated elbow {name}"
+            return [
+                (f"leg {number} is stretched {where}", one + two),
+                (f"leg {number} is folded {where}", abs(one - two)),
+            ]
+        if self.kind == "rail":
+            return [(f"rod {number} is across the slide {name}", None)]
+        if self.kind != "crank":
+            return []
         words = f"rod {number} is in a plane with the axis of crank {name} and its pin"
         if planar:
             words = f"crank {name} and its rod are in line"
@@ -226,48 +153,11 @@ class Crank(_MovedFoot):
         return [(words, None)]
 
     def foot_text(self, name: str) -> str:
-        """See `Rod`."""
-        moved = f"cos {name} {written(self.first)} + sin {name} {written(self.second)}"
-        return f"{written(self.inner)} + {moved}"
-
-
-@dataclass(frozen=True, eq=False)
-class Rail(_MovedFoot):
-    """C = inner + q first."""
-
-    first: Array
-
-    def vectors(self) -> tuple[Array, Array, Array]:
-        """See `Rod`."""
-        return self.first, np.zeros(3), np.zeros(3)
-
-    def turned(self, values: npt.ArrayLike) -> tuple[Array, Array]:
-        """See `Rod`."""
-        return np.asarray(values, dtype=float), np.zeros(np.shape(values))
-
-    def solutions(self, B: Array, planar: bool, length: float) -> tuple[float, ...] | None:
-        """See `Rod`."""
-        keep = np.array([1.0, 1.0, 0.0 if planar else 1.0])
-        e, first = (B - self.inner) * keep, self.first * keep
-        # |e - q first| = length.
-        size = float(first @ first)
-        middle = float(e @ first) / size
-        left = middle**2 - (float(e @ e) - length**2) / size
-        if abs(left) <= TOUCHING:
-            return None
-        return () if left < 0 else (middle + float(np.sqrt(left)), middle - float(np.sqrt(left)))
-
-    def variables(self, name: str) -> tuple[str, ...]:
-        """See `Rod`."""
-        return (name,)
-
-    def type1(self, number: int, name: str, planar: bool, level: bool) -> list[Condition]:
-        """See `Rod`."""
-        return [(f"rod {number} is across the slide {name}", None)]
-
-    def foot_text(self, name: str) -> str:
-        """See `Rod`."""
-        return f"{written(self.inner)} + {name} {written(self.first)}"
+        """C for people, with the joint's name."""
+        text = written(self.inner)
+        if self.kind == "crank":
+            return f"{text} + cos {name} {written(self.first)} + sin {name} {written(self.second)}"
+        return f"{text} + {name} {written(self.first)}" if self.moved else text
 
 
 @dataclass(frozen=True, eq=False)
@@ -355,13 +245,13 @@ def inside(mechanism: Mechanism, joint: int, value: float) -> bool:
 
 def rods(mechanism: Mechanism) -> Rods | None:
     """Recognise a mechanism whose legs pass one force each; None for another one."""
-    found = mechanism.once("rods", lambda: _recognized(mechanism))
+    found = _recognized(mechanism)
     return found if isinstance(found, Rods) else None
 
 
 def why_no_rods(mechanism: Mechanism) -> str:
     """What keeps the legs from passing one force each; empty where they do."""
-    found = mechanism.once("rods", lambda: _recognized(mechanism))
+    found = _recognized(mechanism)
     return found if isinstance(found, str) else ""
 
 
@@ -386,14 +276,15 @@ def carried(mechanism: Mechanism, sample: Sample, joint: int, C: Array, outer: A
     """
     axis, at = sample.axis[joint], np.array(sample.joints[joint + 1].translation)
     if mechanism.prismatic[joint]:
-        return Rail(joint, outer, C - sample.q[joint] * axis, None, axis)
+        return Rod("rail", joint, outer, C - sample.q[joint] * axis, first=axis)
     arm = C - at
     rest = (arm @ axis) * axis
     c, s = np.cos(sample.q[joint]), np.sin(sample.q[joint])
     first = c * (arm - rest) - s * np.cross(axis, arm - rest)
     if np.linalg.norm(first) <= SMALL:
         return None
-    return Crank(joint, outer, at + rest, None, first, np.cross(axis, first))
+    second = np.cross(axis, first)
+    return Rod("crank", joint, outer, at + rest, first=first, second=second)
 
 
 @dataclass(frozen=True, eq=False)
@@ -410,6 +301,7 @@ class _End:
     hanging: tuple[int, ...] = ()
 
 
+@once
 def _recognized(mechanism: Mechanism) -> Rods | str:
     """The rods, or why there are none."""
     try:
@@ -436,9 +328,12 @@ class _Recognizer:
         mechanism = self.mechanism
         out: list[Rod] = []
         for path, end in self.ends():
-            found = self.foot_driven(path, end) or self.one_force(path, end)
+            found = self.foot_driven(path, end)
             if not found:
-                raise NotThisKind(self.reason(path, end))
+                rod = self.hanging(path, end) if end.hanging else self.along(path, end)
+                if rod is None:
+                    raise NotThisKind(self.reason(path, end))
+                found = [rod]
             out += found
         forces = len(out) + sum(rod.hinge is not None for rod in out)
         needed = 3 if self.planar else 6
@@ -460,10 +355,8 @@ class _Recognizer:
                 f"the output {mechanism.output} is not on a link that moves between legs"
             )
         frames = mechanism.model.frames
-        numbers = {f.name: i for i, f in enumerate(frames)}
         out: list[tuple[list[int], _End]] = []
-        for loop in mechanism.loops:
-            a, b = numbers[loop.frame_a], numbers[loop.frame_b]
+        for loop, a, b in zip(mechanism.loops, *closing(mechanism), strict=True):
             if loop.kind == "6d":
                 raise NotThisKind(f"the loop {loop} is welded")
             paths = [path_to(mechanism, int(frames[k].parentJoint)) for k in (a, b)]
@@ -511,10 +404,6 @@ class _Recognizer:
                 return 0.0 if abs(off[0]) <= SMALL else round(float(off[0]), 12)
         return None
 
-    def one_force(self, path: list[int], end: _End) -> list[Rod]:
-        found = self.hanging(path, end) if end.hanging else self.along(path, end)
-        return [] if found is None else [found]
-
     def along(self, path: list[int], end: _End) -> Rod | None:
         """A leg with one centre and one actuated joint before or behind it."""
         mechanism, sample = self.mechanism, self.samples[0]
@@ -533,13 +422,15 @@ class _Recognizer:
             if self.planar and not mechanism.prismatic[joint]:
                 elbow = sample.joints[joint + 1].translation
                 one, two = (float(np.linalg.norm((elbow - p[0])[:2])) for p in (C, B))
-                return ElbowRod(joint, outer, C[0], None, (one, two))
+                return Rod("elbow", joint, outer, C[0], links=(one, two))
             offset = self.offset(joint, B - C)
             if offset is None:
                 return None
             if hinge and max(abs(s.axis[joint] @ axis) for s in self.samples) > SMALL:
                 return None
-            return Strut(joint, outer, C[0], axis if hinge else None, offset)
+            return Rod(
+                "strut", joint, outer, C[0], axis if hinge else None, sliding=joint, offset=offset
+            )
         if path != [joint, *passive]:
             return None
         if not hinge:
@@ -571,7 +462,9 @@ class _Recognizer:
             return None
         E = np.array([s.frames[end.other].translation for s in self.samples])
         offset = self.offset(driven[0], E - B)
-        return None if offset is None else Strut(driven[0], outer, C[0], None, offset)
+        if offset is None:
+            return None
+        return Rod("strut", driven[0], outer, C[0], sliding=driven[0], offset=offset)
 
     def foot_driven(self, path: list[int], end: _End) -> list[Rod]:
         """The forces of one leg that is driven at its foot; empty for another one."""
@@ -606,11 +499,13 @@ class _Recognizer:
         out: list[Rod] = []
         for side, joint in ((0, slide), *enumerate(path[:-1], 1)):
             if joint in mechanism.actuated:
+                kind = "foot" if side else "strut"
                 out.append(
-                    Foot(joint, outer, foot, hinge, axis, side, slide, offset)
-                    if side
-                    else Strut(joint, outer, foot, hinge, offset)
-                )
+                    Rod(
+                        kind, joint, outer, foot, hinge, across=axis if side else _NONE,
+                        side=side, sliding=slide, offset=offset,
+                    )
+                )  # fmt: skip
                 hinge = None
         return out
 

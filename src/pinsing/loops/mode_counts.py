@@ -20,7 +20,6 @@ from pinsing.loops.legs import (
     TOUCHING,
     Rod,
     Rods,
-    Strut,
     carried,
     count_inside,
     inside,
@@ -32,6 +31,9 @@ from pinsing.loops.structure import (
     SMALL,
     Sample,
     at_zero,
+    bodies,
+    closing,
+    once,
     output_pose,
     path_to,
     plane_axes,
@@ -134,7 +136,7 @@ def count_hinged(mechanism: Mechanism, R: Array, p: Array) -> int | None:
     made = rods(mechanism)
     if made is None or made.planar or len(made.rods) != 3:
         return None
-    if any(r.hinge is None or not isinstance(r, Strut) for r in made.rods):
+    if any(r.hinge is None or r.kind != "strut" for r in made.rods):
         return None
     rows = set(mechanism.task.rows)
     moves, turns = [k for k in range(3) if k in rows], [k for k in range(3) if k + 3 in rows]
@@ -228,7 +230,8 @@ def _level_pairs(mechanism: Mechanism) -> list[Rod] | None:
         first = out.setdefault(rod.joint, rod)
         gap = (rod.inner - rod.outer) - (first.inner - first.outer)
         unlike = abs(made.length(rod) - made.length(first))
-        moved = np.abs(np.subtract(rod.vectors(), first.vectors())).max()
+        one, two = ((r.first, r.second, r.across) for r in (rod, first))
+        moved = np.abs(np.subtract(one, two)).max()
         if max(float(np.abs(gap).max()), unlike, float(moved)) > _LEVEL:
             return None
     away = np.abs(output_pose(mechanism, home(mechanism)).rotation - np.eye(3)).max()
@@ -271,9 +274,7 @@ def _one_rod(mechanism: Mechanism) -> tuple[int, int] | None:
 
 def _sides(mechanism: Mechanism) -> tuple[int, int, tuple[int, ...]] | None:
     """The joint before the rod, the joint beyond the loop, and those of the rod's centre."""
-    frames = {f.name: int(f.parentJoint) for f in mechanism.model.frames}
-    loop = mechanism.loops[0]
-    paths = [path_to(mechanism, frames[name]) for name in (loop.frame_a, loop.frame_b)]
+    paths = [path_to(mechanism, body) for body in bodies(mechanism)[0]]
     long, short = sorted(paths, key=len, reverse=True)
     if len(short) != 1 or len(long) < 2 or set(long) & set(short):
         return None
@@ -282,7 +283,7 @@ def _sides(mechanism: Mechanism) -> tuple[int, int, tuple[int, ...]] | None:
     centre = tuple(long[1:])
     if not any(c.joints == centre for c in structure(mechanism).centres):
         return None
-    flat = loop.kind == "planar"
+    flat = mechanism.loops[0].kind == "planar"
     return None if flat and len(centre) != 1 else (long[0], short[0], centre)
 
 
@@ -293,10 +294,8 @@ def _ends(mechanism: Mechanism, sample: Sample) -> tuple[Array, Array]:
     first, second, centre = sides
     point = next(c.point for c in structure(mechanism).centres if c.joints == centre)
     C = np.array(sample.joints[centre[0] + 1].act(point))
-    frames = {f.name: k for k, f in enumerate(mechanism.model.frames)}
-    loop = mechanism.loops[0]
-    a, b = frames[loop.frame_a], frames[loop.frame_b]
-    far = b if int(mechanism.model.frames[b].parentJoint) == second + 1 else a
+    (a,), (b,) = closing(mechanism)
+    far = b if bodies(mechanism)[0][1] == second + 1 else a
     B = np.array(sample.frames[far].translation)
     return (C, B) if mechanism.actuated[0] == first else (B, C)
 
@@ -342,15 +341,12 @@ def count_of_point(mechanism: Mechanism, p: Array) -> int | None:
     )
 
 
+@once
 def point_legs(mechanism: Mechanism) -> Rods | None:
     """Both rods of a five-bar whose output is the position of the middle pin, in any plane.
 
     Each hangs on a crank or a slide. None of other mechanisms.
     """
-    return mechanism.once("point_legs", lambda: _point_legs(mechanism))
-
-
-def _point_legs(mechanism: Mechanism) -> Rods | None:
     ring, plane = _ring(mechanism), plane_axes(mechanism)
     if ring is None or plane is None or not _position_in(plane[0], mechanism.task.rows):
         return None
@@ -361,10 +357,11 @@ def _point_legs(mechanism: Mechanism) -> Rods | None:
     zero = Sample(mechanism, np.zeros(mechanism.n), *plane)
     if not _at_pin(mechanism, ring[2], start):
         return None
-    loop = mechanism.loops[0]
     found = []
-    for act, pin, own in ((ring[0], ring[1], loop.frame_a), (ring[4], ring[3], loop.frame_b)):
-        rod = carried(mechanism, zero, act, _place(mechanism, zero, pin, own), np.zeros(3))
+    for act, pin, (own,) in zip(
+        (ring[0], ring[4]), (ring[1], ring[3]), closing(mechanism), strict=True
+    ):
+        rod = carried(mechanism, zero, act, _place(zero, pin, own), np.zeros(3))
         if rod is None:
             return None
         found.append(rod)
@@ -377,36 +374,31 @@ def _position_in(axes: Array, rows: Sequence[int]) -> bool:
     return set(rows) <= {0, 1, 2} and bool((np.abs(axes[:2, across]) <= SMALL).all())
 
 
-def _place(mechanism: Mechanism, sample: Sample, pin: int, own: str) -> Array:
+def _place(sample: Sample, pin: int, own: int) -> Array:
     """Where a pin is (3,); that of the loop by its frame ``own``, since the tree may be open."""
-    if pin != LOOP:
-        return np.array(sample.joints[pin + 1].translation)
-    frames = zip(sample.frames, mechanism.model.frames, strict=True)
-    return np.array(next(f for f, x in frames if x.name == own).translation)
+    there = sample.frames[own] if pin == LOOP else sample.joints[pin + 1]
+    return np.array(there.translation)
 
 
 def _ring(mechanism: Mechanism) -> list[int] | None:
     """Joints around the one loop from base to base, of which three are passive pins; or None."""
     if len(mechanism.loops) != 1 or mechanism.prismatic[list(mechanism.passive)].any():
         return None
-    loop = mechanism.loops[0]
-    bodies = {f.name: int(f.parentJoint) for f in mechanism.model.frames}
-    first, second = (path_to(mechanism, bodies[name]) for name in (loop.frame_a, loop.frame_b))
+    first, second = (path_to(mechanism, body) for body in bodies(mechanism)[0])
     if set(first) & set(second):
         return None
-    ring = [*first, *([] if loop.kind == "6d" else [LOOP]), *reversed(second)]
+    ring = [*first, *([] if mechanism.loops[0].kind == "6d" else [LOOP]), *reversed(second)]
     pins = [j for j in ring if j not in mechanism.actuated]
     return ring if len(pins) == 3 and set(mechanism.passive) <= set(pins) else None
 
 
 def _corners(mechanism: Mechanism, ring: Sequence[int], q: Array) -> Array | None:
     """The three pins (3, 2) in their plane; None where they are not parallel."""
-    sample, loop = Sample(mechanism, q), mechanism.loops[0]
+    sample = Sample(mechanism, q)
     pins = [j for j in ring if j not in mechanism.actuated]
     axes = np.array([sample.axis[j] for j in pins if j != LOOP])
-    frame = next(f for f, x in zip(sample.frames, mechanism.model.frames, strict=True)
-                 if x.name == loop.frame_a)  # fmt: skip
-    if loop.kind == "planar":
+    frame = sample.frames[closing(mechanism)[0][0]]
+    if mechanism.loops[0].kind == "planar":
         axes = np.concatenate([axes, np.array(frame.rotation)[None, :, 2]])
     if np.abs(np.cross(axes, axes[0])).max() > SMALL:
         return None
@@ -418,15 +410,10 @@ def _corners(mechanism: Mechanism, ring: Sequence[int], q: Array) -> Array | Non
 
 def _at_pin(mechanism: Mechanism, pin: int, at: Sample) -> bool:
     """Whether the output is the position of a pin, as a point of one of its two bodies."""
-    frames = {f.name: f for f in mechanism.model.frames}
-    output, loop = frames[mechanism.output], mechanism.loops[0]
-    if pin == LOOP:
-        bodies = {frames[name].parentJoint for name in (loop.frame_a, loop.frame_b)}
-    else:
-        bodies = {pin + 1, mechanism.model.parents[pin + 1]}
-    if output.parentJoint not in bodies:
+    joined = (pin + 1, int(mechanism.model.parents[pin + 1]))
+    if structure(mechanism).output not in (bodies(mechanism)[0] if pin == LOOP else joined):
         return False
-    away = _place(mechanism, at, pin, loop.frame_a) - np.array(at.output.translation)
+    away = _place(at, pin, closing(mechanism)[0][0]) - np.array(at.output.translation)
     return bool(np.linalg.norm(away[:2]) <= SMALL * mechanism.length_scale)
 
 

@@ -8,6 +8,7 @@ is bent; of a driven slide, whether its rod leans ahead along it or back.
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import dataclass
 
 import numpy as np
@@ -26,7 +27,7 @@ from pinsing.loops.closure import (
     random_closed,
     ranks,
 )
-from pinsing.loops.structure import SMALL, structure
+from pinsing.loops.structure import SMALL, closing, once, structure
 from pinsing.robot.mechanism import Mechanism
 
 STRAIGHT = 1e-9
@@ -125,9 +126,10 @@ def elbows(mechanism: Mechanism) -> tuple[Elbow, ...]:
                     @ structure(mechanism).axes[beyond[0] - 1]
                 )
         else:
-            names = {f.name: f for f in model.frames}
-            closing = [names[n] for x in mechanism.loops for n in (x.frame_a, x.frame_b)]
-            here = [f for f in closing if f.parentJoint == last]
+            ends = [
+                model.frames[k] for k in itertools.chain(*zip(*closing(mechanism), strict=True))
+            ]
+            here = [f for f in ends if f.parentJoint == last]
             if not here or (slides and np.linalg.norm(here[0].placement.translation) <= SMALL):
                 continue
             end = here[0].placement.translation
@@ -193,12 +195,21 @@ def passive_determinant(mechanism: Mechanism, q: npt.ArrayLike) -> float | None:
     return sign * float(np.linalg.det(G[np.ix_(rows, list(mechanism.passive))]))
 
 
+@once
 def assembly_rows(mechanism: Mechanism) -> tuple[list[int] | None, float]:
     """Rows of the closure whose determinant tells assemblies apart, and its sign at home.
 
     None for the rows where there are none.
     """
-    return mechanism.once("assembly_rows", lambda: _assembly_rows(mechanism))
+    loops = Loops(mechanism)
+    rank = ranks(mechanism).constraint
+    samples = random_closed(mechanism, 6, np.random.default_rng(_SEED))
+    stack = np.stack([loops.scaled(q)[1] for q in [home(mechanism), *samples]])
+    rows = [int(i) for i in np.flatnonzero(np.abs(stack).max(axis=(0, 2)) > 1e-9)]
+    if len(rows) != rank or rank != len(mechanism.passive):
+        return None, 0.0
+    at_home = float(np.linalg.det(stack[0][np.ix_(rows, list(mechanism.passive))]))
+    return rows, 1.0 if at_home >= 0 else -1.0
 
 
 def assembly_sign(mechanism: Mechanism, q: npt.ArrayLike) -> str:
@@ -230,7 +241,7 @@ def home(mechanism: Mechanism) -> Array:
     Where home leads nowhere, or beyond a limit, a random one within the limits; where there is
     none either, one beyond them.
     """
-    return np.array(mechanism.once("home", lambda: _home(mechanism)))
+    return np.array(_home(mechanism))
 
 
 def home_outside(mechanism: Mechanism) -> str:
@@ -258,6 +269,7 @@ def home_error(mechanism: Mechanism) -> ConfigurationError:
     )
 
 
+@once
 def _home(mechanism: Mechanism) -> Array:
     loops = Loops(mechanism)
     # The inputs stay as given if they can.
@@ -296,16 +308,3 @@ def _home(mechanism: Mechanism) -> Array:
         ranks(mechanism)
         spare = near_home(mechanism)
     return mechanism.space.fold(spare[0])
-
-
-def _assembly_rows(mechanism: Mechanism) -> tuple[list[int] | None, float]:
-    """Rows of the closure whose determinant tells assemblies apart, and its sign at home."""
-    loops = Loops(mechanism)
-    rank = ranks(mechanism).constraint
-    samples = random_closed(mechanism, 6, np.random.default_rng(_SEED))
-    stack = np.stack([loops.scaled(q)[1] for q in [home(mechanism), *samples]])
-    rows = [int(i) for i in np.flatnonzero(np.abs(stack).max(axis=(0, 2)) > 1e-9)]
-    if len(rows) != rank or rank != len(mechanism.passive):
-        return None, 0.0
-    at_home = float(np.linalg.det(stack[0][np.ix_(rows, list(mechanism.passive))]))
-    return rows, 1.0 if at_home >= 0 else -1.0

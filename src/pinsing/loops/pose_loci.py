@@ -52,11 +52,12 @@ from pinsing.loops.pose_ring import (
     hinged_type1,
 )
 from pinsing.loops.sphere_loci import SphereLoci, sphere_loci, squares_note
-from pinsing.loops.structure import output_pose
+from pinsing.loops.structure import once, output_pose
 from pinsing.loops.three_distances import input_loci
 from pinsing.robot.mechanism import Mechanism
 
 
+@once
 def pose_forms(mechanism: Mechanism) -> PoseForms | None:
     """Closed forms over the pose; None where a leg passes more, or other things, than one force.
 
@@ -79,10 +80,6 @@ def pose_forms(mechanism: Mechanism) -> PoseForms | None:
         If the loops close nowhere.
     """
     ranks(mechanism)
-    return mechanism.once("pose_forms", lambda: _made(mechanism))
-
-
-def _made(mechanism: Mechanism) -> PoseForms | None:
     found = rods(mechanism)
     if found is not None:
         return _forms(mechanism, found)

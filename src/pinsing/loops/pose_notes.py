@@ -8,7 +8,7 @@ import numpy as np
 
 from pinsing._types import Array
 from pinsing.loops.forms import TURNS, PoseEquation, PoseForms
-from pinsing.loops.legs import ElbowRod, Rod, Rods, rods, written
+from pinsing.loops.legs import Rod, Rods, rods, written
 from pinsing.loops.mode_counts import point_legs
 from pinsing.loops.pose import pose_of
 from pinsing.loops.pose_ring import PoseRing, counts_hinges
@@ -127,7 +127,7 @@ def _lines(ring: PoseRing) -> Iterator[str]:
         C = rod.foot_text(mechanism.joints[rod.joint])
         text = f"force {k}: f = {force}, b = {written(rod.outer)}, C = {C}"
         if rod.side:
-            text += f", a = {written(rod.vectors()[2])}"
+            text += f", a = {written(rod.across)}"
         if rod.hinge is not None:
             text += f"; and f = {written(rod.hinge)}, across which B - C stays"
         if rod.moved:
@@ -163,7 +163,7 @@ def needs(ring: PoseRing) -> Iterator[str]:
                 "six together; the equations in the joint angles have it"
             )
         if not open_:
-            told = tied or any(rod.moved or isinstance(rod, ElbowRod) for rod in ring.rods.rods)
+            told = tied or any(rod.moved or rod.kind == "elbow" for rod in ring.rods.rods)
             also = "also " if told else ""
             yield f"type 1: {also}where a leg has no length{_short(ring, legs)}; {_else(ring)}"
     yield from in_plane(ring.rods)

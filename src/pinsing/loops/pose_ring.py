@@ -67,8 +67,8 @@ class PoseRing:
         points = []
         for rod in self.rods.rods:
             hinge = np.zeros(3) if rod.hinge is None else rod.hinge
-            points += [rod.outer, rod.inner, *rod.vectors()[:2], hinge]
-        points += [rod.vectors()[2] for rod in self.rods.rods]
+            points += [rod.outer, rod.inner, rod.first, rod.second, hinge]
+        points += [rod.across for rod in self.rods.rods]
         return exact_points(points)
 
     @cached_property

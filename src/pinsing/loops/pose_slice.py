@@ -16,7 +16,7 @@ from pinsing.loops.batch import CLOSED_MANY, BatchLoops, newton
 from pinsing.loops.joint_loci import joint_forms
 from pinsing.loops.modes import home
 from pinsing.loops.pose import COORDINATES, led_pose
-from pinsing.loops.structure import output_pose
+from pinsing.loops.structure import closing, output_pose
 from pinsing.robot.mechanism import Mechanism
 
 _QUARTER = np.radians(89.5)
@@ -101,13 +101,11 @@ class PoseWay:
         q = home(self.mechanism)
         model, data = self.mechanism.model, self.mechanism.model.createData()
         pin.framesForwardKinematics(model, data, self.mechanism.model_q(q))
-        ends = {self.mechanism.output}
-        ends |= {name for x in self.mechanism.loops for name in (x.frame_a, x.frame_b)}
+        ends = {self.mechanism.output_id}.union(*closing(self.mechanism))
         points = np.concatenate(
             [
                 self.loops.place(q[None]).position[:, 0],
-                [np.array(data.oMf[k].translation) for k, f in enumerate(model.frames)
-                 if f.name in ends],
+                [np.array(data.oMf[k].translation) for k in sorted(ends)],
             ]
         )  # fmt: skip
         gaps = np.linalg.norm(points[:, None] - points[None], axis=-1)

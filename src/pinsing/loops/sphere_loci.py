@@ -24,7 +24,7 @@ from pinsing.loops.exact import cross, divided_by, dot, quaternion_turn, vector
 from pinsing.loops.forms import TURNS, pose_equation
 from pinsing.loops.leg_wrenches import SPHERE, room_of
 from pinsing.loops.legs import angles_of
-from pinsing.loops.structure import SMALL, at_zero, path_to, structure
+from pinsing.loops.structure import SMALL, at_zero, closing, once, path_to, structure
 from pinsing.robot.mechanism import Mechanism
 
 
@@ -93,9 +93,20 @@ class SphereLoci:
     off: float
 
 
+@once
 def sphere_loci(mechanism: Mechanism) -> SphereLoci | None:
     """Loci of a spherical mechanism of three legs of three joints; None for another one."""
-    return mechanism.once("sphere_loci", lambda: _loci(mechanism))
+    if room_of(mechanism)[0] != SPHERE or set(mechanism.task.rows) != {3, 4, 5}:
+        return None
+    legs = _legs(mechanism)
+    if legs is None or len(legs) != 3:
+        return None
+    joints = () if all(leg.square for leg in legs) else tuple(leg.joint for leg in legs)
+    names = [*TURNS]
+    for j in joints:
+        names += [f"cos {mechanism.joints[j]}", f"sin {mechanism.joints[j]}"]
+    type2, type1, off = _polynomials(legs, names, joints)
+    return SphereLoci(tuple(names), type2, type1, tuple(legs), off)
 
 
 MOST_ASSEMBLIES = 8
@@ -152,20 +163,6 @@ def _zeros(poly: Poly, count: int) -> list[frozenset[int]]:
     return out
 
 
-def _loci(mechanism: Mechanism) -> SphereLoci | None:
-    if room_of(mechanism)[0] != SPHERE or set(mechanism.task.rows) != {3, 4, 5}:
-        return None
-    legs = _legs(mechanism)
-    if legs is None or len(legs) != 3:
-        return None
-    joints = () if all(leg.square for leg in legs) else tuple(leg.joint for leg in legs)
-    names = [*TURNS]
-    for j in joints:
-        names += [f"cos {mechanism.joints[j]}", f"sin {mechanism.joints[j]}"]
-    type2, type1, off = _polynomials(legs, names, joints)
-    return SphereLoci(tuple(names), type2, type1, tuple(legs), off)
-
-
 def _polynomials(
     legs: Sequence[SphereLeg], names: Sequence[str], joints: Sequence[int]
 ) -> tuple[Poly, tuple[Poly, ...], float]:
@@ -202,12 +199,10 @@ def _legs(mechanism: Mechanism) -> list[SphereLeg] | None:
     built, zero = structure(mechanism), at_zero(mechanism)
     centre = room_of(mechanism)[2]
     turn = np.array(zero.frames[mechanism.output_id].rotation)
-    frames = {f.name: k for k, f in enumerate(mechanism.model.frames)}
     whole, last = path_to(mechanism, built.output), zero.axis[built.output - 1]
     # Of each way: its joints, the outer axis by the link before it, and by the output.
     ways = [(whole[:-1], last, last)]
-    for loop in mechanism.loops:
-        inner, outer = frames[loop.frame_a], frames[loop.frame_b]
+    for loop, inner, outer in zip(mechanism.loops, *closing(mechanism), strict=True):
         if int(mechanism.model.frames[inner].parentJoint) == built.output:
             inner, outer = outer, inner
         if loop.kind == "6d" or int(mechanism.model.frames[outer].parentJoint) != built.output:

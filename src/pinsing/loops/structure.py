@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import functools
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import TypeVar
 
 import numpy as np
 import pinocchio as pin
@@ -73,9 +75,18 @@ class Structure:
     axes: Array
 
 
-def structure(mechanism: Mechanism) -> Structure:
-    """Legs and centres of a mechanism (found once)."""
-    return mechanism.once("structure", lambda: _structure(mechanism))
+T = TypeVar("T")
+
+
+def once(compute: Callable[[Mechanism], T]) -> Callable[[Mechanism], T]:
+    """Keep what a function finds of a mechanism with that mechanism."""
+    key = f"{compute.__module__}.{compute.__name__}"
+
+    @functools.wraps(compute)
+    def known(mechanism: Mechanism) -> T:
+        return mechanism.once(key, lambda: compute(mechanism))
+
+    return known
 
 
 class NotThisKind(Exception):
@@ -166,8 +177,16 @@ def plane_axes(mechanism: Mechanism) -> tuple[Array, Array] | None:
 
 def bodies(mechanism: Mechanism) -> tuple[tuple[int, int], ...]:
     """The two bodies (joints of the model, 0 the base) that each loop holds together."""
-    frames = {f.name: int(f.parentJoint) for f in mechanism.model.frames}
-    return tuple((frames[x.frame_a], frames[x.frame_b]) for x in mechanism.loops)
+    frames = mechanism.model.frames
+    a, b = ([int(frames[k].parentJoint) for k in side] for side in closing(mechanism))
+    return tuple(zip(a, b, strict=True))
+
+
+def closing(mechanism: Mechanism) -> tuple[list[int], list[int]]:
+    """Indices of the first frames of all loops, and of the second ones."""
+    numbers = {f.name: k for k, f in enumerate(mechanism.model.frames)}
+    first = [numbers[x.frame_a] for x in mechanism.loops]
+    return first, [numbers[x.frame_b] for x in mechanism.loops]
 
 
 def idle_link(mechanism: Mechanism) -> str:
@@ -220,7 +239,9 @@ def without_length(mechanism: Mechanism) -> str:
     )
 
 
-def _structure(mechanism: Mechanism) -> Structure:
+@once
+def structure(mechanism: Mechanism) -> Structure:
+    """Legs and centres of a mechanism."""
     model = mechanism.model
     output = int(model.frames[mechanism.output_id].parentJoint)
     axes = np.array([joint_axis(model.joints[j + 1], mechanism.joints[j])[0]
@@ -372,10 +393,8 @@ def likeness(
                 at = np.array(data.oMi[j + 1].translation)
                 out.append((at - (at @ axis) * axis) / scale)
     if joints is None:
-        names = {f.name: i for i, f in enumerate(model.frames)}
-        for loop in mechanism.loops:
-            at = pin.updateFramePlacement(model, data, names[loop.frame_a]).translation
-            out.append(np.array(at) / scale)
+        for k in closing(mechanism)[0]:
+            out.append(np.array(pin.updateFramePlacement(model, data, k).translation) / scale)
     return np.concatenate(out) if out else np.zeros(0)
 
 

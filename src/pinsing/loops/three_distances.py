@@ -12,7 +12,7 @@ from __future__ import annotations
 import functools
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fractions import Fraction
 from typing import Any
 
@@ -22,8 +22,8 @@ from flint import Ordering, fmpq_mpoly_ctx, fmpq_poly
 from pinsing._types import Array
 from pinsing.algebra.ring import Poly, fraction, rational
 from pinsing.loops.exact import ExactPoints, divided_by, exact_points
-from pinsing.loops.forms import PoseEquation
-from pinsing.loops.legs import Crank, ElbowRod, Foot, Rod, Rods, Strut, rods
+from pinsing.loops.forms import PoseEquation, pose_equation
+from pinsing.loops.legs import Rod, Rods, rods
 from pinsing.robot.mechanism import Mechanism
 
 _SEED = 5077
@@ -51,7 +51,7 @@ def planar_rods(mechanism: Mechanism) -> Rods | None:
     found = rods(mechanism)
     if found is None or not found.planar or len(found.rods) != 3:
         return None
-    return None if any(isinstance(rod, ElbowRod | Foot) for rod in found.rods) else found
+    return None if any(rod.kind in ("elbow", "foot") for rod in found.rods) else found
 
 
 def count_poses(mechanism: Mechanism, inputs: Array) -> int | None:
@@ -94,7 +94,7 @@ def input_loci(mechanism: Mechanism) -> tuple[PoseEquation, ...]:
     by its input, "(p1 + 0.5)". A point on it has two poses that meet, real or complex ones.
     """
     found = planar_rods(mechanism)
-    if found is None or not all(isinstance(r, Strut) for r in found.rods):
+    if found is None or not all(r.kind == "strut" for r in found.rods):
         return ()
     return mechanism.once("input_loci", lambda: _input_loci(mechanism, found))
 
@@ -102,7 +102,7 @@ def input_loci(mechanism: Mechanism) -> tuple[PoseEquation, ...]:
 def input_degrees(mechanism: Mechanism) -> InputDegrees | None:
     """Degrees of type 2 over the inputs of cranks, each counted with the other inputs fixed."""
     found = planar_rods(mechanism)
-    if found is None or not all(isinstance(r, Crank) for r in found.rods):
+    if found is None or not all(r.kind == "crank" for r in found.rods):
         return None
     return mechanism.once("input_degrees", lambda: _degrees(mechanism, found))
 
@@ -110,11 +110,7 @@ def input_degrees(mechanism: Mechanism) -> InputDegrees | None:
 def degree_notes(mechanism: Mechanism) -> Iterator[str]:
     """The same in words, and why a locus over three distances is left out."""
     slid = planar_rods(mechanism)
-    if (
-        slid is not None
-        and all(isinstance(r, Strut) for r in slid.rods)
-        and not input_loci(mechanism)
-    ):
+    if slid is not None and all(r.kind == "strut" for r in slid.rods) and not input_loci(mechanism):
         yield (
             "the inputs alone: eliminating the pose leaves a polynomial, in general of degree 12 "
             "in the squares of the inputs; not written out where coordinates have more than five "
@@ -248,17 +244,8 @@ def _vanishes(factor: Poly, at: Array) -> bool:
 
 def _in_inputs(factor: Poly, names: tuple[str, ...]) -> PoseEquation:
     """A polynomial in squared inputs as one in the inputs, its largest coefficient 1."""
-    terms = sorted(
-        ((tuple(2 * int(e) for e in tuple(m)[1:]), fraction(c)) for m, c in
-         factor.to_dict().items()), reverse=True,
-    )  # fmt: skip
-    lead = max((c for _, c in terms), key=abs)
-    return PoseEquation(
-        names,
-        np.array([p for p, _ in terms], dtype=int),
-        tuple(str(c) for _, c in terms),
-        np.array([float(c / lead) for _, c in terms]),
-    )
+    found = pose_equation(factor, ("t", *names))
+    return replace(found, names=names, powers=2 * found.powers[:, 1:])
 
 
 def _degrees(mechanism: Mechanism, found: Rods) -> InputDegrees | None:
@@ -274,11 +261,14 @@ def _degrees(mechanism: Mechanism, found: Rods) -> InputDegrees | None:
         for k, rod in enumerate(found.rods):
             h = u if k == moving else context.constant(int(rng.integers(2, 9)))
             n, c, s = 1 + h**2, 1 - h**2, 2 * h
-            first, second, _ = rod.vectors()
             inner.append(
-                tuple(n * _simple(rod.inner[i]) + c * _simple(first[i]) + s * _simple(second[i])
-                      for i in range(2))
-            )  # fmt: skip
+                tuple(
+                    n * _simple(at) + c * _simple(first) + s * _simple(second)
+                    for at, first, second in zip(
+                        rod.inner[:2], rod.first[:2], rod.second[:2], strict=True
+                    )
+                )
+            )
             below.append(n)
         # All lengths times the product of the denominators.
         whole = functools.reduce(lambda a, b: a * b, below)
