@@ -19,6 +19,7 @@ from pinsing.algebra.components import Component
 from pinsing.algebra.equation import equation
 from pinsing.algebra.mimic import own_offsets
 from pinsing.algebra.ring import Poly, Ring, terms_of
+from pinsing.algebra.trig_sum import TINY
 from pinsing.families.family import Family
 from pinsing.families.parts import Branch
 from pinsing.families.zero_set import thrown
@@ -30,6 +31,8 @@ _ZERO = 1e-10
 _SHARP, _BLUNT = 1e-6, 1e-4
 """Radians or metres from a branch's values, and residual of its equations: of a point on it, and
 of one that is a multiple root, which has half of the digits or less."""
+_ROUNDING = 1e-13
+"""Rounding of a value, relative to its terms: of what is left where most of them cancel."""
 _REAL = 1e-6
 """Distance from the unit circle, or from the real line, of a root that is real."""
 
@@ -121,16 +124,20 @@ class _Exact:
         q = self._random(6)
         q[:, list(there)] = list(there.values())
         x = self._variables(q)
-        left = {k: _unit(e(q)) for k, e in enumerate(branch.equations)}
-        stated = list(left.values())
+        stated = [_unit(e(q), e.unit) for e in branch.equations]
+        left = set(range(len(stated)))
         for poly in component.relations:
             values, size = self._form(poly)(x)
-            own = _unit(values)
+            own, rounding = _unit(values, size)
             # Relative difference of an equation's values and a multiple of a relation's.
-            alike = [k for k, e in enumerate(stated) if 1 - (own * e).sum() ** 2 < 1e-6**2]
+            alike = {
+                k
+                for k, (unit, error) in enumerate(stated)
+                if rounding < 1 and 1 - (own @ unit) ** 2 < (1e-6 + rounding + error) ** 2
+            }
             if not alike and (np.abs(values) > _ZERO * size).any():
                 return False
-            left = {k: e for k, e in left.items() if k not in alike}
+            left -= alike
         return not left
 
     def off(self, component: Component, branches: Sequence[Branch]) -> Array | None:
@@ -286,6 +293,7 @@ class _Exact:
         return out
 
 
-def _unit(values: Array) -> Array:
-    size = math.sqrt(float((values * values).sum()))
-    return values / size if size else values
+def _unit(values: Array, size: float) -> tuple[Array, float]:
+    """Values of length 1, and the relative error that terms of this size leave, 1 at most."""
+    length = max(float(np.linalg.norm(values)), TINY)
+    return values / length, min(_ROUNDING * size / length, 1.0)

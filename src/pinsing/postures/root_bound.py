@@ -9,6 +9,7 @@ trigonometric sum, of which boxes show that it is negative wherever it may have 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -70,25 +71,25 @@ class Deflated:
         ]
         return line[0], line[1] + square[0], line[0] + square[1], line[1] + square[2]
 
-    def bound(self) -> TrigSum:
-        """A sum in q2 and q3 that the discriminant is nowhere above, rounding included."""
+    @cached_property
+    def rounding(self) -> float:
+        """A bound of the error of a computed discriminant: it comes of some 120 roundings."""
+        ones = np.ones((2, 1))
+        return 2e-14 * float(_discriminant(*self._cubic(ones, ones, -1.0), sign=-1.0)[0])
+
+    def expanded(self) -> TrigSum:
+        """The discriminant as a sum in q2 and q3."""
         shape = tuple(4 * d for d in _DEGREES)
         grid = np.stack(np.meshgrid(*(2 * np.pi / m * np.arange(m) for m in shape), indexing="ij"))
         values = self.discriminant(grid.reshape(2, -1).T).reshape(shape)
         waves = np.fft.fft2(values) / values.size
-        ones = np.ones((2, 1))
-        size = float(_discriminant(*self._cubic(ones, ones, -1.0), sign=-1.0)[0])
-        rates, terms = [], []
+        rates, terms = [[0, 0]], [waves[0, 0].real]
         for i in range(_DEGREES[0] + 1):
             for j in range(-_DEGREES[1], _DEGREES[1] + 1):
                 if (i, j) > (0, 0):
                     rates.append([i, j])
                     terms.append(2 * waves[i, j])
-        # What rounding does to a value, and with it to every coefficient at most.
-        rates.append([0, 0])
-        terms.append(waves[0, 0].real + (2 * len(terms) + 2) * 1e-13 * size)
-        amplitude, phase = np.abs(terms), np.angle(terms)
-        return TrigSum(amplitude, phase, rates, np.zeros_like(rates), 1e-12)
+        return TrigSum(np.abs(terms), np.angle(terms), rates, np.zeros_like(rates), 1e-12)
 
 
 def _discriminant(c0: Array, c1: Array, c2: Array, c3: Array, sign: float = 1.0) -> Array:
@@ -107,29 +108,32 @@ def one_root_left(cubic: Deflated, most: int = MOST) -> bool:
     It is largest somewhere, where no box around shows that it grows in some direction. False where
     it is not negative somewhere, or was not seen to be with ``most`` boxes.
     """
-    f, made = cubic.bound(), 0
+    f, made = cubic.expanded(), 0
     squares = f.rate[:, [0, 0, 1, 1]] * f.rate[:, [0, 1, 0, 1]]
     steep = np.linalg.norm(f.rate, axis=1)
-    noise = 1e-11 * f.amplitude.sum() * (1 + steep.max())
+    # Errors of a gradient. The sum of the squares of the coefficients' errors is the mean of the
+    # squares of the values' (Parseval); two of each term count.
+    noise = np.sqrt(2 * len(steep)) * cubic.rounding + 1e-13 * f.amplitude.sum()
+    noise *= steep.max()
     width = 2 * np.pi / 32
     at = width * (np.arange(32) + 0.5) - np.pi
     x = np.stack(np.meshgrid(at, at, indexing="ij"), axis=-1).reshape(-1, 2)
     while len(x):
         made += len(x)
         h = width / 2 * (1 + 1e-9)  # a little too wide: rounding leaves no gap
-        angle = x @ f.rate.T + f.phase
-        cosine = f.amplitude * np.cos(angle)
-        value, gradient = cosine.sum(axis=1), -(f.amplitude * np.sin(angle)) @ f.rate
-        bend = -cosine @ squares
+        value = cubic.discriminant(x) + cubic.rounding
         if made > most or (value >= 0).any():
             return False
+        angle = x @ f.rate.T + f.phase
+        gradient = -(f.amplitude * np.sin(angle)) @ f.rate
+        bend = -(f.amplitude * np.cos(angle)) @ squares
         reach = h * np.abs(f.rate).sum(axis=1)
         swing = h * np.abs(gradient).sum(axis=1) + h**2 / 2 * np.abs(bend).sum(axis=1)
-        top = value + swing + f.amplitude @ reach**3 / 6 + noise
+        top = value + swing + f.amplitude @ reach**3 / 6 + 4 * h * noise
         # The derivative along the gradient, less how much it changes in the box.
         size = np.linalg.norm(gradient, axis=1)
         change = np.abs(np.einsum("nij,nj->ni", bend.reshape(-1, 2, 2), gradient)).sum(axis=1)
-        rest = (f.amplitude * steep) @ reach**2 / 2 + noise
+        rest = (f.amplitude * steep) @ reach**2 / 2 + 4 * noise
         x = x[(top >= 0) & (size**2 <= h * change + size * rest)]
         width /= 2
         corners = width / 2 * np.array([[-1, -1], [-1, 1], [1, -1], [1, 1]])
