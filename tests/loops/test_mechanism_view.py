@@ -22,7 +22,7 @@ from pinsing.loops import home, mechanism_at
 from pinsing.view.links import Recorder, read_links
 from pinsing.view.mechanism import MechanismViewer
 from pinsing.view.mechanism.linkage import Linkage, linkage_sizes, plane_normal, side
-from pinsing.view.mechanism.stage import groups
+from pinsing.view.mechanism.viewer import groups
 from pinsing.view.scene import draw_scene
 from pinsing.view.stage import SIDE
 

@@ -419,7 +419,7 @@ def test_families_are_marked_where_a_way_meets_them() -> None:
 
 
 def test_a_slice_holds_the_best_of_each_place() -> None:
-    from pinsing.plot.workspace import tip_positions
+    from pinsing.plot.plane import tip_positions
 
     arm = textbook("scara")
     ax = plot.workspace(arm, samples=4000)

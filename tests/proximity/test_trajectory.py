@@ -16,7 +16,7 @@ import pinsing
 from pinsing._types import Array
 from pinsing.cli.app import command
 from pinsing.errors import ConfigurationError, OptionError
-from pinsing.proximity import passage, trajectory
+from pinsing.proximity import trajectory
 from pinsing.proximity.trajectory import check_trajectory, details, summary
 from pinsing.proximity.trajectory_file import read_trajectory
 
@@ -106,7 +106,7 @@ def test_pieces_of_any_size_say_the_same(monkeypatch: pytest.MonkeyPatch) -> Non
         ]
         for a, b in zip(part.approaches, whole.approaches, strict=True):
             assert a.upper == pytest.approx(b.upper, abs=1e-6)
-    assert len(whole.stretches) <= passage._MOST
+    assert len(whole.stretches) <= 1000
 
 
 def test_speeds_jumps_and_limits() -> None:

@@ -130,7 +130,7 @@ def path_command(
             )
     if plot is not None:
         off_screen()
-        from pinsing.plot.along import path_sheet
+        from pinsing.plot.toolpath import path_sheet
 
         save_figure(path_sheet(plan, form), plot)
         say(f"wrote {plot}")

@@ -8,9 +8,8 @@ from pinsing.plot.along import sigma_along
 from pinsing.plot.aspect_plane import aspect_plane, locus
 from pinsing.plot.curves import sigma_curves
 from pinsing.plot.ellipsoids import ellipsoids
-from pinsing.plot.plane import sigma_plane
+from pinsing.plot.plane import sigma_plane, workspace
 from pinsing.plot.reach import inverse_count
-from pinsing.plot.workspace import workspace
 
 sigma_map = sigma_plane
 """As `sigma_plane`: the name that it had before, which is that of `pinsing.sigma_map` too."""

@@ -199,37 +199,25 @@ def _keys(found: Aspects, Q: Array) -> Ints:
 
 def _regions(key: Ints) -> Ints:
     """Label of the connected set of equal keys at each point of a grid."""
-    label = np.arange(key.size).reshape(key.shape)
-    while True:
-        new = label.copy()
-        for axis in (0, 1):
-            same = np.diff(key, axis=axis) == 0
-            one, two = (np.moveaxis(new, axis, 0)[s] for s in (slice(None, -1), slice(1, None)))
-            least = np.where(np.moveaxis(same, axis, 0), np.minimum(one, two), -1)
-            for side in (one, two):
-                side[...] = np.where(least >= 0, np.minimum(least, side), side)
-        new = new.ravel()[new]  # a label is a point: that point's own label is at least as good
-        if np.array_equal(new, label):
-            return label
-        label = new
+    from scipy.ndimage import label
+
+    out = np.zeros(key.shape, dtype=np.int64)
+    for value in np.unique(key):
+        numbers, _ = label(key == value)
+        out[numbers > 0] = numbers[numbers > 0] + out.max()
+    return out
 
 
 def _depth(label: Ints) -> Ints:
-    """Steps from each point to another label or the edge of the grid, up to 12."""
-    depth = np.zeros(label.shape, dtype=np.int64)
+    """Steps from each point to another label or the edge of the grid."""
+    from scipy.ndimage import distance_transform_cdt
+
     inside = np.ones(label.shape, dtype=bool)
     inside[[0, -1]] = inside[:, [0, -1]] = False
     for axis in (0, 1):
         for step in (-1, 1):
             inside &= np.roll(label, step, axis) == label
-    for _ in range(12):
-        depth += inside
-        kept = inside.copy()
-        for axis in (0, 1):
-            for step in (-1, 1):
-                kept &= np.roll(inside, step, axis)
-        inside = kept
-    return depth
+    return np.asarray(distance_transform_cdt(inside, "taxicab"))
 
 
 _MOST_CURVES = 12

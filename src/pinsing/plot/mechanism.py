@@ -81,12 +81,12 @@ def input_map(
     one, two = (side.rod_length for side in dyad.sides)
     for reach, style in ((one + two, "-"), (abs(one - two), "--")):
         if reach > 0:
-            _zero(ax, d(x), d(y), distance - reach, TYPE_2, style)
+            zero_line(ax, d(x), d(y), distance - reach, TYPE_2, style)
     for kind, inputs in _isolated(mechanism, dyad):
         color = TYPE_2 if kind == "type 2" else TYPE_1
         ax.plot(*d(inputs), "o", color=color, ms=5, mfc="white", zorder=4)
     for value, style in _type_1(mechanism, dyad, q, closed):
-        _zero(ax, d(x), d(y), value, TYPE_1, style)
+        zero_line(ax, d(x), d(y), value, TYPE_1, style)
     for axis, name, (low, high) in zip((ax.xaxis, ax.yaxis), mechanism.inputs, ranges, strict=True):
         axis.set_label_text(f"{plain(name)} [{unit(False, degrees)}]")
         if not degrees:
@@ -301,9 +301,17 @@ def _isolated(mechanism: Mechanism, dyad: Dyad) -> list[tuple[str, Array]]:
     return out
 
 
-def _zero(ax: Axes, x: Array, y: Array, value: Array, color: str, style: str) -> None:
-    if np.nanmin(value) < 0 < np.nanmax(value):
-        ax.contour(x, y, value, levels=[0], colors=[color], linestyles=[style], linewidths=1.5)
+def crosses_zero(value: Array) -> bool:
+    """Return True if a grid of values, NaN aside, has both signs."""
+    there = value[np.isfinite(value)]
+    return bool(len(there)) and bool(there.min() < 0 < there.max())
+
+
+def zero_line(ax: Axes, x: Array, y: Array, value: Array, color: str, style: str) -> None:
+    """Draw where a grid of values, NaN where there is none, changes its sign."""
+    if crosses_zero(value):
+        shown = np.ma.masked_invalid(value)
+        ax.contour(x, y, shown, levels=[0.0], colors=[color], linestyles=[style], linewidths=1.5)
 
 
 def _axes(ax: Axes | None) -> Axes:

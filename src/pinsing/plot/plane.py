@@ -8,6 +8,8 @@ from typing import Any, Literal
 
 import numpy as np
 import numpy.typing as npt
+import pinocchio as pin
+from matplotlib import pyplot as plt
 from matplotlib.axes import Axes
 
 from pinsing._types import Array
@@ -15,7 +17,8 @@ from pinsing.algebra.conditions import Conditions
 from pinsing.algebra.two_sided import two_sided
 from pinsing.arguments import checked, whole_number
 from pinsing.errors import OptionError
-from pinsing.families import Branch, Equation, Family
+from pinsing.families import Branch, ClosedForm, Equation, Family, closed_form
+from pinsing.families.solve import form_to_measure
 from pinsing.kinematics.jacobian import singular_values
 from pinsing.kinematics.verdict import ratios
 from pinsing.plot.style import (
@@ -101,14 +104,10 @@ def sigma_plane(
     'F1: q2 = 0° or 180°'
     """
     plane = a, b = two_joints(arm, joint_a, joint_b, samples)
-    if families is None:
-        from pinsing.families import closed_form
-
-        families = closed_form(arm, prove=False).families
-    families = tuple(families)
+    families = tuple(closed_form(arm, prove=False).families if families is None else families)
     base = regular_configuration(arm) if q is None else arm.check_one(q)
     Q = plane_of(arm, plane, base, samples, ignore_limits)
-    values, label = _measured(arm, Q.reshape(-1, arm.n), measure, families)
+    values, what, unit = _measured(arm, Q.reshape(-1, arm.n), measure, families)
 
     ax = new_axes(3.6) if ax is None else ax
     shown = values.reshape(samples, samples)
@@ -117,7 +116,7 @@ def sigma_plane(
     )
     # Above, where it leaves the map and the legend the whole width.
     bar = ax.figure.colorbar(mesh, ax=ax, location="top", pad=0.02, aspect=34, shrink=0.96)
-    bar.set_label(label, fontsize=SMALL + 1)
+    bar.set_label(what + unit, fontsize=SMALL + 1)
     bar.ax.tick_params(labelsize=SMALL)
     styles = cycle(zip(_LINES, DASHES, strict=True))
     for family in families:
@@ -134,16 +133,18 @@ def sigma_plane(
     return ax
 
 
-def _measured(arm: Arm, Q: Array, measure: str, families: tuple[Family, ...]) -> tuple[Array, str]:
-    """Values (N,) at Q (N, n), and what they are."""
+def _measured(
+    arm: Arm, Q: Array, measure: str, families: tuple[Family, ...]
+) -> tuple[Array, str, str]:
+    """Values (N,) at Q (N, n), what they are, and their unit."""
     if measure == "sigma":
-        return singular_values(arm, Q)[:, -1], r"$\sigma_{\min}$"
+        return singular_values(arm, Q)[:, -1], r"$\sigma_{\min}$", ""
     real = [family.branches for family in families if family.real]
     if not real:
         raise OptionError("clearance is infinite: no family of singular configurations is known")
     weight = np.where(arm.prismatic, 1 / arm.length_scale, 1.0)
     conditions = Conditions.of(real, np.asarray(arm.prismatic), weight)
-    return np.degrees(two_sided(conditions, Q).lower), "clearance, at least [deg]"
+    return np.degrees(two_sided(conditions, Q).lower), "clearance, at least", " [deg]"
 
 
 def two_joints(arm: Arm, joint_a: str, joint_b: str, samples: int) -> tuple[int, int]:
@@ -360,3 +361,128 @@ def _zeros(
     slope = f[k + 1] - f[k]
     part = np.divide(-f[k], slope, out=np.zeros(len(k)), where=slope != 0)
     return np.asarray(fine[k] + part * (fine[1] - fine[0]))
+
+
+_CELLS = 48
+
+
+@checked
+def workspace(
+    arm: Arm,
+    axes: Any = None,
+    *,
+    measure: Literal["sigma", "clearance"] = "sigma",
+    forms: ClosedForm | None = None,
+    samples: int = 60_000,
+    through: tuple[float, float, float] | None = None,
+) -> Any:
+    """Draw slices of the reachable workspace: the best value found at each place of the tip.
+
+    Configurations within the joint limits are drawn at random (with a fixed seed); a slice shows
+    those whose tip is within a slab about it. A place is blank where none of them came, which
+    does not prove that it cannot be reached.
+
+    Parameters
+    ----------
+    arm : Arm
+        The arm.
+    axes : sequence of three Axes, optional
+        Where to draw the slices x-z, y-z and x-y.
+    measure : str
+        "sigma": the smallest singular value of the task Jacobian. "clearance": the proven lower
+        bound of the distance to the nearest family, in degrees.
+    forms : ClosedForm, optional
+        For "clearance"; ``closed_form(arm)`` by default.
+    samples : int
+        Configurations drawn.
+    through : (x, y, z), optional
+        Point that the slices go through, metres in the base; by default the axis of the first
+        joint, at the middle height of what is reached.
+
+    Returns
+    -------
+    Axes
+        The first of the three.
+
+    Raises
+    ------
+    OptionError
+        If ``measure`` is another word, ``axes`` are not three, or ``samples`` makes no sense.
+
+    Examples
+    --------
+    >>> import pinsing
+    >>> from pinsing import plot
+    >>> plot.workspace(pinsing.load("planar3r"), samples=2000).get_xlabel()
+    'x [m]'
+    """
+    whole_number(samples, "samples", 100, 5_000_000)
+    figure = None if axes is not None else plt.figure(figsize=(9.0, 3.3), layout="constrained")
+    every = _given(axes) if figure is None else list(figure.subplots(1, 3))
+    Q = arm.space.sample(samples, np.random.default_rng(2026))
+    tips = tip_positions(arm, Q)
+    if forms is None and measure == "clearance":
+        forms = form_to_measure(arm)
+    values, what, unit = _measured(arm, Q, measure, () if forms is None else forms.families)
+    low, high = tips.min(axis=0), tips.max(axis=0)
+    size = float((high - low).max()) or 1.0
+    middle = np.array([0.0, 0.0, (low[2] + high[2]) / 2]) if through is None else np.array(through)
+    top = float(values.max(initial=0.0)) or 1.0
+    mesh: Any = None
+    half = 0.06 * size  # of the thickness of a slice
+    planes = (((0, 2), 1), ((1, 2), 0), ((0, 1), 2))
+    for ax, ((a, b), across) in zip(every, planes, strict=True):
+        near = np.abs(tips[:, across] - middle[across]) <= half
+        grid, edges = _best(tips[near][:, [a, b]], values[near], low[[a, b]], size)
+        mesh = ax.pcolormesh(*edges, grid.T, cmap="cividis", vmin=0, vmax=top, rasterized=True)
+        letters = "xyz"
+        ax.set_xlabel(f"{letters[a]} [m]", fontsize=SMALL)
+        ax.set_ylabel(f"{letters[b]} [m]", fontsize=SMALL)
+        width = f"{middle[across] + 0.0:.3g} ± {half:.2g} m"
+        ax.set_title(f"{letters[across]} = {width}", fontsize=SMALL)
+        ax.set_aspect("equal")
+        ax.tick_params(labelsize=SMALL - 1)
+        ax.plot(0, 0, "s", color="#D55E00", markersize=4)
+    bar = every[0].figure.colorbar(mesh, ax=every, location="right", shrink=0.75, pad=0.02)
+    bar.set_label(f"{what}, best there{unit}", fontsize=SMALL)
+    bar.ax.tick_params(labelsize=SMALL - 1)
+    every[0].figure.suptitle(
+        f"{plain(arm.name)}: best of {samples:,} random configurations at each place "
+        "(blank: none came there; square: base)",
+        fontsize=SMALL,
+    )
+    return every[0]
+
+
+def tip_positions(arm: Arm, Q: Array) -> Array:
+    """Tip positions (N, 3) at configurations (N, n), metres in the base."""
+    model, frame = arm.model, arm.tip_id
+    data = model.createData()
+    out = np.empty((len(Q), 3))
+    for k, q in enumerate(arm.model_q(Q)):
+        pin.framesForwardKinematics(model, data, q)
+        out[k] = data.oMf[frame].translation
+    return out
+
+
+def _best(points: Array, values: Array, low: Array, size: float) -> tuple[Array, list[Array]]:
+    """Largest value in each cell (k, k) of a square from ``low`` on, NaN where there is none."""
+    edges = [start + size * np.linspace(-0.01, 1.01, _CELLS + 1) for start in low]
+    grid = np.full((_CELLS, _CELLS), -np.inf)
+    cells = [
+        np.clip(np.searchsorted(e, points[:, k], side="right") - 1, 0, _CELLS - 1)
+        for k, e in enumerate(edges)
+    ]
+    np.maximum.at(grid, (cells[0], cells[1]), values)
+    return np.where(np.isfinite(grid), grid, np.nan), edges
+
+
+def _given(axes: Any) -> list[Axes]:
+    every = list(axes.flat) if isinstance(axes, np.ndarray) else axes
+    if (
+        not isinstance(every, list | tuple)
+        or len(every) != 3
+        or not all(isinstance(ax, Axes) for ax in every)
+    ):
+        raise OptionError("axes must be three of matplotlib's, for the slices x-z, y-z and x-y")
+    return list(every)

@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 import pinocchio as pin
 
-from pinsing._types import Array, Bool
+from pinsing._types import Array, Bool, Ints
 from pinsing.errors import OptionError
 from pinsing.loops.closure import ranks
 from pinsing.loops.forms import JointForms
@@ -26,7 +26,7 @@ from pinsing.loops.pose_slice import (
 )
 from pinsing.loops.problems import working_modes
 from pinsing.loops.structure import likeness, output_pose, same
-from pinsing.plot.mechanism import TYPE_1, TYPE_2, joint_points
+from pinsing.plot.mechanism import TYPE_1, TYPE_2, crosses_zero, joint_points, zero_line
 from pinsing.plot.motion_curve import looks_apart
 from pinsing.robot.mechanism import Mechanism
 
@@ -84,27 +84,20 @@ def regions(
     return out, [even for _, _, even in found]
 
 
-def _joined(numbers: npt.NDArray[np.int_], count: int, turns: tuple[bool, bool]) -> list[list[int]]:
+def _joined(numbers: npt.NDArray[np.int_], count: int, turns: tuple[bool, bool]) -> list[Ints]:
     """Numbers of regions, those together that meet across a whole turn."""
-    group = list(range(count + 1))
+    from scipy.sparse import coo_matrix
+    from scipy.sparse.csgraph import connected_components
 
-    def root(k: int) -> int:
-        while group[k] != k:
-            k = group[k]
-        return k
-
-    pairs: list[tuple[int, int]] = []
+    meet = np.zeros((0, 2), dtype=int)
     if turns[0]:
-        pairs += zip(numbers[:, 0].tolist(), numbers[:, -1].tolist(), strict=True)
+        meet = np.concatenate([meet, numbers[:, [0, -1]]])
     if turns[1]:
-        pairs += zip(numbers[0].tolist(), numbers[-1].tolist(), strict=True)
-    for a, b in pairs:
-        if a and b:
-            group[root(a)] = root(b)
-    out: dict[int, list[int]] = {}
-    for k in range(1, count + 1):
-        out.setdefault(root(k), []).append(k)
-    return list(out.values())
+        meet = np.concatenate([meet, numbers[[0, -1]].T])
+    meet = meet[(meet > 0).all(axis=1)] - 1
+    graph = coo_matrix((np.ones(len(meet)), meet.T), shape=(count, count))
+    group = connected_components(graph, directed=False)[1]
+    return [np.flatnonzero(group == k) + 1 for k in np.unique(group)]
 
 
 def colors(positive: Sequence[bool]) -> list[str]:
@@ -413,12 +406,10 @@ def _draw(ax: Axes, mechanism: Mechanism, found: PoseSlice, panel: Panel, degree
             # Cells over which the border of what was reached is smoothed.
             edge, level = gaussian_filter(panel.reached.astype(float), 0.9), 0.5
         ax.contour(x, y, edge, levels=[level], colors=[_border(mechanism)], linewidths=1.2)
-    _zero(ax, x, y, np.where(np.isfinite(panel.margin), panel.margin, np.nan), LIMIT, "--")
+    zero_line(ax, x, y, panel.margin, LIMIT, "--")
     for kind, left in panel.lefts:
-        if kind == "passive":
-            _zero(ax, x, y, left, PASSIVE, ":")
-        else:
-            _zero(ax, x, y, left, TYPE_1 if kind == "type 1" else TYPE_2, "-")
+        color = {"passive": PASSIVE, "type 1": TYPE_1}.get(kind, TYPE_2)
+        zero_line(ax, x, y, left, color, ":" if kind == "passive" else "-")
     for axis, name, row in zip((ax.xaxis, ax.yaxis), found.names, rows, strict=True):
         axis.set_label_text(f"{name} [{'m' if row < 3 else '°' if degrees else 'rad'}]")
     if max(rows) < 3:
@@ -466,20 +457,8 @@ def _border(mechanism: Mechanism) -> str:
     return TYPE_1 if ones else LIMIT
 
 
-def _zero(ax: Axes, x: Array, y: Array, left: Array, color: str, style: str) -> None:
-    there = left[np.isfinite(left)]
-    if len(there) and there.min() < 0 < there.max():
-        shown = np.ma.masked_invalid(left)
-        ax.contour(x, y, shown, levels=[0.0], colors=[color], linestyles=[style], linewidths=1.4)
-
-
 def _crosses(drawn: Sequence[Panel], kinds: Sequence[str]) -> bool:
-    for panel in drawn:
-        for kind, left in panel.lefts:
-            there = left[np.isfinite(left)]
-            if kind in kinds and len(there) and there.min() < 0 < there.max():
-                return True
-    return False
+    return any(crosses_zero(left) for panel in drawn for kind, left in panel.lefts if kind in kinds)
 
 
 def _handles(mechanism: Mechanism, drawn: Sequence[Panel]) -> list[Any]:

@@ -25,7 +25,7 @@ from pinsing.notebook import one_line
 from pinsing.postures.inverse_batch import InverseMany
 from pinsing.proximity.clearance import clearance
 from pinsing.proximity.crossings import crossings
-from pinsing.proximity.speeds import limits_of
+from pinsing.proximity.passage import limits_of
 from pinsing.robot.arm import Arm, ArmSummary, summarize
 from pinsing.serialization import JsonResult
 

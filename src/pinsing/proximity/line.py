@@ -18,8 +18,7 @@ from pinsing.kinematics.batch import task_rows, turn_left
 from pinsing.kinematics.jacobian import frame_jacobian, read_pose
 from pinsing.kinematics.verdict import SINGULAR_RTOL, ratios
 from pinsing.proximity.crossings import Crossing
-from pinsing.proximity.passage import Approach, NearStretch, Passage
-from pinsing.proximity.speeds import limits_of
+from pinsing.proximity.passage import Approach, NearStretch, Passage, limits_of
 from pinsing.proximity.trajectory import NEAR
 from pinsing.proximity.watched import Forms, Watched, metric_note, require_forms_of, watch
 from pinsing.robot.arm import Arm, ArmSummary, summarize
@@ -470,7 +469,7 @@ def check_line(
     s = tracked.s * line.length
     passage = Passage(watched, near)
     passage.feed(s, tracked.q, 0, len(s), True)
-    met = passage.finish()
+    passage.finish()
     too_fast, allowed = _speeds(arm, tracked, s, speed, line.length)
     return LineCheck(
         arm=summarize(arm),
@@ -480,9 +479,9 @@ def check_line(
         q_end=tracked.q[-1],
         family=family,
         located=located,
-        crossings=met.crossings,
-        approaches=met.approaches,
-        stretches=met.stretches,
+        crossings=tuple(passage.crossings),
+        approaches=passage.approaches,
+        stretches=passage.near_stretches,
         near=float(near),
         speed=float(speed),
         too_fast=too_fast,

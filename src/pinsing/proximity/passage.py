@@ -19,12 +19,168 @@ from pinsing._types import Array, Bool, Ints
 from pinsing.algebra.conditions import Conditions
 from pinsing.algebra.nearest import SearchOptions, nearest_points
 from pinsing.algebra.two_sided import two_sided
+from pinsing.kinematics.jacobian import generic_rank, singular_values, task_jacobians
 from pinsing.proximity.crossings import Crossing, Motion, crossings_of
 from pinsing.proximity.watched import Watched
+from pinsing.robot.arm import Arm
+
+_LONG_JUMP, _SHORT_JUMP = np.pi, 0.2
+_SLACK = 1e-9
+
+
+@dataclass(frozen=True)
+class Excess:
+    """A stretch of time in which a joint exceeds something.
+
+    Attributes
+    ----------
+    joint : str
+        Name of the joint.
+    t, t_end : float
+        From the first to the last sample (step) at which it does.
+    worst : float
+        The largest value, of magnitude; of a position outside its limits the value itself.
+    t_worst : float
+        When.
+    limit : float
+        What it exceeds.
+    """
+
+    joint: str
+    t: float
+    t_end: float
+    worst: float
+    t_worst: float
+    limit: float
+
+
+class Speeds:
+    """Gathers what a trajectory, fed in pieces, asks of the joints."""
+
+    def __init__(
+        self, arm: Arm, tip_speed: float, accelerations: Array | None, timed: bool
+    ) -> None:
+        self.arm, self.timed, self.accelerations = arm, timed, accelerations
+        self.limits = limits_of(arm)
+        self.tip_speed = tip_speed
+        self.rank = generic_rank(arm)
+        self._found: dict[str, list[Excess]] = {}
+        self._open: dict[tuple[str, int], int] = {}
+
+    def found(self, kind: str) -> tuple[Excess, ...]:
+        """Excesses of a kind, in the order of time."""
+        return tuple(sorted(self._found.get(kind, []), key=lambda e: (e.t, e.joint)))
+
+    def feed(self, t: Array, Q: Array, first: int, last: int) -> None:
+        """Take samples ``first`` to ``last`` of t (N,) and Q (N, n); the others are neighbours."""
+        own = slice(first, last)
+        low, high = self.arm.lower - _SLACK, self.arm.upper + _SLACK
+        out = np.maximum(Q[own] - high, low - Q[own])
+        limit = np.where(Q[own] > high, self.arm.upper, self.arm.lower)
+        self._keep("outside", t[own], t[own], out, Q[own], limit, out > 0)
+        self._cost(t[own], Q[own])
+        begin = max(first, 1)  # steps belong to the sample at which they end
+        if last <= begin:
+            return
+        step = np.diff(Q, axis=0)[begin - 1 : last - 1]
+        before, after = t[begin - 1 : last - 1], t[begin:last]
+        usual = np.median(np.abs(step), axis=0)
+        far = np.where(self.arm.prismatic, self.arm.length_scale, 1.0)
+        bound = np.maximum(_SHORT_JUMP * far, 20.0 * usual) if len(step) > 8 else np.inf * far
+        bound = np.minimum(bound, np.where(self.arm.prismatic, np.inf, _LONG_JUMP))
+        jump = np.abs(step) > bound
+        limits = np.broadcast_to(bound, step.shape)
+        self._keep("jump", before, after, np.abs(step), np.abs(step), limits, jump)
+        if not self.timed:
+            return
+        speed = np.abs(step) / (after - before)[:, None]
+        limits = np.broadcast_to(self.limits, speed.shape)
+        over = speed > limits * (1 + 1e-9)
+        self._keep("speed", before, after, speed / limits, speed, limits, over)
+        if self.accelerations is not None and begin >= 1 and last - begin >= 1:
+            self._bend(t, Q, begin, last)
+
+    def _bend(self, t: Array, Q: Array, begin: int, last: int) -> None:
+        assert self.accelerations is not None
+        begin = max(begin, 2)
+        if last <= begin:
+            return
+        rate = np.diff(Q, axis=0) / np.diff(t)[:, None]
+        middle = (t[1:] + t[:-1]) / 2
+        bend = np.abs(np.diff(rate, axis=0) / np.diff(middle)[:, None])[begin - 2 : last - 2]
+        limits = np.broadcast_to(self.accelerations, bend.shape)
+        at = t[begin - 1 : last - 1]
+        self._keep("acceleration", at, at, bend / limits, bend, limits, bend > limits * (1 + 1e-9))
+
+    def _cost(self, t: Array, Q: Array) -> None:
+        """Where the worst tip velocity of the given size needs more than a joint's limit.
+
+        Joint speeds for it are those of the pseudoinverse, the smallest there are; joint j needs
+        at most the length of row j of J^+ for a unit velocity.
+        """
+        if not np.isfinite(self.limits).any() or self.rank == 0:
+            return
+        sigma = np.asarray(singular_values(self.arm, Q))[:, self.rank - 1]
+        hard = np.flatnonzero(self.tip_speed > sigma * self.limits.min() * (1 - 1e-9))
+        worst = np.zeros(Q.shape)
+        for part in np.array_split(hard, max(1, len(hard) // 4096)):
+            if len(part):
+                J = task_jacobians(self.arm, Q[part])
+                rows = np.linalg.norm(np.linalg.pinv(J, rcond=1e-9), axis=2)
+                worst[part] = rows * self.tip_speed
+                # At a singularity some velocity cannot be had at any speed.
+                lost = sigma[part] <= 1e-9 * np.linalg.norm(J, axis=(1, 2))
+                u = np.linalg.svd(J[lost])[2][:, self.rank - 1] if lost.any() else None
+                if u is not None:
+                    worst[part[lost]] = np.where(np.abs(u) > 1e-9, np.inf, worst[part[lost]])
+        limits = np.broadcast_to(self.limits, worst.shape)
+        with np.errstate(invalid="ignore"):
+            share = np.nan_to_num(worst / limits, nan=0.0, posinf=np.inf)
+        self._keep("cost", t, t, share, worst, limits, worst > limits)
+
+    def _keep(
+        self, kind: str, t: Array, t_end: Array, size: Array, value: Array, limit: Array, bad: Bool
+    ) -> None:
+        """Turn runs of bad entries (K, n) into excesses, joined with those of the piece before."""
+        listed = self._found.setdefault(kind, [])
+        for j in range(self.arm.n):
+            was = self._open.pop((kind, j), None)
+            rows = np.flatnonzero(bad[:, j])
+            if not len(rows):
+                continue
+            for run in np.split(rows, np.flatnonzero(np.diff(rows) > 1) + 1):
+                k = int(run[np.argmax(size[run, j])])
+                times = float(t[run[0]]), float(t_end[run[-1]])
+                worst = float(value[k, j]), float(t[k]), float(limit[k, j])
+                new = Excess(self.arm.joints[j], *times, *worst)
+                if run[0] == 0 and was is not None:
+                    old = listed[was]
+                    larger = abs(new.worst - new.limit) > abs(old.worst - old.limit)
+                    listed[was] = replace(new if larger else old, t=old.t, t_end=new.t_end)
+                    index = was
+                elif len(listed) < 200:
+                    listed.append(new)
+                    index = len(listed) - 1
+                else:
+                    continue
+                if run[-1] == len(bad) - 1:
+                    self._open[kind, j] = index
+
+
+def limits_of(arm: Arm) -> Array:
+    """Speed limits (n,) of the joints, radians or metres per second; infinite where none are known.
+
+    A description writes no limit as zero or as a very large number; of arms with mimic joints,
+    whose limits belong to other joints too, none are taken.
+    """
+    limits = np.asarray(arm.model.velocityLimit, dtype=float)
+    if arm.coupling is not None or limits.shape != (arm.n,):
+        return np.full(arm.n, np.inf)
+    return np.where((limits > 0) & (limits < 1e6), limits, np.inf)
+
 
 _SHORT = 1e-4
 """Length of a step that is not halved any more."""
-_MOST = 1000
 
 
 @dataclass(frozen=True)
@@ -124,7 +280,7 @@ class Stretches:
                 old = self._found[-1]
                 deeper = new if new.clearance < old.clearance else old
                 self._found[-1] = NearStretch(old.t, new.t_end, deeper.family, deeper.clearance)
-            elif len(self._found) < _MOST:
+            elif len(self._found) < 1000:
                 self._found.append(new)
             else:
                 self.cut = True
@@ -178,38 +334,33 @@ class Approach:
     title: str = field(default="", metadata={"optional": True})
 
 
-@dataclass(frozen=True, eq=False)
-class Met:
-    """What a motion met; fields as on TrajectoryCheck."""
-
-    crossings: tuple[Crossing, ...]
-    cut: bool
-    approaches: tuple[Approach, ...]
-    stretches: tuple[NearStretch, ...]
-    trend: str
-
-
-@dataclass(frozen=True, eq=False)
-class _Candidate:
-    """A place at which a family may be nearest: the samples around it."""
-
-    bound: float
-    motion: Motion
-    u: float
-
-
 class Passage:
-    """Gathers how a motion, fed in pieces, passes the watched families."""
+    """Gathers how a motion, fed in pieces, passes the watched families.
+
+    Attributes
+    ----------
+    crossings : list of Crossing
+        Meetings, in the order of time after `finish`.
+    cut : bool
+        Whether there were more meetings or stretches than are kept.
+    approaches : tuple of Approach
+        After `finish`: the nearest approach to each family, the nearest first.
+    near_stretches : tuple of NearStretch
+        After `finish`: where the clearance may be below the bound.
+    trend : str
+        "toward", "away" or "steady": how the clearance changes at the end.
+    """
 
     def __init__(self, watched: Watched, near: float) -> None:
         self.watched, self.near = watched, near
         count = len(watched.families)
-        self._crossings: list[Crossing] = []
+        self.crossings: list[Crossing] = []
         self._stretches = Stretches(watched, near)
-        self._cut = False
+        self.cut = False
         self._least = np.full(count, np.inf)
-        self._candidates: list[list[_Candidate]] = [[] for _ in range(count)]
-        self._trend = "steady"
+        # Of each family: the bound, and the samples around a place at which it may be nearest.
+        self._candidates: list[list[tuple[float, Motion, float]]] = [[] for _ in range(count)]
+        self.trend = "steady"
 
     def feed(self, t: Array, Q: Array, first: int, last: int, end: bool) -> None:
         """Take samples ``first`` to ``last`` of t (N,) and Q (N, n); the others are neighbours."""
@@ -224,16 +375,16 @@ class Passage:
         self._look(motion, first, min(last, len(motion.pieces)), end)
 
     def _add(self, c: Crossing) -> None:
-        for k in range(len(self._crossings) - 1, max(-1, len(self._crossings) - 8), -1):
-            other = self._crossings[k]
+        for k in range(len(self.crossings) - 1, max(-1, len(self.crossings) - 8), -1):
+            other = self.crossings[k]
             if other.family == c.family and c.t <= other.t_end + 1e-12 * (1 + abs(c.t)):
                 if c.t_end > other.t_end:  # goes on in the next part
-                    self._crossings[k] = replace(other, t_end=c.t_end, kind=c.kind)
+                    self.crossings[k] = replace(other, t_end=c.t_end, kind=c.kind)
                 return
-        if len(self._crossings) >= 1000:
-            self._cut = True
+        if len(self.crossings) >= 1000:
+            self.cut = True
             return
-        self._crossings.append(c)
+        self.crossings.append(c)
 
     def _look(self, motion: Motion, first: int, last: int, end: bool) -> None:
         """Clearance at samples and, where steps are long, in between."""
@@ -258,7 +409,7 @@ class Passage:
             f = int(np.argmin(lower[-1]))
             change = float(lower[-1, f] - lower[-2, f])
             small = 1e-6 * max(float(length[-1]), 1e-12)
-            self._trend = "steady" if abs(change) <= small else "away" if change > 0 else "toward"
+            self.trend = "steady" if abs(change) <= small else "away" if change > 0 else "toward"
 
     def _candidate(self, f: int, motion: Motion, u: Array, lower: Array) -> None:
         """Keep the lowest local minima of the bound of family f."""
@@ -269,39 +420,31 @@ class Passage:
             low, high = int(max(np.floor(u[i]) - 1, 0)), int(np.ceil(u[i]) + 1)
             high = min(max(high, low + 1), len(motion.pieces))
             part = Motion(motion.t[low : high + 1], motion.pieces[low:high])
-            kept.append(_Candidate(float(lower[i]), part, float(u[i] - low)))
-        kept.sort(key=lambda c: c.bound)
+            kept.append((float(lower[i]), part, float(u[i] - low)))
+        kept.sort(key=lambda c: c[0])
         del kept[_CANDIDATES:]
 
-    def finish(self) -> Met:
-        """All of it, the nearest approaches certified."""
-        approaches = [self._approach(f) for f in range(len(self.watched.families))]
-        found = [a for a in approaches if a is not None]
-        found.sort(key=lambda a: a.upper)
-        self._crossings.sort(key=lambda c: c.t)
-        return Met(
-            tuple(self._crossings),
-            self._cut or self._stretches.cut,
-            tuple(found),
-            self._stretches.finish(self._crossings),
-            self._trend,
-        )
+    def finish(self) -> None:
+        """Certify the nearest approaches, and put all in order."""
+        found = [self._approach(f) for f in range(len(self.watched.families))]
+        self.approaches = tuple(sorted(filter(None, found), key=lambda a: a.upper))
+        self.crossings.sort(key=lambda c: c.t)
+        self.cut |= self._stretches.cut
+        self.near_stretches = self._stretches.finish(self.crossings)
 
     def _approach(self, f: int) -> Approach | None:
         name, watched = self.watched.names[f], self.watched
         title = watched.families[f].title
-        for c in self._crossings:
+        for c in self.crossings:
             if c.family == name:
                 return Approach(name, c.t, c.q, 0.0, 0.0, title)
         branches = [watched.families[f].branches]
         conditions = Conditions.of(branches, watched.prismatic, watched.weight, watched.norm)
         best: tuple[float, float, Array] | None = None
-        for candidate in self._candidates[f]:
-            if best is not None and candidate.bound >= best[0]:
-                continue
-            found = _refined(conditions, watched, candidate)
-            if best is None or found[0] < best[0]:
-                best = found
+        for bound, motion, u in self._candidates[f]:
+            if best is None or bound < best[0]:
+                found = _refined(conditions, watched, motion, u)
+                best = found if best is None else min(best, found, key=lambda x: x[0])
         if best is None:
             return None
         upper, t, q = best
@@ -310,19 +453,16 @@ class Passage:
 
 
 def _refined(
-    conditions: Conditions, watched: Watched, candidate: _Candidate
+    conditions: Conditions, watched: Watched, motion: Motion, near: float
 ) -> tuple[float, float, Array]:
-    """Least certified distance near a candidate: (upper, t, q)."""
-    motion = candidate.motion
+    """Least certified distance near a place of a motion: (upper, t, q)."""
 
     def at(places: Array) -> Array:
         Q = motion.at(places)
         return nearest_points(conditions, Q, watched.lower, watched.upper, _SEARCH).upper
 
     low, high = 0.0, float(len(motion.pieces))
-    u = np.unique(
-        np.clip([candidate.u, low, high, candidate.u - 0.5, candidate.u + 0.5], low, high)
-    )
+    u = np.unique(np.clip([near, low, high, near - 0.5, near + 0.5], low, high))
     upper = at(u)
     for _ in range(12):
         k = int(np.argmin(upper))

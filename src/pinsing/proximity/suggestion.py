@@ -67,16 +67,6 @@ class Room:
         return np.asarray(self.center + share[:, None] * (X - self.center))
 
 
-@dataclass
-class Clearest:
-    """The clearest point so far."""
-
-    x: Array
-    lower: float = -np.inf
-    upper: float = np.inf
-    most: float = np.inf
-
-
 class Sites:
     """Points of the families, each with the joints that make it one: the others are free."""
 
@@ -139,14 +129,8 @@ def _branch_of(family: Family, q: Array) -> Branch | None:
     return min(found, key=lambda b: len(b.involved), default=None)
 
 
-def clearest(
-    watched: Watched,
-    room: Room,
-    rng: np.random.Generator,
-    seconds: float,
-    usable: Callable[[Array], Bool],
-) -> Clearest:
-    """Find a point of the room with a large clearance, and how large one can be.
+class RoomSearch:
+    """The search for a point of a room with a large clearance, and for how large one can be.
 
     Parameters
     ----------
@@ -160,28 +144,34 @@ def clearest(
         Time after which what was found is returned.
     usable : callable
         Which of points (N, n) may be chosen at all.
+
+    Attributes
+    ----------
+    best : (n,) array
+        The clearest point so far, in weighted coordinates.
+    lower, upper : float
+        Bounds of its clearance.
+    most : float
+        No point of the room has a larger one.
     """
-    search = _Search(watched, room, rng, time.monotonic() + seconds, usable)
-    search.climb()
-    search.split()
-    search.settle()
-    return search.best
 
-
-class _Search:
     def __init__(
         self,
         watched: Watched,
         room: Room,
         rng: np.random.Generator,
-        end: float,
+        seconds: float,
         usable: Callable[[Array], Bool],
     ) -> None:
-        self.watched, self.room, self.rng, self.end = watched, room, rng, end
-        self.usable = usable
+        self.watched, self.room, self.rng, self.usable = watched, room, rng, usable
+        self.end = time.monotonic() + seconds
         self.sites = Sites(watched, rng)
-        self.best = Clearest(room.center.copy())
+        self.best = room.center.copy()
+        self.lower, self.upper, self.most = -np.inf, np.inf, np.inf
         self.prove(room.center[None])
+        self.climb()
+        self.split()
+        self.settle()
 
     def prove(self, X: Array) -> Array:
         """Lower bounds (N,) of the clearance at X, and sites where the nearest points are."""
@@ -191,13 +181,13 @@ class _Search:
         self.sites.add(found.q * w.weight, found.family)
         lower = np.where(self.usable(X / w.weight), found.lower, -np.inf)
         k = int(np.argmax(lower))
-        if lower[k] > self.best.lower:
-            self.best.x, self.best.lower = X[k].copy(), float(lower[k])
-            self.best.upper = float(found.upper[k])
+        if lower[k] > self.lower:
+            self.best, self.lower, self.upper = X[k].copy(), float(lower[k]), float(found.upper[k])
         return lower
 
     @property
     def over(self) -> bool:
+        """Return True if the time is over."""
         return time.monotonic() > self.end
 
     def climb(self) -> None:
@@ -218,7 +208,7 @@ class _Search:
                 better = there > promise
                 X[better], promise[better] = tried[better], there[better]
             order = np.argsort(-promise, kind="stable")
-            if promise[order[0]] <= self.best.lower + _GAP:
+            if promise[order[0]] <= self.lower + _GAP:
                 return
             self.prove(X[self._apart(X, order)])
 
@@ -238,7 +228,7 @@ class _Search:
         centers, halves = (room.low + room.high)[None] / 2, (room.high - room.low)[None] / 2
         bounds = self._promise(centers, halves)
         for _ in range(40):
-            goal = max(self.best.lower, 0.0) + _GAP
+            goal = max(self.lower, 0.0) + _GAP
             keep = bounds > goal
             centers, halves, bounds = centers[keep], halves[keep], bounds[keep]
             if not len(bounds) or self.over:
@@ -256,8 +246,8 @@ class _Search:
             centers = np.concatenate([centers[later], parts])
             halves = np.concatenate([halves[later], both])
             bounds = np.concatenate([bounds[later], fresh])
-        goal = max(self.best.lower, 0.0) + _GAP
-        self.best.most = max(goal, float(bounds.max(initial=0.0))) + _SLACK
+        goal = max(self.lower, 0.0) + _GAP
+        self.most = max(goal, float(bounds.max(initial=0.0))) + _SLACK
 
     def _promise(self, centers: Array, halves: Array) -> Array:
         out = self.sites.within(centers, halves * (1 + 1e-12))
@@ -268,10 +258,10 @@ class _Search:
 
     def settle(self) -> None:
         """Farther from the other families too, and to where joints are preferred, at no cost."""
-        if not np.isfinite(self.best.lower) or self.over:
+        if not np.isfinite(self.lower) or self.over:
             return
-        enough, width = self.best.lower - _GAP, self.room.high - self.room.low
-        X = np.repeat(self.best.x[None], _CLIMBERS, axis=0)
+        enough, width = self.lower - _GAP, self.room.high - self.room.low
+        X = np.repeat(self.best[None], _CLIMBERS, axis=0)
         value = self._worth(X, -np.inf)
         for step in range(3 * _STEPS):
             scale = 0.5 * 0.93**step
@@ -281,11 +271,11 @@ class _Search:
             better = there > value
             X[better], value[better] = tried[better], there[better]
         for i in np.argsort(-value, kind="stable")[:_TRIED]:
-            kept = replace(self.best)
-            self.best.lower = -np.inf
+            kept = self.best, self.lower, self.upper
+            self.lower = -np.inf
             if self.prove(X[i][None])[0] >= enough:
                 return
-            self.best = kept
+            self.best, self.lower, self.upper = kept
 
     def _worth(self, X: Array, enough: float) -> Array:
         each = self.sites.each(X)
@@ -471,12 +461,12 @@ def suggest(
     rng = np.random.default_rng(seed)
     most, lower, upper, family = np.inf, np.inf, np.inf, ""
     if watched.families:
-        best = clearest(watched, room, rng, seconds, usable)
-        q = _rounded(arm, watched, room, best.x / watched.weight)
+        search = RoomSearch(watched, room, rng, seconds, usable)
+        q = _rounded(arm, watched, room, search.best / watched.weight)
         at = certified(watched, q[None], SearchOptions(seconds=max(1.0, seconds / 10)))[0]
         lower, upper, family = float(at.lower[0]), float(at.upper[0]), str(at.nearest[0])
         if _bounded(arm, watched):
-            most = max(best.most, upper) + (0.0 if near is None else _margin(arm, reach))
+            most = max(search.most, upper) + (0.0 if near is None else _margin(arm, reach))
         if target is not None:  # the clearance changes by no more than one moves
             there = certified(watched, target[None], SearchOptions(gap=1e-3))[0]
             most = max(min(most, float(there.upper[0]) + reach), upper)

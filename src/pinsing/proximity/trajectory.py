@@ -18,8 +18,7 @@ from pinsing.joint_text import typed
 from pinsing.notebook import one_line
 from pinsing.prose import listed
 from pinsing.proximity.crossings import Crossing, check_reach, check_times
-from pinsing.proximity.passage import Approach, NearStretch, Passage
-from pinsing.proximity.speeds import Excess, Speeds
+from pinsing.proximity.passage import Approach, Excess, NearStretch, Passage, Speeds
 from pinsing.proximity.watched import Forms, metric_note, watch
 from pinsing.robot.arm import Arm, ArmSummary, summarize
 from pinsing.serialization import JsonResult
@@ -108,10 +107,6 @@ def _joint(check: TrajectoryCheck, j: int, value: float, degrees: bool) -> str:
     return f"{value:.5g}"
 
 
-def _percent(share: float) -> str:
-    return f"{100 * share:.3g} %" if share < 0.9995 else "all"
-
-
 def _times(count: int, what: str) -> str:
     return f"{count} {what}{'s' * (count != 1)}"
 
@@ -157,12 +152,9 @@ def _met(check: TrajectoryCheck) -> str:
     more = [f"{_times(len(check.crossings) - 1, 'more meeting')}"] * (len(check.crossings) > 1)
     also = [*more, *(words for words in faults if not words.startswith("comes"))]
     place = f" ({first.where})" if first.where else ""
-    singular = f"{verb} {_singularity(first.family, first.title)}{place}"
+    title = f"the {first.title} singularity" if first.title else f"singularity {first.family}"
+    singular = f"{verb} {title}{place}"
     return f"{singular} {_when(check, first.t)}{'; also ' * bool(also)}{listed(also)}"
-
-
-def _singularity(family: str, title: str) -> str:
-    return f"the {title} singularity" if title else f"singularity {family}"
 
 
 def _title(check: TrajectoryCheck, family: str) -> str:
@@ -192,7 +184,10 @@ def _nearest(check: TrajectoryCheck) -> str:
 def _near(check: TrajectoryCheck, degrees: bool) -> str:
     total = sum(s.t_end - s.t for s in check.stretches)
     span = check.t_last - check.t_first
-    share = f"{_percent(total / span)} of the time" if span > 0 else "all of it"
+    part = total / span if span > 0 else 1.0
+    share = f"{100 * part:.3g} % of the time" if part < 0.9995 else "all of the time"
+    if span <= 0:
+        share = "all of it"
     ends = {"toward": "ends moving toward", "away": "ends moving away from"}
     end = f"; it {ends[check.trend]} the nearest family" if check.trend in ends else ""
     if not check.stretches:
@@ -469,19 +464,19 @@ def check_trajectory(
         speeds.feed(times[low:high], part, first - low, last - low)
         if progress is not None:
             progress(last, N)
-    met = passage.finish()
+    passage.finish()
     return TrajectoryCheck(
         arm=summarize(arm),
         samples=N,
         timed=t is not None,
         t_first=float(times[0]),
         t_last=float(times[-1]),
-        crossings=met.crossings,
-        cut=met.cut,
-        approaches=met.approaches,
+        crossings=tuple(passage.crossings),
+        cut=passage.cut,
+        approaches=passage.approaches,
         near=float(near),
-        stretches=met.stretches,
-        trend=met.trend,
+        stretches=passage.near_stretches,
+        trend=passage.trend,
         too_fast=speeds.found("speed"),
         too_abrupt=speeds.found("acceleration"),
         costly=speeds.found("cost"),

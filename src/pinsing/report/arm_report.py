@@ -17,8 +17,8 @@ from pinsing.families.describe import missing_everywhere
 from pinsing.joint_text import typed
 from pinsing.measures import Reachability
 from pinsing.proof.produce import text_of
-from pinsing.report import arm_report as verdict
 from pinsing.report.document import (
+    Section,
     badge,
     bullets,
     computed,
@@ -26,6 +26,7 @@ from pinsing.report.document import (
     document,
     download,
     figure,
+    limit_text,
     map_picture,
     map_planes,
     model,
@@ -33,17 +34,14 @@ from pinsing.report.document import (
     paragraph,
     pose_picture,
     quiet_backend,
-    result,
     section,
     table,
     terms,
     text,
 )
 from pinsing.report.document import math as formula
-from pinsing.report.info import Content, Made, Special, gather
+from pinsing.report.info import Content, Made, gather
 from pinsing.robot.arm import Arm, ArmSummary
-
-Section = tuple[str, str, str]
 
 _TONE = {"singular": "alarm", "near-singular": "caution", "regular": "good"}
 _REACHED = {
@@ -109,7 +107,10 @@ def summary(c: Content) -> Section:
     listed = (
         table("The families", ("", "singular where", "kind", "reachable"), rows) if rows else ""
     )
-    at_once = [_one_verdict(s) for s in c.special]
+    at_once = [
+        f"{text('At')} {name(s.name)} {text('the arm is')} {status_badge(s.state)}."
+        for s in c.special
+    ]
     return section(
         "summary",
         "Summary",
@@ -120,10 +121,6 @@ def summary(c: Content) -> Section:
         legend(c),
         bullets(at_once),
     )
-
-
-def _one_verdict(s: Special) -> str:
-    return f"{text('At')} {name(s.name)} {text('the arm is')} {status_badge(s.state)}."
 
 
 def status_badge(state: State) -> str:
@@ -155,18 +152,16 @@ def robot(c: Content) -> Section:
         ("independent motions of the tool, in general", text(rank)),
         ("length scale", text(f"{arm.length_scale:g} m")),
     ]
-    rows = []
-    for i, joint in enumerate(arm.joints):
-        slides = bool(arm.prismatic[i])
-        rows.append(
-            (
-                formula(latex_symbol(c.forms.symbols[i])),
-                name(joint),
-                text(info.kinds[i]),
-                text(_value(arm.lower[i], slides)),
-                text(_value(arm.upper[i], slides)),
-            )
+    rows = [
+        (
+            formula(latex_symbol(c.forms.symbols[i])),
+            name(joint),
+            text(info.kinds[i]),
+            text(limit_text(arm.lower[i], bool(arm.prismatic[i]))),
+            text(limit_text(arm.upper[i], bool(arm.prismatic[i]))),
         )
+        for i, joint in enumerate(arm.joints)
+    ]
     header = ("symbol", "joint", "type", "from", "to")
     return section(
         "robot",
@@ -174,12 +169,6 @@ def robot(c: Content) -> Section:
         terms(pairs),
         table("Joints, base to tip, with their limits", header, rows, (3, 4)),
     )
-
-
-def _value(limit: float, slides: bool) -> str:
-    if not np.isfinite(limit):
-        return "none"
-    return f"{limit:.6g} m" if slides else f"{math.degrees(limit):.6g}°"
 
 
 def assumed(c: Content) -> Section:
@@ -556,8 +545,8 @@ def arm_report(
         assumed(content),
         maps(content),
         families(content),
-        verdict.special(content),
-        verdict.proof(content, written),
+        special(content),
+        proof(content, written),
         model(shown if page else None, beside),
     ]
     made = Made.since(started)
@@ -596,15 +585,15 @@ def _data(content: Content, made: Made) -> dict[str, object]:
         "made": made.when,
         "seconds": made.seconds,
         "versions": dict(made.versions),
-        "robot": result(content.info),
-        "families": result(content.forms),
+        "robot": content.info.to_dict(),
+        "families": content.forms.to_dict(),
         "certificate": content.forms.certificate,
-        "clearest": None if content.clearest is None else result(content.clearest),
+        "clearest": None if content.clearest is None else content.clearest.to_dict(),
         "special": [
             {
                 "name": s.name,
-                "state": result(s.state),
-                "clearance": None if s.near is None else result(s.near),
+                "state": s.state.to_dict(),
+                "clearance": None if s.near is None else s.near.to_dict(),
             }
             for s in content.special
         ],

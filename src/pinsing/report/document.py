@@ -10,6 +10,7 @@ import json
 import re
 from collections.abc import Iterable, Sequence
 from itertools import combinations
+from math import degrees, isfinite
 from typing import Any
 
 from pinsing.families import Branch, Family
@@ -344,9 +345,11 @@ def data(schema: str) -> Section:
     )
 
 
-def result(value: Any) -> dict[str, Any]:
-    """A result as plain data."""
-    return dict(value.to_dict())
+def limit_text(limit: float, slides: bool) -> str:
+    """A joint limit with its unit."""
+    if not isfinite(limit):
+        return "none"
+    return f"{limit:.6g} m" if slides else f"{degrees(limit) + 0.0:.6g}°"
 
 
 def png(figure: Any, dpi: int = 130) -> bytes:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -20,18 +19,19 @@ from pinsing.loops.solve import InfeasibleError, Interval
 from pinsing.prose import Page
 from pinsing.report.arm_report import SCHEMA, counted
 from pinsing.report.document import (
+    Section,
     badge,
     bullets,
     computed,
     data,
     document,
     figure,
+    limit_text,
     model,
     name,
     paragraph,
     png,
     quiet_backend,
-    result,
     section,
     table,
     terms,
@@ -41,8 +41,6 @@ from pinsing.report.document import math as formula
 from pinsing.report.info import Made
 from pinsing.robot.joint_space import SLACK
 from pinsing.robot.mechanism import Mechanism
-
-Section = tuple[str, str, str]
 
 TYPES = {
     "type 1": "The output cannot move in some direction, whatever the inputs do.",
@@ -54,15 +52,10 @@ _PAGE = Page(84)
 _ROUGH, _MOST_TRIED = 41, 8
 
 
-def input_value(value: float, slides: bool) -> str:
-    """A value with its unit, for people."""
-    return f"{value:.6g} m" if slides else f"{math.degrees(value) + 0.0:.6g}°"
-
-
 def input_values(mechanism: Mechanism, inputs: Array) -> str:
     """Inputs by name."""
     return ", ".join(
-        f"{key} = {input_value(float(v), bool(mechanism.prismatic[j]))}"
+        f"{key} = {limit_text(float(v), bool(mechanism.prismatic[j]))}"
         for key, v, j in zip(mechanism.inputs, inputs, mechanism.actuated, strict=True)
     )
 
@@ -312,8 +305,8 @@ def robot(mechanism: Mechanism, a: MechanismAnalysis) -> Section:
                 name(joint),
                 text("prismatic" if slides else "revolute"),
                 text("driven" if i in mechanism.actuated else "passive"),
-                text(input_value(low, slides) if math.isfinite(low) else "none"),
-                text(input_value(high, slides) if math.isfinite(high) else "none"),
+                text(limit_text(low, slides)),
+                text(limit_text(high, slides)),
             )
         )
     header = ("joint", "type", "", "from", "to")
@@ -466,7 +459,7 @@ def _interval(mechanism: Mechanism, key: str, found: Interval) -> str:
     if found.whole:
         return "the whole circle"
     slides = bool(mechanism.prismatic[mechanism.joints.index(key)])
-    return f"{input_value(found.lower, slides)} to {input_value(found.upper, slides)}"
+    return f"{limit_text(found.lower, slides)} to {limit_text(found.upper, slides)}"
 
 
 def mechanism_report(
@@ -518,12 +511,12 @@ def mechanism_report(
             "made": made.when,
             "seconds": made.seconds,
             "versions": dict(made.versions),
-            "mechanism": result(found),
+            "mechanism": found.to_dict(),
             "special": [
                 {
                     "name": s.name,
                     "inputs": s.inputs.tolist(),
-                    "states": [result(x) for x in s.states],
+                    "states": [x.to_dict() for x in s.states],
                 }
                 for s in special
             ],

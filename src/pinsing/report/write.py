@@ -79,7 +79,7 @@ def write_report(
         raise OptionError("path is None and pdf is None: there is nothing to write")
     html_file = None if path is None else check_writable(path)
     pdf_file = None if pdf is None else check_writable(pdf)
-    if html_file is not None and pdf_file is not None and _same(html_file, pdf_file):
+    if html_file is not None and pdf_file is not None and html_file.resolve() == pdf_file.resolve():
         raise OutputError(f"cannot write {pdf_file}: the HTML goes there")
     if pdf_file is not None:
         check_browser(pdf_file)
@@ -101,10 +101,6 @@ def write_report(
         write_bytes(pdf_file, on_paper)
         written.append(pdf_file)
     return tuple(written)
-
-
-def _same(a: Path, b: Path) -> bool:
-    return a.resolve() == b.resolve()
 
 
 def _made(

@@ -250,6 +250,10 @@ class MapPlan(JsonResult):
             )
         return rows_of(self, start, stop)
 
+    def configuration(self, index: int) -> Array:
+        """Joint vector (n,) of one number."""
+        return np.asarray(rows_of(self, index, index + 1)[0])
+
     def identity(self) -> dict[str, Any]:
         """What decides the numbers and the chunks, as plain JSON values."""
         data = self.to_dict()

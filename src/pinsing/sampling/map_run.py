@@ -248,15 +248,11 @@ def _clearance_text(spread: ClearanceSpread, plan: MapPlan, degrees: bool, page:
     rows = _quantile_rows(spread.lower, spread.upper, scale)
     table = Table(("share", "at least", "at most"), rows, frozenset({0, 1, 2}))
     lines = ["the smallest clearances:"]
-    lines += [_nearest(p, plan, degrees, scale, page) for p in spread.nearest[:_SHOWN_WORST]]
+    for point in spread.nearest[:_SHOWN_WORST]:
+        q = typed(point.q, plan.arm.prismatic, degrees, _DIGITS, room=page.width - 34)
+        said = f"{scale * point.lower:.3g} from {point.family} at {q}"
+        lines.append(page.paragraph(said, first="  ", rest="    "))
     return [page.paragraph(what, rest="  "), page.table(table), "\n".join(lines)]
-
-
-def _nearest(point: ClearancePoint, plan: MapPlan, degrees: bool, scale: float, page: Page) -> str:
-    q = typed(point.q, plan.arm.prismatic, degrees, _DIGITS, room=page.width - 34)
-    return page.paragraph(
-        f"{scale * point.lower:.3g} from {point.family} at {q}", first="  ", rest="    "
-    )
 
 
 MEASURES = ("sigma", "clearance")
@@ -406,16 +402,13 @@ class MapJob:
         if self.keep_values:
             finite(record, "sigma", (stop - start, self.evaluator.rank))
 
-        def locate(number: int) -> Array:
-            return np.asarray(rows_of(self.plan, number, number + 1)[0])
-
         for k, tally in enumerate(self.tallies()):
 
             def measure(Q: Array, k: int = k) -> tuple[Array, Array]:
                 return self.measure(Q)[1][k]
 
             try:
-                tally.check(record, stop - start, start, stop, locate, measure)
+                tally.check(record, stop - start, start, stop, self.plan.configuration, measure)
             except ValueError as error:
                 raise ValueError(f"{'of the clearance, ' if k else ''}{error}") from None
 
@@ -587,10 +580,7 @@ def run_map(
             notes += (f"stopped after {tally.done:,} of {plan.count:,} configurations",)
         if not tally.done:
             raise KeyboardInterrupt
-
-        def locate(number: int) -> Array:
-            return np.asarray(plan.configurations(number, number + 1)[0])
-
+        locate = plan.configuration
         sigma_min, ratio = distributions(tally, locate)
         result = MapResult(
             plan=plan,
