@@ -268,7 +268,8 @@ def _lines(state: State, degrees: bool) -> Iterator[Line]:
     yield "sigma", "  ".join(_short(s) for s in state.sigma)
     yield "manipulability", _short(state.manipulability)
     yield "condition number", _short(state.condition_number)
-    yield _determinant_label(state), _short(state.determinant)
+    m, n = _rows(state), arm.n
+    yield "det J" if m == n else "det J J^T" if m < n else "det J^T J", _short(state.determinant)
     yield "", ""
     yield "tip position", measured(f"{vector(state.tip_position, 4)} m")
     yield from _ellipsoid("translation", state.translational, state.tip_rotation)
@@ -349,11 +350,6 @@ def _verdict(state: State) -> tuple[Span, ...]:
     return verdict(state.status), f": rank {state.rank}, {ratio} {more}"
 
 
-def _determinant_label(state: State) -> str:
-    m, n = _rows(state), state.arm.n
-    return "det J" if m == n else "det J J^T" if m < n else "det J^T J"
-
-
 def _rows(state: State) -> int:
     return len(parse_task(state.arm.task).rows)
 
@@ -432,8 +428,8 @@ def at(
         manipulability=float(measures.manipulability(Js, r)),
         condition_number=float(measures.condition_number(Js, r)),
         determinant=float(measures.determinant(Js)),
-        translational=_velocity_ellipsoid(J[:3], position, "m/s"),
-        rotational=_velocity_ellipsoid(J[3:], position, "rad/s"),
+        translational=VelocityEllipsoid(position, *measures.velocity_ellipsoid(J[:3]), "m/s"),
+        rotational=VelocityEllipsoid(position, *measures.velocity_ellipsoid(J[3:]), "rad/s"),
         lost=loss.lost,
         always_missing=loss.always_missing,
         self_motions=_self_motions(scale.columns[:, None] * loss.still, arm.prismatic),
@@ -489,7 +485,10 @@ def loss_at(arm: Arm, q: Array, rtol: float = SINGULAR_RTOL, near_rtol: float = 
     # Nearly lost is what is not better than sigma_r, give or take a factor.
     zero = {SINGULAR: rtol, NEAR_SINGULAR: min(3 * ratio, near_rtol), REGULAR: rtol}[status]
     rank = rank_of(arm, sigma, zero)
-    tool = Tool(position, rotation, _size(J), {})
+    turning = J[3:].any(axis=0)
+    # Greatest speed of the tip at unit speed of one joint: how long the arm is, metres.
+    size = math.sqrt(float(np.square(J[:3, turning]).sum(axis=0).max(initial=0.0))) or 1.0
+    tool = Tool(position, rotation, size, {})
     found = Loss(J, sigma, ratio, status, rank_of(arm, sigma, rtol), Vt[rank:].T, tool)
     if status == REGULAR:
         return found
@@ -508,28 +507,17 @@ def loss_at(arm: Arm, q: Array, rtol: float = SINGULAR_RTOL, near_rtol: float = 
     )
 
 
-def _velocity_ellipsoid(rows: Array, center: Array, unit: str) -> VelocityEllipsoid:
-    axes, radii = measures.velocity_ellipsoid(rows)
-    return VelocityEllipsoid(center, axes, radii, unit)
-
-
-def _size(J: Array) -> float:
-    """Greatest speed of the tip at unit speed of one joint: how long the arm is, metres."""
-    turning = J[3:].any(axis=0)
-    return math.sqrt(float(np.square(J[:3, turning]).sum(axis=0).max(initial=0.0))) or 1.0
-
-
 def never_produced(arm: Arm) -> Array:
     """Orthonormal task directions (m, k) that the arm can produce at no configuration."""
-    return arm.once("never_produced", lambda: _never_produced(arm))
 
+    def find() -> Array:
+        exact = nominal(arm).arm
+        Q = random_turns(exact, 6, 77041)
+        J = own_scale(exact).apply(exact, frame_jacobians(exact, Q), Q)
+        U, sigma, _ = np.linalg.svd(np.concatenate(list(J), axis=1))
+        return np.asarray(U[:, int((sigma > SINGULAR_RTOL * sigma[0]).sum()) :])
 
-def _never_produced(arm: Arm) -> Array:
-    exact = nominal(arm).arm
-    Q = random_turns(exact, 6, 77041)
-    J = own_scale(exact).apply(exact, frame_jacobians(exact, Q), Q)
-    U, sigma, _ = np.linalg.svd(np.concatenate(list(J), axis=1))
-    return np.asarray(U[:, int((sigma > SINGULAR_RTOL * sigma[0]).sum()) :])
+    return arm.once("never_produced", find)
 
 
 def _without(U: Array, other: Array) -> Array:

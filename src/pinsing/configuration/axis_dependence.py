@@ -21,11 +21,10 @@ from pinsing.configuration.lost_motion import (
     find_centres,
     joints_of,
     numbers,
-    one_complex,
-    one_line,
     orientation_reason,
     pose_reason,
     position_reason,
+    reciprocal_reason,
 )
 from pinsing.kinematics.batch import own_scale, random_turns
 from pinsing.kinematics.jacobian import frame_jacobians
@@ -298,9 +297,7 @@ class _Reasons:
         # A redundant arm: what lines up, and why the other joints do not help.
         line = None
         if self.task == "pose" and not self.coupled:
-            line = one_line(self.axes, ids, self.tol, self.nearly)
-            if line is None:
-                line = one_complex(self.axes, ids, self.tol, self.nearly)
+            line = reciprocal_reason(self.axes, ids, self.tol, self.nearly)
         # Beside the line, or the whole, only small sets are worth naming.
         most = 2 if self.task != "pose" else 6 if line is None else 4
         named = [part for part in _merged(parts) if len(part) <= most]

@@ -212,7 +212,7 @@ def pose_reason(
     if reason is None:
         reason = _through_a_centre(axes, ids, centres, tol, nearly)
     if reason is None:
-        reason = one_line(axes, ids, tol, nearly) or one_complex(axes, ids, tol, nearly)
+        reason = reciprocal_reason(axes, ids, tol, nearly)
     return reason or dependent(ids, nearly)
 
 
@@ -297,25 +297,49 @@ def _centre_words(
     return f"{joints_of(rest)} move {name} {nearly}within one plane only"
 
 
-def one_line(axes: JointAxes, ids: tuple[int, ...], tol: float, nearly: str) -> str | None:
-    """Say which line meets all of these axes or is parallel to them, if there is just one.
+def reciprocal_reason(axes: JointAxes, ids: tuple[int, ...], tol: float, nearly: str) -> str | None:
+    """Say which line meets all of these axes or is parallel to them, or which complex they are of.
 
-    A force along such a line has no moment about any of the axes: with five independent
-    twists the only reciprocal wrench has pitch zero (Merlet, "Singular configurations of
-    parallel manipulators and Grassmann geometry", 1989).
+    Five independent twists have one reciprocal wrench. A force has no moment about any of the axes:
+    its line meets them or is parallel to them (Merlet, "Singular configurations of parallel
+    manipulators and Grassmann geometry", 1989). Where its pitch is not zero, the lines that it does
+    no work on are those of a linear complex of that pitch (K. H. Hunt, "Kinematic Geometry of
+    Mechanisms", 1978).
     """
-    found = _reciprocal(axes, ids, tol)
-    if found is None:
+    # The force, and the moment about the tip in units of size.
+    v = np.array([axes.velocity(i, axes.tip) for i in ids]) / axes.size
+    w = np.where(axes.prismatic[list(ids), None], 0.0, axes.direction[list(ids)])
+    v[axes.prismatic[list(ids)]] *= axes.size
+    _, sigma, Vt = np.linalg.svd(np.concatenate([v, w], axis=1))
+    if (sigma > tol * sigma[0]).sum() != 5:
         return None
-    force, moment = found
+    force, moment = Vt[5, :3], Vt[5, 3:]
     strength = length(force)
+    turning = [i for i in ids if not axes.prismatic[i]]
     if strength <= tol:
-        turning = [i for i in ids if not axes.prismatic[i]]
         return f"axes {numbers(turning)} are {nearly}parallel to one plane"
-    if abs(force @ moment) > tol * strength**2:
-        return None
-    direction = force / strength
-    point = axes.tip + cross(force, moment) / strength**2 * axes.size
+    if abs(force @ moment) <= tol * strength**2:
+        point = axes.tip + cross(force, moment) / strength**2 * axes.size
+        line = _common_line(axes, ids, force / strength, point, tol, nearly)
+        if line is not None:
+            return line
+    sliding = [i for i in ids if axes.prismatic[i]]
+    pitch = float(force @ moment) / strength**2 * axes.size
+    every = len(turning) == len(axes.prismatic)
+    count = {6: "six ", 5: "five ", 7: "seven "}.get(len(turning), "")
+    who = f"all {count}axes" if every else f"axes {numbers(turning)}"
+    words = f"{who} {nearly}belong to one linear complex, here of pitch {pitch:.3g} m/rad"
+    if sliding:
+        verb = "is" if len(sliding) == 1 else "are"
+        prismatic = _counted("prismatic joint", "prismatic joints", sliding)
+        words += f", and {prismatic} {verb} {nearly}perpendicular to its axis"
+    return words
+
+
+def _common_line(
+    axes: JointAxes, ids: Sequence[int], direction: Array, point: Array, tol: float, nearly: str
+) -> str | None:
+    """Say which joints meet a line, are parallel or perpendicular to it; None if some do not."""
     met, along, across = [], [], []
     for i in ids:
         normal = cross(axes.direction[i], direction)
@@ -330,53 +354,8 @@ def one_line(axes: JointAxes, ids: tuple[int, ...], tol: float, nearly: str) -> 
             return None
     if not met:
         return None
-    return _common_line(len(axes.prismatic), met, along, across, nearly)
-
-
-def one_complex(axes: JointAxes, ids: tuple[int, ...], tol: float, nearly: str) -> str | None:
-    """Say that these axes belong to one linear complex, and of which pitch, if they do.
-
-    Five independent twists have one reciprocal wrench. Where its pitch is not zero, the lines
-    that it does no work on are those of a linear complex of that pitch (K. H. Hunt, "Kinematic
-    Geometry of Mechanisms", 1978).
-    """
-    found = _reciprocal(axes, ids, tol)
-    if found is None:
-        return None
-    force, moment = found
-    strength = length(force)
-    if strength <= tol:
-        return None
-    pitch = float(force @ moment) / strength**2 * axes.size
-    turning = [i for i in ids if not axes.prismatic[i]]
-    sliding = [i for i in ids if axes.prismatic[i]]
-    every = len(turning) == len(axes.prismatic)
-    count = {6: "six ", 5: "five ", 7: "seven "}.get(len(turning), "")
-    who = f"all {count}axes" if every else f"axes {numbers(turning)}"
-    words = f"{who} {nearly}belong to one linear complex, here of pitch {pitch:.3g} m/rad"
-    if sliding:
-        verb = "is" if len(sliding) == 1 else "are"
-        prismatic = _counted("prismatic joint", "prismatic joints", sliding)
-        words += f", and {prismatic} {verb} {nearly}perpendicular to its axis"
-    return words
-
-
-def _reciprocal(axes: JointAxes, ids: tuple[int, ...], tol: float) -> tuple[Array, Array] | None:
-    """The one wrench (force, moment about the tip in units of size) that none of these moves."""
-    v = np.array([axes.velocity(i, axes.tip) for i in ids]) / axes.size
-    w = np.where(axes.prismatic[list(ids), None], 0.0, axes.direction[list(ids)])
-    v[axes.prismatic[list(ids)]] *= axes.size
-    _, sigma, Vt = np.linalg.svd(np.concatenate([v, w], axis=1))
-    if (sigma > tol * sigma[0]).sum() != 5:
-        return None
-    return Vt[5, :3], Vt[5, 3:]
-
-
-def _common_line(
-    n: int, met: Sequence[int], along: Sequence[int], across: Sequence[int], nearly: str
-) -> str:
-    """Say which of n joints meet a line, are parallel to it, or perpendicular to it."""
-    who = "all axes" if len(met) == n else _counted("axis", "axes", met)
+    every = len(met) == len(axes.prismatic)
+    who = "all axes" if every else _counted("axis", "axes", met)
     words = [f"{who} {nearly}{'meets' if len(met) == 1 else 'meet'} a common line"]
     for ids, one, many, how in (
         (along, "axis", "axes", "parallel"),
