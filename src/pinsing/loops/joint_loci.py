@@ -31,6 +31,7 @@ from pinsing.loops.leg_wrenches import (
     SPHERE,
     LegWrench,
     LegWrenches,
+    in_room,
     kind_of,
     leg_wrenches,
     room_of,
@@ -147,7 +148,7 @@ class _Velocities:
         at = self.zero.origins[steps[middle][0]]
         for side, part in zip((-1, 1), _parted(steps, middle), strict=True):
             self._add(rows, side, at, part, self.turn, rests=True)
-        return [rows[0], rows[1], rows[5]] if self.kind == PLANE else rows
+        return rows if self.kind == SPHERE else in_room(self.kind, rows)
 
     def _add(
         self, rows: list[Row], side: int, at: Array, steps: Sequence[Step], turn: Turn,
@@ -326,11 +327,12 @@ def _row(mechanism: Mechanism, legs: LegWrenches, wrench: LegWrench, locked: boo
     """A wrench by the output's twist, or by the carrier's joints where these are the unknowns."""
     if legs.ended:
         return wrench.line
-    out = []
-    for twist, joint in zip(_twists(legs), legs.carrier.hinges, strict=True):
-        if locked and joint.joint not in mechanism.passive:
-            continue
-        out.append(_power(wrench.line, twist, legs))
+    twists = zip(_twists(legs), legs.carrier.hinges, strict=True)
+    out = [
+        dot(wrench.line, in_room(legs.kind, [*velocity, *turning]), legs.ring.zero)
+        for (turning, velocity), joint in twists
+        if not locked or joint.joint in mechanism.passive
+    ]
     return _level(out, legs.ring)
 
 
@@ -349,17 +351,6 @@ def _twists(legs: LegWrenches) -> list[tuple[Row, Row]]:
     return out
 
 
-def _power(line: Row, twist: tuple[Row, Row], legs: LegWrenches) -> Poly:
-    turning, velocity = twist
-    if legs.kind == SPHERE:
-        pairs = list(zip(line, turning, strict=True))
-    elif legs.kind == PLANE:
-        pairs = [(line[0], velocity[0]), (line[1], velocity[1]), (line[2], turning[2])]
-    else:
-        pairs = list(zip(line, [*velocity, *turning], strict=True))
-    return sum((a * b for a, b in pairs), legs.ring.zero)
-
-
 def _output_row(mechanism: Mechanism, legs: LegWrenches, k: int) -> Row:
     """A row of the output's velocity by the unknowns: in the axes of the turned base."""
     ring, scale = legs.ring, legs.carrier.scale
@@ -368,22 +359,15 @@ def _output_row(mechanism: Mechanism, legs: LegWrenches, k: int) -> Row:
     unit = [ring.one * rational(legs.turn[i][k % 3]) for i in range(3)]
     if legs.ended:
         p = legs.output
-        if k >= 3:
-            angular = [scale * u for u in unit]
-            whole = [*([zero] * 3), *angular]
-        else:
-            # u . (v + w x p) = u . v + w . (p x u)
-            whole = [*(scale * u for u in unit), *cross(p, unit)]
-        if legs.kind == SPHERE:
-            return whole[3:]
-        return [whole[0], whole[1], whole[5]] if legs.kind == PLANE else whole
+        grown = [scale * u for u in unit]
+        # u . (v + w x p) = u . v + w . (p x u)
+        whole = [*([zero] * 3), *grown] if k >= 3 else [*grown, *cross(p, unit)]
+        return in_room(legs.kind, whole)
     out = []
     for turning, velocity in _twists(legs):
-        if k >= 3:
-            out.append(sum((a * b for a, b in zip(unit, turning, strict=True)), zero))
-            continue
-        moved = [scale * v + c for v, c in zip(velocity, cross(turning, legs.output), strict=True)]
-        out.append(sum((a * b for a, b in zip(unit, moved, strict=True)), zero))
+        shift = cross(turning, legs.output)
+        moved = [scale * v + c for v, c in zip(velocity, shift, strict=True)]
+        out.append(dot(unit, turning if k >= 3 else moved, zero))
     return out
 
 
@@ -416,13 +400,9 @@ def _loci(
     joints = sorted({j for row in rows for x in row if x != 0 for j in ring.joints_of(x)})
     names = tuple(mechanism.joints[j] for j in joints)
     whole = JointLocus(kind, words, names, None, _matrix(rows, ring, mechanism))
-    if len(rows) > len(rows[0]) and len(joints) > 1:
-        return [whole]
-    if len(joints) > 7:
-        return [whole]
     rows = [_level(row, ring) for row in rows]
     size = float(np.prod([max(len(x) for x in row) + 1.0 for row in rows]))
-    if size > 4e8:
+    if len(joints) > (1 if len(rows) > len(rows[0]) else 7) or size > 4e8:
         return [whole]
     # Of one joint all largest minors vanish together where what they share does.
     minors = [
@@ -442,14 +422,13 @@ def _loci(
 def _matrix(
     rows: list[Row], ring: Ring, mechanism: Mechanism
 ) -> tuple[tuple[PoseEquation, ...], ...]:
-    return tuple(_entries(row, ring, mechanism) for row in rows)
-
-
-def _entries(row: Row, ring: Ring, mechanism: Mechanism) -> tuple[PoseEquation, ...]:
     """Entries without what is left of numbers that were made rational."""
-    found = [trig_polynomial(x, ring, mechanism.joints) for x in row]
-    most = max((float(np.abs(x.values).max(initial=0.0)) for x in found), default=0.0)
-    return tuple(x.without(_ROUNDING * most) for x in found)
+    out = []
+    for row in rows:
+        found = [trig_polynomial(x, ring, mechanism.joints) for x in row]
+        most = max((float(np.abs(x.values).max(initial=0.0)) for x in found), default=0.0)
+        out.append(tuple(x.without(_ROUNDING * most) for x in found))
+    return tuple(out)
 
 
 def _factored(

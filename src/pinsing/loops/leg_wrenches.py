@@ -11,7 +11,7 @@ import functools
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pinocchio as pin
@@ -49,6 +49,11 @@ if TYPE_CHECKING:
 SPACE, PLANE, SPHERE = "space", "plane", "sphere"
 SIZE = {SPACE: 6, PLANE: 3, SPHERE: 3}
 """Dimension of the motions that each kind of mechanism has room for."""
+
+
+def in_room(kind: str, whole: list[Any]) -> list[Any]:
+    """Of six coordinates, those of the point before those of the turn, what a kind has."""
+    return {SPACE: whole, PLANE: [whole[0], whole[1], whole[5]], SPHERE: whole[3:]}[kind]
 
 
 @dataclass(frozen=True, eq=False)
@@ -171,7 +176,10 @@ def leg_wrenches(mechanism: Mechanism) -> LegWrenches:
         wrenches += found
         passive += own
         if ball:
-            passive += _gimbal(carrier, number, ball)
+            # Where the three hinges that are written for a ball lie in a plane.
+            axes = [h.axis for h in carrier.hinges if h.joint in ball]
+            flat = dot(axes[0], cross(axes[1], axes[2]), ring.zero)
+            passive += _vanishing(ring, number, ball, flat, True)
     return LegWrenches(
         kind, ring, turn, carrier, output, ended, tuple(wrenches), tuple(passive), centre,
         max(off, carrier.off),
@@ -257,6 +265,11 @@ def _leg(
     point = chain.position if end is None else chain.point(end)
     passive = [h for h in chain.hinges if h.joint in mechanism.passive]
     driven = [h for h in chain.hinges if h.joint in mechanism.actuated]
+
+    def moved(hinge: Hinge) -> Row:
+        """What a joint does to the end, or to the turn, up to a positive factor."""
+        return hinge.axis if kind == SPHERE else chain.velocity(hinge, point, chain.scale)
+
     if kind == SPHERE:
         arms = [h.axis for h in passive]
         if end is not None:
@@ -264,33 +277,25 @@ def _leg(
             middle = chain.fixed(centre)
             arms.append([b - chain.scale * m for b, m in zip(point, middle, strict=True)])
     else:
-        arms = [chain.velocity(h, point, chain.scale) for h in passive]
+        arms = [moved(h) for h in passive]
     if kind == PLANE:
-        normal = _normal(chain)
+        # Normal of the plane in the frame of the chain.
+        normal = [one * rational(v) for v in chain.base[2]]
         choices = _planar(arms, normal, one, zero)
     else:
         choices = _spatial(chain, passive, arms, point, kind)
     found: list[LegWrench] = []
     own: list[Passive] = []
     for force in choices:
-        plain, content = _primitive(force, ring)
-        own += [
-            Passive(number, tuple(h.joint for h in passive), f, False)
-            for f in ring.factors(content)
-            if not f.is_constant()
-        ]
+        plain, content = _primitive(force)
+        own += _vanishing(ring, number, tuple(h.joint for h in passive), content, False)
         felt = {
             h.joint: arm
             for h in driven
-            if (arm := _felt(chain, h, point, plain, kind)) != 0
+            if (arm := dot(plain, moved(h), zero)) != 0
         }  # fmt: skip
         found.append(LegWrench(number, _line(chain, plain, point, kind), felt))
     return found, own
-
-
-def _normal(chain: LegChain) -> Row:
-    """Normal of the plane in the frame of the chain."""
-    return [chain.ring.one * rational(v) for v in chain.base[2]]
 
 
 def _planar(arms: list[Row], normal: Row, one: Poly, zero: Poly) -> list[Row]:
@@ -322,7 +327,7 @@ def _spatial(
     return [hinge.axis, reach]
 
 
-def _primitive(force: Row, ring: Ring) -> tuple[Row, Poly]:
+def _primitive(force: Row) -> tuple[Row, Poly]:
     """A vector over what its entries share, and that."""
     parts = [x for x in force if x != 0]
     if not parts:
@@ -331,39 +336,24 @@ def _primitive(force: Row, ring: Ring) -> tuple[Row, Poly]:
     return [x / content for x in force], content
 
 
-def _felt(chain: LegChain, hinge: Hinge, point: Row, force: Row, kind: str) -> Poly:
-    """Power of a force (moment) per speed of an actuated joint, up to a positive factor."""
-    moved = hinge.axis if kind == SPHERE else chain.velocity(hinge, point, chain.scale)
-    return dot(force, moved, chain.ring.zero)
-
-
 def _line(chain: LegChain, force: Row, point: Row, kind: str) -> Row:
     """Wrench of a force through a point, in the base; every entry of one degree."""
     f = chain.in_base(force)
     if kind == SPHERE:
         return f
-    ring = chain.ring
-    scale = chain.scale
     # About the first joint's place the moment is simple; what it has in common is taken out.
-    moment = cross(point, force)
-    row = [*(scale * x for x in force), *moment]
-    plain, _ = _primitive(row, ring)
+    plain, _ = _primitive([*(chain.scale * x for x in force), *cross(point, force)])
     f, m = chain.in_base(plain[:3]), chain.in_base(plain[3:])
-    at = [ring.one * rational(v) for v in chain.at]
-    shifted = cross(at, f)
-    m = [a + b for a, b in zip(m, shifted, strict=True)]
-    return [f[0], f[1], m[2]] if kind == PLANE else [*f, *m]
+    at = [chain.ring.one * rational(v) for v in chain.at]
+    m = [a + b for a, b in zip(m, cross(at, f), strict=True)]
+    return in_room(kind, [*f, *m])
 
 
-def _gimbal(carrier: LegChain, number: int, ball: tuple[int, ...]) -> list[Passive]:
-    """Where the three hinges that are written for a ball lie in a plane."""
-    axes = [h.axis for h in carrier.hinges if h.joint in ball]
-    value = dot(axes[0], cross(axes[1], axes[2]), carrier.ring.zero)
-    return [
-        Passive(number, ball, f, True)
-        for f in carrier.ring.factors(value)
-        if not f.is_constant()
-    ]  # fmt: skip
+def _vanishing(
+    ring: Ring, number: int, joints: tuple[int, ...], value: Poly, ball: bool
+) -> list[Passive]:
+    factors = [f for f in ring.factors(value) if not f.is_constant()]
+    return [Passive(number, joints, f, ball) for f in factors]
 
 
 _SYMBOL = re.compile(r"\b[qd](\d+)\b")

@@ -71,9 +71,8 @@ def leg_modes(
         For the starts.
     """
     loops = BatchLoops(mechanism)
-    legs = structure(mechanism).legs
-    by_leg = [_solutions(loops, leg, reached, free, rng) for leg in legs]
-    return [[by_leg[k][i] for k in range(len(legs))] for i in range(len(reached))]
+    by_leg = [_solutions(loops, leg, reached, free, rng) for leg in structure(mechanism).legs]
+    return [list(modes) for modes in zip(*by_leg, strict=True)]
 
 
 def _solutions(
@@ -92,10 +91,17 @@ def _solutions(
     pose = np.repeat(np.arange(count), _STARTS)
     found: list[list[Array]] = [[] for _ in range(count)]
     for _ in range(3):
-        Q, size = _close(loops, leg, starts, mine, R[pose], p[pose])
+        target = (R[pose], p[pose], tuple(range(6))) if leg.carries else None
+        Q, size = newton(loops, starts, mine, leg.loops, target)
         fresh: list[tuple[int, Array]] = []
         for i, q, error in zip(pose.tolist(), Q, size, strict=True):
-            if error <= CLOSED_MANY and _add(mechanism, found[i], q):
+            away = (
+                mechanism.space.wrap(np.reshape(found[i], (-1, mechanism.n)) - q)
+                / mechanism.space.metric
+            )
+            known = (np.abs(away).max(axis=1) <= 1e-5).any()
+            if error <= CLOSED_MANY and not known:
+                found[i].append(q)
                 fresh.append((i, q))
         flips = [(i, x) for i, q in fresh for x in _flipped(mechanism, q, mine)]
         if not flips:
@@ -121,24 +127,6 @@ def _without_curves(mechanism: Mechanism, mine: Bool, modes: list[LegMode]) -> l
     first = loose.index(True)
     kept = [mode for mode, free in zip(modes, loose, strict=True) if not free]
     return [LegMode(modes[first].q, modes[first].ways, True), *kept]
-
-
-def _close(
-    loops: BatchLoops, leg: Leg, starts: Array, mine: Bool, R: Array, p: Array
-) -> tuple[Array, Array]:
-    if not mine.any():
-        return starts, np.zeros(len(starts))
-    target = (R, p, tuple(range(6))) if leg.carries else None
-    return newton(loops, starts, mine, leg.loops, target)
-
-
-def _add(mechanism: Mechanism, found: list[Array], q: Array) -> bool:
-    if found:
-        away = np.abs(mechanism.space.wrap(np.array(found) - q)) / mechanism.space.metric
-        if (away.max(axis=1) <= 1e-5).any():
-            return False
-    found.append(q)
-    return True
 
 
 def _flipped(mechanism: Mechanism, q: Array, mine: Bool) -> list[Array]:
@@ -373,10 +361,11 @@ def _check_starts(starts: int) -> None:
 def _exact(mechanism: Mechanism, problem: str, found: tuple[Array, ...], most: int) -> Modes:
     inside = [q for q in found if not mechanism.space.unreachable(q).any()]
     beyond = len(found) - len(inside)
-    solved = [_solution(mechanism, q, 1) for q in inside]
+    solved = (_solution(mechanism, q, 1) for q in inside)
     modes = tuple(sorted(solved, key=lambda s: _order(s, mechanism)))
-    what = noun(problem, len(modes))
-    words = f"{len(modes)} {what}: all there are, by the intersection of circles"
+    words = (
+        f"{len(modes)} {noun(problem, len(modes))}: all there are, by the intersection of circles"
+    )
     if beyond:
         words += f"; {beyond} more beyond the joint limits"
     return Modes(problem, modes, 0, (), beyond, 0, most, True, words)
@@ -401,25 +390,23 @@ def _sought(
     Q, size = newton(loops, Q, free, target=target)
     poses, hits = _poses(loops, Q[size <= CLOSED_MANY])
     loose = [motions(mechanism, q).input_ratio <= _FREE for q in poses]
-    spare = _curve(loose)
+    # All but the first of the poses at which the output is loose, where there are many.
+    spare = set(np.flatnonzero(loose)[1:].tolist()) if sum(loose) > _POINTS else set()
     kept = [k for k in range(len(poses)) if k not in spare]
     reached = np.array([poses[k] for k in kept]).reshape(-1, mechanism.n)
-    modes: list[Solution] = []
-    count: list[int] = []
-    beyond, cut, moving = 0, False, 0
+    pairs: list[tuple[Solution, int]] = []
+    beyond, moving = 0, 0
     for k, legs in zip(kept, leg_modes(mechanism, reached, free, rng), strict=True):
         beyond += not all(legs)
-        for choice in itertools.islice(itertools.product(*legs), _MOST + 1 - len(modes)):
+        for choice in itertools.islice(itertools.product(*legs), _MOST + 1 - len(pairs)):
             q = poses[k].copy()
             for leg, one in zip(structure(mechanism).legs, choice, strict=True):
                 q[list(leg.joints)] = one.q[list(leg.joints)]
             ways = int(np.prod([one.ways for one in choice]))
-            modes.append(_solution(mechanism, q, ways, free))
+            pairs.append((_solution(mechanism, q, ways, free), hits[k]))
             moving += any(one.loose for one in choice)
-            count.append(hits[k])
-    if len(modes) > _MOST:
-        modes, count, cut = modes[:_MOST], count[:_MOST], True
-    pairs = sorted(zip(modes, count, strict=True), key=lambda x: _order(x[0], mechanism))
+    cut = len(pairs) > _MOST
+    pairs = sorted(pairs[:_MOST], key=lambda x: _order(x[0], mechanism))
     modes, count = [m for m, _ in pairs], [c for _, c in pairs]
     bound = None
     if problem == "direct":
@@ -462,12 +449,6 @@ def _sought(
     )  # fmt: skip
 
 
-def _curve(loose: list[bool]) -> set[int]:
-    """All but the first of the poses at which the output is loose, where there are many."""
-    places = [k for k, x in enumerate(loose) if x]
-    return set(places[1:]) if len(places) > 8 else set()
-
-
 def _poses(loops: BatchLoops, Q: Array) -> tuple[list[Array], list[int]]:
     """Configurations with different poses of the output, and how often each pose was found.
 
@@ -495,14 +476,12 @@ def _apart(loops: BatchLoops, Q: Array, times: list[int]) -> tuple[list[Array], 
     hits: list[int] = []
     marks = _marks(loops, Q)
     for k, mark in enumerate(marks):
-        if kept:
-            away = np.abs(marks[kept] - mark).max(axis=1)
-            near = int(np.argmin(away))
-            if away[near] <= 10 * SAME:
-                hits[near] += times[k]
-                continue
-        kept.append(k)
-        hits.append(times[k])
+        away = np.abs(marks[kept] - mark).max(axis=1)
+        if len(kept) and away.min() <= 10 * SAME:
+            hits[int(np.argmin(away))] += times[k]
+        else:
+            kept.append(k)
+            hits.append(times[k])
     return [Q[k] for k in kept], hits
 
 
