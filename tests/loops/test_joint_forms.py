@@ -8,9 +8,11 @@ from dataclasses import replace
 import numpy as np
 import pinocchio as pin
 import pytest
-from mechanisms import URDF, from_model, planar_tree, shipped
+from mechanisms import URDF, shipped
+from test_five_bars import FiveBar
+from test_mechanism_pose import slides_in_the_plane
 from test_parallel_geometry import Way, planar
-from test_pose_forms import hexapod
+from test_pose_forms import pluecker
 from urdf_text import J, frame, loop_text, stewart, written
 
 import pinsing
@@ -28,7 +30,6 @@ from pinsing.loops import (
 from pinsing.loops.closure import Loops, random_closed
 from pinsing.loops.joint_loci import _matrix, closure_forms
 from pinsing.loops.leg_wrenches import kind_of
-from pinsing.robot.load_mechanism import Loop
 
 SHELF = ["five_bar", "four_bar", "planar_3rrr", "planar_3rpr", "gough_stewart", "delta", "rps3",
          "rssr"]  # fmt: skip
@@ -131,10 +132,11 @@ def test_the_agile_eye_is_of_type_1_where_a_middle_joint_is_at_a_right_angle(rng
 
 
 @pytest.mark.parametrize("seed", range(2))
-def test_random_stewart_platforms_against_their_leg_lines(seed):
+def test_random_stewart_platforms_against_their_leg_lines(seed, tmp_path):
     rng = np.random.default_rng(seed)
     base, platform = rng.normal(size=(6, 3)), 0.5 * rng.normal(size=(6, 3))
-    mechanism = hexapod(base, platform).without_limits()
+    made = written(tmp_path, *stewart(base, platform))
+    mechanism = pinsing.load_mechanism(made).without_limits()
     forms = joint_forms(mechanism)
     two = [x for x in forms.loci if x.kind == "type 2"]
     assert len(two) == 1
@@ -142,73 +144,35 @@ def test_random_stewart_platforms_against_their_leg_lines(seed):
     found = []
     for q in random_closed(mechanism, 6, rng):
         data = mechanism.model.createData()
-        pin.forwardKinematics(mechanism.model, data, mechanism.model_q(q))
-        pin.updateFramePlacements(mechanism.model, data)
-        ends = [data.oMi[4].translation]
-        ends += [data.oMf[mechanism.model.getFrameId(f"e{k}")].translation for k in range(1, 6)]
-        lines = [np.concatenate([b - a, np.cross(a, b)]) for a, b in zip(base, ends, strict=True)]
+        pin.framesForwardKinematics(mechanism.model, data, mechanism.model_q(q))
+        names = ["rod0", *(f"b{k}" for k in range(1, 6))]
+        ends = [data.oMf[mechanism.model.getFrameId(n)].translation for n in names]
+        lines = [pluecker(a, b) for a, b in zip(base, ends, strict=True)]
         lines = [x / np.linalg.norm(x[:3]) for x in lines]
         found.append(abs(np.linalg.det(lines)) / abs(left_side(two[0], mechanism, q)))
     assert np.ptp(np.log(found)) < 1e-7
 
 
-def test_a_five_bar_in_a_slanted_plane_is_a_five_bar(rng):
-    R = pin.rpy.rpyToMatrix(0.4, -0.7, 1.1)
-    model = pin.Model()
-    model.name = "slanted"
-    for chain, x in (("one", 0.0), ("two", 1.0)):
-        parent, place = 0, pin.SE3(R, R @ np.array([x, 0.0, 0.0]))
-        for k, length in enumerate((0.9, 1.1)):
-            parent = model.addJoint(parent, pin.JointModelRUBZ(), place, f"{chain}{k}")
-            place = pin.SE3(np.eye(3), np.array([length, 0.0, 0.0]))
-        model.addFrame(pin.Frame(f"{chain}_end", parent, 0, place, pin.FrameType.OP_FRAME))
-    slanted = from_model(
-        model, [Loop("one_end", "two_end", "3d")], ["one0", "two0"], "one_end", "vx,vy"
-    )
-    flat = planar_tree(
-        {
-            "one": ((0.0, 0.0), [("one0", 0.9), ("one1", 1.1)]),
-            "two": ((1.0, 0.0), [("two0", 0.9), ("two1", 1.1)]),
-        }
-    )
-    level = from_model(flat, slanted.loops, ["one0", "two0"], "one_end", "vx,vy")
+def test_a_five_bar_in_a_slanted_plane_is_a_five_bar(tmp_path, rng):
+    (tmp_path / "level").mkdir()
+    slanted = FiveBar(tmp_path, "RR", "pin", "oblique", 5).mechanism
+    level = FiveBar(tmp_path / "level", "RR", "pin", "level", 5).mechanism
     assert kind_of(slanted) == kind_of(level) == "plane"
-    for q in random_closed(slanted, 4, rng):
-        two = [
-            left_side(next(x for x in joint_forms(m).loci if x.kind == "type 2"), m, q)
-            for m in (slanted, level)
-        ]
-        assert abs(two[0]) == pytest.approx(abs(two[1]), rel=1e-7)
-        assert (
-            np.ptp(np.log([ratios(slanted, p)[1] for p in random_closed(slanted, 4, rng)])) < 1e-6
-        )
+    two = [next(x for x in joint_forms(m).loci if x.kind == "type 2") for m in (slanted, level)]
+    Q = random_closed(slanted, 6, rng)
+    left = [[left_side(x, slanted, q) for x in two] for q in Q]
+    # One is the other times a constant.
+    assert np.ptp(np.log(np.abs(left)) @ [1, -1]) < 1e-7
+    square = replace(slanted, task=level.task)
+    ones = [ratios(square, q)[1] for q in Q]
+    assert np.ptp(np.log(ones)) < 1e-6
 
 
 def test_slides_before_the_rods(rng):
-    # 3-PRR: actuated slides along the sides of a triangle.
-    model = pin.Model()
-    model.name = "prr"
-    corners = [np.array([np.cos(t), np.sin(t), 0.0]) for t in (0.1, 2.2, 4.3)]
-    loops = []
-    for k, at in enumerate(corners):
-        turn = pin.rpy.rpyToMatrix(0, 0, 0.3 + 2.0 * k)
-        slide = model.addJoint(0, pin.JointModelPX(), pin.SE3(turn, at), f"d{k}")
-        rod = model.addJoint(slide, pin.JointModelRUBZ(), pin.SE3.Identity(), f"r{k}")
-        end = pin.SE3(np.eye(3), np.array([0.9, 0.0, 0.0]))
-        if k == 0:
-            top = model.addJoint(rod, pin.JointModelRUBZ(), end, "turn")
-        else:
-            model.addFrame(pin.Frame(f"e{k}", rod, 0, end, pin.FrameType.OP_FRAME))
-            loops.append(Loop(f"e{k}", f"b{k}", "3d"))
-    for k, b in enumerate([np.zeros(3), np.array([0.5, 0, 0]), np.array([0.2, 0.4, 0])]):
-        name = f"b{k}" if k else "top"
-        model.addFrame(pin.Frame(name, top, 0, pin.SE3(np.eye(3), b), pin.FrameType.OP_FRAME))
-    made = from_model(model, loops, ["d0", "d1", "d2"], "top", "vx,vy,wz")
-    made = replace(made, prismatic=np.array([n[0] == "d" for n in made.joints]))
+    made = slides_in_the_plane().without_limits()
     found = np.array([ratios(made, q) for q in random_closed(made, 6, rng)])
     assert (np.ptp(np.log(found), axis=0) < 1e-7).all()
-    forms = joint_forms(made)
-    assert sum(x.kind == "type 1" for x in forms.loci) == 3
+    assert sum(x.kind == "type 1" for x in joint_forms(made).loci) == 3
 
 
 CLOSURES = ["bennett", "five_bar", "planar_3rpr", "rps3", "agile_eye", "rssr"]
@@ -229,10 +193,7 @@ def test_closure_equations_of_any_legs_are_those_of_pinocchio(name, rng):
     point = refine(mechanism, found[0], "type 1")
     for q in [*found, *([point.q] if point.converged else [])]:
         G, J = loops.at(q)[1], loops.output(q)[1]
-        pairs = (
-            (held, G[:, list(mechanism.passive)]),
-            (rest, np.vstack([G, J])),
-        )
+        pairs = ((held, G[:, list(mechanism.passive)]), (rest, np.vstack([G, J])))
         for locus, known in pairs:
             mine = np.linalg.svd(locus.entries(q, mechanism.joints), compute_uv=False)
             theirs = np.linalg.svd(known, compute_uv=False)[: len(mine)]
@@ -326,8 +287,7 @@ def test_they_survive_json_and_the_command_line(capsys):
 
 
 @pytest.mark.parametrize(
-    ("name", "kind"),
-    [("planar_3rpr", PoseForms), ("five_bar", LoopForms), ("bennett", JointForms)],
+    ("name", "kind"), [("planar_3rpr", PoseForms), ("five_bar", LoopForms), ("bennett", JointForms)]
 )
 def test_json_of_the_command_has_both(name, kind, capsys):
     tree, loops = (str(URDF / f"{name}.{x}") for x in ("urdf", "loops.yaml"))

@@ -9,8 +9,8 @@ import matplotlib as mpl
 import numpy as np
 import pytest
 from mechanisms import URDF, shipped
-from test_three_pins import joint, loaded
 from tiers import tiered
+from urdf_text import J, Y, frame, loop_text, written
 
 from pinsing.cli.mechanism_plot import plot_loops
 from pinsing.errors import OptionError
@@ -24,6 +24,7 @@ from pinsing.loops.structure import output_pose
 from pinsing.plot.mechanism import TYPE_1, draw_linkage, input_map, is_left, map_legend
 from pinsing.plot.motion_curve import MINUS, PLUS, mode_sheet, motion_curve
 from pinsing.plot.pose_map import _modes, panels, pose_map, pose_maps
+from pinsing.robot.load_mechanism import load_mechanism
 
 mpl.use("agg")
 from matplotlib import pyplot as plt
@@ -294,21 +295,17 @@ def test_the_command_refuses_what_makes_no_sense(tmp_path: Path) -> None:
 
 def _upright_arm(folder):
     """A palletizer in x and z: the forearm is held by a parallelogram, the tool is at its end."""
-    y = "0 1 0"
-    return loaded(
-        folder,
-        [
-            joint("m1", "continuous", "base", "upper", axis=y),
-            joint("elbow", "continuous", "upper", "fore", (0, 0, 0.5), axis=y),
-            joint("at_tool", "fixed", "fore", "tool", (0.6, 0, 0.2)),
-            joint("at_back", "fixed", "fore", "back", (-0.15, 0, 0)),
-            joint("m2", "continuous", "base", "crank", axis=y),
-            joint("knee", "continuous", "crank", "push", (-0.15, 0, 0), axis=y),
-            joint("at_end", "fixed", "push", "end", (0, 0, 0.5)),
-        ],
-        "closed_loop: [[back, end]]\ntype: [3d]\nname_mot: [m1, m2]\n"
-        "output: {frame: tool, rows: [vx, vz]}\n",
-    )
+    joints = [
+        J("m1", "base", "upper", axis=Y),
+        J("elbow", "upper", "fore", (0, 0, 0.5), Y),
+        frame("tool", "fore", (0.6, 0, 0.2)),
+        frame("back", "fore", (-0.15, 0, 0)),
+        J("m2", "base", "crank", axis=Y),
+        J("knee", "crank", "push", (-0.15, 0, 0), Y),
+        frame("end", "push", (0, 0, 0.5)),
+    ]
+    text = loop_text([("back", "end")], ["m1", "m2"], "tool", "vx, vz")
+    return load_mechanism(written(folder, joints, text))
 
 
 def test_a_map_over_the_inputs_is_of_the_output_and_not_of_the_pin(tmp_path):

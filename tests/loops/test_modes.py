@@ -276,11 +276,7 @@ def within(folder, name, joint, old, new):
 def test_limits_that_leave_nothing_are_said_by_each_command(tmp_path, capsys):
     path = within(tmp_path, "planar_3rpr", "p1", 'lower="0.2" upper="2.5"', 'lower="9" upper="9.5"')
     words = r"home is beyond the joint limits \(p1 = 0.553232 is not in \[9, 9.5\]\): the loops"
-    for code, command in (
-        (0, ["families"]),
-        (2, ["analyze"]),
-        (0, ["map"]),
-    ):
+    for code, command in ((0, ["families"]), (2, ["analyze"]), (0, ["map"])):
         more = ["--count", "5"] if command == ["map"] else []
         with pytest.raises(SystemExit) as end:
             main([*command, str(path), "--loops", *more])
@@ -372,11 +368,7 @@ def test_the_platform_is_analysed_once_over(platform):
 
 
 @pytest.mark.parametrize(
-    ("name", "pose", "joint"),
-    [
-        ("planar_3rpr", "yaw", "c1 ="),
-        ("rps3", "pitch", "s1y ="),
-    ],
+    ("name", "pose", "joint"), [("planar_3rpr", "yaw", "c1 ="), ("rps3", "pitch", "s1y =")]
 )
 @pytest.mark.slow
 def test_all_joints_on_request_only(name, pose, joint, capsys, monkeypatch):
@@ -466,8 +458,5 @@ def test_points_of_a_curve_on_which_a_leg_moves_by_itself_are_one_mode():
     assert len(folded) == 1
     assert sorted(
         s.q[made.joints.index("y1")].round(6) for s in found.modes if s not in folded
-    ) == [
-        -0.6,
-        0.6,
-    ]
+    ) == [-0.6, 0.6]
     assert "at 1 of them a leg moves by itself" in found.statement

@@ -22,7 +22,7 @@ from pinsing.loops.pose_notes import variables_at
 from pinsing.loops.pose_ring import PoseRing, determinant
 from pinsing.plot.mechanism import TYPE_2
 from pinsing.plot.pose_map import border_field, colors, pose_map, regions
-from pinsing.robot.load_mechanism import Loop, Mechanism
+from pinsing.robot.load_mechanism import Loop
 
 mpl.use("agg")
 import matplotlib.pyplot as plt
@@ -38,33 +38,6 @@ def rotation(e):
 def pluecker(a, b):
     """Line through two points: direction and moment about the origin."""
     return np.concatenate([b - a, np.cross(a, b)])
-
-
-def hexapod(base, platform) -> Mechanism:
-    """A 6-UPS as a model: joints in the order u1, v1, p1, s, t, w, u2, v2, p2, ..."""
-    model = pin.Model()
-    model.name = "hexapod"
-    loops = []
-    for k, a in enumerate(base):
-        parent, place = 0, pin.SE3(np.eye(3), np.array(a, dtype=float))
-        kinds = [pin.JointModelRX(), pin.JointModelRY(), pin.JointModelPZ()]
-        if k == 0:
-            kinds += [pin.JointModelRX(), pin.JointModelRY(), pin.JointModelRZ()]
-        for i, kind in enumerate(kinds):
-            parent = model.addJoint(parent, kind, place, f"j{k}{i}")
-            place = pin.SE3.Identity()
-        if k:
-            model.addFrame(pin.Frame(f"e{k}", parent, 0, place, pin.FrameType.OP_FRAME))
-            loops.append(Loop(f"e{k}", f"b{k}", "3d"))
-        else:
-            top = parent
-    for k, b in enumerate([np.zeros(3), *platform[1:]]):
-        at = np.array(b, dtype=float) - platform[0]
-        name = f"b{k}" if k else "top"
-        model.addFrame(pin.Frame(name, top, 0, pin.SE3(np.eye(3), at), pin.FrameType.OP_FRAME))
-    made = from_model(model, loops, [f"j{k}2" for k in range(6)], "top", "pose")
-    slides = np.array([n.endswith("2") for n in made.joints])
-    return replace(made, prismatic=slides, home=np.where(slides, 1.0, 0.1))
 
 
 def equation_values(forms, rows):
@@ -86,29 +59,6 @@ def poses(count, rng):
 
 def named(at, e):
     return {**dict(zip("xyz", at, strict=True)), **{f"e{k}": v for k, v in enumerate(e)}}
-
-
-@pytest.mark.parametrize("seed", tiered(range(4), (1, 3)))
-def test_random_stewart_platforms_are_singular_where_their_lines_are_dependent(seed):
-    rng = np.random.default_rng(seed)
-    base = np.round(rng.uniform(-1, 1, (6, 3)), 3)
-    platform = np.round(rng.uniform(-0.6, 0.6, (6, 3)), 3)
-    if seed % 2:
-        base[:, 2] = platform[:, 2] = 0
-    forms = pose_forms(hexapod(base, platform))
-    assert forms.complete
-    assert not forms.architecture
-    rows, lines = [], []
-    for at, e in poses(12, rng):
-        rows.append(named(at, e))
-        ends = at + platform @ rotation(e).T
-        lines.append(np.linalg.det([pluecker(a, b) for a, b in zip(base, ends, strict=True)]))
-    # One polynomial is the other times a constant.
-    ratio = np.array(lines) / equation_values(forms, rows)
-    np.testing.assert_allclose(ratio, ratio[0], rtol=1e-6)
-    (locus,) = forms.loci
-    assert locus.equation.degree(("x", "y", "z")) == 3
-    assert "linear complex" in locus.words
 
 
 def test_fichters_turn_by_90_degrees_is_found_by_itself(rng):
@@ -137,10 +87,6 @@ def test_the_platform_itself_is_singular_there():
 
 
 def test_architecture_singularities_are_named():
-    angles = np.radians([-10, 10, 110, 130, 230, 250])
-    base = np.stack([np.cos(angles), np.sin(angles), 0 * angles], axis=1)
-    forms = pose_forms(hexapod(base, 0.6 * base))
-    assert "platform and base hexagons are similar: singular at every pose" in forms.architecture
     forms = pose_forms(shipped("griffis_duffy"))
     assert forms.architecture.startswith("architecture singularity: the leg lines are dependent")
     assert not forms.loci

@@ -103,10 +103,7 @@ def engine_polynomial(prime: int, terms: Mapping[Any, int]) -> Any:
 
 
 def engine_point(
-    field: Any,
-    count: int,
-    fixed: Iterable[tuple[int, int]],
-    free: Mapping[int, Any],
+    field: Any, count: int, fixed: Iterable[tuple[int, int]], free: Mapping[int, Any]
 ) -> Any:
     """A point of the engine; None where it is not covered.
 

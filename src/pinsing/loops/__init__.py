@@ -14,15 +14,7 @@ from pinsing.loops.problems import Modes, assemblies, assembly_modes, working_mo
 from pinsing.loops.result import MechanismAnalysis
 from pinsing.loops.singular_points import SingularPoint, find_singular
 from pinsing.loops.singular_points import refine_point as refine
-from pinsing.loops.solve import (
-    InfeasibleError,
-    Solution,
-    curves,
-    drive,
-    feasible,
-    follow,
-    solve,
-)
+from pinsing.loops.solve import InfeasibleError, Solution, curves, drive, feasible, follow, solve
 from pinsing.loops.trace import Trace, trace
 
 __all__ = [

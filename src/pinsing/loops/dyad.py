@@ -234,12 +234,7 @@ def planar_dyad(mechanism: Mechanism) -> Dyad | None:
 
 
 def _side(
-    mechanism: Mechanism,
-    path: list[int],
-    zero: Sample,
-    senses: Array,
-    basis: Array,
-    end: Array,
+    mechanism: Mechanism, path: list[int], zero: Sample, senses: Array, basis: Array, end: Array
 ) -> Side | None:
     driven = [j in mechanism.actuated for j in path]
     if driven not in ([True, False], [False]):

@@ -347,11 +347,7 @@ def _product(A: Sequence[Sequence[Any]], B: Sequence[Sequence[Any]], zero: Any) 
 
 def cross(a: Row, b: Row) -> Row:
     """Vector product."""
-    return [
-        a[1] * b[2] - a[2] * b[1],
-        a[2] * b[0] - a[0] * b[2],
-        a[0] * b[1] - a[1] * b[0],
-    ]
+    return [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
 
 
 def dot(a: Row, b: Row, zero: Poly) -> Poly:

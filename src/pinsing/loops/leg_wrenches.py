@@ -253,12 +253,7 @@ def _body(mechanism: Mechanism, frame: int) -> int:
 
 
 def _leg(
-    mechanism: Mechanism,
-    chain: LegChain,
-    number: int,
-    kind: str,
-    end: Array | None,
-    centre: Array,
+    mechanism: Mechanism, chain: LegChain, number: int, kind: str, end: Array | None, centre: Array
 ) -> tuple[list[LegWrench], list[Passive]]:
     """The wrenches of one way, and where its passive joints are dependent."""
     ring, zero, one = chain.ring, chain.ring.zero, chain.ring.one

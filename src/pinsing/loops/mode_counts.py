@@ -16,15 +16,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from pinsing._types import Array
-from pinsing.loops.legs import (
-    TOUCHING,
-    Rod,
-    Rods,
-    carried,
-    count_inside,
-    inside,
-    rods,
-)
+from pinsing.loops.legs import TOUCHING, Rod, Rods, carried, count_inside, inside, rods
 from pinsing.loops.modes import home
 from pinsing.loops.sphere_loci import sphere_loci
 from pinsing.loops.structure import (

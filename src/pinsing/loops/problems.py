@@ -276,10 +276,7 @@ def assembly_modes(
 
 @checked
 def working_modes(
-    mechanism: Mechanism,
-    pose: npt.ArrayLike | None = None,
-    starts: int = STARTS,
-    seed: int = SEED,
+    mechanism: Mechanism, pose: npt.ArrayLike | None = None, starts: int = STARTS, seed: int = SEED
 ) -> Modes:
     """Solve the inverse problem: every way to reach a pose of the output that was found.
 

@@ -1,6 +1,7 @@
 """Five-bars on cranks and slides in any plane, cut at the pin, at an elbow, or welded.
 
-Held against the cross products of their rods, cranks and rails, written here without pinsing.
+Held against circles and the cross products of their rods, cranks and rails, written here without
+pinsing.
 """
 
 from __future__ import annotations
@@ -11,11 +12,12 @@ from pathlib import Path
 import numpy as np
 import pinocchio as pin
 import pytest
-from test_three_pins import crossings, joint, loaded
+from urdf_text import J, X, frame, loop_text, written
 
 import pinsing
-from pinsing.loops import mechanism_at, pose_forms
+from pinsing.loops import home, mechanism_at, pose_forms
 from pinsing.loops.pose_notes import variables_at
+from pinsing.loops.pose_slice import pose_slice
 
 PLANES = {
     "level": ((0.0, 0.0, 0.0), "vx, vy"),
@@ -27,6 +29,17 @@ AT = np.array([0.1, 0.2, 0.3])
 
 def cross(a: np.ndarray, b: np.ndarray) -> float:
     return float(a[0] * b[1] - a[1] * b[0])
+
+
+def crossings(B1: np.ndarray, B2: np.ndarray, a: float, b: float) -> list[np.ndarray]:
+    """Where circles of radii a and b meet."""
+    gap = B2 - B1
+    d = float(np.hypot(*gap))
+    x = (d * d + a * a - b * b) / (2 * d)
+    if x * x > a * a:
+        return []
+    up = np.array([-gap[1], gap[0]]) / d
+    return [B1 + x * gap / d + s * math.sqrt(a * a - x * x) * up for s in (1, -1)]
 
 
 class FiveBar:
@@ -42,36 +55,42 @@ class FiveBar:
         turn, rows = PLANES[plane]
         self.turn = pin.rpy.rpyToMatrix(*turn)
         raised = 0.05  # of the second leg's foot
-        axes = [f"0 0 {s}" for s in self.senses]
-        place = " ".join(map(str, AT)), " ".join(map(str, turn))
-        joints = [
-            '<joint name="w" type="fixed"><parent link="world"/><child link="base"/>'
-            f'<origin xyz="{place[0]}" rpy="{place[1]}"/></joint>'
-        ]
+        axes = [(0, 0, s) for s in self.senses]
+        joints = [J("w", "world", "base", AT, kind="fixed", rpy=turn)]
         ends = []
         for k in (0, 1):
+            how = (axes[k], "continuous", None) if kinds[k] == "R" else (X, "prismatic", (-1, 1))
             foot = (*self.feet[k], raised * k)
-            at = "base", f"c{k}", foot, self.yaw[k]
-            if kinds[k] == "R":
-                joints.append(joint(f"m{k}", "continuous", *at, axes[k]))
-            else:
-                joints.append(joint(f"m{k}", "prismatic", *at, "1 0 0", (-1, 1)))
+            joints.append(J(f"m{k}", "base", f"c{k}", foot, *how, (0, 0, self.yaw[k])))
             ends.append((self.cranks[k] if kinds[k] == "R" else 0, 0, 0))
-        joints.append(joint("b0", "continuous", "c0", "r0", ends[0], 0, axes[0]))
-        joints.append(joint("t0", "fixed", "r0", "p0", (self.rods[0], 0, 0)))
+        joints.append(J("b0", "c0", "r0", ends[0], axes[0]))
+        joints.append(frame("p0", "r0", (self.rods[0], 0, 0)))
         if cut == "pin":
-            joints.append(joint("b1", "continuous", "c1", "r1", ends[1], 0.4, axes[1]))
-            joints.append(joint("t1", "fixed", "r1", "p1", (0, self.rods[1], -raised)))
-            loop, output = "closed_loop: [[p0, p1]]\ntype: [3d]\n", "p1"
+            joints.append(J("b1", "c1", "r1", ends[1], axes[1], rpy=(0, 0, 0.4)))
+            joints.append(frame("p1", "r1", (0, self.rods[1], -raised)))
+            loop, output = ("p0", "p1"), "p1"
         else:
-            joints.append(joint("pin", "continuous", "p0", "r1", (0, 0, 0), 0, axes[1]))
-            joints.append(joint("t1", "fixed", "r1", "e1", (self.rods[1], 0, raised)))
+            joints.append(J("pin", "p0", "r1", axis=axes[1]))
+            joints.append(frame("e1", "r1", (self.rods[1], 0, raised)))
             kind = "fixed" if cut == "elbow" else "continuous"
-            joints.append(joint("b1", kind, "c1", "s1", ends[1], 0, axes[1]))
-            pairs = "3d" if cut == "elbow" else "6d"
-            loop, output = f"closed_loop: [[e1, s1]]\ntype: [{pairs}]\n", "r1"
-        text = f"{loop}name_mot: [m1, m0]\noutput: {{frame: {output}, rows: [{rows}]}}\n"
-        self.mechanism = loaded(folder, joints, text)
+            joints.append(J("b1", "c1", "s1", ends[1], axes[1], kind))
+            loop, output = ("e1", "s1"), "r1"
+        text = loop_text([loop], ["m1", "m0"], output, rows, "6d" if cut == "weld" else "3d")
+        self.mechanism = pinsing.load_mechanism(written(folder, joints, text))
+        self.rows = ["xyz".index(row[1]) for row in rows.split(", ")]
+
+    def ways(self, P: np.ndarray) -> int:
+        """How many inputs within the limits put the pin there."""
+        count = 1
+        for k in (0, 1):
+            if self.kinds[k] == "R":
+                count *= 2
+                continue
+            away = P - self.feet[k]
+            u = np.array([math.cos(self.yaw[k]), math.sin(self.yaw[k])])
+            reach = math.sqrt(self.rods[k] ** 2 - cross(u, away) ** 2)
+            count *= sum(abs(away @ u + sign * reach) <= 1 for sign in (1, -1))
+        return count
 
     def elbows(self, m: tuple[float, float]) -> list[np.ndarray]:
         out = []
@@ -127,6 +146,12 @@ def test_loci_and_modes(tmp_path: Path, kinds: str, cut: str, plane: str) -> Non
         if not expected:
             continue
         assert found.complete
+        assert "all there are" in found.statement
+        if len(seen) < 4:
+            place = AT + bar.turn @ [*expected[0], 0]
+            back = pinsing.working_modes(bar.mechanism, place[bar.rows])
+            assert len(back.modes) == bar.ways(expected[0])
+            assert back.complete
         got = sorted((bar.turn.T @ (np.array(x.pose.position) - AT)).tolist() for x in found.modes)
         assert np.ptp(np.array(got)[:, 2]) <= 1e-9
         np.testing.assert_allclose(
@@ -187,3 +212,50 @@ def test_working_modes_of_an_upright_five_bar_are_counted(tmp_path: Path) -> Non
         assert modes.statement == "4 working modes: all there are, by the intersection of circles"
     for one, two in zip(*(sorted(tuple(m.q) for m in x.modes) for x in found), strict=True):
         np.testing.assert_allclose(one, two, atol=1e-9)
+
+
+def two_slides(folder: Path, limits: tuple[float, float] = (-9, 9)) -> pinsing.Mechanism:
+    """Slides along x, the second at y = 0.3; rods of 0.5 and 0.6."""
+    joints = [
+        J("d1", "base", "s1", axis=X, kind="prismatic", limits=limits),
+        J("a1", "s1", "r1"),
+        frame("p1", "r1", (0.5, 0, 0)),
+        J("d2", "base", "s2", (0, 0.3, 0), X, "prismatic", limits),
+        J("a2", "s2", "r2", axis=(0, 0, -1)),
+        frame("p2", "r2", (0, 0.6, 0)),
+    ]
+    text = loop_text([("p1", "p2")], ["d1", "d2"], "p1", "vx, vy")
+    return pinsing.load_mechanism(written(folder, joints, text))
+
+
+def test_limits_leave_some_working_modes(tmp_path: Path) -> None:
+    back = pinsing.working_modes(two_slides(tmp_path, (-0.3, 0.3)), [0.1, 0.35])
+    # d1 = 0.1 +- sqrt(0.25 - 0.1225), d2 = 0.1 +- sqrt(0.36 - 0.0025)
+    reach = [0.1 + sign * math.sqrt(x) for x in (0.1275, 0.3575) for sign in (1, -1)]
+    assert len(back.modes) == math.prod(
+        sum(abs(d) <= 0.3 for d in part) for part in (reach[:2], reach[2:])
+    )
+
+
+def test_a_double_solution_is_one_mode(tmp_path: Path) -> None:
+    """Rods in line: Newton's method ends with half of the digits, in as many places as starts."""
+    mechanism = two_slides(tmp_path)
+    far = math.sqrt(1.1**2 - 0.3**2)
+    found = pinsing.assembly_modes(mechanism, [0.0, far])
+    assert len(found.modes) == 1
+    assert found.complete
+    near = pinsing.assembly_modes(mechanism, [0.0, far - 1e-6])  # two of them, 0.8 mm apart
+    assert len(near.modes) == 2
+
+
+def test_a_slice_holds_all_that_the_rods_reach(tmp_path: Path) -> None:
+    """Joints that are close to each other at home do not make a robot small."""
+    mechanism = two_slides(tmp_path, (-1, 1))
+    found = pose_slice(mechanism, ("x", "y"), [home(mechanism)], samples=41)
+    assert found.y[0] < -0.3 < 0.5 < found.y[-1]  # |y| <= 0.5 and |y - 0.3| <= 0.6
+    y = found.y[found.inside[0].any(axis=1)]
+    assert y.min() < -0.25
+    assert y.max() > 0.45
+    x = found.x[found.inside[0].any(axis=0)]
+    assert x.min() < -0.3
+    assert x.max() > 1.3
