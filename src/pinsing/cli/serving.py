@@ -71,9 +71,7 @@ def show(tab: Tab, html: Path | None, view: bool, no_open: bool) -> None:
 
 def stay(tab: Tab, server: Server) -> None:
     """Give a tab to a server that runs, until the user has seen enough."""
-    from pinsing.view.tab import hand_over
-
-    hand_over(tab, server)
+    tab.take_over(server)
     say("press Ctrl-C to end")
     while True:
         time.sleep(3600)

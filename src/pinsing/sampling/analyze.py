@@ -488,7 +488,12 @@ def analyze(
     )
     unowned = ("",) * len(findings)
     owners = stages.run(
-        "families of the findings", lambda: tuple(_owner(forms, f) for f in findings), unowned
+        "families of the findings",
+        lambda: tuple(
+            "" if family is None else family.name
+            for family in (forms.family_of(f.configuration.q, ON_FAMILY_TOL) for f in findings)
+        ),
+        unowned,
     )
     compared = findings if owners is not unowned else nothing
     return Analysis(
@@ -507,11 +512,6 @@ def analyze(
         missing=tuple(stages.missing),
         sweep=result,
     )
-
-
-def _owner(forms: ClosedForm, finding: Finding) -> str:
-    family = forms.family_of(finding.configuration.q, ON_FAMILY_TOL)
-    return "" if family is None else family.name
 
 
 def _check_families(

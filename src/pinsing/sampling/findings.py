@@ -300,14 +300,10 @@ def on_condition(
     arm: Arm, condition: JointCondition, Q: Array, tol: float = _ON
 ) -> npt.NDArray[np.bool_]:
     """Tell for Q (P, n) whether the fixed joints have their values, whole turns aside."""
-    mask = np.ones(len(Q), dtype=bool)
-    for name, value in condition.fixed.items():
-        i = arm.joints.index(name)
-        away = Q[:, i] - value
-        if not arm.prismatic[i]:
-            away = away - 2 * np.pi * np.round(away / (2 * np.pi))
-        mask &= np.abs(away) <= tol
-    return mask
+    joints = [arm.joints.index(name) for name in condition.fixed]
+    wanted = np.zeros(arm.n)
+    wanted[joints] = list(condition.fixed.values())
+    return np.asarray((np.abs(arm.space.wrap(Q - wanted))[:, joints] <= tol).all(axis=1))
 
 
 def _representative(exact: Arm, Q: Array) -> SingularConfiguration:

@@ -91,35 +91,6 @@ class Kept:
     candidates: int
 
 
-@dataclass(frozen=True, eq=False)
-class Work:
-    """What one chunk needs, and no more.
-
-    Attributes
-    ----------
-    evaluator : Evaluator
-        The arm, on a fixed engine.
-    ranges : (n, 2) array
-        Ends of what each joint moves over.
-    samples : int
-        Of a curve.
-    rows : CurveRows
-        The curves that the chunk has a part of.
-    start, stop : int
-        Numbers of its Jacobians.
-    kept : Kept
-        What to keep.
-    """
-
-    evaluator: Evaluator
-    ranges: Array
-    samples: int
-    rows: CurveRows
-    start: int
-    stop: int
-    kept: Kept
-
-
 class SweepJob:
     """The curves of a sweep, some in each chunk.
 
@@ -190,8 +161,9 @@ class SweepJob:
         (start, stop), samples = self.span(index), self.plan.samples
         assert self.evaluator is not None
         rows, ranges = self._rows(start, stop), self.table.ranges
-        work = Work(self.evaluator, ranges, samples, rows, start, stop, self.kept)
-        return functools.partial(compute_curves, work)
+        return functools.partial(
+            compute_curves, self.evaluator, self.kept, ranges, samples, rows, start, stop
+        )
 
     def check(self, index: int, record: Record) -> None:
         """Raise a ValueError that says why ``record`` cannot be that of a chunk."""
@@ -223,24 +195,32 @@ def _pieces(samples: int) -> int:
     return -(-samples // PIECE)
 
 
-def compute_curves(work: Work) -> Record:
+def compute_curves(
+    evaluator: Evaluator,
+    kept: Kept,
+    ranges: Array,
+    samples: int,
+    rows: CurveRows,
+    first: int,
+    end: int,
+) -> Record:
     """Tally and candidates of one chunk as arrays.
 
-    With ``work.kept.values`` also ``sigma_min`` and ``sigma_ratio`` (N,) of its Jacobians, in
-    the order of their numbers, the first of which is ``first``.
+    With ``kept.values`` also ``sigma_min`` and ``sigma_ratio`` (N,) of its Jacobians, in the order
+    of their numbers, from ``first`` to before ``end``. Joints move over ``ranges`` (n, 2) in
+    ``samples``; ``rows`` are the curves that the chunk has a part of.
     """
-    samples, rows = work.samples, work.rows
-    tally, pool = Tally(work.kept.worst), Pool(work.kept.candidates)
+    tally, pool = Tally(kept.worst), Pool(kept.candidates)
     sigma_min: list[Array] = []
     sigma_ratios: list[Array] = []
-    for some, start, stop in _blocks(work):
+    for some, start, stop in _blocks(samples, rows, first, end):
         moving = rows.moving[some]
         before, after = start > 0, stop < samples
         places = np.arange(start - before, stop + after)[None]
         Q = np.repeat(rows.base[some, None], places.size, axis=1)
-        moved = axis_values(work.ranges[moving], samples, places)
+        moved = axis_values(ranges[moving], samples, places)
         np.put_along_axis(Q, moving[:, None, None], moved[..., None], axis=2)
-        found = work.evaluator.measure(Q.reshape(-1, Q.shape[2]))
+        found = evaluator.measure(Q.reshape(-1, Q.shape[2]))
         wide = found.sigma[:, -1].reshape(Q.shape[:2])
         last = wide[:, before : before + stop - start]
         ratio = found.ratio.reshape(wide.shape)[:, before : before + stop - start]
@@ -248,32 +228,33 @@ def compute_curves(work: Work) -> Record:
         regular = ~rows.singular[some]
         tally.add(0, last[regular].ravel(), ratio[regular].ravel(), numbers[regular].ravel())
 
-        end = np.full(len(moving), np.inf)
-        beside = wide[:, 0] if before else end, wide[:, -1] if after else end
+        border = np.full(len(moving), np.inf)
+        beside = wide[:, 0] if before else border, wide[:, -1] if after else border
         dip = minima(last, ratio, *beside) & regular[:, None]
         row, column = np.nonzero(dip)
         kind = kinds(rows, samples, row + some.start, column + start)
         pool.add(numbers[dip], kind, last[dip], ratio[dip])
-        if work.kept.values:
+        if kept.values:
             sigma_min.append(last.ravel())
             sigma_ratios.append(ratio.ravel())
-    record = tally.record() | pool.record() | {"first": np.array(work.start)}
-    if work.kept.values:
+    record = tally.record() | pool.record() | {"first": np.array(first)}
+    if kept.values:
         for name, parts in zip(VALUES, (sigma_min, sigma_ratios), strict=True):
             record[name] = np.concatenate(parts)
     return record
 
 
-def _blocks(work: Work) -> Iterator[tuple[slice, int, int]]:
-    """Rows of ``work`` that are computed together, and which of their samples."""
-    samples, first = work.samples, int(work.rows.numbers[0])
+def _blocks(
+    samples: int, rows: CurveRows, number: int, end: int
+) -> Iterator[tuple[slice, int, int]]:
+    """Rows that are computed together, and which of their samples."""
+    first = int(rows.numbers[0])
     if samples <= PIECE:
-        block, count = _curves_per_block(samples), len(work.rows.numbers)
+        block, count = _curves_per_block(samples), len(rows.numbers)
         for row in range(0, count, block):
             yield slice(row, min(count, row + block)), 0, samples
         return
-    number = work.start
-    while number < work.stop:
+    while number < end:
         curve, start = divmod(number, samples)
         stop = min(samples, start + PIECE)
         yield slice(curve - first, curve - first + 1), start, stop

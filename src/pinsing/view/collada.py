@@ -246,7 +246,15 @@ def as_object(parts: Sequence[Painted]) -> dict[str, Any]:
                 },
             }
         )
-        materials.append({"uuid": paint, **_material(part.paint)})
+        materials.append(
+            {
+                "uuid": paint,
+                **asdict(part.paint),
+                "type": "MeshPhongMaterial",
+                "side": 2,
+                "transparent": part.paint.opacity < 1.0,
+            }
+        )
         meshes.append(
             {
                 "uuid": str(uuid1()),
@@ -274,8 +282,3 @@ def _array(kind: str, values: npt.NDArray[Any], columns: int) -> dict[str, Any]:
         "array": Ext(_TYPES[kind], little.tobytes()),
         "normalized": False,
     }
-
-
-def _material(paint: Paint) -> dict[str, Any]:
-    more = {"type": "MeshPhongMaterial", "side": 2, "transparent": paint.opacity < 1.0}
-    return {**asdict(paint), **more}

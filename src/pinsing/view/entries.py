@@ -456,23 +456,22 @@ def _family(index: int, entry: Entry) -> dict[str, Any]:
         "confirm": confirm,
         "points": [pose.tolist() for pose in entry.poses] if confirm else [],
         "where": [entry.where_branch(b) for b in branches],
-        "branches": [_branch(b) for b in branches],
-    }
-
-
-def _branch(branch: Branch) -> dict[str, Any]:
-    return {
-        "values": [{"joint": v.joint, "value": v.value} for v in branch.values],
-        "equations": [
+        "branches": [
             {
-                "frequencies": e.frequencies.tolist(),
-                "powers": e.powers.tolist() if e.powers.any() else None,
-                "cos": numbers(e.cos),
-                "sin": numbers(e.sin),
-                "shift": numbers(e.shift),
-                "accuracy": float(e.accuracy),
+                "values": [{"joint": v.joint, "value": v.value} for v in b.values],
+                "equations": [
+                    {
+                        "frequencies": e.frequencies.tolist(),
+                        "powers": e.powers.tolist() if e.powers.any() else None,
+                        "cos": numbers(e.cos),
+                        "sin": numbers(e.sin),
+                        "shift": numbers(e.shift),
+                        "accuracy": float(e.accuracy),
+                    }
+                    for e in b.equations
+                ],
             }
-            for e in branch.equations
+            for b in branches
         ],
     }
 

@@ -142,10 +142,10 @@ class _Collada(geometry.ReferenceSceneElement):  # type: ignore[misc]
     def __init__(self, file: Path, parts: Sequence[Painted]) -> None:
         super().__init__()
         self.path: Any = None
-        self.content = as_object(parts) if parts else self._as_file(file)
-
-    def _as_file(self, file: Path) -> dict[str, Any]:
-        return {
+        if parts:
+            self.content = as_object(parts)
+            return
+        self.content = {
             "metadata": {"version": 4.5, "type": "Object"},
             "geometries": [],
             "materials": [],

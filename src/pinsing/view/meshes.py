@@ -32,7 +32,7 @@ _PATIENCE = 5  # times that on the clock, whatever else runs
 _FAREWELL = 1.0
 _MEMORY = 2 * 2**30
 _WORKER = Path(__file__).with_name("mesh_worker.py")
-_AS_FILES = (".dae", ".obj", ".stl")  # go into the page as they are
+_WANTED = {".dae": "paint", ".obj": "judge", ".stl": "judge"}  # go into the page as they are
 
 
 @dataclass(frozen=True)
@@ -181,7 +181,7 @@ def _ask_child(paths: Sequence[Path], missing: list[str]) -> dict[Path, tuple[by
     What it says of walls that are not there is put into ``missing``.
     """
     request = {
-        "paths": [(str(path), _wanted(path)) for path in paths],
+        "paths": [(str(path), _WANTED.get(path.suffix.lower(), "content")) for path in paths],
         "sys_path": [os.path.abspath(entry) for entry in sys.path],
         "jail": child_jail.__file__,
         "seconds_each": SECONDS_EACH,
@@ -240,11 +240,6 @@ def _ask_child(paths: Sequence[Path], missing: list[str]) -> dict[Path, tuple[by
         child.kill()
         child.wait()
     return done
-
-
-def _wanted(path: Path) -> str:
-    kind = path.suffix.lower()
-    return "paint" if kind == ".dae" else "judge" if kind in _AS_FILES else "content"
 
 
 def _walls(stream: Any) -> list[str]:

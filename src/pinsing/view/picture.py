@@ -154,15 +154,11 @@ def _taken(browser: str, url: str, size: tuple[int, int]) -> bytes:
             process.kill()
             raise
         finally:
-            _end(process)
-
-
-def _end(process: subprocess.Popen[bytes]) -> None:
-    try:
-        process.communicate(timeout=5)
-    except subprocess.TimeoutExpired:
-        process.kill()
-        process.communicate()
+            try:
+                process.communicate(timeout=5)
+            except subprocess.TimeoutExpired:
+                process.kill()
+                process.communicate()
 
 
 def _arguments(profile: str) -> list[str]:

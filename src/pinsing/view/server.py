@@ -241,7 +241,17 @@ class Server:
         }
         self._later: dict[str, Future[Content]] = {name: Future() for name in _LATER}
         name = stage if isinstance(stage, str) else stage.name
-        self._site = Site(None, _texts(name, self._later), policies, self._is_ours)
+        texts: dict[str, tuple[str, Content | Future[Content]]] = {
+            "": ("text/html", live_html(f"pinsing: {name}")),
+            "begin.js": ("text/javascript", asset("begin.js")),
+            "page.css": ("text/css", asset("page.css")),
+            "page.js": ("text/javascript", script()),
+            "meshcat.js": ("text/javascript", meshcat_script()),
+            "page.json": ("application/json", self._later["page.json"]),
+            "scene": ("application/octet-stream", self._later["scene"]),
+            "links": ("application/octet-stream", self._later["links"]),
+        }
+        self._site = Site(None, texts, policies, self._is_ours)
         self._loop = asyncio.new_event_loop()
         if not isinstance(stage, str):
             self.fill(stage, scene, links)
@@ -295,7 +305,12 @@ class Server:
     def send(self, message: dict[str, Any]) -> None:
         """Send a message to every open page."""
         text = json.dumps(message, allow_nan=False)
-        self._loop.call_soon_threadsafe(self._broadcast, text)
+
+        def broadcast() -> None:
+            for client in list(self._site.clients):
+                client.tell(text)
+
+        self._loop.call_soon_threadsafe(broadcast)
 
     def close(self) -> None:
         """Stop, and give the port back."""
@@ -340,10 +355,6 @@ class Server:
             await asyncio.wait(others, timeout=_FAREWELL)
         self._loop.stop()
 
-    def _broadcast(self, text: str) -> None:
-        for client in list(self._site.clients):
-            client.tell(text)
-
     def _is_ours(self, host: str) -> bool:
         """Whether a Host header names this server: other names may be another site's trick."""
         with contextlib.suppress(ValueError):
@@ -355,18 +366,3 @@ class Server:
                 return name in _LOOPBACK
             return name == self.host or name in _LOOPBACK or is_address(name)
         return False
-
-
-def _texts(
-    title: str, later: dict[str, Future[Content]]
-) -> dict[str, tuple[str, Content | Future[Content]]]:
-    return {
-        "": ("text/html", live_html(f"pinsing: {title}")),
-        "begin.js": ("text/javascript", asset("begin.js")),
-        "page.css": ("text/css", asset("page.css")),
-        "page.js": ("text/javascript", script()),
-        "meshcat.js": ("text/javascript", meshcat_script()),
-        "page.json": ("application/json", later["page.json"]),
-        "scene": ("application/octet-stream", later["scene"]),
-        "links": ("application/octet-stream", later["links"]),
-    }

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
@@ -10,7 +10,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pinsing._types import Array
-from pinsing.measures import SINGULAR_RTOL
+from pinsing.families import joint_symbols
+from pinsing.kinematics.jacobian import frame_jacobians
+from pinsing.measures import SINGULAR_RTOL, pure_ellipsoids
 from pinsing.robot.arm import Arm
 from pinsing.view.entries import Entry, Posture, engine_data, posture_data
 from pinsing.view.links import Links
@@ -98,7 +100,7 @@ class Stage:
         names = list(arm.model.names)[1:]
         limited = np.isfinite(arm.lower) & np.isfinite(arm.upper)
         columns = zip(
-            arm.joints, self._symbols(), arm.prismatic, lower, upper, limited, strict=True
+            arm.joints, joint_symbols(arm), arm.prismatic, lower, upper, limited, strict=True
         )
         way = {} if self.way is None else {"rows": self.way.tolist(), "samples": self.samples}
         return {
@@ -144,11 +146,6 @@ class Stage:
             else {"q": self.clearest.q.tolist(), "lower": float(self.clearest.lower)},
         }
 
-    def _symbols(self) -> Sequence[str]:
-        from pinsing.families import joint_symbols
-
-        return joint_symbols(self.arm)
-
     @cached_property
     def mode(self) -> str:
         """Pure motions of a pose task, where those of regular configurations fill a plane or more.
@@ -158,9 +155,6 @@ class Stage:
         """
         if self.arm.task.name != "pose":
             return "all"
-        from pinsing.kinematics.jacobian import frame_jacobians
-        from pinsing.measures import pure_ellipsoids
-
         rng = np.random.default_rng(0)
         lower, upper = self.arm.span
         for J in frame_jacobians(self.arm, rng.uniform(lower, upper, (4, self.arm.n))):

@@ -76,7 +76,8 @@ class Tab:
             )
         return self._server.url
 
-    def _take_over(self, server: Server) -> None:
+    def take_over(self, server: Server) -> None:
+        """Let a server that was started ahead of this tab serve it."""
         server.fill(self._shown, self._scene, self._links)
         self._server = server
 
@@ -220,11 +221,6 @@ class Tab:
         trace: TracebackType | None,
     ) -> None:
         self.close()
-
-
-def hand_over(tab: Tab, server: Server) -> None:
-    """Let a server that was started ahead of a tab serve it."""
-    tab._take_over(server)
 
 
 def _iframe(what: str, name: str, height: int) -> str:

@@ -11,7 +11,7 @@ import pinocchio as pin
 from pinsing._types import Array
 from pinsing.loops.batch import hinged_balls
 from pinsing.loops.closure import random_closed, ranks
-from pinsing.loops.dyad import Side, planar_dyad
+from pinsing.loops.dyad import planar_dyad
 from pinsing.loops.modes import assembly_rows, elbows, home
 from pinsing.loops.motion import mechanism_at
 from pinsing.loops.pose import led_pose
@@ -89,23 +89,26 @@ def mechanism_data(mechanism: Mechanism, sizes: Sizes, normal: Array | None) -> 
             }
             for e in elbows(m)
         ],
-        "dyad": None if dyad is None else {"sides": [_side(side) for side in dyad.sides]},
+        "dyad": None
+        if dyad is None
+        else {
+            "sides": [
+                {
+                    "pivot": numbers(side.pivot),
+                    "crank": side.crank,
+                    "crankSign": side.crank_sign,
+                    "crankLength": side.crank_length,
+                    "crankAngle": side.crank_angle,
+                    "pin": side.pin,
+                    "pinSign": side.pin_sign,
+                    "rodLength": side.rod_length,
+                    "rodAngle": side.rod_angle,
+                }
+                for side in dyad.sides
+            ]
+        },
         "normal": None if normal is None else numbers(np.asarray(normal)),
         "sizes": sizes_data(sizes),
-    }
-
-
-def _side(side: Side) -> dict[str, Any]:
-    return {
-        "pivot": numbers(side.pivot),
-        "crank": side.crank,
-        "crankSign": side.crank_sign,
-        "crankLength": side.crank_length,
-        "crankAngle": side.crank_angle,
-        "pin": side.pin,
-        "pinSign": side.pin_sign,
-        "rodLength": side.rod_length,
-        "rodAngle": side.rod_angle,
     }
 
 

@@ -65,7 +65,9 @@ class Group:
 def groups(mechanism: Mechanism, analysis: MechanismAnalysis) -> tuple[Group, ...]:
     """Singular points of an analysis by locus: by equation if there is one, else by kind."""
     start = home(mechanism)
-    points = sorted(analysis.points, key=lambda p: _away(mechanism, p, start))
+    points = sorted(
+        analysis.points, key=lambda p: float(np.linalg.norm(mechanism.space.wrap(p.q - start)))
+    )
     found: list[tuple[str, tuple[str, ...], list[SingularPoint]]] = []
     for locus in () if analysis.forms is None else analysis.forms.loci:
         mine = [p for p in points if _on(locus, p)]
@@ -85,10 +87,11 @@ def groups(mechanism: Mechanism, analysis: MechanismAnalysis) -> tuple[Group, ..
         rest.setdefault(told[0] if told else _words(mechanism, point), []).append(point)
     more_of = dict(said.values())
     found += [(text, more_of.get(text, ()), rest[text]) for text in sorted(rest)]
-    return tuple(
-        Group(f"L{number}", text, (*more, *_count(mine)), _distinct(mechanism, mine))
-        for number, (text, more, mine) in enumerate(found, 1)
-    )
+    out = []
+    for number, (text, more, mine) in enumerate(found, 1):
+        many = (f"{len(mine)} poses",) if len(mine) > 1 else ()
+        out.append(Group(f"L{number}", text, (*more, *many), _distinct(mechanism, mine)))
+    return tuple(out)
 
 
 def _over_pose(analysis: MechanismAnalysis) -> dict[str, tuple[str, tuple[str, ...]]]:
@@ -156,14 +159,6 @@ def _words(mechanism: Mechanism, point: SingularPoint) -> str:
         if here
     ]
     return f"type 1: {' and '.join(said)}"
-
-
-def _count(points: list[SingularPoint]) -> tuple[str, ...]:
-    return (f"{len(points)} poses",) if len(points) > 1 else ()
-
-
-def _away(mechanism: Mechanism, point: SingularPoint, start: Array) -> float:
-    return float(np.linalg.norm(mechanism.space.wrap(point.q - start)))
 
 
 def _distinct(mechanism: Mechanism, points: list[SingularPoint]) -> tuple[SingularPoint, ...]:
@@ -271,31 +266,32 @@ class MechanismStage:
                 "side": list(side(self.normal)),
                 "planar": self.normal is not None,
             },
-            "entries": [self._entry(g) for g in self.groups],
+            "entries": [
+                {
+                    "name": group.name,
+                    "text": group.text,
+                    "more": list(group.more),
+                    "reason": "",
+                    "poses": len(group.points),
+                    "q": [p.q.tolist() for p in group.points],
+                    "points": [
+                        {
+                            "kind": p.kind,
+                            # Place, among the inputs, of the one along which it was found.
+                            "moving": m.inputs.index(p.moving) if p.moving else -1,
+                            "converged": p.converged,
+                        }
+                        for p in group.points
+                    ],
+                    "titles": [point_words(m, p) for p in group.points],
+                    "into": bool(group.points),
+                    "along": bool(group.points) and len(m.inputs) > 1,
+                }
+                for group in self.groups
+            ],
             "engine": mechanism_data(m, sizes, self.normal),
             "notes": list(self.notes),
         }
-
-    def _entry(self, group: Group) -> dict[str, Any]:
-        return {
-            "name": group.name,
-            "text": group.text,
-            "more": list(group.more),
-            "reason": "",
-            "poses": len(group.points),
-            "q": [p.q.tolist() for p in group.points],
-            "points": [
-                {"kind": p.kind, "moving": self._moving(p), "converged": p.converged}
-                for p in group.points
-            ],
-            "titles": [point_words(self.mechanism, p) for p in group.points],
-            "into": bool(group.points),
-            "along": bool(group.points) and len(self.mechanism.inputs) > 1,
-        }
-
-    def _moving(self, point: SingularPoint) -> int:
-        """Place, among the inputs, of the one along which a pose was found; -1 for none."""
-        return self.mechanism.inputs.index(point.moving) if point.moving else -1
 
 
 class MechanismViewer(Tab):
