@@ -111,7 +111,7 @@ def test_an_arm_with_such_a_family_is_stated_so_in_text_json_and_on_the_page() -
     from pinsing.view.entries import family_entries
     from pinsing.view.links import Links
     from pinsing.view.scene import sizes
-    from pinsing.view.stage import Stage
+    from pinsing.view.tab import Stage
 
     arm = pinsing.load("tiago_pro", tip="arm_left_tool_link")
     forms = pinsing.closed_form(arm, seconds=30)

@@ -18,7 +18,7 @@ from pinsing.families.parts import JointValue, reach_words, values_reached
 from pinsing.measures import Reachability
 from pinsing.proximity.clearance import distance_words, distances
 from pinsing.view.entries import family_entries
-from pinsing.view.stage import _more
+from pinsing.view.tab import _more
 
 SCARA = """
 name: short_elbow

@@ -24,7 +24,7 @@ from pinsing.view.mechanism import MechanismViewer
 from pinsing.view.mechanism.linkage import Linkage, linkage_sizes, plane_normal, side
 from pinsing.view.mechanism.viewer import groups
 from pinsing.view.scene import draw_scene
-from pinsing.view.stage import SIDE
+from pinsing.view.tab import SIDE
 
 NAMES = ["five_bar", "four_bar", "planar_3rrr"]
 

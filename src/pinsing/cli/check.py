@@ -146,7 +146,7 @@ def check_command(
             check = replace(check, notes=(*check.notes, skipped))
     if plot is not None:
         off_screen()
-        from pinsing.plot.along import clearance_along
+        from pinsing.plot.curves import clearance_along
 
         axes: Any = clearance_along(form, read.Q, read.t, families=families or None)
         save_figure(axes.figure, plot, bbox_inches="tight")

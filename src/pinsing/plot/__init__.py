@@ -4,9 +4,8 @@ Every function takes an optional ``ax`` and returns the axes that it drew on. Wi
 it makes a figure that is readable at one column's width.
 """
 
-from pinsing.plot.along import sigma_along
 from pinsing.plot.aspect_plane import aspect_plane, locus
-from pinsing.plot.curves import sigma_curves
+from pinsing.plot.curves import sigma_along, sigma_curves
 from pinsing.plot.ellipsoids import ellipsoids
 from pinsing.plot.plane import sigma_plane, workspace
 from pinsing.plot.reach import inverse_count

@@ -37,8 +37,6 @@ _ANGLE = 0.03
 """Curves that touch at a smaller angle, radians, do not cross there."""
 _NEAR = 5e-3
 """Nodes are farther from cusps and from each other than this share of the size."""
-_POINT = 1e-7
-"""Pieces of curves whose images are shorter than this share of the size are one place."""
 _SHIFT = 0.1234
 """Whole circles begin at no round angle: special lines are then not on a line of the grid."""
 
@@ -224,7 +222,8 @@ def nodes_of(section: Section, lines: list[Array], cusps: Array, size: float) ->
     x, p = (np.concatenate([c[:-1] for c in each]) for each in (lines, images))
     v, u = (np.concatenate([np.diff(c, axis=0) for c in each]) for each in (lines, images))
     length = np.linalg.norm(u, axis=1)
-    drawn = length > _POINT * size
+    # Pieces of curves whose images are shorter than this share of the size are one place
+    drawn = length > 1e-7 * size
     x, p, v, u, length = (each[drawn] for each in (x, p, v, u, length))
     low, high = np.minimum(p, p + u), np.maximum(p, p + u)
     steep = _CROSS * float(np.median(np.linalg.norm(section.steepest(x), axis=-1)))

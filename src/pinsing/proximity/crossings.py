@@ -158,9 +158,6 @@ def _polynomial(watched: Watched, motion: Any) -> Motion:
     return Motion(times, pieces)
 
 
-CONTACT = 1e-6
-"""As near as this, in joint space, is on the family."""
-
 _SHORT = 2e-7
 
 
@@ -185,7 +182,8 @@ def _of_family(c: Conditions, motion: Motion) -> list[tuple[float, float]]:
     seen = 0
     while len(index):
         length = _length(c, motion.pieces[index], low - index, high - index)
-        left = before + after <= length + 2 * CONTACT
+        # As near as this, in joint space, is on the family
+        left = before + after <= length + 2 * 1e-6
         index, low, high, length = index[left], low[left], high[left], length[left]
         before, after = before[left], after[left]
         seen += len(index)

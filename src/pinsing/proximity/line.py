@@ -255,13 +255,6 @@ def _conditions(branch: Branch, q: Array, arm: Arm) -> tuple[Array, Array]:
     return np.array(values), np.array(slopes)
 
 
-SPEED = 0.25
-"""Metres per second: the usual limit beside people."""
-
-_CLOSE = 0.2
-"""Clearance at a stall beyond which no family is to blame."""
-
-
 @dataclass(frozen=True)
 class Overspeed:
     """A part of a line on which a joint would be too fast.
@@ -393,7 +386,7 @@ def check_line(
     arm: Arm,
     q0: npt.ArrayLike,
     pose: npt.ArrayLike,
-    speed: float = SPEED,
+    speed: float = 0.25,  # Metres per second: the usual limit beside people
     *,
     forms: Forms | None = None,
     near: float = NEAR,
@@ -499,7 +492,7 @@ def _end(watched: Watched, arm: Arm, line: Line, tracked: Tracked) -> tuple[Trac
         (float(f.distance(q, seconds=0.3).upper), i) for i, f in enumerate(watched.families)
     )
     for distance, i in found:
-        if distance > _CLOSE:
+        if distance > 0.2:  # Clearance at a stall beyond which no family is to blame
             break
         branches: tuple[Branch, ...] = watched.families[i].branches
         for branch in branches:

@@ -246,7 +246,6 @@ def _advice(check: TrajectoryCheck, robot: str) -> str:
 NEAR = np.radians(5.0)
 """Clearance below which a stretch is told, radians."""
 
-TIP_SPEED = 1.0
 
 _CHUNK = 20_000
 
@@ -371,7 +370,7 @@ def check_trajectory(
     forms: Forms | None = None,
     families: Sequence[str] | None = None,
     near: float = NEAR,
-    tip_speed: float = TIP_SPEED,
+    tip_speed: float = 1.0,
     acceleration_limits: npt.ArrayLike | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> TrajectoryCheck:

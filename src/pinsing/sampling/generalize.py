@@ -192,7 +192,6 @@ SAMPLES = 64
 _SCREEN = 3  # samples that sort out most subsets
 _PUSHES = 8
 _MAX_IN_SUBSETS = 12
-MAX_SAMPLES = 1_000_000
 
 
 @dataclass(frozen=True, eq=False)
@@ -336,7 +335,7 @@ class ConditionTester:
         rtol: float = SINGULAR_RTOL,
         seed: int = 0,
     ) -> None:
-        whole_number(samples, "samples", 1, MAX_SAMPLES)
+        whole_number(samples, "samples", 1, 1_000_000)
         if len(joints) > _MAX_IN_SUBSETS:
             raise OptionError(
                 f"{len(joints)} joints have too many subsets; name at most {_MAX_IN_SUBSETS} joints"

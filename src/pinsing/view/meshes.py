@@ -28,7 +28,6 @@ from pinsing.view.collada import Painted, unpacked
 
 SECONDS_EACH = 20.0
 """Processor time for one mesh, which a busy machine does not use up."""
-_PATIENCE = 5  # times that on the clock, whatever else runs
 _FAREWELL = 1.0
 _MEMORY = 2 * 2**30
 _WORKER = Path(__file__).with_name("mesh_worker.py")
@@ -212,7 +211,8 @@ def _ask_child(paths: Sequence[Path], missing: list[str]) -> dict[Path, tuple[by
                 child.stdin.write(json.dumps(request).encode() + b"\n")
             waiting: list[Path | None] = [None, *paths]  # the first answer is about the walls
             for path in waiting:
-                clock = threading.Timer(SECONDS_EACH * _PATIENCE, stop)
+                # times that on the clock, whatever else runs
+                clock = threading.Timer(SECONDS_EACH * 5, stop)
                 clock.daemon = True
                 clock.start()
                 try:

@@ -29,8 +29,7 @@ from pinsing.view.entries import (
 )
 from pinsing.view.links import Links, Recorder, read_links, read_links_ahead
 from pinsing.view.scene import draw_scene, sizes
-from pinsing.view.stage import Stage
-from pinsing.view.tab import Tab, place_in_list
+from pinsing.view.tab import Stage, Tab, place_in_list
 
 if TYPE_CHECKING:
     from pinsing.postures.changes import PostureChanges

@@ -23,7 +23,7 @@ from pinsing.robot.source import Source
 from pinsing.view.entries import chain_data, frame_data, joint_data, numbers, sizes_data
 from pinsing.view.links import geometry as mg
 from pinsing.view.scene import HOT, ROTATION, Sizes, ring_arrow, straight_arrow, torus
-from pinsing.view.stage import SIDE
+from pinsing.view.tab import SIDE
 
 SCHEMA = "pinsing/mechanism-engine/1"
 
