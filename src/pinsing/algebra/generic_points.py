@@ -26,7 +26,7 @@ from pinsing.algebra.prime_field import (
     residue,
     residues_of,
 )
-from pinsing.algebra.ring import Poly, Ring, Value
+from pinsing.algebra.ring import Kept, Poly, Ring, Value
 from pinsing.algebra.zeros import Undecided, Zero, zeros
 
 Powers = tuple[tuple[int, int], ...]
@@ -38,48 +38,31 @@ class Residues:
 
     def __init__(self, ring: Ring, prime: int = WORD_PRIME) -> None:
         self.ring, self.prime = ring, prime
-        self._exponents: dict[int, tuple[Poly, dict[Any, int]]] = {}
-        self._images: dict[int, tuple[Poly, Any]] = {}
-        self._terms: dict[int, tuple[Poly, list[tuple[Powers, int]]]] = {}
-        self._compiled: dict[int, tuple[Poly, Any]] = {}
-        self._values: dict[int, tuple[Value, list[int]]] = {}
+        self._exponents, self._images, self._terms, self._compiled = (Kept() for _ in range(4))
 
     def _listed(self, poly: Poly) -> dict[Any, int]:
         """Exponents, and coefficients modulo the prime, some perhaps zero."""
-        if id(poly) not in self._exponents:  # the polynomial is kept, so that its id stays its own
-            self._exponents[id(poly)] = (poly, residues_of(poly, self.ring, self.prime))
-        return self._exponents[id(poly)][1]
+        return self._exponents.of(poly, lambda p: residues_of(p, self.ring, self.prime))  # type: ignore[no-any-return]
 
     def of(self, poly: Poly) -> Any:
         """The image of a polynomial."""
-        if id(poly) not in self._images:  # as above
-            made = image_of(self._listed(poly), self.ring, self.prime)
-            self._images[id(poly)] = (poly, made)
-        return self._images[id(poly)][1]
+        return self._images.of(poly, lambda p: image_of(self._listed(p), self.ring, self.prime))
 
     def terms(self, poly: Poly) -> list[tuple[Powers, int]]:
         """Its terms, without making a polynomial of them."""
-        if id(poly) not in self._terms:  # as above
-            listed = [
-                (tuple([(v, e) for v, e in enumerate(m) if e]), c)
-                for m, c in self._listed(poly).items()
-                if c
-            ]
-            self._terms[id(poly)] = (poly, listed)
-        return self._terms[id(poly)][1]
+        return self._terms.of(poly, self._powers)  # type: ignore[no-any-return]
+
+    def _powers(self, poly: Poly) -> list[tuple[Powers, int]]:
+        listed = self._listed(poly).items()
+        return [(tuple([(v, e) for v, e in enumerate(m) if e]), c) for m, c in listed if c]
 
     def compiled(self, poly: Poly) -> Any:
         """A polynomial of the compiled engine; None where it covers no such one."""
-        if id(poly) not in self._compiled:  # as above
-            made = engine_polynomial(self.prime, self._listed(poly))
-            self._compiled[id(poly)] = (poly, made)
-        return self._compiled[id(poly)][1]
+        return self._compiled.of(poly, lambda p: engine_polynomial(self.prime, self._listed(p)))
 
     def of_value(self, value: Value) -> list[int]:
         """The image of a joint's exact value."""
-        if id(value) not in self._values:  # as above
-            self._values[id(value)] = (value, [residue(c, self.prime) for c in value])
-        return self._values[id(value)][1]
+        return [residue(c, self.prime) for c in value]
 
     def generic_rank(self, matrix: Matrix, rng: np.random.Generator) -> int:
         """Rank of a matrix at a random point: never more than the generic one, over any field."""
@@ -119,7 +102,7 @@ class SlicePoint:
     fixed: Mapping[str, int]
     field: Any
     free: Mapping[int, Any]
-    on_slice: dict[int, tuple[Poly, list[tuple[Powers, int]]]] = field(default_factory=dict)
+    on_slice: Kept = field(default_factory=Kept)
     monomials: dict[Any, Any] = field(default_factory=dict)
 
     def value(self, poly: Poly) -> Any:
@@ -144,21 +127,21 @@ class SlicePoint:
 
     def _terms(self, poly: Poly) -> list[tuple[Powers, int]]:
         """Powers (variable, exponent) and coefficient of each term in the free variables."""
-        if id(poly) not in self.on_slice:  # the polynomial is kept, so that its id stays its own
-            prime, known = self.residues.prime, self._known
-            gathered: dict[Powers, int] = {}
-            for powers, c in self.residues.terms(poly):
-                left = []
-                for v, e in powers:
-                    if v in self.free:
-                        left.append((v, e))
-                    else:
-                        c = c * known[v] ** e % prime
-                key = tuple(left)
-                gathered[key] = gathered.get(key, 0) + c
-            listed = [(key, c % prime) for key, c in gathered.items()]
-            self.on_slice[id(poly)] = (poly, listed)
-        return self.on_slice[id(poly)][1]
+        return self.on_slice.of(poly, self._on_slice)  # type: ignore[no-any-return]
+
+    def _on_slice(self, poly: Poly) -> list[tuple[Powers, int]]:
+        prime, known = self.residues.prime, self._known
+        gathered: dict[Powers, int] = {}
+        for powers, c in self.residues.terms(poly):
+            left = []
+            for v, e in powers:
+                if v in self.free:
+                    left.append((v, e))
+                else:
+                    c = c * known[v] ** e % prime
+            key = tuple(left)
+            gathered[key] = gathered.get(key, 0) + c
+        return [(key, c % prime) for key, c in gathered.items()]
 
     @cached_property
     def _known(self) -> dict[int, int]:
@@ -256,15 +239,14 @@ class RandomSlice:
     images: Sequence[Any]
     context: Any
     turns: Sequence[tuple[int, int]]
-    known: dict[int, tuple[Poly, Any]] = field(default_factory=dict)
-    terms: dict[int, tuple[Poly, list[tuple[Powers, int]]]] = field(default_factory=dict)
+    known: Kept = field(default_factory=Kept)
+    terms: Kept = field(default_factory=Kept)
 
     def of(self, poly: Poly) -> Any:
         """A polynomial on the slice."""
-        if id(poly) not in self.known:
-            image = self.residues.of(poly).compose(*self.images, ctx=self.context)
-            self.known[id(poly)] = (poly, image)
-        return self.known[id(poly)][1]
+        return self.known.of(
+            poly, lambda p: self.residues.of(p).compose(*self.images, ctx=self.context)
+        )
 
     def coordinates(self, i: int, t: Any) -> list[Any]:
         """Variables of the i-th free joint where its variable on the slice is t."""

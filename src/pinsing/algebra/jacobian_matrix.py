@@ -7,6 +7,7 @@ real angle makes zero.
 
 from __future__ import annotations
 
+import functools
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -145,23 +146,12 @@ class _Chain:
         self.products = _Products(ring, time)
         self.n = len(geometry.prismatic)
         self.drives, _ = drives(geometry)
-        self._known: dict[tuple[str, int], RigidMotion] = {}
+        self.placed, self.moved = functools.cache(self._placed), functools.cache(self._moved)
         if leaders is not None:
             self.drives = tuple(replace(d, leader=leaders[d.leader]) for d in self.drives)
 
-    def placed(self, i: int) -> RigidMotion:
-        """Constant placement C_i, made once."""
-        if ("placed", i) not in self._known:
-            self._known["placed", i] = self._placed(i)
-        return self._known["placed", i]
-
-    def moved(self, j: int) -> RigidMotion:
-        """Motion M_j of joint j of the chain, made once."""
-        if ("moved", j) not in self._known:
-            self._known["moved", j] = self._moved(j)
-        return self._known["moved", j]
-
     def _placed(self, i: int) -> RigidMotion:
+        """Constant placement C_i."""
         number = self.ring.number
         R = [[number(x) for x in row] for row in self.geometry.rotation[i]]
         lengths: Sequence[Any] = self.geometry.translation[i]  # or polynomials, of symbols
@@ -169,6 +159,7 @@ class _Chain:
         return RigidMotion(R, known, self.ring.one)
 
     def _moved(self, j: int) -> RigidMotion:
+        """Motion M_j of joint j of the chain."""
         one, zero = self.ring.one, self.ring.zero
         gens, number = self.ring.context.gens(), self.ring.number
         drive = self.drives[j]

@@ -10,7 +10,7 @@ from collections import Counter
 from typing import Any
 
 from pinsing.algebra.budget import Budget
-from pinsing.algebra.ring import Monomial, Poly, Ring
+from pinsing.algebra.ring import Kept, Monomial, Poly, Ring
 
 Matrix = list[list[Poly]]
 _NO_CONSTANT = 1000
@@ -130,7 +130,7 @@ def reduce_matrix(
     if not (generic and len(rows) == rank):
         rows = independent_rows(matrix, ring)
     rows = _without_zeros(rows)
-    never: dict[int, tuple[Poly, bool]] = {}
+    never = Kept()
     while rows and rank > 0:
         if time is not None:
             time.check()
@@ -170,17 +170,11 @@ def _without_zeros(rows: Matrix) -> Matrix:
     return [list(row) for row in zip(*columns, strict=True)]
 
 
-def _unit(rows: Matrix, ring: Ring, never: dict[int, tuple[Poly, bool]]) -> tuple[int, int] | None:
+def _unit(rows: Matrix, ring: Ring, never: Kept) -> tuple[int, int] | None:
     """Position of an entry that vanishes nowhere, the one that disturbs the rest least.
 
     What is known of entries, whether they vanish nowhere, is kept in ``never``.
     """
-
-    def nowhere_zero(x: Poly) -> bool:
-        if id(x) not in never:  # the polynomial is kept, so that its id stays its own
-            never[id(x)] = x, ring.nowhere_zero(x)
-        return never[id(x)][1]
-
     in_row = [sum(map(len, row)) for row in rows]
     in_column = [sum(map(len, column)) for column in zip(*rows, strict=True)]
     best: tuple[int, int, int] | None = None
@@ -192,6 +186,6 @@ def _unit(rows: Matrix, ring: Ring, never: dict[int, tuple[Poly, bool]]) -> tupl
                 if not x or ring.is_constant(x) is not plain:
                     continue
                 cost = (in_column[j] - len(x)) * in_row[i] + (0 if plain else _NO_CONSTANT)
-                if (best is None or (cost, i, j) < best) and nowhere_zero(x):
+                if (best is None or (cost, i, j) < best) and never.of(x, ring.nowhere_zero):
                     best = (cost, i, j)
     return None if best is None else (best[1], best[2])

@@ -23,7 +23,7 @@ from pinsing.algebra.real_roots import (
     real_roots,
     real_solutions,
 )
-from pinsing.algebra.ring import Poly, Ring, terms_of
+from pinsing.algebra.ring import Poly, Ring, coefficients_by
 from pinsing.robot.surd import Surd, parts_of
 
 
@@ -196,9 +196,6 @@ def _never_positive(poly: Poly, ring: Ring, time: Budget) -> bool:
 
 def _discriminant(poly: Poly, joint: int, ring: Ring) -> Poly:
     x, y = ring.variables(joint)
-    parts = {0: {}, 1: {}, 2: {}}  # type: dict[int, dict[tuple[int, ...], object]]
-    for m, c in terms_of(poly).items():
-        rest = tuple(0 if i in (x, y) else int(e) for i, e in enumerate(m))
-        parts[int(m[y])][rest] = c
-    a, b, c = (poly.context().from_dict(parts[k]) for k in (0, 1, 2))
+    parts = coefficients_by(poly, (x, y))
+    a, b, c = (parts.get((2 - k, k), 0 * poly) for k in (0, 1, 2))
     return b * b - 4 * a * c

@@ -8,14 +8,13 @@ all of the system's polynomials zero. That nothing of the part is lost its point
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 
 from flint import Ordering, fmpz_mpoly_ctx, fmpz_mpoly_vec
 
 from pinsing.algebra.budget import Budget
 from pinsing.algebra.generic_points import SlicePoint
-from pinsing.algebra.ring import Poly, Ring, terms_of
+from pinsing.algebra.ring import Poly, Ring, coefficients_by, terms_of, whole_terms
 
 Part = tuple[tuple[Poly, ...], list[SlicePoint]]
 
@@ -102,23 +101,13 @@ def _coefficients_on(
     out: list[Poly] = []
     for p in polys:
         free = not any(p.degrees()[v] for v in variables)
-        mine = [ring.strip(p)] if free else _coefficients(p, joint, ring)
+        mine = [p] if free else list(coefficients_by(p, variables).values())
+        mine = [ring.strip(c) for c in mine]
         out += mine
         # Equations after which expanding is given up.
         if len(out) > 60 or not all(s.is_zero(c) for c in mine for s in points):
             return None
     return out
-
-
-def _coefficients(poly: Poly, joint: int, ring: Ring) -> list[Poly]:
-    variables = ring.variables(joint)
-    parts: dict[tuple[int, ...], dict[tuple[int, ...], object]] = {}
-    for m, c in terms_of(poly).items():
-        rest = list(m)
-        for v in variables:
-            rest[v] = 0
-        parts.setdefault(tuple(m[v] for v in variables), {})[tuple(rest)] = c
-    return [ring.strip(poly.context().from_dict(terms)) for terms in parts.values()]
 
 
 def _distinct(polys: Sequence[Poly], ring: Ring) -> list[Poly]:
@@ -144,12 +133,7 @@ def _fewest(polys: list[Poly], count: int, ring: Ring) -> tuple[Poly, ...]:
     names = polys[0].context().names()
     context = fmpz_mpoly_ctx.get(list(names), Ordering.degrevlex)
 
-    def integral(p: Poly) -> object:
-        terms = terms_of(p)
-        scale = math.lcm(*(int(c.q) for c in terms.values()))
-        return context.from_dict({m: int(c.p) * (scale // int(c.q)) for m, c in terms.items()})
-
-    few = fmpz_mpoly_vec([integral(p) for p in polys[:count]], context)
+    few = fmpz_mpoly_vec([context.from_dict(whole_terms(p)) for p in polys[:count]], context)
     # Of a Groebner basis: polynomials, terms, bits of coefficients.
     basis, done = few.buchberger_naive(limits=(60, 200, 5_000))
     if not done:

@@ -32,6 +32,42 @@ def terms_of(poly: Any) -> dict[Any, Any]:
     return dict(zip(poly.monoms(), poly.coeffs(), strict=True))
 
 
+def whole_terms(poly: Any) -> dict[Any, int]:
+    """Exponents, and coefficients times the least number that makes them whole."""
+    terms = terms_of(poly)
+    scale = math.lcm(*(int(c.q) for c in terms.values()))
+    return {m: int(c.p) * (scale // int(c.q)) for m, c in terms.items()}
+
+
+def coefficients_by(poly: Any, variables: Sequence[int]) -> dict[tuple[int, ...], Any]:
+    """What each product of powers of some variables is multiplied by, by their exponents."""
+    parts: dict[tuple[int, ...], dict[tuple[int, ...], Any]] = {}
+    for m, c in terms_of(poly).items():
+        rest = [0 if v in variables else int(e) for v, e in enumerate(m)]
+        parts.setdefault(tuple(int(m[v]) for v in variables), {})[tuple(rest)] = c
+    return {powers: poly.context().from_dict(terms) for powers, terms in parts.items()}
+
+
+def divided_by(poly: Any, factor: Any) -> Any:
+    """Divide by a factor, which is no constant, as often as it goes."""
+    while poly != 0:
+        quotient, rest = divmod(poly, factor)
+        if rest != 0:
+            break
+        poly = quotient
+    return poly
+
+
+class Kept(dict[int, tuple[Any, Any]]):
+    """What was made of objects, once of each; these are kept, so that their ids stay their own."""
+
+    def of(self, given: Any, make: Callable[[Any], Any]) -> Any:
+        """What was made of an object."""
+        if id(given) not in self:
+            self[id(given)] = given, make(given)
+        return self[id(given)][1]
+
+
 Poly = Any  # fmpq_mpoly; python-flint ships no types
 Monomial = tuple[int, ...]
 Packed = list[tuple[Monomial, int, int]]
@@ -245,11 +281,7 @@ class Ring:
             x, y = self.variables(j)
             if degrees[x] < 2 or degrees[y] < 2:  # w divides only what has both squares
                 continue
-            while True:
-                quotient, remainder = divmod(poly, w)
-                if remainder != 0:
-                    break
-                poly = quotient
+            poly = divided_by(poly, w)
         return poly
 
     def factors(self, poly: Poly) -> list[Poly]:

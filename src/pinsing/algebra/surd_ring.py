@@ -29,12 +29,14 @@ from pinsing.algebra.ring import (
     Poly,
     Ring,
     Value,
+    coefficients_by,
     fraction,
     make_ring,
     norms,
     rational,
     terms_of,
     variable_names,
+    whole_terms,
 )
 from pinsing.robot.surd import SQUARES, Exact, Surd, parts_of, surd
 
@@ -266,11 +268,8 @@ class SurdRing(Ring):
 
     def _parts(self, poly: Poly, level: int) -> tuple[Poly, Poly]:
         """What 1 and the last root multiply."""
-        at = self.nvars + level - 1
-        parts: tuple[dict[Monomial, Any], dict[Monomial, Any]] = ({}, {})
-        for m, c in terms_of(poly).items():
-            parts[int(m[at])][(*m[:at], 0, *m[at + 1 :])] = c
-        return self.context.from_dict(parts[0]), self.context.from_dict(parts[1])
+        parts = coefficients_by(poly, (self.nvars + level - 1,))
+        return parts.get((0,), self.zero), parts.get((1,), self.zero)
 
     def _norm(self, poly: Poly, level: int) -> Poly:
         """Product of the two images under a change of the last root's sign."""
@@ -309,9 +308,7 @@ class SurdRing(Ring):
         degree; the lattice has one dimension more than that.
         """
         degree = len(self.basis)
-        coefficients = terms_of(poly).values()
-        scale = math.lcm(*(int(c.q) for c in coefficients))
-        height = max(abs(int(c.p) * (scale // int(c.q))) for c in coefficients)
+        height = max(map(abs, whole_terms(poly).values()))
         bits = height.bit_length() + sum(int(d) for d in poly.degrees()[: self.nvars]) + 2
         return (degree + 1) * (degree * bits + degree + 1) + _SPARE_BITS
 

@@ -24,7 +24,7 @@ from pinsing.algebra.prime_field import (
     field_elements,
     modular_context,
 )
-from pinsing.algebra.ring import terms_of
+from pinsing.algebra.ring import Kept, divided_by, terms_of
 
 
 class Undecided(Exception):
@@ -100,15 +100,15 @@ class _Solver:
     prime: int
     orders: bool
     mixing: bool
-    made: dict[int, tuple[Any, Any]] = dataclass_field(default_factory=dict)
+    made: Kept = dataclass_field(default_factory=Kept)
     unwanted: dict[int, list[int]] = dataclass_field(default_factory=dict)
 
     def compiled(self, poly: Any) -> Any:
         """A polynomial of the compiled engine, made once; None where it covers no such one."""
-        if id(poly) not in self.made:  # the polynomial is kept, so that its id stays its own
-            terms = {m: int(c) for m, c in terms_of(poly).items()}
-            self.made[id(poly)] = (poly, engine_polynomial(self.prime, terms))
-        return self.made[id(poly)][1]
+        return self.made.of(
+            poly,
+            lambda p: engine_polynomial(self.prime, {m: int(c) for m, c in terms_of(p).items()}),
+        )
 
     def solve(self, polys: Sequence[Any], variables: Sequence[int]) -> list[Zero]:
         """See ``zeros``: all of them."""
@@ -197,13 +197,7 @@ class _Solver:
 
     def _without(self, poly: Any) -> Any:
         """A polynomial without the factors whose zeros are not wanted."""
-        for w in self.nonzero.values():
-            while poly != 0:
-                quotient, rest = divmod(poly, w)
-                if rest != 0:
-                    break
-                poly = quotient
-        return poly
+        return functools.reduce(divided_by, self.nonzero.values(), poly)
 
     def _wanted(self, zero: Zero, v: int) -> bool:
         """Whether the value of variable v is none of the unwanted ones."""

@@ -125,16 +125,6 @@ def quaternion_turn(e: Sequence[Poly], square: int = 1) -> tuple[list[Row], Poly
     return R, a2 + b2 + c2 + d2
 
 
-def divided_by(poly: Poly, N: Poly) -> Poly:
-    """Divide by N as often as it goes: it is 1, or positive."""
-    while poly != 0 and not N.is_constant():
-        quotient, rest = divmod(poly, N)
-        if rest != 0:
-            break
-        poly = quotient
-    return poly
-
-
 def rational_turn(R: Array) -> Turn:
     """A rotation matrix with rational entries near R (3, 3)."""
     turn = pin.Quaternion(np.array(R))

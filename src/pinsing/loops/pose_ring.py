@@ -18,13 +18,12 @@ from typing import Any
 import numpy as np
 from flint import Ordering, fmpq_mpoly_ctx
 
-from pinsing.algebra.ring import Poly, rational
+from pinsing.algebra.ring import Poly, coefficients_by, divided_by, rational
 from pinsing.loops.exact import (
     ExactPoints,
     Row,
     Vector,
     cross,
-    divided_by,
     exact_points,
     quaternion_turn,
 )
@@ -270,7 +269,7 @@ class PoseRing:
 
     def without_norm(self, poly: Poly) -> Poly:
         """Divide by N as often as it goes: it is 1."""
-        return divided_by(poly, self.turn[1])
+        return poly if self.turn[1].is_constant() else divided_by(poly, self.turn[1])
 
     def lines(self) -> list[Row]:
         """All wrenches: of each rod, and of its hinge."""
@@ -349,23 +348,12 @@ def every_position(ring: PoseRing, poly: Any) -> tuple[PoseFamily, ...]:
     others = [k for k in range(len(names)) if k not in turn]
     if not turn:
         return ()
-    coefficients = _coefficients(ring, poly, others)
+    coefficients = list(coefficients_by(poly, others).values())
     found: list[tuple[frozenset[int], Any]] = []
     for count in range(len(turn)):
         for zero in itertools.combinations(turn, count):
             found += _within(ring, coefficients, turn, frozenset(zero), found)
     return tuple(_family(ring, zero, factor) for zero, factor in found)
-
-
-def _coefficients(ring: PoseRing, poly: Any, others: list[int]) -> list[Any]:
-    parts: dict[tuple[int, ...], dict[tuple[int, ...], Any]] = {}
-    for monomial, c in poly.to_dict().items():
-        powers = [int(e) for e in monomial]
-        key = tuple(powers[k] for k in others)
-        for k in others:
-            powers[k] = 0
-        parts.setdefault(key, {})[tuple(powers)] = c
-    return [ring.context.from_dict(terms) for terms in parts.values()]
 
 
 def _within(

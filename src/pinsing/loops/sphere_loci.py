@@ -19,8 +19,8 @@ import numpy as np
 from flint import Ordering, fmpq_mpoly_ctx
 
 from pinsing._types import Array
-from pinsing.algebra.ring import Poly, rational
-from pinsing.loops.exact import cross, divided_by, dot, quaternion_turn, vector
+from pinsing.algebra.ring import Poly, divided_by, rational
+from pinsing.loops.exact import cross, dot, quaternion_turn, vector
 from pinsing.loops.forms import TURNS, pose_equation
 from pinsing.loops.leg_wrenches import SPHERE, room_of
 from pinsing.loops.legs import angles_of

@@ -20,8 +20,8 @@ import numpy as np
 from flint import Ordering, fmpq_mpoly_ctx, fmpq_poly
 
 from pinsing._types import Array
-from pinsing.algebra.ring import Poly, fraction, rational
-from pinsing.loops.exact import ExactPoints, divided_by, exact_points
+from pinsing.algebra.ring import Poly, divided_by, fraction, rational
+from pinsing.loops.exact import ExactPoints, exact_points
 from pinsing.loops.forms import PoseEquation, pose_equation
 from pinsing.loops.legs import Rod, Rods, rods
 from pinsing.robot.mechanism import Mechanism
