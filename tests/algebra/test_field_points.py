@@ -17,16 +17,16 @@ from pinsing.algebra.generic_points import Residues, SlicePoint, Slices, random_
 from pinsing.algebra.jacobian_matrix import jacobian_matrix
 from pinsing.algebra.matrix import reduce_matrix
 from pinsing.algebra.minors import Minors
-from pinsing.algebra.prime_field import (
+from pinsing.algebra.ring import make_ring
+from pinsing.algebra.zeros import (
     SECOND_PRIME,
     WORD_PRIME,
     engine_point,
     engine_polynomial,
     field_elements,
     modular_context,
+    zeros,
 )
-from pinsing.algebra.ring import make_ring
-from pinsing.algebra.zeros import zeros
 from pinsing.robot.load import load
 from pinsing.robot.nominal import nominal
 
@@ -36,7 +36,7 @@ RNG = np.random.default_rng
 
 def slow(point: SlicePoint) -> SlicePoint:
     """The same point, for flint's elements."""
-    other = dataclasses.replace(point, monomials={}, on_slice={})
+    other = dataclasses.replace(point, monomials={}, on_slice=type(point.on_slice)())
     other.__dict__["_compiled"] = None
     return other
 

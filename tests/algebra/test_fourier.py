@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 from pinsing.algebra.budget import Budget
-from pinsing.algebra.equation import equation
-from pinsing.algebra.fourier import fourier
+from pinsing.algebra.equation import equation, fourier
 from pinsing.algebra.ring import make_ring
 from pinsing.algebra.surd_ring import ring_of
 from pinsing.robot.surd import parts_of, surd

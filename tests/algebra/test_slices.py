@@ -10,9 +10,9 @@ import pytest
 from pinsing.algebra.budget import Budget
 from pinsing.algebra.decompose import Decomposition
 from pinsing.algebra.generic_points import Residues, slice_points
-from pinsing.algebra.prime_field import rank_over
 from pinsing.algebra.ring import make_ring
 from pinsing.algebra.surd_ring import ring_of
+from pinsing.algebra.zeros import rank_over
 from pinsing.robot.surd import cosine, sine
 
 

@@ -10,8 +10,7 @@ import numpy as np
 import pytest
 
 from pinsing.algebra.budget import Budget, BudgetExceeded
-from pinsing.algebra.prime_field import WORD_PRIME, modular_context
-from pinsing.algebra.zeros import Undecided, Zero, zeros
+from pinsing.algebra.zeros import WORD_PRIME, Undecided, Zero, modular_context, zeros
 
 NAMES = "xyzu"
 

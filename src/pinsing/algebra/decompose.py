@@ -1,29 +1,412 @@
-"""From a polynomial matrix to the components of the set where its rank drops, within a time.
+"""Where the rank of a polynomial matrix drops, searched branch by branch within a time.
 
-The search itself is in ``search``. Here it may go on in a child process, is stopped when time is
-over, and what it decided at random points is asked again modulo a second prime.
+Every component of the complex set {rank M < r} of a rows x columns matrix has codimension
+at most (rows - r + 1)(columns - r + 1) (Eagon and Northcott, 1962). So the search branches
+on factors of the minors, puts joint values in as soon as a factor fixes one, and leaves a
+branch whose codimension has passed the bound: whatever is left there lies on a component
+of larger dimension, which another branch finds.
+
+Where several equations are left that fix no joint, generic points of their common zeros say
+whether these are singular. If they are, they are a component; if not, a minor that vanishes
+on none of them is one equation more. Such sets are small and take long: they come last, those
+with the fewest equations first.
+
+The search may go on in a child process, is stopped when time is over, and what it decided at random
+points is asked again modulo a second prime.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+import functools
+import itertools
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import Any
+
+import numpy as np
 
 from pinsing.algebra.budget import Apart, Budget, BudgetExceeded
 from pinsing.algebra.components import (
     FIRST_SEED,
+    Backing,
     Component,
     FoundComponents,
+    Question,
     RandomSteps,
     ask_again,
     inside,
 )
+from pinsing.algebra.generic_points import Residues, SlicePoint, Slices, slice_points
 from pinsing.algebra.matrix import Matrix, reduce_matrix
-from pinsing.algebra.place import SearchPlace, bound
-from pinsing.algebra.prime_field import WORD_PRIME
-from pinsing.algebra.ring import Packed, Ring, Value
-from pinsing.algebra.search import Search
+from pinsing.algebra.minors import Minors, SquareCorner, corner, cost
+from pinsing.algebra.place import PlaceMatrices, SearchPlace, Stating, bound, regular_parts
+from pinsing.algebra.ring import Packed, Poly, Ring, Value
+from pinsing.algebra.zeros import WORD_PRIME, Undecided
+
+Relations = tuple[Poly, ...]
+
+
+class Search:
+    """Goes through the branches.
+
+    Attributes
+    ----------
+    gaps : list of str
+        What stopped it where it did not finish.
+    asked : list of Question
+        What was decided at random points.
+    depth : int
+        How many equations at once it is looking into; 0 while long systems wait.
+    """
+
+    def __init__(self, ring: Ring, time: Budget, found: FoundComponents) -> None:
+        self.ring = ring
+        self.time = time
+        self._found = found
+        self.gaps: list[str] = []
+        self.asked: list[Question] = []
+        self.depth = 0
+        self._rng = np.random.default_rng(FIRST_SEED)
+        self._residues = Residues(ring)
+        self._slices: Slices = {}
+        self._stating = Stating(ring, time, found, self._residues, self._rng)
+        self._seen: set[object] = set()
+        self._later: list[tuple[int, Callable[[], None]]] = []
+        self._places = PlaceMatrices(ring, time)
+
+    def run(self, place: SearchPlace) -> None:
+        """Find all components at a place.
+
+        Raises
+        ------
+        BudgetExceeded
+            If time is over.
+        """
+        self._search(place)
+        while self._later:
+            first = min(range(len(self._later)), key=lambda i: self._later[i][0])
+            self.depth, run = self._later.pop(first)
+            run()
+
+    def confirm(self, place: SearchPlace, rank: int) -> None:
+        """Say so unless ``rank`` is the generic rank of the matrix before rows were used up.
+
+        A minor that is no zero polynomial shows that it is no less; that all larger ones are, that
+        it is no more.
+        """
+        rows, reduced = place.matrix, place.rank
+        short = min(len(rows), len(rows[0])) if rows else 0
+        less = reduced > 0 and (
+            short < reduced or not any(True for _ in self._places.minors(place))
+        )
+        more = short > max(reduced, 0) and any(
+            True for _ in Minors(rows, max(reduced, 0) + 1, self.ring, self.time)
+        )
+        if reduced < 0 or less or more:
+            self.gaps.append(f"the generic rank is not {rank}, as points chosen at random said")
+
+    # Branches -----------------------------------------------------------------------
+
+    def _search(self, place: SearchPlace) -> None:
+        """All components at a place."""
+        values = place.values
+        key = frozenset(values.items())
+        if key in self._seen or self._found.covers(values):
+            return
+        self._seen.add(key)
+        reduced = self._reduced(place)
+        if reduced is None:
+            return
+        if reduced.room == 0 and self._regular(reduced):  # nothing else of this codimension
+            return
+        minors = self._places.minors(reduced)
+        common = self._common_factor(minors)
+        if common is None:
+            self._found.add(values, (), True)
+            return
+        if reduced.room == 0:
+            return
+        shared = self._factors(common)
+        for f in shared:
+            self._hypersurface(f, values)
+        if reduced.room < 2:
+            return
+        found = corner(reduced.matrix, self.ring, self.time)
+        if found is None or found.determinant == 0:
+            self._branches(minors.simplest_cofactor(common), shared, reduced, minors)
+            return
+        # Where the determinant of the corner is not zero, what is left has to drop its rank.
+        self._rest(found, reduced)
+        self._branches(self._factors(found.determinant), shared, reduced, minors)
+
+    def _rest(self, found: SquareCorner, place: SearchPlace) -> None:
+        """Components on which the rank of what is left beside a corner drops."""
+        rest = self._reduced(place.beside(found.rest, place.rank - len(found.rows)))
+        if rest is None:
+            return
+        minors = self._places.minors(rest)
+        common = self._common_factor(minors)
+        if common is not None and rest.room >= 2:
+            self._branches(minors.simplest_cofactor(common), (), rest, minors)
+
+    def _branches(
+        self, factors: Sequence[Poly], shared: Sequence[Poly], place: SearchPlace, minors: Minors
+    ) -> None:
+        """Go on inside each of some factors, but for those that are components themselves."""
+        for f in factors:
+            if f in shared:
+                continue
+            fixed = self.ring.joint_value(f)
+            if fixed is not None:
+                self._search(self._places.at(place, dict([fixed])))
+            else:
+                self._relation(f, place, minors)
+
+    def _relation(self, p: Poly, place: SearchPlace, minors: Minors) -> None:
+        """Components inside p = 0."""
+        key = (frozenset(place.values.items()), str(p), place.rank)
+        if key in self._seen or self._found.covers(place.values, (p,)):
+            return
+        self._seen.add(key)
+        place, minors = self._zeroed((p,), place, minors)
+        others = []
+        for minor in minors:
+            if not self.ring.divides(p, minor):
+                factors = self._factors(minor)
+                if not factors:
+                    return
+                others.append(factors)
+                if len(others) >= 6:
+                    break
+        if not others:
+            self._found.add(place.values, (p,), True)
+            return
+        if place.room < 2:
+            return
+        for g in min(others, key=cost):
+            self._and((p,), g, place, minors, 1)
+
+    def _and(
+        self, relations: Relations, g: Poly, place: SearchPlace, minors: Minors, count: int
+    ) -> None:
+        """Components inside some equations of codimension ``count``, and one more."""
+        fixed = self.ring.joint_value(g)
+        if fixed is not None:
+            self._within(relations, self._places.at(place, dict([fixed])), dict([fixed]))
+        else:
+            self._system((*relations, g), place, minors, count + 1)
+
+    def _within(self, relations: Relations, place: SearchPlace, new: Mapping[int, Value]) -> None:
+        """Go on at a place with all factors of what equations become at its ``new`` values."""
+        put = self.ring.putting(new)
+        became = [self.ring.strip(put(p)) for p in relations]
+        factors = [self._factors(p) for p in became if p != 0]
+        for combination in itertools.product(*factors):
+            distinct = tuple({str(h): h for h in combination}.values())
+            fixed = next(((h, f) for h in distinct if (f := self.ring.joint_value(h))), None)
+            if fixed is not None:
+                left = tuple(h for h in distinct if h is not fixed[0])
+                at = dict([fixed[1]])
+                self._within(left, self._places.at(place, at), at)
+            elif not distinct:
+                self._search(place)
+            elif (reduced := self._reduced(place)) is not None:
+                minors = self._places.minors(reduced)
+                independent = self._independent(distinct, place.values)
+                if len(independent) == 1:
+                    self._relation(independent[0], reduced, minors)
+                else:
+                    self._system(independent, reduced, minors, len(independent))
+
+    def _independent(self, relations: Relations, values: Mapping[int, Value]) -> Relations:
+        """Some of the relations, of which each cuts the common zeros of those before it.
+
+        At values of joints several relations may have more common zeros than their number says:
+        then one that lets some part of them stand is left out, and more is searched.
+        """
+        ordered = sorted(relations, key=len)
+        kept = ordered[:2]  # irreducible, none a multiple of the other
+        for g in ordered[2:]:
+            try:
+                cuts = not any(s.is_zero(g) for s in self._points(kept, values))
+            except Undecided:
+                cuts = True  # then the system is not decided either, and that is said
+            if cuts:
+                kept.append(g)
+        return tuple(kept)
+
+    def _system(self, relations: Relations, place: SearchPlace, minors: Minors, count: int) -> None:
+        """Components inside the common zeros, of codimension ``count``, of two equations or more.
+
+        Those that are such common zeros themselves are stated by as few joints as can be found.
+        Where none is, one more minor cuts the rest down by one dimension.
+        """
+        key = (frozenset(place.values.items()), frozenset(map(str, relations)), place.rank)
+        if key in self._seen or place.room < count:
+            return
+        self._seen.add(key)
+        if count > 2:  # what is larger, and found at less cost, first
+            run = functools.partial(self._common_zeros, relations, place, minors, count)
+            self._later.append((count, run))
+        else:
+            self._common_zeros(relations, place, minors, count)
+
+    def _common_zeros(
+        self, relations: Relations, place: SearchPlace, minors: Minors, count: int
+    ) -> None:
+        """See ``_system``."""
+        self.time.check()
+        try:
+            points = list(self._points(relations, place.values, count))
+        except Undecided:
+            self.gaps.append(f"the common points of {len(relations)} equations were not told apart")
+            return
+        codimension = len(place.values) + count
+        singular = [s for s in points if s.rank(place.matrix) < place.rank]
+        judge = place.judge
+        self.asked.append(Question(relations, place.values, judge.matrix, judge.rank, count))
+        if singular:
+            if len(relations) == 2:
+                self._eliminate(*relations, place, singular)
+            missed = [s for s in singular if not self._found.holds(s)]
+            if missed:
+                known = [s for s in points if s not in missed]
+                state = functools.partial(self._stating.statement, relations, minors=minors)
+                backing = Backing(missed, known, state)
+                if known:
+                    stated = self._stating.shortened(state(missed, known), count, place)
+                else:
+                    stated = relations
+                self._found.add(place.values, stated, False, codimension, backing)
+        # What is singular beside the part of the matrix that is looked at is searched by itself.
+        regular = [s for s in points if s not in singular and not place.singular(s)]
+        if regular and place.room > count:
+            others = [s for s in points if s not in regular]
+            self._cut(relations, others, regular, place, minors, count)
+
+    def _cut(
+        self,
+        relations: Relations,
+        singular: list[SlicePoint],
+        regular: list[SlicePoint],
+        place: SearchPlace,
+        minors: Minors,
+        count: int,
+    ) -> None:
+        """Go on inside what is regular of some equations, cut by one minor more."""
+        parts = [(relations, regular)]
+        if singular:
+            parts = regular_parts(relations, singular, regular, self.ring, self.time)
+            if not parts:
+                self.gaps.append(
+                    f"sets of codimension {len(place.values) + count + 1} or more inside the "
+                    f"regular part of {len(relations)} equations were not searched"
+                )
+        for stated, on in parts:
+            fixed = next((v for f in stated if (v := self.ring.joint_value(f))), None)
+            if fixed is not None:  # all of it is searched there
+                self._search(self._places.at(place, dict([fixed])))
+                continue
+            ways = [(place, minors)]
+            if (zeroed := self._zeroed(stated, place, minors))[1] is not minors:
+                ways.append(zeroed)
+            cuts = [(c, *way) for way in ways if (c := way[1].cutting(on)) is not None]
+            if not cuts:
+                self.gaps.append(
+                    f"no single minor cut all of the common zeros of {len(relations)} equations"
+                )
+                continue
+            cutting, there, its = min(cuts, key=lambda c: minors.effort(c[0]))
+            for g in cutting:
+                self._and(stated, g, there, its, count)
+
+    def _eliminate(self, p: Poly, g: Poly, place: SearchPlace, singular: list[SlicePoint]) -> None:
+        """Look for components of p = g = 0 by the factors of a resultant, free of one joint."""
+        shared = self.ring.shared_joints(p, g)
+        # Largest product of term counts for which a symbolic resultant is tried.
+        if not shared or len(p) * len(g) > 2_000:
+            return
+        resultant = self.ring.strip(self.ring.eliminated(p, g, shared[0]))
+        for h in self._factors(resultant):
+            fixed = self.ring.joint_value(h)
+            if fixed is not None:
+                at = dict([fixed])
+                put = self.ring.putting(at)
+                common = self.ring.gcd(put(p), put(g))
+                there = self._places.at(place, at)
+                for e in self._factors(self.ring.strip(common)):
+                    self._within((e,), there, {})
+            elif len(h) <= len(p) + len(g) and any(s.is_zero(h) for s in singular):
+                for other in sorted((p, g), key=len):
+                    points = self._all_singular((h, other), place)
+                    if points and all(s.transversal((h, other)) for s in points):
+                        backing = Backing(points, [])
+                        self._found.add(place.values, (h, other), False, backing=backing)
+                        break
+
+    def _all_singular(self, relations: Relations, place: SearchPlace) -> list[SlicePoint]:
+        """Generic points of some equations if all of these are singular, else none."""
+        points = []
+        for s in self._points(relations, place.values):  # a slice at a time, as they are asked
+            if not place.singular(s):
+                return []
+            points.append(s)
+        return points
+
+    def _regular(self, place: SearchPlace) -> bool:
+        """Whether some configuration of a place is regular, shown by one modulo a prime."""
+        return any(
+            self._residues.generic_rank(place.matrix, self._rng) >= place.rank for _ in range(2)
+        )
+
+    def _points(
+        self, relations: Sequence[Poly], values: Mapping[int, Value], count: int | None = None
+    ) -> Iterator[SlicePoint]:
+        """Generic points of the common zeros of some equations, of codimension ``count``."""
+        given = relations, self._residues, self._rng, values, self.time.check, count
+        return slice_points(*given, slices=self._slices)
+
+    # Pieces -------------------------------------------------------------------------
+
+    def _factors(self, poly: Poly) -> list[Poly]:
+        self.time.check_factor(len(poly), self.ring.long_to_factor(poly))
+        return self.ring.factors(poly)
+
+    def _hypersurface(self, f: Poly, values: Mapping[int, Value]) -> None:
+        fixed = self.ring.joint_value(f)
+        if fixed is None:
+            self._found.add(values, (f,), True)
+        else:
+            self._found.add({**values, fixed[0]: fixed[1]}, (), True)
+
+    def _common_factor(self, minors: Minors) -> Poly | None:
+        """Greatest common divisor of all minors; None if all of them are zero."""
+        common = None
+        for minor in minors:
+            self.time.check_factor(len(minor), self.ring.long_to_factor(minor))
+            common = minor if common is None else self.ring.gcd(common, minor)
+            if self.ring.is_constant(common):
+                break
+        return common
+
+    def _reduced(self, place: SearchPlace) -> SearchPlace | None:
+        """The place with a smaller matrix, unless all of it is singular (noted), or none."""
+        matrix, rank = self._places.smaller(place)
+        if rank <= 0:
+            return None
+        if not matrix or min(len(matrix), len(matrix[0])) < rank:
+            self._found.add(place.values, (), True)
+            return None
+        limit = min(place.limit, len(place.values) + bound(matrix, rank))
+        return replace(place, matrix=matrix, rank=rank, limit=limit, reduced=True)
+
+    def _zeroed(
+        self, relations: Relations, place: SearchPlace, minors: Minors
+    ) -> tuple[SearchPlace, Minors]:
+        """The place with multiples of the relations at zero: minors are shorter so."""
+        there = place.zeroed(relations, self.ring)
+        return (place, minors) if there is place else (there, self._places.minors(there))
+
 
 _TO_ASK = 0.1
 """Share of the time for asking the second prime, however long the search took."""

@@ -16,8 +16,11 @@ import numpy as np
 from flint import nmod_mat
 
 from pinsing.algebra.matrix import Matrix
-from pinsing.algebra.prime_field import (
+from pinsing.algebra.ring import MadeOnce, Poly, Ring, Value
+from pinsing.algebra.zeros import (
     WORD_PRIME,
+    Undecided,
+    Zero,
     engine_point,
     engine_polynomial,
     image_of,
@@ -25,9 +28,8 @@ from pinsing.algebra.prime_field import (
     rank_over,
     residue,
     residues_of,
+    zeros,
 )
-from pinsing.algebra.ring import Kept, Poly, Ring, Value
-from pinsing.algebra.zeros import Undecided, Zero, zeros
 
 Powers = tuple[tuple[int, int], ...]
 """Variables and exponents of a term."""
@@ -38,7 +40,7 @@ class Residues:
 
     def __init__(self, ring: Ring, prime: int = WORD_PRIME) -> None:
         self.ring, self.prime = ring, prime
-        self._exponents, self._images, self._terms, self._compiled = (Kept() for _ in range(4))
+        self._exponents, self._images, self._terms, self._compiled = (MadeOnce() for _ in range(4))
 
     def _listed(self, poly: Poly) -> dict[Any, int]:
         """Exponents, and coefficients modulo the prime, some perhaps zero."""
@@ -102,7 +104,7 @@ class SlicePoint:
     fixed: Mapping[str, int]
     field: Any
     free: Mapping[int, Any]
-    on_slice: Kept = field(default_factory=Kept)
+    on_slice: MadeOnce = field(default_factory=MadeOnce)
     monomials: dict[Any, Any] = field(default_factory=dict)
 
     def value(self, poly: Poly) -> Any:
@@ -239,8 +241,8 @@ class RandomSlice:
     images: Sequence[Any]
     context: Any
     turns: Sequence[tuple[int, int]]
-    known: Kept = field(default_factory=Kept)
-    terms: Kept = field(default_factory=Kept)
+    known: MadeOnce = field(default_factory=MadeOnce)
+    terms: MadeOnce = field(default_factory=MadeOnce)
 
     def of(self, poly: Poly) -> Any:
         """A polynomial on the slice."""

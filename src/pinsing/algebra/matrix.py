@@ -10,7 +10,7 @@ from collections import Counter
 from typing import Any
 
 from pinsing.algebra.budget import Budget
-from pinsing.algebra.ring import Kept, Monomial, Poly, Ring
+from pinsing.algebra.ring import MadeOnce, Monomial, Poly, Ring
 
 Matrix = list[list[Poly]]
 _NO_CONSTANT = 1000
@@ -130,7 +130,7 @@ def reduce_matrix(
     if not (generic and len(rows) == rank):
         rows = independent_rows(matrix, ring)
     rows = _without_zeros(rows)
-    never = Kept()
+    never = MadeOnce()
     while rows and rank > 0:
         if time is not None:
             time.check()
@@ -170,7 +170,7 @@ def _without_zeros(rows: Matrix) -> Matrix:
     return [list(row) for row in zip(*columns, strict=True)]
 
 
-def _unit(rows: Matrix, ring: Ring, never: Kept) -> tuple[int, int] | None:
+def _unit(rows: Matrix, ring: Ring, never: MadeOnce) -> tuple[int, int] | None:
     """Position of an entry that vanishes nowhere, the one that disturbs the rest least.
 
     What is known of entries, whether they vanish nowhere, is kept in ``never``.

@@ -15,7 +15,7 @@ import numpy as np
 from flint import arb, fmpq, fmpz_mat
 
 from pinsing.algebra.budget import Budget
-from pinsing.algebra.fourier import fourier
+from pinsing.algebra.equation import fourier
 from pinsing.algebra.real_roots import (
     AlgebraicValue,
     NotFinite,

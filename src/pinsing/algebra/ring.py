@@ -58,7 +58,7 @@ def divided_by(poly: Any, factor: Any) -> Any:
     return poly
 
 
-class Kept(dict[int, tuple[Any, Any]]):
+class MadeOnce(dict[int, tuple[Any, Any]]):
     """What was made of objects, once of each; these are kept, so that their ids stay their own."""
 
     def of(self, given: Any, make: Callable[[Any], Any]) -> Any:

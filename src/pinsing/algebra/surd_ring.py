@@ -23,7 +23,6 @@ from typing import Any
 from flint import Ordering, fmpq_mpoly_ctx, fmpz_mat
 
 from pinsing.algebra.budget import Budget, BudgetExceeded
-from pinsing.algebra.prime_field import WORD_PRIME, image, root_modulo
 from pinsing.algebra.ring import (
     Monomial,
     Poly,
@@ -38,6 +37,7 @@ from pinsing.algebra.ring import (
     variable_names,
     whole_terms,
 )
+from pinsing.algebra.zeros import WORD_PRIME, image, root_modulo
 from pinsing.robot.surd import SQUARES, Exact, Surd, parts_of, surd
 
 _EXPONENTS = (276, 534, 2208, 2816)
