@@ -42,7 +42,7 @@ from pinsing.robot.arm import Arm
 from pinsing.robot.load import load
 from pinsing.sampling.analyze import analyze
 from pinsing.view import Viewer
-from pinsing.view.entries import Entry, FixedJoints, family_entries, finding_entries
+from pinsing.view.entries import Entry, family_entries, finding_entries
 from pinsing.view.links import Recorder, base_placement, read_links
 from pinsing.view.scene import FLATTEST, LEAST, draw_scene, drawn_radii, full_configuration, sizes
 from pinsing.view.server import is_loopback
@@ -143,17 +143,6 @@ def test_findings_of_a_sweep_are_listed() -> None:
             assert singular_values(arm, q[None])[0, -1] < 1e-9
     wrist = next(e for e in entries if e.text == "q5 = 0")
     assert wrist.family.distance([0, 1, 0.3, 0, 0.1, 0]).value == pytest.approx(0.1)
-
-
-def test_fixed_joints_wrap_whole_turns() -> None:
-    arm = textbook("stanford")
-    family = FixedJoints("S1", "q5 = pi", arm, {"q5": np.pi})
-    q = np.array([0.1, 0.2, 0.3, 0.4, -np.pi + 0.01, 0.6])
-    found = family.distance(q)
-    assert found.value == pytest.approx(0.01)
-    assert found.q[4] == pytest.approx(-np.pi)
-    assert bool(family.contains(found.q))
-    assert not bool(family.contains(q))
 
 
 # Frames and scene -------------------------------------------------------------------

@@ -23,6 +23,7 @@ from pinsing.robot.load import load
 from pinsing.view import Viewer
 from pinsing.view.picture import find_browser
 from pinsing.view.server import Server
+from pinsing.view.tab import hand_over
 
 pytest.importorskip("playwright.sync_api", reason="needs Playwright for Python")
 if find_browser() is None:
@@ -65,7 +66,7 @@ def test_the_browser_has_loaded_the_page_before_there_is_an_arm(page: Any) -> No
         server = Server("scara", port=0)
         page.goto(server.url, wait_until="load")
         page.wait_for_function("() => document.getElementById('busy').textContent === 'computing…'")
-        viewer.take_over(server)
+        hand_over(viewer, server)
         page.wait_for_selector("body[data-ready=yes]", timeout=90_000)
         assert text(page, "#robot") == "scara"
 

@@ -71,7 +71,9 @@ def show(tab: Tab, html: Path | None, view: bool, no_open: bool) -> None:
 
 def stay(tab: Tab, server: Server) -> None:
     """Give a tab to a server that runs, until the user has seen enough."""
-    tab.take_over(server)
+    from pinsing.view.tab import hand_over
+
+    hand_over(tab, server)
     say("press Ctrl-C to end")
     while True:
         time.sleep(3600)

@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
-import numpy.typing as npt
 
 from pinsing._types import Array
 from pinsing.algebra.conditions import Conditions
@@ -16,42 +14,11 @@ from pinsing.kinematics.jacobian import tip_placement
 from pinsing.kinematics.verdict import own_shares
 from pinsing.robot.arm import Arm
 
-
-@runtime_checkable
-class FamilyLike(Protocol):
-    """The part of a family that viewers need."""
-
-    @property
-    def name(self) -> str:
-        """Short name."""
-
-    @property
-    def text(self) -> str:
-        """The condition in one line."""
-
-    @property
-    def joints(self) -> Sequence[str]:
-        """Names of the joints involved."""
-
-    @property
-    def values(self) -> Sequence[dict[int, float]]:
-        """Fixed joint values of each branch."""
-
-    def contains(self, q: npt.ArrayLike, tol: float = 1e-6) -> npt.NDArray[np.bool_]:
-        """Tell whether q belongs to it."""
-
-    def distance(self, q: npt.ArrayLike) -> Any:
-        """Distance: value and nearest q."""
-
-    def sample(self, n: int, rng: np.random.Generator) -> Array:
-        """Configurations inside the limits."""
-
-
 _APART = 0.12  # radians, about seven degrees
 
 
 def telling_poses(
-    arm: Arm, family: FamilyLike, count: int, others: Sequence[Family] = ()
+    arm: Arm, family: Family, count: int, others: Sequence[Family] = ()
 ) -> tuple[Array, ...]:
     """Configurations of a family that show it well, at most ``count``.
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
@@ -16,9 +16,10 @@ from pinsing.configuration.at import never_produced
 from pinsing.configuration.axis_dependence import arm_centres, moving_columns
 from pinsing.errors import OptionError
 from pinsing.families import Branch, Family, JointValue, joint_symbols
-from pinsing.families.telling_poses import FamilyLike, telling_poses
+from pinsing.families.telling_poses import telling_poses
 from pinsing.kinematics.batch import own_scale
 from pinsing.kinematics.verdict import NEAR_RTOL, SINGULAR_RTOL, generic_rank, task_size
+from pinsing.measures import Reachability
 from pinsing.robot.arm import Arm
 from pinsing.robot.joints import joint_axis
 from pinsing.robot.nominal import nominal
@@ -60,7 +61,7 @@ class Entry:
         Whether the limits allow it; None where that is not known.
     reach : str
         In words, where they allow it with some of its joint values only; else empty.
-    family : FamilyLike or None
+    family : Family or None
         The family itself, where there is one.
     """
 
@@ -76,7 +77,7 @@ class Entry:
     lost: tuple[str, ...] = ()
     reachable: bool | None = True
     reach: str = ""
-    family: FamilyLike | None = None
+    family: Family | None = None
 
     def where_branch(self, branch: Branch) -> str:
         """The part of the condition that a branch of the family is about."""
@@ -97,29 +98,33 @@ def _value(value: float, slides: bool) -> str:
     return f"{value:g} m" if slides else f"{round(math.degrees(value), 4):g}°"
 
 
-def family_entries(arm: Arm, families: Iterable[FamilyLike], poses: int = 3) -> tuple[Entry, ...]:
+def family_entries(arm: Arm, families: Iterable[Family], poses: int = 3) -> tuple[Entry, ...]:
     """List families of an arm, with up to ``poses`` telling configurations of each."""
     symbols = joint_symbols(arm)
     families, out = tuple(families), []
     for family in families:
-        others = [f for f in families if f is not family and isinstance(f, Family) and f.real]
+        others = [f for f in families if f is not family and f.real]
         chosen = telling_poses(arm, family, poses, others)
-        reachable = getattr(family, "is_reachable", None)
-        title = getattr(family, "title", "")
+        kind = family.kind
+        if kind == "varies":
+            kind = "; ".join(str(part) for part in family.kinds)
+        elif kind == "undecided":
+            kind = "boundary or interior: undecided"
         out.append(
             Entry(
                 name=family.name,
-                text=f"{title}: {family.text}" if title else family.text,
+                text=f"{family.title}: {family.text}" if family.title else family.text,
                 poses=chosen,
                 moved=tuple(i for i, name in enumerate(arm.joints) if name in family.joints),
                 symbols=symbols,
                 prismatic=arm.prismatic,
-                kind=_kind(family),
-                reason=str(getattr(family, "reason", "") or ""),
-                codimension=getattr(family, "codimension", None),
-                lost=tuple(getattr(family, "lost", ())),
-                reachable=True if chosen else reachable,
-                reach=_reach(family),
+                kind=kind,
+                reason=family.reason,
+                codimension=family.codimension,
+                lost=family.lost,
+                reachable=True if chosen else family.is_reachable,
+                # What there is to say of the limits beside that they allow it, or do not.
+                reach="" if family.reach == family.reachability.words else family.reach,
                 family=family,
             )
         )
@@ -140,74 +145,31 @@ def pose_entries(arm: Arm, configurations: Iterable[npt.ArrayLike]) -> tuple[Ent
     return tuple(out)
 
 
-def _reach(family: FamilyLike) -> str:
-    """What there is to say of the limits beside that they allow the family, or do not."""
-    if not isinstance(family, Family) or family.reach == family.reachability.words:
-        return ""
-    return family.reach
-
-
-def _kind(family: FamilyLike) -> str:
-    if isinstance(family, Family) and family.kind == "varies":
-        return "; ".join(str(part) for part in family.kinds)
-    kind = str(getattr(family, "kind", "") or "")
-    return "boundary or interior: undecided" if kind == "undecided" else kind
-
-
-class _Nearest(NamedTuple):
-    value: float
-    q: Array
-
-
-@dataclass(frozen=True, eq=False)
-class FixedJoints:
-    """Singular set of some joints at fixed values, the others anywhere within the limits."""
-
-    name: str
-    text: str
-    arm: Arm
-    fixed: Mapping[str, float]
-
-    @property
-    def joints(self) -> tuple[str, ...]:
-        """Names of the joints held."""
-        return tuple(self.fixed)
-
-    @property
-    def values(self) -> tuple[dict[int, float], ...]:
-        """Their values by index."""
-        return ({self.arm.joints.index(name): x for name, x in self.fixed.items()},)
-
-    @property
-    def branches(self) -> tuple[Branch, ...]:
-        """The set as the one branch of a family."""
-        values = (JointValue(j, float(x), False) for j, x in self.values[0].items())
-        return (Branch(tuple(values), ()),)
-
-    def distance(self, q: npt.ArrayLike) -> _Nearest:
-        """Distance of q (n,), radians, or metres over the length scale; and the nearest q."""
-        q = np.array(q, dtype=float)
-        gaps = []
-        for j, value in self.values[0].items():
-            gap = q[j] - value
-            if not self.arm.prismatic[j]:
-                gap -= 2 * np.pi * np.round(gap / (2 * np.pi))
-            q[j] -= gap
-            gaps.append(gap / self.arm.length_scale if self.arm.prismatic[j] else gap)
-        return _Nearest(float(np.linalg.norm(gaps)), q)
-
-    def contains(self, q: npt.ArrayLike, tol: float = 1e-6) -> npt.NDArray[np.bool_]:
-        """Tell for q (n,) or (N, n) whether it belongs to the set."""
-        array = np.asarray(q, dtype=float)
-        flat = [self.distance(x).value <= tol for x in array.reshape(-1, self.arm.n)]
-        return np.array(flat).reshape(array.shape[:-1])
-
-    def sample(self, n: int, rng: np.random.Generator) -> Array:
-        """Configurations (n, n_joints) within the limits, none if a value is outside."""
-        Q = self.arm.space.sample(n, rng)
-        for j, value in self.values[0].items():
-            Q[:, j] = value
-        return Q[~self.arm.space.unreachable(Q).any(axis=1)]
+def _fixed_joints(name: str, text: str, arm: Arm, fixed: Mapping[str, float]) -> Family:
+    """The singular set of some joints at fixed values, the others anywhere within the limits."""
+    values = tuple(JointValue(arm.joints.index(j), float(x), False) for j, x in fixed.items())
+    return Family(
+        name=name,
+        text=text,
+        latex="",
+        branches=(Branch(values, ()),),
+        joints=tuple(fixed),
+        codimension=len(fixed),
+        proof="",
+        real=True,
+        reachability=Reachability.UNKNOWN,
+        witness=None,
+        generic=None,
+        rank=None,
+        lost=(),
+        kind="",
+        reason="",
+        raw_ratio=None,
+        lower=arm.lower,
+        upper=arm.upper,
+        prismatic=arm.prismatic,
+        length_scale=arm.length_scale,
+    )
 
 
 def finding_entries(arm: Arm, findings: Iterable[Finding]) -> tuple[Entry, ...]:
@@ -218,7 +180,7 @@ def finding_entries(arm: Arm, findings: Iterable[Finding]) -> tuple[Entry, ...]:
     for number, finding in enumerate(singular, 1):
         name, text = f"S{number}", str(finding.condition)
         condition = finding.condition
-        family = FixedJoints(name, text, arm, condition.fixed) if condition.minimal else None
+        family = _fixed_joints(name, text, arm, condition.fixed) if condition.minimal else None
         poses = () if family is None else telling_poses(arm, family, 3)
         if not poses and finding.reachable:
             poses = (np.array(finding.configuration.q),)
@@ -362,7 +324,7 @@ def engine_data(arm: Arm, entries: Sequence[Entry], sizes: Sizes) -> dict[str, A
         "families": [
             _family(index, entry)
             for index, entry in enumerate(entries)
-            if getattr(entry.family, "branches", None)
+            if entry.family is not None and entry.family.branches
         ],
         "centres": [{"name": c.short, "joints": list(c.ids)} for c in arm_centres(arm) if c.short],
         "sizes": sizes_data(sizes),
@@ -442,10 +404,11 @@ def joint_data(
 
 
 def _family(index: int, entry: Entry) -> dict[str, Any]:
-    branches: Sequence[Branch] = getattr(entry.family, "branches", ())
+    family = entry.family
+    assert family is not None
+    branches = family.branches
     # Families that were read from a file do not say that their equations are not enough.
-    confirm = getattr(entry.family, "confirm", None) is not None
-    confirm = confirm or any(len(b.equations) > 1 for b in branches)
+    confirm = family.confirm is not None or any(len(b.equations) > 1 for b in branches)
     return {
         "entry": index,
         "name": entry.name,

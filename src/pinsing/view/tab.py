@@ -191,7 +191,7 @@ def _solved(entry: Entry) -> list[dict[str, Any]]:
     """Long equations, each as one for a joint: texts."""
     together = [
         {"condition": line, "solution": "", "where": [], "exact": []}
-        for one in getattr(entry.family, "at_once", ())
+        for one in (() if entry.family is None else entry.family.at_once)
         for line in one.lines()
     ]
     return together + [
@@ -201,7 +201,7 @@ def _solved(entry: Entry) -> list[dict[str, Any]]:
             "where": [list(part) for part in one.where],
             "exact": [list(part) for part in one.exact],
         }
-        for one in getattr(entry.family, "solved", ())
+        for one in (() if entry.family is None else entry.family.solved)
     ]
 
 
@@ -277,11 +277,6 @@ class Tab:
                 self._shown, self._scene, self._host, self._port, links=self._links
             )
         return self._server.url
-
-    def take_over(self, server: Server) -> None:
-        """Let a server that was started ahead of this tab serve it."""
-        server.fill(self._shown, self._scene, self._links)
-        self._server = server
 
     def open(self) -> bool:
         """Open the page in the user's browser; tell whether there is one."""
@@ -423,6 +418,12 @@ class Tab:
         trace: TracebackType | None,
     ) -> None:
         self.close()
+
+
+def hand_over(tab: Tab, server: Server) -> None:
+    """Let a server that was started ahead of a tab serve it."""
+    server.fill(tab._shown, tab._scene, tab._links)
+    tab._server = server
 
 
 def _iframe(what: str, name: str, height: int) -> str:

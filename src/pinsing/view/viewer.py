@@ -16,7 +16,6 @@ from pinsing.arguments import checked, shown
 from pinsing.errors import ArgumentError, ConfigurationError, OptionError
 from pinsing.families import Family
 from pinsing.families.certainty import coverage_words
-from pinsing.families.telling_poses import FamilyLike
 from pinsing.robot.arm import Arm
 from pinsing.sampling.generalize import Finding
 from pinsing.view.entries import (
@@ -88,7 +87,7 @@ class Viewer(Tab):
     def __init__(
         self,
         arm: Arm,
-        families: Iterable[FamilyLike] | None = None,
+        families: Iterable[Family] | None = None,
         poses: Iterable[npt.ArrayLike] | None = None,
         findings: Iterable[Finding] | None = None,
         *,
@@ -170,7 +169,7 @@ class Viewer(Tab):
         self._show(self.arm.check_one(q), None)
 
     @checked
-    def show_family(self, family: FamilyLike | str | int, pose: int = 0) -> None:
+    def show_family(self, family: Family | str | int, pose: int = 0) -> None:
         """Move the arm to a pose of a family.
 
         Parameters
@@ -199,7 +198,7 @@ class Viewer(Tab):
         self._show(self.entries[index].poses[pose], (index, pose))
 
     @checked
-    def play(self, family: FamilyLike | str | int, kind: str = "into", pose: int = 0) -> None:
+    def play(self, family: Family | str | int, kind: str = "into", pose: int = 0) -> None:
         """Play a motion in every open tab.
 
         Parameters
@@ -233,7 +232,7 @@ class Viewer(Tab):
         if self._overlay is not None:
             self._overlay.show(q, self._stage.mode)
 
-    def _index(self, family: FamilyLike | str | int, pose: int) -> int:
+    def _index(self, family: Family | str | int, pose: int) -> int:
         wanted = family if isinstance(family, (int, str)) else family.name
         return place_in_list([(e.name, len(e.poses)) for e in self.entries], wanted, pose)
 
