@@ -20,7 +20,7 @@ from pinsing.cli.plot import KINDS
 ROOT = Path(__file__).parent.parent
 # What scripts/demo and scripts/setup call. No compiler, no CMake, nothing else.
 PROGRAMS = (
-    *("bash", "cat", "cut", "dirname", "env", "find", "sha256sum"),
+    *("bash", "cat", "cut", "dirname", "env", "find", "rm", "sha256sum"),
     *("sh", "sort", "touch", "uname", "xargs"),
 )
 DROPPED = ("CC", "CXX", "PINSING_REQUIRE_ENGINE", "PYTHONPATH", "VIRTUAL_ENV", "COLUMNS")

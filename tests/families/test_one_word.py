@@ -130,7 +130,7 @@ def test_without_time_it_says_how_much_there_was_and_what_to_do() -> None:
     text = " ".join(done.stdout.split())
     assert "no certificate: none was found in the 0 s of work allowed" in text
     assert "--prove, or prove=True, looks for one for 60 s" in text
-    assert text.startswith("puma560: 3 families of singular configurations (complete, probable)")
+    assert text.startswith("puma560: 3 families of singular configurations (probably complete)")
 
 
 def test_whether_work_or_time_ran_out_is_said() -> None:

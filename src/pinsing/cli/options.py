@@ -5,6 +5,7 @@ from __future__ import annotations
 import functools
 import math
 import re
+import shlex
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -43,6 +44,19 @@ class RobotRequest:
     xacro_args: dict[str, str]
     tool_axis: str | None = None
     units: Literal["rad"] | None = None
+
+    @property
+    def words(self) -> str:
+        """The robot and the options that choose the arm, as they are typed."""
+        joints = None if self.joints is None else ",".join(self.joints)
+        task = None if self.task == "pose" else self.task
+        scale = None if self.length_scale == 1 else f"{self.length_scale:g}"
+        given = [("--tip", self.tip), ("--base", self.base), ("--joints", joints), ("--task", task)]
+        given += [("--tool-axis", self.tool_axis), ("--length-scale", scale)]
+        given += [("--package", f"{name}={folder}") for name, folder in self.packages.items()]
+        given += [("--xacro-arg", f"{name}:={x}") for name, x in self.xacro_args.items()]
+        options = [word for option, value in given if value is not None for word in (option, value)]
+        return shlex.join([self.robot, *options])
 
     def load(self, quiet: bool = False) -> Arm:
         """Load the arm, and tell on stderr what was assumed."""
@@ -193,6 +207,13 @@ deg_option = click.option(
     help="Angles in degrees, typed and printed; or in radians, even where they only make sense in "
     "degrees.",
 )
+
+
+def in_degrees(deg: bool) -> bool:
+    """Return True if angles are printed in degrees: unless ``--rad`` was typed."""
+    typed = click.get_current_context().get_parameter_source("deg")
+    return deg or typed is not ParameterSource.COMMANDLINE
+
 
 json_option = click.option(
     "--json",

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import math
+import shlex
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -16,11 +17,12 @@ from pinsing.cli.options import (
     RobotRequest,
     arm_options,
     deg_option,
+    in_degrees,
     joint_vector,
     json_option,
     parse_numbers,
 )
-from pinsing.cli.output import OutputFile, emit_json, emit_lines, say
+from pinsing.cli.output import STDOUT, OutputFile, emit_json, emit_lines, say
 from pinsing.cli.waiting import waiting
 from pinsing.errors import OptionError
 
@@ -113,7 +115,7 @@ def path_command(
             progress=lambda what, k, n: step_to(f"{what}: {100 * k // n} %"),
         )  # fmt: skip
     if not emit_json(plan, json_target):
-        emit_lines(plan.text())
+        emit_lines(plan.text(in_degrees(deg)))
     if plan.reason:
         return 1
     if output is not None:
@@ -125,15 +127,17 @@ def path_command(
         np.savetxt(text, columns, fmt="%.12g", delimiter=",", header=",".join(names), comments="")
         _write(output, text.getvalue())
         if output != "-":
-            say(
-                f"wrote {output}; check it: pinsing check {request.robot} {output}" + " --deg" * deg
-            )
+            say(f"wrote {output}")
+            if json_target != STDOUT:
+                file = shlex.quote(str(output))
+                emit_lines(f"  Next: pinsing check {request.words} {file}{' --deg' * deg}")
+    elif json_target != STDOUT:
+        emit_lines("  Next: the same with -o joints.csv, which writes the joint values")
     if plot is not None:
         off_screen()
         from pinsing.plot.toolpath import path_sheet
 
         save_figure(path_sheet(plan, form), plot)
-        say(f"wrote {plot}")
     return 0
 
 

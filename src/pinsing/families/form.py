@@ -320,11 +320,7 @@ def answer_text(forms: ClosedForm, page: Page = PLAIN, robot: str = "ROBOT") -> 
     what = f"{count} famil{'y' if count == 1 else 'ies'} of singular configurations"
     if not count and forms.complete:
         what = "no singular configurations"
-    word = _word(forms)
-    before, after = {"proven": ("", " complete"), "probable": ("complete, ", "")}.get(
-        forms.word, ("", "")
-    )
-    lines = [page.paragraph(f"{forms.arm.name}: {what} ({before}", word, f"{after})")]
+    lines = [page.paragraph(f"{forms.arm.name}: {what} (", _word(forms, " complete"), ")")]
     if forms.deviation is not None:
         lines.append(page.paragraph(str(forms.deviation), first="  "))
     if forms.gaps:
@@ -422,16 +418,13 @@ def _head(forms: ClosedForm, brief: bool, undecided: bool) -> tuple[Span, ...]:
     return what, _word(forms), f" (closed forms, {took}):"
 
 
-def _word(forms: ClosedForm) -> Span:
-    """Proven, probable or NOT complete."""
+def _word(forms: ClosedForm, complete: str = "") -> Span:
+    """Proven, probable or NOT complete, and of which geometry if that is not the file's."""
+    of = "" if forms.deviation is None else f" for {forms.deviation.geometry}"
     if forms.word == "proven":
-        return good(f"proven{_about(forms)}")
-    return "probable" + _about(forms) if forms.complete else caution("NOT complete")
-
-
-def _about(forms: ClosedForm) -> str:
-    """The geometry that the word is said of, where that is not the file's."""
-    return "" if forms.deviation is None else f" for {forms.deviation.geometry}"
+        return good(f"proven{complete}{of}")
+    word = "probably" if complete else "probable"
+    return f"{word}{complete}{of}" if forms.complete else caution("NOT complete")
 
 
 def _example(family: Family, forms: ClosedForm, page: Page, degrees: bool) -> Iterator[str]:

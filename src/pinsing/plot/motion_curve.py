@@ -28,6 +28,7 @@ from pinsing.plot.mechanism import (
     drawing_plane,
     joint_points,
 )
+from pinsing.prose import unbroken
 from pinsing.robot.mechanism import Mechanism
 
 if TYPE_CHECKING:
@@ -238,6 +239,7 @@ def mode_sheet(
         If the loops do not close at these inputs.
     """
     from matplotlib import pyplot as plt
+    from matplotlib.layout_engine import ConstrainedLayoutEngine
 
     asked = home(mechanism)[list(mechanism.actuated)] if inputs is None else inputs
     direct = assembly_modes(mechanism, asked) if direct is None else direct
@@ -256,7 +258,7 @@ def mode_sheet(
     columns = min(_ROW, max(map(len, chosen)))
     figure = plt.figure(
         figsize=(max(2.7 * columns, 5.4), 2.95 * sum(rows) + 0.5 * len(parts)),
-        layout="constrained",
+        layout=ConstrainedLayoutEngine(h_pad=0.1),  # keeps headings of two lines apart
     )
     blocks = figure.subfigures(len(parts), 1, height_ratios=rows, squeeze=False)[:, 0]
     every = [
@@ -334,7 +336,9 @@ def _pose_words(mechanism: Mechanism, mode: Solution, degrees: bool) -> str:
     at = pose_of(output_pose(mechanism, mode.q))
     pose = [*at.position, *at.angles]
     return ", ".join(
-        f"{name} {_number(pose[COORDINATES.index(name)], name in COORDINATES[3:], degrees)}"
+        unbroken(
+            f"{name} {_number(pose[COORDINATES.index(name)], name in COORDINATES[3:], degrees)}"
+        )
         for name in free_coordinates(mechanism)
     )
 
@@ -342,7 +346,7 @@ def _pose_words(mechanism: Mechanism, mode: Solution, degrees: bool) -> str:
 def _input_words(mechanism: Mechanism, mode: Solution, degrees: bool) -> str:
     slides = mechanism.prismatic[list(mechanism.actuated)].tolist()
     return ", ".join(
-        f"{name} {_number(value, not slide, degrees)}"
+        unbroken(f"{name} {_number(value, not slide, degrees)}")
         for name, value, slide in zip(mechanism.inputs, mode.inputs.tolist(), slides, strict=True)
     )
 

@@ -90,6 +90,8 @@ class PathPlan(JsonResult):
         Configurations that were compared.
     notes : tuple of str
         What was assumed.
+    title : str
+        "wrist", "elbow", "shoulder", or empty: as of ``family``.
     grid : (G,) array
         The values of what is free that were compared; not written to JSON.
     room : (N, G) array
@@ -113,6 +115,7 @@ class PathPlan(JsonResult):
     reason: str
     nodes: int
     notes: tuple[str, ...] = field(default=())
+    title: str = field(default="", metadata={"optional": True})
     grid: Array = field(default_factory=lambda: np.empty(0), repr=False, metadata={"json": False})
     room: Array = field(
         default_factory=lambda: np.empty((0, 0)), repr=False, metadata={"json": False}
@@ -141,11 +144,14 @@ class PathPlan(JsonResult):
         if self.reason:
             return f"No path: {self.reason}."
         best = max(self.fixed, default=0.0)
-        kept = {"branch": ""}.get(self.free, f" With {self.free} kept: {angle(best)}.")
+        kept = "" if self.free == "branch" else f"; with {self.free} kept: {angle(best)}"
+        family = f"{self.title} ({self.family})" if self.title else self.family
         lines = [
-            f"The path stays at least {angle(self.clearance)} from singularities (proven); "
-            f"nearest: {self.family} at pose {self.where:.4g}.",
-            f"Bound of all paths, searched and not proven: {angle(self.bound)}.{kept}",
+            f"{self.arm.name}: the path through {len(self.t)} poses stays at least "
+            f"{angle(self.clearance)} from singularities (proven)",
+            "",
+            f"  Closest approach: {family}, at pose {self.where:.4g}",
+            f"  Bound of all paths: {angle(self.bound)} (searched, not proven){kept}",
         ]
         return "\n".join([*lines, *(f"note: {n}" for n in self.notes)])
 
@@ -320,6 +326,7 @@ class _Planner:
             reason="",
             nodes=int(np.isfinite(self.clear).sum()),
             notes=tuple(notes),
+            title=self.form[near.names[int(near.family)]].title if near.names else "",
             grid=self.grid,
             room=np.where(self.usable, self.likely, -np.inf).max(axis=2),
         )

@@ -67,13 +67,13 @@ def details(check: TrajectoryCheck, degrees: bool = True) -> str:
     lines.append("nearest approach to each family:")
     for near in check.approaches:
         lines.append(
-            f"  {_title(check, near.family)}: {_angle(near.upper)} at t = {near.t:.6g}, "
-            f"at least {_angle(near.lower)} (proven)"
+            f"  {_title(check, near.family)}: {angle_text(near.upper)} at t = {near.t:.6g}, "
+            f"at least {angle_text(near.lower)} (proven)"
         )
     if check.stretches:
-        lines.append(f"within {_angle(check.near)}:")
+        lines.append(f"within {angle_text(check.near)}:")
         for s in check.stretches[:_LISTED]:
-            least = f"{_angle(s.clearance)} from {_title(check, s.family)}"
+            least = f"{angle_text(s.clearance)} from {_title(check, s.family)}"
             lines.append(f"  t = {s.t:.6g} to {s.t_end:.6g}: at least {least}")
         lines += _more(len(check.stretches), False)
     tip = f"a tip speed of {check.tip_speed:g} (m/s, rad/s)"
@@ -94,11 +94,6 @@ def details(check: TrajectoryCheck, degrees: bool = True) -> str:
 
 def _called(number: int | None, names: tuple[str, ...]) -> str:
     return f"{number}" + (f" ({', '.join(names)})" if names else "")
-
-
-def _angle(x: float) -> str:
-    """Distance in joint space; degrees where it is one of angles."""
-    return f"{math.degrees(x):.3g}°" if math.isfinite(x) else "any distance"
 
 
 def _joint(check: TrajectoryCheck, j: int, value: float, degrees: bool) -> str:
@@ -137,7 +132,7 @@ def _met(check: TrajectoryCheck) -> str:
             ("leaves joint limits", check.outside),
             ("exceeds joint speed limits", check.too_fast),
             ("exceeds joint acceleration limits", check.too_abrupt),
-            (f"comes within {_angle(check.near)} of one", check.stretches),
+            (f"comes within {angle_text(check.near)} of one", check.stretches),
         )
         if found
     ]
@@ -151,15 +146,31 @@ def _met(check: TrajectoryCheck) -> str:
     verb = {"crossing": "crosses", "touch": "touches", "along": "stays on"}[first.kind]
     more = [f"{_times(len(check.crossings) - 1, 'more meeting')}"] * (len(check.crossings) > 1)
     also = [*more, *(words for words in faults if not words.startswith("comes"))]
-    place = f" ({first.where})" if first.where else ""
-    title = f"the {first.title} singularity" if first.title else f"singularity {first.family}"
-    singular = f"{verb} {title}{place}"
+    singular = f"{verb} {singularity(first.family, first.title, first.where)}"
     return f"{singular} {_when(check, first.t)}{'; also ' * bool(also)}{listed(also)}"
+
+
+def singularity(family: str, title: str, where: str = "") -> str:
+    """Return ``the wrist singularity (wrist_2_joint = 0°)``, or ``singularity F4``."""
+    name = f"the {title} singularity" if title else f"singularity {family}"
+    return f"{name} ({where})" if where else name
+
+
+def titled(family: str, title: str) -> str:
+    """Return ``wrist (F2)``, or ``F2``."""
+    return f"{title} ({family})" if title else family
+
+
+def angle_text(x: float, degrees: bool = True) -> str:
+    """Return a distance in joint space, in degrees or radians."""
+    if not math.isfinite(x):
+        return "any distance"
+    return f"{math.degrees(x):.3g}°" if degrees else f"{x:.3g} rad"
 
 
 def _title(check: TrajectoryCheck, family: str) -> str:
     title = next((a.title for a in check.approaches if a.family == family), "")
-    return f"{title} ({family})" if title else family
+    return titled(family, title)
 
 
 def _when(check: TrajectoryCheck, t: float, end: float | None = None) -> str:
@@ -174,9 +185,9 @@ def _nearest(check: TrajectoryCheck) -> str:
     a = next((x for x in check.approaches if x.family not in met and x.upper > 0), None)
     if a is None:
         return ""
-    where = "elsewhere" if met else f"(at least {_angle(a.lower)}, proven)"
+    where = "elsewhere" if met else f"(at least {angle_text(a.lower)}, proven)"
     return (
-        f"Closest approach {where}: {_title(check, a.family)}, {_angle(a.upper)} "
+        f"Closest approach {where}: {_title(check, a.family)}, {angle_text(a.upper)} "
         f"{_when(check, a.t)}"
     )
 
@@ -192,7 +203,7 @@ def _near(check: TrajectoryCheck, degrees: bool) -> str:
     end = f"; it {ends[check.trend]} the nearest family" if check.trend in ends else ""
     if not check.stretches:
         return ""
-    return f"Within {_angle(check.near)} of one for {share}{end}"
+    return f"Within {angle_text(check.near)} of one for {share}{end}"
 
 
 def _speeds(check: TrajectoryCheck, degrees: bool) -> list[str]:
@@ -426,7 +437,7 @@ def check_trajectory(
     watched = watch(form_to_measure(arm) if forms is None else forms, families)
     if watched.joints != arm.joints:
         raise OptionError("the closed form is of an arm with other joints")
-    watched.require_angle(near, "near")
+    watched.requireangle_text(near, "near")
     table = columns_of(Q, arm.joints, "Q")
     samples = table if isinstance(table, np.ndarray) else np.asarray(table, dtype=float)
     if samples.ndim == 2 and samples.shape[1] != arm.n:

@@ -252,7 +252,8 @@ def choose_chain(
     if same_link:
         notes.append(
             f"tip {chosen.tip} was chosen among the frames of the last link "
-            f"(others: {', '.join(same_link[:6])}{', ...' if len(same_link) > 6 else ''})"
+            f"(others: {', '.join(same_link[:6])}{', ...' if len(same_link) > 6 else ''}); with "
+            "the full pose as task, the singularities are the same for all of them"
         )
     return chosen, notes
 
