@@ -69,9 +69,10 @@ def line_summary(
     elif line.postures:
         others = [p for p in line.postures if not any(_turns(line, p))]
         farthest = max((p.s_end for p in others), default=line.s_end)
+        count = f"{len(others)} other posture{'s' * (len(others) != 1)}"
         out.append(
-            f"None of {len(others)} other posture{'s' * (len(others) != 1)} of the start follows it to its end "
-            f"within the joint limits; the farthest gets {farthest:.6g} m"
+            f"None of {count} of the start follows it to its end within the joint limits; the "
+            f"farthest gets {farthest:.6g} m"
         )
     last = typed(line.q_end, line.arm.prismatic, True, digits=6)
     out.append(f"See its end: pinsing view {robot} {last}")

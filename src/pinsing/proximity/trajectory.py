@@ -437,7 +437,7 @@ def check_trajectory(
     watched = watch(form_to_measure(arm) if forms is None else forms, families)
     if watched.joints != arm.joints:
         raise OptionError("the closed form is of an arm with other joints")
-    watched.requireangle_text(near, "near")
+    watched.require_angle(near, "near")
     table = columns_of(Q, arm.joints, "Q")
     samples = table if isinstance(table, np.ndarray) else np.asarray(table, dtype=float)
     if samples.ndim == 2 and samples.shape[1] != arm.n:
