@@ -8,9 +8,11 @@ import os
 import signal
 import sys
 from collections.abc import Callable, Iterator, Sequence
+from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
+import click.testing
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -51,6 +53,14 @@ def pytest_sessionfinish() -> None:
 
 # A shell that runs the tests in the background has them, and all they start, ignore Ctrl-C.
 signal.signal(signal.SIGINT, signal.default_int_handler)
+
+if version("click").startswith("8.1."):  # later ones always keep standard error apart
+
+    class _Runner(click.testing.CliRunner):
+        def __init__(self, **options: Any) -> None:
+            super().__init__(**{"mix_stderr": False, **options})
+
+    click.testing.CliRunner = _Runner  # type: ignore[misc]
 
 WriteUrdf = Callable[..., Path]
 MakeModel = Callable[..., pin.Model]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import warnings
 from dataclasses import dataclass
 from io import BytesIO
 from typing import TYPE_CHECKING
@@ -95,7 +96,9 @@ def second_reading(arm: Arm, seed: int = SEED) -> SecondReading | None:
     differences: list[str] = []
     note = ""
     try:
-        robot = yourdfpy.URDF.load(BytesIO(shapes.text.encode()), load_meshes=False)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            robot = yourdfpy.URDF.load(BytesIO(shapes.text.encode()), load_meshes=False)
         differences = [*_joints(arm, robot), *_limits(arm, robot)]
         if not differences:
             links = _links(arm, robot)

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import contextlib
 import errno
-import fcntl
 import hashlib
 import json
 import os
@@ -236,6 +235,12 @@ def _reported(what: str) -> Iterator[None]:
 @contextlib.contextmanager
 def _locked(root: Path) -> Iterator[None]:
     """Lock a folder, which is made if it is not there."""
+    try:
+        import fcntl
+    except ImportError:
+        raise OutputError(
+            f"cannot lock {root}: runs in folders need Linux or macOS (on Windows: WSL)"
+        ) from None
     with _reported(f"cannot use {root}"):
         if not root.is_dir():
             if root.is_symlink() and not root.exists():

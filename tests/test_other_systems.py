@@ -1,0 +1,84 @@
+"""Where Linux's own modules and calls are missing, as on macOS, the work is the same."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+HIDING = """
+import builtins, ctypes, os, sys
+
+class Hidden:
+    def find_spec(self, name, path=None, target=None):
+        if name in {"fcntl", "resource"}:
+            raise ModuleNotFoundError(f"No module named {name!r}", name=name)
+
+class Library(ctypes.CDLL):
+    def __getattr__(self, name):
+        if name in {"prctl", "syscall"}:
+            raise AttributeError(name)
+        return super().__getattr__(name)
+
+def kept(path, *rest, **options):
+    if isinstance(path, (str, os.PathLike)) and str(path).startswith("/proc"):
+        raise FileNotFoundError(path)
+    return opened(path, *rest, **options)
+
+import multiprocessing.resource_tracker, platform
+opened, builtins.open = builtins.open, kept
+sys.meta_path.insert(0, Hidden())
+for name in ("fcntl", "resource"):
+    sys.modules.pop(name, None)
+ctypes.CDLL = Library
+sys.platform = "darwin"
+"""
+XACRO = Path(__file__).parent.parent / "urdf" / "stanford.urdf"
+
+
+def run(tmp_path: Path, *words: str) -> subprocess.CompletedProcess[str]:
+    """The command where those modules are hidden, in this process and in its children."""
+    (tmp_path / "sitecustomize.py").write_text(HIDING, encoding="utf-8")
+    code = f"import sys; sys.argv[0] = 'pinsing'\n{HIDING}\nfrom pinsing.cli import program; program()"
+    return subprocess.run(
+        [sys.executable, "-c", code, *words],
+        env={"PYTHONPATH": str(tmp_path), "MPLBACKEND": "Agg", "PATH": "/usr/bin:/bin", "HOME": str(tmp_path)},
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+        timeout=120,
+    )
+
+
+@pytest.mark.parametrize(
+    ("words", "answer"),
+    [
+        (["families", "ur5"], "proven complete"),
+        (["families", "panda"], "proven complete"),
+        (["at", "stanford", "--q", "0,1,0.3,1,0,0"], "wrist"),
+        (["postures", "ur5"], "aspects"),
+        (["list", "arm.xacro"], "links"),
+        (["families", "arm.xacro"], "proven complete"),
+        (["analyze", "stanford", "--sweep"], "stanford"),
+        (["verify", "certificate.json"], "proven"),
+    ],
+)
+def test_commands_answer_without_what_only_linux_has(tmp_path, words, answer):
+    if "arm.xacro" in words:
+        (tmp_path / "arm.xacro").write_text(XACRO.read_text(encoding="utf-8"), encoding="utf-8")
+    if "verify" in words:
+        made = run(tmp_path, "families", "ur5", "--certificate", "certificate.json")
+        assert made.returncode == 0, made.stderr
+    done = run(tmp_path, *words)
+    assert done.returncode == 0, done.stderr
+    assert answer in done.stdout
+
+
+def test_a_folder_that_cannot_be_locked_is_refused(tmp_path):
+    assert run(tmp_path, "map", "planar3r", "--count", "64").returncode == 0
+    done = run(tmp_path, "map", "planar3r", "--count", "64", "--out", "runs")
+    assert done.returncode == 2
+    assert "need Linux or macOS" in done.stderr
+    assert not (tmp_path / "runs").exists()
