@@ -39,12 +39,10 @@ XACRO = Path(__file__).parent.parent / "urdf" / "stanford.urdf"
 
 
 def run(tmp_path: Path, *words: str) -> subprocess.CompletedProcess[str]:
-    """The command where those modules are hidden, in this process and in its children."""
-    (tmp_path / "sitecustomize.py").write_text(HIDING, encoding="utf-8")
-    code = f"import sys; sys.argv[0] = 'pinsing'\n{HIDING}\nfrom pinsing.cli import program; program()"
+    """The command in a process where those modules are hidden."""
     return subprocess.run(
-        [sys.executable, "-c", code, *words],
-        env={"PYTHONPATH": str(tmp_path), "MPLBACKEND": "Agg", "PATH": "/usr/bin:/bin", "HOME": str(tmp_path)},
+        [sys.executable, "-c", f"{HIDING}\nfrom pinsing.cli import program; program()", *words],
+        env={"MPLBACKEND": "Agg", "PATH": "/usr/bin:/bin", "HOME": str(tmp_path)},
         cwd=tmp_path,
         capture_output=True,
         text=True,
