@@ -17,8 +17,7 @@ from pinsing.algebra import budget as budgets
 from pinsing.algebra.budget import PER_SECOND, Budget, BudgetExceeded, in_child
 from pinsing.algebra.equation import Equation
 from pinsing.families import zero_set
-from pinsing.families.empty_box import proven_empty
-from pinsing.families.zero_set import search, thrown
+from pinsing.families.zero_set import proven_empty, search, thrown
 from pinsing.postures import subdivision
 from pinsing.postures.boxes import Leaves
 from pinsing.proof.checker import Ring

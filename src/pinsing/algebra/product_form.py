@@ -186,21 +186,24 @@ def _products(equation: Equation) -> list[_Part]:
     """
     out: list[_Part] = []
     for t in range(len(equation.cos)):
-        frequency = [int(f) for f in equation.frequencies[t]]
-        used = [j for j, f in enumerate(frequency) if f]
         lengths = tuple((j, "pow", int(p)) for j, p in enumerate(equation.powers[t]) if p)
-        for choice in itertools.product("cs", repeat=len(used)):
-            # exp(i sum) = prod (cos + i sin): every sine brings an i and the sign of its angle.
-            power = choice.count("s")
-            sign = 1
-            for c, j in zip(choice, used, strict=True):
-                sign = -sign if c == "s" and frequency[j] < 0 else sign
-            sign = -sign if power % 4 > 1 else sign
-            factors = tuple(
-                (j, "cos" if c == "c" else "sin", abs(frequency[j]))
-                for c, j in zip(choice, used, strict=True)
-            )
-            out.append((tuple(sorted((*lengths, *_whole(factors)))), t, power % 2, sign))
+        # exp(i sum) = prod (cos + i sin): every sine brings an i and the sign of its angle.
+        products: list[tuple[Product, int]] = [(lengths, 0)]
+        for j, f in enumerate(equation.frequencies[t].tolist()):
+            if not f:
+                continue
+            # Frequencies are twice the multiples: odd ones stay halves.
+            half, k = ("/2", abs(f)) if f % 2 else ("", abs(f) // 2)
+            cos, sin = (j, "cos" + half, k), (j, "sin" + half, k)
+            turns = 1 if f > 0 else 3
+            products = [
+                both
+                for factors, power in products
+                for both in (((*factors, cos), power), ((*factors, sin), power + turns))
+            ]
+        for factors, power in products:
+            whole = tuple(sorted(factors)) if lengths else factors
+            out.append((whole, t, power % 2, -1 if power % 4 > 1 else 1))
     return out
 
 
@@ -215,11 +218,6 @@ def _gathered(
             continue
         out[product] = out[product] + number if product in out else number
     return out
-
-
-def _whole(factors: Sequence[Factor]) -> tuple[Factor, ...]:
-    """Frequencies are twice the multiples: even ones become multiples, odd ones stay halves."""
-    return tuple((j, f, k // 2) if k % 2 == 0 else (j, f + "/2", k) for j, f, k in factors)
 
 
 def _rebased(table: Mapping[Product, Number], way: Mapping[int, str]) -> dict[Product, Number]:

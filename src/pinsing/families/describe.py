@@ -6,7 +6,6 @@ import itertools
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -15,7 +14,6 @@ from pinsing.algebra.budget import Budget
 from pinsing.configuration.at import Loss, State, loss_at
 from pinsing.configuration.second_order import kinds_many
 from pinsing.families.at_once import at_once, solved_for
-from pinsing.families.empty_box import Stop, proven_empty
 from pinsing.families.family import Family
 from pinsing.families.naming import title_of
 from pinsing.families.nearness import near
@@ -23,15 +21,12 @@ from pinsing.families.parts import Branch, KindPart, ValueReach, values_reached
 from pinsing.families.pieces import PieceMaker, SolvedPiece
 from pinsing.families.real_control import OwnPoints
 from pinsing.families.statement import statement
-from pinsing.families.zero_set import gradients, project, residuals
+from pinsing.families.zero_set import Stop, gradients, project, proven_empty, residuals
 from pinsing.kinematics.batch import batch
 from pinsing.kinematics.verdict import generic_rank, ratios
 from pinsing.measures import Reachability
 from pinsing.robot.arm import Arm
 from pinsing.robot.nominal import Nominal
-
-if TYPE_CHECKING:
-    from pinsing.families.pieces import PieceMaker
 
 _SHORT = 60
 """Characters that a condition may have to be named as the place of a kind."""

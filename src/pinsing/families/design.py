@@ -11,7 +11,7 @@ import itertools
 import math
 import time
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -25,7 +25,7 @@ from pinsing.algebra.jacobian_matrix import constants, jacobian_matrix
 from pinsing.algebra.matrix import Matrix
 from pinsing.algebra.ring import Poly, Ring
 from pinsing.algebra.surd_ring import ring_of
-from pinsing.families.design_changes import Changes, OneEquation
+from pinsing.families.design_changes import Changes, FoundFamily
 from pinsing.families.design_form import (
     DesignChange,
     DesignFamily,
@@ -129,17 +129,15 @@ def design_form(lengths: Lengths, joints: Sequence[str], seconds: float) -> Desi
     design = DesignNames(ring, n, (*joints, *lengths.symbols), lengths.offset)
     search = Decomposition(lambda: matrix, rank, ring, budget)
     gaps = list(dict.fromkeys(search.gaps))
-    stated = _stated(search.components, design)
-    families, assumed = stated.families, stated.assumed
-    changes = list(stated.appearing)
+    families, assumed, changes = _stated(search.components, design)
     rest = time_left.part(1.0, 0.1)
-    single = [OneEquation(f.stated.name, f.polys) for f in families if f.polys]
+    single = [f for f in families if f.polys]
     try:
         changes.extend(Changes(single, assumed, matrix, rank, design, rest).all())
     except BudgetExceeded as reason:
         gaps.append(f"special lengths were not all looked at: {reason}")
     changes += [
-        DesignChange(condition, f.stated.name, "vanishes", ())
+        DesignChange(condition, f.name, "vanishes", ())
         for f in families
         for e in f.stated.equations
         if (condition := unreal(e, n))
@@ -196,39 +194,18 @@ def _rank(matrix: Matrix, ring: Ring) -> int:
     return max(residues.generic_rank(matrix, rng) for _ in range(2))
 
 
-@dataclass(frozen=True)
-class _Family:
-    """What is stated, and the polynomials of one equation that it is the zeros of, if it is one."""
+def _stated(
+    components: Sequence[Component], design: DesignNames
+) -> tuple[list[FoundFamily], list[Poly], list[DesignChange]]:
+    """Families for lengths in general, what must not be zero, and what else there is.
 
-    stated: DesignFamily
-    polys: tuple[Poly, ...]
-
-
-@dataclass(frozen=True)
-class _Stated:
-    """Components as they are told.
-
-    Attributes
-    ----------
-    families : list of _Family
-        For symbols in general.
-    assumed : list of Poly
-        Polynomials without a joint, where every configuration is singular.
-    appearing : list of DesignChange
-        Families that there are at special symbols alone.
+    Where a polynomial without a joint is zero every configuration is singular; other families
+    there are at special symbols alone.
     """
-
-    families: list[_Family]
-    assumed: list[Poly]
-    appearing: list[DesignChange]
-
-
-def _stated(components: Sequence[Component], design: DesignNames) -> _Stated:
-    """Families for lengths in general, what must not be zero, and what else there is."""
     groups: dict[object, list[Component]] = {}
     for c in components:
         groups.setdefault((*sorted(c.values), *map(str, c.relations)), []).append(c)
-    found, assumed, appearing = list[_Family](), list[Poly](), dict[str, list[str]]()
+    found, assumed, appearing = list[FoundFamily](), list[Poly](), dict[str, list[str]]()
     for group in groups.values():
         for joined in _joined(group, design.ring):
             moving = [polys for polys in joined if any(map(design.moves, polys))]
@@ -251,11 +228,11 @@ def _stated(components: Sequence[Component], design: DesignNames) -> _Stated:
                 equations=equations,
                 codimension=len(joined),
             )
-            found.append(_Family(stated, tuple(joined[0]) if len(joined) == 1 else ()))
+            found.append(FoundFamily(stated, tuple(joined[0]) if len(joined) == 1 else ()))
     found.sort(key=lambda f: (f.stated.codimension, sum(len(e.cos) for e in f.stated.equations)))
     named = [replace(f, stated=replace(f.stated, name=f"F{i}")) for i, f in enumerate(found, 1)]
     more = [DesignChange(at, "", "appears", tuple(into)) for at, into in appearing.items()]
-    return _Stated(named, assumed, more)
+    return named, assumed, more
 
 
 def _only_at(equations: Sequence[Poly], design: DesignNames) -> str:

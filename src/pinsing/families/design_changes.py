@@ -13,7 +13,7 @@ from pinsing.algebra.budget import Budget
 from pinsing.algebra.generic_points import Residues
 from pinsing.algebra.matrix import Matrix
 from pinsing.algebra.ring import Poly
-from pinsing.families.design_form import EVERYWHERE, DesignChange, DesignNames
+from pinsing.families.design_form import EVERYWHERE, DesignChange, DesignFamily, DesignNames
 
 Images = Mapping[int, tuple[int, int | None]]
 """For some variables a number times another variable, or a number alone."""
@@ -42,11 +42,16 @@ class SpecialDesign:
 
 
 @dataclass(frozen=True)
-class OneEquation:
-    """A family of one equation by its name: the zeros of some irreducible polynomials."""
+class FoundFamily:
+    """What is stated, and the polynomials of one equation that it is the zeros of, if it is one."""
 
-    name: str
+    stated: DesignFamily
     polys: tuple[Poly, ...]
+
+    @property
+    def name(self) -> str:
+        """F1, F2, ..."""
+        return self.stated.name
 
 
 class Changes:
@@ -54,7 +59,7 @@ class Changes:
 
     Parameters
     ----------
-    families : sequence of OneEquation
+    families : sequence of FoundFamily
         Those of one equation.
     assumed : sequence of Poly
         What must not be zero, without a joint.
@@ -70,7 +75,7 @@ class Changes:
 
     def __init__(
         self,
-        families: Sequence[OneEquation],
+        families: Sequence[FoundFamily],
         assumed: Sequence[Poly],
         matrix: Matrix,
         rank: int,
@@ -179,13 +184,13 @@ class Changes:
             if shared:
                 yield DesignChange(condition, f.name, "merges", shared)
 
-    def _touches(self, family: OneEquation, special: SpecialDesign) -> bool:
+    def _touches(self, family: FoundFamily, special: SpecialDesign) -> bool:
         """Whether special values say anything of a family but the name of a symbol."""
         known = {s for p in family.polys for s in self.ring.joints_of(p)}
         need = all if special.renames else any
         return need(s in known for s in special.symbols)
 
-    def _parts(self, family: OneEquation, special: SpecialDesign) -> list[Poly]:
+    def _parts(self, family: FoundFamily, special: SpecialDesign) -> list[Poly]:
         """The irreducible polynomials with joints that it is the zeros of there."""
         found: list[Poly] = []
         touched = self._touches(family, special)

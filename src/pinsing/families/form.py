@@ -85,6 +85,8 @@ class ClosedForm(JsonResult):
         length moved; None where they agree to 1e-9.
     steps : tuple of str
         Names of the steps of the search that were taken, such as "all minors", in their order.
+    faithful : tuple of Family or None
+        The families, if each was seen to be its exact components; not written to JSON.
 
     Examples
     --------
@@ -115,7 +117,7 @@ class ClosedForm(JsonResult):
 
     def __getstate__(self) -> dict[str, Any]:
         # As in `Family`: exact polynomials stay in this process, and what was proven with them.
-        return {**self.__dict__, "left_out": (), "geometry": None}
+        return {**self.__dict__, "left_out": (), "geometry": None, "faithful": None}
 
     proof: Proof | None = field(default=None)
     hints: tuple[str, ...] = ()
@@ -123,6 +125,7 @@ class ClosedForm(JsonResult):
     slice_count: SliceCount | None = None
     deviation: Deviation | None = field(default=None, metadata={"optional": True})
     steps: tuple[str, ...] = field(default=(), metadata={"optional": True})
+    faithful: tuple[Family, ...] | None = field(default=None, repr=False, metadata={"json": False})
 
     @property
     def word(self) -> str:

@@ -32,15 +32,14 @@ from pinsing.algebra.minors import NearMinors, NotSquare
 from pinsing.algebra.ring import Poly, Ring, Value
 from pinsing.families.met_points import (
     MetPoints,
+    ModularPoints,
     PrimePoints,
     RealPoints,
     cutting,
     freedom,
-    nearest,
-    neighbours,
+    independent,
     rank,
 )
-from pinsing.families.modular_points import ModularPoints
 from pinsing.families.pieces import PieceMaker
 from pinsing.robot.nominal import PRIMES, Nominal
 from pinsing.robot.task import Task
@@ -226,7 +225,8 @@ class LongChain:
             self._add(place, (), len(place), PrimePoints((), self.rank))
             return
         start = max(0, (self.n - self.rank + 1) // 2)
-        self._along(place, J, neighbours(J, start, self.rank - 1, self.n))
+        outward = (*range(start, self.n), *range(start - 1, -1, -1))
+        self._along(place, J, independent(J, outward, self.rank - 1))
 
     def _groups(self, place: Places) -> None:
         """Sets whose wrench is fixed by joints that depend on each other, but are no neighbours.
@@ -259,7 +259,8 @@ class LongChain:
         middle = (min(base) + max(base)) / 2 if base else (self.n - 1) / 2  # none: a single row
         rest = [j for j in range(self.n) if j not in within]
         for j in sorted(rest, key=lambda j: abs(j - middle)):
-            near = nearest(J, j, within, self.rank - 1)
+            nearest = sorted(within, key=lambda k: (abs(k - j), k))
+            near = independent(J, nearest, self.rank - 1)
             within.append(j)
             if rank(J, [*near, j]) < self.rank:
                 continue

@@ -13,10 +13,9 @@ from pinsing.algebra.conditions import Conditions
 from pinsing.algebra.nearest import GAP, SECONDS, SearchOptions
 from pinsing.arguments import checked, columns_of, real_numbers, whole_number
 from pinsing.errors import ConfigurationError, OptionError
-from pinsing.families.empty_box import Stop
 from pinsing.families.nearness import ON, Confirm, Distance, Starts, near, nearest, own_nearest
 from pinsing.families.parts import Branch
-from pinsing.families.zero_set import ROUNDS, search
+from pinsing.families.zero_set import ROUNDS, Stop, search
 from pinsing.measures import Reachability
 from pinsing.robot.arm import Arm
 from pinsing.robot.joint_space import JointSpace, require_values

@@ -11,9 +11,8 @@ import numpy as np
 from pinsing._types import Array, Bool
 from pinsing.algebra.conditions import Conditions
 from pinsing.algebra.nearest import SearchOptions, nearest_points
-from pinsing.families.empty_box import Stop
 from pinsing.families.parts import Branch
-from pinsing.families.zero_set import project, thrown
+from pinsing.families.zero_set import Stop, project, thrown
 from pinsing.notebook import one_line
 from pinsing.robot.joint_space import JointSpace
 

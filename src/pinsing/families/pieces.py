@@ -17,12 +17,13 @@ from pinsing.algebra.mimic import own_offsets
 from pinsing.algebra.real_hypersurface import changes_sign, isolated_zeros
 from pinsing.algebra.real_roots import AlgebraicValue, NotFinite, real_roots, real_solutions
 from pinsing.algebra.ring import Poly, Ring, Value
-from pinsing.families.empty_box import certainly_empty, never_zero
 from pinsing.families.nearness import Confirm
 from pinsing.families.parts import Branch, JointValue
 from pinsing.families.zero_set import (
     ROUNDS,
     fix_joint,
+    never_zero,
+    proven_empty,
     search,
     thrown,
 )
@@ -360,7 +361,7 @@ class PieceMaker:
             return False
         if self.time.over or any(e.powers.any() for e in branch.equations):
             return False  # no box holds all values of a slider
-        return certainly_empty(branch.equations, self.lower, self.upper, self.time.stop)
+        return proven_empty(branch.equations, self.lower, self.upper, self.time.stop)
 
 
 def _distinct(equations: Sequence[Equation]) -> list[Equation]:

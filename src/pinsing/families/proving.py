@@ -142,8 +142,10 @@ def _made(
         raise NotFound(f"the algebra does not follow a mimic joint: {reason}") from None
     slides = tuple(bool(p) for p in geometry.arm.prismatic)
     ring = ring_of(slides, numbers, budget)
-    if off := disagreements(form.families, (), ring, geometry, form.symbols):
-        raise NotFound(off[0])  # the certificate is of the polynomials, not of what is stated
+    # The certificate is of the polynomials, not of what is stated: unless these are known to agree.
+    if form.families is not form.faithful:
+        for off in disagreements(form.families, (), ring, geometry, form.symbols):
+            raise NotFound(off)
     stated = [Stated(f.name, c) for f in form.families for c in f.components]
     return certificate(
         geometry, ring, form.generic_rank, stated, budget, progress, in_parts=in_parts

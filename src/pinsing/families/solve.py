@@ -219,6 +219,7 @@ def _found(
     rank = generic_rank(geometry.arm)  # lengths that were snapped away may lower it
     families: list[Family] = []
     gaps: list[str] = []
+    off: list[str] = []
     left_out: list[Component] = []
     steps: RandomSteps | None = None
     unsolved = 0
@@ -255,7 +256,8 @@ def _found(
             else:
                 families.append(stated(group, maker, arm))
         families = [replace(f, name=f"F{i}") for i, f in enumerate(sorted(families, key=_order), 1)]
-        gaps += disagreements(families, left_out, maker.ring, geometry, symbols)
+        off = disagreements(families, left_out, maker.ring, geometry, symbols)
+        gaps += off
     counted: SliceCount | None = None if search is None else search.count
     if (
         gaps
@@ -283,17 +285,19 @@ def _found(
         hints += (unsolved_hint(unsolved),)
     if (by_rank := by_rank_hint(families, rank)) is not None:
         hints += (by_rank,)
+    stated_families = tuple(families)
     return ClosedForm(
         arm=summarize(arm),
         symbols=symbols,
         generic_rank=rank,
-        families=tuple(families),
+        families=stated_families,
         complete=not gaps,
         fully_decomposed=all(len(b.equations) <= 1 for f in families for b in f.branches),
         gaps=tuple(gaps),
         dropped=len(left_out),
         left_out=tuple(left_out),
         geometry=geometry,
+        faithful=None if off else stated_families,
         snaps=tuple(str(s) for s in (*geometry.snaps, *moved)),
         jacobian_change=geometry.jacobian_change,
         seconds=time.monotonic() - started,

@@ -1,9 +1,9 @@
-"""Points on the zero set of equations: projection and search."""
+"""Points on the zero set of equations: projection, search, and proof that a box has none."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -12,8 +12,9 @@ import numpy.typing as npt
 from pinsing._types import Array
 from pinsing.algebra.equation import Equation
 from pinsing.families.drawn import draw, orders
-from pinsing.families.empty_box import Stop, proven_empty
 
+Stop = Callable[[], bool]
+"""Whether a search is to end with what it has; asked between its steps."""
 _ON = 1e-13
 """A residual this small, relative to the sum of an equation's coefficients, is zero."""
 _LIMIT = 1e-9
@@ -325,3 +326,81 @@ def fix_joint(equation: Equation, joint: int, value: float) -> Equation | None:
         sin=np.array([gathered[k][1] for k in keep]),
         exact=(),
     )
+
+
+_MARGIN = 1e-8
+"""Of the sum of an equation's coefficients: more than all rounding, in them and in their sums."""
+
+
+def slopes(equation: Equation, lower: Array, upper: Array) -> Array:
+    """Largest possible derivative by each joint within a box: (n,)."""
+    size = np.hypot(equation.cos, equation.sin)
+    bound = np.maximum(np.abs(lower), np.abs(upper))
+    power = np.prod(bound**equation.powers, axis=-1)
+    steep = (size * power) @ (np.abs(equation.frequencies) / 2)
+    for j in np.flatnonzero(equation.powers.any(axis=0)):
+        lowered = equation.powers.copy()
+        factor = lowered[:, j].astype(float)
+        lowered[:, j] = np.maximum(lowered[:, j] - 1, 0)
+        steep[j] += size @ (factor * np.prod(bound**lowered, axis=-1))
+    return np.asarray(steep)
+
+
+def proven_empty(
+    equations: Sequence[Equation],
+    lower: Array,
+    upper: Array,
+    stop: Stop | None = None,
+    boxes: int = 40_000,
+) -> bool:
+    """Whether the equations have no common zero in a box, proven by subdivision.
+
+    A box in which some equation is larger at the centre than its slopes allow it to change
+    within holds no zero; any other is halved. Every comparison leaves room for rounding (a sum
+    of thousands of terms is right to 1e-12 of their sizes, boxes and their ends to 1e-15). False
+    means: not proven. It is not proven once ``stop`` says so, nor with more than so many ``boxes``.
+    """
+    used = np.zeros(len(lower), dtype=bool)
+    for e in equations:
+        used[list(e.involved)] = True
+    if not np.isfinite(lower[used]).all() or not np.isfinite(upper[used]).all():
+        return False
+    # Whole turns say nothing new about a trigonometric polynomial (up to its sign).
+    turning = used & ~np.any([e.powers.any(axis=0) for e in equations], axis=0)
+    upper = np.where(turning, np.minimum(upper, lower + 2 * np.pi), upper)
+    steep = [slopes(e, lower, upper) for e in equations]
+    rooms = [max(_MARGIN, max(10, 2 * len(e.cos)) * e.accuracy) * e.size for e in equations]
+    centers = np.where(used, (lower + upper) / 2, 0.0)[None, :]
+    halves = np.where(used, (upper - lower) / 2, 0.0)[None, :]
+    seen = 0
+    while len(centers):
+        seen += len(centers)
+        if seen > boxes or (stop is not None and stop()):
+            return False
+        alive = np.ones(len(centers), dtype=bool)
+        worst = np.zeros_like(centers)
+        for e, slope, room in zip(equations, steep, rooms, strict=True):
+            alive &= np.abs(e(centers)) <= halves @ slope * (1 + _MARGIN) + room
+            worst = np.maximum(worst, halves * slope / e.size)
+        centers, halves, worst = centers[alive], halves[alive], worst[alive]
+        if not len(centers):
+            return True
+        axis = np.argmax(worst, axis=1)
+        rows = np.arange(len(centers))
+        halves = halves.copy()
+        halves[rows, axis] /= 2
+        shift = np.zeros_like(centers)
+        shift[rows, axis] = halves[rows, axis]
+        centers = np.concatenate([centers - shift, centers + shift])
+        halves = np.concatenate([halves, halves])
+    return True
+
+
+def never_zero(equation: Equation) -> bool:
+    """Return True if the constant term outweighs all the others: no zero anywhere."""
+    if equation.powers.any():
+        return False
+    size = np.hypot(equation.cos, equation.sin)
+    moving = (equation.frequencies != 0).any(axis=1)
+    error = 4 * len(size) * max(equation.accuracy, 1e-15) * equation.size
+    return bool(np.abs(equation.cos[~moving]).sum() > size[moving].sum() + error)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Mapping, Sequence
 from fractions import Fraction
 from typing import Any, TypeAlias
@@ -95,20 +96,20 @@ def skeleton(geometry: Nominal, rank: int, roots: Sequence[int]) -> dict[str, An
 def _chain(geometry: Nominal) -> dict[str, Any]:
     """Placements and motions; constant motions become part of a placement."""
     chain: list[dict[str, Any]] = []
-    placed = _motion()
+    placed: list[Any] = []
     for i, drive in enumerate(drives(geometry)[0]):
-        placed = placed @ _motion(geometry.rotation[i], geometry.translation[i])
-        if geometry.prismatic[i]:
-            placed = placed @ _motion(shift=(0, 0, drive.shift))
-        elif drive.turn[0] != 1 or drive.turn[1] != 0:
+        placed.append(_motion(geometry.rotation[i], geometry.translation[i]))
+        if geometry.prismatic[i] and drive.shift != 0:
+            placed.append(_motion(shift=(0, 0, drive.shift)))
+        elif not geometry.prismatic[i] and (drive.turn[0] != 1 or drive.turn[1] != 0):
             c, s = drive.turn
-            placed = placed @ _motion([[c, -s, 0], [s, c, 0], [0, 0, 1]])
+            placed.append(_motion([[c, -s, 0], [s, c, 0], [0, 0, 1]]))
         if drive.multiple == 0:
             continue
         multiple = number_text(drive.multiple)
         chain.append({**_placement(placed), "joint": drive.leader, "multiple": multiple})
-        placed = _motion()
-    placed = placed @ _motion(geometry.tip_rotation, geometry.translation[-1])
+        placed = []
+    placed.append(_motion(geometry.tip_rotation, geometry.translation[-1]))
     return {"chain": chain, "tip": _placement(placed)}
 
 
@@ -118,8 +119,10 @@ def _motion(turn: Sequence[Sequence[Any]] = _EYE, shift: Sequence[Any] = (0, 0, 
     return np.array([*rows, [0, 0, 0, 1]], dtype=object)
 
 
-def _placement(motion: Any) -> dict[str, Any]:
-    rows = [[number_text(x) for x in row] for row in motion[:3].tolist()]
+def _placement(motions: Sequence[Any]) -> dict[str, Any]:
+    """Motions one after the other."""
+    whole = functools.reduce(np.matmul, motions)
+    rows = [[number_text(x) for x in row] for row in whole[:3].tolist()]
     return {"rotation": [row[:3] for row in rows], "translation": [row[3] for row in rows]}
 
 
