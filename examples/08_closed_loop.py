@@ -7,7 +7,7 @@ import pinsing
 urdf = Path(__file__).parent.parent / "urdf"
 linkage = pinsing.load_mechanism(urdf / "five_bar.urdf", urdf / "five_bar.loops.yaml")
 inputs = [1.0472, 1.0472]
-print(len(pinsing.assembly_modes(linkage, inputs).modes), "assembly modes")
+print(len(pinsing.loops.assembly_modes(linkage, inputs).modes), "assembly modes")
 
-found = pinsing.analyze_mechanism(linkage)
+found = pinsing.loops.analyze_mechanism(linkage)
 print(found)

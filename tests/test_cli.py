@@ -120,7 +120,7 @@ def test_ctrl_c_ends_with_130(monkeypatch):
     def stopped(*_, **__):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("pinsing.robot.load.load", stopped)
+    monkeypatch.setattr(sys.modules["pinsing.robot.load"], "load", stopped)
     done = run("at", "ur5", "--q", "0,0,0,0,0,0")
     assert done.exit_code == 130
     assert "Traceback" not in done.output
@@ -132,7 +132,8 @@ def test_sigint_while_it_runs():
             sys.executable,
             "-c",
             "import time, sys\n"
-            "import pinsing.robot.load as module\n"
+            "import importlib\n"
+            "module = importlib.import_module('pinsing.robot.load')\n"
             "def slow(*a, **k):\n"
             "    print('ready', flush=True)\n"
             "    time.sleep(60)\n"

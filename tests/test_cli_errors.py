@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 
 import pytest
@@ -256,7 +257,7 @@ class TestOutput:
         def never(*_, **__):
             raise AssertionError("the robot was read")
 
-        monkeypatch.setattr("pinsing.robot.load.load", never)
+        monkeypatch.setattr(sys.modules["pinsing.robot.load"], "load", never)
         q = ["--q", "0,0,0"] if name == "at" else []
         for bad in (tmp_path / "none" / "x.json", tmp_path):
             assert "cannot write" in refused(*name.split(), "planar3r", *q, "--json", str(bad))

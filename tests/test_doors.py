@@ -264,10 +264,16 @@ def test_a_configuration_of_the_whole_model_is_one_of_the_arm(rng):
     )
     assert np.allclose(pinsing.frame_jacobian(arm, full), theirs[:, :7], atol=1e-12)
     Q = np.stack([panda_q(rng, model) for _ in range(5)])
-    for function in (pinsing.singular_values, pinsing.frame_jacobians, pinsing.task_jacobians):
+    for function in (
+        pinsing.singular_values,
+        pinsing.kinematics.frame_jacobians,
+        pinsing.kinematics.task_jacobians,
+    ):
         assert np.array_equal(function(arm, Q), function(arm, arm.q_of(Q)))
     assert np.array_equal(pinsing.at(arm, full).sigma, pinsing.at(arm, q).sigma)
-    assert np.array_equal(pinsing.refine(arm, full).q, pinsing.refine(arm, q).q)
+    assert np.array_equal(
+        pinsing.configuration.refine(arm, full).q, pinsing.configuration.refine(arm, q).q
+    )
     assert arm.q_of(Q[None]).shape == (1, 5, 7)
 
 
@@ -276,9 +282,9 @@ def test_every_function_takes_it():
     arm = pinsing.load(model)
     full = np.append([0.1, 0.2, 0.3, -1.5, 0.5, 1.2, 0.4], [0.01, 0.02])
     q = full[:7]
-    plan = pinsing.plan_sweep(arm, nominal=full, levels=1, samples=5)
+    plan = pinsing.sampling.plan_sweep(arm, nominal=full, levels=1, samples=5)
     assert np.array_equal(plan.nominal, q)
-    assert np.array_equal(pinsing.plan_map(arm, count=4, q=full).base, q)
+    assert np.array_equal(pinsing.sampling.plan_map(arm, count=4, q=full).base, q)
     assert np.array_equal(arm.fold(full), arm.fold(q))
     assert np.array_equal(arm.within_limits(full), arm.within_limits(q))
     assert np.array_equal(arm.model_q(full), q)
@@ -424,7 +430,7 @@ def test_the_chain_beyond_a_base_and_the_exact_geometry(rng):
     assert (arm.n, model.nq) == (6, 9)
     full = panda_q(rng, model)
     assert np.array_equal(arm.q_of(full), full[1:7])  # where joint 1 stands does not matter
-    exact = pinsing.nominal(arm).arm
+    exact = pinsing.robot.nominal(arm).arm
     assert np.array_equal(exact.q_of(full), full[1:7])
     assert pinsing.singular_values(exact, full[None]).shape == (1, 6)
 
@@ -466,9 +472,9 @@ def test_errors_about_limits_have_joint_value_and_limits(where):
     q = np.zeros(6)
     q[1] = -1.5
     asked = {
-        "sweep": lambda: pinsing.plan_sweep(arm, nominal=q),
-        "map": lambda: pinsing.plan_map(arm, q=q, joints=[arm.joints[0]]),
-        "special": lambda: pinsing.plan_sweep(arm, special={arm.joints[1]: [-1.5]}),
+        "sweep": lambda: pinsing.sampling.plan_sweep(arm, nominal=q),
+        "map": lambda: pinsing.sampling.plan_map(arm, q=q, joints=[arm.joints[0]]),
+        "special": lambda: pinsing.sampling.plan_sweep(arm, special={arm.joints[1]: [-1.5]}),
     }
     with pytest.raises(ConfigurationError) as caught:
         asked[where]()

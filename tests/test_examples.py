@@ -14,10 +14,10 @@ from typing import Any
 import matplotlib
 import pytest
 from matplotlib import pyplot
+from public import documented
 from tiers import tiered
 
 import pinsing
-from pinsing import plot
 
 matplotlib.use("agg")
 
@@ -26,6 +26,8 @@ PLUMBING = {
     "Arm.once",
     "Family.box",
     "Family.conditions",
+    "MapPlan.configuration",
+    "MapPlan.identity",
     "MapResult.head",
     "MapResult.quantile_rows",
     "MapResult.tail",
@@ -72,13 +74,10 @@ def methods(name: str, kind: type) -> Iterator[Public]:
 
 def public() -> dict[str, Public]:
     found: dict[str, Public] = {}
-    for module in (pinsing, plot):
-        for name in module.__all__:
-            value = getattr(module, name)
-            label = f"{module.__name__}.{name}".removeprefix("pinsing.")
-            found[label] = Public(label, value)
-            if inspect.isclass(value):
-                found |= {m.name: m for m in methods(label, value)}
+    for label, value in documented().items():
+        found[label] = Public(label, value)
+        if inspect.isclass(value):
+            found |= {m.name: m for m in methods(label, value)}
     return found
 
 

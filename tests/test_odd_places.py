@@ -56,10 +56,10 @@ def test_a_map_into_what_is_no_folder(tmp_path):
     (tmp_path / "file").write_text("")
     for name, why in (("link", "not there"), ("pipe", "pipe"), ("file", "it is a file")):
         with pytest.raises(OutputError, match=why):
-            pinsing.sigma_map(arm, count=8, out=tmp_path / name)
+            pinsing.sampling.sigma_map(arm, count=8, out=tmp_path / name)
     for bad in ("\ud800", "x" * 10**6, "a/" * 10**5):
         with pytest.raises(OutputError) as raised:
-            pinsing.sigma_map(arm, count=8, out=bad)
+            pinsing.sampling.sigma_map(arm, count=8, out=bad)
         assert str(raised.value).isprintable()
         assert len(str(raised.value)) < 500
 

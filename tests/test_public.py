@@ -1,46 +1,199 @@
-"""The public names: complete, lazy, and never shadowed by a module of the same name."""
+"""The public names: few, complete, lazy, never shadowed by a module, with advice for mistakes."""
 
 from __future__ import annotations
 
+import importlib
+import pkgutil
 import subprocess
 import sys
 
+import numpy as np
 import pytest
+from public import documented
 from tiers import tiered
 
 import pinsing
+from pinsing.errors import PinsingError
+from pinsing.serialization import JsonResult
+
+PACKAGES = set(pinsing._packages)
 
 
-@pytest.mark.parametrize("name", pinsing.__all__)
-def test_every_public_name_is_there(name):
-    value = getattr(pinsing, name)
-    assert callable(value)
-    assert value.__doc__
-    assert name in dir(pinsing)
+def test_dir_has_public_names_and_packages_and_no_more():
+    shown = {name for name in dir(pinsing) if not name.startswith("__")}
+    assert shown == {*pinsing.__all__, *PACKAGES}
+    assert len(pinsing.__all__) <= 32
+    modules = {m.name for m in pkgutil.iter_modules(pinsing.__path__)}
+    assert modules >= PACKAGES
+
+
+@pytest.mark.parametrize("package", ["", *sorted(PACKAGES - {"errors"})])
+def test_every_public_name_is_there(package):
+    module = importlib.import_module(f"pinsing.{package}".rstrip("."))
+    assert module.__doc__
+    for name in module.__all__:
+        value = getattr(module, name)
+        assert callable(value)
+        assert value.__doc__
+        assert name in dir(module)
 
 
 @pytest.mark.parametrize(
     "first",
     tiered(
-        ["pinsing.sampling.analyze", "pinsing.sampling.sweep_run", "pinsing.families"],
-        ("pinsing.sampling.sweep_run",),
+        ["pinsing.sampling.analyze", "pinsing.configuration.refine", "pinsing.families"],
+        ("pinsing.configuration.refine",),
     ),
 )
 def test_modules_do_not_shadow_functions(first):
-    """Whatever was imported before: pinsing.sweep is the function."""
+    """Whatever was imported before: pinsing.configuration.refine is the function."""
     code = (
         f"import importlib, pinsing; importlib.import_module({first!r})\n"
-        "from pinsing import sweep, refine, generalize, closed_form\n"
-        "assert all(map(callable, (sweep, refine, generalize, closed_form)))\n"
+        "from pinsing.configuration import at, refine\n"
+        "from pinsing.sampling import analyze, generalize\n"
+        "assert all(map(callable, (at, refine, analyze, generalize, pinsing.robot.load)))\n"
         "arm = pinsing.load('planar3r')\n"
-        "pinsing.analyze(arm)\n"
-        "assert pinsing.closed_form(arm).families and pinsing.sweep(arm).curves\n"
-        "from pinsing.sampling.sweep_run import SweepResult\n"
+        "assert pinsing.closed_form(arm).families and pinsing.sampling.sweep(arm).curves\n"
+        "from pinsing.configuration.refine import SingularConfiguration\n"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
 
 
-def test_unknown_names_are_refused():
-    with pytest.raises(AttributeError, match="no attribute 'sweeep'"):
-        _ = pinsing.sweeep
+# Mistakes ---------------------------------------------------------------------------------
+
+MISTAKES = [
+    # Names that moved, that people guess, or that are modules.
+    ("pinsing.sweep(arm)", AttributeError, "pinsing.sampling.sweep"),
+    ("pinsing.sweeep(arm)", AttributeError, "pinsing.sampling.sweep"),
+    ("pinsing.refine(arm, q)", AttributeError, "pinsing.configuration.refine"),
+    ("pinsing.task_jacobian(arm, q)", AttributeError, "pinsing.kinematics.task_jacobian"),
+    ("pinsing.Mechanism", AttributeError, "pinsing.robot.Mechanism"),
+    ("pinsing.assembly_modes(arm)", AttributeError, "pinsing.loops.assembly_modes"),
+    ("pinsing.workspace(arm)", AttributeError, "pinsing.plot.workspace"),
+    ("pinsing.JointError", AttributeError, "pinsing.errors.JointError"),
+    ("pinsing.check(arm, q)", AttributeError, "pinsing.check_trajectory(arm, Q)"),
+    ("pinsing.singularities(arm)", AttributeError, "pinsing.closed_form(arm)"),
+    ("pinsing.is_singular(arm, q)", AttributeError, "pinsing.at(arm, q)"),
+    ("pinsing.from_urdf('a.urdf')", AttributeError, "pinsing.load(path)"),
+    ("pinsing.jacobian(arm, q)", AttributeError, "pinsing.frame_jacobian(arm, q)"),
+    ("pinsing.manipulability(arm, q)", AttributeError, "pinsing.at(arm, q).manipulability"),
+    ("pinsing.ik(arm, pose)", AttributeError, "pinsing.inverse(arm, pose)"),
+    ("pinsing.distance(form, q)", AttributeError, "pinsing.clearance(form, q)"),
+    ("pinsing.verify('a.json')", AttributeError, "pinsing.proof.verify"),
+    ("pinsing.Load('ur5')", AttributeError, "pinsing.load"),
+    ("pinsing.postures.sweep(arm)", AttributeError, "no attribute 'sweep'"),
+    ("pinsing.families(arm)", TypeError, "a module, not a function: use pinsing.closed_form"),
+    ("pinsing.postures(arm, pose)", TypeError, "pinsing.inverse(arm, pose)"),
+    ("pinsing.view(arm)", TypeError, "pinsing.Viewer(arm)"),
+    ("pinsing.report(arm)", TypeError, "pinsing.write_report"),
+    ("pinsing.robot('ur5')", TypeError, "pinsing.load"),
+    ("pinsing.plot(arm)", TypeError, "pinsing.plot.sigma_plane"),
+    ("pinsing.loops(arm)", TypeError, "pinsing.load_mechanism"),
+    # Robots, joints, frames, tasks and files that are not there.
+    ("pinsing.load('ur55')", PinsingError, "unknown robot 'ur55': did you mean"),
+    ("pinsing.load('my_robot.urdf')", PinsingError, "my_robot.urdf"),
+    ("pinsing.load(None)", TypeError, "robot must be a file, the name of a robot"),
+    ("pinsing.load('ur5', tip='tool')", PinsingError, "unknown frame 'tool': did you mean"),
+    ("pinsing.load('ur5', base='world2')", PinsingError, "unknown frame 'world2'"),
+    ("pinsing.load('ur5', joints=['elbow'])", PinsingError, "'elbow_joint'"),
+    ("pinsing.load('ur5', joints='elbow_joint,q')", PinsingError, "unknown joint"),
+    ("pinsing.load('ur5', task='positon')", PinsingError, "position"),
+    ("pinsing.load('ur5', task='vx,vq')", PinsingError, "vq"),
+    ("pinsing.load('ur5', length_scale=0)", PinsingError, "length_scale"),
+    ("pinsing.load('ur5', units='grad')", PinsingError, "units"),
+    ("pinsing.load('pr2')", PinsingError, "tip"),
+    ("pinsing.load_mechanism('ur5')", PinsingError, "loop"),
+    # What belongs elsewhere: names, results, forms and arms mixed up.
+    ("pinsing.at('ur5', q)", TypeError, 'load it first, pinsing.load("ur5")'),
+    ("pinsing.at(q, arm)", TypeError, "arm must be an Arm"),
+    ("pinsing.at(form.arm, q)", TypeError, "use the arm that pinsing.load gave"),
+    ("pinsing.at(read, q)", TypeError, "a closed form read from JSON"),
+    ("pinsing.closed_form(pinsing.load)", TypeError, "arm must be"),
+    ("pinsing.clearance(q, form)", TypeError, "pinsing.closed_form(arm) gives one"),
+    ("pinsing.clearance(other, [q])", PinsingError, "needs"),
+    ("pinsing.check_trajectory(arm, [q], forms=other)", PinsingError, "an arm with other joints"),
+    ("pinsing.Monitor(q)", TypeError, "forms must be"),
+    ("pinsing.inverse(arm, form)", PinsingError, "pose must be numbers"),
+    ("pinsing.plan_path(form, q)", PinsingError, "poses"),
+    ("pinsing.Viewer(form.families)", TypeError, "arm must be an Arm"),
+    # Configurations of the wrong shape, unit or kind.
+    ("pinsing.at(arm, q[:5])", PinsingError, "q needs 6 values"),
+    ("pinsing.at(arm, [q, q])", PinsingError, "one joint vector (6,)"),
+    ("pinsing.at(arm, [0, -90, 90, 0, 45, 0])", PinsingError, "degrees"),
+    ("pinsing.check_trajectory(arm, [[0, -90, 90, 0, 45, 0]] * 2)", PinsingError, "degrees"),
+    ("pinsing.Monitor(form, warn=20, stop=5)", PinsingError, "radians"),
+    ("pinsing.at(arm, ['0', '1', '0', '0', '0', '0'])", PinsingError, "q must be numbers"),
+    ("pinsing.at(arm, {'elbow_joint': 1.0})", PinsingError, "q must be numbers"),
+    ("pinsing.at(arm, [np.nan] * 6)", PinsingError, "every value must be finite"),
+    ("pinsing.check_trajectory(arm, 'path.csv')", PinsingError, "Q must be numbers"),
+    ("pinsing.check_trajectory(arm, q)", PinsingError, "a trajectory has shape (N, 6)"),
+    ("pinsing.check_trajectory(arm, [q, q], t=[1, 0])", PinsingError, "times must ascend"),
+    ("pinsing.inverse(arm, [0.3, 0.1])", PinsingError, "pose"),
+    ("pinsing.inverse(arm, np.eye(4) * 2)", PinsingError, "not a rotation"),
+    ("pinsing.singular_values(arm, q[:3])", PinsingError, "Q needs 6 values"),
+    ("pinsing.clearance(form, [q], families=['F9'])", PinsingError, "unknown family 'F9'"),
+    ("pinsing.clearance(form, [q], families=['elbo'])", PinsingError, "unknown family 'elbo'"),
+    # The wrong attribute or method of a result.
+    ("form['wirst']", PinsingError, "did you mean 'wrist'"),
+    ("form['F7']", PinsingError, "unknown family 'F7'"),
+    ("form[0]", PinsingError, "form.families[0]"),
+    ("form.family", AttributeError, "or families"),
+    ("pinsing.at(arm, q).jacobian", AttributeError, "State has no attribute 'jacobian': use J"),
+    ("form.plot()", AttributeError, "pinsing.plot"),
+    ("form.save('a.json')", AttributeError, "to_json"),
+    ("form.arm.jnts", AttributeError, "jnts"),
+    ("pinsing.ClosedForm.from_json('closed.json')", PinsingError, "not JSON"),
+    ("pinsing.ClosedForm.from_json(state.to_json())", PinsingError, "pinsing/closed_form"),
+    ("pinsing.export_guard(arm, 'rust')", PinsingError, "'c' or 'python'"),
+]
+
+
+@pytest.fixture(scope="module")
+def names():
+    arm = pinsing.load("ur5")
+    q = np.array([0.1, -1, 1, 0.2, 1, 0])
+    form = pinsing.closed_form(arm, prove=False)
+    return {
+        "np": np,
+        "pinsing": pinsing,
+        "arm": arm,
+        "q": q,
+        "pose": np.eye(4),
+        "form": form,
+        "state": pinsing.at(arm, q),
+        "read": pinsing.ClosedForm.from_json(form.to_json()),
+        "other": pinsing.closed_form(pinsing.load("planar3r")),
+    }
+
+
+@pytest.mark.parametrize(("call", "error", "words"), MISTAKES, ids=[m[0] for m in MISTAKES])
+def test_a_mistake_has_one_line_that_says_what_to_do(call, error, words, names):
+    with pytest.raises(error) as caught:
+        eval(call, dict(names))
+    said = str(caught.value)
+    assert words in said
+    assert "\n" not in said
+    assert len(said) < 400
+
+
+def test_a_form_stands_for_its_arm_and_an_arm_for_its_form(names):
+    arm, form, q = names["arm"], names["form"], names["q"]
+    assert pinsing.at(form, q).to_dict() == pinsing.at(arm, q).to_dict()
+    assert pinsing.clearance(arm, [q]).lower == pinsing.clearance(form, [q]).lower
+    assert pinsing.check_trajectory(form, [q, q]).to_json()
+    assert len(pinsing.inverse(form, pinsing.at(arm, q).tip_position).q) > 0
+    assert str(pinsing.Monitor(arm)) == str(pinsing.Monitor(form))
+
+
+def test_every_result_is_text_json_and_a_cell_of_a_notebook():
+    kinds = [value for value in documented().values() if isinstance(value, type)]
+    results = [kind for kind in kinds if issubclass(kind, JsonResult)]
+    assert len(results) > 20
+    for kind in results:
+        assert kind.__str__ is not object.__str__
+        assert callable(kind.to_json)
+        assert callable(kind._repr_html_)
+    speeds = pinsing.inverse_velocity(np.eye(2), [0.1, 0.2])
+    assert "dq: [0.1 0.2]" in str(speeds)
+    assert "dq: [0.1 0.2]" in speeds._repr_html_()

@@ -1,7 +1,7 @@
 """Every public function, given what it cannot use, says which argument is wrong, in one line.
 
-The test finds the functions by itself: those of ``pinsing.__all__`` and ``pinsing.plot``, and the
-methods of the public classes. A new one fails until it is given a call that works, below.
+The test finds the functions by itself: those of the reference, and the methods of its classes.
+A new one fails until it is given a call that works, below.
 """
 
 from __future__ import annotations
@@ -19,6 +19,7 @@ from typing import Any
 import matplotlib
 import numpy as np
 import pytest
+from public import documented
 from tiers import tiered
 
 import pinsing
@@ -116,7 +117,7 @@ def planar():
 
 @functools.cache
 def swept():
-    return pinsing.sweep(arm(), levels=1, samples=5)
+    return pinsing.sampling.sweep(arm(), levels=1, samples=5)
 
 
 @functools.cache
@@ -141,7 +142,7 @@ def mechanism():
 
 @functools.cache
 def mapped():
-    return pinsing.sigma_map(arm(), count=8)
+    return pinsing.sampling.sigma_map(arm(), count=8)
 
 
 @functools.cache
@@ -172,6 +173,11 @@ def changes():
 @functools.cache
 def cuspidality():
     return pinsing.cuspidality(planar(), poses=1)
+
+
+@functools.cache
+def toolpath():
+    return pinsing.plan_path(six_joints(), np.tile(np.eye(4), (2, 1, 1)))
 
 
 @functools.cache
@@ -210,17 +216,19 @@ CALLS = {
         lambda: pinsing.analyze, with_arm(levels=1, samples=5, random_starts=2, seconds=2.0)
     ),
     "analyze_mechanism": Call(
-        lambda: pinsing.analyze_mechanism,
+        lambda: pinsing.loops.analyze_mechanism,
         lambda: {"mechanism": mechanism(), "seconds": 100.0},
         slow=True,
     ),
-    "assembly_modes": Call(lambda: pinsing.assembly_modes, lambda: {"mechanism": mechanism()}),
+    "assembly_modes": Call(
+        lambda: pinsing.loops.assembly_modes, lambda: {"mechanism": mechanism()}
+    ),
     "mechanism_map": Call(
-        lambda: pinsing.mechanism_map,
+        lambda: pinsing.loops.mechanism_map,
         lambda: {"mechanism": mechanism(), "over": "inputs", "count": 8},
         slow=True,
     ),
-    "working_modes": Call(lambda: pinsing.working_modes, lambda: {"mechanism": mechanism()}),
+    "working_modes": Call(lambda: pinsing.loops.working_modes, lambda: {"mechanism": mechanism()}),
     "at": Call(lambda: pinsing.at, with_arm(q=Q)),
     "clearance": Call(lambda: pinsing.clearance, lambda: {"forms": form(), "Q": [Q]}),
     "inverse_velocity": Call(
@@ -245,38 +253,41 @@ CALLS = {
     ),
     "closed_form": Call(lambda: pinsing.closed_form, with_arm()),
     "frame_jacobian": Call(lambda: pinsing.frame_jacobian, with_arm(q=Q)),
-    "frame_jacobians": Call(lambda: pinsing.frame_jacobians, with_arm(Q=[Q])),
+    "frame_jacobians": Call(lambda: pinsing.kinematics.frame_jacobians, with_arm(Q=[Q])),
     "generalize": Call(
-        lambda: pinsing.generalize, with_arm(configuration=(0.1, 0.0, 0.0), samples=8)
+        lambda: pinsing.sampling.generalize, with_arm(configuration=(0.1, 0.0, 0.0), samples=8)
     ),
-    "generic_rank": Call(lambda: pinsing.generic_rank, with_arm()),
+    "generic_rank": Call(lambda: pinsing.kinematics.generic_rank, with_arm()),
     "load": Call(lambda: pinsing.load, lambda: {"robot": "planar3r"}),
     "load_mechanism": Call(lambda: pinsing.load_mechanism, lambda: {"robot": FIVE_BAR}),
-    "nominal": Call(lambda: pinsing.nominal, with_arm()),
+    "nominal": Call(lambda: pinsing.robot.nominal, with_arm()),
     "Monitor.update": Call(
         lambda: pinsing.Monitor(form()).update, lambda: {"q": Q, "dq": (0.1, 0.2, 0.3)}
     ),
     "export_guard": Call(
         lambda: pinsing.export_guard, with_arm(language="python", prefix="planar"), slow=True
     ),
-    "plan_map": Call(lambda: pinsing.plan_map, with_arm(count=8)),
+    "plan_map": Call(lambda: pinsing.sampling.plan_map, with_arm(count=8)),
     "plan_path": Call(
         lambda: pinsing.plan_path,
         lambda: {"form": six_joints(), "poses": POSES},
         slow=True,
     ),
-    "plan_sweep": Call(lambda: pinsing.plan_sweep, with_arm(levels=1, samples=5)),
-    "refine": Call(lambda: pinsing.refine, with_arm(q0=Q)),
-    "refine_many": Call(lambda: pinsing.refine_many, with_arm(Q0=[Q])),
-    "sigma_map": Call(lambda: pinsing.sigma_map, with_arm(count=8)),
+    "plan_sweep": Call(lambda: pinsing.sampling.plan_sweep, with_arm(levels=1, samples=5)),
+    "refine": Call(lambda: pinsing.configuration.refine, with_arm(q0=Q)),
+    "refine_many": Call(lambda: pinsing.configuration.refine_many, with_arm(Q0=[Q])),
+    "sigma_map": Call(lambda: pinsing.sampling.sigma_map, with_arm(count=8)),
     "singular_configurations": Call(
-        lambda: pinsing.singular_configurations, lambda: {"arm": arm(), "result": swept()}
+        lambda: pinsing.sampling.singular_configurations, lambda: {"arm": arm(), "result": swept()}
     ),
     "singular_values": Call(lambda: pinsing.singular_values, with_arm(Q=[Q])),
     "aspects": Call(lambda: pinsing.aspects, lambda: {"forms": form()}),
-    "aspect_changes": Call(lambda: pinsing.aspect_changes, lambda: {"forms": form(), "Q": [Q, Q]}),
+    "aspect_changes": Call(
+        lambda: pinsing.postures.aspect_changes, lambda: {"forms": form(), "Q": [Q, Q]}
+    ),
     "line_postures": Call(
-        lambda: pinsing.line_postures, lambda: {"arm": planar(), "q0": Q, "pose": [0.1, 0.1, 0]}
+        lambda: pinsing.postures.line_postures,
+        lambda: {"arm": planar(), "q0": Q, "pose": [0.1, 0.1, 0]},
     ),
     "Aspects.of": Call(lambda: aspects().of, lambda: {"q": Q}),
     "Aspects.text": Call(lambda: aspects().text),
@@ -290,9 +301,9 @@ CALLS = {
     "Cuspidality.text": Call(lambda: cuspidality().text),
     "suggest": Call(lambda: pinsing.suggest, with_arm(seconds=0.3)),
     "Suggestion.text": Call(lambda: suggestion().text),
-    "sweep": Call(lambda: pinsing.sweep, with_arm(levels=1, samples=5)),
-    "task_jacobian": Call(lambda: pinsing.task_jacobian, with_arm(q=Q)),
-    "task_jacobians": Call(lambda: pinsing.task_jacobians, with_arm(Q=[Q])),
+    "sweep": Call(lambda: pinsing.sampling.sweep, with_arm(levels=1, samples=5)),
+    "task_jacobian": Call(lambda: pinsing.kinematics.task_jacobian, with_arm(q=Q)),
+    "task_jacobians": Call(lambda: pinsing.kinematics.task_jacobians, with_arm(Q=[Q])),
     "write_report": Call(
         lambda: pinsing.write_report,
         lambda: {"robot": arm(), "path": "report.html", "page": "none"},
@@ -333,6 +344,10 @@ CALLS = {
     "Family.sample": Call(
         lambda: form().families[0].sample, lambda: {"n": 2, "rng": np.random.default_rng(0)}
     ),
+    "MapPlan.configurations": Call(
+        lambda: mapped().plan.configurations, lambda: {"start": 0, "stop": 2}
+    ),
+    "PathPlan.text": Call(lambda: toolpath().text),
     "MapResult.head": Call(lambda: mapped().head),
     "MapResult.tail": Call(lambda: mapped().tail),
     "MapResult.text": Call(lambda: mapped().text),
@@ -374,9 +389,6 @@ CALLS = {
         lambda: pinsing.plot.sigma_along, with_arm(trajectory=[Q, (0.2, 0.5, 0.7)])
     ),
     "plot.sigma_curves": Call(lambda: pinsing.plot.sigma_curves, lambda: {"result": swept()}),
-    "plot.sigma_map": Call(
-        lambda: pinsing.plot.sigma_map, with_arm(joint_a="q2", joint_b="q3", samples=5)
-    ),
     "plot.workspace": Call(lambda: pinsing.plot.workspace, with_arm(samples=500)),
     "plot.sigma_plane": Call(
         lambda: pinsing.plot.sigma_plane, with_arm(joint_a="q2", joint_b="q3", samples=5)
@@ -392,14 +404,13 @@ def closing(make: Callable[..., Any]) -> Callable[..., Any]:
     return made
 
 
-INTERNAL = {"once"}  # a method that other modules of pinsing keep things by
+INTERNAL = {"once", "configuration"}  # of `Memory` and of `MapPlan`: for other modules alone
 
 
 def public() -> dict[str, Any]:
     """All that takes arguments, by name; results are made by functions, not by hand."""
     found = {}
-    for name in pinsing.__all__:
-        value = getattr(pinsing, name)
+    for name, value in documented().items():
         if not inspect.isclass(value):
             found[name] = value
             continue
@@ -415,8 +426,6 @@ def public() -> dict[str, Any]:
             if function.__module__ == "pinsing.serialization":
                 continue  # one for all: tested below
             found[f"{name}.{method}"] = function
-    for name in pinsing.plot.__all__:
-        found[f"plot.{name}"] = getattr(pinsing.plot, name)
     return found
 
 
@@ -474,7 +483,7 @@ def test_what_never_fits_is_refused_by_name(name):
 
 
 FITTED = [name for name in OF if not CALLS[name].slow]
-LONG = {"analyze", "line_postures", "check_trajectory", "plot.sigma_map", "plot.sigma_plane"}
+LONG = {"analyze", "line_postures", "check_trajectory", "plot.sigma_plane"}
 
 
 @pytest.mark.parametrize("name", tiered(FITTED, set(FITTED) - LONG))
@@ -494,7 +503,7 @@ def test_what_may_fit_is_taken_or_refused(name):
 MADE = {
     "arm": 'pinsing.load("ur5")',
     "mechanism": "pinsing.load_mechanism(",
-    "result": "pinsing.sweep(arm)",
+    "result": "pinsing.sampling.sweep(arm)",
     "state": "pinsing.at(arm, q)",
 }
 TAKERS = [case for case in CASES if case[1] in MADE]
@@ -550,7 +559,7 @@ def test_numbers_of_every_kind_count():
         [np.float64(0), np.int32(1), 2],
     ):
         assert np.allclose(pinsing.at(arm(), q).sigma, reference)
-    assert pinsing.plan_sweep(arm(), levels=np.int64(1), samples=np.int32(5)).samples == 5
+    assert pinsing.sampling.plan_sweep(arm(), levels=np.int64(1), samples=np.int32(5)).samples == 5
 
 
 def test_another_thread_may_be_importing_masked_arrays(monkeypatch):

@@ -194,12 +194,10 @@ def test_a_memory_limit_is_said_in_one_line(limit: int) -> None:
 def test_running_out_of_memory_is_one_line(
     error: Exception, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from pinsing.robot import load
-
     def fail(*_: object, **__: object) -> None:
         raise error
 
-    monkeypatch.setattr(load, "_read", fail)
+    monkeypatch.setattr(sys.modules["pinsing.robot.load"], "_read", fail)
     done = CliRunner().invoke(app.command, ["list", "planar3r"])
     assert done.exit_code == 2
     assert done.stderr.splitlines() == [
@@ -210,11 +208,9 @@ def test_running_out_of_memory_is_one_line(
 def test_any_other_error_is_not_taken_for_too_little_memory(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    from pinsing.robot import load
-
     def fail(*_: object, **__: object) -> None:
         raise RuntimeError("a fault of ours")
 
-    monkeypatch.setattr(load, "_read", fail)
+    monkeypatch.setattr(sys.modules["pinsing.robot.load"], "_read", fail)
     done = CliRunner().invoke(app.command, ["list", "planar3r"])
     assert isinstance(done.exception, RuntimeError)

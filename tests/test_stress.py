@@ -17,7 +17,9 @@ import pytest
 from tiers import tiered
 
 import pinsing
-from pinsing import Arm, analyze, at, closed_form, load, refine, singular_values, sweep
+from pinsing import Arm, analyze, at, closed_form, load, singular_values
+from pinsing.configuration import refine
+from pinsing.sampling import sweep
 from pinsing.serialization import JsonResult
 
 ROBOTS = ("ur5", "panda", "stanford")
@@ -187,7 +189,7 @@ import pinsing
 arm = pinsing.load("ur5")
 analysis = pinsing.analyze(arm, samples=9, levels=1, random_starts=5)
 print(len(analysis.families), pinsing.at(arm, [0.1] * 6).rank)
-str(analysis), analysis.to_json(), pinsing.sweep(arm, samples=9, levels=1)
+str(analysis), analysis.to_json(), pinsing.sampling.sweep(arm, samples=9, levels=1)
 """
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr

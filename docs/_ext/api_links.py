@@ -8,14 +8,26 @@ from sphinx.application import Sphinx
 
 import pinsing
 
+# Where each public name is documented.
+PLACES = {
+    name: f"{module.__name__}.{name}"
+    for module in (
+        *(pinsing.sampling, pinsing.loops, pinsing.families, pinsing.robot, pinsing.proximity),
+        *(pinsing.postures, pinsing.kinematics, pinsing.configuration, pinsing),
+    )
+    for name in module.__all__
+}
+
 
 def unlink(app: Sphinx, doctree: nodes.document) -> None:
     """Replace what looks like a reference and is a shape or a word by its text."""
     for node in list(doctree.findall(addnodes.pending_xref)):
         if node.get("refdomain") == "py" and not node.get("refexplicit"):
-            name = str(node.get("reftarget", "")).removeprefix("pinsing.")
-            if name.partition(".")[0] not in pinsing.__all__:
+            parts = str(node.get("reftarget", "")).split(".")
+            if PLACES.keys().isdisjoint(parts):
                 node.replace_self(plain(node))
+            elif len(parts) == 1:
+                node["reftarget"] = PLACES[parts[0]]
 
 
 def plain(node: addnodes.pending_xref) -> list[nodes.Node]:

@@ -9,6 +9,7 @@ import pkgutil
 import re
 from collections.abc import Iterator
 
+from api_links import PLACES
 from docutils import nodes
 from docutils.statemachine import StringList
 from sphinx.application import Sphinx
@@ -47,8 +48,8 @@ def schemas() -> dict[str, type[JsonResult]]:
 def page(kind: type[JsonResult]) -> Iterator[str]:
     """Lines of Markdown about one schema."""
     doc = inspect.getdoc(kind) or ""
-    public = kind.__name__ in pinsing.__all__
-    name = f"{{py:class}}`{kind.__name__} <pinsing.{kind.__name__}>`" if public else kind.__name__
+    place = PLACES.get(kind.__name__)
+    name = f"{{py:class}}`{kind.__name__} <{place}>`" if place else kind.__name__
     yield from [f"{doc.partition(chr(10))[0]} ({name})", "", "| key | what it holds |", "|---|---|"]
     yield f'| `schema` | `"{kind.schema}"` |'
     words = described(doc)

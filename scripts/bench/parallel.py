@@ -89,7 +89,10 @@ def main() -> None:
         began = time.process_time()
         mechanism = pinsing.load_mechanism(URDF / f"{name}.urdf")
         found, at = ranks(mechanism), mechanism_at(mechanism, home(mechanism))
-        direct, inverse = pinsing.assembly_modes(mechanism), pinsing.working_modes(mechanism)
+        direct, inverse = (
+            pinsing.loops.assembly_modes(mechanism),
+            pinsing.loops.working_modes(mechanism),
+        )
         rows.append(
             f"| {name} | {mechanism.n} | {found.constraint} of {mechanism.rows} | {found.mobility} "
             f"| {len(mechanism.actuated)} | {at.kind} | {count(direct)} | {count(inverse)} |\n"
@@ -107,7 +110,7 @@ def main() -> None:
         print(text)
 
 
-def count(modes: pinsing.Modes) -> str:
+def count(modes: pinsing.loops.Modes) -> str:
     """Return how many modes there are, with the bound that is known."""
     if "do not fix the pose" in modes.statement:
         return "not fixed by the inputs"
@@ -154,7 +157,7 @@ def source(name: str) -> str:
 
 def ratio(mechanism: Mechanism, pose: list[float]) -> str:
     """Type 2 measure at a pose, limits left aside."""
-    found = pinsing.working_modes(mechanism.without_limits(), pose, starts=12)
+    found = pinsing.loops.working_modes(mechanism.without_limits(), pose, starts=12)
     if not found.modes:
         return "not reached"
     at = mechanism_at(mechanism, found.modes[0].q)
@@ -179,7 +182,7 @@ def of_stewart(mechanism: Mechanism) -> Iterator[tuple[str, str]]:
     )
     yield (
         "at most 40 assembly modes (Raghavan 1991, Lazard 1992)",
-        str(len(pinsing.assembly_modes(mechanism.without_limits()).modes)) + " found",
+        str(len(pinsing.loops.assembly_modes(mechanism.without_limits()).modes)) + " found",
     )
 
 
@@ -203,7 +206,7 @@ def of_3rpr(mechanism: Mechanism) -> Iterator[tuple[str, str]]:
         "type 2: the three leg lines meet in a point or are parallel; a conic at each angle",
         f"{locus.words}; degree {locus.equation.degree(('x', 'y'))} in x and y",
     )
-    found = pinsing.assembly_modes(mechanism)
+    found = pinsing.loops.assembly_modes(mechanism)
     yield "at most 6 assembly modes (Gosselin and Sefrioui 1991)", f"{len(found.modes)} found"
 
 
@@ -232,7 +235,7 @@ def of_rssr(mechanism: Mechanism) -> Iterator[tuple[str, str]]:
     lengths = yaml.safe_load((URDF / "rssr.mechanism.yaml").read_text(encoding="utf-8"))
     pivot, arm = np.array(lengths["rocker_pivot"]), np.array(lengths["rocker_arm"])
     volumes, told = [], []
-    for point in pinsing.analyze_mechanism(mechanism).points:
+    for point in pinsing.loops.analyze_mechanism(mechanism).points:
         crank, rocker = (point.q[mechanism.joints.index(n)] for n in ("crank", "rocker"))
         pin = lengths["crank"] * np.array([np.cos(crank), np.sin(crank), 0])
         c, s = np.cos(rocker), np.sin(rocker)
@@ -291,9 +294,9 @@ def of_four_bar(mechanism: Mechanism) -> Iterator[tuple[str, str]]:
 
 
 def of_agile_eye(mechanism: Mechanism) -> Iterator[tuple[str, str]]:
-    found = pinsing.assembly_modes(mechanism)
+    found = pinsing.loops.assembly_modes(mechanism)
     yield "8 assembly modes (Gosselin, Sefrioui and Richard 1994)", found.statement
-    found = pinsing.working_modes(mechanism)
+    found = pinsing.loops.working_modes(mechanism)
     yield "8 working modes", found.statement
     notes = [x for x in joint_forms(mechanism).notes if "type 2 needs" in x]
     yield "all singular loci are joint values (compare Bonev and Gosselin 2005)", "; ".join(notes)

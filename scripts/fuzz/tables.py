@@ -45,7 +45,7 @@ def _goods() -> dict[str, bytes]:
     packed, plain = io.BytesIO(), io.BytesIO()
     np.savez_compressed(packed, q=Q, t=t)
     np.save(plain, Q)
-    sweep = pinsing.sweep(arm, levels=[1], samples=11)
+    sweep = pinsing.sampling.sweep(arm, levels=[1], samples=11)
     return {
         "path.csv": f"t,{names}\n{rows}\n".encode(),
         "bare.csv": rows.replace(",", " ").encode(),

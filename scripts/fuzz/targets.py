@@ -97,10 +97,14 @@ def _results() -> list[tuple[type[Any], str]]:
     arm = pinsing.load("planar3r")
     form = closed_form(arm)
     path = np.linspace([-1.0, -0.5, 0.4], [1.0, 0.6, -0.3], 5)
-    made: list[Any] = [form, pinsing.at(arm, [0.1, 0.0, 0.2]), pinsing.refine(arm, [0.1, 0.0, 0.1])]
+    made: list[Any] = [
+        form,
+        pinsing.at(arm, [0.1, 0.0, 0.2]),
+        pinsing.configuration.refine(arm, [0.1, 0.0, 0.1]),
+    ]
     made += [pinsing.clearance(form, path), pinsing.crossings(form, path)]
-    made += [pinsing.check_trajectory(arm, path), pinsing.sigma_map(arm, count=500)]
-    made += [pinsing.sweep(arm, levels=[1], samples=11), form.families[0]]
+    made += [pinsing.check_trajectory(arm, path), pinsing.sampling.sigma_map(arm, count=500)]
+    made += [pinsing.sampling.sweep(arm, levels=[1], samples=11), form.families[0]]
     return [(type(result), result.to_json()) for result in made if result is not None]
 
 

@@ -2,228 +2,129 @@
 
 from __future__ import annotations
 
-import importlib
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
+from pinsing._package import public
 from pinsing._version import __version__ as __version__
 
 if TYPE_CHECKING:
-    from pinsing.configuration.at import State, at
-    from pinsing.configuration.refine import SingularConfiguration, refine, refine_many
-    from pinsing.errors import PinsingError
-    from pinsing.families import ClosedForm, DesignForm, Family, closed_form
-    from pinsing.kinematics.inverse_velocity import InverseVelocity, inverse_velocity
-    from pinsing.kinematics.jacobian import (
-        frame_jacobian,
-        frame_jacobians,
-        generic_rank,
-        singular_values,
-        task_jacobian,
-        task_jacobians,
-    )
-    from pinsing.loops import (
-        MechanismAnalysis,
-        MechanismMap,
-        Modes,
-        analyze_mechanism,
-        assembly_modes,
-        mechanism_map,
-        working_modes,
-    )
-    from pinsing.postures.aspects import Aspects, aspects
-    from pinsing.postures.changes import PostureChanges, posture_changes
-    from pinsing.postures.connection import Connection, connect
-    from pinsing.postures.cuspidal import Cuspidality, cuspidality
-    from pinsing.postures.inverse import inverse
-    from pinsing.postures.inverse_solutions import InverseSolutions
-    from pinsing.postures.motions import aspect_changes, line_postures
-    from pinsing.postures.toolpath import plan_path
-    from pinsing.proximity.clearance import Clearance, clearance, is_clear
-    from pinsing.proximity.crossings import Crossing, Crossings, crossings
-    from pinsing.proximity.guard import export_guard
-    from pinsing.proximity.line import LineCheck, check_line
-    from pinsing.proximity.monitor import Monitor, Verdict
-    from pinsing.proximity.suggestion import Suggestion, suggest
-    from pinsing.proximity.trajectory import TrajectoryCheck, check_trajectory
-    from pinsing.report.write import write_report
-    from pinsing.robot.arm import Arm
-    from pinsing.robot.load import load
-    from pinsing.robot.load_mechanism import Mechanism, load_mechanism
-    from pinsing.robot.nominal import Nominal, nominal
-    from pinsing.sampling import (
-        MapResult,
-        plan_map,
-        sigma_map,
-    )
-    from pinsing.sampling.analyze import Analysis, analyze
-    from pinsing.sampling.findings import singular_configurations
-    from pinsing.sampling.generalize import Finding, generalize
-    from pinsing.sampling.sweep_plan import SweepPlan, plan_sweep
-    from pinsing.sampling.sweep_run import SweepResult, sweep
-    from pinsing.view.viewer import Viewer
+    from pinsing import configuration as configuration
+    from pinsing import errors as errors
+    from pinsing import families as families
+    from pinsing import kinematics as kinematics
+    from pinsing import loops as loops
+    from pinsing import plot as plot
+    from pinsing import postures as postures
+    from pinsing import proof as proof
+    from pinsing import proximity as proximity
+    from pinsing import report as report
+    from pinsing import robot as robot
+    from pinsing import sampling as sampling
+    from pinsing import view as view
+    from pinsing.configuration import State as State
+    from pinsing.configuration import at as at
+    from pinsing.errors import PinsingError as PinsingError
+    from pinsing.families import ClosedForm as ClosedForm
+    from pinsing.families import Family as Family
+    from pinsing.families import closed_form as closed_form
+    from pinsing.kinematics import frame_jacobian as frame_jacobian
+    from pinsing.kinematics import inverse_velocity as inverse_velocity
+    from pinsing.kinematics import singular_values as singular_values
+    from pinsing.postures import aspects as aspects
+    from pinsing.postures import connect as connect
+    from pinsing.postures import cuspidality as cuspidality
+    from pinsing.postures import inverse as inverse
+    from pinsing.postures import plan_path as plan_path
+    from pinsing.postures import posture_changes as posture_changes
+    from pinsing.proximity import Clearance as Clearance
+    from pinsing.proximity import Monitor as Monitor
+    from pinsing.proximity import check_line as check_line
+    from pinsing.proximity import check_trajectory as check_trajectory
+    from pinsing.proximity import clearance as clearance
+    from pinsing.proximity import crossings as crossings
+    from pinsing.proximity import export_guard as export_guard
+    from pinsing.proximity import is_clear as is_clear
+    from pinsing.proximity import suggest as suggest
+    from pinsing.report import write_report as write_report
+    from pinsing.robot import Arm as Arm
+    from pinsing.robot import load as load
+    from pinsing.robot import load_mechanism as load_mechanism
+    from pinsing.sampling import Analysis as Analysis
+    from pinsing.sampling import analyze as analyze
+    from pinsing.view import Viewer as Viewer
 
-# Where each public name lives: imported when first used, so that `import pinsing` and the
-# command line's --help wait for neither Pinocchio nor NumPy.
-_HOME = {
-    "Analysis": "pinsing.sampling.analyze",
-    "Arm": "pinsing.robot.arm",
-    "Aspects": "pinsing.postures.aspects",
-    "Clearance": "pinsing.proximity.clearance",
-    "ClosedForm": "pinsing.families",
-    "Connection": "pinsing.postures.connection",
-    "Crossing": "pinsing.proximity.crossings",
-    "Crossings": "pinsing.proximity.crossings",
-    "Cuspidality": "pinsing.postures.cuspidal",
-    "DesignForm": "pinsing.families",
-    "Family": "pinsing.families",
-    "Finding": "pinsing.sampling.generalize",
-    "InverseSolutions": "pinsing.postures.inverse_solutions",
-    "InverseVelocity": "pinsing.kinematics.inverse_velocity",
-    "LineCheck": "pinsing.proximity.line",
-    "MapResult": "pinsing.sampling",
-    "Mechanism": "pinsing.robot.load_mechanism",
-    "MechanismAnalysis": "pinsing.loops",
-    "MechanismMap": "pinsing.loops",
-    "Modes": "pinsing.loops",
-    "Monitor": "pinsing.proximity.monitor",
-    "Nominal": "pinsing.robot.nominal",
-    "PinsingError": "pinsing.errors",
-    "PostureChanges": "pinsing.postures.changes",
-    "SingularConfiguration": "pinsing.configuration.refine",
-    "State": "pinsing.configuration.at",
-    "Suggestion": "pinsing.proximity.suggestion",
-    "SweepPlan": "pinsing.sampling.sweep_plan",
-    "SweepResult": "pinsing.sampling.sweep_run",
-    "TrajectoryCheck": "pinsing.proximity.trajectory",
-    "Verdict": "pinsing.proximity.monitor",
-    "Viewer": "pinsing.view.viewer",
-    "analyze": "pinsing.sampling.analyze",
-    "analyze_mechanism": "pinsing.loops",
-    "assembly_modes": "pinsing.loops",
-    "aspect_changes": "pinsing.postures.motions",
-    "aspects": "pinsing.postures.aspects",
-    "at": "pinsing.configuration.at",
-    "check_line": "pinsing.proximity.line",
-    "check_trajectory": "pinsing.proximity.trajectory",
-    "clearance": "pinsing.proximity.clearance",
-    "closed_form": "pinsing.families",
-    "connect": "pinsing.postures.connection",
-    "crossings": "pinsing.proximity.crossings",
-    "cuspidality": "pinsing.postures.cuspidal",
-    "export_guard": "pinsing.proximity.guard",
-    "frame_jacobian": "pinsing.kinematics.jacobian",
-    "frame_jacobians": "pinsing.kinematics.jacobian",
-    "generalize": "pinsing.sampling.generalize",
-    "generic_rank": "pinsing.kinematics.jacobian",
-    "inverse": "pinsing.postures.inverse",
-    "inverse_velocity": "pinsing.kinematics.inverse_velocity",
-    "is_clear": "pinsing.proximity.clearance",
-    "line_postures": "pinsing.postures.motions",
-    "load": "pinsing.robot.load",
-    "load_mechanism": "pinsing.robot.load_mechanism",
-    "mechanism_map": "pinsing.loops",
-    "nominal": "pinsing.robot.nominal",
-    "plan_map": "pinsing.sampling",
-    "plan_path": "pinsing.postures.toolpath",
-    "plan_sweep": "pinsing.sampling.sweep_plan",
-    "posture_changes": "pinsing.postures.changes",
-    "refine": "pinsing.configuration.refine",
-    "refine_many": "pinsing.configuration.refine",
-    "sigma_map": "pinsing.sampling",
-    "singular_configurations": "pinsing.sampling.findings",
-    "singular_values": "pinsing.kinematics.jacobian",
-    "suggest": "pinsing.proximity.suggestion",
-    "sweep": "pinsing.sampling.sweep_run",
-    "task_jacobian": "pinsing.kinematics.jacobian",
-    "task_jacobians": "pinsing.kinematics.jacobian",
-    "working_modes": "pinsing.loops",
-    "write_report": "pinsing.report.write",
+_HOMES = {
+    "pinsing.configuration": "State at",
+    "pinsing.errors": "PinsingError",
+    "pinsing.families": "ClosedForm Family closed_form",
+    "pinsing.kinematics": "frame_jacobian inverse_velocity singular_values",
+    "pinsing.postures": "aspects connect cuspidality inverse plan_path posture_changes",
+    "pinsing.proximity": "Clearance Monitor check_line check_trajectory clearance crossings "
+    "export_guard is_clear suggest",
+    "pinsing.report": "write_report",
+    "pinsing.robot": "Arm load load_mechanism",
+    "pinsing.sampling": "Analysis analyze",
+    "pinsing.view": "Viewer",
 }
+"""What a user needs daily. Whatever else is public stands in its package alone."""
 
-__all__ = [
-    "Analysis",
-    "Arm",
-    "Aspects",
-    "Clearance",
-    "ClosedForm",
-    "Connection",
-    "Crossing",
-    "Crossings",
-    "Cuspidality",
-    "DesignForm",
-    "Family",
-    "Finding",
-    "InverseSolutions",
-    "InverseVelocity",
-    "LineCheck",
-    "MapResult",
-    "Mechanism",
-    "MechanismAnalysis",
-    "MechanismMap",
-    "Modes",
-    "Monitor",
-    "Nominal",
-    "PinsingError",
-    "PostureChanges",
-    "SingularConfiguration",
-    "State",
-    "Suggestion",
-    "SweepPlan",
-    "SweepResult",
-    "TrajectoryCheck",
-    "Verdict",
-    "Viewer",
-    "analyze",
-    "analyze_mechanism",
-    "aspect_changes",
-    "aspects",
-    "assembly_modes",
-    "at",
-    "check_line",
-    "check_trajectory",
-    "clearance",
-    "closed_form",
-    "connect",
-    "crossings",
-    "cuspidality",
-    "export_guard",
-    "frame_jacobian",
-    "frame_jacobians",
-    "generalize",
-    "generic_rank",
-    "inverse",
-    "inverse_velocity",
-    "is_clear",
-    "line_postures",
-    "load",
-    "load_mechanism",
-    "mechanism_map",
-    "nominal",
-    "plan_map",
-    "plan_path",
-    "plan_sweep",
-    "posture_changes",
-    "refine",
-    "refine_many",
-    "sigma_map",
-    "singular_configurations",
-    "singular_values",
-    "suggest",
-    "sweep",
-    "task_jacobian",
-    "task_jacobians",
-    "working_modes",
-    "write_report",
-]
+_ADVICE = {
+    "check": "pinsing.check_trajectory(arm, Q) for a path, pinsing.at(arm, q) for one q",
+    "check_path": "pinsing.check_trajectory(arm, Q)",
+    "check_certificate": "pinsing.proof.verify(text)",
+    "verify": "pinsing.proof.verify(text)",
+    "singularities": "pinsing.closed_form(arm) for all, pinsing.at(arm, q) for one q",
+    "find_singularities": "pinsing.closed_form(arm) for all, pinsing.at(arm, q) for one q",
+    "is_singular": "pinsing.at(arm, q).status",
+    "status": "pinsing.at(arm, q).status",
+    "from_urdf": "pinsing.load(path)",
+    "from_file": "pinsing.load(path)",
+    "from_model": "pinsing.load(model)",
+    "from_json": "pinsing.ClosedForm.from_json(text): every class of results has it",
+    "open": "pinsing.load(path)",
+    "Robot": "pinsing.load(robot)",
+    "jacobian": "pinsing.frame_jacobian(arm, q), or pinsing.kinematics.task_jacobian(arm, q)",
+    "manipulability": "pinsing.at(arm, q).manipulability",
+    "condition_number": "pinsing.at(arm, q).condition_number",
+    "svd": "pinsing.singular_values(arm, Q)",
+    "rank": "pinsing.at(arm, q).rank",
+    "distance": "pinsing.clearance(form, q)",
+    "ik": "pinsing.inverse(arm, pose)",
+    "solve_ik": "pinsing.inverse(arm, pose)",
+    "fk": "pinsing.at(arm, q).tip_position",
+    "forward": "pinsing.at(arm, q).tip_position",
+    "branches": "pinsing.inverse(arm, pose)",
+    "line": "pinsing.check_line(arm, q, pose)",
+    "path": "pinsing.check_trajectory(arm, Q), or pinsing.plan_path(form, poses) for a toolpath",
+    "trajectory": "pinsing.check_trajectory(arm, Q)",
+    "guard": "pinsing.export_guard(form)",
+    "monitor": "pinsing.Monitor(form)",
+    "map": "pinsing.sampling.sigma_map(arm)",
+    "show": "pinsing.Viewer(arm)",
+    "browse": "pinsing.Viewer(arm)",
+    "list_robots": "`pinsing list` in a terminal",
+    "robots": "`pinsing list` in a terminal",
+}
+"""Names that people guess, and what to use instead."""
 
-
-def __getattr__(name: str) -> Any:
-    if name not in _HOME:
-        raise AttributeError(f"module 'pinsing' has no attribute {name!r}")
-    value = getattr(importlib.import_module(_HOME[name]), name)
-    globals()[name] = value
-    return value
-
-
-def __dir__() -> list[str]:
-    return sorted({*globals(), *__all__})
+public(
+    __name__,
+    _HOMES,
+    packages=(
+        "configuration",
+        "errors",
+        "families",
+        "kinematics",
+        "plot",
+        "postures",
+        "proof",
+        "proximity",
+        "report",
+        "robot",
+        "sampling",
+        "view",
+        "loops",
+    ),
+    advice=_ADVICE,
+    called="pinsing.load(robot)",
+)

@@ -46,6 +46,23 @@ class _Kind:
     fits: Callable[[Any], bool]
     hint: str = ""
     once: bool = False  # whether a generator will do
+    classes: tuple[type, ...] = ()  # those that `stands_for` may make one of
+
+
+_CONVERSIONS: dict[tuple[type, type], Callable[[Any], Any]] = {}
+
+
+def stands_for(given: type, wanted: type, convert: Callable[[Any], Any]) -> None:
+    """Let functions that are `checked` take one class of objects where they ask for another.
+
+    Parameters
+    ----------
+    given, wanted : type
+        The class of the argument, and the one that the function is annotated with.
+    convert : callable
+        From the one to the other.
+    """
+    _CONVERSIONS[given, wanted] = convert
 
 
 def checked(function: F) -> F:
@@ -84,7 +101,14 @@ def checked(function: F) -> F:
                     else:
                         kwargs[name] = value
                 if not kind.fits(value):
-                    raise _refusal(name, kind, value)
+                    convert = _conversion(kind, value)
+                    if convert is None:
+                        raise _refusal(name, kind, value)
+                    bound = inspect.signature(function).bind(*args, **kwargs)
+                    bound.arguments[name] = convert(value)
+                    if name == "arm" and "forms" in bound.signature.parameters:
+                        bound.arguments["forms"] = bound.arguments.get("forms") or value
+                    args, kwargs = bound.args, bound.kwargs
         return function(*args, **kwargs)
 
     return typing.cast(F, call)
@@ -291,7 +315,13 @@ def _kind_of(hint: Any) -> _Kind | None:
     name = kind.__name__.removesuffix("Like")
     article = "an" if name[0] in "AEIOU" else "a"
     made_by = getattr(kind, "made_by", "")
-    return _Kind(f"{article} {name}", lambda v: isinstance(v, kind), made_by)
+    return _Kind(f"{article} {name}", lambda v: isinstance(v, kind), made_by, classes=(kind,))
+
+
+def _conversion(kind: _Kind, value: Any) -> Callable[[Any], Any] | None:
+    """What makes of a value what belongs there, where `stands_for` has said so."""
+    found = (_CONVERSIONS.get((type(value), wanted)) for wanted in kind.classes)
+    return next((convert for convert in found if convert is not None), None)
 
 
 def _union(kinds: list[_Kind | None]) -> _Kind | None:
@@ -301,7 +331,11 @@ def _union(kinds: list[_Kind | None]) -> _Kind | None:
     said = list(dict.fromkeys(k.expected for k in some if k.expected != "None"))
     hint = next((k.hint for k in some if k.hint), "")
     return _Kind(
-        " or ".join(said), lambda v: any(k.fits(v) for k in some), hint, any(k.once for k in some)
+        " or ".join(said),
+        lambda v: any(k.fits(v) for k in some),
+        hint,
+        any(k.once for k in some),
+        tuple(c for k in some for c in k.classes),
     )
 
 

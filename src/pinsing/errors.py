@@ -12,6 +12,21 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
+__all__ = [
+    "ArgumentError",
+    "ChainError",
+    "ConfigurationError",
+    "EngineError",
+    "JointError",
+    "OptionError",
+    "OutputError",
+    "PinsingError",
+    "ResultError",
+    "RobotFileError",
+    "UnknownNameError",
+    "WorkerError",
+]
+
 _LONGEST_NAME, _LONGEST_PATH, _LONGEST_MESSAGE = 100, 1000, 4000
 _LONG_WORD = re.compile(rf"\S{{{_LONGEST_PATH},}}")
 

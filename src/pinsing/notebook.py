@@ -27,9 +27,10 @@ def one_line(kind: str, text: str) -> str:
     return f"<{kind}: {cut}>" if cut else f"<{kind}>"
 
 
-def text(words: str) -> str:
-    """Words as HTML that no page takes for mathematics."""
-    return f'<span class="tex2jax_ignore mathjax_ignore">{escaped(words)}</span>'
+def text(words: str, block: bool = False) -> str:
+    """Words as HTML that no page takes for mathematics; a ``block`` keeps its lines."""
+    tag = "pre" if block else "span"
+    return f'<{tag} class="tex2jax_ignore mathjax_ignore">{escaped(words)}</{tag}>'
 
 
 def name(words: str) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import difflib
 import json
 import types
 import typing
@@ -16,6 +17,7 @@ import numpy.typing as npt
 from pinsing.arguments import checked
 from pinsing.errors import PinsingError, ResultError
 from pinsing.notebook import one_line
+from pinsing.notebook import text as notebook_text
 
 if TYPE_CHECKING:
     from typing_extensions import Self
@@ -42,6 +44,16 @@ class Written(NamedTuple):
     kind: Any
 
 
+_GUESSES = {"jacobian": "J", "singular_values": "sigma", "is_singular": "singular"}
+_ELSEWHERE = {
+    "plot": "the functions of pinsing.plot",
+    "save": "to_json()",
+    "show": "pinsing.Viewer",
+}
+_LONGEST = 120
+"""Characters of a field that the text of a result without a text of its own shows."""
+
+
 class JsonResult:
     """Mixin of frozen dataclasses whose fields are numbers, text, arrays, tuples and their like.
 
@@ -54,6 +66,28 @@ class JsonResult:
         # Here, since a dataclass writes one of all its fields where the class itself has none.
         if "__repr__" not in cls.__dict__:
             cls.__repr__ = _one_line  # type: ignore[method-assign]
+
+    if not TYPE_CHECKING:  # which would take every name for an attribute
+
+        def __getattr__(self, name: str) -> Any:
+            kind = type(self)
+            refusal = f"{kind.__name__} has no attribute {name!r}"
+            if not name.startswith("_"):
+                known = [n for n in dir(kind) if not n.startswith("_")]
+                known += [f.name for f in dataclasses.fields(kind)]
+                close = [_GUESSES[name]] if _GUESSES.get(name) in known else []
+                close += difflib.get_close_matches(name, known, 3, 0.7)
+                hint = _ELSEWHERE.get(name) or " or ".join(dict.fromkeys(close))
+                refusal += f": use {hint}" if hint else ""
+            raise AttributeError(refusal)
+
+    def __str__(self) -> str:
+        fields: Any = dataclasses.fields(self)  # type: ignore[arg-type]
+        lines = (f"{f.name}: {getattr(self, f.name)}" for f in fields)
+        return "\n".join(line for line in lines if len(line) < _LONGEST and "\n" not in line)
+
+    def _repr_html_(self) -> str:
+        return notebook_text(str(self), block=True)
 
     def to_dict(self) -> dict[str, Any]:
         """Plain dictionary, ready for ``json.dumps``; the first key is the schema.

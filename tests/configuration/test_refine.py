@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import sys
+
 import arms
 import numpy as np
 import pytest
 
-import pinsing.configuration.refine as module
 from pinsing._batch import engine as kernel
 from pinsing._batch import walks as compiled
 from pinsing.configuration.refine import (
@@ -212,7 +213,9 @@ def test_wrong_input():
 
 
 def in_numpy(monkeypatch):
-    monkeypatch.setattr("pinsing.configuration.refine._compiled", lambda *given: None)
+    monkeypatch.setattr(
+        sys.modules["pinsing.configuration.refine"], "_compiled", lambda *given: None
+    )
 
 
 @pytest.mark.skipif(not kernel.available(), reason="no compiled kernel")
@@ -261,7 +264,7 @@ def test_compiled_walks_refuse_what_does_not_fit():
         "rows": range(6),
         "rank": 6,
         "size": 0.0,
-        "rules": module._RULES,
+        "rules": sys.modules["pinsing.configuration.refine"]._RULES,
         "max_iterations": 3,
     }
     compiled.walks(chain, **ok)

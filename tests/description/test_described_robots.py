@@ -108,14 +108,16 @@ def test_a_described_robot_loads_by_name(package, capsys):
     assert capsys.readouterr().out == ""
     own = pinsing.load("puma560")
     q = [0.1, 0.2, 0.3, 0.4, 0.5, 0.6]
-    assert pinsing.task_jacobian(arm, q) == pytest.approx(pinsing.task_jacobian(own, q))
+    assert pinsing.kinematics.task_jacobian(arm, q) == pytest.approx(
+        pinsing.kinematics.task_jacobian(own, q)
+    )
 
 
 def test_its_xacro_has_its_arguments_and_its_package(package):
     arm = pinsing.load("rd:xacro_description", task="vy")
-    assert pinsing.task_jacobian(arm, [0.0])[0, 0] == pytest.approx(0.7)
+    assert pinsing.kinematics.task_jacobian(arm, [0.0])[0, 0] == pytest.approx(0.7)
     arm = pinsing.load("rd:xacro_description", task="vy", xacro_args={"length": "0.2"})
-    assert pinsing.task_jacobian(arm, [0.0])[0, 0] == pytest.approx(0.2)
+    assert pinsing.kinematics.task_jacobian(arm, [0.0])[0, 0] == pytest.approx(0.2)
 
 
 def test_its_mujoco_model_loads(package):

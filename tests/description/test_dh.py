@@ -583,10 +583,10 @@ def test_a_table_is_a_robot(tmp_path):
     by_table, by_urdf = pinsing.load(path), pinsing.load("puma560")
     assert by_table.joints == by_urdf.joints
     Q = by_urdf.space.sample(5, np.random.default_rng(0))
-    J = pinsing.frame_jacobians(by_urdf, Q)
-    assert np.allclose(pinsing.frame_jacobians(by_table, Q), J, atol=1e-15)
+    J = pinsing.kinematics.frame_jacobians(by_urdf, Q)
+    assert np.allclose(pinsing.kinematics.frame_jacobians(by_table, Q), J, atol=1e-15)
     again = pickle.loads(pickle.dumps(by_table))
-    assert np.allclose(pinsing.frame_jacobians(again, Q), J, atol=1e-15)
+    assert np.allclose(pinsing.kinematics.frame_jacobians(again, Q), J, atol=1e-15)
     with pytest.raises(RobotFileError, match="xacro arguments"):
         pinsing.load(path, xacro_args={"a": "1"})
     loops = urdf_folder() / "five_bar.loops.yaml"

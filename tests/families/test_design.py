@@ -39,7 +39,7 @@ ARMS = {
     "stanford, twist of its shoulder": ("stanford", "d2,alpha2"),
     "scara, one axis tilted": ("scara", "a1,a2,alpha1"),
 }
-made: dict[str, pinsing.DesignForm] = {}
+made: dict[str, pinsing.families.DesignForm] = {}
 
 
 def form_of(name):
@@ -132,12 +132,12 @@ def test_what_is_singular_everywhere_is_so(name, rng):
     assert told
     for symbol in form.symbols:
         lengths = {**random_lengths(form, rng), symbol: 0.0}
-        rank = pinsing.generic_rank(with_numbers(table, lengths))
+        rank = pinsing.kinematics.generic_rank(with_numbers(table, lengths))
         assert (rank < form.generic_rank) == (f"{symbol} = 0" in told), symbol
     for condition in told:
         zero = dict.fromkeys(condition.removesuffix(" = 0").split(" = "), 0.0)
         arm = with_numbers(table, {**random_lengths(form, rng), **zero})
-        assert pinsing.generic_rank(arm) < form.generic_rank
+        assert pinsing.kinematics.generic_rank(arm) < form.generic_rank
 
 
 PLANAR4 = """name: planar4
@@ -166,7 +166,7 @@ def test_lengths_that_are_zero_at_once(name, tmp_path, rng):
     for size in (1, 2, 3):
         for some in itertools.combinations(form.symbols, size):
             arm = with_numbers(table, {**lengths, **dict.fromkeys(some, 0.0)}, task)
-            less = pinsing.generic_rank(arm) < form.generic_rank
+            less = pinsing.kinematics.generic_rank(arm) < form.generic_rank
             assert less == any(t <= set(some) for t in told), some
 
 
@@ -339,7 +339,7 @@ def test_twists_are_angles_in_text_and_json():
     merged = {c.condition for c in form.changes if c.kind == "merges"}
     assert merged == {"d2 = 0", "alpha2 = 90°", "alpha2 = -90°"}
     assert r"\alpha_{2}" in form.families[-1].latex
-    again = pinsing.DesignForm.from_json(form.to_json())
+    again = pinsing.families.DesignForm.from_json(form.to_json())
     assert again.angles == form.angles
     assert str(again) == str(form)
 
@@ -361,7 +361,7 @@ def test_lengths_of_a_urdf_are_named_after_its_joints(rng):
 
 def test_json_both_ways():
     form = form_of("puma560")
-    again = pinsing.DesignForm.from_json(form.to_json())
+    again = pinsing.families.DesignForm.from_json(form.to_json())
     assert str(again) == str(form)
     q = np.linspace(0.1, 0.6, 6)
     assert again.residuals("F3", q) == pytest.approx(form.residuals("F3", q))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import sys
 
 import numpy as np
 import pytest
@@ -238,7 +239,8 @@ def test_ctrl_c_keeps_the_closed_forms(monkeypatch):
     def interrupted(*args: object, **rest: object) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("pinsing.sampling.analyze.singular_configurations", interrupted)
+    module = sys.modules["pinsing.sampling.analyze"]
+    monkeypatch.setattr(module, "singular_configurations", interrupted)
     found = analyze(load("stanford"), seconds=120.0)
     assert len(found.families) == 3
     assert found.missing[0] == "findings of the sweep: stopped before its end"

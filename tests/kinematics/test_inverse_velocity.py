@@ -107,7 +107,7 @@ def test_speeds_stay_bounded_and_do_not_jump_through_a_singularity(method: str) 
     q5 = np.linspace(-0.3, 0.3, 6001)
     Q = np.tile([0.3, -1, 1, -1, 0, 0], (len(q5), 1))
     Q[:, 4] = q5
-    J = pinsing.frame_jacobians(pinsing.load("ur5"), Q)
+    J = pinsing.kinematics.frame_jacobians(pinsing.load("ur5"), Q)
     x = np.array([0, 0.1, 0.1, 0.3, 0.2, 0.1])
     found = pinsing.inverse_velocity(J, x, method)
     assert np.abs(found.dq).max() < 6
@@ -134,7 +134,7 @@ def test_what_is_lost_is_said() -> None:
     # What is missed is along the lost direction alone.
     lost = found.directions[:, 5]
     np.testing.assert_allclose(found.missed, lost * (lost @ found.missed), atol=1e-9)
-    assert str(pinsing.InverseVelocity.from_json(found.to_json()).method) == "jparse"
+    assert str(pinsing.kinematics.InverseVelocity.from_json(found.to_json()).method) == "jparse"
 
 
 def test_joint_speed_limits_keep_the_direction() -> None:

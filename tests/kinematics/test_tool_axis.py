@@ -102,11 +102,11 @@ def test_rows_at_the_tip_are_pinocchios_local_ones(name, tmp_path, rng):
     arm = pinsing.load(robot, task="vy@tip,wx@tip,wz@tip", length_scale=0.5)
     for q in arm.space.sample(3, rng):
         J = local(arm, q)[[1, 3, 5]] / np.array([[0.5], [1], [1]])
-        np.testing.assert_allclose(pinsing.task_jacobian(arm, q), J, atol=1e-12)
+        np.testing.assert_allclose(pinsing.kinematics.task_jacobian(arm, q), J, atol=1e-12)
         sigma = np.linalg.svd(J, compute_uv=False)
         np.testing.assert_allclose(pinsing.at(arm, q).sigma, sigma, atol=1e-12)
         np.testing.assert_allclose(pinsing.singular_values(arm, [q])[0], sigma, atol=1e-12)
-    assert pinsing.generic_rank(arm) == np.linalg.matrix_rank(J)
+    assert pinsing.kinematics.generic_rank(arm) == np.linalg.matrix_rank(J)
 
 
 @pytest.mark.parametrize("task", ["tool-axis-x", "vx@tip,wy@tip", "vz,wx@tip,wy@tip"])
@@ -116,7 +116,10 @@ def test_derivatives_and_engines_agree(task, rng):
     _, H = task_jacobians_and_derivatives(arm, Q)
     step = 1e-6
     ahead, behind = (
-        np.stack([pinsing.task_jacobians(arm, Q + s * step * e) for e in np.eye(arm.n)], axis=-1)
+        np.stack(
+            [pinsing.kinematics.task_jacobians(arm, Q + s * step * e) for e in np.eye(arm.n)],
+            axis=-1,
+        )
         for s in (1, -1)
     )
     np.testing.assert_allclose(H, (ahead - behind) / (2 * step), atol=1e-8)
@@ -139,7 +142,7 @@ def test_the_families_are_where_the_turn_makes_up_for_nothing(name, task, rng):
     """An oracle without rows in the tip's axes: the whole twists and one more."""
     arm = pinsing.load(name, task=task)
     found = pinsing.closed_form(arm)
-    exact = pinsing.nominal(arm).arm
+    exact = pinsing.robot.nominal(arm).arm
     assert found.complete
     for family in found.families:
         for q in family.sample(3, rng):
@@ -263,10 +266,10 @@ def test_the_shortest_turn_of_an_axis_also_where_it_points_back():
 
 
 def test_sweep_map_and_guard_take_it(ur5, form):
-    swept = pinsing.sweep(ur5, levels=1, samples=64, joints=[ur5.joints[2], ur5.joints[4]])
+    swept = pinsing.sampling.sweep(ur5, levels=1, samples=64, joints=[ur5.joints[2], ur5.joints[4]])
     straight = min(c.sigma_ratio.min() for c in swept.curves)
     assert straight < 1e-6  # q3 = 0 and q5 = 0 are on the curves
-    assert pinsing.sigma_map(ur5, count=200, seed=1)
+    assert pinsing.sampling.sigma_map(ur5, count=200, seed=1)
     text = pinsing.export_guard(ur5, "c", forms=form)
     assert "tool-axis" in text
 

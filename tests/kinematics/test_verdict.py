@@ -11,14 +11,16 @@ from tiers import tiered
 
 mpl.use("Agg")
 
-from pinsing import at, closed_form, generic_rank, plot, refine, sweep
+from pinsing import at, closed_form, plot
+from pinsing.configuration import refine
 from pinsing.configuration.refine import describe
+from pinsing.kinematics import generic_rank
 from pinsing.kinematics.batch import own_scale
 from pinsing.kinematics.engine import PINOCCHIO
 from pinsing.kinematics.verdict import evaluator, measure, own_shares, ratios, status_of
 from pinsing.robot.arm import Arm
 from pinsing.robot.load import load
-from pinsing.sampling import plan_map, sigma_map
+from pinsing.sampling import plan_map, sigma_map, sweep
 from pinsing.sampling.findings import singular_configurations
 
 TASKS = ("pose", "position", "orientation", "vx", "vx,wz", "vz,wx")

@@ -141,7 +141,7 @@ def test_loci_and_modes(tmp_path: Path, kinds: str, cut: str, plane: str) -> Non
             for kind in kinds
         )
         expected = crossings(*bar.elbows(m), *bar.rods)
-        found = pinsing.assembly_modes(bar.mechanism, [m[1], m[0]])
+        found = pinsing.loops.assembly_modes(bar.mechanism, [m[1], m[0]])
         assert len(found.modes) == len(expected)
         if not expected:
             continue
@@ -149,7 +149,7 @@ def test_loci_and_modes(tmp_path: Path, kinds: str, cut: str, plane: str) -> Non
         assert "all there are" in found.statement
         if len(seen) < 4:
             place = AT + bar.turn @ [*expected[0], 0]
-            back = pinsing.working_modes(bar.mechanism, place[bar.rows])
+            back = pinsing.loops.working_modes(bar.mechanism, place[bar.rows])
             assert len(back.modes) == bar.ways(expected[0])
             assert back.complete
         got = sorted((bar.turn.T @ (np.array(x.pose.position) - AT)).tolist() for x in found.modes)
@@ -186,7 +186,7 @@ def test_a_rod_across_its_slide_is_singular_and_beside_it_not(tmp_path: Path, cu
         P = bar.feet[1] + m1 * rail + bar.rods[1] * away @ rail
         B = crossings(bar.feet[0], P, bar.cranks[0], bar.rods[0])[0]
         m0 = bar.senses[0] * (math.atan2(*(B - bar.feet[0])[::-1]) - bar.yaw[0])
-        found = pinsing.assembly_modes(bar.mechanism, [m1, m0])
+        found = pinsing.loops.assembly_modes(bar.mechanism, [m1, m0])
         mode = min(
             found.modes, key=lambda x: float(np.hypot(*(np.array(x.pose.position) - AT)[:2] - P))
         )
@@ -206,7 +206,7 @@ def test_working_modes_of_an_upright_five_bar_are_counted(tmp_path: Path) -> Non
     level = FiveBar(tmp_path, "RR", "pin", "level", 5)
     (tmp_path / "up").mkdir()
     upright = FiveBar(tmp_path / "up", "RR", "pin", "upright", 5)
-    found = [pinsing.working_modes(x.mechanism) for x in (level, upright)]
+    found = [pinsing.loops.working_modes(x.mechanism) for x in (level, upright)]
     for modes in found:
         assert modes.complete
         assert modes.statement == "4 working modes: all there are, by the intersection of circles"
@@ -214,7 +214,7 @@ def test_working_modes_of_an_upright_five_bar_are_counted(tmp_path: Path) -> Non
         np.testing.assert_allclose(one, two, atol=1e-9)
 
 
-def two_slides(folder: Path, limits: tuple[float, float] = (-9, 9)) -> pinsing.Mechanism:
+def two_slides(folder: Path, limits: tuple[float, float] = (-9, 9)) -> pinsing.robot.Mechanism:
     """Slides along x, the second at y = 0.3; rods of 0.5 and 0.6."""
     joints = [
         J("d1", "base", "s1", axis=X, kind="prismatic", limits=limits),
@@ -229,7 +229,7 @@ def two_slides(folder: Path, limits: tuple[float, float] = (-9, 9)) -> pinsing.M
 
 
 def test_limits_leave_some_working_modes(tmp_path: Path) -> None:
-    back = pinsing.working_modes(two_slides(tmp_path, (-0.3, 0.3)), [0.1, 0.35])
+    back = pinsing.loops.working_modes(two_slides(tmp_path, (-0.3, 0.3)), [0.1, 0.35])
     # d1 = 0.1 +- sqrt(0.25 - 0.1225), d2 = 0.1 +- sqrt(0.36 - 0.0025)
     reach = [0.1 + sign * math.sqrt(x) for x in (0.1275, 0.3575) for sign in (1, -1)]
     assert len(back.modes) == math.prod(
@@ -241,10 +241,10 @@ def test_a_double_solution_is_one_mode(tmp_path: Path) -> None:
     """Rods in line: Newton's method ends with half of the digits, in as many places as starts."""
     mechanism = two_slides(tmp_path)
     far = math.sqrt(1.1**2 - 0.3**2)
-    found = pinsing.assembly_modes(mechanism, [0.0, far])
+    found = pinsing.loops.assembly_modes(mechanism, [0.0, far])
     assert len(found.modes) == 1
     assert found.complete
-    near = pinsing.assembly_modes(mechanism, [0.0, far - 1e-6])  # two of them, 0.8 mm apart
+    near = pinsing.loops.assembly_modes(mechanism, [0.0, far - 1e-6])  # two of them, 0.8 mm apart
     assert len(near.modes) == 2
 
 

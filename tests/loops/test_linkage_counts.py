@@ -59,9 +59,9 @@ def one_rod(folder, rng, ends):
 @pytest.mark.parametrize("seed", tiered(range(4), (0,)))
 def test_one_rod_between_two_joints(ends, seed, tmp_path):
     mechanism, axes, arms, foot, length = one_rod(tmp_path, np.random.default_rng(seed), ends)
-    home = pinsing.assembly_modes(mechanism).modes[0].q
+    home = pinsing.loops.assembly_modes(mechanism).modes[0].q
     crank, other = (mechanism.joints.index(n) for n in ("crank", "other"))
-    direct = pinsing.assembly_modes(mechanism, [home[crank]])
+    direct = pinsing.loops.assembly_modes(mechanism, [home[crank]])
     C = turned(axes[0], home[crank], arms[0])
     if ends == "crank":
         at = foot + circle(axes[1], arms[1])
@@ -71,7 +71,7 @@ def test_one_rod_between_two_joints(ends, seed, tmp_path):
     assert number == len(direct.modes) == 2
     assert direct.complete
     assert "all there are, by the quadratic equation of its rod" in direct.statement
-    inverse = pinsing.working_modes(mechanism)
+    inverse = pinsing.loops.working_modes(mechanism)
     B = foot + (turned(axes[1], home[other], arms[1]) if ends == "crank" else
                 arms[1] + home[other] * axes[1])  # fmt: skip
     number = changes(np.linalg.norm(circle(axes[0], arms[0]) - B, axis=1) - length)
@@ -88,7 +88,7 @@ def test_working_modes_of_three_legs_on_hinges(seed, tmp_path):
     platform = 0.5 * base + np.round(rng.uniform(-0.1, 0.1, (3, 3)), 2)
     mechanism = rps(tmp_path, base, hinges, platform).without_limits()
     tilt = rng.uniform(-0.3, 0.3, 2)
-    found = pinsing.working_modes(mechanism, [0.9, *tilt])
+    found = pinsing.loops.working_modes(mechanism, [0.9, *tilt])
     R = pin.rpy.rpyToMatrix(*tilt, 0.0)
     left = []
     for yaw in TURNS[::10]:
@@ -103,21 +103,21 @@ def test_working_modes_of_three_legs_on_hinges(seed, tmp_path):
 
 def test_the_shelfs_hinged_platform_turned_round_is_found():
     """At yaw 180° the hinges allow the pose of home, too: the tilt is the same."""
-    found = pinsing.working_modes(shipped("rps3").without_limits())
+    found = pinsing.loops.working_modes(shipped("rps3").without_limits())
     assert len(found.modes) == 16
     assert found.complete
     yaws = {round(abs(m.pose.angles[2]), 6) for m in found.modes}
     assert yaws == {0.0, round(np.pi, 6)}
-    within = pinsing.working_modes(shipped("rps3"))
+    within = pinsing.loops.working_modes(shipped("rps3"))
     assert "at most 2 within the limits of the actuators" in within.statement
 
 
 @pytest.mark.slow
 def test_level_modes_of_a_delta_are_counted():
     mechanism = shipped("delta").without_limits()
-    direct = pinsing.assembly_modes(mechanism, starts=60)
+    direct = pinsing.loops.assembly_modes(mechanism, starts=60)
     assert "2 with the output not turned: all there are, by three spheres" in direct.statement
-    inverse = pinsing.working_modes(mechanism, [0.05, -0.02, -0.5], starts=60)
+    inverse = pinsing.loops.working_modes(mechanism, [0.05, -0.02, -0.5], starts=60)
     words = "8 with the output not turned: all there are, by the two solutions of each crank"
     assert words in inverse.statement
     level = [m for m in inverse.modes if abs(m.pose.quaternion[0]) > 1 - 1e-9]
@@ -136,16 +136,16 @@ def test_limits_of_the_rocker_leave_one_assembly_of_those_that_there_are(tmp_pat
     ]
     text = loop_text([("tip", "pin")], ["crank"], "rocker", "wx")
     mechanism = pinsing.load_mechanism(written(tmp_path, joints, text))
-    found = pinsing.assembly_modes(mechanism)
+    found = pinsing.loops.assembly_modes(mechanism)
     assert found.statement.startswith("1 assembly mode: all there are, by the quadratic equation")
     assert "1 more pose beyond the joint limits" in found.statement
-    assert len(pinsing.assembly_modes(mechanism.without_limits()).modes) == 2
+    assert len(pinsing.loops.assembly_modes(mechanism.without_limits()).modes) == 2
 
 
 def test_elbows_of_cranks_with_rods_that_leave_their_plane():
     """Each of the 64 working modes has a name of its own: the sign of crank, rod and axis."""
     mechanism = shipped("rus6").without_limits()
-    found = pinsing.working_modes(mechanism, starts=4)
+    found = pinsing.loops.working_modes(mechanism, starts=4)
     assert len({m.mode for m in found.modes}) == len(found.modes) == 64
     data = mechanism.model.createData()
     for mode in found.modes[::9]:

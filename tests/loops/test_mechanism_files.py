@@ -42,7 +42,7 @@ def test_legs_between_two_balls_are_those_with_a_universal_joint(points, axes, t
     one, two = (pose_forms(x).loci[0].equation for x in (spun, plain))
     assert one.coefficients == two.coefficients
     rods = lengths(points)
-    found = [pinsing.assembly_modes(x, rods, starts=100).modes for x in (plain, spun)]
+    found = [pinsing.loops.assembly_modes(x, rods, starts=100).modes for x in (plain, spun)]
     assert len(found[0]) == len(found[1]) > 0
 
 
@@ -68,7 +68,7 @@ def test_a_rod_between_two_balls_leaves_one_freedom(weld, tmp_path):
     assert any("1 link spins about the own line" in note for note in mechanism.notes)
     assert np.abs(residual(mechanism, home(mechanism))).max() < 1e-10
     # The rocker's angle follows from the distance of the balls alone.
-    for mode in pinsing.assembly_modes(mechanism, [0.7]).modes:
+    for mode in pinsing.loops.assembly_modes(mechanism, [0.7]).modes:
         r = mode.q[mechanism.joints.index("rocker")]
         a = 0.3 * np.array([np.cos(0.7), np.sin(0.7), 0])
         b = np.array([1, 0.6 * np.cos(r), 0.6 * np.sin(r)])
@@ -82,12 +82,12 @@ def test_a_spin_of_the_output_or_of_a_leg_is_none_of_these(points, tmp_path):
     asked = loop_text([("half", "far_end")], ["crank"], "near", "vx, wx", "3d")
     rod = pinsing.load_mechanism(written(tmp_path, tree, asked, "rod"))
     with pytest.raises(OptionError, match="2 degrees of freedom, but 1 joint is actuated"):
-        pinsing.analyze_mechanism(rod)
+        pinsing.loops.analyze_mechanism(rod)
     # An actuator left out is no spin.
     short = text.replace("name_mot: [p0, ", "name_mot: [")
     slack = pinsing.load_mechanism(written(tmp_path, joints, short, "slack"))
     with pytest.raises(OptionError, match="6 degrees of freedom, but 5 joints are actuated"):
-        pinsing.analyze_mechanism(slack)
+        pinsing.loops.analyze_mechanism(slack)
 
 
 def test_a_pin_that_is_written_twice_turns_once(tmp_path):
@@ -118,7 +118,7 @@ def test_joints_without_limits_move_without_end(tmp_path):
     assert np.isinf(mechanism.upper).all()
     assert "no usable limits, so they move without end: q1, b1, q2" in mechanism.notes
     assert not any("cannot be analysed" in n or "not analysed" in n for n in mechanism.notes)
-    slides = [m.q[2] for m in pinsing.assembly_modes(mechanism, [np.pi / 2]).modes]
+    slides = [m.q[2] for m in pinsing.loops.assembly_modes(mechanism, [np.pi / 2]).modes]
     reach = np.sqrt(0.6**2 - 0.4**2)
     np.testing.assert_allclose(sorted(slides), [-0.5 - reach, -0.5 + reach], atol=1e-9)
 
@@ -163,7 +163,7 @@ def test_lengths_in_millimetres_are_suspected(tmp_path):
     ]
     path = written(tmp_path, joints, loop_text([("e1", "e2")], ["q1"], "e2", "wz"))
     with pytest.raises(pinsing.PinsingError, match=r"up to 1.7e\+03 m; if they are in millimetres"):
-        pinsing.analyze_mechanism(pinsing.load_mechanism(path))
+        pinsing.loops.analyze_mechanism(pinsing.load_mechanism(path))
 
 
 @pytest.mark.slow
@@ -175,7 +175,7 @@ def test_a_platform_in_millimetres_is_that_in_metres(points, tmp_path):
     plain = pinsing.load_mechanism(written(tmp_path, *stewart(*points), name="ups"))
     inputs = lengths(points)
     counts = [
-        len(pinsing.assembly_modes(x, s * inputs, starts=60).modes)
+        len(pinsing.loops.assembly_modes(x, s * inputs, starts=60).modes)
         for x, s in ((large, 1000), (plain, 1))
     ]
     assert counts[0] == counts[1] > 0

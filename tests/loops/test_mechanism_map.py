@@ -40,7 +40,7 @@ def test_many_at_once_equal_one_by_one(name, rng):
 @pytest.mark.parametrize("over", ["inputs", "poses"])
 def test_a_map_keeps_loops_and_limits(over):
     mechanism = shipped("gough_stewart")
-    found = pinsing.mechanism_map(mechanism, over, 128, seed=3)
+    found = pinsing.loops.mechanism_map(mechanism, over, 128, seed=3)
     assert 0 < found.closed <= found.count == 128
     assert sum(found.kinds.values()) == found.closed - found.beyond > 0
     low, high = mechanism.lower[list(mechanism.actuated)], mechanism.upper[list(mechanism.actuated)]
@@ -58,17 +58,17 @@ def test_a_map_keeps_loops_and_limits(over):
 
 def test_the_same_seed_gives_the_same_map_and_json_keeps_it():
     mechanism = shipped("planar_3rrr")
-    one, two = (pinsing.mechanism_map(mechanism, count=100, seed=5) for _ in range(2))
+    one, two = (pinsing.loops.mechanism_map(mechanism, count=100, seed=5) for _ in range(2))
     assert one.to_json() == two.to_json()
     assert MechanismMap.from_dict(json.loads(one.to_json())).to_json() == one.to_json()
-    assert one.to_json() != pinsing.mechanism_map(mechanism, count=100, seed=6).to_json()
+    assert one.to_json() != pinsing.loops.mechanism_map(mechanism, count=100, seed=6).to_json()
     assert "\u00a0" not in str(one)
 
 
 def test_more_actuators_than_freedoms_are_mapped_as_such():
     plain = shipped("planar_3rrr")
     extra = plain.with_actuated(["a1", "a2", "a3", "b1"])
-    one, more = (pinsing.mechanism_map(m, count=100) for m in (plain, extra))
+    one, more = (pinsing.loops.mechanism_map(m, count=100) for m in (plain, extra))
     assert more.closed == one.closed > 10
     # Held by one more, the output is held at least as well.
     assert (more.input_ratio >= one.input_ratio - 1e-12).all()
@@ -84,7 +84,7 @@ def test_what_cannot_be_mapped_is_said():
         ({"seed": -1}, "seed must be 0 or more"),
     ):
         with pytest.raises(OptionError, match=words):
-            pinsing.mechanism_map(five, **options)
+            pinsing.loops.mechanism_map(five, **options)
 
 
 @pytest.mark.parametrize(
@@ -149,20 +149,20 @@ def test_impossible_inputs_of_a_platform_are_those_of_the_triangle(rng):
 
 
 def test_a_map_over_inputs_says_why_few_of_them_close():
-    found = pinsing.mechanism_map(shipped("gough_stewart"), "inputs", 200)
+    found = pinsing.loops.mechanism_map(shipped("gough_stewart"), "inputs", 200)
     assert 0 < found.closed < 40
     assert found.impossible > 100
     assert not found.thin
     told = " ".join(str(found).split())
     assert f"at {found.impossible} they cannot" in told
     assert f"at {200 - found.closed - found.impossible} others none of 4 starts" in told
-    similar = pinsing.mechanism_map(shipped("griffis_duffy"), "inputs", 50)
+    similar = pinsing.loops.mechanism_map(shipped("griffis_duffy"), "inputs", 50)
     assert (similar.closed, similar.thin) == (0, True)
     assert "a set without volume" in " ".join(str(similar).split())
 
 
 def test_poses_are_drawn_where_the_limits_let_the_platform_go():
-    found = pinsing.mechanism_map(shipped("gough_stewart"), "poses", 300)
+    found = pinsing.loops.mechanism_map(shipped("gough_stewart"), "poses", 300)
     assert found.closed - found.beyond > 100
     two = found.near["type 2"]
     assert two > 0

@@ -155,7 +155,7 @@ def test_a_planar_platform_is_the_same_however_it_is_written(way, tmp_path, rng)
 
 @pytest.mark.slow
 def test_the_analysis_of_actuated_elbows_agrees_with_itself(tmp_path):
-    found = pinsing.analyze_mechanism(planar(tmp_path, Way("rrr", driven="b")))
+    found = pinsing.loops.analyze_mechanism(planar(tmp_path, Way("rrr", driven="b")))
     assert all(check.passed for check in found.checks)
     words = [x.words for x in found.pose_forms.loci if x.kind == "type 1"]
     assert words == [
@@ -222,7 +222,7 @@ def test_an_equation_of_one_term_says_how_near_it_is(tmp_path, monkeypatch):
     mechanism = planar(tmp_path, Way("rpr"))
     forms = pose_forms(mechanism)
     assert any(len(x.equation.values) == 1 for x in forms.loci)
-    found = pinsing.analyze_mechanism(mechanism)
+    found = pinsing.loops.analyze_mechanism(mechanism)
     assert found.points
     assert all(check.passed for check in found.checks)
     distances = [locus_distance(mechanism, forms, p.q) for p in found.points]
@@ -281,13 +281,18 @@ def test_a_rod_without_length_is_an_error(tmp_path, monkeypatch):
 
     monkeypatch.setattr(here, "ROD", 0.0)
     mechanism = planar(tmp_path, Way("rrr"))
-    for run in (pose_forms, joint_forms, pinsing.assembly_modes, pinsing.analyze_mechanism):
+    for run in (
+        pose_forms,
+        joint_forms,
+        pinsing.loops.assembly_modes,
+        pinsing.loops.analyze_mechanism,
+    ):
         with pytest.raises(pinsing.PinsingError, match="b0 and turn turn about one axis"):
             run(mechanism)
 
 
 def test_loops_that_cannot_close_are_said(tmp_path):
     """Legs in layers, held as points in space: never at one height."""
-    for run in (pose_forms, pinsing.analyze_mechanism, pinsing.assembly_modes):
+    for run in (pose_forms, pinsing.loops.analyze_mechanism, pinsing.loops.assembly_modes):
         with pytest.raises(pinsing.PinsingError, match="close nowhere, as far as was looked"):
             run(planar(tmp_path, Way("rpr", layers=0.1, kind="3d")))

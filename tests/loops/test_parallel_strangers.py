@@ -76,7 +76,7 @@ def by_themselves(mechanism, q):
 @pytest.mark.parametrize("seed", range(4))
 def test_deltas_are_singular_where_their_lines_say_so(seed, tmp_path):
     mechanism = delta(tmp_path, seed)
-    found = pinsing.analyze_mechanism(mechanism)
+    found = pinsing.loops.analyze_mechanism(mechanism)
     assert found.mobility == 3
     assert all(check.passed for check in found.checks)
     for point in found.points:

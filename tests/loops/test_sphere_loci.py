@@ -126,7 +126,7 @@ def test_working_modes_of_spherical_legs_are_two_a_leg(seed, tmp_path):
     mechanism = eye(tmp_path, base, middle, outer)
     q = random_closed(mechanism, 1, rng)[0]
     R, _ = placed(mechanism, q)
-    found = pinsing.working_modes(mechanism, pin.SE3(R, np.zeros(3)).homogeneous)
+    found = pinsing.loops.working_modes(mechanism, pin.SE3(R, np.zeros(3)).homogeneous)
     # By turning each actuated joint all round: where v . w passes its value.
     count = 1
     turns = np.linspace(0, 2 * np.pi, 20_001)
@@ -140,7 +140,7 @@ def test_working_modes_of_spherical_legs_are_two_a_leg(seed, tmp_path):
         count *= int((np.sign(off[:-1]) != np.sign(off[1:])).sum())
     assert found.complete
     assert len(found.modes) == count == 8
-    direct = pinsing.assembly_modes(mechanism, q[list(mechanism.actuated)], starts=60)
+    direct = pinsing.loops.assembly_modes(mechanism, q[list(mechanism.actuated)], starts=60)
     assert direct.bound == 8
     assert len(direct.modes) <= 8
 

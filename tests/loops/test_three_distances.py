@@ -138,15 +138,15 @@ def test_poses_are_as_many_as_the_circles_have(seed, tmp_path):
 
 def test_the_modes_say_that_they_are_all():
     for name, working in (("planar_3rrr", 8), ("planar_3rpr", 1), ("gough_stewart", 1)):
-        found = pinsing.working_modes(shipped(name))
+        found = pinsing.loops.working_modes(shipped(name))
         assert (len(found.modes), found.complete) == (working, True)
         assert "all there are, by the two solutions of each leg" in found.statement
     for name in ("planar_3rrr", "planar_3rpr"):
-        found = pinsing.assembly_modes(shipped(name))
+        found = pinsing.loops.assembly_modes(shipped(name))
         assert (len(found.modes), found.complete) == (2, True)
         assert "the real roots of a polynomial of degree 6" in found.statement
     # With one start not all are found, and it says how many there are.
-    few = pinsing.assembly_modes(shipped("planar_3rrr"), starts=1)
+    few = pinsing.loops.assembly_modes(shipped("planar_3rrr"), starts=1)
     assert (len(few.modes), few.complete) == (1, False)
     assert "there are 2, by the real roots" in few.statement
 

@@ -151,7 +151,7 @@ def test_every_true_zero_is_marked_with_the_arm_alone() -> None:
 
 def test_long_conditions_have_short_labels() -> None:
     arm = ur5()
-    ax = plot.sigma_map(arm, arm.joints[1], arm.joints[2], samples=21)
+    ax = plot.sigma_plane(arm, arm.joints[1], arm.joints[2], samples=21)
     assert "F3 (shoulder), of $q_{2}$, $q_{3}$, $q_{4}$" in labels(ax)
     assert max(map(len, labels(ax))) < 50  # braces and dollar signs among them
     assert is_outside(ax)
@@ -166,7 +166,7 @@ def contours(ax: Axes) -> np.ndarray:
 def test_the_curve_of_the_puma_lies_in_the_valley() -> None:
     arm = textbook("puma560")
     q = np.array([0.0, 0.0, 0.0, 0.4, 1.0, 0.0])
-    ax = plot.sigma_map(arm, "q2", "q3", q=q, samples=81)
+    ax = plot.sigma_plane(arm, "q2", "q3", q=q, samples=81)
     points = contours(ax)
     assert len(points) > 40
     Q = np.tile(q, (len(points), 1))
@@ -187,7 +187,7 @@ def test_the_curve_of_the_puma_lies_in_the_valley() -> None:
 def test_the_map_shows_sigma_min_and_its_axes() -> None:
     arm = textbook("stanford")
     q = np.array([0.1, 0.9, 0.3, 0.4, 0.5, 0.2])
-    ax = plot.sigma_map(arm, "q5", "d3", q=q, samples=31)
+    ax = plot.sigma_plane(arm, "q5", "d3", q=q, samples=31)
     mesh = ax.collections[0]
     x, y = np.linspace(-np.pi, np.pi, 31), np.linspace(-0.5, 0.5, 31)
     values = np.asarray(mesh.get_array()).reshape(31, 31)
@@ -211,7 +211,7 @@ def test_a_family_of_two_values_is_a_set_of_points() -> None:
     q = np.array([0.3, 0.5, 0.4, 1.0, 0.6, 0.7, 0.2])
     families = [f for f in closed_form(arm).families if set(f.joints) == {"q2", "q6"}]
     assert len(families) == 1
-    ax = plot.sigma_map(arm, "q2", "q6", q=q, samples=21, families=families, ignore_limits=True)
+    ax = plot.sigma_plane(arm, "q2", "q6", q=q, samples=21, families=families, ignore_limits=True)
     points = np.concatenate(
         [np.column_stack(line.get_data()) for line in ax.get_lines() if line.get_marker() == "o"]
     )
@@ -225,7 +225,7 @@ def test_a_family_of_two_values_is_a_set_of_points() -> None:
 def test_what_does_not_meet_the_plane_is_not_drawn() -> None:
     arm = textbook("iiwa14")
     q = np.array([0.3, 0.5, 0.4, 1.0, 0.6, 0.7, 0.2])
-    ax = plot.sigma_map(arm, "q1", "q7", q=q, samples=11)
+    ax = plot.sigma_plane(arm, "q1", "q7", q=q, samples=11)
     assert labels(ax) == []
     assert not ax.get_lines()
 
@@ -233,11 +233,11 @@ def test_what_does_not_meet_the_plane_is_not_drawn() -> None:
 def test_a_map_refuses_what_makes_no_sense() -> None:
     arm = textbook("stanford")
     with pytest.raises(UnknownNameError, match="q7"):
-        plot.sigma_map(arm, "q1", "q7")
+        plot.sigma_plane(arm, "q1", "q7")
     with pytest.raises(OptionError, match="different"):
-        plot.sigma_map(arm, "q1", "q1")
+        plot.sigma_plane(arm, "q1", "q1")
     with pytest.raises(ConfigurationError):
-        plot.sigma_map(arm, "q1", "q2", q=[0, 1])
+        plot.sigma_plane(arm, "q1", "q2", q=[0, 1])
 
 
 # Ellipsoids -------------------------------------------------------------------------

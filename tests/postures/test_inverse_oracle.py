@@ -222,7 +222,7 @@ class TestSteps:
         "name", ["ur5", "puma560", "kinova", "z1", "irb1400", "stanford", "talos_arm"]
     )
     def test_they_are_solutions_of_the_nominal_arm(self, name):
-        geometry = pinsing.nominal(pinsing.load(name, units="rad"))
+        geometry = pinsing.robot.nominal(pinsing.load(name, units="rad"))
         arm = geometry.arm
         for q in arm.space.sample(5, np.random.default_rng(3), True):
             T = tip_placement(arm, q)
@@ -242,17 +242,17 @@ class TestSteps:
         arm = made(tuple(back if backward else PUMA))
         q = np.array([0.3, -0.8, 1.1, 0.4, 0.9, -0.5])
         T = tip_placement(arm, q)
-        steps = steps_of(pinsing.nominal(arm), T.translation, T.rotation)
+        steps = steps_of(pinsing.robot.nominal(arm), T.translation, T.rotation)
         assert steps.clear
         assert min(np.abs(arm.space.wrap(steps.Q - q)).max(axis=1)) < 1e-7
 
     def test_a_pose_that_is_nearly_singular_is_not_clear(self):
         arm = pinsing.load("puma560")
         T = tip_placement(arm, np.array([0.2, 0.3, 0.5, 0.4, 0.0, 0.1]))
-        assert not steps_of(pinsing.nominal(arm), T.translation, T.rotation).clear
+        assert not steps_of(pinsing.robot.nominal(arm), T.translation, T.rotation).clear
 
     def test_none_for_an_offset_wrist(self):
-        geometry = pinsing.nominal(made(CRX))
+        geometry = pinsing.robot.nominal(made(CRX))
         assert steps_of(geometry, np.array([0.4, 0.2, 0.3]), np.eye(3)) is None
 
 
@@ -262,7 +262,7 @@ def test_a_cuspidal_arm_of_three_joints_has_all_its_points():
     counts = set()
     for q in arm.space.sample(6, np.random.default_rng(2), True):
         p = tip_placement(arm, q).translation
-        steps = steps_of(pinsing.nominal(arm), p, None)
+        steps = steps_of(pinsing.robot.nominal(arm), p, None)
         found, more = pinsing.inverse(arm, p), pinsing.inverse(arm, p, starts=2048, seed=3)
         assert len(found) == len(more)
         assert not steps.clear or found.starts < 256
@@ -312,7 +312,7 @@ def test_a_full_set_is_known_to_be_full():
     assert found.certified == 8
     assert found.doubt == ""
     assert any("no more regular ones" in n for n in found.notes)
-    assert pinsing.InverseSolutions.from_dict(found.to_dict()).certified == 8
+    assert pinsing.postures.InverseSolutions.from_dict(found.to_dict()).certified == 8
 
 
 class TestRadius:

@@ -17,10 +17,10 @@ from pinsing.postures.three_joints import Point
 
 def share(arm, count=60):
     """det J over the product of what the signs are taken of, at random configurations."""
-    nominal = pinsing.nominal(arm)
+    nominal = pinsing.robot.nominal(arm)
     ladder = ladder_of(nominal)
     Q = nominal.arm.space.sample(count, np.random.default_rng(3), True)
-    J = pinsing.task_jacobians(nominal.arm, Q)
+    J = pinsing.kinematics.task_jacobians(nominal.arm, Q)
     rows = np.abs(J).max(axis=(0, 2)) > 1e-12
     det = np.linalg.det(J[:, rows])
     return det / np.prod([s.value(Q) for s in ladder.stages], axis=0)
@@ -55,7 +55,7 @@ def test_no_two_solutions_of_a_point_agree_in_all_signs(name):
     """The theorem, at random points; with the product of the values against det J."""
     rows = POSITION[name]
     arm = dh_arm(rows, "position")
-    ladder = ladder_of(pinsing.nominal(arm))
+    ladder = ladder_of(pinsing.robot.nominal(arm))
     assert ladder is not None
     ratio = share(arm)
     assert (ratio > 0).all() or (ratio < 0).all() or rows[0][0] == 0
@@ -72,15 +72,15 @@ def test_no_two_solutions_of_a_point_agree_in_all_signs(name):
 def test_arms_without_a_ladder():
     """Cuspidal and other arms: nothing is claimed of them."""
     cuspidal = dh_arm([(-90, 1, 0), (90, 2, 1), (0, 1.5, 0)], "position")
-    assert ladder_of(pinsing.nominal(cuspidal)) is None
+    assert ladder_of(pinsing.robot.nominal(cuspidal)) is None
     for name in ("so101", "panda", "iiwa14"):
-        assert ladder_of(pinsing.nominal(pinsing.load(name))) is None
+        assert ladder_of(pinsing.robot.nominal(pinsing.load(name))) is None
 
 
 def test_what_is_left_of_the_equation_has_the_roots_of_the_others():
     """The sign of its discriminant against the number of solutions found, arm with 2 and 4."""
     arm = dh_arm([(-90, 1, 0), (90, 2, 1), (0, 1.5, 0)], "position")
-    chain = ExactChain.of(pinsing.nominal(arm))
+    chain = ExactChain.of(pinsing.robot.nominal(arm))
     cubic = Point.of(chain, chain.translation[3]).numbers.deflated()
     assert not one_root_left(cubic)
     counts = set()
@@ -94,7 +94,7 @@ def test_what_is_left_of_the_equation_has_the_roots_of_the_others():
 
 def test_the_discriminant_is_the_sum_that_stands_for_it():
     chain = ExactChain.of(
-        pinsing.nominal(dh_arm([(-70, 1, 0.2), (80, 2, 1), (0, 1.5, 0)], "position"))
+        pinsing.robot.nominal(dh_arm([(-70, 1, 0.2), (80, 2, 1), (0, 1.5, 0)], "position"))
     )
     cubic = Point.of(chain, chain.translation[3]).numbers.deflated()
     x = np.random.default_rng(0).uniform(-4, 4, (2000, 2))
@@ -105,7 +105,7 @@ def test_the_discriminant_is_the_sum_that_stands_for_it():
 
 class TestNames:
     def names(self, name, q):
-        return posture_names(pinsing.nominal(pinsing.load(name)), np.array([q]))[0]
+        return posture_names(pinsing.robot.nominal(pinsing.load(name)), np.array([q]))[0]
 
     def test_a_usual_posture_of_ur5(self):
         # The elbow above the line from shoulder to wrist, as in its drawings; then mirrored.
@@ -118,8 +118,8 @@ class TestNames:
 
     def test_elbow_up_is_up(self):
         """Height of the elbow over the line from shoulder to wrist, while the wrist is ahead."""
-        arm = pinsing.nominal(pinsing.load("irb1400")).arm
-        geometry = pinsing.nominal(pinsing.load("irb1400"))
+        arm = pinsing.robot.nominal(pinsing.load("irb1400")).arm
+        geometry = pinsing.robot.nominal(pinsing.load("irb1400"))
         chain = ExactChain.of(geometry)
         Q = arm.space.sample(200, np.random.default_rng(0))
         R, p = chain.frames(chain.values(Q))
@@ -145,7 +145,7 @@ class TestNames:
         arm = pinsing.load(name)
         q = arm.space.sample(1, np.random.default_rng(11), True)[0]
         found = [s.q for s in pinsing.inverse(arm, tip_placement(arm, q).homogeneous)]
-        names = posture_names(pinsing.nominal(arm), np.array(found))
+        names = posture_names(pinsing.robot.nominal(arm), np.array(found))
         assert len(found) >= 4
         assert len(set(names)) == len(found)
 
@@ -166,8 +166,8 @@ class TestNames:
         found = pinsing.aspects(form, limits=False)
         assert len({a.names for a in found}) == 8
         assert "shoulder left, elbow up, wrist flip" in str(found)
-        assert pinsing.Aspects.from_dict(found.to_dict())[0].names == found[0].names
+        assert pinsing.postures.Aspects.from_dict(found.to_dict())[0].names == found[0].names
 
     def test_none_where_the_field_has_none(self):
-        geometry = pinsing.nominal(pinsing.load("so101"))
+        geometry = pinsing.robot.nominal(pinsing.load("so101"))
         assert posture_names(geometry, np.zeros((2, 5))) == [(), ()]

@@ -28,10 +28,10 @@ def test_changes_are_where_the_signs_of_det_change(puma):
     seen = 0
     for _ in range(6):
         Q = arm.space.sample(4, rng)
-        changes = pinsing.aspect_changes(form, Q, of=found)
+        changes = pinsing.postures.aspect_changes(form, Q, of=found)
         t = np.linspace(0, 3, 1201)
         fine = np.array([np.interp(t, range(4), Q[:, j]) for j in range(6)]).T
-        sign = np.sign(np.linalg.det(pinsing.task_jacobians(arm, fine)))
+        sign = np.sign(np.linalg.det(pinsing.kinematics.task_jacobians(arm, fine)))
         flips = t[1:][sign[1:] != sign[:-1]]
         assert len(flips) <= len(changes)
         for at in flips:
@@ -51,16 +51,16 @@ def test_changes_are_where_the_signs_of_det_change(puma):
 def test_a_motion_back_and_forth_and_one_that_stays(puma):
     _, form = puma
     a, b = [0, 0.3, 0.2, 0, 0.8, 0], [0, 0.3, 0.2, 0, -0.4, 0]
-    there, back = pinsing.aspect_changes(form, [a, b, a], [0, 1, 2])
+    there, back = pinsing.postures.aspect_changes(form, [a, b, a], [0, 1, 2])
     assert (there.before, there.after) == (back.after, back.before)
     assert there.t == pytest.approx(2 / 3)
     assert back.t == pytest.approx(4 / 3)
     assert there.names_before[-1] == "wrist no-flip"
     assert there.names_after[-1] == "wrist flip"
-    assert pinsing.aspect_changes(form, [a, [1, 0.3, 0.2, 0, 0.7, 0]]) == ()
-    assert pinsing.aspect_changes(form, [a]) == ()
+    assert pinsing.postures.aspect_changes(form, [a, [1, 0.3, 0.2, 0, 0.7, 0]]) == ()
+    assert pinsing.postures.aspect_changes(form, [a]) == ()
     with pytest.raises(ConfigurationError, match="shape"):
-        pinsing.aspect_changes(form, a)
+        pinsing.postures.aspect_changes(form, a)
 
 
 def test_check_says_it(tmp_path):
@@ -82,7 +82,7 @@ def test_a_line_that_needs_another_posture():
     arm = pinsing.load("ur5")
     form = pinsing.closed_form(arm)
     assert pinsing.check_line(arm, START, GOAL, forms=form).outcome == "singular"
-    others = pinsing.line_postures(arm, START, GOAL, forms=form)
+    others = pinsing.postures.line_postures(arm, START, GOAL, forms=form)
     assert [p.outcome for p in others] == ["reached"] * 4 + ["singular"] * 3
     best = others[0]
     line = pinsing.check_line(arm, best.q, GOAL, forms=form)
@@ -116,7 +116,7 @@ def test_a_line_that_leaves_the_limits_has_postures_too(puma):
     line = pinsing.check_line(arm, q0, goal, forms=form)
     assert line.outcome == "reached"
     assert leaves(arm, line.q)
-    good = [p for p in pinsing.line_postures(arm, q0, goal, forms=form) if p.within_limits]
+    good = [p for p in pinsing.postures.line_postures(arm, q0, goal, forms=form) if p.within_limits]
     (best,) = [p for p in good if p.outcome == "reached"]
     other = pinsing.check_line(arm, best.q, goal, forms=form)
     assert other.outcome == "reached"
@@ -142,7 +142,7 @@ def test_the_same_posture_whole_turns_away_would_do():
     ]
     line = pinsing.check_line(arm, q0, goal, forms=form)
     assert leaves(arm, line.q)
-    others = pinsing.line_postures(arm, q0, goal, forms=form)
+    others = pinsing.postures.line_postures(arm, q0, goal, forms=form)
     (same,) = [p for p in others if np.abs(arm.space.wrap(p.q - q0)).max() < 1e-9]
     assert same.q - q0 == pytest.approx([0, 0, 0, 0, 0, -2 * np.pi])
     assert same.within_limits

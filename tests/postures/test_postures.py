@@ -49,7 +49,7 @@ def orthogonal(d2, d3, d4, r2):
 def signs_of_det(arm, path, count=60):
     share = np.linspace(0, 1, count)[:, None]
     fine = np.concatenate([a + share * (b - a) for a, b in pairwise(path)])
-    J = pinsing.task_jacobians(arm, fine)
+    J = pinsing.kinematics.task_jacobians(arm, fine)
     return np.sign(np.linalg.det(J))
 
 
@@ -260,13 +260,13 @@ class TestConnect:
     def test_json_and_back(self):
         form = form_of("puma560")
         way = pinsing.connect(form, [0, 0.1, 0.3, 0, 1, 0], [1, 0.3, 0.4, 0, 1, 0])
-        again = pinsing.Connection.from_dict(json.loads(json.dumps(way.to_dict())))
+        again = pinsing.postures.Connection.from_dict(json.loads(json.dumps(way.to_dict())))
         assert again.answer == way.answer
         assert np.array_equal(again.path, way.path)
         found = aspects_of("puma560")
-        assert pinsing.Aspects.from_dict(found.to_dict()).lower == 12
+        assert pinsing.postures.Aspects.from_dict(found.to_dict()).lower == 12
         with pytest.raises(OptionError, match="read from JSON"):
-            pinsing.Aspects.from_dict(found.to_dict()).of([0.0] * 6)
+            pinsing.postures.Aspects.from_dict(found.to_dict()).of([0.0] * 6)
 
     def test_bad_input(self):
         form, of = form_of("ur5"), aspects_of("ur5")
@@ -401,7 +401,7 @@ class TestCuspidality:
         assert np.abs(arm.space.wrap(path[-1] - path[0])).max() > 1
         for a, b in pairwise(path):
             fine = a + np.linspace(0, 1, 2000)[:, None] * (b - a)
-            sizes = np.linalg.svd(pinsing.task_jacobians(arm, fine), compute_uv=False)
+            sizes = np.linalg.svd(pinsing.kinematics.task_jacobians(arm, fine), compute_uv=False)
             assert sizes.shape[1] == 5
             assert sizes[:, 4].min() > 1e-5
         said = " ".join(found.notes)
@@ -419,7 +419,7 @@ class TestCuspidality:
         assert regular_way(arm, np.array([q, elbow]))
         assert not regular_way(arm, np.array([q, wrist]))
         assert not regular_way(arm, np.array([q, elbow, wrist]))
-        low = pinsing.nominal(arm_of("so100")).arm
+        low = pinsing.robot.nominal(arm_of("so100")).arm
         family = next(f for f in form_of("so100").families if f.codimension == 2)
         middle = family.sample(1, np.random.default_rng(0))[0]
         aside = np.array([0.3, 0.2, 0.1, -0.2, 0.4])

@@ -122,7 +122,9 @@ class TestAspectsOfAnotherArm:
         with pytest.raises(OptionError, match="another arm"):
             pinsing.connect(form_of("puma560"), [0.1] * 6, [0.2] * 6, of=aspects_of("ur5"))
         with pytest.raises(OptionError, match="another arm"):
-            pinsing.aspect_changes(form_of("puma560"), [[0.1] * 6, [0.2] * 6], of=aspects_of("ur5"))
+            pinsing.postures.aspect_changes(
+                form_of("puma560"), [[0.1] * 6, [0.2] * 6], of=aspects_of("ur5")
+            )
         again = pinsing.closed_form(arm_of("ur5"))
         assert again is not ur5
         way = pinsing.connect(again, [0.1] * 6, [0.2] * 6, of=aspects_of("ur5"))

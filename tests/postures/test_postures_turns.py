@@ -70,7 +70,7 @@ def test_a_posture_that_is_reached_a_turn_away(wide):
     share = np.linspace(0, 1, 100)[:, None]
     legs = zip(way.path[:-1], way.path[1:], strict=True)
     fine = np.concatenate([a + share * (b - a) for a, b in legs])
-    signs = np.sign(np.linalg.det(pinsing.task_jacobians(arm, fine)))
+    signs = np.sign(np.linalg.det(pinsing.kinematics.task_jacobians(arm, fine)))
     assert (signs == signs[0]).all()
     assert (first.copies, first.copies_in_aspect, first.copies_undecided) == (4, 2, 0)
     assert [other.answer for other in rest] == ["different"] * 2

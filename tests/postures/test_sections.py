@@ -155,7 +155,7 @@ def test_every_regular_configuration_has_an_aspect_though_a_section_lies_on_a_fa
     assert len(clear) > 20
     numbers = [found.of(q) for q in clear]
     assert None not in numbers
-    signs = np.sign([np.linalg.det(pinsing.task_jacobian(arm, q)) for q in clear])
+    signs = np.sign([np.linalg.det(pinsing.kinematics.task_jacobian(arm, q)) for q in clear])
     for a, b, m, n in zip(signs, signs[1:], numbers, numbers[1:], strict=False):
         assert m != n or a == b
     joined = pinsing.connect(form, clear[0], clear[0], of=found)

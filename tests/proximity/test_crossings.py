@@ -32,7 +32,7 @@ def changes(family: Family, Q: Array) -> int:
     return count
 
 
-def passed(form: ClosedForm, found: pinsing.Crossings, family: Family) -> int:
+def passed(form: ClosedForm, found: pinsing.proximity.Crossings, family: Family) -> int:
     return sum(c.family == family.name and c.kind == "crossing" for c in found)
 
 

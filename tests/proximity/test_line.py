@@ -128,7 +128,7 @@ def test_turning_on_the_way() -> None:
             )
     only = check_line(arm, q, pin.SE3(goal.rotation, start.translation).homogeneous, forms=form)
     assert only.length == pytest.approx(np.linalg.norm([0.2, -0.3, 0.1]))
-    again = pinsing.LineCheck.from_json(only.to_json())
+    again = pinsing.proximity.LineCheck.from_json(only.to_json())
     np.testing.assert_array_equal(again.q, only.q)
 
 

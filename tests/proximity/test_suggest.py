@@ -22,7 +22,7 @@ def run(*words: str) -> Result:
     return CliRunner().invoke(command, list(words), prog_name="pinsing")
 
 
-def holds(arm: Arm, found: pinsing.Suggestion, forms: object) -> None:
+def holds(arm: Arm, found: pinsing.proximity.Suggestion, forms: object) -> None:
     """What a suggestion says is so, asked of `clearance` anew."""
     assert ((found.q >= arm.lower) & (found.q <= arm.upper)).all()
     true = pinsing.clearance(forms, found.q, certify=True, seconds=5)
@@ -93,7 +93,7 @@ def test_it_is_the_same_each_time_for_one_seed() -> None:
     again = pinsing.suggest(arm, forms=form, seconds=60, seed=3)
     assert (first.q == again.q).all()
     assert first.to_json() == again.to_json()
-    back = pinsing.Suggestion.from_json(first.to_json())
+    back = pinsing.proximity.Suggestion.from_json(first.to_json())
     assert (back.q == first.q).all()
     assert str(back) == str(first)
 

@@ -53,7 +53,7 @@ def test_what_a_crossing_path_meets() -> None:
     assert len(text.splitlines()) <= 6
     assert text.startswith("ur5: crosses the wrist singularity (wrist_2_joint = 0°) at t = 2 s")
     assert "F2" in details(check)
-    again = pinsing.TrajectoryCheck.from_json(check.to_json())
+    again = pinsing.proximity.TrajectoryCheck.from_json(check.to_json())
     assert again.crossings[0].t == check.crossings[0].t
 
 
@@ -145,7 +145,7 @@ def test_where_tip_speeds_cost_too_much() -> None:
     check = check_trajectory(arm, Q, t, forms=closed("ur5"), tip_speed=0.25)
     assert check.costly
     # By hand, at every sample: the longest row of the pseudoinverse.
-    rows = np.linalg.norm(np.linalg.pinv(pinsing.task_jacobians(arm, Q)), axis=2) * 0.25
+    rows = np.linalg.norm(np.linalg.pinv(pinsing.kinematics.task_jacobians(arm, Q)), axis=2) * 0.25
     over = rows > np.asarray(arm.model.velocityLimit)
     for j, name in enumerate(arm.joints):
         told = np.zeros(len(t), dtype=bool)

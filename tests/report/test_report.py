@@ -271,7 +271,7 @@ def test_a_mechanism(tmp_path: Path) -> None:
     write_report(mechanism, file, page="none", poses={"far": [0.0, 0.0], "asked": [0.9, 2.2]})
     html = file.read_text()
     page = Outline(html)
-    found = pinsing.analyze_mechanism(mechanism)
+    found = pinsing.loops.analyze_mechanism(mechanism)
     assert found.forms is not None
     for locus in found.forms.loci:
         assert locus.words in page.text

@@ -111,7 +111,9 @@ def test_jacobians_are_those_of_the_tip_seen_from_the_base(name, base, tip, rng)
     for q in drawn(arm, rng, 4):
         J = pinsing.frame_jacobian(arm, q)
         np.testing.assert_allclose(J, relative_jacobian(arm, q), atol=1e-12)
-        np.testing.assert_allclose(pinsing.frame_jacobians(arm, q[None])[0], J, atol=1e-12)
+        np.testing.assert_allclose(
+            pinsing.kinematics.frame_jacobians(arm, q[None])[0], J, atol=1e-12
+        )
 
 
 @pytest.mark.parametrize("name", TOWARDS)

@@ -68,30 +68,38 @@ TAKES: dict[tuple[str, str], Of] = {
     ),
     ("crossings", "motion"): lambda arm, form, a, b: repr(pinsing.crossings(form, [a, b])),
     ("frame_jacobian", "q"): lambda arm, form, a, b: pinsing.frame_jacobian(arm, a),
-    ("frame_jacobians", "Q"): lambda arm, form, a, b: pinsing.frame_jacobians(arm, [a, b]),
+    ("frame_jacobians", "Q"): lambda arm, form, a, b: pinsing.kinematics.frame_jacobians(
+        arm, [a, b]
+    ),
     ("generalize", "configuration"): lambda arm, form, a, b: repr(
-        pinsing.generalize(arm, stretched(a), samples=8)
+        pinsing.sampling.generalize(arm, stretched(a), samples=8)
     ),
     ("Monitor.update", "q"): lambda arm, form, a, b: repr(
         pinsing.Monitor(form).update(a, (0.1, 0.2, 0.3))
     ),
-    ("plan_map", "q"): lambda arm, form, a, b: pinsing.plan_map(
+    ("plan_map", "q"): lambda arm, form, a, b: pinsing.sampling.plan_map(
         arm, joints=["q2"], count=8, q=a
     ).configurations(0, 8),
     ("plan_sweep", "nominal"): lambda arm, form, a, b: (
-        pinsing.plan_sweep(arm, **SMALL, nominal=a).nominal
+        pinsing.sampling.plan_sweep(arm, **SMALL, nominal=a).nominal
     ),
     ("sweep", "nominal"): lambda arm, form, a, b: (
-        pinsing.sweep(arm, **SMALL, nominal=a).plan.nominal
+        pinsing.sampling.sweep(arm, **SMALL, nominal=a).plan.nominal
     ),
-    ("refine", "q0"): lambda arm, form, a, b: pinsing.refine(arm, a).q,
-    ("refine_many", "Q0"): lambda arm, form, a, b: [r.q for r in pinsing.refine_many(arm, [a, b])],
+    ("refine", "q0"): lambda arm, form, a, b: pinsing.configuration.refine(arm, a).q,
+    ("refine_many", "Q0"): lambda arm, form, a, b: [
+        r.q for r in pinsing.configuration.refine_many(arm, [a, b])
+    ],
     ("sigma_map", "q"): lambda arm, form, a, b: (
-        pinsing.sigma_map(arm, joints=["q2"], count=8, q=a).sigma_min.smallest.value
+        pinsing.sampling.sigma_map(arm, joints=["q2"], count=8, q=a).sigma_min.smallest.value
     ),
     ("singular_values", "Q"): lambda arm, form, a, b: pinsing.singular_values(arm, [a, b]),
-    ("aspect_changes", "Q"): lambda arm, form, a, b: repr(pinsing.aspect_changes(form, [a, b])),
-    ("line_postures", "q0"): lambda arm, form, a, b: repr(pinsing.line_postures(arm, a, POSE)),
+    ("aspect_changes", "Q"): lambda arm, form, a, b: repr(
+        pinsing.postures.aspect_changes(form, [a, b])
+    ),
+    ("line_postures", "q0"): lambda arm, form, a, b: repr(
+        pinsing.postures.line_postures(arm, a, POSE)
+    ),
     ("Aspects.of", "q"): lambda arm, form, a, b: pinsing.aspects(form).of(a),
     ("connect", "qa"): lambda arm, form, a, b: pinsing.connect(form, a, A).same,
     ("connect", "qb"): lambda arm, form, a, b: pinsing.connect(form, A, b).same,
@@ -100,8 +108,8 @@ TAKES: dict[tuple[str, str], Of] = {
     ("suggest", "near"): lambda arm, form, a, b: (
         pinsing.suggest(arm, forms=form, near=a, seconds=60).q
     ),
-    ("task_jacobian", "q"): lambda arm, form, a, b: pinsing.task_jacobian(arm, a),
-    ("task_jacobians", "Q"): lambda arm, form, a, b: pinsing.task_jacobians(arm, [a, b]),
+    ("task_jacobian", "q"): lambda arm, form, a, b: pinsing.kinematics.task_jacobian(arm, a),
+    ("task_jacobians", "Q"): lambda arm, form, a, b: pinsing.kinematics.task_jacobians(arm, [a, b]),
     ("write_report", "poses"): lambda arm, form, a, b: reported(arm, form, {"mine": a}),
     ("Viewer", "poses"): lambda arm, form, a, b: shown(arm, poses=[a, b]),
     ("Viewer", "path"): lambda arm, form, a, b: shown(arm, path=[a, b]),
@@ -126,9 +134,6 @@ TAKES: dict[tuple[str, str], Of] = {
     ),
     ("plot.sigma_along", "trajectory"): lambda arm, form, a, b: drawn(
         plot.sigma_along(arm, [a, b])
-    ),
-    ("plot.sigma_map", "q"): lambda arm, form, a, b: drawn(
-        plot.sigma_map(arm, "q2", "q3", samples=5, q=a)
     ),
     ("plot.sigma_plane", "q"): lambda arm, form, a, b: drawn(
         plot.sigma_plane(arm, "q2", "q3", samples=5, q=a)

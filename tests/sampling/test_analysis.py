@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from dataclasses import replace
 
 import numpy as np
@@ -11,7 +12,6 @@ from tiers import tiered
 from pinsing.errors import OptionError, ResultError
 from pinsing.families import closed_form
 from pinsing.robot.load import load
-from pinsing.sampling import analyze as module
 from pinsing.sampling.analyze import Analysis, analyze
 
 ARMS = ("stanford", "surgical7", "puma560", "scara", "planar3r", "iiwa14", "ur5", "so101", "z1")
@@ -59,7 +59,7 @@ def test_a_missing_family_is_reported(monkeypatch):
         forms = honest(arm, **options)
         return replace(forms, families=forms.families[:-1])
 
-    monkeypatch.setattr(module, "closed_form", forgetful)
+    monkeypatch.setattr(sys.modules["pinsing.sampling.analyze"], "closed_form", forgetful)
     found = analyze(load("stanford"))
     assert not found.agree
     assert any("the sweep found q5 = 0" in p for p in found.problems)
@@ -78,7 +78,7 @@ def test_a_wrong_family_is_reported(monkeypatch):
         moved = replace(first.branches[0], values=(replace(value, value=0.3),))
         return replace(forms, families=(replace(first, branches=(moved,)), *forms.families[1:]))
 
-    monkeypatch.setattr(module, "closed_form", wrong)
+    monkeypatch.setattr(sys.modules["pinsing.sampling.analyze"], "closed_form", wrong)
     found = analyze(load("stanford"))
     assert any("F1 has samples that Pinocchio finds regular" in p for p in found.problems)
 

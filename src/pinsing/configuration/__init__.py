@@ -1,1 +1,20 @@
 """One configuration: singular values, what is lost there and why, ways into rank loss."""
+
+from typing import TYPE_CHECKING
+
+from pinsing._package import public
+
+if TYPE_CHECKING:
+    from pinsing.configuration.at import State as State
+    from pinsing.configuration.at import at as at
+    from pinsing.configuration.refine import SingularConfiguration as SingularConfiguration
+    from pinsing.configuration.refine import refine as refine
+    from pinsing.configuration.refine import refine_many as refine_many
+
+public(
+    __name__,
+    {
+        "at": "State at",
+        "refine": "SingularConfiguration refine refine_many",
+    },
+)

@@ -286,7 +286,7 @@ class SingularConfiguration(JsonResult):
     """
 
     schema: ClassVar[str] = "pinsing/singular-configuration/1"
-    made_by: ClassVar[str] = "pinsing.refine(arm, q)"
+    made_by: ClassVar[str] = "pinsing.configuration.refine(arm, q)"
 
     joints: tuple[str, ...]
     q: Array
@@ -364,7 +364,7 @@ def refine(
     Examples
     --------
     >>> import pinsing
-    >>> found = pinsing.refine(pinsing.load("planar3r"), [0.3, 0.1, 1])
+    >>> found = pinsing.configuration.refine(pinsing.load("planar3r"), [0.3, 0.1, 1])
     >>> found.status, found.kind, bool(abs(found.q[1]) < 1e-9)
     ('singular', 'boundary', True)
     """
@@ -413,7 +413,8 @@ def refine_many(
     Examples
     --------
     >>> import pinsing
-    >>> found = pinsing.refine_many(pinsing.load("planar3r"), [[0.3, 0.1, 1], [0, 3, 1]])
+    >>> arm = pinsing.load("planar3r")
+    >>> found = pinsing.configuration.refine_many(arm, [[0.3, 0.1, 1], [0, 3, 1]])
     >>> [c.q[1].round(3).item() + 0 for c in found]
     [0.0, 3.142]
     """

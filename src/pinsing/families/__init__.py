@@ -1,40 +1,36 @@
 """Closed forms: the complete singular set of an arm, as equations."""
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
-from pinsing.algebra.equation import Equation
-from pinsing.families.certainty import Proof
-from pinsing.families.family import Family
-from pinsing.families.form import ClosedForm
-from pinsing.families.nearness import Distance
-from pinsing.families.parts import Branch, JointValue
-from pinsing.families.proving import prove
-from pinsing.families.solve import closed_form, joint_symbols
+from pinsing._package import public
 
 if TYPE_CHECKING:
-    from pinsing.families.design_form import DesignChange, DesignFamily, DesignForm
+    from pinsing.algebra.equation import Equation as Equation
+    from pinsing.families.certainty import Proof as Proof
+    from pinsing.families.design_form import DesignChange as DesignChange
+    from pinsing.families.design_form import DesignFamily as DesignFamily
+    from pinsing.families.design_form import DesignForm as DesignForm
+    from pinsing.families.family import Family as Family
+    from pinsing.families.form import ClosedForm as ClosedForm
+    from pinsing.families.nearness import Distance as Distance
+    from pinsing.families.parts import Branch as Branch
+    from pinsing.families.parts import JointValue as JointValue
+    from pinsing.families.proving import prove as prove
+    from pinsing.families.solve import closed_form as closed_form
+    from pinsing.families.solve import joint_symbols as joint_symbols
 
-__all__ = [
-    "Branch",
-    "ClosedForm",
-    "DesignChange",
-    "DesignFamily",
-    "DesignForm",
-    "Distance",
-    "Equation",
-    "Family",
-    "JointValue",
-    "Proof",
-    "closed_form",
-    "joint_symbols",
-    "prove",
-]
-
-
-def __getattr__(name: str) -> Any:
-    """Import what lengths as symbols need where they are asked for."""
-    if name not in ("DesignChange", "DesignFamily", "DesignForm"):
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    from pinsing.families import design_form
-
-    return getattr(design_form, name)
+public(
+    __name__,
+    {
+        "pinsing.algebra.equation": "Equation",
+        "certainty": "Proof",
+        "design_form": "DesignChange DesignFamily DesignForm",
+        "family": "Family",
+        "form": "ClosedForm",
+        "nearness": "Distance",
+        "parts": "Branch JointValue",
+        "proving": "prove",
+        "solve": "closed_form joint_symbols",
+    },
+    called="pinsing.closed_form(arm).families",
+)

@@ -11,8 +11,13 @@ import numpy.typing as npt
 
 from pinsing import notebook
 from pinsing.algebra.components import Component, RandomSteps
-from pinsing.arguments import checked
-from pinsing.errors import ConfigurationError, OptionError, UnknownNameError
+from pinsing.arguments import checked, shown, stands_for
+from pinsing.errors import (
+    ArgumentError,
+    ConfigurationError,
+    OptionError,
+    UnknownNameError,
+)
 from pinsing.families.certainty import Proof, certainty
 from pinsing.families.family import (
     Family,
@@ -30,7 +35,7 @@ from pinsing.families.system_text import SystemHead, system_text
 from pinsing.joint_text import typed
 from pinsing.measures import SINGULAR_RTOL
 from pinsing.prose import PLAIN, Page, Span, caution, formula, good, measured, unbroken, visible
-from pinsing.robot.arm import ArmSummary
+from pinsing.robot.arm import Arm, ArmSummary
 from pinsing.robot.exact_placements import Deviation
 from pinsing.robot.nominal import Nominal
 from pinsing.serialization import JsonResult
@@ -69,6 +74,8 @@ class ClosedForm(JsonResult):
         The components that ``dropped`` counts, exactly; not written to JSON.
     geometry : Nominal or None
         The exact chain that all of this is true of; not written to JSON.
+    loaded : Arm or None
+        The arm as it was given; not written to JSON. Functions of an arm take the form instead.
     hints : tuple of str
         What might be worth trying, such as ``snap_length`` for the small offsets of a drawing.
     random_steps : RandomSteps or None
@@ -114,6 +121,7 @@ class ClosedForm(JsonResult):
     seconds: float
     left_out: tuple[Component, ...] = field(default=(), repr=False, metadata={"json": False})
     geometry: Nominal | None = field(default=None, repr=False, metadata={"json": False})
+    loaded: Arm | None = field(default=None, repr=False, metadata={"json": False})
 
     def __getstate__(self) -> dict[str, Any]:
         # As in `Family`: exact polynomials stay in this process, and what was proven with them.
@@ -166,6 +174,9 @@ class ClosedForm(JsonResult):
         >>> form["wrist"] is form["F2"]
         True
         """
+        if not isinstance(name, str):
+            hint = f"form.families[{name}]" if isinstance(name, int) else "see form.families"
+            raise ArgumentError("family", "a name such as 'F1'", shown(name), hint)
         found = [f for f in self.families if name and name in (f.name, f.title)]
         if len(found) > 1:
             names = " or ".join(f.name for f in found)
@@ -475,3 +486,18 @@ def _rows(name: str, latex: str, long: bool) -> list[str]:
         rf"  \text{{{name}:}} \quad & {lines[0]}",
         *(rf"  & \qquad {line}" for line in lines[1:]),
     ]
+
+
+def _arm_of(form: ClosedForm) -> Arm:
+    if form.loaded is None:
+        raise ArgumentError("arm", "an Arm", "a closed form read from JSON", "load the robot too")
+    return form.loaded
+
+
+def _refuse(summary: ArmSummary) -> Arm:
+    hint = "use the arm that pinsing.load gave, or the closed form itself"
+    raise ArgumentError("arm", "an Arm", "the summary of one that a result has", hint)
+
+
+stands_for(ClosedForm, Arm, _arm_of)
+stands_for(ArmSummary, Arm, _refuse)

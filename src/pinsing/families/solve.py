@@ -298,6 +298,7 @@ def _found(
         left_out=tuple(left_out),
         geometry=geometry,
         faithful=None if off else stated_families,
+        loaded=arm,
         snaps=tuple(str(s) for s in (*geometry.snaps, *moved)),
         jacobian_change=geometry.jacobian_change,
         seconds=time.monotonic() - started,

@@ -1,1 +1,24 @@
 """q to J and sigma, one or millions."""
+
+from typing import TYPE_CHECKING
+
+from pinsing._package import public
+
+if TYPE_CHECKING:
+    from pinsing.kinematics.inverse_velocity import InverseVelocity as InverseVelocity
+    from pinsing.kinematics.inverse_velocity import inverse_velocity as inverse_velocity
+    from pinsing.kinematics.jacobian import frame_jacobian as frame_jacobian
+    from pinsing.kinematics.jacobian import frame_jacobians as frame_jacobians
+    from pinsing.kinematics.jacobian import generic_rank as generic_rank
+    from pinsing.kinematics.jacobian import singular_values as singular_values
+    from pinsing.kinematics.jacobian import task_jacobian as task_jacobian
+    from pinsing.kinematics.jacobian import task_jacobians as task_jacobians
+
+public(
+    __name__,
+    {
+        "jacobian": "frame_jacobian frame_jacobians generic_rank singular_values "
+        "task_jacobian task_jacobians",
+        "inverse_velocity": "InverseVelocity inverse_velocity",
+    },
+)

@@ -122,7 +122,7 @@ def frame_jacobians(
     --------
     >>> import numpy as np, pinsing
     >>> Q = np.random.default_rng(0).uniform(-1, 1, (1000, 6))
-    >>> pinsing.frame_jacobians(pinsing.load("ur5"), Q).shape
+    >>> pinsing.kinematics.frame_jacobians(pinsing.load("ur5"), Q).shape
     (1000, 6, 6)
     """
     return batch(arm, engine, threads).frame_jacobians(arm.check_many(Q, "Q", own=False))
@@ -154,7 +154,7 @@ def task_jacobian(arm: Arm, q: npt.ArrayLike) -> Array:
     --------
     >>> import pinsing
     >>> arm = pinsing.load("planar3r", task="vx,vy")
-    >>> pinsing.task_jacobian(arm, [0, 0.5, 1]).round(3)
+    >>> pinsing.kinematics.task_jacobian(arm, [0, 0.5, 1]).round(3)
     array([[-0.343, -0.343, -0.199],
            [ 0.677,  0.277,  0.014]])
     """
@@ -187,7 +187,7 @@ def task_jacobians(
     --------
     >>> import pinsing
     >>> arm = pinsing.load("planar3r", task="vx,vy")
-    >>> pinsing.task_jacobians(arm, [[0, 0.5, 1], [0, 0.1, 1]]).shape
+    >>> pinsing.kinematics.task_jacobians(arm, [[0, 0.5, 1], [0, 0.1, 1]]).shape
     (2, 2, 3)
     """
     Q = arm.check_many(Q, "Q", own=False)

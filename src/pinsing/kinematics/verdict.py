@@ -79,8 +79,8 @@ def generic_rank(arm: Arm) -> int:
     Examples
     --------
     >>> import pinsing
-    >>> pinsing.generic_rank(pinsing.load("planar3r")), pinsing.generic_rank(pinsing.load("ur5"))
-    (3, 6)
+    >>> pinsing.kinematics.generic_rank(pinsing.load("planar3r"))
+    3
     """
     return arm.once("generic_rank", lambda: _generic_rank(arm))
 

@@ -1,5 +1,6 @@
 """Closed loops: solving, modes and singularities of mechanisms."""
 
+from pinsing._package import public
 from pinsing.loops.analysis import analyze_mechanism
 from pinsing.loops.closure import constraint_jacobian, output_jacobian, ranks, residual, split
 from pinsing.loops.forms import JointForms, JointLocus, PoseEquation, PoseForms, PoseLocus
@@ -63,3 +64,5 @@ __all__ = [
     "trace",
     "working_modes",
 ]
+
+public(__name__, {}, called="pinsing.load_mechanism(robot)")

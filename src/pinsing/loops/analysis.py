@@ -79,7 +79,7 @@ def analyze_mechanism(
     Examples
     --------
     >>> import pinsing
-    >>> found = pinsing.analyze_mechanism(pinsing.load_mechanism("four_bar"))
+    >>> found = pinsing.loops.analyze_mechanism(pinsing.load_mechanism("four_bar"))
     >>> found.mobility, found.inputs, len(found.assemblies)
     (1, ('crank',), 2)
     """

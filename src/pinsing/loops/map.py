@@ -263,7 +263,7 @@ class MechanismMap(JsonResult):
     """
 
     schema: ClassVar[str] = "pinsing/mechanism-map/2"
-    made_by: ClassVar[str] = "pinsing.mechanism_map(mechanism)"
+    made_by: ClassVar[str] = "pinsing.loops.mechanism_map(mechanism)"
 
     name: str
     over: str
@@ -410,7 +410,7 @@ def mechanism_map(
     Examples
     --------
     >>> import pinsing
-    >>> found = pinsing.mechanism_map(pinsing.load_mechanism("planar_3rrr"), count=200)
+    >>> found = pinsing.loops.mechanism_map(pinsing.load_mechanism("planar_3rrr"), count=200)
     >>> found.closed <= 200, sorted(found.kinds)[0]
     (True, 'constraint')
     """

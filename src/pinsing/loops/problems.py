@@ -248,7 +248,7 @@ def assembly_modes(
     Examples
     --------
     >>> import pinsing
-    >>> found = pinsing.assembly_modes(pinsing.load_mechanism("five_bar"))
+    >>> found = pinsing.loops.assembly_modes(pinsing.load_mechanism("five_bar"))
     >>> len(found.modes), found.complete
     (2, True)
     """
@@ -308,7 +308,7 @@ def working_modes(
     Examples
     --------
     >>> import pinsing
-    >>> found = pinsing.working_modes(pinsing.load_mechanism("five_bar"))
+    >>> found = pinsing.loops.working_modes(pinsing.load_mechanism("five_bar"))
     >>> len(found.modes), found.complete
     (4, True)
     """

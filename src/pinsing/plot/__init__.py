@@ -4,23 +4,29 @@ Every function takes an optional ``ax`` and returns the axes that it drew on. Wi
 it makes a figure that is readable at one column's width.
 """
 
-from pinsing.plot.aspect_plane import aspect_plane, locus
-from pinsing.plot.curves import sigma_along, sigma_curves
-from pinsing.plot.ellipsoids import ellipsoids
-from pinsing.plot.plane import sigma_plane, workspace
-from pinsing.plot.reach import inverse_count
+from typing import TYPE_CHECKING
 
-sigma_map = sigma_plane
-"""As `sigma_plane`: the name that it had before, which is that of `pinsing.sigma_map` too."""
+from pinsing._package import public
 
-__all__ = [
-    "aspect_plane",
-    "ellipsoids",
-    "inverse_count",
-    "locus",
-    "sigma_along",
-    "sigma_curves",
-    "sigma_map",
-    "sigma_plane",
-    "workspace",
-]
+if TYPE_CHECKING:
+    from pinsing.plot.aspect_plane import aspect_plane as aspect_plane
+    from pinsing.plot.aspect_plane import locus as locus
+    from pinsing.plot.curves import sigma_along as sigma_along
+    from pinsing.plot.curves import sigma_curves as sigma_curves
+    from pinsing.plot.ellipsoids import ellipsoids as ellipsoids
+    from pinsing.plot.plane import sigma_plane as sigma_plane
+    from pinsing.plot.plane import workspace as workspace
+    from pinsing.plot.reach import inverse_count as inverse_count
+
+public(
+    __name__,
+    {
+        "aspect_plane": "aspect_plane locus",
+        "curves": "sigma_along sigma_curves",
+        "ellipsoids": "ellipsoids",
+        "plane": "sigma_plane workspace",
+        "reach": "inverse_count",
+    },
+    advice={"sigma_map": "pinsing.plot.sigma_plane, or pinsing.sampling.sigma_map"},
+    called="pinsing.plot.sigma_plane, pinsing.plot.sigma_curves, pinsing.plot.ellipsoids, ...",
+)

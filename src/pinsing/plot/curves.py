@@ -86,7 +86,7 @@ def sigma_curves(
     --------
     >>> import pinsing
     >>> from pinsing import plot
-    >>> plot.sigma_curves(pinsing.sweep(pinsing.load("planar3r"))).get_xlabel()
+    >>> plot.sigma_curves(pinsing.sampling.sweep(pinsing.load("planar3r"))).get_xlabel()
     'joint angle [rad]'
     """
     if arm is not None and arm.joints != result.arm.joints:

@@ -1,1 +1,36 @@
 """Postures: the pieces that singular configurations cut joint space into, and ways within them."""
+
+from typing import TYPE_CHECKING
+
+from pinsing._package import public
+
+if TYPE_CHECKING:
+    from pinsing.postures.aspects import Aspects as Aspects
+    from pinsing.postures.aspects import aspects as aspects
+    from pinsing.postures.changes import PostureChanges as PostureChanges
+    from pinsing.postures.changes import posture_changes as posture_changes
+    from pinsing.postures.connection import Connection as Connection
+    from pinsing.postures.connection import connect as connect
+    from pinsing.postures.cuspidal import Cuspidality as Cuspidality
+    from pinsing.postures.cuspidal import cuspidality as cuspidality
+    from pinsing.postures.inverse import inverse as inverse
+    from pinsing.postures.inverse_solutions import InverseSolutions as InverseSolutions
+    from pinsing.postures.motions import aspect_changes as aspect_changes
+    from pinsing.postures.motions import line_postures as line_postures
+    from pinsing.postures.toolpath import PathPlan as PathPlan
+    from pinsing.postures.toolpath import plan_path as plan_path
+
+public(
+    __name__,
+    {
+        "aspects": "Aspects aspects",
+        "changes": "PostureChanges posture_changes",
+        "connection": "Connection connect",
+        "cuspidal": "Cuspidality cuspidality",
+        "inverse": "inverse",
+        "inverse_solutions": "InverseSolutions",
+        "motions": "aspect_changes line_postures",
+        "toolpath": "PathPlan plan_path",
+    },
+    called="pinsing.inverse(arm, pose) or pinsing.posture_changes(arm, q)",
+)

@@ -62,7 +62,7 @@ def line_postures(
     --------
     >>> import pinsing
     >>> arm = pinsing.load("scara")
-    >>> [p.outcome for p in pinsing.line_postures(arm, [0, 1.0, 0, 0], [0.4, 0.2, 0.1])]
+    >>> [p.outcome for p in pinsing.postures.line_postures(arm, [0, 1.0, 0, 0], [0.4, 0.2, 0.1])]
     ['reached']
     """
     here = arm.check_one(q0, "q0")
@@ -150,7 +150,7 @@ def aspect_changes(
     --------
     >>> import pinsing
     >>> form = pinsing.closed_form(pinsing.load("scara"))
-    >>> change, = pinsing.aspect_changes(form, [[0, -1, 0, 0], [0, 1, 0, 0]])
+    >>> change, = pinsing.postures.aspect_changes(form, [[0, -1, 0, 0], [0, 1, 0, 0]])
     >>> round(change.t, 9), change.before, change.after
     (0.5, 1, 2)
     """

@@ -128,6 +128,7 @@ class PathPlan(JsonResult):
     def __str__(self) -> str:
         return self.text()
 
+    @checked
     def text(self, degrees: bool = True) -> str:
         """Return the answer in lines.
 
@@ -135,6 +136,13 @@ class PathPlan(JsonResult):
         ----------
         degrees : bool
             Angles in degrees, or in radians.
+
+        Examples
+        --------
+        >>> import numpy as np, pinsing
+        >>> form = pinsing.closed_form(pinsing.load("ur5"))
+        >>> print(pinsing.plan_path(form, np.tile(np.eye(4), (2, 1, 1))).text())
+        No path: pose 0 at (0, 0, 0) m is out of reach.
         """
         factor, unit = (180 / np.pi, "°") if degrees else (1.0, " rad")
 

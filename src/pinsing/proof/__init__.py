@@ -1,1 +1,17 @@
 """Certificates of completeness: made by `produce`, accepted or rejected by `checker` alone."""
+
+from typing import TYPE_CHECKING
+
+from pinsing._package import public
+
+if TYPE_CHECKING:
+    from pinsing.proof.checker import Rejected as Rejected
+    from pinsing.proof.checker import verify as verify
+
+public(
+    __name__,
+    {
+        "checker": "Rejected verify",
+    },
+    called="pinsing.proof.verify(text)",
+)

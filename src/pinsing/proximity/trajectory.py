@@ -364,6 +364,9 @@ class TrajectoryCheck(JsonResult):
         said = f"meets {names}" if names else f"clearance {self.clearance:.3g}"
         return one_line("TrajectoryCheck", f"{self.arm.name}, {self.samples} samples: {said}")
 
+    def __str__(self) -> str:
+        return summary(self)
+
     @property
     def clearance(self) -> float:
         """Proven: the motion is nowhere nearer to a family; infinite without families."""

@@ -13,9 +13,10 @@ import numpy.typing as npt
 
 from pinsing._types import Array, Bool
 from pinsing.algebra.conditions import Conditions
-from pinsing.arguments import columns_of, real_numbers
+from pinsing.arguments import columns_of, real_numbers, stands_for
 from pinsing.errors import OptionError, UnknownNameError
 from pinsing.families import ClosedForm, Family
+from pinsing.families.solve import form_to_measure
 from pinsing.robot.arm import Arm, summarize
 from pinsing.robot.joint_space import JointSpace, require_values
 
@@ -254,3 +255,10 @@ def require_forms_of(forms: Forms, arm: Arm) -> None:
                     f"the closed form is of another arm: {what} of {there.name!r} and of "
                     f"{here.name!r} differ; make one of this arm with closed_form(arm)"
                 )
+
+
+def _form_of(arm: Arm) -> ClosedForm:
+    return arm.once("closed form", lambda: form_to_measure(arm))  # `clearance` is called often
+
+
+stands_for(Arm, ClosedForm, _form_of)

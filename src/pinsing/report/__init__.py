@@ -1,1 +1,16 @@
 """Reports: results as text, JSON and HTML."""
+
+from typing import TYPE_CHECKING
+
+from pinsing._package import public
+
+if TYPE_CHECKING:
+    from pinsing.report.write import write_report as write_report
+
+public(
+    __name__,
+    {
+        "write": "write_report",
+    },
+    called='pinsing.write_report(arm, "report.html")',
+)

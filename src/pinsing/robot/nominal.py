@@ -129,7 +129,7 @@ def nominal(
     Examples
     --------
     >>> import pinsing
-    >>> exact = pinsing.nominal(pinsing.load("ur5"))
+    >>> exact = pinsing.robot.nominal(pinsing.load("ur5"))
     >>> exact.snaps[0].what, exact.snaps[0].nominal, exact.jacobian_change < 1e-10
     ('angle', 0.0, True)
     """

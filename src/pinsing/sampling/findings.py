@@ -101,7 +101,7 @@ def singular_configurations(
     --------
     >>> import pinsing
     >>> arm = pinsing.load("planar3r")
-    >>> pinsing.singular_configurations(arm, pinsing.sweep(arm))[0]
+    >>> pinsing.sampling.singular_configurations(arm, pinsing.sampling.sweep(arm))[0]
     <Finding: q2 = 0, whatever the others (boundary)>
     """
     plan = result.plan

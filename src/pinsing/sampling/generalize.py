@@ -143,7 +143,7 @@ class Finding(JsonResult):
     """
 
     schema: ClassVar[str] = "pinsing/finding/1"
-    made_by: ClassVar[str] = "pinsing.singular_configurations(arm, result)"
+    made_by: ClassVar[str] = "pinsing.sampling.singular_configurations(arm, result)"
 
     status: Status
     condition: JointCondition
@@ -280,7 +280,7 @@ def generalize(
     Examples
     --------
     >>> import pinsing
-    >>> pinsing.generalize(pinsing.load("ur5"), [0.4, -1.2, 0.8, -1, 0, 0.3])
+    >>> pinsing.sampling.generalize(pinsing.load("ur5"), [0.4, -1.2, 0.8, -1, 0, 0.3])
     <Generalization: wrist_2_joint = 0, whatever the others>
     """
     whole_number(seed, "seed", 0, MAX_SEED)

@@ -199,7 +199,7 @@ class MapPlan(JsonResult):
     """
 
     schema: ClassVar[str] = "pinsing/map-plan/1"
-    made_by: ClassVar[str] = "pinsing.plan_map(arm)"
+    made_by: ClassVar[str] = "pinsing.sampling.plan_map(arm)"
 
     arm: ArmSummary
     sampling: str
@@ -240,7 +240,7 @@ class MapPlan(JsonResult):
         Examples
         --------
         >>> import pinsing
-        >>> plan = pinsing.plan_map(pinsing.load("scara"), "grid", steps=3, joints=["q2"])
+        >>> plan = pinsing.sampling.plan_map(pinsing.load("scara"), "grid", steps=3, joints=["q2"])
         >>> plan.configurations(0, 3)[:, 1].round(2)
         array([-2.62,  0.  ,  2.62])
         """
@@ -251,7 +251,13 @@ class MapPlan(JsonResult):
         return rows_of(self, start, stop)
 
     def configuration(self, index: int) -> Array:
-        """Joint vector (n,) of one number."""
+        """Return the joint vector (n,) of one number.
+
+        Parameters
+        ----------
+        index : int
+            From 0.
+        """
         return np.asarray(rows_of(self, index, index + 1)[0])
 
     def identity(self) -> dict[str, Any]:
@@ -324,7 +330,7 @@ def plan_map(
     Examples
     --------
     >>> import pinsing
-    >>> pinsing.plan_map(pinsing.load("planar3r"), "grid", steps=90).count
+    >>> pinsing.sampling.plan_map(pinsing.load("planar3r"), "grid", steps=90).count
     8100
     """
     if sampling not in SAMPLINGS:

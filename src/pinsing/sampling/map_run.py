@@ -125,7 +125,7 @@ class MapResult(JsonResult):
     """
 
     schema: ClassVar[str] = "pinsing/map/1"
-    made_by: ClassVar[str] = "pinsing.sigma_map(arm)"
+    made_by: ClassVar[str] = "pinsing.sampling.sigma_map(arm)"
 
     plan: MapPlan
     engine: str
@@ -181,7 +181,7 @@ class MapResult(JsonResult):
         Examples
         --------
         >>> import pinsing
-        >>> result = pinsing.sigma_map(pinsing.load("planar3r"), count=1000)
+        >>> result = pinsing.sampling.sigma_map(pinsing.load("planar3r"), count=1000)
         >>> print(result.text(degrees=True).splitlines()[0])
         map of planar3r: Sobol sample of 1,000 configurations over q2, q3
         """
@@ -539,7 +539,7 @@ def sigma_map(
     Examples
     --------
     >>> import pinsing
-    >>> result = pinsing.sigma_map(pinsing.load("planar3r"), count=4096)
+    >>> result = pinsing.sampling.sigma_map(pinsing.load("planar3r"), count=4096)
     >>> result.done, result.singular, result.near_singular
     (4096, 0, 276)
     """

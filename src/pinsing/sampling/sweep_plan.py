@@ -132,7 +132,7 @@ class SweepPlan(JsonResult):
     """
 
     schema: ClassVar[str] = "pinsing/sweep-plan/1"
-    made_by: ClassVar[str] = "pinsing.plan_sweep(arm)"
+    made_by: ClassVar[str] = "pinsing.sampling.plan_sweep(arm)"
 
     arm: ArmSummary
     nominal: Array
@@ -193,7 +193,7 @@ class SweepPlan(JsonResult):
         Examples
         --------
         >>> import pinsing
-        >>> plan = pinsing.plan_sweep(pinsing.load("ur5"))
+        >>> plan = pinsing.sampling.plan_sweep(pinsing.load("ur5"))
         >>> plan.swept, plan.moving([1])
         ((1, 2, 3, 4), (2, 3, 4))
         """
@@ -421,7 +421,7 @@ def plan_sweep(
     Examples
     --------
     >>> import pinsing
-    >>> pinsing.plan_sweep(pinsing.load("planar3r"))
+    >>> pinsing.sampling.plan_sweep(pinsing.load("planar3r"))
     <SweepPlan: 3 curves, 547 Jacobians; special values: 4 of 1 joint>
     """
     if not 3 <= samples <= _MAX_SAMPLES:

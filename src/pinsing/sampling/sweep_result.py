@@ -157,7 +157,7 @@ class SweepResult(JsonResult):
     """
 
     schema: ClassVar[str] = "pinsing/sweep/1"
-    made_by: ClassVar[str] = "pinsing.sweep(arm)"
+    made_by: ClassVar[str] = "pinsing.sampling.sweep(arm)"
 
     plan: SweepPlan
     uniform: tuple[UniformRow, ...]
@@ -201,7 +201,7 @@ class SweepResult(JsonResult):
         Examples
         --------
         >>> import pinsing
-        >>> curve = pinsing.sweep(pinsing.load("planar3r")).curve({}, "q2")
+        >>> curve = pinsing.sampling.sweep(pinsing.load("planar3r")).curve({}, "q2")
         >>> curve.x.shape, curve.sigma_min.max().round(3).item()
         ((181,), 0.206)
         """
@@ -243,7 +243,7 @@ class SweepResult(JsonResult):
         Examples
         --------
         >>> import math, pinsing
-        >>> pinsing.sweep(pinsing.load("planar3r")).set_text({"q2": 0, "q3": math.pi / 2})
+        >>> pinsing.sampling.sweep(pinsing.load("planar3r")).set_text({"q2": 0, "q3": math.pi / 2})
         'q2 = 0, q3 = 90 deg'
         """
         self._known(fixed)

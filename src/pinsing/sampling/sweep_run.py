@@ -346,7 +346,7 @@ def sweep(
     Examples
     --------
     >>> import pinsing
-    >>> result = pinsing.sweep(pinsing.load("planar3r"))
+    >>> result = pinsing.sampling.sweep(pinsing.load("planar3r"))
     >>> len(result.curves), result.complete
     (3, True)
     """
@@ -392,8 +392,8 @@ def run_sweep(
     worst : int
         How many of the worst configurations to keep.
     candidates : int
-        How many dips of the curves to keep for `pinsing.singular_configurations`; if there are
-        more, a note says so, and `pinsing.sampling.curves` how they are chosen.
+        How many dips of the curves to keep for `pinsing.sampling.singular_configurations`; if
+        there are more, a note says so, and `pinsing.sampling.curves` how they are chosen.
     chunk : int, optional
         Jacobians of a chunk, more or less.
     out : path-like, optional

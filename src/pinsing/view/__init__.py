@@ -4,19 +4,17 @@
 the algebra and what draws are there.
 """
 
-from __future__ import annotations
+from typing import TYPE_CHECKING
 
-from typing import TYPE_CHECKING, Any
+from pinsing._package import public
 
 if TYPE_CHECKING:
-    from pinsing.view.viewer import Viewer
+    from pinsing.view.viewer import Viewer as Viewer
 
-__all__ = ["Viewer"]
-
-
-def __getattr__(name: str) -> Any:
-    if name == "Viewer":
-        from pinsing.view.viewer import Viewer
-
-        return Viewer
-    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+public(
+    __name__,
+    {
+        "viewer": "Viewer",
+    },
+    called="pinsing.Viewer(arm)",
+)

@@ -1,0 +1,102 @@
+"""Public packages: names are imported when first used, and a wrong name says which is right."""
+
+from __future__ import annotations
+
+import difflib
+import importlib.util
+import sys
+from collections.abc import Mapping, Sequence
+from types import ModuleType
+from typing import Any
+
+
+class Package(ModuleType):
+    """A package that shows its public names and no others.
+
+    A module of a package may have the name of the function that it holds: the package's attribute
+    is the function, whatever was imported before.
+    """
+
+    _homes: Mapping[str, str] = {}
+    _packages: Sequence[str] = ()
+    _advice: Mapping[str, str] = {}
+    _called = ""
+
+    def __getattr__(self, name: str) -> Any:
+        if name in self._homes:
+            value = getattr(importlib.import_module(self._homes[name]), name)
+        elif name in self._packages:
+            value = importlib.import_module(f"{self.__name__}.{name}")
+        else:
+            raise AttributeError(self._refusal(name))
+        self.__dict__[name] = value
+        return value
+
+    def __setattr__(self, name: str, value: Any) -> None:
+        # The import system binds every module of a package in it.
+        if not (name in self._homes and isinstance(value, ModuleType)):
+            super().__setattr__(name, value)
+
+    def __dir__(self) -> list[str]:
+        own = (n for n in self.__dict__ if n.startswith("__") and n.endswith("__"))
+        return sorted({*own, *self.__all__, *self._packages})
+
+    def __call__(self, *_: object, **__: object) -> None:
+        hint = self._called or ", ".join(f"{self.__name__}.{n}" for n in self.__all__[:4])
+        raise TypeError(f"{self.__name__} is a module, not a function: use {hint}")
+
+    def _refusal(self, name: str) -> str:
+        """Say what to use instead of a name that is not there."""
+        refusal = f"module {self.__name__!r} has no attribute {name!r}"
+        # Python asks for dunders, and for a module before it imports it.
+        if name.startswith("_") or importlib.util.find_spec(f"{self.__name__}.{name}"):
+            return refusal
+        if name in self._advice:
+            return f"{refusal}: use {self._advice[name]}"
+        places: dict[str, str] = {}
+        for package in self._packages:
+            module = importlib.import_module(f"{self.__name__}.{package}")
+            places = dict.fromkeys(module.__all__, module.__name__) | places
+        places |= dict.fromkeys(self.__all__, self.__name__)
+        close = [name] if name in places else difflib.get_close_matches(name, places, 1, 0.7)
+        return f"{refusal}: use {places[close[0]]}.{close[0]}" if close else refusal
+
+
+def public(
+    package: str,
+    homes: Mapping[str, str],
+    *,
+    packages: Sequence[str] = (),
+    advice: Mapping[str, str] | None = None,
+    called: str = "",
+) -> None:
+    """Make a package import its names when they are first used.
+
+    Parameters
+    ----------
+    package : str
+        Its ``__name__``.
+    homes : mapping of str to str
+        For each module in the package, or elsewhere if there is a dot in it, the names that it
+        holds, separated by spaces.
+    packages : sequence of str
+        Public packages and modules within it.
+    advice : mapping of str to str, optional
+        For names that people guess: what to use instead.
+    called : str
+        What to use where the package is called like a function.
+    """
+    module = sys.modules[package]
+    found = {
+        name: home if "." in home else f"{package}.{home}"
+        for home, names in homes.items()
+        for name in names.split()
+    }
+    module.__class__ = Package
+    module.__dict__.setdefault("__all__", sorted(found))
+    module.__dict__.update(
+        _homes=found,
+        _packages=packages,
+        _advice=advice or {},
+        _called=called,
+    )

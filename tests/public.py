@@ -1,0 +1,24 @@
+"""What is public: the names that the reference of the Python interface documents."""
+
+from __future__ import annotations
+
+import importlib
+import re
+from pathlib import Path
+from typing import Any
+
+from pinsing import plot
+
+REFERENCE = Path(__file__).parents[1] / "docs" / "reference" / "api.md"
+
+
+def documented() -> dict[str, Any]:
+    """Functions and classes by name; those that draw as ``plot.NAME``."""
+    found: dict[str, Any] = {}
+    package = ""
+    for directive, name in re.findall(r"^\.\. (\w+):: ([\w.]+)$", REFERENCE.read_text(), re.M):
+        if directive == "currentmodule":
+            package = name
+        elif directive != "automodule":
+            found[name] = getattr(importlib.import_module(package), name)
+    return found | {f"plot.{name}": getattr(plot, name) for name in plot.__all__}
