@@ -16,7 +16,6 @@ from test_pose_forms import pluecker
 from urdf_text import J, frame, loop_text, stewart, written
 
 import pinsing
-from pinsing.cli import main
 from pinsing.loops import (
     JointForms,
     JointLocus,
@@ -270,17 +269,14 @@ def test_what_is_left_of_rounded_axes_is_no_term(tmp_path):
         assert size[size > 0].min() > 1e-9 * size.max()
 
 
-def test_they_survive_json_and_the_command_line(capsys):
+def test_they_survive_json_and_the_command_line(command):
     forms = joint_forms(shipped("gough_stewart"))
     again = JointForms.from_dict(json.loads(forms.to_json()))
     q = np.linspace(0.1, 0.9, 21)
     assert np.array_equal(again.values(q), forms.values(q))
     assert str(again) == str(forms)
-    tree, loops = (str(URDF / f"agile_eye.{x}") for x in ("urdf", "loops.yaml"))
-    with pytest.raises(SystemExit) as ended:
-        main(["families", "-v", tree, "--loops", loops])
-    assert ended.value.code == 0
-    text = capsys.readouterr().out
+    code, text, _ = command("families", "-v", URDF / "agile_eye.urdf", "--loops")
+    assert code == 0
     assert "determinant of 3 x 3 entries" in text
     assert "(-cos v1, -sin a1 sin v1, cos a1 sin v1)" in text
     assert "cos v2 = 0" in text
@@ -289,13 +285,10 @@ def test_they_survive_json_and_the_command_line(capsys):
 @pytest.mark.parametrize(
     ("name", "kind"), [("planar_3rpr", PoseForms), ("five_bar", LoopForms), ("bennett", JointForms)]
 )
-def test_json_of_the_command_has_both(name, kind, capsys):
-    tree, loops = (str(URDF / f"{name}.{x}") for x in ("urdf", "loops.yaml"))
-    with pytest.raises(SystemExit) as ended:
-        main(["families", tree, "--loops", loops, "--json", "-"])
-    assert ended.value.code == 0
-    data = json.loads(capsys.readouterr().out)
-    found = kind.from_dict(data)
+def test_json_of_the_command_has_both(name, kind, command):
+    code, text, _ = command("families", URDF / f"{name}.urdf", "--loops", "--json", "-")
+    assert code == 0
+    found = kind.from_json(text)
     assert found.complete
     if kind is JointForms:
         assert str(found) == str(joint_forms(shipped(name)))

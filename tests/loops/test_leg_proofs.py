@@ -11,7 +11,6 @@ from test_parallel_geometry import Way, planar
 from tiers import tiered
 
 import pinsing
-from pinsing.cli import main
 from pinsing.errors import OptionError
 from pinsing.loops import joint_forms
 from pinsing.loops.closure import random_closed
@@ -72,17 +71,11 @@ def test_why_there_is_none_is_said():
         leg_proofs(shipped("bennett"))
 
 
-def test_files_of_the_legs_are_checked_by_the_command(tmp_path, capsys):
-    tree, loops = (str(URDF / f"planar_3rrr.{x}") for x in ("urdf", "loops.yaml"))
-    target = tmp_path / "c.json"
-    with pytest.raises(SystemExit) as ended:
-        main(["families", "-v", tree, "--loops", loops, "--certificate", str(target)])
-    assert ended.value.code == 0
-    said = capsys.readouterr()
-    assert "leg 2: a2, b2 up to its end (vx,vy) singular if and only if b2 = 0" in said.out
-    files = [str(tmp_path / f"c_leg{k}.json") for k in (1, 2, 3)]
-    with pytest.raises(SystemExit) as ended:
-        main(["verify", *files])
-    assert ended.value.code == 0
+def test_files_of_the_legs_are_checked_by_the_command(tmp_path, command):
+    tree, target = URDF / "planar_3rrr.urdf", tmp_path / "c.json"
+    code, said, _ = command("families", "-v", tree, "--loops", "--certificate", target)
+    assert code == 0
+    assert "leg 2: a2, b2 up to its end (vx,vy) singular if and only if b2 = 0" in said
+    assert command("verify", *(tmp_path / f"c_leg{k}.json" for k in (1, 2, 3)))[0] == 0
     assert not target.exists()
     assert pinsing.load_mechanism(tree).n == 7

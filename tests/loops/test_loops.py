@@ -100,13 +100,6 @@ def circles(c1, r1, c2, r2):
 # -- the model -----------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("name", MODELS)
-def test_ranks_of_the_shipped_models(name):
-    expected = {"five_bar": (2, 2, 2), "four_bar": (2, 1, 1), "planar_3rrr": (4, 3, 3)}[name]
-    found = ranks(shipped(name))
-    assert (found.constraint, found.mobility, found.output) == expected
-
-
 def test_a_weld_in_space_is_redundant_for_a_planar_loop():
     found = ranks(welded())
     assert (found.constraint, found.mobility) == (3, 1)

@@ -10,7 +10,6 @@ import yaml
 from mechanisms import URDF, shipped
 
 import pinsing
-from pinsing.cli import main
 from pinsing.errors import OptionError
 from pinsing.loops import MechanismMap, mechanism_at, refine
 from pinsing.loops.batch import BatchLoops
@@ -96,20 +95,16 @@ def test_what_cannot_be_mapped_is_said():
         (["--sampling", "grid"], 2, "--sampling does not go with --loops"),
     ],
 )
-def test_the_command(more, code, words, capsys):
-    tree, loops = (str(URDF / f"planar_3rpr.{x}") for x in ("urdf", "loops.yaml"))
-    with pytest.raises(SystemExit) as ended:
-        main(["map", tree, "--loops", loops, *more])
-    assert ended.value.code == code
-    told = capsys.readouterr()
-    assert words in " ".join((told.out + told.err).split())
+def test_the_command(more, code, words, command):
+    found, *told = command("map", URDF / "planar_3rpr.urdf", "--loops", *more)
+    assert found == code
+    assert words in " ".join("".join(told).split())
 
 
-def test_over_is_an_option_of_mechanisms(capsys):
-    with pytest.raises(SystemExit) as ended:
-        main(["map", "ur5", "--over", "poses"])
-    assert ended.value.code == 2
-    assert "--over goes with --loops" in capsys.readouterr().err
+def test_over_is_an_option_of_mechanisms(command):
+    code, _, told = command("map", "ur5", "--over", "poses")
+    assert code == 2
+    assert "--over goes with --loops" in told
 
 
 @pytest.mark.parametrize(

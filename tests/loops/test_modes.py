@@ -16,7 +16,6 @@ from urdf_text import J as Joint
 from urdf_text import frame, loop_text, stewart, written
 
 import pinsing
-from pinsing.cli import main
 from pinsing.errors import ConfigurationError, OptionError
 from pinsing.loops import (
     analyze_mechanism,
@@ -48,6 +47,8 @@ SHELF = {
     "rps3": (9, 6, 6, 3),
     "planar_3rpr": (7, 6, 4, 3),
     "planar_3rrr": (7, 6, 4, 3),
+    "five_bar": (4, 3, 2, 2),
+    "four_bar": (3, 2, 2, 1),
     "delta": (18, 15, 15, 3),
     "agile_eye": (7, 6, 4, 3),
     "rssr": (4, 3, 3, 1),
@@ -273,18 +274,14 @@ def within(folder, name, joint, old, new):
     return path
 
 
-def test_limits_that_leave_nothing_are_said_by_each_command(tmp_path, capsys):
+def test_limits_that_leave_nothing_are_said_by_each_command(tmp_path, command):
     path = within(tmp_path, "planar_3rpr", "p1", 'lower="0.2" upper="2.5"', 'lower="9" upper="9.5"')
     words = r"home is beyond the joint limits \(p1 = 0.553232 is not in \[9, 9.5\]\): the loops"
-    for code, command in ((0, ["families"]), (2, ["analyze"]), (0, ["map"])):
-        more = ["--count", "5"] if command == ["map"] else []
-        with pytest.raises(SystemExit) as end:
-            main([*command, str(path), "--loops", *more])
-        assert end.value.code == code
-        assert re.search(words, " ".join(capsys.readouterr().err.split()))
-    with pytest.raises(SystemExit):
-        main(["map", str(path), "--loops", "--count", "5", "--ignore-limits"])
-    assert capsys.readouterr().err == ""
+    for wanted, name, *more in ((0, "families"), (2, "analyze"), (0, "map", "--count", "5")):
+        code, _, told = command(name, path, "--loops", *more)
+        assert code == wanted
+        assert re.search(words, " ".join(told.split()))
+    assert command("map", path, "--loops", "--count", "5", "--ignore-limits")[2] == ""
 
 
 def test_working_modes_are_told_apart_by_their_inputs():
@@ -371,12 +368,7 @@ def test_the_platform_is_analysed_once_over(platform):
     ("name", "pose", "joint"), [("planar_3rpr", "yaw", "c1 ="), ("rps3", "pitch", "s1y =")]
 )
 @pytest.mark.slow
-def test_all_joints_on_request_only(name, pose, joint, capsys, monkeypatch):
-    def run(*args):
-        with pytest.raises(SystemExit) as ended:
-            main(args)
-        return ended.value.code, capsys.readouterr()
-
+def test_all_joints_on_request_only(name, pose, joint, command, monkeypatch):
     more = []
     if name == "planar_3rpr":  # it has so few joints that all are listed unasked
         monkeypatch.setattr("pinsing.loops.result._FEW", 3)
@@ -384,18 +376,18 @@ def test_all_joints_on_request_only(name, pose, joint, capsys, monkeypatch):
     else:  # whose analysis takes long: the same for both
         once = functools.cache(lambda *_: analyze_mechanism(shipped(name)))
         monkeypatch.setattr("pinsing.loops.analyze_mechanism", lambda *_, **__: once())
-    given = ["analyze", str(URDF / f"{name}.urdf"), "--loops", str(URDF / f"{name}.loops.yaml")]
-    code, said = run(*given)
+    given = ["analyze", URDF / f"{name}.urdf", "--loops"]
+    code, said, _ = command(*given)
     assert code == 0
-    assert pose in said.out
+    assert pose in said
     listed = re.compile(rf"(?<!cos )(?<!sin ){joint}")  # a value of it, not an equation
-    assert not listed.search(said.out)
-    code, said = run(*given, "--all-joints", *more)
+    assert not listed.search(said)
+    code, said, _ = command(*given, "--all-joints", *more)
     assert code == 0
-    assert listed.search(said.out)
-    code, said = run("analyze", "planar3r", "--all-joints")
+    assert listed.search(said)
+    code, _, told = command("analyze", "planar3r", "--all-joints")
     assert code == 2
-    assert "goes with --loops" in said.err
+    assert "goes with --loops" in told
 
 
 @pytest.mark.slow

@@ -13,7 +13,6 @@ from tiers import tiered
 from urdf_text import J, frame, loop_text, written
 
 import pinsing
-from pinsing.cli import main
 from pinsing.loops import PoseForms, mechanism_at, pose_forms, refine, working_modes
 from pinsing.loops.closure import Loops, random_closed
 from pinsing.loops.legs import rods
@@ -370,29 +369,22 @@ def test_forms_survive_json():
     np.testing.assert_array_equal(again.loci[0].equation.powers, forms.loci[0].equation.powers)
 
 
-def test_families_of_a_mechanism_at_the_command_line(capsys):
+def test_families_of_a_mechanism_at_the_command_line(command):
     def run(name, *more):
-        given = [str(URDF / f"{name}.urdf"), "--loops", str(URDF / f"{name}.loops.yaml"), *more]
-        with pytest.raises(SystemExit) as ended:
-            main(["families", "-v", *given])
-        return ended.value.code, capsys.readouterr()
+        return command("families", "-v", URDF / f"{name}.urdf", "--loops", *more)
 
-    code, said = run("gough_stewart", "--fail-if-singular")
+    code, said, _ = run("gough_stewart", "--fail-if-singular")
     assert code == 1
-    assert "turned by ±90° about z" in said.out
-    code, said = run("planar_3rpr", "--exact")
-    assert "x^2" in said.out
-    code, said = run("planar_3rpr", "--json", "-")
-    assert PoseForms.from_json(said.out).complete
-    code, said = run("five_bar")
-    assert "B1, P, B2 in line" in said.out
-    code, said = run("bennett")
+    assert "turned by ±90° about z" in said
+    assert "x^2" in run("planar_3rpr", "--exact")[1]
+    assert PoseForms.from_json(run("planar_3rpr", "--json", "-")[1]).complete
+    assert "B1, P, B2 in line" in run("five_bar")[1]
+    code, said, _ = run("bennett")
     assert code == 0
-    assert "rank of 9 x 4 entries below 4" in said.out
-    code, said = run("bennett", "--prove")
-    assert code == 2
-    assert not said.out
-    assert "no leg has a certificate of its own" in said.err
+    assert "rank of 9 x 4 entries below 4" in said
+    code, said, told = run("bennett", "--prove")
+    assert (code, said) == (2, "")
+    assert "no leg has a certificate of its own" in told
     assert run("planar_3rpr", "--latex")[0] == 2
 
 

@@ -12,7 +12,6 @@ from tiers import tiered, tiered_rows
 from urdf_text import J, X, Y, Z, ball, frame, loop_text, written
 
 import pinsing
-from pinsing.cli import main
 from pinsing.loops import PoseForms, mechanism_at, pose_forms, ranks, refine
 from pinsing.loops.closure import random_closed, residual
 from pinsing.loops.pose_notes import locus_distance, variables_at
@@ -341,7 +340,7 @@ def test_designs_that_never_hold_the_platform_are_named(tmp_path):
     assert mechanism_at(legs, random_closed(legs, 1, np.random.default_rng(0))[0]).kind == "type 2"
 
 
-def test_what_is_written_of_determinants(tmp_path, capsys):
+def test_what_is_written_of_determinants(tmp_path, command):
     t = six("pus", 0, parallel=True)
     mechanism = made(tmp_path, t)
     forms = pose_forms(mechanism)
@@ -355,18 +354,9 @@ def test_what_is_written_of_determinants(tmp_path, capsys):
     assert set(two.used) == set(two.names)
     assert "the six rod lines belong to one linear complex" in str(forms)
     assert "rod 3 is across the slide q2" in str(forms)
-    given = [
-        "families",
-        "-v",
-        str(tmp_path / "made.urdf"),
-        "--loops",
-        str(tmp_path / "made.loops.yaml"),
-    ]
     for more, rows in (([], 0), (["--exact"], 6)):
-        with pytest.raises(SystemExit) as ended:
-            main([*given, *more])
-        assert not ended.value.code
-        said = capsys.readouterr().out
+        code, said, _ = command("families", "-v", tmp_path / "made.urdf", "--loops", *more)
+        assert code == 0
         over_pose = said.partition("Closed forms in the joint angles")[0]
         assert "determinant of 6 x 6 entries" in over_pose
         assert ("(1) x " in over_pose) == bool(rows)

@@ -26,10 +26,6 @@ _QUESTION = 6_000.0
 """Work that a question stands for besides: what lies between two of them takes some 0.4 ms."""
 _CLOCK = 1.25
 """Seconds on the clock for a second of work."""
-_END = 1.4
-"""The same for all parts together, those included that have a least share of the whole."""
-_LONG = 0.5
-"""Seconds after which, or for a step of which, a computation counts as long."""
 
 
 class BudgetExceeded(Exception):
@@ -64,7 +60,8 @@ class Budget:
         self.seconds, self._long_to_factor = seconds if work is None else work, long_to_factor
         self._began = time.monotonic()
         self._deadline = self._began + (_CLOCK * seconds if work is None else seconds)
-        self._end = self._began + (_END * seconds if work is None else seconds)
+        # All parts together, those included that have a least share of the whole.
+        self._end = self._began + (1.4 * seconds if work is None else seconds)
         self._meter = _Meter()
         self._most = PER_SECOND * self.seconds
 
@@ -144,7 +141,7 @@ class Budget:
             self._meter.done -= term_products  # it is not begun
             raise BudgetExceeded(f"the work budget of {self.seconds:.3g} s ran out")
         expected = term_products / PER_SECOND
-        if self.when_long is not None and max(now - self._began, expected) > _LONG:
+        if self.when_long is not None and max(now - self._began, expected) > 0.5:  # seconds
             self.when_long()
 
     def check_factor(self, terms: int, long: int | None = None) -> None:

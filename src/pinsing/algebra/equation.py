@@ -182,9 +182,6 @@ def _powers(degree: int) -> npt.NDArray[np.int64]:
 
 _NOTHING = 1e-15
 """Coefficients this small, relative to the sum of all, are rounding, and are not written out."""
-_ROUNDING = 1e-14
-_FEW = 16
-"""Coefficients beyond which no common length is looked for."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -242,7 +239,7 @@ class Equation(Memory):
     @property
     def unit(self) -> float:
         """What a residual is taken relative to: such that 1e-14 of it is rounding."""
-        return self.size * max(1.0, self.accuracy / _ROUNDING)
+        return self.size * max(1.0, self.accuracy / 1e-14)
 
     @property
     def half_angle(self) -> bool:
@@ -503,7 +500,8 @@ def scale_to_lengths(equation: Equation, lengths: Sequence[float]) -> Equation:
     found = np.concatenate([np.abs(equation.cos), np.abs(equation.sin)])
     found = found[found > _NOTHING]
     known = sorted({abs(x) for x in lengths if abs(x) > 0})
-    if len(found) < 2 or len(found) > _FEW or not known or equation.powers.any():
+    # Of more coefficients than these no common length is looked for.
+    if len(found) < 2 or len(found) > 16 or not known or equation.powers.any():
         return equation
     single = np.array(known)
     pairs = np.sort([abs(a + s * b) for a in known for b in known for s in (1, -1)])

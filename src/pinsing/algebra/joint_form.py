@@ -18,9 +18,6 @@ from pinsing.algebra.equation_text import format_angle, latex_symbol
 from pinsing.algebra.product_form import Expression, expressions
 from pinsing.prose import listed
 
-ONCE = frozenset({0, 2, -2})
-"""Twice the multiples of an angle that enters once."""
-
 
 @dataclass(frozen=True, eq=False)
 class JointForm:
@@ -201,6 +198,6 @@ def _kind(equation: Equation, joint: int) -> str:
         return ""
     if frequencies <= {1, -1}:
         return "half"
-    if frequencies <= ONCE:
+    if frequencies <= {0, 2, -2}:  # twice its multiples
         return "two" if 0 in frequencies else "opposite"
     return ""

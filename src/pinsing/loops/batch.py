@@ -315,15 +315,12 @@ def _log(R: Array) -> Array:
     return np.asarray(out)
 
 
-BESIDE = 0.1
-"""A lock is near where the volume that the three axes span is at most this, of at most 1."""
-
-
 def locked(mechanism: Mechanism, Q: Array) -> Bool:
     """Whether a ball is locked, or nearly: (N,) bool at Q (N, n)."""
     out = np.zeros(len(Q), dtype=bool)
+    # Near: the volume that the three axes span is at most a tenth of what it can be.
     for ball in hinged_balls(mechanism):
-        out |= np.abs(_volume(mechanism, ball.joints, Q[:, ball.joints[1]])) <= BESIDE
+        out |= np.abs(_volume(mechanism, ball.joints, Q[:, ball.joints[1]])) <= 0.1
     return out
 
 

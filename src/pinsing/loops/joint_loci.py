@@ -52,8 +52,6 @@ from pinsing.robot.mechanism import Mechanism
 Step = tuple[int, int]
 """A joint, and 1 where it is passed outwards, -1 where towards the base."""
 
-_STILL = rational_turn(np.eye(3))
-
 
 @dataclass(frozen=True, eq=False)
 class ClosureForms:
@@ -135,7 +133,7 @@ class _Velocities:
             return self._whole(path)
         rows = self._zero()
         place = self.zero.frames[self.mechanism.output_id]
-        self._add(rows, 1, np.array(place.translation), path, _STILL)
+        self._add(rows, 1, np.array(place.translation), path, rational_turn(np.eye(3)))
         return [rows[k] for k in task]
 
     def _zero(self) -> list[Row]:
@@ -185,7 +183,6 @@ def _parted(steps: Sequence[Step], middle: int) -> tuple[list[Step], list[Step]]
 
 
 _ROUNDING = 1e-12
-_FEW = 4
 
 
 @once

@@ -35,9 +35,6 @@ from pinsing.measures import NEAR_RTOL, SINGULAR_RTOL
 from pinsing.robot.mechanism import Mechanism
 from pinsing.serialization import JsonResult
 
-OPEN = 1e-6
-"""A configuration whose loops miss by more than this (over the length scale) is refused."""
-
 
 @dataclass(frozen=True, eq=False)
 class Motions:
@@ -260,7 +257,7 @@ def mechanism_at(
     q = mechanism.check(q)
     loops = Loops(mechanism)
     closure = float(np.abs(loops.scaled(q)[0]).max())
-    if closure > OPEN:
+    if closure > 1e-6:  # over the length scale
         raise ConfigurationError(
             f"{mechanism.name}: the loops miss by {closure:.2g} at this configuration: "
             "close them first (solve)"

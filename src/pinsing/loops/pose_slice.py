@@ -19,8 +19,6 @@ from pinsing.loops.pose import COORDINATES, led_pose
 from pinsing.loops.structure import closing, output_pose
 from pinsing.robot.mechanism import Mechanism
 
-_QUARTER = np.radians(89.5)
-
 
 class PoseWay:
     """Poses of the output as two of their coordinates move."""
@@ -114,7 +112,7 @@ class PoseWay:
     def _turn(self, k: int, samples: int) -> Array:
         # Where yaw follows, pitch beyond a quarter of a turn is a pose that has been before.
         tied = self.rows[k] == 4 and self.led["turn"]["kind"] == "angles"
-        most = _QUARTER if tied else np.pi
+        most = np.radians(89.5) if tied else np.pi
         return np.linspace(-most, most, samples)
 
     def cropped(self, k: int, side: Array, there: npt.ArrayLike, samples: int) -> Array:

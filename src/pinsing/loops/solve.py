@@ -342,9 +342,6 @@ def _near(value: Array, ends: Array, prismatic: bool) -> Array:
     return np.asarray(ends + 2 * np.pi * np.round((nearest - ends) / (2 * np.pi)))
 
 
-_AT_TYPE_2 = 1e-6
-
-
 def drive(mechanism: Mechanism, inputs: npt.ArrayLike, start: npt.ArrayLike) -> Solution:
     """Follow the passive joints from a closed ``start`` (n,) to new inputs (n_a,), as ``solve``.
 
