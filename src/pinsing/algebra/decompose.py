@@ -470,7 +470,8 @@ class Decomposition:
         if ended.result is None:
             self._stop(ended.told, ended.reason)
         elif ended.result is not self:
-            self._take(ended.result)
+            packed, self.gaps, self.stopped, self.second, self.bound = ended.result
+            self.components = [_unpacked(c, self.ring) for c in packed]
 
     def _ended(self, matrix: Matrix | Callable[[], Matrix], rank: int) -> Any:
         """Itself after the search; what can be pickled of it, in a child."""
@@ -507,11 +508,6 @@ class Decomposition:
         """What a child found, in case that it is stopped."""
         if self._apart.child:
             self._apart.tell(_packed(component, self.ring))
-
-    def _take(self, found: Any) -> None:
-        """What the child found."""
-        packed, self.gaps, self.stopped, self.second, self.bound = found
-        self.components = [_unpacked(c, self.ring) for c in packed]
 
     def _stop(self, told: Sequence[PackedComponent], reason: str) -> None:
         """What is left of a search that was stopped: components, as far as they were told of.

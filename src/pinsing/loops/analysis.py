@@ -287,7 +287,12 @@ def _pose_checks(
     if not any(locus.kind == "type 1" for locus in forms.loci):
         # What else is of type 1 the notes say.
         points = tuple(p for p in points if p.kind != "type 1")
-    points = tuple(p for p in points if not _by_itself(mechanism, p))
+    # Of passive joints that are dependent by themselves the pose does not tell.
+    own = joint_forms(mechanism)
+    alone = [x for x in own.loci if x.kind == "passive"]
+    points = tuple(
+        p for p in points if all(float(x.ratio(p.q, own.joints)) > _AGREE for x in alone)
+    )
     if not points:
         return []
     worst = max(float(locus_distance(mechanism, forms, p.q)) for p in points)
@@ -298,14 +303,6 @@ def _pose_checks(
         f"relative value {worst:.1e}; {regular:.1e} at home)"
     )
     return [Check(words, worst <= 1e-7)]
-
-
-def _by_itself(mechanism: Mechanism, point: SingularPoint) -> bool:
-    """Whether passive joints alone are dependent there, of which the pose does not tell."""
-    forms = joint_forms(mechanism)
-    return any(
-        float(x.ratio(point.q, forms.joints)) <= _AGREE for x in forms.loci if x.kind == "passive"
-    )
 
 
 def _feasible(mechanism: Mechanism, inputs: Array) -> bool:

@@ -259,13 +259,13 @@ def _beside_home(mechanism: Mechanism, loops: Loops) -> list[Array]:
     q, error = gauss_newton(loops, q, np.ones(mechanism.n, dtype=bool))
     if error > CLOSED:
         return []
-    counted = {_rank(loops, q)}
+    counted = {_rank(loops.scaled(q)[1], 1e-7)}
     out = [q]
     for away in (_STEP, -_STEP):
         at = q
         for _ in range(4):
             G = loops.scaled(at)[1]
-            free = np.linalg.svd(G)[2][_rank(loops, at) :]
+            free = np.linalg.svd(G)[2][_rank(G, 1e-7) :]
             if not len(free):
                 return []
             drawn = np.random.default_rng(_SEED).normal(size=len(free)) @ free
@@ -273,15 +273,16 @@ def _beside_home(mechanism: Mechanism, loops: Loops) -> list[Array]:
             at, error = gauss_newton(loops, start, np.ones(mechanism.n, dtype=bool))
             if error > CLOSED or np.abs((at - start) / loops.column_scale).max() > _STEP / 2:
                 return []
-            counted.add(_rank(loops, at))
+            counted.add(_rank(loops.scaled(at)[1], 1e-7))
             out.append(at)
     # A rank that changes at once is that of a singular point: the others tell what is generic.
     return out if len(counted) == 1 else []
 
 
-def _rank(loops: Loops, q: Array) -> int:
-    sigma = np.linalg.svd(loops.scaled(q)[1], compute_uv=False)
-    return int((sigma > 1e-7 * sigma[0]).sum())
+def _rank(M: Array, rtol: float, size: float | None = None) -> int:
+    """Singular values that are more than ``rtol`` times the largest, or another size."""
+    sigma = np.linalg.svd(M, compute_uv=False)
+    return int((sigma > rtol * (sigma[0] if size is None else size)).sum())
 
 
 def _advice(mechanism: Mechanism) -> str:
@@ -310,27 +311,18 @@ def _ranks(mechanism: Mechanism) -> Ranks:
         )
     loops = Loops(mechanism)
     # Branches may differ in their mobility: that of home is meant, where home closes the loops.
-    around = _beside_home(mechanism, loops)
-    rank, best = 0, samples[0]
-    for q in around or samples:
-        sigma = np.linalg.svd(loops.scaled(q)[1], compute_uv=False)
-        here = int((sigma > SINGULAR_RTOL * sigma[0]).sum())
-        if here > rank:
-            rank, best = here, q
-    output = 0
-    for q in [best, *(around or samples)]:
-        G = loops.scaled(q)[1]
-        sigma = np.linalg.svd(G, compute_uv=False)
-        if int((sigma > SINGULAR_RTOL * sigma[0]).sum()) < rank or rank == mechanism.n:
-            continue
-        N = np.linalg.svd(G)[2][rank:].T
-        J = loops.output_scaled(q)
-        moved = np.linalg.svd(J @ N, compute_uv=False)
-        size = float(np.linalg.norm(J, 2))
-        output = max(output, int((moved > SINGULAR_RTOL * size).sum()))
+    around = _beside_home(mechanism, loops) or samples
+    found = [loops.scaled(q)[1] for q in around]
+    known = [_rank(G, SINGULAR_RTOL) for G in found]
+    rank, output = max(known), 0
     if rank == mechanism.n:
         raise PinsingError(
             f"{mechanism.name}: the loops leave no motion ({mechanism.n} joints, "
             f"{rank} independent constraints): check the kinds of the loops"
         )
+    for q, G, here in zip(around, found, known, strict=True):
+        if here == rank:
+            J = loops.output_scaled(q)
+            moved = J @ np.linalg.svd(G)[2][rank:].T
+            output = max(output, _rank(moved, SINGULAR_RTOL, float(np.linalg.norm(J, 2))))
     return Ranks(rank, mechanism.n - rank, output)

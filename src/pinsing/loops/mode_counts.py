@@ -99,10 +99,10 @@ def count_one_rod(mechanism: Mechanism, found: Sequence[Array], direct: bool) ->
 
     ``found``: configurations; that they agree in the joint that is given is looked at.
     """
-    ends = _one_rod(mechanism)
-    if ends is None or not found:
+    sides = _one_rod(mechanism)
+    if sides is None or not found:
         return None
-    driven, other = ends
+    driven, other, _ = sides
     carries = structure(mechanism).output - 1
     if carries != other or not (direct or _shown(mechanism, other)):
         return None
@@ -111,8 +111,9 @@ def count_one_rod(mechanism: Mechanism, found: Sequence[Array], direct: bool) ->
     if np.abs(mechanism.space.wrap(np.array(found) - found[0])[:, given]).max() > SMALL:
         return None
     zero, start = at_zero(mechanism), Sample(mechanism, home(mechanism))
-    points = dict(zip(ends, _ends(mechanism, zero), strict=True))
-    length = float(np.linalg.norm(np.subtract(*_ends(mechanism, start))))
+    points = _ends(mechanism, zero, *sides)
+    C, B = _ends(mechanism, start, *sides).values()
+    length = float(np.linalg.norm(C - B))
     held = carried(mechanism, zero, given, points[given], np.zeros(3))
     moving = carried(mechanism, zero, sought, points[sought], np.zeros(3))
     if held is None or moving is None:
@@ -250,46 +251,37 @@ def _three_spheres(mechanism: Mechanism, pairs: Sequence[Rod], q: Array) -> int 
     return None if abs(left) <= TOUCHING else 2 * (left > 0)
 
 
-def _one_rod(mechanism: Mechanism) -> tuple[int, int] | None:
-    """The driven joint and the other one; None where it is not one rod between two joints."""
+def _one_rod(mechanism: Mechanism) -> tuple[int, int, tuple[int, ...]] | None:
+    """The driven joint, the other one, and those of the rod's centre between; or None."""
     if len(mechanism.loops) != 1 or mechanism.loops[0].kind == "6d":
         return None
     if len(mechanism.actuated) != 1 or len(mechanism.task.rows) != 1:
         return None
-    sides = _sides(mechanism)
-    if sides is None:
-        return None
-    first, second, _ = sides
-    driven = mechanism.actuated[0]
-    return {first: (first, second), second: (second, first)}.get(driven)
-
-
-def _sides(mechanism: Mechanism) -> tuple[int, int, tuple[int, ...]] | None:
-    """The joint before the rod, the joint beyond the loop, and those of the rod's centre."""
     paths = [path_to(mechanism, body) for body in bodies(mechanism)[0]]
     long, short = sorted(paths, key=len, reverse=True)
     if len(short) != 1 or len(long) < 2 or set(long) & set(short):
         return None
-    if len(long) + 1 != mechanism.n:
+    centre, ends = tuple(long[1:]), (long[0], short[0])
+    if len(long) + 1 != mechanism.n or mechanism.actuated[0] not in ends:
         return None
-    centre = tuple(long[1:])
-    if not any(c.joints == centre for c in structure(mechanism).centres):
+    flat = mechanism.loops[0].kind == "planar" and len(centre) != 1
+    if flat or not any(c.joints == centre for c in structure(mechanism).centres):
         return None
-    flat = mechanism.loops[0].kind == "planar"
-    return None if flat and len(centre) != 1 else (long[0], short[0], centre)
+    driven, other = ends if mechanism.actuated[0] == ends[0] else ends[::-1]
+    return driven, other, centre
 
 
-def _ends(mechanism: Mechanism, sample: Sample) -> tuple[Array, Array]:
-    """Both ends of the rod, in the order of `_one_rod`: on the driven joint's side first."""
-    sides = _sides(mechanism)
-    assert sides is not None  # asked for only where there is one rod
-    first, second, centre = sides
+def _ends(
+    mechanism: Mechanism, sample: Sample, driven: int, other: int, centre: tuple[int, ...]
+) -> dict[int, Array]:
+    """The end of the rod on the side of each of both joints."""
     point = next(c.point for c in structure(mechanism).centres if c.joints == centre)
     C = np.array(sample.joints[centre[0] + 1].act(point))
+    near = path_to(mechanism, centre[0] + 1)[0]
+    far = other if near == driven else driven
     (a,), (b,) = closing(mechanism)
-    far = b if bodies(mechanism)[0][1] == second + 1 else a
-    B = np.array(sample.frames[far].translation)
-    return (C, B) if mechanism.actuated[0] == first else (B, C)
+    frame = b if bodies(mechanism)[0][1] == far + 1 else a
+    return {near: C, far: np.array(sample.frames[frame].translation)}
 
 
 def _shown(mechanism: Mechanism, joint: int) -> bool:
