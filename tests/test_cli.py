@@ -164,7 +164,7 @@ class TestAt:
 
     def test_distances_to_all_families_nearest_first(self):
         q = [0.1, -1.0, 0.8, 0.3, 0.9, 0.2]
-        words = ["at", "ur5", "--q", ",".join(map(str, q))]
+        words = ["at", "ur5", "--rad", "--q", ",".join(map(str, q))]
         found = json.loads(run(*words, "--json", "-").stdout)["distances"]
         form = pinsing.closed_form(load("ur5"))
         assert sorted(f["family"] for f in found["families"]) == ["F1", "F2", "F3"]
@@ -246,7 +246,7 @@ class TestAt:
         assert State.from_json(insisted.stdout).q[1] == -90
 
     def test_a_value_outside_its_limits_is_named_with_them(self):
-        done = run("at", "ur5", "--q", "9,-1,1,0.5,1,0")
+        done = run("at", "ur5", "--q", "9,-1,1,0.5,1,0", "--rad")
         assert done.exit_code == 0
         words = "shoulder_pan_joint = 9 rad is outside its limits, -6.283 to 6.283 rad"
         assert f"{words}; 2.71681 rad, whole turns aside, is within them" in done.stderr

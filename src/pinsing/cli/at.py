@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import shlex
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -15,6 +14,7 @@ from pinsing.cli.options import (
     arm_options,
     deg_option,
     fail_option,
+    in_degrees,
     joint_vector,
     json_option,
     once_option,
@@ -99,7 +99,8 @@ def at_command(
         rtol=SINGULAR_RTOL if rtol is None else rtol,
         near_rtol=NEAR_RTOL if near_rtol is None else near_rtol,
     )
-    for said in arm.space.outside_words(values, deg):
+    degrees = in_degrees(deg)
+    for said in arm.space.outside_words(values, degrees):
         say(f"note: {said}")
     found = _distances(arm, values) if far else None
     data = state.to_dict()
@@ -107,11 +108,11 @@ def at_command(
         data["distances"] = found.to_dict()
     if not emit_json_data(data, json_target):
         page = Page.of()
-        emit_lines(_answer(state, found, shlex.quote(request.robot)))
+        emit_lines(_answer(state, found, degrees, request.words))
         emit("")
-        emit(state_text(state, deg, page))
+        emit(state_text(state, degrees, page))
         if found is not None:
-            lines = distance_words(found, deg, arm.prismatic)
+            lines = distance_words(found, degrees, arm.prismatic)
             emit("")
             rows = [("distance" if i == 0 else "", line) for i, line in enumerate(lines)]
             emit(page.fields(rows, LABEL))
@@ -122,16 +123,14 @@ _ON = 1e-6
 """Distance up to which a configuration is on a family."""
 
 
-def _answer(state: State, found: Distances | None, robot: str) -> str:
+def _answer(state: State, found: Distances | None, degrees: bool, robot: str) -> str:
     """What is wrong there, if anything, what is near, and what to do: five lines at most."""
     from pinsing.joint_text import typed
+    from pinsing.proximity.trajectory import singularity, titled
 
     arm, near = state.arm, () if found is None else found.families
     on = [d for d in near if d.upper <= _ON]
-    called = " and ".join(
-        f"the {d.title} singularity ({d.where})" if d.title else f"{d.family} ({d.where})"
-        for d in on
-    )
+    called = " and ".join(singularity(d.family, d.title, d.where) for d in on)
     status = "SINGULAR" if state.singular else state.status
     lines = [f"{arm.name}: {status}{', on ' * bool(on)}{called}"]
     if state.singular:
@@ -141,21 +140,22 @@ def _answer(state: State, found: Distances | None, robot: str) -> str:
         d = others[0]
         away = d.q - state.q
         moves = ", ".join(
-            f"{name} by {_moved(float(x), slides)}"
-            for name, x, slides in zip(arm.joints, away, arm.prismatic, strict=True)
+            f"{name} by {_amount(float(x), degrees and not slides, '+')}{' m' * slides}"
+            for name, x, slides in zip(arm.joints, away, arm.prismatic.tolist(), strict=True)
             if abs(x) > 1e-6
         )
-        title = f"{d.title} ({d.family})" if d.title else d.family
-        far = f"{d.upper:.4g}" if any(arm.prismatic) else f"{math.degrees(d.upper):.4g}°"
-        lines.append(f"  Nearest {'other ' * bool(on)}singularity: {title}, {far} away: {moves}")
-    typed_q = typed(state.q, arm.prismatic, True, digits=6)
+        mixed = any(arm.prismatic)
+        far = _amount(d.upper, degrees and not mixed) + " rad" * (not degrees and not mixed)
+        what = f"{titled(d.family, d.title)}, {far} away: {moves}"
+        lines.append(f"  Nearest {'other ' * bool(on)}singularity: {what}")
+    typed_q = typed(state.q, arm.prismatic, degrees, digits=6)
     word = "Other postures" if state.singular else "See it"
     lines.append(f"  {word}: pinsing {'postures' if state.singular else 'view'} {robot} {typed_q}")
     return "\n".join(lines)
 
 
-def _moved(value: float, slides: bool) -> str:
-    return f"{value:+.4g} m" if slides else f"{math.degrees(value):+.4g}°"
+def _amount(value: float, degrees: bool, sign: str = "") -> str:
+    return f"{math.degrees(value):{sign}.4g}°" if degrees else f"{value:{sign}.4g}"
 
 
 def _distances(arm: Arm, q: Array) -> Distances | None:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import re
-import shlex
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -13,7 +12,7 @@ import click
 
 from pinsing.cli.figure import check_figure, off_screen, save_figure
 from pinsing.cli.grouped import command
-from pinsing.cli.options import RobotRequest, arm_options, deg_option, json_option
+from pinsing.cli.options import RobotRequest, arm_options, deg_option, in_degrees, json_option
 from pinsing.cli.output import OutputFile, emit_json, emit_lines, say
 from pinsing.cli.running import run_progress
 from pinsing.cli.serving import show
@@ -54,7 +53,7 @@ def angle(text: str, option: str, degrees: bool) -> float:
     default="5deg",
     show_default=True,
     metavar="ANGLE",
-    help="Tell the stretches within this distance.",
+    help="Report segments closer than this.",
 )
 @click.option(
     "--fail-within",
@@ -151,8 +150,9 @@ def check_command(
         axes: Any = clearance_along(form, read.Q, read.t, families=families or None)
         save_figure(axes.figure, plot, bbox_inches="tight")
     if not emit_json(check, json_target):
-        answer = summary(check, deg, file.name, shlex.quote(request.robot))
-        emit_lines(f"{answer}\n\n{details(check, deg)}")
+        degrees = in_degrees(deg)
+        answer = summary(check, degrees, file.name, request.words)
+        emit_lines(f"{answer}\n\n{details(check, degrees)}")
     if view or html is not None:
         from pinsing.families.certainty import coverage_words
         from pinsing.view.viewer import Viewer

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import shlex
 import sys
 import time
 from collections.abc import Callable, Iterator
@@ -128,7 +127,7 @@ def families_command(
         details = families_text(form, Page.of(), deg, exact=exact, undecided=undecided)
         if undecided:
             return details
-        answer = answer_text(form, Page.of(), shlex.quote(request.robot))
+        answer = answer_text(form, Page.of(), request.words)
         return f"{answer}\n\n{details}" if verbose or exact else answer
 
     long = prove is True or certificate is not None

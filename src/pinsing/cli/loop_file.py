@@ -5,8 +5,6 @@ from __future__ import annotations
 import shlex
 from pathlib import Path
 
-import click
-
 from pinsing.cli.output import say
 from pinsing.errors import OptionError, PinsingError
 
@@ -30,17 +28,16 @@ def loops_beside(robot: str) -> Path:
 
 def tell_of_loops(robot: str) -> None:
     """Say that a robot that is taken as an arm has closed loops, which are left out."""
-    path = _at_hand(robot)
+    path = loops_at_hand(robot)
     if path is not None:
-        command = click.get_current_context().info_name
         say(
-            f"note: {robot} has closed loops, in {path}; without --loops they are left out and a "
-            f"serial chain is taken. With them: pinsing {command} {shlex.quote(robot)} --loops"
+            f"note: {robot} has closed loops, in {path}: they are left out and a serial chain is "
+            f"taken. With them: pinsing analyze {shlex.quote(robot)}"
         )
 
 
-def _at_hand(robot: str) -> Path | None:
-    """The loop file of a robot's file, or of a name of our own; None where there is none.
+def loops_at_hand(robot: str) -> Path | None:
+    """Return the loop file of a robot's file, or of a name of our own; None if there is none.
 
     Every command of an arm asks for it, and no other package has loop files: so names are not
     looked up in all of them, which takes 20 ms.

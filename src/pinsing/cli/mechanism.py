@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
-from pinsing.cli.loop_file import loops_beside, tell_of_loops
+from pinsing.cli.loop_file import loops_at_hand, loops_beside
 from pinsing.cli.options import parse_numbers, whole_number
 from pinsing.cli.output import STDOUT, STOPPED, emit, emit_json, emit_lines, say
 from pinsing.errors import ConfigurationError, OptionError, ResultError
@@ -58,15 +58,22 @@ def loops_option(run: Run) -> Callable[[F], F]:
             is_flag=False,
             flag_value="",  # --loops alone
             metavar="FILE.yaml",
-            help="Closed loops of a mechanism; ROBOT is its spanning tree. Without FILE.yaml: the "
-            "file NAME.loops.yaml beside it.",
+            help="Closed loops of a mechanism; ROBOT is its spanning tree.  [default: the file "
+            "NAME.loops.yaml beside it, if there is one]",
         )
+        @click.option("--no-loops", is_flag=True, help="Take a serial chain of a mechanism.")
         @functools.wraps(command)
-        def wrapper(*args: Any, loops: Path | None = None, **options: Any) -> Any:
-            if loops is None:
-                tell_of_loops(str(options["robot"]))
-                return command(*args, **options)
-            return run(loops_beside(str(options["robot"])) if loops == Path() else loops, **options)
+        def wrapper(
+            *args: Any, loops: Path | None = None, no_loops: bool = False, **options: Any
+        ) -> Any:
+            robot = str(options["robot"])
+            if loops == Path():
+                loops = loops_beside(robot)
+            elif loops is None and not no_loops and not _of_arms(options):
+                loops = loops_at_hand(robot)
+                if loops is not None:
+                    say(f"note: closed loops are those of {loops}; --no-loops takes a serial chain")
+            return command(*args, **options) if loops is None else run(loops, **options)
 
         return wrapper  # type: ignore[return-value]
 
@@ -370,6 +377,16 @@ def _saved(path: Path, mechanism: Mechanism) -> MechanismAnalysis:
     return saved
 
 
+def _of_arms(options: dict[str, Any]) -> list[str]:
+    """The options given that choose a serial chain or its task."""
+    usual = {"tip": None, "base": None, "joints": None, "task": "pose", "tool_axis": None}
+    return [
+        f"--{name.replace('_', '-')}"
+        for name, value in usual.items()
+        if options.get(name, value) != value
+    ]
+
+
 def read(loops: Path, options: dict[str, Any]) -> Mechanism:
     """The mechanism that the options of a command mean.
 
@@ -380,12 +397,7 @@ def read(loops: Path, options: dict[str, Any]) -> Mechanism:
     """
     from pinsing.robot.load_mechanism import load_mechanism
 
-    wrong = [f"--{name}" for name in ("tip", "base", "joints") if options.get(name) is not None]
-    if options.get("task", "pose") != "pose":
-        wrong.append("--task")
-    if options.get("tool_axis") is not None:
-        wrong.append("--tool-axis")
-    if wrong:
+    if wrong := _of_arms(options):
         raise OptionError(
             f"{' and '.join(wrong)} does not go with --loops: the loop file names the output, "
             "its rows and the actuated joints"

@@ -60,8 +60,10 @@ class RobotRequest:
 
     def load(self, quiet: bool = False) -> Arm:
         """Load the arm, and tell on stderr what was assumed."""
+        from pinsing.cli.loop_file import tell_of_loops
         from pinsing.robot.load import load
 
+        tell_of_loops(self.robot)
         arm = load(
             self.robot,
             tip=self.tip,

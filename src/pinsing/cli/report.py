@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import functools
-import shlex
 from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
@@ -128,7 +127,7 @@ def report_command(
     _write(arm, html, printed, page, skeleton, given, forms)
     from pinsing.families.form import answer_text
 
-    emit(answer_text(forms, Page.of(), shlex.quote(request.robot)))
+    emit(answer_text(forms, Page.of(), request.words))
 
 
 def _files(out: str | Path | None, pdf: str | None) -> tuple[Path | None, Path | None]:

@@ -183,6 +183,7 @@ def _with_sweep_options(command: F, *, quiet: bool) -> F:
             chosen["joints"] = tuple(s.strip() for s in sweep_joints.split(",") if s.strip())
         if nominal_q is not None:
             parse_numbers(nominal_q, "--nominal-q", deg)
+        click.get_current_context().obj = request
         arm = request.load(quiet)
         if nominal_q is not None:
             chosen["nominal"] = joint_vector(arm, nominal_q, "--nominal-q", deg)
@@ -340,7 +341,7 @@ def analyze_command(
     if not emit_json(analysis, json_target):
         from pinsing.sampling.analyze import analysis_text
 
-        emit(analysis_text(analysis, Page.of(), deg))
+        emit(analysis_text(analysis, Page.of(), deg, click.get_current_context().obj.words))
     for problem in analysis.problems:
         say(f"WARNING: {problem}")
     if analysis.missing or not analysis.sweep_complete:

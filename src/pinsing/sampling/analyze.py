@@ -173,7 +173,9 @@ class Analysis(JsonResult):
         return f"{self.closed_form._repr_html_()}<p>{checks}</p>"
 
 
-def analysis_text(analysis: Analysis, page: Page = PLAIN, degrees: bool = False) -> str:
+def analysis_text(
+    analysis: Analysis, page: Page = PLAIN, degrees: bool = False, robot: str = "ROBOT"
+) -> str:
     """Families first, then how they were checked, then what was assumed.
 
     Parameters
@@ -184,10 +186,12 @@ def analysis_text(analysis: Analysis, page: Page = PLAIN, degrees: bool = False)
         What it is fitted to.
     degrees : bool
         Configurations to paste in degrees.
+    robot : str
+        How commands name the robot.
     """
     arm = analysis.arm
     lines = [
-        answer_text(analysis.closed_form, page),
+        answer_text(analysis.closed_form, page, robot),
         "",
         page.paragraph(
             f"{arm.name}: {arm.n} joints, {arm.base} -> {arm.tip}, task {arm.task} "
