@@ -260,41 +260,35 @@ def cover(
     over: Callable[[], bool] | None = None,
 ) -> tuple[Trace, ...]:
     """Curves through closed configurations, each once up to flips; the first `MOST_CURVES`."""
-    out: list[_Followed] = []
+    out: list[Trace] = []
+    marks: list[Array] = []
     for q in closed:
         if len(out) == MOST_CURVES:
             break
-        if not any(t.passes(mechanism, q) for t in out):
-            try:
-                curve = trace(mechanism, q, moving, over=over)
-            except StoppedError:
-                break
-            marks = np.array([likeness(mechanism, x) for x in curve.q])
-            out.append(_Followed(curve, marks))
-    return tuple(t.curve for t in out)
-
-
-@dataclass(frozen=True, eq=False)
-class _Followed:
-    """A curve, and what its samples share with those that differ in flipped joints (N, k)."""
-
-    curve: Trace
-    marks: Array
-
-    def passes(self, mechanism: Mechanism, q: Array) -> bool:
-        """Whether it runs through q (n,), or through one that differs in flipped joints only."""
-        if self.curve.passes(mechanism, q):
-            return True
+        if any(t.passes(mechanism, q) for t in out):
+            continue
         mark = likeness(mechanism, q)
-        near = int(np.argmin(np.linalg.norm(self.marks - mark, axis=1)))
-        for k in range(max(near - 1, 0), min(near + 1, len(self.marks) - 1)):
-            start, step = self.marks[k], self.marks[k + 1] - self.marks[k]
-            size = float(step @ step)
-            along = float(np.clip((mark - start) @ step / size, 0, 1)) if size > 0 else 0.0
-            # Beside a step by its curvature only.
-            if np.linalg.norm(mark - start - along * step) <= 0.05 * np.sqrt(size):
-                return True
-        return False
+        if any(_on_line(along, mark) for along in marks):
+            continue
+        try:
+            out.append(trace(mechanism, q, moving, over=over))
+        except StoppedError:
+            break
+        marks.append(np.array([likeness(mechanism, x) for x in out[-1].q]))
+    return tuple(out)
+
+
+def _on_line(marks: Array, mark: Array) -> bool:
+    """Whether a line through marks (N, k) runs through one (k,): of flipped joints, say."""
+    near = int(np.argmin(np.linalg.norm(marks - mark, axis=1)))
+    for k in range(max(near - 1, 0), min(near + 1, len(marks) - 1)):
+        start, step = marks[k], marks[k + 1] - marks[k]
+        size = float(step @ step)
+        along = float(np.clip((mark - start) @ step / size, 0, 1)) if size > 0 else 0.0
+        # Beside a step by its curvature only.
+        if np.linalg.norm(mark - start - along * step) <= 0.05 * np.sqrt(size):
+            return True
+    return False
 
 
 def feasible(mechanism: Mechanism, inputs: npt.ArrayLike) -> dict[str, tuple[Interval, ...]]:

@@ -12,7 +12,7 @@ from __future__ import annotations
 import functools
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from fractions import Fraction
 from typing import Any
 
@@ -28,22 +28,6 @@ from pinsing.robot.mechanism import Mechanism
 
 _SEED = 5077
 Point = tuple[Any, Any]
-
-
-@dataclass(frozen=True, eq=False)
-class InputDegrees:
-    """Degrees of a locus over the inputs that is not written out.
-
-    Attributes
-    ----------
-    names : tuple of str
-        Inputs that turn.
-    degrees : tuple of int
-        In the tangent of half of each.
-    """
-
-    names: tuple[str, ...]
-    degrees: tuple[int, ...]
 
 
 def planar_rods(mechanism: Mechanism) -> Rods | None:
@@ -99,11 +83,14 @@ def input_loci(mechanism: Mechanism) -> tuple[PoseEquation, ...]:
     return mechanism.once("input_loci", lambda: _input_loci(mechanism, found))
 
 
-def input_degrees(mechanism: Mechanism) -> InputDegrees | None:
-    """Degrees of type 2 over the inputs of cranks, each counted with the other inputs fixed."""
+def input_degrees(mechanism: Mechanism) -> dict[str, int]:
+    """Degrees of type 2 in the tangent of half of each crank's angle, the other inputs fixed.
+
+    Empty for legs of other kinds, or where it is not told.
+    """
     found = planar_rods(mechanism)
     if found is None or not all(r.kind == "crank" for r in found.rods):
-        return None
+        return {}
     return mechanism.once("input_degrees", lambda: _degrees(mechanism, found))
 
 
@@ -117,10 +104,10 @@ def degree_notes(mechanism: Mechanism) -> Iterator[str]:
             "decimals"
         )
     found = input_degrees(mechanism)
-    if found is None:
+    if not found:
         return
-    each = ", ".join(f"{d} in tan({n}/2)" for n, d in zip(found.names, found.degrees, strict=True))
-    most = math.prod(d + 1 for d in found.degrees)
+    each = ", ".join(f"{d} in tan({n}/2)" for n, d in found.items())
+    most = math.prod(d + 1 for d in found.values())
     yield (
         f"the inputs alone: eliminating the pose leaves a polynomial of up to {most} terms, of "
         f"degree up to {each} (counted exactly, lengths rounded to simple fractions); not written "
@@ -248,7 +235,7 @@ def _in_inputs(factor: Poly, names: tuple[str, ...]) -> PoseEquation:
     return replace(found, names=names, powers=2 * found.powers[:, 1:])
 
 
-def _degrees(mechanism: Mechanism, found: Rods) -> InputDegrees | None:
+def _degrees(mechanism: Mechanism, found: Rods) -> dict[str, int]:
     """Each input in turn is free, the others are at random rational points of their circles."""
     context = fmpq_mpoly_ctx.get(["t", "u"], Ordering.degrevlex)
     u = context.gens()[1]
@@ -282,12 +269,12 @@ def _degrees(mechanism: Mechanism, found: Rods) -> InputDegrees | None:
             context.constant(1),
         )
         if int(poly.degrees()[0]) != 6:
-            return None
+            return {}
         parts = poly.discriminant("t").factor()[1]
         # Squared parts are poses of one orientation that do not coincide, and 1 + u^2.
         degrees.append(sum(int(f.degrees()[1]) for f, times in parts if times % 2))
-    names = tuple(mechanism.joints[rod.joint] for rod in found.rods)
-    return InputDegrees(names, tuple(degrees))
+    names = (mechanism.joints[rod.joint] for rod in found.rods)
+    return dict(zip(names, degrees, strict=True))
 
 
 def _simple(value: float) -> Any:
