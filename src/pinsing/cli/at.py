@@ -21,6 +21,7 @@ from pinsing.cli.options import (
     parse_numbers,
 )
 from pinsing.cli.output import emit, emit_json_data, emit_lines, say
+from pinsing.cli.waiting import doing
 from pinsing.errors import PinsingError
 from pinsing.prose import Page
 
@@ -61,7 +62,7 @@ if TYPE_CHECKING:
     "--distances/--no-distances",
     "far",
     default=True,
-    help="Distances to all families of singular configurations (closed forms are computed).",
+    help="Measure the distance to every family of singular configurations.",
 )
 @deg_option
 @json_option
@@ -77,7 +78,7 @@ def at_command(
     json_target: str | Path | None,
     fail_if_singular: bool,
 ) -> int:
-    """Everything about one configuration of ROBOT.
+    """Analyze one configuration of ROBOT.
 
     Singular values, rank, manipulability, condition number, velocity ellipsoids, what motion
     is lost, which joint axes line up, and how far it is to each family of singular configurations,
@@ -164,7 +165,8 @@ def _distances(arm: Arm, q: Array) -> Distances | None:
     from pinsing.proximity.clearance import distances
 
     try:
-        form = form_to_measure(arm)
+        with doing("looking for families"):
+            form = form_to_measure(arm)
     except PinsingError as error:
         say(f"note: no distances to families: {error}")
         return None
@@ -173,4 +175,5 @@ def _distances(arm: Arm, q: Array) -> Distances | None:
     if not any(f.real for f in form.families):
         say("note: there is no family of singular configurations to be near to")
         return None
-    return distances(form, q)
+    with doing("measuring the distance to each family"):
+        return distances(form, q)

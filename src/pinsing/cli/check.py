@@ -16,6 +16,7 @@ from pinsing.cli.options import RobotRequest, arm_options, deg_option, in_degree
 from pinsing.cli.output import OutputFile, emit_json, emit_lines, say
 from pinsing.cli.running import run_progress
 from pinsing.cli.serving import show
+from pinsing.cli.waiting import doing
 from pinsing.errors import OptionError
 
 _FOR_ASPECTS = 10.0
@@ -120,7 +121,8 @@ def check_command(
     read = read_trajectory(file, arm, deg)
     for note in read.notes:
         say(f"note: {note}")
-    form = closed_form(arm)
+    with doing("looking for families"):
+        form = closed_form(arm)
     with run_progress() as progress:
         check = check_trajectory(
             arm,
@@ -136,7 +138,8 @@ def check_command(
         from pinsing.postures.aspects import aspects
         from pinsing.postures.motions import aspect_changes
 
-        found = aspects(form, not check.outside, seconds=_FOR_ASPECTS)
+        with doing("telling the aspects apart"):
+            found = aspects(form, not check.outside, seconds=_FOR_ASPECTS)
         if found.proven:
             changes = aspect_changes(form, read.Q, read.t, of=found)
             check = replace(check, aspect_changes=changes)

@@ -91,12 +91,11 @@ def families_command(
     json_target: str | Path | None,
     fail_if_singular: bool,
 ) -> int:
-    """Closed forms: every family of singular configurations of ROBOT, as equations.
+    """Find every family of singular configurations of ROBOT, as equations.
 
-    "proven": a certificate was found that nothing is missing, and the checker accepted it.
-    "probable": nothing is known to be missing, but some steps were decided at random points of
-    finite fields. "NOT complete": says what is missing. The answer comes first, a proof that
-    takes longer than a second or two after it.
+    "proven": an independent checker accepted a certificate of completeness. "probable": verified
+    probabilistically (finite-field sampling). "NOT complete": says what is missing. The answer
+    comes first, a proof that takes longer than a second or two after it.
 
     With --loops, --prove looks at each leg of the mechanism as an arm (type 1 is a question about
     one leg), and --certificate NAME.json writes NAME_leg1.json, NAME_leg2.json and so on.

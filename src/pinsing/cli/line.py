@@ -21,6 +21,7 @@ from pinsing.cli.options import (
     parse_numbers,
 )
 from pinsing.cli.output import emit_json, emit_lines
+from pinsing.cli.waiting import doing
 from pinsing.errors import OptionError
 
 
@@ -73,10 +74,12 @@ def line_command(
     from pinsing.proximity.line_text import left_limits, line_details, line_summary, stopped
 
     start = joint_vector(arm, q, "--q", deg)
-    form = form_to_measure(arm)
-    line = check_line(arm, start, pose, speed, forms=form)
+    with doing("following the line"):
+        form = form_to_measure(arm)
+        line = check_line(arm, start, pose, speed, forms=form)
     if line.outcome != "reached" or stopped(line) or left_limits(line):
-        line = replace(line, postures=line_postures(arm, start, pose, forms=form))
+        with doing("following the line from the other postures"):
+            line = replace(line, postures=line_postures(arm, start, pose, forms=form))
     if not emit_json(line, json_target):
         same = f"--to {','.join(f'{x:.6g}' for x in shown)} --speed {speed:g}"
         degrees = in_degrees(deg)

@@ -106,7 +106,7 @@ def map_command(
     json_target: str | Path | None,
     fail_if_singular: bool,
 ) -> int:
-    """How sigma_r of ROBOT is distributed over its joints, and where it is smallest.
+    """Compute how sigma_r of ROBOT is distributed over its joints, and where it is smallest.
 
     Takes any number of configurations in bounded memory. With --out DIR, a run that was
     stopped or killed resumes where it was, with the same result. With --fail-if-singular, exits

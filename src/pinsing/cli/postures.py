@@ -18,6 +18,7 @@ from pinsing.cli.options import (
 )
 from pinsing.cli.output import STDOUT, OutputFile, emit_json, emit_lines
 from pinsing.cli.serving import show
+from pinsing.cli.waiting import doing
 from pinsing.errors import OptionError
 
 _ignore_limits = click.option(
@@ -33,9 +34,9 @@ _ignore_limits = click.option(
 def aspects_command(
     request: RobotRequest, ignore_limits: bool, deg: bool, json_target: str | Path | None
 ) -> None:
-    """Count the aspects of ROBOT: pieces of joint space that no singularity divides.
+    """Count the aspects of ROBOT (singularity-free regions of joint space).
 
-    An arm gets from one aspect into another only by way of a singular configuration.
+    Every path from one aspect to another meets a singular configuration.
 
     Example: pinsing postures --aspects ur5
     """
@@ -43,7 +44,8 @@ def aspects_command(
     from pinsing.families import closed_form
     from pinsing.postures.aspects import aspects
 
-    found = aspects(closed_form(arm), limits=not ignore_limits)
+    with doing("counting aspects"):
+        found = aspects(closed_form(arm), limits=not ignore_limits)
     if not emit_json(found, json_target):
         emit_lines(found.text(deg))
 
@@ -58,7 +60,7 @@ def aspects_command(
     help="A configuration: joint values, base to tip, radians (or --deg) and metres.",
 )
 @_ignore_limits
-@click.option("--view", "view", is_flag=True, help="Show them in a browser: click, watch the way.")
+@click.option("--view", "view", is_flag=True, help="Show them in a browser.")
 @click.option(
     "--html",
     type=OutputFile(),
@@ -80,7 +82,7 @@ def postures_command(
 ) -> None:
     """List the other inverse solutions of the pose of ROBOT at a configuration.
 
-    Of each: its aspect, and whether it can be reached without a singularity, by which way.
+    Of each: its aspect, and whether a path without a singularity leads to it.
 
     Example: pinsing postures ur5 --q 10,-70,75,-90,-80,0 --deg
     """
@@ -91,10 +93,10 @@ def postures_command(
     from pinsing.families import closed_form
     from pinsing.postures.changes import posture_changes
 
-    form = closed_form(arm)
-    found = posture_changes(
-        arm, joint_vector(arm, q, "--q", deg), forms=form, limits=not ignore_limits
-    )
+    at = joint_vector(arm, q, "--q", deg)
+    with doing("looking for other postures and how they are reached"):
+        form = closed_form(arm)
+        found = posture_changes(arm, at, forms=form, limits=not ignore_limits)
     if not emit_json(found, json_target):
         emit_lines(found.text(deg))
     if view or html is not None:
@@ -121,7 +123,7 @@ def cuspidal_command(
     deg: bool,
     json_target: str | Path | None,
 ) -> None:
-    """Look whether ROBOT is cuspidal: it changes posture without meeting a singularity.
+    """Test whether ROBOT is cuspidal: it can change posture without meeting a singularity.
 
     Joint limits do not count. With a witness where it is: two inverse solutions of one pose, and
     a proven way from one to the other.
@@ -132,6 +134,7 @@ def cuspidal_command(
     from pinsing.families import closed_form
     from pinsing.postures.cuspidal import cuspidality
 
-    found = cuspidality(arm, forms=closed_form(arm), poses=poses, seed=seed)
+    with doing("trying random poses"):
+        found = cuspidality(arm, forms=closed_form(arm), poses=poses, seed=seed)
     if not emit_json(found, json_target):
         emit_lines(found.text(deg))

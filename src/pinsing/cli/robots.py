@@ -1,4 +1,4 @@
-"""``pinsing list``, ``pinsing list`` and ``pinsing export``: robots themselves."""
+"""``pinsing list`` and the DH tables of ``pinsing export``."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ from pinsing.cli import completion
 from pinsing.cli.grouped import command
 from pinsing.cli.options import RobotRequest, arm_options, deg_option, json_option
 from pinsing.cli.output import STDOUT, OutputFile, emit, emit_json, emit_json_data, say
+from pinsing.cli.waiting import doing
 from pinsing.errors import ChainError, OptionError
 from pinsing.prose import Page, Table
 
@@ -25,7 +26,7 @@ if TYPE_CHECKING:
 @deg_option
 @json_option
 def info_command(request: RobotRequest, deg: bool, json_target: str | Path | None) -> None:
-    """What pinsing makes of ROBOT: chain, joints, limits, tip, generic rank, geometry.
+    """Show how pinsing interprets ROBOT: chain, joints, limits, tip, generic rank, geometry.
 
     Where several arms could be meant, lists them with the command for each.
     """
@@ -39,7 +40,8 @@ def info_command(request: RobotRequest, deg: bool, json_target: str | Path | Non
     from pinsing.report.info import ROUNDING, describe
     from pinsing.robot.second_reader import second_reading
 
-    info = replace(describe(arm), second_reading=second_reading(arm))
+    with doing("reading the file with a second program"):
+        info = replace(describe(arm), second_reading=second_reading(arm))
     if emit_json(info, json_target):
         return
     page = Page.of()
@@ -49,7 +51,7 @@ def info_command(request: RobotRequest, deg: bool, json_target: str | Path | Non
     said += [f"pose: {text}" for text in info.poses(deg, page.width - 2)]
     if said:
         lines += ["", *(page.paragraph(text, rest="  ") for text in said)]
-    emit("\n".join(lines))
+    emit("\n".join([*lines, "", page.fitted(f"Next: pinsing families {request.words}")]))
 
 
 def _show_chains(request: RobotRequest) -> None:
@@ -79,7 +81,7 @@ def _show_chains(request: RobotRequest) -> None:
 @click.argument("word", required=False, default="", shell_complete=completion.known)
 @click.option("--json", "json_target", type=OutputFile(), metavar="FILE|-", help="As JSON.")
 def list_command(word: str, json_target: str | Path | None) -> None:
-    """Robots known by name; with WORD, those that have it in their name or title.
+    """List the robots known by name; with WORD, those that have it in their name or title.
 
     Of arms also what they are known for, and the reach: the largest distance of the tip from the
     first axis within the limits, computed. Robots of the package robot_descriptions, where it is

@@ -242,7 +242,7 @@ def sweep_command(
     json_target: str | Path | None,
     fail_if_singular: bool,
 ) -> int:
-    """The joint-angle parameterization method on ROBOT, level by level.
+    """Sweep the joints of ROBOT level by level (joint-angle parameterization method).
 
     Every dip of sigma_min is refined to machine accuracy and generalised to the joint values
     that force it, whatever the others are. Takes any number of Jacobians in bounded memory; with

@@ -17,6 +17,7 @@ from pinsing.cli.options import (
     parse_numbers,
 )
 from pinsing.cli.output import emit_json, emit_lines
+from pinsing.cli.waiting import doing
 from pinsing.errors import OptionError
 
 
@@ -63,12 +64,8 @@ def suggest_command(
 
     radius = REACH if reach is None else angle(reach, "--reach", deg)
     arm = request.load()
-    found = suggest(
-        arm,
-        near=None if near is None else joint_vector(arm, near, "--near", deg),
-        reach=radius,
-        families=families or None,
-        seed=seed,
-    )
+    start = None if near is None else joint_vector(arm, near, "--near", deg)
+    with doing("searching for a configuration"):
+        found = suggest(arm, near=start, reach=radius, families=families or None, seed=seed)
     if not emit_json(found, json_target):
         emit_lines(found.text(deg))

@@ -78,7 +78,7 @@ def view_command(
     port: int | None,
     deg: bool,
 ) -> None:
-    """See ROBOT at its singular configurations: poses, ellipsoids, what motion is lost.
+    """Show ROBOT at its singular configurations: poses, ellipsoids, lost motion.
 
     Opens a browser tab and serves it until Ctrl-C. With --html or --png, writes the file and
     ends. What is served can be reached from this computer only, unless --host says otherwise.

@@ -32,6 +32,17 @@ def waiting(after: float = AFTER) -> Iterator[Callable[[str], None]]:
         line.end()
 
 
+@contextlib.contextmanager
+def doing(text: str) -> Iterator[None]:
+    """Show on a terminal what is being done, as `waiting` does; elsewhere nothing."""
+    if not is_terminal(sys.stderr):
+        yield
+        return
+    with waiting() as step:
+        step(text)
+        yield
+
+
 class _Line:
     def __init__(self, after: float) -> None:
         self._after, self._drawn = after, False
