@@ -234,7 +234,7 @@ def test_a_four_bar_is_drawn_over_its_input_by_assembly_mode() -> None:
 
 def test_modes_are_drawn_side_by_side() -> None:
     figure = mode_sheet(shipped("five_bar"))
-    titles = [ax.get_title() for block in figure.subfigs for ax in block.axes]
+    titles = [ax.get_title().replace("\xa0", " ") for b in figure.subfigs for ax in b.axes]
     assert [len(block.axes) for block in figure.subfigs] == [2, 4]
     assert titles[0].startswith("1: assembly +, elbows -+\nx 0.60, y 1.6")
     assert titles[5].startswith("4: ")

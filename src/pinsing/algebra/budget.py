@@ -26,6 +26,8 @@ _QUESTION = 6_000.0
 """Work that a question stands for besides: what lies between two of them takes some 0.4 ms."""
 _CLOCK = 1.25
 """Seconds on the clock for a second of work."""
+_LONG = 0.5
+"""Seconds after which, or for a step of which, a computation counts as long."""
 
 
 class BudgetExceeded(Exception):
@@ -141,7 +143,7 @@ class Budget:
             self._meter.done -= term_products  # it is not begun
             raise BudgetExceeded(f"the work budget of {self.seconds:.3g} s ran out")
         expected = term_products / PER_SECOND
-        if self.when_long is not None and max(now - self._began, expected) > 0.5:  # seconds
+        if self.when_long is not None and max(now - self._began, expected) > _LONG:
             self.when_long()
 
     def check_factor(self, terms: int, long: int | None = None) -> None:
