@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -97,7 +97,9 @@ class _Known:
     depth: int
 
 
-def sums_to_minors(draft: Certificate, tidy: Forms, family: Place) -> tuple[list[Sum], list[Poly]]:
+def sums_to_minors(
+    draft: Certificate, tidy: Forms, family: Place, minors: Mapping[Lines, Poly]
+) -> tuple[list[Sum], list[Poly]]:
     """Sums of multiples of a family's forms that are minors, but for units; and what they are.
 
     A row of the matrix with one more column than a minor has gives a sum that is zero: its
@@ -107,14 +109,16 @@ def sums_to_minors(draft: Certificate, tidy: Forms, family: Place) -> tuple[list
     """
     if draft.sides[1] <= draft.rank or not family.relations:
         return [], []
-    return _Minors(draft, tidy, family).sums()
+    return _Minors(draft, tidy, family, minors).sums()
 
 
 class _Minors:
     """The minors of a certificate's matrix on one family."""
 
-    def __init__(self, draft: Certificate, tidy: Forms, family: Place) -> None:
-        self.tidy = tidy
+    def __init__(
+        self, draft: Certificate, tidy: Forms, family: Place, minors: Mapping[Lines, Poly]
+    ) -> None:
+        self.tidy, self.minors = tidy, minors
         self.draft, self.ring, self.family = draft, draft.ring, family
         values = family.values
         self.entries = [[self.ring.put(x, values) for x in row] for row in draft.matrix]
@@ -122,12 +126,6 @@ class _Minors:
             [(x != 0 and not self.ring.joints(self.ring.stripped(x)[0])) for x in row]
             for row in self.entries
         ]
-        chosen = (itertools.combinations(range(side), draft.rank) for side in draft.sides)
-        minor: Callable[..., Poly] = draft.at(values)
-        self.minors: dict[Lines, Poly] = {}
-        for lines in itertools.product(*chosen):
-            tidy.require_time()
-            self.minors[lines] = minor(*lines)
         self.known: dict[Lines, _Known] = {}
 
     def sums(self) -> tuple[list[Sum], list[Poly]]:
@@ -250,11 +248,12 @@ def soundness(draft: Certificate, tidy: Forms, family: Place, codimension: int) 
     BudgetExceeded
         If the time of ``tidy`` is over.
     """
-    minors = dict(_minors(draft, tidy, family, draft.rank))
+    minors, at = dict[Lines, Poly](), draft.at(family.values)
     place = (family.values, family.relations)
     plain: set[Lines] = set()
-    for lines, minor in minors.items():
+    for lines in _lines(draft, draft.rank):
         tidy.require_time()
+        minors[lines] = minor = at(*lines)
         if draft.ring.vanishes(minor, place):
             plain.add(lines)
     if len(plain) == len(minors):
@@ -273,7 +272,7 @@ def soundness(draft: Certificate, tidy: Forms, family: Place, codimension: int) 
             if pivot is not None:
                 found.pivot = pivot
                 return found
-    multiples, totals = sums_to_minors(draft, tidy, family)
+    multiples, totals = sums_to_minors(draft, tidy, family, minors)
     for minor in minors.values():
         tidy.require_time()
         place = (family.values, [*family.relations, *totals])
@@ -313,14 +312,10 @@ def _is_apart(draft: Certificate, family: Place, form: Poly) -> bool:
     return shown(draft.ring, lambda: draft.ring.codimension_at_least(count, forms), most=MOST_WORK)
 
 
-def _minors(
-    draft: Certificate, tidy: Forms, family: Place, size: int
-) -> Iterator[tuple[Lines, Poly]]:
-    minor = draft.at(family.values)
-    for rows in itertools.combinations(range(draft.sides[0]), size):
-        for columns in itertools.combinations(range(draft.sides[1]), size):
-            tidy.require_time()
-            yield (rows, columns), minor(rows, columns)
+def _lines(draft: Certificate, size: int) -> Iterable[Lines]:
+    """Rows and columns of all minors of a size."""
+    rows, columns = (itertools.combinations(range(side), size) for side in draft.sides)
+    return itertools.product(rows, columns)
 
 
 def _pivot(
@@ -330,20 +325,24 @@ def _pivot(
 
     Without lines where all are plain.
     """
-    if len(plain) == math.comb(draft.sides[0], draft.rank) * math.comb(draft.sides[1], draft.rank):
+    if len(plain) == math.prod(math.comb(side, draft.rank) for side in draft.sides):
         return (), ()
-    found = []
-    for lines, minor in _minors(draft, tidy, family, draft.rank - 1):
+    found: list[tuple[int, Lines]] = []
+    minor = draft.at(family.values)
+    for lines in _lines(draft, draft.rank - 1):
+        tidy.require_time()
         wider = (
             [tuple(sorted((*part, k))) for k in range(count) if k not in part]
             for part, count in zip(lines, draft.sides, strict=True)
         )
-        if minor != 0 and lines not in tried and plain.issuperset(itertools.product(*wider)):
-            found.append((len(draft.ring.stripped(minor)[0]), lines))
+        if lines in tried or not plain.issuperset(itertools.product(*wider)):
+            continue
+        if (form := minor(*lines)) != 0:
+            found.append((len(draft.ring.stripped(form)[0]), lines))
     # Pivots that are tried, the shortest first.
     for _, lines in sorted(found)[:12]:
         tidy.require_time()
         tried.add(lines)
-        if _is_apart(draft, family, draft.at(family.values)(*lines)):
+        if _is_apart(draft, family, minor(*lines)):
             return lines
     return None

@@ -386,8 +386,8 @@ class Tree:
             return False
         # Relations, the shortest, of which two are tried alone.
         few = [relations] if len(relations) == 2 else itertools.combinations(relations[:4], 2)
+        images = [f for p in family for f in ring.stripped(ring.put(p, place.values))]
         for some in map(list, few):
-            images = [f for p in family for f in ring.stripped(ring.put(p, place.values))]
             if self._shown(functools.partial(_all_vanish, ring, images, some)):
                 f = next(f for f in images if not ring.vanishes(f, ({}, relations)))
                 sources = [
