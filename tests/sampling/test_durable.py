@@ -7,13 +7,12 @@ import errno
 import importlib
 import json
 import os
-import random
 import shutil
 import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -28,7 +27,6 @@ from pinsing._batch import engine as kernel
 from pinsing.chunk_file import DamagedError, Record, pack
 from pinsing.cli.app import command
 from pinsing.errors import EngineError, OutputError
-from pinsing.robot.load import load
 from pinsing.sampling import plan_map, sigma_map
 from pinsing.sampling.execute import ctrl_c_afterwards
 from pinsing.sampling.map_plan import BLOCK
@@ -238,74 +236,7 @@ def test_a_full_disk_is_an_error_and_loses_nothing(
     assert again.to_json() == sigma_map(arm, count=6 * BLOCK, chunk=1).to_json()
 
 
-@pytest.fixture
-def small_disk(tmp_path: Path) -> Iterator[Path]:
-    disk = tmp_path / "disk"
-    disk.mkdir()
-    mount = ["mount", "-t", "tmpfs", "-o", "size=96k", "tmpfs", str(disk)]
-    if shutil.which("mount") is None or subprocess.run(mount, capture_output=True).returncode:
-        pytest.skip("no file system can be mounted here")
-    yield disk
-    subprocess.run(["umount", str(disk)], check=True)
-
-
-def test_a_disk_that_is_really_full(small_disk: Path, tmp_path: Path) -> None:
-    words = ["map", "ur5", "--count", "100000", "--chunk", "1", "--out", str(small_disk / "run")]
-    done = run(*words)
-    assert done.exit_code == 2
-    assert "No space left on device" in done.stderr
-    kept = len(list((small_disk / "run" / "chunks").iterdir()))
-    assert 3 < kept < 25
-    subprocess.run(["mount", "-o", "remount,size=8m", str(small_disk)], check=True)
-    done = run(*words, "--json", str(tmp_path / "a.json"))
-    assert done.exit_code == 0
-    assert f"{kept} of 25 chunks were done before" in done.stderr
-    run("map", "ur5", "--count", "100000", "--chunk", "1", "--json", str(tmp_path / "b.json"))
-    assert (tmp_path / "a.json").read_text() == (tmp_path / "b.json").read_text()
-
-
 # ---- killed
-
-
-def kill_until_done(words: list[str], out: Path, seed: int, wait: float, most: int) -> int:
-    """Run a command, kill it at random moments once it works; how often that was."""
-    rng = random.Random(seed)
-    kills = 0
-    while True:
-        before = len(list((out / "chunks").glob("*.npz"))) if (out / "chunks").is_dir() else 0
-        child = subprocess.Popen(
-            [sys.executable, "-m", "pinsing", *words, "--out", str(out)],
-            stdout=subprocess.DEVNULL,
-            stderr=subprocess.PIPE,
-            start_new_session=True,
-        )
-        if kills < most:
-            while child.poll() is None:
-                now = len(list((out / "chunks").glob("*.npz"))) if (out / "chunks").is_dir() else 0
-                if now > before:  # each life does something
-                    break
-                time.sleep(0.002)
-            time.sleep(rng.uniform(0, wait))
-            with contextlib.suppress(ProcessLookupError):
-                os.kill(child.pid, signal.SIGKILL)
-        error = child.communicate()[1].decode()
-        if child.returncode == 0:
-            return kills
-        assert child.returncode == -signal.SIGKILL, error
-        kills += 1
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    ("where", "most"),
-    [("--threads", 3), ("--workers", 1)],
-)
-def test_killed_again_and_again(tmp_path: Path, where: str, most: int) -> None:
-    words = ["map", "panda", "--count", "4000000", "--chunk", "65536", "--seed", "3"]
-    out = tmp_path / "run"
-    assert kill_until_done([*words, where, "2"], out, seed=1, wait=0.1, most=most) >= 1
-    result = sigma_map(load("panda"), count=4_000_000, chunk=65536, seed=3)
-    assert (out / "result.json").read_text() == result.to_json() + "\n"
 
 
 @pytest.mark.parametrize("where", tiered(["--threads", "--workers"], ("--threads",)))

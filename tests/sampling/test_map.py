@@ -361,16 +361,6 @@ def test_a_map_is_what_all_its_values_say(sampling: str) -> None:
         result.ratio.quantile(1.5)
 
 
-def test_ties_go_to_the_lower_number() -> None:
-    arm = arms.planar((1.0, 1.0))
-    result = sigma_map(arm, "grid", steps={"q1": 3, "q2": 2 * BLOCK}, joints=("q1", "q2"), worst=4)
-    sigma = singular_values(arm, result.plan.configurations(0, result.plan.count))
-    expected = brute_force(sigma, 4)
-    assert [p.index for p in result.worst] == expected["worst"]
-    assert result.singular == 6  # q2 = -pi and 0, at three q1
-    assert result.sigma_min.largest.index == expected["index"][0][1]
-
-
 def test_result_goes_through_json() -> None:
     result = sigma_map(arms.ur5(), "grid", steps=5, worst=3)
     again = MapResult.from_json(result.to_json())

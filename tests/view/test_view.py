@@ -166,14 +166,18 @@ def test_the_scene_has_every_node_that_frames_place() -> None:
         assert f"/pinsing/lost/0/{part}" in paths
 
 
-@pytest.mark.parametrize("robot", tiered(["ur5", "panda", "talos_arm"], ("talos_arm",)))
-def test_links_stand_where_the_whole_robot_has_them(robot: str) -> None:
-    arm = load(robot)
+UPPER = {"robot": "ur5", "base": "upper_arm_link"}
+
+
+@pytest.mark.parametrize(
+    "robot", tiered(["ur5", "panda", "talos_arm", UPPER], ("talos_arm", UPPER)), ids=str
+)
+def test_links_stand_where_the_whole_robot_has_them(robot: str | dict[str, str]) -> None:
+    arm = load(**robot) if isinstance(robot, dict) else load(robot)
     links = read_links(arm)
     assert links.geometry is not None
     whole = pin.buildGeomFromUrdfString(arm.source.full_model, arm.source.xml, pin.VISUAL)
-    rng = np.random.default_rng(2)
-    q = rng.uniform(*arm.span)
+    q = np.random.default_rng(2).uniform(*arm.span)
     full, full_geometry = arm.source.full_model.createData(), whole.createData()
     pin.updateGeometryPlacements(
         arm.source.full_model, full, whole, full_geometry, full_configuration(arm, q)
@@ -186,52 +190,24 @@ def test_links_stand_where_the_whole_robot_has_them(robot: str) -> None:
         assert (back * there).isApprox(geometry.oMg[i], 1e-9)
 
 
-def test_a_base_further_out_keeps_links_in_place() -> None:
-    arm = load("ur5", base="upper_arm_link")
-    links = read_links(arm)
-    assert links.geometry is not None
-    whole = pin.buildGeomFromUrdfString(arm.source.full_model, arm.source.xml, pin.VISUAL)
-    data, geometry = arm.source.full_model.createData(), whole.createData()
-    q = np.linspace(0.1, 0.9, arm.n)
-    pin.updateGeometryPlacements(
-        arm.source.full_model, data, whole, geometry, full_configuration(arm, q)
-    )
-    mine, my_geometry = arm.model.createData(), links.geometry.createData()
-    pin.updateGeometryPlacements(arm.model, mine, links.geometry, my_geometry, arm.model_q(q))
-    for i, g in enumerate(links.geometry.geometryObjects):
-        there = base_placement(arm).inverse() * geometry.oMg[whole.getGeometryId(g.name)]
-        assert there.isApprox(my_geometry.oMg[i], 1e-9)
-
-
-def test_a_robot_whose_meshes_are_missing_gets_bones(write_urdf: Any) -> None:
-    mesh = (
-        '<link name="extra"><visual><geometry><mesh filename="package://nowhere/a.dae"/>'
-        '</geometry></visual></link><joint name="fixed" type="fixed"><parent link="l2"/>'
-        '<child link="extra"/><origin xyz="0.3 0 0"/></joint>'
-    )
-    axis = '<axis xyz="0 1 0"/><limit lower="-2" upper="2" effort="1" velocity="1"/>'
-    place = f'<origin xyz="0.4 0 0.1"/>{axis}'
-    path = write_urdf([("revolute", axis), ("revolute", place)], more=mesh)
-    arm = load(path, task="vx,vz")
-    with Viewer(arm) as viewer:
-        page = viewer._stage.page(live=False)
-        assert any("nowhere" in note for note in page["notes"])
-        assert page["settings"]["bare"] == [1, 2]
-        assert "<html" in viewer.html()
-
-
-def test_a_broken_mesh_is_told_and_replaced(write_urdf: Any, tmp_path: Path) -> None:
+@pytest.mark.parametrize("file", ["package://nowhere/a.dae", "bad.stl"])
+def test_a_mesh_that_is_missing_or_broken_is_told_and_bones_stand_for_it(
+    file: str, write_urdf: Any, tmp_path: Path
+) -> None:
     (tmp_path / "bad.stl").write_bytes(b"this is not a mesh")
     mesh = (
-        '<link name="extra"><visual><geometry><mesh filename="bad.stl"/></geometry></visual></link>'
-        '<joint name="fixed" type="fixed"><parent link="l2"/><child link="extra"/></joint>'
+        f'<link name="extra"><visual><geometry><mesh filename="{file}"/></geometry></visual></link>'
+        '<joint name="fixed" type="fixed"><parent link="l2"/><child link="extra"/>'
+        '<origin xyz="0.3 0 0"/></joint>'
     )
     axis = '<axis xyz="0 1 0"/><limit lower="-2" upper="2" effort="1" velocity="1"/>'
     place = f'<origin xyz="0.4 0 0.1"/>{axis}'
     arm = load(write_urdf([("revolute", axis), ("revolute", place)], more=mesh), task="vx,vz")
     with Viewer(arm) as viewer:
-        assert any("bad.stl" in note for note in viewer.notes)
-        assert viewer._stage.page(live=False)["settings"]["bare"] == [1, 2]
+        page = viewer._stage.page(live=False)
+        assert any(file.removeprefix("package://") in note for note in page["notes"])
+        assert page["settings"]["bare"] == [1, 2]
+        assert "<html" in viewer.html()
 
 
 # Viewer -----------------------------------------------------------------------------
