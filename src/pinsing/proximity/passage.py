@@ -179,10 +179,6 @@ def limits_of(arm: Arm) -> Array:
     return np.where((limits > 0) & (limits < 1e6), limits, np.inf)
 
 
-_SHORT = 1e-4
-"""Length of a step that is not halved any more."""
-
-
 @dataclass(frozen=True)
 class NearStretch:
     """A time in which the clearance may be below a bound.
@@ -203,34 +199,6 @@ class NearStretch:
     clearance: float
 
 
-@dataclass(frozen=True, eq=False)
-class _Places:
-    """Places along a motion, with the least lower bound of the clearance there."""
-
-    u: Array
-    least: Array
-    family: Ints
-    Q: Array
-
-    def step(self, watched: Watched) -> tuple[Array, Array]:
-        """Length of each step, and a lower bound of the clearance on it."""
-        length = watched.length(np.diff(self.Q, axis=0))
-        return length, np.maximum((self.least[:-1] + self.least[1:] - length) / 2, 0.0)
-
-    def halved(self, watched: Watched, motion: Motion, which: Bool) -> _Places:
-        """The same with a place in the middle of some steps."""
-        k = np.flatnonzero(which)
-        u = (self.u[k] + self.u[k + 1]) / 2
-        Q = motion.at(u)
-        bounds = two_sided(watched.conditions, Q)
-        return _Places(
-            np.insert(self.u, k + 1, u),
-            np.insert(self.least, k + 1, bounds.lower),
-            np.insert(self.family, k + 1, bounds.family),
-            np.insert(self.Q, k + 1, Q, axis=0),
-        )
-
-
 class Stretches:
     """Gathers the stretches of a motion that is fed in pieces."""
 
@@ -242,38 +210,38 @@ class Stretches:
 
     def feed(self, motion: Motion, u: Array, Q: Array, least: Array, family: Ints) -> None:
         """Take places u (K,) of a motion, where the clearance is at least ``least``."""
-        places, near = _Places(u, least, family, Q), self.near
-        for _ in range(18):
-            length, bound = places.step(self.watched)
-            outside = places.least >= near
-            edge = outside[:-1] | outside[1:]
-            again = (bound < near) & edge & (length > _SHORT)
-            again |= self._deeper(places, length, bound)
-            if not again.any():
+        watched, near = self.watched, self.near
+        for halvings in range(19):
+            length = watched.length(np.diff(Q, axis=0))
+            # A lower bound of the clearance on each step.
+            bound = np.maximum((least[:-1] + least[1:] - length) / 2, 0.0)
+            inside = bound < near
+            runs = _runs(inside)
+            outside = least >= near
+            again = inside & (outside[:-1] | outside[1:])
+            # Steps of a stretch on which it may be a good deal nearer than is known so far.
+            known = np.full(len(inside), np.inf)
+            for start, end in runs:
+                known[start:end] = least[start : end + 1].min()
+            again |= inside & (bound < 0.95 * known - 0.01 * near)
+            # Steps of this length are not halved any more.
+            again &= length > 1e-4
+            if halvings == 18 or not again.any():
                 break
-            places = places.halved(self.watched, motion, again)
-        _, bound = places.step(self.watched)
-        self._add(motion.time(places.u), places, bound)
-
-    def _deeper(self, places: _Places, length: Array, bound: Array) -> Bool:
-        """Steps of a stretch on which it may be a good deal nearer than is known so far."""
-        inside = bound < self.near
-        a, b = _runs(inside)
-        known = np.full(len(inside), np.inf)
-        for start, end in zip(a.tolist(), b.tolist(), strict=True):
-            known[start:end] = places.least[start : end + 1].min()
-        worse = bound < 0.95 * known - 0.01 * self.near
-        return np.asarray(inside & worse & (length > _SHORT))
-
-    def _add(self, t: Array, places: _Places, bound: Array) -> None:
-        inside = bound < self.near
-        a, b = _runs(inside)
-        for start, end in zip(a.tolist(), b.tolist(), strict=True):
-            k = start + int(np.argmin(places.least[start : end + 1]))
+            k = np.flatnonzero(again)
+            middle = (u[k] + u[k + 1]) / 2
+            there = motion.at(middle)
+            found = two_sided(watched.conditions, there)
+            u, Q = np.insert(u, k + 1, middle), np.insert(Q, k + 1, there, axis=0)
+            least = np.insert(least, k + 1, found.lower)
+            family = np.insert(family, k + 1, found.family)
+        t = motion.time(u)
+        for start, end in runs:
+            lowest = start + int(np.argmin(least[start : end + 1]))
             new = NearStretch(
                 float(t[start]),
                 float(t[end]),
-                self.watched.names[int(places.family[k])],
+                watched.names[int(family[lowest])],
                 float(bound[start:end].min()),
             )
             if start == 0 and self._open and self._found:
@@ -295,11 +263,11 @@ class Stretches:
         return tuple(out)
 
 
-def _runs(inside: Bool) -> tuple[Ints, Ints]:
+def _runs(inside: Bool) -> list[tuple[int, int]]:
     """Begin and end of each run of True."""
-    padded = np.concatenate([[False], inside, [False]]).astype(np.int8)
-    change = np.diff(padded)
-    return np.flatnonzero(change == 1), np.flatnonzero(change == -1)
+    change = np.diff(inside.astype(np.int8), prepend=0, append=0)
+    ends = np.flatnonzero(change == 1).tolist(), np.flatnonzero(change == -1).tolist()
+    return list(zip(*ends, strict=True))
 
 
 _CANDIDATES = 6

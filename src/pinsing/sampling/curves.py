@@ -56,15 +56,6 @@ class CurveRows:
     singular: Bool
 
 
-@dataclass(frozen=True, eq=False)
-class _Block:
-    """Curves of one level, from number ``first`` on: ``each`` for every set."""
-
-    first: int
-    each: int
-    level: PlannedLevel
-
-
 class CurveTable:
     """All curves of a plan.
 
@@ -80,12 +71,13 @@ class CurveTable:
             [i for i, e in enumerate(plan.effects) if e.reason != NOT_ASKED], dtype=np.int64
         )
         self._swept = np.array(plan.swept, dtype=np.int64)
-        self._blocks: list[_Block] = []
+        # Curves of one level: number of the first, how many for every set, and the level.
+        self._blocks: list[tuple[int, int, PlannedLevel]] = []
         first = len(self._alone)
         for level in plan.levels:
             if level.swept:
                 each = len(self._swept) - level.level
-                self._blocks.append(_Block(first, each, level))
+                self._blocks.append((first, each, level))
                 first += each * len(level.values)
         self._length = first
         self._ranges = np.array([effect.range for effect in plan.effects], dtype=float)
@@ -107,18 +99,17 @@ class CurveTable:
         moving = np.zeros(count, dtype=np.int64)
         alone = found < len(self._alone)
         moving[alone] = self._alone[found[alone]]
-        for block in self._blocks:
-            last = block.first + block.each * len(block.level.values)
-            here = np.flatnonzero((found >= block.first) & (found < last))
+        for first, each, level in self._blocks:
+            here = np.flatnonzero((found >= first) & (found < first + each * len(level.values)))
             if not len(here):
                 continue
-            place, turn = np.divmod(found[here] - block.first, block.each)
-            rows, joints = here[:, None], block.level.joints[place]
-            base[rows, joints] = block.level.values[place]
+            place, turn = np.divmod(found[here] - first, each)
+            rows, joints = here[:, None], level.joints[place]
+            base[rows, joints] = level.values[place]
             fixed[rows, joints] = True
-            forced[here] = block.level.forced[place]
+            forced[here] = level.forced[place]
             free = ~fixed[rows, self._swept[None]]  # the same number in each row
-            others = np.nonzero(free)[1].reshape(len(here), block.each)
+            others = np.nonzero(free)[1].reshape(len(here), each)
             moving[here] = self._swept[others[np.arange(len(here)), turn]]
         # A pruned plan has no set that contains a forced one, but those themselves.
         singular = forced if self.plan.prune else self._singular(base, fixed)
@@ -134,13 +125,13 @@ class CurveTable:
         names = self.plan.arm.joints
         values = {names.index(name): value for name, value in fixed.items()}
         joints = sorted(values)
-        for block in self._blocks:
-            if block.level.level == len(joints):
-                same = (block.level.joints == joints).all(axis=1)
-                same &= (block.level.values == [values[j] for j in joints]).all(axis=1)
+        for first, each, level in self._blocks:
+            if level.level == len(joints):
+                same = (level.joints == joints).all(axis=1)
+                same &= (level.values == [values[j] for j in joints]).all(axis=1)
                 for place in np.flatnonzero(same).tolist():
-                    first = block.first + place * block.each
-                    return range(first, first + block.each)
+                    begin = first + place * each
+                    return range(begin, begin + each)
         return range(0)
 
     def configurations(self, curves: npt.ArrayLike, samples: npt.ArrayLike) -> Array:

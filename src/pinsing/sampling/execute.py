@@ -315,13 +315,6 @@ def planned_evaluator(arm: Arm, options: RunOptions) -> Evaluator:
     return evaluator(arm, recorded_engine(known, options.engine))
 
 
-class Reduction(Protocol):
-    """What chunks are reduced to."""
-
-    def join(self, record: Record) -> None:
-        """Take the part that the record of a chunk has of it."""
-
-
 class Run:
     """A job at work: its chunks as they are done, and its folder."""
 
@@ -331,15 +324,15 @@ class Run:
         self.job, self.chunks, self.folder, self.progress = job, chunks, folder, progress
         self.done = 0
 
-    def reduce(self, parts: Sequence[Reduction], before: int, count: int) -> bool:
-        """Join all chunks into ``parts``; False if Ctrl-C has stopped that.
+    def reduce(self, parts: Sequence[Callable[[Record], object]], before: int, count: int) -> bool:
+        """Give all chunks to each of ``parts``; False if Ctrl-C has stopped that.
 
         ``before`` and ``count`` are what progress counts: from, and to.
         """
         try:
             for index, record in self.chunks:
                 for part in parts:
-                    part.join(record)
+                    part(record)
                 start, stop = self.job.span(index)
                 self.done += stop - start
                 if self.progress is not None:

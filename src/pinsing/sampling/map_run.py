@@ -576,7 +576,7 @@ def run_map(
     tally, *distances = tallies = job.tallies()
     notes = plan.notes
     with running(job, options) as run:
-        if not run.reduce(tallies, 0, plan.count):
+        if not run.reduce([t.join for t in tallies], 0, plan.count):
             notes += (f"stopped after {tally.done:,} of {plan.count:,} configurations",)
         if not tally.done:
             raise KeyboardInterrupt

@@ -39,7 +39,6 @@ from pinsing.sampling.curves import (
 )
 from pinsing.sampling.execute import (
     Progress,
-    Reduction,
     RunOptions,
     Tell,
     planned_evaluator,
@@ -448,7 +447,7 @@ def _run(job: SweepJob, options: RunOptions, inside: bool, keep: bool | None) ->
     curves = _Curves(table) if inside and kept.values else None
     notes = list(plan.notes)
     with running(job, options) as run:
-        parts: list[Reduction] = [tally, pool, *([] if curves is None else [curves])]
+        parts = [tally.join, pool.join, *([] if curves is None else [curves.join])]
         count = len(table) * plan.samples
         if not run.reduce(parts, len(uniform), plan.n_jacobians):
             where = f"{run.done // plan.samples} of {len(table)} curves"
