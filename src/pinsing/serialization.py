@@ -82,6 +82,9 @@ class JsonResult:
             raise AttributeError(refusal)
 
     def __str__(self) -> str:
+        text: Any = getattr(type(self), "text", None)
+        if text is not None:
+            return str(text(self))
         fields: Any = dataclasses.fields(self)  # type: ignore[arg-type]
         lines = (f"{f.name}: {getattr(self, f.name)}" for f in fields)
         return "\n".join(line for line in lines if len(line) < _LONGEST and "\n" not in line)
@@ -196,8 +199,9 @@ def _short(error: Exception) -> str:
 
 
 def _one_line(self: Any) -> str:
-    plain = type(self).__dict__.get("__str__") is None
-    return one_line(type(self).__name__, "" if plain else str(self))
+    kind: Any = type(self)
+    plain = kind.__str__ is JsonResult.__str__ and not hasattr(kind, "text")
+    return one_line(kind.__name__, "" if plain else str(self))
 
 
 def _encode_fields(value: Any) -> dict[str, Any]:

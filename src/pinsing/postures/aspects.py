@@ -232,9 +232,6 @@ class Aspects(JsonResult):
         lines += [f"note: {n}" for n in self.notes]
         return "\n".join(lines)
 
-    def __str__(self) -> str:
-        return self.text()
-
 
 @checked
 def aspects(forms: Forms, limits: bool = True, *, seconds: float = SECONDS) -> Aspects:

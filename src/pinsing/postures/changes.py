@@ -184,9 +184,6 @@ class PostureChanges(JsonResult):
             f"of this pose{more * examples}"
         )
 
-    def __str__(self) -> str:
-        return self.text()
-
 
 def _among(other: PostureChange) -> str:
     """What holds of the whole-turn copies, where there are several."""

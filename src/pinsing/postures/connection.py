@@ -148,9 +148,6 @@ class Connection(JsonResult):
         far = f"{np.degrees(self.clearance):.3g}°" if degrees else f"{self.clearance:.3g} rad"
         return f"clearance of the way: at least {far}"
 
-    def __str__(self) -> str:
-        return self.text()
-
 
 @checked
 def connect(

@@ -133,9 +133,6 @@ class Cuspidality(JsonResult):
             lines += [f"  {typed(q, prismatic, degrees, digits=10)}" for q in self.witness.path]
         return "\n".join([*lines, *(f"note: {n}" for n in self.notes)])
 
-    def __str__(self) -> str:
-        return self.text()
-
 
 @checked
 def cuspidality(

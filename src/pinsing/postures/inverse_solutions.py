@@ -160,9 +160,6 @@ class InverseSolutions(JsonResult):
             lines.append(f"note: {self.doubt}")
         return "\n".join([*lines, *(f"note: {n}" for n in self.notes)])
 
-    def __str__(self) -> str:
-        return self.text()
-
 
 ENOUGH = 5
 """A solution that was met so often has a share of the starts that is not small."""

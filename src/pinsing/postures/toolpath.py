@@ -125,9 +125,6 @@ class PathPlan(JsonResult):
         said = self.reason or f"clearance {self.clearance:.3g}, bound {self.bound:.3g}"
         return one_line("PathPlan", f"{self.arm.name}, {len(self.t)} poses, {self.free}: {said}")
 
-    def __str__(self) -> str:
-        return self.text()
-
     @checked
     def text(self, degrees: bool = True) -> str:
         """Return the answer in lines.

@@ -379,9 +379,6 @@ class Suggestion(JsonResult):
         lines.append(f"sigma_r/sigma_1 there: {self.sigma_ratio:.3g}")
         return "\n".join([*lines, *(f"note: {n}" for n in self.notes)])
 
-    def __str__(self) -> str:
-        return self.text()
-
 
 def _far(x: float, degrees: bool, to: Callable[[float], float]) -> str:
     """A distance with four places, rounded to the side that keeps it true."""

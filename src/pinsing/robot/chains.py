@@ -364,7 +364,7 @@ def long_chain_note(model: pin.Model, end: int, start: int = 0, longest: int = L
     return f"{count} joints are many: the closed forms may not be complete in time{offer}"
 
 
-def chains_text(chains: Sequence[Subchain], words: Sequence[str], longest: int = LONGEST) -> str:
+def chains_text(chains: Sequence[Subchain], words: Sequence[str]) -> str:
     """Chains as a tree, shared joints once, with the command that analyses each.
 
     Parameters
@@ -373,13 +373,11 @@ def chains_text(chains: Sequence[Subchain], words: Sequence[str], longest: int =
         As ``arm_chains`` returns them.
     words : sequence of str
         The robot as the user named it, and options that every command needs (packages).
-    longest : int
-        Chains of more joints are marked, with the shorter one beside them.
     """
     whole = [c for c in chains if c.base is None]
     parts = {c.tip: c for c in chains if c.base is not None}
     lines = ["(root)"]
-    _branches(whole, parts, 0, "", " ".join(map(shlex.quote, words)), longest, lines)
+    _branches(whole, parts, 0, "", " ".join(map(shlex.quote, words)), lines)
     return "\n".join(lines)
 
 
@@ -389,7 +387,6 @@ def _branches(
     depth: int,
     indent: str,
     robot: str,
-    longest: int,
     lines: list[str],
 ) -> None:
     """Append what hangs below the first ``depth`` joints, which the chains share."""
@@ -407,9 +404,9 @@ def _branches(
             lines.append(f"{indent}{bar}{_run(chain.joints[depth:])} -> {chain.tip}")
             deeper = indent + below
             lines.append(deeper + _offer(chain, robot, len(chain.joints)))
-            if len(chain.joints) > longest:
+            if len(chain.joints) > LONGEST:
                 lines[-1] += (
-                    f"  (more than {longest}: closed forms may not end in time; "
+                    f"  (more than {LONGEST}: closed forms may not end in time; "
                     "rather without the shared joints)"
                 )
             part = parts.get(chain.tip)
@@ -424,7 +421,7 @@ def _branches(
         ):
             shared += 1
         lines.append(f"{indent}{bar}{_run(group[0].joints[depth:shared])}")
-        _branches(group, parts, shared, indent + below, robot, longest, lines)
+        _branches(group, parts, shared, indent + below, robot, lines)
 
 
 def _offer(chain: Subchain, robot: str, count: int) -> str:

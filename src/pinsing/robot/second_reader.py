@@ -64,7 +64,7 @@ class SecondReading:
         )
 
 
-def second_reading(arm: Arm, seed: int = SEED) -> SecondReading | None:
+def second_reading(arm: Arm) -> SecondReading | None:
     """Compare what Pinocchio made of an arm's URDF with what yourdfpy makes of it.
 
     yourdfpy gets the text that our strict reader has made of the file, never the file: no
@@ -74,8 +74,6 @@ def second_reading(arm: Arm, seed: int = SEED) -> SecondReading | None:
     ----------
     arm : Arm
         Read from URDF or xacro.
-    seed : int
-        Of the random configurations.
 
     Returns
     -------
@@ -102,13 +100,13 @@ def second_reading(arm: Arm, seed: int = SEED) -> SecondReading | None:
         differences = [*_joints(arm, robot), *_limits(arm, robot)]
         if not differences:
             links = _links(arm, robot)
-            moved, turned = _placements(arm, robot, links, seed)
+            moved, turned = _placements(arm, robot, links)
             if max(moved, turned) > _SAME:
                 differences.append(f"links are up to {moved:.3g} m and {turned:.3g} rad apart")
     except Exception as error:  # another's code: whatever it raises is no fault of the robot
         note = f"{type(error).__name__} {error}"
     return SecondReading(
-        reader, seed, CONFIGURATIONS, links, moved, turned, tuple(differences), note
+        reader, SEED, CONFIGURATIONS, links, moved, turned, tuple(differences), note
     )
 
 
@@ -150,12 +148,12 @@ def _links(arm: Arm, robot: URDF) -> tuple[str, ...]:
     return tuple(dict.fromkeys(n for n in (*names, arm.tip) if n in robot.link_map))
 
 
-def _placements(arm: Arm, robot: URDF, links: tuple[str, ...], seed: int) -> tuple[float, float]:
+def _placements(arm: Arm, robot: URDF, links: tuple[str, ...]) -> tuple[float, float]:
     """Largest differences of links' placements in the root link [m], [rad]."""
     model = arm.source.full_model
     data = model.createData()
     moved = turned = 0.0
-    for q in arm.space.sample(CONFIGURATIONS, np.random.default_rng(seed)):
+    for q in arm.space.sample(CONFIGURATIONS, np.random.default_rng(SEED)):
         full = arm.full_q(q)
         pin.framesForwardKinematics(model, data, full)
         robot.update_cfg(_values(model, full, robot))

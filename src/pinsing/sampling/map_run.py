@@ -215,9 +215,6 @@ class MapResult(JsonResult):
         lines += [page.paragraph(f"note: {note}", rest="  ") for note in self.notes]
         return "\n".join(lines)
 
-    def __str__(self) -> str:
-        return self.text()
-
 
 def _quantile_rows(
     one: Distribution, two: Distribution, scale: float = 1.0
