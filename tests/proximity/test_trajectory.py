@@ -460,7 +460,6 @@ def test_what_strangers_wrote(tmp_path):
         "lacking.csv": ("q1,q2\n1,2\n", "no column for joint"),
         "twice.csv": ("t,t,q1\n1,2,3\n", "twice"),
         "extra.csv": (f"{names},extra\n0,1,2,foo\n", "extra"),
-        "comma.csv": (f"{names.replace(',', ';')}\n0,5;1,5;2\n", "decimal comma"),
         "bytes.npy": ("no array at all", "no NPY file"),
         "word.csv": (f"{names}\n\n0,1,2\n# so\n0,x,2\n", r"word.csv:5: column 2: 'x' is no number"),
         "bare.csv": ("0,1,2\n0,1,0x1\n", r"bare.csv:2: column 3: '0x1' is no number"),

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import click
+from click.core import ParameterSource
 
 from pinsing.cli.figure import check_figure, off_screen, save_figure
 from pinsing.cli.grouped import command
@@ -49,6 +50,16 @@ def angle(text: str, option: str, degrees: bool) -> float:
 @arm_options
 @click.argument("file", type=click.Path(path_type=Path))
 @deg_option
+@click.option(
+    "--units",
+    type=click.Choice(["rad", "deg"]),
+    help="Of the angles in FILE; by default as its head says, else of --deg or --rad.",
+)
+@click.option(
+    "--columns",
+    metavar="A,B,...",
+    help="Columns of the joints, base to tip, by name or number from 1, and t=NAME for times.",
+)
 @click.option(
     "--near",
     default="5deg",
@@ -92,6 +103,8 @@ def check_command(
     request: RobotRequest,
     file: Path,
     deg: bool,
+    units: str | None,
+    columns: str | None,
     near: str,
     fail_within: str | None,
     families: tuple[str, ...],
@@ -104,7 +117,8 @@ def check_command(
 ) -> int:
     """Check the trajectory in FILE: which singularities it meets, when, and how near it comes.
 
-    FILE is CSV (joint names in any order, or none; a column t or time), NPY or NPZ (q, t).
+    FILE is a table as text (joints by name or number, or without a head; a column t or time),
+    NPY, NPZ (q, t), YAML of ROS or MoveIt, or a robot program (.ls, .script).
     Between samples joints move linearly; what is said to be clear is proven clear.
 
     Example: pinsing check ur5 path.csv --deg --fail-within 3deg
@@ -118,7 +132,11 @@ def check_command(
     from pinsing.proximity.trajectory import check_trajectory, details, summary
     from pinsing.proximity.trajectory_file import read_trajectory
 
-    read = read_trajectory(file, arm, deg)
+    typed = click.get_current_context().get_parameter_source("deg")
+    told = deg if typed is ParameterSource.COMMANDLINE else None
+    degrees = told if units is None else units == "deg"
+    names = [] if columns is None else [word.strip() for word in columns.split(",")]
+    read = read_trajectory(file, arm, degrees, names)
     for note in read.notes:
         say(f"note: {note}")
     with doing("looking for families"):

@@ -1,8 +1,10 @@
-"""Trajectories out of files: CSV, NPY, NPZ."""
+"""Trajectories out of files: tables as text, NPY, NPZ, YAML of ROS, robot programs."""
 
 from __future__ import annotations
 
 import io
+import itertools
+import math
 import os
 import re
 import tokenize
@@ -19,9 +21,26 @@ from pinsing.chunk_file import DamagedError, read_arrays, read_bounded
 from pinsing.errors import ConfigurationError
 from pinsing.robot.arm import Arm
 
-_TIME = re.compile(r"(?i)(t|time|times|timestamp|seconds|secs?)(\s*[\[(_]?\s*s(ec(onds)?)?[\])]?)?")
+_UNIT = re.compile(r"(?i)[\s_]*[\[(]\s*([a-z°]+)\s*[\])]\s*$|_(deg|degrees|rad|mm|ms|ns)$")
+_SCALES = {
+    "deg": math.pi / 180, "degree": math.pi / 180, "degrees": math.pi / 180, "°": math.pi / 180,
+    "rad": 1.0, "radian": 1.0, "radians": 1.0, "m": 1.0, "meter": 1.0, "metre": 1.0, "mm": 1e-3,
+    "s": 1.0, "sec": 1.0, "second": 1.0, "seconds": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9,
+}  # fmt: skip
+"""What a unit in the head of a column is multiplied by: radians, metres, seconds."""
+_TIME = re.compile(r"(?i)[%_]*(t|times?|timestamp|seconds|secs?|time_from_start|elapsed)")
+_NUMBERED = re.compile(r"(?i)(actual_|field_|joint_)?(q|j|a|joint|axis|pos|positions?)_?(\d+)")
+_PLACES = {"joint_states", "joint_state", "position", "positions", "actual", "field", "data"}
+"""Parts of a column's name that tell where a position was written down, not of which joint."""
+_NO_POSITION = re.compile(
+    r"(?i)(.*[\W_])?(velocity|velocities|vel|qd|qdd|dq|speeds?|accelerations?|acc|efforts?|torques?|"
+    r"tau|currents?|target|header|frame_id|seq|stamp|secs|nsecs|nanosec|name)([\W_]?\d*|[\W_].*)"
+)
 _HANDED = ("/dev/stdin", "/dev/fd/", "/proc/self/fd/")  # pipes that the shell has set up
 _LARGEST = 4 << 30  # bytes
+_NO_TIMES = "no column of times"
+_ROWS = 100_000  # at a time
+_EPOCH = 1e8  # seconds: later times are dates, of which three years are left out
 _CELL = re.compile(r"could not convert string ('.*') to float64 at row (\d+), column (\d+)\.")
 _SAMPLES = ("q", "Q", "positions", "position", "samples")
 _TIMES = ("t", "time", "times")
@@ -41,36 +60,51 @@ class TrajectoryFile:
         How its columns were read.
     others : mapping of str to (N,) array
         Columns of joints of the whole model that the arm leaves out, as they are in the file.
+    scales : sequence of (float or None)
+        Of each joint what its values are multiplied by, where the file names a unit.
     """
 
     Q: Array
     t: Array | None
     notes: tuple[str, ...]
     others: Mapping[str, Array] = field(default_factory=dict)
+    scales: Sequence[float | None] = ()
 
 
-def read_trajectory(path: Path, arm: Arm, degrees: bool = False) -> TrajectoryFile:
+def read_trajectory(
+    path: Path, arm: Arm, degrees: bool | None = None, columns: Sequence[str] = ()
+) -> TrajectoryFile:
     """Read a trajectory for an arm.
 
-    A CSV file has a header with the names of all joints, in any order, and perhaps a column of
-    times (t, time, ...); columns of joints of the whole model that the chain leaves out are
-    passed over, which is said, unless one is locked on the chain and moves. Or it has none, and
-    then one column a joint, base to tip, perhaps after one of times. An NPY file has an array like
-    that; an NPZ file arrays ``q`` (N, n) and perhaps ``t``.
+    A table as text has a head with the names of all joints, in any order, and perhaps a column of
+    times. Names may lack the prefix of the robot's or have another's, be numbers (q1, J1,
+    joint_1, actual_q_0), stand in a path (/joint_states/NAME/position), and end in a unit
+    (deg, rad, m, mm; s, ms, ns). Velocities, efforts and the like are passed over, as are joints
+    of the whole model that the chain leaves out, unless one is locked on the chain and moves.
+    Without a head there is one column a joint, base to tip, perhaps after one of times. Commas,
+    semicolons, tabs or blanks separate; decimal commas are read where the comma does not
+    separate. YAML holds a trajectory of ROS or MoveIt, or what ``ros2 topic echo`` prints of joint
+    states; ``.ls`` the points of a Fanuc program; ``.script`` the moves to joint angles of a UR
+    program. An NPY file has an array; an NPZ file arrays ``q`` (N, n) and perhaps ``t``.
+    What was read as what is in ``notes``.
 
     Parameters
     ----------
     path : Path
-        The file; its name ends in .npy, .npz, or in anything else for text.
+        The file.
     arm : Arm
         The arm.
-    degrees : bool
-        Whether angles are in degrees.
+    degrees : bool, optional
+        Whether angles are in degrees; by default as the file says, else radians.
+    columns : sequence of str
+        Names, or numbers from 1, of the columns of the joints, base to tip, and perhaps
+        ``t=NAME`` for times: of a table as text whose head cannot be read.
 
     Raises
     ------
     ConfigurationError
-        If the file cannot be read, its columns do not fit the arm, or it holds no sample.
+        If the file cannot be read, its columns do not fit the arm, units contradict each other,
+        or it holds no sample.
     """
     try:
         kind = path.suffix.lower()
@@ -82,8 +116,12 @@ def read_trajectory(path: Path, arm: Arm, degrees: bool = False) -> TrajectoryFi
             found = _npy(path, arm)
         elif kind == ".npz":
             found = _npz(path, arm)
+        elif kind in _PROGRAMS:
+            found = _program(path, arm, *_PROGRAMS[kind])
+        elif kind in (".yaml", ".yml"):
+            found = _yaml(path, arm)
         else:
-            found = _text(path, arm)
+            found = _text(path, arm, columns)
     except OSError as error:
         reason = error.strerror or str(error)
         raise ConfigurationError(f"cannot read {path}: {reason}") from None
@@ -96,11 +134,23 @@ def read_trajectory(path: Path, arm: Arm, degrees: bool = False) -> TrajectoryFi
         raise ConfigurationError(f"cannot read {path}: {reason:.200}") from None
     if not len(found.Q):
         raise ConfigurationError(f"{path}: no sample in it")
-    if degrees:
-        found = replace(found, Q=np.where(arm.prismatic, found.Q, np.radians(found.Q)))
+    scales = np.where(arm.prismatic, 1.0, math.pi / 180 if degrees else 1.0)
+    for j, scale in enumerate(found.scales):
+        if scale is None:
+            continue
+        if degrees is not None and not arm.prismatic[j] and scale != scales[j]:
+            unit = "degrees" if scale != 1 else "radians"
+            raise ConfigurationError(
+                f"{path}: the column of {arm.joints[j]!r} says {unit}: leave out --deg or --rad"
+            )
+        scales[j] = scale
+    times = found.t
+    if times is not None and len(times) and abs(times[0]) > _EPOCH:
+        note = f"times are counted from the first, {times[0]:.3f} s"
+        found = replace(found, t=times - times[0], notes=(*found.notes, note))
     if found.others:
-        _require_others(path, arm, found, degrees)
-    return found
+        _require_others(path, arm, replace(found, Q=found.Q * scales), bool(degrees))
+    return replace(found, Q=found.Q * scales)
 
 
 def _others(arm: Arm) -> tuple[str, ...]:
@@ -185,7 +235,107 @@ def _npz(path: Path, arm: Arm) -> TrajectoryFile:
     return TrajectoryFile(found.Q, np.asarray(arrays[times], dtype=float), ())
 
 
-def _text(path: Path, arm: Arm) -> TrajectoryFile:
+_YAML = 64 << 20  # bytes: a minute of reading
+_PROGRAMS = {
+    ".ls": (
+        re.compile(r"J(\d)\s*=\s*([-+]?[\d.]+)\s*(deg|mm)", re.I),
+        re.compile(r"P\[\d+[^\]]*\]\s*\{(.*?)\}", re.S),
+        "joint positions of /POS",
+    ),
+    ".script": (
+        re.compile(r"()([-+]?\d[\d.eE+-]*)()"),
+        re.compile(r"(?:move[jl]|servoj)\s*\(\s*\[([^\]]*)\]"),
+        "joint angles of movej and servoj",
+    ),
+}
+"""By suffix: a value with its unit, what encloses the values of one sample, and in words."""
+
+
+def _program(
+    path: Path, arm: Arm, value: re.Pattern[str], sample: re.Pattern[str], what: str
+) -> TrajectoryFile:
+    """Points of a robot program; points given by a pose are not joint angles, and are refused."""
+    text = read_bounded(path, _YAML, follow=True).decode("utf-8", "replace")
+    rows = []
+    scales: list[float | None] = [None] * arm.n
+    for number, body in enumerate(sample.findall(text), 1):
+        cells = value.findall(body)
+        if len(cells) != arm.n:
+            raise ConfigurationError(
+                f"{path}: point {number} has {len(cells)} joint values, and the arm has {arm.n}"
+            )
+        rows.append([float(number) for _, number, _ in cells])
+        scales = [_SCALES.get(unit.lower()) for _, _, unit in cells]
+    notes = (f"{len(rows)} points: {what}, joints base to tip; no times",)
+    return TrajectoryFile(np.array(rows).reshape(-1, arm.n), None, notes, scales=scales)
+
+
+def _yaml(path: Path, arm: Arm) -> TrajectoryFile:
+    """A trajectory of ROS or MoveIt, or joint states as ``ros2 topic echo`` prints them."""
+    import yaml
+
+    raw = read_bounded(path, _YAML, follow=True)
+    loader = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
+    try:
+        documents = [d for d in yaml.load_all(raw, Loader=loader) if d is not None]
+    except (yaml.YAMLError, RecursionError) as error:
+        reason = " ".join(str(error).split())
+        raise ConfigurationError(f"cannot read {path}: {reason:.200}") from None
+    rows: list[tuple[Any, Any, Any]] = []
+    for found in documents:
+        data = found
+        while isinstance(data, Mapping) and "points" not in data and "position" not in data:
+            keys = [k for k in ("joint_trajectory", "trajectory", "goal") if k in data]
+            data = data[keys[0]] if keys else None
+            data = data[0] if isinstance(data, list) and len(data) == 1 else data
+        if not isinstance(data, Mapping):
+            raise ConfigurationError(
+                f"{path}: neither a trajectory (joint_names, points) nor joint states (name, "
+                "position)"
+            )
+        if "points" in data:
+            points = data["points"] if isinstance(data["points"], list) else []
+            rows += [
+                (data.get("joint_names"), p.get("positions"), p.get("time_from_start"))
+                for p in points
+                if isinstance(p, Mapping)
+            ]
+        else:
+            header = data.get("header")
+            stamp = header.get("stamp") if isinstance(header, Mapping) else None
+            rows.append((data.get("name"), data["position"], stamp))
+    samples, times = [], []
+    heads: _Heads | None = None
+    names: Any = None
+    for number, (joints, positions, time) in enumerate(rows, 1):
+        if not (isinstance(joints, list) and isinstance(positions, list)):
+            raise ConfigurationError(f"{path}: sample {number} lacks names or positions of joints")
+        if len(joints) != len(positions) or any(type(x) not in (int, float) for x in positions):
+            raise ConfigurationError(
+                f"{path}: sample {number} needs a number for each of its {len(joints)} joints"
+            )
+        if heads is None or joints != names:
+            names, heads = joints, _Heads(path, arm, [str(j) for j in joints], ())
+        samples.append([float(positions[i]) for i in heads.order])
+        times.append(_seconds(time))
+    notes = tuple(n for n in heads.notes if n != _NO_TIMES) if heads else ()
+    known = [t for t in times if t is not None]
+    timed = len(known) == len(times) > 0
+    if not timed:
+        notes += (_NO_TIMES,)
+    Q = np.array(samples).reshape(-1, arm.n)
+    return TrajectoryFile(Q, np.array(known) if timed else None, notes)
+
+
+def _seconds(time: Any) -> float | None:
+    """Seconds of a number, or of a time of ROS 1 or 2."""
+    if isinstance(time, Mapping):
+        whole, part = time.get("sec", time.get("secs")), time.get("nanosec", time.get("nsecs", 0))
+        time = whole + 1e-9 * part if type(whole) is int and type(part) is int else None
+    return float(time) if type(time) in (int, float) else None
+
+
+def _text(path: Path, arm: Arm, columns: Sequence[str]) -> TrajectoryFile:
     # Marks of byte order come from spreadsheets.
     with (
         path.open("rb") as raw,
@@ -201,54 +351,206 @@ def _text(path: Path, arm: Arm) -> TrajectoryFile:
             line = ""
         if not line:
             raise ConfigurationError(f"{path}: no sample in it")
-        separator = next((s for s in (",", ";", "\t") if s in line), None)
+        separator = next((s for s in (";", "\t", ",") if s in line), None)
         words = [w.strip().strip("\"'") for w in line.split(separator)]
-        named = any(_number(w) is None for w in words)
-        order, time = _order(path, arm, words) if named else ([], None)
-        parts = [] if named else [_rows(path, io.StringIO(line), separator, len(words), number)]
-        done = number
-        while True:
-            part = _rows(path, file, separator, len(words), done + 1)
-            if not len(part):
-                break
+        named = any(_number(w.replace(",", ".")) is None for w in words)
+        read = _Heads(path, arm, words, columns) if named or columns else None
+        used = sorted(read.used) if read and len(read.used) < len(words) else None
+        table = _Table(path, separator, used, len(words), number - 1)
+        parts = [] if named else [table.rows(io.StringIO(line))]
+        table.line = number
+        while len(part := table.rows(file)):
             parts.append(part)
-            done += len(part)
-    table = np.concatenate(parts) if parts else np.zeros((0, len(words)))
-    if not named:
-        return _columns(path, arm, table)
-    notes: tuple[str, ...] = () if time is not None else ("no column of times",)
-    others = {w: table[:, words.index(w)] for w in _others(arm) if w in words}
-    if others:
-        left = ", ".join(f"{name!r:.80}" for name in others)
-        notes += (f"the chain leaves out {left}: not used",)
-    t = None if time is None else table[:, time]
-    return TrajectoryFile(table[:, order], t, notes, others)
+    values = np.concatenate(parts) if parts else np.zeros((0, len(used or words)))
+    commas = ("decimal commas",) if table.commas else ()
+    if read is None:
+        found = _columns(path, arm, values)
+        return replace(found, notes=(*found.notes, *commas))
+    at = {column: k for k, column in enumerate(used or range(len(words)))}
+    others = {w: values[:, at[i]] for w, i in read.others.items()}
+    t = None if read.time is None else values[:, at[read.time]] * read.time_scale
+    Q = values[:, [at[i] for i in read.order]]
+    return TrajectoryFile(Q, t, (*read.notes, *commas), others, read.scales)
 
 
-def _rows(path: Path, file: io.TextIOBase, separator: str | None, width: int, first: int) -> Array:
-    """The next rows of a table, (K, width); ``first`` is the line they begin at."""
-    import warnings
+class _Heads:
+    """Which column is which, by the words at their heads.
 
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # an end of file is no surprise
-        try:
-            table = np.loadtxt(file, delimiter=separator, max_rows=100_000, ndmin=2, comments="#")
-        except ValueError as error:
-            words = " ".join(str(error).split())
-            cell = _CELL.fullmatch(words)
-            if cell and separator is not None and not re.fullmatch(r"'-?\d*,\d+'", cell[1]):
-                line = _line_of(path, first, int(cell[2]))
-                raise ConfigurationError(
-                    f"{path}:{line}: column {cell[3]}: {cell[1]:.80} is no number"
-                ) from None
-            if separator != "," and re.search(r"'-?\d*,\d", words):
-                words = "a number has a decimal comma: write points"
-            raise ConfigurationError(f"{path}: after line {first}: {words:.200}") from None
-    if table.size and table.shape[1] != width:
-        raise ConfigurationError(
-            f"{path}: {width} columns at first, {table.shape[1]} from line {first} on"
-        )
-    return np.asarray(table, dtype=float).reshape(-1, width)
+    Attributes
+    ----------
+    order : list of int
+        The column of each joint.
+    scales : list of (float or None)
+        Of each joint, where a unit is named.
+    time : int or None
+        The column of times, in units of ``time_scale`` seconds.
+    others : dict of str to int
+        Joints of the whole model that the arm leaves out.
+    used : set of int
+        Columns that are read.
+    notes : tuple of str
+        What was not said outright.
+    """
+
+    def __init__(self, path: Path, arm: Arm, words: Sequence[str], columns: Sequence[str]) -> None:
+        self.path, self.words = path, words
+        if twice := [w for w in words if w and list(words).count(w) > 1 and not columns]:
+            raise self._error(f"column {twice[0]!r:.80} is there twice")
+        known = _others(arm)
+        self.others = {w: i for i, w in enumerate(words) if w in known}
+        units = [_UNIT.search(w) for w in words]
+        marks = [(u.group(1) or u.group(2)).lower() if u else "" for u in units]
+        names = [
+            w[: u.start()] if u and m in _SCALES else w
+            for w, u, m in zip(words, units, marks, strict=True)
+        ]
+        scales = [_SCALES.get(m) for m in marks]
+        exact = {*arm.joints, *known}
+        times = [i for i, w in enumerate(names) if w not in exact and _TIME.fullmatch(w)]
+        if columns:
+            times = [self._column(c[2:]) for c in columns if c.startswith("t=")]
+            self.order = [self._column(c) for c in columns if not c.startswith("t=")]
+            if len(self.order) != arm.n:
+                raise self._error(
+                    f"{arm.n} columns are needed, one a joint ({', '.join(arm.joints)}); "
+                    f"--columns has {len(self.order)}"
+                )
+            self.others, passed = {}, []
+        else:
+            rest = {i: n for i, n in enumerate(names) if i not in {*times, *self.others.values()}}
+            passed = [i for i, n in rest.items() if n not in exact and _NO_POSITION.fullmatch(n)]
+            self.order = self._joints(arm, {i: n for i, n in rest.items() if i not in passed})
+        if len(times) > 1:
+            pair = " and ".join(f"{words[i]!r:.80}" for i in times[:2])
+            raise self._error(f"columns {pair} are both times")
+        self.time = times[0] if times else None
+        self.time_scale = (scales[times[0]] if times else None) or 1.0
+        if times and scales[times[0]] is None and words[times[0]] == "%time":
+            self.time_scale = 1e-9  # as rostopic writes it
+        self.scales = [scales[i] for i in self.order]
+        self.used = {*self.order, *times, *self.others.values()}
+        self.notes: tuple[str, ...] = () if times else (_NO_TIMES,)
+        if any(words[i] != j for i, j in zip(self.order, arm.joints, strict=True)):
+            pairs = zip(arm.joints, self.order, strict=True)
+            self.notes += ("columns: " + ", ".join(f"{j} = {words[i]!r:.80}" for j, i in pairs),)
+        left = [*self.others, *(words[i] for i in passed)]
+        if left:
+            shown = ", ".join(f"{w!r:.80}" for w in left[:6])
+            more = f" and {len(left) - 6} more" if len(left) > 6 else ""
+            what = "the chain leaves out" if self.others else "no positions in"
+            self.notes += (f"{what} {shown}{more}: not used",)
+
+    def _error(self, words: str) -> ConfigurationError:
+        return ConfigurationError(f"{self.path}: {words}")
+
+    def _column(self, word: str) -> int:
+        """Column by its name, or by its number from 1."""
+        if word in self.words:
+            return list(self.words).index(word)
+        if word.isdecimal() and 1 <= int(word) <= len(self.words):
+            return int(word) - 1
+        raise self._error(f"--columns: no column {word!r:.80}; there are {', '.join(self.words)}")
+
+    def _joints(self, arm: Arm, names: Mapping[int, str]) -> list[int]:
+        """The column of each joint: by name, by the end of a name, or by number."""
+        short = {i: _without_places(name) for i, name in names.items()}
+        numbers = {i: m for i, n in short.items() if (m := _NUMBERED.fullmatch(n))}
+        found = {i: _named(short[i], arm.joints) for i in names}
+        if numbers and not all(found[i] for i in numbers):
+            count = {i: int(m.group(3)) for i, m in numbers.items()}
+            first = min(count.values())
+            if sorted(count.values()) == list(range(first, first + arm.n)) and first in (0, 1):
+                found.update({i: arm.joints[k - first] for i, k in count.items()})
+        for i in names:
+            if not found[i]:
+                raise self._error(
+                    f"unknown column {self.words[i]!r:.80}: the joints are "
+                    f"{', '.join(arm.joints)}, and times are in a column 't' or 'time' "
+                    "(--columns A,B,... says which columns are the joints)"
+                )
+            if list(found.values()).count(found[i]) > 1:
+                same = [self.words[k] for k in names if found[k] == found[i]]
+                pair = " and ".join(f"{w!r:.80}" for w in same[:2])
+                raise self._error(f"columns {pair} could both be joint {found[i]!r}")
+        column = {joint: i for i, joint in found.items()}
+        if missing := [j for j in arm.joints if j not in column]:
+            raise self._error(f"no column for joint {missing[0]!r}")
+        return [column[j] for j in arm.joints]
+
+
+def _without_places(name: str) -> str:
+    """What is left of ``/joint_states/NAME/position``: NAME; of ``position[0]``: position_0."""
+    parts = [p for p in re.split(r"[/.\[\]]+", name) if p]
+    kept = [p for p in parts if p.lower() not in _PLACES]
+    if kept and all(p.isdecimal() for p in kept):
+        return f"position_{kept[-1]}"
+    return kept[-1] if kept else name
+
+
+def _named(name: str, joints: Sequence[str]) -> str | None:
+    """The one joint of that name, or of one that differs by a prefix, "_joint" or case alone."""
+    if name in joints:
+        return name
+
+    def plain(word: str) -> str:
+        return word.lower().removesuffix("_joint").removesuffix("-joint")
+
+    low = plain(name)
+    close = [
+        j
+        for j in joints
+        if low == plain(j) or low.endswith(f"_{plain(j)}") or plain(j).endswith(f"_{low}")
+    ]
+    return close[0] if len(close) == 1 else None
+
+
+@dataclass(eq=False)
+class _Table:
+    """Reads numbers, some rows at a time.
+
+    ``commas`` becomes true where numbers are found to have decimal commas.
+    """
+
+    path: Path
+    separator: str | None
+    used: Sequence[int] | None
+    width: int
+    line: int
+    commas: bool = False
+
+    def rows(self, file: io.TextIOBase) -> Array:
+        """The next rows, (K, used), from the line after ``line`` on; none at the end."""
+        import warnings
+
+        first, lines = self.line + 1, list(itertools.islice(file, _ROWS))
+        self.line += len(lines)
+        if lines and not any(line.split("#")[0].strip() for line in lines):
+            return self.rows(file)
+        if self.separator != "," and any("," in line for line in lines):
+            self.commas = True
+            lines = [line.replace(",", ".") for line in lines]
+        width = self.width if self.used is None else len(self.used)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # an end of file is no surprise
+            try:
+                table = np.loadtxt(
+                    lines, delimiter=self.separator, ndmin=2, comments="#", usecols=self.used
+                )
+            except ValueError as error:
+                words = " ".join(str(error).split())
+                cell = _CELL.fullmatch(words)
+                if cell and self.separator is not None:
+                    line = _line_of(self.path, first, int(cell[2]))
+                    column = int(cell[3]) if self.used is None else self.used[int(cell[3]) - 1] + 1
+                    raise ConfigurationError(
+                        f"{self.path}:{line}: column {column}: {cell[1]:.80} is no number"
+                    ) from None
+                raise ConfigurationError(f"{self.path}: after line {first}: {words:.200}") from None
+        if table.size and table.shape[1] != width:
+            raise ConfigurationError(
+                f"{self.path}: {width} columns at first, {table.shape[1]} from line {first} on"
+            )
+        return np.asarray(table, dtype=float).reshape(-1, width)
 
 
 def _line_of(path: Path, first: int, row: int) -> int:
@@ -262,29 +564,6 @@ def _line_of(path: Path, first: int, row: int) -> int:
                     return number
                 row -= 1
     return first
-
-
-def _order(path: Path, arm: Arm, words: Sequence[str]) -> tuple[list[int], int | None]:
-    """Column of each joint, and that of times."""
-    known = {*arm.joints, *_others(arm)}
-    time = [i for i, w in enumerate(words) if w not in known and _TIME.fullmatch(w)]
-    unknown = [w for i, w in enumerate(words) if w not in known and i not in time]
-    if unknown:
-        raise ConfigurationError(
-            f"{path}: unknown column {unknown[0]!r:.80}: the joints are {', '.join(arm.joints)}, "
-            "and times are in a column 't' or 'time'"
-        )
-    twice = [w for w in words if list(words).count(w) > 1]
-    if twice or len(time) > 1:
-        if not twice:
-            pair = f"{words[time[0]]!r:.80} and {words[time[1]]!r:.80}"
-            raise ConfigurationError(f"{path}: columns {pair} are both times")
-        name = twice[0]
-        raise ConfigurationError(f"{path}: column {name!r:.80} is there twice")
-    missing = [j for j in arm.joints if j not in words]
-    if missing:
-        raise ConfigurationError(f"{path}: no column for joint {missing[0]!r}")
-    return [list(words).index(j) for j in arm.joints], time[0] if time else None
 
 
 def _number(word: str) -> float | None:

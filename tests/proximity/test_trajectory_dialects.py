@@ -1,0 +1,240 @@
+"""Trajectory files as people have them: what is a joint, what a time, and in which unit."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from pinsing import load
+from pinsing.cli.app import command
+from pinsing.errors import ConfigurationError
+from pinsing.proximity.trajectory_file import read_trajectory
+
+UR5 = [
+    "shoulder_pan_joint",
+    "shoulder_lift_joint",
+    "elbow_joint",
+    "wrist_1_joint",
+    "wrist_2_joint",
+    "wrist_3_joint",
+]
+Q = np.array([[0.1, -1.2, 1.3, -0.4, 0.5, 0.6], [0.2, -1.1, 1.2, -0.3, 0.4, 0.7]])
+T = np.array([0.0, 0.25])
+DEG = np.degrees(Q)
+
+
+def table(heads, rows, sep=","):
+    return (
+        "\n".join([sep.join(heads), *(sep.join(f"{x:.12g}" for x in row) for row in rows)]) + "\n"
+    )
+
+
+def timed(rows=Q, t=T):
+    return np.column_stack([t, rows])
+
+
+def numbered(pattern, first=1):
+    return [pattern.format(k) for k in range(first, first + 6)]
+
+
+def yaml_points(stamp):
+    points = [
+        f"- positions: {q.tolist()}\n  velocities: []\n  time_from_start: {stamp(t)}"
+        for q, t in zip(Q, T, strict=True)
+    ]
+    return f"joint_names: {json.dumps(UR5)}\npoints:\n" + "\n".join(points) + "\n"
+
+
+def states():
+    one = "header:\n  stamp:\n    sec: {}\n    nanosec: {}\nname: {}\nposition: {}\nvelocity: []\n"
+    backward = json.dumps(UR5[::-1])
+    return "---\n".join(
+        one.format(1_700_000_000, int(t * 1e9), backward, q[::-1].tolist())
+        for q, t in zip(Q, T, strict=True)
+    )
+
+
+def fanuc():
+    def point(k, q):
+        joints = ",\n\t".join(f"J{j}= {x:9.6f} deg" for j, x in enumerate(np.degrees(q), 1))
+        return f"P[{k}]{{\n   GP1:\n\tUF : 0, UT : 1,\t\n\t{joints}\n}};\n"
+
+    return (
+        "/PROG  PATH\n/MN\n   1:J P[1] 100% FINE    ;\n/POS\n"
+        + point(1, Q[0])
+        + point(2, Q[1])
+        + "/END\n"
+    )
+
+
+ROSBAG = [
+    "%time",
+    *numbered("field.name{}", 0),
+    *numbered("field.position{}", 0),
+    "field.velocity0",
+]
+rosbag_rows = "".join(
+    ",".join([f"{int(1.7e18 + t * 1e9)}", *UR5, *(f"{x:.12g}" for x in q), "0.5"]) + "\n"
+    for q, t in zip(Q, T, strict=True)
+)
+DIALECTS = {
+    "names.csv": (table(["t", *UR5], timed()), True),
+    "backward.csv": (table(UR5[::-1], Q[:, ::-1]), False),
+    "q.csv": (table(["time", *numbered("q{}")], timed()), True),
+    "q0.csv": (table(numbered("q{}", 0), Q), False),
+    "J.csv": (table(numbered("J{}"), Q), False),
+    "J_deg.csv": (table(numbered("J{} (deg)"), DEG), False),
+    "J_brackets.csv": (table(["Time [ms]", *numbered("J{}[deg]")], timed(DEG, T * 1e3)), True),
+    "axes.csv": (table(numbered("axis_{}_deg"), DEG), False),
+    "kuka.csv": (table(numbered("A{}"), Q), False),
+    "joint_1.csv": (table(numbered("joint_{}"), Q), False),
+    "prefix.csv": (table(["t", *(f"left_ur5_{j}" for j in UR5)], timed()), True),
+    "short.csv": (table([j.removesuffix("_joint") for j in UR5], Q), False),
+    "Case.csv": (table([j.title() for j in UR5], Q), False),
+    "plotjuggler.csv": (
+        table(["__time", *(f"/joint_states/{j}/position" for j in UR5)], timed(t=T + 1.7e9)),
+        True,
+    ),
+    "plotjuggler_all.csv": (
+        table(
+            [
+                "__time",
+                *(f"/joint_states/{j}/{what}" for j in UR5 for what in ("position", "velocity")),
+            ],
+            np.column_stack([T, *(np.column_stack([x, 9 * x]) for x in Q.T)]),
+        ),
+        True,
+    ),
+    "ros2bag.csv": (table(["t", *numbered("/joint_states.position[{}]", 0)], timed()), True),
+    "rosbag.csv": (",".join(ROSBAG) + "\n" + rosbag_rows, True),
+    "rtde.csv": (
+        table(
+            [
+                "timestamp",
+                *numbered("actual_q_{}", 0),
+                *numbered("actual_qd_{}", 0),
+                *numbered("target_q_{}", 0),
+            ],
+            np.column_stack([T, Q, Q, Q + 1]),
+            " ",
+        ),
+        True,
+    ),
+    "semicolons.csv": (table(["t", *UR5], timed(), ";"), True),
+    "tabs.tsv": (table(["t", *UR5], timed(), "\t"), True),
+    "excel.csv": (
+        "\ufeff" + table(["time(s)", *UR5], timed(), ";").replace(".", ","),
+        True,
+    ),
+    "comma_tabs.txt": (table(numbered("q{}"), Q, "\t").replace(".", ","), False),
+    "bare.csv": (table([], Q)[1:], False),
+    "bare_comma.csv": (table([], timed(), ";")[1:].replace(".", ","), True),
+    "moveit.yaml": (yaml_points(lambda t: f"{{secs: 0, nsecs: {int(t * 1e9)}}}"), True),
+    "ros2.yaml": (yaml_points(lambda t: f"{{sec: 0, nanosec: {int(t * 1e9)}}}"), True),
+    "plan.yaml": (
+        "trajectory:\n- joint_trajectory:\n"
+        + "".join(f"    {line}\n" for line in yaml_points(float).splitlines()),
+        True,
+    ),
+    "echo.yaml": (states(), True),
+    "path.ls": (fanuc(), False),
+    "path.script": (
+        "def path():\n" + "".join(f"  movej({q.tolist()}, a=1.4, v=1.05)\n" for q in Q) + "end\n",
+        False,
+    ),
+}
+
+
+@pytest.fixture(scope="module")
+def arm():
+    return load("ur5")
+
+
+@pytest.mark.parametrize("name", DIALECTS)
+def test_files_as_people_have_them(tmp_path, arm, name):
+    text, times = DIALECTS[name]
+    (tmp_path / name).write_text(text, encoding="utf-8")
+    read = read_trajectory(tmp_path / name, arm)
+    np.testing.assert_allclose(read.Q, Q, atol=1e-6)
+    assert (read.t is not None) == times
+    if read.t is not None:
+        np.testing.assert_allclose(read.t, T, atol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        (table(numbered("q{}", 2), Q), "unknown column 'q2'"),
+        (table([*numbered("q{}"), "q7"], np.column_stack([Q, Q[:, 0]])), "unknown column 'q1'"),
+        (table([*UR5[:5], "wrist_joint"], Q), "unknown column 'wrist_joint'"),
+        (table([*UR5[:5], "left_elbow_joint"], Q), "could both be joint 'elbow_joint'"),
+        (table([*UR5, "gripper"], np.column_stack([Q, T])), "unknown column 'gripper'"),
+        (table(UR5, Q, ";").replace(".", ",").replace("1,3", "1.000,3"), "is no number"),
+    ],
+)
+def test_what_is_not_clear_is_not_guessed(tmp_path, arm, text, said):
+    (tmp_path / "a.csv").write_text(text)
+    with pytest.raises(ConfigurationError, match=said):
+        read_trajectory(tmp_path / "a.csv", arm)
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "said"),
+    [
+        ("a.yaml", "joint_names: [a, b]\npoints: [{positions: [1, 2]}]", "unknown column 'a'"),
+        ("a.yaml", "hello: 1", "neither a trajectory"),
+        ("a.yaml", "joint_names: [a\n", "cannot read"),
+        (
+            "a.yaml",
+            f"joint_names: {UR5}\npoints: [{{positions: [1, 2]}}]",
+            "sample 1 needs a number",
+        ),
+        ("a.yaml", f"joint_names: {UR5}\npoints: []", "no sample"),
+        (
+            "a.ls",
+            "/POS\nP[1]{\n GP1:\n X = 1 mm, Y = 2 mm, W = 0 deg\n};",
+            "point 1 has 0 joint values",
+        ),
+        ("a.script", "movej([1, 2], a=1)", "point 1 has 2 joint values"),
+        ("a.script", "movel(p[1, 2, 3, 0, 0, 0])", "no sample"),
+    ],
+)
+def test_broken_ones_are_refused_in_one_line(tmp_path, arm, name, text, said):
+    (tmp_path / name).write_text(text)
+    with pytest.raises(ConfigurationError, match=said) as raised:
+        read_trajectory(tmp_path / name, arm)
+    assert "\n" not in str(raised.value)
+
+
+def test_columns_and_units_can_be_said(tmp_path, arm):
+    heads = ["when", *"abcdef"]
+    (tmp_path / "a.csv").write_text(table(heads, timed(DEG)))
+    (tmp_path / "deg.csv").write_text(table(numbered("J{} (deg)"), DEG))
+    for columns in (["t=when", *"abcdef"], ["t=1", *"234567"]):
+        read = read_trajectory(tmp_path / "a.csv", arm, True, columns)
+        np.testing.assert_allclose(read.Q, Q)
+        np.testing.assert_allclose(read.t, T)
+    with pytest.raises(ConfigurationError, match="--columns has 2"):
+        read_trajectory(tmp_path / "a.csv", arm, True, ["a", "b"])
+    with pytest.raises(ConfigurationError, match="no column 'x'"):
+        read_trajectory(tmp_path / "a.csv", arm, True, [*"abcde", "x"])
+    with pytest.raises(ConfigurationError, match="says degrees"):
+        read_trajectory(tmp_path / "deg.csv", arm, False)
+
+    words = [
+        "check",
+        "ur5",
+        str(tmp_path / "a.csv"),
+        "--units",
+        "deg",
+        "--columns",
+        "t=when,a,b,c,d,e,f",
+    ]
+    done = CliRunner().invoke(command, words)
+    assert done.exit_code == 0, done.stderr
+    assert "elbow_joint = 'c'" in done.stderr
+    plain = CliRunner().invoke(command, ["check", "ur5", str(tmp_path / "deg.csv")])
+    assert plain.exit_code == 0, plain.stderr
