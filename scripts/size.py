@@ -9,14 +9,14 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
 LIMITS: dict[str, tuple[int, int]] = {
-    "Python in src: statements": (41_850, 30_000),
-    "Python in src: lines": (81_400, 56_000),
-    "C++, JavaScript, templates, styles: lines": (11_800, 9_500),
-    "modules": (309, 220),
+    "Python in src: statements": (41_400, 30_000),
+    "Python in src: lines": (80_800, 56_000),
+    "C++, JavaScript, templates, styles: lines": (11_750, 9_500),
+    "modules": (275, 220),
     "packages directly under pinsing": (16, 16),
-    "numbers in module constants": (850, 500),
-    "names exported by pinsing": (73, 32),
-    "lines of tests": (45_950, 28_000),
+    "numbers in module constants": (765, 500),
+    "names exported by pinsing": (31, 32),
+    "lines of tests": (46_050, 28_000),
     "words of Markdown, changelog excluded": (40_000, 40_000),
     "CHANGELOG.md: lines": (150, 150),
 }

@@ -356,7 +356,7 @@ def _text(path: Path, arm: Arm, columns: Sequence[str]) -> TrajectoryFile:
         named = any(_number(w.replace(",", ".")) is None for w in words)
         read = _Heads(path, arm, words, columns) if named or columns else None
         used = sorted(read.used) if read and len(read.used) < len(words) else None
-        table = _Table(path, separator, used, len(words), number - 1)
+        table = _NumberTable(path, separator, used, len(words), number - 1)
         parts = [] if named else [table.rows(io.StringIO(line))]
         table.line = number
         while len(part := table.rows(file)):
@@ -505,7 +505,7 @@ def _named(name: str, joints: Sequence[str]) -> str | None:
 
 
 @dataclass(eq=False)
-class _Table:
+class _NumberTable:
     """Reads numbers, some rows at a time.
 
     ``commas`` becomes true where numbers are found to have decimal commas.
