@@ -330,8 +330,8 @@ def refine(
 ) -> SingularConfiguration:
     """Walk from ``q0`` to a near singular configuration, or to the bottom of its dip.
 
-    Solves J(q)^T u = 0 for a unit u (see ``configuration.rank_drop`` for what that becomes when the
-    generic rank is below m, and how rank-deficient cases are survived).
+    Solves J(q)^T u = 0 for a unit u (of a generic rank below m, of the rows that
+    count).
 
     Parameters
     ----------

@@ -222,9 +222,9 @@ def plan_path(
     ((5, 6), True)
     """
     if arm is None:
-        if form.geometry is None:
-            raise OptionError("a form that was read from JSON has no geometry: give arm=")
-        arm = form.geometry.arm
+        if form.loaded is None:
+            raise OptionError("a form that was read from JSON has no robot: give arm=")
+        arm = form.loaded
     back: Array = np.eye(4)
     if tool is not None:
         back = np.linalg.inv(rigid_motions(np.asarray(tool)[None], "tool")[0])
