@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import json
 import math
+import os
 import re
+import stat
+import sys
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 from click.core import ParameterSource
@@ -18,7 +22,10 @@ from pinsing.cli.output import OutputFile, emit_json, emit_lines, say
 from pinsing.cli.running import run_progress
 from pinsing.cli.serving import show
 from pinsing.cli.waiting import doing
-from pinsing.errors import OptionError
+from pinsing.errors import ConfigurationError, OptionError
+
+if TYPE_CHECKING:
+    from pinsing.robot.arm import Arm
 
 _FOR_ASPECTS = 10.0
 """Seconds for telling the aspects apart that a motion may change."""
@@ -48,7 +55,12 @@ def angle(text: str, option: str, degrees: bool) -> float:
 
 @command("check")
 @arm_options
-@click.argument("file", type=click.Path(path_type=Path))
+@click.argument("file", type=click.Path(path_type=Path, allow_dash=True))
+@click.option(
+    "--follow",
+    is_flag=True,
+    help="A verdict for each line as it comes, as JSON: FILE is - for standard input, or a pipe.",
+)
 @deg_option
 @click.option(
     "--units",
@@ -102,6 +114,7 @@ def angle(text: str, option: str, degrees: bool) -> float:
 def check_command(
     request: RobotRequest,
     file: Path,
+    follow: bool,
     deg: bool,
     units: str | None,
     columns: str | None,
@@ -129,6 +142,9 @@ def check_command(
     fail = None if fail_within is None else angle(fail_within, "--fail-within", deg)
     arm = request.load()
     from pinsing.families import closed_form
+
+    if follow:
+        return _followed(arm, file, (deg if units is None else units == "deg"), bound)
     from pinsing.proximity.trajectory import check_trajectory, details, summary
     from pinsing.proximity.trajectory_file import read_trajectory
 
@@ -182,3 +198,19 @@ def check_command(
         viewer = Viewer(arm, form.families, path=read.Q, coverage=said, host="127.0.0.1")
         show(viewer, html, view, no_open)
     return int(fail is not None and not check.clearance > fail)
+
+
+def _followed(arm: Arm, file: Path, degrees: bool, near: float) -> int:
+    """Judge each line that comes. A plain file is read whole; of a live stream, old lines go."""
+    from pinsing.families import closed_form
+    from pinsing.proximity.follow import Follower, follow
+
+    follower = Follower(closed_form(arm), arm, degrees, near)
+    try:
+        with sys.stdin if str(file) == "-" else file.open(encoding="utf-8") as stream:
+            live = not stat.S_ISREG(os.fstat(stream.fileno()).st_mode)
+            for said in follow(follower, stream, live):
+                click.echo(json.dumps(said))
+    except OSError as error:
+        raise ConfigurationError(f"cannot read {file}: {error.strerror or error}") from None
+    return 0

@@ -305,7 +305,7 @@ def _yaml(path: Path, arm: Arm) -> TrajectoryFile:
             stamp = header.get("stamp") if isinstance(header, Mapping) else None
             rows.append((data.get("name"), data["position"], stamp))
     samples, times = [], []
-    heads: _Heads | None = None
+    heads: ColumnHeads | None = None
     names: Any = None
     for number, (joints, positions, time) in enumerate(rows, 1):
         if not (isinstance(joints, list) and isinstance(positions, list)):
@@ -315,7 +315,7 @@ def _yaml(path: Path, arm: Arm) -> TrajectoryFile:
                 f"{path}: sample {number} needs a number for each of its {len(joints)} joints"
             )
         if heads is None or joints != names:
-            names, heads = joints, _Heads(path, arm, [str(j) for j in joints], ())
+            names, heads = joints, ColumnHeads(path, arm, [str(j) for j in joints], ())
         samples.append([float(positions[i]) for i in heads.order])
         times.append(_seconds(time))
     notes = tuple(n for n in heads.notes if n != _NO_TIMES) if heads else ()
@@ -353,8 +353,8 @@ def _text(path: Path, arm: Arm, columns: Sequence[str]) -> TrajectoryFile:
             raise ConfigurationError(f"{path}: no sample in it")
         separator = next((s for s in (";", "\t", ",") if s in line), None)
         words = [w.strip().strip("\"'") for w in line.split(separator)]
-        named = any(_number(w.replace(",", ".")) is None for w in words)
-        read = _Heads(path, arm, words, columns) if named or columns else None
+        named = not all(is_number(w.replace(",", ".")) for w in words)
+        read = ColumnHeads(path, arm, words, columns) if named or columns else None
         used = sorted(read.used) if read and len(read.used) < len(words) else None
         table = _NumberTable(path, separator, used, len(words), number - 1)
         parts = [] if named else [table.rows(io.StringIO(line))]
@@ -373,7 +373,7 @@ def _text(path: Path, arm: Arm, columns: Sequence[str]) -> TrajectoryFile:
     return TrajectoryFile(Q, t, (*read.notes, *commas), others, read.scales)
 
 
-class _Heads:
+class ColumnHeads:
     """Which column is which, by the words at their heads.
 
     Attributes
@@ -392,7 +392,10 @@ class _Heads:
         What was not said outright.
     """
 
-    def __init__(self, path: Path, arm: Arm, words: Sequence[str], columns: Sequence[str]) -> None:
+    def __init__(
+        self, path: Path | str, arm: Arm, words: Sequence[str], columns: Sequence[str] = ()
+    ) -> None:
+        words = [str(w).strip().strip("\"'") for w in words]
         self.path, self.words = path, words
         if twice := [w for w in words if w and list(words).count(w) > 1 and not columns]:
             raise self._error(f"column {twice[0]!r:.80} is there twice")
@@ -566,8 +569,10 @@ def _line_of(path: Path, first: int, row: int) -> int:
     return first
 
 
-def _number(word: str) -> float | None:
+def is_number(word: str) -> bool:
+    """Return True where ``word`` is a number."""
     try:
-        return float(word)
+        float(word)
     except ValueError:
-        return None
+        return False
+    return True

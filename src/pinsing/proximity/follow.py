@@ -1,0 +1,183 @@
+"""A running robot: configurations line by line, and a verdict for each."""
+
+from __future__ import annotations
+
+import json
+import threading
+from collections import deque
+from collections.abc import Iterable, Iterator, Mapping
+from typing import Any
+
+import numpy as np
+
+from pinsing._types import Array
+from pinsing.errors import ConfigurationError
+from pinsing.families.form import ClosedForm
+from pinsing.proximity.clearance import clearance
+from pinsing.proximity.monitor import Monitor
+from pinsing.proximity.trajectory_file import ColumnHeads, is_number
+from pinsing.robot.arm import Arm
+
+BACKLOG = 100
+"""Lines of a live stream that may wait, a tenth of a second at 1 kHz; older ones are dropped."""
+STALLED = 1.0
+"""Seconds without a line after which it is said."""
+
+
+def latest(lines: Iterable[str], stalled: float = STALLED) -> Iterator[tuple[str | None, int]]:
+    """Lines of a live stream, at most `BACKLOG` of them late, each with how many were dropped.
+
+    Without one for ``stalled`` seconds, None comes in its place, once for each silence.
+    """
+    lines = iter(lines)
+    for head in lines:  # the names of columns are never dropped
+        yield head, 0
+        break
+    waiting: deque[str] = deque()
+    news = threading.Condition()
+    dropped, ended = 0, False
+
+    def read() -> None:
+        nonlocal dropped, ended
+        for line in lines:
+            with news:
+                if len(waiting) == BACKLOG:
+                    waiting.popleft()
+                    dropped += 1
+                waiting.append(line)
+                news.notify()
+        with news:
+            ended = True
+            news.notify()
+
+    threading.Thread(target=read, daemon=True).start()
+    silent = True  # before the first line nothing has stalled
+    while True:
+        with news:
+            came = news.wait_for(lambda: waiting or ended, None if silent else stalled)
+            line = waiting.popleft() if waiting else None
+            count, dropped = dropped, 0
+        if line is None and came:
+            return
+        silent = line is None
+        yield line, count
+
+
+class Follower:
+    """Reads configurations as text and judges each.
+
+    A line is a JSON object or a row of a table, best after a line of column names; without names
+    there is one column a joint, base to tip, perhaps after one of times. An object holds
+    ``name`` and ``position`` as in ROS's JointState, or each joint by its name; and perhaps ``t``,
+    ``velocity``. Without velocities they are differences of successive samples with times.
+
+    Parameters
+    ----------
+    form : ClosedForm
+        Of the arm.
+    arm : Arm
+        The arm.
+    degrees : bool
+        Whether angles are in degrees where the names of columns do not tell.
+    near : float
+        Clearance, radians, at or below which the level is "warn"; half of it is "stop".
+    """
+
+    def __init__(self, form: ClosedForm, arm: Arm, degrees: bool, near: float) -> None:
+        self._form, self._arm = form, arm
+        self._monitor = Monitor(form, warn=near, stop=near / 2)
+        self._scale = np.where(arm.prismatic, 1.0, np.pi / 180 if degrees else 1.0)
+        self._columns: tuple[list[int], int | None, float, str | None] | None = None
+        self._names: tuple[Any, list[int]] = (None, [])
+        self._last: tuple[float, Array] | None = None
+
+    def verdict(self, line: str) -> dict[str, Any] | None:
+        """Return plain data of one line; None for a line of column names or an empty one.
+
+        Raises
+        ------
+        ConfigurationError
+            If the line cannot be read, or holds no configuration of the arm.
+        """
+        text = line.strip()
+        if not text:
+            return None
+        try:
+            found = self._object(json.loads(text)) if text[0] == "{" else self._row(text)
+        except (ValueError, TypeError, LookupError, OverflowError, RecursionError) as error:
+            if isinstance(error, ConfigurationError):
+                raise
+            reason = f"{type(error).__name__}: {error}"
+            raise ConfigurationError(f"cannot read {text:.80}: {reason:.120}") from None
+        return None if found is None else self._judged(*found)
+
+    def _judged(self, t: float | None, q: Array, dq: Array | None) -> dict[str, Any]:
+        last, self._last = self._last, None if t is None else (t, q)
+        if dq is None and last is not None and t is not None and t > last[0]:
+            dq = self._arm.space.wrap(q - last[1]) / (t - last[0])
+        said = self._monitor.update(q, dq)
+        out: dict[str, Any] = {"t": t, "level": said.level, "family": said.family}
+        out |= {"title": said.title, "lower": said.lower, "upper": said.upper}
+        out["time_to_contact"] = said.time_to_contact
+        out["move"] = None
+        if said.level != "clear" and said.family:
+            slope = clearance(self._form, q, families=[said.family]).gradient
+            j = int(np.abs(slope).argmax())
+            if slope[j]:
+                out["move"] = {"joint": self._arm.joints[j], "direction": int(np.sign(slope[j]))}
+        return {k: None if v in (np.inf, -np.inf) else v for k, v in out.items()}
+
+    def _object(self, data: Mapping[str, Any]) -> tuple[float | None, Array, Array | None]:
+        arm, speeds, t = self._arm, None, data.get("t", data.get("time"))
+        if "position" in data:
+            names, values = data.get("name", arm.joints), data["position"]
+            if self._names[0] != names:
+                self._names = (names, ColumnHeads("the stream", arm, names).order)
+            order = self._names[1]
+            q = np.array([values[i] for i in order], dtype=float)
+            if len(data.get("velocity") or ()) == len(values):
+                speeds = np.array([data["velocity"][i] for i in order], dtype=float) * self._scale
+        else:
+            if missing := [j for j in arm.joints if j not in data]:
+                raise ConfigurationError(f"no value for joint {missing[0]!r}")
+            q = np.array([data[j] for j in arm.joints], dtype=float)
+        return None if t is None else float(t), q * self._scale, speeds
+
+    def _row(self, text: str) -> tuple[float | None, Array, None] | None:
+        if self._columns is None:
+            separator = next((s for s in (";", "\t", ",") if s in text), None)
+            words = text.split(separator)
+            if len(words) in (self._arm.n, self._arm.n + 1) and is_number(words[-1]):
+                first = len(words) - self._arm.n
+                order = list(range(first, len(words)))
+                self._columns = order, 0 if first else None, 1.0, separator
+                return self._row(text)
+            heads = ColumnHeads("the stream", self._arm, words)
+            self._columns = heads.order, heads.time, heads.time_scale, separator
+            named = [s is not None for s in heads.scales]
+            self._scale = np.where(named, np.array(heads.scales, dtype=float), self._scale)
+            return None
+        order, time_at, scale, separator = self._columns
+        words = text.split(separator)
+        q = np.array([float(words[i]) for i in order]) * self._scale
+        return None if time_at is None else float(words[time_at]) * scale, q, None
+
+
+def follow(follower: Follower, lines: Iterable[str], live: bool) -> Iterator[dict[str, Any]]:
+    """Verdicts of a stream; of a live one with drops and silences.
+
+    A line that cannot be read is answered by ``error``, and the next one is read.
+    """
+    stream = latest(lines) if live else ((line, 0) for line in lines)
+    total = 0
+    for line, dropped in stream:
+        total += dropped
+        if line is None:
+            yield {"stalled": STALLED}
+            continue
+        try:
+            said = follower.verdict(line)
+        except ConfigurationError as error:
+            said = {"error": str(error)}
+        if said is not None:
+            yield said | ({"dropped": total} if total else {})

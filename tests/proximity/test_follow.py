@@ -1,0 +1,129 @@
+"""A running robot: a verdict for each line, drops and silences said."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import pinsing
+from pinsing.proximity.follow import BACKLOG, Follower, follow, latest
+
+Q = np.array([0.0, -1.2, 1.3, -1.0, 0.15, 0.0])
+SPEED = np.array([0.0, 0.0, 0.0, 0.0, -0.3, 0.0])
+COMMAND = [sys.executable, "-c", "from pinsing.cli import program; program()", "check", "ur5"]
+
+
+@pytest.fixture(scope="module")
+def form():
+    return pinsing.closed_form(pinsing.load("ur5"))
+
+
+def said(form, lines, **options):
+    follower = Follower(form, form.loaded, options.pop("degrees", False), np.radians(10))
+    return list(follow(follower, lines, options.pop("live", False)))
+
+
+def line(t, q):
+    return ",".join(map(str, [t, *q]))
+
+
+HEAD = "t," + ",".join(f"q{k} (deg)" for k in range(1, 7))
+
+
+@pytest.mark.parametrize(
+    "lines",
+    [
+        [line(t, Q + SPEED * t) for t in (0, 0.01)],
+        [HEAD, *(line(t, np.degrees(Q + SPEED * t)) for t in (0, 0.01))],
+        [
+            json.dumps({"t": t, "position": (Q + SPEED * t).tolist(), "velocity": SPEED.tolist()})
+            for t in (0, 0.01)
+        ],
+    ],
+    ids=["bare", "head in degrees", "joint states"],
+)
+def test_a_verdict_says_what_a_monitor_says(form, lines):
+    last = said(form, lines)[-1]
+    monitor = pinsing.Monitor(form, np.radians(10), np.radians(5))
+    right = monitor.update(Q + SPEED * 0.01, SPEED)
+    assert last["level"] == right.level == "warn"
+    assert (last["family"], last["title"]) == ("F2", "wrist")
+    assert last["lower"] == pytest.approx(right.lower)
+    assert last["time_to_contact"] == pytest.approx(0.49, abs=1e-6)
+    assert last["move"] == {"joint": "wrist_2_joint", "direction": 1}
+
+
+def test_joints_by_name_in_any_order_and_others_beside_them(form):
+    names = form.arm.joints
+    backward = {"name": [*names[::-1]], "position": Q[::-1].tolist()}
+    each = dict(zip(names, Q.tolist(), strict=True)) | {"gripper": 1}
+    first, second = said(form, [json.dumps(backward), json.dumps(each)])
+    assert first == second
+
+
+@pytest.mark.parametrize(
+    "bad", ["1,2", "{", '{"t": 1}', '{"position": [1]}', '{"position": 3}', "a,b,c,d,e,f,g", "\0"]
+)
+def test_a_broken_line_is_answered_and_the_next_is_read(form, bad):
+    first, broken, last = said(form, [line(0, Q), bad, line(1, Q)])
+    assert set(broken) == {"error"}
+    assert "\n" not in broken["error"]
+    assert last["lower"] == first["lower"]
+
+
+def test_a_fast_producer_is_thinned_and_counted():
+    lines = [f"{k}" for k in range(1000)]
+    kept = []
+    stream = latest(lines)
+    kept.append(next(stream))
+    time.sleep(0.2)  # all of them have come by the time the next is asked for
+    kept += stream
+    time.sleep(0.2)
+    assert kept[0] == ("0", 0)
+    assert kept[-1][0] == "999"
+    assert sum(count for _, count in kept) + len(kept) == 1000
+    assert [int(word) for word, _ in kept] == sorted(int(word) for word, _ in kept)
+    assert BACKLOG <= len(kept) <= 1000
+
+
+def test_silence_is_said_once_and_a_file_is_read_whole(form, tmp_path: Path):
+    def slow():
+        yield line(0, Q)
+        yield line(1, Q)
+        time.sleep(0.5)
+        yield line(2, Q)
+
+    words = [text for text, _ in latest(slow(), stalled=0.1)]
+    assert words.count(None) == 1
+    assert words[-1] == line(2, Q)
+    file = tmp_path / "log.csv"
+    file.write_text("\n".join(line(k / 100, Q) for k in range(3 * BACKLOG)))
+    with file.open() as stream:
+        done = subprocess.run(
+            [*COMMAND, "-", "--follow"], stdin=stream, capture_output=True, text=True, timeout=60
+        )
+    assert done.returncode == 0, done.stderr
+    out = [json.loads(text) for text in done.stdout.splitlines()]
+    assert len(out) == 3 * BACKLOG
+    assert out[-1]["t"] == pytest.approx(2.99)
+    assert "dropped" not in out[-1]
+
+
+def test_a_pipe_is_followed_while_it_is_written():
+    with subprocess.Popen(
+        [*COMMAND, "-", "--follow"], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+    ) as robot:
+        assert robot.stdin is not None
+        assert robot.stdout is not None
+        for k in range(3):
+            robot.stdin.write(line(k, Q) + "\n")
+            robot.stdin.flush()
+            assert json.loads(robot.stdout.readline())["t"] == k
+        robot.stdin.close()
+        assert robot.wait(30) == 0
