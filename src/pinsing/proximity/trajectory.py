@@ -58,7 +58,8 @@ def details(check: TrajectoryCheck, degrees: bool = True) -> str:
             lines.append(f"  t = {c.t:.6g}{until}: {c.kind} {_title(check, c.family)}, q = {q}")
         lines += _more(len(check.crossings), check.cut)
     if check.aspect_changes:
-        lines.append("changes of aspect (as `pinsing postures` numbers them):")
+        beyond = " --ignore-limits" if check.outside else ""
+        lines.append(f"changes of aspect (as `pinsing postures{beyond}` numbers them):")
         for a in check.aspect_changes[:_LISTED]:
             before, after = _called(a.before, a.names_before), _called(a.after, a.names_after)
             where = ", ".join(a.families)
@@ -235,7 +236,8 @@ def _advice(check: TrajectoryCheck, robot: str) -> str:
         start = c.q if check.start is None else check.start
         other = f"the other {c.title}" if c.title in ("wrist", "elbow") else "another posture"
         q = typed(start, check.arm.prismatic, True, digits=6)
-        return f"Try {other}: pinsing postures {robot} {q}"
+        beyond = " --ignore-limits" if check.outside else ""
+        return f"Try {other}: pinsing postures {robot}{beyond} {q}"
     if check.outside:
         return f"Bring {check.outside[0].joint} within its limits"
     if check.too_fast:

@@ -190,7 +190,7 @@ class ArmInfo(JsonResult):
 
     def geometry(self) -> str:
         """One sentence on raw and nominal geometry."""
-        if self.jacobian_change <= 1e-12:
+        if not any(snap.size > 1e-12 for snap in self.snaps):
             return "exact: every number of the file is taken as it is"
         size = {"angle": 0.0, "length": 0.0, "twist": 0.0}
         count = dict.fromkeys(size, 0)
