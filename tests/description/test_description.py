@@ -88,6 +88,12 @@ BAD_JOINTS = {
     "inf limit": (joint(inner='<limit lower="-inf" upper="inf"/>'), "-inf is not a finite number"),
     "text limit": (joint(inner='<limit lower="low" upper="1"/>'), "'low' is not a number"),
     "unknown type": (joint(kind="ball"), "unknown type 'ball': known: revolute, continuous"),
+    "mistyped origin": (joint(inner='<orgin xyz="0 0 1"/>' + LIMIT), "did you mean 'origin'?"),
+    "mistyped xyz": (joint(inner='<origin xzy="0 0 1"/>' + LIMIT), "did you mean 'xyz'?"),
+    "mistyped lower": (
+        joint(inner='<limit Lower="0" upper="1" effort="1" velocity="1"/>'),
+        "did you mean 'lower'?",
+    ),
     "mistyped type": (joint(kind="Revolute "), "did you mean 'revolute'?"),
     "no type": (joint().replace('type="revolute"', ""), 'has no type="..."'),
     "no name": (joint().replace('name="j2"', ""), "a <joint> has no name"),

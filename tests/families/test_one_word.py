@@ -41,7 +41,7 @@ def slow(monkeypatch: pytest.MonkeyPatch) -> None:
 # The arms of the gallery, as its pages are made (`docs/_ext/gallery.py`), and some whose families
 # are long or whose certificate takes long.
 EVERYWHERE = ["ur5", "stanford", "scara", "panda", "iiwa14", "xarm7", "puma560", "surgical7"]
-EVERYWHERE += ["so101", "examples/offset_wrist.dh.yaml", "kinova", "talos_arm", "bennett"]
+EVERYWHERE += ["so101", "examples/offset_wrist.dh.yaml", "kinova", "talos_arm"]
 
 
 def page_words(page: Path) -> str:

@@ -63,7 +63,7 @@ def fanuc():
         return f"P[{k}]{{\n   GP1:\n\tUF : 0, UT : 1,\t\n\t{joints}\n}};\n"
 
     return (
-        "/PROG  PATH\n/MN\n   1:J P[1] 100% FINE    ;\n/POS\n"
+        "/PROG  PATH\n/MN\n   1:J P[1] 100% FINE    ;\n   2:J P[2] 50% CNT10 ;\n/POS\n"
         + point(1, Q[0])
         + point(2, Q[1])
         + "/END\n"
@@ -196,10 +196,19 @@ def test_what_is_not_clear_is_not_guessed(tmp_path, arm, text, said):
         (
             "a.ls",
             "/POS\nP[1]{\n GP1:\n X = 1 mm, Y = 2 mm, W = 0 deg\n};",
-            "point 1 has 0 joint values",
+            "has 0 joint values",
         ),
-        ("a.script", "movej([1, 2], a=1)", "point 1 has 2 joint values"),
-        ("a.script", "movel(p[1, 2, 3, 0, 0, 0])", "no sample"),
+        ("a.script", "movej([1, 2], a=1)", "move 1 has 2 joint values"),
+        ("a.script", "movel(p[1, 2, 3, 0, 0, 0])", "only movej"),
+        ("a.script", "if x:\nmovej([1, 2, 3, 4, 5, 6])\nend", "without branches"),
+        ("a.script", "movej([1, 2, 3, 4, 5, 6])\nspeedj([1, 2, 3, 4, 5, 6], 1)", "only movej"),
+        ("a.script", "# movej([1, 2, 3, 4, 5, 6])", "no sample"),
+        ("a.ls", fanuc().replace("J P[1]", "L P[1]"), "only joint moves"),
+        ("a.ls", fanuc().replace("J P[1]", "J P[9]"), "no position"),
+        ("a.ls", fanuc().replace("GP1", "GP2"), "GP1 alone"),
+        ("a.ls", fanuc().replace("/POS", "   2:  CALL X ;\n/POS"), "CALL X"),
+        ("a.csv", table(["timestamp", *UR5], timed(t=T + 1.7e18)), "no seconds"),
+        ("a.csv", table([*numbered("J{} (deg)")[:5], "J6"], DEG), "others none"),
     ],
 )
 def test_broken_ones_are_refused_in_one_line(tmp_path, arm, name, text, said):

@@ -96,6 +96,7 @@ def check_joint(node: Node, source: UrdfSource) -> tuple[JointEntry, Node]:
         name == "universe", f"{what}: the name is Pinocchio's own: rename the joint", node
     )
     kind = _kind(node, source, what)
+    _check_spelling(node, source, what)
     parent, child = (_end(node, source, what, tag) for tag in ("parent", "child"))
     clean = Node("joint", {"name": name, "type": kind}, node.line)
     clean.children += source.origin(node, what)
@@ -116,6 +117,31 @@ def check_joint(node: Node, source: UrdfSource) -> tuple[JointEntry, Node]:
         entry = replace(entry, mimic=_mimic(mimic, source, what))
         clean.children.append(mimic)
     return entry, clean
+
+
+_PARTS = {
+    "origin": ("xyz", "rpy"),
+    "axis": ("xyz",),
+    "limit": ("lower", "upper", "effort", "velocity"),
+    "mimic": ("joint", "multiplier", "offset"),
+    "parent": ("link",),
+    "child": ("link",),
+}
+"""Elements of a joint that move it, with their attributes."""
+
+
+def _check_spelling(node: Node, source: UrdfSource, what: str) -> None:
+    """Refuse what looks like a part of a joint and is none: without it the arm is another."""
+    for child in node.children:
+        known = _PARTS.get(child.tag)
+        names = [child.tag] if known is None else [*child.attributes]
+        for name in names:
+            meant = difflib.get_close_matches(name[:50].lower(), known or _PARTS, 1, 0.66)
+            near = meant and abs(len(meant[0]) - len(name)) <= 2  # "gear_velocity" is no slip
+            if near and name not in (known or _PARTS):
+                sort = "element" if known is None else f"attribute of <{child.tag}>"
+                said = f"{what}: unknown {sort} {show(name)}: did you mean {show(meant[0])}?"
+                raise source.error(said, child)
 
 
 def _kind(node: Node, source: UrdfSource, what: str) -> JointKind:

@@ -7,6 +7,8 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
+import numpy as np
+
 from pinsing.algebra.budget import Apart, Budget, BudgetExceeded
 from pinsing.algebra.jacobian_matrix import constants
 from pinsing.algebra.mimic import NotFollowed
@@ -17,6 +19,7 @@ from pinsing.families.form import ClosedForm
 from pinsing.proof.checker import Rejected, verify
 from pinsing.proof.forms import NotFound
 from pinsing.proof.produce import Stated, certificate, text_of
+from pinsing.robot.surd import Surd
 
 SHORT = 10.0
 """Seconds of work for a search where nobody asked for one; as a rule they take three."""
@@ -78,7 +81,13 @@ def within(form: ClosedForm, budget: Budget, progress: Callable[[str], None] | N
             progress(text)
 
     started = time.monotonic()
-    ended = search.run(lambda: _proof(form, budget, say))
+    # With square roots one resultant of few terms may take minutes, of which no count warns.
+    roots = form.geometry is not None and any(
+        isinstance(x, Surd)
+        for part in (*form.geometry.rotation, *form.geometry.translation)
+        for x in np.ravel(np.asarray(part, dtype=object))
+    )
+    ended = search.run(lambda: _proof(form, budget, say), at_once=roots)
     proof = ended.result
     if proof is None:
         reason = f"none was found: {ended.reason}"

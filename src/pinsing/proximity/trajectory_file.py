@@ -116,8 +116,9 @@ def read_trajectory(
             found = _npy(path, arm)
         elif kind == ".npz":
             found = _npz(path, arm)
-        elif kind in _PROGRAMS:
-            found = _program(path, arm, *_PROGRAMS[kind])
+        elif kind in (".ls", ".script"):
+            text = read_bounded(path, _YAML, follow=True).decode("utf-8", "replace")
+            found = (_fanuc if kind == ".ls" else _ur)(path, arm, text)
         elif kind in (".yaml", ".yml"):
             found = _yaml(path, arm)
         else:
@@ -145,6 +146,11 @@ def read_trajectory(
             )
         scales[j] = scale
     times = found.t
+    if times is not None and len(times) and abs(times[0]) > 1e3 * _EPOCH:
+        raise ConfigurationError(
+            f"{path}: times from {times[0]:.3g} on are no seconds: name their unit in the head, as "
+            "'time (ns)'"
+        )
     if times is not None and len(times) and abs(times[0]) > _EPOCH:
         note = f"times are counted from the first, {times[0]:.3f} s"
         found = replace(found, t=times - times[0], notes=(*found.notes, note))
@@ -236,37 +242,76 @@ def _npz(path: Path, arm: Arm) -> TrajectoryFile:
 
 
 _YAML = 64 << 20  # bytes: a minute of reading
-_PROGRAMS = {
-    ".ls": (
-        re.compile(r"J(\d)\s*=\s*([-+]?[\d.]+)\s*(deg|mm)", re.I),
-        re.compile(r"P\[\d+[^\]]*\]\s*\{(.*?)\}", re.S),
-        "joint positions of /POS",
-    ),
-    ".script": (
-        re.compile(r"()([-+]?\d[\d.eE+-]*)()"),
-        re.compile(r"(?:move[jl]|servoj)\s*\(\s*\[([^\]]*)\]"),
-        "joint angles of movej and servoj",
-    ),
-}
-"""By suffix: a value with its unit, what encloses the values of one sample, and in words."""
+_FANUC_JOINT = re.compile(r"J(\d)\s*=\s*([-+]?[\d.]+)\s*(deg|mm)", re.I)
+_FANUC_MOVE = re.compile(r"\s*\d+:\s*([JLCA])\s+(\S+?)\[(\d+)[^\]]*\]([^;]*)")
+_FANUC_OTHER = re.compile(r"\s*\d+:\s*(CALL|RUN|JMP|LBL|IF|FOR|SELECT|UFRAME|UTOOL|OFFSET)\b", re.I)
+_UR_MOVE = re.compile(r"\b(move[a-z]|servo[a-z]+|speed[a-z])\s*\(\s*(\[[^\]]*\])?")
+_UR_OTHER = re.compile(r"(?m)^\s*(if|elif|else|while|for|thread|call)\b|\bdef\b[\s\S]*\bdef\b")
 
 
-def _program(
-    path: Path, arm: Arm, value: re.Pattern[str], sample: re.Pattern[str], what: str
-) -> TrajectoryFile:
-    """Points of a robot program; points given by a pose are not joint angles, and are refused."""
-    text = read_bounded(path, _YAML, follow=True).decode("utf-8", "replace")
-    rows = []
-    scales: list[float | None] = [None] * arm.n
-    for number, body in enumerate(sample.findall(text), 1):
-        cells = value.findall(body)
-        if len(cells) != arm.n:
+def _fanuc(path: Path, arm: Arm, text: str) -> TrajectoryFile:
+    """Joint moves of a listing in the order of its program, to positions of its /POS."""
+    program, _, positions = text.partition("/POS")
+    points: dict[str, list[tuple[str, str, str]]] = {}
+    for number, body in re.findall(r"P\[(\d+)[^\]]*\]\s*\{(.*?)\}", positions, re.S):
+        if number in points:
+            raise ConfigurationError(f"{path}: P[{number}] is there twice")
+        groups = re.split(r"(?=GP\d)", body)[1:] or [body]
+        if len(groups) > 1 or not re.match(r"GP1\b", groups[0]):
+            raise ConfigurationError(f"{path}: P[{number}] is of other groups than GP1 alone")
+        points[number] = _FANUC_JOINT.findall(body)
+        if len(points[number]) != arm.n or re.search(r"\bE\d\s*=", body):
             raise ConfigurationError(
-                f"{path}: point {number} has {len(cells)} joint values, and the arm has {arm.n}"
+                f"{path}: P[{number}] has {len(points[number])} joint values, and the arm has "
+                f"{arm.n}: give positions as joint angles, without more axes"
             )
-        rows.append([float(number) for _, number, _ in cells])
-        scales = [_SCALES.get(unit.lower()) for _, _, unit in cells]
-    notes = (f"{len(rows)} points: {what}, joints base to tip; no times",)
+    order = []
+    for number, line in enumerate(program.splitlines(), 1):
+        if _FANUC_OTHER.match(line):
+            raise ConfigurationError(f"{path}:{number}: {line.strip():.60} is not followed")
+        move = _FANUC_MOVE.match(line)
+        if move is None:
+            continue
+        if move[1] != "J" or move[2] != "P" or "offset" in move[4].lower():
+            raise ConfigurationError(
+                f"{path}:{number}: only joint moves to positions are followed, not "
+                f"{line.strip():.60}: give samples of the joints instead"
+            )
+        if move[3] not in points:
+            raise ConfigurationError(f"{path}:{number}: there is no position P[{move[3]}]")
+        order.append(points[move[3]])
+    scales = [_SCALES.get(unit.lower()) for _, _, unit in order[0]] if order else []
+    rows = [[float(x) for _, x, _ in cells] for cells in order]
+    return _moves(path, arm, rows, scales)
+
+
+def _ur(path: Path, arm: Arm, text: str) -> TrajectoryFile:
+    """Joint moves of a program without branches."""
+    text = re.sub(r"#.*", "", text)
+    if other := _UR_OTHER.search(text):
+        word = other[1] or "a second def"
+        raise ConfigurationError(f"{path}: {word}: only programs without branches are followed")
+    rows = []
+    for move in _UR_MOVE.finditer(text):
+        if move[1] not in ("movej", "servoj") or move[2] is None:
+            raise ConfigurationError(
+                f"{path}: only movej and servoj to joint angles are followed, not "
+                f"{text[move.start() : move.end() + 20].split(chr(10))[0]:.60}: give samples of "
+                "the joints instead"
+            )
+        rows.append([float(x) for x in move[2].strip("[]").split(",")])
+    return _moves(path, arm, rows, ())
+
+
+def _moves(
+    path: Path, arm: Arm, rows: list[list[float]], scales: Sequence[float | None]
+) -> TrajectoryFile:
+    for number, row in enumerate(rows, 1):
+        if len(row) != arm.n:
+            raise ConfigurationError(
+                f"{path}: move {number} has {len(row)} joint values, and the arm has {arm.n}"
+            )
+    notes = (f"{len(rows)} joint moves, joints base to tip; no times",)
     return TrajectoryFile(np.array(rows).reshape(-1, arm.n), None, notes, scales=scales)
 
 
@@ -431,6 +476,9 @@ class ColumnHeads:
         if times and scales[times[0]] is None and words[times[0]] == "%time":
             self.time_scale = 1e-9  # as rostopic writes it
         self.scales = [scales[i] for i in self.order]
+        angles = {s is None for s, p in zip(self.scales, arm.prismatic, strict=True) if not p}
+        if len(angles) > 1:
+            raise self._error("some angles have a unit in their head, others none")
         self.used = {*self.order, *times, *self.others.values()}
         self.notes: tuple[str, ...] = () if times else (_NO_TIMES,)
         if any(words[i] != j for i, j in zip(self.order, arm.joints, strict=True)):
