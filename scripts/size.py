@@ -9,8 +9,8 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
 LIMITS: dict[str, tuple[int, int]] = {
-    "Python in src: statements": (41_450, 30_000),
-    "Python in src: lines": (80_900, 56_000),
+    "Python in src: statements": (41_510, 30_000),
+    "Python in src: lines": (80_950, 56_000),
     "C++, JavaScript, templates, styles: lines": (11_750, 9_500),
     "modules": (275, 220),
     "packages directly under pinsing": (16, 16),
