@@ -144,6 +144,8 @@ def check_command(
     from pinsing.families import closed_form
 
     if follow:
+        if any((families, columns, fail_within, plot, view, html, json_target)):
+            raise OptionError("--follow prints verdicts alone: leave out other options of output")
         return _followed(arm, file, (deg if units is None else units == "deg"), bound)
     from pinsing.proximity.trajectory import check_trajectory, details, summary
     from pinsing.proximity.trajectory_file import read_trajectory

@@ -339,12 +339,10 @@ def answer_text(forms: ClosedForm, page: Page = PLAIN, robot: str = "ROBOT") -> 
         lines.append(page.paragraph(str(forms.deviation), first="  "))
     if forms.gaps:
         lines.append(page.paragraph(f"missing: {forms.gaps[0]}", first="  "))
-    rank, joints, task = forms.generic_rank, len(forms.symbols), forms.arm.task
-    if not count and str(task) == "pose" and joints < 6:
+    joints = len(forms.symbols)
+    if not count and forms.arm.task == "pose" and joints < 6:
         said = f"{joints} joints do not move a pose freely: for the position add --task position"
         lines.append(page.paragraph(said, first="  "))
-    elif rank < min(joints, len(forms.arm.task.split(","))) and str(task) != "pose":
-        lines.append("")
     shown = sorted(forms.families, key=lambda f: ORDER.index(f.title))
     rows = [
         [f.title, f.name, f.where(), _PLACE.get(f.kind, "")]
