@@ -153,7 +153,7 @@ def test_a_model_without_a_file_is_shown_as_a_skeleton() -> None:
 def test_the_link_answers(five_bar: MechanismViewer) -> None:
     for part in ("", "page.js", "page.json", "scene"):
         assert get(five_bar.url + part)[0] == 200
-    (start,) = asyncio.run(heard(five_bar.url))
+    start, *_ = asyncio.run(heard(five_bar.url))
     assert len(start["q"]) == five_bar.mechanism.n
     assert start["pose"] == 0
 
@@ -177,7 +177,7 @@ def test_the_command_serves_until_it_is_ended() -> None:
         url = process.stdout.readline().strip()
         assert get(url)[0] == 200
         assert get(url + "page.json")[0] == 200  # comes when there is a mechanism to ask for
-        (start,) = asyncio.run(heard(url))
+        start, *_ = asyncio.run(heard(url))
         assert start["q"][0] == pytest.approx(np.radians(40))
         process.send_signal(signal.SIGINT)
         process.communicate(timeout=10)
