@@ -109,8 +109,8 @@ def test_a_chain_once_answered_with_four_components_missing(oracle, field, chain
     spec = chains.Spec(tuple(chains.Row(*row) for row in rows), "pose")
     form = closed_form(chains.arm_of(spec), seconds=60.0)
     assert form.complete, form.gaps
-    parts = oracle.components(form)
-    assert field.contradictions(form.geometry, range(6), 6, parts, 4_000, 1) == {}
+    parts, by_rank = oracle.components(form)
+    assert field.contradictions(form.geometry, range(6), 6, parts, 4_000, 1, by_rank=by_rank) == {}
     rng = np.random.default_rng(3)
     for turn in (0.0, np.pi):
         q = rng.uniform(-np.pi, np.pi, 7)
@@ -122,22 +122,26 @@ def test_a_chain_once_answered_with_four_components_missing(oracle, field, chain
 def test_a_family_that_is_dropped_or_too_large_is_noticed(oracle, field, name):
     arm = load(name)
     form = closed_form(arm)
-    parts = oracle.components(form)
+    parts, by_rank = oracle.components(form)
     rows, rank = arm.task.rows, form.generic_rank
-    assert field.contradictions(form.geometry, rows, rank, parts, 3_000, 0) == {}
+
+    def against(parts, rank=rank):
+        return field.contradictions(form.geometry, rows, rank, parts, 3_000, 0, by_rank=by_rank)
+
+    assert against(parts) == {}
     for i, part in enumerate(parts):
         if part.codimension > 2:  # too few points to be sure of
             continue
         others = [p for k, p in enumerate(parts) if k != i]
-        assert "missed" in field.contradictions(form.geometry, rows, rank, others, 3_000, 0)
+        assert "missed" in against(others)
         if part.values:
             joint = next(iter(part.values))
             less = {j: v for j, v in part.values.items() if j != joint}
             wider = [*others, replace(part, values=less)]
         else:
             wider = [*others, replace(part, relations=part.relations[1:])]
-        assert "false" in field.contradictions(form.geometry, rows, rank, wider, 3_000, 0)
-    assert "rank" in field.contradictions(form.geometry, rows, rank - 1, parts, 3_000, 0)
+        assert "false" in against(wider)
+    assert "rank" in against(parts, rank - 1)
 
 
 def test_a_place_that_is_singular_without_a_zero_matrix_is_found():

@@ -302,15 +302,19 @@ def judge(
     prime: int,
     count: int,
     seed: int,
+    by_rank: Sequence[Any] = (),
 ) -> Verdict:
-    """Hold the rank at random points against membership in components."""
+    """Hold the rank at random points against membership in components.
+
+    Those of ``by_rank`` are stated together with the rank: they hold at regular points too.
+    """
     rng = np.random.default_rng([seed, prime])
     points = random_points(geometry.prismatic, prime, count, rng)
     found = ranks(jacobians(geometry, rows, points), prime)
-    on = np.zeros(count, dtype=bool)
-    for c in components:
-        on |= on_component(c, points)
+    nowhere = np.zeros((1, count), dtype=bool)
+    on = np.any([*nowhere, *(on_component(c, points) for c in components)], axis=0)
     singular = found < rank
+    stated = np.any([on, *(on_component(c, points) for c in by_rank)], axis=0)
 
     def pairs(which: npt.NDArray[np.bool_]) -> Ints:
         return np.stack([points.x[:, which], points.y[:, which]]).transpose(2, 0, 1)
@@ -320,7 +324,7 @@ def judge(
         points=count,
         rank=int(found.max()),
         singular=int(singular.sum()),
-        missed=pairs(singular & ~on),
+        missed=pairs(singular & ~stated),
         false=pairs(~singular & on),
     )
 
@@ -333,11 +337,12 @@ def verdicts(
     count: int,
     seed: int,
     primes: Sequence[int],
+    by_rank: Sequence[Any],
 ) -> Iterator[Verdict]:
     """Verdicts at one prime after the other; those that divide a number are passed over."""
     for prime in primes:
         try:
-            yield judge(geometry, rows, rank, components, prime, count, seed)
+            yield judge(geometry, rows, rank, components, prime, count, seed, by_rank)
         except ZeroDivisionError:
             continue
 
@@ -357,6 +362,7 @@ def contradictions(
     count: int,
     seed: int,
     kinds: Sequence[str] = tuple(KINDS),
+    by_rank: Sequence[Any] = (),
 ) -> Mapping[str, tuple[Verdict, ...]]:
     """What two primes or more say against an answer, by kind; empty if nothing.
 
@@ -364,10 +370,10 @@ def contradictions(
     prime alone says is under "unconfirmed".
     """
     tests = {kind: KINDS[kind] for kind in kinds}
-    said = list(verdicts(geometry, rows, rank, components, count, seed, PRIMES))
+    said = list(verdicts(geometry, rows, rank, components, count, seed, PRIMES, by_rank))
     if not any(test(v, rank) for v in said for test in tests.values()):
         return {}
-    said += verdicts(geometry, rows, rank, components, 4 * count, seed, MORE_PRIMES)
+    said += verdicts(geometry, rows, rank, components, 4 * count, seed, MORE_PRIMES, by_rank)
     out: dict[str, tuple[Verdict, ...]] = {}
     for kind, test in tests.items():
         against = tuple(v for v in said if test(v, rank))

@@ -69,9 +69,15 @@ class Outcome:
     note: str = ""
 
 
-def components(form: ClosedForm) -> list[object]:
-    """All that the answer accounts for: families, and what was proven to have no real point."""
-    return [c for f in form.families for c in f.components] + list(form.left_out)
+def components(form: ClosedForm) -> tuple[list[object], list[object]]:
+    """All that the answer accounts for: sets that are said to be singular, and others.
+
+    The others are families whose equations are stated together with the rank (``Family.confirm``),
+    and what was left out since it has no real point.
+    """
+    stated = [f for f in form.families if f.confirm is None or f.confirm.touching]
+    by_rank = [c for f in form.families if f not in stated for c in f.components]
+    return [c for f in stated for c in f.components], by_rank + list(form.left_out)
 
 
 def judged(
@@ -103,14 +109,9 @@ def by_fields(form: ClosedForm, spec: Spec, seed: int, points: int) -> tuple[str
     # enough for those, since their equations may have thousands of terms.
     kinds = ("missed", "false", "rank") if form.complete else ("false", "rank")
     share = points if form.complete else points // _SHARE
+    rows, (stated, by_rank) = parse_task(spec.task).rows, components(form)
     said = contradictions(
-        form.geometry,
-        parse_task(spec.task).rows,
-        form.generic_rank,
-        components(form),
-        share,
-        seed,
-        kinds,
+        form.geometry, rows, form.generic_rank, stated, share, seed, kinds, by_rank
     )
     for kind in ("rank", "false", "missed"):
         if kind in said:
