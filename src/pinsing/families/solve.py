@@ -145,7 +145,8 @@ def closed_form(
         Work after which the algebra is given up, 10 by default; what was found till then is
         returned, with ``complete`` False and the reason. Work is counted in steps, so that the
         answer does not depend on the machine; as a rule it takes less than these seconds. On the
-        clock all ends within 1.5 times as many: where that strikes first, the reason says so.
+        clock all ends within 1.5 times as many, or within a minute where none are given: where that
+        strikes first, the reason says so.
         With ``prove=True`` a certificate is looked for in what is left, for a minute by default.
     angle_tol, snap_length : float
         As in ``nominal``: radians, metres.
@@ -191,11 +192,13 @@ def closed_form(
     if not isinstance(arm, Arm):
         raise not_loaded("arm", "an Arm", arm)
     started = time.monotonic()
-    found = _found(arm, Budget(seconds), angle_tol, snap_length)
+    # Where no time is given a minute on the clock is enough for the work on a busy machine, too.
+    budget = Budget(seconds) if given is not None else Budget(LONG, seconds)
+    found = _found(arm, budget, angle_tol, snap_length)
     if prove is False:
         return found
-    # Time on the clock after which a certificate that nobody asked for is given up, of that given.
-    whole = LONG if prove is True and given is None else 1.4 * seconds
+    # Time on the clock after which a certificate is given up, of that given.
+    whole = LONG if given is None else 1.4 * seconds
     left = max(whole - (time.monotonic() - started), 0.0)
     return (add_proof if prove is True else prove_briefly)(found, left, progress)
 
