@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import zipfile
 from pathlib import Path
 
 import numpy as np
@@ -13,12 +14,14 @@ import pinsing
 from pinsing.description.catalog import data_folder, find_robot, known_arms, known_robots
 from pinsing.description.dh_table import known_table
 from pinsing.description.dh_urdf import bare_urdf
+from pinsing.proof.checker import verify
 
 SECOND = yaml.load(
     (Path(__file__).parent / "arms_second_source.yaml").read_text(), Loader=yaml.CSafeLoader
 )
 TABLES = sorted(name for name, arm in known_arms().items() if "rows" in arm)
-PAGE = (Path(__file__).parents[2] / "docs" / "arms.md").read_text()
+DOCS = Path(__file__).parents[2] / "docs"
+PAGE = (DOCS / "arms.md").read_text()
 QUICK = ("ur5e", "crx10ia_l", "epson_gx4")
 
 
@@ -120,4 +123,9 @@ def test_all_families_are_proven(name: str) -> None:
     assert arm.n == len(known_table(name).rows)
     form = pinsing.closed_form(arm)
     cells = next(row for row in PAGE.splitlines() if row.startswith(f"|{name}|")).split("|")
-    assert cells[6:8] == [str(len(form.families)), form.word] == [cells[6], "proven"]
+    assert (int(cells[6].partition(":")[0]), cells[7]) == (len(form.families), form.word)
+    assert form.word == "proven"
+    with zipfile.ZipFile(DOCS / "certificates.zip") as archive:
+        data = verify(archive.read(f"{name}.json").decode())
+    assert data["chain"] == form.proof.certificate["chain"]
+    assert data["families"] == form.proof.certificate["families"]
