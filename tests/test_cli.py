@@ -77,7 +77,7 @@ class TestProcess:
             assert one.help
 
     def test_results_and_messages_do_not_mix(self):
-        done = process("at", "ur5", "--q", "0,-1,1,0,0,0", "--json", "-")
+        done = process("at", "ur5", "--q", "0,-1,1,0,0,0", "-o", "-")
         assert done.returncode == 0
         assert json.loads(done.stdout)["schema"] == "pinsing/state/1"
         assert "note: tip tool0 was chosen" in done.stderr
@@ -156,7 +156,7 @@ def test_sigint_while_it_runs():
 class TestAt:
     def test_same_numbers_as_the_library(self):
         q = [0.1, -1.0, 0.8, 0.3, 0.9, 0.2]
-        done = run("at", "ur5", "--q", ",".join(map(str, q)), "--json", "-")
+        done = run("at", "ur5", "--q", ",".join(map(str, q)), "-o", "-")
         state = State.from_json(done.stdout)
         assert state.to_dict() == at(load("ur5"), q).to_dict()
         sigma = np.linalg.svd(task_jacobian(load("ur5"), q), compute_uv=False)
@@ -165,7 +165,7 @@ class TestAt:
     def test_distances_to_all_families_nearest_first(self):
         q = [0.1, -1.0, 0.8, 0.3, 0.9, 0.2]
         words = ["at", "ur5", "--rad", "--q", ",".join(map(str, q))]
-        found = json.loads(run(*words, "--json", "-").stdout)["distances"]
+        found = json.loads(run(*words, "-o", "-").stdout)["distances"]
         form = pinsing.closed_form(load("ur5"))
         assert sorted(f["family"] for f in found["families"]) == ["F1", "F2", "F3"]
         assert found["complete"] is True
@@ -178,13 +178,13 @@ class TestAt:
         text = " ".join(run(*words).stdout.split())
         assert "distance F1: 45.84° (0.8 rad), by q3 -0.8 rad; the family is within" in text
         assert "distance" not in run(*words, "--no-distances").stdout
-        assert "distances" not in json.loads(run(*words, "--no-distances", "--json", "-").stdout)
+        assert "distances" not in json.loads(run(*words, "--no-distances", "-o", "-").stdout)
         slides = " ".join(run("at", "stanford", "--q", "0,1,0.3,1,0.5,0").stdout.split())
         assert "F2: 0.3 length scales, by q3 -0.3 m" in slides
         assert "F3: 0°, on it" in run("at", "stanford", "--q", "0,1,0.3,1,0,0").stdout
 
     def test_degrees_for_turning_joints_metres_for_sliding_ones(self):
-        words = ["at", "stanford", "--json", "-", "--q"]
+        words = ["at", "stanford", "-o", "-", "--q"]
         in_degrees = State.from_json(run(*words, "90,0,0.3,180,-45,0", "--deg").stdout)
         in_radians = State.from_json(run(*words, "pi/2 0 0.3 pi -pi/4 0").stdout)
         np.testing.assert_array_equal(in_degrees.q, in_radians.q)
@@ -194,7 +194,7 @@ class TestAt:
         assert "0.3 m" in text
 
     def test_negative_first_value(self):
-        done = run("at", "planar3r", "--q", "-0.3,0.2,0.1", "--json", "-")
+        done = run("at", "planar3r", "--q", "-0.3,0.2,0.1", "-o", "-")
         np.testing.assert_array_equal(State.from_json(done.stdout).q, [-0.3, 0.2, 0.1])
 
     def test_text_says_what_is_lost_and_why(self):
@@ -211,13 +211,13 @@ class TestAt:
         assert run("at", "puma560", "--q", q).exit_code == 0
 
     def test_nominal_geometry(self):
-        q = ["--q", "0.2,0,pi/2,0.9,pi/2,0,0.1", "--json", "-"]
+        q = ["--q", "0.2,0,pi/2,0.9,pi/2,0,0.1", "-o", "-"]
         raw = State.from_json(run("at", "xarm7", *q).stdout)
         exact = State.from_json(run("at", "xarm7", "--nominal", *q).stdout)
         assert (raw.status, exact.status) == ("near-singular", "singular")
 
     def test_tolerances(self):
-        q = ["--q", "0.1,0.2,0.3,0.4,0.001,0.5", "--json", "-"]
+        q = ["--q", "0.1,0.2,0.3,0.4,0.001,0.5", "-o", "-"]
         assert State.from_json(run("at", "puma560", *q).stdout).status == "near-singular"
         loose = run("at", "puma560", *q, "--rtol", "0.01").stdout
         assert State.from_json(loose).status == "singular"
@@ -230,7 +230,7 @@ class TestAt:
             ("at", "ur5", *q),
             ("line", "ur5", *q, "--to", "0.3,0.2,0.5"),
             ("postures", "ur5", *q),
-            ("view", "ur5", *q, "--html", "never.html"),
+            ("view", "ur5", *q, "-o", "never.html"),
             ("analyze", "--sweep", "ur5", "--special", "0,90"),
             ("at", "--suggest", "ur5", "--near", q[1]),
         ]
@@ -241,7 +241,7 @@ class TestAt:
             assert "add --deg" in done.stderr
             assert "add --rad" in done.stderr
         assert "add --deg" not in run("at", "ur5", *q, "--deg").stderr
-        insisted = run("at", "ur5", *q, "--rad", "--json", "-")
+        insisted = run("at", "ur5", *q, "--rad", "-o", "-")
         assert insisted.exit_code == 0
         assert State.from_json(insisted.stdout).q[1] == -90
 
@@ -260,13 +260,13 @@ class TestAt:
         done = run("check", "ur5", str(file), "--near", "5")
         assert done.exit_code == 2
         assert "write 5deg or 5rad" in done.stderr
-        degrees = run("check", "ur5", str(file), "--near", "5", "--deg", "--json", "-")
+        degrees = run("check", "ur5", str(file), "--near", "5", "--deg", "-o", "-")
         assert json.loads(degrees.stdout)["near"] == pytest.approx(np.radians(5))
 
     def test_options_choose_the_arm(self):
         done = run(
             "at", "ur5", "--tip", "wrist_3_link", "--joints", "shoulder_pan_joint,elbow_joint",
-            "--task", "position", "--length-scale", "0.5", "--q", "0.1,0.2", "--json", "-",
+            "--task", "position", "--length-scale", "0.5", "--q", "0.1,0.2", "-o", "-",
         )  # fmt: skip
         arm = State.from_json(done.stdout).arm
         assert arm.tip == "wrist_3_link"
@@ -286,7 +286,7 @@ class TestSweep:
 
     def test_curves_and_json_files(self, tmp_path):
         npz, js = tmp_path / "curves.npz", tmp_path / "sweep.json"
-        words = ["--levels", "1", "--samples", "21", "--out", str(npz), "--json", str(js)]
+        words = ["--levels", "1", "--samples", "21", "-o", str(npz), "-o", str(js)]
         assert run("analyze", "--sweep", "planar3r", *words).exit_code == 0
         curves = load_npz(npz)
         data = json.loads(js.read_text())
@@ -296,7 +296,7 @@ class TestSweep:
         assert sorted(tmp_path.iterdir()) == [npz, js]
 
     def test_degrees_of_special_values(self):
-        words = ["analyze", "--sweep", "puma560", "--levels", "1", "--samples", "11", "--json", "-"]
+        words = ["analyze", "--sweep", "puma560", "--levels", "1", "--samples", "11", "-o", "-"]
         in_degrees = json.loads(run(*words, "--special", "0,90", "--deg").stdout)
         in_radians = json.loads(run(*words, "--special", "0,pi/2").stdout)
         assert in_degrees == in_radians
@@ -313,7 +313,7 @@ class TestSweep:
 
         monkeypatch.setattr(module, "compute_curves", interrupted)
         out = tmp_path / "part.npz"
-        done = run("analyze", "--sweep", "planar3r", "--out", str(out))
+        done = run("analyze", "--sweep", "planar3r", "-o", str(out))
         assert done.exit_code == 130
         assert "stopped after 0 of" in done.stdout
         assert not load_npz(out).complete
@@ -329,7 +329,7 @@ class TestAnalyze:
         assert "WARNING" not in done.stderr
 
     def test_json_and_exit_code(self):
-        done = run(*self.words, "--json", "-", "--fail-if-singular")
+        done = run(*self.words, "-o", "-", "--fail-if-singular")
         assert done.exit_code == 1
         analysis = Analysis.from_json(done.stdout)
         assert analysis.complete
@@ -339,7 +339,7 @@ class TestAnalyze:
 
     @pytest.mark.parametrize("geometry", ["raw", "nominal"])
     def test_one_geometry_for_everything(self, geometry):
-        done = run(*self.words, "--json", "-", f"--{geometry}")
+        done = run(*self.words, "-o", "-", f"--{geometry}")
         assert Analysis.from_json(done.stdout).geometry == geometry
         assert run("analyze", "--sweep", *self.words[1:-2], f"--{geometry}").exit_code == 0
 
@@ -362,7 +362,7 @@ class TestFamilies:
         latex = run("families", "puma560", "--latex").stdout
         assert latex.count("\\begin{align*}") == latex.count("\\end{align*}") == 1
         assert "q_{5}" in latex
-        found = ClosedForm.from_json(run("families", "puma560", "--json", "-").stdout)
+        found = ClosedForm.from_json(run("families", "puma560", "-o", "-").stdout)
         assert found.complete
         assert latex.count("text{F") == len(found.families)
 
@@ -390,7 +390,7 @@ class TestInfo:
     def test_rounded_geometry_is_told_with_its_size(self):
         out = run("list", "xarm7").stdout
         assert "moved: " in out
-        info = ArmInfo.from_json(run("list", "xarm7", "--json", "-").stdout)
+        info = ArmInfo.from_json(run("list", "xarm7", "-o", "-").stdout)
         assert info.schema == "pinsing/info/2"
         assert 0 < info.jacobian_change < 1e-4
         assert max(s.size for s in info.snaps) < 1e-5
@@ -434,7 +434,7 @@ class TestInfo:
         assert [words[-2:] for words in commands] == [["--tip", "left 3"], ["--tip", "right 3"]]
         for words in commands:
             assert words[0] == "analyze"
-            arm = json.loads(run("list", "--info", *words[1:], "--json", "-").stdout)["arm"]
+            arm = json.loads(run("list", "--info", *words[1:], "-o", "-").stdout)["arm"]
             assert arm["joints"] == [f"{words[-1][:-2]} j{i}" for i in range(4)]
 
     def test_a_base_leaves_what_lies_beyond_it(self):
@@ -445,7 +445,7 @@ class TestInfo:
         assert "no joint lies beyond the base" in run("list", "ur5", "--base", "tool0").stderr
 
     def test_json_goes_back(self):
-        text = run("list", "stanford", "--json", "-").stdout
+        text = run("list", "stanford", "-o", "-").stdout
         assert ArmInfo.from_json(text).to_json() + "\n" == text
 
 
@@ -463,7 +463,7 @@ class TestList:
         assert (none.exit_code, none.stdout) == (0, "")
 
     def test_json(self):
-        data = json.loads(run("list", "--json", "-").stdout)
+        data = json.loads(run("list", "-o", "-").stdout)
         assert data["schema"] == "pinsing/robots/1"
         assert {"name", "title", "source", "alias_of"} == set(data["robots"][0])
 
@@ -485,7 +485,7 @@ class TestDh:
 
 def test_json_file_beside_the_text(tmp_path):
     out = tmp_path / "state.json"
-    done = run("at", "planar3r", "--q", "0.1,0.2,0.3", "--json", str(out))
+    done = run("at", "planar3r", "--q", "0.1,0.2,0.3", "-o", str(out))
     assert "regular: rank 3" in done.stdout
     assert State.from_json(out.read_text()).status == "regular"
     assert list(tmp_path.iterdir()) == [out]

@@ -40,7 +40,7 @@ def offered(line: str) -> list[str]:
         ("map ur5 --sampling ", {"sobol", "random", "grid"}, set()),
         ("analyze ur5 --sweep --engine b", {"batch", "baseline"}, {"auto"}),
         ("list talos_a", {"talos_arm"}, set()),
-        ("view ur5 --", {"--family", "--html", "--deg"}, set()),
+        ("view ur5 --", {"--family", "--output", "--deg"}, set()),
         (f"families {URDF}/five_bar.urdf --tip ", {"P"}, set()),
     ],
 )

@@ -60,14 +60,14 @@ def run(tmp_path: Path, *words: str) -> subprocess.CompletedProcess[str]:
         (["list", "arm.xacro"], "links"),
         (["families", "arm.xacro"], "proven complete"),
         (["analyze", "stanford", "--sweep"], "stanford"),
-        (["verify", "certificate.json"], "proven"),
+        (["verify", "proof.cert.json"], "proven"),
     ],
 )
 def test_commands_answer_without_what_only_linux_has(tmp_path, words, answer):
     if "arm.xacro" in words:
         (tmp_path / "arm.xacro").write_text(XACRO.read_text(encoding="utf-8"), encoding="utf-8")
     if "verify" in words:
-        made = run(tmp_path, "families", "ur5", "--certificate", "certificate.json")
+        made = run(tmp_path, "families", "ur5", "-o", "proof.cert.json")
         assert made.returncode == 0, made.stderr
     done = run(tmp_path, *words)
     assert done.returncode == 0, done.stderr
@@ -76,7 +76,7 @@ def test_commands_answer_without_what_only_linux_has(tmp_path, words, answer):
 
 def test_a_folder_that_cannot_be_locked_is_refused(tmp_path):
     assert run(tmp_path, "map", "planar3r", "--count", "64").returncode == 0
-    done = run(tmp_path, "map", "planar3r", "--count", "64", "--out", "runs")
+    done = run(tmp_path, "map", "planar3r", "--count", "64", "-o", "runs")
     assert done.returncode == 2
     assert "need Linux or macOS" in done.stderr
     assert not (tmp_path / "runs").exists()

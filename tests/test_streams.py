@@ -17,7 +17,7 @@ from pinsing.cli.commands import VARIANTS
 
 COMMANDS = {
     "at": ["at", "planar3r", "--q", "0,0,0", "--fail-if-singular"],
-    "json": ["map", "planar3r", "--count", "5000", "--json", "-"],
+    "json": ["map", "planar3r", "--count", "5000", "-o", "-"],
     "help": ["--help"],
     "nothing": [],
 }
@@ -70,7 +70,7 @@ def test_nobody_hears_the_messages() -> None:
 @pytest.mark.slow
 def test_a_file_is_whole_though_stdout_is_closed(tmp_path: Path) -> None:
     """Its number is that of the stream which is not there: nothing printed may get into it."""
-    words = ["map", "planar3r", "--count", "5000", "--json"]
+    words = ["map", "planar3r", "--count", "5000", "-o"]
     for out, ending in (("a.json", ">&-"), ("b.json", "")):
         done = shell([*words, str(tmp_path / out)], ending)
         assert done.returncode == (2 if ending else 0)
@@ -82,7 +82,7 @@ def test_a_file_is_whole_though_stdout_is_closed(tmp_path: Path) -> None:
 def test_a_stream_that_others_have_set_not_to_wait(tmp_path: Path) -> None:
     reader, writer = os.pipe()
     os.set_blocking(writer, False)
-    words = ["map", "planar3r", "--count", "50000", "--worst", "20000", "--json", "-"]
+    words = ["map", "planar3r", "--count", "50000", "--worst", "20000", "-o", "-"]
     with subprocess.Popen(
         [sys.executable, "-m", "pinsing", *words], stdout=writer, stderr=subprocess.PIPE
     ) as child:
@@ -112,7 +112,7 @@ PRINTING = {
     "postures --aspects": ("postures", "--aspects", "planar3r"),
     "postures": ("postures", "planar3r", *Q),
     "postures --cuspidal": ("postures", "--cuspidal", "planar3r", "--poses", "1"),
-    "export": ("export", "planar3r", "--c", "-"),
+    "export": ("export", "planar3r", "-o", "-.h"),
     "analyze --sweep": ("analyze", "--sweep", "planar3r", "--levels", "1", "--samples", "5"),
     "map": ("map", "planar3r", "--count", "2000"),
     "families": ("families", "planar3r"),
@@ -143,8 +143,8 @@ def test_every_command_is_here() -> None:
 def read(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
     folder = tmp_path_factory.mktemp("read")
     (folder / "path.csv").write_text("0,0.5,0.7\n0.2,0.0,0.0\n")
-    certificate = folder / "certificate.json"
-    done = shell(["families", "planar3r", "--certificate", str(certificate)], "")
+    certificate = folder / "proof.cert.json"
+    done = shell(["families", "planar3r", "-o", str(certificate)], "")
     assert done.returncode == 0, done.stderr
     return {"PATH": str(folder / "path.csv"), "CERTIFICATE": str(certificate)}
 

@@ -247,7 +247,7 @@ def test_the_command_writes_a_path_that_check_takes(ur5, tmp_path):
     tool = "0,0.05,0.15,45,0,0"
     arguments = ["path", "ur5", str(poses), "--free", "roll", "--step", "10deg", "--tool", tool]
     done = CliRunner().invoke(
-        command, [*arguments, "--deg", "-o", str(out), "--plot", str(picture), "--json", "-"]
+        command, [*arguments, "--deg", "-o", str(out), "-o", str(picture), "-o", "-.json"]
     )
     assert done.exit_code == 0, done.output
     assert json.loads(done.stdout)["clearance"] > 0.7

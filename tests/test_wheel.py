@@ -89,7 +89,7 @@ def runs(pinsing: Path, alone: dict[str, str], folder: Path) -> None:
     said = run([pinsing, "families", "stanford"], alone, folder)
     assert said.returncode == 0, said.stderr
     assert said.stdout.startswith("stanford: 3 families of singular configurations")
-    said = run([pinsing, "view", "stanford", "--html", "page.html"], alone, folder)
+    said = run([pinsing, "view", "stanford", "-o", "page.html"], alone, folder)
     assert said.returncode == 0, said.stderr
     assert (folder / "page.html").stat().st_size > 500_000
 
@@ -105,16 +105,16 @@ rows:
 Q, OTHER = "0,-1,1,0,1,0", "0.3,-1.2,1.2,0,0.8,0"
 CALLS = (
     *("list ur5", "list", "at ur5 --q " + Q),
-    *("analyze planar3r", "analyze five_bar --loops", "families ur5 --certificate proof.json"),
-    *("families planar_3rrr --loops", "verify proof.json", "analyze planar3r --sweep"),
+    *("analyze planar3r", "analyze five_bar --loops", "families ur5 -o proof.cert.json"),
+    *("families planar_3rrr --loops", "verify proof.cert.json", "analyze planar3r --sweep"),
     *("map ur5 --count 1000", "map five_bar --loops --count 1000", "at ur5 --suggest"),
     *("check ur5 path.csv", f"line ur5 --q {Q} --to 0.3,0.2,0.5", "postures scara --aspects"),
     *(
         f"postures ur5 --q {Q}",
         "postures scara --cuspidal --poses 2",
-        "export ur5 --c guard.h --python guard.py",
+        "export ur5 -o guard.h -o guard.py",
     ),
-    *("view stanford --html arm.html", "view five_bar --loops --html five_bar.html"),
+    *("view stanford -o arm.html", "view five_bar --loops -o five_bar.html"),
     *("report planar3r -o arm.report.html", "report planar_3rrr --loops -o loops.report.html"),
     f"export {ROOT / 'urdf/scara.dh.yaml'} -o scara.urdf",
     "path ur5 poses.csv --free roll --step 30",

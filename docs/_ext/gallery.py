@@ -73,7 +73,7 @@ def make_pages(app: Sphinx) -> None:
         page = folder / f"{name}.html"
         if page.exists() and page.stat().st_mtime > newest:
             continue
-        done = CliRunner().invoke(command, ["view", *words, "--html", str(page)])
+        done = CliRunner().invoke(command, ["view", *words, "-o", str(page)])
         if done.exit_code:
             raise ExtensionError(f"no page of {name}: {done.output}")
         log.info("made the page of %s", name)

@@ -2,7 +2,7 @@
  *
  * The header comes from pinsing, and is all that this needs:
  *
- *     pinsing export ur5 --c ur5_guard.h
+ *     pinsing export ur5 -o ur5_guard.h
  *     make run
  *
  * A UR5 turns its wrist towards q5 = 0 while its shoulder swings. Each tick asks the guard for the

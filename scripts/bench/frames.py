@@ -86,7 +86,7 @@ def main() -> None:
         browser = play.chromium.launch(executable_path=find_browser(), args=FLAGS)
         for robot in options.robots:
             file = Path(folder, "page.html")
-            command = [sys.executable, "-m", "pinsing", "view", robot, "--html", str(file)]
+            command = [sys.executable, "-m", "pinsing", "view", robot, "-o", str(file)]
             subprocess.run(command, check=True, capture_output=True)
             for how in ("at rest, the camera moves", "with its pace", "always all points"):
                 page = browser.new_page(viewport=SIZE)

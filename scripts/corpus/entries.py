@@ -43,7 +43,7 @@ COMMANDS = {
     "check": "check ur5 path.csv",
     "cuspidal": "postures --cuspidal scara",
     "dh": "export --urdf table.yaml -o table.urdf",
-    "export": "export ur5 --python guard.py",
+    "export": "export ur5 -o guard.py",
     "info": "list --info panda",
     "line": "line ur5 --q 10,-70,75,-90,-80,0 --deg --to 0.3,0.2,0.5",
     "list": "list",
@@ -53,7 +53,7 @@ COMMANDS = {
     "report": "report scara -o report.html",
     "suggest": "at --suggest ur5",
     "sweep": "analyze --sweep planar3r --deg",
-    "verify": "verify proof.json",
+    "verify": "verify proof.cert.json",
     "view": "view ur5 --help",
 }
 
@@ -300,7 +300,7 @@ def _transcript(name: str) -> dict[str, Any]:
         )
         (here / "table.yaml").write_text((ROOT / "urdf" / "scara.dh.yaml").read_text())
         if name == "verify":
-            _run("families scara --certificate proof.json", here)
+            _run("families scara -o proof.cert.json", here)
         code, text = _run(COMMANDS[name], here)
         files = sorted(p.name for p in here.iterdir())
     return {"text": _plain(text.replace(folder, "FOLDER")), "exit": code, "files": files}

@@ -1,8 +1,8 @@
-"""Every command line that writes a file, and which of the program's options that covers.
+"""Every command line that writes a file, and which of the program's outputs that covers.
 
-What may write is found from the program itself: each option that takes the name of a file or
-folder and does not read it. `uncovered` names those that no command line below uses, so that a
-new one cannot be forgotten.
+What may write is found from the program itself: each kind of file that ``-o`` takes, and each
+option that takes the name of a file and does not read it. `uncovered` names those that no command
+line below uses, so that a new one cannot be forgotten.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ class Command:
             )
         meant = {
             "OUT": folder / self.out,
-            "OUT_LEGS": folder / "certificate.json",
+            "OUT_LEGS": folder / "proof.cert.json",
             "TABLE": _URDF / "stanford.dh.yaml",
             "FIVE_BAR": _URDF / "five_bar.urdf",
             "LOOPS": _URDF / "five_bar.loops.yaml",
@@ -61,14 +61,13 @@ class Command:
 
     @property
     def covers(self) -> set[tuple[str, str, bool]]:
-        """Command, option, and whether it is of a mechanism, for each file that is written."""
+        """Command, name, and whether it is of a mechanism, for each file that is written."""
         loops = "--loops" in self.words
-        ends = [k for k, word in enumerate(self.words) if word.startswith("OUT")]
-        return {(self.words[0], self.words[k - 1], loops) for k in ends}
+        return {(self.words[0], file, loops) for file in (self.out, *self.beside)}
 
 
 def _json(*words: str) -> Command:
-    return Command((*words, "--json", "OUT"), f"{words[0]}.json")
+    return Command((*words, "-o", "OUT"), f"{words[0]}.json")
 
 
 _MAP = ("map", "planar3r", "--count", "9000", "--chunk", "4096", "--threads", "1")
@@ -77,83 +76,81 @@ _FOLDER = ("--levels", "1", "--samples", "2001", "--chunk", "1", "--threads", "1
 _Q = ("--q", "0,1,0.5")
 
 COMMANDS: dict[str, Command] = {
-    "map --out DIR": Command((*_MAP, "--out", "OUT"), "run", is_run=True),
-    "sweep --out DIR": Command(
-        ("analyze", "--sweep", "planar3r", *_FOLDER, "--out", "OUT"), "run", is_run=True
+    "map FOLDER": Command((*_MAP, "-o", "OUT"), "run", is_run=True),
+    "sweep FOLDER": Command(
+        ("analyze", "--sweep", "planar3r", *_FOLDER, "-o", "OUT"), "run", is_run=True
     ),
-    "sweep --out FILE.npz": Command((*_SWEEP, "--out", "OUT"), "curves.npz"),
-    "map --json": _json("map", "planar3r", "--count", "5000"),
-    "at --json": _json("at", "planar3r", "--q", "0,1,0"),
-    "families --certificate": Command(
-        ("families", "planar3r", "--certificate", "OUT"), "certificate.json"
+    "sweep .npz": Command((*_SWEEP, "-o", "OUT"), "curves.npz"),
+    "map .json": _json("map", "planar3r", "--count", "5000"),
+    "at .json": _json("at", "planar3r", "--q", "0,1,0"),
+    "families .cert.json": Command(("families", "planar3r", "-o", "OUT"), "proof.cert.json"),
+    "families --loops .cert.json": Command(
+        ("families", *_LOOPS, "-o", "OUT_LEGS"),
+        "proof_leg1.cert.json",
+        ("proof_leg2.cert.json",),
     ),
-    "families --loops --certificate": Command(
-        ("families", *_LOOPS, "--certificate", "OUT_LEGS"),
-        "certificate_leg1.json",
-        ("certificate_leg2.json",),
-    ),
-    "families --system": Command(("families", "planar3r", "--system", "OUT"), "equations.sing"),
-    "view --html": Command(("view", "planar3r", "--html", "OUT"), "page.html"),
+    "families .sing": Command(("families", "planar3r", "-o", "OUT"), "equations.sing"),
+    "view .html": Command(("view", "planar3r", "-o", "OUT"), "page.html"),
     "plot .png": Command(
-        ("plot", "ellipsoids", "planar3r", "--q", "0,1,0", "--dpi", "30", "--out", "OUT"),
+        ("plot", "ellipsoids", "planar3r", "--q", "0,1,0", "--dpi", "30", "-o", "OUT"),
         "figure.png",
     ),
     "dh": Command(("export", "--urdf", "TABLE", "-o", "OUT"), "arm.urdf"),
-    "info --json": _json("list", "planar3r"),
-    "list --json": _json("list", "ur5"),
-    "families --json": _json("families", "planar3r"),
-    "sweep --json": _json(*_SWEEP),
-    "aspects --json": _json("postures", "--aspects", "planar3r"),
-    "postures --json": _json("postures", "planar3r", *_Q),
-    "postures --html": Command(("postures", "planar3r", *_Q, "--html", "OUT"), "page.html"),
-    "cuspidal --json": _json("postures", "--cuspidal", "planar3r", "--poses", "2"),
-    "suggest --json": _json("at", "--suggest", "planar3r", "--task", "position"),
-    "line --json": _json(
+    "info .json": _json("list", "planar3r"),
+    "list .json": _json("list", "ur5"),
+    "families .json": _json("families", "planar3r"),
+    "sweep .json": _json(*_SWEEP),
+    "aspects .json": _json("postures", "--aspects", "planar3r"),
+    "postures .json": _json("postures", "planar3r", *_Q),
+    "postures .html": Command(("postures", "planar3r", *_Q, "-o", "OUT"), "page.html"),
+    "cuspidal .json": _json("postures", "--cuspidal", "planar3r", "--poses", "2"),
+    "suggest .json": _json("at", "--suggest", "planar3r", "--task", "position"),
+    "line .json": _json(
         *("line", "stanford", "--q", "0.1,0.7,0.3,0.2,0.6,0.1", "--to", "0.1,0.2,0.3")
     ),
-    "check --json": _json("check", "planar3r", "PATH"),
-    "check --plot": Command(("check", "planar3r", "PATH", "--plot", "OUT"), "check.png"),
-    "check --html": Command(("check", "planar3r", "PATH", "--html", "OUT"), "check.html"),
-    "path --json": _json("path", "ur5", "POSES"),
-    "path --plot": Command(("path", "ur5", "POSES", "--plot", "OUT"), "path.png"),
-    "path -o": Command(("path", "ur5", "POSES", "-o", "OUT"), "joints.csv"),
-    "export --c --python": Command(
-        ("export", "planar3r", "--c", "OUT", "--python", "OUT2"), "guard.h", ("guard.py",)
+    "check .json": _json("check", "planar3r", "PATH"),
+    "check .png": Command(("check", "planar3r", "PATH", "-o", "OUT"), "check.png"),
+    "check .html": Command(("check", "planar3r", "PATH", "-o", "OUT"), "check.html"),
+    "path .json": _json("path", "ur5", "POSES"),
+    "path .png": Command(("path", "ur5", "POSES", "-o", "OUT"), "path.png"),
+    "path .csv": Command(("path", "ur5", "POSES", "-o", "OUT"), "joints.csv"),
+    "export .h .py": Command(
+        ("export", "planar3r", "-o", "OUT", "-o", "OUT2"), "guard.h", ("guard.py",)
     ),
-    "analyze --json": _json(
+    "analyze .json": _json(
         *("analyze", "planar3r", "--levels", "1", "--samples", "5", "--random-starts", "2")
     ),
-    "view --png": Command(("view", "planar3r", "--skeleton", "--png", "OUT"), "view.png"),
-    "report -o": Command(
+    "view .png": Command(("view", "planar3r", "--skeleton", "-o", "OUT"), "view.png"),
+    "report .html": Command(
         ("report", "planar3r", "-o", "OUT", "--page", "beside", "--skeleton"),
         "report.html",
         ("report-model.html",),
     ),
-    "report --pdf": Command(
-        ("report", "planar3r", "-o", "OUT", "--pdf", "OUT2", "--page", "none"),
+    "report .pdf": Command(
+        ("report", "planar3r", "-o", "OUT", "-o", "OUT2", "--page", "none"),
         "report.html",
         ("report.pdf",),
     ),
-    "analyze --loops --json": _json("analyze", *_LOOPS),
-    "families --loops --json": _json("families", *_LOOPS),
-    "map --loops --json": _json("map", *_LOOPS, "--count", "20"),
-    "view --loops --html": Command(("view", *_LOOPS, "--html", "OUT"), "page.html"),
-    "view --loops --png": Command(("view", *_LOOPS, "--png", "OUT"), "view.png"),
-    "plot --loops": Command(("plot", "map", *_LOOPS, "--out", "OUT"), "figure.svg"),
+    "analyze --loops .json": _json("analyze", *_LOOPS),
+    "families --loops .json": _json("families", *_LOOPS),
+    "map --loops .json": _json("map", *_LOOPS, "--count", "20"),
+    "view --loops .html": Command(("view", *_LOOPS, "-o", "OUT"), "page.html"),
+    "view --loops .png": Command(("view", *_LOOPS, "-o", "OUT"), "view.png"),
+    "plot --loops": Command(("plot", "map", *_LOOPS, "-o", "OUT"), "figure.svg"),
     "report --loops": Command(
-        ("report", *_LOOPS, "-o", "OUT", "--pdf", "OUT2", "--page", "none"),
+        ("report", *_LOOPS, "-o", "OUT", "-o", "OUT2", "--page", "none"),
         "report.html",
         ("report.pdf",),
     ),
 }
 
-BROWSER = {name for name, c in COMMANDS.items() if {"--png", "--pdf"} & set(c.words)}
+BROWSER = {"view .png", "view --loops .png", "report .pdf", "report --loops"}
 """Those that need Chromium."""
 
 # Options and arguments that name a file which is read.
 _READ = {"poses", "--loops", "--analysis", "--package", "file", "files", "table", "robot"}
-REFUSED = {("families --system", True), ("map --out", True)}
-"""Options that are refused for mechanisms, so that nothing is written."""
+REFUSED = {"families": "system.sing", "map": "folder"}
+"""Commands that refuse such a file of a mechanism, so that nothing is written."""
 
 
 def leaves(group: Any, path: tuple[str, ...] = ()) -> Iterator[tuple[tuple[str, ...], Any]]:
@@ -165,32 +162,35 @@ def leaves(group: Any, path: tuple[str, ...] = ()) -> Iterator[tuple[tuple[str, 
             yield (*path, name), one
 
 
-def writers(program: Any) -> dict[tuple[str, bool], set[str]]:
-    """Every option of a click program that takes a file to write, as (command, of mechanisms)."""
-    found = {}
+def uncovered(program: Any) -> list[str]:
+    """What may write and is in none of the command lines above: files of one kind, by an ending."""
+    missing = []
     for path, one in leaves(program):
+        name, loops = " ".join(path), any("--loops" in p.opts for p in one.params)
         for parameter in one.params:
             kind, said = type(parameter.type).__name__, str(parameter.metavar)
-            names = set(parameter.opts) | set(parameter.secondary_opts)
-            file = any(word in kind for word in ("Path", "File", "Output"))
-            if (file or "FILE" in said or "DIR" in said) and not names & _READ:
-                for loops in (False, True):
-                    if not loops or any("--loops" in p.opts for p in one.params):
-                        found[" ".join(path) + " " + min(names, key=len), loops] = {
-                            f"{' '.join(path)} {name}" for name in names
-                        }
-    return found
+            reads = set(parameter.opts) & _READ
+            file = any(word in kind for word in ("Path", "File")) or "FILE" in said
+            if not file or reads:
+                continue
+            kinds = getattr(parameter, "kinds", {"": parameter.opts[0]})
+            for mechanism in (False, True) if loops else (False,):
+                done = {(name, REFUSED.get(name, ""))} if mechanism else set()
+                done |= {
+                    (c, file)
+                    for k in COMMANDS.values()
+                    for c, file, m in k.covers
+                    if m is mechanism
+                }
+                written = {_kind(file, kinds) for command, file in done if command == name}
+                missing += [
+                    f"{name} {what}{' of a mechanism' * mechanism}"
+                    for what in sorted(set(kinds.values()) - written)
+                ]
+    return missing
 
 
-def uncovered(program: Any) -> list[str]:
-    """What may write and is in none of the command lines above."""
-    covered = {
-        (f"{command} {option}", loops)
-        for c in COMMANDS.values()
-        for command, option, loops in c.covers
-    }
-    return sorted(
-        f"{name}{' of a mechanism' if loops else ''}"
-        for (name, loops), same in writers(program).items()
-        if not any((one, loops) in covered | REFUSED for one in same)
-    )
+def _kind(file: str, kinds: dict[str, str]) -> str:
+    """The argument of a command that a file goes to, as `pinsing.cli.options` has it."""
+    longest = sorted(kinds, key=len, reverse=True)
+    return next((kinds[end] for end in longest if end and file.endswith(end)), kinds.get("/", ""))

@@ -103,7 +103,7 @@ def campaign(kind: str, kills: int, seed: int, folder: Path, seconds: float = ma
             words = tuple(cluster.address if word == "ADDRESS" else word for word in words)
         whole = folder / "whole"
         began = time.monotonic()
-        code, said = life([*words, "--out", str(whole)], whole, None, "forked" in kind)
+        code, said = life([*words, "-o", str(whole)], whole, None, "forked" in kind)
         longest = time.monotonic() - began
         if code:
             found.wrong.append(f"the run at one stretch failed: {said}")
@@ -112,7 +112,7 @@ def campaign(kind: str, kills: int, seed: int, folder: Path, seconds: float = ma
         found.chunks = len(expected) - 2  # and the plan and the result
         while found.kills < kills and len(found.wrong) < 5 and time.monotonic() < limit:
             out = folder / f"run{found.runs}"
-            line = [*words, "--out", str(out)]
+            line = [*words, "-o", str(out)]
             if cluster is not None and kind.endswith("killed"):
                 _without_workers(line, out, cluster, rng, found)
             else:

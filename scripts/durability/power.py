@@ -17,7 +17,7 @@ from durability.commands import COMMANDS
 from durability.disk import Disk, Operation
 from durability.failures import _contents, call
 
-RUNS = ("map --out DIR", "sweep --out DIR")
+RUNS = ("map FOLDER", "sweep FOLDER")
 
 
 @dataclass

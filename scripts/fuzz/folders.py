@@ -38,7 +38,7 @@ _RUNS = (
 @functools.cache
 def _run(words: tuple[str, ...], call: Callable[[list[str]], Ended]) -> Path:
     place = Path(tempfile.mkdtemp(prefix="pinsing-fuzz-")) / "run"
-    outcome, said = call([*words, "--out", str(place)])
+    outcome, said = call([*words, "-o", str(place)])
     assert outcome == "result", said
     return place
 
@@ -54,7 +54,7 @@ def run_folder(
     for rng in rngs:
         for _ in range(rng.choice([1, 1, 2, 4])):
             _damage(rng, place)
-    outcome, said = call([*words, "--out", str(place)])
+    outcome, said = call([*words, "-o", str(place)])
     if outcome == "result":
         for path in sorted(good.rglob("*")):
             name = path.relative_to(good)

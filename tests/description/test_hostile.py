@@ -249,7 +249,7 @@ def test_names_are_text_in_the_terminal_and_in_json(named):
             assert all(c.isprintable() or c == "\t" for c in line), line
         if ended.exit_code == 2:  # there is no such frame, said in one line
             assert len(ended.stderr.strip().splitlines()) == 1
-    data = run("list", str(path), "--json", "-")
+    data = run("list", str(path), "-o", "-")
     assert all(c.isprintable() or c == "\n" for c in data.stdout)
     assert json.loads(data.stdout)["arm"]["joints"] == [f"{name} {i}" for i in range(3)]
 
@@ -310,7 +310,7 @@ def test_names_of_a_mechanism_are_text(tmp_path):
         ["analyze", *words],
         ["plot", "map", *words, "-o", str(tmp_path / "figure.svg")],
         ["plot", "curves", *words, "-o", str(tmp_path / "figure.svg")],
-        ["view", *words, "--html", str(page)],
+        ["view", *words, "-o", str(page)],
     ):
         ended = run(*command)
         assert ended.exit_code == 0, ended.stderr
@@ -378,7 +378,7 @@ def test_nothing_is_written_but_the_named_output(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path / "in")
     (tmp_path / "tmp").mkdir()
     (tmp_path / "out").mkdir()
-    words = [sys.executable, "-m", "pinsing", "analyze", str(path), "--json", "../out/a.json"]
+    words = [sys.executable, "-m", "pinsing", "analyze", str(path), "-o", "../out/a.json"]
     ended = subprocess.run(words, capture_output=True, text=True, timeout=60, check=False)
     assert ended.returncode == 0, ended.stderr
     files = sorted(p.relative_to(tmp_path).as_posix() for p in tmp_path.rglob("*") if p.is_file())

@@ -139,10 +139,10 @@ def test_only_info_and_view_say_which_meshes_are_missing(package):
         done = CliRunner().invoke(command, [words[0], str(file), *words[1:]])
         assert done.exit_code == 0
         assert (said in " ".join(done.output.split())) == told
-    done = CliRunner().invoke(command, ["list", str(file), "--json", "-"])
+    done = CliRunner().invoke(command, ["list", str(file), "-o", "-"])
     assert said in json.loads(done.stdout)["arm"]["notes"]
     page = package / "page.html"
-    done = CliRunner().invoke(command, ["view", str(file), "--html", str(page)])
+    done = CliRunner().invoke(command, ["view", str(file), "-o", str(page)])
     assert done.exit_code == 0
     assert f"note: {said}" in done.stderr
 

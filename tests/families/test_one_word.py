@@ -67,9 +67,9 @@ def test_one_arm_has_one_word_everywhere(robot: str, tmp_path: Path) -> None:
         "families": re.findall("proven|probable|NOT", written("families", robot).stdout)[0],
     }
     out = {name: tmp_path / name for name in ("a.json", "page.html", "report.html", "guard.h")}
-    written("families", robot, "--json", out["a.json"])
+    written("families", robot, "-o", out["a.json"])
     words["JSON"] = pinsing.ClosedForm.from_json(out["a.json"].read_text()).word
-    written("view", robot, "--skeleton", "--html", out["page.html"])  # as the gallery's
+    written("view", robot, "--skeleton", "-o", out["page.html"])  # as the gallery's
     words["page"] = page_words(out["page.html"]).split(":")[0].lower()
     with pinsing.Viewer(arm, skeleton=True) as viewer:
         words["live page"] = viewer._stage.coverage.split(":")[0].lower()
@@ -77,7 +77,7 @@ def test_one_arm_has_one_word_everywhere(robot: str, tmp_path: Path) -> None:
     written("report", robot, "--skeleton", "--page", "none", "-o", out["report.html"])
     badge = r'class="badge[^"]*">(proven|probable|not complete)<'
     (words["report"],) = {*re.findall(badge, out["report.html"].read_text(encoding="utf-8"))}
-    written("export", robot, "--c", out["guard.h"])
+    written("export", robot, "-o", out["guard.h"])
     words["guard"] = re.findall(r'_WORD "(.*)"', out["guard.h"].read_text())[0]
     words["in Python"] = make_guard(arm, "c").word
     said = {word.partition(" for ")[0] for word in words.values()}  # the design is named, too

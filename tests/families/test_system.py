@@ -237,7 +237,7 @@ def test_names_with_line_breaks_stay_within_their_comment(forms):
 def test_the_command_writes_what_the_library_says(tmp_path, forms):
     file = tmp_path / "stanford.sing"
     done = CliRunner().invoke(
-        command, ["families", "stanford", "--no-prove", "--system", str(file), "--family", "F2"]
+        command, ["families", "stanford", "--no-prove", "-o", str(file), "--family", "F2"]
     )
     assert done.exit_code == 0
     assert "q5 = 0° or 180°" in done.stdout
@@ -249,9 +249,7 @@ def test_the_command_writes_what_the_library_says(tmp_path, forms):
 
 def test_the_command_says_for_msolve_what_has_no_place_in_the_file(tmp_path):
     file = tmp_path / "stanford.ms"
-    done = CliRunner().invoke(
-        command, ["families", "stanford", "--no-prove", "--system", str(file)]
-    )
+    done = CliRunner().invoke(command, ["families", "stanford", "--no-prove", "-o", str(file)])
     assert done.exit_code == 0
     assert "1 = F1, 2 = F2, 3 = F3" in done.stderr
     assert file.read_text().startswith("k,c2,s2,d3,c5,s5\n0\n")
@@ -260,13 +258,16 @@ def test_the_command_says_for_msolve_what_has_no_place_in_the_file(tmp_path):
 @pytest.mark.parametrize(
     ("options", "said"),
     [
-        (["--system", "x.txt"], "ends in '.txt'; take .sing for Singular"),
-        (["--system", "x"], "has no suffix"),
-        (["--system", "nowhere/x.sing"], "there is no folder nowhere"),
-        (["--family", "F1"], "--family goes with --system"),
-        (["--symbolic", "all", "--system", "x.sing"], "do not go with --symbolic"),
-        (["--system", "x.sing", "--json", "x.sing"], "both go to x.sing"),
-        (["--system", "x.sing", "--family", "F7"], "unknown family 'F7'"),
+        (["-o", "x.txt"], "the name says what to write, by its ending: .json, .cert.json, .sing"),
+        (["--system", "x.txt"], "there is no --system: did you mean -o FILE.sing?"),
+        (["-o", "nowhere/x.sing"], "there is no folder nowhere"),
+        (["--family", "F1"], "--family goes with -o FILE.sing"),
+        (
+            ["--symbolic", "all", "-o", "x.sing"],
+            "--symbolic has no --prove, certificate or file",
+        ),
+        (["-o", "x.sing", "-o", "x.ms"], "-o x.sing and -o x.ms are files of one kind"),
+        (["-o", "x.sing", "--family", "F7"], "unknown family 'F7'"),
     ],
 )
 def test_what_does_not_go_together(tmp_path, monkeypatch, options, said):
@@ -280,7 +281,7 @@ def test_what_does_not_go_together(tmp_path, monkeypatch, options, said):
 def test_mechanisms_have_no_such_file(tmp_path):
     done = CliRunner().invoke(
         command,
-        ["families", "four_bar", "--loops", "x.yaml", "--system", str(tmp_path / "x.sing")],
+        ["families", "four_bar", "--loops", "x.yaml", "-o", str(tmp_path / "x.sing")],
     )
     assert done.exit_code == 2
-    assert "do not go with --loops" in done.stderr
+    assert "go to -o FILE.json only" in done.stderr

@@ -78,7 +78,7 @@ def test_in_json_and_back(elbow: Family) -> None:
 
 def test_in_the_report(table: Path, tmp_path: Path) -> None:
     path = tmp_path / "report.html"
-    done = CliRunner().invoke(command, ["report", str(table), "--out", str(path)])
+    done = CliRunner().invoke(command, ["report", str(table), "-o", str(path)])
     assert done.exit_code == 0, done.stderr
     assert SAID in path.read_text(encoding="utf-8")
 

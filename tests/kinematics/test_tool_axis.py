@@ -297,7 +297,7 @@ def test_the_command_line_takes_it(tmp_path: Path):
 def test_the_command_for_welders_keeps_where_the_tool_points() -> None:
     page = (Path(__file__).parents[2] / "docs/how-to/all-singularities.md").read_text("utf-8")
     shown = page.split("welding torch")[1].split("$ pinsing ")[1].split("\n")[0].split()
-    found = json.loads(CliRunner().invoke(app, [*shown, "--json", "-"]).stdout)
+    found = json.loads(CliRunner().invoke(app, [*shown, "-o", "-"]).stdout)
     assert found["arm"]["task"] == "tool-axis"
     arm = pinsing.load(shown[1], task="tool-axis")
     assert pinsing.singular_values(arm, np.zeros((1, arm.n))).shape == (1, 5)

@@ -286,7 +286,7 @@ def test_they_survive_json_and_the_command_line(command):
     ("name", "kind"), [("planar_3rpr", PoseForms), ("five_bar", LoopForms), ("bennett", JointForms)]
 )
 def test_json_of_the_command_has_both(name, kind, command):
-    code, text, _ = command("families", URDF / f"{name}.urdf", "--loops", "--json", "-")
+    code, text, _ = command("families", URDF / f"{name}.urdf", "--loops", "-o", "-")
     assert code == 0
     found = kind.from_json(text)
     assert found.complete

@@ -152,14 +152,14 @@ def test_loops_alone_means_the_file_beside_and_its_absence_is_said():
     @click.command()
     @loops_option(lambda loops, **options: click.echo(f"{loops.name} {sorted(options.items())}"))
     @click.argument("robot")
-    @click.option("--html")
+    @click.option("-o", "html")
     def command(robot: str, html: str | None) -> None:
         click.echo(f"arm {robot}")
 
     runner = CliRunner()
     for words in (
-        ["gough_stewart", "--loops", "--html", "a"],
-        ["gough_stewart", "--html", "a", "--loops"],
+        ["gough_stewart", "--loops", "-o", "a"],
+        ["gough_stewart", "-o", "a", "--loops"],
     ):
         done = runner.invoke(command, words, catch_exceptions=False)
         assert (

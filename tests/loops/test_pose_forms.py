@@ -377,7 +377,7 @@ def test_families_of_a_mechanism_at_the_command_line(command):
     assert code == 1
     assert "turned by ±90° about z" in said
     assert "x^2" in run("planar_3rpr", "--exact")[1]
-    assert PoseForms.from_json(run("planar_3rpr", "--json", "-")[1]).complete
+    assert PoseForms.from_json(run("planar_3rpr", "-o", "-")[1]).complete
     assert "B1, P, B2 in line" in run("five_bar")[1]
     code, said, _ = run("bennett")
     assert code == 0

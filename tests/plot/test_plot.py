@@ -506,7 +506,7 @@ def test_a_figure_is_closed_whether_or_not_it_could_be_written(
 
     plt.close("all")
     (tmp_path / "path.csv").write_text("0,0.5,0.7\n0.2,0.6,0.9\n")
-    words = ["planar3r", str(tmp_path / "path.csv"), "--plot", str(tmp_path / "a.png")]
+    words = ["planar3r", str(tmp_path / "path.csv"), "-o", str(tmp_path / "a.png")]
     assert CliRunner().invoke(check_command, words).exit_code == 0
     assert not plt.get_fignums()
 
@@ -535,7 +535,7 @@ def test_a_command_draws_whatever_backend_the_environment_names(tmp_path: Path) 
         ("map puma560 -o a.png", OptionError, "--over"),
         ("map puma560 --over q2,q9 -o a.png", UnknownNameError, "q9"),
         ("along puma560 --q 0,0,0,0,0,0 -o a.png", OptionError, "twice"),
-        ("ellipsoids puma560 -o a.txt", OutputError, "png"),
+        ("ellipsoids puma560 -o a.txt", OptionError, "png"),
         ("curves stanford --fixed q4 -o a.png", OptionError, "JOINT=VALUE"),
         ("curves stanford --fixed q9=0 -o a.png", UnknownNameError, "q9"),
     ],

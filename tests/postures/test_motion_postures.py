@@ -69,7 +69,7 @@ def test_check_says_it(tmp_path):
     run = CliRunner().invoke(command, ["check", "puma560", str(path)])
     assert "changes of aspect (as `pinsing postures` numbers them):" in run.output
     assert "wrist no-flip" in run.output
-    run = CliRunner().invoke(command, ["check", "puma560", str(path), "--json", "-"])
+    run = CliRunner().invoke(command, ["check", "puma560", str(path), "-o", "-"])
     (change,) = json.loads(run.stdout)["aspect_changes"]
     assert change["t"] == pytest.approx(2 / 3)
 

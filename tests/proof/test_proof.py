@@ -563,8 +563,8 @@ def pinsing_command(*args):
 
 
 def test_a_certificate_is_written_and_verified(tmp_path):
-    path = tmp_path / "ur5.json"
-    run = pinsing_command("families", "ur5", "--certificate", path)
+    path = tmp_path / "ur5.cert.json"
+    run = pinsing_command("families", "ur5", "-o", path)
     assert run.returncode == 0, run
     assert "(proven complete)" in run.stdout
     run = pinsing_command("verify", path)
@@ -590,9 +590,9 @@ def test_what_cannot_be_verified_is_said_in_one_line(tmp_path):
     run = pinsing_command("verify", tmp_path / "bytes.json")
     assert run.returncode == 1
     assert run.stdout.startswith("rejected: ")
-    run = pinsing_command("families", "ur5", "--no-prove", "--certificate", tmp_path / "x.json")
+    run = pinsing_command("families", "ur5", "--no-prove", "-o", tmp_path / "x.cert.json")
     assert run.returncode == 2
-    assert not (tmp_path / "x.json").exists()
+    assert not (tmp_path / "x.cert.json").exists()
 
 
 def test_several_certificates_are_verified_at_once(tmp_path, certificates):

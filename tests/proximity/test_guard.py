@@ -496,7 +496,7 @@ def run(*words: str) -> Result:
 class TestCommand:
     def test_both_at_once(self, tmp_path: Path) -> None:
         h, py = tmp_path / "guard.h", tmp_path / "guard.py"
-        done = run("export", "ur5", "--c", str(h), "--python", str(py))
+        done = run("export", "ur5", "-o", str(h), "-o", str(py))
         assert done.exit_code == 0, done.stderr
         assert f"wrote {h}" in done.stderr
         proven = pinsing.closed_form(arm_of("ur5"))
@@ -510,7 +510,7 @@ class TestCommand:
 
     def test_how_sure_it_is_stands_in_the_files_and_on_stderr(self, tmp_path: Path) -> None:
         h, py = tmp_path / "guard.h", tmp_path / "guard.py"
-        words = "export", "ur5", "--c", str(h), "--python", str(py)
+        words = "export", "ur5", "-o", str(h), "-o", str(py)
         done = run(*words, "--no-prove")
         assert done.exit_code == 0
         assert "is probable, not proven: no certificate was looked for" in done.stderr
@@ -527,13 +527,13 @@ class TestCommand:
         assert module(py.read_text(), tmp_path).WORD == "proven"
 
     def test_to_stdout(self) -> None:
-        done = run("export", "scara", "--c", "-")
+        done = run("export", "scara", "-o", "-.h")
         assert done.exit_code == 0
         assert done.stdout.startswith("/*\n")
         assert done.stdout.endswith("#endif\n")
 
     def test_what_is_missing_is_said(self, tmp_path: Path) -> None:
-        done = run("export", "panda", "--seconds", "0.02", "--c", str(tmp_path / "g.h"))
+        done = run("export", "panda", "--seconds", "0.02", "-o", str(tmp_path / "g.h"))
         assert done.exit_code == 0
         assert "not complete" in done.stderr
         assert "nothing is ever clear" in done.stderr
@@ -542,12 +542,12 @@ class TestCommand:
         "words",
         [
             ("ur5",),
-            ("ur5", "--c", "-", "--python", "-"),
-            ("ur5", "--c", "nowhere/at/all/g.h"),
-            ("ur5", "--c", "-", "--prefix", "7"),
-            ("ur5", "--c", "-", "--family", "F42"),
-            ("ur5", "--c", "-", "--seconds", "0"),
-            ("no_such_robot", "--c", "-"),
+            ("ur5", "-o", "-.h", "-o", "-.py"),
+            ("ur5", "-o", "nowhere/at/all/g.h"),
+            ("ur5", "-o", "-.h", "--prefix", "7"),
+            ("ur5", "-o", "-.h", "--family", "F42"),
+            ("ur5", "-o", "-.h", "--seconds", "0"),
+            ("no_such_robot", "-o", "-.h"),
         ],
     )
     def test_bad_input_is_one_line(self, words: tuple[str, ...]) -> None:
@@ -560,7 +560,7 @@ class TestCommand:
         robot = tmp_path / "arm.urdf"
         shutil.copy(Path(__file__).parents[2] / "urdf" / "scara.urdf", robot)
         before = robot.read_bytes()
-        assert run("export", str(robot), "--c", str(robot)).exit_code == 2
+        assert run("export", str(robot), "-o", str(robot)).exit_code == 2
         assert robot.read_bytes() == before
 
 

@@ -190,7 +190,7 @@ def test_the_command(capsys: pytest.CaptureFixture[str]) -> None:
         assert words in out
     assert "inf" not in out
     assert " 0 m/s" not in out
-    code, out, _ = run("--to", "3,0,0", "--fail-if-singular", "--json", "-")
+    code, out, _ = run("--to", "3,0,0", "--fail-if-singular", "-o", "-")
     assert code == 1
     assert json.loads(out)["outcome"] == "singular"
     for wrong in (["--to", "1,2"], ["--to", "a,b,c"], ["--to", "0.3,0.2,0.5", "--speed", "0"]):

@@ -240,7 +240,7 @@ class TestCommand:
             "0,0,0,0,0,0",
             "--reach",
             "20deg",
-            "--json",
+            "-o",
             "-",
         )
         data = json.loads(done.stdout)

@@ -361,13 +361,13 @@ def test_the_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None
     assert run("check", "ur5", file, "--fail-within", "3deg") == 0
     assert run("check", "ur5", file, "--fail-within", "30deg") == 1
     capsys.readouterr()
-    assert run("check", "ur5", file, "--json", "-", "--near", "0.5rad", "--family", "F2") == 0
+    assert run("check", "ur5", file, "-o", "-", "--near", "0.5rad", "--family", "F2") == 0
     data = json.loads(capsys.readouterr().out)
     assert data["schema"] == "pinsing/trajectory_check/1"
     assert [a["family"] for a in data["approaches"]] == ["F2"]
     assert len(data["stretches"]) == 1
     picture = tmp_path / "a.png"
-    assert run("check", "ur5", file, "--plot", picture) == 0
+    assert run("check", "ur5", file, "-o", picture) == 0
     assert picture.read_bytes().startswith(b"\x89PNG")
     np.savez(file, q=np.degrees(Q), t=t)
     assert run("check", "ur5", file, "--deg", "--fail-within", "3deg") == 0
@@ -381,7 +381,7 @@ def test_the_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None
         ["--fail-within", "0"],
         ["--family", "F9"],
         ["--tip-speed", "-1"],
-        ["--plot", "picture.txt"],
+        ["-o", "picture.txt"],
     ],
 )
 def test_bad_options(

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 import pytest
 from arms import textbook
+from click import UsageError
 from click.testing import CliRunner
 
 import pinsing
@@ -329,11 +330,10 @@ def test_the_model_may_stand_beside(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("words", "kind", "match"),
     [
-        ("planar3r", OptionError, "where to"),
-        ("planar3r -o r.txt", OutputError, "html"),
-        ("planar3r -o -", OutputError, "file"),
-        ("planar3r -o r.html --pdf r.txt", OutputError, "pdf"),
-        ("planar3r -o r.pdf --pdf s.pdf", OptionError, "PDF already"),
+        ("planar3r", UsageError, "Missing option '-o'"),
+        ("planar3r -o r.txt", OptionError, "by its ending: .html"),
+        ("planar3r -o -", OptionError, "give the name of a file"),
+        ("planar3r -o r.pdf -o s.pdf", OptionError, "files of one kind"),
         ("planar3r -o r.html --q 1,2", ConfigurationError, "3"),
         ("planar3r -o r.html --q a,b,c", ConfigurationError, "not a number"),
         ("planar3r -o nowhere/r.html", OutputError, "folder"),

@@ -83,7 +83,7 @@ def test_info_says_what_it_found_and_only_of_urdf(tmp_path) -> None:
     said = CliRunner().invoke(command, ["list", "stanford"]).stdout
     assert "second reader" in said
     assert "random configurations (seed 20)" in " ".join(said.split())
-    data = json.loads(CliRunner().invoke(command, ["list", "stanford", "--json", "-"]).stdout)
+    data = json.loads(CliRunner().invoke(command, ["list", "stanford", "-o", "-"]).stdout)
     assert data["second_reading"]["seed"] == 20
     assert data["second_reading"]["differences"] == []
     table = tmp_path / "arm.yaml"

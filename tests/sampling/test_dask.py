@@ -97,9 +97,9 @@ def test_a_sweep_on_a_cluster(shared: Cluster) -> None:
 
 
 def test_the_command(shared: Cluster, tmp_path: Path) -> None:
-    words = ["map", "ur5", "--count", "2e5", "--chunk", "20000", "--json", "-"]
+    words = ["map", "ur5", "--count", "2e5", "--chunk", "20000", "-o", "-"]
     done = CliRunner().invoke(
-        command, [*words, "--dask", shared.address, "--out", str(tmp_path / "run")]
+        command, [*words, "--dask", shared.address, "-o", str(tmp_path / "run")]
     )
     assert done.exit_code == 0, done.output
     assert f"dask worker threads at {shared.address}" in done.stderr
@@ -215,7 +215,7 @@ def test_an_address_that_cannot_be_reached_leaves_no_client_behind(
 @pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGTERM])
 def test_a_scheduler_that_dies(tmp_path: Path, number: signal.Signals) -> None:
     out = tmp_path / "run"
-    words = ["map", "planar3r", "--count", "2e6", "--chunk", "4096", "--out", str(out)]
+    words = ["map", "planar3r", "--count", "2e6", "--chunk", "4096", "-o", str(out)]
     with cluster(tmp_path, 2) as found:
         child = subprocess.Popen(
             [sys.executable, "-m", "pinsing", *words, "--dask", found.address],

@@ -242,7 +242,7 @@ def test_a_full_disk_is_an_error_and_loses_nothing(
 @pytest.mark.parametrize("where", tiered(["--threads", "--workers"], ("--threads",)))
 def test_ctrl_c_at_a_terminal(tmp_path: Path, where: str) -> None:
     out = tmp_path / "run"
-    words = ["map", "ur5", "--count", "1e9", "--out", str(out), "--chunk", "65536", where, "2"]
+    words = ["map", "ur5", "--count", "1e9", "-o", str(out), "--chunk", "65536", where, "2"]
     with subprocess.Popen(
         [sys.executable, "-m", "pinsing", *words],
         stdout=subprocess.PIPE,
@@ -441,7 +441,7 @@ def test_ctrl_c_after_the_last_chunk_of_a_sweep(
     monkeypatch.setattr(module, function, _ctrl_c_before(getattr(module, function)))
     words = ["analyze", "planar3r", "--sweep", "--levels", "1", "--samples", "21", "--threads", "1"]
     out = tmp_path / name
-    done = run(*words, "--out", str(out))
+    done = run(*words, "-o", str(out))
     assert done.exit_code == 130
     assert "there are no findings" in done.stdout
     assert "pinsing: stopped" in done.stderr
@@ -457,7 +457,7 @@ def test_ctrl_c_when_a_map_is_complete_takes_nothing_away(
     module = importlib.import_module("pinsing.sampling.map_run")
     monkeypatch.setattr(module, "distributions", _ctrl_c_before(module.distributions))
     words = ["map", "planar3r", "--count", "4096", "--threads", "1"]
-    done = run(*words, "--out", str(tmp_path / "run"))
+    done = run(*words, "-o", str(tmp_path / "run"))
     assert done.exit_code == 0
     assert "map of planar3r" in done.stdout
     assert (tmp_path / "run" / "result.json").exists()
@@ -492,14 +492,14 @@ def test_sweep_on_any_engine_and_threads() -> None:
 
 def test_sweep_command_in_a_folder(tmp_path: Path) -> None:
     words = ["analyze", "planar3r", "--sweep", "--levels", "1", "--samples", "21"]
-    done = run(*words, "--out", str(tmp_path / "run"), "--threads", "2")
+    done = run(*words, "-o", str(tmp_path / "run"), "--threads", "2")
     assert done.exit_code == 0
     kept = load_npz(tmp_path / "run" / "sweep.npz")
     assert isinstance(kept, SweepResult)
     assert kept.complete
-    again = run(*words, "--out", str(tmp_path / "run"))
+    again = run(*words, "-o", str(tmp_path / "run"))
     assert "1 of 1 chunks were done before" in again.stderr
     assert again.stdout == done.stdout
-    other = run("analyze", "planar3r", "--sweep", "--samples", "22", "--out", str(tmp_path / "run"))
+    other = run("analyze", "planar3r", "--sweep", "--samples", "22", "-o", str(tmp_path / "run"))
     assert other.exit_code == 2
     assert "holds another run" in other.stderr

@@ -515,7 +515,7 @@ def test_memory_does_not_grow_with_the_map() -> None:
 class TestCommand:
     def test_a_map(self, tmp_path) -> None:
         path = tmp_path / "map.json"
-        done = run("map", "ur5", "--count", "2**14", "--worst", "3", "--json", str(path))
+        done = run("map", "ur5", "--count", "2**14", "--worst", "3", "-o", str(path))
         assert done.exit_code == 0
         assert "16,384 configurations" in done.stdout
         assert "near-singular" in done.stdout
@@ -526,7 +526,7 @@ class TestCommand:
 
     def test_options_of_a_grid(self) -> None:
         words = "map stanford --sampling grid --steps q5=5,d3=3 --map-joints d3,q5 --deg"
-        ranges = ["--range", "q5=-90,90", "--q", "0,60,0.1,0,0,0", "--json", "-"]
+        ranges = ["--range", "q5=-90,90", "--q", "0,60,0.1,0,0,0", "-o", "-"]
         done = run(*words.split(), *ranges)
         data = json.loads(done.stdout)
         assert data["plan"]["steps"] == [3, 5]
@@ -540,7 +540,7 @@ class TestCommand:
         assert run(*words, "--fail-if-singular").exit_code == 1
 
     def test_threads_workers_engine(self) -> None:
-        words = ["map", "puma560", "--count", "20000", "--json", "-"]
+        words = ["map", "puma560", "--count", "20000", "-o", "-"]
         one = run(*words, "--threads", "1")
         assert json.loads(one.stdout)["done"] == 20000
         assert run(*words, "--threads", "2", "--chunk", "4096").stdout != one.stdout  # the plan
@@ -555,7 +555,7 @@ class TestCommand:
             ("--sampling grid --steps a=1,2", "not of the form 9 or A=9,B=5"),
             ("--range 1,2", "not of the form JOINT=LOW,HIGH"),
             ("--range elbow_joint=1", "needs two values"),
-            ("--keep-values", "give --out DIR"),
+            ("--keep-values", "give -o FOLDER"),
             ("--threads 2 --workers 2", "exclude each other"),
             ("--map-joints elbow", "unknown joint 'elbow'"),
             ("--engine turbo", "unknown engine 'turbo'"),
@@ -581,19 +581,19 @@ class TestCommand:
         done = run(*words)
         assert done.exit_code == 130
         assert "stopped after" in done.stdout
-        assert "with --out DIR" in done.stderr
+        assert "with -o FOLDER" in done.stderr
         seen.clear()
         out = str(tmp_path / "run")
-        done = run(*words, "--out", out)
+        done = run(*words, "-o", out)
         assert done.exit_code == 130
         assert f"what is done is in {out}: run the same command to resume" in done.stderr
         monkeypatch.undo()
         kept = len(list((tmp_path / "run" / "chunks").iterdir()))
         assert 2 <= kept < 6
-        done = run(*words, "--out", out, "--json", str(tmp_path / "a.json"))
+        done = run(*words, "-o", out, "-o", str(tmp_path / "a.json"))
         assert done.exit_code == 0
         assert f"{kept} of 6 chunks were done before" in done.stderr
-        run(*words, "--json", str(tmp_path / "b.json"))
+        run(*words, "-o", str(tmp_path / "b.json"))
         assert (tmp_path / "a.json").read_text() == (tmp_path / "b.json").read_text()
 
 

@@ -311,10 +311,10 @@ def test_curves_that_are_not_kept(tmp_path: Path) -> None:
     assert result.complete
     assert "the curves are not part of the result: they take" in " ".join(result.notes)
     for ask in (lambda: result.curve({}, "q2"), lambda: sigma_curves(result)):
-        with pytest.raises(OptionError, match=r"not kept .*--keep --out DIR.*kept_curves"):
+        with pytest.raises(OptionError, match=r"not kept .*--keep -o FOLDER.*kept_curves"):
             ask()
     plan = result.plan
-    with pytest.raises(OptionError, match=r"take 0\.0282 MiB.*--keep --out DIR"):
+    with pytest.raises(OptionError, match=r"take 0\.0282 MiB.*--keep -o FOLDER"):
         run_sweep(arm, plan, keep=True)
     run_sweep(arm, plan, out=tmp_path / "run")
     assert load_npz(tmp_path / "run" / "sweep.npz").to_json() == result.to_json()
@@ -378,15 +378,15 @@ def run(*words: str):
 
 def test_keep_on_the_command_line(tmp_path: Path, small_keep: None) -> None:
     words = ["analyze", "--sweep", "planar3r", "--levels", "1", "--samples", "41"]
-    refused = run(*words, "--out", str(tmp_path / "curves.npz"))
+    refused = run(*words, "-o", str(tmp_path / "curves.npz"))
     assert refused.exit_code == 2
-    assert "--keep --out DIR" in refused.stderr
-    assert "give --out DIR" in run(*words, "--keep").stderr
-    done = run(*words, "--keep", "--out", str(tmp_path / "run"))
+    assert "--keep -o FOLDER" in refused.stderr
+    assert "give -o FOLDER" in run(*words, "--keep").stderr
+    done = run(*words, "--keep", "-o", str(tmp_path / "run"))
     assert done.exit_code == 0
     assert "kept_curves" in done.stderr
     assert len(list(kept_curves(tmp_path / "run"))) == 3
-    bare = run(*words, "--no-keep", "--out", str(tmp_path / "bare.npz"))
+    bare = run(*words, "--no-keep", "-o", str(tmp_path / "bare.npz"))
     assert bare.exit_code == 0
     assert load_npz(tmp_path / "bare.npz").curves == ()
 
@@ -405,7 +405,7 @@ def test_killed_and_stopped_sweeps_go_on_to_the_same_result(tmp_path: Path) -> N
         "2",
         "--no-keep",
     ]
-    words += ["--levels", "2", "--no-keep", "--samples", "1201", "--json"]
+    words += ["--levels", "2", "--no-keep", "--samples", "1201", "-o"]
     out = tmp_path / "run"
 
     def chunks() -> int:
@@ -414,7 +414,7 @@ def test_killed_and_stopped_sweeps_go_on_to_the_same_result(tmp_path: Path) -> N
     for number, code in ((signal.SIGKILL, -signal.SIGKILL), (signal.SIGINT, 130)):
         before = chunks()
         with subprocess.Popen(
-            [sys.executable, "-m", "pinsing", *words, "-", "--out", str(out)],
+            [sys.executable, "-m", "pinsing", *words, "-", "-o", str(out)],
             stdout=subprocess.DEVNULL,
             stderr=subprocess.PIPE,
             start_new_session=True,
@@ -430,7 +430,7 @@ def test_killed_and_stopped_sweeps_go_on_to_the_same_result(tmp_path: Path) -> N
     before = chunks()
     assert before >= 6
     files = [tmp_path / "a.json", tmp_path / "b.json"]
-    done = run(*words, str(files[0]), "--out", str(out))
+    done = run(*words, str(files[0]), "-o", str(out))
     assert done.exit_code == 0
     assert f"{before} of {chunks()} chunks were done before" in done.stderr
     assert before < chunks()

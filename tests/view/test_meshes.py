@@ -237,7 +237,7 @@ def test_nothing_is_said_on_stderr_but_by_us(tmp_path):
         (tmp_path / name).write_bytes(content)
     file = tmp_path / "arm.urdf"
     file.write_text(robot_with(*BAD))
-    words = ["view", str(file), "--task", "wx,wz", "--html", str(tmp_path / "page.html")]
+    words = ["view", str(file), "--task", "wx,wz", "-o", str(tmp_path / "page.html")]
     run = [sys.executable, "-m", "pinsing", *words]
     done = subprocess.run(run, capture_output=True, text=True, timeout=120)
     assert done.returncode == 0, done.stderr

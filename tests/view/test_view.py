@@ -529,7 +529,7 @@ def test_every_page_says_how_complete_its_list_is(tmp_path: Path, what: str) -> 
     else:
         given.write_text(analyze(load("planar3r")).to_json())
         words = ["view", "planar3r", "--analysis", str(given), "--skeleton"]
-    result = CliRunner().invoke(command, [*words, "--html", str(page)])
+    result = CliRunner().invoke(command, [*words, "-o", str(page)])
     assert result.exit_code == 0, result.output
     # An analysis looks for a certificate.
     assert coverage_in(page).startswith("Proven" if what == "analysis" else ("Probable", "Proven"))
@@ -545,13 +545,13 @@ def test_a_saved_analysis_is_shown(tmp_path: Path) -> None:
     saved.write_text(found.to_json())
     page = tmp_path / "page.html"
     result = CliRunner().invoke(
-        view_command, ["scara", "--analysis", str(saved), "--html", str(page), "--skeleton"]
+        view_command, ["scara", "--analysis", str(saved), "-o", str(page), "--skeleton"]
     )
     assert result.exit_code == 0, result.output
     assert page.stat().st_size > 800_000
     assert coverage_in(page) == coverage_words(found)
     result = CliRunner().invoke(
-        view_command, ["stanford", "--analysis", str(saved), "--html", str(page)]
+        view_command, ["stanford", "--analysis", str(saved), "-o", str(page)]
     )
     assert "not of this arm" in str(result.exception)
     saved.write_text("{")

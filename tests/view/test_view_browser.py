@@ -267,7 +267,7 @@ def test_a_mechanism_s_picture_is_taken(tmp_path: Path) -> None:
     robot = urdf_folder() / "five_bar.urdf"
     out = tmp_path / "five_bar.png"
     loops = str(robot.with_suffix("")) + ".loops.yaml"
-    done = CliRunner().invoke(command, ["view", str(robot), "--loops", loops, "--png", str(out)])
+    done = CliRunner().invoke(command, ["view", str(robot), "--loops", loops, "-o", str(out)])
     assert done.exit_code == 0, done.output
     assert out.read_bytes()[:4] == b"\x89PNG"
 

@@ -15,10 +15,10 @@ from typing import TYPE_CHECKING, Any
 import click
 from click.core import ParameterSource
 
-from pinsing.cli.figure import check_figure, off_screen, save_figure
+from pinsing.cli.figure import off_screen, save_figure
 from pinsing.cli.grouped import command
-from pinsing.cli.options import RobotRequest, arm_options, deg_option, in_degrees, json_option
-from pinsing.cli.output import OutputFile, emit_json, emit_lines, say
+from pinsing.cli.options import RobotRequest, arm_options, deg_option, in_degrees, output_option
+from pinsing.cli.output import emit_json, emit_lines, say
 from pinsing.cli.running import run_progress
 from pinsing.cli.serving import show
 from pinsing.cli.waiting import doing
@@ -95,22 +95,9 @@ def angle(text: str, option: str, degrees: bool) -> float:
     metavar="SPEED",
     help="Tip speed (m/s, rad/s) whose cost in joint speeds is judged.",
 )
-@click.option(
-    "--plot",
-    "plot",
-    type=OutputFile(dash=False),
-    metavar="FILE",
-    help="Draw the clearance along the trajectory (png, pdf, svg).",
-)
 @click.option("--view", "view", is_flag=True, help="Show the path in a browser, by clearance.")
-@click.option(
-    "--html",
-    type=OutputFile(dash=False),
-    metavar="FILE",
-    help="Write what --view shows as a page that needs no server.",
-)
 @click.option("--no-open", is_flag=True, help="With --view: do not open a browser.")
-@json_option
+@output_option(json_target=".json", html=".html", plot=".png .svg .pdf")
 def check_command(
     request: RobotRequest,
     file: Path,
@@ -137,8 +124,6 @@ def check_command(
     Example: pinsing check ur5 path.csv --deg --fail-within 3deg
     """
     bound = angle(near, "--near", deg)
-    if plot is not None:
-        check_figure(plot)
     fail = None if fail_within is None else angle(fail_within, "--fail-within", deg)
     arm = request.load()
     from pinsing.families import closed_form

@@ -9,8 +9,8 @@ import click
 
 from pinsing.atomic_write import write_text
 from pinsing.cli.grouped import command
-from pinsing.cli.options import RobotRequest, arm_options
-from pinsing.cli.output import STDOUT, OutputFile, say
+from pinsing.cli.options import RobotRequest, arm_options, output_option
+from pinsing.cli.output import STDOUT, say
 from pinsing.cli.singularities import prove_option
 from pinsing.cli.waiting import waiting
 from pinsing.errors import OptionError
@@ -22,16 +22,6 @@ if TYPE_CHECKING:
 @command("export")
 @arm_options
 @click.option(
-    "--c", "c", type=OutputFile(), metavar="FILE.h|-", help="Write a C99 header; - for stdout."
-)
-@click.option(
-    "--python",
-    "python",
-    type=OutputFile(),
-    metavar="FILE.py|-",
-    help="Write a Python module that needs NumPy alone; - for stdout.",
-)
-@click.option(
     "--family", "families", multiple=True, metavar="NAME", help="Only this family; repeatable."
 )
 @click.option(
@@ -39,6 +29,7 @@ if TYPE_CHECKING:
 )
 @click.option("--seconds", type=float, metavar="S", help="Time for the closed form.  [default: 10]")
 @prove_option
+@output_option(required=True, c=".h .c", python=".py")
 def export_command(
     request: RobotRequest,
     c: str | Path | None,
@@ -52,15 +43,13 @@ def export_command(
 
     It tells a control loop how far a configuration is from all of them, proven, rounding
     included: f, gradient and lower bound of each family. The file says how sure it is that
-    no family is missing: proven, probable or not complete.
+    no family is missing: proven, probable or not complete. FILE.h is a C99 header, FILE.py a
+    module that needs NumPy alone. With -o FILE.urdf, ROBOT is a DH table to convert.
 
-    Example: pinsing export ur5 --c guard.h --python guard.py
+    Example: pinsing export ur5 -o guard.h -o guard.py
     """
-    if c is None and python is None:
-        raise OptionError("nothing to write: give --c FILE.h, --python FILE.py or both")
-    if c is not None and str(c) == str(python):
-        where = "standard output" if c == STDOUT else str(c)
-        raise OptionError(f"--c and --python both go to {where}")
+    if c == python == STDOUT:
+        raise OptionError("-o -.h and -o -.py both go to standard output")
     arm = request.load()
     from pinsing.families import closed_form
     from pinsing.proximity.guard import make_guard

@@ -18,10 +18,10 @@ from pinsing.cli.options import (
     arm_options,
     deg_option,
     fail_option,
-    json_option,
+    output_option,
     verbose_option,
 )
-from pinsing.cli.output import OutputFile, emit, emit_json, say
+from pinsing.cli.output import emit, emit_json, say
 from pinsing.cli.singularities import algebra_options, prove_option
 from pinsing.cli.waiting import waiting
 from pinsing.errors import OptionError, RobotFileError
@@ -54,27 +54,14 @@ _REDRAW_SECONDS = 0.1
 @algebra_options
 @prove_option
 @click.option(
-    "--certificate",
-    type=OutputFile(dash=False),
-    metavar="FILE.json",
-    help="Write the certificate there; `pinsing verify` checks it. Implies --prove.",
-)
-@click.option(
-    "--system",
-    type=OutputFile(dash=False),
-    metavar="FILE",
-    help="Write the exact equations there: for Singular (.sing), msolve (.ms), Maple (.mpl) or "
-    "Sage (.sage).",
-)
-@click.option(
     "--family",
     "chosen",
     multiple=True,
     metavar="NAME",
-    help="With --system: only this family; repeatable.",
+    help="With -o FILE.sing: only this family; repeatable.",
 )
 @deg_option
-@json_option
+@output_option(json_target=".json", certificate=".cert.json", system=".sing .ms .mpl .sage")
 @fail_option
 def families_command(
     request: RobotRequest,
@@ -97,22 +84,24 @@ def families_command(
     probabilistically (finite-field sampling). "NOT complete": says what is missing. The answer
     comes first, a proof that takes longer than a second or two after it.
 
+    With -o, FILE.cert.json is the certificate, which `pinsing verify` checks (implies --prove);
+    the equations go to FILE.sing for Singular, .ms for msolve, .mpl for Maple, .sage for Sage.
+
     With --loops, --prove looks at each leg of the mechanism as an arm (type 1 is a question about
-    one leg), and --certificate NAME.json writes NAME_leg1.json, NAME_leg2.json and so on.
+    one leg), and NAME.cert.json stands for NAME_leg1.cert.json, NAME_leg2.cert.json and so on.
 
     With --fail-if-singular, exits with 1 if any family is reachable within the joint limits.
     """
     if certificate is not None and prove is False:
-        raise OptionError("--certificate and --no-prove exclude each other")
+        raise OptionError("-o FILE.cert.json and --no-prove exclude each other")
     if chosen and system is None:
-        raise OptionError("--family goes with --system: it says which equations are written")
+        raise OptionError("--family goes with -o FILE.sing: it says which equations are written")
     if symbolic is not None:
         if certificate is not None or prove is True or system is not None:
             raise OptionError(
-                "--prove, --certificate and --system do not go with --symbolic: they need numbers"
+                "--symbolic has no --prove, certificate or file of equations: they need numbers"
             )
         return _symbolic(request, symbolic, latex, algebra, json_target, fail_if_singular)
-    language = "" if system is None else _language(system, certificate, json_target)
     arm = request.load()
     from pinsing.families import closed_form
     from pinsing.families import prove as add_proof
@@ -147,7 +136,7 @@ def families_command(
     if certificate is not None:
         _write(found.certificate, found.proof.reason if found.proof else "", certificate)
     if system is not None:
-        _write_system(found, language, chosen, system)
+        _write_system(found, chosen, system)
     return int(fail_if_singular and any(f.is_reachable for f in found.families))
 
 
@@ -168,19 +157,12 @@ def _symbolic(
     return int(fail_if_singular and bool(found.families))
 
 
-def _language(system: Path, *others: object) -> str:
-    """What a file of equations is for, told before anything is computed."""
-    from pinsing.families.system_text import language_of
-
-    if system in others:
-        raise OptionError(f"--system and another option both go to {system}")
-    return language_of(system)
-
-
-def _write_system(form: ClosedForm, language: str, chosen: tuple[str, ...], path: Path) -> None:
+def _write_system(form: ClosedForm, chosen: tuple[str, ...], path: Path) -> None:
     from pinsing.atomic_write import write_text
     from pinsing.families.form import system_of
+    from pinsing.families.system_text import language_of
 
+    language = language_of(path)
     text, remarks = system_of(form, language, chosen or None)
     write_text(path, text)
     if language == "msolve":  # whose files have no comments
@@ -201,7 +183,7 @@ def _write(data: dict[str, Any] | None, reason: str, path: Path) -> None:
 
 @command("verify")
 @click.argument(
-    "files", metavar="FILE.json...", nargs=-1, required=True, type=click.Path(path_type=Path)
+    "files", metavar="FILE.cert.json...", nargs=-1, required=True, type=click.Path(path_type=Path)
 )
 @click.option(
     "--seconds",
@@ -211,7 +193,7 @@ def _write(data: dict[str, Any] | None, reason: str, path: Path) -> None:
     help="Time for each file.",
 )
 def verify_command(files: tuple[Path, ...], seconds: float) -> int:
-    """Check certificates that `pinsing families --certificate` wrote.
+    """Check certificates that `pinsing families ROBOT -o FILE.cert.json` wrote.
 
     Exits with 0 if the checker accepts all of them, with 1 if it rejects one or is not done in
     time, and says why in one line each. The checker is pinsing/proof/checker.py, which also runs

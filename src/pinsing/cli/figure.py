@@ -9,13 +9,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pinsing.atomic_write import write_bytes
-from pinsing.cli.output import STDOUT, say
-from pinsing.errors import OutputError, shown_path
+from pinsing.cli.output import say
+from pinsing.errors import shown_path
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
-
-FORMATS = (".png", ".svg", ".pdf")
 
 
 def off_screen() -> None:
@@ -42,19 +40,6 @@ def _leave_out_what_is_no_file() -> None:
                 del os.environ["MATPLOTLIBRC"]
                 say(f"note: MATPLOTLIBRC is ignored: {shown_path(path)} is no file")
             return
-
-
-def check_figure(out: str | Path) -> Path:
-    """Check that the name of a figure tells its format.
-
-    Raises
-    ------
-    OutputError
-        If it does not, or stands for stdout.
-    """
-    if out == STDOUT or Path(out).suffix.lower() not in FORMATS:
-        raise OutputError(f"cannot write {out}: name a file that ends in .png, .svg or .pdf")
-    return Path(out)
 
 
 def save_figure(figure: Figure, out: Path, **options: Any) -> None:

@@ -1,10 +1,10 @@
-"""A command with its options in groups, one output option ``-o``, and vectors typed with spaces."""
+"""A command with its options in groups, and vectors typed with spaces."""
 
 from __future__ import annotations
 
+import itertools
 import re
-from collections.abc import Callable, Iterator
-from pathlib import Path
+from collections.abc import Callable
 from typing import Any
 
 import click
@@ -16,30 +16,22 @@ ROBOT = (
     *("packages", "xacro_args"),
 )
 OUTPUT = (
-    *("out", "output", "json_target", "html", "png", "plot", "pdf", "c", "python", "certificate"),
-    *("system", "verbose", "deg", "latex", "exact", "view", "no_open", "page", "skeleton", "keep"),
+    *("output", "verbose", "deg", "latex", "exact", "view", "no_open", "page", "skeleton", "keep"),
     *("keep_values", "size", "panel", "fail_if_singular", "fail_within"),
 )
 RARE = (
     *("length_scale", "packages", "xacro_args", "angle_tol", "snap_length", "engine", "threads"),
     *("workers", "dask", "chunk", "keep", "keep_values", "seed", "rtol", "near_rtol", "host"),
-    *("port", "panel", "size", "no_open", "system", "chosen", "prefix", "special", "levels"),
+    *("port", "panel", "size", "no_open", "chosen", "prefix", "special", "levels"),
     *("samples", "sweep_joints", "no_prune", "nominal_q", "random_starts", "no_loops"),
-    *("html", "png", "plot", "c", "python"),  # -o does, by the ending
 )
 """Options that ``--help-all`` shows, and ``--help`` does not."""
 
-ENDINGS = {
-    ".json": ("json_target",),
-    ".html": ("html",),
-    ".png": ("png", "plot"),
-    ".svg": ("plot",),
-    ".pdf": ("plot",),
-    ".h": ("c",),
-    ".py": ("python",),
-    "": ("out",),
-}
-"""The option that a file after ``-o`` means, by its ending."""
+REPLACED = {
+    "--json": ".json", "--html": ".html", "--png": ".png", "--plot": ".png", "--pdf": ".pdf",
+    "--c": ".h", "--python": ".py", "--certificate": ".cert.json", "--system": ".sing", "--out": "",
+}  # fmt: skip
+"""Options that ``-o FILE`` replaces, and an ending that it takes."""
 
 _VECTORS = ("--q", "--near", "--nominal-q", "--to")
 _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)(e[+-]?\d+)?", re.IGNORECASE)
@@ -49,29 +41,17 @@ class GroupedCommand(click.Command):
     """What `command` makes."""
 
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
-        """Take ``-o FILE`` by its ending, and ``--q 0 -80 60``; show all options on demand."""
+        """Take ``--q 0 -80 60``, point to ``-o``, show all options on demand."""
         ctx.meta["all options"] = "--help-all" in args
         args = ["--help" if word == "--help-all" else word for word in args]
-        return super().parse_args(ctx, list(self._by_ending(_joined(args))))
-
-    def _by_ending(self, args: list[str]) -> Iterator[str]:
-        own = any("-o" in p.opts for p in self.params)
-        options = {p.name: p.opts[-1] for p in self.params if isinstance(p, click.Option)}
-        before = ""
-        for word in args:
-            if before == "-o" and not own:
-                ending = Path(word).suffix.lower()
-                means = (*ENDINGS.get(ending, ()), *ENDINGS[""])
-                found = next((options[n] for n in means if n in options), None)
-                if found is None:
-                    usable = [e for e, n in ENDINGS.items() if e and set(n) & set(options)]
-                    raise OptionError(f"-o {word}: name a file that ends in {' or '.join(usable)}")
-                yield from (found, word)
-            elif word != "-o" or own:
-                yield word
-            before = word
-        if before == "-o" and not own:
-            raise OptionError("-o needs the name of a file")
+        for word, following in itertools.zip_longest(args, args[1:], fillvalue=""):
+            option, _, file = word.partition("=")
+            if option in REPLACED:
+                ending = REPLACED[option]
+                file = file or following
+                meant = file if file == "-" or file.endswith(ending) else f"FILE{ending}"
+                raise OptionError(f"there is no {option}: did you mean -o {meant}?")
+        return super().parse_args(ctx, _joined(args))
 
     def collect_usage_pieces(self, ctx: click.Context) -> list[str]:
         """Name the options that have to be given too."""
@@ -96,11 +76,6 @@ class GroupedCommand(click.Command):
                 continue
             group = "Robot" if p.name in ROBOT else "Output" if p.name in OUTPUT else "Options"
             groups[group].append(record)
-        names = {p.name for p in self.params}
-        kinds = [e for e, n in ENDINGS.items() if e and set(n) & names]
-        if kinds and not any("-o" in p.opts for p in self.params):
-            text = f"Write a file, by its ending: {', '.join(kinds)}."
-            groups["Output"].insert(0, ("-o FILE", text))
         if hidden:
             groups["Options"].append(("--help-all", f"Show {hidden} more options."))
         for title, records in groups.items():

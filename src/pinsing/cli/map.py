@@ -16,8 +16,8 @@ from pinsing.cli.options import (
     deg_option,
     fail_option,
     joint_vector,
-    json_option,
     once_option,
+    output_option,
     parse_numbers,
     whole_number,
 )
@@ -73,17 +73,11 @@ if TYPE_CHECKING:
     help="How many of the smallest ratios to keep.",
 )
 @click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True)
-@click.option(
-    "--out",
-    type=click.Path(path_type=Path),
-    metavar="DIR",
-    help="Keep each finished chunk; the same command resumes after any stop.",
-)
-@click.option("--keep-values", is_flag=True, help="Keep all singular values in --out too.")
+@click.option("--keep-values", is_flag=True, help="Keep all singular values in -o FOLDER too.")
 @click.option("--chunk", metavar="N", help="Configurations in a chunk.")
 @place_options
 @deg_option
-@json_option
+@output_option(json_target=".json", out="/")
 @fail_option
 @over_option
 def map_command(
@@ -108,10 +102,11 @@ def map_command(
 ) -> int:
     """Compute how sigma_r of ROBOT is distributed over its joints, and where it is smallest.
 
-    Takes any number of configurations in bounded memory. With --out DIR, a run that was
-    stopped or killed resumes where it was, with the same result. With --fail-if-singular, exits
-    with 1 if a configuration is singular. With --loops: of a mechanism, at inputs or poses of its
-    output drawn at random (--count, --seed, --worst, --ignore-limits).
+    Takes any number of configurations in bounded memory. With -o FOLDER each finished chunk is
+    kept, and the same command resumes a run that was stopped or killed, with the same result.
+    With --fail-if-singular, exits with 1 if a configuration is singular. With --loops: of a
+    mechanism, at inputs or poses of its output drawn at random (--count, --seed, --worst,
+    --ignore-limits).
     """
     # All that can be wrong without the robot is found before it is read.
     chosen: dict[str, Any] = {"ignore_limits": ignore_limits, "seed": seed, "out": out}
@@ -129,7 +124,7 @@ def map_command(
     if q is not None:
         parse_numbers(q, "--q", deg)
     if keep_values and out is None:
-        raise OptionError("--keep-values needs a folder to keep them in: give --out DIR")
+        raise OptionError("--keep-values needs a folder to keep them in: give -o FOLDER")
     arm = request.load()
     if q is not None:
         chosen["q"] = joint_vector(arm, q, "--q", deg)

@@ -15,7 +15,7 @@ import click
 
 from pinsing.cli.loop_file import loops_at_hand, loops_beside
 from pinsing.cli.options import parse_numbers, whole_number
-from pinsing.cli.output import STDOUT, STOPPED, emit, emit_json, emit_lines, say
+from pinsing.cli.output import STOPPED, emit, emit_json, emit_lines, say
 from pinsing.errors import ConfigurationError, OptionError, ResultError
 from pinsing.prose import Page
 
@@ -220,10 +220,7 @@ def families_loops(
             "--latex does not go with --loops: mechanisms have their equations as text"
         )
     if system is not None or chosen:
-        raise OptionError(
-            "--system and --family do not go with --loops: --json FILE has the equations of a "
-            "mechanism"
-        )
+        raise OptionError("equations of a mechanism go to -o FILE.json only, all families together")
     mechanism = read(loops, options)
     forms = loop_forms(mechanism)
     found = pose_forms(mechanism) if forms is None else forms
@@ -287,7 +284,8 @@ def _tell_legs(found: Sequence[LegProof], certificate: Path | None, shown: bool)
     if certificate is None:
         return
     for leg in found:
-        path = certificate.with_name(f"{certificate.stem}_leg{leg.leg}{certificate.suffix}")
+        stem = certificate.name.removesuffix(".cert.json")
+        path = certificate.with_name(f"{stem}_leg{leg.leg}.cert.json")
         if leg.form.certificate is None:
             reason = leg.form.proof.reason if leg.form.proof else "none was found"
             say(f"note: no certificate of leg {leg.leg}: {reason}")
@@ -301,8 +299,8 @@ def view_loops(
     poses: Sequence[str] = (),
     analysis: Path | None = None,
     family: str | None = None,
-    html: str | Path | None = None,
-    png: str | Path | None = None,
+    html: Path | None = None,
+    png: Path | None = None,
     size: str = "1200x900",
     panel: bool = False,
     scale: float = 1.0,
@@ -313,15 +311,13 @@ def view_loops(
     deg: bool = False,
     **options: Any,
 ) -> None:
-    """``view --loops``: a page in which the inputs are dragged, in a tab or, by ``--html``, a file.
+    """``view --loops``: a page in which the inputs are dragged, in a tab or a file.
 
-    ``--png`` is a picture of the linkage, with ``--panel`` one of the page.
+    A picture is of the linkage, with ``--panel`` of the page.
     """
     from pinsing.cli.serving import picture_size, served_ahead, stay, write_files
     from pinsing.cli.waiting import waiting
 
-    if STDOUT in (html, png):
-        raise OptionError("--html and --png need the name of a file")
     picture = picture_size(size)
     mechanism = read(loops, options)
     inputs = typed_inputs(mechanism, poses, deg)
@@ -360,7 +356,7 @@ def view_loops(
 
 
 def _saved(path: Path, mechanism: Mechanism) -> MechanismAnalysis:
-    """What ``analyze --loops --json`` wrote, of the same mechanism."""
+    """What ``analyze --loops -o FILE.json`` wrote, of the same mechanism."""
     from pinsing.cli.serving import read_json
     from pinsing.loops import MechanismAnalysis
 

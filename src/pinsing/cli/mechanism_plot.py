@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from pinsing.cli.figure import check_figure, off_screen, save_figure
+from pinsing.cli.figure import off_screen, save_figure
 from pinsing.cli.mechanism import read, tell_of_limits, typed_inputs
 from pinsing.errors import OptionError
 
@@ -24,7 +24,7 @@ _PLOT_OPTIONS = {"families": "family"}
 def plot_loops(
     loops: Path,
     kind: str,
-    out: str | Path,
+    out: Path,
     configurations: Sequence[str] = (),
     dpi: int = 200,
     deg: bool = False,
@@ -40,7 +40,6 @@ def plot_loops(
     freedom, else the first two coordinates. ``curves`` shows each input in turn, ``ellipsoids`` the
     linkage with its velocity ellipse in every assembly mode, ``modes`` all modes side by side.
     """
-    path = check_figure(out)
     if kind not in _LOOP_PLOTS:
         raise OptionError(
             f"there is no {kind} plot of mechanisms: use {', '.join(_LOOP_PLOTS[:-1])} or "
@@ -60,7 +59,7 @@ def plot_loops(
     inputs = typed_inputs(mechanism, configurations, deg)
     off_screen()
     figure = _figure(mechanism, kind, inputs, bool(configurations), over, deg)
-    save_figure(figure, path, dpi=dpi, bbox_inches="tight", pad_inches=0.04)
+    save_figure(figure, out, dpi=dpi, bbox_inches="tight", pad_inches=0.04)
 
 
 def _figure(

@@ -14,13 +14,18 @@ from typing import TYPE_CHECKING, Any, Literal, TypeVar
 import click
 from click.core import ParameterSource
 
+from pinsing.atomic_write import check_writable
 from pinsing.cli import completion
-from pinsing.cli.output import OutputFile, ParamType, say
+from pinsing.cli.output import STDOUT, say
 from pinsing.errors import ConfigurationError, OptionError, OutputError
 
 if TYPE_CHECKING:
     from pinsing._types import Array
     from pinsing.robot.arm import Arm
+
+    ParamType = click.ParamType[Any]
+else:
+    ParamType = click.ParamType  # not generic in older releases
 
 F = TypeVar("F", bound=Callable[..., Any])
 
@@ -217,13 +222,71 @@ def in_degrees(deg: bool) -> bool:
     return deg or typed is not ParameterSource.COMMANDLINE
 
 
-json_option = click.option(
-    "--json",
-    "json_target",
-    type=OutputFile(),
-    metavar="FILE|-",
-    help="Write the result as JSON (radians, metres); - for stdout in place of the text.",
-)
+_STDOUT_TOO = ("json_target", "csv", "c", "python", "urdf")
+"""Arguments of commands that are text, which may go to stdout."""
+
+
+class _OutputOption(click.Option):
+    """``-o``; ``kinds`` is the argument of the command for each ending."""
+
+    def __init__(self, *names: Any, kinds: dict[str, str], **more: Any) -> None:
+        super().__init__(*names, **more)
+        self.kinds = kinds
+
+
+def output_option(required: bool = False, **endings: str) -> Callable[[F], F]:
+    """Add ``-o FILE``, repeatable; the ending tells which argument of the command gets the file.
+
+    As ``html=".html", plot=".png .svg"``; ``out="/"`` takes a folder. Each file is checked before
+    anything is computed.
+    """
+    kinds = {ending: name for name, listed in endings.items() for ending in listed.split()}
+    texts = [ending for ending, name in kinds.items() if name in _STDOUT_TOO]
+    shown = ", ".join("a folder" if ending == "/" else ending for ending in kinds)
+
+    def argument(value: str) -> str:
+        longest = sorted(kinds, key=len, reverse=True)
+        found = next((kinds[end] for end in longest if value.lower().endswith(end)), None)
+        if found is None and len(texts) == 1 and (value == STDOUT or value.startswith("/dev/")):
+            found = kinds[texts[0]]
+        if found is None and value == STDOUT:
+            meant = " or ".join(f"-o -{end}" for end in texts) or "the name of a file"
+            raise OptionError(f"-o -: give {meant}")
+        if found is None and "/" in kinds and (not Path(value).suffix or Path(value).is_dir()):
+            found = kinds["/"]
+        if found is None:
+            raise OptionError(f"-o {value}: the name says what to write, by its ending: {shown}")
+        return found
+
+    def sort(ctx: click.Context, param: click.Parameter, values: tuple[str, ...]) -> None:
+        files: dict[str, str | Path | None] = dict.fromkeys(endings)
+        for value in values:
+            name = argument(value)
+            if files[name] is not None:
+                raise OptionError(f"-o {files[name]} and -o {value} are files of one kind")
+            if value in (STDOUT, *(STDOUT + end for end in texts)):
+                files[name] = STDOUT
+            else:
+                files[name] = Path(value) if kinds.get("/") == name else check_writable(value)
+        ctx.params.update(files)
+
+    dash = f"; -{texts[0] if texts[1:] else ''} for {texts[0]} on stdout" if texts else ""
+    return click.option(
+        "-o",
+        "--output",
+        cls=_OutputOption,
+        kinds=kinds,
+        multiple=True,
+        required=required,
+        expose_value=False,
+        callback=sort,
+        metavar="FILE",
+        shell_complete=completion.files,
+        help=f"Write a file, by its ending: {shown}{dash}. Repeatable.",
+    )
+
+
+json_option = output_option(json_target=".json")
 
 verbose_option = click.option(
     "-v", "--verbose", is_flag=True, help="Print the evidence too: equations, proofs, motions lost."

@@ -10,17 +10,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
-from click.shell_completion import CompletionItem
 
-from pinsing.atomic_write import check_writable, write_text
+from pinsing.atomic_write import write_text
 from pinsing.prose import Page, is_terminal, safe, shows_colour, visible
 
 if TYPE_CHECKING:
     from pinsing.serialization import JsonResult
-
-    ParamType = click.ParamType[Any]
-else:
-    ParamType = click.ParamType  # not generic in older releases
 
 STDOUT = "-"
 _NOT_ASCII = re.compile(r"[^\x00-\x7e]")
@@ -55,27 +50,6 @@ def _tell(text: str) -> None:
         click.echo(Page.of(sys.stderr).paragraph(text, rest="  "), err=True)
     else:
         click.echo(safe(text), err=True)
-
-
-class OutputFile(ParamType):
-    """A file to write, checked before anything is computed; or ``-`` for stdout."""
-
-    name = "file"
-
-    def shell_complete(
-        self, ctx: click.Context, param: click.Parameter, incomplete: str
-    ) -> list[CompletionItem]:
-        """Leave the names of files to the shell."""
-        return [CompletionItem(incomplete, type="file")]
-
-    def __init__(self, dash: bool = True) -> None:
-        self.dash = dash
-
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
-        """Check that the file can be written."""
-        if (value == STDOUT and self.dash) or isinstance(value, Path):
-            return value
-        return check_writable(value)
 
 
 def emit_json(result: JsonResult, target: str | Path | None) -> bool:

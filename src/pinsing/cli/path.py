@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import click
 
 from pinsing.cli.check import angle
-from pinsing.cli.figure import check_figure, off_screen, save_figure
+from pinsing.cli.figure import off_screen, save_figure
 from pinsing.cli.grouped import command
 from pinsing.cli.options import (
     RobotRequest,
@@ -19,10 +19,10 @@ from pinsing.cli.options import (
     deg_option,
     in_degrees,
     joint_vector,
-    json_option,
+    output_option,
     parse_numbers,
 )
-from pinsing.cli.output import STDOUT, OutputFile, emit_json, emit_lines, say
+from pinsing.cli.output import STDOUT, emit_json, emit_lines, say
 from pinsing.cli.waiting import waiting
 from pinsing.errors import OptionError
 
@@ -33,7 +33,6 @@ if TYPE_CHECKING:
 @command("path")
 @arm_options
 @click.argument("poses", type=click.Path(path_type=Path))
-@click.option("-o", "--output", type=OutputFile(), metavar="FILE|-", help="Write the path as CSV.")
 @click.option(
     "--free",
     default="branch",
@@ -52,18 +51,12 @@ if TYPE_CHECKING:
 @click.option("--start", metavar="Q1,Q2,...", help="Configuration at the first pose.")
 @click.option("--feed", type=float, metavar="M/S", help="Tool speed: joint speed limits are kept.")
 @click.option("--mm", is_flag=True, help="x, y, z of the file are millimetres.")
-@click.option(
-    "--plot",
-    type=OutputFile(dash=False),
-    metavar="FILE",
-    help="Draw the clearance along it.",
-)
 @deg_option
-@json_option
+@output_option(csv=".csv", json_target=".json", plot=".png .svg .pdf")
 def path_command(
     request: RobotRequest,
     poses: Path,
-    output: str | Path | None,
+    csv: str | Path | None,
     free: str,
     step: str,
     tool: str | None,
@@ -86,8 +79,6 @@ def path_command(
     import numpy as np
 
     grid = angle(step, "--step", True)
-    if plot is not None:
-        check_figure(plot)
     if feed is not None and not feed > 0:
         raise OptionError(f"--feed must be positive, got {feed:g}")
     in_tip = _frame(tool, "--tool", deg)
@@ -118,18 +109,18 @@ def path_command(
         emit_lines(plan.text(in_degrees(deg)))
     if plan.reason:
         return 1
-    if output is not None:
+    if csv is not None:
         factor = np.where(arm.prismatic, 1.0, 180 / math.pi) if deg else np.ones(arm.n)
         columns, names = plan.q * factor, list(arm.joints)
         if t is not None:
             columns, names = np.column_stack([t, columns]), ["t", *names]
         text = io.StringIO()
         np.savetxt(text, columns, fmt="%.12g", delimiter=",", header=",".join(names), comments="")
-        _write(output, text.getvalue())
-        if output != "-":
-            say(f"wrote {output}")
+        _write(csv, text.getvalue())
+        if csv != STDOUT:
+            say(f"wrote {csv}")
             if json_target != STDOUT:
-                file = shlex.quote(str(output))
+                file = shlex.quote(str(csv))
                 emit_lines(f"  Next: pinsing check {request.words} {file}{' --deg' * deg}")
     elif json_target != STDOUT:
         emit_lines("  Next: the same with -o joints.csv, which writes the joint values")
@@ -142,7 +133,7 @@ def path_command(
 
 
 def _write(target: str | Path, text: str) -> None:
-    if target == "-":
+    if target == STDOUT:
         emit_lines(text.rstrip("\n"))
     else:
         from pinsing.atomic_write import write_text

@@ -8,12 +8,18 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from pinsing.cli import completion
-from pinsing.cli.figure import check_figure, off_screen, save_figure
+from pinsing.cli.figure import off_screen, save_figure
 from pinsing.cli.grouped import command
 from pinsing.cli.mechanism import loops_option
 from pinsing.cli.mechanism_plot import plot_loops
-from pinsing.cli.options import RobotRequest, arm_options, deg_option, joint_vector, parse_numbers
-from pinsing.cli.output import OutputFile
+from pinsing.cli.options import (
+    RobotRequest,
+    arm_options,
+    deg_option,
+    joint_vector,
+    output_option,
+    parse_numbers,
+)
 from pinsing.errors import OptionError
 
 if TYPE_CHECKING:
@@ -31,7 +37,7 @@ _STEPS = 400
 @click.argument("kind", type=click.Choice(KINDS))
 @loops_option(plot_loops)
 @arm_options
-@click.option("-o", "--out", type=OutputFile(), required=True, metavar="FILE.png|svg|pdf")
+@output_option(required=True, out=".png .svg .pdf")
 @click.option(
     "--q",
     "configurations",
@@ -90,7 +96,7 @@ _STEPS = 400
 def plot_command(
     request: RobotRequest,
     kind: str,
-    out: str | Path,
+    out: Path,
     configurations: tuple[str, ...],
     over: str | None,
     fixed: tuple[str, ...],
@@ -120,7 +126,6 @@ def plot_command(
 
     Example: pinsing plot map puma560 --over q2,q3 -o map.pdf
     """  # noqa: D301
-    path = check_figure(out)
     for text in configurations:
         parse_numbers(text, "--q", deg)
     joints = None if over is None else [name.strip() for name in over.split(",")]
@@ -148,7 +153,7 @@ def plot_command(
     else:
         shown = _families(arm, families) if families else None
         axes = _draw(kind, arm, vectors, joints, held, shown, ignore_limits, motions, measure, deg)
-    save_figure(axes.figure, path, dpi=dpi, bbox_inches="tight", pad_inches=0.04)
+    save_figure(axes.figure, out, dpi=dpi, bbox_inches="tight", pad_inches=0.04)
 
 
 def _draw(

@@ -14,12 +14,12 @@ from pinsing.cli.options import (
     joint_vector,
     json_option,
     once_option,
+    output_option,
     parse_numbers,
 )
-from pinsing.cli.output import STDOUT, OutputFile, emit_json, emit_lines
+from pinsing.cli.output import emit_json, emit_lines
 from pinsing.cli.serving import show
 from pinsing.cli.waiting import doing
-from pinsing.errors import OptionError
 
 _ignore_limits = click.option(
     "--ignore-limits", is_flag=True, help="Joints turn endlessly instead of ending at limits."
@@ -61,15 +61,9 @@ def aspects_command(
 )
 @_ignore_limits
 @click.option("--view", "view", is_flag=True, help="Show them in a browser.")
-@click.option(
-    "--html",
-    type=OutputFile(),
-    metavar="FILE",
-    help="Write what --view shows as a page that needs no server.",
-)
 @click.option("--no-open", is_flag=True, help="With --view: do not open a browser.")
 @deg_option
-@json_option
+@output_option(json_target=".json", html=".html")
 def postures_command(
     request: RobotRequest,
     q: str,
@@ -87,8 +81,6 @@ def postures_command(
     Example: pinsing postures ur5 --q 10,-70,75,-90,-80,0 --deg
     """
     parse_numbers(q, "--q", deg)
-    if str(html) == STDOUT:
-        raise OptionError("--html needs the name of a file")
     arm = request.load()
     from pinsing.families import closed_form
     from pinsing.postures.changes import posture_changes

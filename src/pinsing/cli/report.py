@@ -13,10 +13,17 @@ from pinsing.cli import completion
 from pinsing.cli.figure import off_screen
 from pinsing.cli.grouped import command
 from pinsing.cli.mechanism import loops_option, read
-from pinsing.cli.options import RobotRequest, arm_options, deg_option, joint_vector, parse_numbers
-from pinsing.cli.output import STDOUT, OutputFile, emit, say
+from pinsing.cli.options import (
+    RobotRequest,
+    arm_options,
+    deg_option,
+    joint_vector,
+    output_option,
+    parse_numbers,
+)
+from pinsing.cli.output import emit, say
 from pinsing.cli.singularities import algebra_options, prove_option
-from pinsing.errors import OptionError, OutputError
+from pinsing.errors import OptionError
 from pinsing.prose import Page
 
 if TYPE_CHECKING:
@@ -26,13 +33,12 @@ if TYPE_CHECKING:
 F = TypeVar("F", bound=Callable[..., Any])
 
 PAGES = ("inside", "beside", "none")
-_SAME_NAME = "the same name"
 
 
 def _report_loops(
     loops: Path,
-    out: Path | None = None,
-    pdf: str | None = None,
+    html: Path | None = None,
+    pdf: Path | None = None,
     page: str = "inside",
     skeleton: bool = False,
     poses: tuple[str, ...] = (),
@@ -43,7 +49,7 @@ def _report_loops(
     """``report --loops``: of a mechanism."""
     import numpy as np
 
-    html, printed = _files(out, pdf)
+    _check_pdf(pdf)
     if prove != "auto":
         raise OptionError("--prove does not go with --loops: there are certificates of arms only")
     mechanism = read(loops, options)
@@ -52,20 +58,13 @@ def _report_loops(
     for k, text in enumerate(poses, 1):
         values = mechanism.check_inputs(parse_numbers(text, "--q", deg))
         given[f"given {k}"] = np.where(sliding | (not deg), values, np.radians(values))
-    _write(mechanism, html, printed, page, skeleton, given, None)
+    _write(mechanism, html, pdf, page, skeleton, given, None)
 
 
 def out_options(command: F) -> F:
     """Add where a report goes, and what goes with it."""
 
-    @click.option("-o", "--out", type=OutputFile(), metavar="FILE.html", help="The report.")
-    @click.option(
-        "--pdf",
-        is_flag=False,
-        flag_value=_SAME_NAME,
-        metavar="[FILE.pdf]",
-        help="Print it as well, by Chromium; without a name, beside the HTML.",
-    )
+    @output_option(required=True, html=".html .htm", pdf=".pdf")
     @click.option(
         "--page",
         type=click.Choice(PAGES),
@@ -98,8 +97,8 @@ def out_options(command: F) -> F:
 @deg_option
 def report_command(
     request: RobotRequest,
-    out: str | Path | None,
-    pdf: str | None,
+    html: Path | None,
+    pdf: Path | None,
     page: str,
     skeleton: bool,
     poses: tuple[str, ...],
@@ -112,11 +111,11 @@ def report_command(
     It holds a summary, the joints and what was assumed, each family with its equation, in words
     and in a picture, maps, verdicts at zero, mid-range and named configurations, how sure it is
     that nothing is missing with the certificate, the interactive model, and all of it as JSON. It
-    needs no network.
+    needs no network. -o FILE.pdf prints it, by Chromium.
 
     Example: pinsing report ur5 -o report.html --skeleton
     """
-    html, printed = _files(out, pdf)
+    _check_pdf(pdf)
     for text in poses:
         parse_numbers(text, "--q", deg)
     arm = request.load()
@@ -124,41 +123,17 @@ def report_command(
     from pinsing.families import closed_form
 
     forms = closed_form(arm, **algebra, prove=prove)
-    _write(arm, html, printed, page, skeleton, given, forms)
+    _write(arm, html, pdf, page, skeleton, given, forms)
     from pinsing.families.form import answer_text
 
     emit(answer_text(forms, Page.of(), request.words))
 
 
-def _files(out: str | Path | None, pdf: str | None) -> tuple[Path | None, Path | None]:
-    """The HTML and the PDF file that are meant, checked."""
-    from pinsing.atomic_write import check_writable
-    from pinsing.view.picture import check_browser
+def _check_pdf(pdf: Path | None) -> None:
+    if pdf is not None:
+        from pinsing.view.picture import check_browser
 
-    if out == STDOUT:
-        raise OutputError("a report is a file: give -o the name of one that ends in .html")
-    html = None if out is None else Path(out)
-    if html is not None and html.suffix.lower() == ".pdf":
-        if pdf is not None:
-            raise OptionError(f"-o {html} is a PDF already: leave --pdf out, or name an HTML file")
-        html, pdf = None, str(html)
-    if html is not None and html.suffix.lower() not in (".html", ".htm"):
-        raise OutputError(f"cannot write {html}: name a file that ends in .html or .pdf")
-    if pdf == _SAME_NAME:
-        if html is None:
-            raise OptionError("--pdf needs a name, or -o FILE.html beside which it goes")
-        pdf = str(html.with_suffix(".pdf"))
-    if html is None and pdf is None:
-        raise OptionError("where to? give -o report.html, or --pdf report.pdf")
-    if pdf is None:
-        return html, None
-    if Path(pdf).suffix.lower() != ".pdf":
-        raise OutputError(
-            f"cannot write {pdf}: name a file that ends in .pdf (--pdf comes after ROBOT)"
-        )
-    printed = check_writable(pdf)
-    check_browser(printed)
-    return html, printed
+        check_browser(pdf)
 
 
 def _write(

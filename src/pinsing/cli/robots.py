@@ -11,10 +11,10 @@ import click
 from pinsing.atomic_write import check_writable, write_text
 from pinsing.cli import completion
 from pinsing.cli.grouped import command
-from pinsing.cli.options import RobotRequest, arm_options, deg_option, json_option
-from pinsing.cli.output import STDOUT, OutputFile, emit, emit_json, emit_json_data, say
+from pinsing.cli.options import RobotRequest, arm_options, deg_option, json_option, output_option
+from pinsing.cli.output import STDOUT, emit, emit_json, emit_json_data, say
 from pinsing.cli.waiting import doing
-from pinsing.errors import ChainError, OptionError
+from pinsing.errors import ChainError
 from pinsing.prose import Page, Table
 
 if TYPE_CHECKING:
@@ -79,7 +79,7 @@ def _show_chains(request: RobotRequest) -> None:
 
 @command("list")
 @click.argument("word", required=False, default="", shell_complete=completion.known)
-@click.option("--json", "json_target", type=OutputFile(), metavar="FILE|-", help="As JSON.")
+@json_option
 def list_command(word: str, json_target: str | Path | None) -> None:
     """List the robots known by name; with WORD, those that have it in their name or title.
 
@@ -133,25 +133,16 @@ def _listed(entries: list[CatalogEntry]) -> str:
 
 @command("dh")
 @click.argument("table", shell_complete=completion.files)
-@click.option(
-    "-o",
-    "--output",
-    required=True,
-    metavar="FILE|-",
-    shell_complete=completion.files,
-    help="The URDF to write; - for stdout.",
-)
-def dh_command(table: str, output: str) -> None:
+@output_option(required=True, urdf=".urdf")
+def dh_command(table: str, urdf: str | Path) -> None:
     """Turn a DH table (YAML, standard or modified convention) into a URDF."""
     from pinsing.description.dh_urdf import dh_to_urdf, read_dh
 
-    if output != STDOUT:
-        check_writable(output, inputs=(table,))
-        if output.endswith((".yaml", ".yml")):
-            raise OptionError(f"--output {output} has the suffix of a table; call it .urdf")
-    urdf = dh_to_urdf(read_dh(Path(table)))
-    if output == STDOUT:
-        click.echo(urdf, nl=False)
+    if urdf != STDOUT:
+        check_writable(urdf, inputs=(table,))
+    text = dh_to_urdf(read_dh(Path(table)))
+    if urdf == STDOUT:
+        click.echo(text, nl=False)
     else:
-        write_text(output, urdf)
-        say(f"wrote {output}")
+        write_text(urdf, text)
+        say(f"wrote {urdf}")

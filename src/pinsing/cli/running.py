@@ -243,7 +243,7 @@ def _only_our_lines() -> Iterator[None]:
 def say_stopped(out: Path | None) -> None:
     """Tell how to resume after Ctrl-C."""
     if out is None:
-        say("stopped; a run with --out DIR can be resumed")
+        say("stopped; a run with -o FOLDER can be resumed")
         return
     context = click.get_current_context(silent=True)
     words = [] if context is None else context.find_root().meta.get(WORDS, [])

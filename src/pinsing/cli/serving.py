@@ -81,8 +81,8 @@ def stay(tab: Tab, server: Server) -> None:
 
 def write_files(
     tab: Tab,
-    html: str | Path | None,
-    png: str | Path | None,
+    html: Path | None,
+    png: Path | None,
     size: tuple[int, int],
     panel: bool,
     at: Callable[[str], None],

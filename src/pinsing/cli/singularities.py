@@ -20,9 +20,10 @@ from pinsing.cli.options import (
     fail_option,
     joint_vector,
     json_option,
+    output_option,
     parse_numbers,
 )
-from pinsing.cli.output import STOPPED, OutputFile, emit, emit_json, emit_json_data, say
+from pinsing.cli.output import STOPPED, emit, emit_json, emit_json_data, say
 from pinsing.cli.running import RunPlace, place_options, run_progress, say_stopped
 from pinsing.errors import OptionError
 from pinsing.prose import Page
@@ -35,21 +36,6 @@ F = TypeVar("F", bound=Callable[..., Any])
 
 RAW_ANGLE_TOL = 1e-10
 """Radians: with --raw, only float noise is taken out of the angles that tests are run on."""
-
-
-class SweepOutput(OutputFile):
-    """``FILE.npz`` to write, or a folder to work in."""
-
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
-        """Check a file; a folder is checked when it is opened."""
-        if is_npz(value):
-            return super().convert(value, param, ctx)
-        return Path(value)
-
-
-def is_npz(path: str | Path) -> bool:
-    """Whether ``--out`` names a file and not a folder."""
-    return str(path).endswith(".npz")
 
 
 def geometry_options(command: F) -> F:
@@ -210,17 +196,9 @@ def _levels(text: str) -> tuple[int, ...]:
 @sweep_options()
 @geometry_options
 @click.option(
-    "--out",
-    type=SweepOutput(),
-    shell_complete=completion.files,
-    metavar="FILE.npz|DIR",
-    help="Keep the result and its curves of sigma_min, as NumPy arrays; in a folder each chunk as "
-    "soon as it is done; the same command resumes after any stop.",
-)
-@click.option(
     "--keep/--no-keep",
     default=None,
-    help="Keep the curves in --out DIR however large they are, 16 bytes a Jacobian, or not at "
+    help="Keep the curves in -o FOLDER however large they are, 16 bytes a Jacobian, or not at "
     "all.  [default: up to 64 MiB]",
 )
 @click.option(
@@ -228,14 +206,15 @@ def _levels(text: str) -> tuple[int, ...]:
 )
 @place_options
 @deg_option
-@json_option
+@output_option(json_target=".json", npz=".npz", folder="/")
 @fail_option
 def sweep_command(
     arm: Arm,
     chosen: dict[str, Any],
     geometry: str,
     deg: bool,
-    out: Path | None,
+    npz: Path | None,
+    folder: Path | None,
     keep: bool | None,
     chunk: int | None,
     place: RunPlace,
@@ -245,14 +224,16 @@ def sweep_command(
     """Sweep the joints of ROBOT level by level (joint-angle parameterization method).
 
     Every dip of sigma_min is refined to machine accuracy and generalised to the joint values
-    that force it, whatever the others are. Takes any number of Jacobians in bounded memory; with
-    --out DIR, a sweep that was stopped or killed resumes where it was, with the same result.
-    Ctrl-C stops the sweep and keeps what is done. With --fail-if-singular, exits with 1 if any
-    singularity was found within the joint limits.
+    that force it, whatever the others are. Takes any number of Jacobians in bounded memory.
+    FILE.npz gets the curves of sigma_min; a folder gets each chunk as soon as it is done, and the
+    same command resumes a sweep that was stopped or killed, with the same result. Ctrl-C stops
+    the sweep and keeps what is done. With --fail-if-singular, exits with 1 if any singularity was
+    found within the joint limits.
     """
-    folder = out if out is not None and not is_npz(out) else None
-    if keep and out is None:
-        raise OptionError("--keep needs a folder to keep the curves in: give --out DIR")
+    if npz is not None and folder is not None:
+        raise OptionError(f"-o {npz} and -o {folder}: the folder gets the curves already")
+    if keep and npz is None and folder is None:
+        raise OptionError("--keep needs a folder to keep the curves in: give -o FOLDER")
     from pinsing.robot.nominal import nominal
     from pinsing.sampling.execute import ctrl_c_afterwards
     from pinsing.sampling.findings import singular_configurations
@@ -266,7 +247,7 @@ def sweep_command(
     swept = tests if geometry == "nominal" else arm
     plan = plan_sweep(swept, **chosen, geometry=tests)
     say(f"{plan.n_curves} curves, {plan.n_jacobians} Jacobians")
-    if out is not None and folder is None:  # a file is asked for its curves
+    if npz is not None:  # a file is asked for its curves
         check_keep(plan, keep is not False, False)
     result = None
     findings: tuple[Finding, ...] = ()
@@ -276,7 +257,7 @@ def sweep_command(
             result = run_sweep(
                 swept, plan, progress, keep=keep, chunk=chunk, out=folder, tell=say, **where
             )
-            written = save_npz(result, out) if out is not None and folder is None else None
+            written = None if npz is None else save_npz(result, npz)
         if written is not None:
             say(f"wrote {written}")
         if folder is not None and result.complete:

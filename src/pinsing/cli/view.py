@@ -13,11 +13,18 @@ import click
 from pinsing.cli import completion
 from pinsing.cli.grouped import command
 from pinsing.cli.mechanism import loops_option, view_loops
-from pinsing.cli.options import RobotRequest, arm_options, deg_option, joint_vector, parse_numbers
-from pinsing.cli.output import STDOUT, OutputFile, say
+from pinsing.cli.options import (
+    RobotRequest,
+    arm_options,
+    deg_option,
+    joint_vector,
+    output_option,
+    parse_numbers,
+)
+from pinsing.cli.output import say
 from pinsing.cli.serving import picture_size, read_json, served_ahead, stay, write_files
 from pinsing.cli.waiting import waiting
-from pinsing.errors import OptionError, ResultError
+from pinsing.errors import ResultError
 
 if TYPE_CHECKING:
     from pinsing.families import Family
@@ -51,10 +58,6 @@ if TYPE_CHECKING:
 @click.option("--scale", type=float, default=1.0, show_default=True, help="Size of the ellipsoids.")
 @click.option("--skeleton", is_flag=True, help="Without meshes: small pages.")
 @click.option(
-    "--html", type=OutputFile(), metavar="FILE", help="Write a page that needs no server."
-)
-@click.option("--png", type=OutputFile(), metavar="FILE", help="Write a picture (needs Chromium).")
-@click.option(
     "--size", default="1200x900", show_default=True, metavar="WxH", help="Of the picture."
 )
 @click.option("--panel", is_flag=True, help="Include the side panel in the picture.")
@@ -62,6 +65,7 @@ if TYPE_CHECKING:
 @click.option("--host", default="127.0.0.1", show_default=True, help="Address to listen on.")
 @click.option("--port", type=click.IntRange(0, 65535), help="[default: first free from 7000 on]")
 @deg_option
+@output_option(html=".html", png=".png")
 def view_command(
     request: RobotRequest,
     poses: tuple[str, ...],
@@ -69,8 +73,8 @@ def view_command(
     family: str | None,
     scale: float,
     skeleton: bool,
-    html: str | Path | None,
-    png: str | Path | None,
+    html: Path | None,
+    png: Path | None,
     size: str,
     panel: bool,
     no_open: bool,
@@ -80,8 +84,9 @@ def view_command(
 ) -> None:
     """Show ROBOT at its singular configurations: poses, ellipsoids, lost motion.
 
-    Opens a browser tab and serves it until Ctrl-C. With --html or --png, writes the file and
-    ends. What is served can be reached from this computer only, unless --host says otherwise.
+    Opens a browser tab and serves it until Ctrl-C. With -o, writes a page that needs no server,
+    or a picture (by Chromium), and ends. What is served can be reached from this computer only,
+    unless --host says otherwise.
 
     With --loops the tab drives a mechanism: sliders for the actuated joints, the others follow;
     a menu of its modes; singular poses of type 1, 2 and 3. --q then gives the actuated joints.
@@ -91,8 +96,6 @@ def view_command(
     for text in poses:
         parse_numbers(text, "--q", deg)
     picture = picture_size(size)
-    if STDOUT in (html, png):
-        raise OptionError("--html and --png need the name of a file")
     arm = request.load()
     vectors = [joint_vector(arm, text, "--q", deg) for text in poses]
     saved = None if analysis is None else _read(analysis, arm)

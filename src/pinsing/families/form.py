@@ -408,7 +408,7 @@ def families_text(
         lines.append(
             page.paragraph(
                 f"the equations of {', '.join(long)}: `pinsing families --exact` writes them out, "
-                "--json FILE has them as numbers, --system FILE for Singular, msolve, Maple, Sage",
+                "-o FILE.json has them as numbers; .sing, .ms, .mpl, .sage for algebra systems",
                 first="  ",
             )
         )

@@ -40,7 +40,7 @@ def language_of(path: Path) -> str:
     if found is None:
         given = f"ends in {path.suffix!r}" if path.suffix else "has no suffix"
         raise OptionError(
-            f"--system {visible(str(path))}: the name {given}; take .sing for Singular, .ms for "
+            f"{visible(str(path))}: the name {given}; take .sing for Singular, .ms for "
             "msolve, .mpl for Maple or .sage for Sage"
         )
     return found

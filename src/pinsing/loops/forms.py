@@ -482,8 +482,8 @@ class PoseForms(JsonResult):
         What a pose and inputs that close the loops fulfil, where the loci are in both together:
         the lengths of the rods, and the planes that hinges keep their ends in.
     joint_forms : JointForms or None
-        Those in the joint angles, which ``families --loops --json`` writes with them; elsewhere
-        they are asked for by themselves, with `joint_forms`.
+        Those in the joint angles, which ``families --loops`` writes into its JSON; elsewhere they
+        are asked for by themselves, with `joint_forms`.
     """
 
     schema: ClassVar[str] = "pinsing/pose-forms/1"

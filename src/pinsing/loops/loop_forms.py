@@ -125,8 +125,8 @@ class LoopForms(JsonResult):
     notes : tuple of str
         What was assumed or left out.
     joint_forms : JointForms or None
-        Those in the joint angles, which ``families --loops --json`` writes with them; elsewhere
-        they are asked for by themselves, with `joint_forms`.
+        Those in the joint angles, which ``families --loops`` writes into its JSON; elsewhere they
+        are asked for by themselves, with `joint_forms`.
     """
 
     schema: ClassVar[str] = "pinsing/loop-forms/1"

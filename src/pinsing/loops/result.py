@@ -396,7 +396,7 @@ def _modes(
     ):
         yield "    ", (line,)
     if count < len(modes):
-        yield "    ", (f"{len(modes) - count} more are in the JSON (--json)",)
+        yield "    ", (f"{len(modes) - count} more are in the JSON (-o FILE.json)",)
     if joints:
         for k, s in enumerate(modes, 1):
             yield "    ", (f"{k}: {values.named(a.joints, s.q)}",)

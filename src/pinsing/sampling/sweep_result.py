@@ -25,7 +25,7 @@ from pinsing.sampling.tally import Distribution, WorstPoint
 from pinsing.serialization import JsonResult
 
 HOW_TO_KEEP = (
-    "sweep fewer of them, or keep them in a folder (keep=True with out=DIR, --keep --out DIR) "
+    "sweep fewer of them, or keep them in a folder (keep=True with out=FOLDER, --keep -o FOLDER) "
     "and read them one by one with pinsing.sampling.npz.kept_curves(DIR)"
 )
 """What is to be done where curves are needed and there are none."""

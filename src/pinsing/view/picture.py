@@ -58,7 +58,7 @@ def take_picture(url: str, path: str | os.PathLike[str], size: tuple[int, int]) 
     if not all(16 <= side <= 8192 for side in size):
         raise OptionError(f"the size of a picture must be within 16 and 8192 pixels, got {size}")
     path = check_writable(path)
-    browser = check_browser(path, "a picture", "--html needs none")
+    browser = check_browser(path, "a picture", "-o FILE.html needs none")
     write_bytes(path, _taken(browser, url, size))
 
 
