@@ -128,10 +128,71 @@ def meet_another_family(page: Any) -> None:
 
 
 def drag(page: Any) -> None:
-    page.locator(".joint input").nth(4).fill("1.2")
-    page.locator(".joint input").nth(1).fill("0.9")
+    page.locator(".joint input[type=range]").nth(4).fill("1.2")
+    page.locator(".joint input[type=range]").nth(1).fill("0.9")
     until(page, "#nearest", "from")
     np.testing.assert_allclose(q_of(page)[[1, 4]], [0.9, 1.2])
+
+
+def pull(page: Any, dx: float, dy: float) -> np.ndarray:
+    """Drag the tip by a real pointer; where it was, where it is, and where it should be."""
+    page.wait_for_timeout(300)  # a picture later the grip is at the tip
+    before = page.evaluate("() => window.pinsing.view.frame.tip")
+    box = page.locator("#grip").bounding_box()
+    x, y = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
+    page.mouse.move(x, y)
+    page.mouse.down()
+    page.mouse.move(x + dx, y + dy, steps=6)
+    page.wait_for_timeout(700)
+    goal = page.evaluate("() => window.pinsing.drag.goal")
+    page.mouse.up()
+    return np.array([before, page.evaluate("() => window.pinsing.view.frame.tip"), goal])
+
+
+def drag_the_tip(page: Any) -> None:
+    page.evaluate("() => window.pinsing.go([0.2, 0.8, 0.5, 0.3, 0.9, 0])")
+    turned = "() => window.pinsing.hold(window.pinsing.view.frame.q)"
+    rotation = page.evaluate(turned)
+    before, after, goal = pull(page, -40, 30)
+    assert np.linalg.norm(goal - before) > 0.01
+    np.testing.assert_allclose(after, goal, atol=2e-3)
+    np.testing.assert_allclose(page.evaluate(turned), rotation, atol=1e-3)
+    # Farther than it reaches it lags, says so, and no joint leaves its limits.
+    _, after, goal = pull(page, -300, -280)
+    assert np.linalg.norm(goal - after) > 0.1
+    assert "mm behind" in text(page, "#playing")
+    assert load("stanford").within_limits(q_of(page))
+    # Along a motion that is lost the tip stays where it is.
+    page.evaluate("() => window.pinsing.go([0.2, 0, 0.5, 0.3, 0.9, 0])")
+    lost = """() => { const { engine } = window.pinsing.page, q = [0.2, 0, 0.5, 0.3, 0.9, 0];
+      const frame = Engine.frameAt(engine, q), tip = frame.tip;
+      return [frame.status, ...[0, 1, 2].map((k) => Engine.ledTip(engine, q,
+        tip.map((v, i) => v + (i === k ? 0.1 : 0)), Engine.tipRotation(engine, q)).left)]; }"""
+    status, *left = page.evaluate(lost)
+    assert status == "singular"
+    assert max(left) > 0.05 > 4 * min(left)
+
+
+def type_and_step(page: Any) -> None:
+    field = page.locator(".typed").nth(1)
+    for keys, degrees in [("30,5", 30.5), ("12", 12), ("-7.25\u00b0", -7.25)]:
+        field.fill(keys)
+        field.press("Enter")
+        page.wait_for_function(
+            "(v) => Math.abs(window.pinsing.view.frame.q[1] * 180 / Math.PI - v) < 1e-9",
+            arg=degrees,
+        )
+    page.locator(".joint input[type=range]").nth(1).focus()
+    for keys, degrees in [("ArrowRight", -6.25), ("Shift+ArrowLeft", -6.35)]:
+        page.keyboard.press(keys)
+        page.wait_for_function(
+            "(v) => Math.abs(window.pinsing.view.frame.q[1] * 180 / Math.PI - v) < 1e-6",
+            arg=degrees,
+        )
+    field.fill("half")
+    field.press("Enter")
+    until(page, "#playing", "half is not a number")
+    assert field.input_value() == "-6.35"
 
 
 def nearest_and_back(page: Any) -> None:
@@ -213,30 +274,6 @@ def look_at_parts(page: Any) -> None:
     until(page, "#key-translation", "whatever the rotation")
 
 
-def see_where_the_tip_gets_to(page: Any) -> None:
-    page.locator("#show-cloud").check()
-    page.wait_for_function("() => document.body.dataset.cloud === 'drawn'")
-    parts = "() => window.pinsing.view.drawnCloud.map((p) => p.geometry.attributes.position.count)"
-    assert sum(page.evaluate(parts)) == 6000
-    until(page, "#key-cloud", "red within 3° of a family")
-    page.locator("#fit").click()  # all of it is in the picture
-    farthest = """() => {
-      const { view } = window.pinsing, { Vector3 } = MeshCat.THREE, camera = view.viewer.camera;
-      view.viewer.scene.updateMatrixWorld(true);
-      let most = 0;
-      for (const part of view.drawnCloud) for (let k = 0; k < 200; k++) {
-        const p = new Vector3().fromBufferAttribute(part.geometry.attributes.position, k);
-        p.applyMatrix4(part.matrixWorld).project(camera);
-        most = Math.max(most, Math.abs(p.x), Math.abs(p.y));
-      }
-      return most;
-    }"""
-    assert 0.5 < page.evaluate(farthest) < 1
-    page.locator("#show-cloud").uncheck()
-    assert page.evaluate("() => window.pinsing.view.drawnCloud.length") == 0
-    assert page.locator("#key-cloud").is_hidden()
-
-
 ACTIONS = [
     step_through,
     click_a_family,
@@ -251,13 +288,14 @@ ACTIONS = [
     save_a_picture,
     open_a_path,
     look_at_parts,
-    see_where_the_tip_gets_to,
+    drag_the_tip,
+    type_and_step,
 ]
 
 
 def linkage_drag(page: Any) -> None:
     before = q_of(page)
-    page.locator(".joint input").nth(0).fill("1.2")
+    page.locator(".joint input[type=range]").nth(0).fill("1.2")
     page.wait_for_function("() => window.pinsing.view.frame.q[0] === 1.2")
     assert np.abs(q_of(page) - before).max() > 0.05
 
@@ -295,7 +333,21 @@ def linkage_path(page: Any) -> None:
     np.testing.assert_allclose(frames[-1], [1.2, 1.0], atol=1e-9)
 
 
-LINKAGE = [linkage_drag, linkage_nearest, linkage_clearest, linkage_text, linkage_path]
+def linkage_drag_output(page: Any) -> None:
+    page.evaluate("() => window.pinsing.go(window.pinsing.page.engine.home)")
+    before, after, goal = pull(page, 12, 8)
+    assert np.linalg.norm(after - before) > 0.005
+    np.testing.assert_allclose(after[:2], goal[:2], atol=1e-6)
+
+
+LINKAGE = [
+    linkage_drag,
+    linkage_drag_output,
+    linkage_nearest,
+    linkage_clearest,
+    linkage_text,
+    linkage_path,
+]
 
 
 def run_all(

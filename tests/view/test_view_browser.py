@@ -158,7 +158,7 @@ def test_the_static_page_opens_from_a_file(page: Any, static: Path) -> None:
         assert text(page, "#status") == status
     # The sliders move it: nothing but the page computes.
     page.evaluate(
-        """() => { const s = document.querySelectorAll(".joint input")[1];
+        """() => { const s = document.querySelectorAll(".joint input[type=range]")[1];
              s.value = 0.5; s.dispatchEvent(new Event("input")); }"""
     )
     page.wait_for_function("() => document.getElementById('status').textContent === 'Regular'")

@@ -112,6 +112,17 @@ class PagePart(_Quiet):
         self.set_header("Referrer-Policy", "no-referrer")
         self.set_header("Content-Security-Policy", "default-src 'none'; frame-ancestors 'none'")
 
+    def write_error(self, status_code: int, **kwargs: Any) -> None:
+        """Say to whoever has an address without its token where the whole one is."""
+        if status_code == 403:
+            self.set_header("Content-Type", "text/plain; charset=utf-8")
+            self.finish(
+                "403: this address lacks the secret part of the link, or has an old one.\n\n"
+                "Open the whole link that pinsing printed in its terminal (http://.../SECRET/).\n"
+            )
+        else:
+            super().write_error(status_code, **kwargs)
+
     async def get(self, _token: str, name: str) -> None:
         """Send the file, as soon as it is there."""
         if name not in self.site.texts:
@@ -210,7 +221,7 @@ ENGINE = (
     "paths",
     "nearest",
     "clearance",
-    "cloud",
+    "led",
     "trajectory",
     "crossings",
     "meet",
@@ -240,6 +251,7 @@ SCRIPTS = (
     "locus.js",
     "source.js",
     "player.js",
+    "drag.js",
     "postures.js",
     "take.js",
     "main.js",

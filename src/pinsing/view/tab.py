@@ -210,6 +210,7 @@ def _entry(entry: Entry, n: int) -> dict[str, Any]:
     return {
         "name": entry.name,
         "text": entry.text,
+        "given": entry.name.startswith("P"),
         "more": [*_more(entry)],
         "reason": entry.reason,
         "solved": _solved(entry),

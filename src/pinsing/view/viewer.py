@@ -130,6 +130,8 @@ class Viewer(Tab):
             way, samples = thinned(arm, known, Q), len(Q)
         self._stage = Stage(arm, entries, links, size, skeleton, notes, way, samples, listed)
         self._stage.coverage, self._stage.clearest = coverage, clearest
+        if postures is not None:
+            self._stage.q, self._stage.chosen = postures.q, None
         self._overlay = None
         if visualizer is not None:
             from pinsing.view.scene import Overlay

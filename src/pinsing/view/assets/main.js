@@ -15,6 +15,7 @@ class App {
       play: (kind) => (this.running && this.path.kind === kind ? this.pause() : this.play(kind)),
       move: (joint, value) => this.move(joint, value),
       pick: (values) => this.pick(values),
+      typed: (joint, value, text) => this.typed(joint, value, text),
       meet: (entry, found) => this.meet(entry, found),
     });
     this.source = this.makeSource(stream, { pushed: (message) => this.pushed(message), gone: () => this.gone() });
@@ -26,6 +27,7 @@ class App {
     this.pose = 0;
     this.wanted = null;
     this.turn = 0;
+    this.drag = new Drag(this);
     this.controls();
   }
 
@@ -54,28 +56,12 @@ class App {
       radio.checked = radio.value === this.view.options.mode;
       radio.addEventListener("change", () => this.mode(radio.value));
     }
-    $("show-cloud").addEventListener("change", () => this.cloud($("show-cloud").checked));
     $("nearest-pose").addEventListener("click", () => this.nearest());
     $("clearest-pose").addEventListener("click", () => this.clearest());
     document.addEventListener("keydown", (event) => this.key(event));
     window.addEventListener("hashchange", () => this.readAddress());
     window.addEventListener("beforeprint", () => $("printed").replaceChildren(this.view.still()));
     window.addEventListener("afterprint", () => $("printed").replaceChildren());
-  }
-
-  // Where the tip gets to, drawn while it is computed.
-  async cloud(wanted) {
-    const turn = this.clouds = (this.clouds ?? 0) + 1;
-    this.view.cloud(null);
-    delete document.body.dataset.cloud;
-    if (!wanted) { this.view.fitAgain(); return; }
-    for (const points of this.source.cloud()) {
-      this.view.cloud(points);
-      await nextTask();
-      if (turn !== this.clouds) return;
-    }
-    this.view.fitAgain();
-    document.body.dataset.cloud = "drawn";
   }
 
   mode(value) {
@@ -156,6 +142,17 @@ class App {
       frame.verdict = found;
       this.panel.verdict(frame);
     }
+  }
+
+  // What a dragged tip keeps: the rotation of the tool.
+  hold(q) { return Engine.tipRotation(this.page.engine, q); }
+
+  // The arm with its tip led towards a point, and how far it lags, in words.
+  led(q, goal, hold) {
+    const { engine, joints } = this.page, { q: there, left, stuck } = Engine.ledTip(engine, q, goal, hold), frame = this.source.compute(there);
+    const why = frame.status !== "regular" ? "a motion is lost here"
+      : stuck.length ? `at the limit of ${stuck.map((j) => joints[j].name).join(", ")}` : "slowly, or not at all, that way";
+    return { frame, words: left > 0.005 * this.page.settings.reach ? `the tip lags ${number(Math.round(1000 * left))} mm behind: ${why}` : "" };
   }
 
   // Joints put at values, the others as they are: [[joint, value], ...].
@@ -349,6 +346,13 @@ class App {
   }
 
   moved(q) { return this.source.compute(q); }
+
+  // A value was typed.
+  typed(joint, value, text) {
+    if (value !== null) { this.move(joint, value); return; }
+    this.panel.show(this.view.frame);
+    this.say(`${text || "nothing"} is not a number that ${this.page.joints[joint].name} can have`);
+  }
 
   async pushed(message) {
     if (message.play) {

@@ -27,6 +27,14 @@ class MechanismApp extends App {
 
   makeSource(stream, handlers) { return new MechanismSource(this.page, stream, handlers); }
 
+  // A dragged output keeps the rest of its pose.
+  hold(q) { return Engine.poseOf(this.page.engine, Engine.placeOf(this.page.engine, q)); }
+
+  led(q, goal, hold) {
+    const { engine } = this.page, { q: there, stop } = Engine.posed(engine, engine.pose.rows.map((row, k) => (row < 3 ? goal[row] : hold[k])), q);
+    return { frame: this.source.compute(there), words: stop ? `the output lags behind: ${Engine.stopWords(engine, stop)}` : "" };
+  }
+
   inputs(q) { return this.page.inputs.map((i) => q[i]); }
 
   // Once at rest: how far the inputs and the pose go, one after the other, and the other modes.

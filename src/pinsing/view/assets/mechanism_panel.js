@@ -19,7 +19,6 @@ class MechanismPanel extends Panel {
     formula($("chain"), `${joints.length} joints \u00b7 driven by ${robot.inputs.join(", ")} \u00b7 ` +
       `output ${robot.output} (${robot.task}) \u00b7 L\u00a0=\u00a0${robot.lengthScale}\u00a0m`);
     $("bars").hidden = true;
-    $("cloud-choice").hidden = true;
     $("modes").hidden = false;
     $("key-hot").textContent = "self-motion with actuators or output locked";
     const { translation, rotation } = this.page.settings;
@@ -84,7 +83,7 @@ class MechanismPanel extends Panel {
       this.rows[index].row.classList.add("passive");
       passive.append(this.rows[index].row);
     });
-    $("joints-note").after(passive);
+    $("joints-note").parentElement.after(passive);
   }
 
   shown(index, value) {

@@ -28,6 +28,16 @@ function number(value) {
   return String(Number(value.toPrecision(3)));
 }
 
+// How much of names is the same in all of them, up to a mark that separates words.
+function commonPrefix(names) {
+  const [first, ...rest] = names;
+  let end = 0;
+  if (rest.length) for (let k = 0; k < first.length && rest.every((name) => name.startsWith(first.slice(0, k + 1))); k++) {
+    if (/[_\-./:\s]/.test(first[k])) end = k + 1;
+  }
+  return names.some((name) => name.length === end) ? 0 : end;
+}
+
 // Whether an ellipsoid is drawn thicker than it is, and why, in a word; scale: metres for its unit.
 function thickened({ drawn, radii }, scale) {
   const thin = radii.filter((r, k) => drawn[k] > 1.05 * scale * r).length;
@@ -66,10 +76,11 @@ class Panel {
     $("scale").textContent = this.scale();
     const own = this.ownScale();
     if (own) $("numbers").after(make("p", "note own-scale", own));
-    $("count").textContent = page.entries.length ? `(${page.entries.length})` : "";
+    const singular = page.entries.filter((entry) => !entry.given).length;
+    $("count").textContent = singular ? `(${singular})` : "";
     if (page.coverage) {
       // An empty list says itself that there are no others.
-      $("coverage").textContent = page.entries.length ? page.coverage : page.coverage.replace("Proven: there are no others.", "Proven.");
+      $("coverage").textContent = singular ? page.coverage : page.coverage.replace("Proven: there are no others.", "Proven.");
       $("coverage").hidden = false;
       $("coverage").classList.toggle("warning", page.coverage.startsWith("NOT"));
     }
@@ -118,7 +129,7 @@ class Panel {
   }
 
   entries() {
-    if (!this.page.entries.length) $("entries").append(make("li", "note", this.noEntries()));
+    if (this.page.entries.every((entry) => entry.given)) $("entries").append(make("li", "note", this.noEntries()));
     this.items = this.page.entries.map((entry, index) => {
       const item = make("li", entry.poses ? "" : "away");
       const button = make("button", "entry");
@@ -150,7 +161,8 @@ class Panel {
         box.hidden = true;
         item.append(box);
       }
-      $("entries").append(item);
+      $(entry.given ? "given" : "entries").append(item);
+      $("given-box").hidden &&= !entry.given;
       return item;
     });
   }
@@ -184,6 +196,7 @@ class Panel {
   nearestWords(words) { $("nearest-pose").textContent = words; }
 
   joints() {
+    const common = commonPrefix(this.page.joints.map((joint) => joint.name));
     this.rows = this.page.joints.map((joint, index) => {
       const found = this.row(joint, index, true);
       found.row.classList.add("named");
@@ -192,13 +205,13 @@ class Panel {
       found.band = make("span", "band");
       found.track.append(found.slider, found.band);
       const name = make("span", "name");
-      name.append(formula(make("b"), joint.symbol), make("small", "", joint.name === joint.symbol ? "" : joint.name));
+      name.append(formula(make("b"), joint.symbol), make("small", "", joint.name === joint.symbol ? "" : joint.name.slice(common)));
       found.row.querySelector(".name").replaceWith(name);
       found.value.after(make("small", "limits", this.limits(joint)));
       $("joints").append(found.row);
       return found;
     });
-    $("joints-note").textContent = this.page.entries.length ? "Ticks: where a family is met when this joint alone moves." : "";
+    $("joints-note").textContent = this.page.entries.length ? "Ticks: where this joint alone meets a family." : "";
   }
 
   limits(joint) {
@@ -223,18 +236,37 @@ class Panel {
     });
   }
 
-  // A slider with the joint's name and value; a fixed one only follows.
+  // A slider with the joint's name and value, both to be moved; a fixed one only follows.
   row(joint, index, moves) {
-    const row = make("label", "joint");
+    const row = make("div", "joint");
     row.title = joint.name;
     const slider = make("input");
     Object.assign(slider, { type: "range", min: joint.lower, max: joint.upper, step: "any" });
     slider.disabled = !moves;
     slider.setAttribute("aria-label", joint.name);
     slider.addEventListener("input", () => this.actions.move(index, Number(slider.value)));
-    const value = make("span", "value");
+    const value = make("span", "value"), typed = moves ? make("input", "typed") : null, unit = joint.prismatic ? " mm" : "\u00b0";
     row.append(formula(make("span", "name"), joint.symbol), slider, value);
-    return { row, slider, value };
+    if (!typed) return { row, slider, value };
+    value.append(typed, unit);
+    const size = joint.prismatic ? 1e-3 : Math.PI / 180;
+    Object.assign(typed, { type: "text", inputMode: "decimal", autocomplete: "off" });
+    typed.setAttribute("aria-label", `${joint.name}, ${joint.prismatic ? "millimetres" : "degrees"}`);
+    typed.addEventListener("change", () => {
+      const text = typed.value.replace(",", ".").replace("\u2212", "-").replace(/\s*(mm|\u00b0|deg)?\s*$/, "").trim();
+      const far = !NUMBER.test(text) || Math.abs(Number(text) * size) > HUGE;
+      if (!far) slider.value = Number(text) * size;
+      this.actions.typed(index, far ? null : Number(text) * size, typed.value);
+    });
+    row.addEventListener("keydown", (event) => {
+      const up = { ArrowUp: 1, ArrowRight: 1, ArrowDown: -1, ArrowLeft: -1 }[event.key];
+      if (!up || event.ctrlKey || event.altKey || event.metaKey || event.target === typed && !/Up|Down/.test(event.key)) return;
+      event.preventDefault();
+      const next = Number(slider.value) + up * size * (event.shiftKey ? 0.1 : 1);
+      slider.value = Math.min(Number(slider.max), Math.max(Number(slider.min), next));
+      this.actions.move(index, Number(slider.value));
+    });
+    return { row, slider, value, typed };
   }
 
   show(frame, dragged = -1) {
@@ -247,14 +279,15 @@ class Panel {
     const limits = (name) => { const joint = this.page.joints.find((j) => j.name === name); return joint ? ` (${this.limits(joint)})` : ""; };
     $("outside").hidden = !frame.outside.length;
     $("outside").textContent = frame.outside.length ? `outside the limits: ${frame.outside.map((name) => name + limits(name)).join(", ")}` : "";
-    this.rows.forEach(({ row, slider, value }, i) => {
+    this.rows.forEach(({ row, slider, value, typed }, i) => {
       const joint = this.page.joints[i];
       const shown = this.value(frame, i);
       row.classList.toggle("hot", frame.hot.includes(i));
       row.classList.toggle("beyond", frame.outside.includes(joint.name));
       if (i !== dragged) slider.value = shown;
-      value.textContent = joint.prismatic ? `${(1000 * shown).toFixed(1)} mm`
-        : `${((shown * 180) / Math.PI).toFixed(2).replace(/^-0\.00$/, "0.00")}\u00b0`;
+      const text = joint.prismatic ? (1000 * shown).toFixed(1) : ((shown * 180) / Math.PI).toFixed(2).replace(/^-0\.00$/, "0.00");
+      if (!typed) value.textContent = text + (joint.prismatic ? " mm" : "\u00b0");
+      else typed.value = text;
     });
   }
 

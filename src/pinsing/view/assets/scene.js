@@ -54,6 +54,7 @@ class SceneView {
       if (!this.frame) return; // links that no pose has placed yet: nobody wants to see them
       render();
       this.labels.place(V.camera);
+      this.placed?.(V.camera);
     };
     this.lights();
     this.paint();
@@ -282,10 +283,6 @@ class SceneView {
     const side = this.side(frames, points, new Vector3(...this.settings.side).normalize());
     const right = new Vector3(0, 1, 0).cross(side).normalize();
     const up = side.clone().cross(right);
-    for (const { geometry } of this.drawnCloud ?? []) {
-      const at = geometry.attributes.position;
-      for (let k = 0; k < at.count; k++) points.push(new Vector3(at.getX(k), at.getZ(k), -at.getY(k)));
-    }
     const centre = new Vector3();
     for (const axis of [right, up, side]) {
       const places = points.map((p) => p.dot(axis));
@@ -321,9 +318,6 @@ class SceneView {
     const above = seen.filter(([, y]) => y < low), left = above.filter(([x]) => x < end).length, right = above.filter(([x]) => x > wide - end).length;
     legend.classList.toggle("right", right < left);
   }
-
-  // The same with what has come or gone since; not for who has moved the camera.
-  fitAgain() { if (!this.touched && this.fitted) this.fit(this.fitted.frame === this.frame ? this.fitted.frames : [this.frame]); }
 
   // Where to look from: obliquely at the flat ellipsoid, so that it is seen to be flat, with the
   // tool in front of the arm; from the usual side where nothing is flat.
@@ -362,31 +356,11 @@ class SceneView {
   // The way of the tip, coloured by clearance.
   trail(points) {
     const { LineBasicMaterial, Line } = MeshCat.THREE;
-    this.remove(this.drawnTrail);
+    this.drawnTrail?.parent.remove(this.drawnTrail);
+    this.drawnTrail?.geometry.dispose();
     this.drawnTrail = new Line(this.coloured(points), new LineBasicMaterial({ vertexColors: true }));
-    this.add(this.drawnTrail);
-  }
-
-  // Points coloured by clearance, added to those that are there; null takes them away.
-  cloud(points) {
-    const { PointsMaterial, Points } = MeshCat.THREE;
-    document.getElementById("key-cloud").hidden = !points;
-    if (!points) { for (const part of this.drawnCloud ?? []) this.remove(part); this.drawnCloud = []; this.viewer.set_dirty(); return; }
-    const dots = new Points(this.coloured(points), new PointsMaterial({ vertexColors: true, size: 0.02 * this.settings.reach, transparent: true, opacity: 0.75 }));
-    (this.drawnCloud ??= []).push(dots);
-    this.add(dots);
-  }
-
-  add(thing) {
-    this.viewer.scene_tree.find(["pinsing"]).object.add(thing);
+    this.viewer.scene_tree.find(["pinsing"]).object.add(this.drawnTrail);
     this.viewer.set_dirty();
-  }
-
-  remove(thing) {
-    if (!thing) return;
-    thing.parent.remove(thing);
-    thing.geometry.dispose();
-    thing.material.dispose();
   }
 
   // Red where a family is near, green where it is far (three degrees, thirty).

@@ -64,8 +64,6 @@ class EngineSource {
              words: `${name}${poses > 1 ? `, pose ${k + 1}` : ""}: the nearest that is listed; between those listed there may be others` };
   }
 
-  cloud() { return Engine.cloud(this.page.engine); }
-
   // As good as the pose shown, and as one that was computed before (`page.clearest`).
   async clearest(here) {
     const { engine, clearest: before, coverage } = this.page, degrees = (v) => ((v * 180) / Math.PI).toFixed(1);

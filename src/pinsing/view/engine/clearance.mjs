@@ -1,15 +1,7 @@
-// How clear a pose is of all families, and the clearest one that a search finds.
+// The pose that a search finds clearest of all families.
 
-import { nearestOf, quickBound, weightsOf } from "./distance.mjs";
+import { nearestOf } from "./distance.mjs";
 import { apart, freeOf, generator } from "./families.mjs";
-
-// No family within reach is nearer to q than this, radians (metres over the length scale).
-export function clearanceOf(data, q) {
-  const weight = weightsOf(data.joints, data.task.lengthScale);
-  let least = Infinity;
-  for (const family of within(data)) least = Math.min(least, quickBound(family, q, data.joints, weight));
-  return least;
-}
 
 const within = (data) => data.families.filter((f) => f.reachable !== false);
 

@@ -10,7 +10,7 @@ import { sumsOf } from "./sums.mjs";
 const LONG = 200, MOST = 200; // terms of a branch from which on few starts are taken; the most of them
 const CONFIRMED = 1e-6; // singular values: as in the program
 
-export const weightsOf = (joints, lengthScale) => joints.map((j) => (j.prismatic ? 1 / lengthScale : 1));
+const weightsOf = (joints, lengthScale) => joints.map((j) => (j.prismatic ? 1 / lengthScale : 1));
 
 // No point of a branch is nearer to q than `under`, which is cheap to tell; `placed` is q with its joint
 // values put in, and `fixed` how far that is.
@@ -24,11 +24,6 @@ function glance(branch, q, joints, weight) {
   }
   const fixed = Math.sqrt(square), bounds = branch.equations.map((e) => lowerBound(e, placed));
   return { placed, fixed, under: bounds.length ? Math.sqrt(square + Math.max(...bounds) ** 2) : fixed };
-}
-
-// The bound that is cheap to tell, of a family.
-export function quickBound(family, q, joints, weight) {
-  return Math.min(...family.branches.map((branch) => glance(branch, q, joints, weight).under));
 }
 
 // Distance { lower, upper, q, branch } from q to a family; q is null where no point was found, and upper

@@ -1,0 +1,78 @@
+// The tip, dragged: the arm follows as its joints can, and lags where they cannot.
+"use strict";
+
+class Drag {
+  // `app` leads the arm (`led(q, goal, hold)`) and says what it holds (`hold(q)`).
+  constructor(app) {
+    this.app = app;
+    this.grip = $("grip");
+    this.line = $("lag").firstElementChild;
+    this.goal = null;
+    this.grip.addEventListener("pointerdown", (event) => this.begin(event));
+    this.grip.addEventListener("pointermove", (event) => { if (this.goal) this.goal = this.under(event); });
+    for (const end of ["pointerup", "pointercancel"]) this.grip.addEventListener(end, () => this.end());
+    app.view.placed = (camera) => this.place(camera);
+  }
+
+  begin(event) {
+    const { app } = this, { frame, viewer } = app.view;
+    event.preventDefault();
+    this.grip.setPointerCapture(event.pointerId);
+    ++app.turn;
+    app.select(null, 0);
+    app.postures.mark(-1);
+    app.view.touched = true; // the picture stays as it is while it is held
+    this.q = frame.q;
+    this.hold = app.hold(frame.q);
+    // In the plane through the tip that faces the camera.
+    const normal = viewer.camera.getWorldDirection(new MeshCat.THREE.Vector3());
+    this.plane = new MeshCat.THREE.Plane().setFromNormalAndCoplanarPoint(normal, this.world(frame.tip));
+    const [x, y] = this.pixels(frame.tip, viewer.camera);
+    this.off = [event.clientX - x, event.clientY - y];
+    this.goal = frame.tip;
+    this.step();
+  }
+
+  world([x, y, z]) { return new MeshCat.THREE.Vector3(x, z, -y); }
+
+  pixels(point, camera) {
+    const p = this.world(point).project(camera), box = this.app.view.element.getBoundingClientRect();
+    return [box.left + ((p.x + 1) / 2) * box.width, box.top + ((1 - p.y) / 2) * box.height, p.z];
+  }
+
+  under(event) {
+    const { element, viewer } = this.app.view, box = element.getBoundingClientRect(), { Vector2, Raycaster, Vector3 } = MeshCat.THREE;
+    const at = new Vector2(((event.clientX - this.off[0] - box.left) / box.width) * 2 - 1, 1 - ((event.clientY - this.off[1] - box.top) / box.height) * 2);
+    const ray = new Raycaster();
+    ray.setFromCamera(at, viewer.camera);
+    const hit = ray.ray.intersectPlane(this.plane, new Vector3());
+    return hit ? [hit.x, -hit.z, hit.y] : this.goal;
+  }
+
+  // As long as it is held: towards the pointer, once a picture.
+  step() {
+    if (!this.goal) return;
+    const { app } = this, { frame, words } = app.led(this.q, this.goal, this.hold);
+    if (frame.q.some((v, j) => Math.abs(v - this.q[j]) > 1e-9)) {
+      this.q = frame.q;
+      app.view.pace.moved();
+      app.frame(frame);
+    }
+    app.say(words);
+    app.view.viewer.set_dirty();
+    requestAnimationFrame(() => this.step());
+  }
+
+  end() {
+    this.goal = null;
+    this.app.view.viewer.set_dirty();
+  }
+
+  place(camera) {
+    const { view } = this.app, stage = $("stage").getBoundingClientRect(), [x, y, depth] = this.pixels(view.frame.tip, camera);
+    this.grip.hidden = depth > 1;
+    Object.assign(this.grip.style, { left: `${x - stage.left}px`, top: `${y - stage.top}px` });
+    const [gx, gy] = this.goal ? this.pixels(this.goal, camera) : [x, y];
+    for (const [name, v] of Object.entries({ x1: x - stage.left, y1: y - stage.top, x2: gx - stage.left, y2: gy - stage.top })) this.line.setAttribute(name, v);
+  }
+}
