@@ -18,10 +18,10 @@ ARCHIVE = PAGE.with_name("certificates.zip")
 HEAD = """# Arms by name
 
 Made by `scripts/arms.py`; `urdf/arms.yaml` has the tables, limits and sources. "List" says how
-the list of families is shown to be complete; the certificates are in [one archive](certificates.zip), to
-be checked by `pinsing verify *.json`, or one by one without pinsing by `python checker.py FILE.json`
-(of `src/pinsing/proof`). Aspects are regions without singularities; a cuspidal arm can change
-posture within one. Both are without joint limits.
+the list of families is shown to be complete; the certificates are in
+[one archive](certificates.zip), to be checked by `pinsing verify *.json`, or one by one without
+pinsing by `python checker.py FILE.json` (of `src/pinsing/proof`). Aspects are regions without
+singularities; a cuspidal arm can change posture within one. Both are without joint limits.
 
 |name|arm|joints|reach [m]|known for|families|list|aspects|cuspidal|
 |---|---|---:|---:|---|---|---|---:|---|
