@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import signal
 import subprocess
 import sys
 import time
@@ -12,7 +13,7 @@ import numpy as np
 import pytest
 
 import pinsing
-from pinsing.proximity.follow import BACKLOG, Follower, follow, latest
+from pinsing.proximity.follow import BACKLOG, Follower, follow, latest, lines_of
 
 Q = np.array([0.0, -1.2, 1.3, -1.0, 0.15, 0.0])
 SPEED = np.array([0.0, 0.0, 0.0, 0.0, -0.3, 0.0])
@@ -68,7 +69,17 @@ def test_joints_by_name_in_any_order_and_others_beside_them(form):
 
 
 @pytest.mark.parametrize(
-    "bad", ["1,2", "{", '{"t": 1}', '{"position": [1]}', '{"position": 3}', "a,b,c,d,e,f,g", "\0"]
+    "bad",
+    [
+        "1,2",
+        "{",
+        '{"t": 1}',
+        '{"position": [1]}',
+        '{"position": 3}',
+        "a,b,c,d,e,f,g",
+        "\0",
+        "nan,0,0,0,0,0,0",
+    ],
 )
 def test_a_broken_line_is_answered_and_the_next_is_read(form, bad):
     first, broken, last = said(form, [line(0, Q), bad, line(1, Q)])
@@ -106,7 +117,7 @@ def test_silence_is_said_once_and_a_file_is_read_whole(form, tmp_path: Path):
     file.write_text("\n".join(line(k / 100, Q) for k in range(3 * BACKLOG)))
     with file.open() as stream:
         done = subprocess.run(
-            [*COMMAND, "-", "--follow"], stdin=stream, capture_output=True, text=True, timeout=60
+            [*COMMAND, "--follow", "-"], stdin=stream, capture_output=True, text=True, timeout=60
         )
     assert done.returncode == 0, done.stderr
     out = [json.loads(text) for text in done.stdout.splitlines()]
@@ -115,9 +126,46 @@ def test_silence_is_said_once_and_a_file_is_read_whole(form, tmp_path: Path):
     assert "dropped" not in out[-1]
 
 
+def test_the_move_leads_away_also_from_the_singularity_itself_and_within_limits(form):
+    at, edge = Q * [1, 1, 1, 1, 0, 1], Q * [1, 1, 0, 1, 1, 1]
+    (wrist,) = said(form, [json.dumps({"position": at.tolist()})])
+    assert (wrist["lower"], wrist["move"]["joint"]) == (0, "wrist_2_joint")
+    arm = pinsing.load("panda")
+    panda = pinsing.closed_form(arm)
+    for q in (arm.lower, arm.upper):
+        (one,) = said(panda, [json.dumps({"position": q.tolist()})])
+        sign = one["move"]["direction"]
+        assert sign == (1 if q is arm.lower else -1)
+    (elbow,) = said(form, [json.dumps({"position": edge.tolist()})])
+    assert elbow["title"] == "elbow"
+    assert elbow["move"]["joint"] == "elbow_joint"
+
+
+def test_ctrl_c_ends_it_while_it_waits_for_a_line():
+    with subprocess.Popen(
+        [*COMMAND, "--follow", "-"], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+    ) as robot:
+        assert robot.stdin is not None
+        assert robot.stdout is not None
+        robot.stdin.write(line(0, Q) + "\n")
+        robot.stdin.flush()
+        assert json.loads(robot.stdout.readline())["family"] == "F2"
+        robot.send_signal(signal.SIGINT)
+        assert robot.wait(20) == 130
+
+
+def test_a_line_without_end_takes_no_memory():
+    class Endless:
+        def read(self, size):
+            return b"1" * size
+
+    lines = lines_of(Endless())
+    assert [len(next(lines)) for _ in range(3)] == [(1 << 20) + (1 << 16)] * 3
+
+
 def test_a_pipe_is_followed_while_it_is_written():
     with subprocess.Popen(
-        [*COMMAND, "-", "--follow"], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+        [*COMMAND, "--follow", "-"], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
     ) as robot:
         assert robot.stdin is not None
         assert robot.stdout is not None

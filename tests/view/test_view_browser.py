@@ -7,6 +7,10 @@ from __future__ import annotations
 
 import http.server
 import io
+import math
+import signal
+import subprocess
+import sys
 import threading
 from collections.abc import Iterator
 from pathlib import Path
@@ -42,6 +46,32 @@ def static(tmp_path_factory: pytest.TempPathFactory) -> Path:
     with Viewer(load("scara")) as viewer:
         viewer.save_html(file)
     return file
+
+
+def test_a_running_robot_is_followed(page: Any) -> None:
+    """Configurations of standard input: drawn, with silences, broken lines and the end said."""
+    run = [sys.executable, "-m", "pinsing", "view", "scara", "--skeleton", "--no-open"]
+    pipes = dict.fromkeys(("stdin", "stdout", "stderr"), subprocess.PIPE)
+    saying = "(t) => document.querySelector('#playing').textContent.includes(t)"
+    standing = "(t) => Math.abs(window.pinsing.view.frame.q[3] - t) < 1e-9"
+    with subprocess.Popen([*run, "--follow", "-", "--deg"], **pipes, text=True) as robot:
+        try:
+            open_page(page, robot.stdout.readline().strip())
+            for line, shows, what in (
+                ("q4,q2,q3,q1\n40,20,0.1,10\n", standing, math.radians(40)),
+                ("1,2,3\n", saying, "cannot read 1,2,3"),
+                ('{"q1": 10, "q2": 20, "q3": 0.1, "q4": 50}\n', standing, math.radians(50)),
+            ):
+                robot.stdin.write(line)
+                robot.stdin.flush()
+                page.wait_for_function(shows, arg=what)
+            page.wait_for_function(saying, arg="no line for 1 s")
+            robot.stdin.close()
+            page.wait_for_function(saying, arg="the stream has ended")
+            robot.send_signal(signal.SIGINT)
+            assert robot.wait(20) == 0
+        finally:
+            robot.kill()
 
 
 def test_the_page_loads_and_shows_numbers(page: Any, stanford: Viewer) -> None:

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
+import gc
 import json
 import math
-import os
 import re
-import stat
-import sys
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -17,12 +15,20 @@ from click.core import ParameterSource
 
 from pinsing.cli.figure import off_screen, save_figure
 from pinsing.cli.grouped import command
-from pinsing.cli.options import RobotRequest, arm_options, deg_option, in_degrees, output_option
+from pinsing.cli.options import (
+    RobotRequest,
+    arm_options,
+    deg_option,
+    follow_option,
+    in_degrees,
+    output_option,
+)
 from pinsing.cli.output import emit_json, emit_lines, say
 from pinsing.cli.running import run_progress
 from pinsing.cli.serving import show
+from pinsing.cli.streams import followed
 from pinsing.cli.waiting import doing
-from pinsing.errors import ConfigurationError, OptionError
+from pinsing.errors import OptionError
 
 if TYPE_CHECKING:
     from pinsing.robot.arm import Arm
@@ -55,12 +61,8 @@ def angle(text: str, option: str, degrees: bool) -> float:
 
 @command("check")
 @arm_options
-@click.argument("file", type=click.Path(path_type=Path, allow_dash=True))
-@click.option(
-    "--follow",
-    is_flag=True,
-    help="A verdict for each line as it comes, as JSON: FILE is - for standard input, or a pipe.",
-)
+@click.argument("file", required=False, type=click.Path(path_type=Path, allow_dash=True))
+@follow_option("Print a verdict for each line of STREAM as it comes, as JSON")
 @deg_option
 @click.option(
     "--units",
@@ -100,8 +102,8 @@ def angle(text: str, option: str, degrees: bool) -> float:
 @output_option(json_target=".json", html=".html", plot=".png .svg .pdf")
 def check_command(
     request: RobotRequest,
-    file: Path,
-    follow: bool,
+    file: Path | None,
+    follow: Path | None,
     deg: bool,
     units: str | None,
     columns: str | None,
@@ -128,10 +130,13 @@ def check_command(
     arm = request.load()
     from pinsing.families import closed_form
 
-    if follow:
-        if any((families, columns, fail_within, plot, view, html, json_target)):
-            raise OptionError("--follow prints verdicts alone: leave out other options of output")
-        return _followed(arm, file, (deg if units is None else units == "deg"), bound)
+    if follow is not None:
+        if any((file, families, columns, fail_within, plot, view, html, json_target)):
+            said = "--follow STREAM prints verdicts alone: leave out FILE and options of output"
+            raise OptionError(said)
+        return _followed(arm, follow, (deg if units is None else units == "deg"), bound)
+    if file is None:
+        raise OptionError("name the FILE of a trajectory, or --follow - for standard input")
     from pinsing.proximity.trajectory import check_trajectory, details, summary
     from pinsing.proximity.trajectory_file import read_trajectory
 
@@ -193,11 +198,8 @@ def _followed(arm: Arm, file: Path, degrees: bool, near: float) -> int:
     from pinsing.proximity.follow import Follower, follow
 
     follower = Follower(closed_form(arm), arm, degrees, near)
-    try:
-        with sys.stdin if str(file) == "-" else file.open(encoding="utf-8") as stream:
-            live = not stat.S_ISREG(os.fstat(stream.fileno()).st_mode)
-            for said in follow(follower, stream, live):
-                click.echo(json.dumps(said))
-    except OSError as error:
-        raise ConfigurationError(f"cannot read {file}: {error.strerror or error}") from None
+    with followed(file) as (lines, live):
+        gc.freeze()  # a collection of all that was imported takes many milliseconds
+        for said in follow(follower, lines, live):
+            click.echo(json.dumps(said))
     return 0

@@ -297,6 +297,16 @@ fail_option = click.option(
 )
 
 
+def follow_option(what: str) -> Callable[[F], F]:
+    """Add ``--follow STREAM``: configurations of a running robot."""
+    return click.option(
+        "--follow",
+        type=click.Path(path_type=Path, allow_dash=True),
+        metavar="STREAM",
+        help=f"{what}: - for standard input, or a pipe; JSON by joint name or CSV with a head.",
+    )
+
+
 def once_option(*names: str, **options: Any) -> Callable[[F], F]:
     """Add an option that may be given once: of two configurations none is dropped silently."""
 

@@ -69,12 +69,14 @@ def show(tab: Tab, html: Path | None, view: bool, no_open: bool) -> None:
                 stay(tab, server)
 
 
-def stay(tab: Tab, server: Server) -> None:
-    """Give a tab to a server that runs, until the user has seen enough."""
+def stay(tab: Tab, server: Server, lead: Callable[[], None] | None = None) -> None:
+    """Give a tab to a server that runs, and lead it, until the user has seen enough."""
     from pinsing.view.tab import hand_over
 
     hand_over(tab, server)
     say("press Ctrl-C to end")
+    if lead is not None:
+        lead()
     while True:
         time.sleep(3600)
 

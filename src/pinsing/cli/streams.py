@@ -7,11 +7,14 @@ import errno
 import io
 import os
 import select
+import stat
 import sys
+from collections.abc import Iterator
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from pinsing.atomic_write import why
-from pinsing.errors import OutputError
+from pinsing.errors import ConfigurationError, OutputError
 
 if TYPE_CHECKING:
     from typing_extensions import Buffer
@@ -52,6 +55,27 @@ def guard_streams() -> None:
         sys.stdout = _stream(_Stdout(1, "wb", closefd=False))
     if sys.stderr is sys.__stderr__:
         sys.stderr = _stream(_Stderr(2, "wb", closefd=False), always=True)
+
+
+@contextlib.contextmanager
+def followed(file: Path) -> Iterator[tuple[Iterator[str], bool]]:
+    """Open a stream of lines, - for standard input; with it, whether it is one that goes on.
+
+    Raises
+    ------
+    ConfigurationError
+        If it cannot be read.
+    """
+    from pinsing.proximity.follow import lines_of
+
+    typed = str(file) == "-"
+    try:
+        with io.FileIO(0 if typed else str(file), closefd=not typed) as stream:
+            yield lines_of(stream), not stat.S_ISREG(os.fstat(stream.fileno()).st_mode)
+    except OSError as error:
+        if isinstance(error, OutputError):
+            raise
+        raise ConfigurationError(f"cannot read {file}: {error.strerror or error}") from None
 
 
 def give_up_stdout() -> None:

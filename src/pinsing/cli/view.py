@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import contextlib
 import math
+import time
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeAlias
 
@@ -17,20 +19,26 @@ from pinsing.cli.options import (
     RobotRequest,
     arm_options,
     deg_option,
+    follow_option,
     joint_vector,
     output_option,
     parse_numbers,
 )
 from pinsing.cli.output import say
 from pinsing.cli.serving import picture_size, read_json, served_ahead, stay, write_files
+from pinsing.cli.streams import followed
 from pinsing.cli.waiting import waiting
-from pinsing.errors import ResultError
+from pinsing.errors import ConfigurationError, OptionError, ResultError
 
 if TYPE_CHECKING:
     from pinsing.families import Family
     from pinsing.robot.arm import Arm
     from pinsing.sampling.analyze import Analysis
     from pinsing.sampling.generalize import Finding
+    from pinsing.view.viewer import Viewer
+
+_PICTURE = 0.05
+"""Seconds from a configuration of a stream that is shown to the next."""
 
 
 @command("view")
@@ -55,6 +63,7 @@ if TYPE_CHECKING:
     shell_complete=completion.families,
     help="Show this family first, such as F2.",
 )
+@follow_option("Show the configurations of STREAM as they come")
 @click.option("--scale", type=float, default=1.0, show_default=True, help="Size of the ellipsoids.")
 @click.option("--skeleton", is_flag=True, help="Without meshes: small pages.")
 @click.option(
@@ -71,6 +80,7 @@ def view_command(
     poses: tuple[str, ...],
     analysis: Path | None,
     family: str | None,
+    follow: Path | None,
     scale: float,
     skeleton: bool,
     html: Path | None,
@@ -96,6 +106,8 @@ def view_command(
     for text in poses:
         parse_numbers(text, "--q", deg)
     picture = picture_size(size)
+    if follow is not None and (html or png):
+        raise OptionError("--follow needs a page that is served: leave out -o")
     arm = request.load()
     vectors = [joint_vector(arm, text, "--q", deg) for text in poses]
     saved = None if analysis is None else _read(analysis, arm)
@@ -135,7 +147,34 @@ def view_command(
                 viewer.show_family(family)
             write_files(viewer, html, png, picture, panel, at)
         if live:
-            stay(viewer, stack.enter_context(page) if server is None else server)
+            lead = None if follow is None else partial(_lead, viewer, follow, deg)
+            stay(viewer, stack.enter_context(page) if server is None else server, lead)
+
+
+def _lead(viewer: Viewer, file: Path, degrees: bool) -> None:
+    """Show what comes, the newest of it; say what cannot be read, silences and the end."""
+    from pinsing.proximity.follow import STALLED, Reader, latest
+
+    reader, skipped, problem = Reader(viewer.arm, degrees), 0, ""
+    with followed(file) as (lines, _):
+        for line, dropped in latest(lines, backlog=1):
+            skipped += dropped
+            if line is None:
+                silence = f"no line for {STALLED:g} s"
+                viewer.show(viewer.q, f"{silence}; {problem}" if problem else silence)
+                continue
+            try:
+                found = reader.read(line)
+                if found is not None:
+                    problem = ""
+                    viewer.show(found[1], f"live; {skipped} lines skipped" if skipped else "live")
+                    time.sleep(_PICTURE)
+            except ConfigurationError as error:
+                if str(error) != problem:
+                    say(f"warning: {error}")
+                    viewer.show(viewer.q, problem := str(error))
+    viewer.show(viewer.q, f"the stream has ended; {skipped} lines came faster than pictures")
+    say(f"the stream has ended; {skipped} lines came faster than pictures, and were skipped")
 
 
 _Listed: TypeAlias = "tuple[tuple[Family, ...], tuple[Finding, ...], str]"

@@ -283,10 +283,10 @@ class Tab:
         """Open the page in the user's browser; tell whether there is one."""
         return webbrowser.open(self.url, new=2)
 
-    def _move(self, q: Array, chosen: tuple[int, int] | None) -> dict[str, Any]:
-        """Show a configuration in every open page; what they are told."""
+    def _move(self, q: Array, chosen: tuple[int, int] | None, words: str = "") -> dict[str, Any]:
+        """Show a configuration in every open page, with words on it; what they are told."""
         self._shown.q, self._shown.chosen = q, chosen
-        start = self._shown.start()
+        start = self._shown.start() | ({"words": words} if words else {})
         self._send(start)
         return start
 

@@ -147,13 +147,15 @@ class Viewer(Tab):
         return self._stage.entries
 
     @checked
-    def show(self, q: npt.ArrayLike) -> None:
+    def show(self, q: npt.ArrayLike, words: str = "") -> None:
         """Move the arm, in every open tab.
 
         Parameters
         ----------
         q : (n,) or (nq,) array_like
             Radians and metres.
+        words : str
+            A line for the page to say; the camera then stays as it is.
 
         Raises
         ------
@@ -168,7 +170,7 @@ class Viewer(Tab):
         >>> viewer.q
         array([0. , 0.5, 1. ])
         """
-        self._show(self.arm.check_one(q), None)
+        self._show(self.arm.check_one(q), None, words)
 
     @checked
     def show_family(self, family: Family | str | int, pose: int = 0) -> None:
@@ -229,8 +231,8 @@ class Viewer(Tab):
         """
         self._play(self._index(family, pose), pose, kind)
 
-    def _show(self, q: Array, chosen: tuple[int, int] | None) -> None:
-        self._move(q, chosen)
+    def _show(self, q: Array, chosen: tuple[int, int] | None, words: str = "") -> None:
+        self._move(q, chosen, words)
         if self._overlay is not None:
             self._overlay.show(q, self._stage.mode)
 

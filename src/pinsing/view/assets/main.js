@@ -364,7 +364,8 @@ class App {
     this.select(message.entry, message.pose);
     const frame = this.source.compute(message.q);
     this.frame(frame);
-    if (!this.view.touched) this.view.fit([frame]);
+    if (message.words) this.say(message.words);
+    else if (!this.view.touched) this.view.fit([frame]);
   }
 
   // The page goes on by itself.
