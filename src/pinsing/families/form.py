@@ -142,6 +142,10 @@ class ClosedForm(JsonResult):
             return "not complete"
         return "proven" if self.proof is not None and self.proof.accepted else "probable"
 
+    def to_dict(self) -> dict[str, Any]:
+        """Plain dictionary, ready for ``json.dumps``, with the ``word`` beside the fields."""
+        return {**super().to_dict(), "word": self.word}
+
     @property
     def certificate(self) -> dict[str, Any] | None:
         """What a program that knows nothing of pinsing checks; None where nothing is proven."""
