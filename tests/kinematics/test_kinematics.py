@@ -10,6 +10,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from arms import CATALOGUE
+from dh_arms import dh_arm
 from tiers import tiered
 
 from pinsing.errors import ConfigurationError, OptionError
@@ -218,6 +219,15 @@ def test_a_task_that_no_joint_serves(robot, task):
             kinematics.generic_rank(arm)
     assert kinematics.generic_rank(arm.with_task("vx", length_scale=1e4)) == 1
     assert kinematics.generic_rank(arm.with_task("pose", length_scale=1e4)) >= 3
+
+
+def test_a_task_that_nothing_but_rounding_serves():
+    rows = [(-90, 0, 0, -90, "prismatic"), (0, 0, 0, 180), (-90, 0.25, 0, 0), (180, 0, 0.4, -90)]
+    arm = dh_arm(rows, task="vx")
+    q = np.random.default_rng(1).uniform(-1, 1, 4)
+    assert 0 < np.abs(kinematics.frame_jacobian(arm, q)[0]).max() < 1e-15
+    with pytest.raises(OptionError, match="no joint of made moves tip"):
+        kinematics.generic_rank(arm)
 
 
 def test_rank_of_the_pose_depends_on_neither_tip_nor_scale(rng):

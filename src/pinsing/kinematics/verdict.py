@@ -187,12 +187,13 @@ def _generic_rank(arm: Arm) -> int:
 def _is_full(exact: Arm) -> bool:
     """Whether floats alone prove that the rank is as great as the size of J allows.
 
-    Rounding moves no singular value by more than about 1e-14 sigma_1 (Weyl's inequality), so where
-    the last one is 1e-6 sigma_1 at a single configuration, J has full rank there, and thereby at
-    almost every one.
+    Rounding moves no singular value by more than about 1e-14 sigma_1 of all six rows (Weyl's
+    inequality), which is about one at the arm's own scale: the task's rows may be nothing but
+    rounding. So where the last one is 1e-6 of that, and of the task's sigma_1, at a single
+    configuration, J has full rank there, and thereby at almost every one.
     """
     sigma = batch(exact, PINOCCHIO).own_sigma(random_turns(exact, _RANK_SAMPLES))
-    return bool((sigma[:, -1] > _SURE_RTOL * sigma[:, 0]).any())
+    return bool((sigma[:, -1] > _SURE_RTOL * np.maximum(sigma[:, 0], 1.0)).any())
 
 
 def _sampled_rank(exact: Arm) -> int:
