@@ -11,7 +11,7 @@ ROOT = Path(__file__).resolve().parent.parent
 LIMITS: dict[str, tuple[int, int]] = {
     "Python in src: statements": (41_560, 30_000),
     "Python in src: lines": (81_000, 56_000),
-    "C++, JavaScript, templates, styles: lines": (11_880, 9_500),
+    "C++, JavaScript, templates, styles: lines": (11_960, 9_500),
     "modules": (275, 220),
     "packages directly under pinsing": (16, 16),
     "numbers in module constants": (765, 500),

@@ -12,12 +12,13 @@ import arms
 import numpy as np
 import pytest
 
-from pinsing import Viewer, clearance, closed_form, plot
-from pinsing.errors import ConfigurationError, OptionError, OutputError, UnknownNameError
+from pinsing import Viewer, check_trajectory, clearance, closed_form, plot
+from pinsing.errors import OptionError, OutputError, UnknownNameError
+from pinsing.proximity.trajectory import summary
 from pinsing.robot.load import load
 from pinsing.sampling import MapResult, sigma_map
 from pinsing.sampling.map_plan import BLOCK
-from pinsing.view.viewer import FRAMES, thinned
+from pinsing.view.trajectory import FRAMES
 
 
 def test_a_map_of_the_clearance_is_that_of_each_configuration() -> None:
@@ -119,27 +120,26 @@ def test_a_plane_shows_the_proven_bound_of_each_configuration() -> None:
         plot.sigma_plane(arm, "elbow_joint", "wrist_2_joint", measure="distance")
 
 
-# ---- the way of a motion on the page
+# ---- a trajectory on the page
 
 
-def test_a_long_way_keeps_the_pose_nearest_to_a_family() -> None:
+def test_a_long_trajectory_keeps_the_pose_where_it_crosses() -> None:
     arm = arms.ur5()
-    families = closed_form(arm).families
     s = np.linspace(-1, 1, 20_001)
     Q = np.array([0.1, -1.2, 1.3, -1.6, 0.0, 0.3]) + 0.1 * np.outer(s, np.ones(6))
-    Q[:, 4] = s + 0.00003  # between two samples of an even choice
-    way = thinned(arm, families, Q)
-    assert len(way) <= FRAMES
-    assert (way[0] == Q[0]).all()
-    assert (way[-1] == Q[-1]).all()
-    nearest = Q[np.argmin(clearance(closed_form(arm), Q).lower)]
-    assert (way == nearest).all(axis=1).any()
-    few = thinned(arm, families, Q[[0, -1]])
-    assert len(few) == FRAMES
-    np.testing.assert_allclose(np.diff(few, n=2, axis=0), 0, atol=1e-12)
-    assert (thinned(arm, families, Q[:1]) == Q[:1]).all()
-    with pytest.raises(ConfigurationError, match="at least 1"):
-        thinned(arm, families, Q[:0])
-    with Viewer(arm, families, path=Q, skeleton=True) as viewer:
-        page = viewer._stage.page(live=True)
-    assert page["way"] == {"rows": way.tolist(), "samples": 20_001}
+    Q[:, 4] = s + 0.00003  # between two samples
+    for given, frames in [(Q, FRAMES), (Q[[0, -1]], FRAMES), (Q[:1], 1)]:
+        with Viewer(arm, closed_form(arm).families, path=given, skeleton=True) as viewer:
+            way = viewer._stage.page(live=True)["way"]
+        rows = np.array(way["rows"])
+        assert frames - 2 <= len(rows) <= frames + 3
+        assert len(way["times"]) == len(rows)
+        assert (rows[0] == given[0]).all()
+        assert (rows[-1] == given[-1]).all()
+        met = [stop["t"] for stop in way["stops"] if stop["kind"] == "meets"]
+        assert len(met) == (len(given) > 1)
+        assert [abs(rows[way["times"].index(t), 4]) < 1e-12 for t in met] == [True] * len(met)
+        assert (
+            way["verdict"]
+            == summary(check_trajectory(arm, given), file="path", robot=arm.name).splitlines()[0]
+        )

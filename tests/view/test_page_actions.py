@@ -243,28 +243,43 @@ def save_a_picture(page: Any) -> None:
     assert Path(caught.value.path()).read_bytes()[:4] == b"\x89PNG"
 
 
+def give(page: Any, name: str, content: str) -> None:
+    page.locator("#path-file").set_input_files(
+        {"name": name, "mimeType": "text/csv", "buffer": content.encode()}
+    )
+
+
 def open_a_path(page: Any) -> None:
-    rows = [f"0.1,{x:.2f},0.3,0.2,0.7,0" for x in np.linspace(-0.5, 0.5, 11)]
-    csv = {"name": "way.csv", "mimeType": "text/csv", "buffer": "\n".join(rows).encode()}
-    page.locator("#path-file").set_input_files(csv)
-    until(page, "#playing", "11 samples")
-    assert page.evaluate("() => window.pinsing.path.frames.length") == 11
-    # A second one takes the place of the first, and a bad one is said to be.
-    bad = {"name": "bad.csv", "mimeType": "text/csv", "buffer": b"1,2,3"}
-    page.locator("#path-file").set_input_files(bad)
-    until(page, "#playing", "3 columns for 6 joints")
-    degrees = {"name": "degrees.csv", "mimeType": "text/csv", "buffer": b"0,-90,0.3,90,45,0"}
-    page.locator("#path-file").set_input_files(degrees)
-    until(page, "#playing", "= -90 makes sense in degrees only: write radians")
-    beyond = {"name": "beyond.csv", "mimeType": "text/csv", "buffer": b"0,7,0.3,0.2,0.7,0"}
-    page.locator("#path-file").set_input_files(beyond)
-    until(page, "#playing", "beyond.csv: 1 sample, nearest: ")
-    until(page, "#playing", "outside the limits: ")
+    give(
+        page,
+        "way.csv",
+        "\n".join(f"0.1,{x:.2f},0.3,0.2,0.7,0" for x in np.linspace(-0.55, 0.35, 10)),
+    )
+    until(page, "#path-verdict", "way.csv: crosses")
+    assert page.locator("#path-box.singular").is_visible()
+    assert page.locator("#spans .meets").count() == 1
+    assert text(page, "#clock") == "sample 1 of 10"
+    assert text(page, "#status") == "Regular"
+    for _ in range(2):  # also after the arm was moved by hand
+        page.locator("#path-stops .meets").click()
+        until(page, "#status", "Singular")
+        assert text(page, "#clock") == "sample 6.5 of 10"
+        drag(page)
+    # A bad one is said to be, and leaves what is there.
+    give(page, "bad.csv", "1,2,3")
+    until(page, "#playing", "bad.csv: ")
+    assert "columns" in text(page, "#playing")
+    give(page, "degrees.csv", "0,-90,0.3,90,45,0")
+    until(page, "#playing", "degrees")
+    assert text(page, "#path-verdict").startswith("way.csv")
+    give(page, "beyond.csv", "0,7,0.3,0.2,0.7,0")
+    until(page, "#path-verdict", "beyond.csv: ")
+    assert "limits" in text(page, "#path-box")
     page.evaluate("""() => {
       const transfer = new DataTransfer();
       transfer.items.add(new File(["1,2"], "dropped.csv"));
       document.dispatchEvent(new DragEvent("drop", { dataTransfer: transfer })); }""")
-    until(page, "#playing", "dropped.csv: 2 columns for 6 joints")
+    until(page, "#playing", "dropped.csv: ")
 
 
 def look_at_parts(page: Any) -> None:
@@ -425,3 +440,28 @@ def test_whoever_wants_no_motion_gets_the_end_of_it(
     assert page.evaluate("() => window.pinsing.running") is False
     assert text(page, "#status") == "Singular"
     assert page.locator("#scrub").is_enabled()
+
+
+def test_a_live_page_reads_files_as_the_command_line_does(page: Any, tmp_path: Path) -> None:
+    """Degrees named in the head, decimal commas; the first line is that of `pinsing check`."""
+    from click.testing import CliRunner
+
+    from pinsing.cli.app import command
+
+    rows = "\n".join(f"{t};0;{-90 + 9 * t};80;10;{20 - 10 * t},5;5" for t in range(5))
+    content = "time;" + ";".join(f"J{k} (deg)" for k in range(1, 7)) + "\n" + rows
+    file = tmp_path / "tour.csv"
+    file.write_text(content)
+    said = CliRunner().invoke(command, ["check", "ur5", str(file)]).stdout.splitlines()
+    with Viewer(load("ur5"), skeleton=True) as viewer:
+        open_page(page, viewer.url)
+        give(page, "tour.csv", content)
+        until(page, "#path-verdict", "tour.csv: crosses the wrist singularity")
+        assert text(page, "#path-verdict") == said[0]
+        assert "decimal commas" in page.evaluate(
+            "() => document.querySelector('#path-notes').textContent"
+        )
+        page.locator("#path-stops .meets").click()
+        assert text(page, "#status") == "Singular"
+        assert text(page, "#clock") == "2.05 of 4.00 s"
+        assert "0° from" in text(page, "#nearest") or "on F2" in text(page, "#nearest")

@@ -49,6 +49,7 @@ def test_ways_of_the_page_are_those_found(cuspidal):
     _, arm, form, found = cuspidal
     with pinsing.Viewer(arm, form.families, postures=found, skeleton=True) as viewer:
         listed = viewer._stage.page(False)["postures"]
+        assert viewer._stage.start() == {"q": found.q.tolist(), "entry": None, "pose": 0}
     assert len(listed) == 4
     assert np.array_equal(listed[0]["q"], found.q)
     ways = [p for p in listed if p["way"]]

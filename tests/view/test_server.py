@@ -12,6 +12,7 @@ import struct
 import subprocess
 import sys
 import time
+import urllib.error
 import urllib.request
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor, wait
@@ -73,6 +74,36 @@ def upgrade(server: Server, path: str, **headers: str) -> int:
 def test_the_right_page_gets_through(server: Server) -> None:
     assert upgrade(server, f"/{token(server)}/live") == 101
     assert raw(server, f"/{token(server)}/page.json")[0] == 200
+
+
+def test_only_our_page_gives_a_file(server: Server) -> None:
+    given: list[tuple[str, int]] = []
+
+    def read(name: str, content: bytes, degrees: bool | None) -> dict[str, Any]:
+        given.append((name, len(content)))
+        return {"error": "x" if degrees is None else degrees}
+
+    server._site.read = read
+    ours = f"http://127.0.0.1:{server.port}"
+
+    def post(origin: str, key: str, size: int) -> int:
+        address = f"{ours}/{key}/trajectory?name=a.csv&units=deg"
+        asked = urllib.request.Request(address, b"1" * size, {"Origin": origin})
+        try:
+            return int(urllib.request.urlopen(asked, timeout=SECONDS).status)
+        except urllib.error.HTTPError as error:
+            return error.code
+
+    assert post(ours, token(server), 200_000) == 200  # larger than any other request
+    assert post("http://evil.com", token(server), 3) == post(ours, "x", 3) == 403
+    assert raw(server, f"/{token(server)}/trajectory", Origin=ours)[0] == 404
+    assert given == [("a.csv", 200_000)]
+
+
+def test_the_bare_address_says_where_the_link_is(server: Server) -> None:
+    with pytest.raises(urllib.error.HTTPError) as refused:
+        urllib.request.urlopen(f"http://127.0.0.1:{server.port}/", timeout=SECONDS)
+    assert "printed in its terminal" in refused.value.read().decode()
 
 
 def test_the_reproduction_of_a_foreign_host_is_refused(server: Server) -> None:

@@ -79,7 +79,7 @@ def test_the_page_loads_and_shows_numbers(page: Any, stanford: Viewer) -> None:
     assert text(page, "#robot") == "stanford"
     assert text(page, "#status") == "Singular"
     assert "rank 5 of 6" in text(page, "#rank")
-    assert text(page, "#nearest").replace("\n", "") == "on F1: q2 = 0°"
+    assert text(page, "#nearest").replace("\n", "") == "on F1: shoulder: q2 = 0°"
     assert text(page, "#condition") == "∞"
     assert page.locator("#entries > li").count() == len(stanford.entries) == 3
     assert page.locator(".joint").count() == 6

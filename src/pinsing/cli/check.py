@@ -184,10 +184,14 @@ def check_command(
         emit_lines(f"{answer}\n\n{details(check, degrees)}")
     if view or html is not None:
         from pinsing.families.certainty import coverage_words
+        from pinsing.view.trajectory import trajectory_data
         from pinsing.view.viewer import Viewer
 
         said = coverage_words(form)
-        viewer = Viewer(arm, form.families, path=read.Q, coverage=said, host="127.0.0.1")
+        shown = trajectory_data(
+            arm, check, read.Q, read.t, name=file.name, robot=request.words, notes=read.notes
+        )
+        viewer = Viewer(arm, form.families, shown=shown, coverage=said, host="127.0.0.1")
         show(viewer, html, view, no_open)
     return int(fail is not None and not check.clearance > fail)
 

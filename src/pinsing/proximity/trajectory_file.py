@@ -145,6 +145,9 @@ def read_trajectory(
                 f"{path}: the column of {arm.joints[j]!r} says {unit}: leave out --deg or --rad"
             )
         scales[j] = scale
+    unsaid = [s is None for s in found.scales] or [True] * arm.n
+    if degrees is None and any(u and not p for u, p in zip(unsaid, arm.prismatic, strict=True)):
+        found = replace(found, notes=(*found.notes, "no unit is named: angles are in radians"))
     times = found.t
     if times is not None and len(times) and abs(times[0]) > 1e3 * _EPOCH:
         raise ConfigurationError(

@@ -21,10 +21,11 @@ from string import Template
 from typing import Any, Protocol
 
 from tornado.iostream import StreamClosedError
-from tornado.web import HTTPError, RequestHandler
+from tornado.web import HTTPError, RequestHandler, stream_request_body
 from tornado.websocket import WebSocketClosedError, WebSocketHandler
 
 MOST_PAGES = 64
+_LARGEST_FILE = 32 << 20  # bytes
 
 Content = str | bytes
 """Of a file of the page."""
@@ -60,6 +61,8 @@ class Site:
         Whether a Host header names this server.
     clients : set
         Links that are open.
+    read : callable or None
+        What pages show of a trajectory file: of its name, content, and whether in degrees.
     """
 
     stage: Served | None
@@ -67,6 +70,7 @@ class Site:
     policies: Mapping[str, str]
     is_ours: Callable[[str], bool]
     clients: set[Live] = field(default_factory=set)
+    read: Callable[[str, bytes, bool | None], dict[str, Any]] | None = None
 
     def policy(self, host: str, token: str) -> str:
         """Return the policy for a request.
@@ -89,6 +93,14 @@ class _Quiet(RequestHandler):  # type: ignore[misc,unused-ignore]
     def initialize(self, site: Site) -> None:
         """Take what all requests share."""
         self.site, self.unread = site, 0
+
+    def require_own_page(self) -> None:
+        """Refuse who is no page of this server."""
+        host = self.request.host
+        self.site.policy(host, self.path_args[0] or "")
+        origin = self.request.headers.get("Origin", "").lower()
+        if origin not in (f"http://{host}".lower(), f"https://{host}".lower()):
+            raise HTTPError(403)
 
     def log_exception(self, *error: Any) -> None:
         """Log faults of our own only."""
@@ -146,16 +158,40 @@ class Nothing(PagePart):
         raise HTTPError(403)
 
 
+@stream_request_body
+class Dropped(_Quiet):
+    """Reads a trajectory file that was dropped onto a page, as the command line reads it."""
+
+    def prepare(self) -> None:
+        """Judge host, token and origin, before a file is taken in."""
+        self.require_own_page()
+        if self.request.method != "POST" or self.site.read is None:
+            raise HTTPError(404)
+        self.request.connection.set_max_body_size(_LARGEST_FILE)
+        self.request.connection.set_body_timeout(60)
+        self.content = bytearray()
+
+    def data_received(self, chunk: bytes) -> None:
+        """Take a piece of it."""
+        self.content += chunk
+
+    async def post(self, _token: str) -> None:
+        """Answer with what the page shows."""
+        assert self.site.read is not None
+        name, units = self.get_query_argument("name", "path.csv"), self.get_query_argument("units")
+        degrees = {"deg": True, "rad": False}.get(units)
+        loop = asyncio.get_running_loop()
+        self.write(
+            await loop.run_in_executor(None, self.site.read, name, bytes(self.content), degrees)
+        )
+
+
 class Live(_Quiet, WebSocketHandler):  # type: ignore[misc,unused-ignore]
     """Tells one page what to show; a page says nothing, for it computes all by itself."""
 
     def prepare(self) -> None:
         """Judge host, token and origin, before anything is upgraded."""
-        host = self.request.host
-        self.site.policy(host, self.path_args[0] or "")
-        origin = self.request.headers.get("Origin", "").lower()
-        if origin not in (f"http://{host}".lower(), f"https://{host}".lower()):
-            raise HTTPError(403)
+        self.require_own_page()
         if len(self.site.clients) >= MOST_PAGES:
             raise HTTPError(503)
 

@@ -31,6 +31,7 @@ from pinsing.errors import OptionError
 from pinsing.view.page import (
     LIVE_POLICY,
     Content,
+    Dropped,
     Live,
     Nothing,
     PagePart,
@@ -259,6 +260,7 @@ class Server:
         self._app = Application(
             [
                 (r"/([^/]+)/live", Live, {"site": self._site}),
+                (r"/([^/]+)/trajectory", Dropped, {"site": self._site}),
                 (r"/([^/]+)/([^/]*)", PagePart, {"site": self._site}),
                 (r".*", Nothing, {"site": self._site}),
             ],
@@ -279,6 +281,7 @@ class Server:
         for name, content in zip(_LATER, contents, strict=True):
             self._later[name].set_result(content)
         self._site.stage = stage
+        self._site.read = getattr(stage, "trajectory", None)  # of an arm
         self.send(stage.start())  # to pages that wait
 
     @property

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import html
 import webbrowser
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -56,10 +56,8 @@ class Stage:
         Leave shapes out.
     notes : tuple of str
         What could not be drawn.
-    way : (K, n) array, optional
-        Poses of a motion that pages show first, radians and metres.
-    samples : int
-        How many samples that motion has.
+    way : mapping, optional
+        A motion that pages show first, as `trajectory_data` has it.
     postures : tuple of Posture
         Inverse solutions of one pose, and ways to them.
     coverage : str
@@ -78,8 +76,7 @@ class Stage:
     sizes: Sizes
     skeleton: bool
     notes: tuple[str, ...] = ()
-    way: Array | None = None
-    samples: int = 0
+    way: Mapping[str, Any] | None = None
     postures: tuple[Posture, ...] = ()
     coverage: str = ""
     clearest: Suggestion | None = None
@@ -104,6 +101,12 @@ class Stage:
         entry, pose = self.chosen if self.chosen is not None else (None, 0)
         return {"q": self.q.tolist(), "entry": entry, "pose": pose}
 
+    def trajectory(self, name: str, content: bytes, degrees: bool | None) -> dict[str, Any]:
+        """What a page shows of a file that was dropped onto it."""
+        from pinsing.view.trajectory import dropped
+
+        return dropped(self.arm, name, content, degrees)
+
     def page(self, live: bool) -> dict[str, Any]:
         """The fixed part of a page."""
         arm, sizes = self.arm, self.sizes
@@ -113,10 +116,9 @@ class Stage:
         columns = zip(
             arm.joints, joint_symbols(arm), arm.prismatic, lower, upper, limited, strict=True
         )
-        way = {} if self.way is None else {"rows": self.way.tolist(), "samples": self.samples}
         return {
             "live": live,
-            "way": way or None,
+            "way": self.way,
             "postures": [posture_data(p) for p in self.postures],
             "robot": {
                 "name": arm.name,

@@ -2,18 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
-from itertools import pairwise
+from collections.abc import Iterable, Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
 
 from pinsing._types import Array
-from pinsing.algebra.conditions import Conditions
-from pinsing.algebra.two_sided import two_sided
 from pinsing.arguments import checked, shown
-from pinsing.errors import ArgumentError, ConfigurationError, OptionError
+from pinsing.errors import ArgumentError, OptionError
 from pinsing.families import Family
 from pinsing.families.certainty import coverage_words
 from pinsing.robot.arm import Arm
@@ -54,9 +51,13 @@ class Viewer(Tab):
     findings : iterable of Finding, optional
         What a sweep has found, to be listed as well.
     path : (N, n) array_like, optional
-        A joint motion, radians and metres, linear between its samples: pages show it first, as a
-        line of the tip coloured by clearance, ready to be played. Of a long one each stretch is
-        shown by its pose nearest to a family.
+        A joint motion, radians and metres, linear between its samples: pages open with what
+        `check_trajectory` says of it, show it as a line of the tip coloured by clearance, and
+        play it.
+    times : (N,) array_like, optional
+        Its times, seconds.
+    shown : mapping, optional
+        The same as `trajectory_data` gave it, where it was checked before.
     postures : PostureChanges, optional
         Inverse solutions of one pose, by `posture_changes`: pages list them, and play the way to
         each that can be reached without a singularity.
@@ -92,6 +93,8 @@ class Viewer(Tab):
         findings: Iterable[Finding] | None = None,
         *,
         path: npt.ArrayLike | None = None,
+        times: npt.ArrayLike | None = None,
+        shown: Mapping[str, Any] | None = None,
         postures: PostureChanges | None = None,
         coverage: str = "",
         clearest: Suggestion | None = None,
@@ -123,12 +126,14 @@ class Viewer(Tab):
         links = Links(None) if skeleton else read_links(arm)
         recorder = Recorder()
         notes = draw_scene(recorder.visualizer(), arm, links, size)
-        way, samples = None, 0
         if path is not None:
+            from pinsing.proximity.trajectory import check_trajectory
+            from pinsing.view.trajectory import trajectory_data
+
             Q = np.atleast_2d(arm.check(path))
-            known = [entry.family for entry in entries if isinstance(entry.family, Family)]
-            way, samples = thinned(arm, known, Q), len(Q)
-        self._stage = Stage(arm, entries, links, size, skeleton, notes, way, samples, listed)
+            t = None if times is None else np.asarray(times, dtype=float)
+            shown = trajectory_data(arm, check_trajectory(arm, Q, t), Q, t)
+        self._stage = Stage(arm, entries, links, size, skeleton, notes, shown, listed)
         self._stage.coverage, self._stage.clearest = coverage, clearest
         if postures is not None:
             self._stage.q, self._stage.chosen = postures.q, None
@@ -260,51 +265,3 @@ def _listed(arm: Arm, postures: PostureChanges) -> tuple[Posture, ...]:
         hint = "pinsing.posture_changes(arm, q) gives one"
         raise ArgumentError("postures", "a PostureChanges", shown(postures), hint)
     return listed_postures(arm, postures)
-
-
-FRAMES = 400
-"""Poses of a way that a page shows."""
-
-
-def thinned(arm: Arm, families: Sequence[Family], Q: Array) -> Array:
-    """At most FRAMES poses of a motion: of each stretch of it the one nearest to a family.
-
-    Between samples joints move linearly, and a few samples get poses between them. First and
-    last sample are kept.
-
-    Parameters
-    ----------
-    arm : Arm
-        The arm.
-    families : sequence of Family
-        What nearness is taken to; without any, samples are taken evenly.
-    Q : (N, n) array
-        Radians and metres.
-
-    Raises
-    ------
-    ConfigurationError
-        If there is no sample.
-    """
-    if Q.ndim != 2 or not len(Q):
-        raise ConfigurationError(f"a path has shape (N, {arm.n}), N at least 1; got {Q.shape}")
-    last = len(Q) - 1
-    if not last:
-        return Q
-    if last < FRAMES:
-        place = np.linspace(0, last, FRAMES)
-        rows = np.stack([np.interp(place, np.arange(len(Q)), column) for column in Q.T], axis=1)
-        rows[-1] = Q[-1]
-        return rows
-    watched = [f.branches for f in families if f.real]
-    edges = np.linspace(1, last, FRAMES - 1).round().astype(int)
-    places = [0]
-    weight = np.where(arm.prismatic, 1 / arm.length_scale, 1.0)
-    conditions = Conditions.of(watched, np.asarray(arm.prismatic), weight)
-    for low, high in pairwise(edges.tolist()):
-        best = low
-        if watched:
-            step = max(1, (high - low) * FRAMES // 4_000_000)  # very long paths by every k-th
-            best = low + step * int(np.argmin(two_sided(conditions, Q[low:high:step]).lower))
-        places.append(best)
-    return np.asarray(Q[[*places, last]])

@@ -35,6 +35,9 @@ class App {
 
   makeSource(stream, handlers) { return new EngineSource(this.page, stream, handlers); }
 
+  // Whether the program behind the page reads trajectory files.
+  get reads() { return this.page.live && "way" in this.page && $("program").hidden; }
+
   get path() { return this.player.path; }
   get running() { return this.player.running; }
   get drawn() { return this.player.drawn; }
@@ -96,7 +99,7 @@ class App {
     this.view.fit([frame]);
     const { way } = this.page;
     if (this.problem) this.refuse(this.problem);
-    if (way && !shared) this.follow("path", way.rows, way.samples);
+    if (way && !shared) this.trajectory(way);
     else if (this.entry !== null) this.lookForMeetings(entry, pose);
   }
 
@@ -236,23 +239,61 @@ class App {
 
   fileJoints() { return this.page.engine.joints; }
 
-  // The way of a trajectory: its path through the tip, coloured by clearance, ready to be played.
-  follow(name, rows, count, all = rows) {
-    const frames = rows.map((q) => this.source.compute(q));
-    const worst = frames.reduce((a, b) => ((b.verdict?.value ?? Infinity) < (a.verdict?.value ?? Infinity) ? b : a));
-    this.showWay(frames, (f) => (f.verdict ? f.verdict.lower : Infinity));
-    const beyond = [...new Set(frames.flatMap((f) => f.outside))], outside = beyond.length ? `; outside the limits: ${beyond.join(", ")}` : "";
-    const { engine } = this.page, crossed = Engine.crossingWords(Engine.crossings(engine.families, all, engine.joints, engine.task.lengthScale));
-    // What is shown may be poses between the samples, or some of them.
-    const said = crossed && all.length !== count ? crossed.replace(/ between samples \d+ and \d+/g, "") : crossed;
-    this.say(`${name}: ${count} sample${count === 1 ? "" : "s"}, nearest: ${worst.verdict ? worst.verdict.text : "no family"}${said && `; ${said}`}${outside}`);
+  // A trajectory with what is said of it, as `trajectory_data` has it: the path of the tip coloured by
+  // clearance, ready to be played.
+  trajectory(way, frames = way.rows.map((q) => this.source.compute(q))) {
+    this.way = { ...way, frames };
+    this.showWay(frames, (f) => (f.verdict ? f.verdict.lower : Infinity), way);
+    $("path-box").hidden = false;
+    $("path-box").className = way.tone;
+    $("path-verdict").textContent = way.verdict;
+    for (const part of ["lines", "notes"]) $(`path-${part}`).replaceChildren(...way[part].map((line) => make("li", "", line)));
+    $("path-notes").parentElement.hidden = !way.notes.length;
+    $("path-stops").replaceChildren(...way.stops.map(({ t, kind, family }) => {
+      const when = way.timed ? `${t.toFixed(2)} s` : `sample ${Number((t + 1).toFixed(1))}`, button = make("button", kind, `${when}: ${kind} ${kind === "nearest" ? "to " : ""}${family}`);
+      button.addEventListener("click", () => { ++this.turn; this.pause(); this.backOnWay(); this.at(t); });
+      return button;
+    }));
   }
 
-  showWay(frames, clearance) {
+  // A pose chosen meanwhile has put the trajectory aside.
+  backOnWay() {
+    const { frames, times, timed, spans } = this.way;
+    if (this.path?.frames === frames) return;
+    this.select(null, 0);
+    this.player.load(frames, "file", times, timed);
+    this.player.spans(spans);
+  }
+
+  // The same of rows that the page has read by itself, samples in radians and metres.
+  follow(name, rows) {
+    const { engine } = this.page, found = Engine.crossings(engine.families, rows, engine.joints, engine.task.lengthScale);
+    const met = found.flatMap(({ name: family, at }) => at.map((t) => ({ t, kind: "meets", family }))).sort((a, b) => a.t - b.t).slice(0, 30);
+    const step = Math.max(1, Math.ceil(rows.length / 400)), shown = rows.map((_, i) => i).filter((i) => i % step === 0 || i === rows.length - 1);
+    const times = [...new Set([...shown, ...met.map(({ t }) => t)])].sort((a, b) => a - b), between = (t) => {
+      const k = Math.min(Math.floor(t), rows.length - 2);
+      return Number.isInteger(t) ? rows[t] : rows[k].map((v, j) => v + (t - k) * (rows[k + 1][j] - v));
+    };
+    const frames = times.map((t) => this.source.compute(between(t))), away = (f) => f.verdict?.value ?? Infinity;
+    const worst = frames.reduce((a, b) => (away(b) < away(a) ? b : a)), beyond = [...new Set(frames.flatMap((f) => f.outside))];
+    const bad = met.length > 0 || frames.some((f) => f.status === "singular");
+    const stops = met.length || !worst.verdict?.q ? met : [{ t: times[frames.indexOf(worst)], kind: "nearest", family: worst.verdict.text }];
+    this.trajectory({
+      verdict: `${name}: ${met.length ? `crosses ${found.map((f) => f.name).join(", ")}, first at sample ${Number((met[0].t + 1).toFixed(2))}` : bad ? "is singular at a sample" : "meets no singular configuration that this page looks for"}`,
+      tone: bad ? "singular" : beyond.length || frames.some((f) => f.status !== "regular") ? "near-singular" : "regular",
+      lines: [`${rows.length} sample${rows.length === 1 ? "" : "s"}, nearest: ${met.length ? "0\u00b0 (crossed)" : worst.verdict ? worst.verdict.text : "no family"}`,
+              ...(beyond.length ? [`outside the limits: ${beyond.join(", ")}`] : [])],
+      notes: ["read as radians and metres, one column a joint", "times are not read", "families of several conditions are looked for at the samples, others between them too", "`pinsing check ROBOT FILE` proves what is met between samples"],
+      rows: [], times, timed: false, stops, spans: met.map(({ t }) => [t, t, "meets"]),
+    }, frames);
+  }
+
+  showWay(frames, clearance, { times, timed, spans } = {}) {
     this.select(null, 0);
     this.view.trail(frames.map((f) => ({ at: f.tip, clearance: clearance(f) })));
-    this.player.load(frames, "file");
-    this.at(0);
+    this.player.load(frames, "file", times, timed);
+    if (spans) this.player.spans(spans);
+    this.at(-Infinity);
     this.view.fit(frames);
   }
 
@@ -326,7 +367,7 @@ class App {
 
   toggle() {
     if (this.running) this.pause();
-    else if (this.path) this.player.resume();
+    else if (this.path || this.way) { if (!this.path) this.backOnWay(); this.player.resume(); }
     else if (this.entry !== null) this.play(this.page.entries[this.entry].into ? "into" : "along");
   }
 
@@ -369,5 +410,8 @@ class App {
   }
 
   // The page goes on by itself.
-  gone() { $("program").hidden = false; }
+  gone() {
+    $("program").hidden = false;
+    this.take.offer();
+  }
 }

@@ -123,7 +123,8 @@ class MechanismApp extends App {
 
   // A file holds the inputs: the mechanism follows them from where it is, as far as the mode goes. A row may
   // be many steps from the one before, so a worker takes them.
-  async follow(name, rows, count) {
+  async follow(name, all) {
+    const count = all.length, step = Math.max(1, Math.ceil(count / 400)), rows = all.filter((_, i) => i % step === 0 || i === count - 1);
     const turn = ++this.turn, { engine } = this.page, begin = this.view.frame.q;
     this.say(`${name}: following the inputs\u2026`);
     const found = await this.beside("followInputs", begin, rows);

@@ -11,28 +11,42 @@ class Player {
     $("scrub").addEventListener("input", () => { this.pause(); this.at(Number($("scrub").value)); });
   }
 
-  load(frames, kind) {
-    this.path = { frames, kind };
+  // Of `times` (ascending) each frame has one: seconds, or samples; by default frames are counted.
+  load(frames, kind, times = frames.map((_, k) => k), timed = false) {
+    this.path = { frames, kind, times, timed };
     this.drawn = -1;
-    this.scrub(0, frames.length - 1);
+    this.scrub(times[0], times[0], times.at(-1));
   }
 
   clear() {
     this.pause();
     this.path = null;
-    this.scrub(0, 0);
+    this.scrub(0, 0, 0);
+    $("clock").textContent = "";
   }
 
-  scrub(value, max) {
-    $("scrub").max = max;
-    $("scrub").value = value;
-    $("scrub").disabled = max === 0;
+  scrub(value, min, max) {
+    Object.assign($("scrub"), { min, max, value, disabled: max === min });
+    $("spans").replaceChildren();
+  }
+
+  // Where on the bar something is: [[from, to, class], ...].
+  spans(found) {
+    const { times } = this.path, place = (t) => (100 * (t - times[0])) / (times.at(-1) - times[0] || 1);
+    $("spans").replaceChildren(...found.map(([from, to, kind]) => {
+      const node = make("span", kind);
+      node.style.left = `${place(from)}%`;
+      node.style.width = `${place(to) - place(from)}%`;
+      return node;
+    }));
   }
 
   at(place) {
     if (!this.path) return;
-    const k = Math.round(Math.max(0, Math.min(place, this.path.frames.length - 1)));
-    $("scrub").value = k;
+    const { times, kind, timed } = this.path, after = times.findIndex((t) => t >= place);
+    const k = after < 0 ? times.length - 1 : after > 0 && place - times[after - 1] < times[after] - place ? after - 1 : after;
+    $("scrub").value = this.running ? place : times[k];
+    if (kind === "file") $("clock").textContent = timed ? `${times[k].toFixed(2)} of ${times.at(-1).toFixed(2)} s` : `sample ${Number((times[k] + 1).toFixed(1))} of ${times.at(-1) + 1}`;
     if (k !== this.drawn || !this.running) this.show(this.path.frames[k]);
     this.drawn = k;
   }
@@ -50,20 +64,21 @@ class Player {
   }
 
   resume() {
-    const { path } = this, { frames, kind } = path, last = frames.length - 1, once = kind !== "along";
+    const { path } = this, { times, kind, timed } = path, first = times[0], last = times.at(-1), once = kind !== "along";
     let begin = Number($("scrub").value);
-    if (once && begin >= last) begin = 0;
+    if (once && begin >= last) begin = first;
     // Whoever wants no motion gets its end, and the bar to step through it.
     if (this.still.matches) { this.at(once ? last : begin); this.stopped(); return; }
     this.running = true;
     this.icon("M4 3h3v10H4zM9 3h3v10H9z", "Pause");
-    const rate = frames.length / (once ? 2 : 4); // frames a second
-    const started = performance.now() - (begin / rate) * 1000;
+    // Of time as it is, if that is neither over at once nor without end.
+    const seconds = timed ? Math.min(30, Math.max(2, last - first)) : once ? 2 : 4, rate = (last - first) / seconds || 1;
+    const started = performance.now() - ((begin - first) / rate) * 1000;
     const tick = (now) => {
       if (!this.running || this.path !== path) return;
-      const place = Math.max(0, ((now - started) / 1000) * rate);
+      const place = first + Math.max(0, ((now - started) / 1000) * rate);
       if (once && place >= last) { this.at(last); this.pause(); return; }
-      this.at(once ? place : place % frames.length);
+      this.at(once ? place : place % (last + 1));
       requestAnimationFrame(tick);
     };
     requestAnimationFrame(tick);

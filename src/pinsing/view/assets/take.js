@@ -26,8 +26,16 @@ class Take {
     $("save-picture").addEventListener("click", () => this.picture());
     $("open-path").addEventListener("click", () => $("path-file").click());
     $("path-file").addEventListener("change", () => { this.read($("path-file").files[0]); $("path-file").value = ""; });
+    this.offer();
     document.addEventListener("dragover", (event) => event.preventDefault());
     document.addEventListener("drop", (event) => { event.preventDefault(); this.read(event.dataTransfer.files[0]); });
+  }
+
+  // Which files the page takes.
+  offer() {
+    $("path-units").hidden = !this.app.reads;
+    $("drop-note").textContent = this.app.reads ? "Or drop its file onto the page: whatever `pinsing check` reads (CSV, NPY, YAML of ROS or MoveIt, .ls, .script)."
+      : "Or drop a CSV file onto the page: one column a joint, radians and metres. `pinsing check` reads other formats and degrees.";
   }
 
   text(kind) {
@@ -55,14 +63,23 @@ class Take {
     link.click();
   }
 
-  // A trajectory file, ready to be played.
+  // A trajectory file, ready to be played: read by the program behind the page, as the command line reads it; by
+  // the page alone in one plain format.
   async read(file) {
     if (!file) return;
     const { app } = this;
     try {
-      const rows = Engine.parseTrajectory(await file.text(), app.fileJoints());
-      const step = Math.max(1, Math.ceil(rows.length / 400));
-      app.follow(file.name, rows.filter((_, i) => i % step === 0 || i === rows.length - 1), rows.length, rows);
+      if (app.reads) {
+        app.say(`reading ${file.name}\u2026`);
+        const asked = new URLSearchParams({ name: file.name, units: $("path-units").value });
+        const answer = await fetch(`trajectory?${asked}`, { method: "POST", body: file });
+        if (!answer.ok) throw new Error(answer.status === 400 ? "the file is larger than 32 MB" : `refused (${answer.status})`);
+        const way = await answer.json();
+        app.say(way.error ?? "");
+        if (!way.error) app.trajectory(way);
+        return;
+      }
+      await app.follow(file.name, Engine.parseTrajectory(await file.text(), app.fileJoints()));
     } catch (error) {
       app.say(`${file.name}: ${error.message}`);
     }

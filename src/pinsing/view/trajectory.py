@@ -1,0 +1,95 @@
+"""A trajectory as pages show it: what it meets in words, poses with times, where to jump."""
+
+from __future__ import annotations
+
+import tempfile
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from pinsing._types import Array
+from pinsing.errors import PinsingError
+from pinsing.proximity.trajectory import TrajectoryCheck, check_trajectory, summary, titled
+from pinsing.proximity.trajectory_file import read_trajectory
+from pinsing.robot.arm import Arm
+
+FRAMES = 400
+"""Poses of a trajectory that a page shows, evenly in time, besides those it is judged by."""
+_STOPS = 30
+_KINDS = frozenset({".csv", ".txt", ".tsv", ".npy", ".npz", ".yaml", ".yml", ".ls", ".script"})
+
+
+def trajectory_data(
+    arm: Arm,
+    check: TrajectoryCheck,
+    Q: Array,
+    t: Array | None = None,
+    *,
+    name: str = "path",
+    robot: str = "",
+    notes: tuple[str, ...] = (),
+) -> dict[str, Any]:
+    """What a page shows of a trajectory, ready for JSON.
+
+    Parameters
+    ----------
+    arm : Arm
+        The arm.
+    check : TrajectoryCheck
+        What `check_trajectory` says of it: its first lines are the page's.
+    Q, t : (N, n) array, (N,) array or None
+        Samples, radians and metres, and their times.
+    name, robot : str
+        How the trajectory is called, and how commands name the robot.
+    notes : tuple of str
+        How its file was read.
+    """
+    times = np.arange(len(Q), dtype=float) if t is None else np.asarray(t, dtype=float)
+    first, last = float(times[0]), float(times[-1])
+    judged = [(c.t, c.q, "meets", titled(c.family, c.title)) for c in check.crossings[:_STOPS]]
+    met = {c.family for c in check.crossings}
+    # The approaches come nearest first.
+    others = [a for a in check.approaches if a.family not in met and np.isfinite(a.upper)]
+    judged += [(a.t, a.q, "nearest", titled(a.family, a.title)) for a in others[:1]]
+    moments = np.linspace(
+        first, last, max(FRAMES - len(times), 2) if len(times) < FRAMES else FRAMES
+    )
+    if len(times) < FRAMES:
+        moments = np.union1d(moments, times)
+    moments = np.union1d(moments, [at for at, *_ in judged])
+    rows = np.stack([np.interp(moments, times, column) for column in Q.T], axis=1)
+    for at, q, *_ in judged:
+        rows[np.searchsorted(moments, at)] = q
+    verdict, *lines = summary(check, True, name, robot or arm.name).splitlines()
+    faults = check.jumps or check.outside or check.too_fast
+    spans = [(c.t, c.t_end, "meets") for c in check.crossings]
+    return {
+        "verdict": verdict,
+        "tone": "singular" if met else "near-singular" if faults or check.stretches else "regular",
+        "lines": [line.strip() for line in lines if line.strip()],
+        "notes": list(notes),
+        "rows": rows.tolist(),
+        "times": moments.tolist(),
+        "timed": check.timed,
+        "stops": [{"t": at, "kind": k, "family": f} for at, _, k, f in judged],
+        "spans": [[s.t, s.t_end, "near"] for s in check.stretches] + [list(s) for s in spans],
+    }
+
+
+def dropped(arm: Arm, name: str, content: bytes, degrees: bool | None) -> dict[str, Any]:
+    """The same of a file that was dropped onto a page, read as `pinsing check` reads it.
+
+    Key ``error`` alone, in words, where it cannot be.
+    """
+    with tempfile.TemporaryDirectory() as folder:
+        kind = Path(name).suffix.lower()
+        file = Path(folder) / f"path{kind if kind in _KINDS else '.csv'}"
+        file.write_bytes(content)
+        try:
+            read = read_trajectory(file, arm, degrees)
+            check = check_trajectory(arm, read.Q, read.t)
+        except PinsingError as error:
+            words = str(error).replace(str(file), name).replace("--deg", "degrees")
+            return {"error": words if name in words else f"{name}: {words}"}
+    return trajectory_data(arm, check, read.Q, read.t, name=name, notes=read.notes)
