@@ -266,6 +266,7 @@ def _found(
         gaps
         and search is not None
         and counted is None
+        and whole.on_clock > 0
         and (rank == len(arm.task.rows) and arm.n >= 6 and arm.coupling is None)
     ):
         # Share of the time that there is for counting on slices what a long chain's families miss.
