@@ -59,7 +59,7 @@ def _number(value: float, slides: bool, degrees: bool, digits: int) -> str:
     quarters = round(value / (math.pi / 2))
     if not slides and quarters and abs(value - quarters * math.pi / 2) < 1e-14 * abs(value):
         return f"{90 * quarters}" if degrees else _quarter_turns(quarters)
-    if abs(value) < 10.0**-_EXACT:
+    if abs(value) < 10.0 ** -min(digits + 3, _EXACT):
         return "0"
     return f"{math.degrees(value) if degrees and not slides else value:.{digits}g}"
 

@@ -66,6 +66,8 @@ class JsonResult:
         # Here, since a dataclass writes one of all its fields where the class itself has none.
         if "__repr__" not in cls.__dict__:
             cls.__repr__ = _one_line  # type: ignore[method-assign]
+        if "text" not in cls.__annotations__ and not hasattr(cls, "text"):
+            cls.text = cls.__str__  # type: ignore[attr-defined]
 
     if not TYPE_CHECKING:  # which would take every name for an attribute
 
@@ -82,8 +84,8 @@ class JsonResult:
             raise AttributeError(refusal)
 
     def __str__(self) -> str:
-        text: Any = getattr(type(self), "text", None)
-        if text is not None:
+        text: Any = getattr(type(self), "text", str)
+        if text is not str and text is not type(self).__str__:
             return str(text(self))
         fields: Any = dataclasses.fields(self)  # type: ignore[arg-type]
         lines = (f"{f.name}: {getattr(self, f.name)}" for f in fields)

@@ -31,6 +31,8 @@ from pinsing.cli.waiting import doing
 from pinsing.errors import OptionError
 
 if TYPE_CHECKING:
+    from pinsing._types import Array
+    from pinsing.postures.aspects import Aspects
     from pinsing.robot.arm import Arm
 
 _FOR_ASPECTS = 10.0
@@ -160,6 +162,7 @@ def check_command(
             tip_speed=tip_speed,
             progress=progress,
         )
+    other = None
     if any(c.kind == "crossing" for c in check.crossings):
         from pinsing.postures.aspects import aspects
         from pinsing.postures.motions import aspect_changes
@@ -167,6 +170,7 @@ def check_command(
         with doing("telling the aspects apart"):
             found = aspects(form, not check.outside, seconds=_FOR_ASPECTS)
         if found.proven:
+            other = _posture_of_the_end(arm, read.Q, found)
             changes = aspect_changes(form, read.Q, read.t, of=found)
             check = replace(check, aspect_changes=changes)
         else:
@@ -180,7 +184,7 @@ def check_command(
         save_figure(axes.figure, plot, bbox_inches="tight")
     if not emit_json(check, json_target):
         degrees = in_degrees(deg)
-        answer = summary(check, degrees, file.name, request.words)
+        answer = summary(check, degrees, file.name, request.words, other)
         emit_lines(f"{answer}\n\n{details(check, degrees)}")
     if view or html is not None:
         from pinsing.families.certainty import coverage_words
@@ -194,6 +198,19 @@ def check_command(
         viewer = Viewer(arm, form.families, shown=shown, coverage=said, host="127.0.0.1")
         show(viewer, html, view, no_open)
     return int(fail is not None and not check.clearance > fail)
+
+
+def _posture_of_the_end(arm: Arm, Q: Array, found: Aspects) -> Array | None:
+    """Another posture of the first pose, in the aspect that the trajectory ends in."""
+    from pinsing.kinematics.jacobian import tip_placement
+    from pinsing.postures.inverse import inverse
+
+    end = found.of(Q[-1])
+    if end is None or arm.n > 6:
+        return None
+    known = inverse(arm, tip_placement(arm, Q[0]).homogeneous, near=Q[0])
+    good = (s.q for s in known if s.regular and s.within_limits and found.of(s.q) == end)
+    return next(good, None)
 
 
 def _followed(arm: Arm, file: Path, degrees: bool, near: float) -> int:

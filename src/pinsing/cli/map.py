@@ -15,6 +15,7 @@ from pinsing.cli.options import (
     arm_options,
     deg_option,
     fail_option,
+    joint_names,
     joint_vector,
     once_option,
     output_option,
@@ -116,10 +117,9 @@ def map_command(
             chosen[name] = whole_number(text, f"--{name}")
     if worst is not None:
         chosen["worst"] = worst
+    by_joint: int | dict[str, int] | None = None
     if steps is not None:
-        chosen["steps"] = _steps(steps)
-    if map_joints is not None:
-        chosen["joints"] = tuple(s.strip() for s in map_joints.split(",") if s.strip())
+        by_joint = _steps(steps)
     pairs = [_range(text, deg) for text in ranges]
     if q is not None:
         parse_numbers(q, "--q", deg)
@@ -128,8 +128,15 @@ def map_command(
     arm = request.load()
     if q is not None:
         chosen["q"] = joint_vector(arm, q, "--q", deg)
+    if map_joints is not None:
+        chosen["joints"] = joint_names(arm, map_joints)
+    if isinstance(by_joint, dict):
+        by_joint = {joint_names(arm, name)[0]: count for name, count in by_joint.items()}
+    if by_joint is not None:
+        chosen["steps"] = by_joint
     if pairs:
-        chosen["ranges"] = {n: _in_radians(arm, n, low, high, deg) for n, low, high in pairs}
+        named = [(joint_names(arm, name)[0], low, high) for name, low, high in pairs]
+        chosen["ranges"] = {n: _in_radians(arm, n, low, high, deg) for n, low, high in named}
     from pinsing.sampling import sigma_map
     from pinsing.sampling.execute import ctrl_c_afterwards
 

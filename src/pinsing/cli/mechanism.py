@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import click
 
 from pinsing.cli.loop_file import loops_at_hand, loops_beside
-from pinsing.cli.options import parse_numbers, whole_number
+from pinsing.cli.options import in_degrees, parse_numbers, whole_number
 from pinsing.cli.output import STOPPED, emit, emit_json, emit_lines, say
 from pinsing.errors import ConfigurationError, OptionError, ResultError
 from pinsing.prose import Page
@@ -159,7 +159,7 @@ def analyze_loops(
 ) -> int:
     """``analyze --loops``: modes, ranges, singular points and loci of a mechanism."""
     from pinsing.loops import analyze_mechanism
-    from pinsing.loops.result import analysis_text
+    from pinsing.loops.result import analysis_answer, analysis_text
 
     _refuse_arm_only(options)
     mechanism = read(loops, options)
@@ -170,7 +170,9 @@ def analyze_loops(
         sliding = [
             n for n, slides in zip(mechanism.joints, mechanism.prismatic, strict=True) if slides
         ]
-        emit(analysis_text(analysis, Page.of(), deg, sliding, all_joints or None))
+        degrees = in_degrees(deg)
+        emit_lines(analysis_answer(analysis, degrees, sliding, _named(loops, options["robot"])))
+        emit("\n" + analysis_text(analysis, Page.of(), degrees, sliding, all_joints or None))
     for check in analysis.checks:
         if not check.passed:
             say(f"WARNING: {check.words}")
@@ -245,7 +247,8 @@ def families_loops(
     if found is None:
         say(f"note: no closed forms over the pose: {why_no_rods(mechanism)}")
     if not emit_json(whole, json_target):
-        answer = _loci_answer(mechanism, joints if found is None else found, options["robot"])
+        robot = _named(loops, options["robot"])
+        answer = _loci_answer(mechanism, joints if found is None else found, robot)
         emit_lines(answer)
         if verbose or exact:
             emit("\n" + forms_text(mechanism.inputs, found, Page.of(), deg, exact, joints))
@@ -263,10 +266,16 @@ def _loci_answer(mechanism: Mechanism, found: Any, robot: str) -> str:
     rows = [f"  {words}" for words in said[:5]]
     if len(said) > len(rows):
         rows.append(f"  and {len(said) - len(rows)} more")
-    name = shlex.quote(robot)
-    following = f"pinsing view {name} --loops   |   pinsing families {name} --loops -v"
     count = f"{len(said)} kind{'s' * (len(said) != 1)} of singular configurations ({word})"
-    return "\n".join([f"{mechanism.name}: {count}", "", *rows, "", f"  Next: {following}"])
+    following = [f"  Next: pinsing view {robot}", f"        pinsing families {robot} -v"]
+    return "\n".join([f"{mechanism.name}: {count}", "", *rows, *following])
+
+
+def _named(loops: Path, robot: str) -> str:
+    """The mechanism as it is typed: its loops too, where they are not found beside it."""
+    beside = loops_at_hand(robot)
+    same = beside is not None and beside.samefile(loops)
+    return shlex.join([robot, *([] if same else ["--loops", str(loops)])])
 
 
 def _tell_legs(found: Sequence[LegProof], certificate: Path | None, shown: bool) -> None:

@@ -365,6 +365,12 @@ def joint_vector(arm: Arm, text: str, what: str, degrees: bool) -> Array:
     return np.where(arm.prismatic, q, np.radians(q)) if degrees else q
 
 
+def joint_names(arm: Arm, text: str) -> tuple[str, ...]:
+    """Joints between commas, by name or place: ``q2`` is the second joint."""
+    words = [word.strip() for word in text.split(",") if word.strip()]
+    return tuple(arm.joints[arm.space.index(word)] for word in words)
+
+
 def whole_number(text: str, what: str) -> int:
     """``100000``, ``1e8``, ``2**20``."""
     base, power, exponent = text.replace("_", "").partition("**")

@@ -18,6 +18,7 @@ from pinsing.cli.options import (
     arm_options,
     deg_option,
     in_degrees,
+    joint_names,
     joint_vector,
     output_option,
     parse_numbers,
@@ -99,6 +100,7 @@ def path_command(
         t = np.concatenate([[0.0], np.cumsum(moved)])
     q0 = None if start is None else joint_vector(arm, start, "--start", deg)
     with waiting() as step_to:
+        free = free if free in ("roll", "branch") else joint_names(arm, free)[0]
         step_to("families")
         form = form_to_measure(arm)
         plan = plan_path(

@@ -16,6 +16,7 @@ from pinsing.cli.options import (
     RobotRequest,
     arm_options,
     deg_option,
+    joint_names,
     joint_vector,
     output_option,
     parse_numbers,
@@ -50,8 +51,8 @@ _STEPS = 400
     "--over",
     metavar="A,B",
     shell_complete=completion.joints,
-    help="map, locus, aspects: the two joints. curves: those that move. With --loops: map over "
-    "two of x, y, z, roll, pitch, yaw of the output.",
+    help="map, locus, aspects: the two joints, by name or q1, q2, ... curves: those that move. "
+    "With --loops: map over two of x, y, z, roll, pitch, yaw of the output.",
 )
 @click.option(
     "--fixed",
@@ -128,8 +129,8 @@ def plot_command(
     """  # noqa: D301
     for text in configurations:
         parse_numbers(text, "--q", deg)
-    joints = None if over is None else [name.strip() for name in over.split(",")]
-    if kind in ("map", "aspects") and (joints is None or len(joints) != 2):
+    given = None if over is None else [name for name in over.split(",") if name.strip()]
+    if kind in ("map", "aspects") and (given is None or len(given) != 2):
         what = "a map needs its" if kind == "map" else "aspects need their"
         raise OptionError(f"{what} two joints, such as --over q2,q3")
     if families and kind not in ("map", "locus"):
@@ -138,13 +139,14 @@ def plot_command(
         raise OptionError("modes are those of a mechanism: give its loops with --loops FILE.yaml")
     if each is not None and kind != "locus":
         raise OptionError(f"--each is for locus, not for {kind}")
-    if kind == "locus" and (len(families) != 1 or (joints is not None and len(joints) != 2)):
+    if kind == "locus" and (len(families) != 1 or (given is not None and len(given) != 2)):
         raise OptionError("a locus needs one family, such as --family F1, and two joints if any")
     if kind == "along" and len(configurations) < 2:
         raise OptionError("along needs two configurations or more: give --q twice")
     if kind != "along" and len(configurations) > 1:
         raise OptionError(f"{kind} takes one --q")
     arm = request.load()
+    joints = None if over is None else list(joint_names(arm, over))
     off_screen()
     vectors = [joint_vector(arm, text, "--q", deg) for text in configurations]
     held = dict(_fixed(arm, text, deg) for text in fixed)
@@ -274,14 +276,10 @@ def _joint_values(arm: Arm, text: str, option: str, deg: bool) -> tuple[str, lis
     """``JOINT=V1,V2`` as a name and radians or metres."""
     import math
 
-    from pinsing.errors import UnknownNameError
-
     name, equals, numbers = text.partition("=")
-    name = name.strip()
     if not equals:
         raise OptionError(f"{option} {text!r} is not of the form JOINT=VALUE")
-    if name not in arm.joints:
-        raise UnknownNameError("joint", name, arm.joints)
+    (name,) = joint_names(arm, name) or ("",)
     values = parse_numbers(numbers, option, deg)
     turns = deg and not arm.prismatic[arm.joints.index(name)]
     return name, [math.radians(v) if turns else float(v) for v in values]

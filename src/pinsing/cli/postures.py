@@ -86,7 +86,7 @@ def postures_command(
     from pinsing.postures.changes import posture_changes
 
     at = joint_vector(arm, q, "--q", deg)
-    with doing("looking for other postures and how they are reached"):
+    with doing("looking for other postures and paths to them, for a minute or so"):
         form = closed_form(arm)
         found = posture_changes(arm, at, forms=form, limits=not ignore_limits)
     if not emit_json(found, json_target):

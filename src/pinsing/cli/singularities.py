@@ -18,6 +18,7 @@ from pinsing.cli.options import (
     arm_options,
     deg_option,
     fail_option,
+    joint_names,
     joint_vector,
     json_option,
     output_option,
@@ -165,12 +166,12 @@ def _with_sweep_options(command: F, *, quiet: bool) -> F:
             chosen["levels"] = _levels(levels)
         if samples is not None:
             chosen["samples"] = samples
-        if sweep_joints is not None:
-            chosen["joints"] = tuple(s.strip() for s in sweep_joints.split(",") if s.strip())
         if nominal_q is not None:
             parse_numbers(nominal_q, "--nominal-q", deg)
         click.get_current_context().obj = request
         arm = request.load(quiet)
+        if sweep_joints is not None:
+            chosen["joints"] = joint_names(arm, sweep_joints)
         if nominal_q is not None:
             chosen["nominal"] = joint_vector(arm, nominal_q, "--nominal-q", deg)
         return command(arm, chosen, deg=deg, **rest)

@@ -322,7 +322,7 @@ _PLACE = {
 _MOST_ROWS = 5
 
 
-def answer_text(forms: ClosedForm, page: Page = PLAIN, robot: str = "ROBOT") -> str:
+def answer_text(forms: ClosedForm, page: Page = PLAIN, robot: str = "") -> str:
     """What an arm's singularities are, for whoever runs it: eight lines at most, and what to type.
 
     Parameters
@@ -334,6 +334,7 @@ def answer_text(forms: ClosedForm, page: Page = PLAIN, robot: str = "ROBOT") -> 
     robot : str
         How commands name the robot.
     """
+    robot = robot or forms.arm.typed
     count = len(forms.families)
     what = f"{count} famil{'y' if count == 1 else 'ies'} of singular configurations"
     if not count and forms.complete:
@@ -363,8 +364,9 @@ def answer_text(forms: ClosedForm, page: Page = PLAIN, robot: str = "ROBOT") -> 
     if len(rows) < count:
         lines.append(f"  and {count - len(rows)} more")
     path = f"pinsing check {robot} path.csv"
-    following = f"pinsing view {robot}   |   {path}   |   pinsing families {robot} -v"
-    return "\n".join([lines[0], "", *lines[1:], "", page.fitted(f"  Next: {following}")])
+    following = [f"  Next: pinsing view {robot}", f"        {path}"]
+    following.append(f"        pinsing families {robot} -v")
+    return "\n".join([lines[0], "", *lines[1:], *(page.fitted(line) for line in following)])
 
 
 def families_text(

@@ -291,6 +291,30 @@ class MechanismAnalysis(JsonResult):
         return analysis_text(self)
 
 
+def analysis_answer(
+    a: MechanismAnalysis,
+    degrees: bool = False,
+    sliding: Collection[str] = (),
+    robot: str = "ROBOT",
+) -> str:
+    """Return at most eight lines: how it is at home, what is nearest of each type, what to do."""
+    values = Values(degrees, frozenset(sliding))
+    singular = a.state.kind != "regular"
+    how = f"SINGULAR ({a.state.kind})" if singular else "near-singular" * a.state.near or "regular"
+    lines = [f"{a.name}: {how} at {values.named(a.inputs, a.state.inputs, 4)}"]
+    modes = [f"{len(a.assemblies)} assembly", *[f"{len(a.working)} working"] * bool(a.working)]
+    lines.append(f"  Modes found: {' and '.join(modes)}")
+    for kind, meaning in _MEANING.items():
+        here = [p for p in a.points if p.kind == kind]
+        if here:
+            p = min(here, key=lambda p: sum(abs(p.inputs - a.state.inputs)))
+            lines.append(f"  {kind} ({meaning}): at {values.named(a.inputs, p.inputs, 4)}")
+    if not a.points:
+        lines.append("  No singular points on the curves through these inputs")
+    lines += [f"  Next: pinsing families {robot}", f"        pinsing view {robot}"]
+    return "\n".join(lines).replace("\u00a0", " ")
+
+
 def analysis_text(
     a: MechanismAnalysis,
     page: Page = PLAIN,

@@ -127,7 +127,7 @@ class PostureChanges(JsonResult):
 
     @checked
     def text(self, degrees: bool = False) -> str:
-        """Lines for people.
+        """Lines for people: how many can be reached freely, then each, then what that rests on.
 
         Parameters
         ----------
@@ -139,50 +139,72 @@ class PostureChanges(JsonResult):
         >>> import pinsing
         >>> found = pinsing.posture_changes(pinsing.load("scara"), [0.1, 0.6, 0.1, 0.2])
         >>> print(found.text().splitlines()[0])
-        1 other inverse solution of this pose; this one is in aspect 2
+        scara: 1 other posture of this pose, reached only through a singularity (proven)
         """
-        here = (
-            "singular, or too near to a singularity for its aspect to be told"
-            if self.aspect is None
-            else f"in aspect {self.aspect}"
-        )
-        called = f" ({', '.join(self.names)})" if self.names else ""
-        lines = [f"{self._counted()}; this one is {here}{called}"]
-        for k, other in enumerate(self.others, 1):
-            s, way = other.solution, other.connection
-            if not s.regular:
-                said = "singular"
-            elif way is None:
-                said = "outside the limits" if not s.within_limits else "undecided"
-            elif way.answer == SAME and way.path is not None:
-                how = "without a singularity" if way.proven else "without meeting a family"
-                said = f"aspect {other.aspect}: reached {how} by {len(way.path)} waypoints"
-                said += _among(other)
-            elif other.answer == DIFFERENT:
-                apart = f"aspect {other.aspect}: " if other.aspect != self.aspect else ""
-                said = f"{apart}only by way of a singularity, proven{_among(other)}"
-            else:
-                why = way.notes[0] if way.notes and way.answer != DIFFERENT else ""
-                said = f"undecided{': ' * bool(why)}{why}{_among(other)}"
-            lines.append(f"{k:>4}  {', '.join(other.names)}{': ' * bool(other.names)}{said}")
-            lines.append(f"      {typed(s.q, self.arm.prismatic, degrees, digits=6)}")
+        listed = [o for o in self.others if o.solution.regular]
+        singular = [o for o in self.others if not o.solution.regular]
+        here = [*self.names, *[f"aspect {self.aspect}"] * (self.aspect is not None)]
+        lines = [f"{self.arm.name}: {self._answer(listed)}"]
+        if here:
+            lines.append(f"  This one: {', '.join(here)}")
+        barred = all(other.answer == DIFFERENT for other in listed)  # which is said above
+        for k, other in enumerate(listed, 1):
+            how = f"aspect {other.aspect}" if barred else self._how(other)
+            called = ", ".join([*other.names, *[how] * bool(how)])
+            lines.append(f"  {k}  {called}".rstrip())
+            lines.append(f"     {typed(other.solution.q, self.arm.prismatic, degrees, digits=6)}")
+            way = other.connection
             if way is not None and way.answer == SAME and way.path is not None:
-                for q in way.path[1:-1]:
-                    lines.append(f"        by {typed(q, self.arm.prismatic, degrees, digits=6)}")
+                inner = way.path[1:-1]
+                for q in inner if len(way.path) <= 8 else ():
+                    lines.append(f"       by {typed(q, self.arm.prismatic, degrees, digits=6)}")
+        copies = max((o.copies for o in listed if o.answer == DIFFERENT), default=1)
+        if copies > 1:
+            lines.append(f"  So are their copies whole turns away, of each {copies:,} at most")
+        if singular:
+            count = len(singular)
+            more = f"examples, {count} found" if count > 1 or self.aspect is None else "one"
+            example = typed(singular[0].solution.q, self.arm.prismatic, degrees, digits=6)
+            lines += [f"  Singular solutions too ({more}), such as", f"     {example}"]
         tail = [self.doubt] if self.doubt else []
-        return "\n".join([*lines, *(f"note: {n}" for n in (*tail, *self.notes))])
+        tail = [f"note: {n}" for n in (*tail, *self.notes)]
+        return "\n".join([*lines, *([""] if tail else []), *tail])
 
-    def _counted(self) -> str:
-        """How many others there are: of singular ones beside others only examples."""
-        regular = sum(other.solution.regular for other in self.others)
-        singular = len(self.others) - regular
-        examples = singular > 0 and (singular > 1 or self.aspect is None)
-        count = regular if examples else len(self.others)
-        more = f", and {singular} example{'s' * (singular != 1)} of singular ones"
-        return (
-            f"{count} other {'regular ' * examples}inverse solution{'s' * (count != 1)} "
-            f"of this pose{more * examples}"
-        )
+    def _answer(self, others: list[PostureChange]) -> str:
+        """How many others there are, and how many of them can be reached freely."""
+        count = len(others)
+        head = f"{count} other posture{'s' * (count != 1)} of this pose"
+        if self.aspect is None:
+            return f"{head}; this one is singular or nearly so: no change from it is judged"
+        if not count:
+            return head
+        answers = [other.answer for other in others]
+        free, barred = answers.count(SAME), answers.count(DIFFERENT)
+        if barred == count:
+            all_ = "each " * (count > 1)
+            return f"{head}, {all_}reached only through a singularity (proven)"
+        said = [f"{free} reached without a singularity"]
+        said += [f"{barred} only through one (proven)"] * bool(barred)
+        outside = sum(not o.solution.within_limits and o.connection is None for o in others)
+        said += [f"{outside} outside the limits"] * bool(outside)
+        rest = count - free - barred - outside
+        said += [f"{rest} undecided"] * bool(rest)
+        return f"{head}: {', '.join(said)}"
+
+    def _how(self, other: PostureChange) -> str:
+        """How another posture is reached."""
+        way = other.connection
+        if way is None:
+            return "" if other.solution.within_limits else "outside the limits"
+        if way.answer == SAME and way.path is not None:
+            more = " (in the JSON)" if len(way.path) > 8 else ""
+            sure = "without a singularity" if way.proven else "without meeting a family"
+            return f"reached {sure} by {len(way.path)} waypoints{more}{_among(other)}"
+        apart = f", aspect {other.aspect}" if other.aspect != self.aspect else ""
+        if other.answer == DIFFERENT:
+            return f"only through a singularity (proven){apart}"
+        why = way.notes[0] if way.notes and way.answer != DIFFERENT else ""
+        return f"undecided{': ' * bool(why)}{why}{apart}{_among(other)}"
 
 
 def _among(other: PostureChange) -> str:
@@ -190,8 +212,6 @@ def _among(other: PostureChange) -> str:
     count = other.copies
     if count < 2:
         return ""
-    if other.answer == DIFFERENT:
-        return f", for all {count:,} whole-turn copies within the limits"
     also = f", {other.copies_undecided:,} undecided" if other.copies_undecided else ""
     inside = f"{other.copies_in_aspect:,} in the aspect of the start"
     return f" ({count:,} whole-turn copies within the limits, {inside}{also})"

@@ -272,6 +272,11 @@ class Crossings(JsonResult):
     names: tuple[str, ...]
     complete: bool
 
+    def text(self) -> str:
+        """Return one line a meeting, in the order of time."""
+        lines = [f"t = {c.t:.6g}: {c.kind} {c.title or 'family'} ({c.family})" for c in self]
+        return "\n".join(lines or [f"meets none of {', '.join(self.names)}"])
+
     def __iter__(self) -> Iterator[Crossing]:
         return iter(self.events)
 

@@ -27,7 +27,11 @@ _LISTED = 8
 
 
 def summary(
-    check: TrajectoryCheck, degrees: bool = True, file: str = "", robot: str = "ROBOT"
+    check: TrajectoryCheck,
+    degrees: bool = True,
+    file: str = "",
+    robot: str = "",
+    other: Array | None = None,
 ) -> str:
     """At most six lines: what is met and when, what is near, speeds, and what to do.
 
@@ -39,9 +43,11 @@ def summary(
         Unit of speeds of revolute joints; distances from singularities are in degrees.
     file, robot : str
         How the trajectory is called, and how commands name the robot.
+    other : (n,) array, optional
+        A posture of the first pose from which the end is reached without a singularity.
     """
     evidence = [_nearest(check), _near(check, degrees), *_speeds(check, degrees)]
-    lines = [*evidence, _advice(check, robot)]
+    lines = [*evidence, _advice(check, robot or check.arm.typed, other)]
     return "\n".join(
         [f"{file or check.arm.name}: {_met(check)}", "", *(f"  {x}" for x in lines if x)]
     )
@@ -221,23 +227,25 @@ def _speeds(check: TrajectoryCheck, degrees: bool) -> list[str]:
             verb = "leaves its limits" if found is check.outside else "exceeds its limit"
             out.append(f"{what}: {e.joint} {verb} {_when(check, e.t, e.t_end)}{more}")
     if not check.timed:
-        out.append("Joint speeds: not judged, the file has no times")
+        out.append("Joint speeds: not judged without times")
     elif not out:
         out.append("Joint speeds and limits are kept")
     return out
 
 
-def _advice(check: TrajectoryCheck, robot: str) -> str:
+def _advice(check: TrajectoryCheck, robot: str, other: Array | None) -> str:
     if check.jumps:
         e = check.jumps[0]
         return f"Look at the jump of {e.joint} {_when(check, e.t)}: is it wrapped by a turn?"
     if check.crossings:
         c = check.crossings[0]
         start = c.q if check.start is None else check.start
-        other = f"the other {c.title}" if c.title in ("wrist", "elbow") else "another posture"
-        q = typed(start, check.arm.prismatic, True, digits=6)
         beyond = " --ignore-limits" if check.outside else ""
-        return f"Try {other}: pinsing postures {robot}{beyond} {q}"
+        command = f"postures {robot}{beyond}" if other is None else f"at {robot}"
+        q = typed(start if other is None else other, check.arm.prismatic, True, digits=6)
+        best = "Start in this posture, which reaches the end without a singularity"
+        what = "Try another posture" if other is None else best
+        return f"{what}: pinsing {command} {q}"
     if check.outside:
         return f"Bring {check.outside[0].joint} within its limits"
     if check.too_fast:
@@ -366,8 +374,9 @@ class TrajectoryCheck(JsonResult):
         said = f"meets {names}" if names else f"clearance {self.clearance:.3g}"
         return one_line("TrajectoryCheck", f"{self.arm.name}, {self.samples} samples: {said}")
 
-    def __str__(self) -> str:
-        return summary(self)
+    def text(self, degrees: bool = True) -> str:
+        """Return at most six lines: what is met and when, what is near, what to do."""
+        return summary(self, degrees)
 
     @property
     def clearance(self) -> float:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -456,6 +457,15 @@ class ArmSummary:
     def n(self) -> int:
         """Number of free joints."""
         return len(self.joints)
+
+    @property
+    def typed(self) -> str:
+        """The arm as commands take it; ROBOT stands for what was not loaded from a file."""
+        chosen = any(note.startswith(f"tip {self.tip} ") for note in self.notes)
+        options = [] if chosen else ["--tip", self.tip]
+        options += ["--task", self.task] if self.task != "pose" else []
+        file = "ROBOT" if self.source.startswith(("<", "pin.")) else self.source
+        return shlex.join([file, *options])
 
     @property
     def space(self) -> JointSpace:

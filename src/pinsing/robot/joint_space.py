@@ -5,6 +5,7 @@ An arm, a family of its singular configurations and a mechanism each have one.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -75,13 +76,16 @@ class JointSpace:
         return self.circles if ignore_limits else self.span
 
     def index(self, name: str) -> int:
-        """Place of the joint ``name``.
+        """Place of the joint ``name``; ``q1`` is the first joint, unless one is called so.
 
         Raises
         ------
         UnknownNameError
             If there is none.
         """
+        place = re.fullmatch(r"[qQ]([1-9]\d*)", name)
+        if name not in self.names and place and int(place[1]) <= self.n:
+            return int(place[1]) - 1
         if name not in self.names:
             raise UnknownNameError("joint", name, self.names)
         return self.names.index(name)

@@ -174,7 +174,7 @@ class Analysis(JsonResult):
 
 
 def analysis_text(
-    analysis: Analysis, page: Page = PLAIN, degrees: bool = False, robot: str = "ROBOT"
+    analysis: Analysis, page: Page = PLAIN, degrees: bool = False, robot: str = ""
 ) -> str:
     """Families first, then how they were checked, then what was assumed.
 
