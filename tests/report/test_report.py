@@ -22,6 +22,7 @@ import pinsing
 from pinsing.cli.report import report_command
 from pinsing.errors import ConfigurationError, OptionError, OutputError
 from pinsing.proof.checker import verify
+from pinsing.proximity.trajectory import summary
 from pinsing.report.arm_report import arm_report
 from pinsing.report.document import data_block, table
 from pinsing.report.write import write_report
@@ -93,12 +94,12 @@ def test_it_says_what_somebody_needs_who_was_not_there() -> None:
     titles = [words for level, words in page.headings if level == 2]
     assert titles == [
         "Summary",
-        "The robot",
-        "What was assumed",
         "Map of two joints",
         "The families",
         "Special configurations",
         "How sure this is",
+        "The robot",
+        "What was assumed",
         "How it was computed",
         "What the words mean",
         "For programs",
@@ -256,12 +257,27 @@ def test_an_arm_without_singularities(tmp_path: Path) -> None:
     assert "has no singular configuration" in Outline(file.read_text()).text
 
 
+def test_a_trajectory_is_judged_and_pictures_have_their_size(tmp_path: Path) -> None:
+    arm = pinsing.load("planar3r", task="position")
+    page = tmp_path / "arm.html"
+    write_report(arm, page, trajectory=[[0, -0.5, 0.2], [0, 0.5, -0.3]], page="none")
+    outline = Outline(page.read_text())
+    check = pinsing.check_trajectory(arm, [[0, -0.5, 0.2], [0, 0.5, -0.3]])
+    assert ("The trajectory" in [w for _, w in outline.headings]) is True
+    verdict = summary(check, file="path", robot="ROBOT").splitlines()[0]
+    assert " ".join(verdict.split()) in outline.text
+    pictures = outline.all("img")
+    assert len(pictures) == len({one["src"] for one in pictures}) > 3  # none twice
+    # On paper 180 mm wide letters keep their nine points.
+    assert all(100 < int(one["width"] or 0) <= 7.1 * 96 for one in pictures)
+
+
 def test_one_without_a_complete_answer_says_so() -> None:
     arm = textbook("surgical7")
     form = pinsing.closed_form(arm, seconds=1e-3)
     assert not form.complete
     words = Outline(arm_report(arm, form, {}, False, None, True)[0]).text
-    assert "The list is not complete" in words
+    assert "NOT complete" in words.split("Map of two joints")[1]  # on page one, after the contents
     assert form.gaps[0].split("(")[0][:40] in words
 
 

@@ -11,7 +11,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
-from click.core import ParameterSource
 
 from pinsing.cli.figure import off_screen, save_figure
 from pinsing.cli.grouped import command
@@ -22,6 +21,7 @@ from pinsing.cli.options import (
     follow_option,
     in_degrees,
     output_option,
+    told_degrees,
 )
 from pinsing.cli.output import emit_json, emit_lines, say
 from pinsing.cli.running import run_progress
@@ -142,8 +142,7 @@ def check_command(
     from pinsing.proximity.trajectory import check_trajectory, details, summary
     from pinsing.proximity.trajectory_file import read_trajectory
 
-    typed = click.get_current_context().get_parameter_source("deg")
-    told = deg if typed is ParameterSource.COMMANDLINE else None
+    told = told_degrees(deg)
     degrees = told if units is None else units == "deg"
     names = [] if columns is None else [word.strip() for word in columns.split(",")]
     read = read_trajectory(file, arm, degrees, names)

@@ -385,3 +385,9 @@ def whole_number(text: str, what: str) -> int:
         return int(value)
     except (ValueError, OverflowError):
         raise OptionError(f"{what} {text!r} is not a whole number such as 1e8 or 2**20") from None
+
+
+def told_degrees(deg: bool) -> bool | None:
+    """Return what --deg or --rad says of a file; None where neither was typed."""
+    typed = click.get_current_context().get_parameter_source("deg")
+    return deg if typed is ParameterSource.COMMANDLINE else None

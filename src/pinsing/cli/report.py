@@ -20,6 +20,7 @@ from pinsing.cli.options import (
     joint_vector,
     output_option,
     parse_numbers,
+    told_degrees,
 )
 from pinsing.cli.output import emit, say
 from pinsing.cli.singularities import algebra_options, prove_option
@@ -92,6 +93,12 @@ def out_options(command: F) -> F:
     shell_complete=completion.files,
     help="Judge this configuration too; repeatable.",
 )
+@click.option(
+    "--trajectory",
+    type=click.Path(exists=True, dir_okay=False, path_type=Path),
+    metavar="FILE",
+    help="Judge this trajectory too: what `pinsing check` reads.",
+)
 @prove_option
 @algebra_options
 @deg_option
@@ -102,16 +109,18 @@ def report_command(
     page: str,
     skeleton: bool,
     poses: tuple[str, ...],
+    trajectory: Path | None,
     prove: Prove,
     algebra: dict[str, Any],
     deg: bool,
 ) -> None:
     """Write a report of ROBOT's singular configurations: one HTML file to send on.
 
-    It holds a summary, the joints and what was assumed, each family with its equation, in words
-    and in a picture, maps, verdicts at zero, mid-range and named configurations, how sure it is
-    that nothing is missing with the certificate, the interactive model, and all of it as JSON. It
-    needs no network. -o FILE.pdf prints it, by Chromium.
+    It holds a page for whoever decides, what a trajectory meets (--trajectory), maps, each family
+    with its equation, in words and in a picture, verdicts at zero, mid-range and named
+    configurations, how sure it is that nothing is missing with the certificate, the joints, what
+    was assumed, the interactive model, and all of it as JSON. It needs no network. -o FILE.pdf
+    prints it, by Chromium.
 
     Example: pinsing report ur5 -o report.html --skeleton
     """
@@ -121,9 +130,17 @@ def report_command(
     arm = request.load()
     given = {f"given {k}": joint_vector(arm, text, "--q", deg) for k, text in enumerate(poses, 1)}
     from pinsing.families import closed_form
+    from pinsing.proximity.trajectory import check_trajectory
+    from pinsing.proximity.trajectory_file import read_trajectory
+    from pinsing.report.info import Trajectory
 
+    way = None if trajectory is None else read_trajectory(trajectory, arm, told_degrees(deg))
     forms = closed_form(arm, **algebra, prove=prove)
-    _write(arm, html, pdf, page, skeleton, given, forms)
+    judged = None
+    if way is not None and trajectory is not None:
+        check = check_trajectory(arm, way.Q, way.t, forms=forms)
+        judged = Trajectory(check, way.Q, way.t, trajectory.name, request.words, way.notes)
+    _write(arm, html, pdf, page, skeleton, given, forms, judged)
     from pinsing.families.form import answer_text
 
     emit(answer_text(forms, Page.of(), request.words))
@@ -144,13 +161,23 @@ def _write(
     skeleton: bool,
     poses: dict[str, Array],
     forms: Any,
+    trajectory: Any = None,
 ) -> None:
     from pinsing.report.write import write_report
 
     off_screen()
     where = "none" if html is None else page  # nothing is interactive on paper
     say("computing families, pictures and the model" if where != "none" else "computing")
-    write_report(robot, html, forms=forms, poses=poses, page=where, skeleton=skeleton, pdf=pdf)  # type: ignore[arg-type]
+    write_report(
+        robot,
+        html,
+        forms=forms,
+        poses=poses,
+        trajectory=trajectory,
+        page=where,  # type: ignore[arg-type]
+        skeleton=skeleton,
+        pdf=pdf,
+    )
     if where == "beside" and html is not None:
         say(f"wrote {html.with_name(f'{html.stem}-model.html')}")
     for written in (html, pdf):

@@ -314,7 +314,7 @@ def system_of(
     return system_text(head, form.families, form.geometry, language, families)
 
 
-_PLACE = {
+PLACE = {
     "interior": "inside the workspace",
     "boundary": "edge of reach in this posture",
     "varies": "edge and inside",
@@ -350,7 +350,7 @@ def answer_text(forms: ClosedForm, page: Page = PLAIN, robot: str = "") -> str:
         lines.append(page.paragraph(said, first="  "))
     shown = sorted(forms.families, key=lambda f: ORDER.index(f.title))
     rows = [
-        [f.title, f.name, f.where(), _PLACE.get(f.kind, "")]
+        [f.title, f.name, f.where(), PLACE.get(f.kind, "")]
         if f.is_reachable is not False
         else [f.title, f.name, f.where(), "outside the joint limits"]
         for f in shown[: _MOST_ROWS + (count == _MOST_ROWS + 1)]

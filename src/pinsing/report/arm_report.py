@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
+from typing import Any
 
 import numpy as np
 
@@ -13,10 +14,15 @@ from pinsing._version import __version__
 from pinsing.algebra.equation_text import latex_symbol
 from pinsing.configuration.at import SINGULAR, State
 from pinsing.families import ClosedForm, Family
+from pinsing.families.certainty import coverage_words
 from pinsing.families.describe import missing_everywhere
+from pinsing.families.form import PLACE
+from pinsing.families.naming import ORDER
 from pinsing.joint_text import typed
 from pinsing.measures import Reachability
 from pinsing.proof.produce import text_of
+from pinsing.proximity.trajectory import details
+from pinsing.proximity.trajectory import summary as said_of
 from pinsing.report.document import (
     Section,
     badge,
@@ -32,15 +38,17 @@ from pinsing.report.document import (
     model,
     name,
     paragraph,
-    pose_picture,
+    png,
+    pose_pictures,
     quiet_backend,
     section,
     table,
     terms,
     text,
+    workspace_picture,
 )
 from pinsing.report.document import math as formula
-from pinsing.report.info import Content, Made, gather
+from pinsing.report.info import Content, Made, Trajectory, gather
 from pinsing.robot.arm import Arm, ArmSummary
 
 _TONE = {"singular": "alarm", "near-singular": "caution", "regular": "good"}
@@ -61,20 +69,11 @@ def counted(number: int, one: str, many: str) -> str:
 
 
 def summary(c: Content) -> Section:
-    """What somebody who reads nothing else should know."""
+    """Page one: the robot, the verdict, what to avoid, and where that is."""
     arm, forms = c.info.arm, c.forms
-    families = forms.families
-    inside = [f for f in families if f.is_reachable]
-    families_said = counted(len(families), "family", "families")
-    if families:
-        reached = {0: "none of them known to be", len(families): "all of them"}.get(
-            len(inside), f"{counted(len(inside), 'of them', 'of them')}"
-        )
-        found = f"has {families_said} of singular configurations, {reached} within the joint limits"
-    elif forms.complete:
-        found = "has no singular configuration"
-    else:
-        found = "has no singular configuration that is known"
+    families = sorted(forms.families, key=lambda f: ORDER.index(f.title))
+    count = counted(len(families), "family", "families")
+    none = "no singular configuration" + ("" if forms.complete else " that is known")
     lead = paragraph(
         name(arm.name),
         text(f"has {counted(arm.n, 'joint', 'joints')} between"),
@@ -82,44 +81,78 @@ def summary(c: Content) -> Section:
         text("and"),
         name(arm.tip) + text(". For the task"),
         name(arm.task),
-        text(f"it {found}."),
+        text(f"it has {f'{count} of singular configurations' if families else none}."),
         kind="lead",
     )
-    sure = {
-        "proven": "That nothing is missing is proven: a certificate is attached.",
-        "probable": "Nothing is known to be missing, but there is no certificate of that.",
-    }.get(forms.word, "The list is not complete; what is missing is said below.")
-    said = badge(forms.word, {"proven": "good", "not complete": "caution"}.get(forms.word, ""))
     meaning = (
-        "At a singular configuration the tool cannot move in every direction in which it can move "
-        "elsewhere, whatever the joints do. Near one, joints must turn very fast for a slow motion "
-        "of the tool."
+        "At a singular configuration the tool cannot move in every direction, whatever the joints "
+        "do. Near one, joints turn very fast for a slow motion of the tool."
     )
     rows = [
         (
-            f'<a href="#{f.name}">{text(f.label)}</a>',
-            text(f.text) if f.solved or f.abridged else formula(f.latex),
-            text(_kind(f)),
-            badge(f.reach, _REACHED[f.reachability]),
+            f'<a href="#{f.name}">{text(f.title or f.name)}</a>',
+            text(f.where()),
+            text(PLACE.get(f.kind, _kind(f))),
+            badge(f.reachability.words, _REACHED[f.reachability]),
         )
         for f in families
     ]
-    listed = (
-        table("The families", ("", "singular where", "kind", "reachable"), rows) if rows else ""
-    )
+    header = ("", "avoid", "where it lies", "reachable")
     at_once = [
         f"{text('At')} {name(s.name)} {text('the arm is')} {status_badge(s.state)}."
         for s in c.special
+        if not s.name.startswith("clearest")
     ]
+    if c.clearest is not None:
+        at_once.append(
+            f"{text('Farthest from all of them that was found:')} "
+            f"{name(c.clearest.text(degrees=True).splitlines()[0])}."
+        )
+    picture = figure(
+        workspace_picture(c.arm),
+        "Three slices of the workspace, coloured by the smallest singular value.",
+        text(
+            "The workspace in three slices (metres; square: base). Bright: the tool moves well in "
+            "the best of the postures drawn at random there. Dark: even that one is near a "
+            "singular configuration. Blank: none came there."
+        ),
+    )
     return section(
         "summary",
         "Summary",
         lead,
-        paragraph(said, text(sure)),
+        paragraph(word_badge(c), text(coverage_words(forms))),
         paragraph(text(meaning)),
-        listed,
-        legend(c),
+        table("The families", header, rows) if rows else "",
         bullets(at_once),
+        picture,
+    )
+
+
+def word_badge(c: Content) -> str:
+    """How sure it is that no family is missing, coloured."""
+    word = c.forms.word
+    return badge(word, {"proven": "good", "not complete": "caution"}.get(word, ""))
+
+
+def trajectory(c: Content, way: Trajectory) -> Section:
+    """What a trajectory meets: the first lines of `pinsing check`, then the rest of them."""
+    verdict, *lines = said_of(way.check, True, way.name, way.robot).splitlines()
+    from pinsing.plot.curves import clearance_along
+
+    drawn: Any = clearance_along(c.forms, way.Q, way.t)
+    return section(
+        "trajectory",
+        "The trajectory",
+        paragraph(f"<strong>{text(verdict)}</strong>", kind="lead"),
+        bullets(text(line.strip()) for line in lines if line.strip()),
+        figure(
+            png(drawn.figure),
+            "Clearance over time, one line a family.",
+            text("Proven clearance of each family along the trajectory."),
+        ),
+        f"<pre>{text(details(way.check))}</pre>",
+        bullets(text(note) for note in way.notes),
     )
 
 
@@ -168,6 +201,7 @@ def robot(c: Content) -> Section:
         "The robot",
         terms(pairs),
         table("Joints, base to tip, with their limits", header, rows, (3, 4)),
+        legend(c),
     )
 
 
@@ -201,21 +235,25 @@ def maps(c: Content) -> Section:
         a, b = (c.forms.symbols[j] for j in pair)
         alt = (
             f"Map of the smallest singular value over {a} and {b}, the other joints held at the "
-            "values in its title; lines mark where families of singular configurations cross it."
+            "values below it; lines mark where families of singular configurations cross it."
         )
+        picture, held = map_picture(c.arm, c.forms.families, pair)
         joints = f"{formula(latex_symbol(a))} {text('and')} {formula(latex_symbol(b))}"
         caption = (
-            f"{text('Smallest singular value over')} {joints}{text('; the other joints rest at')} "
-            f"{text('the values above the map. Dark is near-singular; lines are the families.')}"
+            f"{text('Smallest singular value over')} {joints}{text(f' ({held}).')} "
+            f"{text('Dark is near-singular; lines are the families.')}"
         )
-        pictures.append(figure(map_picture(c.arm, c.forms.families, pair), alt, caption, "map"))
+        pictures.append(figure(picture, alt, caption))
     if not pictures:
         pictures = [
             paragraph(text("No family shows on a map over two joints with the others held."))
         ]
-    if len(pictures) > 1:
-        pictures = ['<div class="maps">', *pictures, "</div>"]
-    return section("map", "Map of two joints", *pictures)
+    return section("map", "Map of two joints", side_by_side(pictures))
+
+
+def side_by_side(pictures: Iterable[str]) -> str:
+    """Pictures in a row, as many as there is room for."""
+    return f'<div class="maps">{"".join(pictures)}</div>'
 
 
 def families(c: Content) -> Section:
@@ -265,16 +303,17 @@ def _family(
     yield f"<pre>{text(q)}</pre>"
     if drawn:
         alt = (
-            f"The arm at that configuration, drawn as lines between its joints, with the velocity "
-            f"ellipsoids at its tip. "
+            f"The arm at that configuration, drawn as lines between its joints, with a velocity "
+            f"ellipsoid at its tip. "
             f"{sentence('; '.join(m.words for m in state.lost) or 'nothing is lost')}"
         )
-        caption = text(
-            "The arm there, and how fast its tip moves at unit joint speed: an ellipsoid is flat "
-            "where a motion is lost (dashed). Thin lines are the joint axes that depend on each "
-            "other."
+        captions = (
+            "The arm there, and how fast its tip moves at unit joint speed: the ellipsoid is flat "
+            "where a motion is lost (dashed).",
+            "The same for rotations. Thin lines: the joint axes that depend on each other.",
         )
-        yield figure(pose_picture(shown, state), alt, caption)
+        pairs = zip(pose_pictures(shown, state), captions, strict=True)
+        yield side_by_side(figure(picture, alt, text(words)) for picture, words in pairs)
 
 
 def _there(family: Family, pose: tuple[Arm, State] | None) -> tuple[str, tuple[str, ...]]:
@@ -450,8 +489,9 @@ def values(q: Array, arm: ArmSummary) -> str:
 def proof(c: Content, certificate: str | None) -> Section:
     """How sure it is that no family is missing."""
     forms = c.forms
-    said = badge(forms.word, {"proven": "good", "not complete": "caution"}.get(forms.word, ""))
-    parts = []
+    said, parts = word_badge(c), []
+    if forms.deviation is not None:
+        parts.append(paragraph(text(coverage_words(forms))))
     if forms.proof is not None and forms.proof.accepted and certificate is not None:
         parts.append(
             paragraph(
@@ -515,6 +555,7 @@ def arm_report(
     page: bool,
     beside: str | None,
     skeleton: bool,
+    way: Trajectory | None = None,
 ) -> tuple[str, str | None]:
     """The report of an arm, and the interactive page that belongs beside it.
 
@@ -532,21 +573,24 @@ def arm_report(
         The name of the file that it stands in, if beside.
     skeleton : bool
         The page without meshes.
+    way : Trajectory, optional
+        A trajectory to judge.
     """
     quiet_backend()
     started = time.monotonic()
     content = gather(arm, forms, poses)
-    shown = _page(content, skeleton) if page or beside is not None else None
+    shown = _page(content, skeleton, way) if page or beside is not None else None
     certificate = content.forms.certificate
     written = None if certificate is None else text_of(certificate) + "\n"
     sections = [
         summary(content),
-        robot(content),
-        assumed(content),
+        None if way is None else trajectory(content, way),
         maps(content),
         families(content),
         special(content),
         proof(content, written),
+        robot(content),
+        assumed(content),
         model(shown if page else None, beside),
     ]
     made = Made.since(started)
@@ -567,14 +611,23 @@ def arm_report(
     return html, shown
 
 
-def _page(content: Content, skeleton: bool) -> str:
-    from pinsing.families.certainty import coverage_words
+def _page(content: Content, skeleton: bool, way: Trajectory | None) -> str:
+    from pinsing.view.trajectory import trajectory_data
     from pinsing.view.viewer import Viewer
 
-    forms, clearest = content.forms, content.clearest
-    said = coverage_words(forms)
+    arm, forms = content.arm, content.forms
+    shown = None
+    if way is not None:
+        shown = trajectory_data(
+            arm, way.check, way.Q, way.t, name=way.name, robot=way.robot, notes=way.notes
+        )
     with Viewer(
-        content.arm, forms.families, skeleton=skeleton, coverage=said, clearest=clearest
+        arm,
+        forms.families,
+        skeleton=skeleton,
+        coverage=coverage_words(forms),
+        clearest=content.clearest,
+        shown=shown,
     ) as viewer:
         return viewer.html()
 

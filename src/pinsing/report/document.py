@@ -13,6 +13,8 @@ from itertools import combinations
 from math import degrees, isfinite
 from typing import Any
 
+import numpy as np
+
 from pinsing.families import Branch, Family
 from pinsing.mathml import mathml
 from pinsing.prose import visible
@@ -20,11 +22,17 @@ from pinsing.report.info import Made
 from pinsing.robot.arm import Arm
 
 STYLE = """
-:root { color-scheme: light; --ink: #1b2430; --soft: #4a5563; --line: #d5dae1; --ground: #f5f7f9;
-  --link: #0b5394; }
+:root { color-scheme: light dark; --ink: #1b2430; --soft: #4a5563; --line: #d5dae1;
+  --ground: #f5f7f9; --link: #0b5394; --paper: #fff; --alarm: #b00020; --caution: #8a5a00;
+  --good: #1b6e3c; --other: #4a5563; }
+@media screen and (prefers-color-scheme: dark) {
+  :root { --ink: #e6eaf0; --soft: #a9b3c0; --line: #3a434f; --ground: #1d232b; --link: #7db8f0;
+    --paper: #14181d; --alarm: #c62840; --caution: #936208; --good: #217a45; }
+  figure img { background: #fff; border-radius: .4rem; filter: brightness(.88); }
+}
 * { box-sizing: border-box; }
 html { font: 16px/1.5 system-ui, "Segoe UI", "Helvetica Neue", Arial, sans-serif; color: var(--ink);
-  background: #fff; -webkit-text-size-adjust: 100%; }
+  background: var(--paper); -webkit-text-size-adjust: 100%; }
 body { margin: 0 auto; max-width: 62rem; padding: 1.5rem 1.2rem 4rem; overflow-wrap: anywhere; }
 h1 { font-size: 1.9rem; line-height: 1.2; margin: 0 0 .3rem; }
 h2 { font-size: 1.35rem; margin: 2.6rem 0 .6rem; padding-bottom: .2rem;
@@ -37,11 +45,11 @@ a { color: var(--link); }
 a:focus-visible, .wide:focus-visible, summary:focus-visible { outline: 3px solid #0b5394;
   outline-offset: 2px; }
 .skip { position: absolute; left: -100rem; }
-.skip:focus { left: 1rem; background: #fff; padding: .5rem; }
+.skip:focus { left: 1rem; background: var(--paper); padding: .5rem; }
 nav { background: var(--ground); border: 1px solid var(--line); border-radius: .4rem;
   padding: .6rem 1rem; margin: 1.2rem 0; }
 nav ol { columns: 2; margin: .2rem 0; padding-left: 1.3rem; }
-code { font: .93em ui-monospace, "DejaVu Sans Mono", Consolas, monospace; }
+code { font: .95em ui-monospace, "DejaVu Sans Mono", Consolas, monospace; }
 pre { background: var(--ground); border: 1px solid var(--line); border-radius: .3rem;
   padding: .5rem .7rem; margin: .5rem 0; white-space: pre-wrap; font-size: .9rem; }
 .equation { background: var(--ground); border-left: 4px solid #7a8796; padding: .6rem .9rem;
@@ -57,16 +65,16 @@ th, td { text-align: left; vertical-align: top; padding: .3rem .7rem .3rem 0;
 thead th { color: var(--soft); font-weight: 600; }
 tbody th { font-weight: 600; }
 .n { text-align: right; font-variant-numeric: tabular-nums; }
-.badge { border-radius: .3rem; padding: .05rem .45rem; color: #fff; background: #4a5563;
-  white-space: nowrap; }
-.badge.alarm { background: #b00020; }
-.badge.caution { background: #8a5a00; }
-.badge.good { background: #1b6e3c; }
+.badge { border-radius: .3rem; padding: .05rem .45rem; color: #fff; background: var(--other);
+  box-decoration-break: clone; -webkit-box-decoration-break: clone; }
+.badge.alarm { background: var(--alarm); }
+.badge.caution { background: var(--caution); }
+.badge.good { background: var(--good); }
 figure { margin: 1rem 0; }
 figure img { max-width: 100%; height: auto; display: block; }
-figure.map { max-width: 34rem; }
-.maps { display: grid; grid-template-columns: 1fr 1fr; gap: 0 1.2rem; }
-figcaption { color: var(--soft); font-size: .92rem; }
+.maps { display: flex; flex-wrap: wrap; gap: 0 1rem; align-items: flex-start; }
+.maps figure { flex: 0 1 21rem; min-width: 0; }
+figcaption { color: var(--soft); font-size: .95rem; }
 dl { margin: .6rem 0; }
 dl > div { display: grid; grid-template-columns: 11rem 1fr; gap: .8rem; padding: .2rem 0;
   border-bottom: 1px solid var(--line); }
@@ -80,11 +88,12 @@ summary { cursor: pointer; font-weight: 600; padding: .4rem 0; }
 footer { margin-top: 3rem; color: var(--soft); font-size: .9rem; }
 @media (max-width: 40rem) {
   nav ol { columns: 1; }
-  dl > div, .maps { grid-template-columns: 1fr; gap: 0; }
+  dl > div { grid-template-columns: 1fr; gap: 0; }
+  /* At its own size, to be read; what is wider scrolls. */
+  figure { overflow-x: auto; } figure img { max-width: none; }
   iframe { height: 90vh; }
-  .badge { white-space: normal; }
   .wide table { font-size: .85rem; }
-  .wide th, .wide td { overflow-wrap: anywhere; padding-right: .4rem; }
+  .wide th, .wide td { padding-right: .4rem; } .wide td { overflow-wrap: anywhere; }
 }
 @page { size: A4; margin: 16mm 15mm 18mm; }
 @media print {
@@ -94,13 +103,14 @@ footer { margin-top: 3rem; color: var(--soft); font-size: .9rem; }
   h2, h3, caption { break-after: avoid; }
   figure, .equation, tr, dl > div, pre, .wide.short { break-inside: avoid; }
   p:has(+ pre) { break-after: avoid; }
+  h2 { margin-top: 1.6rem; }
   .paper { display: block; }
   .wide, .equation .math { overflow: visible; }
   .badge { color: #000; background: none; border: 1px solid #000; }
   .badge.alarm, .badge.caution, .badge.good { background: none; }
-  .equation { break-after: avoid; }
-  figure { break-before: avoid; }
-  figure img { max-height: 85mm; }
+  figure { margin: .5rem 0; }
+  .maps { display: block; break-inside: avoid; break-before: avoid; }
+  .maps figure { display: inline-block; width: 49%; vertical-align: top; }
   /* Its one line is not a page of its own. */
   footer { margin-top: 1rem; break-before: avoid; }
   a { color: inherit; }
@@ -173,11 +183,13 @@ def table(
     )
 
 
-def figure(png: bytes, alt: str, caption: str, kind: str = "") -> str:
-    """A picture; ``alt`` is plain words, ``caption`` HTML."""
+def figure(png: bytes, alt: str, caption: str) -> str:
+    """A picture at its own size; ``alt`` is plain words, ``caption`` HTML."""
     data = base64.b64encode(png).decode("ascii")
+    # The head of a PNG file has its width; letters have their points on paper then.
+    width = round(int.from_bytes(png[16:20], "big") * 96 / _DPI)
     return (
-        f'<figure{_class(kind)}><img alt="{text(alt)}" src="data:image/png;base64,{data}">'
+        f'<figure><img width="{width}" alt="{text(alt)}" src="data:image/png;base64,{data}">'
         f"<figcaption>{caption}</figcaption></figure>"
     )
 
@@ -352,13 +364,23 @@ def limit_text(limit: float, slides: bool) -> str:
     return f"{limit:.6g} m" if slides else f"{degrees(limit) + 0.0:.6g}°"
 
 
-def png(figure: Any, dpi: int = 130) -> bytes:
+_DPI = 150
+_LETTERS = 9.0  # points at least
+_WIDE, _TALL = 7.0, 5.0  # inches at most: the width of a page, and half of its height
+
+
+def png(figure: Any) -> bytes:
     """A figure as PNG of few colours, which takes a third of the room; the figure is closed."""
     from matplotlib import pyplot as plt
+    from matplotlib.text import Text
     from PIL import Image
 
+    wide, tall = figure.get_size_inches()
+    figure.set_size_inches(*(min(1.0, _WIDE / wide, _TALL / tall) * np.array([wide, tall])))
+    for letters in figure.findobj(Text):
+        letters.set_fontsize(max(letters.get_fontsize(), _LETTERS))
     drawn = io.BytesIO()
-    figure.savefig(drawn, format="png", dpi=dpi, bbox_inches="tight", pad_inches=0.05)
+    figure.savefig(drawn, format="png", dpi=_DPI, bbox_inches="tight", pad_inches=0.05)
     plt.close(figure)
     image = Image.open(drawn).convert("RGB")
     out = io.BytesIO()
@@ -415,17 +437,44 @@ def _shows(branch: Branch, pair: tuple[int, int]) -> bool:
     )
 
 
-def pose_picture(arm: Arm, state: Any) -> bytes:
-    """The arm at a configuration, with its velocity ellipsoids and what is lost."""
-    from pinsing.plot.ellipsoids import ellipsoids
+def pose_pictures(arm: Arm, state: Any) -> list[bytes]:
+    """The arm at a configuration with what is lost, once with each of its velocity ellipsoids."""
+    from pinsing.plot.ellipsoids import KINDS, ellipsoids
 
-    return png(ellipsoids(state, arm=arm).figure)
+    out = []
+    for kind in KINDS:
+        ax = ellipsoids(state, kind=kind, arm=arm)
+        ax.get_legend().remove()  # its words stand beside
+        ax.figure.suptitle("")
+        ax.figure.set_size_inches(3.4, 3.0)
+        ax.locator_params(nbins=4)
+        for axis in (ax.xaxis, ax.yaxis, ax.zaxis):
+            axis.labelpad = 2
+        out.append(png(ax.figure))
+    return out
 
 
-def map_picture(arm: Arm, families: Sequence[Family], pair: tuple[int, int]) -> bytes:
-    """sigma_min over two joints, in degrees, with the loci."""
+def workspace_picture(arm: Arm) -> bytes:
+    """Slices of the workspace, by how well the tool moves there."""
+    from matplotlib import pyplot as plt
+
+    from pinsing.plot.plane import workspace
+
+    drawn = plt.figure(figsize=(7.0, 2.7), layout="constrained")
+    axes = drawn.subplots(1, 3)
+    workspace(arm, axes)
+    drawn.suptitle("")  # the caption says it
+    for ax in axes:
+        ax.locator_params(nbins=4)
+    return png(drawn)
+
+
+def map_picture(arm: Arm, families: Sequence[Family], pair: tuple[int, int]) -> tuple[bytes, str]:
+    """sigma_min over two joints, in degrees, with the loci; and the values of the others."""
     from pinsing.plot.plane import sigma_plane
 
     a, b = (arm.joints[j] for j in pair)
     axes = sigma_plane(arm, a, b, families=families, degrees=True, samples=121)
-    return png(axes.figure, 150)
+    held = re.sub(r"[${}_\\]", "", axes.get_title()).partition(", ")[2]  # without the name
+    axes.set_title("")
+    return png(axes.figure), held

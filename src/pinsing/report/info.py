@@ -28,6 +28,7 @@ from pinsing.kinematics.verdict import SINGULAR_RTOL, ratios
 from pinsing.prose import PLAIN, Page, Table
 from pinsing.proximity.clearance import Clearance, clearance
 from pinsing.proximity.suggestion import Suggestion, suggest
+from pinsing.proximity.trajectory import TrajectoryCheck
 from pinsing.robot.arm import Arm, ArmSummary, summarize
 from pinsing.robot.exact_placements import Snap
 from pinsing.robot.nominal import nominal
@@ -336,6 +337,32 @@ class Content:
     poses: tuple[tuple[Arm, State] | None, ...]
     special: tuple[Special, ...]
     clearest: Suggestion | None
+
+
+@dataclass(frozen=True, eq=False)
+class Trajectory:
+    """A trajectory that a report judges.
+
+    Attributes
+    ----------
+    check : TrajectoryCheck
+        What it meets.
+    Q : (N, n) array
+        Its samples, radians and metres.
+    t : (N,) array or None
+        Their times.
+    name, robot : str
+        How it is called, and how commands name the robot.
+    notes : tuple of str
+        How its file was read.
+    """
+
+    check: TrajectoryCheck
+    Q: Array
+    t: Array | None
+    name: str = "path"
+    robot: str = "ROBOT"
+    notes: tuple[str, ...] = ()
 
 
 def gather(

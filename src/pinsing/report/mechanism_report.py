@@ -84,6 +84,8 @@ def modes(mechanism: Mechanism, a: MechanismAnalysis) -> Section:
     direct = found("direct", a.assemblies, a.direct)
     inverse = found("inverse", a.working, a.inverse) if a.inverse else None
     drawn = mode_sheet(mechanism, a.state.inputs, True, direct, inverse)
+    for ax in drawn.axes:
+        ax.set_title(ax.get_title().replace(", elbows", "\nelbows"), fontsize=8)
     alt = (
         "The mechanism drawn in each of its modes: those at the inputs of home, and those at the "
         "pose of home."
@@ -92,7 +94,7 @@ def modes(mechanism: Mechanism, a: MechanismAnalysis) -> Section:
     if a.inverse:
         words.append(text(f"For the pose of home: {a.inverse}."))
     caption = text("The modes side by side; driven links are blue, the output is red.")
-    return section("modes", "The modes", paragraph(*words), figure(png(drawn, 110), alt, caption))
+    return section("modes", "The modes", paragraph(*words), figure(png(drawn), alt, caption))
 
 
 def aspects(mechanism: Mechanism, a: MechanismAnalysis) -> Section | None:
@@ -118,7 +120,7 @@ def aspects(mechanism: Mechanism, a: MechanismAnalysis) -> Section | None:
     )
     drawn = pose_maps(mechanism, over)
     return section(
-        "aspects", "The workspace by mode", figure(png(drawn, 110), f"Maps. {words}", text(words))
+        "aspects", "The workspace by mode", figure(png(drawn), f"Maps. {words}", text(words))
     )
 
 
@@ -200,7 +202,7 @@ def _picture(mechanism: Mechanism, q: Array, kind: str) -> str:
 
     from pinsing.plot.mechanism import draw_linkage
 
-    drawn, ax = plt.subplots(figsize=(4.6, 4.0))
+    drawn, ax = plt.subplots(figsize=(3.4, 3.0))
     draw_linkage(mechanism, q, ax)
     ax.set_xlabel("x [m]", fontsize=8)
     ax.set_ylabel("y [m]", fontsize=8)
@@ -256,6 +258,7 @@ def summary(mechanism: Mechanism, a: MechanismAnalysis) -> Section:
         "summary",
         "Summary",
         lead,
+        certainty(a),
         paragraph(text(said)),
         bullets(f"<b>{text(kind)}.</b> {text(TYPES[kind])}" for kind in kinds),
         paragraph(text("At home the mechanism is"), home + "."),
@@ -346,11 +349,11 @@ def maps(mechanism: Mechanism) -> Section | None:
 
     from pinsing.plot.mechanism import input_map, map_legend
 
-    drawn, axes = plt.subplots(1, 2, figsize=(9, 5.2))
+    drawn, axes = plt.subplots(1, 2, figsize=(7.0, 3.3), layout="constrained")
     for ax, sign in zip(axes, "+-", strict=True):
         input_map(mechanism, sign, ax, samples=361)
-        map_legend(ax, mechanism)
-    drawn.tight_layout()
+    map_legend(axes[0], mechanism)
+    axes[0].get_legend().set_bbox_to_anchor((1.2, -0.22), axes[0].transAxes)
     alt = (
         f"Two maps over {mechanism.inputs[0]} and {mechanism.inputs[1]}, one for each assembly "
         "mode: where the loops close, and the curves of type 1 and type 2 singularities."
@@ -408,8 +411,8 @@ def verdicts(mechanism: Mechanism, special: Sequence[SpecialInputs]) -> Section:
     return section("special", "Special configurations", table("Verdicts", header, rows))
 
 
-def sure(a: MechanismAnalysis) -> Section:
-    """What is exact and what is numeric."""
+def certainty(a: MechanismAnalysis) -> str:
+    """How sure it is that nothing is missing."""
     whole = [
         words
         for forms, words in (
@@ -419,18 +422,22 @@ def sure(a: MechanismAnalysis) -> Section:
         if forms is not None and forms.complete
     ]  # fmt: skip
     if whole:
-        said = paragraph(
+        return paragraph(
             badge("complete", "good"),
             text(f"The loci {' and '.join(whole)} hold every singular configuration: each step is "
                  "exact. No certificate exists for mechanisms."),
         )  # fmt: skip
-    elif a.forms is None and a.pose_forms is None:
-        said = paragraph(
+    if a.forms is None and a.pose_forms is None:
+        return paragraph(
             badge("numeric"),
             text("The list holds what lies on the curves that were followed, and claims no more."),
         )
-    else:
-        said = paragraph(badge("not complete", "caution"), text("See what was assumed."))
+    return paragraph(badge("not complete", "caution"), text("See what was assumed."))
+
+
+def sure(a: MechanismAnalysis) -> Section:
+    """What is exact and what is numeric."""
+    said = certainty(a)
     if not a.checks:
         said += paragraph(
             text("The sweep met no singular point that could be compared with the equations.")
@@ -489,15 +496,15 @@ def mechanism_report(
     shown = _page(mechanism, found, skeleton) if page or beside is not None else None
     sections = [
         summary(mechanism, found),
-        robot(mechanism, found),
-        assumed(found),
-        modes(mechanism, found),
         maps(mechanism),
+        modes(mechanism, found),
         aspects(mechanism, found),
         loci(mechanism, found),
         points(mechanism, found),
         verdicts(mechanism, special),
         sure(found),
+        robot(mechanism, found),
+        assumed(found),
         model(shown if page and shown is not None else None, beside if shown is not None else None),
     ]
     made = Made.since(started)

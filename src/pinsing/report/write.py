@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 import numpy.typing as npt
 
@@ -13,6 +13,8 @@ from pinsing.arguments import checked
 from pinsing.atomic_write import check_writable, write_bytes, write_text
 from pinsing.errors import OptionError, OutputError
 from pinsing.families import ClosedForm
+from pinsing.proximity.trajectory import check_trajectory
+from pinsing.report.info import Trajectory
 from pinsing.robot.arm import Arm
 from pinsing.robot.mechanism import Mechanism
 from pinsing.view.picture import check_browser, printed
@@ -25,6 +27,7 @@ def write_report(
     *,
     forms: ClosedForm | None = None,
     poses: Mapping[str, npt.ArrayLike] | None = None,
+    trajectory: npt.ArrayLike | Trajectory | None = None,
     page: Literal["inside", "beside", "none"] = "inside",
     skeleton: bool = False,
     pdf: str | os.PathLike[str] | None = None,
@@ -46,6 +49,9 @@ def write_report(
     poses : mapping of str to (n,) array_like, optional
         More configurations to judge, by name; radians and metres. Of a mechanism: values of its
         inputs.
+    trajectory : (N, n) array_like or Trajectory, optional
+        Of an arm: a motion to judge as `check_trajectory` does, radians and metres; the page
+        shows it.
     page : str
         Where the interactive page of `Viewer` goes: "inside" the file, "beside" it (as
         ``NAME-model.html``), or "none".
@@ -88,7 +94,7 @@ def write_report(
         if html_file is None:
             raise OptionError("page='beside' needs path: the HTML file that it stands beside")
         beside = check_writable(html_file.with_name(f"{html_file.stem}-model.html"))
-    html, shown = _made(robot, forms, poses or {}, page, beside, skeleton)
+    html, shown = _made(robot, forms, poses or {}, page, beside, skeleton, trajectory)
     on_paper = None if pdf_file is None else printed(html, pdf_file)
     written = []
     if beside is not None and shown is not None:
@@ -110,6 +116,7 @@ def _made(
     page: str,
     beside: Path | None,
     skeleton: bool,
+    trajectory: Any,
 ) -> tuple[str, str | None]:
     inside, name = page == "inside", None if beside is None else beside.name
     if isinstance(robot, Arm):
@@ -121,7 +128,12 @@ def _made(
                 f"not of {robot.name} with {', '.join(robot.joints)}"
             )
         checked_poses = {key: robot.check_one(q, f"pose {key}") for key, q in poses.items()}
-        return arm_report(robot, forms, checked_poses, inside, name, skeleton)
+        if trajectory is not None and not isinstance(trajectory, Trajectory):
+            Q = robot.check(trajectory)
+            trajectory = Trajectory(check_trajectory(robot, Q, forms=forms), Q, None)
+        return arm_report(robot, forms, checked_poses, inside, name, skeleton, trajectory)
+    if trajectory is not None:
+        raise OptionError("a trajectory is judged for arms only")
     if forms is not None:
         raise OptionError("forms are of arms: a mechanism has none to give")
     from pinsing.report.mechanism_report import mechanism_report
