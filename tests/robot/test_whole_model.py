@@ -110,7 +110,8 @@ TAKES: dict[tuple[str, str], Of] = {
     ),
     ("task_jacobian", "q"): lambda arm, form, a, b: pinsing.kinematics.task_jacobian(arm, a),
     ("task_jacobians", "Q"): lambda arm, form, a, b: pinsing.kinematics.task_jacobians(arm, [a, b]),
-    ("write_report", "poses"): lambda arm, form, a, b: reported(arm, form, {"mine": a}),
+    ("write_report", "poses"): lambda arm, form, a, b: reported(arm, form, poses={"mine": a}),
+    ("write_report", "trajectory"): lambda arm, form, a, b: reported(arm, form, trajectory=[a, b]),
     ("Viewer", "poses"): lambda arm, form, a, b: shown(arm, poses=[a, b]),
     ("Viewer", "path"): lambda arm, form, a, b: shown(arm, path=[a, b]),
     ("Viewer.show", "q"): lambda arm, form, a, b: shown(arm, then=a),
@@ -154,11 +155,12 @@ def shown(arm: pinsing.Arm, then: Any = None, **given: Any) -> list[Any]:
         return [*viewer.q, *(x for e in viewer.entries for pose in e.poses for x in pose)]
 
 
-def reported(arm: pinsing.Arm, form: pinsing.ClosedForm, poses: dict[str, Any]) -> str:
-    """The row of a report that is about a pose."""
-    pinsing.write_report(arm, "report.html", forms=form, poses=poses, page="none")
+def reported(arm: pinsing.Arm, form: pinsing.ClosedForm, **given: Any) -> str:
+    """The part of a report that is about a pose or a trajectory."""
+    pinsing.write_report(arm, "report.html", forms=form, **given, page="none")
     text = Path("report.html").read_text()
-    return text[text.index("mine") :][:2000]
+    place = "mine" if "poses" in given else 'id="trajectory"'
+    return text[text.index(place) :][:2000]
 
 
 def drawn(ax: Any) -> list[float]:
@@ -187,7 +189,7 @@ def test_every_function_with_joint_values_is_tried():
     assert of_public() >= OTHERS
 
 
-DEAR = {("write_report", "poses")}
+DEAR = {("write_report", "poses"), ("write_report", "trajectory")}
 
 
 @pytest.mark.parametrize(
