@@ -258,12 +258,12 @@ def open_a_path(page: Any) -> None:
     until(page, "#path-verdict", "way.csv: crosses")
     assert page.locator("#path-box.singular").is_visible()
     assert page.locator("#spans .meets").count() == 1
-    assert text(page, "#clock") == "sample 1 of 10"
+    assert text(page, "#clock") == "sample 0 of 9"
     assert text(page, "#status") == "Regular"
     for _ in range(2):  # also after the arm was moved by hand
         page.locator("#path-stops .meets").click()
         until(page, "#status", "Singular")
-        assert text(page, "#clock") == "sample 6.5 of 10"
+        assert text(page, "#clock") == "sample 5.5 of 9"
         drag(page)
     # A bad one is said to be, and leaves what is there.
     give(page, "bad.csv", "1,2,3")

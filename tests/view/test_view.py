@@ -46,6 +46,7 @@ from pinsing.view.entries import Entry, family_entries, finding_entries
 from pinsing.view.links import Recorder, base_placement, read_links
 from pinsing.view.scene import FLATTEST, LEAST, draw_scene, drawn_radii, full_configuration, sizes
 from pinsing.view.server import is_loopback
+from pinsing.view.trajectory import dropped
 
 ARMS = ["stanford", "puma560", "surgical7", "irb1400", "iiwa14", "scara"]
 
@@ -571,3 +572,19 @@ def test_a_picture_without_a_browser_says_what_is_missing(
     ):
         viewer.save_png(tmp_path / "a.png")
     assert os.listdir(tmp_path) == []
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "said"),
+    [
+        ("a.csv", b"", "a.csv: no sample in it"),
+        ("../../b.csv", b"x", "../../b.csv: unknown column 'x'"),
+        ("c.npy", b"\x93NUMPY", "cannot read c.npy"),
+        ("d.csv", b"0,-90,45", "If these are degrees, choose that beside the button."),
+    ],
+)
+def test_a_dropped_file_that_cannot_be_read_says_why(name: str, content: bytes, said: str) -> None:
+    answer = dropped(load("planar3r"), name, content, None)
+    assert list(answer) == ["error"]
+    assert said in answer["error"]
+    assert "/tmp" not in answer["error"]

@@ -90,6 +90,7 @@ def dropped(arm: Arm, name: str, content: bytes, degrees: bool | None) -> dict[s
             read = read_trajectory(file, arm, degrees)
             check = check_trajectory(arm, read.Q, read.t)
         except PinsingError as error:
-            words = str(error).replace(str(file), name).replace("--deg", "degrees")
+            words, asked, _ = str(error).replace(str(file), name).partition("For degrees add")
+            words += "If these are degrees, choose that beside the button." if asked else ""
             return {"error": words if name in words else f"{name}: {words}"}
     return trajectory_data(arm, check, read.Q, read.t, name=name, notes=read.notes)

@@ -250,7 +250,7 @@ class App {
     for (const part of ["lines", "notes"]) $(`path-${part}`).replaceChildren(...way[part].map((line) => make("li", "", line)));
     $("path-notes").parentElement.hidden = !way.notes.length;
     $("path-stops").replaceChildren(...way.stops.map(({ t, kind, family }) => {
-      const when = way.timed ? `${t.toFixed(2)} s` : `sample ${Number((t + 1).toFixed(1))}`, button = make("button", kind, `${when}: ${kind} ${kind === "nearest" ? "to " : ""}${family}`);
+      const when = way.timed ? `${t.toFixed(2)} s` : `sample ${Number(t.toFixed(2))}`, button = make("button", kind, `${when}: ${kind} ${kind === "nearest" ? "to " : ""}${family}`);
       button.addEventListener("click", () => { ++this.turn; this.pause(); this.backOnWay(); this.at(t); });
       return button;
     }));
@@ -279,11 +279,11 @@ class App {
     const bad = met.length > 0 || frames.some((f) => f.status === "singular");
     const stops = met.length || !worst.verdict?.q ? met : [{ t: times[frames.indexOf(worst)], kind: "nearest", family: worst.verdict.text }];
     this.trajectory({
-      verdict: `${name}: ${met.length ? `crosses ${found.map((f) => f.name).join(", ")}, first at sample ${Number((met[0].t + 1).toFixed(2))}` : bad ? "is singular at a sample" : "meets no singular configuration that this page looks for"}`,
+      verdict: `${name}: ${met.length ? `crosses ${found.map((f) => f.name).join(", ")}, first at sample ${Number(met[0].t.toFixed(2))}` : bad ? "is singular at a sample" : "meets no singular configuration that this page looks for"}`,
       tone: bad ? "singular" : beyond.length || frames.some((f) => f.status !== "regular") ? "near-singular" : "regular",
       lines: [`${rows.length} sample${rows.length === 1 ? "" : "s"}, nearest: ${met.length ? "0\u00b0 (crossed)" : worst.verdict ? worst.verdict.text : "no family"}`,
               ...(beyond.length ? [`outside the limits: ${beyond.join(", ")}`] : [])],
-      notes: ["read as radians and metres, one column a joint", "times are not read", "families of several conditions are looked for at the samples, others between them too", "`pinsing check ROBOT FILE` proves what is met between samples"],
+      notes: ["read as radians and metres, one column a joint", "times are not read; samples are counted from 0", "families of several conditions are looked for at the samples, others between them too", "`pinsing check ROBOT FILE` proves what is met between samples"],
       rows: [], times, timed: false, stops, spans: met.map(({ t }) => [t, t, "meets"]),
     }, frames);
   }

@@ -46,7 +46,7 @@ class Player {
     const { times, kind, timed } = this.path, after = times.findIndex((t) => t >= place);
     const k = after < 0 ? times.length - 1 : after > 0 && place - times[after - 1] < times[after] - place ? after - 1 : after;
     $("scrub").value = this.running ? place : times[k];
-    if (kind === "file") $("clock").textContent = timed ? `${times[k].toFixed(2)} of ${times.at(-1).toFixed(2)} s` : `sample ${Number((times[k] + 1).toFixed(1))} of ${times.at(-1) + 1}`;
+    if (kind === "file") $("clock").textContent = timed ? `${times[k].toFixed(2)} of ${times.at(-1).toFixed(2)} s` : `sample ${Number(times[k].toFixed(2))} of ${times.at(-1)}`;
     if (k !== this.drawn || !this.running) this.show(this.path.frames[k]);
     this.drawn = k;
   }
