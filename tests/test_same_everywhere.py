@@ -1,4 +1,4 @@
-"""The same answers, to the last digit, with every version of Pinocchio, NumPy and Python."""
+"""The same certificates, byte by byte, and closed forms, to eight decimals, everywhere."""
 
 from __future__ import annotations
 
@@ -24,6 +24,11 @@ def without_times(data: Any) -> Any:
     return [without_times(v) for v in data] if isinstance(data, list) else data
 
 
+def rounded(text: str) -> float:
+    """Of points that were found by iteration the last digits depend on NumPy's version."""
+    return round(float(text), 8) + 0.0
+
+
 def hashed(data: Any) -> str:
     text = json.dumps(without_times(data), sort_keys=True)
     return hashlib.sha256(text.encode()).hexdigest()[:16]
@@ -33,7 +38,7 @@ def hashed(data: Any) -> str:
 def test_closed_forms_and_certificates_are_the_same_everywhere(name):
     form = closed_form(load(name), prove=True)
     now = {
-        "families": hashed(json.loads(form.to_json())["families"]),
+        "families": hashed(json.loads(form.to_json(), parse_float=rounded)["families"]),
         "certificate": hashed(form.certificate),
     }
     assert now == HASHES[name], "a change on purpose: write these into same_everywhere.json"

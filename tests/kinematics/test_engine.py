@@ -96,6 +96,8 @@ def test_a_kernel_of_other_sources_is_not_used(tmp_path):
     """In a copy of the folder where one line of C++ has changed since the build."""
     here = Path(kernel.__file__).parent
     built = fingerprint(here)
+    if built is None:
+        pytest.skip("an installation without sources")
     assert built == kernel._kernel.SOURCES  # CMake computes the same
     assert why_stale(built, here) is None
     assert "build it again with pip install" in why_stale(None, here)  # of before fingerprints

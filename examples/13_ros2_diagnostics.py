@@ -1,0 +1,60 @@
+"""ROS 2: joint states in, a diagnostics topic out.
+
+    python examples/13_ros2_diagnostics.py ur5
+
+Publishes on /diagnostics how near the arm is to a singularity, and when it gets there.
+"""
+
+from __future__ import annotations
+
+import math
+import sys
+
+import pinsing
+
+LEVELS = {"clear": "OK", "warn": "WARN", "stop": "ERROR"}
+
+
+class Judge:
+    """Turns a JointState into a DiagnosticStatus."""
+
+    def __init__(self, robot, status, pair):
+        self.monitor = pinsing.Monitor(pinsing.closed_form(pinsing.load(robot)))
+        self.robot, self.status, self.pair = robot, status, pair
+
+    def __call__(self, state):
+        at = [list(state.name).index(joint) for joint in self.monitor.joints]
+        moving = len(state.velocity) == len(state.name)
+        dq = [state.velocity[i] for i in at] if moving else None
+        v = self.monitor.update([state.position[i] for i in at], dq)
+        what = f"{v.title or v.family}: at least {math.degrees(v.lower):.1f} deg away (proven)"
+        if v.time_to_contact is not None and math.isfinite(v.time_to_contact):
+            what += f", contact in {v.time_to_contact:.2f} s"
+        values = {"family": v.family, "lower": f"{v.lower:.6f}"}
+        return self.status(
+            level=getattr(self.status, LEVELS[v.level]),
+            name=f"pinsing: {self.robot}",
+            message=what,
+            values=[self.pair(key=key, value=value) for key, value in values.items()],
+        )
+
+
+def main():
+    import rclpy
+    from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+    from sensor_msgs.msg import JointState
+
+    rclpy.init()
+    node = rclpy.create_node("pinsing")
+    judge = Judge(sys.argv[1], DiagnosticStatus, KeyValue)
+    topic = node.create_publisher(DiagnosticArray, "/diagnostics", 10)
+
+    def heard(state):
+        topic.publish(DiagnosticArray(header=state.header, status=[judge(state)]))
+
+    node.create_subscription(JointState, "/joint_states", heard, 1)  # the newest alone counts
+    rclpy.spin(node)
+
+
+if __name__ == "__main__":
+    main()
