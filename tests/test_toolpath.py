@@ -9,6 +9,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from click.testing import CliRunner
+from kernel import needs_kernel
 
 import pinsing
 from pinsing.cli.app import command
@@ -18,6 +19,8 @@ from pinsing.plot.toolpath import path_sheet
 from pinsing.postures.inverse_batch import InverseMany
 from pinsing.postures.pose_file import read_poses
 from pinsing.postures.toolpath import PathPlan, plan_path
+
+pytestmark = needs_kernel  # without it a plan takes minutes
 
 TORCH = pin.SE3(pin.utils.rotate("x", np.radians(45)), np.array([0.0, 0.05, 0.15])).homogeneous
 START = np.radians([20, -80, 95, -105, -12, 20])

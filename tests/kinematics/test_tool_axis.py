@@ -14,6 +14,7 @@ from node import needs_node, run
 from tiers import tiered
 
 import pinsing
+from pinsing._batch import engine
 from pinsing.cli.app import command as app
 from pinsing.errors import OptionError
 from pinsing.kinematics.batch import tip_rotations, turn_left
@@ -123,8 +124,9 @@ def test_derivatives_and_engines_agree(task, rng):
         for s in (1, -1)
     )
     np.testing.assert_allclose(H, (ahead - behind) / (2 * step), atol=1e-8)
-    by = [pinsing.singular_values(arm, Q, engine=e) for e in ("auto", "baseline", PINOCCHIO)]
-    np.testing.assert_allclose(by[1:], [by[0]] * 2, atol=1e-12)
+    compiled = ("auto", "baseline") if engine.available() else ("auto",)
+    by = [pinsing.singular_values(arm, Q, engine=e) for e in (*compiled, PINOCCHIO)]
+    np.testing.assert_allclose(by, [by[0]] * len(by), atol=1e-12)
     np.testing.assert_allclose(tip_rotations(arm, Q), tip_rotations(arm, Q, PINOCCHIO), atol=1e-12)
 
 

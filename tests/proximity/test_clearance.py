@@ -7,6 +7,7 @@ import re
 
 import numpy as np
 import pytest
+from kernel import needs_kernel
 from singular_sets import arm_of, closed
 from tiers import tiered
 
@@ -31,7 +32,6 @@ ARMS = [
     "xarm7",
     "talos_arm",
 ]
-needs_engine = pytest.mark.skipif(not engine.available(), reason="no compiled engine")
 
 
 def dense(family: Family, q: np.ndarray, points: np.ndarray, wrap: bool) -> float:
@@ -125,7 +125,7 @@ def test_bounds_against_twenty_thousand_points_of_each_family(name: str) -> None
                         assert quick.upper[0] >= found.lower - 1e-12
 
 
-@needs_engine
+@needs_kernel
 def test_the_nearest_point_at_a_joint_limit() -> None:
     """q6 rests at its limit; q2 and q7 do not matter to the family, but are outside theirs."""
     family = closed("panda").families[3]
@@ -190,6 +190,7 @@ def test_a_family_at_the_joint_limit_is_as_near_within_limits_as_its_points() ->
     assert repr(near) == "<Distance: 0.25 (exact), to q = 0, 1, 0.3, 1, 0, 0>"
 
 
+@needs_kernel
 @pytest.mark.parametrize("name", ["ur5", "puma560", "irb1400", "z1"])
 def test_the_gap_closes(name: str) -> None:
     rng = np.random.default_rng(5)
@@ -216,7 +217,7 @@ def test_quick_bounds_hold_the_certified_distance(name: str) -> None:
         assert (quick.upper >= [e.lower - 1e-13 for e in exact]).all()
 
 
-@needs_engine
+@needs_kernel
 @pytest.mark.parametrize("name", ARMS)
 def test_the_compiled_bounds_are_those_of_numpy(name: str) -> None:
     form = closed(name)
@@ -237,7 +238,7 @@ def test_the_compiled_bounds_are_those_of_numpy(name: str) -> None:
 
 
 @pytest.mark.slow
-@needs_engine
+@needs_kernel
 def test_both_searches_agree() -> None:
     form = closed("ur5")
     conditions = form.families[2].conditions()
@@ -325,6 +326,7 @@ def test_the_maximum_norm_and_weights() -> None:
                 assert largest.upper - largest.lower < 1e-5
 
 
+@needs_kernel
 def test_clearance_of_many() -> None:
     form = closed("ur5")
     rng = np.random.default_rng(11)

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from kernel import needs_kernel
 from scipy.interpolate import CubicSpline, PPoly
 from singular_sets import closed
 from tiers import tiered
 
 import pinsing
-from pinsing._batch import engine
 from pinsing._types import Array
 from pinsing.algebra.along import zeros_along
 from pinsing.algebra.conditions import Conditions
@@ -171,7 +171,7 @@ def test_families_of_several_conditions() -> None:
     assert len(crossings(form, way)) == 0
 
 
-@pytest.mark.skipif(not engine.available(), reason="no compiled engine")
+@needs_kernel
 @pytest.mark.parametrize("name", ["ur5", "stanford"])
 def test_the_compiled_zeros_are_those_of_numpy(name: str) -> None:
     form = closed(name)

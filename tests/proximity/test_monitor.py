@@ -7,6 +7,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+from kernel import needs_kernel
 from singular_sets import Joint, arm_of, build, closed
 
 import pinsing
@@ -20,7 +21,6 @@ from pinsing.families import Branch
 QUICK = ["ur5", "panda", "stanford", "scara"]  # six and seven joints, a prismatic one, four
 LONG = ["puma560", "surgical7", "z1", "baxter"]
 ARMS = [*QUICK, *(pytest.param(name, marks=pytest.mark.slow) for name in LONG)]
-needs_engine = pytest.mark.skipif(not engine.available(), reason="no compiled engine")
 
 
 def states(name: str, count: int, seed: int = 0) -> tuple[Array, Array]:
@@ -138,7 +138,7 @@ def test_trend_is_that_of_the_distance(name: str) -> None:
     assert {"toward", "away"} <= seen
 
 
-@needs_engine
+@needs_kernel
 @pytest.mark.parametrize("name", ARMS)
 def test_the_same_without_the_compiled_engine(name: str) -> None:
     form = closed(name)

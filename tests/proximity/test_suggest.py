@@ -9,6 +9,7 @@ import shlex
 import numpy as np
 import pytest
 from click.testing import CliRunner, Result
+from kernel import needs_kernel
 from singular_sets import Joint, arm_of, build, closed
 
 import pinsing
@@ -16,6 +17,8 @@ from pinsing.cli.app import command
 from pinsing.errors import ConfigurationError, OptionError, PinsingError
 from pinsing.report.info import singular_poses
 from pinsing.robot.arm import Arm
+
+pytestmark = needs_kernel  # without it a suggestion takes minutes
 
 
 def run(*words: str) -> Result:
