@@ -181,6 +181,11 @@ def toolpath():
 
 
 @functools.cache
+def line():
+    return pinsing.check_line(pinsing.load("stanford"), LINE, [0.1, 0.2, 0.3])
+
+
+@functools.cache
 def suggestion():
     return pinsing.suggest(arm(), seconds=0.3)
 
@@ -241,6 +246,10 @@ CALLS = {
         slow=True,
     ),
     "check_trajectory": Call(lambda: pinsing.check_trajectory, with_arm(Q=[Q, (0.2, -0.5, 0.7)])),
+    "LineCheck.text": Call(lambda: line().text),
+    "TrajectoryCheck.text": Call(
+        lambda: pinsing.check_trajectory(arm(), [Q, (0.2, -0.5, 0.7)]).text
+    ),
     "DesignForm.residuals": Call(
         lambda: design().residuals, lambda: {"family": "F1", "q": Q, "lengths": {"q2_x": 0.5}}
     ),

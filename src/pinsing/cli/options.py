@@ -218,7 +218,8 @@ deg_option = click.option(
 
 def in_degrees(deg: bool) -> bool:
     """Return True if angles are printed in degrees: unless ``--rad`` was typed."""
-    typed = click.get_current_context().get_parameter_source("deg")
+    context = click.get_current_context(silent=True)  # none where Python calls
+    typed = None if context is None else context.get_parameter_source("deg")
     return deg or typed is not ParameterSource.COMMANDLINE
 
 

@@ -383,6 +383,7 @@ class LineCheck(JsonResult):
     notes: tuple[str, ...]
     postures: tuple[LinePosture, ...] = field(default=(), metadata={"optional": True})
 
+    @checked
     def text(self, degrees: bool = True) -> str:
         """Return where the line ends, what it meets, and what to do."""
         return line_summary(self, degrees)

@@ -374,6 +374,7 @@ class TrajectoryCheck(JsonResult):
         said = f"meets {names}" if names else f"clearance {self.clearance:.3g}"
         return one_line("TrajectoryCheck", f"{self.arm.name}, {self.samples} samples: {said}")
 
+    @checked
     def text(self, degrees: bool = True) -> str:
         """Return at most six lines: what is met and when, what is near, what to do."""
         return summary(self, degrees)
