@@ -87,6 +87,7 @@ CLASSES = {name for name, p in PUBLIC.items() if inspect.isclass(p.value)}
 # Those that all results inherit are shown once, in the class that everybody meets first.
 JSON = {"to_dict", "to_json", "from_dict", "from_json"}
 SHARED = {n for n in PUBLIC if n.rpartition(".")[2] in JSON and not n.startswith("State.")}
+SHARED |= {n for n, p in PUBLIC.items() if n.endswith(".text") and p.value.__name__ == "__str__"}
 SHOWN = sorted(set(PUBLIC) - CLASSES - PLUMBING - ELSEWHERE - SHARED)
 
 

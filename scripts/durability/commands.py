@@ -148,7 +148,18 @@ BROWSER = {"view .png", "view --loops .png", "report .pdf", "report --loops"}
 """Those that need Chromium."""
 
 # Options and arguments that name a file which is read.
-_READ = {"poses", "--loops", "--analysis", "--package", "file", "files", "table", "robot"}
+_READ = {
+    "poses",
+    "--loops",
+    "--follow",
+    "--trajectory",
+    "--analysis",
+    "--package",
+    "file",
+    "files",
+    "table",
+    "robot",
+}
 REFUSED = {"families": "system.sing", "map": "folder"}
 """Commands that refuse such a file of a mechanism, so that nothing is written."""
 

@@ -337,7 +337,7 @@ def verdicts(
     count: int,
     seed: int,
     primes: Sequence[int],
-    by_rank: Sequence[Any],
+    by_rank: Sequence[Any] = (),
 ) -> Iterator[Verdict]:
     """Verdicts at one prime after the other; those that divide a number are passed over."""
     for prime in primes:

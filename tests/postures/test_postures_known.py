@@ -126,7 +126,8 @@ class TestFamiliesThatLack:
         q = [0.1, -0.6, 0.4, 0.2, 0.7, 0.3]
         found = pinsing.posture_changes(arm, q, forms=lacking("puma560", *EVERY))
         assert len(found.others) == 7
-        assert "reached" not in found.text()
+        assert " reached by " not in found.text()
+        assert ": 0 reached without" in found.text()
         assert "a family that is missing may cut more" in found.text()
 
     @pytest.mark.slow

@@ -273,7 +273,15 @@ class Crossings(JsonResult):
     complete: bool
 
     def text(self) -> str:
-        """Return one line a meeting, in the order of time."""
+        """Return one line a meeting, in the order of time.
+
+        Examples
+        --------
+        >>> import pinsing
+        >>> form = pinsing.closed_form(pinsing.load("planar3r"))
+        >>> print(pinsing.proximity.crossings(form, [[0, -0.5, 1], [0, 0.5, 1]]).text())
+        t = 0.5: crossing family (F1)
+        """
         lines = [f"t = {c.t:.6g}: {c.kind} {c.title or 'family'} ({c.family})" for c in self]
         return "\n".join(lines or [f"meets none of {', '.join(self.names)}"])
 

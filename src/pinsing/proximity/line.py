@@ -385,7 +385,20 @@ class LineCheck(JsonResult):
 
     @checked
     def text(self, degrees: bool = True) -> str:
-        """Return where the line ends, what it meets, and what to do."""
+        """Return where the line ends, what it meets, and what to do.
+
+        Parameters
+        ----------
+        degrees : bool
+            Angles in degrees, or in radians.
+
+        Examples
+        --------
+        >>> import pinsing
+        >>> line = pinsing.check_line(pinsing.load("planar3r"), [0, 1, 0.5], [1, 0.5, 0])
+        >>> "F1" in line.text()
+        True
+        """
         return line_summary(self, degrees)
 
 

@@ -376,7 +376,20 @@ class TrajectoryCheck(JsonResult):
 
     @checked
     def text(self, degrees: bool = True) -> str:
-        """Return at most six lines: what is met and when, what is near, what to do."""
+        """Return at most six lines: what is met and when, what is near, what to do.
+
+        Parameters
+        ----------
+        degrees : bool
+            Angles in degrees, or in radians.
+
+        Examples
+        --------
+        >>> import pinsing
+        >>> check = pinsing.check_trajectory(pinsing.load("planar3r"), [[0, -0.5, 1], [0, 0.5, 1]])
+        >>> "F1" in check.text()
+        True
+        """
         return summary(self, degrees)
 
     @property
