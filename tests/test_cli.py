@@ -15,6 +15,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from click.testing import CliRunner, Result
+from kernel import needs_kernel
 
 import pinsing
 from pinsing.atomic_write import check_writable, write_bytes, write_text
@@ -162,6 +163,7 @@ class TestAt:
         sigma = np.linalg.svd(task_jacobian(load("ur5"), q), compute_uv=False)
         np.testing.assert_allclose(state.sigma, sigma)
 
+    @needs_kernel
     def test_distances_to_all_families_nearest_first(self):
         q = [0.1, -1.0, 0.8, 0.3, 0.9, 0.2]
         words = ["at", "ur5", "--rad", "--q", ",".join(map(str, q))]

@@ -276,6 +276,7 @@ def sliding() -> Family:
 
 @pytest.mark.parametrize("norm", ["euclidean", "max"])
 @pytest.mark.parametrize("compiled", [True, False])
+@needs_kernel
 def test_prismatic_joints_in_equations(norm: str, compiled: bool) -> None:
     family = sliding()
     angle = np.linspace(-2, 2, 40001)

@@ -7,6 +7,7 @@ import json
 import numpy as np
 import pinocchio as pin
 import pytest
+from kernel import needs_kernel
 from singular_sets import arm_of, closed
 
 import pinsing
@@ -170,6 +171,7 @@ def test_other_bad_input() -> None:
             check_line(arm, np.zeros(6), pose, forms=form)
 
 
+@needs_kernel
 def test_the_command(capsys: pytest.CaptureFixture[str]) -> None:
     def run(*args: str) -> tuple[int, str, str]:
         with pytest.raises(SystemExit) as ended:

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from kernel import needs_kernel
 from singular_sets import arm_of, closed
 
 import pinsing
@@ -109,6 +110,7 @@ def test_pieces_of_any_size_say_the_same(monkeypatch: pytest.MonkeyPatch) -> Non
     assert len(whole.stretches) <= 1000
 
 
+@needs_kernel
 def test_speeds_jumps_and_limits() -> None:
     arm = arm_of("ur5")
     limit = float(np.asarray(arm.model.velocityLimit)[0])
