@@ -9,14 +9,14 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
 LIMITS: dict[str, tuple[int, int]] = {
-    "Python in src: statements": (41_765, 30_000),
-    "Python in src: lines": (81_450, 56_000),
+    "Python in src: statements": (41_830, 30_000),
+    "Python in src: lines": (81_560, 56_000),
     "C++, JavaScript, templates, styles: lines": (11_960, 9_500),
     "modules": (275, 220),
     "packages directly under pinsing": (16, 16),
     "numbers in module constants": (772, 500),
     "names exported by pinsing": (31, 32),
-    "lines of tests": (46_600, 28_000),
+    "lines of tests": (46_620, 28_000),
     "words of Markdown, changelog excluded": (40_000, 40_000),
     "CHANGELOG.md: lines": (150, 150),
 }

@@ -21,7 +21,7 @@ UR5 = [
     "wrist_2_joint",
     "wrist_3_joint",
 ]
-Q = np.array([[0.1, -1.2, 1.3, -0.4, 0.5, 0.6], [0.2, -1.1, 1.2, -0.3, 0.4, 0.7]])
+Q = np.array([[0.1, -1.2, 1.3, -0.4, 0.5, 0.7], [0.2, -1.1, 1.2, -0.3, 0.4, 0.6]])
 T = np.array([0.0, 0.25])
 DEG = np.degrees(Q)
 
@@ -132,6 +132,9 @@ DIALECTS = {
     "comma_tabs.txt": (table(numbered("q{}"), Q, "\t").replace(".", ","), False),
     "bare.csv": (table([], Q)[1:], False),
     "bare_comma.csv": (table([], timed(), ";")[1:].replace(".", ","), True),
+    "comment.csv": ("# units: deg, s\n" + table(["t", *UR5], timed(DEG)), True),
+    "comment_below.csv": (table(UR5, DEG).replace("\n", "\n# Unit = degrees\n", 1), False),
+    "comment.yaml": ("# units: radians\n" + yaml_points(float), True),
     "moveit.yaml": (yaml_points(lambda t: f"{{secs: 0, nsecs: {int(t * 1e9)}}}"), True),
     "ros2.yaml": (yaml_points(lambda t: f"{{sec: 0, nanosec: {int(t * 1e9)}}}"), True),
     "plan.yaml": (
@@ -196,10 +199,10 @@ def test_what_is_not_clear_is_not_guessed(tmp_path, arm, text, said):
         (
             "a.ls",
             "/POS\nP[1]{\n GP1:\n X = 1 mm, Y = 2 mm, W = 0 deg\n};",
-            "has 0 joint values",
+            "pose of the tool: export .*pinsing path",
         ),
         ("a.script", "movej([1, 2], a=1)", "move 1 has 2 joint values"),
-        ("a.script", "movel(p[1, 2, 3, 0, 0, 0])", "only movej"),
+        ("a.script", "movel(p[1, 2, 3, 0, 0, 0])", "movel goes to a pose"),
         ("a.script", "if x:\nmovej([1, 2, 3, 4, 5, 6])\nend", "without branches"),
         ("a.script", "movej([1, 2, 3, 4, 5, 6])\nspeedj([1, 2, 3, 4, 5, 6], 1)", "only movej"),
         ("a.script", "# movej([1, 2, 3, 4, 5, 6])", "no sample"),
@@ -208,6 +211,16 @@ def test_what_is_not_clear_is_not_guessed(tmp_path, arm, text, said):
         ("a.ls", fanuc().replace("GP1", "GP2"), "GP1 alone"),
         ("a.ls", fanuc().replace("/POS", "   2:  CALL X ;\n/POS"), "CALL X"),
         ("a.csv", table(["timestamp", *UR5], timed(t=T + 1.7e18)), "no seconds"),
+        ("a.csv", table([], timed(Q[::-1]))[1:], "last ascend.*--columns t=1,2,3,4,5,6,7"),
+        ("a.csv", table([], timed(t=T[::-1]))[1:], "first does not ascend"),
+        ("a.csv", table([], timed()[:1])[1:], "more than one sample"),
+        ("a.csv", table(UR5, Q) + "\n# x\n1,2,3\n", "a.csv:6: 3 columns, and 6 in"),
+        ("a.csv", table([*UR5, "vel_1"], timed()) + "1,2\n", "a.csv:4: 2 columns, and 7 in"),
+        ("a.yaml", yaml_points(float) + "points: []\n", "a.yaml:9: .*'points' is given twice"),
+        ("a.csv", "# units: mm\n" + table(UR5, Q), "a.csv:1: units 'mm' are not"),
+        ("a.csv", "# units: deg\n# units: rad\n" + table(UR5, Q), "a.csv:2: .*one before"),
+        ("a.csv", "# units: rad\n" + table(numbered("J{} (deg)"), Q), "correct one of them"),
+        ("a.script", "movej(p[1, 2, 3, 0, 0, 0], a=1)", "pose of the tool: export .*pinsing path"),
         ("a.csv", table([*numbered("J{} (deg)")[:5], "J6"], DEG), "others none"),
     ],
 )
@@ -222,6 +235,12 @@ def test_columns_and_units_can_be_said(tmp_path, arm):
     heads = ["when", *"abcdef"]
     (tmp_path / "a.csv").write_text(table(heads, timed(DEG)))
     (tmp_path / "deg.csv").write_text(table(numbered("J{} (deg)"), DEG))
+    (tmp_path / "bare.csv").write_text(table([], timed(DEG.round() + 2, [2, 1]))[1:])
+    read = read_trajectory(tmp_path / "bare.csv", arm, True, ["t=1", *"765432"])
+    np.testing.assert_allclose(read.Q, np.radians(DEG.round() + 2)[:, ::-1])
+    (tmp_path / "units.csv").write_text("# units: deg\n" + table(UR5, DEG))
+    with pytest.raises(ConfigurationError, match="a comment says units: degrees, the option"):
+        read_trajectory(tmp_path / "units.csv", arm, False)
     for columns in (["t=when", *"abcdef"], ["t=1", *"234567"]):
         read = read_trajectory(tmp_path / "a.csv", arm, True, columns)
         np.testing.assert_allclose(read.Q, Q)

@@ -37,6 +37,21 @@ class Loader(yaml.SafeLoader):
         return node
 
 
+class QuickLoader(getattr(yaml, "CSafeLoader", yaml.SafeLoader)):  # type: ignore[misc]
+    """Builds plain values, by LibYAML where it is there, and refuses a key given twice."""
+
+    def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> Any:
+        """Construct one mapping."""
+        taken = set()
+        for key, _ in node.value:
+            name = (key.tag, str(key.value))
+            if name in taken:
+                problem = f"key {show(name[1])} is given twice: remove one"
+                raise yaml.MarkedYAMLError(problem=problem, problem_mark=key.start_mark)
+            taken.add(name)
+        return super().construct_mapping(node, deep)
+
+
 MAX_BYTES = 64 * 1024
 """The YAML reader takes up to 3 s for this much, and no table comes near it."""
 

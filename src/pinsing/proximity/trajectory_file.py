@@ -41,6 +41,11 @@ _LARGEST = 4 << 30  # bytes
 _NO_TIMES = "no column of times"
 _ROWS = 100_000  # at a time
 _EPOCH = 1e8  # seconds: later times are dates, of which three years are left out
+_UNITS_LINE = re.compile(r"(?i)\s*#\s*(?:angle[\s_]+)?units?\s*[:=]\s*(.*)")
+_RAGGED = re.compile(
+    r"the number of columns changed from \d+ to (\d+) at row (\d+);.*"
+    r"|invalid column index -?\d+ at row (\d+) with (\d+) columns"
+)
 _CELL = re.compile(r"could not convert string ('.*') to float64 at row (\d+), column (\d+)\.")
 _SAMPLES = ("q", "Q", "positions", "position", "samples")
 _TIMES = ("t", "time", "times")
@@ -62,6 +67,8 @@ class TrajectoryFile:
         Columns of joints of the whole model that the arm leaves out, as they are in the file.
     scales : sequence of (float or None)
         Of each joint what its values are multiplied by, where the file names a unit.
+    degrees : bool or None
+        What a comment such as ``# units: degrees`` says of all angles.
     """
 
     Q: Array
@@ -69,6 +76,7 @@ class TrajectoryFile:
     notes: tuple[str, ...]
     others: Mapping[str, Array] = field(default_factory=dict)
     scales: Sequence[float | None] = ()
+    degrees: bool | None = None
 
 
 def read_trajectory(
@@ -81,11 +89,13 @@ def read_trajectory(
     joint_1, actual_q_0), stand in a path (/joint_states/NAME/position), and end in a unit
     (deg, rad, m, mm; s, ms, ns). Velocities, efforts and the like are passed over, as are joints
     of the whole model that the chain leaves out, unless one is locked on the chain and moves.
-    Without a head there is one column a joint, base to tip, perhaps after one of times. Commas,
-    semicolons, tabs or blanks separate; decimal commas are read where the comma does not
-    separate. YAML holds a trajectory of ROS or MoveIt, or what ``ros2 topic echo`` prints of joint
-    states; ``.ls`` the points of a Fanuc program; ``.script`` the moves to joint angles of a UR
-    program. An NPY file has an array; an NPZ file arrays ``q`` (N, n) and perhaps ``t``.
+    Without a head there is one column a joint, base to tip, perhaps after one of times, which must
+    be the first and strictly ascending while the last is not. A comment ``# units: degrees`` holds
+    for all angles. Commas, semicolons, tabs or blanks separate; decimal commas are read where the
+    comma does not separate. YAML holds a trajectory of ROS or MoveIt, or what ``ros2 topic echo``
+    prints of joint states; ``.ls`` the points of a Fanuc program; ``.script`` the moves to joint
+    angles of a UR program. An NPY file has an array; an NPZ file
+    arrays ``q`` (N, n) and perhaps ``t``.
     What was read as what is in ``notes``.
 
     Parameters
@@ -98,7 +108,7 @@ def read_trajectory(
         Whether angles are in degrees; by default as the file says, else radians.
     columns : sequence of str
         Names, or numbers from 1, of the columns of the joints, base to tip, and perhaps
-        ``t=NAME`` for times: of a table as text whose head cannot be read.
+        ``t=NAME`` for times: of a table as text, or an array, that does not say it.
 
     Raises
     ------
@@ -113,9 +123,9 @@ def read_trajectory(
         if path.is_fifo() and not os.fspath(path).startswith(_HANDED):
             raise ConfigurationError(f"{path}: is a pipe, which nobody may write to: give a file")
         if kind == ".npy":
-            found = _npy(path, arm)
+            found = _npy(path, arm, columns)
         elif kind == ".npz":
-            found = _npz(path, arm)
+            found = _npz(path, arm, columns)
         elif kind in (".ls", ".script"):
             text = read_bounded(path, _YAML, follow=True).decode("utf-8", "replace")
             found = (_fanuc if kind == ".ls" else _ur)(path, arm, text)
@@ -135,15 +145,27 @@ def read_trajectory(
         raise ConfigurationError(f"cannot read {path}: {reason:.200}") from None
     if not len(found.Q):
         raise ConfigurationError(f"{path}: no sample in it")
+    if found.degrees is not None:
+        unit = "degrees" if found.degrees else "radians"
+        if degrees not in (None, found.degrees):
+            raise ConfigurationError(
+                f"{path}: a comment says units: {unit}, the option the other: correct the comment, "
+                "or leave out --units, --deg and --rad"
+            )
+        degrees = found.degrees
+        found = replace(found, notes=(*found.notes, f"a comment says that angles are in {unit}"))
     scales = np.where(arm.prismatic, 1.0, math.pi / 180 if degrees else 1.0)
     for j, scale in enumerate(found.scales):
         if scale is None:
             continue
         if degrees is not None and not arm.prismatic[j] and scale != scales[j]:
             unit = "degrees" if scale != 1 else "radians"
-            raise ConfigurationError(
-                f"{path}: the column of {arm.joints[j]!r} says {unit}: leave out --deg or --rad"
+            fix = (
+                "leave out --units, --deg and --rad"
+                if found.degrees is None
+                else ("a comment says otherwise: correct one of them")
             )
+            raise ConfigurationError(f"{path}: the column of {arm.joints[j]!r} says {unit}: {fix}")
         scales[j] = scale
     unsaid = [s is None for s in found.scales] or [True] * arm.n
     if degrees is None and any(u and not p for u, p in zip(unsaid, arm.prismatic, strict=True)):
@@ -187,12 +209,18 @@ def _require_others(path: Path, arm: Arm, found: TrajectoryFile, degrees: bool) 
         raise ConfigurationError(f"{path}: {error}") from None
 
 
-def _columns(path: Path, arm: Arm, array: npt.NDArray[Any]) -> TrajectoryFile:
+def _columns(
+    path: Path, arm: Arm, array: npt.NDArray[Any], columns: Sequence[str] = ()
+) -> TrajectoryFile:
     """Columns without names: one a joint, perhaps after one of times."""
     if array.dtype.names is not None or array.dtype.kind not in "fiu":
         raise ConfigurationError(f"{path}: an array of numbers is needed, got {array.dtype}")
     if array.ndim == 1 and len(array):
         array = array[None]
+    if columns and array.ndim == 2:
+        read = ColumnHeads(path, arm, [str(k + 1) for k in range(array.shape[1])], columns)
+        t = None if read.time is None else _floats(array[:, read.time])
+        return TrajectoryFile(_floats(array[:, read.order]), t, read.notes)
     if array.ndim != 2 or array.shape[1] not in (arm.n, arm.n + 1):
         raise ConfigurationError(
             f"{path}: {arm.n} columns are needed, one a joint ({', '.join(arm.joints)}), or one "
@@ -201,6 +229,23 @@ def _columns(path: Path, arm: Arm, array: npt.NDArray[Any]) -> TrajectoryFile:
     if array.shape[1] == arm.n:
         notes = ("columns are the joints, base to tip; no times",)
         return TrajectoryFile(_floats(array), None, notes)
+    ascending = [len(array) > 1 and bool(np.all(x[1:] > x[:-1])) for x in array[:, [0, -1]].T]
+    if ascending != [True, False]:
+        last = ",".join(str(k + 2) for k in range(arm.n))
+        first = ",".join(str(k + 1) for k in range(arm.n))
+        why = (
+            "more than one sample is needed to tell"
+            if len(array) < 2
+            else (
+                "the first and the last ascend" if all(ascending) else "the first does not ascend"
+            )
+        )
+        raise ConfigurationError(
+            f"{path}: {arm.n + 1} columns without names for {arm.n} joints, and which is time is "
+            f"unclear ({why}): say it as in 'pinsing check ROBOT "
+            f"{path.name} --columns t=1,{last}', or leave the last column out with "
+            f"--columns {first}"
+        )
     notes = ("the first column is time, the others the joints, base to tip",)
     return TrajectoryFile(_floats(array[:, 1:]), _floats(array[:, 0]), notes)
 
@@ -210,7 +255,7 @@ def _floats(array: npt.NDArray[Any]) -> Array:
         return np.asarray(array, dtype=float)
 
 
-def _npy(path: Path, arm: Arm) -> TrajectoryFile:
+def _npy(path: Path, arm: Arm, columns: Sequence[str]) -> TrajectoryFile:
     if path.stat().st_size > _LARGEST:
         raise ConfigurationError(f"{path}: has more than {_LARGEST >> 30} GiB: give a part of it")
     if not path.is_file():
@@ -225,19 +270,23 @@ def _npy(path: Path, arm: Arm) -> TrajectoryFile:
         raise ConfigurationError(
             f"cannot read {path}: it is no NPY file; name it .npz if it is one"
         )
-    return _columns(path, arm, array)
+    return _columns(path, arm, array, columns)
 
 
-def _npz(path: Path, arm: Arm) -> TrajectoryFile:
+def _npz(path: Path, arm: Arm, columns: Sequence[str]) -> TrajectoryFile:
     arrays = read_arrays(read_bounded(path, _LARGEST, follow=True), _LARGEST)
     samples = next((name for name in _SAMPLES if name in arrays), None)
     times = next((name for name in _TIMES if name in arrays), None)
     if samples is None:
         held = ", ".join(arrays) or "nothing"
         raise ConfigurationError(f"{path}: an array 'q' of samples is needed; found {held:.200}")
-    found = _columns(path, arm, np.asarray(arrays[samples]))
+    found = _columns(path, arm, np.asarray(arrays[samples]), columns)
     if times is None:
         return found
+    if found.t is not None:
+        raise ConfigurationError(
+            f"{path}: times are in {times!r} and in a column of {samples!r}: leave one out"
+        )
     if arrays[times].dtype.kind not in "fiu":
         kind = arrays[times].dtype
         raise ConfigurationError(f"{path}: times must be numbers, got an array of {kind}")
@@ -248,6 +297,7 @@ _YAML = 64 << 20  # bytes: a minute of reading
 _FANUC_JOINT = re.compile(r"J(\d)\s*=\s*([-+]?[\d.]+)\s*(deg|mm)", re.I)
 _FANUC_MOVE = re.compile(r"\s*\d+:\s*([JLCA])\s+(\S+?)\[(\d+)[^\]]*\]([^;]*)")
 _FANUC_OTHER = re.compile(r"\s*\d+:\s*(CALL|RUN|JMP|LBL|IF|FOR|SELECT|UFRAME|UTOOL|OFFSET)\b", re.I)
+_POSES = "export the program with joint positions, or give the poses as a table to 'pinsing path'"
 _UR_MOVE = re.compile(r"\b(move[a-z]|servo[a-z]+|speed[a-z])\s*\(\s*(\[[^\]]*\])?")
 _UR_OTHER = re.compile(r"(?m)^\s*(if|elif|else|while|for|thread|call)\b|\bdef\b[\s\S]*\bdef\b")
 
@@ -264,6 +314,8 @@ def _fanuc(path: Path, arm: Arm, text: str) -> TrajectoryFile:
             raise ConfigurationError(f"{path}: P[{number}] is of other groups than GP1 alone")
         points[number] = _FANUC_JOINT.findall(body)
         if len(points[number]) != arm.n or re.search(r"\bE\d\s*=", body):
+            if not points[number] and re.search(r"\bX\s*=", body):
+                raise ConfigurationError(f"{path}: P[{number}] is a pose of the tool: {_POSES}")
             raise ConfigurationError(
                 f"{path}: P[{number}] has {len(points[number])} joint values, and the arm has "
                 f"{arm.n}: give positions as joint angles, without more axes"
@@ -296,6 +348,8 @@ def _ur(path: Path, arm: Arm, text: str) -> TrajectoryFile:
         raise ConfigurationError(f"{path}: {word}: only programs without branches are followed")
     rows = []
     for move in _UR_MOVE.finditer(text):
+        if re.match(r"\w+\s*\(\s*p\[", move[0] + text[move.end() : move.end() + 2]):
+            raise ConfigurationError(f"{path}: {move[1]} goes to a pose of the tool: {_POSES}")
         if move[1] not in ("movej", "servoj") or move[2] is None:
             raise ConfigurationError(
                 f"{path}: only movej and servoj to joint angles are followed, not "
@@ -322,11 +376,16 @@ def _yaml(path: Path, arm: Arm) -> TrajectoryFile:
     """A trajectory of ROS or MoveIt, or joint states as ``ros2 topic echo`` prints them."""
     import yaml
 
+    from pinsing.description.yaml_tree import QuickLoader, yaml_problem
+
     raw = read_bounded(path, _YAML, follow=True)
-    loader = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
     try:
-        documents = [d for d in yaml.load_all(raw, Loader=loader) if d is not None]
-    except (yaml.YAMLError, RecursionError) as error:
+        documents = [d for d in yaml.load_all(raw, Loader=QuickLoader) if d is not None]
+    except yaml.YAMLError as error:
+        reason, _, line = yaml_problem(error, raw.decode("utf-8", "replace"), path)
+        where = path if line is None else f"{path}:{line}"
+        raise ConfigurationError(f"cannot read {where}: {reason:.200}") from None
+    except RecursionError as error:
         reason = " ".join(str(error).split())
         raise ConfigurationError(f"cannot read {path}: {reason:.200}") from None
     rows: list[tuple[Any, Any, Any]] = []
@@ -372,7 +431,30 @@ def _yaml(path: Path, arm: Arm) -> TrajectoryFile:
     if not timed:
         notes += (_NO_TIMES,)
     Q = np.array(samples).reshape(-1, arm.n)
-    return TrajectoryFile(Q, np.array(known) if timed else None, notes)
+    t, degrees = np.array(known) if timed else None, None
+    for number, text in enumerate(raw.decode("utf-8", "replace").splitlines(), 1):
+        degrees = _stated_unit(path, number, text, degrees)
+    return TrajectoryFile(Q, t, notes, degrees=degrees)
+
+
+def _stated_unit(path: Path, number: int, line: str, before: bool | None) -> bool | None:
+    """Return True for degrees, False for radians, where a comment says so, else ``before``."""
+    said = _UNITS_LINE.match(line)
+    if said is None:
+        return before
+    units = {w: _SCALES.get(w) for w in re.findall(r"[a-z°]+", said[1].lower()) if w != "and"}
+    angles = {s for w, s in units.items() if w[:3] in ("deg", "rad", "°")}
+    if len(angles) != 1 or any(s != 1 for w, s in units.items() if s not in angles):
+        raise ConfigurationError(
+            f"{path}:{number}: units {said[1]!r:.60} are not understood: write '# units: degrees' "
+            "or '# units: radians', or name units in the head, as 'J1 (deg)'"
+        )
+    degrees = angles != {1.0}
+    if before not in (None, degrees):
+        raise ConfigurationError(
+            f"{path}:{number}: a comment says other units than one before it: remove one"
+        )
+    return degrees
 
 
 def _seconds(time: Any) -> float | None:
@@ -391,20 +473,22 @@ def _text(path: Path, arm: Arm, columns: Sequence[str]) -> TrajectoryFile:
     ):
         if b"\0" in raw.peek(4)[:4] or raw.peek(2)[:2] in (b"\xff\xfe", b"\xfe\xff"):
             raise ConfigurationError(f"{path}: is no UTF-8 but UTF-16 or binary: save it as UTF-8")
-        number, line = 1, ""
-        for number, words_of_it in enumerate(file, 1):  # noqa: B007
+        number, line, degrees = 1, "", None
+        for number, words_of_it in enumerate(file, 1):
             line = words_of_it.strip()
             if line and not line.startswith("#"):
                 break
+            degrees = _stated_unit(path, number, line, degrees)
             line = ""
         if not line:
             raise ConfigurationError(f"{path}: no sample in it")
         separator = next((s for s in (";", "\t", ",") if s in line), None)
         words = [w.strip().strip("\"'") for w in line.split(separator)]
         named = not all(is_number(w.replace(",", ".")) for w in words)
-        read = ColumnHeads(path, arm, words, columns) if named or columns else None
+        heads = words if named else [str(k + 1) for k in range(len(words))]
+        read = ColumnHeads(path, arm, heads, columns) if named or columns else None
         used = sorted(read.used) if read and len(read.used) < len(words) else None
-        table = _NumberTable(path, separator, used, len(words), number - 1)
+        table = _NumberTable(path, separator, used, len(words), number - 1, degrees)
         parts = [] if named else [table.rows(io.StringIO(line))]
         table.line = number
         while len(part := table.rows(file)):
@@ -413,12 +497,13 @@ def _text(path: Path, arm: Arm, columns: Sequence[str]) -> TrajectoryFile:
     commas = ("decimal commas",) if table.commas else ()
     if read is None:
         found = _columns(path, arm, values)
-        return replace(found, notes=(*found.notes, *commas))
+        return replace(found, notes=(*found.notes, *commas), degrees=table.degrees)
     at = {column: k for k, column in enumerate(used or range(len(words)))}
     others = {w: values[:, at[i]] for w, i in read.others.items()}
     t = None if read.time is None else values[:, at[read.time]] * read.time_scale
     Q = values[:, [at[i] for i in read.order]]
-    return TrajectoryFile(Q, t, (*read.notes, *commas), others, read.scales)
+    notes = (*read.notes, *commas)
+    return TrajectoryFile(Q, t, notes, others, read.scales, table.degrees)
 
 
 class ColumnHeads:
@@ -562,7 +647,8 @@ def _named(name: str, joints: Sequence[str]) -> str | None:
 class _NumberTable:
     """Reads numbers, some rows at a time.
 
-    ``commas`` becomes true where numbers are found to have decimal commas.
+    ``commas`` becomes true where numbers are found to have decimal commas, ``degrees`` what a
+    comment says of units.
     """
 
     path: Path
@@ -570,6 +656,7 @@ class _NumberTable:
     used: Sequence[int] | None
     width: int
     line: int
+    degrees: bool | None = None
     commas: bool = False
 
     def rows(self, file: io.TextIOBase) -> Array:
@@ -578,6 +665,9 @@ class _NumberTable:
 
         first, lines = self.line + 1, list(itertools.islice(file, _ROWS))
         self.line += len(lines)
+        for number, line in enumerate(lines, first):
+            if "#" in line:
+                self.degrees = _stated_unit(self.path, number, line, self.degrees)
         if lines and not any(line.split("#")[0].strip() for line in lines):
             return self.rows(file)
         if self.separator != "," and any("," in line for line in lines):
@@ -594,10 +684,16 @@ class _NumberTable:
                 words = " ".join(str(error).split())
                 cell = _CELL.fullmatch(words)
                 if cell and self.separator is not None:
-                    line = _line_of(self.path, first, int(cell[2]))
+                    at = _line_of(self.path, first, int(cell[2]))
                     column = int(cell[3]) if self.used is None else self.used[int(cell[3]) - 1] + 1
                     raise ConfigurationError(
-                        f"{self.path}:{line}: column {column}: {cell[1]:.80} is no number"
+                        f"{self.path}:{at}: column {column}: {cell[1]:.80} is no number"
+                    ) from None
+                if ragged := _RAGGED.fullmatch(words):
+                    at = _line_of(self.path, first, int(ragged[2] or ragged[3]) - 1)
+                    raise ConfigurationError(
+                        f"{self.path}:{at}: {ragged[1] or ragged[4]} columns, and {self.width} in "
+                        "the first line: give each line the same columns"
                     ) from None
                 raise ConfigurationError(f"{self.path}: after line {first}: {words:.200}") from None
         if table.size and table.shape[1] != width:
