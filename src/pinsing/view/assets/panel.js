@@ -41,7 +41,7 @@ function commonPrefix(names) {
 // Whether an ellipsoid is drawn thicker than it is, and why, in a word; scale: metres for its unit.
 function thickened({ drawn, radii }, scale) {
   const thin = radii.filter((r, k) => drawn[k] > 1.05 * scale * r).length;
-  return thin === 1 ? "a disc, thickened" : thin === 2 ? "a line, thickened" : "";
+  return thin === 1 ? "flat, drawn thicker" : thin === 2 ? "a line, drawn thicker" : "";
 }
 
 // What the note begins with where only the rounding of the file keeps a pose from being singular.
@@ -120,8 +120,8 @@ class Panel {
 
   keys() {
     const mode = this.mode ?? this.page.settings.mode, pure = mode === "pure";
-    for (const [kind, words] of [["translation", pure ? "pure translations (\u03c9 = 0)" : "tip velocity, whatever the rotation"],
-                                 ["rotation", pure ? "pure rotations (v = 0)" : "angular velocity, whatever the translation"]]) {
+    for (const [kind, words] of [["translation", pure ? "translation with orientation held" : "tip velocity, whatever the rotation"],
+                                 ["rotation", pure ? "rotation with the tip held" : "angular velocity, whatever the translation"]]) {
       const key = $(`key-${kind}`), drawn = this.frame ? thickened(this.frame.ellipsoids[mode][kind], this.page.settings[kind]) : "";
       key.textContent = words + (drawn && `: ${drawn}`);
       key.title = drawn ? "Drawn thicker than it is, to be seen" : "";
