@@ -208,10 +208,10 @@ def test_a_viewer_is_a_page_within_the_notebook(page, tmp_path):
     frame = next(f for f in page.frames if f is not page.main_frame)
     frame.wait_for_selector("body[data-ready=yes]", state="attached", timeout=90_000)
     assert frame.locator("#robot").inner_text() == "scara"
-    before = frame.locator(".joint .value").first.input_value()
+    before = frame.locator(".joint .typed").first.input_value()
     frame.evaluate("() => window.pinsing.move(0, 0.5)")
     frame.wait_for_function(
-        "(b) => document.querySelector('.joint .value').value !== b", arg=before
+        "(b) => document.querySelector('.joint .typed').value !== b", arg=before
     )
     frame.locator("#copy-as").select_option("link")
     frame.locator("#copy").click()
