@@ -243,7 +243,7 @@ def _advice(check: TrajectoryCheck, robot: str, other: Array | None) -> str:
         beyond = " --ignore-limits" if check.outside else ""
         command = f"postures {robot}{beyond}" if other is None else f"at {robot}"
         q = typed(start if other is None else other, check.arm.prismatic, True, digits=6)
-        best = "Start in this posture, which reaches the end without a singularity"
+        best = "Start in this posture, from which some motion reaches the end without a singularity"
         what = "Try another posture" if other is None else best
         return f"{what}: pinsing {command} {q}"
     if check.outside:
