@@ -266,7 +266,7 @@ def _found(
         gaps
         and search is not None
         and counted is None
-        and whole.on_clock > 0
+        and whole.on_clock > 0.2 * whole.seconds  # one round of slices takes up to half a second
         and (rank == len(arm.task.rows) and arm.n >= 6 and arm.coupling is None)
     ):
         # Share of the time that there is for counting on slices what a long chain's families miss.
