@@ -33,6 +33,13 @@ def dh_arm(rows, task="pose", limits=(-180, 180)):
         return pinsing.load(dh_to_urdf(read_dh(path)), task=task)
 
 
+def snake(joints):
+    """Neighbouring axes at right angles and at a distance: no three meet or are parallel."""
+    a, d, alpha = (0.2, 0.15, 0.25), (0.1, 0.05), (90, -90)
+    rows = [(alpha[i % 2], a[i % 3], d[i % 2]) for i in range(joints)]
+    return dh_arm(rows, limits=(-170, 170))
+
+
 @functools.cache
 def arm_of(name, **options):
     return pinsing.load(name, **options)

@@ -1,15 +1,26 @@
-"""What is public: the names that the reference of the Python interface documents."""
+"""What is public: the names that the reference of the Python interface documents; scripts."""
 
 from __future__ import annotations
 
 import importlib
 import re
+import sys
 from pathlib import Path
 from typing import Any
 
 from pinsing import plot
 
+SCRIPTS = Path(__file__).parents[1] / "scripts"
 REFERENCE = Path(__file__).parents[1] / "docs" / "reference" / "api.md"
+
+
+def script(name: str) -> Any:
+    """A module below ``scripts/``."""
+    sys.path.insert(0, str(SCRIPTS))
+    try:
+        return importlib.import_module(name)
+    finally:
+        sys.path.remove(str(SCRIPTS))
 
 
 def documented() -> dict[str, Any]:

@@ -16,9 +16,10 @@ import numpy as np
 import pinocchio as pin
 
 from pinsing._types import Array
-from pinsing.configuration.refine import walk
+from pinsing.configuration.refine import approach, walk
 from pinsing.families import ClosedForm, closed_form
 from pinsing.kinematics.jacobian import generic_rank, task_jacobians
+from pinsing.kinematics.verdict import ratios
 from pinsing.robot.arm import Arm
 from pinsing.robot.load import load
 from pinsing.robot.nominal import ANGLE_TOL, nominal
@@ -233,3 +234,46 @@ def check_search(arm: Arm, form: ClosedForm, count: int, seed: int = 1, tol: flo
     missed = found[~covered]
     assert not len(missed), f"{len(missed)} of {len(found)} on no family, such as {missed[0]}"
     return len(found)
+
+
+def check_beside(arm: Arm, form: ClosedForm, count: int, share: float = 0.9) -> None:
+    """A random step of 0.05 in the joints that matter leaves the singular set, but by chance."""
+    exact, rng = nominal(arm).arm, np.random.default_rng(4)
+    for family in form.families:
+        Q = family.points(count, rng)
+        step = rng.normal(size=Q.shape) * [name in family.joints for name in arm.joints]
+        moved = Q + 0.05 * step / np.linalg.norm(step, axis=1, keepdims=True)
+        regular = drop(exact, moved, form.generic_rank) > 1e-7
+        assert regular.mean() >= share, family
+        assert not family.contains(moved[regular], 1e-9).any(), family
+
+
+def check_apart(form: ClosedForm, count: int, tol: float = 1e-9) -> None:
+    """No family lies in another one."""
+    rng = np.random.default_rng(5)
+    for family in form.families:
+        Q = family.points(count, rng)
+        for other in form.families:
+            assert other is family or not len(Q) or not other.contains(Q, tol).all(), (
+                family,
+                other,
+            )
+
+
+def check_all(arm: Arm, form: ClosedForm, tol: float = 1e-8) -> int:
+    """Families are singular, steps beside them are not, a search ends on them; how many it ends."""
+    assert form.complete, form.gaps
+    rng = np.random.default_rng(3)
+    for family in form.families:
+        Q = family.points(100, rng)
+        assert len(Q)
+        assert ratios(arm, Q).max() < tol
+        off = Q + 0.05 * rng.normal(size=Q.shape)
+        away = np.array([form.family_of(q, tol=1e-3) is None for q in off])
+        assert away.mean() > 0.5
+        assert ratios(arm, off[away]).min() > 1e-8
+    low, high = np.maximum(arm.lower, -np.pi), np.minimum(arm.upper, np.pi)
+    ends = approach(arm, rng.uniform(low, high, (300, arm.n)))
+    singular = ends.q[ends.singular]
+    assert all(form.family_of(q, tol=1e-5) for q in singular)
+    return len(singular)

@@ -1,7 +1,5 @@
 """Equations: values, gradients, and that the printed text says the same as the numbers."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import replace
 from fractions import Fraction
@@ -103,8 +101,6 @@ def test_gradient_with_sliders() -> None:
     at_zero = np.zeros((1, 3))
     assert np.isfinite(e.gradient(at_zero)).all()
 
-
-# The text says what the numbers say -----------------------------------------------------
 
 _TOKEN = re.compile(
     r"\s*(?:(?P<number>\d+\.?\d*(?:e[-+]?\d+)?)|(?P<name>[a-z]+\d*)|(?P<other>[-+^()/°]))"
@@ -211,10 +207,7 @@ def test_text_of_any_equation_can_be_read_back(seed: int) -> None:
 def test_a_sum_of_angles_is_solved() -> None:
     """so101: its half-angle equation is printed as what the sum of three angles is."""
     halves = [e for e in equations("so101") if e.half_angle]
-    assert {e.text() for e in halves} == {
-        "q2+q3+q4 = -90° (mod 360°)",
-        "q2+q3+q4 = 90° (mod 360°)",
-    }
+    assert {e.text() for e in halves} == {"q2+q3+q4 = -90° (mod 360°)", "q2+q3+q4 = 90° (mod 360°)"}
     rng = np.random.default_rng(5)
     for e in halves:
         q = rng.uniform(-3, 3, (20, 5))
@@ -252,9 +245,6 @@ def test_angles_in_print(radians: float, text: str) -> None:
     assert format_angle(radians, latex=True) == text.replace("°", r"^\circ")
 
 
-# One joint at a time --------------------------------------------------------------------
-
-
 def in_one(cos: list[float], sin: list[float], frequencies: list[int]) -> Equation:
     """Equation in q2 of three joints; frequencies are doubled, as in an Equation."""
     count = len(cos)
@@ -281,7 +271,6 @@ def test_fixing_a_joint_is_substitution(seed: int) -> None:
     for joint in range(3):
         value = float(rng.uniform(-3, 3))
         fixed = fix_joint(e, joint, value)
-        assert fixed is not None
         assert joint not in fixed.involved
         put = q.copy()
         put[:, joint] = value
@@ -296,7 +285,6 @@ def test_fixing_at_a_root_leaves_nothing() -> None:
     )
     assert fix_joint(e, 1, 0.6) is None
     left = fix_joint(e, 1, 0.7)
-    assert left is not None
     assert left.involved == ()
     assert float(left(np.zeros(3))) == pytest.approx(float(e(np.array([0.0, 0.7, 0.0]))))
 
@@ -335,8 +323,7 @@ def test_proofs_that_there_is_no_zero() -> None:
 
 def test_involved_joints_and_size() -> None:
     (e,) = equations("ur5")
-    assert e.involved == (1, 2, 3)
-    assert e.size == pytest.approx(0.425 + 0.39225 + 0.09465)
+    assert (e.involved, e.size) == ((1, 2, 3), pytest.approx(0.425 + 0.39225 + 0.09465))
     q = np.random.default_rng(1).uniform(-9, 9, (100, arm_of("ur5").n))
     assert np.abs(e(q)).max() <= e.size
     np.testing.assert_allclose(e.scaled(2.0)(q), 2 * e(q))

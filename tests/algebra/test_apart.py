@@ -1,7 +1,5 @@
 """Long algebra runs in a child process, which is stopped when the time is up or at Ctrl-C."""
 
-from __future__ import annotations
-
 import os
 import signal
 import threading

@@ -1,7 +1,5 @@
 """Factors of forms in half-angle coordinates: as flint finds them, and in its order of joints."""
 
-from __future__ import annotations
-
 import random
 from fractions import Fraction
 from typing import Any

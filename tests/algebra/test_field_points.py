@@ -1,7 +1,5 @@
 """Points over finite fields: the compiled engine against flint's elements."""
 
-from __future__ import annotations
-
 import dataclasses
 import itertools
 import random

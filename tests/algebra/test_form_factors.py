@@ -1,7 +1,5 @@
 """Factors of forms in half-angle coordinates: those that flint finds without knowing of forms."""
 
-from __future__ import annotations
-
 import itertools
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Long equations solved for a joint: against Pinocchio, against themselves, as they are read."""
 
-from __future__ import annotations
-
 import functools
 import json
 import math
@@ -29,31 +27,19 @@ from pinsing.view.scene import sizes
 # Offset wrists. FANUC CRX-10iA/L and ABB GoFa 5: a, alpha, d, theta at zero (m, degrees).
 DH = {
     "crx": [
-        (0, -90, 0.245, 0),
-        (0.71, 0, 0, -90),
-        (0, -90, 0, 0),
-        (0, 90, 0.54, 0),
-        (0, -90, -0.15, 0),
+        (0, -90, 0.245, 0), (0.71, 0, 0, -90), (0, -90, 0, 0), (0, 90, 0.54, 0), (0, -90, -0.15, 0),
         (0, 0, 0.16, 0),
     ],
     "gofa": [
-        (0, -90, 0.265, 0),
-        (0.444, 0, 0, -90),
-        (0.11, -90, 0, 0),
-        (0, 90, 0.47, 0),
-        (0.08, -90, 0, 0),
-        (0, 0, 0.101, 180),
+        (0, -90, 0.265, 0), (0.444, 0, 0, -90), (0.11, -90, 0, 0), (0, 90, 0.47, 0),
+        (0.08, -90, 0, 0), (0, 0, 0.101, 180),
     ],
     # Offsets everywhere, and zeros that are no quarter turns.
     "odd": [
-        (0.1, -90, 0.2, 15),
-        (0.5, 0, 0.03, 0),
-        (0.07, -90, 0, 0),
-        (0.02, 90, 0.4, 10),
-        (0.05, -90, 0.06, 0),
-        (0, 0, 0.1, 0),
+        (0.1, -90, 0.2, 15), (0.5, 0, 0.03, 0), (0.07, -90, 0, 0), (0.02, 90, 0.4, 10),
+        (0.05, -90, 0.06, 0), (0, 0, 0.1, 0),
     ],
-}
+}  # fmt: skip
 
 
 @pytest.fixture(scope="module")
@@ -101,7 +87,6 @@ ARMS = ["crx", "gofa", "odd", "panda", "xarm7"]
 @pytest.mark.parametrize("name", ARMS)
 def test_solved_values_are_singular_and_others_are_not(name: str, folder: Path) -> None:
     form = form_of(name, folder)
-    assert form.geometry is not None
     arm = form.geometry.arm
     rng = np.random.default_rng(5)
     found = long_ones(form)
@@ -228,7 +213,7 @@ def test_the_statement_is_short_and_says_what_it_means(folder: Path) -> None:
     assert "linear complex" in family.reason
     pitch = re.search(r"pitch (\S+) m/rad", family.reason)
     assert pitch
-    state = pinsing.at(form.geometry.arm, family.generic)  # type: ignore[union-attr]
+    state = pinsing.at(form.geometry.arm, family.generic)
     assert float(pitch[1]) == pytest.approx(state.lost[0].pitch, rel=1e-2)
     assert state.lost[0].kind == "screw"
     # 32 terms have become 8, and no line is longer than three of a terminal.
@@ -238,7 +223,7 @@ def test_the_statement_is_short_and_says_what_it_means(folder: Path) -> None:
 def test_the_complex_is_one(folder: Path) -> None:
     """Every axis does no work against the wrench of that pitch."""
     form = form_of("gofa", folder)
-    state = pinsing.at(form.geometry.arm, form.families[0].generic)  # type: ignore[union-attr]
+    state = pinsing.at(form.geometry.arm, form.families[0].generic)
     wrench = state.lost[0].wrench
     assert np.abs(state.J.T @ wrench).max() < 1e-9
     assert wrench[:3] @ wrench[3:] == pytest.approx(state.lost[0].pitch)
@@ -290,7 +275,7 @@ def test_the_command_writes_exact_coefficients(folder: Path) -> None:
 
 
 def test_square_roots_are_written_and_read() -> None:
-    number = surd(*(exact_of("1/2"), exact_of("0"), exact_of("-3"), exact_of("0")))  # type: ignore[arg-type]
+    number = surd(*(exact_of("1/2"), exact_of("0"), exact_of("-3"), exact_of("0")))
     assert exact_text(number) == "1/2 - 3 sqrt(3)"
     assert exact_of(exact_text(number)) == number
     for text in ("", "x", "1 2", "sqrt(2)", "1/2 3 sqrt(2)", "--1"):
@@ -329,7 +314,6 @@ def made(rows: list[tuple[tuple[int, ...], tuple[int, ...], float, float]]) -> E
 def test_every_way_that_a_joint_can_enter_once(joint: int, kind: str, rows: Any) -> None:
     equation = made(rows)
     solved = joint_form(equation, joint)
-    assert solved is not None
     assert solved.kind == kind
     Q = np.random.default_rng(1).uniform(-1, 1, (200, 3))
     values = solved.solve(Q)
@@ -351,12 +335,11 @@ def test_every_way_that_a_joint_can_enter_once(joint: int, kind: str, rows: Any)
 
 def test_what_enters_twice_is_not_solved() -> None:
     rows = [((4, 2, 0), (0, 0, 2), 1.0, 0.5), ((2, 4, 0), (0, 0, 0), 0.3, 0.2)]
-    equation = made(rows)  # type: ignore[arg-type]
+    equation = made(rows)
     assert all(joint_form(equation, j) is None for j in range(3))
     assert joint_form(equation) is None
     nowhere = made([((2, 2, 0), (0, 0, 0), 0.1, 0.0), ((0, 0, 0), (0, 0, 0), 1.0, 0.0)])
     solved = joint_form(nowhere, 0)
-    assert solved is not None
     assert np.isnan(solved.solve(np.zeros(3))).all()
 
 

@@ -1,7 +1,5 @@
 """Places of a search: each matrix and its minors made once, and as they are made anew."""
 
-from __future__ import annotations
-
 from fractions import Fraction
 
 import pytest

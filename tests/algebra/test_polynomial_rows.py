@@ -1,7 +1,5 @@
 """Determinants of polynomial matrices, and which of their rows depend on each other."""
 
-from __future__ import annotations
-
 import random
 from fractions import Fraction
 

@@ -1,7 +1,5 @@
 """Random slices modulo a prime: the points that they must meet, and their ranks."""
 
-from __future__ import annotations
-
 from fractions import Fraction
 
 import numpy as np
@@ -42,8 +40,7 @@ def test_the_common_zeros_are_met(ring):
         assert s.is_zero(g)
         assert s.is_zero(p * x3 + g * y3)
         assert not s.is_zero(x1 * y2 - 2 * x2 * y1)
-        assert s.rank([[p, x1], [g, y1]]) == 1
-        assert s.rank([[p, x1], [y1, g]]) == 2
+        assert (s.rank([[p, x1], [g, y1]]), s.rank([[p, x1], [y1, g]])) == (1, 2)
         assert s.transversal((p, g))
 
 

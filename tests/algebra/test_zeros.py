@@ -1,7 +1,5 @@
 """Common zeros modulo a prime: all of them, and nothing else."""
 
-from __future__ import annotations
-
 import functools
 import itertools
 import operator

@@ -1,8 +1,7 @@
 """Several long equations that hold at once: which joints can be chosen, how the others follow."""
 
-from __future__ import annotations
-
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -17,9 +16,7 @@ from pinsing.families.statement import statement
 SYMBOLS = ("q1", "q2", "q3", "q4", "q5")
 
 
-def long_equation(
-    seed: int, once: int | None, others: tuple[int, ...], zero: np.ndarray
-) -> Equation:
+def long_equation(seed, once, others, zero):
     """A random equation of 16 terms through a point; ``once`` enters once, the others twice."""
     rng = np.random.default_rng(seed)
     frequencies = np.zeros((16, 5), dtype=np.int64)
@@ -30,11 +27,16 @@ def long_equation(
     frequencies[2, others[0]], frequencies[3, others[-1]] = 4, 4
     frequencies[0] = 0
     cos, sin = rng.normal(size=(2, 16))
-    cos[0], sin[0] = 0.0, 0.0
+    sin[0] = 0.0
+    return through(zero, frequencies, cos, sin)
+
+
+def through(zero, frequencies, cos, sin):
+    """An equation whose first term is the constant that makes it zero at a point."""
     powers = np.zeros_like(frequencies)
     e = Equation(SYMBOLS, frequencies, powers, cos, sin, np.zeros(5))
-    cos[0] = -float(e(zero))
-    return Equation(SYMBOLS, frequencies, powers, cos, sin, np.zeros(5))
+    cos = cos - np.where(np.arange(len(cos)) == 0, float(e(zero)), 0.0)
+    return replace(e, cos=cos)
 
 
 @pytest.fixture
@@ -45,18 +47,14 @@ def zero() -> np.ndarray:
 def test_joints_follow_one_after_the_other(zero: np.ndarray) -> None:
     first, second = long_equation(1, 1, (2, 3), zero), long_equation(6, 2, (3,), zero)
     found = at_once(Branch((), (first, second)), zero, SYMBOLS)
-    assert found is not None
     # q3 of q4 first, then q2 of both; q1 and q5 matter to none.
-    assert found.follow == ("q3", "q2")
-    assert found.chosen == ("q1", "q4", "q5")
-    assert found.left == 0
+    assert (found.follow, found.chosen, found.left) == (("q3", "q2"), ("q1", "q4", "q5"), 0)
     assert [s.split(" [")[0] for s in found.steps] == ["R cos(q3 - φ) = c", "R cos(q2 - φ) = c"]
     # What is said holds: with q4 elsewhere the steps, in their order, give a common solution.
     q = zero.copy()
     q[3] += 0.02
     for e, joint in ((second, 2), (first, 1)):
         form = joint_form(e, joint)
-        assert form is not None
         values = form.solve(q)
         q[joint] = values[np.argmin(np.abs(values - zero[joint]))]
     np.testing.assert_allclose([float(first(q)), float(second(q))], 0, atol=1e-9)
@@ -74,35 +72,23 @@ def test_more_equations_than_conditions_choose_among_the_values(zero: np.ndarray
         np.zeros(5),
     )
     found = at_once(Branch((), (first, second, third)), zero, SYMBOLS)
-    assert found is not None
     assert (found.follow, found.left) == (("q3", "q2"), 1)
     assert found.lines()[-1] == "the other equation says which of these values hold"
 
 
-def test_where_no_joint_enters_once_only_solving_tells(zero: np.ndarray) -> None:
-    # Each joint of both enters with its double angle.
+def test_other_sets_of_equations(zero: np.ndarray) -> None:
+    """Where each joint enters with its double angle, too; one equation, and none; in one line."""
     pair = tuple(long_equation(k, None, (1, 2, 3), zero) for k in (5, 6))
     found = at_once(Branch((), pair), zero, SYMBOLS)
-    assert found is not None
-    assert found.steps == ()
-    assert len(found.follow) == 2
+    assert (found.steps, len(found.follow)) == ((), 2)
     assert "by solving the equations together" in found.lines()[1]
-
-
-def test_one_equation_or_short_ones_are_stated_otherwise(zero: np.ndarray) -> None:
-    alone = long_equation(1, 1, (2, 3), zero)
-    assert at_once(Branch((), (alone,)), zero, SYMBOLS) is None
-    assert at_once(Branch((), ()), zero, SYMBOLS) is None
-
-
-def test_pages_of_polynomials_are_one_line(zero: np.ndarray) -> None:
-    pair = (long_equation(1, 1, (2, 3), zero), long_equation(6, 2, (3,), zero))
-    for latex in (False, True):
-        said = statement([Branch((), pair)], (), SYMBOLS, [False] * 5, latex)
-        assert len(said) < 70
-    assert statement([Branch((), pair)], (), SYMBOLS, [False] * 5) == (
-        "2 equations at once in q2, q3 and q4 [16 terms]"
-    )
+    first, second = long_equation(1, 1, (2, 3), zero), long_equation(6, 2, (3,), zero)
+    for few in ((first,), ()):
+        assert at_once(Branch((), few), zero, SYMBOLS) is None
+    both = [Branch((), (first, second))]
+    assert len(statement(both, (), SYMBOLS, [False] * 5, True)) < 70
+    said = statement(both, (), SYMBOLS, [False] * 5)
+    assert said == "2 equations at once in q2, q3 and q4 [16 terms]"
 
 
 @pytest.mark.slow
@@ -141,17 +127,12 @@ def test_a_joint_that_an_equation_names_alone_is_given_nothing(zero: np.ndarray)
 
     def simple(*joints: int) -> Equation:
         frequencies = np.zeros((2, 5), dtype=np.int64)
-        frequencies[0, list(joints)] = 2
-        cos, sin = np.array([1.0, 0.0]), np.array([0.5, 0.0])
-        powers = np.zeros_like(frequencies)
-        e = Equation(SYMBOLS, frequencies, powers, cos, sin, np.zeros(5))
-        return Equation(
-            SYMBOLS, frequencies, powers, cos - np.array([0.0, float(e(zero))]), sin, np.zeros(5)
-        )
+        frequencies[1, list(joints)] = 2
+        return through(zero, frequencies, np.array([0.0, 1.0]), np.array([0.0, 0.5]))
 
     long = long_equation(1, 1, (2, 3), zero)
     found = at_once(Branch((), (simple(4), simple(3, 4), simple(2, 3), long)), zero, SYMBOLS)
-    assert found is not None
     assert found.follow == ("q5", "q4", "q3", "q2")
-    assert found.steps[0] == "q5 has two solutions [2 terms]"
-    assert found.steps[1] == "q4 has two solutions given q5 [2 terms]"
+    assert found.steps[:2] == (
+        "q5 has two solutions [2 terms]", "q4 has two solutions given q5 [2 terms]",
+    )  # fmt: skip

@@ -1,7 +1,5 @@
 """Arms on rails, gantries, positioners and mobile bases: chains of seven to ten joints."""
 
-from __future__ import annotations
-
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -11,12 +9,9 @@ import pinsing
 X, Y, Z = pin.JointModelPX, pin.JointModelPY, pin.JointModelPZ
 TILT, TURN = pin.JointModelRY, pin.JointModelRZ
 CARRIERS = {
-    "rail": [Y],
-    "two rails": [X, Y],
-    "gantry": [X, Y, Z],
-    "positioner": [TILT, TURN],
+    "rail": [Y], "two rails": [X, Y], "gantry": [X, Y, Z], "positioner": [TILT, TURN],
     "mobile base": [X, Y, TURN],
-}
+}  # fmt: skip
 
 
 def carried(carrier, robot, **spec):

@@ -1,18 +1,15 @@
 """Arms with axes 15, 30, 45, 60 or 75 degrees apart: exact, with square roots."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np
 import pinocchio as pin
 import pytest
+from singular_sets import check_all
 from tiers import tiered
 
-from pinsing.configuration.refine import approach
 from pinsing.families import ClosedForm, closed_form, prove
 from pinsing.families.certainty import coverage_words
-from pinsing.kinematics.verdict import ratios
 from pinsing.robot.load import load
 from pinsing.robot.surd import Surd
 
@@ -33,71 +30,46 @@ def arm_of(rows: DHRows, name: str = "twisted"):
         parent = model.addJoint(parent, pin.JointModelRZ(), before, f"j{i + 1}")
         model.addJointFrame(parent)
         model.lowerPositionLimit[i], model.upperPositionLimit[i] = -3, 3
-        turned = pin.SE3(pin.utils.rotate("x", math.radians(alpha)), np.array([a, 0, d]))
-        before = turned
+        before = pin.SE3(pin.utils.rotate("x", math.radians(alpha)), np.array([a, 0, d]))
     model.addFrame(pin.Frame("tip", parent, 0, before, pin.FrameType.OP_FRAME))
     return load(model, tip="tip")
 
 
-def swapped(rows: DHRows, old: float, new: float) -> DHRows:
-    return [
-        (a, math.copysign(new, alpha) if abs(alpha) == old else alpha, d) for a, alpha, d in rows
-    ]
-
-
-def check(arm, found, count=200):
-    """Families are singular in Pinocchio; what a search finds is on them; near misses are not."""
-    rng = np.random.default_rng(3)
-    for f in found.families:
-        Q = f.points(count, rng)
-        assert len(Q)
-        assert ratios(arm, Q).max() < 1e-10
-        off = Q + 0.05 * rng.normal(size=Q.shape)
-        away = np.array([not found.family_of(q, tol=1e-3) for q in off])
-        assert away.mean() > 0.5
-        assert ratios(arm, off[away]).min() > 1e-8
-    walks = rng.uniform(arm.lower, arm.upper, (300, arm.n))
-    ends = approach(arm, walks)
-    singular = ends.q[ends.singular]
-    assert len(singular) > 100
-    assert all(found.family_of(q, tol=1e-5) for q in singular)
+def swapped(rows: DHRows, new: float) -> DHRows:
+    """With twists of another size in place of those of 60 degrees."""
+    return [(a, math.copysign(new, al) if abs(al) == 60 else al, d) for a, al, d in rows]
 
 
 @pytest.mark.parametrize("twist", tiered([15, 30, 45, 60, 75], (15, 45)))
 def test_hollow_wrists(twist):
     """Three wrist axes through one point, at any twist: the families of a PUMA."""
-    arm = arm_of([*swapped(HOLLOW, 60, twist), (0, 0, 0.1)])
+    arm = arm_of([*swapped(HOLLOW, twist), (0, 0, 0.1)])
     found = closed_form(arm)
-    assert found.complete
     assert found.snaps == ()
     assert [f.proof for f in found.families] == ["algebra"] * 3
     texts = [f.text for f in found.families]
     assert "q5 = 0° or 180°" in texts
     assert "0.43 cos q2 + 0.02 cos(q2+q3) - 0.43 sin(q2+q3) = 0" in texts
-    check(arm, found)
+    assert check_all(arm, found, 1e-10) > 100
 
 
 def test_a_wrist_without_a_centre():
     """Kinova's Jaco with the 60 degree wrist: one surface that does not fall apart."""
     arm = arm_of(JACO)
     found = closed_form(arm)
-    assert found.complete
     assert found.snaps == ()
     (family,) = found.families
-    assert family.codimension == 1
-    assert family.proof == "algebra"
-    check(arm, found)
+    assert (family.codimension, family.proof) == (1, "algebra")
+    assert check_all(arm, found, 1e-10) > 100
 
 
 @pytest.mark.parametrize("twist", tiered([30, 45, 60], ()))
 def test_seven_joints(twist):
-    arm = arm_of([*swapped(SEVEN, 60, twist), (0, 0, 0.1)])
+    arm = arm_of([*swapped(SEVEN, twist), (0, 0, 0.1)])
     found = closed_form(arm)
-    assert found.complete
-    assert found.snaps == ()
-    assert found.fully_decomposed
+    assert (found.snaps, found.fully_decomposed) == ((), True)
     assert sorted(f.codimension for f in found.families) == [1, 2, 2, 2]
-    check(arm, found)
+    assert check_all(arm, found, 1e-10) > 100
 
 
 def test_three_axes_that_meet():
@@ -105,24 +77,21 @@ def test_three_axes_that_meet():
     arm = arm_of([(0, 30, 0.2), (0, 60, 0), (0, 0, 0.1)])
     arm = load(arm.model, tip="tip", task="orientation")
     found = closed_form(arm)
-    assert found.complete
     assert [f.text for f in found.families] == ["q2 = 0° or 180°"]
-    check(arm, found)
+    assert check_all(arm, found, 1e-10) > 100
+
+
+MANY = [(0.25, -60, 0.3), (0.25, 15, 0.2), (0.1, -90, 0), (0.1, 90, 0), (0.25, 75, 0), (0.1, 0, 0)]
 
 
 def test_many_twists_are_searched_in_their_own_numbers():
-    rows = [(0.25, -60, 0.3), (0.25, 15, 0.2), (0.1, -90, 0), (0.1, 90, 0), (0.25, 75, 0)]
-    found = closed_form(arm_of([*rows, (0.1, 0, 0)]))
-    assert found.complete
-    assert found.snaps == ()
-    assert found.deviation is None
+    found = closed_form(arm_of(MANY))
+    assert (found.complete, found.snaps, found.deviation) == (True, (), None)
 
 
 def test_no_time_is_said_and_no_other_arm_is_taken():
-    rows = [(0.25, -60, 0.3), (0.25, 15, 0.2), (0.1, -90, 0), (0.1, 90, 0), (0.25, 75, 0)]
-    found = closed_form(arm_of([*rows, (0.1, 0, 0)]), seconds=0.02)
-    assert found.word == "not complete"
-    assert found.snaps == ()
+    found = closed_form(arm_of(MANY), seconds=0.02)
+    assert (found.word, found.snaps) == ("not complete", ())
     assert any(isinstance(x, Surd) for R in found.geometry.rotation for row in R for x in row)
 
 
@@ -145,8 +114,7 @@ def test_an_answer_about_another_geometry_says_so_first():
     model = arm_of([*rows, (0.1, 0, 0)]).model
     model.jointPlacements[2] = pin.SE3(pin.utils.rotate("x", 1.5708), np.array([0, 0, 0.3]))
     design = prove(closed_form(load(model, tip="tip")))
-    assert design.word == "proven"
-    assert design.deviation.angle == pytest.approx(3.673e-6, rel=1e-3)
+    assert (design.word, design.deviation.angle) == ("proven", pytest.approx(3.673e-6, rel=1e-3))
     assert "proven for the nominal design" in " ".join(str(design).split())
     said = "the nominal design: angles moved by at most 3.7e-06 rad (0.0002°), lengths as written"
     assert said in str(design)

@@ -1,7 +1,5 @@
 """Points of families in closed form: all joints drawn but as many as there are equations."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np
@@ -33,6 +31,7 @@ LENGTH = equation(((0, 2, 0), (1, 0, 0), 1.0, 0.3), ((0, 2, 2), (0, 0, 0), 0.7, 
 TWICE = equation(((4, 0, 0), (0, 0, 0), 1.0, 0.0), ((2, 0, 0), (0, 0, 0), 0.0, 0.5))
 FREE = np.ones(3, dtype=bool)
 ZERO = np.zeros(3)
+WIDE = np.full(3, 3.0)
 RNG = np.random.default_rng
 
 
@@ -52,41 +51,29 @@ def test_points_are_on_the_set_and_in_the_box(e: Equation, width: float) -> None
         assert np.ptp(q[:, solved]) > 0.5
 
 
-def test_a_joint_that_enters_twice_is_not_solved_for() -> None:
-    assert orders([TWICE], FREE) == []
+def test_what_is_solved_for_and_in_which_order() -> None:
+    """No joint that enters twice, none that is held; and one equation after the other."""
+    assert orders([TWICE], FREE) == orders([], FREE) == []
     assert {o[0].joint for o in orders([ONCE], FREE)} == {0, 1, 2}
-    held = np.array([True, False, True])
-    assert all(o[0].joint != 1 for o in orders([ONCE], held))
-    assert orders([], FREE) == []
-
-
-def test_two_equations_are_solved_one_after_the_other() -> None:
+    assert all(o[0].joint != 1 for o in orders([ONCE], np.array([True, False, True])))
     found = orders([ONCE, HALF], FREE)
     assert found
     for order in found:
-        q = draw(
-            order, np.full(3, -3.0), np.full(3, 3.0), FREE, ZERO, 3000, np.random.default_rng(2)
-        )
+        q = draw(order, -WIDE, WIDE, FREE, ZERO, 3000, RNG(2))
         assert len(q) > 100
         assert np.abs(residuals([ONCE, HALF], q)).max() < 1e-14
     both = equation(((2, 2, 2), (0, 0, 0), 0.5, 0.2), ((0, 0, 0), (0, 0, 0), 0.1, 0.0))
     assert orders([both, ONCE], FREE) == []  # each joint of the one is in the other
-
-
-def test_joints_that_are_held_stay() -> None:
-    free = np.array([True, True, False])
-    fixed = np.array([0.0, 0.0, 1.25])
+    free, fixed = np.array([True, True, False]), np.array([0.0, 0.0, 1.25])
     (order, *_) = orders([ONCE], free)
-    q = draw(order, np.full(3, -3.0), np.full(3, 3.0), free, fixed, 500, np.random.default_rng(3))
-    assert (q[:, 2] == 1.25).all()
+    assert (draw(order, -WIDE, WIDE, free, fixed, 500, RNG(3))[:, 2] == 1.25).all()
 
 
 def test_what_has_few_values_is_found_by_projection_all_the_same() -> None:
     # 0.5 cos q1 + ... = 0 only where all three are within 0.02 of one point.
     narrow = equation(((2, 0, 0), (0, 0, 0), 1.0, 0.0), ((0, 0, 0), (0, 0, 0), -0.99999, 0.0))
     lower, upper = np.array([0.2, -3, -3]), np.array([0.4, 3, 3])
-    rng = np.random.default_rng(4)
-    q = search([narrow], lower, upper, FREE, ZERO, 6, rng)
+    q = search([narrow], lower, upper, FREE, ZERO, 6, RNG(4))
     assert len(q) == 6  # q1 + shift = 0.00447: within the box, or at its copy
     assert np.abs(residuals([narrow], q)).max() < 1e-12
 
@@ -102,13 +89,11 @@ def test_points_of_families_are_singular_and_spread(name: str) -> None:
                 there = q[np.abs(b.equations[0](q)) < 1e-9]
                 moved, ok = project(b.equations, there, np.ones(family.n, dtype=bool))
                 assert ok.all()
-                assert np.abs(moved - there).max(initial=0.0) < 1e-9
+                np.testing.assert_allclose(moved, there, atol=1e-9)
         assert np.ptp(q, axis=0).max() > 1
 
 
-def test_a_box_with_nothing_in_it_is_not_searched_at_random(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_a_box_with_nothing_in_it_is_not_searched_at_random(monkeypatch):
     """A proof takes the search's place; what is drawn afterwards is as after the search."""
     middle = np.array([0.3, -0.2, 0.1])
     q = draw(orders([ONCE], FREE)[0], middle - 3, middle + 3, FREE, ZERO, 500, RNG(2))

@@ -1,15 +1,11 @@
 """What is stated is the exact components, and every answer is checked for that."""
 
-from __future__ import annotations
-
-import importlib
 import math
-import sys
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
+from public import script
 
 import pinsing
 from pinsing.algebra import real_roots as roots
@@ -21,25 +17,14 @@ from pinsing.families import pieces
 from pinsing.families.faithful import disagreements
 from pinsing.families.proving import prove
 
-SCRIPTS = Path(__file__).parents[2] / "scripts"
 EVEN = [(0, 0, 0.2, 0), (0, 0, 0.2, -90), (0, 0, 0.2, 90), (0, 0, 0, 0)]
 """Links alike: all of q3 = 180° is singular, and of q3 = 0 what has q2 = 0 or 180°."""
-SYMMETRIC = [
-    (0, 0.4, 0, 90),
-    (-90, 0, 0.3, -90),
-    (0, 0.25, 0.2, 180),
-    (0, 0.25, 0.2, 180),
-    (-90, 0, 0.3, -90),
-    (0, 0.4, 0, 90),
-]
+SYMMETRIC = [(0, 0.4, 0, 90), (-90, 0, 0.3, -90), *[(0, 0.25, 0.2, 180)] * 2, (-90, 0, 0.3, -90)]
+SYMMETRIC += [(0, 0.4, 0, 90)]
 
 
 def chain(rows, task="pose"):
-    sys.path.insert(0, str(SCRIPTS))
-    try:
-        chains = importlib.import_module("oracle.chains")
-    finally:
-        sys.path.remove(str(SCRIPTS))
+    chains = script("oracle.chains")
     return chains.arm_of(chains.Spec(tuple(chains.Row(*r) for r in rows), task))
 
 

@@ -1,7 +1,5 @@
 """The list of families as it is printed: whose joint each symbol is, and why half angles occur."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np
@@ -31,15 +29,12 @@ def test_names_of_joints_stand_before_the_families():
     assert "joints:" not in families_text(closed("stanford"))
 
 
-def test_half_angles_are_explained_where_they_are_printed(equal_links: ClosedForm):
+def test_half_angles_are_explained_where_they_are_printed(equal_links):
     assert equal_links.families[0].text == "q3 = 90°"
     text = " ".join(families_text(equal_links).split())
     assert "cos((3 q3)/2)" in text
     assert "half of q3 in F2: equations are factors of a longer one" in text
     assert "half of" not in families_text(closed("ur5"))
-
-
-def test_an_equation_with_half_angles_changes_its_sign_in_a_whole_turn(equal_links: ClosedForm):
     equation = equal_links.families[1].branches[0].equations[0]
     q = np.array([0.3, 0.7, -1.1, 0.9, 1.3, 0.2])
     here, there = equation(q), equation(q + 2 * np.pi * np.eye(6)[2])

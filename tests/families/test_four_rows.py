@@ -1,14 +1,11 @@
 """Tasks of four rows of six-joint arms: complete, against wrenches and finite fields."""
 
-from __future__ import annotations
-
-import importlib
-import sys
 from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
 import pytest
+from public import script
 from tiers import tiered
 
 import pinsing
@@ -23,24 +20,14 @@ TOOL = ((0.06, 0.02, 0.12), None)
 """Off the flange's axis, so that the last joint matters, too."""
 WITH_TOOLS = {
     "three parallel axes and a tool": [
-        ((0, 0, 0.09), "z"),
-        ((0, 0.12, 0), "y"),
-        ((0, -0.09, 0.425), "y"),
-        ((0, 0, 0.39), "y"),
-        ((0, 0.08, 0), "z"),
-        ((0, 0, 0.095), "y"),
-        TOOL,
+        ((0, 0, 0.09), "z"), ((0, 0.12, 0), "y"), ((0, -0.09, 0.425), "y"), ((0, 0, 0.39), "y"),
+        ((0, 0.08, 0), "z"), ((0, 0, 0.095), "y"), TOOL,
     ],
     "offset wrist and a tool": [
-        ((0, 0, 0.3), "z"),
-        ((0.1, 0, 0), "y"),
-        ((0, 0, 0.5), "y"),
-        ((0.05, 0, 0.1), "x"),
-        ((0.4, 0, 0.03), "y"),
-        ((0.07, 0, 0.02), "x"),
-        TOOL,
+        ((0, 0, 0.3), "z"), ((0.1, 0, 0), "y"), ((0, 0, 0.5), "y"), ((0.05, 0, 0.1), "x"),
+        ((0.4, 0, 0.03), "y"), ((0.07, 0, 0.02), "x"), TOOL,
     ],
-}
+}  # fmt: skip
 """Places of the joints, metres, each seen from the one before, and their axes."""
 ARMS = ("stanford", "ur5", "irb1400", "kinova", "z1", OFFSET_WRIST, *WITH_TOOLS)
 SECONDS = 300.0
@@ -112,14 +99,10 @@ def by_wrenches(arm, count, rng):
     return np.array(found)
 
 
-def test_nothing_is_left_open(found):
-    _, form = found
-    assert form.complete
-    assert form.gaps == ()
-
-
 def test_points_of_families_are_singular_and_near_misses_are_not(found, rng):
     arm, form = found
+    assert form.complete
+    assert form.gaps == ()
     for family in form.families:
         for q in family.points(5, rng):
             sigma = np.linalg.svd(jacobian(arm, q), compute_uv=False)
@@ -141,11 +124,7 @@ def test_where_newton_ends_is_on_a_family(found, rng):
 
 def test_finite_fields_say_the_same(found):
     arm, form = found
-    sys.path.insert(0, str(Path(__file__).parents[2] / "scripts"))
-    try:
-        field = importlib.import_module("oracle.field")
-    finally:
-        sys.path.pop(0)
+    field = script("oracle.field")
     components = [c for f in form.families for c in f.components] + list(form.left_out)
 
     def missed(stated):
@@ -173,8 +152,7 @@ def test_a_corner_beside_which_rows_are_zero():
     matrix = [[zero, a + b, b, c], [a, zero, b, d], [zero, zero, zero, c]]
     found = corner(matrix, ring, Budget(9))
     assert (found.rows, found.columns) == ((1,), (0,))  # beside it all other rows are zero
-    assert found.determinant == a
-    assert found.rest == [[a + b, b, c], [zero, zero, c]]
+    assert (found.determinant, found.rest) == (a, [[a + b, b, c], [zero, zero, c]])
     assert corner([[a, b], [c, d]], ring, Budget(9)) is None
 
 

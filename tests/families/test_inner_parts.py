@@ -1,7 +1,5 @@
 """Components of which generic points say that they lie in others."""
 
-from __future__ import annotations
-
 import pytest
 
 import pinsing
@@ -33,10 +31,7 @@ def test_points_tell_what_division_does_not():
     # What is not doubted stays, and so does all without time.
     assert without_inner(every, [], ring, Budget(5)) == every
     assert without_inner(every, [inner, apart], ring, Budget(0)) == every
-
-
-def test_of_two_statements_of_one_set_one_stays():
-    ring, _, inner, _ = _some()
+    # Of two statements of one set one stays.
     a, b = inner.relations
     twin = Component({}, (a, a * ring.context.gens()[3] + b * ring.context.gens()[1]), True, 2)
     assert without_inner([inner, twin], [inner, twin], ring, Budget(5)) in ([inner], [twin])

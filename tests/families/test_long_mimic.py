@@ -1,13 +1,13 @@
 """Long chains with mimic joints: short equations of the arm's own joints, followers included."""
 
-from __future__ import annotations
-
 import itertools
 import math
 import random
 
 import numpy as np
 import pytest
+from flint import nmod_mat
+from test_closed_form_mimic import finger, follows
 
 import pinsing
 from pinsing.algebra.budget import Budget
@@ -100,8 +100,6 @@ def test_minors_at_a_value_of_a_leader_are_those_there(tmp_path):
 @pytest.mark.parametrize("slides", [(), (3, 4)])
 def test_ranks_modulo_a_prime_count_followers(tmp_path, slides):
     """All columns of a chain whose joints follow one another in pairs, and of half of it."""
-    from flint import nmod_mat
-
     arm = chain(tmp_path, 8, {4: (3, 1, 0.2), 7: (6, -1, 0.0)}, slides)
     geometry = nominal(arm)
     rows = own_jacobian_modulo(geometry, arm.task, PRIMES[0], random.Random(3), {})
@@ -117,27 +115,11 @@ def test_ranks_modulo_a_prime_count_followers(tmp_path, slides):
 
 def test_ranks_drop_where_a_finger_is_stretched(tmp_path):
     """Three parallel axes, the last with the second: the rank at values of the leader."""
-    z = '<axis xyz="0 0 1"/><limit lower="-3" upper="3" effort="1" velocity="1"/>'
-    follows = {3: '<mimic joint="j2"/>'}
-    text = "".join(
-        f'<link name="l{i}"/><joint name="j{i}" type="revolute"><parent link="l{i - 1}"/>'
-        f'<child link="l{i}"/><origin xyz="{0.4 if i > 1 else 0} 0 0"/>{z}'
-        f"{follows.get(i, '')}</joint>"
-        for i in (1, 2, 3)
-    )
-    path = tmp_path / "finger.urdf"
-    path.write_text(
-        f'<robot name="finger"><link name="l0"/>{text}<link name="tip"/><joint name="t" '
-        'type="fixed"><parent link="l3"/><child link="tip"/><origin xyz="0.3 0 0"/></joint></robot>'
-    )
-    arm = pinsing.load(path, tip="tip", task="vx,vy")
+    arm = finger(tmp_path, mimic=follows(2, 1)).with_task("vx,vy")
     geometry = nominal(arm)
 
     def rank(values):
-        from flint import nmod_mat
-
-        draw = random.Random(1)
-        rows = own_jacobian_modulo(geometry, arm.task, PRIMES[0], draw, values)
+        rows = own_jacobian_modulo(geometry, arm.task, PRIMES[0], random.Random(1), values)
         return nmod_mat(2, 2, [x for row in rows for x in row], PRIMES[0]).rank()
 
     assert rank({}) == 2

@@ -1,12 +1,11 @@
 """Rows of a task over a small finite field, every configuration of a slice visited."""
 
-from __future__ import annotations
-
 import itertools
 import random
 from fractions import Fraction
 
 import pytest
+from arms import planar
 from flint import nmod_mat
 
 import pinsing
@@ -14,13 +13,9 @@ from pinsing.families.modular_chain import ModularRows, joints_that_matter, shor
 from pinsing.robot.nominal import jacobian_modulo, nominal
 
 TASKS = [
-    ("ur5", "vx,vy,vz,wz"),
-    ("stanford", "position"),
-    ("kinova", "tool-axis"),
-    ("irb1400", "vx@tip,vy@tip,wz"),
-    ("panda", "vz,wx@tip"),
-    ("xarm7", "orientation"),
-]
+    ("ur5", "vx,vy,vz,wz"), ("stanford", "position"), ("kinova", "tool-axis"),
+    ("irb1400", "vx@tip,vy@tip,wz"), ("panda", "vz,wx@tip"), ("xarm7", "orientation"),
+]  # fmt: skip
 
 
 @pytest.mark.parametrize(("robot", "task"), TASKS)
@@ -60,14 +55,10 @@ def test_some_slices_have_singular_points():
 @pytest.mark.parametrize(
     ("task", "expected"),
     [
-        ("pose", (1, 2, 4)),
-        ("position", (1, 2)),
-        ("vx,vy,vz,wz", (1, 2, 3, 4)),
-        ("vx,wz", (0, 1, 2, 3, 4)),
-        ("tool-axis", (1, 2, 4, 5)),
-        ("vx@tip", (1, 2, 3, 4, 5)),
+        ("pose", (1, 2, 4)), ("position", (1, 2)), ("vx,vy,vz,wz", (1, 2, 3, 4)),
+        ("vx,wz", (0, 1, 2, 3, 4)), ("tool-axis", (1, 2, 4, 5)), ("vx@tip", (1, 2, 3, 4, 5)),
     ],
-)
+)  # fmt: skip
 def test_joints_that_matter(task, expected):
     arm = pinsing.load("puma560", task=task)  # its tip is where the axes of its wrist meet
     if task == "tool-axis":  # about x: the last joint turns about z
@@ -75,20 +66,9 @@ def test_joints_that_matter(task, expected):
     assert joints_that_matter(nominal(arm), arm.task) == expected
 
 
-def test_a_field_in_which_a_length_is_zero_says_nothing(tmp_path):
+def test_a_field_in_which_a_length_is_zero_says_nothing():
     """Of two links in a plane the first is 0.19 m long: modulo 19 its end stands still."""
-    path = tmp_path / "arm.urdf"
-    path.write_text(
-        '<robot name="arm"><link name="a"/><link name="b"/><link name="c"/><link name="d"/>'
-        '<joint name="j1" type="continuous"><parent link="a"/><child link="b"/>'
-        '<axis xyz="0 0 1"/></joint>'
-        '<joint name="j2" type="continuous"><parent link="b"/><child link="c"/>'
-        '<origin xyz="0.19 0 0"/><axis xyz="0 0 1"/></joint>'
-        '<joint name="end" type="fixed"><parent link="c"/><child link="d"/>'
-        '<origin xyz="0.3 0 0"/></joint></robot>',
-        encoding="utf-8",
-    )
-    arm = pinsing.load(str(path), task="vx,vy")
+    arm = planar((0.19, 0.3), "vx,vy")
     geometry = nominal(arm)
     assert short_everywhere(ModularRows(geometry, arm.task, 19), geometry, arm.task)
     assert not short_everywhere(ModularRows(geometry, arm.task, 23), geometry, arm.task)

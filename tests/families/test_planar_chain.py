@@ -1,7 +1,5 @@
 """Planar chains of any length: singular where all links are in line, and nowhere else."""
 
-from __future__ import annotations
-
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -11,14 +9,15 @@ import pinsing
 from pinsing.kinematics.jacobian import singular_values
 
 LENGTHS = tuple(0.3 + 0.01 * i for i in range(20))
+SIZES = [(0.3, 0.1), (0.2, -0.2), (0.1, 0.4), (0.1, 0.1), (0.3, 0.0), (0.2, 0.1), (0.15, 0.3)]
 
 
-def chain(kinds, task, turn=None, tip=(0.4, 0.0, 0.0)):
+def chain(kinds, task, turn=None, tip=(0.4, 0.0, 0.0), sizes=SIZES):
     """Joints R, P along x, Q along y, r about -z, in a plane that ``turn`` (3, 3) tilts."""
     model = pin.Model()
     model.name = "planar"
     parent, place = 0, pin.SE3.Identity() if turn is None else pin.SE3(turn, np.array([1.0, 2, 3]))
-    for i, (kind, x, y) in enumerate(kinds):
+    for i, (kind, (x, y)) in enumerate(zip(kinds, sizes, strict=False)):
         axis = {"R": [0, 0, 1], "r": [0, 0, -1], "P": [1, 0, 0], "Q": [0, 1, 0]}[kind]
         make = pin.JointModelRevoluteUnaligned if kind in "Rr" else pin.JointModelPrismaticUnaligned
         parent = model.addJoint(parent, make(np.array(axis, dtype=float)), place, f"j{i + 1}")
@@ -60,8 +59,7 @@ def test_position_of_nr(n, rng):
     arm = planar(LENGTHS[:n])
     form = pinsing.closed_form(arm, prove=False)
     family = agree(form, arm, rng)
-    assert family.codimension == n - 1
-    assert family.text == f"q2 to q{n} each 0° or 180°"
+    assert (family.codimension, family.text) == (n - 1, f"q2 to q{n} each 0° or 180°")
     assert family.reason.startswith("all links in line: joints 1, 2,")
     assert family.is_reachable
     q = rng.uniform(-1, 1, n)
@@ -72,58 +70,45 @@ def test_position_of_nr(n, rng):
     assert all(f"  s{j},\n" in told for j in range(2, n + 1))
 
 
-@pytest.mark.parametrize("task", ["vx,vy,wz", "pose"])
-def test_pose_of_nr(task, rng):
-    arm = planar(LENGTHS[:9], task=task)
-    family = agree(pinsing.closed_form(arm, prove=False), arm, rng)
-    assert family.text == "q2 to q8 each 0° or 180°"
-    assert family.reason == "links in line: all axes are parallel and lie in one plane"
-
-
-def test_words_of_short_ones():
+def test_other_links_in_line(rng):
+    """By pose; words of a short one; a tip on the last axis; links of no length join angles."""
+    for task in ("vx,vy,wz", "pose"):
+        arm = planar(LENGTHS[:9], task=task)
+        family = agree(pinsing.closed_form(arm, prove=False), arm, rng)
+        assert family.text == "q2 to q8 each 0° or 180°"
+        assert family.reason == "links in line: all axes are parallel and lie in one plane"
     (family,) = pinsing.closed_form(planar(LENGTHS[:4]), prove=False).families
     said = "all links in line: joints 1, 2, 3 and 4 move the tip along the same line"
     assert family.reason == said
-
-
-def test_links_of_no_length_join_angles(rng):
-    lengths = (0.3, 0.2, 0.0, 0.4, 0.1, 0.0, 0.2)
-    arm = planar(lengths)
-    family = agree(pinsing.closed_form(arm, prove=False), arm, rng)
-    assert family.codimension == 4
-    involved = {e.involved for b in family.branches for e in b.equations}
-    assert involved == {(1,), (2, 3), (4,), (5, 6)}
-
-
-def test_a_tip_on_the_last_axis(rng):
     arm = planar((0.3, 0.2, 0.25, 0.4, 0.1, 0.2, 0.0))
     family = agree(pinsing.closed_form(arm, prove=False), arm, rng)
     assert family.text == "q2 to q6 each 0° or 180°"
+    arm = planar((0.3, 0.2, 0.0, 0.4, 0.1, 0.0, 0.2))
+    family = agree(pinsing.closed_form(arm, prove=False), arm, rng)
+    involved = {e.involved for b in family.branches for e in b.equations}
+    assert (family.codimension, involved) == (4, {(1,), (2, 3), (4,), (5, 6)})
 
 
 @pytest.mark.parametrize("task", ["position", "pose"])
 @pytest.mark.parametrize("tilted", [False, True])
 def test_links_that_are_bent_axes_upside_down_and_planes_that_lean(task, tilted, rng):
     turn = pin.rpy.rpyToMatrix(np.pi / 3, np.pi / 2, 0.0) if tilted else None
-    kinds = [("R", 0.3, 0.1), ("r", 0.2, -0.2), ("R", 0, 0.4), ("R", 0.1, 0.1), ("r", 0.3, 0)]
-    arm = chain([*kinds, ("R", 0.25, 0.05), ("R", 0.1, 0.3)], task, turn)
+    arm = chain("RrRRrRR", task, turn)
     agree(pinsing.closed_form(arm, prove=False), arm, rng)
 
 
 @pytest.mark.parametrize("task", ["position", "pose"])
 @pytest.mark.parametrize(
-    "kinds",
-    ["RPRRRR", "PRRRRR", "RRRPRR", "RRRRRP", "RPPRRRR", "QRRPRRR", "PPRRRRR", "RRPRQRR"],
+    "kinds", ["RPRRRR", "PRRRRR", "RRRPRR", "RRRRRP", "RPPRRRR", "QRRPRRR", "PPRRRRR", "RRPRQRR"]
 )
 def test_slides(kinds, task, rng):
-    sizes = [(0.3, 0.1), (0.2, -0.2), (0.1, 0.4), (0.1, 0.1), (0.3, 0.0), (0.2, 0.1), (0.15, 0.3)]
-    arm = chain([(k, *s) for k, s in zip(kinds, sizes, strict=False)], task)
+    arm = chain(kinds, task)
     agree(pinsing.closed_form(arm, prove=False), arm, rng)
 
 
 @pytest.mark.parametrize("kinds", ["RPQRRRR", "PQRRRRR", "RRRRRPQ"])
 def test_two_ways_to_slide_between_two_axes_are_never_lost(kinds, rng):
-    arm = chain([(k, 0.2, 0.1) for k in kinds], "position")
+    arm = chain(kinds, "position")
     form = pinsing.closed_form(arm, prove=False)
     assert form.complete
     assert not form.families
@@ -135,9 +120,8 @@ def test_two_ways_to_slide_between_two_axes_are_never_lost(kinds, rng):
 @pytest.mark.parametrize("tilted", [False, True])
 def test_one_direction_of_the_plane(kinds, task, tilted, rng):
     turn = pin.rpy.rpyToMatrix(0.0, np.pi / 3, 0.0) if tilted else None
-    sizes = [(0.3, 0.1), (0.2, -0.2), (0.1, 0.4), (0.1, 0.1), (0.3, 0.0), (0.2, 0.1), (0.0, 0.3)]
     tip = (0.4, 0.0, 0.0) if kinds.endswith("R") else (0.0, 0.4, 0.0)
-    arm = chain([(k, *s) for k, s in zip(kinds, sizes, strict=True)], task, turn, tip)
+    arm = chain(kinds, task, turn, tip, [*SIZES[:-1], (0.0, 0.3)])
     form = pinsing.closed_form(arm, prove=False)
     if form.families:
         family = agree(form, arm, rng)
@@ -150,11 +134,11 @@ def test_one_direction_of_the_plane(kinds, task, tilted, rng):
 
 
 def test_in_one_direction_the_base_or_the_tip_counts_as_a_link():
-    arm = chain([("R", 0.3, 0.0)] * 7, "vx")
+    arm = chain("RRRRRRR", "vx", sizes=[(0.3, 0.0)] * 7)
     assert pinsing.closed_form(arm, prove=False).families[0].text == "q1 to q7 each 0° or 180°"
     (family,) = pinsing.closed_form(arm.with_task("vx@tip"), prove=False).families
     assert family.text == "q2 to q7 each 0° or 180°"
-    sliding = chain([(kind, 0.3, 0.0) for kind in "RRQR"], "vx@tip")
+    sliding = chain("RRQR", "vx@tip", sizes=[(0.3, 0.0)] * 4)
     said = pinsing.at(sliding, [0.3, 0.0, 0.0, 0.0]).dependences[0].reason
     assert said.startswith("joints 1, 2 and 3 move none of the rows vx@tip")
     (family,) = pinsing.closed_form(arm.with_task("vx,wz"), prove=False).families
@@ -162,8 +146,7 @@ def test_in_one_direction_the_base_or_the_tip_counts_as_a_link():
 
 
 def test_chains_that_only_look_planar_are_searched(rng):
-    kinds = [("R", 0.3, 0.1), ("R", 0.2, -0.2), ("R", 0, 0.4), ("R", 0.1, 0.1), ("R", 0.3, 0)]
-    arm = chain([*kinds, ("P", 0.2, 0.1)], "vx")
+    arm = chain("RRRRRP", "vx")
     form = pinsing.closed_form(arm, seconds=1, prove=False)
     assert form.generic_rank == 1
     assert not any("each 0°" in family.text for family in form.families)

@@ -1,7 +1,5 @@
 """Systems of equations: values, slopes, and points of their zero sets."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np
@@ -47,31 +45,20 @@ def test_values_and_slopes(name, options, rng):
 
 @pytest.mark.slow
 def test_an_equation_that_all_but_cancels_says_how_accurate_it_is(rng):
+    """And a search in a system of such stays in its box."""
     equations = system("g1", tip="left_rubber_hand", base="torso_link")
     e = equations[0]
-    joint = e.involved[0]
+    n, joint = e.frequencies.shape[1], e.involved[0]
     fixed = fix_joint(e, joint, 0.7)
-    assert fixed is not None
     assert e.accuracy <= fixed.accuracy < 1e-13
-    Q = rng.uniform(-2, 2, (5, e.frequencies.shape[1]))
+    Q = rng.uniform(-2, 2, (5, n))
     Q[:, joint] = 0.7
     assert fixed(Q) == pytest.approx(e(Q), abs=1e-12 * e.size)
-    # All but the cosine of one joint cancels.
     small = e.scaled(1.0)
     assert small.unit == small.size
-    noisy = replace(e, accuracy=1e-11)
-    assert noisy.unit == pytest.approx(1e3 * e.size)
-
-
-@pytest.mark.slow
-def test_a_search_stays_in_its_box(rng):
-    equations = system("g1", tip="left_rubber_hand", base="torso_link")
-    n = equations[0].frequencies.shape[1]
-    low, high = np.full(n, -1.5), np.full(n, 1.5)
-    free = np.ones(n, dtype=bool)
-    free[0] = False
-    fixed = np.full(n, 0.25)
-    Q = search(equations, low, high, free, fixed, 20, rng)
+    assert replace(e, accuracy=1e-11).unit == pytest.approx(1e3 * e.size)
+    low, high, free = np.full(n, -1.5), np.full(n, 1.5), np.arange(n) > 0
+    Q = search(equations, low, high, free, np.full(n, 0.25), 20, rng)
     assert len(Q) == 20
     assert (Q[:, 0] == 0.25).all()
     assert (np.abs(Q) <= 1.5 + 1e-9).all()
@@ -82,8 +69,10 @@ def test_a_search_stays_in_its_box(rng):
 
 
 def test_the_system_of_short_equations_is_made_once_for_each_order(rng):
-    equations = tuple({id(e): e for b in _alone("panda") for e in b.equations}.values())[:2]
-    assert len(equations) == 2
+    """And that of long ones is not kept."""
+    form = closed_form(load("panda"), seconds=30)
+    branches = [b for f in form.families for b in f.branches if len(b.equations) == 1]
+    equations = tuple({id(e): e for b in branches for e in b.equations}.values())[:2]
     kept = system_of(equations)
     assert system_of(list(equations)) is kept
     assert system_of(equations[::-1]) is not kept
@@ -93,18 +82,8 @@ def test_the_system_of_short_equations_is_made_once_for_each_order(rng):
         fresh = System(some)
         assert (system_of(some).values(Q) == fresh.values(Q)).all()
         assert (system_of(some).gradients(Q) == fresh.gradients(Q)).all()
-
-
-def test_the_system_of_long_equations_is_not_kept():
-    one = _alone("panda")[0].equations[0]
-    many = [one] * (500 // len(one.cos) + 1)
+    many = [equations[0]] * (500 // len(equations[0].cos) + 1)
     assert system_of(many) is not system_of(many)
-
-
-def _alone(name):
-    """Branches of one equation."""
-    form = closed_form(load(name), seconds=30)
-    return [b for f in form.families for b in f.branches if len(b.equations) == 1]
 
 
 def test_a_small_residual_is_not_yet_on_the_set(rng):

@@ -1,7 +1,5 @@
 """Real points of components: exact, whatever is smaller than its complex set."""
 
-from __future__ import annotations
-
 import math
 import sys
 
@@ -100,17 +98,6 @@ def test_a_system_of_as_many_equations_as_its_codimension_falls_into_parts():
     assert ratios(form.geometry.arm, q[None]).min() > 1e-4
 
 
-def test_three_links_that_just_reach_are_a_point_as_well():
-    """0.3 + 0.2 + 0.1 = 0.6: only the stretched arm, which another family holds."""
-    rows = [Joint(d=0.4), Joint(alpha=RIGHT, a=0.6), Joint(a=0.3), Joint(a=0.2)]
-    form = closed_form(build(rows, tip=(0.1, 0, 0), task="position"))
-    assert form.complete
-    assert [f.text for f in form.families] == ["q3 = 0° or 180° and q4 = 0° or 180°"]
-    assert form.dropped == 1
-    assert form.family_of([0.3, math.pi, 0, 0]) is not None
-    assert form.family_of([0.3, 3.0, 0.1, 0.2]) is None
-
-
 def test_an_equation_with_a_single_real_point_is_no_surface():
     """0.3 cos q2 + 0.2 cos(q2+q3) + 0.5 is zero at q2 = 180, q3 = 0 only, which q3 = 0 holds."""
     rows = [Joint(d=0.4), Joint(alpha=RIGHT, a=0.5), Joint(a=0.3)]
@@ -127,6 +114,13 @@ def test_an_equation_with_a_single_real_point_is_no_surface():
     form = closed_form(build(rows, tip=(0.2, 0, 0), task="position"))
     assert len(form.families) == 1
     assert form.complete
+    rows = [Joint(d=0.4), Joint(alpha=RIGHT, a=0.6), Joint(a=0.3), Joint(a=0.2)]
+    form = closed_form(build(rows, tip=(0.1, 0, 0), task="position"))
+    assert form.complete
+    assert [f.text for f in form.families] == ["q3 = 0° or 180° and q4 = 0° or 180°"]
+    assert form.dropped == 1
+    assert form.family_of([0.3, math.pi, 0, 0]) is not None
+    assert form.family_of([0.3, 3.0, 0.1, 0.2]) is None
 
 
 @pytest.fixture
@@ -205,27 +199,16 @@ def test_a_rounded_limit_is_met():
     assert family.text == "q2 = 0° or 180°"
     rows[1] = Joint(alpha=RIGHT, theta=RIGHT, limits=(0.1, 1.570796325))
     (family,) = closed_form(build(rows, task="orientation")).families
-    assert family.text == "q2 = ±90°"
-    assert family.reachability == "at the joint limit"
+    assert (family.text, family.reachability) == ("q2 = ±90°", "at the joint limit")
     assert family.is_reachable
-    (said,) = family.limits_met
-    assert "1.570796327" in said
-    assert "1.570796325" in said
-    assert "1.8e-09" in said
+    for words in ("1.570796327", "1.570796325", "1.8e-09"):
+        assert words in family.limits_met[0]
     rows[1] = Joint(alpha=RIGHT, theta=RIGHT, limits=(0.1, 1.5))  # 4 degrees short
     (family,) = closed_form(build(rows, task="orientation")).families
     assert family.reachability == "not reachable"
     arm = build([*rows[:1], Joint(alpha=RIGHT, limits=(0.1, 1.570796325)), rows[2]])
     values = sweep(arm, levels=1, samples=20).plan.effects[1].special
     assert np.isclose(values, RIGHT, atol=1e-8).any()
-
-
-@pytest.mark.parametrize("scale", [3e8, 1e-10])
-def test_no_length_scale_hides_a_singularity(scale):
-    form = closed_form(load("puma560", length_scale=scale))
-    assert form.generic_rank == 6
-    assert len(form.families) == 3
-    assert all(f.rank == 5 for f in form.families)
 
 
 def test_an_analysis_gives_what_it_has_when_the_time_is_up():
@@ -251,8 +234,7 @@ def test_ctrl_c_keeps_the_closed_forms(monkeypatch):
     def stage() -> int:
         raise KeyboardInterrupt
 
-    assert stages.run("first", stage, 7) == 7
-    assert stages.run("second", lambda: 1, 0) == 0
+    assert (stages.run("first", stage, 7), stages.run("second", lambda: 1, 0)) == (7, 0)
     assert stages.missing == ["first: stopped before its end", "second: not begun, stopped"]
 
 

@@ -1,7 +1,5 @@
 """Whether a family is real, and what its samples show, are one answer."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Conditions that fix one joint are values, also where others were put in to make them so."""
 
-from __future__ import annotations
-
 from fractions import Fraction
 
 import numpy as np
@@ -18,17 +16,12 @@ def arm():
     """Seven joints, two of them slides: four rows of it have families at q3 = 0 and 180°."""
     return build(
         [
-            Joint(a=-0.06, d=-0.31),
-            Joint(RIGHT, 0.06, slides=True),
-            Joint(np.pi, 0.37, 0.53),
-            Joint(a=0.39, d=0.13),
-            Joint(-RIGHT, 0.3),
-            Joint(),
-            Joint(RIGHT, slides=True),
+            Joint(a=-0.06, d=-0.31), Joint(RIGHT, 0.06, slides=True), Joint(np.pi, 0.37, 0.53),
+            Joint(a=0.39, d=0.13), Joint(-RIGHT, 0.3), Joint(), Joint(RIGHT, slides=True),
         ],
         tip=(0.19, -0.02, 0.14),
         task="vx,vy,vz,wz",
-    )
+    )  # fmt: skip
 
 
 @pytest.fixture(scope="module")
@@ -48,18 +41,15 @@ def test_a_value_that_another_one_leaves_is_a_value():
         2: (one, one),
         3: (Fraction(1, 2),),  # once q2 is
     }
-    assert found.relations == ()
-    assert found.codimension == 4
+    assert (found.relations, found.codimension) == ((), 4)
 
 
 def test_what_fixes_no_joint_stays():
     ring = make_ring([False] * 2)
     x1, y1, x2, y2 = ring.context.gens()
-    relation = x1 * x2 - 3 * y1 * y2
-    c = Component({}, (relation,), True, 1)
-    assert settled(c, ring) == c
-    square = Component({}, (x1 * x1 - 2 * y1 * y1,), True, 1)  # two values, of which none is exact
-    assert settled(square, ring) == square
+    # Of the second two values, of which none is exact.
+    for relation in (x1 * x2 - 3 * y1 * y2, x1 * x1 - 2 * y1 * y1):
+        assert settled(c := Component({}, (relation,), True, 1), ring) == c
 
 
 def test_no_value_of_a_joint_is_lost(arm, form, rng):

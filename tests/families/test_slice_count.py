@@ -1,16 +1,12 @@
 """Singular configurations on slices over small finite fields, where nothing is proven."""
 
-from __future__ import annotations
-
-import importlib
 import random
-import sys
 from copy import copy
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
+from public import script
 
 import pinsing
 from pinsing.algebra.budget import Budget
@@ -29,6 +25,11 @@ def panda():
 
 
 @pytest.fixture(scope="module")
+def field():
+    return script("oracle.field")
+
+
+@pytest.fixture(scope="module")
 def kept(panda):
     """What a search of the Panda's families comes to."""
     out = []
@@ -44,15 +45,6 @@ def kept(panda):
     assert form.complete
     assert form.slice_count is None  # nothing is open: there is nothing to count
     return out[0]
-
-
-@pytest.fixture(scope="module")
-def field():
-    sys.path.insert(0, str(Path(__file__).parents[2] / "scripts"))
-    try:
-        return importlib.import_module("oracle.field")
-    finally:
-        sys.path.pop(0)
 
 
 @pytest.mark.parametrize("prime", [23, 47])

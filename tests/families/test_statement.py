@@ -1,7 +1,5 @@
 """Families in one line: what one sum of angles is, where branches differ in that alone."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np
@@ -32,13 +30,10 @@ def said(*branches: Branch, latex: bool = False) -> str:
     return statement(branches, [], SYMBOLS, [False] * 3, latex)
 
 
-@pytest.mark.parametrize("turn", [math.pi, -math.pi, 3 * math.pi])
-def test_a_half_turn_has_one_name(turn: float) -> None:
-    assert sum_at(turn).text() == "q1+q2 = 180° (mod 360°)"
-    assert sum_at(turn).angle_sum == pytest.approx(math.pi)
-
-
 def test_the_angle_is_where_the_equation_holds() -> None:
+    for turn in (math.pi, -math.pi, 3 * math.pi):
+        assert sum_at(turn).text() == "q1+q2 = 180° (mod 360°)"
+        assert sum_at(turn).angle_sum == pytest.approx(math.pi)
     rng = np.random.default_rng(3)
     for angle in rng.uniform(-math.pi, math.pi, 20):
         e = sum_at(float(angle))
@@ -50,22 +45,16 @@ def test_the_angle_is_where_the_equation_holds() -> None:
         assert abs(float(e(q))) > 1e-3
 
 
-def test_branches_that_differ_in_the_angle_are_said_once() -> None:
+def test_angles_are_joined_where_all_else_is_the_same():
     two = Branch((), (sum_at(math.pi),)), Branch((), (sum_at(0.0),))
     assert said(*two) == "q1+q2 = 0° or 180° (mod 360°)"
     assert said(*two, latex=True) == (
         r"q_{1}+q_{2} = 0^\circ\ \text{or}\ 180^\circ \pmod{360^\circ}"
     )
-
-
-def test_the_rest_of_the_condition_stays() -> None:
     rest = long_condition()
     two = Branch((), (sum_at(0.5), rest)), Branch((), (sum_at(-0.5), rest))
     assert said(*two) == (f"q1+q2 = ±28.6479° (mod 360°) and {rest.text()}")
-
-
-def test_different_sums_and_different_rests_stay_apart() -> None:
-    """An "or" of angles would say that each goes with each."""
+    # An "or" of angles would say that each goes with each.
     other = Branch((), (sum_at(math.pi, 1),))
     assert said(Branch((), (sum_at(0.0),)), other) == (
         "q1+q2 = 0° (mod 360°); or q1+q2+q3 = 180° (mod 360°)"

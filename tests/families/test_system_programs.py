@@ -6,8 +6,6 @@ multiplies out itself from the placements of the joints, vanishes on the familie
 The grammar of the files is tested without it in ``test_system``.
 """
 
-from __future__ import annotations
-
 import re
 import shutil
 import subprocess

@@ -1,7 +1,5 @@
 """What keeps searches within their time: counted in steps, and by a clock for what runs away."""
 
-from __future__ import annotations
-
 import math
 import time
 from collections.abc import Callable
@@ -13,7 +11,6 @@ import pytest
 
 import pinsing
 from pinsing.algebra import budget
-from pinsing.algebra import budget as budgets
 from pinsing.algebra.budget import PER_SECOND, Budget, BudgetExceeded, in_child
 from pinsing.algebra.equation import Equation
 from pinsing.families import zero_set
@@ -68,9 +65,7 @@ def steps(monkeypatch: pytest.MonkeyPatch) -> list[int]:
 
 
 @pytest.mark.parametrize("patience", [0, 3, 20])
-def test_a_long_system_without_points_is_left_when_time_is_over(
-    patience: int, steps: list[int]
-) -> None:
+def test_a_long_system_without_points_is_left_when_time_is_over(patience, steps):
     nowhere = [made(400, 2.0), made(401, 2.0)]  # the constant outweighs all cosines
     stop = Patience(patience)
     rng = np.random.default_rng(0)
@@ -80,11 +75,8 @@ def test_a_long_system_without_points_is_left_when_time_is_over(
     steps.clear()
     assert len(thrown(nowhere, _LOW, _HIGH, _FREE, _FIXED, 8, rng, Patience(patience))) == 0
     assert len(steps) <= patience + 1
-
-
-def test_without_a_stop_it_is_looked_for_much_longer(steps: list[int]) -> None:
-    nowhere = [made(400, 2.0), made(401, 2.0)]
-    search(nowhere, _LOW, _HIGH, _FREE, _FIXED, 8, np.random.default_rng(0), rounds=4)
+    steps.clear()
+    search(nowhere, _LOW, _HIGH, _FREE, _FIXED, 8, rng, rounds=4)
     assert len(steps) > 100
 
 
@@ -120,9 +112,6 @@ def test_a_proof_of_emptiness_ends_with_the_time() -> None:
     away, small = [made(30, 2.0)], np.full(_JOINTS, 0.1)
     assert proven_empty(away, -small, small)
     assert not proven_empty(away, -small, small, stop=lambda: True)
-
-
-def test_families_take_a_stop() -> None:
     family = pinsing.closed_form(pinsing.load("ur5")).families[2]
     some = family.points(5, np.random.default_rng(0), stop=lambda: True)
     assert len(some) == 5
@@ -174,18 +163,15 @@ def test_least_shares_of_parts_do_not_add_up_on_the_clock(monkeypatch: pytest.Mo
     assert whole.part(0.0, least=0.5).part(1.0, least=1.0).over
 
 
-def test_what_a_child_did_is_counted() -> None:
-    budget = Budget(100.0)
+def test_what_a_child_did_is_counted(monkeypatch):
+    whole = Budget(100.0)
 
     def work() -> int:
-        budget.check(30 * PER_SECOND)
+        whole.check(30 * PER_SECOND)
         return 1
 
-    assert in_child(work, budget, 30.0) == 1
-    assert budget.done == pytest.approx(30 * PER_SECOND, rel=0.01)
-
-
-def test_a_child_has_no_more_memory_than_is_allowed(monkeypatch: pytest.MonkeyPatch) -> None:
+    assert in_child(work, whole, 30.0) == 1
+    assert whole.done == pytest.approx(30 * PER_SECOND, rel=0.01)
     monkeypatch.setattr(budget, "_MEMORY", 100_000_000)
     with pytest.raises(BudgetExceeded, match="memory"):
         in_child(lambda: len(bytes(400_000_000)), Budget(30.0), 30.0)
@@ -197,7 +183,7 @@ def test_work_stops_a_search_whatever_the_clock_says(monkeypatch: pytest.MonkeyP
     monkeypatch.setattr(budget, "possible", lambda: False)
     found = []
     for rate in (0.1, 0.001):
-        monkeypatch.setattr(budgets, "time", SimpleNamespace(monotonic=slowed(rate)))
+        monkeypatch.setattr(budget, "time", SimpleNamespace(monotonic=slowed(rate)))
         form = pinsing.closed_form(arm, seconds=0.3)
         found.append(([f.text for f in form.families], form.gaps))
     assert found[0] == found[1]
@@ -224,7 +210,7 @@ def test_halving_looks_at_the_clock_within_a_level(monkeypatch: pytest.MonkeyPat
 
     monkeypatch.setattr(subdivision, "time", SimpleNamespace(monotonic=lambda: sum(seen)))
     grid = SimpleNamespace(first=(128, 128), d=2)
-    found = subdivision.halved(grid, classify, count, until=128**2 + 1)  # type: ignore[arg-type]
+    found = subdivision.halved(grid, classify, count, until=128**2 + 1)
     assert seen[0] == 128**2
     assert 0 < sum(seen[1:]) < 2 * 128**2  # the whole level: four times as many
     halves = found.leaves.level == 1
@@ -233,18 +219,16 @@ def test_halving_looks_at_the_clock_within_a_level(monkeypatch: pytest.MonkeyPat
     assert not halves.all()
 
 
-_LONG_PROOFS = {
-    "vx,vy,vz,wz": """
-        revolute 0,0,0 0,0,0
-        prismatic 0,-0.25,0 -90,0,-90
-        continuous 0.4,0,0 180,0,0
-        continuous 0,0,0 -45,0,90
-        revolute 0,0.4,0.25 180,0,90 <mimic joint="j1" multiplier="1" offset="0"/>
-        revolute 0,0,0 -90,0,0
-        fixed 0,0,0 180,0,0
-    """,
-}
-"""Kind, place and angles in degrees of each joint, by task."""
+_LONG_PROOF = """
+    revolute 0,0,0 0,0,0
+    prismatic 0,-0.25,0 -90,0,-90
+    continuous 0.4,0,0 180,0,0
+    continuous 0,0,0 -45,0,90
+    revolute 0,0.4,0.25 180,0,90 <mimic joint="j1" multiplier="1" offset="0"/>
+    revolute 0,0,0 -90,0,0
+    fixed 0,0,0 180,0,0
+"""
+"""Kind, place and angles in degrees of each joint."""
 
 
 def chain(rows: str) -> str:
@@ -265,13 +249,11 @@ def chain(rows: str) -> str:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("task", list(_LONG_PROOFS))
-def test_one_factor_of_a_proof_does_not_go_on_for_minutes(task: str, tmp_path: Path) -> None:
+def test_one_factor_of_a_proof_does_not_go_on_for_minutes(tmp_path: Path) -> None:
     """By the clock, and generously: of 2.5 s it took 150, and 3.7 GB."""
-    (tmp_path / "arm.urdf").write_text(chain(_LONG_PROOFS[task]))
-    arm = pinsing.load(tmp_path / "arm.urdf", tip="tip", task=task)
+    (tmp_path / "arm.urdf").write_text(chain(_LONG_PROOF))
+    arm = pinsing.load(tmp_path / "arm.urdf", tip="tip", task="vx,vy,vz,wz")
     began = time.monotonic()
     form = pinsing.closed_form(arm, seconds=2.5)
     assert time.monotonic() - began < 15.0
-    assert form.proof is not None
     assert form.proof.accepted or form.proof.out_of_time

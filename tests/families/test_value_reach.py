@@ -1,7 +1,5 @@
 """Of values that the limits do not allow nobody says that the family is within them."""
 
-from __future__ import annotations
-
 import json
 import math
 from pathlib import Path
@@ -55,7 +53,11 @@ def test_the_value_inside_is_named(elbow: Family) -> None:
     ]
 
 
-def test_in_text_at_page_and_notebook(table: Path, elbow: Family) -> None:
+def test_in_text_at_page_notebook_and_report(table: Path, elbow: Family, tmp_path: Path) -> None:
+    path = tmp_path / "report.html"
+    done = CliRunner().invoke(command, ["report", str(table), "-o", str(path)])
+    assert done.exit_code == 0, done.stderr
+    assert SAID in path.read_text(encoding="utf-8")
     done = CliRunner().invoke(command, ["families", "-v", str(table), "--no-prove"])
     assert f"boundary, {SAID}; codimension 1 of 4" in done.stdout
     words = ["at", str(table), "--deg", "--q", "0,180,-0.1,0"]
@@ -76,13 +78,6 @@ def test_in_json_and_back(elbow: Family) -> None:
     assert Family.from_json(json.dumps(data)).reach == "within the joint limits"
 
 
-def test_in_the_report(table: Path, tmp_path: Path) -> None:
-    path = tmp_path / "report.html"
-    done = CliRunner().invoke(command, ["report", str(table), "-o", str(path)])
-    assert done.exit_code == 0, done.stderr
-    assert SAID in path.read_text(encoding="utf-8")
-
-
 def test_where_all_values_are_inside_nothing_is_added() -> None:
     for family in closed("ur5").families:
         assert family.reach == "within the joint limits"
@@ -91,46 +86,30 @@ def test_where_all_values_are_inside_nothing_is_added() -> None:
     assert len(distance_words(found, True, arm_of("ur5").prismatic)) == 3
 
 
-def test_a_whole_turn_more_is_within() -> None:
-    limits = np.array([math.radians(190)]), np.array([math.radians(370)])
-    branches = [Branch((JointValue(0, v, True),), ()) for v in (0.0, math.pi, -math.pi / 2, 1.0)]
-    slides = np.zeros(1, dtype=bool)
-    found = values_reached(branches, limits, slides, Reachability.INSIDE, lambda b: True)
-    inside = {round(math.degrees(v.value)): v.reachability is Reachability.INSIDE for v in found}
-    assert inside == {0: True, 180: False, -90: True, 57: False}
-    words = reach_words(Reachability.INSIDE, found, slides)
-    assert words == "within the joint limits with q1 = 0° or -90° (not 57.2958° or 180°)"
-
-
-def test_a_value_goes_with_the_others_of_its_branch() -> None:
-    """q1 = 0 only occurs with q2 = 180°, which is outside: so q1 = 0 is not within reach."""
-    limits = np.array([-3.0, -3.0]), np.array([3.0, 3.0])
-    pairs = ((0.0, math.pi), (1.0, 0.0))
-    branches = [Branch((JointValue(0, a, True), JointValue(1, b, True)), ()) for a, b in pairs]
-    slides = np.zeros(2, dtype=bool)
-    found = values_reached(branches, limits, slides, Reachability.INSIDE, lambda b: True)
-    assert reach_words(Reachability.INSIDE, found, slides) == (
-        "within the joint limits with q1 = 57.2958° (not 0°) and q2 = 0° (not 180°)"
+def within(values, low, high, slides=False, met=lambda b: True, equations=()):
+    """Words about branches of joint values, one mapping each."""
+    branches = [
+        Branch(tuple(JointValue(j, v, True) for j, v in b.items()), equations) for b in values
+    ]
+    box, prismatic = (np.full(6, low), np.full(6, high)), np.full(6, slides)
+    found = values_reached(branches, box, prismatic, Reachability.INSIDE, met)
+    return reach_words(Reachability.INSIDE, found, prismatic).removeprefix(
+        "within the joint limits "
     )
 
 
-def test_where_no_point_was_met_that_is_said() -> None:
-    equation = closed("ur5").families[2].branches[0].equations
-    branches = [Branch((JointValue(4, v, True),), equation) for v in (0.0, 1.0)]
-    limits = np.full(6, -3.0), np.full(6, 3.0)
-    slides = np.zeros(6, dtype=bool)
-    found = values_reached(
-        branches, limits, slides, Reachability.INSIDE, lambda b: b.values[0].value == 0
+def test_words_about_values() -> None:
+    # A whole turn more is within.
+    low, high = math.radians(190), math.radians(370)
+    turns = within([{0: 0.0}, {0: math.pi}, {0: -math.pi / 2}, {0: 1.0}], low, high)
+    assert turns == "with q1 = 0° or -90° (not 57.2958° or 180°)"
+    # A value goes with the others of its branch: q1 = 0 only occurs with q2 = 180°.
+    pairs = within([{0: 0.0, 1: math.pi}, {0: 1.0, 1: 0.0}], -3.0, 3.0)
+    assert pairs == "with q1 = 57.2958° (not 0°) and q2 = 0° (not 180°)"
+    # Where no point was met, that is said; slides are metres.
+    equations = closed("ur5").families[2].branches[0].equations
+    some = {"met": lambda b: b.values[0].value == 0, "equations": equations}
+    assert (
+        within([{4: 0.0}, {4: 1.0}], -3.0, 3.0, **some) == "with q5 = 0° (none found with 57.2958°)"
     )
-    assert reach_words(Reachability.INSIDE, found, slides) == (
-        "within the joint limits with q5 = 0° (none found with 57.2958°)"
-    )
-
-
-def test_slides_are_metres() -> None:
-    branches = [Branch((JointValue(0, v, True),), ()) for v in (0.0, 0.5)]
-    limits = np.array([-0.1]), np.array([0.1])
-    slides = np.ones(1, dtype=bool)
-    found = values_reached(branches, limits, slides, Reachability.INSIDE, lambda b: True)
-    words = reach_words(Reachability.INSIDE, found, slides)
-    assert words == "within the joint limits with d1 = 0 (not 0.5 m)"
+    assert within([{0: 0.0}, {0: 0.5}], -0.1, 0.1, True) == "with d1 = 0 (not 0.5 m)"
