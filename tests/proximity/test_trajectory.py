@@ -144,10 +144,12 @@ def test_speeds_jumps_and_limits() -> None:
 def test_where_tip_speeds_cost_too_much() -> None:
     Q, t = path(201, (-1.0, 1.0))
     arm = arm_of("ur5")
-    check = check_trajectory(arm, Q, t, forms=closed("ur5"), tip_speed=0.25)
+    check = check_trajectory(arm, Q, t, forms=closed("ur5"), tip_speed=0.25, turn_speed=0.5)
     assert check.costly
-    # By hand, at every sample: the longest row of the pseudoinverse.
-    rows = np.linalg.norm(np.linalg.pinv(pinsing.kinematics.task_jacobians(arm, Q)), axis=2) * 0.25
+    # By hand, at every sample: the rows of the inverse.
+    inverse = np.linalg.pinv(pinsing.kinematics.task_jacobians(arm, Q))
+    linear, angular = (np.linalg.norm(x, axis=2) for x in np.split(inverse, 2, axis=2))
+    rows = 0.25 * linear + 0.5 * angular
     over = rows > np.asarray(arm.model.velocityLimit)
     for j, name in enumerate(arm.joints):
         told = np.zeros(len(t), dtype=bool)
@@ -221,7 +223,9 @@ def test_each_number_of_the_details_has_a_unit() -> None:
     arm = arm_of("stanford")
     step = np.array([0.5, 0.1, 0.9, 0, 0, 0])
     Q = np.array([[0, 1, 0.3, 1, 1, 0]]) + np.arange(4)[:, None] * step
-    check = pinsing.check_trajectory(arm, Q, np.arange(4) * 0.01, forms=closed("stanford"))
+    check = pinsing.check_trajectory(
+        arm, Q, np.arange(4) * 0.01, forms=closed("stanford"), joint_speeds=[1] * 6
+    )
     for degrees, turning in ((True, "deg"), (False, "rad")):
         text = details(check, degrees)
         lines = [line for line in text.splitlines() if "(limit " in line]
@@ -231,7 +235,7 @@ def test_each_number_of_the_details_has_a_unit() -> None:
             unit = "m" if slides else turning
             assert re.search(rf"(-?[0-9.e+]+) {unit}(/s)? at t = .* {unit}(/s)?\),", line), line
         assert any(line.split(":")[0].strip() == arm.joints[2] for line in lines)
-    assert "tip speed of 1 (m/s, rad/s)" in details(check)
+    assert "0.25 m/s and 0.5 rad/s of the tip" in details(check)
 
 
 class TestTheWholeRobotsColumns:
@@ -332,7 +336,7 @@ def test_what_a_tip_speed_would_take_is_not_said_of_the_motion() -> None:
     Q, t = path(51, (-1.4, -0.1))
     text = summary(check_trajectory(arm_of("ur5"), Q, t, forms=closed("ur5"), near=0.01))
     assert "Joint speeds and limits are kept" in text
-    assert "worst direction" not in text
+    assert "worst directions" not in text
 
 
 def test_a_file_in_degrees_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -15,10 +15,13 @@ from pinsing.cli.options import (
     deg_option,
     fail_option,
     in_degrees,
+    joint_speeds_option,
     joint_vector,
     json_option,
     once_option,
     parse_numbers,
+    tip_speed_options,
+    typed_speeds,
 )
 from pinsing.cli.output import emit, emit_json_data, emit_lines, say
 from pinsing.cli.waiting import doing
@@ -64,6 +67,8 @@ if TYPE_CHECKING:
     default=True,
     help="Measure the distance to every family of singular configurations.",
 )
+@tip_speed_options
+@joint_speeds_option
 @deg_option
 @json_option
 @fail_option
@@ -74,6 +79,9 @@ def at_command(
     rtol: float | None,
     near_rtol: float | None,
     far: bool,
+    tip_speed: float,
+    turn_speed: float,
+    joint_speeds: str | None,
     deg: bool,
     json_target: str | Path | None,
     fail_if_singular: bool,
@@ -99,6 +107,9 @@ def at_command(
         values,
         rtol=SINGULAR_RTOL if rtol is None else rtol,
         near_rtol=NEAR_RTOL if near_rtol is None else near_rtol,
+        tip_speed=tip_speed,
+        turn_speed=turn_speed,
+        joint_speeds=typed_speeds(joint_speeds),
     )
     degrees = in_degrees(deg)
     for said in arm.space.outside_words(values, degrees):

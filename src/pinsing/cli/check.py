@@ -20,8 +20,11 @@ from pinsing.cli.options import (
     deg_option,
     follow_option,
     in_degrees,
+    joint_speeds_option,
     output_option,
+    tip_speed_options,
     told_degrees,
+    typed_speeds,
 )
 from pinsing.cli.output import emit_json, emit_lines, say
 from pinsing.cli.running import run_progress
@@ -91,14 +94,8 @@ def angle(text: str, option: str, degrees: bool) -> float:
 @click.option(
     "--family", "families", multiple=True, metavar="NAME", help="Only this family; repeatable."
 )
-@click.option(
-    "--tip-speed",
-    type=float,
-    default=1.0,
-    show_default=True,
-    metavar="SPEED",
-    help="Tip speed (m/s, rad/s) whose cost in joint speeds is judged.",
-)
+@tip_speed_options
+@joint_speeds_option
 @click.option("--view", "view", is_flag=True, help="Show the path in a browser, by clearance.")
 @click.option("--no-open", is_flag=True, help="With --view: do not open a browser.")
 @output_option(json_target=".json", html=".html", plot=".png .svg .pdf")
@@ -113,6 +110,8 @@ def check_command(
     fail_within: str | None,
     families: tuple[str, ...],
     tip_speed: float,
+    turn_speed: float,
+    joint_speeds: str | None,
     plot: Path | None,
     view: bool,
     html: Path | None,
@@ -159,6 +158,8 @@ def check_command(
             families=families or None,
             near=bound,
             tip_speed=tip_speed,
+            turn_speed=turn_speed,
+            joint_speeds=typed_speeds(joint_speeds),
             progress=progress,
         )
     other = None

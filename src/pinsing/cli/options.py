@@ -298,6 +298,30 @@ fail_option = click.option(
 )
 
 
+def tip_speed_options(command: F) -> F:
+    """Add ``--tip-speed`` and ``--turn-speed``; without them the arguments are the defaults."""
+    shown: dict[str, Any] = {"type": float, "show_default": True}
+    turn = click.option(
+        "--turn-speed", default=0.5, metavar="RAD/S", help="At the same time, in any.", **shown
+    )
+    tip = click.option(
+        "--tip-speed", default=0.25, metavar="M/S", help="Tip speed in any direction.", **shown
+    )
+    return tip(turn(command))
+
+
+joint_speeds_option = click.option(
+    "--joint-speeds",
+    metavar="S1,S2,...",
+    help="Speed limits of the joints, rad/s and m/s.  [default: those of the file]",
+)
+
+
+def typed_speeds(text: str | None) -> list[float] | None:
+    """Return what ``--joint-speeds`` says."""
+    return None if text is None else parse_numbers(text, "--joint-speeds")
+
+
 def follow_option(what: str) -> Callable[[F], F]:
     """Add ``--follow STREAM``: configurations of a running robot."""
     return click.option(

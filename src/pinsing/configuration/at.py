@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import ClassVar
 
 import numpy as np
@@ -33,6 +33,13 @@ from pinsing.kinematics.jacobian import (
     frame_jacobians,
     scale_rows,
     tip_and_jacobian,
+)
+from pinsing.kinematics.tip_speed import (
+    TIP_SPEED,
+    TURN_SPEED,
+    SpeedJudge,
+    TipSpeeds,
+    check_speeds,
 )
 from pinsing.kinematics.verdict import (
     NEAR_RTOL,
@@ -156,6 +163,9 @@ class State(JsonResult):
         Which joint axes line up, and how.
     notes : tuple of str
         What else one should know.
+    tip_speeds : TipSpeeds or None
+        What the joint speed limits allow in every direction; None where no limits are known, or
+        the arm cannot move its tip in every direction of its task anywhere.
     """
 
     schema: ClassVar[str] = "pinsing/state/1"
@@ -186,6 +196,7 @@ class State(JsonResult):
     always_idle: int
     dependences: tuple[AxisDependence, ...]
     notes: tuple[str, ...]
+    tip_speeds: TipSpeeds | None = field(default=None, metadata={"optional": True})
 
     @property
     def singular(self) -> bool:
@@ -274,6 +285,8 @@ def _lines(state: State, degrees: bool) -> Iterator[Line]:
     yield "tip position", measured(f"{vector(state.tip_position, 4)} m")
     yield from _ellipsoid("translation", state.translational, state.tip_rotation)
     yield from _ellipsoid("rotation", state.rotational, state.tip_rotation)
+    if state.tip_speeds is not None:
+        yield from _allowed(state, state.tip_speeds)
     for note in state.notes:
         yield "", ""
         yield "note", note
@@ -363,13 +376,50 @@ def _ellipsoid(what: str, ellipsoid: VelocityEllipsoid, rotation: Array) -> Iter
         label = ""
 
 
+def _allowed(state: State, speeds: TipSpeeds) -> Iterator[Line]:
+    """What the joint speed limits allow in every direction, and what limits it."""
+    rows = parse_task(state.arm.task).rows
+    both = min(rows) < 3 <= max(rows)
+    label = "allowed speed"
+    for speed, unit, joints, direction, verb, held in (
+        (speeds.linear, "m/s", speeds.linear_joints, speeds.linear_direction, "along",
+         "orientation"),
+        (speeds.angular, "rad/s", speeds.angular_joints, speeds.angular_direction, "about",
+         "position"),
+    ):  # fmt: skip
+        if math.isfinite(speed):
+            number = unbroken(f"{_short(speed):>9} {unit}")
+            where = f"{listed(joints)}, {verb} {vector(direction, 3)}"
+            state_held = f", {held} {'held' if both else 'free'}"
+            yield label, measured(f"{number} in every direction{state_held} (limit: {where})")
+            label = ""
+    if math.isfinite(speeds.share):
+        share = f"at most {100 * speeds.share:.3g} % of the limit of {listed(speeds.share_joints)}"
+    else:
+        share = "some direction is lost"
+    yield (
+        label,
+        f"{speeds.tip_speed:g} m/s and {speeds.turn_speed:g} rad/s at once, in any directions: "
+        f"{share}",
+    )
+    if speeds.unlimited:
+        yield "", f"({listed(speeds.unlimited)}: no speed limit known, not counted)"
+
+
 def _short(value: float) -> str:
     return f"{value + 0.0:.4g}"  # no minus zero
 
 
 @checked
 def at(
-    arm: Arm, q: npt.ArrayLike, rtol: float = SINGULAR_RTOL, near_rtol: float = NEAR_RTOL
+    arm: Arm,
+    q: npt.ArrayLike,
+    rtol: float = SINGULAR_RTOL,
+    near_rtol: float = NEAR_RTOL,
+    *,
+    tip_speed: float = TIP_SPEED,
+    turn_speed: float = TURN_SPEED,
+    joint_speeds: npt.ArrayLike | None = None,
 ) -> State:
     """Everything about the configuration q (n,), radians and metres, of an arm.
 
@@ -381,6 +431,10 @@ def at(
         Radians or metres; may lie outside the limits, which is then said.
     rtol, near_rtol : float
         sigma_r / sigma_1 at or below which q is called singular, or near-singular.
+    tip_speed, turn_speed : float
+        m/s and rad/s that the joint speed limits are held against.
+    joint_speeds : (n,) array_like, optional
+        Speed limits, rad/s and m/s; those of the description if not given.
 
     Returns
     -------
@@ -392,7 +446,7 @@ def at(
     ConfigurationError
         If q has the wrong length or is not finite.
     OptionError
-        Unless 0 <= rtol <= near_rtol < 1; or if no joint ever moves the task.
+        Unless 0 <= rtol <= near_rtol < 1; if no joint ever moves the task; or speeds make no sense.
 
     Examples
     --------
@@ -402,11 +456,13 @@ def at(
     ('singular', 5, 6)
     """
     check_tolerances(rtol, near_rtol)
+    check_speeds(tip_speed, turn_speed)
     q = arm.check_one(q)
     r = generic_rank(arm)
     loss = loss_at(arm, q, rtol, near_rtol)
     J, status, ratio = loss.J, loss.status, loss.ratio
     Js = scale_rows(arm, J, q)
+    judge = SpeedJudge(arm, joint_speeds)
     scale = own_scale(arm)
     position, rotation = loss.tool.position, loss.tool.rotation
     outside = tuple(np.array(arm.joints)[arm.space.outside(q)].tolist())
@@ -436,6 +492,7 @@ def at(
         always_idle=arm.n - r,
         dependences=loss.dependences,
         notes=tuple(_notes(arm, q, r, ratio, rtol)),
+        tip_speeds=None if judge.reason else judge.at(J, q, tip_speed, turn_speed),
     )
 
 

@@ -40,6 +40,7 @@ from pinsing.description.dh_table import (
     read_dh,
     screw,
 )
+from pinsing.description.urdf_elements import DEFAULT_EFFORT, DEFAULT_VELOCITY
 from pinsing.description.xacro import expand_xacro
 from pinsing.errors import OutputError
 
@@ -53,10 +54,6 @@ __all__ = [
     "urdf_folder",
     "with_turns",
 ]
-
-# A URDF demands a speed and an effort; where the table is silent, these stand in.
-DEFAULT_VELOCITY = 1.0
-DEFAULT_EFFORT = 100.0
 
 
 def joint_placements(table: DHTable) -> tuple[tuple[Placement, ...], Placement]:

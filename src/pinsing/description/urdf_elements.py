@@ -37,6 +37,8 @@ class Mimic:
     offset: float
 
 
+# A URDF demands a speed and an effort; where a DH table is silent, these stand in.
+DEFAULT_VELOCITY, DEFAULT_EFFORT = 1.0, 100.0
 NO_LIMITS = "no usable limits"
 """How the note on such joints begins."""
 

@@ -21,11 +21,11 @@ from pinsing._types import Array, Bool, Ints
 from pinsing.arguments import checked
 from pinsing.errors import ConfigurationError, OptionError
 from pinsing.families import ClosedForm, Family
+from pinsing.kinematics.tip_speed import limits_of
 from pinsing.notebook import one_line
 from pinsing.postures.inverse_batch import InverseMany
 from pinsing.proximity.clearance import clearance
 from pinsing.proximity.crossings import crossings
-from pinsing.proximity.passage import limits_of
 from pinsing.robot.arm import Arm, ArmSummary, summarize
 from pinsing.serialization import JsonResult
 

@@ -18,10 +18,11 @@ from pinsing.families.solve import form_to_measure
 from pinsing.joint_text import typed
 from pinsing.kinematics.batch import task_rows, turn_left
 from pinsing.kinematics.jacobian import frame_jacobian, read_pose
+from pinsing.kinematics.tip_speed import limits_of
 from pinsing.kinematics.verdict import SINGULAR_RTOL, ratios
 from pinsing.prose import listed
 from pinsing.proximity.crossings import Crossing
-from pinsing.proximity.passage import Approach, NearStretch, Passage, limits_of
+from pinsing.proximity.passage import Approach, NearStretch, Passage
 from pinsing.proximity.trajectory import NEAR, angle_text, singularity, titled
 from pinsing.proximity.watched import Forms, Watched, metric_note, require_forms_of, watch
 from pinsing.robot.arm import Arm, ArmSummary, summarize

@@ -10,16 +10,19 @@ How a motion passes families: meetings, nearest approaches, stretches that are n
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
+import numpy.typing as npt
 
 from pinsing._types import Array, Bool, Ints
 from pinsing.algebra.conditions import Conditions
 from pinsing.algebra.nearest import SearchOptions, nearest_points
 from pinsing.algebra.two_sided import two_sided
-from pinsing.kinematics.jacobian import generic_rank, singular_values, task_jacobians
+from pinsing.kinematics.jacobian import singular_values
+from pinsing.kinematics.tip_speed import SpeedJudge
 from pinsing.proximity.crossings import Crossing, Motion, crossings_of
 from pinsing.proximity.watched import Watched
 from pinsing.robot.arm import Arm
@@ -58,12 +61,18 @@ class Speeds:
     """Gathers what a trajectory, fed in pieces, asks of the joints."""
 
     def __init__(
-        self, arm: Arm, tip_speed: float, accelerations: Array | None, timed: bool
+        self,
+        arm: Arm,
+        tip_speed: float,
+        turn_speed: float,
+        joint_speeds: npt.ArrayLike | None,
+        accelerations: Array | None,
+        timed: bool,
     ) -> None:
         self.arm, self.timed, self.accelerations = arm, timed, accelerations
-        self.limits = limits_of(arm)
-        self.tip_speed = tip_speed
-        self.rank = generic_rank(arm)
+        self.judge = SpeedJudge(arm, joint_speeds)
+        self.limits = self.judge.limits
+        self.tip_speed, self.turn_speed = tip_speed, turn_speed
         self._found: dict[str, list[Excess]] = {}
         self._open: dict[tuple[str, int], int] = {}
 
@@ -113,30 +122,19 @@ class Speeds:
         self._keep("acceleration", at, at, bend / limits, bend, limits, bend > limits * (1 + 1e-9))
 
     def _cost(self, t: Array, Q: Array) -> None:
-        """Where the worst tip velocity of the given size needs more than a joint's limit.
-
-        Joint speeds for it are those of the pseudoinverse, the smallest there are; joint j needs
-        at most the length of row j of J^+ for a unit velocity.
-        """
-        if not np.isfinite(self.limits).any() or self.rank == 0:
+        """Where some tip velocity of the given speeds needs more than a joint's limit."""
+        if self.judge.reason:
             return
-        sigma = np.asarray(singular_values(self.arm, Q))[:, self.rank - 1]
-        hard = np.flatnonzero(self.tip_speed > sigma * self.limits.min() * (1 - 1e-9))
-        worst = np.zeros(Q.shape)
+        L, limits = self.arm.length_scale, self.judge.limits
+        sigma = np.asarray(singular_values(self.arm, Q))[:, self.judge.rank - 1]
+        size = math.hypot(self.tip_speed / L, self.turn_speed)
+        hard = np.flatnonzero(size > sigma * limits.min() * (1 - 1e-9))
+        share = np.zeros(Q.shape)
         for part in np.array_split(hard, max(1, len(hard) // 4096)):
-            if len(part):
-                J = task_jacobians(self.arm, Q[part])
-                rows = np.linalg.norm(np.linalg.pinv(J, rcond=1e-9), axis=2)
-                worst[part] = rows * self.tip_speed
-                # At a singularity some velocity cannot be had at any speed.
-                lost = sigma[part] <= 1e-9 * np.linalg.norm(J, axis=(1, 2))
-                u = np.linalg.svd(J[lost])[2][:, self.rank - 1] if lost.any() else None
-                if u is not None:
-                    worst[part[lost]] = np.where(np.abs(u) > 1e-9, np.inf, worst[part[lost]])
-        limits = np.broadcast_to(self.limits, worst.shape)
-        with np.errstate(invalid="ignore"):
-            share = np.nan_to_num(worst / limits, nan=0.0, posinf=np.inf)
-        self._keep("cost", t, t, share, worst, limits, worst > limits)
+            share[part] = self.judge.shares(Q[part], self.tip_speed, self.turn_speed)
+        limits = np.broadcast_to(limits, share.shape)
+        worst = np.where(share > 0, share * np.where(share > 0, limits, 0.0), 0.0)
+        self._keep("cost", t, t, share, worst, limits, share > 1)
 
     def _keep(
         self, kind: str, t: Array, t_end: Array, size: Array, value: Array, limit: Array, bad: Bool
@@ -165,18 +163,6 @@ class Speeds:
                     continue
                 if run[-1] == len(bad) - 1:
                     self._open[kind, j] = index
-
-
-def limits_of(arm: Arm) -> Array:
-    """Speed limits (n,) of the joints, radians or metres per second; infinite where none are known.
-
-    A description writes no limit as zero or as a very large number; of arms with mimic joints,
-    whose limits belong to other joints too, none are taken.
-    """
-    limits = np.asarray(arm.model.velocityLimit, dtype=float)
-    if arm.coupling is not None or limits.shape != (arm.n,):
-        return np.full(arm.n, np.inf)
-    return np.where((limits > 0) & (limits < 1e6), limits, np.inf)
 
 
 @dataclass(frozen=True)

@@ -15,6 +15,7 @@ from pinsing.arguments import checked, columns_of
 from pinsing.errors import ConfigurationError, OptionError
 from pinsing.families.solve import form_to_measure
 from pinsing.joint_text import typed
+from pinsing.kinematics.tip_speed import TIP_SPEED, TURN_SPEED, check_speeds
 from pinsing.notebook import one_line
 from pinsing.prose import listed
 from pinsing.proximity.crossings import Crossing, check_reach, check_times
@@ -83,11 +84,11 @@ def details(check: TrajectoryCheck, degrees: bool = True) -> str:
             least = f"{angle_text(s.clearance)} from {_title(check, s.family)}"
             lines.append(f"  t = {s.t:.6g} to {s.t_end:.6g}: at least {least}")
         lines += _more(len(check.stretches), False)
-    tip = f"a tip speed of {check.tip_speed:g} (m/s, rad/s)"
+    tip = f"{check.tip_speed:g} m/s and {check.turn_speed:g} rad/s of the tip"
     for name, per, found in (
         ("joint speeds above their limits", "/s", check.too_fast),
         ("joint accelerations above the limits given", "/s²", check.too_abrupt),
-        (f"joint speeds that {tip} would take in the worst direction", "/s", check.costly),
+        (f"joint speeds that {tip} would take in the worst directions", "/s", check.costly),
         ("jumps between two samples", "", check.jumps),
         ("outside the joint limits", "", check.outside),
     ):
@@ -326,9 +327,10 @@ class TrajectoryCheck(JsonResult):
     too_abrupt : tuple of Excess
         Where joint accelerations exceed ``acceleration_limits``, if those were given.
     costly : tuple of Excess
-        Where some tip velocity of size ``tip_speed`` would need a joint speed above its limit.
-    tip_speed : float
-        Metres per second over the length scale, or radians per second.
+        Where some tip motion at ``tip_speed`` and ``turn_speed`` at once would need a joint speed
+        above its limit.
+    tip_speed, turn_speed : float
+        Metres and radians per second.
     jumps : tuple of Excess
         Steps between two samples that are no motion: over half a turn, or far longer than the
         others.
@@ -368,6 +370,7 @@ class TrajectoryCheck(JsonResult):
     notes: tuple[str, ...]
     aspect_changes: tuple[AspectChange, ...] = field(default=(), metadata={"optional": True})
     start: Array | None = field(default=None, metadata={"optional": True})
+    turn_speed: float = field(default=TURN_SPEED, metadata={"optional": True})
 
     def __repr__(self) -> str:
         names = ", ".join(dict.fromkeys(c.family for c in self.crossings))
@@ -409,7 +412,9 @@ def check_trajectory(
     forms: Forms | None = None,
     families: Sequence[str] | None = None,
     near: float = NEAR,
-    tip_speed: float = 1.0,
+    tip_speed: float = TIP_SPEED,
+    turn_speed: float = TURN_SPEED,
+    joint_speeds: npt.ArrayLike | None = None,
     acceleration_limits: npt.ArrayLike | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> TrajectoryCheck:
@@ -431,9 +436,11 @@ def check_trajectory(
         Names of the families that count; by default all that have real points.
     near : float
         Clearance in radians (or metres over the length scale) below which stretches are told.
-    tip_speed : float
-        Size of the tip velocities (metres per second over the length scale, radians per second)
-        whose cost in joint speeds is judged.
+    tip_speed, turn_speed : float
+        Metres and radians per second: tip motions at both at once, in the worst directions, are
+        judged by the joint speeds that they take.
+    joint_speeds : (n,) array_like, optional
+        Speed limits, radians or metres per second; those of the description if not given.
     acceleration_limits : (n,) array_like, optional
         Radians or metres per second squared; descriptions have none.
     progress : callable, optional
@@ -460,8 +467,7 @@ def check_trajectory(
     """
     if not near > 0:
         raise OptionError(f"near must be positive, got {near!r}")
-    if not tip_speed > 0:
-        raise OptionError(f"tip_speed must be positive, got {tip_speed!r}")
+    check_speeds(tip_speed, turn_speed)
     watched = watch(form_to_measure(arm) if forms is None else forms, families)
     if watched.joints != arm.joints:
         raise OptionError("the closed form is of an arm with other joints")
@@ -481,7 +487,7 @@ def check_trajectory(
     times = check_times(t, N)
     passage = Passage(watched, near)
     limits = _accelerations(arm, acceleration_limits)
-    speeds = Speeds(arm, tip_speed, limits, t is not None)
+    speeds = Speeds(arm, tip_speed, turn_speed, joint_speeds, limits, t is not None)
     for first in range(0, N, _CHUNK):
         last = min(first + _CHUNK, N)
         # One sample to each side, so that what happens at the seams is seen as a whole.
@@ -519,10 +525,11 @@ def check_trajectory(
         too_abrupt=speeds.found("acceleration"),
         costly=speeds.found("cost"),
         tip_speed=float(tip_speed),
+        turn_speed=float(turn_speed),
         jumps=speeds.found("jump"),
         outside=speeds.found("outside"),
         complete=watched.complete,
-        notes=_notes(arm, t is not None, limits is not None, watched.complete),
+        notes=_notes(arm, speeds, limits is not None, watched.complete),
         start=np.array(samples[0], dtype=float),
     )
 
@@ -536,9 +543,12 @@ def _accelerations(arm: Arm, given: npt.ArrayLike | None) -> Array | None:
     return limits
 
 
-def _notes(arm: Arm, timed: bool, accelerations: bool, complete: bool) -> tuple[str, ...]:
+def _notes(arm: Arm, speeds: Speeds, accelerations: bool, complete: bool) -> tuple[str, ...]:
     notes = ["between samples joints are taken to move linearly"]
-    if not timed:
+    unknown = [n for n, c in zip(arm.joints, speeds.limits, strict=True) if not math.isfinite(c)]
+    if unknown:
+        notes.append(f"no speed limits are known of {listed(unknown)}: none were judged")
+    if not speeds.timed:
         notes.append("no times given: joint speeds and accelerations were not judged")
     elif not accelerations:
         notes.append("robot descriptions hold no acceleration limits: none were judged")
