@@ -6,7 +6,7 @@ All of it in weighted coordinates ``x = w q``, in which distances are plain norm
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, Protocol
 
@@ -63,6 +63,39 @@ class WeightedBranch:
 
 
 @dataclass(frozen=True, eq=False)
+class Margin:
+    """How far what distances are asked of may be from the families that they are taken to.
+
+    Every point of it is within ``alone`` of a family, or else within ``meeting`` of one and within
+    ``near`` of a second one.
+
+    Attributes
+    ----------
+    alone : (F,) array
+        Of each family; in weighted coordinates.
+    meeting, near : float
+        Where families meet.
+    """
+
+    alone: Array
+    meeting: float
+    near: float
+
+    def times(self, factor: float) -> Margin:
+        """The same in coordinates in which no distance is longer than this many times."""
+        return Margin(self.alone * factor, self.meeting * factor, self.near * factor)
+
+    def take_off(self, lower: Array) -> Array:
+        """Bounds (N, F) of the distance to the points near each family, of those to families."""
+        second = np.sort(lower, axis=1)[:, 1:2] if lower.shape[1] > 1 else np.inf
+        # The second nearest of a family and the others is not nearer than these two.
+        there = np.maximum(lower - self.meeting, np.maximum(lower, second) - self.near)
+        with np.errstate(invalid="ignore"):
+            off = np.minimum(lower - self.alone, there)
+        return np.where(np.isfinite(self.meeting), np.maximum(off, 0.0), 0.0)
+
+
+@dataclass(frozen=True, eq=False)
 class Conditions:
     """The branches of some families, ready to be asked at many configurations.
 
@@ -79,6 +112,8 @@ class Conditions:
         A point lies on a family where it lies on one of its branches.
     norm : str
         "euclidean" or "max".
+    margin : Margin or None
+        What is taken off lower bounds, for them to be about a robot whose design has the families.
     """
 
     families: int
@@ -86,11 +121,17 @@ class Conditions:
     turn: Array
     branches: tuple[WeightedBranch, ...]
     norm: str = "euclidean"
+    margin: Margin | None = None
 
     @property
     def n(self) -> int:
         """Number of joints."""
         return len(self.weight)
+
+    @cached_property
+    def plain(self) -> Conditions:
+        """The same without a margin."""
+        return replace(self, margin=None)
 
     @cached_property
     def sums(self) -> tuple[TrigSum, ...]:

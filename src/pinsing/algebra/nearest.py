@@ -7,7 +7,7 @@ without it and arms too long for it: the same bounds in fewer kinds, so that it 
 from __future__ import annotations
 
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -15,6 +15,7 @@ from pinsing._batch import engine
 from pinsing._types import Array, Ints
 from pinsing.algebra.conditions import Conditions, WeightedBranch
 from pinsing.algebra.trig_sum import TINY, At, least_norm
+from pinsing.algebra.two_sided import two_sided
 from pinsing.errors import OptionError
 
 GAP = 1e-6
@@ -95,6 +96,14 @@ def nearest_points(
     compiled : bool
         Whether the compiled engine is used where there is one.
     """
+    margin = conditions.margin
+    if margin is not None:
+        # What is within the limits may be near to points of conditions that are not.
+        off = min(margin.meeting, 2 * np.pi) / conditions.weight
+        limits = lower - off, upper + off
+        plain = nearest_points(conditions.plain, Q, *limits, options, compiled=compiled)
+        least = np.maximum(plain.lower - margin.meeting, two_sided(conditions, Q).lower)
+        return replace(plain, lower=np.minimum(least, plain.upper))
     X = conditions.scaled(Q)
     N, n = X.shape
     low = np.ascontiguousarray(np.asarray(lower, dtype=float) * conditions.weight)

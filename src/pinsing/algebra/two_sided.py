@@ -23,7 +23,8 @@ class Bounds:
     Attributes
     ----------
     lower, upper : (N,) arrays
-        In weighted coordinates; infinite where there is no family, or no bound.
+        In weighted coordinates; infinite where there is no family, or no bound. Lower ones less
+        the conditions' margin.
     family : (N,) array of int
         The one of the least lower bound; -1 without any.
     each : (N, F, 2) array
@@ -68,6 +69,13 @@ def two_sided(
     N, F = len(X), conditions.families
     every = np.empty((N, F, 2) if each or handle is None else (0, 0, 2))
     lower, upper, family = np.empty(N), np.empty(N), np.empty(N, dtype=np.int64)
+    margin = conditions.margin
+    if margin is not None:
+        found = two_sided(
+            conditions.plain, Q, each=True, compiled=compiled, threads=threads, isa=isa
+        )
+        found.each[..., 0] = margin.take_off(found.each[..., 0])
+        return Bounds(*_nearest(found.each), found.each)
     if handle is not None:
         count = 1 if N < 4096 else threads or engine.cpu_count()
         handle.clearances(X, lower, upper, family, every, isa or engine.isa_names()[-1], count)
@@ -75,12 +83,13 @@ def two_sided(
     rows = max(1, 2_000_000 // max((len(s.amplitude) for s in conditions.sums), default=1))
     for first in range(0, N, rows):
         every[first : first + rows] = _each(conditions, X[first : first + rows])
-    lower, upper = (
-        every[..., 0].min(axis=1, initial=np.inf),
-        every[..., 1].min(axis=1, initial=np.inf),
-    )
-    family = np.argmin(every[..., 0], axis=1) if F else np.full(N, -1)
-    return Bounds(lower, upper, np.where(np.isfinite(lower), family, -1), every)
+    return Bounds(*_nearest(every), every)
+
+
+def _nearest(each: Array) -> tuple[Array, Array, Ints]:
+    lower, upper = (each[..., k].min(axis=1, initial=np.inf) for k in (0, 1))
+    family = np.argmin(each[..., 0], axis=1) if each.shape[1] else np.full(len(each), -1)
+    return lower, upper, np.where(np.isfinite(lower), family, -1)
 
 
 @np.errstate(over="ignore")  # a quotient that overflows is a distance farther than any other

@@ -13,7 +13,7 @@ from pinsing.errors import OptionError
 
 ROBOT = (
     *("loops", "no_loops", "tip", "base", "joints", "task", "tool_axis", "length_scale"),
-    *("packages", "xacro_args"),
+    *("packages", "xacro_args", "design", "calibration"),
 )
 OUTPUT = (
     *("output", "verbose", "deg", "latex", "exact", "view", "no_open", "page", "skeleton", "keep"),

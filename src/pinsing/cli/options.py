@@ -7,7 +7,7 @@ import math
 import re
 import shlex
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, TypeVar
 
@@ -49,6 +49,8 @@ class RobotRequest:
     xacro_args: dict[str, str]
     tool_axis: str | None = None
     units: Literal["rad"] | None = None
+    design: str | None = None
+    calibration: str | None = None
 
     @property
     def words(self) -> str:
@@ -58,6 +60,7 @@ class RobotRequest:
         scale = None if self.length_scale == 1 else f"{self.length_scale:g}"
         given = [("--tip", self.tip), ("--base", self.base), ("--joints", joints), ("--task", task)]
         given += [("--tool-axis", self.tool_axis), ("--length-scale", scale)]
+        given += [("--design", self.design), ("--calibration", self.calibration)]
         given += [("--package", f"{name}={folder}") for name, folder in self.packages.items()]
         given += [("--xacro-arg", f"{name}:={x}") for name, x in self.xacro_args.items()]
         options = [word for option, value in given if value is not None for word in (option, value)]
@@ -66,6 +69,8 @@ class RobotRequest:
     def load(self, quiet: bool = False) -> Arm:
         """Load the arm, and tell on stderr what was assumed."""
         from pinsing.cli.loop_file import tell_of_loops
+        from pinsing.robot.calibration import calibrated
+        from pinsing.robot.design import design_of
         from pinsing.robot.load import load
 
         tell_of_loops(self.robot)
@@ -81,6 +86,11 @@ class RobotRequest:
             tool_axis=self.tool_axis,
             units=self.units,
         )
+        if self.calibration is not None:
+            arm = calibrated(arm, self.calibration)
+        if self.design is not None:
+            design = design_of(arm, self.design == "auto" or self.design)
+            arm = replace(arm, design=design)
         if not quiet:
             for note in arm.notes:
                 say(f"note: {note}")
@@ -167,6 +177,17 @@ def arm_options(command: F) -> F:
         multiple=True,
         help="Argument of a xacro file; repeatable.",
     )
+    @click.option(
+        "--design",
+        metavar="auto|ROBOT",
+        shell_complete=completion.robots,
+        help="What ROBOT is an imperfect copy of: families are of the design, distances of ROBOT.",
+    )
+    @click.option(
+        "--calibration",
+        metavar="FILE.yaml",
+        help="Calibration of a UR robot, as ur_calibration writes it; ROBOT is its design.",
+    )
     @functools.wraps(command)
     def wrapper(
         robot: str,
@@ -178,6 +199,8 @@ def arm_options(command: F) -> F:
         length_scale: float,
         packages: tuple[tuple[str, str], ...],
         xacro_args: tuple[tuple[str, str], ...],
+        design: str | None,
+        calibration: str | None,
         **rest: Any,
     ) -> Any:
         names = None
@@ -203,6 +226,8 @@ def arm_options(command: F) -> F:
             dict(xacro_args),
             tool_axis,
             "rad" if said else None,
+            design,
+            calibration,
         )
         return command(request, **rest)
 

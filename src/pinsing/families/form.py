@@ -32,6 +32,7 @@ from pinsing.families.family import (
 from pinsing.families.naming import ORDER
 from pinsing.families.slice_count import SliceCount
 from pinsing.families.system_text import SystemHead, system_text
+from pinsing.families.tube import Tube
 from pinsing.joint_text import typed
 from pinsing.measures import SINGULAR_RTOL
 from pinsing.prose import PLAIN, Page, Span, caution, formula, good, measured, unbroken, visible
@@ -94,6 +95,9 @@ class ClosedForm(JsonResult):
         Names of the steps of the search that were taken, such as "all minors", in their order.
     faithful : tuple of Family or None
         The families, if each was seen to be its exact components; not written to JSON.
+    tube : Tube or None
+        Where the families are of the arm's design: how far from these the singular configurations
+        of the arm are.
 
     Examples
     --------
@@ -134,6 +138,7 @@ class ClosedForm(JsonResult):
     deviation: Deviation | None = field(default=None, metadata={"optional": True})
     steps: tuple[str, ...] = field(default=(), metadata={"optional": True})
     faithful: tuple[Family, ...] | None = field(default=None, repr=False, metadata={"json": False})
+    tube: Tube | None = field(default=None, metadata={"optional": True})
 
     @property
     def word(self) -> str:
@@ -340,8 +345,7 @@ def answer_text(forms: ClosedForm, page: Page = PLAIN, robot: str = "") -> str:
     if not count and forms.complete:
         what = "no singular configurations"
     lines = [page.paragraph(f"{forms.arm.name}: {what} (", _word(forms, " complete"), ")")]
-    if forms.deviation is not None:
-        lines.append(page.paragraph(str(forms.deviation), first="  "))
+    lines += _geometry(forms, page)
     if forms.gaps:
         lines.append(page.paragraph(f"missing: {forms.gaps[0]}", first="  "))
     joints = len(forms.symbols)
@@ -395,8 +399,7 @@ def families_text(
         Leave out how sure it is that none is missing: a proof is still looked for.
     """
     lines = [page.paragraph(*_head(forms, brief, undecided))]
-    if forms.deviation is not None:
-        lines.append(page.paragraph(str(forms.deviation), first="  "))
+    lines += _geometry(forms, page)
     if not undecided and (forms.gaps or not brief):
         lines.append(certainty(forms, page))
     named = [unbroken(f"{symbol} = {name}") for symbol, name in forms.legend if symbol != name]
@@ -422,6 +425,14 @@ def families_text(
         lines += [page.paragraph(t, first="  ") for t in half_angles(forms.families)]
     lines += [page.paragraph(hint, first="  ") for hint in forms.hints]
     return "\n".join(lines)
+
+
+def _geometry(forms: ClosedForm, page: Page) -> list[str]:
+    """What the families are of, where that is not the file, and what it says of the arm."""
+    said = [str(forms.deviation)] * (forms.deviation is not None)
+    if forms.tube is not None:
+        said = [str(forms.tube), *said, forms.tube.assumptions]
+    return [page.paragraph(text, first="  ") for text in said]
 
 
 def _head(forms: ClosedForm, brief: bool, undecided: bool) -> tuple[Span, ...]:

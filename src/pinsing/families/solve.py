@@ -24,9 +24,12 @@ from pinsing.families.proving import prove as add_proof
 from pinsing.families.slice_count import SliceCount, count_on_slices
 from pinsing.families.statement import mirror_key
 from pinsing.families.steps import MAX_JOINTS, ComponentSearch
+from pinsing.families.tube import find_tube
 from pinsing.kinematics.jacobian import generic_rank
 from pinsing.robot.arm import Arm, summarize
-from pinsing.robot.exact_placements import Deviation, Snap
+from pinsing.robot.chain import flatten, jacobian_change
+from pinsing.robot.design import ANGLE, LENGTH, design_of
+from pinsing.robot.exact_placements import ROUNDING, Deviation, Snap
 from pinsing.robot.nominal import ANGLE_TOL, Nominal, nominal
 
 if TYPE_CHECKING:
@@ -94,6 +97,8 @@ def by_rank_hint(families: Sequence[Family], rank: int) -> str | None:
 
 Prove: TypeAlias = bool | Literal["auto"] | None
 """Whether to look for a certificate: as far as some work leads, till it is found, or not at all."""
+Design: TypeAlias = Arm | str | os.PathLike[str] | bool | None
+"""What an arm is an imperfect copy of; True to find it."""
 SECONDS = 10.0
 """Work, in seconds, for the algebra where none is given."""
 
@@ -106,6 +111,7 @@ def closed_form(
     angle_tol: float = ANGLE_TOL,
     snap_length: float = 0.0,
     prove: Prove = "auto",
+    design: Design = None,
     progress: Callable[[str], None] | None = None,
 ) -> ClosedForm: ...
 
@@ -129,6 +135,7 @@ def closed_form(
     angle_tol: float = ANGLE_TOL,
     snap_length: float = 0.0,
     prove: Prove = "auto",
+    design: Design = None,
     progress: Callable[[str], None] | None = None,
 ) -> ClosedForm | DesignForm:
     """Find all families of singular configurations, exactly, on the nominal geometry.
@@ -156,6 +163,11 @@ def closed_form(
         every command, page and report says of the arm; None means the same. True goes on until
         the time is over. False looks for none, for where ``word`` is not needed: it is at most
         "probable" then.
+    design : Arm, name, path or bool, optional
+        What the arm is an imperfect copy of, as a calibrated robot is: the families are of the
+        design, and ``tube`` says how far from these the singular configurations of the arm are.
+        True finds it: right angles within 0.01 rad (or ``angle_tol``), offsets below 1 mm (or
+        ``snap_length``) zero. By default that of the arm, if it has one; False ignores that.
     progress : callable
         Told now and then how far the search for a certificate is.
 
@@ -191,6 +203,12 @@ def closed_form(
         return _design(arm, symbols, seconds, angle_tol)
     if not isinstance(arm, Arm):
         raise not_loaded("arm", "an Arm", arm)
+    design = arm.design if design is None else design
+    if design is not None and design is not False:
+        tolerances = (max(angle_tol, ANGLE), snap_length or LENGTH)
+        made = design_of(arm, design, *tolerances)
+        found = closed_form(made, seconds=given, prove=prove, design=False, progress=progress)
+        return about_robot(found, arm, made)
     started = time.monotonic()
     # Where no time is given a minute on the clock is enough for the work on a busy machine, too.
     budget = Budget(seconds) if given is not None else Budget(LONG, seconds)
@@ -201,6 +219,25 @@ def closed_form(
     whole = LONG if given is None else 1.4 * seconds
     left = max(whole - (time.monotonic() - started), 0.0)
     return (add_proof if prove is True else prove_briefly)(found, left, progress)
+
+
+def about_robot(found: ClosedForm, robot: Arm, design: Arm) -> ClosedForm:
+    """The families of a design, with how far those of a robot are from it."""
+    change = jacobian_change(flatten(robot), flatten(design), robot)
+    if change <= ROUNDING:
+        return found
+    if not found.families:
+        raise OptionError("the design has no singular configurations: leave the design out")
+    tube = find_tube(robot, design, found.families)
+    return replace(
+        found,
+        arm=summarize(robot),
+        loaded=robot,
+        jacobian_change=found.jacobian_change + change,
+        seconds=found.seconds,
+        deviation=tube.deviation,
+        tube=tube,
+    )
 
 
 def form_to_measure(arm: Arm) -> ClosedForm:

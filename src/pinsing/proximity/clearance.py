@@ -211,7 +211,9 @@ def quick(watched: Watched, Q: Array, within_limits: bool = False) -> Clearance:
         lower, upper, family = found.lower, found.upper, found.family
     else:
         every = two_sided(watched.conditions, Q, each=True).each
-        inside = np.array([f.is_reachable is not False for f in watched.families])
+        # Near a family that just misses the limits a robot of that design may be singular.
+        real = watched.margin is not None
+        inside = np.array([real or f.is_reachable is not False for f in watched.families])
         least = np.where(inside, every[..., 0], np.inf)
         lower = least.min(axis=1, initial=np.inf)
         upper = np.full(len(Q), np.inf)
@@ -377,6 +379,9 @@ def distances(forms: Forms, q: npt.ArrayLike, *, seconds: float = SECONDS) -> Di
         d = family.distance(x, seconds=seconds)
         said = family.reach, family.title, family.where(d.q)
         found.append(FamilyDistance(name, d.lower, d.upper, d.q, *said))
+    if watched.margin is not None:
+        least = watched.margin.take_off(np.array([[d.lower for d in found]]))[0].tolist()
+        found = [replace(d, lower=low) for d, low in zip(found, least, strict=True)]
     found.sort(key=lambda d: (d.upper, d.lower))
     return Distances(x, tuple(found), watched.complete)
 

@@ -8,6 +8,7 @@ import math
 import threading
 from collections import deque
 from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -193,7 +194,9 @@ class Follower:
 
     def __init__(self, form: ClosedForm, arm: Arm, degrees: bool, near: float) -> None:
         self._reader, self._monitor = Reader(arm, degrees), Monitor(form, near, near / 2)
-        self._arm, self._families = arm, {f.name: watch(form, [f.name]) for f in form.families}
+        self._arm = arm
+        each = {f.name: watch(form, [f.name]) for f in form.families}
+        self._families = {name: replace(w, margin=None) for name, w in each.items()}
         self._steps = np.diag(_MOVE * np.where(arm.prismatic, arm.length_scale, 1.0))
         for family in self._families.values():
             self._away(np.zeros(arm.n), family)  # what is compiled at first is none of a verdict's

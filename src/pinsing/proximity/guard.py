@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
 
+import numpy as np
 import numpy.typing as npt
 
 from pinsing._types import Array
@@ -44,6 +45,7 @@ class GuardSource:
     upper: Array
     families: tuple[tuple[str, str], ...]
     conditions: Conditions
+    margin: tuple[float, float, float]
     complete: bool
     word: str
     notes: tuple[str, ...]
@@ -82,6 +84,7 @@ def _c_text(source: GuardSource) -> str:
         *(f"  {line}" for line in families),
     ]
     tables = {"lower_limit": source.lower, "upper_limit": source.upper, **c.flat}
+    tables["margin"] = np.array(source.margin)
     tables["branch_family"] = tables.pop("family")
     return _filled(
         "guard.h.in",
@@ -182,6 +185,7 @@ def _python_text(source: GuardSource) -> str:
         "JACOBIAN_CHANGE": source.change,
         "WEIGHT": c.weight.tolist(),
         "TURN": c.turn.tolist(),
+        "MARGIN": source.margin,
     }
     said = {
         "COMPLETE": "False: families are known to be missing, so that clearance is always 0",
@@ -191,6 +195,7 @@ def _python_text(source: GuardSource) -> str:
         "WEIGHT": "what joint differences are multiplied by",
         "TURN": "a whole turn, weighted; 0 for joints that slide",
         "LOWER": "radians and metres; infinite where there is no limit",
+        "MARGIN": "taken off distances: alone, where two families are near, and what near is",
     }
     lines = []
     for key, value in constants.items():
@@ -372,6 +377,12 @@ def make_guard(
             f"the description is rounded; made exact this changes no column of the Jacobian by "
             f"more than {change:.1e}"
         )
+    margin = (0.0, 0.0, 0.0)
+    if watched.margin is not None:
+        notes.append(watched.tube)
+        taken = watched.margin
+        whole = len(kept) == len(watched.names)
+        margin = (float(taken.alone.max()) if whole else taken.meeting, taken.meeting, taken.near)
     geometries = [form.geometry or nominal(arm) for form in every]
     source = GuardSource(
         prefix=prefix,
@@ -389,6 +400,7 @@ def make_guard(
         upper=arm.upper,
         families=tuple((name, _text(family)) for name, family in kept),
         conditions=Conditions.of([f.branches for _, f in kept], watched.prismatic, watched.weight),
+        margin=margin,
         complete=complete,
         word=word,
         notes=tuple(notes),

@@ -361,6 +361,8 @@ class LineCheck(JsonResult):
         Other inverse solutions of the pose at the start, those that get farthest first, as
         `pinsing line` has them from `line_postures` where the line ends early, leaves the
         limits or leads through a singularity; else empty.
+    tube : str
+        What is known of the arm where the families are of its design; else empty.
     """
 
     schema: ClassVar[str] = "pinsing/line_check/1"
@@ -383,6 +385,7 @@ class LineCheck(JsonResult):
     q: Array
     notes: tuple[str, ...]
     postures: tuple[LinePosture, ...] = field(default=(), metadata={"optional": True})
+    tube: str = field(default="", metadata={"optional": True})
 
     @checked
     def text(self, degrees: bool = True) -> str:
@@ -504,6 +507,7 @@ def check_line(
         s=s,
         q=tracked.q,
         notes=_notes(arm, line, tracked, outcome, watched.complete),
+        tube=watched.tube,
     )
 
 
@@ -611,7 +615,8 @@ def line_summary(line: LineCheck, degrees: bool = True, robot: str = "", same: s
         *[f"joints are too fast at {line.speed:g} m/s"] * bool(line.too_fast),
         *[f"it comes within {angle_text(line.near, degrees)} of a family"] * bool(line.stretches),
     ]
-    but = f", but {listed(faults)}" if faults else " and meets no singularity"
+    none = " and meets no singularity" + " of the design" * bool(line.tube)
+    but = f", but {listed(faults)}" if faults else none
     whole, done = f"line of {line.length:.4g} m", f"{line.s_end:.6g} m"
     end = next((c.where for c in met if c.family == line.family), "")
     if line.outcome == "reached":
@@ -624,7 +629,7 @@ def line_summary(line: LineCheck, degrees: bool = True, robot: str = "", same: s
         )
     else:
         head = f"NOT DECIDED, the {whole} was followed for {done}{but * bool(faults)}"
-    out = [*left]
+    out = [*[line.tube] * bool(line.tube), *left]
     apart = {c.family for c in met} | {line.family}
     near = next((a for a in line.approaches if a.upper > 0 and a.family not in apart), None)
     if near is not None:

@@ -163,7 +163,8 @@ class Monitor:
         self._shape: tuple[int, ...] = ()  # until the first q was looked at
         self._weight = None if bool((watched.weight == 1).all()) else watched.weight
         self._x, self._v, self._out = np.empty(watched.n), np.empty(watched.n), np.empty(4)
-        self._handle = watched.conditions.compiled
+        # A margin is taken off in Python.
+        self._handle = watched.conditions.compiled if watched.margin is None else None
         self._isa = engine.isa_names()[-1] if self._handle is not None else ""
         titles = (f.title for f in watched.families)
         self._listed = (*zip(watched.names, titles, strict=True), ("", ""))
@@ -292,11 +293,14 @@ class Monitor:
         if not (np.isfinite(self._x).all() and np.isfinite(velocity).all()):
             return -2
         conditions = self._watched.conditions
-        found = two_sided(conditions, (self._x / self._watched.weight)[None], compiled=False)
+        found = two_sided(conditions, (self._x / self._watched.weight)[None])
         family = int(found.family[0])
         self._out[:2] = found.lower[0], found.upper[0]
         if velocity.size:
             self._out[2:] = contact_along(conditions, family, self._x, velocity, self.horizon)
+            if conditions.margin is not None:  # no singular configuration is nearer than this
+                soonest = found.lower[0] / max(self._watched.length(velocity), 1e-300)
+                self._out[2] = soonest if soonest < self.horizon else math.inf
         return family
 
     def _not_finite(self, velocity: Array) -> ConfigurationError:

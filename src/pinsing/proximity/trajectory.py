@@ -47,7 +47,7 @@ def summary(
     other : (n,) array, optional
         A posture of the first pose from which the end is reached without a singularity.
     """
-    evidence = [_nearest(check), _near(check, degrees), *_speeds(check, degrees)]
+    evidence = [check.tube, _nearest(check), _near(check, degrees), *_speeds(check, degrees)]
     lines = [*evidence, _advice(check, robot or check.arm.typed, other)]
     return "\n".join(
         [f"{file or check.arm.name}: {_met(check)}", "", *(f"  {x}" for x in lines if x)]
@@ -146,6 +146,8 @@ def _met(check: TrajectoryCheck) -> str:
     ]
     if not check.crossings:
         none = "meets no singular configuration" if check.complete else "meets no known family"
+        if check.tube and check.clearance == 0:
+            none = "meets no family of the design, perhaps a singular configuration of this robot"
         if not faults:
             sure = "proven between samples" if check.samples > 1 else "1 sample"
             return f"{none} ({sure})"
@@ -155,6 +157,7 @@ def _met(check: TrajectoryCheck) -> str:
     more = [f"{_times(len(check.crossings) - 1, 'more meeting')}"] * (len(check.crossings) > 1)
     also = [*more, *(words for words in faults if not words.startswith("comes"))]
     singular = f"{verb} {singularity(first.family, first.title, first.where)}"
+    singular += " of the design" * bool(check.tube)
     return f"{singular} {_when(check, first.t)}{'; also ' * bool(also)}{listed(also)}"
 
 
@@ -345,6 +348,8 @@ class TrajectoryCheck(JsonResult):
         empty where that was not asked.
     start : (n,) array or None
         The first sample.
+    tube : str
+        What is known of the arm where the families are of its design; else empty.
     """
 
     schema: ClassVar[str] = "pinsing/trajectory_check/1"
@@ -371,6 +376,7 @@ class TrajectoryCheck(JsonResult):
     aspect_changes: tuple[AspectChange, ...] = field(default=(), metadata={"optional": True})
     start: Array | None = field(default=None, metadata={"optional": True})
     turn_speed: float = field(default=TURN_SPEED, metadata={"optional": True})
+    tube: str = field(default="", metadata={"optional": True})
 
     def __repr__(self) -> str:
         names = ", ".join(dict.fromkeys(c.family for c in self.crossings))
@@ -531,6 +537,7 @@ def check_trajectory(
         complete=watched.complete,
         notes=_notes(arm, speeds, limits is not None, watched.complete),
         start=np.array(samples[0], dtype=float),
+        tube=watched.tube,
     )
 
 

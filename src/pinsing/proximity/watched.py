@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TypeAlias
 from weakref import WeakKeyDictionary
@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from pinsing._types import Array, Bool
-from pinsing.algebra.conditions import Conditions
+from pinsing.algebra.conditions import Conditions, Margin
 from pinsing.arguments import columns_of, real_numbers, stands_for
 from pinsing.errors import OptionError, UnknownNameError
 from pinsing.families import ClosedForm, Family
@@ -51,6 +51,10 @@ class Watched:
         Whether the closed forms are complete: no singular configuration lies elsewhere.
     arm : Arm or None
         The arm; None where the closed forms were read from a file, which knows no model.
+    margin : Margin or None
+        What is taken off distances, where the families are of the arm's design.
+    tube : str
+        What is known of the arm then, in words; else empty.
     """
 
     names: tuple[str, ...]
@@ -63,6 +67,8 @@ class Watched:
     norm: str
     complete: bool
     arm: Arm | None
+    margin: Margin | None = None
+    tube: str = ""
 
     @property
     def n(self) -> int:
@@ -78,7 +84,8 @@ class Watched:
     def conditions(self) -> Conditions:
         """All families as flat arrays."""
         branches = [f.branches for f in self.families]
-        return Conditions.of(branches, self.prismatic, self.weight, self.norm)
+        made = Conditions.of(branches, self.prismatic, self.weight, self.norm)
+        return made if self.margin is None else replace(made, margin=self.margin)
 
     @property
     def limits(self) -> tuple[Array, Array]:
@@ -199,11 +206,24 @@ def watch(
         norm=norm,
         complete=all(f.complete for f in every),
         arm=next((f.geometry.arm for f in every if f.geometry is not None), None),
+        margin=_margin(every, names, weight),
+        tube="; ".join(dict.fromkeys(str(f.tube) for f in every if f.tube is not None)),
     )
     _ = chosen.conditions  # says what is wrong with weights and norm
     if plain and norm == "euclidean":
         _MADE[first] = chosen
     return chosen
+
+
+def _margin(forms: Sequence[ClosedForm], names: Sequence[str], weight: Array) -> Margin | None:
+    tubes = [f.tube for f in forms if f.tube is not None]
+    if not tubes:
+        return None
+    margin, longest = tubes[0].margin, float(weight.max())
+    if len(forms) > 1 or len(names) < len(margin.alone):  # which others are near is not known
+        widest = max(t.width for t in tubes)
+        margin = Margin(np.full(len(names), widest), widest, margin.near)
+    return margin.times(longest)
 
 
 def metric_note(length_scale: float) -> str:

@@ -76,6 +76,7 @@ class Arm(Memory):
     source: Source = field(repr=False)
     coupling: Coupling | None = None
     units: str | None = None
+    design: Arm | None = field(default=None, repr=False)
 
     made_by: ClassVar[str] = 'pinsing.load("ur5")'
 

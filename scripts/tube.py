@@ -1,0 +1,126 @@
+#!/usr/bin/env python3
+"""Attack tubes: calibrations at random, searches for singular configurations, paths across walls.
+
+    scripts/tube.py [ARM ...] [--robots N] [--searches N] [--paths N]
+
+Of each arm N robots with lengths off by 0.5 mm and axes off by 3 mrad; a singular configuration
+outside of the tube, or a path across a wall without one, ends it with exit code 1.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import time
+from dataclasses import replace
+
+import numpy as np
+import pinocchio as pin
+
+import pinsing
+from pinsing.kinematics.jacobian import frame_jacobians
+from pinsing.robot.chain import Chain, chain_model, flatten
+
+ARMS = ("ur5e", "puma560", "irb1400", "iiwa14", "panda")
+
+
+def perturb(arm: pinsing.Arm, rng: np.random.Generator) -> pinsing.Arm:
+    """Return a robot of this design: each placement off by up to 0.5 mm and 3 mrad."""
+    chain = flatten(arm)
+    R = np.array([r @ pin.exp3(rng.uniform(-1, 1, 3) * 3e-3) for r in chain.R])
+    t = chain.t + rng.uniform(-5e-4, 5e-4, chain.t.shape)
+    made = Chain(R, t, chain.prismatic)
+    return replace(arm, model=chain_model(made, arm))
+
+
+def find_singular(arm: pinsing.Arm, Q: np.ndarray) -> np.ndarray:
+    """Singular configurations (K, n) near starts (N, n): Newton on the least singular value."""
+    step = 1e-6
+    for _ in range(40):
+        u, s, vt = np.linalg.svd(frame_jacobians(arm, Q))
+        least = u[:, :, -1], vt[:, u.shape[2] - 1]
+        slope = np.empty_like(Q)
+        for j, e in enumerate(step * np.eye(arm.n)):
+            change = frame_jacobians(arm, Q + e) - frame_jacobians(arm, Q - e)
+            slope[:, j] = np.einsum("ni,nij,nj->n", least[0], change, least[1]) / (2 * step)
+        move = s[:, -1:] * slope / np.maximum((slope**2).sum(axis=1, keepdims=True), 1e-12)
+        size = np.linalg.norm(move, axis=1, keepdims=True)
+        Q = Q - move * np.minimum(1, 0.3 / np.maximum(size, 1e-300))
+    s = np.linalg.svd(frame_jacobians(arm, Q), compute_uv=False)
+    return Q[s[:, -1] < 1e-11 * s[:, 0]]
+
+
+def outside(form: pinsing.ClosedForm, Q: np.ndarray) -> tuple[int, float]:
+    """How many of Q lie outside of the tube, and the largest distance from the families."""
+    plain = replace(form, tube=None)
+    each = np.stack(
+        [pinsing.clearance(plain, Q, families=[f.name]).lower for f in form.families], axis=1
+    )
+    order, tube = np.sort(each, axis=1), form.tube
+    assert tube is not None
+    alone = (order > tube.near)[:, 1] if each.shape[1] > 1 else np.ones(len(Q), bool)
+    width = np.array([f.width for f in tube.families])[each.argmin(axis=1)]
+    wrong = (order[:, 0] > tube.width) | (alone & (order[:, 0] > width))
+    return int(wrong.sum()), float(order[:, 0].max(initial=0.0))
+
+
+def unmet(form: pinsing.ClosedForm, paths: int, rng: np.random.Generator) -> tuple[int, int]:
+    """Paths across each wall from outside of the tube on which no singular configuration is."""
+    arm, wrong, tried = form.loaded, 0, 0
+    assert arm is not None
+    assert form.tube is not None
+    for family, part in zip(form.families, form.tube.families, strict=True):
+        if not part.persists:
+            continue
+        middle = family.sample(paths, rng)
+        away = rng.normal(size=middle.shape)
+        away *= rng.uniform(0.2, 1.2, (len(middle), 1)) / np.linalg.norm(away, axis=1)[:, None]
+        ends = np.stack([middle - away, middle + away])
+        clear = (pinsing.clearance(form, ends).lower > 0).all(axis=0)
+        D = np.linalg.det(frame_jacobians(arm, ends.reshape(-1, arm.n))).reshape(2, -1)
+        design = form.geometry.arm  # type: ignore[union-attr]
+        D0 = np.linalg.det(frame_jacobians(design, ends.reshape(-1, arm.n))).reshape(2, -1)
+        crossed = clear & (D0[0] * D0[1] < 0)
+        tried += int(crossed.sum())
+        wrong += int((crossed & (D[0] * D[1] > 0)).sum())
+    return wrong, tried
+
+
+def attack(name: str, robots: int, searches: int, paths: int) -> int:
+    """Print a line for each robot of an arm; how many faults were found."""
+    rng, design, faults = np.random.default_rng(34), pinsing.load(name), 0
+    for i in range(robots):
+        robot = perturb(design, rng)
+        began = time.process_time()
+        form = pinsing.closed_form(robot, design=design)
+        took, tube = time.process_time() - began, form.tube
+        assert tube is not None
+        if not tube.proven:
+            print(f"{name} {i}: {tube.reason}; {took:.1f} s", flush=True)
+            continue
+        out, most, found = 0, 0.0, 0
+        for first in range(0, searches, 10_000):
+            starts = rng.uniform(-np.pi, np.pi, (min(10_000, searches - first), robot.n))
+            Q = find_singular(robot, starts)
+            wrong, far = outside(form, Q)
+            out, most, found = out + wrong, max(most, far), found + len(Q)
+        missed, tried = unmet(form, paths, rng)
+        faults += out + missed
+        alone, wide, far = np.degrees([tube.alone, tube.width, most])
+        print(
+            f"{name} {i}: {alone:.2f}° alone, {wide:.2f}° where two meet, {far:.2f}° found; {out} "
+            f"of {found} outside, {missed} of {tried} paths unmet; {took:.1f} s",
+            flush=True,
+        )
+    return faults
+
+
+if __name__ == "__main__":
+    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
+    parser.add_argument("names", nargs="*", default=ARMS)
+    parser.add_argument("--robots", type=int, default=20)
+    parser.add_argument("--searches", type=int, default=2000)
+    parser.add_argument("--paths", type=int, default=1000)
+    given = parser.parse_args()
+    counts = given.robots, given.searches, given.paths
+    sys.exit(int(any([attack(name, *counts) for name in given.names])))

@@ -1,0 +1,80 @@
+"""Calibrations of Universal Robots: the chain of this very robot, as its controller knows it.
+
+``ur_calibration`` of Universal_Robots_ROS2_Driver writes the block ``kinematics``: the placement of
+each link in the one before, a translation in metres and a rotation Rz(yaw) Ry(pitch) Rx(roll).
+"""
+
+from __future__ import annotations
+
+import os
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+
+from pinsing.description.yaml_tree import YamlNode, compose
+from pinsing.errors import OptionError
+from pinsing.robot.arm import Arm
+from pinsing.robot.chain import Chain, chain_model, flatten, keep_chain
+from pinsing.robot.design import alignment, axes, require_same
+
+LINKS = ("shoulder", "upper_arm", "forearm", "wrist_1", "wrist_2", "wrist_3")
+_LENGTHS, _ANGLES = ("x", "y", "z"), ("roll", "pitch", "yaw")
+
+
+def calibrated(arm: Arm, file: str | os.PathLike[str]) -> Arm:
+    """Return a UR arm with the placements of a calibration; its design is the arm as it was.
+
+    The axes of the base are those of the arm; its tip is the flange, in the axes of the arm's tip.
+
+    Parameters
+    ----------
+    arm : Arm
+        Such as ``load("ur5e")``.
+    file : path
+        YAML with ``kinematics``, and there a link a key: ``{x, y, z, roll, pitch, yaw}``, metres
+        and radians.
+
+    Raises
+    ------
+    RobotFileError
+        If the file is no such calibration: file, line, and what to do.
+    OptionError
+        If the arm has not six revolute joints, or is another robot.
+    """
+    if arm.n != len(LINKS) or arm.prismatic.any() or arm.coupling is not None:
+        raise OptionError(f"--calibration is for a UR robot, and {arm.name!r} is none")
+    root = compose(Path(file))
+    top = root.mapping(("kinematics",), root.keys())
+    links = top["kinematics"].mapping(LINKS, ("hash",))
+    placed = [_placement(links[name]) for name in LINKS]
+    R, t = np.array([m.rotation for m in placed]), np.array([m.translation for m in placed])
+    raw = Chain(np.append(R, np.eye(3)[None], 0), np.append(t, np.zeros((1, 3)), 0), arm.prismatic)
+    design, own = flatten(arm), pin.SE3.Identity()
+    # Frames of the two differ by right angles at the base and at the tip.
+    turn = np.rint(alignment(axes(design), axes(raw))[0])
+    flange = pin.SE3.Identity()
+    for C, c in zip(design.R, design.t, strict=True):
+        own = own * pin.SE3(C, c)
+    for m in placed:
+        flange = flange * m
+    R, t = raw.R.copy(), raw.t.copy()
+    R[0], t[0] = turn @ R[0], turn @ t[0]
+    R[-1] = np.rint((turn @ flange.rotation).T @ own.rotation)
+    chain = Chain(R, t, raw.prismatic)
+    made = replace(arm, model=chain_model(chain, arm), design=arm)
+    keep_chain(made, chain)
+    require_same(made, arm, "the arm")
+    return made
+
+
+def _placement(node: YamlNode) -> pin.SE3:
+    values = node.mapping((*_LENGTHS, *_ANGLES))
+    x = np.array([values[k].number() for k in _LENGTHS])
+    rpy = np.array([values[k].number(pi=0) for k in _ANGLES])
+    for key, value in zip(_ANGLES, rpy, strict=True):
+        values[key].refuse_if(abs(value) > 7, f"{value:g} is no angle in radians: degrees?")
+    for key, value in zip(_LENGTHS, x, strict=True):
+        values[key].refuse_if(abs(value) > 3, f"{value:g} m is no length of a UR: millimetres?")
+    return pin.SE3(pin.rpy.rpyToMatrix(rpy), x)

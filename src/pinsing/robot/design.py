@@ -1,0 +1,143 @@
+"""The design of a robot: what its file is an imperfect copy of, and how far it is from that.
+
+Two chains are compared by their joint axes at zero, as lines in space, once they lie on each other
+as well as they can: neither the base nor where a file puts its frames on an axis matters.
+"""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pinocchio as pin
+
+from pinsing._types import Array
+from pinsing.errors import OptionError
+from pinsing.robot.arm import Arm
+from pinsing.robot.chain import Chain, chain_model, flatten, keep_chain
+from pinsing.robot.load import load
+from pinsing.robot.nominal import nominal
+
+ANGLE, LENGTH = 1e-2, 1e-3
+"""Radians and metres within which a detected design has right angles and no offset."""
+
+
+@dataclass(frozen=True)
+class AxisDifference:
+    """How far a joint's axis is from where the design has it.
+
+    Attributes
+    ----------
+    joint : str
+        Name of the joint.
+    angle : float
+        Radians between the two axes.
+    length : float
+        Metres of the joint's origin from the axis of the design.
+    """
+
+    joint: str
+    angle: float
+    length: float
+
+    def __str__(self) -> str:
+        return f"{self.joint} {np.degrees(self.angle):.2g}° and {1e3 * self.length:.2g} mm"
+
+
+def design_of(
+    robot: Arm,
+    design: Arm | str | os.PathLike[str] | bool,
+    angle_tol: float = ANGLE,
+    snap_length: float = LENGTH,
+) -> Arm:
+    """Return the arm on the geometry of a design, given or (True) detected.
+
+    Raises
+    ------
+    OptionError
+        If the design has other joints, or a joint's axis elsewhere by 0.1 rad or a tenth of the
+        reach; if there are mimic joints.
+    """
+    if robot.coupling is not None:
+        raise OptionError("a design goes with arms without mimic joints in the chain")
+    if isinstance(design, bool):
+        return replace(nominal(robot, angle_tol, snap_length).arm, design=None)
+    given = design if isinstance(design, Arm) else load(design)
+    if given.coupling is not None or list(given.prismatic) != list(robot.prismatic):
+        raise OptionError(
+            f"the design {given.name!r} has {given.n} joints of other kinds than the {robot.n} of "
+            f"{robot.name!r}: name the design of this robot"
+        )
+    chain = flatten(nominal(given).arm)
+    made = replace(robot, model=chain_model(chain, robot), design=None)
+    keep_chain(made, chain)
+    require_same(robot, made, f"the design {given.name!r}")
+    return made
+
+
+def require_same(robot: Arm, design: Arm, called: str) -> None:
+    """Refuse a design that is another robot.
+
+    Raises
+    ------
+    OptionError
+        If an axis is elsewhere by 0.1 rad, or a tenth of the length of all links.
+    """
+    size = float(np.linalg.norm(flatten(design).t, axis=1).sum())
+    worst = max(differences(robot, design), key=lambda d: max(d.angle, d.length / size))
+    if max(worst.angle, worst.length / size) > 0.1:
+        raise OptionError(
+            f"{called} is another robot, or has its joint zeros elsewhere: the axis of "
+            f"{worst.joint} differs by {np.degrees(worst.angle):.3g}° and "
+            f"{1e3 * worst.length:.3g} mm"
+        )
+
+
+def differences(robot: Arm, design: Arm) -> tuple[AxisDifference, ...]:
+    """How far each axis of a robot is from that of its design, base to tip."""
+    R, t = alignment(axes(flatten(robot)), axes(flatten(design)))
+    (d, p), (d0, p0) = axes(flatten(robot)), axes(flatten(design))
+    d0, p0 = d0 @ R.T, p0 @ R.T + t
+    angle = np.arctan2(np.linalg.norm(np.cross(d, d0), axis=1), (d * d0).sum(axis=1))
+    away = np.linalg.norm(np.cross(p - p0, d0), axis=1) * ~np.asarray(robot.prismatic)
+    return tuple(map(AxisDifference, robot.joints, angle.tolist(), away.tolist()))
+
+
+def axes(chain: Chain) -> tuple[Array, Array]:
+    """Directions and points (n, 3) of the joint axes at zero."""
+    R, p, directions, points = np.eye(3), np.zeros(3), [], []
+    for turn, step in zip(chain.R[:-1], chain.t[:-1], strict=True):
+        p, R = p + R @ step, R @ turn
+        directions.append(R[:, 2])
+        points.append(p)
+    return np.array(directions), np.array(points)
+
+
+def alignment(to: tuple[Array, Array], lines: tuple[Array, Array]) -> tuple[Array, Array]:
+    """The motion (R, t) that puts lines (directions, points) on others as well as it can.
+
+    Gauss-Newton on directions and moments, from the same base and from the best turn of directions.
+    """
+    (d, p), (d0, p0) = to, lines
+    size = max(float(np.abs(p - p.mean(axis=0)).max()), 1e-9)
+    middle, origin = p.mean(axis=0), p0.mean(axis=0)
+    m, m0 = np.cross((p - middle) / size, d), np.cross((p0 - origin) / size, d0)
+    u, _, v = np.linalg.svd(d.T @ d0 + m.T @ m0)
+    turn = u @ np.diag([1, 1, np.linalg.det(u @ v)]) @ v
+    found = []
+    for R in (np.eye(3), turn):
+        b = np.zeros(3)
+        for _ in range(20):
+            here, moment = d0 @ R.T, m0 @ R.T
+            moment = moment + np.cross(b, here)
+            off = np.concatenate([d - here, m - moment]).ravel()
+            rise = [
+                np.concatenate([np.cross(k, here), np.cross(k, moment)]).ravel() for k in np.eye(3)
+            ]
+            rise += [np.concatenate([0 * here, np.cross(k, here)]).ravel() for k in np.eye(3)]
+            step = np.linalg.lstsq(np.array(rise).T, off, rcond=1e-9)[0]
+            spin = pin.exp3(step[:3])
+            R, b = spin @ R, spin @ b + step[3:]
+        found.append((float(np.abs(off).max()), R, middle + size * b - R @ origin))
+    return min(found, key=lambda f: f[0])[1:]

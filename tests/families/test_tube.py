@@ -1,0 +1,150 @@
+"""Robots that are imperfect copies of a design: the tube about its families, and what is told."""
+
+from __future__ import annotations
+
+import importlib.util
+import math
+from dataclasses import replace
+from pathlib import Path
+from types import ModuleType
+
+import numpy as np
+import pytest
+
+import pinsing
+from pinsing.errors import OptionError, RobotFileError
+from pinsing.families import tube as tubes
+from pinsing.robot.calibration import LINKS, calibrated
+from pinsing.robot.design import design_of, differences
+
+SCRIPT = Path(__file__).parents[2] / "scripts" / "tube.py"
+Q = np.array([0.0, -1.2, 1.3, -1.0, -1.5, 0.0])
+UR5E = {
+    "shoulder": (0, 0, 0.16271, 0, 0, 0),
+    "upper_arm": (0.000182, 0, 0, 1.571315, 0, 0),
+    "forearm": (-0.42517, 0, 0, 0.001444, -0.000426, 0),
+    "wrist_1": (-0.392647, -0.000403, 0.133106, 0.003028, -0.001186, 0),
+    "wrist_2": (0, -0.099604, 0, 1.5708, 0, 0),
+    "wrist_3": (0, 0.099585, 0.0001, 1.571752, math.pi, math.pi),
+}
+
+
+def write(path: Path, links: dict[str, tuple[float, ...]]) -> Path:
+    """Write a calibration as the driver does."""
+    keys = ("x", "y", "z", "roll", "pitch", "yaw")
+    rows = [
+        f"  {link}: {{{', '.join(f'{k}: {v!r}' for k, v in zip(keys, values, strict=True))}}}"
+        for link, values in links.items()
+    ]
+    path.write_text("\n".join(["kinematics:", *rows, "  hash: calib_1", ""]), encoding="utf-8")
+    return path
+
+
+@pytest.fixture(scope="module")
+def attack() -> ModuleType:
+    """The script that attacks tubes."""
+    spec = importlib.util.spec_from_file_location("attack_tubes", SCRIPT)
+    assert spec is not None
+    assert spec.loader is not None
+    made = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(made)
+    return made
+
+
+@pytest.fixture(scope="module")
+def form(tmp_path_factory: pytest.TempPathFactory) -> pinsing.ClosedForm:
+    """A calibrated UR5e, with a tube from few boxes: wide, and as true."""
+    file = write(tmp_path_factory.mktemp("calibration") / "c.yaml", UR5E)
+    few = pytest.MonkeyPatch()
+    few.setattr(tubes, "MOST", 80_000)
+    made = pinsing.closed_form(calibrated(pinsing.load("ur5e"), file))
+    few.undo()
+    return made
+
+
+def test_tube_is_proven_and_holds_every_singular_configuration(
+    form: pinsing.ClosedForm, attack: ModuleType
+) -> None:
+    assert form.tube is not None
+    assert form.tube.proven
+    assert all(f.persists and f.lower < f.width <= form.tube.width for f in form.tube.families)
+    assert form.loaded is not None
+    found = attack.find_singular(form.loaded, np.random.default_rng(5).uniform(-3, 3, (150, 6)))
+    wrong, far = attack.outside(form, found)
+    assert (len(found) > 50, wrong) == (True, 0)
+    assert 0.001 < far < form.tube.width
+
+
+def test_bounds_are_about_the_robot(form: pinsing.ClosedForm, attack: ModuleType) -> None:
+    assert form.loaded is not None
+    found = attack.find_singular(form.loaded, np.random.default_rng(6).uniform(-3, 3, (60, 6)))
+    assert not pinsing.clearance(form, found).lower.any()
+    assert not pinsing.clearance(form, found, certify=True).lower.any()
+    near = found + 0.05 * np.eye(6)[np.arange(len(found)) % 6]
+    assert (pinsing.clearance(form, near).lower <= 0.05).all()
+    monitor = pinsing.Monitor(form, warn=0.2, stop=0)
+    assert {monitor.update(q).lower for q in found} == {0.0}
+    guard: dict[str, object] = {}
+    exec(pinsing.export_guard(form.loaded, "python", forms=form), guard)
+    assert not guard["clearance"](found).any()  # type: ignore[operator]
+    same = pinsing.clearance(form, Q).lower
+    assert guard["clearance"](Q) == pytest.approx(float(same), abs=1e-9)  # type: ignore[operator]
+
+
+def test_paths_across_walls_meet_a_singular_configuration(
+    form: pinsing.ClosedForm, attack: ModuleType
+) -> None:
+    wrong, tried = attack.unmet(form, 300, np.random.default_rng(7))
+    assert (wrong, tried > 30) == (0, True)
+
+
+def test_words_and_json(form: pinsing.ClosedForm) -> None:
+    said = str(form)
+    assert "3 families of the design. Every singular configuration of this robot lies" in said
+    assert "q6 0.18°" in said
+    read = pinsing.ClosedForm.from_json(form.to_json())
+    assert read.tube == form.tube
+    check = pinsing.check_trajectory(form.loaded, [Q, -Q], forms=form)
+    assert "of the design" in check.text()
+
+
+def test_without_a_proof_no_clearance_is_known(attack: ModuleType) -> None:
+    panda = pinsing.load("panda")
+    rng = np.random.default_rng(3)
+    form = pinsing.closed_form(attack.perturb(panda, rng), design=panda, prove=False)
+    assert form.tube is not None
+    assert not form.tube.proven
+    q = [0, -0.5, 0.3, -2, 0.4, 1.5, 0]
+    assert pinsing.clearance(form, q).lower == 0
+    assert pinsing.clearance(form, q, certify=True).lower == 0
+    assert pinsing.Monitor(form).update(q).level == "stop"
+    assert "NOT proven" in str(form.tube)
+
+
+def test_the_design_is_found_or_refused() -> None:
+    ur5e = pinsing.load("ur5e")
+    form = pinsing.closed_form(ur5e, design=True, prove=False)
+    assert form.tube is None
+    assert max(d.angle for d in differences(ur5e, design_of(ur5e, "ur5e"))) < 1e-9
+    with pytest.raises(OptionError, match="another robot"):
+        design_of(ur5e, "puma560")
+    with pytest.raises(OptionError, match="7 joints"):
+        design_of(ur5e, "panda")
+
+
+def test_calibrations_are_read_strictly(tmp_path: Path) -> None:
+    ur5e = pinsing.load("ur5e")
+    arm = calibrated(ur5e, write(tmp_path / "c.yaml", UR5E))
+    assert arm.design is ur5e
+    zero = np.zeros(6)
+    one, other = (pinsing.kinematics.frame_jacobian(a, zero) for a in (ur5e, arm))
+    assert 1e-4 < np.abs(one - other).max() < 1e-2
+    degrees = {**UR5E, "wrist_2": (0, -0.0996, 0, 90, 0, 0)}
+    with pytest.raises(RobotFileError, match=r"wrist_2: roll: 90 is no angle in radians"):
+        calibrated(ur5e, write(tmp_path / "d.yaml", degrees))
+    with pytest.raises(RobotFileError, match="missing key 'wrist_3'"):
+        calibrated(ur5e, write(tmp_path / "m.yaml", {k: UR5E[k] for k in LINKS[:5]}))
+    with pytest.raises(OptionError, match="another robot"):
+        calibrated(pinsing.load("puma560"), tmp_path / "c.yaml")
+    with pytest.raises(OptionError, match="is for a UR robot"):
+        calibrated(replace(pinsing.load("panda")), tmp_path / "c.yaml")
