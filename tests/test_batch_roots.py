@@ -1,7 +1,5 @@
 """Singular values by roots, all at once: beside those of dqds, and independent of neighbours."""
 
-from __future__ import annotations
-
 import os
 
 import numpy as np
@@ -58,14 +56,11 @@ def test_roots_are_the_values_of_dqds_at_length(isa: str, m: int, n: int) -> Non
     assert total == 320_000
 
 
-def test_most_matrices_are_settled_by_roots(isa: str) -> None:
+def test_most_matrices_are_settled_by_roots(isa):
     # Else dqds would hide that roots are never sure of themselves: last digits differ somewhere.
     A = np.random.default_rng(3).standard_normal((2000, 6, 7))
     differ = (engine.svdvals(A, isa=isa) != engine.svdvals(A, isa=isa, by_roots=False)).any(axis=1)
     assert differ.mean() > 0.8
-
-
-def test_values_near_zero_are_seen_by_the_determinant(isa: str) -> None:
     # The sum of eigenvalues does not see a smallest one of 1e-12 of the largest.
     rng = np.random.default_rng(11)
     s = np.concatenate([rng.uniform(0.5, 1, (3000, 5)), 10 ** rng.uniform(-9, -3, (3000, 1))], 1)
@@ -89,9 +84,7 @@ def test_a_value_depends_on_its_matrix_alone(isa: str) -> None:
 
 @pytest.mark.parametrize("path", [UR5, PANDA])
 @pytest.mark.parametrize("length_scale", [1.0, 0.3, 1e-3, 1e-9, 1e9])
-def test_a_scaled_chain_has_the_values_of_scaled_rows(
-    isa: str, path: tuple[str, str, tuple[str, ...]], length_scale: float
-) -> None:
+def test_a_scaled_chain_has_the_values_of_scaled_rows(isa, path, length_scale):
     chain = flat(robot(path[0], path[2]), path[1])
     Q = np.random.default_rng(5).uniform(-3, 3, (600, chain.n))
     Q[::3, -2] = 0.0  # singular wrists
@@ -116,9 +109,7 @@ def test_turning_the_first_joint_or_the_base_changes_nothing(isa: str) -> None:
 
 @pytest.mark.parametrize("n", [6, 7, 9])
 @pytest.mark.parametrize("tip", [(0, 0, 0.2), (0, 0, 0), (0.1, 0, 0), (0, -0.1, 0.3), (1e-9, 0, 1)])
-def test_a_tip_on_the_last_axis_and_beside_it(
-    isa: str, n: int, tip: tuple[float, float, float]
-) -> None:
+def test_a_tip_on_the_last_axis_and_beside_it(isa, n, tip):
     # On the axis the last joint's value is not looked at; right angles are kept, rounded or tilted.
     plain = random_chain(n, "revolute", 17)
     R, t = plain.R.copy(), plain.t.copy()
@@ -139,16 +130,13 @@ def test_a_tip_on_the_last_axis_and_beside_it(
     assert same.all() if tip[0] == tip[1] == 0 else not same.all()
 
 
-def test_sliding_joints_and_chosen_rows_have_the_values_of_their_jacobian(isa: str) -> None:
+def test_sliding_joints_and_chosen_rows_have_the_values_of_their_jacobian(isa):
     rng = np.random.default_rng(8)
     for kind, rows in (("mixed", range(6)), ("revolute", (3, 4, 5, 0, 1, 2)), ("mixed", (0, 2, 5))):
         chain = random_chain(7, kind, 9)
         Q = rng.uniform(-2, 2, (300, 7))
         J = engine.jacobians(chain, Q, isa=isa)[:, list(rows)]
         assert off(engine.singular_values(chain, Q, rows=list(rows), isa=isa), lapack(J)) <= 5e-15
-
-
-def test_an_arm_in_huge_units_is_scaled_first(isa: str) -> None:
     plain = random_chain(6, "revolute", 12)
     Q = np.random.default_rng(13).uniform(-3, 3, (100, 6))
     for size in (1e3, 1e5, 1e150):

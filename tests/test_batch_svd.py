@@ -1,7 +1,5 @@
 """Singular values of the batch kernel against LAPACK, on every instruction set here."""
 
-from __future__ import annotations
-
 import os
 
 import numpy as np
@@ -63,7 +61,7 @@ def test_graded_values_to_rounding_of_the_largest(isa: str) -> None:
     np.testing.assert_allclose(engine.svdvals(B, isa=isa)[:, -1], 1e-10, rtol=5e-5)
 
 
-def test_matrices_that_do_not_converge_go_to_lapack(isa: str) -> None:
+def test_matrices_that_do_not_converge_go_to_lapack(isa):
     A = np.random.default_rng(4).standard_normal((500, 6, 7))
     out = np.empty((500, 6))
     unfinished = engine._kernel.svdvals(A, out, isa, 1, 3, False)
@@ -71,17 +69,11 @@ def test_matrices_that_do_not_converge_go_to_lapack(isa: str) -> None:
     assert np.isnan(out).all(axis=1).sum() == unfinished == np.isnan(out).any(axis=1).sum()
     S = engine.svdvals(A, isa=isa, max_sweeps=3, by_roots=False)
     assert close(S, lapack(A))
-
-
-def test_ordinary_matrices_converge_in_the_kernel(isa: str) -> None:
     # Else the fallback would hide a kernel that never converges.
     for name, A, _ in matrices(6, 7, 200):
         out = np.empty((len(A), 6))
         unfinished = engine._kernel.svdvals(A, out, isa, 1, engine.MAX_SWEEPS, False)
         assert unfinished <= (4 if name in ("sparse", "integers", "wild") else 0), name
-
-
-def test_matrices_wider_than_the_kernel_go_to_numpy(isa: str) -> None:
     A = np.random.default_rng(5).standard_normal((5, 7, 8))
     np.testing.assert_allclose(engine.svdvals(A, isa=isa), lapack(A), rtol=1e-13)
     with pytest.raises(ValueError, match="not finite"):

@@ -228,12 +228,17 @@ def test_a_turned_link_shows_as_a_shift() -> None:
     assert r"^\circ" in e.latex()
 
 
-def test_lengths_are_metres() -> None:
+def test_lengths_are_metres():
     (e,) = equations("irb1400")
     assert e.text() == "0.6 sin q2 + 0.72 cos(q2+q3) + 0.12 sin(q2+q3) + 0.15 = 0"
     assert e.latex() == (
         r"0.6 \sin q_{2} + 0.72 \cos (q_{2}+q_{3}) + 0.12 \sin (q_{2}+q_{3}) + 0.15 = 0"
     )
+    (e,) = equations("ur5")
+    assert (e.involved, e.size) == ((1, 2, 3), pytest.approx(0.425 + 0.39225 + 0.09465))
+    q = np.random.default_rng(1).uniform(-9, 9, (100, arm_of("ur5").n))
+    assert np.abs(e(q)).max() <= e.size
+    np.testing.assert_allclose(e.scaled(2.0)(q), 2 * e(q))
 
 
 @pytest.mark.parametrize(
@@ -319,11 +324,3 @@ def test_proofs_that_there_is_no_zero() -> None:
     assert not any(proven_empty([e], low, high) for e in zero_in_both)
     assert proven_empty(zero_in_both, low, high)
     assert not proven_empty([away], low, np.full(3, np.inf))
-
-
-def test_involved_joints_and_size() -> None:
-    (e,) = equations("ur5")
-    assert (e.involved, e.size) == ((1, 2, 3), pytest.approx(0.425 + 0.39225 + 0.09465))
-    q = np.random.default_rng(1).uniform(-9, 9, (100, arm_of("ur5").n))
-    assert np.abs(e(q)).max() <= e.size
-    np.testing.assert_allclose(e.scaled(2.0)(q), 2 * e(q))

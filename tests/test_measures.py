@@ -34,10 +34,6 @@ def test_against_direct_formulas(rng, shape):
         np.testing.assert_allclose(measures.determinant(J), np.linalg.det(gram), rtol=1e-8)
 
 
-def test_determinant_keeps_its_sign():
-    assert measures.determinant(np.diag([1.0, -2.0, 3.0])) == pytest.approx(-6)
-
-
 @pytest.mark.parametrize("r", [0, 1, 3, 5])
 def test_rank_of_deficient_matrices(rng, r):
     J = np.array([random_rank(rng, 6, 7, r) for _ in range(100)])
@@ -46,12 +42,7 @@ def test_rank_of_deficient_matrices(rng, r):
     assert (measures.sigma_ratio(measures.singular_values(J)) <= measures.SINGULAR_RTOL).all()
 
 
-def test_rank_is_relative():
-    J = np.diag([1e6, 1.0, 1e-2])
-    assert (measures.rank(J), measures.rank(J, rtol=1e-7), measures.rank(1e-12 * J)) == (3, 2, 3)
-
-
-def test_generic_rank_chooses_the_singular_value():
+def test_special_matrices():
     sigma = np.array([4.0, 2.0, 1.0, 1e-17, 0.0])
     J = np.diag(sigma)
     assert measures.sigma_ratio(sigma, 3) == pytest.approx(0.25)
@@ -59,9 +50,9 @@ def test_generic_rank_chooses_the_singular_value():
     assert measures.manipulability(J, 3) == pytest.approx(8)
     assert np.isinf(measures.condition_number(J))
     assert measures.manipulability(J) == 0
-
-
-def test_zero_jacobian():
+    assert measures.determinant(np.diag([1.0, -2.0, 3.0])) == pytest.approx(-6)
+    J = np.diag([1e6, 1.0, 1e-2])
+    assert (measures.rank(J), measures.rank(J, rtol=1e-7), measures.rank(1e-12 * J)) == (3, 2, 3)
     J = np.zeros((4, 6, 7))
     assert (measures.rank(J) == 0).all()
     assert (measures.manipulability(J) == 0).all()
@@ -70,6 +61,8 @@ def test_zero_jacobian():
     ellipsoid = measures.velocity_ellipsoid(J[:, :3])
     assert (ellipsoid.radii == 0).all()
     np.testing.assert_allclose(np.linalg.det(ellipsoid.axes), 1)
+    with pytest.raises(ValueError, match="3 rows, got 6"):
+        measures.velocity_ellipsoid(np.eye(6))
 
 
 def test_manipulability_is_no_nan_and_no_noise_near_singularities(rng):
@@ -104,8 +97,7 @@ def test_stacks_equal_single_matrices(J):
 def test_ellipsoid_is_the_image_of_the_unit_ball(rng, n):
     J = rng.normal(size=(40, 3, n))
     axes, radii = measures.velocity_ellipsoid(J)
-    assert axes.shape == (40, 3, 3)
-    assert radii.shape == (40, 3)
+    assert (axes.shape, radii.shape) == ((40, 3, 3), (40, 3))
     np.testing.assert_allclose(
         axes @ axes.swapaxes(1, 2), np.tile(np.eye(3), (40, 1, 1)), atol=1e-12
     )
@@ -115,11 +107,6 @@ def test_ellipsoid_is_the_image_of_the_unit_ball(rng, n):
     assert (np.diff(radii, axis=1) <= 0).all()
     if n < 3:
         assert (radii[:, n:] == 0).all()
-
-
-def test_ellipsoid_has_three_rows():
-    with pytest.raises(ValueError, match="3 rows, got 6"):
-        measures.velocity_ellipsoid(np.eye(6))
 
 
 def test_inputs_stay_as_they_are(rng):

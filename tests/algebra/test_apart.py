@@ -37,16 +37,16 @@ def gone(children: list[int]) -> bool:
     return len(children) == 1
 
 
-def test_a_result_comes_back():
+def test_what_comes_of_a_child():
     assert in_child(lambda: [1, 2], Budget(30), 30) == [1, 2]
 
-
-def test_a_problem_comes_back():
     def broken() -> int:
         raise ValueError("no")
 
     with pytest.raises(ValueError, match="no"):
         in_child(broken, Budget(30), 30)
+    with pytest.raises(BudgetExceeded, match="ended"):
+        in_child(lambda: os.kill(os.getpid(), signal.SIGKILL), Budget(30), 30)
 
 
 def test_a_single_call_into_flint_is_stopped(forked):
@@ -61,11 +61,6 @@ def test_ctrl_c_is_heard_during_a_single_call(forked):
     with pytest.raises(KeyboardInterrupt):
         in_child(endless, Budget(60), 60)
     assert gone(forked)
-
-
-def test_a_child_that_dies_is_noticed():
-    with pytest.raises(BudgetExceeded, match="ended"):
-        in_child(lambda: os.kill(os.getpid(), signal.SIGKILL), Budget(30), 30)
 
 
 def test_what_was_told_before_the_end_is_kept():

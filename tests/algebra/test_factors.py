@@ -55,6 +55,10 @@ def test_what_is_no_form_is_left_to_flint() -> None:
     assert len(poly) >= 20
     assert RING._of_form(poly) is None
     assert sorted(map(str, RING.factors(poly))) == by_flint(poly)
+    whole = form(random.Random(4), (2, 1, 2, 2), 30)
+    for v in (X1, Y1, X3, Y3, X4, Y4):
+        assert RING._of_form(whole * v + whole) is None
+    assert RING._of_form(whole * Z + whole) is not None  # a slide may have any power
 
 
 def test_low_degrees_are_never_long_to_factor() -> None:

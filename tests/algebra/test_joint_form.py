@@ -115,7 +115,6 @@ def test_solved_values_are_singular_and_others_are_not(name: str, folder: Path) 
 
 @pytest.mark.parametrize("name", ["crx", "panda"])
 def test_there_are_no_other_values(name: str, folder: Path) -> None:
-    """Every zero of the equation along the joint is one of those."""
     _, solved = long_ones(form_of(name, folder))[0]
     n = len(solved.equation.joints)
     rng = np.random.default_rng(8)
@@ -142,13 +141,11 @@ def test_grouping_changes_nothing(name: str, exact: bool, folder: Path) -> None:
             assert parts is not None
             angle = Q[:, joint] + equation.shift[joint]
             times = {
-                "cos": lambda k, x=angle: np.cos(k * x),
-                "sin": lambda k, x=angle: np.sin(k * x),
+                "cos": lambda k, x=angle: np.cos(k * x), "sin": lambda k, x=angle: np.sin(k * x),
                 "cos/2": lambda k, x=angle: np.cos(k * x / 2),
-                "sin/2": lambda k, x=angle: np.sin(k * x / 2),
-                "pow": lambda k, x=Q[:, joint]: x**k,
+                "sin/2": lambda k, x=angle: np.sin(k * x / 2), "pow": lambda k, x=Q[:, joint]: x**k,
                 "one": lambda k: 1.0,
-            }
+            }  # fmt: skip
             total = sum(part(Q) * times[f](k) for (f, k), part in parts.items())
             value = equation(Q)
             factor = float(total @ value / (value @ value))
@@ -187,7 +184,6 @@ class _Bracketed(float):
 
 @pytest.mark.parametrize("name", ["crx", "gofa", "panda", "xarm7"])
 def test_what_is_printed_can_be_typed_in(name: str, folder: Path) -> None:
-    """A person who computes R cos φ and R sin φ as they stand gets a singular configuration."""
     form = form_of(name, folder)
     assert form.geometry is not None
     rng = np.random.default_rng(3)
@@ -220,14 +216,17 @@ def test_the_statement_is_short_and_says_what_it_means(folder: Path) -> None:
     assert max(len(text) for _, text in family.solved[0].where) < 240
 
 
-def test_the_complex_is_one(folder: Path) -> None:
-    """Every axis does no work against the wrench of that pitch."""
+def test_the_complex_is_one(folder):
     form = form_of("gofa", folder)
     state = pinsing.at(form.geometry.arm, form.families[0].generic)
     wrench = state.lost[0].wrench
     assert np.abs(state.J.T @ wrench).max() < 1e-9
     assert wrench[:3] @ wrench[3:] == pytest.approx(state.lost[0].pitch)
     assert f"{state.lost[0].pitch:.3g}" in form.families[0].reason
+    proven = pinsing.closed_form(arm_of("gofa", folder), prove=True)
+    assert proven.word == "proven"
+    assert verify(json.dumps(proven.certificate))
+    assert proven.families[0].solved == form_of("gofa", folder).families[0].solved
 
 
 def test_exact_numbers_survive_json(folder: Path) -> None:
@@ -248,11 +247,17 @@ def test_exact_numbers_survive_json(folder: Path) -> None:
         pinsing.ClosedForm.from_dict(data)
 
 
-def test_exact_coefficients_are_those_that_are_proven() -> None:
+def test_exact_coefficients_are_those_that_are_proven():
     """UR5: the lengths of its table, in units of 0.05 mm."""
     (equation,) = pinsing.closed_form(pinsing.load("ur5")).families[2].equations
     assert equation.exact_text() == "8500 cos q2 + 7845 cos(q2+q3) - 1893 sin(q2+q3+q4) = 0"
     assert "8500 \\cos q_{2}" in equation.exact_text(latex=True)
+    number = surd(*(exact_of("1/2"), exact_of("0"), exact_of("-3"), exact_of("0")))
+    assert exact_text(number) == "1/2 - 3 sqrt(3)"
+    assert exact_of(exact_text(number)) == number
+    for text in ("", "x", "1 2", "sqrt(2)", "1/2 3 sqrt(2)", "--1"):
+        with pytest.raises(ValueError, match="exact number"):
+            exact_of(text)
 
 
 def test_the_command_writes_exact_coefficients(folder: Path) -> None:
@@ -272,22 +277,6 @@ def test_the_command_writes_exact_coefficients(folder: Path) -> None:
     for row in re.findall(r"& (?:\\qquad )?(.*?)(?: \\\\)?$", latex, re.MULTILINE):
         assert "<math>" in mathml(row)
         assert "<code" not in mathml(row)
-
-
-def test_square_roots_are_written_and_read() -> None:
-    number = surd(*(exact_of("1/2"), exact_of("0"), exact_of("-3"), exact_of("0")))
-    assert exact_text(number) == "1/2 - 3 sqrt(3)"
-    assert exact_of(exact_text(number)) == number
-    for text in ("", "x", "1 2", "sqrt(2)", "1/2 3 sqrt(2)", "--1"):
-        with pytest.raises(ValueError, match="exact number"):
-            exact_of(text)
-
-
-def test_a_certificate_is_of_the_same_equations(folder: Path) -> None:
-    proven = pinsing.closed_form(arm_of("gofa", folder), prove=True)
-    assert proven.word == "proven"
-    assert verify(json.dumps(proven.certificate))
-    assert proven.families[0].solved == form_of("gofa", folder).families[0].solved
 
 
 def made(rows: list[tuple[tuple[int, ...], tuple[int, ...], float, float]]) -> Equation:
@@ -345,7 +334,6 @@ def test_what_enters_twice_is_not_solved() -> None:
 
 @needs_node
 def test_the_page_says_the_pitch_of_the_pose_shown(folder: Path) -> None:
-    """The pitch changes along a family: it is computed in the page, with Python's words."""
     form = form_of("crx", folder)
     arm = form.geometry.arm
     (family,) = form.families

@@ -34,6 +34,10 @@ def test_a_place_that_is_come_to_again_has_the_same_matrix_and_minors(places):
     assert known.smaller(first)[0] is known.smaller(again)[0]
     assert known.minors(first) is known.minors(again)
     assert known.at(everywhere, {1: BACK}).matrix != first.matrix
+    known, everywhere = places
+    part = everywhere.beside([row[:3] for row in everywhere.matrix[:3]], 3)
+    assert known.at(part, {1: STRAIGHT}).matrix is known.at(everywhere, {1: STRAIGHT}).matrix
+    assert known.smaller(part)[0] is not known.smaller(everywhere)[0]
 
 
 def test_what_is_known_is_what_is_made_anew(places):
@@ -50,10 +54,3 @@ def test_what_is_known_is_what_is_made_anew(places):
             assert known.smaller(reduced) == (smaller, rank)
             fresh = Minors(smaller, rank, ring, time)
             assert list(known.minors(reduced)) == list(fresh)
-
-
-def test_a_part_of_a_place_is_put_into_as_its_whole_is(places):
-    known, everywhere = places
-    part = everywhere.beside([row[:3] for row in everywhere.matrix[:3]], 3)
-    assert known.at(part, {1: STRAIGHT}).matrix is known.at(everywhere, {1: STRAIGHT}).matrix
-    assert known.smaller(part)[0] is not known.smaller(everywhere)[0]

@@ -1,7 +1,5 @@
 """Robots known by name, and what a user means by the text of a robot."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 from pathlib import Path
@@ -13,29 +11,14 @@ from pinsing.errors import RobotFileError, UnknownNameError
 
 # name -> file, for the names that the loaders of example-robot-data give
 LOADERS = {
-    "ur3": "ur3_robot.urdf",
-    "ur5": "ur5_robot.urdf",
-    "ur5_limited": "ur5_joint_limited_robot.urdf",
-    "ur10": "ur10_robot.urdf",
-    "panda": "panda.urdf",
-    "xarm7": "xarm7.urdf",
-    "z1": "z1.urdf",
-    "talos": "talos_reduced.urdf",
-    "talos_arm": "talos_left_arm.urdf",
-    "tiago": "tiago.urdf",
-    "tiago_no_hand": "tiago_no_hand.urdf",
-    "tiago_pro": "tiago_pro.urdf",
-    "pr2": "pr2.urdf",
-    "baxter": "baxter.urdf",
-    "romeo": "romeo.urdf",
-    "kinova": "kinova.urdf",
-    "icub": "icub.urdf",
-    "g1": "g1_29dof_rev_1_0.urdf",
-    "so100": "so100.urdf",
-    "so101": "so101.urdf",
-    "anymal_kinova": "anymal-kinova.urdf",
-    "solo8": "solo.urdf",
-}
+    "ur3": "ur3_robot.urdf", "ur5": "ur5_robot.urdf", "ur5_limited": "ur5_joint_limited_robot.urdf",
+    "ur10": "ur10_robot.urdf", "panda": "panda.urdf", "xarm7": "xarm7.urdf", "z1": "z1.urdf",
+    "talos": "talos_reduced.urdf", "talos_arm": "talos_left_arm.urdf", "tiago": "tiago.urdf",
+    "tiago_no_hand": "tiago_no_hand.urdf", "tiago_pro": "tiago_pro.urdf", "pr2": "pr2.urdf",
+    "baxter": "baxter.urdf", "romeo": "romeo.urdf", "kinova": "kinova.urdf", "icub": "icub.urdf",
+    "g1": "g1_29dof_rev_1_0.urdf", "so100": "so100.urdf", "so101": "so101.urdf",
+    "anymal_kinova": "anymal-kinova.urdf", "solo8": "solo.urdf",
+}  # fmt: skip
 OWN = {"stanford", "surgical7", "puma560", "irb1400", "iiwa14", "planar3r", "scara"}
 
 
@@ -51,7 +34,6 @@ def test_names_of_the_loaders(name):
 def test_every_file_has_a_name_and_every_name_a_file():
     entries = known_robots()
     folder = data_folder()
-    assert folder is not None
     files = set(folder.rglob("*.urdf"))
     assert len(files) >= 69
     assert files <= {entry.path for entry in entries.values()}
@@ -67,28 +49,23 @@ def test_every_file_has_a_name_and_every_name_a_file():
             assert entries[entry.alias_of].alias_of is None
 
 
-def test_stems_that_two_files_share_stay_apart():
+def test_entries():
     entries = known_robots()
     assert entries["anymal"].path.parts[-3] == "anymal_b_simple_description"
     assert entries["anymal_c"].path.parts[-3] == "anymal_c_simple_description"
     assert entries["iris"].path.name == "iris_simple.urdf"
     assert entries["iris_iris"].path.name == "iris.urdf"
     assert "take ur3" in entries["ur_ur3"].note
-
-
-def test_pinsings_own_robots():
-    entries = known_robots()
     assert set(entries) >= OWN
     assert all(entries[name].source == "pinsing" for name in OWN)
     assert entries["stanford"].title == "Stanford arm"
+    for name in (*LOADERS, *OWN):  # found at once
+        assert find_robot(name) == entries[name]
 
 
-@pytest.mark.parametrize("name", ["Panda", "TALOS-arm", "talos arm", " ur5 ", "jaco", "franka"])
-def test_spelling(name):
-    assert find_robot(name).path.is_file()
-
-
-def test_unknown_name_suggests():
+def test_spelling():
+    for name in ("Panda", "TALOS-arm", "talos arm", " ur5 ", "jaco", "franka"):
+        assert find_robot(name).path.is_file()
     with pytest.raises(UnknownNameError) as caught:
         find_robot("pandda")
     assert "panda" in caught.value.close
@@ -135,12 +112,6 @@ def test_listing_needs_no_pinocchio():
     run = [sys.executable, "-c", code]
     done = subprocess.run(run, capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "[]"
-
-
-def test_a_name_found_at_once_is_that_of_the_list():
-    known = known_robots()
-    for name in (*LOADERS, *OWN):
-        assert find_robot(name) == known[name]
 
 
 def test_an_arm_is_found_without_looking_through_all_folders(monkeypatch):

@@ -1,7 +1,5 @@
 """Robots of the package robot_descriptions, and MuJoCo models."""
 
-from __future__ import annotations
-
 import importlib.util
 import re
 import sys
@@ -84,12 +82,9 @@ def package(tmp_path, monkeypatch):
     (pack / "link.xacro").write_text('<robot><link name="a"/></robot>')
     (tmp_path / "arm.xml").write_text(MUJOCO)
     places = {
-        "puma": str(URDF / "puma560.urdf"),
-        "urdf": str(URDF),
-        "xacro": str(tmp_path / "arm.xacro"),
-        "pack": str(pack),
-        "mjcf": str(tmp_path / "arm.xml"),
-    }
+        "puma": str(URDF / "puma560.urdf"), "urdf": str(URDF), "xacro": str(tmp_path / "arm.xacro"),
+        "pack": str(pack), "mjcf": str(tmp_path / "arm.xml"),
+    }  # fmt: skip
     for name, text in STAND_IN.items():
         text = text.format(**places) if "{" in text and name[0] != "_" else text
         (folder / f"{name}.py").write_text(text)
@@ -113,20 +108,17 @@ def test_a_described_robot_loads_by_name(package, capsys):
     )
 
 
-def test_its_xacro_has_its_arguments_and_its_package(package):
+def test_its_other_robots(package):
     arm = pinsing.load("rd:xacro_description", task="vy")
     assert pinsing.kinematics.task_jacobian(arm, [0.0])[0, 0] == pytest.approx(0.7)
     arm = pinsing.load("rd:xacro_description", task="vy", xacro_args={"length": "0.2"})
     assert pinsing.kinematics.task_jacobian(arm, [0.0])[0, 0] == pytest.approx(0.2)
-
-
-def test_its_mujoco_model_loads(package):
     assert pinsing.load("rd:table_description").joints == ("shoulder", "elbow")
-
-
-def test_nothing_is_downloaded(package):
     with pytest.raises(RobotFileError, match=r"https://e\.org/x would have to be downloaded"):
         pinsing.load("rd:far_description")
+    done = CliRunner().invoke(command, ["list", "rd:"])
+    assert re.search(r"rd:puma_description +Unimation PUMA", done.stdout)
+    assert "Unimation Far (not on this computer)" in done.stdout
 
 
 def test_a_clone_that_is_not_whole_fetches_nothing(package, tmp_path):
@@ -173,12 +165,6 @@ def test_what_cannot_be_had_is_one_line(package, name, said):
     assert len(done.stderr.strip().splitlines()) == 1
 
 
-def test_list_names_them(package):
-    done = CliRunner().invoke(command, ["list", "rd:"])
-    assert re.search(r"rd:puma_description +Unimation PUMA", done.stdout)
-    assert "Unimation Far (not on this computer)" in done.stdout
-
-
 def test_without_the_package_the_line_says_so(monkeypatch):
     monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
     with pytest.raises(RobotFileError, match=r"pip install 'pinsing\[descriptions\]'"):
@@ -219,5 +205,4 @@ def test_a_broken_mujoco_file_is_one_line(tmp_path, text):
     file = tmp_path / "arm.xml"
     file.write_text(text)
     done = CliRunner().invoke(command, ["list", str(file)])
-    assert done.exit_code == 2
-    assert len(done.stderr.strip().splitlines()) == 1
+    assert (done.exit_code, len(done.stderr.strip().splitlines())) == (2, 1)

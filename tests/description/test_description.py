@@ -1,7 +1,5 @@
 """Reading and checking robot descriptions: what is refused, mended, noted, and left alone."""
 
-from __future__ import annotations
-
 import pickle
 import random
 import subprocess
@@ -22,7 +20,6 @@ from pinsing.robot import models as model_module
 from pinsing.robot.models import build_model
 
 DATA = data_folder()
-assert DATA is not None
 ALL_URDFS = sorted(DATA.rglob("*.urdf"))
 WITHOUT_JOINTS = {"quadrotor_base.urdf", "ur3.urdf"}
 
@@ -40,19 +37,23 @@ def read(tmp_path):
 def test_good_file(read, tmp_path):
     found = read(robot(joint(inner='<origin xyz="1 2 3"/><axis xyz="0 -1 0"/>' + LIMIT)))
     assert (found.name, found.links, found.root) == ("r", ("a", "b", "c"), "a")
-    assert found.path == tmp_path / "arm.urdf"
+    assert (found.path, found.notes) == (tmp_path / "arm.urdf", ())
     entry = found.joints[1]
     assert (entry.name, entry.kind, entry.parent, entry.child) == ("j2", "revolute", "b", "c")
     assert (entry.axis, entry.lower, entry.upper, entry.line) == ((0.0, -1.0, 0.0), -1.0, 2.0, 5)
-    assert entry.mimic is None
-    assert entry.problem is None
-    assert found.notes == ()
+    assert entry.mimic is entry.problem is None
     found.require_usable(["j1", "j2"])
+    with pytest.raises(UnknownNameError, match="did you mean 'j1'"):
+        found.require_usable(["j11"])
     model = build_model(found)
     assert list(model.names) == ["universe", "j1", "j2"]
     np.testing.assert_array_equal(model.jointPlacements[2].translation, [1, 2, 3])
     np.testing.assert_array_equal(model.upperPositionLimit, [2, 2])
     assert pickle.loads(pickle.dumps(found)) == found
+    assert read(robot(joint(inner=LIMIT))).joint("j2").axis == (1.0, 0.0, 0.0)
+    unnamed = read(robot(head=""), name="my_arm.v2.urdf")
+    assert "called 'my_arm' after its file" in unnamed.notes[0]
+    assert build_model(unnamed).name == unnamed.name == "my_arm"
 
 
 # what the file says of joint j2, what the message must hold; all are on line 5
@@ -206,9 +207,7 @@ BAD_FILES = {
     "deep": ("<robot>\n" + "<a>" * 100_000, "nested deeper than 100 levels", 2),
     "wide": ("<robot>" + "<a/>" * 500_001, "more than 500000 elements", 1),
     "too many attributes": (
-        "<robot " + " ".join(f'a{i}=""' for i in range(101)) + "/>",
-        "more than 100 attributes",
-        1,
+        "<robot " + " ".join(f'a{i}=""' for i in range(101)) + "/>", "more than 100 attributes", 1,
     ),
     "not utf-8": (robot(extra="<!-- \xe9 -->").encode("latin-1"), "byte 0xe9 is not utf-8", 6),
     "unknown encoding": ('<?xml version="1.0" encoding="klingon"?><robot/>', "encoding", 1),
@@ -221,7 +220,7 @@ BAD_FILES = {
         "1002 joints in a row: at most 1000",
         None,
     ),
-}
+}  # fmt: skip
 
 
 @pytest.mark.parametrize("case", tiered(BAD_FILES, {*BAD_FILES} - {"wide"}))
@@ -236,18 +235,13 @@ def test_bad_file_is_refused(case, read, tmp_path):
     assert "\n" not in message
 
 
-def test_what_is_no_readable_file(tmp_path):
-    with pytest.raises(RobotFileError, match="no such file"):
-        read_description(tmp_path / "nope.urdf")
-    with pytest.raises(RobotFileError, match="is a folder"):
-        read_description(tmp_path)
-    with pytest.raises(RobotFileError, match="no such file"):
-        read_description("nul\0byte.urdf")
-    with pytest.raises(RobotFileError, match="not a plain file"):
-        read_description("/dev/zero")
-
-
-def test_huge_file(tmp_path, monkeypatch):
+def test_what_is_no_readable_file(tmp_path, monkeypatch):
+    for path, said in [
+        (tmp_path / "nope.urdf", "no such file"), ("nul\0byte.urdf", "no such file"),
+        (tmp_path, "is a folder"), ("/dev/zero", "not a plain file"),
+    ]:  # fmt: skip
+        with pytest.raises(RobotFileError, match=said):
+            read_description(path)
     file = tmp_path / "huge.urdf"
     file.write_text(robot())
     monkeypatch.setattr("pinsing.description.xml_tree.MAX_BYTES", 100)
@@ -258,18 +252,13 @@ def test_huge_file(tmp_path, monkeypatch):
 @pytest.mark.parametrize(
     "text",
     [
-        robot(extra="<!-- \xe9 -->").encode(),
-        b"\xef\xbb\xbf" + robot().encode(),
-        ('<?xml version="1.0" encoding="iso-8859-1"?>' + robot(head='name="\xe9"')).encode(
-            "latin1"
-        ),
-        ('<?xml version="1.0" encoding="windows-1252"?>' + robot(head='name="\u20ac"')).encode(
-            "cp1252"
-        ),
+        robot(extra="<!-- \xe9 -->").encode(), b"\xef\xbb\xbf" + robot().encode(),
+        ('<?xml version="1.0" encoding="latin-1"?>' + robot(head='name="\xe9"')).encode("latin1"),
+        ('<?xml version="1.0" encoding="cp1252"?>' + robot(head='name="\u20ac"')).encode("cp1252"),
         robot(head='name="\xe9"').encode("utf-16"),
     ],
     ids=["utf-8", "bom", "latin-1", "windows-1252", "utf-16"],
-)
+)  # fmt: skip
 def test_encodings(text, read):
     found = read(text)
     assert found.name in ("r", "\xe9", "\u20ac")
@@ -294,13 +283,6 @@ def test_control_characters_in_names_are_refused(mark, read):
         with pytest.raises(RobotFileError, match="control character") as caught:
             read(text)
         assert all(c.isprintable() for c in str(caught.value))
-
-
-def test_missing_robot_name_is_noted(read):
-    found = read(robot(head=""), name="my_arm.v2.urdf")
-    assert found.name == "my_arm"
-    assert "called 'my_arm' after its file" in found.notes[0]
-    assert build_model(found).name == "my_arm"
 
 
 @pytest.mark.parametrize("kind", ["revolute", "prismatic"])
@@ -364,22 +346,9 @@ def test_axis_is_normalised_as_pinocchio_does(axis, unit, kind, read):
     )
 
 
-def test_default_axis_is_x(read):
-    assert read(robot(joint(inner=LIMIT))).joint("j2").axis == (1.0, 0.0, 0.0)
-
-
-def test_quaternion_of_urdf_1_1_is_kept(read):
-    text = robot(
-        joint(inner='<origin quat_xyzw="1 0 0 0"/>' + LIMIT), head='version="1.1" name="r"'
-    )
-    rotation = build_model(read(text)).jointPlacements[2].rotation
-    np.testing.assert_allclose(rotation, np.diag([1.0, -1.0, -1.0]), atol=1e-15)
-
-
 def test_mimic(read):
     good = read(robot(joint(inner=LIMIT + '<mimic joint="j1" multiplier="-2" offset="0.5"/>')))
     mimic = good.joint("j2").mimic
-    assert mimic is not None
     assert (mimic.joint, mimic.multiplier, mimic.offset) == ("j1", -2.0, 0.5)
     unknown = read(robot(joint(inner=LIMIT + '<mimic joint="zz"/>')))
     assert unknown.joint("j2").mimic is None
@@ -389,36 +358,31 @@ def test_mimic(read):
     assert build_model(unknown).nv == 2
 
 
-def test_floating_and_planar_are_left_to_the_loader(read):
+def test_other_joints_and_rotations(read):
     found = read(
         robot(joint(kind="floating", inner=""), joint("j3", "c", "d", "planar"), links="abcd")
     )
     assert [entry.kind for entry in found.joints] == ["revolute", "floating", "planar"]
     assert found.joint("j2").axis is None
     assert build_model(found).nv == 1 + 6 + 3
-
-
-def test_fixed_joint_may_carry_nonsense_that_it_does_not_use(read):
     found = read(robot(joint(kind="fixed", inner='<axis xyz="0 0 0"/><limit effort="x"/>')))
     assert build_model(found).nv == 1
-
-
-def test_unknown_joint_name(read):
-    with pytest.raises(UnknownNameError, match="did you mean 'j1'"):
-        read(robot()).require_usable(["j11"])
+    text = robot(
+        joint(inner='<origin quat_xyzw="1 0 0 0"/>' + LIMIT), head='version="1.1" name="r"'
+    )
+    rotation = build_model(read(text)).jointPlacements[2].rotation
+    np.testing.assert_allclose(rotation, np.diag([1.0, -1.0, -1.0]), atol=1e-15)
 
 
 SHAPES = {
-    "unknown": "<geometry><foo/></geometry>",
-    "none": "",
-    "empty": "<geometry/>",
+    "unknown": "<geometry><foo/></geometry>", "none": "", "empty": "<geometry/>",
     "text": '<geometry><box size="1 x 1"/></geometry>',
     "nan": '<geometry><sphere radius="nan"/></geometry>',
     "negative": '<geometry><cylinder radius="-1" length="1"/></geometry>',
     "no size": '<geometry><cylinder radius="1"/></geometry>',
     "origin": '<origin xyz="inf 0 0"/><geometry><sphere radius="1"/></geometry>',
     "scale": '<geometry><mesh filename="x.stl" scale="1 1"/></geometry>',
-}
+}  # fmt: skip
 
 
 @pytest.mark.parametrize("case", SHAPES)
@@ -428,8 +392,7 @@ def test_bad_shape_is_left_out(case, tag, read):
     bad = f"<{tag}>{SHAPES[case]}</{tag}>"
     found = read(robot(links="bc", extra=f'<link name="a">{bad}{good}</link>'))
     assert found.notes == (f"a <{tag}> that cannot be read is left out of link 'a'",)
-    model = build_model(found)
-    shapes = pin.buildGeomFromUrdfString(model, found.xml, pin.VISUAL)
+    shapes = pin.buildGeomFromUrdfString(build_model(found), found.xml, pin.VISUAL)
     assert len(shapes.geometryObjects) == 1
 
 

@@ -1,7 +1,5 @@
 """Arms of ``urdf/arms.yaml``: their tables say what other descriptions of the same arms say."""
 
-from __future__ import annotations
-
 import zipfile
 from pathlib import Path
 
@@ -76,7 +74,15 @@ def test_forward_kinematics_agree_with_another_description(name: str) -> None:
         assert np.linalg.norm(tip) < second["distance"] / 1000
 
 
-def test_the_reach_is_that_of_the_table() -> None:
+def test_entries_are_whole():
+    for name, arm in known_arms().items():
+        assert {"maker", "model", "known_for", "reach"} < set(arm)
+        assert ("source" in arm) == ("rows" in arm) != ("joints" in arm), name
+    assert len(TABLES) >= 50
+    assert set(SECOND) <= set(TABLES)
+    assert all(f"\n|{name}|" in PAGE for name in known_arms())
+    entry = known_robots()["xarm7"]
+    assert (entry.source == "example-robot-data") == (data_folder() is not None)
     for name in TABLES:
         reach = known_arms()[name]["reach"]
         far = [
@@ -85,38 +91,20 @@ def test_the_reach_is_that_of_the_table() -> None:
         assert 0.5 * reach < max(far) < reach + 0.001, name
 
 
-def test_entries_are_whole() -> None:
-    for name, arm in known_arms().items():
-        assert {"maker", "model", "known_for", "reach"} < set(arm)
-        assert ("source" in arm) == ("rows" in arm) != ("joints" in arm), name
-    assert len(TABLES) >= 50
-    assert set(SECOND) <= set(TABLES)
-    assert all(f"\n|{name}|" in PAGE for name in known_arms())
-
-
 @pytest.mark.parametrize(
     ("said", "name"),
     [
-        ("UR5e", "ur5e"),
-        ("TX2-60", "tx2_60"),
-        ("LR Mate 200iD", "lrmate200id"),
-        ("xArm850", "uf850"),
-        ("KR6 R900", "kr6_r900"),
+        ("UR5e", "ur5e"), ("TX2-60", "tx2_60"), ("LR Mate 200iD", "lrmate200id"),
+        ("xArm850", "uf850"), ("KR6 R900", "kr6_r900"),
     ],
-)
+)  # fmt: skip
 def test_names_are_found_as_people_write_them(said: str, name: str) -> None:
     assert find_robot(said).path == find_robot(name).path
     assert (find_robot(said).alias_of or find_robot(said).name) == name
 
 
-def test_an_arm_of_two_sources_is_known_once() -> None:
-    entry = known_robots()["xarm7"]
-    assert (entry.source == "example-robot-data") == (data_folder() is not None)
-
-
 @pytest.mark.parametrize(
-    "name",
-    [n if n in QUICK else pytest.param(n, marks=pytest.mark.slow) for n in TABLES],
+    "name", [n if n in QUICK else pytest.param(n, marks=pytest.mark.slow) for n in TABLES]
 )
 def test_all_families_are_proven(name: str) -> None:
     arm = pinsing.load(name)

@@ -1,7 +1,5 @@
 """Expressions of xacro files: the same values as Python's, and nothing but values."""
 
-from __future__ import annotations
-
 import json
 import math
 import subprocess
@@ -39,64 +37,32 @@ NAMES = {
     "xyz": "0.1 0.2 0.3",
 }
 PLAIN_NAMES = {
-    "math": math,
-    "data": DATA,
-    **{k: v for k, v in vars(math).items() if k[0] != "_"},
+    "math": math, "data": DATA, **{k: v for k, v in vars(math).items() if k[0] != "_"},
     **{k: NAMES[k] for k in ("side", "n", "xyz")},
-}
+}  # fmt: skip
 
 SAME_AS_PYTHON = [
-    "1 + 2 * 3 - 4 / 5 // 1 % 7",
-    "-n ** 2 + ~n",
-    "2 ** 0.5 + 2 ** -1",
-    "1 << 4 | 3 & 6 ^ 1",
-    "7 >> 1",
-    "0x1f + 0b11 + 1_000",
-    "1 < n <= 3 != 4",
-    "1 < 0 < (1 / 0 if False else 1)",
-    "n == 3 and side or 'none'",
-    "not n and 1 / 0",
-    "'a' if side == 'left' else 'b'",
-    "side + '_' + str(n)",
-    "side in ('left', 'right') and 'x' not in side",
-    "None is None",
-    "[1, 2.5, 'a', True, None]",
-    "(1,) + (2, 3)",
-    "[1, 2] + [3] * 2",
-    "{'a': 1, 'b': [2]}['b'][0]",
-    "dict(a=1, b=2)['b']",
-    "dict([('a', 1)])",
-    "'abcdef'[1:-1:2] + 'abc'[-1]",
-    "[1, 2, 3][::-1]",
+    "1 + 2 * 3 - 4 / 5 // 1 % 7", "-n ** 2 + ~n", "2 ** 0.5 + 2 ** -1", "1 << 4 | 3 & 6 ^ 1",
+    "7 >> 1", "0x1f + 0b11 + 1_000", "1 < n <= 3 != 4", "1 < 0 < (1 / 0 if False else 1)",
+    "n == 3 and side or 'none'", "not n and 1 / 0", "'a' if side == 'left' else 'b'",
+    "side + '_' + str(n)", "side in ('left', 'right') and 'x' not in side", "None is None",
+    "[1, 2.5, 'a', True, None]", "(1,) + (2, 3)", "[1, 2] + [3] * 2", "{'a': 1, 'b': [2]}['b'][0]",
+    "dict(a=1, b=2)['b']", "dict([('a', 1)])", "'abcdef'[1:-1:2] + 'abc'[-1]", "[1, 2, 3][::-1]",
     "[float(x) * 2 for x in xyz.split() if x != '0.2']",
-    "[(i, j) for i in range(3) for j in range(i)]",
-    "sum([x * x for x in range(10)])",
-    "sum(x for x in (1, 2))",
-    "any(x > 2 for x in [1, 2, 3]) and all([])",
-    "' '.join([str(v) for v in sorted([3, 1, 2], reverse=True)])",
-    "xyz.split(' ')[1]",
-    "side.upper().startswith('LE')",
-    "side.replace('left', 'right').strip('r')",
-    "'%s_%03d %.3f' % (side, n, pi)",
-    "'%s' % side",
+    "[(i, j) for i in range(3) for j in range(i)]", "sum([x * x for x in range(10)])",
+    "sum(x for x in (1, 2))", "any(x > 2 for x in [1, 2, 3]) and all([])",
+    "' '.join([str(v) for v in sorted([3, 1, 2], reverse=True)])", "xyz.split(' ')[1]",
+    "side.upper().startswith('LE')", "side.replace('left', 'right').strip('r')",
+    "'%s_%03d %.3f' % (side, n, pi)", "'%s' % side",
     "sin(pi / 2) + math.cos(math.pi) + radians(90) + degrees(1)",
-    "math.hypot(3, 4) + atan2(1, 2) + sqrt(2)",
-    "math.floor(2.7) + ceil(2.1) + trunc(2.9)",
+    "math.hypot(3, 4) + atan2(1, 2) + sqrt(2)", "math.floor(2.7) + ceil(2.1) + trunc(2.9)",
     "round(2.675, 2) + round(2.5) + abs(-3)",
     "min(1, 2) + max([1, 2, 3]) + max('a', 'bb').count('b')",
-    "len([1, 2]) + int('12') + int('1f', 16) + int(2.9) + float('1e3')",
-    "list(zip([1, 2], 'ab'))",
-    "list(enumerate('ab', 1))",
-    "list(range(5))[1:3]",
-    "bool('') or bool('x')",
-    "data.a.b[1].c + data['values']",
-    "data['a']['b'][0]",
-    "data.get('nope', 7)",
-    "'name' in data",
-    "[item.x for item in data.list]",
-    "len(data.list) + len(data)",
-    "str(data.a)",
-]
+    "len([1, 2]) + int('12') + int('1f', 16) + int(2.9) + float('1e3')", "list(zip([1, 2], 'ab'))",
+    "list(enumerate('ab', 1))", "list(range(5))[1:3]", "bool('') or bool('x')",
+    "data.a.b[1].c + data['values']", "data['a']['b'][0]", "data.get('nope', 7)", "'name' in data",
+    "[item.x for item in data.list]", "len(data.list) + len(data)", "str(data.a)",
+]  # fmt: skip
 
 
 @pytest.mark.parametrize("text", SAME_AS_PYTHON)
@@ -111,18 +77,10 @@ def test_values_are_those_of_python(text):
 @pytest.mark.parametrize(
     "text",
     [
-        "nope",
-        "1 / 0",
-        "'a' + 1",
-        "[1][3]",
-        "data.nope",
-        "int('x')",
-        "1 +",
-        "n(1)",
-        "len(1)",
+        "nope", "1 / 0", "'a' + 1", "[1][3]", "data.nope", "int('x')", "1 +", "n(1)", "len(1)",
         "x = 1",
     ],
-)
+)  # fmt: skip
 def test_errors_are_those_of_python(text):
     with pytest.raises(Exception) as expected:
         eval(text, {}, dict(PLAIN_NAMES))  # texts of this file only
@@ -135,50 +93,20 @@ def test_errors_are_those_of_python(text):
 @pytest.mark.parametrize(
     "text",
     [
-        "9 ** 9 ** 9",
-        "2 ** 10 ** 8",
-        "1 << 10 ** 9",
-        "'a' * 10 ** 9",
-        "[0] * 10 ** 9",
-        "[[0] * 10 ** 5 for i in range(10 ** 5)]",
-        "range(10 ** 9)",
-        "'%1000000000d' % 1",
-        "'%*d' % (10 ** 9, 1)",
-        "'%.999999999f' % 1.0",
+        "9 ** 9 ** 9", "2 ** 10 ** 8", "1 << 10 ** 9", "'a' * 10 ** 9", "[0] * 10 ** 9",
+        "[[0] * 10 ** 5 for i in range(10 ** 5)]", "range(10 ** 9)", "'%1000000000d' % 1",
+        "'%*d' % (10 ** 9, 1)", "'%.999999999f' % 1.0",
         "('a' * 10 ** 6).replace('a', 'a' * 10 ** 6)",
-        "('a' * 10 ** 6).join(['a' * 10 ** 6] * 1000)",
-        "round(1, -10 ** 9)",
-        "int('9' * 10 ** 5)",
-        "'%.2000d' % 1",
-        "sorted([1], key=abs)",
-        "max(*[1, 2])",
-        "[i for i in range(10 ** 5) for j in range(10 ** 5)]",
-        "sum([[0] * 10 ** 5] * 1000, [])",
-        "(" * 90 + "1" + ")" * 90 + "+" + "-" * 100 + "1",
-        "-" * 15_000 + "1",
-        "(" * 10_000,
-        "1+" * 15_000 + "1",
-        "[" * 5000 + "]" * 5000,
-        "a" * 30_000,
-        "(-8) ** 0.5",
-        "1j",
-        "b'a'",
-        "lambda: 1",
-        "f'{n}'",
-        "side.format(1)",
-        "math",
-        "[math]",
-        "str(math)",
-        "math['__doc__']",
-        "math.__doc__",
-        "data.__class__",
-        "[].append(1)",
-        "data.update(a=1)",
-        "data.pop('a')",
-        r"'\udc00'",
-        r"'\ud83d' + '\ude00'",
+        "('a' * 10 ** 6).join(['a' * 10 ** 6] * 1000)", "round(1, -10 ** 9)", "int('9' * 10 ** 5)",
+        "'%.2000d' % 1", "sorted([1], key=abs)", "max(*[1, 2])",
+        "[i for i in range(10 ** 5) for j in range(10 ** 5)]", "sum([[0] * 10 ** 5] * 1000, [])",
+        "(" * 90 + "1" + ")" * 90 + "+" + "-" * 100 + "1", "-" * 15_000 + "1", "(" * 10_000,
+        "1+" * 15_000 + "1", "[" * 5000 + "]" * 5000, "a" * 30_000, "(-8) ** 0.5", "1j", "b'a'",
+        "lambda: 1", "f'{n}'", "side.format(1)", "math", "[math]", "str(math)", "math['__doc__']",
+        "math.__doc__", "data.__class__", "[].append(1)", "data.update(a=1)", "data.pop('a')",
+        r"'\udc00'", r"'\ud83d' + '\ude00'",
     ],
-)
+)  # fmt: skip
 def test_what_is_refused(text):
     with pytest.raises((Refused, SyntaxError, ValueError, TypeError)) as caught:
         evaluate(text, NAMES, KINDS)
@@ -188,13 +116,11 @@ def test_what_is_refused(text):
 @pytest.mark.parametrize(
     "text",
     [
-        "'%(a(b))99999999d' % {'a(b)': 1}",
-        "'%(a(b)c)-99999999s' % {'a(b)c': 1}",
-        "('%(a)999s' * 10000) % {'a': 1}",
-        "('%(a)s' * 10000) % {'a': 'a' * 1000}",
+        "'%(a(b))99999999d' % {'a(b)': 1}", "'%(a(b)c)-99999999s' % {'a(b)c': 1}",
+        "('%(a)999s' * 10000) % {'a': 1}", "('%(a)s' * 10000) % {'a': 'a' * 1000}",
         "('%(a)d' * 10000) % {'a': 1 << 8000}",
     ],
-)
+)  # fmt: skip
 def test_a_format_is_refused_before_it_takes_memory(text):
     tracemalloc.start()
     try:
@@ -227,12 +153,9 @@ def attempts():
     return json.loads(done.stdout)
 
 
-def test_no_escape_reaches_outside_through_any_place(attempts):
+def test_no_escape_gets_through_any_place(attempts):
     assert len(attempts["results"]) == len(ESCAPES) * len(PLACES) > 2500
     assert attempts["seen"] == {}  # no file opened, nothing run, imported, connected or started
-
-
-def test_every_escape_is_refused_in_every_place(attempts):
     through = {k: v for k, v in attempts["results"].items() if not v.startswith("!")}
     assert through == {}
 

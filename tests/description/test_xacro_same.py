@@ -1,7 +1,5 @@
 """Every xacro that the tests can install gives the same URDF as xacro by itself."""
 
-from __future__ import annotations
-
 import importlib.util
 import json
 import subprocess
@@ -37,12 +35,7 @@ print(json.dumps(found))
 """
 
 
-def compare(
-    root: Path,
-    names: list[str] | None = None,
-    arguments: dict[str, str] | None = None,
-    reasons: dict[str, str] | None = None,
-) -> tuple[int, int]:
+def compare(root, names=None, arguments=None, reasons=None):
     """Count files, and those that both turn into the same URDF; ``reasons`` gets the others."""
     files = [f for f in sorted(root.rglob("*.xacro")) if names is None or f.name in names]
     packages = {f.name: str(f) for f in sorted(root.rglob("*")) if f.is_dir()}
@@ -125,7 +118,6 @@ LACKING = {
 
 @pytest.mark.slow
 def test_robotics_toolbox_all():
-    """All but those that lack a package; none differs."""
     reasons: dict[str, str] = {}
     assert compare(package_folder("rtbdata") / "xacro", reasons=reasons) == (58, 45)
     assert sorted(reasons) == sorted(LACKING)

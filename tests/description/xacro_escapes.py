@@ -5,8 +5,6 @@ pinsing puts around it, and prints what reached outside of the interpreter, as J
 ``plain`` it runs xacro's own evaluation instead, to show that this would have been seen.
 """
 
-from __future__ import annotations
-
 import json
 import sys
 from typing import Any
@@ -181,12 +179,10 @@ def files_of(escape: str, place: str) -> dict[str, str]:
     body = body.replace('"Q"', f'"{quoted}"').replace('"U"', f'"{quoted[1:-1]}"')
     inner = f'<xacro:property name="part_value" value="{value}"/>' if place == "included" else ""
     return {
-        "main.xacro": f"<robot {SPACE}>{INNER}{body}</robot>",
-        "inner.xacro": PART.replace("B", ""),
-        "part.xacro": PART.replace("B", inner),
-        "here.yaml": "a: !radians " + json.dumps(escape),
+        "main.xacro": f"<robot {SPACE}>{INNER}{body}</robot>", "inner.xacro": PART.replace("B", ""),
+        "part.xacro": PART.replace("B", inner), "here.yaml": "a: !radians " + json.dumps(escape),
         **OBJECTS,
-    }
+    }  # fmt: skip
 
 
 def attempt(xacro: Any, ask: Any, escape: str, place: str) -> str:

@@ -135,7 +135,6 @@ def test_an_offset_is_exact_or_said(tmp_path, angle):
 
 @pytest.mark.slow
 def test_a_gripper_of_pr2_with_its_arm():
-    """Two fingers' worth of joints that turn together, at the end of seven."""
     arm = load("pr2", tip="l_gripper_l_finger_tip_link", base="torso_lift_link")
     assert arm.n == 8
     assert arm.coupling is not None

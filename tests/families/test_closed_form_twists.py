@@ -87,9 +87,6 @@ MANY = [(0.25, -60, 0.3), (0.25, 15, 0.2), (0.1, -90, 0), (0.1, 90, 0), (0.25, 7
 def test_many_twists_are_searched_in_their_own_numbers():
     found = closed_form(arm_of(MANY))
     assert (found.complete, found.snaps, found.deviation) == (True, (), None)
-
-
-def test_no_time_is_said_and_no_other_arm_is_taken():
     found = closed_form(arm_of(MANY), seconds=0.02)
     assert (found.word, found.snaps) == ("not complete", ())
     assert any(isinstance(x, Surd) for R in found.geometry.rotation for row in R for x in row)
@@ -106,7 +103,6 @@ def test_a_bennett_linkage_stays_closed():
 
 
 def test_an_answer_about_another_geometry_says_so_first():
-    """Four digits of a right angle; a twist that no root expresses; and the certificate as well."""
     rows = [(0, 90, 0.3), (0.4, 0, 0), (0.3, 0, 0)]
     exact = closed_form(arm_of([*rows, (0.1, 0, 0)]))
     assert exact.deviation is None

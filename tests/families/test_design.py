@@ -109,7 +109,6 @@ def test_a_wrist_offset_of_zero_splits_one_family_into_wrist_elbow_and_shoulder(
 
 @pytest.mark.parametrize("name", tiered(["puma560", "ur", "scara"], ()))
 def test_what_is_singular_everywhere_is_so(name, rng):
-    """Each design that is told, and each length that may be zero, with numbers."""
     form = form_of(name)
     table = read_dh(TABLES[name])
     told = {c.condition for c in form.changes if c.kind == "singular everywhere"}
@@ -136,7 +135,6 @@ rows:
 
 @pytest.mark.parametrize("name", ["planar 4R", "stanford", "puma560"])
 def test_lengths_that_are_zero_at_once(name, tmp_path, rng):
-    """Every set of up to three lengths, with numbers; families of several equations, too."""
     path, task = tmp_path / "planar4.dh.yaml", "vx,vy"
     path.write_text(PLANAR4)
     if name != "planar 4R":
@@ -346,11 +344,9 @@ def test_what_makes_no_sense_is_refused(options, error, said):
     ("words", "said"),
     [
         (["a2,a3,d4"], "a2 cos q2 + a3 cos(q2+q3) - d4 sin(q2+q3) = 0"),
-        (["--latex"], r"\sin q_{5} = 0"),
-        (["a7"], None),
-        (["a2", "--prove"], None),
+        (["--latex"], r"\sin q_{5} = 0"), (["a7"], None), (["a2", "--prove"], None),
     ],
-)
+)  # fmt: skip
 def test_the_command_line_keeps_symbols(words, said):
     words = ["families", str(TABLES["puma560"]), "--symbolic", *words]
     done = CliRunner().invoke(command, words)

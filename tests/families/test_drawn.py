@@ -94,7 +94,6 @@ def test_points_of_families_are_singular_and_spread(name: str) -> None:
 
 
 def test_a_box_with_nothing_in_it_is_not_searched_at_random(monkeypatch):
-    """A proof takes the search's place; what is drawn afterwards is as after the search."""
     middle = np.array([0.3, -0.2, 0.1])
     q = draw(orders([ONCE], FREE)[0], middle - 3, middle + 3, FREE, ZERO, 500, RNG(2))
     far = middle + np.array([0.4, 0.9, 0.9])

@@ -59,7 +59,6 @@ def test_a_relation_that_is_a_product_has_all_of_its_roots():
 
 
 def test_a_value_read_wrongly_is_no_complete_answer(monkeypatch):
-    """The first of these faults, made again: what is dropped is seen to be on no family."""
     real = pieces.PieceMaker._at_exact_values_of
 
     def at_half_a_turn(self, branch, component):
@@ -73,7 +72,6 @@ def test_a_value_read_wrongly_is_no_complete_answer(monkeypatch):
 
 
 def test_a_root_that_is_lost_is_no_complete_answer(monkeypatch):
-    """The second: roots without the one at 180 degrees."""
     monkeypatch.setattr(
         pieces, "real_roots", lambda *a: [v for v in roots.real_roots(*a) if v.ball is not None]
     )

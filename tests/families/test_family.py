@@ -225,20 +225,17 @@ def test_samples_spread_over_branches_and_repeat() -> None:
     assert family.points(2, np.random.default_rng(3)).shape == (2, 7)
 
 
-def test_codimension_counts_real_dimensions() -> None:
-    by_name = {name: [f.codimension for f in closed(name).families] for name in ("ur5", "iiwa14")}
-    assert by_name == {"ur5": [1, 1, 1], "iiwa14": [1, 2, 2, 2]}
-    assert {f.codimension for f in closed("so101").families} == {1, 2}
-    assert {f.codimension for f in closed("baxter").families} == {2}
-
-
-def test_names_joints_and_text() -> None:
+def test_names_joints_and_text():
     families = closed("ur5").families
     assert [f.name for f in families] == ["F1", "F2", "F3"]
     assert families[2].joints == ("shoulder_lift_joint", "elbow_joint", "wrist_1_joint")
     assert str(families[0]) == "F1 (elbow): q3 = 0° or 180°"
     assert families[0].reason == "axes 2, 3 and 4 are parallel and lie in one plane"
     assert [f.kind for f in families] == ["boundary", "interior", "boundary"]
+    by_name = {name: [f.codimension for f in closed(name).families] for name in ("ur5", "iiwa14")}
+    assert by_name == {"ur5": [1, 1, 1], "iiwa14": [1, 2, 2, 2]}
+    assert {f.codimension for f in closed("so101").families} == {1, 2}
+    assert {f.codimension for f in closed("baxter").families} == {2}
 
 
 def test_json_round_trip_of_one_family() -> None:

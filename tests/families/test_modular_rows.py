@@ -21,7 +21,6 @@ TASKS = [
 @pytest.mark.parametrize(("robot", "task"), TASKS)
 @pytest.mark.parametrize("chosen", [(4,), (1, 3), (2, 5), (0, 4)])
 def test_all_singular_points_of_a_slice_are_met_and_no_others(robot, task, chosen):
-    """Against ranks one by one, of Jacobians that are built another way."""
     arm, prime = pinsing.load(robot, task=task), 23
     geometry = nominal(arm)
     chain = ModularRows(geometry, arm.task, prime)
@@ -44,12 +43,15 @@ def test_all_singular_points_of_a_slice_are_met_and_no_others(robot, task, chose
     assert {(*a, *b) for a, b in zip(x.T.tolist(), y.T.tolist(), strict=True)} == expected
 
 
-def test_some_slices_have_singular_points():
-    """So that the comparison above is one."""
+def test_slices_with_singular_points_and_lengths_that_are_zero():
     arm = pinsing.load("ur5", task="vx,vy,vz,wz")
     chain = ModularRows(nominal(arm), arm.task, 19)
     draw = random.Random(1)
     assert sum(chain.singular((2, 3, 4), draw)[0].shape[1] for _ in range(3))
+    arm = planar((0.19, 0.3), "vx,vy")
+    geometry = nominal(arm)
+    assert short_everywhere(ModularRows(geometry, arm.task, 19), geometry, arm.task)
+    assert not short_everywhere(ModularRows(geometry, arm.task, 23), geometry, arm.task)
 
 
 @pytest.mark.parametrize(
@@ -64,11 +66,3 @@ def test_joints_that_matter(task, expected):
     if task == "tool-axis":  # about x: the last joint turns about z
         arm = pinsing.load("puma560", task=task, tool_axis="x")
     assert joints_that_matter(nominal(arm), arm.task) == expected
-
-
-def test_a_field_in_which_a_length_is_zero_says_nothing():
-    """Of two links in a plane the first is 0.19 m long: modulo 19 its end stands still."""
-    arm = planar((0.19, 0.3), "vx,vy")
-    geometry = nominal(arm)
-    assert short_everywhere(ModularRows(geometry, arm.task, 19), geometry, arm.task)
-    assert not short_everywhere(ModularRows(geometry, arm.task, 23), geometry, arm.task)

@@ -63,7 +63,6 @@ ELBOW = re.compile("elbow|joint_?3 |LARM_ELBOW|RARM_ELBOW|q3", re.IGNORECASE)
 
 @pytest.mark.slow
 def test_chains_of_example_robot_data() -> None:
-    """No leg, head, finger or wheel has a name, and of an arm the joint of its elbow has."""
     named = {}
     for path in sorted(data_folder().rglob("*.urdf")):
         try:

@@ -55,7 +55,6 @@ def written(*words: str | Path) -> Result:
 
 @pytest.mark.parametrize("robot", tiered(EVERYWHERE, {"ur5", "scara"}))
 def test_one_arm_has_one_word_everywhere(robot: str, tmp_path: Path) -> None:
-    """Whoever asks, and however: nobody has to ask for a certificate that takes a second."""
     arm = pinsing.load(robot)
     form = pinsing.closed_form(arm)
     assert form.word == "proven", form.proof
@@ -154,7 +153,6 @@ def test_a_search_that_failed_is_not_called_out_of_time(monkeypatch: pytest.Monk
 
 
 def test_the_proof_of_each_family_asks_for_the_time(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A long family took twenty times the two seconds: nothing asked while it was shown sound."""
     asked: list[int] = []
 
     def out_of_time(self: Forms) -> None:

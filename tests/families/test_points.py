@@ -27,7 +27,6 @@ CASES = [("g1", {"tip": "left_rubber_hand", "base": "torso_link"}), ("so101", {}
 
 @pytest.mark.parametrize(("name", "options"), tiered_rows(CASES, CASES[1:]))
 def test_values_and_slopes(name, options, rng):
-    """Shared sines and cosines give what the equations give; slopes agree with differences."""
     equations = system(name, **options)
     together = System(equations)
     Q = rng.uniform(-2, 2, (7, equations[0].frequencies.shape[1]))
@@ -45,7 +44,6 @@ def test_values_and_slopes(name, options, rng):
 
 @pytest.mark.slow
 def test_an_equation_that_all_but_cancels_says_how_accurate_it_is(rng):
-    """And a search in a system of such stays in its box."""
     equations = system("g1", tip="left_rubber_hand", base="torso_link")
     e = equations[0]
     n, joint = e.frequencies.shape[1], e.involved[0]
@@ -69,7 +67,6 @@ def test_an_equation_that_all_but_cancels_says_how_accurate_it_is(rng):
 
 
 def test_the_system_of_short_equations_is_made_once_for_each_order(rng):
-    """And that of long ones is not kept."""
     form = closed_form(load("panda"), seconds=30)
     branches = [b for f in form.families for b in f.branches if len(b.equations) == 1]
     equations = tuple({id(e): e for b in branches for e in b.equations}.values())[:2]

@@ -50,7 +50,6 @@ def test_joint_values_that_depend_on_each_other_are_stated_exactly():
 
 
 def test_joint_values_are_stated_however_late_it_is(monkeypatch):
-    """What costs nothing is done on a busy machine, too: the same pairs, the same hint."""
     plain = closed_form(iiwa_with_offset())
     irredundant, over = FoundComponents.irredundant, Budget(1e-9)
     monkeypatch.setattr(FoundComponents, "irredundant", lambda self, time: irredundant(self, over))
@@ -139,8 +138,7 @@ def test_finite_systems(ring):
     assert all(v.exact(False) is not None for s in found for v in s.values())
     golden = y1**2 - x1 * y1 - x1**2
     found = real_solutions([golden, y1 * x2 - x1 * y2 * 3], ring, time)
-    assert len(found) == 2
-    assert {s[0].minimal for s in found} == {(-1, -1, 1)}
+    assert (len(found), {s[0].minimal for s in found}) == (2, {(-1, -1, 1)})
     assert not real_solutions([circle, y1 * y2 - 3 * x1 * x2], ring, time)  # complex only
     assert not real_solutions([golden, y1 - 2 * x1], ring, time)
     # x = 0 is an angle as good as any other.
@@ -240,7 +238,6 @@ def test_ctrl_c_keeps_the_closed_forms(monkeypatch):
 
 @pytest.mark.parametrize("name", ["ur5", "puma560"])
 def test_a_curve_is_marked_at_every_true_zero(name):
-    """Also where a relation between joints holds, and at no valley that is no zero."""
     arm = load(name)
     form = closed_form(arm)
     result = sweep(arm, levels=1)

@@ -69,7 +69,4 @@ def test_no_value_of_a_joint_is_lost(arm, form, rng):
             assert on.all(), (q3, q4)
             q[:, 2] += 0.01
             assert drop(arm, q).min() > 1e-7
-
-
-def test_points_of_its_families_are_singular(arm, form):
     check_families(arm, form, 40)

@@ -50,7 +50,6 @@ def kept(panda):
 @pytest.mark.parametrize("prime", [23, 47])
 @pytest.mark.parametrize("chosen", [(3,), (1, 3), (4, 5), (1, 2, 5)])
 def test_all_singular_points_of_a_slice_are_met_and_no_others(kept, field, prime, chosen):
-    """Against ranks one by one, of Jacobians that are built another way."""
     if len(chosen) == 3 and prime > 23:
         chosen = chosen[:2]
     chain = ModularChain(kept.maker.geometry, prime)
@@ -113,7 +112,6 @@ def test_a_field_in_which_minus_one_is_a_square(kept, field):
 
 
 def test_slices_lead_to_what_is_missing(kept, panda):
-    """Of the Panda's components each that has a joint value is found again without it."""
     task, ring = panda.task, kept.maker.ring
     at_values = [c for c in kept.components if len(c.values) > 1]
     assert at_values
@@ -133,16 +131,12 @@ def test_with_little_known_and_no_time_nothing_is_said(kept, panda):
     found.run()
     assert not found.enough
     assert found.components == []
-
-
-def test_words():
     count = SliceCount(4, 1, 35, 0, 0, 23, 31)
     assert count.sentence().startswith("no singular point was met on one random slice of 4 joints")
     assert replace(count, points=2_000, off=1).sentence().startswith("1 of 2,000 singular points")
 
 
 def test_real_points_lead_where_no_slice_does(kept, monkeypatch):
-    """A component without points over small fields: here slices are never drawn."""
     n = len(kept.ring.prismatic)
     own = OwnPoints(kept.maker.geometry.arm)
     real = RandomSingular(kept.maker, real_points(kept.maker, own, Budget(60)))

@@ -165,14 +165,6 @@ def test_several_systems_for_msolve_are_told_apart_by_a_number(forms):
     assert sorted(sympy.solve(which, k)) == list(range(1, len(systems) + 1))
 
 
-def test_twists_of_60_degrees_need_roots_as_variables():
-    form = pinsing.closed_form(arm_of(HOLLOW))
-    names, systems, _ = agree(form, count=3)
-    assert "r3" in names
-    assert "meant are solutions with r3 > 0 alone" in form.system()
-    assert all(any(str(p) == "r3**2 - 3" for p in polys) for polys in systems.values())
-
-
 def test_joints_turned_about_their_axes_are_said_to_be(tmp_path):
     model = pin.Model()
     model.name = "turned"
@@ -188,18 +180,20 @@ def test_joints_turned_about_their_axes_are_said_to_be(tmp_path):
     assert re.search(r"cos\(q\d [+-] 0\.\d+\)", form.system())
 
 
-def test_mimic_joints(tmp_path):
-    form = pinsing.closed_form(finger(tmp_path, mimic=follows(2, 2, 0.3)).with_task("vx,vy"))
-    assert form.families
-    agree(form)
-
-
-def test_half_angle_conditions_are_exact():
+def test_half_angles_followers_and_square_roots(tmp_path):
     form = pinsing.closed_form(planar((0.5, 0.4, 0.3)))
     agree(form)
     (family,) = form.families
     assert read(form.system(), "singular")[1]["F1"][:2] == list(sympy.symbols("s2 s3"))
     assert family.codimension == 2
+    form = pinsing.closed_form(finger(tmp_path, mimic=follows(2, 2, 0.3)).with_task("vx,vy"))
+    assert form.families
+    agree(form)
+    form = pinsing.closed_form(arm_of(HOLLOW))
+    names, systems, _ = agree(form, count=3)
+    assert "r3" in names
+    assert "meant are solutions with r3 > 0 alone" in form.system()
+    assert all(any(str(p) == "r3**2 - 3" for p in polys) for polys in systems.values())
 
 
 def test_what_cannot_be_written_is_said(forms):

@@ -52,7 +52,6 @@ def names_of(text):
 
 @pytest.mark.parametrize("name", ARMS)
 def test_dimensions(forms, name):
-    """Of each family: the joints that the file has, less the codimension."""
     form = forms[name]
     text = form.system()
     told = asked(text, *(f"dim(std({k}));" for k in ideals(text)))
@@ -73,7 +72,6 @@ def test_square_roots_are_numbers():
 
 @pytest.mark.parametrize("name", ["puma560", "panda", "surgical7"])
 def test_equations_at_configurations(forms, name):
-    """They vanish on the family alone: what Singular makes of the numbers decides."""
     form = forms[name]
     text = form.system()
     (variables,) = re.findall(r"// variables: (.*)", text)

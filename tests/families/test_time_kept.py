@@ -96,7 +96,6 @@ def test_a_short_system_is_looked_at_once_though_time_is_over(steps: list[int]) 
 
 
 def test_points_that_were_reached_are_kept() -> None:
-    """Points of a long system are on it, however early the search for more ends."""
     long = [made(600, 0.0)]
     rng = np.random.default_rng(0)
     counts = []
@@ -119,7 +118,6 @@ def test_a_proof_of_emptiness_ends_with_the_time() -> None:
 
 
 def test_the_jacobian_of_a_certificate_ends_with_the_time(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Of fifteen joints it takes long: it is begun, and left at the first look at the time."""
     arm = pinsing.load("talos", base="left_sole_link", tip="gripper_left_base_link")
     geometry = nominal(arm)
     data = skeleton(geometry, 6, roots_in(geometry))
@@ -197,7 +195,6 @@ def slowed(rate: float) -> Callable[[], float]:
 
 
 def test_halving_looks_at_the_clock_within_a_level(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A level of very many boxes is not halved as a whole when the time is over."""
     seen: list[int] = []
 
     def classify(_: object, level: np.ndarray, index: np.ndarray) -> Leaves:

@@ -1,7 +1,5 @@
 """The compiled kernel stands in for Pinocchio's loop only where it agrees with it."""
 
-from __future__ import annotations
-
 import shutil
 from pathlib import Path
 

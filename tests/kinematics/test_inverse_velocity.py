@@ -1,7 +1,5 @@
 """Joint speeds near singularities: each method against its formula, and that nothing jumps."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 
@@ -129,8 +127,7 @@ def test_two_lost_directions_that_change_places_make_no_jump(method: str) -> Non
 
 def test_what_is_lost_is_said() -> None:
     found = pinsing.inverse_velocity(wrist(1e-7), [0, 0, 0, 0.1, 0.2, 0.3], "jparse", gamma=0.01)
-    assert found.lost == 5
-    assert found.damped == pytest.approx(1.0, abs=1e-9)
+    assert (found.lost, found.damped) == (5, pytest.approx(1.0, abs=1e-9))
     # What is missed is along the lost direction alone.
     lost = found.directions[:, 5]
     np.testing.assert_allclose(found.missed, lost * (lost @ found.missed), atol=1e-9)
@@ -149,7 +146,6 @@ def test_joint_speed_limits_keep_the_direction() -> None:
 
 
 def test_length_scale_and_weights() -> None:
-    """Metres or millimetres: with the length scale along, the answer is the same."""
     J, x = wrist(0.03), rng.normal(size=6)
     rows = np.array([1000.0] * 3 + [1] * 3)
     one = pinsing.inverse_velocity(J, x, "dls", length_scale=0.5)
@@ -168,8 +164,7 @@ def test_arrays_of_many() -> None:
     J, x = rng.normal(size=(2, 5, 6, 7)), rng.normal(size=(5, 6))
     for method in METHODS:
         found = pinsing.inverse_velocity(J, x, method)
-        assert found.dq.shape == (2, 5, 7)
-        assert found.directions.shape == (2, 5, 6, 6)
+        assert (found.dq.shape, found.directions.shape) == ((2, 5, 7), (2, 5, 6, 6))
         assert found.damped.shape == found.lost.shape == found.speed_scale.shape == (2, 5)
         one = pinsing.inverse_velocity(J[1, 3], x[3], method)
         np.testing.assert_allclose(found.dq[1, 3], one.dq)

@@ -1,7 +1,5 @@
 """Rows in the tip's axes, and the task that leaves the turn about the tool's own axis free."""
 
-from __future__ import annotations
-
 import copy
 import json
 from pathlib import Path
@@ -92,6 +90,12 @@ def test_the_free_axis_is_chosen_by_name():
         pinsing.load("ur5", tool_axis="x")
     with pytest.raises(OptionError, match="use x, y or z"):
         pinsing.load("ur5", task="tool-axis", tool_axis="w")
+    task = parse_task("tool-axis")
+    R = np.array([np.eye(3), np.eye(3), pin.exp3(np.array([0.0, 0.3, 0.0]))])
+    for goal in (np.diag([1.0, -1.0, -1.0]), np.eye(3)):
+        turns = turn_left(task, R, goal)
+        ends = np.array([pin.exp3(t) @ r for t, r in zip(turns, R, strict=True)])
+        np.testing.assert_allclose(ends[:, :, 2], [goal[:, 2]] * 3, atol=1e-12)
 
 
 @pytest.mark.parametrize("name", ["ur5", "stanford", "odd"])
@@ -217,8 +221,7 @@ def test_the_page_computes_the_same(task, rng):
     for q, here in zip(Q, found, strict=True):
         there = pinsing.at(arm, q)
         np.testing.assert_allclose(here["sigma"], there.sigma, atol=1e-9)
-        assert here["status"] == there.status
-        assert here["rank"] == there.rank
+        assert (here["status"], here["rank"]) == (there.status, there.rank)
         assert [m["kind"] for m in here["lost"]] == [m.kind for m in there.lost]
 
 
@@ -256,15 +259,6 @@ def test_a_line_turns_the_tool_the_shortest_way(rng):
     assert np.abs(end.rotation - goal[:3, :3]).max() > 0.5  # its turn was not asked for
     with pytest.raises(OptionError, match="how the tip moves"):
         pinsing.check_line(arm.with_task("vx@tip"), q, goal)
-
-
-def test_the_shortest_turn_of_an_axis_also_where_it_points_back():
-    task = parse_task("tool-axis")
-    R = np.array([np.eye(3), np.eye(3), pin.exp3(np.array([0.0, 0.3, 0.0]))])
-    for goal in (np.diag([1.0, -1.0, -1.0]), np.eye(3)):
-        turns = turn_left(task, R, goal)
-        ends = np.array([pin.exp3(t) @ r for t, r in zip(turns, R, strict=True)])
-        np.testing.assert_allclose(ends[:, :, 2], [goal[:, 2]] * 3, atol=1e-12)
 
 
 def test_sweep_map_and_guard_take_it(ur5, form):

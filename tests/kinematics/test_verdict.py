@@ -1,7 +1,5 @@
 """One verdict: all that judge a configuration give the same answer to the same question."""
 
-from __future__ import annotations
-
 import arms
 import matplotlib as mpl
 import numpy as np
@@ -80,7 +78,6 @@ def test_all_that_judge_agree(make, length_scale: float) -> None:
     expected = [s.status for s in states]
     assert "regular" in expected
     assert "singular" in expected or (str(arm.task) == "orientation" and arm.n == 3)
-
     assert [status_of(float(r)) for r in ratios(arm, Q)] == expected
     assert [status_of(float(r)) for r in ratios(arm, Q, engine=PINOCCHIO)] == expected
     assert [status_of(float(r)) for r in evaluator(arm).measure(Q).ratio] == expected
@@ -114,7 +111,6 @@ def test_maps_and_sweeps_count_what_at_says(make, length_scale: float) -> None:
     assert found.singular == here.count("singular")
     assert found.near_singular == here.count("near-singular")
     assert all(p.status == at(arm, p.q).status for p in found.worst)
-
     swept = sweep(arm, levels=1, samples=5, ignore_limits=True)
     for curve in swept.curves[:3]:
         Q = np.tile(swept.plan.nominal, (len(curve.x), 1))
@@ -157,7 +153,6 @@ def test_the_length_scale_changes_sigma_and_no_verdict(name: str, task: str) -> 
 @pytest.mark.parametrize("power", [-8, -3, 3])
 @pytest.mark.parametrize("name", ["stanford", "scara", "puma560", "surgical7"])
 def test_the_unit_of_the_file_changes_no_verdict(name: str, power: int) -> None:
-    """Millimetres, micrometres: the same arm, the same ratios."""
     plain = arms.textbook(name)
     other = scaled(plain, 10.0**power)
     assert own_scale(other).length == pytest.approx(own_scale(plain).length * 10.0**power)
@@ -169,8 +164,7 @@ def test_the_unit_of_the_file_changes_no_verdict(name: str, power: int) -> None:
 
 def test_the_scale_of_ordinary_arms_is_the_metre_so_one_decomposition_does() -> None:
     for arm in (arms.ur5(), arms.textbook("stanford"), arms.textbook("irb1400")):
-        assert own_scale(arm).length == 1.0
-        assert own_scale(arm).of_sigma == 1.0
+        assert (own_scale(arm).length, own_scale(arm).of_sigma) == (1.0, 1.0)
         assert not any("own length" in note for note in at(arm, np.zeros(arm.n)).notes)
     small = arms.textbook("surgical7")
     assert own_scale(small).length == 0.1
@@ -195,7 +189,6 @@ def test_an_axis_through_the_tip_gives_no_length() -> None:
 @pytest.mark.parametrize("length_scale", SCALES)
 @pytest.mark.parametrize("name", ["stanford", "puma560"])
 def test_families_are_singular_at_any_length_scale(name: str, length_scale: float) -> None:
-    """FINDINGS of the first version: at a length scale of 3e8 there were none at all."""
     arm = arms.textbook(name, length_scale=length_scale)
     forms = closed_form(arm)
     assert {f.text for f in forms.families} == {
@@ -211,7 +204,7 @@ def test_families_are_singular_at_any_length_scale(name: str, length_scale: floa
     assert at(arm, found.q).singular
 
 
-def test_a_task_that_can_vanish_is_singular_there_for_all() -> None:
+def test_a_task_that_can_vanish_is_singular_there_for_all():
     """Planar 3R, vx alone: J is zero where the tip is on the y axis; rounding has no ratio."""
     arm = planar3r("vx")
     q = np.zeros(3)  # stretched along x: no joint moves the tip along x
@@ -220,10 +213,6 @@ def test_a_task_that_can_vanish_is_singular_there_for_all() -> None:
     plan = plan_map(arm, "grid", steps=9, ignore_limits=True)
     wanted = sum(at(arm, x).singular for x in plan.configurations(0, plan.count))
     assert found.singular == wanted > 0
-
-
-def test_only_rows_that_are_not_regular_are_walked_from() -> None:
-    """A uniform row with a regular configuration is no candidate: none of its own is found."""
     arm = arms.textbook("stanford")
     result = sweep(arm, levels=1, samples=61)
     assert {row.status for row in result.uniform} > {"regular"}

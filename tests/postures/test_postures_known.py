@@ -1,7 +1,5 @@
 """What is said about postures where families lack, and where they separate nothing."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from itertools import pairwise
 
@@ -117,8 +115,7 @@ class TestFamiliesThatLack:
         J = columns(arm_of("puma560"), np.array([a, b]))
         assert np.linalg.det(J[0]) * np.linalg.det(J[1]) < 0
         way = pinsing.connect(form, a, b)
-        assert way.answer == "different"
-        assert way.aspects == (1, 1)
+        assert (way.answer, way.aspects) == ("different", (1, 1))
         assert "both of what is known as 1" in way.text()
 
     def test_no_posture_is_reached_through_what_lacks(self):
@@ -137,7 +134,6 @@ class TestFamiliesThatLack:
 
 
 def test_what_an_answer_rests_on_is_of_that_answer():
-    """That two aspects differ needs no certificate that there are no more families."""
     form, of = replace(form_of("ur5"), proof=None), aspects_of("ur5")
     apart = pinsing.connect(form, [0, -1, 1, 0.3, 1, 0], [0, -1, 1, 0.3, -1, 0], of=of)
     assert (apart.answer, apart.proven, apart.notes) == ("different", True, ())
@@ -150,7 +146,6 @@ def test_what_an_answer_rests_on_is_of_that_answer():
 
 class TestJointsThatAreHeld:
     def test_those_are_held_without_which_the_others_reach_the_pose(self):
-        """The position of a UR5's tip does not depend on joint 6."""
         arm = pinsing.load("ur5", task="position")
         found = pinsing.posture_changes(arm, [0.3, -1.0, 1.2, 0.4, 0.9, 0.2])
         assert len(found.others) <= 7

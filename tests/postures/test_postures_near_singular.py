@@ -1,7 +1,5 @@
 """Postures next to singular configurations, of nearly singular arms, and what was asked wrongly."""
 
-from __future__ import annotations
-
 import warnings
 
 import numpy as np

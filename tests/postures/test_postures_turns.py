@@ -1,7 +1,5 @@
 """Postures where limits are wider than a turn: every whole-turn copy counts."""
 
-from __future__ import annotations
-
 import time
 from dataclasses import replace
 from itertools import product
@@ -81,7 +79,6 @@ def test_a_posture_that_is_reached_a_turn_away(wide):
 
 
 def test_what_is_said_holds_of_each_copy(wide):
-    """Against the number of the aspect of each copy, one by one."""
     arm, form, of = wide
     answers = set()
     for q in [START, *arm.space.sample(4, np.random.default_rng(4))]:
@@ -90,8 +87,7 @@ def test_what_is_said_holds_of_each_copy(wide):
         for other in found.others:
             there = numbers(of, arm, other.solution.q)
             assert None not in there
-            assert other.copies == len(there)
-            assert other.copies_undecided == 0
+            assert (other.copies, other.copies_undecided) == (len(there), 0)
             assert other.copies_in_aspect == there.count(found.aspect)
             assert (other.answer == "different") == (found.aspect not in there)
             assert other.aspect == of.of(other.solution.q)
@@ -166,20 +162,14 @@ def test_a_way_from_what_is_singular_is_not_looked_for():
         (at, at, "the start and the end are singular, on F1 and F1, and belong to no aspect"),
     ):
         way = pinsing.connect(form, a, b)
-        assert way.answer == "undecided"
-        assert way.text().splitlines()[0] == head
+        assert (way.answer, way.text().splitlines()[0]) == ("undecided", head)
         assert "no way was found" not in way.text()
         assert way.singular == ("F1" * (a is at), "F1" * (b is at))
 
 
 @pytest.mark.parametrize(
     "words",
-    [
-        ["postures", "ur5"],
-        ["at", "ur5"],
-        ["line", "ur5", "--to", "0.1,0.2,0.3"],
-        ["map", "ur5"],
-    ],
+    [["postures", "ur5"], ["at", "ur5"], ["line", "ur5", "--to", "0.1,0.2,0.3"], ["map", "ur5"]],
 )
 def test_of_two_configurations_none_is_dropped(words):
     twice = ["--q", "0,-1,1,0.1,1,0", "--q", "0,1,1,0.1,1,0"]

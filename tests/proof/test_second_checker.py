@@ -31,7 +31,6 @@ def test_both_reject(name):
 
 @pytest.mark.parametrize("name", tiered(["scara", "stanford"], ("scara",)))
 def test_both_say_the_same_of_other_lengths(name):
-    """A length may matter or not: the two agree on which."""
     verdicts = set()
     for i in range(len(certificate(name)["chain"])):
         for axis in range(3):

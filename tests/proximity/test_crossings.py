@@ -1,7 +1,5 @@
 """Meetings of motions with families: none is missed, grazing ones among them."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from kernel import needs_kernel
@@ -69,7 +67,6 @@ def test_a_thousand_motions_against_samples() -> None:
 @pytest.mark.parametrize("name", tiered(["ur5", "puma560", "irb1400"], ("puma560",)))
 @pytest.mark.parametrize("offset", tiered([1e-3, 1e-5, 1e-7, 1e-9, 1e-11, 0.0], (1e-5, 1e-9, 0.0)))
 def test_grazing_motions(name: str, offset: float) -> None:
-    """Motions along the tangent plane, moved off the surface to either side."""
     form = closed(name)
     family = next(f for f in form.families if f.equations)
     f = family.equations[0]
@@ -198,9 +195,7 @@ def test_the_compiled_zeros_are_those_of_numpy(name: str) -> None:
         (np.zeros(6), None, ConfigurationError, "waypoints"),
         (np.full((3, 6), np.nan), None, ConfigurationError, "nan"),
         (
-            [[0] * 6, [0, 0, 1e300, 0, 0, 0]],
-            None,
-            ConfigurationError,
+            [[0] * 6, [0, 0, 1e300, 0, 0, 0]], None, ConfigurationError,
             "sample 2: elbow_joint is 1e",
         ),
         (np.zeros((3, 6)), [0, 2, 1], OptionError, "ascend"),
@@ -210,7 +205,7 @@ def test_the_compiled_zeros_are_those_of_numpy(name: str) -> None:
         (PPoly(np.zeros((2, 1, 5)), [0, 1]), None, ConfigurationError, "coefficients"),
         (PPoly(np.zeros((2, 1, 6)), [0, 1]), [0, 1], OptionError, "leave out t"),
     ],
-)
+)  # fmt: skip
 def test_bad_motions(motion: object, t: object, error: type[Exception], words: str) -> None:
     with pytest.raises(error, match=words):
-        crossings(closed("ur5"), motion, t)  # type: ignore[arg-type]
+        crossings(closed("ur5"), motion, t)

@@ -1,7 +1,5 @@
 """A running robot: a verdict for each line, drops and silences said."""
 
-from __future__ import annotations
-
 import json
 import signal
 import subprocess
@@ -71,16 +69,10 @@ def test_joints_by_name_in_any_order_and_others_beside_them(form):
 @pytest.mark.parametrize(
     "bad",
     [
-        "1,2",
-        "{",
-        '{"t": 1}',
-        '{"position": [1]}',
-        '{"position": 3}',
-        "a,b,c,d,e,f,g",
-        "\0",
+        "1,2", "{", '{"t": 1}', '{"position": [1]}', '{"position": 3}', "a,b,c,d,e,f,g", "\0",
         "nan,0,0,0,0,0,0",
     ],
-)
+)  # fmt: skip
 def test_a_broken_line_is_answered_and_the_next_is_read(form, bad):
     first, broken, last = said(form, [line(0, Q), bad, line(1, Q)])
     assert set(broken) == {"error"}
@@ -96,8 +88,7 @@ def test_a_fast_producer_is_thinned_and_counted():
     time.sleep(0.2)  # all of them have come by the time the next is asked for
     kept += stream
     time.sleep(0.2)
-    assert kept[0] == ("0", 0)
-    assert kept[-1][0] == "999"
+    assert (kept[0], kept[-1][0]) == (("0", 0), "999")
     assert sum(count for _, count in kept) + len(kept) == 1000
     assert [int(word) for word, _ in kept] == sorted(int(word) for word, _ in kept)
     assert BACKLOG <= len(kept) <= 1000
@@ -111,8 +102,7 @@ def test_silence_is_said_once_and_a_file_is_read_whole(form, tmp_path: Path):
         yield line(2, Q)
 
     words = [text for text, _ in latest(slow(), stalled=0.1)]
-    assert words.count(None) == 1
-    assert words[-1] == line(2, Q)
+    assert (words.count(None), words[-1]) == (1, line(2, Q))
     file = tmp_path / "log.csv"
     file.write_text("\n".join(line(k / 100, Q) for k in range(3 * BACKLOG)))
     with file.open() as stream:
@@ -137,16 +127,13 @@ def test_the_move_leads_away_also_from_the_singularity_itself_and_within_limits(
         sign = one["move"]["direction"]
         assert sign == (1 if q is arm.lower else -1)
     (elbow,) = said(form, [json.dumps({"position": edge.tolist()})])
-    assert elbow["title"] == "elbow"
-    assert elbow["move"]["joint"] == "elbow_joint"
+    assert (elbow["title"], elbow["move"]["joint"]) == ("elbow", "elbow_joint")
 
 
 def test_ctrl_c_ends_it_while_it_waits_for_a_line():
     with subprocess.Popen(
         [*COMMAND, "--follow", "-"], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
     ) as robot:
-        assert robot.stdin is not None
-        assert robot.stdout is not None
         robot.stdin.write(line(0, Q) + "\n")
         robot.stdin.flush()
         assert json.loads(robot.stdout.readline())["family"] == "F2"
@@ -167,8 +154,6 @@ def test_a_pipe_is_followed_while_it_is_written():
     with subprocess.Popen(
         [*COMMAND, "--follow", "-"], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
     ) as robot:
-        assert robot.stdin is not None
-        assert robot.stdout is not None
         for k in range(3):
             robot.stdin.write(line(k, Q) + "\n")
             robot.stdin.flush()

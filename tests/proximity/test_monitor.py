@@ -1,7 +1,5 @@
 """The monitor of a control loop: bounds, time to contact, hysteresis, speed, bad input."""
 
-from __future__ import annotations
-
 import dataclasses
 from itertools import pairwise
 
@@ -13,7 +11,6 @@ from singular_sets import Joint, arm_of, build, closed
 import pinsing
 from pinsing._batch import engine
 from pinsing._types import Array
-from pinsing.algebra import along
 from pinsing.algebra.equation import Equation
 from pinsing.errors import ConfigurationError, OptionError, PinsingError, UnknownNameError
 from pinsing.families import Branch
@@ -55,8 +52,7 @@ def test_lower_is_never_above_the_distance(name: str) -> None:
         slack = 0.0 if engine.available() else 1e-12
         assert verdict.lower == pytest.approx(quick.lower[i], rel=slack, abs=0.0)
         assert verdict.upper == pytest.approx(quick.upper[i], rel=slack, abs=0.0)
-        assert verdict.family == quick.nearest[i]
-        assert verdict[4:7] == (None, None, None)
+        assert (verdict.family, verdict[4:7]) == (quick.nearest[i], (None, None, None))
         if i % 5 == 0:
             assert verdict.lower <= true.upper[i // 5]
 
@@ -64,12 +60,10 @@ def test_lower_is_never_above_the_distance(name: str) -> None:
 @pytest.mark.parametrize(
     "name",
     [
-        "ur5",
-        "stanford",
-        "surgical7",
+        "ur5", "stanford", "surgical7",
         *(pytest.param(name, marks=pytest.mark.slow) for name in ("puma560", "z1", "irb1400")),
     ],
-)
+)  # fmt: skip
 def test_time_to_contact_is_that_of_the_first_crossing(name: str) -> None:
     form = pinsing.closed_form(pinsing.load(name, units="rad"))  # some states are far out
     single = [
@@ -99,7 +93,6 @@ def test_time_to_contact_is_that_of_the_first_crossing(name: str) -> None:
 
 @pytest.mark.parametrize("name", ARMS)
 def test_no_contact_before_it_is_said(name: str) -> None:
-    """Families of several equations too: along the motion the clearance stays positive."""
     form = closed(name)
     monitor = pinsing.Monitor(form, horizon=1.0)
     Q, V = states(name, 12, 2)
@@ -219,7 +212,7 @@ def test_it_does_not_chatter_where_an_arm_trembles_at_a_bound() -> None:
         assert changes > 500 if most is None else changes <= most
 
 
-def test_at_a_singular_configuration() -> None:
+def test_at_a_singular_configuration():
     monitor = pinsing.Monitor(closed("ur5"))
     q = np.array([0, -1.2, 1.3, -1, 0.0, 0])
     resting = monitor.update(q, np.zeros(6))
@@ -230,6 +223,9 @@ def test_at_a_singular_configuration() -> None:
     assert (leaving.time_to_contact, leaving.trend) == (0.0, "away")
     along = monitor.update(q, [1, 0, 0, 0, 0, 0])
     assert (along.time_to_contact, along.trend) == (0.0, "steady")
+    conditions = closed("ur5").families[0].conditions()
+    x = np.zeros(6)
+    assert along.contact_along(conditions, 0, x, np.zeros(6), 1.0) == (np.inf, 0.0)
 
 
 @pytest.mark.parametrize("compiled", [True, False])
@@ -262,8 +258,7 @@ def test_weights_and_two_forms() -> None:
     weights = np.array([1, 1, 1, 1, 3.0, 1])
     monitor = pinsing.Monitor(closed("ur5"), weights=weights, families=["F2"])
     verdict = monitor.update([0, -1.2, 1.3, -1, 0.1, 0], [0, 0, 0, 0, -0.1, 0])
-    assert verdict.lower == pytest.approx(0.3)
-    assert verdict.time_to_contact == pytest.approx(1.0)
+    assert (verdict.lower, verdict.time_to_contact) == (pytest.approx(0.3), pytest.approx(1.0))
     assert verdict.rate == pytest.approx(-0.3)
     both = pinsing.Monitor(
         [closed("ur5"), pinsing.closed_form(arm_of("ur5").with_task("position"))]
@@ -273,15 +268,7 @@ def test_weights_and_two_forms() -> None:
         pinsing.Monitor([closed("ur5"), closed("stanford")])
 
 
-def test_an_arm_without_families() -> None:
-    monitor = pinsing.Monitor(pinsing.closed_form(build([Joint(d=0.2)])))
-    assert monitor.complete
-    verdict = monitor.update([0.3], [1.0])
-    assert verdict[:4] == ("clear", "", np.inf, np.inf)
-    assert verdict.time_to_contact == np.inf
-
-
-def test_what_is_missing_is_said() -> None:
+def test_what_is_missing_is_said():
     poor = pinsing.closed_form(arm_of("panda"), seconds=0.02)
     monitor = pinsing.Monitor(poor)
     assert monitor.complete is poor.complete is False
@@ -289,9 +276,10 @@ def test_what_is_missing_is_said() -> None:
         assert monitor.update(q).level != "clear"
     nothing = pinsing.Monitor(dataclasses.replace(poor, families=()))
     assert nothing.update(np.ones(7))[:3] == ("stop", "", 0.0)
-
-
-def test_a_family_without_a_known_point_counts() -> None:
+    monitor = pinsing.Monitor(pinsing.closed_form(build([Joint(d=0.2)])))
+    assert monitor.complete
+    verdict = monitor.update([0.3], [1.0])
+    assert (verdict[:4], verdict.time_to_contact) == (("clear", "", np.inf, np.inf), np.inf)
     form = closed("stanford")
     unsure = dataclasses.replace(form.families[2], real=False)
     form = dataclasses.replace(form, families=(*form.families[:2], unsure))
@@ -306,14 +294,11 @@ def test_a_family_without_a_known_point_counts() -> None:
         ([0, 0, 0, 0, 0, np.inf], None, "q of joint 'wrist_3_joint' is inf"),
         (np.zeros(6), [0, -np.inf, 0, 0, 0, 0], "dq of joint 'shoulder_lift_joint' is -inf"),
         ([0, 0, 0], None, "q needs 6 values for shoulder_pan_joint, .*got 3"),
-        (np.zeros((1, 6)), None, r"got shape \(1, 6\)"),
-        (0.0, None, "q needs 6 values"),
-        (np.zeros(6), np.zeros(7), "dq needs 6 values"),
-        (["a"] * 6, None, "q must be numbers"),
-        (None, None, "q must be numbers"),
-        ([0, 0, 0, 0, 0, 10**400], None, "q"),
+        (np.zeros((1, 6)), None, r"got shape \(1, 6\)"), (0.0, None, "q needs 6 values"),
+        (np.zeros(6), np.zeros(7), "dq needs 6 values"), (["a"] * 6, None, "q must be numbers"),
+        (None, None, "q must be numbers"), ([0, 0, 0, 0, 0, 10**400], None, "q"),
     ],
-)
+)  # fmt: skip
 @pytest.mark.parametrize("compiled", [True, False])
 def test_bad_configurations(q: object, dq: object, said: str, compiled: bool) -> None:
     monitor = pinsing.Monitor(closed("ur5"))
@@ -321,7 +306,7 @@ def test_bad_configurations(q: object, dq: object, said: str, compiled: bool) ->
         without_engine(monitor)
     monitor.update([0, -1.2, 1.3, -1, 0.0, 0])
     with pytest.raises(ConfigurationError, match=said) as raised:
-        monitor.update(q, dq)  # type: ignore[arg-type]
+        monitor.update(q, dq)
     assert "\n" not in str(raised.value)
     assert monitor.level == "stop"
 
@@ -329,34 +314,26 @@ def test_bad_configurations(q: object, dq: object, said: str, compiled: bool) ->
 @pytest.mark.parametrize(
     ("options", "error"),
     [
-        ({"warn": 0.1, "stop": 0.2}, OptionError),
-        ({"warn": -1.0, "stop": -2.0}, OptionError),
-        ({"warn": np.inf}, OptionError),
-        ({"hysteresis": -0.1}, OptionError),
-        ({"horizon": 0.0}, OptionError),
-        ({"weights": [1, 2]}, OptionError),
-        ({"weights": [1, 1, 1, 1, 0, 1]}, OptionError),
-        ({"families": ["F8"]}, UnknownNameError),
+        ({"warn": 0.1, "stop": 0.2}, OptionError), ({"warn": -1.0, "stop": -2.0}, OptionError),
+        ({"warn": np.inf}, OptionError), ({"hysteresis": -0.1}, OptionError),
+        ({"horizon": 0.0}, OptionError), ({"weights": [1, 2]}, OptionError),
+        ({"weights": [1, 1, 1, 1, 0, 1]}, OptionError), ({"families": ["F8"]}, UnknownNameError),
         ({"warn": np.nan}, PinsingError),
     ],
-)
+)  # fmt: skip
 def test_bad_options(options: dict[str, object], error: type[Exception]) -> None:
     with pytest.raises(error):
-        pinsing.Monitor(closed("ur5"), **options)  # type: ignore[arg-type]
+        pinsing.Monitor(closed("ur5"), **options)
     with pytest.raises(PinsingError):
         pinsing.Monitor([])
 
 
-def test_thresholds_in_degrees_are_refused() -> None:
+def test_degrees_are_refused():
     with pytest.raises(OptionError, match=r"warn is 20 rad.*math\.radians\(20\)"):
         pinsing.Monitor(closed("ur5"), warn=20, stop=5)
     with pytest.raises(OptionError, match="near is 5 rad"):
         pinsing.check_trajectory(arm_of("ur5"), [[0.1] * 6], forms=closed("ur5"), near=5)
     pinsing.Monitor(closed("ur5"), warn=20, stop=5, weights=[100] * 6)  # other units
-
-
-def test_degrees_after_a_start_at_zero_are_refused() -> None:
-    """The first q says nothing; one that changes the level is looked at."""
     monitor = pinsing.Monitor(closed("ur5"))
     assert monitor.update(np.zeros(6)).level == "stop"
     path = np.outer(np.arange(50), [0, -2.0, 1.5, -2.0, -1.7, 0])
@@ -364,7 +341,7 @@ def test_degrees_after_a_start_at_zero_are_refused() -> None:
         [monitor.update(q) for q in path]
 
 
-def test_endless_joints_may_turn_on() -> None:
+def test_endless_joints_may_turn_on():
     """A controller counts turns; that stops no loop."""
     form = pinsing.closed_form(pinsing.load("kinova"))
     endless = ~np.isfinite(form.arm.upper)
@@ -374,9 +351,6 @@ def test_endless_joints_may_turn_on() -> None:
         q = low + s * (high - low)
         levels.add(monitor.update(np.where(endless, 100 * s, q)).level)
     assert len(levels) > 1
-
-
-def test_continuous_joints_count_modulo_whole_turns() -> None:
     monitor = pinsing.Monitor(pinsing.closed_form(pinsing.load("ur5", units="rad")))
     q = np.array([0, -1.2, 1.3, -1, 0.3, 0])
     for turns in (-3, 1, 100):
@@ -385,13 +359,7 @@ def test_continuous_joints_count_modulo_whole_turns() -> None:
         assert verdict.time_to_contact == pytest.approx(0.3, abs=1e-9)
 
 
-def test_contact_of_nothing() -> None:
-    conditions = closed("ur5").families[0].conditions()
-    x = np.zeros(6)
-    assert along.contact_along(conditions, 0, x, np.zeros(6), 1.0) == (np.inf, 0.0)
-
-
-def test_speeds_of_the_whole_model_do_as_well() -> None:
+def test_speeds_of_the_whole_model_do_as_well():
     arm = pinsing.load("ur5", base="upper_arm_link")
     whole = pinsing.load("ur5")
     form = pinsing.closed_form(arm)
@@ -401,13 +369,9 @@ def test_speeds_of_the_whole_model_do_as_well() -> None:
         own = [whole.joints.index(name) for name in arm.joints]
         monitor = pinsing.Monitor(form)
         one, other = monitor.update(q, dq), monitor.update(q[own], dq[own])
-        assert one.rate == other.rate
-        assert one.time_to_contact == other.time_to_contact
+        assert (one.rate, one.time_to_contact) == (other.rate, other.time_to_contact)
     with pytest.raises(ConfigurationError, match="or the whole model's 6; got shape"):
         monitor.update(q[own], np.zeros(8))
-
-
-def test_a_locked_joint_of_the_chain_must_be_at_rest() -> None:
     whole = pinsing.load("ur5").joints
     arm = pinsing.load("ur5", joints=[*whole[:2], *whole[3:]])
     monitor = pinsing.Monitor(pinsing.closed_form(arm))

@@ -1,7 +1,5 @@
 """Suggested configurations: their clearance against a search of its own, odd arms, the command."""
 
-from __future__ import annotations
-
 import json
 import re
 import shlex
@@ -48,18 +46,13 @@ def test_no_random_configuration_is_clearer_than_is_said_to_be_possible(name: st
     assert found.most - found.lower < 0.1  # and little more is possible
 
 
-def test_known_best_clearances() -> None:
-    """Where families are joint values the answer can be had by hand."""
+def test_known_best_clearances():
     scara = pinsing.suggest(arm_of("scara"))
     assert scara.lower == pytest.approx(np.pi / 2, abs=3e-3)
     assert abs(abs(scara.q[1]) - np.pi / 2) < 3e-3
     stanford = pinsing.suggest(arm_of("stanford"), families=["F1", "F3"])
     assert stanford.families == ("F1", "F3")
     assert np.abs(np.sin(stanford.q[[1, 4]])) == pytest.approx([1, 1], abs=1e-4)
-
-
-def test_all_families_are_left_behind_not_the_nearest_alone() -> None:
-    """The Stanford arm's d3 bounds the clearance; its other joints stand well all the same."""
     found = pinsing.suggest(arm_of("stanford"))
     assert found.family == "F2"
     assert np.abs(np.sin(found.q[[1, 4]])) == pytest.approx([1, 1], abs=1e-2)
@@ -150,13 +143,17 @@ def test_arms_without_limits_and_continuous_joints() -> None:
         assert pinsing.at(arm, found.q).status == "regular"
 
 
-def test_an_arm_that_is_never_singular() -> None:
+def test_an_arm_that_is_never_singular():
     arm = build([Joint(d=0.2)])
     found = pinsing.suggest(arm)
-    assert found.lower == np.inf
-    assert found.families == ()
+    assert (found.lower, found.families) == (np.inf, ())
     assert "No configuration of this arm is singular" in str(found)
     assert json.loads(found.to_json())["lower"] == "inf"
+    arm = build([Joint(), Joint(a=0.4, limits=(0.3, 0.3)), Joint(a=0.3)], (0.2, 0, 0), "vx,vy")
+    found = pinsing.suggest(arm)
+    assert found.q[1] == 0.3
+    slides = build([Joint(slides=True), Joint(alpha=np.pi / 2, slides=True)])
+    assert pinsing.suggest(slides).lower == np.inf
 
 
 def test_families_that_are_missing_are_said() -> None:
@@ -178,34 +175,22 @@ def test_thirteen_joints_get_one_without_a_proof() -> None:
     arm = build([Joint(rng.uniform(-1, 1), rng.uniform(0, 0.3)) for _ in range(13)])
     found = pinsing.suggest(arm)
     assert not found.complete
-    assert found.lower == 0.0
-    assert pinsing.at(arm, found.q).status == "regular"
-
-
-def test_equal_limits_and_a_prismatic_arm() -> None:
-    arm = build([Joint(), Joint(a=0.4, limits=(0.3, 0.3)), Joint(a=0.3)], (0.2, 0, 0), "vx,vy")
-    found = pinsing.suggest(arm)
-    assert found.q[1] == 0.3
-    slides = build([Joint(slides=True), Joint(alpha=np.pi / 2, slides=True)])
-    assert pinsing.suggest(slides).lower == np.inf
+    assert (found.lower, pinsing.at(arm, found.q).status) == (0.0, "regular")
 
 
 @pytest.mark.parametrize(
     ("options", "said"),
     [
-        ({"near": [0, 0]}, "near needs 6 values"),
-        ({"near": [0, 0, 0, 0, np.nan, 0]}, "nan"),
+        ({"near": [0, 0]}, "near needs 6 values"), ({"near": [0, 0, 0, 0, np.nan, 0]}, "nan"),
         ({"near": [0, 0, 0, 0, 0, 0], "reach": 0.0}, "reach must be a positive number"),
         ({"near": [0, 0, 0, 0, 0, 0], "reach": np.inf}, "reach must be a positive number"),
-        ({"seed": -1}, "seed"),
-        ({"seconds": 0.0}, "seconds must be positive"),
-        ({"families": ["F9"]}, "F9"),
-        ({"forms": []}, "forms"),
+        ({"seed": -1}, "seed"), ({"seconds": 0.0}, "seconds must be positive"),
+        ({"families": ["F9"]}, "F9"), ({"forms": []}, "forms"),
     ],
-)
+)  # fmt: skip
 def test_bad_input(options: dict[str, object], said: str) -> None:
     with pytest.raises(PinsingError, match=said):
-        pinsing.suggest(arm_of("ur5"), **options)  # type: ignore[arg-type]
+        pinsing.suggest(arm_of("ur5"), **options)
 
 
 def test_a_configuration_far_outside_the_limits_is_refused() -> None:
@@ -234,18 +219,8 @@ class TestCommand:
             assert (np.radians(told) if deg else told) <= float(true.upper)
 
     def test_near_and_json(self) -> None:
-        done = run(
-            "at",
-            "--suggest",
-            "ur5",
-            "--deg",
-            "--near",
-            "0,0,0,0,0,0",
-            "--reach",
-            "20deg",
-            "-o",
-            "-",
-        )
+        words = ("at", "--suggest", "ur5", "--deg", "--near", "0,0,0,0,0,0")
+        done = run(*words, "--reach", "20deg", "-o", "-")
         data = json.loads(done.stdout)
         assert data["schema"] == "pinsing/suggestion/1"
         assert data["reach"] == pytest.approx(np.radians(20))
@@ -254,23 +229,19 @@ class TestCommand:
     @pytest.mark.parametrize(
         "words",
         [
-            ("ur5", "--near", "1,2"),
-            ("ur5", "--reach", "3deg"),
-            ("ur5", "--near", "0,0,0,0,0,0", "--reach", "-3deg"),
-            ("ur5", "--near", "0,0,0,0,0,x"),
-            ("ur5", "--family", "F77"),
-            ("nobody",),
+            ("ur5", "--near", "1,2"), ("ur5", "--reach", "3deg"),
+            ("ur5", "--near", "0,0,0,0,0,0", "--reach", "-3deg"), ("ur5", "--near", "0,0,0,0,0,x"),
+            ("ur5", "--family", "F77"), ("nobody",),
         ],
-    )
+    )  # fmt: skip
     def test_bad_input_is_one_line(self, words: tuple[str, ...]) -> None:
         done = run("at", "--suggest", *words)
-        assert done.exit_code == 2
-        assert done.stdout == ""
+        assert (done.exit_code, done.stdout) == (2, "")
         assert sum("error: " in line for line in done.stderr.splitlines()) == 1
 
     def test_a_mechanism_is_no_arm(self) -> None:
         with pytest.raises(OptionError, match="arm must be"):
-            pinsing.suggest(pinsing.load_mechanism("urdf/five_bar.urdf"))  # type: ignore[arg-type]
+            pinsing.suggest(pinsing.load_mechanism("urdf/five_bar.urdf"))
 
 
 class TestInfo:

@@ -1,7 +1,5 @@
 """Trajectories checked: what they meet, files of all sorts, the command."""
 
-from __future__ import annotations
-
 import json
 import os
 import re
@@ -42,8 +40,7 @@ def test_what_a_crossing_path_meets() -> None:
     Q, t = path(401, (-1.0, 1.0))
     check = check_trajectory(arm_of("ur5"), Q, t, forms=closed("ur5"))
     assert [(c.family, c.kind) for c in check.crossings] == [("F2", "crossing")]
-    assert check.crossings[0].t == pytest.approx(2.0, abs=1e-9)
-    assert check.clearance == 0.0
+    assert (check.crossings[0].t, check.clearance) == (pytest.approx(2.0, abs=1e-9), 0.0)
     wrist = next(a for a in check.approaches if a.family == "F2")
     assert wrist.upper == wrist.lower == 0.0
     (stretch,) = [s for s in check.stretches if s.family == "F2"]
@@ -78,8 +75,7 @@ def test_a_clear_path_is_proven_clear() -> None:
         here = pinsing.clearance(form, approach.q, families=[approach.family], certify=True)
         assert approach.upper == pytest.approx(float(here.upper), abs=1e-5)
     nearest = check.approaches[0]
-    assert nearest.family == "F2"
-    assert nearest.upper == pytest.approx(0.4, abs=1e-9)
+    assert (nearest.family, nearest.upper) == ("F2", pytest.approx(0.4, abs=1e-9))
     assert nearest.t == pytest.approx(4.0)
     assert 0 < check.clearance <= 0.4
     assert "meets no singular configuration (proven between samples)" in summary(check)
@@ -186,9 +182,6 @@ def test_bad_arrays() -> None:
         check_trajectory(arm, np.zeros((2, 6)), forms=closed("puma560"))
     with pytest.raises(OptionError, match="near"):
         check_trajectory(arm, np.zeros((2, 6)), forms=form, near=-1.0)
-
-
-# Files ------------------------------------------------------------------------------------
 
 
 def test_files_of_all_kinds_read_alike(tmp_path: Path) -> None:
@@ -312,13 +305,13 @@ def test_other_bad_files(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> 
         assert error.count("error:") == 1
 
 
-def test_the_first_line_says_the_worst() -> None:
+def test_the_first_line_says_the_worst():
     arm = arm_of("ur5")
     Q, t = path(51, (-1.4, -0.4))
     away = np.array([7.0, 0, 0, 0, 0, 0])
 
     def first(Q: Array, t: Array | None, **options: object) -> str:
-        return summary(check_trajectory(arm, Q, t, forms=closed("ur5"), **options)).split("\n")[0]  # type: ignore[arg-type]
+        return summary(check_trajectory(arm, Q, t, forms=closed("ur5"), **options)).split("\n")[0]
 
     assert first(Q, t) == "ur5: meets no singular configuration (proven between samples)"
     assert "but exceeds joint speed limits" in first(Q, t / 100)
@@ -330,9 +323,6 @@ def test_the_first_line_says_the_worst() -> None:
     both = first(crossed + away, t)
     assert both.startswith("ur5: crosses the wrist singularity")
     assert both.endswith("; also leaves joint limits")
-
-
-def test_what_a_tip_speed_would_take_is_not_said_of_the_motion() -> None:
     Q, t = path(51, (-1.4, -0.1))
     text = summary(check_trajectory(arm_of("ur5"), Q, t, forms=closed("ur5"), near=0.01))
     assert "Joint speeds and limits are kept" in text
@@ -352,9 +342,6 @@ def test_a_file_in_degrees_is_refused(tmp_path: Path, capsys: pytest.CaptureFixt
     assert capsys.readouterr().out.startswith("degrees.csv: meets no singular configuration")
     assert run("check", "ur5", file, "--rad") == 0
     assert "leaves joint limits" in " ".join(capsys.readouterr().out.split())
-
-
-# The command --------------------------------------------------------------------------------
 
 
 def test_the_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -390,9 +377,7 @@ def test_the_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None
         ["-o", "picture.txt"],
     ],
 )
-def test_bad_options(
-    options: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_bad_options(options, tmp_path, capsys):
     np.save(tmp_path / "a.npy", path(5, (-1.0, 1.0))[0])
     assert run("check", "ur5", tmp_path / "a.npy", *options) == 2
     assert "error" in capsys.readouterr().err
@@ -454,7 +439,6 @@ class TestStretches:
 
 
 def test_what_strangers_wrote(tmp_path):
-    """Columns that are no joints, decimal commas, bytes that are no array: one line each."""
     arm = arm_of("planar3r")
     names = ",".join(arm.joints)
     cases = {

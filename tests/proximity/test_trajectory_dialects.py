@@ -1,7 +1,5 @@
 """Trajectory files as people have them: what is a joint, what a time, and in which unit."""
 
-from __future__ import annotations
-
 import json
 
 import numpy as np
@@ -14,13 +12,9 @@ from pinsing.errors import ConfigurationError
 from pinsing.proximity.trajectory_file import read_trajectory
 
 UR5 = [
-    "shoulder_pan_joint",
-    "shoulder_lift_joint",
-    "elbow_joint",
-    "wrist_1_joint",
-    "wrist_2_joint",
+    "shoulder_pan_joint", "shoulder_lift_joint", "elbow_joint", "wrist_1_joint", "wrist_2_joint",
     "wrist_3_joint",
-]
+]  # fmt: skip
 Q = np.array([[0.1, -1.2, 1.3, -0.4, 0.5, 0.7], [0.2, -1.1, 1.2, -0.3, 0.4, 0.6]])
 T = np.array([0.0, 0.25])
 DEG = np.degrees(Q)
@@ -71,11 +65,8 @@ def fanuc():
 
 
 ROSBAG = [
-    "%time",
-    *numbered("field.name{}", 0),
-    *numbered("field.position{}", 0),
-    "field.velocity0",
-]
+    "%time", *numbered("field.name{}", 0), *numbered("field.position{}", 0), "field.velocity0",
+]  # fmt: skip
 rosbag_rows = "".join(
     ",".join([f"{int(1.7e18 + t * 1e9)}", *UR5, *(f"{x:.12g}" for x in q), "0.5"]) + "\n"
     for q, t in zip(Q, T, strict=True)
@@ -113,9 +104,7 @@ DIALECTS = {
     "rtde.csv": (
         table(
             [
-                "timestamp",
-                *numbered("actual_q_{}", 0),
-                *numbered("actual_qd_{}", 0),
+                "timestamp", *numbered("actual_q_{}", 0), *numbered("actual_qd_{}", 0),
                 *numbered("target_q_{}", 0),
             ],
             np.column_stack([T, Q, Q, Q + 1]),
@@ -125,10 +114,7 @@ DIALECTS = {
     ),
     "semicolons.csv": (table(["t", *UR5], timed(), ";"), True),
     "tabs.tsv": (table(["t", *UR5], timed(), "\t"), True),
-    "excel.csv": (
-        "\ufeff" + table(["time(s)", *UR5], timed(), ";").replace(".", ","),
-        True,
-    ),
+    "excel.csv": ("\ufeff" + table(["time(s)", *UR5], timed(), ";").replace(".", ","), True),
     "comma_tabs.txt": (table(numbered("q{}"), Q, "\t").replace(".", ","), False),
     "bare.csv": (table([], Q)[1:], False),
     "bare_comma.csv": (table([], timed(), ";")[1:].replace(".", ","), True),
@@ -148,7 +134,7 @@ DIALECTS = {
         "def path():\n" + "".join(f"  movej({q.tolist()}, a=1.4, v=1.05)\n" for q in Q) + "end\n",
         False,
     ),
-}
+}  # fmt: skip
 
 
 @pytest.fixture(scope="module")
@@ -251,16 +237,10 @@ def test_columns_and_units_can_be_said(tmp_path, arm):
         read_trajectory(tmp_path / "a.csv", arm, True, [*"abcde", "x"])
     with pytest.raises(ConfigurationError, match="says degrees"):
         read_trajectory(tmp_path / "deg.csv", arm, False)
-
     words = [
-        "check",
-        "ur5",
-        str(tmp_path / "a.csv"),
-        "--units",
-        "deg",
-        "--columns",
+        "check", "ur5", str(tmp_path / "a.csv"), "--units", "deg", "--columns",
         "t=when,a,b,c,d,e,f",
-    ]
+    ]  # fmt: skip
     done = CliRunner().invoke(command, words)
     assert done.exit_code == 0, done.stderr
     assert "elbow_joint = 'c'" in done.stderr

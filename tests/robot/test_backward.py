@@ -1,7 +1,5 @@
 """Chains from anywhere to anywhere in a tree, joints on the way up backwards."""
 
-from __future__ import annotations
-
 import functools
 import re
 from importlib.metadata import distribution
@@ -14,6 +12,7 @@ from click.testing import CliRunner
 import pinsing
 from pinsing.cli.app import command
 from pinsing.errors import ChainError, JointError
+from pinsing.kinematics.jacobian import tip_placement
 from pinsing.view.links import read_links
 from pinsing.view.meshes import read_geometry
 
@@ -50,6 +49,12 @@ HUMANOIDS = (
     ("g1", "left_ankle_roll_link", "right_rubber_hand"),
     ("pr2", "l_gripper_tool_frame", "r_gripper_tool_frame"),
     ("ur5", "tool0", "base_link"),
+    # From the base outwards, with joints before it.
+    ("ur5", "upper_arm_link", "tool0"),
+    ("baxter", "left_arm_mount", "left_gripper_base_link"),
+    ("tiago", "torso_lift_link", "wrist_ft_tool_link"),
+    ("pr2", "r_shoulder_pan_link", "r_gripper_tool_frame"),
+    ("kinova", "j2s6s200_link_1", "j2s6s200_end_effector"),
     ("ur5", "wrist_3_link", "forearm_link"),
 )
 
@@ -111,6 +116,8 @@ def test_jacobians_are_those_of_the_tip_seen_from_the_base(name, base, tip, rng)
     for q in drawn(arm, rng, 4):
         J = pinsing.frame_jacobian(arm, q)
         np.testing.assert_allclose(J, relative_jacobian(arm, q), atol=1e-12)
+        here, there = tip_placement(arm, q).homogeneous, placement(arm, q).homogeneous
+        np.testing.assert_allclose(here, there, atol=1e-12)
         np.testing.assert_allclose(
             pinsing.kinematics.frame_jacobians(arm, q[None])[0], J, atol=1e-12
         )
@@ -204,17 +211,13 @@ def test_a_floating_base_drops_out(rng):
 
 
 def test_only_some_joints_of_the_way(rng):
-    arm = pinsing.load(
-        TOWARDS["tree"], base="foot", tip="hand", joints=["slide", "knee", "shoulder"]
-    )
-    assert arm.joints == ("knee", "shoulder", "slide")
-    for q in drawn(arm, rng, 3):
-        J = relative_jacobian(arm, q)
-        np.testing.assert_allclose(pinsing.frame_jacobian(arm, q), J, atol=1e-12)
-    alone = pinsing.load(TOWARDS["tree"], base="foot", tip="hand", joints=["elbow", "slide"])
-    for q in drawn(alone, rng, 3):
-        J = relative_jacobian(alone, q)
-        np.testing.assert_allclose(pinsing.frame_jacobian(alone, q), J, atol=1e-12)
+    ways = (("knee", "shoulder", "slide"), ("elbow", "slide"))
+    for joints in ways:
+        arm = pinsing.load(TOWARDS["tree"], base="foot", tip="hand", joints=[*joints[::-1]])
+        assert arm.joints == joints
+        for q in drawn(arm, rng, 3):
+            J = relative_jacobian(arm, q)
+            np.testing.assert_allclose(pinsing.frame_jacobian(arm, q), J, atol=1e-12)
 
 
 def test_links_are_drawn_where_they_are(rng):
@@ -240,7 +243,7 @@ def test_links_are_drawn_where_they_are(rng):
     assert carriers == set(range(8))
 
 
-def test_the_text_says_which_joints_are_backwards():
+def test_the_text_says_which_joints_are_backwards(tmp_path):
     arm = chain("tree", "foot", "hand")
     assert any(
         note.startswith(
@@ -249,6 +252,13 @@ def test_the_text_says_which_joints_are_backwards():
         for note in arm.notes
     )
     assert not any("backwards" in note for note in pinsing.load("ur5").notes)
+    file = tmp_path / "tree.urdf"
+    file.write_text(TOWARDS["tree"])
+    done = CliRunner().invoke(
+        command, ["list", str(file), "--base", "foot", "--tip", "hand"], prog_name="pinsing"
+    )
+    assert done.exit_code == 0
+    assert "traversed backwards: ankle, knee, hip" in done.stdout + done.stderr
 
 
 @pytest.mark.parametrize(
@@ -280,15 +290,3 @@ def test_a_ball_on_the_way_back_is_refused():
     model.addFrame(pin.Frame("world", 0, 0, pin.SE3.Identity(), pin.FrameType.OP_FRAME))
     with pytest.raises((ChainError, JointError)):
         pinsing.load(model, base="foot", tip="world")
-
-
-def test_the_command_takes_it(tmp_path):
-    file = tmp_path / "tree.urdf"
-    file.write_text(TOWARDS["tree"])
-    done = CliRunner().invoke(
-        command,
-        ["list", str(file), "--base", "foot", "--tip", "hand"],
-        prog_name="pinsing",
-    )
-    assert done.exit_code == 0
-    assert "traversed backwards: ankle, knee, hip" in done.stdout + done.stderr

@@ -1,7 +1,5 @@
 """From a robot to an arm: which chain, which tip, what is locked, and what is refused."""
 
-from __future__ import annotations
-
 import re
 
 import numpy as np
@@ -42,34 +40,19 @@ def noted(arm: Arm, *words: str) -> bool:
     return any(all(word in note for word in words) for note in arm.notes)
 
 
-# Tips
-
-
 @pytest.mark.parametrize(
     ("robot", "n", "tip"),
     [
-        ("panda", 7, "panda_hand_tcp"),
-        ("ur3", 6, "tool0"),
-        ("ur5", 6, "tool0"),
-        ("ur10", 6, "tool0"),
-        ("kinova", 6, "j2s6s200_end_effector"),
-        ("xarm7", 7, "link_eef"),
-        ("z1", 6, "gripperStator"),
-        ("b1_z1", 6, "gripperStator"),
-        ("talos_arm", 6, "wrist_left_ft_tool_link"),
-        ("tiago", 8, "wrist_ft_tool_link"),
-        ("tiago_no_hand", 8, "wrist_ft_tool_link"),
-        ("so100", 5, "gripper"),
-        ("so101", 5, "gripper_frame_link"),
-        ("stanford", 6, "tool0"),
-        ("surgical7", 7, "tool0"),
-        ("puma560", 6, "tool0"),
-        ("irb1400", 6, "tool0"),
-        ("iiwa14", 7, "tool0"),
-        ("scara", 4, "tool0"),
-        ("planar3r", 3, "tool0"),
+        ("panda", 7, "panda_hand_tcp"), ("ur3", 6, "tool0"), ("ur5", 6, "tool0"),
+        ("ur10", 6, "tool0"), ("kinova", 6, "j2s6s200_end_effector"), ("xarm7", 7, "link_eef"),
+        ("z1", 6, "gripperStator"), ("b1_z1", 6, "gripperStator"),
+        ("talos_arm", 6, "wrist_left_ft_tool_link"), ("tiago", 8, "wrist_ft_tool_link"),
+        ("tiago_no_hand", 8, "wrist_ft_tool_link"), ("so100", 5, "gripper"),
+        ("so101", 5, "gripper_frame_link"), ("stanford", 6, "tool0"), ("surgical7", 7, "tool0"),
+        ("puma560", 6, "tool0"), ("irb1400", 6, "tool0"), ("iiwa14", 7, "tool0"),
+        ("scara", 4, "tool0"), ("planar3r", 3, "tool0"),
     ],
-)
+)  # fmt: skip
 def test_the_arm_and_its_tip(robot, n, tip):
     arm = load(robot)
     assert (arm.n, arm.tip) == (n, tip)
@@ -93,14 +76,6 @@ def test_fingers_are_locked_and_told(robot):
     assert not any(re.search("finger|gripper|hand", name.lower()) for name in arm.joints)
 
 
-def test_the_head_is_passed_over():
-    arm = load("tiago")
-    assert "torso_lift_joint" in arm.joints
-    assert arm.prismatic[arm.joints.index("torso_lift_joint")]
-    assert arm.prismatic.sum() == 1
-    assert noted(arm, "passed over", "wheel_left_link")
-
-
 @pytest.mark.parametrize(
     ("robot", "tips"),
     [
@@ -110,14 +85,12 @@ def test_the_head_is_passed_over():
         ("tiago_pro", ["arm_left_tool_link", "arm_right_tool_link"]),
         ("romeo", ["l_gripper", "r_gripper"]),
         ("talos", ["wrist_left_ft_tool_link", "wrist_right_ft_tool_link"]),
-        ("icub", ["l_gripper", "r_gripper"]),
-        ("human", ["left_hand", "right_hand"]),
+        ("icub", ["l_gripper", "r_gripper"]), ("human", ["left_hand", "right_hand"]),
         ("allegro_right_hand", ["link_3.0_tip", "link_7.0_tip", "link_11.0_tip", "link_15.0_tip"]),
-        ("a1", ["FL_foot", "FR_foot", "RL_foot", "RR_foot"]),
-        ("hyq", ["lf_foot", "rh_foot"]),
+        ("a1", ["FL_foot", "FR_foot", "RL_foot", "RR_foot"]), ("hyq", ["lf_foot", "rh_foot"]),
         ("solo12", ["FL_FOOT", "HR_FOOT"]),
     ],
-)
+)  # fmt: skip
 def test_several_arms_are_refused_with_the_list(robot, tips):
     with pytest.raises(ChainError, match="chains could be the arm") as caught:
         load(robot)
@@ -131,20 +104,27 @@ def test_several_arms_are_refused_with_the_list(robot, tips):
 
 def test_a_given_tip():
     arm = load("panda", tip="panda_link5")
-    assert arm.n == 5
-    assert arm.joints[-1] == "panda_joint5"
+    assert (arm.n, arm.joints[-1]) == (5, "panda_joint5")
     finger = load("panda", tip="panda_leftfinger")
     assert finger.joints[-1] == "panda_finger_joint1"
     assert finger.prismatic.tolist() == [False] * 7 + [True]
+    arm = load("tiago")
+    assert "torso_lift_joint" in arm.joints
+    assert arm.prismatic[arm.joints.index("torso_lift_joint")]
+    assert arm.prismatic.sum() == 1
+    assert noted(arm, "passed over", "wheel_left_link")
 
 
-@pytest.mark.parametrize("robot", ["hector", "ur_ur3"])
-def test_nothing_to_analyse(robot):
-    with pytest.raises(RobotFileError, match="nothing to analyse"):
-        load(robot)
-
-
-# Names
+def test_nothing_to_analyse():
+    for robot in ("hector", "ur_ur3"):
+        with pytest.raises(RobotFileError, match="nothing to analyse"):
+            load(robot)
+    with pytest.raises(ChainError, match="no movable joint"):
+        load(pin.Model())
+    urdf = load("a1", tip="FL_foot").source.path
+    model = pin.buildModelFromUrdf(str(urdf), pin.JointModelFreeFlyer())
+    with pytest.raises(ChainError, match=r"4 chains.*--tip FL_foot \(3 joints\)"):
+        load(model)
 
 
 def test_unknown_names_come_with_those_that_resemble_them():
@@ -159,89 +139,29 @@ def test_unknown_names_come_with_those_that_resemble_them():
         load("pnda")
 
 
-def test_missing_file(tmp_path):
-    with pytest.raises(RobotFileError, match="no such file"):
-        load(tmp_path / "arm.urdf")
-    with pytest.raises(RobotFileError):
-        load(tmp_path)
+def test_notes():
+    arm = load("tiago", base="torso_lift_link", tip="wrist_ft_tool_link")
+    assert "torso_lift_joint" not in arm.joints
+    assert noted(arm, "before the base", "torso_lift_joint")
+    notes = load("romeo", tip="LFinger13Link", base="l_wrist").notes
+    told = next(note for note in notes if note.startswith("mimic joints of the chain follow"))
+    assert told.index("LFinger12 =") < told.index("LFinger13 =")
 
 
-# Base
-
-
-@pytest.mark.parametrize(
-    ("robot", "base", "tip"),
-    [
-        ("ur5", "upper_arm_link", "tool0"),
-        ("baxter", "left_arm_mount", "left_gripper_base_link"),
-        ("tiago", "torso_lift_link", "wrist_ft_tool_link"),
-        ("pr2", "r_shoulder_pan_link", "r_gripper_tool_frame"),
-        ("kinova", "j2s6s200_link_1", "j2s6s200_end_effector"),
-    ],
-)
-def test_jacobian_is_in_the_axes_of_the_base(robot, base, tip, rng):
-    arm = load(robot, base=base, tip=tip)
-    whole = arm.source.full_model
-    data = whole.createData()
-    joint = whole.frames[whole.getFrameId(base, pin.FrameType.BODY)].parentJoint
-    before = set()
-    while joint:
-        before.add(whole.names[joint])
-        joint = whole.parents[joint]
-    assert before.isdisjoint(arm.joints)
-    assert not before or noted(arm, "before the base", *before)
-    columns = [whole.joints[whole.getJointId(name)].idx_v for name in arm.joints]
-    for _ in range(5):
-        q = draw(arm, rng)
-        v = np.zeros(whole.nv)
-        v[columns] = q
-        reference = arm.source.reference.copy()
-        for name in arm.joints:  # v counts from zero
-            j = whole.joints[whole.getJointId(name)]
-            reference[j.idx_q : j.idx_q + j.nq] = pin.neutral(whole)[j.idx_q : j.idx_q + j.nq]
-        full = pin.integrate(whole, reference, v)
-        pin.framesForwardKinematics(whole, data, full)
-        world_base = data.oMf[whole.getFrameId(base, pin.FrameType.BODY)]
-        world_tip = data.oMf[whole.getFrameId(tip, pin.FrameType.BODY)]
-        J = pin.computeFrameJacobian(
-            whole,
-            data,
-            full,
-            whole.getFrameId(tip, pin.FrameType.BODY),
-            pin.LOCAL_WORLD_ALIGNED,
-        )[:, columns]
-        turn = np.kron(np.eye(2), world_base.rotation.T)
-        np.testing.assert_allclose(frame_jacobian(arm, q), turn @ J, atol=1e-12)
-        here = tip_placement(arm, q)
-        np.testing.assert_allclose(
-            here.homogeneous, (world_base.inverse() * world_tip).homogeneous, atol=1e-12
-        )
-
-
-def test_base_alone_chooses_among_the_arms_beyond_it():
+def test_bases():
     arm = load("baxter", base="left_upper_shoulder")
-    assert arm.tip == "left_gripper_base_link"
-    assert arm.n == 6
+    assert (arm.tip, arm.n) == ("left_gripper_base_link", 6)
     with pytest.raises(ChainError, match="chains could be the arm"):
         load("baxter", base="torso")
-
-
-def test_base_beside_the_chain():
     arm = load("baxter", base="right_upper_shoulder", tip="left_gripper_base_link")
     assert arm.joints == (
         "right_s0",
         *(f"left_{j}" for j in ("s0", "s1", "e0", "e1", "w0", "w1", "w2")),
     )
-
-
-def test_no_joint_between_base_and_tip():
     with pytest.raises(ChainError, match="no joint lies between"):
         load("ur5", base="wrist_3_link", tip="tool0")
     with pytest.raises(ChainError, match="no joint lies between"):
         load("ur5", tip="base_link")
-
-
-# Joints
 
 
 def test_a_subset_of_joints_locks_the_rest(rng):
@@ -258,31 +178,21 @@ def test_a_subset_of_joints_locks_the_rest(rng):
     )
 
 
-def test_joints_choose_the_tip_too():
+def test_chosen_joints():
     arm = load("baxter", joints=["left_s0", "left_e1"])
     assert arm.joints == ("left_s0", "left_e1")
     assert arm.model.frames[arm.tip_id].parentJoint == arm.model.getJointId("left_e1")
     assert noted(arm, arm.tip, "link of the last joint")
     assert load("ur5", joints="elbow_joint").joints == ("elbow_joint",)
-
-
-def test_joints_off_the_chain():
     with pytest.raises(ChainError, match="'right_s0' is not between the base and the tip"):
         load("baxter", tip="left_gripper_base_link", joints=["left_s0", "right_s0"])
     with pytest.raises(ChainError, match="named twice"):
         load("ur5", joints=["elbow_joint", "elbow_joint"])
     with pytest.raises(ChainError, match="no joint"):
         load("ur5", joints=[])
-
-
-def test_locked_joints_stand_inside_their_limits():
-    """Panda's neutral configuration violates the limit of joint 4."""
     arm = load("panda", joints=["panda_joint1", "panda_joint7"])
     joint = arm.source.full_model.joints[arm.source.full_model.getJointId("panda_joint4")]
     assert arm.source.reference[joint.idx_q] < -0.06
-
-
-# pin.Model
 
 
 def test_a_model_is_never_modified(make_model):
@@ -292,47 +202,11 @@ def test_a_model_is_never_modified(make_model):
     arm = load(model, tip="tip", base="j1", joints=["j3", "j5"])
     frame_jacobian(arm, [0.1, 0.2])
     generic_rank(arm)
+    pinsing.closed_form(load(model, tip="tip"), seconds=0.1)
     assert model == before
     assert [f.name for f in model.frames] == [f.name for f in before.frames]
     model.jointPlacements[3] = pin.SE3.Random()  # nor does the arm follow later changes
     assert arm.source.full_model == before
-
-
-def test_a_floating_base_is_locked(rng):
-    model = pin.Model()
-    place = pin.SE3(pin.utils.rotate("y", 0.4), np.array([0.2, 0.1, 0.0]))
-    parent = model.addJoint(0, pin.JointModelFreeFlyer(), pin.SE3.Identity(), "root_joint")
-    for i in range(5):
-        parent = model.addJoint(
-            parent,
-            pin.JointModelRX() if i % 2 else pin.JointModelRZ(),
-            place,
-            f"j{i}",
-            np.ones(1),
-            np.ones(1),
-            -np.ones(1),
-            np.ones(1),
-        )
-    model.addFrame(pin.Frame("hand_tip", parent, 0, place, pin.FrameType.OP_FRAME))
-    arm = load(model)
-    assert arm.joints == ("j0", "j1", "j2", "j3", "j4")
-    assert noted(arm, "floating base", "root_joint")
-    q = draw(arm, rng)
-    J = pin.computeFrameJacobian(
-        model,
-        model.createData(),
-        np.concatenate([pin.neutral(model)[:7], q]),
-        model.getFrameId("hand_tip"),
-        pin.LOCAL_WORLD_ALIGNED,
-    )
-    np.testing.assert_allclose(frame_jacobian(arm, q), J[:, 6:], atol=1e-12)
-
-
-def test_a_quadruped_on_a_floating_base_is_still_several_chains():
-    urdf = load("a1", tip="FL_foot").source.path
-    model = pin.buildModelFromUrdf(str(urdf), pin.JointModelFreeFlyer())
-    with pytest.raises(ChainError, match=r"4 chains.*--tip FL_foot \(3 joints\)"):
-        load(model)
 
 
 @pytest.mark.parametrize(
@@ -395,18 +269,10 @@ def test_no_limits_and_no_width(make_model):
     assert noted(arm, "WARNING", "j2", "cannot move")
     assert arm.lower.tolist() == [-np.inf, 0.5]
     assert arm.span[0].tolist() == pytest.approx([-np.pi, 0.5])
-
-
-def test_a_mimic_model_of_pinocchio_is_refused(write_urdf):
-    joints = [("revolute", turning()), ("revolute", turning(more='<mimic joint="j1"/>'))]
-    model = pin.buildModelFromUrdf(str(write_urdf(joints)), mimic=True)
-    with pytest.raises(PinsingError, match="mimic=False"):
-        load(model)
-
-
-def test_a_model_without_joints():
-    with pytest.raises(ChainError, match="no movable joint"):
-        load(pin.Model())
+    model = make_model([(pin.JointModelRZ(), STEP), (pin.JointModelRX(), STEP)], STEP)
+    model.addFrame(pin.Frame("j1", 2, 0, STEP, pin.FrameType.OP_FRAME))  # j1 is a joint's as well
+    arm = load(model, tip="j1")
+    assert (arm.joints, arm.model.frames[arm.tip_id].parentJoint) == (("j1", "j2"), 2)
 
 
 def test_link_and_joint_of_one_name(write_urdf, rng):
@@ -422,24 +288,11 @@ def test_link_and_joint_of_one_name(write_urdf, rng):
     np.testing.assert_allclose(frame_jacobian(part, q), expected, atol=1e-12)
 
 
-def test_two_frames_of_one_name(make_model):
-    model = make_model([(pin.JointModelRZ(), STEP), (pin.JointModelRX(), STEP)], STEP)
-    model.addFrame(pin.Frame("j1", 2, 0, STEP, pin.FrameType.OP_FRAME))  # j1 is a joint's as well
-    arm = load(model, tip="j1")
-    assert arm.joints == ("j1", "j2")
-    assert arm.model.frames[arm.tip_id].parentJoint == 2
-
-
-# Files
-
-
 def test_prismatic_and_unaligned_axes(write_urdf, rng):
     joints = [
-        ("revolute", turning("1 2 3")),
-        ("prismatic", turning("-1 1 0.5")),
-        ("continuous", turning("0.6 0 -0.8", limit="")),
-        ("prismatic", turning("0 0 -1")),
-    ]
+        ("revolute", turning("1 2 3")), ("prismatic", turning("-1 1 0.5")),
+        ("continuous", turning("0.6 0 -0.8", limit="")), ("prismatic", turning("0 0 -1")),
+    ]  # fmt: skip
     path = write_urdf(joints)
     arm = load(path)
     assert arm.prismatic.tolist() == [False, True, False, True]
@@ -459,12 +312,8 @@ def test_a_missing_limit_is_refused_in_the_chain_only(write_urdf, limit):
     path = write_urdf(joints)
     with pytest.raises(RobotFileError, match=r"robot.urdf:4: joint 'j2'.*make it type=") as caught:
         load(path)
-    assert caught.value.line == 4
-    assert load(path, base="l2").joints == ("j3",)
+    assert (caught.value.line, load(path, base="l2").joints) == (4, ("j3",))
     assert load(path, tip="l3", joints=["j1", "j3"]).joints == ("j1", "j3")
-
-
-# Mimic joints
 
 
 def palletizer(write_urdf) -> object:
@@ -473,10 +322,7 @@ def palletizer(write_urdf) -> object:
         ("revolute", turning("0 0 1", xyz="0 0 0.3")),
         ("revolute", turning("0 1 0", xyz="0.1 0 0.2")),
         ("revolute", turning("0 1 0", xyz="0 0 0.6")),
-        (
-            "revolute",
-            turning("0 1 0", more='<mimic joint="j3" multiplier="-0.5" offset="0.2"/>'),
-        ),
+        ("revolute", turning("0 1 0", more='<mimic joint="j3" multiplier="-0.5" offset="0.2"/>')),
         ("revolute", turning("0 0 1", xyz="0.1 0 0")),
         ("prismatic", turning("0 0 1", more='<mimic joint="j4" multiplier="0.1" offset="0.05"/>')),
         ("revolute", turning("1 0 0")),
@@ -487,8 +333,7 @@ def palletizer(write_urdf) -> object:
 def test_mimic_joints_of_the_chain_follow(write_urdf, rng):
     path = palletizer(write_urdf)
     arm = load(path)
-    assert arm.joints == ("j1", "j2", "j3", "j5", "j7")
-    assert arm.prismatic.tolist() == [False] * 5
+    assert (arm.joints, arm.prismatic.tolist()) == (("j1", "j2", "j3", "j5", "j7"), [False] * 5)
     assert noted(arm, "mimic", "j4 = -0.5 * j3 + 0.2", "j6 = -0.05 * j3 + 0.07")
     model = pin.buildModelFromUrdf(str(path))
     data = model.createData()
@@ -561,20 +406,14 @@ def test_a_follower_whose_leader_is_locked_stays(write_urdf):
     full = np.array([0.3, -0.4, 0.0, 0.2, 0.9, 0.07, 0.0])
     pin.framesForwardKinematics(model, data, full)
     np.testing.assert_allclose(
-        tip_placement(arm, q).homogeneous,
-        data.oMf[model.getFrameId("l7")].homogeneous,
-        atol=1e-13,
+        tip_placement(arm, q).homogeneous, data.oMf[model.getFrameId("l7")].homogeneous, atol=1e-13
     )
 
 
 def test_a_follower_comes_along_with_its_chosen_leader(write_urdf):
     arm = load(palletizer(write_urdf), tip="l7", joints=["j3"])
-    assert arm.joints == ("j3",)
-    assert arm.model.nv == 3  # j3, and j4 and j6 behind it
+    assert (arm.joints, arm.model.nv) == (("j3",), 3)
     assert frame_jacobian(arm, [0.2]).shape == (6, 1)
-
-
-def test_a_follower_cannot_be_chosen(write_urdf):
     with pytest.raises(JointError, match="'j4': follows another joint"):
         load(palletizer(write_urdf), tip="l7", joints=["j3", "j4"])
 
@@ -605,21 +444,15 @@ def test_a_continuous_pair(write_urdf, rng):
     q = draw(arm, rng)
     R = pin.utils.rotate("z", -q[0]) @ pin.utils.rotate("y", q[1])
     np.testing.assert_allclose(tip_placement(arm, q).rotation, R, atol=1e-13)
-
-
-def test_a_locked_continuous_follower_stands_at_its_offset(write_urdf):
     joints = [
         ("continuous", turning("0 0 1", limit="")),
         ("continuous", turning("0 0 1", limit="", more='<mimic joint="j1" offset="0.6"/>')),
         ("revolute", turning("0 0 1")),
-    ]
+    ]  # a locked follower stands at its offset
     arm = load(write_urdf(joints), tip="l3", joints=["j3"])
     np.testing.assert_allclose(
         tip_placement(arm, [0.0]).rotation, pin.utils.rotate("z", 0.6), atol=1e-13
     )
-
-
-# The arm itself
 
 
 def test_folding_by_whole_turns():
@@ -630,6 +463,11 @@ def test_folding_by_whole_turns():
     np.testing.assert_allclose(turns, np.round(turns), atol=1e-12)
     assert (np.abs(folded[[0, 3, 5]]) <= np.pi).all()
     assert arm.within_limits(folded) == arm.within_limits(q)
+    arm = load("ur5")
+    Q = np.zeros((100_000, 6))
+    Q[40_000:41_000, 1] = -70
+    with pytest.raises(ConfigurationError, match=r"Q\[40000\]: shoulder_lift_joint"):
+        pinsing.singular_values(arm, Q)
 
 
 def test_limits_count_values_as_they_are():
@@ -702,16 +540,14 @@ def test_degrees_are_refused_and_radians_can_be_insisted_on():
     arm = load("ur5")
     form = pinsing.closed_form(arm)
     takes = [
-        lambda a, f: pinsing.at(a, DEGREES),
-        lambda a, f: pinsing.singular_values(a, [DEGREES] * 3),
+        lambda a, f: pinsing.at(a, DEGREES), lambda a, f: pinsing.singular_values(a, [DEGREES] * 3),
         lambda a, f: pinsing.check_trajectory(a, [[0.0] * 6, DEGREES], forms=f),
-        lambda a, f: pinsing.clearance(f, DEGREES),
-        lambda a, f: pinsing.is_clear(f, DEGREES, 0.1),
+        lambda a, f: pinsing.clearance(f, DEGREES), lambda a, f: pinsing.is_clear(f, DEGREES, 0.1),
         lambda a, f: pinsing.Monitor(f).update(DEGREES),
         lambda a, f: pinsing.Monitor(f).update(np.array(DEGREES, dtype=float)),
         lambda a, f: pinsing.Monitor(f).update([float(x) for x in DEGREES]),
         lambda a, f: pinsing.crossings(f, [DEGREES, DEGREES]),
-    ]
+    ]  # fmt: skip
     for take in takes:
         with pytest.raises(ConfigurationError, match=r"shoulder_lift_joint = -70 rad is -11\.1"):
             take(arm, form)
@@ -736,34 +572,19 @@ def test_joints_without_limits_count_as_limited_to_a_turn():
             arm.check(q)
 
 
-def test_a_few_rows_in_degrees_are_seen_in_a_long_array():
-    arm = load("ur5")
-    Q = np.zeros((100_000, 6))
-    Q[40_000:41_000, 1] = -70
-    with pytest.raises(ConfigurationError, match=r"Q\[40000\]: shoulder_lift_joint"):
-        pinsing.singular_values(arm, Q)
-
-
-def test_frames_are_read_only():
+def test_plain_data():
     arm = load("ur5")
     with pytest.raises(ValueError, match="read-only"):
         arm.lower[0] = 0.0
     with pytest.raises(AttributeError):
         arm.tip = "elsewhere"
-
-
-def test_summary_holds_the_plain_data():
     arm = load("surgical7", task="vx,vy,wz", length_scale=0.5)
     summary = summarize(arm)
-    assert summary.n == 7
-    assert summary.source == "surgical7"
+    assert (summary.n, summary.source) == (7, "surgical7")
     assert parse_task(summary.task) == arm.task
     for name in ("name", "tip", "base", "joints", "length_scale", "notes"):
         assert getattr(summary, name) == getattr(arm, name)
     np.testing.assert_array_equal(summary.prismatic, arm.prismatic)
-
-
-def test_tasks_by_any_name():
     assert parse_task("pose").rows == (0, 1, 2, 3, 4, 5)
     assert parse_task("wz, vx") == Task("vx,wz", (0, 5)) == parse_task(["vx", "wz"])
     assert parse_task("vz,vx,vy").name == "position"
@@ -789,9 +610,3 @@ def test_every_robot_of_the_catalog_loads_or_says_why():
         assert 1 <= generic_rank(arm) <= 6
     assert loaded >= 25
     assert all(message and "\n" not in message for message in said)
-
-
-def test_followers_are_noted_in_the_order_of_the_chain():
-    notes = load("romeo", tip="LFinger13Link", base="l_wrist").notes
-    told = next(note for note in notes if note.startswith("mimic joints of the chain follow"))
-    assert told.index("LFinger12 =") < told.index("LFinger13 =")

@@ -1,7 +1,5 @@
 """MuJoCo models: read as MuJoCo reads them, or refused in one sentence with the line."""
 
-from __future__ import annotations
-
 import math
 from pathlib import Path
 
@@ -97,14 +95,10 @@ NUMBERS = {
     'axis="0 1 0"': 3, 'range="-120 120"': 2,
 }  # fmt: skip
 BAD = {
-    "few": lambda w: w[:-1],
-    "many": lambda w: [*w, "0"],
-    "letters": lambda w: ["a", *w[1:]],
-    "nan": lambda w: ["nan", *w[1:]],
-    "infinite": lambda w: [*w[:-1], "inf"],
-    "comma": lambda w: [*w[:-1], "0,3"],
-    "huge": lambda w: ["1e308", *w[1:]],
-}
+    "few": lambda w: w[:-1], "many": lambda w: [*w, "0"], "letters": lambda w: ["a", *w[1:]],
+    "nan": lambda w: ["nan", *w[1:]], "infinite": lambda w: [*w[:-1], "inf"],
+    "comma": lambda w: [*w[:-1], "0,3"], "huge": lambda w: ["1e308", *w[1:]],
+}  # fmt: skip
 
 
 @pytest.mark.parametrize("how", BAD)
@@ -222,18 +216,22 @@ def test_the_sequence_of_euler_angles_counts(tmp_path, sequence, turns):
         np.testing.assert_allclose(one, true, atol=1e-12)
 
 
-def test_capital_letters_turn_about_the_axes_of_the_parent(tmp_path):
+def test_other_settings_of_the_compiler(tmp_path):
     places = []
     for sequence, turns in (("xyz", "20 40 60"), ("ZYX", "60 40 20")):
         text = changed('angle="degree"', f'angle="degree" eulerseq="{sequence}"')
         places.append(placed(load(tmp_path, changed("0 0 90", turns, text))))
     np.testing.assert_allclose(places[0], places[1], atol=1e-12)
     assert np.abs(np.subtract(places[0], tool())).max() > 0.01
-
-
-def test_a_range_needs_limited_where_limits_are_not_automatic(tmp_path):
     text = changed('autolimits="true"', 'autolimits="false"')
     assert "arm.xml:13: joint 'j1' has a range, and autolimits" in refused(tmp_path, text)
+    text = changed('angle="degree"', 'angle="radian"')
+    text = text.replace('euler="0 0 90"', 'euler="0 0 1.5707963267948966"')
+    text = text.replace('ref="30"', f'ref="{math.pi / 6!r}"').replace('range="-170 170"', "")
+    arm = load(tmp_path, text)
+    for found, true in zip(placed(arm), tool(), strict=True):
+        np.testing.assert_allclose(found, true, atol=1e-12)
+    np.testing.assert_allclose(arm.upper, [np.inf, 120, 0.1])
 
 
 def test_an_included_file_is_read_and_its_lines_are_named(tmp_path):
@@ -248,16 +246,13 @@ def test_an_included_file_is_read_and_its_lines_are_named(tmp_path):
     assert f"{part}:3: joint 'j3': <joint axis='0 0 nan'>" in refused(tmp_path, text)
 
 
-def test_a_link_does_not_lead_an_include_out_of_the_folder(tmp_path):
+def test_includes_lead_nowhere_else_and_end(tmp_path):
     (tmp_path / "secret.xml").write_text("<mujocoinclude/>")
     inner = tmp_path / "model"
     inner.mkdir()
     (inner / "link.xml").symlink_to(tmp_path / "secret.xml")
     text = changed("<geom", '<include file="link.xml"/><geom')
     assert "outside the folder of the model" in refused(inner, text)
-
-
-def test_includes_without_end_are_refused(tmp_path):
     for name, other in (("a", "b"), ("b", "a")):
         text = f'<mujocoinclude><include file="{other}.xml"/></mujocoinclude>'
         (tmp_path / f"{name}.xml").write_text(text)
@@ -265,25 +260,12 @@ def test_includes_without_end_are_refused(tmp_path):
     assert "b.xml:1: <include file='a.xml'>: that file is included already" in said
 
 
-def test_two_joints_of_a_body_are_two_joints(tmp_path):
+def test_two_joints_of_a_body_and_a_free_base(tmp_path):
     text = changed(
         '<body name="hand" pos="0 0 0.3">\n            <joint',
         '<body name="hand" pos="0 0 0.3">\n<joint name="j0" type="slide" axis="1 0 0"/><joint',
     )
     assert load(tmp_path, text).joints == ("j1", "j2", "j0", "j3")
-
-
-def test_radians_and_unlimited_joints(tmp_path):
-    text = changed('angle="degree"', 'angle="radian"')
-    text = text.replace('euler="0 0 90"', 'euler="0 0 1.5707963267948966"')
-    text = text.replace('ref="30"', f'ref="{math.pi / 6!r}"').replace('range="-170 170"', "")
-    arm = load(tmp_path, text)
-    for found, true in zip(placed(arm), tool(), strict=True):
-        np.testing.assert_allclose(found, true, atol=1e-12)
-    np.testing.assert_allclose(arm.upper, [np.inf, 120, 0.1])
-
-
-def test_a_free_base_is_locked(tmp_path):
     text = changed('<geom size="0.1"/>', '<freejoint name="free"/><geom size="0.1"/>')
     arm = load(tmp_path, text)
     assert any("floating base: joint free is locked" in note for note in arm.notes)

@@ -1,7 +1,5 @@
 """The exact geometry: what is snapped, what stays, and how far it is from the file's."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 from fractions import Fraction
@@ -82,8 +80,7 @@ def check(arm: Arm, exact: Nominal, Q: np.ndarray) -> float:
     k = len(exact.prismatic)
     assert k == arm.model.nv
     assert len(exact.rotation) == len(exact.translation) == k + 1
-    assert exact.offset.shape == (k,)
-    assert exact.rotation[-1] == IDENTITY
+    assert (exact.offset.shape, exact.rotation[-1]) == ((k,), IDENTITY)
     for R in exact.rotation:
         assert all(isinstance(x, Fraction | Surd) for row in R for x in row)
         for a in range(3):
@@ -109,9 +106,6 @@ def check(arm: Arm, exact: Nominal, Q: np.ndarray) -> float:
     return seen
 
 
-# What is snapped
-
-
 @pytest.mark.parametrize(
     ("written", "quarter"),
     [(1.5708, 1), (1.57, 1), (-1.5707963, -1), (3.14, 2), (3.1416, 2), (-1.571, -1), (0.0005, 0)],
@@ -129,16 +123,13 @@ def test_rounded_right_angles(make_model, rng, written, quarter):
     assert exact.rotation[1] == ((1, 0, 0), (0, c, -s), (0, s, c))
     error = abs(written - quarter * math.pi / 2)
     (snap,) = exact.snaps
-    assert snap.what == "angle"
-    assert snap.where == "j1 to j2"
+    assert (snap.what, snap.where) == ("angle", "j1 to j2")
     assert snap.size == pytest.approx(error, rel=1e-6, abs=1e-15)
     assert "rad" in str(snap)
     assert not exact.exact
     assert exact.translation == (
-        (0, 0, Fraction(1, 10)),
-        (Fraction(2, 5), 0, 0),
-        (Fraction(1, 4), 0, Fraction(1, 8)),
-    )
+        (0, 0, Fraction(1, 10)), (Fraction(2, 5), 0, 0), (Fraction(1, 4), 0, Fraction(1, 8)),
+    )  # fmt: skip
     seen = check(arm, exact, draw(arm, rng, 50))
     assert 0.1 * error < exact.jacobian_change < 4 * error
     assert seen > 0.1 * error
@@ -157,8 +148,7 @@ def test_angles_beyond_the_tolerance_stay():
     assert twist.size < 1e-11
     assert stays.jacobian_change < 1e-10
     (angle,) = nominal(arm, angle_tol=3 * ANGLE_TOL).snaps
-    assert angle.what == "angle"
-    assert angle.size == pytest.approx(2 * ANGLE_TOL)
+    assert (angle.what, angle.size) == ("angle", pytest.approx(2 * ANGLE_TOL))
 
 
 @pytest.mark.parametrize(
@@ -171,24 +161,26 @@ def test_bad_tolerances(name, value):
         nominal(load("ur5"), **{name: value})
 
 
-def test_lengths_keep_their_written_decimals():
+def test_what_files_have_is_read_as_written():
+    """Lengths keep their decimals, also where right angles have 11 digits or 1.5708."""
     exact = nominal(load("panda"))
     lengths = {abs(x) for t in exact.translation for x in t} - {0}
-    assert lengths == {
-        Fraction(text) for text in ("0.333", "0.316", "0.0825", "0.384", "0.088", "0.2104")
-    }
+    written = ("0.333", "0.316", "0.0825", "0.384", "0.088", "0.2104")
+    assert lengths == {Fraction(text) for text in written}
     assert exact.exact
-
-
-def test_snapped_angles_do_not_spoil_the_lengths():
-    """UR5's right angles have 11 digits; its lengths are written with 4 or 5."""
-    exact = nominal(load("ur5"))
-    lengths = {abs(x) for t in exact.translation for x in t} - {0}
     # -0.1197 + 0.13585 = 0.01615; tool0 sits 0.0823 beyond wrist 3.
-    written = {"0.089159", "0.13585", "0.1197", "0.425", "0.39225", "0.093", "0.09465", "0.0823"}
-    assert lengths <= {Fraction(text) for text in written}
-    assert Fraction("0.425") in lengths
-    assert Fraction("0.39225") in lengths
+    lengths = {abs(x) for t in nominal(load("ur5")).translation for x in t} - {0}
+    written = ("0.089159", "0.13585", "0.1197", "0.425", "0.39225", "0.093", "0.09465", "0.0823")
+    assert {Fraction("0.425"), Fraction("0.39225")} <= lengths <= {Fraction(x) for x in written}
+    exact = nominal(load("xarm7"))
+    assert {s.what for s in exact.snaps} == {"angle"}
+    assert max(s.size for s in exact.snaps) == pytest.approx(3.673e-6, rel=1e-3)
+    assert all(x.denominator == 1 for R in exact.rotation for row in R for x in row)
+    assert nominal(load("xarm7", length_scale=0.1)).jacobian_change > 2 * exact.jacobian_change
+    for name in ("stanford", "surgical7", "puma560", "irb1400", "iiwa14", "scara"):
+        exact = nominal(load(name))
+        assert (exact.exact, exact.snaps) == (True, ())
+        assert max(x.denominator for t in exact.translation for x in t) <= 10**5
 
 
 @pytest.mark.parametrize("tolerance", [ANGLE_TOL, 0.01])
@@ -206,7 +198,6 @@ def test_angles_that_are_moved_move_no_length(make_model, rng, tolerance):
         assert found == tuple(Fraction(repr(float(x))) for x in written)
     check(arm, exact, draw(arm, rng, 50))
     deviation = Deviation.of(exact.snaps)
-    assert deviation is not None
     assert (deviation.angle, deviation.length) == (pytest.approx(1.5e-3), 0.0)
     assert "lengths as written" in str(deviation)
 
@@ -259,9 +250,6 @@ def test_snap_length(make_model, rng):
     assert 0.5 * 0.000436 < seen < 1.000001 * gone.jacobian_change < 3 * 0.000436
 
 
-# Turns about a joint's own axis
-
-
 @pytest.mark.parametrize("degrees", [45, -30, 17.3, 90, 135, 180])
 @pytest.mark.parametrize("at", [0, 1, 2])
 def test_a_turn_about_the_joints_own_axis_is_an_offset(make_model, rng, degrees, at):
@@ -288,11 +276,8 @@ def test_a_turn_between_parallel_axes_leaves_the_lengths_alone(make_model, rng):
     assert exact.exact
     assert exact.rotation == (IDENTITY,) * 4
     assert [t[0] for t in exact.translation] == [
-        0,
-        Fraction(2, 5),
-        Fraction(3, 10),
-        Fraction(1, 10),
-    ]
+        0, Fraction(2, 5), Fraction(3, 10), Fraction(1, 10),
+    ]  # fmt: skip
     np.testing.assert_allclose(exact.offset, np.radians([45, 45, 30]), atol=1e-15)
     check(arm, exact, draw(arm, rng, 20))
 
@@ -343,7 +328,6 @@ def test_what_stands_behind_a_slide_is_exact(make_model, rng, joints):
 @pytest.mark.parametrize("degrees", [15, -30, 45, 60, -75, 105, 135, 150, -165])
 @pytest.mark.parametrize("digits", [4, 16])
 def test_twists_of_fifteen_degrees_are_exact(make_model, rng, degrees, digits):
-    """Between axes; written with four digits they are moved, which is stated."""
     R = pin.utils.rotate("x", round(math.radians(degrees), digits))
     joints = [
         (pin.JointModelRZ(), place((0, 0, 0.4))),
@@ -360,17 +344,11 @@ def test_twists_of_fifteen_degrees_are_exact(make_model, rng, degrees, digits):
 
 def test_a_twist_near_fifteen_degrees_stays(make_model, rng):
     R = rotation("x", 60.01)
-    joints = [
-        (pin.JointModelRZ(), place((0, 0, 0.4))),
-        (pin.JointModelRZ(), place((0.1, 0, 0), R)),
-    ]
+    joints = [(pin.JointModelRZ(), place((0, 0, 0.4))), (pin.JointModelRZ(), place((0.1, 0, 0), R))]
     arm = load(make_model(joints, place((0.3, 0, 0.08))), tip="tip")
     exact = nominal(arm)
     assert [s.what for s in exact.snaps] == ["twist"]
     check(arm, exact, draw(arm, rng, 30))
-
-
-# Axes
 
 
 @pytest.mark.parametrize("axis", [(1, 0, 0), (0, -1, 0), (0, 0, -1), (-1, 0, 0), (0, 1, 0)])
@@ -406,9 +384,6 @@ def test_an_axis_off_all_coordinates_is_a_stated_twist(make_model, rng):
     check(arm, exact, draw(arm, rng, 50))
 
 
-# Real arms
-
-
 @pytest.mark.parametrize(("robot", "tip"), CATALOGUE, ids=[name for name, _ in CATALOGUE])
 def test_real_arms(robot, tip, rng):
     arm = load(robot, tip=tip)
@@ -425,32 +400,8 @@ def test_real_arms(robot, tip, rng):
     assert generic_rank(exact.arm) == generic_rank(arm)
     told, anew = flatten(exact.arm), flatten(replace(exact.arm))  # the chain is its model's
     assert told is not anew
-    assert told.R.tobytes() == anew.R.tobytes()
-    assert told.t.tobytes() == anew.t.tobytes()
+    assert (told.R.tobytes(), told.t.tobytes()) == (anew.R.tobytes(), anew.t.tobytes())
     assert (told.prismatic == anew.prismatic).all()
-
-
-def test_xarm7_as_its_file_has_it():
-    """The file says 1.5708: off by 3.7e-6, which the nominal geometry undoes."""
-    exact = nominal(load("xarm7"))
-    assert {s.what for s in exact.snaps} == {"angle"}
-    assert max(s.size for s in exact.snaps) == pytest.approx(3.673e-6, rel=1e-3)
-    assert all(x.denominator == 1 for R in exact.rotation for row in R for x in row)
-
-
-@pytest.mark.parametrize(
-    "robot", ["stanford", "surgical7", "puma560", "irb1400", "iiwa14", "scara"]
-)
-def test_textbook_arms_are_exact(robot):
-    exact = nominal(load(robot))
-    assert exact.exact
-    assert exact.snaps == ()
-    assert max(x.denominator for t in exact.translation for x in t) <= 10**5
-
-
-def test_the_bound_is_in_the_arms_length_scale():
-    arm = load("xarm7", length_scale=0.1)
-    assert nominal(arm).jacobian_change > 2 * nominal(load("xarm7")).jacobian_change
 
 
 def test_slides_without_limits(make_model):
@@ -477,13 +428,11 @@ def test_mimic_joints_count_with_their_multiplier(write_urdf, rng):
     follow = '<mimic joint="j1" multiplier="-3" offset="0.1"/>'
     path = write_urdf(
         [
-            ("revolute", joint()),
-            ("continuous", joint()),
+            ("revolute", joint()), ("continuous", joint()),
             ("revolute", joint(follow, 'lower="-5" upper="5"')),
-            ("continuous", joint('<mimic joint="j2" multiplier="2"/>')),
-            ("revolute", joint()),
+            ("continuous", joint('<mimic joint="j2" multiplier="2"/>')), ("revolute", joint()),
         ]
-    )
+    )  # fmt: skip
     arm = load(path)
     assert arm.n == 3
     exact = nominal(arm)
@@ -491,7 +440,7 @@ def test_mimic_joints_count_with_their_multiplier(write_urdf, rng):
     assert seen < exact.jacobian_change < 30 * seen
 
 
-def test_the_arm_itself_is_left_alone(rng):
+def test_the_arm_on_the_exact_geometry(rng):
     arm = load("xarm7")
     model = arm.model.copy()
     q = draw(arm, rng, 1)[0]
@@ -499,10 +448,6 @@ def test_the_arm_itself_is_left_alone(rng):
     nominal(arm)
     assert arm.model == model
     np.testing.assert_array_equal(frame_jacobian(arm, q), before)
-
-
-def test_tip_placement_follows_too(rng):
-    """Orientation of the tip included: the arm on the exact geometry stands where the raw does."""
     for name in ("panda", "irb1400", "kinova", "so101"):
         arm = load(name)
         exact = nominal(arm)
@@ -510,9 +455,12 @@ def test_tip_placement_follows_too(rng):
             raw, moved = tip_placement(arm, q), tip_placement(exact.arm, q)
             size = pin.log6(raw.actInv(moved)).vector
             assert np.abs(size).max() < max(20 * exact.jacobian_change, 1e-12)
-
-
-# Random chains
+    exact = nominal(load("puma560"))
+    found = flatten(exact.arm)
+    lengths = np.array([[float(x) for x in row] for row in exact.translation])
+    assert (found.t == lengths).all()
+    with pytest.raises(ValueError, match="read-only"):
+        found.t[0, 0] = 1.0
 
 
 @st.composite
@@ -573,18 +521,8 @@ def test_what_other_tolerances_made_stays_and_is_made_anew_with_others(given):
     exact = nominal(load("kinova"), **given)
     again = nominal(exact.arm)
     assert again.arm is exact.arm
-    assert again.rotation == exact.rotation
-    assert again.translation == exact.translation
+    assert (again.rotation, again.translation) == (exact.rotation, exact.translation)
     assert nominal(exact.arm, angle_tol=0.01).arm is not exact.arm
-
-
-def test_the_chain_of_a_nominal_arm_has_its_exact_numbers():
-    exact = nominal(load("puma560"))
-    found = flatten(exact.arm)
-    lengths = np.array([[float(x) for x in row] for row in exact.translation])
-    assert (found.t == lengths).all()
-    with pytest.raises(ValueError, match="read-only"):
-        found.t[0, 0] = 1.0
 
 
 @pytest.mark.parametrize("kind", ["RX", "RY", "RZ", "RUBX", "RUBY", "RUBZ", "PX", "PY", "PZ"])

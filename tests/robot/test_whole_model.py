@@ -1,7 +1,5 @@
 """Every public function that takes joint values takes the whole model's configuration too."""
 
-from __future__ import annotations
-
 import inspect
 import pickle
 from collections.abc import Callable
@@ -200,7 +198,6 @@ DEAR = {("write_report", "poses"), ("write_report", "trajectory")}
 def test_the_whole_models_configuration_is_taken_everywhere(
     arm, form, names, tmp_path, monkeypatch
 ):
-    """Base and all, wherever the base is: what is said is the same as for the joints alone."""
     monkeypatch.chdir(tmp_path)
     model = arm.source.full_model
     assert (arm.n, model.nq) == (3, 10)

@@ -1,7 +1,5 @@
 """Collada files as triangles: against Assimp, and what is left to three.js."""
 
-from __future__ import annotations
-
 import time
 from pathlib import Path
 from types import SimpleNamespace
@@ -68,8 +66,7 @@ def area(vertices: np.ndarray, faces: np.ndarray) -> float:
 def test_a_polygon_is_painted_and_placed_by_its_node() -> None:
     node = "<translate>0 0 5</translate><rotate>1 0 0 90</rotate><scale>2 2 2</scale>"
     (part,) = read(collada(node=node))
-    assert part.paint.color == 0xFF8000
-    assert len(part.faces) == 2
+    assert (part.paint.color, len(part.faces)) == (0xFF8000, 2)
     # Scaled by two, turned about x (y becomes z), lifted by five.
     corners = {tuple(row) for row in np.round(corners_of(part), 3) + 0.0}
     assert corners == {(0, 0, 5), (2, 0, 5), (2, 0, 7), (0, 0, 7)}
@@ -113,7 +110,6 @@ def test_what_is_not_plain_is_refused(text: str) -> None:
 
 def dae_files(name: str) -> list[Path]:
     links = read_links(pinsing.load(name))
-    assert links.geometry is not None
     files = {Path(g.meshPath) for g in links.geometry.geometryObjects}
     return sorted(f for f in files if f.suffix == ".dae")
 
@@ -156,9 +152,7 @@ def test_the_cache_keeps_the_shape(tmp_path: Path, monkeypatch: pytest.MonkeyPat
         assert kept.faces.dtype == part.faces.dtype
 
 
-def test_a_cache_of_something_else_is_not_taken(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_cache_of_something_else_is_not_taken(tmp_path, monkeypatch):
     monkeypatch.setenv("PINSING_CACHE", str(tmp_path / "cache"))
     file = tmp_path / "square.dae"
     file.write_text(collada())
@@ -168,7 +162,6 @@ def test_a_cache_of_something_else_is_not_taken(
 
 
 def test_polygons_of_all_sizes_take_time_by_their_corners() -> None:
-    """One polygon of very many corners beside very many triangles."""
     corners, triangles = 200_000, 200_000
     index = " ".join(["0 0 1 0 2 0 3 0"] * (corners // 4) + ["0 0 1 0 2 0"] * triangles)
     shape = POLYGON.replace("<vcount>4", f"<vcount>{corners}" + " 3" * triangles)
@@ -194,9 +187,7 @@ def test_one_geometry_used_very_often_is_refused() -> None:
     assert time.process_time() - begun < 30
 
 
-def test_no_collada_file_is_parsed_in_this_process(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_no_collada_file_is_parsed_in_this_process(tmp_path, monkeypatch):
     """A stranger's file may be made to take any time: a child with limits reads it."""
     monkeypatch.setenv("PINSING_CACHE", "")
     monkeypatch.setattr(collada_reader, "read_collada", lambda _: pytest.fail("parsed here"))
@@ -210,14 +201,11 @@ def test_no_collada_file_is_parsed_in_this_process(
     assert "is not read within 0.1 s" in str(read_meshes([file])[file])
 
 
-def test_each_paint_of_a_link_is_drawn() -> None:
+def test_each_paint_of_a_link_is_drawn():
     (one,) = read(collada())
     drawn = as_object([one, one])
     assert len(drawn["object"]["children"]) == 2
     assert drawn["materials"][0]["color"] == 0xFF8000
-
-
-def test_shapes_of_links_come_apart_from_the_rest() -> None:
     recorder = Recorder()
     recorder.visualizer()["pinsing/arm/3/visual/0"].set_property("visible", False)
     recorder.visualizer()["pinsing/arm/3/bone"].set_property("visible", False)

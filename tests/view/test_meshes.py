@@ -1,7 +1,5 @@
 """Meshes are read in a child with limits; one that fails is left out and named."""
 
-from __future__ import annotations
-
 import json
 import struct
 import subprocess
@@ -39,15 +37,11 @@ def glb() -> bytes:
     bounds = {"min": [0, 0, 0], "max": [1, 1, 0]}
     accessor = {"bufferView": 0, "componentType": 5126, "count": 3, "type": "VEC3", **bounds}
     header = {
-        "asset": {"version": "2.0"},
-        "scene": 0,
-        "scenes": [{"nodes": [0]}],
-        "nodes": [{"mesh": 0}],
-        "meshes": [{"primitives": [{"attributes": {"POSITION": 0}}]}],
-        "accessors": [accessor],
+        "asset": {"version": "2.0"}, "scene": 0, "scenes": [{"nodes": [0]}], "nodes": [{"mesh": 0}],
+        "meshes": [{"primitives": [{"attributes": {"POSITION": 0}}]}], "accessors": [accessor],
         "bufferViews": [{"buffer": 0, "byteLength": len(points)}],
         "buffers": [{"byteLength": len(points)}],
-    }
+    }  # fmt: skip
     text = json.dumps(header).encode()
     text += b" " * (-len(text) % 4)
     body = struct.pack("<II", len(text), 0x4E4F534A) + text
@@ -71,18 +65,15 @@ end_header
 3 0 1 2
 """
 BAD = {
-    "bomb.glb": BOMB,
-    "text.stl": b"this is not a mesh",
+    "bomb.glb": BOMB, "text.stl": b"this is not a mesh",
     "nan.stl": stl((NAN, 0, 0), (1, 0, 0), (0, 1, 0)),
     "inf.stl": stl((INF, 0, 0), (1, 0, 0), (0, 1, 0)),
-    "far.stl": stl((1e30, 0, 0), (1, 0, 0), (0, 1, 0)),
-    "empty.stl": b"",
+    "far.stl": stl((1e30, 0, 0), (1, 0, 0), (0, 1, 0)), "empty.stl": b"",
     "many.stl": bytes(80) + struct.pack("<I", 2**32 - 1) + GOOD[84:],
     "short.obj": b"v 0 0 0\nf 1 2 999999999\n",
-    "nan.obj": b"v nan 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n",
-    "deep.dae": b"<COLLADA>" * 5000,
+    "nan.obj": b"v nan 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", "deep.dae": b"<COLLADA>" * 5000,
     "count.ply": PLY.replace(b"vertex 3", b"vertex 4000000000"),
-}
+}  # fmt: skip
 
 
 def robot_with(*names: str, scale: str = "1 1 1") -> str:
@@ -122,39 +113,41 @@ def test_a_good_file_of_the_bombs_format_is_read(tmp_path):
     assert sorted(map(tuple, found.vertices)) == [(0, 0, 0), (0, 1, 0), (1, 0, 0)]
 
 
-def test_a_bomb_finds_no_memory(tmp_path):
-    path = tmp_path / "a.glb"
-    path.write_bytes(BOMB)
-    assert isinstance(read_meshes([path])[path], str)
+def test_a_bomb_finds_no_memory_and_what_is_no_file_no_reader(tmp_path):
+    (tmp_path / "a.glb").write_bytes(BOMB)
+    (tmp_path / "folder.stl").mkdir()
+    names = [tmp_path / name for name in ("a.glb", "none.stl", "folder.stl")]
+    assert all(
+        isinstance(found, str) for found in read_meshes([*names, Path("/dev/zero")]).values()
+    )
     assert meshes._MEMORY <= 2 * 2**30  # its reader may have no more; it asks for 4.3 GiB
 
 
-def test_what_is_no_file(tmp_path):
-    (tmp_path / "folder.stl").mkdir()
-    names = [tmp_path / "none.stl", tmp_path / "folder.stl", Path("/dev/zero")]
-    assert all(isinstance(found, str) for found in read_meshes(names).values())
+def by_another(tmp_path, monkeypatch, code, seconds=None, said=lambda note: None):
+    """What is said of good files that another program reads."""
+    (tmp_path / "worker.py").write_text(code)
+    monkeypatch.setattr(meshes, "_WORKER", tmp_path / "worker.py")
+    if seconds is not None:
+        monkeypatch.setattr(meshes, "SECONDS_EACH", seconds)
+    paths = [tmp_path / "a.stl", tmp_path / "b.stl"]
+    for path in paths:
+        path.write_bytes(GOOD)
+    return [str(found) for found in read_meshes(paths, said).values()]
 
 
 def test_a_reader_that_does_not_end_is_ended(tmp_path, monkeypatch):
-    (tmp_path / "slow.py").write_text("import time; time.sleep(60)")
-    monkeypatch.setattr(meshes, "_WORKER", tmp_path / "slow.py")
-    monkeypatch.setattr(meshes, "SECONDS_EACH", 0.3)
-    path = tmp_path / "a.stl"
-    path.write_bytes(GOOD)
-    assert "not read within 0.3 s" in str(read_meshes([path])[path])
+    found = by_another(tmp_path, monkeypatch, "import time; time.sleep(60)", 0.3)
+    assert all("not read within 0.3 s" in text for text in found)
 
 
 def test_processor_time_is_what_a_mesh_may_use_up(tmp_path, monkeypatch):
     jail = Path(meshes.child_jail.__file__)
-    (tmp_path / "busy.py").write_text(
+    code = (
         f"import sys; sys.path.insert(0, {str(jail.parent)!r}); import child_jail\n"
         "child_jail.begin_work(0.3)\nprint('{\"no_wall\": []}', flush=True)\nwhile True: pass\n"
     )
-    monkeypatch.setattr(meshes, "_WORKER", tmp_path / "busy.py")
-    monkeypatch.setattr(meshes, "SECONDS_EACH", 100.0)
-    path = tmp_path / "a.stl"
-    path.write_bytes(GOOD)
-    assert "is not read within 100 s" in str(read_meshes([path])[path])
+    found = by_another(tmp_path, monkeypatch, code, 100.0)
+    assert all("is not read within 100 s" in text for text in found)
 
 
 WALLS = """
@@ -198,24 +191,17 @@ def test_the_reader_of_meshes_sees_their_folders_only(tmp_path):
 
 
 def test_a_wall_that_is_not_there_is_said(tmp_path, monkeypatch):
-    (tmp_path / "open.py").write_text(
-        """print('{"no_wall": ["Landlock is not there"]}', flush=True)"""
-    )
-    monkeypatch.setattr(meshes, "_WORKER", tmp_path / "open.py")
-    path = tmp_path / "a.stl"
-    path.write_bytes(GOOD)
     said = []
-    read_meshes([path], said.append)
-    assert said == ["meshes were read without all of the kernel's walls: Landlock is not there"]
+    code = """print('{"no_wall": ["Landlock is not there"]}', flush=True)"""
+    by_another(tmp_path, monkeypatch, code, said=said.append)
+    assert set(said) == {
+        "meshes were read without all of the kernel's walls: Landlock is not there"
+    }
 
 
 def test_a_reader_that_dies_is_started_again(tmp_path, monkeypatch):
-    (tmp_path / "dies.py").write_text("import os; os.kill(os.getpid(), 11)")
-    monkeypatch.setattr(meshes, "_WORKER", tmp_path / "dies.py")
-    paths = [tmp_path / "a.stl", tmp_path / "b.stl"]
-    for path in paths:
-        path.write_bytes(GOOD)
-    assert all("breaks its reader" in str(found) for found in read_meshes(paths).values())
+    found = by_another(tmp_path, monkeypatch, "import os; os.kill(os.getpid(), 11)")
+    assert all("breaks its reader" in text for text in found)
 
 
 def test_a_robot_is_drawn_without_its_bad_meshes(tmp_path):
@@ -225,7 +211,6 @@ def test_a_robot_is_drawn_without_its_bad_meshes(tmp_path):
     file.write_text(robot_with(*BAD, "good.stl"))
     arm = load(file, task="wx,wz")
     links = read_links(arm)
-    assert links.geometry is not None
     assert [Path(g.meshPath).name for g in links.geometry.geometryObjects] == ["good.stl"]
     assert any("is not drawn" in note for note in links.notes)
     with Viewer(arm) as viewer:
@@ -275,21 +260,10 @@ def test_known_robots_keep_all_their_meshes(name):
     ]
 
 
-# The cache ----------------------------------------------------------------------------
-
-
-def test_meshes_read_once_are_read_from_the_disk(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    from pinsing.view import meshes
-
+def test_meshes_read_once_are_read_from_the_disk(tmp_path, monkeypatch):
     monkeypatch.setenv("PINSING_CACHE", str(tmp_path / "cache"))
     file = tmp_path / "one.ply"
-    file.write_text(
-        "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\n"
-        "property float z\nelement face 1\nproperty list uchar int vertex_indices\nend_header\n"
-        "0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n"
-    )
+    file.write_bytes(PLY)
     first = meshes.read_meshes([file])[file]
     assert isinstance(first, meshes.Mesh)
     (kept,) = (tmp_path / "cache" / "meshes").iterdir()
@@ -309,14 +283,11 @@ def test_meshes_read_once_are_read_from_the_disk(
     assert len(asked) == 2
 
 
-def test_a_cache_that_others_may_write_is_not_used(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_cache_that_others_may_write_is_not_used(tmp_path, monkeypatch):
     from pinsing.view.meshes import cache_folder
 
     monkeypatch.setenv("PINSING_CACHE", str(tmp_path))
     folder = cache_folder()
-    assert folder is not None
     folder.chmod(0o777)
     assert cache_folder() is None
     monkeypatch.setenv("PINSING_CACHE", "")
@@ -354,7 +325,6 @@ CAPSULE = """<robot name="pill"><link name="base"/><link name="arm"><visual>
 def test_a_capsule_is_a_cylinder_with_round_ends() -> None:
     arm = load(CAPSULE.format(0.05, 0.4), task="wz")
     geometry = read_links(arm).geometry
-    assert geometry is not None
     found = list(geometry.geometryObjects)
     assert [type(g.geometry).__name__ for g in found] == ["Cylinder", "Sphere", "Sphere"]
     place = pin.SE3(pin.rpy.rpyToMatrix(0.4, 0.5, 0.6), np.array([0.1, 0.2, 0.3]))

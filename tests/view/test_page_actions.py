@@ -3,8 +3,6 @@
 Needs Chromium (or Chrome) and Playwright for Python; without them the tests are skipped.
 """
 
-from __future__ import annotations
-
 import contextlib
 import functools
 import json
@@ -290,22 +288,10 @@ def look_at_parts(page: Any) -> None:
 
 
 ACTIONS = [
-    step_through,
-    click_a_family,
-    approach,
-    move_within,
-    meet_another_family,
-    drag,
-    nearest_and_back,
-    clearest,
-    take_the_pose,
-    follow_an_address_and_go_back,
-    save_a_picture,
-    open_a_path,
-    look_at_parts,
-    drag_the_tip,
-    type_and_step,
-]
+    step_through, click_a_family, approach, move_within, meet_another_family, drag,
+    nearest_and_back, clearest, take_the_pose, follow_an_address_and_go_back, save_a_picture,
+    open_a_path, look_at_parts, drag_the_tip, type_and_step,
+]  # fmt: skip
 
 
 def linkage_drag(page: Any) -> None:
@@ -356,18 +342,12 @@ def linkage_drag_output(page: Any) -> None:
 
 
 LINKAGE = [
-    linkage_drag,
-    linkage_drag_output,
-    linkage_nearest,
-    linkage_clearest,
-    linkage_text,
+    linkage_drag, linkage_drag_output, linkage_nearest, linkage_clearest, linkage_text,
     linkage_path,
-]
+]  # fmt: skip
 
 
-def run_all(
-    page: Any, address: str, actions: list[Callable[[Any], None]], afresh: bool = True
-) -> None:
+def run_all(page, address, actions, afresh=True):
     """Each on a page just opened, or one after the other on the same page."""
     broken: list[str] = []
     page.on("pageerror", lambda error: broken.append(str(error)))
@@ -398,22 +378,13 @@ def test_every_action_works_on_a_mechanism(page: Any, pages: dict[str, str]) -> 
         pytest.param("mechanism", LINKAGE[-1:], id="path of a mechanism", marks=pytest.mark.slow),
     ],
 )
-def test_actions_work_one_after_the_other(
-    page: Any,
-    addresses: dict[str, dict[str, str]],
-    kind: str,
-    actions: list[Callable[[Any], None]],
-) -> None:
-    """As somebody does who stays on the page; what was done before stands in no way."""
+def test_actions_work_one_after_the_other(page, addresses, kind, actions):
     run_all(page, addresses["file"][kind], actions, afresh=False)
 
 
 @pytest.mark.parametrize("kind", ["arm", pytest.param("mechanism", marks=pytest.mark.slow)])
 @pytest.mark.parametrize("scheme", ["light", pytest.param("dark", marks=pytest.mark.slow)])
-def test_axe_has_no_serious_finding(
-    page: Any, addresses: dict[str, dict[str, str]], kind: str, scheme: str
-) -> None:
-    """Contrast, names of controls, roles and the rest of axe's rules (WCAG 2.1)."""
+def test_axe_has_no_serious_finding(page, addresses, kind, scheme):
     package = pytest.importorskip("axe_core_python", reason="needs axe-core-python")
     axe = (Path(package.__file__).parent / "axe.min.js").read_text(encoding="utf-8")
     page.emulate_media(color_scheme=scheme)
@@ -430,9 +401,7 @@ def test_axe_has_no_serious_finding(
 
 
 @pytest.mark.slow
-def test_whoever_wants_no_motion_gets_the_end_of_it(
-    page: Any, addresses: dict[str, dict[str, str]]
-) -> None:
+def test_whoever_wants_no_motion_gets_the_end_of_it(page, addresses):
     page.emulate_media(reduced_motion="reduce")
     open_page(page, addresses["file"]["arm"])
     page.locator(".chosen .into").click()

@@ -1,7 +1,5 @@
 """The page computes what Python computes: frames, singular values, verdicts, distances, words."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -69,7 +67,6 @@ ODD = ("stanford at 3e8", "stanford vz,wx at 1e-3", "planar3r vx", "planar3r pos
 @needs_node
 @pytest.mark.parametrize("name", tiered(ARMS + ODD, ("mimic", "planar3r vx")))
 def test_frames_singular_values_and_verdicts_agree(name: str, tmp_path: Path) -> None:
-    """Prismatic, continuous and mimic joints among them; singular configurations too."""
     arm = arm_of(name, tmp_path)
     rng = np.random.default_rng(5)
     entries = family_entries(arm, (), 0)
@@ -103,13 +100,11 @@ def test_frames_singular_values_and_verdicts_agree(name: str, tmp_path: Path) ->
 @needs_node
 @pytest.mark.parametrize("name", tiered(ARMS, ("stanford", "mimic")))
 def test_what_is_shown_is_what_python_shows(name: str, tmp_path: Path) -> None:
-    """Ellipsoids, lost motions in words, axes to blame, the nearest family."""
     arm = arm_of(name, tmp_path)
     rng = np.random.default_rng(8)
     data, entries = engine(arm)
     Q = rng.uniform(*arm.span, (4, arm.n))
     for entry in entries:
-        assert entry.family is not None
         singular = entry.family.sample(1, rng)
         Q = np.concatenate([Q, singular, singular + rng.normal(0, 1e-3, singular.shape)])
     found = run(
@@ -139,13 +134,12 @@ def test_what_is_shown_is_what_python_shows(name: str, tmp_path: Path) -> None:
 def nearest(entries: Sequence[Entry], q: Floats) -> float:
     """Distance of the nearest family that the arm can reach."""
     reached = [e.family for e in entries if e.reachable is not False]
-    return min(float(f.distance(q).value) for f in reached)  # type: ignore[union-attr]
+    return min(float(f.distance(q).value) for f in reached)
 
 
 @needs_node
 @pytest.mark.parametrize("name", tiered(["ur5", "puma560", "panda"], ("puma560",)))
 def test_the_lower_bound_is_never_too_long(name: str) -> None:
-    """Against many points of the families themselves."""
     arm = load(name)
     rng = np.random.default_rng(3)
     data, entries = engine(arm)
@@ -156,7 +150,7 @@ def test_the_lower_bound_is_never_too_long(name: str) -> None:
         {"data": data, "Q": Q.tolist()},
     )
     for k, entry in enumerate(entries):
-        points = entry.family.points(1500, rng)  # type: ignore[union-attr]
+        points = entry.family.points(1500, rng)
         for q, here in zip(Q, found, strict=True):
             gap = points - q
             gap -= 2 * np.pi * np.round(gap / (2 * np.pi))
@@ -188,27 +182,20 @@ def test_a_path_is_read_as_it_stands() -> None:
 @pytest.mark.parametrize(
     ("text", "said"),
     [
-        ("", "the file is empty"),
-        ("a,b\n", "the file has no samples"),
-        ("1\n", "1 columns for 2 joints"),
-        ("a,b\n1,2\n\n1\n", "line 4: 1 values for 2 columns"),
+        ("", "the file is empty"), ("a,b\n", "the file has no samples"),
+        ("1\n", "1 columns for 2 joints"), ("a,b\n1,2\n\n1\n", "line 4: 1 values for 2 columns"),
         ("a,b\n1,2,3\n", "line 2: 3 values for 2 columns"),
         ("a;b\n0;0,5\n", "line 2: 0,5 is not a number"),
         ("a,b\n0x10,1\n", "line 2: 0x10 is not a number"),
         ("a,b\n1,\n", "line 2: nothing is not a number"),
-        ("nan,1\n", "line 1: nan is not a number"),
-        ("1,1e400\n", "line 1: 1e400 is not a number"),
-        ("a,c\n1,2\n", "no column for b"),
-        ("a,b,a\n1,2,3\n", "two columns for a"),
+        ("nan,1\n", "line 1: nan is not a number"), ("1,1e400\n", "line 1: 1e400 is not a number"),
+        ("a,c\n1,2\n", "no column for b"), ("a,b,a\n1,2,3\n", "two columns for a"),
         ("\x89PNG\x00", "the file is no text"),
         ("time,a,b\n1,0,0\n\n0.5,0,0\n", "line 4: time runs backwards, from 1 to 0.5"),
         ("1,0,0\n1,0,0\n0,0,0\n", "line 3: time runs backwards, from 1 to 0"),
-        (
-            "1,2\n1,-1e308\n",
-            "line 2: -1e308 is too large (radians and metres, up to 1e6)",
-        ),
+        ("1,2\n1,-1e308\n", "line 2: -1e308 is too large (radians and metres, up to 1e6)"),
     ],
-)
+)  # fmt: skip
 def test_a_path_that_is_none_is_told(text: str, said: str) -> None:
     assert run(TRIED, {"text": text, "joints": JOINTS}) == said
 
@@ -290,13 +277,13 @@ def test_ticks_are_where_a_family_is_met_by_one_joint() -> None:
             grid = np.linspace(-np.pi, np.pi, 2001)
             Q = np.tile(q, (len(grid), 1))
             Q[:, j] = grid
-            if entry.family.equations:  # type: ignore[union-attr]
-                signs = np.sign(entry.family.equations[0](Q))  # type: ignore[union-attr]
+            if entry.family.equations:
+                signs = np.sign(entry.family.equations[0](Q))
                 assert len(values) == int((np.diff(signs) != 0).sum())
             for value in values:
                 there = np.array(q)
                 there[j] = value
-                assert entry.family.contains(there, 1e-6)  # type: ignore[union-attr]
+                assert entry.family.contains(there, 1e-6)
                 ticks += 1
     assert ticks > 6
 
@@ -305,11 +292,8 @@ def test_ticks_are_where_a_family_is_met_by_one_joint() -> None:
 def test_singular_values_of_hard_matrices() -> None:
     rng = np.random.default_rng(2)
     cases: list[Floats] = [
-        np.zeros((6, 6)),
-        np.ones((6, 7)),
-        np.eye(6),
-        np.diag([1, 1, 1, 1e-9, 1e-9, 0]),
-    ]
+        np.zeros((6, 6)), np.ones((6, 7)), np.eye(6), np.diag([1, 1, 1, 1e-9, 1e-9, 0]),
+    ]  # fmt: skip
     for _ in range(60):
         m, n = rng.integers(1, 7), rng.integers(1, 9)
         A = rng.normal(size=(m, n)) * 10.0 ** rng.integers(-12, 4, (m, 1))
@@ -325,7 +309,6 @@ def test_singular_values_of_hard_matrices() -> None:
 
 
 def test_the_bundle_is_the_modules(page: Any) -> None:
-    """One script for a page that opens from a file, with the same functions."""
     # Playwright calls what begins as a function: this is a script.
     page.evaluate(f"0; {engine_script()}; window.Engine = Engine;")
     names = page.evaluate("() => Object.keys(Engine)")
@@ -379,14 +362,10 @@ def test_the_distance_is_that_which_the_program_proves(name: str) -> None:
         {"data": data, "Q": Q.tolist()},
     )
     for q, here in zip(Q, found, strict=True):
-        there = [
-            e.family.distance(q, seconds=60)  # type: ignore[union-attr, call-arg]
-            for e in entries
-            if e.reachable is not False
-        ]
+        there = [e.family.distance(q, seconds=60) for e in entries if e.reachable is not False]
         assert here["sure"]
-        assert abs(here["least"] - min(d.lower for d in there)) < 3e-6  # type: ignore[attr-defined]
-        assert abs(here["value"] - min(d.upper for d in there)) < 3e-6  # type: ignore[attr-defined]
+        assert abs(here["least"] - min(d.lower for d in there)) < 3e-6
+        assert abs(here["value"] - min(d.upper for d in there)) < 3e-6
 
 
 @needs_node
@@ -398,13 +377,9 @@ def test_only_singular_poses_count_where_equations_hold_at_others_too() -> None:
     waves = [[2, 0, 0, 0, -2, 0], [2, 0, 0, 0, 2, 0]]
     equation = {"frequencies": waves, "cos": [0.5, -0.5], "sin": [0, 0], "shift": [0] * 6}
     family = {
-        "entry": 0,
-        "name": "F1",
-        "text": "here",
-        "where": ["here"],
-        "moved": [0, 4],
+        "entry": 0, "name": "F1", "text": "here", "where": ["here"], "moved": [0, 4],
         "branches": [{"values": [], "equations": [{**equation, "powers": None}]}],
-    }
+    }  # fmt: skip
     asked = [[family], [{**family, "confirm": True}]]
     either, own = run(
         "(m, {data, asked, q}) => asked.map((f) => m.nearestFamily(data, q, f))",
@@ -439,7 +414,6 @@ def test_limits_are_judged_as_in_python() -> None:
 
 @needs_node
 def test_what_is_missing_everywhere_is_counted_as_in_python() -> None:
-    """Five joints and a pose task: one of the two motions is missing wherever it stands."""
     arm = load("so101")
     data, _ = engine(arm)
     q = refine(arm, [0.0, 0.3, 0.1, -0.2, 0.1]).q
@@ -468,7 +442,7 @@ def test_what_is_lost_is_told_from_what_is_missing_everywhere(tmp_path: Path) ->
     arm = load(path)
     data, entries = engine(arm)
     rng = np.random.default_rng(6)
-    singular = entries[0].family.sample(3, rng)  # type: ignore[union-attr]
+    singular = entries[0].family.sample(3, rng)
     Q = [*singular, *rng.uniform(arm.lower, arm.upper, (3, arm.n))]
     found = run(
         "(m, {data, Q}) => Q.map((q) => m.frameAt(data, q))", {"data": data, "Q": rows_of(Q)}
@@ -533,13 +507,12 @@ ELBOW = three_joints("elbow", -1.5, 1.5)
 
 @needs_node
 def test_the_clearest_pose_is_as_clear_as_can_be(tmp_path: Path) -> None:
-    """The elbow at a right angle, and the tool far from the axis of the first joint."""
     path = tmp_path / "elbow.urdf"
     path.write_text(ELBOW)
     arm = load(path, task="position")
     data, entries = engine(arm)
     found = run("(m, {data}) => m.clearestPose(data)", {"data": data})
     assert arm.within_limits(found["q"])
-    there = [e.family.distance(found["q"], seconds=60).lower for e in entries]  # type: ignore
+    there = [e.family.distance(found["q"], seconds=60).lower for e in entries]
     assert abs(found["lower"] - min(there)) < 3e-6
     assert np.degrees(found["lower"]) > 89.5  # 90 is the most that the elbow allows

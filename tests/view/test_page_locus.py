@@ -1,7 +1,5 @@
 """The curve of a family over two joints, as the page draws it: zeros of what Python evaluates."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from node import needs_node, run

@@ -1,7 +1,5 @@
 """The postures of a pose in the page: data, and a click in a real browser."""
 
-from __future__ import annotations
-
 import base64
 import gzip
 import json
@@ -100,6 +98,5 @@ def test_the_command_writes_a_page(cuspidal, tmp_path):
     assert run.exit_code == 0, run.output
     assert out.stat().st_size > 100_000
     packed = re.search(r'id="baked-page"[^>]*>([^<]+)<', out.read_text(encoding="utf-8"))
-    assert packed is not None
     shown = json.loads(gzip.decompress(base64.b64decode(packed[1])))
     assert shown["coverage"].startswith(("Proven", "Probable", "NOT"))

@@ -1,7 +1,5 @@
 """The server of a live page against other sites, other users, and tabs that misbehave."""
 
-from __future__ import annotations
-
 import errno
 import json
 import logging
@@ -17,6 +15,7 @@ import urllib.request
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor, wait
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -71,9 +70,18 @@ def upgrade(server: Server, path: str, **headers: str) -> int:
     return raw(server, path, **{k: v for k, v in wanted.items() if v})[0]
 
 
-def test_the_right_page_gets_through(server: Server) -> None:
+def test_the_right_page_gets_through(server):
     assert upgrade(server, f"/{token(server)}/live") == 101
     assert raw(server, f"/{token(server)}/page.json")[0] == 200
+    with pytest.raises(urllib.error.HTTPError) as refused:
+        urllib.request.urlopen(f"http://127.0.0.1:{server.port}/", timeout=SECONDS)
+    assert "printed in its terminal" in refused.value.read().decode()
+    evil = f"evil.com:{server.port}"
+    for path in ("/live", f"/{token(server)}/live"):
+        assert upgrade(server, path, Host=evil, Origin=f"http://{evil}") == 403
+        assert (
+            upgrade(server, path, Host=evil, Origin=f"http://{evil}", Sec_Fetch_Site="none") == 403
+        )
 
 
 def test_only_our_page_gives_a_file(server: Server) -> None:
@@ -100,42 +108,18 @@ def test_only_our_page_gives_a_file(server: Server) -> None:
     assert given == [("a.csv", 200_000)]
 
 
-def test_the_bare_address_says_where_the_link_is(server: Server) -> None:
-    with pytest.raises(urllib.error.HTTPError) as refused:
-        urllib.request.urlopen(f"http://127.0.0.1:{server.port}/", timeout=SECONDS)
-    assert "printed in its terminal" in refused.value.read().decode()
-
-
-def test_the_reproduction_of_a_foreign_host_is_refused(server: Server) -> None:
-    evil = f"evil.com:{server.port}"
-    for path in ("/live", f"/{token(server)}/live"):
-        assert upgrade(server, path, Host=evil, Origin=f"http://{evil}") == 403
-        assert (
-            upgrade(server, path, Host=evil, Origin=f"http://{evil}", Sec_Fetch_Site="none") == 403
-        )
-
-
 @pytest.mark.parametrize(
     "headers",
     [
-        {"Origin": ""},
-        {"Origin": "null"},
-        {"Origin": "http://["},
-        {"Origin": "http://evil.com"},
-        {"Origin": "http://127.0.0.1:1"},
-        {"Origin": "", "Sec_Fetch_Site": "none"},
+        {"Origin": ""}, {"Origin": "null"}, {"Origin": "http://["}, {"Origin": "http://evil.com"},
+        {"Origin": "http://127.0.0.1:1"}, {"Origin": "", "Sec_Fetch_Site": "none"},
         {"Origin": "http://evil.com", "Sec_Fetch_Site": "same-origin"},
-        {"Origin": "", "Sec_Websocket_Origin": "http://127.0.0.1"},
-        {"Host": "["},
-        {"Host": "127.0.0.1"},
-        {"Host": "127.0.0.1:99999999"},
-        {"Host": "a@127.0.0.1:7000"},
+        {"Origin": "", "Sec_Websocket_Origin": "http://127.0.0.1"}, {"Host": "["},
+        {"Host": "127.0.0.1"}, {"Host": "127.0.0.1:99999999"}, {"Host": "a@127.0.0.1:7000"},
         {"Host": "127.0.0.1.evil.com:7000"},
     ],
-)
-def test_a_link_from_elsewhere_is_refused_before_it_is_upgraded(
-    server: Server, headers: dict[str, str]
-) -> None:
+)  # fmt: skip
+def test_a_link_from_elsewhere_is_refused_before_it_is_upgraded(server, headers):
     headers = {k: v.replace("7000", str(server.port)) for k, v in headers.items()}
     assert upgrade(server, f"/{token(server)}/live", **headers) in (400, 403)
     assert server.pages == 0
@@ -271,9 +255,7 @@ def what_comes(link: socket.socket) -> bytes:
     ],
     ids=["long port", "no text", "no form", "TLS"],
 )
-def test_what_is_no_request_leaves_no_line_in_the_log(
-    request_text: str, server: Server, caplog: pytest.LogCaptureFixture
-) -> None:
+def test_what_is_no_request_leaves_no_line_in_the_log(request_text, server, caplog):
     with socket.create_connection(("127.0.0.1", server.port), timeout=5) as link:
         link.sendall(request_text.encode("latin-1"))
         assert what_comes(link) in (b"", b"HTTP/1.1 4")
@@ -372,49 +354,36 @@ def test_a_process_out_of_files_says_nothing_and_takes_up_again(monkeypatch: Any
     listener.close()
 
 
-# The command --------------------------------------------------------------------------
-
-
 @pytest.fixture
-def command() -> Iterator[tuple[subprocess.Popen[str], str]]:
+def command() -> Iterator[tuple[subprocess.Popen[str], SimpleNamespace]]:
+    """A page shown by the command line, and its address and port."""
     run = [sys.executable, "-m", "pinsing", "view", "scara", "--skeleton", "--no-open"]
     process = subprocess.Popen(run, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
-    assert process.stdout is not None
-    yield process, process.stdout.readline().strip()
+    url = process.stdout.readline().strip()
+    yield process, SimpleNamespace(url=url, port=int(url.split(":")[2].split("/")[0]))
     process.kill()
     process.communicate()
 
 
-def tab_of(url: str) -> Tab:
-    class There:
-        port = int(url.split(":")[2].split("/")[0])
-
-    There.url = url  # type: ignore[attr-defined]
-    return Tab(There)  # type: ignore[arg-type]
-
-
-def test_ctrl_c_ends_a_page_with_tabs_open() -> None:
+def test_ctrl_c_ends_a_page_with_tabs_open(command) -> None:
     """Tabs that stay, and a request that never ends, do not hold it: it waits for none of them."""
-    run = [sys.executable, "-m", "pinsing", "view", "scara", "--skeleton", "--no-open"]
-    with subprocess.Popen(run, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as page:
-        assert page.stdout is not None
-        url = page.stdout.readline().strip()
-        tabs = [tab_of(url) for _ in range(5)]
-        waiting = socket.create_connection(("127.0.0.1", int(url.split(":")[2].split("/")[0])))
-        waiting.sendall(b"GET / HTTP/1.1\r\n")
-        page.send_signal(signal.SIGINT)
-        said = page.communicate(timeout=SECONDS)[1]
-        assert page.returncode == 0
-        assert said.splitlines()[-1] == "pinsing: ended"
-        for tab in tabs:
-            tab.link.close()
-        waiting.close()
+    page, there = command
+    tabs = [Tab(there) for _ in range(5)]
+    waiting = socket.create_connection(("127.0.0.1", there.port))
+    waiting.sendall(b"GET / HTTP/1.1\r\n")
+    page.send_signal(signal.SIGINT)
+    said = page.communicate(timeout=SECONDS)[1]
+    assert page.returncode == 0
+    assert said.splitlines()[-1] == "pinsing: ended"
+    for tab in tabs:
+        tab.link.close()
+    waiting.close()
 
 
 @pytest.mark.skipif(not Path("/proc/self/net/tcp").exists(), reason="Linux")
-def test_no_port_is_open_but_the_one(command: tuple[subprocess.Popen[str], str]) -> None:
-    process, url = command
-    assert urllib.request.urlopen(url).status == 200
+def test_no_port_is_open_but_the_one(command) -> None:
+    process, there = command
+    assert urllib.request.urlopen(there.url).status == 200
     mine = set()
     for entry in Path(f"/proc/{process.pid}/fd").iterdir():
         try:
@@ -427,8 +396,7 @@ def test_no_port_is_open_but_the_one(command: tuple[subprocess.Popen[str], str])
             fields = line.split()
             if fields[3] == "0A" and f"socket:[{fields[9]}]" in mine:
                 listening.append(fields[1])
-    port = int(url.split(":")[2].split("/")[0])
-    assert listening == [f"0100007F:{port:04X}"]
+    assert listening == [f"0100007F:{there.port:04X}"]
 
 
 def test_a_page_that_comes_early_waits_for_what_it_shows() -> None:

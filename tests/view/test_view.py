@@ -1,7 +1,5 @@
 """The viewer without a browser: scene, frames, paths, pages, server, and how it ends."""
 
-from __future__ import annotations
-
 import asyncio
 import base64
 import gzip
@@ -60,9 +58,6 @@ def commands(recorder: Recorder) -> list[dict[str, Any]]:
     return [umsgpack.unpackb(c) for _, c in recorder.commands]
 
 
-# Ellipsoids -------------------------------------------------------------------------
-
-
 def test_pure_ellipsoids_collapse_along_the_wrench_that_needs_no_torque() -> None:
     arm = textbook("stanford")
     q = np.array([0.3, 0.9, 0.4, 0.5, 0.0, -0.7])  # the wrist is straight: axes 4 and 6 in line
@@ -76,9 +71,7 @@ def test_pure_ellipsoids_collapse_along_the_wrench_that_needs_no_torque() -> Non
         assert velocity_ellipsoid(rows).radii[2] > 1e-5
 
 
-def test_pure_ellipsoid_bounds_the_motions_that_leave_the_rest_alone(
-    rng: np.random.Generator,
-) -> None:
+def test_pure_ellipsoid_bounds_the_motions_that_leave_the_rest_alone(rng):
     arm = textbook("iiwa14")
     J = frame_jacobian(arm, rng.uniform(*arm.span))
     ellipsoid = pure_ellipsoids(J)[0]
@@ -90,32 +83,23 @@ def test_pure_ellipsoid_bounds_the_motions_that_leave_the_rest_alone(
     assert inside.sum(axis=1).max() > 0.9
 
 
-def test_a_flat_ellipsoid_is_drawn_as_a_disc_and_its_data_left_alone() -> None:
+def test_sizes_of_what_is_drawn():
     radii = np.array([2.0, 1.0, 0.0])
     drawn = drawn_radii(radii, 0.5, reach=1.0)
     assert drawn == pytest.approx([1.0, 0.5, FLATTEST])
     assert radii[2] == 0.0
     assert drawn_radii(np.zeros(3), 1.0, reach=1.0) == pytest.approx([0, 0, 0])
-
-
-def test_what_is_flat_in_a_small_ellipsoid_is_thick_enough_to_be_seen_and_still_flat() -> None:
     line = np.array([2.0, 0.0, 0.0])
     assert drawn_radii(line, 0.05, reach=1.0) == pytest.approx([0.1, LEAST, LEAST])
     assert drawn_radii(line, 0.005, reach=1.0) == pytest.approx([0.01, 0.001, 0.001])
     # One that is no thinner than that is drawn as it is.
     full = np.array([2.0, 1.0, 0.9])
     assert drawn_radii(full, 0.05, reach=1.0) == pytest.approx(0.05 * full)
-
-
-def test_sizes_follow_the_scale_and_the_reach() -> None:
     arm = textbook("puma560")
     one, two = sizes(arm), sizes(arm, 2.0)
     assert two.translation == pytest.approx(2 * one.translation)
     assert two.rotation == pytest.approx(2 * one.rotation)
     assert 0.5 < one.reach < 2.5
-
-
-# Entries, verdict, paths ------------------------------------------------------------
 
 
 @pytest.mark.parametrize("name", ARMS)
@@ -124,7 +108,6 @@ def test_poses_are_on_their_family_inside_the_limits_and_the_same_every_time(nam
     again = entries_of(name)[1]
     assert any(e.poses for e in entries)
     for entry, twin in zip(entries, again, strict=True):
-        assert entry.family is not None
         for q, other in zip(entry.poses, twin.poses, strict=True):
             assert bool(entry.family.contains(q))
             assert bool(arm.within_limits(q))
@@ -144,9 +127,6 @@ def test_findings_of_a_sweep_are_listed() -> None:
             assert singular_values(arm, q[None])[0, -1] < 1e-9
     wrist = next(e for e in entries if e.text == "q5 = 0")
     assert wrist.family.distance([0, 1, 0.3, 0, 0.1, 0]).value == pytest.approx(0.1)
-
-
-# Frames and scene -------------------------------------------------------------------
 
 
 def test_the_scene_has_every_node_that_frames_place() -> None:
@@ -193,8 +173,8 @@ def test_links_stand_where_the_whole_robot_has_them(robot: str | dict[str, str])
 
 @pytest.mark.parametrize("file", ["package://nowhere/a.dae", "bad.stl"])
 def test_a_mesh_that_is_missing_or_broken_is_told_and_bones_stand_for_it(
-    file: str, write_urdf: Any, tmp_path: Path
-) -> None:
+    file, write_urdf, tmp_path
+):
     (tmp_path / "bad.stl").write_bytes(b"this is not a mesh")
     mesh = (
         f'<link name="extra"><visual><geometry><mesh filename="{file}"/></geometry></visual></link>'
@@ -211,10 +191,7 @@ def test_a_mesh_that_is_missing_or_broken_is_told_and_bones_stand_for_it(
         assert "<html" in viewer.html()
 
 
-# Viewer -----------------------------------------------------------------------------
-
-
-def test_show_and_show_family() -> None:
+def test_show_and_show_family():
     with Viewer(textbook("stanford"), skeleton=True) as viewer:
         viewer.show([0, 1, 0.3, 0, 0.5, 0])
         np.testing.assert_allclose(viewer.q, [0, 1, 0.3, 0, 0.5, 0])
@@ -231,20 +208,20 @@ def test_show_and_show_family() -> None:
         with pytest.raises(OptionError):
             viewer.play("F1", "sideways")
         assert viewer._server is None  # nobody asked for an address yet
-
-
-def test_a_scale_must_be_positive() -> None:
     for scale in (0.0, -1.0, np.nan):
         with pytest.raises(OptionError):
             Viewer(textbook("scara"), scale=scale)
 
 
-def test_a_model_without_a_file_is_shown_as_a_skeleton() -> None:
+def test_a_model_without_a_file_is_shown_as_a_skeleton():
     arm = planar((1.0, 0.8, 0.5))
     with Viewer(arm) as viewer:
         settings = viewer._stage.page(live=False)["settings"]
         assert settings["shapes"] is False
         assert settings["mode"] == "all"  # a position task: all translations are what counts
+    arm = load("ur5")
+    with pytest.raises(ArgumentError, match=r"postures must be a PostureChanges, got 3: pinsing"):
+        Viewer(arm, postures=3, skeleton=True)
 
 
 def test_the_static_page_is_whole_and_escapes_names() -> None:
@@ -256,7 +233,6 @@ def test_the_static_page_is_whole_and_escapes_names() -> None:
     assert "alert(1)" not in text.replace("&lt;/script&gt;&lt;script&gt;alert(1)", "")
     assert not re.search(r'(?:src|href)="(?!data:)', text)
     packed = re.search(r'id="baked-page"[^>]*>([^<]+)<', text)
-    assert packed is not None
     page = json.loads(gzip.decompress(base64.b64decode(packed.group(1))))
     assert page["robot"]["name"] == evil.name
     assert page["live"] is False
@@ -306,9 +282,6 @@ def test_next_to_a_users_own_visualizer() -> None:
         Viewer(arm, visualizer=object())
 
 
-# Server -----------------------------------------------------------------------------
-
-
 @pytest.fixture
 def live() -> Any:
     with Viewer(textbook("stanford"), skeleton=True) as viewer:
@@ -316,13 +289,32 @@ def live() -> Any:
         yield viewer
 
 
-def test_every_part_of_the_page_is_served(live: Viewer) -> None:
+def test_the_page_is_served_to_itself_alone(live):
     for part in ("", "begin.js", "page.css", "page.js", "meshcat.js", "page.json", "scene"):
         status, body = get(live.url + part)
         assert status == 200
         assert body
     assert get(live.url + "nothing")[0] == 404
     assert get(live.url + "../pyproject.toml")[0] == 403
+    from tornado.httpclient import HTTPClientError
+
+    for origin in ("http://evil.example", "null", "http://localhost:1"):
+        with pytest.raises(HTTPClientError, match="403"):
+            asyncio.run(heard(live.url, Origin=origin))
+    for host in ("evil.example", f"evil.example:{live._server.port}", "127.0.0.1:1"):
+        assert get(live.url + "page.json", Host=host)[0] == 403
+    assert get(live.url + "page.json", Host=f"localhost:{live._server.port}")[0] == 200
+    server = live._server
+    assert {s.getsockname()[0] for s in server._sockets} == {"127.0.0.1"}
+    assert is_loopback("127.0.0.1")
+    assert is_loopback("localhost")
+    assert is_loopback("::1")
+    assert not is_loopback("0.0.0.0")
+    assert not is_loopback("192.168.1.2")
+    framed = live._server.framed_url
+    assert framed != live.url
+    assert f'src="{framed}"' in live.jupyter_cell(height=300, live=True).data
+    assert get(framed)[0] == 200
 
 
 def test_a_viewer_brings_nothing_that_a_browser_would_wait_for_in_vain() -> None:
@@ -341,40 +333,12 @@ def test_a_viewer_brings_nothing_that_a_browser_would_wait_for_in_vain() -> None
     assert done.returncode == 0, done.stderr
 
 
-def test_postures_are_held_against_their_type() -> None:
-    arm = load("ur5")
-    with pytest.raises(ArgumentError, match=r"postures must be a PostureChanges, got 3: pinsing"):
-        Viewer(arm, postures=3, skeleton=True)  # type: ignore[arg-type]
-
-
-def test_other_sites_cannot_drive_it(live: Viewer) -> None:
-    from tornado.httpclient import HTTPClientError
-
-    for origin in ("http://evil.example", "null", "http://localhost:1"):
-        with pytest.raises(HTTPClientError, match="403"):
-            asyncio.run(heard(live.url, Origin=origin))
-    for host in ("evil.example", f"evil.example:{live._server.port}", "127.0.0.1:1"):  # type: ignore[union-attr]
-        assert get(live.url + "page.json", Host=host)[0] == 403
-    assert get(live.url + "page.json", Host=f"localhost:{live._server.port}")[0] == 200  # type: ignore[union-attr]
-
-
-def test_only_loopback_is_bound(live: Viewer) -> None:
-    server = live._server
-    assert server is not None
-    assert {s.getsockname()[0] for s in server._sockets} == {"127.0.0.1"}
-    assert is_loopback("127.0.0.1")
-    assert is_loopback("localhost")
-    assert is_loopback("::1")
-    assert not is_loopback("0.0.0.0")
-    assert not is_loopback("192.168.1.2")
-
-
 def test_shown_configurations_reach_open_pages(live: Viewer) -> None:
     start = live.q.tolist()
 
     def act() -> None:
         live.show_family("F3", 1)
-        live._server.send({"play": "into"})  # type: ignore[union-attr]
+        live._server.send({"play": "into"})
 
     first, shown, played = asyncio.run(heard(live.url, act))
     assert (first["entry"], first["q"]) == (0, start)
@@ -408,24 +372,13 @@ def test_close_gives_the_port_back() -> None:
 
 
 def test_a_notebook_gets_the_page_itself() -> None:
-    """Nothing of it needs this program: it starts no server."""
     viewer = Viewer(textbook("scara"), skeleton=True)
     for cell in (viewer._repr_html_(), viewer.jupyter_cell(height=300).data):
         frame = re.search(r'<iframe [^>]*srcdoc="([^"]*)"', cell)
-        assert frame is not None
         assert html.unescape(frame[1]) == viewer.html()
         assert "127.0.0.1" not in cell
     assert viewer._server is None
 
-
-def test_a_notebook_can_frame_the_live_page(live: Viewer) -> None:
-    framed = live._server.framed_url  # type: ignore[union-attr]
-    assert framed != live.url
-    assert f'src="{framed}"' in live.jupyter_cell(height=300, live=True).data
-    assert get(framed)[0] == 200
-
-
-# The command ------------------------------------------------------------------------
 
 _RUN = "import sys; from pinsing.cli.view import view_command; view_command(sys.argv[1:])"
 
@@ -437,7 +390,6 @@ def start(*words: str) -> tuple[subprocess.Popen[str], str]:
         stderr=subprocess.PIPE,
         text=True,
     )
-    assert process.stdout is not None
     return process, process.stdout.readline().strip()
 
 
@@ -513,7 +465,6 @@ def test_listening_to_the_network_is_warned_about() -> None:
 
 def coverage_in(page: Path) -> str:
     packed = re.search(r'id="baked-page"[^>]*>([^<]+)<', page.read_text(encoding="utf-8"))
-    assert packed is not None
     return str(json.loads(gzip.decompress(base64.b64decode(packed[1])))["coverage"])
 
 
@@ -560,9 +511,7 @@ def test_a_saved_analysis_is_shown(tmp_path: Path) -> None:
     assert "not JSON" in str(result.exception)
 
 
-def test_a_picture_without_a_browser_says_what_is_missing(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_picture_without_a_browser_says_what_is_missing(tmp_path, monkeypatch):
     from pinsing.view import picture
 
     monkeypatch.setattr(picture, "find_browser", lambda: None)

@@ -3,8 +3,6 @@
 Needs Chromium (or Chrome) and Playwright for Python; without them the tests are skipped.
 """
 
-from __future__ import annotations
-
 import http.server
 import io
 import math
@@ -49,7 +47,6 @@ def static(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_a_running_robot_is_followed(page: Any) -> None:
-    """Configurations of standard input: drawn, with silences, broken lines and the end said."""
     run = [sys.executable, "-m", "pinsing", "view", "scara", "--skeleton", "--no-open"]
     pipes = dict.fromkeys(("stdin", "stdout", "stderr"), subprocess.PIPE)
     saying = "(t) => document.querySelector('#playing').textContent.includes(t)"
@@ -196,7 +193,6 @@ def test_the_static_page_opens_from_a_file(page: Any, static: Path) -> None:
 
 
 def test_an_address_that_is_no_pose_is_told(page: Any, static: Path) -> None:
-    """At once as the page opens, and later; the same words."""
     for asked, said in [
         ("NaN,0,0,0", "value 1 of the address is not a number: NaN"),
         (",,,", "value 1 of the address is not a number: nothing"),
@@ -401,9 +397,7 @@ def test_a_narrow_page_shows_its_legend_while_it_loads(page: Any, static: Path) 
         assert busy[2] <= x0 or busy[0] >= x1 or busy[3] <= y0 or busy[1] >= y1
 
 
-def test_rounding_that_hides_a_singularity_is_said_at_the_verdict(
-    page: Any, tmp_path: Path
-) -> None:
+def test_rounding_that_hides_a_singularity_is_said_at_the_verdict(page, tmp_path):
     q = [0.2, 0.0, np.pi / 2, 0.9, np.pi / 2, 0.0, 0.1]
     with Viewer(load("xarm7"), skeleton=True) as viewer:
         viewer.show(q)
@@ -422,7 +416,6 @@ STUCK = three_joints("stuck", 0.5, 0.5)
 
 @pytest.mark.slow
 def test_what_is_not_there_is_said(page: Any, tmp_path: Path) -> None:
-    """No family, and whether that is proven; motions missing everywhere; a joint that is stuck."""
     path, out = tmp_path / "stuck.urdf", tmp_path / "stuck.html"
     path.write_text(STUCK)
     with Viewer(load(path), skeleton=True) as viewer:
@@ -466,7 +459,6 @@ def test_a_printed_page_has_its_picture(page: Any, stanford: Viewer) -> None:
 
 @pytest.mark.slow
 def test_a_pose_at_rest_is_told_its_distance_for_sure(page: Any, tmp_path: Path) -> None:
-    """What a frame has no time for is brought together beside the page."""
     out = tmp_path / "panda.html"
     with Viewer(load("panda"), skeleton=True) as viewer:
         viewer.save_html(out)
