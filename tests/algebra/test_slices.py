@@ -45,28 +45,23 @@ def test_the_common_zeros_are_met(ring):
 
 
 def test_special_points(ring):
-    """Bezout: forms of bidegree (2, 1) and (1, 2) meet in 2 * 2 + 1 * 1 points."""
-    x1, y1, x2, y2, *_ = ring.context.gens()
+    x1, y1, x2, y2, x3, y3, _ = ring.context.gens()
     p = x1**2 * y2 + 3 * y1**2 * x2 + 5 * x1 * y1 * x2 - 7 * x1**2 * x2
     g = x1 * x2**2 + 11 * y1 * y2**2 - 2 * x1 * y2 * x2 + 13 * y1 * x2**2
-    assert degrees(points(p, g, ring=ring)) == 5
-    x1, y1, x2, y2, *_ = ring.context.gens()
+    assert degrees(points(p, g, ring=ring)) == 5  # Bezout: 2 * 2 + 1 * 1
     found = points(x1 * 5 - y1 * 2, x2**2 - 3 * y2**2 + x1**2 * 0, ring=ring)
     assert degrees(found) == 2
     assert all(s.has(0, (Fraction(2), Fraction(5))) for s in found)
     assert not any(s.has(0, (Fraction(2), Fraction(-5))) for s in found)
-    x1, y1, x2, y2, *_ = ring.context.gens()
     line, parabola = y2, y2 * x1**2 - y1**2 * x2  # u = 0 and u = t^2
     found = points(line, parabola, ring=ring)
     assert degrees(found) == 1
     assert not found[0].transversal((line, parabola))
     assert found[0].has(0, (Fraction(1), Fraction(0)))
-    x1, y1, x2, y2, *_ = ring.context.gens()
     # x1^2 + y1^2 vanishes where p and g do
     p = x1 * x2 + y1 * y2
     g = x1 * y2 - y1 * x2
     assert points(p, g, ring=ring) == []
-    x1, y1, x2, y2, x3, y3, _ = ring.context.gens()
     found = points(x1 - 2 * y1, x2 * y3 - x3 * y2, ring=ring)  # never both in (q2, q3) alone
     assert degrees(found) == 2  # (q1, q2) and (q1, q3)
 
