@@ -11,6 +11,7 @@ from singular_sets import Joint, arm_of, build, closed
 import pinsing
 from pinsing._batch import engine
 from pinsing._types import Array
+from pinsing.algebra import along
 from pinsing.algebra.equation import Equation
 from pinsing.errors import ConfigurationError, OptionError, PinsingError, UnknownNameError
 from pinsing.families import Branch
