@@ -13,7 +13,6 @@ from pinsing.kinematics.jacobian import tip_placement
 from pinsing.postures.inverse import drawn, mirrored
 from pinsing.postures.inverse_solutions import FoundSolutions
 from pinsing.postures.newton import Solver
-from pinsing.postures.stepwise import steps_of
 
 
 def ur5_inverse(T):
@@ -204,56 +203,14 @@ def test_offset_wrist_against_four_times_the_starts(count, met):
     assert set(against_more_starts(made(CRX), count, 11)) >= met
 
 
-class TestSteps:
-    """Starts found step by step, before anything corrects them."""
-
-    @pytest.mark.parametrize(
-        "name", ["ur5", "puma560", "kinova", "z1", "irb1400", "stanford", "talos_arm"]
-    )
-    def test_they_are_solutions_of_the_nominal_arm(self, name):
-        geometry = pinsing.robot.nominal(pinsing.load(name, units="rad"))
-        arm = geometry.arm
-        for q in arm.space.sample(5, np.random.default_rng(3), True):
-            T = tip_placement(arm, q)
-            steps = steps_of(geometry, T.translation, T.rotation)
-            error = [
-                np.abs(tip_placement(arm, x).homogeneous - T.homogeneous).max() for x in steps.Q
-            ]
-            assert min(np.abs(arm.space.wrap(steps.Q - q)).max(axis=1)) < 1e-6
-            assert sum(e < 1e-8 for e in error) >= 2
-
-    @pytest.mark.parametrize("backward", [False, True])
-    def test_a_shoulder_of_three_axes_is_read_from_the_tip(self, backward):
-        # Turned round, a row (alpha, a, d) before its joint is one after it.
-        back = [(0, 0, 90), (0, 0, -90), (0.4318, 0.0203, 90), (0.15005, 0.4318, 0)]
-        back += [(0, 0.1, 90), (0.2, 0, 0)]
-        arm = made(tuple(back if backward else PUMA))
-        q = np.array([0.3, -0.8, 1.1, 0.4, 0.9, -0.5])
-        T = tip_placement(arm, q)
-        steps = steps_of(pinsing.robot.nominal(arm), T.translation, T.rotation)
-        assert steps.clear
-        assert min(np.abs(arm.space.wrap(steps.Q - q)).max(axis=1)) < 1e-7
-
-    def test_a_pose_that_is_nearly_singular_is_not_clear(self):
-        arm = pinsing.load("puma560")
-        T = tip_placement(arm, np.array([0.2, 0.3, 0.5, 0.4, 0.0, 0.1]))
-        assert not steps_of(pinsing.robot.nominal(arm), T.translation, T.rotation).clear
-
-    def test_none_for_an_offset_wrist(self):
-        geometry = pinsing.robot.nominal(made(CRX))
-        assert steps_of(geometry, np.array([0.4, 0.2, 0.3]), np.eye(3)) is None
-
-
 def test_a_cuspidal_arm_of_three_joints_has_all_its_points():
     """Its equation of degree four has two or four solutions; 2048 starts are the judge."""
     arm = made(((0, 1, -90), (1, 2, 90), (0, 1.5, 0)), "position")
     counts = set()
     for q in arm.space.sample(6, np.random.default_rng(2), True):
         p = tip_placement(arm, q).translation
-        steps = steps_of(pinsing.robot.nominal(arm), p, None)
         found, more = pinsing.inverse(arm, p), pinsing.inverse(arm, p, starts=2048, seed=3)
         assert len(found) == len(more)
-        assert not steps.clear or found.starts < 256
         counts.add(len(found))
     assert counts == {2, 4}
 

@@ -13,6 +13,7 @@ from pinsing.arguments import MAX_SEED, checked, whole_number
 from pinsing.errors import ConfigurationError, OptionError, UnknownNameError
 from pinsing.kinematics.jacobian import read_pose
 from pinsing.kinematics.verdict import generic_rank
+from pinsing.postures.decomposed import decomposed, exactly
 from pinsing.postures.exact_chain import turns
 from pinsing.postures.inverse_solutions import (
     ENOUGH,
@@ -22,7 +23,6 @@ from pinsing.postures.inverse_solutions import (
 )
 from pinsing.postures.ladder import ladder_of
 from pinsing.postures.newton import Solver, Stalled
-from pinsing.postures.stepwise import steps_of
 from pinsing.robot.arm import Arm, summarize
 from pinsing.robot.nominal import nominal
 
@@ -111,8 +111,8 @@ def inverse(
 ) -> InverseSolutions:
     """Find all inverse solutions of a pose.
 
-    Where the axes allow it the equations are solved step by step, each for all its roots
-    (`pinsing.postures.stepwise`); random starts then only check that.
+    Arms that EAIK knows are solved by it (`pinsing.postures.decomposed`); random starts then only
+    check that.
 
     Otherwise, damped Newton steps (Levenberg, 1944; Marquardt, 1963) from random starts, all at
     once, and from mirror images of each solution found. The starts are doubled until every
@@ -137,7 +137,7 @@ def inverse(
     fixed : mapping of str to float, optional
         Joints to hold, by name, where the arm has more joints than the task has conditions.
     starts : int
-        Random starts to begin with; an eighth of them where steps gave all solutions.
+        Random starts to begin with; an eighth of them where EAIK gave all solutions.
     seed : int
         Of the starts.
     near : (n,) or (N, n), or (nq,) or (N, nq) array_like, optional
@@ -188,16 +188,15 @@ def inverse(
     found, stalled = FoundSolutions(solver, arm, held), Stalled(arm.space)
     geometry = nominal(arm)
     alone = len(free) == arm.n
-    # Length scales beyond which a pose is not solved step by step: squares lose all digits.
-    far = np.abs(position).max() > 1e12 * arm.length_scale
-    steps = steps_of(geometry, position, rotation) if alone and not far else None
-    first = starts
-    known = -1
-    if steps is not None:
-        found.add(*solver.solve(steps.Q))
-        solved = int((np.linalg.norm(solver.linear(steps.Q)[0], axis=1) < steps.near).sum())
-        if steps.clear and solved == len(found.q) and found.regular.all():
-            # Share of the random starts that check solutions found step by step: one in so many.
+    first, known = starts, -1
+    robot = decomposed(arm) if alone and arm.task.name == "pose" else None
+    if robot is not None:
+        pose = np.eye(4)
+        pose[:3, :3], pose[:3, 3] = (np.eye(3) if rotation is None else rotation), position
+        said = robot.IK(pose)
+        found.add(*solver.solve(exactly(said, arm.n)))
+        if len(said.Q) == len(found.q) and found.clear():
+            # Share of the random starts that check solutions by EAIK: one in so many.
             known, first = len(found.q), max(1, starts // 8)
     if near is not None:
         own = arm.check_many(near, "near")

@@ -1,8 +1,7 @@
 """Inverse solutions of many poses at once: by EAIK where it knows the arm, else by continuation.
 
-EAIK (Ostermeier, https://github.com/OstermD/EAIK) decomposes arms of six revolute joints into
-subproblems. It is given the nominal chain, whose axes meet or are parallel exactly; each solution
-is brought to the arm itself by Newton steps and kept only if forward kinematics gives the pose.
+Each solution is brought to the arm itself by Newton steps, and kept only if forward kinematics
+gives the pose.
 """
 
 from __future__ import annotations
@@ -15,11 +14,11 @@ import numpy as np
 from pinsing._types import Array, Bool
 from pinsing.errors import OptionError
 from pinsing.kinematics.jacobian import generic_rank
+from pinsing.postures.decomposed import decomposed, exactly
 from pinsing.postures.inverse import inverse
 from pinsing.postures.newton import Solver
 from pinsing.robot.arm import Arm
-from pinsing.robot.chain import Chain, flatten
-from pinsing.robot.nominal import nominal
+from pinsing.robot.chain import flatten
 
 REACHED = 1e-9
 """Residual of a pose that is reached: radians, and metres over the length scale."""
@@ -54,7 +53,7 @@ class InverseMany:
             )
         self.arm, self.held = arm, held
         self.free = np.array([j for j in range(arm.n) if j != held])
-        self.exact = self._eaik(0.0) is not None
+        self.exact = decomposed(arm, held) is not None
 
     def solve(
         self,
@@ -84,19 +83,6 @@ class InverseMany:
         most = max(1, int(np.isfinite(flat[..., 0]).sum(axis=-1).max(initial=0)))
         return flat[..., :most, :]
 
-    def _eaik(self, value: float) -> Any:
-        """Return EAIK's robot with the held joint at a value; None if EAIK does not know it."""
-        try:
-            from eaik.IK_Homogeneous import HomogeneousRobot
-        except ImportError:
-            return None
-        chain = flatten(nominal(self.arm).arm)
-        if chain.prismatic.any():
-            return None
-        fixed = [] if self.held is None else [(self.held, value)]
-        robot = HomogeneousRobot(_frames_at_zero(chain), fixed_axes=fixed)
-        return robot if robot.hasKnownDecomposition() else None
-
     def _decomposed(
         self, position: Array, rotation: Array, values: Array | None, progress: Progress | None
     ) -> Array:
@@ -104,13 +90,13 @@ class InverseMany:
         T[..., :3, :3], T[..., :3, 3], T[..., 3, 3] = rotation, position, 1.0
         if values is not None:  # another robot for each value of the held joint
             T = T.swapaxes(0, 1)
-        robot, n = self._eaik(0.0), self.arm.n
+        robot, n = decomposed(self.arm, self.held), self.arm.n
         found = []
         for k, batch in enumerate(T):
             if values is not None:
-                robot = self._eaik(float(values[k]))
+                robot = decomposed(self.arm, self.held, float(values[k]))
             solved = [] if robot is None else robot.IK_batched(batch, num_worker_threads=2)
-            found.append([_exact(x, n) for x in solved] or [np.empty((0, n))] * len(batch))
+            found.append([exactly(x, n) for x in solved] or [np.empty((0, n))] * len(batch))
             if progress is not None:
                 progress(k + 1, len(T))
         slots = max(1, max(len(q) for row in found for q in row))
@@ -229,23 +215,6 @@ def _sum(weights: Array, vectors: list[Array], start: Any) -> Any:
         if w != 0.0:
             start = start + w * v
     return start
-
-
-def _frames_at_zero(chain: Chain) -> Array:
-    """The placements (n + 1, 4, 4) of the joints at zero, their axes along z, and of the tip."""
-    frames, at = [], np.eye(4)
-    for R, t in zip(chain.R, chain.t, strict=True):
-        here = np.eye(4)
-        here[:3, :3], here[:3, 3] = R, t
-        at = at @ here
-        frames.append(at)
-    return np.array(frames)
-
-
-def _exact(found: Any, n: int) -> Array:
-    """Solutions (k, n), a held joint included, without those that are least squares only."""
-    least_squares: Bool = np.asarray(found.is_LS, dtype=bool)
-    return np.asarray(np.asarray(found.Q, dtype=float).reshape(-1, n)[~least_squares])
 
 
 def _distinct(Q: Array, arm: Arm) -> Array:

@@ -253,6 +253,10 @@ class FoundSolutions:
             return np.zeros(0, dtype=bool)
         return np.greater(self._measure(np.array(self.q)), _REGULAR)
 
+    def clear(self) -> bool:
+        """Whether there are some, and none is nearly double, as next to a singularity."""
+        return bool(self.q) and bool((self._measure(np.array(self.q)) > 1e-4).all())
+
     @property
     def lacking(self) -> int:
         """How many solutions with a positive determinant lack, negative: with a negative one.
