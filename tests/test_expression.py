@@ -9,8 +9,7 @@ import pytest
 from singular_sets import RIGHT, Array, Joint, arm_of, build, closed
 from tiers import tiered
 
-from pinsing.algebra.equation import equation
-from pinsing.algebra.equation_text import format_angle
+from pinsing.algebra.equation import equation, format_angle
 from pinsing.algebra.ring import Poly, Ring, make_ring
 from pinsing.families import Equation, closed_form
 from pinsing.families.zero_set import fix_joint, never_zero, proven_empty

@@ -14,8 +14,7 @@ from node import needs_node, run
 
 import pinsing
 from pinsing.algebra.equation import Equation
-from pinsing.algebra.joint_form import JointForm, joint_form
-from pinsing.algebra.product_form import expressions
+from pinsing.algebra.joint_form import JointForm, expressions, joint_form
 from pinsing.cli.families import families_command
 from pinsing.kinematics.verdict import ratios
 from pinsing.mathml import mathml

@@ -6,10 +6,10 @@ import pytest
 
 from pinsing import load
 from pinsing.algebra.budget import Budget
+from pinsing.algebra.decompose import PlaceMatrices, SearchPlace
 from pinsing.algebra.jacobian_matrix import constants, jacobian_matrix
 from pinsing.algebra.matrix import reduce_matrix
 from pinsing.algebra.minors import Minors
-from pinsing.algebra.place import PlaceMatrices, SearchPlace
 from pinsing.algebra.surd_ring import ring_of
 from pinsing.robot.nominal import nominal
 

@@ -8,8 +8,7 @@ from pinsing.algebra.budget import Budget
 from pinsing.algebra.jacobian_matrix import constants
 from pinsing.algebra.minors import NearMinors
 from pinsing.algebra.surd_ring import ring_of
-from pinsing.families.long_chain import LongChain
-from pinsing.families.met_points import ModularPoints, solving_order
+from pinsing.families.long_chain import LongChain, ModularPoints, solving_order
 from pinsing.families.pieces import PieceMaker
 from pinsing.families.solve import joint_symbols
 from pinsing.kinematics.jacobian import generic_rank

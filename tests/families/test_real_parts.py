@@ -10,8 +10,13 @@ from singular_sets import Joint, build, iiwa_with_offset
 from pinsing.algebra import real_roots
 from pinsing.algebra.budget import Budget
 from pinsing.algebra.components import FoundComponents
-from pinsing.algebra.real_hypersurface import changes_sign, isolated_zeros, semidefinite
-from pinsing.algebra.real_roots import NotFinite, real_solutions
+from pinsing.algebra.real_roots import (
+    NotFinite,
+    changes_sign,
+    isolated_zeros,
+    real_solutions,
+    semidefinite,
+)
 from pinsing.algebra.ring import make_ring
 from pinsing.algebra.surd_ring import ring_of
 from pinsing.families import closed_form

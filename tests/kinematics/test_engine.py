@@ -10,7 +10,7 @@ import pytest
 from pinsing._batch import engine as kernel
 from pinsing._batch.built_from import SUFFIXES, fingerprint, why_stale
 from pinsing.errors import EngineError, OptionError
-from pinsing.kinematics import engine
+from pinsing.kinematics import batch
 from pinsing.kinematics import jacobian as kinematics
 from pinsing.robot.load import load
 
@@ -81,8 +81,8 @@ def test_a_kernel_that_differs_is_refused(monkeypatch):
     arm = load("ur5")
     honest = kernel.jacobians
     monkeypatch.setattr(kernel, "jacobians", lambda *a, **k: honest(*a, **k) + 1e-11)
-    assert engine.batch_chain(arm) is None
-    assert "differs from Pinocchio" in engine.engine_name(arm)
+    assert batch.batch_chain(arm) is None
+    assert "differs from Pinocchio" in batch.engine_name(arm)
     with pytest.raises(EngineError, match="differs from Pinocchio"):
         kinematics.frame_jacobians(arm, np.zeros((1, 6)), engine="batch")
     J = kinematics.frame_jacobians(arm, np.zeros((1, 6)))[0]
@@ -117,7 +117,7 @@ def test_without_the_kernel_pinocchio_runs(monkeypatch):
     monkeypatch.setattr(kernel, "unavailable_reason", lambda: "not built")
     arm = load("ur5")
     Q = configurations(arm, 3)
-    assert engine.engine_name(arm) == "Pinocchio and NumPy (not built)"
+    assert batch.engine_name(arm) == "Pinocchio and NumPy (not built)"
     data = arm.model.createData()
     for q, J in zip(Q, kinematics.frame_jacobians(arm, Q), strict=True):
         expected = pin.computeFrameJacobian(arm.model, data, q, arm.tip_id, pin.LOCAL_WORLD_ALIGNED)

@@ -15,8 +15,7 @@ import pinsing
 from pinsing._batch import engine
 from pinsing.cli.app import command as app
 from pinsing.errors import OptionError
-from pinsing.kinematics.batch import tip_rotations, turn_left
-from pinsing.kinematics.engine import PINOCCHIO
+from pinsing.kinematics.batch import PINOCCHIO, tip_rotations, turn_left
 from pinsing.kinematics.jacobian import task_jacobians_and_derivatives, tip_placement
 from pinsing.proof.checker import Rejected, verify
 from pinsing.robot.task import parse_task

@@ -13,8 +13,7 @@ from pinsing import at, closed_form, plot
 from pinsing.configuration import refine
 from pinsing.configuration.refine import describe
 from pinsing.kinematics import generic_rank
-from pinsing.kinematics.batch import own_scale
-from pinsing.kinematics.engine import PINOCCHIO
+from pinsing.kinematics.batch import PINOCCHIO, own_scale
 from pinsing.kinematics.verdict import evaluator, measure, own_shares, ratios, status_of
 from pinsing.robot.arm import Arm
 from pinsing.robot.load import load

@@ -10,8 +10,7 @@ from tiers import tiered_rows
 
 import pinsing
 from pinsing.kinematics.jacobian import tip_placement
-from pinsing.postures.inverse import drawn, mirrored
-from pinsing.postures.inverse_solutions import FoundSolutions
+from pinsing.postures.inverse import FoundSolutions, drawn, mirrored
 from pinsing.postures.newton import Solver
 
 

@@ -8,9 +8,7 @@ from tiers import tiered
 import pinsing
 from pinsing.kinematics.jacobian import tip_placement
 from pinsing.postures.exact_chain import ExactChain
-from pinsing.postures.ladder import ladder_of, posture_names
-from pinsing.postures.root_bound import one_root_left
-from pinsing.postures.three_joints import Point
+from pinsing.postures.ladder import Point, ladder_of, one_root_left, posture_names
 
 
 def share(arm, count=60):

@@ -12,7 +12,7 @@ from pinsing.algebra.equation import Equation
 from pinsing.errors import ConfigurationError, OptionError, PinsingError, UnknownNameError
 from pinsing.kinematics.jacobian import tip_placement
 from pinsing.postures.boxes import Ground, on_boxes, slope, sum_of
-from pinsing.postures.divided import Divided, Sectioned
+from pinsing.postures.joint_map import Divided, Sectioned
 from pinsing.postures.newton import one_sheet, regular_way
 from pinsing.postures.partition import partition
 from pinsing.postures.pieces import Wheel

@@ -13,8 +13,7 @@ from pinsing.cli.app import command
 from pinsing.description.dh_urdf import dh_to_urdf, read_dh
 from pinsing.kinematics.jacobian import tip_placement
 from pinsing.postures.aspects import map_of
-from pinsing.postures.changes import PostureChange
-from pinsing.postures.whole_turns import whole_turns
+from pinsing.postures.changes import PostureChange, whole_turns
 
 ROWS = """name: orthogonal
 convention: standard
@@ -133,7 +132,7 @@ def test_what_was_not_looked_at_is_not_proven(wide, monkeypatch):
     late = whole_turns(chosen, q, np.array(START), until=time.monotonic() - 1)
     assert (late.total, late.apart) == (4, 0)
     with monkeypatch.context() as patch:
-        patch.setattr("pinsing.postures.whole_turns._LOOKED", 2)
+        patch.setattr("pinsing.postures.changes._LOOKED", 2)
         few = whole_turns(chosen, q, np.array(START))
         assert (few.total, few.apart, few.likely) == (4, 2, ())
         (first, *_) = pinsing.posture_changes(arm, START, forms=form).others

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import pinsing
-from pinsing.postures.way_clearance import least, raised
+from pinsing.postures.connection import least, raised
 
 
 @pytest.fixture(scope="module")

@@ -9,8 +9,7 @@ from tiers import tiered
 
 import pinsing
 from pinsing._types import Array
-from pinsing.algebra.along import zeros_along
-from pinsing.algebra.conditions import Conditions
+from pinsing.algebra.conditions import Conditions, zeros_along
 from pinsing.errors import ConfigurationError, OptionError
 from pinsing.families import ClosedForm, Family
 from pinsing.proximity.crossings import crossings

@@ -11,7 +11,7 @@ from singular_sets import Joint, arm_of, build, closed
 import pinsing
 from pinsing._batch import engine
 from pinsing._types import Array
-from pinsing.algebra import along
+from pinsing.algebra.conditions import contact_along
 from pinsing.algebra.equation import Equation
 from pinsing.errors import ConfigurationError, OptionError, PinsingError, UnknownNameError
 from pinsing.families import Branch
@@ -226,7 +226,7 @@ def test_at_a_singular_configuration():
     assert (within.time_to_contact, within.trend) == (0.0, "steady")
     conditions = closed("ur5").families[0].conditions()
     x = np.zeros(6)
-    assert along.contact_along(conditions, 0, x, np.zeros(6), 1.0) == (np.inf, 0.0)
+    assert contact_along(conditions, 0, x, np.zeros(6), 1.0) == (np.inf, 0.0)
 
 
 @pytest.mark.parametrize("compiled", [True, False])

@@ -1,10 +1,24 @@
 """Conditions: joints at values, and trigonometric sums that are zero.
 
 All of it in weighted coordinates ``x = w q``, in which distances are plain norms.
+
+Conditions along motions: every zero of a sum along pieces, and when a straight motion meets one.
+
+On an interval of half-width h, with f and f' in its middle and W a bound of |f''| on it: there is
+no zero where |f| > |f'| h + W h^2 / 2; at most one where |f'| > W h, and the signs at the ends
+tell; else the interval is halved, until f cannot be told from zero on it.
+
+Along ``x + s u`` with ``|h''| <= M`` Taylor's theorem gives ``|h(s)| >= |h(0)| - c s - M s^2 / 2``,
+c how fast ``|h|`` falls: up to the root of the right side there is no zero. From there again, and
+so on: the steps shrink as those of Newton's method do, and each is proven. A branch is met where
+all its conditions hold at once, so that its step is the longest of theirs.
+
+The compiled engine does both (``isolate.cpp``, ``contact.cpp``); here stands the plain reference.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -15,7 +29,7 @@ import numpy as np
 from pinsing._batch import engine
 from pinsing._types import Array, Bool, Ints
 from pinsing.algebra.equation import Equation
-from pinsing.algebra.trig_sum import TrigSum
+from pinsing.algebra.trig_sum import COMBINED, TrigSum
 from pinsing.errors import OptionError
 
 NORMS = ("euclidean", "max")
@@ -270,3 +284,256 @@ def weighted_sum(e: Equation, weight: Array, largest: bool = False) -> TrigSum:
 
 def _starts(counts: Sequence[int] | Ints) -> Ints:
     return np.concatenate([[0], np.cumsum(counts)]).astype(np.int64)
+
+
+SIMPLE, FLAT = 1, 2
+"""Kinds of an event: one change of sign; an interval on which the equation is zero to rounding."""
+
+
+@dataclass(frozen=True, eq=False)
+class Zeros:
+    """Events along pieces, in the order of pieces.
+
+    Attributes
+    ----------
+    piece, equation : (K,) arrays of int
+        Where, and of which equation.
+    s : (K,) array
+        Place within the piece, 0 to 1: the zero, or the middle of the interval.
+    width : (K,) array
+        Half of the interval; 0 for a simple zero.
+    kind : (K,) array of int
+        SIMPLE or FLAT.
+    ends : (m, E, 2) array
+        Values of the equations at both ends of each piece.
+    """
+
+    piece: Ints
+    equation: Ints
+    s: Array
+    width: Array
+    kind: Ints
+    ends: Array
+
+
+def zeros_along(conditions: Conditions, pieces: Array, *, compiled: bool = True) -> Zeros:
+    """Every zero of every equation of conditions along polynomial pieces.
+
+    Parameters
+    ----------
+    conditions : Conditions
+        Their equations count, whichever branches they belong to.
+    pieces : (m, degree + 1, n) array
+        Joint values are ``sum_k pieces[i, k] s^k`` for s from 0 to 1.
+    compiled : bool
+        Whether the compiled engine is used where there is one.
+    """
+    scaled = conditions.scaled(pieces)
+    ends = np.empty((len(pieces), len(conditions.sums), 2))
+    handle = conditions.compiled if compiled else None
+    if handle is not None:
+        flat = handle.zeros(scaled, ends, engine.cpu_count())
+        rows = np.array(flat, dtype=float).reshape(-1, 5)
+    else:
+        found = [_zeros(f, e, scaled, ends) for e, f in enumerate(conditions.sums)]
+        rows = np.concatenate(found) if found else np.zeros((0, 5))
+        rows = rows[np.lexsort((rows[:, 2], rows[:, 1], rows[:, 0]))]
+    whole = rows.astype(np.int64)
+    return Zeros(whole[:, 0], whole[:, 1], rows[:, 2], rows[:, 3], whole[:, 4], ends)
+
+
+def place(pieces: Array, index: Ints, s: Array) -> Array:
+    """Joint values (K, n) at s (K,) of the pieces of some indices (K,)."""
+    out = np.zeros((len(s), pieces.shape[2]))
+    for k in range(pieces.shape[1] - 1, -1, -1):
+        out = out * s[:, None] + pieces[index, k]
+    return out
+
+
+def _zeros(f: TrigSum, e: int, pieces: Array, ends: Array) -> Array:
+    every = np.arange(len(pieces))
+    for side in (0, 1):
+        at = place(pieces, every, np.full(len(pieces), float(side)))
+        ends[:, e, side] = f.at(at).value
+    index, s, h = every, np.full(len(every), 0.5), np.full(len(every), 0.5)
+    looks = np.zeros(len(every), dtype=np.int64)
+    rows = [np.zeros((0, 5))]
+    for _ in range(44):  # by then intervals are narrower than rounding
+        if not len(index):
+            break
+        value, slope, bend, error = _expand(f, pieces[index], s, h)
+        swing = np.abs(slope) * h + 0.5 * bend * h * h
+        left = np.abs(value) <= swing + error
+        monotone = left & (np.abs(slope) > (bend * h + error) * (1 + 1e-12))
+        np.add.at(looks, index, 1)
+        flat = left & ~monotone
+        flat &= (np.abs(value) + swing <= 4 * error) | (h < 1e-13) | (looks[index] > 6000)
+        rows.append(_rows(index[flat], e, s[flat], h[flat], FLAT))
+        rows.append(_simple(f, e, pieces, index[monotone], s[monotone], h[monotone]))
+        again = left & ~monotone & ~flat
+        index, half = np.repeat(index[again], 2), np.repeat(h[again] / 2, 2)
+        s = np.repeat(s[again], 2) + half * np.tile([-1.0, 1.0], int(again.sum()))
+        h = half
+    return np.concatenate(rows)
+
+
+def _rows(index: Ints, e: int, s: Array, h: Array, kind: int) -> Array:
+    return np.stack([index, np.full(len(s), e), s, h, np.full(len(s), kind)], axis=1).astype(float)
+
+
+def _simple(f: TrigSum, e: int, pieces: Array, index: Ints, s: Array, h: Array) -> Array:
+    """Zeros on intervals on which the equation is monotone, by halving them."""
+    low, high = s - h, s + h
+    first = f.at(place(pieces, index, low)).value < 0
+    change = first != (f.at(place(pieces, index, high)).value < 0)
+    index, low, high, first = index[change], low[change], high[change], first[change]
+    for _ in range(60):
+        middle = (low + high) / 2
+        before = (f.at(place(pieces, index, middle)).value < 0) == first
+        low, high = np.where(before, middle, low), np.where(before, high, middle)
+    return _rows(index, e, (low + high) / 2, np.zeros(len(low)), SIMPLE)
+
+
+def _expand(f: TrigSum, pieces: Array, s: Array, h: Array) -> tuple[Array, Array, Array, Array]:
+    """Value, slope, bound of the second derivative and error on intervals (K,)."""
+    x, x_slope, x_most, x_bend = _polynomial(pieces, s, h)
+    _, turning, _, second = _polynomial(pieces @ f.rate.T, s, h)
+    far = np.abs(pieces[:, :, f.used]).sum(axis=1).max(axis=1, initial=0.0)
+    value, gradient, error, _ = f.at(x, far=2 * pieces.shape[1] * np.maximum(far, 4.0))
+    size, width = f.sizes(x_most), h[:, None]
+    bend = f.bend(x_most, np.abs(turning) + second * width, np.abs(x_slope) + x_bend * width)
+    for j in f.slides:
+        second = second + f.power[:, j] * x_bend[:, j, None] / np.maximum(
+            x_most[:, j, None], 1e-150
+        )
+    bend += (size * second).sum(axis=1) * (1 + 1e-12)
+    return value, (gradient * x_slope).sum(axis=1), bend, error
+
+
+def _polynomial(a: Array, s: Array, h: Array) -> tuple[Array, Array, Array, Array]:
+    """Expand polynomials a (K, degree + 1, m) at s (K,): all results (K, m).
+
+    Returns value and slope, and bounds of value and second derivative on s - h to s + h.
+    """
+    s, h = s[:, None], h[:, None]
+    value, slope, second = (np.zeros((len(a), a.shape[2])) for _ in range(3))
+    for i in range(a.shape[1] - 1, -1, -1):
+        slope = slope * s + value
+        value = value * s + a[:, i]
+    for i in range(a.shape[1] - 1, 1, -1):
+        second = second * (s + h) + i * (i - 1) * np.abs(a[:, i])
+    most = np.abs(value) + (np.abs(slope) + second * h) * h
+    return value, slope, most, second
+
+
+_WINDOW = 1.0
+"""How far ahead second derivatives are bounded where lengths occur."""
+
+
+def contact_along(
+    c: Conditions, family: int, x: Array, velocity: Array, horizon: float
+) -> tuple[float, float]:
+    """Contact of ``x + t velocity`` with any condition, and the rate for one family.
+
+    Parameters
+    ----------
+    c : Conditions
+        The conditions.
+    family : int
+        Whose distance the rate is of; -1 for none.
+    x, velocity : (n,) arrays
+        Weighted coordinates, and per second.
+    horizon : float
+        Seconds that are looked ahead.
+
+    Returns
+    -------
+    time : float
+        No condition is met sooner: proven; infinite for none within the horizon.
+    rate : float
+        How fast the first-order distance from the family grows.
+    """
+    speed = float(np.abs(velocity).max())
+    if not speed > 0:
+        return math.inf, 0.0
+    u = velocity / speed
+    own = [_approach(c, b, x, u) for b in c.branches if b.family == family]
+    rate = min(own, default=(0.0, 0.0))[1] * speed
+    end = min(horizon * speed, 1e6)
+    work = max(2 * sum(len(s.amplitude) for s in c.sums), 300)
+    best, met = end, False
+    for branch in c.branches:
+        s, at, steps = 0.0, x, 0
+        while s < best:
+            step = _step(c, branch, at, u)
+            s, work = s + step, work - len(branch.joints)
+            work -= sum(len(f.amplitude) for f in branch.sums)
+            if step <= 1e-9 + 1e-7 * s or steps == 64 or work < 0:
+                break
+            at, steps = x + min(s, best) * u, steps + 1
+        if s < best:
+            best, met = s, True
+    if met:
+        return best * (1 - 1e-14) / speed, rate
+    return end / speed if end < horizon * speed else math.inf, rate
+
+
+def _step(c: Conditions, branch: WeightedBranch, x: Array, u: Array) -> float:
+    """How far along u a branch is not met."""
+    values = zip(branch.joints, branch.values, c.turn[branch.joints], strict=True)
+    steps = [_of_value(*map(float, (v, x[j], u[j], turn))) for j, v, turn in values]
+    return max([*steps, *(_of_sum(s, x, u) for s in branch.sums)])
+
+
+def _of_value(value: float, here: float, moves: float, turn: float) -> float:
+    ahead = value - here
+    slack = 1e-15 * (abs(here) + abs(value) + turn)
+    off = ahead - turn * math.floor(ahead / turn + 0.5) if turn > 0 else ahead
+    if abs(off) <= slack:
+        return 0.0
+    ahead = ahead if moves > 0 else -ahead
+    if turn > 0:
+        ahead -= turn * math.floor(ahead / turn)
+    if moves == 0 or ahead < 0:
+        return math.inf
+    return max(ahead - slack, 0.0) / abs(moves) * (1 - 1e-15)
+
+
+def _of_sum(s: TrigSum, x: Array, u: Array) -> float:
+    value, gradient, error, slope_error = (a[0] for a in s.at(x[None]))
+    left = float(max(abs(value) - error, 0.0))
+    if not left > 0:
+        return 0.0
+    slope = float(gradient @ u)
+    falls = float(-slope if value > 0 else slope) + float(slope_error * np.abs(u).sum())
+    swing = np.abs(s.rate @ u) + 1e-14 * (np.abs(s.rate) @ np.abs(u))
+    most = np.abs(x) + _WINDOW * np.abs(u)
+    bend = float(s.bend(most[None], swing, np.abs(u)[None])[0])
+    root = math.sqrt(falls * falls + 2 * bend * left)
+    step = math.inf
+    if falls > 0:
+        step = 2 * left / (falls + root)
+    elif bend > 0:
+        step = (root - falls) / bend
+    step *= 1 - 1e-12
+    return min(step, _WINDOW) if len(s.slides) else step
+
+
+def _approach(c: Conditions, branch: WeightedBranch, x: Array, u: Array) -> tuple[float, float]:
+    """First-order distance from a branch, and how it changes along u."""
+    off, across = np.zeros(c.n), 0.0
+    for j, value in zip(branch.joints, branch.values, strict=True):
+        d, turn = float(x[j] - value), float(c.turn[j])
+        off[j] = math.remainder(d, turn) if turn > 0 else d
+        across += float(u[j]) ** 2
+    if branch.sums:
+        at = [s.at(x[None]) for s in branch.sums[:COMBINED]]
+        g, value = np.concatenate([a.gradient for a in at]), np.concatenate([a.value for a in at])
+        gram, moves = g @ g.T, g @ u
+        gram += (1e-9 * np.trace(gram) + 1e-300) * np.eye(len(gram))
+        off += g.T @ np.linalg.solve(gram, value)
+        across += float(moves @ np.linalg.solve(gram, moves))
+    distance = float(np.linalg.norm(off))
+    if distance > 1e-12:
+        return distance, float(off @ u) / distance
+    return distance, math.sqrt(max(across, 0.0))

@@ -3,20 +3,413 @@
 Where one angle occurs as cos and sin of itself alone, f = A cos q + B sin q + C with A, B and C of
 the other joints. With R cos phi = A, R sin phi = B and c = -C that is R cos(q - phi) = c: given the
 others, q is one of two values. Where C is zero throughout they lie half a turn apart.
+
+Trigonometric polynomials as sums of products, one factor a joint, written as short as may be.
+
+``cos(q2+q5) - cos(q2-q5)`` is ``-2 sin q2 sin q5``: an equation of an arm whose wrist has an offset
+takes half the room so, and shows which factors its terms share. Numbers are floats or exact.
 """
 
 from __future__ import annotations
 
+import functools
+import itertools
+import math
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from fractions import Fraction
+from typing import Any, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
 
 from pinsing._types import Array
-from pinsing.algebra.equation import Equation
-from pinsing.algebra.equation_text import format_angle, latex_symbol
-from pinsing.algebra.product_form import Expression, expressions
+from pinsing.algebra.equation import Equation, format_angle, latex_symbol
 from pinsing.prose import listed
+from pinsing.robot.surd import exact_of, parts_of
+
+Number: TypeAlias = Any
+"""A float or an Exact; one expression has one kind alone."""
+Factor = tuple[int, str, int]
+"""Joint, function, multiple: cos and sin of a multiple, cc, ss and sc for squares and products of
+the two of the angle itself, pow for a power of a length."""
+Product = tuple[Factor, ...]
+
+
+@dataclass(frozen=True)
+class Expression:
+    """A sum of products of functions of single joints.
+
+    Attributes
+    ----------
+    terms : tuple of (Number, Product)
+        Coefficients and factors.
+    joints : tuple of str
+        Symbols of all joints.
+    shift : tuple of float
+        Radians added to each angle.
+    """
+
+    terms: tuple[tuple[Number, Product], ...]
+    joints: tuple[str, ...]
+    shift: tuple[float, ...]
+
+    def __call__(self, q: npt.ArrayLike) -> Array:
+        """Value at q (..., n): (...)."""
+        q = np.asarray(q, dtype=float)
+        total = np.zeros(q.shape[:-1])
+        for number, product in self.terms:
+            value = np.full(q.shape[:-1], float(number))
+            for j, function, k in product:
+                value = value * _VALUE[function](q[..., j] + self.shift[j], k)
+            total = total + value
+        return np.asarray(total)
+
+    @property
+    def involved(self) -> tuple[int, ...]:
+        """Joints that occur."""
+        return tuple(sorted({j for _, product in self.terms for j, _, _ in product}))
+
+    def negative(self) -> Expression:
+        """Minus the expression."""
+        return Expression(tuple((-c, p) for c, p in self.terms), self.joints, self.shift)
+
+    def text(self, latex: bool = False) -> str:
+        """One line: common factors before brackets."""
+        return _written(dict((p, c) for c, p in self.terms), _Writer(self, latex))
+
+
+def expressions(
+    equation: Equation, joint: int, exact: bool = False
+) -> dict[tuple[str, int], Expression] | None:
+    """What multiplies each function of one joint: cos and sin of its multiples, its powers, or 1.
+
+    Parameters
+    ----------
+    equation : Equation
+        It.
+    joint : int
+        The joint to group by.
+    exact : bool
+        With exact coefficients, whole numbers for rational ones.
+
+    Returns
+    -------
+    dict or None
+        By function and multiple: ("cos", 1), ("sin", 1), ("pow", 1), ("one", 0), ("cos/2", 1).
+        None where the exact coefficients are not known.
+    """
+    if exact and not equation.exact:
+        return None
+    table, scale = equation.once(f"grouped by {joint}", lambda: _grouped(equation, joint))
+    factor = None if exact else scale
+    best: dict[tuple[str, int], dict[Product, Number]] = {}
+    for product, number in table.items():
+        mine = [(f, k) for j, f, k in product if j == joint]
+        key = mine[0] if mine else ("one", 0)
+        shown = (
+            (Fraction(number) if isinstance(number, int) else number)
+            if factor is None
+            else float(number) * factor
+        )
+        best.setdefault(key, {})[tuple(x for x in product if x[0] != joint)] = shown
+    shift = tuple(float(s) for s in equation.shift)
+    return {
+        key: Expression(tuple((c, p) for p, c in part.items()), equation.joints, shift)
+        for key, part in best.items()
+    }
+
+
+def _grouped(equation: Equation, joint: int) -> tuple[dict[Product, Number], float | None]:
+    """The equation multiplied out, in the shortest of some ways, and what its numbers are times.
+
+    With exact coefficients where they are known.
+    """
+    rough = list(zip(equation.cos.tolist(), equation.sin.tolist(), strict=True))
+    numbers: list[tuple[Number, Number]] = rough
+    if equation.exact:  # so that what cancels does so
+        numbers = [(_plain(c), _plain(s)) for c, s in equation.exact]
+    largest = equation.size
+    products = _products(equation)
+    table = _gathered(products, rough)
+    doubled = sorted(
+        {j for p in table for j, f, k in p if j != joint and f in ("cos", "sin") and k == 2}
+    )
+    least, chosen = math.inf, ("",) * len(doubled)
+    for choice, found in itertools.islice(_ways(table, doubled), 243):
+        count = len(_kept(found, largest))
+        if count < least:
+            least, chosen = count, choice
+    if numbers is not rough:
+        table = _gathered(products, numbers)
+    table = _rebased(table, dict(zip(doubled, chosen, strict=True)))
+    if not equation.exact:
+        return _kept(table, largest), None
+    return {p: c for p, c in table.items() if float(c)}, _factor(rough, numbers)
+
+
+def _ways(
+    table: dict[Product, Number], joints: Sequence[int], chosen: tuple[str, ...] = ()
+) -> Iterator[tuple[tuple[str, ...], dict[Product, Number]]]:
+    """What a table becomes in each way to write twice the angles of some joints."""
+    if not joints:
+        yield chosen, table
+        return
+    for way in ("cos", "cc", "ss"):
+        yield from _ways(_rebased(table, {joints[0]: way}), joints[1:], (*chosen, way))
+
+
+def _plain(text: str) -> Number:
+    """The exact number of a text, whole ones as ints: their sums and products are cheap."""
+    if text.removeprefix("-").isdecimal():
+        return int(text)
+    number = exact_of(text)
+    whole = isinstance(number, Fraction) and number.denominator == 1
+    return number.numerator if isinstance(number, Fraction) and whole else number
+
+
+def _factor(rough: Sequence[tuple[float, float]], exact: Sequence[tuple[Number, Number]]) -> float:
+    """What exact coefficients are to be multiplied by."""
+    flat = [(a, float(b)) for pair, other in zip(rough, exact, strict=True)
+            for a, b in zip(pair, other, strict=True)]  # fmt: skip
+    a, b = max(flat, key=lambda both: abs(both[0]))
+    return a / b
+
+
+def _kept(table: Mapping[Product, Number], largest: float) -> dict[Product, Number]:
+    least = 1e-11 * largest
+    return {p: c for p, c in table.items() if abs(float(c)) > least}
+
+
+_Part = tuple[Product, int, int, int]
+"""A product, the term that it comes from, whether from its cosine (0) or sine (1), and the sign."""
+
+
+def _products(equation: Equation) -> list[_Part]:
+    """Cosines and sines of sums of angles multiplied out, whatever they are times.
+
+    A joint with half-angles has odd multiples of half of it; they are left as they are.
+    """
+    out: list[_Part] = []
+    for t in range(len(equation.cos)):
+        lengths = tuple((j, "pow", int(p)) for j, p in enumerate(equation.powers[t]) if p)
+        # exp(i sum) = prod (cos + i sin): every sine brings an i and the sign of its angle.
+        products: list[tuple[Product, int]] = [(lengths, 0)]
+        for j, f in enumerate(equation.frequencies[t].tolist()):
+            if not f:
+                continue
+            # Frequencies are twice the multiples: odd ones stay halves.
+            half, k = ("/2", abs(f)) if f % 2 else ("", abs(f) // 2)
+            cos, sin = (j, "cos" + half, k), (j, "sin" + half, k)
+            turns = 1 if f > 0 else 3
+            products = [
+                both
+                for factors, power in products
+                for both in (((*factors, cos), power), ((*factors, sin), power + turns))
+            ]
+        for factors, power in products:
+            whole = tuple(sorted(factors)) if lengths else factors
+            out.append((whole, t, power % 2, -1 if power % 4 > 1 else 1))
+    return out
+
+
+def _gathered(
+    parts: Sequence[_Part], numbers: Sequence[tuple[Number, Number]]
+) -> dict[Product, Number]:
+    """Their sum, with the numbers of the cosine and the sine of each term."""
+    out: dict[Product, Number] = {}
+    for product, t, which, sign in parts:
+        number = numbers[t][which] * sign
+        if float(number) == 0:
+            continue
+        out[product] = out[product] + number if product in out else number
+    return out
+
+
+def _rebased(table: Mapping[Product, Number], way: Mapping[int, str]) -> dict[Product, Number]:
+    """Cosine and sine of twice an angle, joint by joint, as squares where that is chosen."""
+    out: dict[Product, Number] = dict(table)
+    for joint, chosen in way.items():
+        if chosen == "cos":
+            continue
+        after: dict[Product, Number] = {}
+        for product, number in out.items():
+            mine = (joint, "cos", 2) if (joint, "cos", 2) in product else (joint, "sin", 2)
+            if mine not in product:
+                after[product] = after.get(product, 0) + number
+                continue
+            rest = tuple([x for x in product if x[0] != joint])
+            for factor, weight in _squares(mine, chosen):
+                key = rest if factor is None else tuple(sorted((*rest, factor)))
+                after[key] = after.get(key, 0) + number * weight
+        out = after
+    return out
+
+
+def _squares(factor: Factor, chosen: str) -> list[tuple[Factor | None, int]]:
+    """Cosine or sine of twice an angle as a sum of what it is, and how often."""
+    j = factor[0]
+    if factor[1] == "sin":
+        return [((j, "sc", 1), 2)]
+    return [((j, chosen, 1), 2 if chosen == "cc" else -2), (None, -1 if chosen == "cc" else 1)]
+
+
+_VALUE: dict[str, Callable[[Array, int], Any]] = {
+    "cos": lambda x, k: np.cos(k * x),
+    "sin": lambda x, k: np.sin(k * x),
+    "cos/2": lambda x, k: np.cos(k * x / 2),
+    "sin/2": lambda x, k: np.sin(k * x / 2),
+    "cc": lambda x, k: np.cos(x) ** 2,
+    "ss": lambda x, k: np.sin(x) ** 2,
+    "sc": lambda x, k: np.sin(x) * np.cos(x),
+    "pow": lambda x, k: x**k,
+}
+
+
+# In words ------------------------------------------------------------------------------
+
+
+class _Writer:
+    """Factors and numbers of an expression as text or LaTeX."""
+
+    def __init__(self, expression: Expression, latex: bool) -> None:
+        self.joints, self.shift, self.latex = expression.joints, expression.shift, latex
+
+    def atoms(self, product: Product) -> tuple[tuple[int, str, int], ...]:
+        """Factors such that squares and products of sine and cosine can share one."""
+        out: list[tuple[int, str, int]] = []
+        for j, function, k in product:
+            if function in ("cc", "ss", "sc"):
+                out += [(j, "cos" if c == "c" else "sin", 1) for c in function]
+            elif function == "pow":
+                out += [(j, "pow", 1)] * k
+            else:
+                out.append((j, function, k))
+        return tuple(sorted(out))
+
+    def factors(self, atoms: Sequence[tuple[int, str, int]]) -> str:
+        said = []
+        for atom in dict.fromkeys(atoms):
+            j, function, k = atom
+            times = list(atoms).count(atom)
+            name = latex_symbol(self.joints[j]) if self.latex else self.joints[j]
+            if function == "pow":
+                said.append(self._power(name, times))
+                continue
+            head = self._power(f"\\{function[:3]}" if self.latex else function[:3], times)
+            angle = self._angle(j, name, k, function.endswith("/2"))
+            gap = "" if angle.startswith("(") and not self.latex else " "
+            said.append(f"{head}{gap}{angle}")
+        return " ".join(said)
+
+    def _power(self, base: str, times: int) -> str:
+        if times == 1:
+            return base
+        if self.latex:
+            return f"{base}^{{{times}}}"
+        return base + {2: "²", 3: "³"}.get(times, f"^{times}")
+
+    def _angle(self, j: int, name: str, k: int, half: bool) -> str:
+        body = name if k == 1 else f"{k} {name}"
+        if self.shift[j]:
+            sign = "+" if self.shift[j] > 0 else "-"
+            turn = format_angle(k * abs(self.shift[j]), self.latex)
+            body = f"{body} {sign} {turn}"
+        if half:
+            return f"({body if body == name else f'({body})'}/2)"
+        return body if body == name else f"({body})"
+
+    def number(self, value: Number) -> str:
+        """The size of a number, without its sign where it has one."""
+        if isinstance(value, float | int):
+            return f"{abs(value):.6g}"
+        parts = parts_of(value)
+        roots = [(p, s) for p, s in zip(parts, (1, 2, 3, 6), strict=True) if p]
+        said = ""
+        for part, square in roots:
+            sign = ("" if not said else " + ") if part > 0 or len(roots) == 1 else " - "
+            size = abs(part)
+            shown = str(size)
+            if self.latex and size.denominator != 1:
+                shown = f"{size.numerator}/{size.denominator}"
+            root = "" if square == 1 else (rf"\sqrt{{{square}}}" if self.latex else f"√{square}")
+            shown = root if root and size == 1 else f"{shown} {root}".strip()
+            said += sign + shown
+        return said if len(roots) == 1 else f"({said.strip()})"
+
+
+def _written(table: Mapping[Product, Number], writer: _Writer) -> str:
+    terms = {writer.atoms(p): c for p, c in table.items()}
+    return _nested(terms, writer) or "0"
+
+
+def _nested(terms: Mapping[tuple[tuple[int, str, int], ...], Number], writer: _Writer) -> str:
+    """A sum with the factor that most terms share before a bracket, and so on within."""
+    pieces: list[tuple[bool, str]] = []
+    brackets, alone = _brackets(tuple(terms))
+    for pull, within in brackets:
+        inner = {rest: terms[atoms] for atoms, rest in within}
+        negative = _is_negative(next(iter(inner.values())))
+        if negative:
+            inner = {atoms: -c for atoms, c in inner.items()}
+        pieces.append((negative, f"{writer.factors(pull)} ({_nested(inner, writer)})"))
+    for atoms in alone:
+        number = terms[atoms]
+        size, factors = writer.number(number), writer.factors(atoms)
+        shown = factors if size == "1" and factors else f"{size} {factors}".strip()
+        pieces.append((_is_negative(number), shown))
+    out = ""
+    for negative, piece in pieces:
+        out += ("-" if negative else "") if not out else (" - " if negative else " + ")
+        out += piece
+    return out
+
+
+_Atoms = tuple[tuple[int, str, int], ...]
+
+
+@functools.lru_cache(maxsize=512)
+def _brackets(
+    products: tuple[_Atoms, ...],
+) -> tuple[list[tuple[_Atoms, list[tuple[_Atoms, _Atoms]]]], list[_Atoms]]:
+    """What is put before brackets, with each product within and what is left of it; the others.
+
+    Found once for text and LaTeX, and for exact numbers as for floats.
+    """
+    found = []
+    left = list(products)
+    while left:
+        counts: dict[tuple[int, str, int], int] = {}
+        for atoms in left:
+            for atom in dict.fromkeys(atoms):
+                counts[atom] = counts.get(atom, 0) + 1
+        shared = [a for a, count in counts.items() if count > 1]
+        if not shared:
+            break
+        atom = max(shared, key=lambda a: (counts[a], -a[0], a[1], a[2]))
+        inner = [(atoms, _without(atoms, atom)) for atoms in left if atom in atoms]
+        pull = [atom]
+        while common := set.intersection(*(set(rest) for _, rest in inner)):
+            more = min(common)
+            pull.append(more)
+            inner = [(atoms, _without(rest, more)) for atoms, rest in inner]
+        left = [atoms for atoms in left if atom not in atoms]
+        found.append((tuple(sorted(pull)), inner))
+    return found, left
+
+
+def _is_negative(number: Number) -> bool:
+    """Whether a minus stands before it: sums with roots keep their signs inside."""
+    parts = [p for p in parts_of(number) if p] if not isinstance(number, float | int) else []
+    return len(parts) < 2 and float(number) < 0
+
+
+def _without(
+    atoms: tuple[tuple[int, str, int], ...], atom: tuple[int, str, int]
+) -> tuple[tuple[int, str, int], ...]:
+    left = list(atoms)
+    left.remove(atom)
+    return tuple(left)
 
 
 @dataclass(frozen=True, eq=False)

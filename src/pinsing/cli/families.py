@@ -160,7 +160,7 @@ def _symbolic(
 def _write_system(form: ClosedForm, chosen: tuple[str, ...], path: Path) -> None:
     from pinsing.atomic_write import write_text
     from pinsing.families.form import system_of
-    from pinsing.families.system_text import language_of
+    from pinsing.families.system import language_of
 
     language = language_of(path)
     text, remarks = system_of(form, language, chosen or None)

@@ -14,8 +14,7 @@ from pinsing._types import Array, Bool
 from pinsing.arguments import checked
 from pinsing.configuration.second_order import Kind, second_order_many
 from pinsing.errors import OptionError
-from pinsing.kinematics.batch import batch, own_scale
-from pinsing.kinematics.engine import PINOCCHIO
+from pinsing.kinematics.batch import PINOCCHIO, batch, own_scale
 from pinsing.kinematics.jacobian import own_jacobians_and_derivatives
 from pinsing.kinematics.verdict import (
     NEAR_RTOL,

@@ -19,8 +19,7 @@ import numpy.typing as npt
 
 from pinsing._batch import walks
 from pinsing._types import Array
-from pinsing.kinematics.batch import batch, own_scale, task_rows, turn_left
-from pinsing.kinematics.engine import PINOCCHIO
+from pinsing.kinematics.batch import PINOCCHIO, batch, own_scale, task_rows, turn_left
 from pinsing.kinematics.jacobian import (
     frame_jacobian,
     frame_jacobians,

@@ -10,8 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from pinsing._types import Array
-from pinsing.algebra.equation import Equation, equation
-from pinsing.algebra.equation_text import format_angle
+from pinsing.algebra.equation import Equation, equation, format_angle
 from pinsing.algebra.ring import Poly, Ring
 from pinsing.arguments import checked
 from pinsing.errors import ConfigurationError, UnknownNameError

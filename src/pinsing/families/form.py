@@ -31,7 +31,7 @@ from pinsing.families.family import (
 )
 from pinsing.families.naming import ORDER
 from pinsing.families.slice_count import SliceCount
-from pinsing.families.system_text import SystemHead, system_text
+from pinsing.families.system import SystemHead, system_text
 from pinsing.families.tube import Tube
 from pinsing.joint_text import typed
 from pinsing.measures import SINGULAR_RTOL

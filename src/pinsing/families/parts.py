@@ -9,8 +9,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from pinsing._types import Array, Bool
-from pinsing.algebra.equation import Equation
-from pinsing.algebra.equation_text import format_angle
+from pinsing.algebra.equation import Equation, format_angle
 from pinsing.algebra.ring import Value
 from pinsing.measures import Reachability
 from pinsing.robot.joint_space import JointSpace

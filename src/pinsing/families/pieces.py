@@ -14,8 +14,14 @@ from pinsing.algebra.budget import Budget, BudgetExceeded
 from pinsing.algebra.components import Component
 from pinsing.algebra.equation import Equation, equation, scale_to_lengths
 from pinsing.algebra.mimic import own_offsets
-from pinsing.algebra.real_hypersurface import changes_sign, isolated_zeros
-from pinsing.algebra.real_roots import AlgebraicValue, NotFinite, real_roots, real_solutions
+from pinsing.algebra.real_roots import (
+    AlgebraicValue,
+    NotFinite,
+    changes_sign,
+    isolated_zeros,
+    real_roots,
+    real_solutions,
+)
 from pinsing.algebra.ring import Poly, Ring, Value
 from pinsing.families.nearness import Confirm
 from pinsing.families.parts import Branch, JointValue

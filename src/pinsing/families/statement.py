@@ -8,8 +8,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from pinsing.algebra.equation import Equation
-from pinsing.algebra.equation_text import format_angle, latex_symbol
+from pinsing.algebra.equation import Equation, format_angle, latex_symbol
 from pinsing.families.at_once import LONG, long_form, long_ones
 from pinsing.families.parts import Branch
 from pinsing.families.pieces import SolvedPiece

@@ -101,7 +101,7 @@ def frame_jacobians(
         Radians or metres; or (N, nq), the whole model's configurations.
     engine : str
         "auto", "batch" (the compiled kernel), "pinocchio" or an instruction set; see
-        `pinsing.kinematics.engine.fixed_engine`.
+        `pinsing.kinematics.batch.fixed_engine`.
     threads : int, optional
         Threads of the compiled kernel; as many as the process may use by default. The
         result does not depend on it.

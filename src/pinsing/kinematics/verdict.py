@@ -20,9 +20,8 @@ from pinsing._types import Array
 from pinsing._version import __version__
 from pinsing.arguments import checked
 from pinsing.errors import OptionError
-from pinsing.kinematics.batch import Batch, batch, own_scale, random_turns
-from pinsing.kinematics.engine import PINOCCHIO
-from pinsing.kinematics.engine import fixed_engine as fixed_engine
+from pinsing.kinematics.batch import PINOCCHIO, Batch, batch, own_scale, random_turns
+from pinsing.kinematics.batch import fixed_engine as fixed_engine
 from pinsing.measures import NEAR_RTOL as NEAR_RTOL
 from pinsing.measures import SINGULAR_RTOL as SINGULAR_RTOL
 from pinsing.measures import Status as Status

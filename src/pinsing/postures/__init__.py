@@ -13,8 +13,8 @@ if TYPE_CHECKING:
     from pinsing.postures.connection import connect as connect
     from pinsing.postures.cuspidal import Cuspidality as Cuspidality
     from pinsing.postures.cuspidal import cuspidality as cuspidality
+    from pinsing.postures.inverse import InverseSolutions as InverseSolutions
     from pinsing.postures.inverse import inverse as inverse
-    from pinsing.postures.inverse_solutions import InverseSolutions as InverseSolutions
     from pinsing.postures.motions import aspect_changes as aspect_changes
     from pinsing.postures.motions import line_postures as line_postures
     from pinsing.postures.toolpath import PathPlan as PathPlan

@@ -31,9 +31,7 @@ def decomposed(arm: Arm, held: int | None = None, value: float = 0.0) -> Any:
         here[:3, :3], here[:3, 3] = R, t
         at = at @ here
         frames.append(at)
-    robot = HomogeneousRobot(
-        np.array(frames), fixed_axes=[] if held is None else [(held, value)]
-    )
+    robot = HomogeneousRobot(np.array(frames), fixed_axes=[] if held is None else [(held, value)])
     return robot if robot.hasKnownDecomposition() else None
 
 

@@ -1,7 +1,11 @@
-"""Joint space as a product of parts, each with its pieces: where a configuration is."""
+"""Joint space as a product of parts, each with its pieces: where a configuration is.
+
+Boxes whose components were counted by subdivision or by sections, and ways through them.
+"""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -11,17 +15,375 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from pinsing._types import Array
+from pinsing._types import Array, Ints
 from pinsing.algebra.conditions import Conditions
+from pinsing.algebra.trig_sum import TrigSum
 from pinsing.errors import ConfigurationError, OptionError
-from pinsing.postures.boxes import Ground, sum_of
-from pinsing.postures.divided import Divided, Sectioned
+from pinsing.postures.boxes import Ground, Leaves, sum_of
 from pinsing.postures.partition import Arc, Part, Partition, partition
-from pinsing.postures.pieces import Clear, Piece, Plain, Wheel, hub_of
-from pinsing.postures.subdivision import across, sections, subdivide
+from pinsing.postures.pieces import Clear, CountedPiece, Piece, Plain, Wheel, hub_of, top_of, toward
+from pinsing.postures.subdivision import Components, Sections, across, sections, subdivide
 from pinsing.proximity.clearance import quick
 from pinsing.proximity.crossings import crossings_of, motion_of
 from pinsing.proximity.watched import Forms, Watched, watch
+
+
+def tree_to_hubs(label: Ints, order: Ints, a: Ints, b: Ints) -> Ints:
+    """Of each place the next one on the way with the fewest steps to a hub, (N,).
+
+    The hub of a component is the place of it that comes first in ``order``; there, and where the
+    label is -1, it is -1.
+
+    Parameters
+    ----------
+    label : (N,) array of int
+        Component of each place; -1 for places that are in none.
+    order : (N,) array of int
+        What comes first: the least.
+    a, b : (E,) arrays of int
+        Places that are joined.
+    """
+    a, b = np.append(a, b), np.append(b, a)
+    rank = np.argsort(a, kind="stable")
+    a, b = a[rank], b[rank]
+    start = np.searchsorted(a, np.arange(len(label) + 1))
+    tree = np.full(len(label), -1, dtype=np.int64)
+    rows = np.lexsort((order, label))
+    rows = rows[label[rows] >= 0]
+    front = rows[np.unique(label[rows], return_index=True)[1]]
+    seen = np.zeros(len(label), dtype=bool)
+    seen[front] = True
+    while len(front):
+        count = start[front + 1] - start[front]
+        frm = np.repeat(front, count)
+        within = np.arange(int(count.sum())) - np.repeat(np.cumsum(count) - count, count)
+        to = b[np.repeat(start[front], count) + within]
+        new = ~seen[to]
+        to, one = np.unique(to[new], return_index=True)
+        tree[to] = frm[new][one]
+        seen[to] = True
+        front = to
+    return tree
+
+
+def row_between(tree: Ints, first: int, last: int) -> list[int] | None:
+    """Places from one to another: to the hub and back, less what is common."""
+    rows = []
+    for place in (first, last):
+        row = [place]
+        while tree[row[-1]] >= 0:
+            row.append(int(tree[row[-1]]))
+        rows.append(row)
+    there, back = rows
+    if there[-1] != back[-1]:
+        return None
+    while len(there) > 1 and len(back) > 1 and there[-2] == back[-2]:
+        there.pop()
+        back.pop()
+    return there + back[-2::-1]
+
+
+_ASCENT = 60
+
+
+@dataclass(frozen=True, eq=False)
+class Divided(CountedPiece):
+    """A box whose components are those of a subdivision."""
+
+    part: Part
+    box: tuple[Arc, ...]
+    found: Components
+
+    @cached_property
+    def middles(self) -> tuple[Array, Array]:
+        """Middles and half widths (N, d) of the boxes."""
+        leaves = self.found.leaves
+        return self.found.ground.boxes(leaves.level, leaves.index)
+
+    @cached_property
+    def _signs(self) -> Ints:
+        """Of the equations on each component, (C, m); 0 where it takes both round a circle."""
+        label, sign = self.found.label, self.found.leaves.sign
+        out = np.zeros((self.upper, sign.shape[1]), dtype=np.int64)
+        for c in range(self.upper):
+            mine = sign[label == c]
+            out[c] = np.where((mine == mine[0]).all(axis=0), mine[0], 0)
+        return out
+
+    def examples(self, component: int) -> Array:
+        """Middles (K, d) of the largest boxes of a component."""
+        rows = np.flatnonzero(self.found.label == component)
+        size = self.found.leaves.level[rows]
+        x = self.middles[0]
+        terms = self.found.ground.terms
+        value = np.min([np.abs(t(x[rows])) / t.amplitude.sum() for t in terms], axis=0)
+        return np.asarray(x[rows[np.lexsort((-value, size))[:256]]])
+
+    def signs(self, component: int) -> tuple[int, ...]:
+        """Sign of each equation there."""
+        return tuple(int(s) for s in self._signs[component])
+
+    def locate(self, x: Array, clear: Clear) -> int | None:
+        """By the box that it is in; from an uncertain box by a way to a certain one."""
+        box = self.box_of(x)
+        if self.found.label[box] >= 0:
+            return int(self.found.label[box])
+        here = np.array([int(np.sign(t(self._inside(x)))) for t in self.found.ground.terms])
+        alike = [c for c in range(self.upper) if (np.abs(self._signs[c] - here) < 2).all()]
+        if self.found.proven and len(alike) == 1:
+            return alike[0]
+        way = self.to_certain(x, clear)
+        return None if way is None else int(self.found.label[way[0]])
+
+    def _inside(self, x: Array) -> Array:
+        """The same place with circles within one turn of the box."""
+        low, circle = self.found.ground.low, self.found.ground.circle
+        return np.where(circle, low + np.mod(x - low, 2 * math.pi), x)
+
+    def box_of(self, x: Array) -> int:
+        """Which box a point (d,) is in."""
+        ground, leaves = self.found.ground, self.found.leaves
+        share = (self._inside(x) - ground.low) / (ground.high - ground.low)
+        levels = np.arange(int(leaves.level.max()) + 1)
+        count = ground.first * 2 ** levels[:, None]
+        index = np.clip((share * count).astype(np.int64), 0, count - 1)
+        hit = leaves.find(levels, index)
+        return int(hit[hit >= 0][0])
+
+    def to_certain(self, x: Array, clear: Clear) -> tuple[int, Array] | None:
+        """A certain box and a way (K, d) from x to a point in it."""
+        points = [x]
+        terms = self.found.ground.terms
+        middles, half = self.middles
+        for _ in range(_ASCENT):
+            here = self._inside(points[-1])
+            box = self.box_of(here)
+            if self.found.label[box] >= 0:
+                return box, np.array(points)
+            signs = np.array([int(np.sign(t(here))) for t in terms])
+            near = self._near_boxes(box, signs)
+            for other in near[:6]:
+                to = toward(here, middles[other], self.found.ground.circle) - here
+                goal = points[-1] + to
+                if clear(np.stack([points[-1], goal])):
+                    return int(other), np.array([*points, goal])
+            step = np.zeros(len(x))
+            for t, s in zip(terms, signs, strict=True):
+                g = s * t.at(here[None]).gradient[0] * self.found.ground.scale**2
+                step += g / max(float(np.linalg.norm(g)), 1e-300)
+            length = float(half[box].max()) / max(float(np.linalg.norm(step)), 1e-300)
+            for shrink in (1.0, 0.5, 0.25, 0.1, 0.02):
+                goal = points[-1] + step * length * shrink
+                kept = self._kept(goal)
+                if clear(np.stack([points[-1], kept])):
+                    points.append(kept)
+                    break
+            else:
+                return None
+        return None
+
+    def _kept(self, x: Array) -> Array:
+        """The point within the box of arcs."""
+        ground = self.found.ground
+        margin = 1e-9 * (ground.high - ground.low)
+        inside = np.clip(x, ground.low + margin, ground.high - margin)
+        return np.where(ground.circle, x, inside)
+
+    def _near_boxes(self, box: int, signs: Ints) -> Ints:
+        a, b = self._neighbours
+        start, end = np.searchsorted(a, (box, box + 1))
+        ring = b[start:end]
+        second = [b[slice(*np.searchsorted(a, (r, r + 1)))] for r in ring]
+        every = np.unique(np.concatenate([ring, *second])) if len(ring) else ring
+        leaves = self.found.leaves
+        good = (self.found.label[every] >= 0) & (leaves.sign[every] == signs).all(axis=1)
+        every = every[good]
+        x = self.middles[0]
+        away = np.linalg.norm(toward(x[box], x[every], self.found.ground.circle) - x[box], axis=1)
+        return np.asarray(every[np.argsort(away)])
+
+    @cached_property
+    def _neighbours(self) -> tuple[Ints, Ints]:
+        """Boxes that share a face, both ways, sorted."""
+        a, b = self.found.edges
+        count = len(self.found.label)
+        both = np.unique(np.append(a, b) * count + np.append(b, a))  # as numbers: much faster
+        return both // count, both % count
+
+    def route(self, component: int, a: Array, b: Array, clear: Clear) -> Array | None:
+        """Through certain boxes, from middle to middle by way of the faces in between."""
+        first_way, last_way = (self.to_certain(p, clear) for p in (a, b))
+        if first_way is None or last_way is None:
+            return None
+        (first, start), (last, finish) = first_way, last_way
+        boxes = row_between(self._tree, first, last)
+        if boxes is None:
+            return None
+        circle = self.found.ground.circle
+        points = [*start]
+        for k, box in enumerate(boxes):
+            points += self.onward(points[-1], boxes[k - 1] if k else box, box)
+        shift = toward(points[-1], finish[-1], circle) - finish[-1]
+        points += [p + shift for p in finish[::-1]]
+        return np.array(points)
+
+    def onward(self, here: Array, before: int, box: int) -> list[Array]:
+        """Points from within a box to the middle of one that touches it, by way of the face."""
+        middles, half = self.middles
+        circle = self.found.ground.circle
+        points = []
+        if before != box:
+            small = box if half[box][0] < half[before][0] else before
+            face = toward(here, middles[small], circle)
+            other = toward(face, middles[before if small == box else box], circle)
+            reach = np.abs(other - face) >= half[small] + half[before + box - small] - 1e-12
+            points.append(face + np.where(reach, np.sign(other - face) * half[small], 0.0))
+            here = points[-1]
+        return [*points, toward(here, middles[box], circle)]
+
+    @cached_property
+    def _tree(self) -> Ints:
+        """Of each certain box the next one towards a hub: few boxes, so large and clear ones."""
+        a, b = self.found.edges[:, self.found.passable]
+        return tree_to_hubs(self.found.label, self.found.leaves.level, a, b)
+
+
+@dataclass(frozen=True, eq=False)
+class Sectioned(CountedPiece):
+    """A box whose components are those of sections across a joint, its hub."""
+
+    part: Part
+    box: tuple[Arc, ...]
+    hub: int
+    found: Sections
+
+    @cached_property
+    def _terms(self) -> TrigSum:
+        return sum_of(self.part.surfaces[0].equation, self.part.joints)
+
+    @cached_property
+    def _on(self) -> tuple[Divided, ...]:
+        """Each section as a box of the other joints."""
+        f = self.found
+        out = []
+        for i, terms in enumerate(f.ground.terms):
+            sign = f.leaves.sign[:, [i]]
+            leaves = Leaves(f.leaves.level, f.leaves.index, sign, f.leaves.regular)
+            a, b = f.edges
+            passable = (sign[a, 0] != 0) & (sign[a, 0] == sign[b, 0])
+            ground = type(f.ground)(
+                (terms,), f.ground.low, f.ground.high, f.ground.circle, f.ground.scale
+            )
+            label = f.label[:, i]
+            parts = Components(ground, leaves, label, f.lower, f.upper, False, f.edges, passable)
+            out.append(Divided(self.part, self.box, parts))
+        return tuple(out)
+
+    @cached_property
+    def _sign(self) -> Ints:
+        """Of the equation on each component, (C,)."""
+        out = np.zeros(self.upper, dtype=np.int64)
+        known = self.found.label >= 0
+        out[self.found.label[known]] = self.found.leaves.sign[known]
+        return out
+
+    def signs(self, component: int) -> tuple[int, ...]:
+        """Sign of the equation there."""
+        return (int(self._sign[component]),)
+
+    def examples(self, component: int) -> Array:
+        """Points (K, d) of a component over the middles of its largest boxes."""
+        rows, cuts = np.nonzero(self.found.label == component)
+        first = np.argsort(self.found.leaves.level[rows], kind="stable")[:256]
+        x = self._lifted(self._on[0].middles[0][rows[first]], self.found.cuts[cuts[first]])
+        x[:, self.hub] = np.mean(self._arcs(x), axis=0)
+        return np.asarray(x[np.argsort(-np.abs(self._terms(x)), kind="stable")])
+
+    def _lifted(self, x: Array, hub: float | Array) -> Array:
+        """Points (..., d) with the hub where it is given, of points (..., d - 1)."""
+        return np.insert(x, self.hub, hub, axis=-1)
+
+    def _arcs(self, x: Array) -> tuple[Array, Array]:
+        """Ends (...,) of the hub's values at which f keeps its sign over x, within the limits."""
+        s = np.where(self._terms(x) > 0, 1.0, -1.0)
+        top = top_of(self._terms, self.hub, x, s)
+        arc = self.box[self.hub]
+        return np.maximum(arc.low, top - math.pi / 2), np.minimum(arc.high, top + math.pi / 2)
+
+    @cached_property
+    def _cuts(self) -> Array:
+        """Sections as ways use them: the ends of the box may lie on families, so just within."""
+        arc = self.box[self.hub]
+        # How far ways keep from the ends of a box, as a share of its length.
+        inset = 1e-6 * (arc.high - arc.low)
+        return np.clip(self.found.cuts, arc.low + inset, arc.high - inset)
+
+    def locate(self, x: Array, clear: Clear) -> int | None:
+        """By the section that it is joined with over the same other joints."""
+        at = self._to_section(x, clear)
+        return None if at is None else int(self.found.label[at[0], at[1]])
+
+    def _to_section(self, x: Array, clear: Clear) -> tuple[int, int, Array] | None:
+        """A certain box, its section, and a way (K, d) from x to a point in it."""
+        low, high = self._arcs(x)
+        cuts = self.found.cuts
+        inside = np.flatnonzero((cuts >= low) & (cuts <= high))
+        middle = np.abs(cuts[inside] - (low + high) / 2)
+        flat = np.delete(x, self.hub)
+        for i in inside[np.argsort(middle)]:
+            cut = float(self._cuts[i])
+            if not clear(np.stack([x, self._lifted(flat, cut)])):
+                continue
+            way = self._on[i].to_certain(flat, lambda X, cut=cut: clear(self._lifted(X, cut)))
+            if way is None:
+                continue
+            box, points = way
+            last = self._lifted(points[-1], cut)
+            # Signs that agree on both sides of the inset belong to one arc of the hub.
+            if np.sign(self._terms(last)) == self.found.leaves.sign[box, i]:
+                return box, int(i), np.concatenate([x[None], self._lifted(points, cut)])
+        return None
+
+    @cached_property
+    def _tree(self) -> Ints:
+        """Of each certain place, box + N section, the next one towards a hub."""
+        f = self.found
+        N, m = f.label.shape
+        sign = f.leaves.sign
+        froms, tos = [], []
+        for i in range(m):
+            a, b = f.edges[:, self._on[i].found.passable]
+            froms.append(a + i * N)
+            tos.append(b + i * N)
+            if i + 1 < m:
+                up = np.flatnonzero((sign[:, i] != 0) & (sign[:, i] == sign[:, i + 1]))
+                froms.append(up + i * N)
+                tos.append(up + (i + 1) * N)
+        # A hub within the limits rather than on one.
+        level = np.tile(f.leaves.level, m) + 64 * np.repeat(np.isin(np.arange(m), (0, m - 1)), N)
+        return tree_to_hubs(f.label.T.ravel(), level, np.concatenate(froms), np.concatenate(tos))
+
+    def route(self, component: int, a: Array, b: Array, clear: Clear) -> Array | None:
+        """To a section, through certain boxes from section to section, and down again."""
+        begin, end = self._to_section(a, clear), self._to_section(b, clear)
+        if begin is None or end is None:
+            return None
+        N = len(self.found.label)
+        row = row_between(self._tree, begin[0] + begin[1] * N, end[0] + end[1] * N)
+        if row is None:
+            return None
+        points = [*begin[2]]
+        for k, place in enumerate(row):
+            section, box = divmod(place, N)
+            before = row[k - 1] % N if k else box
+            flat = np.delete(points[-1], self.hub)
+            ways = self._on[section].onward(flat, before, box)
+            points += [self._lifted(p, self._cuts[section]) for p in ways]
+        circle = np.array([arc.circle for arc in self.box])
+        gap = points[-1] - end[2][-1]
+        shift = np.where(circle, 2 * math.pi * np.round(gap / (2 * math.pi)), 0.0)
+        points += [p + shift for p in end[2][::-1]]
+        return np.array(points)
 
 
 def make_piece(part: Part, box: tuple[Arc, ...], scale: Array, until: float) -> Piece:

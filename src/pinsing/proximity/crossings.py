@@ -16,8 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from pinsing._types import Array, Ints
-from pinsing.algebra.along import SIMPLE, Zeros, place, zeros_along
-from pinsing.algebra.conditions import Conditions
+from pinsing.algebra.conditions import SIMPLE, Conditions, Zeros, place, zeros_along
 from pinsing.algebra.equation import Equation
 from pinsing.algebra.two_sided import two_sided
 from pinsing.arguments import checked, real_numbers

@@ -11,7 +11,7 @@ import numpy as np
 
 from pinsing._types import Array
 from pinsing._version import __version__
-from pinsing.algebra.equation_text import latex_symbol
+from pinsing.algebra.equation import latex_symbol
 from pinsing.configuration.at import SINGULAR, State
 from pinsing.families import ClosedForm, Family
 from pinsing.families.certainty import coverage_words

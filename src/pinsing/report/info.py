@@ -20,9 +20,9 @@ from pinsing._version import __version__
 from pinsing.configuration.at import State, at
 from pinsing.errors import PinsingError
 from pinsing.families import ClosedForm, Family, closed_form
-from pinsing.families.telling_poses import telling_poses
+from pinsing.families.describe import telling_poses
 from pinsing.joint_text import typed
-from pinsing.kinematics.engine import engine_name
+from pinsing.kinematics.batch import engine_name
 from pinsing.kinematics.jacobian import generic_rank
 from pinsing.kinematics.verdict import SINGULAR_RTOL, ratios
 from pinsing.prose import PLAIN, Page, Table

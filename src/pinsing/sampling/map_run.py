@@ -22,7 +22,7 @@ from pinsing.chunk_file import Record
 from pinsing.errors import OptionError, UnknownNameError
 from pinsing.families.solve import form_to_measure
 from pinsing.joint_text import typed
-from pinsing.kinematics.engine import PINOCCHIO
+from pinsing.kinematics.batch import PINOCCHIO
 from pinsing.kinematics.verdict import Evaluator, run_identity
 from pinsing.measures import NEAR_RTOL, SINGULAR_RTOL
 from pinsing.prose import PLAIN, Page, Span, Table, alarm, caution, verdict

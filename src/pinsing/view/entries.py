@@ -16,7 +16,7 @@ from pinsing.configuration.at import never_produced
 from pinsing.configuration.axis_dependence import arm_centres, moving_columns
 from pinsing.errors import OptionError
 from pinsing.families import Branch, Family, JointValue, joint_symbols
-from pinsing.families.telling_poses import telling_poses
+from pinsing.families.describe import telling_poses
 from pinsing.kinematics.batch import own_scale
 from pinsing.kinematics.verdict import NEAR_RTOL, SINGULAR_RTOL, generic_rank, task_size
 from pinsing.measures import Reachability
