@@ -75,15 +75,21 @@ class Answer(Protocol):
     def deviation(self) -> Deviation | None:
         """How far its geometry is from the file's."""
 
+    @property
+    def tube(self) -> object | None:
+        """What is known of a robot whose design has the families; its text."""
+
 
 def coverage_words(forms: Answer) -> str:
     """How sure it is that none is missing, in a few words for a page that lists families."""
     of = "" if forms.deviation is None else f" for {forms.deviation.geometry}"
     how = "" if forms.deviation is None else f" ({forms.deviation.change})"
+    robot = "" if forms.tube is None else f" {forms.tube}"
     if forms.word == "proven":
-        return f"Proven{of}{how}: there are no others."
+        return f"Proven{of}{how}: there are no others.{robot}"
     if forms.word == "probable":
-        return f"Probable{of}{how}: nothing is known to be missing, but there is no certificate."
+        sure = "nothing is known to be missing, but there is no certificate"
+        return f"Probable{of}{how}: {sure}.{robot}"
     return (
         f"NOT complete{of}{how}: {'; '.join(forms.gaps)}. Distances are to what is "
         "listed: other singular configurations may be nearer."

@@ -200,10 +200,12 @@ def factorize(robot: Arm, design: Arm, families: Sequence[Family]) -> Product:
             f"{n} joints have no determinant for the {len(rows)} rows of the task: their singular "
             "configurations need not separate, and a small change may move them far"
         )
-    if robot.prismatic.any():
-        raise Unproven("a joint is prismatic")
+    if robot.prismatic.any() or robot.task.at_tip:
+        raise Unproven("a joint is prismatic, or rows of the task are in the tip's axes")
     pose = robot.task.name == "pose"
     joints = tuple(range(1, n - 1) if pose else range(n))
+    if len(joints) > 4:
+        raise Unproven(f"the determinant depends on {len(joints)} joints")
     factors = [_factor(k, b, joints) for k, f in enumerate(families) for b in f.branches]
     size, degree = float(np.linalg.norm(flatten(design).t, axis=1).sum()), 2 if pose else n
     grid = _TorusGrid(joints, n, 2 * degree + 1)
@@ -224,6 +226,11 @@ def factorize(robot: Arm, design: Arm, families: Sequence[Family]) -> Product:
     h = grid.sum(D0 / P, start, 0.0)
     kept = h.amplitude > 1e-7 * h.amplitude.max()
     h = TrigSum(h.amplitude[kept], h.phase[kept], h.rate[kept], h.power[kept], 1e-12)
+    # P has to be a trigonometric polynomial that the grid is fine enough for.
+    twice = 2 * np.abs(h.rate).max(axis=0)
+    twice += sum(f.power * 2 * np.abs(f.sum.rate).max(axis=0) for f in factors)
+    if (np.rint(twice).astype(int) % 2).any() or (twice > 2 * degree + 1e-9).any():
+        raise Unproven("the determinant of the design has other factors than the families")
     at = h.at(Q)
     off = np.abs(at.value) * spread + at.error * (np.abs(P) + spread)
     D, error = _determinants(robot, Q, joints, size)
@@ -427,9 +434,14 @@ def bound(p: Product, x: Array, h: Array) -> Boxes:
         return np.where(some, 0.0, np.where(few, high, at_most))
 
     far = np.empty((len(x), 2 + max(f.family for f in p.factors)))
-    far[:, -1] = nearest(-1, np.full(len(x), np.inf))
+    within = np.full((len(x), far.shape[1] - 1), np.inf)
+    for f, c in zip(p.factors, conditions, strict=True):
+        within[:, f.family] = np.minimum(within[:, f.family], c.within)
+    far[:, -1] = nearest(-1, within.min(axis=1))
     for k in range(far.shape[1] - 1):
-        far[:, k] = nearest(k, far[:, -1])
+        found = nearest(k, np.minimum(far[:, -1], within[:, k]))
+        others = np.delete(within, k, axis=1).min(axis=1, initial=np.inf)
+        far[:, k] = np.where(others < NEAR, 0.0, found)
     # What halving a joint's range gains: E, and conditions that stay off zero, vary less; slopes of
     # those that do not are bounded better.
     score = rest.parts / np.maximum(most, TINY)[:, None]
@@ -444,7 +456,10 @@ def bound(p: Product, x: Array, h: Array) -> Boxes:
 
 @dataclass(frozen=True)
 class _Condition:
-    """A condition on boxes: its least size, slope and curvature; what each joint adds to these."""
+    """A condition on boxes: its least size, slope and curvature; what each joint adds to these.
+
+    ``within`` is how far its zeros are at most from points of the boxes.
+    """
 
     is_value: bool
     least: Array
@@ -453,6 +468,7 @@ class _Condition:
     noise: float
     parts: Array
     sway: Array
+    within: Array
 
     @classmethod
     def on(cls, f: Factor, x: Array, h: Array) -> _Condition:
@@ -464,7 +480,16 @@ class _Condition:
         noise = f.sum.noise * float(f.sum.amplitude.sum())
         rate = np.abs(f.sum.rate)
         sway = 0 * h if f.is_value else h * ((h @ rate.T * f.sum.amplitude) @ rate + at.sway)
-        return cls(f.is_value, least, slope, curve, noise, at.parts, sway)
+        most = np.abs(at.value) + noise
+        if f.is_value:
+            within = 2 * np.arcsin(np.minimum(most + at.swing, 1.0))
+        else:  # from the middle, as in `pinsing.algebra.two_sided`
+            steep = np.linalg.norm(at.gradient, axis=1) / _MORE
+            root = steep**2 - 2 * curve * most * _MORE
+            radius = np.linalg.norm(h * (rate > 0).any(axis=0), axis=1)
+            there = 2 * most / np.maximum(steep + np.sqrt(np.maximum(root, 0.0)), TINY)
+            within = np.where(root > 0, radius + there, np.inf)
+        return cls(f.is_value, least, slope, curve, noise, at.parts, sway, within * _MORE)
 
     def below(self, t: Array) -> Array:
         """What its size is not below at points of the boxes farther than t (N,) from its zeros."""

@@ -144,7 +144,8 @@ def _measured(
         raise OptionError("clearance is infinite: no family of singular configurations is known")
     weight = np.where(arm.prismatic, 1 / arm.length_scale, 1.0)
     conditions = Conditions.of(real, np.asarray(arm.prismatic), weight)
-    return np.degrees(two_sided(conditions, Q).lower), "clearance, at least", " [deg]"
+    what = "clearance" if arm.design is None else "distance from families of the design"
+    return np.degrees(two_sided(conditions, Q).lower), f"{what}, at least", " [deg]"
 
 
 def two_joints(arm: Arm, joint_a: str, joint_b: str, samples: int) -> tuple[int, int]:

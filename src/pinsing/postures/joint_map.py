@@ -482,6 +482,7 @@ class Map:
             self.watched,
             names=tuple(self.watched.names[i] for i in keep),
             families=tuple(self.watched.families[i] for i in keep),
+            margin=None,  # sides are asked for, not distances
         )
 
     @cached_property
