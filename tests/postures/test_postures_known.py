@@ -71,8 +71,8 @@ class TestFamiliesThatLack:
         whole = pinsing.aspects(replace(form_of("puma560"), proof=None))
         assert (whole.word, whole.proven, whole.lower) == ("probable", True, 12)
         assert whole.text().startswith(
-            "12 aspects within the joint limits, proven for the families found; that these are "
-            "all is probable\n"
+            "puma560: 12 aspects within the joint limits, proven for the families found; that "
+            "these are all is probable\n"
         )
         for names in (("F1",), ("F2",), EVERY):
             found = pinsing.aspects(lacking("puma560", *names))
@@ -80,14 +80,14 @@ class TestFamiliesThatLack:
             assert not found.proven
             assert found.upper is None
             assert found.lower < whole.lower
-            assert found.text().startswith(f"at least {found.lower} aspect")
+            assert found.text().startswith(f"puma560: at least {found.lower} aspect")
             assert "(the time ran out): a family that is missing may cut more" in found.text()
 
     def test_with_a_certificate_nothing_is_left_to_say(self):
         form = pinsing.closed_form(arm_of("scara"), prove=True)
         found = pinsing.aspects(form)
         assert found.word == "proven"
-        assert found.text().startswith("2 aspects within the joint limits, proven\n")
+        assert found.text().startswith("scara: 2 aspects within the joint limits, proven\n")
         way = pinsing.connect(form, [0, 1, 0, 0], [0, 2, 0, 0], of=found)
         assert (way.answer, way.proven, way.notes) == ("same", True, ())
 

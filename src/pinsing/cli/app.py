@@ -106,11 +106,23 @@ class PinsingGroup(click.Group):
             formatter.write_dl([(name, COMMANDS[name][1]) for name in self.list_commands(ctx)])
 
 
+def _missing(error: click.UsageError) -> str:
+    """What to type where an option or argument is missing; empty for other slips."""
+    if not isinstance(error, click.MissingParameter) or error.param is None or error.ctx is None:
+        return ""
+    param, usage = error.param, error.ctx.command.collect_usage_pieces(error.ctx)
+    what = f"{param.opts[0]} " if isinstance(param, click.Option) else ""
+    return (
+        f"{what}{param.make_metavar(error.ctx)} is missing: type {error.ctx.command_path} "
+        f"{' '.join(piece for piece in usage if piece != '[OPTIONS]')}"
+    )
+
+
 def _usage(error: click.UsageError) -> int:
     if error.ctx is not None and not error.ctx.args and type(error).__name__.startswith("NoArgs"):
         click.echo(error.ctx.get_help())  # no command at all: show what there is
         return BAD_INPUT
-    complain(error.format_message())
+    complain(_missing(error) or error.format_message())
     if error.ctx is not None:
         say(f"see {error.ctx.command_path} --help")
     return BAD_INPUT

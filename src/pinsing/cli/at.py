@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -31,7 +32,8 @@ from pinsing.prose import Page
 if TYPE_CHECKING:
     from pinsing._types import Array
     from pinsing.configuration.at import State
-    from pinsing.proximity.clearance import Distances
+    from pinsing.families import ClosedForm
+    from pinsing.proximity.clearance import Distances, FamilyDistance
     from pinsing.robot.arm import Arm
 
 
@@ -117,14 +119,14 @@ def at_command(
     found = _distances(arm, values) if far else None
     data = state.to_dict()
     if found is not None:
-        data["distances"] = found.to_dict()
+        data["distances"] = found[1].to_dict()
     if not emit_json_data(data, json_target):
         page = Page.of()
         emit_lines(_answer(state, found, degrees, request.words))
         emit("")
         emit(state_text(state, degrees, page))
         if found is not None:
-            lines = distance_words(found, degrees, arm.prismatic)
+            lines = distance_words(found[1], degrees, arm.prismatic)
             emit("")
             rows = [("distance" if i == 0 else "", line) for i, line in enumerate(lines)]
             emit(page.fields(rows, LABEL))
@@ -135,42 +137,73 @@ _ON = 1e-6
 """Distance up to which a configuration is on a family."""
 
 
-def _answer(state: State, found: Distances | None, degrees: bool, robot: str) -> str:
+def _answer(
+    state: State, found: tuple[ClosedForm, Distances] | None, degrees: bool, robot: str
+) -> str:
     """What is wrong there, if anything, what is near, and what to do: five lines at most."""
     from pinsing.joint_text import typed
-    from pinsing.proximity.trajectory import singularity, titled
+    from pinsing.postures.ladder import posture_names
+    from pinsing.proximity.trajectory import singularity
+    from pinsing.proximity.watched import titled
 
-    arm, near = state.arm, () if found is None else found.families
+    arm, near = state.arm, () if found is None else found[1].families
     on = [d for d in near if d.upper <= _ON]
     called = " and ".join(singularity(d.family, d.title, d.where) for d in on)
     status = "SINGULAR" if state.singular else state.status
-    lines = [f"{arm.name}: {status}{', on ' * bool(on)}{called}"]
+    geometry = None if found is None or state.singular else found[0].geometry
+    posture = () if geometry is None else posture_names(geometry, state.q[None])[0]
+    said = [f"on {called}"] * bool(on) + [", ".join(posture)] * bool(posture)
+    lines = [", ".join([f"{arm.name}: {status}", *said])]
     if state.singular:
         lines += [f"  Lost: {motion.words}" for motion in state.lost[:2]]
     others = [d for d in near if d.upper > _ON]
-    if others:
-        d = others[0]
+    d = None if found is None else _nearest(found[0], others, state)
+    other = "other " * bool(on)
+    if d is not None:
         away = d.q - state.q
+        moved = [j for j, x in enumerate(away) if abs(x) > 1e-6]
         moves = ", ".join(
-            f"{name} by {_amount(float(x), degrees and not slides, '+')}{' m' * slides}"
-            for name, x, slides in zip(arm.joints, away, arm.prismatic.tolist(), strict=True)
-            if abs(x) > 1e-6
+            f"{arm.joints[j]} by {_amount(float(away[j]), degrees and not slides, '+')}"
+            f"{' m' * slides or ' rad' * (not degrees)}"
+            for j, slides in ((j, bool(arm.prismatic[j])) for j in moved)
         )
-        mixed = any(arm.prismatic)
-        far = _amount(d.upper, degrees and not mixed) + " rad" * (not degrees and not mixed)
+        turns, slides = not arm.prismatic[moved].any(), arm.prismatic[moved].all()
+        far = _amount(d.upper * (arm.length_scale if slides else 1.0), degrees and turns)
+        far += " m" if slides else " rad" * (turns and not degrees)
         what = f"{titled(d.family, d.title)}, {far} away: {moves}"
-        lines.append(f"  Nearest {'other ' * bool(on)}singularity: {what}")
+        lines.append(f"  Nearest {other}singularity: {what}")
+    elif others:
+        lines.append(f"  No {other}singularity within the joint limits")
     typed_q = typed(state.q, arm.prismatic, degrees, digits=6)
     word = "Other postures" if state.singular else "See it"
     lines.append(f"  {word}: pinsing {'postures' if state.singular else 'view'} {robot} {typed_q}")
     return "\n".join(lines)
 
 
+def _nearest(form: ClosedForm, others: list[FamilyDistance], state: State) -> FamilyDistance | None:
+    """The nearest family, within the joint limits where the configuration is; None without any."""
+    space, best = state.arm.space, None
+    inside = not space.outside(state.q).any()
+    for d in others:
+        if best is not None and d.lower >= best.upper:
+            break
+        moved = abs(d.q - state.q) > _ON
+        if inside and (space.unreachable(d.q) & moved).any():
+            family = form[d.family]
+            if family.is_reachable is False:
+                continue
+            within = family.distance(state.q, within_limits=True)
+            d = replace(d, lower=within.lower, upper=within.upper, q=within.q)
+        if math.isfinite(d.upper) and (best is None or d.upper < best.upper):
+            best = d
+    return best
+
+
 def _amount(value: float, degrees: bool, sign: str = "") -> str:
     return f"{math.degrees(value):{sign}.4g}°" if degrees else f"{value:{sign}.4g}"
 
 
-def _distances(arm: Arm, q: Array) -> Distances | None:
+def _distances(arm: Arm, q: Array) -> tuple[ClosedForm, Distances] | None:
     """Distances to all families; none, and why, where closed forms are not to be had."""
     from pinsing.families.solve import form_to_measure
     from pinsing.proximity.clearance import distances
@@ -187,4 +220,4 @@ def _distances(arm: Arm, q: Array) -> Distances | None:
         say("note: there is no family of singular configurations to be near to")
         return None
     with doing("measuring the distance to each family"):
-        return distances(form, q)
+        return form, distances(form, q)

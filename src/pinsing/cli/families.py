@@ -216,7 +216,8 @@ def _verified(file: Path, seconds: float) -> tuple[bool, str]:
             text = stream.read(LONGEST_FILE + 1)
         data = in_child(lambda: verify(text), Budget(seconds), seconds)
     except OSError as error:
-        raise RobotFileError(error.strerror or "cannot be read", file) from None
+        made = f"; pinsing families {file} -o FILE.cert.json writes one" * (not file.suffix)
+        raise RobotFileError(f"{error.strerror or 'cannot be read'}{made}", file) from None
     except UnicodeDecodeError:
         return False, "rejected: the file is no text"
     except Rejected as reason:

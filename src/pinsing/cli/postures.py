@@ -11,6 +11,7 @@ from pinsing.cli.options import (
     RobotRequest,
     arm_options,
     deg_option,
+    in_degrees,
     joint_vector,
     json_option,
     once_option,
@@ -47,7 +48,7 @@ def aspects_command(
     with doing("counting aspects"):
         found = aspects(closed_form(arm), limits=not ignore_limits)
     if not emit_json(found, json_target):
-        emit_lines(found.text(deg))
+        emit_lines(found.text(in_degrees(deg)))
 
 
 @command("postures")
@@ -90,7 +91,7 @@ def postures_command(
         form = closed_form(arm)
         found = posture_changes(arm, at, forms=form, limits=not ignore_limits)
     if not emit_json(found, json_target):
-        emit_lines(found.text(deg))
+        emit_lines(found.text(in_degrees(deg)))
     if view or html is not None:
         from pinsing.families.certainty import coverage_words
         from pinsing.view.viewer import Viewer
@@ -129,4 +130,4 @@ def cuspidal_command(
     with doing("trying random poses"):
         found = cuspidality(arm, forms=closed_form(arm), poses=poses, seed=seed)
     if not emit_json(found, json_target):
-        emit_lines(found.text(deg))
+        emit_lines(found.text(in_degrees(deg)))

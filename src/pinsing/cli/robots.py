@@ -11,10 +11,17 @@ import click
 from pinsing.atomic_write import check_writable, write_text
 from pinsing.cli import completion
 from pinsing.cli.grouped import command
-from pinsing.cli.options import RobotRequest, arm_options, deg_option, json_option, output_option
+from pinsing.cli.options import (
+    RobotRequest,
+    arm_options,
+    deg_option,
+    in_degrees,
+    json_option,
+    output_option,
+)
 from pinsing.cli.output import STDOUT, emit, emit_json, emit_json_data, say
 from pinsing.cli.waiting import doing
-from pinsing.errors import ChainError
+from pinsing.errors import ChainError, OptionError, shown_path
 from pinsing.prose import Page, Table
 
 if TYPE_CHECKING:
@@ -44,11 +51,11 @@ def info_command(request: RobotRequest, deg: bool, json_target: str | Path | Non
         info = replace(describe(arm), second_reading=second_reading(arm))
     if emit_json(info, json_target):
         return
-    page = Page.of()
-    lines = [info.head(page), "", page.table(info.joints(deg))]
+    page, degrees = Page.of(), in_degrees(deg)
+    lines = [info.head(page), "", page.table(info.joints(degrees))]
     said = [f"note: {note}" for note in info.arm.notes]
     said += [f"moved: {snap}" for snap in info.snaps if snap.size > ROUNDING]
-    said += [f"pose: {text}" for text in info.poses(deg, page.width - 2)]
+    said += [f"pose: {text}" for text in info.poses(degrees, page.width - 2)]
     if said:
         lines += ["", *(page.paragraph(text, rest="  ") for text in said)]
     emit("\n".join([*lines, "", page.fitted(f"Next: pinsing families {request.words}")]))
@@ -136,11 +143,18 @@ def _listed(entries: list[CatalogEntry]) -> str:
 @output_option(required=True, urdf=".urdf")
 def dh_command(table: str, urdf: str | Path) -> None:
     """Turn a DH table (YAML, standard or modified convention) into a URDF."""
+    from pinsing.description.catalog import locate_robot
+    from pinsing.description.dh_table import known_table
     from pinsing.description.dh_urdf import dh_to_urdf, read_dh
 
     if urdf != STDOUT:
         check_writable(urdf, inputs=(table,))
-    text = dh_to_urdf(read_dh(Path(table)))
+    found = locate_robot(table)
+    path = found if isinstance(found, Path) else found.path
+    if path.suffix not in (".yaml", ".yml"):
+        raise OptionError(f"{table} is a description already: {shown_path(path)}")
+    named = not isinstance(found, Path) and path.name == "arms.yaml"
+    text = dh_to_urdf(known_table(found.name) if named else read_dh(path))
     if urdf == STDOUT:
         click.echo(text, nl=False)
     else:

@@ -12,6 +12,7 @@ from pinsing.cli.options import (
     RobotRequest,
     arm_options,
     deg_option,
+    in_degrees,
     joint_vector,
     json_option,
     parse_numbers,
@@ -68,4 +69,4 @@ def suggest_command(
     with doing("searching for a configuration"):
         found = suggest(arm, near=start, reach=radius, families=families or None, seed=seed)
     if not emit_json(found, json_target):
-        emit_lines(found.text(deg))
+        emit_lines(found.text(in_degrees(deg)))

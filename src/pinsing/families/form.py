@@ -322,7 +322,7 @@ def system_of(
 PLACE = {
     "interior": "inside the workspace",
     "boundary": "edge of reach in this posture",
-    "varies": "edge and inside",
+    "varies": "edge or inside",
 }
 _MOST_ROWS = 5
 
@@ -349,9 +349,10 @@ def answer_text(forms: ClosedForm, page: Page = PLAIN, robot: str = "") -> str:
     if forms.gaps:
         lines.append(page.paragraph(f"missing: {forms.gaps[0]}", first="  "))
     joints = len(forms.symbols)
-    if not count and forms.arm.task == "pose" and joints < 6:
-        said = f"{joints} joints do not move a pose freely: for the position add --task position"
-        lines.append(page.paragraph(said, first="  "))
+    if forms.arm.task == "pose" and forms.generic_rank < 6:
+        rank = forms.generic_rank
+        said = f"{joints} joints: {rank} of 6 motions of the tip; singular where one more is lost"
+        lines.append(page.paragraph(f"{said} (or try --task position)", first="  "))
     shown = sorted(forms.families, key=lambda f: ORDER.index(f.title))
     rows = [
         [f.title, f.name, f.where(), PLACE.get(f.kind, "")]
@@ -359,18 +360,24 @@ def answer_text(forms: ClosedForm, page: Page = PLAIN, robot: str = "") -> str:
         else [f.title, f.name, f.where(), "outside the joint limits"]
         for f in shown[: _MOST_ROWS + (count == _MOST_ROWS + 1)]
     ]
-    widths = [max((len(row[k]) for row in rows), default=0) for k in range(3)]
-    for title, *rest in rows:
-        cells = [title] * any(row[0] for row in rows) + rest
-        sizes = widths[-len(cells) + 1 :]
-        text = "  ".join(c.ljust(w) for c, w in zip(cells, [*sizes, 0], strict=True))
-        lines.append(page.fitted(f"  {text.rstrip()}"))
+    if not any(row[0] for row in rows):
+        rows = [row[1:] for row in rows]
+    short = [row for row in rows if sum(map(len, row)) + 2 * len(row) <= page.width]
+    for cells in rows:  # a long one takes two lines, and no part in the columns
+        sizes = [max(len(row[k]) for row in short) if short else 0 for k in range(len(cells) - 1)]
+        text = "  ".join(c.ljust(w) for c, w in zip(cells[:-1], sizes, strict=True))
+        if cells in short:
+            lines.append(page.fitted(f"  {text}  {cells[-1]}".rstrip()))
+        else:
+            lines += [page.fitted(f"  {text.rstrip()}"), f"      {cells[-1]}".rstrip()]
     if len(rows) < count:
         lines.append(f"  and {count - len(rows)} more")
     path = f"pinsing check {robot} path.csv"
-    following = [f"  Next: pinsing view {robot}", f"        {path}"]
-    following.append(f"        pinsing families {robot} -v")
-    return "\n".join([lines[0], "", *lines[1:], *(page.fitted(line) for line in following)])
+    following = [f"pinsing view {robot}", path, f"pinsing families {robot} -v"]
+    one = f"  Next: {'  |  '.join(following)}"
+    each = [f"  Next: {following[0]}", *(f"        {x}" for x in following[1:])]
+    ends = [one] if len(one) <= page.width else [page.fitted(line) for line in each]
+    return "\n".join([lines[0], "", *lines[1:], "", *ends])
 
 
 def families_text(

@@ -204,7 +204,7 @@ class Aspects(JsonResult):
         >>> import pinsing
         >>> form = pinsing.closed_form(pinsing.load("stanford"))
         >>> print(pinsing.aspects(form).text().splitlines()[0])
-        8 aspects within the joint limits, proven
+        stanford: 8 aspects within the joint limits, proven
         """
         where = "within the joint limits" if self.within_limits else "without joint limits"
         if self.proven:
@@ -216,7 +216,7 @@ class Aspects(JsonResult):
             head = f"at least {self.lower} aspect{plural} {where}; how many more is not known"
         else:
             head = f"{self.lower} to {self.upper} aspects {where}"
-        lines = [head]
+        lines = [f"{self.arm.name}: {head}"]
         cut = [p for p in self.parts if p.families]
         for p in cut:
             count = f"{p.lower}" if p.lower == p.upper else f"{p.lower} to {p.upper}"

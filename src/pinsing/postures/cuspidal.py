@@ -115,15 +115,17 @@ class Cuspidality(JsonResult):
         --------
         >>> import pinsing
         >>> found = pinsing.cuspidality(pinsing.load("puma560"), poses=3)
-        >>> print(found.text().splitlines()[0][:50])
-        not cuspidal, proven: three axes of the wrist meet
+        >>> print(found.text().splitlines()[0][:59])
+        puma560: not cuspidal, proven: three axes of the wrist meet
         """
+        name = self.arm.name
         if self.answer == CUSPIDAL:
-            lines = [f"cuspidal, {'' if self.proven else 'not '}proven: {self.reason}"]
+            lines = [f"{name}: cuspidal, {'' if self.proven else 'not '}proven: {self.reason}"]
         elif self.answer == NOT_CUSPIDAL:
-            lines = ["not cuspidal, proven: " + self.reason]
+            lines = [f"{name}: not cuspidal, proven: {self.reason}"]
         else:
-            lines = [f"no evidence in {self.poses} poses that the arm is cuspidal", self.reason]
+            none = f"{name}: no evidence in {self.poses} poses that the arm is cuspidal"
+            lines = [none, self.reason]
         if self.witness is not None and self.witness.path is not None:
             lines.append(
                 f"way of {len(self.witness.path)} waypoints; poses differ by "

@@ -36,6 +36,8 @@ from functools import partial
 from typing import Protocol, TypeVar
 
 import numpy as np
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
 
 from pinsing._types import Array, Bool, Ints
 from pinsing.algebra.trig_sum import TrigSum
@@ -249,22 +251,10 @@ def boxes_that_touch(ground: Ground, leaves: Leaves) -> tuple[Ints, Ints, Ints]:
 
 
 def connected(n: int, a: Ints, b: Ints) -> Ints:
-    """Label (n,) of the connected set of each of n things, given pairs that touch."""
-    head = np.arange(n)
-    while len(a):
-        ra, rb = head[a], head[b]
-        low, high = np.minimum(ra, rb), np.maximum(ra, rb)
-        apart = low != high
-        if not apart.any():
-            break
-        a, b = a[apart], b[apart]
-        np.minimum.at(head, high[apart], low[apart])
-        while True:
-            jumped = head[head]
-            if np.array_equal(jumped, head):
-                break
-            head = jumped
-    return head
+    """Label (n,) of the connected set of each of n things, its first, given pairs that touch."""
+    pairs = coo_array((np.ones(len(a), dtype=np.int8), (a, b)), shape=(n, n))
+    label = connected_components(pairs, directed=False)[1]
+    return np.asarray(np.unique(label, return_index=True)[1][label], dtype=np.int64)
 
 
 @dataclass(frozen=True, eq=False)

@@ -23,8 +23,15 @@ from pinsing.kinematics.verdict import SINGULAR_RTOL, ratios
 from pinsing.prose import listed
 from pinsing.proximity.crossings import Crossing
 from pinsing.proximity.passage import Approach, NearStretch, Passage
-from pinsing.proximity.trajectory import NEAR, angle_text, singularity, titled
-from pinsing.proximity.watched import Forms, Watched, metric_note, require_forms_of, watch
+from pinsing.proximity.trajectory import NEAR, OUTSIDE, angle_text, singularity
+from pinsing.proximity.watched import (
+    Forms,
+    Watched,
+    metric_note,
+    require_forms_of,
+    titled,
+    watch,
+)
 from pinsing.robot.arm import Arm, ArmSummary, summarize
 from pinsing.serialization import JsonResult
 
@@ -169,8 +176,11 @@ def track(arm: Arm, line: Line, q: Array) -> Tracked:
         missed = np.abs((J @ rate - twist) / scale).max()
         if missed > 1e-6 * max(1.0, float(np.abs(line.twist).max())):
             if len(S) == 1:
+                few = arm.n < len(arm.task.rows)
+                task = f"{arm.n} joints cannot hold the full pose, so try --task position"
                 raise ConfigurationError(
                     "the line starts at a configuration at which the tip cannot move along it"
+                    + f": {task}" * few
                 )
             rates.append(rates[-1])
             break
@@ -631,23 +641,25 @@ def line_summary(line: LineCheck, degrees: bool = True, robot: str = "", same: s
         head = f"NOT DECIDED, the {whole} was followed for {done}{but * bool(faults)}"
     out = [*[line.tube] * bool(line.tube), *left]
     apart = {c.family for c in met} | {line.family}
-    near = next((a for a in line.approaches if a.upper > 0 and a.family not in apart), None)
+    beside = (a for a in line.approaches if a.upper > 0 and a.family not in apart)
+    near = next((a for a in beside if a.outside != "family"), None)
     if near is not None:
         other = " elsewhere" * bool(apart - {""})
-        far = f"{angle_text(near.upper, degrees)} at {near.t:.4g} m"
+        far = f"{angle_text(near.upper, degrees)} at {near.t:.4g} m{OUTSIDE[near.outside]}"
         out.append(f"Closest approach{other}: {titled(near.family, near.title)}, {far}")
     out.append(f"Joint speeds at {line.speed:g} m/s: {_line_speeds(line)}")
     good = [p for p in line.postures if p.outcome == "reached" and p.within_limits]
     if good:
         start = typed(good[0].q, line.arm.prismatic, True, digits=6)
-        out.append(f"From another posture it works: pinsing line {robot} {start} {same}")
+        called = f" ({', '.join(good[0].names)})" * bool(good[0].names)
+        out.append(f"From another posture{called} it works: pinsing line {robot} {start} {same}")
     elif line.postures:
         others = [p for p in line.postures if not any(_turns(line, p))]
-        farthest = max((p.s_end for p in others), default=line.s_end)
+        most = max((p.s_end for p in others if p.outcome != "reached"), default=0.0)
         count = f"{len(others)} other posture{'s' * (len(others) != 1)}"
         out.append(
-            f"None of {count} of the start follows it to its end within the joint limits; the "
-            f"farthest gets {farthest:.6g} m"
+            f"None of {count} of the start follows it to its end within the joint limits"
+            + f"; the farthest gets {most:.4g} m" * (most > line.s_end)
         )
     last = typed(line.q_end, line.arm.prismatic, True, digits=6)
     out.append(f"See its end: pinsing view {robot} {last}")
@@ -670,10 +682,10 @@ def _line_speeds(line: LineCheck) -> str:
 def line_details(line: LineCheck, degrees: bool) -> str:
     """Return the end, every meeting, approach and excess, and the other postures."""
     q = ", ".join(
-        f"{math.degrees(x):.3f}°" if degrees and not slides else f"{x:.6g}"
+        f"{round(math.degrees(x), 3) + 0.0:.3f}°" if degrees and not slides else f"{x:.6g}"
         for x, slides in zip(line.q_end, line.arm.prismatic, strict=True)
     )
-    out = [f"end, at {line.s_end:.9g} of {line.length:.6g} m:", f"  q = {q}"]
+    out = [f"end, at {line.s_end:.6g} of {line.length:.6g} m:", f"  q = {q}"]
     if line.crossings:
         out.append("meetings:")
         out += [
@@ -683,6 +695,7 @@ def line_details(line: LineCheck, degrees: bool) -> str:
     out.append("nearest approach to each family:")
     out += [
         f"  {titled(a.family, a.title)}: {angle_text(a.upper, degrees)}, at {a.t:.6g} m"
+        f"{OUTSIDE[a.outside]}"
         for a in line.approaches
     ]
     if line.too_fast:

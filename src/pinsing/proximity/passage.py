@@ -278,6 +278,9 @@ class Approach:
         Proven: nowhere on the motion is the family nearer.
     title : str
         "wrist", "elbow", "shoulder", or empty: as of the family.
+    outside : str
+        "point" if the nearest point of the family is outside the joint limits, "family" if all
+        of it is (proven), else empty.
     """
 
     family: str
@@ -286,6 +289,7 @@ class Approach:
     upper: float
     lower: float
     title: str = field(default="", metadata={"optional": True})
+    outside: str = field(default="", metadata={"optional": True})
 
 
 class Passage:
@@ -403,7 +407,13 @@ class Passage:
             return None
         upper, t, q = best
         least = max(0.0, min(float(self._least[f]), upper))
-        return Approach(name, t, q, upper, least, title)
+        outside = "family" if watched.families[f].is_reachable is False else ""
+        if not outside:
+            low, high = watched.families[f].limits
+            point = nearest_points(conditions, q[None], low, high, _SEARCH).q[0]
+            moved = np.abs(point - q) > _SLACK
+            outside = "point" * bool((watched.space.unreachable(point) & moved).any())
+        return Approach(name, t, q, upper, least, title, outside)
 
 
 def _refined(

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import ClassVar
 
 import numpy as np
@@ -21,7 +21,7 @@ from pinsing.joint_text import typed
 from pinsing.kinematics.verdict import ratios
 from pinsing.measures import NEAR_RTOL
 from pinsing.proximity.clearance import certified
-from pinsing.proximity.watched import Forms, Watched, require_forms_of, watch
+from pinsing.proximity.watched import Forms, Watched, require_forms_of, titled, watch
 from pinsing.robot.arm import Arm, ArmSummary, summarize
 from pinsing.serialization import JsonResult
 
@@ -313,6 +313,8 @@ class Suggestion(JsonResult):
         not found out.
     family : str
         The nearest family; empty for none.
+    title : str
+        "wrist", "elbow", "shoulder", or empty: as of the nearest family.
     families : tuple of str
         Those that were kept away from.
     sigma_ratio : float
@@ -342,6 +344,7 @@ class Suggestion(JsonResult):
     reach: float
     complete: bool
     notes: tuple[str, ...]
+    title: str = field(default="", metadata={"optional": True})
 
     @checked
     def text(self, degrees: bool = False) -> str:
@@ -367,7 +370,7 @@ class Suggestion(JsonResult):
             lines.append(
                 f"Proven: no singular configuration {'' if self.complete else 'that is known '}"
                 f"within {_far(self.lower, degrees, math.floor)}; one was found at "
-                f"{_far(self.upper, degrees, math.ceil)}, on {self.family}."
+                f"{_far(self.upper, degrees, math.ceil)}, on {titled(self.family, self.title)}."
             )
         if math.isfinite(self.most):
             where = "Nowhere within the limits"
@@ -491,6 +494,9 @@ def suggest(
         reach=float(reach) if target is not None else np.inf,
         complete=watched.complete,
         notes=tuple(notes),
+        title=dict(zip(watched.names, (f.title for f in watched.families), strict=True)).get(
+            family, ""
+        ),
     )
 
 

@@ -20,11 +20,17 @@ from pinsing.notebook import one_line
 from pinsing.prose import listed
 from pinsing.proximity.crossings import Crossing, check_reach, check_times
 from pinsing.proximity.passage import Approach, Excess, NearStretch, Passage, Speeds
-from pinsing.proximity.watched import Forms, metric_note, watch
+from pinsing.proximity.watched import Forms, metric_note, titled, watch
 from pinsing.robot.arm import Arm, ArmSummary, summarize
 from pinsing.serialization import JsonResult
 
 _LISTED = 8
+OUTSIDE = {
+    "": "",
+    "point": " (its nearest point is outside the joint limits)",
+    "family": " (outside the joint limits)",
+}
+"""What is said of an approach, by where the family is."""
 
 
 def summary(
@@ -60,9 +66,9 @@ def details(check: TrajectoryCheck, degrees: bool = True) -> str:
     if check.crossings:
         lines.append("meetings:")
         for c in check.crossings[:_LISTED]:
-            until = f" to {c.t_end:.6g}" if c.t_end > c.t else ""
             q = ", ".join(_joint(check, j, float(x), degrees) for j, x in enumerate(c.q))
-            lines.append(f"  t = {c.t:.6g}{until}: {c.kind} {_title(check, c.family)}, q = {q}")
+            met = f"{c.kind} {_title(check, c.family)}"
+            lines.append(f"  {_when(check, c.t, c.t_end)}: {met}, q = {q}")
         lines += _more(len(check.crossings), check.cut)
     if check.aspect_changes:
         beyond = " --ignore-limits" if check.outside else ""
@@ -70,19 +76,19 @@ def details(check: TrajectoryCheck, degrees: bool = True) -> str:
         for a in check.aspect_changes[:_LISTED]:
             before, after = _called(a.before, a.names_before), _called(a.after, a.names_after)
             where = ", ".join(a.families)
-            lines.append(f"  t = {a.t:.6g} ({where}): from {before} to {after}")
+            lines.append(f"  {_when(check, a.t)} ({where}): from {before} to {after}")
         lines += _more(len(check.aspect_changes), False)
     lines.append("nearest approach to each family:")
     for near in check.approaches:
         lines.append(
-            f"  {_title(check, near.family)}: {angle_text(near.upper)} at t = {near.t:.6g}, "
-            f"at least {angle_text(near.lower)} (proven)"
+            f"  {_title(check, near.family)}: {angle_text(near.upper)} {_when(check, near.t)}, "
+            f"at least {angle_text(near.lower)} (proven){OUTSIDE[near.outside]}"
         )
     if check.stretches:
         lines.append(f"within {angle_text(check.near)}:")
         for s in check.stretches[:_LISTED]:
             least = f"{angle_text(s.clearance)} from {_title(check, s.family)}"
-            lines.append(f"  t = {s.t:.6g} to {s.t_end:.6g}: at least {least}")
+            lines.append(f"  {_when(check, s.t, s.t_end)}: at least {least}")
         lines += _more(len(check.stretches), False)
     tip = f"{check.tip_speed:g} m/s and {check.turn_speed:g} rad/s of the tip"
     for name, per, found in (
@@ -106,7 +112,7 @@ def _called(number: int | None, names: tuple[str, ...]) -> str:
 
 def _joint(check: TrajectoryCheck, j: int, value: float, degrees: bool) -> str:
     if degrees and not check.arm.prismatic[j]:
-        return f"{math.degrees(value):.2f}°"
+        return f"{round(math.degrees(value), 2) + 0.0:.2f}°"  # no -0.00°
     return f"{value:.5g}"
 
 
@@ -126,10 +132,12 @@ def _excess(check: TrajectoryCheck, e: Excess, per: str, degrees: bool) -> str:
     unit, factor = ("m", 1.0) if slides else ("rad", 1.0)
     if degrees and not slides:
         unit, factor = "deg", 180 / math.pi
-    worst, limit = (f"{factor * x:.4g} {unit}{per}" for x in (e.worst, e.limit))
-    return (
-        f"{e.joint}: {worst} at t = {e.t_worst:.6g} (limit {limit}), t = {e.t:.6g} to {e.t_end:.6g}"
+    worst, limit = (
+        f"{factor * x:.4g} {unit}{per}" if math.isfinite(x) else "no speed is enough"
+        for x in (e.worst, e.limit)
     )
+    span = _when(check, e.t, e.t_end)
+    return f"{e.joint}: {worst} {_when(check, e.t_worst)} (limit {limit}), {span}"
 
 
 def _met(check: TrajectoryCheck) -> str:
@@ -167,11 +175,6 @@ def singularity(family: str, title: str, where: str = "") -> str:
     return f"{name} ({where})" if where else name
 
 
-def titled(family: str, title: str) -> str:
-    """Return ``wrist (F2)``, or ``F2``."""
-    return f"{title} ({family})" if title else family
-
-
 def angle_text(x: float, degrees: bool = True) -> str:
     """Return a distance in joint space, in degrees or radians."""
     if not math.isfinite(x):
@@ -193,13 +196,14 @@ def _when(check: TrajectoryCheck, t: float, end: float | None = None) -> str:
 
 def _nearest(check: TrajectoryCheck) -> str:
     met = {c.family for c in check.crossings}
-    a = next((x for x in check.approaches if x.family not in met and x.upper > 0), None)
+    others = (x for x in check.approaches if x.family not in met and x.upper > 0)
+    a = next((x for x in others if x.outside != "family"), None)
     if a is None:
         return ""
     where = "elsewhere" if met else f"(at least {angle_text(a.lower)}, proven)"
     return (
         f"Closest approach {where}: {_title(check, a.family)}, {angle_text(a.upper)} "
-        f"{_when(check, a.t)}"
+        f"{_when(check, a.t)}{OUTSIDE[a.outside]}"
     )
 
 
@@ -214,7 +218,7 @@ def _near(check: TrajectoryCheck, degrees: bool) -> str:
     end = f"; it {ends[check.trend]} the nearest family" if check.trend in ends else ""
     if not check.stretches:
         return ""
-    return f"Within {angle_text(check.near)} of one for {share}{end}"
+    return f"Within {angle_text(check.near)} of a singularity for {share}{end}"
 
 
 def _speeds(check: TrajectoryCheck, degrees: bool) -> list[str]:

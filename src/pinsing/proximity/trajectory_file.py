@@ -569,7 +569,8 @@ class ColumnHeads:
             raise self._error("some angles have a unit in their head, others none")
         self.used = {*self.order, *times, *self.others.values()}
         self.notes: tuple[str, ...] = () if times else (_NO_TIMES,)
-        if any(words[i] != j for i, j in zip(self.order, arm.joints, strict=True)):
+        alone = (rf"(?<!\w){re.escape(j)}(?!\w)" for j in arm.joints)  # no guess where it is there
+        if not all(re.search(name, words[i]) for i, name in zip(self.order, alone, strict=True)):
             pairs = zip(arm.joints, self.order, strict=True)
             self.notes += ("columns: " + ", ".join(f"{j} = {words[i]!r:.80}" for j, i in pairs),)
         left = [*self.others, *(words[i] for i in passed)]

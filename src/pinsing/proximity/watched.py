@@ -27,6 +27,11 @@ _MADE: WeakKeyDictionary[ClosedForm, Watched] = WeakKeyDictionary()
 """All families of a closed form, made once."""
 
 
+def titled(family: str, title: str) -> str:
+    """Return ``wrist (F2)``, or ``F2``."""
+    return f"{title} ({family})" if title else family
+
+
 @dataclass(frozen=True, eq=False)
 class Watched:
     """Families of one arm, and the metric in which distances to them are taken.

@@ -97,13 +97,16 @@ footer { margin-top: 3rem; color: var(--soft); font-size: .9rem; }
 }
 @page { size: A4; margin: 16mm 15mm 18mm; }
 @media print {
-  html { font-size: 10.5pt; }
+  html { font-size: 10.5pt; line-height: 1.4; }
   body { max-width: none; padding: 0; }
   nav, .screen, .skip { display: none; }
   h2, h3, caption { break-after: avoid; }
-  figure, .equation, tr, dl > div, pre, .wide.short { break-inside: avoid; }
+  figure, .equation, tr, dl, ul, pre, .wide.short { break-inside: avoid; }
   p:has(+ pre) { break-after: avoid; }
-  h2 { margin-top: 1.6rem; }
+  h2 { margin-top: 1.2rem; }
+  h3 { margin-top: 1rem; }
+  dl { margin: .4rem 0; }
+  dl > div, th, td { padding-top: .12rem; padding-bottom: .12rem; }
   .paper { display: block; }
   .wide, .equation .math { overflow: visible; }
   .badge { color: #000; background: none; border: 1px solid #000; }

@@ -247,13 +247,12 @@ def choose_chain(
     if chosen.passed_over:
         beyond = chosen.passed_over
         more = f" and {len(beyond) - 4} more" if len(beyond) > 4 else ""
-        notes.append(f"gripper joints beyond the tip are locked: {', '.join(beyond[:4])}{more}")
+        notes.append(f"locked beyond the tip: {', '.join(beyond[:4])}{more}")
     same_link = [f.name for f in tip_frames(model, chosen.last) if f.name != chosen.tip]
     if same_link:
         notes.append(
-            f"tip {chosen.tip} was chosen among the frames of the last link "
-            f"(others: {', '.join(same_link[:6])}{', ...' if len(same_link) > 6 else ''}); with "
-            "the full pose as task, the singularities are the same for all of them"
+            f"tip {chosen.tip} (on the same link: {', '.join(same_link[:3])}"
+            f"{', ...' * (len(same_link) > 3)}): the choice does not affect pose singularities"
         )
     return chosen, notes
 

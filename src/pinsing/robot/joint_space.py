@@ -21,6 +21,14 @@ SLACK = 1e-9
 """Radians or metres; a value this far beyond a limit is still inside."""
 
 
+def named(word: str, names: Sequence[str]) -> str:
+    """Return the joint that ``q2`` stands for, the second, unless one is called so."""
+    place = re.fullmatch(r"[qQ]([1-9]\d{0,3})", word)
+    if word not in names and place and int(place[1]) <= len(names):
+        return names[int(place[1]) - 1]
+    return word
+
+
 @dataclass(frozen=True, eq=False)
 class JointSpace:
     """What is known of the joints alone, whatever they carry.
@@ -83,12 +91,10 @@ class JointSpace:
         UnknownNameError
             If there is none.
         """
-        place = re.fullmatch(r"[qQ]([1-9]\d*)", name)
-        if name not in self.names and place and int(place[1]) <= self.n:
-            return int(place[1]) - 1
-        if name not in self.names:
+        found = named(name, self.names)
+        if found not in self.names:
             raise UnknownNameError("joint", name, self.names)
-        return self.names.index(name)
+        return self.names.index(found)
 
     def mask(self, names: Iterable[str]) -> Bool:
         """Which joints (n,) are among ``names``; as `index`."""

@@ -22,6 +22,7 @@ from pinsing.robot.chains import (
     joint_path,
     long_chain_note,
 )
+from pinsing.robot.joint_space import named
 from pinsing.robot.joints import Follow, chain_limits, couple, coupled_limits, leader_of, locked_at
 from pinsing.robot.models import Way, lock_joints, reroot, turned_round, way_between
 from pinsing.robot.source import HasModel, Source, given_file, given_model
@@ -314,10 +315,11 @@ def _build(
         whole.description.require_usable(model.names[j] for j in kept)
     lock = [j for j in range(1, model.njoints) if j not in kept]
     reference = locked_at(model, whole.mimics)
-    off_path = [j for j in lock if j not in path]
+    # Joints beyond the tip are named where it is chosen.
+    off_path = [j for j in lock if j not in path and path[-1] not in model.supports[j]]
     if off_path:
-        are = "joint outside the chain is" if len(off_path) == 1 else "joints outside the chain are"
-        notes += (f"{len(off_path)} {are} locked (no effect on this chain)",)
+        joints = f"{len(off_path)} joint{'s' * (len(off_path) != 1)}"
+        notes += (f"locked outside the chain, without effect on it: {joints}",)
     reduced = lock_joints(model, lock, reference)
     if any(j in way.up for j in kept):
         at = [frame_index(reduced, name) for name in ends]
@@ -373,7 +375,8 @@ def root_name(model: pin.Model) -> str:
 
 def _known(kind: str, name: str, known: list[str]) -> str:
     if name not in known:
-        raise UnknownNameError(kind, name, known)
+        meant = [named(name, known)] if kind == "joint" else []
+        raise UnknownNameError(kind, name, known, meant=[x for x in meant if x != name])
     return name
 
 

@@ -10,8 +10,9 @@ import numpy as np
 
 from pinsing._types import Array
 from pinsing.errors import PinsingError
-from pinsing.proximity.trajectory import TrajectoryCheck, check_trajectory, summary, titled
+from pinsing.proximity.trajectory import TrajectoryCheck, check_trajectory, summary
 from pinsing.proximity.trajectory_file import read_trajectory
+from pinsing.proximity.watched import titled
 from pinsing.robot.arm import Arm
 
 FRAMES = 400
