@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import sys
+import importlib
 from pathlib import Path
 
 import pytest
@@ -50,7 +50,7 @@ def file(tmp_path):
     return write
 
 
-def test_a_missing_mesh_never_stops(self, write_urdf):
+def test_a_missing_mesh_never_stops(write_urdf):
     mesh = '<visual><geometry><mesh filename="package://none/a.stl"/></geometry></visual>'
     path = write_urdf([("revolute", GOOD)])
     path.write_text(path.read_text().replace('<link name="l1"/>', f'<link name="l1">{mesh}</link>'))
@@ -86,7 +86,7 @@ class TestOutput:
         def never(*_, **__):
             raise AssertionError("the robot was read")
 
-        monkeypatch.setattr(sys.modules["pinsing.robot.load"], "load", never)
+        monkeypatch.setattr(importlib.import_module("pinsing.robot.load"), "load", never)
         q = ["--q", "0,0,0"] if name == "at" else []
         for bad in (tmp_path / "none" / "x.json",):
             assert "cannot write" in refused(*name.split(), "planar3r", *q, "-o", str(bad))

@@ -202,7 +202,7 @@ def test_a_configuration_far_outside_the_limits_is_refused() -> None:
 
 class TestCommand:
     def test_what_is_printed_can_be_pasted(self) -> None:
-        for deg in ([], ["--deg"]):
+        for deg in ([], ["--rad"]):
             done = run("at", "--suggest", "puma560", *deg)
             assert done.exit_code == 0
             first = done.stdout.splitlines()[0]
@@ -214,9 +214,9 @@ class TestCommand:
             q = [
                 float(x) for x in first.split("--q ")[1].replace("pi/2", f"{np.pi / 2}").split(",")
             ]
-            true = pinsing.clearance(closed("puma560"), np.radians(q) if deg else q, certify=True)
+            true = pinsing.clearance(closed("puma560"), q if deg else np.radians(q), certify=True)
             told = float(said[1])
-            assert (np.radians(told) if deg else told) <= float(true.upper)
+            assert (told if deg else np.radians(told)) <= float(true.upper)
 
     def test_near_and_json(self) -> None:
         words = ("at", "--suggest", "ur5", "--deg", "--near", "0,0,0,0,0,0")
@@ -250,7 +250,7 @@ class TestInfo:
         (line,) = [x for x in done.stdout.replace("\n  ", " ").splitlines() if "pose: " in x]
         assert "the zero pose is singular (on F1, F2)" in line
         q = [float(x) for x in line.split("--q ")[1].strip('"').split(",")]
-        assert float(pinsing.clearance(closed("ur5"), q, certify=True).lower) > np.radians(15)
+        assert float(pinsing.clearance(closed("ur5"), np.radians(q), certify=True).lower) > np.radians(15)
 
     def test_one_that_is_not_singular_is_not(self) -> None:
         model = arm_of("ur5").source.full_model.copy()

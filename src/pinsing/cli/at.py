@@ -217,7 +217,11 @@ def _distances(arm: Arm, q: Array) -> tuple[ClosedForm, Distances] | None:
     if not form.complete:
         say("note: the closed form is not complete: a singular configuration may be nearer")
     if not any(f.real for f in form.families):
-        say("note: there is no family of singular configurations to be near to")
+        say(
+            "note: no configuration of this arm is singular"
+            if form.complete
+            else "note: no family is known"
+        )
         return None
     with doing("measuring the distance to each family"):
         return form, distances(form, q)

@@ -692,7 +692,7 @@ def line_details(line: LineCheck, degrees: bool) -> str:
             f"  {c.kind} {titled(c.family, c.title)} at {c.t:.6g} m"
             for c in line.crossings[:_LISTED]
         ]
-    out.append("nearest approach to each family:")
+    out += ["nearest approach to each family:"] * bool(line.approaches)
     out += [
         f"  {titled(a.family, a.title)}: {angle_text(a.upper, degrees)}, at {a.t:.6g} m"
         f"{OUTSIDE[a.outside]}"

@@ -78,7 +78,7 @@ def details(check: TrajectoryCheck, degrees: bool = True) -> str:
             where = ", ".join(a.families)
             lines.append(f"  {_when(check, a.t)} ({where}): from {before} to {after}")
         lines += _more(len(check.aspect_changes), False)
-    lines.append("nearest approach to each family:")
+    lines += ["nearest approach to each family:"] * bool(check.approaches)
     for near in check.approaches:
         lines.append(
             f"  {_title(check, near.family)}: {angle_text(near.upper)} {_when(check, near.t)}, "
