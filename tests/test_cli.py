@@ -419,13 +419,6 @@ class TestInfo:
             arm = json.loads(run("list", "--info", *words[1:], "-o", "-").stdout)["arm"]
             assert arm["joints"] == [f"{words[-1][:-2]} j{i}" for i in range(4)]
 
-    def test_a_base_leaves_what_lies_beyond_it(self):
-        done = run("list", "talos", "--base", "torso_2_link")
-        assert (done.exit_code, done.stdout) == (2, "")
-        assert "2 chains could be the arm" in done.stderr
-        assert "--tip wrist_left_ft_tool_link (7 joints)" in done.stderr
-        assert "no joint lies beyond the base" in run("list", "ur5", "--base", "tool0").stderr
-
     def test_json_goes_back(self):
         text = run("list", "stanford", "-o", "-").stdout
         assert ArmInfo.from_json(text).to_json() + "\n" == text

@@ -250,7 +250,9 @@ class TestInfo:
         (line,) = [x for x in done.stdout.replace("\n  ", " ").splitlines() if "pose: " in x]
         assert "the zero pose is singular (on F1, F2)" in line
         q = [float(x) for x in line.split("--q ")[1].strip('"').split(",")]
-        assert float(pinsing.clearance(closed("ur5"), np.radians(q), certify=True).lower) > np.radians(15)
+        assert float(
+            pinsing.clearance(closed("ur5"), np.radians(q), certify=True).lower
+        ) > np.radians(15)
 
     def test_one_that_is_not_singular_is_not(self) -> None:
         model = arm_of("ur5").source.full_model.copy()

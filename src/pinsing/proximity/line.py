@@ -668,6 +668,8 @@ def line_summary(line: LineCheck, degrees: bool = True, robot: str = "", same: s
 
 def _line_speeds(line: LineCheck) -> str:
     """What joint speeds allow."""
+    if math.isinf(line.allowed_speed):
+        return "not judged, the robot names no limits"
     if not line.too_fast:
         return "all are within their limits"
     start = min(o.s for o in line.too_fast)

@@ -234,8 +234,9 @@ def _speeds(check: TrajectoryCheck, degrees: bool) -> list[str]:
             more = f" and {_times(len(found) - 1, 'more')}" if len(found) > 1 else ""
             verb = "leaves its limits" if found is check.outside else "exceeds its limit"
             out.append(f"{what}: {e.joint} {verb} {_when(check, e.t, e.t_end)}{more}")
-    if not check.timed:
-        out.append("Joint speeds: not judged without times")
+    if not (check.timed and check.speed_limits):
+        why = "the robot names no limits" if check.timed else "there are no times"
+        out.append(f"Joint speeds: not judged, {why}")
     elif not out:
         out.append("Joint speeds and limits are kept")
     return out
@@ -354,6 +355,8 @@ class TrajectoryCheck(JsonResult):
         The first sample.
     tube : str
         What is known of the arm where the families are of its design; else empty.
+    speed_limits : bool
+        Whether the robot names limits of joint speeds.
     """
 
     schema: ClassVar[str] = "pinsing/trajectory_check/1"
@@ -379,6 +382,7 @@ class TrajectoryCheck(JsonResult):
     notes: tuple[str, ...]
     aspect_changes: tuple[AspectChange, ...] = field(default=(), metadata={"optional": True})
     start: Array | None = field(default=None, metadata={"optional": True})
+    speed_limits: bool = field(default=True, metadata={"optional": True})
     turn_speed: float = field(default=TURN_SPEED, metadata={"optional": True})
     tube: str = field(default="", metadata={"optional": True})
 
@@ -542,6 +546,7 @@ def check_trajectory(
         notes=_notes(arm, speeds, limits is not None, watched.complete),
         start=np.array(samples[0], dtype=float),
         tube=watched.tube,
+        speed_limits=bool(np.isfinite(speeds.limits).any()),
     )
 
 

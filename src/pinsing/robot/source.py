@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Protocol, TypeVar, cast
 
@@ -226,13 +226,9 @@ def _table(
 ) -> GivenFile:
     """A DH table, a file or an entry of ``arms.yaml``, by way of the URDF that is made of it."""
     from pinsing.description.dh_table import known_table
-    from pinsing.description.dh_urdf import DEFAULT_VELOCITY, dh_to_urdf, read_dh
+    from pinsing.description.dh_urdf import dh_to_urdf, read_dh
 
     if xacro_args:
         raise RobotFileError("is no xacro file, so it takes no xacro arguments", path)
     table = read_dh(path) if entry is None else known_table(entry.alias_of or entry.name)
-    read = parse_description(dh_to_urdf(table))
-    if any(row.velocity is None for row in table.rows):
-        said = f"the table names no velocity: {DEFAULT_VELOCITY:g} rad/s (m/s) is the limit assumed"
-        read = replace(read, assumed=(*read.assumed, said))
-    return GivenFile(read, label, path, entry)
+    return GivenFile(parse_description(dh_to_urdf(table)), label, path, entry)
