@@ -36,8 +36,6 @@ from functools import partial
 from typing import Protocol, TypeVar
 
 import numpy as np
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 
 from pinsing._types import Array, Bool, Ints
 from pinsing.algebra.trig_sum import TrigSum
@@ -252,6 +250,9 @@ def boxes_that_touch(ground: Ground, leaves: Leaves) -> tuple[Ints, Ints, Ints]:
 
 def connected(n: int, a: Ints, b: Ints) -> Ints:
     """Label (n,) of the connected set of each of n things, its first, given pairs that touch."""
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import connected_components
+
     pairs = coo_array((np.ones(len(a), dtype=np.int8), (a, b)), shape=(n, n))
     label = connected_components(pairs, directed=False)[1]
     return np.asarray(np.unique(label, return_index=True)[1][label], dtype=np.int64)
