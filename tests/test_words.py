@@ -23,8 +23,8 @@ _VARIES = (
     (r"\d[\d.]* ms\b", "# ms"),
     (r"\d\.?\d*e-1[5-9]\b", "#e-16"),
     (r"\((avx512|avx2|baseline)\)|engine \w+$", "(engine)"),
-    (r"(file +|already: )/.*/", r"\1.../"),
-    (r"sha256:\w+|(?<=pinsing )\d+\.\d+\.\d+|(?<=yourdfpy )[\d.]+", "#"),
+    (r"(already: )/.*/", r"\1.../"),
+    (r"sha256:\w+|(?<=pinsing )\d+\.\d+\.\d+", "#"),
     (r"^pinsing: .*\u2026\n?", ""),  # a line of progress, on a slow machine
 )
 
