@@ -170,7 +170,8 @@ def check_command(
         with doing("telling the aspects apart"):
             found = aspects(form, not check.outside, seconds=_FOR_ASPECTS)
         if found.proven:
-            other = _posture_of_the_end(arm, read.Q, found)
+            # Of a robot with a design, no way in its aspect is known to be regular.
+            other = _posture_of_the_end(arm, read.Q, found) if form.tube is None else None
             changes = aspect_changes(form, read.Q, read.t, of=found)
             check = replace(check, aspect_changes=changes)
         else:

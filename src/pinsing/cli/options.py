@@ -91,6 +91,9 @@ class RobotRequest:
         if self.design is not None:
             design = design_of(arm, self.design == "auto" or self.design)
             arm = replace(arm, design=design)
+        if arm.design is not None:
+            said = "families, aspects and ways are of the design, distances from them of this robot"
+            arm = replace(arm, notes=(*arm.notes, said))
         if not quiet:
             for note in arm.notes:
                 say(f"note: {note}")

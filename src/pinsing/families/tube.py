@@ -136,7 +136,9 @@ class Tube:
 
 
 def _degrees(x: float) -> str:
-    return f"{math.degrees(x) + 0.005:.2g}°"
+    """An angle rounded up: what is said of it stays true."""
+    places = 10 if x > math.radians(1) else 100
+    return f"{math.ceil(places * math.degrees(x) - 1e-9) / places:g}°"
 
 
 def find_tube(robot: Arm, design: Arm, families: Sequence[Family]) -> Tube:

@@ -372,7 +372,7 @@ def make_guard(
         because = "; ".join(dict.fromkeys(reasons))
         notes.append(f"that no family is missing is probable, not proven: {because}")
     change = max(form.jacobian_change for form in every)
-    if change > 1e-12:
+    if change > 1e-12 and watched.margin is None:
         notes.append(
             f"the description is rounded; made exact this changes no column of the Jacobian by "
             f"more than {change:.1e}"
