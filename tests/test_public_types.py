@@ -178,6 +178,7 @@ CALLS: dict[str, Callable[[], dict[str, Any]]] = {
     "sweep": of_arm(levels=1, samples=5),
     "task_jacobian": of_arm(q=Q),
     "task_jacobians": of_arm(Q=[Q]),
+    "tip_speeds": of_arm(q=Q, joint_speeds=np.ones(3)),
     "write_report": lambda: {"robot": arm(), "path": "report.html", "page": "none"},
     "Viewer": of_arm(families=(), skeleton=True),
     "Viewer.jupyter_cell": dict,

@@ -108,6 +108,9 @@ TAKES: dict[tuple[str, str], Of] = {
     ),
     ("task_jacobian", "q"): lambda arm, form, a, b: pinsing.kinematics.task_jacobian(arm, a),
     ("task_jacobians", "Q"): lambda arm, form, a, b: pinsing.kinematics.task_jacobians(arm, [a, b]),
+    ("tip_speeds", "q"): lambda arm, form, a, b: (
+        pinsing.kinematics.tip_speeds(arm, a, joint_speeds=np.ones(arm.n)).linear
+    ),
     ("write_report", "poses"): lambda arm, form, a, b: reported(arm, form, poses={"mine": a}),
     ("write_report", "trajectory"): lambda arm, form, a, b: reported(arm, form, trajectory=[a, b]),
     ("Viewer", "poses"): lambda arm, form, a, b: shown(arm, poses=[a, b]),
