@@ -1,9 +1,11 @@
 """A robot that streams its joints at 1 kHz, judged as `pinsing check ROBOT --follow -` does.
 
-    nice scripts/bench/stream.py [--robot ur5] [--seconds 3600] [--rate 1000] [--processor 1]
+    scripts/bench/stream.py [--robot ur5] [--seconds 3600] [--rate 1000] [--processor 0] [--realtime]
 
 A second process writes joint states; this one is pinned to one processor. Of each verdict: its
-processor time, its time on the clock, and how old the joint state was when it was ready.
+processor time, its time on the clock, and how old the joint state was when it was ready. A third
+process, the witness, does nothing on the same processor but sleep for half a millisecond: where it
+wakes late, the machine took the processor from all. With --realtime (root) no other program does.
 """
 
 from __future__ import annotations
@@ -15,6 +17,7 @@ import json
 import os
 import subprocess
 import sys
+import tempfile
 import time
 from pathlib import Path
 
@@ -37,10 +40,26 @@ def produce(robot: str, seconds: float, rate: float) -> None:
         os.write(1, json.dumps(state).encode() + b"\n")
 
 
+def witness() -> None:
+    """Write when this processor was taken away: from, until, seconds of this machine's clock."""
+    while os.getppid() != 1:
+        start = time.monotonic()
+        time.sleep(LATE / 2)
+        end = time.monotonic()
+        if end - start > LATE:
+            print(start, end, flush=True)
+
+
 def memory() -> float:
     """Memory of this process, MiB."""
     pages = int(Path("/proc/self/statm").read_text().split()[1])
     return pages * os.sysconf("SC_PAGESIZE") / 2**20
+
+
+BOUND = 2e-3
+"""Seconds that a verdict may take."""
+LATE = 1e-3
+"""Seconds that the witness may sleep; it asks for half of them."""
 
 
 class Timed(Follower):
@@ -49,16 +68,26 @@ class Timed(Follower):
     def __init__(self, *given, room: int) -> None:
         super().__init__(*given)
         self.times, self.count = np.ones((room, 3), dtype=np.float32), 0
+        self.slow: list[tuple[float, float]] = []
 
     def verdict(self, line):
         """Judge a line, timed."""
         clock, cpu = time.perf_counter(), time.thread_time()
         said = super().verdict(line)
         cpu, clock = time.thread_time() - cpu, time.perf_counter() - clock
+        if clock > BOUND:
+            now = time.monotonic()
+            self.slow.append((now - clock, now))
         if said is not None and self.count < len(self.times):
             self.times[self.count] = 1e3 * cpu, 1e3 * clock, 1e3 * (time.monotonic() - said["t"])
             self.count += 1
         return said
+
+
+def realtime(asked: argparse.Namespace, priority: int) -> None:
+    """Run before every program that has no such priority."""
+    if asked.realtime:
+        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(priority))
 
 
 def main() -> None:
@@ -66,41 +95,60 @@ def main() -> None:
     parser.add_argument("--robot", default="ur5")
     parser.add_argument("--seconds", type=float, default=3600.0)
     parser.add_argument("--rate", type=float, default=1000.0)
-    parser.add_argument("--processor", type=int, default=1)
-    parser.add_argument("--produce", action="store_true")
+    parser.add_argument("--processor", type=int, default=0)
+    parser.add_argument("--realtime", action="store_true")
+    parser.add_argument("--role", choices=["produce", "judge", "witness"], default="judge")
     asked = parser.parse_args()
-    if asked.produce:
+    if asked.role == "produce":
+        realtime(asked, 40)
         return produce(asked.robot, asked.seconds, asked.rate)
-    producer = subprocess.Popen([sys.executable, *sys.argv, "--produce"], stdout=subprocess.PIPE)
     os.sched_setaffinity(0, {asked.processor})
+    if asked.role == "witness":
+        realtime(asked, 60)
+        return witness()
+    me = [sys.executable, *sys.argv, "--role"]
+    others = set(range(os.cpu_count() or 1)) - {asked.processor}
+    producer = subprocess.Popen([*me, "produce"], stdout=subprocess.PIPE)
+    os.sched_setaffinity(producer.pid, others or {0})
+    stalls = tempfile.TemporaryFile("w+")
+    beside = subprocess.Popen([*me, "witness"], stdout=stalls)
+    realtime(asked, 50)
     form = pinsing.closed_form(pinsing.load(asked.robot))
     room = round(asked.seconds * asked.rate)
     follower = Timed(form, form.loaded, False, np.radians(5), room=room)
     assert producer.stdout is not None
     gc.freeze()
     levels: dict[str, int] = {}
-    early, dropped, start, cpu = None, 0, time.monotonic(), time.process_time()
+    held: list[float] = []
+    dropped, start, cpu = 0, time.monotonic(), time.process_time()
     with io.FileIO(producer.stdout.fileno(), closefd=False) as raw, open(os.devnull, "w") as out:
         for said in follow(follower, lines_of(raw), live=True):
             out.write(json.dumps(said) + "\n")
             kind = said.get("level", "stalled" if "stalled" in said else "error")
             levels[kind] = levels.get(kind, 0) + 1
             dropped = said.get("dropped", dropped)
-            if early is None and time.monotonic() - start > 10:
-                early = memory()
+            if time.monotonic() - start > 10 + 600 * len(held):
+                held.append(memory())
     clock, cpu = time.monotonic() - start, time.process_time() - cpu
+    beside.terminate()
+    stalls.seek(0)
+    away = [tuple(map(float, line.split())) for line in stalls]
+    taken = sum(any(a < end and b > start for a, b in away) for start, end in follower.slow)
     print(f"{asked.robot}: {room} lines in {clock:.0f} s, {levels}, {dropped} thinned")
-    print(f"memory {early or 0:.1f} MiB after 10 s, {memory():.1f} at the end")
+    print(f"memory, MiB: {', '.join(f'{m:.1f}' for m in (*held, memory()))} (10 s, each 10 min, end)")
     print(f"load {os.getloadavg()[2]:.1f}, processor {100 * cpu / clock:.1f} % of one")
     for k, what in enumerate(("processor time", "clock", "age")):
         of = follower.times[: follower.count, k]
         p = np.percentile(of, [50, 99, 99.9, 99.99])
-        over = int((of > 2).sum())
+        over = int((of > 1e3 * BOUND).sum())
         words = ", ".join(f"{v:.3f}" for v in (*p, of.max()))
         print(
             f"{what}, ms: {words} (50, 99, 99.9, 99.99 %, worst); {over} above 2 ms, "
             f"worst is verdict {int(of.argmax()) + 1}"
         )
+    longest = max((1e3 * (b - a) for a, b in away), default=0.0)
+    print(f"the processor was taken away {len(away)} times, for at most {longest:.1f} ms")
+    print(f"{len(follower.slow)} verdicts took more than 2 ms, {taken} of them in such a time")
 
 
 if __name__ == "__main__":

@@ -28,8 +28,12 @@ def said(form, lines, **options):
     return list(follow(follower, lines, options.pop("live", False)))
 
 
-def line(t, q):
+def row(t, q):
     return ",".join(map(str, [t, *q]))
+
+
+def line(t, q):
+    return json.dumps({"t": t, "position": q.tolist()})
 
 
 HEAD = "t," + ",".join(f"q{k} (deg)" for k in range(1, 7))
@@ -38,14 +42,15 @@ HEAD = "t," + ",".join(f"q{k} (deg)" for k in range(1, 7))
 @pytest.mark.parametrize(
     "lines",
     [
+        ["t,q1,q2,q3,q4,q5,q6", *(row(t, Q + SPEED * t) for t in (0, 0.01))],
+        [HEAD, *(row(t, np.degrees(Q + SPEED * t)) for t in (0, 0.01))],
         [line(t, Q + SPEED * t) for t in (0, 0.01)],
-        [HEAD, *(line(t, np.degrees(Q + SPEED * t)) for t in (0, 0.01))],
         [
             json.dumps({"t": t, "position": (Q + SPEED * t).tolist(), "velocity": SPEED.tolist()})
             for t in (0, 0.01)
         ],
     ],
-    ids=["bare", "head in degrees", "joint states"],
+    ids=["head", "head in degrees", "positions", "positions and speeds"],
 )
 def test_a_verdict_says_what_a_monitor_says(form, lines):
     last = said(form, lines)[-1]
@@ -56,6 +61,16 @@ def test_a_verdict_says_what_a_monitor_says(form, lines):
     assert last["lower"] == pytest.approx(right.lower)
     assert last["time_to_contact"] == pytest.approx(0.49, abs=1e-6)
     assert last["move"] == {"joint": "wrist_2_joint", "direction": 1}
+
+
+def test_numbers_without_names_are_joints_and_never_times(form):
+    bare, named = said(form, [row(0, Q)[2:], line(0, Q)])
+    assert bare["lower"] == named["lower"]
+    (wrong,) = said(form, [row(0, Q)])
+    assert "7 numbers without names for 6 joints: begin with a line of names" in wrong["error"]
+    (wrong,) = said(form, ["t,a,q2,q3,q4,q5,q6"])
+    assert "unknown column 'a'" in wrong["error"]
+    assert "--columns" not in wrong["error"]
 
 
 def test_joints_by_name_in_any_order_and_others_beside_them(form):
@@ -70,7 +85,7 @@ def test_joints_by_name_in_any_order_and_others_beside_them(form):
     "bad",
     [
         "1,2", "{", '{"t": 1}', '{"position": [1]}', '{"position": 3}', "a,b,c,d,e,f,g", "\0",
-        "nan,0,0,0,0,0,0",
+        "nan,0,0,0,0,0", "0,1,2,3,4,5,6",
     ],
 )  # fmt: skip
 def test_a_broken_line_is_answered_and_the_next_is_read(form, bad):

@@ -89,7 +89,7 @@ class Reader:
     """Reads configurations of an arm as text.
 
     A line is a JSON object or a row of a table, best after a line of column names; without names
-    there is one column a joint, base to tip, perhaps after one of times. An object holds
+    there is one column a joint, base to tip. An object holds
     ``name`` and ``position`` as in ROS's JointState, or each joint by its name; and perhaps ``t``,
     ``velocity``. Without velocities they are differences of successive samples with times.
 
@@ -159,10 +159,13 @@ class Reader:
         if self._columns is None:
             separator = next((s for s in (";", "\t", ",") if s in text), None)
             words = text.split(separator)
-            if len(words) in (self._arm.n, self._arm.n + 1) and is_number(words[-1]):
-                first = len(words) - self._arm.n
-                order = list(range(first, len(words)))
-                self._columns = order, 0 if first else None, 1.0, separator
+            if all(map(is_number, words)):
+                if len(words) != self._arm.n:
+                    raise ConfigurationError(
+                        f"the stream: {len(words)} numbers without names for {self._arm.n} joints: "
+                        f"begin with a line of names, such as t,{','.join(self._arm.joints)}"
+                    )
+                self._columns = list(range(len(words))), None, 1.0, separator
                 return self._row(text)
             heads = ColumnHeads("the stream", self._arm, words)
             self._columns = heads.order, heads.time, heads.time_scale, separator

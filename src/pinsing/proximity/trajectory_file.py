@@ -603,10 +603,11 @@ class ColumnHeads:
                 found.update({i: arm.joints[k - first] for i, k in count.items()})
         for i in names:
             if not found[i]:
+                option = " (--columns A,B,... says which columns are the joints)"
                 raise self._error(
                     f"unknown column {self.words[i]!r:.80}: the joints are "
-                    f"{', '.join(arm.joints)}, and times are in a column 't' or 'time' "
-                    "(--columns A,B,... says which columns are the joints)"
+                    f"{', '.join(arm.joints)}, and times are in a column 't' or 'time'"
+                    + option * isinstance(self.path, Path)  # a stream has no such option
                 )
             if list(found.values()).count(found[i]) > 1:
                 same = [self.words[k] for k in names if found[k] == found[i]]
