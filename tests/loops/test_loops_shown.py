@@ -130,6 +130,8 @@ def test_page_is_written(tmp_path):
 def test_options_of_arms_are_refused(tmp_path):
     with pytest.raises(OptionError, match="--tip and --task does not go with --loops"):
         read(LOOPS, {**FIVE_BAR, "tip": "P", "task": "position"})
+    with pytest.raises(OptionError, match="--follow shows serial arms alone"):
+        view_loops(LOOPS, follow=LOOPS, **FIVE_BAR)
     with pytest.raises(OptionError, match="plot of mechanisms"):
         plot_loops(LOOPS, kind="along", out=tmp_path / "x.png", **FIVE_BAR)
     with pytest.raises(ConfigurationError, match="--q needs 2 values"):

@@ -308,6 +308,7 @@ def view_loops(
     poses: Sequence[str] = (),
     analysis: Path | None = None,
     family: str | None = None,
+    follow: Path | None = None,
     html: Path | None = None,
     png: Path | None = None,
     size: str = "1200x900",
@@ -328,6 +329,8 @@ def view_loops(
     from pinsing.cli.waiting import waiting
 
     picture = picture_size(size)
+    if follow is not None:
+        raise OptionError("--follow shows serial arms alone: give --no-loops, or leave it out")
     mechanism = read(loops, options)
     inputs = typed_inputs(mechanism, poses, deg)
     saved = None if analysis is None else _saved(analysis, mechanism)
