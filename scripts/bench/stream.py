@@ -1,6 +1,6 @@
 """A robot that streams its joints at 1 kHz, judged as `pinsing check ROBOT --follow -` does.
 
-    scripts/bench/stream.py [--robot ur5] [--seconds 3600] [--rate 1000] [--processor 0] [--realtime]
+    scripts/bench/stream.py [--robot ur5] [--seconds 3600] [--rate 1000] [--realtime]
 
 A second process writes joint states; this one is pinned to one processor. Of each verdict: its
 processor time, its time on the clock, and how old the joint state was when it was ready. A third
@@ -110,18 +110,21 @@ def main() -> None:
     others = set(range(os.cpu_count() or 1)) - {asked.processor}
     producer = subprocess.Popen([*me, "produce"], stdout=subprocess.PIPE)
     os.sched_setaffinity(producer.pid, others or {0})
-    stalls = tempfile.TemporaryFile("w+")
-    beside = subprocess.Popen([*me, "witness"], stdout=stalls)
-    realtime(asked, 50)
     form = pinsing.closed_form(pinsing.load(asked.robot))
     room = round(asked.seconds * asked.rate)
     follower = Timed(form, form.loaded, False, np.radians(5), room=room)
     assert producer.stdout is not None
     gc.freeze()
+    realtime(asked, 50)
     levels: dict[str, int] = {}
     held: list[float] = []
     dropped, start, cpu = 0, time.monotonic(), time.process_time()
-    with io.FileIO(producer.stdout.fileno(), closefd=False) as raw, open(os.devnull, "w") as out:
+    with (
+        io.FileIO(producer.stdout.fileno(), closefd=False) as raw,
+        open(os.devnull, "w") as out,
+        tempfile.TemporaryFile("w+") as stalls,
+    ):
+        beside = subprocess.Popen([*me, "witness"], stdout=stalls)
         for said in follow(follower, lines_of(raw), live=True):
             out.write(json.dumps(said) + "\n")
             kind = said.get("level", "stalled" if "stalled" in said else "error")
@@ -129,13 +132,14 @@ def main() -> None:
             dropped = said.get("dropped", dropped)
             if time.monotonic() - start > 10 + 600 * len(held):
                 held.append(memory())
-    clock, cpu = time.monotonic() - start, time.process_time() - cpu
-    beside.terminate()
-    stalls.seek(0)
-    away = [tuple(map(float, line.split())) for line in stalls]
+        clock, cpu = time.monotonic() - start, time.process_time() - cpu
+        beside.terminate()
+        stalls.seek(0)
+        away = [tuple(map(float, line.split())) for line in stalls]
     taken = sum(any(a < end and b > start for a, b in away) for start, end in follower.slow)
     print(f"{asked.robot}: {room} lines in {clock:.0f} s, {levels}, {dropped} thinned")
-    print(f"memory, MiB: {', '.join(f'{m:.1f}' for m in (*held, memory()))} (10 s, each 10 min, end)")
+    words = ", ".join(f"{m:.1f}" for m in (*held, memory()))
+    print(f"memory, MiB: {words} (after 10 s, each 10 minutes more, and at the end)")
     print(f"load {os.getloadavg()[2]:.1f}, processor {100 * cpu / clock:.1f} % of one")
     for k, what in enumerate(("processor time", "clock", "age")):
         of = follower.times[: follower.count, k]

@@ -603,11 +603,11 @@ class ColumnHeads:
                 found.update({i: arm.joints[k - first] for i, k in count.items()})
         for i in names:
             if not found[i]:
-                option = " (--columns A,B,... says which columns are the joints)"
+                said = " (--columns A,B,... says which columns are the joints)"
+                option = said if isinstance(self.path, Path) else ""  # a stream has none
                 raise self._error(
                     f"unknown column {self.words[i]!r:.80}: the joints are "
-                    f"{', '.join(arm.joints)}, and times are in a column 't' or 'time'"
-                    + option * isinstance(self.path, Path)  # a stream has no such option
+                    f"{', '.join(arm.joints)}, and times are in a column 't' or 'time'{option}"
                 )
             if list(found.values()).count(found[i]) > 1:
                 same = [self.words[k] for k in names if found[k] == found[i]]
