@@ -15,6 +15,7 @@ import gc
 import io
 import json
 import os
+import signal
 import subprocess
 import sys
 import tempfile
@@ -42,12 +43,14 @@ def produce(robot: str, seconds: float, rate: float) -> None:
 
 def witness() -> None:
     """Write when this processor was taken away: from, until, seconds of this machine's clock."""
-    while os.getppid() != 1:
-        start = time.monotonic()
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit())
+    start = time.monotonic()
+    while True:
         time.sleep(LATE / 2)
         end = time.monotonic()
         if end - start > LATE:
-            print(start, end, flush=True)
+            print(start, end)
+        start = end
 
 
 def memory() -> float:
@@ -134,6 +137,7 @@ def main() -> None:
                 held.append(memory())
         clock, cpu = time.monotonic() - start, time.process_time() - cpu
         beside.terminate()
+        beside.wait()
         stalls.seek(0)
         away = [tuple(map(float, line.split())) for line in stalls]
     taken = sum(any(a < end and b > start for a, b in away) for start, end in follower.slow)
