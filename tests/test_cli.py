@@ -30,8 +30,7 @@ from pinsing.prose import safe
 from pinsing.report.info import ArmInfo
 from pinsing.robot.load import load
 from pinsing.sampling.analyze import Analysis
-from pinsing.sampling.npz import load_npz
-from pinsing.sampling.sweep_run import SweepResult
+from pinsing.sampling.sweep_run import SweepResult, load_npz
 
 URDF = Path(__file__).parent.parent / "urdf"
 

@@ -29,9 +29,6 @@ PLUMBING = {
     "Family.conditions",
     "MapPlan.configuration",
     "MapPlan.identity",
-    "MapResult.head",
-    "MapResult.quantile_rows",
-    "MapResult.tail",
     "Mechanism.once",
 }
 # An example would need what a test run has not: a desktop, IPython, a browser.

@@ -84,7 +84,7 @@ def test_an_expression_with_another_value_is_noticed(fuzz, monkeypatch):
 @pytest.mark.slow
 def test_a_run_that_believes_its_folder_is_noticed(fuzz, monkeypatch, tmp_path):
     """Chunks that are not judged: some forged one comes through, or ends in a traceback."""
-    from pinsing.sampling import run_folder
+    from pinsing.sampling import execute as run_folder
 
     read = run_folder.RunFolder.read
     believing = lambda self, index, check=None, room=1 << 28: read(self, index)  # noqa: E731

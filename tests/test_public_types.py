@@ -204,8 +204,6 @@ CALLS: dict[str, Callable[[], dict[str, Any]]] = {
     "Family.where": dict,
     "Family.sample": of_two,
     "MapPlan.configurations": lambda: {"start": 0, "stop": 2},
-    "MapResult.head": dict,
-    "MapResult.tail": dict,
     **dict.fromkeys(
         ["Mechanism.check", "Mechanism.fold", "Mechanism.model_q"], of_zeros
     ),

@@ -15,7 +15,7 @@ import pinsing
 from pinsing.cli.app import command
 from pinsing.errors import ConfigurationError, OptionError, RobotFileError
 from pinsing.kinematics.jacobian import tip_placement
-from pinsing.plot.toolpath import path_sheet
+from pinsing.plot.curves import path_sheet
 from pinsing.postures.inverse_batch import InverseMany
 from pinsing.postures.pose_file import read_poses
 from pinsing.postures.toolpath import PathPlan, plan_path

@@ -71,7 +71,7 @@ def _kills(options: argparse.Namespace, folder: Path) -> tuple[list[Any], list[s
     for module in (
         "pinsing.cli.app",
         "pinsing.sampling",
-        "pinsing.sampling.findings",
+        "pinsing.sampling.analyze",
         "distributed",
     ):
         importlib.import_module(module)  # each life is forked with them

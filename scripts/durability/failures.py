@@ -23,8 +23,8 @@ from durability.disk import Disk, Failure
 _OLD = b"what was there before\n"
 _SLOW = (
     ("pinsing.view.picture", "_taken"),
-    ("pinsing.report.write", "printed"),
-    ("pinsing.report.write", "_made"),
+    ("pinsing.report.arm_report", "printed"),
+    ("pinsing.report.arm_report", "_made"),
 )
 _ENDS = {
     ".pdf": (b"%PDF", b"%%EOF"),

@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 
 from pinsing import load
-from pinsing.configuration.refine import refine
-from pinsing.configuration.second_order import kinds_many, second_order_many
+from pinsing.configuration.refine import describe_many, kinds_many, refine
 from pinsing.kinematics.jacobian import (
     generic_rank,
     task_jacobian,
@@ -20,7 +19,7 @@ PI = np.pi
 
 
 def kind_at(arm, q):
-    return second_order_many(arm, q)[0].kind
+    return describe_many(arm, [q])[0].kind
 
 
 @pytest.mark.parametrize(
@@ -102,11 +101,11 @@ def test_null_spaces(name, rng):
 
 def test_lost_direction_leaves_out_what_is_never_there():
     """A planar arm never moves along z: at a singularity it loses a direction of the plane."""
-    found = second_order_many(arms.textbook("planar3r"), [0.4, 0.0, 0.5])[0]
+    found = describe_many(arms.textbook("planar3r"), [[0.4, 0.0, 0.5]])[0]
     assert found.rank == 2
     assert found.lost.shape == (6, 1)
     np.testing.assert_allclose(found.lost[[2, 3, 4], 0], 0, atol=1e-12)
-    regular = second_order_many(arms.textbook("planar3r"), [0.4, 0.7, 0.5])[0]
+    regular = describe_many(arms.textbook("planar3r"), [[0.4, 0.7, 0.5]])[0]
     assert regular.lost.shape == (6, 0)
     assert regular.kind == "undecided"
 
@@ -115,7 +114,7 @@ def test_second_order_form_is_the_second_derivative_of_the_tip():
     """u' d2x along a self-motion, against finite differences of the forward kinematics."""
     arm = arms.textbook("iiwa14", task="position")
     q = refine(arm, [0.3, 0.4, 0.2, 0.05, 0.3, 0.1, 0.2], ignore_limits=True).q
-    found = second_order_many(arm, q)[0]
+    found = describe_many(arm, [q])[0]
     u, H = found.lost[:, 0], task_jacobians_and_derivatives(arm, q)[1][0]
     h = 1e-4
     for n in found.self_motion.T:
@@ -128,7 +127,7 @@ def test_kind_does_not_depend_on_base_joint_and_batch(rng):
     arm = arms.textbook("iiwa14")
     Q = np.repeat([[0.3, 0.5, 0.3, 0.0, 0.9, 0.2, 0.2]], 8, axis=0)
     Q[:, 0], Q[:, 6] = rng.uniform(-2, 2, (2, 8))
-    assert {found.kind for found in second_order_many(arm, Q)} == {"boundary"}
+    assert {found.kind for found in describe_many(arm, Q)} == {"boundary"}
 
 
 def test_points_that_take_longer_are_asked_wherever_they_stand():

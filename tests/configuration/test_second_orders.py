@@ -9,8 +9,7 @@ import pytest
 from pinsing import closed_form, load
 from pinsing._batch import engine
 from pinsing._batch import walks as kernel
-from pinsing.configuration import second_order as module
-from pinsing.configuration.second_order import clear_kinds, second_order_many
+from pinsing.configuration.refine import _told, clear_kinds, describe_many
 from pinsing.kinematics.batch import batch, own_scale
 from pinsing.kinematics.verdict import SINGULAR_RTOL, task_size
 from pinsing.robot.nominal import nominal
@@ -50,7 +49,7 @@ def compiled(arm, Q, isa):
 @pytest.mark.parametrize("isa", engine.isa_names() if engine.available() else ())
 def test_what_is_told_is_what_numpy_says(told, isa):
     arm, Q = told
-    ours, theirs = compiled(arm, Q, isa), module._told(arm, Q)
+    ours, theirs = compiled(arm, Q, isa), _told(arm, Q)
     np.testing.assert_array_equal(ours[:, 0], theirs[:, 0])
     once = theirs[:, 0] == len(arm.task.rows) - 1
     assert once.sum() > 30
@@ -87,7 +86,7 @@ def test_regular_configurations_and_more_lost_are_left_to_others():
     regular = np.array([[0.3, -1.1, 0.9, 0.4, 1.2, 0.1]])
     half = np.pi / 2
     twice = np.array([[0.0, -half, 0.0, -half, 0.0, 0.0]])  # straight up
-    assert module._told(arm, twice)[0, 0] < 5
+    assert _told(arm, twice)[0, 0] < 5
     assert clear_kinds(arm, np.concatenate([regular, twice])) == [None, None]
 
 
@@ -124,7 +123,7 @@ def test_kinds_of_arms_that_miss_motions_are_those_of_one_at_a_time(case):
     arm = nominal(loaded).arm
     rng = np.random.default_rng(6)
     Q = np.concatenate([f.points(20, rng) for f in closed_form(loaded).families])
-    alone = [second_order_many(arm, q)[0].kind for q in Q]
+    alone = [describe_many(arm, [q])[0].kind for q in Q]
     told = clear_kinds(arm, Q)
     clear = [kind is not None for kind in told]
     assert sum(clear) > 10

@@ -117,7 +117,7 @@ def test_an_arm_with_such_a_family_is_stated_so_in_text_json_and_on_the_page() -
         AtOnce(said.terms, said.chosen, said.follow, said.steps, said.left),
     )
     entries = family_entries(arm, forms.families, 1)
-    page = Stage(arm, entries, Links(None), sizes(arm), True).page(live=False)
+    page = Stage(arm, Links(None), sizes(arm), True, (), entries).page(live=False)
     shown = next(e for e in page["entries"] if e["name"] == family.name)
     assert [s["condition"] for s in shown["solved"]][: len(said.lines())] == list(said.lines())
 

@@ -23,13 +23,12 @@ from pinsing.families import closed_form
 from pinsing.families.form import families_text
 from pinsing.families.pieces import PieceMaker
 from pinsing.kinematics.verdict import ratios
-from pinsing.plot.curves import _singular as singular_values_of
+from pinsing.plot.curves import singular_values_of
 from pinsing.robot.load import load
 from pinsing.robot.nominal import nominal
 from pinsing.robot.surd import cosine
 from pinsing.sampling.analyze import analysis_text, analyze
 from pinsing.sampling.execute import Stages
-from pinsing.sampling.findings import singular_configurations
 from pinsing.sampling.sweep_run import sweep
 
 RIGHT = math.pi / 2
@@ -246,13 +245,12 @@ def test_a_curve_is_marked_at_every_true_zero(name):
     arm = load(name)
     form = closed_form(arm)
     result = sweep(arm, levels=1)
-    findings = singular_configurations(arm, result)
     exact = nominal(arm).arm
     met = 0
     for curve in result.curves:
         if curve.sigma_ratio.max() < 1e-9:  # singular all along
             continue
-        marks = singular_values_of(curve, result.arm, findings)
+        marks = singular_values_of(curve, result, arm)
         line = np.repeat(result.plan.nominal[None], 2000, axis=0)
         line[:, curve.moving] = np.linspace(curve.x[0], curve.x[-1], 2000)
         for joint, value in curve.fixed.items():

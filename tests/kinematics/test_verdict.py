@@ -18,7 +18,7 @@ from pinsing.kinematics.verdict import evaluator, measure, own_shares, ratios, s
 from pinsing.robot.arm import Arm
 from pinsing.robot.load import load
 from pinsing.sampling import plan_map, sigma_map, sweep
-from pinsing.sampling.findings import singular_configurations
+from pinsing.sampling.analyze import singular_configurations
 
 TASKS = ("pose", "position", "orientation", "vx", "vx,wz", "vz,wx")
 SCALES = (1e-10, 1.0, 3e8)

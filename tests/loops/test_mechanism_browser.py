@@ -15,7 +15,7 @@ from chromium import BLUE, HOT, PINK, near, open_page, picture, show_only, text
 from mechanisms import analyzed, shipped
 
 from pinsing.loops import home, mechanism_at, residual
-from pinsing.view.mechanism import MechanismViewer
+from pinsing.view.mechanism_viewer import MechanismViewer
 from pinsing.view.picture import find_browser
 
 pytest.importorskip("playwright.sync_api", reason="needs Playwright for Python")

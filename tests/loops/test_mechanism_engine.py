@@ -29,8 +29,7 @@ from pinsing.loops.dyad import planar_dyad
 from pinsing.loops.modes import assembly_sign
 from pinsing.loops.structure import output_pose
 from pinsing.robot.load_mechanism import Loop, Mechanism
-from pinsing.view.mechanism.linkage import linkage_sizes, mechanism_data, plane_normal
-from pinsing.view.mechanism.viewer import groups
+from pinsing.view.mechanism_viewer import groups, linkage_sizes, mechanism_data, plane_normal
 
 SHIPPED = ["five_bar", "four_bar", "planar_3rrr"]
 WORDS = {

@@ -21,8 +21,17 @@ from pinsing.loops.pose import COORDINATES, pose_of
 from pinsing.loops.pose_slice import pose_slice
 from pinsing.loops.problems import working_modes
 from pinsing.loops.structure import output_pose
-from pinsing.plot.mechanism import TYPE_1, draw_linkage, input_map, is_left, map_legend
-from pinsing.plot.motion_curve import MINUS, PLUS, mode_sheet, motion_curve
+from pinsing.plot.mechanism import (
+    MINUS,
+    PLUS,
+    TYPE_1,
+    draw_linkage,
+    input_map,
+    is_left,
+    map_legend,
+    mode_sheet,
+    motion_curve,
+)
 from pinsing.plot.pose_map import _modes, panels, pose_map, pose_maps
 from pinsing.robot.load_mechanism import load_mechanism
 

@@ -17,7 +17,7 @@ from pinsing.loops.modes import elbows, mode_of
 from pinsing.loops.pose import led_pose, read_pose
 from pinsing.loops.structure import output_pose
 from pinsing.robot.load_mechanism import Loop, Mechanism
-from pinsing.view.mechanism.linkage import linkage_sizes, mechanism_data, plane_normal
+from pinsing.view.mechanism_viewer import linkage_sizes, mechanism_data, plane_normal
 
 LED = {  # the coordinates that the outputs of the shelf can be led in
     "five_bar": "x y",

@@ -20,9 +20,14 @@ from pinsing.cli.mechanism import view_loops
 from pinsing.errors import ConfigurationError, OptionError, ResultError, UnknownNameError
 from pinsing.loops import home, mechanism_at
 from pinsing.view.links import Recorder, read_links
-from pinsing.view.mechanism import MechanismViewer
-from pinsing.view.mechanism.linkage import Linkage, linkage_sizes, plane_normal, side
-from pinsing.view.mechanism.viewer import groups
+from pinsing.view.mechanism_viewer import (
+    Linkage,
+    MechanismViewer,
+    groups,
+    linkage_sizes,
+    plane_normal,
+    side,
+)
 from pinsing.view.scene import draw_scene
 from pinsing.view.tab import SIDE
 
@@ -106,7 +111,7 @@ def test_the_scene_has_every_node_that_frames_place(viewer: MechanismViewer) -> 
 
 def test_bones_lead_to_the_frames_that_close_the_loops() -> None:
     mechanism = shipped("five_bar")
-    linkage = Linkage(mechanism)
+    linkage = Linkage.of(mechanism)
     recorder = Recorder()
     sizes = linkage_sizes(mechanism)
     draw_scene(recorder.visualizer(), linkage, read_links(linkage), sizes, linkage.ends)

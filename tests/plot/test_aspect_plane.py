@@ -11,8 +11,7 @@ import pinsing
 from pinsing import plot
 from pinsing.cli.app import command
 from pinsing.errors import OptionError, UnknownNameError
-from pinsing.plot.aspect_plane import _numbers
-from pinsing.plot.plane import regular_configuration
+from pinsing.plot.plane import _numbers, regular_configuration
 
 
 @pytest.mark.parametrize(("name", "limits"), [("puma560", True), ("stanford", False)])

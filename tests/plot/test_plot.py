@@ -28,7 +28,6 @@ from pinsing.errors import ConfigurationError, OptionError, OutputError, Unknown
 from pinsing.families import closed_form
 from pinsing.kinematics.jacobian import frame_jacobian, singular_values
 from pinsing.plot.style import pi_text, pi_ticks
-from pinsing.sampling.findings import singular_configurations
 from pinsing.sampling.sweep_run import SweepResult, sweep
 
 
@@ -86,8 +85,7 @@ def test_singular_points_are_marked(stanford_sweep: SweepResult) -> None:
 def test_refined_points_between_samples_are_marked() -> None:
     arm = textbook("puma560")
     result = sweep(arm, levels=1, samples=61)
-    found = singular_configurations(arm, result)
-    ax = plot.sigma_curves(result, moving=["q3"], findings=found)
+    ax = plot.sigma_curves(result, moving=["q3"], arm=arm)
     (mark,) = (line for line in ax.get_lines() if line.get_marker() == "o")
     # PUMA 560, elbow: tan q3 = -d4 / a3, which no sample hits.
     elbow = np.arctan2(-0.4318, 0.0203)
@@ -98,8 +96,7 @@ def test_singular_points_that_need_other_joints_are_not_marked() -> None:
     """sin q6 = -1/5 of the surgical arm is singular at q5 = ±90° only, off these curves."""
     arm = textbook("surgical7")
     result = sweep(arm, levels=1, samples=61)
-    found = singular_configurations(arm, result)
-    ax = plot.sigma_curves(result, moving=["q4", "q6"], findings=found)
+    ax = plot.sigma_curves(result, moving=["q4", "q6"], arm=arm)
     marks = [line for line in ax.get_lines() if line.get_marker() == "o" and len(line.get_xdata())]
     x = np.concatenate([np.asarray(line.get_xdata()) for line in marks])
     np.testing.assert_allclose(np.unique(np.round(x, 6)), [-3.141593, 0, 3.141593], atol=1e-6)
@@ -419,12 +416,12 @@ def test_families_are_marked_where_a_way_meets_them() -> None:
 
 
 def test_a_slice_holds_the_best_of_each_place() -> None:
-    from pinsing.plot.plane import tip_positions
+    from pinsing.kinematics.jacobian import tip_poses
 
     arm = textbook("scara")
     ax = plot.workspace(arm, samples=4000)
     Q = arm.space.sample(4000, np.random.default_rng(2026))
-    tips, sigma = tip_positions(arm, Q), singular_values(arm, Q)[:, -1]
+    tips, sigma = tip_poses(arm, Q)[0], singular_values(arm, Q)[:, -1]
     np.testing.assert_allclose(tips[7], at(arm, Q[7]).tip_position)
     flat = ax.figure.axes[2]
     grid = np.asarray(flat.collections[0].get_array().filled(np.nan))

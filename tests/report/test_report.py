@@ -23,9 +23,8 @@ from pinsing.cli.report import report_command
 from pinsing.errors import ConfigurationError, OptionError, OutputError
 from pinsing.proof.checker import verify
 from pinsing.proximity.trajectory import summary
-from pinsing.report.arm_report import arm_report
+from pinsing.report.arm_report import arm_report, write_report
 from pinsing.report.document import data_block, table
-from pinsing.report.write import write_report
 
 URDF = Path(__file__).parents[2] / "urdf"
 _VOID = {"meta", "link", "img", "br", "input", "hr"}

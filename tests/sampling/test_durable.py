@@ -28,12 +28,10 @@ from pinsing.chunk_file import DamagedError, Record, pack
 from pinsing.cli.app import command
 from pinsing.errors import EngineError, OutputError
 from pinsing.sampling import plan_map, sigma_map
-from pinsing.sampling.execute import ctrl_c_afterwards
+from pinsing.sampling.execute import RunFolder, ctrl_c_afterwards, open_run, recorded
 from pinsing.sampling.map_plan import BLOCK
-from pinsing.sampling.npz import load_npz
-from pinsing.sampling.run_folder import RunFolder, open_run, recorded
 from pinsing.sampling.sweep_plan import plan_sweep
-from pinsing.sampling.sweep_run import SweepResult, run_sweep
+from pinsing.sampling.sweep_run import SweepResult, load_npz, run_sweep
 
 IDENTITY = {"kind": "test", "size": 3}
 RECORD = {"a": np.arange(5.0), "b": np.array([1, 2])}
@@ -195,7 +193,7 @@ def test_a_damaged_plan_is_refused(tmp_path: Path, text: str) -> None:
 
 def test_two_at_once(tmp_path: Path) -> None:
     code = (
-        "import sys, time; from pinsing.sampling.run_folder import open_run\n"
+        "import sys, time; from pinsing.sampling.execute import open_run\n"
         f"with open_run({str(tmp_path)!r}, {IDENTITY!r}, 3):\n"
         "    print('in', flush=True); time.sleep(60)"
     )
@@ -405,7 +403,7 @@ def test_ctrl_c_in_the_middle_of_a_write_raises_nothing_there(
         whole.append(index)
         return data
 
-    monkeypatch.setattr("pinsing.sampling.run_folder.pack", interrupted)
+    monkeypatch.setattr("pinsing.sampling.execute.pack", interrupted)
     if kind == "map":
         assert not sigma_map(arm, count=9 * BLOCK, chunk=BLOCK, threads=1, out=out).complete
     else:
@@ -427,9 +425,9 @@ def _ctrl_c_before(function: Callable[..., Any]) -> Callable[..., Any]:
     ("name", "place"),
     [
         ("run", "pinsing.sampling.sweep_run.pack_sweep"),
-        ("run", "pinsing.sampling.findings.singular_configurations"),
-        ("curves.npz", "pinsing.sampling.npz.save_npz"),
-        ("curves.npz", "pinsing.sampling.findings.singular_configurations"),
+        ("run", "pinsing.sampling.analyze.singular_configurations"),
+        ("curves.npz", "pinsing.sampling.sweep_run.save_npz"),
+        ("curves.npz", "pinsing.sampling.analyze.singular_configurations"),
     ],
 )
 def test_ctrl_c_after_the_last_chunk_of_a_sweep(

@@ -15,13 +15,19 @@ from pinsing.kinematics.jacobian import singular_values
 from pinsing.measures import Reachability, sigma_ratio
 from pinsing.robot.load import load
 from pinsing.robot.nominal import nominal
-from pinsing.sampling.curves import dips
-from pinsing.sampling.findings import singular_configurations
+from pinsing.sampling.analyze import singular_configurations
+from pinsing.sampling.curves import minima
 from pinsing.sampling.generalize import Finding
 from pinsing.sampling.sweep_run import sweep
 
 PI = np.pi
 _ENDS = ("0", "180 deg")
+
+
+def dips(values: np.ndarray) -> np.ndarray:
+    """Local minima of a curve that is singular nowhere."""
+    end = np.full(1, np.inf)
+    return np.flatnonzero(minima(values[None], np.ones((1, len(values))), end, end)[0])
 
 
 def found(arm, **options):

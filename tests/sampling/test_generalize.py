@@ -14,7 +14,6 @@ from pinsing.robot.load import load
 from pinsing.sampling.generalize import (
     Generalization,
     generalize,
-    random_configurations,
     value_text,
 )
 
@@ -97,7 +96,7 @@ def test_conditions_hold_at_other_random_values(rng):
         starts = rng.uniform(low, high, (12, arm.n))
         for found in refine_many(arm, starts, ignore_limits=True):
             for condition in generalize(arm, found).conditions:
-                Q = random_configurations(arm, 100, rng)
+                Q = arm.space.sample(100, rng, ignore_limits=True)
                 at = [arm.joints.index(j) for j in condition.forced_by]
                 Q[:, at] = list(condition.forced_by.values())
                 assert sigma_ratio(singular_values(arm, Q)).max() <= 1e-9

@@ -17,11 +17,10 @@ import pytest
 from pinsing.chunk_file import DamagedError, pack, read_arrays, read_bounded
 from pinsing.errors import OutputError, ResultError
 from pinsing.sampling import sigma_map
+from pinsing.sampling.execute import RunFolder, recorded
 from pinsing.sampling.map_plan import BLOCK
-from pinsing.sampling.npz import kept_curves, load_npz
-from pinsing.sampling.run_folder import RunFolder, recorded
 from pinsing.sampling.sweep_plan import plan_sweep
-from pinsing.sampling.sweep_run import run_sweep
+from pinsing.sampling.sweep_run import kept_curves, load_npz, run_sweep
 
 COUNT = 4 * BLOCK
 

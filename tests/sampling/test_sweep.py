@@ -12,9 +12,8 @@ import pytest
 from pinsing.errors import ConfigurationError, OptionError, OutputError, ResultError
 from pinsing.errors import UnknownNameError as NoName
 from pinsing.kinematics.jacobian import singular_values
-from pinsing.sampling.npz import load_npz, save_npz
 from pinsing.sampling.sweep_plan import SweepPlan, plan_sweep
-from pinsing.sampling.sweep_run import SweepResult, run_sweep, sweep
+from pinsing.sampling.sweep_run import SweepResult, load_npz, run_sweep, save_npz, sweep
 
 PI = np.pi
 PAPER = [0.3, *[PI / 3] * 6]

@@ -22,14 +22,19 @@ from pinsing.kinematics.jacobian import singular_values
 from pinsing.kinematics.verdict import ratios
 from pinsing.plot import sigma_curves
 from pinsing.sampling import sweep_run as sweep_job
-from pinsing.sampling.curves import CurveTable, Pool, axis_values, dips, minima
+from pinsing.sampling.analyze import singular_configurations
+from pinsing.sampling.curves import CurveTable, Pool, axis_values, minima
 from pinsing.sampling.executors import local_processes
-from pinsing.sampling.findings import singular_configurations
-from pinsing.sampling.npz import kept_curves, load_npz
 from pinsing.sampling.sweep_plan import plan_sweep
-from pinsing.sampling.sweep_run import SweepResult, run_sweep, sweep
+from pinsing.sampling.sweep_run import SweepResult, kept_curves, load_npz, run_sweep, sweep
 
 SWEEP = sys.modules[run_sweep.__module__]  # the package has a function of that name
+
+
+def dips(values: np.ndarray) -> np.ndarray:
+    """Local minima of a curve that is singular nowhere."""
+    end = np.full(1, np.inf)
+    return np.flatnonzero(minima(values[None], np.ones((1, len(values))), end, end)[0])
 
 
 @pytest.fixture

@@ -18,7 +18,7 @@ from mechanisms import analyzed, shipped
 from pinsing import at, closed_form
 from pinsing.robot.load import load
 from pinsing.view import Viewer
-from pinsing.view.mechanism import MechanismViewer
+from pinsing.view.mechanism_viewer import MechanismViewer
 from pinsing.view.picture import find_browser
 
 pytest.importorskip("playwright.sync_api", reason="needs Playwright for Python")

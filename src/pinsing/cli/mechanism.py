@@ -342,7 +342,7 @@ def view_loops(
         server = stack.enter_context(page) if live and not late else None
         # Imports that the browser does not wait for.
         from pinsing.loops import analyze_mechanism
-        from pinsing.view.mechanism import MechanismViewer
+        from pinsing.view.mechanism_viewer import MechanismViewer
 
         with waiting() as at:
             at("finding the singular configurations")

@@ -73,11 +73,11 @@ def _figure(
 
     names = None if over is None else [n.strip() for n in over.split(",")]
     if kind == "modes":
-        from pinsing.plot.motion_curve import mode_sheet
+        from pinsing.plot.mechanism import mode_sheet
 
         return mode_sheet(mechanism, inputs if asked else None, deg)
     if kind == "map" and ranks(mechanism).mobility == 1:
-        from pinsing.plot.motion_curve import motion_curve
+        from pinsing.plot.mechanism import motion_curve
 
         _without_q(asked, "all poses are on one curve")
         return motion_curve(mechanism, names, None, deg).figure

@@ -128,7 +128,7 @@ def path_command(
         emit_lines("  Next: the same with -o joints.csv, which writes the joint values")
     if plot is not None:
         off_screen()
-        from pinsing.plot.toolpath import path_sheet
+        from pinsing.plot.curves import path_sheet
 
         save_figure(path_sheet(plan, form), plot)
     return 0

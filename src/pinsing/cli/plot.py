@@ -211,7 +211,6 @@ def _draw(
         return plot.sigma_along(arm, way, forms=form_to_measure(arm), degrees=deg)
     if kind == "workspace":
         return plot.workspace(arm, measure=measure)
-    from pinsing.sampling.findings import singular_configurations
     from pinsing.sampling.sweep_run import sweep
 
     levels = (max(len(held), 1),)
@@ -222,10 +221,7 @@ def _draw(
         chosen["special"] = special
         chosen["joints"] = tuple(arm.joints)
     result = sweep(arm, nominal=q, **chosen)
-    found = singular_configurations(arm, result)
-    return plot.sigma_curves(
-        result, fixed=held, moving=joints, findings=found, degrees=deg, arm=arm
-    )
+    return plot.sigma_curves(result, fixed=held, moving=joints, degrees=deg, arm=arm)
 
 
 def _families(arm: Arm, names: tuple[str, ...]) -> list[Family]:

@@ -163,7 +163,7 @@ def _write(
     forms: Any,
     trajectory: Any = None,
 ) -> None:
-    from pinsing.report.write import write_report
+    from pinsing.report.arm_report import write_report
 
     off_screen()
     where = "none" if html is None else page  # nothing is interactive on paper

@@ -236,12 +236,10 @@ def sweep_command(
     if keep and npz is None and folder is None:
         raise OptionError("--keep needs a folder to keep the curves in: give -o FOLDER")
     from pinsing.robot.nominal import nominal
+    from pinsing.sampling.analyze import singular_configurations
     from pinsing.sampling.execute import ctrl_c_afterwards
-    from pinsing.sampling.findings import singular_configurations
-    from pinsing.sampling.npz import save_npz
     from pinsing.sampling.sweep_plan import plan_sweep
-    from pinsing.sampling.sweep_result import CURVES, sweep_text
-    from pinsing.sampling.sweep_run import check_keep, run_sweep
+    from pinsing.sampling.sweep_run import CURVES, check_keep, run_sweep, save_npz, sweep_text
     from pinsing.serialization import encode
 
     tests = nominal(arm, angle_tol=RAW_ANGLE_TOL).arm if geometry == "raw" else nominal(arm).arm
@@ -264,7 +262,8 @@ def sweep_command(
         if folder is not None and result.complete:
             say(f"wrote {folder / CURVES}")
             if keep and not result.kept:
-                say(f"the curves are in {folder}: read them with pinsing.sampling.npz.kept_curves")
+                reader = "pinsing.sampling.sweep_run.kept_curves"
+                say(f"the curves are in {folder}: read them with {reader}")
         findings = singular_configurations(swept, result, geometry=tests)
         told = True
     except KeyboardInterrupt:  # what was swept is an answer without them

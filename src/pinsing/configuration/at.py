@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field, replace
+from itertools import chain, repeat
 from typing import ClassVar
 
 import numpy as np
@@ -279,8 +280,8 @@ def _lines(state: State, degrees: bool) -> Iterator[Line]:
     yield "sigma", "  ".join(_short(s) for s in state.sigma)
     yield "manipulability", _short(state.manipulability)
     yield "condition number", _short(state.condition_number)
-    m, n = _rows(state), arm.n
-    yield "det J" if m == n else "det J J^T" if m < n else "det J^T J", _short(state.determinant)
+    more = _rows(state) - arm.n
+    yield ("det J J^T", "det J", "det J^T J")[(more >= 0) + (more > 0)], _short(state.determinant)
     yield "", ""
     yield "tip position", measured(f"{vector(state.tip_position, 4)} m")
     yield from _ellipsoid("translation", state.translational, state.tip_rotation)
@@ -292,16 +293,18 @@ def _lines(state: State, degrees: bool) -> Iterator[Line]:
         yield "note", note
 
 
+def _labelled(label: str, lines: Iterable[Span]) -> Iterator[Line]:
+    """Lines of which the first has the label."""
+    yield from zip(chain([label], repeat("")), lines, strict=False)
+
+
 def _meaning(state: State) -> Iterator[Line]:
     """What cannot be done, why, and what moves although the tip rests."""
     if state.lost:
         yield "", ""
-        label = "lost" if state.singular else "nearly lost"
-        for motion in state.lost:
-            torque = "no" if state.singular else "almost no"
-            text = f"{motion.words}; {motion.free_wrench} needs {torque} joint torque"
-            yield label, measured(text)
-            label = ""
+        torque = "no" if state.singular else "almost no"
+        words = (f"{m.words}; {m.free_wrench} needs {torque} joint torque" for m in state.lost)
+        yield from _labelled("lost" if state.singular else "nearly lost", map(measured, words))
         if state.always_missing:
             are = "is" if state.always_missing == 1 else "are"
             yield (
@@ -312,20 +315,17 @@ def _meaning(state: State) -> Iterator[Line]:
             )
     if state.dependences:
         yield "", ""
-        label = "why"
-        for dependence in state.dependences:
-            yield label, dependence.reason
-            yield "", f"({', '.join(dependence.joints)})"
-            label = ""
+        said = ((d.reason, f"({', '.join(d.joints)})") for d in state.dependences)
+        yield from _labelled("why", chain.from_iterable(said))
     if state.self_motions:
         yield "", ""
-        nearly = "nearly " if state.status == "near-singular" else ""
-        label = "self-motion"
-        for self_motion in state.self_motions:
-            verb = "leaves" if np.count_nonzero(self_motion.direction) == 1 else "leave"
-            rest = "tip" if state.arm.task == "pose" else "task"
-            yield label, measured(f"{self_motion.words} {verb} the {rest} {nearly}at rest")
-            label = ""
+        rest = "tip" if state.arm.task == "pose" else "task"
+        at_rest = f"the {rest} {'nearly ' if state.status == NEAR_SINGULAR else ''}at rest"
+        words = (
+            f"{m.words} {'leaves' if np.count_nonzero(m.direction) == 1 else 'leave'} {at_rest}"
+            for m in state.self_motions
+        )
+        yield from _labelled("self-motion", map(measured, words))
         if state.always_idle:
             yield (
                 "",
@@ -336,18 +336,14 @@ def _meaning(state: State) -> Iterator[Line]:
 def _joints(state: State, degrees: bool) -> Iterator[Line]:
     arm = state.arm
     width = max(len(name) for name in arm.joints)
-    label = "q"
     for i, name in enumerate(arm.joints):
-        value, unit = state.q[i], "rad"
-        if arm.prismatic[i]:
-            unit = "m"
-        elif degrees:
-            value, unit = np.degrees(value), "deg"
+        turned = degrees and not arm.prismatic[i]
+        value = np.degrees(state.q[i]) if turned else state.q[i]
+        unit = "m" if arm.prismatic[i] else "deg" if degrees else "rad"
         limits = arm.space.range_words(i, degrees)
         outside = f"  (outside its limits, {limits})" if name in state.outside else ""
         left = unbroken(f"{i + 1:>2} {name:<{width}}")
-        yield label, f"{left} {unbroken(f'{value:>11.6g} {unit}')}{outside}"
-        label = ""
+        yield "" if i else "q", f"{left} {unbroken(f'{value:>11.6g} {unit}')}{outside}"
 
 
 def _verdict(state: State) -> tuple[Span, ...]:
@@ -368,12 +364,12 @@ def _rows(state: State) -> int:
 
 
 def _ellipsoid(what: str, ellipsoid: VelocityEllipsoid, rotation: Array) -> Iterator[Line]:
-    label = f"{what} speed"
     verb = "along" if what == "translation" else "about"
-    for radius, direction in zip(ellipsoid.radii, ellipsoid.axes.T, strict=True):
-        speed = unbroken(f"{_short(radius):>9} {ellipsoid.unit}")
-        yield label, measured(f"{speed} {verb} {axis_name(direction, rotation)}")
-        label = ""
+    lines = (
+        f"{unbroken(f'{_short(radius):>9} {ellipsoid.unit}')} {verb} {axis_name(axis, rotation)}"
+        for radius, axis in zip(ellipsoid.radii, ellipsoid.axes.T, strict=True)
+    )
+    yield from _labelled(f"{what} speed", map(measured, lines))
 
 
 def _allowed(state: State, speeds: TipSpeeds) -> Iterator[Line]:

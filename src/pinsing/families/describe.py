@@ -18,7 +18,7 @@ from pinsing.algebra.budget import Budget
 from pinsing.algebra.conditions import Conditions
 from pinsing.algebra.two_sided import two_sided
 from pinsing.configuration.at import Loss, State, loss_at
-from pinsing.configuration.second_order import kinds_many
+from pinsing.configuration.refine import kinds_many
 from pinsing.families.at_once import at_once, solved_for
 from pinsing.families.family import Family
 from pinsing.families.naming import title_of

@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING
 from pinsing._package import public
 
 if TYPE_CHECKING:
-    from pinsing.plot.aspect_plane import aspect_plane as aspect_plane
-    from pinsing.plot.aspect_plane import locus as locus
     from pinsing.plot.curves import sigma_along as sigma_along
     from pinsing.plot.curves import sigma_curves as sigma_curves
     from pinsing.plot.ellipsoids import ellipsoids as ellipsoids
+    from pinsing.plot.plane import aspect_plane as aspect_plane
+    from pinsing.plot.plane import locus as locus
     from pinsing.plot.plane import sigma_plane as sigma_plane
     from pinsing.plot.plane import workspace as workspace
     from pinsing.plot.reach import inverse_count as inverse_count
@@ -21,10 +21,9 @@ if TYPE_CHECKING:
 public(
     __name__,
     {
-        "aspect_plane": "aspect_plane locus",
         "curves": "sigma_along sigma_curves",
         "ellipsoids": "ellipsoids",
-        "plane": "sigma_plane workspace",
+        "plane": "aspect_plane locus sigma_plane workspace",
         "reach": "inverse_count",
     },
     advice={"sigma_map": "pinsing.plot.sigma_plane, or pinsing.sampling.sigma_map"},

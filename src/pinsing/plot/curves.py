@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from itertools import cycle
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 
 from pinsing._types import Array
 from pinsing.arguments import checked, real_numbers
-from pinsing.errors import ConfigurationError, OptionError, UnknownNameError
+from pinsing.errors import ConfigurationError, OptionError
 from pinsing.families import ClosedForm
 from pinsing.kinematics.verdict import NEAR_RTOL, SINGULAR_RTOL, measure, ratios
 from pinsing.plot.style import (
@@ -29,11 +28,12 @@ from pinsing.plot.style import (
     unit,
     value_label,
 )
-from pinsing.proximity.clearance import quick
+from pinsing.postures.toolpath import PathPlan
+from pinsing.proximity.clearance import clearance, quick
 from pinsing.proximity.crossings import Crossing, crossings, crossings_of, motion_of
 from pinsing.proximity.watched import Forms, watch
 from pinsing.robot.arm import Arm, ArmSummary
-from pinsing.sampling.generalize import Finding, JointCondition
+from pinsing.robot.nominal import nominal
 from pinsing.sampling.sweep_run import SweepCurve, SweepResult
 
 
@@ -44,7 +44,6 @@ def sigma_curves(
     *,
     fixed: Mapping[str, float] | None = None,
     moving: Sequence[str] | None = None,
-    findings: Iterable[Finding] = (),
     degrees: bool = False,
     arm: Arm | None = None,
 ) -> Axes:
@@ -61,14 +60,11 @@ def sigma_curves(
         the nominal configuration.
     moving : sequence of str, optional
         Joints that move, all by default. Sliding ones get an axis of their own on top.
-    findings : iterable of Finding, optional
-        Refined singular configurations (``singular_configurations``), marked on the curves
-        that led to them, also between samples.
     degrees : bool
         Label angles in degrees; the axis is in radians all the same.
     arm : Arm, optional
-        The arm that was swept: every dip of a curve is closed in upon, and each true zero is
-        marked, whether or not the sweep has refined it.
+        The arm that was swept: every dip of a curve is closed in upon, on the nominal geometry,
+        and each true zero is marked, also between samples.
 
     Returns
     -------
@@ -95,7 +91,8 @@ def sigma_curves(
         )
     summary = result.arm
     if moving is None:
-        names = [n for n in summary.joints if _has(result, fixed, n)]
+        there = {c.moving for c in result.curves if c.holds(fixed or {}, summary)}
+        names = [n for j, n in enumerate(summary.joints) if j in there or not result.kept]
         if not names:
             raise OptionError(f"the sweep has no curve with {result.set_text(dict(fixed or {}))}")
     else:
@@ -118,20 +115,12 @@ def sigma_curves(
             axes.plot(
                 curve.x, curve.sigma_min, color=color, linestyle=dash, linewidth=1.4, label=label
             )
-            x = _singular(curve, summary, findings)
-            if arm is not None and not curve.forced:
-                base = _at(curve, result)
-                dips = curve_zeros(arm, base, curve.moving, curve.x, curve.sigma_ratio)
-                x = _apart([*x, *dips])
+            x = singular_values_of(curve, result, arm)
             if len(x):
-                mark: dict[str, Any] = {
-                    "marker": "o",
-                    "color": SINGULAR,
-                    "markersize": 3.5,
-                    "linestyle": "none",
-                }
-                label = "" if marked else "singular"
-                axes.plot(x, np.zeros(len(x)), clip_on=False, zorder=5, label=label, **mark)
+                axes.plot(
+                    x, np.zeros(len(x)), "o", color=SINGULAR, markersize=3.5, clip_on=False,
+                    zorder=5, label="" if marked else "singular",
+                )  # fmt: skip
                 marked = True
         if some:
             low, high = min(c.x[0] for c in some), max(c.x[-1] for c in some)
@@ -140,11 +129,10 @@ def sigma_curves(
             what = "joint position" if slides else "joint angle"
             axes.set_xlabel(f"{what} [{unit(slides, degrees)}]", fontsize=SMALL)
     highest = max(float(c.sigma_min.max()) for c in curves)
-    ax.set_ylim(0, 1.08 * highest if highest > 1e-12 else 1.0)
+    ax.set(ylim=(0, 1.08 * highest if highest > 1e-12 else 1.0), axisbelow=True)
     ax.set_ylabel(r"$\sigma_{\min}$", fontsize=SMALL + 1)
     ax.tick_params(axis="y", labelsize=SMALL)
     ax.grid(color="0.9", linewidth=0.6)
-    ax.set_axisbelow(True)
     held = ", ".join(_held(summary, name, value, degrees) for name, value in (fixed or {}).items())
     ax.set_title(plain(summary.name) + (f", {held}" if held else ""), fontsize=SMALL + 1)
     if top is not ax:  # one legend for both
@@ -153,14 +141,6 @@ def sigma_curves(
                     marker=line.get_marker(), label=line.get_label())  # fmt: skip
     legend_below(ax, 4, title=_rest(result, fixed or {}, degrees))
     return ax
-
-
-def _at(curve: SweepCurve, result: SweepResult) -> Array:
-    """Where the joints are on a curve, all but the one that moves."""
-    q = np.array(result.plan.nominal, dtype=float)
-    for name, value in curve.fixed.items():
-        q[result.arm.joints.index(name)] = value
-    return q
 
 
 def _rest(result: SweepResult, fixed: Mapping[str, float], degrees: bool) -> str:
@@ -178,71 +158,26 @@ def _rest(result: SweepResult, fixed: Mapping[str, float], degrees: bool) -> str
     return "a joint that does not move rests at " + ",\n".join(lines)
 
 
-def _has(result: SweepResult, fixed: Mapping[str, float] | None, name: str) -> bool:
-    try:
-        result.curve(fixed, name)
-    except UnknownNameError:
-        raise
-    except OptionError:
-        if not result.kept:
-            raise
-        return False
-    return True
-
-
 def _held(arm: ArmSummary, name: str, value: float, degrees: bool) -> str:
     index = arm.joints.index(name)
     slides = bool(arm.prismatic[index])
     return f"{joint_symbol(index, slides)} = {value_label(value, slides, degrees)}"
 
 
-def _singular(curve: SweepCurve, arm: ArmSummary, findings: Iterable[Finding]) -> np.ndarray:
-    """Values of the moving joint at which the curve is singular, sampled or refined."""
-    if curve.forced:
-        return np.zeros(0)  # the whole curve is
-    found = list(curve.x[curve.sigma_ratio <= SINGULAR_RTOL])
-    name = arm.joints[curve.moving]
-    for finding in findings:
-        if curve.number not in finding.curves or finding.status != "singular":
-            continue
-        values = [x for number, x in finding.zeros if number == curve.number]
-        stated = finding.condition.fixed.get(name)
-        if stated is not None and _on_curve(finding.condition, curve, name, arm):
-            values.append(stated)
-        turns = [0.0] if arm.prismatic[curve.moving] else 2 * np.pi * np.arange(-2, 3)
-        copies = [value + turn for value in values for turn in turns]
-        found += [x for x in copies if curve.x[0] - 1e-9 <= x <= curve.x[-1] + 1e-9]
-    return _apart(found)
-
-
-def _apart(values: Iterable[float]) -> np.ndarray:
-    """Values in order, those that are the same but for rounding once."""
-    kept: list[float] = []
-    for x in sorted(values):
-        # Values of a joint closer than this are one zero of a curve
-        if not kept or x - kept[-1] > 1e-7:
-            kept.append(float(x))
-    return np.array(kept)
-
-
-def _on_curve(condition: JointCondition, curve: SweepCurve, moving: str, arm: ArmSummary) -> bool:
-    """Whether a curve holds all but its moving joint where a condition wants them.
-
-    A dip of the curve may lead to a configuration at which other joints have moved too.
-    """
-    if condition.related:
-        return False
-    for name, value in condition.fixed.items():
-        if name == moving:
-            continue
-        if name not in curve.fixed:
-            return False
-        off = value - curve.fixed[name]
-        if not arm.prismatic[arm.joints.index(name)]:
-            off = math.remainder(off, 2 * math.pi)
-        if abs(off) > 1e-9:
-            return False
-    return True
+def singular_values_of(curve: SweepCurve, result: SweepResult, arm: Arm | None = None) -> Array:
+    """Values of the moving joint at which a curve is singular: sampled, or zeros of ``arm``."""
+    found = curve.x[curve.sigma_ratio <= SINGULAR_RTOL]
+    if curve.forced:  # the whole curve is
+        return np.zeros(0)
+    if arm is not None:
+        q = np.array(result.plan.nominal, dtype=float)
+        for name, value in curve.fixed.items():
+            q[result.arm.joints.index(name)] = value
+        exact = nominal(arm).arm
+        zeros = curve_zeros(exact, q, curve.moving, curve.x, curve.sigma_ratio)
+        found = np.sort(np.append(found, zeros))
+    # Values of a joint closer than this are one zero of a curve.
+    return np.asarray(found[np.diff(found, prepend=-np.inf) > 1e-7])
 
 
 _FINE = 17
@@ -332,7 +267,8 @@ def sigma_along(
         raise ConfigurationError(
             f"a trajectory needs two configurations or more, (N, {arm.n}); got shape {Q.shape}"
         )
-    t = _path_length(arm, Q) if times is None else real_numbers(times, "times")
+    steps = np.linalg.norm(np.diff(Q, axis=0) / arm.space.metric, axis=1)
+    t = np.append(0.0, np.cumsum(steps)) if times is None else real_numbers(times, "times")
     if times is None and t[-1] == t[0]:
         raise ConfigurationError("the trajectory stays at one configuration: it has no length")
     if (
@@ -371,8 +307,7 @@ def sigma_along(
     if zero.any():
         ax.plot(t[zero], drawn[zero, -1], "o", color=SINGULAR, markersize=3.5, label="singular")
     rows = _mark_crossings(ax, met, places, t[-1] - t[0])
-    ax.set_yscale("log")
-    ax.set_xlim(t[0], t[-1])
+    ax.set(yscale="log", xlim=(t[0], t[-1]), axisbelow=True)
     ax.set_xlabel(
         f"path length in joint space [{unit(False, degrees)}]" if times is None else "time [s]",
         fontsize=SMALL,
@@ -380,7 +315,6 @@ def sigma_along(
     ax.set_ylabel("singular values", fontsize=SMALL)
     ax.tick_params(labelsize=SMALL)
     ax.grid(color="0.9", linewidth=0.6)
-    ax.set_axisbelow(True)
     ax.set_title(plain(arm.name), fontsize=SMALL + 1, pad=6 + _ROW * rows)
     legend_below(ax, 4)
     return ax
@@ -388,12 +322,6 @@ def sigma_along(
 
 _ROW = 9
 """Points from one row of families' names to the next."""
-
-
-def _path_length(arm: Arm, Q: Array) -> Array:
-    """Length (N,) of the way up to each configuration."""
-    step = np.diff(Q, axis=0) / arm.space.metric
-    return np.asarray(np.concatenate([[0.0], np.cumsum(np.linalg.norm(step, axis=1))]))
 
 
 def _with_crossings(
@@ -491,10 +419,75 @@ def clearance_along(
         ax.plot(
             at, np.full(len(at), _LOWEST_CLEARANCE), "v", color=SINGULAR, label="met", clip_on=False
         )
-    ax.set_yscale("log")
-    ax.set_ylim(bottom=_LOWEST_CLEARANCE)
-    ax.set_xlim(motion.t[0], max(motion.t[-1], motion.t[0] + 1e-9))
-    ax.set_xlabel("time (s)" if times is not None else "sample")
-    ax.set_ylabel("clearance, at least (°)")
+    ax.set(
+        yscale="log",
+        ylim=(_LOWEST_CLEARANCE, None),
+        xlim=(motion.t[0], max(motion.t[-1], motion.t[0] + 1e-9)),
+        xlabel="time (s)" if times is not None else "sample",
+        ylabel="clearance, at least (°)",
+    )
     legend_below(ax)
     return ax
+
+
+@checked
+def path_sheet(plan: PathPlan, form: ClosedForm) -> Figure:
+    """Draw the clearance along a planned path, and the map of what is free that it was chosen from.
+
+    Parameters
+    ----------
+    plan : PathPlan
+        A path, from ``plan_path``.
+    form : ClosedForm
+        The form that it was planned with.
+
+    Returns
+    -------
+    Figure
+        Above, the clearance at each pose, its proven least value and the bound of all paths; below,
+        where something was free, the greatest clearance over the branches at each pose and value,
+        with the path drawn in.
+
+    Raises
+    ------
+    ValueError
+        If there is no path.
+    """
+    from matplotlib import pyplot as plt
+
+    if plan.reason:
+        raise ValueError(f"there is no path to draw: {plan.reason}")
+    wide = len(plan.grid) > 1
+    figure, axes = plt.subplots(
+        1 + wide, 1, figsize=(8, 7 if wide else 4), sharex=True, squeeze=False, layout="constrained"
+    )
+    top = axes[0, 0]
+    poses = np.arange(len(plan.q))
+    along = np.degrees(clearance(form, plan.q, certify=True, gap=1e-3).upper)
+    top.plot(poses, along, color=COLORS[0], label="the path")
+    top.axhline(
+        np.degrees(plan.clearance), color=COLORS[0], ls="--", lw=1, label="its least (proven)"
+    )
+    top.axhline(np.degrees(plan.bound), color=SINGULAR, ls=":", lw=1, label="bound of all paths")
+    if wide and plan.fixed:
+        kept = f"least with {plain(plan.free)} kept"
+        top.axhline(np.degrees(max(plan.fixed)), color=COLORS[1], ls="-.", lw=1, label=kept)
+    title = f"{plain(plan.arm.name)}: distance to the nearest singularity"
+    top.set(ylim=(0, None), ylabel="clearance [°]", title=title)
+    legend_below(top)
+    if wide:
+        below = axes[1, 0]
+        room = np.degrees(np.where(np.isfinite(plan.room), plan.room, np.nan))
+        mesh = below.pcolormesh(
+            poses, np.degrees(plan.grid), room.T, cmap="viridis", vmin=0, shading="nearest",
+            rasterized=True,
+        )  # fmt: skip
+        figure.colorbar(mesh, ax=below, label="clearance [°]")
+        values = np.degrees(plan.values)
+        jump = np.flatnonzero(np.abs(np.diff(values)) > 180) + 1  # round the circle
+        broken = [np.insert(line.astype(float), jump, np.nan) for line in (poses, values)]
+        below.plot(*broken, color="white", lw=3)
+        below.plot(*broken, color=SINGULAR, lw=1.5)
+        below.set_ylabel(f"{plain(plan.free)} [°]")
+    axes[-1, 0].set_xlabel("pose")
+    return figure

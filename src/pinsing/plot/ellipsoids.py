@@ -113,14 +113,15 @@ def draw_lost(ax: Any, state: State, size: float, center: Array) -> None:
         ax.plot(*ends.T, color=LOST, linestyle="--", linewidth=1.5, label=words, zorder=5)
         if lost.kind != "rotation":
             for end in ends:
-                _arrow(ax, end, (end - through) / (0.5 * size), 0.09 * size)
+                _arrow(
+                    ax, end, (end - through) / (0.5 * size), _across(lost.direction), 0.09 * size
+                )
         if lost.kind in ("rotation", "screw"):
             _turn(ax, lost, through, 0.2 * size)
 
 
-def _arrow(ax: Any, end: Array, direction: Array, length: float) -> None:
+def _arrow(ax: Any, end: Array, direction: Array, across: Array, length: float) -> None:
     """Two short lines that meet at the end of a line."""
-    across = _across(direction)
     for side in (across, -across):
         back = end - length * direction + 0.45 * length * side
         ax.plot(*np.stack([back, end], axis=1), color=LOST, linewidth=1.5, zorder=5)
@@ -134,10 +135,7 @@ def _turn(ax: Any, lost: LostMotion, through: Array, radius: float) -> None:
     circle = through + radius * (np.cos(t) * x + np.sin(t) * y)
     ax.plot(*circle.T, color=LOST, linewidth=1.5, zorder=5)
     heading = (circle[-1] - circle[-2]) / np.linalg.norm(circle[-1] - circle[-2])
-    out = (circle[-1] - through) / radius
-    for side in (out, -out):
-        back = circle[-1] + 0.4 * radius * (-heading + 0.5 * side)
-        ax.plot(*np.stack([back, circle[-1]], axis=1), color=LOST, linewidth=1.5, zorder=5)
+    _arrow(ax, circle[-1], heading, (circle[-1] - through) / radius, 0.4 * radius)
 
 
 def _across(direction: Array) -> Array:
@@ -152,8 +150,7 @@ def show_whole(ax: Any, points: Array) -> None:
     low, high = points.min(axis=0), points.max(axis=0)
     half = 0.52 * float((high - low).max()) or 1.0
     middle = (low + high) / 2
-    for letter, m in zip("xyz", middle, strict=True):
-        getattr(ax, f"set_{letter}lim")(m - half, m + half)
+    ax.set(**{f"{x}lim": (m - half, m + half) for x, m in zip("xyz", middle, strict=True)})
     ax.set_box_aspect((1, 1, 1), zoom=0.9)
     ax.tick_params(labelsize=SMALL - 1.5, pad=-1)
     ax.locator_params(nbins=4)

@@ -2,27 +2,31 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+import math
+from collections.abc import Iterable, Sequence
 from itertools import cycle
 from typing import Any, Literal
 
 import numpy as np
 import numpy.typing as npt
-import pinocchio as pin
 from matplotlib import pyplot as plt
 from matplotlib.axes import Axes
+from matplotlib.colors import ListedColormap
 
-from pinsing._types import Array
+from pinsing._types import Array, Bool, Ints
 from pinsing.algebra.conditions import Conditions
 from pinsing.algebra.two_sided import two_sided
-from pinsing.arguments import checked, whole_number
+from pinsing.arguments import checked, real_numbers, whole_number
 from pinsing.errors import OptionError
 from pinsing.families import Branch, ClosedForm, Equation, Family, closed_form
+from pinsing.families import closed_form as closed_form_of
 from pinsing.families.solve import form_to_measure
-from pinsing.kinematics.jacobian import singular_values
+from pinsing.kinematics.jacobian import singular_values, tip_poses
 from pinsing.kinematics.verdict import ratios
 from pinsing.plot.style import (
+    COLORS,
     DASHES,
+    SINGULAR,
     SMALL,
     joint_label,
     joint_symbol,
@@ -32,7 +36,10 @@ from pinsing.plot.style import (
     ticks,
     value_label,
 )
+from pinsing.postures.aspects import Aspects
+from pinsing.postures.aspects import aspects as aspects_of
 from pinsing.robot.arm import Arm
+from pinsing.sampling.generalize import apart
 
 SAMPLES = 161
 """Points to each side of the map."""
@@ -253,49 +260,51 @@ def draw_family(
     bool
         Whether the family meets the plane.
     """
+    line = {"color": color, "linestyle": dash, "linewidth": 1.3}
+    drawn = [
+        _draw_branch(ax, branch, family.prismatic, Q, plane, line) for branch in family.branches
+    ]
+    if any(drawn):
+        ax.plot([], [], label=label, **line)
+    return any(drawn)
+
+
+def _draw_branch(
+    ax: Axes, branch: Branch, prismatic: Bool, Q: Array, plane: tuple[int, int], line: Any
+) -> bool:
+    """Draw where a branch meets a plane: a curve, straight lines, or points; tell if it does."""
     a, b = plane
     x, y = Q[0, :, a], Q[:, 0, b]
-    line = {"color": color, "linestyle": dash, "linewidth": 1.3}
-    drawn = False
-    for branch in family.branches:
-        free = _values_in_plane(branch, Q[0, 0], plane, family.prismatic)
-        if free is None:
-            continue
-        equations = _in_plane(branch.equations, Q, plane)
-        if equations is None:
-            continue
-        xs, ys = (
-            _copies(free.get(j), axis, bool(family.prismatic[j])) for j, axis in ((a, x), (b, y))
-        )
-        if xs is None and ys is None:
-            if len(equations) != 1:
-                continue  # everything, or points: nothing that a line could show
-            level = equations[0](Q)
-            if level.min() * level.max() > 0:
-                continue
+    free = _values_in_plane(branch, Q[0, 0], plane, prismatic)
+    equations = None if free is None else _in_plane(branch.equations, Q, plane)
+    if free is None or equations is None:
+        return False
+    xs, ys = (_copies(free.get(j), axis, bool(prismatic[j])) for j, axis in ((a, x), (b, y)))
+    color, dash = line["color"], line["linestyle"]
+    if xs is None and ys is None:
+        # Everything, or points, is nothing that a line could show.
+        level = equations[0](Q) if len(equations) == 1 else np.ones(1)
+        met = bool(level.min() * level.max() <= 0)
+        if met:
             ax.contour(x, y, level, levels=[0.0], linewidths=1.3, colors=color, linestyles=[dash])
-            drawn = True
-            continue
-        if xs is not None and ys is not None:
-            if not equations:
-                grid = np.array([(u, v) for u in xs for v in ys]).reshape(-1, 2)
-                ax.plot(*grid.T, "o", color=color, markersize=4)
-                drawn = drawn or bool(len(grid))
-            continue
-        fixed, other = (a, y) if xs is not None else (b, x)
-        for value in xs if xs is not None else ys or ():
-            if not equations:
-                (ax.axvline if fixed == a else ax.axhline)(value, **line)
-                drawn = True
-            else:
-                points = _zeros(equations[0], Q[0, 0], fixed, value, b if fixed == a else a, other)
-                held = np.full(len(points), value)
-                pair = (held, points) if fixed == a else (points, held)
-                ax.plot(*pair, "o", color=color, markersize=4)
-                drawn = drawn or bool(len(points))
-    if drawn:
-        ax.plot([], [], label=label, **line)
-    return drawn
+        return met
+    points = np.zeros((0, 2))
+    if xs is not None and ys is not None:
+        if not equations:
+            points = np.array([(u, v) for u in xs for v in ys]).reshape(-1, 2)
+    elif not equations:
+        for value in xs or ys or ():
+            (ax.axhline if xs is None else ax.axvline)(value, **line)
+        return bool(xs or ys)
+    else:
+        fixed, other, axis = (b, a, x) if xs is None else (a, b, y)
+        for value in xs or ys or ():
+            met_at = _zeros(equations[0], Q[0, 0], fixed, value, other, axis)
+            pair = (met_at, np.full(len(met_at), value))
+            points = np.append(points, np.stack(pair if xs is None else pair[::-1], axis=1), axis=0)
+    if len(points):
+        ax.plot(*points.T, "o", color=color, markersize=4)
+    return bool(len(points))
 
 
 def fills_plane(family: Family, Q: Array, plane: tuple[int, int]) -> bool:
@@ -321,10 +330,7 @@ def _values_in_plane(
         if v.joint in plane:
             free[v.joint] = v.value
             continue
-        gap = q[v.joint] - v.value
-        if not prismatic[v.joint]:
-            gap -= 2 * np.pi * np.round(gap / (2 * np.pi))
-        if abs(gap) > _HERE:
+        if apart(float(q[v.joint]), v.value, bool(prismatic[v.joint])) > _HERE:
             return None
     return free
 
@@ -421,7 +427,7 @@ def workspace(
     figure = None if axes is not None else plt.figure(figsize=(9.0, 3.3), layout="constrained")
     every = _given(axes) if figure is None else list(figure.subplots(1, 3))
     Q = arm.space.sample(samples, np.random.default_rng(2026))
-    tips = tip_positions(arm, Q)
+    tips = tip_poses(arm, Q)[0]
     if forms is None and measure == "clearance":
         forms = form_to_measure(arm)
     values, what, unit = _measured(arm, Q, measure, () if forms is None else forms.families)
@@ -436,11 +442,10 @@ def workspace(
         near = np.abs(tips[:, across] - middle[across]) <= half
         grid, edges = _best(tips[near][:, [a, b]], values[near], low[[a, b]], size)
         mesh = ax.pcolormesh(*edges, grid.T, cmap="cividis", vmin=0, vmax=top, rasterized=True)
-        letters = "xyz"
-        ax.set_xlabel(f"{letters[a]} [m]", fontsize=SMALL)
-        ax.set_ylabel(f"{letters[b]} [m]", fontsize=SMALL)
+        ax.set_xlabel(f"{'xyz'[a]} [m]", fontsize=SMALL)
+        ax.set_ylabel(f"{'xyz'[b]} [m]", fontsize=SMALL)
         width = f"{middle[across] + 0.0:.3g} ± {half:.2g} m"
-        ax.set_title(f"{letters[across]} = {width}", fontsize=SMALL)
+        ax.set_title(f"{'xyz'[across]} = {width}", fontsize=SMALL)
         ax.set_aspect("equal")
         ax.tick_params(labelsize=SMALL - 1)
         ax.plot(0, 0, "s", color="#D55E00", markersize=4)
@@ -453,17 +458,6 @@ def workspace(
         fontsize=SMALL,
     )
     return every[0]
-
-
-def tip_positions(arm: Arm, Q: Array) -> Array:
-    """Tip positions (N, 3) at configurations (N, n), metres in the base."""
-    model, frame = arm.model, arm.tip_id
-    data = model.createData()
-    out = np.empty((len(Q), 3))
-    for k, q in enumerate(arm.model_q(Q)):
-        pin.framesForwardKinematics(model, data, q)
-        out[k] = data.oMf[frame].translation
-    return out
 
 
 def _best(points: Array, values: Array, low: Array, size: float) -> tuple[Array, list[Array]]:
@@ -480,10 +474,323 @@ def _best(points: Array, values: Array, low: Array, size: float) -> tuple[Array,
 
 def _given(axes: Any) -> list[Axes]:
     every = list(axes.flat) if isinstance(axes, np.ndarray) else axes
-    if (
-        not isinstance(every, list | tuple)
-        or len(every) != 3
-        or not all(isinstance(ax, Axes) for ax in every)
-    ):
+    listed = isinstance(every, list | tuple) and len(every) == 3
+    if not listed or not all(isinstance(ax, Axes) for ax in every):
         raise OptionError("axes must be three of matplotlib's, for the slices x-z, y-z and x-y")
     return list(every)
+
+
+FINE = 241
+_COLOURS = (
+    "#4E79A7", "#F28E2B", "#76B7B2", "#E15759", "#59A14F", "#EDC948", "#B07AA1", "#9C755F",
+    "#A0CBE8", "#FFBE7D", "#2C6E6A", "#FF9D9A", "#8CD17D", "#8F7A12", "#D4A6C8", "#D7B5A6",
+    "#1F3A5F", "#8C1C2B", "#C9E8E4", "#5B3A73",
+)  # fmt: skip
+"""One for each aspect that the legend names: no two alike."""
+
+
+@checked
+def aspect_plane(
+    arm: Arm,
+    joint_a: str,
+    joint_b: str,
+    ax: Axes | None = None,
+    *,
+    q: npt.ArrayLike | None = None,
+    forms: ClosedForm | None = None,
+    samples: int = FINE,
+    ignore_limits: bool = False,
+    degrees: bool = False,
+) -> Axes:
+    """Draw the aspects over two joints, the others at ``q``.
+
+    Two regions of one colour are of one aspect: they are joined by way of other joints.
+
+    Parameters
+    ----------
+    arm : Arm
+        The arm.
+    joint_a, joint_b : str
+        Names of the joints along x and y.
+    ax : Axes, optional
+        Where to draw.
+    q : (n,) or (nq,) array_like
+        Values of the other joints, radians and metres; by default a regular configuration
+        within the limits.
+    forms : ClosedForm, optional
+        Of the arm, if at hand.
+    samples : int
+        Points to each side.
+    ignore_limits : bool
+        Joints that turn endlessly instead of ending at limits.
+    degrees : bool
+        Label angles in degrees; the axes are in radians all the same.
+
+    Returns
+    -------
+    Axes
+        The regions are its first collection; the legend has the aspects' numbers, and their names
+        where the field has some. Of more than 20 the largest are named, and the others grey.
+
+    Raises
+    ------
+    UnknownNameError
+        If a joint does not exist.
+    OptionError
+        If both joints are the same.
+    ConfigurationError
+        If q has the wrong length, is not finite, or is outside limits that count.
+
+    Examples
+    --------
+    >>> import pinsing
+    >>> from pinsing import plot
+    >>> axes = plot.aspect_plane(pinsing.load("scara"), "q1", "q2", samples=41)
+    >>> len(axes.get_legend().get_texts())
+    2
+    """
+    plane = a, b = two_joints(arm, joint_a, joint_b, samples)
+    form = closed_form_of(arm) if forms is None else forms
+    found = aspects_of(form, not ignore_limits)
+    base = regular_configuration(arm) if q is None else arm.check_one(q)
+    Q = plane_of(arm, plane, base, samples, ignore_limits)
+    x, y = Q[0, :, a], Q[:, 0, b]
+    numbers = _numbers(found, Q)
+    named, others = _named(numbers)
+    said = [_said(found, number) for number in named]
+    lines = said + [f"and {others} more"] * (others > 0)
+    untold = float(np.mean(numbers <= 0)) > 0.005  # what can be seen of the picture
+    lines += ["aspect not told"] * untold
+    columns = 1 if max(map(len, lines), default=0) > 14 else 3
+    legend_height = 0.147 * -(-len(lines) // columns)
+    ax = new_axes(3.2 + legend_height) if ax is None else ax
+    colours = [*_COLOURS[: len(named)], "#C8C8C8"]
+    shown = np.full(numbers.shape, float(len(named)))
+    for k, number in enumerate(named):
+        shown[numbers == number] = k
+    shown[numbers <= 0] = np.nan
+    ax.pcolormesh(
+        x, y, shown, cmap=ListedColormap(colours), vmin=-0.5, vmax=len(colours) - 0.5,
+        shading="nearest", rasterized=True,
+    )  # fmt: skip
+    edge = (np.diff(numbers, axis=0, append=numbers[-1:]) != 0) | (
+        np.diff(numbers, axis=1, append=numbers[:, -1:]) != 0
+    )
+    line = np.where(edge, 1.0, np.nan)
+    ax.pcolormesh(x, y, line, cmap=ListedColormap(["#222222"]), shading="nearest", rasterized=True)
+    label_plane(ax, arm, Q, plane, plane, degrees)
+    shades = colours if others else colours[:-1]
+    for text, colour in zip(lines, shades + ["white"] * untold, strict=True):
+        ax.plot([], [], "s", color=colour, markeredgecolor="#888888", label=text)
+    legend_below(ax, columns, left=True)
+    return ax
+
+
+def _named(numbers: Ints) -> tuple[list[int], int]:
+    """The aspects that have a colour of their own, the largest ones; and how many others."""
+    seen, size = np.unique(numbers[numbers > 0], return_counts=True)
+    largest = np.argsort(-size, kind="stable")[: len(_COLOURS)]
+    return np.sort(seen[largest]).tolist(), max(0, len(seen) - len(_COLOURS))
+
+
+def _said(found: Aspects, number: int) -> str:
+    names = found[number - 1].names if number <= len(found) else ()
+    return f"aspect {number}" + (f": {', '.join(names)}" if names else "")
+
+
+def _numbers(found: Aspects, Q: Array) -> Ints:
+    """Number of the aspect at each point of a grid (M, N, n); 0 where it could not be told.
+
+    Points that touch and have the same signs, between the same joint values, are of one aspect:
+    it is asked at the point of such a region that is farthest from its edge, and at others only
+    if it is not told there.
+    """
+    chosen = found._map
+    assert chosen is not None
+    label = _regions(_keys(found, Q))
+    numbers = np.zeros(label.shape, dtype=np.int64)
+    order = np.lexsort((-_depth(label).ravel(), label.ravel()))
+    first = np.unique(label.ravel()[order], return_index=True)[1][1:]
+    for points in np.split(order, first):
+        # A thin region may have nothing but edge: points of it may be singular.
+        some = np.unique(np.linspace(0, len(points) - 1, 12).astype(np.int64))
+        told = (found.of(q) for q in Q.reshape(-1, Q.shape[-1])[points[some]])
+        number = next((n for n in told if n is not None), 0)
+        numbers.ravel()[points] = number
+    return numbers
+
+
+def _keys(found: Aspects, Q: Array) -> Ints:
+    """Which arcs and signs each point has, as one number."""
+    chosen = found._map
+    assert chosen is not None
+    key = np.zeros(Q.shape[:-1], dtype=np.int64)
+    for part in chosen.partition.parts:
+        for place, j in enumerate(part.joints):
+            arcs = part.arcs[place]
+            value = Q[..., j]
+            if chosen.partition.endless[j] and not arcs[0].circle:
+                low = arcs[0].low
+                value = low + np.mod(value - low, 2 * math.pi)
+            key = key * (len(arcs) + 1) + np.searchsorted([a.high for a in arcs[:-1]], value)
+        for surface in part.surfaces:
+            key = key * 2 + (surface.equation(Q) > 0)
+    return key
+
+
+def _regions(key: Ints) -> Ints:
+    """Label of the connected set of equal keys at each point of a grid."""
+    from scipy.ndimage import label
+
+    out = np.zeros(key.shape, dtype=np.int64)
+    for value in np.unique(key):
+        numbers, _ = label(key == value)
+        out[numbers > 0] = numbers[numbers > 0] + out.max()
+    return out
+
+
+def _depth(label: Ints) -> Ints:
+    """Steps from each point to another label or the edge of the grid."""
+    from scipy.ndimage import distance_transform_cdt
+
+    inside = np.ones(label.shape, dtype=bool)
+    inside[[0, -1]] = inside[:, [0, -1]] = False
+    for axis in (0, 1):
+        for step in (-1, 1):
+            inside &= np.roll(label, step, axis) == label
+    return np.asarray(distance_transform_cdt(inside, "taxicab"))
+
+
+_MOST_CURVES = 12
+
+
+@checked
+def locus(
+    arm: Arm,
+    family: Family,
+    joint_a: str | None = None,
+    joint_b: str | None = None,
+    ax: Axes | None = None,
+    *,
+    q: npt.ArrayLike | None = None,
+    third: str | None = None,
+    values: npt.ArrayLike | None = None,
+    samples: int = FINE,
+    ignore_limits: bool = False,
+    degrees: bool = False,
+) -> Axes:
+    """Draw where a family is over two joints, the others at ``q``; a curve for each third value.
+
+    Parameters
+    ----------
+    arm : Arm
+        The arm.
+    family : Family
+        One of ``closed_form(arm).families``.
+    joint_a, joint_b : str, optional
+        Names of the joints along x and y; by default the first two of the family's joints.
+    ax : Axes, optional
+        Where to draw.
+    q : (n,) or (nq,) array_like, optional
+        Values of the other joints, radians and metres; by default those of the family's own
+        configuration, ``family.generic``. Marked if it is on the family.
+    third : str, optional
+        Name of a joint that is put at each of ``values``, a curve for each.
+    values : (k,) array_like, optional
+        Radians, or metres.
+    samples : int
+        Points to each side of the grid.
+    ignore_limits : bool
+        Draw whole circles of revolute joints.
+    degrees : bool
+        Label angles in degrees; the axes are in radians all the same.
+
+    Returns
+    -------
+    Axes
+        A line, contour or points for each curve, named in the legend. Where the family does not
+        meet the plane the legend says "none", where it holds all of it "the whole plane", which
+        is shaded.
+
+    Raises
+    ------
+    UnknownNameError
+        If a joint does not exist.
+    OptionError
+        If joints are the same, or only one of ``third`` and ``values`` is given.
+    ConfigurationError
+        If q has the wrong length, values are not a row of numbers, or anything is not finite.
+
+    Examples
+    --------
+    >>> import pinsing
+    >>> from pinsing import plot
+    >>> arm = pinsing.load("puma560")
+    >>> family = pinsing.closed_form(arm).families[1]
+    >>> axes = plot.locus(arm, family, "q2", "q3")
+    >>> axes.get_ylabel()
+    '$q_{3}$ [rad]'
+    """
+    whole_number(samples, "samples", 2, 2000)
+    if family.n != arm.n or not set(family.joints) <= set(arm.joints):
+        raise OptionError(f"family {family.name} is of another arm than {arm.name}")
+    a, b = _plane(arm, family, joint_a, joint_b)
+    base = _base(arm, family, q)
+    c, steps = _third(arm, (a, b), third, values, base)
+    Q = plane_of(arm, (a, b), base, samples, ignore_limits)
+    ax = new_axes(3.6) if ax is None else ax
+    for value, color, dash in zip(steps, cycle(COLORS), cycle(DASHES), strict=False):
+        name = family_label(family)
+        if c is not None:
+            Q[..., c] = value
+            slides = bool(arm.prismatic[c])
+            name = f"{joint_symbol(c, slides)} = {value_label(float(value), slides, degrees)}"
+        if fills_plane(family, Q, (a, b)):
+            whole = f"{name}: the whole plane"
+            ax.axvspan(Q[0, 0, a], Q[0, -1, a], color=color, alpha=0.15, label=whole)
+        elif not draw_family(ax, family, Q, (a, b), name, color=color, dash=dash):
+            ax.plot([], [], linestyle="", label=f"{name}: none")
+    if c is None and bool(family.contains(base)):
+        ax.plot(base[a], base[b], "o", color=SINGULAR, markersize=5, label="configuration")
+    ax.grid(visible=True, color="#dddddd", linewidth=0.5)
+    moving = (a, b) if c is None else (a, b, c)
+    label_plane(ax, arm, Q, (a, b), moving, degrees, f"{family.label} of ")
+    legend_below(ax, 2)
+    return ax
+
+
+def _plane(arm: Arm, family: Family, first: str | None, second: str | None) -> tuple[int, int]:
+    """The two joints, those not given taken from what the family speaks of, else in order."""
+    given = [None if name is None else arm.space.index(name) for name in (first, second)]
+    mixed = [set(e.involved) for e in family.equations]
+    ordered = sorted({j for group in mixed for j in group})
+    ordered += sorted({j for branch in family.branches for j in branch.involved})
+    free = [j for j in dict.fromkeys([*ordered, *range(arm.n)]) if j not in given]
+    a, b = (free.pop(0) if j is None and free else j for j in given)
+    if a is None or b is None or a == b:
+        raise OptionError("a locus needs two different joints")
+    return a, b
+
+
+def _base(arm: Arm, family: Family, q: npt.ArrayLike | None) -> Array:
+    if q is not None:
+        return arm.check_one(q)
+    return np.zeros(arm.n) if family.generic is None else np.array(family.generic)
+
+
+def _third(
+    arm: Arm, plane: tuple[int, int], third: str | None, values: npt.ArrayLike | None, base: Array
+) -> tuple[int | None, Sequence[float]]:
+    if third is None and values is None:
+        return None, (0.0,)
+    if third is None or values is None:
+        raise OptionError("third and values belong together: a joint, and where it is put")
+    c = arm.space.index(third)
+    if c in plane:
+        raise OptionError(f"{third} is along an axis already: the third joint must be another")
+    steps = np.atleast_1d(real_numbers(values, "values"))
+    for value in steps.ravel():
+        arm.check_one(np.where(np.arange(arm.n) == c, value, base))
+    if steps.ndim != 1 or not 1 <= len(steps) <= _MOST_CURVES:
+        raise OptionError(f"values must be a row of 1 to {_MOST_CURVES} numbers")
+    return c, steps.tolist()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import cycle
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -26,8 +27,14 @@ from pinsing.loops.pose_slice import (
 )
 from pinsing.loops.problems import working_modes
 from pinsing.loops.structure import likeness, output_pose, same
-from pinsing.plot.mechanism import TYPE_1, TYPE_2, crosses_zero, joint_points, zero_line
-from pinsing.plot.motion_curve import looks_apart
+from pinsing.plot.mechanism import (
+    TYPE_1,
+    TYPE_2,
+    crosses_zero,
+    joint_points,
+    looks_apart,
+    zero_line,
+)
 from pinsing.robot.mechanism import Mechanism
 
 if TYPE_CHECKING:
@@ -89,11 +96,8 @@ def _joined(numbers: npt.NDArray[np.int_], count: int, turns: tuple[bool, bool])
     from scipy.sparse import coo_matrix
     from scipy.sparse.csgraph import connected_components
 
-    meet = np.zeros((0, 2), dtype=int)
-    if turns[0]:
-        meet = np.concatenate([meet, numbers[:, [0, -1]]])
-    if turns[1]:
-        meet = np.concatenate([meet, numbers[[0, -1]].T])
+    sides = [numbers[:, [0, -1]]] * turns[0] + [numbers[[0, -1]].T] * turns[1]
+    meet = np.concatenate([np.zeros((0, 2), dtype=int), *sides])
     meet = meet[(meet > 0).all(axis=1)] - 1
     graph = coo_matrix((np.ones(len(meet)), meet.T), shape=(count, count))
     group = connected_components(graph, directed=False)[1]
@@ -102,13 +106,8 @@ def _joined(numbers: npt.NDArray[np.int_], count: int, turns: tuple[bool, bool])
 
 def colors(positive: Sequence[bool]) -> list[str]:
     """A pale colour for each region: green and blue for those that are positive, else warm."""
-    used = {True: 0, False: 0}
-    out = []
-    for sign in positive:
-        shades = _PALE[sign]
-        out.append(shades[used[sign] % len(shades)])
-        used[sign] += 1
-    return out
+    shades = {sign: cycle(pale) for sign, pale in _PALE.items()}
+    return [next(shades[sign]) for sign in positive]
 
 
 PASSIVE = "#7d3c98"
@@ -225,7 +224,8 @@ def pose_maps(
     modes = _modes(mechanism, names, start)
     shown = modes[:8]
     if len(shown) == 1:
-        return _figure_of(pose_map(mechanism, names, None, samples, degrees, start))
+        alone = pose_map(mechanism, names, None, samples, degrees, start)
+        return alone.figure  # type: ignore[return-value]
     count = next(v for k, v in _SAMPLES.items() if len(shown) <= k)
     found = pose_slice(mechanism, names, [q for _, q in shown], samples or count)
     drawn = panels(mechanism, found, [title for title, _ in shown])
@@ -377,13 +377,6 @@ def _what(mechanism: Mechanism) -> str:
     return "every pose is singular" if _everywhere(mechanism) else "aspects of the workspace"
 
 
-def _figure_of(ax: Axes) -> Figure:
-    figure = ax.figure
-    while hasattr(figure, "figure") and figure.figure is not figure:
-        figure = figure.figure
-    return figure  # type: ignore[return-value]
-
-
 def _draw(ax: Axes, mechanism: Mechanism, found: PoseSlice, panel: Panel, degrees: bool) -> None:
     from matplotlib.colors import BoundaryNorm, ListedColormap
     from scipy.ndimage import gaussian_filter
@@ -457,27 +450,27 @@ def _border(mechanism: Mechanism) -> str:
     return TYPE_1 if ones else LIMIT
 
 
-def _crosses(drawn: Sequence[Panel], kinds: Sequence[str]) -> bool:
-    return any(crosses_zero(left) for panel in drawn for kind, left in panel.lefts if kind in kinds)
-
-
 def _handles(mechanism: Mechanism, drawn: Sequence[Panel]) -> list[Any]:
     """What lines and colours are, of those that occur."""
     from matplotlib.lines import Line2D
     from matplotlib.patches import Patch
 
-    out: list[Any] = []
-    if _crosses(drawn, ("type 2", "constraint", "type 2 or constraint")):
-        out.append(Line2D([], [], color=TYPE_2, label="type 2"))
+    kinds = {kind for panel in drawn for kind, left in panel.lefts if crosses_zero(left)}
     bordered = any(map(_bordered, drawn))
-    if _crosses(drawn, ("type 1",)) or (bordered and _border(mechanism) == TYPE_1):
-        out.append(Line2D([], [], color=TYPE_1, label="type 1: the loops close no further"))
-    elif bordered:
-        out.append(Line2D([], [], color=LIMIT, label="the loops close no further"))
-    if any((p.margin[np.isfinite(p.margin)] < 0).any() for p in drawn):
-        out.append(Line2D([], [], color=LIMIT, ls="--", label="limit of a joint"))
-    if _crosses(drawn, ("passive",)):
-        out.append(Line2D([], [], color=PASSIVE, ls=":", label="passive joints dependent"))
+    closes = "type 1" in kinds or (bordered and _border(mechanism) == TYPE_1)
+    limited = any((p.margin[np.isfinite(p.margin)] < 0).any() for p in drawn)
+    lines = (
+        (kinds - {"type 1", "passive"}, TYPE_2, "-", "type 2"),
+        (closes, TYPE_1, "-", "type 1: the loops close no further"),
+        (bordered and not closes, LIMIT, "-", "the loops close no further"),
+        (limited, LIMIT, "--", "limit of a joint"),
+        ("passive" in kinds, PASSIVE, ":", "passive joints dependent"),
+    )
+    out: list[Any] = [
+        Line2D([], [], color=color, ls=style, label=label)
+        for there, color, style, label in lines
+        if there
+    ]
     if _everywhere(mechanism):
         return [*out, Patch(color=colors([True])[0], label="reached; singular everywhere")]
     if any(panel.everywhere for panel in drawn):

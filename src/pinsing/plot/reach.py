@@ -16,7 +16,6 @@ from dataclasses import dataclass
 from itertools import product
 
 import numpy as np
-import pinocchio as pin
 from matplotlib.axes import Axes
 from matplotlib.colors import ListedColormap
 from matplotlib.figure import Figure
@@ -24,6 +23,7 @@ from matplotlib.figure import Figure
 from pinsing._types import Array, Ints
 from pinsing.arguments import checked, whole_number
 from pinsing.errors import OptionError
+from pinsing.kinematics.jacobian import tip_and_jacobian
 from pinsing.kinematics.verdict import generic_rank
 from pinsing.plot.style import SMALL, legend_below, new_axes, plain
 from pinsing.robot.arm import Arm
@@ -101,18 +101,12 @@ class Section:
         if arm.prismatic[0]:
             raise OptionError("the first joint must turn: the workspace is then one of revolution")
         slides = bool(arm.prismatic[1]), bool(arm.prismatic[2])
-        model, frame = arm.model, arm.tip_id
-        data = model.createData()
         every = [_FIT[:2] if s else _FIT for s in slides]
         tips, axis, foot = [], np.zeros(3), np.zeros(3)
         for a, b in product(*every):
-            q = arm.model_q(np.array([0.0, a, b]))
-            J = pin.computeFrameJacobian(model, data, q, frame, pin.LOCAL_WORLD_ALIGNED)
-            pin.framesForwardKinematics(model, data, q)
-            tip = data.oMf[frame].translation.copy()
+            tip, _, J = tip_and_jacobian(arm, np.array([0.0, a, b]))
             axis = J[3:, 0]
-            arm_of = np.cross(J[:3, 0], axis)
-            foot = tip - arm_of
+            foot = tip - np.cross(J[:3, 0], axis)
             tips.append(tip)
         foot = foot - axis * (axis @ foot)
         x = np.cross(axis, np.eye(3)[int(np.argmin(np.abs(axis)))])
@@ -475,8 +469,7 @@ def inverse_count(
                 points[:, 0], points[:, 1], mark, color=colour, markersize=4.5, zorder=3,
                 markeredgecolor="white", markeredgewidth=0.6, label=said,
             )  # fmt: skip
-    ax.set_aspect("equal")
-    ax.set_xlim(0, float(found.r[-1]))
+    ax.set(aspect="equal", xlim=(0, float(found.r[-1])))
     ax.set_xlabel("distance from the first axis, r [m]", fontsize=SMALL + 1)
     ax.set_ylabel("along it, z [m]", fontsize=SMALL + 1)
     ax.tick_params(labelsize=SMALL)

@@ -152,7 +152,7 @@ def legend_below(
         )
 
 
-def legend_of_all(every: Sequence[Axes], columns: int = 2) -> None:
+def legend_of_all(every: Sequence[Axes]) -> None:
     """One legend under several axes of a figure; what several have stands in it once."""
     found: dict[str, Any] = {}
     for ax in every:
@@ -163,7 +163,7 @@ def legend_of_all(every: Sequence[Axes], columns: int = 2) -> None:
             list(found.values()),
             list(found),
             loc="outside lower center",
-            ncols=min(columns, len(found)),
+            ncols=min(2, len(found)),
             fontsize=SMALL - 1,
             frameon=False,
             handlelength=2.4,

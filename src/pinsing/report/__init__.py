@@ -5,12 +5,12 @@ from typing import TYPE_CHECKING
 from pinsing._package import public
 
 if TYPE_CHECKING:
-    from pinsing.report.write import write_report as write_report
+    from pinsing.report.arm_report import write_report as write_report
 
 public(
     __name__,
     {
-        "write": "write_report",
+        "arm_report": "write_report",
     },
     called='pinsing.write_report(arm, "report.html")',
 )

@@ -3,16 +3,22 @@
 from __future__ import annotations
 
 import math
+import os
 import time
 from collections.abc import Iterable, Iterator, Mapping
-from typing import Any
+from pathlib import Path
+from typing import Any, Literal
 
 import numpy as np
+import numpy.typing as npt
 
 from pinsing._types import Array
 from pinsing._version import __version__
 from pinsing.algebra.equation import latex_symbol
+from pinsing.arguments import checked
+from pinsing.atomic_write import check_writable, write_bytes, write_text
 from pinsing.configuration.at import SINGULAR, State
+from pinsing.errors import OptionError, OutputError
 from pinsing.families import ClosedForm, Family
 from pinsing.families.certainty import coverage_words
 from pinsing.families.describe import missing_everywhere
@@ -21,13 +27,16 @@ from pinsing.families.naming import ORDER
 from pinsing.joint_text import typed
 from pinsing.measures import Reachability
 from pinsing.proof.produce import text_of
-from pinsing.proximity.trajectory import details
+from pinsing.proximity.clearance import Clearance
+from pinsing.proximity.trajectory import check_trajectory, details
 from pinsing.proximity.trajectory import summary as said_of
 from pinsing.report.document import (
+    SCHEMA,
     Section,
     badge,
     bullets,
     computed,
+    counted,
     data,
     document,
     download,
@@ -50,6 +59,127 @@ from pinsing.report.document import (
 from pinsing.report.document import math as formula
 from pinsing.report.info import Content, Made, Trajectory, gather
 from pinsing.robot.arm import Arm, ArmSummary
+from pinsing.robot.mechanism import Mechanism
+from pinsing.view.picture import check_browser, printed
+
+
+@checked
+def write_report(
+    robot: Arm | Mechanism,
+    path: str | os.PathLike[str] | None,
+    *,
+    forms: ClosedForm | None = None,
+    poses: Mapping[str, npt.ArrayLike] | None = None,
+    trajectory: npt.ArrayLike | Trajectory | None = None,
+    page: Literal["inside", "beside", "none"] = "inside",
+    skeleton: bool = False,
+    pdf: str | os.PathLike[str] | None = None,
+) -> tuple[Path, ...]:
+    """Write a report of the singular configurations of an arm, or of a mechanism, as HTML.
+
+    One file that needs no network: summary, joints, what was assumed, each family with its
+    equation, in words and in a picture, maps, verdicts at special configurations, how sure it is
+    that nothing is missing (with the certificate), versions, and all of it as JSON.
+
+    Parameters
+    ----------
+    robot : Arm or Mechanism
+        What it is about.
+    path : path-like or None
+        The HTML file; None for PDF alone.
+    forms : ClosedForm, optional
+        Of the arm, as `closed_form` gave it; found by default.
+    poses : mapping of str to (n,) array_like, optional
+        More configurations to judge, by name; radians and metres. Of a mechanism: values of its
+        inputs.
+    trajectory : (N, n) array_like or Trajectory, optional
+        Of an arm: a motion to judge as `check_trajectory` does, radians and metres; the page
+        shows it.
+    page : str
+        Where the interactive page of `Viewer` goes: "inside" the file, "beside" it (as
+        ``NAME-model.html``), or "none".
+    skeleton : bool
+        That page without meshes: under 3 MB in all.
+    pdf : path-like, optional
+        Print it to this file as well. Needs Chromium or Chrome.
+
+    Returns
+    -------
+    tuple of Path
+        The files that were written: the page beside, the HTML, the PDF, those there are.
+
+    Raises
+    ------
+    OutputError
+        If a file cannot be written, or there is no browser to print with; then none is written.
+    OptionError
+        If neither ``path`` nor ``pdf`` is given, or ``forms`` are those of another arm.
+    ConfigurationError
+        If a pose has the wrong length or is not finite.
+
+    Examples
+    --------
+    >>> import pathlib, pinsing
+    >>> files = pinsing.write_report(pinsing.load("planar3r"), "arm.html", page="none")
+    >>> "Family F1" in pathlib.Path("arm.html").read_text()
+    True
+    """
+    if path is None and pdf is None:
+        raise OptionError("path is None and pdf is None: there is nothing to write")
+    html_file = None if path is None else check_writable(path)
+    pdf_file = None if pdf is None else check_writable(pdf)
+    if html_file is not None and pdf_file is not None and html_file.resolve() == pdf_file.resolve():
+        raise OutputError(f"cannot write {pdf_file}: the HTML goes there")
+    if pdf_file is not None:
+        check_browser(pdf_file)
+    beside = None
+    if page == "beside":
+        if html_file is None:
+            raise OptionError("page='beside' needs path: the HTML file that it stands beside")
+        beside = check_writable(html_file.with_name(f"{html_file.stem}-model.html"))
+    html, shown = _made(robot, forms, poses or {}, page, beside, skeleton, trajectory)
+    on_paper = None if pdf_file is None else printed(html, pdf_file)
+    if beside is not None and shown is not None:
+        write_text(beside, shown)
+    if html_file is not None:
+        write_text(html_file, html)
+    if pdf_file is not None and on_paper is not None:
+        write_bytes(pdf_file, on_paper)
+    return tuple(file for file in (beside, html_file, pdf_file) if file is not None)
+
+
+def _made(
+    robot: Arm | Mechanism,
+    forms: ClosedForm | None,
+    poses: Mapping[str, npt.ArrayLike],
+    page: str,
+    beside: Path | None,
+    skeleton: bool,
+    trajectory: Any,
+) -> tuple[str, str | None]:
+    inside, name = page == "inside", None if beside is None else beside.name
+    if isinstance(robot, Arm):
+        from pinsing.report.arm_report import arm_report
+
+        if forms is not None and forms.arm.joints != robot.joints:
+            raise OptionError(
+                f"forms are of {forms.arm.name} with joints {', '.join(forms.arm.joints)}, "
+                f"not of {robot.name} with {', '.join(robot.joints)}"
+            )
+        checked_poses = {key: robot.check_one(q, f"pose {key}") for key, q in poses.items()}
+        if trajectory is not None and not isinstance(trajectory, Trajectory):
+            Q = robot.check(trajectory)
+            trajectory = Trajectory(check_trajectory(robot, Q, forms=forms), Q, None)
+        return arm_report(robot, forms, checked_poses, inside, name, skeleton, trajectory)
+    if trajectory is not None:
+        raise OptionError("a trajectory is judged for arms only")
+    if forms is not None:
+        raise OptionError("forms are of arms: a mechanism has none to give")
+    from pinsing.report.mechanism_report import mechanism_report
+
+    given = {key: robot.check_inputs(x) for key, x in poses.items()}
+    return mechanism_report(robot, given, inside, name, skeleton)
+
 
 _TONE = {"singular": "alarm", "near-singular": "caution", "regular": "good"}
 _REACHED = {
@@ -59,13 +189,6 @@ _REACHED = {
     Reachability.UNKNOWN: "",
 }
 _MOST_PICTURES = 12
-_COUNTS = ("no", "one", "two", "three", "four", "five", "six", "seven", "eight", "nine")
-
-
-def counted(number: int, one: str, many: str) -> str:
-    """``one family``, ``three families``, ``12 families``."""
-    said = _COUNTS[number] if number < len(_COUNTS) else str(number)
-    return f"{said} {one if number == 1 else many}"
 
 
 def summary(c: Content) -> Section:
@@ -207,24 +330,18 @@ def robot(c: Content) -> Section:
 
 def assumed(c: Content) -> Section:
     """What the answer stands on besides the file."""
-    rows = [text(note) for note in c.info.arm.notes]
-    rows.append(text(f"Geometry: {c.info.geometry()}."))
-    rows += [text(note) for note in c.forms.hints]
-    rows.append(
-        text(
-            "Singular means: the rank of the Jacobian of the task is below its generic rank. In "
-            "numbers: sigma_r / sigma_1 at or below 1e-9, with r the generic rank; near-singular: "
-            "at or below 0.01. Families hold exactly, on the geometry with exact numbers, and on "
-            "whole circles of the joints; limits are looked at afterwards."
-        )
+    rows = (
+        *c.info.arm.notes,
+        f"Geometry: {c.info.geometry()}.",
+        *c.forms.hints,
+        "Singular means: the rank of the Jacobian of the task is below its generic rank. In "
+        "numbers: sigma_r / sigma_1 at or below 1e-9, with r the generic rank; near-singular: "
+        "at or below 0.01. Families hold exactly, on the geometry with exact numbers, and on "
+        "whole circles of the joints; limits are looked at afterwards.",
+        "Collisions, cables, speeds, torques and masses are not looked at: a configuration "
+        "that is called reachable is within the joint limits, no more.",
     )
-    rows.append(
-        text(
-            "Collisions, cables, speeds, torques and masses are not looked at: a configuration "
-            "that is called reachable is within the joint limits, no more."
-        )
-    )
-    return section("assumed", "What was assumed", bullets(rows))
+    return section("assumed", "What was assumed", bullets(map(text, rows)))
 
 
 def maps(c: Content) -> Section:
@@ -258,9 +375,8 @@ def side_by_side(pictures: Iterable[str]) -> str:
 
 def families(c: Content) -> Section:
     """Each family with its equation, words and a picture."""
-    parts = []
-    for k, (family, pose) in enumerate(zip(c.forms.families, c.poses, strict=True)):
-        parts += list(_family(c, family, pose, k < _MOST_PICTURES))
+    each = enumerate(zip(c.forms.families, c.poses, strict=True))
+    parts = [part for k, pair in each for part in _family(c, *pair, k < _MOST_PICTURES)]
     if not parts:
         parts = [paragraph(text("There are none." if c.forms.complete else "None is known."))]
     if len(c.forms.families) > _MOST_PICTURES:
@@ -285,10 +401,8 @@ def _family(
         ("joints involved", ", ".join(name(j) for j in family.joints)),
     ]
     why, lost = _there(family, pose)
-    if why:
-        facts.append(("why", text(sentence(why))))
-    if lost:
-        facts.append(("what is lost", bullets(text(sentence(x)) for x in lost)))
+    facts += [("why", text(sentence(why)))] * bool(why)
+    facts += [("what is lost", bullets(text(sentence(x)) for x in lost))] * bool(lost)
     facts += [("limit", text(met)) for met in family.limits_met]
     yield terms(facts)
     if pose is None:
@@ -408,10 +522,7 @@ def special(c: Content) -> Section:
     """Verdicts at zero, mid-range and named configurations."""
     rows = []
     for s in c.special:
-        near = "none"
-        if s.near is not None and np.isfinite(s.near.upper):
-            near = _distance(float(s.near.lower), float(s.near.upper), str(s.near.nearest))
-        outside = f"{status_badge(s.state)}"
+        outside = status_badge(s.state)
         if s.state.outside:
             outside += (
                 f"<br>{text('outside the limits of')} {', '.join(map(name, s.state.outside))}"
@@ -423,16 +534,13 @@ def special(c: Content) -> Section:
                 name(values(s.state.q, c.info.arm)),
                 outside,
                 text(f"{s.state.sigma_ratio:.2g}" if s.state.sigma_ratio > 1e-15 else "0"),
-                text(near),
+                text(_distance(s.near)),
                 lost or text("nothing"),
             )
         )
     header = ("", "joints (deg, m)", "verdict", "σ_min/σ_max", "nearest family", "lost there")
-    named = [
-        s.name
-        for s in c.special
-        if not s.name.startswith(("zero", "mid-range", "given", "clearest"))
-    ]
+    usual = ("zero", "mid-range", "given", "clearest")
+    named = any(not s.name.startswith(usual) for s in c.special)
     none = "" if named else "The description names no home configuration."
     return section(
         "special",
@@ -469,13 +577,14 @@ def _clearest(c: Content) -> str:
     return f"{head}<pre>{text(q)}</pre>{bullets(text(sentence(line)) for line in said)}"
 
 
-def _distance(lower: float, upper: float, family: str) -> str:
-    low, high = math.degrees(lower), math.degrees(upper)
+def _distance(near: Clearance | None) -> str:
+    if near is None or not np.isfinite(near.upper):
+        return "none"
+    low, high = math.degrees(float(near.lower)), math.degrees(float(near.upper))
     if high <= 1e-6:
-        return f"on {family}"
-    if high - low <= 0.02 * high:
-        return f"{high:.3g}° from {family}"
-    return f"{low:.3g}° to {high:.3g}° from {family}"
+        return f"on {near.nearest}"
+    least = "" if high - low <= 0.02 * high else f"{low:.3g}° to "
+    return f"{least}{high:.3g}° from {near.nearest}"
 
 
 def values(q: Array, arm: ArmSummary) -> str:
@@ -543,9 +652,6 @@ def proof(c: Content, certificate: str | None) -> Section:
         )
         parts.append(table("σ_min/σ_max on the file's own numbers", ("", "at most"), rows, (1,)))
     return section("proof", "How sure this is", *parts)
-
-
-SCHEMA = "pinsing/report/1"
 
 
 def arm_report(

@@ -121,6 +121,16 @@ footer { margin-top: 3rem; color: var(--soft); font-size: .9rem; }
 """
 
 
+SCHEMA = "pinsing/report/1"
+_COUNTS = ("no", "one", "two", "three", "four", "five", "six", "seven", "eight", "nine")
+
+
+def counted(number: int, one: str, many: str) -> str:
+    """``one family``, ``three families``, ``12 families``."""
+    said = _COUNTS[number] if number < len(_COUNTS) else str(number)
+    return f"{said} {one if number == 1 else many}"
+
+
 def text(words: str) -> str:
     """Words, escaped; control characters and marks that hide or turn text are shown as such."""
     return html.escape(visible(words, keep="\n\t"))
@@ -146,10 +156,10 @@ def paragraph(*parts: str, kind: str = "") -> str:
     return f"<p{_class(kind)}>{' '.join(part for part in parts if part)}</p>"
 
 
-def bullets(items: Iterable[str], kind: str = "") -> str:
+def bullets(items: Iterable[str]) -> str:
     """Items that are HTML already; nothing where there are none."""
     rows = "".join(f"<li>{item}</li>" for item in items)
-    return f"<ul{_class(kind)}>{rows}</ul>" if rows else ""
+    return f"<ul>{rows}</ul>" if rows else ""
 
 
 def terms(pairs: Iterable[tuple[str, str]], kind: str = "") -> str:

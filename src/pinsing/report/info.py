@@ -7,7 +7,7 @@ import os
 import platform
 import sys
 import time
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from datetime import datetime, timezone
 from importlib import metadata
@@ -108,15 +108,11 @@ def singular_poses(arm: Arm) -> tuple[SingularPose, ...]:
 
 
 def _poses(arm: Arm) -> list[tuple[str, Array]]:
+    """Zero, neutral and named poses, none twice."""
     found = [("zero", np.zeros(arm.n))]
-    model = arm.source.full_model
-    named = [("neutral", arm.source.reference)]
-    named += [(str(e.key()), np.array(e.data())) for e in model.referenceConfigurations]
-    for name, full in named:
-        with contextlib.suppress(PinsingError):  # locked joints stand elsewhere in it
-            q = arm.q_of(full)
-            if not any(np.array_equal(q, other) for _, other in found):
-                found.append((name, q))
+    for name, q in _named_poses(arm, neutral=arm.source.reference):
+        if not any(np.array_equal(q, other) for _, other in found):
+            found.append((name, q))
     return found
 
 
@@ -398,15 +394,18 @@ def special_poses(arm: Arm) -> dict[str, Array]:
     """Zero, the middle of the limits, and what the description gives a name to."""
     lower, upper = arm.span
     ends = np.isfinite(arm.lower) & np.isfinite(arm.upper)
-    found = {"zero": np.zeros(arm.n), "mid-range": np.where(ends, (lower + upper) / 2, 0.0)}
+    zero, middle = np.zeros(arm.n), np.where(ends, (lower + upper) / 2, 0.0)
+    same = np.array_equal(zero, middle)
+    found = {"zero, which is mid-range": zero} if same else {"zero": zero, "mid-range": middle}
+    return found | dict(sorted(_named_poses(arm)))
+
+
+def _named_poses(arm: Arm, **more: Array) -> Iterator[tuple[str, Array]]:
+    """Configurations of the whole robot: ``more``, and those that the description names."""
     named = arm.source.full_model.referenceConfigurations
-    for key in sorted(str(pair.key()) for pair in named):
+    for name, full in (*more.items(), *((str(e.key()), np.array(e.data())) for e in named)):
         with contextlib.suppress(PinsingError):  # locked joints stand elsewhere in it
-            found[key] = arm.q_of(np.array(named[key]))
-    if np.array_equal(found["zero"], found["mid-range"]):
-        found = {"zero, which is mid-range": found.pop("zero"), **found}
-        del found["mid-range"]
-    return found
+            yield name, arm.q_of(full)
 
 
 def _clearest(arm: Arm, forms: ClosedForm) -> Suggestion | None:

@@ -17,12 +17,13 @@ from pinsing.loops.problems import assemblies
 from pinsing.loops.result import Line, joint_lines, pose_lines
 from pinsing.loops.solve import InfeasibleError, Interval
 from pinsing.prose import Page
-from pinsing.report.arm_report import SCHEMA, counted
 from pinsing.report.document import (
+    SCHEMA,
     Section,
     badge,
     bullets,
     computed,
+    counted,
     data,
     document,
     figure,
@@ -76,7 +77,7 @@ def loci(mechanism: Mechanism, a: MechanismAnalysis) -> Section:
 def modes(mechanism: Mechanism, a: MechanismAnalysis) -> Section:
     """All modes side by side."""
     from pinsing.loops.problems import Modes
-    from pinsing.plot.motion_curve import mode_sheet
+    from pinsing.plot.mechanism import mode_sheet
 
     def found(problem: str, solutions: object, statement: str) -> Modes:
         return Modes(problem, solutions, 0, (), 0, 0, None, False, statement)  # type: ignore[arg-type]
@@ -100,7 +101,7 @@ def modes(mechanism: Mechanism, a: MechanismAnalysis) -> Section:
 def aspects(mechanism: Mechanism, a: MechanismAnalysis) -> Section | None:
     """A slice through the workspace, or all poses of one freedom."""
     if a.mobility == 1:
-        from pinsing.plot.motion_curve import motion_curve
+        from pinsing.plot.mechanism import motion_curve
 
         drawn = motion_curve(mechanism).figure
         words = "All poses of the mechanism, by assembly mode, with what is singular."
@@ -329,16 +330,14 @@ def robot(mechanism: Mechanism, a: MechanismAnalysis) -> Section:
 
 def assumed(a: MechanismAnalysis) -> Section:
     """What the answers rest on."""
-    rows = [text(note) for note in a.notes]
-    rows += [text(note) for note in (a.forms.notes if a.forms else ())]
-    rows.append(
-        text(
-            "Points are found along curves on which one input moves and the others stay at home, "
-            "within the limits of all joints, active and passive. Collisions, backlash and "
-            "stiffness are not looked at."
-        )
+    rows = (
+        *a.notes,
+        *(a.forms.notes if a.forms else ()),
+        "Points are found along curves on which one input moves and the others stay at home, "
+        "within the limits of all joints, active and passive. Collisions, backlash and "
+        "stiffness are not looked at.",
     )
-    return section("assumed", "What was assumed", bullets(rows))
+    return section("assumed", "What was assumed", bullets(map(text, rows)))
 
 
 def maps(mechanism: Mechanism) -> Section | None:
@@ -452,13 +451,8 @@ def sure(a: MechanismAnalysis) -> Section:
 
 def words() -> Section:
     """The terms of the report."""
-    pairs = [(text(kind), text(words)) for kind, words in TYPES.items()]
-    pairs.append(
-        (
-            text("assembly mode"),
-            text("One of the ways to close the loops at given inputs; it changes at type 2."),
-        )
-    )
+    mode = "One of the ways to close the loops at given inputs; it changes at type 2."
+    pairs = [(text(a), text(b)) for a, b in {**TYPES, "assembly mode": mode}.items()]
     return section("words", "What the words mean", terms(pairs))
 
 
@@ -535,7 +529,7 @@ def mechanism_report(
 
 
 def _page(mechanism: Mechanism, found: MechanismAnalysis, skeleton: bool) -> str:
-    from pinsing.view.mechanism.viewer import MechanismViewer
+    from pinsing.view.mechanism_viewer import MechanismViewer
 
     with MechanismViewer(mechanism, found, skeleton=skeleton) as viewer:
         return viewer.html()

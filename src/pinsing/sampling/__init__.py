@@ -7,7 +7,7 @@ from pinsing._package import public
 if TYPE_CHECKING:
     from pinsing.sampling.analyze import Analysis as Analysis
     from pinsing.sampling.analyze import analyze as analyze
-    from pinsing.sampling.findings import singular_configurations as singular_configurations
+    from pinsing.sampling.analyze import singular_configurations as singular_configurations
     from pinsing.sampling.generalize import Finding as Finding
     from pinsing.sampling.generalize import Generalization as Generalization
     from pinsing.sampling.generalize import generalize as generalize
@@ -17,19 +17,17 @@ if TYPE_CHECKING:
     from pinsing.sampling.map_run import sigma_map as sigma_map
     from pinsing.sampling.sweep_plan import SweepPlan as SweepPlan
     from pinsing.sampling.sweep_plan import plan_sweep as plan_sweep
-    from pinsing.sampling.sweep_result import SweepResult as SweepResult
+    from pinsing.sampling.sweep_run import SweepResult as SweepResult
     from pinsing.sampling.sweep_run import sweep as sweep
 
 public(
     __name__,
     {
-        "analyze": "Analysis analyze",
-        "findings": "singular_configurations",
+        "analyze": "Analysis analyze singular_configurations",
         "generalize": "Finding Generalization generalize",
         "map_plan": "MapPlan plan_map",
         "map_run": "MapResult sigma_map",
         "sweep_plan": "SweepPlan plan_sweep",
-        "sweep_result": "SweepResult",
-        "sweep_run": "sweep",
+        "sweep_run": "SweepResult sweep",
     },
 )

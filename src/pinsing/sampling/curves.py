@@ -63,6 +63,11 @@ class CurveTable:
     ----------
     plan : SweepPlan
         The plan.
+
+    Attributes
+    ----------
+    ranges : (n, 2) array
+        Ends of the range of each joint.
     """
 
     def __init__(self, plan: SweepPlan) -> None:
@@ -80,15 +85,10 @@ class CurveTable:
                 self._blocks.append((first, each, level))
                 first += each * len(level.values)
         self._length = first
-        self._ranges = np.array([effect.range for effect in plan.effects], dtype=float)
+        self.ranges = np.array([effect.range for effect in plan.effects], dtype=float)
 
     def __len__(self) -> int:
         return self._length
-
-    @property
-    def ranges(self) -> Array:
-        """Ends of the range of each joint, (n, 2)."""
-        return self._ranges
 
     def rows(self, numbers: npt.ArrayLike) -> CurveRows:
         """Look up the curves ``numbers`` (C,)."""
@@ -139,7 +139,7 @@ class CurveTable:
         rows = self.rows(curves)
         places = np.asarray(samples, dtype=np.int64)[:, None]
         Q = rows.base.copy()
-        moved = axis_values(self._ranges[rows.moving], self.plan.samples, places)
+        moved = axis_values(self.ranges[rows.moving], self.plan.samples, places)
         np.put_along_axis(Q, rows.moving[:, None], moved, axis=1)
         return Q
 
@@ -204,12 +204,6 @@ class Candidates:
         return len(self.curve)
 
 
-def dips(values: Array, floor: float = _FLAT) -> npt.NDArray[np.intp]:
-    """Indices of the local minima of a sampled curve (S,), ends included; none if it is flat."""
-    infinite = np.full(1, np.inf)
-    return np.flatnonzero(_dips(values[None], infinite, infinite, floor)[0])
-
-
 def minima(sigma: Array, ratio: Array, before: Array, after: Array) -> Bool:
     """Which samples of curves, or of pieces of them, are candidates.
 
@@ -223,10 +217,14 @@ def minima(sigma: Array, ratio: Array, before: Array, after: Array) -> Bool:
     Returns
     -------
     (C, S) array of bool
-        Local minima. In a singular stretch they are rounding: it has one candidate, at a third
-        (its middle may be a special place).
+        Local minima, ends included; none of a flat curve. In a singular stretch they are
+        rounding: it has one candidate, at a third (its middle may be a special place).
     """
-    found = _dips(sigma, before, after, _FLAT)
+    left = np.concatenate([before[:, None], sigma[:, :-1]], axis=1)
+    right = np.concatenate([sigma[:, 1:], after[:, None]], axis=1)
+    top = sigma.max(axis=1)
+    bent = top - sigma.min(axis=1) > _FLAT * top
+    found: Bool = (sigma < left) & (sigma <= right) & bent[:, None]
     singular = ratio <= SINGULAR_RTOL
     inside = singular[:, :-2] & singular[:, 1:-1] & singular[:, 2:]
     for row in np.flatnonzero(inside.any(axis=1)):
@@ -236,14 +234,6 @@ def minima(sigma: Array, ratio: Array, before: Array, after: Array) -> Bool:
                 found[row, first:stop] = False
                 found[row, first + (stop - first) // 3] = True
     return found
-
-
-def _dips(values: Array, before: Array, after: Array, floor: float) -> Bool:
-    left = np.concatenate([before[:, None], values[:, :-1]], axis=1)
-    right = np.concatenate([values[:, 1:], after[:, None]], axis=1)
-    top = values.max(axis=1)
-    bent = top - values.min(axis=1) > floor * top
-    return np.asarray((values < left) & (values <= right) & bent[:, None])
 
 
 def kinds(rows: CurveRows, samples: int, row: Ints, sample: Ints) -> Ints:

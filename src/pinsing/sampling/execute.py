@@ -6,25 +6,327 @@ No scheduler: chunks are handed to the executor a few at a time, and taken as th
 from __future__ import annotations
 
 import contextlib
+import errno
 import functools
+import hashlib
+import json
 import math
 import os
 import signal
+import stat
 import threading
 import time
 from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
 from concurrent.futures import BrokenExecutor, CancelledError, Executor, Future, ThreadPoolExecutor
 from dataclasses import dataclass
+from pathlib import Path
 from queue import SimpleQueue
 from types import FrameType
 from typing import Any, Protocol, TypeVar
 
 from pinsing._batch.engine import cpu_count
-from pinsing.chunk_file import DamagedError, Record
-from pinsing.errors import OptionError, PinsingError, WorkerError
+from pinsing.atomic_write import is_temporary, replace_file, sync_folder, why
+from pinsing.chunk_file import DamagedError, Record, pack, read_bounded, unpack
+from pinsing.errors import OptionError, OutputError, PinsingError, WorkerError
 from pinsing.kinematics.verdict import Evaluator, evaluator, recorded_engine
 from pinsing.robot.arm import Arm
-from pinsing.sampling.run_folder import RunFolder, open_run, recorded
+
+_SCHEMA = "pinsing/run/1"
+_PLAN, _CHUNKS, _LOCK = "plan.json", "chunks", "lock"
+_ROBOT = "robot"
+_FULL = frozenset({errno.ENOSPC, errno.EDQUOT, errno.EFBIG})
+
+
+class RunFolder:
+    """One run on disk. Made by `open_run`.
+
+    Attributes
+    ----------
+    path : Path
+        The folder.
+    identity : mapping
+        What decides the numbers of the run: plain JSON values.
+    chunks : int
+        How many chunks the run has.
+    """
+
+    def __init__(self, path: Path, identity: Mapping[str, Any], chunks: int) -> None:
+        self.path, self.identity, self.chunks = path, dict(identity), chunks
+        self.digest = _identity_digest(self.identity)
+
+    def chunk_path(self, index: int) -> Path:
+        """File of one chunk."""
+        return self.path / _CHUNKS / _chunk_name(index)
+
+    def save(self, index: int, record: Record) -> None:
+        """Put a finished chunk on the disk, all of it or nothing.
+
+        Raises
+        ------
+        OutputError
+            If it cannot be written, as when the disk is full. What was there before stays.
+        """
+        path, data = self.chunk_path(index), pack(record, self.digest, index)
+        if not path.parent.exists():  # somebody has tidied up
+            make_chunks(self.path)
+        self._write(path, data)
+
+    def read(
+        # bytes that the arrays of a chunk take, unless the run says
+        self,
+        index: int,
+        check: Callable[[Record], None] | None = None,
+        room: int = 256 << 20,
+    ) -> Record:
+        """Record of a chunk.
+
+        Parameters
+        ----------
+        check : callable, optional
+            Raises a ValueError that says what a record must not hold.
+        room : int
+            Bytes that its arrays take at most.
+
+        Raises
+        ------
+        DamagedError
+            If it is damaged, of another run or place, or not what it must be.
+        FileNotFoundError
+            If it is not there.
+        OutputError
+            If it cannot be read.
+        """
+        path = self.chunk_path(index)
+        try:
+            # Arrays that cannot be compressed grow by less than a thousandth.
+            data = read_bounded(path, room + room // 512 + (64 << 10))
+        except OSError as error:
+            if isinstance(error, FileNotFoundError):
+                raise
+            raise OutputError(f"cannot read {path}: {why(error)}") from None
+        record = unpack(data, self.digest, index, room)
+        if check is not None:
+            try:
+                check(record)
+            except ValueError as error:
+                raise DamagedError(str(error)) from None
+        return record
+
+    def kept(self) -> tuple[int, ...]:
+        """Return the numbers of the chunks that have a file, damaged or not."""
+        numbers = []
+        with contextlib.suppress(FileNotFoundError), os.scandir(self.path / _CHUNKS) as entries:
+            for entry in entries:
+                number = _chunk_number(entry.name)
+                if number is not None and number < self.chunks:
+                    numbers.append(number)
+        return tuple(sorted(numbers))
+
+    def write_bytes(self, name: str, data: bytes) -> Path:
+        """Write a further file of the run, such as its result, as safely as a chunk."""
+        self._write(self.path / name, data)
+        return self.path / name
+
+    def _write(self, target: Path, data: bytes) -> None:
+        try:
+            replace_file(target, data)
+        except OSError as error:
+            done, advice = len(self.kept()), "run the same command again when that is mended"
+            if error.errno in _FULL:
+                advice = "make room and run the same command again"
+            raise OutputError(
+                f"cannot write {target}: {why(error)}; the {done} of {self.chunks} chunks on the "
+                f"disk are safe: {advice}"
+            ) from None
+
+
+def recorded(path: str | os.PathLike[str]) -> dict[str, Any] | None:
+    """Identity of the run in folder ``path``; None if there is no run yet.
+
+    Raises
+    ------
+    OutputError
+        If there is a plan that cannot be read.
+    """
+    plan = Path(path) / _PLAN
+    advice = f"give another folder, or delete {path} to start anew"
+    try:
+        text = read_bounded(plan, 16 << 20).decode()
+    except (FileNotFoundError, NotADirectoryError):
+        return None
+    except DamagedError as error:
+        raise OutputError(f"cannot use {plan}: {error}; {advice}") from None
+    except (OSError, ValueError) as error:
+        raise OutputError(f"cannot read {plan}: {why(error)}") from None
+    damaged = OutputError(f"{plan} is damaged; {advice}")
+    try:
+        data = json.loads(text)
+        identity, digest = data["identity"], data["sha256"]
+        if data.get("schema") != _SCHEMA or not isinstance(identity, dict):
+            raise damaged
+        if digest != _identity_digest(identity):
+            raise damaged
+    except (ValueError, KeyError, TypeError, AttributeError, RecursionError):
+        raise damaged from None
+    return identity
+
+
+@contextlib.contextmanager
+def open_run(
+    path: str | os.PathLike[str], identity: Mapping[str, Any], chunks: int
+) -> Iterator[RunFolder]:
+    """Start a run in a new or empty folder, or go on with the same one.
+
+    No other process can open the folder meanwhile; the lock ends with the process, however
+    it ends.
+
+    Parameters
+    ----------
+    identity : mapping
+        What decides the numbers: plain JSON values, compared with what the folder has.
+    chunks : int
+        How many chunks there are.
+
+    Raises
+    ------
+    OutputError
+        If the folder is in use, holds another run or something else, or cannot be written.
+    """
+    root = Path(path)
+    identity = json.loads(json.dumps(identity))  # as it will be read back
+    with _locked(root):
+        folder = RunFolder(root, identity, chunks)
+        known = recorded(root)
+        if known is None:
+            make_chunks(root)
+            plan = {"schema": _SCHEMA, "identity": folder.identity, "sha256": folder.digest}
+            folder.write_bytes(_PLAN, (json.dumps(plan, indent=2) + "\n").encode())
+        elif known != identity:
+            raise OutputError(f"{root} holds another run: {_difference(known, identity)}")
+        else:
+            make_chunks(root)
+        _tidy(folder)
+        yield folder
+
+
+def make_chunks(root: Path) -> None:
+    """Make the folder of the chunks if there is none.
+
+    Raises
+    ------
+    OutputError
+        If it cannot be made, or is a link or a file.
+    """
+    chunks = root / _CHUNKS
+    with _reported(f"cannot make {chunks}"):
+        with contextlib.suppress(FileExistsError):
+            os.mkdir(chunks)
+            sync_folder(root)
+        if not stat.S_ISDIR(os.lstat(chunks).st_mode):
+            raise OutputError(f"cannot use {chunks}: it is no folder; remove it, or give another")
+
+
+@contextlib.contextmanager
+def _reported(what: str) -> Iterator[None]:
+    """Say of a failure of the system what could not be done."""
+    try:
+        yield
+    except OutputError:
+        raise
+    except (OSError, ValueError) as error:
+        raise OutputError(f"{what}: {why(error)}") from None
+
+
+@contextlib.contextmanager
+def _locked(root: Path) -> Iterator[None]:
+    """Lock a folder, which is made if it is not there."""
+    try:
+        import fcntl
+    except ImportError:
+        raise OutputError(
+            f"cannot lock {root}: runs in folders need Linux or macOS (on Windows: WSL)"
+        ) from None
+    with _reported(f"cannot use {root}"):
+        if not root.is_dir():
+            if root.is_symlink() and not root.exists():
+                raise OutputError(f"cannot use {root}: it is a link to what is not there")
+            if root.exists():
+                kind = "a file" if root.is_file() else "a device or pipe"
+                raise OutputError(f"cannot use {root}: it is {kind}; give a folder")
+            try:
+                os.mkdir(root)
+            except FileNotFoundError:
+                raise OutputError(f"cannot make {root}: there is no folder {root.parent}") from None
+            sync_folder(root.parent)
+        elif not (root / _PLAN).exists() and not all(map(_is_ours, root.iterdir())):
+            raise OutputError(
+                f"{root} is not empty and holds no run of pinsing; give a new or empty folder"
+            )
+        flags = os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC
+        handle = os.open(root / _LOCK, flags, 0o666)
+    with open(handle, "rb"):
+        if not stat.S_ISREG(os.fstat(handle).st_mode):
+            raise OutputError(f"cannot use {root / _LOCK}: it is no file; remove it")
+        with _reported(f"cannot lock {root}"):
+            try:
+                fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            except BlockingIOError:
+                raise OutputError(
+                    f"another process is at work in {root}; wait for it, or give another folder"
+                ) from None
+        yield
+
+
+def _is_ours(path: Path) -> bool:
+    """Return True of what an interrupted start can leave in a folder."""
+    return path.name in (_LOCK, _CHUNKS) or is_temporary(path.name)
+
+
+def _tidy(folder: RunFolder) -> None:
+    """Remove what killed processes were writing; refuse what no chunk can be written over."""
+    with _reported(f"cannot use {folder.path}"):
+        for place in (folder.path, folder.path / _CHUNKS):
+            with os.scandir(place) as entries:
+                for entry in list(entries):
+                    if is_temporary(entry.name) and entry.is_file(follow_symlinks=False):
+                        os.unlink(entry.path)
+        for index in folder.kept():
+            path = folder.chunk_path(index)
+            if stat.S_ISDIR(os.lstat(path).st_mode):
+                raise OutputError(f"cannot use {path}: it is a folder; remove it")
+
+
+def _chunk_name(index: int) -> str:
+    return f"{index:06d}.npz"
+
+
+def _chunk_number(name: str) -> int | None:
+    """Number of a chunk by the name of its file; None of any other name."""
+    stem = name.removesuffix(".npz")
+    if not (stem.isascii() and stem.isdigit()) or len(stem) > 18:
+        return None
+    return int(stem) if _chunk_name(int(stem)) == name else None
+
+
+def _difference(known: Mapping[str, Any], asked: Mapping[str, Any]) -> str:
+    names = [n for n in {**known, **asked} if known.get(n) != asked.get(n)]
+    if _ROBOT in names:
+        return (
+            "the robot's geometry, task or length scale has changed; give another folder, or "
+            "put the robot back as it was"
+        )
+    parts = []
+    for name in names[:4]:
+        there, here = (json.dumps(x.get(name)) for x in (known, asked))
+        long = max(len(there), len(here)) > 60
+        parts.append(f"{name} differs" if long else f"{name} is {there} there and {here} here")
+    return ", ".join(parts) + "; give the same options as then, or another folder"
+
+
+def _identity_digest(identity: Mapping[str, Any]) -> str:
+    text = json.dumps(identity, sort_keys=True, allow_nan=False)
+    return hashlib.sha256(text.encode()).hexdigest()
+
 
 _AT_ONCE = b"\npinsing: ended at once; what is in a folder is kept\n"
 
@@ -231,30 +533,6 @@ class RunOptions:
     tell: Tell | None = None
 
 
-@contextlib.contextmanager
-def local_threads(
-    threads: int | None = None, patient: Callable[[], bool] = lambda: True
-) -> Iterator[tuple[Executor, int]]:
-    """Threads of this process, as many as it has processors by default.
-
-    Parameters
-    ----------
-    patient : callable
-        Asked at the end, whether to wait for what the threads are doing.
-
-    Raises
-    ------
-    OptionError
-        If there would be none.
-    """
-    count = how_many(threads, "threads")
-    executor = ThreadPoolExecutor(count, thread_name_prefix="pinsing")
-    try:
-        yield executor, count
-    finally:
-        executor.shutdown(wait=patient(), cancel_futures=True)
-
-
 def how_many(asked: int | None, what: str) -> int:
     """A number of workers that was asked for, or that of the processors.
 
@@ -297,10 +575,6 @@ class Job(Protocol):
         """Bytes that the arrays of a chunk take at most."""
 
 
-Chunks = Generator[tuple[int, Record], None, None]
-"""Numbers and records of chunks, as they are done."""
-
-
 def planned_evaluator(arm: Arm, options: RunOptions) -> Evaluator:
     """Fix the engine of a run: that which its folder was begun with, if it has been.
 
@@ -316,165 +590,153 @@ def planned_evaluator(arm: Arm, options: RunOptions) -> Evaluator:
 
 
 class Run:
-    """A job at work: its chunks as they are done, and its folder."""
+    """A job at work: its chunks as they are done, and its folder. Made by `running`.
+
+    Attributes
+    ----------
+    folder : RunFolder or None
+        Where chunks are kept.
+    done : int
+        How much of it was reduced, as progress counts it.
+    """
 
     def __init__(
-        self, job: Job, chunks: Chunks, folder: RunFolder | None, progress: Progress | None
+        self,
+        job: Job,
+        options: RunOptions,
+        folder: RunFolder | None,
+        executor: Executor,
+        parallel: int,
+        inbox: Inbox,
     ) -> None:
-        self.job, self.chunks, self.folder, self.progress = job, chunks, folder, progress
+        self.job, self.options, self.folder = job, options, folder
+        self.executor, self.inbox = executor, inbox
+        self.limit = 2 * parallel  # chunks handed out at a time: one to work on, one waiting
         self.done = 0
 
     def reduce(self, parts: Sequence[Callable[[Record], object]], before: int, count: int) -> bool:
         """Give all chunks to each of ``parts``; False if Ctrl-C has stopped that.
 
         ``before`` and ``count`` are what progress counts: from, and to.
+
+        Raises
+        ------
+        OutputError
+            If a chunk cannot be kept.
+        WorkerError
+            If a worker died, or failed in a way that is no error of pinsing.
         """
         try:
-            for index, record in self.chunks:
-                for part in parts:
-                    part(record)
-                start, stop = self.job.span(index)
-                self.done += stop - start
-                if self.progress is not None:
-                    self.progress(before + self.done, count)
+            with contextlib.closing(self._chunks()) as chunks:
+                for index, record in chunks:
+                    for part in parts:
+                        part(record)
+                    start, stop = self.job.span(index)
+                    self.done += stop - start
+                    if self.options.progress is not None:
+                        self.options.progress(before + self.done, count)
         except KeyboardInterrupt:
             return False
         return True
+
+    def _chunks(self) -> Generator[tuple[int, Record], None, None]:
+        """Numbers and records in any order; those that the folder has come first, as they are.
+
+        A chunk is on the disk before it is yielded; a damaged one is done again. When the inbox is
+        asked to stop, what has begun is still done, kept and yielded.
+        """
+        have: set[int] = set()
+        for index, record in self._kept():
+            have.add(index)
+            yield index, record
+        pending: dict[Future[Record], int] = {}
+        waiting = (index for index in range(self.job.chunks) if index not in have)
+        left = self.job.chunks - len(have)
+        try:
+            while left:
+                if not self.inbox.asked:
+                    for index in waiting:
+                        try:
+                            future = self.executor.submit(self.job.part(index))
+                        except BrokenExecutor as error:
+                            raise _died(error) from error
+                        pending[future] = index
+                        self.inbox.follow(future)
+                        if len(pending) >= self.limit:
+                            break
+                else:
+                    for future in [f for f in pending if f.cancel()]:
+                        del pending[future]  # no worker has begun it
+                    if self.inbox.asked > 1 or not pending:
+                        self.inbox.heeded = True
+                        raise KeyboardInterrupt
+                done = self.inbox.next()
+                if done is None or done not in pending:
+                    continue
+                index = pending.pop(done)
+                record = _outcome(done, self.job, index)
+                if self.folder is not None:
+                    self.folder.save(index, record)
+                left -= 1
+                yield index, record
+        finally:
+            for future in pending:
+                future.cancel()
+
+    def _kept(self) -> Iterator[tuple[int, Record]]:
+        """Chunks that the folder has; those that are damaged are told of at the end."""
+        damaged = []
+        kept = () if self.folder is None else self.folder.kept()
+        for index in kept:
+            if self.inbox.asked:
+                self.inbox.heeded = True
+                raise KeyboardInterrupt
+            assert self.folder is not None
+            try:
+                check = functools.partial(self.job.check, index)
+                record = self.folder.read(index, check, self.job.room(index))
+            except FileNotFoundError:
+                damaged.append(f"{index} (it has gone)")
+            except DamagedError as error:
+                damaged.append(f"{index} ({error})")
+            else:
+                yield index, record
+        tell = self.options.tell
+        if tell is not None and kept:
+            tell(f"{len(kept) - len(damaged)} of {self.job.chunks} chunks were done before")
+            if damaged:
+                more = f" and {len(damaged) - _NAMED} more" if len(damaged) > _NAMED else ""
+                tell(f"damaged and done again: chunks {', '.join(damaged[:_NAMED])}{more}")
 
 
 @contextlib.contextmanager
 def running(job: Job, options: RunOptions) -> Iterator[Run]:
     """Run ``job`` for as long as the block lasts.
 
-    So long Ctrl-C raises nothing by itself: see `pinsing.sampling.execute`.
+    So long Ctrl-C raises nothing by itself: see `ctrl_c_to`.
 
     Raises
     ------
     OptionError
-        If both threads and an executor are given.
-    OutputError, WorkerError
-        As `pinsing.sampling.run_folder.open_run` and `finished_chunks`.
+        If both threads and an executor are given, or no thread.
+    OutputError
+        As `open_run`.
     """
-    executor, parallel = options.executor, options.parallel
+    executor, parallel, inbox = options.executor, options.parallel, Inbox()
     if executor is not None and options.threads is not None:
         raise OptionError("give either threads or an executor, not both")
-    inbox = Inbox()
     with contextlib.ExitStack() as stack:
         stack.enter_context(ctrl_c_to(inbox))
         folder = None
         if options.out is not None:
             folder = stack.enter_context(open_run(options.out, job.identity(), job.chunks))
         if executor is None:
-            pool = local_threads(options.threads, patient=lambda: inbox.asked < 2)
-            executor, parallel = stack.enter_context(pool)
-        chunks = finished_chunks(job, executor, folder, parallel, options.tell, inbox)
-        yield Run(job, stack.enter_context(contextlib.closing(chunks)), folder, options.progress)
-
-
-def finished_chunks(
-    job: Job,
-    executor: Executor,
-    folder: RunFolder | None = None,
-    parallel: int | None = None,
-    tell: Callable[[str], object] | None = None,
-    inbox: Inbox | None = None,
-) -> Chunks:
-    """Run all chunks of ``job``, in any order; those that ``folder`` has come first, as they are.
-
-    Parameters
-    ----------
-    job : Job
-        What to do.
-    executor : Executor
-        Where.
-    folder : RunFolder, optional
-        Each chunk is on the disk before it is yielded; a damaged one is done again.
-    parallel : int, optional
-        How many chunks the executor works on at once; the number of processors by default.
-    tell : callable, optional
-        Called with sentences on what the folder had.
-    inbox : Inbox, optional
-        When it is asked to stop, what has begun is still done, kept and yielded.
-
-    Raises
-    ------
-    KeyboardInterrupt
-        If the inbox was asked to stop, and some chunks are not done.
-    OutputError
-        If a chunk cannot be kept.
-    WorkerError
-        If a worker died, or failed in a way that is no error of pinsing.
-    """
-    inbox = Inbox() if inbox is None else inbox
-    have: set[int] = set()
-    if folder is not None:
-        for index, record in _kept(job, folder, inbox, tell):
-            have.add(index)
-            yield index, record
-    pending: dict[Future[Record], int] = {}
-    waiting = (index for index in range(job.chunks) if index not in have)
-    # chunks handed out at a time: one to work on, one waiting
-    limit = 2 * (cpu_count() if parallel is None else parallel)
-    left = job.chunks - len(have)
-    try:
-        while left:
-            if not inbox.asked:
-                for index in waiting:
-                    try:
-                        future = executor.submit(job.part(index))
-                    except BrokenExecutor as error:
-                        raise _died(error) from error
-                    pending[future] = index
-                    inbox.follow(future)
-                    if len(pending) >= limit:
-                        break
-            elif inbox.asked > 1 or not _begun(pending):
-                inbox.heeded = True
-                raise KeyboardInterrupt
-            done = inbox.next()
-            if done is None or done not in pending:
-                continue
-            index = pending.pop(done)
-            record = _outcome(done, job, index)
-            if folder is not None:
-                folder.save(index, record)
-            left -= 1
-            yield index, record
-    finally:
-        for future in pending:
-            future.cancel()
-
-
-def _kept(
-    job: Job, folder: RunFolder, inbox: Inbox, tell: Callable[[str], object] | None
-) -> Iterator[tuple[int, Record]]:
-    """Chunks that the folder has; those that are damaged are told of at the end."""
-    damaged = []
-    kept = folder.kept()
-    for index in kept:
-        if inbox.asked:
-            inbox.heeded = True
-            raise KeyboardInterrupt
-        try:
-            record = folder.read(index, functools.partial(job.check, index), job.room(index))
-        except FileNotFoundError:
-            damaged.append(f"{index} (it has gone)")
-        except DamagedError as error:
-            damaged.append(f"{index} ({error})")
-        else:
-            yield index, record
-    if tell is not None and kept:
-        tell(f"{len(kept) - len(damaged)} of {job.chunks} chunks were done before")
-        if damaged:
-            more = f" and {len(damaged) - _NAMED} more" if len(damaged) > _NAMED else ""
-            tell(f"damaged and done again: chunks {', '.join(damaged[:_NAMED])}{more}")
-
-
-def _begun(pending: dict[Future[Record], int]) -> bool:
-    """Give back what no worker has begun; whether there is something that one has."""
-    for future in [f for f in pending if f.cancel()]:
-        del pending[future]
-    return bool(pending)
+            parallel = how_many(options.threads, "threads")
+            executor = pool = ThreadPoolExecutor(parallel, thread_name_prefix="pinsing")
+            # Pressed twice, nobody waits for what the threads are doing.
+            stack.callback(lambda: pool.shutdown(wait=inbox.asked < 2, cancel_futures=True))
+        parallel = cpu_count() if parallel is None else parallel
+        yield Run(job, options, folder, executor, parallel, inbox)
 
 
 def _outcome(future: Future[Record], job: Job, index: int) -> Record:

@@ -20,7 +20,7 @@ import numpy.typing as npt
 from pinsing._types import Array
 from pinsing.arguments import MAX_SEED, checked, whole_number
 from pinsing.configuration.refine import SingularConfiguration, approach
-from pinsing.errors import ConfigurationError, OptionError, UnknownNameError
+from pinsing.errors import ConfigurationError, OptionError
 from pinsing.kinematics.batch import own_scale
 from pinsing.kinematics.verdict import SINGULAR_RTOL, Status, ratios
 from pinsing.measures import Reachability
@@ -79,8 +79,7 @@ class JointCondition:
 
     def distance(self, joint: str, value: float) -> float:
         """How far ``value`` is from the one that ``joint`` is fixed at, whole turns aside."""
-        difference = value - self.fixed[joint]
-        return abs(difference if joint in self.prismatic else math.remainder(difference, _TURN))
+        return apart(value, self.fixed[joint], joint in self.prismatic)
 
     def __str__(self) -> str:
         parts = [
@@ -90,6 +89,11 @@ class JointCondition:
         if self.related:
             parts.append(f"a relation between {listed(self.related)}")
         return " and ".join(parts) if parts else "every configuration"
+
+
+def apart(one: float, other: float, slides: bool) -> float:
+    """Difference of two values of a joint, whole turns aside."""
+    return abs(one - other if slides else math.remainder(one - other, _TURN))
 
 
 def value_text(value: float, prismatic: bool = False) -> str:
@@ -186,7 +190,7 @@ def finding_spans(finding: Finding) -> tuple[Span, ...]:
 SNAP_TOL = 1e-4
 """Radians or metres: a value nearer than this to a special one is tried there first."""
 
-SAMPLES = 64
+DRAWS = 64
 """Random values of the other joints that a condition is tested at."""
 
 _SCREEN = 3  # samples that sort out most subsets
@@ -236,7 +240,7 @@ def generalize(
     arm: Arm,
     configuration: SingularConfiguration | npt.ArrayLike,
     *,
-    samples: int = SAMPLES,
+    samples: int = DRAWS,
     rtol: float = SINGULAR_RTOL,
     seed: int = 0,
     joints: Sequence[str] | None = None,
@@ -284,9 +288,7 @@ def generalize(
     <Generalization: wrist_2_joint = 0, whatever the others>
     """
     whole_number(seed, "seed", 0, MAX_SEED)
-    for name in joints or ():
-        if name not in arm.joints:
-            raise UnknownNameError("joint", name, arm.joints)
+    candidates = range(arm.n) if joints is None else [arm.space.index(j) for j in joints]
     exact = nominal(arm).arm if geometry is None else geometry
     given = configuration.q if isinstance(configuration, SingularConfiguration) else configuration
     q = arm.fold(arm.check_one(given, "configuration"))
@@ -300,7 +302,6 @@ def generalize(
                 "the nominal geometry); refine the configuration first"
             )
         q = end.q[0]
-    candidates = range(arm.n) if joints is None else [arm.joints.index(j) for j in joints]
     tester = ConditionTester(exact, candidates, samples, rtol, seed)
     q = tester.snap(q)
     return Generalization(
@@ -331,7 +332,7 @@ class ConditionTester:
         self,
         arm: Arm,
         joints: Sequence[int] | range,
-        samples: int = SAMPLES,
+        samples: int = DRAWS,
         rtol: float = SINGULAR_RTOL,
         seed: int = 0,
     ) -> None:
@@ -342,7 +343,8 @@ class ConditionTester:
             )
         self.arm, self.rtol, self.joints = arm, rtol, tuple(joints)
         rng = np.random.default_rng(seed)
-        self.others = random_configurations(arm, max(samples, _SCREEN, _PUSHES), rng)
+        count = max(samples, _SCREEN, _PUSHES)
+        self.others = arm.space.sample(count, rng, ignore_limits=True)  # whole circles
         self.pushes = rng.standard_normal((_PUSHES, arm.n))
         self.samples = samples
         self.metric = own_scale(arm).columns
@@ -389,7 +391,7 @@ class ConditionTester:
             screened = self.worst_ratios(subsets, repeated, _SCREEN)
             loose = max(1e-6, self.rtol)  # ratio for candidates, before their values are polished
             for s in (s for s, worst in zip(subsets, screened, strict=True) if worst <= loose):
-                polished = self._polish(s, q)
+                polished = next((v for v in self._polished(s, q) if self.forces(s, v)), None)
                 if polished is not None:
                     found.append((s, polished))
         return found
@@ -451,14 +453,8 @@ class ConditionTester:
             worst_ratio=float(self.worst_ratios([subset], values[None])[0]),
         )
 
-    def _polish(self, subset: tuple[int, ...], q: Array) -> Array | None:
-        """Values of the subset that force it to ``rtol``, or None."""
-        for values in self._polished(subset, q):
-            if self.forces(subset, values):
-                return values
-        return None
-
     def _polished(self, subset: tuple[int, ...], q: Array) -> Iterator[Array]:
+        """Values near q (n,) that may force it to ``rtol``."""
         near = special_nearby(self.arm, q)
         yield np.where(np.abs(near - q) <= SNAP_TOL, near, q)
         yield q
@@ -496,11 +492,6 @@ class ConditionTester:
             # of the push: else, a single value that ends nearer is fixed nevertheless
             moved = moved or frozenset(i for i in subset if away[i] > 1e-4 * size)
         return moved or frozenset()
-
-
-def random_configurations(arm: Arm, count: int, rng: np.random.Generator) -> Array:
-    """Random joint vectors (count, n): whole circles, and the span of prismatic joints."""
-    return arm.space.sample(count, rng, ignore_limits=True)
 
 
 def special_nearby(arm: Arm, q: Array) -> Array:

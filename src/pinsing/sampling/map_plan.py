@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Any, ClassVar, Literal
+from typing import Any, ClassVar
 
 import numpy as np
 import numpy.typing as npt
@@ -22,10 +22,9 @@ from pinsing.kinematics.verdict import scale_notes
 from pinsing.robot.arm import Arm, ArmSummary, summarize
 from pinsing.serialization import JsonResult
 
-Sampling = Literal["grid", "sobol", "random"]
 Words = npt.NDArray[np.uint64]
 
-SAMPLINGS: tuple[Sampling, ...] = ("grid", "sobol", "random")
+SAMPLINGS = ("grid", "sobol", "random")
 
 BITS = 52
 """Binary digits of a coordinate of a Sobol point, and of its number: those of a float."""

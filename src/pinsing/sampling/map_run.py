@@ -46,9 +46,6 @@ _SHOWN_WORST = 5
 _DIGITS = 9
 
 
-MapPoint = WorstPoint
-
-
 @dataclass(frozen=True, eq=False)
 class ClearancePoint:
     """One of the configurations nearest to a family.
@@ -114,7 +111,7 @@ class MapResult(JsonResult):
         How many of them are that (ratio at most 1e-9; above it and at most 1e-2).
     sigma_min, ratio : Distribution
         Of sigma_r, and of sigma_r / sigma_1.
-    worst : tuple of MapPoint
+    worst : tuple of WorstPoint
         Those of smallest ratio, smallest first, the first of equals first.
     complete : bool
         False if the map was stopped.
@@ -134,38 +131,10 @@ class MapResult(JsonResult):
     near_singular: int
     sigma_min: Distribution
     ratio: Distribution
-    worst: tuple[MapPoint, ...]
+    worst: tuple[WorstPoint, ...]
     complete: bool
     notes: tuple[str, ...]
     clearance: ClearanceSpread | None = field(default=None, metadata={"optional": True})
-
-    @checked
-    def head(self, page: Page = PLAIN) -> str:
-        """Lines above the table of quantiles.
-
-        Parameters
-        ----------
-        page : Page
-            Width and colour (`pinsing.prose`); plain text of 100 columns by default.
-        """
-        arm = self.plan.arm
-        of = "" if self.complete else f" ({self.done:,} done)"
-        near = self.singular + self.near_singular
-        singular = alarm("singular") if self.singular else "singular"
-        lines: list[tuple[Span, ...]] = [
-            (f"map of {arm.name}: {self.plan}{of}",),
-            (
-                f"tip {arm.tip}, task {arm.task}, length scale {arm.length_scale:g} m; "
-                f"engine {self.engine}",
-            ),
-            (singular, f" (sigma_r/sigma_1 <= {SINGULAR_RTOL:g}): {self.singular:,}"),
-            (
-                caution("near-singular") if self.near_singular else "near-singular",
-                f" (<= {NEAR_RTOL:g}): {self.near_singular:,}; "
-                f"{100 * near / self.done:.3g} % of all are singular or near-singular",
-            ),
-        ]
-        return "\n".join(page.paragraph(*line, rest="  ") for line in lines)
 
     @checked
     def text(self, page: Page = PLAIN, degrees: bool = False) -> str:
@@ -185,40 +154,43 @@ class MapResult(JsonResult):
         >>> print(result.text(degrees=True).splitlines()[0])
         map of planar3r: Sobol sample of 1,000 configurations over q2, q3
         """
-        rows = Table(("share", "sigma_min", "ratio"), self.quantile_rows(), frozenset({0, 1, 2}))
-        parts = [self.head(page), page.table(rows), self.tail(degrees, page)]
+        arm = self.plan.arm
+        of = "" if self.complete else f" ({self.done:,} done)"
+        near = self.singular + self.near_singular
+        lines: list[tuple[Span, ...]] = [
+            (f"map of {arm.name}: {self.plan}{of}",),
+            (
+                f"tip {arm.tip}, task {arm.task}, length scale {arm.length_scale:g} m; "
+                f"engine {self.engine}",
+            ),
+            (
+                alarm("singular") if self.singular else "singular",
+                f" (sigma_r/sigma_1 <= {SINGULAR_RTOL:g}): {self.singular:,}",
+            ),
+            (
+                caution("near-singular") if self.near_singular else "near-singular",
+                f" (<= {NEAR_RTOL:g}): {self.near_singular:,}; "
+                f"{100 * near / self.done:.3g} % of all are singular or near-singular",
+            ),
+        ]
+        rows = _quantile_rows(self.sigma_min, self.ratio)
+        parts = ["\n".join(page.paragraph(*line, rest="  ") for line in lines)]
         if self.clearance is not None:
-            parts[1:1] = _clearance_text(self.clearance, self.plan, degrees, page)
-        return "\n\n".join(parts)
-
-    def quantile_rows(self) -> tuple[tuple[str, str, str], ...]:
-        """Share of the configurations, and what sigma_r and the ratio are at most there."""
-        return _quantile_rows(self.sigma_min, self.ratio)
-
-    @checked
-    def tail(self, degrees: bool = False, page: Page = PLAIN) -> str:
-        """Lines below the table: the worst configurations, in radians or degrees, and notes.
-
-        Parameters
-        ----------
-        degrees : bool
-            Angles in degrees, labelled, instead of radians.
-        page : Page
-            Width and colour (`pinsing.prose`); plain text of 100 columns by default.
-        """
-        lines = [f"quantiles to {100 * QUANTILE_ERROR:.1f} %; the smallest ratios:"]
+            parts += _clearance_text(self.clearance, self.plan, degrees, page)
+        parts.append(page.table(Table(("share", "sigma_min", "ratio"), rows, frozenset({0, 1, 2}))))
+        worst = [f"quantiles to {100 * QUANTILE_ERROR:.1f} %; the smallest ratios:"]
         for point in self.worst[:_SHOWN_WORST]:
-            room = page.width - 34
-            q = typed(point.q, self.plan.arm.prismatic, degrees, _DIGITS, room=room)
+            q = typed(point.q, arm.prismatic, degrees, _DIGITS, room=page.width - 34)
             spans = (f"{point.ratio:.3g} (", verdict(point.status), f") at {q}")
-            lines.append(page.paragraph(*spans, first="  ", rest="    "))
-        lines += [page.paragraph(f"note: {note}", rest="  ") for note in self.notes]
-        return "\n".join(lines)
+            worst.append(page.paragraph(*spans, first="  ", rest="    "))
+        worst += [page.paragraph(f"note: {note}", rest="  ") for note in self.notes]
+        return "\n\n".join([*parts, "\n".join(worst)])
 
 
 def _quantile_rows(
     one: Distribution, two: Distribution, scale: float = 1.0
 ) -> tuple[tuple[str, str, str], ...]:
+    """Share of the configurations, and what both values are at most there."""
     rows = []
     for p in (0.0, 0.001, 0.01, 0.1, 0.5, 0.9, 0.99, 1.0):
         share = {0.0: "smallest", 0.5: "median", 1.0: "largest"}.get(p, f"{100 * p:g} %")
@@ -593,5 +565,5 @@ def run_map(
             clearance=None if near is None else near.spread(distances[0], locate),
         )
         if run.folder is not None and result.complete:
-            run.folder.write_text(RESULT, result.to_json() + "\n")
+            run.folder.write_bytes(RESULT, (result.to_json() + "\n").encode())
     return result

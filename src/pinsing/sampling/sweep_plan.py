@@ -21,7 +21,7 @@ from pinsing.robot.arm import Arm, ArmSummary, summarize
 from pinsing.robot.joint_space import SLACK
 from pinsing.robot.nominal import ANGLE_TOL
 from pinsing.robot.nominal import nominal as nominal_geometry
-from pinsing.sampling.generalize import ConditionTester, random_configurations, value_text
+from pinsing.sampling.generalize import ConditionTester, apart, value_text
 from pinsing.sampling.map_plan import moving_ranges
 from pinsing.serialization import JsonResult
 
@@ -34,6 +34,7 @@ Special = Sequence[float] | Mapping[str, Sequence[float]]
 SAMPLES = 181
 """Points of a curve: every two degrees of a whole turn."""
 
+_SAME = 1e-9  # radians or metres
 NO_EFFECT = 1e-9
 """Relative change of sigma_r along the whole range of a joint that counts as none."""
 
@@ -226,7 +227,7 @@ def uniform_configurations(
     found: list[tuple[float, Array]] = []
     outside: list[str] = []
     for value in flat:
-        if any(_same(value, known, False) for known, _ in found):
+        if any(apart(value, known, False) < _SAME for known, _ in found):
             continue
         q = np.where(arm.prismatic, nominal, value)
         if not ignore_limits and arm.space.unreachable(q).any():
@@ -313,22 +314,17 @@ def special_values(
     used: set[float] = set()
     merged = False
     for i, name in enumerate(arm.joints):
-        if name in by_joint:
-            wanted: Sequence[float] = by_joint[name]
-        elif arm.prismatic[i]:
-            low, high = arm.span[0][i], arm.span[1][i]
-            wanted = (0.0, float(low + high) / 2)
-        else:
-            wanted = common
+        slides = bool(arm.prismatic[i])
+        usual = (0.0, float(arm.span[0][i] + arm.span[1][i]) / 2) if slides else common
         kept: list[float] = []
-        for value in wanted:
+        for value in by_joint.get(name, usual):
             if not math.isfinite(value):
                 raise OptionError(f"special value {value} of {name} is not finite")
             row = np.zeros(arm.n)
             row[i] = value
             arm.check(row, "special")
             folded = value if ignore_limits else float(arm.fold(row)[i])
-            room = SLACK if arm.prismatic[i] else ANGLE_TOL  # files say 1.5707 for 90 degrees
+            room = SLACK if slides else ANGLE_TOL  # files say 1.5707 for 90 degrees
             if not ignore_limits and not arm.lower[i] - room <= folded <= arm.upper[i] + room:
                 if name in by_joint:
                     raise ConfigurationError(
@@ -339,13 +335,13 @@ def special_values(
                         value=float(value),
                         limits=(float(arm.lower[i]), float(arm.upper[i])),
                     )
-                left_out.append(f"{name} = {value_text(value, bool(arm.prismatic[i]))}")
+                left_out.append(f"{name} = {value_text(value, slides)}")
                 continue
             used.add(value)
-            if any(_same(folded, k, bool(arm.prismatic[i])) for k in kept):
-                merged = merged or not arm.prismatic[i]
-                continue
-            kept.append(folded)
+            if all(apart(folded, k, slides) >= _SAME for k in kept):
+                kept.append(folded)
+            else:
+                merged = merged or not slides
         result.append(np.array(kept, dtype=float))
     if own and not isinstance(special, Mapping) and not arm.prismatic.all():
         for value in common:
@@ -357,21 +353,10 @@ def special_values(
     if merged:
         notes.append("special values a whole turn apart are swept once")
     if left_out:
-        notes.append(_left_out(left_out))
+        what = "special value is" if len(left_out) == 1 else "special values are"
+        named = f" ({', '.join(left_out)})" if len(left_out) < 3 else ""
+        notes.append(f"{len(left_out)} {what} outside the joint limits: left out{named}")
     return result
-
-
-def _left_out(words: Sequence[str]) -> str:
-    """One line with their number, and the values themselves where they are few."""
-    count = len(words)
-    if count > 2:  # values that a note names one by one
-        return f"{count} special values are outside the joint limits: left out"
-    what = "special value is" if count == 1 else "special values are"
-    return f"{count} {what} outside the joint limits: left out ({', '.join(words)})"
-
-
-def _same(a: float, b: float, prismatic: bool) -> bool:
-    return abs(a - b if prismatic else math.remainder(a - b, 2 * math.pi)) < 1e-9
 
 
 LEVELS = (1, 2)
@@ -491,7 +476,7 @@ def _effects(
     notes: list[str],
 ) -> tuple[JointEffect, ...]:
     """Which joints change sigma_r, by their curves from q and from random configurations."""
-    bases = np.concatenate([q[None], random_configurations(arm, 4, rng)])
+    bases = np.concatenate([q[None], arm.space.sample(4, rng, ignore_limits=True)])
     Q = np.repeat(bases[None, :, None], arm.n, axis=0).repeat(_EFFECT_SAMPLES, axis=2)
     for i in range(arm.n):
         Q[i, :, :, i] = np.linspace(ranges[i, 0], ranges[i, 1], _EFFECT_SAMPLES)

@@ -13,23 +13,30 @@ from __future__ import annotations
 
 import functools
 import hashlib
+import io
+import json
 import os
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, ClassVar
 
 import numpy as np
 import numpy.typing as npt
 
 from pinsing._types import Array, Ints
-from pinsing.arguments import checked
-from pinsing.chunk_file import Record
-from pinsing.errors import OptionError
-from pinsing.kinematics.verdict import Evaluator, run_identity, status_of
-from pinsing.robot.arm import Arm
+from pinsing.arguments import checked, whole_number
+from pinsing.atomic_write import write_bytes
+from pinsing.chunk_file import DamagedError, Record, read_arrays, read_bounded
+from pinsing.errors import OptionError, ResultError, UnknownNameError
+from pinsing.joint_text import typed
+from pinsing.kinematics.verdict import Evaluator, Status, run_identity, status_of
+from pinsing.prose import PLAIN, Page, Span, alarm, unbroken, verdict
+from pinsing.robot.arm import Arm, ArmSummary
 from pinsing.sampling.curves import (
     CANDIDATES,
+    Candidates,
     CurveRows,
     CurveTable,
     Pool,
@@ -39,30 +46,374 @@ from pinsing.sampling.curves import (
 )
 from pinsing.sampling.execute import (
     Progress,
+    RunFolder,
     RunOptions,
     Tell,
     planned_evaluator,
+    recorded,
     running,
 )
+from pinsing.sampling.generalize import Finding, apart, finding_spans, value_text
 from pinsing.sampling.sweep_plan import SAMPLES, SPECIAL_ANGLES, Special, SweepPlan, plan_sweep
-from pinsing.sampling.sweep_result import (
-    CURVES,
-    HOW_TO_KEEP,
-    SweepCurve,
-    SweepResult,
-    SweepSummary,
-    UniformRow,
-    curves_of,
-    pack_sweep,
-)
 from pinsing.sampling.tally import (
+    Distribution,
     Tally,
+    WorstPoint,
     check_names,
     distributions,
     finite,
     whole,
     worst_points,
 )
+from pinsing.serialization import JsonResult
+
+HOW_TO_KEEP = (
+    "sweep fewer of them, or keep them in a folder (keep=True with out=FOLDER, --keep -o FOLDER) "
+    "and read them one by one with pinsing.sampling.sweep_run.kept_curves(DIR)"
+)
+"""What is to be done where curves are needed and there are none."""
+
+CURVES = "sweep.npz"
+"""File of the folder of a complete sweep that holds its result, with the curves if kept in it."""
+
+
+@dataclass(frozen=True, eq=False)
+class SweepCurve:
+    """Distribution of sigma_r along one joint.
+
+    Attributes
+    ----------
+    level : int
+        Number of joints at special values; 0 for the curves from the nominal configuration.
+    fixed : mapping of str to float
+        Joints at special values, radians or metres.
+    forced : bool
+        ``fixed`` alone is singular whatever the others, and so is the whole curve.
+    moving : int
+        Index of the joint that moves.
+    x : (samples,) array
+        Its values, radians or metres.
+    sigma_min : (samples,) array
+        sigma_r of the task Jacobian, raw geometry.
+    sigma_ratio : (samples,) array
+        sigma_r / sigma_1.
+    number : int
+        Its place in the plan.
+    """
+
+    level: int
+    fixed: Mapping[str, float]
+    forced: bool
+    moving: int
+    x: Array
+    sigma_min: Array
+    sigma_ratio: Array
+    number: int
+
+    def holds(self, values: Mapping[str, float], arm: ArmSummary) -> bool:
+        """Return True if those joints, and no others, are at these special values."""
+        slides = dict(zip(arm.joints, arm.prismatic, strict=True))
+        return set(values) == set(self.fixed) and all(
+            apart(value, self.fixed[name], bool(slides[name])) < 1e-9
+            for name, value in values.items()
+        )
+
+
+@dataclass(frozen=True)
+class UniformRow:
+    """All revolute joints at one special value: step (2).
+
+    Attributes
+    ----------
+    value : float
+        Radians.
+    sigma_min, sigma_ratio : float
+        sigma_r, and sigma_r / sigma_1.
+    status : str
+        ``singular``, ``near-singular`` or ``regular``.
+    """
+
+    value: float
+    sigma_min: float
+    sigma_ratio: float
+    status: Status
+
+
+@dataclass(frozen=True, eq=False)
+class SweepSummary:
+    """How sigma_r is distributed over the samples of all curves.
+
+    Curves whose special values alone are singular whatever the others are left out: all of
+    them is rounding. The number of a configuration is that of its curve times the samples of a
+    curve, plus that of the sample.
+
+    Attributes
+    ----------
+    count : int
+        Configurations.
+    singular, near_singular : int
+        How many of them are that (ratio at most 1e-9; above it and at most 1e-2).
+    sigma_min, ratio : Distribution
+        Of sigma_r, and of sigma_r / sigma_1.
+    worst : tuple of WorstPoint
+        Those of smallest ratio, smallest first, the first of equals first.
+    """
+
+    count: int
+    singular: int
+    near_singular: int
+    sigma_min: Distribution
+    ratio: Distribution
+    worst: tuple[WorstPoint, ...]
+
+    def __str__(self) -> str:
+        ratio = self.ratio
+        shown = ", ".join(
+            f"{name} {ratio.quantile(p):.3g}"
+            for p, name in ((0.01, "1 %"), (0.1, "10 %"), (0.5, "median"))
+        )
+        return (
+            f"sigma_r/sigma_1 over {self.count:,} configurations: "
+            f"smallest {ratio.smallest.value:.3g}, {shown}, largest {ratio.largest.value:.3g}; "
+            f"{self.singular:,} singular, {self.near_singular:,} near-singular"
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class SweepResult(JsonResult):
+    """All that a sweep has computed.
+
+    Attributes
+    ----------
+    plan : SweepPlan
+        What was asked for.
+    uniform : tuple of UniformRow
+        All joints at each special value.
+    curves : tuple of SweepCurve
+        In the order of the plan; empty if they are not kept.
+    complete : bool
+        False if the sweep was stopped.
+    notes : tuple of str
+        The notes of the plan, and what happened on the way.
+    engine : str
+        ``pinocchio``, or the instruction set: the same one gives the same bits.
+    kept : bool
+        Whether ``curves`` has them.
+    done : int
+        Jacobians computed.
+    summary : SweepSummary or None
+        How sigma_r is distributed over the curves; None if there was no curve to look at.
+    candidates : Candidates
+        The dips of the curves.
+    """
+
+    schema: ClassVar[str] = "pinsing/sweep/1"
+    made_by: ClassVar[str] = "pinsing.sampling.sweep(arm)"
+
+    plan: SweepPlan
+    uniform: tuple[UniformRow, ...]
+    curves: tuple[SweepCurve, ...]
+    complete: bool
+    notes: tuple[str, ...]
+    engine: str
+    kept: bool
+    done: int
+    summary: SweepSummary | None
+    candidates: Candidates
+
+    @property
+    def arm(self) -> ArmSummary:
+        """The arm that was swept."""
+        return self.plan.arm
+
+    @checked
+    def curve(self, fixed: Mapping[str, float] | None, moving: str | int) -> SweepCurve:
+        """Look up the curve of joint ``moving`` with ``fixed`` at special values.
+
+        Parameters
+        ----------
+        fixed : mapping of str to float
+            Radians or metres; values of revolute joints up to whole turns. Empty for level 0.
+        moving : str or int
+            Name or index of the joint.
+
+        Returns
+        -------
+        SweepCurve
+            Its ``x`` and ``sigma_min``, among others.
+
+        Raises
+        ------
+        UnknownNameError
+            If a joint does not exist.
+        OptionError
+            If there is no such curve, or the curves are not kept.
+
+        Examples
+        --------
+        >>> import pinsing
+        >>> curve = pinsing.sampling.sweep(pinsing.load("planar3r")).curve({}, "q2")
+        >>> curve.x.shape, curve.sigma_min.max().round(3).item()
+        ((181,), 0.206)
+        """
+        names = self.arm.joints
+        wanted = dict(fixed or {})
+        self._known((*wanted, *([moving] if isinstance(moving, str) else [])))
+        index = (
+            names.index(moving)
+            if isinstance(moving, str)
+            else whole_number(moving, "moving", 0, len(names) - 1)
+        )
+        for curve in self.curves:
+            if curve.moving == index and curve.holds(wanted, self.arm):
+                return curve
+        if not self.kept:
+            raise OptionError(
+                f"the curves of this sweep are not kept ({self.plan.n_jacobians:,} Jacobians); "
+                f"{HOW_TO_KEEP}"
+            )
+        raise OptionError(
+            f"there is no curve of {names[index]} with {self.set_text(wanted) or 'no joint fixed'}"
+            ": outside the plan, or left out because a part of it is singular already"
+        )
+
+    @checked
+    def set_text(self, fixed: Mapping[str, float]) -> str:
+        """Special values in words.
+
+        Parameters
+        ----------
+        fixed : mapping of str to float
+            Radians or metres, by names of joints.
+
+        Raises
+        ------
+        UnknownNameError
+            If a joint does not exist.
+
+        Examples
+        --------
+        >>> import math, pinsing
+        >>> pinsing.sampling.sweep(pinsing.load("planar3r")).set_text({"q2": 0, "q3": math.pi / 2})
+        'q2 = 0, q3 = 90 deg'
+        """
+        self._known(fixed)
+        sliding = dict(zip(self.arm.joints, self.arm.prismatic, strict=True))
+        return ", ".join(f"{n} = {value_text(v, bool(sliding[n]))}" for n, v in fixed.items())
+
+    def _known(self, joints: Iterable[str]) -> None:
+        for name in joints:
+            if name not in self.arm.joints:
+                raise UnknownNameError("joint", name, self.arm.joints)
+
+    def __str__(self) -> str:
+        return sweep_text(self)
+
+
+def sweep_text(
+    result: SweepResult,
+    findings: Sequence[Finding] | None = None,
+    page: Page = PLAIN,
+    degrees: bool = False,
+) -> str:
+    """What was swept, what was found, and what was left out.
+
+    Parameters
+    ----------
+    result : SweepResult
+        What to print.
+    findings : sequence of Finding, optional
+        What `singular_configurations` made of it, if that was asked.
+    page : Page
+        What it is fitted to.
+    degrees : bool
+        Configurations in degrees.
+    """
+    room = page.width - 2
+    lines = [page.paragraph(*spans, rest="  ") for spans in _swept(result, degrees, room)]
+    if findings is not None:
+        title: Span = "Found, refined and generalised:" if findings else "Nothing singular found."
+        lines += ["", page.paragraph(title)]
+        lines += [page.paragraph(*finding_spans(f), first="  - ") for f in findings]
+    if result.notes:
+        lines += ["", "Notes:"]
+        lines += [page.paragraph(note, first="  - ") for note in result.notes]
+    return "\n".join(lines)
+
+
+def _swept(result: SweepResult, degrees: bool, room: int) -> Iterator[tuple[Span, ...]]:
+    plan = result.plan
+    yield (f"sweep of {result.arm.name}: {plan}",)
+    at = typed(plan.nominal, result.arm.prismatic, degrees, 9, room=room)
+    origin = {
+        "given": "as given",
+        "pi/3": "60 degrees, as in the paper",
+        "random": "the best conditioned of some random ones",
+    }.get(plan.nominal_origin, plan.nominal_origin)
+    sigma = unbroken(f"sigma_min = {plan.nominal_sigma[-1]:.6g}")
+    yield (f"nominal configuration ({origin}): {at}; {sigma}",)
+    for row in result.uniform:
+        value = unbroken(value_text(row.value))
+        yield (
+            f"all joints at {value}: {unbroken(f'sigma_min = {row.sigma_min:.3g}')}, ",
+            verdict(row.status),
+        )
+    for fixed in plan.forced:
+        condition = unbroken(result.set_text(fixed)).replace(",\u00a0", ", ")
+        yield f"{condition}: ", alarm("singular"), " whatever the others"
+    if result.summary is not None:
+        yield (str(result.summary).replace(" %", "\u00a0%"),)
+
+
+def curves_of(
+    table: CurveTable,
+    numbers: npt.ArrayLike,
+    x: Array,
+    sigma_min: Iterable[Array],
+    sigma_ratio: Iterable[Array],
+) -> Iterator[SweepCurve]:
+    """Curves ``numbers`` (C,) of a table, from their values and those (n, S) of all joints."""
+    rows = table.rows(numbers)
+    values = zip(rows.numbers.tolist(), sigma_min, sigma_ratio, strict=True)
+    for k, (number, last, ratio) in enumerate(values):
+        yield SweepCurve(
+            level=int(rows.fixed[k].sum()),
+            fixed=table.fixed_values(rows, k),
+            forced=bool(rows.forced[k]),
+            moving=int(rows.moving[k]),
+            x=x[rows.moving[k]],
+            sigma_min=last,
+            sigma_ratio=ratio,
+            number=number,
+        )
+
+
+def pack_sweep(result: SweepResult) -> bytes:
+    """Bytes of the file that `save_npz` writes."""
+    joints = result.arm.joints
+    samples = result.plan.samples if result.curves else 0
+    fixed = np.full((len(result.curves), len(joints)), np.nan)
+    ranges = np.array([e.range for e in result.plan.effects], dtype=float)
+    for row, curve in zip(fixed, result.curves, strict=True):
+        row[[joints.index(name) for name in curve.fixed]] = list(curve.fixed.values())
+    header = replace(result, curves=()).to_dict()
+    arrays = {
+        "header": np.array(json.dumps(header, allow_nan=False).encode()),
+        "number": np.array([c.number for c in result.curves], dtype=np.int64),
+        "level": np.array([c.level for c in result.curves], dtype=np.int64),
+        "moving": np.array([c.moving for c in result.curves], dtype=np.int64),
+        "forced": np.array([c.forced for c in result.curves], dtype=bool),
+        "fixed": fixed,
+        "x": axis_values(ranges, result.plan.samples, np.arange(samples)[None]),
+        "sigma_min": np.array([c.sigma_min for c in result.curves]).reshape(len(fixed), samples),
+        "sigma_ratio": np.array([c.sigma_ratio for c in result.curves]).reshape(
+            len(fixed), samples
+        ),
+    }
+    packed = io.BytesIO()
+    np.savez_compressed(packed, **arrays)  # type: ignore[arg-type]
+    return packed.getvalue()
+
 
 PIECE = 32_768
 """Samples of a curve that are treated at a time, at most."""
@@ -264,16 +615,6 @@ def _curves_per_block(samples: int) -> int:
     return max(1, 4096 // samples)  # configurations that are treated at a time, of shorter curves
 
 
-__all__ = [
-    "KEEP_BYTES",
-    "SweepCurve",
-    "SweepResult",
-    "SweepSummary",
-    "UniformRow",
-    "run_sweep",
-    "sweep",
-]
-
 KEEP_BYTES = 64 << 20
 """Curves are part of the result up to this size: 16 bytes for each Jacobian."""
 
@@ -387,7 +728,7 @@ def run_sweep(
     keep : bool, optional
         Keep the curves. By default they are part of the result up to `KEEP_BYTES` (4 million
         Jacobians), and not kept beyond. Larger ones can be kept in ``out`` alone:
-        `pinsing.sampling.npz.kept_curves` reads them from there.
+        `pinsing.sampling.sweep_run.kept_curves` reads them from there.
     worst : int
         How many of the worst configurations to keep.
     candidates : int
@@ -533,3 +874,91 @@ class _Curves:
 
 def _size(need: int) -> str:
     return f"{need / 2**30:.3g} GiB" if need >= 2**30 else f"{need / 2**20:.3g} MiB"
+
+
+_ROOM = 1 << 30  # bytes that a saved sweep may take
+_NUMBERS = ("chunks", "pieces_of_a_chunk", "worst", "candidates")  # of a plan
+
+
+def save_npz(result: SweepResult, path: str | os.PathLike[str]) -> Path:
+    """Write a sweep to ``path`` (``.npz``), readable with ``numpy.load`` alone.
+
+    Arrays, for C curves of S samples of an arm of n joints: ``number`` (C,), ``level`` (C,),
+    ``moving`` (C,), ``forced`` (C,), ``fixed`` (C, n) with NaN where a joint is not at a
+    special value, ``x`` (n, S), ``sigma_min`` and ``sigma_ratio`` (C, S), ``header`` (JSON
+    text). If the curves are not part of the result, C and S are 0.
+
+    Raises
+    ------
+    OutputError
+        If the file cannot be written; nothing half-written is left.
+    """
+    target = Path(path)
+    if target.suffix != ".npz":
+        target = target.with_name(target.name + ".npz")
+    write_bytes(target, pack_sweep(result))
+    return target
+
+
+def load_npz(path: str | os.PathLike[str]) -> SweepResult:
+    """Read what ``save_npz`` wrote.
+
+    Raises
+    ------
+    ResultError
+        If the file is missing, damaged, or something else.
+    """
+    try:
+        arrays: dict[str, Any] = dict(
+            read_arrays(read_bounded(Path(path), _ROOM, follow=True), _ROOM)
+        )
+        header: dict[str, Any] = json.loads(arrays["header"].item())
+        bare = SweepResult.from_dict(header)
+        values = (arrays[name] for name in ("number", "x", "sigma_min", "sigma_ratio"))
+        curves = tuple(curves_of(CurveTable(bare.plan), *values))
+    except OSError as error:
+        raise ResultError(f"cannot read {path}: {error.strerror or error}") from None
+    except (KeyError, IndexError, TypeError, ValueError, RecursionError, DamagedError) as error:
+        if isinstance(error, ResultError):
+            raise ResultError(f"{path}: {error}") from None
+        raise ResultError(f"{path} is not a saved sweep, or is damaged: {error}") from None
+    return replace(bare, curves=curves)
+
+
+def kept_curves(folder: str | os.PathLike[str]) -> Iterator[SweepCurve]:
+    """Go through the curves of a complete sweep that were kept in its folder, one at a time.
+
+    Raises
+    ------
+    ResultError
+        If there is no complete sweep, its curves were not kept, or some are damaged.
+    """
+    root = Path(folder)
+    plan, identity = load_npz(root / CURVES).plan, recorded(root)
+    if identity is None or identity.get("keep") is not True:
+        raise ResultError(f"the curves of the sweep in {root} were not kept: sweep with keep=True")
+    table, samples = CurveTable(plan), plan.samples
+    x = axis_values(table.ranges, samples, np.arange(samples)[None])
+    try:
+        chunks, size, *most = (int(identity[name]) for name in _NUMBERS)
+    except (KeyError, TypeError, ValueError):
+        raise ResultError(f"the folder {root} has no plan of a sweep") from None
+    job = SweepJob(plan, None, size, Kept(True, *most))
+    run = RunFolder(root, identity, chunks)
+    rest = np.empty((2, 0))
+    number = 0
+    for index in range(chunks):
+        try:
+            record = run.read(index, functools.partial(job.check, index), job.room(index))
+        except (FileNotFoundError, DamagedError) as error:
+            said = "it is missing" if isinstance(error, FileNotFoundError) else error
+            raise ResultError(
+                f"{run.chunk_path(index)} is missing or damaged: run the same sweep again, which "
+                f"computes it anew ({said})"
+            ) from None
+        new = np.array([record["sigma_min"], record["sigma_ratio"]], dtype=float)
+        rest = np.concatenate([rest, new], axis=1)
+        count = rest.shape[1] // samples
+        last, ratio = rest[:, : count * samples].reshape(2, count, samples)
+        yield from curves_of(table, np.arange(number, number + count), x, last, ratio)
+        number, rest = number + count, rest[:, count * samples :]

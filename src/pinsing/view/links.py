@@ -6,7 +6,7 @@ import base64
 import importlib
 import re
 import sys
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -74,22 +74,16 @@ class Recorder:
         """A meshcat visualizer at the root that draws into this recorder."""
         return meshcat.Visualizer.view_into(self, meshcat.path.Path(()))
 
-    def packed(self) -> bytes:
-        """All commands, each after its length as 4 bytes, little endian."""
-        return _packed(command for _, command in self.commands)
-
     def parts(self) -> tuple[bytes, bytes]:
-        """The same in two: what can be shown at once, and the shapes of links, which are large."""
-        shapes = [_SHAPES.search(path) is not None for path, _ in self.commands]
-        each = list(zip(shapes, self.commands, strict=True))
-        return (
-            _packed(command for shape, (_, command) in each if not shape),
-            _packed(command for shape, (_, command) in each if shape),
-        )
+        """What can be shown at once, and the shapes of links, which are large.
 
-
-def _packed(commands: Iterable[bytes]) -> bytes:
-    return b"".join(len(c).to_bytes(4, "little") + c for c in commands)
+        Commands, each after its length as 4 bytes, little endian.
+        """
+        parts = bytearray(), bytearray()
+        for path, command in self.commands:
+            later = _SHAPES.search(path) is not None
+            parts[later].extend(len(command).to_bytes(4, "little") + command)
+        return bytes(parts[0]), bytes(parts[1])
 
 
 class Body(Protocol):

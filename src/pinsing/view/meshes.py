@@ -4,17 +4,17 @@ from __future__ import annotations
 
 import contextlib
 import hashlib
+import io
 import json
 import os
 import stat
 import subprocess
 import sys
-import threading
 import xml.etree.ElementTree as ET
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import BinaryIO
 
 import numpy as np
 import numpy.typing as npt
@@ -28,7 +28,6 @@ from pinsing.view.collada import Painted, unpacked
 
 SECONDS_EACH = 20.0
 """Processor time for one mesh, which a busy machine does not use up."""
-_FAREWELL = 1.0
 _MEMORY = 2 * 2**30
 _WORKER = Path(__file__).with_name("mesh_worker.py")
 _WANTED = {".dae": "paint", ".obj": "judge", ".stl": "judge"}  # go into the page as they are
@@ -188,79 +187,47 @@ def _ask_child(paths: Sequence[Path], missing: list[str]) -> dict[Path, tuple[by
         "memory": _MEMORY,
     }
     try:
-        child = subprocess.Popen(
+        child = subprocess.run(
             [sys.executable, "-I", "-B", str(_WORKER)],
-            stdin=subprocess.PIPE,
+            input=json.dumps(request).encode() + b"\n",
             stdout=subprocess.PIPE,
             stderr=subprocess.DEVNULL,
+            timeout=5 * SECONDS_EACH * len(paths),  # on the clock, whatever else runs
+            check=False,
         )
+        said, slow = child.stdout, child.returncode in child_jail.OUT_OF_TIME
+    except subprocess.TimeoutExpired as late:
+        said, slow = late.stdout or b"", True
     except OSError:
         return {}
-    assert child.stdin is not None
-    assert child.stdout is not None
-    late = threading.Event()
-
-    def stop() -> None:
-        late.set()
-        child.kill()
-
+    answers = io.BytesIO(said)
+    line = answers.readline()
+    if line.endswith(b"\n"):
+        missing += map(str, json.loads(line)["no_wall"])
     done: dict[Path, tuple[bytes, bytes] | str] = {}
-    try:
-        with child.stdout:
-            with child.stdin:
-                child.stdin.write(json.dumps(request).encode() + b"\n")
-            waiting: list[Path | None] = [None, *paths]  # the first answer is about the walls
-            for path in waiting:
-                # times that on the clock, whatever else runs
-                clock = threading.Timer(SECONDS_EACH * 5, stop)
-                clock.daemon = True
-                clock.start()
-                try:
-                    if path is None:
-                        missing += _walls(child.stdout)
-                        continue
-                    result = _receive(child.stdout)
-                finally:
-                    clock.cancel()
-                if result is None:
-                    with contextlib.suppress(subprocess.TimeoutExpired):
-                        child.wait(_FAREWELL)  # of itself, so that its exit code says why
-                    slow = late.is_set() or child.returncode in child_jail.OUT_OF_TIME
-                    why = (
-                        f"is not read within {SECONDS_EACH:g} s"
-                        if slow
-                        else ("needs too much memory, or breaks its reader")
-                    )
-                    done[path] = why
-                    break
-                done[path] = result
-    except (BrokenPipeError, ConnectionResetError):
-        pass
-    finally:
-        child.kill()
-        child.wait()
+    for path in paths:
+        result = _receive(answers)
+        done[path] = result or (
+            f"is not read within {SECONDS_EACH:g} s"
+            if slow
+            else "needs too much memory, or breaks its reader"
+        )
+        if result is None:
+            break
     return done
 
 
-def _walls(stream: Any) -> list[str]:
-    """What a child says of walls that are not there; nothing if it has ended before."""
-    line = stream.readline(10_000)
-    return [str(why) for why in json.loads(line)["no_wall"]] if line.endswith(b"\n") else []
-
-
-def _receive(stream: Any) -> tuple[bytes, bytes] | str | None:
+def _receive(answers: BinaryIO) -> tuple[bytes, bytes] | str | None:
     """Return one answer of the child, None where there is none."""
-    line = stream.readline(10_000)
+    line = answers.readline(10_000)
     if not line.endswith(b"\n"):
         return None
     message = json.loads(line)
     if "problem" in message:
         return str(message["problem"])
     sizes = [int(size) for size in message["bytes"]]
-    pieces = [stream.read(size) for size in sizes]
-    if [len(piece) for piece in pieces] != sizes:
-        return None
-    return pieces[0], pieces[1]
+    first, second = (answers.read(size) for size in sizes)
+    return (first, second) if [len(first), len(second)] == sizes else None
 
 
 def cache_folder() -> Path | None:

@@ -138,18 +138,15 @@ def most_links() -> int:
 
 def is_loopback(host: str) -> bool:
     """Whether only this computer can reach a server on ``host``."""
-    with contextlib.suppress(ValueError):
-        return ipaddress.ip_address(host).is_loopback
-    return host == "localhost"
+    found = _address(host)
+    return host == "localhost" if found is None else found.is_loopback
 
 
-def is_address(name: str) -> bool:
-    """Whether a host is a bare address, no name."""
-    # A bare address cannot be pointed elsewhere by somebody's name server.
+def _address(name: str) -> ipaddress.IPv4Address | ipaddress.IPv6Address | None:
+    """A bare address, which cannot be pointed elsewhere by somebody's name server, else None."""
     with contextlib.suppress(ValueError):
-        ipaddress.ip_address(name)
-        return True
-    return False
+        return ipaddress.ip_address(name)
+    return None
 
 
 def bind(host: str, port: int | None) -> list[socket.socket]:
@@ -367,5 +364,5 @@ class Server:
                 return False
             if self.host in _LOOPBACK:
                 return name in _LOOPBACK
-            return name == self.host or name in _LOOPBACK or is_address(name)
+            return name == self.host or name in _LOOPBACK or _address(name) is not None
         return False

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 from types import TracebackType
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -21,9 +21,10 @@ from pinsing.families import joint_symbols
 from pinsing.kinematics.jacobian import frame_jacobians
 from pinsing.measures import SINGULAR_RTOL, pure_ellipsoids
 from pinsing.robot.arm import Arm
+from pinsing.robot.mechanism import Mechanism
 from pinsing.view.entries import Entry, Posture, engine_data, posture_data
-from pinsing.view.links import Links
-from pinsing.view.page import Served, static_html
+from pinsing.view.links import Body, Links
+from pinsing.view.page import static_html
 from pinsing.view.scene import ARROWS, LEAST, Sizes
 from pinsing.view.server import Server
 
@@ -39,15 +40,13 @@ SIDE = (0.74, 0.36, 0.57)
 
 
 @dataclass
-class Stage:
-    """An arm with its list, at some configuration.
+class Scenery:
+    """What all stages have: a robot, drawn, at a configuration that can be set.
 
     Attributes
     ----------
-    arm : Arm
-        The arm.
-    entries : tuple of Entry
-        The list of the page.
+    robot : Arm or Mechanism
+        What is shown.
     links : Links
         Its visual geometry.
     sizes : Sizes
@@ -56,6 +55,81 @@ class Stage:
         Leave shapes out.
     notes : tuple of str
         What could not be drawn.
+    q : (n,) array
+        The configuration shown.
+    chosen : (entry, pose) or None
+        Where in the list that is.
+    """
+
+    robot: Arm | Mechanism
+    links: Links
+    sizes: Sizes
+    skeleton: bool
+    notes: tuple[str, ...]
+    q: Array = field(init=False)
+    chosen: tuple[int, int] | None = field(init=False, default=None)
+
+    @property
+    def name(self) -> str:
+        """Name of the robot."""
+        return self.robot.name
+
+    @property
+    def poses(self) -> list[tuple[str, Sequence[Array]]]:
+        """Name and configurations of each entry of the list."""
+        raise NotImplementedError
+
+    def page(self, live: bool) -> dict[str, Any]:
+        """The fixed part of a page."""
+        raise NotImplementedError
+
+    def start(self) -> dict[str, Any]:
+        """What a page shows first."""
+        entry, pose = self.chosen if self.chosen is not None else (None, 0)
+        return {"q": self.q.tolist(), "entry": entry, "pose": pose}
+
+    def joints(self, symbols: Sequence[str]) -> list[dict[str, Any]]:
+        """The joints as a page has them: sliders end somewhere, limits or not."""
+        robot = self.robot
+        limited = np.isfinite(robot.lower) & np.isfinite(robot.upper)
+        columns = (robot.joints, symbols, robot.prismatic, *robot.space.span, limited)
+        return [
+            {
+                "name": name,
+                "symbol": symbol,
+                "prismatic": bool(slides),
+                "lower": float(low),
+                "upper": float(high),
+                "limited": bool(ends),
+            }
+            for name, symbol, slides, low, high, ends in zip(*columns, strict=True)
+        ]
+
+    def settings(self, body: Body, mode: str, side: Sequence[float]) -> dict[str, Any]:
+        """How a page draws."""
+        sizes, names = self.sizes, self.robot.joints
+        return {
+            "reach": sizes.reach,
+            "translation": float(f"{sizes.translation:.3g}"),
+            "rotation": float(f"{sizes.rotation:.3g}"),
+            "thickness": 2 * LEAST * sizes.reach,
+            "mode": mode,
+            "shapes": self.links.geometry is not None and not self.skeleton,
+            "bare": list(self.links.bare(body)),
+            "jointOf": [names.index(n) if n in names else -1 for n in list(body.model.names)[1:]],
+            "lines": ARROWS,
+            "side": list(side),
+        }
+
+
+@dataclass
+class Stage(Scenery):
+    """An arm with its list.
+
+    Attributes
+    ----------
+    entries : tuple of Entry
+        The list of the page.
     way : mapping, optional
         A motion that pages show first, as `trajectory_data` has it.
     postures : tuple of Posture
@@ -64,58 +138,37 @@ class Stage:
         How sure it is that the list holds all; empty where that is not known.
     clearest : Suggestion, optional
         The clearest configuration that was found before.
-    q : (n,) array
-        The configuration shown.
-    chosen : (entry, pose) or None
-        Where in the list that is.
     """
 
-    arm: Arm
-    entries: tuple[Entry, ...]
-    links: Links
-    sizes: Sizes
-    skeleton: bool
-    notes: tuple[str, ...] = ()
+    robot: Arm
+    entries: tuple[Entry, ...] = ()
     way: Mapping[str, Any] | None = None
     postures: tuple[Posture, ...] = ()
     coverage: str = ""
     clearest: Suggestion | None = None
-    q: Array = field(init=False)
-    chosen: tuple[int, int] | None = field(init=False)
 
     def __post_init__(self) -> None:
         self.chosen = next(((i, 0) for i, e in enumerate(self.entries) if e.poses), None)
         if self.chosen is not None:
             self.q = self.entries[self.chosen[0]].poses[0]
         else:
-            lower, upper = self.arm.span
+            lower, upper = self.robot.span
             self.q = (lower + upper) / 2
 
     @property
-    def name(self) -> str:
-        """Name of the robot."""
-        return self.arm.name
-
-    def start(self) -> dict[str, Any]:
-        """What a page shows first."""
-        entry, pose = self.chosen if self.chosen is not None else (None, 0)
-        return {"q": self.q.tolist(), "entry": entry, "pose": pose}
+    def poses(self) -> list[tuple[str, Sequence[Array]]]:
+        """Name and configurations of each entry of the list."""
+        return [(e.name, e.poses) for e in self.entries]
 
     def trajectory(self, name: str, content: bytes, degrees: bool | None) -> dict[str, Any]:
         """What a page shows of a file that was dropped onto it."""
         from pinsing.view.trajectory import dropped
 
-        return dropped(self.arm, name, content, degrees)
+        return dropped(self.robot, name, content, degrees)
 
     def page(self, live: bool) -> dict[str, Any]:
         """The fixed part of a page."""
-        arm, sizes = self.arm, self.sizes
-        lower, upper = arm.span
-        names = list(arm.model.names)[1:]
-        limited = np.isfinite(arm.lower) & np.isfinite(arm.upper)
-        columns = zip(
-            arm.joints, joint_symbols(arm), arm.prismatic, lower, upper, limited, strict=True
-        )
+        arm = self.robot
         return {
             "live": live,
             "way": self.way,
@@ -127,32 +180,11 @@ class Stage:
                 "task": str(arm.task),
                 "lengthScale": arm.length_scale,
             },
-            "joints": [
-                {
-                    "name": name,
-                    "symbol": symbol,
-                    "prismatic": bool(slides),
-                    "lower": float(low),
-                    "upper": float(high),
-                    "limited": bool(ends),
-                }
-                for name, symbol, slides, low, high, ends in columns
-            ],
-            "settings": {
-                "reach": sizes.reach,
-                "translation": float(f"{sizes.translation:.3g}"),
-                "rotation": float(f"{sizes.rotation:.3g}"),
-                "thickness": 2 * LEAST * sizes.reach,
-                "mode": self.mode,
-                "shapes": self.links.geometry is not None and not self.skeleton,
-                "bare": list(self.links.bare(arm)),
-                "jointOf": [arm.joints.index(n) if n in arm.joints else -1 for n in names],
-                "lines": ARROWS,
-                "side": list(SIDE),
-            },
-            "entries": [_entry(e, self.arm.n) for e in self.entries],
-            "engine": engine_data(self.arm, self.entries, self.sizes),
-            "notes": [*self.arm.notes, *self.notes],
+            "joints": self.joints(joint_symbols(arm)),
+            "settings": self.settings(arm, self.mode, SIDE),
+            "entries": [_entry(e, arm.n) for e in self.entries],
+            "engine": engine_data(arm, self.entries, self.sizes),
+            "notes": [*arm.notes, *self.notes],
             "coverage": self.coverage,
             "clearest": None
             if self.clearest is None
@@ -166,11 +198,10 @@ class Stage:
         They go flat, or to a line, where a motion is lost; those of an arm of three or four
         joints are lines or points everywhere.
         """
-        if self.arm.task.name != "pose":
+        arm, rng = self.robot, np.random.default_rng(0)
+        if arm.task.name != "pose":
             return "all"
-        rng = np.random.default_rng(0)
-        lower, upper = self.arm.span
-        for J in frame_jacobians(self.arm, rng.uniform(lower, upper, (4, self.arm.n))):
+        for J in frame_jacobians(arm, rng.uniform(*arm.span, (4, arm.n))):
             if all(e.radii[1] > SINGULAR_RTOL * max(e.radii[0], 1e-9) for e in pure_ellipsoids(J)):
                 return "pure"
         return "all"
@@ -226,14 +257,6 @@ def _entry(entry: Entry, n: int) -> dict[str, Any]:
     }
 
 
-class Shown(Served, Protocol):
-    """A stage: what a server serves, at a configuration that can be set."""
-
-    q: Array
-    chosen: tuple[int, int] | None
-    notes: tuple[str, ...]
-
-
 class Tab:
     """A stage in a browser tab.
 
@@ -242,7 +265,7 @@ class Tab:
 
     Parameters
     ----------
-    stage : Shown
+    stage : Scenery
         What is shown.
     scene, links : bytes
         Drawing commands of the scene, and those of the links' shapes, which follow.
@@ -251,7 +274,7 @@ class Tab:
     """
 
     def __init__(
-        self, stage: Shown, scene: bytes, links: bytes, host: str, port: int | None
+        self, stage: Scenery, scene: bytes, links: bytes, host: str, port: int | None
     ) -> None:
         self._shown, self._scene, self._links = stage, scene, links
         self._host, self._port = host, port
@@ -285,12 +308,10 @@ class Tab:
         """Open the page in the user's browser; tell whether there is one."""
         return webbrowser.open(self.url, new=2)
 
-    def _move(self, q: Array, chosen: tuple[int, int] | None, words: str = "") -> dict[str, Any]:
-        """Show a configuration in every open page, with words on it; what they are told."""
+    def _move(self, q: Array, chosen: tuple[int, int] | None, words: str = "") -> None:
+        """Show a configuration in every open page, with words on it."""
         self._shown.q, self._shown.chosen = q, chosen
-        start = self._shown.start() | ({"words": words} if words else {})
-        self._send(start)
-        return start
+        self._send(self._shown.start() | ({"words": words} if words else {}))
 
     def html(self) -> str:
         """The page in one file, with all that it computes from, that needs no program behind it.
@@ -327,8 +348,36 @@ class Tab:
         """
         write_text(path, self.html())
 
-    def _play(self, index: int, pose: int, kind: str) -> None:
+    def _place(self, wanted: str | int, pose: int) -> int:
+        """Place of an entry, given by its name or by that place, in the list of the page.
+
+        Raises
+        ------
+        UnknownNameError
+            If the list has no such entry.
+        OptionError
+            If the entry has no such pose.
+        """
+        names = [name for name, _ in self._shown.poses]
+        known = 0 <= wanted < len(names) if isinstance(wanted, int) else wanted in names
+        if not known:
+            raise UnknownNameError("family", str(wanted), names)
+        index = wanted if isinstance(wanted, int) else names.index(wanted)
+        name, poses = self._shown.poses[index]
+        if not 0 <= pose < len(poses):
+            raise OptionError(
+                f"{name} has {len(poses)} poses within the limits; there is no pose {pose}"
+            )
+        return index
+
+    def _go(self, wanted: str | int, pose: int) -> None:
+        """Show a pose of the list in every open page."""
+        index = self._place(wanted, pose)
+        self._move(self._shown.poses[index][1][pose].copy(), (index, pose))
+
+    def _play(self, wanted: str | int, kind: str, pose: int) -> None:
         """Play a motion in every open page."""
+        index = self._place(wanted, pose)
         if kind not in KINDS:
             raise OptionError(f"unknown kind of path {kind!r}: {' or '.join(KINDS)}")
         self._send({"play": kind, "entry": index, "pose": pose})
@@ -435,33 +484,3 @@ def _iframe(what: str, name: str, height: int) -> str:
         f'height: {int(height)}px; border: 1px solid #dfe4ea; border-radius: 6px">'
         "</iframe></div>"
     )
-
-
-def place_in_list(entries: Sequence[tuple[str, int]], wanted: str | int, pose: int) -> int:
-    """Place of an entry, given by its name or by that place, in the list of a page.
-
-    Parameters
-    ----------
-    entries : sequence of (str, int)
-        Name and number of poses of each.
-    wanted : str or int
-        The entry.
-    pose : int
-        One of its poses, counted from 0.
-
-    Raises
-    ------
-    UnknownNameError
-        If the list has no such entry.
-    OptionError
-        If the entry has no such pose.
-    """
-    names = [name for name, _ in entries]
-    known = 0 <= wanted < len(names) if isinstance(wanted, int) else wanted in names
-    if not known:
-        raise UnknownNameError("family", str(wanted), names)
-    index = wanted if isinstance(wanted, int) else names.index(wanted)
-    name, count = entries[index]
-    if not 0 <= pose < count:
-        raise OptionError(f"{name} has {count} poses within the limits; there is no pose {pose}")
-    return index

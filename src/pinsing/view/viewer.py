@@ -25,7 +25,7 @@ from pinsing.view.entries import (
 )
 from pinsing.view.links import Links, Recorder, read_links, read_links_ahead
 from pinsing.view.scene import draw_scene, sizes
-from pinsing.view.tab import Stage, Tab, place_in_list
+from pinsing.view.tab import Stage, Tab
 
 if TYPE_CHECKING:
     from pinsing.postures.changes import PostureChanges
@@ -133,7 +133,7 @@ class Viewer(Tab):
             Q = np.atleast_2d(arm.check(path))
             t = None if times is None else np.asarray(times, dtype=float)
             shown = trajectory_data(arm, check_trajectory(arm, Q, t), Q, t)
-        self._stage = Stage(arm, entries, links, size, skeleton, notes, shown, listed)
+        self._stage = Stage(arm, links, size, skeleton, notes, entries, shown, listed)
         self._stage.coverage, self._stage.clearest = coverage, clearest
         if postures is not None:
             self._stage.q, self._stage.chosen = postures.q, None
@@ -175,7 +175,7 @@ class Viewer(Tab):
         >>> viewer.q
         array([0. , 0.5, 1. ])
         """
-        self._show(self.arm.check_one(q), None, words)
+        self._move(self.arm.check_one(q), None, words)
 
     @checked
     def show_family(self, family: Family | str | int, pose: int = 0) -> None:
@@ -203,8 +203,7 @@ class Viewer(Tab):
         >>> pinsing.at(viewer.arm, viewer.q).status
         'singular'
         """
-        index = self._index(family, pose)
-        self._show(self.entries[index].poses[pose], (index, pose))
+        self._go(_wanted(family), pose)
 
     @checked
     def play(self, family: Family | str | int, kind: str = "into", pose: int = 0) -> None:
@@ -234,16 +233,16 @@ class Viewer(Tab):
         Traceback (most recent call last):
         pinsing.errors.UnknownNameError: unknown family 'F2': did you mean 'F1'?
         """
-        self._play(self._index(family, pose), pose, kind)
+        self._play(_wanted(family), kind, pose)
 
-    def _show(self, q: Array, chosen: tuple[int, int] | None, words: str = "") -> None:
-        self._move(q, chosen, words)
+    def _move(self, q: Array, chosen: tuple[int, int] | None, words: str = "") -> None:
+        super()._move(q, chosen, words)
         if self._overlay is not None:
             self._overlay.show(q, self._stage.mode)
 
-    def _index(self, family: Family | str | int, pose: int) -> int:
-        wanted = family if isinstance(family, (int, str)) else family.name
-        return place_in_list([(e.name, len(e.poses)) for e in self.entries], wanted, pose)
+
+def _wanted(family: Family | str | int) -> str | int:
+    return family if isinstance(family, (int, str)) else family.name
 
 
 def _check_clearest(arm: Arm, clearest: Suggestion) -> None:

@@ -2,34 +2,276 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+import pinocchio as pin
 
 from pinsing._types import Array
 from pinsing.errors import OptionError
 from pinsing.loops.analysis import analyze_mechanism
+from pinsing.loops.batch import hinged_balls
+from pinsing.loops.closure import random_closed, ranks
+from pinsing.loops.dyad import planar_dyad
 from pinsing.loops.loop_forms import Locus
-from pinsing.loops.modes import STRAIGHT, elbow_sines, elbows, home
+from pinsing.loops.modes import STRAIGHT, assembly_rows, elbow_sines, elbows, home
 from pinsing.loops.motion import mechanism_at
+from pinsing.loops.pose import led_pose
 from pinsing.loops.problems import assemblies
 from pinsing.loops.result import MechanismAnalysis
 from pinsing.loops.singular_points import SingularPoint
 from pinsing.loops.solve import drive
+from pinsing.loops.structure import structure
+from pinsing.measures import NEAR_RTOL, SINGULAR_RTOL
+from pinsing.robot.chains import frame_index
 from pinsing.robot.mechanism import Mechanism
+from pinsing.robot.source import Source
+from pinsing.view.entries import chain_data, frame_data, joint_data, numbers, sizes_data
 from pinsing.view.links import Links, Recorder, read_links
-from pinsing.view.mechanism.linkage import (
-    Linkage,
-    draw_linkage_marks,
-    linkage_sizes,
-    mechanism_data,
-    plane_normal,
-    side,
+from pinsing.view.links import geometry as mg
+from pinsing.view.scene import (
+    HOT,
+    ROTATION,
+    Sizes,
+    draw_scene,
+    ring_arrow,
+    straight_arrow,
+    torus,
 )
-from pinsing.view.scene import ARROWS, LEAST, Sizes, draw_scene
-from pinsing.view.tab import Tab, place_in_list
+from pinsing.view.tab import SIDE, Scenery, Tab
+
+SCHEMA = "pinsing/mechanism-engine/1"
+
+
+def mechanism_data(mechanism: Mechanism, sizes: Sizes, normal: Array | None) -> dict[str, Any]:
+    """All that the page's engine needs to move a mechanism by itself; ready for JSON.
+
+    Keys: ``schema``; ``chain``, as of an arm, its tip the output; ``loops``, each with ``kind`` and
+    the two frames; ``task``, ``metric`` (what counts as one radian, per joint), ``joints``
+    (limits, None where infinite), ``actuated``; ``ranks`` that are generic; ``judge``, tolerances
+    of the verdict; ``home`` (n,), closed; ``assembly``, rows of the closure whose determinant
+    tells assembly modes apart, and its sign at home, or None; ``pose``, coordinates in which the
+    output is led (see `led_pose`); ``balls`` that are written as three hinges, their centres in
+    the frame of the first; ``legs``, the joints of each; ``elbows``; ``dyad``, where two
+    links in a plane close the loop, or None; ``normal`` of the plane of a planar mechanism;
+    ``sizes``.
+
+    Parameters
+    ----------
+    normal : (3,) array, optional
+        Of the plane of a planar mechanism: turning is then drawn as a ring in the plane.
+    """
+    m, model = mechanism, mechanism.model
+    generic = ranks(m)
+    rows, sign = assembly_rows(m)
+    dyad = planar_dyad(m)
+    return {
+        "schema": SCHEMA,
+        "output": m.output,
+        "chain": chain_data(model, m.output_id),
+        "loops": [
+            {
+                "kind": loop.kind,
+                "a": frame_data(model, frame_index(model, loop.frame_a)),
+                "b": frame_data(model, frame_index(model, loop.frame_b)),
+            }
+            for loop in m.loops
+        ],
+        "task": {"rows": list(m.task.rows), "lengthScale": m.length_scale},
+        "metric": numbers(m.space.metric),
+        "joints": joint_data(m.joints, m.prismatic, m.lower, m.upper),
+        "actuated": list(m.actuated),
+        "ranks": {
+            "constraint": generic.constraint,
+            "mobility": generic.mobility,
+            "output": generic.output,
+        },
+        "judge": {"rtol": SINGULAR_RTOL, "nearRtol": NEAR_RTOL},
+        "home": numbers(home(m)),
+        "assembly": None if rows is None else {"rows": rows, "sign": sign},
+        "pose": led_pose(m),
+        "balls": [
+            {"joints": list(ball.joints), "centre": numbers(ball.point)} for ball in hinged_balls(m)
+        ],
+        "legs": [list(leg.joints) for leg in structure(m).legs],
+        "elbows": [
+            {
+                "crank": e.crank - 1,
+                "elbow": e.elbow - 1,
+                "endJoint": e.end_joint - 1,
+                "end": list(e.end),
+                "slides": e.slides,
+            }
+            for e in elbows(m)
+        ],
+        "dyad": None
+        if dyad is None
+        else {
+            "sides": [
+                {
+                    "pivot": numbers(side.pivot),
+                    "crank": side.crank,
+                    "crankSign": side.crank_sign,
+                    "crankLength": side.crank_length,
+                    "crankAngle": side.crank_angle,
+                    "pin": side.pin,
+                    "pinSign": side.pin_sign,
+                    "rodLength": side.rod_length,
+                    "rodAngle": side.rod_angle,
+                }
+                for side in dyad.sides
+            ]
+        },
+        "normal": None if normal is None else numbers(np.asarray(normal)),
+        "sizes": sizes_data(sizes),
+    }
+
+
+_PARALLEL = 1e-6
+
+
+@dataclass(frozen=True, eq=False)
+class Linkage:
+    """The spanning tree of a mechanism, as a `Body`.
+
+    Attributes
+    ----------
+    model, joints, tip_id, span, known, source, base
+        As of any body; the tip is the output, the base the root.
+    ends : tuple of int
+        Frames that links end in: those that close the loops, and the output.
+    """
+
+    model: pin.Model
+    joints: tuple[str, ...]
+    tip_id: int
+    span: tuple[Array, Array]
+    known: dict[str, Any]
+    source: Source
+    base: str
+    ends: tuple[int, ...]
+
+    @classmethod
+    def of(cls, m: Mechanism) -> Linkage:
+        """The tree of a mechanism."""
+        names = [name for loop in m.loops for name in (loop.frame_a, loop.frame_b)]
+        ends = dict.fromkeys([*(frame_index(m.model, n) for n in names), m.output_id])
+        known, source = m.known, m.source
+        return cls(
+            m.model, m.joints, m.output_id, m.space.span, known, source, "universe", tuple(ends)
+        )
+
+
+def linkage_sizes(mechanism: Mechanism, scale: float = 1.0) -> Sizes:
+    """Sizes that suit a mechanism: the ellipsoids about a quarter of its extent, by ``scale``.
+
+    Velocities are those at unit input speed, at regular configurations drawn at random.
+    """
+    rng = np.random.default_rng(377)
+    samples = [home(mechanism), *random_closed(mechanism, 16, rng)]
+    states = [mechanism_at(mechanism, q) for q in samples]
+    fast: dict[bool, list[float]] = {True: [], False: []}
+    rows = np.array(mechanism.task.rows)
+    for state in states:
+        for turns in (False, True):
+            part = (rows >= 3) == turns
+            if state.velocity is not None and part.any():
+                fast[turns].append(float(np.linalg.norm(state.velocity[part], 2)))
+    reach = _extent(mechanism, samples[0])
+    fastest, turning = (_usual(fast[k]) for k in (False, True))
+    return Sizes(
+        reach=reach,
+        translation=scale * 0.2 * reach / max(fastest, 1e-9),
+        rotation=scale * 0.2 * reach / max(turning, 1e-9),
+    )
+
+
+def _usual(speeds: list[float]) -> float:
+    """The median of speeds, the first of which, home's, is to be seen well: at most twice it."""
+    if not speeds:
+        return 1.0
+    middle = float(np.median(speeds))
+    return min(middle, 2 * speeds[0]) if speeds[0] > 0 else middle
+
+
+def _extent(mechanism: Mechanism, q: Array) -> float:
+    """Largest distance between points of the linkage at q (n,), metres."""
+    points = _points(mechanism, q)
+    gaps = np.linalg.norm(points[:, None] - points[None], axis=-1)
+    return max(float(gaps.max()), 1e-3)
+
+
+def _points(mechanism: Mechanism, q: Array) -> Array:
+    """Origins of the joints and of the frames that links end in, (N, 3)."""
+    model = mechanism.model
+    data = model.createData()
+    pin.framesForwardKinematics(model, data, mechanism.model_q(q))
+    ends = Linkage.of(mechanism).ends
+    places = [data.oMi[j] for j in range(1, model.njoints)] + [data.oMf[i] for i in ends]
+    return np.array([place.translation for place in places])
+
+
+def plane_normal(mechanism: Mechanism) -> Array | None:
+    """Normal (3,) of the plane that a mechanism moves in; None where it moves in space."""
+    model = mechanism.model
+    data = model.createData()
+    J = np.array(pin.computeJointJacobians(model, data, mechanism.model_q(home(mechanism))))
+    turning = ~mechanism.prismatic
+    if not turning.any():
+        return None
+    axes = J[3:, turning] / np.linalg.norm(J[3:, turning], axis=0)
+    normal = axes[:, 0]
+    slides = J[:3, mechanism.prismatic]
+    flat = np.abs(np.cross(normal, axes.T)).max() <= _PARALLEL
+    if not flat or np.abs(normal @ slides).max(initial=0.0) > _PARALLEL:
+        return None
+    return np.asarray(normal * (1 if normal[int(np.argmax(np.abs(normal)))] > 0 else -1))
+
+
+def side(normal: Array | None) -> tuple[float, ...]:
+    """Where the camera looks from (three.js axes, y up): across the plane, if there is one."""
+    if normal is None:
+        return SIDE
+    x, y, z = normal
+    across = np.array([x, z, -y])
+    # A little off the normal, so that what stands on the plane is seen as well.
+    tilt = np.array([0.0, 0.0, 1.0]) if abs(z) > 0.7 else np.array([0.0, 1.0, 0.0])
+    return tuple(float(v) for v in across + 0.42 * tilt)
+
+
+def draw_linkage_marks(node: Any, mechanism: Mechanism, size: Sizes) -> None:
+    """Draw the arrows of motions that the actuators do not hold; adapt the rest to a plane.
+
+    In a plane the rotations are about its normal: a ring, whose radius is the speed, takes the
+    place of an ellipsoid that would be a needle seen from its end; and the floor goes below a
+    linkage that lies on it.
+
+    Parameters
+    ----------
+    node : meshcat visualizer
+        The node ``pinsing`` of the scene that `draw_scene` drew.
+    mechanism : Mechanism
+        The mechanism.
+    size : Sizes
+        How large things are drawn.
+    """
+    straight_arrow(node["free/translation"], size.reach, HOT)
+    ring_arrow(node["free/rotation"], size.reach, HOT)
+    normal = plane_normal(mechanism)
+    if normal is None:
+        return
+    turning = node["ellipsoid/rotation"]
+    for part in ("skin", "xy", "yz", "zx"):
+        turning[part].delete()
+    turning["ring"].set_object(torus(1.0, 0.035), mg.MeshPhongMaterial(color=ROTATION))
+    if abs(normal[2]) > 1 - 1e-9:
+        below = np.eye(4)
+        below[2, 3] = -0.06 * size.reach
+        node["floor"].set_transform(below)
+
 
 _SAME = 1e-6
 _MEANING = {
@@ -170,67 +412,38 @@ def _distinct(mechanism: Mechanism, points: list[SingularPoint]) -> tuple[Singul
 
 
 @dataclass
-class MechanismStage:
-    """A mechanism with its list of singular poses, at some configuration.
+class MechanismStage(Scenery):
+    """A mechanism with its list of singular poses, at a closed configuration.
 
     Attributes
     ----------
-    mechanism : Mechanism
-        The mechanism.
     groups : tuple of Group
         The list of the page.
-    links : Links
-        Its visual geometry.
-    sizes : Sizes
-        How large things are drawn.
-    skeleton : bool
-        Leave shapes out.
-    notes : tuple of str
-        What could not be drawn.
-    q : (n,) array
-        The configuration shown, closed.
-    chosen : (entry, pose) or None
-        Where in the list that is.
     normal : (3,) array or None
         Of the plane of a planar mechanism.
     """
 
-    mechanism: Mechanism
-    groups: tuple[Group, ...]
-    links: Links
-    sizes: Sizes
-    skeleton: bool
-    notes: tuple[str, ...] = ()
-    q: Array = field(init=False)
-    chosen: tuple[int, int] | None = field(init=False, default=None)
-
+    robot: Mechanism
+    groups: tuple[Group, ...] = ()
     normal: Array | None = field(init=False)
 
     def __post_init__(self) -> None:
-        self.normal = plane_normal(self.mechanism)
-        self.q = home(self.mechanism)
+        self.normal = plane_normal(self.robot)
+        self.q = home(self.robot)
 
     @property
-    def name(self) -> str:
-        """Name of the mechanism."""
-        return self.mechanism.name
-
-    def pose_q(self, entry: int, pose: int) -> Array:
-        """Configuration (n,) of a pose of the list."""
-        return np.array(self.groups[entry].points[pose].q)
-
-    def start(self) -> dict[str, Any]:
-        """What a page shows first."""
-        entry, pose = self.chosen if self.chosen is not None else (None, 0)
-        return {"q": self.q.tolist(), "entry": entry, "pose": pose}
+    def poses(self) -> list[tuple[str, Sequence[Array]]]:
+        """Name and configurations of each entry of the list."""
+        return [(g.name, [p.q for p in g.points]) for g in self.groups]
 
     def page(self, live: bool) -> dict[str, Any]:
         """The fixed part of a page."""
-        m, sizes = self.mechanism, self.sizes
-        linkage = Linkage(m)
-        lower, upper = linkage.span
+        m = self.robot
         turns = any(row >= 3 for row in m.task.rows)
         moves = any(row < 3 for row in m.task.rows)
+        mode = "pure" if moves and turns else "all"
+        settings = self.settings(Linkage.of(m), mode, side(self.normal))
+        none = dict.fromkeys(["translation"] * (not moves) + ["rotation"] * (not turns))
         return {
             "live": live,
             "mechanism": True,
@@ -241,31 +454,9 @@ class MechanismStage:
                 "task": ", ".join(m.task.name.split(",")),
                 "lengthScale": m.length_scale,
             },
-            "joints": [
-                {
-                    "name": name,
-                    "symbol": name,
-                    "prismatic": bool(m.prismatic[i]),
-                    "lower": float(lower[i]),
-                    "upper": float(upper[i]),
-                    "limited": bool(np.isfinite(m.lower[i]) and np.isfinite(m.upper[i])),
-                }
-                for i, name in enumerate(m.joints)
-            ],
+            "joints": self.joints(m.joints),
             "inputs": list(m.actuated),
-            "settings": {
-                "reach": sizes.reach,
-                "translation": float(f"{sizes.translation:.3g}") if moves else None,
-                "rotation": float(f"{sizes.rotation:.3g}") if turns else None,
-                "thickness": 2 * LEAST * sizes.reach,
-                "mode": "pure" if moves and turns else "all",
-                "shapes": self.links.geometry is not None and not self.skeleton,
-                "bare": list(self.links.bare(linkage)),
-                "jointOf": list(range(m.n)),
-                "lines": ARROWS,
-                "side": list(side(self.normal)),
-                "planar": self.normal is not None,
-            },
+            "settings": {**settings, **none, "planar": self.normal is not None},
             "entries": [
                 {
                     "name": group.name,
@@ -289,7 +480,7 @@ class MechanismStage:
                 }
                 for group in self.groups
             ],
-            "engine": mechanism_data(m, sizes, self.normal),
+            "engine": mechanism_data(m, self.sizes, self.normal),
             "notes": list(self.notes),
         }
 
@@ -334,13 +525,13 @@ class MechanismViewer(Tab):
                 raise KeyboardInterrupt
         listed = groups(mechanism, analysis)
         size = linkage_sizes(mechanism, scale)
-        linkage = Linkage(mechanism)
+        linkage = Linkage.of(mechanism)
         links = Links(None) if skeleton else read_links(linkage)
         recorder = Recorder()
         root = recorder.visualizer()
         notes = draw_scene(root, linkage, links, size, linkage.ends)
         draw_linkage_marks(root["pinsing"], mechanism, size)
-        self._stage = MechanismStage(mechanism, listed, links, size, skeleton, notes)
+        self._stage = MechanismStage(mechanism, links, size, skeleton, notes, listed)
         super().__init__(self._stage, *recorder.parts(), host, port)
 
     @property
@@ -389,12 +580,8 @@ class MechanismViewer(Tab):
         OptionError
             If it has no such pose.
         """
-        index = self._index(group, pose)
-        self._move(self._stage.pose_q(index, pose), (index, pose))
+        self._go(group, pose)
 
     def play(self, group: str | int, kind: str = "into", pose: int = 0) -> None:
         """Play a motion in every open tab: ``into`` the singular pose, or ``along`` its locus."""
-        self._play(self._index(group, pose), pose, kind)
-
-    def _index(self, group: str | int, pose: int) -> int:
-        return place_in_list([(g.name, len(g.points)) for g in self.groups], group, pose)
+        self._play(group, kind, pose)
