@@ -15,7 +15,7 @@ LIMITS: dict[str, tuple[int, int]] = {
     "modules": (282, 220),
     "packages directly under pinsing": (16, 16),
     "numbers in module constants": (790, 500),
-    "names exported by pinsing": (31, 32),
+    "names exported by pinsing": (32, 32),
     "lines of tests": (48_000, 28_000),
     "words of Markdown, changelog excluded": (40_000, 40_000),
     "CHANGELOG.md: lines": (150, 150),

@@ -45,6 +45,7 @@ if TYPE_CHECKING:
     from pinsing.proximity import export_guard as export_guard
     from pinsing.proximity import is_clear as is_clear
     from pinsing.proximity import suggest as suggest
+    from pinsing.proximity import zones as zones
     from pinsing.report import write_report as write_report
     from pinsing.robot import Arm as Arm
     from pinsing.robot import load as load
@@ -60,7 +61,7 @@ _HOMES = {
     "pinsing.kinematics": "frame_jacobian inverse_velocity singular_values",
     "pinsing.postures": "aspects connect cuspidality inverse plan_path posture_changes",
     "pinsing.proximity": "Clearance Monitor check_line check_trajectory clearance crossings "
-    "export_guard is_clear suggest",
+    "export_guard is_clear suggest zones",
     "pinsing.report": "write_report",
     "pinsing.robot": "Arm load load_mechanism",
     "pinsing.sampling": "Analysis analyze",

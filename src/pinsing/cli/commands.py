@@ -14,6 +14,7 @@ COMMANDS: dict[str, tuple[str, str]] = {
     "at": ("at", "Analyze one configuration, or suggest one (--suggest)."),
     "check": ("check", "Check a trajectory for singularities."),
     "path": ("path", "Find the joint path of a toolpath with the largest clearance."),
+    "zones": ("zones", "Find how near to singularities tip speeds are kept."),
     "line": ("line", "Check a straight line of the tip (MoveL)."),
     "postures": ("postures", "List the other postures of a pose, or the aspects of an arm."),
     "analyze": ("singularities", "Cross-check the families with a sweep of the joints (--sweep)."),

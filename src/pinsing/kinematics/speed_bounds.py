@@ -1,0 +1,265 @@
+"""Joint speeds that tip motions take anywhere in a box of configurations, bounded with proof.
+
+A square Jacobian M gives the joint velocities z of a twist x by ``M z = x``. Of a redundant arm
+those of the least length are meant (the pseudoinverse): ``[I J^T; J 0] (z, l) = (0, x)``. With
+``A`` near the inverse at the centre and ``A M(q) = 1 + E0 + E1 + E2`` (what A misses, the first
+order, the rest) they are ``z = (A - E1 A) x + E1 E z - (E0 + E2) z``. The first term is linear in
+q, and where ``F + T y <= y`` for a bound F of it and ``T = |E1| |E| + |E0| + |E2|``, all z are at
+most y, and M is nowhere singular (the theorem of Perron and Frobenius, as in Krawczyk's method).
+J is written in the axes of a link in the middle, in which it changes least; the twists do not mind.
+Each product of floats is charged with ``_ROUNDING`` times the sum of the sizes of its terms, which
+covers a thousand operations.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from pinsing._types import Array, Bool
+from pinsing.errors import OptionError
+from pinsing.kinematics.batch import random_turns, tip_rotations
+from pinsing.kinematics.jacobian import frame_jacobians
+from pinsing.kinematics.tip_speed import SpeedJudge
+from pinsing.robot.chain import flatten
+
+_ROUNDING = 1e-12
+
+
+@dataclass(frozen=True, eq=False)
+class BoxSpeeds:
+    """Shares of the joint speed limits in boxes.
+
+    Attributes
+    ----------
+    center : (N,) array
+        The share at the centre; above 1 a limit is exceeded.
+    most : (N,) array
+        Proven: nowhere in the box is more taken; infinite where that is not proven.
+    pull : (N, n) array
+        How much of the bound is due to the width of each joint.
+    """
+
+    center: Array
+    most: Array
+    pull: Array
+
+
+class SpeedBounds:
+    """Bounds the joint speeds that tip motions of one arm take.
+
+    Parameters
+    ----------
+    judge : SpeedJudge
+        Of the arm, with its speed limits.
+    tip_speed, turn_speed : float
+        m/s and rad/s, at once and in any directions.
+    travel : (n,) array
+        Half the range of prismatic joints, metres.
+
+    Attributes
+    ----------
+    moving : (n,) array of bool
+        Joints that the shares depend on.
+    """
+
+    def __init__(
+        self, judge: SpeedJudge, tip_speed: float, turn_speed: float, travel: Array
+    ) -> None:
+        self.judge, arm = judge, judge.arm
+        self.v, self.w = tip_speed, turn_speed
+        chain, task = flatten(arm), arm.task
+        if arm.coupling is not None:
+            raise OptionError(f"{arm.name} has mimic joints: their speeds are not judged")
+        self.axis = task.tool_axis if task.at_tip else None
+        if task.at_tip and (self.axis is None or len(task.translation) != 3):
+            raise OptionError(f"task {task}: give one with rows in base axes, or tool-axis")
+        # Rows in base axes; a turn about the tool's axis is a joint of its own, without a limit.
+        rows = np.zeros((6, len(task.rows)))
+        rows[list(task.rows), range(len(task.rows))] = 1.0
+        self.rows = np.eye(6) if self.axis is not None else (rows @ judge.basis).T
+        self.linear: Bool = np.asarray(self.rows[:, :3].any(axis=1))
+        self._require_turnable(task.name)
+        steps = np.linalg.norm(chain.t, axis=1) + np.append(0.0, np.where(arm.prismatic, travel, 0))
+        reach = np.cumsum(steps[::-1])[::-1][1:]  # from each joint to the tip
+        across = np.linalg.norm(chain.t[1:, :2], axis=1) + reach - steps[1:]
+        self.far = np.append(np.where(arm.prismatic, 1.0, across), [0.0] * (self.axis is not None))
+        count = len(self.far)
+        self.turns: Bool = np.append(~arm.prismatic, np.ones(int(self.axis is not None), bool))
+        self.square = len(self.rows) == count
+        self.middle = 2
+        self.middle = 2
+        self.moving: Bool = np.ones(arm.n, dtype=bool)
+        self.moving[0] = False
+        alone = self.axis is None and (arm.prismatic[-1] or self.far[-1] <= _ROUNDING / 10)
+        self.moving[-1] &= not alone or count == 1
+
+    def _require_turnable(self, task: str) -> None:
+        """Raise unless rotations by the joints leave the rows of the task among themselves."""
+        axes = frame_jacobians(self.judge.arm, random_turns(self.judge.arm, 4))[:, 3:]
+        for block in (self.rows[self.linear, :3], self.rows[~self.linear, 3:]):
+            turned = np.cross(np.swapaxes(axes, 1, 2)[:, :, None], block)
+            if np.abs(turned - turned @ block.T @ block).max(initial=0.0) > _ROUNDING:
+                raise OptionError(f"the rows of the task {task} turn with the arm: give pose")
+
+    def jacobians(self, Q: Array) -> Array:
+        """Jacobians (N, 6, k), the turn about the tool's axis as the last column."""
+        J = frame_jacobians(self.judge.arm, Q)
+        if self.axis is None:
+            return J
+        spin = tip_rotations(self.judge.arm, Q)[:, :, self.axis]
+        return np.concatenate([J, np.concatenate([0 * spin, spin], axis=1)[:, :, None]], axis=2)
+
+    def _matrix(self, J: Array, unit: bool) -> Array:
+        """The square system (N, d, d) of rows J (N, m, k)."""
+        if self.square:
+            return J
+        m, k = J.shape[1:]
+        out = np.zeros((len(J), m + k, m + k))
+        out[:, k:, :k], out[:, :k, k:] = J, np.swapaxes(J, 1, 2)
+        if unit:
+            real = np.arange(len(self.judge.limits))
+            out[:, real, real] = 1.0
+        return out
+
+    def of(self, C: Array, R: Array) -> BoxSpeeds:
+        """Shares in boxes of centres C (N, n) and half widths R (N, n)."""
+        J = self.jacobians(C)
+        N, n = C.shape
+        M = self._matrix(self.rows @ J, True)
+        try:
+            A: Array = np.asarray(np.linalg.inv(M), dtype=float)
+        except np.linalg.LinAlgError:  # at a singular centre: nothing is proven there
+            A = np.asarray(np.linalg.pinv(M), dtype=float)
+        rhs = A[:, :, -len(self.rows) :]
+        active = np.flatnonzero(self.moving)
+        G, size = np.empty((N, len(active), *M.shape[1:])), np.abs(M)
+        for i, j in enumerate(active):
+            Mj = self._matrix(self.rows @ self._slope(J, int(j)), False)
+            G[:, i] = A @ Mj
+            size += np.abs(Mj) * R[:, j, None, None]
+        r = R[:, active]
+        slack = _ROUNDING * (np.abs(A) @ size)
+        E1 = np.einsum("nj,njab->nab", r, np.abs(G)) + slack
+        E0 = np.abs(A @ M - np.eye(M.shape[1])) + slack
+        E2 = self._rest(A, J, R)
+        T = E1 @ (E1 + E2 + E0) + E0 + E2
+        F, center, along = self._first_order(rhs, G, r)
+        F = F * (1 + _ROUNDING) + 2 * (slack @ self._norms(rhs)[..., None])[..., 0] + _ROUNDING
+        with np.errstate(all="ignore"):
+            y = np.linalg.solve(np.eye(M.shape[1]) - np.minimum(T, 1e6), F[..., None])
+            y *= 1 + 1e-9
+            good = ((y[..., 0] > 0) & (F + (T @ y)[..., 0] <= y[..., 0])).all(axis=1)
+            share = y[:, :n, 0] / self.judge.limits
+            most = np.where(good, share.max(axis=1) * (1 + _ROUNDING), np.inf)
+        worst = np.where(good, share.argmax(axis=1), (center[:, :n] / self.judge.limits).argmax(1))
+        every, pull = np.arange(N), np.zeros((N, n))
+        # What each joint adds to the first order of the worst row, and to T of all.
+        x = np.where(good[:, None], y[..., 0], center)[..., None]
+        u = np.zeros((N, 1, M.shape[1]))
+        u[:, 0, :n] = 1 / self.judge.limits
+        sized = np.abs(G)
+        second = (u @ E1)[:, None] @ (sized @ x[:, None]) + u[:, None] @ (sized @ (E1 @ x)[:, None])
+        rest = (
+            (u @ E2 @ x)[:, 0]
+            * (r * self.turns[active])
+            / np.maximum((r * self.turns[active]).sum(axis=1, keepdims=True), 1e-300)
+        )
+        pull[:, active] = (
+            along[every, worst] / self.judge.limits[worst][:, None] + r * second[..., 0, 0] + rest
+        )
+        return BoxSpeeds((center[:, :n] / self.judge.limits).max(axis=1), most, pull)
+
+    def _slope(self, J: Array, j: int) -> Array:
+        """Derivative (N, 6, k) by joint j of Jacobians in the axes of the link behind ``middle``.
+
+        In base axes it is w_a x v_b with a before b; the axes turn with the joints before them.
+        """
+        out = np.zeros_like(J)
+        w, v = J[:, 3:, j, None], J[:, :3, j, None]
+        if j <= self.middle:
+            first = slice(0, j)
+            out[:, :3, first] = _cross(J[:, :3, first], w) + _cross(J[:, 3:, first], v)
+            out[:, 3:, first] = _cross(J[:, 3:, first], w)
+            return out
+        after, later = slice(j, J.shape[2]), slice(j + 1, J.shape[2])
+        out[:, :3, after] = _cross(w, J[:, :3, after])
+        out[:, :3, :j] = _cross(J[:, 3:, :j], v)
+        out[:, 3:, later] = _cross(w, J[:, 3:, later])
+        return out
+
+    def _rest(self, A: Array, J: Array, R: Array) -> Array:
+        """Bound (N, d, d) of what the second order and more of J adds to A M, and its rounding.
+
+        With V_b the length of column b: in the axes in the middle the second derivative of column
+        k by two turning joints before them is at most V_j + V_l + V_k, and 0 unless k is before
+        both; by two behind them V_b of the last of the three; by one of each V of the one behind.
+        """
+        N, k = len(J), J.shape[2]
+        r = np.concatenate([R * self.moving, np.zeros((N, k - R.shape[1]))], axis=1)
+        here = np.linalg.norm(J[:, :3], axis=1)
+        far = np.minimum(self.far, here + _after(r * self.far))
+        before, turning = np.arange(k) <= self.middle, r * self.turns
+        rp, rd = turning * before, turning * ~before
+        p, d = _after(rp), np.cumsum(rd, axis=1)
+        slides = _after(r * (before & ~self.turns))
+        pairs = far * (2 * r * ~before * (d - rd) + rd**2)  # behind, the later one at each place
+        linear = 2 * p * (_after(rp * far) + slides) + far * (p**2 + d**2) + _after(pairs)
+        linear += 2 * p * (r * ~before * far).sum(axis=1, keepdims=True)
+        linear = linear / 2 + _ROUNDING * (self.far + 1)
+        angular = (p**2 + (d - rd) ** 2) / 2 + _ROUNDING
+        m = len(self.rows)
+        parts = A[:, :, -m:]
+        av = np.linalg.norm(parts[..., self.linear], axis=-1)[..., None]
+        aw = np.linalg.norm(parts[..., ~self.linear], axis=-1)[..., None]
+        out = av * linear[:, None] + aw * angular[:, None]
+        if self.square:
+            return np.asarray(out)
+        left = np.abs(A[:, :, :k])
+        by_row = np.where(self.linear, left @ linear[..., None], left @ angular[..., None])
+        return np.concatenate([out, by_row], axis=2)
+
+    def _norms(self, rhs: Array) -> Array:
+        """Largest component (N, d) of rhs (N, d, m) times any of the twists."""
+        v, w = rhs[..., self.linear], rhs[..., ~self.linear]
+        found = self.v * np.linalg.norm(v, axis=-1) + self.w * np.linalg.norm(w, axis=-1)
+        return np.asarray(found)
+
+    def _first_order(self, rhs: Array, G: Array, r: Array) -> tuple[Array, Array, Array]:
+        """Largest (N, d) of (A - E1 A) x in a box, at its centre, and by joint (N, d, j)."""
+        g = -(G @ rhs[:, None])  # (N, j, d, m)
+        center, extra = np.zeros(rhs.shape[:2]), np.zeros(rhs.shape[:2])
+        along = np.zeros((len(rhs), g.shape[1], rhs.shape[1]))
+        for speed, own in ((self.v, self.linear), (self.w, ~self.linear)):
+            if not speed or not own.any():
+                continue
+            a, da = rhs[..., own], g[..., own]
+            length = np.linalg.norm(a, axis=-1)
+            unit = a / np.maximum(length, 1e-300)[..., None]
+            with_it = np.einsum("njdm,ndm->njd", da, unit)
+            off = np.linalg.norm(da - with_it[..., None] * unit[:, None], axis=-1)
+            across = np.einsum("nj,njd->nd", r, off)
+            least = length - np.einsum("nj,njd->nd", r, np.abs(with_it))
+            bent = np.where(
+                least > 0,
+                np.minimum(across, across**2 / (2 * np.maximum(least, 1e-100))),
+                across - 2 * least,
+            )
+            center += speed * length
+            extra += speed * bent
+            along += speed * with_it
+        along = np.abs(along) * r[..., None]
+        return center + along.sum(axis=1) + extra, center, np.swapaxes(along, 1, 2)
+
+
+def _after(x: Array) -> Array:
+    """Sums (N, k) of what stands behind each place of x (N, k)."""
+    return np.asarray(np.cumsum(x[:, ::-1], axis=1)[:, ::-1] - x)
+
+
+def _cross(a: Array, b: Array) -> Array:
+    """Cross products (N, 3, k) along the second axis."""
+    ax, ay, az = (a[:, i] for i in range(3))
+    bx, by, bz = (b[:, i] for i in range(3))
+    return np.stack([ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx], axis=1)

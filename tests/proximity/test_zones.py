@@ -1,0 +1,128 @@
+"""Zones: bounds of joint speeds in boxes, and the distances that rest on them."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+import pinsing
+from pinsing.cli.app import command
+from pinsing.errors import OptionError
+from pinsing.kinematics.jacobian import frame_jacobians
+from pinsing.kinematics.speed_bounds import SpeedBounds
+from pinsing.kinematics.tip_speed import SpeedJudge
+from pinsing.proximity.watched import watch
+
+CASES = [
+    ("ur5", {}, None),
+    ("ur5", {"task": "position"}, None),
+    ("ur5", {"task": "tool-axis"}, None),
+    ("panda", {}, None),
+    ("planar3r", {}, [1, 1, 1]),
+    ("scara", {}, [3, 3, 1, 3]),
+    ("stanford", {}, [1, 1, 0.5, 1, 1, 1]),
+]
+
+
+def _shares(judge, Q, v, w):
+    """By the pseudoinverse, at Q (N, n)."""
+    A = judge.rows(frame_jacobians(judge.arm, Q), Q)
+    z = np.linalg.pinv(A)
+    linear, angular = (
+        np.linalg.norm(z[..., own], axis=-1) for own in (judge.linear, ~judge.linear)
+    )
+    return ((v * linear + w * angular) / judge.limits).max(axis=1)
+
+
+@pytest.mark.parametrize(("name", "options", "speeds"), CASES)
+def test_no_configuration_of_a_box_takes_more_than_its_bound(name, options, speeds):
+    arm, rng = pinsing.load(name, **options), np.random.default_rng(1)
+    judge = SpeedJudge(arm, speeds)
+    bounds = SpeedBounds(judge, 0.25, 0.5, np.where(arm.prismatic, 1.0, 0.0))
+    turns = ~arm.prismatic
+    C = rng.uniform(-1, 1, (200, arm.n)) * np.where(turns, np.pi, 0.3)
+    for radius in (0.1, 0.02, 0.0):
+        R = np.full(C.shape, radius) * np.where(turns, 1.0, 0.3)
+        found = bounds.of(C, R)
+        assert np.isfinite(found.most).mean() > (0.5 if radius < 0.1 else -1)
+        for _ in range(10):
+            Q = C + R * rng.choice([-1.0, 1.0, 0.3], C.shape)
+            away = rng.uniform(-1, 1, C.shape) * np.where(turns, np.pi, 0.3)
+            Q = np.where(bounds.moving, Q, away)
+            assert (_shares(judge, Q, 0.25, 0.5) <= found.most * (1 + 1e-9)).all()
+        at_centre = _shares(judge, C, 0.25, 0.5)
+        np.testing.assert_allclose(found.center, at_centre, rtol=1e-5)
+        if radius == 0.0:
+            good = np.isfinite(found.most)
+            np.testing.assert_allclose(found.most[good], at_centre[good], rtol=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("name", "speeds", "within"),
+    [
+        ("scara", [5, 5, 1, 10], None),
+        ("planar3r", [2, 2, 2], None),
+        ("ur5", None, {"elbow_joint": (0.7, 2.4), "wrist_2_joint": (0.5, 2.6),
+                       "wrist_1_joint": (-1.5, 0.0)}),
+    ],
+)  # fmt: skip
+def test_outside_the_zones_no_limit_is_exceeded(name, speeds, within):
+    form = pinsing.closed_form(pinsing.load(name))
+    found = pinsing.zones(form, joint_speeds=speeds, within=within, boxes=20_000)
+    judge, rng = SpeedJudge(form.loaded, speeds), np.random.default_rng(2)
+    Q = rng.uniform(found.lower, found.upper, (20_000, form.loaded.n))
+    exceeding = Q[_shares(judge, Q, 0.25, 0.5) > 1]
+    assert len(exceeding)
+    families = [form[name] for name in watch(form).names]
+    for q in exceeding[:200]:
+        far = {f.name: f.distance(q).upper for f in families}
+        assert any(far[n] <= found.distances[n] for n in far)
+        assert min(far.values()) <= found.common
+    assert _shares(judge, found.worst[None], 0.25, 0.5)[0] > 1
+    assert min(f.distance(found.worst).upper for f in families) >= found.common_exceeding - 1e-9
+    assert found.common_exceeding <= found.common
+    assert found.sigma_min_proven <= found.sigma_min
+    assert pinsing.proximity.Zones.from_json(found.to_json()).distances == found.distances
+
+
+def test_of_a_planar_arm_the_distance_is_that_of_a_fine_grid():
+    form = pinsing.closed_form(pinsing.load("planar3r"))
+    found = pinsing.zones(form, joint_speeds=[2, 2, 2])
+    a, b = np.meshgrid(*[np.linspace(-np.pi, np.pi, 721)] * 2, indexing="ij")
+    Q = np.stack([0 * a, a, b], axis=-1).reshape(-1, 3)
+    exceeds = _shares(SpeedJudge(form.loaded, [2, 2, 2]), Q, 0.25, 0.5) > 1
+    most = np.asarray(pinsing.clearance(form, Q[exceeds]).upper).max()
+    assert most <= found.common <= 1.06 * most
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (("scara",), "give joint_speeds, --joint-speeds"),
+        (("ur5", "--within", "elbow_joint"), "give 'limits'"),
+        (("ur5", "--within", "elbow_joint=2..1"), "two ascending values"),
+        (("ur5", "--within", "limits", "--within", "q3=0..1"), "one word alone"),
+        (("ur5", "--within", "q3=0"), "write JOINT=A..B"),
+        (("ur5", "--tip-speed", "-1"), "must not be negative"),
+        (("ur5", "--task", "vx,vy"), "turn with the arm"),
+        (("ur5", "--task", "vx@tip,vy"), "rows in base axes, or tool-axis"),
+    ],
+)
+def test_what_makes_no_sense_is_refused(words, said):
+    done = CliRunner().invoke(command, ["zones", *words])
+    assert done.exit_code == 2
+    assert said in " ".join(done.stderr.split())
+
+
+def test_the_command_says_what_to_keep_and_where():
+    words = ["zones", "scara", "--joint-speeds", "5,5,1,10", "--within", "q3=0..0.1"]
+    done = CliRunner().invoke(command, words)
+    assert done.exit_code == 0, done.output
+    assert "with d3 between 0 m and 0.1 m, keep 20.3° from" in done.stdout
+
+
+def test_a_form_without_its_robot_is_refused():
+    form = pinsing.ClosedForm.from_json(pinsing.closed_form(pinsing.load("planar3r")).to_json())
+    with pytest.raises(OptionError, match="no robot"):
+        pinsing.zones(form)
