@@ -31,8 +31,6 @@ from pinsing.robot.nominal import nominal
 TIP_SPEED, TURN_SPEED = 0.25, 0.5
 """Tip speeds that are judged by default, m/s and rad/s: the first is the reduced speed of
 ISO 10218-1."""
-_ZERO = 1e-9
-"""Components of unit normals that are zero but for rounding."""
 _MOST_FACETS = 100_000
 """Facets that are looked at: a second."""
 
@@ -168,9 +166,9 @@ class SpeedJudge:
         columns = np.moveaxis((U[:, :r].T @ A)[:, chosen], 0, 1)  # (F, r, r - 1)
         inside = np.linalg.svd(columns)[0][..., -1] @ U[:, :r].T
         y = np.concatenate([inside, U[:, r:].T])
-        y[np.abs(y) < _ZERO] = 0.0
+        y[np.abs(y) < SINGULAR_RTOL] = 0.0
         through = np.abs(y @ A)
-        through[through < _ZERO * sigma[0]] = 0.0
+        through[through < SINGULAR_RTOL * sigma[0]] = 0.0
         h = np.where(through > 0, self.limits * through, 0.0).sum(axis=1)
         return y, h, through
 
@@ -239,7 +237,7 @@ def _idle(A: Array) -> Bool:
     """Joints (n,) that would be infinitely fast for a lost direction: those of the self-motion."""
     _, sigma, Vt = np.linalg.svd(A)
     rank = int((sigma > SINGULAR_RTOL * sigma[0]).sum())
-    return np.asarray(np.abs(Vt[rank:]).max(axis=0, initial=0.0) > _ZERO)
+    return np.asarray(np.abs(Vt[rank:]).max(axis=0, initial=0.0) > SINGULAR_RTOL)
 
 
 def _over(taken: Array, h: Array) -> Array:

@@ -24,7 +24,7 @@ from pinsing.algebra.trig_sum import off_values
 from pinsing.algebra.two_sided import two_sided
 from pinsing.arguments import checked
 from pinsing.errors import OptionError, UnknownNameError
-from pinsing.families import ClosedForm
+from pinsing.families import ClosedForm, Family
 from pinsing.kinematics.jacobian import singular_values
 from pinsing.kinematics.speed_bounds import SpeedBounds
 from pinsing.kinematics.tip_speed import TIP_SPEED, TURN_SPEED, SpeedJudge, check_speeds
@@ -39,22 +39,8 @@ GAP = 0.05
 """Share of a distance within which a configuration that exceeds a limit is looked for."""
 BOXES = 300_000
 """Boxes for each distance."""
-_CHUNK = 2048
-"""Boxes in one call: tens of megabytes."""
-_WIDE = 0.8
-"""Width of the first boxes, radians, or metres over the length scale."""
-_SAMPLES = 8_192
-"""Random configurations among which the search begins."""
-_STEPS = 60
-"""Rounds of random steps from the best of them."""
 _EXTRA = 1e-9
 """Radians added to each distance for the rounding of the distances themselves."""
-_SEARCH = SearchOptions(gap=1e-4)
-"""How exactly the distance of a configuration that exceeds a limit is found."""
-_SHORT = 60
-"""Characters of a condition that is printed."""
-_NEWTON = 5
-"""Steps to the nearest point of a surface."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -269,7 +255,21 @@ class _Answer:
 
 
 class _Search:
-    """Branch and bound for one arm."""
+    """Branch and bound for one arm.
+
+    Attributes
+    ----------
+    chunk : int
+        Boxes in one call: tens of megabytes.
+    wide : float
+        Width of the first boxes, radians, or metres over the length scale.
+    samples, rounds : int
+        Random configurations among which the search begins, and steps from the best of them.
+    steps : int
+        To the nearest point of a surface.
+    """
+
+    chunk, wide, samples, rounds, steps = 2048, 0.8, 8192, 60, 5
 
     def __init__(
         self,
@@ -337,12 +337,7 @@ class _Search:
             sigma_min=sigma,
             sigma_min_proven=1 / (length * needed) if both and needed else 0.0,
             condition_number=condition,
-            titles={
-                n: f"{titled(n, f.title)}: {f.where()}"
-                if len(f.where()) < _SHORT
-                else titled(n, f.title)
-                for n, f in zip(names, self.watched.families, strict=True)
-            },
+            titles=dict(zip(names, map(_called, self.watched.families), strict=True)),
             complete=self.watched.complete,
             boxes=self.seen,
             notes=tuple(notes),
@@ -367,7 +362,7 @@ class _Search:
             off, _ = off_values(X[:, branch.joints], branch.values, conditions.turn[branch.joints])
             start[:, branch.joints] -= off
             x = start
-            for _ in range(_NEWTON):
+            for _ in range(self.steps):
                 at = branch.sums[0].at(x)
                 g = np.where(held, 0.0, at.gradient)
                 along = (g * (x - start)).sum(axis=1) - at.value
@@ -395,9 +390,9 @@ class _Search:
 
     def _attack(self, k: int | None, far: Array) -> tuple[float, Array]:
         """The largest objective found at a configuration that exceeds a limit."""
-        Q, step, guess = self._random(_SAMPLES), 0.3, -np.inf
+        Q, step, guess = self._random(self.samples), 0.3, -np.inf
         where = np.empty((0, self.arm.n))
-        for _ in range(_STEPS):
+        for _ in range(self.rounds):
             value = self._objective(k, far, self._distances(Q)[1])
             value = np.where(self._share(Q) > 1, value, -np.inf)
             order = np.argsort(-value)[:30]
@@ -416,7 +411,7 @@ class _Search:
         if not len(Q):
             return 0.0
         limits = self.watched.lower, self.watched.upper
-        low = [nearest_points(c, Q, *limits, _SEARCH).lower for c in self.each]
+        low = [nearest_points(c, Q, *limits, SearchOptions(gap=1e-4)).lower for c in self.each]
         return max(0.0, float(self._objective(k, far, np.stack(low, axis=1)).max()))
 
     def _least(self, k: int | None, far: Array, what: str) -> _Answer:
@@ -431,7 +426,7 @@ class _Search:
             C, R, ceiling = C[keep], R[keep], ceiling[keep]
             if not len(C) or looked >= self.most:
                 break
-            pick = np.argpartition(-ceiling, min(_CHUNK, len(C)) - 1)[:_CHUNK]
+            pick = np.argpartition(-ceiling, min(self.chunk, len(C)) - 1)[: self.chunk]
             rest = np.ones(len(C), dtype=bool)
             rest[pick] = False
             looked += len(pick)
@@ -496,8 +491,8 @@ class _Search:
         C, R = ((self.low + self.high) / 2)[None], ((self.high - self.low) / 2)[None]
         R = np.where(self.active, R, 0.0)
         for j in np.flatnonzero(self.active):
-            parts = max(1, math.ceil(2 * R[0, j] * self.watched.weight[j] / _WIDE))
-            if len(C) * parts > _CHUNK:
+            parts = max(1, math.ceil(2 * R[0, j] * self.watched.weight[j] / self.wide))
+            if len(C) * parts > self.chunk:
                 continue
             half = R[0, j] / parts
             offsets = (2 * np.arange(parts) - parts + 1) * half
@@ -508,7 +503,7 @@ class _Search:
 
     def _measures(self, far: Array) -> tuple[float, float]:
         """Least sigma and largest condition number found outside the zones."""
-        Q = self._random(_SAMPLES)
+        Q = self._random(self.samples)
         low = two_sided(self.watched.conditions, Q, each=True).each[..., 0]
         Q = Q[(low > far).all(axis=1)]
         if not len(Q):
@@ -524,3 +519,10 @@ def _used(conditions: Conditions) -> Bool:
         used[branch.joints] = True
         used |= branch.used(conditions.n)
     return used
+
+
+def _called(family: Family) -> str:
+    """Name of a family, with its condition unless that is a long equation."""
+    name = titled(family.name, family.title)
+    plain = family.title or not any(branch.equations for branch in family.branches)
+    return f"{name}: {family.where()}" if plain else name
