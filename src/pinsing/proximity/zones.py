@@ -30,8 +30,8 @@ from pinsing.kinematics.speed_bounds import SpeedBounds
 from pinsing.kinematics.tip_speed import TIP_SPEED, TURN_SPEED, SpeedJudge, check_speeds
 from pinsing.notebook import one_line
 from pinsing.prose import listed
-from pinsing.proximity.trajectory import angle_text, titled
-from pinsing.proximity.watched import Watched, metric_note, watch
+from pinsing.proximity.trajectory import angle_text
+from pinsing.proximity.watched import Watched, metric_note, titled, watch
 from pinsing.robot.arm import Arm, ArmSummary, summarize
 from pinsing.serialization import JsonResult
 
