@@ -23,8 +23,7 @@ from collections.abc import Callable
 import numpy as np
 
 import pinsing
-from pinsing.loops.batch import BatchLoops
-from pinsing.loops.closure import Loops, random_closed
+from pinsing.loops.closure import BatchLoops, Loops, random_closed
 from pinsing.loops.map import mechanism_map
 from pinsing.loops.motion import _motions, measure_many
 

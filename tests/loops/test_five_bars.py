@@ -16,7 +16,7 @@ from urdf_text import J, X, frame, loop_text, written
 
 import pinsing
 from pinsing.loops import home, mechanism_at, pose_forms
-from pinsing.loops.pose_notes import variables_at
+from pinsing.loops.pose_loci import variables_at
 from pinsing.loops.pose_slice import pose_slice
 
 PLANES = {

@@ -27,8 +27,8 @@ from pinsing.loops import (
     refine,
 )
 from pinsing.loops.closure import Loops, random_closed
-from pinsing.loops.joint_loci import _matrix, closure_forms
-from pinsing.loops.leg_wrenches import kind_of
+from pinsing.loops.joint_loci import ClosureForms, _matrix
+from pinsing.loops.leg_wrenches import room_of
 
 SHELF = ["five_bar", "four_bar", "planar_3rrr", "planar_3rpr", "gough_stewart", "delta", "rps3",
          "rssr"]  # fmt: skip
@@ -156,7 +156,7 @@ def test_a_five_bar_in_a_slanted_plane_is_a_five_bar(tmp_path, rng):
     (tmp_path / "level").mkdir()
     slanted = FiveBar(tmp_path, "RR", "pin", "oblique", 5).mechanism
     level = FiveBar(tmp_path / "level", "RR", "pin", "level", 5).mechanism
-    assert kind_of(slanted) == kind_of(level) == "plane"
+    assert room_of(slanted)[0] == room_of(level)[0] == "plane"
     two = [next(x for x in joint_forms(m).loci if x.kind == "type 2") for m in (slanted, level)]
     Q = random_closed(slanted, 6, rng)
     left = [[left_side(x, slanted, q) for x in two] for q in Q]
@@ -181,10 +181,10 @@ CLOSURES = ["bennett", "five_bar", "planar_3rpr", "rps3", "agile_eye", "rssr"]
 def test_closure_equations_of_any_legs_are_those_of_pinocchio(name, rng):
     """The exact matrices have the ranks of the Jacobians; without a change of point the values."""
     mechanism = shipped(name).without_limits()
-    made = closure_forms(mechanism)
+    made = ClosureForms(mechanism)
     held, rest = (
         JointLocus("", "", (), None, _matrix(rows, made.ring, mechanism))
-        for rows in (made.held, made.at_rest)
+        for rows in made.matrices()
     )
     loops = Loops(mechanism)
     found = random_closed(mechanism, 3, rng)

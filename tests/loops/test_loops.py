@@ -51,8 +51,7 @@ from pinsing.loops import (
     split,
 )
 from pinsing.loops.closure import Loops, gauss_newton, random_closed
-from pinsing.loops.dyad import planar_dyad
-from pinsing.loops.loop_forms import roots
+from pinsing.loops.loop_forms import planar_dyad, roots
 from pinsing.loops.modes import elbow_sines, passive_determinant
 from pinsing.robot.load_mechanism import Loop, Mechanism, load_mechanism
 

@@ -23,9 +23,8 @@ from pinsing.loops import (
     residual,
     working_modes,
 )
-from pinsing.loops.batch import BatchLoops, newton
-from pinsing.loops.closure import Loops, random_closed
-from pinsing.loops.dyad import planar_dyad
+from pinsing.loops.closure import BatchLoops, Loops, newton, random_closed
+from pinsing.loops.loop_forms import planar_dyad
 from pinsing.loops.modes import assembly_sign
 from pinsing.loops.structure import output_pose
 from pinsing.robot.load_mechanism import Loop, Mechanism

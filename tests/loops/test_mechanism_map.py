@@ -12,8 +12,7 @@ from mechanisms import URDF, shipped
 import pinsing
 from pinsing.errors import OptionError
 from pinsing.loops import MechanismMap, mechanism_at, refine
-from pinsing.loops.batch import BatchLoops
-from pinsing.loops.closure import random_closed
+from pinsing.loops.closure import BatchLoops, random_closed
 from pinsing.loops.map import cannot_close
 from pinsing.loops.motion import measure_many
 

@@ -28,8 +28,7 @@ from pinsing.loops import (
     residual,
     working_modes,
 )
-from pinsing.loops.batch import BatchLoops
-from pinsing.loops.closure import Loops, random_closed
+from pinsing.loops.closure import BatchLoops, Loops, random_closed
 from pinsing.loops.pose import Column, pose_table
 from pinsing.loops.problems import Modes
 from pinsing.loops.result import Values

@@ -15,7 +15,7 @@ import pinsing
 from pinsing.loops import assembly_modes, pose_forms, working_modes
 from pinsing.loops.closure import random_closed
 from pinsing.loops.legs import most_assemblies, why_no_rods
-from pinsing.loops.pose_notes import variables_at
+from pinsing.loops.pose_loci import variables_at
 
 URDF = Path(__file__).parents[2] / "urdf"
 OFF = 0.5

@@ -14,7 +14,7 @@ from urdf_text import J, X, Y, Z, ball, frame, loop_text, written
 import pinsing
 from pinsing.loops import PoseForms, mechanism_at, pose_forms, ranks, refine
 from pinsing.loops.closure import random_closed, residual
-from pinsing.loops.pose_notes import locus_distance, variables_at
+from pinsing.loops.pose_loci import locus_distance, variables_at
 
 
 @dataclass(frozen=True, eq=False)

@@ -13,7 +13,7 @@ from urdf_text import J, frame, loop_text, written
 import pinsing
 from pinsing.loops import joint_forms, mechanism_at, pose_forms, refine
 from pinsing.loops.closure import random_closed
-from pinsing.loops.pose_notes import variables_at
+from pinsing.loops.pose_loci import variables_at
 
 
 def eye(folder, base, middle, outer):

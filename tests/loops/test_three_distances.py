@@ -10,7 +10,7 @@ from urdf_text import J, X, frame, loop_text, written
 
 import pinsing
 from pinsing.loops import PoseForms, pose_forms
-from pinsing.loops.three_distances import count_poses, input_degrees, input_loci
+from pinsing.loops.mode_counts import count_poses, input_degrees, input_loci
 
 
 def turned(angle):

@@ -8,7 +8,7 @@ from mechanisms import shipped
 
 from pinsing.loops import mechanism_at, pose_forms
 from pinsing.loops.analysis import locus_distance
-from pinsing.loops.batch import BatchLoops, newton
+from pinsing.loops.closure import BatchLoops, newton
 from pinsing.loops.motion import measure_many, motions
 
 

@@ -68,7 +68,7 @@ def _figure(
     import matplotlib.pyplot as plt
 
     from pinsing.loops import assemblies, curves, find_singular, ranks
-    from pinsing.loops.dyad import planar_dyad
+    from pinsing.loops.loop_forms import planar_dyad
     from pinsing.plot.mechanism import draw_linkage, input_map, map_legend, measure_curves
 
     names = None if over is None else [n.strip() for n in over.split(",")]

@@ -13,10 +13,9 @@ from pinsing.loops.pose import Pose
 from pinsing.loops.pose_loci import pose_forms
 from pinsing.loops.problems import Modes, assemblies, assembly_modes, working_modes
 from pinsing.loops.result import MechanismAnalysis
-from pinsing.loops.singular_points import SingularPoint, find_singular
+from pinsing.loops.singular_points import SingularPoint, Trace, find_singular, trace
 from pinsing.loops.singular_points import refine_point as refine
 from pinsing.loops.solve import InfeasibleError, Solution, curves, drive, feasible, follow, solve
-from pinsing.loops.trace import Trace, trace
 
 __all__ = [
     "InfeasibleError",

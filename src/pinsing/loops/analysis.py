@@ -13,22 +13,19 @@ from pinsing._types import Array
 from pinsing.arguments import checked
 from pinsing.errors import OptionError
 from pinsing.loops.closure import Ranks, ranks
-from pinsing.loops.dyad import planar_dyad
 from pinsing.loops.forms import PoseForms
 from pinsing.loops.joint_loci import joint_forms
 from pinsing.loops.legs import why_no_rods
-from pinsing.loops.loop_forms import LoopForms, loop_forms, roots
+from pinsing.loops.loop_forms import LoopForms, loop_forms, planar_dyad, roots
 from pinsing.loops.modes import home, home_error, home_outside
 from pinsing.loops.motion import mechanism_at, motions
 from pinsing.loops.pose import pose_of
-from pinsing.loops.pose_loci import pose_forms
-from pinsing.loops.pose_notes import locus_distance
+from pinsing.loops.pose_loci import locus_distance, pose_forms
 from pinsing.loops.problems import Modes, assembly_modes, working_modes
 from pinsing.loops.result import FORMS, Check, MechanismAnalysis
-from pinsing.loops.singular_points import SingularPoint, find_singular
+from pinsing.loops.singular_points import SingularPoint, Trace, find_singular
 from pinsing.loops.solve import MOST_CURVES, InfeasibleError, Interval, curves, feasible, intervals
 from pinsing.loops.structure import output_pose, without_length
-from pinsing.loops.trace import Trace
 from pinsing.robot.mechanism import Mechanism
 from pinsing.sampling.execute import Stages
 
@@ -188,10 +185,7 @@ def _notes(mechanism: Mechanism, generic: Ranks) -> list[str]:
             "type 2 means that the output moves with all of them held. They are moved as far as "
             "they are independent, and the others follow"
         )
-    named = without_length(mechanism)
-    out += [named] if named else []
-    beyond = home_outside(mechanism)
-    return [*out, beyond] if beyond else out
+    return [*out, *filter(None, (without_length(mechanism), home_outside(mechanism)))]
 
 
 def independent_inputs(mechanism: Mechanism, generic: Ranks, q: Array) -> Mechanism:
@@ -214,12 +208,14 @@ def _measured(
     """Curves with the measures that all actuators together give."""
     if moved is mechanism:
         return found
-    out = []
-    for t in found:
-        ratio = np.array([motions(mechanism, q).input_ratio for q in t.q])
-        moving = mechanism.actuated.index(moved.actuated[t.moving])
-        out.append(replace(t, input_ratio=ratio, moving=moving))
-    return tuple(out)
+    return tuple(
+        replace(
+            t,
+            input_ratio=np.array([motions(mechanism, q).input_ratio for q in t.q]),
+            moving=mechanism.actuated.index(moved.actuated[t.moving]),
+        )
+        for t in found
+    )
 
 
 def _checks(
@@ -235,20 +231,14 @@ def _checks(
     known = {locus.kind for locus in forms.loci}
     # Of a curve that is singular throughout no equation over the inputs tells; the notes do.
     judged = [p for p in points if (p.kind in known or p.kind == "type 3") and not p.whole_curve]
-    worst = (
-        max(
-            (min(abs(float(x.equation(p.inputs))) / x.equation.size for x in forms.loci))
-            for p in judged
-        )
-        if judged
-        else 0.0
-    )
     # Of nothing, nothing is said.
     out = []
     if judged:
-        one = len(judged) == 1
-        which = "the one point" if one else f"each of the {len(judged)} points"
-        words = f"{which} of the sweep lies on a locus (largest relative value {worst:.1e})"
+        worst = max(
+            min(abs(float(x.equation(p.inputs))) / x.equation.size for x in forms.loci)
+            for p in judged
+        )
+        words = f"{_lie(judged)} on a locus (largest relative value {worst:.1e})"
         out.append(Check(words, worst <= _AGREE))
     missed, count = [], 0
     for k, name in enumerate(mechanism.inputs):
@@ -257,13 +247,10 @@ def _checks(
         here = [p for p in points if p.moving == name]
         for locus in forms.loci:
             for value in roots(locus.equation, inputs, k):
-                at = inputs.copy()
-                at[k] = value
-                if not _feasible(mechanism, at):
+                if not _feasible(mechanism, np.where(np.arange(len(inputs)) == k, value, inputs)):
                     continue
                 count += 1
-                near = [abs(float(np.sin((p.inputs[k] - value) / 2))) for p in here]
-                if min(near, default=1.0) > _AGREE:
+                if all(abs(np.sin((p.inputs[k] - value) / 2)) > _AGREE for p in here):
                     missed.append(f"{name} = {value:.9g} ({locus.kind})")
     if not count:
         return out
@@ -298,11 +285,15 @@ def _pose_checks(
     worst = max(float(locus_distance(mechanism, forms, p.q)) for p in points)
     regular = locus_distance(mechanism, forms, home(mechanism))
     words = (
-        f"{'the one point' if len(points) == 1 else f'each of the {len(points)} points'} of the "
-        "sweep lies on a locus over the pose (largest "
-        f"relative value {worst:.1e}; {regular:.1e} at home)"
+        f"{_lie(points)} on a locus over the pose (largest relative value {worst:.1e}; "
+        f"{regular:.1e} at home)"
     )
     return [Check(words, worst <= 1e-7)]
+
+
+def _lie(points: Sequence[SingularPoint]) -> str:
+    which = "the one point" if len(points) == 1 else f"each of the {len(points)} points"
+    return f"{which} of the sweep lies"
 
 
 def _feasible(mechanism: Mechanism, inputs: Array) -> bool:

@@ -1,23 +1,398 @@
-"""Loop closure of a mechanism: residual, constraint Jacobian, generic ranks.
+"""Loop closure of a mechanism: residuals, constraint Jacobians, generic ranks, Newton steps.
 
-The Jacobians are those of Pinocchio's constraint models: a point anchor for loops of kind ``3d``
-and ``planar`` (which keeps its first two rows), a frame anchor for ``6d``. Rows of a loop are in
-the axes of its first frame; translations before rotations.
+One configuration goes through Pinocchio's constraint models: a point anchor for loops of kind
+``3d`` and ``planar`` (which keeps its first two rows), a frame anchor for ``6d``. Arrays of
+configurations give the same numbers at once. Rows of a loop are in the axes of its first frame;
+translations before rotations.
 """
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
 import pinocchio as pin
 
-from pinsing._types import Array
+from pinsing._types import Array, Bool
 from pinsing.errors import OptionError, PinsingError
-from pinsing.loops.structure import closing, idle_link, once
+from pinsing.loops.structure import Centre, closing, idle_link, once, structure
 from pinsing.measures import SINGULAR_RTOL
 from pinsing.robot.mechanism import Mechanism
+
+_TINY = 1e-12
+_CLOSE = 1e-9
+CLOSED_MANY = 1e-9
+"""A residual after `newton` up to this counts as closed."""
+
+
+@dataclass(frozen=True, eq=False)
+class Placed:
+    """Placements of N configurations, metres.
+
+    Attributes
+    ----------
+    rotation : (n + 1, N, 3, 3) array
+        Of each joint's frame; entry 0 is the base.
+    position : (n + 1, N, 3) array
+        Of its origin.
+    axis : (n, N, 3) array
+        Axes of the joints.
+    pivot : (n + 1, N, 3) array
+        A point of each joint's axis: ``position``, but for what is turned about another one.
+    """
+
+    rotation: Array
+    position: Array
+    axis: Array
+    pivot: Array
+
+
+class BatchLoops:
+    """Closure of the loops, and the motion of the output, of many configurations at once."""
+
+    def __init__(self, mechanism: Mechanism) -> None:
+        self.mechanism = mechanism
+        model = mechanism.model
+        built = structure(mechanism)
+        self._parents = [int(model.parents[j + 1]) for j in range(mechanism.n)]
+        self._own = built.axes
+        places = [model.jointPlacements[j + 1] for j in range(mechanism.n)]
+        # None for no turn, and for no shift: most have one of them at most.
+        self._place = [
+            (
+                None if np.array_equal(m.rotation, np.eye(3)) else np.array(m.rotation),
+                None if not np.any(m.translation) else np.array(m.translation),
+            )
+            for m in places
+        ]
+        self._above = np.zeros((mechanism.n + 1, mechanism.n), dtype=bool)
+        for j, parent in enumerate(self._parents):
+            self._above[j + 1] = self._above[parent]
+            self._above[j + 1, j] = True
+        fixed = [
+            (int(f.parentJoint), np.array(f.placement.rotation), np.array(f.placement.translation))
+            for f in model.frames
+        ]
+        self._loops = [
+            (fixed[a], fixed[b], x.kind, x.rows)
+            for x, a, b in zip(mechanism.loops, *closing(mechanism), strict=True)
+        ]
+        self._output = fixed[mechanism.output_id]
+        self._scale = mechanism.length_scale
+        self.units = mechanism.space.metric
+
+    def place(self, Q: Array) -> Placed:
+        """Placements of all joints at Q (N, n)."""
+        count, n = Q.shape
+        R = np.empty((n + 1, count, 3, 3))
+        p = np.empty((n + 1, count, 3))
+        axis = np.empty((n, count, 3))
+        R[0], p[0] = np.eye(3), 0.0
+        for j, parent in enumerate(self._parents):
+            turned, moved = self._place[j]
+            up = R[parent] if turned is None else R[parent] @ turned
+            p[j + 1] = p[parent] if moved is None else p[parent] + R[parent] @ moved
+            axis[j] = _along(up, self._own[j])
+            if self.mechanism.prismatic[j]:
+                R[j + 1] = up
+                p[j + 1] += Q[:, j, None] * axis[j]
+            else:
+                _turn(up, self._own[j], Q[:, j], R[j + 1])
+        return Placed(R, p, axis, p)
+
+    def _frame(self, placed: Placed, which: tuple[int, Array, Array]) -> tuple[Array, Array]:
+        body, turned, moved = which
+        R = placed.rotation[body]
+        return R @ turned, placed.position[body] + R @ moved
+
+    def _velocity(self, placed: Placed, body: int, point: Array) -> tuple[Array, Array]:
+        """Velocity of a point (N, 3) of a body, and its turning, per joint: (N, 3, n) each."""
+        count, n = point.shape[0], self.mechanism.n
+        linear, angular = np.zeros((count, 3, n)), np.zeros((count, 3, n))
+        above = np.flatnonzero(self._above[body])
+        if not len(above):
+            return linear, angular
+        axis = placed.axis[above]
+        slides = self.mechanism.prismatic[above]
+        moved = _cross(axis, point - placed.pivot[above + 1])
+        moved[slides] = axis[slides]
+        linear[:, :, above] = moved.transpose(1, 2, 0)
+        angular[:, :, above] = np.where(slides[:, None, None], 0.0, axis).transpose(1, 2, 0)
+        return linear, angular
+
+    def closure(
+        self, Q: Array, loops: tuple[int, ...] | None = None, placed: Placed | None = None
+    ) -> tuple[Array, Array]:
+        """Residual (N, k) and Jacobian (N, k, n) of loops at Q, lengths over the length scale."""
+        placed = self.place(Q) if placed is None else placed
+        errors, rows = [np.zeros((len(Q), 0))], [np.zeros((len(Q), 0, self.mechanism.n))]
+        for k in range(len(self._loops)) if loops is None else loops:
+            a, b, kind, count = self._loops[k]
+            Ra, pa = self._frame(placed, a)
+            Rb, pb = self._frame(placed, b)
+            one, turn_a = self._velocity(placed, a[0], pb)
+            two, turn_b = self._velocity(placed, b[0], pb)
+            back = np.swapaxes(Ra, 1, 2)
+            e = (back @ (pb - pa)[:, :, None])[:, :, 0] / self._scale
+            J = back @ (two - one) / self._scale
+            errors.append(e[:, : min(count, 3)])
+            rows.append(J[:, : min(count, 3)])
+            if kind == "6d":
+                errors.append(_log(back @ Rb))
+                rows.append(back @ (turn_b - turn_a))
+        J = np.concatenate(rows, axis=1)
+        return np.concatenate(errors, axis=1), J * self.units
+
+    def output(self, Q: Array, placed: Placed | None = None) -> tuple[Array, Array, Array]:
+        """Rotation (N, 3, 3), position (N, 3) and 6-row Jacobian (N, 6, n) of the output.
+
+        Base axes; lengths over the length scale in the Jacobian only.
+        """
+        placed = self.place(Q) if placed is None else placed
+        R, p = self._frame(placed, self._output)
+        linear, angular = self._velocity(placed, self._output[0], p)
+        J = np.concatenate([linear / self._scale, angular], axis=1)
+        return R, p, J * self.units
+
+    def reach(
+        self,
+        Q: Array,
+        rotation: Array,
+        position: Array,
+        placed: Placed | None = None,
+        rows: tuple[int, ...] = tuple(range(6)),
+    ) -> tuple[Array, Array]:
+        """Error (N, 6) of the output's pose against wanted ones, and its Jacobian (N, 6, n).
+
+        With one turn not among the ``rows`` those that are have to bring its axis into place,
+        whatever the turn about it.
+        """
+        R, p, J = self.output(Q, placed)
+        away = R @ np.swapaxes(rotation, -1, -2)
+        free = [k for k in range(3) if k + 3 not in rows]
+        turn = _swing(away, free[0]) if len(free) == 1 else _log(away)
+        return np.concatenate([(p - position) / self._scale, turn], axis=1), J
+
+
+def _along(up: Array, own: Array) -> Array:
+    """Directions (N, 3) of an axis ``own`` (3,) of frames with rotations up (N, 3, 3)."""
+    main = np.flatnonzero(own)
+    if len(main) == 1:
+        return np.asarray(up[:, :, main[0]] * own[main[0]])
+    return np.asarray(up @ own)
+
+
+def _turn(up: Array, own: Array, angle: Array, out: Array) -> None:
+    """Rotations up (N, 3, 3) followed by turns about an axis ``own`` (3,) of theirs, into out."""
+    s, c = np.sin(angle), np.cos(angle)
+    main = np.flatnonzero(own)
+    if len(main) == 1 and abs(own[main[0]]) == 1:
+        # About one of their own axes only the two other columns change.
+        k = int(main[0])
+        i, j = (k + 1) % 3, (k + 2) % 3
+        s = s * own[k]
+        out[:, :, k] = up[:, :, k]
+        out[:, :, i] = c[:, None] * up[:, :, i] + s[:, None] * up[:, :, j]
+        out[:, :, j] = c[:, None] * up[:, :, j] - s[:, None] * up[:, :, i]
+        return
+    K = np.array([[0, -own[2], own[1]], [own[2], 0, -own[0]], [-own[1], own[0], 0]])
+    out[:] = up @ (np.eye(3) + s[:, None, None] * K + (1 - c)[:, None, None] * (K @ K))
+
+
+def newton(
+    loops: BatchLoops,
+    Q: Array,
+    free: Bool,
+    which: tuple[int, ...] | None = None,
+    target: tuple[Array, Array, tuple[int, ...]] | None = None,
+    steps: int = 60,
+) -> tuple[Array, Array]:
+    """Damped Gauss-Newton on many starts at once: configurations (N, n), residuals (N,).
+
+    Parameters
+    ----------
+    loops : BatchLoops
+        Of the mechanism.
+    Q : (N, n) array
+        Starts; joints that are not ``free`` stay.
+    free : (n,) array of bool
+        What may move.
+    which : tuple of int, optional
+        Loops to close; all by default.
+    target : (rotation, position, rows), optional
+        Pose of the output to reach, (3, 3) or (N, 3, 3) and (3,) or (N, 3), and which of its six
+        rows count.
+    steps : int
+        Most steps.
+    """
+    Q = Q.copy()
+    columns = np.flatnonzero(free)
+    size = np.full(len(Q), np.inf)
+    active = np.arange(len(Q))
+    for _ in range(steps + 1):
+        if not len(active):
+            break
+        X = Q[active]
+        error, J = _system(loops, X, which, target, active)
+        size[active] = np.abs(error).max(axis=1, initial=0.0)
+        active_now = size[active] > 1e-13
+        J = J[:, :, columns]
+        step = _step(J[active_now], error[active_now])
+        longest = np.abs(step).max(axis=1, initial=0.0)
+        step *= np.minimum(1.0, 0.5 / np.maximum(longest, 1e-300))[:, None]
+        active = active[active_now]
+        moved = Q[active]
+        moved[:, columns] += step * loops.units[columns]
+        Q[active] = moved
+        # What has stopped moving without having arrived is at a minimum that is not zero.
+        active = active[longest > 1e-12]
+    error, _ = _system(loops, Q, which, target, np.arange(len(Q)))
+    return Q, np.abs(error).max(axis=1, initial=0.0)
+
+
+def _system(
+    loops: BatchLoops,
+    X: Array,
+    which: tuple[int, ...] | None,
+    target: tuple[Array, Array, tuple[int, ...]] | None,
+    active: npt.NDArray[np.intp],
+) -> tuple[Array, Array]:
+    placed = loops.place(X)
+    error, J = loops.closure(X, which, placed)
+    if target is not None:
+        R, p, rows = target
+        R = R if R.ndim == 2 else R[active]
+        p = p if p.ndim == 1 else p[active]
+        miss, K = loops.reach(X, R, p, placed, rows)
+        error = np.concatenate([error, miss[:, list(rows)]], axis=1)
+        J = np.concatenate([J, K[:, list(rows)]], axis=1)
+    return error, J
+
+
+def _step(J: Array, error: Array) -> Array:
+    """Least steps of Levenberg and Marquardt; the damping goes with the square of the error."""
+    damping = 1e-13 + 1e-3 * np.minimum(1.0, (error**2).sum(axis=1))
+    Jt = np.swapaxes(J, 1, 2)
+    wide = J.shape[1] <= J.shape[2]
+    A = J @ Jt if wide else Jt @ J
+    # Of long links the products are so large that this would be rounded away.
+    damping = np.maximum(damping, 1e-15 * np.trace(A, axis1=1, axis2=2))
+    A = A + damping[:, None, None] * np.eye(A.shape[-1])
+    if wide:
+        return np.asarray(-(Jt @ np.linalg.solve(A, error[:, :, None]))[:, :, 0])
+    return np.asarray(-np.linalg.solve(A, Jt @ error[:, :, None])[:, :, 0])
+
+
+def _cross(a: Array, b: Array) -> Array:
+    """Vector products over the last axis; NumPy's own takes many times as long for few."""
+    x, y, z = a[..., 0], a[..., 1], a[..., 2]
+    u, v, w = b[..., 0], b[..., 1], b[..., 2]
+    return np.stack([y * w - z * v, z * u - x * w, x * v - y * u], axis=-1)
+
+
+def _swing(R: Array, k: int) -> Array:
+    """The least turns (N, 3) that bring axis k to where R (N, 3, 3) has it."""
+    axis = np.eye(3)[k]
+    across = np.cross(axis, R[:, :, k])
+    size = np.linalg.norm(across, axis=1)
+    angle = np.arctan2(size, R[:, k, k])
+    grown = np.where(size > _TINY, angle / np.where(size > _TINY, size, 1.0), 1.0)
+    return np.asarray(across * grown[:, None])
+
+
+def _log(R: Array) -> Array:
+    """Rotation vectors (N, 3) of rotations (N, 3, 3)."""
+    skew = np.stack(
+        [R[:, 2, 1] - R[:, 1, 2], R[:, 0, 2] - R[:, 2, 0], R[:, 1, 0] - R[:, 0, 1]], axis=1
+    )
+    cosine = np.clip((np.trace(R, axis1=1, axis2=2) - 1) / 2, -1, 1)
+    sine = np.linalg.norm(skew, axis=1) / 2
+    angle = np.arctan2(sine, cosine)
+    factor = np.where(sine > _CLOSE, angle / np.maximum(2 * sine, _CLOSE), 0.5)
+    out = factor[:, None] * skew
+    # Half a turn: the axis is the largest column of R + 1.
+    half = (sine <= 1e-7) & (cosine < 0)
+    for k in np.flatnonzero(half):
+        columns = R[k] + np.eye(3)
+        best = columns[:, int(np.argmax(np.diag(columns)))]
+        out[k] = np.pi * best / np.linalg.norm(best)
+    return np.asarray(out)
+
+
+def locked(mechanism: Mechanism, Q: Array) -> Bool:
+    """Whether a ball is locked, or nearly: (N,) bool at Q (N, n)."""
+    out = np.zeros(len(Q), dtype=bool)
+    # Near: the volume that the three axes span is at most a tenth of what it can be.
+    for ball in hinged_balls(mechanism):
+        out |= np.abs(_volume(mechanism, ball.joints, Q[:, ball.joints[1]])) <= 0.1
+    return out
+
+
+def ball_jacobians(loops: BatchLoops, Q: Array) -> tuple[Array, Array]:
+    """Constraint Jacobian (N, k, n) and task rows of the output (N, m, n), balls taken whole.
+
+    Columns of the three hinges of a ball are of its angular velocity, base axes; lengths are over
+    the length scale.
+    """
+    mechanism = loops.mechanism
+    placed = loops.place(Q)
+    axis, pivot = placed.axis.copy(), placed.position.copy()
+    for ball in hinged_balls(mechanism):
+        first = ball.joints[0] + 1
+        at = placed.position[first] + placed.rotation[first] @ ball.point
+        for joint, along in zip(ball.joints, np.eye(3), strict=True):
+            axis[joint], pivot[joint + 1] = along, at
+    whole = replace(placed, axis=axis, pivot=pivot)
+    G = loops.closure(Q, placed=whole)[1]
+    J = loops.output(Q, whole)[2][:, list(mechanism.task.rows)]
+    return G, J
+
+
+def hinge_rates(loops: BatchLoops, q: Array, basis: Array) -> Array:
+    """Joint velocities (n, d) of motions (n, d) in which balls are whole, q (n,).
+
+    Three hinges in a plane show of a turn what they can: its part in that plane.
+    """
+    out = basis.copy()
+    axis = loops.place(q[None]).axis[:, 0]
+    for ball in hinged_balls(loops.mechanism):
+        rows = list(ball.joints)
+        out[rows] = np.linalg.pinv(axis[rows].T, rcond=1e-6) @ basis[rows]
+    return out
+
+
+@once
+def hinged_balls(mechanism: Mechanism) -> tuple[Centre, ...]:
+    """Balls of three hinges that carry nothing between them, with their centres."""
+    model = mechanism.model
+    ends = [*itertools.chain(*closing(mechanism)), mechanism.output_id]
+    held = {int(model.frames[k].parentJoint) - 1 for k in ends}
+    out = []
+    for centre in structure(mechanism).centres:
+        ball = centre.joints
+        if len(ball) != 3 or mechanism.prismatic[list(ball)].any():
+            continue
+        carried = {j for j in range(mechanism.n) if int(model.parents[j + 1]) - 1 in ball[:2]}
+        in_line = all(int(model.parents[b + 1]) - 1 == a for a, b in itertools.pairwise(ball))
+        if in_line and not held & set(ball[:2]) and carried == set(ball[1:]):
+            out.append(centre)
+    return tuple(out)
+
+
+def _volume(mechanism: Mechanism, ball: tuple[int, ...], middle: Array) -> Array:
+    """Triple product (N,) of the three axes, which depends on the angle (N,) of the middle one."""
+    model, own = mechanism.model, structure(mechanism).axes
+    a, b, c = ball
+    # In the frame of the middle hinge, before it turns.
+    first = np.array(model.jointPlacements[b + 1].rotation).T @ own[a]
+    axis = own[b]
+    last = np.array(model.jointPlacements[c + 1].rotation) @ own[c]
+    flat = last - (last @ axis) * axis
+    turned = np.cos(middle)[:, None] * flat + np.sin(middle)[:, None] * np.cross(axis, flat)
+    return np.asarray(np.cross(axis, turned) @ first)
+
 
 Mask = npt.NDArray[np.bool_]
 
@@ -167,15 +542,14 @@ def gauss_newton(
     Steps are cut at half a radian (half a length scale): far from closure Newton's own
     would jump between assembly modes.
     """
-    q, best = q.copy(), np.inf
-    start, kept = q.copy(), q.copy()
+    start, best, q = q, np.inf, q.copy()
+    kept = start
     for _ in range(steps):
         error, G = loops.scaled(q)
         size = float(np.abs(error).max())
         if size >= best and best <= CLOSED:
             break
-        best = size
-        kept = q.copy()
+        best, kept = size, q.copy()
         step = np.linalg.lstsq(G[:, free], -error, rcond=1e-11)[0]
         longest = float(np.abs(step).max(initial=0.0))
         if longest > 0.5:
@@ -220,31 +594,27 @@ def random_closed(
     start: Array | None = None,
 ) -> list[Array]:
     """Closed configurations that random starts lead to; joints not ``free`` stay at ``start``."""
-    loops = Loops(mechanism)
     free = np.ones(mechanism.n, dtype=bool) if free is None else free
-    out = []
-    for _ in range(count):
-        q = mechanism.home.copy() if start is None else start.copy()
-        drawn = rng.uniform(-1, 1, mechanism.n)
-        drawn *= np.where(mechanism.prismatic, mechanism.length_scale, np.pi)
-        q[free] = drawn[free]
-        q, error = gauss_newton(loops, q, free)
-        if error <= CLOSED:
-            out.append(mechanism.space.wrap(q))
-    return out
+    reach = np.where(mechanism.prismatic, mechanism.length_scale, np.pi)
+    drawn = rng.uniform(-1, 1, (count, mechanism.n)) * reach
+    return _closed_from(
+        mechanism, np.where(free, drawn, mechanism.home if start is None else start), free
+    )
+
+
+def _closed_from(mechanism: Mechanism, starts: Array, free: Mask) -> list[Array]:
+    """Closed configurations that starts (N, n) lead to."""
+    loops = Loops(mechanism)
+    found = (gauss_newton(loops, q, free) for q in starts)
+    return [mechanism.space.wrap(q) for q, error in found if error <= CLOSED]
 
 
 def near_home(mechanism: Mechanism) -> list[Array]:
     """Closed configurations from home and from starts around it."""
-    loops, rng = Loops(mechanism), np.random.default_rng(_SEED)
-    free = np.ones(mechanism.n, dtype=bool)
-    out = []
-    for away in (0.0, *np.repeat((0.05, 0.2), 4)):
-        start = mechanism.home + away * rng.uniform(-1, 1, mechanism.n) * loops.column_scale
-        q, error = gauss_newton(loops, start, free)
-        if error <= CLOSED:
-            out.append(mechanism.space.wrap(q))
-    return out
+    away = np.array([0.0, *np.repeat((0.05, 0.2), 4)])[:, None]
+    drawn = np.random.default_rng(_SEED).uniform(-1, 1, (len(away), mechanism.n))
+    starts = mechanism.home + away * drawn * mechanism.space.metric
+    return _closed_from(mechanism, starts, np.ones(mechanism.n, dtype=bool))
 
 
 def _beside_home(mechanism: Mechanism, loops: Loops) -> list[Array]:
@@ -285,17 +655,6 @@ def _rank(M: Array, rtol: float, size: float | None = None) -> int:
     return int((sigma > rtol * (sigma[0] if size is None else size)).sum())
 
 
-def _advice(mechanism: Mechanism) -> str:
-    """What to look at where no configuration closes the loops."""
-    size = _longest(mechanism)
-    if size > 20.0 * mechanism.length_scale:
-        return (
-            f"lengths of the file are up to {size:.3g} m; if they are in millimetres, write them "
-            f"in metres or give a length scale (--length-scale {10 ** round(np.log10(size)):.0f})"
-        )
-    return "check the frames, the lengths and the kinds of the loops"
-
-
 @once
 def _ranks(mechanism: Mechanism) -> Ranks:
     idle = idle_link(mechanism)
@@ -305,9 +664,17 @@ def _ranks(mechanism: Mechanism) -> Ranks:
     if len(samples) < 3:
         samples += near_home(mechanism)
     if not samples:
+        size = _longest(mechanism)
+        advice = "check the frames, the lengths and the kinds of the loops"
+        if size > 20.0 * mechanism.length_scale:
+            advice = (
+                f"lengths of the file are up to {size:.3g} m; if they are in millimetres, write "
+                "them in metres or give a length scale (--length-scale "
+                f"{10 ** round(np.log10(size)):.0f})"
+            )
         raise PinsingError(
             f"{mechanism.name}: the loops {', '.join(str(x) for x in mechanism.loops)} close "
-            f"nowhere, as far as was looked: {_advice(mechanism)}"
+            f"nowhere, as far as was looked: {advice}"
         )
     loops = Loops(mechanism)
     # Branches may differ in their mobility: that of home is meant, where home closes the loops.

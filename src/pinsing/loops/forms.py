@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
@@ -84,15 +85,17 @@ class PoseEquation:
 
     def rows(self, exact: bool = False) -> list[str]:
         """The rows of the determinant as text; none where it is multiplied out."""
-        return [
-            f"({', '.join(e.sum_exact() if exact else e.text() for e in row)})"
-            for row in self.matrix
-        ]
+        return [f"({', '.join(e.text(exact) for e in row)})" for row in self.matrix]
 
-    def text(self) -> str:
-        """The sum alone, written out; the rows of a determinant."""
+    def text(self, exact: bool = False) -> str:
+        """The left side written out, with exact coefficients or numbers; rows of a determinant."""
         if self.matrix:
-            return f"det[{', '.join(self.rows())}]"
+            return f"det[{', '.join(self.rows(exact))}]"
+        if exact:
+            terms = zip(self.coefficients, self.powers.tolist(), strict=True)
+            return (
+                " + ".join(" ".join([f"({c})", *_factors(self.names, p)]) for c, p in terms) or "0"
+            )
         text = ""
         for value, powers in zip(self.values.tolist(), self.powers.tolist(), strict=True):
             factors = _factors(self.names, powers)
@@ -104,34 +107,19 @@ class PoseEquation:
 
     def exact(self) -> str:
         """The whole equation with its exact coefficients."""
-        return f"{self.sum_exact()} = 0"
-
-    def sum_exact(self) -> str:
-        """Its left side."""
-        if self.matrix:
-            return f"det[{', '.join(self.rows(exact=True))}]"
-        terms = [
-            " ".join([f"({c})", *_factors(self.names, powers)])
-            for c, powers in zip(self.coefficients, self.powers.tolist(), strict=True)
-        ]
-        return " + ".join(terms) or "0"
+        return f"{self.text(exact=True)} = 0"
 
     def __str__(self) -> str:
         if self.matrix:
             size = len(self.matrix)
             return f"determinant of {size} x {size} entries = 0 in {', '.join(self.used)}"
-        if len(self.values) > SHORT:
-            if not any(n in ("x", "y", "z") for n in self.names):
-                whole = self.degree(self.names)
-                return f"f({', '.join(self.used)}) = 0 [{len(self.values)} terms, degree {whole}]"
-            where = self.degree(("x", "y", "z"))
-            turn = self.degree((*TURNS, *_ANGLE))
-            more = f", {turn} in the rotation" if turn else ""
-            return (
-                f"f({', '.join(self.used)}) = 0 [{len(self.values)} terms, degree {where} in the "
-                f"position{more}]"
-            )
-        return f"{self.text()} = 0"
+        if len(self.values) <= SHORT:
+            return f"{self.text()} = 0"
+        turn, degree = self.degree((*TURNS, *_ANGLE)), f"{self.degree(self.names)}"
+        if {"x", "y", "z"} & set(self.names):
+            degree = f"{self.degree(('x', 'y', 'z'))} in the position"
+            degree += f", {turn} in the rotation" if turn else ""
+        return f"f({', '.join(self.used)}) = 0 [{len(self.values)} terms, degree {degree}]"
 
 
 def _factors(names: tuple[str, ...], powers: list[int]) -> list[str]:
@@ -238,21 +226,18 @@ def trig_polynomial(poly: Poly, ring: Ring, joints: Sequence[str]) -> PoseEquati
         return _equation((), [((), c, 0) for _, c, _ in _terms(poly)])
     there = fmpq_mpoly_ctx.get([f"t{k}" for k in range(len(names))], Ordering.lex)
     gens = iter(there.gens())
-    places = [(next(gens),) if ring.prismatic[j] else (next(gens), next(gens)) for j in used]
-    known: dict[tuple[int, ...], Poly] = {}
+    places = {j: [next(gens) for _ in ring.variables(j)] for j in used}
+
+    @functools.cache
+    def power(j: int, *exponents: int) -> Poly:
+        """What powers of the variables of a joint are in its cosine and sine, or its value."""
+        return places[j][0] ** exponents[0] if ring.prismatic[j] else _pair(*exponents, *places[j])
+
     total = there.constant(0)
     for monomial, c in poly.to_dict().items():
         line = there.constant(c)
-        for k, j in enumerate(used):
-            exponents = tuple(int(monomial[v]) for v in ring.variables(j))
-            key = (k, *exponents)
-            if key not in known:
-                known[key] = (
-                    places[k][0] ** exponents[0]
-                    if ring.prismatic[j]
-                    else _pair(exponents[0], exponents[1], *places[k])
-                )
-            line *= known[key]
+        for j in used:
+            line *= power(j, *(int(monomial[v]) for v in ring.variables(j)))
         total += line
     return _equation(tuple(names), _terms(total))
 
@@ -308,16 +293,14 @@ class JointLocus:
             at[name], at[f"cos {name}"], at[f"sin {name}"] = (
                 q[..., k], np.cos(q[..., k]), np.sin(q[..., k])
             )  # fmt: skip
-        rows = []
-        for row in self.matrix:
-            entries = []
-            for x in row:
-                values = [at[n] for n in x.names]
-                entries.append(
-                    x(np.stack(values, axis=-1)) if values
-                    else np.full(q.shape[:-1], float(x.values.sum()))
-                )  # fmt: skip
-            rows.append(np.stack(entries, axis=-1))
+
+        def entry(x: PoseEquation) -> Array:
+            values = np.empty((*q.shape[:-1], len(x.names)))
+            for k, name in enumerate(x.names):
+                values[..., k] = at[name]
+            return x(values)
+
+        rows = [np.stack([entry(x) for x in row], axis=-1) for row in self.matrix]
         return np.stack(rows, axis=-2)
 
     def scaled(self, M: Array) -> Array:
@@ -327,13 +310,22 @@ class JointLocus:
         size = np.maximum(np.linalg.norm(M, axis=-1), _VANISHES * whole)
         return np.asarray(M / np.where(size > 0, size, 1.0)[..., None])
 
+    def value(self, q: npt.ArrayLike, joints: Sequence[str]) -> Array:
+        """Left side (...) at q (..., n), over its size; see `JointForms.values`."""
+        if self.equation is not None:
+            return np.asarray(self.equation(q) / self.equation.size)
+        M = self.scaled(self.entries(q, joints))
+        if M.shape[-2] > M.shape[-1]:
+            return np.asarray(np.prod(np.linalg.svd(M, compute_uv=False), axis=-1))
+        return np.asarray(np.linalg.det(M))
+
     def ratio(self, q: npt.ArrayLike, joints: Sequence[str]) -> Array:
         """How near it is (...) at q (..., n): a value over its size, or the least singular value.
 
         Zero on the locus, 1 at most.
         """
         if self.equation is not None:
-            return np.asarray(np.abs(self.equation(q)) / self.equation.size)
+            return np.abs(self.value(q, joints))
         sigma = np.linalg.svd(self.scaled(self.entries(q, joints)), compute_uv=False)
         return np.asarray(sigma[..., -1] / np.maximum(sigma[..., 0], _VANISHES))
 
@@ -388,17 +380,7 @@ class JointForms(JsonResult):
         never negative.
         """
         q = np.asarray(q, dtype=float)
-        out = []
-        for locus in self.loci:
-            if locus.equation is not None:
-                out.append(locus.equation(q) / locus.equation.size)
-                continue
-            M = locus.entries(q, self.joints)
-            M = locus.scaled(M)
-            if M.shape[-2] > M.shape[-1]:
-                out.append(np.prod(np.linalg.svd(M, compute_uv=False), axis=-1))
-            else:
-                out.append(np.linalg.det(M))
+        out = [locus.value(q, self.joints) for locus in self.loci]
         return np.stack(out, axis=-1) if out else np.zeros((*q.shape[:-1], 0))
 
     def __str__(self) -> str:

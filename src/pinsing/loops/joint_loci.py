@@ -12,7 +12,7 @@ from __future__ import annotations
 import functools
 import itertools
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from fractions import Fraction
 
 import numpy as np
@@ -32,7 +32,6 @@ from pinsing.loops.leg_wrenches import (
     LegWrench,
     LegWrenches,
     in_room,
-    kind_of,
     leg_wrenches,
     room_of,
 )
@@ -53,53 +52,37 @@ Step = tuple[int, int]
 """A joint, and 1 where it is passed outwards, -1 where towards the base."""
 
 
-@dataclass(frozen=True, eq=False)
 class ClosureForms:
-    """The two matrices.
+    """Rows of Jacobians: velocities by all joints, seen from a body between them.
 
     Attributes
     ----------
     ring : Ring
         Of all joints.
-    held : list of rows of Poly
-        A column for each passive joint: they move with the actuators held where these are
-        dependent.
-    at_rest : list of rows of Poly
-        A column for each joint: a motion leaves the output at rest where these are dependent.
     off : float
         By how much numbers of the file were changed to be exact.
     """
 
-    ring: Ring
-    held: list[Row]
-    at_rest: list[Row]
-    off: float
-
-
-def closure_forms(mechanism: Mechanism) -> ClosureForms:
-    """The matrices of a mechanism, whatever its legs are."""
-    ring = make_ring(mechanism.prismatic.tolist())
-    made = _Velocities(mechanism, ring)
-    loops = zip(mechanism.loops, *closing(mechanism), strict=True)
-    rows = [row for loop, a, b in loops for row in made.loop(loop.kind, a, b)]
-    held = [[row[j] for j in mechanism.passive] for row in rows]
-    whole = [*rows, *made.output()]
-    return ClosureForms(ring, _not_zero(held), _not_zero(whole), made.off)
-
-
-def _not_zero(rows: list[Row]) -> list[Row]:
-    return [row for row in rows if any(x != 0 for x in row)]
-
-
-class _Velocities:
-    """Rows of Jacobians: velocities by all joints, seen from a body between them."""
-
-    def __init__(self, mechanism: Mechanism, ring: Ring) -> None:
+    def __init__(self, mechanism: Mechanism) -> None:
         self.mechanism = mechanism
-        self.ring = ring
+        self.ring = make_ring(mechanism.prismatic.tolist())
         self.zero = at_zero(mechanism)
         self.kind, self.turn, _ = room_of(mechanism)
         self.off = 0.0
+
+    def matrices(self) -> tuple[list[Row], list[Row]]:
+        """A matrix with a column for each passive joint, and one with a column for each joint.
+
+        Passive joints move with the actuators held where the columns of the first are dependent, a
+        motion leaves the output at rest where those of the second are.
+        """
+        loops = zip(self.mechanism.loops, *closing(self.mechanism), strict=True)
+        rows = [row for loop, a, b in loops for row in self.loop(loop.kind, a, b)]
+        held = [[row[j] for j in self.mechanism.passive] for row in rows]
+        held, whole = (
+            [row for row in M if any(x != 0 for x in row)] for M in (held, [*rows, *self.output()])
+        )
+        return held, whole
 
     def loop(self, kind: str, a: int, b: int) -> list[Row]:
         """One loop's rows, seen from the middle of the joints that it goes through."""
@@ -111,7 +94,7 @@ class _Velocities:
             return self._whole(round_)
         # The rows of a planar loop are along the axes of its first frame: it is the one that rests.
         planar = kind == "planar" and self.kind != PLANE
-        rows = self._zero()
+        rows = self._none()
         back, on = _parted(round_, 0 if planar else len(round_) // 2)
         for side, frame, steps in ((-1, a, back), (1, b, on)):
             self._add(rows, side, np.array(self.zero.frames[frame].translation), steps, self.turn)
@@ -131,17 +114,17 @@ class _Velocities:
         path = [(j, 1) for j in path_to(self.mechanism, structure(self.mechanism).output)]
         if SIZE[self.kind] == len(task) == ranks(self.mechanism).output:
             return self._whole(path)
-        rows = self._zero()
+        rows = self._none()
         place = self.zero.frames[self.mechanism.output_id]
         self._add(rows, 1, np.array(place.translation), path, rational_turn(np.eye(3)))
         return [rows[k] for k in task]
 
-    def _zero(self) -> list[Row]:
+    def _none(self) -> list[Row]:
         return [[self.ring.zero] * self.mechanism.n for _ in range(6)]
 
     def _whole(self, steps: Sequence[Step]) -> list[Row]:
         """All of a motion between two bodies: that of a point of a body in the middle."""
-        rows = self._zero()
+        rows = self._none()
         middle = len(steps) // 2
         at = self.zero.origins[steps[middle][0]]
         for side, part in zip((-1, 1), _parted(steps, middle), strict=True):
@@ -183,6 +166,7 @@ def _parted(steps: Sequence[Step], middle: int) -> tuple[list[Step], list[Step]]
 
 
 _ROUNDING = 1e-12
+_AT_REST = "a motion of the joints leaves the output at rest"
 
 
 @once
@@ -205,7 +189,7 @@ def joint_forms(mechanism: Mechanism) -> JointForms:
         "a configuration that closes the loops is singular if and only if one of these is zero"
     ]
     try:
-        if kind_of(mechanism) == SPACE and generic.constraint < mechanism.rows:
+        if room_of(mechanism)[0] == SPACE and generic.constraint < mechanism.rows:
             raise NotThisKind(
                 f"of {mechanism.rows} closure equations {generic.constraint} are independent, and "
                 "that only where the loops close"
@@ -255,18 +239,15 @@ def joint_forms(mechanism: Mechanism) -> JointForms:
 
 def _of_closure(mechanism: Mechanism) -> tuple[list[JointLocus], float]:
     """Both conditions as matrices of the closure equations, for legs of any kind."""
-    made = closure_forms(mechanism)
-    return [
-        *_loci(made.ring, mechanism, "type 2", "joints move with the actuators held", made.held),
-        *_loci(
-            made.ring, mechanism, "type 1", "a motion of the joints leaves the output at rest",
-            made.at_rest,
-        ),
-    ], made.off  # fmt: skip
+    made = ClosureForms(mechanism)
+    held, whole = made.matrices()
+    two = _loci(made.ring, mechanism, "type 2", "joints move with the actuators held", held)
+    return [*two, *_loci(made.ring, mechanism, "type 1", _AT_REST, whole)], made.off
 
 
 def _type2(mechanism: Mechanism, legs: LegWrenches) -> list[JointLocus]:
-    unknowns = _unknowns(mechanism, legs, locked=True)
+    loose = [h for h in legs.carrier.hinges if h.joint in mechanism.passive]
+    unknowns = SIZE[legs.kind] if legs.ended else len(loose)
     if len(legs.wrenches) != unknowns:
         raise NotThisKind(
             f"the legs pass {len(legs.wrenches)} forces where {unknowns} would fix the output: "
@@ -274,7 +255,13 @@ def _type2(mechanism: Mechanism, legs: LegWrenches) -> list[JointLocus]:
                if len(legs.wrenches) > unknowns else "too few")
         )  # fmt: skip
     rows = [_row(mechanism, legs, w, locked=True) for w in legs.wrenches]
-    return _loci(legs.ring, mechanism, "type 2", _words(legs), rows)
+    words = {
+        SPACE: "the wrenches of the legs belong to one linear complex",
+        PLANE: "the lines of the legs' forces meet in one point or are parallel",
+        SPHERE: "the moments of the legs lie in a plane",
+    }[legs.kind]
+    free = "the forces of the legs leave the output free"
+    return _loci(legs.ring, mechanism, "type 2", words if legs.ended else free, rows)
 
 
 def _type1(mechanism: Mechanism, legs: LegWrenches) -> list[JointLocus]:
@@ -292,32 +279,20 @@ def _type1(mechanism: Mechanism, legs: LegWrenches) -> list[JointLocus]:
             words = f"leg {w.leg}: {name} does not work on the force that the leg passes"
             out += _factored(legs.ring, mechanism, "type 1", words, next(iter(w.arms.values())))
         return out
-    drivers = [j for j in mechanism.actuated if any(j in w.arms for w in legs.wrenches)]
-    rows = []
-    for w in legs.wrenches:
-        row = _row(mechanism, legs, w, locked=False)
-        felt = [legs.ring.zero - w.arms.get(j, legs.ring.zero) for j in drivers]
-        felt = [x for x, j in zip(felt, drivers, strict=True) if _counts(legs, j)]
-        rows.append(_level([*row, *felt], legs.ring))
-    spare = sum(_counts(legs, j) for j in drivers)
-    for k in task:
-        row = [*_output_row(mechanism, legs, k), *[legs.ring.zero] * spare]
-        rows.append(_level(row, legs.ring))
+    # An actuated joint is an unknown of its own, but where the carrier's joints are.
+    carried = () if legs.ended else tuple(h.joint for h in legs.carrier.hinges)
+    used = {j for w in legs.wrenches for j in w.arms}
+    drivers = [j for j in mechanism.actuated if j in used and j not in carried]
+    zero = legs.ring.zero
+    rows = [
+        [*_row(mechanism, legs, w, False), *(zero - w.arms.get(j, zero) for j in drivers)]
+        for w in legs.wrenches
+    ]
+    rows += [[*_output_row(legs, k), *[zero] * len(drivers)] for k in task]
+    rows = [_level(row, legs.ring) for row in rows]
     if any(len(row) != len(rows) for row in rows):
         raise NotThisKind("there are other equations than motions")
-    words = "a motion of the joints leaves the output at rest"
-    return _loci(legs.ring, mechanism, "type 1", words, rows)
-
-
-def _counts(legs: LegWrenches, joint: int) -> bool:
-    """Whether an actuated joint is an unknown of its own: not where the carrier's joints are."""
-    return legs.ended or all(h.joint != joint for h in legs.carrier.hinges)
-
-
-def _unknowns(mechanism: Mechanism, legs: LegWrenches, locked: bool) -> int:
-    if legs.ended:
-        return SIZE[legs.kind]
-    return sum(not locked or h.joint in mechanism.passive for h in legs.carrier.hinges)
+    return _loci(legs.ring, mechanism, "type 1", _AT_REST, rows)
 
 
 def _row(mechanism: Mechanism, legs: LegWrenches, wrench: LegWrench, locked: bool) -> Row:
@@ -348,7 +323,7 @@ def _twists(legs: LegWrenches) -> list[tuple[Row, Row]]:
     return out
 
 
-def _output_row(mechanism: Mechanism, legs: LegWrenches, k: int) -> Row:
+def _output_row(legs: LegWrenches, k: int) -> Row:
     """A row of the output's velocity by the unknowns: in the axes of the turned base."""
     ring, scale = legs.ring, legs.carrier.scale
     zero = ring.zero
@@ -370,24 +345,13 @@ def _output_row(mechanism: Mechanism, legs: LegWrenches, k: int) -> Row:
 
 def _level(row: Row, ring: Ring) -> Row:
     """Entries of one degree in each joint's pair of variables: times x^2 + y^2, which are 1."""
-    degrees = [
-        [sum(int(m[v]) for v in ring.variables(j)) for j in range(len(ring.w))]
-        if x != 0 else None
-        for x in row
-        for m in [next(iter(x.to_dict()), ())]
-    ]  # fmt: skip
-    known = [d for d in degrees if d is not None]
-    if not known:
-        return row
-    top = [max(d[j] for d in known) for j in range(len(ring.w))]
-    out = []
-    for x, d in zip(row, degrees, strict=True):
-        if d is not None:
-            for j, w in enumerate(ring.w):
-                if w is not None and top[j] > d[j]:
-                    x = x * w ** ((top[j] - d[j]) // 2)
-        out.append(x)
-    return out
+    for j, w in enumerate(ring.w):
+        if w is not None:
+            x, y = ring.variables(j)
+            degrees = [m[x] + m[y] for e in row if e != 0 for m in [e.monomial(0)]]
+            places = iter(degrees)
+            row = [e * w ** ((max(degrees) - next(places)) // 2) if e != 0 else e for e in row]
+    return row
 
 
 def _loci(
@@ -463,17 +427,16 @@ def _together(ring: Ring, factors: Sequence[Poly]) -> list[Poly]:
         if factor.is_constant():
             continue
         joints = ring.joints_of(factor)
-        if len(joints) == 1 and not ring.prismatic[joints[0]]:
-            (j,) = joints
-            if int(factor.total_degree()) % 2:
-                if j in halves:
-                    out.append(halves.pop(j) * factor)
-                else:
-                    halves[j] = factor
-                continue
-            if not real_roots(factor, j, ring):
-                continue
-        out.append(factor)
+        if len(joints) != 1 or ring.prismatic[joints[0]]:
+            out.append(factor)
+            continue
+        (j,) = joints
+        if int(factor.total_degree()) % 2 == 0:
+            out += [factor] if real_roots(factor, j, ring) else []
+        elif j in halves:
+            out.append(halves.pop(j) * factor)
+        else:
+            halves[j] = factor
     return [*out, *halves.values()]
 
 
@@ -494,13 +457,3 @@ def _passive(mechanism: Mechanism, legs: LegWrenches) -> list[JointLocus]:
         found = _factored(legs.ring, mechanism, "passive", words, factor)
         out += [replace(x, ball=ball) for x in found]
     return out
-
-
-def _words(legs: LegWrenches) -> str:
-    if not legs.ended:
-        return "the forces of the legs leave the output free"
-    return {
-        SPACE: "the wrenches of the legs belong to one linear complex",
-        PLANE: "the lines of the legs' forces meet in one point or are parallel",
-        SPHERE: "the moments of the legs lie in a plane",
-    }[legs.kind]

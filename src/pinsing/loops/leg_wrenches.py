@@ -152,12 +152,9 @@ def leg_wrenches(mechanism: Mechanism) -> LegWrenches:
     kind, turn, centre = room_of(mechanism)
     ring = make_ring(mechanism.prismatic.tolist())
     ways = leg_ways(mechanism)
-    seen: set[int] = set()
-    for joints, _, _ in ways:
-        mine = {j for j in joints if j in mechanism.passive}
-        if seen & mine:
-            raise NotThisKind("legs share passive joints")
-        seen |= mine
+    used = [j for joints, _, _ in ways for j in joints if j in mechanism.passive]
+    if len(used) > len(set(used)):
+        raise NotThisKind("legs share passive joints")
     wrenches: list[LegWrench] = []
     passive: list[Passive] = []
     off = 0.0
@@ -186,14 +183,12 @@ def leg_wrenches(mechanism: Mechanism) -> LegWrenches:
     )  # fmt: skip
 
 
-def kind_of(mechanism: Mechanism) -> str:
-    """``space``, ``plane`` or ``sphere``: what the motions of all its joints have room in."""
-    return room_of(mechanism)[0]
-
-
 @once
 def room_of(mechanism: Mechanism) -> tuple[str, Turn, Array]:
-    """The same, the turn that makes the plane's normal z, and the sphere's centre."""
+    """``space``, ``plane`` or ``sphere``: what the motions of all its joints have room in.
+
+    And the turn that makes the plane's normal z, and the sphere's centre.
+    """
     drawn = Sample(mechanism, mechanism.space.sample(1, np.random.default_rng(929))[0])
     still, none = rational_turn(np.eye(3)), np.zeros(3)
     normal = plane_normal(mechanism, drawn.axis)
@@ -265,14 +260,11 @@ def _leg(
         """What a joint does to the end, or to the turn, up to a positive factor."""
         return hinge.axis if kind == SPHERE else chain.velocity(hinge, point, chain.scale)
 
-    if kind == SPHERE:
-        arms = [h.axis for h in passive]
-        if end is not None:
-            # A loop that closes in a point of the sphere leaves a turn about the radius there.
-            middle = chain.fixed(centre)
-            arms.append([b - chain.scale * m for b, m in zip(point, middle, strict=True)])
-    else:
-        arms = [moved(h) for h in passive]
+    arms = [moved(h) for h in passive]
+    if kind == SPHERE and end is not None:
+        # A loop that closes in a point of the sphere leaves a turn about the radius there.
+        middle = chain.fixed(centre)
+        arms.append([b - chain.scale * m for b, m in zip(point, middle, strict=True)])
     if kind == PLANE:
         # Normal of the plane in the frame of the chain.
         normal = [one * rational(v) for v in chain.base[2]]

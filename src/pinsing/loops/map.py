@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -20,12 +20,11 @@ from pinsing._types import Array, Bool
 from pinsing.arguments import checked
 from pinsing.errors import OptionError
 from pinsing.loops.analysis import independent_inputs
-from pinsing.loops.batch import CLOSED_MANY, BatchLoops, newton
-from pinsing.loops.closure import near_home, random_closed, ranks
+from pinsing.loops.closure import CLOSED_MANY, BatchLoops, near_home, newton, random_closed, ranks
 from pinsing.loops.legs import Rods, rods
 from pinsing.loops.modes import home, mode_of
 from pinsing.loops.motion import measure_many
-from pinsing.loops.pose import Pose, pose_of, pose_table
+from pinsing.loops.pose import Pose, aligned, pose_of, pose_table
 from pinsing.loops.structure import output_pose
 from pinsing.measures import NEAR_RTOL, SINGULAR_RTOL
 from pinsing.prose import PLAIN, Page
@@ -114,7 +113,9 @@ def draw_closed(
         if tuple(actuated) == tuple(mechanism.actuated):
             left = np.flatnonzero(~cannot_close(mechanism, held))
     else:
-        target = _poses(loops, count, rng, known)
+        R, p, _ = loops.output(known)
+        chosen = rng.integers(len(known), size=count)
+        target = R[chosen], rng.uniform(p.min(axis=0), p.max(axis=0), (count, 3))
     impossible = count - len(left)
     out = np.zeros((count, mechanism.n))
     kept = np.zeros(count, dtype=bool)
@@ -156,11 +157,11 @@ def _nearest(
         units = loops.units[actuated]
         have, want = known[:, actuated] / units, held / units
     else:
-        R, p, _ = loops.output(known)
         scale = loops.mechanism.length_scale
-        have = np.concatenate([p / scale, R.reshape(-1, 9)], axis=1)
-        turned, moved = target[0][left].reshape(-1, 9), target[1][left]
-        want = np.concatenate([moved / scale, turned], axis=1)
+        have, want = (
+            np.concatenate([p / scale, R.reshape(-1, 9)], axis=1)
+            for R, p in (loops.output(known)[:2], (target[0][left], target[1][left]))
+        )
     away = (have**2).sum(axis=1) - 2 * want @ have.T
     return np.asarray(away.argmin(axis=1))
 
@@ -179,15 +180,6 @@ def known_closed(loops: BatchLoops) -> Array:
         Q = mechanism.space.fold(np.array(spare).reshape(-1, mechanism.n))
     inside = Q[~mechanism.space.unreachable(Q).any(axis=1)]
     return inside if len(inside) >= 8 else Q
-
-
-def _poses(
-    loops: BatchLoops, count: int, rng: np.random.Generator, known: Array
-) -> tuple[Array, Array]:
-    """Rotations (count, 3, 3) and positions (count, 3) to reach."""
-    R, p, _ = loops.output(known)
-    chosen = rng.integers(len(known), size=count)
-    return R[chosen], rng.uniform(p.min(axis=0), p.max(axis=0), (count, 3))
 
 
 OVER = ("inputs", "poses")
@@ -306,23 +298,15 @@ def map_text(found: MechanismMap, page: Page = PLAIN, degrees: bool = False) -> 
     ]
     if kept:
         shares = (f"{k} {n} ({100 * n / kept:.3g} %)" for k, n in found.near.items())
-        lines.append(
-            page.paragraph(
-                f"singular or near (measure at most {NEAR_RTOL:g}): " + ", ".join(shares),
-                first="  ",
-                rest="    ",
-            )
-        )
-    if kept:
-        rows = [
-            (f"{100 * p:g} %", f"{a:.3g}", f"{b:.3g}", f"{c:.3g}")
-            for p, a, b, c in zip(
-                found.quantiles, found.output_ratio.tolist(), found.input_ratio.tolist(),
-                found.constraint_ratio.tolist(), strict=True,
-            )
-        ]  # fmt: skip
-        lines += ["", *_table(("share", "type 1", "type 2", "constraint"), rows)]
-        lines += ["", "smallest measures:"]
+        near = f"singular or near (measure at most {NEAR_RTOL:g}): {', '.join(shares)}"
+        told = zip(found.output_ratio, found.input_ratio, found.constraint_ratio, strict=True)
+        rows = [["share", "type 1", "type 2", "constraint"]]
+        rows += [
+            [f"{100 * p:g} %", *(f"{x:.3g}" for x in measures)]
+            for p, measures in zip(found.quantiles, told, strict=True)
+        ]
+        lines.append(page.paragraph(near, first="  ", rest="    "))
+        lines += ["", *(f"  {line}" for line in aligned(rows, 4)), "", "smallest measures:"]
         lines += [
             "  " + line.replace("\u00a0", " ")  # these lines are not broken
             for line in pose_table(
@@ -355,13 +339,6 @@ def _open(found: MechanismMap) -> Iterator[str]:
             "every closed configuration that was looked at is of type 2: inputs that close the "
             "loops are a set without volume, which random ones do not meet; --over poses shows them"
         )
-
-
-def _table(head: tuple[str, ...], rows: Sequence[tuple[str, ...]]) -> Iterator[str]:
-    every = [head, *rows]
-    widths = [max(len(r[k]) for r in every) for k in range(len(head))]
-    for row in every:
-        yield "  " + "  ".join(x.rjust(w) for x, w in zip(row, widths, strict=True))
 
 
 @checked
@@ -448,7 +425,7 @@ def mechanism_map(
         Q, ruled_out = draw_closed(loops, driven, over, min(_CHUNK, count - start), rng, known)
         closed += len(Q)
         impossible += ruled_out
-        outside = mechanism.space.unreachable(Q).any(axis=1) if len(Q) else np.zeros(0, dtype=bool)
+        outside = mechanism.space.unreachable(Q).any(axis=1)
         beyond += int(outside.sum())
         Q = Q[~outside]
         if not len(Q):

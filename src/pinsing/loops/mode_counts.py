@@ -7,15 +7,30 @@ height and a tilt of the output leave two solutions of a line and a circle, and 
 lengths. An output that keeps the axes of the base (Delta): its position is on three spheres. Where
 the passive joints of one loop are three parallel pins (five-bars on cranks, on slides, welded or
 driven in the middle) the loop is a triangle with the inputs held, on either side of the base.
+
+A body in a plane with three points at given distances from three given ones has at most six poses:
+with one of the points as origin two of the three equations are linear in the position, and what is
+left is of degree 6 in the tangent of half the angle. After Gosselin and Sefrioui, "Polynomial
+solutions for the direct kinematic problem of planar three-degree-of-freedom parallel manipulators"
+(1991). Two poses meet, at a type 2 singularity, where its discriminant in the angle is zero.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from fractions import Fraction
+from typing import Any
 
 import numpy as np
+import pinocchio as pin
+from flint import Ordering, fmpq_mpoly_ctx, fmpq_poly
 
 from pinsing._types import Array
+from pinsing.algebra.ring import Poly, divided_by, rational
+from pinsing.loops.exact import exact_points
+from pinsing.loops.forms import PoseEquation, pose_equation
 from pinsing.loops.legs import TOUCHING, Rod, Rods, carried, count_inside, inside, rods
 from pinsing.loops.modes import home
 from pinsing.loops.sphere_loci import sphere_loci
@@ -31,8 +46,209 @@ from pinsing.loops.structure import (
     plane_axes,
     structure,
 )
-from pinsing.loops.three_distances import count_poses
 from pinsing.robot.mechanism import Mechanism
+
+_SEED = 5077
+Point = tuple[Any, Any]
+
+
+def planar_rods(mechanism: Mechanism) -> Rods | None:
+    """The three forces of a planar mechanism; None for another one."""
+    found = rods(mechanism)
+    if found is None or not found.planar or len(found.rods) != 3:
+        return None
+    return None if any(rod.kind in ("elbow", "foot") for rod in found.rods) else found
+
+
+def count_poses(mechanism: Mechanism, inputs: Array) -> int | None:
+    """How many real poses given inputs (n_a,) have, by algebra; None where it does not tell."""
+    found = planar_rods(mechanism)
+    if found is None:
+        return None
+    context = fmpq_mpoly_ctx.get(["t"], Ordering.lex)
+    at = dict(zip(mechanism.actuated, inputs.tolist(), strict=True))
+    inner: list[Point] = []
+    squares: list[Any] = []
+    outer: list[Point] = []
+    for rod in found.rods:
+        value = np.array([at[rod.joint]])
+        distance = rod.distance(value, found.length(rod))
+        assert distance is not None  # such rods are left out
+        for points, place in ((inner, rod.foot(value)[0]), (outer, rod.outer)):
+            points.append(
+                tuple(context.constant(rational(Fraction(v))) for v in place[:2].tolist())
+            )
+        squares.append(context.constant(rational(Fraction(float(distance[0])) ** 2)))
+    # The angle is counted from a rational turn: a pose half a turn from it has no t.
+    for turn in ((1, 0), (Fraction(4, 5), Fraction(3, 5)), (Fraction(5, 13), Fraction(12, 13))):
+        poly, denominator = _poses(context, inner, outer, squares, 1, turn)
+        line, common = _univariate(poly), _univariate(denominator)
+        if line.degree() == 6:
+            break
+    else:
+        return None
+    if line.gcd(common).degree() > 0 or line.gcd(line.derivative()).degree() > 0:
+        # Two poses with one orientation, or two that coincide.
+        return None
+    return sum(bool(root.imag == 0) for root, _ in line.numer().complex_roots())
+
+
+def input_loci(mechanism: Mechanism) -> tuple[PoseEquation, ...]:
+    """Type 2 over the inputs, where these are the three distances: exact; empty elsewhere.
+
+    The variables are the inputs, or, where a slide is not zero at no length, the length of its leg
+    by its input, "(p1 + 0.5)". A point on it has two poses that meet, real or complex ones.
+    """
+    found = planar_rods(mechanism)
+    if found is None or not all(r.kind == "strut" for r in found.rods):
+        return ()
+    return mechanism.once("input_loci", lambda: _input_loci(mechanism, found))
+
+
+def input_degrees(mechanism: Mechanism) -> dict[str, int]:
+    """Degrees of type 2 in the tangent of half of each crank's angle, the other inputs fixed.
+
+    Empty for legs of other kinds, or where it is not told.
+    """
+    found = planar_rods(mechanism)
+    if found is None or not all(r.kind == "crank" for r in found.rods):
+        return {}
+    return mechanism.once("input_degrees", lambda: _degrees(mechanism, found))
+
+
+def degree_notes(mechanism: Mechanism) -> Iterator[str]:
+    """The same in words, and why a locus over three distances is left out."""
+    slid = planar_rods(mechanism)
+    if slid is not None and all(r.kind == "strut" for r in slid.rods) and not input_loci(mechanism):
+        yield (
+            "the inputs alone: eliminating the pose leaves a polynomial, in general of degree 12 "
+            "in the squares of the inputs; not written out where coordinates have more than five "
+            "decimals"
+        )
+    if found := input_degrees(mechanism):
+        each = ", ".join(f"{d} in tan({n}/2)" for n, d in found.items())
+        most = math.prod(d + 1 for d in found.values())
+        yield (
+            f"the inputs alone: eliminating the pose leaves a polynomial of up to {most} terms, of "
+            f"degree up to {each} (counted exactly, lengths rounded to simple fractions); not "
+            "written out"
+        )
+
+
+def length_name(mechanism: Mechanism, rod: Rod, digits: int = 12) -> str:
+    """The length of a rod that slides, by the value of its slide."""
+    name = mechanism.joints[rod.sliding]
+    if rod.offset == 0:
+        return name
+    return f"({name} {'+' if rod.offset > 0 else '-'} {abs(rod.offset):.{digits}g})"
+
+
+def _poses(
+    context: Any,
+    inner: Sequence[Point],
+    outer: Sequence[Point],
+    squares: Sequence[Any],
+    square: int,
+    turn: tuple[Any, Any],
+) -> tuple[Poly, Poly]:
+    """The polynomial in t of all poses, and what divides the position.
+
+    The angle is 2 atan(sqrt(square) t), counted from that whose cosine and sine are ``turn``; y is
+    in units of sqrt(square).
+    """
+    t = context.gens()[0]
+    n, c0, s0 = 1 + square * t**2, 1 - square * t**2, 2 * t
+    # For a square of 3 the turn is none: its sine is over the root.
+    a, b = (rational(Fraction(v)) for v in turn)
+    c, s = a * c0 - square * b * s0, a * s0 + b * c0
+    away = []
+    for k in (1, 2):
+        bx, by = (outer[k][i] - outer[0][i] for i in range(2))
+        ex, ey = (inner[k][i] - inner[0][i] for i in range(2))
+        away.append((c * bx - square * s * by - n * ex, s * bx + c * by - n * ey))
+    right = []
+    for k, (x, y) in enumerate(away, 1):
+        size, _ = divmod(x**2 + square * y**2, n)
+        right.append(n * (squares[k] - squares[0]) - size)
+    below = away[0][0] * away[1][1] - away[0][1] * away[1][0]
+    # 2 w . d = right, for both: w = (wx, wy / sqrt(square)) over 2 square below and 2 below.
+    wx = right[0] * away[1][1] - right[1] * away[0][1]
+    wy = away[0][0] * right[1] - away[1][0] * right[0]
+    poly = square * wx**2 + wy**2 - 4 * square * squares[0] * below**2
+    return divided_by(poly, n), below
+
+
+def _univariate(poly: Poly) -> fmpq_poly:
+    terms = {int(m[0]): c for m, c in poly.to_dict().items()}
+    return fmpq_poly([terms.get(k, 0) for k in range(max(terms, default=0) + 1)])
+
+
+def _input_loci(mechanism: Mechanism, found: Rods) -> tuple[PoseEquation, ...]:
+    points = [p for rod in found.rods for p in (rod.outer, rod.inner)]
+    exact = exact_points(points)
+    # Up to that the coefficients stay of a length that is found in seconds.
+    if max(v.denominator for p in exact.vectors for v in p[:2]) > 10**5:
+        return ()
+    context = fmpq_mpoly_ctx.get(["t", "r0", "r1", "r2"], Ordering.degrevlex)
+    plane = [tuple(context.constant(rational(v)) for v in p[:2]) for p in exact.vectors]
+    squares = list(context.gens()[1:])
+    poly, _ = _poses(context, plane[1::2], plane[::2], squares, exact.square, (1, 0))
+    whole: Any = poly.discriminant("t") if int(poly.degrees()[0]) == 6 else 0
+    if whole == 0:
+        return ()
+    names = tuple(length_name(mechanism, rod) for rod in found.rods)
+    # Squared parts are poses of one orientation that do not coincide.
+    return tuple(_in_inputs(f, names) for f, times in whole.factor()[1] if times % 2)
+
+
+def _in_inputs(factor: Poly, names: tuple[str, ...]) -> PoseEquation:
+    """A polynomial in squared inputs as one in the inputs, its largest coefficient 1."""
+    found = pose_equation(factor, ("t", *names))
+    return replace(found, names=names, powers=2 * found.powers[:, 1:])
+
+
+def _degrees(mechanism: Mechanism, found: Rods) -> dict[str, int]:
+    """Each input in turn is free, the others are at random rational points of their circles."""
+    context = fmpq_mpoly_ctx.get(["t", "u"], Ordering.degrevlex)
+    u = context.gens()[1]
+    rng = np.random.default_rng(_SEED)
+    lengths = [Fraction(found.length(r)).limit_denominator(1000) for r in found.rods]
+    degrees = []
+    for moving in range(3):
+        inner: list[Point] = []
+        below = []
+        for k, rod in enumerate(found.rods):
+            h = u if k == moving else context.constant(int(rng.integers(2, 9)))
+            n, c, s = 1 + h**2, 1 - h**2, 2 * h
+            inner.append(
+                tuple(
+                    n * _simple(at) + c * _simple(first) + s * _simple(second)
+                    for at, first, second in zip(
+                        rod.inner[:2], rod.first[:2], rod.second[:2], strict=True
+                    )
+                )
+            )
+            below.append(n)
+        # All lengths times the product of the denominators.
+        whole = math.prod(below)
+        grown = [tuple(v * (whole / n) for v in p) for p, n in zip(inner, below, strict=True)]
+        outer = [tuple(whole * _simple(v) for v in r.outer[:2]) for r in found.rods]
+        squares = [whole**2 * rational(x**2) for x in lengths]
+        poly, _ = _poses(context, grown, outer, squares, 1, (1, 0))
+        factors = (f for f, _ in poly.factor()[1] if int(f.degrees()[0]) > 0)
+        poly = math.prod(factors, start=context.constant(1))
+        if int(poly.degrees()[0]) != 6:
+            return {}
+        parts = poly.discriminant("t").factor()[1]
+        # Squared parts are poses of one orientation that do not coincide, and 1 + u^2.
+        degrees.append(sum(int(f.degrees()[1]) for f, times in parts if times % 2))
+    names = (mechanism.joints[rod.joint] for rod in found.rods)
+    return dict(zip(names, degrees, strict=True))
+
+
+def _simple(value: float) -> Any:
+    return rational(Fraction(float(value)).limit_denominator(1000))
+
 
 LOOP = -1
 """Stands for the pin that a loop closes in, among the joints of its ring."""
@@ -83,14 +299,17 @@ def count_working(mechanism: Mechanism, R: Array, p: Array) -> int | None:
         return None
     if len({rod.joint for rod in found.rods}) < len(found.rods):
         return None
-    return _solutions(found, found.rods, lambda rod: p + R @ rod.outer)
+    return _solutions(found, R, p)
 
 
-def _solutions(found: Rods, legs: Sequence[Rod], end: Callable[[Rod], Array]) -> int | None:
-    """Values of the joints of legs, within their limits, with each leg's end at ``end``."""
+def _solutions(found: Rods, R: Array, p: Array) -> int | None:
+    """Values of the joints of legs, within their limits, at a pose R (3, 3), p (3,)."""
     return count_inside(
         found.mechanism,
-        ((r.joint, r.solutions(end(r), found.planar, found.length(r))) for r in legs),
+        (
+            (r.joint, r.solutions(p + R @ r.outer, found.planar, found.length(r)))
+            for r in found.rods
+        ),
     )
 
 
@@ -138,16 +357,8 @@ def count_hinged(mechanism: Mechanism, R: Array, p: Array) -> int | None:
     poses = _hinged_poses(made.rods, R, p, moves[0], 3 - sum(turns))
     if poses is None:
         return None
-    total = 0
-    for turned, at in poses:
-        count = 1
-        for rod in made.rods:
-            reach = float(np.linalg.norm(at + turned @ rod.outer - rod.inner))
-            if reach <= TOUCHING:
-                return None
-            count *= sum(inside(mechanism, rod.joint, v - rod.offset) for v in (reach, -reach))
-        total += count
-    return total
+    counts = [_solutions(made, turned, at) for turned, at in poses]
+    return None if None in counts else sum(filter(None, counts))
 
 
 def _hinged_poses(
@@ -174,14 +385,11 @@ def _hinged_poses(
     if a <= TOUCHING or abs(left) <= TOUCHING:
         return None
     out = []
-    for t in () if left < 0 else ((-b + np.sqrt(left)) / (2 * a), (-b - np.sqrt(left)) / (2 * a)):
-        y = x + t * v
-        c_, s_ = y[2:]
-        K = np.cross(np.eye(3), axis).T
-        turned = (np.eye(3) + s_ * K + (1 - c_) * (K @ K)) @ R
+    for root in () if left < 0 else (np.sqrt(left), -np.sqrt(left)):
+        y = x + (root - b) / (2 * a) * v
         at = height.copy()
         at[across] = y[:2]
-        out.append((turned, at))
+        out.append((pin.exp3(np.arctan2(y[3], y[2]) * axis) @ R, at))
     return out
 
 
@@ -197,21 +405,17 @@ def level_words(mechanism: Mechanism, found: Sequence[Array], direct: bool, p: A
             if np.abs(output_pose(mechanism, q).rotation - np.eye(3)).max() <= _LEVEL]  # fmt: skip
     if direct:
         q = found[0] if len(found) else home(mechanism)
-        number, by = _three_spheres(mechanism, pairs, q), "three spheres"
+        number, by = _three_spheres(pairs, q), "three spheres"
     else:
-        made = rods(mechanism)
-        assert made is not None  # the pairs are of them
-        number, by = (
-            _solutions(made, pairs, lambda r: p + r.outer),
-            "the two solutions of each crank",
-        )
+        number = _solutions(pairs, np.eye(3), p)
+        by = "the two solutions of each crank"
     if number is None:
         return ""
     all_ = "all there are" if number == len(mine) else f"of {number} that there are"
     return f"; {len(mine)} with the output not turned: {all_}, by {by}"
 
 
-def _level_pairs(mechanism: Mechanism) -> list[Rod] | None:
+def _level_pairs(mechanism: Mechanism) -> Rods | None:
     """One rod of each crank, where the others of the crank do the same for a level output."""
     made = rods(mechanism)
     if made is None or made.planar or set(mechanism.task.rows) != {0, 1, 2}:
@@ -228,15 +432,13 @@ def _level_pairs(mechanism: Mechanism) -> list[Rod] | None:
         if max(float(np.abs(gap).max()), unlike, float(moved)) > _LEVEL:
             return None
     away = np.abs(output_pose(mechanism, home(mechanism)).rotation - np.eye(3)).max()
-    return list(out.values()) if len(out) == 3 and away <= _LEVEL else None
+    return replace(made, rods=tuple(out.values())) if len(out) == 3 and away <= _LEVEL else None
 
 
-def _three_spheres(mechanism: Mechanism, pairs: Sequence[Rod], q: Array) -> int | None:
+def _three_spheres(pairs: Rods, q: Array) -> int | None:
     """Positions of the output at the inputs of q, limits of passive joints left aside."""
-    centres = np.array([r.foot(float(q[r.joint])) - r.outer for r in pairs])
-    made = rods(mechanism)
-    assert made is not None  # the pairs are of them
-    sizes = np.array([made.length(r) for r in pairs])
+    centres = np.array([r.foot(float(q[r.joint])) - r.outer for r in pairs.rods])
+    sizes = np.array([pairs.length(r) for r in pairs.rods])
     rows = 2 * (centres[1:] - centres[0])
     right = (centres[1:] ** 2).sum(axis=1) - centres[0] @ centres[0] - sizes[1:] ** 2
     right = right + sizes[0] ** 2
@@ -320,9 +522,7 @@ def count_of_point(mechanism: Mechanism, p: Array) -> int | None:
     None of other mechanisms, or where two solutions meet.
     """
     legs = point_legs(mechanism)
-    return (
-        None if legs is None else _solutions(legs, legs.rods, lambda _: np.asarray(legs.axes @ p))
-    )
+    return None if legs is None else _solutions(legs, np.eye(3), np.asarray(legs.axes @ p))
 
 
 @once
@@ -342,10 +542,10 @@ def point_legs(mechanism: Mechanism) -> Rods | None:
     if not _at_pin(mechanism, ring[2], start):
         return None
     found = []
-    for act, pin, (own,) in zip(
+    for act, middle, (own,) in zip(
         (ring[0], ring[4]), (ring[1], ring[3]), closing(mechanism), strict=True
     ):
-        rod = carried(mechanism, zero, act, _place(zero, pin, own), np.zeros(3))
+        rod = carried(mechanism, zero, act, _place(zero, middle, own), np.zeros(3))
         if rod is None:
             return None
         found.append(rod)
@@ -417,9 +617,8 @@ def found_words(
         words += f", {beyond} more pose{'s' * (beyond != 1)} beyond the joint limits"
     if complete:
         return f"{words}; no more can exist"
-    once = sum(h == 1 for h in hits)
     words += "; more may exist"
-    if once:
+    if once := sum(h == 1 for h in hits):
         words += f" ({once} of {len(hits)} poses {'was' if once == 1 else 'were'} met only once)"
     if bound is not None:
         words += f", at most {bound} with limits left aside"

@@ -17,8 +17,18 @@ import pinocchio as pin
 
 from pinsing._types import Array
 from pinsing.errors import ConfigurationError
-from pinsing.loops.batch import CLOSED_MANY, BatchLoops, newton
-from pinsing.loops.closure import CLOSED, Loops, Mask, gauss_newton, near_home, random_closed, ranks
+from pinsing.loops.closure import (
+    CLOSED,
+    CLOSED_MANY,
+    BatchLoops,
+    Loops,
+    Mask,
+    gauss_newton,
+    near_home,
+    newton,
+    random_closed,
+    ranks,
+)
 from pinsing.loops.structure import SMALL, closing, once, structure
 from pinsing.robot.mechanism import Mechanism
 

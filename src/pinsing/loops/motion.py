@@ -28,8 +28,7 @@ import numpy.typing as npt
 
 from pinsing._types import Array
 from pinsing.errors import ConfigurationError
-from pinsing.loops.batch import BatchLoops, ball_jacobians, hinge_rates, locked
-from pinsing.loops.closure import Loops, ranks
+from pinsing.loops.closure import BatchLoops, Loops, ball_jacobians, hinge_rates, locked, ranks
 from pinsing.loops.modes import mode_of
 from pinsing.measures import NEAR_RTOL, SINGULAR_RTOL
 from pinsing.robot.mechanism import Mechanism

@@ -102,16 +102,12 @@ def read_pose(mechanism: Mechanism, pose: npt.ArrayLike | None) -> pin.SE3:
         return pin.SE3(pin.rpy.rpyToMatrix(*full[3:]), full[:3])
     named = {"v": "", "w": "turn about "}
     names = ", ".join(named[ROW_NAMES[r][0]] + ROW_NAMES[r][1] for r in rows)
+    shapes = {0: "a single number", 1: f"{values.size} numbers"}
+    got = shapes.get(values.ndim, f"an array {values.shape}")
     raise ConfigurationError(
         f"a pose of {mechanism.output} has {len(rows)} numbers ({names}), 6 (x, y, z, roll, pitch, "
-        f"yaw), 7 (x, y, z and a quaternion) or is a matrix (4, 4); got {_shape(values)}"
+        f"yaw), 7 (x, y, z and a quaternion) or is a matrix (4, 4); got {got}"
     )
-
-
-def _shape(values: Array) -> str:
-    if values.ndim == 1:
-        return f"{len(values)} numbers"
-    return f"an array {values.shape}" if values.ndim else "a single number"
 
 
 def _matrix(values: Array) -> pin.SE3:
@@ -225,13 +221,17 @@ def pose_table(
     """
     if not poses:
         return []
-    values = [[*p.position, *(_half_turn(v) for v in p.angles)] for p in poses]
+    # A half turn is always the positive one.
+    values = [
+        [*p.position, *(math.pi if v < _ROUND - math.pi else v for v in p.angles)] for p in poses
+    ]
     shown = [k for k in range(6) if any(abs(v[k]) > _ROUND for v in values)] or [0, 1, 2]
     pose = [Column(COORDINATES[k], [v[k] for v in values], k > 2) for k in shown]
     changing = [c for c in pose if max(c.values) - min(c.values) > 1e-7]
     alike = [c for c in pose if c not in changing] if columns and len(poses) > 1 else []
     for left in ([], alike) if alike else ([],):
-        head = _said(left, degrees)
+        said = ", ".join(f"{c.title} = {_number(c.shown(degrees)[0], 5)}" for c in left)
+        head = [f"each at {said}"] if left else []
         for digits in (5, 4, 3):
             numbers = [*(c for c in pose if c not in left), *columns]
             lines = _lines(numbers, more, titles, degrees, digits)
@@ -239,19 +239,6 @@ def pose_table(
                 # Spaces that do not break keep a row on its line.
                 return [*head, *(line.replace(" ", "\u00a0") for line in lines)]
     return [*head, *lines]
-
-
-def _half_turn(angle: float) -> float:
-    """An angle, a half turn always the positive one."""
-    return math.pi if angle < _ROUND - math.pi else angle
-
-
-def _said(columns: Sequence[Column], degrees: bool) -> list[str]:
-    """One line with what is the same in all rows."""
-    if not columns:
-        return []
-    said = (f"{c.title} = {_number(c.shown(degrees)[0], 5)}" for c in columns)
-    return [f"each at {', '.join(said)}"]
 
 
 def _lines(
@@ -265,13 +252,14 @@ def _lines(
     rows = [["", *(c.title for c in numbers), *titles]]
     for i, (row, extra) in enumerate(zip(values, more, strict=True), 1):
         rows.append([str(i), *(_number(v, digits) for v in row), *extra])
-    count = len(numbers) + 1
-    widths = [max(len(r[c]) for r in rows) for c in range(len(rows[0]))]
-    lines = []
-    for r in rows:
-        cells_ = [r[c].rjust(widths[c]) if c <= count else r[c] for c in range(len(r))]
-        lines.append("  ".join(cells_).rstrip())
-    return lines
+    return aligned(rows, len(numbers) + 2)
+
+
+def aligned(rows: Sequence[Sequence[str]], right: int) -> list[str]:
+    """Lines of a table whose first columns, so many, end in line."""
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    wide = [*widths[:right], *[0] * (len(widths) - right)]
+    return ["  ".join(x.rjust(w) for x, w in zip(row, wide, strict=True)).rstrip() for row in rows]
 
 
 def _number(value: float, digits: int) -> str:

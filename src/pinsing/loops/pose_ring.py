@@ -374,11 +374,15 @@ def _within(
     common = functools.reduce(lambda a, b: a.gcd(b), rest)
     out = []
     for factor, _ in common.factor()[1]:
-        used = [k for k in left if factor.degrees()[k] > 0]
         # A single component that vanishes is a smaller subspace, seen there.
-        if factor.is_constant() or len(factor) == 1 or not _has_real_points(ring, factor, used):
+        if factor.is_constant() or len(factor) == 1:
             continue
-        if any(z <= zero and _contains(ring, f, zero, factor) for z, f in known):
+        used = sum(factor.degrees()[k] > 0 for k in left)
+        plain = pose_equation(factor, ring.names, ring.odd, ring.square)
+        if not (has_real_points(plain) if used > 1 else used):
+            continue
+        there = (_restricted(ring, f, zero) for z, f in known if z <= zero)
+        if any(f == 0 or divmod(f, factor)[1] == 0 for f in there):
             continue
         out.append((zero, factor))
     return out
@@ -387,17 +391,6 @@ def _within(
 def _restricted(ring: PoseRing, poly: Any, zero: frozenset[int]) -> Any:
     gens = ring.context.names()
     return poly.subs({gens[k]: 0 for k in zero}) if zero else poly
-
-
-def _contains(ring: PoseRing, other: Any, zero: frozenset[int], factor: Any) -> bool:
-    there = _restricted(ring, other, zero)
-    return bool(there == 0 or divmod(there, factor)[1] == 0)
-
-
-def _has_real_points(ring: PoseRing, factor: Any, used: list[int]) -> bool:
-    """Whether the factor changes its sign somewhere: else it is a sum of squares, or the like."""
-    plain = pose_equation(factor, ring.names, ring.odd, ring.square)
-    return has_real_points(plain) if len(used) > 1 else bool(used)
 
 
 def _family(ring: PoseRing, zero: frozenset[int], factor: Any) -> PoseFamily:
@@ -410,23 +403,22 @@ def _family(ring: PoseRing, zero: frozenset[int], factor: Any) -> PoseFamily:
 
 
 def _words(vanish: tuple[str, ...], left: list[str], equations: tuple[PoseEquation, ...]) -> str:
-    end = ": singular at every position"
-    if len(left) == 1 and not equations:
-        which = left[0]
-        return ("not turned at all" if which == "e0" else f"half a turn about {_AXES[which]}") + end
-    if len(left) == 2 and "e0" in left:
-        axis = _AXES[next(n for n in left if n != "e0")]
-        if not equations:
-            return f"turned by any angle about {axis}{end}"
-        return f"turned by {_angles(equations[0], left)} about {axis}{end}"
-    if len(left) == 2:
-        one, two = (_AXES[n] for n in left)
-        if not equations:
-            return f"half a turn about any axis in the plane of {one} and {two}{end}"
-        angles = _half_turn_axes(equations[0], left)
-        return f"half a turn about an axis at {angles} from {one} towards {two}{end}"
+    axes = [_AXES[n] for n in left if n != "e0"]
+    turned = len(left) > len(axes)
     conditions = [*(f"{n} = 0" for n in vanish), *(str(x) for x in equations)]
-    return f"orientations with {', '.join(conditions)}{end}"
+    words = f"orientations with {', '.join(conditions)}"
+    if len(left) == 1 and not equations:
+        words = "not turned at all" if turned else f"half a turn about {axes[0]}"
+    elif len(left) == 2:
+        bends = [math.atan(r) for x in equations for r in _ratios(x, left)]
+        if turned:
+            angles = _listed([2 * b for b in bends]) if equations else "any angle"
+            words = f"turned by {angles} about {axes[0]}"
+        else:
+            where = f"an axis at {_listed(bends)} from {axes[0]} towards {axes[1]}"
+            plane = f"any axis in the plane of {axes[0]} and {axes[1]}"
+            words = f"half a turn about {where if equations else plane}"
+    return f"{words}: singular at every position"
 
 
 def _ratios(equation: PoseEquation, left: list[str]) -> list[float]:
@@ -447,12 +439,3 @@ def _listed(values: list[float]) -> str:
     if [-d for d in reversed(plus)] == [d for d in degrees if d < 0] and 0.0 not in degrees:
         return " or ".join(f"±{d:.6g}°" for d in plus)
     return " or ".join(f"{d:.6g}°" for d in degrees)
-
-
-def _angles(equation: PoseEquation, left: list[str]) -> str:
-    ordered = ["e0", next(n for n in left if n != "e0")]
-    return _listed([2 * math.atan(r) for r in _ratios(equation, ordered)])
-
-
-def _half_turn_axes(equation: PoseEquation, left: list[str]) -> str:
-    return _listed([math.atan(r) for r in _ratios(equation, left)])

@@ -12,7 +12,7 @@ import pinocchio as pin
 
 from pinsing._types import Array, Bool
 from pinsing.errors import OptionError
-from pinsing.loops.batch import CLOSED_MANY, BatchLoops, newton
+from pinsing.loops.closure import CLOSED_MANY, BatchLoops, newton
 from pinsing.loops.joint_loci import joint_forms
 from pinsing.loops.modes import home
 from pinsing.loops.pose import COORDINATES, led_pose
@@ -27,7 +27,7 @@ class PoseWay:
         self.mechanism = mechanism
         self.loops = BatchLoops(mechanism)
         self.led = led_pose(mechanism)
-        led = list(self.led["rows"])
+        led = self.led["rows"]
         free = tuple(COORDINATES[row] for row in led)
         names = ["yaw" if n in ("phi", "φ") else n for n in over]
         if len(names) != 2 or names[0] == names[1] or not set(names) <= set(free):
@@ -35,8 +35,8 @@ class PoseWay:
                 f"a map over the pose goes over two of {', '.join(free)}; got {', '.join(over)}"
             )
         self.rows = (COORDINATES.index(names[0]), COORDINATES.index(names[1]))
-        turn = self.led["turn"]
-        if turn is not None and turn["kind"] == "angles" and {3, 4} - set(led):
+        self.turn = self.led["turn"] or {"kind": "none"}
+        if self.turn["kind"] == "angles" and {3, 4} - set(led):
             raise OptionError(
                 f"{mechanism.name}: its turns are tied to each other, so that a slice through its "
                 "poses is none; take pinsing map --loops --over poses"
@@ -53,7 +53,6 @@ class PoseWay:
             if (x.kind == "type 1" or (x.kind == "passive" and set(x.joints) <= slides))
             and (x.equation is not None or len(x.matrix) == len(x.matrix[0]))
         ]
-        self.forms = forms
 
     def keep_turn(self, starts: Sequence[Array]) -> bool:
         """Demand the rotation of the starts from now on, if poses around them have it.
@@ -84,8 +83,7 @@ class PoseWay:
         row = self.rows[k]
         if row < 3:
             return float(self.place.translation[row])
-        turn = self.led["turn"]
-        return float(turn["at"] if turn["kind"] == "axis" else self.angles[row - 3])
+        return float(self.turn["at"] if self.turn["kind"] == "axis" else self.angles[row - 3])
 
     def side(self, k: int, samples: int, times: float) -> Array:
         """Values of a coordinate: a whole turn, or about as far as the linkage is large."""
@@ -111,7 +109,7 @@ class PoseWay:
 
     def _turn(self, k: int, samples: int) -> Array:
         # Where yaw follows, pitch beyond a quarter of a turn is a pose that has been before.
-        tied = self.rows[k] == 4 and self.led["turn"]["kind"] == "angles"
+        tied = self.rows[k] == 4 and self.turn["kind"] == "angles"
         most = np.radians(89.5) if tied else np.pi
         return np.linspace(-most, most, samples)
 
@@ -145,22 +143,15 @@ class PoseWay:
         p = np.repeat(np.array(self.place.translation)[None], count, axis=0)
         angles = np.repeat(self.angles[None], count, axis=0)
         R = np.repeat(np.array(self.place.rotation)[None], count, axis=0)
-        turned = False
         for row, value in zip(self.rows, (first, second), strict=True):
             if row < 3:
                 p[:, row] = value
-                continue
-            turn = self.led["turn"]
-            if turn["kind"] == "axis":
-                about = np.eye(3)[row - 3]
-                R = np.array([pin.exp3(about * (v - turn["at"])) for v in value]) @ np.array(
-                    turn["zero"]
-                )
-                continue
-            angles[:, row - 3] = value
-            turned = True
-        if turned:
-            R = np.array([pin.rpy.rpyToMatrix(*a) for a in angles])
+            elif self.turn["kind"] == "axis":
+                turns = np.multiply.outer(value - self.turn["at"], np.eye(3)[row - 3])
+                R = np.array([pin.exp3(v) for v in turns]) @ np.array(self.turn["zero"])
+            else:
+                angles[:, row - 3] = value
+                R = np.array([pin.rpy.rpyToMatrix(*a) for a in angles])
         return R, p
 
     def signs(self, Q: Array) -> Array:
@@ -168,14 +159,8 @@ class PoseWay:
 
         Of the type 1 equations, and of the lengths of legs: beyond zero a leg is turned round.
         """
-        out = [np.zeros((len(Q), 0))]
-        for locus in self.ones:
-            if locus.equation is not None:
-                value = locus.equation(Q)
-            else:
-                value = np.linalg.det(locus.scaled(locus.entries(Q, self.forms.joints)))
-            out.append(np.sign(value)[:, None])
-        return np.concatenate(out, axis=1)
+        values = [locus.value(Q, self.mechanism.joints) for locus in self.ones]
+        return np.sign(np.stack(values, axis=1)) if values else np.zeros((len(Q), 0))
 
 
 _COARSE = 41
@@ -314,9 +299,7 @@ class _Grid:
             jj, ii = np.meshgrid(places[1], places[0], indexing="ij")
             near = away[jj, ii] <= 2
             from_q = coarse.q[k, j[jj, ii], i[jj, ii]]
-            cells = np.argwhere(near)
-            cells = np.concatenate([np.full((len(cells), 1), k), cells], axis=1)
-            self._take(cells, from_q[near])
+            self._take(_of_mode(k, np.argwhere(near)), from_q[near])
         self.fresh = self.solved.copy()
 
     def flood(self, layers: int) -> None:
@@ -353,8 +336,7 @@ class _Grid:
             left = np.argwhere(~self.solved[k])
             if not len(left):
                 continue
-            left = left[rng.permutation(len(left))[:120]]
-            cells = np.concatenate([np.full((len(left), 1), k), left], axis=1)
+            cells = _of_mode(k, left[rng.permutation(len(left))[:120]])
             drawn = rng.uniform(low, high, (len(cells), way.mechanism.n))
             self._take(cells, drawn, far=np.inf, within=True)
         self.fresh = self.solved.copy()
@@ -379,30 +361,24 @@ class _Grid:
         for k in range(0, len(cells), _CHUNK):
             here, Q0 = cells[k : k + _CHUNK], begin[k : k + _CHUNK]
             R, p = way.targets(x[here[:, 2]], y[here[:, 1]])
-            Q, error = newton(
-                way.loops,
-                Q0,
-                way.free,
-                target=(R, p, way.targets_rows),
-                steps=_NEAR_STEPS if np.isfinite(far) else _FAR_STEPS,
-            )
+            steps = _NEAR_STEPS if np.isfinite(far) else _FAR_STEPS
+            Q, error = newton(way.loops, Q0, way.free, None, (R, p, way.targets_rows), steps)
             ok = error <= CLOSED_MANY
             if np.isfinite(far):
                 gap = np.abs(way.mechanism.space.wrap(Q - Q0)) / way.mechanism.space.metric
                 ok &= gap.max(axis=1) <= far
             if within:
                 ok &= ~way.mechanism.space.unreachable(Q).any(axis=1)
-            ok[ok] &= self._alike(here[ok, 0], Q[ok])
-            c = here[ok]
-            self.q[c[:, 0], c[:, 1], c[:, 2]] = Q[ok]
-            self.solved[c[:, 0], c[:, 1], c[:, 2]] = True
-            self.fresh[c[:, 0], c[:, 1], c[:, 2]] = True
+            marks = np.array(self.marks)[here[ok, 0]]
+            ok[ok] &= (way.signs(Q[ok]) * marks >= 0).all(axis=1)
+            at = tuple(here[ok].T)
+            self.q[at] = Q[ok]
+            self.solved[at] = self.fresh[at] = True
 
-    def _alike(self, modes: Any, Q: Array) -> Bool:
-        if not len(Q) or not self.way.ones:
-            return np.ones(len(Q), dtype=bool)
-        marks = np.array(self.marks)[modes]
-        return np.asarray((self.way.signs(Q) * marks >= 0).all(axis=1))
+
+def _of_mode(mode: int, cells: Any) -> Any:
+    """Cells (N, 2) of a grid with the number of a mode before them (N, 3)."""
+    return np.insert(cells, 0, mode, axis=1)
 
 
 def _shifted(by: int, to: bool) -> slice:

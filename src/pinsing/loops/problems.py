@@ -7,7 +7,7 @@ do is the product.
 from __future__ import annotations
 
 import itertools
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import ClassVar
 
 import numpy as np
@@ -16,10 +16,17 @@ import numpy.typing as npt
 from pinsing._types import Array, Bool
 from pinsing.arguments import checked
 from pinsing.errors import ConfigurationError, OptionError
-from pinsing.loops.batch import CLOSED_MANY, BatchLoops, newton
-from pinsing.loops.closure import CLOSED, Loops, gauss_newton, ranks
-from pinsing.loops.dyad import planar_dyad
+from pinsing.loops.closure import (
+    CLOSED,
+    CLOSED_MANY,
+    BatchLoops,
+    Loops,
+    gauss_newton,
+    newton,
+    ranks,
+)
 from pinsing.loops.legs import most_assemblies
+from pinsing.loops.loop_forms import planar_dyad
 from pinsing.loops.mode_counts import found_words, level_words, noun, number_of_modes
 from pinsing.loops.modes import home, home_error, mode_at, mode_of
 from pinsing.loops.motion import motions
@@ -93,21 +100,15 @@ def _solutions(
     for _ in range(3):
         target = (R[pose], p[pose], tuple(range(6))) if leg.carries else None
         Q, size = newton(loops, starts, mine, leg.loops, target)
-        fresh: list[tuple[int, Array]] = []
-        for i, q, error in zip(pose.tolist(), Q, size, strict=True):
-            away = (
-                mechanism.space.wrap(np.reshape(found[i], (-1, mechanism.n)) - q)
-                / mechanism.space.metric
-            )
-            known = (np.abs(away).max(axis=1) <= 1e-5).any()
-            if error <= CLOSED_MANY and not known:
+        flips: list[tuple[int, Array]] = []
+        for i, q in zip(pose[size <= CLOSED_MANY].tolist(), Q[size <= CLOSED_MANY], strict=True):
+            away = mechanism.space.wrap(np.reshape(found[i], (-1, mechanism.n)) - q)
+            if not (np.abs(away / mechanism.space.metric).max(axis=1) <= 1e-5).any():
                 found[i].append(q)
-                fresh.append((i, q))
-        flips = [(i, x) for i, q in fresh for x in _flipped(mechanism, q, mine)]
+                flips += [(i, x) for x in _flipped(mechanism, q, mine)]
         if not flips:
             break
-        pose = np.array([i for i, _ in flips])
-        starts = np.array([x for _, x in flips])
+        pose, starts = np.array([i for i, _ in flips]), np.array([x for _, x in flips])
     grouped = [_grouped(mechanism, leg, mine, solutions) for solutions in found]
     return [_without_curves(mechanism, mine, modes) for modes in grouped]
 
@@ -117,16 +118,16 @@ def _without_curves(mechanism: Mechanism, mine: Bool, modes: list[LegMode]) -> l
     if len(modes) <= _POINTS:
         return modes
     loops = Loops(mechanism)
-    loose = []
-    for mode in modes:
+
+    def is_loose(mode: LegMode) -> bool:
         rows = np.vstack([loops.scaled(mode.q)[1], loops.output(mode.q)[1]])[:, mine]
         sigma = np.linalg.svd(rows, compute_uv=False)
-        loose.append(len(sigma) < mine.sum() or bool(sigma[-1] <= _FREE * sigma[0]))
-    if sum(loose) <= _POINTS:
+        return len(sigma) < mine.sum() or bool(sigma[-1] <= _FREE * sigma[0])
+
+    loose = [mode for mode in modes if is_loose(mode)]
+    if len(loose) <= _POINTS:
         return modes
-    first = loose.index(True)
-    kept = [mode for mode, free in zip(modes, loose, strict=True) if not free]
-    return [LegMode(modes[first].q, modes[first].ways, True), *kept]
+    return [replace(loose[0], loose=True), *(mode for mode in modes if mode not in loose)]
 
 
 def _flipped(mechanism: Mechanism, q: Array, mine: Bool) -> list[Array]:
@@ -150,15 +151,13 @@ def _grouped(mechanism: Mechanism, leg: Leg, mine: Bool, solutions: list[Array])
     groups: list[tuple[Array, list[Array]]] = []
     for q in solutions:
         q = mechanism.space.fold(q)
-        if mechanism.space.unreachable(q)[mine].any():
-            continue
-        mark = likeness(mechanism, q, leg.joints, pose=False)
-        for other, members in groups:
-            if same(mark, other):
-                members.append(q)
-                break
-        else:
-            groups.append((mark, [q]))
+        if not mechanism.space.unreachable(q)[mine].any():
+            mark = likeness(mechanism, q, leg.joints, pose=False)
+            known = (members for other, members in groups if same(mark, other))
+            group = next(known, None)
+            if group is None:
+                groups.append((mark, group := []))
+            group.append(q)
     return [LegMode(members[0], len(members)) for _, members in groups]
 
 
@@ -256,7 +255,6 @@ def assembly_modes(
     actuated = list(mechanism.actuated)
     asked = home(mechanism)[actuated] if inputs is None else mechanism.check_inputs(inputs)
     _check_starts(starts)
-    passive = np.isin(np.arange(mechanism.n), mechanism.passive)
     dyad = planar_dyad(mechanism)
     if dyad is not None:
         return _exact(mechanism, "direct", dyad.close(asked), 2)
@@ -266,11 +264,12 @@ def assembly_modes(
     if outside.any():
         if inputs is None:
             raise home_error(mechanism)
-        name = mechanism.inputs[int(np.argmax(outside))]
+        k = int(np.argmax(outside))
         raise ConfigurationError(
-            f"{mechanism.name}: {name} = {asked[int(np.argmax(outside))]:.6g} is outside its "
-            "limits: take another value, or ignore the limits (--ignore-limits, without_limits())"
+            f"{mechanism.name}: {mechanism.inputs[k]} = {asked[k]:.6g} is outside its limits: take "
+            "another value, or ignore the limits (--ignore-limits, without_limits())"
         )
+    passive = np.isin(np.arange(mechanism.n), mechanism.passive)
     return _sought(mechanism, "direct", begin, passive, None, starts, seed)
 
 
@@ -360,11 +359,8 @@ def _exact(mechanism: Mechanism, problem: str, found: tuple[Array, ...], most: i
     beyond = len(found) - len(inside)
     solved = (_solution(mechanism, q, 1) for q in inside)
     modes = tuple(sorted(solved, key=lambda s: _order(s, mechanism)))
-    words = (
-        f"{len(modes)} {noun(problem, len(modes))}: all there are, by the intersection of circles"
-    )
-    if beyond:
-        words += f"; {beyond} more beyond the joint limits"
+    words = f"{noun(problem, len(modes))}: all there are, by the intersection of circles"
+    words = f"{len(modes)} {words}" + f"; {beyond} more beyond the joint limits" * (beyond > 0)
     return Modes(problem, modes, 0, (), beyond, 0, most, True, words)
 
 
@@ -404,11 +400,10 @@ def _sought(
             moving += any(one.loose for one in choice)
     cut = len(pairs) > _MOST
     pairs = sorted(pairs[:_MOST], key=lambda x: _order(x[0], mechanism))
-    modes, count = [m for m, _ in pairs], [c for _, c in pairs]
-    bound = None
-    if problem == "direct":
-        sphere = sphere_loci(mechanism) is not None
-        bound = MOST_ASSEMBLIES if sphere else most_assemblies(mechanism)
+    modes = [m for m, _ in pairs]
+    bound = most_assemblies(mechanism) if problem == "direct" else None
+    if problem == "direct" and sphere_loci(mechanism) is not None:
+        bound = MOST_ASSEMBLIES
     number, by = number_of_modes(mechanism, begin[list(mechanism.actuated)], target, poses)
     reached_all = number == (len(poses) if problem == "direct" else len(modes)) and not spare
     complete = reached_all or (bound is not None and len(poses) >= bound and not spare)
@@ -441,8 +436,8 @@ def _sought(
     if cut:
         words += f"; the list ends after {_MOST}"
     return Modes(
-        problem, tuple(modes), starts, tuple(count), beyond, len(spare) + bool(spare), bound,
-        complete, words,
+        problem, tuple(modes), starts, tuple(c for _, c in pairs), beyond,
+        len(spare) + bool(spare), bound, complete, words,
     )  # fmt: skip
 
 
@@ -454,18 +449,17 @@ def _poses(loops: BatchLoops, Q: Array) -> tuple[list[Array], list[int]]:
     """
     if not len(Q):
         return [], []
+    mechanism = loops.mechanism
     poses, hits = _apart(loops, Q, [1] * len(Q))
-    if len(poses) > 1:
-        marks = _marks(loops, np.array(poses))
-        gaps = np.abs(marks[:, None] - marks[None]).max(axis=-1) + np.eye(len(poses))
-        close = np.flatnonzero(gaps.min(axis=1) <= 1e-3)
-        if len(close):
-            mechanism = loops.mechanism
-            passive = np.isin(np.arange(mechanism.n), mechanism.passive)
-            for k in close.tolist():
-                poses[k], _ = gauss_newton(Loops(mechanism), poses[k], passive)
-            poses, hits = _apart(loops, np.array(poses), hits)
-    return poses, hits
+    marks = _marks(loops, np.array(poses))
+    gaps = np.abs(marks[:, None] - marks[None]).max(axis=-1) + np.eye(len(poses))
+    close = np.flatnonzero(gaps.min(axis=1) <= 1e-3)
+    if not len(close):
+        return poses, hits
+    passive = np.isin(np.arange(mechanism.n), mechanism.passive)
+    for k in close.tolist():
+        poses[k], _ = gauss_newton(Loops(mechanism), poses[k], passive)
+    return _apart(loops, np.array(poses), hits)
 
 
 def _apart(loops: BatchLoops, Q: Array, times: list[int]) -> tuple[list[Array], list[int]]:

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Iterator, Sequence
+from collections import Counter
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import ClassVar
 
@@ -61,6 +62,10 @@ def forms_text(
     if joints is not None:
         lines += [("", ())] if lines else []
         lines += joint_lines(joints, True, longest)
+    return _written(lines, page)
+
+
+def _written(lines: Iterable[Line], page: Page) -> str:
     return "\n".join(
         page.paragraph(*spans, first=indent, rest=indent + "  ") for indent, spans in lines
     )
@@ -111,8 +116,7 @@ def loop_lines(
         if locus.witness:
             q = values.pasted(inputs, locus.witness.inputs, page.width - 9)
             yield "    ", (f"e.g. {q}",)
-    for note in forms.notes:
-        yield "  ", (note,)
+    yield from (("  ", (note,)) for note in forms.notes)
 
 
 def pose_lines(forms: PoseForms, exact: bool = False) -> Iterator[Line]:
@@ -127,23 +131,20 @@ def pose_lines(forms: PoseForms, exact: bool = False) -> Iterator[Line]:
         matrix = bool(locus.equation.matrix)
         written = locus.equation.exact() if exact and not matrix else str(locus.equation)
         yield "    ", (formula(written),)
-        for row in locus.equation.rows(True) if exact else ():
-            yield "      ", (formula(row),)
+        yield from (("      ", (formula(x),)) for x in (locus.equation.rows(True) if exact else ()))
     closing = [x for x in forms.closing if exact or len(x.values) <= SHORT]
     if closing:
         yield "  ", ("the loops close where",)
     for equation in closing:
         yield "    ", (formula(equation.exact() if exact else str(equation)),)
-    for family in forms.everywhere:
-        yield "  ", (f"{family}",)
+    yield from (("  ", (f"{family}",)) for family in forms.everywhere)
     for locus in forms.inputs:
         none = "" if locus.real else " (no real points found)"
         written = locus.equation.exact() if exact else str(locus.equation)
         yield "  ", (f"{locus.kind} {locus.words}{none}: ", formula(written))
     for locus in forms.level:
         yield "  ", (f"{locus.kind}, {locus.words}: ", formula(str(locus.equation)))
-    for note in forms.notes:
-        yield "  ", (note,)
+    yield from (("  ", (note,)) for note in forms.notes)
 
 
 def joint_lines(forms: JointForms, whole: bool, longest: int | None = None) -> Iterator[Line]:
@@ -153,17 +154,14 @@ def joint_lines(forms: JointForms, whole: bool, longest: int | None = None) -> I
         return
     title = "Closed forms in the joint angles, where the loops close, "
     yield "", (title, good("complete"), ":")
-    for locus in forms.loci:
-        if locus.kind == "passive":
-            continue
+    for locus in (x for x in forms.loci if x.kind != "passive"):
         yield "  ", (f"{locus.kind}: {locus.words}",)
         yield "    ", (formula(locus.statement()),)
         rows = locus.rows() if whole else []
         if longest is not None and sum(map(len, rows)) > longest:
             yield "      ", ("rows too long for this page: families --loops writes them out",)
             continue
-        for row in rows:
-            yield "      ", (formula(row),)
+        yield from (("      ", (formula(row),)) for row in rows)
     own: dict[str, list[str]] = {}
     for locus in forms.loci:
         if locus.kind == "passive":
@@ -174,8 +172,7 @@ def joint_lines(forms: JointForms, whole: bool, longest: int | None = None) -> I
         yield "    ", (f"{words}: ", formula(" or ".join(statements)))
     if not whole and any(x.matrix for x in forms.loci):
         yield "  ", ("families --loops writes the determinants out",)
-    for note in forms.notes:
-        yield "  ", (note,)
+    yield from (("  ", (note,)) for note in forms.notes)
 
 
 _MEANING = {
@@ -340,10 +337,7 @@ def analysis_text(
     joints = len(a.joints) <= _FEW if joints is None else joints
     values = Values(degrees, frozenset(sliding))
     lines = [*_head(a, values), *_configurations(a, values, joints, page), *_points(a, values)]
-    lines += [*_forms(a, values, page), *_checks(a)]
-    return "\n".join(
-        page.paragraph(*spans, first=indent, rest=indent + "  ") for indent, spans in lines
-    )
+    return _written([*lines, *_forms(a, values, page), *_checks(a)], page)
 
 
 def _head(a: MechanismAnalysis, values: Values) -> Iterator[Line]:
@@ -434,25 +428,20 @@ def _points(a: MechanismAnalysis, values: Values) -> Iterator[Line]:
         yield "", ()
         title = f" ({_MEANING[kind]}), along the curves through these inputs:"
         yield "", (alarm(unbroken(kind)), title)
-        told: dict[tuple[str, str], int] = {}
+        told: Counter[tuple[str, str]] = Counter()
         for p in here:
-            mode = (f": {p.mode}" if p.mode else "") + (
-                " (the whole curve through it)"
-                if p.whole_curve
-                else " (end of the range)"
-                if p.range_end
-                else ""
-            )
-            if len(a.inputs) <= 3:
-                shown = values.named(a.inputs, p.inputs.round(12), 10)
-                told[shown, mode] = told.get((shown, mode), 0) + 1
-                continue
-            k = a.inputs.index(p.moving) if p.moving else None
-            names, where = (a.inputs, p.inputs) if k is None else ((p.moving,), p.inputs[k : k + 1])
-            at = ", ".join(f"{x + 0.0:.6g}" for x in p.position.round(12))
-            shown = values.named(names, where, 10)
-            rest = f"{mode}; output at {unbroken(f'({at})')} m"
-            told[shown, rest] = told.get((shown, rest), 0) + 1
+            rest = f": {p.mode}" if p.mode else ""
+            if p.whole_curve or p.range_end:
+                rest += " (the whole curve through it)" if p.whole_curve else " (end of the range)"
+            names, where = a.inputs, p.inputs
+            if len(names) <= 3:
+                where = where.round(12)
+            else:
+                if p.moving:
+                    names, where = (p.moving,), where[[names.index(p.moving)]]
+                at = ", ".join(f"{x + 0.0:.6g}" for x in p.position.round(12))
+                rest += f"; output at {unbroken(f'({at})')} m"
+            told[values.named(names, where, 10), rest] += 1
         for (shown, rest), alike in told.items():
             # Inputs and mode alike: told apart by the pose and the passive joints alone.
             count = f" [{alike} configurations]" if alike > 1 else ""
@@ -479,13 +468,11 @@ def _forms(a: MechanismAnalysis, values: Values, page: Page) -> Iterator[Line]:
     if a.missing:
         yield "", ()
         yield "", (caution("Missing:"),)
-        for text in a.missing:
-            yield "  ", (f"- {text}",)
+        yield from (("  ", (f"- {text}",)) for text in a.missing)
 
 
 def _checks(a: MechanismAnalysis) -> Iterator[Line]:
     yield "", ()
     for check in a.checks:
         yield "", (good("ok") if check.passed else alarm("DISAGREES"), f": {check.words}")
-    for note in a.notes:
-        yield "", (f"note: {note}",)
+    yield from (("", (f"note: {note}",)) for note in a.notes)

@@ -1,4 +1,8 @@
-"""Singular points of a mechanism: minima along curves, refined to numerical exactness.
+"""Curves of closed configurations with one input free, and the singular points along them.
+
+A curve is followed in the space of all joints (pseudo-arclength continuation), so that it runs
+through type 2 singularities, where the moving input turns back and another assembly mode begins.
+The ends of the feasible range of an input are therefore points of the curve like any other.
 
 The measures have a kink at zero, so what is refined is a smooth system: the loops closed, all
 inputs but one held, and a velocity z of unit length with
@@ -19,15 +23,231 @@ import numpy as np
 import numpy.typing as npt
 
 from pinsing._types import Array, Bool
-from pinsing.errors import OptionError
-from pinsing.loops.closure import Loops, ranks, to_its_size
+from pinsing.errors import OptionError, PinsingError
+from pinsing.loops.closure import CLOSED, Loops, ranks, to_its_size
 from pinsing.loops.modes import mode_of
 from pinsing.loops.motion import _motions
 from pinsing.loops.structure import likeness, same
-from pinsing.loops.trace import STEP, Trace
 from pinsing.measures import SINGULAR_RTOL
+from pinsing.robot.joint_space import SLACK
 from pinsing.robot.mechanism import Mechanism
 from pinsing.serialization import JsonResult
+
+STEP = 0.04
+"""Largest step along a curve, radians (or length scales)."""
+
+_MOST = 4000
+
+
+@dataclass(frozen=True, eq=False)
+class Trace:
+    """One curve of closed configurations.
+
+    Attributes
+    ----------
+    moving : int
+        Position, among the inputs, of the one that moves.
+    q : (N, n) array
+        Configurations in order, not folded; type 2 ends of the moving input are among them.
+    direction : (N, n) array
+        Unit tangents, lengths over the length scale.
+    constraint_ratio, input_ratio, output_ratio : (N,) arrays
+        Measures of the constraint, type 2 and type 1 singularities.
+    closed : bool
+        Whether the curve came back to its start.
+    held : tuple of int
+        Joints that keep their values along it: the other inputs.
+    """
+
+    moving: int
+    q: Array
+    direction: Array
+    constraint_ratio: Array
+    input_ratio: Array
+    output_ratio: Array
+    closed: bool
+    held: tuple[int, ...] = ()
+
+    @property
+    def measures(self) -> dict[str, Array]:
+        """Of each kind of singularity the measure (N,) that is zero there."""
+        return {
+            "type 1": self.output_ratio,
+            "type 2": self.input_ratio,
+            "constraint": self.constraint_ratio,
+        }
+
+    def passes(self, mechanism: Mechanism, q: Array) -> bool:
+        """Whether the curve runs through q (n,), whole turns aside."""
+        away = mechanism.space.wrap(q - self.q) / mechanism.space.metric
+        k = int(np.argmin(np.abs(away).max(axis=1)))
+        # Off the curve by its curvature only, along it by up to a step.
+        along = away[k] @ self.direction[k]
+        across = away[k] - along * self.direction[k]
+        return bool(abs(along) <= STEP and np.abs(across).max() <= STEP / 4)
+
+
+def trace(
+    mechanism: Mechanism,
+    start: Array,
+    moving: int,
+    step: float = STEP,
+    over: Callable[[], bool] | None = None,
+) -> Trace:
+    """Follow the curve through a closed configuration ``start`` (n,), one input moving.
+
+    The curve ends where it closes, or where a joint meets its limit (continuous joints and
+    those of a full turn have none); then it is followed to the other side as well.
+
+    Raises
+    ------
+    PinsingError
+        If the loops do not close at ``start``, or the curve has no end.
+    StoppedError
+        If ``over`` said that the time is up.
+    """
+    held = tuple(j for k, j in enumerate(mechanism.actuated) if k != moving)
+    path = Curve(mechanism, mechanism.actuated[moving], held, step, over)
+    try:
+        q = path.correct(mechanism.space.fold(start))
+    except LostError:
+        raise PinsingError(
+            f"{mechanism.name}: no curve begins here: the loops do not close at the start"
+        ) from None
+    points, closed = path.run(q, None)
+    if not closed:
+        behind, _ = path.run(q, -points[0][1])
+        points = [(p, -t) for p, t in reversed(behind[1:])] + points
+    Q = np.array([p for p, _ in points])
+    measured = [_motions(path.loops, p, SINGULAR_RTOL) for p in Q]
+    return Trace(
+        moving=moving,
+        q=Q,
+        direction=np.array([t for _, t in points]),
+        constraint_ratio=np.array([m.constraint_ratio for m in measured]),
+        input_ratio=np.array([m.input_ratio for m in measured]),
+        output_ratio=np.array([m.output_ratio for m in measured]),
+        closed=closed,
+        held=held,
+    )
+
+
+class Curve:
+    """Steps along a curve of closed configurations: the joint ``index`` moves, others are held."""
+
+    def __init__(
+        self,
+        mechanism: Mechanism,
+        index: int,
+        held: Sequence[int],
+        step: float = STEP,
+        over: Callable[[], bool] | None = None,
+    ) -> None:
+        self.mechanism, self.index, self.step, self.over = mechanism, index, step, over
+        self.loops = Loops(mechanism)
+        self.held = np.eye(mechanism.n)[list(held)]
+        self.units = self.loops.column_scale
+        whole = ~mechanism.prismatic & (mechanism.upper - mechanism.lower >= 2 * np.pi - 1e-9)
+        self.low = np.where(whole, -np.inf, mechanism.lower) - SLACK
+        self.high = np.where(whole, np.inf, mechanism.upper) + SLACK
+
+    def tangent(self, q: Array, along: Array | None) -> Array:
+        """Unit tangent at q; to the side of ``along``, or of greater values of the moving joint."""
+        G = self.loops.scaled(q)[1]
+        t = np.linalg.svd(np.vstack([G, self.held]))[2][-1]
+        if along is None:
+            return np.asarray(t if t[self.index] >= 0 else -t)
+        return np.asarray(t if t @ along >= 0 else -t)
+
+    def correct(self, guess: Array, along: Array | None = None) -> Array:
+        """Nearest closed configuration with the same held inputs, across the tangent."""
+        q = guess.copy()
+        best = np.inf
+        for _ in range(20):
+            error, G = self.loops.scaled(q)
+            size = float(np.abs(error).max())
+            if size <= 1e-14 or (size <= CLOSED and size >= best):
+                return q
+            best = size
+            rows = np.vstack([G, self.held] if along is None else [G, self.held, along])
+            target = np.concatenate([-error, np.zeros(len(rows) - len(error))])
+            q = q + np.linalg.lstsq(rows, target, rcond=1e-11)[0] * self.units
+            if not np.isfinite(q).all() or np.abs(q - guess).max() > 1.0:
+                break
+        if float(np.abs(self.loops.scaled(q)[0]).max()) <= CLOSED:
+            return q
+        raise LostError
+
+    def run(self, start: Array, along: Array | None) -> tuple[list[tuple[Array, Array]], bool]:
+        """Points and tangents from ``start`` on, and whether the curve came back to it."""
+        q, t = start, self.tangent(start, along)
+        out = [(q, t)]
+        step, travelled = self.step, 0.0
+        while len(out) < _MOST:
+            if self.over is not None and self.over():
+                raise StoppedError(f"{self.mechanism.name}: no time is left to follow a curve")
+            try:
+                new = self.correct(q + step * t * self.units, t)
+                turn = self.tangent(new, t)
+            except LostError:
+                turn = -t
+            # The next tangent must be close: a sharp bend wants smaller steps.
+            if turn @ t < 0.98 and step > 1e-4:
+                step /= 2
+                continue
+            if turn @ t < 0.5:
+                return out, False
+            travelled += step
+            if travelled > 2 * self.step and self._back(start, out[0][1], q, t, step):
+                # The start, moved by the whole turns that the curve has made.
+                out.append((new + self.mechanism.space.wrap(start - new), out[0][1]))
+                return out, True
+            if not self._inside(new):
+                end = self._last_inside(q, t, step)
+                if np.abs((end - q) / self.units).max() > SLACK:
+                    out.append((end, self.tangent(end, t)))
+                return out, False
+            q, t = new, turn
+            out.append((q, t))
+            step = min(self.step, 1.5 * step)
+        raise PinsingError(
+            f"{self.mechanism.name}: a curve of closed configurations is still open after "
+            f"{_MOST} steps: use a larger step"
+        )
+
+    def _inside(self, q: Array) -> bool:
+        return bool(((q >= self.low) & (q <= self.high)).all())
+
+    def _last_inside(self, q: Array, t: Array, step: float) -> Array:
+        """Where the curve meets the limit that a step from q would cross."""
+        good, short, long = q, 0.0, step
+        while long - short > SLACK / 4:
+            middle = (short + long) / 2
+            try:
+                new = self.correct(q + middle * t * self.units, t)
+            except LostError:
+                break
+            if self._inside(new):
+                good, short = new, middle
+            else:
+                long = middle
+        return good
+
+    def _back(self, start: Array, first: Array, q: Array, t: Array, step: float) -> bool:
+        """Whether the step from q leads over the start, in the same direction."""
+        gap = self.mechanism.space.wrap(start - q) / self.units
+        along = float(gap @ t)
+        across = float(np.abs(gap - along * t).max())
+        return bool(0 <= along <= step and across <= step / 4 and first @ t > 0.5)
+
+
+class StoppedError(PinsingError):
+    """The time was up before a curve had an end."""
+
+
+class LostError(Exception):
+    """The corrector did not converge."""
+
 
 KINDS = ("type 1", "type 2", "constraint")
 _SAME = 1e-6
@@ -132,19 +352,25 @@ def find_singular(
         for kind, k in _candidates(t, index):
             if over is not None and over():
                 break
-            point = refine_point(mechanism, t.q[k], kind, t.held, rtol)
-            away = np.abs(mechanism.space.wrap(point.q - t.q[k])).max()
-            if point.converged and away <= 6 * STEP:
+            if (point := _refined(mechanism, t, kind, k, rtol)) is not None:
                 _add(mechanism, found, replace(point, whole_curve=_throughout(t, point.kind)))
     once = _of_one_mode(mechanism, found)
     return tuple(sorted(once, key=lambda p: (p.moving, p.kind, *np.round(p.inputs, 9))))
 
 
+def _refined(
+    mechanism: Mechanism, t: Trace, kind: str, k: int, rtol: float = SINGULAR_RTOL
+) -> SingularPoint | None:
+    """The singular point of a kind beside sample k of a curve; None where there is none."""
+    point = refine_point(mechanism, t.q[k], kind, t.held, rtol)
+    near = np.abs(mechanism.space.wrap(point.q - t.q[k])).max() <= 6 * STEP
+    return point if point.converged and near else None
+
+
 def _throughout(t: Trace, kind: str) -> bool:
     """Whether all of a curve is singular of a kind."""
-    measures = dict(zip(KINDS, (t.output_ratio, t.input_ratio, t.constraint_ratio), strict=True))
     asked = ("type 1", "type 2") if kind == "type 3" else (kind,)
-    return all(bool((measures[k] <= _ZERO).all()) for k in asked)
+    return all(bool((t.measures[k] <= _ZERO).all()) for k in asked)
 
 
 def _of_one_mode(mechanism: Mechanism, found: list[SingularPoint]) -> list[SingularPoint]:
@@ -176,8 +402,7 @@ def turning_points(mechanism: Mechanism, t: Trace) -> tuple[SingularPoint, ...]:
     index = mechanism.actuated[t.moving]
     found: list[SingularPoint] = []
     for k in _turns(t, index):
-        point = refine_point(mechanism, t.q[k], "type 2", t.held)
-        if point.converged and np.abs(mechanism.space.wrap(point.q - t.q[k])).max() <= 6 * STEP:
+        if (point := _refined(mechanism, t, "type 2", k)) is not None:
             _add(mechanism, found, point)
     return tuple(found)
 
@@ -216,8 +441,7 @@ def _one_of_each_run(found: list[int], zero: Bool) -> list[int]:
 
 def _candidates(t: Trace, index: int) -> list[tuple[str, int]]:
     out = [("type 2", k) for k in _turns(t, index)]
-    measures = (t.output_ratio, t.input_ratio, t.constraint_ratio)
-    for kind, ratio in zip(KINDS, measures, strict=True):
+    for kind, ratio in t.measures.items():
         if len(ratio) < 3:
             continue
         # The last point of a closed curve is its first again.
@@ -368,16 +592,10 @@ def _point(loops: Loops, q: Array, kind: str, held: Sequence[int], rtol: float) 
 
 def _turns_back(loops: Loops, q: Array, index: int, held: Sequence[int]) -> bool:
     """Whether the input has an extremum on its curve: steps to both sides move it the same way."""
-    G = loops.scaled(q)[1]
-    rows = np.vstack([G, np.eye(loops.mechanism.n)[list(held)]])
-    t = np.linalg.svd(rows)[2][-1]
-    sides = []
-    for sign in (1, -1):
-        x = q + sign * 1e-3 * t * loops.column_scale
-        for _ in range(6):
-            error, G = loops.scaled(x)
-            rows = np.vstack([G, np.eye(loops.mechanism.n)[list(held)], t])
-            target = np.concatenate([-error, np.zeros(len(rows) - len(error))])
-            x = x + np.linalg.lstsq(rows, target, rcond=1e-11)[0] * loops.column_scale
-        sides.append(float(x[index] - q[index]))
-    return sides[0] * sides[1] > 0
+    curve = Curve(loops.mechanism, index, held)
+    t = curve.tangent(q, None)
+    try:
+        ends = [curve.correct(q + side * 1e-3 * t * curve.units, t) for side in (1, -1)]
+    except LostError:
+        return False
+    return float(np.prod([end[index] - q[index] for end in ends])) > 0

@@ -11,14 +11,12 @@ import numpy.typing as npt
 
 from pinsing._types import Array
 from pinsing.errors import ConfigurationError
-from pinsing.loops.batch import BatchLoops, newton
-from pinsing.loops.closure import CLOSED, Loops, Mask, gauss_newton, ranks
+from pinsing.loops.closure import CLOSED, BatchLoops, Loops, Mask, gauss_newton, newton, ranks
 from pinsing.loops.modes import assembly_sign, home, mode_of
 from pinsing.loops.motion import motions
 from pinsing.loops.pose import Pose
-from pinsing.loops.singular_points import turning_points
+from pinsing.loops.singular_points import StoppedError, Trace, trace, turning_points
 from pinsing.loops.structure import likeness, same
-from pinsing.loops.trace import StoppedError, Trace, trace
 from pinsing.robot.mechanism import Mechanism
 from pinsing.serialization import JsonResult
 
@@ -106,9 +104,7 @@ def solve(
     the mode ends.
     """
     inputs = mechanism.check_inputs(inputs)
-    q = home(mechanism) if start is None else mechanism.check(start)
-    found = follow(mechanism, inputs[None, :], q)
-    return found[0]
+    return follow(mechanism, inputs[None, :], start)[0]
 
 
 def follow(
@@ -344,19 +340,11 @@ def drive(mechanism: Mechanism, inputs: npt.ArrayLike, start: npt.ArrayLike) -> 
     """
     inputs = mechanism.check_inputs(inputs)
     q = mechanism.check(start)
-    ways = _ways_out(mechanism, q)
-    if not ways or np.array_equal(inputs, q[list(mechanism.actuated)]):
-        return solve(mechanism, inputs, q)
-    found = [solve(mechanism, inputs, way) for way in ways]
-    return max(found, key=lambda s: (round(s.reached, 3), assembly_sign(mechanism, s.q) == "+"))
-
-
-def _ways_out(mechanism: Mechanism, q: Array) -> list[Array]:
-    """Closed configurations to both sides of a type 2 singularity, none at a regular q."""
     here = motions(mechanism, q)
-    if here.input_ratio > 1e-6:
-        return []
-    loops = Loops(mechanism)
+    if here.input_ratio > 1e-6 or np.array_equal(inputs, q[list(mechanism.actuated)]):
+        return solve(mechanism, inputs, q)
+    loops, everything = Loops(mechanism), np.ones(mechanism.n, dtype=bool)
     along = here.basis @ np.linalg.svd(here.inputs)[2][-1] * loops.column_scale
-    everything = np.ones(mechanism.n, dtype=bool)
-    return [gauss_newton(loops, q + side * 0.02 * along, everything)[0] for side in (1, -1)]
+    sides = [gauss_newton(loops, q + side * 0.02 * along, everything)[0] for side in (1, -1)]
+    found = [solve(mechanism, inputs, way) for way in sides]
+    return max(found, key=lambda s: (round(s.reached, 3), assembly_sign(mechanism, s.q) == "+"))

@@ -257,26 +257,18 @@ def _legs(mechanism: Mechanism, output: int) -> tuple[Leg, ...]:
     ends = [(int(model.parents[j + 1]), j + 1) for j in range(mechanism.n)]
     ends += bodies(mechanism)
     fixed = {0, output}
-    group = {b: b for b in range(model.njoints) if b not in fixed}
-
-    def root(b: int) -> int:
-        while group[b] != b:
-            b = group[b]
-        return b
-
+    group = list(range(model.njoints))
     for a, b in ends:
-        if a not in fixed and b not in fixed:
-            group[root(a)] = root(b)
+        if not fixed & {a, b}:
+            group = [group[b] if g == group[a] else g for g in group]
     parts: dict[int, tuple[list[int], list[int]]] = {}
     for k, (a, b) in enumerate(ends):
         inner = [x for x in (a, b) if x not in fixed]
         # An edge from base to output is a leg of its own, known by a number no body has.
-        key = root(inner[0]) if inner else -1 - k
+        key = group[inner[0]] if inner else -1 - k
         joints, loops = parts.setdefault(key, ([], []))
         (joints if k < mechanism.n else loops).append(k if k < mechanism.n else k - mechanism.n)
-    found = [
-        Leg(tuple(joints), tuple(loops), output - 1 in joints) for joints, loops in parts.values()
-    ]
+    found = (Leg(tuple(own), tuple(loops), output - 1 in own) for own, loops in parts.values())
     return tuple(sorted(found, key=lambda leg: leg.joints or (mechanism.n,)))
 
 

@@ -11,20 +11,17 @@ import pinocchio as pin
 
 from pinsing._types import Array, Bool
 from pinsing.errors import OptionError
-from pinsing.loops.batch import BatchLoops
-from pinsing.loops.closure import ranks
-from pinsing.loops.dyad import Dyad, planar_dyad
+from pinsing.loops.closure import BatchLoops, ranks
 from pinsing.loops.joint_loci import joint_forms
-from pinsing.loops.loop_forms import LoopForms, loop_forms
+from pinsing.loops.loop_forms import Dyad, LoopForms, loop_forms, planar_dyad
 from pinsing.loops.modes import assembly_sign, home
 from pinsing.loops.motion import mechanism_at
 from pinsing.loops.pose import COORDINATES, led_pose, pose_of
 from pinsing.loops.pose_slice import free_coordinates
 from pinsing.loops.problems import Modes, assembly_modes, working_modes
-from pinsing.loops.singular_points import SingularPoint, find_singular
+from pinsing.loops.singular_points import SingularPoint, Trace, find_singular
 from pinsing.loops.solve import Solution, curves
 from pinsing.loops.structure import output_pose, plane_axes
-from pinsing.loops.trace import Trace
 from pinsing.plot.style import pi_ticks, plain, unit
 from pinsing.prose import unbroken
 from pinsing.robot.joints import joint_axis

@@ -11,7 +11,7 @@ import numpy as np
 from pinsing._types import Array
 from pinsing._version import __version__
 from pinsing.loops import MechanismAnalysis, MechanismState, analyze_mechanism, mechanism_at
-from pinsing.loops.dyad import planar_dyad
+from pinsing.loops.loop_forms import planar_dyad
 from pinsing.loops.pose_slice import free_coordinates
 from pinsing.loops.problems import assemblies
 from pinsing.loops.result import Line, joint_lines, pose_lines

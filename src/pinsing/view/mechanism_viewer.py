@@ -13,10 +13,8 @@ import pinocchio as pin
 from pinsing._types import Array
 from pinsing.errors import OptionError
 from pinsing.loops.analysis import analyze_mechanism
-from pinsing.loops.batch import hinged_balls
-from pinsing.loops.closure import random_closed, ranks
-from pinsing.loops.dyad import planar_dyad
-from pinsing.loops.loop_forms import Locus
+from pinsing.loops.closure import hinged_balls, random_closed, ranks
+from pinsing.loops.loop_forms import Locus, planar_dyad
 from pinsing.loops.modes import STRAIGHT, assembly_rows, elbow_sines, elbows, home
 from pinsing.loops.motion import mechanism_at
 from pinsing.loops.pose import led_pose

@@ -1,7 +1,7 @@
 // Planar loops closed by two links that meet in a pin P (5R, four-bar): all modes in closed form.
 //
 // `dyad` is { sides: [{ pivot, crank, crankSign, crankLength, crankAngle, pin, pinSign,
-// rodLength, rodAngle }] } as in pinsing.loops.dyad; crank is null where a rod hangs on a pivot.
+// rodLength, rodAngle }] } as in pinsing.loops.loop_forms; crank is null where a rod hangs on a pivot.
 
 import { add, norm, scaled, subtract } from "./linear.mjs";
 import { gapOf, wrap } from "./loops.mjs";
