@@ -58,14 +58,13 @@ class BatchLoops:
         built = structure(mechanism)
         self._parents = [int(model.parents[j + 1]) for j in range(mechanism.n)]
         self._own = built.axes
-        places = [model.jointPlacements[j + 1] for j in range(mechanism.n)]
         # None for no turn, and for no shift: most have one of them at most.
         self._place = [
             (
                 None if np.array_equal(m.rotation, np.eye(3)) else np.array(m.rotation),
                 None if not np.any(m.translation) else np.array(m.translation),
             )
-            for m in places
+            for m in model.jointPlacements[1:]
         ]
         self._above = np.zeros((mechanism.n + 1, mechanism.n), dtype=bool)
         for j, parent in enumerate(self._parents):
@@ -321,12 +320,14 @@ def _log(R: Array) -> Array:
     return np.asarray(out)
 
 
-def locked(mechanism: Mechanism, Q: Array) -> Bool:
+def locked(loops: BatchLoops, Q: Array) -> Bool:
     """Whether a ball is locked, or nearly: (N,) bool at Q (N, n)."""
-    out = np.zeros(len(Q), dtype=bool)
-    # Near: the volume that the three axes span is at most a tenth of what it can be.
-    for ball in hinged_balls(mechanism):
-        out |= np.abs(_volume(mechanism, ball.joints, Q[:, ball.joints[1]])) <= 0.1
+    out, balls = np.zeros(len(Q), dtype=bool), hinged_balls(loops.mechanism)
+    if balls:
+        axis = loops.place(Q).axis
+        for ball in balls:
+            # Near: the volume that the three axes span is at most a tenth of what it can be.
+            out |= np.abs(np.linalg.det(np.swapaxes(axis[list(ball.joints)], 0, 1))) <= 0.1
     return out
 
 
@@ -379,19 +380,6 @@ def hinged_balls(mechanism: Mechanism) -> tuple[Centre, ...]:
         if in_line and not held & set(ball[:2]) and carried == set(ball[1:]):
             out.append(centre)
     return tuple(out)
-
-
-def _volume(mechanism: Mechanism, ball: tuple[int, ...], middle: Array) -> Array:
-    """Triple product (N,) of the three axes, which depends on the angle (N,) of the middle one."""
-    model, own = mechanism.model, structure(mechanism).axes
-    a, b, c = ball
-    # In the frame of the middle hinge, before it turns.
-    first = np.array(model.jointPlacements[b + 1].rotation).T @ own[a]
-    axis = own[b]
-    last = np.array(model.jointPlacements[c + 1].rotation) @ own[c]
-    flat = last - (last @ axis) * axis
-    turned = np.cos(middle)[:, None] * flat + np.sin(middle)[:, None] * np.cross(axis, flat)
-    return np.asarray(np.cross(axis, turned) @ first)
 
 
 Mask = npt.NDArray[np.bool_]

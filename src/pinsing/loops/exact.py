@@ -61,15 +61,12 @@ def _snapped(points: Sequence[Array], square: int) -> tuple[ExactPoints, int]:
     related = 0
     for k in order:
         images = (v for old in found.values() for v in (old, *_images(old, square)))
-        image = next((v for v in images if _near(v, points[k], unit)), None)
+        image = next((v for v in images if _off(v, points[k], unit) <= 1e-9), None)
         related += image is not None
         x, y, z = plain[k]
         found[k] = (x, y, z) if image is None else image
     out = tuple(found[k] for k in range(len(points)))
-    off = max(
-        (float(np.abs(_float(v, unit) - p).max()) for v, p in zip(out, points, strict=True)),
-        default=0.0,
-    )
+    off = max((_off(v, p, unit) for v, p in zip(out, points, strict=True)), default=0.0)
     return ExactPoints(square, out, off), related
 
 
@@ -86,12 +83,9 @@ def _images(v: Vector, square: int) -> list[Vector]:
     return [w for w in out if w != v]
 
 
-def _float(v: Vector, unit: float) -> Array:
-    return np.array([float(v[0]), float(v[1]) * unit, float(v[2])])
-
-
-def _near(v: Vector, p: Array, unit: float) -> bool:
-    return bool(np.abs(_float(v, unit) - p).max() <= 1e-9)
+def _off(v: Vector, p: Array, unit: float) -> float:
+    """By how much an exact vector is another one than p (3,)."""
+    return float(np.abs(np.array([float(v[0]), float(v[1]) * unit, float(v[2])]) - p).max())
 
 
 Row = list[Poly]
@@ -260,7 +254,7 @@ def leg_chain(
     one, zero = ring.one, ring.zero
     frame, start = _frame(axes), origins[0]
     base, at = rational_turn(frame), vector(start)
-    off = max(_away(base, frame), _away((at,), [start]))
+    off = max(away(base, frame), away((at,), [start]))
     R = [[one if i == k else zero for k in range(3)] for i in range(3)]
     p, scale = [zero, zero, zero], one
     before = (Fraction(0),) * 3
@@ -268,7 +262,7 @@ def leg_chain(
     for joint, axis0, origin0 in zip(joints, axes @ frame, (origins - start) @ frame, strict=True):
         here = vector(origin0)
         unit = [row[2] for row in rational_turn(turn_to(axis0))]
-        off = max(off, _away((here, unit), [origin0, axis0]))
+        off = max(off, away((here, unit), [origin0, axis0]))
         step = [a - b for a, b in zip(here, before, strict=True)]
         before = here
         p = [p[i] + _dot(R[i], step, zero) for i in range(3)]
@@ -349,6 +343,7 @@ def _dot(row: Row, values: Sequence[Fraction], zero: Poly) -> Poly:
     return sum((x * rational(v) for x, v in zip(row, values, strict=True) if v), zero)
 
 
-def _away(found: Any, meant: Any) -> float:
+def away(found: Any, meant: Any) -> float:
+    """By how much rows of exact numbers differ from the given ones at most."""
     values = np.array([[float(x) for x in row] for row in found])
     return float(np.abs(values - np.array([np.array(row) for row in meant])).max())

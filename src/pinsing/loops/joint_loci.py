@@ -444,7 +444,7 @@ def _passive(mechanism: Mechanism, legs: LegWrenches) -> list[JointLocus]:
     groups: dict[tuple[int, tuple[int, ...], bool], Poly] = {}
     for p in legs.passive:
         key = (p.leg, p.joints, p.ball)
-        groups[key] = groups.get(key, legs.ring.one) * p.factor
+        groups[key] = groups.get(key, legs.ring.one) * p.value
     out: list[JointLocus] = []
     for (leg, joints, ball), factor in groups.items():
         names = ", ".join(mechanism.joints[j] for j in joints)

@@ -86,7 +86,7 @@ class Passive:
         Number of the leg.
     joints : tuple of int
         The joints.
-    factor : Poly
+    value : Poly
         Zero there.
     ball : bool
         Whether they are the three hinges that a file writes for a ball.
@@ -94,7 +94,7 @@ class Passive:
 
     leg: int
     joints: tuple[int, ...]
-    factor: Poly
+    value: Poly
     ball: bool
 
 
@@ -121,8 +121,6 @@ class LegWrenches:
         Of all ways; of the others alone where the carrier has no such end.
     passive : tuple of Passive
         What else is singular.
-    centre : (3,) array
-        Of a spherical mechanism.
     off : float
         By how much numbers of the file were changed to be exact.
     """
@@ -135,7 +133,6 @@ class LegWrenches:
     ended: bool
     wrenches: tuple[LegWrench, ...]
     passive: tuple[Passive, ...]
-    centre: Array
     off: float
 
 
@@ -176,10 +173,10 @@ def leg_wrenches(mechanism: Mechanism) -> LegWrenches:
             # Where the three hinges that are written for a ball lie in a plane.
             axes = [h.axis for h in carrier.hinges if h.joint in ball]
             flat = dot(axes[0], cross(axes[1], axes[2]), ring.zero)
-            passive += _vanishing(ring, number, ball, flat, True)
+            passive.append(Passive(number, ball, flat, True))
     return LegWrenches(
-        kind, ring, turn, carrier, output, ended, tuple(wrenches), tuple(passive), centre,
-        max(off, carrier.off),
+        kind, ring, turn, carrier, output, ended, tuple(wrenches),
+        tuple(p for p in passive if not ring.nowhere_zero(p.value)), max(off, carrier.off),
     )  # fmt: skip
 
 
@@ -251,7 +248,7 @@ def _leg(
     mechanism: Mechanism, chain: LegChain, number: int, kind: str, end: Array | None, centre: Array
 ) -> tuple[list[LegWrench], list[Passive]]:
     """The wrenches of one way, and where its passive joints are dependent."""
-    ring, zero, one = chain.ring, chain.ring.zero, chain.ring.one
+    zero, one = chain.ring.zero, chain.ring.one
     point = chain.position if end is None else chain.point(end)
     passive = [h for h in chain.hinges if h.joint in mechanism.passive]
     driven = [h for h in chain.hinges if h.joint in mechanism.actuated]
@@ -275,7 +272,7 @@ def _leg(
     own: list[Passive] = []
     for force in choices:
         plain, content = _primitive(force)
-        own += _vanishing(ring, number, tuple(h.joint for h in passive), content, False)
+        own.append(Passive(number, tuple(h.joint for h in passive), content, False))
         felt = {
             h.joint: arm
             for h in driven
@@ -334,13 +331,6 @@ def _line(chain: LegChain, force: Row, point: Row, kind: str) -> Row:
     at = [chain.ring.one * rational(v) for v in chain.at]
     m = [a + b for a, b in zip(m, cross(at, f), strict=True)]
     return in_room(kind, [*f, *m])
-
-
-def _vanishing(
-    ring: Ring, number: int, joints: tuple[int, ...], value: Poly, ball: bool
-) -> list[Passive]:
-    factors = [f for f in ring.factors(value) if not f.is_constant()]
-    return [Passive(number, joints, f, ball) for f in factors]
 
 
 _SYMBOL = re.compile(r"\b[qd](\d+)\b")

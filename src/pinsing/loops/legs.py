@@ -394,22 +394,27 @@ class _Recognizer:
         Slides are often counted from mid-stroke.
         """
         along = np.array([s.axis[joint] for s in self.samples])
-        reach = reach * self.flat
-        if not self.mechanism.prismatic[joint] or np.abs(np.cross(reach, along)).max() > SMALL:
+        if not self.mechanism.prismatic[joint] or self.beside(joint, reach):
             return None
-        lengths = (reach * along).sum(axis=1)
-        for sign in (1.0, -1.0):
-            off = sign * lengths - np.array([s.q[joint] for s in self.samples])
+        lengths = (reach * self.flat * along).sum(axis=1)
+        values = np.array([s.q[joint] for s in self.samples])
+        for off in (lengths - values, -lengths - values):
             if np.abs(off - off[0]).max() <= SMALL:
                 return 0.0 if abs(off[0]) <= SMALL else round(float(off[0]), 12)
         return None
 
+    def parted(
+        self, joints: Sequence[int]
+    ) -> tuple[tuple[int, ...], tuple[int, ...], Centre | None]:
+        """The driven joints, the passive ones, and the centre that these have in common."""
+        driven = tuple(j for j in joints if j in self.mechanism.actuated)
+        passive = tuple(j for j in joints if j not in driven)
+        return driven, passive, next((c for c in self.built.centres if c.joints == passive), None)
+
     def along(self, path: list[int], end: _End) -> Rod | None:
         """A leg with one centre and one actuated joint before or behind it."""
         mechanism, sample = self.mechanism, self.samples[0]
-        driven = [j for j in path if j in mechanism.actuated]
-        passive = tuple(j for j in path if j not in mechanism.actuated)
-        centre = next((c for c in self.built.centres if passive and c.joints == passive), None)
+        driven, passive, centre = self.parted(path)
         if len(driven) != 1 or centre is None or len(passive) > self.ball:
             return None
         if end.centre is not None and len(end.centre.joints) != self.ball:
@@ -448,9 +453,7 @@ class _Recognizer:
     def hanging(self, path: list[int], end: _End) -> Rod | None:
         """A leg written from the output towards the base, the loop at its foot or at the crank."""
         mechanism, sample = self.mechanism, self.samples[0]
-        passive = tuple(j for j in end.hanging if j not in mechanism.actuated)
-        driven = [j for j in end.hanging if j in mechanism.actuated]
-        centre = next((c for c in self.built.centres if passive and c.joints == passive), None)
+        driven, passive, centre = self.parted(end.hanging)
         if centre is None or len(passive) not in ((1,) if self.planar else (2, 3)):
             return None
         B = self.points(centre)
@@ -535,17 +538,16 @@ class _Recognizer:
         if end.hanging:
             return f"{name}, written from the output and driven at {told}, {where}"
         loose = [j for j in slides if j not in driven]
-        if slides and self.askew(path, end, slides):
+        if self.askew(path, end, slides):
             beside = mechanism.joints[slides[0]]
-            return (
-                f"{name} slides ({beside}) beside the line from its foot to its end, which {where}"
-            )
-        if loose and path and loose[0] == path[0]:
-            first = mechanism.joints[loose[0]]
-            return f"{name} is driven at {told} behind the passive slide {first}, which {where}"
-        if len(driven) > 1:
-            return f"{name} has {len(driven)} actuated joints ({told}), which {where}"
-        return f"{name}, driven at {told}, {where}"
+            what = f" slides ({beside}) beside the line from its foot to its end"
+        elif loose[:1] == list(path[:1]) and loose:
+            what = f" is driven at {told} behind the passive slide {mechanism.joints[loose[0]]}"
+        elif len(driven) > 1:
+            what = f" has {len(driven)} actuated joints ({told})"
+        else:
+            return f"{name}, driven at {told}, {where}"
+        return f"{name}{what}, which {where}"
 
     def askew(self, path: Sequence[int], end: _End, slides: Sequence[int]) -> bool:
         """Whether a slide after turning joints is not along the line through the leg's ends."""
@@ -554,9 +556,12 @@ class _Recognizer:
             return False
         centre = next((c for c in self.built.centres if c.joints[0] == turning[0]), None)
         feet = self.points(centre or Centre((turning[0],), np.zeros(3)))
-        reach = (self.outer_points(end) - feet) * self.flat
-        along = np.array([s.axis[slides[0]] for s in self.samples])
-        return bool(np.abs(np.cross(reach, along)).max() > SMALL)
+        return self.beside(slides[0], self.outer_points(end) - feet)
+
+    def beside(self, joint: int, reach: Array) -> bool:
+        """Whether a joint's axis has another direction than reach (N, 3)."""
+        along = np.array([s.axis[joint] for s in self.samples])
+        return bool(np.abs(np.cross(reach * self.flat, along)).max() > SMALL)
 
     def tree_reason(self, path: Sequence[int]) -> str:
         """Of the leg that carries the output in the tree, where it ends in no pin or ball."""

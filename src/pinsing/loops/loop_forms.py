@@ -423,13 +423,11 @@ def loop_forms(mechanism: Mechanism) -> LoopForms | None:
                 loci += _loci(system, kind, leg, inputs, sense)
                 continue
             always = True
-            note = f"{kind}: at all inputs in one assembly mode"
-            if leg is not None:
-                note += (
-                    f", of which no equation over the inputs tells: leg {leg + 1} is {word} there "
-                    "with its end at rest; the equations in the joint angles have it"
-                )
-            notes.append(note)
+            where = "" if leg is None else (
+                f", of which no equation over the inputs tells: leg {leg + 1} is {word} there with "
+                "its end at rest; the equations in the joint angles have it"
+            )  # fmt: skip
+            notes.append(f"{kind}: at all inputs in one assembly mode{where}")
     return LoopForms(tuple(loci), legs is not None and not always, tuple(notes))
 
 
@@ -443,45 +441,30 @@ class _LoopEquations:
         cranks = [actuated.index(s.crank) for s in dyad.sides if s.crank is not None]
         if sorted(cranks) != list(range(len(actuated))):
             raise OptionError("every input must turn a crank of the loop")
-        self.names = dyad.mechanism.inputs
         self.ring: Ring = make_ring([False] * len(actuated))
         self.offset = np.zeros(len(actuated))
         # Directions of the cranks times w; a fixed pivot has length zero and w = 1.
         self.w: list[Poly] = []
         self.direction: list[tuple[Poly, Poly]] = []
         for side in dyad.sides:
-            self._crank(side)
-        first, second = dyad.sides
-        W = self.w[0] * self.w[1]
+            if side.crank is None:
+                self.w.append(self.ring.one)
+                self.direction.append((self.ring.zero, self.ring.zero))
+                continue
+            j, gens = actuated.index(side.crank), self.ring.context.gens()
+            x, y = (gens[k] for k in self.ring.variables(j))
+            self.w.append(x**2 + y**2)
+            # angle = sign q + crank_angle = sign (q + offset)
+            self.offset[j] = side.crank_sign * side.crank_angle
+            self.direction.append((x**2 - y**2, 2 * int(side.crank_sign) * x * y))
+        self.W = self.w[0] * self.w[1]
         ends = []
-        for k, side in enumerate((first, second)):
-            other = self.w[1 - k]
-            length = self._exact(side.crank_length, "crank")
-            ends.append(
-                tuple(
-                    self._exact(float(side.pivot[i]), "pivot") * W
-                    + length * self.direction[k][i] * other
-                    for i in (0, 1)
-                )
-            )
-        self.W = W
+        for k, side in enumerate(dyad.sides):
+            arm = self._exact(side.crank_length, "crank") * self.w[1 - k]
+            at = [self._exact(float(x), "pivot") * self.W for x in side.pivot]
+            ends.append([x + arm * d for x, d in zip(at, self.direction[k], strict=True)])
         self.v = tuple(b - a for a, b in zip(*ends, strict=True))
-        d1, d2 = self._exact(first.rod_length, "rod"), self._exact(second.rod_length, "rod")
-        self.rods = (d1, d2)
-
-    def _crank(self, side: Side) -> None:
-        one, zero = self.ring.one, self.ring.zero
-        if side.crank is None:
-            self.w.append(one)
-            self.direction.append((zero, zero))
-            return
-        j = self.dyad.mechanism.actuated.index(side.crank)
-        gens = self.ring.context.gens()
-        x, y = (gens[k] for k in self.ring.variables(j))
-        self.w.append(x**2 + y**2)
-        # angle = sign q + crank_angle = sign (q + offset)
-        self.offset[j] = side.crank_sign * side.crank_angle
-        self.direction.append((x**2 - y**2, 2 * int(side.crank_sign) * x * y))
+        self.rods = tuple(self._exact(side.rod_length, "rod") for side in dyad.sides)
 
     def _exact(self, value: float, what: str) -> Any:
         near = Fraction(value).limit_denominator(10**9)
@@ -506,9 +489,6 @@ class _LoopEquations:
         along = 2 * sense * d1 * self.w[1 - leg] * (c * v[0] + s * v[1])
         return square - along + (d1 * d1 - d2 * d2) * W**2
 
-    def equation(self, factor: Poly) -> Equation:
-        return equation(factor, self.ring, self.names, self.offset)
-
 
 def _type1_legs(dyad: Dyad) -> tuple[int, ...] | None:
     """Legs whose stretching loses an output direction; None if the output is another one."""
@@ -531,7 +511,7 @@ def _loci(
     extremes = _extremes(dyad, leg)
     out = []
     for factor in ring.factors(inputs):
-        form = system.equation(factor)
+        form = equation(factor, ring, dyad.mechanism.inputs, system.offset)
         coincide = kind == "type 2" and divmod(square, factor)[1] == 0
         lowest, highest, touching = _range(form, extremes)
         # Where the ends coincide, rods of different lengths do not close.
@@ -543,9 +523,11 @@ def _loci(
         points_only = apart and (coincide or (single and len(form.involved) == 2))
         candidates = touching if points_only else _on(form, extremes)
         witness = _witness(dyad, kind, leg, candidates, points_only, sense)
-        words = _words(dyad, leg, sense, coincide)
-        metric = _metric(dyad, form, leg, sense)
-        out.append(Locus(kind, words, metric, points_only, witness))
+        links = [f"{'A' if side.crank is None else 'B'}{k}" for k, side in enumerate(dyad.sides, 1)]
+        line = f"{', P, '.join(links)}" if leg is None else f"A{leg + 1}, B{leg + 1}, P"
+        words = f"{line} in line, {'stretched' if sense > 0 else 'folded'}"
+        words = "B1 and B2 coincide and P turns about them" if coincide else words
+        out.append(Locus(kind, words, _metric(dyad, form, leg, sense), points_only, witness))
     return out
 
 
@@ -640,7 +622,9 @@ def _witness(
         for q in dyad.close(inputs) or _touching(dyad, inputs):
             if leg is not None and abs(float(dyad.elbow_sine(q, leg))) > 1e-6:
                 continue
-            first, second = _links(dyad, q, leg)
+            # Unit vectors that agree where a leg, or both rods, are stretched.
+            links = [dyad.link_directions(q, k) for k in (0, 1)]
+            first, second = (links[0][1], -links[1][1]) if leg is None else links[leg]
             if sense * float(first @ second) < 0:
                 continue
             held = [] if points_only else list(mechanism.actuated[:-1])
@@ -660,18 +644,3 @@ def _touching(dyad: Dyad, inputs: Array) -> tuple[Array, ...]:
     along = (gap**2 + d1**2 - d2**2) / (2 * gap)
     P = first + np.sign(along) * d1 * (second - first) / gap
     return (dyad.reaching(inputs, P),)
-
-
-def _links(dyad: Dyad, q: Array, leg: int | None) -> tuple[Array, Array]:
-    """Unit vectors that agree where a leg, or both rods, are stretched."""
-    if leg is not None:
-        return dyad.link_directions(q, leg)
-    return dyad.link_directions(q, 0)[1], -dyad.link_directions(q, 1)[1]
-
-
-def _words(dyad: Dyad, leg: int | None, sense: int, coincide: bool) -> str:
-    if coincide:
-        return "B1 and B2 coincide and P turns about them"
-    ends = [f"{'B' if side.crank is not None else 'A'}{k}" for k, side in enumerate(dyad.sides, 1)]
-    links = f"{ends[0]}, P, {ends[1]}" if leg is None else f"A{leg + 1}, B{leg + 1}, P"
-    return f"{links} in line, {'stretched' if sense > 0 else 'folded'}"

@@ -22,7 +22,7 @@ from pinsing.errors import OptionError
 from pinsing.loops.analysis import independent_inputs
 from pinsing.loops.closure import CLOSED_MANY, BatchLoops, near_home, newton, random_closed, ranks
 from pinsing.loops.legs import Rods, rods
-from pinsing.loops.modes import home, mode_of
+from pinsing.loops.modes import closed_from_random, home, mode_of
 from pinsing.loops.motion import measure_many
 from pinsing.loops.pose import Pose, aligned, pose_of, pose_table
 from pinsing.loops.structure import output_pose
@@ -169,11 +169,9 @@ def _nearest(
 def known_closed(loops: BatchLoops) -> Array:
     """Closed configurations (N, n) from random starts; within the limits where enough are."""
     mechanism = loops.mechanism
-    rng = np.random.default_rng(64)
-    drawn = rng.uniform(*mechanism.space.span, (512, mechanism.n))
-    drawn[0] = home(mechanism)
-    Q, size = newton(loops, drawn, np.ones(mechanism.n, dtype=bool), steps=_STEPS)
-    Q = mechanism.space.fold(Q[size <= CLOSED_MANY])
+    rng, everything = np.random.default_rng(64), np.ones(mechanism.n, dtype=bool)
+    Q = closed_from_random(loops, mechanism.home, everything, 512, rng, steps=_STEPS)
+    Q = mechanism.space.fold(Q)
     if not len(Q):
         # Starts within narrow limits lead nowhere; those that told the ranks did.
         spare = random_closed(mechanism, 64, rng) + near_home(mechanism)

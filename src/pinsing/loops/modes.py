@@ -9,6 +9,7 @@ is bent; of a driven slide, whether its rod leans ahead along it or back.
 from __future__ import annotations
 
 import itertools
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -29,7 +30,7 @@ from pinsing.loops.closure import (
     random_closed,
     ranks,
 )
-from pinsing.loops.structure import SMALL, closing, once, structure
+from pinsing.loops.structure import SMALL, Sample, closing, once, path_to, structure
 from pinsing.robot.mechanism import Mechanism
 
 STRAIGHT = 1e-9
@@ -108,7 +109,7 @@ def elbows(mechanism: Mechanism) -> tuple[Elbow, ...]:
             continue
         elbow = after[0]
         slides = bool(mechanism.prismatic[a])
-        if slides and _hangs(mechanism, crank):
+        if slides and not set(path_to(mechanism, crank)) <= set(mechanism.actuated):
             continue
         beyond = [j for j in range(1, model.njoints) if parents[j] == elbow]
         last = elbow
@@ -128,9 +129,8 @@ def elbows(mechanism: Mechanism) -> tuple[Elbow, ...]:
                     @ structure(mechanism).axes[beyond[0] - 1]
                 )
         else:
-            ends = [
-                model.frames[k] for k in itertools.chain(*zip(*closing(mechanism), strict=True))
-            ]
+            pairs = zip(*closing(mechanism), strict=True)
+            ends = (model.frames[k] for k in itertools.chain(*pairs))
             here = [f for f in ends if f.parentJoint == last]
             if not here or (slides and np.linalg.norm(here[0].placement.translation) <= SMALL):
                 continue
@@ -145,16 +145,6 @@ def _meets(model: pin.Model, joint: int) -> bool:
     return bool(np.linalg.norm(model.jointPlacements[joint].translation) <= SMALL)
 
 
-def _hangs(mechanism: Mechanism, joint: int) -> bool:
-    """Whether a passive joint stands between the base and a joint of the model."""
-    parent = int(mechanism.model.parents[joint])
-    while parent:
-        if parent - 1 not in mechanism.actuated:
-            return True
-        parent = int(mechanism.model.parents[parent])
-    return False
-
-
 def elbow_sines(mechanism: Mechanism, q: npt.ArrayLike) -> Array:
     """Sine of each elbow angle at q (n,): positive to the left about the crank's axis.
 
@@ -162,25 +152,20 @@ def elbow_sines(mechanism: Mechanism, q: npt.ArrayLike) -> Array:
     axes meet in one point it is that of their directions: crank, elbow, end. Of a slide it is the
     cosine between the rod and the slide.
     """
-    model = mechanism.model
-    data = model.createData()
-    pin.computeJointJacobians(model, data, mechanism.model_q(q))
-    out = []
+    sample, out = Sample(mechanism, np.asarray(q, dtype=float)), []
     for e in elbows(mechanism):
-        a, b = data.oMi[e.crank].translation, data.oMi[e.elbow].translation
-        first = b - a
-        second = data.oMi[e.end_joint].act(np.array(e.end)) - b
+        axis, bent = sample.axis[[e.crank - 1, e.elbow - 1]]
+        start = sample.joints[e.elbow].translation
+        first = start - sample.joints[e.crank].translation
+        second = sample.joints[e.end_joint].act(np.array(e.end)) - start
+        reach, size = float(np.linalg.norm(second)), float(np.linalg.norm(first))
         if e.slides:
-            axis = np.array(data.J)[:3, model.joints[e.crank].idx_v]
-            out.append(float(axis @ second) / max(float(np.linalg.norm(second)), SMALL))
-            continue
-        axis = np.array(data.J)[3:, model.joints[e.crank].idx_v]
-        if np.linalg.norm(first) <= SMALL:
-            bent = np.array(data.J)[3:, model.joints[e.elbow].idx_v]
-            out.append(float(np.cross(axis, bent) @ second / max(np.linalg.norm(second), SMALL)))
-            continue
-        lengths = float(np.linalg.norm(first) * np.linalg.norm(second))
-        out.append(float(np.cross(first, second) @ axis) / lengths if lengths > 0 else 0.0)
+            out.append(float(axis @ second) / max(reach, SMALL))
+        elif size <= SMALL:
+            out.append(float(np.cross(axis, bent) @ second) / max(reach, SMALL))
+        else:
+            bend = float(np.cross(first, second) @ axis)
+            out.append(bend / (size * reach) if reach > 0 else 0.0)
     return np.array(out)
 
 
@@ -271,38 +256,56 @@ def home_error(mechanism: Mechanism) -> ConfigurationError:
     )
 
 
+def closed_from_random(
+    loops: BatchLoops,
+    begin: Array,
+    free: Mask,
+    count: int,
+    rng: np.random.Generator,
+    target: tuple[Array, Array, tuple[int, ...]] | None = None,
+    steps: int = 60,
+) -> Array:
+    """Closed configurations (N, n) from home and random starts; joints not ``free`` as in begin.
+
+    What is known to close is not left to chance: home is first. ``target`` and ``steps`` are those
+    of `newton`.
+    """
+    mechanism = loops.mechanism
+    drawn = rng.uniform(*mechanism.space.span, (count, mechanism.n))
+    drawn[0] = home(mechanism)
+    Q, size = newton(loops, np.where(free, drawn, begin), free, target=target, steps=steps)
+    return Q[size <= CLOSED_MANY]
+
+
+def _home_starts(mechanism: Mechanism) -> Iterator[tuple[Array, Mask]]:
+    """Configurations from which home is sought, and the joints that may move."""
+    space, everything = mechanism.space, np.ones(mechanism.n, dtype=bool)
+    # The inputs stay as given if they can.
+    yield mechanism.home, np.isin(np.arange(mechanism.n), mechanism.passive)
+    yield mechanism.home, everything
+    rng = np.random.default_rng(_SEED)
+    for start in rng.uniform(*space.span, (_HOME_STARTS, mechanism.n)):
+        yield start, everything
+    # Where few of the poses are within the limits: many starts, all at once.
+    drawn = rng.uniform(*space.span, (_MORE_STARTS, mechanism.n))
+    Q, size = newton(BatchLoops(mechanism), drawn, everything)
+    for q in Q[size <= CLOSED_MANY]:
+        if not space.unreachable(space.fold(q)).any():
+            yield q, everything
+
+
 @once
 def _home(mechanism: Mechanism) -> Array:
-    loops = Loops(mechanism)
-    # The inputs stay as given if they can.
-    passive = np.isin(np.arange(mechanism.n), mechanism.passive)
-    masks: tuple[Mask, Mask] = (passive, np.ones(mechanism.n, dtype=bool))
+    loops, space = Loops(mechanism), mechanism.space
     spare: list[Array] = []
-    for free in masks:
-        found, error = gauss_newton(loops, mechanism.home.copy(), free)
+    for start, free in _home_starts(mechanism):
+        found, error = gauss_newton(loops, start, free)
+        found = space.fold(found)
         if error <= CLOSED:
-            found = mechanism.space.fold(found)
-            if not mechanism.space.unreachable(found).any():
+            if not space.unreachable(found).any():
                 return found
-            spare.append(found)
-    rng = np.random.default_rng(_SEED)
-    low, high = mechanism.space.span
-    for start in rng.uniform(low, high, (_HOME_STARTS, mechanism.n)):
-        found, error = gauss_newton(loops, start, masks[1])
-        found = mechanism.space.fold(found)
-        if error <= CLOSED and not mechanism.space.unreachable(found).any():
-            return found
-    # Where few of the poses are within the limits: many starts, all at once.
-    Q, size = newton(
-        BatchLoops(mechanism), rng.uniform(low, high, (_MORE_STARTS, mechanism.n)), masks[1]
-    )
-    for q in Q[size <= CLOSED_MANY]:
-        if mechanism.space.unreachable(mechanism.space.fold(q)).any():
-            continue
-        found, error = gauss_newton(loops, q, masks[1])
-        found = mechanism.space.fold(found)
-        if error <= CLOSED and not mechanism.space.unreachable(found).any():
-            return found
+            if start is mechanism.home:
+                spare.append(found)
     if not spare:
         spare = random_closed(mechanism, 30, np.random.default_rng(_SEED))
     if not spare:

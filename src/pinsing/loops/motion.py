@@ -85,9 +85,9 @@ def _motions(loops: Loops, q: Array, rtol: float) -> Motions:
     mechanism = loops.mechanism
     found = _measured(mechanism, loops.scaled(q)[1], loops.output_scaled(q), rtol)
     least = min(found.constraint_ratio, found.input_ratio, found.output_ratio)
-    if least > NEAR_RTOL or not locked(mechanism, q[None])[0]:
-        return found
     batch = mechanism.once("ball_loops", lambda: BatchLoops(mechanism))
+    if least > NEAR_RTOL or not locked(batch, q[None])[0]:
+        return found
     G, J = ball_jacobians(batch, q[None])
     whole = _measured(mechanism, G[0], J[0], rtol)
     return replace(whole, basis=hinge_rates(batch, q, whole.basis))
@@ -321,7 +321,7 @@ def measure_many(loops: BatchLoops, Q: Array, rtol: float = SINGULAR_RTOL) -> Ma
     J = loops.output(Q, placed)[2][:, list(mechanism.task.rows)]
     ratios = _ratios(mechanism, loops.closure(Q, placed=placed)[1], J)
     beside = ratios.min(axis=0) <= NEAR_RTOL
-    beside[beside] = locked(mechanism, Q[beside])
+    beside[beside] = locked(loops, Q[beside])
     if beside.any():  # a ball that is locked as written turns as a ball does
         ratios[:, beside] = _ratios(mechanism, *ball_jacobians(loops, Q[beside]))
     lost = np.flatnonzero(ratios[2] <= rtol)

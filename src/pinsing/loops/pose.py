@@ -14,7 +14,7 @@ import pinocchio as pin
 from pinsing._types import Array
 from pinsing.arguments import real_numbers
 from pinsing.errors import ConfigurationError
-from pinsing.loops.closure import Loops, random_closed, ranks
+from pinsing.loops.closure import BatchLoops, random_closed, ranks
 from pinsing.loops.modes import home
 from pinsing.loops.motion import motions
 from pinsing.loops.structure import output_pose
@@ -130,9 +130,8 @@ def led_pose(mechanism: Mechanism) -> dict[str, Any]:
     ``axis`` (about one axis of the base always: ``at`` is the angle at the rotation ``zero``), or
     ``angles`` (some of roll, pitch and yaw; the others follow).
     """
-    loops = Loops(mechanism)
     start = home(mechanism)
-    rows = sorted(_independent(mechanism, loops, start))
+    rows = sorted(_independent(mechanism, start))
     turning = [row for row in rows if row >= 3]
     if not turning:
         return {"rows": rows, "turn": None}
@@ -140,27 +139,23 @@ def led_pose(mechanism: Mechanism) -> dict[str, Any]:
         return {"rows": rows, "turn": {"kind": "full"}}
     others = [row for row in (3, 4, 5) if row not in turning]
     samples = [start, *random_closed(mechanism, 4, np.random.default_rng(673))]
-    still = all(np.abs(_moves(mechanism, loops, q)[others]).max() <= 1e-8 for q in samples)
+    still = all(np.abs(_moves(mechanism, q)[others]).max() <= 1e-8 for q in samples)
     if len(turning) > 1 or not still:
         return {"rows": rows, "turn": {"kind": "angles"}}
-    R = np.array(loops.output(start)[0].rotation)
+    R = np.array(output_pose(mechanism, start).rotation)
     angle = float(pin.rpy.matrixToRpy(R)[turning[0] - 3])
     return {"rows": rows, "turn": {"kind": "axis", "at": angle, "zero": R.tolist()}}
 
 
-def _moves(mechanism: Mechanism, loops: Loops, q: Array) -> Array:
+def _moves(mechanism: Mechanism, q: Array) -> Array:
     """Velocities (6, d) of the output over the motions that the loops allow, without units."""
-    model, data = mechanism.model, mechanism.model.createData()
-    J = pin.computeFrameJacobian(
-        model, data, mechanism.model_q(q), mechanism.output_id, pin.LOCAL_WORLD_ALIGNED
-    )
-    scale = np.repeat([1 / mechanism.length_scale, 1.0], 3)
-    return np.asarray(scale[:, None] * J * loops.column_scale @ motions(mechanism, q).basis)
+    _, _, J = BatchLoops(mechanism).output(q[None])
+    return np.asarray(J[0] @ motions(mechanism, q).basis)
 
 
-def _independent(mechanism: Mechanism, loops: Loops, q: Array) -> list[int]:
+def _independent(mechanism: Mechanism, q: Array) -> list[int]:
     """Rows of the output that move independently, the one that moves most first."""
-    rest = _moves(mechanism, loops, q)[list(mechanism.task.rows)]
+    rest = _moves(mechanism, q)[list(mechanism.task.rows)]
     count = min(ranks(mechanism).output, len(rest))
     chosen: list[int] = []
     for _ in range(count):

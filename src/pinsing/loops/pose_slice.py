@@ -16,7 +16,7 @@ from pinsing.loops.closure import CLOSED_MANY, BatchLoops, newton
 from pinsing.loops.joint_loci import joint_forms
 from pinsing.loops.modes import home
 from pinsing.loops.pose import COORDINATES, led_pose
-from pinsing.loops.structure import closing, output_pose
+from pinsing.loops.structure import Sample, closing, output_pose
 from pinsing.robot.mechanism import Mechanism
 
 
@@ -94,16 +94,10 @@ class PoseWay:
 
     def _size(self) -> float:
         """The greatest distance of two joints at home, or of a joint and an end of a link."""
-        q = home(self.mechanism)
-        model, data = self.mechanism.model, self.mechanism.model.createData()
-        pin.framesForwardKinematics(model, data, self.mechanism.model_q(q))
+        sample = Sample(self.mechanism, home(self.mechanism))
         ends = {self.mechanism.output_id}.union(*closing(self.mechanism))
-        points = np.concatenate(
-            [
-                self.loops.place(q[None]).position[:, 0],
-                [np.array(data.oMf[k].translation) for k in sorted(ends)],
-            ]
-        )  # fmt: skip
+        places = [*sample.joints, *(sample.frames[k] for k in ends)]
+        points = np.array([m.translation for m in places])
         gaps = np.linalg.norm(points[:, None] - points[None], axis=-1)
         return max(float(gaps.max()), 1e-3)
 

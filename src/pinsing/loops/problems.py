@@ -28,7 +28,7 @@ from pinsing.loops.closure import (
 from pinsing.loops.legs import most_assemblies
 from pinsing.loops.loop_forms import planar_dyad
 from pinsing.loops.mode_counts import found_words, level_words, noun, number_of_modes
-from pinsing.loops.modes import home, home_error, mode_at, mode_of
+from pinsing.loops.modes import closed_from_random, home, home_error, mode_at, mode_of
 from pinsing.loops.motion import motions
 from pinsing.loops.pose import pose_of, read_pose
 from pinsing.loops.solve import InfeasibleError, Solution, feasible
@@ -375,13 +375,7 @@ def _sought(
 ) -> Modes:
     rng = np.random.default_rng(seed)
     loops = BatchLoops(mechanism)
-    Q = np.repeat(begin[None], starts, axis=0)
-    low, high = mechanism.space.span
-    drawn = rng.uniform(low, high, Q.shape)
-    drawn[0] = home(mechanism)
-    Q[:, free] = drawn[:, free]
-    Q, size = newton(loops, Q, free, target=target)
-    poses, hits = _poses(loops, Q[size <= CLOSED_MANY])
+    poses, hits = _poses(loops, closed_from_random(loops, begin, free, starts, rng, target))
     loose = [motions(mechanism, q).input_ratio <= _FREE for q in poses]
     # All but the first of the poses at which the output is loose, where there are many.
     spare = set(np.flatnonzero(loose)[1:].tolist()) if sum(loose) > _POINTS else set()

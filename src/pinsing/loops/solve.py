@@ -11,8 +11,8 @@ import numpy.typing as npt
 
 from pinsing._types import Array
 from pinsing.errors import ConfigurationError
-from pinsing.loops.closure import CLOSED, BatchLoops, Loops, Mask, gauss_newton, newton, ranks
-from pinsing.loops.modes import assembly_sign, home, mode_of
+from pinsing.loops.closure import CLOSED, BatchLoops, Loops, Mask, gauss_newton, ranks
+from pinsing.loops.modes import assembly_sign, closed_from_random, home, mode_of
 from pinsing.loops.motion import motions
 from pinsing.loops.pose import Pose
 from pinsing.loops.singular_points import StoppedError, Trace, trace, turning_points
@@ -239,14 +239,8 @@ def curves(
     start[actuated] = inputs
     free = np.isin(np.arange(mechanism.n), [*mechanism.passive, actuated[moving]])
     rng = np.random.default_rng(seed)
-    low, high = mechanism.space.span
-    begin = np.repeat(start[None], starts, axis=0)
-    begin[:, free] = rng.uniform(low, high, begin.shape)[:, free]
-    # Home first: what is known to close is not left to chance.
-    begin[0, free] = home(mechanism)[free]
-    found, error = newton(BatchLoops(mechanism), begin, free)
-    closed = distinct(mechanism, list(found[error <= 1e-9]))
-    return cover(mechanism, closed, moving, over)
+    found = closed_from_random(BatchLoops(mechanism), start, free, starts, rng)
+    return cover(mechanism, distinct(mechanism, list(found)), moving, over)
 
 
 def cover(

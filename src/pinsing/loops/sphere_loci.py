@@ -20,7 +20,7 @@ from flint import Ordering, fmpq_mpoly_ctx
 
 from pinsing._types import Array
 from pinsing.algebra.ring import Poly, divided_by, rational
-from pinsing.loops.exact import cross, dot, quaternion_turn, vector
+from pinsing.loops.exact import away, cross, dot, quaternion_turn, vector
 from pinsing.loops.forms import TURNS, pose_equation
 from pinsing.loops.leg_wrenches import SPHERE, room_of
 from pinsing.loops.legs import angles_of
@@ -99,7 +99,7 @@ def sphere_loci(mechanism: Mechanism) -> SphereLoci | None:
     if room_of(mechanism)[0] != SPHERE or set(mechanism.task.rows) != {3, 4, 5}:
         return None
     legs = _legs(mechanism)
-    if legs is None or len(legs) != 3:
+    if len(legs) != 3:
         return None
     joints = () if all(leg.square for leg in legs) else tuple(leg.joint for leg in legs)
     names = [*TURNS]
@@ -135,10 +135,8 @@ def squares_note(found: SphereLoci) -> str:
     type2, type1, _ = _polynomials(straight, TURNS, ())
     names = type2.context().names()
     zeros = _zeros(type2, len(TURNS))
-    for zero in zeros:
-        if all(p.subs({names[k]: 0 for k in zero}) != 0 for p in type1):
-            return ""
-    if not zeros:
+    at_zeros = [[p.subs({names[k]: 0 for k in zero}) for p in type1] for zero in zeros]
+    if not zeros or not all(0 in values for values in at_zeros):
         return ""
     written = pose_equation(type2, ("f0", "f1", "f2", "f3"), (), 1)
     return (
@@ -174,7 +172,7 @@ def _polynomials(
     off, rows, ones = 0.0, [], []
     for k, leg in enumerate(legs):
         u, w0 = vector(leg.driven), vector(leg.outer)
-        off = max(off, _away(u, leg.driven), _away(w0, leg.outer))
+        off = max(off, away((u, w0), (leg.driven, leg.outer)))
         base = [context.constant(rational(x)) for x in u]
         w = [sum((R[i][j] * rational(w0[j]) for j in range(3)), zero) for i in range(3)]
         v = cross(base, w)
@@ -183,7 +181,7 @@ def _polynomials(
             rest = (leg.driven @ leg.middle) * leg.driven
             parts = [leg.middle - rest, np.cross(leg.driven, leg.middle), rest]
             exact = [vector(p) for p in parts]
-            off = max([off, *(_away(e, p) for e, p in zip(exact, parts, strict=True))])
+            off = max(off, away(exact, parts))
             v = [
                 c * rational(exact[0][i]) + s * rational(exact[1][i]) + rational(exact[2][i])
                 for i in range(3)
@@ -195,7 +193,8 @@ def _polynomials(
     return divided_by(type2, N), tuple(ones), off
 
 
-def _legs(mechanism: Mechanism) -> list[SphereLeg] | None:
+def _legs(mechanism: Mechanism) -> list[SphereLeg]:
+    """The legs; none of them where one is of another kind."""
     built, zero = structure(mechanism), at_zero(mechanism)
     centre = room_of(mechanism)[2]
     turn = np.array(zero.frames[mechanism.output_id].rotation)
@@ -206,25 +205,17 @@ def _legs(mechanism: Mechanism) -> list[SphereLeg] | None:
         if int(mechanism.model.frames[inner].parentJoint) == built.output:
             inner, outer = outer, inner
         if loop.kind == "6d" or int(mechanism.model.frames[outer].parentJoint) != built.output:
-            return None
+            return []
         radii = [np.array(zero.frames[k].translation) - centre for k in (inner, outer)]
         sizes = [float(np.linalg.norm(r)) for r in radii]
         if min(sizes) <= SMALL:
-            return None
+            return []
         joints = path_to(mechanism, int(mechanism.model.frames[inner].parentJoint))
         ways.append((joints, radii[0] / sizes[0], radii[1] / sizes[1]))
     out = []
     for joints, before, after in ways:
-        if (
-            len(joints) != 2
-            or joints[0] not in mechanism.actuated
-            or joints[1] in mechanism.actuated
-        ):
-            return None
+        if [j in mechanism.actuated for j in joints] != [True, False]:
+            return []
         u, v = zero.axis[joints[0]], zero.axis[joints[1]]
         out.append(SphereLeg(joints[0], u, v, turn.T @ after, float(v @ before)))
-    return out if {leg.joint for leg in out} == set(mechanism.actuated) else None
-
-
-def _away(found: Sequence[Any], meant: Array) -> float:
-    return float(np.abs(np.array([float(x) for x in found]) - meant).max())
+    return out if {leg.joint for leg in out} == set(mechanism.actuated) else []
