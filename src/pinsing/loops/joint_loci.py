@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import functools
 import itertools
-import math
 from collections.abc import Sequence
 from dataclasses import replace
 from fractions import Fraction
@@ -445,8 +444,8 @@ def _passive(mechanism: Mechanism, legs: LegWrenches) -> list[JointLocus]:
     groups: dict[tuple[int, tuple[int, ...], bool], Poly] = {}
     for p in legs.passive:
         key = (p.leg, p.joints, p.ball)
-        factors = legs.ring.factors(p.value)
-        groups[key] = math.prod(factors, start=groups.get(key, legs.ring.one))
+        for factor in legs.ring.factors(p.value):
+            groups[key] = groups.get(key, legs.ring.one) * factor
     out: list[JointLocus] = []
     for (leg, joints, ball), factor in groups.items():
         names = ", ".join(mechanism.joints[j] for j in joints)

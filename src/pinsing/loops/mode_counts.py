@@ -28,7 +28,7 @@ import pinocchio as pin
 from flint import Ordering, fmpq_mpoly_ctx, fmpq_poly
 
 from pinsing._types import Array
-from pinsing.algebra.ring import Poly, divided_by, rational
+from pinsing.algebra.ring import Poly, divided_by, fraction, rational
 from pinsing.loops.exact import exact_points
 from pinsing.loops.forms import PoseEquation, pose_equation
 from pinsing.loops.legs import TOUCHING, Rod, Rods, carried, count_inside, inside, rods
@@ -197,8 +197,47 @@ def _input_loci(mechanism: Mechanism, found: Rods) -> tuple[PoseEquation, ...]:
     if whole == 0:
         return ()
     names = tuple(length_name(mechanism, rod) for rod in found.rods)
-    # Squared parts are poses of one orientation that do not coincide.
-    return tuple(_in_inputs(f, names) for f, times in whole.factor()[1] if times % 2)
+    samples = _singular_squares(found)
+    # Poses of one orientation that do not coincide are in the discriminant too.
+    factors = (f for f, _ in whole.factor()[1] if any(_vanishes(f, at) for at in samples))
+    return tuple(_in_inputs(f, names) for f in factors)
+
+
+def _singular_squares(found: Rods) -> list[Array]:
+    """Squared lengths (3,), complex, at random singular poses of the platform."""
+    rng = np.random.default_rng(_SEED)
+    out: list[Array] = []
+    for _ in range(6):
+        angle, y = rng.uniform(-np.pi, np.pi), rng.normal()
+        R = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+        turned = [R @ rod.outer[:2] for rod in found.rods]
+
+        def lines(x: complex, turned: list[Array] = turned, y: float = y) -> Array:
+            rows = []
+            for b, rod in zip(turned, found.rods, strict=True):
+                B, C = b + np.array([x, y]), rod.inner[:2]
+                rows.append([*(B - C), C[0] * B[1] - C[1] * B[0]])
+            return np.array(rows)
+
+        # Quadratic in x.
+        at = np.array([-1.0, 0.0, 1.0])
+        values = [np.linalg.det(lines(complex(x))) for x in at]
+        for x in np.roots(np.polyfit(at, values, 2)):
+            rows = lines(complex(x))
+            out.append((rows[:, :2] ** 2).sum(axis=1))
+    return out
+
+
+def _vanishes(factor: Poly, at: Array) -> bool:
+    total, size = 0j, 0.0
+    terms = {m: fraction(c) for m, c in factor.to_dict().items()}
+    lead = max(terms.values(), key=abs)
+    for monomial, c in terms.items():
+        term = complex(float(c / lead))
+        for value, power in zip(at, tuple(monomial)[1:], strict=True):
+            term *= complex(value) ** int(power)
+        total, size = total + term, size + abs(term)
+    return abs(total) <= 1e-7 * size
 
 
 def _in_inputs(factor: Poly, names: tuple[str, ...]) -> PoseEquation:
