@@ -264,6 +264,7 @@ class _Planner:
         held = arm.joints.index(free) if free in arm.joints else None
         self.solver = InverseMany(arm, held)
         self.likely: Array = np.empty((0, 0, 0))
+        self.highest: Array = self.likely
         self.reached = self.relaxed = -np.inf
         self.idle = False
         self.cyclic = free == "roll"
@@ -397,13 +398,18 @@ class _Planner:
             least = -np.inf if isinstance(path, str) else self.reached - _BISECTED
 
     def _estimates(self, least: float) -> Array:
-        """The clearance of all nodes as steps find it, at least ``least`` or a lower bound."""
+        """The clearance of all nodes as steps find it, at least ``least`` or a lower bound.
+
+        ``highest`` is what no node exceeds: the bound of other paths rests on it.
+        """
         out: Array = self.clear.copy()
+        self.highest = self.most.copy()
         open_ = self.usable & (self.most >= least) & (self.most > self.clear * (1 + _ALIKE))
         rows = np.argwhere(open_)
         for start in range(0, len(rows), _ROWS):
             at = tuple(rows[start : start + _ROWS].T)
             out[at] = np.maximum(out[at], self._estimate(self.Q[at]))
+            self.highest[at] = np.minimum(self.highest[at], out[at])
         return out
 
     def _estimate(self, Q: Array) -> Array:
@@ -532,7 +538,7 @@ class _Planner:
             way = np.fmax(way, np.sqrt((gap**2).sum(axis=-1)))
             out.append((beside, link))
         near = np.where(way < _BRANCH, way, 0.0)
-        return out, np.where(self.usable[k], self.likely[k] + 0.55 * near, -np.inf)
+        return out, np.where(self.usable[k], self.highest[k] + 0.55 * near, -np.inf)
 
     def _nearest(self, a: Array, b: Array) -> Ints:
         """Slots (M, S) of nodes b (M, S, 2n) nearest to those of nodes a, by sums of cosines."""
