@@ -27,7 +27,8 @@ def kept(path, *rest, **options):
         raise FileNotFoundError(path)
     return opened(path, *rest, **options)
 
-import multiprocessing.resource_tracker, platform
+import multiprocessing.resource_tracker, platform, sysconfig
+sysconfig.get_config_vars()  # of the system that this is
 opened, builtins.open = builtins.open, kept
 sys.meta_path.insert(0, Hidden())
 for name in ("fcntl", "resource"):

@@ -104,6 +104,7 @@ OWNERS = {
     "MapResult": mapped,
     "Mechanism": mechanism,
     "Monitor": lambda: pinsing.Monitor(form()),
+    "Zones": cached(lambda: pinsing.zones(form(), joint_speeds=np.ones(3), boxes=200)),
     "PathPlan": cached(lambda: pinsing.plan_path(six_joints(), np.tile(np.eye(4), (2, 1, 1)))),
     "PostureChanges": cached(lambda: pinsing.posture_changes(planar(), Q)),
     "Suggestion": cached(lambda: pinsing.suggest(arm(), seconds=0.3)),
@@ -179,6 +180,7 @@ CALLS: dict[str, Callable[[], dict[str, Any]]] = {
     "task_jacobian": of_arm(q=Q),
     "task_jacobians": of_arm(Q=[Q]),
     "tip_speeds": of_arm(q=Q, joint_speeds=np.ones(3)),
+    "zones": lambda: {"form": form(), "joint_speeds": np.ones(3), "boxes": 200},
     "write_report": lambda: {"robot": arm(), "path": "report.html", "page": "none"},
     "Viewer": of_arm(families=(), skeleton=True),
     "Viewer.jupyter_cell": dict,
@@ -216,7 +218,7 @@ CALLS: dict[str, Callable[[], dict[str, Any]]] = {
         f"{name}.text": dict
         for name in (
             "Aspects", "Connection", "Cuspidality", "InverseSolutions", "LineCheck", "MapResult",
-            "PathPlan", "PostureChanges", "Suggestion", "TrajectoryCheck",
+            "PathPlan", "PostureChanges", "Suggestion", "TrajectoryCheck", "Zones",
         )
     },
     "plot.aspect_plane": lambda: {

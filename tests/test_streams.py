@@ -122,6 +122,7 @@ PRINTING = {
     "report": ("report", "--help"),  # a report is a file: nothing else goes to stdout
     "export --urdf": ("export", "--urdf", str(URDF / "stanford.dh.yaml"), "-o", "-"),
     "list": ("list", "ur"),
+    "zones": ("zones", "--help"),
 }
 ENDINGS = {"full": ">/dev/full", "closed": ">&-", "gone": "| true; exit ${PIPESTATUS[0]}"}
 

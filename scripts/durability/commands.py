@@ -82,6 +82,7 @@ COMMANDS: dict[str, Command] = {
     ),
     "sweep .npz": Command((*_SWEEP, "-o", "OUT"), "curves.npz"),
     "map .json": _json("map", "planar3r", "--count", "5000"),
+    "zones .json": _json("zones", "planar3r", "--joint-speeds", "2,2,2"),
     "at .json": _json("at", "planar3r", "--q", "0,1,0"),
     "families .cert.json": Command(("families", "planar3r", "-o", "OUT"), "proof.cert.json"),
     "families --loops .cert.json": Command(
@@ -149,6 +150,7 @@ BROWSER = {"view .png", "view --loops .png", "report .pdf", "report --loops"}
 
 # Options and arguments that name a file which is read.
 _READ = {
+    "--calibration",
     "poses",
     "--loops",
     "--follow",

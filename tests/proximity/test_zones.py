@@ -104,7 +104,7 @@ def test_of_a_planar_arm_the_distance_is_that_of_a_fine_grid():
         (("ur5", "--within", "elbow_joint=2..1"), "two ascending values"),
         (("ur5", "--within", "limits", "--within", "q3=0..1"), "one word alone"),
         (("ur5", "--within", "q3=0"), "write JOINT=A..B"),
-        (("ur5", "--tip-speed", "-1"), "must not be negative"),
+        (("ur5", "--tip-speed", "-1"), "must be from 0 to 1e6"),
         (("ur5", "--task", "vx,vy"), "turn with the arm"),
         (("ur5", "--task", "vx@tip,vy"), "rows in base axes, or tool-axis"),
     ],

@@ -345,7 +345,7 @@ def test_the_model_may_stand_beside(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("words", "kind", "match"),
     [
-        ("planar3r", UsageError, "-o FILE is missing: type pinsing report ROBOT -o FILE"),
+        ("planar3r", UsageError, "Missing option '-o'"),
         ("planar3r -o r.txt", OptionError, "by its ending: .html"),
         ("planar3r -o -", OptionError, "give the name of a file"),
         ("planar3r -o r.pdf -o s.pdf", OptionError, "files of one kind"),

@@ -93,24 +93,26 @@ def joint_speeds_of(arm: Arm, given: npt.ArrayLike | None) -> Array:
     Raises
     ------
     OptionError
-        If there are not n positive numbers.
+        If there are not n numbers from 1e-6 to 1e6, or infinite.
     """
     if given is None:
         return limits_of(arm)
     limits: Array = np.array(given, dtype=float)
-    if limits.shape != (arm.n,) or not (limits > 0).all():
+    real = (limits >= 1e-6) & ((limits <= 1e6) | np.isinf(limits))
+    if limits.shape != (arm.n,) or not real.all():
         raise OptionError(
-            f"joint_speeds needs {arm.n} positive numbers ({', '.join(arm.joints)}), rad/s or m/s"
+            f"joint_speeds needs {arm.n} positive numbers ({', '.join(arm.joints)}), rad/s or m/s, "
+            "each from 1e-6 to 1e6"
         )
     return limits
 
 
 def check_speeds(tip_speed: float, turn_speed: float) -> None:
-    """Raise OptionError unless speeds are not negative, finite and not both zero."""
-    if not (0 <= tip_speed < math.inf and 0 <= turn_speed < math.inf and tip_speed + turn_speed):
+    """Raise OptionError unless speeds are from 0 to a million, and not both zero."""
+    if not (0 <= tip_speed <= 1e6 and 0 <= turn_speed <= 1e6 and tip_speed + turn_speed):
         raise OptionError(
-            f"tip_speed and turn_speed must not be negative, nor both zero: got {tip_speed:g} m/s "
-            f"and {turn_speed:g} rad/s"
+            "tip_speed and turn_speed must be from 0 to 1e6, and not both zero: got "
+            f"{tip_speed:g} m/s and {turn_speed:g} rad/s"
         )
 
 
@@ -285,6 +287,11 @@ def tip_speeds(
         m/s and rad/s that are judged together.
     joint_speeds : (n,) array_like, optional
         Speed limits, rad/s and m/s; those of the description if not given.
+
+    Returns
+    -------
+    TipSpeeds
+        m/s and rad/s, with the joints that limit them and the worst directions, in the base frame.
 
     Raises
     ------

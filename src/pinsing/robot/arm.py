@@ -60,6 +60,8 @@ class Arm(Memory):
     units : str or None
         "rad": joint values are radians, however large. None: those that make sense in degrees
         only are refused.
+    design : Arm or None
+        What the arm is an imperfect copy of, as a calibrated robot is.
     """
 
     name: str
