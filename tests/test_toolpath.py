@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -153,11 +154,12 @@ def test_a_wall_between_two_poses(ur5):
 
 
 @pytest.mark.parametrize("name", ["ur5", "puma560", "z1"])
-def test_eaik_misses_nothing_that_ours_finds(name):
+def test_eaik_misses_nothing_that_ours_finds(name, monkeypatch):
+    monkeypatch.setattr(sys.modules["pinsing.postures.inverse"], "decomposed", lambda arm: None)
     arm = pinsing.load(name)
     many = InverseMany(arm)
     assert many.exact
-    Q = np.random.default_rng(3).uniform(-2.5, 2.5, (40, arm.n))
+    Q = np.random.default_rng(3).uniform(-2.5, 2.5, (60, arm.n))
     Q = np.clip(Q, arm.space.span[0], arm.space.span[1])
     T = np.array([tip_placement(arm, q).homogeneous for q in Q])
     found = many.solve(T[:, None, :3, 3], T[:, None, :3, :3])[:, 0]

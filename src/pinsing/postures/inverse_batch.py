@@ -73,6 +73,19 @@ class InverseMany:
         progress : callable
             Told how many of the rows or columns are done.
         """
+        N, few = len(position), 50  # poses at once, each with all values: all take a gigabyte
+        if self.exact and values is None and few < N:
+            parts = []
+            for i in range(0, N, few):
+                here = slice(i, i + few)
+                parts.append(self.solve(position[here], rotation[here]))
+                if progress is not None:
+                    progress(min(i + few, N), N)
+            most = max(p.shape[2] for p in parts)
+            whole = np.full((*position.shape[:2], most, self.arm.n), np.nan)
+            for k, part in enumerate(parts):
+                whole[k * few : k * few + len(part), :, : part.shape[2]] = part
+            return whole
         solve = self._decomposed if self.exact else self._continued
         Q = solve(position, rotation, values, progress)
         slots = Q.shape[2]

@@ -36,7 +36,7 @@ _TURNS = 3
 _BISECTED = np.radians(0.1)
 """How near the bound is brought to what is reached at the poses that decide it."""
 _STEPS = 4
-"""Steps to the nearest point of a surface; each doubles the digits."""
+"""Steps to a surface, and to the nearest point of it; each doubles the digits."""
 _ALIKE = 1e-3
 """Relative difference of bounds that are as good as an estimate."""
 _ROWS = 100_000
@@ -288,9 +288,10 @@ class _Planner:
             position, rotation, self._held_values(self.grid),
             lambda k, n: self.progress("inverse kinematics", k, n),
         )  # fmt: skip
-        turned = np.nan_to_num(self.Q).astype(np.float32)
-        there = np.isfinite(self.Q[..., :1])
-        self.circle = np.concatenate([np.cos(turned) * there, np.sin(turned) * there], axis=-1)
+        self.circle = np.empty((*self.Q.shape[:-1], 2 * self.arm.n), dtype=np.float32)
+        for k, q in enumerate(self.Q):  # one pose at a time: copies of all take hundreds of MB
+            turned, there = np.nan_to_num(q).astype(np.float32), np.isfinite(q[..., :1])
+            self.circle[k] = np.concatenate([np.cos(turned), np.sin(turned)], axis=-1) * there
         self._bounds()
         notes = [] if self.solver.exact else [
             "inverse kinematics by continuation from solutions at some poses: others may exist"
@@ -364,10 +365,12 @@ class _Planner:
     def _bounds(self) -> None:
         """Bound the clearance of all nodes: ``clear`` from below, ``most`` from above."""
         self.clear, self.most = np.full((2, *self.Q.shape[:-1]), -np.inf)
-        there = np.isfinite(self.Q[..., 0])
-        found = clearance(self.form, self.Q[there])
-        self.clear[there], self.most[there] = found.lower, found.upper
-        self.usable = there & ~self.arm.space.outside(np.nan_to_num(self.Q)).any(axis=-1)
+        self.usable = np.isfinite(self.Q[..., 0])
+        for k, q in enumerate(self.Q):
+            there = self.usable[k].copy()
+            found = clearance(self.form, q[there])
+            self.clear[k][there], self.most[k][there] = found.lower, found.upper
+            self.usable[k] &= ~self.arm.space.outside(np.nan_to_num(q)).any(axis=-1)
 
     def _searched(self, first: Bool) -> tuple[Ints, Ints] | str:
         """The best path on the grid; else why there is none.
@@ -400,6 +403,7 @@ class _Planner:
     def _estimates(self, least: float) -> Array:
         """The clearance of all nodes as steps find it, at least ``least`` or a lower bound.
 
+        Steps may end at a point that is not the nearest: an estimate is an upper bound.
         ``highest`` is what no node exceeds: the bound of other paths rests on it.
         """
         out: Array = self.clear.copy()
@@ -428,11 +432,15 @@ class _Planner:
                 left[:] = False
                 for equation in surfaces:
                     x = Q.copy()
-                    for _ in range(_STEPS):
+                    for i in range(2 * _STEPS):
                         slope = equation.gradient(x) / self.scale**2
                         size = (slope * slope * self.scale**2).sum(axis=1)
-                        off = equation(x) + (slope * (Q - x) * self.scale**2).sum(axis=1)
-                        x = Q - (off / np.maximum(size, 1e-300))[:, None] * slope
+                        origin = x if i < _STEPS else Q  # first to the surface, then along it
+                        off = equation(x) + (slope * (origin - x) * self.scale**2).sum(axis=1)
+                        step = origin - (off / np.maximum(size, 1e-300))[:, None] * slope - x
+                        far = np.linalg.norm(step * self.scale, axis=1)
+                        # Radians in one step: longer ones overshoot.
+                        x = x + step * np.minimum(1, 0.4 / np.maximum(far, 1e-9))[:, None]
                     on = np.abs(equation(x)) < 1e-3 * equation.size
                     away = np.linalg.norm((x - Q) * self.scale, axis=1)
                     out = np.minimum(out, np.where(on, away, np.inf))
@@ -629,7 +637,7 @@ class _Planner:
 
         Of each side, the most at the poses where it has the least room.
         """
-        side = self._sides(self.Q)
+        side = np.stack([self._sides(q) for q in self.Q])
         most = 0.0
         for label in np.unique(side[0][self.usable[0]]):
             room = np.where(self.usable & (side == label), self.likely, -np.inf).max(axis=(1, 2))
