@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import sys
 import time
+from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
@@ -23,7 +24,9 @@ COUNT = 50
 
 def show(file, server):
     """Draw the robot of a URDF, and a menu of its families; return menu, slider and text."""
-    whole = pin.RobotWrapper.BuildFromURDF(file, [file.rpartition("/")[0]])
+    # Meshes of package://NAME are in a folder NAME of one of these.
+    folders = [str(folder) for folder in Path(file).resolve().parents]
+    whole = pin.RobotWrapper.BuildFromURDF(file, folders)
     form = pinsing.closed_form(arm := pinsing.load(whole))
     viewer = ViserVisualizer(whole.model, whole.collision_model, whole.visual_model)
     viewer.initViewer(viewer=server, loadModel=True)
