@@ -17,6 +17,7 @@ from pinsing._version import __version__
 from pinsing.atomic_write import why
 from pinsing.cli import memory_problem, memory_refusal
 from pinsing.cli.commands import COMMANDS, RENAMED, Commands, variant_of
+from pinsing.cli.grouped import placeholder
 from pinsing.cli.output import STOPPED, complain, say
 from pinsing.cli.running import WORDS
 from pinsing.cli.streams import READER_GONE, StdoutError, give_up_stdout, guard_streams
@@ -113,7 +114,7 @@ def _missing(error: click.UsageError) -> str:
     param, usage = error.param, error.ctx.command.collect_usage_pieces(error.ctx)
     what = f"{param.opts[0]} " if isinstance(param, click.Option) else ""
     return (
-        f"{what}{param.make_metavar(error.ctx)} is missing: type {error.ctx.command_path} "
+        f"{what}{placeholder(param, error.ctx)} is missing: type {error.ctx.command_path} "
         f"{' '.join(piece for piece in usage if piece != '[OPTIONS]')}"
     )
 

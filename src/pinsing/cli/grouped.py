@@ -37,6 +37,13 @@ _VECTORS = ("--q", "--near", "--nominal-q", "--to")
 _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)(e[+-]?\d+)?", re.IGNORECASE)
 
 
+def placeholder(param: click.Parameter, ctx: click.Context) -> str:
+    """Return what stands for a value in a line of usage, in all versions of click alike."""
+    if isinstance(param, click.Argument):
+        return param.get_usage_pieces(ctx)[0]
+    return param.metavar or param.type.name.upper()
+
+
 class GroupedCommand(click.Command):
     """What `command` makes."""
 
@@ -56,7 +63,7 @@ class GroupedCommand(click.Command):
     def collect_usage_pieces(self, ctx: click.Context) -> list[str]:
         """Name the options that have to be given too."""
         needed = [
-            f"{p.opts[0]} {p.make_metavar(ctx)}"
+            f"{p.opts[0]} {placeholder(p, ctx)}"
             for p in self.params
             if isinstance(p, click.Option) and p.required
         ]
