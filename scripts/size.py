@@ -9,14 +9,14 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
 LIMITS: dict[str, tuple[int, int]] = {
-    "Python in src: statements": (43_300, 30_000),
-    "Python in src: lines": (84_500, 56_000),
-    "C++, JavaScript, templates, styles: lines": (12_250, 9_500),
-    "modules": (282, 220),
+    "Python in src: statements": (42_150, 30_000),
+    "Python in src: lines": (82_500, 56_000),
+    "C++, JavaScript, templates, styles: lines": (11_980, 9_500),
+    "modules": (246, 220),
     "packages directly under pinsing": (16, 16),
-    "numbers in module constants": (790, 500),
+    "numbers in module constants": (787, 500),
     "names exported by pinsing": (32, 32),
-    "lines of tests": (48_000, 28_000),
+    "lines of tests": (44_200, 28_000),
     "words of Markdown, changelog excluded": (40_000, 40_000),
     "CHANGELOG.md: lines": (150, 150),
 }
