@@ -108,6 +108,7 @@ CALLS = (
     *("analyze planar3r", "analyze five_bar --loops", "families ur5 -o proof.cert.json"),
     *("families planar_3rrr --loops", "verify proof.cert.json", "analyze planar3r --sweep"),
     *("map ur5 --count 1000", "map five_bar --loops --count 1000", "at ur5 --suggest"),
+    "zones planar3r --joint-speeds 2,2,2",
     *("check ur5 path.csv", f"line ur5 --q {Q} --to 0.3,0.2,0.5", "postures scara --aspects"),
     *(
         f"postures ur5 --q {Q}",

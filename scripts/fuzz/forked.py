@@ -6,6 +6,7 @@ case; here the same child runs in a fork, under the same limits and filters.
 
 from __future__ import annotations
 
+import contextlib
 import importlib
 import io
 import math
@@ -13,6 +14,7 @@ import os
 import signal
 import subprocess
 import sys
+import threading
 import time
 from collections.abc import Sequence
 from pathlib import Path
@@ -65,6 +67,19 @@ class Forked:
         return self.returncode
 
 
+def run(words: Sequence[str], input: bytes, timeout: float, **_rest: Any) -> Any:
+    """Stand for ``subprocess.run`` of such a child."""
+    child = Forked(words)
+    clock = threading.Timer(timeout, child.kill)
+    clock.start()
+    with contextlib.suppress(BrokenPipeError), child.stdin as stream:
+        stream.write(input)
+    with child.stdout as stream:
+        said = stream.read()
+    clock.cancel()
+    return subprocess.CompletedProcess(words, child.wait(), said)
+
+
 def _live(module: Any, child_in: int, child_out: int) -> None:
     """What the child is; never returns."""
     code = 1
@@ -86,6 +101,6 @@ def fork_children() -> None:
         importlib.import_module(name)
     for name in ("pinsing.description.xacro", "pinsing.view.meshes"):
         module = importlib.import_module(name)
-        names = {"Popen": Forked, "TimeoutExpired": subprocess.TimeoutExpired}
+        names = {"Popen": Forked, "run": run, "TimeoutExpired": subprocess.TimeoutExpired}
         stand_in = type("subprocess", (), {**names, "PIPE": -1, "DEVNULL": -3})
         vars(module)["subprocess"] = stand_in
