@@ -31,7 +31,7 @@ from pinsing.families import prove
 from pinsing.kinematics.verdict import generic_rank
 from pinsing.robot.arm import Arm
 
-SEARCH, PROOF, COUNT, WHOLE = 8.0, 4.0, 4.0, 40.0
+SEARCH, PROOF, WHOLE = 8.0, 4.0, 40.0
 """Seconds on the clock: closed form, certificate, either count, a chain as a whole."""
 POSES = 5
 JOINTS = range(3, 8)
@@ -57,7 +57,7 @@ def load(job: Job) -> Arm:
 def counted(form: pinsing.ClosedForm, limits: bool) -> dict[str, Any]:
     """A count and its time."""
     begin = time.process_time()
-    found = pinsing.aspects(form, limits, seconds=COUNT)
+    found = pinsing.aspects(form, limits)
     spent = round(1e3 * (time.process_time() - begin))
     return {"lower": found.lower, "upper": found.upper, "ms": spent}
 

@@ -154,7 +154,7 @@ def suggestions() -> None:
             if near is not None and not arm.within_limits(near):
                 continue
             start = time.perf_counter()
-            found = suggest(arm, near=near, forms=form, seconds=60)
+            found = suggest(arm, near=near, forms=form)
             took = time.perf_counter() - start
             words = "anywhere" if near is None else "near zero"
             print(

@@ -169,7 +169,7 @@ def _arm(key: str, patience: float, before: dict[str, Any] | None) -> dict[str, 
     }
     if form.families:
         near = pinsing.clearance(form, Q)
-        sure = pinsing.clearance(form, Q[:2], certify=True, seconds=2 * patience)
+        sure = pinsing.clearance(form, Q[:2], certify=True)
         out["bounds"] = {
             "lower": _rounded(near.lower, 9),
             "upper": _rounded(near.upper, 9),
@@ -177,7 +177,7 @@ def _arm(key: str, patience: float, before: dict[str, Any] | None) -> dict[str, 
             "sure upper": _rounded(sure.upper, 9),
         }
         for limits in (True, False):
-            count = pinsing.aspects(form, limits, seconds=3 * patience)
+            count = pinsing.aspects(form, limits)
             out[f"aspects {'within limits' if limits else 'on circles'}"] = [
                 count.lower,
                 count.upper,

@@ -67,7 +67,7 @@ def test_thirteen_joints_are_answered(thirteen):
     assert family.contains(Q).all()
     assert not family.contains(np.random.default_rng(2).uniform(-2, 2, (20, 13))).any()
     near = Q[0] + 1e-3
-    found = family.distance(near, seconds=0.2)
+    found = family.distance(near)
     assert 0 <= found.lower <= found.upper < 13**0.5 * 1e-3 * 1.5
     assert family.contains(found.q)
     # Which joints are free, and how the rest follow.

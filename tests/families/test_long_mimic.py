@@ -155,6 +155,6 @@ def test_thirteen_joints_with_followers_are_stated(tmp_path):
     assert (sigma[:, 5] / sigma[:, 0]).max() < 1e-9
     assert family.contains(Q).all()
     assert not family.contains(rng.uniform(arm.lower, arm.upper, (20, arm.n))).any()
-    near = family.distance(Q[0] + 1e-3, seconds=0.2)
+    near = family.distance(Q[0] + 1e-3)
     assert 0 <= near.lower <= near.upper < 13**0.5 * 1e-3 * 1.5
     assert family.contains(near.q)

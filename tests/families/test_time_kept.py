@@ -194,7 +194,7 @@ def slowed(rate: float) -> Callable[[], float]:
     return lambda: began + rate * (time.monotonic() - began)
 
 
-def test_halving_looks_at_the_clock_within_a_level(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_halving_looks_at_the_budget_within_a_level() -> None:
     seen: list[int] = []
 
     def classify(_: object, level: np.ndarray, index: np.ndarray) -> Leaves:
@@ -205,9 +205,8 @@ def test_halving_looks_at_the_clock_within_a_level(monkeypatch: pytest.MonkeyPat
     def count(leaves: Leaves) -> tuple[SimpleNamespace, np.ndarray]:
         return SimpleNamespace(proven=False, leaves=leaves), np.zeros(len(leaves.level), dtype=bool)
 
-    monkeypatch.setattr(subdivision, "time", SimpleNamespace(monotonic=lambda: sum(seen)))
-    grid = SimpleNamespace(first=(128, 128), d=2)
-    found = subdivision.halved(grid, classify, count, until=128**2 + 1)
+    grid = SimpleNamespace(first=(128, 128), d=2, terms=())
+    found = subdivision.halved(grid, classify, count, budget.Budget(0.17))
     assert seen[0] == 128**2
     assert 0 < sum(seen[1:]) < 2 * 128**2  # the whole level: four times as many
     halves = found.leaves.level == 1

@@ -214,6 +214,6 @@ def test_a_count_is_that_of_a_flood_fill(name, limits):
     arm = form.arm
     joined = groups(arm.n, *cuts(form))
     assert all(len(g) <= 3 for g in joined)
-    counted = pinsing.aspects(form, limits, seconds=600)
+    counted = pinsing.aspects(form, limits)
     assert counted.proven
     assert math.prod(pieces(form, g, limits) for g in joined) == counted.lower

@@ -8,6 +8,7 @@ import pytest
 from dh_arms import CRX, GOFA, arm_of, aspects_of, dh_arm, form_of
 
 import pinsing
+from pinsing.algebra.budget import Budget
 from pinsing.algebra.equation import Equation
 from pinsing.errors import ConfigurationError, OptionError, PinsingError, UnknownNameError
 from pinsing.kinematics.jacobian import tip_placement
@@ -82,14 +83,14 @@ class TestSubdivision:
     )
     def test_counts_of_pieces(self, equation, corner, circle, count):
         low = [-x for x in corner]
-        found = subdivide(self.box(equation, low, corner, (circle, False)), float("inf"))
+        found = subdivide(self.box(equation, low, corner, (circle, False)), Budget(5.0))
         assert found.proven
         assert found.lower == count
 
     def test_a_crossing_of_sheets_is_not_proven(self):
         # cos q1 = cos q2, as one equation: two lines that cross.
         e = made([[2, 0], [0, 2]], [1.0, -1.0])
-        found = subdivide(self.box(e, [-1.0, -1.0], [1.1, 1.2]), float("inf"), most=20_000)
+        found = subdivide(self.box(e, [-1.0, -1.0], [1.1, 1.2]), Budget(1.0))
         assert not found.proven
         assert found.lower <= 4
 

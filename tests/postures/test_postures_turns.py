@@ -1,6 +1,5 @@
 """Postures where limits are wider than a turn: every whole-turn copy counts."""
 
-import time
 from dataclasses import replace
 from itertools import product
 
@@ -129,8 +128,6 @@ def test_what_was_not_looked_at_is_not_proven(wide, monkeypatch):
     chosen = map_of(of, form)
     known = whole_turns(chosen, q, np.array(START))
     assert (known.total, known.apart, known.likely) == (4, 4, ())
-    late = whole_turns(chosen, q, np.array(START), until=time.monotonic() - 1)
-    assert (late.total, late.apart) == (4, 0)
     with monkeypatch.context() as patch:
         patch.setattr("pinsing.postures.changes._LOOKED", 2)
         few = whole_turns(chosen, q, np.array(START))

@@ -8,6 +8,7 @@ import pytest
 from dh_arms import dh_arm
 
 import pinsing
+from pinsing.algebra.budget import Budget
 from pinsing.algebra.equation import Equation
 from pinsing.algebra.trig_sum import TrigSum
 from pinsing.postures.boxes import Ground, growing, on_boxes, sum_of
@@ -66,9 +67,9 @@ def test_the_components_are_those_of_boxes_and_of_a_flood_fill(seed):
     part, box = random_part(rng, 2, low, high)
     hub = across(part, box)
     assert hub is not None
-    found = sections(part, box, hub, np.ones(2), math.inf)
+    found = sections(part, box, hub, np.ones(2), Budget(5.0))
     terms = sum_of(part.surfaces[0].equation, part.joints)
-    whole = subdivide(Ground((terms,), low, high, np.zeros(2, dtype=bool), np.ones(2)), math.inf)
+    whole = subdivide(Ground((terms,), low, high, np.zeros(2, dtype=bool), np.ones(2)), Budget(5.0))
     assert found.proven
     assert whole.proven
     assert found.lower == whole.lower
@@ -82,7 +83,7 @@ def test_a_component_has_points_of_its_sign_and_ways_between_them():
     low, high = np.array([-4.0, -3.0, -2.0]), np.array([5.0, 3.0, 2.5])
     part, box = random_part(rng, 3, low, high)
     hub = across(part, box)
-    found = sections(part, box, hub, np.ones(3), math.inf)
+    found = sections(part, box, hub, np.ones(3), Budget(5.0))
     assert found.proven
     piece = Sectioned(part, box, hub, found)
     terms = sum_of(part.surfaces[0].equation, part.joints)

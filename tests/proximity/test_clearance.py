@@ -59,7 +59,7 @@ def test_bounds_against_points_of_each_family(name: str, count: int) -> None:
                     weights = own if k % 2 else rng.uniform(0.3, 3, part.n)
                     norm = "max" if k > 7 else "euclidean"
                     options = {"weights": weights, "norm": norm}
-                    options["seconds"] = 10 if sure else 0.5
+                    options["boxes"] = 3_000_000 if sure else 150_000
                     found = part.distance(q, within_limits=limited, **options)
                     scaled = np.abs(copied(part, q, points, limited) * weights)
                     seen = scaled.max(axis=1) if k > 7 else np.linalg.norm(scaled, axis=1)
@@ -150,7 +150,7 @@ def test_the_gap_closes(name: str) -> None:
     rng = np.random.default_rng(5)
     for family in closed(name).families:
         for q in rng.uniform(-3, 3, (20, family.n)):
-            found = family.distance(q, seconds=120)
+            found = family.distance(q, boxes=5_000_000)
             assert found.upper - found.lower <= 1e-6
             if not family.equations:
                 assert found.exact
@@ -166,7 +166,7 @@ def test_quick_bounds_hold_the_certified_distance(name: str) -> None:
     Q = np.concatenate([Q, near + rng.normal(scale=1e-3, size=near.shape), near])
     for family in form.families:
         quick = two_sided(family.conditions(), Q)
-        exact = [family.distance(q, seconds=0.3) for q in Q]
+        exact = [family.distance(q) for q in Q]
         assert (quick.lower <= [e.upper + 1e-13 for e in exact]).all()
         assert (quick.upper >= [e.lower - 1e-13 for e in exact]).all()
 
@@ -197,7 +197,7 @@ def test_both_searches_agree() -> None:
     conditions = form.families[2].conditions()
     Q = np.random.default_rng(8).uniform(-3, 3, (3, 6))
     for limited in (False, True):
-        options = SearchOptions(gap=1e-3, seconds=120, within_limits=limited)
+        options = SearchOptions(gap=1e-3, boxes=5_000_000, within_limits=limited)
         limits = form.arm.lower, form.arm.upper
         a = nearest_points(conditions, Q, *limits, options)
         b = nearest_points(conditions, Q, *limits, options, compiled=False)
@@ -239,7 +239,7 @@ def test_prismatic_joints_in_equations(norm: str, compiled: bool) -> None:
     conditions = family.conditions(norm=norm)
     Q = np.stack([rng.uniform(-1, 2, 40), rng.uniform(-1.5, 1.5, 40)], axis=1)
     quick = two_sided(conditions, Q, compiled=compiled)
-    options = SearchOptions(within_limits=True, gap=1e-5, seconds=120 if compiled else 0.5)
+    options = SearchOptions(within_limits=True, gap=1e-5, boxes=5_000_000 if compiled else 20_000)
     for i, q in enumerate(Q):
         off = np.abs([np.append(root, other) - q[0], np.tile(angle, 2) - q[1]])
         off[0] /= 0.5
@@ -349,7 +349,7 @@ def test_several_closed_forms():
         ({"weights": [1, 1]}, OptionError), ({"weights": [1, 1, 1, 1, 1, 0]}, OptionError),
         ({"weights": [1, 1, 1, 1, 1, np.nan]}, OptionError), ({"norm": "manhattan"}, OptionError),
         ({"certify": True, "gap": 0.0}, OptionError),
-        ({"certify": True, "seconds": -1.0}, OptionError),
+        ({"certify": True, "boxes": 0}, OptionError),
     ],
 )  # fmt: skip
 def test_wrong_options(options: dict[str, object], error: type[Exception]) -> None:

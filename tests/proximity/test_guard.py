@@ -171,9 +171,7 @@ def compare(arm: Arm, form: ClosedForm, found: CGuard, count: int) -> None:
     # Nothing is clear within an upper bound, and nothing on a family is clear at all.
     assert (lower <= reference.upper).all()
     some = Q[:: max(1, len(Q) // 60)]
-    true = pinsing.clearance(
-        form, some, families=every_name(form), certify=True, gap=1e-4, seconds=0.05
-    )
+    true = pinsing.clearance(form, some, families=every_name(form), certify=True, gap=1e-4)
     assert (found.ask(some)[0] <= true.upper).all()
     values = found.values(Q)
     equations = [e for f in watched.families for e in f.equations]

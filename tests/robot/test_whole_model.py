@@ -103,9 +103,7 @@ TAKES: dict[tuple[str, str], Of] = {
     ("connect", "qb"): lambda arm, form, a, b: pinsing.connect(form, A, b).same,
     ("inverse", "near"): lambda arm, form, a, b: pinsing.inverse(arm, POSE, near=a).q,
     ("posture_changes", "q"): lambda arm, form, a, b: repr(pinsing.posture_changes(arm, a)),
-    ("suggest", "near"): lambda arm, form, a, b: (
-        pinsing.suggest(arm, forms=form, near=a, seconds=60).q
-    ),
+    ("suggest", "near"): lambda arm, form, a, b: pinsing.suggest(arm, forms=form, near=a).q,
     ("task_jacobian", "q"): lambda arm, form, a, b: pinsing.kinematics.task_jacobian(arm, a),
     ("task_jacobians", "Q"): lambda arm, form, a, b: pinsing.kinematics.task_jacobians(arm, [a, b]),
     ("tip_speeds", "q"): lambda arm, form, a, b: (

@@ -480,5 +480,5 @@ def test_a_pose_at_rest_is_told_its_distance_for_sure(page: Any, tmp_path: Path)
     page.wait_for_function("() => window.pinsing.view.frame.verdict.sure")
     assert "between" not in text(page, "#nearest")
     shown = page.evaluate("() => window.pinsing.view.frame.verdict")
-    there = [f.distance(q, seconds=60) for f in closed_form(load("panda")).families]
+    there = [f.distance(q) for f in closed_form(load("panda")).families]
     assert abs(shown["least"] - min(d.lower for d in there)) < 3e-6

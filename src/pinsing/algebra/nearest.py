@@ -6,7 +6,6 @@ without it and arms too long for it: the same bounds in fewer kinds, so that it 
 
 from __future__ import annotations
 
-import time
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -16,39 +15,40 @@ from pinsing._types import Array, Ints
 from pinsing.algebra.conditions import Conditions, WeightedBranch
 from pinsing.algebra.trig_sum import TINY, At, least_norm
 from pinsing.algebra.two_sided import two_sided
+from pinsing.arguments import whole_number
 from pinsing.errors import OptionError
 
 GAP = 1e-6
 """Upper less lower bound at which a search ends."""
 
-SECONDS = 1.0
-"""Time for one configuration."""
+BOXES = 300_000
+"""Boxes for one configuration: half a second of the compiled search. Arms of the catalogue take up
+to 10,000 for the default gap."""
 
 
 @dataclass(frozen=True)
 class SearchOptions:
-    """How long, and among which points, the nearest one is searched.
+    """How far, and among which points, the nearest one is searched.
 
     Attributes
     ----------
     gap : float
         Upper less lower bound at which a search may end, in weighted coordinates.
-    seconds : float
-        For one configuration; after it the bounds reached so far are returned.
+    boxes : int
+        Boxes looked at for one configuration; after them the bounds reached so far are returned.
     within_limits : bool
         Whether only points within the joint limits count. Otherwise revolute differences are
         wrapped, and all values of prismatic joints allowed.
     """
 
     gap: float = GAP
-    seconds: float = SECONDS
+    boxes: int = BOXES
     within_limits: bool = False
 
     def __post_init__(self) -> None:
         if not self.gap > 0:
             raise OptionError(f"gap must be positive, got {self.gap!r}")
-        if not self.seconds > 0:
-            raise OptionError(f"seconds must be positive, got {self.seconds!r}")
+        whole_number(self.boxes, "boxes", 1, 10**12)
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,12 +64,15 @@ class Nearest:
         Family of the point found, -1 without any.
     q : (N, n) array
         The points found, joint values.
+    boxes : (N,) array of int
+        Boxes looked at.
     """
 
     lower: Array
     upper: Array
     family: Ints
     q: Array
+    boxes: Ints
 
 
 def nearest_points(
@@ -92,7 +95,7 @@ def nearest_points(
     lower, upper : (n,) or (families, n) arrays
         Joint limits, infinite where there are none; perhaps those of each family.
     options : SearchOptions
-        Gap, time, and whether limits count.
+        Gap, boxes, and whether limits count.
     compiled : bool
         Whether the compiled engine is used where there is one.
     """
@@ -113,15 +116,15 @@ def nearest_points(
     family, boxes = np.full(N, -1, dtype=np.int64), np.empty(N, dtype=np.int64)
     handle = conditions.compiled if compiled else None
     if handle is not None:
-        limited, gap, seconds = options.within_limits, options.gap, options.seconds
         found = (least, most, family, boxes, points, engine.cpu_count())
-        handle.nearest(X, low, high, limited, far, gap, seconds, 5_000_000, *found)
+        how = options.within_limits, far, options.gap, np.inf, options.boxes
+        handle.nearest(X, low, high, *how, *found)
     else:
         low, high = (np.broadcast_to(x, (conditions.families, n)) for x in (low, high))
         search = _NearestSearch(conditions, low, high, far, options)
         for i, x in enumerate(X):
-            least[i], most[i], family[i], points[i] = search.nearest(x)
-    return Nearest(least, most, family, points / conditions.weight)
+            least[i], most[i], family[i], points[i], boxes[i] = search.nearest(x)
+    return Nearest(least, most, family, points / conditions.weight, boxes)
 
 
 @dataclass(frozen=True, eq=False)
@@ -134,10 +137,10 @@ class _NearestSearch:
     far: float
     options: SearchOptions
 
-    def nearest(self, x: Array) -> tuple[float, float, int, Array]:
-        """Lower and upper bound of the distance of x (n,), family and point found."""
+    def nearest(self, x: Array) -> tuple[float, float, int, Array, int]:
+        """Lower and upper bound of the distance of x (n,), family and point found, and boxes."""
         lower, upper, family, point = np.inf, np.inf, -1, x
-        end = time.monotonic() + self.options.seconds
+        looked = 0
         slack = 1e-15 * (1 + float(np.abs(x).max(initial=0.0)) + 2 * np.pi) * (self.c.n + 1)
         starts = []
         for k, branch in enumerate(self.c.branches):
@@ -155,14 +158,14 @@ class _NearestSearch:
                 if np.isfinite(upper) and self.c.norm != "max":
                     room = float(np.sqrt(max(upper**2 - fixed**2, 0.0)))
                 boxes = _Boxes(self, branch, x, room)
-                boxes.run(end)
+                looked += boxes.run(self.options.boxes - looked)
                 if boxes.point is not None:
                     upper = min(upper, float(self.c.joined(np.array(fixed), np.array(boxes.best))))
                     family, point = branch.family, np.where(boxes.used, boxes.point, target)
                 if np.isfinite(boxes.proven):
                     whole = float(self.c.joined(np.array(part), np.array(boxes.proven)))
                     lower = min(lower, max(whole * (1 - 4e-15), 0.0))
-        return min(lower, upper), upper, family, point
+        return min(lower, upper), upper, family, point, looked
 
     def _put(self, branch: WeightedBranch, x: Array) -> Array | None:
         """Put joints at their values, the nearest copies; None where the limits allow none.
@@ -209,8 +212,9 @@ class _Boxes:
         endless = bool((used & (self.c.turn == 0) & ~(below & above)).any())
         self.beyond = search.far if endless else np.inf
 
-    def run(self, end: float) -> None:
-        """Halve boxes, the nearest first, until the bounds are within the gap."""
+    def run(self, most: int) -> int:
+        """Halve boxes, the nearest first, until the bounds are within the gap; return how many."""
+        looked = 0
         self._attempt(np.clip(self.x, self.low, self.high)[None])
         if np.isfinite(self.best):
             self.beyond = np.inf
@@ -223,7 +227,7 @@ class _Boxes:
             self.proven = min(self.proven, float(bounds[done].min(initial=np.inf)))
             keep = np.isfinite(bounds) & ~done
             centers, halves, bounds = centers[keep], halves[keep], bounds[keep]
-            if not len(bounds) or time.monotonic() > end:
+            if not len(bounds) or looked >= most:
                 break
             order = np.argsort(bounds)
             now, later = order[:256], order[256:]
@@ -234,6 +238,7 @@ class _Boxes:
             narrow[rows, axis] *= 1 + 4e-16
             split = np.concatenate([centers[now] - move, centers[now] + move])
             both = np.tile(narrow, (2, 1))
+            looked += len(split)
             fresh = np.maximum(self._bound(split, both), np.tile(bounds[now], 2))
             likely = np.argsort(fresh)[:4]
             self._attempt(split[likely[np.isfinite(fresh[likely])]])
@@ -241,6 +246,7 @@ class _Boxes:
             halves = np.concatenate([halves[later], both])
             bounds = np.concatenate([bounds[later], fresh])
         self.proven = min(self.proven, float(bounds.min(initial=np.inf)), self.best, self.beyond)
+        return looked
 
     def _bound(self, centers: Array, halves: Array) -> Array:
         """Lower bounds (N,) of the distance to the set within boxes; infinite where it is empty."""

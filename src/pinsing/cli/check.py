@@ -38,8 +38,6 @@ if TYPE_CHECKING:
     from pinsing.postures.aspects import Aspects
     from pinsing.robot.arm import Arm
 
-_FOR_ASPECTS = 10.0
-"""Seconds for telling the aspects apart that a motion may change."""
 _ANGLE = re.compile(r"\s*([0-9.eE+-]+)\s*(deg|°|rad)?\s*")
 
 
@@ -168,14 +166,14 @@ def check_command(
         from pinsing.postures.motions import aspect_changes
 
         with doing("telling the aspects apart"):
-            found = aspects(form, not check.outside, seconds=_FOR_ASPECTS)
+            found = aspects(form, not check.outside)
         if found.proven:
             # Of a robot with a design, no way in its aspect is known to be regular.
             other = _posture_of_the_end(arm, read.Q, found) if form.tube is None else None
             changes = aspect_changes(form, read.Q, read.t, of=found)
             check = replace(check, aspect_changes=changes)
         else:
-            skipped = f"changes of aspect are left out: {_FOR_ASPECTS:g} s did not tell all apart"
+            skipped = "changes of aspect are left out: the aspects were not all told apart"
             check = replace(check, notes=(*check.notes, skipped))
     if plot is not None:
         off_screen()

@@ -19,7 +19,7 @@ from pinsing._types import Array, Bool
 from pinsing.algebra.components import Component
 from pinsing.algebra.conditions import Conditions
 from pinsing.algebra.equation import Equation, latex_symbol
-from pinsing.algebra.nearest import GAP, SECONDS, SearchOptions
+from pinsing.algebra.nearest import BOXES, GAP, SearchOptions
 from pinsing.arguments import checked, columns_of, real_numbers, whole_number
 from pinsing.errors import ConfigurationError, OptionError
 from pinsing.families.at_once import LONG, AtOnce, SolvedFor, long_form, long_ones
@@ -158,16 +158,16 @@ class Members:
         q: npt.ArrayLike,
         *,
         gap: float = GAP,
-        seconds: float = SECONDS,
+        boxes: int = BOXES,
         within_limits: bool = False,
         weights: npt.ArrayLike | None = None,
         norm: str = "euclidean",
     ) -> Distance:
-        """Distance from q (n,) to the family, with a proven lower bound, and the nearest point.
+        """Return the distance from q (n,) to the family, bounded on both sides, with its point.
 
         Exact for families of joint values. Where equations are involved, boxes of
         configurations are ruled out by Taylor's theorem until the bounds are within ``gap``, or
-        the time is over: then what was reached is returned.
+        ``boxes`` were looked at: then what was reached is returned.
 
         Parameters
         ----------
@@ -175,8 +175,8 @@ class Members:
             Radians and metres.
         gap : float
             Largest ``upper - lower`` at which the search ends by itself.
-        seconds : float
-            Time for the search.
+        boxes : int
+            Boxes that the search may look at.
         within_limits : bool
             Whether only configurations within the joint limits count, wider by
             ``limit_tolerance`` where the family is only at them; then revolute
@@ -210,7 +210,7 @@ class Members:
         q = self._check(q)
         if q.ndim != 1:
             raise ConfigurationError(f"distance takes one configuration, got shape {q.shape}")
-        options = SearchOptions(gap, seconds, within_limits)
+        options = SearchOptions(gap, boxes, within_limits)
         exact = all(not b.equations for b in self.branches)
         found = nearest(self.conditions(weights, norm), q, self.limits, options, exact)
         if found is None:

@@ -10,7 +10,6 @@ so copies are told apart part by part: two copies are in one aspect if no part s
 from __future__ import annotations
 
 import math
-import time
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field, replace
 from itertools import combinations, islice, product
@@ -21,7 +20,6 @@ import numpy.typing as npt
 
 from pinsing._types import Array
 from pinsing.arguments import checked
-from pinsing.errors import OptionError
 from pinsing.families import ClosedForm, closed_form
 from pinsing.joint_text import typed
 from pinsing.kinematics.jacobian import tip_placement
@@ -98,7 +96,6 @@ def whole_turns(
     start: Array,
     *,
     held: Collection[int] = (),
-    until: float = math.inf,
 ) -> Copies:
     """Find the whole-turn copies of a configuration, and which are in the aspect of the start.
 
@@ -114,8 +111,6 @@ def whole_turns(
         Another.
     held : collection of int
         Joints that stay as they are in q.
-    until : float
-        Time by ``time.monotonic`` from which on no more copies are looked at.
     """
     counts, each = _values(chosen, q, start, held)
     total = math.prod(counts)
@@ -127,7 +122,7 @@ def whole_turns(
     best = [_Choice(0, 0.0, ())]
     parts = zip(chosen.partition.parts, chosen.pieces, place, strict=True)
     for part, pieces, target in parts:
-        some, apart = _told(chosen, part, pieces, target, nearest, start, each, until)
+        some, apart = _told(chosen, part, pieces, target, nearest, start, each)
         joined *= sum(not choice.doubts for choice in some)
         open_ *= math.prod(counts[j] for j in part.joints) - apart
         sums = [a + b for a in best for b in sorted(some, key=lambda c: c.order)[:_TRIED]]
@@ -172,7 +167,6 @@ def _told(
     q: Array,
     start: Array,
     each: list[list[float]],
-    until: float,
 ) -> tuple[list[_Choice], int]:
     """Values of the joints that a part does not separate from the start; how many it does.
 
@@ -187,8 +181,6 @@ def _told(
         ]
         near[int(np.argmax(far))].pop()
     for values in product(*near):
-        if time.monotonic() > until:
-            break
         copy = q.copy()
         copy[joints] = values
         at = chosen.located(part, pieces, copy)
@@ -199,8 +191,6 @@ def _told(
         some.append(_Choice(int(at != target), gap, tuple(zip(joints, values, strict=True))))
     return some, apart
 
-
-SECONDS = 60.0
 
 _ITSELF = 1e-4
 """Joint distance up to which two solutions are one, as in `inverse`."""
@@ -394,7 +384,6 @@ def posture_changes(
     forms: ClosedForm | None = None,
     limits: bool = True,
     fixed: Mapping[str, float] | None = None,
-    seconds: float = SECONDS,
 ) -> PostureChanges:
     """Find the other inverse solutions of the pose at q, and which can be reached freely.
 
@@ -416,8 +405,6 @@ def posture_changes(
     fixed : mapping of str to float, optional
         Joints to hold, where the arm has more joints than the task has conditions; by default
         the first of those that are too many are held where they are in q, and it is said.
-    seconds : float
-        Time for all ways together.
 
     Returns
     -------
@@ -438,8 +425,6 @@ def posture_changes(
     >>> {other.connection.answer for other in found.others if other.connection}
     {'different'}
     """
-    if not seconds > 0:
-        raise OptionError(f"seconds must be positive, got {seconds!r}")
     here = arm.check_one(q, "q")
     if forms is not None:
         require_forms_of(forms, arm)
@@ -449,11 +434,9 @@ def posture_changes(
     start = found.of(here)
     known = inverse(arm, tip_placement(arm, here).homogeneous, fixed=held, near=here)
     chosen, held_at = map_of(found, form), [arm.joints.index(j) for j in held]
-    until = time.monotonic() + seconds
 
     def _tried(copy: Array) -> Connection:
-        left = max(0.05, min(5.0, until - time.monotonic()))
-        return connect(form, here, copy, limits=limits, of=found, seconds=left)
+        return connect(form, here, copy, limits=limits, of=found)
 
     others, itself = [], False
     for s in known:
@@ -465,7 +448,7 @@ def posture_changes(
         if not usable:
             others.append(PostureChange(s, None, None, names))
             continue
-        copies = whole_turns(chosen, s.q, here, held=held_at, until=until)
+        copies = whole_turns(chosen, s.q, here, held=held_at)
         # The sign of the determinant is that of all copies.
         apart = opposite(form, here, copies.nearest)
         way = None
@@ -494,7 +477,7 @@ def posture_changes(
     elif not itself and start is not None:  # of singular ones there are examples only
         notes.append("the configuration given was not found among the solutions: others may lack")
     if start is not None:
-        notes += _own(whole_turns(chosen, here, here, held=held_at, until=until))
+        notes += _own(whole_turns(chosen, here, here, held=held_at))
     order = {SAME: 0, UNDECIDED: 1, DIFFERENT: 2}
     ways = [o.connection for o in others if o.connection is not None]
     grounds = [n for way in ways if way.answer == SAME for n in way.notes]

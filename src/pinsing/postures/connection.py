@@ -7,8 +7,7 @@ All families count: one of two conditions or more separates nothing, but is sing
 
 from __future__ import annotations
 
-import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field
 from functools import partial
 from itertools import pairwise
@@ -55,16 +54,19 @@ def shortened(
     Q: Array,
     clear: Callable[[Array], bool],
     room: Callable[[Array], float],
-    until: float,
+    lines: Iterator[int],
     keep: float = 0.7,
 ) -> Array:
-    """Leave waypoints out where the straight line instead is clear, and not much nearer."""
+    """Leave waypoints out where the straight line instead is clear, and not much nearer.
+
+    As long as there are ``lines``: each one tried takes the next of them.
+    """
     kept = [0]
     last = len(Q) - 1
     while kept[-1] < last:
         i = kept[-1]
         best, step = i + 1, 2
-        while i + step <= last + step // 2 and time.monotonic() < until:
+        while i + step <= last + step // 2 and next(lines, None) is not None:
             j = min(i + step, last)
             line = Q[[i, j]]
             if clear(line) and room(line) >= min(keep * room(Q[i : j + 1]), 0.3):
@@ -112,7 +114,7 @@ def least(chosen: Map, path: Array) -> float:
     return max(low, 0.0)
 
 
-def raised(chosen: Map, path: Array, until: float) -> Array:
+def raised(chosen: Map, path: Array, lines: Iterator[int]) -> Array:
     """A way between the same ends that is clearer, where pushing its waypoints finds one.
 
     Each moves along the gradient of the clearance, by differences; the way is certified anew, and
@@ -126,7 +128,7 @@ def raised(chosen: Map, path: Array, until: float) -> Array:
     for _ in range(8):
         # Share of the clearance of the nearer end at which a way is clear enough: it can have no
         # more.
-        if bound >= 0.85 * most or time.monotonic() > until:
+        if bound >= 0.85 * most:
             break
         tried = _pushed(chosen, points, most, stride)
         now = least(chosen, tried) if chosen.regular(tried) else 0.0
@@ -139,7 +141,7 @@ def raised(chosen: Map, path: Array, until: float) -> Array:
     if best is path:
         return path
     # What was laid in for the push is left out again where that costs nothing.
-    short = shortened(best, chosen.regular, lambda Q: lowest(chosen, Q), until, keep=0.98)
+    short = shortened(best, chosen.regular, lambda Q: lowest(chosen, Q), lines, keep=0.98)
     return short if chosen.regular(short) and least(chosen, short) >= 0.9 * bound else best
 
 
@@ -201,8 +203,8 @@ def _pushed(chosen: Map, points: Array, most: float, stride: float) -> Array:
     return out
 
 
-SECONDS = 5.0
-"""Time for a way, beside that for the aspects."""
+_LINES = 1_000
+"""Straight lines that may be tried instead of the waypoints of one way, a few milliseconds each."""
 
 _RANK = (
     "the rank on all of the way is proven from the Jacobian, with a bound of how fast it changes: "
@@ -328,7 +330,6 @@ def connect(
     *,
     limits: bool = True,
     of: Aspects | None = None,
-    seconds: float = SECONDS,
 ) -> Connection:
     """Join two configurations without a singularity, or prove that it cannot be done.
 
@@ -342,8 +343,6 @@ def connect(
         Within the joint limits, or with joints that turn endlessly.
     of : Aspects, optional
         The aspects of the same arm and limits, where they are at hand.
-    seconds : float
-        Time for a way.
 
     Returns
     -------
@@ -365,8 +364,6 @@ def connect(
     >>> pinsing.connect(form, [0, -1, 1, 0, 1, 0], [0, -1, 1, 0, -1, 0]).answer
     'different'
     """
-    if not seconds > 0:
-        raise OptionError(f"seconds must be positive, got {seconds!r}")
     found = aspects(forms, limits) if of is None else of
     if found.within_limits != limits:
         raise OptionError(
@@ -380,7 +377,7 @@ def connect(
     numbers = [None if p is None else chosen.number(p) for p in places]
     notes: list[str] = []
     answer, path, sure = UNDECIDED, None, False
-    until = time.monotonic() + seconds
+    lines = iter(range(_LINES))
     singular = [chosen.on(q) for q in (start, end)]
     if any(singular):
         which, names = _which(map(bool, singular)), " and ".join(filter(None, singular))
@@ -396,12 +393,12 @@ def connect(
             answer = DIFFERENT
             notes.append(_SIGNS)
         else:
-            path = _way(chosen, places[0], start, end, until)
+            path = _way(chosen, places[0], start, end, lines)
             answer = UNDECIDED if path is None else SAME
             if path is None:
                 notes.append("a way within the aspect was looked for and not found")
     if path is not None:
-        path = raised(chosen, path, until)
+        path = raised(chosen, path, lines)
         sure, said = _stands(forms, path)
         notes += said
         if not sure and sureness(forms) == NOT_COMPLETE:
@@ -446,7 +443,7 @@ def _apart(chosen: Map, a: tuple[tuple[int, int], ...], b: tuple[tuple[int, int]
 
 
 def _way(
-    chosen: Map, place: tuple[tuple[int, int], ...], start: Array, end: Array, until: float
+    chosen: Map, place: tuple[tuple[int, int], ...], start: Array, end: Array, lines: Iterator[int]
 ) -> Array | None:
     """A polyline from start to end that is clear, part by part where a straight one is not."""
     goal = end.copy()
@@ -469,12 +466,12 @@ def _way(
         route = piece.route(component, a, b, clear)
         if route is None:
             return None
-        route = shortened(route, clear, partial(_room, chosen, columns, here), until)
+        route = shortened(route, clear, partial(_room, chosen, columns, here), lines)
         for x in route[1:]:
             q = rows[-1].copy()
             q[columns] = here[columns] + (x - a)
             rows.append(q)
-    path = shortened(np.array(rows), chosen.clear, partial(lowest, chosen), until)
+    path = shortened(np.array(rows), chosen.clear, partial(lowest, chosen), lines)
     return beside(chosen, path) if chosen.clear(path) else None
 
 

@@ -16,6 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from pinsing._types import Array, Ints
+from pinsing.algebra.budget import Budget
 from pinsing.algebra.conditions import Conditions
 from pinsing.algebra.trig_sum import TrigSum
 from pinsing.errors import ConfigurationError, OptionError
@@ -386,7 +387,7 @@ class Sectioned(CountedPiece):
         return np.array(points)
 
 
-def make_piece(part: Part, box: tuple[Arc, ...], scale: Array, until: float) -> Piece:
+def make_piece(part: Part, box: tuple[Arc, ...], scale: Array, budget: Budget) -> Piece:
     """Find the components of a box of arcs.
 
     Parameters
@@ -397,8 +398,8 @@ def make_piece(part: Part, box: tuple[Arc, ...], scale: Array, until: float) -> 
         An arc of each of its joints.
     scale : (n,) array
         What counts as one radian, of all joints of the arm.
-    until : float
-        Time by ``time.monotonic`` at which to stop.
+    budget : Budget
+        What may be spent on boxes.
     """
     if not part.surfaces:
         return Plain(part, box)
@@ -409,7 +410,7 @@ def make_piece(part: Part, box: tuple[Arc, ...], scale: Array, until: float) -> 
     hub = across(part, box)
     if hub is not None:
         mine = scale[list(part.joints)]
-        return Sectioned(part, box, hub, sections(part, box, hub, mine, until))
+        return Sectioned(part, box, hub, sections(part, box, hub, mine, budget))
     ground = Ground(
         terms=tuple(sum_of(s.equation, part.joints) for s in part.surfaces),
         low=np.array([a.low for a in box]),
@@ -417,7 +418,7 @@ def make_piece(part: Part, box: tuple[Arc, ...], scale: Array, until: float) -> 
         circle=np.array([a.circle for a in box]),
         scale=scale[list(part.joints)],
     )
-    return Divided(part, box, subdivide(ground, until))
+    return Divided(part, box, subdivide(ground, budget))
 
 
 _SAME = 1e-9
@@ -619,12 +620,12 @@ class Map:
         return product(*each)
 
 
-def make_map(forms: Forms, limits: bool, until: float) -> Map:
+def make_map(forms: Forms, limits: bool, budget: Budget) -> Map:
     """The pieces of every part of joint space."""
     watched = watch(forms)
     cut = partition(watched, limits)
     scale = 1 / watched.weight
     pieces = tuple(
-        tuple(make_piece(part, box, scale, until) for box in part.boxes) for part in cut.parts
+        tuple(make_piece(part, box, scale, budget) for box in part.boxes) for part in cut.parts
     )
     return Map(watched, cut, pieces)

@@ -14,7 +14,7 @@ from pinsing.families import ClosedForm
 from pinsing.families.solve import form_to_measure
 from pinsing.kinematics.jacobian import tip_placement
 from pinsing.kinematics.verdict import generic_rank
-from pinsing.postures.aspects import SECONDS, Aspects, aspects, map_of
+from pinsing.postures.aspects import Aspects, aspects, map_of
 from pinsing.postures.inverse import inverse
 from pinsing.postures.ladder import posture_names
 from pinsing.proximity.crossings import check_times, crossings_of, motion_of
@@ -112,7 +112,6 @@ def aspect_changes(
     t: npt.ArrayLike | None = None,
     *,
     of: Aspects | None = None,
-    seconds: float = SECONDS,
 ) -> tuple[AspectChange, ...]:
     """Find where a motion changes its aspect.
 
@@ -129,9 +128,8 @@ def aspect_changes(
         Seconds, ascending; without them t counts samples from 0.
     of : Aspects, optional
         Aspects of the arm, if at hand; by default those within the limits where the motion is
-        within them, else those of joints that turn endlessly.
-    seconds : float
-        Time for these; where it does not do, two numbers may be of one aspect.
+        within them, else those of joints that turn endlessly. Where their count is not proven,
+        two numbers may be of one aspect.
 
     Returns
     -------
@@ -167,7 +165,7 @@ def aspect_changes(
         return ()
     if of is None:
         inside = (samples >= arm.lower - 1e-9) & (samples <= arm.upper + 1e-9)
-        of = aspects(forms, bool(inside.all()), seconds=seconds)
+        of = aspects(forms, bool(inside.all()))
     chosen = map_of(of, forms)
     met = crossings_of(chosen.cutting, motion_of(chosen.cutting, samples, times))
     span = max(float(times[-1] - times[0]), 1e-300)

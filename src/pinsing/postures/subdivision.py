@@ -29,7 +29,6 @@ from __future__ import annotations
 
 import functools
 import math
-import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
@@ -38,14 +37,15 @@ from typing import Protocol, TypeVar
 import numpy as np
 
 from pinsing._types import Array, Bool, Ints
+from pinsing.algebra.budget import Budget
 from pinsing.algebra.trig_sum import TrigSum
 from pinsing.postures.boxes import Ground, Leaves, growing, is_regular, on_boxes, sum_of
 from pinsing.postures.partition import Arc, Part
 
 DEEPEST = 14
 """How often boxes are halved at most."""
-MOST = 400_000
-"""Boxes at which to stop."""
+_BOX = 100.0
+"""Products that a box costs beside those of its terms, of which each takes some five."""
 
 
 class Counted(Protocol):
@@ -63,9 +63,7 @@ Count = Callable[[Leaves], tuple[F, Bool]]
 """Both numbers, and which boxes (N,) should be halved where they differ."""
 
 
-def halved(
-    ground: Ground, classify: Classify, count: Count[F], until: float, most: int = MOST
-) -> F:
+def halved(ground: Ground, classify: Classify, count: Count[F], budget: Budget) -> F:
     """Halve what is neither certain nor regular, count, and halve what keeps the counts apart.
 
     Parameters
@@ -74,34 +72,34 @@ def halved(
         Box and equations.
     classify, count
         What is known of boxes, and what follows for components.
-    until : float
-        Time by ``time.monotonic`` at which to stop.
-    most : int
-        Boxes at which to stop.
+    budget : Budget
+        What may be spent on boxes.
     """
 
-    def full() -> bool:
-        return time.monotonic() > until or len(leaves.level) > most
+    def looked_at(level: Ints, index: Ints) -> Leaves:
+        budget.spend(cost * len(level))
+        return classify(ground, level, index)
 
     def split(which: Bool) -> Leaves:
         left, more = which.copy(), list[Leaves]()
-        while left.any() and not (more and full()):  # what there is no time for stays whole
-            # Boxes that are halved between two looks at the clock.
+        while left.any() and not budget.over:  # what the budget does not cover stays whole
+            # Boxes that are halved between two looks at the budget.
             some = left & (np.cumsum(left) <= 4_096)
-            more.append(classify(ground, *leaves.halves(some)))
+            more.append(looked_at(*leaves.halves(some)))
             left &= ~some
         return functools.reduce(Leaves.with_more, more, leaves.take(left | ~which))
 
+    cost = _BOX + 5.0 * sum(len(t.amplitude) for t in ground.terms)
     grid = np.stack(
         np.meshgrid(*(np.arange(k) for k in ground.first), indexing="ij"), axis=-1
     ).reshape(-1, ground.d)
-    leaves = classify(ground, np.zeros(len(grid), dtype=np.int64), grid)
+    leaves = looked_at(np.zeros(len(grid), dtype=np.int64), grid)
     while True:
-        while (bad := ~leaves.regular & (leaves.level < DEEPEST)).any() and not full():
+        while (bad := ~leaves.regular & (leaves.level < DEEPEST)).any() and not budget.over:
             leaves = split(bad)
         found, torn = count(leaves)
         again = torn & (leaves.level < DEEPEST)
-        if found.proven or full() or not again.any():
+        if found.proven or budget.over or not again.any():
             return found
         leaves = split(again)
 
@@ -145,19 +143,17 @@ class Components:
         return self.closed and self.lower == self.upper
 
 
-def subdivide(ground: Ground, until: float, most: int = MOST) -> Components:
-    """Count components, until both numbers agree or the time is over.
+def subdivide(ground: Ground, budget: Budget) -> Components:
+    """Count components, until both numbers agree or the budget is over.
 
     Parameters
     ----------
     ground : Ground
         Box and equations.
-    until : float
-        Time by ``time.monotonic`` at which to stop.
-    most : int
-        Boxes at which to stop.
+    budget : Budget
+        What may be spent on boxes.
     """
-    return halved(ground, _classified, partial(_count, ground), until, most)
+    return halved(ground, _classified, partial(_count, ground), budget)
 
 
 def _classified(ground: Ground, level: Ints, index: Ints) -> Leaves:
@@ -349,8 +345,8 @@ def section(full: TrigSum, hub: int, cut: float) -> TrigSum:
     return TrigSum(size, np.angle(wave), rows / 2, np.zeros_like(rows), noise)
 
 
-def sections(part: Part, box: tuple[Arc, ...], hub: int, scale: Array, until: float) -> Sections:
-    """Count components, until both numbers agree or the time is over.
+def sections(part: Part, box: tuple[Arc, ...], hub: int, scale: Array, budget: Budget) -> Sections:
+    """Count components, until both numbers agree or the budget is over.
 
     Parameters
     ----------
@@ -362,8 +358,8 @@ def sections(part: Part, box: tuple[Arc, ...], hub: int, scale: Array, until: fl
         Place of the hub, by `across`.
     scale : (d,) array
         What counts as one radian, of the joints of the part.
-    until : float
-        Time by ``time.monotonic`` at which to stop.
+    budget : Budget
+        What may be spent on boxes.
     """
     cuts = cuts_of(box[hub])
     full = sum_of(part.surfaces[0].equation, part.joints)
@@ -375,7 +371,7 @@ def sections(part: Part, box: tuple[Arc, ...], hub: int, scale: Array, until: fl
         circle=np.array([a.circle for a in others]),
         scale=np.delete(scale, hub),
     )
-    return halved(ground, _classified_sections, partial(_count_sections, ground, cuts), until)
+    return halved(ground, _classified_sections, partial(_count_sections, ground, cuts), budget)
 
 
 def _classified_sections(ground: Ground, level: Ints, index: Ints) -> Leaves:

@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from pinsing._types import Array, Ints
-from pinsing.algebra.nearest import GAP, SECONDS, SearchOptions, nearest_points
+from pinsing.algebra.nearest import BOXES, GAP, SearchOptions, nearest_points
 from pinsing.algebra.two_sided import two_sided
 from pinsing.arguments import checked
 from pinsing.errors import OptionError, ResultError
@@ -125,7 +125,7 @@ def clearance(
     families: Sequence[str] | None = None,
     certify: bool = False,
     gap: float = GAP,
-    seconds: float = SECONDS,
+    boxes: int = BOXES,
     within_limits: bool = False,
     weights: npt.ArrayLike | None = None,
     norm: str = "euclidean",
@@ -148,9 +148,11 @@ def clearance(
         codimension and wherever the joint limits are.
     certify : bool
         Whether to search until the bounds are within ``gap``.
-    gap, seconds : float
-        With ``certify``: where the search ends, and the time for each configuration, after which
-        the bounds reached so far are returned.
+    gap : float
+        With ``certify``: upper less lower bound at which the search ends.
+    boxes : int
+        With ``certify``: boxes for each configuration, after which the bounds reached so far are
+        returned.
     within_limits : bool
         Whether only singular configurations within the joint limits count. Without ``certify``
         that leaves out families that are proven to have none, and ``upper`` is infinite.
@@ -181,7 +183,7 @@ def clearance(
     flat = array.reshape(-1, watched.n)
     nearest: Array | None = None
     if certify:
-        found, nearest = certified(watched, flat, SearchOptions(gap, seconds, within_limits))
+        found, nearest = certified(watched, flat, SearchOptions(gap, boxes, within_limits))
     else:
         found = quick(watched, flat, within_limits)
     shape = array.shape[:-1]
@@ -257,7 +259,7 @@ def is_clear(
     """Whether it is proven that no family has a point within ``radius`` of q (n,).
 
     The quick bounds decide where they can, a search where they cannot. False is the answer as
-    well where the search ran out of time.
+    well where the search ran out of boxes.
 
     Parameters
     ----------
@@ -353,7 +355,7 @@ class Distances(JsonResult):
     complete: bool
 
 
-def distances(forms: Forms, q: npt.ArrayLike, *, seconds: float = SECONDS) -> Distances:
+def distances(forms: Forms, q: npt.ArrayLike, *, boxes: int = BOXES) -> Distances:
     """Certified distances from q (n,) to each family, nearest first.
 
     Parameters
@@ -362,8 +364,8 @@ def distances(forms: Forms, q: npt.ArrayLike, *, seconds: float = SECONDS) -> Di
         Of one arm.
     q : (n,) or (nq,) array_like
         Radians and metres.
-    seconds : float
-        Time for each family.
+    boxes : int
+        Boxes that the search may look at for each family.
 
     Raises
     ------
@@ -376,7 +378,7 @@ def distances(forms: Forms, q: npt.ArrayLike, *, seconds: float = SECONDS) -> Di
         raise OptionError(f"distances takes one configuration, got shape {x.shape}")
     found = []
     for name, family in zip(watched.names, watched.families, strict=True):
-        d = family.distance(x, seconds=seconds)
+        d = family.distance(x, boxes=boxes)
         said = family.reach, family.title, family.where(d.q)
         found.append(FamilyDistance(name, d.lower, d.upper, d.q, *said))
     if watched.margin is not None:

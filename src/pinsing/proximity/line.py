@@ -524,9 +524,7 @@ def check_line(
 def _end(watched: Watched, arm: Arm, line: Line, tracked: Tracked) -> tuple[Tracked, str, bool]:
     """Where the line really ends: on the family that is nearest where the tracking stopped."""
     q, s = tracked.q[-1], float(tracked.s[-1])
-    found = sorted(
-        (float(f.distance(q, seconds=0.3).upper), i) for i, f in enumerate(watched.families)
-    )
+    found = sorted((float(f.distance(q).upper), i) for i, f in enumerate(watched.families))
     for distance, i in found:
         if distance > 0.2:  # Clearance at a stall beyond which no family is to blame
             break

@@ -19,7 +19,7 @@ import numpy.typing as npt
 
 from pinsing._types import Array, Bool, Ints
 from pinsing.algebra.conditions import Conditions
-from pinsing.algebra.nearest import SearchOptions, nearest_points
+from pinsing.algebra.nearest import BOXES, SearchOptions, nearest_points
 from pinsing.algebra.two_sided import two_sided
 from pinsing.kinematics.jacobian import singular_values
 from pinsing.kinematics.tip_speed import SpeedJudge
@@ -257,7 +257,7 @@ def _runs(inside: Bool) -> list[tuple[int, int]]:
 
 
 _CANDIDATES = 6
-_SEARCH = SearchOptions(gap=1e-6, seconds=0.3)
+_SEARCH = SearchOptions(boxes=BOXES // 3)
 
 
 @dataclass(frozen=True, eq=False)

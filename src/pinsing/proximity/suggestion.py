@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from typing import ClassVar
@@ -12,6 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from pinsing._types import Array, Bool, Ints
+from pinsing.algebra.budget import Budget
 from pinsing.algebra.nearest import SearchOptions, nearest_points
 from pinsing.arguments import MAX_SEED, checked, whole_number
 from pinsing.errors import ConfigurationError, OptionError
@@ -140,8 +140,8 @@ class RoomSearch:
         What there is to choose from.
     rng : np.random.Generator
         Where starts are drawn from.
-    seconds : float
-        Time after which what was found is returned.
+    budget : Budget
+        What may be spent on boxes; then what was found is returned.
     usable : callable
         Which of points (N, n) may be chosen at all.
 
@@ -160,11 +160,11 @@ class RoomSearch:
         watched: Watched,
         room: Room,
         rng: np.random.Generator,
-        seconds: float,
+        budget: Budget,
         usable: Callable[[Array], Bool],
     ) -> None:
         self.watched, self.room, self.rng, self.usable = watched, room, rng, usable
-        self.end = time.monotonic() + seconds
+        self.budget = budget
         self.sites = Sites(watched, rng)
         self.best = room.center.copy()
         self.lower, self.upper, self.most = -np.inf, np.inf, np.inf
@@ -176,19 +176,15 @@ class RoomSearch:
     def prove(self, X: Array) -> Array:
         """Lower bounds (N,) of the clearance at X, and sites where the nearest points are."""
         w = self.watched
-        options = SearchOptions(_GAP, 1.0)
+        options = SearchOptions(_GAP)
         found = nearest_points(w.conditions, X / w.weight, w.lower, w.upper, options)
+        self.budget.spend(_BOX * float(found.boxes.sum()))
         self.sites.add(found.q * w.weight, found.family)
         lower = np.where(self.usable(X / w.weight), found.lower, -np.inf)
         k = int(np.argmax(lower))
         if lower[k] > self.lower:
             self.best, self.lower, self.upper = X[k].copy(), float(lower[k]), float(found.upper[k])
         return lower
-
-    @property
-    def over(self) -> bool:
-        """Return True if the time is over."""
-        return time.monotonic() > self.end
 
     def climb(self) -> None:
         """From many starts uphill on what the sites promise, proving the best."""
@@ -197,7 +193,7 @@ class RoomSearch:
         promise = np.concatenate([self.sites.within(x) for x in np.array_split(X, 16)])
         X = X[np.argsort(-promise, kind="stable")[:_CLIMBERS]]
         for round_ in range(12):
-            if self.over:
+            if self.budget.over:
                 return
             promise = self.sites.within(X)
             size = 0.3 * 0.8**round_
@@ -231,7 +227,7 @@ class RoomSearch:
             goal = max(self.lower, 0.0) + _GAP
             keep = bounds > goal
             centers, halves, bounds = centers[keep], halves[keep], bounds[keep]
-            if not len(bounds) or self.over:
+            if not len(bounds) or self.budget.over:
                 break
             order = np.argsort(-bounds, kind="stable")
             now, later = order[:_BATCH], order[_BATCH:]
@@ -258,7 +254,7 @@ class RoomSearch:
 
     def settle(self) -> None:
         """Farther from the other families too, and to where joints are preferred, at no cost."""
-        if not np.isfinite(self.lower) or self.over:
+        if not np.isfinite(self.lower) or self.budget.over:
             return
         enough, width = self.lower - _GAP, self.room.high - self.room.low
         X = np.repeat(self.best[None], _CLIMBERS, axis=0)
@@ -287,8 +283,10 @@ class RoomSearch:
 REACH = 0.5
 """How far from a given configuration one is suggested, radians."""
 
-SECONDS = 10.0
-
+WORK = 10.0
+"""Of `suggest`; arms of the catalogue use 3.2 at most."""
+_BOX = 20.0
+"""Products that a box costs."""
 _HUNDREDTHS = 100
 """Parts of a degree that angles are rounded to; lengths to tenths of a millimetre."""
 
@@ -398,7 +396,7 @@ def suggest(
     reach: float = REACH,
     forms: Forms | None = None,
     families: Sequence[str] | None = None,
-    seconds: float = SECONDS,
+    work: float = WORK,
     seed: int = 0,
 ) -> Suggestion:
     """Suggest a configuration within the joint limits that is far from all singular ones.
@@ -420,9 +418,8 @@ def suggest(
         Of the arm, such as those of two tasks; computed if not given.
     families : sequence of str, optional
         Names of the families that count; by default all that have real points.
-    seconds : float
-        Time for the search, after which the best so far is returned. It is rarely needed: the
-        answer is the same for the same seed unless the time is over.
+    work : float
+        Work after which the search ends, the same on every machine: in seconds of an idle one.
     seed : int
         Of the starts of the search.
 
@@ -448,8 +445,8 @@ def suggest(
     """
     if not (math.isfinite(reach) and reach > 0):
         raise OptionError(f"reach must be a positive number, got {reach!r}")
-    if not seconds > 0:
-        raise OptionError(f"seconds must be positive, got {seconds!r}")
+    if not work > 0:
+        raise OptionError(f"work must be positive, got {work!r}")
     whole_number(seed, "seed", 0, MAX_SEED)
     target = None if near is None else arm.check_one(near, "near")
     if forms is not None:
@@ -461,9 +458,12 @@ def suggest(
     rng = np.random.default_rng(seed)
     most, lower, upper, family = np.inf, np.inf, np.inf, ""
     if watched.families:
-        search = RoomSearch(watched, room, rng, seconds, usable)
+        budget = Budget(math.inf, work)
+        search = RoomSearch(watched, room, rng, budget, usable)
+        if budget.over:
+            notes.append(f"the search ended after {budget.allowed}")
         q = _rounded(arm, watched, room, search.best / watched.weight)
-        at = certified(watched, q[None], SearchOptions(seconds=max(1.0, seconds / 10)))[0]
+        at = certified(watched, q[None], SearchOptions())[0]
         lower, upper, family = float(at.lower[0]), float(at.upper[0]), str(at.nearest[0])
         if _bounded(arm, watched):
             most = max(search.most, upper) + (0.0 if near is None else _margin(arm, reach))

@@ -98,7 +98,7 @@ def singular_poses(arm: Arm) -> tuple[SingularPose, ...]:
         instead, clearance = None, 0.0
         if form.complete and form.families:
             with contextlib.suppress(PinsingError):  # too far outside the limits
-                found = suggest(arm, near=q, forms=form, seconds=1.5)
+                found = suggest(arm, near=q, forms=form, work=1.5)
                 if found.lower > 0:
                     instead, clearance = found.q, found.lower
         on = tuple(f.name for f in form.families if f.real and bool(f.contains(q)))
@@ -413,7 +413,7 @@ def _clearest(arm: Arm, forms: ClosedForm) -> Suggestion | None:
     if not any(f.real for f in forms.families):
         return None
     with contextlib.suppress(PinsingError):  # nothing clear within the limits
-        return suggest(arm, forms=forms, seconds=2.0)
+        return suggest(arm, forms=forms, work=2.0)
     return None
 
 
@@ -432,7 +432,7 @@ def _pose(arm: Arm, family: Family, families: tuple[Family, ...]) -> tuple[Arm, 
 def _near(forms: ClosedForm, q: Array) -> Clearance | None:
     if not any(f.real for f in forms.families):
         return None
-    return clearance(forms, q, certify=True, seconds=1.0)
+    return clearance(forms, q, certify=True)
 
 
 def _now() -> str:

@@ -635,8 +635,6 @@ ON_FAMILY_TOL = 1e-5
 
 _VALLEY = 1e-2
 """How far from a zero of sigma_r it may be below the tolerance."""
-_SECONDS = 0.2
-"""For one distance to one family."""
 _BATCH = 100
 
 
@@ -721,7 +719,7 @@ def leads_down(exact: Arm, forms: ClosedForm, q: Array) -> bool:
 def _beside(forms: ClosedForm, q: Array) -> tuple[float, Array] | None:
     """The nearest family's distance, and its point (n,), if one is near."""
     near = [f for f in forms.families if f.contains(q, 2 * _VALLEY)]
-    found = [f.distance(q, seconds=_SECONDS) for f in near]
+    found = [f.distance(q) for f in near]
     best = min(found, key=lambda d: d.upper, default=None)
     return None if best is None else (best.upper, best.q)
 
