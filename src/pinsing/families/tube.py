@@ -482,15 +482,11 @@ class _Condition:
         noise = f.sum.noise * float(f.sum.amplitude.sum())
         rate = np.abs(f.sum.rate)
         sway = 0 * h if f.is_value else h * ((h @ rate.T * f.sum.amplitude) @ rate + at.sway)
-        most = np.abs(at.value) + noise
         if f.is_value:
-            within = 2 * np.arcsin(np.minimum(most + at.swing, 1.0))
-        else:  # from the middle, as in `pinsing.algebra.two_sided`
-            steep = np.linalg.norm(at.gradient, axis=1) / _MORE
-            root = steep**2 - 2 * curve * most * _MORE
+            within = 2 * np.arcsin(np.minimum(np.abs(at.value) + noise + at.swing, 1.0))
+        else:
             radius = np.linalg.norm(h * (rate > 0).any(axis=0), axis=1)
-            there = 2 * most / np.maximum(steep + np.sqrt(np.maximum(root, 0.0)), TINY)
-            within = np.where(root > 0, radius + there, np.inf)
+            within = radius + _one_joint(f.sum, x, at.gradient)
         return cls(f.is_value, least, slope, curve, noise, at.parts, sway, within * _MORE)
 
     def below(self, t: Array) -> Array:
@@ -501,6 +497,30 @@ class _Condition:
             reach = np.minimum(t, self.slope / self.curve)
             far = reach * (self.slope - self.curve * reach / 2)
         return np.maximum(far / _MORE - self.noise, self.least)
+
+
+def _one_joint(s: TrigSum, x: Array, gradient: Array) -> Array:
+    """How far (N,) a zero is at most, by a step along one joint at whose end the sign is another.
+
+    ``f(x + t) = f(x) - b (1 - cos t) + g sin t`` is exact if the joint has no rates but 1 and 0.
+    """
+    value, found = s.at(x), np.full(len(x), np.inf)
+    cosine = np.cos(x @ s.rate.T + s.phase) * s.amplitude
+    for j in s.used.tolist():
+        rate = float(np.abs(s.rate[:, j]).max())
+        b, g = cosine @ s.rate[:, j] ** 2 / rate**2, gradient[:, j] / rate
+        top = np.arctan2(g, b)
+        off = np.arccos(np.clip((b - value.value) / np.maximum(np.hypot(b, g), TINY), -1, 1))
+        step = np.stack([top - off, top + off])
+        step = np.mod(step + np.pi, 2 * np.pi) - np.pi
+        step = 1.001 / rate * step[np.abs(step).argmin(axis=0), np.arange(len(x))]
+        end = x.copy()
+        end[:, j] += step
+        there = s.at(end)
+        sure = (np.abs(there.value) > there.error) & (np.abs(value.value) > value.error)
+        crossed = sure & (value.value * there.value < 0)
+        found = np.minimum(found, np.where(crossed, np.abs(step), np.inf))
+    return found
 
 
 def search(p: Product, x: Array) -> tuple[Array, Array]:
@@ -561,15 +581,24 @@ def find_widths(p: Product) -> tuple[Array, Array, int]:
     count, last = len(boxes.x), boxes.far.shape[1] - 1
     found, done = np.zeros(last + 1), np.zeros(last + 1)
 
-    def look(starts: Array) -> None:
-        _, away = search(p, starts)
-        order = np.sort(np.append(away, np.full((len(away), 1), np.inf), axis=1), axis=1)
-        alone = order[:, 1] > NEAR
-        np.maximum.at(found, np.where(alone, away.argmin(axis=1), last), order[:, 0])
-        found[last] = found.max()
+    rng, best = np.random.default_rng(2), np.empty((0, len(p.joints)))
 
-    rng = np.random.default_rng(2)
-    look(rng.uniform(0, 2 * np.pi, (2000, len(p.joints))))
+    def look(starts: Array, best: Array) -> Array:
+        """Search from starts, and up from the points that are farthest from the families."""
+        size = 10 ** rng.uniform(-3, -0.5, (len(best), 1))
+        beside = best + size * rng.normal(size=best.shape)
+        x, away = search(p, np.concatenate([starts, best, beside]))
+        order = np.sort(np.append(away, np.full((len(away), 1), np.inf), axis=1), axis=1)
+        column = np.where(order[:, 1] > NEAR, away.argmin(axis=1), last)
+        np.maximum.at(found, column, order[:, 0])
+        found[last] = found.max()
+        far = np.argsort(-order[:, 0], kind="stable")
+        top = [far[column[far] == k][:20] for k in range(last + 1)]
+        return np.asarray(x[np.concatenate(top)])
+
+    best = look(rng.uniform(0, 2 * np.pi, (2000, len(p.joints))), best)
+    for _ in range(20):
+        best = look(best[:0], np.tile(best, (4, 1)))
     while True:
         goal = SLACK * np.append(np.full(last, found[:last].max()), found[last])
         worth = boxes.far / np.maximum(goal, TINY)
@@ -585,7 +614,7 @@ def find_widths(p: Product) -> tuple[Array, Array, int]:
         few = min(20000, int(meets.sum()) or len(order))
         now, later = boxes.take(order[:few]), boxes.take(order[few:])
         some = now.take(slice(0, 400))
-        look(some.x + rng.uniform(-1, 1, some.x.shape) * some.h)
+        best = look(some.x + rng.uniform(-1, 1, some.x.shape) * some.h, best)
         rows, h, move = np.arange(len(now.x)), now.h.copy(), np.zeros_like(now.h)
         h[rows, now.split] /= 2
         move[rows, now.split] = h[rows, now.split]
