@@ -219,7 +219,7 @@ def not_loaded(name: str, expected: str, value: Any) -> ArgumentError:
 
 
 def _no_numbers(name: str, value: Any) -> ConfigurationError:
-    """What is wrong with a value that `_are_numbers` does not take."""
+    """Return what is wrong with a value that `_are_numbers` does not take."""
     if _reals(value) is not None:
         return ConfigurationError(f"{name} holds a number too large for a float")
     return ConfigurationError(f"{name} must be {_NUMBERS}, got {shown(value)}")
@@ -319,7 +319,7 @@ def _kind_of(hint: Any) -> _Kind | None:
 
 
 def _conversion(kind: _Kind, value: Any) -> Callable[[Any], Any] | None:
-    """What makes of a value what belongs there, where `stands_for` has said so."""
+    """Return what makes of a value what belongs there, where `stands_for` has said so."""
     found = (_CONVERSIONS.get((type(value), wanted)) for wanted in kind.classes)
     return next((convert for convert in found if convert is not None), None)
 
@@ -382,7 +382,7 @@ def _is_count(value: Any) -> bool:
 
 
 def _is_mask(value: Any) -> bool:
-    """Whether a value is true or false, joint by joint."""
+    """Return True if a value is true or false, joint by joint."""
     if isinstance(value, np.ndarray):
         return value.dtype.kind == "b" and not _is_masked(value)
     if isinstance(value, list | tuple):
@@ -391,7 +391,7 @@ def _is_mask(value: Any) -> bool:
 
 
 def _are_numbers(value: Any) -> bool:
-    """Whether NumPy would make floats of a value without losing anything."""
+    """Return True if NumPy would make floats of a value without losing anything."""
     if type(value) is np.ndarray and value.dtype.kind == "f":  # most often: not masked, as it is
         return True
     array = _reals(value)

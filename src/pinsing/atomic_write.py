@@ -157,12 +157,12 @@ def sync_folder(folder: Path) -> None:
 
 
 def is_temporary(name: str) -> bool:
-    """Whether a file of that name may be what a killed process left of a write."""
+    """Return True if a file of that name may be what a killed process left of a write."""
     return name.startswith(".") and name.endswith(TEMPORARY)
 
 
 def why(error: Exception) -> str:
-    """What the system says of a failure, without numbers and paths."""
+    """Return what the system says of a failure, without numbers and paths."""
     if isinstance(error, UnicodeEncodeError):
         return "the name holds half a character"
     return str(getattr(error, "strerror", None) or error)

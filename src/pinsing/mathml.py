@@ -141,7 +141,7 @@ class _Reader:
         return f"<{tag}>{base}{body}</{tag}>"
 
     def _group(self, depth: int) -> list[str]:
-        """What an index or a power takes: braces, or one token."""
+        """Return what an index or a power takes: braces, or one token."""
         token = self._next()
         while token == " ":
             token = self._next()
@@ -164,7 +164,7 @@ class _Reader:
 
 
 def _begins(row: list[str]) -> bool:
-    """Whether what comes next begins a term, as after an equals sign or a gap."""
+    """Return True if what comes next begins a term, as after an equals sign or a gap."""
     return not row or row[-1] == _SPACE or (row[-1].startswith("<mo") and ")" not in row[-1])
 
 

@@ -193,7 +193,7 @@ def pure_ellipsoids(J: Array) -> tuple[Ellipsoid, Ellipsoid]:
 
 
 def pure_by_default(task: str, generic_rank: int) -> bool:
-    """Whether pure motions are what to draw: of a pose, by arms that can move every way.
+    """Return True if pure motions are what to draw: of a pose, by arms that can move every way.
 
     Both ellipsoids have volume in general exactly where all six rows are independent.
     """

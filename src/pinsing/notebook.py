@@ -49,7 +49,7 @@ def formula(latex: str, short: str = "") -> str:
 
 
 def legend(named: Iterable[tuple[str, str]]) -> str:
-    """What the symbols of equations stand for: pairs of LaTeX and a name out of a file."""
+    """Return what the symbols of equations stand for: pairs of LaTeX and a name out of a file."""
     kept = '<span style="white-space:nowrap">'
     pairs = [f"{kept}{formula(symbol)} =</span> {name(joint)}" for symbol, joint in named]
     return f"<p>{text('where')} {', '.join(pairs)}</p>" if pairs else ""

@@ -131,12 +131,12 @@ def columns(text: str) -> int:
 
 
 def is_terminal(stream: TextIO) -> bool:
-    """Whether a person reads it as it is written."""
+    """Return True if a person reads it as it is written."""
     return stream.isatty() and os.environ.get("TERM") != "dumb"
 
 
 def shows_colour(stream: TextIO) -> bool:
-    """Whether to colour: at a terminal alone, and not against NO_COLOR (no-color.org)."""
+    """Return True if to colour: at a terminal alone, and not against NO_COLOR (no-color.org)."""
     return is_terminal(stream) and not os.environ.get("NO_COLOR")
 
 

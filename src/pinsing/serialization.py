@@ -95,7 +95,7 @@ class JsonResult:
         return notebook_text(str(self), block=True)
 
     def to_dict(self) -> dict[str, Any]:
-        """Plain dictionary, ready for ``json.dumps``; the first key is the schema.
+        """Return a plain dictionary, ready for ``json.dumps``; the first key is the schema.
 
         Examples
         --------
@@ -107,7 +107,7 @@ class JsonResult:
 
     @checked
     def to_json(self, indent: int | None = 2) -> str:
-        """JSON text (strict: no NaN or Infinity tokens).
+        """Return JSON text (strict: no NaN or Infinity tokens).
 
         Parameters
         ----------

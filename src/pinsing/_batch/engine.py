@@ -109,7 +109,7 @@ MAX_SWEEPS = 64
 
 
 def available() -> bool:
-    """Whether the compiled kernel is installed."""
+    """Return True if the compiled kernel is installed."""
     return _missing is None
 
 

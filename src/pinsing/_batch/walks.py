@@ -49,7 +49,7 @@ class WalkRules:
 
 
 def covered(n: int, m: int, rank: int) -> bool:
-    """Whether walks of n joints, m rows and a generic rank are compiled."""
+    """Return True if walks of n joints, m rows and a generic rank are compiled."""
     if not engine.available():
         return False
     kernel = engine.module()
@@ -135,7 +135,7 @@ def walks(
 
 
 def second_orders_covered(n: int, m: int) -> bool:
-    """Whether configurations of n joints and m rows, of rank m in general, are compiled."""
+    """Return True if configurations of n joints and m rows, of rank m in general, are compiled."""
     return engine.available() and m <= n <= int(engine.module().WALK_JOINTS)
 
 
@@ -149,7 +149,7 @@ def second_orders(
     threads: int | None = None,
     isa: str | None = None,
 ) -> Floats:
-    """What is known to second order of configurations where one motion is lost.
+    """Return what is known to second order of configurations where one motion is lost.
 
     Parameters
     ----------

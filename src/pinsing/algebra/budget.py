@@ -93,12 +93,12 @@ class Budget:
 
     @property
     def over(self) -> bool:
-        """Whether work or time has run out."""
+        """True if work or time has run out."""
         return self._meter.done > self._most or time.monotonic() > self._deadline
 
     @property
     def allowed(self) -> str:
-        """What was allowed, in words: the work, or the time if that has struck."""
+        """The work that was allowed, in words, or the time if that has struck."""
         if time.monotonic() > self._deadline:
             return f"{max(self._deadline - self._began, 0.0):.3g} s on the clock"
         return f"{self.seconds:.3g} s of work"
@@ -115,7 +115,7 @@ class Budget:
         return found
 
     def at_most(self, seconds: float) -> Budget:
-        """What is left, if no more than some seconds' worth."""
+        """Return what is left, if no more than some seconds' worth."""
         found = self.part(1.0)
         found._most = min(found._most, self._meter.done + PER_SECOND * seconds)
         return found
@@ -171,7 +171,7 @@ _MEMORY = 1_500_000_000
 
 
 def possible() -> bool:
-    """Whether processes can be forked without harm here."""
+    """Return True if processes can be forked without harm here."""
     return hasattr(os, "fork") and sys.platform == "linux"
 
 
@@ -223,7 +223,7 @@ class Apart:
 
     @property
     def child(self) -> bool:
-        """Whether this is the child."""
+        """True if this is the child."""
         return self._to_parent is not None
 
     def tell(self, what: Any) -> None:
@@ -342,7 +342,7 @@ def _confine() -> None:
 
 
 def in_child(work: Callable[[], T], budget: Budget, seconds: float) -> T:
-    """What ``work`` returns (something that can be pickled), in a child that can be stopped.
+    """Return what ``work`` returns (something that can be pickled), in a child that can be stopped.
 
     Parameters
     ----------

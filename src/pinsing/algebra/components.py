@@ -111,7 +111,7 @@ class FoundComponents:
         return list(self._components)
 
     def covers(self, values: Mapping[int, Value], relations: tuple[Poly, ...] = ()) -> bool:
-        """Whether a set is a part of a component, as far as substitution and division tell.
+        """Return True if a set is a part of a component, as far as substitution and division tell.
 
         If it is, it is passed over, and remembered.
         """
@@ -124,7 +124,7 @@ class FoundComponents:
         return False
 
     def holds(self, point: SlicePoint) -> bool:
-        """Whether a singular point lies on a component, and need not be looked at."""
+        """Return True if a singular point lies on a component, and need not be looked at."""
         for i, c in enumerate(self._components):
             if on_any([c], point):
                 self._held.append((point, i))
@@ -206,7 +206,7 @@ class FoundComponents:
 
 
 def inside(a: Component, b: Component, ring: Ring) -> bool:
-    """Whether a component lies in another one, as far as substitution and division tell."""
+    """Return True if a component lies in another one, as far as substitution and division tell."""
     if any(a.values.get(j) != v for j, v in b.values.items()):
         return False
     for r in b.relations:
@@ -241,7 +241,7 @@ def settled(c: Component, ring: Ring) -> Component:
 
 
 def on_any(components: Iterable[Component], point: SlicePoint) -> bool:
-    """Whether a point lies on one of some components."""
+    """Return True if a point lies on one of some components."""
     return any(
         all(point.has(j, value) for j, value in c.values.items())
         and all(point.is_zero(r) for r in c.relations)

@@ -479,7 +479,7 @@ def contact_along(
 
 
 def _step(c: Conditions, branch: WeightedBranch, x: Array, u: Array) -> float:
-    """How far along u a branch is not met."""
+    """Return how far along u a branch is not met."""
     values = zip(branch.joints, branch.values, c.turn[branch.joints], strict=True)
     steps = [_of_value(*map(float, (v, x[j], u[j], turn))) for j, v, turn in values]
     return max([*steps, *(_of_sum(s, x, u) for s in branch.sums)])

@@ -78,7 +78,7 @@ class SearchPlace:
         return self.whole or self
 
     def singular(self, point: SlicePoint) -> bool:
-        """Whether a point is singular."""
+        """Return True if a point is singular."""
         return point.rank(self.judge.matrix) < self.judge.rank
 
     def beside(self, matrix: Matrix, rank: int) -> SearchPlace:
@@ -103,7 +103,7 @@ class SearchPlace:
 
     @property
     def room(self) -> int:
-        """How many equations more there may be."""
+        """Number of further equations that are allowed."""
         return max(0, self.limit - len(self.values))
 
 
@@ -256,7 +256,7 @@ class Stating:
         return relations
 
     def _states(self, relations: Relations, place: SearchPlace, slices: Slices) -> bool:
-        """Whether all common zeros are singular, and none is on a component that is known."""
+        """Return True if all common zeros are singular, and none is on a known component."""
         found = False
         check = self.time.check
         points = slice_points(
@@ -605,7 +605,7 @@ class Search:
         return points
 
     def _regular(self, place: SearchPlace) -> bool:
-        """Whether some configuration of a place is regular, shown by one modulo a prime."""
+        """Return True if some configuration of a place is regular, shown by one modulo a prime."""
         return any(
             self._residues.generic_rank(place.matrix, self._rng) >= place.rank for _ in range(2)
         )
@@ -756,12 +756,12 @@ class Decomposition:
         return packed, self.gaps, self.stopped, self.second, self.bound
 
     def _tell(self, component: Component) -> None:
-        """What a child found, in case that it is stopped."""
+        """Return what a child found, in case that it is stopped."""
         if self._apart.child:
             self._apart.tell(_packed(component, self.ring))
 
     def _stop(self, told: Sequence[PackedComponent], reason: str) -> None:
-        """What is left of a search that was stopped: components, as far as they were told of.
+        """Return what is left of a stopped search: the components reported so far.
 
         Points that some of them were found by are gone with the child: of these nothing but what
         division shows is known to lie in another one.

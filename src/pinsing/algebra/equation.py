@@ -42,7 +42,7 @@ class Style:
 
     @property
     def modulo(self) -> str:
-        """What is said of whole turns."""
+        """Note about whole turns."""
         return r"\pmod{360^\circ}" if self.latex else "(mod 360°)"
 
     def joint(self, name: str) -> str:
@@ -343,12 +343,12 @@ class Equation(Memory):
 
     @property
     def unit(self) -> float:
-        """What a residual is taken relative to: such that 1e-14 of it is rounding."""
+        """Size that a residual is relative to: 1e-14 of it is rounding."""
         return self.size * max(1.0, self.accuracy / 1e-14)
 
     @property
     def half_angle(self) -> bool:
-        """Whether half-angles occur, so that q and q + 2 pi give opposite signs."""
+        """True if half-angles occur, so that q and q + 2 pi give opposite signs."""
         return bool((self.frequencies % 2 != 0).any())
 
     def __call__(self, q: npt.ArrayLike) -> Array:
@@ -358,7 +358,7 @@ class Equation(Memory):
         return np.asarray(value.sum(axis=-1))
 
     def gradient(self, q: npt.ArrayLike) -> Array:
-        """Derivatives by the joints at q (..., n): (..., n)."""
+        """Return the derivatives by the joints at q (..., n): (..., n)."""
         q = np.asarray(q, dtype=float)
         phase, power = self._terms(q)
         c, s = np.cos(phase), np.sin(phase)
@@ -383,24 +383,24 @@ class Equation(Memory):
         return {**self.__dict__, "known": {}}
 
     def scaled(self, factor: float) -> Equation:
-        """The same equation with all coefficients multiplied."""
+        """Return the same equation with all coefficients multiplied."""
         exact = self.exact
         if factor < 0:
             exact = tuple((_negated(c), _negated(s)) for c, s in exact)
         return replace(self, cos=self.cos * factor, sin=self.sin * factor, exact=exact)
 
     def text(self) -> str:
-        """One line, such as ``0.4318 cos q2 + 0.0203 cos(q2+q3) - 0.4318 sin(q2+q3) = 0``."""
+        """Return ``0.4318 cos q2 + 0.0203 cos(q2+q3) - 0.4318 sin(q2+q3) = 0``, or such a line."""
         condition = self._angle_sum(PLAIN)
         return condition if condition else f"{signed_sum(self._pieces(PLAIN))} = 0"
 
     def latex(self) -> str:
-        """The same line in LaTeX."""
+        """Return the same line in LaTeX."""
         condition = self._angle_sum(LATEX)
         return condition if condition else f"{signed_sum(self._pieces(LATEX))} = 0"
 
     def exact_text(self, latex: bool = False) -> str:
-        """The same line with exact coefficients, or nothing where they are not known.
+        """Return the same line with exact coefficients, or nothing where they are not known.
 
         Parameters
         ----------
@@ -424,7 +424,7 @@ class Equation(Memory):
 
     @property
     def angle_sum(self) -> float | None:
-        """What a sum of angles is, in (-pi, pi], where a half-angle equation says no more."""
+        """Value of a sum of angles, in (-pi, pi], where a half-angle equation says no more."""
         if len(self.cos) != 1 or not self.half_angle or self.powers.any():
             return None
         # a cos(p/2) + b sin(p/2) = 0 with p the sum: p = 2 atan2(-a, b), modulo whole turns.
@@ -433,7 +433,7 @@ class Equation(Memory):
         return angle if angle > -math.pi + 1e-12 else math.pi
 
     def angle_sum_text(self, angles: Sequence[float], latex: bool = False) -> str:
-        """``q3+q4 = 0° or 180°``, of this equation's sum of angles.
+        """Return ``q3+q4 = 0° or 180°``, of this equation's sum of angles.
 
         Parameters
         ----------
@@ -466,7 +466,7 @@ class Equation(Memory):
         return pieces
 
     def leading(self) -> float:
-        """The coefficient that is read first."""
+        """Return the coefficient that is read first."""
         for t in self._reading_order:
             for coefficient in (float(self.cos[t]), float(self.sin[t])):
                 if t in self._constants or abs(coefficient) > _NOTHING * self.size:
@@ -479,7 +479,7 @@ class Equation(Memory):
         return frozenset(np.flatnonzero(~self.frequencies.any(axis=1)).tolist())
 
     def _bodies(self, t: int, style: Style) -> list[tuple[int, str]]:
-        """What the cosine (0) and the sine (1) of a term multiply."""
+        """Return what the cosine (0) and the sine (1) of a term multiply."""
         power = " ".join(
             style.power(self.joints[j], int(self.powers[t, j]))
             for j in np.flatnonzero(self.powers[t])
@@ -616,7 +616,7 @@ def scale_to_lengths(equation: Equation, lengths: Sequence[float]) -> Equation:
     scaled = found * np.array(factors)[:, None]
 
     def matches(targets: Array) -> npt.NDArray[np.bool_]:
-        """Which of the values (factors, coefficients) are one of the targets, ascending."""
+        """Return which of the values (factors, coefficients) are one of the targets, ascending."""
         place = np.searchsorted(targets, scaled)
         below, above = (
             targets[np.maximum(place - 1, 0)],

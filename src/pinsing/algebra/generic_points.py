@@ -158,7 +158,7 @@ class SlicePoint:
         return engine_point(self.field, count, self._known.items(), self.free)
 
     def is_zero(self, poly: Poly) -> bool:
-        """Whether a polynomial vanishes there."""
+        """Return True if a polynomial vanishes there."""
         if self._compiled is not None and (made := self.residues.compiled(poly)) is not None:
             return bool(self._compiled.is_zero(made))
         return bool(self.value(poly).is_zero())
@@ -173,13 +173,13 @@ class SlicePoint:
         return rank_over([[self.value(x) for x in row] for row in matrix])
 
     def transversal(self, polys: Sequence[Poly]) -> bool:
-        """Whether zero sets cross there, rather than touch: their gradients are independent."""
+        """Return True if zero sets cross there: their gradients are independent."""
         nvars = self.residues.ring.nvars
         slopes = [[self.value(p.derivative(v)) for v in range(nvars)] for p in polys]
         return rank_over(slopes) == len(polys)
 
     def has(self, joint: int, value: Value) -> bool:
-        """Whether a joint is at a value there."""
+        """Return True if a joint is at a value there."""
         wanted = self.residues.of_value(value)
         variables = self.residues.ring.variables(joint)
         if self._compiled is not None:
@@ -258,7 +258,7 @@ class RandomSlice:
 
     @cached_property
     def circles(self) -> dict[int, Any]:
-        """What is zero only where no angle is meant: x^2 + y^2 of each free joint that turns."""
+        """Forms x^2 + y^2 of the free revolute joints: zero only where no angle is meant."""
         return {
             i: sum(x * x for x in self.coordinates(i, self.context.gens()[i]))
             for i, j in enumerate(self.chosen)

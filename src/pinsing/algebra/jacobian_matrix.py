@@ -44,7 +44,7 @@ def _closed(rows: Sequence[int], first: int, axis: int) -> bool:
 
 
 def turns_with_first(geometry: Nominal, task: Task) -> bool:
-    """Whether the first joint's turn leaves the rows in base axes the same set."""
+    """Return True if the first joint's turn leaves the rows in base axes the same set."""
     return any(
         _along_z(geometry.rotation[0], k, row=True) for k in round_about(in_axes(task, False))
     )

@@ -82,7 +82,7 @@ class Expression:
 def expressions(
     equation: Equation, joint: int, exact: bool = False
 ) -> dict[tuple[str, int], Expression] | None:
-    """What multiplies each function of one joint: cos and sin of its multiples, its powers, or 1.
+    """Return the factor of each function of one joint: cos and sin of multiples, powers, or 1.
 
     Parameters
     ----------
@@ -151,7 +151,7 @@ def _grouped(equation: Equation, joint: int) -> tuple[dict[Product, Number], flo
 def _ways(
     table: dict[Product, Number], joints: Sequence[int], chosen: tuple[str, ...] = ()
 ) -> Iterator[tuple[tuple[str, ...], dict[Product, Number]]]:
-    """What a table becomes in each way to write twice the angles of some joints."""
+    """Return what a table becomes in each way to write twice the angles of some joints."""
     if not joints:
         yield chosen, table
         return
@@ -169,7 +169,7 @@ def _plain(text: str) -> Number:
 
 
 def _factor(rough: Sequence[tuple[float, float]], exact: Sequence[tuple[Number, Number]]) -> float:
-    """What exact coefficients are to be multiplied by."""
+    """Return what exact coefficients are to be multiplied by."""
     flat = [(a, float(b)) for pair, other in zip(rough, exact, strict=True)
             for a, b in zip(pair, other, strict=True)]  # fmt: skip
     a, b = max(flat, key=lambda both: abs(both[0]))
@@ -399,7 +399,7 @@ def _brackets(
 
 
 def _is_negative(number: Number) -> bool:
-    """Whether a minus stands before it: sums with roots keep their signs inside."""
+    """Return True if a minus stands before it: sums with roots keep their signs inside."""
     parts = [p for p in parts_of(number) if p] if not isinstance(number, float | int) else []
     return len(parts) < 2 and float(number) < 0
 
@@ -444,7 +444,7 @@ class JointForm:
 
     @property
     def solutions(self) -> int:
-        """How many values there are, at most."""
+        """Largest number of values."""
         return 2 if self.kind in ("two", "opposite") else 1
 
     def solve(self, q: npt.ArrayLike) -> Array:
@@ -471,7 +471,7 @@ class JointForm:
         return np.asarray(np.pi - (np.pi - angles) % (2 * np.pi))
 
     def parts(self, exact: bool = False, latex: bool = False) -> tuple[tuple[str, str], ...]:
-        """What R, phi and c are, as pairs of a name and an expression; empty if not known exactly.
+        """Return R, phi and c as pairs of name and expression; empty if not known exactly.
 
         Parameters
         ----------
@@ -577,12 +577,12 @@ def _joint_form(equation: Equation, joint: int | None, exact: bool) -> JointForm
 
 
 def enters_once(equation: Equation, joint: int) -> bool:
-    """Whether an equation of several joints can be solved for this one."""
+    """Return True if an equation of several joints can be solved for this one."""
     return len(equation.involved) > 1 and bool(_kind(equation, joint))
 
 
 def _kind(equation: Equation, joint: int) -> str:
-    """How a joint enters, if it does so once."""
+    """Return how a joint enters, if it does so once."""
     frequencies = {int(f) for f in equation.frequencies[:, joint]}
     powers = {int(p) for p in equation.powers[:, joint]}
     if powers == {0, 1} and frequencies == {0}:

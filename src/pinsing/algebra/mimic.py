@@ -53,7 +53,7 @@ class Drive:
 
 
 def drives(geometry: Nominal) -> tuple[tuple[Drive, ...], tuple[Snap, ...]]:
-    """How each joint of the chain is driven, and what was moved to say so exactly.
+    """Return how each joint of the chain is driven, and what was moved to say so exactly.
 
     Raises
     ------
@@ -95,7 +95,7 @@ def drives(geometry: Nominal) -> tuple[tuple[Drive, ...], tuple[Snap, ...]]:
 
 
 def _other_way_round(name: str, multiple: Fraction, leader: str) -> str:
-    """How the same motion can be described with a whole multiple, where it can."""
+    """Return how the same motion can be described with a whole multiple, where it can."""
     back = 1 / multiple
     if back.denominator != 1 or abs(back) > _LARGEST_MULTIPLE:
         return ""
@@ -103,7 +103,7 @@ def _other_way_round(name: str, multiple: Fraction, leader: str) -> str:
 
 
 def own_rows(geometry: Nominal) -> list[int]:
-    """Where in the chain the arm's own joints are."""
+    """Return where in the chain the arm's own joints are."""
     if geometry.arm.coupling is None:
         return list(range(len(geometry.prismatic)))
     names = list(geometry.arm.model.names)[1:]

@@ -92,7 +92,7 @@ def determinant(matrix: Matrix, ring: Ring, time: Budget) -> Poly:
 
 
 def _odd(places: Sequence[int]) -> bool:
-    """Whether a permutation is odd."""
+    """Return True if a permutation is odd."""
     return sum(a > b for i, a in enumerate(places) for b in places[i + 1 :]) % 2 == 1
 
 
@@ -217,12 +217,12 @@ class Minors:
         return None
 
     def effort(self, factors: list[Poly]) -> tuple[int, int]:
-        """How much work it makes to cut with these factors; joint values make none."""
+        """Return how much work it makes to cut with these factors; joint values make none."""
         return cost([f for f in factors if self.ring.joint_value(f) is None])
 
 
 def cost(factors: list[Poly]) -> tuple[int, int]:
-    """How much work branching on these factors makes."""
+    """Return how much work branching on these factors makes."""
     return max((len(f) for f in factors), default=0), len(factors)
 
 

@@ -115,7 +115,7 @@ def _product(a: list[Exact], b: tuple[Exact, ...]) -> list[Exact]:
 
 
 def _may_vanish(coefficients: list[Exact], root: acb) -> bool:
-    """Whether zero is among the possible values at a root."""
+    """Return True if zero is among the possible values at a root."""
     total = acb(0)
     for c in reversed(coefficients):
         value = arb(0)
@@ -312,7 +312,7 @@ class _Affine:
         return True
 
     def _wanted(self, combination: Sequence[tuple[Any, fmpz_poly]]) -> bool:
-        """Whether a solution is real, its square roots the positive ones."""
+        """Return True if a solution is real, its square roots the positive ones."""
         parts = [acb(z) for z, _ in combination]
         return all(z.imag == 0 for z in parts) and all(
             z.real > 0 for z in parts[len(self.joints) :]
@@ -335,7 +335,7 @@ def _standard_monomials(basis: Sequence[Any], bounds: Sequence[int]) -> int:
 
 
 def changes_sign(poly: Poly, ring: Ring) -> bool:
-    """Whether a polynomial takes both signs, shown by its values at rational points.
+    """Return True if a polynomial takes both signs, shown by its values at rational points.
 
     One of odd degree in some revolute joint does: a whole turn changes its sign.
     """
@@ -402,7 +402,7 @@ def isolated_zeros(poly: Poly, ring: Ring, time: Budget) -> list[Solution] | Non
 
 
 def semidefinite(poly: Poly, ring: Ring, time: Budget) -> bool:
-    """Whether it is proven that a polynomial over the rationals never changes its sign.
+    """Return True if it is proven that a polynomial over the rationals never changes its sign.
 
     Factors of odd multiplicity must not. One in a single joint has no real root then; one of
     degree two in a joint, A x^2 + B x y + C y^2, has a discriminant B^2 - 4 A C that is nowhere
@@ -472,7 +472,7 @@ def _touching(poly: Poly, ring: Ring) -> list[Solution] | None:
 
 
 def _outweighed(poly: Poly, ring: Ring) -> bool:
-    """Whether the constant term is as large as all others can be together, exactly."""
+    """Return True if the constant term is as large as all others can be together, exactly."""
     if any(ring.prismatic[j] for j in ring.joints_of(poly)):
         return False
     constant, others, roots = Fraction(0), Fraction(0), arb(0)

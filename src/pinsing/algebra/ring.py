@@ -40,7 +40,7 @@ def whole_terms(poly: Any) -> dict[Any, int]:
 
 
 def coefficients_by(poly: Any, variables: Sequence[int]) -> dict[tuple[int, ...], Any]:
-    """What each product of powers of some variables is multiplied by, by their exponents."""
+    """Return what each product of powers of some variables is multiplied by, by their exponents."""
     parts: dict[tuple[int, ...], dict[tuple[int, ...], Any]] = {}
     for m, c in terms_of(poly).items():
         rest = [0 if v in variables else int(e) for v, e in enumerate(m)]
@@ -62,7 +62,7 @@ class MadeOnce(dict[int, tuple[Any, Any]]):
     """What was made of objects, once of each; these are kept, so that their ids stay their own."""
 
     def of(self, given: Any, make: Callable[[Any], Any]) -> Any:
-        """What was made of an object."""
+        """Return what was made of an object."""
         if id(given) not in self:
             self[id(given)] = given, make(given)
         return self[id(given)][1]
@@ -126,7 +126,7 @@ class Ring:
 
     @property
     def rational(self) -> bool:
-        """Whether all coefficients are rational."""
+        """True if all coefficients are rational."""
         return True
 
     @property
@@ -182,7 +182,7 @@ class Ring:
         return self.context.from_dict({m: fmpq(p, q) for m, p, q in terms})
 
     def is_constant(self, poly: Poly) -> bool:
-        """Whether no joint occurs."""
+        """Return True if no joint occurs."""
         return bool(poly.is_constant())
 
     def substitute(self, poly: Poly, values: Mapping[int, Value]) -> Poly:
@@ -190,7 +190,7 @@ class Ring:
         return self.putting(values)(poly)
 
     def putting(self, values: Mapping[int, Value]) -> Callable[[Poly], Poly]:
-        """What puts exact joint values into one polynomial after the other."""
+        """Return what puts exact joint values into one polynomial after the other."""
         names = self.context.names()
         found = {
             v: rational(x)  # type: ignore[arg-type]
@@ -208,7 +208,7 @@ class Ring:
         return put
 
     def nowhere_zero(self, poly: Poly) -> bool:
-        """Whether a polynomial is a constant times x^2 + y^2 of joints, which no angle makes zero.
+        """Return True if a polynomial is a constant times x^2 + y^2 of joints: never zero.
 
         Not the zero polynomial.
         """
@@ -226,7 +226,7 @@ class Ring:
         return self._is_of_norms(poly, degrees)
 
     def _is_of_norms(self, poly: Poly, degrees: Monomial) -> bool:
-        """Whether a polynomial is a constant times the x^2 + y^2 that its degrees ask for."""
+        """Return True if a polynomial is a constant times x^2 + y^2 to its degrees."""
         powers = [(w, degrees[s] // 2) for s, w in zip(self.start, self.w, strict=True) if w]
         if len(poly) != math.prod(k + 1 for _, k in powers):
             return False
@@ -238,7 +238,7 @@ class Ring:
         return terms_of(poly)
 
     def divides(self, p: Poly, poly: Poly) -> bool:
-        """Whether ``poly`` is a multiple of ``p``, one of the ``factors`` of something."""
+        """Return True if ``poly`` is a multiple of ``p``, one of the ``factors`` of something."""
         return bool(divmod(poly, p)[1] == 0)
 
     def quotient(self, poly: Poly, p: Poly) -> Poly:

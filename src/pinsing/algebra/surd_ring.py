@@ -62,7 +62,7 @@ class SurdRing(Ring):
 
     @property
     def rational(self) -> bool:
-        """Whether all coefficients are rational."""
+        """True if all coefficients are rational."""
         return False
 
     @property
@@ -114,11 +114,11 @@ class SurdRing(Ring):
         return self.context.from_dict({m: rational(c) for m, c in found.items()})
 
     def is_constant(self, poly: Poly) -> bool:
-        """Whether no joint occurs."""
+        """Return True if no joint occurs."""
         return all(d <= 0 for d in poly.degrees()[: self.nvars])
 
     def putting(self, values: Mapping[int, Value]) -> Callable[[Poly], Poly]:
-        """What puts exact joint values into one polynomial after the other."""
+        """Return what puts exact joint values into one polynomial after the other."""
         plain = {j: v for j, v in values.items() if not any(isinstance(x, Surd) for x in v)}
         left = {j: v for j, v in values.items() if j not in plain}
         put_plain = super().putting(plain)
@@ -135,7 +135,7 @@ class SurdRing(Ring):
         return put
 
     def _is_of_norms(self, poly: Poly, degrees: Monomial) -> bool:
-        """Whether a polynomial is a constant times the x^2 + y^2 that its degrees ask for."""
+        """Return True if a polynomial is a constant times x^2 + y^2 to its degrees."""
         return self.is_constant(self.strip(poly))
 
     def coefficients(self, poly: Poly) -> Mapping[Monomial, Any]:
@@ -153,7 +153,7 @@ class SurdRing(Ring):
         return self.reduce(poly * self.number(1 / lead))
 
     def divides(self, p: Poly, poly: Poly) -> bool:
-        """Whether ``poly`` is a multiple of ``p``, one of the ``factors`` of something."""
+        """Return True if ``poly`` is a multiple of ``p``, one of the ``factors`` of something."""
         return bool(self.reduce(divmod(poly, p)[1]) == 0)
 
     def quotient(self, poly: Poly, p: Poly) -> Poly:
@@ -260,14 +260,14 @@ class SurdRing(Ring):
         raise AssertionError("unreachable")
 
     def _surely_irreducible(self, poly: Poly) -> bool:
-        """Whether it is irreducible modulo a prime, at which every root of ours has a value."""
+        """Return True if it is irreducible modulo a prime at which our roots have values."""
         try:
             return [k for _, k in image(poly, self, WORD_PRIME).factor()[1]] == [1]
         except OverflowError:  # python-flint 0.9 cannot sort factors of the same shape
             return False
 
     def _parts(self, poly: Poly, level: int) -> tuple[Poly, Poly]:
-        """What 1 and the last root multiply."""
+        """Return what 1 and the last root multiply."""
         parts = coefficients_by(poly, (self.nvars + level - 1,))
         return parts.get((0,), self.zero), parts.get((1,), self.zero)
 
@@ -295,7 +295,7 @@ class SurdRing(Ring):
         return next(v for v in self.variables(joint) if degrees[v])
 
     def _has_square(self, poly: Poly, joint: int) -> bool:
-        """Whether some factor with a joint in it is there more than once, modulo a prime."""
+        """Return True if some factor with a joint in it is there more than once, modulo a prime."""
         reduced = image(poly, self, WORD_PRIME)
         slope = reduced.derivative(self._variable(poly, joint))
         return not reduced.gcd(slope).is_constant()

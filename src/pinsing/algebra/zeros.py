@@ -98,7 +98,7 @@ def rank_over(field_rows: Sequence[Sequence[Any]]) -> int:
 
 
 def covered(prime: int) -> bool:
-    """Whether the engine is there, and takes residues modulo a prime."""
+    """Return True if the engine is there, and takes residues modulo a prime."""
     return engine.available() and prime > 2 and prime.bit_length() <= 62
 
 
@@ -324,7 +324,7 @@ class _Solver:
         return functools.reduce(divided_by, self.nonzero.values(), poly)
 
     def _wanted(self, zero: Zero, v: int) -> bool:
-        """Whether the value of variable v is none of the unwanted ones."""
+        """Return True if the value of variable v is none of the unwanted ones."""
         if v not in self.nonzero:
             return True
         if v not in self.unwanted:

@@ -108,7 +108,7 @@ class PinsingGroup(click.Group):
 
 
 def _missing(error: click.UsageError) -> str:
-    """What to type where an option or argument is missing; empty for other slips."""
+    """Return what to type where an option or argument is missing; empty for other slips."""
     if not isinstance(error, click.MissingParameter) or error.param is None or error.ctx is None:
         return ""
     param, usage = error.param, error.ctx.command.collect_usage_pieces(error.ctx)

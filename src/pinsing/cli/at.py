@@ -140,7 +140,7 @@ _ON = 1e-6
 def _answer(
     state: State, found: tuple[ClosedForm, Distances] | None, degrees: bool, robot: str
 ) -> str:
-    """What is wrong there, if anything, what is near, and what to do: five lines at most."""
+    """Return what is wrong there, if anything, what is near, and what to do: five lines at most."""
     from pinsing.joint_text import typed
     from pinsing.postures.ladder import posture_names
     from pinsing.proximity.trajectory import singularity

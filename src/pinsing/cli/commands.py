@@ -71,7 +71,7 @@ def _written(words: Sequence[str]) -> str:
 
 
 def _is_robot(word: str) -> bool:
-    """Whether a word names one robot: a file, or a name in full."""
+    """Return True if a word names one robot: a file, or a name in full."""
     if word.startswith("-") or word.endswith(":"):
         return False
     if os.sep in word or os.path.isfile(word):

@@ -206,7 +206,7 @@ def verify_command(files: tuple[Path, ...], seconds: float) -> int:
 
 
 def _verified(file: Path, seconds: float) -> tuple[bool, str]:
-    """Whether a file is accepted, and what is said of it."""
+    """Return whether a file is accepted, and what is said of it."""
     from pinsing.algebra.budget import Budget, BudgetExceeded, in_child
     from pinsing.proof.checker import LONGEST_FILE, Rejected, statement, verify
 

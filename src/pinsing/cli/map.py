@@ -15,6 +15,7 @@ from pinsing.cli.options import (
     arm_options,
     deg_option,
     fail_option,
+    in_degrees,
     joint_names,
     joint_vector,
     once_option,
@@ -149,7 +150,7 @@ def map_command(
             say_stopped(out)
             return STOPPED
     if not emit_json(result, json_target):
-        emit(result.text(Page.of(), deg))
+        emit(result.text(Page.of(), in_degrees(deg)))
     if not result.complete:
         say_stopped(out)
         return STOPPED

@@ -260,7 +260,7 @@ def families_loops(
 
 
 def _loci_answer(mechanism: Mechanism, found: Any, robot: str) -> str:
-    """What the loci mean, each once and without equations."""
+    """Return what the loci mean, each once and without equations."""
     said = list(dict.fromkeys(f"{locus.kind}: {locus.words}" for locus in found.loci))
     word = "complete" if found.complete else "NOT complete"
     rows = [f"  {words}" for words in said[:5]]
@@ -368,7 +368,7 @@ def view_loops(
 
 
 def _saved(path: Path, mechanism: Mechanism) -> MechanismAnalysis:
-    """What ``analyze --loops -o FILE.json`` wrote, of the same mechanism."""
+    """Return what ``analyze --loops -o FILE.json`` wrote, of the same mechanism."""
     from pinsing.cli.serving import read_json
     from pinsing.loops import MechanismAnalysis
 

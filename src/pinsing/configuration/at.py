@@ -201,7 +201,7 @@ class State(JsonResult):
 
     @property
     def singular(self) -> bool:
-        """Whether the rank is below the generic one, to ``rtol``."""
+        """True if the rank is below the generic one, to ``rtol``."""
         return self.status == SINGULAR
 
     def __repr__(self) -> str:
@@ -299,7 +299,7 @@ def _labelled(label: str, lines: Iterable[Span]) -> Iterator[Line]:
 
 
 def _meaning(state: State) -> Iterator[Line]:
-    """What cannot be done, why, and what moves although the tip rests."""
+    """Return what cannot be done, why, and what moves although the tip rests."""
     if state.lost:
         yield "", ""
         torque = "no" if state.singular else "almost no"
@@ -373,7 +373,7 @@ def _ellipsoid(what: str, ellipsoid: VelocityEllipsoid, rotation: Array) -> Iter
 
 
 def _allowed(state: State, speeds: TipSpeeds) -> Iterator[Line]:
-    """What the joint speed limits allow in every direction, and what limits it."""
+    """Return what the joint speed limits allow in every direction, and what limits it."""
     rows = parse_task(state.arm.task).rows
     both = min(rows) < 3 <= max(rows)
     label = "allowed speed"
@@ -417,7 +417,7 @@ def at(
     turn_speed: float = TURN_SPEED,
     joint_speeds: npt.ArrayLike | None = None,
 ) -> State:
-    """Everything about the configuration q (n,), radians and metres, of an arm.
+    """Analyze one configuration q (n,) of an arm, radians and metres.
 
     Parameters
     ----------
@@ -529,7 +529,7 @@ class Loss:
 
 
 def loss_at(arm: Arm, q: Array, rtol: float = SINGULAR_RTOL, near_rtol: float = NEAR_RTOL) -> Loss:
-    """What is lost at q (n,), which is in order, and why; arguments as of ``at``."""
+    """Return what is lost at q (n,), which is in order, and why; arguments as of ``at``."""
     position, rotation, J = tip_and_jacobian(arm, q)
     scale = own_scale(arm)
     U, sigma, Vt = np.linalg.svd(scale.apply(arm, J, q))

@@ -75,7 +75,7 @@ class ColumnRanks:
         return self._rank[key]
 
     def nullity(self, ids: Sequence[int]) -> int:
-        """How many of the columns ``ids`` the others of these make up for."""
+        """Return how many of the columns ``ids`` the others of these make up for."""
         return len(ids) - self.rank(ids)
 
     def generic_rank(self, ids: Sequence[int]) -> int:
@@ -88,7 +88,7 @@ class ColumnRanks:
         return self._generic[key]
 
     def deficient(self, ids: Sequence[int]) -> bool:
-        """Whether the columns ``ids`` have a smaller rank here than in general."""
+        """Return True if the columns ``ids`` have a smaller rank here than in general."""
         return self.rank(ids) < self.generic_rank(ids)
 
     def causes(self) -> list[tuple[int, ...]]:
@@ -348,13 +348,13 @@ class _Reasons:
         return dependent(ids, self.nearly, rows, "at zero")
 
     def _idle(self, ids: Sequence[int]) -> str:
-        """What is said of joints that move none of the rows of a task."""
+        """Return what is said of joints that move none of the rows of a task."""
         move = "moves" if len(ids) == 1 else "move"
         rows = ", ".join(self.arm.task.row_names)
         return f"{joints_of(ids)} {move} {self.nearly}none of the rows {rows}"
 
     def _as_twists(self, ids: tuple[int, ...]) -> bool:
-        """Whether the whole twists are dependent, and not the chosen rows alone."""
+        """Return True if the whole twists are dependent, and not the chosen rows alone."""
         axes = self.axes
         v = np.array([axes.velocity(i, axes.tip) for i in ids])
         w = np.where(axes.prismatic[list(ids), None], 0.0, axes.direction[list(ids)])

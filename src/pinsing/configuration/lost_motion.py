@@ -73,12 +73,12 @@ class JointAxes:
         return cls(direction, tip - arms, prismatic, tip, size)
 
     def parallel(self, ids: Sequence[int], tol: float) -> bool:
-        """Whether all these axes have one direction, up to sign."""
+        """Return True if all these axes have one direction, up to sign."""
         first = self.direction[ids[0]]
         return all(length(cross(first, self.direction[i])) <= tol for i in ids[1:])
 
     def perpendicular(self, i: int, direction: Array, tol: float) -> bool:
-        """Whether axis i is perpendicular to a unit direction (3,)."""
+        """Return True if axis i is perpendicular to a unit direction (3,)."""
         return bool(abs(self.direction[i] @ direction) <= tol)
 
     def distance(self, i: int, point: Array) -> float:
@@ -98,7 +98,7 @@ class JointAxes:
         return point if near else None
 
     def in_one_plane(self, ids: Sequence[int], tol: float, *points: Array) -> bool:
-        """Whether these turning axes, and the given points (3,), lie in one plane."""
+        """Return True if these turning axes, and the given points (3,), lie in one plane."""
         start = self.point[ids[0]]
         others = [p - start for p in (*self.point[list(ids)], *points)]
         spanned = np.array([*self.direction[list(ids)], *(p / self.size for p in others)])
@@ -436,7 +436,7 @@ class LostMotion:
 
     @property
     def free_wrench(self) -> str:
-        """What needs no joint torque, in words that follow those of the motion."""
+        """Wrench that needs no joint torque, in words that follow those of the motion."""
         return {
             "rotation": "a moment about it",
             "screw": "a wrench on it",

@@ -80,7 +80,7 @@ def _told_compiled(arm: Arm, Q: Array) -> Array | None:
 
 
 def _told(arm: Arm, Q: Array) -> Array:
-    """What `pinsing._batch.walks` tells of Q (N, n).
+    """Return what `pinsing._batch.walks` tells of Q (N, n).
 
     Where the generic rank r is less than the rows m, some motions are never there: of the m - r + 1
     directions that are missing, the one that a small move makes attainable again is lost, the range

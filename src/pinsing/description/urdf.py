@@ -210,7 +210,7 @@ class Description:
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """What was assumed, mended or left out, with the meshes that are not drawn."""
+        """Notes: assumptions, repairs and omissions, with the meshes that are not drawn."""
         return (*self.assumed, *self.shapes.found.notes)
 
     def joint(self, name: str) -> JointEntry:

@@ -252,7 +252,7 @@ def suggestion(name: str, known: Iterable[str]) -> str:
 
 
 def has_control(name: str) -> bool:
-    """Whether a name holds a line break, a tab, an escape or the like."""
+    """Return True if a name holds a line break, a tab, an escape or the like."""
     return any(unicodedata.category(c) == "Cc" for c in name)
 
 

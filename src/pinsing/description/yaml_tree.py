@@ -181,7 +181,7 @@ class YamlNode:
 
     @property
     def empty_list(self) -> bool:
-        """Whether this is a list without entries."""
+        """True if this is a list without entries."""
         return isinstance(self.node, yaml.SequenceNode) and not self.node.value
 
     def keys(self) -> tuple[str, ...]:

@@ -60,7 +60,7 @@ class SolvedFor:
 
 
 def long_form(equation: Equation) -> JointForm | None:
-    """How a long equation is stated; None for short ones, and where no joint enters once."""
+    """Return how a long equation is stated; None for short ones, and where no joint enters once."""
     return joint_form(equation) if len(equation.cos) > LONG else None
 
 
@@ -163,7 +163,7 @@ def long_ones(equations: Sequence[Equation]) -> list[Equation]:
 
 
 def at_once(branch: Branch, q: Array, symbols: Sequence[str]) -> AtOnce | None:
-    """How the equations of a branch can be used near one of its configurations.
+    """Return how the equations of a branch can be used near one of its configurations.
 
     Parameters
     ----------
@@ -260,7 +260,7 @@ def _peeled(
 
 
 def _told(step: Step) -> str:
-    """What one of many equations says of a joint."""
+    """Return what one of many equations says of a joint."""
     names = step.equation.joints
     others = [names[j] for j in step.equation.involved if j != step.joint]
     given = f" given {listed(others)}" if others else ""

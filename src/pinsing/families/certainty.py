@@ -13,7 +13,7 @@ from pinsing.robot.exact_placements import Deviation
 
 @dataclass(frozen=True)
 class Proof:
-    """What became of the search for a certificate.
+    """Outcome of the search for a certificate.
 
     Attributes
     ----------
@@ -61,27 +61,27 @@ class Answer(Protocol):
 
     @property
     def proof(self) -> Proof | None:
-        """What became of the search for a certificate."""
+        """Outcome of the search for a certificate."""
 
     @property
     def random_steps(self) -> RandomSteps | None:
-        """What rests on random points."""
+        """Steps that rest on random points."""
 
     @property
     def slice_count(self) -> SliceCount | None:
-        """What random slices told."""
+        """Result of random slices."""
 
     @property
     def deviation(self) -> Deviation | None:
-        """How far its geometry is from the file's."""
+        """Difference between its geometry and the file's."""
 
     @property
     def tube(self) -> object | None:
-        """What is known of a robot whose design has the families; its text."""
+        """Text about a robot whose design has the families."""
 
 
 def coverage_words(forms: Answer) -> str:
-    """How sure it is that none is missing, in a few words for a page that lists families."""
+    """Return how sure it is that none is missing, in a few words for a page that lists families."""
     of = "" if forms.deviation is None else f" for {forms.deviation.geometry}"
     how = "" if forms.deviation is None else f" ({forms.deviation.change})"
     robot = "" if forms.tube is None else f" {forms.tube}"
@@ -97,7 +97,7 @@ def coverage_words(forms: Answer) -> str:
 
 
 def certainty(forms: Answer, page: Page = PLAIN) -> str:
-    """How sure it is that none is missing, and what that rests on, or what is missing."""
+    """Return how sure it is that none is missing, and what that rests on, or what is missing."""
     if forms.word != "not complete":
         return proof_text(forms, page)
     said = (caution("not complete"), ": ")
@@ -108,7 +108,7 @@ def certainty(forms: Answer, page: Page = PLAIN) -> str:
 
 
 def proof_text(forms: Answer, page: Page = PLAIN) -> str:
-    """What the word rests on: a certificate, or random points."""
+    """Return what the word rests on: a certificate, or random points."""
     proof = forms.proof
     of = "" if forms.deviation is None else f" for {forms.deviation.geometry}"
     if proof is not None and proof.accepted:
@@ -137,7 +137,7 @@ below 4e6 (eliminants are cut off at 3,000) and primes of 62 bits."""
 
 
 def _random_steps(forms: Answer) -> str:
-    """What rests on random points of finite fields, with primes and seeds."""
+    """Return what rests on random points of finite fields, with primes and seeds."""
     steps = forms.random_steps
     if steps is None or not steps.systems:
         return "no step of the search rested on random points"

@@ -102,7 +102,7 @@ _SHORT = 60
 
 
 def kinds_of(family: Family, points: Array, arm: Arm, maker: PieceMaker) -> tuple[KindPart, ...]:
-    """What kind of singularity the points (N, n) of a family are, and where which.
+    """Return what kind of singularity the points (N, n) of a family are, and where which.
 
     One part if all that could be decided agree. Where whole branches are of one kind each, such
     as q3 = 0 and q3 = 180 degrees, the parts are named by these; else they are shares of the
@@ -232,7 +232,7 @@ def _solved(branch: Branch, start: Array) -> Iterator[Array]:
 
 
 def _alike(arm: Arm, found: Array, q: Array) -> bool:
-    """Whether two configurations have the same rank, the first one to all digits."""
+    """Return True if two configurations have the same rank, the first one to all digits."""
     sigma = batch(arm, threads=1).sigma(np.stack([found, q]))[:, : generic_rank(arm)]
     ratio = sigma / sigma[:, :1].clip(min=1e-300)
     zeros = ratio <= 1e-8
@@ -288,7 +288,7 @@ def describe(
 
 
 def _blunt(draft: Family, points: Array, geometry: Nominal) -> bool:
-    """Whether points have half of their digits only, as where an equation touches zero."""
+    """Return True if points have half of their digits only, as where an equation touches zero."""
     if not len(points) or not any(b.equations for b in draft.branches):
         return False
     # sigma_r / sigma_1 of a point that has its digits.
@@ -330,7 +330,7 @@ def stated(group: Sequence[SolvedPiece], maker: PieceMaker, arm: Arm) -> Family:
 
 
 def _drawn(draft: Family, maker: PieceMaker, rng: np.random.Generator) -> bool:
-    """Whether points are found as ``sample`` finds them, where a shorter look found none.
+    """Return True if points are found as ``sample`` finds them, where a shorter look found none.
 
     What is said of a family must not be less than what its own samples show.
     """
@@ -344,7 +344,7 @@ def _drawn(draft: Family, maker: PieceMaker, rng: np.random.Generator) -> bool:
 def _value_reach(
     family: Family, reachability: Reachability, inside: Array, maker: PieceMaker
 ) -> tuple[ValueReach, ...]:
-    """Which of the values that joints are at lie within the limits."""
+    """Return which of the values that joints are at lie within the limits."""
     drawn: list[np.random.Generator] = []
 
     def met(branch: Branch) -> bool:
@@ -360,7 +360,7 @@ def _value_reach(
 
 
 def _limits_met(family: Family, q: Array, symbols: Sequence[str]) -> tuple[str, ...]:
-    """Which limits a point lies beyond, within the tolerance, with both numbers."""
+    """Return which limits a point lies beyond, within the tolerance, with both numbers."""
     said = []
     for j, value in enumerate(q):
         for limit, beyond in ((family.lower[j], -1.0), (family.upper[j], 1.0)):
@@ -378,7 +378,7 @@ def _until(time: Budget) -> Stop:
 
 
 def _unreachable(family: Family, stop: Stop) -> Reachability:
-    """Whether that no point lies within the limits can be proven."""
+    """Return whether that no point lies within the limits can be proven."""
     lower, upper = family.box(within_limits=True)
     endless = family.prismatic & ~(np.isfinite(family.lower) & np.isfinite(family.upper))
     for branch in family.branches:
@@ -439,7 +439,7 @@ def missing_everywhere(loss: Loss | State) -> list[str]:
 
 
 def _on(family: Family, branch: Branch, points: Array) -> Bool:
-    """Which of some points (N, n) of a family are on one of its branches."""
+    """Return which of some points (N, n) of a family are on one of its branches."""
     # Distance in joint space up to which a point is on a branch.
     return near((branch,), family.space, points, 1e-6, family.confirm)
 

@@ -159,7 +159,7 @@ def design_form(lengths: Lengths, joints: Sequence[str], seconds: float) -> Desi
 
 
 def _not_zero(assumed: Sequence[Poly], design: DesignNames) -> list[str]:
-    """What must not be zero; of a twist all together, sin alpha2."""
+    """Return what must not be zero; of a twist all together, sin alpha2."""
     groups: dict[object, list[Poly]] = {}
     for p in assumed:
         fixed = design.ring.joint_value(p)
@@ -236,7 +236,7 @@ def _stated(
 
 
 def _only_at(equations: Sequence[Poly], design: DesignNames) -> str:
-    """Where equations hold together, if that is not for symbols in general; empty if it is.
+    """Return where equations hold together, if that is not for symbols in general; empty if it is.
 
     Some of them that have fewer joints than they are leave a condition on the symbols alone: their
     resultant, where they are two in one joint.
@@ -259,7 +259,7 @@ def _only_at(equations: Sequence[Poly], design: DesignNames) -> str:
 
 
 def _positive(poly: Poly) -> bool:
-    """Whether a polynomial is a sum of even powers and a number, of one sign: nowhere zero."""
+    """Return True if a polynomial is a sum of even powers of one sign and a number."""
     signs = {c > 0 for c in poly.coeffs()}
     even = all(not k % 2 for monomial in poly.monoms() for k in monomial)
     return len(signs) == 1 and even and any(not any(m) for m in poly.monoms())

@@ -88,7 +88,7 @@ class Changes:
         self._rng = np.random.default_rng(11)
 
     def all(self) -> Iterator[DesignChange]:
-        """What changes where lengths are zero or equal but for the sign, and at right twists.
+        """Return the changes at lengths that are zero or equal but for sign, and at right twists.
 
         Raises
         ------
@@ -156,7 +156,7 @@ class Changes:
         return SpecialDesign(f"{names[s]} = {minus}{names[t]}", (s, t), images, renames=True)
 
     def _at(self, special: SpecialDesign) -> Iterator[DesignChange]:
-        """What becomes of the families at special values."""
+        """Return what becomes of the families at special values."""
         self.time.check()
         condition, ring = special.condition, self.ring
         if self._everywhere(special.images):
@@ -185,7 +185,7 @@ class Changes:
                 yield DesignChange(condition, f.name, "merges", shared)
 
     def _touches(self, family: FoundFamily, special: SpecialDesign) -> bool:
-        """Whether special values say anything of a family but the name of a symbol."""
+        """Return True if special values say anything of a family but the name of a symbol."""
         known = {s for p in family.polys for s in self.ring.joints_of(p)}
         need = all if special.renames else any
         return need(s in known for s in special.symbols)
@@ -207,7 +207,7 @@ class Changes:
         return found
 
     def _irreducible(self, poly: Poly) -> bool:
-        """Whether a polynomial is linear in a length, A s + B, and A and B have no common factor.
+        """Return True if a polynomial is A s + B in a length s, without a common factor.
 
         To see that takes a fraction of the time that factoring does.
         """
@@ -224,7 +224,7 @@ class Changes:
         return best is not None and self.ring.is_constant(self.ring.gcd(*best))
 
     def _everywhere(self, images: Images) -> bool:
-        """Whether the rank is less at all configurations."""
+        """Return True if the rank is less at all configurations."""
         for _ in range(2):  # one that is regular is enough
             point = self._residues.random_point(self._rng)
             for v, (number, other) in images.items():
@@ -256,7 +256,7 @@ class Changes:
 
 
 def _alike(p: Poly, q: Poly) -> bool:
-    """Whether one is a multiple of the other by a number."""
+    """Return True if one is a multiple of the other by a number."""
     if len(p) != len(q) or p.degrees() != q.degrees():
         return False
     return bool(p * q.leading_coefficient() == q * p.leading_coefficient())

@@ -47,7 +47,7 @@ class DesignNames:
         return text_of(self.equation(poly))
 
     def moves(self, poly: Poly) -> bool:
-        """Whether a joint occurs."""
+        """Return True if a joint occurs."""
         return any(j < self.n for j in self.ring.joints_of(poly))
 
 
@@ -176,14 +176,14 @@ class DesignForm(JsonResult):
 
     @property
     def variables(self) -> tuple[str, ...]:
-        """What the equations are in: joints, then symbols."""
+        """Variables of the equations: joints, then symbols."""
         return self.joints + self.symbols
 
     @checked
     def residuals(
         self, family: str, q: npt.ArrayLike, lengths: Mapping[str, float] | None = None
     ) -> Array:
-        """Values of the equations of a family at q with numbers put in for its symbols.
+        """Return the values of the equations of a family at q with numbers put in for its symbols.
 
         Parameters
         ----------

@@ -66,7 +66,7 @@ class Lengths:
 
     @property
     def joints(self) -> int:
-        """How many joints the arm has itself."""
+        """Number of joints of the arm."""
         return len(self.geometry.prismatic) - sum(self.angles)
 
     @property
@@ -230,7 +230,7 @@ def _translation(
 
 
 def _check(made: Lengths) -> None:
-    """Whether the sums are the chain: else a length stands where angles were moved."""
+    """Return whether the sums are the chain: else a length stands where angles were moved."""
     for i, vector in enumerate(made.geometry.translation):
         for k, value in enumerate(vector):
             total = float(made.rest[i][k])

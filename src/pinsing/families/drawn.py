@@ -170,7 +170,7 @@ def draw(
 
 
 def _kind(equation: Equation, joint: int) -> str:
-    """How a joint enters, if it does so once."""
+    """Return how a joint enters, if it does so once."""
     rates = set(np.abs(equation.frequencies[:, joint]).tolist())
     powers = set(equation.powers[:, joint].tolist())
     if powers != {0}:

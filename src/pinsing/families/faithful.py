@@ -44,7 +44,7 @@ def disagreements(
     geometry: Nominal,
     symbols: Sequence[str],
 ) -> list[str]:
-    """Where families and their exact components do not say the same, in words.
+    """Return where families and their exact components do not say the same, in words.
 
     Parameters
     ----------
@@ -115,7 +115,7 @@ class _Exact:
         self._made: dict[int, tuple[Poly, _Form]] = {}
 
     def same(self, branch: Branch, component: Component) -> bool:
-        """Whether a branch is the part of a component that has its joints at their values."""
+        """Return True if a branch is a component with its joints put at their values."""
         there = {v.joint: v.value for v in branch.values}
         for j, value in self._values(component).items():
             if j not in there or self._apart(j, there[j] - value) > _SHARP:
@@ -214,7 +214,7 @@ class _Exact:
         ]
 
     def _of_one(self, forms: Sequence[_Form]) -> bool:
-        """Whether a condition has a real root, or is one of several joints."""
+        """Return True if a condition has a real root, or is one of several joints."""
         joints = frozenset().union(*(f.joints for f in forms))
         q = np.zeros(len(self.slides))
         return len(joints) > 1 or any(self._roots(f, j, q) for f in forms for j in joints)

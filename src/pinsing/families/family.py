@@ -221,7 +221,7 @@ class Members:
 
     @checked
     def gradient(self, q: npt.ArrayLike) -> Array:
-        """Gradient (n,) of the distance from q (n,) to the family: the way that leads off it.
+        """Return the gradient (n,) of the distance from q (n,) to the family.
 
         Parameters
         ----------
@@ -254,7 +254,7 @@ class Members:
     def conditions(
         self, weights: npt.ArrayLike | None = None, norm: str = "euclidean"
     ) -> Conditions:
-        """What holds on the family, as flat arrays that bounds are computed with.
+        """Return what holds on the family, as flat arrays that bounds are computed with.
 
         Parameters
         ----------
@@ -284,7 +284,7 @@ class Members:
 
     @checked
     def sample(self, n: int, rng: np.random.Generator) -> Array:
-        """Configurations of the family inside the joint limits, to rounding (1e-9).
+        """Return configurations of the family inside the joint limits, to rounding (1e-9).
 
         Where the family is only at the joint limit, limits are wider by ``limit_tolerance``.
 
@@ -327,7 +327,7 @@ class Members:
         rounds: int = ROUNDS,
         stop: Callable[[], bool] | None = None,
     ) -> Array:
-        """Configurations of the family, over whole circles unless ``within_limits``.
+        """Return configurations of the family, over whole circles unless ``within_limits``.
 
         Parameters
         ----------
@@ -405,7 +405,7 @@ class Members:
         return sharp[((sharp >= lower - 1e-9) & (sharp <= upper + 1e-9)).all(axis=-1)]
 
     def _loose_ends(self, within_limits: bool) -> tuple[Bool, Bool]:
-        """Which sliders may go on below and above the range that points are drawn from."""
+        """Return which sliders may go on below and above the range that points are drawn from."""
         if not within_limits:
             return self.prismatic, self.prismatic
         below, above = np.isinf(self.lower), np.isinf(self.upper)
@@ -419,7 +419,7 @@ class Members:
 
     @checked
     def box(self, within_limits: bool) -> tuple[Array, Array]:
-        """Range of each joint that points are drawn from: the limits, or whole circles.
+        """Return the range of each joint that points are drawn from: the limits, or whole circles.
 
         Where a limit is infinite, a whole turn (or two length scales) from the other one; a slider
         without a limit goes as far beyond as a value takes it that a branch fixes it at.
@@ -613,7 +613,7 @@ class Family(Members, JsonResult):
 
     @property
     def label(self) -> str:
-        """What people call it: ``F2 (wrist)``, or ``F2`` where it has no title."""
+        """Name and title: ``F2 (wrist)``, or ``F2`` without a title."""
         return f"{self.name} ({self.title})" if self.title else self.name
 
     @checked
@@ -671,7 +671,7 @@ class Family(Members, JsonResult):
 
     @property
     def abridged(self) -> bool:
-        """Whether ``text`` leaves long equations out, and says how many terms they have."""
+        """True if ``text`` leaves long equations out, and says how many terms they have."""
         return any(
             bool(long_ones(b.equations))
             or any(len(e.cos) > LONG and long_form(e) is None for e in b.equations)
@@ -715,7 +715,7 @@ _COMMAND = re.compile(r"\\[a-zA-Z]+ ?|[{}_^\\]")
 
 
 def written_out(family: Family) -> tuple[str, ...]:
-    """What long equations are, solved for a joint, line by line."""
+    """Return what long equations are, solved for a joint, line by line."""
     alone = tuple(
         line
         for one in family.solved

@@ -142,18 +142,18 @@ class ClosedForm(JsonResult):
 
     @property
     def word(self) -> str:
-        """How sure it is that nothing is missing: proven, probable, or not complete."""
+        """Completeness of the families: proven, probable, or not complete."""
         if not self.complete:
             return "not complete"
         return "proven" if self.proof is not None and self.proof.accepted else "probable"
 
     def to_dict(self) -> dict[str, Any]:
-        """Plain dictionary, ready for ``json.dumps``, with the ``word`` beside the fields."""
+        """Return a dictionary, ready for ``json.dumps``, with the ``word`` beside the fields."""
         return {**super().to_dict(), "word": self.word}
 
     @property
     def certificate(self) -> dict[str, Any] | None:
-        """What a program that knows nothing of pinsing checks; None where nothing is proven."""
+        """Certificate for an independent checker; None where nothing is proven."""
         return None if self.proof is None else self.proof.certificate
 
     @property
@@ -200,7 +200,7 @@ class ClosedForm(JsonResult):
 
     @checked
     def family_of(self, q: npt.ArrayLike, tol: float = 1e-6) -> Family | None:
-        """The first family that has a point within ``tol`` of q (n,), if any.
+        """Return the first family that has a point within ``tol`` of q (n,), if any.
 
         Parameters
         ----------
@@ -230,7 +230,7 @@ class ClosedForm(JsonResult):
 
     @checked
     def latex(self, legend: bool = False, exact: bool = False) -> str:
-        """All families as a LaTeX ``align*`` environment, every equation written out.
+        """Return all families as a LaTeX ``align*`` environment, every equation written out.
 
         Parameters
         ----------
@@ -257,7 +257,7 @@ class ClosedForm(JsonResult):
 
     @checked
     def system(self, language: str = "singular", families: Sequence[str] | None = None) -> str:
-        """The exact equations of all families, as text for another program.
+        """Export the exact equations of all families, as text for another program.
 
         A revolute joint q2 is c2 = cos q2 and s2 = sin q2, a prismatic one d3 its metres;
         coefficients are whole numbers, and what square roots they need are variables too.
@@ -328,7 +328,7 @@ _MOST_ROWS = 5
 
 
 def answer_text(forms: ClosedForm, page: Page = PLAIN, robot: str = "") -> str:
-    """What an arm's singularities are, for whoever runs it: eight lines at most, and what to type.
+    """Return the summary of an arm's singularities: eight lines at most, and what to type.
 
     Parameters
     ----------
@@ -435,7 +435,7 @@ def families_text(
 
 
 def _geometry(forms: ClosedForm, page: Page) -> list[str]:
-    """What the families are of, where that is not the file, and what it says of the arm."""
+    """Return what the families are of, where that is not the file, and what it says of the arm."""
     said = [str(forms.deviation)] * (forms.deviation is not None)
     if forms.tube is not None:
         said = [str(forms.tube), *said, forms.tube.assumptions]

@@ -84,7 +84,7 @@ class ModularPoint:
         return rank(self.rows, columns, self.residues.prime)
 
     def is_zero(self, poly: Poly) -> bool:
-        """Whether a polynomial vanishes there."""
+        """Return True if a polynomial vanishes there."""
         prime = self.residues.prime
         total = 0
         for monomial, c in self.residues.terms(poly):
@@ -94,7 +94,7 @@ class ModularPoint:
         return total % prime == 0
 
     def has(self, joint: int, value: Value) -> bool:
-        """Whether a joint is at an exact value."""
+        """Return True if a joint is at an exact value."""
         here, there = self.at[joint], value_modulo(value, self.residues.prime)
         if len(here) == 1 or not there:
             return here == there
@@ -310,7 +310,7 @@ class RealPoints:
         return np.asarray(ratio >= 1e-5)
 
     def on(self, component: Component) -> bool:
-        """Whether all lie on a component."""
+        """Return True if all lie on a component."""
         branch = self.maker.branch_of(component.values, component.relations)
         if any((self.maker.away(self.q, v) > _ON).any() for v in branch.values):
             return False
@@ -436,7 +436,7 @@ def freedom(branch: Branch, q: Array) -> int:
 
 
 def gaps(open_ends: Counter[str], n: int) -> list[str]:
-    """What a search by neighbouring axes left open in a chain of n joints, in sentences.
+    """Return what a search by neighbouring axes left open in a chain of n joints, in sentences.
 
     Parameters
     ----------

@@ -180,7 +180,7 @@ def _stacked(screws: Sequence[Ints]) -> Ints:
 
 
 def short(A: npt.NDArray[np.int16], p: int) -> npt.NDArray[np.bool_]:
-    """Where matrices (m, k, ...) have a rank below m modulo a prime."""
+    """Return where matrices (m, k, ...) have a rank below m modulo a prime."""
     if len(A) == 1:
         return np.asarray(~A[0].any(axis=0))
     inverse = np.array([0] + [pow(v, -1, p) for v in range(1, p)], dtype=np.int16)
@@ -210,7 +210,7 @@ def value_modulo(value: Value, prime: int) -> tuple[int, ...]:
 
 
 def at_value(x: Ints, y: Ints, value: tuple[int, ...], prime: int) -> npt.NDArray[np.bool_]:
-    """Which coordinates (N,) of a joint are at a value of it in the field."""
+    """Return which coordinates (N,) of a joint are at a value of it in the field."""
     if not value:
         return np.zeros(x.shape, dtype=bool)
     away = x - value[0] if len(value) == 1 else x * value[1] - y * value[0]
@@ -227,7 +227,7 @@ class ModularSet:
         self.variables = [(j, k) for j in range(len(ring.prismatic)) for k in _kinds(ring, j)]
 
     def holds(self, x: Ints, y: Ints) -> npt.NDArray[np.bool_]:
-        """Which of some points (n, N) lie on it."""
+        """Return which of some points (n, N) lie on it."""
         on = np.ones(x.shape[1], dtype=bool)
         for j, v in self.values.items():
             on &= at_value(x[j], y[j], v, self.p)
@@ -404,7 +404,7 @@ def _as_many(a: Ints, count: int) -> Ints:
 
 
 def short_everywhere(chain: ModularChain, geometry: Nominal, task: Task) -> bool:
-    """Whether the rank of a chain's rows is short at all of some random points over its field.
+    """Return True if the rank of the rows is short at all of some random points.
 
     So it is where the prime divides a length without which the chain is another one.
     """

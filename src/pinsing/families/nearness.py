@@ -59,10 +59,10 @@ class Confirm(Protocol):
 
     @property
     def touching(self) -> bool:
-        """Whether all of them are, but for digits: equations touch zero there."""
+        """True if all of them are, but for digits: equations touch zero there."""
 
     def __call__(self, points: Array) -> Bool:
-        """Which of some points (N, n) are."""
+        """Return which of some points (N, n) are."""
 
     def drawn(self, starts: Array, free: Bool, box: tuple[Array, Array]) -> Array:
         """Own points (k, n) of a box that starts (N, n) in it lead to, along ``free`` joints."""
@@ -78,7 +78,7 @@ def near(
     tol: float,
     confirm: Confirm | None = None,
 ) -> Bool:
-    """Which of q (N, n) have a point of some branch within ``tol``, limits aside."""
+    """Return which of q (N, n) have a point of some branch within ``tol``, limits aside."""
     found = np.zeros(len(q), dtype=bool)
     for branch in branches:
         todo = np.flatnonzero(~found)

@@ -90,14 +90,14 @@ class Branch:
         return tuple(sorted(joints))
 
     def free(self, n: int) -> Bool:
-        """Which of n joints its equations are about."""
+        """Return which of n joints its equations are about."""
         mask = np.zeros(n, dtype=bool)
         for e in self.equations:
             mask[list(e.involved)] = True
         return mask
 
     def off(self, q: Array, space: JointSpace) -> Array:
-        """Differences (N, k) of the fixed joints from their values, weighted, of q (N, n)."""
+        """Return the weighted differences (N, k) of the fixed joints of q (N, n)."""
         if not self.values:
             return np.zeros((len(q), 0))
         joints = [v.joint for v in self.values]
@@ -107,7 +107,7 @@ class Branch:
         return np.asarray(away / space.metric[joints])
 
     def put(self, q: Array, space: JointSpace) -> Array:
-        """Q (N, n) with the fixed joints at the nearest copies of their values."""
+        """Return Q (N, n) with the fixed joints at the nearest copies of their values."""
         out = q.copy()
         if self.values:
             joints = [v.joint for v in self.values]
@@ -115,7 +115,7 @@ class Branch:
         return out
 
     def held(self, space: JointSpace, box: tuple[Array, Array] | None = None) -> list[Array]:
-        """Values of the fixed joints in (n,) arrays, zero elsewhere; all copies that fit a box."""
+        """Return the values of the fixed joints in (n,) arrays: all copies that fit a box."""
         fixed = [np.zeros(space.n)]
         for v in self.values:
             copies = [v.value]
@@ -200,13 +200,13 @@ def values_reached(
 
 
 def _better(a: Reachability | None, b: Reachability) -> Reachability:
-    """What is known of configurations of one kind or another."""
+    """Return what is known of configurations of one kind or another."""
     order = [Reachability.INSIDE, Reachability.AT_LIMIT, Reachability.UNKNOWN, Reachability.OUTSIDE]
     return b if a is None else min(a, b, key=order.index)
 
 
 def _inside(value: float, joint: int, limits: tuple[Array, Array], prismatic: Bool) -> bool:
-    """Whether a value is within a joint's limits, whole turns aside."""
+    """Return True if a value is within a joint's limits, whole turns aside."""
     low, high = float(limits[0][joint]) - _SLACK, float(limits[1][joint]) + _SLACK
     if prismatic[joint]:
         return low <= value <= high
@@ -217,7 +217,7 @@ def _inside(value: float, joint: int, limits: tuple[Array, Array], prismatic: Bo
 
 
 def reach_words(reached: Reachability, values: Sequence[ValueReach], prismatic: Bool) -> str:
-    """Where a family is within the limits: with which values of its joints, where not with all.
+    """Return where a family is within the limits, with the joint values where not with all.
 
     Examples are "within the joint limits" and "within the joint limits with q2 = 0° (not 180°)".
     """

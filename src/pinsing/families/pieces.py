@@ -142,7 +142,7 @@ class PieceMaker:
     def lies_in_another(
         self, component: Component, pieces: Sequence[SolvedPiece], components: Sequence[Component]
     ) -> bool:
-        """Whether all real points of a component, isolated ones, lie in other components."""
+        """Return True if all real points of a component, isolated ones, lie in other components."""
         if all(p.codimension == component.codimension for p in pieces):
             return False
         others = [c for c in components if c is not component]
@@ -175,7 +175,7 @@ class PieceMaker:
         return left
 
     def _at_exact_values_of(self, branch: Branch, component: Component) -> bool:
-        """Whether exact joint values put a branch of nothing else into a component."""
+        """Return True if exact joint values put a branch of nothing else into a component."""
         if branch.equations:
             return False
         values = {v.joint: v.exact for v in branch.values if v.exact is not None}
@@ -305,7 +305,7 @@ class PieceMaker:
         return Branch(tuple(held), tuple(self.equation_of(p) for p in relations))
 
     def away(self, q: Array, value: JointValue) -> Array:
-        """How far (N,) a joint is from a value at configurations q (N, n), without whole turns."""
+        """Return the distance (N,) of a joint from a value at q (N, n), without whole turns."""
         off = q[:, value.joint] - value.value
         if not self.ring.prismatic[value.joint]:
             off = off - 2 * np.pi * np.round(off / (2 * np.pi))
@@ -353,7 +353,7 @@ class PieceMaker:
         return ratios(arm or self.geometry.arm, points)
 
     def _has_point(self, branch: Branch) -> bool:
-        """Whether a point of a branch is found; looked for once."""
+        """Return True if a point of a branch is found; looked for once."""
         if not branch.equations and self.confirm is None:
             return True
         if id(branch) not in self._met:  # the branch is kept, so that its id stays its own

@@ -98,7 +98,7 @@ def within(form: ClosedForm, budget: Budget, progress: Callable[[str], None] | N
 
 
 def _proof(form: ClosedForm, budget: Budget, progress: Callable[[str], None]) -> Proof:
-    """What becomes of the search: first of families as stated, then of these in parts."""
+    """Return what becomes of the search: first of families as stated, then of these in parts."""
     started = time.monotonic()
     reason, stopped = "", False
     for in_parts in (False, True):

@@ -43,7 +43,7 @@ class OwnPoints:
     touching: bool = False
 
     def __call__(self, points: Array) -> Bool:
-        """Which of some points (N, n) are singular."""
+        """Return which of some points (N, n) are singular."""
         # sigma_r / sigma_1 of what is singular among the points of equations.
         return ratios(self.arm, points) <= 1e-6
 
@@ -144,7 +144,7 @@ def real_points(maker: PieceMaker, own: OwnPoints, time: Budget) -> Array:
 
 
 def on_none(maker: PieceMaker, points: Array, components: Sequence[Component]) -> Bool:
-    """Which of some singular configurations (N, n) are clearly on none of some components."""
+    """Return which singular configurations (N, n) are clearly on no component."""
     left = np.ones(len(points), dtype=bool)
     for c in components:
         q = points[left]
@@ -180,17 +180,17 @@ class RandomSingular:
         return self.q[on_none(self.maker, self.q, components)]
 
     def on(self, component: Component) -> Bool:
-        """Which of them are on a component, as near as rounding tells: (k,)."""
+        """Return which of them are on a component, as near as rounding tells: (k,)."""
         return ~on_none(self.maker, self.q, [component])
 
     def at(self, q: Array, joint: int, value: Value) -> Bool:
-        """Which of some configurations (m, n) have a joint at a value."""
+        """Return which of some configurations (m, n) have a joint at a value."""
         held = self.maker.branch_of({joint: value}, ()).values[0]
         return np.asarray(self.maker.away(q, held) < _OFF)
 
 
 def gap(points: Array, missed: Bool, prismatic: Bool) -> list[str]:
-    """What missed points say, with one of them; nothing where none was missed."""
+    """Return what missed points say, with one of them; nothing where none was missed."""
     if not missed.any():
         return []
     q = points[int(np.argmax(missed))]

@@ -92,7 +92,7 @@ class SliceCount:
         return f"evidence, no proof: {self.sentence()}"
 
     def sentence(self) -> str:
-        """What it says, in words."""
+        """Return what it says, in words."""
         slices = "one random slice" if self.slices == 1 else f"{self.slices} random slices"
         where = (
             f"on {slices} of {self.joints} joints ({self.choices} choices of joints) over the "
@@ -188,7 +188,7 @@ class Slices:
         return whole if len(whole) >= _FEW_FIELDS else chosen
 
     def _divides_a_length(self, prime: int) -> bool:
-        """Whether a length of the chain is zero modulo a prime, or none there."""
+        """Return True if a length of the chain is zero modulo a prime, or none there."""
         lengths = (Fraction(x) for row in self.geometry.translation for x in row if x != 0)
         return any(x.numerator % prime == 0 or x.denominator % prime == 0 for x in lengths)
 
@@ -220,14 +220,14 @@ class Slices:
         return out
 
     def off(self, on: Slice, components: Sequence[Component]) -> Bools:
-        """Which points of a slice lie on none of some components."""
+        """Return which points of a slice lie on none of some components."""
         off = np.ones(on.x.shape[1], dtype=bool)
         for c in components:
             off &= ~self.held([on], c)[0]
         return off
 
     def held(self, slices: Sequence[Slice], component: Component) -> list[Bools]:
-        """Which points of some slices lie on a component, asked once of all that are over a field.
+        """Return which points of slices lie on a component, once for all over a field.
 
         What is known is kept: polynomials of thousands of terms are long to put points into.
         """
@@ -244,7 +244,7 @@ class Slices:
         return [of[id(s)][1] for s in slices]
 
     def regular_too(self, on: Slice, component: Component) -> bool:
-        """Whether a component has points on a slice, some singular, that are regular."""
+        """Return True if a component has points on a slice, some singular, that are regular."""
         chain = self._chains[on.prime]
         x, y = (np.repeat(a[:, :1], 1, axis=1) for a in (on.x, on.y))
         for j in on.chosen:
@@ -328,7 +328,7 @@ class Slices:
 
 
 def _has_roots(geometry: Nominal, prime: int) -> bool:
-    """Whether the square roots of a chain are numbers modulo a prime."""
+    """Return True if the square roots of a chain are numbers modulo a prime."""
     try:
         return all(root_modulo(square, prime) for square in roots_in(geometry))
     except ValueError:

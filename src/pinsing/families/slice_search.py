@@ -172,7 +172,7 @@ class SliceSearch:
         self.enough = self._enough() and not count.off and count.met >= 0.8 * count.known
 
     def _done(self) -> bool:
-        """Whether slices were gone through often enough."""
+        """Return True if slices were gone through often enough."""
         if not self._enough():
             return False
         clean = [s for p in self._turns for s in self.kept[p]]
@@ -182,7 +182,7 @@ class SliceSearch:
         return count.met == count.known or sum(self._turns.values()) >= 7
 
     def _enough(self) -> bool:
-        """Whether slices were gone through as often as must be, over as many fields."""
+        """Return True if slices were gone through as often as must be, over as many fields."""
         fields = len(+self._turns)
         # Times that all slices are gone through, each time over another field or with other values:
         # up to the second number while one of the components was met on none.
@@ -234,7 +234,7 @@ class SliceSearch:
         return best if best is not None and shared[best] else None
 
     def _taken_in(self, off: list[Slice]) -> list[Slice]:
-        """What is left of points when systems that have some of them are components, too."""
+        """Return what is left of points when systems that have some of them are components, too."""
         while off and self._unseen and not self.time.stop():
             has = [sum(int(m.sum()) for m in self.slices.held(off, c)) for c in self._unseen]
             best = max(range(len(has)), key=lambda i: (has[i], self._unseen[i].codimension))
@@ -294,7 +294,7 @@ class SliceSearch:
                         shared[j, value] += int(on.sum())
 
         def telling(item: tuple[At, int]) -> tuple[float, int]:
-            """Where what is missing is at values of one joint, all points are: first this one."""
+            """Return the joint at whose values all missing points are, first."""
             j = item[0][0]
             return at_one[j] / (of[j] + 1), item[1]
 

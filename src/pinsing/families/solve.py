@@ -392,7 +392,7 @@ def _obstacle(geometry: Nominal) -> tuple[str | None, tuple[Snap, ...]]:
 
 
 def joint_symbols(arm: Arm) -> tuple[str, ...]:
-    """q1, q2, d3, ...: the joint's number from the base, d where it slides."""
+    """Return q1, q2, d3, ...: the joint's number from the base, d for prismatic joints."""
     return tuple(f"{'d' if s else 'q'}{i}" for i, s in enumerate(arm.prismatic, 1))
 
 

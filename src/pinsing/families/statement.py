@@ -114,7 +114,7 @@ def _written(equations: Sequence[Equation], latex: bool) -> tuple[str, ...]:
 
 
 def _half_turns(equation: Equation) -> bool:
-    """Whether an equation says that one joint is at 0 or 180 degrees: sin q = 0."""
+    """Return True if an equation says that one joint is at 0 or 180 degrees: sin q = 0."""
     # Twice the multiple of an angle that occurs as itself.
     return (
         len(equation.involved) == 1

@@ -132,7 +132,7 @@ def planar_chain(
 
 
 def turn_alike(geometry: Nominal) -> bool:
-    """Whether all turning joints have parallel axes, found out from the first that has not."""
+    """Return True if all revolute joints have parallel axes."""
     turn: Vector | None = None  # from the first turning joint on
     for rotation, slides in zip(geometry.rotation, geometry.prismatic, strict=False):
         if turn is not None:
@@ -224,7 +224,7 @@ def _direction(
     values: dict[int, Value],
     relations: list[Poly],
 ) -> Vector | None:
-    """Where its columns point, zero if it has none; None where they are never parallel.
+    """Return where its columns point, zero if it has none; None where they are never parallel.
 
     What its slides have to be goes into ``values`` or ``relations``.
     """
@@ -360,7 +360,7 @@ class ComponentSearch:
 
     @property
     def slices(self) -> bool:
-        """Whether slices can lead on: each joint moves on its own, and all rows count."""
+        """True if slices can lead on: each joint moves on its own, and all rows count."""
         full = self.rank == len(self.task.rows)
         known = _FEW <= self.arm.n <= MAX_JOINTS and self.arm.coupling is None
         return known and full and self.arm.n > self.rank
@@ -388,7 +388,7 @@ class SearchStep(Protocol):
     name: str
 
     def applies(self, s: ComponentSearch) -> bool:
-        """Whether it has something to add."""
+        """Return True if it has something to add."""
 
     def take(self, s: ComponentSearch) -> None:
         """Add components, gaps and what these rest on; close the search where nothing is left."""
@@ -454,7 +454,7 @@ class NearMinorsStep:
     name = "near minors"
 
     def applies(self, s: ComponentSearch) -> bool:
-        """Where all minors did not end."""
+        """Return where all minors did not end."""
         return True
 
     def take(self, s: ComponentSearch) -> None:
@@ -483,7 +483,7 @@ class SlicesStep:
     name = "slices"
 
     def applies(self, s: ComponentSearch) -> bool:
-        """Where near minors ran, and slices can lead on."""
+        """Return where near minors ran, and slices can lead on."""
         return s.slices and s.chain is not None
 
     def take(self, s: ComponentSearch) -> None:
@@ -521,7 +521,7 @@ class AllMinorsAgainStep:
     name = "all minors again"
 
     def applies(self, s: ComponentSearch) -> bool:
-        """Where slices contradict what is known, and much more time is left than minors had."""
+        """Return True where slices contradict the result, and enough time is left."""
         if s.arm.n != _MANY or s.first is None or "slices" not in s.steps:
             return False
         return s.time.part(0.8).seconds > 2.0 * s.first.seconds

@@ -401,7 +401,7 @@ def system_text(
 
 
 def _remarks(stated: SystemHead, found: Systems, language: str) -> Iterator[str]:
-    """What a reader has to know of the equations, line by line."""
+    """Return what a reader has to know of the equations, line by line."""
     arm = stated.arm
     yield f"Singular configurations of {visible(arm.name)}, as exact equations (pinsing)"
     yield (
@@ -433,7 +433,7 @@ def _remarks(stated: SystemHead, found: Systems, language: str) -> Iterator[str]
 
 
 def _numbered(found: Systems) -> Iterator[str]:
-    """Which number stands for which system."""
+    """Return which number stands for which system."""
     names = [name for one in found.families for name in _names(one)]
     if len(names) > 1:
         told = ", ".join(f"{i} = {name}" for i, name in enumerate(names, 1))
@@ -441,7 +441,7 @@ def _numbered(found: Systems) -> Iterator[str]:
 
 
 def _of(one: FamilySystem) -> Iterator[str]:
-    """What is said of a family."""
+    """Return what is said of a family."""
     family = one.family
     yield f"{family.name}: {visible(family.text)}"
     if len(one.parts) > 1:

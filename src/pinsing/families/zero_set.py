@@ -353,7 +353,7 @@ def proven_empty(
     stop: Stop | None = None,
     boxes: int = 40_000,
 ) -> bool:
-    """Whether the equations have no common zero in a box, proven by subdivision.
+    """Return True if the equations have no common zero in a box, proven by subdivision.
 
     A box in which some equation is larger at the centre than its slopes allow it to change
     within holds no zero; any other is halved. Every comparison leaves room for rounding (a sum

@@ -195,7 +195,7 @@ def inverse_velocity(
     weights: npt.ArrayLike | None = None,
     speed_limits: npt.ArrayLike | None = None,
 ) -> InverseVelocity:
-    """Joint speeds for a twist of the tip, by a method that knows about singularities.
+    """Compute joint speeds for a twist of the tip, by a method that handles singularities.
 
     Methods and their sources:
 
@@ -331,7 +331,7 @@ def _arrays(J: npt.ArrayLike, twist: npt.ArrayLike) -> tuple[Array, Array]:
 
 
 def _rows(m: int, length_scale: float) -> Array:
-    """What each row is divided by."""
+    """Return what each row is divided by."""
     if not 0 < length_scale < 1e100:
         raise OptionError(f"length_scale must be positive, got {length_scale!r}")
     if length_scale != 1.0 and m != 6:

@@ -55,7 +55,7 @@ def tip_poses(arm: Arm, Q: Array) -> tuple[Array, Array]:
 
 @checked
 def frame_jacobian(arm: Arm, q: npt.ArrayLike) -> Array:
-    """Frame Jacobian of the tip at one configuration.
+    """Return the frame Jacobian of the tip at one configuration.
 
     Parameters
     ----------
@@ -91,7 +91,7 @@ def frame_jacobian(arm: Arm, q: npt.ArrayLike) -> Array:
 def frame_jacobians(
     arm: Arm, Q: npt.ArrayLike, *, engine: str = "auto", threads: int | None = None
 ) -> Array:
-    """Frame Jacobians of the tip at many configurations.
+    """Return the frame Jacobians of the tip at many configurations.
 
     Parameters
     ----------
@@ -130,7 +130,7 @@ def frame_jacobians(
 
 @checked
 def task_jacobian(arm: Arm, q: npt.ArrayLike) -> Array:
-    """Task Jacobian at one configuration: the rows of the task, translation rows scaled.
+    """Return the task Jacobian at one configuration: the rows of the task, translation rows scaled.
 
     Parameters
     ----------
@@ -166,7 +166,7 @@ def task_jacobian(arm: Arm, q: npt.ArrayLike) -> Array:
 def task_jacobians(
     arm: Arm, Q: npt.ArrayLike, *, engine: str = "auto", threads: int | None = None
 ) -> Array:
-    """Task Jacobians at many configurations.
+    """Return the task Jacobians at many configurations.
 
     Parameters
     ----------
@@ -198,7 +198,7 @@ def task_jacobians(
 def singular_values(
     arm: Arm, Q: npt.ArrayLike, *, engine: str = "auto", threads: int | None = None
 ) -> Array:
-    """Singular values of the task Jacobian at many configurations, largest first.
+    """Return the singular values of the task Jacobian at many configurations, largest first.
 
     Parameters
     ----------

@@ -53,7 +53,7 @@ class Measured(NamedTuple):
 
 @checked
 def generic_rank(arm: Arm) -> int:
-    """Rank of the task Jacobian at almost every configuration.
+    """Return the rank of the task Jacobian at almost every configuration.
 
     Taken on the nominal geometry, exactly (`pinsing.robot.nominal`): no tolerance, no
     length scale. On the raw geometry a rounded angle could pretend a motion of relative size
@@ -85,7 +85,7 @@ def generic_rank(arm: Arm) -> int:
 
 
 def task_size(arm: Arm) -> float:
-    """What sigma_1 at the arm's own scale is compared with where the whole task can vanish.
+    """Return what sigma_1 at the arm's own scale is compared with where the whole task can vanish.
 
     Zero for ``pose``, whose columns are never zero; else the median of sigma_1 at random
     configurations.
@@ -99,7 +99,7 @@ def ratio_of(arm: Arm, own_sigma: npt.ArrayLike) -> Array:
 
 
 def rank_of(arm: Arm, own_sigma: Array, rtol: float = SINGULAR_RTOL) -> int:
-    """How many of the singular values (k,) at the arm's own scale are not zero, to ``rtol``."""
+    """Return the number of singular values (k,) above ``rtol``, at the arm's own scale."""
     return int((own_sigma > zero_of(arm, own_sigma, rtol)).sum())
 
 
@@ -135,7 +135,7 @@ def ratios(arm: Arm, Q: npt.ArrayLike, engine: str = "auto") -> Array:
 
 
 def basis(arm: Arm) -> dict[str, object]:
-    """What verdicts on ``arm`` stand on, for the `known` of a copy that is sent elsewhere."""
+    """Return the basis of verdicts on ``arm``, for the `known` of a copy sent elsewhere."""
     return {
         "generic_rank": generic_rank(arm),
         "own_scale": own_scale(arm),
@@ -184,7 +184,7 @@ def _generic_rank(arm: Arm) -> int:
 
 
 def _is_full(exact: Arm) -> bool:
-    """Whether floats alone prove that the rank is as great as the size of J allows.
+    """Return True if floats alone prove that the rank is as great as the size of J allows.
 
     Rounding moves no singular value by more than about 1e-14 sigma_1 of all six rows (Weyl's
     inequality), which is about one at the arm's own scale: the task's rows may be nothing but
@@ -280,7 +280,7 @@ def fingerprint(arm: Arm) -> str:
 
 
 def run_identity(kind: str, evaluator: Evaluator) -> dict[str, Any]:
-    """What a folder records of how a run computes, as plain JSON values."""
+    """Return what a folder records of how a run computes, as plain JSON values."""
     return {
         "kind": kind,
         "pinsing": __version__,

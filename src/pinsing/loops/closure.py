@@ -503,22 +503,22 @@ class Ranks:
 
 
 def residual(mechanism: Mechanism, q: npt.ArrayLike) -> Array:
-    """Loop-closure error at q (n,): (k,), metres and radians."""
+    """Return the loop-closure error at q (n,): (k,), metres and radians."""
     return Loops(mechanism).at(mechanism.check(q))[0]
 
 
 def constraint_jacobian(mechanism: Mechanism, q: npt.ArrayLike) -> Array:
-    """Constraint Jacobian of all loops at q (n,): (k, n), metres and radians."""
+    """Return the constraint Jacobian of all loops at q (n,): (k, n), metres and radians."""
     return Loops(mechanism).at(mechanism.check(q))[1]
 
 
 def split(mechanism: Mechanism, J: Array) -> tuple[Array, Array]:
-    """Columns of the actuated and of the passive joints of J (..., k, n)."""
+    """Return the columns of the actuated and of the passive joints of J (..., k, n)."""
     return J[..., list(mechanism.actuated)], J[..., list(mechanism.passive)]
 
 
 def output_jacobian(mechanism: Mechanism, q: npt.ArrayLike) -> Array:
-    """Task rows of the output frame at q (n,): (m, n), LOCAL_WORLD_ALIGNED, by all joints."""
+    """Return task rows of the output frame at q (n,): (m, n), LOCAL_WORLD_ALIGNED."""
     return Loops(mechanism).output(mechanism.check(q))[1]
 
 
@@ -552,7 +552,7 @@ def gauss_newton(
 
 
 def ranks(mechanism: Mechanism) -> Ranks:
-    """Generic ranks, from closed configurations drawn at random (seeded).
+    """Return the generic ranks, from closed configurations drawn at random (seeded).
 
     Raises
     ------

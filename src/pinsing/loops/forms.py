@@ -50,7 +50,7 @@ class PoseEquation:
     matrix: tuple[tuple[PoseEquation, ...], ...] = field(default=(), metadata={"optional": True})
 
     def entries(self, at: npt.ArrayLike) -> Array:
-        """The matrix (..., k, k) at values (..., V) of the variables."""
+        """Return the matrix (..., k, k) at values (..., V) of the variables."""
         x = np.asarray(at, dtype=float)
         return np.stack([np.stack([e(x) for e in row], axis=-1) for row in self.matrix], axis=-2)
 
@@ -63,7 +63,7 @@ class PoseEquation:
         return np.asarray(terms @ self.values)
 
     def degree(self, names: tuple[str, ...]) -> int:
-        """Degree in some of the variables together; of a determinant no more than that."""
+        """Return the degree in some variables together; of a determinant a bound of it."""
         if self.matrix:
             return sum(max(e.degree(names) for e in row) for row in self.matrix)
         places = [k for k, n in enumerate(self.names) if n in names]
@@ -78,17 +78,17 @@ class PoseEquation:
         return tuple(n for n, p in zip(self.names, self.powers.T, strict=True) if p.any())
 
     def without(self, least: float) -> PoseEquation:
-        """The same without terms whose coefficients are smaller than that."""
+        """Return the same without terms whose coefficients are smaller than that."""
         kept = np.abs(self.values) >= least
         exact = tuple(c for c, k in zip(self.coefficients, kept.tolist(), strict=True) if k)
         return PoseEquation(self.names, self.powers[kept], exact, self.values[kept])
 
     def rows(self, exact: bool = False) -> list[str]:
-        """The rows of the determinant as text; none where it is multiplied out."""
+        """Return the rows of the determinant as text; none where it is multiplied out."""
         return [f"({', '.join(e.text(exact) for e in row)})" for row in self.matrix]
 
     def text(self, exact: bool = False) -> str:
-        """The left side written out, with exact coefficients or numbers; rows of a determinant."""
+        """Return the left side, with exact coefficients or numbers; rows of a determinant."""
         if self.matrix:
             return f"det[{', '.join(self.rows(exact))}]"
         if exact:
@@ -106,7 +106,7 @@ class PoseEquation:
         return text or "0"
 
     def exact(self) -> str:
-        """The whole equation with its exact coefficients."""
+        """Return the whole equation with its exact coefficients."""
         return f"{self.text(exact=True)} = 0"
 
     def __str__(self) -> str:
@@ -286,7 +286,7 @@ class JointLocus:
     ball: bool = field(default=False, metadata={"optional": True})
 
     def entries(self, q: npt.ArrayLike, joints: Sequence[str]) -> Array:
-        """The matrix (..., k, m) at configurations q (..., n) of joints with these names."""
+        """Return the matrix (..., k, m) at configurations q (..., n) of joints with these names."""
         q = np.asarray(q, dtype=float)
         at = {}
         for k, name in enumerate(joints):
@@ -304,14 +304,14 @@ class JointLocus:
         return np.stack(rows, axis=-2)
 
     def scaled(self, M: Array) -> Array:
-        """The matrix (..., k, m) with rows of unit length; those that vanish stay small."""
+        """Return the matrix (..., k, m) with rows of unit length; those that vanish stay small."""
         sums = [[np.abs(x.values).sum() for x in row] for row in self.matrix]
         whole = np.linalg.norm(np.array(sums, dtype=float), axis=1)
         size = np.maximum(np.linalg.norm(M, axis=-1), _VANISHES * whole)
         return np.asarray(M / np.where(size > 0, size, 1.0)[..., None])
 
     def value(self, q: npt.ArrayLike, joints: Sequence[str]) -> Array:
-        """Left side (...) at q (..., n), over its size; see `JointForms.values`."""
+        """Return the left side (...) at q (..., n), over its size; see `JointForms.values`."""
         if self.equation is not None:
             return np.asarray(self.equation(q) / self.equation.size)
         M = self.scaled(self.entries(q, joints))
@@ -320,7 +320,7 @@ class JointLocus:
         return np.asarray(np.linalg.det(M))
 
     def ratio(self, q: npt.ArrayLike, joints: Sequence[str]) -> Array:
-        """How near it is (...) at q (..., n): a value over its size, or the least singular value.
+        """Return a value over its size, or the least singular value, (...) at q (..., n).
 
         Zero on the locus, 1 at most.
         """
@@ -333,7 +333,7 @@ class JointLocus:
         return f"{self.kind}, {self.words}: {self.statement()}"
 
     def statement(self) -> str:
-        """The equation, or the size of the determinant and the joints in it."""
+        """Return the equation, or the size of the determinant and the joints in it."""
         if self.equation is not None and not self.matrix:
             return str(self.equation)
         size, columns = len(self.matrix), len(self.matrix[0])
@@ -342,7 +342,7 @@ class JointLocus:
         return f"determinant of {size} x {size} entries = 0 in {', '.join(self.joints)}"
 
     def rows(self) -> list[str]:
-        """The rows of the determinant as text."""
+        """Return the rows of the determinant as text."""
         return [f"({', '.join(x.text() for x in row)})" for row in self.matrix]
 
 
@@ -373,7 +373,7 @@ class JointForms(JsonResult):
     always: tuple[str, ...] = field(default=(), metadata={"optional": True})
 
     def values(self, q: npt.ArrayLike) -> Array:
-        """Left sides (..., number of loci) at configurations q (..., n), radians and metres.
+        """Return left sides (..., number of loci) at configurations q (..., n), radians and metres.
 
         Those of determinants have their rows scaled to unit length first, rows of rounding aside.
         Of a matrix with more rows than columns it is the product of the singular values, which is

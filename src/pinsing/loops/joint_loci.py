@@ -171,7 +171,7 @@ _AT_REST = "a motion of the joints leaves the output at rest"
 
 @once
 def joint_forms(mechanism: Mechanism) -> JointForms:
-    """Closed forms in the joint angles.
+    """Return closed forms in the joint angles.
 
     Parameters
     ----------

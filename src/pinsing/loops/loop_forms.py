@@ -401,7 +401,7 @@ class LoopForms(JsonResult):
 
 
 def loop_forms(mechanism: Mechanism) -> LoopForms | None:
-    """Closed forms of the singular loci; None where no planar dyad closes the mechanism."""
+    """Return closed forms of the singular loci; None where no planar dyad closes the mechanism."""
     dyad = planar_dyad(mechanism)
     if dyad is None:
         return None

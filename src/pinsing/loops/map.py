@@ -349,7 +349,7 @@ def mechanism_map(
     worst: int = 5,
     ignore_limits: bool = False,
 ) -> MechanismMap:
-    """How near to singular a mechanism is, at inputs or poses of the output drawn at random.
+    """Map how near to singular a mechanism is, at random inputs or poses of the output.
 
     Inputs are drawn evenly within their limits; positions evenly in the box that holds those of
     closed configurations known beforehand (from random starts, within the limits where enough are),

@@ -223,7 +223,7 @@ def mode_of(mechanism: Mechanism, q: npt.ArrayLike) -> str:
 
 
 def home(mechanism: Mechanism) -> Array:
-    """The home configuration with its loops closed, within the limits if one can be found.
+    """Return the home configuration with its loops closed, within the limits if one can be found.
 
     Where home leads nowhere, or beyond a limit, a random one within the limits; where there is
     none either, one beyond them.

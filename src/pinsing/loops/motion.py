@@ -77,7 +77,7 @@ def _kinds(one: npt.ArrayLike, two: npt.ArrayLike, constraint: npt.ArrayLike, rt
 
 
 def motions(mechanism: Mechanism, q: npt.ArrayLike, rtol: float = SINGULAR_RTOL) -> Motions:
-    """Motions at a closed configuration q (n,), with the measures of each kind of singularity."""
+    """Return the motions at a closed configuration q (n,), with the measures of singularity."""
     return _motions(Loops(mechanism), mechanism.check(q), rtol)
 
 
@@ -117,7 +117,7 @@ def _measured(mechanism: Mechanism, G: Array, J: Array, rtol: float) -> Motions:
 
 
 def input_output(mechanism: Mechanism, q: npt.ArrayLike) -> tuple[Array, Array]:
-    """Matrices of A x' = B q', passive velocities eliminated; rows of [A, -B] are orthonormal.
+    """Return A, B of A x' = B q' without passive velocities; rows of [A, -B] are orthonormal.
 
     Returns
     -------
@@ -135,7 +135,7 @@ def input_output(mechanism: Mechanism, q: npt.ArrayLike) -> tuple[Array, Array]:
 
 
 def leg_form(mechanism: Mechanism, q: npt.ArrayLike) -> tuple[Array, Array]:
-    """A x' = B q' with one row per actuator: unit output forces over diagonal moment arms.
+    """Return A x' = B q' with one row per actuator: unit forces over diagonal moment arms.
 
     Row i is the unit force (wrench) at the output that only actuator i feels, and B[i, i] the
     torque it needs per unit of that force. For the planar 5R they are the forces along the

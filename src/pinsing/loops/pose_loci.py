@@ -277,7 +277,7 @@ def _least_ratio(matrix: Array, sizes: Array) -> float:
 
 @once
 def pose_forms(mechanism: Mechanism) -> PoseForms | None:
-    """Closed forms over the pose; None where a leg passes more, or other things, than one force.
+    """Return closed forms over the pose; None where a leg passes other things than one force.
 
     A spherical mechanism of three legs has them over its orientation, a five-bar on slides, or a
     welded one, over the position of its middle pin.

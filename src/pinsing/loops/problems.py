@@ -332,7 +332,7 @@ def working_modes(
 def assemblies(
     mechanism: Mechanism, inputs: npt.ArrayLike, starts: int = STARTS, seed: int = SEED
 ) -> tuple[Solution, ...]:
-    """All assembly modes found at given inputs (n_a,), each with one configuration.
+    """Return all assembly modes found at given inputs (n_a,), each with one configuration.
 
     From the closed form where the mechanism has one (planar RR-RR loops: exactly two), else by
     Newton from ``starts`` random positions of the passive joints.

@@ -78,7 +78,7 @@ class Trace:
         }
 
     def passes(self, mechanism: Mechanism, q: Array) -> bool:
-        """Whether the curve runs through q (n,), whole turns aside."""
+        """Return True if the curve runs through q (n,), whole turns aside."""
         away = mechanism.space.wrap(q - self.q) / mechanism.space.metric
         k = int(np.argmin(np.abs(away).max(axis=1)))
         # Off the curve by its curvature only, along it by up to a step.
@@ -317,7 +317,7 @@ def refine_point(
     held: Sequence[int] = (),
     rtol: float = SINGULAR_RTOL,
 ) -> SingularPoint:
-    """Singular point of a kind near q (n,), the joints ``held`` (indices) kept at their values.
+    """Refine a singular point of a kind near q (n,), the joints ``held`` (indices) fixed.
 
     With one joint fewer held than the mobility the point is isolated; with fewer held, the
     nearest one of a continuum is taken. Type 3 is two conditions: it takes one joint fewer held.
@@ -342,7 +342,7 @@ def find_singular(
     rtol: float = SINGULAR_RTOL,
     over: Callable[[], bool] | None = None,
 ) -> tuple[SingularPoint, ...]:
-    """All singular points along curves, refined; each once, in the order of inputs.
+    """Return all singular points along curves, refined; each once, in the order of inputs.
 
     Once ``over()`` is true, those that are refined by then.
     """

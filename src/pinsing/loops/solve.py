@@ -226,7 +226,7 @@ def curves(
     seed: int = 811,
     over: Callable[[], bool] | None = None,
 ) -> tuple[Trace, ...]:
-    """Solution curves with input ``moving`` (position among the inputs) free, the others held.
+    """Trace solution curves with input ``moving`` (its position) free, the others held.
 
     Each curve is followed as a whole, over type 2 singularities and through all the assembly
     modes that it connects, and ends at limits of joints. Once ``over()`` is true, the curves that
@@ -282,7 +282,7 @@ def _on_line(marks: Array, mark: Array) -> bool:
 
 
 def feasible(mechanism: Mechanism, inputs: npt.ArrayLike) -> dict[str, tuple[Interval, ...]]:
-    """For each input, the others held as in ``inputs`` (n_a,), the values that close the loops."""
+    """Find the values of each input that close the loops, the others held at ``inputs`` (n_a,)."""
     inputs = mechanism.check_inputs(inputs)
     return {
         name: intervals(mechanism, curves(mechanism, inputs, k), k)

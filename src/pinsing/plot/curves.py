@@ -144,7 +144,7 @@ def sigma_curves(
 
 
 def _rest(result: SweepResult, fixed: Mapping[str, float], degrees: bool) -> str:
-    """Where joints rest that neither move nor are held, in two lines at most."""
+    """Return where joints rest that neither move nor are held, in two lines at most."""
     arm, q = result.arm, result.plan.nominal
     said = [
         _held(arm, name, float(f"{q[j]:.4g}"), degrees)

@@ -277,7 +277,7 @@ def _velocity(
 
 
 def is_left(mechanism: Mechanism, dyad: Dyad) -> bool:
-    """Whether assembly mode + (home's) has the pin to the left of B1 -> B2."""
+    """Return True if assembly mode + (home's) has the pin to the left of B1 -> B2."""
     inputs = home(mechanism)[list(mechanism.actuated)]
     return assembly_sign(mechanism, dyad.configuration(inputs, True)) == "+"
 

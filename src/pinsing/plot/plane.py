@@ -308,7 +308,7 @@ def _draw_branch(
 
 
 def fills_plane(family: Family, Q: Array, plane: tuple[int, int]) -> bool:
-    """Whether every configuration of a plane, given as for `draw_family`, is of the family."""
+    """Return True if every configuration of a plane, as for `draw_family`, is of the family."""
     for branch in family.branches:
         if _values_in_plane(branch, Q[0, 0], plane, family.prismatic) == {}:
             equations = _in_plane(branch.equations, Q, plane)
@@ -621,7 +621,7 @@ def _numbers(found: Aspects, Q: Array) -> Ints:
 
 
 def _keys(found: Aspects, Q: Array) -> Ints:
-    """Which arcs and signs each point has, as one number."""
+    """Return which arcs and signs each point has, as one number."""
     chosen = found._map
     assert chosen is not None
     key = np.zeros(Q.shape[:-1], dtype=np.int64)

@@ -331,7 +331,7 @@ def _turned(mechanism: Mechanism, q: Array, place: pin.SE3) -> bool:
 
 
 def _sense(mechanism: Mechanism, start: Array, q: Array) -> bool:
-    """Whether it is not the start with legs turned round, which look as they did."""
+    """Return True if it is not the start with legs turned round, which look as they did."""
     return bool(np.abs(joint_points(mechanism, start) - joint_points(mechanism, q)).max() > _ALIKE)
 
 
@@ -357,7 +357,7 @@ def _vanishes(left: Array) -> bool:
 
 
 def _everywhere(mechanism: Mechanism) -> bool:
-    """Whether every pose is of type 2: there are no lines then, only rounding."""
+    """Return True if every pose is of type 2: there are no lines then, only rounding."""
     forms = pose_forms(mechanism)
     if forms is not None and forms.architecture:
         return True
@@ -365,7 +365,7 @@ def _everywhere(mechanism: Mechanism) -> bool:
 
 
 def _of_home(mechanism: Mechanism, Q: Array, there: Bool, sign: bool) -> bool:
-    """Whether a region is of the assembly mode of home, or of the equation's sign."""
+    """Return True if a region is of the assembly mode of home, or of the equation's sign."""
     from scipy.ndimage import distance_transform_edt
 
     deepest = np.unravel_index(int(np.argmax(distance_transform_edt(there))), there.shape)
@@ -451,7 +451,7 @@ def _border(mechanism: Mechanism) -> str:
 
 
 def _handles(mechanism: Mechanism, drawn: Sequence[Panel]) -> list[Any]:
-    """What lines and colours are, of those that occur."""
+    """Return what lines and colours are, of those that occur."""
     from matplotlib.lines import Line2D
     from matplotlib.patches import Patch
 

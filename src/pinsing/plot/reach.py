@@ -345,7 +345,7 @@ def _onto(section: Section, x: Array) -> Array:
 
 
 def count_of(at: Array, r: Array, z: Array) -> Ints:
-    """How many values of two joints bring the tip to each place (r, z), (N, M), by triangles.
+    """Return the number of solutions in two joints for each (r, z), (N, M), by triangles.
 
     ``at`` (K, L, 2) has the places of a grid of joint values.
 

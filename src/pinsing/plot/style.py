@@ -40,7 +40,7 @@ def joint_symbol(index: int, slides: bool) -> str:
 
 
 def unit(slides: bool, degrees: bool = False) -> str:
-    """What the values of a joint are in."""
+    """Return what the values of a joint are in."""
     return "m" if slides else "deg" if degrees else "rad"
 
 

@@ -141,7 +141,7 @@ class Aspects(JsonResult):
 
     @property
     def proven(self) -> bool:
-        """Whether both bounds agree: no fewer, and no more by the families that are known.
+        """True if both bounds agree: no fewer, and no more by the families that are known.
 
         ``word`` says how sure it is that these are all.
         """
@@ -195,7 +195,7 @@ class Aspects(JsonResult):
 
     @checked
     def text(self, degrees: bool = False) -> str:
-        """Lines for people.
+        """Return the answer in lines of text.
 
         Parameters
         ----------

@@ -51,7 +51,7 @@ class OnBoxes:
     gradient: Array
 
     def take(self, rows: Ints) -> OnBoxes:
-        """What is known of some of the boxes."""
+        """Return what is known of some of the boxes."""
         return OnBoxes(self.value[rows], self.swing[rows], self.gradient[rows])
 
 
@@ -68,7 +68,7 @@ def sum_of(equation: Equation, joints: tuple[int, ...]) -> TrigSum:
 
 
 def on_boxes(f: TrigSum, x: Array, h: Array) -> OnBoxes:
-    """What is known of a sum on boxes of middles x and half widths h, both (N, d)."""
+    """Return what is known of a sum on boxes of middles x and half widths h, both (N, d)."""
     few = 1 << 14
     if len(x) > few:
         parts = [on_boxes(f, x[i : i + few], h[i : i + few]) for i in range(0, len(x), few)]
@@ -160,7 +160,7 @@ class Ground:
         return self.low + (index + 0.5) * width, width / 2
 
     def sides(self, level: Ints, index: Ints) -> Array:
-        """Which limits boxes touch, (N, d): 1 the lower, -1 the upper, NaN both, else 0."""
+        """Return which limits boxes touch, (N, d): 1 the lower, -1 the upper, NaN both, else 0."""
         count = self.first * 2 ** level[:, None]
         side = np.where(~self.circle & (index == 0), 1.0, 0.0)
         side -= np.where(~self.circle & (index == count - 1), 1.0, 0.0)
@@ -190,7 +190,7 @@ class Leaves:
 
     @property
     def certain(self) -> Bool:
-        """Where all signs are known, (N,)."""
+        """True where all signs are known, (N,)."""
         return np.asarray((self.sign != 0).all(axis=1))
 
     @cached_property
@@ -215,7 +215,7 @@ class Leaves:
         return out
 
     def find(self, level: Ints, index: Ints) -> Ints:
-        """Which boxes have these levels and places; -1 for none."""
+        """Return which boxes have these levels and places; -1 for none."""
         hit = np.full(len(level), -1, dtype=np.int64)
         for k, (keys, rows) in self._order.items():
             mine = np.flatnonzero(level == k)
@@ -248,7 +248,7 @@ class Leaves:
 def is_regular(
     ground: Ground, known: Sequence[OnBoxes], open_: Sequence[int], x: Array, h: Array, side: Array
 ) -> Bool:
-    """Whether for all signs of the open equations the product of all |f| grows somewhere to.
+    """Return whether for all signs of the open equations the product of all |f| grows somewhere to.
 
     ``known`` is of the same K boxes as x, h and side, (K, d).
     """
@@ -353,7 +353,7 @@ def _by_gradient(
 
 
 def growing(terms: TrigSum, scale: Array, known: OnBoxes, x: Array, h: Array, side: Array) -> Bool:
-    """Whether one equation has no largest |f| of either sign on boxes, (K,).
+    """Return whether one equation has no largest |f| of either sign on boxes, (K,).
 
     Parameters
     ----------
@@ -372,7 +372,7 @@ def growing(terms: TrigSum, scale: Array, known: OnBoxes, x: Array, h: Array, si
 
 
 def _bends(ground: Ground, s: float, x: Array, h: Array, side: Array) -> Bool:
-    """Whether s f is convex all over each box along some line that keeps to the limits."""
+    """Return whether s f is convex all over each box along some line that keeps to the limits."""
     terms = ground.terms[0]
     if len(terms.slides):
         return np.zeros(len(x), dtype=bool)

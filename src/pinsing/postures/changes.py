@@ -286,7 +286,7 @@ class PostureChanges(JsonResult):
 
     @checked
     def text(self, degrees: bool = False) -> str:
-        """Lines for people: how many can be reached freely, then each, then what that rests on.
+        """Return the answer in lines of text: how many are reached freely, each, and the grounds.
 
         Parameters
         ----------
@@ -330,7 +330,7 @@ class PostureChanges(JsonResult):
         return "\n".join([*lines, *([""] if tail else []), *tail])
 
     def _answer(self, others: list[PostureChange]) -> str:
-        """How many others there are, and how many of them can be reached freely."""
+        """Return how many others there are, and how many of them can be reached freely."""
         count = len(others)
         head = f"{count} other posture{'s' * (count != 1)} of this pose"
         if self.aspect is None:
@@ -351,7 +351,7 @@ class PostureChanges(JsonResult):
         return f"{head}: {', '.join(said)}"
 
     def _how(self, other: PostureChange) -> str:
-        """How another posture is reached."""
+        """Return how another posture is reached."""
         way = other.connection
         if way is None:
             return "" if other.solution.within_limits else "outside the limits"
@@ -367,7 +367,7 @@ class PostureChanges(JsonResult):
 
 
 def _among(other: PostureChange) -> str:
-    """What holds of the whole-turn copies, where there are several."""
+    """Return what holds of the whole-turn copies, where there are several."""
     count = other.copies
     if count < 2:
         return ""
@@ -497,7 +497,7 @@ def posture_changes(
 
 
 def _own(copies: Copies) -> list[str]:
-    """What is said of the whole-turn copies of the configuration itself."""
+    """Return what is said of the whole-turn copies of the configuration itself."""
     more, inside = copies.total - 1, copies.joined - 1
     if not more:
         return []

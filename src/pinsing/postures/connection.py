@@ -278,7 +278,7 @@ class Connection(JsonResult):
 
     @checked
     def text(self, degrees: bool = False) -> str:
-        """Lines for people.
+        """Return the answer in lines of text.
 
         Parameters
         ----------
@@ -437,7 +437,7 @@ def _which(ends: Iterable[bool]) -> str:
 
 
 def _apart(chosen: Map, a: tuple[tuple[int, int], ...], b: tuple[tuple[int, int], ...]) -> bool:
-    """Whether some part proves that two places are of different aspects."""
+    """Return True if some part proves that two places are of different aspects."""
     parts = zip(chosen.pieces, a, b, strict=True)
     return any(chosen.apart(pieces, one, other) for pieces, one, other in parts)
 

@@ -104,7 +104,7 @@ class Cuspidality(JsonResult):
 
     @checked
     def text(self, degrees: bool = False) -> str:
-        """Lines for people.
+        """Return the answer in lines of text.
 
         Parameters
         ----------
@@ -278,7 +278,7 @@ def _few(arm: Arm, error: float) -> str:
 
 
 def _checked(arm: Arm, path: Array) -> tuple[float, float]:
-    """How much the poses at the ends differ, and the least sigma_r / sigma_1 on the way."""
+    """Return how much the poses at the ends differ, and the least sigma_r / sigma_1 on the way."""
     first, last = (tip_placement(arm, q) for q in (path[0], path[-1]))
     R = np.array(first.rotation)
     turned = turn_left(arm.task, R[None], np.array(last.rotation))[0]

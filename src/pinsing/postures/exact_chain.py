@@ -102,12 +102,12 @@ class ExactChain:
         return rotations, origins
 
     def parallel(self, j: int) -> bool:
-        """Whether axes j and j + 1 are parallel."""
+        """Return True if axes j and j + 1 are parallel."""
         R = self.rotation[j + 1]
         return R[0][2] == 0 and R[1][2] == 0
 
     def perpendicular(self, j: int) -> bool:
-        """Whether axes j and j + 1 are at right angles."""
+        """Return True if axes j and j + 1 are at right angles."""
         return self.rotation[j + 1][2][2] == 0
 
     def crossing(self, j: int) -> tuple[Exact, Exact] | None:
@@ -121,7 +121,7 @@ class ExactChain:
         return t[2] + along * R[2][2], along
 
     def common_point(self, j: int) -> Vector | None:
-        """Where axes j, j + 1 and j + 2 meet, always, in the frame before joint j; else None."""
+        """Return the point where axes j, j + 1 and j + 2 always meet, before joint j; else None."""
         first, second = self.crossing(j), self.crossing(j + 1)
         if first is None or second is None or first[1] != second[0]:
             return None

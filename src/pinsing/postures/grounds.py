@@ -25,13 +25,13 @@ PROVEN, PROBABLE, NOT_COMPLETE = "proven", "probable", "not complete"
 
 
 def sureness(forms: Forms) -> str:
-    """How sure it is that no family is missing: of several forms the least sure."""
+    """Return how sure it is that no family is missing: of several forms the least sure."""
     words = [form.word for form in _each(forms)]
     return next((w for w in (NOT_COMPLETE, PROBABLE) if w in words), PROVEN)
 
 
 def missing(forms: Forms) -> list[str]:
-    """What speaks against that the families are all, in sentences; empty where nothing does."""
+    """Return the doubts about completeness, in sentences; empty where there are none."""
     gaps = [g for form in _each(forms) if not form.complete for g in form.gaps[:1]]
     if sureness(forms) == NOT_COMPLETE:
         because = f" ({gaps[0]})" if gaps else ""
@@ -45,7 +45,7 @@ def missing(forms: Forms) -> list[str]:
 
 
 def proven_regular(forms: Forms, path: Array) -> bool:
-    """Whether the rank on all of a way is proven from the Jacobian, for the task of each form.
+    """Return True if the rank along a path is proven from the Jacobian, for each form's task.
 
     Where the families are probably all it is no more than a second proof, and given up early.
     """
@@ -55,7 +55,7 @@ def proven_regular(forms: Forms, path: Array) -> bool:
 
 
 def opposite(forms: Forms, a: Array, b: Array) -> bool:
-    """Whether a square Jacobian has determinants of opposite signs at two configurations.
+    """Return True if a square Jacobian has determinants of opposite signs at two configurations.
 
     Its sign changes only where it is singular. No closed form is needed for that.
     """

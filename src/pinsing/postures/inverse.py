@@ -116,7 +116,7 @@ class InverseSolutions(JsonResult):
 
     @property
     def certified(self) -> int:
-        """How many different regular solutions are proven to exist: there are no fewer."""
+        """Number of different regular solutions that are proven to exist."""
         turns = ~self.arm.prismatic
         kept: list[InverseSolution] = []
         for s in self.solutions:
@@ -137,7 +137,7 @@ class InverseSolutions(JsonResult):
 
     @checked
     def text(self, degrees: bool = False) -> str:
-        """Lines for people.
+        """Return the answer in lines of text.
 
         Parameters
         ----------
@@ -258,18 +258,18 @@ class FoundSolutions:
 
     @property
     def regular(self) -> Bool:
-        """Which of them are regular, (K,)."""
+        """True for each that is regular, (K,)."""
         if not self.q:
             return np.zeros(0, dtype=bool)
         return np.greater(self._measure(np.array(self.q)), _REGULAR)
 
     def clear(self) -> bool:
-        """Whether there are some, and none is nearly double, as next to a singularity."""
+        """Return True if there are some, and none is nearly double, as next to a singularity."""
         return bool(self.q) and bool((self._measure(np.array(self.q)) > 1e-4).all())
 
     @property
     def lacking(self) -> int:
-        """How many solutions with a positive determinant lack, negative: with a negative one.
+        """Number of missing solutions with a positive determinant; negative: with a negative one.
 
         Where all free joints turn and do not end, joint space is compact and poses are not: the
         map has degree zero, and as many regular solutions have a positive determinant as a
@@ -284,13 +284,13 @@ class FoundSolutions:
         return -round(sum(self.sign))
 
     def settled(self) -> bool:
-        """Whether every regular solution was met several times, and none is known to lack."""
+        """Return True if every regular solution was met several times, and none is missing."""
         if not self.q or self.lacking:
             return False
         return bool((np.array(self.hits)[self.regular] >= ENOUGH).all())
 
     def judged(self) -> tuple[InverseSolution, ...]:
-        """Those within the limits first, best conditioned first; not all singular ones."""
+        """Return those within the limits first, best conditioned first; not all singular ones."""
         if not self.q:
             return ()
         arm, held = self.arm, self.held
@@ -301,7 +301,8 @@ class FoundSolutions:
         outside |= bool(np.any((held < arm.lower) | (held > arm.upper)))
         sure = radii(self.solver, Q)
         out, singular = [], 0
-        for k in np.lexsort((-measure, outside)):
+        # Flips of a wrist are conditioned alike: rounding must not order them.
+        for k in np.lexsort((*np.round(Q.T[::-1], 6), -np.round(measure, 9), outside)):
             singular += not regular[k]
             if not regular[k] and singular > 32:
                 continue
@@ -531,7 +532,7 @@ def inverse(
 
 
 def _examples(singular: int) -> str:
-    """Where there are several singular solutions, there may be a curve of them."""
+    """Return where there are several singular solutions, there may be a curve of them."""
     if singular < 2:
         return ""
     return (

@@ -142,7 +142,7 @@ class Divided(CountedPiece):
         return np.where(circle, low + np.mod(x - low, 2 * math.pi), x)
 
     def box_of(self, x: Array) -> int:
-        """Which box a point (d,) is in."""
+        """Return which box a point (d,) is in."""
         ground, leaves = self.found.ground, self.found.leaves
         share = (self._inside(x) - ground.low) / (ground.high - ground.low)
         levels = np.arange(int(leaves.level.max()) + 1)
@@ -514,13 +514,13 @@ class Map:
         return np.clip(found, low, high)
 
     def clear(self, Q: Array) -> bool:
-        """Whether a polyline (K, n) meets no family that separates, with proof."""
+        """Return True if a polyline (K, n) meets no family that separates, with proof."""
         if len(Q) == 1 or not self.cutting.families:
             return True
         return len(crossings_of(self.cutting, motion_of(self.cutting, Q, None))) == 0
 
     def regular(self, Q: Array) -> bool:
-        """Whether a polyline (K, n) meets no family at all, with proof."""
+        """Return True if a polyline (K, n) meets no family at all, with proof."""
         if not self.watched.families:
             return True
         return len(crossings_of(self.watched, motion_of(self.watched, Q, None))) == 0
@@ -570,7 +570,7 @@ class Map:
 
     @staticmethod
     def apart(pieces: tuple[Piece, ...], a: tuple[int, int], b: tuple[int, int]) -> bool:
-        """Whether a part with these pieces proves that two places are of different aspects."""
+        """Return True if a part proves that two places are of different aspects."""
         (box, one), (other_box, other) = a, b
         if box != other_box:
             return True

@@ -279,29 +279,29 @@ class Point:
 
     @property
     def parallel(self) -> bool:
-        """Whether the first two axes are."""
+        """True if the first two axes are."""
         return self.e[0] == 0 and self.e[1] == 0
 
     @property
     def crossing(self) -> bool:
-        """Whether the first two axes meet in a point."""
+        """True if the first two axes meet in a point."""
         return not self.parallel and self.tau[0] == 0 and self.tau[1] == 0
 
     @property
     def height(self) -> Pair:
-        """How v_z depends on q3: coefficients of cos and sin, or of q3 and its square."""
+        """v_z as a function of q3: coefficients of cos and sin, or of q3 and its square."""
         return self.cosine[2], self.sine[2]
 
     @property
     def square(self) -> Pair:
-        """How |v|^2 depends on q3."""
+        """|v|^2 as a function of q3."""
         if self.slides:
             return 2 * _dot(self.constant, self.cosine), Fraction(1)
         return 2 * _dot(self.constant, self.cosine), 2 * _dot(self.constant, self.sine)
 
     @property
     def h(self) -> Pair:
-        """How h depends on q3."""
+        """The number h as a function of q3."""
         n, m, twice = self.square, self.height, 2 * self.tau[2]
         return n[0] + twice * m[0], n[1] + twice * m[1]
 
@@ -420,7 +420,7 @@ class Measures:
         return value
 
     def deflated(self) -> Deflated:
-        """What is left of P where the root q3 is taken out."""
+        """Return what is left of P where the root q3 is taken out."""
         return Deflated(self.e, self.tau, self.constant, self.cosine, self.sine)
 
 
@@ -662,7 +662,7 @@ def _two_links(chain: ExactChain, places: tuple[int, int, int]) -> SolutionStage
 
 
 def _upright(chain: ExactChain) -> bool:
-    """Whether the first axis is along z of the base."""
+    """Return True if the first axis is along z of the base."""
     C = chain.rotation[0]
     return bool(C[0][2] == 0 and C[1][2] == 0)
 

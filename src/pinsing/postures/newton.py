@@ -65,7 +65,7 @@ class Stalled:
             self.left.append(float(left[k]))
 
     def doubt(self, solutions: Array) -> str:
-        """What they say against that solutions (K, n) are all there are; empty if nothing."""
+        """Return the doubts that solutions (K, n) are all; empty if there are none."""
         if not self.Q:
             return ""
         Q, left = np.array(self.Q), np.array(self.left)
@@ -125,7 +125,7 @@ class Solver:
     def solve(
         self, Q: Array, steps: int = _ITERATIONS, stalled: Stalled | None = None
     ) -> tuple[Array, Array]:
-        """Where starts Q (N, n) lead: those that reach the pose (K, n), and what is left (K,).
+        """Return the solutions (K, n) reached from starts Q (N, n), and their residuals (K,).
 
         Those that do not are told to ``stalled``. A pose too far away for its squares to be
         numbers is reached by none.
@@ -171,7 +171,7 @@ class Solver:
         return np.asarray(np.sign(np.linalg.det(self.linear(Q)[1])))
 
     def linear(self, Q: Array) -> tuple[Array, Array]:
-        """What is left of the pose (N, m), and its derivatives by the weighted free joints."""
+        """Return the residual of the pose (N, m), and its derivatives by the free joints."""
         N, n = Q.shape
         C, t = self.chain.R, self.chain.t
         R, p = np.broadcast_to(C[0], (N, 3, 3)), np.broadcast_to(t[0], (N, 3))
@@ -268,7 +268,7 @@ def bend(solver: Solver, Q: Array) -> Array:
 
 
 def _reach(solver: Solver, Q: Array) -> Array:
-    """How far the tip can be from each joint, (K, n)."""
+    """Return how far the tip can be from each joint, (K, n)."""
     step = np.linalg.norm(solver.chain.t, axis=1)[1:]
     slide = np.where(solver.chain.prismatic, np.abs(Q) + 0.1, 0.0)
     return np.asarray(np.cumsum((step + slide)[:, ::-1], axis=1)[:, ::-1])
@@ -299,7 +299,7 @@ _MOST = 200_000
 
 
 def regular_way(arm: Arm, path: Array, most: int = _MOST) -> bool:
-    """Whether a polyline is proven to have the generic rank throughout.
+    """Return True if a polyline is proven to have the generic rank throughout.
 
     Parameters
     ----------
@@ -331,7 +331,7 @@ def regular_way(arm: Arm, path: Array, most: int = _MOST) -> bool:
 
 
 def one_sheet(arm: Arm, a: Array, b: Array) -> bool:
-    """Whether the tip can leave a pose in the same directions from two configurations.
+    """Return True if the tip can leave a pose in the same directions from two configurations.
 
     An arm with fewer joints than a pose has conditions reaches a surface of poses. Where two
     sheets of it cross, two configurations have one pose by chance: poses near by have only one.

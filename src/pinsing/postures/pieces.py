@@ -34,7 +34,7 @@ class Counts(Protocol):
 
     @property
     def closed(self) -> bool:
-        """Whether none can be missing."""
+        """True if none can be missing."""
 
 
 class Piece(Counts, Protocol):
@@ -81,7 +81,7 @@ class CountedPiece:
 
     @property
     def closed(self) -> bool:
-        """Whether none can be missing."""
+        """True if none can be missing."""
         return self.found.closed
 
 

@@ -53,7 +53,7 @@ class Counted(Protocol):
 
     @property
     def proven(self) -> bool:
-        """Whether both numbers agree."""
+        """True if both numbers agree."""
 
 
 F = TypeVar("F", bound=Counted)
@@ -139,7 +139,7 @@ class Components:
 
     @property
     def proven(self) -> bool:
-        """Whether both numbers agree."""
+        """True if both numbers agree."""
         return self.closed and self.lower == self.upper
 
 
@@ -289,7 +289,7 @@ class Sections:
 
     @property
     def proven(self) -> bool:
-        """Whether both numbers agree."""
+        """True if both numbers agree."""
         return self.closed and self.lower == self.upper
 
 

@@ -469,7 +469,7 @@ class _Planner:
         return f"at pose {k} every solution is outside the limits of {beyond}"
 
     def _first(self, start: npt.ArrayLike | None) -> Bool:
-        """Which nodes (G, S) of the first pose a path may begin at."""
+        """Return which nodes (G, S) of the first pose a path may begin at."""
         if start is None:
             return np.asarray(self.usable[0])
         q = self.arm.check_one(start, "start")
@@ -625,7 +625,7 @@ class _Planner:
         return float(clearance(self.form, q).lower)
 
     def _roll_moves_the_last_joint(self) -> bool:
-        """Whether all nodes of the first pose differ in the last joint alone."""
+        """Return True if all nodes of the first pose differ in the last joint alone."""
         Q = self.Q[0].reshape(-1, self.arm.n)
         Q = Q[np.isfinite(Q[:, 0])]
         others = Q[:, :-1]
@@ -667,7 +667,7 @@ class _Planner:
         return out
 
     def _has_a_sign(self, family: Family) -> bool:
-        """Whether whole turns leave the sign of a family's product of equations as it is."""
+        """Return True if whole turns leave the sign of a family's product of equations as it is."""
         odd = np.zeros(self.arm.n)
         for branch in family.branches:
             for v in branch.values:

@@ -69,7 +69,7 @@ def pick(items: Any, k: int) -> Any:
 
 
 def fits(item: Any, shape: Any) -> bool:
-    """Whether what was read has the types and keys of a shape, no more and no fewer."""
+    """Return True if what was read has the types and keys of a shape, no more and no fewer."""
     if isinstance(shape, type):
         return type(item) is shape
     if isinstance(shape, dict):
@@ -178,7 +178,7 @@ class Ring:
         return [self.degree(form, j) for j in range(len(self.pairs))]
 
     def divides(self, p: Poly, form: Poly) -> bool:
-        """Whether ``form`` is shown to be a multiple of ``p``: zero wherever that is."""
+        """Return True if ``form`` is shown to be a multiple of ``p``: zero wherever that is."""
         self.spend(len(form) * len(p))
         return bool(self.reduced(divmod(form, p)[1]) == 0)
 
@@ -209,7 +209,7 @@ class Ring:
         return self.reduced(form.compose(*images, ctx=self.context))
 
     def where(self, forms: list[Poly]) -> Where:
-        """What it means that forms vanish: joints at points, and what is left of the forms."""
+        """Return the meaning of vanishing forms: joints at points, and the forms left."""
         values: dict[int, tuple[Poly, Poly]] = {}
         forms = [f for form in forms for f in self.stripped(form) if f != 0]
         while linear := [f for f in forms if sum(f.monomial(0)[: 2 * len(self.pairs)]) == 1]:
@@ -222,7 +222,7 @@ class Ring:
         return values, forms
 
     def vanishes(self, form: Poly, place: Where) -> bool:
-        """Whether a form is shown to be zero at a place: a multiple of one that vanishes."""
+        """Return True if a form is shown to be zero at a place: a multiple of one that vanishes."""
         (image,) = self.stripped(self.put(form, place[0]))
         return image == 0 or any(self.divides(p, image) for p in place[1])
 
@@ -238,7 +238,7 @@ class Ring:
         return found if all(tops) else self.times(found, sum(tops, self.zero))
 
     def codimension_at_least(self, least: int, forms: list[Poly]) -> bool:
-        """Whether that is shown of all components of the common zeros of some forms.
+        """Return True if that is shown of all components of the common zeros of some forms.
 
         A component of less has points at all values of all joints but least - 1, whichever these
         are: to see one choice of values without a point is enough.
@@ -253,7 +253,7 @@ class Ring:
         return self.has_gaps(least, forms)
 
     def has_gaps(self, least: int, forms: list[Poly]) -> bool:
-        """Whether common zeros have no points at some values of all joints but least - 1."""
+        """Return True if common zeros have no points at some values of all joints but least - 1."""
         involved = sorted({j for p in forms for j in self.joints(p)})
         return all(
             any(self.apart(forms, {*involved} - {*free}, free, a) for a in range(2, 6))
@@ -261,7 +261,7 @@ class Ring:
         )
 
     def apart(self, forms: list[Poly], held: set[int], free: tuple[int, ...], a: int) -> bool:
-        """Whether forms are shown to have no common zero with some joints at integers."""
+        """Return True if forms are shown to have no common zero with some joints at integers."""
         values = {j: (self.one, self.one * (a + 3 * j)) for j in held}
         forms = [f for p in forms if (f := self.put(p, values)) != 0]
         for j in free if all(map(self.joints, forms)) else ():  # else a number vanishes
@@ -531,7 +531,7 @@ def verify(text: str) -> dict[str, Any]:
 
 
 def statement(data: dict[str, Any]) -> str:
-    """What a certificate that was accepted proves."""
+    """Return what a certificate that was accepted proves."""
     names = ", ".join(dict.fromkeys(str(f["name"]) for f in data["families"])) or "nothing"
     rows = " ".join(("vx", "vy", "vz", "wx", "wy", "wz")[r] for r in data["rows"])
     rows += " in the tip's axes" if data["axes"] > len(data["chain"]) else ""

@@ -55,18 +55,18 @@ def divisions(
 
 
 def top_of(ring: Ring, form: Poly, joint: int) -> Poly:
-    """What the highest power of y of a joint, without its x, is multiplied by."""
+    """Return what the highest power of y of a joint, without its x, is multiplied by."""
     x, y = ring.names[2 * joint : 2 * joint + 2]
     return form.subs({x: 0, y: 1})
 
 
 def empty(ring: Ring, forms: Sequence[Poly]) -> bool:
-    """Whether forms have no common zero, as one of them is a number."""
+    """Return True if forms have no common zero, as one of them is a number."""
     return any(f != 0 and not ring.joints(f) for f in forms)
 
 
 def shown(ring: Ring, question: Callable[[], bool], most: int = 10_000_000) -> bool:
-    """Whether something is seen with so many products of terms; they are not counted.
+    """Return True if something is seen with so many products of terms; they are not counted.
 
     By default these are a small part of what the checker spends in all.
     """
@@ -80,7 +80,7 @@ def shown(ring: Ring, question: Callable[[], bool], most: int = 10_000_000) -> b
 
 
 def vanishes(ring: Ring, form: Poly, forms: Sequence[Poly]) -> bool:
-    """Whether ``form`` is shown to be zero wherever all of ``forms`` are."""
+    """Return True if ``form`` is shown to be zero wherever all of ``forms`` are."""
     if ring.vanishes(form, ({}, list(forms))):
         return True
     outside: list[Poly] = []  # zero where dividing, for some choice of joints, tells nothing
@@ -253,11 +253,11 @@ class Forms:
         return [place]
 
     def is_simpler(self, rest: Poly, p: Poly) -> bool:
-        """Whether a remainder is zero, shorter than ``p``, or a product."""
+        """Return True if a remainder is zero, shorter than ``p``, or a product."""
         return bool(rest == 0 or len(rest) < len(p) or len(self.factors(rest)) > 1)
 
     def fixes(self, f: Poly) -> bool:
-        """Whether a form puts one joint at a value."""
+        """Return True if a form puts one joint at a value."""
         joints = self.ring.joints(f)
         return len(joints) == 1 and self.ring.degree(f, joints[0]) == 1
 
@@ -307,7 +307,7 @@ class Forms:
 
 
 def content(*polys: Poly) -> Any:
-    """What all coefficients of some forms share, with the sign of the first."""
+    """Return what all coefficients of some forms share, with the sign of the first."""
     numbers = [c for p in polys for c in p.coeffs()]
     above = math.gcd(*(int(c.p) for c in numbers))
     below = math.lcm(*(int(c.q) for c in numbers))

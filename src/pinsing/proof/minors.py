@@ -16,7 +16,7 @@ from pinsing.proof.skeleton import form_text
 
 
 def combination(ring: Ring, form: Poly, others: Sequence[Poly]) -> list[Poly] | None:
-    """What others are multiplied by so that the sum is a form times units; None if none was found.
+    """Return factors of others whose sum is a form times units; None if none was found.
 
     Unlike division it needs no order of the joints: the others may all have the same ones.
     """
@@ -58,7 +58,7 @@ def _solved(ring: Ring, form: Poly, others: Sequence[Poly]) -> list[Poly] | None
 
 
 def _monomials(ring: Ring, form: Poly, p: Poly) -> Iterator[Poly]:
-    """What a form of the degree of ``form`` over ``p`` may consist of."""
+    """Return what a form of the degree of ``form`` over ``p`` may consist of."""
     parts = []
     for j, (x, y) in enumerate(ring.pairs):
         left = ring.degree(form, j) - ring.degree(p, j)
@@ -306,7 +306,7 @@ def _by_division(
 
 
 def _is_apart(draft: Certificate, family: Place, form: Poly) -> bool:
-    """Whether a form is seen to be zero on no component of a family."""
+    """Return True if a form is seen to be zero on no component of a family."""
     count = len(family.relations) + 1
     forms = [*family.relations, *draft.ring.stripped(form)]
     return shown(draft.ring, lambda: draft.ring.codimension_at_least(count, forms), most=MOST_WORK)

@@ -168,7 +168,7 @@ class Splits:
                 yield Split(split.sum, self.ring.stripped(poly)[0])
 
     def _vanishes(self, form: Poly, relations: Sequence[Poly]) -> bool:
-        """Whether a form is soon seen to vanish where relations do."""
+        """Return True if a form is soon seen to vanish where relations do."""
         self._tick()
         return shown(self.ring, functools.partial(vanishes, self.ring, form, relations))
 
@@ -342,7 +342,7 @@ class Tree:
         return place
 
     def _shown(self, question: Callable[[], bool]) -> bool:
-        """Whether something is seen, and not only after long."""
+        """Return True if something is seen, and not only after long."""
         self.forms.require_time()
         return shown(self.ring, question)
 
@@ -477,7 +477,7 @@ class Tree:
 
 
 def _all_vanish(ring: Ring, images: Sequence[Poly], some: Sequence[Poly]) -> bool:
-    """Whether forms are shown to be zero wherever some others all are."""
+    """Return True if forms are shown to be zero wherever some others all are."""
     return all(vanishes(ring, f, some) for f in images)
 
 
@@ -607,7 +607,7 @@ def _written(place: Place, polynomials: _Table, number: Mapping[int, int]) -> di
 
 
 def _leads(then: Place | None, number: Mapping[int, int]) -> tuple[str, int]:
-    """Where a case leads."""
+    """Return where a case leads."""
     if then is None:
         return "nowhere", 0
     if then.family is not None:

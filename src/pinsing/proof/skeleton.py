@@ -53,7 +53,7 @@ def form_text(form: Poly) -> str:
 
 
 def roots_in(geometry: Nominal) -> tuple[int, ...]:
-    """What the numbers of a chain have square roots of: 2 or 3, both or none."""
+    """Return what the numbers of a chain have square roots of: 2 or 3, both or none."""
     numbers = [x for R in geometry.rotation for row in R for x in row]
     numbers += [x for row in geometry.tip_rotation for x in row]
     numbers += [x for drive in drives(geometry)[0] for x in drive.turn]
@@ -224,7 +224,7 @@ def without_dependent_lines(
 
 
 def _steps(certificate: Certificate, lines: Matrix, budget: Budget) -> list[list[Any]]:
-    """Which multiple of which line is taken from which."""
+    """Return which multiple of which line is taken from which."""
     vectors = []
     for line in lines:
         budget.check()

@@ -130,7 +130,7 @@ def clearance(
     weights: npt.ArrayLike | None = None,
     norm: str = "euclidean",
 ) -> Clearance:
-    """How far configurations are from the nearest family of singular ones.
+    """Return how far configurations are from the nearest family of singular ones.
 
     By default two bounds in closed form, from the value and the gradient of each equation and a
     bound of its second derivatives: tight near a family (lower over true distance 0.998 within
@@ -256,7 +256,7 @@ def is_clear(
     weights: npt.ArrayLike | None = None,
     norm: str = "euclidean",
 ) -> bool:
-    """Whether it is proven that no family has a point within ``radius`` of q (n,).
+    """Return True if it is proven that no family has a point within ``radius`` of q (n,).
 
     The quick bounds decide where they can, a search where they cannot. False is the answer as
     well where the search ran out of boxes.

@@ -476,7 +476,7 @@ def _groups(start: Array, end: Array, near: Array) -> list[tuple[int, int]]:
 def _kind(
     c: Conditions, e: int, motion: Motion, u: float, end: float, simple: npt.NDArray[np.bool_]
 ) -> str | None:
-    """Whether the sign differs before and after an event."""
+    """Return whether the sign differs before and after an event."""
     if len(simple) == 1 and simple[0]:
         return "crossing"
     last = float(len(motion.pieces))

@@ -228,7 +228,7 @@ def _rows(values: Sequence[object]) -> str:
 
 
 def _literal(value: object) -> str:
-    """What Python reads as the same value, in ASCII whatever a name holds."""
+    """Return what Python reads as the same value, in ASCII whatever a name holds."""
     if isinstance(value, float) and math.isinf(value):
         return 'float("inf")' if value > 0 else '-float("inf")'
     if isinstance(value, str):

@@ -101,7 +101,7 @@ class Line:
         return np.concatenate([self.along, self.axis])
 
     def error(self, arm: Arm, q: Array, s: float) -> Array:
-        """What is missing (6,) from the tip at q to the line at s."""
+        """Return what is missing (6,) from the tip at q to the line at s."""
         here = tip(arm, q)
         wanted = pin.exp3(self.axis * s) @ self.turn
         R = np.array(here.rotation)
@@ -560,7 +560,7 @@ def _speeds(
 
 
 def _edge(s: Array, allowed: Array, i: int, side: int, speed: float) -> float:
-    """Where the allowed speed falls below the one asked for, between samples."""
+    """Return where the allowed speed falls below the one asked for, between samples."""
     k = i + side
     if not 0 <= k < len(s) or not (np.isfinite(allowed[k]) and np.isfinite(allowed[i])):
         return float(s[i])
@@ -665,7 +665,7 @@ def line_summary(line: LineCheck, degrees: bool = True, robot: str = "", same: s
 
 
 def _line_speeds(line: LineCheck) -> str:
-    """What joint speeds allow."""
+    """Return what joint speeds allow."""
     if math.isinf(line.allowed_speed):
         return "not judged, the robot names no limits"
     if not line.too_fast:
@@ -738,7 +738,7 @@ def left_limits(line: LineCheck, degrees: bool = True) -> list[str]:
 
 
 def _postures(line: LineCheck, degrees: bool) -> list[str]:
-    """Which postures of the start would do."""
+    """Return which postures of the start would do."""
     good = [p for p in line.postures if p.outcome == "reached" and p.within_limits]
     out = ["starts from which the line works:"] if good else []
     for p in good:

@@ -122,7 +122,7 @@ class Speeds:
         self._keep("acceleration", at, at, bend / limits, bend, limits, bend > limits * (1 + 1e-9))
 
     def _cost(self, t: Array, Q: Array) -> None:
-        """Where some tip velocity of the given speeds needs more than a joint's limit."""
+        """Return where some tip velocity of the given speeds needs more than a joint's limit."""
         if self.judge.reason:
             return
         L, limits = self.arm.length_scale, self.judge.limits

@@ -346,7 +346,7 @@ class Suggestion(JsonResult):
 
     @checked
     def text(self, degrees: bool = False) -> str:
-        """Lines for people: the configuration to paste, and what is proven of it.
+        """Return the answer in lines of text: the configuration to paste, and its proven clearance.
 
         Parameters
         ----------
@@ -558,7 +558,7 @@ def _room(arm: Arm, watched: Watched, near: Array | None, reach: float, notes: l
 
 
 def _margin(arm: Arm, reach: float) -> float:
-    """What is left free in the ball, so that a rounded configuration is in it as well."""
+    """Return what is left free in the ball, so that a rounded configuration is in it as well."""
     return min(1e-4 * math.sqrt(arm.n), reach / 10)
 
 

@@ -232,7 +232,7 @@ def _margin(forms: Sequence[ClosedForm], names: Sequence[str], weight: Array) ->
 
 
 def metric_note(length_scale: float) -> str:
-    """What a distance of an arm with sliding joints is, in a sentence."""
+    """Return what a distance of an arm with sliding joints is, in a sentence."""
     return (
         f"distances count a slide of {length_scale:g} m (the length scale) as 1 rad, and are "
         "given as angles"

@@ -253,13 +253,13 @@ def summary(c: Content) -> Section:
 
 
 def word_badge(c: Content) -> str:
-    """How sure it is that no family is missing, coloured."""
+    """Return how sure it is that no family is missing, coloured."""
     word = c.forms.word
     return badge(word, {"proven": "good", "not complete": "caution"}.get(word, ""))
 
 
 def trajectory(c: Content, way: Trajectory) -> Section:
-    """What a trajectory meets: the first lines of `pinsing check`, then the rest of them."""
+    """Return what a trajectory meets: the first lines of `pinsing check`, then the rest of them."""
     verdict, *lines = said_of(way.check, True, way.name, way.robot).splitlines()
     from pinsing.plot.curves import clearance_along
 
@@ -285,7 +285,7 @@ def status_badge(state: State) -> str:
 
 
 def legend(c: Content) -> str:
-    """Which joint each symbol stands for, where the names differ."""
+    """Return which joint each symbol stands for, where the names differ."""
     pairs = [
         f"{formula(latex_symbol(symbol))} {text('is')} {name(joint)}"
         for symbol, joint in c.forms.legend
@@ -329,7 +329,7 @@ def robot(c: Content) -> Section:
 
 
 def assumed(c: Content) -> Section:
-    """What the answer stands on besides the file."""
+    """Return what the answer stands on besides the file."""
     rows = (
         *c.info.arm.notes,
         f"Geometry: {c.info.geometry()}.",
@@ -561,7 +561,7 @@ def special(c: Content) -> Section:
 
 
 def _instead(c: Content) -> str:
-    """What to take in place of usual poses that are singular."""
+    """Return what to take in place of usual poses that are singular."""
     arm = c.info.arm
     said = [p.text(arm.source, arm.prismatic, True) for p in c.info.singular_poses]
     head = paragraph(text("What to take instead:")) if said else ""
@@ -596,7 +596,7 @@ def values(q: Array, arm: ArmSummary) -> str:
 
 
 def proof(c: Content, certificate: str | None) -> Section:
-    """How sure it is that no family is missing."""
+    """Return how sure it is that no family is missing."""
     forms = c.forms
     said, parts = word_badge(c), []
     if forms.deviation is not None:

@@ -357,7 +357,7 @@ def model(page: str | None, beside: str | None) -> Section | None:
 
 
 def data(schema: str) -> Section:
-    """Where programs find the same."""
+    """Return where programs find the same."""
     return section(
         "data",
         "For programs",
@@ -440,7 +440,7 @@ def map_planes(arm: Arm, families: Sequence[Family]) -> list[tuple[int, int]]:
 
 
 def _shows(branch: Branch, pair: tuple[int, int]) -> bool:
-    """Whether a branch meets the plane of two joints, whatever the others are."""
+    """Return True if a branch meets the plane of two joints, whatever the others are."""
     values = {v.joint for v in branch.values}
     if not values <= set(pair):
         return False

@@ -239,7 +239,7 @@ class SpecialInputs:
 
 
 def summary(mechanism: Mechanism, a: MechanismAnalysis) -> Section:
-    """What it is and what is met on the way."""
+    """Return what it is and what is met on the way."""
     kinds = [k for k in TYPES if any(p.kind == k for p in a.points)]
     met = ", ".join(kinds) if kinds else "no singular configuration"
     lead = paragraph(
@@ -329,7 +329,7 @@ def robot(mechanism: Mechanism, a: MechanismAnalysis) -> Section:
 
 
 def assumed(a: MechanismAnalysis) -> Section:
-    """What the answers rest on."""
+    """Return what the answers rest on."""
     rows = (
         *a.notes,
         *(a.forms.notes if a.forms else ()),
@@ -411,7 +411,7 @@ def verdicts(mechanism: Mechanism, special: Sequence[SpecialInputs]) -> Section:
 
 
 def certainty(a: MechanismAnalysis) -> str:
-    """How sure it is that nothing is missing."""
+    """Return how sure it is that nothing is missing."""
     whole = [
         words
         for forms, words in (
@@ -435,7 +435,7 @@ def certainty(a: MechanismAnalysis) -> str:
 
 
 def sure(a: MechanismAnalysis) -> Section:
-    """What is exact and what is numeric."""
+    """Return what is exact and what is numeric."""
     said = certainty(a)
     if not a.checks:
         said += paragraph(

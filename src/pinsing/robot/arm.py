@@ -190,7 +190,7 @@ class Arm(Memory):
         return q
 
     def check_one(self, q: npt.ArrayLike, name: str = "q") -> Array:
-        """As `check`, of one joint vector (n,).
+        """Check one joint vector (n,), as `check`.
 
         Parameters
         ----------
@@ -218,7 +218,7 @@ class Arm(Memory):
         return array
 
     def check_many(self, q: npt.ArrayLike, name: str = "q", own: bool = True) -> Array:
-        """As `check`, of joint vectors (N, n); one (n,) becomes (1, n).
+        """Check joint vectors (N, n), as `check`; one (n,) becomes (1, n).
 
         Parameters
         ----------
@@ -249,7 +249,7 @@ class Arm(Memory):
         return array
 
     def q_of(self, full_q: npt.ArrayLike) -> Array:
-        """Joint vector(s) of the arm in configuration(s) of the whole model it was taken from.
+        """Return joint vector(s) of the arm in configuration(s) of the whole model.
 
         All functions that take ``q`` do this by themselves: they tell the two by their lengths. Of
         equal lengths both mean the same, unless joints are traversed backwards: then these
@@ -288,7 +288,7 @@ class Arm(Memory):
         return self._whole.q_of(array) if array.shape[-1] == self.n else own
 
     def full_q(self, q: npt.ArrayLike, others: npt.ArrayLike | None = None) -> Array:
-        """Configuration(s) of the whole model with the arm at q: the way back from ``q_of``.
+        """Return configuration(s) of the whole model with the arm at q: the inverse of ``q_of``.
 
         Parameters
         ----------
@@ -386,7 +386,7 @@ class Arm(Memory):
 
     @checked
     def model_q(self, q: npt.ArrayLike) -> Array:
-        """Configuration(s) of ``model``, the chain alone, at q.
+        """Return the configuration(s) of ``model``, the chain alone, at q.
 
         Parameters
         ----------

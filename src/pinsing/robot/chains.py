@@ -346,7 +346,7 @@ def arm_chains(
 
 
 def long_chain_note(model: pin.Model, end: int, start: int = 0, longest: int = LONGEST) -> str:
-    """What to say of a chain of more than ``longest`` joints: why, and which shorter ones exist.
+    """Return a note on a chain of more than ``longest`` joints, and shorter ones.
 
     Empty if the chain from joint ``start`` to joint ``end`` is not that long.
     """

@@ -95,7 +95,7 @@ def require_same(robot: Arm, design: Arm, called: str) -> None:
 
 
 def differences(robot: Arm, design: Arm) -> tuple[AxisDifference, ...]:
-    """How far each axis of a robot is from that of its design, base to tip."""
+    """Return how far each axis of a robot is from that of its design, base to tip."""
     R, t = alignment(axes(flatten(robot)), axes(flatten(design)))
     (d, p), (d0, p0) = axes(flatten(robot)), axes(flatten(design))
     d0, p0 = d0 @ R.T, p0 @ R.T + t

@@ -74,7 +74,7 @@ class Deviation:
 
     @classmethod
     def of(cls, snaps: Iterable[Snap]) -> Deviation | None:
-        """What was moved by more than rounding; None where nothing was, and no twist replaced."""
+        """Return what was moved by more than rounding; None where nothing was."""
         largest = {"angle": ROUNDING, "length": ROUNDING, "twist": 0.0}
         start = dict(largest)
         for snap in snaps:
@@ -85,7 +85,7 @@ class Deviation:
 
     @property
     def geometry(self) -> str:
-        """What the answer is about."""
+        """Geometry that the answer is about."""
         if self.angle or self.length:
             return "the nominal design"
         return "a rational geometry beside the file's"

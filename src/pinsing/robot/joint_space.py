@@ -58,7 +58,7 @@ class JointSpace:
 
     @cached_property
     def metric(self) -> Array:
-        """What counts as one radian: 1, or the length scale of a prismatic joint, (n,)."""
+        """Unit of each joint, (n,): 1 rad, or the length scale of a prismatic joint."""
         return np.where(self.prismatic, self.length_scale, 1.0)
 
     @cached_property
@@ -97,7 +97,7 @@ class JointSpace:
         return self.names.index(found)
 
     def mask(self, names: Iterable[str]) -> Bool:
-        """Which joints (n,) are among ``names``; as `index`."""
+        """Return which joints (n,) are among ``names``; as `index`."""
         found = np.zeros(self.n, dtype=bool)
         found[[self.index(name) for name in names]] = True
         return found

@@ -109,7 +109,7 @@ def coupled_limits(
 
 
 def locked_at(model: pin.Model, mimics: Mapping[str, Follow]) -> Array:
-    """Where joints are locked: neutral, moved inside the limits; followers where they belong."""
+    """Return the values of locked joints: neutral, within limits; followers follow."""
     q = pin.neutral(model)
     for joint in model.joints[1:]:
         if joint.nq == 1:

@@ -230,7 +230,7 @@ def _choose_tip(
 def _free_joints(
     whole: _Whole, way: Way, joints: Sequence[str] | None, notes: list[str]
 ) -> list[int]:
-    """Which joints of the path stay: those asked for, or all with one degree of freedom."""
+    """Return which joints of the path stay: those asked for, or all with one degree of freedom."""
     model, path = whole.model, way.path
     on_path = [model.names[j] for j in path]
     if joints is not None:

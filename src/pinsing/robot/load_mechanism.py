@@ -134,7 +134,7 @@ class _SpanningTree:
         )
 
     def hinge(self, joint: int) -> bool:
-        """Whether it is passive and turns."""
+        """Return True if it is passive and turns."""
         m = self.mechanism
         return joint not in m.actuated and not m.prismatic[joint]
 
@@ -254,7 +254,7 @@ def _twice(tree: _SpanningTree, joint: int) -> bool:
 
 
 def _best(tree: _SpanningTree, run: tuple[int, int, int], near: Array, far: Array) -> int:
-    """Which of a ball's hinges the others do best without.
+    """Return which of a ball's hinges the others do best without.
 
     The two that stay point the link: they reach every direction where the link is across the
     second of them and that across the first; and at home they should move it two ways.

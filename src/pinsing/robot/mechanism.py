@@ -221,7 +221,7 @@ class Mechanism(Memory):
         return _numbers(inputs, self.inputs, "inputs")
 
     def model_q(self, q: npt.ArrayLike) -> Array:
-        """Pinocchio's configuration(s) for joint vector(s) q.
+        """Return Pinocchio's configuration(s) for joint vector(s) q.
 
         Parameters
         ----------

@@ -176,7 +176,7 @@ class Way:
         return (*self.up, *self.down)
 
     def told(self, model: pin.Model) -> Iterator[str]:
-        """What is said of joints before the chain, and of those that are traversed backwards."""
+        """Return the notes on joints before the chain, and on those traversed backwards."""
 
         def names(joints: tuple[int, ...]) -> str:
             return ", ".join(model.names[j] for j in joints)

@@ -52,14 +52,14 @@ class Task:
 
     @property
     def tool_axis(self) -> int | None:
-        """Which axis of the tip may turn freely: 0, 1, 2 with two rotations at the tip, or None."""
+        """Free rotation axis of the tip: 0, 1 or 2 with two rotations at the tip, or None."""
         free = [r for r in _TRIPLES[1] if r not in self.rows]
         turns = [tip for r, tip in self._marked if r >= 3]
         return free[0] - 3 if len(free) == 1 and all(turns) else None
 
     @property
     def places(self) -> bool:
-        """Whether its rows say where the tip is, so that a pose can be a goal.
+        """True if its rows say where the tip is, so that a pose can be a goal.
 
         Rows in the tip's axes turn with it, and in general only say how it moves. All
         translations, or none, and all rotations, none, or all but one about an axis of the tip

@@ -484,17 +484,17 @@ class Analysis(JsonResult):
 
     @property
     def complete(self) -> bool:
-        """Whether no singular configuration can be missing."""
+        """True if no singular configuration can be missing."""
         return self.closed_form.complete
 
     @property
     def agree(self) -> bool:
-        """Whether closed forms, sweep and random search contradict each other nowhere."""
+        """True if closed forms, sweep and random search contradict each other nowhere."""
         return not self.problems
 
     @property
     def singular(self) -> bool:
-        """Whether a singular configuration within the joint limits is known."""
+        """True if a singular configuration within the joint limits is known."""
         reachable = any(f.is_reachable for f in self.families)
         return reachable or any(f.reachable and f.status == "singular" for f in self.findings)
 
@@ -684,7 +684,7 @@ def random_search(
 
 
 def leads_down(exact: Arm, forms: ClosedForm, q: Array) -> bool:
-    """Whether q (n,) is in a valley of sigma_r that ends on a family nearby.
+    """Return True if q (n,) is in a valley of sigma_r that ends on a family nearby.
 
     Where sigma_r falls like a higher power of the distance, walks end far off the zero: rounding
     hides it. So the point is put back towards the family, and polished from there, again and

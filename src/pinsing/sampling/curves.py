@@ -149,7 +149,7 @@ class CurveTable:
         return np.asarray(self.configurations([curve], [sample])[0])
 
     def _singular(self, base: Array, fixed: Bool) -> Bool:
-        """Which rows contain a set that is singular whatever the others."""
+        """Return which rows contain a set that is singular whatever the others."""
         found = np.zeros(len(base), dtype=bool)
         for level in self.plan.levels:
             for place in np.flatnonzero(level.forced).tolist():
@@ -205,7 +205,7 @@ class Candidates:
 
 
 def minima(sigma: Array, ratio: Array, before: Array, after: Array) -> Bool:
-    """Which samples of curves, or of pieces of them, are candidates.
+    """Return which samples of curves, or of pieces of them, are candidates.
 
     Parameters
     ----------
@@ -294,11 +294,11 @@ class Pool:
             finite(record, name, size)
 
     def record(self) -> Record:
-        """What is kept, by number, as arrays."""
+        """Return what is kept, by number, as arrays."""
         return dict(zip(self.names, (np.array(self.found), *self._reduced()), strict=True))
 
     def candidates(self, samples: int) -> Candidates:
-        """What is kept, of curves with so many samples."""
+        """Return what is kept, of curves with so many samples."""
         number, _, sigma, ratio = self._reduced()
         curve, sample = np.divmod(number, samples)
         return Candidates(self.found, curve, sample, sigma, ratio)

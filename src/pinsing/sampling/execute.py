@@ -185,7 +185,7 @@ def open_run(
     identity : mapping
         What decides the numbers: plain JSON values, compared with what the folder has.
     chunks : int
-        How many chunks there are.
+        Number of chunks.
 
     Raises
     ------
@@ -453,12 +453,12 @@ class Stages:
 
     @property
     def over(self) -> bool:
-        """Whether nothing more should be begun."""
+        """True if nothing more should be begun."""
         return self.interrupted or time.monotonic() > self.until
 
     @property
     def why(self) -> str:
-        """What ended it."""
+        """Reason for the end."""
         return "stopped" if self.interrupted else f"the time of {self.seconds:g} s was up"
 
     def run(self, name: str, stage: Callable[[], T], otherwise: T, whole: bool = False) -> T:
@@ -557,10 +557,10 @@ class Job(Protocol):
 
     @property
     def chunks(self) -> int:
-        """How many chunks there are."""
+        """Number of chunks."""
 
     def identity(self) -> Mapping[str, Any]:
-        """What decides the numbers, as plain JSON values."""
+        """Return what decides the numbers, as plain JSON values."""
 
     def span(self, index: int) -> tuple[int, int]:
         """Numbers of what one chunk computes: from, and to before."""

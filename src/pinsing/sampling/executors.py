@@ -140,7 +140,7 @@ def dask_cluster(address: str, timeout: float = 10.0) -> Iterator[tuple[Executor
 
 
 def call_there(version: str, fn: Callable[..., Any], *args: Any, **kwargs: Any) -> Any:
-    """What a worker runs.
+    """Return what a worker runs.
 
     Raises
     ------

@@ -78,7 +78,7 @@ class JointCondition:
         return all(self.distance(name, x) <= tol for name, x in other.fixed.items())
 
     def distance(self, joint: str, value: float) -> float:
-        """How far ``value`` is from the one that ``joint`` is fixed at, whole turns aside."""
+        """Return the distance of ``value`` from that of ``joint``, whole turns aside."""
         return apart(value, self.fixed[joint], joint in self.prismatic)
 
     def __str__(self) -> str:
@@ -172,7 +172,7 @@ class Finding(JsonResult):
 
 
 def finding_spans(finding: Finding) -> tuple[Span, ...]:
-    """What was found, with its verdict."""
+    """Return what was found, with its verdict."""
     condition = f"{finding.condition}, whatever the others"
     reach = {True: "", False: ", outside the limits", None: ", none found within the limits"}
     where = reach[finding.reachable]

@@ -260,7 +260,7 @@ class MapPlan(JsonResult):
         return np.asarray(rows_of(self, index, index + 1)[0])
 
     def identity(self) -> dict[str, Any]:
-        """What decides the numbers and the chunks, as plain JSON values."""
+        """Return what decides the numbers and the chunks, as plain JSON values."""
         data = self.to_dict()
         named = {"joints": [self.arm.joints[i] for i in self.moving]}
         return named | {k: v for k, v in data.items() if k not in ("arm", "notes", "moving")}
@@ -403,7 +403,7 @@ def _moving(
 
 
 def _effective(arm: Arm) -> npt.NDArray[np.bool_]:
-    """Which joints (n,) change any singular value, by several turns from random places."""
+    """Return which joints (n,) change any singular value, by several turns from random places."""
     rng = np.random.default_rng(0)
     reach = np.where(arm.prismatic, own_scale(arm).length, np.pi)
     start = rng.uniform(-1, 1, (8, arm.n)) * reach

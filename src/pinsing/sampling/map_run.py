@@ -138,7 +138,7 @@ class MapResult(JsonResult):
 
     @checked
     def text(self, page: Page = PLAIN, degrees: bool = False) -> str:
-        """All that is worth reading, fitted to a page.
+        """Return the answer in lines of text, fitted to a page.
 
         Parameters
         ----------
@@ -152,29 +152,35 @@ class MapResult(JsonResult):
         >>> import pinsing
         >>> result = pinsing.sampling.sigma_map(pinsing.load("planar3r"), count=1000)
         >>> print(result.text(degrees=True).splitlines()[0])
-        map of planar3r: Sobol sample of 1,000 configurations over q2, q3
+        planar3r: 6.7 % of the configurations are singular or near-singular
         """
         arm = self.plan.arm
         of = "" if self.complete else f" ({self.done:,} done)"
-        near = self.singular + self.near_singular
+        share = 100 * (self.singular + self.near_singular) / self.done
         lines: list[tuple[Span, ...]] = [
-            (f"map of {arm.name}: {self.plan}{of}",),
+            (f"{arm.name}: {share:.3g} % of the configurations are singular or near-singular",),
+            (
+                alarm("singular") if self.singular else "singular",
+                f" (sigma_r/sigma_1 <= {SINGULAR_RTOL:g}): {self.singular:,}; ",
+                caution("near-singular") if self.near_singular else "near-singular",
+                f" (<= {NEAR_RTOL:g}): {self.near_singular:,}",
+            ),
+            (f"{self.plan}{of}",),
             (
                 f"tip {arm.tip}, task {arm.task}, length scale {arm.length_scale:g} m; "
                 f"engine {self.engine}",
             ),
-            (
-                alarm("singular") if self.singular else "singular",
-                f" (sigma_r/sigma_1 <= {SINGULAR_RTOL:g}): {self.singular:,}",
-            ),
-            (
-                caution("near-singular") if self.near_singular else "near-singular",
-                f" (<= {NEAR_RTOL:g}): {self.near_singular:,}; "
-                f"{100 * near / self.done:.3g} % of all are singular or near-singular",
-            ),
         ]
+        if self.worst:
+            q = typed(self.worst[0].q, arm.prismatic, degrees, _DIGITS, room=page.width - 34)
+            lines.insert(1, (f"smallest ratio: {self.worst[0].ratio:.3g}, at {q}",))
         rows = _quantile_rows(self.sigma_min, self.ratio)
-        parts = ["\n".join(page.paragraph(*line, rest="  ") for line in lines)]
+        parts = [
+            "\n".join(
+                page.paragraph(*line, first="  " * (line is not lines[0]), rest="    ")
+                for line in lines
+            )
+        ]
         if self.clearance is not None:
             parts += _clearance_text(self.clearance, self.plan, degrees, page)
         parts.append(page.table(Table(("share", "sigma_min", "ratio"), rows, frozenset({0, 1, 2}))))
@@ -329,7 +335,7 @@ class MapJob:
 
     @property
     def chunks(self) -> int:
-        """How many chunks there are."""
+        """Number of chunks."""
         return self.plan.chunks
 
     def tallies(self) -> list[Tally]:
@@ -348,7 +354,7 @@ class MapJob:
         return sigma, found
 
     def identity(self) -> Mapping[str, Any]:
-        """What decides the numbers, as plain JSON values."""
+        """Return what decides the numbers, as plain JSON values."""
         values: dict[str, Any] = {"keep_values": self.keep_values}
         if self.near is not None:
             values["clearance"] = self.near.fingerprint()

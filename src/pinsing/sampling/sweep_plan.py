@@ -179,7 +179,7 @@ class SweepPlan(JsonResult):
 
     @checked
     def moving(self, fixed: Iterable[int]) -> tuple[int, ...]:
-        """Joints that move in turn while ``fixed`` are at special values.
+        """Return the joints that move in turn while ``fixed`` are at special values.
 
         Parameters
         ----------
@@ -475,7 +475,7 @@ def _effects(
     rng: np.random.Generator,
     notes: list[str],
 ) -> tuple[JointEffect, ...]:
-    """Which joints change sigma_r, by their curves from q and from random configurations."""
+    """Return which joints change sigma_r, by their curves from q and from random configurations."""
     bases = np.concatenate([q[None], arm.space.sample(4, rng, ignore_limits=True)])
     Q = np.repeat(bases[None, :, None], arm.n, axis=0).repeat(_EFFECT_SAMPLES, axis=2)
     for i in range(arm.n):

@@ -279,7 +279,7 @@ class SweepResult(JsonResult):
 
     @checked
     def set_text(self, fixed: Mapping[str, float]) -> str:
-        """Special values in words.
+        """Return the special values in words.
 
         Parameters
         ----------
@@ -316,7 +316,7 @@ def sweep_text(
     page: Page = PLAIN,
     degrees: bool = False,
 ) -> str:
-    """What was swept, what was found, and what was left out.
+    """Return what was swept, what was found, and what was left out.
 
     Parameters
     ----------
@@ -467,11 +467,11 @@ class SweepJob:
 
     @property
     def chunks(self) -> int:
-        """How many chunks there are."""
+        """Number of chunks."""
         return -(-len(self.table) * _pieces(self.plan.samples) // self.size)
 
     def identity(self) -> Mapping[str, Any]:
-        """What decides the numbers, as plain JSON values."""
+        """Return what decides the numbers, as plain JSON values."""
         plan = self.plan
         digest = hashlib.sha256(self.table.ranges.tobytes())
         for level in plan.levels:
@@ -827,7 +827,7 @@ def _run(job: SweepJob, options: RunOptions, inside: bool, keep: bool | None) ->
 
 
 def check_keep(plan: SweepPlan, keep: bool | None, folder: bool) -> bool:
-    """Whether the curves of ``plan`` fit into a result.
+    """Return True if the curves of ``plan`` fit into a result.
 
     Raises
     ------
