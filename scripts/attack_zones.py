@@ -17,6 +17,7 @@ import pinsing
 from pinsing.algebra.two_sided import two_sided
 from pinsing.kinematics import frame_jacobians, singular_values
 from pinsing.kinematics.tip_speed import SpeedJudge
+from pinsing.postures.zone_search import Region
 from pinsing.proximity import Zones
 from pinsing.proximity.watched import watch
 
@@ -33,7 +34,11 @@ def main() -> int:
     given = parser.parse_args()
     found = Zones.from_json(given.zones.read_text())
     arm = pinsing.load(given.robot, task=found.arm.task, length_scale=found.arm.length_scale)
-    watched, judge = watch(pinsing.closed_form(arm)), SpeedJudge(arm, found.joint_speeds)
+    form = pinsing.closed_form(arm)
+    watched, judge = watch(form), SpeedJudge(arm, found.joint_speeds)
+    box = zip("xyz", found.tip_lower, found.tip_upper, strict=True)
+    ranges = {axis: (low, high) for axis, low, high in box if math.isfinite(low)}
+    region = Region(form, arm, {**dict.fromkeys(found.posture), **ranges})
     far = np.array([found.distances[name] for name in watched.names])
     # Joint speeds of least length are at most |twist| / sigma.
     size = math.hypot(found.tip_speed / arm.length_scale, found.turn_speed)
@@ -46,6 +51,7 @@ def main() -> int:
         outside += len(Q)
         sigma = np.asarray(singular_values(arm, Q))[:, judge.rank - 1]
         Q = Q[size > sigma * judge.limits.min() * max(worst, 0.5)]
+        Q = Q[region.holds(Q)]
         if len(Q):
             z = np.linalg.pinv(judge.rows(frame_jacobians(arm, Q), Q))
             taken = found.tip_speed * np.linalg.norm(z[..., judge.linear], axis=-1)

@@ -36,6 +36,7 @@ if TYPE_CHECKING:
     from pinsing.postures import inverse as inverse
     from pinsing.postures import plan_path as plan_path
     from pinsing.postures import posture_changes as posture_changes
+    from pinsing.postures import zones as zones
     from pinsing.proximity import Clearance as Clearance
     from pinsing.proximity import Monitor as Monitor
     from pinsing.proximity import check_line as check_line
@@ -45,7 +46,6 @@ if TYPE_CHECKING:
     from pinsing.proximity import export_guard as export_guard
     from pinsing.proximity import is_clear as is_clear
     from pinsing.proximity import suggest as suggest
-    from pinsing.proximity import zones as zones
     from pinsing.report import write_report as write_report
     from pinsing.robot import Arm as Arm
     from pinsing.robot import load as load
@@ -59,9 +59,9 @@ _HOMES = {
     "pinsing.errors": "PinsingError",
     "pinsing.families": "ClosedForm Family closed_form",
     "pinsing.kinematics": "frame_jacobian inverse_velocity singular_values",
-    "pinsing.postures": "aspects connect cuspidality inverse plan_path posture_changes",
+    "pinsing.postures": "aspects connect cuspidality inverse plan_path posture_changes zones",
     "pinsing.proximity": "Clearance Monitor check_line check_trajectory clearance crossings "
-    "export_guard is_clear suggest zones",
+    "export_guard is_clear suggest",
     "pinsing.report": "write_report",
     "pinsing.robot": "Arm load load_mechanism",
     "pinsing.sampling": "Analysis analyze",

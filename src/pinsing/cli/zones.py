@@ -13,7 +13,6 @@ from pinsing.cli.options import (
     arm_options,
     deg_option,
     in_degrees,
-    joint_names,
     joint_speeds_option,
     json_option,
     parse_numbers,
@@ -22,7 +21,6 @@ from pinsing.cli.options import (
 )
 from pinsing.cli.output import emit_json, emit_lines
 from pinsing.cli.waiting import waiting
-from pinsing.errors import OptionError
 
 
 @command("zones")
@@ -32,8 +30,9 @@ from pinsing.errors import OptionError
 @click.option(
     "--within",
     multiple=True,
-    metavar="limits|JOINT=A..B",
-    help="Only where joints are in these ranges (radians or --deg, and metres); repeatable.",
+    metavar="limits|POSTURE|RANGE",
+    help="Only within limits, in a posture (elbow up), or with a joint or the tip's x, y, z in a "
+    "range (q3=A..B, z=A..B); repeatable.",
 )
 @deg_option
 @json_option
@@ -55,31 +54,20 @@ def zones_command(
     """
     arm = request.load()
     from pinsing.families.solve import form_to_measure
-    from pinsing.proximity.zones import zones
+    from pinsing.postures.zone_search import is_of_tip, parts_of, zones
 
-    ranges: dict[str, tuple[float, float]] = {}
-    for text in within:
-        name, found, ends = text.partition("=")
-        if not found:
-            continue
-        low, dots, high = ends.partition("..")
-        joint = joint_names(arm, name)
-        if not dots or len(joint) != 1:
-            raise OptionError(f"--within {text}: write JOINT=A..B, such as q3=40..140")
-        slides = bool(arm.prismatic[arm.joints.index(joint[0])])
-        factor = math.pi / 180 if deg and not slides else 1.0
-        a, b = (factor * parse_numbers(x, "--within", deg)[0] for x in (low, high))
-        ranges[joint[0]] = a, b
-    words = [text for text in within if "=" not in text]
-    if len(words) > 1 or (words and ranges):
-        raise OptionError("--within takes ranges of joints, or one word alone")
+    def number(name: str, text: str) -> float:
+        slides = is_of_tip(arm, name) or bool(arm.prismatic[arm.space.index(name)])
+        value = parse_numbers(text, f"--within {name}", deg and not slides)[0]
+        return math.radians(value) if deg and not slides else value
+
     with waiting() as step_to:
         step_to("families")
         form = form_to_measure(arm)
         answer = zones(
             form, tip_speed, turn_speed,
             joint_speeds=typed_speeds(joint_speeds),
-            within=words[0] if words else ranges or None,
+            within=parts_of(",".join(within), number) if within else None,
             progress=lambda what, k, n: step_to(f"{what}: {k} boxes of at most {n}"),
         )  # fmt: skip
     if not emit_json(answer, json_target):

@@ -2,10 +2,12 @@
 
 A square Jacobian M gives the joint velocities z of a twist x by ``M z = x``. Of a redundant arm
 those of the least length are meant (the pseudoinverse): ``[I J^T; J 0] (z, l) = (0, x)``. With
-``A`` near the inverse at the centre and ``A M(q) = 1 + E0 + E1 + E2`` (what A misses, the first
-order, the rest) they are ``z = (A - E1 A) x + E1 E z - (E0 + E2) z``. The first term is linear in
-q, and where ``F + T y <= y`` for a bound F of it and ``T = |E1| |E| + |E0| + |E2|``, all z are at
-most y, and M is nowhere singular (the theorem of Perron and Frobenius, as in Krawczyk's method).
+``A`` near the inverse at the centre and ``A M(q) = 1 + E``, E = E0 + E1 + E2 + E3 (what A misses,
+the first order, the second, the rest), ``z = A x - E z``. Put into itself twice this is
+``z = (A - E1 A + (E1^2 - E2) A) x - E1^2 E z + E1 (E - E1) z + E2 E z - (E0 + E3) z``. The first
+term is quadratic in q, and where ``F + T y <= y`` for a bound F of it and T the sizes of the
+others, all z are at most y, and M is nowhere singular (the theorem of Perron and Frobenius, as in
+Krawczyk's method).
 J is written in the axes of a link in the middle, in which it changes least; the twists do not mind.
 Each product of floats is charged with ``_ROUNDING`` times the sum of the sizes of its terms, which
 covers a thousand operations.
@@ -88,8 +90,7 @@ class SpeedBounds:
         count = len(self.far)
         self.turns: Bool = np.append(~arm.prismatic, np.ones(int(self.axis is not None), bool))
         self.square = len(self.rows) == count
-        self.middle = 2
-        self.middle = 2
+        self.middle = (count - 1) // 2
         self.moving: Bool = np.ones(arm.n, dtype=bool)
         self.moving[0] = False
         alone = self.axis is None and (arm.prismatic[-1] or self.far[-1] <= _ROUNDING / 10)
@@ -123,61 +124,80 @@ class SpeedBounds:
             out[:, real, real] = 1.0
         return out
 
+    def at(self, C: Array) -> Array:
+        """Shares (N,) at configurations C (N, n)."""
+        M = self._matrix(self.rows @ self.jacobians(C), True)
+        return self._largest(self._norms(_inverse(M)[:, :, -len(self.rows) :]))
+
+    def _largest(self, z: Array) -> Array:
+        """Shares (N,) of the limits that joint speeds (N, d) are."""
+        limits = self.judge.limits
+        return np.asarray((z[:, : len(limits)] / limits).max(axis=1))
+
     def of(self, C: Array, R: Array) -> BoxSpeeds:
         """Shares in boxes of centres C (N, n) and half widths R (N, n)."""
         J = self.jacobians(C)
         N, n = C.shape
         M = self._matrix(self.rows @ J, True)
-        try:
-            A: Array = np.asarray(np.linalg.inv(M), dtype=float)
-        except np.linalg.LinAlgError:  # at a singular centre: nothing is proven there
-            A = np.asarray(np.linalg.pinv(M), dtype=float)
+        A = _inverse(M)
         rhs = A[:, :, -len(self.rows) :]
         active = np.flatnonzero(self.moving)
+        r, slopes = R[:, active], [self._slope(J, J, int(j)) for j in active]
         G, size = np.empty((N, len(active), *M.shape[1:])), np.abs(M)
-        for i, j in enumerate(active):
-            Mj = self._matrix(self.rows @ self._slope(J, int(j)), False)
+        for i, slope in enumerate(slopes):
+            Mj = self._matrix(self.rows @ slope, False)
             G[:, i] = A @ Mj
-            size += np.abs(Mj) * R[:, j, None, None]
-        r = R[:, active]
+            size += np.abs(Mj) * r[:, i, None, None]
+        E2, bent, pull = np.zeros_like(M), np.zeros(M.shape[:2]), np.zeros((N, n))
+        along_rhs, limits = G @ rhs[:, None], self.judge.limits
+        for i, j in enumerate(active):
+            for h in range(i, len(active)):
+                # Bilinear in columns, so that the rule of products gives its derivative.
+                both = self._slope(slopes[h], J, int(j)) + self._slope(J, slopes[h], int(j))
+                Mjl = self._matrix(self.rows @ both, False) / (1 if h > i else 2)
+                rr = r[:, i] * r[:, h]
+                size += np.abs(Mjl) * rr[:, None, None]
+                second = A @ Mjl
+                E2 += np.abs(second) * rr[:, None, None]
+                turned = G[:, i] @ along_rhs[:, h] - second @ rhs
+                if h > i:
+                    turned += G[:, h] @ along_rhs[:, i]
+                here = self._norms(turned) * rr[:, None]
+                bent += here
+                pull[:, j] += self._largest(here)
+                pull[:, active[h]] += self._largest(here)
         slack = _ROUNDING * (np.abs(A) @ size)
         E1 = np.einsum("nj,njab->nab", r, np.abs(G)) + slack
         E0 = np.abs(A @ M - np.eye(M.shape[1])) + slack
-        E2 = self._rest(A, J, R)
-        T = E1 @ (E1 + E2 + E0) + E0 + E2
+        E2 += slack
+        E3 = self._rest(A, J, R)
+        T = E1 @ (E1 @ (E0 + E1 + E2 + E3) + E0 + E2 + E3) + E2 @ (E0 + E1 + E2 + E3) + E0 + E3
         F, center, along = self._first_order(rhs, G, r)
-        F = F * (1 + _ROUNDING) + 2 * (slack @ self._norms(rhs)[..., None])[..., 0] + _ROUNDING
+        lost = 3 * slack + slack @ E1 + E1 @ slack
+        F = (F + bent) * (1 + _ROUNDING) + (lost @ self._norms(rhs)[..., None])[..., 0] + _ROUNDING
         with np.errstate(all="ignore"):
             y = np.linalg.solve(np.eye(M.shape[1]) - np.minimum(T, 1e6), F[..., None])
             y *= 1 + 1e-9
             good = ((y[..., 0] > 0) & (F + (T @ y)[..., 0] <= y[..., 0])).all(axis=1)
-            share = y[:, :n, 0] / self.judge.limits
-            most = np.where(good, share.max(axis=1) * (1 + _ROUNDING), np.inf)
-        worst = np.where(good, share.argmax(axis=1), (center[:, :n] / self.judge.limits).argmax(1))
-        every, pull = np.arange(N), np.zeros((N, n))
-        # What each joint adds to the first order of the worst row, and to T of all.
+            most = np.where(good, self._largest(y[..., 0]) * (1 + _ROUNDING), np.inf)
         x = np.where(good[:, None], y[..., 0], center)[..., None]
+        worst = (x[:, :n, 0] / limits).argmax(axis=1)
+        # What each joint adds to the first order of the worst row, and to the third of all.
         u = np.zeros((N, 1, M.shape[1]))
-        u[:, 0, :n] = 1 / self.judge.limits
-        sized = np.abs(G)
-        second = (u @ E1)[:, None] @ (sized @ x[:, None]) + u[:, None] @ (sized @ (E1 @ x)[:, None])
-        rest = (
-            (u @ E2 @ x)[:, 0]
-            * (r * self.turns[active])
-            / np.maximum((r * self.turns[active]).sum(axis=1, keepdims=True), 1e-300)
-        )
-        pull[:, active] = (
-            along[every, worst] / self.judge.limits[worst][:, None] + r * second[..., 0, 0] + rest
-        )
-        return BoxSpeeds((center[:, :n] / self.judge.limits).max(axis=1), most, pull)
+        u[:, 0, :n] = 1 / limits
+        third = u[:, None] @ (np.abs(G) @ (E1 @ (E1 @ x))[:, None])
+        pull[:, active] += along[np.arange(N), worst] / limits[worst][:, None]
+        pull[:, active] += 3 * r * third[..., 0, 0]
+        return BoxSpeeds(self._largest(center), most, pull)
 
-    def _slope(self, J: Array, j: int) -> Array:
+    def _slope(self, J: Array, K: Array, j: int) -> Array:
         """Derivative (N, 6, k) by joint j of Jacobians in the axes of the link behind ``middle``.
 
         In base axes it is w_a x v_b with a before b; the axes turn with the joints before them.
+        Column j is taken of K, the others of J: it is linear in both.
         """
         out = np.zeros_like(J)
-        w, v = J[:, 3:, j, None], J[:, :3, j, None]
+        w, v = K[:, 3:, j, None], K[:, :3, j, None]
         if j <= self.middle:
             first = slice(0, j)
             out[:, :3, first] = _cross(J[:, :3, first], w) + _cross(J[:, 3:, first], v)
@@ -190,25 +210,30 @@ class SpeedBounds:
         return out
 
     def _rest(self, A: Array, J: Array, R: Array) -> Array:
-        """Bound (N, d, d) of what the second order and more of J adds to A M, and its rounding.
+        """Bound (N, d, d) of what the third order and more of J adds to A M, and its rounding.
 
-        With V_b the length of column b: in the axes in the middle the second derivative of column
-        k by two turning joints before them is at most V_j + V_l + V_k, and 0 unless k is before
-        both; by two behind them V_b of the last of the three; by one of each V of the one behind.
+        With V_b the length of column b: in the axes in the middle the third derivative of column
+        k by turning joints before them is at most the sum of V of the four, and 0 unless k is
+        before all; by joints behind them V_b of the last of the four; by some of each V of the
+        last one behind.
         """
         N, k = len(J), J.shape[2]
         r = np.concatenate([R * self.moving, np.zeros((N, k - R.shape[1]))], axis=1)
         here = np.linalg.norm(J[:, :3], axis=1)
-        far = np.minimum(self.far, here + _after(r * self.far))
+        far = np.minimum(self.far, here + sums_behind(r * self.far))
         before, turning = np.arange(k) <= self.middle, r * self.turns
         rp, rd = turning * before, turning * ~before
-        p, d = _after(rp), np.cumsum(rd, axis=1)
-        slides = _after(r * (before & ~self.turns))
-        pairs = far * (2 * r * ~before * (d - rd) + rd**2)  # behind, the later one at each place
-        linear = 2 * p * (_after(rp * far) + slides) + far * (p**2 + d**2) + _after(pairs)
-        linear += 2 * p * (r * ~before * far).sum(axis=1, keepdims=True)
-        linear = linear / 2 + _ROUNDING * (self.far + 1)
-        angular = (p**2 + (d - rd) ** 2) / 2 + _ROUNDING
+        p, d = sums_behind(rp), np.cumsum(rd, axis=1)
+        slides = sums_behind(r * (before & ~self.turns))
+        behind, others = r * ~before * far, d - rd
+        # Behind the middle, of products of two and three the later one at each place.
+        pairs = far * rd**2 + 2 * behind * others
+        triples = far * (d**3 - others**3) + 3 * behind * ~self.turns * others**2
+        linear = 3 * p**2 * (sums_behind(rp * far) + slides) + far * (p**3 + d**3)
+        linear += sums_behind(triples) + 3 * p**2 * behind.sum(axis=1, keepdims=True)
+        linear += 3 * p * pairs.sum(axis=1, keepdims=True)
+        linear = linear / 6 + _ROUNDING * (self.far + 1)
+        angular = (p**3 + others**3) / 6 + _ROUNDING
         m = len(self.rows)
         parts = A[:, :, -m:]
         av = np.linalg.norm(parts[..., self.linear], axis=-1)[..., None]
@@ -253,7 +278,15 @@ class SpeedBounds:
         return center + along.sum(axis=1) + extra, center, np.swapaxes(along, 1, 2)
 
 
-def _after(x: Array) -> Array:
+def _inverse(M: Array) -> Array:
+    """Inverses (N, d, d); pseudoinverses at singular centres, where nothing is proven."""
+    try:
+        return np.asarray(np.linalg.inv(M), dtype=float)
+    except np.linalg.LinAlgError:
+        return np.asarray(np.linalg.pinv(M), dtype=float)
+
+
+def sums_behind(x: Array) -> Array:
     """Sums (N, k) of what stands behind each place of x (N, k)."""
     return np.asarray(np.cumsum(x[:, ::-1], axis=1)[:, ::-1] - x)
 

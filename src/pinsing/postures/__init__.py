@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from pinsing.postures.motions import line_postures as line_postures
     from pinsing.postures.toolpath import PathPlan as PathPlan
     from pinsing.postures.toolpath import plan_path as plan_path
+    from pinsing.postures.zone_search import zones as zones
 
 public(
     __name__,
@@ -30,6 +31,7 @@ public(
         "inverse": "InverseSolutions inverse",
         "motions": "aspect_changes line_postures",
         "toolpath": "PathPlan plan_path",
+        "zone_search": "zones",
     },
     called="pinsing.inverse(arm, pose) or pinsing.posture_changes(arm, q)",
 )

@@ -21,7 +21,6 @@ if TYPE_CHECKING:
     from pinsing.proximity.trajectory import TrajectoryCheck as TrajectoryCheck
     from pinsing.proximity.trajectory import check_trajectory as check_trajectory
     from pinsing.proximity.zones import Zones as Zones
-    from pinsing.proximity.zones import zones as zones
 
 public(
     __name__,
@@ -33,6 +32,6 @@ public(
         "monitor": "Monitor Verdict",
         "suggestion": "Suggestion suggest",
         "trajectory": "TrajectoryCheck check_trajectory",
-        "zones": "Zones zones",
+        "zones": "Zones",
     },
 )

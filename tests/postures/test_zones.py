@@ -12,6 +12,7 @@ from pinsing.errors import OptionError
 from pinsing.kinematics.jacobian import frame_jacobians
 from pinsing.kinematics.speed_bounds import SpeedBounds
 from pinsing.kinematics.tip_speed import SpeedJudge
+from pinsing.postures.zone_search import Region, parts_of
 from pinsing.proximity.watched import watch
 
 CASES = [
@@ -100,9 +101,15 @@ def test_of_a_planar_arm_the_distance_is_that_of_a_fine_grid():
     ("words", "said"),
     [
         (("scara",), "give joint_speeds, --joint-speeds"),
-        (("ur5", "--within", "elbow_joint"), "give 'limits'"),
+        (
+            ("ur5", "--within", "elbow_joint"),
+            "it may be limits, elbow down, elbow up, shoulder left",
+        ),
+        (("ur5", "--within", "elbow sideways"), "it may be limits, elbow down, elbow up"),
+        (("ur5", "--within", "elbow up,elbow down"), "no posture is elbow up and elbow down"),
+        (("ur5", "--within", "elbow up", "--task", "position"), "of the task pose"),
+        (("ur5", "--within", "z=0.1..a"), "'0.1..a' is no range of numbers"),
         (("ur5", "--within", "elbow_joint=2..1"), "two ascending values"),
-        (("ur5", "--within", "limits", "--within", "q3=0..1"), "one word alone"),
         (("ur5", "--within", "q3=0"), "write JOINT=A..B"),
         (("ur5", "--tip-speed", "-1"), "must be from 0 to 1e6"),
         (("ur5", "--task", "vx,vy"), "turn with the arm"),
@@ -120,6 +127,33 @@ def test_the_command_says_what_to_keep_and_where():
     done = CliRunner().invoke(command, words)
     assert done.exit_code == 0, done.output
     assert "with d3 between 0 m and 0.1 m, keep 20.3° from" in done.stdout
+
+
+@pytest.mark.parametrize(
+    ("within", "said"),
+    [
+        ("elbow up, wrist no-flip, q3=0.6..1.2, wrist_1_joint=-1..1, wrist_2_joint=-1.4..2",
+         ("elbow up", "wrist no-flip", "elbow_joint between 34.38° and 68.75°")),
+        ("q3=0.7..2, z=0.1..0.3, x=-0.2..0.3, q4=-0.5..0.5, q5=0.2..1",
+         ("elbow_joint between 40.11° and 114.6°", "z of the tip between 0.1 m and 0.3 m")),
+    ],
+)  # fmt: skip
+def test_zones_of_a_posture_and_of_a_box_of_the_workspace_hold_there(within, said):
+    form = pinsing.closed_form(pinsing.load("ur5"))
+    found = pinsing.zones(form, within=within, boxes=8000)
+    assert set(said) <= set(found.within)
+    region = Region(form, form.loaded, parts_of(within))
+    Q = np.random.default_rng(3).uniform(found.lower, found.upper, (100_000, 6))
+    Q = Q[region.holds(Q)]
+    Q = Q[_shares(SpeedJudge(form.loaded), Q, 0.25, 0.5) > 1]
+    assert len(Q)
+    assert len(found.worst)
+    assert region.holds(found.worst[None]).all()
+    near = pinsing.clearance(form, Q[:2000]).upper.max()
+    assert near <= found.common
+    again = pinsing.proximity.Zones.from_json(found.to_json())
+    np.testing.assert_array_equal(again.tip_lower, found.tip_lower)
+    assert again.posture == found.posture
 
 
 def test_a_form_without_its_robot_is_refused():

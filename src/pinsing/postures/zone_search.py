@@ -1,0 +1,555 @@
+"""How near is too near, by branch and bound over boxes of joint space.
+
+A box is done where the joint speeds that the tip motions take are proven to stay within their
+limits (`pinsing.kinematics.speed_bounds`), or where all of it is nearer to a family than the
+distance that is looked for is going to be: distance to a family grows no faster than the joints
+that it depends on move. A configuration that does exceed a limit bounds the answer from below.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from pinsing._types import Array, Bool
+from pinsing.algebra.conditions import Conditions
+from pinsing.algebra.nearest import SearchOptions, nearest_points
+from pinsing.algebra.trig_sum import off_values
+from pinsing.algebra.two_sided import two_sided
+from pinsing.arguments import checked
+from pinsing.errors import OptionError
+from pinsing.families import ClosedForm, Family
+from pinsing.kinematics.batch import random_turns
+from pinsing.kinematics.jacobian import frame_jacobians, singular_values, tip_poses
+from pinsing.kinematics.speed_bounds import SpeedBounds, sums_behind
+from pinsing.kinematics.tip_speed import TIP_SPEED, TURN_SPEED, SpeedJudge, check_speeds
+from pinsing.postures.ladder import posture_names
+from pinsing.prose import listed
+from pinsing.proximity.watched import Watched, metric_note, titled, watch
+from pinsing.proximity.zones import Zones
+from pinsing.robot.arm import Arm, summarize
+
+GAP = 0.05
+"""Share of a distance within which a configuration that exceeds a limit is looked for."""
+BOXES = 300_000
+"""Boxes for each distance."""
+_EXTRA = 1e-9
+"""Radians added to each distance for the rounding of the distances themselves; metres, too."""
+
+
+@checked
+def zones(
+    form: ClosedForm,
+    linear: float = TIP_SPEED,
+    angular: float = TURN_SPEED,
+    *,
+    joint_speeds: npt.ArrayLike | None = None,
+    within: Mapping[str, tuple[float, float] | None] | str | None = None,
+    boxes: int = BOXES,
+    progress: Callable[[str, int, int], None] | None = None,
+) -> Zones:
+    """Find the distances from singularities beyond which joint speed limits are kept.
+
+    First the least common distance, then that of each family, in the order of the form, lowered as
+    far as it goes with those of the others as they are.
+
+    Parameters
+    ----------
+    form : ClosedForm
+        Of the arm.
+    linear, angular : float
+        Tip speeds, m/s and rad/s, at once and in any directions.
+    joint_speeds : (n,) array_like, optional
+        Speed limits, rad/s and m/s; those of the description if not given.
+    within : mapping or str, optional
+        Where; else whole circles. Parts between commas are "limits" (the joint limits), names of
+        the posture ("elbow up, wrist no-flip"), and ranges of joints and of the tip's position in
+        the base ("elbow_joint=0.7..2.4, z=0.1..0.5", radians and metres). A mapping has ranges by
+        name, ``{"elbow_joint": (0.7, 2.4)}``, and None for a word. Prismatic joints always keep
+        their limits.
+    boxes : int
+        Most boxes looked at for each distance; the answer is proven with fewer, but larger.
+    progress : callable
+        Told what is done, how far it is, and how far that goes.
+
+    Returns
+    -------
+    Zones
+        With what was assumed in ``notes``.
+
+    Raises
+    ------
+    OptionError, UnknownNameError
+        If speeds or ranges make no sense, speed limits are not known, the arm has a task that
+        is not covered, or its postures have no such names.
+
+    Examples
+    --------
+    >>> import pinsing
+    >>> form = pinsing.closed_form(pinsing.load("scara"))
+    >>> found = pinsing.zones(form, joint_speeds=[5, 5, 1, 10])
+    >>> found.common_exceeding <= found.common
+    True
+    """
+    arm = form.loaded
+    if arm is None:
+        raise OptionError("a form that was read from JSON has no robot: make it with closed_form")
+    check_speeds(linear, angular)
+    judge = SpeedJudge(arm, joint_speeds)
+    missing = [n for n, c in zip(arm.joints, judge.limits, strict=True) if not math.isfinite(c)]
+    if missing and not judge.reason:
+        raise OptionError(f"no speed limit is known of {listed(missing)}: give joint_speeds")
+    if judge.reason:
+        raise OptionError(f"{arm.name}: {judge.reason}")
+    region = Region(form, arm, parts_of(within) if isinstance(within, str) else within or {})
+    return _Search(arm, form, judge, (linear, angular), region, boxes, progress).zones()
+
+
+def parts_of(
+    within: str, numbers: Callable[[str, str], float] = lambda name, text: float(text)
+) -> dict[str, tuple[float, float] | None]:
+    """Ranges by name, and words with None, of what stands between commas.
+
+    ``numbers`` reads one end of the range of a name.
+    """
+    out: dict[str, tuple[float, float] | None] = {}
+    for part in within.split(","):
+        name, found, ends = part.partition("=")
+        low, dots, high = ends.partition("..")
+        name = " ".join(name.split())
+        if found and not dots:
+            raise OptionError(f"within {part.strip()}: write JOINT=A..B, such as q3=40..140")
+        try:
+            out[name] = (numbers(name, low), numbers(name, high)) if found else None
+        except ValueError:
+            raise OptionError(f"within {part.strip()}: {ends!r} is no range of numbers") from None
+    return out
+
+
+def is_of_tip(arm: Arm, name: str) -> bool:
+    """Return True if a range of this name is one of the tip's position."""
+    return name in ("x", "y", "z") and name not in arm.joints
+
+
+class Region:
+    """Where zones are asked for: ranges of joints and of the tip's position, and a posture.
+
+    Attributes
+    ----------
+    lower, upper : (n,) arrays
+        Joint values.
+    tip : (2, 3) array
+        Least and largest position of the tip in the base; infinite where all count.
+    posture : tuple of str
+        Names that it has.
+    words : tuple of str
+        All of it in words.
+    moving : (n,) array of bool
+        Joints that move the tip along the axes of its ranges.
+    """
+
+    def __init__(
+        self, form: ClosedForm, arm: Arm, parts: Mapping[str, tuple[float, float] | None]
+    ) -> None:
+        self.form, self.arm = form, arm
+        self.lower = np.where(arm.prismatic, arm.lower, -np.pi)
+        self.upper = np.where(arm.prismatic, arm.upper, np.pi)
+        if not np.isfinite([self.lower, self.upper]).all():
+            raise OptionError(f"{arm.name} has a prismatic joint without limits")
+        self.tip = np.outer([-np.inf, np.inf], np.ones(3))
+        ranges = {name: ends for name, ends in parts.items() if ends is not None}
+        words = [name for name, ends in parts.items() if ends is None]
+        self.words: tuple[str, ...] = ()
+        if "limits" in words:
+            words.remove("limits")
+            real = np.isfinite(arm.lower) & (arm.upper - arm.lower < 2 * np.pi)
+            self.lower = np.where(real, arm.lower, self.lower)
+            self.upper = np.where(real, arm.upper, self.upper)
+            self.words = ("the joint limits kept",)
+        self.posture = tuple(words)
+        if words:
+            self._require_postures()
+        self.words += self.posture + tuple(self._narrowed(n, *e) for n, e in ranges.items())
+        tested = frame_jacobians(arm, random_turns(arm, 20))[:, :3][:, np.isfinite(self.tip[0])]
+        self.moving: Bool = np.asarray((np.abs(tested) > _EXTRA).any(axis=(0, 1)))
+
+    def _require_postures(self) -> None:
+        """Raise unless the words are names of postures, and each ends at families only."""
+        if not self.form.complete or self.arm.task.name != "pose":
+            raise OptionError(
+                f"within {listed(self.posture)}: a posture needs a complete closed form of the "
+                "task pose"
+            )
+        geometry = self.form.geometry
+        names = () if geometry is None else posture_names(geometry, random_turns(self.arm, 200))
+        known = sorted({name for each in names for name in each})
+        hint = ", ".join(["limits", *known, "ranges such as q3=40..140 or z=0.1..0.5"])
+        for word in self.posture:
+            if word not in known:
+                raise OptionError(f"within {word!r}: of {self.arm.name} it may be {hint}")
+        kinds = [word.split()[0] for word in self.posture]
+        if len(set(kinds)) < len(kinds):
+            raise OptionError(f"within: no posture is {' and '.join(self.posture)}")
+
+    def _narrowed(self, name: str, a: float, b: float) -> str:
+        """Set one range, and return it in words."""
+        if not (math.isfinite(a) and math.isfinite(b) and a < b):
+            raise OptionError(f"within: {name} needs two ascending values, got {a:g} and {b:g}")
+        if is_of_tip(self.arm, name):
+            self.tip[:, "xyz".index(name)] = a, b
+            return f"{name} of the tip between {a:.4g} m and {b:.4g} m"
+        j = self.arm.space.index(name)
+        slides = bool(self.arm.prismatic[j])
+        whole = not slides and b - a >= 2 * np.pi
+        self.lower[j], self.upper[j] = (-np.pi, np.pi) if whole else (a, b)
+        unit, factor = (" m", 1.0) if slides else ("°", 180 / np.pi)
+        return f"{self.arm.joints[j]} between {factor * a:.4g}{unit} and {factor * b:.4g}{unit}"
+
+    def holds(self, Q: Array) -> Bool:
+        """Whether the posture and the tip of each of Q (N, n) are the ones asked for."""
+        return self.has_posture(Q) & (self.outside(Q) <= 0).all(axis=1)
+
+    def has_posture(self, Q: Array) -> Bool:
+        """Whether the posture of each of Q (N, n) is the one asked for."""
+        geometry, wanted = self.form.geometry, set(self.posture)
+        if not wanted or geometry is None:
+            return np.ones(len(Q), dtype=bool)
+        return np.array([wanted <= set(n) for n in posture_names(geometry, Q)], dtype=bool)
+
+    def outside(self, Q: Array) -> Array:
+        """How far (N, 3) the tip is outside of its ranges, metres."""
+        if not self.moving.any():
+            return np.zeros((len(Q), 3))
+        places = tip_poses(self.arm, Q)[0]
+        return np.asarray(np.maximum(self.tip[0] - places, places - self.tip[1]))
+
+
+@dataclass(frozen=True, eq=False)
+class _Answer:
+    """One distance: proven, reached by a configuration that exceeds a limit, and that one."""
+
+    proven: float
+    reached: float
+    q: Array
+
+
+class _Search:
+    """Branch and bound for one arm.
+
+    Attributes
+    ----------
+    chunk : int
+        Boxes in one call: tens of megabytes.
+    wide : float
+        Width of the first boxes, radians, or metres over the length scale.
+    samples, best : int
+        Random configurations among which the search begins, and how many of them are followed.
+    finest : float
+        Step at which following ends, radians.
+    steps : int
+        To the nearest point of a surface.
+    """
+
+    chunk, wide, samples, best, finest, steps = 2048, 0.8, 8192, 30, 1e-3, 5
+
+    def __init__(
+        self,
+        arm: Arm,
+        form: ClosedForm,
+        judge: SpeedJudge,
+        speeds: tuple[float, float],
+        region: Region,
+        boxes: int,
+        progress: Callable[[str, int, int], None] | None,
+    ) -> None:
+        self.arm, self.judge, self.speeds, self.region = arm, judge, speeds, region
+        self.low, self.high = region.lower, region.upper
+        self.most, self.progress = boxes, progress or (lambda *_: None)
+        travel = np.where(arm.prismatic, np.maximum(np.abs(self.low), np.abs(self.high)), 0.0)
+        self.bounds = SpeedBounds(judge, *speeds, travel)
+        self.watched: Watched = watch(form)
+        self.each = [
+            Conditions.of([f.branches], self.watched.prismatic, self.watched.weight, "euclidean")
+            for f in self.watched.families
+        ]
+        self.used: Bool = np.array([_used(c) for c in self.each]).reshape(-1, arm.n)
+        self.active: Bool = self.bounds.moving | self.used.any(axis=0) | region.moving
+        self.rng = np.random.default_rng(36)
+        self.seen = 0
+
+    def zones(self) -> Zones:
+        """Solve for the common distance, then for each."""
+        names, count = self.watched.names, len(self.each)
+        notes = []
+        common = self._least(None, np.full(count, np.inf), "one distance for all")
+        far = np.full(count, common.proven)
+        found = np.zeros(count)
+        for k, name in enumerate(names):
+            lowered = self._least(k, far, f"{k + 1} of {count}")
+            far[k], found[k] = min(far[k], lowered.proven), lowered.reached
+            if far[k] > (1 + 2 * GAP) * found[k]:
+                notes.append(
+                    f"{name}: {self.most} boxes did not bring the proven distance within "
+                    f"{GAP:.0%} of a configuration that exceeds a limit"
+                )
+        if self.judge.rank != self.arm.n:
+            notes.append("joint speeds are those of least length (the pseudoinverse)")
+        if self.arm.prismatic.any():
+            notes.append(metric_note(self.arm.length_scale))
+        sigma, condition = self._measures(far)
+        L = self.arm.length_scale
+        needed = max(L / v if (v := self.speeds[0]) else 0.0, 1 / w if (w := self.speeds[1]) else 0)
+        both = all(self.speeds) or not (self.bounds.linear.any() and not self.bounds.linear.all())
+        length = float(np.linalg.norm(self.judge.limits))
+        return Zones(
+            arm=summarize(self.arm),
+            tip_speed=self.speeds[0],
+            turn_speed=self.speeds[1],
+            joint_speeds=self.judge.limits,
+            within=self.region.words,
+            lower=self.low,
+            upper=self.high,
+            tip_lower=self.region.tip[0],
+            tip_upper=self.region.tip[1],
+            posture=self.region.posture,
+            distances=dict(zip(names, far.tolist(), strict=True)),
+            exceeding=dict(zip(names, found.tolist(), strict=True)),
+            common=common.proven,
+            common_exceeding=common.reached,
+            worst=common.q,
+            sigma_min=sigma,
+            sigma_min_proven=1 / (length * needed) if both and needed else 0.0,
+            condition_number=condition,
+            titles=dict(zip(names, map(_called, self.watched.families), strict=True)),
+            complete=self.watched.complete,
+            boxes=self.seen,
+            notes=tuple(notes),
+        )
+
+    def _distances(self, Q: Array) -> tuple[Array, Array]:
+        """Lower and upper bounds (N, F) of the distances of Q (N, n) to the families.
+
+        Where a family is a surface, the upper one is that of a point near the nearest: steps to
+        the tangent plane at the last point, then what is proven to reach the surface from there.
+        """
+        conditions = self.watched.conditions
+        both = two_sided(conditions, Q, each=True).each
+        low, up = both[..., 0].copy(), both[..., 1].copy()
+        X = conditions.scaled(Q)
+        for branch in conditions.branches:
+            if len(branch.sums) != 1:
+                continue
+            held = np.zeros(self.arm.n, dtype=bool)
+            held[branch.joints] = True
+            start = X.copy()
+            off, _ = off_values(X[:, branch.joints], branch.values, conditions.turn[branch.joints])
+            start[:, branch.joints] -= off
+            x = start
+            for _ in range(self.steps):
+                at = branch.sums[0].at(x)
+                g = np.where(held, 0.0, at.gradient)
+                along = (g * (x - start)).sum(axis=1) - at.value
+                x = start + g * (along / np.maximum((g * g).sum(axis=1), 1e-12))[:, None]
+            near = two_sided(conditions, x / conditions.weight, each=True).each[:, branch.family, 1]
+            found = np.linalg.norm(x - X, axis=1) * (1 + _EXTRA) + near
+            up[:, branch.family] = np.fmin(up[:, branch.family], found)
+        return low, up
+
+    def _random(self, count: int) -> Array:
+        spread = self.rng.uniform(self.low, self.high, (count, self.arm.n))
+        return np.where(self.active, spread, (self.low + self.high) / 2)
+
+    def _objective(self, k: int | None, far: Array, distances: Array) -> Array:
+        """What is made large (N,): the least distance, or that of family k outside the others."""
+        if k is None:
+            return np.asarray(distances.min(axis=1, initial=np.inf))
+        others = np.arange(len(far)) != k
+        outside = (distances[:, others] > far[others]).all(axis=1)
+        return np.where(outside, distances[:, k], -np.inf)
+
+    def _climb(self, k: int | None, far: Array, Q: Array, step: float) -> tuple[float, Array]:
+        """The largest objective found near Q (N, n) at a configuration that exceeds a limit."""
+        aim = far * (1 + 1e-3)  # what is found must hold of proven distances, too
+        while True:
+            value = self._objective(k, aim, self._distances(Q)[1])
+            value = np.where(self.bounds.at(Q) > 1, value, -np.inf)
+            some = np.flatnonzero(np.isfinite(value))
+            some = some[self.region.holds(Q[some])]
+            good = Q[some[np.argsort(-value[some], kind="stable")[: self.best]]]
+            if not len(good):
+                return 0.0, np.empty(0)
+            if step < self.finest:
+                return self._certified(k, far, good)
+            moves = self.rng.normal(size=(10, *good.shape)) * self.active * step
+            moved = np.clip(good + moves, self.low, self.high).reshape(-1, self.arm.n)
+            Q, step = np.concatenate([good, moved]), step * 0.85
+
+    def _certified(self, k: int | None, far: Array, Q: Array) -> tuple[float, Array]:
+        """The largest objective that is proven of configurations Q (N, n), and its one."""
+        limits = self.watched.lower, self.watched.upper
+        low = [nearest_points(c, Q, *limits, SearchOptions(gap=1e-4)).lower for c in self.each]
+        value = self._objective(k, far, np.stack(low, axis=1))
+        best = int(value.argmax())
+        return max(0.0, float(value[best])), Q[best]
+
+    def _least(self, k: int | None, far: Array, what: str) -> _Answer:
+        """The least distance of family k (of all), those of the others being ``far``.
+
+        Farther than ``far`` from family k and the others nothing exceeds a limit.
+        """
+        cap = np.inf if k is None else float(far[k])
+        reached, q = self._climb(k, far, self._random(self.samples), 0.3)
+        C, R = self._first_boxes()
+        ceiling, looked = np.full(len(C), np.inf), 0
+        while True:
+            keep = ceiling > self._target(reached)
+            C, R, ceiling = C[keep], R[keep], ceiling[keep]
+            if not len(C) or looked >= self.most:
+                break
+            # Those that may be farthest first; an eighth at once, since all are copied each time.
+            count = min(max(self.chunk, len(C) // 8), len(C), self.most - looked)
+            pick = np.argpartition(-ceiling, count - 1)
+            made = [(C[pick[count:]], R[pick[count:]], ceiling[pick[count:]])]
+            for part in np.array_split(pick[:count], math.ceil(count / self.chunk)):
+                found = self._halves(k, far, cap, C[part], R[part], ceiling[part], reached)
+                made.append(found[:3])
+                guess, center = found[3:]
+                if guess > (1 + GAP / 5) * reached:
+                    better, where = self._climb(k, far, center[None], 0.05)
+                    reached, q = (better, where) if better > reached else (reached, q)
+            looked += count
+            self.progress(what, looked, self.most)
+            C, R, ceiling = (np.concatenate(x) for x in zip(*made, strict=True))
+        self.seen += looked
+        proven = max((1 + GAP) * reached, float(ceiling.max(initial=0.0)))
+        return _Answer(proven + _EXTRA if proven else 0.0, reached, q)
+
+    def _target(self, reached: float) -> float:
+        return max((1 + GAP) * reached, _EXTRA)
+
+    def _halves(
+        self, k: int | None, far: Array, cap: float, C: Array, R: Array, top: Array, reached: float
+    ) -> tuple[Array, Array, Array, float, Array]:
+        """What is left of boxes, in halves with ceilings; and the farthest centre that exceeds."""
+        target = self._target(reached)
+        kept = np.where(np.arange(len(far)) == k, target, np.minimum(far, 1e9))
+        c, r = self._trimmed(C, R, np.full(len(far), target) if k is None else kept, k, cap)
+        reach = np.linalg.norm((r * self.watched.weight)[:, None] * self.used, axis=2)
+        low, up = self._distances(c)
+        most = up + reach
+        top = np.minimum(np.minimum(top, cap), self._objective(k, far, most))
+        alive = (top > target) & self._may_hold(c, r, (low > reach).all(axis=1))
+        if k is not None:
+            alive &= low[:, k] - reach[:, k] <= cap
+        c, r, top, up, most = (x[alive] for x in (c, r, top, up, most))
+        if not len(c):
+            return c, r, top, -np.inf, c
+        exceeds = self.bounds.at(c) > 1
+        guess = np.where(exceeds, self._objective(k, far, up), -np.inf)
+        farther = np.flatnonzero(guess > reached)
+        guess[farther[~self.region.holds(c[farther])]] = -np.inf
+        best = int(guess.argmax())
+        binding = most.argmin(axis=1) if k is None else np.full(len(c), k)
+        pull, open_ = r * self.watched.weight * self.used[binding], exceeds.copy()
+        found = self.bounds.of(c[~exceeds], r[~exceeds])
+        pull[~exceeds], open_[~exceeds] = found.pull, found.most > 1
+        j = np.where(self.active, pull + 1e-3 * r, -1.0).argmax(axis=1)
+        half = np.eye(self.arm.n)[j] * r / 2
+        a, b, s = (c - half)[open_], (c + half)[open_], (r - half)[open_]
+        both = np.concatenate([a, b]), np.concatenate([s, s]), np.tile(top[open_], 2)
+        return *both, float(guess[best]), c[best]
+
+    def _may_hold(self, C: Array, R: Array, clear: Bool) -> Bool:
+        """Whether the region may have points of boxes; a posture ends where they are not clear.
+
+        A joint moves the tip no faster than it is far from its axis, by what follows it.
+        """
+        out = self.region.has_posture(C) | ~clear
+        if self.region.moving.any():
+            n = self.arm.n
+            here = np.linalg.norm(frame_jacobians(self.arm, C)[:, :3], axis=1)
+            speed = np.where(self.arm.prismatic, 1.0, here + sums_behind(R * self.bounds.far[:n]))
+            slack = (R * speed).sum(axis=1, keepdims=True) + _EXTRA
+            out &= (self.region.outside(C) <= slack).all(axis=1)
+        return np.asarray(out)
+
+    def _trimmed(
+        self, C: Array, R: Array, kept: Array, k: int | None, cap: float
+    ) -> tuple[Array, Array]:
+        """Boxes without what is nearer than ``kept`` (F,) to a family of one joint at a value.
+
+        And without what is farther than ``cap`` from the one that is looked at.
+        """
+        low, high = C - R, C + R
+        plain = [b for b in self.watched.conditions.branches if len(b.joints) == 1 and not b.sums]
+        for branch in plain:
+            j, t = int(branch.joints[0]), float(kept[branch.family])
+            for v in self._values(branch.values[0], j):
+                a, b = v - t / self.watched.weight[j], v + t / self.watched.weight[j]
+                lower = (low[:, j] >= a) & (low[:, j] < b) & (high[:, j] > b)
+                upper = (high[:, j] <= b) & (high[:, j] > a) & (low[:, j] < a)
+                low[lower, j], high[upper, j] = b, a
+        mine = [b for b in self.watched.conditions.branches if b.family == k]
+        if k is not None and mine and all(b in plain for b in mine):
+            j = int(mine[0].joints[0])
+            if all(b.joints[0] == j for b in mine):
+                near = np.array([v for b in mine for v in self._values(b.values[0], j)])
+                d = cap / self.watched.weight[j]
+                a = np.maximum(low[:, j, None], near - d)
+                b = np.minimum(high[:, j, None], near + d)
+                lo = np.where(a <= b, a, np.inf).min(axis=1)
+                hi = np.where(a <= b, b, -np.inf).max(axis=1)
+                some = lo <= hi
+                low[some, j], high[some, j] = lo[some], hi[some]
+        return (low + high) / 2, (high - low) / 2 * (1 + 1e-12)
+
+    def _values(self, value: float, j: int) -> Array:
+        """The value of a joint, and its copies a turn away."""
+        turn = self.watched.conditions.turn[j]
+        return np.asarray((value + turn * np.arange(-1, 2)) / self.watched.weight[j])
+
+    def _first_boxes(self) -> tuple[Array, Array]:
+        """Centres and half widths (N, n) of boxes that cover the ranges."""
+        C, R = ((self.low + self.high) / 2)[None], ((self.high - self.low) / 2)[None]
+        R = np.where(self.active, R, 0.0)
+        for j in np.flatnonzero(self.active):
+            parts = max(1, math.ceil(2 * R[0, j] * self.watched.weight[j] / self.wide))
+            if len(C) * parts > self.chunk:
+                continue
+            half = R[0, j] / parts
+            offsets = (2 * np.arange(parts) - parts + 1) * half
+            C, R = np.repeat(C, parts, axis=0), np.repeat(R, parts, axis=0)
+            C[:, j] += np.tile(offsets, len(C) // parts)
+            R[:, j] = half * (1 + 1e-12) + 1e-15
+        return C, R
+
+    def _measures(self, far: Array) -> tuple[float, float]:
+        """Least sigma and largest condition number found outside the zones."""
+        Q = self._random(self.samples)
+        low = two_sided(self.watched.conditions, Q, each=True).each[..., 0]
+        Q = Q[(low > far).all(axis=1)]
+        Q = Q[self.region.holds(Q)]
+        if not len(Q):
+            return math.inf, math.nan
+        sigma = np.asarray(singular_values(self.arm, Q))[:, : self.judge.rank]
+        return float(sigma[:, -1].min()), float((sigma[:, 0] / sigma[:, -1]).max())
+
+
+def _used(conditions: Conditions) -> Bool:
+    """Joints (n,) that the distance depends on."""
+    used = np.zeros(conditions.n, dtype=bool)
+    for branch in conditions.branches:
+        used[branch.joints] = True
+        used |= branch.used(conditions.n)
+    return used
+
+
+def _called(family: Family) -> str:
+    """Name of a family, with its condition unless that is a long equation."""
+    name = titled(family.name, family.title)
+    plain = family.title or not any(branch.equations for branch in family.branches)
+    return f"{name}: {family.where()}" if plain else name
