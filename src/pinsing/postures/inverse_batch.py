@@ -26,6 +26,8 @@ _NEAR = 1e-2
 """Residual from which a few Newton steps lead to a solution, if there is one."""
 _SAME = 1e-5
 """Radians between two solutions of one pose that are one: Newton leaves far less."""
+_BESIDE = 0.05
+"""Radians within which a solution continues that of a neighbouring pose."""
 _ROWS = 50_000
 """Configurations in one call of the solver: some tens of megabytes."""
 
@@ -142,8 +144,10 @@ class InverseMany:
                 Q[k, i, : len(q)] = q
 
         def follow(to: tuple[Any, ...], source: Array) -> None:
-            """Continue solutions (M, S, n) of neighbours to the nodes ``to`` (M of them)."""
+            """Continue solutions (M, S, n) of neighbours to the nodes ``to`` that lack them."""
             source = source.copy()
+            known = _gaps(source[:, :, None], Q[to][:, None], self.arm).min(axis=2) < _BESIDE
+            source[known] = np.nan
             if values is not None:
                 here = np.broadcast_to(values, (N, G))[to]
                 source[..., self.held] = np.where(
@@ -235,11 +239,17 @@ def _distinct(Q: Array, arm: Arm) -> Array:
     finite: Bool = np.isfinite(Q[..., 0])
     Q[~finite] = 0.0
     Q = arm.space.fold(arm.space.wrap(Q))
-    turn = np.where(arm.prismatic, 0.0, 2 * np.pi)
     for a in range(1, Q.shape[-2]):
-        gap = Q[..., :a, :] - Q[..., a, None, :]
-        apart = np.abs(gap - turn * np.rint(gap / (2 * np.pi))).max(axis=-1)
+        apart = _gaps(Q[..., :a, :], Q[..., a, None, :], arm)
         finite[..., a] &= ~((apart < _SAME) & finite[..., :a]).any(axis=-1)
     Q[~finite] = np.nan
     order = np.argsort(~finite, axis=-1, kind="stable")
     return np.take_along_axis(Q, order[..., None], axis=-2)
+
+
+def _gaps(a: Array, b: Array, arm: Arm) -> Array:
+    """Largest difference of joint values a and b (..., n), whole turns aside; inf beside NaN."""
+    gap = a - b
+    turns = np.where(arm.prismatic, 0.0, np.rint(gap / (2 * np.pi)))
+    apart = np.abs(gap - 2 * np.pi * turns).max(axis=-1)
+    return np.asarray(np.nan_to_num(apart, nan=np.inf))

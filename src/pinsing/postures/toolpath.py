@@ -4,7 +4,9 @@ Between poses joints move linearly. What is free (the rotation about the tool's 
 joint, or the branch alone) takes values on a grid; the path with the greatest least clearance is
 found by dynamic programming over poses, values and branches. An edge exists where the motion keeps
 joint limits and speeds and is proven clear: distance to the families changes no faster than joints
-move, so that it is at least (a + b - d) / 2 on a segment of length d between clearances a and b.
+move, so that it is at least (a + b - d) / 2 on a segment of length d between clearances a and b;
+segments too long for that are halved. Joint values that differ by whole turns are one node, until
+the best path winds a joint beyond its limits: then each turn of that joint is a branch.
 """
 
 from __future__ import annotations
@@ -12,12 +14,14 @@ from __future__ import annotations
 import copy
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from itertools import product
 from typing import ClassVar
 
 import numpy as np
 import numpy.typing as npt
 
 from pinsing._types import Array, Bool, Ints
+from pinsing.algebra.equation import Equation
 from pinsing.arguments import checked
 from pinsing.errors import ConfigurationError, OptionError
 from pinsing.families import ClosedForm, Family
@@ -26,7 +30,9 @@ from pinsing.notebook import one_line
 from pinsing.postures.inverse_batch import InverseMany
 from pinsing.proximity.clearance import clearance
 from pinsing.proximity.crossings import crossings
+from pinsing.proximity.watched import titled
 from pinsing.robot.arm import Arm, ArmSummary, summarize
+from pinsing.robot.joint_space import SLACK
 from pinsing.serialization import JsonResult
 
 STEP = np.radians(1.0)
@@ -36,7 +42,7 @@ _TURNS = 3
 _BISECTED = np.radians(0.1)
 """How near the bound is brought to what is reached at the poses that decide it."""
 _STEPS = 4
-"""Steps to a surface, and to the nearest point of it; each doubles the digits."""
+"""Steps to a surface; twice as many lead to the nearest point of it."""
 _ALIKE = 1e-3
 """Relative difference of bounds that are as good as an estimate."""
 _ROWS = 100_000
@@ -53,6 +59,10 @@ _THINNED = 6
 """One value and one pose in so many are looked at first."""
 _DECIDING = 3
 """Poses at which the bound is looked for: those with the least room."""
+_NODES = ("clear", "likely", "highest", "usable", "seen")
+"""What is kept of each node (N, G, S)."""
+_HALVED = 6
+"""Times that a motion between poses is halved to prove it clear."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -263,8 +273,6 @@ class _Planner:
         self.timed = t is not None
         held = arm.joints.index(free) if free in arm.joints else None
         self.solver = InverseMany(arm, held)
-        self.likely: Array = np.empty((0, 0, 0))
-        self.highest: Array = self.likely
         self.reached = self.relaxed = -np.inf
         self.idle = False
         self.cyclic = free == "roll"
@@ -278,6 +286,9 @@ class _Planner:
         whole = np.isfinite(arm.lower) & (arm.upper - arm.lower < 2 * np.pi)
         self.bounded: Bool = whole | np.asarray(arm.prismatic, dtype=bool)
         self.turn = np.where(self.bounded, 0.0, 2 * np.pi)
+        self.start: Array | None = None
+        self.counted: Bool = np.zeros(arm.n, dtype=bool)
+        self.turns: Ints = np.zeros((1, 0), dtype=int)
         self.scale = np.where(arm.prismatic, 1 / arm.length_scale, 1.0)
 
     def plan(self, start: npt.ArrayLike | None) -> PathPlan:
@@ -307,16 +318,16 @@ class _Planner:
         if (reason := self._unreached()) is not None:
             return self._none(reason, notes)
         first = self._first(start)
-        path = self._searched(first)
-        if isinstance(path, str):
-            return self._none(path, notes)
-        i, s = path
-        every = np.arange(N)
-        q = self._unwrapped(self.Q[every, i, s])
-        if (q is None) or self.arm.space.outside(q).any():
-            return self._none(
-                "the path with the greatest clearance winds joints beyond their limits", notes
-            )
+        while True:
+            path = self._searched(first)
+            if isinstance(path, str):
+                return self._none(path, notes)
+            i, s, turns = path
+            q = self._unwrapped(self.Q[np.arange(N), i, s], turns)
+            beyond = np.asarray(self.arm.space.outside(q).any(axis=0))
+            if not beyond.any():
+                break
+            self._count_turns(beyond)
         proven, where = self._proven(q)
         near = clearance(self.form, q[round(where)])
         return PathPlan(
@@ -363,16 +374,17 @@ class _Planner:
         return None if self.held is None else values
 
     def _bounds(self) -> None:
-        """Bound the clearance of all nodes: ``clear`` from below, ``most`` from above."""
-        self.clear, self.most = np.full((2, *self.Q.shape[:-1]), -np.inf)
+        """Bound the clearance of all nodes: ``clear`` from below, ``highest`` from above."""
+        self.clear, self.highest = np.full((2, *self.Q.shape[:-1]), -np.inf)
         self.usable = np.isfinite(self.Q[..., 0])
         for k, q in enumerate(self.Q):
             there = self.usable[k].copy()
             found = clearance(self.form, q[there])
-            self.clear[k][there], self.most[k][there] = found.lower, found.upper
+            self.clear[k][there], self.highest[k][there] = found.lower, found.upper
             self.usable[k] &= ~self.arm.space.outside(np.nan_to_num(q)).any(axis=-1)
+        self.likely, self.seen = self.clear.copy(), ~self.usable
 
-    def _searched(self, first: Bool) -> tuple[Ints, Ints] | str:
+    def _searched(self, first: Bool) -> tuple[Ints, Ints, Ints] | str:
         """The best path on the grid; else why there is none.
 
         A path on a part of the grid comes first: what has less clearance for sure than that is not
@@ -380,7 +392,7 @@ class _Planner:
         """
         columns = max(d for d in range(1, _THINNED + 1) if len(self.grid) % d == 0)
         coarse = copy.copy(self)
-        for name in ("Q", "circle", "clear", "most", "usable"):
+        for name in ("Q", "circle", *_NODES):  # views: what is found out here is known there
             setattr(coarse, name, getattr(self, name)[::_THINNED, ::columns])
         coarse.grid, coarse.T, coarse.t = (
             self.grid[::columns],
@@ -389,68 +401,73 @@ class _Planner:
         )
         least = -np.inf
         if len(coarse.T) > 1 and coarse.clear.size * _THINNED <= self.clear.size:
-            coarse.likely = coarse._estimates(least)
+            coarse._estimate_all(least)
             path = coarse._best_path(coarse.usable[0])
             if not isinstance(path, str):
                 least = coarse.reached
         while True:
-            self.likely = self._estimates(least)
+            self._estimate_all(least)
             path = self._best_path(first)
             if least == -np.inf or (not isinstance(path, str) and self.reached >= least):
                 return path
             least = -np.inf if isinstance(path, str) else self.reached - _BISECTED
 
-    def _estimates(self, least: float) -> Array:
-        """The clearance of all nodes as steps find it, at least ``least`` or a lower bound.
+    def _estimate_all(self, least: float) -> None:
+        """Estimate the clearance of nodes, of those that may have ``least``.
 
-        Steps may end at a point that is not the nearest: an estimate is an upper bound.
-        ``highest`` is what no node exceeds: the bound of other paths rests on it.
+        Steps may end at a point that is not the nearest: ``likely``, the estimate, is an upper
+        bound. ``highest`` is what no node exceeds: the bound of other paths rests on it.
         """
-        out: Array = self.clear.copy()
-        self.highest = self.most.copy()
-        open_ = self.usable & (self.most >= least) & (self.most > self.clear * (1 + _ALIKE))
-        rows = np.argwhere(open_)
+        close = self.highest <= self.clear * (1 + _ALIKE)
+        rows = np.argwhere(~self.seen & (self.highest >= least) & ~close)
         for start in range(0, len(rows), _ROWS):
             at = tuple(rows[start : start + _ROWS].T)
-            out[at] = np.maximum(out[at], self._estimate(self.Q[at]))
-            self.highest[at] = np.minimum(self.highest[at], out[at])
-        return out
+            found = self._estimate(self.Q[at], least)
+            self.likely[at] = np.maximum(self.clear[at], found)
+            self.highest[at] = np.minimum(self.highest[at], self.likely[at])
+            self.seen[at] = True
 
-    def _estimate(self, Q: Array) -> Array:
+    def _estimate(self, Q: Array, least: float) -> Array:
         """Distance (M,) of configurations (M, n) to the nearest families, as steps lead there.
 
         The nearest point x of a surface f = 0 fulfils Q - x = c grad f(x): with f linearised at the
         last x, a step gives c (sequential quadratic programming). Where steps do not converge, and
-        of families that are no surfaces, the certified search is asked.
+        of families that are no surfaces, the certified search is asked. What is nearer than
+        ``least`` is not looked at more closely.
         """
         out = np.full(len(Q), np.inf)
         for family in self.form.families:
+            # Families that are farther away than another do not matter.
+            low = clearance(self.form, Q, families=[family.name]).lower
+            rows = np.flatnonzero((low < out) & (out >= least))
             surfaces = [b.equations[0] for b in family.branches if len(b.equations) == 1]
-            whole = len(surfaces) == len(family.branches)
-            left = np.full(len(Q), True)
-            if whole and not any(b.values for b in family.branches):
-                left[:] = False
-                for equation in surfaces:
-                    x = Q.copy()
-                    for i in range(2 * _STEPS):
-                        slope = equation.gradient(x) / self.scale**2
-                        size = (slope * slope * self.scale**2).sum(axis=1)
-                        origin = x if i < _STEPS else Q  # first to the surface, then along it
-                        off = equation(x) + (slope * (origin - x) * self.scale**2).sum(axis=1)
-                        step = origin - (off / np.maximum(size, 1e-300))[:, None] * slope - x
-                        far = np.linalg.norm(step * self.scale, axis=1)
-                        # Radians in one step: longer ones overshoot.
-                        x = x + step * np.minimum(1, 0.4 / np.maximum(far, 1e-9))[:, None]
-                    on = np.abs(equation(x)) < 1e-3 * equation.size
-                    away = np.linalg.norm((x - Q) * self.scale, axis=1)
-                    out = np.minimum(out, np.where(on, away, np.inf))
-                    left |= ~on
-            if left.any():
+            found: Array = np.full(len(rows), np.inf)
+            missed: Bool = np.ones(len(rows), dtype=bool)
+            if len(surfaces) == len(family.branches) and not any(b.values for b in family.branches):
+                away = np.stack([self._away(Q[rows], equation) for equation in surfaces])
+                found, missed = np.fmin.reduce(away), np.asarray(np.isnan(away).any(axis=0))
+            if missed.any():
                 sure = clearance(
-                    self.form, Q[left], families=[family.name], certify=True, gap=_COARSE
+                    self.form, Q[rows[missed]], families=[family.name], certify=True, gap=_COARSE
                 )
-                out[left] = np.minimum(out[left], sure.upper)
+                found[missed] = np.fmin(found[missed], sure.upper)
+            out[rows] = np.minimum(out[rows], found)
         return out
+
+    def _away(self, Q: Array, equation: Equation) -> Array:
+        """Distance (M,) to the point of a surface that steps from Q (M, n) end at, or NaN."""
+        x = Q.copy()
+        for i in range(3 * _STEPS):
+            slope = equation.gradient(x) / self.scale**2
+            size = (slope * slope * self.scale**2).sum(axis=1)
+            origin = x if i < _STEPS else Q  # first to the surface, then along it
+            off = equation(x) + (slope * (origin - x) * self.scale**2).sum(axis=1)
+            step = origin - (off / np.maximum(size, 1e-300))[:, None] * slope - x
+            far = np.linalg.norm(step * self.scale, axis=1)
+            # Radians in one step: longer ones overshoot.
+            x = x + step * np.minimum(1, 0.4 / np.maximum(far, 1e-9))[:, None]
+        on = np.abs(equation(x)) < 1e-3 * equation.size
+        return np.where(on, np.linalg.norm((x - Q) * self.scale, axis=1), np.nan)
 
     def _unreached(self) -> str | None:
         """The first pose without a usable node, in words."""
@@ -472,7 +489,7 @@ class _Planner:
         """Return which nodes (G, S) of the first pose a path may begin at."""
         if start is None:
             return np.asarray(self.usable[0])
-        q = self.arm.check_one(start, "start")
+        q = self.start = self.arm.check_one(start, "start")
         apart = np.abs(self._gap(np.nan_to_num(self.Q[0], nan=1e9) - q)).max(axis=-1)
         half = 0.5 * (self.grid[1] - self.grid[0]) if len(self.grid) > 1 else 0.0
         near = apart <= apart.min()
@@ -486,7 +503,7 @@ class _Planner:
 
     # -- the path ---------------------------------------------------------------------------------
 
-    def _best_path(self, first: Bool) -> tuple[Ints, Ints] | str:
+    def _best_path(self, first: Bool) -> tuple[Ints, Ints, Ints] | str:
         """Indices of values and slots (N,), (N,) of the best path; else why there is none.
 
         Beside it, ``relaxed`` becomes what paths between the grid's values may have: nodes have
@@ -495,14 +512,18 @@ class _Planner:
         N, G, S = self.clear.shape
         window = 0 if G == 1 else min(G // 2, max(3, -(-_TURNS * G // N)))
         links, room = self._beside(0)
-        best = np.where(first, np.stack([self.likely[0], room]), -np.inf)
-        back = np.zeros((N, G, S, 2), dtype=np.int32)
+        # The last state of each node is none: where turns lead beyond all that are counted.
+        best = np.full((2, G, S, len(self.turns) + 1), -np.inf)
+        nodes = np.stack([self.likely[0], room])[..., None]
+        best[..., :-1] = np.where(first[..., None] & self._within(0), nodes, -np.inf)
+        back = np.zeros((N, *best.shape[1:]), dtype=np.int32)
         every = np.arange(G)
         for k in range(1, N):
             before, (links, room) = links, self._beside(k)
-            nodes = np.stack([self.likely[k], room])
-            new = np.full((2, G, S), -np.inf)
+            nodes = np.stack([self.likely[k], room])[..., None]
+            new = np.full(best.shape, -np.inf)
             slot = self._nearest(self.circle[k], self.circle[k - 1])
+            doubtful: list[tuple[Array, Ints]] = []
             for side, (beside, link) in enumerate(before):
                 source, here = every, slot
                 for d in range(window + 2 if G > 1 else 1):
@@ -512,25 +533,63 @@ class _Planner:
                     elif side:
                         continue
                     take = source[:, None], here
-                    value = np.minimum(best[:, take[0], take[1]], nodes)
-                    value[~self._passable(k, take, nodes)] = -np.inf
-                    up = (value[0] > new[0]) & (d <= window)
-                    new[0][up] = value[0][up]
-                    new[1] = np.maximum(new[1], value[1])
-                    back[k, ..., 0][up] = np.broadcast_to(source[:, None], up.shape)[up]
-                    back[k, ..., 1][up] = here[up]
+                    edge = self._states(k, take)
+                    value = np.minimum(best.reshape(2, -1)[:, edge], nodes)
+                    sure, loose, maybe = self._passable(k, take, room)
+                    new[1, ..., :-1] = np.maximum(
+                        new[1, ..., :-1], np.where(loose[..., None], value[1], -np.inf)
+                    )
+                    if d > window:
+                        continue
+                    here_best = new[0, ..., :-1]
+                    better = value[0] > here_best
+                    up = sure[..., None] & better
+                    here_best[up], back[k, ..., :-1][up] = value[0][up], edge[up]
+                    better &= maybe[..., None]
+                    if better.any():
+                        doubtful.append((np.where(better, value[0], -np.inf), edge))
+            self._prove_edges(k, doubtful, new[0, ..., :-1], back[k, ..., :-1])
+            new[..., :-1][:, ~self._within(k)] = -np.inf
             if not np.isfinite(new[0]).any():
                 return self._why(k, best[0])
             best = new
             if k % 20 == 0:
                 self.progress("best path", k, N)
         self.reached, self.relaxed = float(best[0].max()), float(best[1].max())
-        i, s = (int(x) for x in np.unravel_index(int(best[0].argmax()), best[0].shape))
-        rows, slots = np.zeros(N, dtype=int), np.zeros(N, dtype=int)
+        at, path = int(best[0].argmax()), np.zeros(N, dtype=int)
         for k in range(N - 1, -1, -1):
-            rows[k], slots[k] = i, s
-            i, s = (int(x) for x in back[k, i, s])
-        return rows, slots
+            path[k], at = at, int(back[k].reshape(-1)[at])
+        i, s, turns = np.unravel_index(path, best.shape[1:])
+        return i, s, turns
+
+    def _within(self, k: int) -> Bool:
+        """Which turns (G, S, T) of which nodes of pose k a path may have."""
+        q = self.Q[k][..., None, self.counted] + 2 * np.pi * self.turns
+        low, high = (x[self.counted] for x in (self.arm.lower - SLACK, self.arm.upper + SLACK))
+        out = self.usable[k][..., None] & ((q >= low) & (q <= high)).all(axis=-1)
+        if k == 0 and self.start is not None:
+            out &= (np.abs(q - self.start[self.counted]) < np.pi).all(axis=-1)
+        return np.asarray(out)
+
+    def _states(self, k: int, take: tuple[Array, Ints]) -> Ints:
+        """Numbers (G, S, T) of the states of the pose before that motions to pose k's begin at."""
+        count, most = len(self.turns) + 1, -self.turns[0]
+        gap = self.Q[k] - self.Q[k - 1][take]
+        off = np.rint(np.nan_to_num(gap[..., self.counted]) / (2 * np.pi)).astype(int)
+        before = self.turns + off[..., None, :]
+        number = np.zeros(before.shape[:-1], dtype=int)
+        for j, m in enumerate(most):
+            number = number * (2 * m + 1) + before[..., j] + m
+        state = np.where((np.abs(before) <= most).all(axis=-1), number, count - 1)
+        node = take[0] * self.Q.shape[2] + take[1]
+        return np.asarray(node[..., None] * count + state)
+
+    def _count_turns(self, joints: Bool) -> None:
+        """Tell the turns of joints apart, which the best path winds beyond their limits."""
+        self.counted = self.counted | joints
+        range_ = (self.arm.upper - self.arm.lower)[self.counted]
+        most = np.minimum(range_ / (2 * np.pi), _TURNS).astype(int)
+        self.turns = np.array(list(product(*(range(-m, m + 1) for m in most))))
 
     def _beside(self, k: int) -> tuple[list[tuple[Ints, Ints]], Array]:
         """The neighbours of pose k's nodes along the grid, both ways, and the room of each node.
@@ -552,17 +611,56 @@ class _Planner:
         """Slots (M, S) of nodes b (M, S, 2n) nearest to those of nodes a, by sums of cosines."""
         return np.asarray((a @ b.swapaxes(1, 2)).argmax(axis=-1))
 
-    def _passable(self, k: int, take: tuple[Array, Ints], room: Array) -> Bool:
-        """Which nodes of pose k are reached from the pose before (2, G, S): proven, relaxed."""
+    def _prove_edges(
+        self, k: int, doubtful: list[tuple[Array, Ints]], new: Array, back: Ints
+    ) -> None:
+        """Take those edges to pose k that halving proves clear: values and numbers of states."""
+        if not doubtful:
+            return
+        value, edge = (np.stack(x) for x in zip(*doubtful, strict=True))
+        while True:  # each state's best candidate first
+            choice = value.argmax(axis=0)
+            at = np.nonzero(value.max(axis=0) > new)
+            if not len(at[0]):
+                return
+            candidate = choice[at], *at
+            source, slot = np.divmod(edge[candidate] // (len(self.turns) + 1), self.Q.shape[2])
+            q = self.Q[k - 1][source, slot]
+            clear = self._is_clear(q, self._gap(self.Q[k][at[:2]] - q))
+            found = value[candidate]
+            value[candidate] = -np.inf
+            at, from_ = tuple(x[clear] for x in at), edge[candidate][clear]
+            new[at], back[at] = found[clear], from_
+
+    def _is_clear(self, q: Array, move: Array) -> Bool:
+        """Which motions (M, n) from q (M, n) are proven clear, by halving them."""
+        out: Bool = np.ones(len(q), dtype=bool)
+        edge, ends = np.arange(len(q)), [clearance(self.form, x).lower for x in (q, q + move)]
+        for _ in range(_HALVED):
+            left = ends[0] + ends[1] <= np.linalg.norm(move * self.scale, axis=1)
+            out[edge[left & (np.minimum(*ends) <= 0)]] = False
+            left &= out[edge]
+            if not left.any():
+                return out
+            edge, q, move, (a, b) = edge[left], q[left], move[left] / 2, (x[left] for x in ends)
+            middle = clearance(self.form, q + move).lower
+            edge, q, move = np.tile(edge, 2), np.concatenate([q, q + move]), np.tile(move, (2, 1))
+            ends = [np.concatenate([a, middle]), np.concatenate([middle, b])]
+        out[edge[ends[0] + ends[1] <= np.linalg.norm(move * self.scale, axis=1)]] = False
+        return out
+
+    def _passable(self, k: int, take: tuple[Array, Ints], room: Array) -> tuple[Bool, Bool, Bool]:
+        """Which nodes of pose k (G, S) are reached from the pose before: proven; relaxed; maybe."""
         gap = self._gap(self.Q[k] - self.Q[k - 1][take]) * self.scale
         length = np.sqrt((gap**2).sum(axis=-1))
         with np.errstate(invalid="ignore"):
-            clear = self.clear[k] + self.clear[k - 1][take] - length > 0
-            loose = length < 2 * room[1]
+            sure = self.clear[k] + self.clear[k - 1][take] - length > 0
+            loose = length < 2 * room
+            quick: Bool = self.usable[k].copy()
             if self.timed:
                 most = limits_of(self.arm) * (self.t[k] - self.t[k - 1])
-                clear &= (np.abs(gap) <= most * self.scale).all(axis=-1)
-        return np.asarray(np.stack([clear, loose]) & self.usable[k])
+                quick &= (np.abs(gap) <= most * self.scale).all(axis=-1)
+        return sure & quick, loose & self.usable[k], loose & quick & ~sure
 
     def _shifted(self, i: Ints, d: int) -> Ints:
         """Neighbours of values i on the grid; the ends have none beyond them, and stay."""
@@ -571,14 +669,18 @@ class _Planner:
 
     def _why(self, k: int, best: Array) -> str:
         """Why no node of pose k is reached from those of the pose before."""
-        source, target = np.isfinite(best), self.usable[k]
+        if self.counted.any():
+            wound = " or ".join(np.array(self.arm.joints)[self.counted])
+            return f"every path to pose {k} winds {wound} beyond its limits"
+        source, target = np.isfinite(best).any(axis=-1), self.usable[k]
         q, to = self.Q[k - 1][source], self.Q[k][target]
         gap = self._gap(to[None] - q[:, None])
         near = np.unravel_index(int(np.linalg.norm(gap, axis=-1).argmin()), gap.shape[:2])
         a, move = q[near[0]], gap[near]
         met = crossings(self.form, np.array([a, a + move])).events
         if met:
-            return f"every path crosses {met[0].family} between poses {k - 1} and {k}"
+            family = titled(met[0].family, self.form[met[0].family].title)
+            return f"every path crosses {family} between poses {k - 1} and {k}"
         if self.timed and (np.abs(move) > limits_of(self.arm) * (self.t[k] - self.t[k - 1])).any():
             j = int((np.abs(move) / limits_of(self.arm)).argmax())
             return (
@@ -589,18 +691,17 @@ class _Planner:
             f"{np.degrees(np.linalg.norm(move)):.3g}° apart"
         )
 
-    def _unwrapped(self, q: Array) -> Array | None:
-        """The path (N, n) without jumps by whole turns, moved by whole turns into the limits."""
+    def _unwrapped(self, q: Array, turns: Ints) -> Array:
+        """The path (N, n) without jumps by whole turns: from the start, or within limits if so."""
         steps = self._gap(np.diff(q, axis=0))
-        path = np.concatenate([q[:1], q[0] + np.cumsum(steps, axis=0)])
-        low, high = self.arm.space.span
-        for j in np.flatnonzero(~self.bounded):
-            most = np.floor((high[j] - path[:, j].max()) / (2 * np.pi) + 1e-9)
-            least = np.ceil((low[j] - path[:, j].min()) / (2 * np.pi) - 1e-9)
-            if np.isfinite(most) and np.isfinite(least) and most < least:
-                return None
-            turns = 0.0 if least <= 0.0 <= most else (most if most < 0 else least)
-            path[:, j] += 2 * np.pi * turns
+        path: Array = np.concatenate([q[:1], q[0] + np.cumsum(steps, axis=0)])
+        if self.start is not None:
+            return np.asarray(path + self.turn * np.rint((self.start - q[0]) / (2 * np.pi)))
+        path[:, self.counted] += 2 * np.pi * self.turns[turns[0]]
+        for j in np.flatnonzero((self.turn > 0) & ~self.counted):
+            most = np.floor((self.arm.upper[j] - path[:, j].max()) / (2 * np.pi) + 1e-9)
+            least = np.ceil((self.arm.lower[j] - path[:, j].min()) / (2 * np.pi) - 1e-9)
+            path[:, j] += 2 * np.pi * min(max(least, 0.0), most)
         return path
 
     # -- what others reach ------------------------------------------------------------------------
@@ -688,10 +789,10 @@ class _Planner:
             there &= self._sides(Q) == side
             out = np.full(there.shape, -np.inf)
             if there.any():
-                out[there] = clearance(self.form, Q[there], certify=True, gap=_GAP).upper
+                out[there] = self._estimate(Q[there], best)
             return out
 
-        values, Q = self.grid, self.Q[k]
+        values, Q, best = self.grid, self.Q[k], -np.inf
         found = upper(Q)
         best = float(found.max())
         if self.free == "branch" or self.idle:
