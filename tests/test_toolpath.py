@@ -135,6 +135,32 @@ def test_why_there_is_no_path(ur5):
     assert "speed limit between poses 0 and 1" in rushed.reason
 
 
+def spinning(arm, turns, q):
+    """Poses from that of q on, turned about the last joint's axis, which is the tip's z."""
+    T = np.tile(tip_placement(arm, q).homogeneous, (40, 1, 1))
+    for pose, angle in zip(T, np.linspace(0, 2 * np.pi * turns, 40), strict=True):
+        pose[:3, :3] = pose[:3, :3] @ pin.utils.rotate("z", angle)
+    return T
+
+
+@pytest.mark.parametrize(
+    ("turns", "start", "reached"),
+    [(1.9, None, True), (2.1, None, False), (1.5, -1.0, False), (1.5, -6.0, True)],
+)
+def test_a_path_within_two_turns_of_a_joint(ur5, turns, start, reached):
+    arm, form = ur5
+    first = None if start is None else np.append(START[:5], start)
+    T = spinning(arm, turns, START if first is None else first)
+    plan = plan_path(form, T, arm=arm, start=first)
+    assert bool(len(plan.q)) == reached
+    if not reached:
+        assert "winds wrist_3_joint beyond its limits" in plan.reason
+    else:
+        assert not arm.space.outside(plan.q).any()
+        assert np.ptp(plan.q[:, 5]) == pytest.approx(2 * np.pi * turns, abs=1e-6)
+        assert first is None or np.allclose(plan.q[0], first, atol=1e-6)
+
+
 def test_a_wall_between_two_poses(ur5):
     arm, form = ur5
     low, high = arm.lower.copy(), arm.upper.copy()

@@ -287,6 +287,7 @@ class _Planner:
         self.bounded: Bool = whole | np.asarray(arm.prismatic, dtype=bool)
         self.turn = np.where(self.bounded, 0.0, 2 * np.pi)
         self.start: Array | None = None
+        self.least: float | None = None
         self.counted: Bool = np.zeros(arm.n, dtype=bool)
         self.turns: Ints = np.zeros((1, 0), dtype=int)
         self.scale = np.where(arm.prismatic, 1 / arm.length_scale, 1.0)
@@ -387,9 +388,21 @@ class _Planner:
     def _searched(self, first: Bool) -> tuple[Ints, Ints, Ints] | str:
         """The best path on the grid; else why there is none.
 
-        A path on a part of the grid comes first: what has less clearance for sure than that is not
-        looked at more closely.
+        What has less clearance for sure than a path on a part of the grid is not looked at more
+        closely; should the whole grid have no such path, what has less than its own.
         """
+        if self.least is None:
+            self.least = self._best_on_a_part()
+        floor = -np.inf
+        while True:
+            self._estimate_all(self.least)
+            path = self._best_path(first, floor)
+            if isinstance(path, str) or self.reached >= self.least:
+                return path
+            self.least = floor = self.reached - _BISECTED
+
+    def _best_on_a_part(self) -> float:
+        """The clearance of the best path on a part of the grid, -inf if there is none."""
         columns = max(d for d in range(1, _THINNED + 1) if len(self.grid) % d == 0)
         coarse = copy.copy(self)
         for name in ("Q", "circle", *_NODES):  # views: what is found out here is known there
@@ -399,18 +412,11 @@ class _Planner:
             self.T[::_THINNED],
             self.t[::_THINNED],
         )
-        least = -np.inf
-        if len(coarse.T) > 1 and coarse.clear.size * _THINNED <= self.clear.size:
-            coarse._estimate_all(least)
-            path = coarse._best_path(coarse.usable[0])
-            if not isinstance(path, str):
-                least = coarse.reached
-        while True:
-            self._estimate_all(least)
-            path = self._best_path(first)
-            if least == -np.inf or (not isinstance(path, str) and self.reached >= least):
-                return path
-            least = -np.inf if isinstance(path, str) else self.reached - _BISECTED
+        if len(coarse.T) < 2 or coarse.clear.size * _THINNED > self.clear.size:
+            return -np.inf
+        coarse._estimate_all(-np.inf)
+        path = coarse._best_path(coarse.usable[0], -np.inf)
+        return -np.inf if isinstance(path, str) else coarse.reached
 
     def _estimate_all(self, least: float) -> None:
         """Estimate the clearance of nodes, of those that may have ``least``.
@@ -456,16 +462,17 @@ class _Planner:
 
     def _away(self, Q: Array, equation: Equation) -> Array:
         """Distance (M,) to the point of a surface that steps from Q (M, n) end at, or NaN."""
-        x = Q.copy()
+        x, rows = Q.copy(), np.arange(len(Q))
         for i in range(3 * _STEPS):
-            slope = equation.gradient(x) / self.scale**2
+            at, origin = x[rows], x[rows] if i < _STEPS else Q[rows]  # to the surface, then along
+            slope = equation.gradient(at) / self.scale**2
             size = (slope * slope * self.scale**2).sum(axis=1)
-            origin = x if i < _STEPS else Q  # first to the surface, then along it
-            off = equation(x) + (slope * (origin - x) * self.scale**2).sum(axis=1)
-            step = origin - (off / np.maximum(size, 1e-300))[:, None] * slope - x
+            off = equation(at) + (slope * (origin - at) * self.scale**2).sum(axis=1)
+            step = origin - (off / np.maximum(size, 1e-300))[:, None] * slope - at
             far = np.linalg.norm(step * self.scale, axis=1)
             # Radians in one step: longer ones overshoot.
-            x = x + step * np.minimum(1, 0.4 / np.maximum(far, 1e-9))[:, None]
+            x[rows] = at + step * np.minimum(1, 0.4 / np.maximum(far, 1e-9))[:, None]
+            rows = rows[far > _FINEST] if i > _STEPS else rows
         on = np.abs(equation(x)) < 1e-3 * equation.size
         return np.where(on, np.linalg.norm((x - Q) * self.scale, axis=1), np.nan)
 
@@ -503,11 +510,12 @@ class _Planner:
 
     # -- the path ---------------------------------------------------------------------------------
 
-    def _best_path(self, first: Bool) -> tuple[Ints, Ints, Ints] | str:
-        """Indices of values and slots (N,), (N,) of the best path; else why there is none.
+    def _best_path(self, first: Bool, floor: float) -> tuple[Ints, Ints, Ints] | str:
+        """Indices of values, slots and turns (N,) of the best path; else why there is none.
 
         Beside it, ``relaxed`` becomes what paths between the grid's values may have: nodes have
         half of the way to their neighbours more, and one value more may be passed at a time.
+        Values that have less than ``floor`` for sure are left out.
         """
         N, G, S = self.clear.shape
         window = 0 if G == 1 else min(G // 2, max(3, -(-_TURNS * G // N)))
@@ -517,15 +525,17 @@ class _Planner:
         nodes = np.stack([self.likely[0], room])[..., None]
         best[..., :-1] = np.where(first[..., None] & self._within(0), nodes, -np.inf)
         back = np.zeros((N, *best.shape[1:]), dtype=np.int32)
-        every = np.arange(G)
         for k in range(1, N):
             before, (links, room) = links, self._beside(k)
-            nodes = np.stack([self.likely[k], room])[..., None]
-            new = np.full(best.shape, -np.inf)
-            slot = self._nearest(self.circle[k], self.circle[k - 1])
+            rows = np.flatnonzero((room >= floor).any(axis=1))
+            new = np.full((2, len(rows), *best.shape[2:]), -np.inf)
+            found, from_ = new[..., :-1], np.zeros(new.shape[1:], dtype=np.int32)[..., :-1]
+            within = self._within(k)[rows]
+            nodes = np.stack([self.likely[k], room])[:, rows, :, None]
+            slot = self._nearest(self.circle[k][rows], self.circle[k - 1][rows])
             doubtful: list[tuple[Array, Ints]] = []
             for side, (beside, link) in enumerate(before):
-                source, here = every, slot
+                source, here = rows, slot
                 for d in range(window + 2 if G > 1 else 1):
                     if d > 0:
                         here = np.take_along_axis(link[source], here, axis=1)
@@ -533,26 +543,24 @@ class _Planner:
                     elif side:
                         continue
                     take = source[:, None], here
-                    edge = self._states(k, take)
+                    edge = self._states(k, rows, take)
                     value = np.minimum(best.reshape(2, -1)[:, edge], nodes)
-                    sure, loose, maybe = self._passable(k, take, room)
-                    new[1, ..., :-1] = np.maximum(
-                        new[1, ..., :-1], np.where(loose[..., None], value[1], -np.inf)
-                    )
+                    value[:, ~within] = -np.inf
+                    sure, loose, maybe = self._passable(k, rows, take, room[rows])
+                    np.maximum(found[1], value[1], out=found[1], where=loose[..., None])
                     if d > window:
                         continue
-                    here_best = new[0, ..., :-1]
-                    better = value[0] > here_best
+                    better = value[0] > found[0]
                     up = sure[..., None] & better
-                    here_best[up], back[k, ..., :-1][up] = value[0][up], edge[up]
+                    found[0][up], from_[up] = value[0][up], edge[up]
                     better &= maybe[..., None]
                     if better.any():
                         doubtful.append((np.where(better, value[0], -np.inf), edge))
-            self._prove_edges(k, doubtful, new[0, ..., :-1], back[k, ..., :-1])
-            new[..., :-1][:, ~self._within(k)] = -np.inf
-            if not np.isfinite(new[0]).any():
+            self._prove_edges(k, rows, doubtful, found[0], from_)
+            if not np.isfinite(found[0]).any():
                 return self._why(k, best[0])
-            best = new
+            best = np.full(best.shape, -np.inf)
+            best[:, rows], back[k, rows, :, :-1] = new, from_
             if k % 20 == 0:
                 self.progress("best path", k, N)
         self.reached, self.relaxed = float(best[0].max()), float(best[1].max())
@@ -571,10 +579,10 @@ class _Planner:
             out &= (np.abs(q - self.start[self.counted]) < np.pi).all(axis=-1)
         return np.asarray(out)
 
-    def _states(self, k: int, take: tuple[Array, Ints]) -> Ints:
-        """Numbers (G, S, T) of the states of the pose before that motions to pose k's begin at."""
+    def _states(self, k: int, rows: Ints, take: tuple[Ints, Ints]) -> Ints:
+        """Numbers (R, S, T) of the states of the pose before that motions to pose k's begin at."""
         count, most = len(self.turns) + 1, -self.turns[0]
-        gap = self.Q[k] - self.Q[k - 1][take]
+        gap = self.Q[k][rows] - self.Q[k - 1][take]
         off = np.rint(np.nan_to_num(gap[..., self.counted]) / (2 * np.pi)).astype(int)
         before = self.turns + off[..., None, :]
         number = np.zeros(before.shape[:-1], dtype=int)
@@ -612,7 +620,7 @@ class _Planner:
         return np.asarray((a @ b.swapaxes(1, 2)).argmax(axis=-1))
 
     def _prove_edges(
-        self, k: int, doubtful: list[tuple[Array, Ints]], new: Array, back: Ints
+        self, k: int, rows: Ints, doubtful: list[tuple[Array, Ints]], new: Array, back: Ints
     ) -> None:
         """Take those edges to pose k that halving proves clear: values and numbers of states."""
         if not doubtful:
@@ -626,7 +634,7 @@ class _Planner:
             candidate = choice[at], *at
             source, slot = np.divmod(edge[candidate] // (len(self.turns) + 1), self.Q.shape[2])
             q = self.Q[k - 1][source, slot]
-            clear = self._is_clear(q, self._gap(self.Q[k][at[:2]] - q))
+            clear = self._is_clear(q, self._gap(self.Q[k][rows[at[0]], at[1]] - q))
             found = value[candidate]
             value[candidate] = -np.inf
             at, from_ = tuple(x[clear] for x in at), edge[candidate][clear]
@@ -649,18 +657,21 @@ class _Planner:
         out[edge[ends[0] + ends[1] <= np.linalg.norm(move * self.scale, axis=1)]] = False
         return out
 
-    def _passable(self, k: int, take: tuple[Array, Ints], room: Array) -> tuple[Bool, Bool, Bool]:
-        """Which nodes of pose k (G, S) are reached from the pose before: proven; relaxed; maybe."""
-        gap = self._gap(self.Q[k] - self.Q[k - 1][take]) * self.scale
+    def _passable(
+        self, k: int, rows: Ints, take: tuple[Ints, Ints], room: Array
+    ) -> tuple[Bool, Bool, Bool]:
+        """Which nodes of pose k (R, S) are reached from the pose before: proven; relaxed; maybe."""
+        gap = self._gap(self.Q[k][rows] - self.Q[k - 1][take]) * self.scale
         length = np.sqrt((gap**2).sum(axis=-1))
+        usable = self.usable[k][rows]
         with np.errstate(invalid="ignore"):
-            sure = self.clear[k] + self.clear[k - 1][take] - length > 0
+            sure = self.clear[k][rows] + self.clear[k - 1][take] - length > 0
             loose = length < 2 * room
-            quick: Bool = self.usable[k].copy()
+            quick = usable
             if self.timed:
                 most = limits_of(self.arm) * (self.t[k] - self.t[k - 1])
-                quick &= (np.abs(gap) <= most * self.scale).all(axis=-1)
-        return sure & quick, loose & self.usable[k], loose & quick & ~sure
+                quick = quick & (np.abs(gap) <= most * self.scale).all(axis=-1)
+        return sure & quick, loose & usable, loose & quick & ~sure
 
     def _shifted(self, i: Ints, d: int) -> Ints:
         """Neighbours of values i on the grid; the ends have none beyond them, and stay."""
