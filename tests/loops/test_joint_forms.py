@@ -28,7 +28,7 @@ from pinsing.loops import (
 )
 from pinsing.loops.closure import Loops, random_closed
 from pinsing.loops.joint_loci import ClosureForms, _matrix
-from pinsing.loops.leg_wrenches import room_of
+from pinsing.loops.structure import room_of
 
 SHELF = ["five_bar", "four_bar", "planar_3rrr", "planar_3rpr", "gough_stewart", "delta", "rps3",
          "rssr"]  # fmt: skip

@@ -14,7 +14,7 @@ import pinsing
 from pinsing.errors import OptionError
 from pinsing.loops import joint_forms
 from pinsing.loops.closure import random_closed
-from pinsing.loops.leg_wrenches import leg_proofs
+from pinsing.loops.joint_loci import leg_proofs
 from pinsing.proof.checker import Rejected, verify
 
 LEGS = {"planar_3rrr": 3, "planar_3rpr": 3, "gough_stewart": 6, "delta": 6, "rps3": 3,

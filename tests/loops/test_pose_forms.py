@@ -16,8 +16,7 @@ import pinsing
 from pinsing.loops import PoseForms, mechanism_at, pose_forms, refine, working_modes
 from pinsing.loops.closure import Loops, random_closed
 from pinsing.loops.legs import rods
-from pinsing.loops.pose_loci import _loci, _split, _type1, variables_at
-from pinsing.loops.pose_ring import PoseRing, determinant
+from pinsing.loops.pose_loci import PoseRing, _loci, _split, _type1, variables_at
 from pinsing.plot.mechanism import TYPE_2
 from pinsing.plot.pose_map import border_field, colors, pose_map, regions
 from pinsing.robot.load_mechanism import Loop
@@ -194,7 +193,7 @@ def irregular_delta(off):
 
 
 def type2(ring):
-    together = determinant(ring.lines(), ring.number(1))
+    together = ring.multiplied_out(ring.lines())
     return _loci(ring, _split(ring, ring.without_norm(together)))
 
 

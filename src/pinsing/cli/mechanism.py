@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from pinsing._types import Array
     from pinsing.families.solve import Prove
     from pinsing.loops import MechanismAnalysis
-    from pinsing.loops.leg_wrenches import LegProof
+    from pinsing.loops.joint_loci import LegProof
     from pinsing.robot.mechanism import Mechanism
 
 _ARM_MAPS: dict[str, Any] = {
@@ -230,7 +230,7 @@ def families_loops(
     tell_of_limits(mechanism)
     proven: tuple[LegProof, ...] = ()
     if prove is True or certificate is not None:
-        from pinsing.loops.leg_wrenches import leg_proofs
+        from pinsing.loops.joint_loci import leg_proofs
 
         proven = leg_proofs(mechanism, **({} if seconds is None else {"seconds": seconds}))
     elif seconds is not None:

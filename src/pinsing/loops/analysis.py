@@ -226,7 +226,8 @@ def _checks(
     swept: Sequence[str],
 ) -> list[Check]:
     """Points against loci, and roots of the loci against the inputs ``swept`` to the end."""
-    if forms is None:
+    dyad = planar_dyad(mechanism)
+    if forms is None or dyad is None:
         return []
     known = {locus.kind for locus in forms.loci}
     # Of a curve that is singular throughout no equation over the inputs tells; the notes do.
@@ -247,7 +248,8 @@ def _checks(
         here = [p for p in points if p.moving == name]
         for locus in forms.loci:
             for value in roots(locus.equation, inputs, k):
-                if not _feasible(mechanism, np.where(np.arange(len(inputs)) == k, value, inputs)):
+                at = np.where(np.arange(len(inputs)) == k, value, inputs)
+                if not dyad.close(at, _AGREE):
                     continue
                 count += 1
                 if all(abs(np.sin((p.inputs[k] - value) / 2)) > _AGREE for p in here):
@@ -294,13 +296,3 @@ def _pose_checks(
 def _lie(points: Sequence[SingularPoint]) -> str:
     which = "the one point" if len(points) == 1 else f"each of the {len(points)} points"
     return f"{which} of the sweep lies"
-
-
-def _feasible(mechanism: Mechanism, inputs: Array) -> bool:
-    """Whether the rods reach each other, to rounding."""
-    dyad = planar_dyad(mechanism)
-    assert dyad is not None  # asked for only where there is one
-    first, second = dyad.ends(inputs)
-    gap = float(np.linalg.norm(second - first))
-    d1, d2 = (side.rod_length for side in dyad.sides)
-    return bool(abs(d1 - d2) - _AGREE <= gap <= d1 + d2 + _AGREE)

@@ -22,7 +22,6 @@ from pinsing.measures import SINGULAR_RTOL
 from pinsing.robot.mechanism import Mechanism
 
 _TINY = 1e-12
-_CLOSE = 1e-9
 CLOSED_MANY = 1e-9
 """A residual after `newton` up to this counts as closed."""
 
@@ -303,21 +302,9 @@ def _swing(R: Array, k: int) -> Array:
 
 def _log(R: Array) -> Array:
     """Rotation vectors (N, 3) of rotations (N, 3, 3)."""
-    skew = np.stack(
-        [R[:, 2, 1] - R[:, 1, 2], R[:, 0, 2] - R[:, 2, 0], R[:, 1, 0] - R[:, 0, 1]], axis=1
-    )
-    cosine = np.clip((np.trace(R, axis1=1, axis2=2) - 1) / 2, -1, 1)
-    sine = np.linalg.norm(skew, axis=1) / 2
-    angle = np.arctan2(sine, cosine)
-    factor = np.where(sine > _CLOSE, angle / np.maximum(2 * sine, _CLOSE), 0.5)
-    out = factor[:, None] * skew
-    # Half a turn: the axis is the largest column of R + 1.
-    half = (sine <= 1e-7) & (cosine < 0)
-    for k in np.flatnonzero(half):
-        columns = R[k] + np.eye(3)
-        best = columns[:, int(np.argmax(np.diag(columns)))]
-        out[k] = np.pi * best / np.linalg.norm(best)
-    return np.asarray(out)
+    from scipy.spatial.transform import Rotation
+
+    return np.asarray(Rotation.from_matrix(R).as_rotvec()) if len(R) else np.zeros((0, 3))
 
 
 def locked(loops: BatchLoops, Q: Array) -> Bool:

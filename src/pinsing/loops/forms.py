@@ -13,7 +13,7 @@ import numpy.typing as npt
 from flint import Ordering, fmpq_mpoly_ctx
 
 from pinsing._types import Array
-from pinsing.algebra.equation import Equation
+from pinsing.algebra.equation import Equation, signed_sum
 from pinsing.algebra.ring import Poly, Ring, fraction, rational
 from pinsing.serialization import JsonResult
 
@@ -96,14 +96,8 @@ class PoseEquation:
             return (
                 " + ".join(" ".join([f"({c})", *_factors(self.names, p)]) for c, p in terms) or "0"
             )
-        text = ""
-        for value, powers in zip(self.values.tolist(), self.powers.tolist(), strict=True):
-            factors = _factors(self.names, powers)
-            size = f"{abs(value):.6g}"
-            body = " ".join(([] if size == "1" and factors else [size]) + factors)
-            sign = "-" if value < 0 else "+"
-            text += f" {sign} {body}" if text else (f"-{body}" if value < 0 else body)
-        return text or "0"
+        bodies = (" ".join(_factors(self.names, p)) for p in self.powers.tolist())
+        return signed_sum(list(zip(self.values.tolist(), bodies, strict=True)))
 
     def exact(self) -> str:
         """Return the whole equation with its exact coefficients."""

@@ -31,7 +31,7 @@ from pinsing.algebra.ring import Poly, Ring, make_ring, rational
 from pinsing.errors import OptionError
 from pinsing.loops.forms import JointForms
 from pinsing.loops.singular_points import SingularPoint, refine_point
-from pinsing.loops.structure import Sample, at_zero, closing, once, path_to
+from pinsing.loops.structure import Sample, at_zero, closing, once, path_to, plane_axes
 from pinsing.robot.mechanism import Mechanism
 from pinsing.serialization import JsonResult
 
@@ -70,10 +70,13 @@ class Side:
     rod_length: float
     rod_angle: float
 
-    def end(self, value: npt.ArrayLike) -> Array:
-        """B (..., 2) at values (...) of the crank, metres."""
-        angle = self.crank_sign * np.asarray(value, dtype=float) + self.crank_angle
-        return self.pivot + self.crank_length * _unit(angle)
+    def end(self, turn: npt.ArrayLike) -> Array:
+        """B (..., 2), metres, with the crank turned by angles (...) in the plane."""
+        return self.pivot + self.crank_length * _unit(np.asarray(turn) + self.crank_angle)
+
+    def turned(self, q: Array) -> Array:
+        """Angle (...) in the plane by which the crank is turned at q (..., n)."""
+        return self.crank_sign * q[..., self.crank] if self.crank is not None else 0 * q[..., 0]
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,17 +99,16 @@ class Dyad:
 
     def ends(self, inputs: npt.ArrayLike) -> tuple[Array, Array]:
         """Points B1 and B2 that the dyad hangs on, each (..., 2), at inputs (..., n_a)."""
-        inputs = np.asarray(inputs, dtype=float)
-        out = []
-        for side in self.sides:
-            if side.crank is None:
-                out.append(np.broadcast_to(side.pivot, (*inputs.shape[:-1], 2)).copy())
-            else:
-                out.append(side.end(inputs[..., self.mechanism.actuated.index(side.crank)]))
-        return out[0], out[1]
+        q = np.zeros((*np.shape(inputs)[:-1], self.mechanism.n))
+        q[..., list(self.mechanism.actuated)] = inputs
+        one, two = (side.end(side.turned(q)) for side in self.sides)
+        return one, two
 
-    def pin(self, inputs: npt.ArrayLike, left: bool) -> Array:
-        """P (..., 2) at inputs (..., n_a), to the left or right of B1 -> B2; NaN if infeasible."""
+    def pin(self, inputs: npt.ArrayLike, left: bool, slack: float = _TOUCH) -> Array:
+        """P (..., 2) at inputs (..., n_a), to the left or right of B1 -> B2; NaN if infeasible.
+
+        Circles of the rods that miss each other by the ``slack``, over the square of a rod, touch.
+        """
         first, second = self.ends(inputs)
         gap = second - first
         distance = np.linalg.norm(gap, axis=-1)
@@ -114,15 +116,15 @@ class Dyad:
         with np.errstate(invalid="ignore", divide="ignore"):
             along = (distance**2 + d1**2 - d2**2) / (2 * distance)
             square = d1**2 - along**2
-            square = np.where(np.abs(square) <= _TOUCH * d1**2, 0.0, square)
+            square = np.where(np.abs(square) <= slack * d1**2, 0.0, square)
             height = np.sqrt(square) * (1 if left else -1)
             unit = gap / distance[..., None]
         across = np.stack([-unit[..., 1], unit[..., 0]], axis=-1)
         return np.asarray(first + along[..., None] * unit + height[..., None] * across)
 
-    def configuration(self, inputs: npt.ArrayLike, left: bool) -> Array:
+    def configuration(self, inputs: npt.ArrayLike, left: bool, slack: float = _TOUCH) -> Array:
         """All joints (..., n) of one assembly mode at inputs (..., n_a); NaN if infeasible."""
-        return self.reaching(inputs, self.pin(inputs, left))
+        return self.reaching(inputs, self.pin(inputs, left, slack))
 
     def reaching(self, inputs: npt.ArrayLike, P: Array) -> Array:
         """All joints (..., n) at inputs (..., n_a) whose rods reach for P (..., 2)."""
@@ -131,8 +133,7 @@ class Dyad:
         q[..., list(self.mechanism.actuated)] = inputs
         for side, B in zip(self.sides, self.ends(inputs), strict=True):
             reach = P - B
-            turned = 0.0 if side.crank is None else side.crank_sign * q[..., side.crank]
-            angle = np.arctan2(reach[..., 1], reach[..., 0]) - side.rod_angle - turned
+            angle = np.arctan2(reach[..., 1], reach[..., 0]) - side.rod_angle - side.turned(q)
             q[..., side.pin] = side.pin_sign * angle
         return self.mechanism.space.wrap(q)
 
@@ -140,7 +141,7 @@ class Dyad:
         """Unit vectors (..., 2) along the crank and the rod of a side at q (..., n)."""
         q = np.asarray(q, dtype=float)
         this = self.sides[side]
-        turned = 0.0 if this.crank is None else this.crank_sign * q[..., this.crank]
+        turned = this.turned(q)
         rod = turned + this.pin_sign * q[..., this.pin] + this.rod_angle
         return _unit(turned + this.crank_angle), _unit(rod)
 
@@ -153,7 +154,7 @@ class Dyad:
         """P (..., 2) at closed configurations q (..., n), along the first side."""
         q = np.asarray(q, dtype=float)
         side = self.sides[0]
-        B = side.pivot if side.crank is None else side.end(q[..., side.crank])
+        B = side.end(side.turned(q))
         return np.asarray(B + side.rod_length * self.link_directions(q, 0)[1])
 
     def at_pin(self, mechanism: Mechanism) -> bool:
@@ -171,7 +172,7 @@ class Dyad:
         position = set(rows) <= {0, 1, 2} and not (np.abs(self.basis[:, across]) > 1e-9).any()
         return meets and position
 
-    def close(self, inputs: npt.ArrayLike) -> tuple[Array, ...]:
+    def close(self, inputs: npt.ArrayLike, slack: float = _TOUCH) -> tuple[Array, ...]:
         """All configurations (n,) at one set of inputs (n_a,): two, one at type 2, or none.
 
         Where both links are equally long and their ends coincide, P is free on a circle: two of
@@ -184,7 +185,7 @@ class Dyad:
         ):
             around = [first + self.sides[0].rod_length * _unit(turn) for turn in (0.0, np.pi)]
             return tuple(self.reaching(inputs, P) for P in around)
-        found = [self.configuration(inputs, left) for left in (True, False)]
+        found = [self.configuration(inputs, left, slack) for left in (True, False)]
         found = [q for q in found if np.isfinite(q).all()]
         if (
             len(found) == 2
@@ -228,11 +229,10 @@ def planar_dyad(mechanism: Mechanism) -> Dyad | None:
         return None
     loop = mechanism.loops[0]
     zero = at_zero(mechanism)
-    axes = zero.axis
-    normal = axes[0]
-    if np.abs(np.abs(axes @ normal) - 1).max() > 1e-9:
+    plane = plane_axes(mechanism)
+    if plane is None:
         return None
-    basis = _plane(normal)
+    basis, normal = plane[0][:2], plane[0][2]
     sides, used, heights = [], 0, []
     for (k,) in closing(mechanism):
         frame = model.frames[k]
@@ -241,7 +241,7 @@ def planar_dyad(mechanism: Mechanism) -> Dyad | None:
         end = np.zeros(3)
         if path:
             end = zero.joints[path[-1] + 1].act(frame.placement.translation)
-        side = _side(mechanism, path, zero, axes @ normal, basis, end)
+        side = _side(mechanism, path, zero, zero.axis @ normal, basis, end)
         if side is None:
             return None
         sides.append(side)
@@ -276,16 +276,6 @@ def _side(
         rod_length=length,
         rod_angle=float(np.arctan2(rod[1], rod[0])),
     )
-
-
-def _plane(normal: Array) -> Array:
-    """Axes of the plane, right-handed with the normal; x and y themselves where they fit."""
-    if abs(normal[2]) > 1 - 1e-12:
-        return np.array([[1.0, 0, 0], [0, np.sign(normal[2]), 0]])
-    first = np.eye(3)[int(np.argmin(np.abs(normal)))]
-    first = first - (first @ normal) * normal
-    first /= np.linalg.norm(first)
-    return np.stack([first, np.cross(normal, first)])
 
 
 def _unit(angle: npt.ArrayLike) -> Array:
@@ -457,13 +447,10 @@ class _LoopEquations:
             # angle = sign q + crank_angle = sign (q + offset)
             self.offset[j] = side.crank_sign * side.crank_angle
             self.direction.append((x**2 - y**2, 2 * int(side.crank_sign) * x * y))
-        self.W = self.w[0] * self.w[1]
-        ends = []
-        for k, side in enumerate(dyad.sides):
-            arm = self._exact(side.crank_length, "crank") * self.w[1 - k]
-            at = [self._exact(float(x), "pivot") * self.W for x in side.pivot]
-            ends.append([x + arm * d for x, d in zip(at, self.direction[k], strict=True)])
-        self.v = tuple(b - a for a, b in zip(*ends, strict=True))
+        self.cranks, self.pivots = [], []
+        for side in dyad.sides:
+            self.cranks.append(self._exact(side.crank_length, "crank"))
+            self.pivots.append([self._exact(float(x), "pivot") for x in side.pivot])
         self.rods = tuple(self._exact(side.rod_length, "rod") for side in dyad.sides)
 
     def _exact(self, value: float, what: str) -> Any:
@@ -474,20 +461,24 @@ class _LoopEquations:
             )
         return rational(near)
 
+    def square(self, leg: int | None = None, sense: int = 0) -> Poly:
+        """Squared distance of the cranks' ends, times W^2; the rod of a leg lengthens its crank."""
+        one, two = (
+            crank + (sense * rod if leg == k else 0)
+            for k, (crank, rod) in enumerate(zip(self.cranks, self.rods, strict=True))
+        )
+        w, u = self.w
+        rows = zip(*self.pivots, *self.direction, strict=True)
+        away = [(b - a) * w * u + two * w * e - one * u * d for a, b, d, e in rows]
+        return away[0] ** 2 + away[1] ** 2
+
     def in_line(self, leg: int | None, sense: int) -> Poly:
         """What the inputs fulfil with a leg, or both rods, stretched (``sense`` 1) or folded (-1).
 
         It is a squared distance minus a squared reach, over W^2 in square metres.
         """
-        v, W, d1, d2 = self.v, self.W, *self.rods
-        square = v[0] ** 2 + v[1] ** 2
-        if leg is None:
-            return square - (d1 + sense * d2) ** 2 * W**2
-        if leg == 1:
-            v, d1, d2 = (-v[0], -v[1]), d2, d1
-        c, s = self.direction[leg]
-        along = 2 * sense * d1 * self.w[1 - leg] * (c * v[0] + s * v[1])
-        return square - along + (d1 * d1 - d2 * d2) * W**2
+        reach = self.rods[0] + sense * self.rods[1] if leg is None else self.rods[1 - leg]
+        return self.square(leg, sense) - (reach * self.w[0] * self.w[1]) ** 2
 
 
 def _type1_legs(dyad: Dyad) -> tuple[int, ...] | None:
@@ -505,8 +496,7 @@ def _loci(
     system: _LoopEquations, kind: str, leg: int | None, inputs: Poly, sense: int
 ) -> list[Locus]:
     """The factors that have real points; ``leg``, ``sense`` as in `_LoopEquations.in_line`."""
-    ring, dyad = system.ring, system.dyad
-    square = system.v[0] ** 2 + system.v[1] ** 2
+    ring, dyad, square = system.ring, system.dyad, system.square()
     apart = bool(np.any(dyad.sides[0].pivot != dyad.sides[1].pivot))
     extremes = _extremes(dyad, leg)
     out = []
@@ -537,15 +527,21 @@ def _metric(dyad: Dyad, form: Equation, leg: int | None, sense: int) -> Equation
     Type 2: |B1 B2|^2 - (d1 +- d2)^2. Type 1 of leg 1: |A1 + (l1 +- d1) e1 - B2|^2 - d2^2. The
     cosine rule gives the coefficient of the highest frequency, and with it the scale.
     """
-    reach = [side.crank_length for side in dyad.sides]
-    if leg is not None:
-        reach[leg] += dyad.sides[leg].rod_length * sense
+    reach = _arms(dyad, leg, sense)
     if len(form.joints) == 1:
         reach[reach.index(0.0)] = float(np.linalg.norm(dyad.sides[1].pivot - dyad.sides[0].pivot))
     top = np.abs(form.frequencies).sum(axis=1)
     size = float(np.hypot(form.cos, form.sin)[int(np.argmax(top))])
     target = 2 * abs(reach[0] * reach[1])
     return form.scaled(target / size) if target > 1e-12 else form
+
+
+def _arms(dyad: Dyad, leg: int | None, sense: int) -> list[float]:
+    """Lengths that turn about the pivots: the cranks, that of a leg with its rod along it."""
+    return [
+        side.crank_length + (sense * side.rod_length if leg == k else 0.0)
+        for k, side in enumerate(dyad.sides)
+    ]
 
 
 def _range(form: Equation, extremes: Array) -> tuple[float, float, Array]:
@@ -590,10 +586,7 @@ def _extremes(dyad: Dyad, leg: int | None) -> Array:
     far, along = float(np.linalg.norm(gap)), float(np.arctan2(gap[1], gap[0]))
     found = [(along + a, along + b) for a in (0.0, np.pi) for b in (0.0, np.pi)]
     for sense in (1, -1):
-        one, two = (
-            side.crank_length + (sense * side.rod_length if leg == k else 0.0)
-            for k, side in enumerate(dyad.sides)
-        )
+        one, two = _arms(dyad, leg, sense)
         if far > 0 and one != 0 and abs(abs(one) - abs(two)) <= far <= abs(one) + abs(two):
             cosine = (far**2 + one**2 - two**2) / (2 * far * one)
             bend = float(np.arccos(np.clip(cosine, -1, 1)))
@@ -619,7 +612,7 @@ def _witness(
 ) -> SingularPoint | None:
     mechanism = dyad.mechanism
     for inputs in candidates:
-        for q in dyad.close(inputs) or _touching(dyad, inputs):
+        for q in dyad.close(inputs, 1e-8):
             if leg is not None and abs(float(dyad.elbow_sine(q, leg))) > 1e-6:
                 continue
             # Unit vectors that agree where a leg, or both rods, are stretched.
@@ -632,15 +625,3 @@ def _witness(
             if point.converged and np.abs(mechanism.space.wrap(point.q - q)).max() < 1e-3:
                 return point
     return None
-
-
-def _touching(dyad: Dyad, inputs: Array) -> tuple[Array, ...]:
-    """The one configuration where the circles of the rods touch, for inputs off by rounding."""
-    first, second = dyad.ends(inputs)
-    gap = float(np.linalg.norm(second - first))
-    d1, d2 = dyad.sides[0].rod_length, dyad.sides[1].rod_length
-    if min(abs(gap - d1 - d2), abs(gap - abs(d1 - d2))) > 1e-9 or gap == 0:
-        return ()
-    along = (gap**2 + d1**2 - d2**2) / (2 * gap)
-    P = first + np.sign(along) * d1 * (second - first) / gap
-    return (dyad.reaching(inputs, P),)

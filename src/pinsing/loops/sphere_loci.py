@@ -22,9 +22,17 @@ from pinsing._types import Array
 from pinsing.algebra.ring import Poly, divided_by, rational
 from pinsing.loops.exact import away, cross, dot, quaternion_turn, vector
 from pinsing.loops.forms import TURNS, pose_equation
-from pinsing.loops.leg_wrenches import SPHERE, room_of
 from pinsing.loops.legs import angles_of
-from pinsing.loops.structure import SMALL, at_zero, closing, once, path_to, structure
+from pinsing.loops.structure import (
+    SMALL,
+    SPHERE,
+    at_zero,
+    closing,
+    once,
+    path_to,
+    room_of,
+    structure,
+)
 from pinsing.robot.mechanism import Mechanism
 
 

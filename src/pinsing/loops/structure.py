@@ -5,12 +5,13 @@ from __future__ import annotations
 import functools
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 import pinocchio as pin
 
 from pinsing._types import Array
+from pinsing.loops.exact import Turn, rational_turn, turn_to
 from pinsing.robot.joints import joint_axis
 from pinsing.robot.mechanism import Mechanism
 
@@ -242,10 +243,9 @@ def without_length(mechanism: Mechanism) -> str:
 @once
 def structure(mechanism: Mechanism) -> Structure:
     """Legs and centres of a mechanism."""
-    model = mechanism.model
-    output = int(model.frames[mechanism.output_id].parentJoint)
-    axes = np.array([joint_axis(model.joints[j + 1], mechanism.joints[j])[0]
-                     for j in range(mechanism.n)])  # fmt: skip
+    output = int(mechanism.model.frames[mechanism.output_id].parentJoint)
+    pairs = zip(list(mechanism.model.joints)[1:], mechanism.joints, strict=True)
+    axes = np.array([joint_axis(joint, name)[0] for joint, name in pairs])
     return Structure(
         output, _legs(mechanism, output), tuple(_centres(mechanism, axes, output)), axes
     )
@@ -354,49 +354,70 @@ def likeness(
     pose : bool
         With the pose of the output.
     """
-    model, data = mechanism.model, mechanism.model.createData()
-    pin.forwardKinematics(model, data, mechanism.model_q(q))
-    built, scale = structure(mechanism), mechanism.length_scale
+    sample, scale = Sample(mechanism, q), mechanism.length_scale
     chosen = range(mechanism.n) if joints is None else joints
     out: list[Array] = []
     if pose:
-        placement = pin.updateFramePlacement(model, data, mechanism.output_id)
-        out += [np.array(placement.translation) / scale, np.array(placement.rotation).ravel()]
+        out += [sample.output.translation / scale, np.array(sample.output.rotation).ravel()]
     for j in chosen:
         if j in mechanism.actuated:
             slides = mechanism.prismatic[j]
             out.append(np.array([q[j] / scale] if slides else [np.cos(q[j]), np.sin(q[j])]))
         elif mechanism.prismatic[j]:
-            axis = data.oMi[j + 1].rotation @ built.axes[j]
-            out += [np.outer(axis, axis).ravel(), np.array(data.oMi[j + 1].translation) / scale]
-    wanted = set(chosen)
-    for centre in built.centres:
-        if not wanted & set(centre.joints):
+            out += [np.outer(sample.axis[j], sample.axis[j]).ravel(), sample.origins[j] / scale]
+    for centre in structure(mechanism).centres:
+        if not set(chosen) & set(centre.joints):
             continue
-        first = data.oMi[centre.joints[0] + 1]
         if len(centre.joints) > 1:
-            out.append(np.array(first.act(centre.point)) / scale)
+            out.append(np.array(sample.joints[centre.joints[0] + 1].act(centre.point)) / scale)
         if len(centre.joints) > 2:
             continue
         for j in centre.joints:
-            axis = data.oMi[j + 1].rotation @ built.axes[j]
+            axis, at = sample.axis[j], sample.origins[j]
             out.append(np.outer(axis, axis).ravel())
             if len(centre.joints) == 1:
-                at = np.array(data.oMi[j + 1].translation)
                 out.append((at - (at @ axis) * axis) / scale)
     if joints is None:
-        for k in closing(mechanism)[0]:
-            out.append(np.array(pin.updateFramePlacement(model, data, k).translation) / scale)
+        out += [sample.frames[k].translation / scale for k in closing(mechanism)[0]]
     return np.concatenate(out) if out else np.zeros(0)
 
 
 def output_pose(mechanism: Mechanism, q: Array) -> pin.SE3:
     """Placement of the output frame at q (n,)."""
-    model, data = mechanism.model, mechanism.model.createData()
-    pin.forwardKinematics(model, data, mechanism.model_q(q))
-    return pin.SE3(pin.updateFramePlacement(model, data, mechanism.output_id))
+    return Sample(mechanism, q).output
 
 
 def same(a: Array, b: Array) -> bool:
     """Whether two likenesses (k,) are of one mode."""
     return bool(np.abs(a - b).max(initial=0.0) <= SAME)
+
+
+SPACE, PLANE, SPHERE = "space", "plane", "sphere"
+SIZE = {SPACE: 6, PLANE: 3, SPHERE: 3}
+"""Dimension of the motions that each kind of mechanism has room for."""
+
+
+def in_room(kind: str, whole: list[Any]) -> list[Any]:
+    """Of six coordinates, those of the point before those of the turn, what a kind has."""
+    return {SPACE: whole, PLANE: [whole[0], whole[1], whole[5]], SPHERE: whole[3:]}[kind]
+
+
+@once
+def room_of(mechanism: Mechanism) -> tuple[str, Turn, Array]:
+    """``space``, ``plane`` or ``sphere``: what the motions of all its joints have room in.
+
+    And the turn that makes the plane's normal z, and the sphere's centre.
+    """
+    drawn = Sample(mechanism, mechanism.space.sample(1, np.random.default_rng(929))[0])
+    still, none = rational_turn(np.eye(3)), np.zeros(3)
+    normal = plane_normal(mechanism, drawn.axis)
+    if normal is not None:
+        return PLANE, rational_turn(turn_to(normal).T), none
+    if not mechanism.prismatic.any():
+        across = [np.eye(3) - np.outer(a, a) for a in drawn.axis]
+        rows = np.concatenate(across)
+        right = np.concatenate([P @ p for P, p in zip(across, drawn.origins, strict=True)])
+        centre, _, rank, _ = np.linalg.lstsq(rows, right, rcond=None)
+        if rank == 3 and np.abs(rows @ centre - right).max() <= SMALL:
+            return SPHERE, still, centre
+    return SPACE, still, none
