@@ -585,7 +585,14 @@ def joint_forms(mechanism: Mechanism) -> JointForms:
             named = without_length(mechanism)
             why += f": {named}" if named else ""
             return JointForms(mechanism.joints, (), False, (f"none: {why}",))
-        loci, off = _of_closure(mechanism)
+        made = ClosureForms(mechanism)
+        held, whole = made.matrices()
+        words = "joints move with the actuators held"
+        loci = [
+            *_loci(made.ring, mechanism, "type 2", words, held),
+            *_loci(made.ring, mechanism, "type 1", _AT_REST, whole),
+        ]
+        off = made.off
         notes[0] = notes[0].replace("zero", "zero, or of less than full rank") if any(
             len(x.matrix) > len(x.matrix[0]) for x in loci if x.matrix
         ) else notes[0]  # fmt: skip
@@ -609,14 +616,6 @@ def joint_forms(mechanism: Mechanism) -> JointForms:
         f"{' and '.join(always)} holds: taken for singular everywhere"
     )
     return replace(found, notes=tuple(notes), always=always)
-
-
-def _of_closure(mechanism: Mechanism) -> tuple[list[JointLocus], float]:
-    """Both conditions as matrices of the closure equations, for legs of any kind."""
-    made = ClosureForms(mechanism)
-    held, whole = made.matrices()
-    two = _loci(made.ring, mechanism, "type 2", "joints move with the actuators held", held)
-    return [*two, *_loci(made.ring, mechanism, "type 1", _AT_REST, whole)], made.off
 
 
 def _type2(mechanism: Mechanism, legs: LegWrenches) -> list[JointLocus]:

@@ -612,7 +612,7 @@ def _witness(
 ) -> SingularPoint | None:
     mechanism = dyad.mechanism
     for inputs in candidates:
-        for q in dyad.close(inputs, 1e-8):
+        for q in dyad.close(inputs) or dyad.close(inputs, 1e-8):
             if leg is not None and abs(float(dyad.elbow_sine(q, leg))) > 1e-6:
                 continue
             # Unit vectors that agree where a leg, or both rods, are stretched.

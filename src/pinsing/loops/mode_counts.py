@@ -305,21 +305,23 @@ def number_of_modes(
     With words for how they are counted; None where algebra does not tell. ``found``: one
     configuration for each pose.
     """
-    number = count_one_rod(mechanism, found, target is None)
-    if number is not None:
-        return number, "the quadratic equation of its rod"
+    by_rod = count_one_rod(mechanism, found, target is None), "the quadratic equation of its rod"
     if target is None:
-        number = count_triangles(mechanism, found)
-        if number is not None:
-            return number, "the triangle of its three pins"
-        return count_poses(mechanism, inputs), "the real roots of a polynomial of degree 6"
-    number = count_of_point(mechanism, target[1])
-    if number is not None:
-        return number, "the two solutions of each leg"
-    number = count_hinged(mechanism, target[0], target[1])
-    if number is not None:
-        return number, "the planes of its hinges and the two solutions of each leg"
-    return count_working(mechanism, target[0], target[1]), "the two solutions of each leg"
+        counts = [
+            by_rod,
+            (count_triangles(mechanism, found), "the triangle of its three pins"),
+            (count_poses(mechanism, inputs), "the real roots of a polynomial of degree 6"),
+        ]
+    else:
+        R, p, _ = target
+        each = "the two solutions of each leg"
+        counts = [
+            by_rod,
+            (count_of_point(mechanism, p), each),
+            (count_hinged(mechanism, R, p), f"the planes of its hinges and {each}"),
+            (count_working(mechanism, R, p), each),
+        ]
+    return next((known for known in counts if known[0] is not None), counts[-1])
 
 
 def count_working(mechanism: Mechanism, R: Array, p: Array) -> int | None:

@@ -90,8 +90,7 @@ class PoseRing:
         points = []
         for rod in self.rods.rods:
             hinge = np.zeros(3) if rod.hinge is None else rod.hinge
-            points += [rod.outer, rod.inner, rod.first, rod.second, hinge]
-        points += [rod.across for rod in self.rods.rods]
+            points += [rod.outer, rod.inner, rod.first, rod.second, hinge, rod.across]
         return exact_points(points)
 
     @cached_property
@@ -106,18 +105,18 @@ class PoseRing:
             if self.level and rod.moved and rods[i].joint == rod.joint
         ]
         for i, k in pairs:
-            outer, inner, first, second, _ = vectors[5 * i : 5 * i + 5]
-            _, start, *_ = vectors[5 * k : 5 * k + 5]
+            outer, inner, first, second, *_ = vectors[6 * i : 6 * i + 6]
+            start = vectors[6 * k + 1]
             across = (o + s - c for o, s, c in zip(outer, start, inner, strict=True))
             x, y, z = across
             wanted = ((x, y, z), start, first, second)
             gap = max(
                 abs(float(a - b)) * (self.square**0.5 if axis == 1 else 1.0)
-                for new, old in zip(wanted, vectors[5 * k : 5 * k + 4], strict=True)
+                for new, old in zip(wanted, vectors[6 * k : 6 * k + 4], strict=True)
                 for axis, (a, b) in enumerate(zip(new, old, strict=True))
             )
             if gap <= PARALLEL:
-                vectors[5 * k : 5 * k + 4] = wanted
+                vectors[6 * k : 6 * k + 4] = wanted
                 off = max(off, gap)
         return tuple(vectors), off
 
@@ -187,7 +186,7 @@ class PoseRing:
     def _vectors(self, rod: Rod) -> tuple[Vector, ...]:
         # Rods are told apart as objects: two may be alike.
         k = next(i for i, r in enumerate(self.rods.rods) if r is rod)
-        return self._alike[0][5 * k : 5 * k + 5]
+        return self._alike[0][6 * k : 6 * k + 6]
 
     def outer(self, rod: Rod) -> Row:
         """B times N."""
@@ -198,7 +197,7 @@ class PoseRing:
 
     def inner(self, rod: Rod) -> Row:
         """C."""
-        _, start, first, second, _ = self._vectors(rod)
+        _, start, first, second, *_ = self._vectors(rod)
         c, s = self.driver(rod)
         return [
             self.number(start[i]) + c * rational(first[i]) + s * rational(second[i])
@@ -229,9 +228,7 @@ class PoseRing:
         d = self.direction(rod)
         if not rod.side:
             return d
-        k = next(i for i, r in enumerate(self.rods.rods) if r is rod)
-        axis = [self.number(v) for v in self._alike[0][5 * len(self.rods.rods) + k]]
-        f = self.product(axis, d)
+        f = self.product([self.number(v) for v in self._vectors(rod)[5]], d)
         return f if rod.side == 1 else self.product(f, d)
 
     def product(self, a: Row, b: Row) -> Row:
@@ -255,7 +252,7 @@ class PoseRing:
 
     def motion(self, rod: Rod) -> Row:
         """Velocity of C by the actuator."""
-        _, _, first, second, _ = self._vectors(rod)
+        _, _, first, second, *_ = self._vectors(rod)
         if self.rods.mechanism.prismatic[rod.joint]:
             return [self.number(v) for v in first]
         c, s = self.driver(rod)
@@ -264,7 +261,7 @@ class PoseRing:
     def length(self, rod: Rod, length: Fraction) -> Poly:
         """What is zero where C and B are at their distance, N times (B - C)^2 - length^2."""
         R, N = self.turn
-        b, start, first, _, _ = self._vectors(rod)
+        b, start, first, *_ = self._vectors(rod)
         k = self.square
         away = [self.variable(n) - rational(v) for n, v in zip("xyz", start, strict=True)]
         moved = [c - rational(v) for c, v in zip(self.inner(rod), start, strict=True)]
@@ -340,16 +337,22 @@ def counts_hinges(ring: PoseRing) -> bool:
     return hinges > 0 and hinges + len(ring.rods.mechanism.task.rows) == 6
 
 
+def about_output(ring: PoseRing, rod: Rod, force: Row) -> Row:
+    """A force through B, times N, and its moment about the origin of the output: rows left out.
+
+    They are those of the six that the task does not have.
+    """
+    N = ring.turn[1]
+    arm = [b - N * ring.variable(n) for b, n in zip(ring.outer(rod), "xyz", strict=True)]
+    whole = [*(N * x for x in force), *cross(arm, force)]
+    return [x for k, x in enumerate(whole) if k not in ring.rods.mechanism.task.rows]
+
+
 def hinged_type1(ring: PoseRing) -> Poly:
     """The determinant of both; a constant where the output does not show each of the freedoms."""
-    zero, one = ring.number(0), ring.number(1)
-    at = [ring.variable(n) for n in "xyz"]
-    rows = [ring.hinge_line(rod) for rod in ring.rods.rods if rod.hinge is not None]
-    for k in ring.rods.mechanism.task.rows:
-        unit = [one if i == k % 3 else zero for i in range(3)]
-        rows.append([*unit, *cross(at, unit)] if k < 3 else [zero, zero, zero, *unit])
-    value = ring.multiplied_out(rows)
-    return one if value == 0 else ring.without_norm(value)
+    legs = [rod for rod in ring.rods.rods if rod.hinge is not None]
+    value = ring.multiplied_out([about_output(ring, rod, ring.hinge(rod)) for rod in legs])
+    return ring.number(1) if value == 0 else ring.without_norm(value)
 
 
 _AXES = {"e1": "x", "e2": "y", "e3": "z"}
@@ -911,11 +914,8 @@ def _turning_type1(ring: PoseRing) -> list[PoseLocus] | None:
         return None
     zero, rows = ring.number(0), []
     for rod, force, feels in wrenches:
-        N, at = ring.turn[1], ring.outer(rod)
-        arm = [b - N * ring.variable(n) for b, n in zip(at, "xyz", strict=True)]
-        whole = [*force, *cross(arm, force)]
         felt = [feels if j == rod.joint else zero for j in inputs]
-        rows.append([*(whole[k] for k in left), *felt])
+        rows.append([*about_output(ring, rod, force), *felt])
     found = ring.determinant(rows, (*(k % 2 for k in left), *[0] * len(inputs)))
     if _dependent(found):
         return None
