@@ -249,7 +249,7 @@ def _checks(
         for locus in forms.loci:
             for value in roots(locus.equation, inputs, k):
                 at = np.where(np.arange(len(inputs)) == k, value, inputs)
-                if not dyad.close(at, _AGREE):
+                if dyad.excess(at) > _AGREE:
                     continue
                 count += 1
                 if all(abs(np.sin((p.inputs[k] - value) / 2)) > _AGREE for p in here):

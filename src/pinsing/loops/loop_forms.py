@@ -104,11 +104,8 @@ class Dyad:
         one, two = (side.end(side.turned(q)) for side in self.sides)
         return one, two
 
-    def pin(self, inputs: npt.ArrayLike, left: bool, slack: float = _TOUCH) -> Array:
-        """P (..., 2) at inputs (..., n_a), to the left or right of B1 -> B2; NaN if infeasible.
-
-        Circles of the rods that miss each other by the ``slack``, over the square of a rod, touch.
-        """
+    def pin(self, inputs: npt.ArrayLike, left: bool) -> Array:
+        """P (..., 2) at inputs (..., n_a), to the left or right of B1 -> B2; NaN if infeasible."""
         first, second = self.ends(inputs)
         gap = second - first
         distance = np.linalg.norm(gap, axis=-1)
@@ -116,15 +113,15 @@ class Dyad:
         with np.errstate(invalid="ignore", divide="ignore"):
             along = (distance**2 + d1**2 - d2**2) / (2 * distance)
             square = d1**2 - along**2
-            square = np.where(np.abs(square) <= slack * d1**2, 0.0, square)
+            square = np.where(np.abs(square) <= _TOUCH * d1**2, 0.0, square)
             height = np.sqrt(square) * (1 if left else -1)
             unit = gap / distance[..., None]
         across = np.stack([-unit[..., 1], unit[..., 0]], axis=-1)
         return np.asarray(first + along[..., None] * unit + height[..., None] * across)
 
-    def configuration(self, inputs: npt.ArrayLike, left: bool, slack: float = _TOUCH) -> Array:
+    def configuration(self, inputs: npt.ArrayLike, left: bool) -> Array:
         """All joints (..., n) of one assembly mode at inputs (..., n_a); NaN if infeasible."""
-        return self.reaching(inputs, self.pin(inputs, left, slack))
+        return self.reaching(inputs, self.pin(inputs, left))
 
     def reaching(self, inputs: npt.ArrayLike, P: Array) -> Array:
         """All joints (..., n) at inputs (..., n_a) whose rods reach for P (..., 2)."""
@@ -172,7 +169,7 @@ class Dyad:
         position = set(rows) <= {0, 1, 2} and not (np.abs(self.basis[:, across]) > 1e-9).any()
         return meets and position
 
-    def close(self, inputs: npt.ArrayLike, slack: float = _TOUCH) -> tuple[Array, ...]:
+    def close(self, inputs: npt.ArrayLike) -> tuple[Array, ...]:
         """All configurations (n,) at one set of inputs (n_a,): two, one at type 2, or none.
 
         Where both links are equally long and their ends coincide, P is free on a circle: two of
@@ -185,7 +182,7 @@ class Dyad:
         ):
             around = [first + self.sides[0].rod_length * _unit(turn) for turn in (0.0, np.pi)]
             return tuple(self.reaching(inputs, P) for P in around)
-        found = [self.configuration(inputs, left, slack) for left in (True, False)]
+        found = [self.configuration(inputs, left) for left in (True, False)]
         found = [q for q in found if np.isfinite(q).all()]
         if (
             len(found) == 2
@@ -193,6 +190,21 @@ class Dyad:
         ):
             found.pop()
         return tuple(found)
+
+    def excess(self, inputs: Array) -> float:
+        """By how much the ends are too far apart for the rods or too near, metres; or negative."""
+        gap = float(np.linalg.norm(np.subtract(*self.ends(inputs))))
+        d1, d2 = (side.rod_length for side in self.sides)
+        return max(gap - d1 - d2, abs(d1 - d2) - gap)
+
+    def touching(self, inputs: Array) -> tuple[Array, ...]:
+        """The one configuration where the circles of the rods touch, for inputs off by rounding."""
+        first, second = self.ends(inputs)
+        gap, d1 = float(np.linalg.norm(second - first)), self.sides[0].rod_length
+        if abs(self.excess(inputs)) > 1e-9 or gap == 0:
+            return ()
+        along = np.sign(gap**2 + d1**2 - self.sides[1].rod_length ** 2) * d1
+        return (self.reaching(inputs, first + along * (second - first) / gap),)
 
     def working_modes(self, point: npt.ArrayLike) -> tuple[Array, ...]:
         """All configurations (n,) that put the pin at a point (2,) of the plane: up to four."""
@@ -612,7 +624,7 @@ def _witness(
 ) -> SingularPoint | None:
     mechanism = dyad.mechanism
     for inputs in candidates:
-        for q in dyad.close(inputs) or dyad.close(inputs, 1e-8):
+        for q in dyad.close(inputs) or dyad.touching(inputs):
             if leg is not None and abs(float(dyad.elbow_sine(q, leg))) > 1e-6:
                 continue
             # Unit vectors that agree where a leg, or both rods, are stretched.
