@@ -159,7 +159,7 @@ def test_a_way_from_what_is_singular_is_not_looked_for():
     ):
         way = pinsing.connect(form, a, b)
         assert (way.answer, way.text().splitlines()[0]) == ("undecided", head)
-        assert "no way was found" not in way.text()
+        assert "no path was found" not in way.text()
         assert way.singular == ("F1" * (a is at), "F1" * (b is at))
 
 

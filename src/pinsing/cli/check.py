@@ -165,7 +165,7 @@ def check_command(
         from pinsing.postures.aspects import aspects
         from pinsing.postures.motions import aspect_changes
 
-        with doing("telling the aspects apart"):
+        with doing("counting the aspects"):
             found = aspects(form, not check.outside)
         if found.proven:
             # Of a robot with a design, no way in its aspect is known to be regular.
@@ -173,7 +173,7 @@ def check_command(
             changes = aspect_changes(form, read.Q, read.t, of=found)
             check = replace(check, aspect_changes=changes)
         else:
-            skipped = "changes of aspect are left out: the aspects were not all told apart"
+            skipped = "changes of aspect are left out: not all aspects are distinguished"
             check = replace(check, notes=(*check.notes, skipped))
     if plot is not None:
         off_screen()

@@ -64,10 +64,10 @@ if TYPE_CHECKING:
     metavar="JOINT=LOW,HIGH",
     multiple=True,
     shell_complete=completion.joint_value,
-    help="Range of a joint in place of its limits; repeatable.",
+    help="Range of a joint instead of its limits; repeatable.",
 )
 @once_option("--q", "q", metavar="Q1,Q2,...", help="Where joints that are not mapped stay.")
-@click.option("--ignore-limits", is_flag=True, help="Map whole circles.")
+@click.option("--ignore-limits", is_flag=True, help="Ignore joint limits.")
 @click.option(
     "--worst",
     type=click.IntRange(min=1),

@@ -92,7 +92,9 @@ class RobotRequest:
             design = design_of(arm, self.design == "auto" or self.design)
             arm = replace(arm, design=design)
         if arm.design is not None:
-            said = "families, aspects and ways are of the design, distances from them of this robot"
+            said = (
+                "families, aspects and paths are of the design, distances from them of this robot"
+            )
             arm = replace(arm, notes=(*arm.notes, said))
         if not quiet:
             for note in arm.notes:
@@ -155,8 +157,8 @@ def arm_options(command: F) -> F:
     @click.option(
         "--tool-axis",
         type=click.Choice(["x", "y", "z"]),
-        help="Axis of the tip that may turn freely: task tool-axis (drilling, welding); z if that "
-        "is named alone.",
+        help="Axis of the tip that is free to rotate: task tool-axis (drilling, welding).  "
+        "[default: z]",
     )
     @click.option(
         "--length-scale",

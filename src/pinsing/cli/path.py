@@ -96,7 +96,7 @@ def path_command(
     if feed is not None:
         moved = np.linalg.norm(np.diff(T[:, :3, 3], axis=0), axis=1) / feed
         if not (moved > 0).all():
-            raise OptionError("--feed needs poses at different places: give times in a column t")
+            raise OptionError("--feed needs poses at different positions: give times in a column t")
         t = np.concatenate([[0.0], np.cumsum(moved)])
     q0 = None if start is None else joint_vector(arm, start, "--start", deg)
     with waiting() as step_to:

@@ -77,7 +77,7 @@ _STEPS = 400
 @click.option(
     "--ignore-limits",
     is_flag=True,
-    help="curves, map, locus, aspects, solutions: joints turn endlessly.",
+    help="curves, map, locus, aspects, solutions: ignore joint limits.",
 )
 @click.option(
     "--motions",

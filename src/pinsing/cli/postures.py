@@ -22,9 +22,7 @@ from pinsing.cli.output import emit_json, emit_lines
 from pinsing.cli.serving import show
 from pinsing.cli.waiting import doing
 
-_ignore_limits = click.option(
-    "--ignore-limits", is_flag=True, help="Joints turn endlessly instead of ending at limits."
-)
+_ignore_limits = click.option("--ignore-limits", is_flag=True, help="Ignore joint limits.")
 
 
 @command("aspects")

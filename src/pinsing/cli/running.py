@@ -106,7 +106,7 @@ def place_options(command: F) -> F:
         "--workers",
         type=click.IntRange(min=1),
         metavar="N",
-        help="Worker processes in place of threads.",
+        help="Worker processes instead of threads.",
     )
     @click.option(
         "--dask", metavar="ADDRESS", help="Run on a dask.distributed cluster: tcp://HOST:PORT."

@@ -133,7 +133,7 @@ def _with_sweep_options(command: F, *, quiet: bool) -> F:
         shell_complete=completion.joints,
         help="Joints that take part in the sweep.",
     )
-    @click.option("--ignore-limits", is_flag=True, help="Sweep whole circles.")
+    @click.option("--ignore-limits", is_flag=True, help="Ignore joint limits.")
     @click.option(
         "--no-prune", is_flag=True, help="Also sweep sets that contain one already found singular."
     )

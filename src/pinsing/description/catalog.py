@@ -155,7 +155,7 @@ def _paths(module: ModuleType, name: str) -> CatalogEntry:
     if not Path(path).is_file():
         plain = name.removeprefix(PREFIX)
         raise RobotFileError(
-            f"is not whole on this computer: there is no {path}. What is missing would have to be "
+            f"is incomplete on this computer: there is no {path}. What is missing would have to be "
             f"downloaded, which pinsing does not do; `robot_descriptions pull {plain}` does it",
             Path(name),
         )

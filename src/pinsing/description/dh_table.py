@@ -199,7 +199,7 @@ def read_dh(path: str | Path) -> DHTable:
     for number, node in enumerate(row_nodes, start=1):
         row = _read_row(YamlNode(node.node, node.path, f"row {number}"), number, units)
         node.refuse_if(
-            row.name in taken, f"the name {row.name!r} is taken: give each joint a name of its own"
+            row.name in taken, f"the name {row.name!r} is taken: give each joint a different name"
         )
         taken.add(row.name)
         rows.append(row)

@@ -107,7 +107,7 @@ class SliceCount:
         if self.known:
             said += f", {self.met} of whose {self.known} components were met"
         if self.real and not self.real_off:
-            said += f", and so do {self.real} real ones that random starts led to"
+            said += f", and so do {self.real} real ones found from random starts"
         return said
 
     def _fields(self) -> str:

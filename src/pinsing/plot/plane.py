@@ -453,7 +453,7 @@ def workspace(
     bar.set_label(f"{what}, best there{unit}", fontsize=SMALL)
     bar.ax.tick_params(labelsize=SMALL - 1)
     every[0].figure.suptitle(
-        f"{plain(arm.name)}: best of {samples:,} random configurations at each place "
+        f"{plain(arm.name)}: best of {samples:,} random configurations at each point "
         "(blank: none came there; square: base)",
         fontsize=SMALL,
     )
@@ -560,7 +560,7 @@ def aspect_plane(
     said = [_said(found, number) for number in named]
     lines = said + [f"and {others} more"] * (others > 0)
     untold = float(np.mean(numbers <= 0)) > 0.005  # what can be seen of the picture
-    lines += ["aspect not told"] * untold
+    lines += ["aspect undecided"] * untold
     columns = 1 if max(map(len, lines), default=0) > 14 else 3
     legend_height = 0.147 * -(-len(lines) // columns)
     ax = new_axes(3.2 + legend_height) if ax is None else ax

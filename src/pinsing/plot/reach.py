@@ -93,13 +93,15 @@ class Section:
         """
         if arm.n != 3 or arm.coupling is not None or generic_rank(arm) != 3:
             raise OptionError(
-                "inverse solutions by place are drawn for arms of 3 joints that place a point: "
+                "inverse solutions by position are drawn for arms of 3 joints and task position: "
                 f"this one has {arm.n} joints and task {arm.task}, of rank {generic_rank(arm)}"
             )
         if arm.task.rows != (0, 1, 2):
             raise OptionError(f"the task must be position, not {arm.task}")
         if arm.prismatic[0]:
-            raise OptionError("the first joint must turn: the workspace is then one of revolution")
+            raise OptionError(
+                "the first joint must be revolute: the workspace is then one of revolution"
+            )
         slides = bool(arm.prismatic[1]), bool(arm.prismatic[2])
         every = [_FIT[:2] if s else _FIT for s in slides]
         tips, axis, foot = [], np.zeros(3), np.zeros(3)
@@ -474,6 +476,6 @@ def inverse_count(
     ax.set_ylabel("along it, z [m]", fontsize=SMALL + 1)
     ax.tick_params(labelsize=SMALL)
     where = "within the joint limits" if found.within_limits else "without joint limits"
-    ax.set_title(f"{plain(arm.name)}: inverse solutions by place, {where}", fontsize=SMALL)
+    ax.set_title(f"{plain(arm.name)}: inverse solutions by position, {where}", fontsize=SMALL)
     legend_below(ax, 2, left=True)
     return ax

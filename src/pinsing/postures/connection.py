@@ -1,4 +1,4 @@
-"""connect: whether two configurations are joined without a singularity, and by which way.
+"""connect: join two configurations by a path without a singularity, or prove that there is none.
 
 How clear a way is, and how waypoints are pushed away from what is near.
 
@@ -207,12 +207,12 @@ _LINES = 1_000
 """Straight lines that may be tried instead of the waypoints of one way, a few milliseconds each."""
 
 _RANK = (
-    "the rank on all of the way is proven from the Jacobian, with a bound of how fast it changes: "
+    "the rank along the path is proven from the Jacobian, with a bound of how fast it changes: "
     "no certificate of the families is needed"
 )
 
 _KNOWN = (
-    "a way was found that meets no family that is known; that no configuration on it is singular "
+    "a path was found that meets no known family; that no configuration on it is singular "
     "is not proven"
 )
 _SIGNS = "the determinant of the Jacobian is positive at one and negative at the other"
@@ -222,7 +222,7 @@ SAME, DIFFERENT, UNDECIDED = "same", "different", "undecided"
 
 @dataclass(frozen=True, eq=False)
 class Connection(JsonResult):
-    """Whether two configurations are in one aspect.
+    """Two configurations: in one aspect or not.
 
     Attributes
     ----------
@@ -290,14 +290,14 @@ class Connection(JsonResult):
         >>> import pinsing
         >>> form = pinsing.closed_form(pinsing.load("scara"))
         >>> print(pinsing.connect(form, [0, 1, 0, 0], [0, 2, 0, 0]).text().splitlines()[0])
-        same aspect: joined by a way on which no configuration is singular, proven
+        same aspect: joined by a path on which no configuration is singular, proven
         """
         notes = self.notes
         if self.answer == DIFFERENT:
             a, b = self.aspects
             which = f"{a} and {b}" if a != b else f"both of what is known as {a}"
             lines = [
-                f"different aspects ({which}), proven: every way from one to the other meets a "
+                f"different aspects ({which}), proven: every path from one to the other meets a "
                 "singular configuration"
             ]
         elif any(self.singular):
@@ -305,11 +305,11 @@ class Connection(JsonResult):
         elif self.answer == UNDECIDED and None in self.aspects and notes:
             lines, notes = [f"undecided: {notes[0]}"], notes[1:]
         elif self.answer == UNDECIDED or self.path is None:
-            lines = ["undecided: no way was found, and none is ruled out"]
+            lines = ["undecided: no path was found, and none is ruled out"]
         else:
             sure = "on which no configuration is singular, proven"
             lines = [
-                f"same aspect: joined by a way {sure if self.proven else 'that meets no family'}",
+                f"same aspect: joined by a path {sure if self.proven else 'that meets no family'}",
                 f"{self._clear(degrees)}; {len(self.path)} waypoints:",
                 *(f"  {typed(q, self.arm.prismatic, degrees, digits=6)}" for q in self.path),
             ]
@@ -319,7 +319,7 @@ class Connection(JsonResult):
         if not np.isfinite(self.clearance):
             return "there is no family to keep away from"
         far = f"{np.degrees(self.clearance):.3g}°" if degrees else f"{self.clearance:.3g} rad"
-        return f"clearance of the way: at least {far}"
+        return f"clearance of the path: at least {far}"
 
 
 @checked
@@ -385,7 +385,7 @@ def connect(
         notes.append(f"{which} {are} singular, on {names}, and {belong} to no aspect")
     elif places[0] is None or places[1] is None:
         which = _which([p is None for p in places])
-        notes.append(f"the aspect of {which} could not be told: a boundary is near")
+        notes.append(f"the aspect of {which} is undecided: a boundary is near")
     else:
         if _apart(chosen, places[0], places[1]):
             answer = DIFFERENT
@@ -396,7 +396,7 @@ def connect(
             path = _way(chosen, places[0], start, end, lines)
             answer = UNDECIDED if path is None else SAME
             if path is None:
-                notes.append("a way within the aspect was looked for and not found")
+                notes.append("no path within the aspect was found")
     if path is not None:
         path = raised(chosen, path, lines)
         sure, said = _stands(forms, path)

@@ -35,15 +35,15 @@ _SAME_POSE = 1e-9
 
 
 _WITNESS = (
-    "two inverse solutions of one pose are joined by a way on which no configuration is singular"
+    "two inverse solutions of one pose are joined by a path on which no configuration is singular"
 )
-_CLEAR = "two inverse solutions of one pose are joined by a way that meets no family"
+_CLEAR = "two inverse solutions of one pose are joined by a path that meets no family"
 _THIN = (
-    "the way is so near to singular configurations that a bound of how fast the Jacobian changes "
+    "the path is so near to singular configurations that a bound of how fast the Jacobian changes "
     "does not clear it; the equations of the closed form do"
 )
 _RANK = (
-    "the rank on all of the way is proven from the Jacobian of the arm itself, with a bound of how "
+    "the rank along the path is proven from the Jacobian of the arm itself, with a bound of how "
     "fast it changes; no closed form is needed for that"
 )
 
@@ -128,7 +128,7 @@ class Cuspidality(JsonResult):
             lines = [none, self.reason]
         if self.witness is not None and self.witness.path is not None:
             lines.append(
-                f"way of {len(self.witness.path)} waypoints; poses differ by "
+                f"path of {len(self.witness.path)} waypoints; poses differ by "
                 f"{self.pose_error:.1e}; least sigma_r/sigma_1 on it {self.least_ratio:.3g}:"
             )
             prismatic = self.arm.prismatic
@@ -239,7 +239,7 @@ def cuspidality(
         said = [] if nominal(arm).exact else ["this is about the nominal geometry"]
         return _answer(arm, found, NOT_CUSPIDAL, ladder.reason, None, nan, nan, most, poses, said)
     if tried:
-        reason = f"{tried} pairs of solutions share an aspect, and no way was found"
+        reason = f"{tried} pairs of solutions share an aspect, and no path was found"
     elif found.proven:
         reason = (
             f"of each pose all inverse solutions are in different ones of {found.lower} aspects"

@@ -85,4 +85,4 @@ def nearly(arm: Arm, least: float) -> list[str]:
         found = "what the arm is without its tiny lengths is not known"
     else:
         found = f"with lengths under {small:.1g} m as zero the arm is not cuspidal: {ladder.reason}"
-    return [f"the way is practically singular, sigma_r/sigma_1 falls to {least:.1e}; {found}"]
+    return [f"the path is practically singular, sigma_r/sigma_1 falls to {least:.1e}; {found}"]

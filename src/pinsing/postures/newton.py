@@ -114,7 +114,7 @@ class Solver:
         if arm.coupling is not None:
             raise OptionError(
                 f"{arm.name}: inverse solutions are found for arms whose joints are all "
-                "independent turns and slides"
+                "revolute or prismatic, none a mimic"
             )
         plain = flatten(arm)
         chain = FlatChain(plain.R, plain.t, plain.prismatic)

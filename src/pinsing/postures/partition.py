@@ -184,7 +184,7 @@ def partition(watched: Watched, limits: bool) -> Partition:
         if free:
             exact = False
             names = ", ".join(watched.joints[j] for j in free)
-            notes.append(f"{names} slides without an end: what equations separate is not counted")
+            notes.append(f"{names} has no limits: what equations separate is not counted")
             parts += [Part((j,), (arcs[j],), ()) for j in joints]
             continue
         parts.append(Part(joints, tuple(arcs[j] for j in joints), mine))

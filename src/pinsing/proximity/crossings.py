@@ -74,7 +74,7 @@ def motion_of(watched: Watched, motion: Any, t: npt.ArrayLike | None = None) -> 
     """
     if hasattr(motion, "c") and hasattr(motion, "x"):
         if t is not None:
-            raise OptionError("a piecewise polynomial has times of its own: leave out t")
+            raise OptionError("a piecewise polynomial contains its times: leave out t")
         return _polynomial(watched, motion)
     Q = watched.check(motion)
     if Q.ndim != 2:

@@ -727,14 +727,16 @@ def _titles(line: LineCheck) -> dict[str, str]:
 
 
 def left_limits(line: LineCheck, degrees: bool = True) -> list[str]:
-    """Return where joints leave their limits first, in words."""
+    """Return where joints leave their limits, in a line; none where they keep them."""
     space = line.arm.space
-    return [
-        f"Outside: {name} leaves its limits, {space.range_words(j, degrees)}, at "
-        f"{line.s[left.argmax()]:.4g} m"
-        for j, (name, left) in enumerate(zip(space.names, space.outside(line.q).T, strict=True))
-        if left.any()
-    ]
+    outside = space.outside(line.q).T
+    left = sorted((line.s[o.argmax()], j) for j, o in enumerate(outside) if o.any())
+    if not left:
+        return []
+    (at, j), *later = left
+    then = f"; then {', '.join(space.names[k] for _, k in later)}" if later else ""
+    limits = space.range_words(j, degrees)
+    return [f"Outside: {space.names[j]} leaves its limits, {limits}, at {at:.4g} m{then}"]
 
 
 def _postures(line: LineCheck, degrees: bool) -> list[str]:

@@ -100,7 +100,7 @@ def details(check: TrajectoryCheck, degrees: bool = True) -> str:
     ):
         if found:
             often = len({e.joint for e in found}) < len(found)
-            lines.append(f"{name}{', one line a stretch of time' if often else ''}:")
+            lines.append(f"{name}{', one line per interval' if often else ''}:")
             lines += [f"  {_excess(check, e, per, degrees)}" for e in found[:_LISTED]]
             lines += _more(len(found), False)
     return "\n".join([*lines, *(f"note: {n}" for n in check.notes)])

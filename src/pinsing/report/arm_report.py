@@ -209,7 +209,7 @@ def summary(c: Content) -> Section:
     )
     meaning = (
         "At a singular configuration the tool cannot move in every direction, whatever the joints "
-        "do. Near one, joints turn very fast for a slow motion of the tool."
+        "do. Near one, joints move very fast for a slow motion of the tool."
     )
     rows = [
         (
@@ -481,7 +481,7 @@ def words() -> Section:
         (
             "singular configuration",
             "The joints cannot produce every motion of the tool that they produce elsewhere: the "
-            "Jacobian, which turns joint velocities into the tool's, loses rank.",
+            "Jacobian, which maps joint velocities to the tool's, loses rank.",
         ),
         (
             "family",

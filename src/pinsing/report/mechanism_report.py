@@ -171,7 +171,7 @@ def _over_pose(a: MechanismAnalysis) -> Iterator[str]:
             "x, y, z in metres, and the unit quaternion e0, e1, e2, e3 of the output (e0 first)."
         )
     else:
-        words = "x, y, z in metres; φ is the turn of the output."
+        words = "x, y, z in metres; φ is the rotation of the output."
     yield paragraph(text(words), kind="sub")
     yield _written(list(pose_lines(a.pose_forms)))
 
@@ -376,7 +376,7 @@ def points(mechanism: Mechanism, a: MechanismAnalysis) -> Section:
     more = len(a.points) - len(rows)
     return section(
         "points",
-        "Singular points on the way",
+        "Singular points on the path",
         paragraph(text("One input moves, the others stay at home.")),
         table("Singular points", header, rows) if rows else paragraph(text("None.")),
         paragraph(text(f"{more} more are in the JSON.")) if more else "",
@@ -451,14 +451,14 @@ def sure(a: MechanismAnalysis) -> Section:
 
 def words() -> Section:
     """The terms of the report."""
-    mode = "One of the ways to close the loops at given inputs; it changes at type 2."
+    mode = "One solution of the loops at given inputs; it changes at type 2."
     pairs = [(text(a), text(b)) for a, b in {**TYPES, "assembly mode": mode}.items()]
     return section("words", "What the words mean", terms(pairs))
 
 
 def _interval(mechanism: Mechanism, key: str, found: Interval) -> str:
     if found.whole:
-        return "the whole circle"
+        return "the full circle"
     slides = bool(mechanism.prismatic[mechanism.joints.index(key)])
     return f"{limit_text(found.lower, slides)} to {limit_text(found.upper, slides)}"
 

@@ -85,7 +85,7 @@ def joint_path(model: pin.Model, joint: int, start: int = 0) -> tuple[int, ...]:
         path.append(joint)
         joint = int(model.parents[joint])
     if joint != start:
-        raise ChainError("the base is not on the way from the root to the tip")
+        raise ChainError("the base is not between the root and the tip")
     return tuple(reversed(path))
 
 

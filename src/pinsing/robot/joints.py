@@ -23,7 +23,7 @@ def joint_axis(joint: pin.JointModel, name: str = "") -> tuple[Array, bool]:
         If the joint neither turns nor slides: a screw, or several joints in one.
     """
     if "Composite" in joint.shortname():
-        raise JointError(name, "is several joints in one; give each a joint of its own")
+        raise JointError(name, "is several joints in one; write one joint for each")
     data = joint.createData()
     q = np.zeros(joint.idx_q + joint.nq)  # of the whole model up to it: calc reads from idx_q on
     q[joint.idx_q] = 1.0 if joint.nq == 2 else 0.0
@@ -31,7 +31,7 @@ def joint_axis(joint: pin.JointModel, name: str = "") -> tuple[Array, bool]:
     motion = np.array(data.S).ravel()
     slide, turn = np.abs(motion[:3]).max(), np.abs(motion[3:]).max()
     if min(slide, turn) > 0:
-        raise JointError(name, "is a screw; only joints that turn or slide can be analysed")
+        raise JointError(name, "is a screw; only revolute and prismatic joints can be analysed")
     prismatic = bool(slide > turn)
     return (motion[:3] if prismatic else motion[3:]), prismatic
 

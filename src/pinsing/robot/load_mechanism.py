@@ -586,7 +586,8 @@ def _limits(model: pin.Model) -> tuple[Array, Array, npt.NDArray[np.bool_]]:
         joint, name = model.joints[index], model.names[index]
         if joint.nv != 1:
             raise JointError(
-                name, f"is a {joint.shortname()}: the joints of a mechanism turn or slide"
+                name,
+                f"is a {joint.shortname()}: joints of a mechanism must be revolute or prismatic",
             )
         _, slides = joint_axis(joint, name)
         low, high = -np.inf, np.inf

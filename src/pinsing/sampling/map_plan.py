@@ -435,7 +435,7 @@ def _ranges(
             )
         limits[i] = low, high
     if ignore_limits:
-        notes.append("limits of revolute joints are ignored: whole circles unless a range is given")
+        notes.append("limits of revolute joints are ignored: full circles unless a range is given")
     return limits
 
 

@@ -468,7 +468,7 @@ def sigma_map(
     q : (n,) or (nq,) array_like, optional
         Where the other joints stay; the middle of their ranges by default.
     ignore_limits : bool
-        Map whole circles.
+        Ignore joint limits.
     seed : int
         Of the sample.
     worst : int

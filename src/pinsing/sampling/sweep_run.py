@@ -659,7 +659,7 @@ def sweep(
     joints : sequence of str, optional
         Joints that take part; all that change sigma_min by default.
     ignore_limits : bool
-        Sweep whole circles.
+        Ignore joint limits.
     prune : bool
         Leave out sets that contain one that is singular whatever the others. False keeps
         everything, as the paper's figures do.
