@@ -9,8 +9,8 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
 LIMITS: dict[str, tuple[int, int]] = {
-    "Python in src: statements": (42_303, 30_000),
-    "Python in src: lines": (82_705, 56_000),
+    "Python in src: statements": (42_310, 30_000),
+    "Python in src: lines": (82_712, 56_000),
     "C++, JavaScript, templates, styles: lines": (11_980, 9_500),
     "modules": (244, 220),
     "packages directly under pinsing": (16, 16),

@@ -800,7 +800,14 @@ class _Planner:
             there &= self._sides(Q) == side
             out = np.full(there.shape, -np.inf)
             if there.any():
-                out[there] = self._estimate(Q[there], best)
+                q = Q[there]
+                found = self._estimate(q, best)
+                top = int(found.argmax())
+                found[top] = clearance(self.form, q[top], certify=True, gap=_GAP).upper
+                more = np.flatnonzero(found > max(best, found[top]))
+                if len(more):
+                    found[more] = clearance(self.form, q[more], certify=True, gap=_GAP).upper
+                out[there] = found
             return out
 
         values, Q, best = self.grid, self.Q[k], -np.inf
