@@ -160,3 +160,15 @@ def test_a_form_without_its_robot_is_refused():
     form = pinsing.ClosedForm.from_json(pinsing.closed_form(pinsing.load("planar3r")).to_json())
     with pytest.raises(OptionError, match="no robot"):
         pinsing.zones(form)
+
+
+def test_a_monitor_tells_in_which_zones_a_configuration_is():
+    form = pinsing.closed_form(pinsing.load("scara"))
+    found = pinsing.zones(form, joint_speeds=[5, 5, 1, 10])
+    name, far = next((n, d) for n, d in found.distances.items() if d > 0)
+    monitor = pinsing.Monitor(form, zones=found)
+    assert monitor.update([0, far + 0.01, 0.1, 0]).zones == ()
+    assert monitor.update([0, far - 0.01, 0.1, 0], [0, 1, 0, 0]).zones == (name,)
+    assert pinsing.Monitor(form).update([0, 1, 0.1, 0]).zones is None
+    with pytest.raises(OptionError, match="zones are of scara"):
+        pinsing.Monitor(pinsing.closed_form(pinsing.load("planar3r")), zones=found)

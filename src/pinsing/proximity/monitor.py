@@ -17,6 +17,7 @@ from pinsing.arguments import checked, columns_of, real_numbers
 from pinsing.errors import ConfigurationError, OptionError
 from pinsing.notebook import one_line
 from pinsing.proximity.watched import Forms, every_name, watch
+from pinsing.proximity.zones import Zones
 from pinsing.robot.whole_model import WholeModel
 
 CLEAR, WARN, STOP = LEVELS = ("clear", "warn", "stop")
@@ -52,6 +53,9 @@ class Verdict(NamedTuple):
         way toward it. None without ``dq``.
     title : str
         "wrist", "elbow", "shoulder", or empty: as of the family.
+    zones : tuple of str or None
+        Families whose zone the configuration is in, by lower bounds of the distances: outside of
+        all of them joint speed limits are kept. None without zones.
     """
 
     level: str
@@ -62,6 +66,7 @@ class Verdict(NamedTuple):
     trend: str | None
     rate: float | None
     title: str = ""
+    zones: tuple[str, ...] | None = None
 
 
 class Monitor:
@@ -88,6 +93,9 @@ class Monitor:
         Names of the families that count; by default all.
     weights : (n,) array_like, optional
         What joint differences are multiplied by, as in ``Family.distance``.
+    zones : Zones, optional
+        Those of the arm, from `pinsing.zones`: verdicts then tell in which a configuration is. What
+        the zones are ``within`` is not looked at.
 
     Attributes
     ----------
@@ -124,6 +132,7 @@ class Monitor:
         "_watched",
         "_weight",
         "_x",
+        "_zones",
         "complete",
         "horizon",
         "hysteresis",
@@ -145,6 +154,7 @@ class Monitor:
         horizon: float = 10.0,
         families: Sequence[str] | None = None,
         weights: npt.ArrayLike | None = None,
+        zones: Zones | None = None,
     ) -> None:
         if not 0 <= stop <= warn < math.inf:
             raise OptionError(f"need 0 <= stop <= warn, got stop {stop!r} and warn {warn!r}")
@@ -157,6 +167,15 @@ class Monitor:
             watched.require_angle(warn, "warn")
         self._watched = watched
         self.joints, self.names, self.complete = watched.joints, watched.names, watched.complete
+        self._zones: Array | None = None
+        if zones is not None:
+            kept = {name for name, far in zones.distances.items() if far > 0}
+            if zones.arm.joints != self.joints or weights is not None or kept - set(self.names):
+                raise OptionError(
+                    f"zones are of {zones.arm.name} and families {', '.join(sorted(kept))}: watch "
+                    "this arm and these, without weights"
+                )
+            self._zones = np.array([zones.distances.get(name, 0.0) for name in self.names])
         self.level = CLEAR
         self.warn, self.stop = float(warn), float(stop)
         self.hysteresis, self.horizon = float(hysteresis), float(horizon)
@@ -251,11 +270,20 @@ class Monitor:
             self.level = level
         name, title = self._listed[family]
         if dq is None:
-            return Verdict(level, name, lower, upper, None, None, None, title)
+            return Verdict(level, name, lower, upper, None, None, None, title, self._inside())
         trend = "steady"
         if rate != 0.0 and abs(rate) > 1e-6 * max(map(abs, velocity.tolist())):
             trend = "away" if rate > 0.0 else "toward"
-        return Verdict(level, name, lower, upper, time, trend, rate, title)
+        return Verdict(level, name, lower, upper, time, trend, rate, title, self._inside())
+
+    def _inside(self) -> tuple[str, ...] | None:
+        """Names of the zones that the last configuration is in."""
+        if self._zones is None:
+            return None
+        Q = (self._x / self._watched.weight)[None]
+        low = two_sided(self._watched.conditions, Q, each=True).each[0, :, 0]
+        near = (low <= self._zones) & (self._zones > 0)
+        return tuple(np.array(self.names)[near].tolist())
 
     def _take(self, values: npt.ArrayLike, name: str, into: Array) -> None:
         if type(values) is np.ndarray and values.dtype == _FLOAT and values.shape == self._shape:
