@@ -11,7 +11,8 @@ import numpy as np
 import pytest
 
 import pinsing
-from pinsing.proximity.follow import BACKLOG, Follower, follow, latest, lines_of
+from pinsing.proximity.clearance import distances
+from pinsing.proximity.follow import BACKLOG, Follower, HeadError, follow, latest, lines_of
 
 Q = np.array([0.0, -1.2, 1.3, -1.0, 0.15, 0.0])
 SPEED = np.array([0.0, 0.0, 0.0, 0.0, -0.3, 0.0])
@@ -36,6 +37,7 @@ def line(t, q):
     return json.dumps({"t": t, "position": q.tolist()})
 
 
+NAMES = pinsing.load("ur5").joints
 HEAD = "t," + ",".join(f"q{k} (deg)" for k in range(1, 7))
 
 
@@ -68,9 +70,84 @@ def test_numbers_without_names_are_joints_and_never_times(form):
     assert bare["lower"] == named["lower"]
     (wrong,) = said(form, [row(0, Q)])
     assert "7 numbers without names for 6 joints: begin with a line of names" in wrong["error"]
-    (wrong,) = said(form, ["t,a,q2,q3,q4,q5,q6"])
-    assert "unknown column 'a'" in wrong["error"]
-    assert "--columns" not in wrong["error"]
+
+
+@pytest.mark.parametrize("head", ["t,a,q2,q3,q4,q5,q6", "q1,q1,q3,q4,q5,q6", "\ufeffhello,world"])
+def test_a_head_that_is_not_understood_ends_the_stream(form, head):
+    follower = Follower(form, form.loaded, False, 0.1)
+    answers = follow(follower, [head, row(0, Q)[2:]], False)
+    assert next(answers)["line"] == 1
+    with pytest.raises(HeadError, match="correct the first line"):
+        next(answers)
+
+
+def of(q=Q, **more):
+    return json.dumps({"name": [*NAMES], "position": [*q], **more})
+
+
+@pytest.mark.parametrize(
+    ("bad", "words"),
+    [
+        (of([0, -80, 60, -100, 10, 0]), "For degrees add --deg"),
+        (of([0, 0, 80, 0, 0, 0], t=3), "elbow_joint = 80"),
+        (of([1e18, 0, 0, 0, 0, 0]), "shoulder_pan_joint = 1e"),
+        (of([None, 0, 0, 0, 0, 0]), "joint 'shoulder_pan_joint' is null"),
+        (of(["abc", 0, 0, 0, 0, 0]), "joint 'shoulder_pan_joint' is abc"),
+        (of([10**400, 0, 0, 0, 0, 0]), "joint 'shoulder_pan_joint' is 1000"),
+        (of(Q[:5]), "lists of one length"),
+        (of(velocity=[1]), "velocity needs 6"),
+        (of(t="x"), "the time is x"),
+        ("[1", "no column for joint"),
+        ("{", "it is no JSON object"),
+    ],
+)
+def test_errors_say_the_line_and_the_joint(form, bad, words):
+    _, error, last = said(form, [of(), bad, of()])
+    assert error["line"] == 2
+    assert error.get("t") == (3 if "80, 0, 0" in bad and "t" in json.loads(bad) else None)
+    assert words in error["error"]
+    assert "Error" not in error["error"]
+    assert last["family"] == "F2"
+
+
+@pytest.mark.parametrize(
+    ("stamp", "t"),
+    [({"sec": 1, "nanosec": 500000000}, 1.5), ({"secs": 1, "nsecs": 500000000}, 1.5), (2.5, 2.5)],
+)
+def test_stamps_of_ros(form, stamp, t):
+    (one,) = said(form, [of(header={"stamp": stamp}, velocity=[float("nan")] * 6)])
+    assert (one["t"], one["time_to_contact"]) == (t, None)
+
+
+def test_what_is_no_joint_is_passed_over_once(form):
+    follower = Follower(form, form.loaded, False, 0.1)
+    head = "\ufeff" + ",".join([*NAMES[::-1], "gripper"])
+    rows = ["# said", head, row(0, Q[::-1])[2:] + ",open", "# more", row(1, Q[::-1])[2:] + ",open"]
+    table = list(follow(follower, rows, False))
+    each = {f"{n}.pos": x for n, x in zip(NAMES, Q.tolist(), strict=True)} | {"gripper.pos": 1}
+    assert [v["lower"] for v in table] == [said(form, [json.dumps(each)])[0]["lower"]] * 2
+    assert follower.notes == ["no positions in 'gripper': not used"]
+
+
+def test_the_family_is_the_nearest_and_the_move_leads_away_from_it(form):
+    q = np.array([-2.37857, 0.01086, 2.68182, 2.54359, 0.57455, -1.68125])
+    for x in (q, *np.random.default_rng(5).uniform(-3, 3, (20, 6))):
+        (one,) = said(form, [of(x)])
+        far = distances(form, x).families
+        named = next(f for f in far if f.family == one["family"])
+        assert named.upper <= far[0].upper + 2e-4
+        y = x + 1e-3 * one["move"]["direction"] * (np.array(NAMES) == one["move"]["joint"])
+        after = pinsing.clearance(form, y, families=[one["family"]], certify=True)
+        assert after.upper > named.upper
+
+
+@pytest.mark.parametrize("text", ["", "\n\n", "{\n"])
+def test_nothing_judged_is_code_2(text):
+    done = subprocess.run(
+        [*COMMAND, "--follow", "-"], input=text, capture_output=True, text=True, timeout=60
+    )
+    assert done.returncode == 2
+    assert "no line could be judged" in done.stderr
 
 
 def test_joints_by_name_in_any_order_and_others_beside_them(form):
@@ -90,7 +167,7 @@ def test_joints_by_name_in_any_order_and_others_beside_them(form):
 )  # fmt: skip
 def test_a_broken_line_is_answered_and_the_next_is_read(form, bad):
     first, broken, last = said(form, [line(0, Q), bad, line(1, Q)])
-    assert set(broken) == {"error"}
+    assert {"line", "error"} <= set(broken)
     assert "\n" not in broken["error"]
     assert last["lower"] == first["lower"]
 

@@ -5,15 +5,19 @@ from __future__ import annotations
 import gc
 import json
 import math
+import os
 import re
+import signal
 from dataclasses import replace
 from pathlib import Path
+from types import FrameType
 from typing import TYPE_CHECKING, Any
 
 import click
 
 from pinsing.cli.figure import off_screen, save_figure
 from pinsing.cli.grouped import command
+from pinsing.cli.loop_file import loops_at_hand
 from pinsing.cli.options import (
     RobotRequest,
     arm_options,
@@ -31,7 +35,7 @@ from pinsing.cli.running import run_progress
 from pinsing.cli.serving import show
 from pinsing.cli.streams import followed
 from pinsing.cli.waiting import doing
-from pinsing.errors import OptionError
+from pinsing.errors import ConfigurationError, OptionError
 
 if TYPE_CHECKING:
     from pinsing._types import Array
@@ -126,13 +130,15 @@ def check_command(
     """
     bound = angle(near, "--near", deg)
     fail = None if fail_within is None else angle(fail_within, "--fail-within", deg)
+    if follow is not None and loops_at_hand(request.robot):
+        raise OptionError(f"--follow judges serial arms alone: {request.robot} has closed loops")
     arm = request.load()
     from pinsing.families import closed_form
 
     if follow is not None:
         if any((file, families, columns, fail_within, plot, view, html, json_target)):
-            said = "--follow STREAM prints verdicts alone: leave out FILE and options of output"
-            raise OptionError(said)
+            said = "leave out FILE, --family, --columns, --fail-within, --view and -o"
+            raise OptionError(f"--follow STREAM prints a verdict for each line: {said}")
         return _followed(arm, follow, (deg if units is None else units == "deg"), bound)
     if file is None:
         raise OptionError("name the FILE of a trajectory, or --follow - for standard input")
@@ -217,9 +223,22 @@ def _followed(arm: Arm, file: Path, degrees: bool, near: float) -> int:
     from pinsing.families import closed_form
     from pinsing.proximity.follow import Follower, follow
 
-    follower = Follower(closed_form(arm), arm, degrees, near)
+    follower, judged = Follower(closed_form(arm), arm, degrees, near), False
+    signal.signal(signal.SIGTERM, _terminated)
     with followed(file) as (lines, live):
         gc.freeze()  # a collection of all that was imported takes many milliseconds
+        told = 0
         for said in follow(follower, lines, live):
+            judged |= "level" in said
+            for note in follower.notes[told:]:
+                say(f"note: {note}")
+            told = len(follower.notes)
             click.echo(json.dumps(said))
+    if not judged:
+        raise ConfigurationError("the stream: no line could be judged")
     return 0
+
+
+def _terminated(number: int, frame: FrameType | None) -> None:
+    os.write(2, b"pinsing: terminated\n")
+    os._exit(128 + number)

@@ -7,19 +7,20 @@ import json
 import math
 import threading
 from collections import deque
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from pinsing._types import Array
+from pinsing.algebra.nearest import SearchOptions
 from pinsing.errors import ConfigurationError
 from pinsing.families.form import ClosedForm
-from pinsing.proximity.clearance import quick
+from pinsing.proximity.clearance import certified, quick
 from pinsing.proximity.monitor import Monitor
 from pinsing.proximity.trajectory_file import ColumnHeads, is_number
-from pinsing.proximity.watched import Watched, watch
+from pinsing.proximity.watched import Watched, every_name, watch
 from pinsing.robot.arm import Arm
 
 BACKLOG = 100
@@ -28,6 +29,10 @@ STALLED = 1.0
 """Seconds without a line after which it is said."""
 _LONGEST = 1 << 20
 """Bytes of a line; what is longer is cut, and answered as lines that cannot be read."""
+_FARTHEST = 1e9
+"""Radians or metres: from there on floats are 1e-7 apart."""
+_SEARCH = SearchOptions(gap=1e-4, boxes=100)
+"""Work in the search for the nearest family: less than a millisecond."""
 _MOVE = 1e-3
 """Radians, or metres over the length scale: moves to see which leads away."""
 
@@ -52,37 +57,47 @@ def latest(
     Without one for ``stalled`` seconds, None comes in its place, once for each silence.
     """
     lines = iter(lines)
-    for head in lines:  # the names of columns are never dropped
-        yield head, 0
-        break
     waiting: deque[str] = deque()
     news = threading.Condition()
-    dropped, ended = 0, False
+    dropped, ended, taken = 0, False, False
+    failed: list[OSError] = []
 
     def read() -> None:
         nonlocal dropped, ended
-        for line in lines:
-            with news:
-                if len(waiting) == backlog:
-                    waiting.popleft()
-                    dropped += 1
-                waiting.append(line)
-                news.notify()
+        try:
+            for line in lines:
+                with news:
+                    if len(waiting) == backlog + (not taken):
+                        del waiting[0 if taken else 1]  # the names of columns are never dropped
+                        dropped += 1
+                    waiting.append(line)
+                    news.notify()
+        except OSError as error:
+            failed.append(error)
         with news:
             ended = True
             news.notify()
 
     threading.Thread(target=read, daemon=True).start()
-    silent = True  # before the first line nothing has stalled
+    silent = False
     while True:
         with news:
             came = news.wait_for(lambda: waiting or ended, None if silent else stalled)
             line = waiting.popleft() if waiting else None
-            count, dropped = dropped, 0
+            count = 0
+            if taken:
+                count, dropped = dropped, 0
+            taken |= line is not None
         if line is None and came:
+            if failed:
+                raise failed[0]
             return
         silent = line is None
         yield line, count
+
+
+class HeadError(ConfigurationError):
+    """Names of columns that are not understood: no row that follows means anything."""
 
 
 class Reader:
@@ -90,8 +105,10 @@ class Reader:
 
     A line is a JSON object or a row of a table, best after a line of column names; without names
     there is one column a joint, base to tip. An object holds
-    ``name`` and ``position`` as in ROS's JointState, or each joint by its name; and perhaps ``t``,
-    ``velocity``. Without velocities they are differences of successive samples with times.
+    ``name`` and ``position`` as in ROS's JointState, perhaps ``velocity``, ``t`` or the stamp of a
+    ``header``; or each joint by its name. Names are read as those of a trajectory file; what is
+    none of a joint is passed over. Without velocities they are differences of successive samples
+    with times.
 
     Parameters
     ----------
@@ -99,85 +116,170 @@ class Reader:
         The arm.
     degrees : bool
         Whether angles are in degrees where the names of columns do not tell.
+
+    Attributes
+    ----------
+    t : float or None
+        The time of the last line, where it has one that can be read.
+    notes : list of str
+        What was passed over; each once.
     """
 
     def __init__(self, arm: Arm, degrees: bool) -> None:
         self._arm = arm
         self._scale = np.where(arm.prismatic, 1.0, np.pi / 180 if degrees else 1.0)
-        self._columns: tuple[list[int], int | None, float, str | None] | None = None
-        self._names: tuple[Any, list[int]] = (None, [])
+        self._names: tuple[list[str], ColumnHeads] | None = None
+        self._columns: tuple[ColumnHeads | None, str | None] | None = None
+        self._head: HeadError | None = None
         self._last: tuple[float, Array] | None = None
+        self._objects = False
+        self.t: float | None = None
+        self.notes: list[str] = []
 
     def read(self, line: str) -> tuple[float | None, Array, Array | None] | None:
-        """Return time, q (n,) and speeds (n,); None for a line of column names or an empty one.
+        """Return time, q (n,) and speeds (n,); None for a line without values: empty, names, #.
 
         Raises
         ------
+        HeadError
+            If a line of column names is not understood; then also for each row that follows.
         ConfigurationError
             If the line cannot be read, or holds no configuration of the arm.
         """
-        text = line.strip()
-        if not text:
+        text, self.t = line.removeprefix("\ufeff").strip(), None
+        if not text or text[0] == "#":
             return None
-        try:
-            found = self._object(json.loads(text)) if text[0] == "{" else self._row(text)
-        except (ValueError, TypeError, LookupError, OverflowError, RecursionError) as error:
-            if isinstance(error, ConfigurationError):
-                raise
-            reason = f"{type(error).__name__}: {error}"
-            raise ConfigurationError(f"cannot read {text:.80}: {reason:.120}") from None
+        found = self._object(text) if text[0] == "{" else self._row(text)
         if found is None:
             return None
-        t, q, dq = found
-        if t is not None and not math.isfinite(t):
-            raise ConfigurationError(f"the time is {t}; every value must be finite")
-        last, self._last = self._last, None if t is None else (t, q)
+        q, dq = found
+        self._require_sense(q)
+        t, last = self.t, self._last
+        self._last = None if t is None else (t, q)
         if dq is None and last is not None and t is not None and t > last[0]:
             dq = self._arm.space.wrap(q - last[1]) / (t - last[0])
         return t, q, dq
 
-    def _object(self, data: Mapping[str, Any]) -> tuple[float | None, Array, Array | None]:
-        arm, speeds, t = self._arm, None, data.get("t", data.get("time"))
-        whole = "position" in data
-        values = data["position"] if whole else list(data.values())
-        order = self._order(list(data.get("name", arm.joints) if whole else data))
-        q = np.array([values[i] for i in order], dtype=float) * self._scale
-        if len(data.get("velocity") or ()) == len(values):
-            speeds = np.array([data["velocity"][i] for i in order], dtype=float) * self._scale
-        return None if t is None else float(t), q, speeds
-
-    def _order(self, names: list[str]) -> list[int]:
-        """Where the joints are among names: by their own, or as columns of a file are read."""
+    def _require_sense(self, q: Array) -> None:
+        """Refuse a joint more than a turn outside its limits, of --rad one that is no angle."""
         arm = self._arm
-        if self._names[0] != names:
-            exact = set(arm.joints) <= set(names)
-            order = [] if exact else ColumnHeads("the stream", arm, names).order
-            self._names = names, order or [names.index(joint) for joint in arm.joints]
+        far = np.abs(q) > _FARTHEST
+        if arm.units is None:
+            arm.space.require_radians(q, "q", endless=False)
+            far |= ~arm.prismatic & (np.maximum(q - arm.upper, arm.lower - q) > 2 * np.pi)
+        if far.any():
+            j = int(far.argmax())
+            raise ConfigurationError(
+                f"q: {arm.joints[j]} = {q[j]:.6g} is far outside its limits "
+                f"({arm.lower[j]:.4g} to {arm.upper[j]:.4g})"
+            )
+
+    def _object(self, text: str) -> tuple[Array, Array | None]:
+        try:
+            data = json.loads(text)
+        except (ValueError, RecursionError):
+            raise ConfigurationError(f"cannot read {text:.80}: it is no JSON object") from None
+        arm, speeds = self._arm, None
+        if "position" not in data:
+            heads, values = self._heads(list(data)), list(data.values())
+            self._time(data.get("header"), heads, values)
+            q = self._values("q", heads, values)
+        else:
+            names, values = data.get("name", list(arm.joints)), data["position"]
+            self._time(data.get("header"), None, [data.get("t", data.get("time"))])
+            lists = isinstance(names, list) and isinstance(values, list)
+            if not lists or len(names) != len(values):
+                raise ConfigurationError("name and position must be lists of one length")
+            heads, rates = self._heads(list(map(str, names))), data.get("velocity")
+            q = self._values("q", heads, values)
+            if rates is not None and rates != []:
+                if not isinstance(rates, list) or len(rates) != len(names):
+                    raise ConfigurationError(f"velocity needs {len(names)} values, as position has")
+                if not any(isinstance(r, float) and not math.isfinite(r) for r in rates):
+                    speeds = self._values("velocity", heads, rates)
+        self._objects = True
+        return q, speeds
+
+    def _time(self, header: Any, heads: ColumnHeads | None, values: Sequence[Any]) -> None:
+        """Set the time: of its column, the first of values without heads, or of ROS's header."""
+        scale = 1.0 if heads is None else heads.time_scale
+        at = 0 if heads is None else heads.time
+        t = None if at is None else values[at]
+        if t is None and isinstance(header, Mapping):
+            t = header.get("stamp")
+            if isinstance(t, Mapping):
+                whole, parts = t.get("sec", t.get("secs")), t.get("nanosec", t.get("nsecs", 0))
+                t = number(whole, "the time") + 1e-9 * number(parts, "the time")
+        self.t = None if t is None else number(t, "the time") * scale
+
+    def _values(self, what: str, heads: ColumnHeads | None, values: Sequence[Any]) -> Array:
+        """Of the joints, base to tip, from those of columns."""
+        joints = self._arm.joints
+        order = range(len(joints)) if heads is None else heads.order
+        pairs = zip(joints, order, strict=True)
+        q = [number(values[i], f"{what} of joint {j!r}") for j, i in pairs]
+        units = [None] * len(joints) if heads is None else heads.scales
+        given = zip(units, self._scale, strict=True)
+        return np.array([x * (s if u is None else u) for x, (u, s) in zip(q, given, strict=True)])
+
+    def _heads(self, names: list[str]) -> ColumnHeads:
+        if self._names is None or self._names[0] != names:
+            heads = ColumnHeads("the stream", self._arm, names)
+            self._names = names, heads
+            said = [n for n in heads.notes if n.endswith("not used")]
+            self.notes += [n for n in said if n not in self.notes]
         return self._names[1]
 
-    def _row(self, text: str) -> tuple[float | None, Array, None] | None:
+    def _row(self, text: str) -> tuple[Array, None] | None:
+        if self._head is not None:
+            raise self._head
         if self._columns is None:
             separator = next((s for s in (";", "\t", ",") if s in text), None)
             words = text.split(separator)
-            if all(map(is_number, words)):
-                if len(words) != self._arm.n:
-                    raise ConfigurationError(
-                        f"the stream: {len(words)} numbers without names for {self._arm.n} joints: "
-                        f"begin with a line of names, such as t,{','.join(self._arm.joints)}"
+            if not all(map(is_number, words)):
+                try:
+                    self._columns = self._heads(words), separator
+                except ConfigurationError as error:
+                    if self._objects:  # no head is due
+                        raise
+                    self._head = HeadError(
+                        f"{error}; correct the first line: names of columns, as "
+                        f"t,{','.join(self._arm.joints)}"
                     )
-                self._columns = list(range(len(words))), None, 1.0, separator
-                return self._row(text)
-            heads = ColumnHeads("the stream", self._arm, words)
-            self._columns = heads.order, heads.time, heads.time_scale, separator
-            named = [s is not None for s in heads.scales]
-            self._scale = np.where(named, np.array(heads.scales, dtype=float), self._scale)
-            return None
-        order, time_at, scale, separator = self._columns
+                    raise self._head from None
+                return None
+            if len(words) != self._arm.n:
+                raise ConfigurationError(
+                    f"the stream: {len(words)} numbers without names for {self._arm.n} joints: "
+                    f"begin with a line of names, such as t,{','.join(self._arm.joints)}"
+                )
+            self._columns = None, separator
+        heads, separator = self._columns
         words = text.split(separator)
-        if len(words) <= max(order):
-            raise ConfigurationError(f"cannot read {text:.80}: {len(words)} columns are too few")
-        q = np.array([float(words[i]) for i in order]) * self._scale
-        return None if time_at is None else float(words[time_at]) * scale, q, None
+        width = self._arm.n if heads is None else len(heads.words)
+        if len(words) != width:
+            raise ConfigurationError(f"cannot read {text:.80}: {width} columns are needed")
+        if heads is not None:
+            self._time(None, heads, words)
+        return self._values("q", heads, words), None
+
+
+def number(value: Any, called: str) -> float:
+    """Return a finite number.
+
+    Raises
+    ------
+    ConfigurationError
+        With what it is ``called``.
+    """
+    said = value if isinstance(value, str) else json.dumps(value)
+    try:
+        found = math.nan if isinstance(value, bool) else float(value)
+    except (TypeError, ValueError, OverflowError):
+        found = math.nan
+    if not math.isfinite(found):
+        raise ConfigurationError(f"{called} is {said:.40}; every value must be a finite number")
+    return found
 
 
 class Follower:
@@ -198,15 +300,27 @@ class Follower:
     def __init__(self, form: ClosedForm, arm: Arm, degrees: bool, near: float) -> None:
         self._reader, self._monitor = Reader(arm, degrees), Monitor(form, near, near / 2)
         self._arm = arm
+        self._watched = watch(form, every_name(form))
         each = {f.name: watch(form, [f.name]) for f in form.families}
         self._families = {name: replace(w, margin=None) for name, w in each.items()}
         self._steps = np.diag(_MOVE * np.where(arm.prismatic, arm.length_scale, 1.0))
         for family in self._families.values():
             self._away(np.zeros(arm.n), family)  # what is compiled at first is none of a verdict's
 
-    def verdict(self, line: str) -> dict[str, Any] | None:
-        """Return plain data of one line; None for a line of column names or an empty one.
+    @property
+    def t(self) -> float | None:
+        """Time of the last line."""
+        return self._reader.t
 
+    @property
+    def notes(self) -> list[str]:
+        """What was passed over; each once."""
+        return self._reader.notes
+
+    def verdict(self, line: str) -> dict[str, Any] | None:
+        """Return plain data of one line; None for a line without values.
+
+        ``family`` is that of the nearest singular configuration found, ``lower`` holds for all.
         ``move`` is the joint, and the sense, that leads away from the family fastest within the
         limits.
 
@@ -220,15 +334,21 @@ class Follower:
             return None
         t, q, dq = found
         said = self._monitor.update(q, dq)
-        out: dict[str, Any] = {"t": t, "level": said.level, "family": said.family}
-        out |= {"title": said.title, "lower": said.lower, "upper": said.upper}
-        out["time_to_contact"] = said.time_to_contact
-        out["move"] = self._away(q, self._families[said.family]) if said.family else None
+        near, _ = certified(self._watched, q[None], _SEARCH)
+        name, upper = str(near.nearest[0]), min(said.upper, float(near.upper[0]))
+        title = next((f.title for f in self._watched.families if f.name == name), "")
+        out: dict[str, Any] = {"t": t, "level": said.level, "family": name, "title": title}
+        out |= {"lower": said.lower, "upper": upper, "time_to_contact": said.time_to_contact}
+        out["move"] = self._away(q, self._families[name]) if name else None
         return {k: None if v in (np.inf, -np.inf) else v for k, v in out.items()}
 
     def _away(self, q: Array, family: Watched) -> dict[str, Any] | None:
         arm, step = self._arm, np.diag(self._steps)
-        far = quick(family, np.vstack([q, q + self._steps, q - self._steps])).lower
+        Q = np.vstack([q, q + self._steps, q - self._steps])
+        found, nearest = certified(family, q[None], _SEARCH)
+        far = family.length(family.space.wrap(Q - nearest))
+        if found.upper[0] <= _MOVE:  # all ways lead away from a point, not from its family
+            far = quick(family, Q).lower
         allowed = np.concatenate([q + step <= arm.upper, q - step >= arm.lower])
         gain = np.where(allowed, far[1:] - far[0], 0.0)
         back, j = divmod(int(gain.argmax()), arm.n)
@@ -238,18 +358,28 @@ class Follower:
 def follow(follower: Follower, lines: Iterable[str], live: bool) -> Iterator[dict[str, Any]]:
     """Verdicts of a stream; of a live one with drops and silences.
 
-    A line that cannot be read is answered by ``error``, and the next one is read.
+    A line that cannot be read is answered by ``error`` and its number, and the next one is read.
+
+    Raises
+    ------
+    HeadError
+        If names of columns are not understood, after the answer.
     """
     stream = latest(lines) if live else ((line, 0) for line in lines)
-    total = 0
+    total = number = 0
     for line, dropped in stream:
         total += dropped
         if line is None:
             yield {"stalled": STALLED}
             continue
+        number += 1 + dropped
         try:
             said = follower.verdict(line)
         except ConfigurationError as error:
-            said = {"error": str(error)}
+            t = {} if follower.t is None else {"t": follower.t}
+            yield {"line": number, **t, "error": str(error)}
+            if isinstance(error, HeadError):
+                raise
+            continue
         if said is not None:
             yield said | ({"dropped": total} if total else {})

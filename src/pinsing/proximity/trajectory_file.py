@@ -30,7 +30,7 @@ _SCALES = {
 """What a unit in the head of a column is multiplied by: radians, metres, seconds."""
 _TIME = re.compile(r"(?i)[%_]*(t|times?|timestamp|seconds|secs?|time_from_start|elapsed)")
 _NUMBERED = re.compile(r"(?i)(actual_|field_|joint_)?(q|j|a|joint|axis|pos|positions?)_?(\d+)")
-_PLACES = {"joint_states", "joint_state", "position", "positions", "actual", "field", "data"}
+_PLACES = {"joint_states", "joint_state", "pos", "position", "positions", "actual", "field", "data"}
 """Parts of a column's name that tell where a position was written down, not of which joint."""
 _NO_POSITION = re.compile(
     r"(?i)(.*[\W_])?(velocity|velocities|vel|qd|qdd|dq|speeds?|accelerations?|acc|efforts?|torques?|"
@@ -573,7 +573,8 @@ class ColumnHeads:
         if not all(re.search(name, words[i]) for i, name in zip(self.order, alone, strict=True)):
             pairs = zip(arm.joints, self.order, strict=True)
             self.notes += ("columns: " + ", ".join(f"{j} = {words[i]!r:.80}" for j, i in pairs),)
-        left = [*self.others, *(words[i] for i in passed)]
+        unknown = [i for i in range(len(words)) if i not in {*self.used, *passed}]
+        left = [*self.others, *(words[i] for i in (*passed, *(() if columns else unknown)))]
         if left:
             shown = ", ".join(f"{w!r:.80}" for w in left[:6])
             more = f" and {len(left) - 6} more" if len(left) > 6 else ""
@@ -603,11 +604,12 @@ class ColumnHeads:
                 found.update({i: arm.joints[k - first] for i, k in count.items()})
         for i in names:
             if not found[i]:
-                said = " (--columns A,B,... says which columns are the joints)"
-                option = said if isinstance(self.path, Path) else ""  # a stream has none
+                if not isinstance(self.path, Path):  # a stream has what else the robot tells
+                    continue
                 raise self._error(
                     f"unknown column {self.words[i]!r:.80}: the joints are "
-                    f"{', '.join(arm.joints)}, and times are in a column 't' or 'time'{option}"
+                    f"{', '.join(arm.joints)}, and times are in a column 't' or 'time' "
+                    "(--columns A,B,... says which columns are the joints)"
                 )
             if list(found.values()).count(found[i]) > 1:
                 same = [self.words[k] for k in names if found[k] == found[i]]
@@ -615,7 +617,9 @@ class ColumnHeads:
                 raise self._error(f"columns {pair} could both be joint {found[i]!r}")
         column = {joint: i for i, joint in found.items()}
         if missing := [j for j in arm.joints if j not in column]:
-            raise self._error(f"no column for joint {missing[0]!r}")
+            unknown = [self.words[i] for i in names if not found[i]]
+            other = f"; {unknown[0]!r:.80} is none" if unknown else ""
+            raise self._error(f"no column for joint {missing[0]!r}{other}")
         return [column[j] for j in arm.joints]
 
 
