@@ -31,12 +31,9 @@ class Judge:
         if v.time_to_contact is not None and math.isfinite(v.time_to_contact):
             what += f", contact in {v.time_to_contact:.2f} s"
         values = {"family": v.family, "lower": f"{v.lower:.6f}"}
-        return self.status(
-            level=getattr(self.status, LEVELS[v.level]),
-            name=f"pinsing: {self.robot}",
-            message=what,
-            values=[self.pair(key=key, value=value) for key, value in values.items()],
-        )
+        pairs = [self.pair(key=key, value=value) for key, value in values.items()]
+        level, name = getattr(self.status, LEVELS[v.level]), f"pinsing: {self.robot}"
+        return self.status(level=level, name=name, message=what, values=pairs)
 
 
 def main():
@@ -50,7 +47,10 @@ def main():
     topic = node.create_publisher(DiagnosticArray, "/diagnostics", 10)
 
     def heard(state):
-        topic.publish(DiagnosticArray(header=state.header, status=[judge(state)]))
+        try:
+            topic.publish(DiagnosticArray(header=state.header, status=[judge(state)]))
+        except (ValueError, IndexError) as error:  # of other joints, too short, or not finite
+            node.get_logger().warning(f"no verdict: {error}")
 
     node.create_subscription(JointState, "/joint_states", heard, 1)  # the newest alone counts
     rclpy.spin(node)
