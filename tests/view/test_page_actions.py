@@ -134,9 +134,11 @@ def drag(page: Any) -> None:
 
 def pull(page: Any, dx: float, dy: float) -> np.ndarray:
     """Drag the tip by a real pointer; where it was, where it is, and where it should be."""
-    page.wait_for_timeout(300)  # a picture later the grip is at the tip
+    box, moved = None, page.locator("#grip").bounding_box()
+    while box != moved:  # the grip is at the tip some pictures later
+        page.wait_for_timeout(300)
+        box, moved = moved, page.locator("#grip").bounding_box()
     before = page.evaluate("() => window.pinsing.view.frame.tip")
-    box = page.locator("#grip").bounding_box()
     x, y = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
     page.mouse.move(x, y)
     page.mouse.down()
