@@ -153,9 +153,8 @@ def test_a_path_within_two_turns_of_a_joint(ur5, turns, start, reached):
     T = spinning(arm, turns, START if first is None else first)
     plan = plan_path(form, T, arm=arm, start=first)
     assert bool(len(plan.q)) == reached
-    if not reached:
-        assert "winds wrist_3_joint beyond its limits" in plan.reason
-    else:
+    assert ("winds wrist_3_joint beyond its limits" in plan.reason) != reached
+    if reached:
         assert not arm.space.outside(plan.q).any()
         assert np.ptp(plan.q[:, 5]) == pytest.approx(2 * np.pi * turns, abs=1e-6)
         assert first is None or np.allclose(plan.q[0], first, atol=1e-6)

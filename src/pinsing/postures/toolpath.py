@@ -452,11 +452,10 @@ class _Planner:
             if len(surfaces) == len(family.branches) and not any(b.values for b in family.branches):
                 away = np.stack([self._away(Q[rows], equation) for equation in surfaces])
                 found, missed = np.fmin.reduce(away), np.asarray(np.isnan(away).any(axis=0))
-            if missed.any():
-                sure = clearance(
-                    self.form, Q[rows[missed]], families=[family.name], certify=True, gap=_COARSE
-                )
-                found[missed] = np.fmin(found[missed], sure.upper)
+            sure = clearance(
+                self.form, Q[rows[missed]], families=[family.name], certify=True, gap=_COARSE
+            )
+            found[missed] = np.fmin(found[missed], sure.upper)
             out[rows] = np.minimum(out[rows], found)
         return out
 
@@ -530,7 +529,7 @@ class _Planner:
             rows = np.flatnonzero((room >= floor).any(axis=1))
             new = np.full((2, len(rows), *best.shape[2:]), -np.inf)
             found, from_ = new[..., :-1], np.zeros(new.shape[1:], dtype=np.int32)[..., :-1]
-            within = self._within(k)[rows]
+            within, here_q = self._within(k)[rows], self.Q[k][rows]
             nodes = np.stack([self.likely[k], room])[:, rows, :, None]
             slot = self._nearest(self.circle[k][rows], self.circle[k - 1][rows])
             doubtful: list[tuple[Array, Ints]] = []
@@ -543,10 +542,11 @@ class _Planner:
                     elif side:
                         continue
                     take = source[:, None], here
-                    edge = self._states(k, rows, take)
+                    move = here_q - self.Q[k - 1][take]
+                    edge = self._states(move, take)
                     value = np.minimum(best.reshape(2, -1)[:, edge], nodes)
                     value[:, ~within] = -np.inf
-                    sure, loose, maybe = self._passable(k, rows, take, room[rows])
+                    sure, loose, maybe = self._passable(k, rows, take, move, room[rows])
                     np.maximum(found[1], value[1], out=found[1], where=loose[..., None])
                     if d > window:
                         continue
@@ -579,25 +579,22 @@ class _Planner:
             out &= (np.abs(q - self.start[self.counted]) < np.pi).all(axis=-1)
         return np.asarray(out)
 
-    def _states(self, k: int, rows: Ints, take: tuple[Ints, Ints]) -> Ints:
-        """Numbers (R, S, T) of the states of the pose before that motions to pose k's begin at."""
+    def _states(self, move: Array, take: tuple[Ints, Ints]) -> Ints:
+        """Numbers (R, S, T) of the states, of nodes of the pose before, that motions begin at."""
         count, most = len(self.turns) + 1, -self.turns[0]
-        gap = self.Q[k][rows] - self.Q[k - 1][take]
-        off = np.rint(np.nan_to_num(gap[..., self.counted]) / (2 * np.pi)).astype(int)
+        off = np.rint(np.nan_to_num(move[..., self.counted]) / (2 * np.pi)).astype(int)
         before = self.turns + off[..., None, :]
         number = np.zeros(before.shape[:-1], dtype=int)
         for j, m in enumerate(most):
             number = number * (2 * m + 1) + before[..., j] + m
         state = np.where((np.abs(before) <= most).all(axis=-1), number, count - 1)
-        node = take[0] * self.Q.shape[2] + take[1]
-        return np.asarray(node[..., None] * count + state)
+        return np.asarray((take[0] * self.Q.shape[2] + take[1])[..., None] * count + state)
 
     def _count_turns(self, joints: Bool) -> None:
         """Tell the turns of joints apart, which the best path winds beyond their limits."""
         self.counted = self.counted | joints
-        range_ = (self.arm.upper - self.arm.lower)[self.counted]
-        most = np.minimum(range_ / (2 * np.pi), _TURNS).astype(int)
-        self.turns = np.array(list(product(*(range(-m, m + 1) for m in most))))
+        most = ((self.arm.upper - self.arm.lower)[self.counted] / (2 * np.pi)).clip(0, _TURNS)
+        self.turns = np.array(list(product(*(range(-int(m), int(m) + 1) for m in most))))
 
     def _beside(self, k: int) -> tuple[list[tuple[Ints, Ints]], Array]:
         """The neighbours of pose k's nodes along the grid, both ways, and the room of each node.
@@ -658,10 +655,10 @@ class _Planner:
         return out
 
     def _passable(
-        self, k: int, rows: Ints, take: tuple[Ints, Ints], room: Array
+        self, k: int, rows: Ints, take: tuple[Ints, Ints], move: Array, room: Array
     ) -> tuple[Bool, Bool, Bool]:
         """Which nodes of pose k (R, S) are reached from the pose before: proven; relaxed; maybe."""
-        gap = self._gap(self.Q[k][rows] - self.Q[k - 1][take]) * self.scale
+        gap = self._gap(move) * self.scale
         length = np.sqrt((gap**2).sum(axis=-1))
         usable = self.usable[k][rows]
         with np.errstate(invalid="ignore"):
@@ -805,8 +802,7 @@ class _Planner:
                 top = int(found.argmax())
                 found[top] = clearance(self.form, q[top], certify=True, gap=_GAP).upper
                 more = np.flatnonzero(found > max(best, found[top]))
-                if len(more):
-                    found[more] = clearance(self.form, q[more], certify=True, gap=_GAP).upper
+                found[more] = clearance(self.form, q[more], certify=True, gap=_GAP).upper
                 out[there] = found
             return out
 

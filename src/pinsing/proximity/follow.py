@@ -84,9 +84,8 @@ def latest(
         with news:
             came = news.wait_for(lambda: waiting or ended, None if silent else stalled)
             line = waiting.popleft() if waiting else None
-            count = 0
-            if taken:
-                count, dropped = dropped, 0
+            count = dropped if taken else 0
+            dropped -= count
             taken |= line is not None
         if line is None and came:
             if failed:
@@ -304,8 +303,10 @@ class Follower:
         each = {f.name: watch(form, [f.name]) for f in form.families}
         self._families = {name: replace(w, margin=None) for name, w in each.items()}
         self._steps = np.diag(_MOVE * np.where(arm.prismatic, arm.length_scale, 1.0))
+        q = np.zeros(arm.n)
+        certified(self._watched, q[None], _SEARCH)
         for family in self._families.values():
-            self._away(np.zeros(arm.n), family)  # what is compiled at first is none of a verdict's
+            self._away(q, family, q[None], 0.0)  # what is compiled at first is none of a verdict's
 
     @property
     def t(self) -> float | None:
@@ -334,20 +335,21 @@ class Follower:
             return None
         t, q, dq = found
         said = self._monitor.update(q, dq)
-        near, _ = certified(self._watched, q[None], _SEARCH)
+        near, point = certified(self._watched, q[None], _SEARCH)
         name, upper = str(near.nearest[0]), min(said.upper, float(near.upper[0]))
         title = next((f.title for f in self._watched.families if f.name == name), "")
         out: dict[str, Any] = {"t": t, "level": said.level, "family": name, "title": title}
         out |= {"lower": said.lower, "upper": upper, "time_to_contact": said.time_to_contact}
-        out["move"] = self._away(q, self._families[name]) if name else None
+        away = (q, self._families[name], point, float(near.upper[0])) if name else None
+        out["move"] = self._away(*away) if away else None
         return {k: None if v in (np.inf, -np.inf) else v for k, v in out.items()}
 
-    def _away(self, q: Array, family: Watched) -> dict[str, Any] | None:
+    def _away(self, q: Array, family: Watched, point: Array, near: float) -> dict[str, Any] | None:
+        """Return the joint to move from q (n,), ``near`` to a point (1, n) of the family."""
         arm, step = self._arm, np.diag(self._steps)
         Q = np.vstack([q, q + self._steps, q - self._steps])
-        found, nearest = certified(family, q[None], _SEARCH)
-        far = family.length(family.space.wrap(Q - nearest))
-        if found.upper[0] <= _MOVE:  # all ways lead away from a point, not from its family
+        far = family.length(family.space.wrap(Q - point))
+        if near <= _MOVE:  # all ways lead away from a point, not from its family
             far = quick(family, Q).lower
         allowed = np.concatenate([q + step <= arm.upper, q - step >= arm.lower])
         gain = np.where(allowed, far[1:] - far[0], 0.0)
