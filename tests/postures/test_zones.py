@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
+import pinocchio as pin
 import pytest
 from click.testing import CliRunner
 
@@ -57,6 +60,28 @@ def test_no_configuration_of_a_box_takes_more_than_its_bound(name, options, spee
         if radius == 0.0:
             good = np.isfinite(found.most)
             np.testing.assert_allclose(found.most[good], at_centre[good], rtol=1e-3)
+
+
+@pytest.mark.parametrize("name", ["ur5", "panda", "stanford", "crx10ia"])
+def test_the_third_order_is_no_more_than_its_bound(name):
+    """Of Jacobians in the axes of the middle link, which the joints up to it turn."""
+    arm, rng = pinsing.load(name), np.random.default_rng(5)
+    bounds = SpeedBounds(SpeedJudge(arm, np.ones(arm.n)), 0.25, 0.5, 1.0 * arm.prismatic)
+    bounds.square = True  # the columns alone, without the system of a redundant arm
+    for _ in range(60):
+        C = rng.uniform(-1, 1, arm.n) * np.where(arm.prismatic, 0.3, np.pi)
+        R = rng.uniform(0, 0.3, arm.n) * bounds.moving
+        d, turn = R * rng.choice([-1, 1], arm.n), np.eye(3)
+        J, moved = frame_jacobians(arm, np.array([C, C + d]))[:, None]
+        for j in range(bounds.middle + 1):
+            turn = turn @ pin.exp3(J[0, 3:, j] * d[j])
+        slopes = np.array([bounds._slope(J, J, j) for j in range(arm.n)])
+        left = np.kron(np.eye(2), turn.T) @ moved - J - np.tensordot(d, slopes, 1)
+        for a, b in zip(*np.triu_indices(arm.n), strict=True):
+            both = bounds._slope(slopes[b], J, a) + bounds._slope(J, slopes[b], a)
+            left -= d[a] * d[b] * both / (1 + (a == b))
+        most = bounds._rest(np.eye(6)[None, [0, 3]], J, R[None])[0]
+        assert (np.linalg.norm(left[0].reshape(2, 3, -1), axis=1) <= most * (1 + 1e-6) + 1e-9).all()
 
 
 @pytest.mark.parametrize(
@@ -170,5 +195,9 @@ def test_a_monitor_tells_in_which_zones_a_configuration_is():
     assert monitor.update([0, far + 0.01, 0.1, 0]).zones == ()
     assert monitor.update([0, far - 0.01, 0.1, 0], [0, 1, 0, 0]).zones == (name,)
     assert pinsing.Monitor(form).update([0, 1, 0.1, 0]).zones is None
+    monitor = pinsing.Monitor(form, zones=replace(found, lower=np.array([-1, *found.lower[1:]])))
+    assert monitor.update([-1.5, 1, 0.1, 0]).zones is None
+    with pytest.raises(OptionError, match="give those of joint ranges"):
+        pinsing.Monitor(form, zones=replace(found, posture=("elbow up",), within=("elbow up",)))
     with pytest.raises(OptionError, match="zones are of scara"):
         pinsing.Monitor(pinsing.closed_form(pinsing.load("planar3r")), zones=found)

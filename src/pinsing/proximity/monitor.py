@@ -18,6 +18,7 @@ from pinsing.errors import ConfigurationError, OptionError
 from pinsing.notebook import one_line
 from pinsing.proximity.watched import Forms, every_name, watch
 from pinsing.proximity.zones import Zones
+from pinsing.robot.joint_space import SLACK
 from pinsing.robot.whole_model import WholeModel
 
 CLEAR, WARN, STOP = LEVELS = ("clear", "warn", "stop")
@@ -55,7 +56,7 @@ class Verdict(NamedTuple):
         "wrist", "elbow", "shoulder", or empty: as of the family.
     zones : tuple of str or None
         Families whose zone the configuration is in, by lower bounds of the distances: outside of
-        all of them joint speed limits are kept. None without zones.
+        all of them joint speed limits are kept. None without zones, and beyond their joint ranges.
     """
 
     level: str
@@ -94,8 +95,8 @@ class Monitor:
     weights : (n,) array_like, optional
         What joint differences are multiplied by, as in ``Family.distance``.
     zones : Zones, optional
-        Those of the arm, from `pinsing.zones`: verdicts then tell in which a configuration is. What
-        the zones are ``within`` is not looked at.
+        Those of the arm, from `pinsing.zones`: verdicts then tell in which a configuration is.
+        Zones within a posture or a box of the tip are refused.
 
     Attributes
     ----------
@@ -127,6 +128,7 @@ class Monitor:
         "_isa",
         "_listed",
         "_out",
+        "_range",
         "_shape",
         "_v",
         "_watched",
@@ -175,7 +177,10 @@ class Monitor:
                     f"zones are of {zones.arm.name} and families {', '.join(sorted(kept))}: watch "
                     "this arm and these, without weights"
                 )
+            if zones.posture or np.isfinite(zones.tip_lower).any():
+                raise OptionError(f"zones of {', '.join(zones.within)}: give those of joint ranges")
             self._zones = np.array([zones.distances.get(name, 0.0) for name in self.names])
+            self._range = (zones.lower + zones.upper) / 2, (zones.upper - zones.lower) / 2
         self.level = CLEAR
         self.warn, self.stop = float(warn), float(stop)
         self.hysteresis, self.horizon = float(hysteresis), float(horizon)
@@ -281,6 +286,9 @@ class Monitor:
         if self._zones is None:
             return None
         Q = (self._x / self._watched.weight)[None]
+        middle, half = self._range
+        if (np.abs(self._watched.space.wrap(Q[0] - middle)) > half + SLACK).any():
+            return None
         low = two_sided(self._watched.conditions, Q, each=True).each[0, :, 0]
         near = (low <= self._zones) & (self._zones > 0)
         return tuple(np.array(self.names)[near].tolist())
