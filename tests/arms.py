@@ -70,3 +70,7 @@ CATALOGUE = [
     ("g1", "left_rubber_hand"),
 ]
 """Arms that come with pinsing and its data, with their tips where one has to be named."""
+
+
+def draw(arm: Arm, rng: np.random.Generator, count: int) -> np.ndarray:
+    return rng.uniform(*arm.span, (count, arm.n))

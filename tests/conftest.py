@@ -166,3 +166,16 @@ def page(browser: Any) -> Iterator[Any]:
     assert [
         a for a in asked if not a.startswith(("http://127.0.0.1:", "file:", "data:", "blob:"))
     ] == []
+
+
+@pytest.fixture
+def read(tmp_path: Path) -> Callable[..., Any]:
+    """Read a robot description that is given as text."""
+    from pinsing.description.urdf import read_description
+
+    def write_and_read(text: str | bytes, name: str = "arm.urdf", **options: Any) -> Any:
+        file = tmp_path / name
+        file.write_bytes(text.encode() if isinstance(text, str) else text)
+        return read_description(file, **options)
+
+    return write_and_read

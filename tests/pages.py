@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import base64
 import contextlib
+import gzip
 import io
+import json
 import re
 import shlex
 import subprocess
@@ -144,3 +147,9 @@ def reader(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Reader:
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("COLUMNS", "100")
     return Reader()
+
+
+def baked(text: str) -> dict:
+    """What a static page that is given as text holds."""
+    packed = re.search(r'id="baked-page"[^>]*>([^<]+)<', text)
+    return json.loads(gzip.decompress(base64.b64decode(packed[1])))

@@ -23,6 +23,7 @@ from pinsing.kinematics.verdict import ratios
 from pinsing.robot.arm import Arm
 from pinsing.robot.load import load
 from pinsing.robot.nominal import ANGLE_TOL, nominal
+from pinsing.sampling.curves import minima
 
 RIGHT = np.pi / 2
 
@@ -277,3 +278,9 @@ def check_all(arm: Arm, form: ClosedForm, tol: float = 1e-8) -> int:
     singular = ends.q[ends.singular]
     assert all(form.family_of(q, tol=1e-5) for q in singular)
     return len(singular)
+
+
+def dips(values: np.ndarray) -> np.ndarray:
+    """Local minima of a curve that is singular nowhere."""
+    end = np.full(1, np.inf)
+    return np.flatnonzero(minima(values[None], np.ones((1, len(values))), end, end)[0])

@@ -10,7 +10,7 @@ import pytest
 from urdf_texts import LIMIT, joint, make_package, robot
 from xacro import replace_node
 
-from pinsing.description.urdf import Description, read_description
+from pinsing.description.urdf import read_description
 from pinsing.description.xacro import expand_xacro
 from pinsing.description.xacro_document import replaces
 from pinsing.errors import RobotFileError
@@ -18,16 +18,6 @@ from pinsing.robot.models import build_model
 
 XACRO = '<robot name="r" xmlns:xacro="http://www.ros.org/wiki/xacro">\n{}\n</robot>\n'
 ARM = "".join(f'<link name="{link}"/>' for link in "abc") + joint("j1", "a", "b") + joint()
-
-
-@pytest.fixture
-def read(tmp_path):
-    def write_and_read(text: str | bytes, name: str = "arm.urdf", **options) -> Description:
-        file = tmp_path / name
-        file.write_bytes(text.encode() if isinstance(text, str) else text)
-        return read_description(file, **options)
-
-    return write_and_read
 
 
 def test_xacro_with_arguments_and_includes(read, tmp_path):

@@ -1,7 +1,5 @@
 """How sure a closed form is: one word in all that a command prints, and a reason that is true."""
 
-import base64
-import gzip
 import itertools
 import json
 import re
@@ -10,6 +8,7 @@ from types import SimpleNamespace
 
 import pytest
 from click.testing import CliRunner, Result
+from pages import baked
 from singular_sets import arm_of
 from tiers import tiered
 
@@ -42,11 +41,6 @@ EVERYWHERE = ["ur5", "stanford", "scara", "panda", "iiwa14", "xarm7", "puma560",
 EVERYWHERE += ["so101", "examples/offset_wrist.dh.yaml", "kinova", "talos_arm"]
 
 
-def page_words(page: Path) -> str:
-    packed = re.search(r'id="baked-page"[^>]*>([^<]+)<', page.read_text(encoding="utf-8"))
-    return str(json.loads(gzip.decompress(base64.b64decode(packed[1])))["coverage"])
-
-
 def written(*words: str | Path) -> Result:
     result = run(*map(str, words))
     assert result.exit_code == 0, result.output
@@ -67,7 +61,7 @@ def test_one_arm_has_one_word_everywhere(robot: str, tmp_path: Path) -> None:
     words["JSON"] = json.loads(out["a.json"].read_text())["word"]
     words["JSON, read"] = pinsing.ClosedForm.from_json(out["a.json"].read_text()).word
     written("view", robot, "--skeleton", "-o", out["page.html"])  # as the gallery's
-    words["page"] = page_words(out["page.html"]).split(":")[0].lower()
+    words["page"] = baked(out["page.html"].read_text())["coverage"].split(":")[0].lower()
     with pinsing.Viewer(arm, skeleton=True) as viewer:
         words["live page"] = viewer._stage.coverage.split(":")[0].lower()
     words["analyze"] = pinsing.analyze(arm, levels=(1,), random_starts=2).closed_form.word

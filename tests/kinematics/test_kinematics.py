@@ -7,7 +7,7 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 import pinocchio as pin
 import pytest
-from arms import CATALOGUE
+from arms import CATALOGUE, draw
 from dh_arms import dh_arm
 from tiers import tiered
 
@@ -22,11 +22,6 @@ from pinsing.robot.nominal import nominal
 def arm(request) -> Arm:
     name, tip = request.param
     return load(name, tip=tip)
-
-
-def draw(arm: Arm, rng: np.random.Generator, count: int) -> np.ndarray:
-    low, high = arm.span
-    return rng.uniform(low, high, (count, arm.n))
 
 
 def by_pinocchio(arm: Arm, q: np.ndarray) -> np.ndarray:

@@ -7,7 +7,7 @@ from fractions import Fraction
 import numpy as np
 import pinocchio as pin
 import pytest
-from arms import CATALOGUE
+from arms import CATALOGUE, draw
 from hypothesis import example, given
 from hypothesis import strategies as st
 
@@ -36,11 +36,6 @@ def rotation(axis: str, degrees: float) -> np.ndarray:
 
 def place(xyz=(0.0, 0.0, 0.0), R=None) -> pin.SE3:
     return pin.SE3(np.eye(3) if R is None else R, np.array(xyz, dtype=float))
-
-
-def draw(arm: Arm, rng: np.random.Generator, count: int) -> np.ndarray:
-    low, high = arm.span
-    return rng.uniform(low, high, (count, arm.n))
 
 
 def rational_jacobian(exact: Nominal, q: np.ndarray) -> np.ndarray:

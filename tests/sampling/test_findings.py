@@ -8,6 +8,7 @@ import arms
 import numpy as np
 import pinocchio as pin
 import pytest
+from singular_sets import dips
 
 from pinsing.errors import OptionError, ResultError, UnknownNameError
 from pinsing.families import closed_form
@@ -16,18 +17,11 @@ from pinsing.measures import Reachability, sigma_ratio
 from pinsing.robot.load import load
 from pinsing.robot.nominal import nominal
 from pinsing.sampling.analyze import singular_configurations
-from pinsing.sampling.curves import minima
 from pinsing.sampling.generalize import Finding
 from pinsing.sampling.sweep_run import sweep
 
 PI = np.pi
 _ENDS = ("0", "180 deg")
-
-
-def dips(values: np.ndarray) -> np.ndarray:
-    """Local minima of a curve that is singular nowhere."""
-    end = np.full(1, np.inf)
-    return np.flatnonzero(minima(values[None], np.ones((1, len(values))), end, end)[0])
 
 
 def found(arm, **options):

@@ -14,6 +14,7 @@ import arms
 import numpy as np
 import pytest
 from click.testing import CliRunner
+from singular_sets import dips
 from tiers import tiered
 
 from pinsing.cli.app import command
@@ -29,12 +30,6 @@ from pinsing.sampling.sweep_plan import plan_sweep
 from pinsing.sampling.sweep_run import SweepResult, kept_curves, load_npz, run_sweep, sweep
 
 SWEEP = sys.modules[run_sweep.__module__]  # the package has a function of that name
-
-
-def dips(values: np.ndarray) -> np.ndarray:
-    """Local minima of a curve that is singular nowhere."""
-    end = np.full(1, np.inf)
-    return np.flatnonzero(minima(values[None], np.ones((1, len(values))), end, end)[0])
 
 
 @pytest.fixture

@@ -1,8 +1,6 @@
 """The viewer without a browser: scene, frames, paths, pages, server, and how it ends."""
 
 import asyncio
-import base64
-import gzip
 import html
 import json
 import os
@@ -23,6 +21,7 @@ import pytest
 import umsgpack
 from arms import planar, textbook, ur5
 from links import get, heard
+from pages import baked
 from tiers import tiered
 
 from pinsing.errors import (
@@ -232,8 +231,7 @@ def test_the_static_page_is_whole_and_escapes_names() -> None:
         assert viewer.html() == text  # the same every time
     assert "alert(1)" not in text.replace("&lt;/script&gt;&lt;script&gt;alert(1)", "")
     assert not re.search(r'(?:src|href)="(?!data:)', text)
-    packed = re.search(r'id="baked-page"[^>]*>([^<]+)<', text)
-    page = json.loads(gzip.decompress(base64.b64decode(packed.group(1))))
+    page = baked(text)
     assert page["robot"]["name"] == evil.name
     assert page["live"] is False
     assert page["entries"][0]["q"] == [[0, 1, 0.3, 0, 0.5, 0]]
@@ -463,11 +461,6 @@ def test_listening_to_the_network_is_warned_about() -> None:
     assert "warning: listening on 0.0.0.0" in said
 
 
-def coverage_in(page: Path) -> str:
-    packed = re.search(r'id="baked-page"[^>]*>([^<]+)<', page.read_text(encoding="utf-8"))
-    return str(json.loads(gzip.decompress(base64.b64decode(packed[1])))["coverage"])
-
-
 @pytest.mark.parametrize("what", ["check", pytest.param("analysis", marks=pytest.mark.slow)])
 def test_every_page_says_how_complete_its_list_is(tmp_path: Path, what: str) -> None:
     from click.testing import CliRunner
@@ -483,8 +476,8 @@ def test_every_page_says_how_complete_its_list_is(tmp_path: Path, what: str) -> 
         words = ["view", "planar3r", "--analysis", str(given), "--skeleton"]
     result = CliRunner().invoke(command, [*words, "-o", str(page)])
     assert result.exit_code == 0, result.output
-    # An analysis looks for a certificate.
-    assert coverage_in(page).startswith("Proven" if what == "analysis" else ("Probable", "Proven"))
+    words = ("Proven", "Probable")[: 1 + (what != "analysis")]  # an analysis has a certificate
+    assert baked(page.read_text())["coverage"].startswith(words)
 
 
 def test_a_saved_analysis_is_shown(tmp_path: Path) -> None:
@@ -501,7 +494,7 @@ def test_a_saved_analysis_is_shown(tmp_path: Path) -> None:
     )
     assert result.exit_code == 0, result.output
     assert page.stat().st_size > 800_000
-    assert coverage_in(page) == coverage_words(found)
+    assert baked(page.read_text())["coverage"] == coverage_words(found)
     result = CliRunner().invoke(
         view_command, ["stanford", "--analysis", str(saved), "-o", str(page)]
     )

@@ -157,8 +157,8 @@ _OTHER_FORMATS = {
 class Description:
     """A checked robot description.
 
-    Meshes are looked for when first asked for: by ``xml``, ``missing_meshes``, ``package_dirs`` or
-    ``notes``. What these say holds from then on, whatever becomes of the folder; see `Shapes`.
+    Meshes are looked for when first asked for: by ``xml``, ``missing_meshes`` or ``notes``. What
+    these say holds from then on, whatever becomes of the folder; see `Shapes`.
 
     Attributes
     ----------
@@ -200,13 +200,6 @@ class Description:
     def missing_meshes(self) -> tuple[str, ...]:
         """Mesh and texture addresses, as in the file, that do not exist or may not be opened."""
         return self.shapes.found.missing
-
-    @property
-    def package_dirs(self) -> tuple[Path, ...]:
-        """Folders that hold the packages found, and the robot's own folder."""
-        own = self.shapes.index.own_folder
-        folders = [folder.parent for folder in self.shapes.found.packages]
-        return tuple(dict.fromkeys([*folders, *(() if own is None else (own,))]))
 
     @property
     def notes(self) -> tuple[str, ...]:

@@ -378,7 +378,7 @@ def _until(time: Budget) -> Stop:
 
 
 def _unreachable(family: Family, stop: Stop) -> Reachability:
-    """Return whether that no point lies within the limits can be proven."""
+    """Return True if it is proven that no point lies within the limits."""
     lower, upper = family.box(within_limits=True)
     endless = family.prismatic & ~(np.isfinite(family.lower) & np.isfinite(family.upper))
     for branch in family.branches:

@@ -483,7 +483,7 @@ class SlicesStep:
     name = "slices"
 
     def applies(self, s: ComponentSearch) -> bool:
-        """Return where near minors ran, and slices can lead on."""
+        """Return True if near minors ran, and slices can lead on."""
         return s.slices and s.chain is not None
 
     def take(self, s: ComponentSearch) -> None:

@@ -532,7 +532,7 @@ def inverse(
 
 
 def _examples(singular: int) -> str:
-    """Return where there are several singular solutions, there may be a curve of them."""
+    """Return a note if there are several singular solutions: there may be a curve of them."""
     if singular < 2:
         return ""
     return (

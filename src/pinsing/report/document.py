@@ -357,7 +357,7 @@ def model(page: str | None, beside: str | None) -> Section | None:
 
 
 def data(schema: str) -> Section:
-    """Return where programs find the same."""
+    """Return the section that tells programs where the data is."""
     return section(
         "data",
         "For programs",
