@@ -9,10 +9,10 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
 LIMITS: dict[str, tuple[int, int]] = {
-    "Python in src: statements": (42_339, 30_000),
-    "Python in src: lines": (82_801, 56_000),
+    "Python in src: statements": (42_310, 30_000),
+    "Python in src: lines": (82_775, 56_000),
     "C++, JavaScript, templates, styles: lines": (11_980, 9_500),
-    "modules": (244, 220),
+    "modules": (241, 220),
     "packages directly under pinsing": (16, 16),
     "numbers in module constants": (788, 500),
     "names exported by pinsing": (32, 32),

@@ -23,7 +23,7 @@ from pinsing.cli.app import command
 from pinsing.cli.options import parse_numbers
 from pinsing.joint_text import typed
 from pinsing.loops import analyze_mechanism
-from pinsing.loops.result import analysis_text
+from pinsing.loops.analysis import analysis_text
 from pinsing.prose import (
     NARROWEST,
     WIDEST,

@@ -14,7 +14,7 @@ from node import needs_node, run
 from pinsing.loops import home, mechanism_at, working_modes
 from pinsing.loops.closure import Loops
 from pinsing.loops.modes import elbows, mode_of
-from pinsing.loops.pose import led_pose, read_pose
+from pinsing.loops.motion import led_pose, read_pose
 from pinsing.loops.structure import output_pose
 from pinsing.robot.load_mechanism import Loop, Mechanism
 from pinsing.view.mechanism_viewer import linkage_sizes, mechanism_data, plane_normal

@@ -28,10 +28,10 @@ from pinsing.loops import (
     residual,
     working_modes,
 )
+from pinsing.loops.analysis import Values
 from pinsing.loops.closure import BatchLoops, Loops, random_closed
-from pinsing.loops.pose import Column, pose_table
+from pinsing.loops.motion import Column, pose_table
 from pinsing.loops.problems import Modes
-from pinsing.loops.result import Values
 from pinsing.loops.solve import intervals
 from pinsing.loops.structure import likeness, same, structure
 from pinsing.robot.load_mechanism import Loop
@@ -370,7 +370,7 @@ def test_the_platform_is_analysed_once_over(platform):
 def test_all_joints_on_request_only(name, pose, joint, command, monkeypatch):
     more = []
     if name == "planar_3rpr":  # it has so few joints that all are listed unasked
-        monkeypatch.setattr("pinsing.loops.result._FEW", 3)
+        monkeypatch.setattr("pinsing.loops.analysis._FEW", 3)
         more = ["--ignore-limits"]
     else:  # whose analysis takes long: the same for both
         once = functools.cache(lambda *_: analyze_mechanism(shipped(name)))

@@ -159,7 +159,7 @@ def analyze_loops(
 ) -> int:
     """``analyze --loops``: modes, ranges, singular points and loci of a mechanism."""
     from pinsing.loops import analyze_mechanism
-    from pinsing.loops.result import analysis_answer, analysis_text
+    from pinsing.loops.analysis import analysis_answer, analysis_text
 
     _refuse_arm_only(options)
     mechanism = read(loops, options)
@@ -214,8 +214,8 @@ def families_loops(
 ) -> int:
     """``families --loops``: the loci as equations, over inputs or pose, and in all joint angles."""
     from pinsing.loops import joint_forms, loop_forms, pose_forms
+    from pinsing.loops.analysis import forms_text
     from pinsing.loops.legs import why_no_rods
-    from pinsing.loops.result import forms_text
 
     if latex:
         raise OptionError(

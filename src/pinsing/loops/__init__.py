@@ -1,18 +1,16 @@
 """Closed loops: solving, modes and singularities of mechanisms."""
 
 from pinsing._package import public
-from pinsing.loops.analysis import analyze_mechanism
+from pinsing.loops.analysis import MechanismAnalysis, analyze_mechanism
 from pinsing.loops.closure import constraint_jacobian, output_jacobian, ranks, residual, split
 from pinsing.loops.forms import JointForms, JointLocus, PoseEquation, PoseForms, PoseLocus
 from pinsing.loops.joint_loci import joint_forms
 from pinsing.loops.loop_forms import Locus, LoopForms, loop_forms
 from pinsing.loops.map import MechanismMap, WorstConfiguration, mechanism_map
 from pinsing.loops.modes import home, mode_of
-from pinsing.loops.motion import MechanismState, input_output, leg_form, mechanism_at, motions
-from pinsing.loops.pose import Pose
+from pinsing.loops.motion import MechanismState, Pose, input_output, leg_form, mechanism_at, motions
 from pinsing.loops.pose_loci import pose_forms
 from pinsing.loops.problems import Modes, assemblies, assembly_modes, working_modes
-from pinsing.loops.result import MechanismAnalysis
 from pinsing.loops.singular_points import SingularPoint, Trace, find_singular, trace
 from pinsing.loops.singular_points import refine_point as refine
 from pinsing.loops.solve import InfeasibleError, Solution, curves, drive, feasible, follow, solve

@@ -45,7 +45,7 @@ from pinsing.loops.exact import (
     rational_turn,
 )
 from pinsing.loops.forms import JointForms, JointLocus, PoseEquation, trig_polynomial
-from pinsing.loops.sphere_loci import type1_alone
+from pinsing.loops.legs import type1_alone
 from pinsing.loops.structure import (
     PLANE,
     SIZE,

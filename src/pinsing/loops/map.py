@@ -23,8 +23,7 @@ from pinsing.loops.analysis import independent_inputs
 from pinsing.loops.closure import CLOSED_MANY, BatchLoops, near_home, newton, random_closed, ranks
 from pinsing.loops.legs import Rods, rods
 from pinsing.loops.modes import closed_from_random, home, mode_of
-from pinsing.loops.motion import measure_many
-from pinsing.loops.pose import Pose, aligned, pose_of, pose_table
+from pinsing.loops.motion import Pose, aligned, measure_many, pose_of, pose_table
 from pinsing.loops.structure import output_pose
 from pinsing.measures import NEAR_RTOL, SINGULAR_RTOL
 from pinsing.prose import PLAIN, Page

@@ -31,9 +31,8 @@ from pinsing._types import Array
 from pinsing.algebra.ring import Poly, divided_by, fraction, rational
 from pinsing.loops.exact import exact_points
 from pinsing.loops.forms import PoseEquation, pose_equation
-from pinsing.loops.legs import TOUCHING, Rod, Rods, carried, count_inside, inside, rods
+from pinsing.loops.legs import TOUCHING, Rod, Rods, carried, count_inside, inside, rods, sphere_loci
 from pinsing.loops.modes import home
-from pinsing.loops.sphere_loci import sphere_loci
 from pinsing.loops.structure import (
     SMALL,
     Sample,

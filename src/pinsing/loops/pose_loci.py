@@ -54,12 +54,11 @@ from pinsing.loops.forms import (
     pose_equation,
     random_variables,
 )
-from pinsing.loops.legs import Rod, Rods, rods, written
+from pinsing.loops.legs import Rod, Rods, SphereLoci, rods, sphere_loci, squares_note, written
 from pinsing.loops.loop_forms import planar_dyad
 from pinsing.loops.mode_counts import degree_notes, input_loci, length_name, point_legs
 from pinsing.loops.modes import home
-from pinsing.loops.pose import pose_of
-from pinsing.loops.sphere_loci import SphereLoci, sphere_loci, squares_note
+from pinsing.loops.motion import pose_of
 from pinsing.loops.structure import once, output_pose, structure
 from pinsing.robot.mechanism import Mechanism
 

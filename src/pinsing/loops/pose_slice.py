@@ -15,7 +15,7 @@ from pinsing.errors import OptionError
 from pinsing.loops.closure import CLOSED_MANY, BatchLoops, newton
 from pinsing.loops.joint_loci import joint_forms
 from pinsing.loops.modes import home
-from pinsing.loops.pose import COORDINATES, led_pose
+from pinsing.loops.motion import COORDINATES, led_pose
 from pinsing.loops.structure import Sample, closing, output_pose
 from pinsing.robot.mechanism import Mechanism
 

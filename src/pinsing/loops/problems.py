@@ -25,14 +25,12 @@ from pinsing.loops.closure import (
     newton,
     ranks,
 )
-from pinsing.loops.legs import most_assemblies
+from pinsing.loops.legs import MOST_ASSEMBLIES, most_assemblies, sphere_loci
 from pinsing.loops.loop_forms import planar_dyad
 from pinsing.loops.mode_counts import found_words, level_words, noun, number_of_modes
 from pinsing.loops.modes import closed_from_random, home, home_error, mode_at, mode_of
-from pinsing.loops.motion import motions
-from pinsing.loops.pose import pose_of, read_pose
+from pinsing.loops.motion import motions, pose_of, read_pose
 from pinsing.loops.solve import InfeasibleError, Solution, feasible
-from pinsing.loops.sphere_loci import MOST_ASSEMBLIES, sphere_loci
 from pinsing.loops.structure import SAME, Leg, likeness, output_pose, same, structure
 from pinsing.robot.mechanism import Mechanism
 from pinsing.serialization import JsonResult

@@ -13,8 +13,7 @@ from pinsing._types import Array
 from pinsing.errors import ConfigurationError
 from pinsing.loops.closure import CLOSED, BatchLoops, Loops, Mask, gauss_newton, ranks
 from pinsing.loops.modes import assembly_sign, closed_from_random, home, mode_of
-from pinsing.loops.motion import motions
-from pinsing.loops.pose import Pose
+from pinsing.loops.motion import Pose, motions
 from pinsing.loops.singular_points import StoppedError, Trace, trace, turning_points
 from pinsing.loops.structure import likeness, same
 from pinsing.robot.mechanism import Mechanism

@@ -15,8 +15,7 @@ from pinsing.loops.closure import BatchLoops, ranks
 from pinsing.loops.joint_loci import joint_forms
 from pinsing.loops.loop_forms import Dyad, LoopForms, loop_forms, planar_dyad
 from pinsing.loops.modes import assembly_sign, home
-from pinsing.loops.motion import mechanism_at
-from pinsing.loops.pose import COORDINATES, led_pose, pose_of
+from pinsing.loops.motion import COORDINATES, led_pose, mechanism_at, pose_of
 from pinsing.loops.pose_slice import free_coordinates
 from pinsing.loops.problems import Modes, assembly_modes, working_modes
 from pinsing.loops.singular_points import SingularPoint, Trace, find_singular

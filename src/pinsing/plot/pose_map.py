@@ -17,7 +17,7 @@ from pinsing.loops.closure import ranks
 from pinsing.loops.forms import JointForms
 from pinsing.loops.joint_loci import joint_forms
 from pinsing.loops.modes import assembly_sign, home, mode_at
-from pinsing.loops.pose import COORDINATES
+from pinsing.loops.motion import COORDINATES
 from pinsing.loops.pose_loci import pose_forms
 from pinsing.loops.pose_slice import (
     PoseSlice,

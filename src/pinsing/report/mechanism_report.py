@@ -11,10 +11,10 @@ import numpy as np
 from pinsing._types import Array
 from pinsing._version import __version__
 from pinsing.loops import MechanismAnalysis, MechanismState, analyze_mechanism, mechanism_at
+from pinsing.loops.analysis import Line, joint_lines, pose_lines
 from pinsing.loops.loop_forms import planar_dyad
 from pinsing.loops.pose_slice import free_coordinates
 from pinsing.loops.problems import assemblies
-from pinsing.loops.result import Line, joint_lines, pose_lines
 from pinsing.loops.solve import InfeasibleError, Interval
 from pinsing.prose import Page
 from pinsing.report.document import (

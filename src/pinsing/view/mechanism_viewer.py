@@ -12,14 +12,12 @@ import pinocchio as pin
 
 from pinsing._types import Array
 from pinsing.errors import OptionError
-from pinsing.loops.analysis import analyze_mechanism
+from pinsing.loops.analysis import MechanismAnalysis, analyze_mechanism
 from pinsing.loops.closure import hinged_balls, random_closed, ranks
 from pinsing.loops.loop_forms import Locus, planar_dyad
 from pinsing.loops.modes import STRAIGHT, assembly_rows, elbow_sines, elbows, home
-from pinsing.loops.motion import mechanism_at
-from pinsing.loops.pose import led_pose
+from pinsing.loops.motion import led_pose, mechanism_at
 from pinsing.loops.problems import assemblies
-from pinsing.loops.result import MechanismAnalysis
 from pinsing.loops.singular_points import SingularPoint
 from pinsing.loops.solve import drive
 from pinsing.loops.structure import structure
