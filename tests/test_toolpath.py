@@ -137,10 +137,8 @@ def test_why_there_is_no_path(ur5):
 
 def spinning(arm, turns, q):
     """Poses from that of q on, turned about the last joint's axis, which is the tip's z."""
-    T = np.tile(tip_placement(arm, q).homogeneous, (40, 1, 1))
-    for pose, angle in zip(T, np.linspace(0, 2 * np.pi * turns, 40), strict=True):
-        pose[:3, :3] = pose[:3, :3] @ pin.utils.rotate("z", angle)
-    return T
+    turned = [pin.exp6(np.eye(6)[5] * a).homogeneous for a in np.linspace(0, 2 * np.pi * turns, 40)]
+    return tip_placement(arm, q).homogeneous @ np.array(turned)
 
 
 @pytest.mark.parametrize(

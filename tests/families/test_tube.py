@@ -15,7 +15,7 @@ import pinsing
 from pinsing.errors import OptionError, RobotFileError
 from pinsing.families import tube as tubes
 from pinsing.robot.calibration import LINKS, calibrated
-from pinsing.robot.design import design_of, differences
+from pinsing.robot.design import design_of, differences, looks_calibrated
 
 SCRIPT = Path(__file__).parents[2] / "scripts" / "tube.py"
 Q = np.array([0.0, -1.2, 1.3, -1.0, -1.5, 0.0])
@@ -123,8 +123,8 @@ def test_without_a_proof_no_clearance_is_known(attack: ModuleType) -> None:
 
 def test_the_design_is_found_or_refused() -> None:
     ur5e = pinsing.load("ur5e")
-    form = pinsing.closed_form(ur5e, design=True, prove=False)
-    assert form.tube is None
+    assert pinsing.closed_form(ur5e, design=True, prove=False).tube is None
+    assert not any(looks_calibrated(pinsing.load(name)) for name in ("ur5e", "crx10ia", "panda"))
     assert max(d.angle for d in differences(ur5e, design_of(ur5e, "ur5e"))) < 1e-9
     with pytest.raises(OptionError, match="another robot"):
         design_of(ur5e, "puma560")
@@ -136,6 +136,7 @@ def test_calibrations_are_read_strictly(tmp_path: Path) -> None:
     ur5e = pinsing.load("ur5e")
     arm = calibrated(ur5e, write(tmp_path / "c.yaml", UR5E))
     assert arm.design is ur5e
+    assert looks_calibrated(replace(arm, design=None))
     zero = np.zeros(6)
     one, other = (pinsing.kinematics.frame_jacobian(a, zero) for a in (ur5e, arm))
     assert 1e-4 < np.abs(one - other).max() < 1e-2

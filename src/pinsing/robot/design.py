@@ -104,6 +104,17 @@ def differences(robot: Arm, design: Arm) -> tuple[AxisDifference, ...]:
     return tuple(map(AxisDifference, robot.joints, angle.tolist(), away.tolist()))
 
 
+def looks_calibrated(robot: Arm) -> bool:
+    """Return True if most axes are off a design by 0.1 mm or mrad and more, rounding far less."""
+    if robot.design is not None or robot.coupling is not None:
+        return False
+    try:
+        off = [max(a.angle, a.length) for a in differences(robot, design_of(robot, True))]
+    except (OptionError, np.linalg.LinAlgError):
+        return False
+    return sum(1e-4 < x < 1e-2 for x in off) > len(off) / 2
+
+
 def axes(chain: Chain) -> tuple[Array, Array]:
     """Directions and points (n, 3) of the joint axes at zero."""
     R, p, directions, points = np.eye(3), np.zeros(3), [], []
