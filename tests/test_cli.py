@@ -14,7 +14,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from click.testing import CliRunner, Result
+from command_line import run
 from kernel import needs_kernel
 
 import pinsing
@@ -33,10 +33,6 @@ from pinsing.sampling.analyze import Analysis
 from pinsing.sampling.sweep_run import SweepResult, load_npz
 
 URDF = Path(__file__).parent.parent / "urdf"
-
-
-def run(*words: str) -> Result:
-    return CliRunner().invoke(command, list(words), prog_name="pinsing")
 
 
 def process(*words: str, **more) -> subprocess.CompletedProcess[str]:

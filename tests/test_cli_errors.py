@@ -6,9 +6,7 @@ import importlib
 from pathlib import Path
 
 import pytest
-from click.testing import CliRunner, Result
-
-from pinsing.cli.app import command
+from command_line import run
 
 URDF = Path(__file__).parent.parent / "urdf"
 FIVE_BAR = str(URDF / "five_bar.urdf")
@@ -22,10 +20,6 @@ units: {angle: deg, length: m}
 rows:
   - {a: 0.4, alpha: 0, d: 0, theta: 0, type: revolute, limits: [-90, 90]}
 """
-
-
-def run(*words: str) -> Result:
-    return CliRunner().invoke(command, list(words), prog_name="pinsing")
 
 
 def refused(*words: str) -> str:

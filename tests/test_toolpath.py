@@ -10,6 +10,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from click.testing import CliRunner
+from command_line import run
 from kernel import needs_kernel
 
 import pinsing
@@ -285,12 +286,12 @@ def test_the_command_writes_a_path_that_check_takes(ur5, tmp_path):
     assert json.loads(done.stdout)["clearance"] > 0.7
     assert out.read_text().splitlines()[0].split(",") == list(arm.joints)
     assert picture.stat().st_size > 10_000
-    check = CliRunner().invoke(command, ["check", "ur5", str(out), "--deg"])
+    check = run("check", "ur5", str(out), "--deg")
     assert check.exit_code == 0, check.output
     rows[3][0] += 5.0
     np.savetxt(poses, rows, delimiter=",", header="x,y,z,qx,qy,qz,qw", comments="")
-    none = CliRunner().invoke(command, [*arguments, "--deg"])
+    none = run(*arguments, "--deg")
     assert none.exit_code == 1
     assert "No path: pose 3 at (" in none.stdout
-    bad = CliRunner().invoke(command, ["path", "ur5", str(Path("nothere.csv"))])
+    bad = run("path", "ur5", str(Path("nothere.csv")))
     assert bad.exit_code == 2

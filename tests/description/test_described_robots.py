@@ -6,10 +6,9 @@ import sys
 from pathlib import Path
 
 import pytest
-from click.testing import CliRunner
+from command_line import run
 
 import pinsing
-from pinsing.cli.app import command
 from pinsing.errors import RobotFileError, UnknownNameError
 
 URDF = Path(__file__).parents[2] / "urdf"
@@ -116,7 +115,7 @@ def test_its_other_robots(package):
     assert pinsing.load("rd:table_description").joints == ("shoulder", "elbow")
     with pytest.raises(RobotFileError, match=r"https://e\.org/x would have to be downloaded"):
         pinsing.load("rd:far_description")
-    done = CliRunner().invoke(command, ["list", "rd:"])
+    done = run("list", "rd:")
     assert re.search(r"rd:puma_description +Unimation PUMA", done.stdout)
     assert "Unimation Far (not on this computer)" in done.stdout
 
@@ -136,7 +135,7 @@ def test_a_clone_that_is_not_whole_fetches_nothing(package, tmp_path):
         "URDF_PATH = path.join(clone_to_cache('here'), 'puma.urdf')\n"
     )
     (tmp_path / "cache" / "here" / ".git").mkdir()
-    done = CliRunner().invoke(command, ["list", "rd:puma_description"])
+    done = run("list", "rd:puma_description")
     assert done.exit_code == 2
     assert "puma.urdf. What is missing would have to be downloaded" in done.stderr
     assert "`robot_descriptions pull puma_description` does it" in done.stderr
@@ -159,7 +158,7 @@ def test_a_clone_that_is_not_whole_fetches_nothing(package, tmp_path):
     ],
 )
 def test_what_cannot_be_had_is_one_line(package, name, said):
-    done = CliRunner().invoke(command, ["list", "--info", name])
+    done = run("list", "--info", name)
     assert done.exit_code == 2
     assert said in done.stderr
     assert len(done.stderr.strip().splitlines()) == 1
@@ -169,7 +168,7 @@ def test_without_the_package_the_line_says_so(monkeypatch):
     monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
     with pytest.raises(RobotFileError, match=r"pip install 'pinsing\[descriptions\]'"):
         pinsing.load("rd:ur5_description")
-    assert "rd:" not in CliRunner().invoke(command, ["list"]).stdout
+    assert "rd:" not in run("list").stdout
 
 
 @pytest.mark.skipif(
@@ -204,5 +203,5 @@ def test_a_mujoco_arm_loads(tmp_path):
 def test_a_broken_mujoco_file_is_one_line(tmp_path, text):
     file = tmp_path / "arm.xml"
     file.write_text(text)
-    done = CliRunner().invoke(command, ["list", str(file)])
+    done = run("list", str(file))
     assert (done.exit_code, len(done.stderr.strip().splitlines())) == (2, 1)

@@ -5,11 +5,10 @@ import pickle
 
 import pinocchio as pin
 import pytest
-from click.testing import CliRunner
+from command_line import run
 from urdf_texts import make_package, robot
 
 import pinsing
-from pinsing.cli.app import command
 from pinsing.description.ros_packages import PackageIndex
 from pinsing.description.urdf import read_description
 from pinsing.errors import RobotFileError
@@ -92,13 +91,13 @@ def test_only_info_and_view_say_which_meshes_are_missing(package):
     file.write_text(mesh_robot("b.stl"))
     said = "1 of 1 mesh files not found and not drawn, as 'b.stl' (no such file)"
     for words, told in (["list"], True), (["families"], False), (["at", "--q", "0,0"], False):
-        done = CliRunner().invoke(command, [words[0], str(file), *words[1:]])
+        done = run(words[0], str(file), *words[1:])
         assert done.exit_code == 0
         assert (said in " ".join(done.output.split())) == told
-    done = CliRunner().invoke(command, ["list", str(file), "-o", "-"])
+    done = run("list", str(file), "-o", "-")
     assert said in json.loads(done.stdout)["arm"]["notes"]
     page = package / "page.html"
-    done = CliRunner().invoke(command, ["view", str(file), "-o", str(page)])
+    done = run("view", str(file), "-o", str(page))
     assert done.exit_code == 0
     assert f"note: {said}" in done.stderr
 

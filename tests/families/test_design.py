@@ -8,12 +8,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from click.testing import CliRunner
+from command_line import run
 from tiers import tiered
 
 import pinsing
 from pinsing.algebra.equation import Equation
-from pinsing.cli.app import command
 from pinsing.description.dh_table import read_dh
 from pinsing.description.dh_urdf import bare_urdf
 from pinsing.errors import OptionError, UnknownNameError
@@ -349,7 +348,7 @@ def test_what_makes_no_sense_is_refused(options, error, said):
 )  # fmt: skip
 def test_the_command_line_keeps_symbols(words, said):
     words = ["families", str(TABLES["puma560"]), "--symbolic", *words]
-    done = CliRunner().invoke(command, words)
+    done = run(*words)
     assert done.exit_code == (0 if said else 2)
     assert (said or "error: ") in done.output + done.stderr
     assert "Traceback" not in done.output

@@ -7,7 +7,8 @@ from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
-from click.testing import CliRunner, Result
+from click.testing import Result
+from command_line import run
 from pages import baked
 from singular_sets import arm_of
 from tiers import tiered
@@ -15,7 +16,6 @@ from tiers import tiered
 import pinsing
 from pinsing.algebra import budget
 from pinsing.algebra.budget import Budget, BudgetExceeded
-from pinsing.cli.app import command
 from pinsing.families import proving
 from pinsing.families.certainty import certainty
 from pinsing.families.form import families_text
@@ -23,10 +23,6 @@ from pinsing.families.proving import prove_briefly, within
 from pinsing.proof import produce
 from pinsing.proof.forms import Forms
 from pinsing.proximity.guard import make_guard
-
-
-def run(*words: str) -> Result:
-    return CliRunner().invoke(command, list(words), prog_name="pinsing")
 
 
 @pytest.fixture

@@ -8,12 +8,11 @@ import pinocchio as pin
 import pytest
 import sympy
 from arms import planar
-from click.testing import CliRunner
+from command_line import run
 from test_closed_form_mimic import finger, follows
 from test_closed_form_twists import HOLLOW, arm_of
 
 import pinsing
-from pinsing.cli.app import command
 from pinsing.errors import OptionError, UnknownNameError
 from pinsing.families import ClosedForm
 
@@ -219,7 +218,7 @@ def test_names_with_line_breaks_stay_within_their_comment(forms):
 def test_the_command_writes_what_the_library_says(tmp_path, forms):
     def wrote(file, *more):
         words = ["families", "stanford", "--no-prove", "-o", str(tmp_path / file), *more]
-        done = CliRunner().invoke(command, words)
+        done = run(*words)
         assert done.exit_code == 0
         return done, (tmp_path / file).read_text()
 
@@ -251,7 +250,7 @@ def test_what_does_not_go_together(tmp_path, monkeypatch, options, said):
     words = ["families", "stanford", "--no-prove", *options]
     if "--loops" in options:
         words = ["families", "four_bar", *options]
-    done = CliRunner().invoke(command, words)
+    done = run(*words)
     assert done.exit_code == 2
     assert said in done.stderr
     assert not list(tmp_path.iterdir())

@@ -6,11 +6,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from click.testing import CliRunner
+from command_line import run
 from singular_sets import arm_of, closed
 
 import pinsing
-from pinsing.cli.app import command
 from pinsing.families import Branch, Family
 from pinsing.families.parts import JointValue, reach_words, values_reached
 from pinsing.measures import Reachability
@@ -55,13 +54,13 @@ def test_the_value_inside_is_named(elbow: Family) -> None:
 
 def test_in_text_at_page_notebook_and_report(table: Path, elbow: Family, tmp_path: Path) -> None:
     path = tmp_path / "report.html"
-    done = CliRunner().invoke(command, ["report", str(table), "-o", str(path)])
+    done = run("report", str(table), "-o", str(path))
     assert done.exit_code == 0, done.stderr
     assert SAID in path.read_text(encoding="utf-8")
-    done = CliRunner().invoke(command, ["families", "-v", str(table), "--no-prove"])
+    done = run("families", "-v", str(table), "--no-prove")
     assert f"boundary, {SAID}; codimension 1 of 4" in done.stdout
     words = ["at", str(table), "--deg", "--q", "0,180,-0.1,0"]
-    done = CliRunner().invoke(command, words)
+    done = run(*words)
     assert f"F1: 0°, on it; the family is {SAID}" in " ".join(done.stdout.split())
     arm = pinsing.load(table)
     (entry,) = family_entries(arm, [elbow])

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from click.testing import CliRunner
+from command_line import run
 from matplotlib.colors import to_hex
 
 import pinsing
 from pinsing import plot
-from pinsing.cli.app import command
 from pinsing.errors import OptionError, UnknownNameError
 from pinsing.plot.plane import _numbers, regular_configuration
 
@@ -76,14 +75,12 @@ def test_bad_input(tmp_path):
         plot.aspect_plane(arm, "q1", "q1")
     with pytest.raises(UnknownNameError):
         plot.aspect_plane(arm, "q1", "nope")
-    run = CliRunner().invoke(command, ["plot", "aspects", "scara", "-o", str(tmp_path / "a.png")])
-    assert run.exit_code == 2
+    done = run("plot", "aspects", "scara", "-o", str(tmp_path / "a.png"))
+    assert done.exit_code == 2
 
 
 def test_the_command_writes_a_picture(tmp_path):
     out = tmp_path / "a.png"
-    run = CliRunner().invoke(
-        command, ["plot", "aspects", "scara", "--over", "q1,q2", "-o", str(out)]
-    )
-    assert run.exit_code == 0
+    done = run("plot", "aspects", "scara", "--over", "q1,q2", "-o", out)
+    assert done.exit_code == 0
     assert out.stat().st_size > 5000

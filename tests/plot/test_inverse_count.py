@@ -4,12 +4,11 @@ import math
 
 import numpy as np
 import pytest
-from click.testing import CliRunner
+from command_line import run
 from tiers import tiered_rows
 
 import pinsing
 from pinsing import plot
-from pinsing.cli.app import command
 from pinsing.errors import OptionError
 from pinsing.kinematics.jacobian import task_jacobian, tip_placement
 from pinsing.plot.reach import Section, reach_of
@@ -122,8 +121,8 @@ def test_the_picture_and_its_command(tmp_path):
     assert said == {"2 solutions", "4 solutions", "4 cusps"}
     out = tmp_path / "a.png"
     words = ["plot", "solutions", str(tmp_path / "arm.dh.yaml"), "--task", "position"]
-    run = CliRunner().invoke(command, [*words, "--ignore-limits", "-o", str(out)])
-    assert run.exit_code == 0, run.output
+    done = run(*words, "--ignore-limits", "-o", str(out))
+    assert done.exit_code == 0, done.output
     assert out.stat().st_size > 5000
 
 
@@ -132,6 +131,6 @@ def test_other_arms_are_refused(name, tmp_path):
     with pytest.raises(OptionError):
         plot.inverse_count(pinsing.load(name))
     out = tmp_path / "a.png"
-    run = CliRunner().invoke(command, ["plot", "solutions", name, "-o", str(out)])
-    assert run.exit_code == 2
+    done = run("plot", "solutions", name, "-o", str(out))
+    assert done.exit_code == 2
     assert not out.exists()

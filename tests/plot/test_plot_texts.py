@@ -12,7 +12,7 @@ import matplotlib as mpl
 mpl.use("agg")
 
 import pytest
-from click.testing import CliRunner
+from command_line import run
 from matplotlib import pyplot as plt
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure, SubFigure
@@ -21,7 +21,6 @@ from mpl_toolkits.mplot3d import Axes3D
 from tiers import tiered_rows
 
 import pinsing
-from pinsing.cli.app import command
 
 URDF = Path(__file__).parents[2] / "urdf"
 
@@ -94,7 +93,7 @@ def drawn(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Callable[..., Figu
             monkeypatch.setattr(
                 f"pinsing.cli.{module}.save_figure", lambda f, *a, **k: kept.append(f)
             )
-        done = CliRunner().invoke(command, ["plot", *words, "-o", str(tmp_path / "a.png")])
+        done = run("plot", *words, "-o", str(tmp_path / "a.png"))
         if done.exit_code == 2 or "Traceback" in done.output:
             assert done.exit_code == 2, done.output
             pytest.skip(done.output.strip().splitlines()[-1])

@@ -4,10 +4,9 @@ import json
 
 import numpy as np
 import pytest
-from click.testing import CliRunner
+from command_line import run
 
 import pinsing
-from pinsing.cli.app import command
 from pinsing.errors import ConfigurationError
 from pinsing.kinematics.jacobian import tip_placement
 
@@ -62,11 +61,11 @@ def test_a_motion_back_and_forth_and_one_that_stays(puma):
 def test_check_says_it(tmp_path):
     path = tmp_path / "way.csv"
     path.write_text("0,0.3,0.2,0,0.8,0\n0,0.3,0.2,0,-0.4,0\n")
-    run = CliRunner().invoke(command, ["check", "puma560", str(path)])
-    assert "changes of aspect (as `pinsing postures` numbers them):" in run.output
-    assert "wrist no-flip" in run.output
-    run = CliRunner().invoke(command, ["check", "puma560", str(path), "-o", "-"])
-    (change,) = json.loads(run.stdout)["aspect_changes"]
+    done = run("check", "puma560", str(path))
+    assert "changes of aspect (as `pinsing postures` numbers them):" in done.output
+    assert "wrist no-flip" in done.output
+    done = run("check", "puma560", str(path), "-o", "-")
+    (change,) = json.loads(done.stdout)["aspect_changes"]
     assert change["t"] == pytest.approx(2 / 3)
 
 
@@ -93,8 +92,8 @@ def test_a_line_that_needs_another_posture():
 def test_line_lists_them():
     arguments = ["line", "ur5", f"--q={','.join(map(str, START))}"]
     arguments += [f"--to={','.join(map(str, GOAL))}"]
-    run = CliRunner().invoke(command, arguments)
-    assert (run.exit_code, run.output.count("away from every family")) == (0, 4)
+    done = run(*arguments)
+    assert (done.exit_code, done.output.count("away from every family")) == (0, 4)
 
 
 def leaves(arm, q):
@@ -117,9 +116,9 @@ def test_a_line_that_leaves_the_limits_has_postures_too(puma):
     assert other.outcome == "reached"
     assert not leaves(arm, other.q)
     arguments = ["line", "puma560", f"--q={','.join(map(str, q0))}"]
-    run = CliRunner().invoke(command, [*arguments, f"--to={','.join(map(str, goal))}"])
-    assert "Outside: q4 leaves its limits, " in run.output
-    assert run.output.count("away from every family") == 1
+    done = run(*arguments, f"--to={','.join(map(str, goal))}")
+    assert "Outside: q4 leaves its limits, " in done.output
+    assert done.output.count("away from every family") == 1
 
 
 def test_the_same_posture_whole_turns_away_would_do():
@@ -145,5 +144,5 @@ def test_the_same_posture_whole_turns_away_would_do():
 
 
 def test_a_line_that_no_posture_follows_says_so():
-    run = CliRunner().invoke(command, ["line", "scara", "--q=0,1,0,0", "--to=5,0,0.1"])
-    assert "None of 1 other posture of the start follows it to its end" in run.output
+    done = run("line", "scara", "--q=0,1,0,0", "--to=5,0,0.1")
+    assert "None of 1 other posture of the start follows it to its end" in done.output

@@ -5,10 +5,9 @@ from itertools import product
 
 import numpy as np
 import pytest
-from click.testing import CliRunner
+from command_line import run
 
 import pinsing
-from pinsing.cli.app import command
 from pinsing.description.dh_urdf import dh_to_urdf, read_dh
 from pinsing.kinematics.jacobian import tip_placement
 from pinsing.postures.aspects import map_of
@@ -169,9 +168,9 @@ def test_a_way_from_what_is_singular_is_not_looked_for():
 )
 def test_of_two_configurations_none_is_dropped(words):
     twice = ["--q", "0,-1,1,0.1,1,0", "--q", "0,1,1,0.1,1,0"]
-    run = CliRunner().invoke(command, [*words, *twice])
-    assert run.exit_code == 2
-    assert f"--q was given 2 times; {words[0]} takes one" in run.output
-    run = CliRunner().invoke(command, ["line", "ur5", *twice[:2], "--to", "1,1,1", "--to", "1,2,1"])
-    assert run.exit_code == 2
-    assert "--to was given 2 times" in run.output
+    done = run(*words, *twice)
+    assert done.exit_code == 2
+    assert f"--q was given 2 times; {words[0]} takes one" in done.output
+    done = run("line", "ur5", *twice[:2], "--to", "1,1,1", "--to", "1,2,1")
+    assert done.exit_code == 2
+    assert "--to was given 2 times" in done.output

@@ -7,10 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pinocchio as pin
 import pytest
-from click.testing import CliRunner
+from command_line import run
 
 import pinsing
-from pinsing.cli.app import command
 from pinsing.errors import OptionError
 from pinsing.kinematics.jacobian import frame_jacobians
 from pinsing.kinematics.speed_bounds import SpeedBounds
@@ -142,14 +141,14 @@ def test_of_a_planar_arm_the_distance_is_that_of_a_fine_grid():
     ],
 )
 def test_what_makes_no_sense_is_refused(words, said):
-    done = CliRunner().invoke(command, ["zones", *words])
+    done = run("zones", *words)
     assert done.exit_code == 2
     assert said in " ".join(done.stderr.split())
 
 
 def test_the_command_says_what_to_keep_and_where():
     words = ["zones", "scara", "--joint-speeds", "5,5,1,10", "--within", "q3=0..0.1"]
-    done = CliRunner().invoke(command, words)
+    done = run(*words)
     assert done.exit_code == 0, done.output
     assert "with d3 between 0 m and 0.1 m, keep 20.3° from" in done.stdout
 

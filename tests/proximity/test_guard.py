@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from click.testing import CliRunner, Result
+from command_line import run
 from singular_sets import ROBOTS, Joint, arm_of, build, closed
 from tiers import tiered
 
@@ -21,7 +21,6 @@ import pinsing
 from pinsing._types import Array
 from pinsing.algebra.equation import Equation
 from pinsing.algebra.two_sided import two_sided
-from pinsing.cli.app import command
 from pinsing.errors import OptionError, PinsingError, UnknownNameError
 from pinsing.families import Branch, ClosedForm
 from pinsing.proximity import guard as guard_module
@@ -465,10 +464,6 @@ def test_forms_of_two_tasks_and_of_another_arm() -> None:
         pinsing.export_guard(arm, "rust", forms=closed("ur5"))
     with pytest.raises(OptionError, match="arm must be"):
         pinsing.export_guard(pinsing.load_mechanism("urdf/five_bar.urdf"))
-
-
-def run(*words: object) -> Result:
-    return CliRunner().invoke(command, [*map(str, words)], prog_name="pinsing")
 
 
 class TestCommand:

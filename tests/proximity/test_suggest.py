@@ -6,21 +6,16 @@ import shlex
 
 import numpy as np
 import pytest
-from click.testing import CliRunner, Result
+from command_line import run
 from kernel import needs_kernel
 from singular_sets import Joint, arm_of, build, closed
 
 import pinsing
-from pinsing.cli.app import command
 from pinsing.errors import ConfigurationError, OptionError, PinsingError
 from pinsing.report.info import singular_poses
 from pinsing.robot.arm import Arm
 
 pytestmark = needs_kernel  # without it a suggestion takes minutes
-
-
-def run(*words: str) -> Result:
-    return CliRunner().invoke(command, list(words), prog_name="pinsing")
 
 
 def holds(arm: Arm, found: pinsing.proximity.Suggestion, forms: object) -> None:
@@ -175,7 +170,8 @@ def test_thirteen_joints_get_one_without_a_proof() -> None:
     arm = build([Joint(rng.uniform(-1, 1), rng.uniform(0, 0.3)) for _ in range(13)])
     found = pinsing.suggest(arm)
     assert not found.complete
-    assert (found.lower, pinsing.at(arm, found.q).status) == (0.0, "regular")
+    assert found.lower <= found.upper
+    assert pinsing.at(arm, found.q).status == "regular"
 
 
 @pytest.mark.parametrize(

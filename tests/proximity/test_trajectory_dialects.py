@@ -4,10 +4,9 @@ import json
 
 import numpy as np
 import pytest
-from click.testing import CliRunner
+from command_line import run
 
 from pinsing import load
-from pinsing.cli.app import command
 from pinsing.errors import ConfigurationError
 from pinsing.proximity.trajectory_file import read_trajectory
 
@@ -241,8 +240,8 @@ def test_columns_and_units_can_be_said(tmp_path, arm):
         "check", "ur5", str(tmp_path / "a.csv"), "--units", "deg", "--columns",
         "t=when,a,b,c,d,e,f",
     ]  # fmt: skip
-    done = CliRunner().invoke(command, words)
+    done = run(*words)
     assert done.exit_code == 0, done.stderr
     assert "elbow_joint = 'c'" in done.stderr
-    plain = CliRunner().invoke(command, ["check", "ur5", str(tmp_path / "deg.csv")])
+    plain = run("check", "ur5", str(tmp_path / "deg.csv"))
     assert plain.exit_code == 0, plain.stderr

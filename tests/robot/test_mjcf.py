@@ -6,10 +6,9 @@ from pathlib import Path
 import numpy as np
 import pinocchio as pin
 import pytest
-from click.testing import CliRunner
+from command_line import run
 
 import pinsing
-from pinsing.cli.app import command
 from pinsing.errors import PinsingError
 
 GOOD = """<mujoco model="arm">
@@ -74,7 +73,7 @@ def load(folder: Path, text: str) -> pinsing.Arm:
 def refused(folder: Path, text: str) -> str:
     file = folder / "arm.xml"
     file.write_text(text)
-    done = CliRunner().invoke(command, ["list", str(file)])
+    done = run("list", str(file))
     assert done.exit_code == 2, (done.stdout, done.exception)
     (line,) = done.stderr.strip().splitlines()
     return line

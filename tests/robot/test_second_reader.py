@@ -4,11 +4,10 @@ import json
 from dataclasses import replace
 
 import pytest
-from click.testing import CliRunner
+from command_line import run
 from tiers import tiered
 
 import pinsing
-from pinsing.cli.app import command
 from pinsing.description.catalog import known_robots
 from pinsing.errors import PinsingError
 from pinsing.robot.arm import Arm
@@ -77,10 +76,10 @@ def test_a_file_that_it_cannot_read_is_a_note(capfd: pytest.CaptureFixture[str])
 
 
 def test_info_says_what_it_found_and_only_of_urdf(tmp_path) -> None:
-    said = CliRunner().invoke(command, ["list", "stanford"]).stdout
+    said = run("list", "stanford").stdout
     assert "second reader" in said
     assert "random configurations (seed 20)" in " ".join(said.split())
-    data = json.loads(CliRunner().invoke(command, ["list", "stanford", "-o", "-"]).stdout)
+    data = json.loads(run("list", "stanford", "-o", "-").stdout)
     assert (data["second_reading"]["seed"], data["second_reading"]["differences"]) == (20, [])
     table = tmp_path / "arm.yaml"
     table.write_text(

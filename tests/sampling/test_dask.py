@@ -18,6 +18,7 @@ from typing import Any
 import arms
 import pytest
 from click.testing import CliRunner
+from command_line import run
 
 from pinsing._version import __version__
 from pinsing.cli.app import command
@@ -103,7 +104,7 @@ def test_the_command(shared: Cluster, tmp_path: Path) -> None:
     )
     assert done.exit_code == 0, done.output
     assert f"dask worker threads at {shared.address}" in done.stderr
-    assert done.stdout == CliRunner().invoke(command, words).stdout
+    assert done.stdout == run(*words).stdout
     assert len(list((tmp_path / "run" / "chunks").iterdir())) == 10
 
 
@@ -190,7 +191,7 @@ def test_a_bad_address_is_one_line_at_once(address: str, monkeypatch: pytest.Mon
     monkeypatch.setattr("pinsing.sampling.executors._knock", lambda *given: asked.append(given))
     monkeypatch.setattr(distributed, "Client", lambda *given, **_: asked.append(given))
     words = ["map", "planar3r", "--count", "1e4", "--dask", address]
-    done = CliRunner().invoke(command, words, catch_exceptions=False)
+    done = run(*words)
     assert not asked
     assert done.exit_code == 2
     errors = [x for x in done.stderr.splitlines() if not x.startswith("pinsing: note")]
@@ -234,7 +235,7 @@ def test_a_scheduler_that_dies(tmp_path: Path, number: signal.Signals) -> None:
     assert lines[0].startswith("pinsing: error: ")
     assert "what is kept in a folder is safe" in lines[0]
     kept = len(os.listdir(out / "chunks"))
-    done = CliRunner().invoke(command, words, catch_exceptions=False)
+    done = run(*words)
     assert f"{kept} of 489 chunks were done before" in done.stderr
 
 

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from command_line import run
 from tiers import tiered
 
 from pinsing.view.picture import find_browser
@@ -54,14 +55,11 @@ def test_every_command_that_writes_is_here(tools: Any) -> None:
 
 
 def test_what_is_said_to_be_refused_for_mechanisms_is(tools: Any, tmp_path: Path) -> None:
-    from click.testing import CliRunner
-
-    from pinsing.cli.app import command
 
     urdf = Path(__file__).parents[2] / "urdf"
     files = [str(urdf / "five_bar.urdf"), "--loops", str(urdf / "five_bar.loops.yaml")]
     for name, out in tools["commands"].REFUSED.items():
-        done = CliRunner().invoke(command, [name, *files, "-o", str(tmp_path / out)])
+        done = run(name, *files, "-o", str(tmp_path / out))
         assert done.exit_code == 2
         assert not list(tmp_path.iterdir())
 

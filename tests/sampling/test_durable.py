@@ -19,13 +19,12 @@ from typing import Any
 import arms
 import numpy as np
 import pytest
-from click.testing import CliRunner, Result
+from command_line import run
 from tiers import tiered
 
 from pinsing import singular_values
 from pinsing._batch import engine as kernel
 from pinsing.chunk_file import DamagedError, Record, pack
-from pinsing.cli.app import command
 from pinsing.errors import EngineError, OutputError
 from pinsing.sampling import plan_map, sigma_map
 from pinsing.sampling.execute import RunFolder, ctrl_c_afterwards, open_run, recorded
@@ -35,10 +34,6 @@ from pinsing.sampling.sweep_run import SweepResult, load_npz, run_sweep
 
 IDENTITY = {"kind": "test", "size": 3}
 RECORD = {"a": np.arange(5.0), "b": np.array([1, 2])}
-
-
-def run(*words: str) -> Result:
-    return CliRunner().invoke(command, list(words), catch_exceptions=False)
 
 
 def same(one: dict, two: dict | None) -> bool:

@@ -16,7 +16,7 @@ from multiprocessing import get_context
 import arms
 import numpy as np
 import pytest
-from click.testing import CliRunner, Result
+from command_line import run
 from hypothesis import given
 from hypothesis import strategies as st
 from scipy.stats import qmc
@@ -24,7 +24,6 @@ from tiers import tiered
 
 from pinsing import singular_values
 from pinsing._batch import engine as kernel
-from pinsing.cli.app import command
 from pinsing.cli.running import Meter, duration, short
 from pinsing.errors import (
     ConfigurationError,
@@ -44,10 +43,6 @@ from pinsing.sampling.map_plan import BLOCK, grid_axis, grid_points, put_points,
 from pinsing.sampling.tally import BINS, QUANTILE_ERROR, Tally, bin_edges, bin_numbers, count_values
 
 N = 5 * BLOCK + 77
-
-
-def run(*words: str) -> Result:
-    return CliRunner().invoke(command, list(words), catch_exceptions=False)
 
 
 # ---- where the configurations are

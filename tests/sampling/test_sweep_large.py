@@ -13,11 +13,10 @@ from pathlib import Path
 import arms
 import numpy as np
 import pytest
-from click.testing import CliRunner
+from command_line import run
 from singular_sets import dips
 from tiers import tiered
 
-from pinsing.cli.app import command
 from pinsing.errors import OptionError, OutputError, ResultError
 from pinsing.kinematics.jacobian import singular_values
 from pinsing.kinematics.verdict import ratios
@@ -370,10 +369,6 @@ def test_numbers_that_make_no_sense(name: str) -> None:
 
 
 # ---- the command line
-
-
-def run(*words: str):
-    return CliRunner().invoke(command, list(words), catch_exceptions=False)
 
 
 def test_keep_on_the_command_line(tmp_path: Path, small_keep: None) -> None:

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 import pytest
 from chromium import open_page, text
+from command_line import run
 from mechanisms import analyzed, shipped
 
 from pinsing import at, closed_form
@@ -132,12 +133,18 @@ def drag(page: Any) -> None:
     np.testing.assert_allclose(q_of(page)[[1, 4]], [0.9, 1.2])
 
 
+# The grip is where the tip is drawn, which is some pictures after a pose.
+DRAWN = """() => {
+  const { drag, view } = window.pinsing, box = drag.grip.getBoundingClientRect();
+  const [x, y] = drag.pixels(view.frame.tip, view.viewer.camera);
+  return Math.hypot(box.x + box.width / 2 - x, box.y + box.height / 2 - y) < 1;
+}"""
+
+
 def pull(page: Any, dx: float, dy: float) -> np.ndarray:
     """Drag the tip by a real pointer; where it was, where it is, and where it should be."""
-    box, moved = None, page.locator("#grip").bounding_box()
-    while box != moved:  # the grip is at the tip some pictures later
-        page.wait_for_timeout(300)
-        box, moved = moved, page.locator("#grip").bounding_box()
+    page.wait_for_function(DRAWN)
+    box = page.locator("#grip").bounding_box()
     before = page.evaluate("() => window.pinsing.view.frame.tip")
     x, y = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
     page.mouse.move(x, y)
@@ -415,15 +422,12 @@ def test_whoever_wants_no_motion_gets_the_end_of_it(page, addresses):
 
 def test_a_live_page_reads_files_as_the_command_line_does(page: Any, tmp_path: Path) -> None:
     """Degrees named in the head, decimal commas; the first line is that of `pinsing check`."""
-    from click.testing import CliRunner
-
-    from pinsing.cli.app import command
 
     rows = "\n".join(f"{t};0;{-90 + 9 * t};80;10;{20 - 10 * t},5;5" for t in range(5))
     content = "time;" + ";".join(f"J{k} (deg)" for k in range(1, 7)) + "\n" + rows
     file = tmp_path / "tour.csv"
     file.write_text(content)
-    said = CliRunner().invoke(command, ["check", "ur5", str(file)]).stdout.splitlines()
+    said = run("check", "ur5", str(file)).stdout.splitlines()
     with Viewer(load("ur5"), skeleton=True) as viewer:
         open_page(page, viewer.url)
         give(page, "tour.csv", content)

@@ -9,10 +9,9 @@ from typing import Any
 import numpy as np
 import pytest
 from chromium import open_page, text
-from click.testing import CliRunner
+from command_line import run
 
 import pinsing
-from pinsing.cli.app import command
 from pinsing.errors import OptionError
 from pinsing.view.picture import find_browser
 
@@ -94,8 +93,8 @@ def test_the_command_writes_a_page(cuspidal, tmp_path):
     out = tmp_path / "a.html"
     q = ",".join(map(repr, map(float, found.q)))
     words = ["postures", str(path), "--task", "position", "--ignore-limits", f"--q={q}"]
-    run = CliRunner().invoke(command, [*words, "-o", str(out)])
-    assert run.exit_code == 0, run.output
+    done = run(*words, "-o", str(out))
+    assert done.exit_code == 0, done.output
     assert out.stat().st_size > 100_000
     packed = re.search(r'id="baked-page"[^>]*>([^<]+)<', out.read_text(encoding="utf-8"))
     shown = json.loads(gzip.decompress(base64.b64decode(packed[1])))

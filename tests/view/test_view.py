@@ -20,6 +20,7 @@ import pinocchio as pin
 import pytest
 import umsgpack
 from arms import planar, textbook, ur5
+from command_line import run
 from links import get, heard
 from pages import baked
 from tiers import tiered
@@ -463,9 +464,6 @@ def test_listening_to_the_network_is_warned_about() -> None:
 
 @pytest.mark.parametrize("what", ["check", pytest.param("analysis", marks=pytest.mark.slow)])
 def test_every_page_says_how_complete_its_list_is(tmp_path: Path, what: str) -> None:
-    from click.testing import CliRunner
-
-    from pinsing.cli.app import command
 
     page, given = tmp_path / "page.html", tmp_path / "given"
     if what == "check":
@@ -474,7 +472,7 @@ def test_every_page_says_how_complete_its_list_is(tmp_path: Path, what: str) -> 
     else:
         given.write_text(analyze(load("planar3r")).to_json())
         words = ["view", "planar3r", "--analysis", str(given), "--skeleton"]
-    result = CliRunner().invoke(command, [*words, "-o", str(page)])
+    result = run(*words, "-o", str(page))
     assert result.exit_code == 0, result.output
     words = ("Proven", "Probable")[: 1 + (what != "analysis")]  # an analysis has a certificate
     assert baked(page.read_text())["coverage"].startswith(words)

@@ -18,6 +18,7 @@ import numpy as np
 import pytest
 from arms import textbook
 from chromium import BLUE, ORANGE, PINK, near, open_page, picture, show_only, text
+from command_line import run
 from urdf_texts import three_joints
 
 from pinsing import closed_form
@@ -285,15 +286,12 @@ def test_a_picture_is_taken(tmp_path: Path) -> None:
 
 @pytest.mark.slow
 def test_a_mechanism_s_picture_is_taken(tmp_path: Path) -> None:
-    from click.testing import CliRunner
-
-    from pinsing.cli.app import command
     from pinsing.description.dh_urdf import urdf_folder
 
     robot = urdf_folder() / "five_bar.urdf"
     out = tmp_path / "five_bar.png"
     loops = str(robot.with_suffix("")) + ".loops.yaml"
-    done = CliRunner().invoke(command, ["view", str(robot), "--loops", loops, "-o", str(out)])
+    done = run("view", str(robot), "--loops", loops, "-o", str(out))
     assert done.exit_code == 0, done.output
     assert out.read_bytes()[:4] == b"\x89PNG"
 

@@ -11,11 +11,11 @@ import numpy as np
 import numpy.typing as npt
 
 from pinsing._types import Array, Bool, Ints
-from pinsing.algebra.budget import Budget
-from pinsing.algebra.nearest import SearchOptions, nearest_points
+from pinsing.algebra.budget import PER_SECOND, Budget
+from pinsing.algebra.nearest import BOXES, SearchOptions, nearest_points
 from pinsing.arguments import MAX_SEED, checked, whole_number
 from pinsing.errors import ConfigurationError, OptionError
-from pinsing.families import Branch, Family
+from pinsing.families import Branch
 from pinsing.families.solve import form_to_measure
 from pinsing.joint_text import typed
 from pinsing.kinematics.verdict import ratios
@@ -72,7 +72,8 @@ class Sites:
 
     def __init__(self, watched: Watched, rng: np.random.Generator) -> None:
         self.watched = watched
-        self.turn = watched.conditions.turn
+        turn = watched.conditions.turn
+        self.turn = np.where(turn > 0, turn, np.inf)
         self._groups: dict[tuple[int, tuple[int, ...]], Array] = {}
         for number, family in enumerate(watched.families):
             for branch in family.branches:
@@ -91,9 +92,11 @@ class Sites:
         for x, number in zip(X, families, strict=True):
             if number >= 0:
                 family = self.watched.families[int(number)]
-                branch = _branch_of(family, x / self.watched.weight)
-                if branch is not None:
-                    self._take(int(number), branch, x[None])
+                q = x / self.watched.weight
+                parts = [replace(family, branches=(b,)) for b in family.branches]
+                on = [p.branches[0] for p in parts if p.contains(q, 1e-9).item()]
+                if on:
+                    self._take(int(number), min(on, key=lambda b: len(b.involved)), x[None])
 
     def each(self, X: Array, half: Array | float = 0.0) -> Array:
         """No point of boxes around X (N, n), ``half`` (N, n) to each side, is farther: (N, F)."""
@@ -103,12 +106,8 @@ class Sites:
             total = np.zeros((len(X), len(points)))
             for k, j in enumerate(joints):
                 off = np.abs(X[:, j, None] - points[:, k])
-                if self.turn[j] > 0:
-                    off = np.minimum(off, self.turn[j] - off)
-                off += half[:, j, None]
-                if self.turn[j] > 0:
-                    np.minimum(off, self.turn[j] / 2, out=off)
-                total += off * off
+                off = np.minimum(off, self.turn[j] - off) + half[:, j, None]
+                total += np.minimum(off, self.turn[j] / 2) ** 2
             least = np.sqrt(total.min(axis=1, initial=np.inf))
             out[:, family] = np.minimum(out[:, family], least)
         return out
@@ -119,14 +118,8 @@ class Sites:
 
     def _folded(self, X: Array) -> Array:
         """Values (N, n) of turning joints within half a turn of zero."""
-        turns = np.round(X / np.where(self.turn > 0, self.turn, np.inf))
-        return np.asarray(X - self.turn * turns)
-
-
-def _branch_of(family: Family, q: Array) -> Branch | None:
-    """Branch of a family that q is on, with the fewest joints."""
-    found = [b for b in family.branches if replace(family, branches=(b,)).contains(q, 1e-9).item()]
-    return min(found, key=lambda b: len(b.involved), default=None)
+        turns = np.round(X / self.turn)
+        return np.asarray(X - np.where(turns == 0, 0.0, self.turn) * turns)
 
 
 class RoomSearch:
@@ -176,9 +169,12 @@ class RoomSearch:
     def prove(self, X: Array) -> Array:
         """Lower bounds (N,) of the clearance at X, and sites where the nearest points are."""
         w = self.watched
-        options = SearchOptions(_GAP)
+        terms = sum(s.rate.size for branch in w.conditions.branches for s in branch.sums)
+        box = _BOX + terms / 6  # six of them in the time of a product
+        boxes = int(self.budget.left * PER_SECOND / (box * len(X)))
+        options = SearchOptions(_GAP, max(1, min(BOXES, boxes)))
         found = nearest_points(w.conditions, X / w.weight, w.lower, w.upper, options)
-        self.budget.spend(_BOX * float(found.boxes.sum()))
+        self.budget.spend(box * float(found.boxes.sum()))
         self.sites.add(found.q * w.weight, found.family)
         lower = np.where(self.usable(X / w.weight), found.lower, -np.inf)
         k = int(np.argmax(lower))
