@@ -15,6 +15,7 @@ import io
 import os
 import re
 import sys
+import unicodedata
 from collections import Counter
 from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass, field, replace
@@ -361,12 +362,9 @@ def find_robot(name: str) -> CatalogEntry:
     if at_once is not None:
         return at_once
     entries = known_robots()
-    if name in entries:
-        return entries[name]
-    wanted = _canonical(name)
-    for known, entry in entries.items():
-        if _canonical(known) == wanted:
-            return entry
+    alike = [k for k in entries if k == name or _canonical(k) == _canonical(name)]
+    if alike:
+        return entries[name if name in alike else alike[0]]
     raise UnknownNameError(
         "robot",
         name,
@@ -387,14 +385,12 @@ def _plain_hit(name: str) -> CatalogEntry | None:
 
 
 def _meant(name: str, entries: Mapping[str, CatalogEntry]) -> list[str]:
-    """Return the robots that have all words of a name in their name or title: "kuka", "ur5e"."""
-    words = re.findall(r"[a-z]{3,}", name.lower()[:100])
-    titled = {known: f"{known} {entry.title}".lower() for known, entry in entries.items()}
-    return [
-        known
-        for known, said in titled.items()
-        if words and all(w in said for w in words) and entries[known].alias_of is None
-    ]
+    """Return the robots that have a name, or all words of it: "kuka kr6", "crx-10", "gofa"."""
+    words, whole = re.findall(r"[a-z]{3,}", name.lower()[:100]), _canonical(name[:100])
+    titled = {known: _canonical(f"{known} {entry.title}") for known, entry in entries.items()}
+    exact = [known for known, said in titled.items() if len(whole) > 2 and whole in said]
+    near = [known for known, said in titled.items() if words and all(w in said for w in words)]
+    return [known for known in exact or near if entries[known].alias_of is None]
 
 
 def _families(known: Collection[str]) -> str:
@@ -521,4 +517,4 @@ def _entry(name: str, path: Path, source: str, dirs: tuple[Path, ...]) -> Catalo
 
 
 def _canonical(name: str) -> str:
-    return re.sub(r"[\W_]", "", name.lower())
+    return re.sub(r"[\W_]", "", unicodedata.normalize("NFKD", name).lower())
