@@ -638,13 +638,11 @@ def line_summary(line: LineCheck, degrees: bool = True, robot: str = "", same: s
     else:
         head = f"NOT DECIDED, the {whole} was followed for {done}{but * bool(faults)}"
     out = [*[line.tube] * bool(line.tube), *left]
-    apart = {c.family for c in met} | {line.family}
-    beside = (a for a in line.approaches if a.upper > 0 and a.family not in apart)
-    near = next((a for a in beside if a.outside != "family"), None)
-    if near is not None:
-        other = " elsewhere" * bool(apart - {""})
+    near = next((a for a in line.approaches if a.upper > 0 and a.outside != "family"), None)
+    # What is met matters more; the rest is below.
+    if near is not None and not met and not line.family:
         far = f"{angle_text(near.upper, degrees)} at {near.t:.4g} m{OUTSIDE[near.outside]}"
-        out.append(f"Closest approach{other}: {titled(near.family, near.title)}, {far}")
+        out.append(f"Closest approach: {titled(near.family, near.title)}, {far}")
     out.append(f"Joint speeds at {line.speed:g} m/s: {_line_speeds(line)}")
     good = [p for p in line.postures if p.outcome == "reached" and p.within_limits]
     if good:
