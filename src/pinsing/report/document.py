@@ -260,8 +260,9 @@ def document(
     foot : str
         Plain words at the end.
     """
-    contents = "".join(f'<li><a href="#{key}">{text(name)}</a></li>' for key, name, _ in sections)
-    body = "\n".join(part for _, _, part in sections)
+    (_, _, answer), *rest = sections
+    contents = "".join(f'<li><a href="#{key}">{text(name)}</a></li>' for key, name, _ in rest)
+    body = "\n".join(part for _, _, part in rest)
     return f"""<!DOCTYPE html>
 <html lang="en">
 <head>
@@ -279,8 +280,9 @@ def document(
 <h1>{text(title)}</h1>
 <p class="sub">{text(subtitle)}</p>
 </header>
-<nav aria-label="Contents"><ol>{contents}</ol></nav>
 <main>
+{answer}
+<nav aria-label="Contents"><ol>{contents}</ol></nav>
 {body}
 </main>
 <footer><p>{text(foot)}</p></footer>
