@@ -16,6 +16,7 @@ import numpy as np
 import pinocchio as pin
 
 from pinsing._types import Array
+from pinsing.algebra.equation import Equation
 from pinsing.configuration.refine import approach, walk
 from pinsing.families import ClosedForm, closed_form
 from pinsing.kinematics.jacobian import generic_rank, task_jacobians
@@ -284,3 +285,17 @@ def dips(values: np.ndarray) -> np.ndarray:
     """Local minima of a curve that is singular nowhere."""
     end = np.full(1, np.inf)
     return np.flatnonzero(minima(values[None], np.ones((1, len(values))), end, end)[0])
+
+
+def sliding_equation(form: ClosedForm) -> Equation:
+    """d3^2 + 0.5 d3 cos q2 - 0.3, of an arm with six joints."""
+    frequencies, powers = np.zeros((2, 3, 6), dtype=np.int64)
+    powers[:2, 2], frequencies[1, 1] = (2, 1), 2
+    return Equation(
+        joints=form.symbols,
+        frequencies=frequencies,
+        powers=powers,
+        cos=np.array([1.0, 0.5, -0.3]),
+        sin=np.zeros(3),
+        shift=np.zeros(6),
+    )

@@ -8,13 +8,10 @@ from typing import Any
 
 import numpy as np
 import pytest
+from chromium import require_browser
 
-from pinsing.view.picture import find_browser
-
-pytest.importorskip("playwright.sync_api", reason="needs Playwright for Python")
 latex = pytest.importorskip("docutils.utils.math.latex2mathml", reason="needs docutils")
-if find_browser() is None:
-    pytest.skip("needs Chromium or Chrome", allow_module_level=True)
+require_browser()
 
 STYLE = (Path(__file__).parents[1] / "docs/_static/pages.css").read_text(encoding="utf-8")
 

@@ -11,16 +11,13 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 import pytest
-from chromium import BLUE, HOT, PINK, near, open_page, picture, show_only, text
+from chromium import BLUE, HOT, PINK, near, open_page, picture, require_browser, show_only, text
 from mechanisms import analyzed, shipped
 
 from pinsing.loops import home, mechanism_at, residual
 from pinsing.view.mechanism_viewer import MechanismViewer
-from pinsing.view.picture import find_browser
 
-pytest.importorskip("playwright.sync_api", reason="needs Playwright for Python")
-if find_browser() is None:
-    pytest.skip("needs Chromium or Chrome", allow_module_level=True)
+require_browser()
 
 NAMES = ["five_bar", "four_bar", "planar_3rrr"]
 # The quick tier drives one of them; the slow one all.

@@ -14,12 +14,11 @@ from typing import Any
 import numpy as np
 import pytest
 from command_line import run
-from singular_sets import ROBOTS, Joint, arm_of, build, closed
+from singular_sets import ROBOTS, Joint, arm_of, build, closed, sliding_equation
 from tiers import tiered
 
 import pinsing
 from pinsing._types import Array
-from pinsing.algebra.equation import Equation
 from pinsing.algebra.two_sided import two_sided
 from pinsing.errors import OptionError, PinsingError, UnknownNameError
 from pinsing.families import Branch, ClosedForm
@@ -131,16 +130,7 @@ def sliding_form() -> tuple[Arm, ClosedForm]:
     """d3^2 + 0.5 d3 cos q2 - 0.3 = 0 and q5 = 0.2, and d3 = 0.1 or both, in a Stanford arm."""
     arm = pinsing.load("stanford", units="rad", length_scale=0.4)
     form = pinsing.closed_form(arm, prove=False)
-    frequencies, powers = np.zeros((2, 3, 6), dtype=np.int64)
-    powers[:2, 2], frequencies[1, 1] = (2, 1), 2
-    equation = Equation(
-        joints=form.symbols,
-        frequencies=frequencies,
-        powers=powers,
-        cos=np.array([1.0, 0.5, -0.3]),
-        sin=np.zeros(3),
-        shift=np.zeros(6),
-    )
+    equation = sliding_equation(form)
     single = replace(form.families[0], branches=(Branch((), (equation,)),))
     wrist = form.families[2].branches[0].values
     both = replace(form.families[0], name="F4", branches=(Branch(wrist, (equation,)),))

@@ -6,13 +6,12 @@ from itertools import pairwise
 import numpy as np
 import pytest
 from kernel import needs_kernel
-from singular_sets import Joint, arm_of, build, closed
+from singular_sets import Joint, arm_of, build, closed, sliding_equation
 
 import pinsing
 from pinsing._batch import engine
 from pinsing._types import Array
 from pinsing.algebra.conditions import contact_along
-from pinsing.algebra.equation import Equation
 from pinsing.errors import ConfigurationError, OptionError, PinsingError, UnknownNameError
 from pinsing.families import Branch
 
@@ -154,16 +153,7 @@ def test_the_same_without_the_compiled_engine(name: str) -> None:
 def test_prismatic_joints_in_equations(compiled: bool) -> None:
     """d3^2 + 0.5 d3 cos q2 - 0.3 = 0, made up, in place of the families of the Stanford arm."""
     form = closed("stanford")
-    frequencies, powers = np.zeros((2, 3, 6), dtype=np.int64)
-    powers[:2, 2], frequencies[1, 1] = (2, 1), 2
-    equation = Equation(
-        joints=form.symbols,
-        frequencies=frequencies,
-        powers=powers,
-        cos=np.array([1.0, 0.5, -0.3]),
-        sin=np.zeros(3),
-        shift=np.zeros(6),
-    )
+    equation = sliding_equation(form)
     family = dataclasses.replace(
         form.families[0], branches=(Branch((), (equation,)),), length_scale=0.5
     )
@@ -267,6 +257,15 @@ def test_weights_and_two_forms() -> None:
     assert {name.split()[0] for name in both.names} == {"pose", "position"}
     with pytest.raises(OptionError, match="different joints"):
         pinsing.Monitor([closed("ur5"), closed("stanford")])
+
+
+def test_tip_speeds_are_those_of_the_configuration() -> None:
+    q = [0, -1.2, 1.3, -1, 0.15, 0]
+    said = pinsing.Monitor(closed("ur5"), tip_speed=0.1, turn_speed=0.3).update(q).tip_speeds
+    expected = pinsing.at(arm_of("ur5"), q, tip_speed=0.1, turn_speed=0.3).tip_speeds
+    assert (said.linear, said.share) == (expected.linear, expected.share)
+    with pytest.raises(OptionError, match="has no joint speed limits"):
+        pinsing.Monitor(closed("scara"), tip_speed=0.1)
 
 
 def test_what_is_missing_is_said():

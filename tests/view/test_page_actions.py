@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from chromium import open_page, text
+from chromium import open_page, require_browser, text
 from command_line import run
 from mechanisms import analyzed, shipped
 
@@ -20,11 +20,8 @@ from pinsing import at, closed_form
 from pinsing.robot.load import load
 from pinsing.view import Viewer
 from pinsing.view.mechanism_viewer import MechanismViewer
-from pinsing.view.picture import find_browser
 
-pytest.importorskip("playwright.sync_api", reason="needs Playwright for Python")
-if find_browser() is None:
-    pytest.skip("needs Chromium or Chrome", allow_module_level=True)
+require_browser()
 
 
 MAKE: dict[str, Callable[[], Viewer | MechanismViewer]] = {
@@ -204,11 +201,14 @@ def type_and_step(page: Any) -> None:
 
 def nearest_and_back(page: Any) -> None:
     drag(page)
+    there_and_back(page, ("#status", "Singular"), ("#nearest", "from"))
+
+
+def there_and_back(page: Any, there: tuple[str, str], back: tuple[str, str]) -> None:
     before = q_of(page)
-    page.locator("#nearest-pose").click()
-    until(page, "#status", "Singular")
-    page.locator("#nearest-pose").click()
-    until(page, "#nearest", "from")
+    for said in (there, back):
+        page.locator("#nearest-pose").click()
+        until(page, *said)
     np.testing.assert_array_equal(q_of(page), before)
 
 
@@ -311,12 +311,7 @@ def linkage_drag(page: Any) -> None:
 
 
 def linkage_nearest(page: Any) -> None:
-    before = q_of(page)
-    page.locator("#nearest-pose").click()
-    until(page, "#status", "singularity")
-    page.locator("#nearest-pose").click()
-    until(page, "#status", "Regular")
-    np.testing.assert_array_equal(q_of(page), before)
+    there_and_back(page, ("#status", "singularity"), ("#status", "Regular"))
 
 
 def linkage_clearest(page: Any) -> None:

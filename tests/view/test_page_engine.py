@@ -125,6 +125,14 @@ def test_what_is_shown_is_what_python_shows(name: str, tmp_path: Path) -> None:
                 np.testing.assert_allclose(mine["radii"], e.radii, atol=1e-4 * max(1, e.radii[0]))
                 one = e.radii[2] <= 1e-5 * e.radii[0] < e.radii[1]
                 assert (mine["flat"] is not None) == (one and there.status != "regular")
+        if (allowed := there.tip_speeds) is not None:
+            both = [here["speeds"]["linear"], here["speeds"]["angular"]]
+            mine = [*(kind["speed"] for kind in both), here["speeds"]["share"]]
+            mine = [np.inf if x is None else x for x in mine]  # JSON has no infinity
+            expected = [allowed.linear, allowed.angular, allowed.share]
+            np.testing.assert_allclose(mine, expected, rtol=1e-7, atol=1e-7)
+            joints = [list(allowed.linear_joints), list(allowed.angular_joints)]
+            assert there.singular or [kind["joints"] for kind in both] == joints
         mine, value = here["verdict"], nearest(entries, q)
         assert mine["lower"] <= value + 1e-9
         assert mine["value"] <= value * (1 + 1e-4) + 1e-7, (mine, value, q.tolist())

@@ -13,7 +13,6 @@ from command_line import run
 
 import pinsing
 from pinsing.errors import OptionError
-from pinsing.view.picture import find_browser
 
 ROWS = """name: wenger
 convention: standard
@@ -68,9 +67,6 @@ def test_postures_of_another_arm_are_refused(cuspidal):
 
 @pytest.mark.slow
 def test_a_click_plays_the_way_to_a_posture(page: Any, cuspidal: Any) -> None:
-    pytest.importorskip("playwright.sync_api", reason="needs Playwright for Python")
-    if find_browser() is None:
-        pytest.skip("needs Chromium or Chrome")
     _, arm, form, found = cuspidal
     page.emulate_media(reduced_motion="reduce")  # its end at once
     with pinsing.Viewer(arm, form.families, postures=found, skeleton=True) as viewer:

@@ -17,20 +17,17 @@ from typing import Any
 import numpy as np
 import pytest
 from arms import textbook
-from chromium import BLUE, ORANGE, PINK, near, open_page, picture, show_only, text
+from chromium import BLUE, ORANGE, PINK, near, open_page, picture, require_browser, show_only, text
 from command_line import run
 from urdf_texts import three_joints
 
 from pinsing import closed_form
 from pinsing.robot.load import load
 from pinsing.view import Viewer
-from pinsing.view.picture import find_browser
 from pinsing.view.server import Server
 from pinsing.view.tab import hand_over
 
-pytest.importorskip("playwright.sync_api", reason="needs Playwright for Python")
-if find_browser() is None:
-    pytest.skip("needs Chromium or Chrome", allow_module_level=True)
+require_browser()
 
 
 @pytest.fixture(scope="module")

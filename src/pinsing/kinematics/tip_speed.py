@@ -235,6 +235,25 @@ class SpeedJudge:
         return out / length if length else out
 
 
+def speed_judge(
+    arm: Arm | None, tip_speed: float, turn_speed: float, joint_speeds: npt.ArrayLike | None
+) -> SpeedJudge:
+    """Return a judge of an arm.
+
+    Raises
+    ------
+    OptionError
+        If speeds make no sense, or nothing can be said of the arm.
+    """
+    check_speeds(tip_speed, turn_speed)
+    if arm is None:
+        raise OptionError("a form that was read from JSON has no robot: make it with closed_form")
+    judge = SpeedJudge(arm, joint_speeds)
+    if judge.reason:
+        raise OptionError(f"{arm.name}: {judge.reason}")
+    return judge
+
+
 def _idle(A: Array) -> Bool:
     """Joints (n,) that would be infinitely fast for a lost direction: those of the self-motion."""
     _, sigma, Vt = np.linalg.svd(A)
@@ -309,9 +328,6 @@ def tip_speeds(
     >>> round(found.linear, 3), found.linear_joints
     (0.768, ('elbow_joint',))
     """
-    check_speeds(tip_speed, turn_speed)
     q = arm.check_one(q)
-    judge = SpeedJudge(arm, joint_speeds)
-    if judge.reason:
-        raise OptionError(f"{arm.name}: {judge.reason}")
+    judge = speed_judge(arm, tip_speed, turn_speed, joint_speeds)
     return judge.at(frame_jacobians(arm, q)[0], q, tip_speed, turn_speed)

@@ -287,13 +287,12 @@ def _grows(
     sure = np.ones(len(x), dtype=bool)
     growth = np.zeros(len(x))
     for i, (terms, k) in enumerate(zip(ground.terms, known, strict=True)):
+        rise, error = slope(terms, x, h, v)
         if len(ground.terms) == 1 or i in open_:
-            rise, error = slope(terms, x, h, v)
             rate = s[open_.index(i)] * rise - error
             sure &= rate > 0
             growth += np.maximum(rate, 0) / (np.abs(k.value) + k.swing)
         else:
-            rise, error = slope(terms, x, h, v)
             growth -= (np.abs(rise) + error) / (np.abs(k.value) - k.swing)
     return np.asarray(sure & (growth > 0))
 

@@ -508,7 +508,11 @@ def inverse(
             break
         count = min(max(made, starts - made), most - made)
     solutions = found.judged()
-    notes = list(_beyond(arm, held))
+    notes = [
+        f"{arm.joints[j]} is held at {held[j]:.6g}, outside its limits {arm.lower[j]:.6g} to "
+        f"{arm.upper[j]:.6g}: so is every solution"
+        for j in np.flatnonzero((held < arm.lower) | (held > arm.upper))
+    ]
     ladder = ladder_of(geometry) if alone else None
     regular = sum(s.regular for s in solutions)
     full = ladder is not None and regular == ladder.most
@@ -574,12 +578,3 @@ def _held(arm: Arm, fixed: Mapping[str, float]) -> Array:
             raise ConfigurationError(f"joint {name!r} is held at {number}", joint=name)
         held[arm.joints.index(name)] = number
     return held
-
-
-def _beyond(arm: Arm, held: Array) -> Iterator[str]:
-    """Say which joints are held outside their limits."""
-    for j in np.flatnonzero((held < arm.lower) | (held > arm.upper)):
-        yield (
-            f"{arm.joints[j]} is held at {held[j]:.6g}, outside its limits "
-            f"{arm.lower[j]:.6g} to {arm.upper[j]:.6g}: so is every solution"
-        )

@@ -440,7 +440,11 @@ def require_same_families(asked: Watched, given: Watched) -> None:
     for what in ("joints", "prismatic", "lower", "upper"):
         if not np.array_equal(getattr(asked, what), getattr(given, what)):
             raise OptionError(f"the aspects given are of another arm: {_PLURAL[what]} differ")
-    if not _same_families(asked, given):
+    one, other = _numbers(asked), _numbers(given)
+    if not all(
+        one[k].shape == other[k].shape and np.allclose(one[k], other[k], rtol=1e-9, atol=1e-9)
+        for k in one
+    ):
         raise OptionError("the aspects given are of another arm: what is singular differs")
 
 
@@ -452,16 +456,8 @@ _PLURAL = {
 }
 
 
-def _same_families(a: Watched, b: Watched) -> bool:
-    """Compare what separates, number by number."""
-    one, other = _numbers(a), _numbers(b)
-    return all(
-        one[k].shape == other[k].shape and np.allclose(one[k], other[k], rtol=1e-9, atol=1e-9)
-        for k in one
-    )
-
-
 def _numbers(watched: Watched) -> dict[str, npt.NDArray[Any]]:
+    """What separates, number by number."""
     branches = [f.branches for f in watched.families if f.real and f.codimension == 1]
     flat = Conditions.of(branches, watched.prismatic, watched.weight).flat
     return {**flat, "phase": np.exp(1j * flat["phase"])}  # -pi is pi
@@ -515,15 +511,11 @@ class Map:
 
     def clear(self, Q: Array) -> bool:
         """Return True if a polyline (K, n) meets no family that separates, with proof."""
-        if len(Q) == 1 or not self.cutting.families:
-            return True
-        return len(crossings_of(self.cutting, motion_of(self.cutting, Q, None))) == 0
+        return len(Q) == 1 or _meets_none(self.cutting, Q)
 
     def regular(self, Q: Array) -> bool:
         """Return True if a polyline (K, n) meets no family at all, with proof."""
-        if not self.watched.families:
-            return True
-        return len(crossings_of(self.watched, motion_of(self.watched, Q, None))) == 0
+        return _meets_none(self.watched, Q)
 
     def on(self, q: Array) -> str:
         """Name of a family that a configuration is on, within 1e-9 rad; empty where on none."""
@@ -561,12 +553,12 @@ class Map:
 
     def located(self, part: Part, pieces: tuple[Piece, ...], q: Array) -> tuple[int, int] | None:
         """Box and component of one part, of a configuration that is on no family."""
-        found = self._box(part, pieces, q)
-        if found is None:
-            return None
-        box, x = found
-        component = pieces[box].locate(x, self.clear_in(part, q))
-        return None if component is None else (box, component)
+        for box, piece in enumerate(pieces):
+            x = self.on_arcs(part, piece.box, q)
+            if x is not None:
+                component = piece.locate(x, self.clear_in(part, q))
+                return None if component is None else (box, component)
+        return None
 
     @staticmethod
     def apart(pieces: tuple[Piece, ...], a: tuple[int, int], b: tuple[int, int]) -> bool:
@@ -581,13 +573,6 @@ class Map:
         if any(s * t < 0 for s, t in signs):
             return True
         return piece.closed and piece.lower == piece.upper
-
-    def _box(self, part: Part, pieces: tuple[Piece, ...], q: Array) -> tuple[int, Array] | None:
-        for k, piece in enumerate(pieces):
-            x = self.on_arcs(part, piece.box, q)
-            if x is not None:
-                return k, x
-        return None
 
     def on_arcs(self, part: Part, box: tuple[Arc, ...], q: Array) -> Array | None:
         """The values (d,) of q on a box of arcs, by whole turns; None if they are not on it."""
@@ -618,6 +603,10 @@ class Map:
             [(b, c) for b, p in enumerate(pieces) for c in range(p.upper)] for pieces in self.pieces
         ]
         return product(*each)
+
+
+def _meets_none(watched: Watched, Q: Array) -> bool:
+    return not watched.families or len(crossings_of(watched, motion_of(watched, Q, None))) == 0
 
 
 def make_map(forms: Forms, limits: bool, budget: Budget) -> Map:

@@ -684,14 +684,10 @@ def posture_names(geometry: Nominal, Q: Array) -> list[tuple[str, ...]]:
     out: list[tuple[str, ...]] = [() for _ in Q]
     if ladder is None or ladder.point is None or ladder.chain.sign < 0 or not len(Q):
         return out
-    words = [*_shoulder_and_elbow(ladder, Q), _wrist_names(ladder, Q)]
+    # The derivative of the cosine of the wrist's angle is negative while that grows.
+    wrist = ["wrist no-flip" if v < 0 else "wrist flip" for v in ladder.stages[-1].value(Q)]
+    words = [*_shoulder_and_elbow(ladder, Q), wrist]
     return [tuple(w) for w in zip(*words, strict=True)]
-
-
-def _wrist_names(ladder: Ladder, Q: Array) -> list[str]:
-    """The derivative of the cosine of the angle is negative while that grows."""
-    value = ladder.stages[-1].value(Q)
-    return ["wrist no-flip" if v < 0 else "wrist flip" for v in value]
 
 
 def _shoulder_and_elbow(ladder: Ladder, Q: Array) -> list[list[str]]:

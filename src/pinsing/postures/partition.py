@@ -180,7 +180,7 @@ def partition(watched: Watched, limits: bool) -> Partition:
     parts = []
     for joints in _groups(n, surfaces):
         mine = tuple(s for s in surfaces if set(s.equation.involved) <= set(joints))
-        free = [j for j in joints if mine and _is_open(arcs[j])]
+        free = [j for j in joints if mine and any(math.isinf(a.high - a.low) for a in arcs[j])]
         if free:
             exact = False
             names = ", ".join(watched.joints[j] for j in free)
@@ -191,10 +191,6 @@ def partition(watched: Watched, limits: bool) -> Partition:
     return Partition(
         tuple(parts), low, high, endless, exact, tuple(notes), tuple(dict.fromkeys(cutting))
     )
-
-
-def _is_open(arcs: tuple[Arc, ...]) -> bool:
-    return any(not (math.isfinite(a.low) and math.isfinite(a.high)) for a in arcs)
 
 
 def _arcs(

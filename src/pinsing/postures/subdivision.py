@@ -307,14 +307,9 @@ def across(part: Part, box: tuple[Arc, ...]) -> int | None:
         often = np.abs(equation.frequencies[:, j])
         if box[place].circle and (often % 2 != 0).any():
             return None
-        finite = math.isfinite(box[place].low) and math.isfinite(box[place].high)
-        if (
-            not box[place].circle
-            and finite
-            and (often == 2).all()
-            and not equation.powers[:, j].any()
-        ):
-            wide[place] = box[place].high - box[place].low
+        width = math.inf if box[place].circle else box[place].high - box[place].low
+        if math.isfinite(width) and (often == 2).all() and not equation.powers[:, j].any():
+            wide[place] = width
     return min(wide, key=lambda place: wide[place]) if wide else None
 
 

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import product
 from typing import ClassVar
 
@@ -297,7 +297,7 @@ class _Planner:
         N = len(self.T)
         position, rotation = self._targets(self.T, self.grid)
         self.Q = self.solver.solve(
-            position, rotation, self._held_values(self.grid),
+            position, rotation, None if self.held is None else self.grid,
             lambda k, n: self.progress("inverse kinematics", k, n),
         )  # fmt: skip
         self.circle = np.empty((*self.Q.shape[:-1], 2 * self.arm.n), dtype=np.float32)
@@ -331,21 +331,17 @@ class _Planner:
             self._count_turns(beyond)
         proven, where = self._proven(q)
         near = clearance(self.form, q[round(where)])
-        return PathPlan(
-            arm=summarize(self.arm),
-            free=self.free,
+        family = near.names[int(near.family)] if near.names else ""
+        return replace(
+            self._none("", notes),
             q=q,
             values=self.grid[i] if self.free != "branch" else np.zeros(N),
-            t=self.t,
             clearance=proven,
             where=where,
-            family=near.names[int(near.family)] if near.names else "",
+            family=family,
             bound=max(min(self._bound(), self.relaxed), proven),
             fixed=self._fixed(),
-            reason="",
-            nodes=int(np.isfinite(self.clear).sum()),
-            notes=tuple(notes),
-            title=self.form[near.names[int(near.family)]].title if near.names else "",
+            title=self.form[family].title if family else "",
             grid=self.grid,
             room=np.where(self.usable, self.likely, -np.inf).max(axis=2),
         )
@@ -370,9 +366,6 @@ class _Planner:
         rotation = T[:, None, :3, :3] @ spin
         position = T[:, None, :3, 3] + rotation @ self.back[:3, 3]
         return position, rotation @ self.back[:3, :3]
-
-    def _held_values(self, values: Array) -> Array | None:
-        return None if self.held is None else values
 
     def _bounds(self) -> None:
         """Bound the clearance of all nodes: ``clear`` from below, ``highest`` from above."""
@@ -722,16 +715,13 @@ class _Planner:
             for k in range(1, len(self.T)):
                 gap = np.linalg.norm(self._gap(self.Q[k, 0] - q) * self.scale, axis=-1)
                 near = int(np.where(self.usable[k, 0], gap, np.inf).argmin())
-                here = self.clear[k, 0, near]
-                if not self.usable[k, 0, near] or gap[near] >= here + self._at(q):
+                around = self.clear[k, 0, near] + clearance(self.form, q).lower
+                if not self.usable[k, 0, near] or gap[near] >= around:
                     least = 0.0
                     break
                 q, least = self.Q[k, 0, near], min(least, float(self.likely[k, 0, near]))
             out.append(least)
         return tuple(out)
-
-    def _at(self, q: Array) -> float:
-        return float(clearance(self.form, q).lower)
 
     def _roll_moves_the_last_joint(self) -> bool:
         """Return True if all nodes of the first pose differ in the last joint alone."""

@@ -26,7 +26,7 @@ from pinsing.families import ClosedForm, Family
 from pinsing.kinematics.batch import random_turns
 from pinsing.kinematics.jacobian import frame_jacobians, singular_values, tip_poses
 from pinsing.kinematics.speed_bounds import SpeedBounds, sums_behind
-from pinsing.kinematics.tip_speed import TIP_SPEED, TURN_SPEED, SpeedJudge, check_speeds
+from pinsing.kinematics.tip_speed import TIP_SPEED, TURN_SPEED, SpeedJudge, speed_judge
 from pinsing.postures.ladder import posture_names
 from pinsing.prose import listed
 from pinsing.proximity.watched import Watched, metric_note, titled, watch
@@ -95,16 +95,11 @@ def zones(
     >>> found.common_exceeding <= found.common
     True
     """
-    arm = form.loaded
-    if arm is None:
-        raise OptionError("a form that was read from JSON has no robot: make it with closed_form")
-    check_speeds(linear, angular)
-    judge = SpeedJudge(arm, joint_speeds)
+    judge = speed_judge(form.loaded, linear, angular, joint_speeds)
+    arm = judge.arm
     missing = [n for n, c in zip(arm.joints, judge.limits, strict=True) if not math.isfinite(c)]
-    if missing and not judge.reason:
+    if missing:
         raise OptionError(f"no speed limit is known of {listed(missing)}: give joint_speeds")
-    if judge.reason:
-        raise OptionError(f"{arm.name}: {judge.reason}")
     region = Region(form, arm, parts_of(within) if isinstance(within, str) else within or {})
     return _Search(arm, form, judge, (linear, angular), region, boxes, progress).zones()
 

@@ -615,7 +615,8 @@ def line_summary(line: LineCheck, degrees: bool = True, robot: str = "", same: s
         How commands name the robot, and the options that say which line.
     """
     robot = robot or line.arm.typed
-    met, left, titles = line.crossings, left_limits(line, degrees), _titles(line)
+    met, left = line.crossings, left_limits(line, degrees)
+    titles = {a.family: a.title for a in line.approaches}
     first = [f"it meets {singularity(c.family, c.title, c.where)}" for c in met[:1]]
     faults = [
         *first,
@@ -717,11 +718,6 @@ def _unit(line: LineCheck, joint: str, degrees: bool) -> tuple[str, float]:
     if line.arm.prismatic[line.arm.joints.index(joint)]:
         return "m", 1.0
     return ("deg", 180 / math.pi) if degrees else ("rad", 1.0)
-
-
-def _titles(line: LineCheck) -> dict[str, str]:
-    """Titles of the families by name."""
-    return {a.family: a.title for a in line.approaches}
 
 
 def left_limits(line: LineCheck, degrees: bool = True) -> list[str]:

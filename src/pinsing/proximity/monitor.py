@@ -15,6 +15,9 @@ from pinsing.algebra.conditions import contact_along
 from pinsing.algebra.two_sided import two_sided
 from pinsing.arguments import checked, columns_of, real_numbers
 from pinsing.errors import ConfigurationError, OptionError
+from pinsing.families import ClosedForm
+from pinsing.kinematics.jacobian import frame_jacobians
+from pinsing.kinematics.tip_speed import TURN_SPEED, SpeedJudge, TipSpeeds, speed_judge
 from pinsing.notebook import one_line
 from pinsing.proximity.watched import Forms, every_name, watch
 from pinsing.proximity.zones import Zones
@@ -57,6 +60,8 @@ class Verdict(NamedTuple):
     zones : tuple of str or None
         Families whose zone the configuration is in, by lower bounds of the distances: outside of
         all of them joint speed limits are kept. None without zones, and beyond their joint ranges.
+    tip_speeds : TipSpeeds or None
+        What the joint speed limits allow in every direction here; None unless asked for.
     """
 
     level: str
@@ -68,6 +73,7 @@ class Verdict(NamedTuple):
     rate: float | None
     title: str = ""
     zones: tuple[str, ...] | None = None
+    tip_speeds: TipSpeeds | None = None
 
 
 class Monitor:
@@ -97,6 +103,11 @@ class Monitor:
     zones : Zones, optional
         Those of the arm, from `pinsing.zones`: verdicts then tell in which a configuration is.
         Zones within a posture or a box of the tip are refused.
+    tip_speed, turn_speed : float, optional
+        m/s and rad/s: verdicts then have ``tip_speeds``, which judge both at once, and take a
+        millisecond.
+    joint_speeds : (n,) array_like, optional
+        Speed limits, rad/s and m/s; those of the description if not given.
 
     Attributes
     ----------
@@ -126,10 +137,12 @@ class Monitor:
     __slots__ = (
         "_handle",
         "_isa",
+        "_judge",
         "_listed",
         "_out",
         "_range",
         "_shape",
+        "_speeds",
         "_v",
         "_watched",
         "_weight",
@@ -157,6 +170,9 @@ class Monitor:
         families: Sequence[str] | None = None,
         weights: npt.ArrayLike | None = None,
         zones: Zones | None = None,
+        tip_speed: float | None = None,
+        turn_speed: float = TURN_SPEED,
+        joint_speeds: npt.ArrayLike | None = None,
     ) -> None:
         if not 0 <= stop <= warn < math.inf:
             raise OptionError(f"need 0 <= stop <= warn, got stop {stop!r} and warn {warn!r}")
@@ -181,6 +197,11 @@ class Monitor:
                 raise OptionError(f"zones of {', '.join(zones.within)}: give those of joint ranges")
             self._zones = np.array([zones.distances.get(name, 0.0) for name in self.names])
             self._range = (zones.lower + zones.upper) / 2, (zones.upper - zones.lower) / 2
+        self._judge: SpeedJudge | None = None
+        if tip_speed is not None:
+            arm = (forms if isinstance(forms, ClosedForm) else forms[0]).loaded or watched.arm
+            self._speeds = tip_speed, turn_speed
+            self._judge = speed_judge(arm, *self._speeds, joint_speeds)
         self.level = CLEAR
         self.warn, self.stop = float(warn), float(stop)
         self.hysteresis, self.horizon = float(hysteresis), float(horizon)
@@ -274,12 +295,20 @@ class Monitor:
                 watched.space.require_radians(x / watched.weight, "q", endless=False)
             self.level = level
         name, title = self._listed[family]
+        beside = title, self._inside(), self._allowed()
         if dq is None:
-            return Verdict(level, name, lower, upper, None, None, None, title, self._inside())
+            return Verdict(level, name, lower, upper, None, None, None, *beside)
         trend = "steady"
         if rate != 0.0 and abs(rate) > 1e-6 * max(map(abs, velocity.tolist())):
             trend = "away" if rate > 0.0 else "toward"
-        return Verdict(level, name, lower, upper, time, trend, rate, title, self._inside())
+        return Verdict(level, name, lower, upper, time, trend, rate, *beside)
+
+    def _allowed(self) -> TipSpeeds | None:
+        """Tip speeds that the joint speed limits allow at the last configuration."""
+        if self._judge is None:
+            return None
+        q = self._x / self._watched.weight
+        return self._judge.at(frame_jacobians(self._judge.arm, q)[0], q, *self._speeds)
 
     def _inside(self) -> tuple[str, ...] | None:
         """Names of the zones that the last configuration is in."""

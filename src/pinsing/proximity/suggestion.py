@@ -461,7 +461,9 @@ def suggest(
         q = _rounded(arm, watched, room, search.best / watched.weight)
         at = certified(watched, q[None], SearchOptions())[0]
         lower, upper, family = float(at.lower[0]), float(at.upper[0]), str(at.nearest[0])
-        if _bounded(arm, watched):
+        # Whether the box that was looked through holds all configurations, whole turns aside.
+        endless = arm.prismatic & ~(np.isfinite(arm.lower) & np.isfinite(arm.upper))
+        if not (endless & _involved(watched)).any():
             most = max(search.most, upper) + (0.0 if near is None else _margin(arm, reach))
         if target is not None:  # the clearance changes by no more than one moves
             there = certified(watched, target[None], SearchOptions(gap=1e-3))[0]
@@ -510,12 +512,6 @@ def _involved(watched: Watched) -> Bool:
         for branch in family.branches:
             used[list(branch.involved)] = True
     return used
-
-
-def _bounded(arm: Arm, watched: Watched) -> bool:
-    """Whether the box that was looked through holds every configuration, whole turns aside."""
-    endless = arm.prismatic & ~(np.isfinite(arm.lower) & np.isfinite(arm.upper))
-    return not bool((endless & _involved(watched)).any())
 
 
 def _room(arm: Arm, watched: Watched, near: Array | None, reach: float, notes: list[str]) -> Room:

@@ -282,8 +282,5 @@ def require_forms_of(forms: Forms, arm: Arm) -> None:
                 )
 
 
-def _form_of(arm: Arm) -> ClosedForm:
-    return arm.once("closed form", lambda: form_to_measure(arm))  # `clearance` is called often
-
-
-stands_for(Arm, ClosedForm, _form_of)
+# `clearance` is called often.
+stands_for(Arm, ClosedForm, lambda arm: arm.once("closed form", lambda: form_to_measure(arm)))

@@ -18,6 +18,7 @@ from pinsing.errors import OptionError
 from pinsing.families import Branch, Family, JointValue, joint_symbols
 from pinsing.families.describe import telling_poses
 from pinsing.kinematics.batch import own_scale
+from pinsing.kinematics.tip_speed import TIP_SPEED, TURN_SPEED, SpeedJudge
 from pinsing.kinematics.verdict import NEAR_RTOL, SINGULAR_RTOL, generic_rank, task_size
 from pinsing.measures import Reachability
 from pinsing.robot.arm import Arm
@@ -293,9 +294,10 @@ def engine_data(arm: Arm, entries: Sequence[Entry], sizes: Sizes) -> dict[str, A
     (rows of the frame Jacobian, which of them are in the tip's axes, length scale, generic rank,
     joints that ever move it, task directions that are never produced, (k, 6)); ``judge``
     (tolerances of the verdict, and the arm's own scale that it is taken at);
-    ``joints`` (limits, None where infinite); ``families`` (branches: joint values and equations
-    as in `Equation`; ``confirm``: only those of their zeros count at which the arm is singular,
-    and ``points`` are some); ``centres`` (joints whose axes always meet, with a name); ``sizes``.
+    ``joints`` (limits, None where infinite); ``speeds`` (as of `SpeedJudge`, and what is asked);
+    ``families`` (branches: joint values and equations as in `Equation`; ``confirm``: only those of
+    their zeros count at which the arm is singular, and ``points`` are some); ``centres`` (joints
+    whose axes always meet, with a name); ``sizes``.
     """
     exact = nominal(arm)
     never = np.zeros((0, 6))
@@ -323,6 +325,7 @@ def engine_data(arm: Arm, entries: Sequence[Entry], sizes: Sizes) -> dict[str, A
             "columns": numbers(own_scale(arm).columns),
         },
         "joints": joint_data(arm.joints, arm.prismatic, arm.lower, arm.upper),
+        "speeds": _speeds(SpeedJudge(arm)),
         "families": [
             _family(index, entry)
             for index, entry in enumerate(entries)
@@ -330,6 +333,18 @@ def engine_data(arm: Arm, entries: Sequence[Entry], sizes: Sizes) -> dict[str, A
         ],
         "centres": [{"name": c.short, "joints": list(c.ids)} for c in arm_centres(arm) if c.short],
         "sizes": sizes_data(sizes),
+    }
+
+
+def _speeds(judge: SpeedJudge) -> dict[str, Any] | None:
+    """What tip speeds are told from; None where they are not, or would take a page too long."""
+    if judge.reason or judge.arm.n > 12:  # with 12 joints 792 facets, some milliseconds
+        return None
+    return {
+        "basis": judge.basis.T.tolist(),
+        "linear": judge.linear.tolist(),
+        "limits": [float(c) if np.isfinite(c) else None for c in judge.limits],
+        "asked": [TIP_SPEED, TURN_SPEED],
     }
 
 

@@ -27,15 +27,12 @@ from pinsing.view.collada import Painted, as_object
 from pinsing.view.meshes import Mesh, read_geometry
 
 
-def _html(*args: Any, **kwargs: Any) -> Any:
-    return importlib.import_module("IPython.display").HTML(*args, **kwargs)
-
-
 def _import_meshcat() -> Any:
     if "IPython" in sys.modules or "meshcat" in sys.modules:
         return importlib.import_module("meshcat")
     package, display = ModuleType("IPython"), ModuleType("IPython.display")
-    package.display, display.HTML = display, _html  # type: ignore[attr-defined]
+    package.display = display  # type: ignore[attr-defined]
+    display.HTML = lambda *args: importlib.import_module("IPython.display").HTML(*args)  # type: ignore[attr-defined]
     stand_ins = {module.__name__: module for module in (package, display)}
     sys.modules.update(stand_ins)
     try:

@@ -222,20 +222,12 @@ def _more(entry: Entry) -> Iterator[str]:
 
 def _solved(entry: Entry) -> list[dict[str, Any]]:
     """Long equations, each as one for a joint: texts."""
-    together = [
-        {"condition": line, "solution": "", "where": [], "exact": []}
-        for one in (() if entry.family is None else entry.family.at_once)
-        for line in one.lines()
-    ]
-    return together + [
-        {
-            "condition": one.condition,
-            "solution": one.solution,
-            "where": [list(part) for part in one.where],
-            "exact": [list(part) for part in one.exact],
-        }
-        for one in (() if entry.family is None else entry.family.solved)
-    ]
+    if entry.family is None:
+        return []
+    lines = [line for one in entry.family.at_once for line in one.lines()]
+    together = [{"condition": x, "solution": "", "where": [], "exact": []} for x in lines]
+    names = ("condition", "solution", "where", "exact")
+    return together + [{k: getattr(one, k) for k in names} for one in entry.family.solved]
 
 
 def _entry(entry: Entry, n: int) -> dict[str, Any]:

@@ -60,10 +60,6 @@ class MechanismPanel extends Panel {
     this.windows = page.joints.map((j) => [j.lower, j.upper]);
     for (const index of page.inputs) {
       const found = this.row(page.joints[index], index, true);
-      found.track = make("span", "track");
-      found.slider.replaceWith(found.track);
-      found.band = make("span", "band");
-      found.track.append(found.slider, found.band);
       // Let go where the mechanism cannot follow, the slider goes back to it.
       found.slider.addEventListener("change", () => this.actions.release());
       $("joints").append(found.row);

@@ -200,10 +200,6 @@ class Panel {
     this.rows = this.page.joints.map((joint, index) => {
       const found = this.row(joint, index, true);
       found.row.classList.add("named");
-      found.track = make("span", "track");
-      found.slider.replaceWith(found.track);
-      found.band = make("span", "band");
-      found.track.append(found.slider, found.band);
       const name = make("span", "name");
       name.append(formula(make("b"), joint.symbol), make("small", "", joint.name === joint.symbol ? "" : joint.name.slice(common)));
       found.row.querySelector(".name").replaceWith(name);
@@ -246,7 +242,9 @@ class Panel {
     slider.setAttribute("aria-label", joint.name);
     slider.addEventListener("input", () => this.actions.move(index, Number(slider.value)));
     const value = make("span", "value"), typed = moves ? make("input", "typed") : null, unit = joint.prismatic ? " mm" : "\u00b0";
-    row.append(formula(make("span", "name"), joint.symbol), slider, value);
+    const track = typed ? make("span", "track") : slider, band = make("span", "band");
+    if (typed) track.append(slider, band);
+    row.append(formula(make("span", "name"), joint.symbol), track, value);
     if (!typed) return { row, slider, value };
     value.append(typed, unit);
     const size = joint.prismatic ? 1e-3 : Math.PI / 180;
@@ -266,7 +264,7 @@ class Panel {
       slider.value = Math.min(Number(slider.max), Math.max(Number(slider.min), next));
       this.actions.move(index, Number(slider.value));
     });
-    return { row, slider, value, typed };
+    return { row, slider, value, typed, track, band };
   }
 
   show(frame, dragged = -1) {
@@ -292,7 +290,6 @@ class Panel {
   }
 
   value(frame, joint) { return frame.q[joint]; }
-
   values(frame) { return frame.q.map((_, i) => this.value(frame, i)); }
 
   verdict(frame) {
@@ -317,12 +314,21 @@ class Panel {
       bar.append(make("span", "", zero && i >= frame.rank ? "0" : number(Number(s.toPrecision(2)))));
       return bar;
     }));
+    $("speeds").textContent = frame.speeds ? this.speeds(frame.speeds) : "";
     const { mixed, always } = frame, all = frame.lost.length;
     this.losses([...frame.lost.map((m) => m.words), ...(mixed
       ? [`(${mixed} of these ${all} ${mixed === 1 ? "is" : "are"} missing at every configuration: the arm reaches rank ` +
          `${frame.genericRank} in a task of ${this.page.engine.task.rows.length} rows)`] : [])]);
     $("always").hidden = !always.length;
     $("always").textContent = `${always.length} motion${always.length === 1 ? " is" : "s are"} missing at every configuration; here: ${always.join("; ")}`;
+  }
+
+  speeds({ linear, angular, share }) {
+    const said = ({ speed, joints, direction }, unit, what, word) => speed === Infinity ? [] : [speed < 1e-6 ? `no ${what}` : `${number(speed)} ${unit} ` +
+      `(${joints.join(", ")}; least ${word} ${direction.map((x) => x.toFixed(2)).join(", ")})`];
+    const [v, w] = this.page.engine.speeds.asked, most = share < 1e4 ? `${number(100 * share)}\u00a0%` : "more than all";
+    return `Joint speed limits allow in every direction ${[...said(linear, "m/s", "translation", "along"), ...said(angular, "rad/s", "rotation", "about")].join(" or ")}; ` +
+      `${v} m/s and ${w} rad/s at once take ${most} of a limit.`;
   }
 
   losses(words) {

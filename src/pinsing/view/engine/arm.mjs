@@ -9,7 +9,7 @@ import { nearestOf } from "./distance.mjs";
 import { outside } from "./limits.mjs";
 import { norm, quaternion, subtract, transpose, turnZTo } from "./linear.mjs";
 import { causes } from "./lost.mjs";
-import { measure, ownTask } from "./measured.mjs";
+import { measure, ownTask, tipSpeeds } from "./measured.mjs";
 import { drawnRadii, ellipsoid, flatDirection, pureEllipsoids, verdictOf } from "./measures.mjs";
 import { missingAt } from "./missing.mjs";
 import { reasons } from "./reasons.mjs";
@@ -48,7 +48,7 @@ export function frameAt(data, q, families = data.families) {
     condition: sigma[task.rank - 1] > Math.max(6, q.length) * Number.EPSILON * sigma[0] ? sigma[0] / sigma[task.rank - 1] : Infinity,
     manipulability: sigma.slice(0, task.rank).reduce((a, b) => a * b, 1),
     outside: outside(data, q), notes: notes(data, q, ratio),
-    verdict: here,
+    verdict: here, speeds: tipSpeeds(data, J, tip.R),
   };
 }
 

@@ -2,6 +2,7 @@
 
 import { nearestOf } from "./distance.mjs";
 import { apart, freeOf, generator } from "./families.mjs";
+import { outside, spanOf } from "./limits.mjs";
 
 const within = (data) => data.families.filter((f) => f.reachable !== false);
 
@@ -17,8 +18,7 @@ const ENOUGH = 1e-3; // radians: what is promised beyond the best
 // it is that of the best pose.
 export function clearestPose(data, given = [], tries = 400) {
   const random = generator(11), sites = new Sites(data), families = within(data);
-  const limits = data.joints.map((joint) => spanOf(joint, data.task.lengthScale));
-  const inside = (q) => q.every((v, j) => v >= (data.joints[j].lower ?? -Infinity) - 1e-9 && v <= (data.joints[j].upper ?? Infinity) + 1e-9);
+  const limits = data.joints.map((joint) => drawnFrom(joint, data.task.lengthScale));
   const looked = (q, terms) => {
     const { lower, best } = nearestOf(data, families, q, terms);
     if (best) sites.add(best.family.branches[best.branch], best.q);
@@ -27,7 +27,7 @@ export function clearestPose(data, given = [], tries = 400) {
   const score = ({ lower, upper }) => lower + Math.min(upper, 1e9), better = (a, b) => (a && score(a) >= score(b) ? a : b);
   const draw = () => limits.map(([low, high]) => low + random() * (high - low));
   let top = null;
-  for (const q of given.filter(inside)) top = better(top, looked(q.slice(), LOOK));
+  for (const q of given.filter((q) => !outside(data, q).length)) top = better(top, looked(q.slice(), LOOK));
   const terms = families.reduce((sum, f) => sum + f.branches.reduce((t, b) => t + b.equations.reduce((s, e) => s + e.cos.length, 0), 0), 0);
   const rounds = terms ? Math.min(ROUNDS, Math.max(10, Math.floor(WORK / terms))) : 3;
   for (let round = 0; round < rounds; round++) {
@@ -88,10 +88,8 @@ class Sites {
 }
 
 // From where to where a joint is drawn: beyond a turn nothing new is found.
-function spanOf(joint, lengthScale) {
-  const reach = joint.prismatic ? lengthScale : Math.PI;
-  const low = joint.lower ?? (joint.upper === null || joint.upper === undefined ? -reach : joint.upper - 2 * reach);
-  const high = joint.upper ?? low + 2 * reach;
+function drawnFrom(joint, lengthScale) {
+  const [low, high] = spanOf(joint, lengthScale);
   if (joint.prismatic) return [low, high];
   const [from, to] = [Math.max(low, -Math.PI), Math.min(high, Math.PI)];
   return from < to ? [from, to] : [low, high];

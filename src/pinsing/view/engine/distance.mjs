@@ -143,10 +143,10 @@ function* starts(q, free, weight, count) {
 
 // Nearest to q of single poses, in the same measure: { index, upper, q }, or null where there is none.
 export function nearestPose(poses, q, joints, lengthScale) {
-  let best = null;
-  poses.forEach((pose, index) => {
-    const upper = Math.hypot(...pose.map((v, j) => apart(q[j], v, joints[j].prismatic) / (joints[j].prismatic ? lengthScale : 1)));
-    if (!best || upper < best.upper) best = { index, upper, q: pose };
-  });
-  return best;
+  const all = poses.map((pose, index) => ({ index, upper: farFrom(pose, q, joints, lengthScale), q: pose }));
+  return all.reduce((a, b) => (a && a.upper <= b.upper ? a : b), null);
 }
+
+// Distance of configurations x and q, whole turns aside.
+export const farFrom = (x, q, joints, lengthScale) =>
+  Math.hypot(...x.map((v, j) => apart(q[j], v, joints[j].prismatic) / (joints[j].prismatic ? lengthScale : 1)));

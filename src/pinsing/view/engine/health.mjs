@@ -1,9 +1,9 @@
 // The pose of a mechanism that is clearest of singular ones, as far as a search finds it.
 
 import { generator } from "./families.mjs";
+import { outside, spanOf } from "./limits.mjs";
 import { CLOSED, closure, everyJoint, gaussNewton, worst, wrap } from "./loops.mjs";
 import { motions } from "./mechanism.mjs";
-import { withinLimits } from "./surroundings.mjs";
 
 const CLIMBED = 3, FIRST = 0.4, LAST = 0.01, AROUND = [0.05, 0.2, 0.5];
 
@@ -11,7 +11,7 @@ const CLIMBED = 3, FIRST = 0.4, LAST = 0.01, AROUND = [0.05, 0.2, 0.5];
 export function healthOf(data, q) {
   if (worst(closure(data, q).residual) > CLOSED) return 0;
   const { one, two, constraint } = motions(data, q);
-  return withinLimits(data, q) ? Math.min(one, two, constraint) : 0;
+  return outside(data, q).length ? 0 : Math.min(one, two, constraint);
 }
 
 // The pose { q, measure } whose smallest measure is largest, of `tries` at random and those given: home,
@@ -40,12 +40,6 @@ export function healthiestPose(data, given = [], tries = 160, steps = 60) {
     }
   }
   return found.reduce((a, b) => (b.measure > a.measure ? b : a), { q: null, measure: 0 });
-}
-
-// Where values are drawn: the limits, else a turn, or a length scale to both sides; beside one limit, from it on.
-function spanOf({ prismatic, lower, upper }, unit) {
-  const reach = prismatic ? unit : Math.PI, high = upper ?? (lower === null || lower === undefined ? reach : lower + 2 * reach);
-  return [lower ?? high - 2 * reach, high];
 }
 
 // Values by whole turns into their limits, where they have some.

@@ -14,3 +14,9 @@ export function inDegrees({ prismatic, lower, upper }, value) {
   const read = (value * Math.PI) / 180;
   return (value < lower - TURN || value > upper + TURN) && read > lower - 0.01 && read < upper + 0.01;
 }
+
+// Where values are drawn: the limits, else a turn, or a length to both sides; beside one limit, from it on.
+export function spanOf({ prismatic, lower, upper }, length) {
+  const reach = prismatic ? length : Math.PI, high = upper ?? (lower ?? -reach) + 2 * reach;
+  return [lower ?? high - 2 * reach, high];
+}

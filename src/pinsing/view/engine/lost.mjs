@@ -4,7 +4,7 @@
 // A pure force through the tip takes a translation away, a pure moment a rotation, a force off the
 // tip the motion of a line along itself, any other wrench the motion on a screw.
 
-import { add, cross, dot, norm, scaled, subtract, svd, times, transpose } from "./linear.mjs";
+import { add, cross, dot, identity, norm, scaled, subtract, svd, times, transpose } from "./linear.mjs";
 import { pointUp, rankOf } from "./measures.mjs";
 
 const ALIGNED = (0.1 * Math.PI) / 180;
@@ -17,14 +17,15 @@ export function lostMotions(basis, J, lengthScale, tool, tol, hardly) {
   const forces = basis.map((u) => u.slice(0, 3)), moments = basis.map((u) => u.slice(3));
   const noMoment = nullSpace(moments, tol), noForce = nullSpace(forces, tol);
   const rest = complement([...noMoment, ...noForce], basis.length);
-  const mix = (vectors, c) => vectors.reduce((sum, v, i) => add(sum, scaled(v, c[i])), new Array(vectors[0].length).fill(0));
   const columns = [
-    ...niceBasis(noMoment.map((c) => mix(forces, c)), tool.rotation).map((d) => [...d, 0, 0, 0]),
-    ...niceBasis(noForce.map((c) => mix(moments, c)), tool.rotation).map((d) => [0, 0, 0, ...d]),
-    ...rest.map((c) => mix(basis, c)),
+    ...niceBasis(noMoment.map((c) => combined(forces, c)), tool.rotation).map((d) => [...d, 0, 0, 0]),
+    ...niceBasis(noForce.map((c) => combined(moments, c)), tool.rotation).map((d) => [0, 0, 0, ...d]),
+    ...rest.map((c) => combined(basis, c)),
   ];
   return columns.map((u) => describe(u, J, lengthScale, tool, tol, hardly));
 }
+
+export const combined = (vectors, c) => vectors.reduce((sum, v, i) => add(sum, scaled(v, c[i])), new Array(vectors[0].length).fill(0));
 
 // Orthonormal coefficients of combinations of the vectors that vanish.
 function nullSpace(vectors, tol) {
@@ -33,7 +34,7 @@ function nullSpace(vectors, tol) {
 }
 
 function complement(vectors, d) {
-  if (!vectors.length) return Array.from({ length: d }, (_, i) => Array.from({ length: d }, (_, j) => (i === j ? 1 : 0)));
+  if (!vectors.length) return identity(d);
   const { sigma, left } = svd(transpose(vectors));
   return left.filter((_, k) => (sigma[k] ?? 0) <= 1e-6);
 }

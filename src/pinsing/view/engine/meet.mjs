@@ -1,6 +1,7 @@
 // Poses where two families meet; often, not always, the arm loses more there than on either of them.
 
 import { apart, freeOf, generator, project } from "./families.mjs";
+import { spanOf } from "./limits.mjs";
 import { norm } from "./linear.mjs";
 
 const FULL = 2 * Math.PI, SAME = 1e-3, SLACK = 1e-9;
@@ -8,11 +9,8 @@ const FULL = 2 * Math.PI, SAME = 1e-3, SLACK = 1e-9;
 // Up to `count` configurations within the limits that are on both families, those near `start` first;
 // [] where none is found.
 export function meetingPoses(data, one, two, start, count = 3, tries = 20) {
-  const random = generator(31), L = data.task.lengthScale, found = [];
-  const span = data.joints.map(({ lower, upper, prismatic }) => {
-    const reach = prismatic ? L : Math.PI;
-    return [lower ?? (upper === null ? -reach : upper - 2 * reach), upper ?? (lower === null ? reach : lower + 2 * reach)];
-  });
+  const random = generator(31), found = [];
+  const span = data.joints.map((joint) => spanOf(joint, data.task.lengthScale));
   const draw = () => span.map(([low, high]) => low + random() * (high - low));
   const branches = one.branches.flatMap((a) => two.branches.flatMap((b) => { const both = merged(a, b, data.joints); return both ? [both] : []; }));
   for (let k = 0; k < tries; k++) for (const branch of branches) {

@@ -1,8 +1,8 @@
 // Motions that the arm cannot produce at a configuration: those that it loses there, and those that are
 // missing at every configuration, of an arm with fewer joints than the task has rows.
 
-import { add, dot, scaled, subtract, svd, transpose } from "./linear.mjs";
-import { EXACT, lostMotions, meetingPoint } from "./lost.mjs";
+import { dot, scaled, subtract, svd, transpose } from "./linear.mjs";
+import { combined, EXACT, lostMotions, meetingPoint } from "./lost.mjs";
 import { measure } from "./measured.mjs";
 import { inBase } from "./measures.mjs";
 
@@ -41,8 +41,6 @@ function regained(data, q, own, missing, rank) {
   const { sigma, left } = svd(transpose(columns));
   return left.filter((_, k) => sigma[k] > 1e-6 * Math.max(sigma[0], 1e-6)).map((c) => combined(missing, c));
 }
-
-const combined = (vectors, c) => vectors.reduce((sum, v, i) => add(sum, scaled(v, c[i])), new Array(vectors[0].length).fill(0));
 
 // Orthonormal basis of what is left of some vectors beside orthonormal others.
 function without(vectors, others) {

@@ -1,8 +1,9 @@
 // The nearest singular configuration within the limits that is found, with what is certain.
 
 import { measure } from "./measured.mjs";
-import { distance } from "./distance.mjs";
+import { distance, farFrom } from "./distance.mjs";
 import { apart, freeOf, project } from "./families.mjs";
+import { outside } from "./limits.mjs";
 
 const SLACK = 1e-9, ROUNDS = 4, LISTED = 12, LOOK = 200000; // LOOK: terms of each family
 
@@ -17,18 +18,13 @@ export function nearestSingular(data, q, listed = []) {
     least = Math.min(least, found.lower);
     if (found.q) tried.push(settled(data, family.branches[found.branch], found.q));
   }
-  const far = (x) => Math.hypot(...x.map((v, j) => apart(v, q[j], joints[j].prismatic) / (joints[j].prismatic ? task.lengthScale : 1)));
+  const far = (x) => farFrom(x, q, joints, task.lengthScale);
   tried.push(...listed.slice().sort((a, b) => far(a) - far(b)).slice(0, LISTED));
-  const good = tried.filter((x) => x && inside(data, x) && singularAt(data, x)).map((x) => ({ q: x, value: far(x), least }));
+  const good = tried.filter((x) => x && !outside(data, x).length && singularAt(data, x)).map((x) => ({ q: x, value: far(x), least }));
   return good.length ? good.reduce((a, b) => (b.value < a.value ? b : a)) : null;
 }
 
 const ends = ({ lower, upper }) => [lower ?? -Infinity, upper ?? Infinity];
-
-const inside = ({ joints }, q) => joints.every((joint, j) => {
-  const [low, high] = ends(joint);
-  return q[j] >= low - SLACK && q[j] <= high + SLACK;
-});
 
 // Also where only the rounding of the file keeps it from being singular.
 const singularAt = (data, q) => measure(data, q).status === "singular" ||

@@ -1,23 +1,16 @@
 // Paths to play: into a singular configuration, and along a family.
 
 import { frameAt } from "./arm.mjs";
-import { jacobian, placements, tipOf } from "./chain.mjs";
 import { distance } from "./distance.mjs";
 import { apart, freeOf, generator, project } from "./families.mjs";
-import { norm, svd } from "./linear.mjs";
-import { taskRows } from "./measures.mjs";
+import { spanOf } from "./limits.mjs";
+import { norm } from "./linear.mjs";
+import { measure } from "./measured.mjs";
 
 const SWING = 0.6, LONGEST_STEP = 0.35;
 
-const span = (joint, L) => {
-  const reach = joint.prismatic ? L : Math.PI;
-  const upper = joint.upper ?? (joint.lower === null ? reach : joint.lower + 2 * reach);
-  return [joint.lower ?? upper - 2 * reach, upper];
-};
-
 function ratioAt(data, q) {
-  const places = placements(data.chain, q);
-  const { sigma } = svd(taskRows(jacobian(data.chain, places), data.task, tipOf(data.chain, places).R));
+  const { sigma } = measure(data, q);
   return sigma[data.task.rank - 1] / (sigma[0] || 1);
 }
 
@@ -32,7 +25,7 @@ export function into(data, moved, goal, frames = 30) {
       for (const j of joints) d[j] = 2 * random() - 1;
       const most = Math.max(...joints.map((j) => Math.abs(d[j]))) || 1;
       const begin = goal.map((g, j) => {
-        const [low, high] = span(data.joints[j], data.task.lengthScale);
+        const [low, high] = spanOf(data.joints[j], data.task.lengthScale);
         const reach = data.joints[j].prismatic ? 0.4 * (high - low) : 1.1;
         return Math.min(Math.max(g + (d[j] / most) * reach, Math.min(low, g)), Math.max(high, g));
       });
@@ -53,7 +46,7 @@ const mix = (a, b, t) => a.map((x, i) => x + t * (b[i] - x));
 export function along(data, family, start, frames = 54) {
   const n = start.length, L = data.task.lengthScale;
   const branch = family.branches.reduce((best, b) => (off(b, start, data) < off(best, start, data) ? b : best));
-  const limits = data.joints.map((joint) => span(joint, L));
+  const limits = data.joints.map((joint) => spanOf(joint, L));
   for (const size of [1, 0.6, 0.3, 0.12]) {
     const path = [];
     for (let k = 0; k < frames; k++) {

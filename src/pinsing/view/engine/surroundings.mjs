@@ -3,6 +3,7 @@
 import { trace, STEP } from "./curve.mjs";
 import { AT_TYPE_2 } from "./drive.mjs";
 import { dyadAssemblies, workingModes } from "./dyad.mjs";
+import { outside } from "./limits.mjs";
 import { add, scaled, subtract } from "./linear.mjs";
 import { gapOf, passiveOf, randomClosed, worst, wrap } from "./loops.mjs";
 import { assemblySign, modeOf, modeOrder, motions } from "./mechanism.mjs";
@@ -100,7 +101,7 @@ function assembliesAt(data, q) {
   else for (const other of randomClosed(data, STARTS, 811, passiveOf(data), q)) {
     if (found.every((x) => gapOf(data, x, other) > DISTINCT)) found.push(other);
   }
-  found = found.filter((x) => withinLimits(data, x));
+  found = found.filter((x) => !outside(data, x).length);
   const order = found.map((x) => [modeOrder(data, x), x.map((v) => Math.round(v * 1e6))].flat());
   const before = (a, b) => { const k = order[a].findIndex((v, i) => v !== order[b][i]); return k < 0 ? 0 : order[a][k] - order[b][k]; };
   return found.map((_, i) => i).sort(before).map((i) => found[i]);
@@ -119,8 +120,4 @@ function named(data, q, found, more = null) {
     const name = same === 1 ? names[i] : `${names[i]}${which()}`;
     return { name, q: i === here ? q : x, here: i === here };
   });
-}
-
-export function withinLimits(data, q) {
-  return data.joints.every(({ lower, upper }, j) => q[j] >= (lower ?? -Infinity) - 1e-9 && q[j] <= (upper ?? Infinity) + 1e-9);
 }
