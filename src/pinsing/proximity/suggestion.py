@@ -171,8 +171,8 @@ class RoomSearch:
         w = self.watched
         terms = sum(s.rate.size for branch in w.conditions.branches for s in branch.sums)
         box = _BOX + terms / 6  # six of them in the time of a product
-        boxes = int(self.budget.left * PER_SECOND / (box * len(X)))
-        options = SearchOptions(_GAP, max(1, min(BOXES, boxes)))
+        boxes = min(BOXES, self.budget.left * PER_SECOND / (box * len(X)))
+        options = SearchOptions(_GAP, max(1, int(boxes)))
         found = nearest_points(w.conditions, X / w.weight, w.lower, w.upper, options)
         self.budget.spend(box * float(found.boxes.sum()))
         self.sites.add(found.q * w.weight, found.family)
