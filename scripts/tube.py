@@ -1,10 +1,12 @@
 #!/usr/bin/env python3
 """Attack tubes: calibrations at random, searches for singular configurations, paths across walls.
 
-    scripts/tube.py [ARM ...] [--robots N] [--searches N] [--paths N]
+    scripts/tube.py [ARM ...] [--robots N] [--searches N] [--paths N] [--rounds N]
 
 Of each arm N robots with lengths off by 0.5 mm and axes off by 3 mrad; a singular configuration
-outside of the tube, or a path across a wall without one, ends it with exit code 1.
+outside of the tube, or a path across a wall without one, ends it with exit code 1. From the
+farthest ones that are found searches climb on, for as many rounds. Where no width is proven the
+largest distance that was found is printed.
 """
 
 from __future__ import annotations
@@ -34,29 +36,64 @@ def perturb(arm: pinsing.Arm, rng: np.random.Generator) -> pinsing.Arm:
 
 
 def find_singular(arm: pinsing.Arm, Q: np.ndarray) -> np.ndarray:
-    """Singular configurations (K, n) near starts (N, n): Newton on the least singular value."""
+    """Singular configurations (K, n) near starts (N, n): Newton on the least singular value.
+
+    With u and the null vectors v of the nearest Jacobian of lower rank, ``u J v = 0``: an equation
+    for as many joints as rows, two for one joint more.
+    """
     step = 1e-6
     for _ in range(40):
         u, s, vt = np.linalg.svd(frame_jacobians(arm, Q))
-        least = u[:, :, -1], vt[:, u.shape[2] - 1]
-        slope = np.empty_like(Q)
+        last = s.shape[1] - 1
+        slope = np.empty((len(Q), arm.n - last, arm.n))
         for j, e in enumerate(step * np.eye(arm.n)):
             change = frame_jacobians(arm, Q + e) - frame_jacobians(arm, Q - e)
-            slope[:, j] = np.einsum("ni,nij,nj->n", least[0], change, least[1]) / (2 * step)
-        move = s[:, -1:] * slope / np.maximum((slope**2).sum(axis=1, keepdims=True), 1e-12)
+            slope[:, :, j] = np.einsum("ni,nij,nkj->nk", u[:, :, last], change, vt[:, last:])
+        value = np.zeros((len(Q), arm.n - last))
+        value[:, 0] = s[:, last]
+        move = np.einsum("njk,nk->nj", np.linalg.pinv(slope / (2 * step), rcond=1e-9), value)
         size = np.linalg.norm(move, axis=1, keepdims=True)
         Q = Q - move * np.minimum(1, 0.3 / np.maximum(size, 1e-300))
     s = np.linalg.svd(frame_jacobians(arm, Q), compute_uv=False)
     return Q[s[:, -1] < 1e-11 * s[:, 0]]
 
 
+def distances(form: pinsing.ClosedForm, Q: np.ndarray) -> np.ndarray:
+    """Distances (K, F) of Q from each family of the design; these are lower bounds."""
+    plain = replace(form, tube=None)
+    each = [pinsing.clearance(plain, Q, families=[f.name]).lower for f in form.families]
+    return np.stack(each, axis=1)
+
+
+def climb(
+    form: pinsing.ClosedForm, Q: np.ndarray, rounds: int, rng: np.random.Generator
+) -> np.ndarray:
+    """Singular configurations that are farther and farther from the families, from some Q.
+
+    Of those near one family and of those near several the farthest 20 are kept.
+    """
+    assert form.loaded is not None
+    assert form.tube is not None
+    every = [Q]
+    for _ in range(rounds):
+        each = distances(form, Q)
+        order = np.sort(each, axis=1)
+        alone = (order[:, 1:2] > form.tube.near).all(axis=1)
+        kind = np.where(alone, each.argmin(axis=1), -1)
+        far = np.argsort(-order[:, 0], kind="stable")
+        best = Q[np.concatenate([far[kind[far] == k][:20] for k in np.unique(kind)])]
+        starts = np.repeat(best, 4, axis=0)
+        size = 10 ** rng.uniform(-3, -0.5, (len(starts), 1))
+        fresh = find_singular(form.loaded, starts + size * rng.normal(size=starts.shape))
+        every.append(fresh)
+        Q = np.concatenate([best, fresh])
+    return np.concatenate(every)
+
+
 def outside(form: pinsing.ClosedForm, Q: np.ndarray) -> tuple[int, float]:
     """How many of Q lie outside of the tube, and the largest distance from the families."""
-    plain = replace(form, tube=None)
-    each = np.stack(
-        [pinsing.clearance(plain, Q, families=[f.name]).lower for f in form.families], axis=1
-    )
-    order, tube = np.sort(each, axis=1), form.tube
+    each, tube = distances(form, Q), form.tube
+    order = np.sort(each, axis=1)
     assert tube is not None
     alone = (order > tube.near)[:, 1] if each.shape[1] > 1 else np.ones(len(Q), bool)
     width = np.array([f.width for f in tube.families])[each.argmin(axis=1)]
@@ -86,8 +123,11 @@ def unmet(form: pinsing.ClosedForm, paths: int, rng: np.random.Generator) -> tup
     return wrong, tried
 
 
-def attack(name: str, robots: int, searches: int, paths: int) -> int:
-    """Print a line for each robot of an arm; how many faults were found."""
+def attack(name: str, robots: int, searches: int, paths: int, rounds: int) -> int:
+    """Print a line for each robot of an arm; how many faults were found.
+
+    ``rounds`` is how often each 10,000 searches climb on from the farthest that they found.
+    """
     rng, design, faults = np.random.default_rng(34), pinsing.load(name), 0
     for i in range(robots):
         robot = perturb(design, rng)
@@ -95,15 +135,19 @@ def attack(name: str, robots: int, searches: int, paths: int) -> int:
         form = pinsing.closed_form(robot, design=design)
         took, tube = time.process_time() - began, form.tube
         assert tube is not None
-        if not tube.proven:
-            print(f"{name} {i}: {tube.reason}; {took:.1f} s", flush=True)
-            continue
         out, most, found = 0, 0.0, 0
         for first in range(0, searches, 10_000):
             starts = rng.uniform(-np.pi, np.pi, (min(10_000, searches - first), robot.n))
-            Q = find_singular(robot, starts)
+            Q = climb(form, find_singular(robot, starts), rounds, rng)
             wrong, far = outside(form, Q)
             out, most, found = out + wrong, max(most, far), found + len(Q)
+        if not tube.proven:
+            print(
+                f"{name} {i}: {tube.reason}; {np.degrees(most):.2f}° found, {found} searched; "
+                f"{took:.1f} s",
+                flush=True,
+            )
+            continue
         missed, tried = unmet(form, paths, rng)
         faults += out + missed
         alone, wide, far = np.degrees([tube.alone, tube.width, most])
@@ -121,6 +165,7 @@ if __name__ == "__main__":
     parser.add_argument("--robots", type=int, default=20)
     parser.add_argument("--searches", type=int, default=2000)
     parser.add_argument("--paths", type=int, default=1000)
+    parser.add_argument("--rounds", type=int, default=15)
     given = parser.parse_args()
-    counts = given.robots, given.searches, given.paths
+    counts = given.robots, given.searches, given.paths, given.rounds
     sys.exit(int(any([attack(name, *counts) for name in given.names])))
