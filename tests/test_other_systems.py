@@ -34,15 +34,15 @@ sys.meta_path.insert(0, Hidden())
 for name in ("fcntl", "resource"):
     sys.modules.pop(name, None)
 ctypes.CDLL = Library
-sys.platform = "darwin"
 """
 XACRO = Path(__file__).parent.parent / "urdf" / "stanford.urdf"
 
 
-def run(tmp_path: Path, *words: str) -> subprocess.CompletedProcess[str]:
+def run(tmp_path: Path, *words: str, system: str = "darwin") -> subprocess.CompletedProcess[str]:
     """The command in a process where those modules are hidden."""
+    code = f"{HIDING}\nsys.platform = {system!r}\nfrom pinsing.cli import program; program()"
     return subprocess.run(
-        [sys.executable, "-c", f"{HIDING}\nfrom pinsing.cli import program; program()", *words],
+        [sys.executable, "-c", code, *words],
         env={"MPLBACKEND": "Agg", "PATH": "/usr/bin:/bin", "HOME": str(tmp_path)},
         cwd=tmp_path,
         capture_output=True,
@@ -62,15 +62,21 @@ def run(tmp_path: Path, *words: str) -> subprocess.CompletedProcess[str]:
         (["families", "arm.xacro"], "proven complete"),
         (["analyze", "stanford", "--sweep"], "stanford"),
         (["verify", "proof.cert.json"], "proven"),
+        (["path", "ur5", "poses.csv"], "49.4°"),
+        (["plot", "curves", "ur5", "-o", "out.png"], ""),
+        (["zones", "planar3r", "--joint-speeds", "1,1,1"], "keep 94.5°"),
     ],
 )
-def test_commands_answer_without_what_only_linux_has(tmp_path, words, answer):
+@pytest.mark.parametrize("system", ["darwin", "linux"])  # a Linux that lacks them is a container
+def test_commands_answer_without_what_only_linux_has(tmp_path, words, answer, system):
     if "arm.xacro" in words:
         (tmp_path / "arm.xacro").write_text(XACRO.read_text(encoding="utf-8"), encoding="utf-8")
+    rows = [f"0.4,{y},0.3,3.1,0,0" for y in (0.2, 0.1, 0)]
+    (tmp_path / "poses.csv").write_text("\n".join(["x,y,z,roll,pitch,yaw", *rows]))
     if "verify" in words:
-        made = run(tmp_path, "families", "ur5", "-o", "proof.cert.json")
+        made = run(tmp_path, "families", "ur5", "-o", "proof.cert.json", system=system)
         assert made.returncode == 0, made.stderr
-    done = run(tmp_path, *words)
+    done = run(tmp_path, *words, system=system)
     assert done.returncode == 0, done.stderr
     assert answer in done.stdout
 

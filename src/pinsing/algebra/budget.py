@@ -327,17 +327,19 @@ class Apart:
 
 
 def _confine() -> None:
-    """Let this process die with its parent, and not take the machine's memory."""
+    """Let this process die with its parent, and not take the machine's memory, where it can."""
     import ctypes  # most algebra is short, and does without
-    import resource
 
-    # Linux's PR_SET_PDEATHSIG.
-    ctypes.CDLL(None).prctl(1, signal.SIGKILL)
-    with open("/proc/self/statm", encoding="ascii") as file:
-        used = int(file.read().split()[5]) * resource.getpagesize()
-    _, hard = resource.getrlimit(resource.RLIMIT_DATA)
-    most = used + _MEMORY
-    resource.setrlimit(resource.RLIMIT_DATA, (most if hard < 0 else min(most, hard), hard))
+    with contextlib.suppress(AttributeError):
+        ctypes.CDLL(None).prctl(1, signal.SIGKILL)  # Linux's PR_SET_PDEATHSIG
+    with contextlib.suppress(ImportError, OSError):
+        import resource
+
+        with open("/proc/self/statm", encoding="ascii") as file:
+            used = int(file.read().split()[5]) * resource.getpagesize()
+        _, hard = resource.getrlimit(resource.RLIMIT_DATA)
+        most = used + _MEMORY
+        resource.setrlimit(resource.RLIMIT_DATA, (most if hard < 0 else min(most, hard), hard))
     os.dup2(os.open(os.devnull, os.O_WRONLY), 2)  # flint says on its own that memory is over
 
 
