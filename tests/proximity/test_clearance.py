@@ -6,7 +6,7 @@ import re
 import numpy as np
 import pytest
 from kernel import needs_kernel
-from singular_sets import arm_of, closed
+from singular_sets import RIGHT, Joint, arm_of, build, closed
 
 import pinsing
 from pinsing._batch import engine
@@ -315,6 +315,30 @@ def test_families_out_of_reach_do_not_count_within_limits() -> None:
     none = pinsing.clearance(form, q, families=["F1"], within_limits=True, certify=True)
     assert none.lower == np.inf
     assert form.families[0].distance(q, within_limits=True).lower == np.inf
+
+
+def test_a_form_that_is_not_complete_calls_nothing_clear() -> None:
+    form, q = closed("planar3r"), [0.3, 1.0, 0.4]
+    assert pinsing.is_clear(form, q, 0.1)
+    for families in (form.families, ()):
+        poor = dataclasses.replace(form, complete=False, families=families)
+        assert not pinsing.is_clear(poor, q, 0.1)
+        assert "not complete" in str(pinsing.clearance(poor, q))
+        assert "not complete" in repr(pinsing.check_trajectory(poor, [q, q]))
+    assert pinsing.clearance(poor, q).lower == 0.0
+    assert "not complete" in pinsing.proximity.crossings(poor, [q, q]).text()
+
+
+def test_what_is_of_the_nominal_design_says_so() -> None:
+    rows = [(0, 0, 0), (RIGHT, 0, 0), (0.0015, 0.3, 0), (0, 0.3, 0), (RIGHT, 0, 0.1), (RIGHT, 0, 0)]
+    arm = build([Joint(*row) for row in rows], tip=(0, 0, 0.1))
+    form = pinsing.closed_form(arm)
+    found = pinsing.clearance(form, [0.1] * 6)
+    assert found.notes == pinsing.Monitor(form).notes
+    assert "angles moved by at most 1.5e-03 rad" in str(found)
+    said = pinsing.check_trajectory(form, [[0.1] * 6, [0.2] * 6]).text().splitlines()
+    assert "meets no singular configuration of the design" in said[0]
+    assert found.notes[0] in said[2]
 
 
 def test_is_clear() -> None:

@@ -34,7 +34,8 @@ class Clearance(JsonResult):
     ----------
     lower : (...) array
         Proven, rounding included: no configuration of a family is nearer. Radians, or what the
-        weights make of it; infinite where there is no family at all.
+        weights make of it; infinite where there is no family at all, 0 if the closed form is then
+        not complete.
     upper : (...) array
         A configuration of a family is as near as this; infinite where that was not found out.
     family : (...) array of int
@@ -49,6 +50,8 @@ class Clearance(JsonResult):
     complete : bool
         Whether the closed form is complete. Otherwise a singular configuration that belongs to
         no family may be nearer than ``lower``.
+    notes : tuple of str
+        Which geometry the families are of if that is not the file's, and what is not known.
     bound : callable or None
         ``lower`` at other configurations (N, n); with ``certified`` the distance from the nearest
         ones found. Not written to JSON.
@@ -65,6 +68,7 @@ class Clearance(JsonResult):
     certified: bool
     within_limits: bool
     complete: bool
+    notes: tuple[str, ...] = field(default=(), metadata={"optional": True})
     bound: Callable[[Array], Array] | None = field(
         default=None, repr=False, metadata={"json": False}
     )
@@ -105,16 +109,15 @@ class Clearance(JsonResult):
         return np.asarray(np.array([*self.names, ""])[self.family])
 
     def __str__(self) -> str:
-        if self.lower.size != 1:
-            least = int(np.argmin(self.lower)) if self.lower.size else 0
-            return f"{self.lower.size} clearances" + (
-                f", the least {self.lower.ravel()[least]:.6g} from {self.nearest.ravel()[least]}"
-                if self.lower.size
-                else ""
-            )
-        name = str(self.nearest.ravel()[0]) or "no family"
-        lower, upper = float(self.lower.ravel()[0]), float(self.upper.ravel()[0])
-        return f"{lower:.6g} to {upper:.6g} from {name}"
+        said = f" ({'; '.join(self.notes)})" * bool(self.notes)
+        if not self.lower.size:
+            return f"0 clearances{said}"
+        least = int(np.argmin(self.lower))
+        lower, upper = float(self.lower.ravel()[least]), float(self.upper.ravel()[least])
+        name = str(self.nearest.ravel()[least]) or "no family"
+        if self.lower.size > 1:
+            return f"{self.lower.size} clearances, the least {lower:.6g} from {name}{said}"
+        return f"{lower:.6g} to {upper:.6g} from {name}{said}"
 
 
 @checked
@@ -235,13 +238,14 @@ def _clearance(
     watched: Watched, lower: Array, upper: Array, family: Ints, search: bool, limited: bool
 ) -> Clearance:
     return Clearance(
-        lower=lower,
+        lower=lower if watched.complete else np.where(family < 0, 0.0, lower),
         upper=upper,
         family=family.astype(np.int64),
         names=watched.names,
         certified=search,
         within_limits=limited,
         complete=watched.complete,
+        notes=watched.notes,
     )
 
 
@@ -259,7 +263,8 @@ def is_clear(
     """Return True if it is proven that no family has a point within ``radius`` of q (n,).
 
     The quick bounds decide where they can, a search where they cannot. False is the answer as
-    well where the search ran out of boxes.
+    well where the search ran out of boxes, and, unless ``families`` are named, where the closed
+    form is not complete. Families may be of a geometry beside the file's: `ClosedForm.deviation`.
 
     Parameters
     ----------
@@ -293,6 +298,8 @@ def is_clear(
     array = watched.check(q)
     if array.ndim != 1:
         raise OptionError(f"is_clear takes one configuration, got shape {array.shape}")
+    if families is None and not watched.complete:
+        return False
     fast = quick(watched, array[None], within_limits)
     if fast.lower[0] > radius:
         return True

@@ -282,7 +282,8 @@ class Crossings(JsonResult):
         t = 0.5: crossing family (F1)
         """
         lines = [f"t = {c.t:.6g}: {c.kind} {c.title or 'family'} ({c.family})" for c in self]
-        return "\n".join(lines or [f"meets none of {', '.join(self.names)}"])
+        lines = lines or [f"meets none of {', '.join(self.names) or 'no families'}"]
+        return "\n".join([*lines, *["the closed form is not complete"] * (not self.complete)])
 
     def __iter__(self) -> Iterator[Crossing]:
         return iter(self.events)

@@ -516,7 +516,7 @@ def check_line(
         allowed_speed=allowed,
         s=s,
         q=tracked.q,
-        notes=_notes(arm, line, tracked, outcome, watched.complete),
+        notes=_notes(arm, line, tracked, outcome, watched.gaps),
         tube=watched.tube,
     )
 
@@ -568,7 +568,9 @@ def _edge(s: Array, allowed: Array, i: int, side: int, speed: float) -> float:
     return float(s[k] + min(max(share, 0.0), 1.0) * (s[i] - s[k]))
 
 
-def _notes(arm: Arm, line: Line, tracked: Tracked, outcome: str, complete: bool) -> tuple[str, ...]:
+def _notes(
+    arm: Arm, line: Line, tracked: Tracked, outcome: str, gaps: list[str]
+) -> tuple[str, ...]:
     notes = []
     longest = span(arm)
     root = np.array(arm.model.jointPlacements[1].translation)
@@ -587,9 +589,7 @@ def _notes(arm: Arm, line: Line, tracked: Tracked, outcome: str, complete: bool)
     notes += [f"{arm.joints[j]} leaves its limits" for j in np.flatnonzero(left)]
     if arm.prismatic.any():
         notes.append(metric_note(arm.length_scale))
-    if not complete:
-        notes.append("the closed form is not complete: other singular configurations may be met")
-    return tuple(notes)
+    return (*notes, *gaps)
 
 
 _LISTED = 8

@@ -120,6 +120,8 @@ class Monitor:
     complete : bool
         Whether the closed forms are complete. Otherwise the level is never "clear", since other
         configurations may be singular; and where no family is known at all, ``lower`` is 0.
+    notes : tuple of str
+        Which geometry the families are of if that is not the file's, and what is not known.
 
     Raises
     ------
@@ -154,6 +156,7 @@ class Monitor:
         "joints",
         "level",
         "names",
+        "notes",
         "stop",
         "warn",
     )
@@ -184,6 +187,7 @@ class Monitor:
         if weights is None:
             watched.require_angle(warn, "warn")
         self._watched = watched
+        self.notes = watched.notes
         self.joints, self.names, self.complete = watched.joints, watched.names, watched.complete
         self._zones: Array | None = None
         if zones is not None:

@@ -474,11 +474,6 @@ def suggest(
         drawn = room.fit(rng.uniform(room.low, room.high, (2048, arm.n))) / watched.weight
         q = _rounded(arm, watched, room, drawn[int(np.argmax(ratios(arm, drawn)))])
         lower = 0.0
-    if not watched.complete:
-        notes.append(
-            "the closed form is not complete: a singular configuration that belongs to no family "
-            "may be nearer"
-        )
     return Suggestion(
         arm=summarize(arm),
         q=q,
@@ -491,7 +486,7 @@ def suggest(
         near=target,
         reach=float(reach) if target is not None else np.inf,
         complete=watched.complete,
-        notes=tuple(notes),
+        notes=(*notes, *watched.gaps),
         title=dict(zip(watched.names, (f.title for f in watched.families), strict=True)).get(
             family, ""
         ),

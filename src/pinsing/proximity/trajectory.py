@@ -154,7 +154,8 @@ def _met(check: TrajectoryCheck) -> str:
     ]
     if not check.crossings:
         none = "meets no singular configuration" if check.complete else "meets no known family"
-        if check.tube and check.clearance == 0:
+        none += " of the design" * check.nominal
+        if check.tube and check.clearance == 0 and not check.nominal:
             none = "meets no family of the design, perhaps a singular configuration of this robot"
         if not faults:
             sure = "proven between samples" if check.samples > 1 else "1 sample"
@@ -355,6 +356,8 @@ class TrajectoryCheck(JsonResult):
         The first sample.
     tube : str
         What is known of the arm where the families are of its design; else empty.
+    nominal : bool
+        Whether it is not known how far from those families the arm itself is singular.
     speed_limits : bool
         Whether the robot names limits of joint speeds.
     """
@@ -385,10 +388,12 @@ class TrajectoryCheck(JsonResult):
     speed_limits: bool = field(default=True, metadata={"optional": True})
     turn_speed: float = field(default=TURN_SPEED, metadata={"optional": True})
     tube: str = field(default="", metadata={"optional": True})
+    nominal: bool = field(default=False, metadata={"optional": True})
 
     def __repr__(self) -> str:
         names = ", ".join(dict.fromkeys(c.family for c in self.crossings))
         said = f"meets {names}" if names else f"clearance {self.clearance:.3g}"
+        said += " (not complete)" * (not self.complete)
         return one_line("TrajectoryCheck", f"{self.arm.name}, {self.samples} samples: {said}")
 
     @checked
@@ -543,9 +548,10 @@ def check_trajectory(
         jumps=speeds.found("jump"),
         outside=speeds.found("outside"),
         complete=watched.complete,
-        notes=_notes(arm, speeds, limits is not None, watched.complete),
+        notes=_notes(arm, speeds, limits is not None, watched.gaps),
         start=np.array(samples[0], dtype=float),
         tube=watched.tube,
+        nominal=bool(watched.tube) and watched.margin is None,
         speed_limits=bool(np.isfinite(speeds.limits).any()),
     )
 
@@ -559,7 +565,7 @@ def _accelerations(arm: Arm, given: npt.ArrayLike | None) -> Array | None:
     return limits
 
 
-def _notes(arm: Arm, speeds: Speeds, accelerations: bool, complete: bool) -> tuple[str, ...]:
+def _notes(arm: Arm, speeds: Speeds, accelerations: bool, gaps: list[str]) -> tuple[str, ...]:
     notes = ["between samples joints are taken to move linearly"]
     unknown = [n for n, c in zip(arm.joints, speeds.limits, strict=True) if not math.isfinite(c)]
     if unknown:
@@ -570,6 +576,4 @@ def _notes(arm: Arm, speeds: Speeds, accelerations: bool, complete: bool) -> tup
         notes.append("robot descriptions hold no acceleration limits: none were judged")
     if arm.prismatic.any():
         notes.append(metric_note(arm.length_scale))
-    if not complete:
-        notes.append("the closed form is not complete: other singular configurations may be met")
-    return tuple(notes)
+    return (*notes, *gaps)

@@ -18,6 +18,7 @@ from pinsing.errors import OptionError, UnknownNameError
 from pinsing.families import ClosedForm, Family
 from pinsing.families.solve import form_to_measure
 from pinsing.robot.arm import Arm, summarize
+from pinsing.robot.exact_placements import ROUNDING
 from pinsing.robot.joint_space import JointSpace, require_values
 
 Forms: TypeAlias = ClosedForm | Sequence[ClosedForm]
@@ -59,7 +60,7 @@ class Watched:
     margin : Margin or None
         What is taken off distances, where the families are of the arm's design.
     tube : str
-        What is known of the arm then, in words; else empty.
+        What is known of the arm, in words, where the families are of another geometry; else empty.
     """
 
     names: tuple[str, ...]
@@ -133,6 +134,17 @@ class Watched:
                 f"{called} is {value:g} rad, more than half a turn: for {value:g} degrees give "
                 f"math.radians({value:g})"
             )
+
+    @property
+    def gaps(self) -> list[str]:
+        """A sentence where other singular configurations may be nearer than all families."""
+        said = "the closed form is not complete: other singular configurations may be met or nearer"
+        return [said] * (not self.complete)
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What is not known of the arm itself, in sentences."""
+        return (*[self.tube] * bool(self.tube), *self.gaps)
 
     def length(self, Q: Array) -> Array:
         """Length of joint differences Q (..., n) in this metric."""
@@ -212,12 +224,22 @@ def watch(
         complete=all(f.complete for f in every),
         arm=next((f.geometry.arm for f in every if f.geometry is not None), None),
         margin=_margin(every, names, weight),
-        tube="; ".join(dict.fromkeys(str(f.tube) for f in every if f.tube is not None)),
+        tube="; ".join(dict.fromkeys(of for f in every if (of := _geometry(f)))),
     )
     _ = chosen.conditions  # says what is wrong with weights and norm
     if plain and norm == "euclidean":
         _MADE[first] = chosen
     return chosen
+
+
+def _geometry(form: ClosedForm) -> str:
+    """Return which geometry the families are of, where that is not the file's."""
+    if form.tube is not None:
+        return str(form.tube)
+    moved = form.deviation
+    if moved is None or max(moved.angle, moved.length, moved.twist) <= ROUNDING:
+        return ""
+    return f"The families are of {moved}"
 
 
 def _margin(forms: Sequence[ClosedForm], names: Sequence[str], weight: Array) -> Margin | None:
