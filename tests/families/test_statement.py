@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from pinsing.algebra.equation import Equation
-from pinsing.families.parts import Branch
+from pinsing.families.parts import Branch, JointValue
 from pinsing.families.statement import statement
 
 SYMBOLS = ("q1", "q2", "q3")
@@ -63,3 +63,21 @@ def test_angles_are_joined_where_all_else_is_the_same():
     assert said(Branch((), (sum_at(0.0),)), with_rest) == (
         f"q1+q2 = 0° (mod 360°); or q1+q2 = 180° (mod 360°) and {long_condition().text()}"
     )
+
+
+@pytest.mark.parametrize("latex", [False, True])
+def test_an_equation_stands_with_its_own_roots_only(latex: bool) -> None:
+    turning = np.array([[2, 0, 0]], dtype=np.int64)
+    one = np.array([1.0])
+    powers = np.zeros((1, 3), dtype=np.int64)
+    equation = Equation(SYMBOLS, turning, powers, one, -one, np.zeros(3))  # cos q1 - sin q1 = 0
+    roots, mirrored = (
+        [Branch((JointValue(0, sign * v, False),), ()) for v in (math.pi / 4, -3 * math.pi / 4)]
+        for sign in (1, -1)
+    )
+    written = equation.latex() if latex else equation.text()
+    alone = statement(roots, [equation], SYMBOLS, [False] * 3, latex)
+    both = statement([*roots, *mirrored], [equation], SYMBOLS, [False] * 3, latex)
+    assert written in alone
+    assert "=" in both
+    assert "cos" not in both  # -45 and 135 degrees are no roots of it

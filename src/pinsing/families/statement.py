@@ -174,7 +174,8 @@ def _value_texts(
     }
     combinations = {tuple(round(v.value, 12) for v in b.values) for b in branches}
     if combinations == set(itertools.product(*(sets[j] for j in joints))):
-        equations = {e.involved[0]: e for e in solved}
+        # A mirror image has roots of its own, which the equation of the other one has not.
+        equations = {e.involved[0]: e for e in solved if _holds(e, sets)}
         return [
             tuple(
                 _joint_text(symbols[j], sets[j], prismatic[j], equations.get(j), latex)
@@ -188,6 +189,14 @@ def _value_texts(
         )
         for b in branches
     ]
+
+
+def _holds(equation: Equation, sets: dict[int, list[float]]) -> bool:
+    """Return True if all values of its joint are roots of an equation."""
+    values = sets[equation.involved[0]]
+    q = np.zeros((len(values), len(equation.joints)))
+    q[:, equation.involved[0]] = values
+    return bool((np.abs(equation(q)) < 1e-9 * equation.size).all())
 
 
 def _joint_text(
@@ -204,17 +213,13 @@ def _joint_text(
 
 def _set_text(values: Sequence[float], slides: bool, latex: bool) -> str:
     if slides:
-        return (r"\ \text{or}\ " if latex else " or ").join(
-            f"{v:.6g}{_metres(latex)}" if v else "0" for v in values
-        )
+        unit = r"\,\mathrm{m}" if latex else " m"
+        said = [f"{v:.6g}{unit}" if v else "0" for v in values]
+        return (r"\ \text{or}\ " if latex else " or ").join(said)
     if len(values) == 2 and abs(values[0] + values[1]) < 1e-12:
         return (r"\pm " if latex else "±") + format_angle(abs(values[1]), latex)
     ordered = sorted(values, key=lambda v: (abs(v), v))
     return (r"\ \text{or}\ " if latex else " or ").join(format_angle(v, latex) for v in ordered)
-
-
-def _metres(latex: bool) -> str:
-    return r"\,\mathrm{m}" if latex else " m"
 
 
 def _sine_or_cosine(equation: Equation, name: str, latex: bool) -> str | None:
