@@ -62,6 +62,10 @@ def test_in_text_at_page_notebook_and_report(table: Path, elbow: Family, tmp_pat
     words = ["at", str(table), "--deg", "--q", "0,180,-0.1,0"]
     done = run(*words)
     assert f"F1: 0°, on it; the family is {SAID}" in " ".join(done.stdout.split())
+    words[-1] = "0,141,-0.1,0"
+    said = " ".join(run(*words).stdout.split())
+    assert "F1, 141° away" in said
+    assert f"by q2 +39°, outside the limits of q2; the family is {SAID}" in said
     arm = pinsing.load(table)
     (entry,) = family_entries(arm, [elbow])
     assert SAID in [*_more(entry)]
@@ -82,7 +86,7 @@ def test_where_all_values_are_inside_nothing_is_added() -> None:
         assert family.reach == "within the joint limits"
     found = distances(closed("ur5"), np.full(6, 0.3))
     assert all(d.reachability == "within the joint limits" for d in found.families)
-    assert len(distance_words(found, True, arm_of("ur5").prismatic)) == 3
+    assert len(distance_words(found, True, arm_of("ur5").space)) == 3
 
 
 def within(values, low, high, slides=False, met=lambda b: True, equations=()):

@@ -126,7 +126,7 @@ def at_command(
         emit("")
         emit(state_text(state, degrees, page))
         if found is not None:
-            lines = distance_words(found[1], degrees, arm.prismatic)
+            lines = distance_words(found[1], degrees, arm.space)
             emit("")
             rows = [("distance" if i == 0 else "", line) for i, line in enumerate(lines)]
             emit(page.fields(rows, LABEL))

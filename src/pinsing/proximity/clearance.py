@@ -19,7 +19,9 @@ from pinsing.algebra.nearest import BOXES, GAP, SearchOptions, nearest_points
 from pinsing.algebra.two_sided import two_sided
 from pinsing.arguments import checked
 from pinsing.errors import OptionError, ResultError
+from pinsing.prose import listed
 from pinsing.proximity.watched import Forms, Watched, watch
+from pinsing.robot.joint_space import JointSpace
 from pinsing.serialization import JsonResult
 
 _STEP = 1e-5
@@ -395,9 +397,9 @@ def distances(forms: Forms, q: npt.ArrayLike, *, boxes: int = BOXES) -> Distance
     return Distances(x, tuple(found), watched.complete)
 
 
-def distance_words(found: Distances, degrees: bool, prismatic: npt.NDArray[np.bool_]) -> list[str]:
-    """One line a family: how far, how sure, and which joints have to move."""
-    lines = []
+def distance_words(found: Distances, degrees: bool, space: JointSpace) -> list[str]:
+    """One line a family: how far, how sure, which joints have to move, and past which limits."""
+    lines, prismatic = [], space.prismatic
     for d in found.families:
         moved = np.flatnonzero(np.abs(d.q - found.q) > 1e-9)
         slides, turns = bool(prismatic[moved].any()), not prismatic[moved].all()
@@ -411,6 +413,8 @@ def distance_words(found: Distances, degrees: bool, prismatic: npt.NDArray[np.bo
             for j in moved
         ]
         way = f"by {', '.join(moves)}" if moves else "on it"
+        beyond = [f"q{j + 1}" for j in moved if space.unreachable(d.q)[j]]
+        way += f", outside the limits of {listed(beyond)}" if beyond else ""
         lines.append(f"{d.family}: {far}, {way}; the family is {d.reachability}")
     return lines
 
