@@ -50,7 +50,8 @@ def _pieces(row: list[str]) -> Iterator[list[str]]:
     depth = 0
     for part in row:
         depth += (part == _operator("(")) - (part == _operator(")"))
-        if depth == 0 and part in signs and piece:
+        # In brackets as well, where so much stands before that no line has room for more.
+        if part in signs and piece and (depth == 0 or len(piece) > 12):
             yield piece
             piece = [part.replace("<mo", '<mo form="infix"')]  # else it stands like a sign alone
         elif depth == 0 and part == _SPACE:
