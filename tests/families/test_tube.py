@@ -15,6 +15,7 @@ import pinsing
 from pinsing.errors import OptionError, RobotFileError
 from pinsing.families import tube as tubes
 from pinsing.robot.calibration import LINKS, calibrated
+from pinsing.robot.chain import chain_model, flatten
 from pinsing.robot.design import design_of, differences, looks_calibrated
 
 SCRIPT = Path(__file__).parents[2] / "scripts" / "tube.py"
@@ -125,6 +126,10 @@ def test_the_design_is_found_or_refused() -> None:
     ur5e = pinsing.load("ur5e")
     assert pinsing.closed_form(ur5e, design=True, prove=False).tube is None
     assert not any(looks_calibrated(pinsing.load(name)) for name in ("ur5e", "crx10ia", "panda"))
+    chain = flatten(ur5e)
+    t = chain.t + np.random.default_rng(4).uniform(-8e-5, 8e-5, chain.t.shape)
+    rounded = chain_model(replace(chain, t=t), ur5e)  # as an export from CAD
+    assert looks_calibrated(replace(ur5e, model=rounded))
     assert max(d.angle for d in differences(ur5e, design_of(ur5e, "ur5e"))) < 1e-9
     with pytest.raises(OptionError, match="another robot"):
         design_of(ur5e, "puma560")

@@ -126,8 +126,8 @@ def families_command(
     again = long and found.word != "proven"
     if looks_calibrated(arm):
         say(
-            "note: most joint axes are off a simpler design by 0.1 mm or mrad and more, as after a "
-            "calibration: --design auto gives its families, and how far this robot is from them"
+            "note: most joint axes are a little off a simpler design, as after a calibration or an "
+            "export from CAD: --design auto gives its families, and how far this robot is from them"
         )
     if json_target is None:
         emit(written(found, undecided=again))

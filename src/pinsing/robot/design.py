@@ -105,14 +105,20 @@ def differences(robot: Arm, design: Arm) -> tuple[AxisDifference, ...]:
 
 
 def looks_calibrated(robot: Arm) -> bool:
-    """Return True if most axes are off a design by 0.1 mm or mrad and more, rounding far less."""
+    """Return True if most axes are off a design, as after a calibration or an export from CAD.
+
+    By 0.1 mm or mrad and more; or with offsets of 0.02 mm and more that a design has not. Rounding
+    is far less.
+    """
     if robot.design is not None or robot.coupling is not None:
         return False
     try:
         off = [max(a.angle, a.length) for a in differences(robot, design_of(robot, True))]
     except (OptionError, np.linalg.LinAlgError):
         return False
-    return sum(1e-4 < x < 1e-2 for x in off) > len(off) / 2
+    snaps = nominal(robot, ANGLE, LENGTH).snaps
+    offset = {s.where for s in snaps if s.what == "length" and s.size > 2e-5}
+    return max(len(offset), sum(1e-4 < x < 1e-2 for x in off)) > len(off) / 2
 
 
 def axes(chain: Chain) -> tuple[Array, Array]:
