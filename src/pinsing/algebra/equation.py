@@ -59,6 +59,13 @@ class Style:
         """An angle in degrees."""
         return format_angle(radians, self.latex)
 
+    def angles(self, values: Sequence[float]) -> str:
+        """Angles one of which it is: ``0° or 180°``, ``±90°``."""
+        ordered = sorted(values, key=lambda v: (abs(v), v))
+        if len(ordered) == 2 and abs(sum(ordered)) < 1e-12:
+            return (r"\pm " if self.latex else "±") + self.angle(ordered[1])
+        return (r"\ \text{or}\ " if self.latex else " or ").join(map(self.angle, ordered))
+
     def small_angle(self, radians: float) -> str:
         """Like ``angle``, but never zero."""
         if round(math.degrees(radians), 4) != 0:
@@ -444,12 +451,7 @@ class Equation(Memory):
         """
         style = LATEX if latex else PLAIN
         names = self._angle(2 * self.frequencies[0], style, shift=False).strip("()")
-        values = sorted(angles, key=lambda v: (abs(v), v))
-        if len(values) == 2 and abs(sum(values)) < 1e-12:
-            said = (r"\pm " if latex else "±") + style.angle(values[1])
-        else:
-            said = (r"\ \text{or}\ " if latex else " or ").join(map(style.angle, values))
-        return f"{names} = {said} {style.modulo}"
+        return f"{names} = {style.angles(angles)} {style.modulo}"
 
     def _angle_sum(self, style: Style) -> str | None:
         angle = self.angle_sum

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from pinsing.algebra.equation import Equation, format_angle, latex_symbol
+from pinsing.algebra.equation import LATEX, PLAIN, Equation, latex_symbol
 from pinsing.families.at_once import LONG, long_form, long_ones
 from pinsing.families.parts import Branch
 from pinsing.families.pieces import SolvedPiece
@@ -216,10 +216,7 @@ def _set_text(values: Sequence[float], slides: bool, latex: bool) -> str:
         unit = r"\,\mathrm{m}" if latex else " m"
         said = [f"{v:.6g}{unit}" if v else "0" for v in values]
         return (r"\ \text{or}\ " if latex else " or ").join(said)
-    if len(values) == 2 and abs(values[0] + values[1]) < 1e-12:
-        return (r"\pm " if latex else "±") + format_angle(abs(values[1]), latex)
-    ordered = sorted(values, key=lambda v: (abs(v), v))
-    return (r"\ \text{or}\ " if latex else " or ").join(format_angle(v, latex) for v in ordered)
+    return (LATEX if latex else PLAIN).angles(values)
 
 
 def _sine_or_cosine(equation: Equation, name: str, latex: bool) -> str | None:
