@@ -207,6 +207,8 @@ def _refusal(name: str, kind: _Kind, value: Any) -> ConfigurationError | Argumen
     hint = kind.hint
     if hint.startswith("pinsing.load(") and isinstance(value, str | os.PathLike):
         hint = f"load it first, {_load_call(os.fspath(value))}"
+    elif hint.startswith("pinsing.load(") and type(value).__name__ == "Model":
+        hint = "load it first, pinsing.load(model)"
     elif hint:
         hint = f"{hint} gives one"
     return ArgumentError(name, kind.expected, shown(value), hint)

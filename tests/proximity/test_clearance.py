@@ -329,6 +329,10 @@ def test_a_form_that_is_not_complete_calls_nothing_clear() -> None:
     assert "not complete" in pinsing.proximity.crossings(poor, [q, q]).text()
 
 
+def test_families_are_watched_by_title() -> None:
+    assert pinsing.Monitor(closed("ur5"), families=["wrist"]).names == ("F2",)
+
+
 def test_what_is_of_the_nominal_design_says_so() -> None:
     rows = [(0, 0, 0), (RIGHT, 0, 0), (0.0015, 0.3, 0), (0, 0.3, 0), (RIGHT, 0, 0.1), (RIGHT, 0, 0)]
     arm = build([Joint(*row) for row in rows], tip=(0, 0, 0.1))

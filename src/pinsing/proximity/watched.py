@@ -167,7 +167,7 @@ def watch(
     forms : ClosedForm or sequence of ClosedForm
         Closed forms of one arm.
     families : sequence of str, optional
-        Names, such as ``["F1", "F3"]``.
+        Names or titles, such as ``["F1", "wrist"]``.
     weights : (n,) array_like, optional
         What joint differences are multiplied by, instead of 1 for revolute joints and
         1 / length scale for prismatic ones.
@@ -197,7 +197,9 @@ def watch(
     if families is None:
         names = tuple(name for name, family in named.items() if family.real)
     else:
-        names = tuple(dict.fromkeys([families] if isinstance(families, str) else families))
+        asked = [families] if isinstance(families, str) else families
+        alike = [[k for k, f in named.items() if f.title == x] or [x] for x in asked]
+        names = tuple(dict.fromkeys(name for some in alike for name in some))
         for name in names:
             if name not in named:
                 raise UnknownNameError("family", str(name), named)

@@ -86,7 +86,7 @@ def write_report(
     robot : Arm or Mechanism
         What it is about.
     path : path-like or None
-        The HTML file; None for PDF alone.
+        The HTML file; None, or a name that ends in .pdf, for PDF alone.
     forms : ClosedForm, optional
         Of the arm, as `closed_form` gave it; found by default.
     poses : mapping of str to (n,) array_like, optional
@@ -124,6 +124,8 @@ def write_report(
     >>> "Family F1" in pathlib.Path("arm.html").read_text()
     True
     """
+    if path is not None and Path(path).suffix.lower() == ".pdf" and pdf is None:
+        path, pdf = None, path
     if path is None and pdf is None:
         raise OptionError("path is None and pdf is None: there is nothing to write")
     html_file = None if path is None else check_writable(path)
