@@ -126,7 +126,7 @@ def test_mathml_divides_sums_and_keeps_signs_at_their_numbers():
     assert mathml("a - b").count('<mo form="infix">−</mo>') == 1
     nested = f"a ( b ( {' + '.join(['100000 c'] * 9)} ) + d ) = 0"
     assert words(mathml(nested)) == nested
-    assert max(len(words(piece)) for piece in mathml(nested).split("</math>")) < 60
+    assert mathml(nested).count("<math>") > 2  # else it is as wide as it is long
 
 
 @pytest.mark.parametrize(
