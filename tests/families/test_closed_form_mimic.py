@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from command_line import run
 from singular_sets import check_all
 
 from pinsing.algebra.mimic import NotFollowed, drives
@@ -141,3 +142,12 @@ def test_a_gripper_of_pr2_with_its_arm():
     form = closed_form(arm)
     assert len(form.families) == 7
     assert check_all(arm, form) > 20
+
+
+def test_a_trajectory_across_a_family_gets_its_verdict(tmp_path):
+    finger(tmp_path, mimic=follows(2, 1))
+    (tmp_path / "a.csv").write_text("j1,j2\n0,-0.5\n0,0.5\n")
+    arm, path = str(tmp_path / "coupled.urdf"), str(tmp_path / "a.csv")
+    done = run("check", arm, path, "--tip", "tool", "--task", "vx,vy")
+    assert done.exit_code == 0, done.stderr
+    assert "Keep away from F1, at sample 0.5; other postures are not" in done.stdout

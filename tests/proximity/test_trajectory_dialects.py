@@ -104,9 +104,10 @@ DIALECTS = {
         table(
             [
                 "timestamp", *numbered("actual_q_{}", 0), *numbered("actual_qd_{}", 0),
-                *numbered("target_q_{}", 0),
+                *numbered("target_q_{}", 0), "robot_mode", *numbered("actual_TCP_force_{}", 0),
+                *numbered("joint_temperatures_{}", 0), "runtime_state", "elbow_position_0",
             ],
-            np.column_stack([T, Q, Q, Q + 1]),
+            np.column_stack([T, Q, Q, Q + 1, T, Q, Q, T, T]),
             " ",
         ),
         True,
@@ -148,6 +149,7 @@ def test_files_as_people_have_them(tmp_path, arm, name):
     read = read_trajectory(tmp_path / name, arm)
     np.testing.assert_allclose(read.Q, Q, atol=1e-6)
     assert (read.t is not None) == times
+    assert ("from the horizontal" in read.notes[-1]) == (name == "path.ls")
     if read.t is not None:
         np.testing.assert_allclose(read.t, T, atol=1e-6)
 
@@ -207,6 +209,12 @@ def test_what_is_not_clear_is_not_guessed(tmp_path, arm, text, said):
         ("a.csv", "# units: rad\n" + table(numbered("J{} (deg)"), Q), "correct one of them"),
         ("a.script", "movej(p[1, 2, 3, 0, 0, 0], a=1)", "pose of the tool: export .*pinsing path"),
         ("a.csv", table([*numbered("J{} (deg)")[:5], "J6"], DEG), "others none"),
+        ("a.csv", table([*UR5[:5], "wrist_3_joint (mm)"], Q), "is in mm.* which turns"),
+        ("a.ls", fanuc().replace(" deg", " mm"), "'J1' is in mm.* which turns"),
+        ("a.csv", table([], Q)[1:].replace("-1.2", "tool"), "a.csv:1: there is no line of names"),
+        ("a.csv", "MODULE M\nCONST jointtarget j0:=[[10,1]];", "robot program.* .ls of FANUC"),
+        ("a.csv", "DEF T()\nPTP {A1 1,A2 1}", "robot program"),
+        ("a.csv", "/JOB\n//NAME TEST\n", "robot program"),
     ],
 )
 def test_broken_ones_are_refused_in_one_line(tmp_path, arm, name, text, said):
@@ -245,3 +253,14 @@ def test_columns_and_units_can_be_said(tmp_path, arm):
     assert "elbow_joint = 'c'" in done.stderr
     plain = run("check", "ur5", str(tmp_path / "deg.csv"))
     assert plain.exit_code == 0, plain.stderr
+
+
+def test_a_joint_that_slides_takes_no_angles(tmp_path):
+    stanford = load("stanford")
+    assert stanford.prismatic.tolist() == [False, False, True, False, False, False]
+    heads = ["J1 (deg)", "J2 (deg)", "J3 (deg)", "J4 (deg)", "J5 (deg)", "J6 (mm)"]
+    (tmp_path / "a.csv").write_text(table(heads, DEG))
+    with pytest.raises(ConfigurationError, match=r"'J3 .deg.* which slides.*--columns"):
+        read_trajectory(tmp_path / "a.csv", stanford)
+    read = read_trajectory(tmp_path / "a.csv", stanford, columns=[*"126345"])
+    np.testing.assert_allclose(read.Q[:, 2:4], DEG[:, [5, 2]] * [1e-3, np.pi / 180])

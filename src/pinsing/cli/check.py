@@ -211,7 +211,7 @@ def _posture_of_the_end(arm: Arm, Q: Array, found: Aspects) -> Array | None:
     from pinsing.postures.inverse import inverse
 
     end = found.of(Q[-1])
-    if end is None or arm.n > 6:
+    if end is None or arm.n > 6 or arm.coupling is not None:
         return None
     known = inverse(arm, tip_placement(arm, Q[0]).homogeneous, near=Q[0])
     good = (s.q for s in known if s.regular and s.within_limits and found.of(s.q) == end)

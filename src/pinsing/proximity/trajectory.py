@@ -249,6 +249,9 @@ def _advice(check: TrajectoryCheck, robot: str, other: Array | None) -> str:
         return f"Look at the jump of {e.joint} {_when(check, e.t)}: is it wrapped by a turn?"
     if check.crossings:
         c = check.crossings[0]
+        if any(note.startswith("mimic joints of the chain follow") for note in check.arm.notes):
+            away = f"Keep away from {_title(check, c.family)}, {_when(check, c.t)}"
+            return f"{away}; other postures are not looked for where joints mimic others"
         start = c.q if check.start is None else check.start
         beyond = " --ignore-limits" if check.outside else ""
         command = f"postures {robot}{beyond}" if other is None else f"at {robot}"

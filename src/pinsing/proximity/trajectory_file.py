@@ -22,9 +22,12 @@ from pinsing.errors import ConfigurationError
 from pinsing.robot.arm import Arm
 
 _UNIT = re.compile(r"(?i)[\s_]*[\[(]\s*([a-z°]+)\s*[\])]\s*$|_(deg|degrees|rad|mm|ms|ns)$")
-_SCALES = {
+_ANGLES = {
     "deg": math.pi / 180, "degree": math.pi / 180, "degrees": math.pi / 180, "°": math.pi / 180,
-    "rad": 1.0, "radian": 1.0, "radians": 1.0, "m": 1.0, "meter": 1.0, "metre": 1.0, "mm": 1e-3,
+    "rad": 1.0, "radian": 1.0, "radians": 1.0,
+}  # fmt: skip
+_LENGTHS = {"m": 1.0, "meter": 1.0, "metre": 1.0, "mm": 1e-3}
+_SCALES = _ANGLES | _LENGTHS | {
     "s": 1.0, "sec": 1.0, "second": 1.0, "seconds": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9,
 }  # fmt: skip
 """What a unit in the head of a column is multiplied by: radians, metres, seconds."""
@@ -34,8 +37,14 @@ _PLACES = {"joint_states", "joint_state", "pos", "position", "positions", "actua
 """Parts of a column's name that tell where a position was written down, not of which joint."""
 _NO_POSITION = re.compile(
     r"(?i)(.*[\W_])?(velocity|velocities|vel|qd|qdd|dq|speeds?|accelerations?|acc|efforts?|torques?|"
-    r"tau|currents?|target|header|frame_id|seq|stamp|secs|nsecs|nanosec|name)([\W_]?\d*|[\W_].*)"
+    r"tau|currents?|target|header|frame_id|seq|stamp|secs|nsecs|nanosec|name|mode|status|bits|tcp|"
+    r"temperatures?|voltage|forces?|wrench|moment|momentum|scaling|ratio|payload|accelerometer|"
+    r"registers?|(?:analog|digital|bit)_\w+|runtime_state|execution_time|control_output|"
+    r"elbow_position|script_control_line|time_scale_source)([\W_]?\d*|[\W_].*)"
 )
+"""Names of what logs and UR's recordings (RTDE) hold beside positions of joints."""
+_PROGRAM = re.compile(r"(?i)(%%%|module\s|&[a-z]+\s|(global\s+)?def(fct)?\s|/(job|prog)(\s|$))")
+"""How programs begin: RAPID, KRL, INFORM, and those of FANUC and UR under other names."""
 _HANDED = ("/dev/stdin", "/dev/fd/", "/proc/self/fd/")  # pipes that the shell has set up
 _LARGEST = 4 << 30  # bytes
 _NO_TIMES = "no column of times"
@@ -87,14 +96,14 @@ def read_trajectory(
     A table as text has a head with the names of all joints, in any order, and perhaps a column of
     times. Names may lack the prefix of the robot's or have another's, be numbers (q1, J1,
     joint_1, actual_q_0), stand in a path (/joint_states/NAME/position), and end in a unit
-    (deg, rad, m, mm; s, ms, ns). Velocities, efforts and the like are passed over, as are joints
+    (deg, rad, m, mm; s, ms, ns). Velocities, modes and the like are passed over, as are joints
     of the whole model that the chain leaves out, unless one is locked on the chain and moves.
     Without a head there is one column a joint, base to tip, perhaps after one of times, which must
     be the first and strictly ascending while the last is not. A comment ``# units: degrees`` holds
     for all angles. Commas, semicolons, tabs or blanks separate; decimal commas are read where the
     comma does not separate. YAML holds a trajectory of ROS or MoveIt, or what ``ros2 topic echo``
-    prints of joint states; ``.ls`` the points of a Fanuc program; ``.script`` the moves to joint
-    angles of a UR program. An NPY file has an array; an NPZ file
+    prints of joint states; ``.ls`` the points of a Fanuc program, J3 as written; ``.script`` the
+    moves to joint angles of a UR program. An NPY file has an array; an NPZ file
     arrays ``q`` (N, n) and perhaps ``t``.
     What was read as what is in ``notes``.
 
@@ -113,8 +122,8 @@ def read_trajectory(
     Raises
     ------
     ConfigurationError
-        If the file cannot be read, its columns do not fit the arm, units contradict each other,
-        or it holds no sample.
+        If the file cannot be read, its columns do not fit the arm, units contradict each other
+        or do not fit a joint, or it holds no sample.
     """
     try:
         kind = path.suffix.lower()
@@ -134,11 +143,10 @@ def read_trajectory(
         else:
             found = _text(path, arm, columns)
     except OSError as error:
-        reason = error.strerror or str(error)
-        raise ConfigurationError(f"cannot read {path}: {reason}") from None
+        raise ConfigurationError(f"cannot read {path}: {error.strerror or error}") from None
     except DamagedError as error:
         raise ConfigurationError(f"cannot read {path}: {error}") from None
-    except (ValueError, TypeError, OverflowError, MemoryError) as error:
+    except (ValueError, TypeError, OverflowError, MemoryError, RecursionError) as error:
         if isinstance(error, ConfigurationError):
             raise
         reason = " ".join(str(error).split())
@@ -227,8 +235,9 @@ def _columns(
             f"more with times first; got shape {array.shape}"
         )
     if array.shape[1] == arm.n:
-        notes = ("columns are the joints, base to tip; no times",)
-        return TrajectoryFile(_floats(array), None, notes)
+        return TrajectoryFile(
+            _floats(array), None, ("columns are the joints, base to tip; no times",)
+        )
     ascending = [len(array) > 1 and bool(np.all(x[1:] > x[:-1])) for x in array[:, [0, -1]].T]
     if ascending != [True, False]:
         last = ",".join(str(k + 2) for k in range(arm.n))
@@ -258,8 +267,6 @@ def _floats(array: npt.NDArray[Any]) -> Array:
 def _npy(path: Path, arm: Arm, columns: Sequence[str]) -> TrajectoryFile:
     if path.stat().st_size > _LARGEST:
         raise ConfigurationError(f"{path}: has more than {_LARGEST >> 30} GiB: give a part of it")
-    if not path.is_file():
-        raise ConfigurationError(f"{path}: is not a plain file")
     try:
         array = np.load(path, mmap_mode="r", allow_pickle=False)
     except (EOFError, ValueError, SyntaxError, tokenize.TokenError, RecursionError) as error:
@@ -297,6 +304,11 @@ _YAML = 64 << 20  # bytes: a minute of reading
 _FANUC_JOINT = re.compile(r"J(\d)\s*=\s*([-+]?[\d.]+)\s*(deg|mm)", re.I)
 _FANUC_MOVE = re.compile(r"\s*\d+:\s*([JLCA])\s+(\S+?)\[(\d+)[^\]]*\]([^;]*)")
 _FANUC_OTHER = re.compile(r"\s*\d+:\s*(CALL|RUN|JMP|LBL|IF|FOR|SELECT|UFRAME|UTOOL|OFFSET)\b", re.I)
+_FANUC_J3 = (  # as ROS-Industrial's fanuc_driver has it, by its J23_factor
+    "J3 is taken as the robot's description counts it; controllers of FANUC count it from the "
+    "horizontal: where the description counts it from the upper arm, as DH tables and descriptions "
+    "of ROS do, the verdict is of another motion: give a table with J2 + J3 in place of J3"
+)
 _POSES = "export the program with joint positions, or give the poses as a table to 'pinsing path'"
 _UR_MOVE = re.compile(r"\b(move[a-z]|servo[a-z]+|speed[a-z])\s*\(\s*(\[[^\]]*\])?")
 _UR_OTHER = re.compile(r"(?m)^\s*(if|elif|else|while|for|thread|call)\b|\bdef\b[\s\S]*\bdef\b")
@@ -335,9 +347,22 @@ def _fanuc(path: Path, arm: Arm, text: str) -> TrajectoryFile:
         if move[3] not in points:
             raise ConfigurationError(f"{path}:{number}: there is no position P[{move[3]}]")
         order.append(points[move[3]])
-    scales = [_SCALES.get(unit.lower()) for _, _, unit in order[0]] if order else []
+    units = [unit.lower() for _, _, unit in order[0]] if order else [""] * arm.n
+    _require_kinds(path, arm, [f"J{k + 1}" for k in range(arm.n)], units)
     rows = [[float(x) for _, x, _ in cells] for cells in order]
-    return _moves(path, arm, rows, scales)
+    found = _moves(path, arm, rows, [_SCALES.get(unit) for unit in units])
+    return replace(found, notes=(*found.notes, _FANUC_J3)) if arm.n > 2 else found
+
+
+def _require_kinds(path: Path | str, arm: Arm, heads: Sequence[str], units: Sequence[str]) -> None:
+    """Refuse angles of a joint that slides, and lengths of one that turns."""
+    for head, unit, joint, slides in zip(heads, units, arm.joints, arm.prismatic, strict=True):
+        if unit in (_ANGLES if slides else _LENGTHS):
+            raise ConfigurationError(
+                f"{path}: {head!r:.80} is in {unit}, but is taken for joint {joint!r}, which "
+                f"{'slides' if slides else 'turns'}: correct the unit, or say with --columns "
+                "A,B,... which columns of a table are the joints, base to tip"
+            )
 
 
 def _ur(path: Path, arm: Arm, text: str) -> TrajectoryFile:
@@ -385,9 +410,6 @@ def _yaml(path: Path, arm: Arm) -> TrajectoryFile:
         reason, _, line = yaml_problem(error, raw.decode("utf-8", "replace"), path)
         where = path if line is None else f"{path}:{line}"
         raise ConfigurationError(f"cannot read {where}: {reason:.200}") from None
-    except RecursionError as error:
-        reason = " ".join(str(error).split())
-        raise ConfigurationError(f"cannot read {path}: {reason:.200}") from None
     rows: list[tuple[Any, Any, Any]] = []
     for found in documents:
         data = found
@@ -482,9 +504,20 @@ def _text(path: Path, arm: Arm, columns: Sequence[str]) -> TrajectoryFile:
             line = ""
         if not line:
             raise ConfigurationError(f"{path}: no sample in it")
+        if _PROGRAM.match(line):
+            raise ConfigurationError(
+                f"{path}:{number}: is a robot program, of which only .ls of FANUC and .script of "
+                "UR are read: give a table of the joints' positions"
+            )
         separator = next((s for s in (";", "\t", ",") if s in line), None)
         words = [w.strip().strip("\"'") for w in line.split(separator)]
-        named = not all(is_number(w.replace(",", ".")) for w in words)
+        numbers = [w for w in words if is_number(w.replace(",", "."))]
+        named = len(numbers) < len(words) and all(w.isdecimal() for w in numbers)
+        if len(numbers) < len(words) and not (named or columns):
+            raise ConfigurationError(
+                f"{path}:{number}: there is no line of names before the first sample: add one, or "
+                "say with --columns the numbers of the joints' columns"
+            )
         heads = words if named else [str(k + 1) for k in range(len(words))]
         read = ColumnHeads(path, arm, heads, columns) if named or columns else None
         used = sorted(read.used) if read and len(read.used) < len(words) else None
@@ -502,8 +535,7 @@ def _text(path: Path, arm: Arm, columns: Sequence[str]) -> TrajectoryFile:
     others = {w: values[:, at[i]] for w, i in read.others.items()}
     t = None if read.time is None else values[:, at[read.time]] * read.time_scale
     Q = values[:, [at[i] for i in read.order]]
-    notes = (*read.notes, *commas)
-    return TrajectoryFile(Q, t, notes, others, read.scales, table.degrees)
+    return TrajectoryFile(Q, t, (*read.notes, *commas), others, read.scales, table.degrees)
 
 
 class ColumnHeads:
@@ -564,6 +596,7 @@ class ColumnHeads:
         if times and scales[times[0]] is None and words[times[0]] == "%time":
             self.time_scale = 1e-9  # as rostopic writes it
         self.scales = [scales[i] for i in self.order]
+        _require_kinds(path, arm, [words[i] for i in self.order], [marks[i] for i in self.order])
         angles = {s is None for s, p in zip(self.scales, arm.prismatic, strict=True) if not p}
         if len(angles) > 1:
             raise self._error("some angles have a unit in their head, others none")
