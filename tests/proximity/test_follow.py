@@ -126,7 +126,7 @@ def test_what_is_no_joint_is_passed_over_once(form):
     table = list(follow(follower, rows, False))
     each = {f"{n}.pos": x for n, x in zip(NAMES, Q.tolist(), strict=True)} | {"gripper.pos": 1}
     assert [v["lower"] for v in table] == [said(form, [json.dumps(each)])[0]["lower"]] * 2
-    assert follower.notes == ["no positions in 'gripper': not used"]
+    assert follower.reader.notes == ["no positions in 'gripper': not used"]
 
 
 def test_the_family_is_the_nearest_and_the_move_leads_away_from_it(form):

@@ -35,7 +35,6 @@ class ConditionSet:
         limited: bool,
         far: float,
         gap: float,
-        seconds: float,
         boxes: int,
         lower: NDArray[np.float64],
         upper: NDArray[np.float64],
@@ -49,6 +48,8 @@ class ConditionSet:
         x: NDArray[np.float64],
         velocity: NDArray[np.float64],
         horizon: float,
+        gap: float,
+        boxes: int,
         out: NDArray[np.float64],
         isa: str,
     ) -> int: ...

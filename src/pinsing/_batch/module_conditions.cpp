@@ -126,10 +126,11 @@ public:
     }
 
     // One configuration x (n,): lower, upper, time to contact and rate into out (4,); returns the
-    // family, -2 where a value is not finite. Time and rate are those of a motion along velocity
-    // (n,), and left alone if it has no values.
-    int watch(const In& x, const In& velocity, double horizon, Out out,
-              const std::string& isa) const {
+    // nearest family, -2 where a value is not finite. Where bounds do not tell which it is, it is
+    // that of the nearest point found in so many boxes. Time and rate are those of a motion along
+    // velocity (n,), and left alone if it has no values.
+    int watch(const In& x, const In& velocity, double horizon, double gap, std::int64_t boxes,
+              Out out, const std::string& isa) const {
         const std::size_t n = static_cast<std::size_t>(c_.n);
         require(x.size() == n && (velocity.size() == n || velocity.size() == 0) && out.size() == 4,
                 "x must have shape (n,), velocity (n,) or (0,), out (4,)");
@@ -139,9 +140,23 @@ public:
         std::int64_t family = -1;
         for (std::size_t j = 0; j < velocity.size(); j++)
             if (!std::isfinite(velocity.data()[j])) return -2;
+        Real each(2 * static_cast<std::size_t>(c_.families));
         const Outcome outcome = kernel.clearances(c_, x.data(), 1, result, result + 1, &family,
-                                                  nullptr, scratch.get());
+                                                  each.data(), scratch.get());
         if (outcome.not_finite >= 0) return -2;
+        int nearer = 0;  // families that may be nearer than a point of this one
+        for (int f = 0; family >= 0 && f < c_.families; f++)
+            nearer += f != family && each[2 * f] < each[2 * family + 1];
+        if (nearer > 0) {
+            const Real below(n, -HUGE_VAL), above(n, HUGE_VAL);
+            Real point(x.data(), x.data() + n);
+            double far = 100.0;
+            for (double value : point) far = std::max(far, 100.0 + std::fabs(value));
+            const SearchOptions options{below.data(), above.data(), 0, false, far, gap, boxes};
+            const Nearest found = nearest_condition(c_, options, x.data(), point.data());
+            result[1] = std::min(result[1], found.upper);
+            if (found.family >= 0) family = found.family;
+        }
         if (velocity.size() == n) {
             const Contact contact = contact_along(c_, family, x.data(), velocity.data(), horizon);
             result[2] = contact.time;
@@ -152,8 +167,8 @@ public:
 
     // Nearest points: X (N, n) -> lower, upper, family, boxes (N,), points (N, n).
     void nearest(const In& X, const In& lower_limit, const In& upper_limit, bool limited, double far,
-                 double gap, double seconds, std::int64_t boxes, Out lower, Out upper,
-                 OutWhole family, OutWhole used, Out points, int threads) const {
+                 double gap, std::int64_t boxes, Out lower, Out upper, OutWhole family,
+                 OutWhole used, Out points, int threads) const {
         const std::int64_t N = rows(X);
         const std::size_t n = static_cast<std::size_t>(c_.n), count = X.shape(0);
         const std::size_t limits = lower_limit.size();
@@ -166,7 +181,7 @@ public:
         for (std::size_t i = 0; i < X.size(); i++)
             require(std::isfinite(X.data()[i]), "Q holds a value that is not finite");
         const SearchOptions options{lower_limit.data(), upper_limit.data(), limits == n ? 0 : c_.n,
-                                    limited, far, gap, seconds, boxes};
+                                    limited, far, gap, boxes};
         const nb::gil_scoped_release release;
         std::atomic<std::int64_t> next{0};
         auto run = [&]() {
@@ -273,11 +288,11 @@ void add_conditions(nb::module_& m) {
              "upper"_a.noconvert(), "family"_a.noconvert(), "each"_a.noconvert(), "isa"_a,
              "threads"_a)
         .def("nearest", &ConditionSet::nearest, "X"_a.noconvert(), "lower_limit"_a.noconvert(),
-             "upper_limit"_a.noconvert(), "limited"_a, "far"_a, "gap"_a, "seconds"_a, "boxes"_a,
+             "upper_limit"_a.noconvert(), "limited"_a, "far"_a, "gap"_a, "boxes"_a,
              "lower"_a.noconvert(), "upper"_a.noconvert(), "family"_a.noconvert(),
              "used"_a.noconvert(), "points"_a.noconvert(), "threads"_a)
         .def("watch", &ConditionSet::watch, "x"_a.noconvert(), "velocity"_a.noconvert(),
-             "horizon"_a, "out"_a.noconvert(), "isa"_a)
+             "horizon"_a, "gap"_a, "boxes"_a, "out"_a.noconvert(), "isa"_a)
         .def("zeros", &ConditionSet::zeros, "pieces"_a.noconvert(), "ends"_a.noconvert(),
              "threads"_a);
 }

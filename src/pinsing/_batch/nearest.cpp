@@ -5,7 +5,6 @@
 // Bounds and points differ by the square of a box, so that few boxes are left around the nearest
 // point, at joint limits as well.
 #include <algorithm>
-#include <chrono>
 #include <cmath>
 #include <functional>
 #include <queue>
@@ -18,16 +17,12 @@
 namespace pinsing {
 namespace {
 
-using Clock = std::chrono::steady_clock;
-
 constexpr double kTolerance = 1e-9;  // by which a joint's value may be outside its limits
 
 class Search {
 public:
     Search(const Conditions& c, const SearchOptions& options)
-        : c_(c), o_(options), end_(Clock::now() + std::chrono::duration_cast<Clock::duration>(
-                                                      std::chrono::duration<double>(
-                                                          std::min(options.seconds, 1e6)))) {
+        : c_(c), o_(options) {
         if (o_.limited) note_involved();
     }
 
@@ -68,13 +63,8 @@ public:
 private:
     const Conditions& c_;
     const SearchOptions& o_;
-    Clock::time_point end_;
     std::vector<bool> involved_;  // joints of each branch that occur in equations
     double slack_ = 0.0;
-
-    bool over(std::int64_t boxes, std::int64_t turn) const {
-        return boxes >= o_.boxes || (turn % 32 == 31 && Clock::now() > end_);
-    }
 
     // x with the joints of a branch at their values, the nearest copies, and those that do not
     // matter within their limits; how far that is.
@@ -198,7 +188,7 @@ private:
         if (!empty && bound.look(q, 0.0, part, box)) add(box);
         for (std::int64_t turn = 0; !heap.empty(); turn++) {
             const Entry top = heap.top();
-            if (top.first >= goal() || over(best.boxes, turn)) break;
+            if (top.first >= goal() || best.boxes >= o_.boxes) break;
             heap.pop();
             const Box parent = boxes[top.second];
             places.push_back(top.second);

@@ -16,7 +16,6 @@ struct SearchOptions {
     bool limited;         // only points within the limits count
     double far;           // how far prismatic joints are looked at where nothing bounds them
     double gap;
-    double seconds;
     std::int64_t boxes;   // most boxes for a configuration
 };
 

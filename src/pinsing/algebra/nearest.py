@@ -117,7 +117,7 @@ def nearest_points(
     handle = conditions.compiled if compiled else None
     if handle is not None:
         found = (least, most, family, boxes, points, engine.cpu_count())
-        how = options.within_limits, far, options.gap, np.inf, options.boxes
+        how = options.within_limits, far, options.gap, options.boxes
         handle.nearest(X, low, high, *how, *found)
     else:
         low, high = (np.broadcast_to(x, (conditions.families, n)) for x in (low, high))

@@ -230,9 +230,9 @@ def _followed(arm: Arm, file: Path, degrees: bool, near: float) -> int:
         told = 0
         for said in follow(follower, lines, live):
             judged |= "level" in said
-            for note in follower.notes[told:]:
+            for note in follower.reader.notes[told:]:
                 say(f"note: {note}")
-            told = len(follower.notes)
+            told = len(follower.reader.notes)
             click.echo(json.dumps(said))
     if not judged:
         raise ConfigurationError("the stream: no line could be judged")

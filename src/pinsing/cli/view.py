@@ -152,12 +152,19 @@ def view_command(
 
 
 def _lead(viewer: Viewer, file: Path, degrees: bool) -> None:
-    """Show what comes, the newest of it; say what cannot be read, silences and the end."""
+    """Show what comes, the newest of it; say what cannot be read, silences and the end.
+
+    A file with times is played at them, one without picture by picture.
+    """
     from pinsing.proximity.follow import STALLED, Reader, latest
 
     reader, skipped, problem = Reader(viewer.arm, degrees), 0, ""
-    with followed(file) as (lines, _):
-        for line, dropped in latest(lines, backlog=1):
+    start, shown = (
+        0.0,
+        math.inf,
+    )  # the clock where the file's is 0, and its time of the last picture
+    with followed(file) as (lines, live):
+        for line, dropped in latest(lines, backlog=1) if live else ((x, 0) for x in lines):
             skipped += dropped
             if line is None:
                 silence = f"no line for {STALLED:g} s"
@@ -166,9 +173,18 @@ def _lead(viewer: Viewer, file: Path, degrees: bool) -> None:
             try:
                 found = reader.read(line)
                 if found is not None:
+                    due = None if live else found[0]
+                    if due is not None:
+                        if shown <= due < shown + _PICTURE / 2:
+                            skipped += 1
+                            continue
+                        if due < shown:  # the first, or times begin anew
+                            start = time.monotonic() - due
+                        time.sleep(max(0.0, start + due - time.monotonic()))
+                        shown = due
                     problem = ""
                     viewer.show(found[1], f"live; {skipped} lines skipped" if skipped else "live")
-                    time.sleep(_PICTURE)
+                    time.sleep(_PICTURE if due is None else 0.0)
             except ConfigurationError as error:
                 if str(error) != problem:
                     say(f"warning: {error}")

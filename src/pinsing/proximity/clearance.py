@@ -8,15 +8,16 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any, ClassVar
 
 import numpy as np
 import numpy.typing as npt
 
 from pinsing._types import Array, Ints
+from pinsing.algebra.conditions import Conditions
 from pinsing.algebra.nearest import BOXES, GAP, SearchOptions, nearest_points
-from pinsing.algebra.two_sided import two_sided
+from pinsing.algebra.two_sided import Bounds, two_sided
 from pinsing.arguments import checked
 from pinsing.errors import OptionError, ResultError
 from pinsing.prose import listed
@@ -24,6 +25,8 @@ from pinsing.proximity.watched import Forms, Watched, watch
 from pinsing.robot.joint_space import JointSpace
 from pinsing.serialization import JsonResult
 
+NAMING = SearchOptions(gap=1e-4, boxes=100)
+"""Work in the search for the nearest family where bounds do not tell it: half a millisecond."""
 _STEP = 1e-5
 """Radians or metres: differences over it are right to some 1e-9."""
 
@@ -41,8 +44,8 @@ class Clearance(JsonResult):
     upper : (...) array
         A configuration of a family is as near as this; infinite where that was not found out.
     family : (...) array of int
-        Index into ``names``: the family of the least lower bound, or with ``certified`` that of
-        the nearest configuration found; -1 for none.
+        Index into ``names``: the family that ``lower`` is of, which need not be the nearest (see
+        ``nearest``), or with ``certified`` that of the nearest configuration found; -1 for none.
     names : tuple of str
         The families that were looked at.
     certified : bool
@@ -57,6 +60,8 @@ class Clearance(JsonResult):
     bound : callable or None
         ``lower`` at other configurations (N, n); with ``certified`` the distance from the nearest
         ones found. Not written to JSON.
+    naming : callable or None
+        `nearest_family` of the same families, for ``nearest``. Not written to JSON.
     at : (..., n) array or None
         Where this was computed. Not written to JSON.
     """
@@ -74,10 +79,13 @@ class Clearance(JsonResult):
     bound: Callable[[Array], Array] | None = field(
         default=None, repr=False, metadata={"json": False}
     )
+    naming: Callable[[Array], tuple[Ints, Bounds]] | None = field(
+        default=None, repr=False, metadata={"json": False}
+    )
     at: Array | None = field(default=None, repr=False, metadata={"json": False})
 
     def __getstate__(self) -> dict[str, Any]:
-        return {**self.__dict__, "bound": None}
+        return {**self.__dict__, "bound": None, "naming": None}
 
     @cached_property
     def gradient(self) -> Array:
@@ -105,10 +113,17 @@ class Clearance(JsonResult):
         ]
         return np.stack(slopes, axis=-1)
 
-    @property
+    @cached_property
     def nearest(self) -> npt.NDArray[np.str_]:
-        """Name of the family (...); empty for none."""
-        return np.asarray(np.array([*self.names, ""])[self.family])
+        """Name of the nearest family found (...); empty for none.
+
+        Where the bounds do not tell it, a short search does, as in `Monitor`. Within limits, and
+        of a result read from a file, the name of ``family``.
+        """
+        family = self.family
+        if self.naming is not None and self.at is not None:
+            family = self.naming(self.at.reshape(-1, self.at.shape[-1]))[0].reshape(family.shape)
+        return np.asarray(np.array([*self.names, ""])[family])
 
     def __str__(self) -> str:
         said = f" ({'; '.join(self.notes)})" * bool(self.notes)
@@ -204,6 +219,7 @@ def clearance(
     return replace(
         found,
         bound=bound,
+        naming=None if certify or within_limits else partial(nearest_family, watched.conditions),
         at=array,
         lower=found.lower.reshape(shape),
         upper=found.upper.reshape(shape),
@@ -227,6 +243,24 @@ def quick(watched: Watched, Q: Array, within_limits: bool = False) -> Clearance:
         family = least.argmin(axis=1) if least.shape[1] else np.full(len(Q), -1)
         family = np.where(np.isfinite(lower), family, -1)
     return _clearance(watched, lower, upper, family, False, within_limits)
+
+
+def nearest_family(conditions: Conditions, Q: Array) -> tuple[Ints, Bounds]:
+    """Index (N,) of the nearest family found at Q (N, n), -1 for none, and the bounds there.
+
+    Where bounds leave doubt, it is searched for, which may lower the upper one.
+    """
+    bounds = two_sided(conditions, Q, each=True)
+    family, upper = bounds.family.copy(), bounds.upper
+    # Where several are not known to be farther than a point of the one of the least bound.
+    reached = np.where(family < 0, np.inf, bounds.each[np.arange(len(Q)), family, 1])
+    doubtful = (bounds.each[..., 0] < reached[:, None]).sum(axis=1) > 1
+    if doubtful.any():
+        all_of_it = np.full(Q.shape[1], np.inf)
+        found = nearest_points(conditions, Q[doubtful], -all_of_it, all_of_it, NAMING)
+        upper[doubtful] = np.minimum(upper[doubtful], found.upper)
+        family[doubtful] = np.where(found.family < 0, family[doubtful], found.family)
+    return family, bounds
 
 
 def certified(watched: Watched, Q: Array, options: SearchOptions) -> tuple[Clearance, Array]:

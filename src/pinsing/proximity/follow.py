@@ -14,13 +14,12 @@ from typing import Any
 import numpy as np
 
 from pinsing._types import Array
-from pinsing.algebra.nearest import SearchOptions
 from pinsing.errors import ConfigurationError
 from pinsing.families.form import ClosedForm
-from pinsing.proximity.clearance import certified, quick
+from pinsing.proximity.clearance import NAMING, certified, quick
 from pinsing.proximity.monitor import Monitor
 from pinsing.proximity.trajectory_file import ColumnHeads, is_number
-from pinsing.proximity.watched import Watched, every_name, watch
+from pinsing.proximity.watched import Watched, watch
 from pinsing.robot.arm import Arm
 
 BACKLOG = 100
@@ -31,8 +30,8 @@ _LONGEST = 1 << 20
 """Bytes of a line; what is longer is cut, and answered as lines that cannot be read."""
 _FARTHEST = 1e9
 """Radians or metres: from there on floats are 1e-7 apart."""
-_SEARCH = SearchOptions(gap=1e-4, boxes=100)
-"""Work in the search for the nearest family: less than a millisecond."""
+_SAID = ("level", "family", "title", "lower", "upper", "time_to_contact")
+"""What is told of the monitor's verdict."""
 _MOVE = 1e-3
 """Radians, or metres over the length scale: moves to see which leads away."""
 
@@ -294,29 +293,22 @@ class Follower:
         As of `Reader`.
     near : float
         Clearance, radians, at or below which the level is "warn"; half of it is "stop".
+
+    Attributes
+    ----------
+    reader : Reader
+        With the time of the last line, and what was passed over.
     """
 
     def __init__(self, form: ClosedForm, arm: Arm, degrees: bool, near: float) -> None:
-        self._reader, self._monitor = Reader(arm, degrees), Monitor(form, near, near / 2)
+        self.reader, self._monitor = Reader(arm, degrees), Monitor(form, near, near / 2)
         self._arm = arm
-        self._watched = watch(form, every_name(form))
-        each = {f.name: watch(form, [f.name]) for f in form.families}
-        self._families = {name: replace(w, margin=None) for name, w in each.items()}
+        names = [f.name for f in form.families]
+        self._families = {name: replace(watch(form, [name]), margin=None) for name in names}
         self._steps = np.diag(_MOVE * np.where(arm.prismatic, arm.length_scale, 1.0))
         q = np.zeros(arm.n)
-        certified(self._watched, q[None], _SEARCH)
         for family in self._families.values():
             self._away(q, family, q[None], 0.0)  # what is compiled at first is none of a verdict's
-
-    @property
-    def t(self) -> float | None:
-        """Time of the last line."""
-        return self._reader.t
-
-    @property
-    def notes(self) -> list[str]:
-        """What was passed over; each once."""
-        return self._reader.notes
 
     def verdict(self, line: str) -> dict[str, Any] | None:
         """Return plain data of one line; None for a line without values.
@@ -330,18 +322,17 @@ class Follower:
         ConfigurationError
             As of `Reader.read`.
         """
-        found = self._reader.read(line)
+        found = self.reader.read(line)
         if found is None:
             return None
         t, q, dq = found
         said = self._monitor.update(q, dq)
-        near, point = certified(self._watched, q[None], _SEARCH)
-        name, upper = str(near.nearest[0]), min(said.upper, float(near.upper[0]))
-        title = next((f.title for f in self._watched.families if f.name == name), "")
-        out: dict[str, Any] = {"t": t, "level": said.level, "family": name, "title": title}
-        out |= {"lower": said.lower, "upper": upper, "time_to_contact": said.time_to_contact}
-        away = (q, self._families[name], point, float(near.upper[0])) if name else None
-        out["move"] = self._away(*away) if away else None
+        out: dict[str, Any] = {"t": t} | {k: getattr(said, k) for k in _SAID} | {"move": None}
+        if said.family:
+            watched = self._families[said.family]
+            near, point = certified(watched, q[None], NAMING)
+            out["upper"] = min(said.upper, float(near.upper[0]))
+            out["move"] = self._away(q, watched, point, float(near.upper[0]))
         return {k: None if v in (np.inf, -np.inf) else v for k, v in out.items()}
 
     def _away(self, q: Array, family: Watched, point: Array, near: float) -> dict[str, Any] | None:
@@ -349,7 +340,7 @@ class Follower:
         arm, step = self._arm, np.diag(self._steps)
         Q = np.vstack([q, q + self._steps, q - self._steps])
         far = family.length(family.space.wrap(Q - point))
-        if near <= _MOVE:  # all ways lead away from a point, not from its family
+        if not _MOVE < near < np.inf:  # all ways lead away from a point, not from its family
             far = quick(family, Q).lower
         allowed = np.concatenate([q + step <= arm.upper, q - step >= arm.lower])
         gain = np.where(allowed, far[1:] - far[0], 0.0)
@@ -378,7 +369,7 @@ def follow(follower: Follower, lines: Iterable[str], live: bool) -> Iterator[dic
         try:
             said = follower.verdict(line)
         except ConfigurationError as error:
-            t = {} if follower.t is None else {"t": follower.t}
+            t = {} if follower.reader.t is None else {"t": follower.reader.t}
             yield {"line": number, **t, "error": str(error)}
             if isinstance(error, HeadError):
                 raise

@@ -19,6 +19,7 @@ from pinsing.families import ClosedForm
 from pinsing.kinematics.jacobian import frame_jacobians
 from pinsing.kinematics.tip_speed import TURN_SPEED, SpeedJudge, TipSpeeds, speed_judge
 from pinsing.notebook import one_line
+from pinsing.proximity.clearance import NAMING, nearest_family
 from pinsing.proximity.watched import Forms, every_name, watch
 from pinsing.proximity.zones import Zones
 from pinsing.robot.joint_space import SLACK
@@ -38,13 +39,12 @@ class Verdict(NamedTuple):
     level : str
         "clear", "warn" or "stop", with hysteresis.
     family : str
-        The nearest family, by ``lower``; empty where there is none.
+        The nearest family found, which need not be that of ``lower``; empty where there is none.
     lower : float
         Proven, rounding included: no configuration of a family is nearer. Radians, or metres over
         the length scale; infinite without families.
     upper : float
-        A configuration of a family is as near as this; infinite where the quick bound does not
-        tell, far from all of them.
+        A configuration of a family is as near as this; infinite where none was found.
     time_to_contact : float or None
         Seconds: going on at ``dq``, no family is met sooner, which is proven; where one lies ahead
         it is the time of contact but for some 1e-6 of it. The work of a call is bounded: far ahead,
@@ -78,6 +78,8 @@ class Verdict(NamedTuple):
 
 class Monitor:
     """Watches a running arm: call `update` in the control loop, some microseconds each time.
+
+    Where two families are about as near, a search names the nearer one: half a millisecond at most.
 
     The level is "stop" as soon as the proven clearance ``lower`` is at or below ``stop``, and
     "warn" at or below ``warn``. It falls again only once ``lower`` is above the bound by the share
@@ -275,7 +277,8 @@ class Monitor:
             self._take(dq, "dq", velocity)
         handle = self._handle
         if handle is not None:
-            family = handle.watch(self._x, velocity, self.horizon, self._out, self._isa)
+            work = self.horizon, NAMING.gap, NAMING.boxes
+            family = handle.watch(self._x, velocity, *work, self._out, self._isa)
         else:
             family = self._watch(velocity)
         if family == -2:
@@ -362,8 +365,8 @@ class Monitor:
         if not (np.isfinite(self._x).all() and np.isfinite(velocity).all()):
             return -2
         conditions = self._watched.conditions
-        found = two_sided(conditions, (self._x / self._watched.weight)[None])
-        family = int(found.family[0])
+        families, found = nearest_family(conditions, (self._x / self._watched.weight)[None])
+        family = int(families[0])
         self._out[:2] = found.lower[0], found.upper[0]
         if velocity.size:
             self._out[2:] = contact_along(conditions, family, self._x, velocity, self.horizon)

@@ -17,12 +17,13 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 import numpy.typing as npt
 
-from pinsing._types import Array, Bool, Ints
+from pinsing._types import Array, Bool
 from pinsing.algebra.conditions import Conditions
 from pinsing.algebra.nearest import BOXES, SearchOptions, nearest_points
 from pinsing.algebra.two_sided import two_sided
 from pinsing.kinematics.jacobian import singular_values
 from pinsing.kinematics.tip_speed import SpeedJudge
+from pinsing.proximity.clearance import nearest_family
 from pinsing.proximity.crossings import Crossing, Motion, crossings_of
 from pinsing.proximity.watched import Watched
 from pinsing.robot.arm import Arm
@@ -174,7 +175,7 @@ class NearStretch:
     t, t_end : float
         From when to when.
     family : str
-        The nearest family.
+        The nearest one found where the clearance may be least.
     clearance : float
         Proven: nowhere in it is a family nearer than this.
     """
@@ -194,7 +195,7 @@ class Stretches:
         self._found: list[NearStretch] = []
         self._open = False
 
-    def feed(self, motion: Motion, u: Array, Q: Array, least: Array, family: Ints) -> None:
+    def feed(self, motion: Motion, u: Array, Q: Array, least: Array) -> None:
         """Take places u (K,) of a motion, where the clearance is at least ``least``."""
         watched, near = self.watched, self.near
         for halvings in range(19):
@@ -217,17 +218,17 @@ class Stretches:
             k = np.flatnonzero(again)
             middle = (u[k] + u[k + 1]) / 2
             there = motion.at(middle)
-            found = two_sided(watched.conditions, there)
+            found = two_sided(watched.conditions, there).lower
             u, Q = np.insert(u, k + 1, middle), np.insert(Q, k + 1, there, axis=0)
-            least = np.insert(least, k + 1, found.lower)
-            family = np.insert(family, k + 1, found.family)
+            least = np.insert(least, k + 1, found)
         t = motion.time(u)
         for start, end in runs:
             lowest = start + int(np.argmin(least[start : end + 1]))
+            nearest = nearest_family(watched.conditions, Q[lowest : lowest + 1])[0]
             new = NearStretch(
                 float(t[start]),
                 float(t[end]),
-                watched.names[int(family[lowest])],
+                watched.names[int(nearest[0])],
                 float(bound[start:end].min()),
             )
             if start == 0 and self._open and self._found:
@@ -362,9 +363,9 @@ class Passage:
         self._least = np.minimum(self._least, lower.min(axis=0))
         for f in range(lower.shape[1]):
             self._candidate(f, motion, u, lower[:, f])
-        self._stretches.feed(motion, u, Q, lower.min(axis=1), lower.argmin(axis=1))
+        self._stretches.feed(motion, u, Q, lower.min(axis=1))
         if end and len(u) > 1:
-            f = int(np.argmin(lower[-1]))
+            f = int(nearest_family(self.watched.conditions, Q[-1:])[0][0])
             change = float(lower[-1, f] - lower[-2, f])
             small = 1e-6 * max(float(length[-1]), 1e-12)
             self.trend = "steady" if abs(change) <= small else "away" if change > 0 else "toward"

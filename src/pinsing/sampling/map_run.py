@@ -26,6 +26,7 @@ from pinsing.kinematics.batch import PINOCCHIO
 from pinsing.kinematics.verdict import Evaluator, run_identity
 from pinsing.measures import NEAR_RTOL, SINGULAR_RTOL
 from pinsing.prose import PLAIN, Page, Span, Table, alarm, caution, verdict
+from pinsing.proximity.clearance import nearest_family
 from pinsing.proximity.watched import Forms, require_forms_of, watch
 from pinsing.robot.arm import Arm
 from pinsing.sampling.execute import Progress, RunOptions, Tell, planned_evaluator, running
@@ -60,7 +61,7 @@ class ClearancePoint:
         Bounds of the distance to the nearest family, radians (metres over the length scale);
         ``upper`` is infinite where the closed formula gives none.
     family : str
-        The family of the least lower bound.
+        The nearest family found.
     """
 
     index: int
@@ -298,7 +299,7 @@ class Nearness:
         upper, lower = distributions(tally, locate)
         numbers = tally.worst_index.tolist()
         Q = np.stack([locate(i) for i in numbers])
-        family = two_sided(self.conditions, Q).family
+        family = nearest_family(self.conditions, Q)[0]
         rows = zip(numbers, Q, tally.worst_ratio, tally.worst_sigma, family, strict=True)
         return ClearanceSpread(
             families=self.names,
