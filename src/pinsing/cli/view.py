@@ -159,10 +159,8 @@ def _lead(viewer: Viewer, file: Path, degrees: bool) -> None:
     from pinsing.proximity.follow import STALLED, Reader, latest
 
     reader, skipped, problem = Reader(viewer.arm, degrees), 0, ""
-    start, shown = (
-        0.0,
-        math.inf,
-    )  # the clock where the file's is 0, and its time of the last picture
+    # The clock where the file's is 0, and the file's time of the last picture.
+    start, shown = 0.0, math.inf
     with followed(file) as (lines, live):
         for line, dropped in latest(lines, backlog=1) if live else ((x, 0) for x in lines):
             skipped += dropped

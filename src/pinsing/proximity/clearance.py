@@ -253,7 +253,8 @@ def nearest_family(conditions: Conditions, Q: Array) -> tuple[Ints, Bounds]:
     bounds = two_sided(conditions, Q, each=True)
     family, upper = bounds.family.copy(), bounds.upper
     # Where several are not known to be farther than a point of the one of the least bound.
-    reached = np.where(family < 0, np.inf, bounds.each[np.arange(len(Q)), family, 1])
+    own = np.arange(bounds.each.shape[1]) == family[:, None]
+    reached = np.where(own, bounds.each[..., 1], np.inf).min(axis=1, initial=np.inf)
     doubtful = (bounds.each[..., 0] < reached[:, None]).sum(axis=1) > 1
     if doubtful.any():
         all_of_it = np.full(Q.shape[1], np.inf)
