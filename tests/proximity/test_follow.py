@@ -252,3 +252,35 @@ def test_a_pipe_is_followed_while_it_is_written():
             assert json.loads(robot.stdout.readline())["t"] == k
         robot.stdin.close()
         assert robot.wait(30) == 0
+
+
+@pytest.mark.parametrize("times", [[100.0, 100.5, 100.501, 102.0, 100.0, 100.25], None])
+def test_a_file_is_drawn_at_its_own_times_or_line_by_line(form, tmp_path, monkeypatch, times):
+    import pinsing.cli.view as module
+
+    class Clock:
+        now = 7.0
+
+        def monotonic(self):
+            return self.now
+
+        def sleep(self, seconds):
+            self.now += seconds
+
+    class Screen:
+        arm, q, shown = form.loaded, Q, []
+
+        def show(self, q, said):
+            self.shown.append((round(clock.now - 7.0, 9), q[0]))
+
+    clock = Clock()
+    monkeypatch.setattr(module, "time", clock)
+    file, places = tmp_path / "run.jsonl", np.arange(6) / 10
+    states = [{"position": [x, *Q[1:]]} for x in places]
+    for state, t in zip(states, times or [], strict=False):
+        state["t"] = t
+    file.write_text("\n".join(map(json.dumps, states)))
+    module._lead(Screen(), file, False)
+    steps = [0, 0.5, 2, 2, 2.25] if times else 0.05 * np.arange(6)
+    kept = [0, 1, 3, 4, 5] if times else range(6)
+    np.testing.assert_allclose(Screen.shown[:-1], list(zip(steps, places[kept], strict=True)))

@@ -181,7 +181,8 @@ def _lead(viewer: Viewer, file: Path, degrees: bool) -> None:
                         time.sleep(max(0.0, start + due - time.monotonic()))
                         shown = due
                     problem = ""
-                    viewer.show(found[1], f"live; {skipped} lines skipped" if skipped else "live")
+                    word = "live" if live else "played"
+                    viewer.show(found[1], word + f"; {skipped} lines skipped" * bool(skipped))
                     time.sleep(_PICTURE if due is None else 0.0)
             except ConfigurationError as error:
                 if str(error) != problem:
