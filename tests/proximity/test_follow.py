@@ -77,7 +77,7 @@ def test_a_head_that_is_not_understood_ends_the_stream(form, head):
     follower = Follower(form, form.loaded, False, 0.1)
     answers = follow(follower, [head, row(0, Q)[2:]], False)
     assert next(answers)["line"] == 1
-    with pytest.raises(HeadError, match="correct the first line"):
+    with pytest.raises(HeadError, match="correct the line of names"):
         next(answers)
 
 
@@ -252,6 +252,16 @@ def test_a_pipe_is_followed_while_it_is_written():
             assert json.loads(robot.stdout.readline())["t"] == k
         robot.stdin.close()
         assert robot.wait(30) == 0
+
+
+def test_a_second_head_is_taken_or_ends_the_stream(form):
+    near = Q + 0.4 * SPEED
+    rows = [row(0, Q), f"t,{','.join(NAMES[::-1])}", row(0.1, near[::-1])]
+    one, two = said(form, [f"t,{','.join(NAMES)}", *rows])
+    assert (one["level"], two["level"], two["family"]) == ("warn", "stop", "F2")
+    assert two["upper"] == pytest.approx(0.03)
+    with pytest.raises(HeadError, match="correct the line of names"):
+        said(form, [f"t,{','.join(NAMES)}", rows[0], "t,a,b,c,d,e,f", rows[0]])
 
 
 @pytest.mark.parametrize("times", [[100.0, 100.5, 100.501, 102.0, 100.0, 100.25], None])

@@ -220,9 +220,12 @@ def _posture_of_the_end(arm: Arm, Q: Array, found: Aspects) -> Array | None:
 
 def _followed(arm: Arm, file: Path, degrees: bool, near: float) -> int:
     """Judge each line that comes. A plain file is read whole; of a live stream, old lines go."""
+    from pinsing._batch import engine
     from pinsing.families import closed_form
     from pinsing.proximity.follow import Follower, follow
 
+    if not engine.available():
+        say("note: without the compiled kernel a verdict may take half a second")
     follower, judged = Follower(closed_form(arm), arm, degrees, near), False
     signal.signal(signal.SIGTERM, _terminated)
     with followed(file) as (lines, live):

@@ -231,6 +231,10 @@ class Reader:
     def _row(self, text: str) -> tuple[Array, None] | None:
         if self._head is not None:
             raise self._head
+        if self._columns is not None:
+            words = text.split(self._columns[1])
+            if len(words) > 1 and not any(map(is_number, words)):
+                self._columns = None  # names once more: a recorder began anew
         if self._columns is None:
             separator = next((s for s in (";", "\t", ",") if s in text), None)
             words = text.split(separator)
@@ -241,8 +245,7 @@ class Reader:
                     if self._objects:  # no head is due
                         raise
                     self._head = HeadError(
-                        f"{error}; correct the first line: names of columns, as "
-                        f"t,{','.join(self._arm.joints)}"
+                        f"{error}; correct the line of names, as t,{','.join(self._arm.joints)}"
                     )
                     raise self._head from None
                 return None
