@@ -264,7 +264,7 @@ def test_a_second_head_is_taken_or_ends_the_stream(form):
         said(form, [f"t,{','.join(NAMES)}", rows[0], "t,a,b,c,d,e,f", rows[0]])
 
 
-@pytest.mark.parametrize("times", [[100.0, 100.5, 100.501, 102.0, 100.0, 100.25], None])
+@pytest.mark.parametrize("times", [[100.0, 100.5, 100.501, 102.0, 100.0, 100.25, 100.251], None])
 def test_a_file_is_drawn_at_its_own_times_or_line_by_line(form, tmp_path, monkeypatch, times):
     import pinsing.cli.view as module
 
@@ -285,12 +285,13 @@ def test_a_file_is_drawn_at_its_own_times_or_line_by_line(form, tmp_path, monkey
 
     clock = Clock()
     monkeypatch.setattr(module, "time", clock)
-    file, places = tmp_path / "run.jsonl", np.arange(6) / 10
+    file, places = tmp_path / "run.jsonl", np.arange(7) / 10
     states = [{"position": [x, *Q[1:]]} for x in places]
     for state, t in zip(states, times or [], strict=False):
         state["t"] = t
     file.write_text("\n".join(map(json.dumps, states)))
     module._lead(Screen(), file, False)
-    steps = [0, 0.5, 2, 2, 2.25] if times else 0.05 * np.arange(6)
-    kept = [0, 1, 3, 4, 5] if times else range(6)
+    steps = [0, 0.5, 2, 2, 2.25] if times else 0.05 * np.arange(7)
+    kept = [0, 1, 3, 4, 5] if times else range(7)
     np.testing.assert_allclose(Screen.shown[:-1], list(zip(steps, places[kept], strict=True)))
+    assert Screen.shown[-1][1] == places[-1]  # the last one, skipped or not

@@ -158,7 +158,7 @@ def _lead(viewer: Viewer, file: Path, degrees: bool) -> None:
     """
     from pinsing.proximity.follow import STALLED, Reader, latest
 
-    reader, skipped, problem = Reader(viewer.arm, degrees), 0, ""
+    reader, skipped, problem, q = Reader(viewer.arm, degrees), 0, "", viewer.q
     # The clock where the file's is 0, and the file's time of the last picture.
     start, shown = 0.0, math.inf
     with followed(file) as (lines, live):
@@ -171,7 +171,7 @@ def _lead(viewer: Viewer, file: Path, degrees: bool) -> None:
             try:
                 found = reader.read(line)
                 if found is not None:
-                    due = None if live else found[0]
+                    q, due = found[1], None if live else found[0]
                     if due is not None:
                         if shown <= due < shown + _PICTURE / 2:
                             skipped += 1
@@ -182,13 +182,13 @@ def _lead(viewer: Viewer, file: Path, degrees: bool) -> None:
                         shown = due
                     problem = ""
                     word = "live" if live else "played"
-                    viewer.show(found[1], word + f"; {skipped} lines skipped" * bool(skipped))
+                    viewer.show(q, word + f"; {skipped} lines skipped" * bool(skipped))
                     time.sleep(_PICTURE if due is None else 0.0)
             except ConfigurationError as error:
                 if str(error) != problem:
                     say(f"warning: {error}")
                     viewer.show(viewer.q, problem := str(error))
-    viewer.show(viewer.q, f"the stream has ended; {skipped} lines came faster than pictures")
+    viewer.show(q, f"the stream has ended; {skipped} lines came faster than pictures")
     say(f"the stream has ended; {skipped} lines came faster than pictures, and were skipped")
 
 
