@@ -310,7 +310,10 @@ class Follower:
         self._families = {name: replace(watch(form, [name]), margin=None) for name in names}
         self._steps = np.diag(_MOVE * np.where(arm.prismatic, arm.length_scale, 1.0))
         q = np.zeros(arm.n)
+        self._monitor.update(q)
+        self._monitor.reset()
         for family in self._families.values():
+            certified(family, q[None], NAMING)
             self._away(q, family, q[None], 0.0)  # what is compiled at first is none of a verdict's
 
     def verdict(self, line: str) -> dict[str, Any] | None:
