@@ -9,8 +9,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from command_line import run
 
 import pinsing
+from pinsing.kinematics import tip_speeds
 from pinsing.proximity.clearance import distances
 from pinsing.proximity.follow import BACKLOG, Follower, HeadError, follow, latest, lines_of
 
@@ -97,6 +99,7 @@ def of(q=Q, **more):
         (of(Q[:5]), "lists of one length"),
         (of(velocity=[1]), "velocity needs 6"),
         (of(t="x"), "the time is x"),
+        (of(t=1.7e18), "the time 1.7e+18 is not in seconds"),
         ("[1", "no column for joint"),
         ("{", "it is no JSON object"),
     ],
@@ -295,3 +298,18 @@ def test_a_file_is_drawn_at_its_own_times_or_line_by_line(form, tmp_path, monkey
     kept = [0, 1, 3, 4, 5] if times else range(7)
     np.testing.assert_allclose(Screen.shown[:-1], list(zip(steps, places[kept], strict=True)))
     assert Screen.shown[-1][1] == places[-1]  # the last one, skipped or not
+
+
+@pytest.mark.parametrize("options", [[], ["--tip-speed", "0.6"], ["--joint-speeds", "1,1,1,1,1,2"]])
+def test_tip_speeds_are_told_where_they_are_asked_for(form, tmp_path, options):
+    file = tmp_path / "run.jsonl"
+    file.write_text(line(0, Q))
+    (one,) = map(json.loads, run("check", "ur5", "--follow", file, *options).stdout.splitlines())
+    if not options:
+        assert "tip_speeds" not in one
+        return
+    typed = {"--tip-speed": {"tip_speed": 0.6}, "--joint-speeds": {"joint_speeds": [1] * 5 + [2]}}
+    right = tip_speeds(form.loaded, Q, **typed[options[0]])
+    told = one["tip_speeds"]
+    assert (told["tip_speed"], told["linear"]) == (right.tip_speed, pytest.approx(right.linear))
+    assert told["share"] == pytest.approx(right.share)

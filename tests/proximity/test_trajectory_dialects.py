@@ -197,7 +197,7 @@ def test_what_is_not_clear_is_not_guessed(tmp_path, arm, text, said):
         ("a.ls", fanuc().replace("J P[1]", "J P[9]"), "no position"),
         ("a.ls", fanuc().replace("GP1", "GP2"), "GP1 alone"),
         ("a.ls", fanuc().replace("/POS", "   2:  CALL X ;\n/POS"), "CALL X"),
-        ("a.csv", table(["timestamp", *UR5], timed(t=T + 1.7e18)), "no seconds"),
+        ("a.csv", table(["timestamp", *UR5], timed(t=T + 1.7e18)), "not in seconds"),
         ("a.csv", table([], timed(Q[::-1]))[1:], "last ascend.*--columns t=1,2,3,4,5,6,7"),
         ("a.csv", table([], timed(t=T[::-1]))[1:], "first does not ascend"),
         ("a.csv", table([], timed()[:1])[1:], "more than one sample"),

@@ -8,12 +8,14 @@ import math
 import os
 import re
 import signal
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 from types import FrameType
 from typing import TYPE_CHECKING, Any
 
 import click
+from click.core import ParameterSource
 
 from pinsing.cli.figure import off_screen, save_figure
 from pinsing.cli.grouped import command
@@ -139,7 +141,15 @@ def check_command(
         if any((file, families, columns, fail_within, plot, view, html, json_target)):
             said = "leave out FILE, --family, --columns, --fail-within, --view and -o"
             raise OptionError(f"--follow STREAM prints a verdict for each line: {said}")
-        return _followed(arm, follow, (deg if units is None else units == "deg"), bound)
+        source = click.get_current_context().get_parameter_source
+        speeds: dict[str, Any] = {
+            "tip_speed": tip_speed,
+            "turn_speed": turn_speed,
+            "joint_speeds": typed_speeds(joint_speeds),
+        }
+        if all(source(name) is ParameterSource.DEFAULT for name in speeds):
+            speeds = {}
+        return _followed(arm, follow, (deg if units is None else units == "deg"), bound, speeds)
     if file is None:
         raise OptionError("name the FILE of a trajectory, or --follow - for standard input")
     from pinsing.proximity.trajectory import check_trajectory, details, summary
@@ -218,7 +228,7 @@ def _posture_of_the_end(arm: Arm, Q: Array, found: Aspects) -> Array | None:
     return next(good, None)
 
 
-def _followed(arm: Arm, file: Path, degrees: bool, near: float) -> int:
+def _followed(arm: Arm, file: Path, degrees: bool, near: float, speeds: Mapping[str, Any]) -> int:
     """Judge each line that comes. A plain file is read whole; of a live stream, old lines go."""
     from pinsing._batch import engine
     from pinsing.families import closed_form
@@ -226,7 +236,7 @@ def _followed(arm: Arm, file: Path, degrees: bool, near: float) -> int:
 
     if not engine.available():
         say("note: without the compiled kernel a verdict may take half a second")
-    follower, judged = Follower(closed_form(arm), arm, degrees, near), False
+    follower, judged = Follower(closed_form(arm), arm, degrees, near, **speeds), False
     signal.signal(signal.SIGTERM, _terminated)
     with followed(file) as (lines, live):
         gc.freeze()  # a collection of all that was imported takes many milliseconds

@@ -18,9 +18,10 @@ from pinsing.errors import ConfigurationError
 from pinsing.families.form import ClosedForm
 from pinsing.proximity.clearance import NAMING, certified, quick
 from pinsing.proximity.monitor import Monitor
-from pinsing.proximity.trajectory_file import ColumnHeads, is_number
+from pinsing.proximity.trajectory_file import ColumnHeads, is_number, require_seconds
 from pinsing.proximity.watched import Watched, watch
 from pinsing.robot.arm import Arm
+from pinsing.serialization import encode
 
 BACKLOG = 100
 """Lines of a live stream that may wait, a tenth of a second at 1 kHz; older ones are dropped."""
@@ -30,8 +31,8 @@ _LONGEST = 1 << 20
 """Bytes of a line; what is longer is cut, and answered as lines that cannot be read."""
 _FARTHEST = 1e9
 """Radians or metres: from there on floats are 1e-7 apart."""
-_SAID = ("level", "family", "title", "lower", "upper", "time_to_contact")
-"""What is told of the monitor's verdict."""
+_SAID = ("level", "family", "title", "lower", "upper", "time_to_contact", "trend")
+"""What is told of the monitor's verdict; ``trend`` is null where speeds are not known."""
 _MOVE = 1e-3
 """Radians, or metres over the length scale: moves to see which leads away."""
 
@@ -208,7 +209,10 @@ class Reader:
             if isinstance(t, Mapping):
                 whole, parts = t.get("sec", t.get("secs")), t.get("nanosec", t.get("nsecs", 0))
                 t = number(whole, "the time") + 1e-9 * number(parts, "the time")
-        self.t = None if t is None else number(t, "the time") * scale
+        if t is not None:
+            t = number(t, "the time") * scale
+            require_seconds("the stream", t)
+        self.t = t
 
     def _values(self, what: str, heads: ColumnHeads | None, values: Sequence[Any]) -> Array:
         """Of the joints, base to tip, from those of columns."""
@@ -296,6 +300,9 @@ class Follower:
         As of `Reader`.
     near : float
         Clearance, radians, at or below which the level is "warn"; half of it is "stop".
+    speeds : mapping
+        ``tip_speed``, ``turn_speed`` and ``joint_speeds`` of `Monitor`; with them ``tip_speeds``
+        is told too.
 
     Attributes
     ----------
@@ -303,8 +310,11 @@ class Follower:
         With the time of the last line, and what was passed over.
     """
 
-    def __init__(self, form: ClosedForm, arm: Arm, degrees: bool, near: float) -> None:
-        self.reader, self._monitor = Reader(arm, degrees), Monitor(form, near, near / 2)
+    def __init__(
+        self, form: ClosedForm, arm: Arm, degrees: bool, near: float, **speeds: Any
+    ) -> None:
+        self.reader = Reader(arm, degrees)
+        self._monitor = Monitor(form, near, near / 2, **speeds)
         self._arm = arm
         names = [f.name for f in form.families]
         self._families = {name: replace(watch(form, [name]), margin=None) for name in names}
@@ -339,6 +349,8 @@ class Follower:
             near, point = certified(watched, q[None], NAMING)
             out["upper"] = min(said.upper, float(near.upper[0]))
             out["move"] = self._away(q, watched, point, float(near.upper[0]))
+        if said.tip_speeds is not None:
+            out["tip_speeds"] = encode(said.tip_speeds)
         return {k: None if v in (np.inf, -np.inf) else v for k, v in out.items()}
 
     def _away(self, q: Array, family: Watched, point: Array, near: float) -> dict[str, Any] | None:

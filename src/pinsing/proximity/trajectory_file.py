@@ -179,17 +179,21 @@ def read_trajectory(
     if degrees is None and any(u and not p for u, p in zip(unsaid, arm.prismatic, strict=True)):
         found = replace(found, notes=(*found.notes, "no unit is named: angles are in radians"))
     times = found.t
-    if times is not None and len(times) and abs(times[0]) > 1e3 * _EPOCH:
-        raise ConfigurationError(
-            f"{path}: times from {times[0]:.3g} on are no seconds: name their unit in the head, as "
-            "'time (ns)'"
-        )
+    if times is not None and len(times):
+        require_seconds(str(path), float(times[0]))
     if times is not None and len(times) and abs(times[0]) > _EPOCH:
         note = f"times are counted from the first, {times[0]:.3f} s"
         found = replace(found, t=times - times[0], notes=(*found.notes, note))
     if found.others:
         _require_others(path, arm, replace(found, Q=found.Q * scales), bool(degrees))
     return replace(found, Q=found.Q * scales)
+
+
+def require_seconds(name: str, t: float) -> None:
+    """Refuse a time that is thousands of years in seconds."""
+    if abs(t) > 1e3 * _EPOCH:
+        said = f"{name}: the time {t:.3g} is not in seconds: name its unit, as 'time (ns)'"
+        raise ConfigurationError(said)
 
 
 def _others(arm: Arm) -> tuple[str, ...]:
