@@ -9,14 +9,14 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
 LIMITS: dict[str, tuple[int, int]] = {
-    "Python in src: statements": (42_400, 30_000),
-    "Python in src: lines": (82_933, 56_000),
+    "Python in src: statements": (42_430, 30_000),
+    "Python in src: lines": (83_000, 56_000),
     "C++, JavaScript, templates, styles: lines": (11_984, 9_500),
     "modules": (241, 220),
     "packages directly under pinsing": (16, 16),
     "numbers in module constants": (788, 500),
     "names exported by pinsing": (32, 32),
-    "lines of tests": (44_371, 28_000),
+    "lines of tests": (44_382, 28_000),
     "words of Markdown, changelog excluded": (40_000, 40_000),
     "CHANGELOG.md: lines": (150, 150),
 }

@@ -28,11 +28,12 @@ def test_on_a_terminal_the_line_counts_and_goes(
 ) -> None:
     monkeypatch.setattr(module, "is_terminal", lambda stream: True)
     with waiting(after=0.05) as at:
-        at("long")
-        time.sleep(1.3)
+        for k in range(26):
+            at("long", f"{k} boxes")
+            time.sleep(0.05)
     told = capsys.readouterr().err
     assert "pinsing: long \u2026 0 s" in told
-    assert "pinsing: long \u2026 1 s" in told
+    assert "pinsing: long \u2026 1 s 2" in told
     assert told.endswith("\r\x1b[K")
     assert "\n" not in told
 

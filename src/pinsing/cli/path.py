@@ -105,7 +105,7 @@ def path_command(
         form = form_to_measure(arm)
         plan = plan_path(
             form, T, free=free, step=grid, start=q0, t=t, arm=arm, tool=in_tip,
-            progress=lambda what, k, n: step_to(f"{what}: {100 * k // n} %"),
+            progress=lambda what, k, n: step_to(what, f"{100 * k // n} %"),
         )  # fmt: skip
     if not emit_json(plan, json_target):
         emit_lines(plan.text(in_degrees(deg)))

@@ -18,8 +18,8 @@ _AGAIN = 0.25
 
 
 @contextlib.contextmanager
-def waiting(after: float = AFTER) -> Iterator[Callable[[str], None]]:
-    """Callback that takes the step a command is at, as ``reading meshes``.
+def waiting(after: float = AFTER) -> Iterator[Callable[..., None]]:
+    """Callback that takes the step a command is at, as ``reading meshes``, and how far that is.
 
     A step that takes longer than ``after`` seconds shows: on a terminal as one line with the
     seconds so far, drawn over again and gone at the end; elsewhere as one line on stderr.
@@ -46,16 +46,20 @@ def doing(text: str) -> Iterator[None]:
 class _Line:
     def __init__(self, after: float) -> None:
         self._after, self._drawn = after, False
-        self._text, self._began = "", time.monotonic()
+        self._step = self._text = self._far = ""
+        self._began = time.monotonic()
         self._redraws = is_terminal(sys.stderr)
         self._lock, self._ended = threading.Lock(), threading.Event()
         self.thread = threading.Thread(target=self._run, name="pinsing progress", daemon=True)
 
-    def step(self, text: str) -> None:
-        """The command is at a new step; an empty text is none."""
+    def step(self, text: str, far: str = "") -> None:
+        """The command is at a new step, or farther in the one it was at; an empty text is none."""
         with self._lock:
-            self._clear()
-            self._text, self._began = text, time.monotonic()
+            if text != self._step:
+                self._clear()
+                self._step = self._text = text
+                self._began = time.monotonic()
+            self._far = far
 
     def end(self) -> None:
         self._ended.set()
@@ -71,8 +75,8 @@ class _Line:
 
     def _show(self, taken: float) -> None:
         if self._redraws:
-            text = f"pinsing: {self._text} \u2026 {taken:.0f} s"[: Page.of(sys.stderr).width - 1]
-            sys.stderr.write(f"\r\x1b[K{text}")
+            text = f"pinsing: {self._text} \u2026 {taken:.0f} s {self._far}".rstrip()
+            sys.stderr.write(f"\r\x1b[K{text[: Page.of(sys.stderr).width - 1]}")
             sys.stderr.flush()
             self._drawn = True
         else:

@@ -38,7 +38,7 @@ class BoxSpeeds:
     center : (N,) array
         The share at the centre; above 1 a limit is exceeded.
     most : (N,) array
-        Proven: nowhere in the box is more taken; infinite where that is not proven.
+        Proven: nowhere in the box is more taken; infinite where that, or at most 1, is not proven.
     pull : (N, n) array
         How much of the bound is due to the width of each joint.
     """
@@ -148,8 +148,44 @@ class SpeedBounds:
             Mj = self._matrix(self.rows @ slope, False)
             G[:, i] = A @ Mj
             size += np.abs(Mj) * r[:, i, None, None]
-        E2, bent, pull = np.zeros_like(M), np.zeros(M.shape[:2]), np.zeros((N, n))
-        along_rhs, limits = G @ rhs[:, None], self.judge.limits
+        E1, E3 = np.einsum("nj,njab->nab", r, np.abs(G)), self._rest(A, J, R)
+        F, center, along = self._first_order(rhs, G, r)
+        # Where this is too much already, the second order is not looked at.
+        more = _times(E1, _times(E1, _times(E1, F)) + _times(E3, F)) + _times(E3, F)
+        some = np.flatnonzero(self._largest(F + more) <= 1)
+        y, pull, limits = np.full(F.shape, np.inf), np.zeros((N, n)), self.judge.limits
+        if len(some):
+            parts = (x[some] for x in (J, M, A, G, E1, E3, F, size, r))
+            y[some], pull[some] = self._with_second_order([x[some] for x in slopes], *parts)
+        good = np.isfinite(y).all(axis=1)
+        most = np.where(good, self._largest(y) * (1 + _ROUNDING), np.inf)
+        x = np.where(good[:, None], y, center)[..., None]
+        worst = (x[:, :n, 0] / limits).argmax(axis=1)
+        # What each joint adds to the first order of the worst row, and to the third of all.
+        u = np.zeros((N, 1, M.shape[1]))
+        u[:, 0, :n] = 1 / limits
+        third = u[:, None] @ (np.abs(G) @ (E1 @ (E1 @ x))[:, None])
+        pull[:, active] += along[np.arange(N), worst] / limits[worst][:, None]
+        pull[:, active] += 3 * r * third[..., 0, 0]
+        return BoxSpeeds(self._largest(center), most, pull)
+
+    def _with_second_order(
+        self,
+        slopes: list[Array],
+        J: Array,
+        M: Array,
+        A: Array,
+        G: Array,
+        E1: Array,
+        E3: Array,
+        F: Array,
+        size: Array,
+        r: Array,
+    ) -> tuple[Array, Array]:
+        """Bounds y (N, d), infinite where nothing is proven, and what joints (N, n) add by it."""
+        active, rhs = np.flatnonzero(self.moving), A[:, :, -len(self.rows) :]
+        E2, bent = np.zeros_like(M), np.zeros(F.shape)
+        pull, along_rhs = np.zeros((len(J), len(self.moving))), G @ rhs[:, None]
         for i, j in enumerate(active):
             for h in range(i, len(active)):
                 # Bilinear in columns, so that the rule of products gives its derivative.
@@ -167,28 +203,17 @@ class SpeedBounds:
                 pull[:, j] += self._largest(here)
                 pull[:, active[h]] += self._largest(here)
         slack = _ROUNDING * (np.abs(A) @ size)
-        E1 = np.einsum("nj,njab->nab", r, np.abs(G)) + slack
         E0 = np.abs(A @ M - np.eye(M.shape[1])) + slack
-        E2 += slack
-        E3 = self._rest(A, J, R)
+        E1, E2 = E1 + slack, E2 + slack
         T = E1 @ (E1 @ (E0 + E1 + E2 + E3) + E0 + E2 + E3) + E2 @ (E0 + E1 + E2 + E3) + E0 + E3
-        F, center, along = self._first_order(rhs, G, r)
-        lost = 3 * slack + slack @ E1 + E1 @ slack
-        F = (F + bent) * (1 + _ROUNDING) + (lost @ self._norms(rhs)[..., None])[..., 0] + _ROUNDING
+        F = (F + bent) * (1 + _ROUNDING) + _ROUNDING
+        F += _times(3 * slack + slack @ E1 + E1 @ slack, self._norms(rhs))
         with np.errstate(all="ignore"):
-            y = np.linalg.solve(np.eye(M.shape[1]) - np.minimum(T, 1e6), F[..., None])
-            y *= 1 + 1e-9
-            good = ((y[..., 0] > 0) & (F + (T @ y)[..., 0] <= y[..., 0])).all(axis=1)
-            most = np.where(good, self._largest(y[..., 0]) * (1 + _ROUNDING), np.inf)
-        x = np.where(good[:, None], y[..., 0], center)[..., None]
-        worst = (x[:, :n, 0] / limits).argmax(axis=1)
-        # What each joint adds to the first order of the worst row, and to the third of all.
-        u = np.zeros((N, 1, M.shape[1]))
-        u[:, 0, :n] = 1 / limits
-        third = u[:, None] @ (np.abs(G) @ (E1 @ (E1 @ x))[:, None])
-        pull[:, active] += along[np.arange(N), worst] / limits[worst][:, None]
-        pull[:, active] += 3 * r * third[..., 0, 0]
-        return BoxSpeeds(self._largest(center), most, pull)
+            left = np.eye(M.shape[1]) - np.minimum(T, 1e6)
+            y = np.asarray(np.linalg.solve(left, F[..., None])[..., 0], dtype=np.float64)
+            y = y * (1 + 1e-9)
+            good: Bool = np.all((y > 0) & (F + _times(T, y) <= y), axis=1, keepdims=True)
+        return np.where(good, y, np.inf), pull
 
     def _slope(self, J: Array, K: Array, j: int) -> Array:
         """Derivative (N, 6, k) by joint j of Jacobians in the axes of the link behind ``middle``.
@@ -296,3 +321,8 @@ def _cross(a: Array, b: Array) -> Array:
     ax, ay, az = (a[:, i] for i in range(3))
     bx, by, bz = (b[:, i] for i in range(3))
     return np.stack([ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx], axis=1)
+
+
+def _times(M: Array, x: Array) -> Array:
+    """Products (N, d) of M (N, d, d) and x (N, d)."""
+    return np.asarray((M @ x[..., None])[..., 0])

@@ -26,7 +26,7 @@ from pinsing.families import ClosedForm, Family
 from pinsing.kinematics.batch import random_turns
 from pinsing.kinematics.jacobian import frame_jacobians, singular_values, tip_poses
 from pinsing.kinematics.speed_bounds import SpeedBounds, sums_behind
-from pinsing.kinematics.tip_speed import TIP_SPEED, TURN_SPEED, SpeedJudge, speed_judge
+from pinsing.kinematics.tip_speed import TIP_SPEED, TURN_SPEED, speed_judge
 from pinsing.postures.ladder import posture_names
 from pinsing.prose import listed
 from pinsing.proximity.watched import Watched, metric_note, titled, watch
@@ -35,8 +35,8 @@ from pinsing.robot.arm import Arm, summarize
 
 GAP = 0.05
 """Share of a distance within which a configuration that exceeds a limit is looked for."""
-BOXES = 300_000
-"""Boxes for each distance."""
+BOXES = 200_000
+"""Boxes for all distances together: fewer leave nothing outside the zones of a UR5 on circles."""
 _EXTRA = 1e-9
 """Radians added to each distance for the rounding of the distances themselves; metres, too."""
 
@@ -72,7 +72,8 @@ def zones(
         name, ``{"elbow_joint": (0.7, 2.4)}``, and None for a word. Prismatic joints always keep
         their limits.
     boxes : int
-        Most boxes looked at for each distance; the answer is proven with fewer, but larger.
+        Most boxes looked at, half of them for the common distance; the answer is proven with
+        fewer, but larger.
     progress : callable
         Told what is done, how far it is, and how far that goes.
 
@@ -95,13 +96,25 @@ def zones(
     >>> found.common_exceeding <= found.common
     True
     """
-    judge = speed_judge(form.loaded, linear, angular, joint_speeds)
+    bounds = bounds_of(form.loaded, linear, angular, joint_speeds)
+    parts = parts_of(within) if isinstance(within, str) else within or {}
+    region = Region(form, bounds.judge.arm, parts)
+    return _Search(form, bounds, region, boxes, progress).zones()
+
+
+def bounds_of(
+    arm: Arm | None, linear: float, angular: float, joint_speeds: npt.ArrayLike | None
+) -> SpeedBounds:
+    """Return what bounds the joint speeds of an arm, or raise OptionError if nothing does."""
+    judge = speed_judge(arm, linear, angular, joint_speeds)
     arm = judge.arm
     missing = [n for n, c in zip(arm.joints, judge.limits, strict=True) if not math.isfinite(c)]
     if missing:
         raise OptionError(f"no speed limit is known of {listed(missing)}: give joint_speeds")
-    region = Region(form, arm, parts_of(within) if isinstance(within, str) else within or {})
-    return _Search(arm, form, judge, (linear, angular), region, boxes, progress).zones()
+    travel = np.where(arm.prismatic, np.maximum(np.abs(arm.lower), np.abs(arm.upper)), 0.0)
+    if not np.isfinite(travel).all():
+        raise OptionError(f"{arm.name} has a prismatic joint without limits")
+    return SpeedBounds(judge, linear, angular, travel)
 
 
 def parts_of(
@@ -153,8 +166,6 @@ class Region:
         self.form, self.arm = form, arm
         self.lower = np.where(arm.prismatic, arm.lower, -np.pi)
         self.upper = np.where(arm.prismatic, arm.upper, np.pi)
-        if not np.isfinite([self.lower, self.upper]).all():
-            raise OptionError(f"{arm.name} has a prismatic joint without limits")
         self.tip = np.outer([-np.inf, np.inf], np.ones(3))
         ranges = {name: ends for name, ends in parts.items() if ends is not None}
         words = [name for name, ends in parts.items() if ends is None]
@@ -241,31 +252,30 @@ class _Search:
         Boxes in one call: tens of megabytes.
     wide : float
         Width of the first boxes, radians, or metres over the length scale.
-    samples, best : int
-        Random configurations among which the search begins, and how many of them are followed.
+    samples, best, certified : int
+        Random configurations among which the search begins, how many of them are followed, and of
+        how many the distance is proven in the end.
     finest : float
         Step at which following ends, radians.
     steps : int
         To the nearest point of a surface.
     """
 
-    chunk, wide, samples, best, finest, steps = 2048, 0.8, 8192, 30, 1e-3, 5
+    chunk, wide, finest, steps = 2048, 0.8, 1e-3, 5
+    samples, best, certified = 8192, 30, 3
 
     def __init__(
         self,
-        arm: Arm,
         form: ClosedForm,
-        judge: SpeedJudge,
-        speeds: tuple[float, float],
+        bounds: SpeedBounds,
         region: Region,
         boxes: int,
         progress: Callable[[str, int, int], None] | None,
     ) -> None:
-        self.arm, self.judge, self.speeds, self.region = arm, judge, speeds, region
+        self.bounds, self.judge, self.region = bounds, bounds.judge, region
+        self.arm, self.speeds = (arm := bounds.judge.arm), (bounds.v, bounds.w)
         self.low, self.high = region.lower, region.upper
         self.most, self.progress = boxes, progress or (lambda *_: None)
-        travel = np.where(arm.prismatic, np.maximum(np.abs(self.low), np.abs(self.high)), 0.0)
-        self.bounds = SpeedBounds(judge, *speeds, travel)
         self.watched: Watched = watch(form)
         self.each = [
             Conditions.of([f.branches], self.watched.prismatic, self.watched.weight, "euclidean")
@@ -279,18 +289,24 @@ class _Search:
     def zones(self) -> Zones:
         """Solve for the common distance, then for each."""
         names, count = self.watched.names, len(self.each)
-        notes = []
-        common = self._least(None, np.full(count, np.inf), "one distance for all")
+        notes: list[str] = []
+        loose: list[str] = []
+        half = self.most // (2 if count else 1)
+        common = self._least(None, np.full(count, np.inf), "one distance from all families", half)
         far = np.full(count, common.proven)
         found = np.zeros(count)
         for k, name in enumerate(names):
-            lowered = self._least(k, far, f"{k + 1} of {count}")
+            share = (self.most - self.seen) // (count - k)
+            lowered = self._least(k, far, f"{name}, {k + 1} of {count} families", share)
             far[k], found[k] = min(far[k], lowered.proven), lowered.reached
             if far[k] > (1 + 2 * GAP) * found[k]:
-                notes.append(
-                    f"{name}: {self.most} boxes did not bring the proven distance within "
-                    f"{GAP:.0%} of a configuration that exceeds a limit"
-                )
+                loose.append(name)
+        if loose:
+            notes.append(
+                f"after {self.seen} boxes the proven distance of {listed(loose)} is more than "
+                f"{2 * GAP:.0%} above one at which a limit is exceeded: more boxes, a smaller part "
+                "(within) and lower speeds bring them closer"
+            )
         if self.judge.rank != self.arm.n:
             notes.append("joint speeds are those of least length (the pseudoinverse)")
         if self.arm.prismatic.any():
@@ -370,18 +386,18 @@ class _Search:
         """The largest objective found near Q (N, n) at a configuration that exceeds a limit."""
         aim = far * (1 + 1e-3)  # what is found must hold of proven distances, too
         while True:
+            Q = Q[self.bounds.at(Q) > 1]
             value = self._objective(k, aim, self._distances(Q)[1])
-            value = np.where(self.bounds.at(Q) > 1, value, -np.inf)
             some = np.flatnonzero(np.isfinite(value))
             some = some[self.region.holds(Q[some])]
             good = Q[some[np.argsort(-value[some], kind="stable")[: self.best]]]
             if not len(good):
                 return 0.0, np.empty(0)
             if step < self.finest:
-                return self._certified(k, far, good)
+                return self._certified(k, far, good[: self.certified])
             moves = self.rng.normal(size=(10, *good.shape)) * self.active * step
             moved = np.clip(good + moves, self.low, self.high).reshape(-1, self.arm.n)
-            Q, step = np.concatenate([good, moved]), step * 0.85
+            Q, step = np.concatenate([good, moved]), step * 0.8
 
     def _certified(self, k: int | None, far: Array, Q: Array) -> tuple[float, Array]:
         """The largest objective that is proven of configurations Q (N, n), and its one."""
@@ -391,7 +407,7 @@ class _Search:
         best = int(value.argmax())
         return max(0.0, float(value[best])), Q[best]
 
-    def _least(self, k: int | None, far: Array, what: str) -> _Answer:
+    def _least(self, k: int | None, far: Array, what: str, most: int) -> _Answer:
         """The least distance of family k (of all), those of the others being ``far``.
 
         Farther than ``far`` from family k and the others nothing exceeds a limit.
@@ -399,14 +415,14 @@ class _Search:
         cap = np.inf if k is None else float(far[k])
         reached, q = self._climb(k, far, self._random(self.samples), 0.3)
         C, R = self._first_boxes()
-        ceiling, looked = np.full(len(C), np.inf), 0
+        ceiling, looked, most = np.full(len(C), np.inf), 0, max(most, len(C))
         while True:
             keep = ceiling > self._target(reached)
             C, R, ceiling = C[keep], R[keep], ceiling[keep]
-            if not len(C) or looked >= self.most:
+            if not len(C) or looked >= most:
                 break
             # Those that may be farthest first; an eighth at once, since all are copied each time.
-            count = min(max(self.chunk, len(C) // 8), len(C), self.most - looked)
+            count = min(max(self.chunk, len(C) // 8), len(C), most - looked)
             pick = np.argpartition(-ceiling, count - 1)
             made = [(C[pick[count:]], R[pick[count:]], ceiling[pick[count:]])]
             for part in np.array_split(pick[:count], math.ceil(count / self.chunk)):
@@ -417,7 +433,7 @@ class _Search:
                     better, where = self._climb(k, far, center[None], 0.05)
                     reached, q = (better, where) if better > reached else (reached, q)
             looked += count
-            self.progress(what, looked, self.most)
+            self.progress(what, looked, most)
             C, R, ceiling = (np.concatenate(x) for x in zip(*made, strict=True))
         self.seen += looked
         proven = max((1 + GAP) * reached, float(ceiling.max(initial=0.0)))

@@ -112,7 +112,12 @@ class Zones(JsonResult):
         speeds = f"{self.tip_speed:g} m/s and {self.turn_speed:g} rad/s of the tip"
         kept = [n for n, d in self.distances.items() if d > 0]
         where = f"with {listed(self.within)}, " if self.within else ""
-        if kept:
+        if kept and not math.isfinite(self.sigma_min):
+            lines = [
+                f"{self.arm.name}: {where}no useful distance is proven: no configuration was found "
+                "farther away than those that are"
+            ]
+        elif kept:
             away = listed([f"{far(self.distances[n])} from {self.titles[n]}" for n in kept])
             lines = [f"{self.arm.name}: {where}keep {away} (proven)"]
         else:
