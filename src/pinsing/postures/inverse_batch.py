@@ -11,10 +11,11 @@ from typing import Any
 
 import numpy as np
 
+from pinsing._batch import engine
 from pinsing._types import Array, Bool
 from pinsing.errors import OptionError
 from pinsing.kinematics.jacobian import generic_rank
-from pinsing.postures.decomposed import decomposed, exactly
+from pinsing.postures.decomposed import decomposed
 from pinsing.postures.inverse import inverse
 from pinsing.postures.newton import Solver
 from pinsing.robot.arm import Arm
@@ -30,6 +31,8 @@ _BESIDE = 0.05
 """Radians within which a solution continues that of a neighbouring pose."""
 _ROWS = 50_000
 """Configurations in one call of the solver: some tens of megabytes."""
+_POSES = 2_000
+"""Poses in one call of EAIK: what is computed from its answer stays in the processor's cache."""
 
 Progress = Callable[[int, int], None]
 
@@ -75,51 +78,44 @@ class InverseMany:
         progress : callable
             Told how many of the rows or columns are done.
         """
-        N, few = len(position), 50  # poses at once, each with all values: all take a gigabyte
-        if self.exact and values is None and few < N:
-            parts = []
-            for i in range(0, N, few):
-                here = slice(i, i + few)
-                parts.append(self.solve(position[here], rotation[here]))
-                if progress is not None:
-                    progress(min(i + few, N), N)
-            most = max(p.shape[2] for p in parts)
-            whole = np.full((*position.shape[:2], most, self.arm.n), np.nan)
-            for k, part in enumerate(parts):
-                whole[k * few : k * few + len(part), :, : part.shape[2]] = part
-            return whole
         solve = self._decomposed if self.exact else self._continued
         Q = solve(position, rotation, values, progress)
-        slots = Q.shape[2]
-        flat = self._polished(
-            Q.reshape(-1, self.arm.n), position.reshape(-1, 3), rotation.reshape(-1, 3, 3), slots
-        )
-        flat = _distinct(flat.reshape(Q.shape), self.arm)
-        most = max(1, int(np.isfinite(flat[..., 0]).sum(axis=-1).max(initial=0)))
-        return flat[..., :most, :]
+        most = max(1, int(np.isfinite(Q[..., 0]).sum(axis=-1).max(initial=0)))
+        return Q[..., :most, :]
+
+    def _verified(self, Q: Array, position: Array, rotation: Array) -> Array:
+        """Solutions Q (M, S, n) brought to the poses (M), each once; NaN behind them."""
+        flat = self._polished(Q.reshape(-1, self.arm.n), position, rotation, Q.shape[1])
+        return _distinct(flat.reshape(Q.shape), self.arm)
 
     def _decomposed(
         self, position: Array, rotation: Array, values: Array | None, progress: Progress | None
     ) -> Array:
-        T = np.zeros((*position.shape[:2], 4, 4))
-        T[..., :3, :3], T[..., :3, 3], T[..., 3, 3] = rotation, position, 1.0
-        if values is not None:  # another robot for each value of the held joint
-            T = T.swapaxes(0, 1)
-        robot, n = decomposed(self.arm, self.held), self.arm.n
+        N, G = position.shape[:2]
+        position, rotation = position.reshape(-1, 3), rotation.reshape(-1, 3, 3)
+        nodes = np.arange(N * G).reshape(N, G)
+        parts = list(nodes.T)  # another robot for each value of the held joint
+        if values is None:
+            parts = np.array_split(nodes.ravel(), -(-nodes.size // _POSES))
         found = []
-        for k, batch in enumerate(T):
-            if values is not None:
-                robot = decomposed(self.arm, self.held, float(values[k]))
-            solved = [] if robot is None else robot.IK_batched(batch, num_worker_threads=2)
-            found.append([exactly(x, n) for x in solved] or [np.empty((0, n))] * len(batch))
+        for k, part in enumerate(parts):
+            robot = decomposed(self.arm, self.held, 0.0 if values is None else float(values[k]))
+            T = np.tile(np.eye(4), (len(part), 1, 1))
+            T[:, :3, :3], T[:, :3, 3] = rotation[part], position[part]
+            solved = [] if robot is None else robot.IK_batched(T, engine.cpu_count())
+            # Solutions in the sense of least squares are among them: forward kinematics tells.
+            counts = np.array([len(x.Q) for x in solved] or [0] * len(part))
+            Q = np.full((len(part), max(1, counts.max()), self.arm.n), np.nan)
+            Q[np.arange(Q.shape[1]) < counts[:, None]] = np.concatenate(
+                [np.empty((0, self.arm.n)), *(x.Q for x in solved if len(x.Q))]
+            )
+            found.append(self._verified(Q, position[part], rotation[part]))
             if progress is not None:
-                progress(k + 1, len(T))
-        slots = max(1, max(len(q) for row in found for q in row))
-        Q = np.full((*T.shape[:2], slots, n), np.nan)
-        for k, row in enumerate(found):
-            for i, q in enumerate(row):
-                Q[k, i, : len(q)] = q
-        return Q if values is None else Q.swapaxes(0, 1)
+                progress(k + 1, len(parts))
+        whole = np.full((nodes.size, max(q.shape[1] for q in found), self.arm.n), np.nan)
+        for part, q in zip(parts, found, strict=True):
+            whole[part, : q.shape[1]] = q
+        return whole.reshape(N, G, *whole.shape[1:])
 
     def _continued(
         self, position: Array, rotation: Array, values: Array | None, progress: Progress | None
@@ -172,7 +168,10 @@ class InverseMany:
                 follow((np.full(G, k), every), Q[k - sweep.step])
                 if progress is not None:
                     progress(k, N)
-        return Q
+        flat = Q.reshape(-1, slots, self.arm.n)
+        return self._verified(flat, position.reshape(-1, 3), rotation.reshape(-1, 3, 3)).reshape(
+            Q.shape
+        )
 
     def _polished(
         self, Q: Array, position: Array, rotation: Array, slots: int, near: float = _NEAR
@@ -238,10 +237,17 @@ def _distinct(Q: Array, arm: Arm) -> Array:
     """Solutions (..., S, n) within limits where whole turns allow it, each once, NaN behind."""
     finite: Bool = np.isfinite(Q[..., 0])
     Q[~finite] = 0.0
-    Q = arm.space.fold(arm.space.wrap(Q))
+    Q = arm.space.wrap(Q)
+    # Any function of joint values that whole turns leave alone tells most solutions apart.
+    weights = np.sqrt(1.0 + np.arange(arm.n))
+    key = np.sort(np.where(finite, np.abs(Q) @ weights, np.inf), axis=-1)
+    with np.errstate(invalid="ignore"):
+        alike = (np.diff(key) <= _SAME * weights.sum()).any(axis=-1)
+    Q, both, there = arm.space.fold(Q), Q[alike], finite[alike]
     for a in range(1, Q.shape[-2]):
-        apart = _gaps(Q[..., :a, :], Q[..., a, None, :], arm)
-        finite[..., a] &= ~((apart < _SAME) & finite[..., :a]).any(axis=-1)
+        apart = _gaps(both[..., :a, :], both[..., a, None, :], arm)
+        there[..., a] &= ~((apart < _SAME) & there[..., :a]).any(axis=-1)
+    finite[alike] = there
     Q[~finite] = np.nan
     order = np.argsort(~finite, axis=-1, kind="stable")
     return np.take_along_axis(Q, order[..., None], axis=-2)

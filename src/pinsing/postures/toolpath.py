@@ -21,7 +21,7 @@ import numpy as np
 import numpy.typing as npt
 
 from pinsing._types import Array, Bool, Ints
-from pinsing.algebra.equation import Equation
+from pinsing.algebra.nearest import SearchOptions, nearest_points
 from pinsing.arguments import checked
 from pinsing.errors import ConfigurationError, OptionError
 from pinsing.families import ClosedForm, Family
@@ -30,7 +30,7 @@ from pinsing.notebook import one_line
 from pinsing.postures.inverse_batch import InverseMany
 from pinsing.proximity.clearance import clearance
 from pinsing.proximity.crossings import crossings
-from pinsing.proximity.watched import titled
+from pinsing.proximity.watched import titled, watch
 from pinsing.robot.arm import Arm, ArmSummary, summarize
 from pinsing.robot.joint_space import SLACK
 from pinsing.serialization import JsonResult
@@ -41,16 +41,14 @@ _TURNS = 3
 """Turns of what is free that a path of any number of poses may take in all."""
 _BISECTED = np.radians(0.1)
 """How near the bound is brought to what is reached at the poses that decide it."""
-_STEPS = 4
-"""Steps to a surface; twice as many lead to the nearest point of it."""
 _ALIKE = 1e-3
 """Relative difference of bounds that are as good as an estimate."""
-_ROWS = 100_000
-"""Configurations in one call: some tens of megabytes."""
 _BRANCH = 1.0
 """Radians beyond which solutions of neighbouring values are of two branches."""
-_COARSE = 1e-2
-"""The same where configurations are only compared."""
+_ROUGH = SearchOptions(boxes=1)
+"""Work where configurations are only compared: the steps to the nearest point, without proof."""
+_MARGIN = 0.01
+"""Radians below the path on a part of the grid at which that on the whole is looked for first."""
 _GAP = 1e-3
 """Radians between the certified bounds of a clearance."""
 _FINEST = 1e-5
@@ -266,7 +264,7 @@ class _Planner:
                 f"free={free!r} is neither branch, roll, nor a joint ({', '.join(arm.joints)})"
             )
         self.form, self.arm, self.T, self.back = form, arm, T, back
-        self.free, self.progress = free, progress
+        self.free, self.progress, self.watched = free, progress, watch(form)
         self.t = np.arange(len(T), dtype=float) if t is None else np.asarray(t, dtype=float)
         if self.t.shape != (len(T),) or not (np.diff(self.t) > 0).all():
             raise OptionError(f"t needs {len(T)} increasing times")
@@ -300,10 +298,6 @@ class _Planner:
             position, rotation, None if self.held is None else self.grid,
             lambda k, n: self.progress("inverse kinematics", k, n),
         )  # fmt: skip
-        self.circle = np.empty((*self.Q.shape[:-1], 2 * self.arm.n), dtype=np.float32)
-        for k, q in enumerate(self.Q):  # one pose at a time: copies of all take hundreds of MB
-            turned, there = np.nan_to_num(q).astype(np.float32), np.isfinite(q[..., :1])
-            self.circle[k] = np.concatenate([np.cos(turned), np.sin(turned)], axis=-1) * there
         self._bounds()
         notes = [] if self.solver.exact else [
             "inverse kinematics by continuation from solutions at some poses: others may exist"
@@ -318,6 +312,7 @@ class _Planner:
             )
         if (reason := self._unreached()) is not None:
             return self._none(reason, notes)
+        self._link()
         first = self._first(start)
         while True:
             path = self._searched(first)
@@ -339,7 +334,7 @@ class _Planner:
             clearance=proven,
             where=where,
             family=family,
-            bound=max(min(self._bound(), self.relaxed), proven),
+            bound=min(self._bound(proven), max(self.relaxed, proven)),
             fixed=self._fixed(),
             title=self.form[family].title if family else "",
             grid=self.grid,
@@ -385,20 +380,23 @@ class _Planner:
         closely; should the whole grid have no such path, what has less than its own.
         """
         if self.least is None:
-            self.least = self._best_on_a_part()
-        floor = -np.inf
+            self.least = self._best_on_a_part() - _MARGIN
+        lower = _MARGIN
         while True:
             self._estimate_all(self.least)
-            path = self._best_path(first, floor)
-            if isinstance(path, str) or self.reached >= self.least:
+            path = self._best_path(first, self.least)
+            if max(self.reached, self.least) in (self.reached, -np.inf):
                 return path
-            self.least = floor = self.reached - _BISECTED
+            lower *= 4
+            self.least = self.reached if self.reached > 0 else self.least - lower
+            if self.least <= 0:
+                self.least = -np.inf
 
     def _best_on_a_part(self) -> float:
         """The clearance of the best path on a part of the grid, -inf if there is none."""
         columns = max(d for d in range(1, _THINNED + 1) if len(self.grid) % d == 0)
         coarse = copy.copy(self)
-        for name in ("Q", "circle", *_NODES):  # views: what is found out here is known there
+        for name in ("Q", *_NODES):  # views: what is found out here is known there
             setattr(coarse, name, getattr(self, name)[::_THINNED, ::columns])
         coarse.grid, coarse.T, coarse.t = (
             self.grid[::columns],
@@ -407,6 +405,7 @@ class _Planner:
         )
         if len(coarse.T) < 2 or coarse.clear.size * _THINNED > self.clear.size:
             return -np.inf
+        coarse._link()
         coarse._estimate_all(-np.inf)
         path = coarse._best_path(coarse.usable[0], -np.inf)
         return -np.inf if isinstance(path, str) else coarse.reached
@@ -418,55 +417,14 @@ class _Planner:
         bound. ``highest`` is what no node exceeds: the bound of other paths rests on it.
         """
         close = self.highest <= self.clear * (1 + _ALIKE)
-        rows = np.argwhere(~self.seen & (self.highest >= least) & ~close)
-        for start in range(0, len(rows), _ROWS):
-            at = tuple(rows[start : start + _ROWS].T)
-            found = self._estimate(self.Q[at], least)
-            self.likely[at] = np.maximum(self.clear[at], found)
-            self.highest[at] = np.minimum(self.highest[at], self.likely[at])
-            self.seen[at] = True
-
-    def _estimate(self, Q: Array, least: float) -> Array:
-        """Distance (M,) of configurations (M, n) to the nearest families, as steps lead there.
-
-        The nearest point x of a surface f = 0 fulfils Q - x = c grad f(x): with f linearised at the
-        last x, a step gives c (sequential quadratic programming). Where steps do not converge, and
-        of families that are no surfaces, the certified search is asked. What is nearer than
-        ``least`` is not looked at more closely.
-        """
-        out = np.full(len(Q), np.inf)
-        for family in self.form.families:
-            # Families that are farther away than another do not matter.
-            low = clearance(self.form, Q, families=[family.name]).lower
-            rows = np.flatnonzero((low < out) & (out >= least))
-            surfaces = [b.equations[0] for b in family.branches if len(b.equations) == 1]
-            found: Array = np.full(len(rows), np.inf)
-            missed: Bool = np.ones(len(rows), dtype=bool)
-            if len(surfaces) == len(family.branches) and not any(b.values for b in family.branches):
-                away = np.stack([self._away(Q[rows], equation) for equation in surfaces])
-                found, missed = np.fmin.reduce(away), np.asarray(np.isnan(away).any(axis=0))
-            sure = clearance(
-                self.form, Q[rows[missed]], families=[family.name], certify=True, gap=_COARSE
-            )
-            found[missed] = np.fmin(found[missed], sure.upper)
-            out[rows] = np.minimum(out[rows], found)
-        return out
-
-    def _away(self, Q: Array, equation: Equation) -> Array:
-        """Distance (M,) to the point of a surface that steps from Q (M, n) end at, or NaN."""
-        x, rows = Q.copy(), np.arange(len(Q))
-        for i in range(3 * _STEPS):
-            at, origin = x[rows], x[rows] if i < _STEPS else Q[rows]  # to the surface, then along
-            slope = equation.gradient(at) / self.scale**2
-            size = (slope * slope * self.scale**2).sum(axis=1)
-            off = equation(at) + (slope * (origin - at) * self.scale**2).sum(axis=1)
-            step = origin - (off / np.maximum(size, 1e-300))[:, None] * slope - at
-            far = np.linalg.norm(step * self.scale, axis=1)
-            # Radians in one step: longer ones overshoot.
-            x[rows] = at + step * np.minimum(1, 0.4 / np.maximum(far, 1e-9))[:, None]
-            rows = rows[far > _FINEST] if i > _STEPS else rows
-        on = np.abs(equation(x)) < 1e-3 * equation.size
-        return np.where(on, np.linalg.norm((x - Q) * self.scale, axis=1), np.nan)
+        for k, rows in enumerate(~self.seen & (self.highest >= least) & ~close):
+            if rows.any():
+                found = nearest_points(
+                    self.watched.conditions, self.Q[k][rows], *self.watched.limits, _ROUGH
+                ).upper
+                self.likely[k][rows] = np.maximum(self.clear[k][rows], found)
+                self.highest[k][rows] = np.minimum(self.highest[k][rows], self.likely[k][rows])
+                self.seen[k][rows] = True
 
     def _unreached(self) -> str | None:
         """The first pose without a usable node, in words."""
@@ -511,69 +469,70 @@ class _Planner:
         """
         N, G, S = self.clear.shape
         window = 0 if G == 1 else min(G // 2, max(3, -(-_TURNS * G // N)))
-        links, room = self._beside(0)
         # The last state of each node is none: where turns lead beyond all that are counted.
-        best = np.full((2, G, S, len(self.turns) + 1), -np.inf)
-        nodes = np.stack([self.likely[0], room])[..., None]
-        best[..., :-1] = np.where(first[..., None] & self._within(0), nodes, -np.inf)
-        back = np.zeros((N, *best.shape[1:]), dtype=np.int32)
+        best = np.full((2, G * S, len(self.turns) + 1), -np.inf)
+        nodes = np.stack([self.likely[0].ravel(), self._room(0)])[..., None]
+        best[..., :-1] = np.where(first.reshape(-1, 1) & self._within(0), nodes, -np.inf)
+        back: list[tuple[Ints, Ints]] = []
+        self.reached = self.relaxed = -np.inf
         for k in range(1, N):
-            before, (links, room) = links, self._beside(k)
-            rows = np.flatnonzero((room >= floor).any(axis=1))
-            new = np.full((2, len(rows), *best.shape[2:]), -np.inf)
-            found, from_ = new[..., :-1], np.zeros(new.shape[1:], dtype=np.int32)[..., :-1]
-            within, here_q = self._within(k)[rows], self.Q[k][rows]
-            nodes = np.stack([self.likely[k], room])[:, rows, :, None]
-            slot = self._nearest(self.circle[k][rows], self.circle[k - 1][rows])
-            doubtful: list[tuple[Array, Ints]] = []
-            for side, (beside, link) in enumerate(before):
-                source, here = rows, slot
-                for d in range(window + 2 if G > 1 else 1):
-                    if d > 0:
-                        here = np.take_along_axis(link[source], here, axis=1)
-                        source = beside[source]
-                    elif side:
-                        continue
-                    take = source[:, None], here
-                    move = here_q - self.Q[k - 1][take]
-                    edge = self._states(move, take)
-                    value = np.minimum(best.reshape(2, -1)[:, edge], nodes)
-                    value[:, ~within] = -np.inf
-                    sure, loose, maybe = self._passable(k, rows, take, move, room[rows])
-                    np.maximum(found[1], value[1], out=found[1], where=loose[..., None])
-                    if d > window:
-                        continue
-                    better = value[0] > found[0]
-                    up = sure[..., None] & better
-                    found[0][up], from_[up] = value[0][up], edge[up]
-                    better &= maybe[..., None]
-                    if better.any():
-                        doubtful.append((np.where(better, value[0], -np.inf), edge))
-            self._prove_edges(k, rows, doubtful, found[0], from_)
-            if not np.isfinite(found[0]).any():
+            room = self._room(k)
+            here = np.flatnonzero((room >= floor) & (room > -np.inf))
+            source = self._sources(k, here, window)
+            far: Bool = np.arange(len(source)) > 2 * window
+            move = self.Q[k].reshape(G * S, -1)[here] - self.Q[k - 1].reshape(G * S, -1)[source]
+            edge = self._states(move, source)
+            nodes = np.stack([self.likely[k].ravel(), room])[:, here]
+            value = np.minimum(best.reshape(2, -1)[:, edge], nodes[:, None, :, None])
+            value[:, :, ~self._within(k)[here]] = -np.inf
+            sure, loose, maybe = self._passable(k, here, source, move, room[here])
+            proven = np.where((sure & ~far[:, None])[..., None], value[0], -np.inf)
+            choice = proven.argmax(axis=0)[None]
+            new, from_ = (np.take_along_axis(x, choice, axis=0)[0] for x in (proven, edge))
+            doubtful = (maybe & ~far[:, None])[..., None] & (value[0] > new)
+            if doubtful.any():
+                self._prove_edges(k, here, np.where(doubtful, value[0], -np.inf), edge, new, from_)
+            if not np.isfinite(new).any():
                 return self._why(k, best[0])
             best = np.full(best.shape, -np.inf)
-            best[:, rows], back[k, rows, :, :-1] = new, from_
+            best[0, here, :-1] = new
+            best[1, here, :-1] = np.where(loose[..., None], value[1], -np.inf).max(axis=0)
+            back.append((here, from_))
             if k % 20 == 0:
                 self.progress("best path", k, N)
         self.reached, self.relaxed = float(best[0].max()), float(best[1].max())
         at, path = int(best[0].argmax()), np.zeros(N, dtype=int)
-        for k in range(N - 1, -1, -1):
-            path[k], at = at, int(back[k].reshape(-1)[at])
-        i, s, turns = np.unravel_index(path, best.shape[1:])
+        for k in range(N - 1, 0, -1):
+            path[k], (here, from_) = at, back[k - 1]
+            node, turn = divmod(at, best.shape[2])
+            at = int(from_[np.searchsorted(here, node), turn])
+        path[0] = at
+        i, s, turns = np.unravel_index(path, (G, S, best.shape[2]))
         return i, s, turns
 
+    def _sources(self, k: int, here: Ints, window: int) -> Ints:
+        """Nodes (D, M) of the pose before pose k that motions to nodes ``here`` (M,) begin at.
+
+        Those of the same branch at the same value, at values up to ``window`` away on both sides,
+        and at the next ones, by which other paths are bounded.
+        """
+        out, ends = [self.before[k][here]], [self.before[k][here]] * 2
+        for _ in range(window + 1 if len(self.grid) > 1 else 0):
+            ends = [link[at] for link, at in zip(self.beside[k - 1], ends, strict=True)]
+            out += ends
+        return np.stack(out)
+
     def _within(self, k: int) -> Bool:
-        """Which turns (G, S, T) of which nodes of pose k a path may have."""
-        q = self.Q[k][..., None, self.counted] + 2 * np.pi * self.turns
+        """Which turns (G S, T) of which nodes of pose k a path may have."""
+        q = self.Q[k].reshape(-1, 1, self.arm.n)[..., self.counted] + 2 * np.pi * self.turns
         low, high = (x[self.counted] for x in (self.arm.lower - SLACK, self.arm.upper + SLACK))
-        out = self.usable[k][..., None] & ((q >= low) & (q <= high)).all(axis=-1)
+        out = self.usable[k].reshape(-1, 1) & ((q >= low) & (q <= high)).all(axis=-1)
         if k == 0 and self.start is not None:
             out &= (np.abs(q - self.start[self.counted]) < np.pi).all(axis=-1)
         return np.asarray(out)
 
-    def _states(self, move: Array, take: tuple[Ints, Ints]) -> Ints:
-        """Numbers (R, S, T) of the states, of nodes of the pose before, that motions begin at."""
+    def _states(self, move: Array, source: Ints) -> Ints:
+        """Numbers (D, M, T) of the states, of nodes of the pose before, that motions begin at."""
         count, most = len(self.turns) + 1, -self.turns[0]
         off = np.rint(np.nan_to_num(move[..., self.counted]) / (2 * np.pi)).astype(int)
         before = self.turns + off[..., None, :]
@@ -581,7 +540,7 @@ class _Planner:
         for j, m in enumerate(most):
             number = number * (2 * m + 1) + before[..., j] + m
         state = np.where((np.abs(before) <= most).all(axis=-1), number, count - 1)
-        return np.asarray((take[0] * self.Q.shape[2] + take[1])[..., None] * count + state)
+        return np.asarray(source[..., None] * count + state)
 
     def _count_turns(self, joints: Bool) -> None:
         """Tell the turns of joints apart, which the best path winds beyond their limits."""
@@ -589,46 +548,60 @@ class _Planner:
         most = ((self.arm.upper - self.arm.lower)[self.counted] / (2 * np.pi)).clip(0, _TURNS)
         self.turns = np.array(list(product(*(range(-int(m), int(m) + 1) for m in most))))
 
-    def _beside(self, k: int) -> tuple[list[tuple[Ints, Ints]], Array]:
-        """The neighbours of pose k's nodes along the grid, both ways, and the room of each node.
+    def _link(self) -> None:
+        """Find the neighbours of all nodes, and the longer ``way`` (N, G S) along the grid.
 
-        Each way as indices (G,) and slots (G, S). The room (G, S) is the clearance with half of the
-        longer way to a neighbour, a tenth added since a branch moves on an arc.
+        ``beside`` (N, 2, G S) them both ways, and of their value at the pose ``before`` (N, G S).
         """
-        out, way = [], np.zeros(self.likely[k].shape)
-        for side in (-1, 1):
-            beside = self._shifted(np.arange(len(self.grid)), side)
-            link = self._nearest(self.circle[k], self.circle[k][beside])
-            gap = self._gap(self.Q[k] - self.Q[k][beside[:, None], link]) * self.scale
-            way = np.fmax(way, np.sqrt((gap**2).sum(axis=-1)))
-            out.append((beside, link))
-        near = np.where(way < _BRANCH, way, 0.0)
-        return out, np.where(self.usable[k], self.highest[k] + 0.55 * near, -np.inf)
+        N, G, S = self.clear.shape
+        self.beside, self.way = np.empty((N, 2, G * S), dtype=np.int32), np.zeros((N, G * S))
+        self.before = np.empty((N, G * S), dtype=np.int32)
+        values: Ints = np.arange(G)
+        last: Array | None = None
+        for k, q in enumerate(self.Q):
+            there = np.isfinite(q[..., :1])
+            turned = np.where(there, q, 0.0).astype(np.float32)
+            circle = np.concatenate([np.cos(turned), np.sin(turned)], axis=-1) * there
+            last = circle if last is None else last
+            self.before[k] = (values[:, None] * S + self._nearest(circle, last)).ravel()
+            last = circle
+            for side in (0, 1):
+                near = self._shifted(values, 2 * side - 1)
+                link = (near[:, None] * S + self._nearest(circle, circle[near])).ravel()
+                gap = self._gap(q.reshape(G * S, -1) - q.reshape(G * S, -1)[link]) * self.scale
+                way = np.sqrt((gap * gap).sum(axis=-1))
+                self.beside[k, side] = link
+                self.way[k] = np.fmax(self.way[k], np.where(way < _BRANCH, way, 0.0))
+
+    def _room(self, k: int) -> Array:
+        """Return the most clearance (G S,) that there may be up to halfway to a neighbouring value.
+
+        A tenth is added since a branch moves on an arc.
+        """
+        room = self.highest[k].ravel() + 0.55 * self.way[k]
+        return np.where(self.usable[k].ravel(), room, -np.inf)
 
     def _nearest(self, a: Array, b: Array) -> Ints:
         """Slots (M, S) of nodes b (M, S, 2n) nearest to those of nodes a, by sums of cosines."""
         return np.asarray((a @ b.swapaxes(1, 2)).argmax(axis=-1))
 
     def _prove_edges(
-        self, k: int, rows: Ints, doubtful: list[tuple[Array, Ints]], new: Array, back: Ints
+        self, k: int, here: Ints, value: Array, edge: Ints, new: Array, from_: Ints
     ) -> None:
         """Take those edges to pose k that halving proves clear: values and numbers of states."""
-        if not doubtful:
-            return
-        value, edge = (np.stack(x) for x in zip(*doubtful, strict=True))
         while True:  # each state's best candidate first
             choice = value.argmax(axis=0)
             at = np.nonzero(value.max(axis=0) > new)
             if not len(at[0]):
                 return
             candidate = choice[at], *at
-            source, slot = np.divmod(edge[candidate] // (len(self.turns) + 1), self.Q.shape[2])
-            q = self.Q[k - 1][source, slot]
-            clear = self._is_clear(q, self._gap(self.Q[k][rows[at[0]], at[1]] - q))
+            q = self.Q[k - 1].reshape(-1, self.arm.n)[edge[candidate] // (len(self.turns) + 1)]
+            to = self.Q[k].reshape(-1, self.arm.n)[here[at[0]]]
+            clear = self._is_clear(q, self._gap(to - q))
             found = value[candidate]
             value[candidate] = -np.inf
-            at, from_ = tuple(x[clear] for x in at), edge[candidate][clear]
-            new[at], back[at] = found[clear], from_
+            at, edges = tuple(x[clear] for x in at), edge[candidate][clear]
+            new[at], from_[at] = found[clear], edges
 
     def _is_clear(self, q: Array, move: Array) -> Bool:
         """Which motions (M, n) from q (M, n) are proven clear, by halving them."""
@@ -648,20 +621,18 @@ class _Planner:
         return out
 
     def _passable(
-        self, k: int, rows: Ints, take: tuple[Ints, Ints], move: Array, room: Array
+        self, k: int, here: Ints, source: Ints, move: Array, room: Array
     ) -> tuple[Bool, Bool, Bool]:
-        """Which nodes of pose k (R, S) are reached from the pose before: proven; relaxed; maybe."""
+        """Which edges (D, M) to nodes of pose k are proven clear; which relaxed; which may be."""
         gap = self._gap(move) * self.scale
-        length = np.sqrt((gap**2).sum(axis=-1))
-        usable = self.usable[k][rows]
-        with np.errstate(invalid="ignore"):
-            sure = self.clear[k][rows] + self.clear[k - 1][take] - length > 0
-            loose = length < 2 * room
-            quick = usable
-            if self.timed:
-                most = limits_of(self.arm) * (self.t[k] - self.t[k - 1])
-                quick = quick & (np.abs(gap) <= most * self.scale).all(axis=-1)
-        return sure & quick, loose & usable, loose & quick & ~sure
+        length = np.sqrt((gap * gap).sum(axis=-1))
+        clear = self.clear[k].ravel()[here] + self.clear[k - 1].ravel()[source]
+        quick: Bool = np.ones(length.shape, dtype=bool)
+        if self.timed:
+            most = limits_of(self.arm) * (self.t[k] - self.t[k - 1])
+            quick = (np.abs(gap) <= most * self.scale).all(axis=-1)
+        sure, loose = clear > length, length < 2 * room
+        return sure & quick, loose, loose & quick & ~sure
 
     def _shifted(self, i: Ints, d: int) -> Ints:
         """Neighbours of values i on the grid; the ends have none beyond them, and stay."""
@@ -673,7 +644,8 @@ class _Planner:
         if self.counted.any():
             wound = " or ".join(np.array(self.arm.joints)[self.counted])
             return f"every path to pose {k} winds {wound} beyond its limits"
-        source, target = np.isfinite(best).any(axis=-1), self.usable[k]
+        source = np.isfinite(best).any(axis=-1).reshape(self.usable[k].shape)
+        target = self.usable[k]
         q, to = self.Q[k - 1][source], self.Q[k][target]
         gap = self._gap(to[None] - q[:, None])
         near = np.unravel_index(int(np.linalg.norm(gap, axis=-1).argmin()), gap.shape[:2])
@@ -711,15 +683,17 @@ class _Planner:
         """Least clearance at the poses with what is free kept, of each branch at the first pose."""
         out = []
         for s in np.flatnonzero(self.usable[0, 0]):
-            q, least = self.Q[0, 0, s], float(self.likely[0, 0, s])
+            at, least = int(s), float(self.likely[0, 0, s])
             for k in range(1, len(self.T)):
-                gap = np.linalg.norm(self._gap(self.Q[k, 0] - q) * self.scale, axis=-1)
+                gap = np.linalg.norm(
+                    self._gap(self.Q[k, 0] - self.Q[k - 1, 0, at]) * self.scale, axis=-1
+                )
                 near = int(np.where(self.usable[k, 0], gap, np.inf).argmin())
-                around = self.clear[k, 0, near] + clearance(self.form, q).lower
+                around = self.clear[k, 0, near] + self.clear[k - 1, 0, at]
                 if not self.usable[k, 0, near] or gap[near] >= around:
                     least = 0.0
                     break
-                q, least = self.Q[k, 0, near], min(least, float(self.likely[k, 0, near]))
+                at, least = near, min(least, float(self.likely[k, 0, near]))
             out.append(least)
         return tuple(out)
 
@@ -731,18 +705,26 @@ class _Planner:
         apart = np.abs(self.arm.space.wrap(Q[:, None] - Q[None, :1]))[..., :-1].max(axis=-1)
         return len(others) > 0 and len(np.unique(np.round(apart, 6))) <= 16
 
-    def _bound(self) -> float:
-        """What no path exceeds: a path stays on one side of each surface, so the most of any side.
+    def _bound(self, reached: float) -> float:
+        """What no path exceeds, ``reached`` at least, which one has.
 
-        Of each side, the most at the poses where it has the least room.
+        A path stays on one side of each surface, so it has the most of any side: of each, the most
+        at the poses where it has the least room.
         """
-        side = np.stack([self._sides(q) for q in self.Q])
-        most = 0.0
-        for label in np.unique(side[0][self.usable[0]]):
-            room = np.where(self.usable & (side == label), self.likely, -np.inf).max(axis=(1, 2))
-            deciding = np.argsort(room)[:_DECIDING]
-            if np.isfinite(room[deciding]).all():
-                most = max(most, min(self._most_at(int(k), int(label)) for k in deciding))
+        room = np.stack([self._room(k) for k in range(len(self.T))]).reshape(self.clear.shape)
+        more = room > reached
+        side = np.full(self.clear.shape, -1)
+        side[more] = self._sides(self.Q[more])
+        most = reached
+        for label in np.unique(side[more]):
+            highest = np.where(side == label, room, -np.inf).max(axis=(1, 2))
+            bound = np.inf
+            for k in np.argsort(highest)[:_DECIDING]:
+                if min(bound, highest[k]) > most:
+                    bound = self._most_at(int(k), int(label), most)
+                else:
+                    bound = most
+            most = max(most, bound)
         return most
 
     def _sides(self, Q: Array) -> Ints:
@@ -775,58 +757,59 @@ class _Planner:
                 odd += equation.frequencies[0] if len(equation.frequencies) else 0
         return bool((odd[self.turn > 0] % 2 == 0).all())
 
-    def _most_at(self, k: int, side: int) -> float:
+    def _most_at(self, k: int, side: int, best: float) -> float:
         """The most clearance at pose k on a side, whatever the value and the branch, by bisection.
 
-        Between two neighbouring values a branch moves by the length of its arc, here its chord
-        and a tenth; clearance changes no faster.
+        It is ``best`` at least. Between two neighbouring values a branch moves by the length of its
+        arc, here its chord and a tenth; clearance changes no faster.
         """
 
         def upper(Q: Array) -> Array:
             there = np.isfinite(Q[..., 0]) & self.arm.within_limits(np.nan_to_num(Q))
             there &= self._sides(Q) == side
             out = np.full(there.shape, -np.inf)
-            if there.any():
-                q = Q[there]
-                found = self._estimate(q, best)
-                top = int(found.argmax())
-                found[top] = clearance(self.form, q[top], certify=True, gap=_GAP).upper
-                more = np.flatnonzero(found > max(best, found[top]))
-                found[more] = clearance(self.form, q[more], certify=True, gap=_GAP).upper
-                out[there] = found
+            q = Q[there]
+            options = self.watched.conditions, q, *self.watched.limits
+            found = nearest_points(*options, _ROUGH).upper
+            more = np.flatnonzero(found > best)
+            found[more] = clearance(self.form, q[more], certify=True, gap=_GAP).upper
+            out[there] = found
             return out
 
-        values, Q, best = self.grid, self.Q[k], -np.inf
-        found = upper(Q)
-        best = float(found.max())
+        values, A, S = self.grid, self.Q[k], self.Q.shape[2]
+        ua = upper(A)
+        best = max(best, float(ua.max()))
         if self.free == "branch" or self.idle:
             return best
         ends = self._shifted(np.arange(len(values)), 1)
         width = 2 * np.pi / len(values) if self.cyclic else float(values[1] - values[0])
-        left = [(values[i], Q[i], found[i], Q[j], found[j]) for i, j in enumerate(ends)]
+        B, ub = A[ends], ua[ends]
         while True:
-            ceiling = [self._ceiling(*x[1:]) for x in left]
-            left = [x for x, c in zip(left, ceiling, strict=True) if c > best + _BISECTED]
-            if not left or width < _FINEST or not self.solver.exact:  # else each costs a search
-                return max(best, *ceiling)
+            ceiling = self._ceiling(A, ua, B, ub)
+            more = ceiling > best + _BISECTED
+            # Where inverse kinematics is not exact each value would cost a search.
+            if not more.any() or width < _FINEST or not self.solver.exact:
+                return max(best, float(ceiling.max(initial=-np.inf)))
             width /= 2
-            middle = np.array([x[0] + width for x in left])
+            values, (A, ua, B, ub) = values[more], (x[more] for x in (A, ua, B, ub))
+            middle = values + width
             held = middle if self.held is not None else None
-            here = self.solver.solve(*self._targets(self.T[k : k + 1], middle), held)[0]
-            found = upper(here)
-            best = max(best, float(found.max()))
-            left = [
-                y
-                for (v, a, ua, b, ub), q, u in zip(left, here, found, strict=True)
-                for y in ((v, a, ua, q, u), (v + width, q, u, b, ub))
-            ]
+            found = self.solver.solve(*self._targets(self.T[k : k + 1], middle), held)[0]
+            S = max(A.shape[1], found.shape[1])
+            here = _padded(found, S)
+            u = upper(here)
+            best = max(best, float(u.max()))
+            A, B, ua, ub = (_padded(x, S) for x in (A, B, ua, ub))
+            A, B = np.concatenate([A, here]), np.concatenate([here, B])
+            ua, ub = np.concatenate([ua, u]), np.concatenate([u, ub])
+            values = np.concatenate([values, middle])
 
-    def _ceiling(self, a: Array, ua: Array, b: Array, ub: Array) -> float:
-        """The most that a branch has between two values with solutions (S, n) at each end."""
-        gap = self._gap(np.nan_to_num(a, nan=1e9)[:, None] - np.nan_to_num(b, nan=-1e9))
+    def _ceiling(self, A: Array, ua: Array, B: Array, ub: Array) -> Array:
+        """The most (M,) that a branch has between two values with solutions (M, S, n) at each."""
+        gap = self._gap(np.nan_to_num(A, nan=1e9)[:, :, None] - np.nan_to_num(B, nan=-1e9)[:, None])
         chord = np.linalg.norm(gap * self.scale, axis=-1)
-        pair = np.where(chord < _BRANCH, (ua[:, None] + ub[None] + 1.1 * chord) / 2, -np.inf)
-        return float(pair.max(initial=-np.inf))
+        pair = np.where(chord < _BRANCH, (ua[:, :, None] + ub[:, None] + 1.1 * chord) / 2, -np.inf)
+        return np.asarray(pair.max(axis=(1, 2)))
 
     def _proven(self, q: Array) -> tuple[float, float]:
         """The least clearance along a path (N, n), between poses too, and at which pose it is.
@@ -848,6 +831,12 @@ class _Planner:
             lower = np.insert(lower, wide + 1, here)
             places = np.insert(places, wide + 1, (places[wide] + places[wide + 1]) / 2)
             q = np.insert(q, wide + 1, middle, axis=0)
+
+
+def _padded(x: Array, slots: int) -> Array:
+    """Solutions (M, S, n) or what is known of them (M, S), with more slots: those of none."""
+    more = [(0, 0), (0, slots - x.shape[1]), (0, 0)][: x.ndim]
+    return np.pad(x, more, constant_values=np.nan if x.ndim == 3 else -np.inf)
 
 
 def rigid_motions(poses: npt.ArrayLike, name: str) -> Array:
