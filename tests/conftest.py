@@ -12,15 +12,21 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-import click.testing
-import numpy as np
-import pinocchio as pin
-import pytest
-from hypothesis import HealthCheck, settings
+# Each test file, and Hypothesis, is compiled with its assertions rewritten: 7 s of all, kept for
+# the next run and other workers, also where the environment forbids that. Tests have its way.
+_WRITES_NOTHING = sys.dont_write_bytecode
+sys.dont_write_bytecode = False
+
+import click.testing  # noqa: E402
+import numpy as np  # noqa: E402
+import pinocchio as pin  # noqa: E402
+import pytest  # noqa: E402
+from hypothesis import HealthCheck, settings  # noqa: E402
 
 settings.register_profile(
     "pinsing",
     deadline=None,
+    max_examples=30,
     derandomize=True,
     database=None,
     suppress_health_check=[HealthCheck.too_slow, HealthCheck.function_scoped_fixture],
@@ -30,10 +36,15 @@ settings.load_profile("pinsing")
 # What a test reads it reads itself, and nothing of it stays on the user's disk.
 os.environ["PINSING_CACHE"] = ""
 
-# Each test file is compiled with its assertions rewritten: 5 s of all, kept for the next run and
-# for other workers, also where the environment forbids that. While tests run, it has its way.
-_WRITES_NOTHING = sys.dont_write_bytecode
-sys.dont_write_bytecode = False
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Mark what asks for a browser or for Node.js: `.ci/run` runs these once more, with both."""
+    for item in items:
+        assert isinstance(item, pytest.Function)
+        node = any("Node.js" in m.kwargs.get("reason", "") for m in item.iter_markers("skipif"))
+        if node or "browser" in item.fixturenames or hasattr(item.module, "require_browser"):
+            item.add_marker("outside")
 
 
 def pytest_collection_finish() -> None:

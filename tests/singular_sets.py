@@ -29,20 +29,12 @@ from pinsing.sampling.curves import minima
 RIGHT = np.pi / 2
 
 # Name of the test, and how to load the arm: the robot, its tip and base where they are chosen.
+_WHOLE = (
+    "stanford puma560 irb1400 iiwa14 surgical7 scara ur5 ur10 panda xarm7 z1 talos_arm so101 kinova"
+)
 ROBOTS: dict[str, dict[str, str]] = {
-    "stanford": {"robot": "stanford"},
-    "puma560": {"robot": "puma560"},
-    "irb1400": {"robot": "irb1400"},
-    "iiwa14": {"robot": "iiwa14"},
-    "surgical7": {"robot": "surgical7"},
+    **{name: {"robot": name} for name in _WHOLE.split()},
     "planar3r": {"robot": "planar3r", "task": "position"},
-    "scara": {"robot": "scara"},
-    "ur5": {"robot": "ur5"},
-    "ur10": {"robot": "ur10"},
-    "panda": {"robot": "panda"},
-    "xarm7": {"robot": "xarm7"},
-    "z1": {"robot": "z1"},
-    "talos_arm": {"robot": "talos_arm"},
     "talos_left": {
         "robot": "talos_full_v2",
         "tip": "gripper_left_base_link",
@@ -54,8 +46,6 @@ ROBOTS: dict[str, dict[str, str]] = {
     "baxter": {"robot": "baxter", "tip": "left_gripper"},
     "romeo": {"robot": "romeo", "tip": "l_wrist", "base": "torso"},
     "g1": {"robot": "g1", "tip": "left_rubber_hand", "base": "torso_link"},
-    "so101": {"robot": "so101"},
-    "kinova": {"robot": "kinova"},
     "icub_left": {"robot": "icub", "tip": "l_hand", "base": "chest"},
     "icub_right": {"robot": "icub", "tip": "r_hand", "base": "chest"},
 }

@@ -42,16 +42,6 @@ def process(*words: str, **more) -> subprocess.CompletedProcess[str]:
 
 
 class TestProcess:
-    def test_help_imports_nothing_heavy(self):
-        code = (
-            "import sys, pinsing.cli\n"
-            "heavy = {'numpy', 'pinocchio', 'scipy', 'flint', 'rich', 'yaml', 'matplotlib',"
-            " 'meshcat', 'yourdfpy', 'xacro'}\n"
-            "print(*(heavy & set(sys.modules)))"
-        )
-        done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
-        assert (done.returncode, done.stdout, done.stderr) == (0, "\n", "")
-
     def test_a_command_imports_no_other_and_the_list_none(self):
         code = (
             "import sys; from pinsing.cli.app import command\n"
@@ -97,16 +87,9 @@ class TestProcess:
         assert b"Traceback" not in said
         assert b"Broken" not in said
 
+    @pytest.mark.slow
     def test_names_that_the_terminal_cannot_show(self, write_urdf):
-        path = write_urdf(
-            [
-                (
-                    "revolute",
-                    '<axis xyz="0 0 1"/><limit lower="-1" upper="1" effort="1" velocity="1"/>',
-                )
-            ],
-            names=["gelenk_ä"],
-        )
+        path = write_urdf([("continuous", '<axis xyz="0 0 1"/>')], names=["gelenk_ä"])
         done = process("list", str(path), env={**os.environ, "PYTHONIOENCODING": "ascii"})
         assert done.returncode == 0
         assert "gelenk_\\xe4" in done.stdout
@@ -172,13 +155,8 @@ class TestAt:
             assert f["upper"] - f["lower"] <= 1e-6
         far = [f["upper"] for f in found["families"]]
         assert far == sorted(far)
-        text = " ".join(run(*words).stdout.split())
-        assert "distance F1: 45.84° (0.8 rad), by q3 -0.8 rad; the family is within" in text
         assert "distance" not in run(*words, "--no-distances").stdout
         assert "distances" not in json.loads(run(*words, "--no-distances", "-o", "-").stdout)
-        slides = " ".join(run("at", "stanford", "--q", "0,1,0.3,1,0.5,0").stdout.split())
-        assert "F2: 0.3 length scales, by q3 -0.3 m" in slides
-        assert "F3: 0°, on it" in run("at", "stanford", "--q", "0,1,0.3,1,0,0").stdout
 
     def test_degrees_for_turning_joints_metres_for_sliding_ones(self):
         words = ["at", "stanford", "-o", "-", "--q"]
@@ -228,12 +206,6 @@ class TestAt:
         insisted = run("at", "ur5", *q, "--rad", "-o", "-")
         assert insisted.exit_code == 0
         assert State.from_json(insisted.stdout).q[1] == -90
-
-    def test_a_value_outside_its_limits_is_named_with_them(self):
-        done = run("at", "ur5", "--q", "9,-1,1,0.5,1,0", "--rad")
-        assert done.exit_code == 0
-        degrees = run("at", "ur5", "--q", "0,0,181,0,0,0", "--deg").stderr
-        assert "elbow_joint = 181° is outside its limits, -180 to 180°" in degrees
 
     def test_a_plain_clearance_is_in_the_unit_of_the_command(self, tmp_path):
         file = tmp_path / "path.csv"
@@ -354,6 +326,7 @@ class TestInfo:
         row = next(line for line in out.splitlines() if "j2s6s200_joint_2" in line)
         assert row.split()[-3:] == ["47", "313", "deg"]
 
+    @pytest.mark.slow
     def test_rounded_geometry_is_told_with_its_size(self):
         out = run("list", "xarm7").stdout
         assert "moved: " in out
@@ -363,15 +336,6 @@ class TestInfo:
         assert max(s.size for s in info.snaps) < 1e-5
         assert "moved: " not in run("list", "puma560").stdout
         assert "exact: every number" in run("list", "planar3r").stdout
-
-    def test_several_arms_are_listed_with_the_command_for_each(self):
-        done = run("list", "baxter")
-        assert done.exit_code == 2
-        assert "pinsing analyze baxter --tip left_" in done.stdout
-        assert "pinsing analyze baxter --tip right_" in done.stdout
-        assert "choose one" in done.stderr
-        asked = next(w for w in done.stdout.split() if w.startswith("left_"))
-        assert run("list", "baxter", "--tip", asked).exit_code == 0
 
     def test_the_commands_work_as_they_stand(self, tmp_path):
         """With the options that the file needs, and names that a shell would take apart."""

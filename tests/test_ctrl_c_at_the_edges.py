@@ -39,6 +39,7 @@ def test_in_the_middle_of_imports(module):
     assert done.stdout == ""
 
 
+@pytest.mark.slow
 def test_when_all_is_done():
     done = ended(AT_THE_END)
     assert done.returncode == 0

@@ -51,13 +51,13 @@ BY_NAME = {"example-robot-data": "files alone", "meshcat": "pinsing.view.links"}
 def imported(tree: ast.AST) -> Iterator[str]:
     """Packages that code imports when it runs, within functions too."""
     for node in ast.iter_child_nodes(tree):
-        if isinstance(node, ast.If) and "TYPE_CHECKING" in ast.unparse(node.test):
+        if isinstance(node, ast.If) and getattr(node.test, "id", "") == "TYPE_CHECKING":
             yield from imported(ast.Module(node.orelse, []))
         elif isinstance(node, ast.Import):
             yield from (alias.name.partition(".")[0] for alias in node.names)
         elif isinstance(node, ast.ImportFrom) and not node.level:
             yield str(node.module).partition(".")[0]
-        else:
+        elif not isinstance(node, ast.expr):
             yield from imported(node)
 
 

@@ -22,55 +22,20 @@ SOURCE = Path(pinsing.__file__).parent
 
 # From the ground up. A package imports what stands before it, and itself; nothing else.
 ORDER = (
-    "_types",
-    "_version",
-    "_package",
-    "errors",
-    "arguments",
-    "measures",
-    "prose",
-    "joint_text",
-    "mathml",
-    "notebook",
-    "serialization",
-    "atomic_write",
-    "chunk_file",
-    "description",
-    "robot",
-    "_batch",
-    "kinematics",
-    "algebra",
-    "proof",
-    "configuration",
-    "families",
-    "proximity",
-    "postures",
-    "sampling",
-    "loops",
-    "plot",
-    "view",
-    "report",
-    "cli",
-    "__init__",
-    "__main__",
-)
+    "_types", "_version", "_package", "errors", "arguments", "measures", "prose", "joint_text",
+    "mathml", "notebook", "serialization", "atomic_write", "chunk_file", "description", "robot",
+    "_batch", "kinematics", "algebra", "proof", "configuration", "families", "proximity",
+    "postures", "sampling", "loops", "plot", "view", "report", "cli", "__init__", "__main__",
+)  # fmt: skip
 
 # Arrows upward that are allowed, importer and imported; one that nothing uses is an error.
 EXCEPTIONS: frozenset[tuple[str, str]] = frozenset()
 
 # Slow to import, and who may do so when imported itself; all others within a function.
-HEAVY = {
-    "click": {"cli"},
-    "matplotlib": {"plot"},
-    "meshcat": {"view"},
-    "rich": set(),
-    "scipy": set(),
-    "sympy": set(),
-    "tornado": {"view"},
-    "xacro": set(),
-    "yourdfpy": set(),
-    "zmq": {"view"},
-}
+HEAVY: dict[str, set[str]] = {
+    "click": {"cli"}, "matplotlib": {"plot"}, "meshcat": {"view"}, "rich": set(), "scipy": set(),
+    "sympy": set(), "tornado": {"view"}, "xacro": set(), "yourdfpy": set(), "zmq": {"view"},
+}  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -95,10 +60,14 @@ def modules() -> dict[str, Path]:
 MODULES = modules()
 
 
+@cache
+def tree_of(module: str) -> ast.Module:
+    return ast.parse(MODULES[module].read_text())
+
+
 def imports_of(module: str) -> list[Import]:
-    tree = ast.parse(MODULES[module].read_text())
     package = module if MODULES[module].name == "__init__.py" else module.rpartition(".")[0]
-    return list(walk(tree, module, package, True))
+    return list(walk(tree_of(module), module, package, True))
 
 
 def walk(node: ast.AST, module: str, package: str, at_import: bool) -> Iterator[Import]:
@@ -106,7 +75,7 @@ def walk(node: ast.AST, module: str, package: str, at_import: bool) -> Iterator[
         now = at_import
         if isinstance(child, ast.FunctionDef | ast.AsyncFunctionDef | ast.Lambda):
             now = False
-        if isinstance(child, ast.If) and "TYPE_CHECKING" in ast.unparse(child.test):
+        if isinstance(child, ast.If) and getattr(child.test, "id", "") == "TYPE_CHECKING":
             for part in child.body:
                 yield from walk(ast.Module([part], []), module, package, False)
             for part in child.orelse:
@@ -124,7 +93,7 @@ def walk(node: ast.AST, module: str, package: str, at_import: bool) -> Iterator[
                 inner = f"{base}.{alias.name}"
                 inner = inner if inner in MODULES else base
                 yield Import(module, inner, child.lineno, now)
-        else:
+        elif not isinstance(child, ast.expr):
             yield from walk(child, module, package, now)
 
 
@@ -283,7 +252,10 @@ def modules_after(code: str) -> tuple[str, set[str]]:
             "import pinsing, pinsing.cli; str(pinsing.at(pinsing.load('ur5'), [0.1] * 6))",
             "flint yaml http ssl email zipfile scipy matplotlib meshcat tornado",
         ),
-        ("import pinsing.cli", "matplotlib meshcat pinocchio scipy yourdfpy xacro flint yaml ssl"),
+        (
+            "import pinsing.cli",
+            "numpy rich matplotlib meshcat pinocchio scipy yourdfpy xacro flint yaml ssl",
+        ),
         ("import pinsing.errors, pinsing.description.catalog", "pinocchio scipy yourdfpy xacro"),
     ],
 )
@@ -346,8 +318,8 @@ TWICE = {
 def test_a_class_name_has_one_meaning():
     """Two classes of one name are one too many, whatever their rooms."""
     places: dict[str, list[str]] = {}
-    for module, path in MODULES.items():
-        for node in ast.walk(ast.parse(path.read_text())):
+    for module in MODULES:
+        for node in ast.walk(tree_of(module)):
             if isinstance(node, ast.ClassDef):
                 places.setdefault(node.name, []).append(room(module))
     assert {name: sorted(rooms) for name, rooms in places.items() if len(rooms) > 1} == TWICE

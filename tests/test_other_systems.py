@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import json
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
+from tiers import tiered
 
 HIDING = """
 import builtins, ctypes, os, sys
@@ -38,11 +40,22 @@ ctypes.CDLL = Library
 XACRO = Path(__file__).parent.parent / "urdf" / "stanford.urdf"
 
 
-def run(tmp_path: Path, *words: str, system: str = "darwin") -> subprocess.CompletedProcess[str]:
-    """The command in a process where those modules are hidden."""
-    code = f"{HIDING}\nsys.platform = {system!r}\nfrom pinsing.cli import program; program()"
+ONE = "from pinsing.cli import program; program()"
+MANY = """
+import json
+from click.testing import CliRunner
+from pinsing.cli.app import command
+done = [CliRunner().invoke(command, words) for words in json.loads(sys.argv[1])]
+print(json.dumps([(one.exit_code, one.output) for one in done]))
+"""
+
+
+def run(
+    tmp_path: Path, *words: str, system: str = "darwin", call: str = ONE
+) -> subprocess.CompletedProcess[str]:
+    """The command in a process where those modules are hidden; of many one after the other."""
     return subprocess.run(
-        [sys.executable, "-c", code, *words],
+        [sys.executable, "-c", f"{HIDING}\nsys.platform = {system!r}\n{call}", *words],
         env={"MPLBACKEND": "Agg", "PATH": "/usr/bin:/bin", "HOME": str(tmp_path)},
         cwd=tmp_path,
         capture_output=True,
@@ -51,34 +64,33 @@ def run(tmp_path: Path, *words: str, system: str = "darwin") -> subprocess.Compl
     )
 
 
-@pytest.mark.parametrize(
-    ("words", "answer"),
-    [
-        (["families", "ur5"], "proven complete"),
-        (["families", "panda"], "proven complete"),
-        (["at", "stanford", "--q", "0,1,0.3,1,0,0"], "wrist"),
-        (["postures", "ur5"], "aspects"),
-        (["list", "arm.xacro"], "links"),
-        (["families", "arm.xacro"], "proven complete"),
-        (["analyze", "stanford", "--sweep"], "stanford"),
-        (["verify", "proof.cert.json"], "proven"),
-        (["path", "ur5", "poses.csv"], "49.4°"),
-        (["plot", "curves", "ur5", "-o", "out.png"], ""),
-        (["zones", "planar3r", "--joint-speeds", "1,1,1"], "keep 94.5°"),
-    ],
-)
-@pytest.mark.parametrize("system", ["darwin", "linux"])  # a Linux that lacks them is a container
-def test_commands_answer_without_what_only_linux_has(tmp_path, words, answer, system):
-    if "arm.xacro" in words:
-        (tmp_path / "arm.xacro").write_text(XACRO.read_text(encoding="utf-8"), encoding="utf-8")
+ANSWERS = [
+    ("families ur5", "proven complete"),
+    ("families panda", "proven complete"),
+    ("at stanford --q 0,1,0.3,1,0,0", "wrist"),
+    ("postures ur5", "aspects"),
+    ("list arm.xacro", "links"),
+    ("families arm.xacro", "proven complete"),
+    ("analyze planar3r --sweep --levels 1", "planar3r"),
+    ("families ur5 -o proof.cert.json", "proven"),
+    ("verify proof.cert.json", "proven"),
+    ("path ur5 poses.csv", "49.4°"),
+    ("plot curves planar3r -o out.png", ""),
+    ("zones planar3r --joint-speeds 1,1,1", "keep 94.5°"),
+]
+
+
+@pytest.mark.parametrize("system", tiered(["darwin", "linux"], {"darwin"}))  # as in a container
+def test_commands_answer_without_what_only_linux_has(tmp_path, system):
+    (tmp_path / "arm.xacro").write_text(XACRO.read_text(encoding="utf-8"), encoding="utf-8")
     rows = [f"0.4,{y},0.3,3.1,0,0" for y in (0.2, 0.1, 0)]
     (tmp_path / "poses.csv").write_text("\n".join(["x,y,z,roll,pitch,yaw", *rows]))
-    if "verify" in words:
-        made = run(tmp_path, "families", "ur5", "-o", "proof.cert.json", system=system)
-        assert made.returncode == 0, made.stderr
-    done = run(tmp_path, *words, system=system)
+    words = json.dumps([words.split() for words, _ in ANSWERS])
+    done = run(tmp_path, words, system=system, call=MANY)
     assert done.returncode == 0, done.stderr
-    assert answer in done.stdout
+    for (code, said), (asked, answer) in zip(json.loads(done.stdout), ANSWERS, strict=True):
+        assert code == 0, (asked, said)
+        assert answer in said, asked
 
 
 def test_a_folder_that_cannot_be_locked_is_refused(tmp_path):

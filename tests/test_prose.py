@@ -12,17 +12,16 @@ import struct
 import subprocess
 import sys
 import termios
-from pathlib import Path
 
 import numpy as np
 import pytest
 from click.testing import CliRunner
+from mechanisms import analyzed
 from tiers import tiered
 
 from pinsing.cli.app import command
 from pinsing.cli.options import parse_numbers
 from pinsing.joint_text import typed
-from pinsing.loops import analyze_mechanism
 from pinsing.loops.analysis import analysis_text
 from pinsing.prose import (
     NARROWEST,
@@ -37,7 +36,6 @@ from pinsing.prose import (
     measured,
     safe,
 )
-from pinsing.robot.load_mechanism import load_mechanism
 
 ANSI = re.compile(r"\x1b\[[0-9;]*m")
 
@@ -237,9 +235,7 @@ def test_lines_are_as_long_as_the_page_is_wide(words, monkeypatch):
 
 
 def test_a_mechanism_fits_the_page_in_degrees_and_radians():
-    urdf = Path(__file__).parent.parent / "urdf"
-    mechanism = load_mechanism(urdf / "five_bar.urdf", urdf / "five_bar.loops.yaml")
-    analysis = analyze_mechanism(mechanism)
+    analysis = analyzed("five_bar")
     for width in (60, 100):
         for degrees in (False, True):
             text = analysis_text(analysis, Page(width), degrees)
@@ -259,10 +255,8 @@ def test_a_terminal_is_filled_and_not_overrun(width):
 
 def test_verdicts_are_coloured_on_a_terminal_alone():
     singular = ("at", "puma560", "--q", "0.1,0.2,0.3,0.4,0,0.5")
-    near = ("at", "puma560", "--q", "0.1,0.2,0.3,0.4,0.001,0.5")
     shown = in_terminal(100, *singular)
     assert "\x1b[1;31mSINGULAR\x1b[0m: rank 5" in shown
-    assert "\x1b[33mnear-singular\x1b[0m" in in_terminal(100, *near)
     assert "(\x1b[32mproven\x1b[0m" in in_terminal(100, "families", "puma560")
     assert "\x1b" not in in_terminal(100, *singular, NO_COLOR="1")
     piped = CliRunner().invoke(command, list(singular)).output

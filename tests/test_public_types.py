@@ -332,7 +332,7 @@ def test_what_never_fits_is_refused_by_name(name):
 
 
 FITTED = [name for name in OF if name not in SLOW]
-LONG = {"analyze", "line_postures", "check_trajectory", "plot.sigma_plane"}
+LONG = {"analyze", "line_postures", "check_trajectory", "plot.sigma_plane", "suggest", "zones"}
 
 
 @pytest.mark.parametrize("name", tiered(FITTED, set(FITTED) - LONG))

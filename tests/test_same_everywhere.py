@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from tiers import tiered
 
 from pinsing import closed_form, load
 from pinsing.families import prove
@@ -35,7 +36,7 @@ def hashed(data: Any) -> str:
     return hashlib.sha256(text.encode()).hexdigest()[:16]
 
 
-@pytest.mark.parametrize("name", HASHES)
+@pytest.mark.parametrize("name", tiered(HASHES, set(HASHES) - {"tiago", "xarm7"}))
 def test_closed_forms_and_certificates_are_the_same_everywhere(name):
     form = prove(closed_form(load(name)), 3600)  # however busy the machine is
     now = {

@@ -64,8 +64,9 @@ def test_threads_share_an_arm(robot):
 
 
 # Python 3.12 warns of any fork beside threads, which BLAS has.
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore:.*multi-threaded, use of fork.*:DeprecationWarning")
-@pytest.mark.parametrize("method", tiered(["spawn", "fork"], ("fork",)))
+@pytest.mark.parametrize("method", ["spawn", "fork"])
 def test_processes_share_an_arm(method):
     arm = load("panda")
     alone = work(arm)

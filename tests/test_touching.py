@@ -9,6 +9,8 @@ from singular_sets import RIGHT, Joint, build, drop
 from pinsing.families import closed_form
 from pinsing.families.form import families_text
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.fixture(scope="module")
 def arm():

@@ -243,7 +243,8 @@ def test_names_are_text_in_pages_and_in_latex(named):
     assert "<script>alert" not in page
 
 
-@pytest.mark.parametrize("named", tiered(NAMES, ("marks",)), indirect=True)
+@pytest.mark.slow
+@pytest.mark.parametrize("named", NAMES, indirect=True)
 def test_names_are_text_in_figures(named, tmp_path):
     """Dollar signs are no mathematics, angle brackets no elements."""
     name, path = named
@@ -318,7 +319,7 @@ ATTACKS = {
 }  # fmt: skip
 
 
-@pytest.mark.parametrize("attack", ATTACKS)
+@pytest.mark.parametrize("attack", tiered(ATTACKS, {"lambda", "frames", "yaml object"}))
 def test_expressions_of_xacro_run_no_programs(attack, tmp_path):
     mark, table = tmp_path / "mark", tmp_path / "table.yaml"
     table.write_text(f"a: !!python/object/apply:os.system ['touch {mark}']")
@@ -332,6 +333,7 @@ def test_expressions_of_xacro_run_no_programs(attack, tmp_path):
     assert "\n" not in str(caught.value)
 
 
+@pytest.mark.slow
 def test_nothing_is_written_but_the_named_output(tmp_path, monkeypatch):
     (tmp_path / "in").mkdir()
     path = tmp_path / "in" / "arm.xacro"

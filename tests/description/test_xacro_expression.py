@@ -153,6 +153,7 @@ def attempts():
     return json.loads(done.stdout)
 
 
+@pytest.mark.slow
 def test_no_escape_gets_through_any_place(attempts):
     assert len(attempts["results"]) == len(ESCAPES) * len(PLACES) > 2500
     assert attempts["seen"] == {}  # no file opened, nothing run, imported, connected or started

@@ -7,6 +7,7 @@ from xml.dom import minidom
 from xml.etree import ElementTree
 
 import pytest
+from tiers import tiered
 from urdf_texts import LIMIT, joint, make_package, robot
 from xacro import replace_node
 
@@ -130,7 +131,9 @@ BAD_XACRO = {
 }  # fmt: skip
 
 
-@pytest.mark.parametrize("case", BAD_XACRO)
+@pytest.mark.parametrize(
+    "case", tiered(BAD_XACRO, {"undefined", "recursion", "outside", "lambda", "the second of two"})
+)
 def test_bad_xacro(case, read, tmp_path, capfd):
     body, expected, line = BAD_XACRO[case]
     with pytest.raises(RobotFileError) as caught:
@@ -157,6 +160,7 @@ def test_error_in_an_included_file_names_that_file(read, tmp_path):
         assert (caught.value.path, caught.value.line) == (part, line)
 
 
+@pytest.mark.slow
 def test_xacro_that_does_not_end(read, monkeypatch):
     monkeypatch.setattr("pinsing.description.xacro.TIMEOUT_SECONDS", 1)
     twice = '<xacro:m n="${n - 1}"/>' * 2
@@ -201,6 +205,7 @@ def test_yaml_without_end_is_refused(read, tmp_path, deep):
         read(XACRO.format("<link name=\"${xacro.load_yaml('deep.yaml')}\"/>"), name="arm.xacro")
 
 
+@pytest.mark.slow
 def test_thousands_of_macros_in_a_row(tmp_path):
     macro = '<xacro:macro name="m" params="n"><link name="l${n}"/></xacro:macro>'
     file = tmp_path / "arm.xacro"

@@ -92,6 +92,7 @@ SOME = ["panda_arm.urdf.xacro", "puma560_robot.urdf.xacro", "ridgeback.urdf.xacr
         "lbr_iiwa_14_r820.xacro", "kr10r1100sixx.xacro", "wx250s.urdf.xacro"]  # fmt: skip
 
 
+@pytest.mark.slow
 def test_robotics_toolbox():
     total, same = compare(package_folder("rtbdata") / "xacro", SOME)
     assert total == len(SOME)

@@ -3,6 +3,7 @@
 import numpy as np
 import pinocchio as pin
 import pytest
+from tiers import tiered_rows
 
 import pinsing
 
@@ -28,16 +29,14 @@ def carried(carrier, robot, **spec):
     return pinsing.load(whole, tip=arm.tip)
 
 
-@pytest.mark.parametrize(
-    ("carrier", "robot", "codimensions"),
-    [
-        ("rail", "ur5", [2] * 5), ("rail", "iiwa14", [2, 2, 3, 3, 3, 3, 3]),
-        ("two rails", "irb1400", [2, 3, 3, 3]),
-        pytest.param("gantry", "irb1400", [3], marks=pytest.mark.slow), ("gantry", "panda", [5]),
-        pytest.param("positioner", "ur5", [3] * 7, marks=pytest.mark.slow),
-        pytest.param("mobile base", "ur5", [2, 3, 3], marks=pytest.mark.slow),
-    ],
-)  # fmt: skip
+CARRIED = [
+    ("rail", "ur5", [2] * 5), ("rail", "iiwa14", [2, 2, 3, 3, 3, 3, 3]),
+    ("two rails", "irb1400", [2, 3, 3, 3]), ("gantry", "irb1400", [3]), ("gantry", "panda", [5]),
+    ("positioner", "ur5", [3] * 7), ("mobile base", "ur5", [2, 3, 3]),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("carrier", "robot", "codimensions"), tiered_rows(CARRIED, CARRIED[:1]))
 def test_all_families_of_a_carried_arm(carrier, robot, codimensions):
     spec = {"tip": "panda_hand_tcp"} if robot == "panda" else {}
     arm = carried(carrier, robot, **spec)

@@ -163,7 +163,7 @@ def test_text_and_legend() -> None:
 
 
 @pytest.mark.parametrize(
-    "name", tiered(["stanford", "xarm7", "so101", "baxter", "surgical7"], ("stanford", "xarm7"))
+    "name", tiered(["stanford", "xarm7", "so101", "baxter", "surgical7"], ("stanford",))
 )
 def test_json_round_trip(name: str) -> None:
     form = closed(name)
@@ -189,6 +189,7 @@ def test_damaged_json_is_refused() -> None:
         ClosedForm.from_dict(data)
 
 
+@pytest.mark.slow
 def test_reproducible() -> None:
     first, second = (closed_form(arm_of("xarm7")).to_dict() for _ in range(2))
     for data in (first, second):
@@ -276,7 +277,7 @@ OPEN = {"five in two parallel groups", "rows used up"}
 """Arms for which an honest "not complete" will do."""
 
 
-@pytest.mark.parametrize("name", AWKWARD)
+@pytest.mark.parametrize("name", tiered(AWKWARD, {*AWKWARD} - {"rows used up", "double roots"}))
 def test_awkward_arms(name: str) -> None:
     arm = AWKWARD[name]
     form = closed_form(arm)
@@ -370,7 +371,7 @@ def check_random(seed: int, kind: str, task: str = "pose", joints: int | None = 
     return form.complete or form.generic_rank < 6
 
 
-@pytest.mark.parametrize("seed", tiered(range(16), {*range(16)} - {4}))
+@pytest.mark.parametrize("seed", tiered(range(16), (0, 2, 5, 7)))
 def test_random_arms(seed: int) -> None:
     assert check_random(500 + seed, ("right", "tilted", "turned", "right")[seed % 4])
 

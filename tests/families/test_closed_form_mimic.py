@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from command_line import run
 from singular_sets import check_all
+from tiers import tiered_rows
 
 from pinsing.algebra.mimic import NotFollowed, drives
 from pinsing.families import closed_form
@@ -41,9 +42,21 @@ def follows(leader, multiplier, offset=0.0):
     return f'<mimic joint="j{leader}" multiplier="{multiplier}" offset="{offset}"/>'
 
 
+FOLLOWING = [
+    (1, 0.0),
+    (-1, 0.0),
+    (2, 0.0),
+    (-2, 0.0),
+    (3, 0.5),
+    (-1, 0.3),
+    (1, np.pi / 4),
+    (0, 0.7),
+]
+
+
 @pytest.mark.parametrize(
     ("multiplier", "offset"),
-    [(1, 0.0), (-1, 0.0), (2, 0.0), (-2, 0.0), (3, 0.5), (-1, 0.3), (1, np.pi / 4), (0, 0.7)],
+    tiered_rows(FOLLOWING, FOLLOWING[1:5:3]),
 )
 def test_a_planar_finger(tmp_path, multiplier, offset):
     """The last of three parallel axes is a multiple of the second."""

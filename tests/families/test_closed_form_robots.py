@@ -20,7 +20,7 @@ from pinsing.families import closed_form
 
 SYSTEMS = {"baxter", "g1", "tiago_pro"}
 """Arms of which one family stays a system of several equations."""
-LONG = {"baxter", "g1", "tiago", "so101"}
+LONG = {"baxter", "g1", "tiago", "tiago_pro", "so101", "talos_left", "icub_left", "icub_right"}
 """Arms whose closed forms take a second and more: looked at in the slow tier."""
 QUICK = set(ROBOTS) - LONG
 

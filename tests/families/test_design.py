@@ -93,6 +93,7 @@ def test_with_numbers_put_in_it_is_the_numeric_answer(name, rng):
         assert all(np.abs(form.residuals(f.name, q, lengths)).max() > 1e-9 for f in form.families)
 
 
+@pytest.mark.slow
 def test_a_wrist_offset_of_zero_splits_one_family_into_wrist_elbow_and_shoulder(rng):
     form = form_of("irb1400 with a5")
     assert len(form.families) == 1
@@ -132,7 +133,7 @@ rows:
 )
 
 
-@pytest.mark.parametrize("name", ["planar 4R", "stanford", "puma560"])
+@pytest.mark.parametrize("name", tiered(["planar 4R", "stanford", "puma560"], {"stanford"}))
 def test_lengths_that_are_zero_at_once(name, tmp_path, rng):
     path, task = tmp_path / "planar4.dh.yaml", "vx,vy"
     path.write_text(PLANAR4)

@@ -48,6 +48,7 @@ def test_a_rational_value_lies_only_where_it_is(turned):
     assert on_no_family(form, arm, q3=180) == (0, 40)
 
 
+@pytest.mark.slow
 def test_a_relation_that_is_a_product_has_all_of_its_roots():
     """sin q3 = 0 was solved as q3 = 0."""
     arm = chain(SYMMETRIC, "vx,vy,vz,wz")
@@ -71,6 +72,7 @@ def test_a_value_read_wrongly_is_no_complete_answer(monkeypatch):
     assert any("on no family that is stated" in gap for gap in form.gaps)
 
 
+@pytest.mark.slow
 def test_a_root_that_is_lost_is_no_complete_answer(monkeypatch):
     monkeypatch.setattr(
         pieces, "real_roots", lambda *a: [v for v in roots.real_roots(*a) if v.ball is not None]
@@ -87,7 +89,12 @@ def asked(form):
 
 
 @pytest.mark.parametrize(
-    ("name", "task"), [("ur5", "pose"), ("puma560", "position"), ("panda", "pose")]
+    ("name", "task"),
+    [
+        ("ur5", "pose"),
+        ("puma560", "position"),
+        pytest.param("panda", "pose", marks=pytest.mark.slow),
+    ],
 )
 def test_a_branch_that_is_missing_or_another_is_told(name, task):
     form = pinsing.closed_form(pinsing.load(name, task=task), seconds=60)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.optimize import minimize
 from singular_sets import RIGHT, ROBOTS, Array, Joint, arm_of, build, closed
-from tiers import tiered_rows
+from tiers import tiered, tiered_rows
 
 from pinsing import load
 from pinsing.errors import ConfigurationError
@@ -74,7 +74,10 @@ def test_distance_agrees_with_a_minimiser(name: str, index: int) -> None:
         assert found.value == pytest.approx(by_scipy(family, q, rng), abs=1e-6)
 
 
-@pytest.mark.parametrize("name", ["stanford", "iiwa14", "pr2", "surgical7", "xarm7", "so101"])
+@pytest.mark.parametrize(
+    "name",
+    tiered(["stanford", "iiwa14", "pr2", "surgical7", "xarm7", "so101"], {"stanford", "xarm7"}),
+)
 def test_nearest_configuration_is_on_the_family(name: str) -> None:
     rng = np.random.default_rng(12)
     for family in closed(name).families:
@@ -234,8 +237,6 @@ def test_names_joints_and_text():
     assert [f.kind for f in families] == ["boundary", "interior", "boundary"]
     by_name = {name: [f.codimension for f in closed(name).families] for name in ("ur5", "iiwa14")}
     assert by_name == {"ur5": [1, 1, 1], "iiwa14": [1, 2, 2, 2]}
-    assert {f.codimension for f in closed("so101").families} == {1, 2}
-    assert {f.codimension for f in closed("baxter").families} == {2}
 
 
 def test_json_round_trip_of_one_family() -> None:

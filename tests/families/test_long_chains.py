@@ -126,6 +126,7 @@ def test_neighbours_tell_the_same_as_all_minors(name):
     assert codimensions == sorted({f.codimension for f in families})
 
 
+@pytest.mark.slow
 def test_two_spherical_groups_make_a_larger_set():
     """Each force along the line of their centres is reciprocal to six joints, not to five."""
     ball = [(90, 0, 0), (-90, 0, 0)]

@@ -7,6 +7,7 @@ from fractions import Fraction
 import pytest
 from arms import planar
 from flint import nmod_mat
+from tiers import tiered
 
 import pinsing
 from pinsing.families.modular_chain import ModularRows, joints_that_matter, short_everywhere
@@ -19,7 +20,7 @@ TASKS = [
 
 
 @pytest.mark.parametrize(("robot", "task"), TASKS)
-@pytest.mark.parametrize("chosen", [(4,), (1, 3), (2, 5), (0, 4)])
+@pytest.mark.parametrize("chosen", tiered([(4,), (1, 3), (2, 5), (0, 4)], {(4,), (0, 4)}))
 def test_all_singular_points_of_a_slice_are_met_and_no_others(robot, task, chosen):
     arm, prime = pinsing.load(robot, task=task), 23
     geometry = nominal(arm)

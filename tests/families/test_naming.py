@@ -46,6 +46,7 @@ def test_catalogue(name: str, wanted: dict[str, str]) -> None:
     assert titles(load(name)) == wanted
 
 
+@pytest.mark.slow
 def test_negatives() -> None:
     assert titles(dh_arm(CRX)) == titles(load("puma560", task="position")) == {}
     slide = (90, 0, 0, 0, "prismatic")

@@ -53,6 +53,7 @@ def test_joint_values_that_depend_on_each_other_are_stated_exactly():
     assert any("snap-length 0.001" in line for line in form.hints)
 
 
+@pytest.mark.slow
 def test_joint_values_are_stated_however_late_it_is(monkeypatch):
     plain = closed_form(iiwa_with_offset())
     irredundant, over = FoundComponents.irredundant, Budget(1e-9)
@@ -101,6 +102,7 @@ def test_a_system_of_as_many_equations_as_its_codimension_falls_into_parts():
     assert ratios(form.geometry.arm, q[None]).min() > 1e-4
 
 
+@pytest.mark.slow
 def test_an_equation_with_a_single_real_point_is_no_surface():
     """0.3 cos q2 + 0.2 cos(q2+q3) + 0.5 is zero at q2 = 180, q3 = 0 only, which q3 = 0 holds."""
     rows = [Joint(d=0.4), Joint(alpha=RIGHT, a=0.5), Joint(a=0.3)]

@@ -74,6 +74,7 @@ def test_a_point_off_by_the_root_of_rounding_is_brought_to_all_digits(search):
     assert own.sharpened(blunt, held)[0, 2] == elbow[2]
 
 
+@pytest.mark.slow
 def test_points_that_a_search_turned_beyond_the_limits_are_judged():
     """Six joints, vx,vz,wy: a sample of the search was turned by 1.75 turns, as if in degrees."""
     rows = [(0, 0.05, 0), (0, 0, -90), (-0.1, 0, 0), (0, 0, -90), (-0.1, 0, 90), (0, 0, -90)]

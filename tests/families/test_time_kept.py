@@ -175,6 +175,7 @@ def test_what_a_child_did_is_counted(monkeypatch):
         in_child(lambda: len(bytes(400_000_000)), Budget(30.0), 30.0)
 
 
+@pytest.mark.slow
 def test_work_stops_a_search_whatever_the_clock_says(monkeypatch: pytest.MonkeyPatch) -> None:
     """What is found does not depend on how fast the machine is: here a hundred times as fast."""
     arm = pinsing.load("panda", task="position")

@@ -278,6 +278,7 @@ def test_a_range_ends_where_driving_does(name: str) -> None:
         assert set(np.round(ends, 9)) <= set(np.round([here["lower"], here["upper"]], 9))
 
 
+@pytest.mark.slow
 @needs_node
 def test_ranges_of_the_five_bar_are_its_feasible_ones() -> None:
     mechanism = shipped("five_bar")

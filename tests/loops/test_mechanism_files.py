@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from mechanisms import URDF
-from tiers import tiered
 from urdf_text import J, X, ball, frame, loop_text, stewart, written
 
 import pinsing
@@ -27,7 +26,8 @@ def lengths(points):
     return np.linalg.norm(platform + np.array([0.1, 0, 1]) - base, axis=1)
 
 
-@pytest.mark.parametrize("axes", tiered(("xyz", "zyx"), ("zyx",)))
+@pytest.mark.slow
+@pytest.mark.parametrize("axes", ["xyz", "zyx"])
 def test_legs_between_two_balls_are_those_with_a_universal_joint(points, axes, tmp_path):
     spun = pinsing.load_mechanism(
         written(tmp_path, *stewart(*points, spin=True, axes=axes), name="sps")

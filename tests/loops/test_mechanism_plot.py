@@ -78,6 +78,7 @@ def test_each_pose_of_a_slice_is_closed_and_has_its_coordinates(name: str) -> No
         assert (found.margin[0, j, i] >= -1e-9) == (not outside)
 
 
+@pytest.mark.slow
 def test_a_delta_that_is_led_does_not_turn() -> None:
     """Past its constraint singularities, where it could; other turns are other slices."""
     mechanism = shipped("delta")
@@ -268,6 +269,7 @@ def run(name: str, out: Path, kind: str, **options: Any) -> None:
     plot_loops(URDF / f"{name}.loops.yaml", kind=kind, out=out, dpi=50, **robot, **options)
 
 
+@pytest.mark.slow
 def test_the_command_draws_modes_and_one_freedom(tmp_path: Path) -> None:
     for name, kind, options in [
         ("five_bar", "modes", {"configurations": ["1.0,1.2"]}),

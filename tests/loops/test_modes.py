@@ -273,6 +273,7 @@ def within(folder, name, joint, old, new):
     return path
 
 
+@pytest.mark.slow
 def test_limits_that_leave_nothing_are_said_by_each_command(tmp_path, command):
     path = within(tmp_path, "planar_3rpr", "p1", 'lower="0.2" upper="2.5"', 'lower="9" upper="9.5"')
     words = r"home is beyond the joint limits \(p1 = 0.553232 is not in \[9, 9.5\]\): the loops"

@@ -214,6 +214,7 @@ def test_similar_hexagons_are_singular_everywhere_on_a_conic_only(tmp_path):
             assert any(str(x.equation) == "e3 = 0" for x in forms.loci)
 
 
+@pytest.mark.slow
 def test_an_equation_of_one_term_says_how_near_it_is(tmp_path, monkeypatch):
     """A platform like its base: not turned at all it is singular at every position."""
     import test_parallel_geometry as here

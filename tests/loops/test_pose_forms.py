@@ -396,6 +396,7 @@ def contour(ax, color):
     return np.concatenate(found)
 
 
+@pytest.mark.slow
 def test_slices_over_the_pose_show_the_loci():
     ax = pose_map(shipped("gough_stewart"), ("x", "yaw"), samples=41)
     lines = contour(ax, TYPE_2)

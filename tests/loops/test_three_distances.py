@@ -70,7 +70,7 @@ def relative(equation, values):
     return abs(float(equation(values))) / size
 
 
-@pytest.mark.parametrize("seed", tiered(range(6), (0, 1)))
+@pytest.mark.parametrize("seed", tiered(range(6), (1,)))
 def test_leg_lengths_at_which_the_lines_meet_are_on_the_locus(seed, tmp_path):
     rng = np.random.default_rng(seed)
     base, platform = triangles(seed)
@@ -136,6 +136,7 @@ def test_poses_are_as_many_as_the_circles_have(seed, tmp_path):
     assert len(numbers) > 1
 
 
+@pytest.mark.slow
 def test_the_modes_say_that_they_are_all():
     for name, working in (("planar_3rrr", 8), ("planar_3rpr", 1), ("gough_stewart", 1)):
         found = pinsing.loops.working_modes(shipped(name))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from mechanisms import shipped
+from tiers import tiered
 
 from pinsing.loops import mechanism_at, pose_forms
 from pinsing.loops.analysis import locus_distance
@@ -26,7 +27,7 @@ def _locked(name, middle, rng):
     return mechanism, loops, found[error <= 1e-11]
 
 
-@pytest.mark.parametrize("name", ["rps3", "delta", "gough_stewart"])
+@pytest.mark.parametrize("name", tiered(["rps3", "delta", "gough_stewart"], {"rps3"}))
 def test_a_gimbal_lock_is_singular_only_where_the_pose_is(name, rng):
     mechanism, loops, Q = _locked(name, "s1y", rng)
     assert len(Q) > 5

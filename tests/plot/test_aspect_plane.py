@@ -44,6 +44,7 @@ def colours_and_lines(axes):
     return shades, [t.get_text() for t in legend.get_texts()]
 
 
+@pytest.mark.slow
 def test_each_colour_has_a_name_and_the_legend_is_clear_of_the_label():
     arm = pinsing.load("ur5")
     form = pinsing.closed_form(arm)

@@ -62,7 +62,7 @@ def test_orthogonal_arms_are_as_in_the_literature(tmp_path, lengths, cusps, node
     ("rows", "nodes"),
     [
         (((-90, 0, 0), (90, 1, 0), (0, 1.5, 0.5)), 0),
-        (((-90, 0, 0), (90, 1, 1), (0, 1.5, 0)), 2),
+        pytest.param(((-90, 0, 0), (90, 1, 1), (0, 1.5, 0)), 2, marks=pytest.mark.slow),
     ],
     ids=["curves on each other", "a curve of one place"],
 )

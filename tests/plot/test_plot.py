@@ -20,6 +20,7 @@ from matplotlib import pyplot as plt
 from matplotlib.axes import Axes
 from matplotlib.contour import ContourSet
 from mpl_toolkits.mplot3d import Axes3D
+from tiers import tiered_rows
 
 import pinsing
 from pinsing import plot
@@ -466,22 +467,19 @@ def test_multiples_of_pi() -> None:
     assert ax.get_xticklabels()[0].get_text() == r"$-\pi$"
 
 
-@pytest.mark.parametrize(
-    ("words", "suffix"),
-    [
-        ("map puma560 --over q2,q3", "png"),
-        pytest.param("map scara --over q1,q2 --q 0,90,0.1,0 --deg", "svg", marks=pytest.mark.slow),
-        pytest.param("map puma560 --over q2,q3 --family F1", "png", marks=pytest.mark.slow),
-        pytest.param(
-            "locus puma560 --family F2 --each q4=0,60 --deg", "png", marks=pytest.mark.slow
-        ),
-        pytest.param("curves scara", "pdf", marks=pytest.mark.slow),
-        pytest.param("curves stanford --fixed q4=0 --over q2,d3", "svg", marks=pytest.mark.slow),
-        pytest.param("ellipsoids stanford --q 0,1,0,0.3,0.8,0", "png", marks=pytest.mark.slow),
-        pytest.param("along scara --q 0,1,0.1,0 --q 0,-1,0.1,0", "svg", marks=pytest.mark.slow),
-        pytest.param("workspace planar3r --task position", "png", marks=pytest.mark.slow),
-    ],
-)
+WRITTEN = [
+    ("map puma560 --over q2,q3", "png"), ("curves scara", "pdf"),
+    ("map scara --over q1,q2 --q 0,90,0.1,0 --deg", "svg"),
+    ("map puma560 --over q2,q3 --family F1", "png"),
+    ("locus puma560 --family F2 --each q4=0,60 --deg", "png"),
+    ("curves stanford --fixed q4=0 --over q2,d3", "svg"),
+    ("ellipsoids stanford --q 0,1,0,0.3,0.8,0", "png"),
+    ("along scara --q 0,1,0.1,0 --q 0,-1,0.1,0", "svg"),
+    ("workspace planar3r --task position", "png"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("words", "suffix"), tiered_rows(WRITTEN, WRITTEN[:1]))
 def test_the_command_writes_figures(tmp_path: Path, words: str, suffix: str) -> None:
     from pinsing.cli.plot import plot_command
 
@@ -495,6 +493,7 @@ def test_the_command_writes_figures(tmp_path: Path, words: str, suffix: str) -> 
     assert first.read_bytes() == second.read_bytes()
 
 
+@pytest.mark.slow
 def test_a_figure_is_closed_whether_or_not_it_could_be_written(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -119,12 +119,7 @@ def words_of(kind: str, arm: pinsing.Arm) -> list[str]:
 SERIAL = ("planar3r", "scara", "stanford", "surgical7", "puma560", "irb1400", "iiwa14", "ur5",
           "panda", "xarm7", "kinova", "z1", "tiago", "so101", "talos_arm")  # fmt: skip
 KINDS = ("curves", "map", "locus", "ellipsoids", "along", "workspace", "aspects", "solutions")
-QUICK_PLOTS = [
-    ("stanford", "curves"),
-    ("surgical7", "curves"),
-    ("stanford", "along"),
-    ("scara", "map"),
-]
+QUICK_PLOTS = [("surgical7", "curves"), ("scara", "map")]
 
 
 @pytest.mark.parametrize(

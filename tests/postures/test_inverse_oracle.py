@@ -202,6 +202,7 @@ def test_offset_wrist_against_four_times_the_starts(count, met):
     assert set(against_more_starts(made(CRX), count, 11)) >= met
 
 
+@pytest.mark.slow
 def test_a_cuspidal_arm_of_three_joints_has_all_its_points():
     """Its equation of degree four has two or four solutions; 2048 starts are the judge."""
     arm = made(((0, 1, -90), (1, 2, 90), (0, 1.5, 0)), "position")

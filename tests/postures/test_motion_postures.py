@@ -104,6 +104,7 @@ def leaves(arm, q):
 BEYOND = [0.7649, 0.4859, -3.7339, -1.8391, 1.0935, 3.8325], [0.658, 0.347, 0.27]
 
 
+@pytest.mark.slow
 def test_a_line_that_leaves_the_limits_has_postures_too(puma):
     arm, form = puma
     (q0, goal) = BEYOND

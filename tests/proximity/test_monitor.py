@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from kernel import needs_kernel
 from singular_sets import Joint, arm_of, build, closed, sliding_equation
+from tiers import tiered
 
 import pinsing
 from pinsing._batch import engine
@@ -61,11 +62,8 @@ def test_lower_is_never_above_the_distance(name: str) -> None:
 
 @pytest.mark.parametrize(
     "name",
-    [
-        "ur5", "stanford", "surgical7",
-        *(pytest.param(name, marks=pytest.mark.slow) for name in ("puma560", "z1", "irb1400")),
-    ],
-)  # fmt: skip
+    tiered(["ur5", "stanford", "surgical7", "puma560", "z1", "irb1400"], {"ur5", "stanford"}),
+)
 def test_time_to_contact_is_that_of_the_first_crossing(name: str) -> None:
     form = pinsing.closed_form(pinsing.load(name, units="rad"))  # some states are far out
     single = [
@@ -247,6 +245,7 @@ def test_huge_joint_values_are_never_said_to_be_clear_wrongly(compiled: bool) ->
             assert verdict.level == "stop"
 
 
+@pytest.mark.slow
 def test_weights_and_two_forms() -> None:
     weights = np.array([1, 1, 1, 1, 3.0, 1])
     monitor = pinsing.Monitor(closed("ur5"), weights=weights, families=["F2"])

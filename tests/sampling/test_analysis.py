@@ -96,6 +96,7 @@ def test_rounded_geometry_is_told_apart():
     assert all(c.raw_ratio <= 1e-9 for c in nominal.checks)
 
 
+@pytest.mark.slow
 def test_snap_length_takes_noise_out():
     """An iiwa whose elbow is 0.4 mm off: S-R-S families come back with snap_length."""
     import pinocchio as pin

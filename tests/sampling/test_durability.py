@@ -119,6 +119,7 @@ def test_loss_of_power(tools: Any, tmp_path: Path, command: str) -> None:
     assert row["operations"] > 20
 
 
+@pytest.mark.slow
 def test_a_disk_that_does_not_flush_is_noticed(tools: Any, tmp_path: Path) -> None:
     """Chunks that are torn are named and done again; a torn plan cannot be gone on with."""
     row, wrong = tools["power"].cuts("map FOLDER", 25, 1, tmp_path, flushing=False)

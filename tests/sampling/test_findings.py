@@ -211,6 +211,7 @@ def test_dips():
     assert dips(np.full(5, 0.3)).tolist() == []
 
 
+@pytest.mark.slow
 def test_reachability_is_one_word_in_families_and_findings():
     """And JSON stays what it was: a text of a family, true, false or null of a finding."""
     arm = load("scara")

@@ -417,6 +417,7 @@ def test_chunks_and_threads_do_not_change_a_bit(engine: str, robot: str) -> None
     assert text(executor=Backwards(), chunk=BLOCK, parallel=3) == one
 
 
+@pytest.mark.slow
 def test_processes_do_not_change_a_bit() -> None:
     arm = arms.textbook("stanford")
     one = sigma_map(arm, "random", count=N, chunk=BLOCK)

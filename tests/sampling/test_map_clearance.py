@@ -123,6 +123,7 @@ def test_a_plane_shows_the_proven_bound_of_each_configuration() -> None:
 # ---- a trajectory on the page
 
 
+@pytest.mark.slow
 def test_a_long_trajectory_keeps_the_pose_where_it_crosses() -> None:
     arm = arms.ur5()
     s = np.linspace(-1, 1, 20_001)

@@ -135,6 +135,7 @@ def by_another(tmp_path, monkeypatch, code, seconds=None, said=lambda note: None
     return [str(found) for found in read_meshes(paths, said).values()]
 
 
+@pytest.mark.slow
 def test_a_reader_that_does_not_end_is_ended(tmp_path, monkeypatch):
     found = by_another(tmp_path, monkeypatch, "import time; time.sleep(60)", 0.3)
     assert all("not read within 0.3 s" in text for text in found)

@@ -386,8 +386,9 @@ def test_actions_work_one_after_the_other(page, addresses, kind, actions):
     run_all(page, addresses["file"][kind], actions, afresh=False)
 
 
-@pytest.mark.parametrize("kind", ["arm", pytest.param("mechanism", marks=pytest.mark.slow)])
-@pytest.mark.parametrize("scheme", ["light", pytest.param("dark", marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", ["arm", "mechanism"])
+@pytest.mark.parametrize("scheme", ["light", "dark"])
 def test_axe_has_no_serious_finding(page, addresses, kind, scheme):
     package = pytest.importorskip("axe_core_python", reason="needs axe-core-python")
     axe = (Path(package.__file__).parent / "axe.min.js").read_text(encoding="utf-8")
@@ -415,6 +416,7 @@ def test_whoever_wants_no_motion_gets_the_end_of_it(page, addresses):
     assert page.locator("#scrub").is_enabled()
 
 
+@pytest.mark.slow
 def test_a_live_page_reads_files_as_the_command_line_does(page: Any, tmp_path: Path) -> None:
     """Degrees named in the head, decimal commas; the first line is that of `pinsing check`."""
 

@@ -44,6 +44,7 @@ def static(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return file
 
 
+@pytest.mark.slow
 def test_a_running_robot_is_followed(page: Any) -> None:
     run = [sys.executable, "-m", "pinsing", "view", "scara", "--skeleton", "--no-open"]
     pipes = dict.fromkeys(("stdin", "stdout", "stderr"), subprocess.PIPE)
@@ -85,6 +86,7 @@ def test_the_page_loads_and_shows_numbers(page: Any, stanford: Viewer) -> None:
     assert page.evaluate(where) == page.evaluate("() => window.pinsing.view.frame.links[5]")[:3]
 
 
+@pytest.mark.slow
 def test_the_browser_has_loaded_the_page_before_there_is_an_arm(page: Any) -> None:
     # Its tab shows a turning wheel until then, which costs a slow machine more than the arm.
     with Viewer(load("scara"), skeleton=True) as viewer:
@@ -108,6 +110,7 @@ def test_a_page_whose_program_ends_at_once_says_so(browser: Any, missing: str) -
     server.close()
 
 
+@pytest.mark.slow
 def test_few_kinds_of_paint_come_before_the_first_picture(page: Any) -> None:
     # Each is one more program for the graphics card, which a first picture waits for.
     with Viewer(load("stanford"), skeleton=True) as viewer:
@@ -190,6 +193,7 @@ def test_the_static_page_opens_from_a_file(page: Any, static: Path) -> None:
     assert "° from F1" in text(page, "#nearest")
 
 
+@pytest.mark.slow
 def test_an_address_that_is_no_pose_is_told(page: Any, static: Path) -> None:
     for asked, said in [
         ("NaN,0,0,0", "value 1 of the address is not a number: NaN"),
@@ -267,6 +271,7 @@ def test_another_site_cannot_reach_the_link(page: Any, stanford: Viewer) -> None
     assert outcome == "refused"
 
 
+@pytest.mark.slow
 def test_a_picture_is_taken(tmp_path: Path) -> None:
     from PIL import Image
 
@@ -392,6 +397,7 @@ def test_a_narrow_page_shows_its_legend_while_it_loads(page: Any, static: Path) 
         assert busy[2] <= x0 or busy[0] >= x1 or busy[3] <= y0 or busy[1] >= y1
 
 
+@pytest.mark.slow
 def test_rounding_that_hides_a_singularity_is_said_at_the_verdict(page, tmp_path):
     q = [0.2, 0.0, np.pi / 2, 0.9, np.pi / 2, 0.0, 0.1]
     with Viewer(load("xarm7"), skeleton=True) as viewer:

@@ -273,7 +273,7 @@ def trajectory(c: Content, way: Trajectory) -> Section:
         bullets(text(line.strip()) for line in lines if line.strip()),
         figure(
             png(drawn.figure),
-            "Clearance over time, one line a family.",
+            "Clearance over time, one line for each family.",
             text("Proven clearance of each family along the trajectory."),
         ),
         f"<pre>{text(details(way.check))}</pre>",
