@@ -112,6 +112,8 @@ DIALECTS = {
         ),
         True,
     ),
+    "positions.csv": (table(["Zeit", *(f"{j}_pos" for j in UR5)], timed()), True),
+    "sep.csv": ("sep=;\n" + table(["t", *UR5], timed(), ";"), True),
     "semicolons.csv": (table(["t", *UR5], timed(), ";"), True),
     "tabs.tsv": (table(["t", *UR5], timed(), "\t"), True),
     "excel.csv": ("\ufeff" + table(["time(s)", *UR5], timed(), ";").replace(".", ","), True),
@@ -135,6 +137,14 @@ DIALECTS = {
         False,
     ),
 }  # fmt: skip
+
+
+DIALECTS["degrees.script"] = (
+    "def path():\n"
+    + "".join(f"  movej([{', '.join(f'd2r({x})' for x in q)}], a=1.4)\n" for q in DEG)
+    + "end\n",
+    False,
+)
 
 
 @pytest.fixture(scope="module")

@@ -275,6 +275,17 @@ def test_no_limits_and_no_width(make_model):
     assert (arm.joints, arm.model.frames[arm.tip_id].parentJoint) == (("j1", "j2"), 2)
 
 
+def test_degrees_and_millimetres_of_a_file_are_doubted(make_model):
+    def said(length: float, high: float) -> str:
+        step = pin.SE3(np.eye(3), np.array([length, 0.0, 0.0]))
+        model = make_model([(pin.JointModelRZ(), STEP), (pin.JointModelRY(), step)], upper=high)
+        return "; ".join(n for n in load(model).notes if "WARNING" in n)
+
+    assert not said(0.4, 4.0)
+    assert "up to 180 rad: are they degrees?" in said(0.4, 180.0)
+    assert "400 m in a row: are they millimetres?" in said(400.0, 4.0)
+
+
 def test_link_and_joint_of_one_name(write_urdf, rng):
     """The link is meant; and locking a joint whose name a link bears must work."""
     joints = [("revolute", turning(a)) for a in ("0 0 1", "0 1 0", "1 0 0", "0 1 0", "0 0 1")]

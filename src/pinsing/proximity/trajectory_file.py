@@ -31,7 +31,9 @@ _SCALES = _ANGLES | _LENGTHS | {
     "s": 1.0, "sec": 1.0, "second": 1.0, "seconds": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9,
 }  # fmt: skip
 """What a unit in the head of a column is multiplied by: radians, metres, seconds."""
-_TIME = re.compile(r"(?i)[%_]*(t|times?|timestamp|seconds|secs?|time_from_start|elapsed)")
+_TIME = re.compile(
+    r"(?i)[%_]*(t|times?|zeit|temps|tiempo|tempo|timestamp|seconds|secs?|time_from_start|elapsed)"
+)
 _NUMBERED = re.compile(r"(?i)(actual_|field_|joint_)?(q|j|a|joint|axis|pos|positions?)_?(\d+)")
 _PLACES = {"joint_states", "joint_state", "pos", "position", "positions", "actual", "field", "data"}
 """Parts of a column's name that tell where a position was written down, not of which joint."""
@@ -372,6 +374,8 @@ def _require_kinds(path: Path | str, arm: Arm, heads: Sequence[str], units: Sequ
 def _ur(path: Path, arm: Arm, text: str) -> TrajectoryFile:
     """Joint moves of a program without branches."""
     text = re.sub(r"#.*", "", text)
+    number = r"d2r\(\s*([-+.\deE]+)\s*\)"
+    text = re.sub(number, lambda angle: repr(math.radians(float(angle[1]))), text)
     if other := _UR_OTHER.search(text):
         word = other[1] or "a second def"
         raise ConfigurationError(f"{path}: {word}: only programs without branches are followed")
@@ -502,7 +506,7 @@ def _text(path: Path, arm: Arm, columns: Sequence[str]) -> TrajectoryFile:
         number, line, degrees = 1, "", None
         for number, words_of_it in enumerate(file, 1):
             line = words_of_it.strip()
-            if line and not line.startswith("#"):
+            if line and not line.startswith(("#", "sep=")):  # which spreadsheets write
                 break
             degrees = _stated_unit(path, number, line, degrees)
             line = ""
@@ -670,12 +674,12 @@ def _without_places(name: str) -> str:
 
 
 def _named(name: str, joints: Sequence[str]) -> str | None:
-    """The one joint of that name, or of one that differs by a prefix, "_joint" or case alone."""
+    """The one joint of that name, or with another prefix, "_joint", "_pos" or case."""
     if name in joints:
         return name
 
     def plain(word: str) -> str:
-        return word.lower().removesuffix("_joint").removesuffix("-joint")
+        return re.sub(r"([_-]joint)?(_pos(ition)?)?$", "", word.lower())
 
     low = plain(name)
     close = [
