@@ -725,7 +725,7 @@ def _beside(forms: ClosedForm, q: Array) -> tuple[float, Array] | None:
 
 
 SECONDS = 60.0
-"""Time that an analysis may take."""
+"""Time for the checks of an analysis, where nobody gives another."""
 
 
 @checked
@@ -740,7 +740,7 @@ def analyze(
     ignore_limits: bool = False,
     prune: bool = True,
     random_starts: int = 300,
-    seconds: float = SECONDS,
+    seconds: float | None = None,
     angle_tol: float = ANGLE_TOL,
     snap_length: float = 0.0,
     geometry: str = "both",
@@ -757,9 +757,10 @@ def analyze(
         As in ``sweep``.
     random_starts : int
         Random configurations within the limits that are refined as a third opinion.
-    seconds : float
-        Time for all of it, of which closed forms may take a half. What there is when it is up,
-        or at Ctrl-C, is returned, and ``missing`` says what is not.
+    seconds : float, optional
+        Time for all of it, of which closed forms may take a half; by default their budget is one
+        of work, as that of ``closed_form``, and the checks have a minute. What there is when it is
+        up, or at Ctrl-C, is returned, and ``missing`` says what is not.
     angle_tol, snap_length
         As in ``closed_form``.
     geometry : str
@@ -793,8 +794,11 @@ def analyze(
         angle_tol, snap_length = min(angle_tol, 1e-10), 0.0
     exact = nominal_geometry(arm, angle_tol, snap_length).arm
     swept = exact if geometry == "nominal" else arm
+    half = None if seconds is None else seconds / 2
     stages = Stages(seconds)
-    forms = closed_form(arm, seconds=seconds / 2, angle_tol=angle_tol, snap_length=snap_length)
+    forms = closed_form(arm, seconds=half, angle_tol=angle_tol, snap_length=snap_length)
+    if seconds is None:
+        stages = Stages(SECONDS)
     result = stages.run(
         "sweep",
         lambda: sweep(
