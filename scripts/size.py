@@ -9,14 +9,14 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
 LIMITS: dict[str, tuple[int, int]] = {
-    "Python in src: statements": (42_430, 30_000),
-    "Python in src: lines": (83_000, 56_000),
+    "Python in src: statements": (42_540, 30_000),
+    "Python in src: lines": (83_245, 56_000),
     "C++, JavaScript, templates, styles: lines": (11_984, 9_500),
-    "modules": (241, 220),
+    "modules": (242, 220),
     "packages directly under pinsing": (16, 16),
-    "numbers in module constants": (788, 500),
+    "numbers in module constants": (789, 500),
     "names exported by pinsing": (32, 32),
-    "lines of tests": (44_377, 28_000),
+    "lines of tests": (44_463, 28_000),
     "words of Markdown, changelog excluded": (40_000, 40_000),
     "CHANGELOG.md: lines": (150, 150),
 }

@@ -20,7 +20,9 @@ import numpy as np
 import pinocchio as pin
 
 import pinsing
+from pinsing.algebra.two_sided import two_sided
 from pinsing.kinematics.jacobian import frame_jacobians
+from pinsing.proximity.watched import watch
 from pinsing.robot.chain import Chain, chain_model, flatten
 
 ARMS = ("ur5e", "puma560", "irb1400", "iiwa14", "panda")
@@ -113,10 +115,13 @@ def unmet(form: pinsing.ClosedForm, paths: int, rng: np.random.Generator) -> tup
         away = rng.normal(size=middle.shape)
         away *= rng.uniform(0.2, 1.2, (len(middle), 1)) / np.linalg.norm(away, axis=1)[:, None]
         ends = np.stack([middle - away, middle + away])
-        clear = (pinsing.clearance(form, ends).lower > 0).all(axis=0)
-        D = np.linalg.det(frame_jacobians(arm, ends.reshape(-1, arm.n))).reshape(2, -1)
+        flat = ends.reshape(-1, arm.n)
+        design_each = two_sided(watch(form).conditions.plain, flat, each=True).each
+        beyond = form.tube.margin.take_off(flat, design_each).min(axis=1) > 0
+        clear = beyond.reshape(2, -1).all(axis=0)
+        D = np.linalg.det(frame_jacobians(arm, flat)).reshape(2, -1)
         design = form.geometry.arm  # type: ignore[union-attr]
-        D0 = np.linalg.det(frame_jacobians(design, ends.reshape(-1, arm.n))).reshape(2, -1)
+        D0 = np.linalg.det(frame_jacobians(design, flat)).reshape(2, -1)
         crossed = clear & (D0[0] * D0[1] < 0)
         tried += int(crossed.sum())
         wrong += int((crossed & (D[0] * D[1] > 0)).sum())

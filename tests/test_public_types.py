@@ -179,6 +179,7 @@ CALLS: dict[str, Callable[[], dict[str, Any]]] = {
     "sweep": of_arm(levels=1, samples=5),
     "task_jacobian": of_arm(q=Q),
     "task_jacobians": of_arm(Q=[Q]),
+    "regular_radius": of_arm(Q=[Q]),
     "tip_speeds": of_arm(q=Q, joint_speeds=np.ones(3)),
     "zones": lambda: {"form": form(), "joint_speeds": np.ones(3), "boxes": 200},
     "write_report": lambda: {"robot": arm(), "path": "report.html", "page": "none"},

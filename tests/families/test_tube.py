@@ -14,6 +14,7 @@ import pytest
 import pinsing
 from pinsing.errors import OptionError, RobotFileError
 from pinsing.families import tube as tubes
+from pinsing.proximity.clearance import distances
 from pinsing.robot.calibration import LINKS, calibrated
 from pinsing.robot.chain import chain_model, flatten
 from pinsing.robot.design import design_of, differences, looks_calibrated
@@ -109,17 +110,25 @@ def test_words_and_json(form: pinsing.ClosedForm) -> None:
     assert "of the design" in check.text()
 
 
-def test_without_a_proof_no_clearance_is_known(attack: ModuleType) -> None:
+def test_without_a_tube_the_robots_jacobian_bounds_its_clearance(attack: ModuleType) -> None:
     panda = pinsing.load("panda")
     rng = np.random.default_rng(3)
     form = pinsing.closed_form(attack.perturb(panda, rng), design=panda, prove=False)
     assert form.tube is not None
     assert not form.tube.proven
-    q = [0, -0.5, 0.3, -2, 0.4, 1.5, 0]
-    assert pinsing.clearance(form, q).lower == 0
-    assert pinsing.clearance(form, q, certify=True).lower == 0
-    assert pinsing.Monitor(form).update(q).level == "stop"
     assert "NOT proven" in str(form.tube)
+    q = [0, -0.5, 0.3, -2, 0.4, 1.5, 0]
+    radius = pinsing.kinematics.regular_radius(form.loaded, q)
+    assert radius > 0.1
+    for certify in (False, True):
+        assert pinsing.clearance(form, q, certify=certify).lower == pytest.approx(radius)
+    assert pinsing.Monitor(form).update(q).level == "clear"
+    assert distances(form, np.array(q)).families[0].lower == pytest.approx(radius)
+    found = attack.find_singular(form.loaded, rng.uniform(panda.lower, panda.upper, (60, 7)))
+    steps = 0.05 * rng.normal(size=found.shape)
+    lower = pinsing.clearance(form, found + steps).lower
+    assert (lower <= np.linalg.norm(steps, axis=1)).all()
+    assert (len(found) > 20, np.median(lower) > 0.02) == (True, True)
 
 
 def test_the_design_is_found_or_refused() -> None:

@@ -276,7 +276,9 @@ def test_what_is_missing_is_said():
     for q in np.random.default_rng(0).uniform(-2, 2, (50, 7)):
         assert monitor.update(q).level != "clear"
     nothing = pinsing.Monitor(dataclasses.replace(poor, families=()))
-    assert nothing.update(np.ones(7))[:3] == ("stop", "", 0.0)
+    level, family, lower, _ = nothing.update(np.ones(7))[:4]
+    radius = pinsing.kinematics.regular_radius(arm_of("panda"), np.ones(7))
+    assert (level, family, lower) == ("warn", "", pytest.approx(float(radius)))
     monitor = pinsing.Monitor(pinsing.closed_form(build([Joint(d=0.2)])))
     assert monitor.complete
     verdict = monitor.update([0.3], [1.0])

@@ -19,7 +19,7 @@ The compiled engine does both (``isolate.cpp``, ``contact.cpp``); here stands th
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, Protocol
@@ -89,24 +89,34 @@ class Margin:
         Of each family; in weighted coordinates.
     meeting, near : float
         Where families meet.
+    own : callable or None
+        What no point of it is nearer than to Q (N, n), joint values: (N,), weighted coordinates.
     """
 
     alone: Array
     meeting: float
     near: float
+    own: Callable[[Array], Array] | None = None
 
     def times(self, factor: float) -> Margin:
         """The same in coordinates in which no distance is longer than this many times."""
         return Margin(self.alone * factor, self.meeting * factor, self.near * factor)
 
-    def take_off(self, lower: Array) -> Array:
-        """Bounds (N, F) of the distance to the points near each family, of those to families."""
+    def take_off(self, Q: Array, each: Array) -> Array:
+        """Bounds (N, F) of the distance of Q to the points near each family.
+
+        Of those to families, (N, F, 2), lower and upper; at most the latter.
+        """
+        lower = each[..., 0]
         second = np.sort(lower, axis=1)[:, 1:2] if lower.shape[1] > 1 else np.inf
         # The second nearest of a family and the others is not nearer than these two.
         there = np.maximum(lower - self.meeting, np.maximum(lower, second) - self.near)
         with np.errstate(invalid="ignore"):
             off = np.minimum(lower - self.alone, there)
-        return np.where(np.isfinite(self.meeting), np.maximum(off, 0.0), 0.0)
+        found = np.where(np.isfinite(self.meeting), np.maximum(off, 0.0), 0.0)
+        if self.own is not None:
+            found = np.maximum(found, np.minimum(self.own(Q)[:, None], each[..., 1]))
+        return found
 
 
 @dataclass(frozen=True, eq=False)

@@ -6,7 +6,7 @@ reached within ``2 |f| / (|g| + sqrt(|g|^2 - 2 M |f|))``, where that is real: th
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -26,7 +26,7 @@ class Bounds:
         In weighted coordinates; infinite where there is no family, or no bound. Lower ones less
         the conditions' margin.
     family : (N,) array of int
-        The one of the least lower bound; -1 without any.
+        The one of the least lower bound, before a margin is taken off; -1 without any.
     each : (N, F, 2) array
         Lower and upper bound of each family; (0, 0, 2) unless asked for.
     """
@@ -74,8 +74,9 @@ def two_sided(
         found = two_sided(
             conditions.plain, Q, each=True, compiled=compiled, threads=threads, isa=isa
         )
-        found.each[..., 0] = margin.take_off(found.each[..., 0])
-        return Bounds(*_nearest(found.each), found.each)
+        family = _nearest(found.each)[2]
+        found.each[..., 0] = margin.take_off(Q, found.each)
+        return replace(found, lower=found.each[..., 0].min(axis=1, initial=np.inf), family=family)
     if handle is not None:
         count = 1 if N < 4096 else threads or engine.cpu_count()
         handle.clearances(X, lower, upper, family, every, isa or engine.isa_names()[-1], count)

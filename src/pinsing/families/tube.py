@@ -114,7 +114,8 @@ class Tube:
         if not self.proven:
             return (
                 f"{count} of the design. How far the singular configurations of this robot are "
-                f"from these is NOT proven: {self.reason}. No clearance of this robot is known."
+                f"from these is NOT proven: {self.reason}. How near they are to a configuration is "
+                "bounded by its Jacobian alone."
             )
         said = f"within {_degrees(self.alone)} of one of them"
         if self.width > self.alone:

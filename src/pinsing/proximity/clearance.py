@@ -39,8 +39,8 @@ class Clearance(JsonResult):
     ----------
     lower : (...) array
         Proven, rounding included: no configuration of a family is nearer. Radians, or what the
-        weights make of it; infinite where there is no family at all, 0 if the closed form is then
-        not complete.
+        weights make of it; infinite where there is no family at all, or as far as the Jacobian
+        tells (``regular_radius``) if the closed form is then not complete.
     upper : (...) array
         A configuration of a family is as near as this; infinite where that was not found out.
     family : (...) array of int
@@ -242,7 +242,7 @@ def quick(watched: Watched, Q: Array, within_limits: bool = False) -> Clearance:
         upper = np.full(len(Q), np.inf)
         family = least.argmin(axis=1) if least.shape[1] else np.full(len(Q), -1)
         family = np.where(np.isfinite(lower), family, -1)
-    return _clearance(watched, lower, upper, family, False, within_limits)
+    return _clearance(watched, Q, lower, upper, family, False, within_limits)
 
 
 def nearest_family(conditions: Conditions, Q: Array) -> tuple[Ints, Bounds]:
@@ -268,14 +268,20 @@ def certified(watched: Watched, Q: Array, options: SearchOptions) -> tuple[Clear
     """Bounds brought together by branch and bound at Q (N, n), and the nearest points (N, n)."""
     found = nearest_points(watched.conditions, Q, *watched.limits, options)
     bounds = found.lower, found.upper, found.family
-    return _clearance(watched, *bounds, True, options.within_limits), found.q
+    return _clearance(watched, Q, *bounds, True, options.within_limits), found.q
 
 
 def _clearance(
-    watched: Watched, lower: Array, upper: Array, family: Ints, search: bool, limited: bool
+    watched: Watched,
+    Q: Array,
+    lower: Array,
+    upper: Array,
+    family: Ints,
+    search: bool,
+    limited: bool,
 ) -> Clearance:
     return Clearance(
-        lower=lower if watched.complete else np.where(family < 0, 0.0, lower),
+        lower=lower if watched.complete else np.where(family < 0, watched.regular(Q), lower),
         upper=upper,
         family=family.astype(np.int64),
         names=watched.names,
@@ -300,8 +306,9 @@ def is_clear(
     """Return True if it is proven that no family has a point within ``radius`` of q (n,).
 
     The quick bounds decide where they can, a search where they cannot. False is the answer as
-    well where the search ran out of boxes, and, unless ``families`` are named, where the closed
-    form is not complete. Families may be of a geometry beside the file's: `ClosedForm.deviation`.
+    well where the search ran out of boxes. Where the closed form is not complete, and no
+    ``families`` are named, the Jacobian alone decides (``regular_radius``).
+    Families may be of a geometry beside the file's: `ClosedForm.deviation`.
 
     Parameters
     ----------
@@ -336,7 +343,7 @@ def is_clear(
     if array.ndim != 1:
         raise OptionError(f"is_clear takes one configuration, got shape {array.shape}")
     if families is None and not watched.complete:
-        return False
+        return bool(watched.regular(array[None])[0] > radius)
     fast = quick(watched, array[None], within_limits)
     if fast.lower[0] > radius:
         return True
@@ -426,7 +433,9 @@ def distances(forms: Forms, q: npt.ArrayLike, *, boxes: int = BOXES) -> Distance
         said = family.reach, family.title, family.where(d.q)
         found.append(FamilyDistance(name, d.lower, d.upper, d.q, *said))
     if watched.margin is not None:
-        least = watched.margin.take_off(np.array([[d.lower for d in found]]))[0].tolist()
+        margin = watched.conditions.margin or watched.margin
+        both = np.array([[(d.lower, d.upper) for d in found]])
+        least = margin.take_off(x[None], both)[0].tolist()
         found = [replace(d, lower=low) for d, low in zip(found, least, strict=True)]
     found.sort(key=lambda d: (d.upper, d.lower))
     return Distances(x, tuple(found), watched.complete)

@@ -122,7 +122,8 @@ class Monitor:
         The families that are watched.
     complete : bool
         Whether the closed forms are complete. Otherwise the level is never "clear", since other
-        configurations may be singular; and where no family is known at all, ``lower`` is 0.
+        configurations may be singular; and where no family is known at all, ``lower`` is what the
+        Jacobian tells (``regular_radius``).
     notes : tuple of str
         Which geometry the families are of if that is not the file's, and what is not known.
 
@@ -287,7 +288,7 @@ class Monitor:
         lower, upper, time, rate = self._out.tolist()
         hold = 1.0 + self.hysteresis
         if not self.complete and family < 0:
-            lower = 0.0
+            lower = float(self._watched.regular((self._x / self._watched.weight)[None])[0])
         level = CLEAR
         if lower <= self.stop or (self.level == STOP and lower <= self.stop * hold):
             level = STOP

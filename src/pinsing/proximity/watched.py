@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -17,6 +18,7 @@ from pinsing.arguments import columns_of, real_numbers, stands_for
 from pinsing.errors import OptionError, UnknownNameError
 from pinsing.families import ClosedForm, Family
 from pinsing.families.solve import form_to_measure
+from pinsing.kinematics.regular import regular_radius
 from pinsing.robot.arm import Arm, summarize
 from pinsing.robot.exact_placements import ROUNDING
 from pinsing.robot.joint_space import JointSpace, require_values
@@ -61,6 +63,8 @@ class Watched:
         What is taken off distances, where the families are of the arm's design.
     tube : str
         What is known of the arm, in words, where the families are of another geometry; else empty.
+    robot : Arm or None
+        The one that is judged, where the families are of its design.
     """
 
     names: tuple[str, ...]
@@ -75,6 +79,7 @@ class Watched:
     arm: Arm | None
     margin: Margin | None = None
     tube: str = ""
+    robot: Arm | None = None
 
     @property
     def n(self) -> int:
@@ -91,7 +96,21 @@ class Watched:
         """All families as flat arrays."""
         branches = [f.branches for f in self.families]
         made = Conditions.of(branches, self.prismatic, self.weight, self.norm)
-        return made if self.margin is None else replace(made, margin=self.margin)
+        if self.margin is None:
+            return made
+        return replace(made, margin=replace(self.margin, own=self.regular))
+
+    def regular(self, Q: Array) -> Array:
+        """No singular configuration, of a family or not, is nearer to Q (N, n) than this (N,).
+
+        Of the robot, if the families are of its design.
+        """
+        arm = self.robot or self.arm
+        if arm is None:
+            return np.zeros(len(Q))
+        least = (self.weight * np.where(self.prismatic, arm.length_scale, 1.0)).min()
+        norm = math.sqrt(self.n) if self.norm == "max" else 1.0
+        return regular_radius(arm, Q) * float(least) / norm * (1 - 1e-9)
 
     @property
     def limits(self) -> tuple[Array, Array]:
@@ -227,6 +246,7 @@ def watch(
         arm=next((f.geometry.arm for f in every if f.geometry is not None), None),
         margin=_margin(every, names, weight),
         tube="; ".join(dict.fromkeys(of for f in every if (of := _geometry(f)))),
+        robot=next((f.loaded for f in every if f.tube is not None), None),
     )
     _ = chosen.conditions  # says what is wrong with weights and norm
     if plain and norm == "euclidean":

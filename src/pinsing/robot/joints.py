@@ -162,9 +162,9 @@ def chain_limits(model: pin.Model) -> tuple[Array, Array, np.ndarray, list[str]]
         lower.append(low)
         upper.append(high)
         prismatic.append(slides)
-    limits, slides = np.array([lower, upper]), np.array(prismatic, dtype=bool)
+    limits, sliding = np.array([lower, upper]), np.array(prismatic, dtype=bool)
     largest = np.abs(limits).max(axis=0, initial=0.0)
-    turning = largest[~slides & np.isfinite(largest)]
+    turning = largest[~sliding & np.isfinite(largest)]
     if len(turning) > 1 and (turning > 4 * np.pi).all() and turning.max() <= 3600:
         notes.append(
             f"WARNING: joint limits up to {turning.max():g} rad: are they degrees? The file must "
@@ -176,4 +176,4 @@ def chain_limits(model: pin.Model) -> tuple[Array, Array, np.ndarray, list[str]]
             f"WARNING: links of {reach:.0f} m in a row: are they millimetres? The file must have "
             "metres"
         )
-    return limits[0], limits[1], slides, notes
+    return limits[0], limits[1], sliding, notes
