@@ -9,8 +9,8 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
 LIMITS: dict[str, tuple[int, int]] = {
-    "Python in src: statements": (42_540, 30_000),
-    "Python in src: lines": (83_245, 56_000),
+    "Python in src: statements": (42_566, 30_000),
+    "Python in src: lines": (83_274, 56_000),
     "C++, JavaScript, templates, styles: lines": (11_984, 9_500),
     "modules": (242, 220),
     "packages directly under pinsing": (16, 16),

@@ -321,6 +321,10 @@ class _Planner:
             i, s, turns = path
             q = self._unwrapped(self.Q[np.arange(N), i, s], turns)
             beyond = np.asarray(self.arm.space.outside(q).any(axis=0))
+            if not beyond.any() and self.relaxed > self.reached + STEP:
+                # What others seem to have may be beyond the limits of the joint that winds most.
+                wound = np.where(self.bounded | self.counted.any(), 0.0, np.ptp(q, axis=0))
+                beyond = wound >= max(wound.max(), np.pi)
             if not beyond.any():
                 break
             self._count_turns(beyond)
@@ -381,16 +385,41 @@ class _Planner:
         """
         if self.least is None:
             self.least = self._best_on_a_part() - _MARGIN
-        lower = _MARGIN
+        lower, width = _MARGIN, _THINNED
         while True:
             self._estimate_all(self.least)
             path = self._best_path(first, self.least)
-            if max(self.reached, self.least) in (self.reached, -np.inf):
+            if self.reached < self.least:
+                lower *= 4
+                self.least = max(self.reached, self.least - lower)
+                self.least = self.least if self.least > 0 else -np.inf
+                continue
+            if isinstance(path, str):
                 return path
-            lower *= 4
-            self.least = self.reached if self.reached > 0 else self.least - lower
-            if self.least <= 0:
-                self.least = -np.inf
+            found = self._certify(path, width)
+            if found >= self.reached - _BISECTED or width > len(self.grid):
+                return path
+            self.least = max(self.least, found - _BISECTED)
+            width *= 2
+
+    def _certify(self, path: tuple[Ints, Ints, Ints], width: int) -> float:
+        """Search at a path's nodes and those up to ``width`` values away; the path's clearance."""
+        poses, S = np.arange(len(self.T)), self.Q.shape[2]
+        at = path[0] * S + path[1]
+        more: Bool = np.zeros((len(self.T), len(self.grid) * S), dtype=bool)
+        more[poses, at] = True
+        for side in (0, 1):
+            near = at
+            for _ in range(min(width, len(self.grid) - 1)):
+                near = self.beside[poses, side, near]
+                more[poses, near] = True
+        more &= (self.usable & (self.highest > self.clear + _GAP)).reshape(more.shape)
+        rows = more.reshape(self.clear.shape) & (self.highest >= self.least)
+        found = clearance(self.form, self.Q[rows], certify=True, gap=_GAP)
+        self.clear[rows] = np.maximum(self.clear[rows], found.lower)
+        self.likely[rows] = self.highest[rows] = np.minimum(self.highest[rows], found.upper)
+        self.seen[rows] = True
+        return float(self.likely.reshape(more.shape)[poses, at].min())
 
     def _best_on_a_part(self) -> float:
         """The clearance of the best path on a part of the grid, -inf if there is none."""
