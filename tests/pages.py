@@ -24,18 +24,10 @@ ROOT = Path(__file__).parents[1]
 # Shell commands that set up an environment, run for hours, or need another machine. Each is said
 # here, so that a block that nobody runs is a decision.
 NOT_RUN = {
-    "scripts/demo",
-    "scripts/docs",
-    "scripts/setup",
-    "scripts/test",
-    ".ci/run",
-    "python3 -m venv",
-    ".venv/bin/pip install",
-    "pip install",
-    ". .venv/bin/activate",
-    'eval "$(_PINSING_COMPLETE',
+    "scripts/demo", "scripts/docs", "scripts/setup", "scripts/test", ".ci/run", "python3 -m venv",
+    ".venv/bin/pip install", "pip install", ". .venv/bin/activate", 'eval "$(_PINSING_COMPLETE',
     "pinsing map panda --count 1e10",
-}
+}  # fmt: skip
 SHELL = ("cc ", "./loop", "python meshcat_scene.py", "python src/pinsing/proof/checker.py ")
 TOLD = ("text", "mermaid")  # shown, and nothing to run
 

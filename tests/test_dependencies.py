@@ -36,14 +36,9 @@ def test_the_oldest_set_is_that_of_the_lower_bounds():
 
 # The packages whose modules have other names than themselves.
 PROVIDER = {
-    "collada": "pycollada",
-    "flint": "python-flint",
-    "mpl_toolkits": "matplotlib",
-    "pil": "pillow",
-    "pinocchio": "pin",
-    "umsgpack": "u-msgpack-python",
-    "yaml": "pyyaml",
-}
+    "collada": "pycollada", "flint": "python-flint", "mpl_toolkits": "matplotlib",
+    "pil": "pillow", "pinocchio": "pin", "umsgpack": "u-msgpack-python", "yaml": "pyyaml",
+}  # fmt: skip
 # Imported by a call of import_module, which the walk does not see.
 BY_NAME = {"example-robot-data": "files alone", "meshcat": "pinsing.view.links"}
 

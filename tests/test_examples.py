@@ -24,13 +24,9 @@ matplotlib.use("agg")
 
 # What other modules call and no user would: described, but without an example of its own.
 PLUMBING = {
-    "Arm.once",
-    "Family.box",
-    "Family.conditions",
-    "MapPlan.configuration",
-    "MapPlan.identity",
+    "Arm.once", "Family.box", "Family.conditions", "MapPlan.configuration", "MapPlan.identity",
     "Mechanism.once",
-}
+}  # fmt: skip
 # An example would need what a test run has not: a desktop, IPython, a browser.
 ELSEWHERE = {"Viewer.jupyter_cell", "Viewer.open", "Viewer.save_png"}
 

@@ -32,6 +32,7 @@ def parts(page: Any, formula: str, style: str) -> int:
     return int((np.diff(inked.astype(int)) == 1).sum())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("formula", [r"\dot q", r"\dot x"])
 def test_the_dot_of_a_speed_does_not_lie_on_its_letter(page: Any, formula: str) -> None:
     assert parts(page, formula, STYLE) == 2

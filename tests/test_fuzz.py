@@ -93,6 +93,7 @@ def test_a_run_that_believes_its_folder_is_noticed(fuzz, monkeypatch, tmp_path):
     assert any(outcome not in fuzz.GOOD for outcome in cases)
 
 
+@pytest.mark.slow
 def test_the_same_seeds_make_the_same_file(fuzz, mutants):
     files = fuzz.sources()
     for kind in mutants.FILES:
@@ -103,6 +104,7 @@ def test_the_same_seeds_make_the_same_file(fuzz, mutants):
             assert len(set(made)) > 10
 
 
+@pytest.mark.slow
 def test_inputs_that_reach_something_new_are_gone_on_from(fuzz):
     """Their seeds come first in later cases, which reach more lines than they did."""
     cases = [("certificate", 90_000 + i) for i in range(150)]
@@ -158,6 +160,7 @@ def test_the_judge(mutants, code, out, err, outcome):
     assert mutants.judge(code, out, err)[0] == outcome
 
 
+@pytest.mark.slow
 def test_a_worker_that_dies_is_told_and_replaced(fuzz):
     worker = fuzz.Worker()
     try:

@@ -185,6 +185,7 @@ def test_names_out_of_a_file_are_text(page, tmp_path):
     assert "evil" in shown(page, "loaded")
 
 
+@pytest.mark.slow
 def test_a_long_equation_unfolds(page, tmp_path):
     """Fourteen terms and more are named first, and written out by a click."""
     form = pinsing.closed_form(pinsing.load("panda"))

@@ -84,6 +84,7 @@ def test_singular_points_that_newton_finds_are_on_families(oracle, chains, seed)
     assert outcome.verdict in ("complete", "not complete", "no motion"), outcome
 
 
+@pytest.mark.slow
 def test_a_family_that_is_dropped_is_noticed_by_real_points(oracle, chains):
     rows = [chains.Row(0, 0, 0.2, 0), chains.Row(0, 0, 0.3, 90), chains.Row(0, 0, 0.2, 0)]
     spec = chains.Spec(tuple(rows), "position")

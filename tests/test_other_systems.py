@@ -65,19 +65,14 @@ def run(
 
 
 ANSWERS = [
-    ("families ur5", "proven complete"),
-    ("families panda", "proven complete"),
-    ("at stanford --q 0,1,0.3,1,0,0", "wrist"),
-    ("postures ur5", "aspects"),
-    ("list arm.xacro", "links"),
-    ("families arm.xacro", "proven complete"),
+    ("families ur5", "proven complete"), ("families panda", "proven complete"),
+    ("at stanford --q 0,1,0.3,1,0,0", "wrist"), ("postures ur5", "aspects"),
+    ("list arm.xacro", "links"), ("families arm.xacro", "proven complete"),
     ("analyze planar3r --sweep --levels 1", "planar3r"),
-    ("families ur5 -o proof.cert.json", "proven"),
-    ("verify proof.cert.json", "proven"),
-    ("path ur5 poses.csv", "49.4°"),
-    ("plot curves planar3r -o out.png", ""),
+    ("families ur5 -o proof.cert.json", "proven"), ("verify proof.cert.json", "proven"),
+    ("path ur5 poses.csv", "49.4°"), ("plot curves planar3r -o out.png", ""),
     ("zones planar3r --joint-speeds 1,1,1", "keep 94.5°"),
-]
+]  # fmt: skip
 
 
 @pytest.mark.parametrize("system", tiered(["darwin", "linux"], {"darwin"}))  # as in a container

@@ -202,15 +202,11 @@ class TestTyped:
 
 
 COMMANDS = [
-    ("analyze", "ur5", "--levels", "1"),
-    ("families", "panda"),
-    ("at", "ur5", "--deg", "--q", "0,-80,60,-100,0,0"),
-    ("list", "panda"),
-    ("analyze", "--sweep", "panda", "--levels", "1"),
-    ("map", "ur5", "--count", "1000"),
-    ("list", "tal"),
-    ("at", "--suggest", "scara"),
-]
+    ("analyze", "ur5", "--levels", "1"), ("families", "panda"),
+    ("at", "ur5", "--deg", "--q", "0,-80,60,-100,0,0"), ("list", "panda"),
+    ("analyze", "--sweep", "panda", "--levels", "1"), ("map", "ur5", "--count", "1000"),
+    ("list", "tal"), ("at", "--suggest", "scara"),
+]  # fmt: skip
 
 
 def run(*words: str) -> str:

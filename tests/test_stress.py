@@ -107,7 +107,7 @@ def test_results_do_not_change_with_the_number_of_threads():
     assert len(found.pop()) > 1000
 
 
-@pytest.mark.parametrize("robot", ROBOTS)
+@pytest.mark.parametrize("robot", tiered(ROBOTS, {"stanford"}))
 def test_pickles(robot):
     arm = load(robot)
     again = pickle.loads(pickle.dumps(arm))
@@ -176,6 +176,7 @@ def test_the_same_seed_gives_the_same_analysis():
 BLOCKED = ("matplotlib", "meshcat", "yourdfpy", "xacro", "rich", "click", "tornado", "zmq")
 
 
+@pytest.mark.slow
 def test_the_core_needs_neither_plots_nor_viewers():
     code = f"""
 import sys

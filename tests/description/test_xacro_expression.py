@@ -28,14 +28,9 @@ def namespace(**names):
 
 
 NAMES = {
-    **FUNCTIONS,
-    **MATH,
-    "math": namespace(**MATH),
-    "data": DATA,
-    "side": "left",
-    "n": 3,
+    **FUNCTIONS, **MATH, "math": namespace(**MATH), "data": DATA, "side": "left", "n": 3,
     "xyz": "0.1 0.2 0.3",
-}
+}  # fmt: skip
 PLAIN_NAMES = {
     "math": math, "data": DATA, **{k: v for k, v in vars(math).items() if k[0] != "_"},
     **{k: NAMES[k] for k in ("side", "n", "xyz")},

@@ -107,6 +107,7 @@ def test_a_package_is_a_name_and_no_path(name, tmp_path):
     assert "not found" in str(caught.value) or "find" in str(caught.value)
 
 
+@pytest.mark.slow
 def test_a_folder_above_needs_a_package_xml_that_names_it(tmp_path):
     """Else a file could read whatever lies beside any folder above it."""
     for name in ("secret", "secret/robots", "other"):

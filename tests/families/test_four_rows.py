@@ -112,6 +112,7 @@ def test_points_of_families_are_singular_and_near_misses_are_not(found, rng):
             assert not family.contains(beside)
 
 
+@pytest.mark.slow
 def test_where_newton_ends_is_on_a_family(found, rng):
     arm, form = found
     singular = by_wrenches(arm, 40, rng)

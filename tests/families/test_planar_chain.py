@@ -133,6 +133,7 @@ def test_one_direction_of_the_plane(kinds, task, tilted, rng):
     assert ratio(arm, rng.uniform(-3, 3, (200, arm.n)), form.generic_rank).min() > 1e-6
 
 
+@pytest.mark.slow
 def test_in_one_direction_the_base_or_the_tip_counts_as_a_link():
     arm = chain("RRRRRRR", "vx", sizes=[(0.3, 0.0)] * 7)
     assert pinsing.closed_form(arm, prove=False).families[0].text == "q1 to q7 each 0° or 180°"

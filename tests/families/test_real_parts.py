@@ -34,6 +34,7 @@ from pinsing.sampling.sweep_run import sweep
 RIGHT = math.pi / 2
 
 
+@pytest.mark.slow
 def test_joint_values_that_depend_on_each_other_are_stated_exactly():
     arm = iiwa_with_offset()
     form = closed_form(arm)
@@ -81,6 +82,7 @@ def test_systems_that_time_did_not_allow_to_solve_are_told_of(monkeypatch):
     assert all(b.equations for b in pairs.branches)
 
 
+@pytest.mark.slow
 def test_a_system_of_as_many_equations_as_its_codimension_falls_into_parts():
     """UR5, position: of three equations for q2 to q5 two are products but for the first.
 

@@ -52,6 +52,7 @@ def test_what_fixes_no_joint_stays():
         assert settled(c := Component({}, (relation,), True, 1), ring) == c
 
 
+@pytest.mark.slow
 def test_no_value_of_a_joint_is_lost(arm, form, rng):
     """q3 = 180° came out as "2 x3 = 0", of which no real value was found: the answer was called
     complete without it."""

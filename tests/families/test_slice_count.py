@@ -136,6 +136,7 @@ def test_with_little_known_and_no_time_nothing_is_said(kept, panda):
     assert replace(count, points=2_000, off=1).sentence().startswith("1 of 2,000 singular points")
 
 
+@pytest.mark.slow
 def test_real_points_lead_where_no_slice_does(kept, monkeypatch):
     n = len(kept.ring.prismatic)
     own = OwnPoints(kept.maker.geometry.arm)

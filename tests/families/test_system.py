@@ -146,6 +146,7 @@ def test_all_languages_say_the_same(forms, language):
     assert read(form.system(language), language) == read(form.system(), "singular")
 
 
+@pytest.mark.slow
 def test_several_systems_for_msolve_are_told_apart_by_a_number(forms):
     form = forms["panda"]
     names, systems = read(form.system(families=["F4"]), "singular")

@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 import pinocchio as pin
 import pytest
+from tiers import tiered_rows
 from urdf_text import J, X, frame, loop_text, written
 
 import pinsing
@@ -114,18 +115,13 @@ class FiveBar:
 
 
 CASES = [
-    ("PP", "pin", "upright"),
-    ("PP", "elbow", "level"),
-    ("RP", "elbow", "level"),
-    ("PR", "elbow", "upright"),
-    ("RR", "elbow", "oblique"),
-    ("RP", "pin", "oblique"),
-    ("PR", "weld", "upright"),
-    ("RR", "weld", "oblique"),
-]
+    ("PP", "pin", "upright"), ("PP", "elbow", "level"), ("RP", "elbow", "level"),
+    ("PR", "elbow", "upright"), ("RR", "elbow", "oblique"), ("RP", "pin", "oblique"),
+    ("PR", "weld", "upright"), ("RR", "weld", "oblique"),
+]  # fmt: skip
 
 
-@pytest.mark.parametrize(("kinds", "cut", "plane"), CASES)
+@pytest.mark.parametrize(("kinds", "cut", "plane"), tiered_rows(CASES, CASES[:3]))
 def test_loci_and_modes(tmp_path: Path, kinds: str, cut: str, plane: str) -> None:
     bar = FiveBar(tmp_path, kinds, cut, plane, 5)
     forms = pose_forms(bar.mechanism)
@@ -248,6 +244,7 @@ def test_a_double_solution_is_one_mode(tmp_path: Path) -> None:
     assert len(near.modes) == 2
 
 
+@pytest.mark.slow
 def test_a_slice_holds_all_that_the_rods_reach(tmp_path: Path) -> None:
     """Joints that are close to each other at home do not make a robot small."""
     mechanism = two_slides(tmp_path, (-1, 1))

@@ -142,6 +142,7 @@ def test_limits_of_the_rocker_leave_one_assembly_of_those_that_there_are(tmp_pat
     assert len(pinsing.loops.assembly_modes(mechanism.without_limits()).modes) == 2
 
 
+@pytest.mark.slow
 def test_elbows_of_cranks_with_rods_that_leave_their_plane():
     """Each of the 64 working modes has a name of its own: the sign of crank, rod and axis."""
     mechanism = shipped("rus6").without_limits()

@@ -383,6 +383,7 @@ def test_loci_that_shrink_to_a_point_are_stated(gap, links, lost, at, off):
             np.testing.assert_allclose(np.sin(turned / 2), 0, atol=1e-9)
 
 
+@pytest.mark.slow
 def test_an_isolated_point_is_found_along_its_lines_too():
     mechanism = two_cranks([(-0.1, 0.0), (0.1, 0.0)], [0.2, 0.3, 0.2, 0.3])
     found = analyze_mechanism(mechanism, [np.pi, 0.0])
@@ -453,6 +454,7 @@ def test_mode_of_the_papers_start():
     np.testing.assert_allclose(state.position[:2], paper_point(THIRD, THIRD), atol=1e-12)
 
 
+@pytest.mark.slow
 def test_assembly_sign_changes_at_type_2_only(rng):
     mechanism = shipped("planar_3rrr")
     found = curves(mechanism, home(mechanism)[list(mechanism.actuated)], 0)
@@ -702,6 +704,7 @@ def test_refine_without_held_joints_finds_the_nearest_type_2():
     assert np.abs(mechanism.fold(point.q - start)).max() < 0.5
 
 
+@pytest.mark.slow
 def test_refine_finds_where_both_types_meet():
     """Type 3 is two conditions: with both inputs free it is found from beside it."""
     mechanism = shipped("five_bar")

@@ -200,6 +200,7 @@ def test_what_the_time_of_an_analysis_leaves_out_is_said_and_the_rest_kept(capsy
         analyze_loops(LOOPS, seconds=0.0, **FIVE_BAR)
 
 
+@pytest.mark.slow
 def test_ctrl_c_keeps_what_an_analysis_has_done(monkeypatch, capsys, tmp_path):
     def stopped(*_: object) -> None:
         raise KeyboardInterrupt

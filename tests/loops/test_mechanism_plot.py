@@ -46,15 +46,10 @@ def no_figures_left() -> Any:
 
 
 OVER = {
-    "five_bar": ("x", "y"),
-    "planar_3rrr": ("x", "y"),
-    "planar_3rpr": ("y", "yaw"),
-    "gough_stewart": ("z", "pitch"),
-    "stewart_6_3": ("x", "roll"),
-    "delta": ("x", "z"),
-    "rps3": ("roll", "pitch"),
-    "agile_eye": ("yaw", "roll"),
-}
+    "five_bar": ("x", "y"), "planar_3rrr": ("x", "y"), "planar_3rpr": ("y", "yaw"),
+    "gough_stewart": ("z", "pitch"), "stewart_6_3": ("x", "roll"), "delta": ("x", "z"),
+    "rps3": ("roll", "pitch"), "agile_eye": ("yaw", "roll"),
+}  # fmt: skip
 
 
 @pytest.mark.parametrize("name", tiered(OVER, ("planar_3rpr",)))

@@ -166,6 +166,7 @@ def test_the_link_answers(five_bar: MechanismViewer) -> None:
 # The command ------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(sys.platform == "win32", reason="POSIX signals")
 def test_the_command_serves_until_it_is_ended() -> None:
     run = "import sys; from pinsing.cli.view import view_command; view_command(sys.argv[1:])"

@@ -106,16 +106,11 @@ def in_plane(mechanism, q, way):
 
 
 WAYS = [
-    Way("rpr", rpy=(np.pi / 2, 0, 0)),
-    Way("rpr", rpy=(0.4, 0.3, 0.2)),
-    Way("rpr", layers=0.1),
-    Way("rpr", from_platform=(1, 2)),
-    Way("rrr", rpy=(0.4, 0.3, 0.2)),
-    Way("rrr", cut_at_elbow=(2,)),
-    Way("rrr", cut_at_elbow=(1, 2), rpy=(np.pi / 2, 0, 0)),
-    Way("rrr", driven="b"),
-    Way("rpr", output_rpy=(0.7, 0.5, 0.3)),
-]
+    Way("rpr", rpy=(np.pi / 2, 0, 0)), Way("rpr", rpy=(0.4, 0.3, 0.2)), Way("rpr", layers=0.1),
+    Way("rpr", from_platform=(1, 2)), Way("rrr", rpy=(0.4, 0.3, 0.2)),
+    Way("rrr", cut_at_elbow=(2,)), Way("rrr", cut_at_elbow=(1, 2), rpy=(np.pi / 2, 0, 0)),
+    Way("rrr", driven="b"), Way("rpr", output_rpy=(0.7, 0.5, 0.3)),
+]  # fmt: skip
 
 
 @pytest.mark.parametrize("way", tiered(WAYS, (WAYS[3], WAYS[6], WAYS[8])), ids=str)

@@ -9,6 +9,7 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 from mechanisms import shipped
+from tiers import tiered
 from urdf_text import J, X, frame, loop_text, written
 
 import pinsing
@@ -58,7 +59,7 @@ def test_the_loci_do_not_depend_on_where_slides_are_counted_from(name, most, tmp
     assert excluded == [True, True]
 
 
-@pytest.mark.parametrize("name", ["planar_3rpr", "rps3"])
+@pytest.mark.parametrize("name", tiered(["planar_3rpr", "rps3"], {"rps3"}))
 def test_modes_of_slides_from_mid_stroke_are_counted_as_before(name, tmp_path):
     plain, moved = shipped(name), counted_from_mid_stroke(tmp_path, name)
     assert working_modes(moved).statement == working_modes(plain).statement

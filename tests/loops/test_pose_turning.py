@@ -324,6 +324,7 @@ def test_a_platform_in_the_plane_that_is_driven_at_its_feet(tmp_path, rng):
     np.testing.assert_allclose(ratios, ratios[0], rtol=1e-6)
 
 
+@pytest.mark.slow
 def test_designs_that_never_hold_the_platform_are_named(tmp_path):
     t = six("rus", 0)
     line = np.outer(np.linspace(-0.4, 0.4, 6), [1.0, 0.5, 0.0]).round(3)

@@ -60,6 +60,7 @@ def test_each_colour_has_a_name_and_the_legend_is_clear_of_the_label():
     assert axes.get_window_extent().height > 1.5 * figure.dpi
 
 
+@pytest.mark.slow
 def test_of_many_aspects_the_largest_are_named_and_the_others_are_one_colour():
     arm = pinsing.load("solo12", tip="FL_FOOT", task="position")
     axes = plot.aspect_plane(arm, "FL_HFE", "FL_KFE", samples=121)

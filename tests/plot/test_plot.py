@@ -241,6 +241,7 @@ def test_a_map_refuses_what_makes_no_sense() -> None:
 # Ellipsoids -------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_a_locus_is_where_the_arm_is_singular() -> None:
     """Every point of each curve, put into the arm, is singular; one curve for each third value."""
     arm = pinsing.load("panda")

@@ -65,6 +65,7 @@ def test_no_two_solutions_of_a_point_agree_in_all_signs(name):
     assert 2 <= most <= ladder.most
 
 
+@pytest.mark.slow
 def test_what_is_left_of_the_equation_has_the_roots_of_the_others():
     """The sign of its discriminant against the number of solutions found, arm with 2 and 4."""
     arm = dh_arm([(-90, 1, 0), (90, 2, 1), (0, 1.5, 0)], "position")

@@ -73,6 +73,7 @@ def test_check_says_it(tmp_path):
 START, GOAL = [-2.6, -1.65, 0.95, 0.52, -2.55, -0.42], [-0.22, -0.19, 0.8]
 
 
+@pytest.mark.slow
 def test_a_line_that_needs_another_posture():
     arm = pinsing.load("ur5")
     form = pinsing.closed_form(arm)

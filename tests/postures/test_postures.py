@@ -6,6 +6,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 from dh_arms import CRX, GOFA, arm_of, aspects_of, dh_arm, form_of
+from tiers import tiered
 
 import pinsing
 from pinsing.algebra.budget import Budget
@@ -44,7 +45,7 @@ def signs_of_det(arm, path, count=60):
 
 
 @pytest.mark.parametrize(
-    "name", [_slow(n) if n in ("talos_arm", "z1", "iiwa14", "so101") else n for n in COUNTS]
+    "name", tiered(COUNTS, set(COUNTS) - {"talos_arm", "z1", "iiwa14", "so101", "so100", "xarm7"})
 )
 def test_counts(name):
     for limits, count in zip((False, True), COUNTS[name], strict=True):

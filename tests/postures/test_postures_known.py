@@ -145,6 +145,7 @@ def test_what_an_answer_rests_on_is_of_that_answer():
 
 
 class TestJointsThatAreHeld:
+    @pytest.mark.slow
     def test_those_are_held_without_which_the_others_reach_the_pose(self):
         arm = pinsing.load("ur5", task="position")
         found = pinsing.posture_changes(arm, [0.3, -1.0, 1.2, 0.4, 0.9, 0.2])

@@ -75,6 +75,7 @@ def test_a_posture_that_is_reached_a_turn_away(wide):
     assert "are 3 more copies of this configuration, not listed: 1 in its aspect, 2 in" in text
 
 
+@pytest.mark.slow
 def test_what_is_said_holds_of_each_copy(wide):
     arm, form, of = wide
     answers = set()

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from kernel import needs_kernel
 from singular_sets import RIGHT, Joint, arm_of, build, closed
+from tiers import tiered
 
 import pinsing
 from pinsing._batch import engine
@@ -228,7 +229,7 @@ def sliding() -> Family:
 
 
 @pytest.mark.parametrize("norm", ["euclidean", "max"])
-@pytest.mark.parametrize("compiled", [True, False])
+@pytest.mark.parametrize("compiled", tiered([True, False], {True}))
 @needs_kernel
 def test_prismatic_joints_in_equations(norm: str, compiled: bool) -> None:
     family = sliding()

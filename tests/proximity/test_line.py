@@ -170,6 +170,7 @@ def test_other_bad_input() -> None:
             check_line(arm, np.zeros(6), pose, forms=form)
 
 
+@pytest.mark.slow
 @needs_kernel
 def test_the_command(capsys: pytest.CaptureFixture[str]) -> None:
     def run(*args: str) -> tuple[int, str, str]:

@@ -420,6 +420,7 @@ def test_limits_are_judged_as_in_python() -> None:
         assert tuple(frame["outside"]) == at(arm, q).outside == beyond
 
 
+@pytest.mark.slow
 @needs_node
 def test_what_is_missing_everywhere_is_counted_as_in_python() -> None:
     arm = load("so101")

@@ -439,6 +439,7 @@ def test_ctrl_c_between_the_address_and_the_page(monkeypatch: pytest.MonkeyPatch
     assert end.value.code == 0
 
 
+@pytest.mark.slow
 def test_two_commands_at_once() -> None:
     one, first = start("scara", "--no-open", "--skeleton")
     two, second = start("scara", "--no-open", "--skeleton", "--q", "0,90,0.1,0", "--deg")

@@ -379,6 +379,7 @@ def test_the_legend_never_covers_the_label(page: Any, stanford: Viewer) -> None:
                 assert right <= x0 or left >= x1 or bottom <= y0 or top >= y1
 
 
+@pytest.mark.slow
 def test_a_narrow_page_shows_its_legend_while_it_loads(page: Any, static: Path) -> None:
     page.set_viewport_size({"width": 400, "height": 800})
     open_page(page, static.as_uri())
