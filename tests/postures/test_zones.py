@@ -207,3 +207,5 @@ def test_a_monitor_tells_in_which_zones_a_configuration_is():
         pinsing.Monitor(form, zones=replace(found, posture=("elbow up",), within=("elbow up",)))
     with pytest.raises(OptionError, match="zones are of scara"):
         pinsing.Monitor(pinsing.closed_form(pinsing.load("planar3r")), zones=found)
+    with pytest.raises(OptionError, match="without weights"):
+        pinsing.Monitor(form, zones=found, weights=[1, 2, 1, 1])

@@ -558,3 +558,45 @@ def test_the_example_in_python() -> None:
     assert "warn, 0." in done.stdout
     nearest = re.search(r"nearest ([\d.]+) rad", done.stdout)
     assert 0.05 <= float(nearest[1]) < 0.1
+
+
+@needs_gcc
+def test_guards_and_a_report_say_what_a_monitor_says(tmp_path):
+    form = pinsing.closed_form(pinsing.load("scara"))
+    words = "--joint-speeds 5,5,1,10 --within q3=0..0.1,q1=1..3 -o"
+    done = run("zones", "scara", *words.split(), tmp_path / "zones.json")
+    assert done.exit_code == 0, done.output
+    found = pinsing.proximity.Zones.from_json((tmp_path / "zones.json").read_text())
+    files = [word for end in ("h", "py") for word in ("-o", str(tmp_path / f"guard.{end}"))]
+    done = run("export", "scara", "--zones", tmp_path / "zones.json", *files)
+    assert done.exit_code == 0, done.output
+    python = module((tmp_path / "guard.py").read_text(), tmp_path)
+    assert (python.TIP_SPEED, python.TURN_SPEED) == (0.25, 0.5)
+    monitor = pinsing.Monitor(form, zones=found)
+    Q = np.random.default_rng(4).uniform([-4, -4, -0.02, -6], [4, 4, 0.12, 6], (400, 4))
+    said = np.array([monitor.update(q).zones != () for q in Q])
+    assert 50 < said.sum() < 395
+    np.testing.assert_array_equal(python.in_zones(Q), said)
+    assert python.in_zones([np.nan, 1, 0, 0])
+    rows = ",".join("{" + ",".join(map(repr, q)) + "}" for q in [*Q.tolist()])
+    (tmp_path / "main.c").write_text(
+        f'#include <stdio.h>\n#include "guard.h"\nstatic const double Q[][4] = {{{rows}}};\n'
+        "int main(void) { double bad[4] = {0, NAN, 0, 0};\n"
+        'for (int i = 0; i < 400; i++) printf("%d", scara_in_zones(Q[i]));\n'
+        "return scara_in_zones(bad) != 1; }"
+    )
+    warn = ["-std=c99", "-Wall", "-Wextra", "-Werror", "-pedantic"]
+    subprocess.run(["gcc", *warn, "main.c", "-lm", "-o", "main"], cwd=tmp_path, check=True)
+    out = subprocess.run([tmp_path / "main"], capture_output=True, text=True, check=True).stdout
+    assert out == "".join(str(int(x)) for x in said)
+    with pytest.raises(OptionError, match="zones are of scara"):
+        pinsing.export_guard(pinsing.load("planar3r"), zones=found)
+    pinsing.write_report(
+        form.loaded, tmp_path / "report.html", forms=form, zones=found, page="none"
+    )
+    html = (tmp_path / "report.html").read_text()
+    assert "How near is too near" in html
+    assert "keep 20.3\N{DEGREE SIGN} from F1" in html
+    bad = run("report", "scara", "--zones", tmp_path / "guard.py", "-o", tmp_path / "r.html")
+    assert bad.exit_code == 2
+    assert "not JSON" in bad.stderr

@@ -21,7 +21,7 @@ from chromium import BLUE, ORANGE, PINK, near, open_page, picture, require_brows
 from command_line import run
 from urdf_texts import three_joints
 
-from pinsing import closed_form
+from pinsing import Monitor, closed_form, zones
 from pinsing.robot.load import load
 from pinsing.view import Viewer
 from pinsing.view.server import Server
@@ -484,3 +484,25 @@ def test_a_pose_at_rest_is_told_its_distance_for_sure(page: Any, tmp_path: Path)
     shown = page.evaluate("() => window.pinsing.view.frame.verdict")
     there = [f.distance(q) for f in closed_form(load("panda")).families]
     assert abs(shown["least"] - min(d.lower for d in there)) < 3e-6
+
+
+def test_where_a_monitor_sees_a_zone_the_slider_is_red(page: Any, tmp_path: Path) -> None:
+    form = closed_form(load("scara"))
+    found = zones(form, joint_speeds=[5, 5, 1, 10], within="q1=-1..1.2")
+    with Viewer(form.loaded, form.families, zones=found, skeleton=True) as viewer:
+        viewer.save_html(tmp_path / "scara.html")
+    open_page(page, (tmp_path / "scara.html").as_uri())
+    q = [0.3, 1.0, 0.1, 0.2]
+    page.evaluate("(q) => window.pinsing.go(q)", q)
+    page.wait_for_function("() => document.querySelectorAll('.band .zone').length === 3")
+    assert "Red: too near for 0.25 m/s and 0.5 rad/s" in text(page, "#joints-note")
+    red = page.evaluate("(q) => window.pinsing.source.zones(q)", q)
+    monitor = Monitor(form, zones=found)
+    for j, (low, high) in enumerate(zip(*form.loaded.span, strict=True)):
+        for k in range(0, 240, 7):
+            x = np.array(q)
+            x[j] = low + (k + 0.5) * (high - low) / 240
+            inside = any(a < x[j] < b for a, b in red[j])
+            assert inside is (monitor.update(x).zones != ())
+    page.evaluate("(q) => window.pinsing.go(q)", [2.0, 1.0, 0.1, 0.2])  # beyond their range
+    page.wait_for_function("() => document.querySelectorAll('.band .zone').length === 5")

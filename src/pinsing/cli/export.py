@@ -13,6 +13,7 @@ from pinsing.cli.options import RobotRequest, arm_options, output_option
 from pinsing.cli.output import STDOUT, say
 from pinsing.cli.singularities import prove_option
 from pinsing.cli.waiting import waiting
+from pinsing.cli.zones import read_zones, zones_option
 from pinsing.errors import OptionError
 
 if TYPE_CHECKING:
@@ -28,6 +29,7 @@ if TYPE_CHECKING:
     "--prefix", metavar="NAME", help="What names in C begin with.  [default: the robot's name]"
 )
 @click.option("--seconds", type=float, metavar="S", help="Time for the closed form.  [default: 10]")
+@zones_option
 @prove_option
 @output_option(required=True, c=".h .c", python=".py")
 def export_command(
@@ -37,6 +39,7 @@ def export_command(
     families: tuple[str, ...],
     prefix: str | None,
     seconds: float | None,
+    zones_file: Path | None,
     prove: Prove,
 ) -> None:
     """Write the singular families of ROBOT as one file without dependencies.
@@ -50,6 +53,7 @@ def export_command(
     """
     if c == python == STDOUT:
         raise OptionError("-o -.h and -o -.py both go to standard output")
+    zones = read_zones(zones_file)
     arm = request.load()
     from pinsing.families import closed_form
     from pinsing.proximity.guard import make_guard
@@ -59,7 +63,10 @@ def export_command(
         form = closed_form(arm, seconds=seconds, prove=prove)
     asked = families or None
     made = {
-        language: (target, make_guard(arm, language, forms=form, families=asked, prefix=prefix))
+        language: (
+            target,
+            make_guard(arm, language, forms=form, families=asked, prefix=prefix, zones=zones),
+        )
         for language, target in (("c", c), ("python", python))
         if target is not None
     }

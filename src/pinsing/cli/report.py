@@ -24,6 +24,7 @@ from pinsing.cli.options import (
 )
 from pinsing.cli.output import emit, say
 from pinsing.cli.singularities import algebra_options, prove_option
+from pinsing.cli.zones import read_zones, zones_option
 from pinsing.errors import OptionError
 from pinsing.prose import Page
 
@@ -99,6 +100,7 @@ def out_options(command: F) -> F:
     metavar="FILE",
     help="Judge this trajectory too: what `pinsing check` reads.",
 )
+@zones_option
 @prove_option
 @algebra_options
 @deg_option
@@ -110,6 +112,7 @@ def report_command(
     skeleton: bool,
     poses: tuple[str, ...],
     trajectory: Path | None,
+    zones_file: Path | None,
     prove: Prove,
     algebra: dict[str, Any],
     deg: bool,
@@ -127,6 +130,7 @@ def report_command(
     _check_pdf(pdf)
     for text in poses:
         parse_numbers(text, "--q", deg)
+    zones = read_zones(zones_file)
     arm = request.load()
     given = {f"given {k}": joint_vector(arm, text, "--q", deg) for k, text in enumerate(poses, 1)}
     from pinsing.families import closed_form
@@ -140,7 +144,7 @@ def report_command(
     if way is not None and trajectory is not None:
         check = check_trajectory(arm, way.Q, way.t, forms=forms)
         judged = Trajectory(check, way.Q, way.t, trajectory.name, request.words, way.notes)
-    _write(arm, html, pdf, page, skeleton, given, forms, judged)
+    _write(arm, html, pdf, page, skeleton, given, forms, judged, zones)
     from pinsing.families.form import answer_text
 
     emit(answer_text(forms, Page.of(), request.words))
@@ -162,6 +166,7 @@ def _write(
     poses: dict[str, Array],
     forms: Any,
     trajectory: Any = None,
+    zones: Any = None,
 ) -> None:
     from pinsing.report.arm_report import write_report
 
@@ -174,6 +179,7 @@ def _write(
         forms=forms,
         poses=poses,
         trajectory=trajectory,
+        zones=zones,
         page=where,  # type: ignore[arg-type]
         skeleton=skeleton,
         pdf=pdf,

@@ -28,6 +28,7 @@ from pinsing.cli.output import say
 from pinsing.cli.serving import picture_size, read_json, served_ahead, stay, write_files
 from pinsing.cli.streams import followed
 from pinsing.cli.waiting import waiting
+from pinsing.cli.zones import read_zones, zones_option
 from pinsing.errors import ConfigurationError, OptionError, ResultError
 
 if TYPE_CHECKING:
@@ -63,6 +64,7 @@ _PICTURE = 0.05
     shell_complete=completion.families,
     help="Show this family first, such as F2.",
 )
+@zones_option
 @follow_option("Show the configurations of STREAM as they come")
 @click.option("--scale", type=float, default=1.0, show_default=True, help="Size of the ellipsoids.")
 @click.option("--skeleton", is_flag=True, help="Without meshes: small pages.")
@@ -80,6 +82,7 @@ def view_command(
     poses: tuple[str, ...],
     analysis: Path | None,
     family: str | None,
+    zones_file: Path | None,
     follow: Path | None,
     scale: float,
     skeleton: bool,
@@ -108,12 +111,13 @@ def view_command(
     picture = picture_size(size)
     if follow is not None and (html or png):
         raise OptionError("--follow needs a page that is served: leave out -o")
+    zones = read_zones(zones_file)
     arm = request.load()
     vectors = [joint_vector(arm, text, "--q", deg) for text in poses]
     saved = None if analysis is None else _read(analysis, arm)
     live = html is None and png is None
     # What is typed and can still be refused is judged before a browser opens.
-    late = family is not None or not 0 < scale < math.inf
+    late = family is not None or zones is not None or not 0 < scale < math.inf
     with contextlib.ExitStack() as stack:
         page = served_ahead(arm.name, host, port, no_open)
         server = stack.enter_context(page) if live and not late else None
@@ -134,6 +138,7 @@ def view_command(
                     vectors,
                     findings,
                     coverage=coverage,
+                    zones=zones,
                     scale=scale,
                     skeleton=skeleton,
                     host=host,

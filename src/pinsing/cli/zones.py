@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
@@ -20,7 +21,31 @@ from pinsing.cli.options import (
     typed_speeds,
 )
 from pinsing.cli.output import emit_json, emit_lines
+from pinsing.cli.serving import read_json
 from pinsing.cli.waiting import waiting
+from pinsing.errors import ResultError
+
+if TYPE_CHECKING:
+    from pinsing.proximity.zones import Zones
+
+
+zones_option = click.option(
+    "--zones",
+    "zones_file",
+    type=click.Path(exists=True, dir_okay=False, path_type=Path),
+    metavar="FILE.json",
+    help="With the zones that `pinsing zones ROBOT -o FILE.json` wrote.",
+)
+
+
+def read_zones(file: Path | None) -> Zones | None:
+    """Zones of a file that was asked for."""
+    from pinsing.proximity.zones import Zones
+
+    try:
+        return None if file is None else Zones.from_dict(read_json(file))
+    except ResultError as error:
+        raise ResultError(f"{file}: {error}") from None
 
 
 @command("zones")

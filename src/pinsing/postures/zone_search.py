@@ -399,11 +399,15 @@ class _Search:
             moved = np.clip(good + moves, self.low, self.high).reshape(-1, self.arm.n)
             Q, step = np.concatenate([good, moved]), step * 0.8
 
+    def _proven(self, Q: Array, gap: float) -> Array:
+        """Lower bounds (N, F) of the distances of Q (N, n) to the families, within ``gap``."""
+        limits, search = (self.watched.lower, self.watched.upper), SearchOptions(gap=gap)
+        low = [nearest_points(c, Q, *limits, search).lower for c in self.each]
+        return np.stack(low, axis=1) if low else np.empty((len(Q), 0))
+
     def _certified(self, k: int | None, far: Array, Q: Array) -> tuple[float, Array]:
         """The largest objective that is proven of configurations Q (N, n), and its one."""
-        limits = self.watched.lower, self.watched.upper
-        low = [nearest_points(c, Q, *limits, SearchOptions(gap=1e-4)).lower for c in self.each]
-        value = self._objective(k, far, np.stack(low, axis=1))
+        value = self._objective(k, far, self._proven(Q, 1e-4))
         best = int(value.argmax())
         return max(0.0, float(value[best])), Q[best]
 
@@ -541,8 +545,12 @@ class _Search:
     def _measures(self, far: Array) -> tuple[float, float]:
         """Least sigma and largest condition number found outside the zones."""
         Q = self._random(self.samples)
-        low = two_sided(self.watched.conditions, Q, each=True).each[..., 0]
-        Q = Q[(low > far).all(axis=1)]
+        low, up = self._distances(Q)
+        outside = np.asarray((low > far).all(axis=1))
+        # What only may be outside is looked at closely, some of it.
+        maybe = np.flatnonzero((up > far).all(axis=1) & ~outside)[: self.chunk // 8]
+        outside[maybe] = (self._proven(Q[maybe], 1e-2) > far).all(axis=1)
+        Q = Q[outside]
         Q = Q[self.region.holds(Q)]
         if not len(Q):
             return math.inf, math.nan

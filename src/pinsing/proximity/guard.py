@@ -24,7 +24,9 @@ from pinsing.families import ClosedForm, Family, closed_form
 from pinsing.kinematics.verdict import fingerprint
 from pinsing.prose import visible
 from pinsing.proximity.watched import Forms, every_name, require_forms_of, watch
+from pinsing.proximity.zones import Zones, zone_distances
 from pinsing.robot.arm import Arm
+from pinsing.robot.joint_space import SLACK
 from pinsing.robot.nominal import nominal
 
 
@@ -49,6 +51,29 @@ class GuardSource:
     complete: bool
     word: str
     notes: tuple[str, ...]
+    zones: Zones | None
+
+    @property
+    def zone_tables(self) -> dict[str, Array]:
+        """Distances from families, and the middle and half of the joint ranges that they are of."""
+        if self.zones is None:
+            return {}
+        low, high = self.zones.lower, self.zones.upper
+        far = zone_distances(self.zones, self.zones.arm, [name for name, _ in self.families])
+        return {"zone": far, "zone_middle": (low + high) / 2, "zone_half": (high - low) / 2 + SLACK}
+
+    def zones_filled(self, name: str, parts: Mapping[str, str], prefix: str = "") -> str:
+        """What the file says and does about zones; empty without them."""
+        if self.zones is None:
+            return ""
+        v, w = repr(self.zones.tip_speed), repr(self.zones.turn_speed)
+        return _filled(name, {"tip_speed": v, "turn_speed": w, **parts}, prefix)
+
+    @property
+    def zone_title(self) -> str:
+        """Where zones are of, on one line of ASCII."""
+        words = () if self.zones is None else self.zones.within
+        return _plain(f"Zones, of {', '.join(words) or 'all configurations'}.")
 
 
 def _filled(name: str, parts: Mapping[str, str], prefix: str = "") -> str:
@@ -110,6 +135,16 @@ def _c_text(source: GuardSource) -> str:
                 ]
             ),
             "tables": "\n".join(_table(f"{p}_{name}", table) for name, table in tables.items()),
+            "zones": source.zones_filled(
+                "zones.h.in",
+                {
+                    "title": _comment([source.zone_title]),
+                    "tables": "\n".join(
+                        _table(f"{p}_{name}", table) for name, table in source.zone_tables.items()
+                    ),
+                },
+                p,
+            ),
         },
         p,
     )
@@ -217,6 +252,18 @@ def _python_text(source: GuardSource) -> str:
         "code": code.partition("import Array\n")[2].strip(),
         "branches": _rows(branches),
         "sums": _rows(parameters),
+        "zones": source.zones_filled(
+            "zones.py.in",
+            {
+                "title": textwrap.fill(
+                    source.zone_title, _WIDTH, initial_indent="# ", subsequent_indent="# "
+                ),
+                "tables": "\n".join(
+                    f"{name.upper()} = {_literal(table.tolist())}"
+                    for name, table in source.zone_tables.items()
+                ),
+            },
+        ),
     }
     return _filled("guard.py.in", parts)
 
@@ -279,6 +326,7 @@ def export_guard(
     forms: Forms | None = None,
     families: Sequence[str] | None = None,
     prefix: str | None = None,
+    zones: Zones | None = None,
 ) -> str:
     """Write the families of an arm as one self-contained file: a guard for a control loop.
 
@@ -301,6 +349,9 @@ def export_guard(
         Names of the families that count; by default all. A guard of some is not complete.
     prefix : str, optional
         What names in C begin with: letters, digits and underscores. By default the robot's name.
+    zones : Zones, optional
+        Those of the arm, from `pinsing.zones`: the file then tells whether a configuration is
+        proven to be outside, where tip speeds keep the joint speed limits.
 
     Returns
     -------
@@ -310,7 +361,8 @@ def export_guard(
     Raises
     ------
     OptionError, UnknownNameError
-        If the prefix is no name in C, forms are of another arm, or there is no family of a name.
+        If the prefix is no name in C, forms or zones are of another arm, or there is no family of a
+        name.
 
     Examples
     --------
@@ -319,7 +371,9 @@ def export_guard(
     >>> "ur5_clearance(const double q[UR5_JOINTS]" in text
     True
     """
-    return make_guard(arm, language, forms=forms, families=families, prefix=prefix).text
+    return make_guard(
+        arm, language, forms=forms, families=families, prefix=prefix, zones=zones
+    ).text
 
 
 def make_guard(
@@ -329,6 +383,7 @@ def make_guard(
     forms: Forms | None = None,
     families: Sequence[str] | None = None,
     prefix: str | None = None,
+    zones: Zones | None = None,
 ) -> Guard:
     """As `export_guard`, with what one should know of the file."""
     if prefix is None:
@@ -383,6 +438,8 @@ def make_guard(
         taken = watched.margin
         whole = len(kept) == len(watched.names)
         margin = (float(taken.alone.max()) if whole else taken.meeting, taken.meeting, taken.near)
+    if zones is not None:
+        zone_distances(zones, every[0].arm, [name for name, _ in kept])
     geometries = [form.geometry or nominal(arm) for form in every]
     source = GuardSource(
         prefix=prefix,
@@ -404,6 +461,7 @@ def make_guard(
         complete=complete,
         word=word,
         notes=tuple(notes),
+        zones=zones,
     )
     text = _c_text(source) if language == "c" else _python_text(source)
     return Guard(text, prefix, complete, word, tuple(notes))

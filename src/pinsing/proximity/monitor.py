@@ -21,7 +21,7 @@ from pinsing.kinematics.tip_speed import TURN_SPEED, SpeedJudge, TipSpeeds, spee
 from pinsing.notebook import one_line
 from pinsing.proximity.clearance import NAMING, nearest_family
 from pinsing.proximity.watched import Forms, every_name, watch
-from pinsing.proximity.zones import Zones
+from pinsing.proximity.zones import Zones, zone_distances
 from pinsing.robot.joint_space import SLACK
 from pinsing.robot.whole_model import WholeModel
 
@@ -195,15 +195,10 @@ class Monitor:
         self.joints, self.names, self.complete = watched.joints, watched.names, watched.complete
         self._zones: Array | None = None
         if zones is not None:
-            kept = {name for name, far in zones.distances.items() if far > 0}
-            if zones.arm.joints != self.joints or weights is not None or kept - set(self.names):
-                raise OptionError(
-                    f"zones are of {zones.arm.name} and families {', '.join(sorted(kept))}: watch "
-                    "this arm and these, without weights"
-                )
-            if zones.posture or np.isfinite(zones.tip_lower).any():
-                raise OptionError(f"zones of {', '.join(zones.within)}: give those of joint ranges")
-            self._zones = np.array([zones.distances.get(name, 0.0) for name in self.names])
+            if weights is not None:
+                raise OptionError("zones have their own metric: watch without weights")
+            first = forms if isinstance(forms, ClosedForm) else forms[0]
+            self._zones = zone_distances(zones, first.arm, self.names)
             self._range = (zones.lower + zones.upper) / 2, (zones.upper - zones.lower) / 2
         self._judge: SpeedJudge | None = None
         if tip_speed is not None:

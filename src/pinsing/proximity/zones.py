@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import ClassVar
 
+import numpy as np
+
 from pinsing._types import Array
 from pinsing.arguments import checked
+from pinsing.errors import OptionError
 from pinsing.notebook import one_line
 from pinsing.prose import listed
 from pinsing.proximity.trajectory import angle_text
@@ -89,6 +93,11 @@ class Zones(JsonResult):
         said = ", ".join(f"{name} {d:.3g}" for name, d in self.distances.items())
         return one_line("Zones", f"{self.arm.name}, {said}")
 
+    @property
+    def speeds(self) -> str:
+        """Speeds of the tip, in words."""
+        return f"{self.tip_speed:g} m/s and {self.turn_speed:g} rad/s"
+
     @checked
     def text(self, degrees: bool = True) -> str:
         """Return the answer in lines.
@@ -109,7 +118,6 @@ class Zones(JsonResult):
         def far(x: float) -> str:
             return angle_text(x, degrees)
 
-        speeds = f"{self.tip_speed:g} m/s and {self.turn_speed:g} rad/s of the tip"
         kept = [n for n, d in self.distances.items() if d > 0]
         where = f"with {listed(self.within)}, " if self.within else ""
         if kept and not math.isfinite(self.sigma_min):
@@ -122,7 +130,10 @@ class Zones(JsonResult):
             lines = [f"{self.arm.name}: {where}keep {away} (proven)"]
         else:
             lines = [f"{self.arm.name}: {where}no distance need be kept (proven)"]
-        lines += ["", f"  Then {speeds}, in any directions, exceed no joint speed limit"]
+        lines += [
+            "",
+            f"  Then {self.speeds} of the tip, in any directions, exceed no joint speed limit",
+        ]
         for name in kept:
             found = self.exceeding[name]
             short = f"a limit is exceeded at {far(found)}" if found else "none found that does"
@@ -137,3 +148,32 @@ class Zones(JsonResult):
                 f"{self.condition_number:.3g} (found)"
             )
         return "\n".join([*lines, *(f"note: {n}" for n in self.notes)])
+
+
+def zone_distances(zones: Zones, arm: ArmSummary, names: Sequence[str]) -> Array:
+    """Return the distances (F,) from families of these names, 0 where none is kept.
+
+    Raises
+    ------
+    OptionError
+        If the zones are of another arm or of other families, or depend on more than the joint
+        values: on a posture, or on where the tip is.
+    """
+    require_zones_of(zones, arm, names)
+    if zones.posture or np.isfinite(zones.tip_lower).any():
+        raise OptionError(f"zones of {', '.join(zones.within)}: give those of joint ranges")
+    return np.array([zones.distances.get(name, 0.0) for name in names])
+
+
+def require_zones_of(zones: Zones, arm: ArmSummary, names: Sequence[str]) -> None:
+    """Raise OptionError unless zones are of this arm, and of families of these names."""
+    mine, other = (
+        (a.name, a.joints, a.base, a.tip, a.task, a.length_scale) for a in (zones.arm, arm)
+    )
+    kept = {name for name, far in zones.distances.items() if far > 0}
+    if mine != other or kept - set(names):
+        raise OptionError(
+            f"zones are of {zones.arm.name}, base {zones.arm.base}, tip {zones.arm.tip}, task "
+            f"{zones.arm.task}, and families {', '.join(sorted(kept))}, not of {arm.name}, base "
+            f"{arm.base}, tip {arm.tip}, task {arm.task}, and {', '.join(names)}"
+        )

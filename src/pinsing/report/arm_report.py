@@ -30,6 +30,7 @@ from pinsing.proof.produce import text_of
 from pinsing.proximity.clearance import Clearance
 from pinsing.proximity.trajectory import check_trajectory, details
 from pinsing.proximity.trajectory import summary as said_of
+from pinsing.proximity.zones import Zones, require_zones_of
 from pinsing.report.document import (
     SCHEMA,
     Section,
@@ -71,6 +72,7 @@ def write_report(
     forms: ClosedForm | None = None,
     poses: Mapping[str, npt.ArrayLike] | None = None,
     trajectory: npt.ArrayLike | Trajectory | None = None,
+    zones: Zones | None = None,
     page: Literal["inside", "beside", "none"] = "inside",
     skeleton: bool = False,
     pdf: str | os.PathLike[str] | None = None,
@@ -95,6 +97,8 @@ def write_report(
     trajectory : (N, n) array_like or Trajectory, optional
         Of an arm: a motion to judge as `check_trajectory` does, radians and metres; the page
         shows it.
+    zones : Zones, optional
+        Those of the arm, from `pinsing.zones`: how near is too near.
     page : str
         Where the interactive page of `Viewer` goes: "inside" the file, "beside" it (as
         ``NAME-model.html``), or "none".
@@ -113,7 +117,8 @@ def write_report(
     OutputError
         If a file cannot be written, or there is no browser to print with; then none is written.
     OptionError
-        If neither ``path`` nor ``pdf`` is given, or ``forms`` are those of another arm.
+        If neither ``path`` nor ``pdf`` is given, or ``forms`` or ``zones`` are those of
+        another arm.
     ConfigurationError
         If a pose has the wrong length or is not finite.
 
@@ -139,7 +144,7 @@ def write_report(
         if html_file is None:
             raise OptionError("page='beside' needs path: the HTML file that it stands beside")
         beside = check_writable(html_file.with_name(f"{html_file.stem}-model.html"))
-    html, shown = _made(robot, forms, poses or {}, page, beside, skeleton, trajectory)
+    html, shown = _made(robot, forms, poses or {}, page, beside, skeleton, trajectory, zones)
     on_paper = None if pdf_file is None else printed(html, pdf_file)
     if beside is not None and shown is not None:
         write_text(beside, shown)
@@ -158,6 +163,7 @@ def _made(
     beside: Path | None,
     skeleton: bool,
     trajectory: Any,
+    zones: Zones | None,
 ) -> tuple[str, str | None]:
     inside, name = page == "inside", None if beside is None else beside.name
     if isinstance(robot, Arm):
@@ -172,9 +178,9 @@ def _made(
         if trajectory is not None and not isinstance(trajectory, Trajectory):
             Q = robot.check(trajectory)
             trajectory = Trajectory(check_trajectory(robot, Q, forms=forms), Q, None)
-        return arm_report(robot, forms, checked_poses, inside, name, skeleton, trajectory)
-    if trajectory is not None:
-        raise OptionError("a trajectory is judged for arms only")
+        return arm_report(robot, forms, checked_poses, inside, name, skeleton, trajectory, zones)
+    if trajectory is not None or zones is not None:
+        raise OptionError("a trajectory and zones are of arms only")
     if forms is not None:
         raise OptionError("forms are of arms: a mechanism has none to give")
     from pinsing.report.mechanism_report import mechanism_report
@@ -278,6 +284,17 @@ def trajectory(c: Content, way: Trajectory) -> Section:
         ),
         f"<pre>{text(details(way.check))}</pre>",
         bullets(text(note) for note in way.notes),
+    )
+
+
+def too_near(zones: Zones) -> Section:
+    """Return what `pinsing zones` says."""
+    first, _, *lines = zones.text().splitlines()
+    return section(
+        "zones",
+        "How near is too near",
+        paragraph(f"<strong>{text(sentence(first))}</strong>", kind="lead"),
+        bullets(text(line.strip().removeprefix("note: ")) for line in lines),
     )
 
 
@@ -664,6 +681,7 @@ def arm_report(
     beside: str | None,
     skeleton: bool,
     way: Trajectory | None = None,
+    zones: Zones | None = None,
 ) -> tuple[str, str | None]:
     """The report of an arm, and the interactive page that belongs beside it.
 
@@ -683,16 +701,21 @@ def arm_report(
         The page without meshes.
     way : Trajectory, optional
         A trajectory to judge.
+    zones : Zones, optional
+        How near is too near.
     """
     quiet_backend()
     started = time.monotonic()
     content = gather(arm, forms, poses)
-    shown = _page(content, skeleton, way) if page or beside is not None else None
+    if zones is not None:
+        require_zones_of(zones, content.forms.arm, [f.name for f in content.forms.families])
+    shown = _page(content, skeleton, way, zones) if page or beside is not None else None
     certificate = content.forms.certificate
     written = None if certificate is None else text_of(certificate) + "\n"
     sections = [
         summary(content),
         None if way is None else trajectory(content, way),
+        None if zones is None else too_near(zones),
         maps(content),
         families(content),
         special(content),
@@ -712,14 +735,14 @@ def arm_report(
         title=f"Singular configurations of {arm.name}",
         subtitle=f"{arm.base} to {arm.tip}, task {arm.task.name}; {made.when}",
         sections=[s for s in sections if s is not None],
-        data=_data(content, made),
+        data={**_data(content, made), "zones": None if zones is None else zones.to_dict()},
         page=shown if page else None,
         foot=f"Made by pinsing {__version__}.",
     )
     return html, shown
 
 
-def _page(content: Content, skeleton: bool, way: Trajectory | None) -> str:
+def _page(content: Content, skeleton: bool, way: Trajectory | None, zones: Zones | None) -> str:
     from pinsing.view.trajectory import trajectory_data
     from pinsing.view.viewer import Viewer
 
@@ -736,6 +759,7 @@ def _page(content: Content, skeleton: bool, way: Trajectory | None) -> str:
         coverage=coverage_words(forms),
         clearest=content.clearest,
         shown=shown,
+        zones=None if zones is None or zones.posture else zones,
     ) as viewer:
         return viewer.html()
 

@@ -13,7 +13,8 @@ from pinsing.arguments import checked, shown
 from pinsing.errors import ArgumentError, OptionError
 from pinsing.families import Family
 from pinsing.families.certainty import coverage_words
-from pinsing.robot.arm import Arm
+from pinsing.proximity.zones import Zones, zone_distances
+from pinsing.robot.arm import Arm, summarize
 from pinsing.sampling.generalize import Finding
 from pinsing.view.entries import (
     Entry,
@@ -66,6 +67,8 @@ class Viewer(Tab):
         ``closed_form(arm)`` says where the families are its own.
     clearest : Suggestion, optional
         A clear configuration, by `suggest`: the page's button leads to none that is worse.
+    zones : Zones, optional
+        Those of the arm and of joint ranges, from `pinsing.zones`: red at the sliders.
     visualizer : pinocchio MeshcatVisualizer or meshcat.Visualizer, optional
         Draw into this one as well: axes, ellipsoids and lost motions below its node
         ``pinsing``. One that displays the robot of the arm is moved along.
@@ -98,6 +101,7 @@ class Viewer(Tab):
         postures: PostureChanges | None = None,
         coverage: str = "",
         clearest: Suggestion | None = None,
+        zones: Zones | None = None,
         visualizer: Any = None,
         scale: float = 1.0,
         skeleton: bool = False,
@@ -135,6 +139,9 @@ class Viewer(Tab):
             shown = trajectory_data(arm, check_trajectory(arm, Q, t), Q, t)
         self._stage = Stage(arm, links, size, skeleton, notes, entries, shown, listed)
         self._stage.coverage, self._stage.clearest = coverage, clearest
+        if zones is not None:
+            zone_distances(zones, summarize(arm), [e.name for e in entries])
+            self._stage.zones = zones
         if postures is not None:
             self._stage.q, self._stage.chosen = postures.q, None
         self._overlay = None

@@ -128,7 +128,7 @@ class App {
   }
 
   rest(frame) {
-    this.panel.ticks(this.source.marks(frame.q));
+    this.panel.ticks(this.source.marks(frame.q), this.source.zones(frame.q));
     if (this.entry !== null) this.panel.curve(this.entry, this.source.familyOf(this.entry), frame.q);
     this.sharpen(frame);
   }

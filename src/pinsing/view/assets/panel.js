@@ -208,6 +208,7 @@ class Panel {
       return found;
     });
     $("joints-note").textContent = this.page.entries.length ? "Ticks: where this joint alone meets a family." : "";
+    if (this.page.zones) $("joints-note").append(` Red: too near for ${this.page.zones.speeds}, or not proven to be far enough.`);
   }
 
   limits(joint) {
@@ -220,13 +221,18 @@ class Panel {
   }
 
   // Where each slider alone would meet a family.
-  ticks(marks) {
+  ticks(marks, zones) {
     marks.forEach((found, i) => {
-      const { lower, upper } = this.page.joints[i];
-      this.rows[i].band?.replaceChildren(...found.map(({ value, name, text }) => {
+      const { lower, upper } = this.page.joints[i], part = (value) => `${(100 * (value - lower)) / (upper - lower)}%`;
+      const inside = (zones[i] ?? []).map(([a, b]) => {
+        const node = make("span", "zone");
+        Object.assign(node.style, { left: part(a), width: part(lower + b - a) });
+        return node;
+      });
+      this.rows[i].band?.replaceChildren(...inside, ...found.map(({ value, name, text }) => {
         const node = make("span", "mark");
         node.title = `${name}: ${text}`;
-        node.style.left = `${(100 * (value - lower)) / (upper - lower)}%`;
+        node.style.left = part(value);
         return node;
       }));
     });

@@ -22,6 +22,12 @@ class EngineSource {
         : Engine.meetings(f, q, j, joint.lower, joint.upper, joint.prismatic).map((value) => ({ value, name: f.name, text: f.text })))));
   }
 
+  // Where each joint alone is in a zone, or not known to be outside.
+  zones(q) {
+    const { engine, joints, zones } = this.page;
+    return zones ? joints.map((joint, j) => Engine.zonesAlong(engine, zones, q, j, joint.lower, joint.upper)) : [];
+  }
+
   familyOf(entry) { return (this.page.engine.families ?? []).find((f) => f.entry === entry) ?? null; }
 
   async path(entry, k, kind) {

@@ -26,6 +26,24 @@ function glance(branch, q, joints, weight) {
   return { placed, fixed, under: bounds.length ? Math.sqrt(square + Math.max(...bounds) ** 2) : fixed };
 }
 
+const CELLS = 240; // of a slider
+
+// Pieces [a, b] of the slider of joint j, the others held at q, at which it is not proven that the arm is
+// outside of zones { middle, half, far }: joint ranges, and distances by name of family.
+export function zonesAlong(data, { middle, half, far }, q, j, low, high) {
+  const { joints, task } = data, weight = weightsOf(joints, task.lengthScale), x = q.slice(), step = (high - low) / CELLS, out = [];
+  let before = null;
+  const clear = () => x.every((v, i) => Math.abs(apart(v, middle[i], joints[i].prismatic)) <= half[i] + 1e-9) &&
+    data.families.every((f) => !(far[f.name] > 0) || f.branches.every((b) => glance(b, x, joints, weight).under > far[f.name]));
+  for (let k = 0; k < CELLS; k++) {
+    x[j] = low + (k + 0.5) * step;
+    if (clear()) before = null;
+    else if (before) before[1] = low + (k + 1) * step;
+    else out.push((before = [low + k * step, low + (k + 1) * step]));
+  }
+  return out;
+}
+
 // Distance { lower, upper, q, branch } from q to a family; q is null where no point was found, and upper
 // infinite. Joint values: both bounds are equal.
 export function distance(data, family, q, terms = 0) {
