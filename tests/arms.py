@@ -63,12 +63,9 @@ _BY_NAME = [
     "hextilt",
 ]  # fmt: skip
 CATALOGUE = [
-    *((name, None) for name in _BY_NAME),
-    ("pr2", "r_gripper_tool_frame"),
-    ("baxter", "left_gripper_base_link"),
-    ("icub", "l_gripper"),
-    ("g1", "left_rubber_hand"),
-]
+    *((name, None) for name in _BY_NAME), ("pr2", "r_gripper_tool_frame"),
+    ("baxter", "left_gripper_base_link"), ("icub", "l_gripper"), ("g1", "left_rubber_hand"),
+]  # fmt: skip
 """Arms that come with pinsing and its data, with their tips where one has to be named."""
 
 

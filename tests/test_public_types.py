@@ -349,11 +349,9 @@ def test_what_may_fit_is_taken_or_refused(name):
 
 
 MADE = {
-    "arm": 'pinsing.load("ur5")',
-    "mechanism": "pinsing.load_mechanism(",
-    "result": "pinsing.sampling.sweep(arm)",
-    "state": "pinsing.at(arm, q)",
-}
+    "arm": 'pinsing.load("ur5")', "mechanism": "pinsing.load_mechanism(",
+    "result": "pinsing.sampling.sweep(arm)", "state": "pinsing.at(arm, q)",
+}  # fmt: skip
 TAKERS = [case for case in CASES if case[1] in MADE]
 
 

@@ -18,10 +18,8 @@ from pinsing.cli.commands import VARIANTS
 
 COMMANDS = {
     "at": ["at", "planar3r", "--q", "0,0,0", "--fail-if-singular"],
-    "json": ["map", "planar3r", "--count", "5000", "-o", "-"],
-    "help": ["--help"],
-    "nothing": [],
-}
+    "json": ["map", "planar3r", "--count", "5000", "-o", "-"], "help": ["--help"], "nothing": [],
+}  # fmt: skip
 FULL = Path("/dev/full")
 
 

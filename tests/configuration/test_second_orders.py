@@ -17,12 +17,10 @@ from pinsing.robot.nominal import nominal
 pytestmark = pytest.mark.skipif(not engine.available(), reason="needs the compiled kernel")
 
 CASES = {
-    "6 joints": {"robot": "ur5"},
-    "a slider": {"robot": "stanford"},
-    "7 joints": {"robot": "panda"},
-    "three rows": {"robot": "planar3r", "task": "vx,vy,wz"},
+    "6 joints": {"robot": "ur5"}, "a slider": {"robot": "stanford"},
+    "7 joints": {"robot": "panda"}, "three rows": {"robot": "planar3r", "task": "vx,vy,wz"},
     "position of 6 joints": {"robot": "ur5", "task": "position"},
-}
+}  # fmt: skip
 
 
 @pytest.fixture(scope="module", params=CASES, ids=str)

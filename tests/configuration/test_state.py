@@ -19,13 +19,10 @@ from pinsing.robot.load import load
 from pinsing.robot.nominal import nominal
 
 REGULAR_Q = {
-    "ur5": [0.1, -1.0, 0.8, 0.3, 0.9, 0.2],
-    "stanford": [0.1, 0.7, 0.3, 0.4, 0.7, 0.5],
-    "iiwa14": [0.1, 0.7, 0.3, 0.8, 0.4, 0.5, 0.6],
-    "kinova": [0.1, 2.5, 2.0, 0.3, 1.5, 0.2],
-    "scara": [0.3, 0.7, 0.1, 0.2],
-    "so101": [0.3, 0.2, 0.4, -0.5, 0.2],
-}
+    "ur5": [0.1, -1.0, 0.8, 0.3, 0.9, 0.2], "stanford": [0.1, 0.7, 0.3, 0.4, 0.7, 0.5],
+    "iiwa14": [0.1, 0.7, 0.3, 0.8, 0.4, 0.5, 0.6], "kinova": [0.1, 2.5, 2.0, 0.3, 1.5, 0.2],
+    "scara": [0.3, 0.7, 0.1, 0.2], "so101": [0.3, 0.2, 0.4, -0.5, 0.2],
+}  # fmt: skip
 
 
 @functools.cache
@@ -98,16 +95,13 @@ def test_ellipsoids_are_the_image_of_unit_joint_speeds(name):
 
 SINGULAR_Q = [
     ("ur5", [0.1, -1.0, 0.8, 0.3, 0, 0.2], "pose"),
-    ("ur5", [0.1, -1.0, 0, 0.3, 0.9, 0.2], "pose"),
-    ("stanford", [0, 0, 0, 0, 0, 0], "pose"),
+    ("ur5", [0.1, -1.0, 0, 0.3, 0.9, 0.2], "pose"), ("stanford", [0, 0, 0, 0, 0, 0], "pose"),
     ("stanford", [0.1, 0, 0.3, 0.4, 0.7, 0.5], "pose"),
     ("iiwa14", [0.1, 0.7, 0.3, 0, 0.4, 0.5, 0.6], "pose"),
-    ("iiwa14", [0, 0, 0, 0, 0, 0, 0], "pose"),
-    ("scara", [0.3, 0, 0.1, 0.2], "pose"),
-    ("planar3r", [0.3, 0, 0], "position"),
-    ("planar3r", [0.3, 0, 0], "pose"),
+    ("iiwa14", [0, 0, 0, 0, 0, 0, 0], "pose"), ("scara", [0.3, 0, 0.1, 0.2], "pose"),
+    ("planar3r", [0.3, 0, 0], "position"), ("planar3r", [0.3, 0, 0], "pose"),
     ("planar3r", [0.3, 0, 0], "vx,vy,wz"),
-]
+]  # fmt: skip
 
 
 @pytest.mark.parametrize("length_scale", [1.0, 0.2])

@@ -23,6 +23,7 @@ def moved(mechanism: Mechanism, q: np.ndarray, k: int, value: float) -> np.ndarr
     return inputs
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", tiered(NAMES, ("five_bar",)))
 def test_long_drags_never_change_the_assembly_mode(name: str, rng: np.random.Generator) -> None:
     mechanism = shipped(name)

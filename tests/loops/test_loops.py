@@ -201,6 +201,7 @@ def five_bar_points():
     return {k: find_singular(mechanism, curves(mechanism, [THIRD, THIRD], k)) for k in (0, 1)}
 
 
+@pytest.mark.slow
 def test_singular_q2_at_q1_of_60_degrees(five_bar_points):
     found = [p for p in five_bar_points[1] if p.kind == "type 1"]
     for assembly, sign in ((1, "assembly +"), (-1, "assembly -")):
@@ -605,6 +606,7 @@ def test_the_size_of_a_linkage_changes_no_finding(size, tmp_path):
     np.testing.assert_allclose(small, large, atol=1e-9)
 
 
+@pytest.mark.slow
 def test_a_kite_is_of_type_1_in_one_assembly_mode_throughout():
     """Crank and coupler alike: folded, the coupler's end stays on the crank's pivot."""
     mechanism = four_bar(1.0, 0.6, 0.6, 1.0)
@@ -749,6 +751,7 @@ def test_analysis_prints_and_survives_json():
     assert all(c.passed for c in found.checks)
 
 
+@pytest.mark.slow
 def test_analysis_at_other_inputs():
     found = analyze_mechanism(shipped("five_bar"), [0.9, 1.9])
     np.testing.assert_allclose(found.state.inputs, [0.9, 1.9])

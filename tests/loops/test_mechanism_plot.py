@@ -132,6 +132,7 @@ def test_a_five_bar_reaches_what_its_legs_reach_in_each_working_mode() -> None:
             assert mode_of(mechanism, found.q[k, j, i]).endswith(f"elbows {elbows}")
 
 
+@pytest.mark.slow
 def test_an_aspect_has_one_sign_of_type_2_and_the_lines_are_singular() -> None:
     mechanism = shipped("five_bar")
     found = pose_slice(mechanism, ("x", "y"), [home(mechanism)], samples=61)

@@ -122,6 +122,7 @@ class TestSubdivision:
                 assert (np.abs(along - rise) <= error + 1e-12).all()
 
 
+@pytest.mark.slow
 def test_an_offset_wrist_has_two_aspects_by_algebra():
     form = pinsing.closed_form(dh_arm(CRX))
     cut = partition(watch(form), limits=False)

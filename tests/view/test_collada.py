@@ -175,6 +175,7 @@ def test_polygons_of_all_sizes_take_time_by_their_corners() -> None:
     assert first == [[a, b, c], [a, c, d], [a, d, a]]
 
 
+@pytest.mark.slow
 def test_one_geometry_used_very_often_is_refused() -> None:
     use = "<instance_geometry url='#g'/>"
     shape = POLYGON.replace("<vcount>4", "<vcount>" + "4 " * 10_000).replace(

@@ -316,6 +316,7 @@ def test_the_page_is_served_to_itself_alone(live):
     assert get(framed)[0] == 200
 
 
+@pytest.mark.slow
 def test_a_viewer_brings_nothing_that_a_browser_would_wait_for_in_vain() -> None:
     code = (
         "import sys, pinsing.view.viewer as view, pinsing\n"
