@@ -106,6 +106,7 @@ TAKES: dict[tuple[str, str], Of] = {
     ("suggest", "near"): lambda arm, form, a, b: pinsing.suggest(arm, forms=form, near=a).q,
     ("task_jacobian", "q"): lambda arm, form, a, b: pinsing.kinematics.task_jacobian(arm, a),
     ("task_jacobians", "Q"): lambda arm, form, a, b: pinsing.kinematics.task_jacobians(arm, [a, b]),
+    ("regular_radius", "Q"): lambda arm, form, a, b: pinsing.kinematics.regular_radius(arm, [a, b]),
     ("tip_speeds", "q"): lambda arm, form, a, b: (
         pinsing.kinematics.tip_speeds(arm, a, joint_speeds=np.ones(arm.n)).linear
     ),
