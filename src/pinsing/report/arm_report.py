@@ -289,7 +289,7 @@ def trajectory(c: Content, way: Trajectory) -> Section:
 
 def too_near(zones: Zones) -> Section:
     """Return what `pinsing zones` says."""
-    first, _, *lines = zones.text().splitlines()
+    first, _, *lines = zones.text().removeprefix(f"{zones.arm.name}: ").splitlines()
     return section(
         "zones",
         "How near is too near",
