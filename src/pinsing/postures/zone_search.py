@@ -347,7 +347,7 @@ class _Search:
         Where a family is a surface, the upper one is that of a point near the nearest: steps to
         the tangent plane at the last point, then what is proven to reach the surface from there.
         """
-        conditions = self.watched.conditions
+        conditions = self.watched.conditions.plain
         both = two_sided(conditions, Q, each=True).each
         low, up = both[..., 0].copy(), both[..., 1].copy()
         X = conditions.scaled(Q)

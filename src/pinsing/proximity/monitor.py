@@ -322,7 +322,7 @@ class Monitor:
         middle, half = self._range
         if (np.abs(self._watched.space.wrap(Q[0] - middle)) > half + SLACK).any():
             return None
-        low = two_sided(self._watched.conditions, Q, each=True).each[0, :, 0]
+        low = two_sided(self._watched.conditions.plain, Q, each=True).each[0, :, 0]
         near = (low <= self._zones) & (self._zones > 0)
         return tuple(np.array(self.names)[near].tolist())
 
