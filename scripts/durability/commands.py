@@ -151,6 +151,7 @@ BROWSER = {"view .png", "view --loops .png", "report .pdf", "report --loops"}
 # Options and arguments that name a file which is read.
 _READ = {
     "--calibration",
+    "--zones",
     "poses",
     "--loops",
     "--follow",
