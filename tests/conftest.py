@@ -26,7 +26,6 @@ from hypothesis import HealthCheck, settings  # noqa: E402
 settings.register_profile(
     "pinsing",
     deadline=None,
-    max_examples=30,
     derandomize=True,
     database=None,
     suppress_health_check=[HealthCheck.too_slow, HealthCheck.function_scoped_fixture],

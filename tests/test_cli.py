@@ -42,6 +42,16 @@ def process(*words: str, **more) -> subprocess.CompletedProcess[str]:
 
 
 class TestProcess:
+    def test_help_imports_nothing_heavy(self):
+        code = (
+            "import sys, pinsing.cli\n"
+            "heavy = {'numpy', 'pinocchio', 'scipy', 'flint', 'rich', 'yaml', 'matplotlib',"
+            " 'meshcat', 'yourdfpy', 'xacro'}\n"
+            "print(*(heavy & set(sys.modules)))"
+        )
+        done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+        assert (done.returncode, done.stdout, done.stderr) == (0, "\n", "")
+
     def test_a_command_imports_no_other_and_the_list_none(self):
         code = (
             "import sys; from pinsing.cli.app import command\n"
@@ -68,9 +78,35 @@ class TestProcess:
         assert json.loads(done.stdout)["schema"] == "pinsing/state/1"
         assert "note: tip tool0 (" in done.stderr
 
-    @pytest.mark.slow
+    def test_bad_input_is_one_line_without_traceback(self):
+        done = process("at", "no_such_robot", "--q", "0")
+        assert done.returncode == 2
+        assert done.stdout == ""
+        assert done.stderr.startswith("pinsing: error: unknown robot 'no_such_robot'")
+        assert done.stderr.count("\n") == 1
+
+    def test_a_reader_that_leaves_early_is_no_error(self):
+        pipe = subprocess.Popen(
+            [sys.executable, "-m", "pinsing", "list"],
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+        )
+        assert pipe.stdout is not None
+        pipe.stdout.close()
+        _, said = pipe.communicate()
+        assert b"Traceback" not in said
+        assert b"Broken" not in said
+
     def test_names_that_the_terminal_cannot_show(self, write_urdf):
-        path = write_urdf([("continuous", '<axis xyz="0 0 1"/>')], names=["gelenk_ä"])
+        path = write_urdf(
+            [
+                (
+                    "revolute",
+                    '<axis xyz="0 0 1"/><limit lower="-1" upper="1" effort="1" velocity="1"/>',
+                )
+            ],
+            names=["gelenk_ä"],
+        )
         done = process("list", str(path), env={**os.environ, "PYTHONIOENCODING": "ascii"})
         assert done.returncode == 0
         assert "gelenk_\\xe4" in done.stdout
@@ -136,8 +172,13 @@ class TestAt:
             assert f["upper"] - f["lower"] <= 1e-6
         far = [f["upper"] for f in found["families"]]
         assert far == sorted(far)
+        text = " ".join(run(*words).stdout.split())
+        assert "distance F1: 45.84° (0.8 rad), by q3 -0.8 rad; the family is within" in text
         assert "distance" not in run(*words, "--no-distances").stdout
         assert "distances" not in json.loads(run(*words, "--no-distances", "-o", "-").stdout)
+        slides = " ".join(run("at", "stanford", "--q", "0,1,0.3,1,0.5,0").stdout.split())
+        assert "F2: 0.3 length scales, by q3 -0.3 m" in slides
+        assert "F3: 0°, on it" in run("at", "stanford", "--q", "0,1,0.3,1,0,0").stdout
 
     def test_degrees_for_turning_joints_metres_for_sliding_ones(self):
         words = ["at", "stanford", "-o", "-", "--q"]
@@ -187,6 +228,12 @@ class TestAt:
         insisted = run("at", "ur5", *q, "--rad", "-o", "-")
         assert insisted.exit_code == 0
         assert State.from_json(insisted.stdout).q[1] == -90
+
+    def test_a_value_outside_its_limits_is_named_with_them(self):
+        done = run("at", "ur5", "--q", "9,-1,1,0.5,1,0", "--rad")
+        assert done.exit_code == 0
+        degrees = run("at", "ur5", "--q", "0,0,181,0,0,0", "--deg").stderr
+        assert "elbow_joint = 181° is outside its limits, -180 to 180°" in degrees
 
     def test_a_plain_clearance_is_in_the_unit_of_the_command(self, tmp_path):
         file = tmp_path / "path.csv"
@@ -307,7 +354,6 @@ class TestInfo:
         row = next(line for line in out.splitlines() if "j2s6s200_joint_2" in line)
         assert row.split()[-3:] == ["47", "313", "deg"]
 
-    @pytest.mark.slow
     def test_rounded_geometry_is_told_with_its_size(self):
         out = run("list", "xarm7").stdout
         assert "moved: " in out
@@ -317,6 +363,15 @@ class TestInfo:
         assert max(s.size for s in info.snaps) < 1e-5
         assert "moved: " not in run("list", "puma560").stdout
         assert "exact: every number" in run("list", "planar3r").stdout
+
+    def test_several_arms_are_listed_with_the_command_for_each(self):
+        done = run("list", "baxter")
+        assert done.exit_code == 2
+        assert "pinsing analyze baxter --tip left_" in done.stdout
+        assert "pinsing analyze baxter --tip right_" in done.stdout
+        assert "choose one" in done.stderr
+        asked = next(w for w in done.stdout.split() if w.startswith("left_"))
+        assert run("list", "baxter", "--tip", asked).exit_code == 0
 
     def test_the_commands_work_as_they_stand(self, tmp_path):
         """With the options that the file needs, and names that a shell would take apart."""
@@ -381,6 +436,11 @@ class TestDh:
         assert out.read_text() == (URDF / "stanford.urdf").read_text()
         to_stdout = run("export", "--urdf", str(URDF / "stanford.dh.yaml"), "-o", "-")
         assert to_stdout.stdout == out.read_text()
+
+    def test_result_is_a_robot(self, tmp_path):
+        out = tmp_path / "mine.urdf"
+        run("export", "--urdf", str(URDF / "scara.dh.yaml"), "-o", str(out))
+        assert run("list", str(out)).exit_code == 0
 
 
 def test_json_file_beside_the_text(tmp_path):

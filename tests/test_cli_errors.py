@@ -65,6 +65,12 @@ class TestTables:
         assert "input" in refused("export", "--urdf", table, "-o", table)
         assert Path(table).read_text() == DH
 
+    def test_a_good_table(self, file, tmp_path):
+        assert (
+            run("export", "--urdf", file(DH, "t.dh.yaml"), "-o", str(tmp_path / "o.urdf")).exit_code
+            == 0
+        )
+
 
 class TestOutput:
     @pytest.mark.parametrize(

@@ -107,7 +107,7 @@ def factors_of(draw, r):
     return out
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=60, deadline=None)
 @given(st.data(), st.sampled_from([(ROOT2,), (ROOT3,), (ROOT2, ROOT3)]))
 def test_factors_divide_and_multiply_up(data, numbers):
     r = ring(*numbers)
@@ -129,7 +129,7 @@ def test_factors_divide_and_multiply_up(data, numbers):
     assert all(r.factors(f) == [f] for f in found)
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=40, deadline=None)
 @given(st.data())
 def test_common_divisors(data):
     r = ring(ROOT2)

@@ -111,7 +111,7 @@ def test_what_is_not_solved():
         solve([x - 1, ring(3).constant(0), y])
     rng = np.random.default_rng(5)
     with pytest.raises(Undecided):
-        solve([random_poly((5, 5, 5), rng) for _ in range(3)])
+        solve([random_poly((6, 6, 6), rng) for _ in range(3)])
     spent = Budget(1e-9)
     rng = np.random.default_rng(6)
     with pytest.raises(BudgetExceeded):

@@ -237,6 +237,8 @@ def test_names_joints_and_text():
     assert [f.kind for f in families] == ["boundary", "interior", "boundary"]
     by_name = {name: [f.codimension for f in closed(name).families] for name in ("ur5", "iiwa14")}
     assert by_name == {"ur5": [1, 1, 1], "iiwa14": [1, 2, 2, 2]}
+    assert {f.codimension for f in closed("so101").families} == {1, 2}
+    assert {f.codimension for f in closed("baxter").families} == {2}
 
 
 def test_json_round_trip_of_one_family() -> None:

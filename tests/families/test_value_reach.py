@@ -52,7 +52,11 @@ def test_the_value_inside_is_named(elbow: Family) -> None:
     ]
 
 
-def test_in_text_at_page_and_notebook(table: Path, elbow: Family) -> None:
+def test_in_text_at_page_notebook_and_report(table: Path, elbow: Family, tmp_path: Path) -> None:
+    path = tmp_path / "report.html"
+    done = run("report", str(table), "-o", str(path))
+    assert done.exit_code == 0, done.stderr
+    assert SAID in path.read_text(encoding="utf-8")
     done = run("families", "-v", str(table), "--no-prove")
     assert f"boundary, {SAID}; codimension 1 of 4" in done.stdout
     words = ["at", str(table), "--deg", "--q", "0,180,-0.1,0"]

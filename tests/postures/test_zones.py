@@ -115,12 +115,12 @@ def test_outside_the_zones_no_limit_is_exceeded(name, speeds, within):
 def test_of_a_planar_arm_the_distance_is_that_of_a_fine_grid():
     form = pinsing.closed_form(pinsing.load("planar3r"))
     found = pinsing.zones(form, joint_speeds=[2, 2, 2])
-    a, b = np.meshgrid(*[np.linspace(-np.pi, np.pi, 361)] * 2, indexing="ij")
+    a, b = np.meshgrid(*[np.linspace(-np.pi, np.pi, 721)] * 2, indexing="ij")
     Q = np.stack([0 * a, a, b], axis=-1).reshape(-1, 3)
     exceeds = _shares(SpeedJudge(form.loaded, [2, 2, 2]), Q, 0.25, 0.5) > 1
     bent = np.abs(Q[exceeds, 1])  # F1: q2 = 0° or 180°
     most = np.minimum(bent, np.pi - bent).max()
-    assert most <= found.common <= 1.05 * (most + np.radians(1))  # a degree of grid
+    assert most <= found.common <= 1.06 * most
 
 
 @pytest.mark.parametrize(
@@ -166,13 +166,13 @@ def test_zones_of_a_posture_and_of_a_box_of_the_workspace_hold_there(within, sai
     found = pinsing.zones(form, within=within, boxes=8000)
     assert set(said) <= set(found.within)
     region = Region(form, form.loaded, parts_of(within))
-    Q = np.random.default_rng(3).uniform(found.lower, found.upper, (30_000, 6))
+    Q = np.random.default_rng(3).uniform(found.lower, found.upper, (100_000, 6))
     Q = Q[_shares(SpeedJudge(form.loaded), Q, 0.25, 0.5) > 1]
     Q = Q[region.holds(Q)]
     assert len(Q)
     assert len(found.worst)
     assert region.holds(found.worst[None]).all()
-    near = pinsing.clearance(form, Q[:500]).upper.max()
+    near = pinsing.clearance(form, Q[:2000]).upper.max()
     assert near <= found.common
     again = pinsing.proximity.Zones.from_json(found.to_json())
     np.testing.assert_array_equal(again.tip_lower, found.tip_lower)

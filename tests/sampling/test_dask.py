@@ -13,7 +13,6 @@ from collections.abc import Iterator
 from concurrent.futures import CancelledError
 from dataclasses import dataclass
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 
 import arms
@@ -77,15 +76,12 @@ def cluster(folder: Path, workers: int, there: dict[str, str] | None = None) -> 
 
 
 @pytest.fixture(scope="module")
-def shared(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Any]:
-    """Scheduler and workers as threads of this process, asked over the network all the same."""
-    options = {"processes": False, "threads_per_worker": 1, "dashboard_address": None}
-    there = {"host": "127.0.0.1", "local_directory": str(tmp_path_factory.mktemp("dask"))}
-    with distributed.LocalCluster(n_workers=2, protocol="tcp://", **options, **there) as found:
-        yield SimpleNamespace(address=found.scheduler_address)
+def shared(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Cluster]:
+    with cluster(tmp_path_factory.mktemp("dask"), 2) as found:
+        yield found
 
 
-def test_a_cluster_gives_the_same_bits(shared: Any) -> None:
+def test_a_cluster_gives_the_same_bits(shared: Cluster) -> None:
     arm = arms.textbook("surgical7")
     options = {"count": 20 * BLOCK + 3, "chunk": BLOCK}
     with dask_cluster(shared.address, timeout=SECONDS) as (executor, parallel):
@@ -93,7 +89,7 @@ def test_a_cluster_gives_the_same_bits(shared: Any) -> None:
     assert result.to_json() == sigma_map(arm, **options).to_json()
 
 
-def test_a_sweep_on_a_cluster(shared: Any) -> None:
+def test_a_sweep_on_a_cluster(shared: Cluster) -> None:
     arm = arms.textbook("puma560")
     plan = plan_sweep(arm, samples=41)
     with dask_cluster(shared.address, timeout=SECONDS) as (executor, parallel):
@@ -101,7 +97,7 @@ def test_a_sweep_on_a_cluster(shared: Any) -> None:
     assert result.to_json() == run_sweep(arm, plan).to_json()
 
 
-def test_the_command(shared: Any, tmp_path: Path) -> None:
+def test_the_command(shared: Cluster, tmp_path: Path) -> None:
     words = ["map", "ur5", "--count", "2e5", "--chunk", "20000", "-o", "-"]
     done = CliRunner().invoke(
         command, [*words, "--dask", shared.address, "-o", str(tmp_path / "run")]
@@ -113,7 +109,7 @@ def test_the_command(shared: Any, tmp_path: Path) -> None:
 
 
 def test_a_worker_lost_right_after_its_result_was_fetched(
-    shared: Any, monkeypatch: pytest.MonkeyPatch
+    shared: Cluster, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The result is here, though the cluster no longer has it."""
     fetched = distributed.Future._result
@@ -128,7 +124,7 @@ def test_a_worker_lost_right_after_its_result_was_fetched(
         assert executor.submit(sum, (1, 2, 3, 4)).result(SECONDS) == 10
 
 
-def test_errors_and_ends_reach_who_waits(shared: Any) -> None:
+def test_errors_and_ends_reach_who_waits(shared: Cluster) -> None:
     with dask_cluster(shared.address, timeout=SECONDS) as (executor, _):
         with pytest.raises(ZeroDivisionError):
             executor.submit(divmod, 1, 0).result(SECONDS)

@@ -240,12 +240,13 @@ def test_json_and_npz_round_trips(stanford, surgical, tmp_path):
     again = SweepResult.from_json(stanford.to_json())
     assert again.to_json() == stanford.to_json()
     assert SweepPlan.from_json(stanford.plan.to_json()).to_json() == stanford.plan.to_json()
-    path = save_npz(surgical, tmp_path / "sweep.npz")
-    assert load_npz(path).to_json() == surgical.to_json()
-    with np.load(path) as plain:
-        assert plain["sigma_min"].shape == (surgical.plan.n_curves, 181)
+    for i, result in enumerate((stanford, surgical)):
+        path = save_npz(result, tmp_path / f"sweep{i}.npz")
+        assert load_npz(path).to_json() == result.to_json()
+        with np.load(path) as plain:
+            assert plain["sigma_min"].shape == (result.plan.n_curves, 181)
     assert save_npz(stanford, tmp_path / "bare").name == "bare.npz"
-    assert sorted(p.name for p in tmp_path.iterdir()) == ["bare.npz", "sweep.npz"]
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["bare.npz", "sweep0.npz", "sweep1.npz"]
 
 
 def test_damaged_files_and_missing_folders(stanford, tmp_path):
