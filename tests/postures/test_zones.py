@@ -14,6 +14,7 @@ from pinsing.errors import OptionError
 from pinsing.kinematics.jacobian import frame_jacobians
 from pinsing.kinematics.speed_bounds import SpeedBounds
 from pinsing.kinematics.tip_speed import SpeedJudge
+from pinsing.postures import zone_search
 from pinsing.postures.zone_search import Region, parts_of
 from pinsing.proximity.watched import watch
 
@@ -177,6 +178,14 @@ def test_zones_of_a_posture_and_of_a_box_of_the_workspace_hold_there(within, sai
     again = pinsing.proximity.Zones.from_json(found.to_json())
     np.testing.assert_array_equal(again.tip_lower, found.tip_lower)
     assert again.posture == found.posture
+
+
+def test_a_slide_is_bounded_where_zones_are_asked_for(monkeypatch):
+    """Also beyond its limits, of 0.5 m: how far the tip is from the axes before it."""
+    monkeypatch.setattr(zone_search._Search, "zones", lambda search: search.bounds.far)
+    form = pinsing.closed_form(pinsing.load("stanford"))
+    far = pinsing.zones(form, joint_speeds=np.ones(6), within={"d3": (0.5, 9.0)})
+    assert (far[:2] > 9).all()
 
 
 def test_where_nothing_is_left_outside_no_distance_is_called_useful():

@@ -96,9 +96,10 @@ def zones(
     >>> found.common_exceeding <= found.common
     True
     """
-    bounds = bounds_of(form.loaded, linear, angular, joint_speeds)
+    judge = bounds_of(form.loaded, linear, angular, joint_speeds).judge
     parts = parts_of(within) if isinstance(within, str) else within or {}
-    region = Region(form, bounds.judge.arm, parts)
+    region = Region(form, judge.arm, parts)
+    bounds = SpeedBounds(judge, linear, angular, _travel(judge.arm, region.lower, region.upper))
     return _Search(form, bounds, region, boxes, progress).zones()
 
 
@@ -111,10 +112,15 @@ def bounds_of(
     missing = [n for n, c in zip(arm.joints, judge.limits, strict=True) if not math.isfinite(c)]
     if missing:
         raise OptionError(f"no speed limit is known of {listed(missing)}: give joint_speeds")
-    travel = np.where(arm.prismatic, np.maximum(np.abs(arm.lower), np.abs(arm.upper)), 0.0)
+    travel = _travel(arm, arm.lower, arm.upper)
     if not np.isfinite(travel).all():
         raise OptionError(f"{arm.name} has a prismatic joint without limits")
     return SpeedBounds(judge, linear, angular, travel)
+
+
+def _travel(arm: Arm, lower: Array, upper: Array) -> Array:
+    """How far (n,) prismatic joints are at most from zero, metres."""
+    return np.where(arm.prismatic, np.maximum(np.abs(lower), np.abs(upper)), 0.0)
 
 
 def parts_of(
