@@ -600,3 +600,6 @@ def test_guards_and_a_report_say_what_a_monitor_says(tmp_path):
     bad = run("report", "scara", "--zones", tmp_path / "guard.py", "-o", tmp_path / "r.html")
     assert bad.exit_code == 2
     assert "not JSON" in bad.stderr
+    loops = Path(__file__).parents[2] / "urdf" / "five_bar.urdf", "--loops"
+    bad = run("view", *loops, "--zones", tmp_path / "zones.json", "-o", tmp_path / "r.html")
+    assert "--zones does not go with --loops" in bad.stderr

@@ -13,11 +13,12 @@ from pinsing.cli.options import RobotRequest, arm_options, output_option
 from pinsing.cli.output import STDOUT, say
 from pinsing.cli.singularities import prove_option
 from pinsing.cli.waiting import waiting
-from pinsing.cli.zones import read_zones, zones_option
+from pinsing.cli.zones import zones_option
 from pinsing.errors import OptionError
 
 if TYPE_CHECKING:
     from pinsing.families.solve import Prove
+    from pinsing.proximity.zones import Zones
 
 
 @command("export")
@@ -39,7 +40,7 @@ def export_command(
     families: tuple[str, ...],
     prefix: str | None,
     seconds: float | None,
-    zones_file: Path | None,
+    zones: Zones | None,
     prove: Prove,
 ) -> None:
     """Write the singular families of ROBOT as one file without dependencies.
@@ -53,7 +54,6 @@ def export_command(
     """
     if c == python == STDOUT:
         raise OptionError("-o -.h and -o -.py both go to standard output")
-    zones = read_zones(zones_file)
     arm = request.load()
     from pinsing.families import closed_form
     from pinsing.proximity.guard import make_guard

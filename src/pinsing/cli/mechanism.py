@@ -387,10 +387,9 @@ def _saved(path: Path, mechanism: Mechanism) -> MechanismAnalysis:
 
 def _of_arms(options: dict[str, Any]) -> list[str]:
     """The options given that choose a serial chain or its task."""
-    usual = {"tip": None, "base": None, "joints": None, "task": "pose", "tool_axis": None}
-    usual["zones_file"] = None
+    usual = dict.fromkeys(("tip", "base", "joints", "tool_axis", "zones")) | {"task": "pose"}
     return [
-        f"--{name.removesuffix('_file').replace('_', '-')}"
+        f"--{name.replace('_', '-')}"
         for name, value in usual.items()
         if options.get(name, value) != value
     ]

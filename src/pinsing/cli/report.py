@@ -24,7 +24,7 @@ from pinsing.cli.options import (
 )
 from pinsing.cli.output import emit, say
 from pinsing.cli.singularities import algebra_options, prove_option
-from pinsing.cli.zones import read_zones, zones_option
+from pinsing.cli.zones import zones_option
 from pinsing.errors import OptionError
 from pinsing.prose import Page
 
@@ -112,7 +112,7 @@ def report_command(
     skeleton: bool,
     poses: tuple[str, ...],
     trajectory: Path | None,
-    zones_file: Path | None,
+    zones: Any,
     prove: Prove,
     algebra: dict[str, Any],
     deg: bool,
@@ -130,7 +130,6 @@ def report_command(
     _check_pdf(pdf)
     for text in poses:
         parse_numbers(text, "--q", deg)
-    zones = read_zones(zones_file)
     arm = request.load()
     given = {f"given {k}": joint_vector(arm, text, "--q", deg) for k, text in enumerate(poses, 1)}
     from pinsing.families import closed_form

@@ -28,11 +28,12 @@ from pinsing.cli.output import say
 from pinsing.cli.serving import picture_size, read_json, served_ahead, stay, write_files
 from pinsing.cli.streams import followed
 from pinsing.cli.waiting import waiting
-from pinsing.cli.zones import read_zones, zones_option
+from pinsing.cli.zones import zones_option
 from pinsing.errors import ConfigurationError, OptionError, ResultError
 
 if TYPE_CHECKING:
     from pinsing.families import Family
+    from pinsing.proximity.zones import Zones
     from pinsing.robot.arm import Arm
     from pinsing.sampling.analyze import Analysis
     from pinsing.sampling.generalize import Finding
@@ -82,7 +83,7 @@ def view_command(
     poses: tuple[str, ...],
     analysis: Path | None,
     family: str | None,
-    zones_file: Path | None,
+    zones: Zones | None,
     follow: Path | None,
     scale: float,
     skeleton: bool,
@@ -111,7 +112,6 @@ def view_command(
     picture = picture_size(size)
     if follow is not None and (html or png):
         raise OptionError("--follow needs a page that is served: leave out -o")
-    zones = read_zones(zones_file)
     arm = request.load()
     vectors = [joint_vector(arm, text, "--q", deg) for text in poses]
     saved = None if analysis is None else _read(analysis, arm)

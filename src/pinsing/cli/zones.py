@@ -29,23 +29,25 @@ if TYPE_CHECKING:
     from pinsing.proximity.zones import Zones
 
 
-zones_option = click.option(
-    "--zones",
-    "zones_file",
-    type=click.Path(exists=True, dir_okay=False, path_type=Path),
-    metavar="FILE.json",
-    help="With the zones that `pinsing zones ROBOT -o FILE.json` wrote.",
-)
-
-
-def read_zones(file: Path | None) -> Zones | None:
-    """Zones of a file that was asked for."""
+def _read(ctx: click.Context, param: click.Parameter, file: Path | None) -> Zones | None:
+    if file is None:
+        return None
     from pinsing.proximity.zones import Zones
 
     try:
-        return None if file is None else Zones.from_dict(read_json(file))
+        return Zones.from_dict(read_json(file))
     except ResultError as error:
         raise ResultError(f"{file}: {error}") from None
+
+
+zones_option = click.option(
+    "--zones",
+    type=click.Path(exists=True, dir_okay=False, path_type=Path),
+    metavar="FILE.json",
+    callback=_read,
+    help="With the zones that `pinsing zones ROBOT -o FILE.json` wrote.",
+)
+"""Adds ``--zones``; the command gets the `Zones` of the file, or None."""
 
 
 @command("zones")
@@ -63,8 +65,8 @@ def read_zones(file: Path | None) -> Zones | None:
     "--boxes",
     type=click.IntRange(min=1),
     metavar="N",
-    help="Work: with more, smaller distances are proven.  [default: 200000, 12 s of a UR5; "
-    "half of that with --within]",
+    help="Work: with more, smaller distances are proven.  [default: 200000, 12 s of a UR5, "
+    "less with --within]",
 )
 @deg_option
 @json_option
