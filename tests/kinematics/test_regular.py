@@ -22,12 +22,13 @@ def test_nothing_singular_is_nearer(name):
     parts = [rng.uniform(*arm.span, (60, arm.n))]
     for family in form.families:
         points = family.points(25, rng)
-        parts.append(points + 0.02 * scale * rng.normal(size=points.shape))
+        size = np.where(np.arange(len(points)) % 5, 0.02, 1e-6)[:, None]
+        parts.append(points + size * scale * rng.normal(size=points.shape))
     for k, Q in enumerate(parts):
         far = pinsing.clearance(form, Q, certify=True).upper
-        radius = regular_radius(arm, Q)
-        assert (radius <= far + 1e-9).all()
-        assert np.median(radius / far) > (0.35 if k else 0.1)
+        radius = regular_radius(form.geometry.arm, Q)  # files are rounded, families are not
+        assert (radius <= far + 1e-12).all()
+        assert np.median((radius / far)[far > 1e-4]) > (0.35 if k else 0.1)
 
 
 def test_other_tasks_and_what_is_singular_have_none():

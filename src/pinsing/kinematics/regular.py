@@ -1,11 +1,11 @@
 """How far around a configuration an arm is regular: proven from its Jacobian alone.
 
-With the Jacobian J = U S V^T at q and h = S^(-1/2), a change of it by D loses no rank where
-``|h U^T D V h| < 1``: D then moves no unit vector of a pair of scalar products by as much as J
-does. Along joint steps d, ``D = sum d_k J_k + R`` with the derivatives J_k, which are Lie brackets
-of screws (Murray, Li, Sastry, "A Mathematical Introduction to Robotic Manipulation", 1994, ch. 3),
-and a rest ``|R| <= K |d|^2 / 2``. Screws are written in the frame of a link in the middle of the
-chain, from where fewer joints move each of them: K is small.
+With the Jacobian J = U S V^T at q and h = S^(-1/2), J + D has the rank of J where
+``|h U^T D V h| < 1``: ``h U^T (J + D) V h`` is then the identity and less, so regular. Along joint
+steps d, ``D = sum d_k J_k + R`` with the derivatives J_k, which are Lie brackets of screws (Murray,
+Li, Sastry, "A Mathematical Introduction to Robotic Manipulation", 1994, ch. 3), and a rest
+``|R| <= K |d|^2 / 2``. Screws are written in the frame of a link in the middle of the chain, from
+where fewer joints move each of them: K is small. The rank is the same in all frames.
 
 It asks for no family and no design: a calibrated arm, or one whose families are not all known.
 """
@@ -32,7 +32,8 @@ def regular_radius(arm: Arm, Q: npt.ArrayLike) -> Array:
     """Return how far around configurations no other one is singular, proven.
 
     Of the geometry of the file, whatever is known of its singular configurations. The true
-    distance is larger: twice as large near a wrist singularity, several times far away.
+    distance is larger: in the median 1.03 to 2.6 times within 3 degrees of a family, 2 to 6 times
+    elsewhere.
 
     Parameters
     ----------
@@ -62,7 +63,7 @@ def regular_radius(arm: Arm, Q: npt.ArrayLike) -> Array:
     """
     array = arm.check(Q, "Q")
     flat, found = array.reshape(-1, arm.n), np.zeros(array.shape[:-1]).reshape(-1)
-    frame = _Frame.of(arm)
+    frame = arm.once("frame of a ball", lambda: _Frame.of(arm))
     if frame is not None:
         for first in range(0, len(flat), _ROWS):
             part = slice(first, first + _ROWS)
@@ -181,4 +182,6 @@ class _Frame:
         most = np.minimum(*(np.linalg.eigvalsh(M)[:, -1] for M in beside))
         g, K = np.sqrt(np.maximum(most, 0.0)), self.bend(Q) * h[:, -1] ** 2
         reach = 2 / (g + np.sqrt(g**2 + 2 * K) + 1e-9)
-        return np.where(sound, np.minimum(reach * (1 - 1e-9), 1.0), 0.0)
+        # Entries are right to some hundred units in the last place of the largest singular value.
+        off = 1e-9 + 1e-13 * S[:, 0] * h[:, -1] ** 2
+        return np.where(sound, np.minimum(reach * (1 - off), 1.0), 0.0)

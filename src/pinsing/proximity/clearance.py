@@ -280,8 +280,11 @@ def _clearance(
     search: bool,
     limited: bool,
 ) -> Clearance:
+    if not watched.complete and (none := family < 0).any():
+        lower = lower.copy()
+        lower[none] = watched.regular(Q[none])
     return Clearance(
-        lower=lower if watched.complete else np.where(family < 0, watched.regular(Q), lower),
+        lower=lower,
         upper=upper,
         family=family.astype(np.int64),
         names=watched.names,
@@ -432,8 +435,8 @@ def distances(forms: Forms, q: npt.ArrayLike, *, boxes: int = BOXES) -> Distance
         d = family.distance(x, boxes=boxes)
         said = family.reach, family.title, family.where(d.q)
         found.append(FamilyDistance(name, d.lower, d.upper, d.q, *said))
-    if watched.margin is not None:
-        margin = watched.conditions.margin or watched.margin
+    margin = watched.conditions.margin
+    if margin is not None:
         both = np.array([[(d.lower, d.upper) for d in found]])
         least = margin.take_off(x[None], both)[0].tolist()
         found = [replace(d, lower=low) for d, low in zip(found, least, strict=True)]
