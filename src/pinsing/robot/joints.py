@@ -165,13 +165,14 @@ def chain_limits(model: pin.Model) -> tuple[Array, Array, np.ndarray, list[str]]
     limits, sliding = np.array([lower, upper]), np.array(prismatic, dtype=bool)
     largest = np.abs(limits).max(axis=0, initial=0.0)
     turning = largest[~sliding & np.isfinite(largest)]
+    # More than two turns each way of every joint, and fewer than stand for "no limit".
     if len(turning) > 1 and (turning > 4 * np.pi).all() and turning.max() <= 3600:
         notes.append(
             f"WARNING: joint limits up to {turning.max():g} rad: are they degrees? The file must "
             "have radians"
         )
     reach = sum(float(np.linalg.norm(p.translation)) for p in model.jointPlacements[2:])
-    if reach > 50:
+    if reach > 50:  # no arm is; the smallest one in millimetres is
         notes.append(
             f"WARNING: links of {reach:.0f} m in a row: are they millimetres? The file must have "
             "metres"

@@ -794,11 +794,10 @@ def analyze(
         angle_tol, snap_length = min(angle_tol, 1e-10), 0.0
     exact = nominal_geometry(arm, angle_tol, snap_length).arm
     swept = exact if geometry == "nominal" else arm
+    given = None if seconds is None else Stages(seconds)
     half = None if seconds is None else seconds / 2
-    stages = Stages(seconds)
     forms = closed_form(arm, seconds=half, angle_tol=angle_tol, snap_length=snap_length)
-    if seconds is None:
-        stages = Stages(SECONDS)
+    stages = given or Stages(SECONDS)
     result = stages.run(
         "sweep",
         lambda: sweep(
