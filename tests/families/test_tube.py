@@ -10,6 +10,7 @@ from types import ModuleType
 
 import numpy as np
 import pytest
+from command_line import run
 
 import pinsing
 from pinsing.errors import OptionError, RobotFileError
@@ -17,7 +18,7 @@ from pinsing.families import tube as tubes
 from pinsing.proximity.clearance import distances
 from pinsing.robot.calibration import LINKS, calibrated
 from pinsing.robot.chain import chain_model, flatten
-from pinsing.robot.design import design_of, differences, looks_calibrated
+from pinsing.robot.design import assumed_design, design_of, differences
 
 SCRIPT = Path(__file__).parents[2] / "scripts" / "tube.py"
 Q = np.array([0.0, -1.2, 1.3, -1.0, -1.5, 0.0])
@@ -113,7 +114,17 @@ def test_words_and_json(form: pinsing.ClosedForm) -> None:
 def test_without_a_tube_the_robots_jacobian_bounds_its_clearance(attack: ModuleType) -> None:
     panda = pinsing.load("panda")
     rng = np.random.default_rng(3)
-    form = pinsing.closed_form(attack.perturb(panda, rng), design=panda, prove=False)
+    robot = attack.perturb(panda, rng)
+    assumed = pinsing.load(robot.model).design
+    assert assumed is not None
+    # Its elbow's two offsets cancel, as they do not with the lengths of the robot.
+    design = pinsing.closed_form(panda, prove=False)
+    form = pinsing.closed_form(replace(robot, design=assumed), prove=False)
+    each = [
+        [[(c.joint, round(c.value, 2)) for c in f.branches[0].values] for f in of.families]
+        for of in (form, design)
+    ]
+    assert each[0] == each[1]
     assert form.tube is not None
     assert not form.tube.proven
     assert "NOT proven" in str(form.tube)
@@ -134,23 +145,40 @@ def test_without_a_tube_the_robots_jacobian_bounds_its_clearance(attack: ModuleT
 def test_the_design_is_found_or_refused() -> None:
     ur5e = pinsing.load("ur5e")
     assert pinsing.closed_form(ur5e, design=True, prove=False).tube is None
-    assert not any(looks_calibrated(pinsing.load(name)) for name in ("ur5e", "crx10ia", "panda"))
+    assert not any(pinsing.load(name).design for name in ("ur5e", "crx10ia", "panda"))
     chain = flatten(ur5e)
     t = chain.t + np.random.default_rng(4).uniform(-8e-5, 8e-5, chain.t.shape)
     rounded = chain_model(replace(chain, t=t), ur5e)  # as an export from CAD
-    assert looks_calibrated(replace(ur5e, model=rounded))
-    assert max(d.angle for d in differences(ur5e, design_of(ur5e, "ur5e"))) < 1e-9
+    assert assumed_design(replace(ur5e, model=rounded))
+    assert max(d.angle for d in differences(ur5e, design_of(ur5e, pinsing.load("ur5e")))) < 1e-9
     with pytest.raises(OptionError, match="another robot"):
-        design_of(ur5e, "puma560")
+        design_of(ur5e, pinsing.load("puma560"))
     with pytest.raises(OptionError, match="7 joints"):
-        design_of(ur5e, "panda")
+        design_of(ur5e, pinsing.load("panda"))
+
+
+def test_a_calibrated_file_has_the_families_of_its_design(tmp_path: Path) -> None:
+    rows = ["-90.1 0.0002 0.67", "0.08 0.4321 0", "90.05 -0.0203 0.1501"]
+    rows += ["-89.9 0.0001 0.4322", "90.1 0.0003 0", "0 0 0.0562"]
+    text = "name: p\nconvention: standard\nunits: {angle: deg, length: m}\nrows:\n"
+    for alpha, a, d in map(str.split, rows):
+        text += f"  - {{alpha: {alpha}, a: {a}, d: {d}, theta: 0, type: continuous}}\n"
+    file = tmp_path / "puma.yaml"
+    file.write_text(text)
+    said = run("families", str(file))
+    assert "a simpler design is assumed" in said.stderr
+    assert "Every singular configuration of this robot lies within" in said.stdout
+    assert len(said.stdout.partition("\n  Next")[0].splitlines()) <= 9
+    alone = run("families", str(file), "--design", "none").stdout
+    assert "1 family" in alone
+    assert "design none" in alone
 
 
 def test_calibrations_are_read_strictly(tmp_path: Path) -> None:
     ur5e = pinsing.load("ur5e")
     arm = calibrated(ur5e, write(tmp_path / "c.yaml", UR5E))
     assert arm.design is ur5e
-    assert looks_calibrated(replace(arm, design=None))
+    assert assumed_design(arm)
     zero = np.zeros(6)
     one, other = (pinsing.kinematics.frame_jacobian(a, zero) for a in (ur5e, arm))
     assert 1e-4 < np.abs(one - other).max() < 1e-2

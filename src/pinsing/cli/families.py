@@ -108,7 +108,6 @@ def families_command(
     from pinsing.families.certainty import certainty
     from pinsing.families.form import answer_text, families_text
     from pinsing.families.proving import LONG
-    from pinsing.robot.design import looks_calibrated
 
     def written(form: ClosedForm, undecided: bool = False) -> str:
         if latex:
@@ -124,11 +123,6 @@ def families_command(
         step("looking for families")
         found = closed_form(arm, **algebra, prove=prove and "auto")
     again = long and found.word != "proven"
-    if looks_calibrated(arm):
-        say(
-            "note: most joint axes are a little off a simpler design, as after a calibration or an "
-            "export from CAD: --design auto gives its families, and how far this robot is from them"
-        )
     if json_target is None:
         emit(written(found, undecided=again))
     if again:

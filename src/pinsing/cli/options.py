@@ -89,8 +89,8 @@ class RobotRequest:
         if self.calibration is not None:
             arm = calibrated(arm, self.calibration)
         if self.design is not None:
-            design = design_of(arm, self.design == "auto" or self.design)
-            arm = replace(arm, design=design)
+            given = self.design == "auto" or (self.design != "none" and load(self.design))
+            arm = replace(arm, design=design_of(arm, given) if given else None)
         if arm.design is not None:
             said = (
                 "families, aspects and paths are of the design, distances from them of this robot"
@@ -184,7 +184,7 @@ def arm_options(command: F) -> F:
     )
     @click.option(
         "--design",
-        metavar="auto|ROBOT",
+        metavar="auto|none|ROBOT",
         shell_complete=completion.robots,
         help="What ROBOT is an imperfect copy of: families are of the design, distances of ROBOT.",
     )

@@ -407,6 +407,8 @@ def families_text(
     """
     lines = [page.paragraph(*_head(forms, brief, undecided))]
     lines += _geometry(forms, page)
+    if forms.tube is not None:
+        lines.append(page.paragraph(forms.tube.assumptions, first="  "))
     if not undecided and (forms.gaps or not brief):
         lines.append(certainty(forms, page))
     named = [unbroken(f"{symbol} = {name}") for symbol, name in forms.legend if symbol != name]
@@ -438,7 +440,7 @@ def _geometry(forms: ClosedForm, page: Page) -> list[str]:
     """Return what the families are of, where that is not the file, and what it says of the arm."""
     said = [str(forms.deviation)] * (forms.deviation is not None)
     if forms.tube is not None:
-        said = [str(forms.tube), *said, forms.tube.assumptions]
+        said = [str(forms.tube), *said]
     return [page.paragraph(text, first="  ") for text in said]
 
 

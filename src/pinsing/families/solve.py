@@ -30,6 +30,7 @@ from pinsing.robot.arm import Arm, summarize
 from pinsing.robot.chain import flatten, jacobian_change
 from pinsing.robot.design import ANGLE, LENGTH, design_of
 from pinsing.robot.exact_placements import ROUNDING, Deviation, Snap
+from pinsing.robot.load import load
 from pinsing.robot.nominal import ANGLE_TOL, Nominal, nominal
 
 if TYPE_CHECKING:
@@ -167,7 +168,8 @@ def closed_form(
         What the arm is an imperfect copy of, as a calibrated robot is: the families are of the
         design, and ``tube`` says how far from these the singular configurations of the arm are.
         True finds it: right angles within 0.01 rad (or ``angle_tol``), offsets below 1 mm (or
-        ``snap_length``) zero. By default that of the arm, if it has one; False ignores that.
+        ``snap_length``) zero, lengths that differ by less equal. By default that of the arm, if it
+        has one; False ignores that. A design without singular configurations tells nothing.
     progress : callable
         Told now and then how far the search for a certificate is.
 
@@ -206,9 +208,11 @@ def closed_form(
     design = arm.design if design is None else design
     if design is not None and design is not False:
         tolerances = (max(angle_tol, ANGLE), snap_length or LENGTH)
-        made = design_of(arm, design, *tolerances)
+        like = design if isinstance(design, (Arm, bool)) else load(design)
+        made = design_of(arm, like, *tolerances)
         found = closed_form(made, seconds=given, prove=prove, design=False, progress=progress)
-        return about_robot(found, arm, made)
+        if found.families:
+            return about_robot(found, arm, made)
     started = time.monotonic()
     # Where no time is given a minute on the clock is enough for the work on a busy machine, too.
     budget = Budget(seconds) if given is not None else Budget(LONG, seconds)
@@ -226,8 +230,6 @@ def about_robot(found: ClosedForm, robot: Arm, design: Arm) -> ClosedForm:
     change = jacobian_change(flatten(robot), flatten(design), robot)
     if change <= ROUNDING:
         return found
-    if not found.families:
-        raise OptionError("the design has no singular configurations: leave the design out")
     tube = find_tube(robot, design, found.families)
     return replace(
         found,
@@ -361,7 +363,6 @@ def _design(
     # With the readers of files, only where symbols are asked for.
     from pinsing.families.design import design_form
     from pinsing.families.design_lengths import of_arm
-    from pinsing.robot.load import load
 
     chosen: Sequence[str] | None = None
     if isinstance(symbols, str):

@@ -199,10 +199,7 @@ def factorize(robot: Arm, design: Arm, families: Sequence[Family]) -> Product:
     """Write the determinant of a robot by the conditions of its design's families."""
     rows, n = robot.task.rows, robot.n
     if len(rows) != n:
-        raise Unproven(
-            f"{n} joints have no determinant for the {len(rows)} rows of the task: their singular "
-            "configurations need not separate, and a small change may move them far"
-        )
+        raise Unproven(f"{n} joints have no determinant for the {len(rows)} rows of the task")
     if robot.prismatic.any() or robot.task.at_tip:
         raise Unproven("a joint is prismatic, or rows of the task are in the tip's axes")
     pose = robot.task.name == "pose"

@@ -6,7 +6,6 @@ as well as they can: neither the base nor where a file puts its frames on an axi
 
 from __future__ import annotations
 
-import os
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -16,11 +15,11 @@ from pinsing._types import Array
 from pinsing.errors import OptionError
 from pinsing.robot.arm import Arm
 from pinsing.robot.chain import Chain, chain_model, flatten, keep_chain
-from pinsing.robot.load import load
+from pinsing.robot.exact_placements import Deviation
 from pinsing.robot.nominal import nominal
 
 ANGLE, LENGTH = 1e-2, 1e-3
-"""Radians and metres within which a detected design has right angles and no offset."""
+"""Radians and metres within which a detected design has right angles, no offset, equal lengths."""
 
 
 @dataclass(frozen=True)
@@ -47,7 +46,7 @@ class AxisDifference:
 
 def design_of(
     robot: Arm,
-    design: Arm | str | os.PathLike[str] | bool,
+    design: Arm | bool,
     angle_tol: float = ANGLE,
     snap_length: float = LENGTH,
 ) -> Arm:
@@ -62,18 +61,42 @@ def design_of(
     if robot.coupling is not None:
         raise OptionError("a design goes with arms without mimic joints in the chain")
     if isinstance(design, bool):
-        return replace(nominal(robot, angle_tol, snap_length).arm, design=None)
-    given = design if isinstance(design, Arm) else load(design)
-    if given.coupling is not None or list(given.prismatic) != list(robot.prismatic):
+        geometry = nominal(robot, angle_tol, snap_length)
+        chain = flatten(geometry.arm)
+        if Deviation.of(geometry.snaps) is not None:
+            chain = replace(chain, t=_with_equal_lengths(chain.t, snap_length))
+        return _on(robot, chain)
+    if design.coupling is not None or list(design.prismatic) != list(robot.prismatic):
         raise OptionError(
-            f"the design {given.name!r} has {given.n} joints of other kinds than the {robot.n} of "
-            f"{robot.name!r}: name the design of this robot"
+            f"the design {design.name!r} has {design.n} joints of other kinds than the {robot.n} "
+            f"of {robot.name!r}: name the design of this robot"
         )
-    chain = flatten(nominal(given).arm)
+    made = _on(robot, flatten(nominal(design).arm))
+    require_same(robot, made, f"the design {design.name!r}")
+    return made
+
+
+def _on(robot: Arm, chain: Chain) -> Arm:
+    """The arm with another chain, which is a design: it has none itself."""
     made = replace(robot, model=chain_model(chain, robot), design=None)
     keep_chain(made, chain)
-    require_same(robot, made, f"the design {given.name!r}")
     return made
+
+
+def _with_equal_lengths(t: Array, within: float) -> Array:
+    """Placements (n, 3) in which lengths that differ by less are their mean, to a micrometre.
+
+    Two equal lengths may cancel, as the elbow's offsets of a Panda do.
+    """
+    out, left = t.copy(), np.flatnonzero(t)
+    left = left[np.argsort(np.abs(t.flat[left]), kind="stable")]
+    while len(left):
+        size = np.abs(t.flat[left])
+        count = int((size - size[0] < within).sum())
+        if count > 1:
+            out.flat[left[:count]] = np.copysign(size[:count].mean().round(6), t.flat[left[:count]])
+        left = left[count:]
+    return np.asarray(out)
 
 
 def require_same(robot: Arm, design: Arm, called: str) -> None:
@@ -104,21 +127,22 @@ def differences(robot: Arm, design: Arm) -> tuple[AxisDifference, ...]:
     return tuple(map(AxisDifference, robot.joints, angle.tolist(), away.tolist()))
 
 
-def looks_calibrated(robot: Arm) -> bool:
-    """Return True if most axes are off a design, as after a calibration or an export from CAD.
+def assumed_design(robot: Arm) -> Arm | None:
+    """Return the design of a robot of which most axes are off one, as after a calibration.
 
-    By 0.1 mm or mrad and more; or with offsets of 0.02 mm and more that a design has not. Rounding
-    is far less.
+    By 0.1 mm or mrad and more; or with offsets of 0.02 mm and more that a design has not, as an
+    export from CAD has them. Rounding is far less.
     """
-    if robot.design is not None or robot.coupling is not None:
-        return False
+    if robot.coupling is not None:
+        return None
+    geometry = nominal(robot, ANGLE, LENGTH)
     try:
-        off = [max(a.angle, a.length) for a in differences(robot, design_of(robot, True))]
-    except (OptionError, np.linalg.LinAlgError):
-        return False
-    snaps = nominal(robot, ANGLE, LENGTH).snaps
-    offset = {s.where for s in snaps if s.what == "length" and s.size > 2e-5}
-    return max(len(offset), sum(1e-4 < x < 1e-2 for x in off)) > len(off) / 2
+        off = [max(a.angle, a.length) for a in differences(robot, geometry.arm)]
+    except np.linalg.LinAlgError:
+        return None
+    offset = {s.where for s in geometry.snaps if s.what == "length" and s.size > 2e-5}
+    most = max(len(offset), sum(1e-4 < x < 1e-2 for x in off)) > len(off) / 2
+    return design_of(robot, True) if most else None
 
 
 def axes(chain: Chain) -> tuple[Array, Array]:

@@ -22,6 +22,7 @@ from pinsing.robot.chains import (
     joint_path,
     long_chain_note,
 )
+from pinsing.robot.design import assumed_design
 from pinsing.robot.joint_space import named
 from pinsing.robot.joints import Follow, chain_limits, couple, coupled_limits, leader_of, locked_at
 from pinsing.robot.models import Way, lock_joints, reroot, turned_round, way_between
@@ -109,7 +110,8 @@ def load(
     -------
     Arm
         With everything that was assumed in ``arm.notes``. Its meshes are looked for when it is
-        drawn; ``arm.source.mesh_notes`` tells which are not there.
+        drawn; ``arm.source.mesh_notes`` tells which are not there. Where most joint axes are a
+        little off a simpler design, as after a calibration, that is ``arm.design``.
 
     Raises
     ------
@@ -149,6 +151,13 @@ def load(
     notes += [many] if many else []
     ends = (base_frame, tip)
     arm = _build(whole, ends, way, free, parsed_task, float(length_scale), tuple(notes))
+    design = assumed_design(arm)
+    if design is not None:
+        said = (
+            "a simpler design is assumed, which most joint axes are a little off, as after a "
+            "calibration or an export from CAD"
+        )
+        arm = replace(arm, design=design, notes=(*arm.notes, said))
     return arm if units is None else replace(arm, units=units)
 
 
