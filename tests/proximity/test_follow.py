@@ -4,6 +4,7 @@ import json
 import signal
 import subprocess
 import sys
+import threading
 import time
 from pathlib import Path
 
@@ -74,13 +75,33 @@ def test_numbers_without_names_are_joints_and_never_times(form):
     assert "7 numbers without names for 6 joints: begin with a line of names" in wrong["error"]
 
 
-@pytest.mark.parametrize("head", ["t,a,q2,q3,q4,q5,q6", "q1,q1,q3,q4,q5,q6", "\ufeffhello,world"])
-def test_a_head_that_is_not_understood_ends_the_stream(form, head):
+@pytest.mark.parametrize(
+    "head",
+    ["t,a,q2,q3,q4,q5,q6", "q1,q1,q3,q4,q5,q6", "\ufeffhello,world", "4,q3,q2,q1", "robot ready"],
+)
+def test_a_row_after_names_that_are_not_understood_ends_the_stream(form, head):
     follower = Follower(form, form.loaded, False, 0.1)
     answers = follow(follower, [head, row(0, Q)[2:]], False)
-    assert next(answers)["line"] == 1
-    with pytest.raises(HeadError, match="correct the line of names"):
+    assert (next(answers)["line"], next(answers)["line"]) == (1, 2)
+    with pytest.raises(HeadError, match="give a line of names"):
         next(answers)
+
+
+@pytest.mark.parametrize("torn", [0, 3, 9, 40, 130, 150, 160, 170, 177, "robot ready", "a,b", "{"])
+def test_a_stream_that_begins_in_the_middle_of_a_line_goes_on(form, torn):
+    state = of(t=0.5)
+    first = state[torn:] if isinstance(torn, int) else torn
+    *broken, last = said(form, [first, state])
+    assert len(broken) == 1
+    assert ("error" in broken[0]) == (torn != 0)
+    head = f"t,{','.join(NAMES[::-1])}"
+    *_, named = said(form, [first, head, row(0.5, Q[::-1])])
+    assert last == named
+
+
+@pytest.mark.parametrize("torn", ["", "-", ".2,1.3,-1,0.15,0", "e-05,1.3,-1,0.15,0,0", ",1", "2,1"])
+def test_a_row_that_was_torn_is_no_line_of_names(form, torn):
+    assert said(form, [torn, row(0, Q)[2:]])[-1]["family"] == "F2"
 
 
 def of(q=Q, **more):
@@ -101,7 +122,9 @@ def of(q=Q, **more):
         (of(t="x"), "the time is x"),
         (of(t=1.7e18), "the time 1.7e+18 is not in seconds"),
         ("[1", "no column for joint"),
-        ("{", "it is no JSON object"),
+        ("{", "it is no JSON object, which must be on one line"),
+        (of()[:-1] + ', "position": [1, 1, 1, 1, 1, 1]}', "'position' is there twice"),
+        (of(junk="x" * (1 << 20)), "a line of more than 1,048,576 characters"),
     ],
 )
 def test_errors_say_the_line_and_the_joint(form, bad, words):
@@ -237,13 +260,65 @@ def test_ctrl_c_ends_it_while_it_waits_for_a_line():
         assert robot.wait(20) == 130
 
 
-def test_a_line_without_end_takes_no_memory():
-    class Endless:
-        def read(self, size):
-            return b"1" * size
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_ends_it_also_where_nobody_takes_its_verdicts(number):
+    with subprocess.Popen(
+        [*COMMAND, "--follow", "-"], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+    ) as robot:
+        for k in range(2000):
+            robot.stdin.write(line(k, Q) + "\n")
+        robot.stdin.flush()
+        first = robot.stdout.readline()
+        time.sleep(1)  # by now it waits for somebody who reads
+        robot.send_signal(number)
+        assert robot.wait(5) == 128 + number
+        times = [json.loads(text)["t"] for text in (first, *robot.stdout)]
+    assert times[0] == 0
+    assert len(times) > 100
+    assert len(set(times)) == len(times)
 
-    lines = lines_of(Endless())
-    assert [len(next(lines)) for _ in range(3)] == [(1 << 20) + (1 << 16)] * 3
+
+def test_each_verdict_says_which_zones_it_is_in(form, tmp_path):
+    file, arm = tmp_path / "run.jsonl", pinsing.load("scara")
+    made = ["zones", "scara", "--joint-speeds", "5,5,1,10", "--within", "q1=-1..1"]
+    zones = tmp_path / "zones.json"
+    assert run(*made, "-o", zones).exit_code == 0
+    rows = [[0, 0.1, 0.1, 0], [0, 1.5, 0.1, 0], [2, 0.1, 0.1, 0]]
+    file.write_text("\n".join(json.dumps({"position": q}) for q in rows))
+    done = run("check", "scara", "--follow", file, "--zones", zones)
+    monitor = pinsing.Monitor(
+        pinsing.closed_form(arm), zones=pinsing.proximity.Zones.from_json(zones.read_text())
+    )
+    told = [json.loads(text)["zones"] for text in done.stdout.splitlines()]
+    assert told == [["F1"], [], None]
+    assert [None if z is None else tuple(z) for z in told] == [
+        monitor.update(q).zones for q in rows
+    ]
+    assert "zones" not in said(form, [of()])[0]
+    other = run("check", "ur5", "--follow", file, "--zones", zones)
+    assert (other.exit_code, other.stdout) == (2, "")
+    assert "zones are of scara" in other.stderr
+    alone = run("check", "scara", file, "--zones", zones)
+    assert (alone.exit_code, "--zones is for --follow" in alone.stderr) == (2, True)
+
+
+def test_a_long_line_is_one_that_cannot_be_read_and_takes_no_memory(form):
+    class Long:
+        left = 1000
+
+        def read(self, size):
+            self.left -= 1
+            return (
+                b"\xff" * size if self.left else b"," + row(0, Q).encode() + b"\n" + of().encode()
+            )
+
+    lines = lines_of(Long())
+    long = next(lines)
+    Long.left = 0
+    assert (1 << 22) < len(long) < (1 << 22) + (1 << 17)
+    error, good = said(form, [long, of()])
+    assert "more than 1,048,576 characters" in error["error"]
+    assert good["family"] == "F2"
 
 
 def test_a_pipe_is_followed_while_it_is_written():
@@ -264,8 +339,29 @@ def test_a_second_head_is_taken_or_ends_the_stream(form):
     one, two = said(form, [f"t,{','.join(NAMES)}", *rows])
     assert (one["level"], two["level"], two["family"]) == ("warn", "stop", "F2")
     assert two["upper"] == pytest.approx(0.03)
-    with pytest.raises(HeadError, match="correct the line of names"):
+    with pytest.raises(HeadError, match="give a line of names"):
         said(form, [f"t,{','.join(NAMES)}", rows[0], "t,a,b,c,d,e,f", rows[0]])
+
+
+@pytest.mark.parametrize("backlog", [1, BACKLOG])
+def test_names_are_not_dropped_where_rows_are(backlog):
+    told = threading.Event()
+
+    def lines():
+        yield "t,q1"
+        yield from (f"{k},1" for k in range(500))
+        yield "q1,t"
+        yield from (f"{k},2" for k in range(500))
+        told.set()
+
+    stream = latest(lines(), backlog=backlog)
+    kept = [next(stream)[0]]
+    told.wait()
+    kept += [line for line, _ in stream]
+    later = kept[kept.index("q1,t") + 1 :]
+    assert kept[0] == "t,q1"
+    assert all(line.endswith(",2") for line in later)
+    assert backlog == 1 or later[-1] == "499,2"
 
 
 @pytest.mark.parametrize("times", [[100.0, 100.5, 100.501, 102.0, 100.0, 100.25, 100.251], None])

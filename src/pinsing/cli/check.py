@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import contextlib
 import gc
 import json
 import math
 import os
 import re
 import signal
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
 from types import FrameType
@@ -37,11 +38,13 @@ from pinsing.cli.running import run_progress
 from pinsing.cli.serving import show
 from pinsing.cli.streams import followed
 from pinsing.cli.waiting import doing
+from pinsing.cli.zones import zones_option
 from pinsing.errors import ConfigurationError, OptionError
 
 if TYPE_CHECKING:
     from pinsing._types import Array
     from pinsing.postures.aspects import Aspects
+    from pinsing.proximity.zones import Zones
     from pinsing.robot.arm import Arm
 
 _ANGLE = re.compile(r"\s*([0-9.eE+-]+)\s*(deg|°|rad)?\s*")
@@ -100,6 +103,7 @@ def angle(text: str, option: str, degrees: bool) -> float:
 )
 @tip_speed_options
 @joint_speeds_option
+@zones_option
 @click.option("--view", "view", is_flag=True, help="Show the path in a browser, by clearance.")
 @click.option("--no-open", is_flag=True, help="With --view: do not open a browser.")
 @output_option(json_target=".json", html=".html", plot=".png .svg .pdf")
@@ -116,6 +120,7 @@ def check_command(
     tip_speed: float,
     turn_speed: float,
     joint_speeds: str | None,
+    zones: Zones | None,
     plot: Path | None,
     view: bool,
     html: Path | None,
@@ -149,7 +154,10 @@ def check_command(
         }
         if all(source(name) is ParameterSource.DEFAULT for name in speeds):
             speeds = {}
-        return _followed(arm, follow, (deg if units is None else units == "deg"), bound, speeds)
+        more = speeds | {"zones": zones}
+        return _followed(arm, follow, (deg if units is None else units == "deg"), bound, more)
+    if zones is not None:
+        raise OptionError("--zones is for --follow STREAM")
     if file is None:
         raise OptionError("name the FILE of a trajectory, or --follow - for standard input")
     from pinsing.proximity.trajectory import check_trajectory, details, summary
@@ -228,7 +236,7 @@ def _posture_of_the_end(arm: Arm, Q: Array, found: Aspects) -> Array | None:
     return next(good, None)
 
 
-def _followed(arm: Arm, file: Path, degrees: bool, near: float, speeds: Mapping[str, Any]) -> int:
+def _followed(arm: Arm, file: Path, degrees: bool, near: float, more: Mapping[str, Any]) -> int:
     """Judge each line that comes. A plain file is read whole; of a live stream, old lines go."""
     from pinsing._batch import engine
     from pinsing.families import closed_form
@@ -236,9 +244,8 @@ def _followed(arm: Arm, file: Path, degrees: bool, near: float, speeds: Mapping[
 
     if not engine.available():
         say("note: without the compiled kernel a verdict may take half a second")
-    follower, judged = Follower(closed_form(arm), arm, degrees, near, **speeds), False
-    signal.signal(signal.SIGTERM, _terminated)
-    with followed(file) as (lines, live):
+    follower, judged = Follower(closed_form(arm), arm, degrees, near, **more), False
+    with _ended_at_once(), followed(file) as (lines, live):
         gc.freeze()  # a collection of all that was imported takes many milliseconds
         told = 0
         for said in follow(follower, lines, live):
@@ -252,6 +259,18 @@ def _followed(arm: Arm, file: Path, degrees: bool, near: float, speeds: Mapping[
     return 0
 
 
-def _terminated(number: int, frame: FrameType | None) -> None:
-    os.write(2, b"pinsing: terminated\n")
-    os._exit(128 + number)
+@contextlib.contextmanager
+def _ended_at_once() -> Iterator[None]:
+    """Signals end the process between two verdicts, whether or not anybody takes the last one."""
+    said = {signal.SIGINT: b"\npinsing: stopped\n", signal.SIGTERM: b"pinsing: terminated\n"}
+
+    def end(number: int, frame: FrameType | None) -> None:
+        os.write(2, said[signal.Signals(number)])
+        os._exit(128 + number)
+
+    before = {number: signal.signal(number, end) for number in said}
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import json
 import math
+import re
 import threading
 from collections import deque
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -28,9 +29,13 @@ BACKLOG = 100
 STALLED = 1.0
 """Seconds without a line after which it is said."""
 _LONGEST = 1 << 20
-"""Bytes of a line; what is longer is cut, and answered as lines that cannot be read."""
+"""Characters of a line, of at most four bytes each; a longer one is not read."""
 _FARTHEST = 1e9
 """Radians or metres: from there on floats are 1e-7 apart."""
+_ROWS = (*"{+-.0123456789", " ", "\t")
+"""How lines of values begin. Others may be names of columns, which are not dropped."""
+_PIECE = re.compile(r"[-+.\deE\s]*")
+"""A number, or what is left of one that a stream began, or broke off, in the middle of."""
 _SAID = ("level", "family", "title", "lower", "upper", "time_to_contact", "trend")
 """What is told of the monitor's verdict; ``trend`` is null where speeds are not known."""
 _MOVE = 1e-3
@@ -42,9 +47,8 @@ def lines_of(raw: io.FileIO) -> Iterator[str]:
     rest = b""
     while data := raw.read(1 << 16):
         *whole, rest = (rest + data).split(b"\n")
-        if len(rest) > _LONGEST:
-            whole, rest = [*whole, rest], b""
         yield from (line.decode(errors="replace") for line in whole)
+        rest = rest[: 4 * _LONGEST + 1]
     if rest:
         yield rest.decode(errors="replace")
 
@@ -67,10 +71,12 @@ def latest(
         try:
             for line in lines:
                 with news:
-                    if len(waiting) == backlog + (not taken):
-                        del waiting[0 if taken else 1]  # the names of columns are never dropped
-                        dropped += 1
                     waiting.append(line)
+                    if len(waiting) > backlog + (not taken):
+                        late = range(not taken, len(waiting))
+                        rows = (k for k in late if waiting[k].startswith(_ROWS))
+                        del waiting[next(rows, late[0])]
+                        dropped += 1
                     news.notify()
         except OSError as error:
             failed.append(error)
@@ -96,14 +102,15 @@ def latest(
 
 
 class HeadError(ConfigurationError):
-    """Names of columns that are not understood: no row that follows means anything."""
+    """A row after names of columns that were not understood: it could mean anything."""
 
 
 class Reader:
     """Reads configurations of an arm as text.
 
     A line is a JSON object or a row of a table, best after a line of column names; without names
-    there is one column a joint, base to tip. An object holds
+    there is one column a joint, base to tip. After names that are not understood, objects and
+    names are read, but no row. An object holds
     ``name`` and ``position`` as in ROS's JointState, perhaps ``velocity``, ``t`` or the stamp of a
     ``header``; or each joint by its name. Names are read as those of a trajectory file; what is
     none of a joint is passed over. Without velocities they are differences of successive samples
@@ -131,7 +138,6 @@ class Reader:
         self._columns: tuple[ColumnHeads | None, str | None] | None = None
         self._head: HeadError | None = None
         self._last: tuple[float, Array] | None = None
-        self._objects = False
         self.t: float | None = None
         self.notes: list[str] = []
 
@@ -141,10 +147,12 @@ class Reader:
         Raises
         ------
         HeadError
-            If a line of column names is not understood; then also for each row that follows.
+            For a row after a line of column names that was not understood.
         ConfigurationError
             If the line cannot be read, or holds no configuration of the arm.
         """
+        if len(line) > _LONGEST:
+            raise ConfigurationError(f"the stream: a line of more than {_LONGEST:,} characters")
         text, self.t = line.removeprefix("\ufeff").strip(), None
         if not text or text[0] == "#":
             return None
@@ -175,9 +183,13 @@ class Reader:
 
     def _object(self, text: str) -> tuple[Array, Array | None]:
         try:
-            data = json.loads(text)
-        except (ValueError, RecursionError):
-            raise ConfigurationError(f"cannot read {text:.80}: it is no JSON object") from None
+            data = json.loads(text, object_pairs_hook=_once)
+        except (ValueError, RecursionError) as error:
+            if isinstance(error, ConfigurationError):
+                raise
+            raise ConfigurationError(
+                f"cannot read {text:.80}: it is no JSON object, which must be on one line"
+            ) from None
         arm, speeds = self._arm, None
         if "position" not in data:
             heads, values = self._heads(list(data)), list(data.values())
@@ -196,7 +208,7 @@ class Reader:
                     raise ConfigurationError(f"velocity needs {len(names)} values, as position has")
                 if not any(isinstance(r, float) and not math.isfinite(r) for r in rates):
                     speeds = self._values("velocity", heads, rates)
-        self._objects = True
+        self._head = None
         return q, speeds
 
     def _time(self, header: Any, heads: ColumnHeads | None, values: Sequence[Any]) -> None:
@@ -233,40 +245,47 @@ class Reader:
         return self._names[1]
 
     def _row(self, text: str) -> tuple[Array, None] | None:
+        known = self._columns
+        separator = known[1] if known else next((s for s in (";", "\t", ",") if s in text), None)
+        words = text.split(separator)
+        if known:  # with one word of a mode, say, or names once more: a recorder began anew
+            named = len(words) > 1 and not any(map(is_number, words))
+        else:
+            named = not all(is_number(w) or _PIECE.fullmatch(w) for w in words)
+        if named:
+            self._columns = self._head = None
+            try:
+                self._columns = self._heads(words), separator
+            except ConfigurationError as error:
+                fix = f"give a line of names, as t,{','.join(self._arm.joints)}"
+                self._head = HeadError(f"{error}; {fix}, or objects of JSON")
+                raise ConfigurationError(str(self._head)) from None
+            return None
         if self._head is not None:
             raise self._head
-        if self._columns is not None:
-            words = text.split(self._columns[1])
-            if len(words) > 1 and not any(map(is_number, words)):
-                self._columns = None  # names once more: a recorder began anew
-        if self._columns is None:
-            separator = next((s for s in (";", "\t", ",") if s in text), None)
-            words = text.split(separator)
-            if not all(map(is_number, words)):
-                try:
-                    self._columns = self._heads(words), separator
-                except ConfigurationError as error:
-                    if self._objects:  # no head is due
-                        raise
-                    self._head = HeadError(
-                        f"{error}; correct the line of names, as t,{','.join(self._arm.joints)}"
-                    )
-                    raise self._head from None
-                return None
+        if known is None:
             if len(words) != self._arm.n:
                 raise ConfigurationError(
                     f"the stream: {len(words)} numbers without names for {self._arm.n} joints: "
                     f"begin with a line of names, such as t,{','.join(self._arm.joints)}"
                 )
-            self._columns = None, separator
-        heads, separator = self._columns
-        words = text.split(separator)
+            self._columns = known = None, separator
+        heads = known[0]
         width = self._arm.n if heads is None else len(heads.words)
         if len(words) != width:
             raise ConfigurationError(f"cannot read {text:.80}: {width} columns are needed")
         if heads is not None:
             self._time(None, heads, words)
         return self._values("q", heads, words), None
+
+
+def _once(pairs: Sequence[tuple[str, Any]]) -> dict[str, Any]:
+    found = dict(pairs)
+    if len(found) < len(pairs):
+        keys = [key for key, _ in pairs]
+        twice = next(key for key in keys if keys.count(key) > 1)
+        raise ConfigurationError(f"the stream: {twice!r:.80} is there twice")
+    return found
 
 
 def number(value: Any, called: str) -> float:
@@ -300,9 +319,9 @@ class Follower:
         As of `Reader`.
     near : float
         Clearance, radians, at or below which the level is "warn"; half of it is "stop".
-    speeds : mapping
-        ``tip_speed``, ``turn_speed`` and ``joint_speeds`` of `Monitor`; with them ``tip_speeds``
-        is told too.
+    more : mapping
+        Of `Monitor`: ``tip_speed``, ``turn_speed`` and ``joint_speeds``, with which ``tip_speeds``
+        are told too; ``zones``, with which those that the arm is in are.
 
     Attributes
     ----------
@@ -310,11 +329,10 @@ class Follower:
         With the time of the last line, and what was passed over.
     """
 
-    def __init__(
-        self, form: ClosedForm, arm: Arm, degrees: bool, near: float, **speeds: Any
-    ) -> None:
+    def __init__(self, form: ClosedForm, arm: Arm, degrees: bool, near: float, **more: Any) -> None:
         self.reader = Reader(arm, degrees)
-        self._monitor = Monitor(form, near, near / 2, **speeds)
+        self._monitor = Monitor(form, near, near / 2, **more)
+        self._zoned = more.get("zones") is not None
         self._arm = arm
         names = [f.name for f in form.families]
         self._families = {name: replace(watch(form, [name]), margin=None) for name in names}
@@ -349,6 +367,8 @@ class Follower:
             near, point = certified(watched, q[None], NAMING)
             out["upper"] = min(said.upper, float(near.upper[0]))
             out["move"] = self._away(q, watched, point, float(near.upper[0]))
+        if self._zoned:
+            out["zones"] = encode(said.zones)
         if said.tip_speeds is not None:
             out["tip_speeds"] = encode(said.tip_speeds)
         return {k: None if v in (np.inf, -np.inf) else v for k, v in out.items()}
@@ -374,7 +394,7 @@ def follow(follower: Follower, lines: Iterable[str], live: bool) -> Iterator[dic
     Raises
     ------
     HeadError
-        If names of columns are not understood, after the answer.
+        For a row after names of columns that were not understood, after the answer.
     """
     stream = latest(lines) if live else ((line, 0) for line in lines)
     total = number = 0
