@@ -4,9 +4,9 @@
     scripts/tube.py [ARM ...] [--robots N] [--searches N] [--paths N] [--rounds N]
 
 Of each arm N robots with lengths off by 0.5 mm and axes off by 3 mrad; a singular configuration
-outside of the tube, or a path across a wall without one, ends it with exit code 1. From the
-farthest ones that are found searches climb on, for as many rounds. Where no width is proven the
-largest distance that was found is printed.
+outside of the tube, a clearance beside one that is larger than its distance, or a path across a
+wall without one, ends it with exit code 1. From the farthest ones that are found searches climb
+on, for as many rounds. Where no width is proven the largest distance that was found is printed.
 """
 
 from __future__ import annotations
@@ -92,15 +92,24 @@ def climb(
     return np.concatenate(every)
 
 
-def outside(form: pinsing.ClosedForm, Q: np.ndarray) -> tuple[int, float]:
-    """How many of Q lie outside of the tube, and the largest distance from the families."""
+def outside(form: pinsing.ClosedForm, Q: np.ndarray) -> tuple[int, np.ndarray]:
+    """How many of Q lie outside of the tube, and the largest distances: by one family, and any."""
     each, tube = distances(form, Q), form.tube
     order = np.sort(each, axis=1)
     assert tube is not None
     alone = (order > tube.near)[:, 1] if each.shape[1] > 1 else np.ones(len(Q), bool)
     width = np.array([f.width for f in tube.families])[each.argmin(axis=1)]
     wrong = (order[:, 0] > tube.width) | (alone & (order[:, 0] > width))
-    return int(wrong.sum()), float(order[:, 0].max(initial=0.0))
+    far = [order[alone, 0].max(initial=0.0), order[:, 0].max(initial=0.0)]
+    return int(wrong.sum()), np.array(far)
+
+
+def too_clear(form: pinsing.ClosedForm, Q: np.ndarray, rng: np.random.Generator) -> int:
+    """How many configurations beside singular ones Q have a lower bound that is too large."""
+    steps = rng.normal(size=Q.shape)
+    steps *= rng.uniform(0, 0.5, (len(Q), 1)) / np.linalg.norm(steps, axis=1, keepdims=True)
+    lower = pinsing.clearance(form, Q + steps).lower
+    return int((lower > np.linalg.norm(steps, axis=1)).sum())
 
 
 def unmet(form: pinsing.ClosedForm, paths: int, rng: np.random.Generator) -> tuple[int, int]:
@@ -140,25 +149,20 @@ def attack(name: str, robots: int, searches: int, paths: int, rounds: int) -> in
         form = pinsing.closed_form(robot, design=design)
         took, tube = time.process_time() - began, form.tube
         assert tube is not None
-        out, most, found = 0, 0.0, 0
+        out, most, found, near = 0, np.zeros(2), 0, 0
         for first in range(0, searches, 10_000):
             starts = rng.uniform(-np.pi, np.pi, (min(10_000, searches - first), robot.n))
             Q = climb(form, find_singular(robot, starts), rounds, rng)
             wrong, far = outside(form, Q)
-            out, most, found = out + wrong, max(most, far), found + len(Q)
-        if not tube.proven:
-            print(
-                f"{name} {i}: {tube.reason}; {np.degrees(most):.2f}° found, {found} searched; "
-                f"{took:.1f} s",
-                flush=True,
-            )
-            continue
-        missed, tried = unmet(form, paths, rng)
-        faults += out + missed
-        alone, wide, far = np.degrees([tube.alone, tube.width, most])
+            out, most, found = out + wrong, np.maximum(most, far), found + len(Q)
+            near += too_clear(form, Q, rng)
+        missed, tried = unmet(form, paths, rng) if tube.proven else (0, 0)
+        faults += out + missed + near
+        alone, wide, by_one, far = np.degrees([tube.alone, tube.width, *most])
+        widths = f"{alone:.2f}° alone, {by_one:.2f}° found; {wide:.2f}° where two meet, "
         print(
-            f"{name} {i}: {alone:.2f}° alone, {wide:.2f}° where two meet, {far:.2f}° found; {out} "
-            f"of {found} outside, {missed} of {tried} paths unmet; {took:.1f} s",
+            f"{name} {i}: {widths * tube.proven}{far:.2f}° found; {out} of {found} outside, "
+            f"{near} beside them too clear, {missed} of {tried} paths unmet; {took:.1f} s",
             flush=True,
         )
     return faults

@@ -73,7 +73,7 @@ def test_tube_is_proven_and_holds_every_singular_configuration(
     assert all(f.persists and f.lower < f.width <= form.tube.width for f in form.tube.families)
     assert form.loaded is not None
     found = attack.find_singular(form.loaded, np.random.default_rng(5).uniform(-3, 3, (150, 6)))
-    wrong, far = attack.outside(form, found)
+    wrong, (_, far) = attack.outside(form, found)
     assert (len(found) > 50, wrong) == (True, 0)
     assert 0.001 < far < form.tube.width
 

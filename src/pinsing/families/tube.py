@@ -552,9 +552,9 @@ def _determinant(p: Product, x: Array) -> tuple[Array, Array]:
     return total + rest.value, slope + rest.gradient
 
 
-MOST = 300_000
+MOST = 600_000
 """Boxes after which the width is what has been proven till then."""
-SLACK = 1.8
+SLACK = 1.95
 """A width that is this much larger than the largest distance found is good enough."""
 _FIRST = 6
 
