@@ -129,10 +129,7 @@ def paper_matrices(q1: float, q2: float) -> tuple[np.ndarray, np.ndarray]:
     """(J_x, J_q) of paper Eq. (13), as printed."""
     x, y = paper_point(q1, q2)
     J_x = R1 * np.diag(
-        [
-            y * np.cos(q1) - (x + R3) * np.sin(q1),
-            y * np.cos(q2) + (-x + R3) * np.sin(q2),
-        ]
+        [y * np.cos(q1) - (x + R3) * np.sin(q1), y * np.cos(q2) + (-x + R3) * np.sin(q2)]
     )
     J_q = np.array(
         [

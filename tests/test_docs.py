@@ -28,7 +28,7 @@ PAGES = sorted(
 RUN = [p for p in PAGES if any(b.kind not in ("text",) for b in blocks((DOCS / p).read_text()))]
 # Less than a second each; the others are in the slow tier.
 QUICK = {
-    "explain/method.md", "how-to/names.md", "how-to/own-model.md", "how-to/singular-pose.md",
+    "explain/method.md", "how-to/own-model.md", "how-to/singular-pose.md",
     "how-to/terminal.md", "reference/certificate.md", "reference/exit-codes.md",
     "reference/json.md",
 }  # fmt: skip

@@ -25,14 +25,10 @@ def _arm(lower: float, upper: float, offset: float) -> pinsing.Arm:
 @pytest.mark.parametrize(
     ("lower", "upper", "offset", "reached"),
     [
-        (-np.inf, np.inf, 4.0, True),
-        (-np.inf, np.inf, 40.0, True),
-        (1.0, np.inf, -200.0, True),
-        (-np.inf, 5.0, 200.0, True),
-        (1.0, np.inf, 2.0, False),
-        (-np.inf, 5.0, -5.5, False),
+        (-np.inf, np.inf, 4.0, True), (-np.inf, np.inf, 40.0, True), (1.0, np.inf, -200.0, True),
+        (-np.inf, 5.0, 200.0, True), (1.0, np.inf, 2.0, False), (-np.inf, 5.0, -5.5, False),
     ],
-)
+)  # fmt: skip
 def test_a_value_beyond_the_drawn_range_is_reached_where_no_limit_ends_it(
     lower, upper, offset, reached
 ):

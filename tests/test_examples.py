@@ -32,7 +32,7 @@ ELSEWHERE = {"Viewer.jupyter_cell", "Viewer.open", "Viewer.save_png"}
 
 # These take seconds each.
 LONG = {
-    *("Aspects.of", "aspects", "connect", "posture_changes"),
+    *("Aspects.of", "analyze_mechanism", "aspects", "connect", "posture_changes"),
     *("write_report", "plot.inverse_count", "Cuspidality", "Cuspidality.text"),
 }
 

@@ -277,8 +277,8 @@ def test_a_cold_closed_form_pulls_in_no_masked_arrays_urllib_or_meshes():
 @pytest.mark.parametrize(
     ("words", "answer"),
     [
-        (["families", "ur5", "--no-prove"], "3 families"),
-        (["at", "ur5", "--q", "0,-1,1,0,1,0"], "regular"),
+        pytest.param(["families", "ur5", "--no-prove"], "3 families", marks=pytest.mark.slow),
+        pytest.param(["at", "ur5", "--q", "0,-1,1,0,1,0"], "regular", marks=pytest.mark.slow),
         (["at", "ur5", "--q", "0,-1,1,0,1,0", "--no-distances"], "regular"),
     ],
 )

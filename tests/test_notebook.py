@@ -79,18 +79,8 @@ def test_names_are_text_in_notebooks():
         shown = result._repr_html_()
         root = ElementTree.fromstring(f"<div>{shown}</div>")
         allowed = {
-            "div",
-            "p",
-            "code",
-            "span",
-            "strong",
-            "table",
-            "thead",
-            "tbody",
-            "tr",
-            "th",
-            "td",
-        }
+            "div", "p", "code", "span", "strong", "table", "thead", "tbody", "tr", "th", "td",
+        }  # fmt: skip
         math = {"math", "mi", "mn", "mo", "msub", "msup", "mtext", "mrow", "mspace"}
         assert {e.tag for e in root.iter()} <= allowed | math
         named = [e for e in root.iter() if e.text and "onerror" in e.text]

@@ -12,6 +12,8 @@ from urdf_texts import LIMIT, joint
 
 import pinsing
 
+pytestmark = pytest.mark.slow
+
 STYLE = """
 body { margin: 16px; font: 14px system-ui, sans-serif; background: #fff; color: #000 }
 body.dark { background: #111; color: #ddd }
@@ -185,7 +187,6 @@ def test_names_out_of_a_file_are_text(page, tmp_path):
     assert "evil" in shown(page, "loaded")
 
 
-@pytest.mark.slow
 def test_a_long_equation_unfolds(page, tmp_path):
     """Fourteen terms and more are named first, and written out by a click."""
     form = pinsing.closed_form(pinsing.load("panda"))
@@ -201,7 +202,6 @@ def test_a_long_equation_unfolds(page, tmp_path):
     assert page.evaluate("() => document.getElementById('panda').scrollWidth") <= 900
 
 
-@pytest.mark.slow
 def test_a_viewer_is_a_page_within_the_notebook(page, tmp_path):
     """It computes, alone in its frame: no server, and no way into the notebook."""
     viewer = pinsing.Viewer(pinsing.load("scara"), skeleton=True)

@@ -99,14 +99,9 @@ def test_a_family_that_is_dropped_is_noticed_by_real_points(oracle, chains):
 def test_a_chain_once_answered_with_four_components_missing(oracle, field, chains):
     """Each of two systems was dropped for the other's sake: q4 = -q3, q6 = q5 was on neither."""
     rows = [
-        (90, 0.25, 0.07, 0),
-        (180, 0.12, 0, 90),
-        (0, 0, 0.07, 0),
-        (180, 0, 0, 90),
-        (0, 0, 0.3, 180),
-        (0, 0.1, 0, 90),
-        (0, 0, 0.2, 0),
-    ]
+        (90, 0.25, 0.07, 0), (180, 0.12, 0, 90), (0, 0, 0.07, 0), (180, 0, 0, 90),
+        (0, 0, 0.3, 180), (0, 0.1, 0, 90), (0, 0, 0.2, 0),
+    ]  # fmt: skip
     spec = chains.Spec(tuple(chains.Row(*row) for row in rows), "pose")
     form = closed_form(chains.arm_of(spec), seconds=60.0)
     assert form.complete, form.gaps

@@ -87,6 +87,7 @@ def test_rows_of_the_page(made, start, verdict, contains):
     assert contains in found.computed
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("start", "verdict", "contains"), ROWS[:5])
 def test_rows_of_the_stanford_arm(of_stanford, start, verdict, contains):
     found = row(of_stanford, start)

@@ -36,7 +36,7 @@ def hashed(data: Any) -> str:
     return hashlib.sha256(text.encode()).hexdigest()[:16]
 
 
-@pytest.mark.parametrize("name", tiered(HASHES, set(HASHES) - {"tiago", "xarm7"}))
+@pytest.mark.parametrize("name", tiered(HASHES, set(HASHES) - {"panda", "tiago", "xarm7"}))
 def test_closed_forms_and_certificates_are_the_same_everywhere(name):
     form = prove(closed_form(load(name)), 3600)  # however busy the machine is
     now = {

@@ -23,18 +23,14 @@ def test_the_kernel_under_two_sanitizers(monkeypatch: pytest.MonkeyPatch) -> Non
         [
             sys.executable,
             str(SCRIPTS / "fuzz" / "sanitize.py"),
-            "--",
-            "-m",
-            "not slow",
-            "tests/test_batch.py",
-            "tests/test_batch_roots.py",
+            "--", "-m", "not slow", "tests/test_batch.py", "tests/test_batch_roots.py",
             "tests/configuration/test_refine.py",
         ],
         capture_output=True,
         text=True,
         timeout=1500,
         env={k: v for k, v in os.environ.items() if not k.startswith("PYTEST_")},
-    )
+    )  # fmt: skip
     assert done.returncode == 0, done.stdout[-3000:] + done.stderr[-3000:]
     assert " passed" in done.stdout
     assert "kernel: " in done.stdout

@@ -12,6 +12,7 @@ import pytest
 from click.testing import CliRunner
 from command_line import run
 from kernel import needs_kernel
+from tiers import tiered
 
 import pinsing
 from pinsing.cli.app import command
@@ -74,7 +75,7 @@ def test_a_torch_on_a_circle(ur5):
     assert len(path_sheet(plan, form).axes) == 3
 
 
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", tiered(range(4), {2}))
 def test_the_optimum_is_that_of_brute_force(ur5, seed):
     """Over four poses and six values, by our own inverse; edges as the module defines them."""
     arm, form = ur5
@@ -144,7 +145,12 @@ def spinning(arm, turns, q):
 
 @pytest.mark.parametrize(
     ("turns", "start", "reached"),
-    [(1.9, None, True), (2.1, None, False), (1.5, -1.0, False), (1.5, -6.0, True)],
+    [
+        pytest.param(1.9, None, True, marks=pytest.mark.slow),
+        (2.1, None, False),
+        (1.5, -1.0, False),
+        (1.5, -6.0, True),
+    ],
 )
 def test_a_path_within_two_turns_of_a_joint(ur5, turns, start, reached):
     arm, form = ur5
@@ -180,7 +186,7 @@ def test_a_wall_between_two_poses(ur5):
         assert plan.clearance > 0
 
 
-@pytest.mark.parametrize("name", ["ur5", "puma560", "z1"])
+@pytest.mark.parametrize("name", tiered(["ur5", "puma560", "z1"], {"puma560"}))
 def test_eaik_misses_nothing_that_ours_finds(name, monkeypatch):
     monkeypatch.setattr(sys.modules["pinsing.postures.inverse"], "decomposed", lambda arm: None)
     arm = pinsing.load(name)
@@ -200,6 +206,7 @@ def test_eaik_misses_nothing_that_ours_finds(name, monkeypatch):
             assert np.abs(arm.space.wrap(here - s.q)).max(axis=1).min() < 1e-5
 
 
+@pytest.mark.slow
 def test_an_arm_that_has_no_decomposition_is_followed(ur5, monkeypatch):
     arm, form = ur5
     monkeypatch.setattr(inverse_batch, "decomposed", lambda *arm: None)

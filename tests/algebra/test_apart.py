@@ -55,6 +55,7 @@ def test_a_single_call_into_flint_is_stopped(forked):
     assert gone(forked)
 
 
+@pytest.mark.slow
 def test_ctrl_c_is_heard_during_a_single_call(forked):
     timer = threading.Timer(0.5, lambda: os.kill(os.getpid(), signal.SIGINT))
     timer.start()
@@ -63,6 +64,7 @@ def test_ctrl_c_is_heard_during_a_single_call(forked):
     assert gone(forked)
 
 
+@pytest.mark.slow
 def test_what_was_told_before_the_end_is_kept():
     here = Apart(Budget(0.5), 0.5)
 

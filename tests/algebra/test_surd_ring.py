@@ -107,6 +107,7 @@ def factors_of(draw, r):
     return out
 
 
+@pytest.mark.slow
 @settings(max_examples=60, deadline=None)
 @given(st.data(), st.sampled_from([(ROOT2,), (ROOT3,), (ROOT2, ROOT3)]))
 def test_factors_divide_and_multiply_up(data, numbers):

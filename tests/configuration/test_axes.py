@@ -83,12 +83,7 @@ def only(name: str, q: list[float], task: str = "pose"):
             (1, 2, 3),
             "axes 2, 3 and 4 are parallel and lie in one plane",
         ),
-        (
-            "planar3r",
-            [0.1, 0, 0],
-            (0, 1, 2),
-            "axes 1, 2 and 3 are parallel and lie in one plane",
-        ),
+        ("planar3r", [0.1, 0, 0], (0, 1, 2), "axes 1, 2 and 3 are parallel and lie in one plane"),
         (
             "scara",
             [0.1, 0, 0.02, 0.3],

@@ -145,18 +145,12 @@ def test_a_good_mesh_is_in_the_page(package, tmp_path):
 @pytest.mark.parametrize(
     ("image", "taken"),
     [
-        ("{}/secret.txt", False),
-        ("{}/secret.png", False),
-        ("../../../secret.png", False),
-        ("/etc/passwd", False),
-        ("../secret.txt", False),
-        ("&#x2e;&#x2e;/../../secret.png", False),
-        ("<b>{}/secret.png</b>", False),
-        ("image.png", True),
-        ("../meshes/image.png", True),
-        ("not_there.png", True),
+        ("{}/secret.txt", False), ("{}/secret.png", False), ("../../../secret.png", False),
+        ("/etc/passwd", False), ("../secret.txt", False),
+        ("&#x2e;&#x2e;/../../secret.png", False), ("<b>{}/secret.png</b>", False),
+        ("image.png", True), ("../meshes/image.png", True), ("not_there.png", True),
     ],
-)
+)  # fmt: skip
 def test_images_that_a_mesh_refers_to_are_judged_as_well(image, taken, package, tmp_path):
     """The viewer embeds them: a Collada file may not reach for what the URDF may not."""
     (package / "meshes" / "image.png").write_bytes(b"\x89PNG an image of the robot's own")

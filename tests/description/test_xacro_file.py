@@ -176,7 +176,7 @@ READS = (
 )
 
 
-@pytest.mark.parametrize("text", READS)
+@pytest.mark.parametrize("text", tiered(READS, READS[:1]))
 def test_a_file_reads_no_environment_variable_that_is_not_for_it(read, tmp_path, monkeypatch, text):
     monkeypatch.delenv("NOT_SET", raising=False)
     (tmp_path / "a.xacro").write_text(XACRO.format('<link name="$(optenv NOT_SET a b)"/>'))

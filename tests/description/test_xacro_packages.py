@@ -153,6 +153,10 @@ def test_wildcards_follow_no_link_out_of_the_folder(tmp_path):
     path.write_text(XACRO.format('<xacro:include filename="*/x.xml"/>'))
     with pytest.raises(RobotFileError, match="has no links"):
         read_description(path)
+
+
+@pytest.mark.slow
+def test_wildcards_look_at_so_many_files_and_no_more(tmp_path):
     for name in range(150):
         (tmp_path / f"d{name}").mkdir()
         for inner in range(140):

@@ -50,19 +50,11 @@ ESCAPES = {
     "math spec": "math['__spec__'].loader",
     # Builtins by name.
     "import": f"__import__('os').{CALL}",
-    "open": "open('mark', 'w').write('x')",
-    "eval": "eval('1+1')",
-    "exec": "exec('import os')",
-    "compile": "compile('1', 'x', 'eval')",
-    "getattr": "getattr((), '__cl' + 'ass__')",
-    "globals": "globals()",
-    "locals": "locals()",
-    "breakpoint": "breakpoint()",
-    "help": "help()",
-    "input": "input('x')",
-    "fullwidth letters": "ｅｖａｌ('1')",
-    "italic letters": "𝘰𝘱𝘦𝘯('mark', 'w')",
-    "fullwidth underscores": "()._＿class_＿",
+    "open": "open('mark', 'w').write('x')", "eval": "eval('1+1')", "exec": "exec('import os')",
+    "compile": "compile('1', 'x', 'eval')", "getattr": "getattr((), '__cl' + 'ass__')",
+    "globals": "globals()", "locals": "locals()", "breakpoint": "breakpoint()", "help": "help()",
+    "input": "input('x')", "fullwidth letters": "ｅｖａｌ('1')",
+    "italic letters": "𝘰𝘱𝘦𝘯('mark', 'w')", "fullwidth underscores": "()._＿class_＿",
     "ligature": "__ｉmport__('os')",
     # Templates that read attributes.
     "format": r"'\x7b0.__class__\x7d'.format(1)",
@@ -121,7 +113,7 @@ ESCAPES = {
     "yaml descriptor": "xacro.load_yaml(0)",
     "tokenize": "xacro.tokenize('a', ']|(a+)+[')",
     "message file": "xacro.message('x', file=1) + xacro.abs_filename(1)",
-}
+}  # fmt: skip
 
 OBJECTS = {
     "object.yaml": "a: !!python/object/apply:os.system ['true']",

@@ -54,6 +54,7 @@ def test_positions_are_complete(name):
         assert drop(nominal(arm).arm, moved[off], form.generic_rank).min() > 1e-8
 
 
+@pytest.mark.slow
 def test_positions_of_the_ur5_where_the_wrist_alone_brings_the_tip_to_a_line():
     """All five axes meet it; three equations state that, which fall into two families."""
     _, form = position("ur5")
@@ -113,6 +114,7 @@ def test_nine_joints_end_in_time_and_say_what_stopped_them():
     assert any("budget of" in g or "told apart" in g for g in form.gaps)
 
 
+@pytest.mark.slow
 def test_describing_keeps_to_the_time_as_well():
     arm = load("talos_full_v2", tip="gripper_left_base_link", base="torso_2_link", task="position")
     form = closed_form(arm, seconds=1)

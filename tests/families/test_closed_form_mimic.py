@@ -47,10 +47,7 @@ FOLLOWING = [
 ]  # fmt: skip
 
 
-@pytest.mark.parametrize(
-    ("multiplier", "offset"),
-    tiered_rows(FOLLOWING, FOLLOWING[1:5:3]),
-)
+@pytest.mark.parametrize(("multiplier", "offset"), tiered_rows(FOLLOWING, FOLLOWING[1:5:3]))
 def test_a_planar_finger(tmp_path, multiplier, offset):
     """The last of three parallel axes is a multiple of the second."""
     arm = finger(tmp_path, mimic=follows(2, multiplier, offset))

@@ -20,7 +20,7 @@ TASKS = [
 
 
 @pytest.mark.parametrize(("robot", "task"), TASKS)
-@pytest.mark.parametrize("chosen", tiered([(4,), (1, 3), (2, 5), (0, 4)], {(4,), (0, 4)}))
+@pytest.mark.parametrize("chosen", tiered([(4,), (1, 3), (2, 5), (0, 4)], {(4,)}))
 def test_all_singular_points_of_a_slice_are_met_and_no_others(robot, task, chosen):
     arm, prime = pinsing.load(robot, task=task), 23
     geometry = nominal(arm)

@@ -6,6 +6,7 @@ import sys
 import numpy as np
 import pytest
 from singular_sets import Joint, build, iiwa_with_offset
+from tiers import tiered
 
 from pinsing.algebra import real_roots
 from pinsing.algebra.budget import Budget
@@ -73,6 +74,7 @@ def _late(method):
     return when_time_is_over
 
 
+@pytest.mark.slow
 def test_systems_that_time_did_not_allow_to_solve_are_told_of(monkeypatch):
     monkeypatch.setattr(real_roots, "_SHORT", (0, 0, 0))
     monkeypatch.setattr(PieceMaker, "_solutions", _late(PieceMaker._solutions))
@@ -244,7 +246,7 @@ def test_ctrl_c_keeps_the_closed_forms(monkeypatch):
     assert stages.missing == ["first: stopped before its end", "second: not begun, stopped"]
 
 
-@pytest.mark.parametrize("name", ["ur5", "puma560"])
+@pytest.mark.parametrize("name", tiered(["ur5", "puma560"], {"puma560"}))
 def test_a_curve_is_marked_at_every_true_zero(name):
     arm = load(name)
     form = closed_form(arm)

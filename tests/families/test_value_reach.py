@@ -52,6 +52,7 @@ def test_the_value_inside_is_named(elbow: Family) -> None:
     ]
 
 
+@pytest.mark.slow
 def test_in_text_at_page_notebook_and_report(table: Path, elbow: Family, tmp_path: Path) -> None:
     path = tmp_path / "report.html"
     done = run("report", str(table), "-o", str(path))

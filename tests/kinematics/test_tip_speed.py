@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from scipy.optimize import linprog
+from tiers import tiered
 
 import pinsing
 from pinsing.errors import OptionError
@@ -37,7 +38,7 @@ def test_of_a_square_jacobian_each_joint_has_a_row_of_the_inverse():
     np.testing.assert_allclose(shares, (0.25 * v + 0.5 * w) / c)
 
 
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", tiered(range(4), {0}))
 def test_of_a_redundant_arm_no_direction_is_slower(seed):
     arm, rng = pinsing.load("panda"), np.random.default_rng(seed)
     q, c = rng.uniform(-1.5, 1.5, 7), rng.uniform(1, 3, 7)

@@ -13,6 +13,7 @@ from test_five_bars import FiveBar
 from test_mechanism_pose import slides_in_the_plane
 from test_parallel_geometry import Way, planar
 from test_pose_forms import pluecker
+from tiers import tiered
 from urdf_text import J, frame, loop_text, stewart, written
 
 import pinsing
@@ -70,7 +71,7 @@ def ratios(mechanism, q):
     ]
 
 
-@pytest.mark.parametrize("name", SHELF)
+@pytest.mark.parametrize("name", tiered(SHELF, set(SHELF) - {"delta"}))
 def test_the_forms_are_the_determinants_of_the_jacobians(name, rng):
     # Constant ratios over all closed configurations: zero together, and nowhere else.
     mechanism = shipped(name).without_limits()
@@ -90,7 +91,9 @@ def test_the_forms_are_the_determinants_of_the_jacobians(name, rng):
 
 
 @pytest.mark.parametrize("kind", ["type 1", "type 2"])
-@pytest.mark.parametrize("name", ["planar_3rrr", "agile_eye", "delta", "rssr"])
+@pytest.mark.parametrize(
+    "name", ["planar_3rrr", "agile_eye", pytest.param("delta", marks=pytest.mark.slow), "rssr"]
+)
 def test_singular_points_are_on_them_and_others_are_not(name, kind, rng):
     mechanism = shipped(name).without_limits()
     forms = joint_forms(mechanism)
@@ -218,7 +221,7 @@ POINTS = np.round(np.random.default_rng(8).uniform(-1, 1, (2, 6, 3)) * [1, 1, 0.
 ]  # fmt: skip
 
 
-@pytest.mark.parametrize("case", ODD)
+@pytest.mark.parametrize("case", tiered(ODD, set(ODD) - {"legs from the platform"}))
 def test_however_a_mechanism_is_written_and_driven(case, tmp_path, rng):
     """Zero at singular configurations, found by the Jacobians, and at no other."""
     mechanism = ODD[case](tmp_path).without_limits()
@@ -283,7 +286,12 @@ def test_they_survive_json_and_the_command_line(command):
 
 
 @pytest.mark.parametrize(
-    ("name", "kind"), [("planar_3rpr", PoseForms), ("five_bar", LoopForms), ("bennett", JointForms)]
+    ("name", "kind"),
+    [
+        pytest.param("planar_3rpr", PoseForms, marks=pytest.mark.slow),
+        ("five_bar", LoopForms),
+        ("bennett", JointForms),
+    ],
 )
 def test_json_of_the_command_has_both(name, kind, command):
     code, text, _ = command("families", URDF / f"{name}.urdf", "--loops", "-o", "-")
@@ -297,6 +305,7 @@ def test_json_of_the_command_has_both(name, kind, command):
     assert str(found.joint_forms) == str(joint_forms(shipped(name)))
 
 
+@pytest.mark.slow
 def test_the_analysis_has_them():
     found = analyze_mechanism(shipped("four_bar"))
     assert [x.kind for x in found.joint_forms.loci] == ["type 2", "type 1"]

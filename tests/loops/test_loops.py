@@ -501,6 +501,7 @@ def test_infeasible_inputs_say_what_is_feasible():
     assert "q1 in [" in str(caught.value)
 
 
+@pytest.mark.slow
 def test_feasible_range_equals_the_reach_of_the_rods(rng):
     mechanism = shipped("five_bar")
     for q1 in rng.uniform(-np.pi, np.pi, 3):
@@ -569,6 +570,7 @@ def test_crank_rocker_from_either_side():
     assert all(c.passed for c in [*by_crank.checks, *by_rocker.checks])
 
 
+@pytest.mark.slow
 def test_change_points_of_a_parallelogram_are_constraint_singularities():
     """All links in line: the linkage may fold or stay a parallelogram."""
     mechanism = four_bar(0.4, 0.2, 0.4, 0.2)
@@ -665,6 +667,7 @@ def test_a_type_3_configuration_that_is_not_flat():
     assert (point.kind, point.converged) == ("type 3", True)
 
 
+@pytest.mark.slow
 def test_3rrr_type_1_is_a_straight_elbow_and_type_2_three_forces_in_one_point():
     mechanism = shipped("planar_3rrr")
     inputs = home(mechanism)[list(mechanism.actuated)]

@@ -52,6 +52,7 @@ OVER = {
 }  # fmt: skip
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", tiered(OVER, ("planar_3rpr",)))
 def test_each_pose_of_a_slice_is_closed_and_has_its_coordinates(name: str) -> None:
     mechanism = shipped(name)
@@ -193,6 +194,7 @@ def test_a_slice_may_begin_elsewhere() -> None:
     np.testing.assert_allclose(angles, 0.6, atol=1e-8)
 
 
+@pytest.mark.slow
 def test_a_platform_that_is_always_singular_has_no_lines() -> None:
     ax = pose_map(shipped("griffis_duffy"), ("x", "y"), samples=15)
     assert "every pose is singular" in ax.get_title()

@@ -10,6 +10,7 @@ import pinocchio as pin
 import pytest
 from mechanisms import analyzed, from_model, planar_tree, shipped
 from node import needs_node, run
+from tiers import tiered
 
 from pinsing.loops import home, mechanism_at, working_modes
 from pinsing.loops.closure import Loops
@@ -20,18 +21,11 @@ from pinsing.robot.load_mechanism import Loop, Mechanism
 from pinsing.view.mechanism_viewer import linkage_sizes, mechanism_data, plane_normal
 
 LED = {  # the coordinates that the outputs of the shelf can be led in
-    "five_bar": "x y",
-    "four_bar": "turn",
-    "planar_3rrr": "x y turn",
-    "planar_3rpr": "x y turn",
-    "gough_stewart": "x y z roll pitch yaw",
-    "delta": "x y z",
-    "rps3": "z roll pitch",
-    "agile_eye": "roll pitch yaw",
-    "bennett": "roll",
-    "rssr": "roll",
-}
-QUICK = ("five_bar", "planar_3rpr", "gough_stewart", "rps3")
+    "five_bar": "x y", "four_bar": "turn", "planar_3rrr": "x y turn", "planar_3rpr": "x y turn",
+    "gough_stewart": "x y z roll pitch yaw", "delta": "x y z", "rps3": "z roll pitch",
+    "agile_eye": "roll pitch yaw", "bennett": "roll", "rssr": "roll",
+}  # fmt: skip
+QUICK = ("five_bar", "planar_3rpr")
 SHELF = [n if n in QUICK else pytest.param(n, marks=pytest.mark.slow) for n in LED]
 
 
@@ -153,6 +147,7 @@ def test_a_driven_elbow_is_told_like_another() -> None:
     assert len({s.mode for s in found}) == len(found) == 4
 
 
+@pytest.mark.slow
 @needs_node
 def test_types_on_the_way_are_those_of_python() -> None:
     """Fichter's quarter turn about z is met where the platform is led, and passed."""
@@ -178,7 +173,7 @@ def test_types_on_the_way_are_those_of_python() -> None:
 
 
 @needs_node
-@pytest.mark.parametrize("name", ["planar_3rpr", "rps3", "five_bar"])
+@pytest.mark.parametrize("name", tiered(["planar_3rpr", "rps3", "five_bar"], {"five_bar"}))
 def test_where_a_pose_ends_a_limit_or_a_singularity_is_met(name: str) -> None:
     mechanism = shipped(name)
     data = data_of(mechanism)
@@ -272,6 +267,7 @@ def test_with_more_actuators_than_freedoms_one_leads_and_the_others_follow() -> 
     assert np.abs(q[others] - q0[others]).max() > 1e-3  # they had to give way
 
 
+@pytest.mark.slow
 @needs_node
 def test_a_point_size_range_leaves_the_mechanism_where_it_is() -> None:
     """A rigid triangle but for nothing: limits of no length, and an input that cannot move."""
@@ -330,7 +326,8 @@ def test_singular_poses_of_the_list_can_be_led_away_from() -> None:
 
 
 @needs_node
-@pytest.mark.parametrize("name", ["agile_eye", pytest.param("delta", marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["agile_eye", "delta"])
 def test_all_working_modes_of_the_pose_are_listed_by_name(name: str) -> None:
     """Those that Python finds, each with the pose kept, the loops closed and a name of its own."""
     mechanism = shipped(name)

@@ -15,6 +15,7 @@ import pytest
 import umsgpack
 from links import get, heard
 from mechanisms import URDF, analyzed, four_bar, shipped
+from tiers import tiered
 
 from pinsing.cli.mechanism import view_loops
 from pinsing.errors import ConfigurationError, OptionError, ResultError, UnknownNameError
@@ -34,7 +35,7 @@ from pinsing.view.tab import SIDE
 NAMES = ["five_bar", "four_bar", "planar_3rrr"]
 
 
-@pytest.fixture(scope="module", params=NAMES)
+@pytest.fixture(scope="module", params=tiered(NAMES, ("five_bar", "four_bar")))
 def viewer(request: pytest.FixtureRequest) -> Any:
     with MechanismViewer(shipped(request.param), analyzed(request.param)) as opened:
         yield opened
@@ -42,7 +43,7 @@ def viewer(request: pytest.FixtureRequest) -> Any:
 
 @pytest.fixture(scope="module")
 def five_bar() -> Any:
-    with MechanismViewer(shipped("five_bar")) as opened:
+    with MechanismViewer(shipped("five_bar"), analyzed("five_bar")) as opened:
         yield opened
 
 

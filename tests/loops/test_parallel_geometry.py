@@ -113,7 +113,7 @@ WAYS = [
 ]  # fmt: skip
 
 
-@pytest.mark.parametrize("way", tiered(WAYS, (WAYS[3], WAYS[6], WAYS[8])), ids=str)
+@pytest.mark.parametrize("way", tiered(WAYS, (WAYS[8],)), ids=str)
 def test_a_planar_platform_is_the_same_however_it_is_written(way, tmp_path, rng):
     mechanism = planar(tmp_path, way)
     assert ranks(mechanism).mobility == 3
@@ -160,7 +160,7 @@ def test_the_analysis_of_actuated_elbows_agrees_with_itself(tmp_path):
     ]
 
 
-@pytest.mark.parametrize("seed", tiered(range(7), (1, 5, 6)))
+@pytest.mark.parametrize("seed", tiered(range(7), (6,)))
 def test_random_stewart_platforms_are_singular_where_their_lines_are_dependent(seed, tmp_path):
     """Level ones and others; some of the legs written from the platform."""
     rng = np.random.default_rng(seed)

@@ -73,6 +73,7 @@ def test_fichters_turn_by_90_degrees_is_found_by_itself(rng):
     assert [str(x.equation) for x in pose_forms(shipped("gough_stewart")).level] == ["z = 0"]
 
 
+@pytest.mark.slow
 def test_the_platform_itself_is_singular_there():
     """By Pinocchio's Jacobians, at a pose that the family names."""
     mechanism = shipped("gough_stewart").without_limits()
@@ -367,6 +368,7 @@ def test_forms_survive_json():
     np.testing.assert_array_equal(again.loci[0].equation.powers, forms.loci[0].equation.powers)
 
 
+@pytest.mark.slow
 def test_families_of_a_mechanism_at_the_command_line(command):
     def run(name, *more):
         return command("families", "-v", URDF / f"{name}.urdf", "--loops", *more)

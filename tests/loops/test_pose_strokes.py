@@ -9,7 +9,7 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 from mechanisms import shipped
-from tiers import tiered
+from tiers import tiered, tiered_rows
 from urdf_text import J, X, frame, loop_text, written
 
 import pinsing
@@ -20,6 +20,7 @@ from pinsing.loops.pose_loci import variables_at
 
 URDF = Path(__file__).parents[2] / "urdf"
 OFF = 0.5
+STROKES = [("gough_stewart", 40), ("rps3", 16), ("planar_3rpr", 6)]
 
 
 def counted_from_mid_stroke(folder, name, off=OFF):
@@ -43,9 +44,7 @@ def counted_from_mid_stroke(folder, name, off=OFF):
     return pinsing.load_mechanism(folder / f"{name}.urdf")
 
 
-@pytest.mark.parametrize(
-    ("name", "most"), [("gough_stewart", 40), ("rps3", 16), ("planar_3rpr", 6)]
-)
+@pytest.mark.parametrize(("name", "most"), tiered_rows(STROKES, STROKES[1:2]))
 def test_the_loci_do_not_depend_on_where_slides_are_counted_from(name, most, tmp_path):
     plain, moved = shipped(name), counted_from_mid_stroke(tmp_path, name)
     one, two = pose_forms(plain), pose_forms(moved)

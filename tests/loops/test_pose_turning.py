@@ -155,7 +155,7 @@ CASES = [("pus", 0), ("pus", 1), ("rus", 0), ("rus", 1), ("prs", 0), ("rrs", 0),
          ("prs", 1), ("rrs", 1), ("rps", 1)]  # fmt: skip
 
 
-@pytest.mark.parametrize(("legs", "seed"), tiered_rows(CASES, (("pus", 0), ("rrs", 0))))
+@pytest.mark.parametrize(("legs", "seed"), tiered_rows(CASES, (("rrs", 0),)))
 def test_random_platforms_are_singular_where_their_lines_are_dependent(legs, seed, tmp_path):
     t = six(legs, seed, seed == 0) if legs in ("pus", "rus") else three(legs, seed)
     mechanism = made(tmp_path, t).without_limits()
@@ -341,6 +341,7 @@ def test_designs_that_never_hold_the_platform_are_named(tmp_path):
     assert mechanism_at(legs, random_closed(legs, 1, np.random.default_rng(0))[0]).kind == "type 2"
 
 
+@pytest.mark.slow
 def test_what_is_written_of_determinants(tmp_path, command):
     t = six("pus", 0, parallel=True)
     mechanism = made(tmp_path, t)

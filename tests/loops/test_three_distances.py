@@ -70,6 +70,7 @@ def relative(equation, values):
     return abs(float(equation(values))) / size
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", tiered(range(6), (1,)))
 def test_leg_lengths_at_which_the_lines_meet_are_on_the_locus(seed, tmp_path):
     rng = np.random.default_rng(seed)

@@ -6,14 +6,17 @@ import numpy as np
 import pytest
 from command_line import run
 from matplotlib.colors import to_hex
+from tiers import tiered_rows
 
 import pinsing
 from pinsing import plot
 from pinsing.errors import OptionError, UnknownNameError
 from pinsing.plot.plane import _numbers, regular_configuration
 
+COLOURED = [("puma560", True), ("stanford", False)]
 
-@pytest.mark.parametrize(("name", "limits"), [("puma560", True), ("stanford", False)])
+
+@pytest.mark.parametrize(("name", "limits"), tiered_rows(COLOURED, COLOURED[1:]))
 def test_colours_are_those_of_the_aspects(name, limits):
     """Random points of the grid, each asked by itself; few are on an edge."""
     arm = pinsing.load(name)

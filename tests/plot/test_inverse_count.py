@@ -56,12 +56,10 @@ def test_orthogonal_arms_are_as_in_the_literature(tmp_path, lengths, cusps, node
         assert {2, 4} <= set(np.unique(found.count[near]))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("rows", "nodes"),
-    [
-        (((-90, 0, 0), (90, 1, 0), (0, 1.5, 0.5)), 0),
-        pytest.param(((-90, 0, 0), (90, 1, 1), (0, 1.5, 0)), 2, marks=pytest.mark.slow),
-    ],
+    [(((-90, 0, 0), (90, 1, 0), (0, 1.5, 0.5)), 0), (((-90, 0, 0), (90, 1, 1), (0, 1.5, 0)), 2)],
     ids=["curves on each other", "a curve of one place"],
 )
 def test_what_only_rounding_crosses_is_no_node(tmp_path, rows, nodes):

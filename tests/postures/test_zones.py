@@ -8,6 +8,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from command_line import run
+from tiers import tiered
 
 import pinsing
 from pinsing.errors import OptionError
@@ -63,7 +64,9 @@ def test_no_configuration_of_a_box_takes_more_than_its_bound(name, options, spee
             np.testing.assert_allclose(found.most[good], at_centre[good], rtol=1e-3)
 
 
-@pytest.mark.parametrize("name", ["ur5", "panda", "stanford", "crx10ia"])
+@pytest.mark.parametrize(
+    "name", tiered(["ur5", "panda", "stanford", "crx10ia"], ("ur5", "stanford"))
+)
 def test_the_third_order_is_no_more_than_its_bound(name):
     """Of Jacobians in the axes of the middle link, which the joints up to it turn."""
     arm, rng = pinsing.load(name), np.random.default_rng(5)
@@ -90,8 +93,8 @@ def test_the_third_order_is_no_more_than_its_bound(name):
     [
         ("scara", [5, 5, 1, 10], None),
         ("planar3r", [2, 2, 2], None),
-        ("ur5", None, {"elbow_joint": (0.7, 2.4), "wrist_2_joint": (0.5, 2.6),
-                       "wrist_1_joint": (-1.5, 0.0)}),
+        pytest.param("ur5", None, {"elbow_joint": (0.7, 2.4), "wrist_2_joint": (0.5, 2.6),
+                                   "wrist_1_joint": (-1.5, 0.0)}, marks=pytest.mark.slow),
     ],
 )  # fmt: skip
 def test_outside_the_zones_no_limit_is_exceeded(name, speeds, within):
@@ -113,6 +116,7 @@ def test_outside_the_zones_no_limit_is_exceeded(name, speeds, within):
     assert pinsing.proximity.Zones.from_json(found.to_json()).distances == found.distances
 
 
+@pytest.mark.slow
 def test_of_a_planar_arm_the_distance_is_that_of_a_fine_grid():
     form = pinsing.closed_form(pinsing.load("planar3r"))
     found = pinsing.zones(form, joint_speeds=[2, 2, 2])
@@ -158,8 +162,11 @@ def test_the_command_says_what_to_keep_and_where():
     [
         ("elbow up, wrist no-flip, q3=0.6..1.2, wrist_1_joint=-1..1, wrist_2_joint=-1.4..2",
          ("elbow up", "wrist no-flip", "elbow_joint between 34.38° and 68.75°")),
-        ("q3=0.7..2, z=0.1..0.3, x=-0.2..0.3, q4=-0.5..0.5, q5=0.2..1",
-         ("elbow_joint between 40.11° and 114.6°", "z of the tip between 0.1 m and 0.3 m")),
+        pytest.param(
+            "q3=0.7..2, z=0.1..0.3, x=-0.2..0.3, q4=-0.5..0.5, q5=0.2..1",
+            ("elbow_joint between 40.11° and 114.6°", "z of the tip between 0.1 m and 0.3 m"),
+            marks=pytest.mark.slow,
+        ),
     ],
 )  # fmt: skip
 def test_zones_of_a_posture_and_of_a_box_of_the_workspace_hold_there(within, said):

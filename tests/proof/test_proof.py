@@ -391,6 +391,7 @@ def test_what_cannot_be_verified_is_said_in_one_line(tmp_path):
     assert not (tmp_path / "x.cert.json").exists()
 
 
+@pytest.mark.slow
 def test_several_certificates_are_verified_at_once(tmp_path):
     text = text_of(certificate("scara"))
     good, short, long = (tmp_path / f"{name}.json" for name in ("good", "short", "long"))

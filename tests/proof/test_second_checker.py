@@ -9,7 +9,7 @@ from pinsing.proof.produce import text_of
 
 QUICK = ["ur5", "stanford", "scara", "planar3r position", "planar3r one row", "ur5 orientation"]
 QUICK += ["ur5 tool axis", "planar3r tip"]
-SMALL = ["scara", "planar3r position", "planar3r tip"]
+SMALL = ["scara", "planar3r position"]
 
 
 @pytest.mark.parametrize(

@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from command_line import run
+from tiers import tiered
 
 import pinsing
 from pinsing.kinematics import tip_speeds
@@ -167,7 +168,7 @@ def test_the_family_is_the_nearest_and_the_move_leads_away_from_it(form):
         assert after.upper > named.upper
 
 
-@pytest.mark.parametrize("text", ["", "\n\n", "{\n"])
+@pytest.mark.parametrize("text", tiered(["", "\n\n", "{\n"], ("{\n",)))
 def test_nothing_judged_is_code_2(text):
     done = subprocess.run(
         [*COMMAND, "--follow", "-"], input=text, capture_output=True, text=True, timeout=60

@@ -506,15 +506,11 @@ class TestCommand:
     @pytest.mark.parametrize(
         "words",
         [
-            ("ur5",),
-            ("ur5", "-o", "-.h", "-o", "-.py"),
-            ("ur5", "-o", "nowhere/at/all/g.h"),
-            ("ur5", "-o", "-.h", "--prefix", "7"),
-            ("ur5", "-o", "-.h", "--family", "F42"),
-            ("ur5", "-o", "-.h", "--seconds", "0"),
-            ("no_such_robot", "-o", "-.h"),
+            ("ur5",), ("ur5", "-o", "-.h", "-o", "-.py"), ("ur5", "-o", "nowhere/at/all/g.h"),
+            ("ur5", "-o", "-.h", "--prefix", "7"), ("ur5", "-o", "-.h", "--family", "F42"),
+            ("ur5", "-o", "-.h", "--seconds", "0"), ("no_such_robot", "-o", "-.h"),
         ],
-    )
+    )  # fmt: skip
     def test_bad_input_is_one_line(self, words: tuple[str, ...]) -> None:
         done = run("export", *words)
         assert (done.exit_code, done.stdout) == (2, "")

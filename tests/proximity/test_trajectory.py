@@ -368,14 +368,10 @@ def test_the_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None
 @pytest.mark.parametrize(
     "options",
     [
-        ["--near", "wide"],
-        ["--near", "-3deg"],
-        ["--fail-within", "0"],
-        ["--family", "F9"],
-        ["--tip-speed", "-1"],
-        ["-o", "picture.txt"],
+        ["--near", "wide"], ["--near", "-3deg"], ["--fail-within", "0"], ["--family", "F9"],
+        ["--tip-speed", "-1"], ["-o", "picture.txt"],
     ],
-)
+)  # fmt: skip
 def test_bad_options(options, tmp_path, capsys):
     np.save(tmp_path / "a.npy", path(5, (-1.0, 1.0))[0])
     assert run("check", "ur5", tmp_path / "a.npy", *options) == 2

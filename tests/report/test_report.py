@@ -92,17 +92,10 @@ def test_it_says_what_somebody_needs_who_was_not_there() -> None:
     page = Outline(planar())
     titles = [words for level, words in page.headings if level == 2]
     assert titles == [
-        "Summary",
-        "Map of two joints",
-        "The families",
-        "Special configurations",
-        "How sure this is",
-        "The robot",
-        "What was assumed",
-        "How it was computed",
-        "What the words mean",
-        "For programs",
-    ]
+        "Summary", "Map of two joints", "The families", "Special configurations",
+        "How sure this is", "The robot", "What was assumed", "How it was computed",
+        "What the words mean", "For programs",
+    ]  # fmt: skip
     form = pinsing.closed_form(textbook("planar3r", task="position"))
     for family in form.families:
         assert f"Family {family.name}" in [words for _, words in page.headings]
@@ -256,6 +249,7 @@ def test_an_arm_without_singularities(tmp_path: Path) -> None:
     assert "has no singular configuration" in Outline(file.read_text()).text
 
 
+@pytest.mark.slow
 def test_a_trajectory_is_judged_and_pictures_have_their_size(tmp_path: Path) -> None:
     arm = pinsing.load("planar3r", task="position")
     page = tmp_path / "arm.html"
@@ -317,6 +311,7 @@ def run(*words: str) -> Any:
     return CliRunner().invoke(report_command, list(words))
 
 
+@pytest.mark.slow
 def test_the_command_writes_one_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     result = run("planar3r", "--task", "position", "-o", "r.html", "--skeleton", "--deg",

@@ -79,6 +79,7 @@ def test_a_long_chain_says_why_it_is_better_cut():
     assert long_chain_note(*[model_of("ur5")[0], 6]) == ""
 
 
+@pytest.mark.slow
 def test_too_many_joints_in_a_row_are_refused(tmp_path):
     links = [f"l{i}" for i in range(101)]
     joints = [joint(f"j{i}", f"l{i}", f"l{i + 1}") for i in range(100)]

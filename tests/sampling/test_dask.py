@@ -81,6 +81,7 @@ def shared(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Cluster]:
         yield found
 
 
+@pytest.mark.slow
 def test_a_cluster_gives_the_same_bits(shared: Cluster) -> None:
     arm = arms.textbook("surgical7")
     options = {"count": 20 * BLOCK + 3, "chunk": BLOCK}
@@ -89,6 +90,7 @@ def test_a_cluster_gives_the_same_bits(shared: Cluster) -> None:
     assert result.to_json() == sigma_map(arm, **options).to_json()
 
 
+@pytest.mark.slow
 def test_a_sweep_on_a_cluster(shared: Cluster) -> None:
     arm = arms.textbook("puma560")
     plan = plan_sweep(arm, samples=41)
@@ -97,6 +99,7 @@ def test_a_sweep_on_a_cluster(shared: Cluster) -> None:
     assert result.to_json() == run_sweep(arm, plan).to_json()
 
 
+@pytest.mark.slow
 def test_the_command(shared: Cluster, tmp_path: Path) -> None:
     words = ["map", "ur5", "--count", "2e5", "--chunk", "20000", "-o", "-"]
     done = CliRunner().invoke(
@@ -108,6 +111,7 @@ def test_the_command(shared: Cluster, tmp_path: Path) -> None:
     assert len(list((tmp_path / "run" / "chunks").iterdir())) == 10
 
 
+@pytest.mark.slow
 def test_a_worker_lost_right_after_its_result_was_fetched(
     shared: Cluster, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -124,6 +128,7 @@ def test_a_worker_lost_right_after_its_result_was_fetched(
         assert executor.submit(sum, (1, 2, 3, 4)).result(SECONDS) == 10
 
 
+@pytest.mark.slow
 def test_errors_and_ends_reach_who_waits(shared: Cluster) -> None:
     with dask_cluster(shared.address, timeout=SECONDS) as (executor, _):
         with pytest.raises(ZeroDivisionError):
@@ -156,12 +161,7 @@ def test_a_worker_killed_in_the_middle(tmp_path: Path) -> None:
                 found.workers[0].send_signal(signal.SIGKILL)
 
         result = sigma_map(
-            arm,
-            **options,
-            executor=executor,
-            parallel=2,
-            progress=progress,
-            out=tmp_path / "run",
+            arm, **options, executor=executor, parallel=2, progress=progress, out=tmp_path / "run"
         )
         assert found.workers[0].wait(SECONDS) == -signal.SIGKILL
         assert len(executor._client.nthreads()) == 1
@@ -258,6 +258,7 @@ def test_a_worker_that_joined_later_with_another_version() -> None:
         call_there("9.9", divmod, 7, 2)
 
 
+@pytest.mark.slow
 def test_a_scheduler_without_workers(tmp_path: Path) -> None:
     with (
         cluster(tmp_path, 0) as found,

@@ -36,8 +36,7 @@ def tools() -> Any:
 
 
 @pytest.mark.parametrize(
-    "command",
-    tiered(["at .json", "sweep .npz", "plot .png"], ("at .json", "sweep .npz")),
+    "command", tiered(["at .json", "sweep .npz", "plot .png"], ("at .json", "sweep .npz"))
 )
 def test_each_operation_fails_in_turn(tools: Any, tmp_path: Path, command: str) -> None:
     rows, wrong = tools["failures"].failures(command, tmp_path)

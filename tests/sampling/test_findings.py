@@ -88,13 +88,9 @@ def test_puma_and_ur5():
 def test_iiwa_within_its_limits():
     findings, _ = found(arms.textbook("iiwa14"))
     assert set(findings) == {
-        "q4 = 0",
-        "q2 = 0 and q3 = 90 deg",
-        "q2 = 0 and q3 = -90 deg",
-        "q2 = 0 and q6 = 0",
-        "q5 = 90 deg and q6 = 0",
-        "q5 = -90 deg and q6 = 0",
-    }
+        "q4 = 0", "q2 = 0 and q3 = 90 deg", "q2 = 0 and q3 = -90 deg", "q2 = 0 and q6 = 0",
+        "q5 = 90 deg and q6 = 0", "q5 = -90 deg and q6 = 0",
+    }  # fmt: skip
     assert all(f.reachable for f in findings.values())
 
 

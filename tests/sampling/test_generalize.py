@@ -11,11 +11,7 @@ from pinsing.errors import ConfigurationError, OptionError
 from pinsing.kinematics.jacobian import singular_values
 from pinsing.measures import sigma_ratio
 from pinsing.robot.load import load
-from pinsing.sampling.generalize import (
-    Generalization,
-    generalize,
-    value_text,
-)
+from pinsing.sampling.generalize import Generalization, generalize, value_text
 
 PI = np.pi
 
@@ -74,10 +70,7 @@ def test_the_relation_of_the_puma_that_the_paper_cannot_find():
     assert set(condition.forced_by) == {"q2", "q3"}
 
 
-@pytest.mark.parametrize(
-    "values",
-    [{1: 0.0}, {5: 0.0}, {2: 0.0, 4: 0.0}, {1: 0.0, 2: 0.0}],
-)
+@pytest.mark.parametrize("values", [{1: 0.0}, {5: 0.0}, {2: 0.0, 4: 0.0}, {1: 0.0, 2: 0.0}])
 def test_iiwa_negatives(values, rng):
     """What looks singular and is not: regular, so not to be generalised."""
     arm = arms.textbook("iiwa14")

@@ -242,13 +242,9 @@ def test_arrays_come_back_as_they_were(rng: np.random.Generator, tmp_path: Path)
     arrays = {
         "f": rng.normal(size=(3, 4)),
         "fortran": np.asfortranarray(rng.normal(size=(3, 4, 2))),
-        "none": np.zeros((0, 4)),
-        "scalar": np.array(7),
-        "text": np.array("words"),
-        "bytes": np.array(b"header"),
-        "bool": np.array([True, False]),
-        "empty": np.array(""),
-    }
+        "none": np.zeros((0, 4)), "scalar": np.array(7), "text": np.array("words"),
+        "bytes": np.array(b"header"), "bool": np.array([True, False]), "empty": np.array(""),
+    }  # fmt: skip
     np.savez_compressed(tmp_path / "x.npz", **arrays)
     found = read_arrays((tmp_path / "x.npz").read_bytes(), 1 << 20)
     assert found.keys() == arrays.keys()
@@ -280,16 +276,11 @@ def test_contents_that_no_chunk_of_a_sweep_has(tmp_path: Path) -> None:
     records = {i: folder.read(i) for i in range(folder.chunks)}
     enough = [i for i, record in records.items() if len(record["dip_number"]) > 1]
     wrong: dict[str, Callable[[npt.NDArray[Any]], npt.NDArray[Any]]] = {
-        "first": lambda a: a + 1,
-        "dips_found": lambda a: a + 1,
-        "dip_number": lambda a: a[::-1].copy(),
-        "dip_kind": lambda a: -a - 1,
-        "dip_sigma": lambda a: a * np.nan,
-        "dip_ratio": lambda a: a[1:],
-        "sigma_min": lambda a: a[1:],
-        "sigma_ratio": lambda a: -a - 1,
-        "other": lambda a: a,
-    }
+        "first": lambda a: a + 1, "dips_found": lambda a: a + 1,
+        "dip_number": lambda a: a[::-1].copy(), "dip_kind": lambda a: -a - 1,
+        "dip_sigma": lambda a: a * np.nan, "dip_ratio": lambda a: a[1:],
+        "sigma_min": lambda a: a[1:], "sigma_ratio": lambda a: -a - 1, "other": lambda a: a,
+    }  # fmt: skip
     damaged = dict(zip(enough, wrong.items(), strict=False))  # each in a chunk of its own
     assert len(damaged) == len(wrong)
     for index, (name, change) in damaged.items():

@@ -391,15 +391,9 @@ def test_killed_and_stopped_sweeps_go_on_to_the_same_result(tmp_path: Path) -> N
     """kill -9, then Ctrl-C, then to the end: what a run at one stretch gives."""
     special = ",".join(str(a) for a in range(-180, 180, 30))
     words = [
-        "analyze",
-        "--sweep",
-        "panda",
-        f"--special={special}",
-        "--deg",
-        "--levels",
-        "2",
+        "analyze", "--sweep", "panda", f"--special={special}", "--deg", "--levels", "2",
         "--no-keep",
-    ]
+    ]  # fmt: skip
     words += ["--levels", "2", "--no-keep", "--samples", "1201", "-o"]
     out = tmp_path / "run"
 

@@ -114,6 +114,7 @@ def dae_files(name: str) -> list[Path]:
     return sorted(f for f in files if f.suffix == ".dae")
 
 
+@pytest.mark.slow
 def test_meshes_of_robots_are_those_that_assimp_reads() -> None:
     files = dae_files("panda")[:2]
     assert len(files) == 2
@@ -140,6 +141,7 @@ def read_painted(file: Path) -> tuple[Painted, ...]:
     return mesh.painted
 
 
+@pytest.mark.slow
 def test_the_cache_keeps_the_shape(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("PINSING_CACHE", str(tmp_path))
     file = dae_files("panda")[0]

@@ -205,6 +205,7 @@ def test_a_reader_that_dies_is_started_again(tmp_path, monkeypatch):
     assert all("breaks its reader" in text for text in found)
 
 
+@pytest.mark.slow
 def test_a_robot_is_drawn_without_its_bad_meshes(tmp_path):
     for name, content in {**BAD, "good.stl": GOOD}.items():
         (tmp_path / name).write_bytes(content)
@@ -250,6 +251,7 @@ def test_geometry_is_that_of_pinocchio(tmp_path):
     np.testing.assert_array_equal(part.vertices, [[0, 0, 0], [1, 0, 0], [0, 2, 0]])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", tiered(["ur5", "panda"], ("ur5",)))
 def test_known_robots_keep_all_their_meshes(name):
     source = load(name).source

@@ -98,6 +98,7 @@ def test_the_browser_has_loaded_the_page_before_there_is_an_arm(page: Any) -> No
         assert text(page, "#robot") == "scara"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("missing", ["meshcat.js", "page.json"])
 def test_a_page_whose_program_ends_at_once_says_so(browser: Any, missing: str) -> None:
     server = Server("scara", port=0)
@@ -486,6 +487,7 @@ def test_a_pose_at_rest_is_told_its_distance_for_sure(page: Any, tmp_path: Path)
     assert abs(shown["least"] - min(d.lower for d in there)) < 3e-6
 
 
+@pytest.mark.slow
 def test_where_a_monitor_sees_a_zone_the_slider_is_red(page: Any, tmp_path: Path) -> None:
     form = closed_form(load("scara"))
     found = zones(form, joint_speeds=[5, 5, 1, 10], within="q1=-1..1.2")
