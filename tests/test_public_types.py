@@ -23,6 +23,7 @@ from tiers import tiered
 import pinsing
 import pinsing.plot
 from pinsing.errors import ArgumentError, PinsingError
+from pinsing.postures.placement import place_at
 
 matplotlib.use("agg")
 FIVE_BAR = Path(__file__).parent.parent / "urdf" / "five_bar.urdf"
@@ -106,6 +107,7 @@ OWNERS = {
     "Monitor": lambda: pinsing.Monitor(form()),
     "Zones": cached(lambda: pinsing.zones(form(), joint_speeds=np.ones(3), boxes=200)),
     "PathPlan": cached(lambda: pinsing.plan_path(six_joints(), np.tile(np.eye(4), (2, 1, 1)))),
+    "WorkpiecePlacement": lambda: place_at({"yaw": 0.1}, np.zeros(3)),
     "PostureChanges": cached(lambda: pinsing.posture_changes(planar(), Q)),
     "Suggestion": cached(lambda: pinsing.suggest(arm(), work=0.3)),
     "SweepPlan": lambda: swept().plan,
@@ -219,7 +221,8 @@ CALLS: dict[str, Callable[[], dict[str, Any]]] = {
         f"{name}.text": dict
         for name in (
             "Aspects", "Connection", "Cuspidality", "InverseSolutions", "LineCheck", "MapResult",
-            "PathPlan", "PostureChanges", "Suggestion", "TrajectoryCheck", "Zones",
+            "PathPlan", "PostureChanges", "Suggestion", "TrajectoryCheck", "WorkpiecePlacement",
+            "Zones",
         )
     },
     "plot.aspect_plane": lambda: {

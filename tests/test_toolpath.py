@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import json
+import re
 import sys
+from itertools import product
 from pathlib import Path
 
 import numpy as np
@@ -302,3 +304,111 @@ def test_the_command_writes_a_path_that_check_takes(ur5, tmp_path):
     assert "No path: pose 3 at (" in none.stdout
     bad = run("path", "ur5", str(Path("nothere.csv")))
     assert bad.exit_code == 2
+
+
+RANGES = {"x": (-0.15, 0.15), "y": (-0.2, 0.1), "yaw": (-0.5, 0.5)}
+
+
+def test_a_workpiece_is_put_as_well_as_by_brute_force(ur5):
+    arm, form = ur5
+    T = circle(arm, 6)
+    options = {"free": "roll", "step": np.radians(20), "arm": arm, "tool": TORCH}
+    plan = plan_path(form, T, place=RANGES, **options)
+    at = plan.placement
+    given = plan_path(form, T, **options)
+    assert at.before == given.clearance
+    middle = (T[:, :3, 3].min(axis=0) + T[:, :3, 3].max(axis=0)) / 2
+    best = 0.0
+    for x, y, yaw in product(*(np.linspace(*ends, 4) for ends in RANGES.values())):
+        turn = pin.utils.rotate("z", yaw)
+        moved = T.copy()
+        moved[:, :3, :3] = turn @ T[:, :3, :3]
+        moved[:, :3, 3] = (T[:, :3, 3] - middle) @ turn.T + middle + [x, y, 0]
+        best = max(best, plan_path(form, moved, **options).clearance)
+    assert best > given.clearance + np.radians(5)
+    assert plan.clearance > best - np.radians(0.5)
+    # What is said to be done leads to that path.
+    turn = pin.utils.rotate("z", at.yaw)
+    np.testing.assert_allclose(at.transform[:3, :3], turn, atol=1e-12)
+    np.testing.assert_allclose(at.transform[:3] @ [*middle, 1], middle + np.array([at.x, at.y, 0]))
+    assert (at.z, at.roll, at.pitch) == (0, 0, 0)
+    reached(arm, plan, at.transform @ T, TORCH)
+    assert plan_path(form, at.transform @ T, **options).clearance == plan.clearance
+    assert PathPlan.from_json(plan.to_json()).placement.yaw == at.yaw
+    for value in (at.x / 1e-3, at.y / 1e-3, at.yaw / np.radians(0.1)):
+        assert value == pytest.approx(round(value), abs=1e-6)
+    assert f"x = {at.x:+.3f} m" in plan.text()
+
+
+def test_a_workpiece_that_lies_well_stays(ur5):
+    """What was given is not given up for less, where the ranges allow it."""
+    arm, form = ur5
+    T = circle(arm, 4)
+    options = {"free": "roll", "step": np.radians(30), "arm": arm, "tool": TORCH}
+    best = plan_path(form, T, place=RANGES, **options)
+    T = best.placement.transform @ T
+    near = {"x": (-0.4, 0.002), "z": (-0.3, 0.001)}
+    again = plan_path(form, T, place=near, **options)
+    assert again.clearance >= best.clearance
+    only = plan_path(form, T, place={"x": (-0.4, -0.3)}, **options)
+    assert only.placement.x <= -0.3
+    assert only.clearance < best.clearance
+
+
+@pytest.mark.parametrize(
+    ("place", "said"),
+    [
+        ({}, "needs a range"),
+        ({"w": (0, 1)}, "'w' is none of x, y, z, roll, pitch, yaw"),
+        ({"x": (0.1, 0.1)}, "x needs two ascending values"),
+        ({"x": (0.1, -0.1)}, "x needs two ascending values"),
+        ({"z": (0.1, np.inf)}, "z needs two ascending values"),
+        ({"yaw": (-30, 30)}, "over a turn"),
+    ],
+)
+def test_ranges_that_make_no_sense_are_refused(ur5, place, said):
+    arm, form = ur5
+    with pytest.raises(OptionError, match=said):
+        plan_path(form, circle(arm, 3), arm=arm, place=place)
+    with pytest.raises(OptionError, match="give one of them"):
+        plan_path(form, circle(arm, 3), arm=arm, place={"x": (0, 1)}, start=START)
+
+
+def test_no_placement_is_reached(ur5):
+    arm, form = ur5
+    plan = plan_path(form, circle(arm, 3), arm=arm, tool=TORCH, place={"x": (3, 4)})
+    assert "placements tried has one; at the best of them pose" in plan.reason
+    assert "out of reach" in plan.reason
+    assert plan.placement is None
+    assert not len(plan.q)
+
+
+def test_the_command_places_a_workpiece(ur5, tmp_path):
+    arm, _ = ur5
+    poses, out = tmp_path / "poses.csv", tmp_path / "joints.csv"
+    rows = [[*P[:3, 3], *pin.Quaternion(P[:3, :3]).coeffs()] for P in circle(arm, 4)]
+    np.savetxt(poses, rows, delimiter=",", header="x,y,z,qx,qy,qz,qw", comments="")
+    options = ["--free", "roll", "--step", "30deg", "--tool", "0,0.05,0.15,45,0,0", "--deg"]
+    frame = ["--base-frame", "0.02,0,0,0,0,5"]
+    place = ["--place", "x=-0.15..0.15, yaw=-30..30"]
+    words = ["path", "ur5", str(poses), *options]
+    done = run(*words, *frame, *place, "-o", str(out))
+    assert done.exit_code == 0, done.output
+    said = re.search(r"clearance (\S+)° becomes (\S+)°", " ".join(done.stdout.split()))
+    assert float(said[2]) > float(said[1])
+    assert run("check", "ur5", str(out), "--deg").exit_code == 0
+    # The frame that is printed is where the poses are now.
+    moved = re.search(r"--base-frame (\S+)", done.stdout)[1]
+    again = json.loads(run(*words, "--base-frame", moved, "-o", "-.json").stdout)
+    assert np.degrees(again["clearance"]) == pytest.approx(float(said[2]), abs=0.06)
+    for wrong, why in (
+        ("x", "no number"),
+        ("x=0..1,x=0..2", "each range once"),
+        ("x=0", "each range once"),
+        ("x=1..0", "two ascending values"),
+        ("elbow=0..1", "none of x, y, z"),
+    ):
+        bad = run(*words, "--place", wrong)
+        assert bad.exit_code == 2
+        assert why in bad.stderr
+    assert "for degrees add --deg" in run(*words, "--rad", *place).stderr

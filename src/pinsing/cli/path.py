@@ -50,6 +50,12 @@ if TYPE_CHECKING:
     help="Frame of the poses, in the base frame of the robot, metres.",
 )
 @click.option("--start", metavar="Q1,Q2,...", help="Configuration at the first pose.")
+@click.option(
+    "--place",
+    metavar="x=A..B,yaw=A..B",
+    help="Move the workpiece for the greatest clearance, in ranges of x, y, z (metres along the "
+    "axes of the base) and roll, pitch, yaw (about them, through the middle of the path).",
+)
 @click.option("--feed", type=float, metavar="M/S", help="Tool speed: joint speed limits are kept.")
 @click.option("--mm", is_flag=True, help="x, y, z of the file are millimetres.")
 @deg_option
@@ -63,6 +69,7 @@ def path_command(
     tool: str | None,
     base_frame: str | None,
     start: str | None,
+    place: str | None,
     feed: float | None,
     mm: bool,
     plot: Path | None,
@@ -84,6 +91,7 @@ def path_command(
         raise OptionError(f"--feed must be positive, got {feed:g}")
     in_tip = _frame(tool, "--tool", deg)
     in_base = _frame(base_frame, "--base-frame", deg)
+    ranges = None if place is None else _ranges(place, deg)
     arm = request.load()
     from pinsing.families.solve import form_to_measure
     from pinsing.postures.pose_file import read_poses
@@ -104,11 +112,14 @@ def path_command(
         step_to("families")
         form = form_to_measure(arm)
         plan = plan_path(
-            form, T, free=free, step=grid, start=q0, t=t, arm=arm, tool=in_tip,
+            form, T, free=free, step=grid, start=q0, t=t, arm=arm, tool=in_tip, place=ranges,
             progress=lambda what, k, n: step_to(what, f"{100 * k // n} %"),
         )  # fmt: skip
     if not emit_json(plan, json_target):
         emit_lines(plan.text(in_degrees(deg)))
+        if plan.placement is not None:
+            frame = _typed(plan.placement.transform @ in_base, deg)
+            emit_lines(f"  The poses are then in --base-frame {frame}")
     if plan.reason:
         return 1
     if csv is not None:
@@ -141,6 +152,32 @@ def _write(target: str | Path, text: str) -> None:
         from pinsing.atomic_write import write_text
 
         write_text(target, text)
+
+
+def _ranges(text: str, degrees: bool) -> dict[str, tuple[float, float]]:
+    """Ranges by name from ``x=-0.1..0.1,yaw=-30..30``, in metres and radians."""
+    from pinsing.postures.placement import ANGLES
+
+    out: dict[str, tuple[float, float]] = {}
+    for part in text.split(","):
+        name, _, ends = (word.strip() for word in part.partition("="))
+        turns = name in ANGLES
+        values = parse_numbers(ends.replace("..", " "), f"--place {name}", degrees and turns)
+        if ends.count("..") != 1 or len(values) != 2 or name in out:
+            raise OptionError(f"--place {part!r}: write each range once, as in x=-0.1..0.1")
+        if turns and not degrees and max(map(abs, values)) > 2 * math.pi:
+            raise OptionError(f"--place {part} is over a turn: for degrees add --deg")
+        low, high = (math.radians(v) if degrees and turns else v for v in values)
+        out[name] = (low, high)
+    return out
+
+
+def _typed(T: Array, degrees: bool) -> str:
+    """A pose (4, 4) as `_frame` reads it."""
+    import pinocchio as pin
+
+    angles = pin.rpy.matrixToRpy(T[:3, :3]) * (180 / math.pi if degrees else 1.0)
+    return ",".join(f"{x + 0.0:.6g}" for x in (*T[:3, 3], *angles.round(9)))
 
 
 def _frame(text: str | None, option: str, degrees: bool) -> Array:

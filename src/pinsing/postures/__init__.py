@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from pinsing.postures.inverse import inverse as inverse
     from pinsing.postures.motions import aspect_changes as aspect_changes
     from pinsing.postures.motions import line_postures as line_postures
+    from pinsing.postures.placement import WorkpiecePlacement as WorkpiecePlacement
     from pinsing.postures.toolpath import PathPlan as PathPlan
     from pinsing.postures.toolpath import plan_path as plan_path
     from pinsing.postures.zone_search import zones as zones
@@ -30,6 +31,7 @@ public(
         "cuspidal": "Cuspidality cuspidality",
         "inverse": "InverseSolutions inverse",
         "motions": "aspect_changes line_postures",
+        "placement": "WorkpiecePlacement",
         "toolpath": "PathPlan plan_path",
         "zone_search": "zones",
     },

@@ -12,7 +12,7 @@ the best path winds a joint beyond its limits: then each turn of that joint is a
 from __future__ import annotations
 
 import copy
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import product
 from typing import ClassVar
@@ -28,6 +28,7 @@ from pinsing.families import ClosedForm, Family
 from pinsing.kinematics.tip_speed import limits_of
 from pinsing.notebook import one_line
 from pinsing.postures.inverse_batch import InverseMany
+from pinsing.postures.placement import TRIED, WorkpiecePlacement, check_ranges, place_at, search
 from pinsing.proximity.clearance import clearance
 from pinsing.proximity.crossings import crossings
 from pinsing.proximity.watched import titled, watch
@@ -61,6 +62,8 @@ _NODES = ("clear", "likely", "highest", "usable", "seen")
 """What is kept of each node (N, G, S)."""
 _HALVED = 6
 """Times that a motion between poses is halved to prove it clear."""
+_COARSE = 40, np.radians(10.0)
+"""Poses, and the distance of values of what is free, at which placements are compared."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,6 +103,8 @@ class PathPlan(JsonResult):
         What was assumed.
     title : str
         "wrist", "elbow", "shoulder", or empty: as of ``family``.
+    placement : WorkpiecePlacement or None
+        Where the workpiece was moved to, if it might be: then all else is of the moved poses.
     grid : (G,) array
         The values of what is free that were compared; not written to JSON.
     room : (N, G) array
@@ -124,6 +129,7 @@ class PathPlan(JsonResult):
     nodes: int
     notes: tuple[str, ...] = field(default=())
     title: str = field(default="", metadata={"optional": True})
+    placement: WorkpiecePlacement | None = field(default=None, metadata={"optional": True})
     grid: Array = field(default_factory=lambda: np.empty(0), repr=False, metadata={"json": False})
     room: Array = field(
         default_factory=lambda: np.empty((0, 0)), repr=False, metadata={"json": False}
@@ -166,6 +172,16 @@ class PathPlan(JsonResult):
             f"  Closest approach: {family}, at pose {self.where:.4g}",
             f"  Bound of all paths: {angle(self.bound)} (searched, not proven){kept}",
         ]
+        if self.placement is not None:
+            moved, before = self.placement.text(degrees), self.placement.before
+            gain = f"clearance {angle(before)} becomes {angle(self.clearance)}"
+            if not before:
+                gain = "there is no path where it is"
+            lines.append(
+                f"  Move the workpiece by {moved}: {gain}"
+                if moved
+                else "  Leave the workpiece where it is: no placement that was tried is better"
+            )
         return "\n".join([*lines, *(f"note: {n}" for n in self.notes)])
 
 
@@ -180,6 +196,7 @@ def plan_path(
     t: npt.ArrayLike | None = None,
     arm: Arm | None = None,
     tool: npt.ArrayLike | None = None,
+    place: Mapping[str, tuple[float, float]] | None = None,
     progress: Callable[[str, int, int], None] | None = None,
 ) -> PathPlan:
     """Find the joint path through poses that stays farthest from singular configurations.
@@ -204,6 +221,12 @@ def plan_path(
         The arm that shall reach the poses; the form's own nominal geometry if not given.
     tool : (4, 4) array_like, optional
         Pose of the tool in the tip frame, metres; the tip itself if not given.
+    place : mapping, optional
+        Ranges in which the workpiece may be moved for the greatest clearance, by name: "x", "y",
+        "z" (metres along the axes of the base), "roll", "pitch", "yaw" (radians about them, through
+        the middle of the path), such as ``{"x": (-0.1, 0.1), "yaw": (-0.5, 0.5)}``. Placements are
+        compared on a coarse grid; the best one found is planned as any path, and given back unless
+        the poses as they are, where the ranges allow them, have more.
     progress : callable
         Told what is done, how far it is, and how far that goes.
 
@@ -217,7 +240,8 @@ def plan_path(
     ConfigurationError
         If the poses are no rigid motions, or ``start`` does not reach the first.
     OptionError
-        If ``free`` names nothing that can be free, or the arm has another number of joints.
+        If ``free`` names nothing that can be free, the arm has another number of joints, a range of
+        ``place`` has no such name or is empty, or ``start`` is given along with it.
 
     Examples
     --------
@@ -240,7 +264,39 @@ def plan_path(
     if len(T) < 2:
         raise ConfigurationError("a path has two poses at least")
     planner = _Planner(form, arm, T, back, free, step, t, progress or (lambda *_: None))
-    return planner.plan(start)
+    if place is None:
+        return planner.plan(start)
+    check_ranges(place)
+    if start is not None:
+        raise OptionError("start is at the first pose, which place moves: give one of them")
+    return _placed(planner, place)
+
+
+def _placed(planner: _Planner, ranges: Mapping[str, tuple[float, float]]) -> PathPlan:
+    """Plan the path where the workpiece is put best."""
+    T = planner.T
+    about = (T[:, :3, 3].min(axis=0) + T[:, :3, 3].max(axis=0)) / 2
+    coarse, count = planner.thinned(), 0
+
+    def value(values: dict[str, float]) -> float:
+        """Clearance on a coarse grid; without a path, less the fewer poses are reached."""
+        nonlocal count
+        count += 1
+        planner.progress("placements", min(count, TRIED), TRIED)
+        return coarse.moved(place_at(values, about).transform).estimate()
+
+    given = planner.plan(None)
+    values, tried = search(value, ranges)
+    at = place_at(values, about, given.clearance, tried)
+    plan = planner.moved(at.transform).plan(None)
+    if all(low <= 0 <= high for low, high in ranges.values()) and (
+        given.clearance >= plan.clearance
+    ):
+        at, plan = place_at({}, about, given.clearance, tried), given
+    if plan.reason:
+        reason = f"none of the {tried} placements tried has one; at the best of them {plan.reason}"
+        return replace(plan, reason=reason)
+    return replace(plan, placement=at)
 
 
 class _Planner:
@@ -290,44 +346,49 @@ class _Planner:
         self.turns: Ints = np.zeros((1, 0), dtype=int)
         self.scale = np.where(arm.prismatic, 1 / arm.length_scale, 1.0)
 
+    def moved(self, transform: Array) -> _Planner:
+        """Return the planner of poses moved in the base frame."""
+        out = copy.copy(self)
+        out.T = transform @ self.T
+        return out
+
+    def thinned(self) -> _Planner:
+        """Return the planner of some of the poses and values, which are enough to compare."""
+        count, step = _COARSE
+        some = np.unique(np.linspace(0, len(self.T) - 1, min(count, len(self.T))).astype(int))
+        out = copy.copy(self)
+        out.T, out.t = self.T[some], self.t[some]
+        if len(self.grid) > 1:
+            out.grid = self.grid[:: max(1, round(step / (self.grid[1] - self.grid[0])))]
+        out.progress = lambda *_: None
+        return out
+
+    def estimate(self) -> float:
+        """Return the clearance at the poses of the best path on the grid.
+
+        Without a path it is no more than zero, less the fewer poses have a solution.
+        """
+        found = self._chosen(None)
+        if isinstance(found, str):
+            return float(self.usable.any(axis=(1, 2)).mean()) - 1
+        return self.reached
+
     def plan(self, start: npt.ArrayLike | None) -> PathPlan:
         """Solve the grid, find the best path on it, prove its clearance, and bound all others."""
-        N = len(self.T)
-        position, rotation = self._targets(self.T, self.grid)
-        self.Q = self.solver.solve(
-            position, rotation, None if self.held is None else self.grid,
-            lambda k, n: self.progress("inverse kinematics", k, n),
-        )  # fmt: skip
-        self._bounds()
+        N, chosen = len(self.T), self._chosen(start)
         notes = [] if self.solver.exact else [
             "inverse kinematics by continuation from solutions at some poses: others may exist"
         ]  # fmt: skip
         if not self.form.complete:
             notes.append("the closed form is not complete: other singularities may be nearer")
-        self.idle = self.cyclic and self._roll_moves_the_last_joint()
         if self.idle:
             notes.append(
                 "rolling moves the last joint alone (the tool's z axis is its axis): it cannot "
                 "increase the clearance"
             )
-        if (reason := self._unreached()) is not None:
-            return self._none(reason, notes)
-        self._link()
-        first = self._first(start)
-        while True:
-            path = self._searched(first)
-            if isinstance(path, str):
-                return self._none(path, notes)
-            i, s, turns = path
-            q = self._unwrapped(self.Q[np.arange(N), i, s], turns)
-            beyond = np.asarray(self.arm.space.outside(q).any(axis=0))
-            if not beyond.any() and self.relaxed > self.reached + STEP:
-                # What others seem to have may be beyond the limits of the joint that winds most.
-                wound = np.where(self.bounded | self.counted.any(), 0.0, np.ptp(q, axis=0))
-                beyond = wound >= max(wound.max(), np.pi)
-            if not beyond.any():
-                break
-            self._count_turns(beyond)
+        if isinstance(chosen, str):
+            return self._none(chosen, notes)
+        i, q = chosen
         proven, where = self._proven(q)
         near = clearance(self.form, q[round(where)])
         family = near.names[int(near.family)] if near.names else ""
@@ -344,6 +405,34 @@ class _Planner:
             grid=self.grid,
             room=np.where(self.usable, self.likely, -np.inf).max(axis=2),
         )
+
+    def _chosen(self, start: npt.ArrayLike | None) -> tuple[Ints, Array] | str:
+        """Solve the grid: values (N,) and configurations (N, n) of its best path; else a reason."""
+        position, rotation = self._targets(self.T, self.grid)
+        self.Q = self.solver.solve(
+            position, rotation, None if self.held is None else self.grid,
+            lambda k, n: self.progress("inverse kinematics", k, n),
+        )  # fmt: skip
+        self._bounds()
+        self.idle = self.cyclic and self._roll_moves_the_last_joint()
+        if (reason := self._unreached()) is not None:
+            return reason
+        self._link()
+        first = self._first(start)
+        while True:
+            path = self._searched(first)
+            if isinstance(path, str):
+                return path
+            i, s, turns = path
+            q = self._unwrapped(self.Q[np.arange(len(self.T)), i, s], turns)
+            beyond = np.asarray(self.arm.space.outside(q).any(axis=0))
+            if not beyond.any() and self.relaxed > self.reached + STEP:
+                # What others seem to have may be beyond the limits of the joint that winds most.
+                wound = np.where(self.bounded | self.counted.any(), 0.0, np.ptp(q, axis=0))
+                beyond = wound >= max(wound.max(), np.pi)
+            if not beyond.any():
+                return i, q
+            self._count_turns(beyond)
 
     def _none(self, reason: str, notes: Sequence[str]) -> PathPlan:
         n = self.arm.n
