@@ -3,11 +3,16 @@
     scripts/bench/stream.py [--robot ur5] [--seconds 3600] [--rate 1000] [--realtime]
 
 A second process writes joint states; this one is pinned to one processor. Of each verdict: its
-processor time, its time on the clock, and how old the joint state was when it was ready. A third
-process, the witness, does nothing on the same processor but sleep for half a millisecond: where it
-wakes late, the machine took the processor from all. With --realtime (root) no other program does.
-At last the slowest lines are judged again, five times each after the line before: the best time is
-the verdict's own.
+processor time, its time on the clock, and how old the joint state was when it was ready. After each
+verdict comes a control: a loop of as many steps each time, about as long as a verdict, and timed
+like it. What the machine does to both shows in both. With --realtime (root) no other program runs
+before this one.
+
+A verdict above 2 ms is attributed by Linux's own count: its processor time; the time for which it
+was ready and another thread had the processor; and the rest, for which a virtual machine had no
+processor at all, unless the thread waited for another one (voluntary switches: none, or it is
+told). At last the slowest lines are judged again, five times each after the line before: the best
+time is the verdict's own.
 """
 
 from __future__ import annotations
@@ -18,11 +23,11 @@ import heapq
 import io
 import json
 import os
-import signal
+import resource
 import subprocess
 import sys
-import tempfile
 import time
+from dataclasses import astuple, dataclass
 from pathlib import Path
 
 import numpy as np
@@ -44,18 +49,6 @@ def produce(robot: str, seconds: float, rate: float) -> None:
         os.write(1, json.dumps(state).encode() + b"\n")
 
 
-def witness() -> None:
-    """Write when this processor was taken away: from, until, seconds of this machine's clock."""
-    signal.signal(signal.SIGTERM, lambda *_: sys.exit())
-    start = time.monotonic()
-    while True:
-        time.sleep(LATE / 2)
-        end = time.monotonic()
-        if end - start > LATE:
-            print(start, end)
-        start = end
-
-
 def memory() -> float:
     """Memory of this process, MiB."""
     pages = int(Path("/proc/self/statm").read_text().split()[1])
@@ -66,35 +59,106 @@ BOUND = 2e-3
 """Seconds that a verdict may take."""
 SLOWEST = 1000
 """Lines that are judged again."""
-LATE = 1e-3
-"""Seconds that the witness may sleep; it asks for half of them."""
+CONTROL = 2.5e-4
+"""Seconds of a control."""
+
+
+def taken(processor: int) -> float:
+    """Seconds that a virtual machine's host has taken from a processor."""
+    lines = Path("/proc/stat").read_text().splitlines()
+    words = next(line.split() for line in lines if line.startswith(f"cpu{processor} "))
+    return int(words[8]) / os.sysconf("SC_CLK_TCK")
+
+
+@dataclass
+class Spent:
+    """Milliseconds of one verdict or control, and what else happened meanwhile."""
+
+    clock: float
+    cpu: float
+    waited: float
+    switches: int
+    preempted: int
+    faults: int
+    collections: int
+
+    @property
+    def away(self) -> float:
+        """Milliseconds without a processor, and without waiting for one."""
+        return self.clock - self.cpu - self.waited
+
+
+class Stopwatch:
+    """Times of the thread that makes it."""
+
+    def __init__(self) -> None:
+        self._queue = os.open("/proc/thread-self/schedstat", os.O_RDONLY)
+        self._collected = 0
+        gc.callbacks.append(self._count)
+
+    def _count(self, phase: str, info: dict) -> None:
+        self._collected += phase == "stop"
+
+    def _counts(self) -> tuple[float, int, int, int, int]:
+        of = resource.getrusage(resource.RUSAGE_THREAD)
+        waited = int(os.pread(self._queue, 99, 0).split()[1]) / 1e6
+        return waited, of.ru_nvcsw, of.ru_nivcsw, of.ru_minflt + of.ru_majflt, self._collected
+
+    def start(self) -> None:
+        """Begin."""
+        self._before = self._counts()
+        self._clock, self._cpu = time.perf_counter(), time.thread_time()
+
+    def stop(self) -> Spent:
+        """End."""
+        cpu, clock = time.thread_time() - self._cpu, time.perf_counter() - self._clock
+        counts = zip(self._counts(), self._before, strict=True)
+        return Spent(1e3 * clock, 1e3 * cpu, *(b - a for b, a in counts))
+
+
+def control(steps: int) -> None:
+    """The same work each time."""
+    for _ in range(steps):
+        pass
 
 
 class Timed(Follower):
-    """Notes the times of each verdict, milliseconds."""
+    """Notes the times of each verdict, milliseconds, and of the control after it."""
 
     def __init__(self, *given, room: int) -> None:
         super().__init__(*given)
-        self.times, self.count = np.ones((room, 3), dtype=np.float32), 0
-        self.slow: list[tuple[float, float]] = []
+        self.times, self.count = np.ones((room, 5), dtype=np.float32), 0
+        self.slow: list[tuple[int, Spent]] = []
+        self.slow_controls: list[tuple[int, Spent]] = []
         self.lines: list[tuple[float, str, str]] = []
-        self.last = ""
+        self.last, self.watch = "", Stopwatch()
+        self.steps, least = 1000, np.inf
+        for _ in range(100):
+            self.watch.start()
+            control(self.steps)
+            least = min(least, self.watch.stop().clock)
+        self.steps = round(self.steps * 1e3 * CONTROL / least)
 
     def verdict(self, line):
         """Judge a line, timed."""
-        clock, cpu = time.perf_counter(), time.thread_time()
+        self.watch.start()
         said = super().verdict(line)
-        cpu, clock = time.thread_time() - cpu, time.perf_counter() - clock
-        if clock > BOUND:
-            now = time.monotonic()
-            self.slow.append((now - clock, now))
-        heapq.heappush(self.lines, (clock, self.last or line, line))
+        spent = self.watch.stop()
+        age = np.nan if said is None else 1e3 * (time.monotonic() - said["t"])
+        self.watch.start()
+        control(self.steps)
+        other = self.watch.stop()
+        self.count += 1
+        if spent.clock > 1e3 * BOUND:
+            self.slow.append((self.count, spent))
+        if other.clock > 1e3 * BOUND:
+            self.slow_controls.append((self.count, other))
+        heapq.heappush(self.lines, (spent.clock, self.last or line, line))
         if len(self.lines) > SLOWEST:
             heapq.heappop(self.lines)
         self.last = line
-        if said is not None and self.count < len(self.times):
-            self.times[self.count] = 1e3 * cpu, 1e3 * clock, 1e3 * (time.monotonic() - said["t"])
-            self.count += 1
+        if self.count <= len(self.times):
+            self.times[self.count - 1] = spent.cpu, spent.clock, age, other.cpu, other.clock
         return said
 
 
@@ -126,15 +190,12 @@ def main() -> None:
     parser.add_argument("--rate", type=float, default=1000.0)
     parser.add_argument("--processor", type=int, default=0)
     parser.add_argument("--realtime", action="store_true")
-    parser.add_argument("--role", choices=["produce", "judge", "witness"], default="judge")
+    parser.add_argument("--role", choices=["produce", "judge"], default="judge")
     asked = parser.parse_args()
     if asked.role == "produce":
         realtime(asked, 40)
         return produce(asked.robot, asked.seconds, asked.rate)
     os.sched_setaffinity(0, {asked.processor})
-    if asked.role == "witness":
-        realtime(asked, 60)
-        return witness()
     me = [sys.executable, *sys.argv, "--role"]
     others = set(range(os.cpu_count() or 1)) - {asked.processor}
     producer = subprocess.Popen([*me, "produce"], stdout=subprocess.PIPE)
@@ -149,12 +210,8 @@ def main() -> None:
     levels: dict[str, int] = {}
     held: list[float] = []
     dropped, start, cpu = 0, time.monotonic(), time.process_time()
-    with (
-        io.FileIO(producer.stdout.fileno(), closefd=False) as raw,
-        open(os.devnull, "w") as out,
-        tempfile.TemporaryFile("w+") as stalls,
-    ):
-        beside = subprocess.Popen([*me, "witness"], stdout=stalls)
+    stolen = taken(asked.processor)
+    with io.FileIO(producer.stdout.fileno(), closefd=False) as raw, open(os.devnull, "w") as out:
         for said in follow(follower, lines_of(raw), live=True):
             out.write(json.dumps(said) + "\n")
             kind = said.get("level", "stalled" if "stalled" in said else "error")
@@ -163,16 +220,13 @@ def main() -> None:
             if time.monotonic() - start > 10 + 600 * len(held):
                 held.append(memory())
         clock, cpu = time.monotonic() - start, time.process_time() - cpu
-        beside.terminate()
-        beside.wait()
-        stalls.seek(0)
-        away = [tuple(map(float, line.split())) for line in stalls]
-    taken = sum(any(a < end and b > start for a, b in away) for start, end in follower.slow)
+    stolen = taken(asked.processor) - stolen
     print(f"{asked.robot}: {room} lines in {clock:.0f} s, {levels}, {dropped} thinned")
     words = ", ".join(f"{m:.1f}" for m in (*held, memory()))
     print(f"memory, MiB: {words} (after 10 s, each 10 minutes more, and at the end)")
     print(f"load {os.getloadavg()[2]:.1f}, processor {100 * cpu / clock:.1f} % of one")
-    for k, what in enumerate(("processor time", "clock", "age")):
+    columns = "processor time", "clock", "age", "control, processor time", "control, clock"
+    for k, what in enumerate(columns):
         of = follower.times[: follower.count, k]
         p = np.percentile(of, [50, 99, 99.9, 99.99])
         over = int((of > 1e3 * BOUND).sum())
@@ -181,9 +235,17 @@ def main() -> None:
             f"{what}, ms: {words} (50, 99, 99.9, 99.99 %, worst); {over} above 2 ms, "
             f"worst is verdict {int(of.argmax()) + 1}"
         )
-    longest = max((1e3 * (b - a) for a, b in away), default=0.0)
-    print(f"the processor was taken away {len(away)} times, for at most {longest:.1f} ms")
-    print(f"{len(follower.slow)} verdicts took more than 2 ms, {taken} of them in such a time")
+    print(f"the host took {stolen:.2f} s of the processor")
+    for what, slow in (("verdicts", follower.slow), ("controls", follower.slow_controls)):
+        own = [(k, x) for k, x in slow if x.clock - x.away > 1e3 * BOUND or x.switches]
+        print(
+            f"{len(slow)} {what} above 2 ms on the clock, {len(slow) - len(own)} of them at most "
+            f"2 ms without the time for which there was no processor, "
+            f"{sum(x.away for _, x in slow):.0f} ms in all; the others, ms: "
+            "number, clock, processor, ready but waiting; switches (own, forced), faults, gc"
+        )
+        for k, x in own:
+            print(f"  {k}: {', '.join(f'{v:.2f}'.rstrip('0').rstrip('.') for v in astuple(x))}")
     print(f"the {len(follower.lines)} slowest again: {1e3 * again(given, follower.lines):.3f} ms")
 
 
