@@ -37,8 +37,9 @@ def hashed(data: Any) -> str:
 
 
 @pytest.mark.parametrize("name", tiered(HASHES, set(HASHES) - {"panda", "tiago", "xarm7"}))
-def test_closed_forms_and_certificates_are_the_same_everywhere(name):
-    form = prove(closed_form(load(name)), 3600)  # however busy the machine is
+def test_closed_forms_and_certificates_are_the_same_everywhere(name, monkeypatch):
+    monkeypatch.setattr("pinsing.families.solve.LONG", 3600)  # however busy the machine is
+    form = prove(closed_form(load(name), prove=False), 3600)
     now = {
         "families": hashed(json.loads(form.to_json(), parse_float=rounded)["families"]),
         "certificate": hashed(form.certificate),

@@ -280,16 +280,14 @@ def test_a_signal_ends_it_also_where_nobody_takes_its_verdicts(number):
 
 
 def test_each_verdict_says_which_zones_it_is_in(form, tmp_path):
-    file, arm = tmp_path / "run.jsonl", pinsing.load("scara")
+    file, zones = tmp_path / "run.jsonl", tmp_path / "zones.json"
     made = ["zones", "scara", "--joint-speeds", "5,5,1,10", "--within", "q1=-1..1"]
-    zones = tmp_path / "zones.json"
     assert run(*made, "-o", zones).exit_code == 0
     rows = [[0, 0.1, 0.1, 0], [0, 1.5, 0.1, 0], [2, 0.1, 0.1, 0]]
     file.write_text("\n".join(json.dumps({"position": q}) for q in rows))
     done = run("check", "scara", "--follow", file, "--zones", zones)
-    monitor = pinsing.Monitor(
-        pinsing.closed_form(arm), zones=pinsing.proximity.Zones.from_json(zones.read_text())
-    )
+    found = pinsing.proximity.Zones.from_json(zones.read_text())
+    monitor = pinsing.Monitor(pinsing.closed_form(pinsing.load("scara")), zones=found)
     told = [json.loads(text)["zones"] for text in done.stdout.splitlines()]
     assert told == [["F1"], [], None]
     assert [None if z is None else tuple(z) for z in told] == [
