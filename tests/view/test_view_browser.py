@@ -22,6 +22,7 @@ from command_line import run
 from urdf_texts import three_joints
 
 from pinsing import Monitor, closed_form, zones
+from pinsing.families.tube import Tube, TubeWidth
 from pinsing.robot.load import load
 from pinsing.view import Viewer
 from pinsing.view.server import Server
@@ -508,3 +509,16 @@ def test_where_a_monitor_sees_a_zone_the_slider_is_red(page: Any, tmp_path: Path
             assert inside is (monitor.update(x).zones != ())
     page.evaluate("(q) => window.pinsing.go(q)", [2.0, 1.0, 0.1, 0.2])  # beyond their range
     page.wait_for_function("() => document.querySelectorAll('.band .zone').length === 5")
+
+
+def test_near_families_of_a_design_the_slider_is_red(page: Any, tmp_path: Path) -> None:
+    form = closed_form(load("scara"))
+    (family,) = form.families
+    tube = Tube(0.1, 0.05, True, (TubeWidth(family.name, 0.1, 0.05, True),), 0.2, "", (), 1)
+    with Viewer(form.loaded, form.families, zones=tube, skeleton=True) as viewer:
+        viewer.save_html(tmp_path / "tube.html")
+    open_page(page, (tmp_path / "tube.html").as_uri())
+    assert "singular configurations lie within 5.8° of one of them" in text(page, "#joints-note")
+    red = page.evaluate("(q) => window.pinsing.source.zones(q)", [0.3, 1.0, 0.1, 0.2])
+    assert [len(bands) for bands in red] == [0, 1, 0, 0]
+    assert red[1][0] == pytest.approx([-0.1, 0.1], abs=0.03)

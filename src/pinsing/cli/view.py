@@ -32,7 +32,7 @@ from pinsing.cli.zones import zones_option
 from pinsing.errors import ConfigurationError, OptionError, ResultError
 
 if TYPE_CHECKING:
-    from pinsing.families import Family
+    from pinsing.families import ClosedForm, Family
     from pinsing.proximity.zones import Zones
     from pinsing.robot.arm import Arm
     from pinsing.sampling.analyze import Analysis
@@ -126,10 +126,11 @@ def view_command(
 
         if not skeleton:
             read_links_ahead(arm)  # a child process reads them meanwhile
+        from pinsing.families.certainty import coverage_words
         from pinsing.view.viewer import Viewer
 
         with waiting() as at:
-            families, findings, coverage = _find(arm, at) if saved is None else saved
+            families, findings, form = _find(arm, at) if saved is None else saved
             at("preparing the page")
             viewer = stack.enter_context(
                 Viewer(
@@ -137,8 +138,8 @@ def view_command(
                     families,
                     vectors,
                     findings,
-                    coverage=coverage,
-                    zones=zones,
+                    coverage=coverage_words(form),
+                    zones=zones or form.tube,
                     scale=scale,
                     skeleton=skeleton,
                     host=host,
@@ -197,26 +198,25 @@ def _lead(viewer: Viewer, file: Path, degrees: bool) -> None:
     say(f"the stream has ended; {skipped} lines came faster than pictures, and were skipped")
 
 
-_Listed: TypeAlias = "tuple[tuple[Family, ...], tuple[Finding, ...], str]"
-"""Families, findings, and how sure it is that these are all."""
+_Listed: TypeAlias = "tuple[tuple[Family, ...], tuple[Finding, ...], ClosedForm]"
+"""Families, findings, and the closed form, which says how sure it is that these are all."""
 
 
 def _find(arm: Arm, at: Callable[[str], None]) -> _Listed:
     """Families by algebra; where that has gaps, what a sweep finds as well."""
     from pinsing.families import closed_form
-    from pinsing.families.certainty import coverage_words
 
     at("finding the singular families")
     found = closed_form(arm)
     at("")
     if found.complete:
-        return found.families, (), coverage_words(found)
+        return found.families, (), found
     for gap in found.gaps:
         say(f"note: the closed forms have a gap, so a sweep runs too: {gap}")
     from pinsing.sampling.analyze import analyze
 
     at("sweeping")
-    return *_parts(analyze(arm)), coverage_words(found)
+    return *_parts(analyze(arm)), found
 
 
 def _read(path: Path, arm: Arm) -> _Listed:
@@ -236,11 +236,9 @@ def _read(path: Path, arm: Arm) -> _Listed:
             f"{path} is of {saved.arm.name} with joints {', '.join(saved.arm.joints)}, "
             f"not of this arm with {', '.join(arm.joints)}"
         )
-    from pinsing.families.certainty import coverage_words
-
     if isinstance(saved, ClosedForm):
-        return saved.families, (), coverage_words(saved)
-    return *_parts(saved), coverage_words(saved.closed_form)
+        return saved.families, (), saved
+    return *_parts(saved), saved.closed_form
 
 
 def _parts(analysis: Analysis) -> tuple[tuple[Family, ...], tuple[Finding, ...]]:

@@ -117,18 +117,24 @@ class Tube:
                 f"from these is NOT proven: {self.reason}. How near they are to a configuration is "
                 "bounded by its Jacobian alone."
             )
-        said = f"within {_degrees(self.alone)} of one of them"
-        if self.width > self.alone:
-            near = f"where two are within {_degrees(self.near)}"
-            said += f" ({_degrees(self.width)} {near})"
         walls = [f.family for f in self.families if f.persists]
         which = "Each wall persists" if len(walls) == many else f"{', '.join(walls)} persist"
         persist = (
             f" {which}: any path from one side of the tube to the other meets a singular "
             "configuration."
         )
-        every = f"{count} of the design. Every singular configuration of this robot lies {said}."
+        every = (
+            f"{count} of the design. Every singular configuration of this robot lies {self.where}."
+        )
         return every + persist * bool(walls)
+
+    @property
+    def where(self) -> str:
+        """Where the singular configurations of the robot are, in words."""
+        said = f"within {_degrees(self.alone)} of one of them"
+        if self.width > self.alone:
+            said += f" ({_degrees(self.width)} where two are within {_degrees(self.near)})"
+        return said
 
     @property
     def assumptions(self) -> str:

@@ -20,7 +20,6 @@ from pinsing.errors import OptionError, UnknownNameError
 from pinsing.families import joint_symbols
 from pinsing.kinematics.jacobian import frame_jacobians
 from pinsing.measures import SINGULAR_RTOL, pure_ellipsoids
-from pinsing.proximity.zones import Zones
 from pinsing.robot.arm import Arm
 from pinsing.robot.mechanism import Mechanism
 from pinsing.view.entries import Entry, Posture, engine_data, posture_data
@@ -139,8 +138,8 @@ class Stage(Scenery):
         How sure it is that the list holds all; empty where that is not known.
     clearest : Suggestion, optional
         The clearest configuration that was found before.
-    zones : Zones, optional
-        How near is too near: bands at the sliders.
+    zones : dict, optional
+        Bands at the sliders: a range of joints, how near to each family is too near, and why.
     """
 
     robot: Arm
@@ -149,7 +148,7 @@ class Stage(Scenery):
     postures: tuple[Posture, ...] = ()
     coverage: str = ""
     clearest: Suggestion | None = None
-    zones: Zones | None = None
+    zones: dict[str, Any] | None = None
 
     def __post_init__(self) -> None:
         self.chosen = next(((i, 0) for i, e in enumerate(self.entries) if e.poses), None)
@@ -190,7 +189,7 @@ class Stage(Scenery):
             "engine": engine_data(arm, self.entries, self.sizes),
             "notes": [*arm.notes, *self.notes],
             "coverage": self.coverage,
-            "zones": None if self.zones is None else _zones(self.zones),
+            "zones": self.zones,
             "clearest": None
             if self.clearest is None
             else {"q": self.clearest.q.tolist(), "lower": float(self.clearest.lower)},
@@ -481,12 +480,3 @@ def _iframe(what: str, name: str, height: int) -> str:
         f'height: {int(height)}px; border: 1px solid #dfe4ea; border-radius: 6px">'
         "</iframe></div>"
     )
-
-
-def _zones(found: Zones) -> dict[str, Any]:
-    return {
-        "middle": ((found.lower + found.upper) / 2).tolist(),
-        "half": ((found.upper - found.lower) / 2).tolist(),
-        "far": found.distances,
-        "speeds": found.speeds,
-    }

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -13,6 +13,7 @@ from pinsing.arguments import checked, shown
 from pinsing.errors import ArgumentError, OptionError
 from pinsing.families import Family
 from pinsing.families.certainty import coverage_words
+from pinsing.families.tube import Tube
 from pinsing.proximity.zones import Zones, zone_distances
 from pinsing.robot.arm import Arm, summarize
 from pinsing.sampling.generalize import Finding
@@ -67,8 +68,9 @@ class Viewer(Tab):
         ``closed_form(arm)`` says where the families are its own.
     clearest : Suggestion, optional
         A clear configuration, by `suggest`: the page's button leads to none that is worse.
-    zones : Zones, optional
-        Those of the arm and of joint ranges, from `pinsing.zones`: red at the sliders.
+    zones : Zones or Tube, optional
+        Those of the arm and of joint ranges, from `pinsing.zones`, or where the singular
+        configurations of a robot are beside its design's (`form.tube`): red at the sliders.
     visualizer : pinocchio MeshcatVisualizer or meshcat.Visualizer, optional
         Draw into this one as well: axes, ellipsoids and lost motions below its node
         ``pinsing``. One that displays the robot of the arm is moved along.
@@ -101,7 +103,7 @@ class Viewer(Tab):
         postures: PostureChanges | None = None,
         coverage: str = "",
         clearest: Suggestion | None = None,
-        zones: Zones | None = None,
+        zones: Zones | Tube | None = None,
         visualizer: Any = None,
         scale: float = 1.0,
         skeleton: bool = False,
@@ -140,8 +142,7 @@ class Viewer(Tab):
         self._stage = Stage(arm, links, size, skeleton, notes, entries, shown, listed)
         self._stage.coverage, self._stage.clearest = coverage, clearest
         if zones is not None:
-            zone_distances(zones, summarize(arm), [e.name for e in entries])
-            self._stage.zones = zones
+            self._stage.zones = _bands(zones, arm, [e.name for e in entries])
         if postures is not None:
             self._stage.q, self._stage.chosen = postures.q, None
         self._overlay = None
@@ -271,3 +272,23 @@ def _listed(arm: Arm, postures: PostureChanges) -> tuple[Posture, ...]:
         hint = "pinsing.posture_changes(arm, q) gives one"
         raise ArgumentError("postures", "a PostureChanges", shown(postures), hint)
     return listed_postures(arm, postures)
+
+
+def _bands(of: Zones | Tube, arm: Arm, names: Sequence[str]) -> dict[str, Any] | None:
+    """What is red at the sliders of an arm whose page lists entries of these names."""
+    if isinstance(of, Tube):
+        if not of.proven:
+            return None
+        return {
+            "middle": [0.0] * arm.n,
+            "half": [1e9] * arm.n,
+            "far": {f.family: of.alone for f in of.families if f.family in names},
+            "why": f"near the design's families; singular configurations lie {of.where}",
+        }
+    zone_distances(of, summarize(arm), names)
+    return {
+        "middle": ((of.lower + of.upper) / 2).tolist(),
+        "half": ((of.upper - of.lower) / 2).tolist(),
+        "far": of.distances,
+        "why": f"too near for {of.speeds}, or not proven to be far enough",
+    }

@@ -208,7 +208,7 @@ class Panel {
       return found;
     });
     $("joints-note").textContent = this.page.entries.length ? "Ticks: where this joint alone meets a family." : "";
-    if (this.page.zones) $("joints-note").append(` Red: too near for ${this.page.zones.speeds}, or not proven to be far enough.`);
+    if (this.page.zones) $("joints-note").append(` Red: ${this.page.zones.why}.`);
   }
 
   limits(joint) {
