@@ -364,15 +364,6 @@ class TestInfo:
         assert "moved: " not in run("list", "puma560").stdout
         assert "exact: every number" in run("list", "planar3r").stdout
 
-    def test_several_arms_are_listed_with_the_command_for_each(self):
-        done = run("list", "baxter")
-        assert done.exit_code == 2
-        assert "pinsing analyze baxter --tip left_" in done.stdout
-        assert "pinsing analyze baxter --tip right_" in done.stdout
-        assert "choose one" in done.stderr
-        asked = next(w for w in done.stdout.split() if w.startswith("left_"))
-        assert run("list", "baxter", "--tip", asked).exit_code == 0
-
     def test_the_commands_work_as_they_stand(self, tmp_path):
         """With the options that the file needs, and names that a shell would take apart."""
         folder = tmp_path / "my packages" / "two arms"

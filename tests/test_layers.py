@@ -298,6 +298,7 @@ def test_a_command_pulls_in_no_browser_no_processes_no_log_and_no_meshes(words, 
         assert not {"flint", "pinsing.families", "pinsing.proof"} & loaded
 
 
+@pytest.mark.slow
 def test_an_analysis_pulls_in_no_event_loop_no_pool_of_processes_and_no_masked_arrays():
     """They are for clusters, for --workers, and for nobody: a tenth of a second of a short one."""
     _, loaded = modules_after(

@@ -241,7 +241,8 @@ def test_a_mechanism_fits_the_page_in_degrees_and_radians():
     assert "\x1b[1;31mtype 1\x1b[0m" in analysis_text(analysis, Page(colour=True))
 
 
-@pytest.mark.parametrize("width", tiered([60, 200], (60,)))
+@pytest.mark.slow
+@pytest.mark.parametrize("width", [60, 200])
 def test_a_terminal_is_filled_and_not_overrun(width):
     shown = ANSI.sub("", in_terminal(width, "analyze", "ur5", "--levels", "1", COLUMNS="80"))
     longest = max(map(columns, shown.splitlines()))

@@ -54,6 +54,7 @@ def test_all_closed() -> None:
     assert shell(COMMANDS["at"], "<&- >&- 2>&-").returncode == 2
 
 
+@pytest.mark.slow
 def test_a_reader_that_has_gone() -> None:
     done = shell(COMMANDS["json"], "| true; exit ${PIPESTATUS[0]}")
     assert done.returncode == 141

@@ -64,34 +64,18 @@ def only(name: str, q: list[float], task: str = "pose"):
     [
         ("puma560", [0.1, 0.2, 0.3, 0.4, 0, 0.5], (3, 5), "axes 4 and 6 are collinear"),
         ("stanford", [0.1, 0.7, 0.3, 0.4, 0, 0.5], (3, 5), "axes 4 and 6 are collinear"),
-        (
-            "stanford",
-            [0.1, 0.7, 0, 0.4, 0.7, 0.5],
-            (1, 3, 4, 5),
-            "the wrist centre (where axes 4, 5 and 6 meet) lies on axis 2",
-        ),
-        (
-            "stanford",
-            [0.1, 0, 0.3, 0.4, 0.7, 0.5],
-            (0, 1, 3, 4, 5),
-            "the wrist centre (where axes 4, 5 and 6 meet) lies in the plane of axes 1 and 2",
-        ),
+        ("stanford", [0.1, 0.7, 0, 0.4, 0.7, 0.5], (1, 3, 4, 5),
+         "the wrist centre (where axes 4, 5 and 6 meet) lies on axis 2"),
+        ("stanford", [0.1, 0, 0.3, 0.4, 0.7, 0.5], (0, 1, 3, 4, 5),
+         "the wrist centre (where axes 4, 5 and 6 meet) lies in the plane of axes 1 and 2"),
         ("ur5", [0, -1, 1, 0.3, 0, 0.2], (1, 2, 3, 5), "axes 2, 3, 4 and 6 are parallel"),
-        (
-            "ur5",
-            [0.1, -1, 0, 0.3, 1, 0.2],
-            (1, 2, 3),
-            "axes 2, 3 and 4 are parallel and lie in one plane",
-        ),
+        ("ur5", [0.1, -1, 0, 0.3, 1, 0.2], (1, 2, 3),
+         "axes 2, 3 and 4 are parallel and lie in one plane"),
         ("planar3r", [0.1, 0, 0], (0, 1, 2), "axes 1, 2 and 3 are parallel and lie in one plane"),
-        (
-            "scara",
-            [0.1, 0, 0.02, 0.3],
-            (0, 1, 3),
-            "axes 1, 2 and 4 are parallel and lie in one plane",
-        ),
+        ("scara", [0.1, 0, 0.02, 0.3], (0, 1, 3),
+         "axes 1, 2 and 4 are parallel and lie in one plane"),
     ],
-)
+)  # fmt: skip
 def test_known_reasons(name, q, indices, reason):
     found = only(name, q)
     assert found.indices == indices

@@ -142,6 +142,7 @@ def test_impossible_inputs_of_a_platform_are_those_of_the_triangle(rng):
     assert (cannot_close(mechanism, inputs) == open_).all()
 
 
+@pytest.mark.slow
 def test_a_map_over_inputs_says_why_few_of_them_close():
     found = pinsing.loops.mechanism_map(shipped("gough_stewart"), "inputs", 200)
     assert 0 < found.closed < 40

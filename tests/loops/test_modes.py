@@ -321,6 +321,7 @@ def test_rounding_is_no_value():
     assert values.value("s", 5e-9) == "5e-09"
 
 
+@pytest.mark.slow
 def test_home_is_found_within_narrow_limits(tmp_path):
     """Few of the configurations that close the loops keep the limits of all joints."""
     rng = np.random.default_rng(0)

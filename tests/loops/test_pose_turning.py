@@ -250,6 +250,7 @@ FEET = [
 ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("driven", tiered(FEET, (FEET[1],)), ids=str)
 def test_legs_that_are_driven_at_the_foot(driven, tmp_path):
     rng = np.random.default_rng(7)

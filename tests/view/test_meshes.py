@@ -141,6 +141,7 @@ def test_a_reader_that_does_not_end_is_ended(tmp_path, monkeypatch):
     assert all("not read within 0.3 s" in text for text in found)
 
 
+@pytest.mark.slow
 def test_processor_time_is_what_a_mesh_may_use_up(tmp_path, monkeypatch):
     jail = Path(meshes.child_jail.__file__)
     code = (

@@ -408,6 +408,7 @@ def test_a_path_in_degrees_is_refused() -> None:
     assert run(TRIED, {"text": "7,400", "joints": joints}) == [[7, 400]]  # outside; without limits
 
 
+@pytest.mark.slow
 @needs_node
 def test_limits_are_judged_as_in_python() -> None:
     arm = load("ur5")
