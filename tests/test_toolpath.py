@@ -74,7 +74,17 @@ def test_a_torch_on_a_circle(ur5):
     again = PathPlan.from_json(plan.to_json())
     assert again.clearance == plan.clearance
     assert {"clearance", "bound"} <= json.loads(plan.to_json()).keys()
-    assert len(path_sheet(plan, form).axes) == 3
+    above, _, _ = path_sheet(plan, form).axes
+    # What is drawn for the tool as given: solutions of the poses themselves, as far as they go.
+    drawn = [x for x in above.lines if x.get_color() == above.lines[-1].get_color()]
+    assert len(drawn) == len(plan.fixed) == len(plan.kept)
+    assert np.isfinite(plan.kept[:, 0]).all()
+    for line, least in zip(plan.kept, plan.fixed, strict=True):
+        ends = np.isnan(line).any()
+        assert least == (0 if ends else line.min())
+        assert not np.isfinite(line[np.isnan(line).argmax() :]).any() or not ends
+    kept = plan_path(form, T, free="branch", arm=arm, tool=TORCH)
+    assert kept.clearance == pytest.approx(max(plan.fixed), abs=np.radians(3))
 
 
 @pytest.mark.parametrize("seed", tiered(range(4), {2}))

@@ -444,8 +444,9 @@ def path_sheet(plan: PathPlan, form: ClosedForm) -> Figure:
     Returns
     -------
     Figure
-        Above, the clearance at each pose, its proven least value and the bound of all paths; below,
-        where something was free, the greatest clearance over the branches at each pose and value,
+        Above, the clearance at each pose, its proven least value, the bound of all paths, and the
+        clearance with what is free kept, as far as each branch goes; below, where something was
+        free, the greatest clearance over the branches at each pose and value,
         with the path drawn in.
 
     Raises
@@ -469,9 +470,9 @@ def path_sheet(plan: PathPlan, form: ClosedForm) -> Figure:
         np.degrees(plan.clearance), color=COLORS[0], ls="--", lw=1, label="its least (proven)"
     )
     top.axhline(np.degrees(plan.bound), color=SINGULAR, ls=":", lw=1, label="bound of all paths")
-    if wide and plan.fixed:
-        kept = f"least with {plain(plan.free)} kept"
-        top.axhline(np.degrees(max(plan.fixed)), color=COLORS[1], ls="-.", lw=1, label=kept)
+    label = f"{plain(plan.free)} kept, each branch" if wide else "other branches"
+    for k, line in enumerate(np.degrees(plan.kept)):
+        top.plot(poses, line, color=COLORS[1], lw=0.8, zorder=1, label=None if k else label)
     title = f"{plain(plan.arm.name)}: distance to the nearest singularity"
     top.set(ylim=(0, None), ylabel="clearance [°]", title=title)
     legend_below(top)

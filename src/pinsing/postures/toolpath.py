@@ -93,8 +93,9 @@ class PathPlan(JsonResult):
         No path through these poses stays farther away, by a search and not proven: bisection of
         what is free at the poses with the least room, arcs taken as chords and a tenth; radians.
     fixed : tuple of float
-        Clearance at the poses of the paths along which what is free keeps its first value, one for
-        each branch at the first pose; 0 where such a path ends early.
+        Clearance at the poses of the paths along which what is free keeps its value (that of the
+        poses as given, or the middle of a joint's range), one for each branch at the first pose; 0
+        where such a path ends early.
     reason : str
         Why there is no path; empty if there is one.
     nodes : int
@@ -111,6 +112,8 @@ class PathPlan(JsonResult):
         The greatest clearance over the branches there, -inf where the pose is not reached within
         the joint limits; what is surely less than the path has counts by a lower bound. Not
         written to JSON.
+    kept : (B, N) array
+        Clearance along the paths of ``fixed``, NaN from where one ends on; as of ``room``.
     """
 
     schema: ClassVar[str] = "pinsing/path_plan/1"
@@ -132,6 +135,9 @@ class PathPlan(JsonResult):
     placement: WorkpiecePlacement | None = field(default=None, metadata={"optional": True})
     grid: Array = field(default_factory=lambda: np.empty(0), repr=False, metadata={"json": False})
     room: Array = field(
+        default_factory=lambda: np.empty((0, 0)), repr=False, metadata={"json": False}
+    )
+    kept: Array = field(
         default_factory=lambda: np.empty((0, 0)), repr=False, metadata={"json": False}
     )
 
@@ -390,7 +396,7 @@ class _Planner:
             return self._none(chosen, notes)
         i, q = chosen
         proven, where = self._proven(q)
-        near = clearance(self.form, q[round(where)])
+        near, kept = clearance(self.form, q[round(where)]), self._kept()
         family = near.names[int(near.family)] if near.names else ""
         return replace(
             self._none("", notes),
@@ -400,7 +406,8 @@ class _Planner:
             where=where,
             family=family,
             bound=min(self._bound(proven), max(self.relaxed, proven)),
-            fixed=self._fixed(),
+            fixed=tuple(np.nan_to_num(kept).min(axis=1).tolist()),
+            kept=kept,
             title=self.form[family].title if family else "",
             grid=self.grid,
             room=np.where(self.usable, self.likely, -np.inf).max(axis=2),
@@ -492,23 +499,31 @@ class _Planner:
             width *= 2
 
     def _certify(self, path: tuple[Ints, Ints, Ints], width: int) -> float:
-        """Search at a path's nodes and those up to ``width`` values away; the path's clearance."""
-        poses, S = np.arange(len(self.T)), self.Q.shape[2]
-        at = path[0] * S + path[1]
-        more: Bool = np.zeros((len(self.T), len(self.grid) * S), dtype=bool)
-        more[poses, at] = True
+        """Search at a path's nodes, and return the path's clearance.
+
+        Where they have less than it seemed, nodes up to ``width`` values away are searched at, too.
+        """
+        poses, at = np.arange(len(self.T)), path[0] * self.Q.shape[2] + path[1]
+        found = self._search(poses, at)
+        poses = poses[found < self.reached - _BISECTED]
         for side in (0, 1):
-            near = at
+            near = at[poses]
             for _ in range(min(width, len(self.grid) - 1)):
                 near = self.beside[poses, side, near]
-                more[poses, near] = True
+                self._search(poses, near)
+        return float(found.min())
+
+    def _search(self, poses: Ints, at: Ints) -> Array:
+        """Search at nodes, one a pose (M,); their clearance."""
+        more: Bool = np.zeros((len(self.T), self.clear[0].size), dtype=bool)
+        more[poses, at] = True
         more &= (self.usable & (self.highest > self.clear + _GAP)).reshape(more.shape)
         rows = more.reshape(self.clear.shape) & (self.highest >= self.least)
         found = clearance(self.form, self.Q[rows], certify=True, gap=_GAP)
         self.clear[rows] = np.maximum(self.clear[rows], found.lower)
         self.likely[rows] = self.highest[rows] = np.minimum(self.highest[rows], found.upper)
         self.seen[rows] = True
-        return float(self.likely.reshape(more.shape)[poses, at].min())
+        return np.asarray(self.likely.reshape(more.shape)[poses, at])
 
     def _best_on_a_part(self) -> float:
         """The clearance of the best path on a part of the grid, -inf if there is none."""
@@ -797,23 +812,24 @@ class _Planner:
 
     # -- what others reach ------------------------------------------------------------------------
 
-    def _fixed(self) -> tuple[float, ...]:
-        """Least clearance at the poses with what is free kept, of each branch at the first pose."""
-        out = []
-        for s in np.flatnonzero(self.usable[0, 0]):
-            at, least = int(s), float(self.likely[0, 0, s])
-            for k in range(1, len(self.T)):
-                gap = np.linalg.norm(
-                    self._gap(self.Q[k, 0] - self.Q[k - 1, 0, at]) * self.scale, axis=-1
-                )
-                near = int(np.where(self.usable[k, 0], gap, np.inf).argmin())
-                around = self.clear[k, 0, near] + self.clear[k - 1, 0, at]
-                if not self.usable[k, 0, near] or gap[near] >= around:
-                    least = 0.0
-                    break
-                at, least = near, min(least, float(self.likely[k, 0, near]))
-            out.append(least)
-        return tuple(out)
+    def _kept(self) -> Array:
+        """Clearance (B, N) at the poses with what is free kept, of each branch at the first pose.
+
+        NaN from where the motion to the next pose is not proven clear, or there is no solution.
+        """
+        i = 0 if self.held is None else len(self.grid) // 2
+        at = np.flatnonzero(self.usable[0, i])
+        out = np.full((len(at), len(self.T)), np.nan)
+        out[:, 0] = self.likely[0, i, at]
+        for k in range(1, len(self.T)):
+            gap = self._gap(self.Q[k, i] - self.Q[k - 1, i, at][:, None]) * self.scale
+            way = np.where(self.usable[k, i], np.linalg.norm(gap, axis=-1), np.inf)
+            near, rows = way.argmin(axis=1), np.arange(len(at))
+            goes = self.clear[k, i, near] + self.clear[k - 1, i, at] > way[rows, near]
+            goes &= np.isfinite(out[:, k - 1])
+            out[:, k] = np.where(goes, self.likely[k, i, near], np.nan)
+            at = near
+        return out
 
     def _roll_moves_the_last_joint(self) -> bool:
         """Return True if all nodes of the first pose differ in the last joint alone."""
@@ -838,10 +854,9 @@ class _Planner:
             highest = np.where(side == label, room, -np.inf).max(axis=(1, 2))
             bound = np.inf
             for k in np.argsort(highest)[:_DECIDING]:
-                if min(bound, highest[k]) > most:
-                    bound = self._most_at(int(k), int(label), most)
-                else:
-                    bound = most
+                bound = min(bound, max(float(highest[k]), most))
+                if bound > most:
+                    bound = min(bound, self._most_at(int(k), int(label), most))
             most = max(most, bound)
         return most
 
