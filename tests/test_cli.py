@@ -97,6 +97,7 @@ class TestProcess:
         assert b"Traceback" not in said
         assert b"Broken" not in said
 
+    @pytest.mark.slow
     def test_names_that_the_terminal_cannot_show(self, write_urdf):
         path = write_urdf(
             [
@@ -354,6 +355,7 @@ class TestInfo:
         row = next(line for line in out.splitlines() if "j2s6s200_joint_2" in line)
         assert row.split()[-3:] == ["47", "313", "deg"]
 
+    @pytest.mark.slow
     def test_rounded_geometry_is_told_with_its_size(self):
         out = run("list", "xarm7").stdout
         assert "moved: " in out

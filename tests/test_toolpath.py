@@ -198,7 +198,8 @@ def test_a_wall_between_two_poses(ur5):
         assert plan.clearance > 0
 
 
-@pytest.mark.parametrize("name", tiered(["ur5", "puma560", "z1"], {"puma560"}))
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["ur5", "puma560", "z1"])
 def test_eaik_misses_nothing_that_ours_finds(name, monkeypatch):
     monkeypatch.setattr(sys.modules["pinsing.postures.inverse"], "decomposed", lambda arm: None)
     arm = pinsing.load(name)
@@ -319,6 +320,7 @@ def test_the_command_writes_a_path_that_check_takes(ur5, tmp_path):
 RANGES = {"x": (-0.15, 0.15), "y": (-0.2, 0.1), "yaw": (-0.5, 0.5)}
 
 
+@pytest.mark.slow
 def test_a_workpiece_is_put_as_well_as_by_brute_force(ur5):
     arm, form = ur5
     T = circle(arm, 6)
@@ -350,6 +352,7 @@ def test_a_workpiece_is_put_as_well_as_by_brute_force(ur5):
     assert f"x = {at.x:+.3f} m" in plan.text()
 
 
+@pytest.mark.slow
 def test_a_workpiece_that_lies_well_stays(ur5):
     """What was given is not given up for less, where the ranges allow it."""
     arm, form = ur5

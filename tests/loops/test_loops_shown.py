@@ -106,6 +106,7 @@ def test_measures_touch_zero_at_the_points():
     assert ((dots[:, 0] >= low) & (dots[:, 0] <= high)).all()
 
 
+@pytest.mark.slow
 def test_analyze_prints_json_and_tells_by_its_exit_code(capsys):
     assert analyze_loops(LOOPS, **FIVE_BAR) == 0
     assert "type 2: B1, P, B2 in line" in capsys.readouterr().out

@@ -301,6 +301,7 @@ def test_each_verdict_says_which_zones_it_is_in(form, tmp_path):
     assert (alone.exit_code, "--zones is for --follow" in alone.stderr) == (2, True)
 
 
+@pytest.mark.slow
 def test_a_long_line_is_one_that_cannot_be_read_and_takes_no_memory(form):
     class Long:
         left = 1000

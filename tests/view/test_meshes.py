@@ -220,6 +220,7 @@ def test_a_robot_is_drawn_without_its_bad_meshes(tmp_path):
         assert any("is not drawn" in note for note in viewer.notes)
 
 
+@pytest.mark.slow
 def test_nothing_is_said_on_stderr_but_by_us(tmp_path):
     for name, content in BAD.items():
         (tmp_path / name).write_bytes(content)
