@@ -113,6 +113,8 @@ DIALECTS = {
         True,
     ),
     "positions.csv": (table(["Zeit", *(f"{j}_pos" for j in UR5)], timed()), True),
+    "achsen.csv": (table(["Zeit", *numbered("Achse {} [Grad]")], timed(DEG), ";"), True),
+    "axis.csv": (table(["t", *numbered("Axis {} (deg)")], timed(DEG)), True),
     "sep.csv": ("sep=;\n" + table(["t", *UR5], timed(), ";"), True),
     "semicolons.csv": (table(["t", *UR5], timed(), ";"), True),
     "tabs.tsv": (table(["t", *UR5], timed(), "\t"), True),

@@ -24,6 +24,7 @@ from pinsing.robot.arm import Arm
 _UNIT = re.compile(r"(?i)[\s_]*[\[(]\s*([a-z°]+)\s*[\])]\s*$|_(deg|degrees|rad|mm|ms|ns)$")
 _ANGLES = {
     "deg": math.pi / 180, "degree": math.pi / 180, "degrees": math.pi / 180, "°": math.pi / 180,
+    "grad": math.pi / 180,
     "rad": 1.0, "radian": 1.0, "radians": 1.0,
 }  # fmt: skip
 _LENGTHS = {"m": 1.0, "meter": 1.0, "metre": 1.0, "mm": 1e-3}
@@ -34,7 +35,10 @@ _SCALES = _ANGLES | _LENGTHS | {
 _TIME = re.compile(
     r"(?i)[%_]*(t|times?|zeit|temps|tiempo|tempo|timestamp|seconds|secs?|time_from_start|elapsed)"
 )
-_NUMBERED = re.compile(r"(?i)(actual_|field_|joint_)?(q|j|a|joint|axis|pos|positions?)_?(\d+)")
+_NUMBERED = re.compile(
+    r"(?i)(actual_|field_|joint_)?(q|j|a|joint|gelenk|axis|achse|axe|eje|asse|pos|positions?)"
+    r"[_ ]?(\d+)"
+)
 _PLACES = {"joint_states", "joint_state", "pos", "position", "positions", "actual", "field", "data"}
 """Parts of a column's name that tell where a position was written down, not of which joint."""
 _NO_POSITION = re.compile(
@@ -610,6 +614,8 @@ class ColumnHeads:
             raise self._error("some angles have a unit in their head, others none")
         self.used = {*self.order, *times, *self.others.values()}
         self.notes: tuple[str, ...] = () if times else (_NO_TIMES,)
+        if any(marks[i] == "grad" for i in self.order):
+            self.notes += ("Grad is taken for degrees, not for gon",)
         alone = (rf"(?<!\w){re.escape(j)}(?!\w)" for j in arm.joints)  # no guess where it is there
         if not all(re.search(name, words[i]) for i, name in zip(self.order, alone, strict=True)):
             pairs = zip(arm.joints, self.order, strict=True)
