@@ -133,8 +133,9 @@ def path_command(
         if csv != STDOUT:
             say(f"wrote {csv}")
             if json_target != STDOUT:
-                file = shlex.quote(str(csv))
-                emit_lines(f"  Next: pinsing check {request.words} {file}{' --deg' * deg}")
+                file, page = (shlex.quote(str(f)) for f in (csv, Path(csv).with_suffix(".html")))
+                check = f"pinsing check {request.words} {file}{' --deg' * deg}"
+                emit_lines(f"  Next: {check} -o {page}, a page that plays the path")
     elif json_target != STDOUT:
         emit_lines("  Next: the same with -o joints.csv, which writes the joint values")
     if plot is not None:
