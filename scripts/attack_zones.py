@@ -15,7 +15,7 @@ import numpy as np
 
 import pinsing
 from pinsing.algebra.two_sided import two_sided
-from pinsing.kinematics import frame_jacobians, singular_values
+from pinsing.kinematics import singular_values
 from pinsing.kinematics.tip_speed import SpeedJudge
 from pinsing.postures.zone_search import Region
 from pinsing.proximity import Zones
@@ -53,10 +53,8 @@ def main() -> int:
         Q = Q[size > sigma * judge.limits.min() * max(worst, 0.5)]
         Q = Q[region.holds(Q)]
         if len(Q):
-            z = np.linalg.pinv(judge.rows(frame_jacobians(arm, Q), Q))
-            taken = found.tip_speed * np.linalg.norm(z[..., judge.linear], axis=-1)
-            taken += found.turn_speed * np.linalg.norm(z[..., ~judge.linear], axis=-1)
-            worst = max(worst, float((taken / judge.limits).max()))
+            taken = judge.shares(Q, found.tip_speed, found.turn_speed)
+            worst = max(worst, float(taken.max()))
     print(f"{looked:.3g} samples, {outside:.3g} outside the zones: at most {worst:.4f} of a limit")
     return int(worst > 1)
 

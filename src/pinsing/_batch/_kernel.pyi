@@ -10,6 +10,7 @@ MAX_JOINTS: int
 CHUNK: int
 WALK_JOINTS: int
 WALK_EQUATIONS: int
+SPEED_COLUMNS: int
 SOURCES: str
 MAX_CONDITION_JOINTS: int
 MOST_EXPONENT: int
@@ -136,6 +137,22 @@ def second_orders(
     zero: float,
     size: float,
     Q: NDArray[np.float64],
+    out: NDArray[np.float64],
+    isa: str,
+    threads: int,
+) -> None: ...
+def joint_speeds(
+    rows: NDArray[np.float64],
+    linear: NDArray[np.bool_],
+    limits: NDArray[np.float64],
+    far: NDArray[np.float64],
+    turns: NDArray[np.bool_],
+    moving: NDArray[np.bool_],
+    speeds: Sequence[float],
+    middle: int,
+    rounds: int,
+    J: NDArray[np.float64],
+    R: NDArray[np.float64],
     out: NDArray[np.float64],
     isa: str,
     threads: int,

@@ -17,6 +17,7 @@ constexpr int kMaxColumns = 32;   // its larger side
 constexpr int kMaxJoints = 1024;  // bounds the scratch memory; no arm comes near
 constexpr int kWalkJoints = 16;     // of walks to rank drops
 constexpr int kWalkEquations = 24;  // (m - rank + 1) (n - rank + 1)
+constexpr int kSpeedColumns = 8;    // of Jacobians whose joint speeds are bounded
 constexpr int kScratchAlign = 64;
 
 // T(q) = C_0 M_0(q_0) C_1 ... M_{n-1}(q_{n-1}) C_n with C_i = [R_i t_i; 0 1], M_i = Rz or Tz.
@@ -42,6 +43,19 @@ struct Walk {
     const double* upper;
     int max_iterations;
     double floor, good, stationary, no_minimum, longest, most_damping, stretch;
+};
+
+// Tip motions and the joint speeds they may take: see pinsing/kinematics/speed_bounds.py.
+struct SpeedTask {
+    int n, k, m;           // joints; columns of Jacobians, those of turns without a limit last; rows
+    const double* rows;    // (m, 6)
+    const bool* linear;    // (m,)
+    const double* limits;  // (n,)
+    const double* far;     // (k,)
+    const bool* turns;     // (k,)
+    const bool* moving;    // (n,)
+    double tip_speed, turn_speed;
+    int middle, rounds;
 };
 
 struct Outcome {
@@ -71,6 +85,9 @@ struct Kernel {
     // in general. At most kWalkJoints joints, m <= n; factors of the task are one.
     Outcome (*second_orders)(const Chain&, const Task&, double zero, double size, const double* Q,
                              std::int64_t N, double* out);
+    // J (N, 6, k) at centres, half widths R (N, n) -> out (N, 2 + n): the share of the limits there, a
+    // bound in the box, and what each joint's width has in it. At most kSpeedColumns columns.
+    Outcome (*speeds)(const SpeedTask&, const double* J, const double* R, std::int64_t N, double* out);
     // Doubles of scratch that the next one needs.
     std::size_t (*condition_scratch)(const Conditions&);
     // X (N, n) -> least lower and upper bounds over the families (N,), the family of the lower one

@@ -1,16 +1,16 @@
 """Joint speeds that tip motions take anywhere in a box of configurations, bounded with proof.
 
-A square Jacobian M gives the joint velocities z of a twist x by ``M z = x``. Of a redundant arm
-those of the least length are meant (the pseudoinverse): ``[I J^T; J 0] (z, l) = (0, x)``. With
-``A`` near the inverse at the centre and ``A M(q) = 1 + E``, E = E0 + E1 + E2 + E3 (what A misses,
-the first order, the second, the rest), ``z = A x - E z``. Put into itself twice this is
-``z = (A - E1 A + (E1^2 - E2) A) x - E1^2 E z + E1 (E - E1) z + E2 E z - (E0 + E3) z``. The first
-term is quadratic in q, and where ``F + T y <= y`` for a bound F of it and T the sizes of the
-others, all z are at most y, and M is nowhere singular (the theorem of Perron and Frobenius, as in
+With the Jacobian J(q) = J + D, and A a right inverse of J, of a square one the inverse, joint
+velocities ``z = A x - A D z`` make the twist x: those of a redundant arm are no others than
+``A (J(q) A)^(-1) x``, so that limits which they keep can be kept. With ``A D = E1 + E2 + E3`` (the
+first order, the second, the rest), put into itself twice this is
+``z = (A - E1 A + (E1^2 - E2) A) x - E1^2 E z + E1 (E - E1) z + E2 E z - E3 z``. The first term is
+quadratic in q, and where ``F + T y <= y`` for a bound F of it and T the sizes of the others, all z
+are at most y, and J(q) A is nowhere singular (the theorem of Perron and Frobenius, as in
 Krawczyk's method).
 J is written in the axes of a link in the middle, in which it changes least; the twists do not mind.
 Each product of floats is charged with ``_ROUNDING`` times the sum of the sizes of its terms, which
-covers a thousand operations.
+covers a thousand operations, and A with twice what J A misses.
 """
 
 from __future__ import annotations
@@ -19,6 +19,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from pinsing._batch import engine
 from pinsing._types import Array, Bool
 from pinsing.errors import OptionError
 from pinsing.kinematics.batch import random_turns, tip_rotations
@@ -27,6 +28,9 @@ from pinsing.kinematics.tip_speed import SpeedJudge
 from pinsing.robot.chain import flatten
 
 _ROUNDING = 1e-12
+_ROUNDS, _LEAST_WEIGHT, _FREE = 6, 0.1, 100.0
+"""Choices of a right inverse that are looked at, how much less a joint may weigh each time, and the
+speed of a turn about the tool's axis over that of the fastest joint: it has no limit."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,7 +84,9 @@ class SpeedBounds:
         # Rows in base axes; a turn about the tool's axis is a joint of its own, without a limit.
         rows = np.zeros((6, len(task.rows)))
         rows[list(task.rows), range(len(task.rows))] = 1.0
-        self.rows = np.eye(6) if self.axis is not None else (rows @ judge.basis).T
+        self.rows = (
+            np.eye(6) if self.axis is not None else np.ascontiguousarray((rows @ judge.basis).T)
+        )
         self.linear: Bool = np.asarray(self.rows[:, :3].any(axis=1))
         self._require_turnable(task.name)
         steps = np.linalg.norm(chain.t, axis=1) + np.append(0.0, np.where(arm.prismatic, travel, 0))
@@ -89,7 +95,6 @@ class SpeedBounds:
         self.far = np.append(np.where(arm.prismatic, 1.0, across), [0.0] * (self.axis is not None))
         count = len(self.far)
         self.turns: Bool = np.append(~arm.prismatic, np.ones(int(self.axis is not None), bool))
-        self.square = len(self.rows) == count
         self.middle = (count - 1) // 2
         self.moving: Bool = np.ones(arm.n, dtype=bool)
         self.moving[0] = False
@@ -112,44 +117,54 @@ class SpeedBounds:
         spin = tip_rotations(self.judge.arm, Q)[:, :, self.axis]
         return np.concatenate([J, np.concatenate([0 * spin, spin], axis=1)[:, :, None]], axis=2)
 
-    def _matrix(self, J: Array, unit: bool) -> Array:
-        """The square system (N, d, d) of rows J (N, m, k)."""
-        if self.square:
-            return J
-        m, k = J.shape[1:]
-        out = np.zeros((len(J), m + k, m + k))
-        out[:, k:, :k], out[:, :k, k:] = J, np.swapaxes(J, 1, 2)
-        if unit:
-            real = np.arange(len(self.judge.limits))
-            out[:, real, real] = 1.0
-        return out
+    def _inverses(self, M: Array) -> Array:
+        """Right inverses (N, k, m) of M (N, m, k), of which the shares of the limits are small.
 
-    def at(self, C: Array) -> Array:
-        """Shares (N,) at configurations C (N, n)."""
-        M = self._matrix(self.rows @ self.jacobians(C), True)
-        return self._largest(self._norms(_inverse(M)[:, :, -len(self.rows) :]))
+        A least square with weights; where there is a choice, those joints weigh more that take
+        more (C. L. Lawson, 1961).
+        """
+        spin = np.full(M.shape[2] - len(self.judge.limits), _FREE * self.judge.limits.max())
+        ease = np.tile(np.append(self.judge.limits, spin) ** 2, (len(M), 1))
+        best, least = np.zeros((len(M), M.shape[2], M.shape[1])), np.full(len(M), np.inf)
+        for _ in range(1 if M.shape[1] == M.shape[2] else _ROUNDS):
+            eased = np.swapaxes(M * ease[:, None], 1, 2)
+            A = eased @ _inverse(M @ eased)
+            A = 2 * A - A @ (M @ A)
+            z = self._norms(A)
+            most = self._largest(z)
+            best[most < least], least = A[most < least], np.minimum(least, most)
+            share = z[:, : len(self.judge.limits)] / self.judge.limits / most[:, None]
+            ease[:, : len(self.judge.limits)] /= np.maximum(share, _LEAST_WEIGHT)
+        return best
 
     def _largest(self, z: Array) -> Array:
-        """Shares (N,) of the limits that joint speeds (N, d) are."""
+        """Shares (N,) of the limits that joint speeds (N, k) are."""
         limits = self.judge.limits
         return np.asarray((z[:, : len(limits)] / limits).max(axis=1))
 
-    def of(self, C: Array, R: Array) -> BoxSpeeds:
+    def of(self, C: Array, R: Array, *, compiled: bool = True) -> BoxSpeeds:
         """Shares in boxes of centres C (N, n) and half widths R (N, n)."""
         J = self.jacobians(C)
         N, n = C.shape
-        M = self._matrix(self.rows @ J, True)
-        A = _inverse(M)
-        rhs = A[:, :, -len(self.rows) :]
+        if compiled and engine.available() and len(self.far) <= engine.module().SPEED_COLUMNS:
+            out, speeds = np.empty((N, 2 + n)), [self.v, self.w]
+            engine.module().joint_speeds(
+                *(self.rows, self.linear, self.judge.limits, self.far, self.turns, self.moving),
+                *(speeds, self.middle, _ROUNDS, J, R, out),
+                *(engine.isa_names()[-1], engine.cpu_count()),
+            )
+            return BoxSpeeds(out[:, 0], out[:, 1], out[:, 2:])
+        M = self.rows @ J
+        A, k = self._inverses(M), M.shape[2]
         active = np.flatnonzero(self.moving)
         r, slopes = R[:, active], [self._slope(J, J, int(j)) for j in active]
-        G, size = np.empty((N, len(active), *M.shape[1:])), np.abs(M)
+        G, size = np.empty((N, len(active), k, k)), np.abs(M)
         for i, slope in enumerate(slopes):
-            Mj = self._matrix(self.rows @ slope, False)
+            Mj = self.rows @ slope
             G[:, i] = A @ Mj
             size += np.abs(Mj) * r[:, i, None, None]
         E1, E3 = np.einsum("nj,njab->nab", r, np.abs(G)), self._rest(A, J, R)
-        F, center, along = self._first_order(rhs, G, r)
+        F, center, along = self._first_order(A, G, r)
         # Where this is too much already, the second order is not looked at.
         more = _times(E1, _times(E1, _times(E1, F)) + _times(E3, F)) + _times(E3, F)
         some = np.flatnonzero(self._largest(F + more) <= 1)
@@ -162,7 +177,7 @@ class SpeedBounds:
         x = np.where(good[:, None], y, center)[..., None]
         worst = (x[:, :n, 0] / limits).argmax(axis=1)
         # What each joint adds to the first order of the worst row, and to the third of all.
-        u = np.zeros((N, 1, M.shape[1]))
+        u = np.zeros((N, 1, k))
         u[:, 0, :n] = 1 / limits
         third = u[:, None] @ (np.abs(G) @ (E1 @ (E1 @ x))[:, None])
         pull[:, active] += along[np.arange(N), worst] / limits[worst][:, None]
@@ -183,36 +198,43 @@ class SpeedBounds:
         r: Array,
     ) -> tuple[Array, Array]:
         """Bounds y (N, d), infinite where nothing is proven, and what joints (N, n) add by it."""
-        active, rhs = np.flatnonzero(self.moving), A[:, :, -len(self.rows) :]
-        E2, bent = np.zeros_like(M), np.zeros(F.shape)
-        pull, along_rhs = np.zeros((len(J), len(self.moving))), G @ rhs[:, None]
+        active = np.flatnonzero(self.moving)
+        E2, bent = np.zeros_like(E1), np.zeros(F.shape)
+        pull, along_rhs = np.zeros((len(J), len(self.moving))), G @ A[:, None]
         for i, j in enumerate(active):
             for h in range(i, len(active)):
                 # Bilinear in columns, so that the rule of products gives its derivative.
                 both = self._slope(slopes[h], J, int(j)) + self._slope(J, slopes[h], int(j))
-                Mjl = self._matrix(self.rows @ both, False) / (1 if h > i else 2)
+                Mjl = self.rows @ both / (1 if h > i else 2)
                 rr = r[:, i] * r[:, h]
                 size += np.abs(Mjl) * rr[:, None, None]
                 second = A @ Mjl
                 E2 += np.abs(second) * rr[:, None, None]
-                turned = G[:, i] @ along_rhs[:, h] - second @ rhs
+                turned = G[:, i] @ along_rhs[:, h] - second @ A
                 if h > i:
                     turned += G[:, h] @ along_rhs[:, i]
                 here = self._norms(turned) * rr[:, None]
                 bent += here
                 pull[:, j] += self._largest(here)
                 pull[:, active[h]] += self._largest(here)
-        slack = _ROUNDING * (np.abs(A) @ size)
-        E0 = np.abs(A @ M - np.eye(M.shape[1])) + slack
+        # The exact right inverse near A is A (1 + d) with entries of d of at most ``off``.
+        missed = np.abs(M @ A - np.eye(M.shape[1])) + _ROUNDING * (np.abs(M) @ np.abs(A))
+        off = 2 * missed.sum(axis=2).max(axis=1)[:, None]
+        slack = np.abs(A) @ (_ROUNDING * size + (off * size.sum(axis=1))[:, None])
         E1, E2 = E1 + slack, E2 + slack
-        T = E1 @ (E1 @ (E0 + E1 + E2 + E3) + E0 + E2 + E3) + E2 @ (E0 + E1 + E2 + E3) + E0 + E3
+        E = E1 + E2 + E3
+        T = E1 @ (E1 @ E + E2 + E3) + E2 @ E + E3
         F = (F + bent) * (1 + _ROUNDING) + _ROUNDING
-        F += _times(3 * slack + slack @ E1 + E1 @ slack, self._norms(rhs))
+        F += _times(3 * slack + slack @ E1 + E1 @ slack, self._norms(A))
+        missed = off * 2 * (self.v + self.w) * np.abs(A).sum(axis=2)
+        F += missed + _times(E1, missed + _times(E1, missed)) + _times(E2, missed)
         with np.errstate(all="ignore"):
-            left = np.eye(M.shape[1]) - np.minimum(T, 1e6)
+            left = np.eye(T.shape[1]) - np.minimum(T, 1e6)
             y = np.asarray(np.linalg.solve(left, F[..., None])[..., 0], dtype=np.float64)
             y = y * (1 + 1e-9)
-            good: Bool = np.all((y > 0) & (F + _times(T, y) <= y), axis=1, keepdims=True)
+            holds = (y > 0) & ((F + _times(T, y)) * (1 + _ROUNDING) <= y)
+            good: Bool = np.all(holds, axis=1, keepdims=True)
+            good &= off < 1e-3
         return np.where(good, y, np.inf), pull
 
     def _slope(self, J: Array, K: Array, j: int) -> Array:
@@ -235,7 +257,7 @@ class SpeedBounds:
         return out
 
     def _rest(self, A: Array, J: Array, R: Array) -> Array:
-        """Bound (N, d, d) of what the third order and more of J adds to A M, and its rounding.
+        """Bound (N, k, k) of what the third order and more of J adds to A M, and its rounding.
 
         With V_b the length of column b: in the axes in the middle the third derivative of column
         k by turning joints before them is at most the sum of V of the four, and 0 unless k is
@@ -259,16 +281,9 @@ class SpeedBounds:
         linear += 3 * p * pairs.sum(axis=1, keepdims=True)
         linear = linear / 6 + _ROUNDING * (self.far + 1)
         angular = (p**3 + others**3) / 6 + _ROUNDING
-        m = len(self.rows)
-        parts = A[:, :, -m:]
-        av = np.linalg.norm(parts[..., self.linear], axis=-1)[..., None]
-        aw = np.linalg.norm(parts[..., ~self.linear], axis=-1)[..., None]
-        out = av * linear[:, None] + aw * angular[:, None]
-        if self.square:
-            return np.asarray(out)
-        left = np.abs(A[:, :, :k])
-        by_row = np.where(self.linear, left @ linear[..., None], left @ angular[..., None])
-        return np.concatenate([out, by_row], axis=2)
+        av = np.linalg.norm(A[..., self.linear], axis=-1)[..., None]
+        aw = np.linalg.norm(A[..., ~self.linear], axis=-1)[..., None]
+        return np.asarray(av * linear[:, None] + aw * angular[:, None])
 
     def _norms(self, rhs: Array) -> Array:
         """Largest component (N, d) of rhs (N, d, m) times any of the twists."""

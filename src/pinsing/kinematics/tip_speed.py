@@ -179,14 +179,42 @@ class SpeedJudge:
         A = self.rows(frame_jacobians(self.arm, Q), Q)
         out = np.zeros(Q.shape)
         sigma = np.linalg.svd(A, compute_uv=False)
-        plain = (sigma[:, -1] > SINGULAR_RTOL * sigma[:, 0]) & (A.shape[1] == A.shape[2])
-        if plain.any():
-            out[plain] = self._needed(np.linalg.inv(A[plain]), tip_speed, turn_speed) / self.limits
+        spare = A.shape[2] - A.shape[1]
+        plain = (sigma[:, -1] > SINGULAR_RTOL * sigma[:, 0]) & (spare in (0, 1))
+        if spare == 0 and plain.any():
+            out[plain] = (
+                self._needed(np.asarray(np.linalg.inv(A[plain]), np.float64), tip_speed, turn_speed)
+                / self.limits
+            )
+        elif plain.any():
+            out[plain] = self._one_spare(A[plain], tip_speed, turn_speed)
         for i in np.flatnonzero(~plain):
             y, h, through = self.facets(A[i])
             share = _over(self._needed(y, tip_speed, turn_speed), h)
             at_limit = np.where((h > 0)[:, None], through > 0, _idle(A[i]))
             out[i] = np.where(at_limit, share[:, None], 0.0).max(axis=0)
+        return out
+
+    def _one_spare(self, A: Array, tip_speed: float, turn_speed: float) -> Array:
+        """`shares` of A (N, n - 1, n) of full rank.
+
+        A facet belongs to two joints i and j: with the self-motion s and rows b of a right inverse
+        its normal is ``s_j b_i - s_i b_j``, and h is ``c_i |s_j| + c_j |s_i|``.
+        """
+        right: Array = np.asarray(np.linalg.pinv(A), dtype=np.float64)
+        s = np.linalg.svd(A)[2][:, -1]
+        still = np.abs(s) < SINGULAR_RTOL
+        s = np.where(still, 0.0, s)
+        # What a limit adds to the h of all facets of another joint; 0, not infinity, times 0.
+        room = np.where(
+            still[:, None], 0.0, self.limits[:, None] * np.maximum(np.abs(s), 1e-300)[:, None]
+        )
+        out = np.zeros(s.shape)
+        for i, j in itertools.combinations(range(s.shape[1]), 2):
+            y = s[:, j, None] * right[:, i] - s[:, i, None] * right[:, j]
+            share = _over(self._needed(y, tip_speed, turn_speed), room[:, i, j] + room[:, j, i])
+            out[:, i] = np.maximum(out[:, i], np.where(still[:, j], 0.0, share))
+            out[:, j] = np.maximum(out[:, j], np.where(still[:, i], 0.0, share))
         return out
 
     def _needed(self, y: Array, tip_speed: float, turn_speed: float) -> Array:

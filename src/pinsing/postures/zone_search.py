@@ -267,7 +267,7 @@ class _Search:
         To the nearest point of a surface.
     """
 
-    chunk, wide, finest, steps = 2048, 0.8, 1e-3, 5
+    chunk, wide, finest, steps = 8192, 0.8, 1e-3, 5
     samples, best, certified = 8192, 30, 3
 
     def __init__(
@@ -313,8 +313,8 @@ class _Search:
                 f"{2 * GAP:.0%} above one at which a limit is exceeded: more boxes, a smaller part "
                 "(within) and lower speeds bring them closer"
             )
-        if self.judge.rank != self.arm.n:
-            notes.append("joint speeds are those of least length (the pseudoinverse)")
+        if self.judge.rank < self.arm.n:
+            notes.append("a motion counts as possible if any joint speeds that make it are")
         if self.arm.prismatic.any():
             notes.append(metric_note(self.arm.length_scale))
         sigma, condition = self._measures(far)
@@ -392,7 +392,9 @@ class _Search:
         """The largest objective found near Q (N, n) at a configuration that exceeds a limit."""
         aim = far * (1 + 1e-3)  # what is found must hold of proven distances, too
         while True:
-            Q = Q[self.bounds.at(Q) > 1]
+            Q = Q[self.bounds.of(Q, np.zeros_like(Q)).center > 1]
+            if self.judge.rank < self.arm.n:  # perhaps with other joint speeds it does not
+                Q = Q[self.judge.shares(Q, *self.speeds).max(axis=1) > 1]
             value = self._objective(k, aim, self._distances(Q)[1])
             some = np.flatnonzero(np.isfinite(value))
             some = some[self.region.holds(Q[some])]
@@ -405,15 +407,18 @@ class _Search:
             moved = np.clip(good + moves, self.low, self.high).reshape(-1, self.arm.n)
             Q, step = np.concatenate([good, moved]), step * 0.8
 
-    def _proven(self, Q: Array, gap: float) -> Array:
-        """Lower bounds (N, F) of the distances of Q (N, n) to the families, within ``gap``."""
+    def _proven(self, Q: Array, gap: float) -> tuple[Array, Array]:
+        """Lower and upper bounds (N, F) of the distances of Q (N, n), within ``gap``."""
         limits, search = (self.watched.lower, self.watched.upper), SearchOptions(gap=gap)
-        low = [nearest_points(c, Q, *limits, search).lower for c in self.each]
-        return np.stack(low, axis=1) if low else np.empty((len(Q), 0))
+        found = [nearest_points(c, Q, *limits, search) for c in self.each]
+        both = np.array([(near.lower, near.upper) for near in found]).reshape(
+            len(self.each), 2, len(Q)
+        )
+        return both[:, 0].T, both[:, 1].T
 
     def _certified(self, k: int | None, far: Array, Q: Array) -> tuple[float, Array]:
         """The largest objective that is proven of configurations Q (N, n), and its one."""
-        value = self._objective(k, far, self._proven(Q, 1e-4))
+        value = self._objective(k, far, self._proven(Q, 1e-4)[0])
         best = int(value.argmax())
         return max(0.0, float(value[best])), Q[best]
 
@@ -466,19 +471,22 @@ class _Search:
         alive = (top > target) & self._may_hold(c, r, (low > reach).all(axis=1))
         if k is not None:
             alive &= low[:, k] - reach[:, k] <= cap
-        c, r, top, up, most = (x[alive] for x in (c, r, top, up, most))
+        c, r, top, up = (x[alive] for x in (c, r, top, up))
         if not len(c):
             return c, r, top, -np.inf, c
-        exceeds = self.bounds.at(c) > 1
-        guess = np.where(exceeds, self._objective(k, far, up), -np.inf)
+        found = self.bounds.of(c, r)
+        open_ = found.most > 1
+        # Steps may lead to a point that is not the nearest: such boxes could never be done.
+        over = np.flatnonzero((found.center > 1) & (self._objective(k, far, up) > target))
+        up[over] = np.fmin(up[over], self._proven(c[over], 1e-2)[1])
+        reach = np.linalg.norm((r[over] * self.watched.weight)[:, None] * self.used, axis=2)
+        top[over] = np.minimum(top[over], self._objective(k, far, up[over] + reach))
+        open_[over] &= top[over] > target
+        guess = np.where(found.center > 1, self._objective(k, far, up), -np.inf)
         farther = np.flatnonzero(guess > reached)
         guess[farther[~self.region.holds(c[farther])]] = -np.inf
         best = int(guess.argmax())
-        binding = most.argmin(axis=1) if k is None else np.full(len(c), k)
-        pull, open_ = r * self.watched.weight * self.used[binding], exceeds.copy()
-        found = self.bounds.of(c[~exceeds], r[~exceeds])
-        pull[~exceeds], open_[~exceeds] = found.pull, found.most > 1
-        j = np.where(self.active, pull + 1e-3 * r, -1.0).argmax(axis=1)
+        j = np.where(self.active, found.pull + 1e-3 * r, -1.0).argmax(axis=1)
         half = np.eye(self.arm.n)[j] * r / 2
         a, b, s = (c - half)[open_], (c + half)[open_], (r - half)[open_]
         both = np.concatenate([a, b]), np.concatenate([s, s]), np.tile(top[open_], 2)
@@ -555,7 +563,7 @@ class _Search:
         outside = np.asarray((low > far).all(axis=1))
         # What only may be outside is looked at closely, some of it.
         maybe = np.flatnonzero((up > far).all(axis=1) & ~outside)[: self.chunk // 8]
-        outside[maybe] = (self._proven(Q[maybe], 1e-2) > far).all(axis=1)
+        outside[maybe] = (self._proven(Q[maybe], 1e-2)[0] > far).all(axis=1)
         Q = Q[outside]
         Q = Q[self.region.holds(Q)]
         if not len(Q):

@@ -30,8 +30,8 @@ class Zones(JsonResult):
     tip_speed, turn_speed : float
         m/s and rad/s of the tip, at once and in any directions.
     joint_speeds : (n,) array
-        Speed limits, rad/s and m/s. Joint speeds of a redundant arm are the least ones (those of
-        the pseudoinverse).
+        Speed limits, rad/s and m/s. A redundant arm exceeds one if all joint speeds that make a
+        motion do.
     within : tuple of str
         Where the answer holds, in words; empty for all of joint space.
     lower, upper : (n,) arrays

@@ -1,0 +1,398 @@
+// Joint speeds that tip motions take in boxes of configurations, one box in each lane: the bounds of
+// pinsing/kinematics/speed_bounds.py, which says what they rest on and what the letters are. One
+// machine vector at a time, so that what belongs to a box stays in the first caches.
+constexpr double kSpeedRounding = 1.0e-12;
+constexpr double kLeastWeight = 0.1;  // how much less a joint may weigh in the next right inverse
+constexpr double kFreeTurn = 100.0;   // speed of a turn without a limit over the fastest joint's
+
+// C (a, c) += or -= A (a, b) B (b, c).
+template <int sign>
+PINSING_INLINE void add_product(const One* A, const One* B, int a, int b, int c, One* C) {
+    for (int i = 0; i < a; i++)
+        for (int j = 0; j < c; j++) {
+            One sum = C[i * c + j];
+            for (int l = 0; l < b; l++) sum += A[i * b + l] * B[l * c + j] * (1.0 * sign);
+            C[i * c + j] = sum;
+        }
+}
+PINSING_INLINE void clear(One* x, int count) {
+    for (int i = 0; i < count; i++) x[i] = spread(0.0);
+}
+PINSING_INLINE void product(const One* A, const One* B, int a, int b, int c, One* C) {
+    clear(C, a * c);
+    add_product<1>(A, B, a, b, c, C);
+}
+
+// a x b, added to out; the parts of each are `stride` apart.
+PINSING_INLINE void add_cross(const One* a, int sa, const One* b, int sb, One* out, int so) {
+    out[0] += a[sa] * b[2 * sb] - a[2 * sa] * b[sb];
+    out[so] += a[2 * sa] * b[0] - a[0] * b[2 * sb];
+    out[2 * so] += a[0] * b[sb] - a[sa] * b[0];
+}
+
+struct BoxOfSpeeds {
+    const SpeedTask& task;
+    int k, m;  // columns and rows of the Jacobian
+    One J[6 * kSpeedColumns], r[kSpeedColumns];
+    One M[6 * kSpeedColumns], A[6 * kSpeedColumns];
+    One S[kSpeedColumns][6 * kSpeedColumns];  // slopes by the active joints
+    One G[kSpeedColumns][kSpeedColumns * kSpeedColumns], B[kSpeedColumns][6 * kSpeedColumns];
+    One size[6 * kSpeedColumns];
+    One E1[kSpeedColumns * kSpeedColumns], E2[kSpeedColumns * kSpeedColumns];
+    One E3[kSpeedColumns * kSpeedColumns];
+    One F[kSpeedColumns], center[kSpeedColumns], along[kSpeedColumns][kSpeedColumns];
+    One pull[kSpeedColumns];
+    int active[kSpeedColumns], joints;
+
+    explicit BoxOfSpeeds(const SpeedTask& t) : task(t), k(t.k), m(t.m), joints(0) {}
+
+    // Rows of the task (m, k) of K (6, k).
+    void rows_of(const One* K, One* out) const {
+        clear(out, m * k);
+        for (int i = 0; i < m; i++)
+            for (int a = 0; a < 6; a++) {
+                const double factor = task.rows[6 * i + a];
+                if (factor != 0.0)
+                    for (int j = 0; j < k; j++) out[i * k + j] += K[a * k + j] * factor;
+            }
+    }
+
+    // Adds the derivative (6, k) of K by joint j, column j being that of L.
+    void add_slope(const One* K, const One* L, int j, One* out) const {
+        const One *v = L + j, *w = L + 3 * k + j;
+        if (j <= task.middle) {
+            for (int i = 0; i < j; i++) {
+                add_cross(K + i, k, w, k, out + i, k);
+                add_cross(K + 3 * k + i, k, v, k, out + i, k);
+                add_cross(K + 3 * k + i, k, w, k, out + 3 * k + i, k);
+            }
+            return;
+        }
+        for (int i = 0; i < j; i++) add_cross(K + 3 * k + i, k, v, k, out + i, k);
+        for (int i = j; i < k; i++) {
+            add_cross(w, k, K + i, k, out + i, k);
+            if (i > j) add_cross(w, k, K + 3 * k + i, k, out + 3 * k + i, k);
+        }
+    }
+
+    // Largest component of a row (m,) times any of the twists.
+    One norm(const One* row) const {
+        One v = spread(0.0), w = v;
+        for (int a = 0; a < m; a++) (task.linear[a] ? v : w) += row[a] * row[a];
+        return vsqrt(v) * task.tip_speed + vsqrt(w) * task.turn_speed;
+    }
+
+    One largest(const One* z) const {
+        One most = spread(0.0);
+        for (int j = 0; j < task.n; j++) most = vmax(most, z[j] * (1.0 / task.limits[j]));
+        return most;
+    }
+
+    // A: with the weights that make the largest share least, of those that are looked at.
+    void take_inverse() {
+        double fastest = 0.0;
+        for (int j = 0; j < task.n; j++) fastest = task.limits[j] > fastest ? task.limits[j] : fastest;
+        One ease[kSpeedColumns], eased[6 * kSpeedColumns], N[36], X[6 * kSpeedColumns], z[kSpeedColumns];
+        for (int j = 0; j < k; j++) {
+            const double speed = j < task.n ? task.limits[j] : kFreeTurn * fastest;
+            ease[j] = spread(speed * speed);
+        }
+        One least = spread(__builtin_inf());
+        clear(A, k * m);
+        for (int round = 0; round < (k == m ? 1 : task.rounds); round++) {
+            for (int j = 0; j < k; j++)
+                for (int i = 0; i < m; i++) eased[j * m + i] = M[i * k + j] * ease[j];
+            product(M, eased, m, k, m, N);
+            for (int p = 0; p < m; p++) {  // the inverse of a positive matrix needs no pivots
+                const One pivot = 1.0 / N[p * m + p];
+                N[p * m + p] = spread(1.0);
+                for (int j = 0; j < m; j++) N[p * m + j] *= pivot;
+                for (int i = 0; i < m; i++) {
+                    if (i == p) continue;
+                    const One factor = N[i * m + p];
+                    N[i * m + p] = spread(0.0);
+                    for (int j = 0; j < m; j++) N[i * m + j] -= factor * N[p * m + j];
+                }
+            }
+            product(eased, N, k, m, m, X);
+            product(M, X, m, k, m, N);  // one step of Newton's method
+            for (int i = 0; i < k * m; i++) eased[i] = X[i] * 2.0;
+            add_product<-1>(X, N, k, m, m, eased);
+            for (int j = 0; j < k; j++) z[j] = norm(eased + j * m);
+            const One most = largest(z);
+            const OneMask better = most < least;
+            least = select(better, most, least);
+            for (int i = 0; i < k * m; i++) A[i] = select(better, eased[i], A[i]);
+            for (int j = 0; j < task.n; j++)
+                ease[j] = ease[j] / vmax(z[j] * (1.0 / task.limits[j]) / most, kLeastWeight);
+        }
+    }
+
+    // E3, of what the third order and more of J adds, and its rounding: `_rest` in Python.
+    void bound_rest() {
+        One far[kSpeedColumns], rp[kSpeedColumns], rd[kSpeedColumns], behind[kSpeedColumns];
+        One linear[kSpeedColumns], angular[kSpeedColumns];
+        const One zero = spread(0.0);
+        One beyond = zero, p = zero, arms = zero, slides = zero, all = zero;
+        for (int j = k - 1; j >= 0; j--) {
+            One here = zero;
+            for (int a = 0; a < 3; a++) here += J[a * k + j] * J[a * k + j];
+            far[j] = vmin(spread(task.far[j]), vsqrt(here) + beyond);
+            beyond += r[j] * task.far[j];
+            const bool before = j <= task.middle;
+            rp[j] = before && task.turns[j] ? r[j] : zero;
+            rd[j] = !before && task.turns[j] ? r[j] : zero;
+            behind[j] = before ? zero : r[j] * far[j];
+            all += behind[j];
+        }
+        One d[kSpeedColumns], sum = zero, pairs = zero, triples = zero;
+        for (int j = 0; j < k; j++) d[j] = sum += rd[j];
+        for (int j = 0; j < k; j++) {
+            const One others = d[j] - rd[j];
+            pairs += far[j] * rd[j] * rd[j] + behind[j] * others * 2.0;
+        }
+        for (int j = k - 1; j >= 0; j--) {
+            const One others = d[j] - rd[j], p2 = p * p, p3 = p2 * p;
+            const One x = p2 * (arms + slides) * 3.0 + far[j] * (p3 + d[j] * d[j] * d[j]) + triples +
+                          p2 * all * 3.0 + p * pairs * 3.0;
+            linear[j] = x * (1.0 / 6.0) + kSpeedRounding * (task.far[j] + 1.0);
+            angular[j] = (p3 + others * others * others) * (1.0 / 6.0) + kSpeedRounding;
+            triples += far[j] * (d[j] * d[j] * d[j] - others * others * others);
+            if (!task.turns[j]) triples += behind[j] * others * others * 3.0;
+            if (!task.turns[j] && j <= task.middle) slides += r[j];
+            p += rp[j];
+            arms += rp[j] * far[j];
+        }
+        for (int i = 0; i < k; i++) {
+            One v = zero, w = zero;
+            for (int a = 0; a < m; a++)
+                (task.linear[a] ? v : w) += A[i * m + a] * A[i * m + a];
+            v = vsqrt(v);
+            w = vsqrt(w);
+            for (int j = 0; j < k; j++) E3[i * k + j] = v * linear[j] + w * angular[j];
+        }
+    }
+
+    // F (k,): the largest of (A - E1 A) x in the box; at its centre; and by joint.
+    void first_order() {
+        const One zero = spread(0.0);
+        for (int i = 0; i < k; i++) {
+            One extra = zero;
+            center[i] = zero;
+            for (int h = 0; h < joints; h++) along[i][h] = zero;
+            for (int kind = 0; kind < 2; kind++) {
+                const double speed = kind == 0 ? task.tip_speed : task.turn_speed;
+                One square = zero;
+                for (int a = 0; a < m; a++)
+                    if (task.linear[a] == (kind == 0)) square += A[i * m + a] * A[i * m + a];
+                const One length = vsqrt(square), scale = 1.0 / vmax(length, 1e-300);
+                One across = zero, least = length;
+                for (int h = 0; h < joints; h++) {
+                    One with = zero, whole = zero;
+                    for (int a = 0; a < m; a++)
+                        if (task.linear[a] == (kind == 0)) with += B[h][i * m + a] * A[i * m + a];
+                    with = with * scale;
+                    for (int a = 0; a < m; a++)
+                        if (task.linear[a] == (kind == 0)) {
+                            const One off = B[h][i * m + a] - with * A[i * m + a] * scale;
+                            whole += off * off;
+                        }
+                    const One by = r[active[h]];
+                    across += by * vsqrt(whole);
+                    least -= by * vabs(with);
+                    along[i][h] += with * speed;
+                }
+                const One bent = vmin(across, across * across / (vmax(least, 1e-100) * 2.0));
+                extra += select(least > 0.0, bent, across - least * 2.0) * speed;
+                center[i] += length * speed;
+            }
+            F[i] = center[i] + extra;
+            for (int h = 0; h < joints; h++) {
+                along[i][h] = vabs(along[i][h]) * r[active[h]];
+                F[i] += along[i][h];
+            }
+        }
+    }
+
+    // What second derivatives add to E2, to F (`bent`), and to what joints pull.
+    void second_order(One* bent) {
+        One both[6 * kSpeedColumns], D[6 * kSpeedColumns], AD[kSpeedColumns * kSpeedColumns];
+        One turned[6 * kSpeedColumns], here[kSpeedColumns];
+        clear(E2, k * k);
+        clear(bent, k);
+        for (int i = 0; i < joints; i++)
+            for (int h = i; h < joints; h++) {
+                clear(both, 6 * k);
+                // Bilinear in columns, so that the rule of products gives its derivative.
+                add_slope(S[h], J, active[i], both);
+                add_slope(J, S[h], active[i], both);
+                rows_of(both, D);
+                const One rr = r[active[i]] * r[active[h]] * (h > i ? 1.0 : 0.5);
+                for (int a = 0; a < m * k; a++) size[a] += vabs(D[a]) * rr;
+                product(A, D, k, m, k, AD);
+                for (int a = 0; a < k * k; a++) E2[a] += vabs(AD[a]) * rr;
+                product(G[i], B[h], k, k, m, turned);
+                add_product<1>(G[h], B[i], k, k, m, turned);  // the same again where h is i
+                add_product<-1>(AD, A, k, k, m, turned);
+                for (int a = 0; a < k; a++) {
+                    here[a] = norm(turned + a * m) * rr;
+                    bent[a] += here[a];
+                }
+                const One more = largest(here);
+                pull[active[i]] += more;
+                pull[active[h]] += more;
+            }
+    }
+
+    // y (k,), at least all joint speeds in the box; where nothing is proven, the mask is empty.
+    OneMask solved(const One* bent, One* y) {
+        const One zero = spread(0.0);
+        One K[36], slack[kSpeedColumns * kSpeedColumns], T[kSpeedColumns * kSpeedColumns];
+        One X[kSpeedColumns * kSpeedColumns], z[kSpeedColumns], E[kSpeedColumns * kSpeedColumns];
+        product(M, A, m, k, m, K);
+        One off = zero;
+        for (int i = 0; i < m; i++) {
+            One row = zero;
+            for (int j = 0; j < m; j++) {
+                One sizes = zero;
+                for (int l = 0; l < k; l++) sizes += vabs(M[i * k + l]) * vabs(A[l * m + j]);
+                row += vabs(K[i * m + j] - (i == j ? 1.0 : 0.0) * spread(1.0)) + sizes * kSpeedRounding;
+            }
+            off = vmax(off, row);
+        }
+        off = off * 2.0;
+        One columns[kSpeedColumns];
+        for (int j = 0; j < k; j++) {
+            columns[j] = zero;
+            for (int a = 0; a < m; a++) columns[j] += size[a * k + j];
+            columns[j] *= off;
+        }
+        for (int i = 0; i < k; i++)
+            for (int j = 0; j < k; j++) {
+                One sum = zero;
+                for (int a = 0; a < m; a++)
+                    sum += vabs(A[i * m + a]) * (size[a * k + j] * kSpeedRounding + columns[j]);
+                slack[i * k + j] = sum;
+            }
+        One e1[kSpeedColumns * kSpeedColumns];
+        for (int a = 0; a < k * k; a++) {
+            e1[a] = E1[a] + slack[a];
+            E2[a] += slack[a];
+            E[a] = e1[a] + E2[a] + E3[a];
+        }
+        product(e1, E, k, k, k, X);
+        for (int a = 0; a < k * k; a++) X[a] += E2[a] + E3[a];
+        product(e1, X, k, k, k, T);
+        add_product<1>(E2, E, k, k, k, T);
+        for (int a = 0; a < k * k; a++) T[a] += E3[a];
+
+        One f[kSpeedColumns], missed[kSpeedColumns], more[kSpeedColumns], twice[kSpeedColumns];
+        for (int i = 0; i < k; i++) {
+            z[i] = norm(A + i * m);
+            missed[i] = zero;
+            for (int a = 0; a < m; a++) missed[i] += vabs(A[i * m + a]);
+            missed[i] *= off * (2.0 * (task.tip_speed + task.turn_speed));
+            f[i] = (F[i] + bent[i]) * (1.0 + kSpeedRounding) + kSpeedRounding + missed[i];
+        }
+        product(slack, z, k, k, 1, more);
+        product(e1, z, k, k, 1, twice);
+        for (int i = 0; i < k; i++) f[i] += more[i] * 3.0;
+        add_product<1>(slack, twice, k, k, 1, f);
+        add_product<1>(e1, more, k, k, 1, f);
+        product(e1, missed, k, k, 1, more);
+        for (int i = 0; i < k; i++) f[i] += more[i];
+        add_product<1>(e1, more, k, k, 1, f);
+        add_product<1>(E2, missed, k, k, 1, f);
+
+        for (int a = 0; a < k * k; a++) X[a] = zero - vmin(T[a], spread(1e6));
+        for (int i = 0; i < k; i++) {
+            X[i * k + i] += spread(1.0);
+            y[i] = f[i];
+        }
+        for (int p = 0; p < k; p++)
+            for (int i = p + 1; i < k; i++) {
+                const One factor = X[i * k + p] / X[p * k + p];
+                for (int j = p + 1; j < k; j++) X[i * k + j] -= factor * X[p * k + j];
+                y[i] -= factor * y[p];
+            }
+        for (int p = k - 1; p >= 0; p--) {
+            for (int j = p + 1; j < k; j++) y[p] -= X[p * k + j] * y[j];
+            y[p] = y[p] / X[p * k + p];
+        }
+        for (int i = 0; i < k; i++) y[i] = y[i] * (1.0 + 1e-9);
+        product(T, y, k, k, 1, more);
+        OneMask good = off < 1e-3;
+        for (int i = 0; i < k; i++)
+            good = good & (y[i] > 0.0) & ((f[i] + more[i]) * (1.0 + kSpeedRounding) <= y[i]) &
+                   (y[i] <= 1e300);
+        return good;
+    }
+
+    // out[0], out[1]: the share at the centre, and a bound; out[2 + j]: what joint j pulls.
+    void run(One* out) {
+        const One zero = spread(0.0), infinite = spread(__builtin_inf());
+        rows_of(J, M);
+        take_inverse();
+        joints = 0;
+        clear(pull, k);
+        clear(E1, k * k);
+        for (int a = 0; a < m * k; a++) size[a] = vabs(M[a]);
+        One D[6 * kSpeedColumns];
+        for (int j = 0; j < task.n; j++) {
+            if (!task.moving[j]) continue;
+            One* slope = S[joints];
+            clear(slope, 6 * k);
+            add_slope(J, J, j, slope);
+            rows_of(slope, D);
+            for (int a = 0; a < m * k; a++) size[a] += vabs(D[a]) * r[j];
+            product(A, D, k, m, k, G[joints]);
+            for (int a = 0; a < k * k; a++) E1[a] += vabs(G[joints][a]) * r[j];
+            product(G[joints], A, k, k, m, B[joints]);
+            active[joints++] = j;
+        }
+        bound_rest();
+        first_order();
+        // Where this is too much already, the second order is not looked at.
+        One x[kSpeedColumns], y[kSpeedColumns], rest[kSpeedColumns], bent[kSpeedColumns];
+        product(E3, F, k, k, 1, rest);
+        product(E1, F, k, k, 1, x);
+        product(E1, x, k, k, 1, y);
+        for (int i = 0; i < k; i++) y[i] += rest[i];
+        product(E1, y, k, k, 1, x);
+        for (int i = 0; i < k; i++) x[i] += F[i] + rest[i];
+        const OneMask some = largest(x) <= spread(1.0);
+        OneMask good = never();
+        One most = infinite;
+        if (any(some)) {
+            second_order(bent);
+            good = solved(bent, y) & some;
+            most = select(good, largest(y) * (1.0 + kSpeedRounding), infinite);
+            for (int j = 0; j < k; j++) pull[j] = select(some, pull[j], zero);
+        }
+        for (int i = 0; i < k; i++) x[i] = select(good, y[i], center[i]);
+        product(E1, x, k, k, 1, y);
+        product(E1, y, k, k, 1, rest);
+        One worst = spread(-1.0), by[kSpeedColumns];
+        clear(by, joints);
+        for (int i = 0; i < task.n; i++) {
+            const One share = x[i] * (1.0 / task.limits[i]);
+            const OneMask more = share > worst;
+            worst = select(more, share, worst);
+            for (int h = 0; h < joints; h++)
+                by[h] = select(more, along[i][h] * (1.0 / task.limits[i]), by[h]);
+        }
+        for (int h = 0; h < joints; h++) {
+            One third = zero;
+            for (int i = 0; i < task.n; i++)
+                for (int j = 0; j < k; j++)
+                    third += vabs(G[h][i * k + j]) * rest[j] * (1.0 / task.limits[i]);
+            pull[active[h]] += by[h] + r[active[h]] * third * 3.0;
+        }
+        const One share = largest(center);
+        One taken = zero;  // no right inverse was found where A is zero
+        for (int a = 0; a < k * m; a++) taken += vabs(A[a]);
+        out[0] = select(taken > 0.0, share, infinite);
+        out[1] = select(taken > 0.0, most, infinite);
+        for (int j = 0; j < task.n; j++) out[2 + j] = pull[j];
+    }
+};
