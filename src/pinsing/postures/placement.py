@@ -62,6 +62,13 @@ class WorkpiecePlacement:
         ----------
         degrees : bool
             Angles in degrees, or in radians.
+
+        Examples
+        --------
+        >>> import numpy as np
+        >>> from pinsing.postures.placement import place_at
+        >>> place_at({"x": 0.05, "yaw": 0.1}, about=np.zeros(3)).text()
+        'x = +0.050 m, yaw = +5.73° about (0.000, 0.000, 0.000) m'
         """
         factor, unit = (180 / np.pi, "°") if degrees else (1.0, " rad")
         moved = [f"{name} = {getattr(self, name):+.3f} m" for name in RANGES[:3]]

@@ -131,7 +131,7 @@ def assumed_design(robot: Arm) -> Arm | None:
     """Return the design of a robot of which most axes are off one, as after a calibration.
 
     By 0.1 mm or mrad and more; or with offsets of 0.02 mm and more that a design has not, as an
-    export from CAD has them. Rounding is far less.
+    export from CAD has them; there are some of these in either case. Rounding is far less.
     """
     if robot.coupling is not None:
         return None
@@ -142,7 +142,8 @@ def assumed_design(robot: Arm) -> Arm | None:
         return None
     offset = {s.where for s in geometry.snaps if s.what == "length" and s.size > 2e-5}
     most = max(len(offset), sum(1e-4 < x < 1e-2 for x in off)) > len(off) / 2
-    return design_of(robot, True) if most else None
+    # Angles alone are off where somebody wrote 1.57.
+    return design_of(robot, True) if most and len(offset) > 1 else None
 
 
 def axes(chain: Chain) -> tuple[Array, Array]:
