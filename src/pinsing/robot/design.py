@@ -136,14 +136,15 @@ def assumed_design(robot: Arm) -> Arm | None:
     if robot.coupling is not None:
         return None
     geometry = nominal(robot, ANGLE, LENGTH)
+    offset = {s.where for s in geometry.snaps if s.what == "length" and s.size > 2e-5}
+    if len(offset) < 2:  # angles alone are off where somebody wrote 1.57
+        return None
     try:
         off = [max(a.angle, a.length) for a in differences(robot, geometry.arm)]
     except np.linalg.LinAlgError:
         return None
-    offset = {s.where for s in geometry.snaps if s.what == "length" and s.size > 2e-5}
     most = max(len(offset), sum(1e-4 < x < 1e-2 for x in off)) > len(off) / 2
-    # Angles alone are off where somebody wrote 1.57.
-    return design_of(robot, True) if most and len(offset) > 1 else None
+    return design_of(robot, True) if most else None
 
 
 def axes(chain: Chain) -> tuple[Array, Array]:
