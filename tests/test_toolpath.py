@@ -177,6 +177,27 @@ def test_a_path_within_two_turns_of_a_joint(ur5, turns, start, reached):
         assert first is None or np.allclose(plan.q[0], first, atol=1e-6)
 
 
+def test_every_path_crosses_only_what_lies_between_all_solutions(ur5):
+    arm, form = ur5
+    far = np.array(
+        [
+            [1.097, -2.036, -0.939, 2.319, -2.718, -0.203],
+            [1.665, -1.577, -0.638, 2.278, -2.526, -1.018],
+        ]
+    )
+    poses = np.array([tip_placement(arm, x).homogeneous for x in far])
+    plan = plan_path(form, poses, arm=arm)
+    assert not plan.reason or "every path" not in plan.reason
+    model = arm.model.copy()
+    for j, (low, high) in {2: (0.2, 2.0), 3: (-1.5, -0.5), 4: (-1.0, 1.0)}.items():
+        model.lowerPositionLimit[j], model.upperPositionLimit[j] = low, high
+    narrow = pinsing.load(model, tip=arm.tip)
+    q = np.array([[0.1, -1.2, 0.8, -1.0, x, 0.0] for x in (0.3, -0.3)])
+    poses = np.array([tip_placement(narrow, x).homogeneous for x in q])
+    plan = plan_path(pinsing.closed_form(narrow, prove=False), poses, arm=narrow)
+    assert "every path that is proven clear so far crosses wrist (F2)" in plan.reason
+
+
 def test_a_wall_between_two_poses(ur5):
     arm, form = ur5
     low, high = arm.lower.copy(), arm.upper.copy()

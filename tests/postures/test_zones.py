@@ -144,6 +144,7 @@ def test_of_a_planar_arm_the_distance_is_that_of_a_fine_grid():
         (("ur5", "--within", "z=0.1..a"), "'0.1..a' is no range of numbers"),
         (("ur5", "--within", "elbow_joint=2..1"), "two ascending values"),
         (("ur5", "--within", "q3=0"), "write JOINT=A..B"),
+        (("ur5", "--within", "q3=60..120"), "over a turn in radians: for degrees add --deg"),
         (("ur5", "--tip-speed", "-1"), "must be from 0 to 1e6"),
         (("ur5", "--task", "vx,vy"), "turn with the arm"),
         (("ur5", "--task", "vx@tip,vy"), "rows in base axes, or tool-axis"),
@@ -205,6 +206,7 @@ def test_where_nothing_is_left_outside_no_distance_is_called_useful():
     done = run("zones", "ur5", "--boxes", "1", "--deg")
     assert done.exit_code == 0
     assert "ur5: no useful distance is proven" in done.stdout
+    assert "exceed no joint speed limit" not in done.stdout
     assert "One distance for all: 90°; a limit is exceeded at" in done.stdout
     assert "more boxes, a smaller part (within) and lower speeds" in " ".join(done.stdout.split())
 

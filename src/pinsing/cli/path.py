@@ -79,7 +79,7 @@ def path_command(
     """Find the joint path through POSES that stays farthest from singularities.
 
     POSES is a CSV file with a header: x, y, z and qx, qy, qz, qw, or roll, pitch, yaw, or i, j, k
-    (the direction from the tip into the tool); t, if there is one, gives seconds. The exit code is
+    (from the cutter into the tool, its -z); t, if there is one, gives seconds. The exit code is
     1 if there is no path.
 
     Example: pinsing path ur5 seam.csv --free roll --tool 0,0.05,0.15,45,0,0 --deg -o joints.csv
@@ -197,6 +197,8 @@ def _frame(text: str | None, option: str, degrees: bool) -> Array:
     if len(values) == 6:
         import pinocchio as pin
 
+        if not degrees and max(map(abs, values[3:])) > 2 * math.pi:
+            raise OptionError(f"{option} {text}: angles over a turn: for degrees add --deg")
         angles = np.radians(values[3:]) if degrees else np.array(values[3:])
         T[:3, :3] = pin.rpy.rpyToMatrix(angles)
     return T

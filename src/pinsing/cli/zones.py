@@ -23,7 +23,7 @@ from pinsing.cli.options import (
 from pinsing.cli.output import emit_json, emit_lines
 from pinsing.cli.serving import read_json
 from pinsing.cli.waiting import waiting
-from pinsing.errors import ResultError
+from pinsing.errors import OptionError, ResultError
 
 if TYPE_CHECKING:
     from pinsing.proximity.zones import Zones
@@ -94,18 +94,24 @@ def zones_command(
     speeds = typed_speeds(joint_speeds)
     bounds_of(arm, tip_speed, turn_speed, speeds)  # refuses before the families are looked for
 
-    def number(name: str, text: str) -> float:
-        slides = is_of_tip(arm, name) or bool(arm.prismatic[arm.space.index(name)])
-        value = parse_numbers(text, f"--within {name}", deg and not slides)[0]
-        return math.radians(value) if deg and not slides else value
+    def turns(name: str) -> bool:
+        return not (is_of_tip(arm, name) or arm.prismatic[arm.space.index(name)])
 
+    def number(name: str, text: str) -> float:
+        value = parse_numbers(text, f"--within {name}", deg and turns(name))[0]
+        return math.radians(value) if deg and turns(name) else value
+
+    parts = parts_of(",".join(within), number) if within else None
+    for name, ends in (parts or {}).items():
+        if not deg and ends is not None and turns(name) and max(map(abs, ends)) > 2 * math.pi:
+            raise OptionError(f"--within {name}: over a turn in radians: for degrees add --deg")
     with waiting() as step_to:
         step_to("families")
         form = form_to_measure(arm)
         answer = zones(
             form, tip_speed, turn_speed,
             joint_speeds=speeds,
-            within=parts_of(",".join(within), number) if within else None,
+            within=parts,
             boxes=boxes or BOXES,
             progress=lambda what, k, n: step_to(what, f"{k} boxes of at most {n}"),
         )  # fmt: skip

@@ -142,10 +142,10 @@ class SpeedJudge:
                 "give joint_speeds, --joint-speeds in a terminal"
             )
         elif self.basis.shape[1] != self.rank:
+            fewer = "position" if arm.task.name == "tool-axis" else "tool-axis"
             self.reason = (
                 f"the arm cannot move its tip in every direction of the task {arm.task} "
-                f"({self.rank} of {self.basis.shape[1]}): choose a task that it can, such as "
-                "tool-axis"
+                f"({self.rank} of {self.basis.shape[1]}): choose one that it can, such as {fewer}"
             )
         elif math.comb(arm.n, max(self.rank - 1, 0)) > _MOST_FACETS:
             self.reason = f"{arm.n} joints are too many"

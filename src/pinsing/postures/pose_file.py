@@ -31,8 +31,8 @@ def read_poses(path: Path, *, degrees: bool = False, millimetres: bool = False) 
     """Read poses from a text file with a header.
 
     Columns x, y, z and one of: qx, qy, qz, qw; roll, pitch, yaw (about fixed axes x, y, z); or i,
-    j, k, the direction from the tip into the tool as CAM systems write it, which leaves the
-    rotation about it open. A column t gives seconds. Separators are commas, semicolons or tabs.
+    j, k, the direction from the cutter into the tool (its -z) as CAM systems write it, which leaves
+    the rotation about it open. A column t gives seconds. Separators are commas, semicolons or tabs.
 
     Parameters
     ----------

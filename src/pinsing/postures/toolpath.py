@@ -28,6 +28,7 @@ from pinsing.families import ClosedForm, Family
 from pinsing.kinematics.tip_speed import limits_of
 from pinsing.notebook import one_line
 from pinsing.postures.inverse_batch import InverseMany
+from pinsing.postures.ladder import posture_names
 from pinsing.postures.placement import TRIED, WorkpiecePlacement, check_ranges, place_at, search
 from pinsing.proximity.clearance import clearance
 from pinsing.proximity.crossings import crossings
@@ -784,9 +785,22 @@ class _Planner:
         near = np.unravel_index(int(np.linalg.norm(gap, axis=-1).argmin()), gap.shape[:2])
         a, move = q[near[0]], gap[near]
         met = crossings(self.form, np.array([a, a + move])).events
+        between = ""
         if met:
-            family = titled(met[0].family, self.form[met[0].family].title)
-            return f"every path crosses {family} between poses {k - 1} and {k}"
+            title = self.form[met[0].family].title
+            family = titled(met[0].family, title)
+            geometry = self.form.geometry
+            sides = [
+                {w for names in posture_names(geometry, x) for w in names if w.split()[0] == title}
+                for x in (q, to)
+                if geometry is not None
+            ]
+            if len(sides) == 2 and len(sides[0]) == len(sides[1]) == 1 and sides[0] != sides[1]:
+                return (
+                    f"every path that is proven clear so far crosses {family} between poses "
+                    f"{k - 1} and {k}"
+                )
+            between = f", with {family} between them"
         if self.timed and (np.abs(move) > limits_of(self.arm) * (self.t[k] - self.t[k - 1])).any():
             j = int((np.abs(move) / limits_of(self.arm)).argmax())
             return (
@@ -794,7 +808,7 @@ class _Planner:
             )
         return (
             f"no motion between poses {k - 1} and {k} is proven clear: the nearest solutions are "
-            f"{np.degrees(np.linalg.norm(move)):.3g}° apart"
+            f"{np.degrees(np.linalg.norm(move)):.3g}° apart{between}"
         )
 
     def _unwrapped(self, q: Array, turns: Ints) -> Array:

@@ -199,7 +199,7 @@ class Region:
         geometry = self.form.geometry
         names = () if geometry is None else posture_names(geometry, random_turns(self.arm, 200))
         known = sorted({name for each in names for name in each})
-        hint = ", ".join(["limits", *known, "ranges such as q3=40..140 or z=0.1..0.5"])
+        hint = ", ".join(["limits", *known, "ranges such as q3=0.7..2.4 (radians) or z=0.1..0.5"])
         for word in self.posture:
             if word not in known:
                 raise OptionError(f"within {word!r}: of {self.arm.name} it may be {hint}")
@@ -318,6 +318,8 @@ class _Search:
         if self.arm.prismatic.any():
             notes.append(metric_note(self.arm.length_scale))
         sigma, condition = self._measures(far)
+        if not math.isfinite(sigma):
+            notes.append("no configuration was found outside: these distances tell nothing")
         L = self.arm.length_scale
         needed = max(L / v if (v := self.speeds[0]) else 0.0, 1 / w if (w := self.speeds[1]) else 0)
         both = all(self.speeds) or not (self.bounds.linear.any() and not self.bounds.linear.all())

@@ -128,12 +128,12 @@ class Zones(JsonResult):
         elif kept:
             away = listed([f"{far(self.distances[n])} from {self.titles[n]}" for n in kept])
             lines = [f"{self.arm.name}: {where}keep {away} (proven)"]
+        elif not math.isfinite(self.sigma_min):
+            lines = [f"{self.arm.name}: {where}no configuration was found"]
         else:
             lines = [f"{self.arm.name}: {where}no distance need be kept (proven)"]
-        lines += [
-            "",
-            f"  Then {self.speeds} of the tip, in any directions, exceed no joint speed limit",
-        ]
+        then = f"  Then {self.speeds} of the tip, in any directions, exceed no joint speed limit"
+        lines += ["", then] if math.isfinite(self.sigma_min) else [""]
         for name in kept:
             found = self.exceeding[name]
             short = f"a limit is exceeded at {far(found)}" if found else "none found that does"
