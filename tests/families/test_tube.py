@@ -172,9 +172,10 @@ def test_a_calibrated_file_has_the_families_of_its_design(
     assert "a simpler design is assumed" in said.stderr
     assert "Every singular configuration of this robot lies within" in said.stdout
     assert len(said.stdout.partition("\n  Next")[0].splitlines()) <= 9
-    alone = run("families", str(file), "--design", "none").stdout
-    assert "1 family" in alone
-    assert "design none" in alone
+    alone = run("families", str(file), "--design", "none")
+    assert "1 family" in alone.stdout
+    assert "design none" in alone.stdout
+    assert "is assumed" not in alone.stderr
 
 
 def test_calibrations_are_read_strictly(tmp_path: Path) -> None:
@@ -194,3 +195,13 @@ def test_calibrations_are_read_strictly(tmp_path: Path) -> None:
         calibrated(pinsing.load("puma560"), tmp_path / "c.yaml")
     with pytest.raises(OptionError, match="is for a UR robot"):
         calibrated(replace(pinsing.load("panda")), tmp_path / "c.yaml")
+
+
+def test_two_walls_may_be_passed_where_they_meet(form: pinsing.ClosedForm) -> None:
+    assert "across one of them, away from the others" in str(form.tube)
+    ends = [0.9, -0.5, 0.2, 1.1, -0.2, -0.9], [0.9, -0.5, -0.2, 1.1, 0.2, -0.9]
+    found = pinsing.postures.connect(form, *ends)
+    assert (found.answer, found.proven) == ("different", False)
+    assert "different aspects" in found.text()
+    assert "of the design: every path" in found.text()
+    assert any("may pass between them" in note for note in found.notes)

@@ -71,7 +71,7 @@ class RobotRequest:
         from pinsing.cli.loop_file import tell_of_loops
         from pinsing.robot.calibration import calibrated
         from pinsing.robot.design import design_of
-        from pinsing.robot.load import load
+        from pinsing.robot.load import ASSUMED, load
 
         tell_of_loops(self.robot)
         arm = load(
@@ -90,7 +90,8 @@ class RobotRequest:
             arm = calibrated(arm, self.calibration)
         if self.design is not None:
             given = self.design == "auto" or (self.design != "none" and load(self.design))
-            arm = replace(arm, design=design_of(arm, given) if given else None)
+            notes = tuple(n for n in arm.notes if n != ASSUMED)
+            arm = replace(arm, design=design_of(arm, given) if given else None, notes=notes)
         if arm.design is not None:
             said = (
                 "families, aspects and paths are of the design, distances from them of this robot"

@@ -49,7 +49,8 @@ class TubeWidth:
     lower : float
         Radians; the largest distance that a search found, proven to be one.
     persists : bool
-        Whether every path from one side of the tube to the other meets a singular configuration.
+        Whether every path across it that is far from the other families meets a singular
+        configuration; where two walls meet a path may pass between them, as a hyperbola opens.
     """
 
     family: str
@@ -120,7 +121,7 @@ class Tube:
         walls = [f.family for f in self.families if f.persists]
         which = "Each wall persists" if len(walls) == many else f"{', '.join(walls)} persist"
         persist = (
-            f" {which}: any path from one side of the tube to the other meets a singular "
+            f" {which}: any path across one of them, away from the others, meets a singular "
             "configuration."
         )
         every = (

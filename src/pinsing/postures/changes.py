@@ -339,11 +339,13 @@ class PostureChanges(JsonResult):
             return head
         answers = [other.answer for other in others]
         free, barred = answers.count(SAME), answers.count(DIFFERENT)
+        ways = [o.connection for o in others if o.answer == DIFFERENT]
+        sure = "proven" if all(way is None or way.proven for way in ways) else "of the design"
         if barred == count:
             all_ = "each " * (count > 1)
-            return f"{head}, {all_}reached only through a singularity (proven)"
+            return f"{head}, {all_}reached only through a singularity ({sure})"
         said = [f"{free} reached without a singularity"]
-        said += [f"{barred} only through one (proven)"] * bool(barred)
+        said += [f"{barred} only through one ({sure})"] * bool(barred)
         outside = sum(not o.solution.within_limits and o.connection is None for o in others)
         said += [f"{outside} outside the limits"] * bool(outside)
         rest = count - free - barred - outside
@@ -361,7 +363,8 @@ class PostureChanges(JsonResult):
             return f"reached {sure} by {len(way.path)} waypoints{more}{_among(other)}"
         apart = f", aspect {other.aspect}" if other.aspect != self.aspect else ""
         if other.answer == DIFFERENT:
-            return f"only through a singularity (proven){apart}"
+            sure = "proven" if way.proven else "of the design"
+            return f"only through a singularity ({sure}){apart}"
         why = way.notes[0] if way.notes and way.answer != DIFFERENT else ""
         return f"undecided{': ' * bool(why)}{why}{apart}{_among(other)}"
 

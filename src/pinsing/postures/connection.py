@@ -25,6 +25,7 @@ from pinsing.postures.grounds import (
     NOT_COMPLETE,
     PROVEN,
     missing,
+    of_design,
     opposite,
     proven_regular,
     sureness,
@@ -296,8 +297,9 @@ class Connection(JsonResult):
         if self.answer == DIFFERENT:
             a, b = self.aspects
             which = f"{a} and {b}" if a != b else f"both of what is known as {a}"
+            sure = "proven" if self.proven else "of the design"
             lines = [
-                f"different aspects ({which}), proven: every path from one to the other meets a "
+                f"different aspects ({which}), {sure}: every path from one to the other meets a "
                 "singular configuration"
             ]
         elif any(self.singular):
@@ -403,6 +405,7 @@ def connect(
         notes += said
         if not sure and sureness(forms) == NOT_COMPLETE:
             answer, path = UNDECIDED, None
+    notes += of_design(forms) if answer == DIFFERENT else []
     clearance = length = float("nan")
     if path is not None:
         clearance = least(chosen, path)
@@ -418,14 +421,14 @@ def connect(
         length=length,
         within_limits=limits,
         notes=tuple(notes),
-        proven=answer == DIFFERENT or (answer == SAME and sure),
+        proven=(answer == DIFFERENT and not of_design(forms)) or (answer == SAME and sure),
         singular=(singular[0], singular[1]),
     )
 
 
 def _stands(forms: Forms, path: Array) -> tuple[bool, list[str]]:
     """Whether it is proven that no configuration on a way is singular, and what that rests on."""
-    if sureness(forms) == PROVEN:
+    if sureness(forms) == PROVEN and not of_design(forms):
         return True, []
     if proven_regular(forms, path):
         return True, [_RANK]

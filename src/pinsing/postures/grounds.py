@@ -44,13 +44,23 @@ def missing(forms: Forms) -> list[str]:
     return []
 
 
+def of_design(forms: Forms) -> list[str]:
+    """Return what is to be said where the families are of a robot's design; empty elsewhere."""
+    if all(form.tube is None for form in _each(forms)):
+        return []
+    return ["aspects are of the design: where two walls meet this robot may pass between them"]
+
+
 def proven_regular(forms: Forms, path: Array) -> bool:
     """Return True if the rank along a path is proven from the Jacobian, for each form's task.
 
     Where the families are probably all it is no more than a second proof, and given up early.
     """
     most = _PIECES[sureness(forms) == NOT_COMPLETE]
-    arms = [None if form.geometry is None else form.geometry.arm for form in _each(forms)]
+    arms = [
+        form.loaded if form.tube is not None else form.geometry and form.geometry.arm
+        for form in _each(forms)
+    ]
     return all(arm and arm.coupling is None and regular_way(arm, path, most) for arm in arms)
 
 

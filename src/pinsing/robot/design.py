@@ -128,23 +128,18 @@ def differences(robot: Arm, design: Arm) -> tuple[AxisDifference, ...]:
 
 
 def assumed_design(robot: Arm) -> Arm | None:
-    """Return the design of a robot of which most axes are off one, as after a calibration.
+    """Return the design of a robot most of whose placements are off one, as after a calibration.
 
-    By 0.1 mm or mrad and more; or with offsets of 0.02 mm and more that a design has not, as an
-    export from CAD has them; there are some of these in either case. Rounding is far less.
+    By 0.1 mrad and more, or by offsets of 0.02 mm and more that the design has not, of which there
+    are two at least: angles alone are off where somebody wrote 1.57. Rounding is far less.
     """
     if robot.coupling is not None:
         return None
-    geometry = nominal(robot, ANGLE, LENGTH)
-    offset = {s.where for s in geometry.snaps if s.what == "length" and s.size > 2e-5}
-    if len(offset) < 2:  # angles alone are off where somebody wrote 1.57
-        return None
-    try:
-        off = [max(a.angle, a.length) for a in differences(robot, geometry.arm)]
-    except np.linalg.LinAlgError:
-        return None
-    most = max(len(offset), sum(1e-4 < x < 1e-2 for x in off)) > len(off) / 2
-    return design_of(robot, True) if most else None
+    snaps = nominal(robot, ANGLE, LENGTH).snaps
+    offset = {s.where for s in snaps if s.what == "length" and s.size > 2e-5}
+    turned = {s.where for s in snaps if s.what == "angle" and s.size > 1e-4}
+    few = len(offset) < 2 or len(offset | turned) <= robot.n / 2
+    return None if few else design_of(robot, True)
 
 
 def axes(chain: Chain) -> tuple[Array, Array]:

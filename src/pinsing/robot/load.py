@@ -33,6 +33,11 @@ if TYPE_CHECKING:
     from pinsing.description.urdf import Description
 
 
+ASSUMED = (
+    "a simpler design is assumed, which most joint axes are a little off, as after a calibration "
+    "or an export from CAD"
+)
+"""Note of an arm whose design was found."""
 MAX_IN_A_ROW = 64
 """Joints of an arm; hours and gigabytes, not insight, lie beyond."""
 
@@ -153,11 +158,7 @@ def load(
     arm = _build(whole, ends, way, free, parsed_task, float(length_scale), tuple(notes))
     design = assumed_design(arm)
     if design is not None:
-        said = (
-            "a simpler design is assumed, which most joint axes are a little off, as after a "
-            "calibration or an export from CAD"
-        )
-        arm = replace(arm, design=design, notes=(*arm.notes, said))
+        arm = replace(arm, design=design, notes=(*arm.notes, ASSUMED))
     return arm if units is None else replace(arm, units=units)
 
 

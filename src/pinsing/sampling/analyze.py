@@ -792,11 +792,15 @@ def analyze(
     started = time.monotonic()
     if geometry == "raw":
         angle_tol, snap_length = min(angle_tol, 1e-10), 0.0
-    exact = nominal_geometry(arm, angle_tol, snap_length).arm
-    swept = exact if geometry == "nominal" else arm
+    design = None if geometry == "raw" else arm.design
+    own = arm if design is None else design  # what the families are of
+    exact = nominal_geometry(own, angle_tol, snap_length).arm
+    swept = exact if geometry == "nominal" else own
     given = None if seconds is None else Stages(seconds)
     half = None if seconds is None else seconds / 2
-    forms = closed_form(arm, seconds=half, angle_tol=angle_tol, snap_length=snap_length)
+    forms = closed_form(
+        arm, seconds=half, angle_tol=angle_tol, snap_length=snap_length, design=design or False
+    )
     stages = given or Stages(SECONDS)
     result = stages.run(
         "sweep",
