@@ -53,7 +53,7 @@ if TYPE_CHECKING:
 @click.option(
     "--place",
     metavar="x=A..B,yaw=A..B",
-    help="Move the workpiece for the greatest clearance, in ranges of x, y, z (metres along the "
+    help="Move the workpiece for more clearance (searched), in ranges of x, y, z (metres along the "
     "axes of the base) and roll, pitch, yaw (about them, through the middle of the path).",
 )
 @click.option("--feed", type=float, metavar="M/S", help="Tool speed: joint speed limits are kept.")

@@ -229,7 +229,7 @@ def plan_path(
     tool : (4, 4) array_like, optional
         Pose of the tool in the tip frame, metres; the tip itself if not given.
     place : mapping, optional
-        Ranges in which the workpiece may be moved for the greatest clearance, by name: "x", "y",
+        Ranges in which the workpiece may be moved for more clearance, by name: "x", "y",
         "z" (metres along the axes of the base), "roll", "pitch", "yaw" (radians about them, through
         the middle of the path), such as ``{"x": (-0.1, 0.1), "yaw": (-0.5, 0.5)}``. Placements are
         compared on a coarse grid; the best one found is planned as any path, and given back unless
