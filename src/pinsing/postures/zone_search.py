@@ -478,8 +478,9 @@ class _Search:
             return c, r, top, -np.inf, c
         found = self.bounds.of(c, r)
         open_ = found.most > 1
-        # Steps may lead to a point that is not the nearest: such boxes could never be done.
-        over = np.flatnonzero((found.center > 1) & (self._objective(k, far, up) > target))
+        # Steps may lead to a point that is not the nearest, or nowhere: such boxes could never be done.
+        poor = (found.center > 1) | ~np.isfinite(up).all(axis=1)
+        over = np.flatnonzero(open_ & poor & (self._objective(k, far, up) > target))
         up[over] = np.fmin(up[over], self._proven(c[over], 1e-2)[1])
         reach = np.linalg.norm((r[over] * self.watched.weight)[:, None] * self.used, axis=2)
         top[over] = np.minimum(top[over], self._objective(k, far, up[over] + reach))
