@@ -17,6 +17,7 @@ import numpy.typing as npt
 
 from pinsing._types import Array, Bool
 from pinsing.algebra.conditions import Conditions
+from pinsing.algebra.nearest import BOXES as NEAREST
 from pinsing.algebra.nearest import SearchOptions, nearest_points
 from pinsing.algebra.trig_sum import off_values
 from pinsing.algebra.two_sided import two_sided
@@ -36,7 +37,7 @@ from pinsing.robot.arm import Arm, summarize
 GAP = 0.05
 """Share of a distance within which a configuration that exceeds a limit is looked for."""
 BOXES = 1_000_000
-"""Boxes for all distances together: 7 s of one processor for a UR5 on circles."""
+"""Boxes for all distances together; a UR5 on circles takes half of them, 4 s of one processor."""
 _EXTRA = 1e-9
 """Radians added to each distance for the rounding of the distances themselves; metres, too."""
 
@@ -261,13 +262,13 @@ class _Search:
     samples, best, certified : int
         Random configurations among which the search begins, how many of them are followed, and of
         how many the distance is proven in the end.
-    finest : float
-        Step at which following ends, radians.
-    steps : int
-        To the nearest point of a surface.
+    finest, sure : float
+        Step at which following ends, and to what the distances of those are proven, radians.
+    steps, few : int
+        To the nearest point of a surface; boxes for what is proven of many.
     """
 
-    chunk, wide, finest, steps = 8192, 0.8, 1e-3, 5
+    chunk, wide, finest, sure, steps, few = 8192, 0.8, 1e-3, 1e-8, 5, 200
     samples, best, certified = 8192, 30, 3
 
     def __init__(
@@ -392,15 +393,12 @@ class _Search:
 
     def _climb(self, k: int | None, far: Array, Q: Array, step: float) -> tuple[float, Array]:
         """The largest objective found near Q (N, n) at a configuration that exceeds a limit."""
-        aim = far * (1 + 1e-3)  # what is found must hold of proven distances, too
+        aim = far + 2 * self.sure  # what is found must hold of proven distances, too
         while True:
             Q = Q[self.bounds.of(Q, np.zeros_like(Q)).center > 1]
             if self.judge.rank < self.arm.n:  # perhaps with other joint speeds it does not
                 Q = Q[self.judge.shares(Q, *self.speeds).max(axis=1) > 1]
-            value = self._objective(k, aim, self._distances(Q)[1])
-            some = np.flatnonzero(np.isfinite(value))
-            some = some[self.region.holds(Q[some])]
-            good = Q[some[np.argsort(-value[some], kind="stable")[: self.best]]]
+            good = self._best(k, aim, Q, step)
             if not len(good):
                 return 0.0, np.empty(0)
             if step < self.finest:
@@ -409,9 +407,23 @@ class _Search:
             moved = np.clip(good + moves, self.low, self.high).reshape(-1, self.arm.n)
             Q, step = np.concatenate([good, moved]), step * 0.8
 
-    def _proven(self, Q: Array, gap: float) -> tuple[Array, Array]:
-        """Lower and upper bounds (N, F) of the distances of Q (N, n), within ``gap``."""
-        limits, search = (self.watched.lower, self.watched.upper), SearchOptions(gap=gap)
+    def _best(self, k: int | None, far: Array, Q: Array, gap: float) -> Array:
+        """Those of Q (N, n) with the largest objective, which is proven of them within ``gap``."""
+        value = self._objective(k, far, self._distances(Q)[1])
+        order = np.argsort(-value, kind="stable")[: np.isfinite(value).sum()]
+        good, proven = Q[:0], value[:0]
+        for part in np.split(order, range(self.best, len(order), self.best)):
+            some = Q[part[self.region.holds(Q[part])]]
+            value = self._objective(k, far, self._proven(some, gap, self.few)[1])
+            good, proven = np.concatenate([good, some]), np.concatenate([proven, value])
+            if np.isfinite(proven).sum() >= self.best:
+                break
+        best = np.argsort(-proven, kind="stable")[: min(self.best, np.isfinite(proven).sum())]
+        return np.asarray(good[best])
+
+    def _proven(self, Q: Array, gap: float, boxes: int) -> tuple[Array, Array]:
+        """Lower and upper bounds (N, F) of the distances of Q (N, n), mostly within ``gap``."""
+        limits, search = (self.watched.lower, self.watched.upper), SearchOptions(gap, boxes)
         found = [nearest_points(c, Q, *limits, search) for c in self.each]
         both = np.array([(near.lower, near.upper) for near in found]).reshape(
             len(self.each), 2, len(Q)
@@ -420,7 +432,7 @@ class _Search:
 
     def _certified(self, k: int | None, far: Array, Q: Array) -> tuple[float, Array]:
         """The largest objective that is proven of configurations Q (N, n), and its one."""
-        value = self._objective(k, far, self._proven(Q, 1e-4)[0])
+        value = self._objective(k, far, self._proven(Q, self.sure, NEAREST)[0])
         best = int(value.argmax())
         return max(0.0, float(value[best])), Q[best]
 
@@ -478,11 +490,14 @@ class _Search:
             return c, r, top, -np.inf, c
         found = self.bounds.of(c, r)
         open_ = found.most > 1
-        # Steps may lead to a point that is not the nearest, or nowhere: such boxes could never be done.
-        poor = (found.center > 1) | ~np.isfinite(up).all(axis=1)
-        over = np.flatnonzero(open_ & poor & (self._objective(k, far, up) > target))
-        up[over] = np.fmin(up[over], self._proven(c[over], 1e-2)[1])
+        # Steps may lead to a point that is not the nearest: such boxes could never be done.
+        least = self._objective(k, far, (low + reach)[alive])
+        over = np.flatnonzero(open_ & (least <= target) & (self._objective(k, far, up) > target))
         reach = np.linalg.norm((r[over] * self.watched.weight)[:, None] * self.used, axis=2)
+        gap = float(
+            np.clip(reach.max(axis=1, initial=0.0).min(initial=np.inf) / 2, self.sure, 1e-2)
+        )
+        up[over] = np.fmin(up[over], self._proven(c[over], gap, self.few)[1])
         top[over] = np.minimum(top[over], self._objective(k, far, up[over] + reach))
         open_[over] &= top[over] > target
         guess = np.where(found.center > 1, self._objective(k, far, up), -np.inf)
@@ -566,7 +581,7 @@ class _Search:
         outside = np.asarray((low > far).all(axis=1))
         # What only may be outside is looked at closely, some of it.
         maybe = np.flatnonzero((up > far).all(axis=1) & ~outside)[: self.chunk // 8]
-        outside[maybe] = (self._proven(Q[maybe], 1e-2)[0] > far).all(axis=1)
+        outside[maybe] = (self._proven(Q[maybe], 1e-2, self.few)[0] > far).all(axis=1)
         Q = Q[outside]
         Q = Q[self.region.holds(Q)]
         if not len(Q):
