@@ -105,7 +105,9 @@ def nearest_points(
         off = min(margin.meeting, 2 * np.pi) / conditions.weight
         limits = lower - off, upper + off
         plain = nearest_points(conditions.plain, Q, *limits, options, compiled=compiled)
-        least = np.maximum(plain.lower - margin.meeting, two_sided(conditions, Q).lower)
+        least = two_sided(conditions, Q).lower
+        if np.isfinite(margin.meeting):
+            least = np.maximum(plain.lower - margin.meeting, least)
         return replace(plain, lower=np.minimum(least, plain.upper))
     X = conditions.scaled(Q)
     N, n = X.shape

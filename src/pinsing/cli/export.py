@@ -74,7 +74,7 @@ def export_command(
     for note in guard.notes:
         say(f"note: {note}")
     if not guard.complete:
-        say("note: families are missing, so nothing is ever clear to this guard")
+        say("note: nothing is ever clear to this guard: its clearance is always 0")
     if guard.word == "probable" and prove is False:
         say("note: --prove looks for a certificate for up to a minute")
     for target, one in made.values():

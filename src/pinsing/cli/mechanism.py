@@ -387,7 +387,9 @@ def _saved(path: Path, mechanism: Mechanism) -> MechanismAnalysis:
 
 def _of_arms(options: dict[str, Any]) -> list[str]:
     """The options given that choose a serial chain or its task."""
-    usual = dict.fromkeys(("tip", "base", "joints", "tool_axis", "zones")) | {"task": "pose"}
+    usual = dict.fromkeys(
+        ("tip", "base", "joints", "tool_axis", "zones", "design", "calibration")
+    ) | {"task": "pose"}
     return [
         f"--{name.replace('_', '-')}"
         for name, value in usual.items()

@@ -88,6 +88,9 @@ class RobotRequest:
         )
         if self.calibration is not None:
             arm = calibrated(arm, self.calibration)
+        if self.calibration is not None and self.design == "none":
+            said = "the design of the calibration is ignored: families are of its own numbers"
+            arm = replace(arm, notes=(*arm.notes, said))
         if self.design is not None:
             given = self.design == "auto" or (self.design != "none" and load(self.design))
             notes = tuple(n for n in arm.notes if n != ASSUMED)

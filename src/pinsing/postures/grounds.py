@@ -57,10 +57,7 @@ def proven_regular(forms: Forms, path: Array) -> bool:
     Where the families are probably all it is no more than a second proof, and given up early.
     """
     most = _PIECES[sureness(forms) == NOT_COMPLETE]
-    arms = [
-        form.loaded if form.tube is not None else form.geometry and form.geometry.arm
-        for form in _each(forms)
-    ]
+    arms = [form.loaded for form in _each(forms)]
     return all(arm and arm.coupling is None and regular_way(arm, path, most) for arm in arms)
 
 

@@ -280,7 +280,7 @@ def _clearance(
     search: bool,
     limited: bool,
 ) -> Clearance:
-    if not watched.complete and (none := family < 0).any():
+    if watched.elsewhere and (none := family < 0).any():
         lower = lower.copy()
         lower[none] = watched.regular(Q[none])
     return Clearance(

@@ -223,7 +223,7 @@ def _python_text(source: GuardSource) -> str:
         "MARGIN": source.margin,
     }
     said = {
-        "COMPLETE": "False: families are known to be missing, so that clearance is always 0",
+        "COMPLETE": "False: distances are not known of the robot, so that clearance is always 0",
         "WORD": "that FAMILIES are all of them is proven, probable, or not complete; see NOTES",
         "TOLERANCE": "radians: angles of the description were moved by at most this",
         "JACOBIAN_CHANGE": "which changes no column of the Jacobian by more than this",
@@ -304,7 +304,7 @@ class Guard:
     prefix : str
         What its names begin with (C).
     complete : bool
-        Whether no singular configuration is known to be missing; else nothing is ever clear to it.
+        Whether distances are of all singular configurations; else nothing is ever clear to it.
     word : str
         How sure it is that none is missing: "proven", "probable" or "not complete".
     notes : tuple of str
@@ -417,6 +417,9 @@ def make_guard(
             room += size
         else:
             kept.append((name, family))
+    taken = watched.margin
+    if taken is not None and math.isinf(taken.meeting):
+        notes.append(watched.tube)
     complete = not notes
     unproven = [form.proof for form in every if form.word != "proven"]
     word = "not complete"
@@ -427,15 +430,14 @@ def make_guard(
         because = "; ".join(dict.fromkeys(reasons))
         notes.append(f"that no family is missing is probable, not proven: {because}")
     change = max(form.jacobian_change for form in every)
-    if change > 1e-12 and watched.margin is None:
+    if change > 1e-12 and taken is None:
         notes.append(
             f"the description is rounded; made exact this changes no column of the Jacobian by "
             f"more than {change:.1e}"
         )
     margin = (0.0, 0.0, 0.0)
-    if watched.margin is not None:
-        notes.append(watched.tube)
-        taken = watched.margin
+    if taken is not None:
+        notes += [watched.tube] * math.isfinite(taken.meeting)
         whole = len(kept) == len(watched.names)
         margin = (float(taken.alone.max()) if whole else taken.meeting, taken.meeting, taken.near)
     if zones is not None:

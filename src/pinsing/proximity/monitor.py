@@ -202,9 +202,8 @@ class Monitor:
             self._range = (zones.lower + zones.upper) / 2, (zones.upper - zones.lower) / 2
         self._judge: SpeedJudge | None = None
         if tip_speed is not None:
-            arm = (forms if isinstance(forms, ClosedForm) else forms[0]).loaded or watched.arm
             self._speeds = tip_speed, turn_speed
-            self._judge = speed_judge(arm, *self._speeds, joint_speeds)
+            self._judge = speed_judge(watched.arm, *self._speeds, joint_speeds)
         self.level = CLEAR
         self.warn, self.stop = float(warn), float(stop)
         self.hysteresis, self.horizon = float(hysteresis), float(horizon)
@@ -282,7 +281,7 @@ class Monitor:
             raise self._not_finite(velocity)
         lower, upper, time, rate = self._out.tolist()
         hold = 1.0 + self.hysteresis
-        if not self.complete and family < 0:
+        if self._watched.elsewhere and family < 0:
             lower = float(self._watched.regular((self._x / self._watched.weight)[None])[0])
         level = CLEAR
         if lower <= self.stop or (self.level == STOP and lower <= self.stop * hold):

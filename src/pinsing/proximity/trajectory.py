@@ -154,8 +154,7 @@ def _met(check: TrajectoryCheck) -> str:
     ]
     if not check.crossings:
         none = "meets no singular configuration" if check.complete else "meets no known family"
-        none += " of the design" * check.nominal
-        if check.tube and check.clearance == 0 and not check.nominal:
+        if check.tube and check.clearance == 0:
             none = "meets no family of the design, perhaps a singular configuration of this robot"
         if not faults:
             sure = "proven between samples" if check.samples > 1 else "1 sample"
@@ -232,7 +231,7 @@ def _speeds(check: TrajectoryCheck, degrees: bool) -> list[str]:
     ):
         if found:
             e = found[0]
-            more = f" and {_times(len(found) - 1, 'more')}" if len(found) > 1 else ""
+            more = f" and {len(found) - 1} more" if len(found) > 1 else ""
             verb = "leaves its limits" if found is check.outside else "exceeds its limit"
             out.append(f"{what}: {e.joint} {verb} {_when(check, e.t, e.t_end)}{more}")
     if not (check.timed and check.speed_limits):
@@ -359,8 +358,6 @@ class TrajectoryCheck(JsonResult):
         The first sample.
     tube : str
         What is known of the arm where the families are of its design; else empty.
-    nominal : bool
-        Whether it is not known how far from those families the arm itself is singular.
     speed_limits : bool
         Whether the robot names limits of joint speeds.
     """
@@ -391,7 +388,6 @@ class TrajectoryCheck(JsonResult):
     speed_limits: bool = field(default=True, metadata={"optional": True})
     turn_speed: float = field(default=TURN_SPEED, metadata={"optional": True})
     tube: str = field(default="", metadata={"optional": True})
-    nominal: bool = field(default=False, metadata={"optional": True})
 
     def __repr__(self) -> str:
         names = ", ".join(dict.fromkeys(c.family for c in self.crossings))
@@ -554,7 +550,6 @@ def check_trajectory(
         notes=_notes(arm, speeds, limits is not None, watched.gaps),
         start=np.array(samples[0], dtype=float),
         tube=watched.tube,
-        nominal=bool(watched.tube) and watched.margin is None,
         speed_limits=bool(np.isfinite(speeds.limits).any()),
     )
 

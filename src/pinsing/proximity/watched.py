@@ -20,7 +20,6 @@ from pinsing.families import ClosedForm, Family
 from pinsing.families.solve import form_to_measure
 from pinsing.kinematics.regular import regular_radius
 from pinsing.robot.arm import Arm, summarize
-from pinsing.robot.exact_placements import ROUNDING
 from pinsing.robot.joint_space import JointSpace, require_values
 
 Forms: TypeAlias = ClosedForm | Sequence[ClosedForm]
@@ -58,13 +57,12 @@ class Watched:
     complete : bool
         Whether the closed forms are complete: no singular configuration lies elsewhere.
     arm : Arm or None
-        The arm; None where the closed forms were read from a file, which knows no model.
+        The arm as it was loaded; None where the closed forms were read from a file, which knows no
+        model.
     margin : Margin or None
         What is taken off distances, where the families are of the arm's design.
     tube : str
         What is known of the arm, in words, where the families are of another geometry; else empty.
-    robot : Arm or None
-        The one that is judged, where the families are of its design.
     """
 
     names: tuple[str, ...]
@@ -79,7 +77,6 @@ class Watched:
     arm: Arm | None
     margin: Margin | None = None
     tube: str = ""
-    robot: Arm | None = None
 
     @property
     def n(self) -> int:
@@ -101,16 +98,18 @@ class Watched:
         return replace(made, margin=replace(self.margin, own=self.regular))
 
     def regular(self, Q: Array) -> Array:
-        """No singular configuration, of a family or not, is nearer to Q (N, n) than this (N,).
-
-        Of the robot, if the families are of its design.
-        """
-        arm = self.robot or self.arm
+        """No singular configuration, of a family or not, is nearer to Q (N, n) than this (N,)."""
+        arm = self.arm
         if arm is None:
             return np.zeros(len(Q))
         least = (self.weight * np.where(self.prismatic, arm.length_scale, 1.0)).min()
         norm = math.sqrt(self.n) if self.norm == "max" else 1.0
         return regular_radius(arm, Q) * float(least) / norm * (1 - 1e-9)
+
+    @property
+    def elsewhere(self) -> bool:
+        """Whether singular configurations may lie where no family is."""
+        return not self.complete or self.margin is not None
 
     @property
     def limits(self) -> tuple[Array, Array]:
@@ -156,9 +155,10 @@ class Watched:
 
     @property
     def gaps(self) -> list[str]:
-        """A sentence where other singular configurations may be nearer than all families."""
+        """Sentences where singular configurations may lie beside families, or nothing bounds it."""
         said = "the closed form is not complete: other singular configurations may be met or nearer"
-        return [said] * (not self.complete)
+        unknown = "the form was read from a file, without the robot's Jacobian: bounds are lower"
+        return [said] * (not self.complete) + [unknown] * (self.elsewhere and self.arm is None)
 
     @property
     def notes(self) -> tuple[str, ...]:
@@ -243,25 +243,14 @@ def watch(
         weight=weight,
         norm=norm,
         complete=all(f.complete for f in every),
-        arm=next((f.geometry.arm for f in every if f.geometry is not None), None),
+        arm=next((f.loaded for f in every if f.loaded is not None), None),
         margin=_margin(every, names, weight),
-        tube="; ".join(dict.fromkeys(of for f in every if (of := _geometry(f)))),
-        robot=next((f.loaded for f in every if f.tube is not None), None),
+        tube="; ".join(dict.fromkeys(str(f.tube) for f in every if f.tube is not None)),
     )
     _ = chosen.conditions  # says what is wrong with weights and norm
     if plain and norm == "euclidean":
         _MADE[first] = chosen
     return chosen
-
-
-def _geometry(form: ClosedForm) -> str:
-    """Return which geometry the families are of, where that is not the file's."""
-    if form.tube is not None:
-        return str(form.tube)
-    moved = form.deviation
-    if moved is None or max(moved.angle, moved.length, moved.twist) <= ROUNDING:
-        return ""
-    return f"The families are of {moved}"
 
 
 def _margin(forms: Sequence[ClosedForm], names: Sequence[str], weight: Array) -> Margin | None:

@@ -65,7 +65,7 @@ def calibrated(arm: Arm, file: str | os.PathLike[str]) -> Arm:
     chain = Chain(R, t, raw.prismatic)
     made = replace(arm, model=chain_model(chain, arm), design=arm)
     keep_chain(made, chain)
-    require_same(made, arm, "the arm")
+    require_same(made, arm, f"{os.fspath(file)}: {arm.name!r}")
     return made
 
 
