@@ -216,6 +216,16 @@ def test_calibrations_are_read_strictly(tmp_path: Path) -> None:
         calibrated(ur5e, write(tmp_path / "m.yaml", {k: UR5E[k] for k in LINKS[:5]}))
     with pytest.raises(OptionError, match=r"c\.yaml: 'puma560' is another robot"):
         calibrated(pinsing.load("puma560"), tmp_path / "c.yaml")
+    moved = {**UR5E, "wrist_2": (0, -0.0996, 0, 1.62, 0, 0)}
+    far = run(
+        "at",
+        "ur5e",
+        "--calibration",
+        str(write(tmp_path / "far.yaml", moved)),
+        "--q",
+        "0,0,0,0,0,0",
+    )
+    assert "the design may be of another robot: the axis of" in far.stderr
     ignored = run("families", "ur5e", "--calibration", str(tmp_path / "c.yaml"), "--design", "none")
     assert "the design of the calibration is ignored" in ignored.stderr
     with pytest.raises(OptionError, match="is for a UR robot"):

@@ -70,7 +70,7 @@ class RobotRequest:
         """Load the arm, and tell on stderr what was assumed."""
         from pinsing.cli.loop_file import tell_of_loops
         from pinsing.robot.calibration import calibrated
-        from pinsing.robot.design import design_of
+        from pinsing.robot.design import ANGLE, design_of, differences
         from pinsing.robot.load import ASSUMED, load
 
         tell_of_loops(self.robot)
@@ -96,6 +96,10 @@ class RobotRequest:
             notes = tuple(n for n in arm.notes if n != ASSUMED)
             arm = replace(arm, design=design_of(arm, given) if given else None, notes=notes)
         if arm.design is not None:
+            worst = max(differences(arm, arm.design), key=lambda d: max(d.angle, d.length))
+            if max(worst.angle, worst.length) > ANGLE:
+                far = f"the design may be of another robot: the axis of {worst} away"
+                arm = replace(arm, notes=(*arm.notes, far))
             said = (
                 "families, aspects and paths are of the design, distances from them of this robot"
             )
