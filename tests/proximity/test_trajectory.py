@@ -157,6 +157,19 @@ def test_where_tip_speeds_cost_too_much() -> None:
         assert not told[~over[:, j] & (np.abs(Q[:, 4]) > 1e-6)].any()
 
 
+def test_what_is_proven_is_close_to_what_is_found_also_of_a_long_recording() -> None:
+    arm = pinsing.load("h2515")
+    for count, turns in ((101, 0.0), (60_000, 0.05)):
+        s = np.linspace(0, 2 if count == 101 else 60, count)[:, None]
+        start = np.radians([10, -80, 90, -90, 40, 0])
+        Q = start + np.radians([10, 5, 0, 2, 5, 15]) * s * (turns == 0)
+        Q = Q + 0.5 * np.sin((turns + 0.05 * np.arange(6)) * s) * (turns > 0)
+        check = check_trajectory(arm, Q)
+        assert not check.crossings
+        for near in check.approaches:
+            assert near.upper - np.radians(0.5) <= near.lower <= near.upper, near.family
+
+
 def test_one_sample_and_a_rest() -> None:
     for Q in (CLEAR[None], np.tile(CLEAR, (5, 1))):
         check = check_trajectory(arm_of("ur5"), Q, forms=closed("ur5"))

@@ -259,6 +259,8 @@ def _runs(inside: Bool) -> list[tuple[int, int]]:
 
 _CANDIDATES = 6
 _SEARCH = SearchOptions(boxes=BOXES // 3)
+_CLOSE, _APART, _PROVEN = SearchOptions(gap=1e-3, boxes=2000), 0.01, 2000
+"""How closely distances of samples are proven, how far apart in joint space, how many of a part."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -316,7 +318,12 @@ class Passage:
         self.crossings: list[Crossing] = []
         self._stretches = Stretches(watched, near)
         self.cut = False
-        self._least = np.full(count, np.inf)
+        self._plain = watched.conditions.plain
+        self._families = [
+            Conditions.of([f.branches], watched.prismatic, watched.weight, watched.norm)
+            for f in watched.families
+        ]
+        self._least, self._nearest = np.full(count, np.inf), np.full(count, np.inf)
         # Of each family: the bound, and the samples around a place at which it may be nearest.
         self._candidates: list[list[tuple[float, Motion, float]]] = [[] for _ in range(count)]
         self.trend = "steady"
@@ -349,15 +356,14 @@ class Passage:
         """Clearance at samples and, where steps are long, in between."""
         steps = self.watched.length(motion.pieces[first:last, 1])
         # Longer steps are looked at in between, this far apart in joint space.
-        counts = np.clip(np.ceil(steps / 0.05), 1, 64).astype(np.int64)
+        counts = np.clip(np.ceil(steps / _APART), 1, 64).astype(np.int64)
         u = np.concatenate([first + k + np.arange(m) / m for k, m in enumerate(counts)] or [[]])
         u = np.append(u, float(last))
         Q = motion.at(u)
-        bounds = two_sided(self.watched.conditions, Q, each=True).each
-        if not bounds.shape[1]:
-            return
-        lower = bounds[..., 0]
         length = self.watched.length(np.diff(Q, axis=0))
+        if not self._families:
+            return
+        lower = self._lower(Q, length)
         between = (lower[:-1] + lower[1:] - length[:, None]) / 2
         self._least = np.minimum(self._least, between.min(axis=0, initial=np.inf))
         self._least = np.minimum(self._least, lower.min(axis=0))
@@ -366,9 +372,32 @@ class Passage:
         self._stretches.feed(motion, u, Q, lower.min(axis=1))
         if end and len(u) > 1:
             f = int(nearest_family(self.watched.conditions, Q[-1:])[0][0])
-            change = float(lower[-1, f] - lower[-2, f])
+            two = two_sided(self._plain, Q[-2:], each=True).each[:, f, 0]
+            change = float(two[1] - two[0])
             small = 1e-6 * max(float(length[-1]), 1e-12)
             self.trend = "steady" if abs(change) <= small else "away" if change > 0 else "toward"
+
+    def _lower(self, Q: Array, length: Array) -> Array:
+        """Bounds (M, F) of the distance to each family; where they bound the least, close ones.
+
+        Those of one sample, less the way to another one, hold there.
+        """
+        margin, each = self.watched.margin, two_sided(self._plain, Q, each=True).each
+        self._nearest = np.fmin(self._nearest, each[..., 1].min(axis=0))
+        way = np.append(0.0, np.cumsum(length)) * (1 + _SLACK)
+        for f, conditions in enumerate(self._families):
+            low, limits = each[:, f, 0], self.watched.families[f].limits
+            least = np.append(np.inf, np.append((low[:-1] + low[1:] - length) / 2, np.inf))
+            weak = np.flatnonzero(np.minimum(least[1:], least[:-1]) < self._nearest[f])
+            weak = weak[np.unique(np.floor(way[weak] / _APART), return_index=True)[1]]
+            weak = weak[np.argsort(low[weak], kind="stable")[:_PROVEN]]
+            found = nearest_points(conditions, Q[weak], *limits, _CLOSE)
+            self._nearest[f] = min(self._nearest[f], found.upper.min(initial=np.inf))
+            low[weak] = np.maximum(low[weak], found.lower)
+            np.maximum(low, np.maximum.accumulate(low + way) - way - _SLACK, out=low)
+            back = np.maximum.accumulate((low - way)[::-1])[::-1] + way - _SLACK
+            np.maximum(low, back, out=low)
+        return each[..., 0] if margin is None else margin.take_off(Q, each)
 
     def _candidate(self, f: int, motion: Motion, u: Array, lower: Array) -> None:
         """Keep the lowest local minima of the bound of family f."""
@@ -397,13 +426,12 @@ class Passage:
         for c in self.crossings:
             if c.family == name:
                 return Approach(name, c.t, c.q, 0.0, 0.0, title)
-        branches = [watched.families[f].branches]
-        conditions = Conditions.of(branches, watched.prismatic, watched.weight, watched.norm)
+        conditions = self._families[f]
         best: tuple[float, float, Array] | None = None
         for bound, motion, u in self._candidates[f]:
-            if best is None or bound < best[0]:
+            if best is None or bound < best[0] + _SLACK:
                 found = _refined(conditions, watched, motion, u)
-                best = found if best is None else min(best, found, key=lambda x: x[0])
+                best = found if best is None else min(best, found, key=lambda x: (round(x[0], 9), x[1]))
         if best is None:
             return None
         upper, t, q = best
