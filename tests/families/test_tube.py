@@ -9,7 +9,6 @@ from pathlib import Path
 from types import ModuleType
 
 import numpy as np
-import pinocchio as pin
 import pytest
 from command_line import run
 
@@ -17,7 +16,6 @@ import pinsing
 from pinsing.errors import OptionError, RobotFileError
 from pinsing.families import tube as tubes
 from pinsing.proximity.clearance import distances
-from pinsing.proximity.guard import make_guard
 from pinsing.robot.calibration import LINKS, calibrated
 from pinsing.robot.chain import chain_model, flatten
 from pinsing.robot.design import assumed_design, design_of, differences
@@ -142,25 +140,6 @@ def test_without_a_tube_the_robots_jacobian_bounds_its_clearance(attack: ModuleT
     lower = pinsing.clearance(form, found + steps).lower
     assert (lower <= np.linalg.norm(steps, axis=1)).all()
     assert (len(found) > 20, np.median(lower) > 0.02) == (True, True)
-
-
-def test_bounds_are_of_the_file_where_angles_are_rounded(attack: ModuleType) -> None:
-    rng, ur5 = np.random.default_rng(1), pinsing.load("ur5")
-    chain = flatten(ur5)
-    R = np.array([r @ pin.exp3(rng.uniform(-1, 1, 3) * 1e-3) for r in chain.R])
-    robot = replace(ur5, model=chain_model(replace(chain, R=R), ur5))
-    form = pinsing.closed_form(robot, prove=False)
-    found = attack.find_singular(robot, rng.uniform(-3, 3, (500, 6)))
-    steps = 0.01 * rng.normal(size=found.shape)
-    lower = pinsing.clearance(form, found + steps).lower
-    assert (lower <= np.linalg.norm(steps, axis=1)).all()
-    assert (len(found) > 300, np.median(lower) > 0.003) == (True, True)
-    guard = make_guard(robot, "c", forms=form)
-    assert (guard.complete, guard.word) == (False, "not complete")
-    assert "NOT proven" in guard.notes[0]
-    read = pinsing.ClosedForm.from_json(form.to_json())
-    assert not pinsing.clearance(read, Q).lower.any()
-    assert "read from a file" in str(pinsing.clearance(read, Q))
 
 
 def test_the_design_is_found_or_refused() -> None:

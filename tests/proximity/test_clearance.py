@@ -340,11 +340,13 @@ def test_what_is_of_the_nominal_design_says_so() -> None:
     form = pinsing.closed_form(arm)
     found = pinsing.clearance(form, [0.1] * 6)
     assert found.notes == pinsing.Monitor(form).notes
-    assert "NOT proven: a width is looked for with --design auto" in str(found)
-    assert found.lower == pytest.approx(pinsing.kinematics.regular_radius(arm, [0.1] * 6))
-    assert pinsing.is_clear(form, [0.1] * 6, 0.99 * float(found.lower))
-    said = pinsing.check_trajectory(form, [[0.1] * 6, [0.2] * 6]).text().splitlines()
-    assert "meets no singular configuration (proven" in said[0]
+    assert "bounds of distances from them, are of" in str(found)
+    assert "angles moved by at most 1.5e-03 rad" in str(found)
+    check = pinsing.check_trajectory(form, [[0.1] * 6, [0.2] * 6])
+    said = check.text().splitlines()
+    assert "meets no singular configuration of the design" in said[0]
+    assert any("proven of the design" in line for line in said)
+    assert not any("proven)" in line.replace("of the design)", "") for line in said[1:])
     assert found.notes[0] in said[2]
 
 

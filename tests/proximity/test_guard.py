@@ -140,7 +140,7 @@ def sliding_form() -> tuple[Arm, ClosedForm]:
 def case(name: str) -> tuple[Arm, ClosedForm]:
     if name == "slides":
         return sliding_form()
-    arm = pinsing.robot.nominal(pinsing.load(**ROBOTS[name], units="rad")).arm
+    arm = pinsing.load(**ROBOTS[name], units="rad")
     return arm, pinsing.closed_form(arm, prove=False)
 
 

@@ -96,8 +96,8 @@ class ClosedForm(JsonResult):
     faithful : tuple of Family or None
         The families, if each was seen to be its exact components; not written to JSON.
     tube : Tube or None
-        Where the families are of the arm's design, or of another geometry than the file's to 1e-9:
-        how far from these the singular configurations of the arm are.
+        Where the families are of the arm's design: how far from these the singular configurations
+        of the arm are.
 
     Examples
     --------
@@ -407,7 +407,7 @@ def families_text(
     """
     lines = [page.paragraph(*_head(forms, brief, undecided))]
     lines += _geometry(forms, page)
-    if forms.tube is not None and forms.tube.assumed:
+    if forms.tube is not None:
         lines.append(page.paragraph(forms.tube.assumptions, first="  "))
     if not undecided and (forms.gaps or not brief):
         lines.append(certainty(forms, page))

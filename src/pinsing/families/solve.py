@@ -24,7 +24,7 @@ from pinsing.families.proving import prove as add_proof
 from pinsing.families.slice_count import SliceCount, count_on_slices
 from pinsing.families.statement import mirror_key
 from pinsing.families.steps import MAX_JOINTS, ComponentSearch
-from pinsing.families.tube import Tube, find_tube
+from pinsing.families.tube import find_tube
 from pinsing.kinematics.jacobian import generic_rank
 from pinsing.robot.arm import Arm, summarize
 from pinsing.robot.chain import flatten, jacobian_change
@@ -329,8 +329,6 @@ def _found(
     if (by_rank := by_rank_hint(families, rank)) is not None:
         hints += (by_rank,)
     stated_families = tuple(families)
-    moved_by = Deviation.of((*geometry.snaps, *moved))
-    beside = moved_by and max(moved_by.angle, moved_by.length, moved_by.twist) > ROUNDING
     return ClosedForm(
         arm=summarize(arm),
         symbols=symbols,
@@ -351,8 +349,7 @@ def _found(
         random_steps=steps,
         steps=() if search is None else tuple(search.steps),
         slice_count=counted,
-        deviation=moved_by,
-        tube=Tube.unsought(stated_families) if beside else None,
+        deviation=Deviation.of((*geometry.snaps, *moved)),
     )
 
 

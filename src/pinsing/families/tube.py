@@ -79,8 +79,7 @@ class Tube:
     reason : str
         Why there is no proof; empty where there is one.
     assumed : tuple of AxisDifference
-        How far each axis of the robot is from where the design has it; empty where only rounded
-        angles were made exact.
+        How far each axis of the robot is from where the design has it.
     boxes : int
         How many boxes of joint values were looked at.
     """
@@ -93,13 +92,6 @@ class Tube:
     reason: str
     assumed: tuple[AxisDifference, ...]
     boxes: int
-
-    @classmethod
-    def unsought(cls, families: Sequence[Family]) -> Tube:
-        """About families of a geometry made exact: its width takes seconds, and is asked for."""
-        parts = tuple(TubeWidth(f.name, math.inf, 0.0, persists=False) for f in families)
-        why = "a width is looked for with --design auto"
-        return cls(math.inf, 0.0, False, parts, NEAR, why, (), 0)
 
     @property
     def deviation(self) -> Deviation:

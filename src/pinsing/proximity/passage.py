@@ -431,7 +431,7 @@ class Passage:
         for bound, motion, u in self._candidates[f]:
             if best is None or bound < best[0] + _SLACK:
                 found = _refined(conditions, watched, motion, u)
-                best = found if best is None else min(best, found, key=lambda x: (round(x[0], 9), x[1]))
+                best = min(best or found, found, key=lambda x: (round(x[0], 9), x[1]))
         if best is None:
             return None
         upper, t, q = best

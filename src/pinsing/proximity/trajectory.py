@@ -82,7 +82,7 @@ def details(check: TrajectoryCheck, degrees: bool = True) -> str:
     for near in check.approaches:
         lines.append(
             f"  {_title(check, near.family)}: {angle_text(near.upper)} {_when(check, near.t)}, "
-            f"at least {angle_text(near.lower)} (proven){OUTSIDE[near.outside]}"
+            f"at least {angle_text(near.lower)} ({_proven(check)}){OUTSIDE[near.outside]}"
         )
     if check.stretches:
         lines.append(f"within {angle_text(check.near)}:")
@@ -154,7 +154,8 @@ def _met(check: TrajectoryCheck) -> str:
     ]
     if not check.crossings:
         none = "meets no singular configuration" if check.complete else "meets no known family"
-        if check.tube and check.clearance == 0:
+        none += " of the design" * check.nominal
+        if check.tube and check.clearance == 0 and not check.nominal:
             none = "meets no family of the design, perhaps a singular configuration of this robot"
         if not faults:
             sure = "proven between samples" if check.samples > 1 else "1 sample"
@@ -194,13 +195,17 @@ def _when(check: TrajectoryCheck, t: float, end: float | None = None) -> str:
     return f"from {first} to {end:.6g}{' s' * check.timed}"
 
 
+def _proven(check: TrajectoryCheck) -> str:
+    return "proven of the design" if check.nominal else "proven"
+
+
 def _nearest(check: TrajectoryCheck) -> str:
     met = {c.family for c in check.crossings}
     others = (x for x in check.approaches if x.family not in met and x.upper > 0)
     a = next((x for x in others if x.outside != "family"), None)
     if a is None:
         return ""
-    where = "elsewhere" if met else f"(at least {angle_text(a.lower)}, proven)"
+    where = "elsewhere" if met else f"(at least {angle_text(a.lower)}, {_proven(check)})"
     return (
         f"Closest approach {where}: {_title(check, a.family)}, {angle_text(a.upper)} "
         f"{_when(check, a.t)}{OUTSIDE[a.outside]}"
@@ -358,6 +363,8 @@ class TrajectoryCheck(JsonResult):
         The first sample.
     tube : str
         What is known of the arm where the families are of its design; else empty.
+    nominal : bool
+        Whether it is not known how far from those families the arm itself is singular.
     speed_limits : bool
         Whether the robot names limits of joint speeds.
     """
@@ -388,6 +395,7 @@ class TrajectoryCheck(JsonResult):
     speed_limits: bool = field(default=True, metadata={"optional": True})
     turn_speed: float = field(default=TURN_SPEED, metadata={"optional": True})
     tube: str = field(default="", metadata={"optional": True})
+    nominal: bool = field(default=False, metadata={"optional": True})
 
     def __repr__(self) -> str:
         names = ", ".join(dict.fromkeys(c.family for c in self.crossings))
@@ -550,6 +558,7 @@ def check_trajectory(
         notes=_notes(arm, speeds, limits is not None, watched.gaps),
         start=np.array(samples[0], dtype=float),
         tube=watched.tube,
+        nominal=bool(watched.tube) and watched.margin is None,
         speed_limits=bool(np.isfinite(speeds.limits).any()),
     )
 

@@ -20,6 +20,7 @@ from pinsing.families import ClosedForm, Family
 from pinsing.families.solve import form_to_measure
 from pinsing.kinematics.regular import regular_radius
 from pinsing.robot.arm import Arm, summarize
+from pinsing.robot.exact_placements import ROUNDING
 from pinsing.robot.joint_space import JointSpace, require_values
 
 Forms: TypeAlias = ClosedForm | Sequence[ClosedForm]
@@ -245,12 +246,22 @@ def watch(
         complete=all(f.complete for f in every),
         arm=next((f.loaded for f in every if f.loaded is not None), None),
         margin=_margin(every, names, weight),
-        tube="; ".join(dict.fromkeys(str(f.tube) for f in every if f.tube is not None)),
+        tube="; ".join(dict.fromkeys(of for f in every if (of := _geometry(f)))),
     )
     _ = chosen.conditions  # says what is wrong with weights and norm
     if plain and norm == "euclidean":
         _MADE[first] = chosen
     return chosen
+
+
+def _geometry(form: ClosedForm) -> str:
+    """Return which geometry the families are of, where that is not the file's."""
+    if form.tube is not None:
+        return str(form.tube)
+    moved = form.deviation
+    if moved is None or max(moved.angle, moved.length, moved.twist) <= ROUNDING:
+        return ""
+    return f"The families, and bounds of distances from them, are of {moved}"
 
 
 def _margin(forms: Sequence[ClosedForm], names: Sequence[str], weight: Array) -> Margin | None:
