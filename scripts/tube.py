@@ -20,7 +20,7 @@ import numpy as np
 import pinocchio as pin
 
 import pinsing
-from pinsing.algebra.two_sided import two_sided
+from pinsing.algebra.nearest import two_sided
 from pinsing.kinematics.jacobian import frame_jacobians
 from pinsing.proximity.watched import watch
 from pinsing.robot.chain import Chain, chain_model, flatten

@@ -7,7 +7,7 @@ import tempfile
 from pathlib import Path
 
 import pinsing
-from pinsing.description.dh_urdf import dh_to_urdf, read_dh
+from pinsing.description.dh_table import dh_to_urdf, read_dh
 
 # Alpha in degrees, a, d, and where they are not 0 and "revolute" theta in degrees and the kind.
 CRX = [

@@ -19,8 +19,7 @@ from kernel import needs_kernel
 
 import pinsing
 from pinsing.atomic_write import check_writable, write_bytes, write_text
-from pinsing.cli.app import command
-from pinsing.cli.commands import COMMANDS
+from pinsing.cli.app import COMMANDS, command
 from pinsing.cli.options import parse_numbers
 from pinsing.configuration.at import State, at
 from pinsing.errors import ConfigurationError, OutputError
@@ -55,7 +54,7 @@ class TestProcess:
     def test_a_command_imports_no_other_and_the_list_none(self):
         code = (
             "import sys; from pinsing.cli.app import command\n"
-            "from pinsing.cli.commands import COMMANDS\n"
+            "from pinsing.cli.app import COMMANDS\n"
             "for words in (['--help'], ['list', '--help']):\n"
             "    try: command(words)\n"
             "    except SystemExit: pass\n"

@@ -11,8 +11,7 @@ import pytest
 from urdf_texts import LIMIT, joint
 
 import pinsing
-from pinsing.mathml import mathml
-from pinsing.notebook import one_line
+from pinsing.notebook import mathml, one_line
 
 HOSTILE = """<img src=x onerror="alert(1)">$x^{$</code></table>&amp;"""
 

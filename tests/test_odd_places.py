@@ -10,9 +10,9 @@ import pytest
 
 import pinsing
 from pinsing.atomic_write import check_writable, write_text
-from pinsing.cli import figure
+from pinsing.cli import output as figure
 from pinsing.cli.output import say
-from pinsing.description import dh_urdf
+from pinsing.description import dh_table
 from pinsing.errors import OutputError, PinsingError, ResultError
 
 
@@ -65,10 +65,10 @@ def test_a_map_into_what_is_no_folder(tmp_path):
 
 
 def test_no_room_for_what_a_dh_table_needs_in_between(tmp_path, monkeypatch):
-    table = dh_urdf.read_dh(Path(__file__).parent.parent / "urdf" / "planar3r.dh.yaml")
-    monkeypatch.setattr(dh_urdf.tempfile, "tempdir", str(tmp_path / "gone"))
+    table = dh_table.read_dh(Path(__file__).parent.parent / "urdf" / "planar3r.dh.yaml")
+    monkeypatch.setattr(dh_table.tempfile, "tempdir", str(tmp_path / "gone"))
     with pytest.raises(OutputError, match="temporary"):
-        dh_urdf.dh_to_urdf(table)
+        dh_table.dh_to_urdf(table)
 
 
 def test_settings_of_figures_are_read_from_files_alone(tmp_path, monkeypatch, capsys):

@@ -19,9 +19,9 @@ from click.testing import CliRunner
 from mechanisms import analyzed
 from tiers import tiered
 
+from pinsing.arguments import typed
 from pinsing.cli.app import command
 from pinsing.cli.options import parse_numbers
-from pinsing.joint_text import typed
 from pinsing.loops.analysis import analysis_text
 from pinsing.prose import (
     NARROWEST,

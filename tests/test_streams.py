@@ -14,7 +14,7 @@ from click.testing import CliRunner
 from tiers import tiered
 
 from pinsing.cli import app
-from pinsing.cli.commands import VARIANTS
+from pinsing.cli.app import VARIANTS
 
 COMMANDS = {
     "at": ["at", "planar3r", "--q", "0,0,0", "--fail-if-singular"],

@@ -14,7 +14,7 @@ from pathlib import Path
 
 import pytest
 
-from pinsing.cli.commands import COMMANDS
+from pinsing.cli.app import COMMANDS
 from pinsing.cli.plot import KINDS
 
 ROOT = Path(__file__).parent.parent

@@ -11,8 +11,7 @@ from docutils.statemachine import StringList
 from sphinx.application import Sphinx
 from sphinx.util.docutils import SphinxDirective
 
-from pinsing.cli.app import command
-from pinsing.cli.commands import VARIANTS
+from pinsing.cli.app import VARIANTS, command
 
 
 class CommandLine(SphinxDirective):

@@ -23,8 +23,7 @@ from pathlib import Path
 
 from postures import arms as with_offset_wrists
 
-from pinsing.description.dh_table import DHRow, DHTable, Placement
-from pinsing.description.dh_urdf import bare_urdf
+from pinsing.description.dh_table import DHRow, DHTable, Placement, bare_urdf
 from pinsing.families import closed_form
 from pinsing.robot.arm import Arm
 from pinsing.robot.load import load

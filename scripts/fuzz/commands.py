@@ -50,7 +50,7 @@ def _mechanism(tree: str, loops: str) -> int:
     """Load a mechanism as the command line would, and close its loops once."""
     import numpy as np
 
-    from pinsing.description.dh_urdf import urdf_folder
+    from pinsing.description.dh_table import urdf_folder
     from pinsing.errors import PinsingError
     from pinsing.loops.closure import Loops
     from pinsing.robot.load_mechanism import load_mechanism

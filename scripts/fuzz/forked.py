@@ -26,7 +26,7 @@ _WORKERS = {
 }
 _NEEDED = (
     "xacro", "yaml", "coal", "pinsing.description.child_jail", "pinsing.description.xacro_rules",
-    "pinsing.description.xacro_document", "pinsing.description.xacro_expression",
+    "pinsing.description.xacro_expression",
 )  # fmt: skip
 
 

@@ -38,7 +38,7 @@ _WORTH_KEEPING = 60_000  # bytes of a file that others are made from
 def sources() -> dict[str, list[str]]:
     """Good files to break."""
     from pinsing.description.catalog import data_folder
-    from pinsing.description.dh_urdf import urdf_folder
+    from pinsing.description.dh_table import urdf_folder
 
     data, own = data_folder(), urdf_folder()
     assert data is not None, "example-robot-data is not installed"

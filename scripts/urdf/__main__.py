@@ -16,7 +16,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 from urdf.kinds import read_table
 
-from pinsing.description.dh_urdf import dh_to_urdf, read_dh
+from pinsing.description.dh_table import dh_to_urdf, read_dh
 from pinsing.errors import RobotFileError
 
 

@@ -3,14 +3,181 @@
 Nothing has to be fetched to read them, and nothing is known of the page around: it may be dark.
 Names come out of files that anybody may have written. They are escaped and stand in ``<code>``,
 which MathJax leaves alone: a name is neither an element nor mathematics.
+
+Formulas are the LaTeX that pinsing writes: names and numbers with indices and powers, sines and
+cosines, words between. Anything else (it may come out of a file) is shown as it is written.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+import re
+from collections.abc import Iterable, Iterator, Sequence
 
-from pinsing.mathml import escaped, mathml
 from pinsing.prose import visible
+
+_TOKENS = re.compile(r"\\[A-Za-z]+|\\.|\d+(?:\.\d+)?|[A-Za-z]+|[-+=(){}^_/,.<>|:;]|\s+")
+_LETTERS = {"sigma": "σ", "pi": "π", "circ": "°", "varphi": "φ"}
+_OPERATORS = {"pm": "±", "cdot": "·", "le": "≤", "ge": "≥", "times": "×"}
+_THIN, _SPACE, _QUAD = (f'<mspace width="{w}"></mspace>' for w in ("0.17em", "0.4em", "1em"))
+_GAPS = {",": _THIN, " ": _SPACE, "quad": _QUAD}
+_FUNCTIONS = (r"\cos", r"\sin")
+
+
+def escaped(words: str) -> str:
+    """Words without what HTML would take for its own."""
+    import html  # with all names of characters: a command without a page can do without
+
+    return html.escape(words)
+
+
+class _Unknown(ValueError):
+    """LaTeX beyond what pinsing writes."""
+
+
+def mathml(latex: str) -> str:
+    """A formula as inline HTML: ``<math>`` elements that a line may end between.
+
+    Browsers break no line within a formula, so that a sum of twenty terms would widen the page:
+    each summand is an element of its own. Spaces stand between the parts, so that the text alone
+    can be read where a page takes the elements away.
+    """
+    try:
+        pieces = list(_pieces(_Reader(latex).row(0)))
+    except _Unknown:
+        return f'<code class="tex2jax_ignore mathjax_ignore">{escaped(latex)}</code>'
+    return " ".join(f"<math>{' '.join(piece)}</math>" for piece in pieces)
+
+
+def _pieces(row: list[str]) -> Iterator[list[str]]:
+    """Divide before each sign that joins two summands, and at each gap between conditions."""
+    signs = (_operator("+"), _operator("−"))
+    piece: list[str] = []
+    depth = 0
+    for part in row:
+        depth += (part == _operator("(")) - (part == _operator(")"))
+        # In brackets as well, where so much stands before that no line has room for more.
+        if part in signs and piece and (depth == 0 or len(piece) > 12):
+            yield piece
+            piece = [part.replace("<mo", '<mo form="infix"')]  # else it stands like a sign alone
+        elif depth == 0 and part == _SPACE:
+            if piece:
+                yield piece
+            piece = []
+        else:
+            piece.append(part)
+    if piece:
+        yield piece
+
+
+class _Reader:
+    """Goes over the tokens of a formula once."""
+
+    def __init__(self, latex: str) -> None:
+        tokens = _TOKENS.findall(latex)
+        if "".join(tokens) != latex:
+            raise _Unknown(latex)
+        self._left = [token if token.strip() else " " for token in reversed(tokens)]
+
+    def _next(self) -> str:
+        if not self._left:
+            raise _Unknown("it ends too early")
+        return self._left.pop()
+
+    def row(self, depth: int) -> list[str]:
+        """Elements up to the brace that closes, or the end."""
+        if depth > 12:
+            raise _Unknown("too deep")
+        out: list[str] = []
+        while self._left or depth:
+            token = self._next()
+            if token == "}" and depth:
+                break
+            if token == " ":
+                continue
+            if token in ("^", "_") and out:
+                gap = [out.pop()] if len(out) > 1 and out[-1] == _THIN else []
+                out.append(self._script(out.pop(), token, depth))  # cos^2: before its gap
+                out += gap
+            elif token in ("-", r"\pm") and _begins(out):
+                # Else a sign that follows another stands as far off as between two numbers.
+                sign = _operator("−" if token == "-" else "±")
+                out.append(sign.replace("<mo", '<mo form="prefix"'))
+            else:
+                if token in _FUNCTIONS and out and out[-1].startswith(("<mn", "<ms")):
+                    out.append(_THIN)
+                out += self._element(token, depth)
+        return out
+
+    def _element(self, token: str, depth: int) -> list[str]:
+        if token[0].isdigit():
+            return [f"<mn>{token}</mn>"]
+        if token.isalpha():
+            return [f"<mi>{token}</mi>"]
+        if token == "{":
+            return [f"<mrow>{' '.join(self.row(depth + 1))}</mrow>"]
+        if token[0] != "\\" and token not in "}^_":
+            return [_operator("−" if token == "-" else token)]
+        command = token[1:]
+        if command == "text":
+            return [f"<mtext>{escaped(self._words())}</mtext>"]
+        if command in ("mathrm", "operatorname"):
+            upright = f'<mi mathvariant="normal">{escaped(self._words())}</mi>'
+            return [upright, _THIN] if command == "operatorname" else [upright]
+        if command == "sqrt":
+            return [f"<msqrt>{''.join(self._group(depth))}</msqrt>"]
+        if command == "pmod":
+            inner = f"{_operator('(')}<mi>mod</mi> {_SPACE}{''.join(self._group(depth))}"
+            return [_SPACE, f"<mrow>{inner}{_operator(')')}</mrow>"]
+        if token in _FUNCTIONS:
+            return [f"<mi>{command}</mi>", _THIN]
+        if command in _LETTERS:
+            return [f"<mi>{_LETTERS[command]}</mi>"]
+        if command in _OPERATORS:
+            return [_operator(_OPERATORS[command])]
+        if command in _GAPS:
+            return [_GAPS[command]]
+        raise _Unknown(token)
+
+    def _script(self, base: str, mark: str, depth: int) -> str:
+        inner = self._group(depth)
+        body = inner[0] if len(inner) == 1 else f"<mrow>{''.join(inner)}</mrow>"
+        if body == "<mi>°</mi>":  # a degree sign stands high already
+            return base.replace("</mn>", "°</mn>") if base.startswith("<mn>") else base + body
+        tag = "msup" if mark == "^" else "msub"
+        return f"<{tag}>{base}{body}</{tag}>"
+
+    def _group(self, depth: int) -> list[str]:
+        """Return what an index or a power takes: braces, or one token."""
+        token = self._next()
+        while token == " ":
+            token = self._next()
+        if token == "{":
+            return self.row(depth + 1)
+        if not (token.isalnum() or token[0] == "\\" or "." in token[1:]):
+            raise _Unknown(token)
+        return self._element(token, depth + 1)
+
+    def _words(self) -> str:
+        """The plain words in the braces of a text."""
+        words = ""
+        if self._next() != "{":
+            raise _Unknown("a text without braces")
+        while (token := self._next()) != "}":
+            if token == "{" or token[0] == "\\":
+                raise _Unknown(token)
+            words += token
+        return words
+
+
+def _begins(row: list[str]) -> bool:
+    """Return True if what comes next begins a term, as after an equals sign or a gap."""
+    return not row or row[-1] == _SPACE or (row[-1].startswith("<mo") and ")" not in row[-1])
+
+
+def _operator(sign: str) -> str:
+    fixed = ' stretchy="false"' if sign in "()" else ""
+    return f"<mo{fixed}>{escaped(sign)}</mo>"
+
 
 _COLORS = {"alarm": "#b00020", "caution": "#8a5a00", "good": "#1b6e3c"}
 """Grounds that white is read on; a page's own ground is not known."""

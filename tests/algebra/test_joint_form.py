@@ -18,7 +18,7 @@ from pinsing.algebra.equation import Equation
 from pinsing.algebra.joint_form import JointForm, expressions, joint_form
 from pinsing.cli.families import families_command
 from pinsing.kinematics.verdict import ratios
-from pinsing.mathml import mathml
+from pinsing.notebook import mathml
 from pinsing.proof.checker import verify
 from pinsing.robot.surd import exact_of, exact_text, surd
 from pinsing.view.entries import engine_data, family_entries

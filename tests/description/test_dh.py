@@ -16,8 +16,7 @@ from numpy import cos, sin
 from tiers import tiered
 
 import pinsing
-from pinsing.description.dh_table import DHRow
-from pinsing.description.dh_urdf import DHTable, bare_urdf, dh_to_urdf, read_dh, urdf_folder
+from pinsing.description.dh_table import DHRow, DHTable, bare_urdf, dh_to_urdf, read_dh, urdf_folder
 from pinsing.description.yaml_tree import parse_number
 from pinsing.errors import RobotFileError
 

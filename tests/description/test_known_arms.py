@@ -10,8 +10,7 @@ import yaml
 
 import pinsing
 from pinsing.description.catalog import data_folder, find_robot, known_arms, known_robots
-from pinsing.description.dh_table import known_table
-from pinsing.description.dh_urdf import bare_urdf
+from pinsing.description.dh_table import bare_urdf, known_table
 from pinsing.proof.checker import verify
 
 SECOND = yaml.load(

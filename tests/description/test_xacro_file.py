@@ -13,7 +13,7 @@ from xacro import replace_node
 
 from pinsing.description.urdf import read_description
 from pinsing.description.xacro import expand_xacro
-from pinsing.description.xacro_document import replaces
+from pinsing.description.xacro_rules import replaces
 from pinsing.errors import RobotFileError
 from pinsing.robot.models import build_model
 

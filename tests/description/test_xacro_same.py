@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from pinsing.description.catalog import data_folder
-from pinsing.description.dh_urdf import urdf_folder
+from pinsing.description.dh_table import urdf_folder
 from pinsing.description.xacro import expand_xacro
 from pinsing.errors import RobotFileError
 

@@ -205,8 +205,7 @@ class Ask:
 def main(plain: bool) -> None:
     import xacro
 
-    from pinsing.description.xacro_document import Places
-    from pinsing.description.xacro_rules import Arguments, Rules
+    from pinsing.description.xacro_rules import Arguments, Places, Rules
 
     ask: Any = Ask(lambda: {})
     own_eval = xacro.safe_eval

@@ -13,8 +13,7 @@ from tiers import tiered
 
 import pinsing
 from pinsing.algebra.equation import Equation
-from pinsing.description.dh_table import read_dh
-from pinsing.description.dh_urdf import bare_urdf
+from pinsing.description.dh_table import bare_urdf, read_dh
 from pinsing.errors import OptionError, UnknownNameError
 from pinsing.families.design import unreal
 from pinsing.kinematics.jacobian import singular_values

@@ -8,8 +8,7 @@ from tiers import tiered
 
 from pinsing.algebra.equation import Equation
 from pinsing.families import closed_form, zero_set
-from pinsing.families.drawn import draw, orders
-from pinsing.families.zero_set import project, residuals, search
+from pinsing.families.zero_set import draw, orders, project, residuals, search
 from pinsing.robot.load import load
 
 

@@ -8,11 +8,10 @@ import pinsing
 from pinsing.algebra.budget import Budget, BudgetExceeded
 from pinsing.algebra.jacobian_matrix import constants, jacobian_matrix, neighbouring_screws
 from pinsing.algebra.surd_ring import ring_of
-from pinsing.families.drawn import draw, peeled
 from pinsing.families.long_chain import LongChain
 from pinsing.families.pieces import PieceMaker
 from pinsing.families.solve import joint_symbols
-from pinsing.families.zero_set import residuals
+from pinsing.families.zero_set import draw, peeled, residuals
 from pinsing.kinematics.jacobian import generic_rank
 from pinsing.robot.nominal import nominal
 

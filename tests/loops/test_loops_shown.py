@@ -14,7 +14,7 @@ import matplotlib.pyplot as plt
 from click.testing import CliRunner
 
 from pinsing.cli.mechanism import analyze_loops, loops_option, read, view_loops
-from pinsing.cli.mechanism_plot import plot_loops
+from pinsing.cli.plot import plot_loops
 from pinsing.errors import ConfigurationError, OptionError, PinsingError
 from pinsing.loops import (
     MechanismAnalysis,

@@ -12,7 +12,7 @@ from mechanisms import URDF, shipped
 from tiers import tiered
 from urdf_text import J, Y, frame, loop_text, written
 
-from pinsing.cli.mechanism_plot import plot_loops
+from pinsing.cli.plot import plot_loops
 from pinsing.errors import OptionError
 from pinsing.loops import home, mechanism_at, mode_of, refine
 from pinsing.loops.closure import Loops

@@ -510,7 +510,7 @@ def test_a_figure_is_closed_whether_or_not_it_could_be_written(
     def full(*_: object) -> None:
         raise OutputError("no space")
 
-    monkeypatch.setattr("pinsing.cli.figure.write_bytes", full)
+    monkeypatch.setattr("pinsing.cli.output.write_bytes", full)
     assert isinstance(CliRunner().invoke(check_command, words).exception, OutputError)
     assert not plt.get_fignums()
 

@@ -16,8 +16,7 @@ from pinsing.kinematics.jacobian import tip_placement
 from pinsing.postures.boxes import Ground, on_boxes, slope, sum_of
 from pinsing.postures.joint_map import Divided, Sectioned
 from pinsing.postures.newton import one_sheet, regular_way
-from pinsing.postures.partition import partition
-from pinsing.postures.pieces import Wheel
+from pinsing.postures.partition import Wheel, partition
 from pinsing.postures.subdivision import subdivide
 from pinsing.proximity.watched import watch
 

@@ -8,7 +8,7 @@ import pytest
 from command_line import run
 
 import pinsing
-from pinsing.description.dh_urdf import dh_to_urdf, read_dh
+from pinsing.description.dh_table import dh_to_urdf, read_dh
 from pinsing.kinematics.jacobian import tip_placement
 from pinsing.postures.aspects import map_of
 from pinsing.postures.changes import PostureChange, whole_turns

@@ -13,8 +13,7 @@ import pinsing
 from pinsing._batch import engine
 from pinsing.algebra.conditions import Conditions
 from pinsing.algebra.equation import Equation
-from pinsing.algebra.nearest import SearchOptions, nearest_points
-from pinsing.algebra.two_sided import two_sided
+from pinsing.algebra.nearest import SearchOptions, nearest_points, two_sided
 from pinsing.errors import ConfigurationError, OptionError, UnknownNameError
 from pinsing.families import Branch, Family, JointValue
 

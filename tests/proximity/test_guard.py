@@ -19,7 +19,7 @@ from tiers import tiered
 
 import pinsing
 from pinsing._types import Array
-from pinsing.algebra.two_sided import two_sided
+from pinsing.algebra.nearest import two_sided
 from pinsing.errors import OptionError, PinsingError, UnknownNameError
 from pinsing.families import Branch, ClosedForm
 from pinsing.proximity import guard as guard_module

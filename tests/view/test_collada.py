@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import pinsing
-from pinsing.description import urdf_meshes as references
+from pinsing.description import ros_packages as references
 from pinsing.view import collada as collada_reader
 from pinsing.view import meshes
 from pinsing.view.collada import NotPlainError, Painted, as_object, read_collada

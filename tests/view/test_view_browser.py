@@ -290,7 +290,7 @@ def test_a_picture_is_taken(tmp_path: Path) -> None:
 
 @pytest.mark.slow
 def test_a_mechanism_s_picture_is_taken(tmp_path: Path) -> None:
-    from pinsing.description.dh_urdf import urdf_folder
+    from pinsing.description.dh_table import urdf_folder
 
     robot = urdf_folder() / "five_bar.urdf"
     out = tmp_path / "five_bar.png"

@@ -1,4 +1,4 @@
-"""``pinsing at``: one configuration."""
+"""``pinsing at``: one configuration; ``--suggest``: one far from all singular ones."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from pinsing.cli.check import angle
 from pinsing.cli.grouped import command
 from pinsing.cli.options import (
     RobotRequest,
@@ -24,9 +25,9 @@ from pinsing.cli.options import (
     tip_speed_options,
     typed_speeds,
 )
-from pinsing.cli.output import emit, emit_json_data, emit_lines, say
-from pinsing.cli.waiting import doing
-from pinsing.errors import PinsingError
+from pinsing.cli.output import emit, emit_json, emit_json_data, emit_lines, say
+from pinsing.cli.running import doing
+from pinsing.errors import OptionError, PinsingError
 from pinsing.prose import Page
 
 if TYPE_CHECKING:
@@ -141,7 +142,7 @@ def _answer(
     state: State, found: tuple[ClosedForm, Distances] | None, degrees: bool, robot: str
 ) -> str:
     """Return what is wrong there, if anything, what is near, and what to do: five lines at most."""
-    from pinsing.joint_text import typed
+    from pinsing.arguments import typed
     from pinsing.postures.ladder import posture_names
     from pinsing.proximity.trajectory import singularity
     from pinsing.proximity.watched import titled
@@ -225,3 +226,53 @@ def _distances(arm: Arm, q: Array) -> tuple[ClosedForm, Distances] | None:
         return None
     with doing("measuring the distance to each family"):
         return form, distances(form, q)
+
+
+@command("suggest")
+@arm_options
+@click.option(
+    "--near",
+    metavar="Q1,Q2,...",
+    help="A configuration that it should be near: radians (or --deg) and metres.",
+)
+@click.option(
+    "--reach",
+    metavar="ANGLE",
+    help="How far from --near it may be, such as 30deg.  [default: 0.5rad]",
+)
+@click.option(
+    "--family", "families", multiple=True, metavar="NAME", help="Only this family; repeatable."
+)
+@click.option(
+    "--seed", type=int, default=0, show_default=True, metavar="N", help="Of the search's starts."
+)
+@deg_option
+@json_option
+def suggest_command(
+    request: RobotRequest,
+    near: str | None,
+    reach: str | None,
+    families: tuple[str, ...],
+    seed: int,
+    deg: bool,
+    json_target: str | Path | None,
+) -> None:
+    """Suggest a configuration of ROBOT within its limits with a large, proven clearance.
+
+    Such as for a home pose. The first line is ready to paste.
+
+    Example: pinsing at --suggest ur5 --near 0,-90,90,0,0,0 --deg
+    """
+    if reach is not None and near is None:
+        raise OptionError("--reach is for use with --near")
+    if near is not None:
+        parse_numbers(near, "--near", deg)
+    from pinsing.proximity.suggestion import REACH, suggest
+
+    radius = REACH if reach is None else angle(reach, "--reach", deg)
+    arm = request.load()
+    start = None if near is None else joint_vector(arm, near, "--near", deg)
+    with doing("searching for a configuration"):
+        found = suggest(arm, near=start, reach=radius, families=families or None, seed=seed)
+    if not emit_json(found, json_target):
+        emit_lines(found.text(in_degrees(deg)))

@@ -18,9 +18,7 @@ from typing import TYPE_CHECKING, Any
 import click
 from click.core import ParameterSource
 
-from pinsing.cli.figure import off_screen, save_figure
 from pinsing.cli.grouped import command
-from pinsing.cli.loop_file import loops_at_hand
 from pinsing.cli.options import (
     RobotRequest,
     arm_options,
@@ -28,16 +26,15 @@ from pinsing.cli.options import (
     follow_option,
     in_degrees,
     joint_speeds_option,
+    loops_at_hand,
     output_option,
     tip_speed_options,
     told_degrees,
     typed_speeds,
 )
-from pinsing.cli.output import emit_json, emit_lines, say
-from pinsing.cli.running import run_progress
+from pinsing.cli.output import emit_json, emit_lines, followed, off_screen, save_figure, say
+from pinsing.cli.running import doing, run_progress
 from pinsing.cli.serving import show
-from pinsing.cli.streams import followed
-from pinsing.cli.waiting import doing
 from pinsing.cli.zones import zones_option
 from pinsing.errors import ConfigurationError, OptionError
 

@@ -11,8 +11,8 @@ from pinsing.atomic_write import write_text
 from pinsing.cli.grouped import command
 from pinsing.cli.options import RobotRequest, arm_options, output_option
 from pinsing.cli.output import STDOUT, say
+from pinsing.cli.running import waiting
 from pinsing.cli.singularities import prove_option
-from pinsing.cli.waiting import waiting
 from pinsing.cli.zones import zones_option
 from pinsing.errors import OptionError
 

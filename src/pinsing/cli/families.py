@@ -22,8 +22,8 @@ from pinsing.cli.options import (
     verbose_option,
 )
 from pinsing.cli.output import emit, emit_json, say
+from pinsing.cli.running import waiting
 from pinsing.cli.singularities import algebra_options, prove_option
-from pinsing.cli.waiting import waiting
 from pinsing.errors import OptionError, RobotFileError
 from pinsing.prose import Page, is_terminal
 

@@ -13,8 +13,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
-from pinsing.cli.loop_file import loops_at_hand, loops_beside
-from pinsing.cli.options import in_degrees, parse_numbers, whole_number
+from pinsing.cli.options import in_degrees, loops_at_hand, loops_beside, parse_numbers, whole_number
 from pinsing.cli.output import STOPPED, emit, emit_json, emit_lines, say
 from pinsing.errors import ConfigurationError, OptionError, ResultError
 from pinsing.prose import Page
@@ -325,8 +324,8 @@ def view_loops(
 
     A picture is of the linkage, with ``--panel`` of the page.
     """
+    from pinsing.cli.running import waiting
     from pinsing.cli.serving import picture_size, served_ahead, stay, write_files
-    from pinsing.cli.waiting import waiting
 
     picture = picture_size(size)
     if follow is not None:

@@ -1,21 +1,33 @@
-"""Where things go: results to stdout or a file, all else to stderr."""
+"""Where things go: results to stdout or a file, all else to stderr; and who does not take them."""
 
 from __future__ import annotations
 
+import contextlib
+import errno
+import io
 import json
+import os
 import re
+import select
+import stat
 import sys
-from collections.abc import Mapping
+import warnings
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
-from pinsing.atomic_write import write_text
+from pinsing.atomic_write import why, write_bytes, write_text
+from pinsing.errors import ConfigurationError, OutputError, shown_path
 from pinsing.prose import Page, is_terminal, safe, shows_colour, visible
 
 if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+    from typing_extensions import Buffer
+
     from pinsing.serialization import JsonResult
+
 
 STDOUT = "-"
 _NOT_ASCII = re.compile(r"[^\x00-\x7e]")
@@ -70,3 +82,161 @@ def emit_json_data(data: Mapping[str, Any], target: str | Path | None) -> bool:
     write_text(target, text + "\n")
     say(f"wrote {target}")
     return False
+
+
+READER_GONE = 141
+"""Exit code when the reader of a pipe has gone, as shells have it (128 + SIGPIPE)."""
+
+
+class StdoutError(OutputError):
+    """Standard output that is closed, full, or a pipe that nobody reads any more.
+
+    Attributes
+    ----------
+    reader_gone : bool
+        It is the latter, as after ``| head``: no failure that anybody wants to hear of.
+    """
+
+    def __init__(self, error: OSError) -> None:
+        self.reader_gone = error.errno == errno.EPIPE
+        closed = error.errno == errno.EBADF
+        said = "it is closed" if closed else why(error)
+        super().__init__(f"cannot write to standard output: {said}")
+
+
+def guard_streams() -> None:
+    """Take over the streams of this process; not where something else stands in for them."""
+    for number in (0, 1, 2):
+        try:
+            os.fstat(number)
+        except OSError:
+            # The next file that is opened would get the number, and all that is printed. Of
+            # standard output it is noticed that nothing can be written there.
+            null = os.open(os.devnull, os.O_WRONLY if number == 2 else os.O_RDONLY)
+            if null != number:
+                os.dup2(null, number)
+                os.close(null)
+    if sys.stdout is sys.__stdout__:
+        sys.stdout = _stream(_Stdout(1, "wb", closefd=False))
+    if sys.stderr is sys.__stderr__:
+        sys.stderr = _stream(_Stderr(2, "wb", closefd=False), always=True)
+
+
+@contextlib.contextmanager
+def followed(file: Path) -> Iterator[tuple[Iterator[str], bool]]:
+    """Open a stream of lines, - for standard input; with it, whether it is one that goes on.
+
+    Raises
+    ------
+    ConfigurationError
+        If it cannot be read.
+    """
+    from pinsing.proximity.follow import lines_of
+
+    typed = str(file) == "-"
+    try:
+        with io.FileIO(0 if typed else str(file), closefd=not typed) as stream:
+            yield lines_of(stream), not stat.S_ISREG(os.fstat(stream.fileno()).st_mode)
+    except OSError as error:
+        if isinstance(error, OutputError):
+            raise
+        raise ConfigurationError(f"cannot read {file}: {error.strerror or error}") from None
+
+
+def give_up_stdout() -> None:
+    """Lose what is still to be written, and all that will be."""
+    null = os.open(os.devnull, os.O_WRONLY)
+    os.dup2(null, 1)
+    os.close(null)
+    with contextlib.suppress(OSError, ValueError):
+        sys.stdout.flush()
+
+
+def _stream(raw: io.FileIO, always: bool = False) -> io.TextIOWrapper:
+    # A name that the terminal cannot show is no reason to fail.
+    return io.TextIOWrapper(
+        io.BufferedWriter(raw),
+        encoding=getattr(sys.__stdout__ or sys.__stderr__, "encoding", "utf-8"),
+        errors="backslashreplace",
+        line_buffering=always or raw.isatty(),
+    )
+
+
+class _Stdout(io.FileIO):
+    def write(self, data: Buffer, /) -> int:
+        while True:
+            try:
+                written = super().write(data)
+            except OSError as error:
+                raise StdoutError(error) from None
+            if written is not None:
+                return written
+            select.select([], [self.fileno()], [])  # set not to wait by someone who shares it
+
+
+class _Stderr(io.FileIO):
+    def write(self, data: Buffer, /) -> int:
+        with contextlib.suppress(OSError):
+            super().write(data)
+        return len(memoryview(data))
+
+
+def off_screen() -> None:
+    """Have figures drawn into files only, whatever windows the environment asks for."""
+    os.environ["MPLBACKEND"] = "agg"  # it is read, and may be refused, when matplotlib comes in
+    _leave_out_what_is_no_file()
+    import logging  # here, as it comes with matplotlib
+
+    # Where it keeps its fonts is of no interest to who wants a figure.
+    logging.getLogger("matplotlib").setLevel(logging.ERROR)
+    import matplotlib
+
+    matplotlib.use("agg")
+
+
+def _leave_out_what_is_no_file() -> None:
+    """Have matplotlib read no settings out of a device or pipe, which may have no end."""
+    named = os.environ.get("MATPLOTLIBRC")
+    if not named:
+        return
+    for path in (named, os.path.join(named, "matplotlibrc")):
+        if os.path.exists(path) and not os.path.isdir(path):
+            if not os.path.isfile(path):
+                del os.environ["MATPLOTLIBRC"]
+                say(f"note: MATPLOTLIBRC is ignored: {shown_path(path)} is no file")
+            return
+
+
+def save_figure(figure: Figure, out: Path, **options: Any) -> None:
+    """Write a figure and close it, written or not; the same one gives the same bytes.
+
+    Raises
+    ------
+    OutputError
+        If the file cannot be written.
+    """
+    import matplotlib
+    from matplotlib import pyplot as plt
+
+    # No date, and numbered marks.
+    stamp = {".svg": {"Date": None}, ".pdf": {"CreationDate": None}}
+    metadata = stamp.get(out.suffix.lower())
+    picture = io.BytesIO()
+    with (
+        matplotlib.rc_context({"svg.hashsalt": "pinsing"}),
+        warnings.catch_warnings(record=True) as heard,
+    ):
+        warnings.simplefilter("always")
+        try:
+            figure.savefig(picture, format=out.suffix[1:].lower(), metadata=metadata, **options)
+        finally:
+            plt.close(figure)
+    write_bytes(out, picture.getvalue())
+    # A robot may have a name in any script; matplotlib complains of each letter.
+    missing = [w for w in heard if "missing from" in str(w.message)]
+    for other in heard:
+        if other not in missing:
+            warnings.warn_explicit(other.message, other.category, other.filename, other.lineno)
+    if missing:
+        say("note: letters of a name that the figure's font lacks are drawn as boxes")
+    say(f"wrote {out}")

@@ -19,8 +19,8 @@ from pinsing.cli.options import (
     parse_numbers,
 )
 from pinsing.cli.output import emit_json, emit_lines
+from pinsing.cli.running import doing
 from pinsing.cli.serving import show
-from pinsing.cli.waiting import doing
 
 _ignore_limits = click.option("--ignore-limits", is_flag=True, help="Ignore joint limits.")
 

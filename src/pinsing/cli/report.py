@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import click
 
 from pinsing.cli import completion
-from pinsing.cli.figure import off_screen
 from pinsing.cli.grouped import command
 from pinsing.cli.mechanism import loops_option, read
 from pinsing.cli.options import (
@@ -22,7 +21,7 @@ from pinsing.cli.options import (
     parse_numbers,
     told_degrees,
 )
-from pinsing.cli.output import emit, say
+from pinsing.cli.output import emit, off_screen, say
 from pinsing.cli.singularities import algebra_options, prove_option
 from pinsing.cli.zones import zones_option
 from pinsing.errors import OptionError

@@ -20,7 +20,7 @@ from pinsing.cli.options import (
     output_option,
 )
 from pinsing.cli.output import STDOUT, emit, emit_json, emit_json_data, say
-from pinsing.cli.waiting import doing
+from pinsing.cli.running import doing
 from pinsing.errors import ChainError, OptionError, shown_path
 from pinsing.prose import Page, Table
 
@@ -144,8 +144,7 @@ def _listed(entries: list[CatalogEntry]) -> str:
 def dh_command(table: str, urdf: str | Path) -> None:
     """Turn a DH table (YAML, standard or modified convention) into a URDF."""
     from pinsing.description.catalog import locate_robot
-    from pinsing.description.dh_table import known_table
-    from pinsing.description.dh_urdf import dh_to_urdf, read_dh
+    from pinsing.description.dh_table import dh_to_urdf, known_table, read_dh
 
     if urdf != STDOUT:
         check_writable(urdf, inputs=(table,))

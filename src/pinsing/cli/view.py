@@ -24,10 +24,9 @@ from pinsing.cli.options import (
     output_option,
     parse_numbers,
 )
-from pinsing.cli.output import say
+from pinsing.cli.output import followed, say
+from pinsing.cli.running import waiting
 from pinsing.cli.serving import picture_size, read_json, served_ahead, stay, write_files
-from pinsing.cli.streams import followed
-from pinsing.cli.waiting import waiting
 from pinsing.cli.zones import zones_option
 from pinsing.errors import ConfigurationError, OptionError, ResultError
 

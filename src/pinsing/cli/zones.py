@@ -21,8 +21,8 @@ from pinsing.cli.options import (
     typed_speeds,
 )
 from pinsing.cli.output import emit_json, emit_lines
+from pinsing.cli.running import waiting
 from pinsing.cli.serving import read_json
-from pinsing.cli.waiting import waiting
 from pinsing.errors import OptionError, ResultError
 
 if TYPE_CHECKING:

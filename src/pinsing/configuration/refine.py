@@ -9,7 +9,7 @@ from typing import ClassVar, Literal
 import numpy as np
 import numpy.typing as npt
 
-from pinsing._batch import walks
+from pinsing._batch import engine
 from pinsing._types import Array, Bool
 from pinsing.arguments import checked
 from pinsing.errors import OptionError
@@ -65,9 +65,9 @@ def _told_compiled(arm: Arm, Q: Array) -> Array | None:
     """As ``_told``, in the compiled kernel; None where it does not cover the arm."""
     on, rows = batch(arm), arm.task.rows
     alone = arm.coupling is not None or arm.task.at_tip or on.engine == PINOCCHIO
-    if alone or not walks.second_orders_covered(arm.n, len(rows)):
+    if alone or not engine.second_orders_covered(arm.n, len(rows)):
         return None
-    return walks.second_orders(
+    return engine.second_orders(
         on.own_chain(),
         Q / own_scale(arm).columns,
         rows=rows,
@@ -80,7 +80,7 @@ def _told_compiled(arm: Arm, Q: Array) -> Array | None:
 
 
 def _told(arm: Arm, Q: Array) -> Array:
-    """Return what `pinsing._batch.walks` tells of Q (N, n).
+    """Return what `pinsing._batch.engine` tells of Q (N, n).
 
     Where the generic rank r is less than the rows m, some motions are never there: of the m - r + 1
     directions that are missing, the one that a small move makes attainable again is lost, the range
@@ -321,7 +321,7 @@ def _slide(arm: Arm, at: Array, u: Array, starts: Array) -> tuple[Array, npt.NDA
     return now, arrived
 
 
-_RULES = walks.WalkRules(
+_RULES = engine.WalkRules(
     floor=4e-16,  # sigma_r / sigma_1 that only rounding is left of
     good=1e-12,  # from here on, a step that does not improve is the end and no reason to damp
     stationary=1e-6,  # |grad sigma_r|^2 / (sigma_1 sigma_r) that counts as zero
@@ -414,11 +414,11 @@ def _compiled(
         on.engine == PINOCCHIO
         or arm.coupling is not None
         or arm.task.at_tip
-        or not walks.covered(arm.n, len(arm.task.rows), rank)
+        or not engine.walks_covered(arm.n, len(arm.task.rows), rank)
     ):
         return None
     metric = own_scale(arm).columns
-    ends, iterations, stationary = walks.walks(
+    ends, iterations, stationary = engine.walks(
         on.own_chain(),
         Q / metric,
         mask,

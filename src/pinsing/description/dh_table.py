@@ -1,16 +1,39 @@
-"""Denavit-Hartenberg tables as data, their YAML files, and fixed transforms."""
+"""Denavit-Hartenberg tables, standard and modified, and the URDF made of them.
+
+A table is a YAML file (``urdf/*.dh.yaml``); one xacro, ``urdf/dh_arm.xacro``, turns every table
+into a URDF with simple shapes. Row i of a table is, with Rz, Tz, Tx, Rx the rotation and
+translation about and along an axis,
+
+- standard (Denavit and Hartenberg 1955; Paul 1981):
+  ``A_i = Rz(theta_i) Tz(d_i) Tx(a_i) Rx(alpha_i)``;
+- modified (Craig 1986), where a_i and alpha_i are those that Craig writes a_{i-1}, alpha_{i-1}:
+  ``A_i = Rx(alpha_i) Tx(a_i) Rz(theta_i) Tz(d_i)``.
+
+The joint's value adds to theta (revolute, continuous) or to d (prismatic). The product of all A_i
+is the frame n; ``tool0`` is that frame, or the tool fixed to it (and then ``flange`` is frame n).
+"""
 
 from __future__ import annotations
 
 import math
 import re
+import tempfile
+from collections.abc import Collection
 from dataclasses import dataclass
 from fractions import Fraction
+from itertools import pairwise
 from pathlib import Path
-from typing import Literal, cast
+from typing import Any, Literal, cast
+from xml.etree.ElementTree import Element, SubElement, tostring
 
-from pinsing.description.catalog import known_arms
+import yaml
+
+from pinsing.atomic_write import why, write_text
+from pinsing.description.catalog import known_arms, urdf_folder
+from pinsing.description.urdf_elements import DEFAULT_EFFORT, DEFAULT_VELOCITY
+from pinsing.description.xacro import expand_xacro
 from pinsing.description.yaml_tree import Number, YamlNode, compose
+from pinsing.errors import OutputError
 
 Vector = tuple[float, float, float]
 
@@ -303,3 +326,267 @@ def _read_tool(node: YamlNode, units: _Units, convention: Convention) -> Placeme
         if key in keys
     }
     return Placement(**cast(dict[str, Vector], vectors))
+
+
+__all__ = [
+    "DHRow",
+    "DHTable",
+    "bare_urdf",
+    "dh_to_urdf",
+    "joint_placements",
+    "read_dh",
+    "urdf_folder",
+    "with_turns",
+]
+
+
+def joint_placements(table: DHTable) -> tuple[tuple[Placement, ...], Placement]:
+    """Return where each joint sits in the link before it, and frame n in the last link.
+
+    Each joint turns about, or slides along, the z axis of its placement. In a standard table that
+    is z of the frame before, so joint i takes the fixed part of row i - 1. In a modified table it
+    is z of frame i itself; only the fixed theta, which commutes with the joint, is handed on to
+    the next placement, so that every rotation is ``Rz(theta) Rx(alpha)``: roll and yaw of a URDF,
+    digit for digit.
+
+    Returns
+    -------
+    joints : tuple of Placement
+        One per row.
+    last : Placement
+        Frame n in the last link.
+    """
+    rows = table.rows
+    if table.convention == "standard":
+        fixed = [screw(row.theta, row.d, row.a, row.alpha) for row in rows]
+        return (Placement(), *fixed[:-1]), fixed[-1]
+    thetas = (0.0, *(row.theta for row in rows))
+    joints = tuple(
+        screw(theta, 0.0, row.a, row.alpha, beyond=row.d)
+        for theta, row in zip(thetas, rows, strict=False)
+    )
+    return joints, screw(thetas[-1])
+
+
+def dh_to_urdf(table: DHTable) -> str:
+    """Return the URDF of a table, made by ``urdf/dh_arm.xacro``.
+
+    Links are ``base_link``, ``link1``, ... and ``tool0`` (after ``flange``, frame n, where the
+    table has a tool); joints have the names of the rows. Without a ``velocity`` or an ``effort``
+    in the table a joint gets 1 rad/s or m/s and 100 N·m or N, since a URDF must have them.
+
+    Raises
+    ------
+    RobotFileError
+        If the xacro is not installed.
+    OutputError
+        If no temporary file can be written.
+    """
+    # xacro reads tables from files only, and only from folders that it is given.
+    with _folder() as folder:
+        numbers = Path(folder, "arm.yaml")
+        write_text(numbers, yaml.safe_dump(_arm(table)))
+        made = expand_xacro(
+            urdf_folder() / "dh_arm.xacro", {"arm": folder}, {"arm": str(numbers)}
+        ).xml
+    head, start, robot = made.partition("\n<robot ")
+    declaration = head.split("\n", 1)[0]  # after it come comments of xacro, which hold the path
+    return f"{declaration}\n{_banner(table)}{start}{robot.rstrip()}\n"
+
+
+def with_turns(table: DHTable, turning: Collection[int]) -> list[tuple[str, str, Placement]]:
+    """Joints base to tip with the axis of each, x, z or none, and where it sits.
+
+    Twists of the rows ``turning``, counted from 1, are joints of their own, about x; their names
+    begin with a digit, which those of rows never do. What ends the chain has no axis: frame n,
+    and the tool.
+    """
+    joints, last = joint_placements(table)
+    ends = [(row.name, "z", place) for row, place in zip(table.rows, joints, strict=True)]
+    ends += [("", "", place) for place in (last, table.tool) if place is not None]
+    standard = table.convention == "standard"
+    thetas = (0.0, *(row.theta for row in table.rows))
+    for i in sorted(turning, reverse=True):
+        row, k = table.rows[i - 1], i if standard else i - 1
+        theta = row.theta if standard else thetas[i - 1]
+        beyond = 0.0 if standard else row.d
+        before = screw(theta, row.d if standard else 0.0, row.a)
+        ends[k : k + 1] = [
+            (f"{i}_twist", "x", before),
+            (*ends[k][:2], Placement((0.0, 0.0, beyond))),
+        ]
+    return ends
+
+
+def bare_urdf(table: DHTable, turning: Collection[int] = ()) -> str:
+    """The URDF of a table without shapes: links and joints as in `dh_to_urdf`, written at once.
+
+    For chains that nobody looks at; no xacro runs and no file is written. Twists of the rows
+    ``turning`` are joints, as in `with_turns`.
+    """
+    names, joints = _chain(table)
+    if turning:
+        names, joints = _turned(table, turning, names, joints)
+    robot = Element("robot", name=table.name)
+    for name in names:
+        SubElement(robot, "link", name=name)
+    for joint in joints:
+        element = SubElement(robot, "joint", name=joint["name"], type=joint["type"])
+        SubElement(element, "origin", xyz=joint["xyz"], rpy=joint["rpy"])
+        SubElement(element, "parent", link=joint["parent"])
+        SubElement(element, "child", link=joint["child"])
+        if joint["type"] != "fixed":
+            SubElement(element, "axis", xyz=joint.get("axis", "0 0 1"))
+            limits = ("lower", "upper", "velocity", "effort")
+            SubElement(element, "limit", {k: joint[k] for k in limits if k in joint})
+    return tostring(robot, encoding="unicode")
+
+
+def _turned(
+    table: DHTable, turning: Collection[int], names: list[str], joints: list[dict[str, Any]]
+) -> tuple[list[str], list[dict[str, Any]]]:
+    """Links and joints with some twists as joints."""
+    known, links = iter(joints), [names[0]]
+    out: list[dict[str, Any]] = []
+    limits = {"lower": "-4", "upper": "4", "velocity": "1", "effort": "1"}
+    for name, axis, place in with_turns(table, turning):
+        if axis == "x":
+            joint = {"name": name, "type": "revolute", "axis": "1 0 0", **limits}
+            links.append(f"{name}_link")
+        else:
+            joint = next(known)
+            links.append(joint["child"])
+        out.append({**joint, **_origin(place), "parent": links[-2], "child": links[-1]})
+    return links, out
+
+
+def _folder() -> tempfile.TemporaryDirectory[str]:
+    try:
+        return tempfile.TemporaryDirectory(prefix="pinsing-")
+    except OSError as error:
+        raise OutputError(f"cannot make a folder for temporary files: {why(error)}") from None
+
+
+def _banner(table: DHTable) -> str:
+    words = f" Made by pinsing from the {table.convention} DH table of {table.name}; do not edit. "
+    words += f"{table.source} " if table.source else ""
+    while "--" in words:  # which no XML comment may hold
+        words = words.replace("--", "- -")
+    return f"<!--{words}-->"
+
+
+def _chain(table: DHTable) -> tuple[list[str], list[dict[str, Any]]]:
+    """Return names of the links and text of the joints; placements are written in full (repr)."""
+    placements, last = joint_placements(table)
+    count = len(table.rows)
+    names = [BASE, *(f"link{i}" for i in range(1, count + 1))]
+    joints = [
+        {"name": row.name, "type": row.type, **_origin(placement), **_limits(row)}
+        for row, placement in zip(table.rows, placements, strict=True)
+    ]
+    ends = [*placements, last]
+    if table.tool is None:
+        names.append(TIP)
+    else:
+        names += [FLANGE, TIP]
+        ends.append(table.tool)
+    joints += [
+        {"name": f"{child}_fixed", "type": "fixed", **_origin(placement)}
+        for child, placement in zip(names[count + 1 :], ends[count:], strict=True)
+    ]
+    for joint, (parent, child) in zip(joints, pairwise(names), strict=True):
+        joint.update(parent=parent, child=child)
+    return names, joints
+
+
+def _arm(table: DHTable) -> dict[str, Any]:
+    """Return the numbers that the xacro reads: text of joints, shapes, and the arm's size [m].
+
+    Shapes, which only the eye judges, are rounded to a nanometre so that no libm shows in the file.
+    """
+    names, joints = _chain(table)
+    placements, last = joint_placements(table)
+    count = len(table.rows)
+    ends = [*placements, last, *([] if table.tool is None else [table.tool])]
+    links: list[dict[str, Any]] = [{"name": name, "bones": []} for name in names]
+    for i, end in enumerate(ends):
+        knee = _knee(table, i, end) if i <= count else end.xyz
+        links[i].update(bones=_bones((0.0, 0.0, 0.0), knee, end.xyz))
+    for i, (row, placement) in enumerate(zip(table.rows, placements, strict=True)):
+        if row.type == "prismatic":
+            links[i].update(sleeve=_origin(placement))
+            links[i + 1].update(_rod(row))
+        else:
+            links[i + 1].update(hub=True)
+    size = sum(math.hypot(*end.xyz) for end in ends)
+    size += sum(max(abs(q) for q in _travel(row)) for row in table.rows)
+    return {
+        "name": table.name,
+        "size": round(size, 9) or 0.1,
+        "moving": count,
+        "joints": joints,
+        "links": links,
+    }
+
+
+def _text(vector: Vector) -> str:
+    return " ".join(repr(float(x)) for x in vector)
+
+
+def _origin(placement: Placement) -> dict[str, Any]:
+    return {"xyz": _text(placement.xyz), "rpy": _text(placement.rpy)}
+
+
+def _limits(row: DHRow) -> dict[str, Any]:
+    limits: dict[str, Any] = {
+        "velocity": repr(DEFAULT_VELOCITY if row.velocity is None else row.velocity),
+        "effort": repr(DEFAULT_EFFORT if row.effort is None else row.effort),
+    }
+    if row.lower is not None and row.upper is not None:
+        limits.update(lower=repr(row.lower), upper=repr(row.upper))
+    return limits
+
+
+def _travel(row: DHRow) -> tuple[float, float]:
+    """Return the ends of the sliding of a joint, 0 included [m]."""
+    if row.type != "prismatic" or row.lower is None or row.upper is None:
+        return 0.0, 0.0
+    return min(row.lower, 0.0), max(row.upper, 0.0)
+
+
+def _knee(table: DHTable, i: int, end: Placement) -> Vector:
+    """Return the point of link i between its two straight parts, along d and along a."""
+    if table.convention == "standard":
+        return 0.0, 0.0, end.xyz[2]
+    c, s = cos_sin(end.rpy[2])
+    a = table.rows[i].a if i < len(table.rows) else 0.0
+    return a * c, a * s, 0.0
+
+
+def _bones(*points: Vector) -> list[dict[str, Any]]:
+    """Return the cylinders of a link, from its own joint to the next."""
+    bones = []
+    for start, end in pairwise(points):
+        x, y, z = (q - p for p, q in zip(start, end, strict=True))
+        length = round(math.hypot(x, y, z), 9)
+        if length > 0:
+            middle = (round((p + q) / 2, 9) + 0.0 for p, q in zip(start, end, strict=True))
+            rpy = (round(angle, 9) + 0.0 for angle in pointing((x, y, z)))
+            bones.append(
+                {
+                    "xyz": " ".join(map(repr, middle)),
+                    "rpy": " ".join(map(repr, rpy)),
+                    "length": length,
+                    "end": " ".join(repr(round(q, 9) + 0.0) for q in end),
+                }
+            )
+    return bones
+
+
+def _rod(row: DHRow) -> dict[str, Any]:
+    """Return the rod of a sliding link, long enough to stay in its sleeve at every value."""
+    low, high = _travel(row)
+    if low == high:
+        return {}
+    middle = round(-(low + high) / 2, 9) + 0.0
+    return {"rod": {"xyz": f"0.0 0.0 {middle!r}", "length": round(high - low, 9)}}

@@ -13,7 +13,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from pinsing.description.ros_packages import PackageIndex
+from pinsing.description.ros_packages import PackageIndex, Shapes
 from pinsing.description.urdf_elements import (
     JointEntry,
     Mimic,
@@ -22,7 +22,6 @@ from pinsing.description.urdf_elements import (
     check_material,
     check_mimics,
 )
-from pinsing.description.urdf_meshes import Shapes
 from pinsing.description.xacro import expand_xacro, is_xacro
 from pinsing.description.xml_tree import (
     Node,

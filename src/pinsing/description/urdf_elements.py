@@ -1,7 +1,7 @@
 """Joints, links and materials of a URDF, checked and rewritten as Pinocchio may read them.
 
 What kinematics needs is checked. A shape never stops anything: one that cannot be drawn is left out
-and noted; whether its mesh is there is seen when the robot is drawn (`urdf_meshes`).
+and noted; whether its mesh is there is seen when the robot is drawn (`ros_packages`).
 """
 
 from __future__ import annotations

@@ -60,9 +60,8 @@ def expand(parent: Parent) -> dict[str, Any]:
     except ImportError as error:
         return {"problem": f"xacro cannot be imported ({error}): pip install xacro"}
     from pinsing.description import child_jail
-    from pinsing.description.xacro_document import Places, explain
     from pinsing.description.xacro_expression import Refused
-    from pinsing.description.xacro_rules import Arguments, Rules
+    from pinsing.description.xacro_rules import Arguments, Places, Rules, explain
 
     places, arguments = Places(), Arguments(request["arguments"])
     Rules(xacro, parent.ask, places, arguments).enforce()

@@ -15,9 +15,8 @@ import numpy as np
 from pinsing._types import Array
 from pinsing.algebra.equation import Equation
 from pinsing.algebra.joint_form import JointForm, enters_once, joint_form
-from pinsing.families.drawn import Step, peeled
 from pinsing.families.parts import Branch
-from pinsing.families.zero_set import gradients
+from pinsing.families.zero_set import Step, gradients, peeled
 from pinsing.prose import listed
 
 LONG = 12

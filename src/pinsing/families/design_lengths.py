@@ -20,8 +20,7 @@ import pinocchio as pin
 
 from pinsing._types import Array
 from pinsing.algebra.mimic import own_offsets
-from pinsing.description.dh_table import BASE, FLANGE, TIP, DHTable, read_dh
-from pinsing.description.dh_urdf import bare_urdf, with_turns
+from pinsing.description.dh_table import BASE, FLANGE, TIP, DHTable, bare_urdf, read_dh, with_turns
 from pinsing.errors import OptionError, PinsingError, UnknownNameError
 from pinsing.robot.arm import Arm
 from pinsing.robot.chain import Chain

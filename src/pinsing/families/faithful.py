@@ -20,10 +20,10 @@ from pinsing.algebra.equation import equation
 from pinsing.algebra.mimic import own_offsets
 from pinsing.algebra.ring import Poly, Ring, terms_of
 from pinsing.algebra.trig_sum import TINY
+from pinsing.arguments import typed
 from pinsing.families.family import Family
 from pinsing.families.parts import Branch
 from pinsing.families.zero_set import thrown
-from pinsing.joint_text import typed
 from pinsing.robot.nominal import Nominal
 
 _ZERO = 1e-10

@@ -555,7 +555,7 @@ class Family(Members, JsonResult):
         Of several long equations that hold at once: which joints can be chosen, and how the
         others follow; empty where there are none.
     title : str
-        "wrist", "elbow" or "shoulder" where the geometry warrants it (`pinsing.families.naming`
+        "wrist", "elbow" or "shoulder" where the geometry warrants it (`pinsing.families.describe`
         has the rule); else empty.
     arm : Arm or None
         The arm, whose whole model's configurations are taken too; None where the family was read

@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from pinsing import notebook
 from pinsing.algebra.components import Component, RandomSteps
-from pinsing.arguments import checked, shown, stands_for
+from pinsing.arguments import checked, shown, stands_for, typed
 from pinsing.errors import (
     ArgumentError,
     ConfigurationError,
@@ -19,6 +19,7 @@ from pinsing.errors import (
     UnknownNameError,
 )
 from pinsing.families.certainty import Proof, certainty
+from pinsing.families.describe import ORDER
 from pinsing.families.family import (
     Family,
     exactly,
@@ -29,11 +30,9 @@ from pinsing.families.family import (
     meaning,
     written_out,
 )
-from pinsing.families.naming import ORDER
 from pinsing.families.slice_count import SliceCount
 from pinsing.families.system import SystemHead, system_text
 from pinsing.families.tube import Tube
-from pinsing.joint_text import typed
 from pinsing.measures import SINGULAR_RTOL
 from pinsing.prose import PLAIN, Page, Span, caution, formula, good, measured, unbroken, visible
 from pinsing.robot.arm import Arm, ArmSummary

@@ -13,9 +13,9 @@ if TYPE_CHECKING:
     from pinsing.kinematics.jacobian import singular_values as singular_values
     from pinsing.kinematics.jacobian import task_jacobian as task_jacobian
     from pinsing.kinematics.jacobian import task_jacobians as task_jacobians
-    from pinsing.kinematics.regular import regular_radius as regular_radius
     from pinsing.kinematics.tip_speed import TipSpeeds as TipSpeeds
     from pinsing.kinematics.tip_speed import tip_speeds as tip_speeds
+    from pinsing.kinematics.verdict import regular_radius as regular_radius
 
 public(
     __name__,
@@ -23,7 +23,7 @@ public(
         "jacobian": "frame_jacobian frame_jacobians generic_rank singular_values "
         "task_jacobian task_jacobians",
         "inverse_velocity": "InverseVelocity inverse_velocity",
-        "regular": "regular_radius",
         "tip_speed": "TipSpeeds tip_speeds",
+        "verdict": "regular_radius",
     },
 )

@@ -13,9 +13,8 @@ import numpy as np
 import numpy.typing as npt
 
 from pinsing._types import Array
-from pinsing.arguments import checked
+from pinsing.arguments import checked, typed
 from pinsing.errors import OptionError
-from pinsing.joint_text import typed
 from pinsing.loops.closure import Ranks, ranks
 from pinsing.loops.forms import SHORT, JointForms, PoseForms
 from pinsing.loops.joint_loci import joint_forms

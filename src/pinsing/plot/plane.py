@@ -15,7 +15,7 @@ from matplotlib.colors import ListedColormap
 
 from pinsing._types import Array, Bool, Ints
 from pinsing.algebra.conditions import Conditions
-from pinsing.algebra.two_sided import two_sided
+from pinsing.algebra.nearest import two_sided
 from pinsing.arguments import checked, real_numbers, whole_number
 from pinsing.errors import OptionError
 from pinsing.families import Branch, ClosedForm, Equation, Family, closed_form

@@ -19,20 +19,17 @@ import numpy as np
 import numpy.typing as npt
 
 from pinsing._types import Array
-from pinsing.arguments import checked
+from pinsing.arguments import checked, typed
 from pinsing.families import ClosedForm, closed_form
-from pinsing.joint_text import typed
 from pinsing.kinematics.jacobian import tip_placement
 from pinsing.kinematics.verdict import generic_rank
-from pinsing.postures.aspects import aspects, map_of
+from pinsing.postures.aspects import NOT_COMPLETE, aspects, map_of, missing, opposite
 from pinsing.postures.connection import DIFFERENT, SAME, UNDECIDED, Connection, connect
-from pinsing.postures.grounds import NOT_COMPLETE, missing, opposite
 from pinsing.postures.inverse import InverseSolution, inverse
 from pinsing.postures.joint_map import Map
 from pinsing.postures.ladder import posture_names
 from pinsing.postures.newton import columns
-from pinsing.postures.partition import Part
-from pinsing.postures.pieces import Piece
+from pinsing.postures.partition import Part, Piece
 from pinsing.proximity.watched import require_forms_of
 from pinsing.robot.arm import Arm, ArmSummary, summarize
 from pinsing.robot.nominal import nominal

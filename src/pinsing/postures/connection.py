@@ -17,13 +17,14 @@ import numpy as np
 import numpy.typing as npt
 
 from pinsing._types import Array
-from pinsing.arguments import checked
+from pinsing.arguments import checked, typed
 from pinsing.errors import OptionError
-from pinsing.joint_text import typed
-from pinsing.postures.aspects import Aspects, aspects, map_of
-from pinsing.postures.grounds import (
+from pinsing.postures.aspects import (
     NOT_COMPLETE,
     PROVEN,
+    Aspects,
+    aspects,
+    map_of,
     missing,
     of_design,
     opposite,

@@ -9,16 +9,14 @@ from typing import ClassVar
 import numpy as np
 
 from pinsing._types import Array
-from pinsing.arguments import MAX_SEED, checked, whole_number
+from pinsing.arguments import MAX_SEED, checked, typed, whole_number
 from pinsing.errors import OptionError
 from pinsing.families import ClosedForm, closed_form
-from pinsing.joint_text import typed
 from pinsing.kinematics.batch import picked, turn_left
 from pinsing.kinematics.jacobian import tip_placement
 from pinsing.kinematics.verdict import generic_rank, ratios
-from pinsing.postures.aspects import Aspects, aspects
+from pinsing.postures.aspects import PRACTICAL, PROVEN, Aspects, aspects, missing, nearly
 from pinsing.postures.connection import SAME, Connection, connect
-from pinsing.postures.grounds import PRACTICAL, PROVEN, missing, nearly
 from pinsing.postures.inverse import inverse
 from pinsing.postures.ladder import ladder_of
 from pinsing.postures.newton import one_sheet, regular_way

@@ -1,6 +1,9 @@
 """inverse: all joint values that bring the tip to a pose.
 
 Inverse solutions of a pose: what `pinsing.inverse` answers, and how it is gathered.
+
+EAIK (Ostermeier, https://github.com/OstermD/EAIK) decomposes arms of six revolute joints into
+subproblems. It is given the nominal chain, whose axes meet or are parallel exactly.
 """
 
 from __future__ import annotations
@@ -8,24 +11,47 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 import numpy.typing as npt
 
 from pinsing._types import Array, Bool
-from pinsing.arguments import MAX_SEED, checked, whole_number
+from pinsing.arguments import MAX_SEED, checked, typed, whole_number
 from pinsing.errors import ConfigurationError, OptionError, UnknownNameError
-from pinsing.joint_text import typed
 from pinsing.kinematics.jacobian import read_pose
 from pinsing.kinematics.verdict import generic_rank, ratios
-from pinsing.postures.decomposed import decomposed, exactly
 from pinsing.postures.exact_chain import turns
 from pinsing.postures.ladder import ladder_of
 from pinsing.postures.newton import POSE, Solver, Stalled, radii
 from pinsing.robot.arm import Arm, ArmSummary, summarize
+from pinsing.robot.chain import flatten
 from pinsing.robot.nominal import nominal
 from pinsing.serialization import JsonResult
+
+
+def decomposed(arm: Arm, held: int | None = None, value: float = 0.0) -> Any:
+    """Return EAIK's robot of an arm, a joint held at a value; None if EAIK does not know it."""
+    try:
+        from eaik.IK_Homogeneous import HomogeneousRobot
+    except ImportError:
+        return None
+    chain = flatten(nominal(arm).arm)
+    if chain.prismatic.any() or arm.coupling is not None or arm.n - (held is not None) != 6:
+        return None
+    frames, at = [], np.eye(4)
+    for R, t in zip(chain.R, chain.t, strict=True):  # axes along z, all joints at zero; the tip
+        here = np.eye(4)
+        here[:3, :3], here[:3, 3] = R, t
+        at = at @ here
+        frames.append(at)
+    robot = HomogeneousRobot(np.array(frames), fixed_axes=[] if held is None else [(held, value)])
+    return robot if robot.hasKnownDecomposition() else None
+
+
+def exactly(found: Any, n: int) -> Array:
+    """Solutions (k, n), a held joint included, without those that are least squares only."""
+    return np.asarray(np.asarray(found.Q, dtype=float).reshape(-1, n)[~np.asarray(found.is_LS)])
 
 
 @dataclass(frozen=True, eq=False)
@@ -405,7 +431,7 @@ def inverse(
 ) -> InverseSolutions:
     """Find all inverse solutions of a pose.
 
-    Arms that EAIK knows are solved by it (`pinsing.postures.decomposed`); random starts then only
+    Arms that EAIK knows are solved by it (`pinsing.postures.inverse`); random starts then only
     check that.
 
     Otherwise, damped Newton steps (Levenberg, 1944; Marquardt, 1963) from random starts, all at

@@ -15,8 +15,7 @@ from pinsing._batch import engine
 from pinsing._types import Array, Bool
 from pinsing.errors import OptionError
 from pinsing.kinematics.jacobian import generic_rank
-from pinsing.postures.decomposed import decomposed
-from pinsing.postures.inverse import inverse
+from pinsing.postures.inverse import decomposed, inverse
 from pinsing.postures.newton import Solver
 from pinsing.robot.arm import Arm
 from pinsing.robot.chain import flatten

@@ -21,8 +21,20 @@ from pinsing.algebra.conditions import Conditions
 from pinsing.algebra.trig_sum import TrigSum
 from pinsing.errors import ConfigurationError, OptionError
 from pinsing.postures.boxes import Ground, Leaves, sum_of
-from pinsing.postures.partition import Arc, Part, Partition, partition
-from pinsing.postures.pieces import Clear, CountedPiece, Piece, Plain, Wheel, hub_of, top_of, toward
+from pinsing.postures.partition import (
+    Arc,
+    Clear,
+    CountedPiece,
+    Part,
+    Partition,
+    Piece,
+    Plain,
+    Wheel,
+    hub_of,
+    partition,
+    top_of,
+    toward,
+)
 from pinsing.postures.subdivision import Components, Sections, across, sections, subdivide
 from pinsing.proximity.clearance import quick
 from pinsing.proximity.crossings import crossings_of, motion_of

@@ -30,6 +30,7 @@ from pinsing.proof.forms import (
     empty,
     place_text,
     shown,
+    squares,
     top_of,
     vanishes,
 )
@@ -44,7 +45,6 @@ from pinsing.proof.skeleton import (
     skeleton,
     without_dependent_lines,
 )
-from pinsing.proof.squares import squares
 from pinsing.robot.nominal import Nominal
 
 _MANY = 3

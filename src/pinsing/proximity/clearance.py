@@ -16,8 +16,7 @@ import numpy.typing as npt
 
 from pinsing._types import Array, Ints
 from pinsing.algebra.conditions import Conditions
-from pinsing.algebra.nearest import BOXES, GAP, SearchOptions, nearest_points
-from pinsing.algebra.two_sided import Bounds, two_sided
+from pinsing.algebra.nearest import BOXES, GAP, Bounds, SearchOptions, nearest_points, two_sided
 from pinsing.arguments import checked
 from pinsing.errors import OptionError, ResultError
 from pinsing.prose import listed

@@ -18,7 +18,7 @@ import numpy.typing as npt
 from pinsing._types import Array, Ints
 from pinsing.algebra.conditions import SIMPLE, Conditions, Zeros, place, zeros_along
 from pinsing.algebra.equation import Equation
-from pinsing.algebra.two_sided import two_sided
+from pinsing.algebra.nearest import two_sided
 from pinsing.arguments import checked, real_numbers
 from pinsing.errors import ConfigurationError, OptionError
 from pinsing.families import Branch, JointValue

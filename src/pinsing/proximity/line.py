@@ -11,11 +11,10 @@ import numpy.typing as npt
 import pinocchio as pin
 
 from pinsing._types import Array
-from pinsing.arguments import checked
+from pinsing.arguments import checked, typed
 from pinsing.errors import ConfigurationError, OptionError
 from pinsing.families import Branch
 from pinsing.families.solve import form_to_measure
-from pinsing.joint_text import typed
 from pinsing.kinematics.batch import task_rows, turn_left
 from pinsing.kinematics.jacobian import frame_jacobian, read_pose
 from pinsing.kinematics.tip_speed import limits_of

@@ -12,7 +12,7 @@ import numpy.typing as npt
 from pinsing._batch import engine
 from pinsing._types import Array
 from pinsing.algebra.conditions import contact_along
-from pinsing.algebra.two_sided import two_sided
+from pinsing.algebra.nearest import two_sided
 from pinsing.arguments import checked, columns_of, real_numbers
 from pinsing.errors import ConfigurationError, OptionError
 from pinsing.families import ClosedForm

@@ -19,8 +19,7 @@ import numpy.typing as npt
 
 from pinsing._types import Array, Bool
 from pinsing.algebra.conditions import Conditions
-from pinsing.algebra.nearest import BOXES, SearchOptions, nearest_points
-from pinsing.algebra.two_sided import two_sided
+from pinsing.algebra.nearest import BOXES, SearchOptions, nearest_points, two_sided
 from pinsing.kinematics.jacobian import singular_values
 from pinsing.kinematics.tip_speed import SpeedJudge
 from pinsing.proximity.clearance import nearest_family

@@ -13,11 +13,10 @@ import numpy.typing as npt
 from pinsing._types import Array, Bool, Ints
 from pinsing.algebra.budget import PER_SECOND, Budget
 from pinsing.algebra.nearest import BOXES, SearchOptions, nearest_points
-from pinsing.arguments import MAX_SEED, checked, whole_number
+from pinsing.arguments import MAX_SEED, checked, typed, whole_number
 from pinsing.errors import ConfigurationError, OptionError
 from pinsing.families import Branch
 from pinsing.families.solve import form_to_measure
-from pinsing.joint_text import typed
 from pinsing.kinematics.verdict import ratios
 from pinsing.measures import NEAR_RTOL
 from pinsing.proximity.clearance import certified

@@ -11,10 +11,9 @@ import numpy as np
 import numpy.typing as npt
 
 from pinsing._types import Array
-from pinsing.arguments import checked, columns_of
+from pinsing.arguments import checked, columns_of, typed
 from pinsing.errors import ConfigurationError, OptionError
 from pinsing.families.solve import form_to_measure
-from pinsing.joint_text import typed
 from pinsing.kinematics.tip_speed import TIP_SPEED, TURN_SPEED, check_speeds
 from pinsing.notebook import one_line
 from pinsing.prose import listed

@@ -18,7 +18,7 @@ from pinsing.arguments import columns_of, real_numbers, stands_for
 from pinsing.errors import OptionError, UnknownNameError
 from pinsing.families import ClosedForm, Family
 from pinsing.families.solve import form_to_measure
-from pinsing.kinematics.regular import regular_radius
+from pinsing.kinematics.verdict import regular_radius
 from pinsing.robot.arm import Arm, summarize
 from pinsing.robot.exact_placements import ROUNDING
 from pinsing.robot.joint_space import JointSpace, require_values

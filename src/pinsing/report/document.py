@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from pinsing.families import Branch, Family
-from pinsing.mathml import mathml
+from pinsing.notebook import mathml
 from pinsing.prose import visible
 from pinsing.report.info import Made
 from pinsing.robot.arm import Arm

@@ -17,8 +17,8 @@ import pinocchio as pin
 
 from pinsing._types import Array
 from pinsing.description.catalog import CatalogEntry, locate_robot
+from pinsing.description.ros_packages import Shapes
 from pinsing.description.urdf import Description, parse_description, read_description
-from pinsing.description.urdf_meshes import Shapes
 from pinsing.description.xml_tree import has_control
 from pinsing.errors import ArgumentError, PinsingError, RobotFileError
 
@@ -225,8 +225,7 @@ def _table(
     path: Path, label: str, xacro_args: Mapping[str, str] | None, entry: CatalogEntry | None
 ) -> GivenFile:
     """A DH table, a file or an entry of ``arms.yaml``, by way of the URDF that is made of it."""
-    from pinsing.description.dh_table import known_table
-    from pinsing.description.dh_urdf import dh_to_urdf, read_dh
+    from pinsing.description.dh_table import dh_to_urdf, known_table, read_dh
 
     if xacro_args:
         raise RobotFileError("is no xacro file, so it takes no xacro arguments", path)

@@ -16,12 +16,11 @@ import numpy.typing as npt
 
 from pinsing._types import Array
 from pinsing.algebra.conditions import Conditions
-from pinsing.algebra.two_sided import two_sided
-from pinsing.arguments import checked
+from pinsing.algebra.nearest import two_sided
+from pinsing.arguments import checked, typed
 from pinsing.chunk_file import Record
 from pinsing.errors import OptionError, UnknownNameError
 from pinsing.families.solve import form_to_measure
-from pinsing.joint_text import typed
 from pinsing.kinematics.batch import PINOCCHIO
 from pinsing.kinematics.verdict import Evaluator, run_identity
 from pinsing.measures import NEAR_RTOL, SINGULAR_RTOL

@@ -26,11 +26,10 @@ import numpy as np
 import numpy.typing as npt
 
 from pinsing._types import Array, Ints
-from pinsing.arguments import checked, whole_number
+from pinsing.arguments import checked, typed, whole_number
 from pinsing.atomic_write import write_bytes
 from pinsing.chunk_file import DamagedError, Record, read_arrays, read_bounded
 from pinsing.errors import OptionError, ResultError, UnknownNameError
-from pinsing.joint_text import typed
 from pinsing.kinematics.verdict import Evaluator, Status, run_identity, status_of
 from pinsing.prose import PLAIN, Page, Span, alarm, unbroken, verdict
 from pinsing.robot.arm import Arm, ArmSummary

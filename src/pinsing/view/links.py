@@ -19,7 +19,7 @@ import pinocchio as pin
 import umsgpack
 
 from pinsing._types import Array
-from pinsing.description.urdf_meshes import ColladaProblem, image_references
+from pinsing.description.ros_packages import ColladaProblem, image_references
 from pinsing.robot.chains import frame_index
 from pinsing.robot.models import make_names_unique, turned_round
 from pinsing.robot.source import Source
