@@ -20,6 +20,18 @@ SINGULAR_RTOL = 1e-9
 NEAR_RTOL = 1e-2
 """sigma_r / sigma_1 at or below this, and above SINGULAR_RTOL, is near-singular."""
 
+ROUNDING = 1e-9
+"""Radians, metres, and ratios: what rounding makes. Within it values are equal and limits kept."""
+
+NOISE = 1e-12
+"""What a few operations on doubles leave of zero, relative to what was added up."""
+
+ALIKE = 1e-6
+"""Radians, metres, ratios: what is found where only half of the digits hold, as of double roots.
+
+What differs by less is one, and what is smaller is zero.
+"""
+
 Status = Literal["singular", "near-singular", "regular"]
 
 

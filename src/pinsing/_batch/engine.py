@@ -23,8 +23,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pinsing._batch.built_from import why_stale
-
-_ROTATION_TOL = 1e-9
+from pinsing.measures import ROUNDING
 
 
 def _frozen(values: ArrayLike, dtype: type[np.generic], name: str) -> NDArray[np.generic]:
@@ -76,7 +75,7 @@ class FlatChain:
         if self.t.shape != (n + 1, 3):
             raise ValueError(f"t: shape {self.t.shape}, not {(n + 1, 3)}")
         defect = np.abs(self.R @ self.R.transpose(0, 2, 1) - np.eye(3)).max(axis=(1, 2))
-        wrong = np.flatnonzero((defect > _ROTATION_TOL) | (np.linalg.det(self.R) < 0))
+        wrong = np.flatnonzero((defect > ROUNDING) | (np.linalg.det(self.R) < 0))
         if wrong.size:
             raise ValueError(f"R[{wrong[0]}] is not a rotation")
 

@@ -16,13 +16,13 @@ from fractions import Fraction
 import numpy as np
 
 from pinsing._types import Array
+from pinsing.measures import NOISE
 from pinsing.robot.exact_placements import Snap
 from pinsing.robot.nominal import Motion, Nominal, Vector, jacobian_at, jacobian_modulo, turned
 from pinsing.robot.surd import Exact, cosine, residue, sine
 from pinsing.robot.task import Task
 
 _FIFTEEN = math.pi / 12
-_NOISE = 1e-12
 _LARGEST_MULTIPLE = 6
 
 
@@ -72,7 +72,7 @@ def drives(geometry: Nominal) -> tuple[tuple[Drive, ...], tuple[Snap, ...]]:
         leader = int(moved[0]) if len(moved) else 0
         factor = float(coupling.matrix[row, leader]) if len(moved) else 0.0
         multiple = Fraction(factor).limit_denominator(1000)
-        if abs(float(multiple) - factor) > _NOISE:
+        if abs(float(multiple) - factor) > NOISE:
             raise NotFollowed(f"joint {name!r} follows by {factor!r}, which is no simple ratio")
         slides, led_by_slide = geometry.prismatic[row], geometry.prismatic[own[leader]]
         if multiple != 0 and slides != led_by_slide:
@@ -88,7 +88,7 @@ def drives(geometry: Nominal) -> tuple[tuple[Drive, ...], tuple[Snap, ...]]:
             )
         added += float(geometry.offset[row]) - factor * float(geometry.offset[own[leader]])
         turn, exact = _turn(added)
-        if abs(exact - added) > _NOISE:
+        if abs(exact - added) > NOISE:
             snaps.append(Snap(f"mimic joint {name}", "angle", added, exact))
         out.append(Drive(leader, multiple, turn=turn))
     return tuple(out), tuple(snaps)
@@ -182,7 +182,7 @@ def _followed(drive: Drive, at: Sequence[int], slides: bool, p: int) -> Motion:
 def _turn(angle: float) -> tuple[tuple[Exact, Exact], float]:
     """Exact (cos, sin) of an angle, or of one very close, and that angle."""
     steps = round(angle / _FIFTEEN)
-    if abs(angle - steps * _FIFTEEN) <= _NOISE * max(1.0, abs(angle)):
+    if abs(angle - steps * _FIFTEEN) <= NOISE * max(1.0, abs(angle)):
         return (cosine(steps), sine(steps)), angle
     whole = math.remainder(angle, 2 * math.pi)
     half = Fraction(math.tan(whole / 2)).limit_denominator(10**6)

@@ -28,6 +28,7 @@ from pinsing.cli.options import (
 from pinsing.cli.output import emit, emit_json, emit_json_data, emit_lines, say
 from pinsing.cli.running import doing
 from pinsing.errors import OptionError, PinsingError
+from pinsing.measures import ALIKE
 from pinsing.prose import Page
 
 if TYPE_CHECKING:
@@ -134,10 +135,6 @@ def at_command(
     return int(fail_if_singular and state.singular)
 
 
-_ON = 1e-6
-"""Distance up to which a configuration is on a family."""
-
-
 def _answer(
     state: State, found: tuple[ClosedForm, Distances] | None, degrees: bool, robot: str
 ) -> str:
@@ -148,7 +145,7 @@ def _answer(
     from pinsing.proximity.watched import titled
 
     arm, near = state.arm, () if found is None else found[1].families
-    on = [d for d in near if d.upper <= _ON]
+    on = [d for d in near if d.upper <= ALIKE]
     called = " and ".join(singularity(d.family, d.title, d.where) for d in on)
     status = "SINGULAR" if state.singular else state.status
     geometry = None if found is None or state.singular else found[0].geometry
@@ -157,7 +154,7 @@ def _answer(
     lines = [", ".join([f"{arm.name}: {status}", *said])]
     if state.singular:
         lines += [f"  Lost: {motion.words}" for motion in state.lost[:2]]
-    others = [d for d in near if d.upper > _ON]
+    others = [d for d in near if d.upper > ALIKE]
     d = None if found is None else _nearest(found[0], others, state)
     other = "other " * bool(on)
     if d is not None:
@@ -188,7 +185,7 @@ def _nearest(form: ClosedForm, others: list[FamilyDistance], state: State) -> Fa
     for d in others:
         if best is not None and d.lower >= best.upper:
             break
-        moved = abs(d.q - state.q) > _ON
+        moved = abs(d.q - state.q) > ALIKE
         if inside and (space.unreachable(d.q) & moved).any():
             family = form[d.family]
             if family.is_reachable is False:

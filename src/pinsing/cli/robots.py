@@ -44,7 +44,8 @@ def info_command(request: RobotRequest, deg: bool, json_target: str | Path | Non
         if whole and json_target != STDOUT:
             _show_chains(request)
         raise
-    from pinsing.report.info import ROUNDING, describe
+    from pinsing.measures import ROUNDING
+    from pinsing.report.info import describe
     from pinsing.robot.second_reader import second_reading
 
     with doing("reading the file with a second program"):

@@ -51,15 +51,13 @@ from pinsing.families.zero_set import Stop, gradients, project, proven_empty, re
 from pinsing.kinematics.batch import batch
 from pinsing.kinematics.jacobian import frame_jacobians
 from pinsing.kinematics.verdict import generic_rank, own_shares, ratios
-from pinsing.measures import Reachability
+from pinsing.measures import ALIKE, Reachability
 from pinsing.robot.arm import Arm
 from pinsing.robot.nominal import Nominal
 
 ORDER = ("wrist", "elbow", "shoulder", "")
 """Names in the order in which people are told of families."""
 
-_ON = 1e-6
-"""Radians, and share of the arm's size: on the family, whose points have nine digits."""
 _LEG = re.compile("hip|knee|ankle|(^|_)leg", re.IGNORECASE)
 
 Holds = Callable[[JointAxes, float], bool]
@@ -79,7 +77,7 @@ def title_of(arm: Arm, points: Array) -> str:
     if not conditions or not len(points):
         return ""
     axes = [JointAxes.of(J, arm.prismatic, np.zeros(3)) for J in frame_jacobians(arm, points)]
-    found = [name for name, holds in conditions.items() if all(holds(a, _ON) for a in axes)]
+    found = [name for name, holds in conditions.items() if all(holds(a, ALIKE) for a in axes)]
     return found[0] if len(found) == 1 else ""
 
 

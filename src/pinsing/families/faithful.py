@@ -24,6 +24,7 @@ from pinsing.arguments import typed
 from pinsing.families.family import Family
 from pinsing.families.parts import Branch
 from pinsing.families.zero_set import thrown
+from pinsing.measures import ALIKE
 from pinsing.robot.nominal import Nominal
 
 _ZERO = 1e-10
@@ -33,8 +34,6 @@ _SHARP, _BLUNT = 1e-6, 1e-4
 of one that is a multiple root, which has half of the digits or less."""
 _ROUNDING = 1e-13
 """Rounding of a value, relative to its terms: of what is left where most of them cancel."""
-_REAL = 1e-6
-"""Distance from the unit circle, or from the real line, of a root that is real."""
 
 
 def disagreements(
@@ -285,9 +284,9 @@ class _Exact:
         for k, w in enumerate(roots):
             sharp = not (np.abs(np.delete(roots, k) - w) < _BLUNT).any()
             if self.slides[joint]:
-                if abs(w.imag) < _REAL:
+                if abs(w.imag) < ALIKE:
                     out.append((float(w.real) * float(self.reach[joint]), sharp))
-            elif abs(abs(w) - 1) < _REAL:
+            elif abs(abs(w) - 1) < ALIKE:
                 angle = math.atan2(w.imag, w.real) - float(self.offset[joint])
                 out.append((math.remainder(angle, 2 * math.pi), sharp))
         return out

@@ -23,10 +23,10 @@ from pinsing.algebra.nearest import BOXES, GAP, SearchOptions
 from pinsing.arguments import checked, columns_of, real_numbers, whole_number
 from pinsing.errors import ConfigurationError, OptionError
 from pinsing.families.at_once import LONG, AtOnce, SolvedFor, long_form, long_ones
-from pinsing.families.nearness import ON, Confirm, Distance, Starts, near, nearest, own_nearest
+from pinsing.families.nearness import Confirm, Distance, Starts, near, nearest, own_nearest
 from pinsing.families.parts import Branch, KindPart, ValueReach, reach_words
 from pinsing.families.zero_set import ROUNDS, Stop, search
-from pinsing.measures import Reachability
+from pinsing.measures import ROUNDING, Reachability
 from pinsing.notebook import formula, legend, marked, name, table, text
 from pinsing.prose import listed
 from pinsing.robot.arm import Arm
@@ -248,7 +248,7 @@ class Members:
         q = self._check(q)
         away = self.space.wrap(q - self.distance(q).q) / self.space.metric
         size = float(np.linalg.norm(away))
-        return away / self.space.metric / size if size > ON else np.zeros(self.n)
+        return away / self.space.metric / size if size > ROUNDING else np.zeros(self.n)
 
     @checked
     def conditions(
@@ -397,7 +397,9 @@ class Members:
         free = np.ones(self.n, dtype=bool)
         free[[v.joint for branch in self.branches for v in branch.values]] = False
         sharp = self.confirm.sharpened(points, free)
-        stays = near(self.branches, self.space, sharp, ON)  # else another singular set is near
+        stays = near(
+            self.branches, self.space, sharp, ROUNDING
+        )  # else another singular set is near
         sharp = np.where(stays[:, None], sharp, points)
         if not within_limits:
             return sharp

@@ -13,6 +13,7 @@ from pinsing.algebra.conditions import Conditions
 from pinsing.algebra.nearest import SearchOptions, nearest_points
 from pinsing.families.parts import Branch
 from pinsing.families.zero_set import Stop, project, thrown
+from pinsing.measures import ROUNDING
 from pinsing.notebook import one_line
 from pinsing.robot.joint_space import JointSpace
 
@@ -164,8 +165,6 @@ def own_nearest(
 
 _FEWEST, _MOST = 40, 400
 """Starts at once: where the time is over, and where it is not."""
-ON = 1e-9
-"""Distance in joint space up to which a point is on a branch: small residuals say less."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -231,7 +230,7 @@ class Starts:
         count = 12 if late else min(max(_FEWEST, 4 * n), _MOST)
         starts = np.where(free, rng.uniform(self.lower, self.upper, (count, len(free))), fixed)
         q = self._inside(confirm.drawn(starts, free, (self.lower, self.upper)))
-        return q[near((branch,), self.space, q, ON)] if len(q) else q
+        return q[near((branch,), self.space, q, ROUNDING)] if len(q) else q
 
     def _by_equations(
         self,

@@ -11,11 +11,8 @@ import numpy as np
 from pinsing._types import Array, Bool
 from pinsing.algebra.equation import Equation, format_angle
 from pinsing.algebra.ring import Value
-from pinsing.measures import Reachability
+from pinsing.measures import ROUNDING, Reachability
 from pinsing.robot.joint_space import JointSpace
-
-_AT_LIMIT = 1e-9
-"""Radians or metres; a value this far beyond a limit is within."""
 
 
 @dataclass(frozen=True)
@@ -120,7 +117,7 @@ class Branch:
         for v in self.values:
             copies = [v.value]
             if box is not None:
-                low, high = box[0][v.joint] - _AT_LIMIT, box[1][v.joint] + _AT_LIMIT
+                low, high = box[0][v.joint] - ROUNDING, box[1][v.joint] + ROUNDING
                 if not space.prismatic[v.joint]:
                     first, last = (np.array([low, high]) - v.value) / (2 * np.pi)
                     turns = range(math.ceil(first), math.floor(last) + 1)
@@ -131,10 +128,6 @@ class Branch:
             for k, f in enumerate(fixed):
                 f[v.joint] = copies[k % len(copies)]
         return fixed
-
-
-_SLACK = 1e-9
-"""Radians or metres; a value this far beyond a limit is within."""
 
 
 @dataclass(frozen=True)
@@ -207,7 +200,7 @@ def _better(a: Reachability | None, b: Reachability) -> Reachability:
 
 def _inside(value: float, joint: int, limits: tuple[Array, Array], prismatic: Bool) -> bool:
     """Return True if a value is within a joint's limits, whole turns aside."""
-    low, high = float(limits[0][joint]) - _SLACK, float(limits[1][joint]) + _SLACK
+    low, high = float(limits[0][joint]) - ROUNDING, float(limits[1][joint]) + ROUNDING
     if prismatic[joint]:
         return low <= value <= high
     if not (math.isfinite(low) and math.isfinite(high)):

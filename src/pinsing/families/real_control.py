@@ -20,10 +20,8 @@ from pinsing.families.zero_set import residuals
 from pinsing.kinematics.batch import own_scale
 from pinsing.kinematics.jacobian import own_jacobians_and_derivatives
 from pinsing.kinematics.verdict import ratios
+from pinsing.measures import NOISE
 from pinsing.robot.arm import Arm
-
-_SHARP = 1e-12
-"""sigma_r / sigma_1 of a point that has all its digits."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,7 +52,7 @@ class OwnPoints:
         # Steps from random starts.
         q = _newton(self.arm, starts, free, 30, box)
         q = q[np.isfinite(q).all(axis=-1)]
-        return q[ratios(self.arm, q) <= _SHARP] if len(q) else q
+        return q[ratios(self.arm, q) <= NOISE] if len(q) else q
 
     def sharpened(self, points: Array, free: Bool) -> Array:
         """Singular points (N, n) to all digits, moved along ``free`` joints (n,); see `_newton`.
@@ -62,7 +60,7 @@ class OwnPoints:
         One that does not become more singular nearby stays as it is.
         """
         before = ratios(self.arm, points)
-        blunt = np.flatnonzero(before > _SHARP)
+        blunt = np.flatnonzero(before > NOISE)
         if not len(blunt):
             return points
         moved = _newton(self.arm, points[blunt], free)

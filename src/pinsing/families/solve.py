@@ -26,10 +26,11 @@ from pinsing.families.statement import mirror_key
 from pinsing.families.steps import MAX_JOINTS, ComponentSearch
 from pinsing.families.tube import find_tube
 from pinsing.kinematics.jacobian import generic_rank
+from pinsing.measures import ROUNDING
 from pinsing.robot.arm import Arm, summarize
 from pinsing.robot.chain import flatten, jacobian_change
 from pinsing.robot.design import ANGLE, LENGTH, design_of
-from pinsing.robot.exact_placements import ROUNDING, Deviation, Snap
+from pinsing.robot.exact_placements import Deviation, Snap
 from pinsing.robot.load import load
 from pinsing.robot.nominal import ANGLE_TOL, Nominal, nominal
 

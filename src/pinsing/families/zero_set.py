@@ -18,9 +18,8 @@ import numpy.typing as npt
 
 from pinsing._types import Array, Bool
 from pinsing.algebra.equation import Equation
+from pinsing.measures import ROUNDING
 
-_EDGE = 1e-9
-"""Radians or metres; a value this far beyond the box is within."""
 _MOST = 3
 """Equations at once, of which all orders are tried."""
 
@@ -160,7 +159,9 @@ def draw(
         if step.kind != "length":
             value, inside = _copy(value, lower[step.joint], upper[step.joint], rng)
         else:
-            inside = (value >= lower[step.joint] - _EDGE) & (value <= upper[step.joint] + _EDGE)
+            inside = (value >= lower[step.joint] - ROUNDING) & (
+                value <= upper[step.joint] + ROUNDING
+            )
         q[:, step.joint] = value
         q = q[known & inside]
         open_[list(step.equation.involved)] = False
@@ -212,8 +213,8 @@ def _solved(step: Step, q: Array, rng: np.random.Generator) -> tuple[Array, Bool
 def _copy(angle: Array, low: float, high: float, rng: np.random.Generator) -> tuple[Array, Bool]:
     """Angles (N,) plus whole turns such that they lie within limits, and whether they do."""
     turn = 2 * np.pi
-    first = np.ceil((low - _EDGE - angle) / turn)
-    room = np.floor((high + _EDGE - angle) / turn) - first
+    first = np.ceil((low - ROUNDING - angle) / turn)
+    room = np.floor((high + ROUNDING - angle) / turn) - first
     chosen = np.floor(rng.random(len(angle)) * (room + 1)) if high - low > turn else 0.0
     return angle + turn * (first + chosen), room >= 0
 
@@ -222,8 +223,6 @@ Stop = Callable[[], bool]
 """Whether a search is to end with what it has; asked between its steps."""
 _ON = 1e-13
 """A residual this small, relative to the sum of an equation's coefficients, is zero."""
-_LIMIT = 1e-9
-"""Radians or metres; a point this far beyond the box is within."""
 _PROOF_TERMS = 12_000
 """Boxes times terms of a proof that there is nothing to find, before it is looked for at random."""
 ROUNDS = 12
@@ -401,7 +400,7 @@ def search(
         # Most are there, up to rounding, unless equations are left that no joint was solved from.
         iterations = 3 if len(way) == len(equations) else 20
         q, ok = project(equations, q, free, iterations, within)
-        inside = ((q >= lower - _LIMIT) & (q <= upper + _LIMIT) | ~free).all(axis=-1)
+        inside = ((q >= lower - ROUNDING) & (q <= upper + ROUNDING) | ~free).all(axis=-1)
         found.append(q[ok & inside][:missing])
         missing -= len(found[-1])
         if missing <= 0:
@@ -432,7 +431,7 @@ def _nothing_in(
     if any(not free[list(e.involved)].all() for e in equations):
         return False
     boxes = _PROOF_TERMS // sum(len(e.cos) for e in equations)
-    return proven_empty(equations, lower - _LIMIT, upper + _LIMIT, boxes=boxes)
+    return proven_empty(equations, lower - ROUNDING, upper + ROUNDING, boxes=boxes)
 
 
 def thrown(
@@ -475,7 +474,7 @@ def _from_random(
             break
         clipped = np.where(free, np.clip(q[out], lower, upper), q[out])
         q[out], ok[out] = project(equations, clipped, free, 30, stop)
-    inside = ((q >= lower - _LIMIT) & (q <= upper + _LIMIT) | ~free).all(axis=-1)
+    inside = ((q >= lower - ROUNDING) & (q <= upper + ROUNDING) | ~free).all(axis=-1)
     return np.asarray(q[ok & inside])
 
 

@@ -21,6 +21,7 @@ from pinsing._batch import engine as kernel
 from pinsing._batch.engine import FlatChain
 from pinsing._types import Array
 from pinsing.errors import EngineError, OptionError
+from pinsing.measures import NOISE, ROUNDING
 from pinsing.robot.arm import Arm
 from pinsing.robot.chain import flatten
 from pinsing.robot.task import Task
@@ -28,9 +29,6 @@ from pinsing.robot.task import Task
 PINOCCHIO = "pinocchio"
 ENGINES = ("auto", "batch", PINOCCHIO)
 INSTRUCTION_SETS = ("baseline", "avx2", "avx512")
-AGREEMENT = 1e-12
-"""Largest difference from Pinocchio, relative to the largest placement or translation."""
-
 _CONFIGURATIONS = 16
 _PROBE_SEED = 90210
 
@@ -153,7 +151,7 @@ def _verified(arm: Arm) -> FlatChain | str:
     ours, theirs = kernel.jacobians(chain, model_values(arm, Q)), pinocchio_jacobians(arm, Q)
     moved, turned = np.abs(ours - theirs).max(axis=(0, 2)).reshape(2, 3).max(axis=1)
     error = max(float(turned), float(moved) / max(size, float(np.abs(theirs[:, :3]).max())))
-    if not error <= AGREEMENT:
+    if not error <= NOISE:
         return f"the compiled kernel differs from Pinocchio by {error:.1e} on this arm"
     return chain
 
@@ -301,7 +299,6 @@ def _by_pinocchio(arm: Arm, Q: Array) -> Array:
 
 _SEED = 20231
 _SAMPLES = 16
-_ROUNDING = 1e-9  # distances of axes relative to the largest placement that are no distance
 
 
 @dataclass(frozen=True, eq=False)
@@ -365,7 +362,7 @@ def _length(arm: Arm) -> float:
     J = pinocchio_jacobians(arm, rng.uniform(low, high, (_SAMPLES, arm.n)))
     chain = flatten(arm)
     reach = float(np.linalg.norm(J[:, :3, ~chain.prismatic], axis=1).max(initial=0.0))
-    if reach <= _ROUNDING * float(np.abs(chain.t).max()):
+    if reach <= ROUNDING * float(np.abs(chain.t).max()):
         return 1.0  # it turns about the tip alone: any length will do
     return 10.0 ** round(math.log10(reach))
 

@@ -16,13 +16,12 @@ import numpy.typing as npt
 from pinsing._types import Array
 from pinsing.arguments import checked
 from pinsing.errors import ConfigurationError, OptionError
+from pinsing.measures import NOISE
 from pinsing.serialization import JsonResult
 
 METHODS = ("pinv", "dls", "filter", "sdls", "jparse")
 
 _HUGE = 1e100
-_ZERO = 1e-12
-"""Singular values are zero at or below this times the largest."""
 
 
 @dataclass(frozen=True)
@@ -71,7 +70,7 @@ def damped_gains(method: str, sigma: Array, options: DampingOptions) -> Array:
     o = options
     largest = sigma[..., :1]
     if method == "pinv":
-        lost = sigma <= _ZERO * largest
+        lost = sigma <= NOISE * largest
         return np.where(lost, 0.0, 1 / np.where(lost, 1.0, sigma))
     if method == "dls":
         # Nakamura and Hanafusa: lambda^2 = lambda_0^2 (1 - w / w_0)^2 where w < w_0. With w the
@@ -97,7 +96,7 @@ def damped_gains(method: str, sigma: Array, options: DampingOptions) -> Array:
 
 def _over(sigma: Array, square: Array) -> Array:
     below = sigma**2 + square
-    lost = (below <= 0) | ((square == 0) & (sigma <= _ZERO * sigma[..., :1]))
+    lost = (below <= 0) | ((square == 0) & (sigma <= NOISE * sigma[..., :1]))
     return np.asarray(np.where(lost, 0.0, sigma / np.where(lost, 1.0, below)))
 
 
@@ -121,7 +120,7 @@ def selective_gains(J: Array, sigma: Array, V: Array, wanted: Array, gamma_max: 
     gamma_max : float
         Radians per second.
     """
-    lost = sigma <= _ZERO * sigma[..., :1]
+    lost = sigma <= NOISE * sigma[..., :1]
     inverse = np.where(lost, 0.0, 1 / np.where(lost, 1.0, sigma))
     columns = np.linalg.norm(J, axis=-2)
     M = inverse * np.einsum("...jk,...j->...k", np.abs(V), columns)

@@ -31,17 +31,16 @@ from pinsing.arguments import checked
 from pinsing.errors import OptionError
 from pinsing.kinematics.batch import PINOCCHIO, Batch, batch, own_scale, random_turns
 from pinsing.kinematics.batch import fixed_engine as fixed_engine
+from pinsing.measures import ALIKE, sigma_ratio
 from pinsing.measures import NEAR_RTOL as NEAR_RTOL
 from pinsing.measures import SINGULAR_RTOL as SINGULAR_RTOL
 from pinsing.measures import Status as Status
-from pinsing.measures import sigma_ratio
 from pinsing.measures import status_of as status_of
 from pinsing.robot.arm import Arm
 from pinsing.robot.chain import Chain, flatten
 from pinsing.robot.nominal import exact_generic_rank, nominal
 
 _RANK_SAMPLES = 6
-_SURE_RTOL = 1e-6
 _SIZE_SAMPLES = 15
 
 
@@ -201,7 +200,7 @@ def _is_full(exact: Arm) -> bool:
     configuration, J has full rank there, and thereby at almost every one.
     """
     sigma = batch(exact, PINOCCHIO).own_sigma(random_turns(exact, _RANK_SAMPLES))
-    return bool((sigma[:, -1] > _SURE_RTOL * np.maximum(sigma[:, 0], 1.0)).any())
+    return bool((sigma[:, -1] > ALIKE * np.maximum(sigma[:, 0], 1.0)).any())
 
 
 def _sampled_rank(exact: Arm) -> int:

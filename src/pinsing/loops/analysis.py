@@ -35,6 +35,7 @@ from pinsing.loops.solve import (
     intervals,
 )
 from pinsing.loops.structure import output_pose, without_length
+from pinsing.measures import ROUNDING
 from pinsing.prose import PLAIN, Page, Span, alarm, caution, formula, good, unbroken
 from pinsing.robot.mechanism import Mechanism
 from pinsing.sampling.execute import Stages
@@ -499,9 +500,6 @@ def _check_lines(a: MechanismAnalysis) -> Iterator[Line]:
     yield from (("", (f"note: {note}",)) for note in a.notes)
 
 
-_AGREE = 1e-9
-
-
 @checked
 def analyze_mechanism(
     mechanism: Mechanism,
@@ -667,7 +665,7 @@ def independent_inputs(mechanism: Mechanism, generic: Ranks, q: Array) -> Mechan
     for k in range(len(inputs)):
         if len(chosen) < generic.mobility:
             sigma = np.linalg.svd(inputs[[*chosen, k]], compute_uv=False)
-            if sigma[len(chosen)] > _AGREE:
+            if sigma[len(chosen)] > ROUNDING:
                 chosen.append(k)
     return mechanism.with_actuated([mechanism.inputs[k] for k in chosen])
 
@@ -710,7 +708,7 @@ def _checks(
             for p in judged
         )
         words = f"{_lie(judged)} on a locus (largest relative value {worst:.1e})"
-        out.append(Check(words, worst <= _AGREE))
+        out.append(Check(words, worst <= ROUNDING))
     missed, count = [], 0
     for k, name in enumerate(mechanism.inputs):
         if name not in swept:
@@ -719,10 +717,10 @@ def _checks(
         for locus in forms.loci:
             for value in roots(locus.equation, inputs, k):
                 at = np.where(np.arange(len(inputs)) == k, value, inputs)
-                if dyad.excess(at) > _AGREE:
+                if dyad.excess(at) > ROUNDING:
                     continue
                 count += 1
-                if all(abs(np.sin((p.inputs[k] - value) / 2)) > _AGREE for p in here):
+                if all(abs(np.sin((p.inputs[k] - value) / 2)) > ROUNDING for p in here):
                     missed.append(f"{name} = {value:.9g} ({locus.kind})")
     if not count:
         return out
@@ -741,7 +739,7 @@ def _pose_checks(
     if "z" in forms.variables and "e0" not in forms.variables:
         # The equations are of the mode in which the output is not turned.
         points = tuple(
-            p for p in points if pose_of(output_pose(mechanism, p.q)).quaternion[0] > 1 - _AGREE
+            p for p in points if pose_of(output_pose(mechanism, p.q)).quaternion[0] > 1 - ROUNDING
         )
     if not any(locus.kind == "type 1" for locus in forms.loci):
         # What else is of type 1 the notes say.
@@ -750,7 +748,7 @@ def _pose_checks(
     own = joint_forms(mechanism)
     alone = [x for x in own.loci if x.kind == "passive"]
     points = tuple(
-        p for p in points if all(float(x.ratio(p.q, own.joints)) > _AGREE for x in alone)
+        p for p in points if all(float(x.ratio(p.q, own.joints)) > ROUNDING for x in alone)
     )
     if not points:
         return []

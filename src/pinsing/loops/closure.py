@@ -18,12 +18,8 @@ import pinocchio as pin
 from pinsing._types import Array, Bool
 from pinsing.errors import OptionError, PinsingError
 from pinsing.loops.structure import Centre, closing, idle_link, once, structure
-from pinsing.measures import SINGULAR_RTOL
+from pinsing.measures import NOISE, SINGULAR_RTOL
 from pinsing.robot.mechanism import Mechanism
-
-_TINY = 1e-12
-CLOSED_MANY = 1e-9
-"""A residual after `newton` up to this counts as closed."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -296,7 +292,7 @@ def _swing(R: Array, k: int) -> Array:
     across = np.cross(axis, R[:, :, k])
     size = np.linalg.norm(across, axis=1)
     angle = np.arctan2(size, R[:, k, k])
-    grown = np.where(size > _TINY, angle / np.where(size > _TINY, size, 1.0), 1.0)
+    grown = np.where(size > NOISE, angle / np.where(size > NOISE, size, 1.0), 1.0)
     return np.asarray(across * grown[:, None])
 
 

@@ -49,7 +49,6 @@ from pinsing.loops.legs import type1_alone
 from pinsing.loops.structure import (
     PLANE,
     SIZE,
-    SMALL,
     SPACE,
     SPHERE,
     NotThisKind,
@@ -62,6 +61,7 @@ from pinsing.loops.structure import (
     structure,
     without_length,
 )
+from pinsing.measures import NOISE, ROUNDING
 from pinsing.robot.mechanism import Mechanism
 
 if TYPE_CHECKING:
@@ -402,7 +402,7 @@ def _proofs(mechanism: Mechanism, ends: list[Way], seconds: float) -> Iterator[L
     task = "position"
     if kind == PLANE:
         normal = np.abs([float(v) for v in turn[2]])
-        if normal.max() >= 1 - SMALL:
+        if normal.max() >= 1 - ROUNDING:
             task = ",".join(r for k, r in enumerate(_ROWS) if k != int(np.argmax(normal)))
     for number, (path, place, _) in enumerate(ends, 1):
         joints, end = path, place
@@ -539,7 +539,6 @@ def _parted(steps: Sequence[Step], middle: int) -> tuple[list[Step], list[Step]]
     return [(j, -sign) for j, sign in reversed(steps[:middle])], list(steps[middle:])
 
 
-_ROUNDING = 1e-12
 _AT_REST = "a motion of the joints leaves the output at rest"
 
 
@@ -761,7 +760,7 @@ def _matrix(
     for row in rows:
         found = [trig_polynomial(x, ring, mechanism.joints) for x in row]
         most = max((float(np.abs(x.values).max(initial=0.0)) for x in found), default=0.0)
-        out.append(tuple(x.without(_ROUNDING * most) for x in found))
+        out.append(tuple(x.without(NOISE * most) for x in found))
     return tuple(out)
 
 
@@ -778,7 +777,7 @@ def _factored(
 
 def _plain(found: Equation) -> Equation:
     """An equation without what is left of numbers that were made rational."""
-    least = _ROUNDING * max(np.abs(found.cos).max(initial=0.0), np.abs(found.sin).max(initial=0.0))
+    least = NOISE * max(np.abs(found.cos).max(initial=0.0), np.abs(found.sin).max(initial=0.0))
     cos = np.where(np.abs(found.cos) >= least, found.cos, 0.0)
     sin = np.where(np.abs(found.sin) >= least, found.sin, 0.0)
     kept = (cos != 0) | (sin != 0)

@@ -36,7 +36,6 @@ from pinsing.loops.exact import away, cross, dot, quaternion_turn, vector
 from pinsing.loops.forms import TURNS, pose_equation
 from pinsing.loops.modes import home
 from pinsing.loops.structure import (
-    SMALL,
     SPHERE,
     Centre,
     NotThisKind,
@@ -50,11 +49,8 @@ from pinsing.loops.structure import (
     room_of,
     structure,
 )
+from pinsing.measures import ROUNDING
 from pinsing.robot.mechanism import Mechanism
-
-TOUCHING = 1e-9
-"""Two solutions that are this near to each other are not counted."""
-
 
 Condition = tuple[str, float | None]
 """Words, and the distance of C and B there; None: the force does not work on the motion of C."""
@@ -131,7 +127,7 @@ class Rod:
         ]
         if self.kind == "strut":
             reach = float(np.linalg.norm(e))
-            return None if reach <= TOUCHING else (reach - self.offset, -reach - self.offset)
+            return None if reach <= ROUNDING else (reach - self.offset, -reach - self.offset)
         if not self.moved:
             return None
         along, size, known = float(e @ first), float(first @ first), float(e @ e) - length**2
@@ -140,7 +136,7 @@ class Rod:
         # |e - q first| = length.
         middle = along / size
         left = middle**2 - known / size
-        if abs(left) <= TOUCHING:
+        if abs(left) <= ROUNDING:
             return None
         return () if left < 0 else (middle + float(np.sqrt(left)), middle - float(np.sqrt(left)))
 
@@ -204,7 +200,7 @@ class Rods:
     def tilted(self) -> bool:
         """Whether these are not the axes of the base, or of the output."""
         eye = np.eye(3)
-        return bool(max(np.abs(self.axes - eye).max(), np.abs(self.own - eye).max()) > SMALL)
+        return bool(max(np.abs(self.axes - eye).max(), np.abs(self.own - eye).max()) > ROUNDING)
 
     @property
     def hinged(self) -> bool:
@@ -231,7 +227,7 @@ def written(axis: Array) -> str:
 def angles_of(a: float, b: float, known: float) -> tuple[float, ...] | None:
     """Both angles with a cos + b sin = known; none where there are none, None where they meet."""
     size = float(np.hypot(a, b))
-    if abs(size - abs(known)) <= TOUCHING:
+    if abs(size - abs(known)) <= ROUNDING:
         return None
     if size < abs(known):
         return ()
@@ -297,7 +293,7 @@ def carried(mechanism: Mechanism, sample: Sample, joint: int, C: Array, outer: A
     rest = (arm @ axis) * axis
     c, s = np.cos(sample.q[joint]), np.sin(sample.q[joint])
     first = c * (arm - rest) - s * np.cross(axis, arm - rest)
-    if np.linalg.norm(first) <= SMALL:
+    if np.linalg.norm(first) <= ROUNDING:
         return None
     second = np.cross(axis, first)
     return Rod("crank", joint, outer, at + rest, first=first, second=second)
@@ -415,8 +411,8 @@ class _Recognizer:
         lengths = (reach * self.flat * along).sum(axis=1)
         values = np.array([s.q[joint] for s in self.samples])
         for off in (lengths - values, -lengths - values):
-            if np.abs(off - off[0]).max() <= SMALL:
-                return 0.0 if abs(off[0]) <= SMALL else round(float(off[0]), 12)
+            if np.abs(off - off[0]).max() <= ROUNDING:
+                return 0.0 if abs(off[0]) <= ROUNDING else round(float(off[0]), 12)
         return None
 
     def parted(
@@ -447,7 +443,7 @@ class _Recognizer:
             offset = self.offset(joint, B - C)
             if offset is None:
                 return None
-            if hinge and max(abs(s.axis[joint] @ axis) for s in self.samples) > SMALL:
+            if hinge and max(abs(s.axis[joint] @ axis) for s in self.samples) > ROUNDING:
                 return None
             return Rod(
                 "strut", joint, outer, C[0], axis if hinge else None, sliding=joint, offset=offset
@@ -459,9 +455,9 @@ class _Recognizer:
         # A hinge that a slide or a crank with the same axis carries (PRS, RRS): its point that is
         # straight across from the end of the rod.
         off = (B - C) @ axis
-        if np.abs([s.axis[passive[0]] - axis for s in self.samples]).max() > SMALL:
+        if np.abs([s.axis[passive[0]] - axis for s in self.samples]).max() > ROUNDING:
             return None
-        if np.abs(off - off[0]).max() > SMALL:
+        if np.abs(off - off[0]).max() > ROUNDING:
             return None
         found = carried(mechanism, sample, joint, C[0] + off[0] * axis, outer)
         return None if found is None else replace(found, hinge=axis)
@@ -507,7 +503,7 @@ class _Recognizer:
             off = (B - foot) @ axis
             met = float(off[0])
             along = max(abs(s.axis[slide] @ axis) for s in self.samples)
-            if max(along, np.abs(off - met).max()) > SMALL:
+            if max(along, np.abs(off - met).max()) > ROUNDING:
                 return []
         foot = foot + met * axis
         offset = self.offset(slide, B - foot)
@@ -534,7 +530,7 @@ class _Recognizer:
         for s in self.samples:
             a, b, slide = (s.axis[j] for j in path)
             gap = s.joints[path[1] + 1].translation - s.joints[path[0] + 1].translation
-            if max(abs(a @ b), abs(b @ slide), abs(gap @ np.cross(a, b))) > SMALL:
+            if max(abs(a @ b), abs(b @ slide), abs(gap @ np.cross(a, b))) > ROUNDING:
                 return None
             found.append(float(gap @ a))
         return found[0]
@@ -577,7 +573,7 @@ class _Recognizer:
     def beside(self, joint: int, reach: Array) -> bool:
         """Whether a joint's axis has another direction than reach (N, 3)."""
         along = np.array([s.axis[joint] for s in self.samples])
-        return bool(np.abs(np.cross(reach * self.flat, along)).max() > SMALL)
+        return bool(np.abs(np.cross(reach * self.flat, along)).max() > ROUNDING)
 
     def tree_reason(self, path: Sequence[int]) -> str:
         """Of the leg that carries the output in the tree, where it ends in no pin or ball."""
@@ -630,7 +626,7 @@ class SphereLeg:
     @property
     def square(self) -> bool:
         """Whether both links are quarter circles."""
-        return bool(max(abs(float(self.driven @ self.middle)), abs(self.cosine)) <= SMALL)
+        return bool(max(abs(float(self.driven @ self.middle)), abs(self.cosine)) <= ROUNDING)
 
 
 @dataclass(frozen=True, eq=False)
@@ -692,7 +688,7 @@ def squares_note(found: SphereLoci) -> str:
     """
     U = np.array([leg.driven for leg in found.legs]).T
     W = np.array([leg.outer for leg in found.legs]).T
-    right = max(float(np.abs(A.T @ A - np.eye(3)).max()) for A in (U, W)) <= SMALL
+    right = max(float(np.abs(A.T @ A - np.eye(3)).max()) for A in (U, W)) <= ROUNDING
     if not right or not all(leg.square for leg in found.legs):
         return ""
     unit = np.eye(3)
@@ -773,7 +769,7 @@ def _legs(mechanism: Mechanism) -> list[SphereLeg]:
             return []
         radii = [np.array(zero.frames[k].translation) - centre for k in (inner, outer)]
         sizes = [float(np.linalg.norm(r)) for r in radii]
-        if min(sizes) <= SMALL:
+        if min(sizes) <= ROUNDING:
             return []
         joints = path_to(mechanism, int(mechanism.model.frames[inner].parentJoint))
         ways.append((joints, radii[0] / sizes[0], radii[1] / sizes[1]))

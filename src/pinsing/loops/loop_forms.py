@@ -32,10 +32,9 @@ from pinsing.errors import OptionError
 from pinsing.loops.forms import JointForms
 from pinsing.loops.singular_points import SingularPoint, refine_point
 from pinsing.loops.structure import Sample, at_zero, closing, once, path_to, plane_axes
+from pinsing.measures import ALIKE, NOISE
 from pinsing.robot.mechanism import Mechanism
 from pinsing.serialization import JsonResult
-
-_TOUCH = 1e-12
 
 
 @dataclass(frozen=True, eq=False)
@@ -113,7 +112,7 @@ class Dyad:
         with np.errstate(invalid="ignore", divide="ignore"):
             along = (distance**2 + d1**2 - d2**2) / (2 * distance)
             square = d1**2 - along**2
-            square = np.where(np.abs(square) <= _TOUCH * d1**2, 0.0, square)
+            square = np.where(np.abs(square) <= NOISE * d1**2, 0.0, square)
             height = np.sqrt(square) * (1 if left else -1)
             unit = gap / distance[..., None]
         across = np.stack([-unit[..., 1], unit[..., 0]], axis=-1)
@@ -177,7 +176,7 @@ class Dyad:
         """
         inputs = self.mechanism.check_inputs(inputs)
         first, second = self.ends(inputs)
-        if np.linalg.norm(second - first) <= _TOUCH and np.isclose(
+        if np.linalg.norm(second - first) <= NOISE and np.isclose(
             self.sides[0].rod_length, self.sides[1].rod_length, rtol=1e-12
         ):
             around = [first + self.sides[0].rod_length * _unit(turn) for turn in (0.0, np.pi)]
@@ -219,7 +218,7 @@ class Dyad:
             cosine = (far**2 + length**2 - rod**2) / (2 * far * length) if far > 0 else np.inf
             away = float(np.arctan2(reach[1], reach[0])) - side.crank_angle
             bend = float(np.arccos(np.clip(cosine, -1, 1)))
-            turns = [] if abs(cosine) > 1 + _TOUCH else [bend, -bend] if bend > 0 else [0.0]
+            turns = [] if abs(cosine) > 1 + NOISE else [bend, -bend] if bend > 0 else [0.0]
             choices.append([(side.crank_sign * (away + turn),) for turn in turns])
         cranks = [side.crank for side in self.sides if side.crank is not None]
         out = []
@@ -294,10 +293,6 @@ def _unit(angle: npt.ArrayLike) -> Array:
     return np.stack([np.cos(angle), np.sin(angle)], axis=-1)
 
 
-_EXACT = 1e-12
-_FLAT = 1e-6
-
-
 def roots(equation: Equation, inputs: npt.ArrayLike, free: int) -> Array:
     """All real values, in (-pi, pi], of one input that solve an equation, the others held.
 
@@ -314,7 +309,7 @@ def roots(equation: Equation, inputs: npt.ArrayLike, free: int) -> Array:
     coefficients = np.zeros(2 * top + 1, dtype=complex)
     np.add.at(coefficients, top + frequency, c)
     np.add.at(coefficients, top - frequency, np.conj(c))
-    if np.abs(coefficients).max() <= _EXACT * equation.size or top == 0:
+    if np.abs(coefficients).max() <= NOISE * equation.size or top == 0:
         return np.zeros(0)
     found = np.roots(coefficients[::-1])
     angles = 2 * np.angle(found[np.abs(np.abs(found) - 1) < 1e-5])
@@ -327,9 +322,9 @@ def roots(equation: Equation, inputs: npt.ArrayLike, free: int) -> Array:
         going = (value != 0) & (np.abs(slope) > 1e-14 * equation.size)
         if k >= 20:
             # Newton stalls at half the digits of a double root, which is a single one of the slope.
-            going = np.abs(slope) <= _FLAT * equation.size
+            going = np.abs(slope) <= ALIKE * equation.size
             bend = -cos @ (equation.cos * turn**2) - sin @ (equation.sin * turn**2)
-            going &= np.abs(bend) > _FLAT * equation.size
+            going &= np.abs(bend) > ALIKE * equation.size
             value, slope = slope, bend
         angles[going] -= value[going] / slope[going]
     angles = np.pi - np.mod(np.pi - angles, 2 * np.pi)
@@ -467,7 +462,7 @@ class _LoopEquations:
 
     def _exact(self, value: float, what: str) -> Any:
         near = Fraction(value).limit_denominator(10**9)
-        if abs(float(near) - value) > _EXACT * max(1.0, abs(value)):
+        if abs(float(near) - value) > NOISE * max(1.0, abs(value)):
             self.notes.append(
                 f"a {what} of {value!r} m was taken as {near} (off by {float(near) - value:.1e})"
             )
@@ -560,7 +555,7 @@ def _range(form: Equation, extremes: Array) -> tuple[float, float, Array]:
     """Least and largest value, zero where that is rounding, and the extremes on the locus."""
     n = len(form.joints)
     values = form(np.concatenate([extremes, _tried(n)]))
-    values[np.abs(values) <= _EXACT * form.size] = 0.0
+    values[np.abs(values) <= NOISE * form.size] = 0.0
     if n == 1 and len(roots(form, [0.0], 0)):
         values = np.append(values, 0.0)
     touching = extremes[values[: len(extremes)] == 0]

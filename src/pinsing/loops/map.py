@@ -20,12 +20,12 @@ from pinsing._types import Array, Bool
 from pinsing.arguments import checked
 from pinsing.errors import OptionError
 from pinsing.loops.analysis import independent_inputs
-from pinsing.loops.closure import CLOSED_MANY, BatchLoops, near_home, newton, random_closed, ranks
+from pinsing.loops.closure import BatchLoops, near_home, newton, random_closed, ranks
 from pinsing.loops.legs import Rods, rods
 from pinsing.loops.modes import closed_from_random, home, mode_of
 from pinsing.loops.motion import Pose, aligned, measure_many, pose_of, pose_table
 from pinsing.loops.structure import output_pose
-from pinsing.measures import NEAR_RTOL, SINGULAR_RTOL
+from pinsing.measures import NEAR_RTOL, ROUNDING, SINGULAR_RTOL
 from pinsing.prose import PLAIN, Page
 from pinsing.robot.mechanism import Mechanism
 from pinsing.serialization import JsonResult
@@ -134,7 +134,7 @@ def draw_closed(
             Q[:, actuated] = held[left]
         here = None if target is None else (target[0][left], target[1][left], mechanism.task.rows)
         Q, size = newton(loops, Q, free, target=here, steps=_STEPS)
-        done = size <= CLOSED_MANY
+        done = size <= ROUNDING
         Q = mechanism.space.fold(Q)
         # One beyond a limit is kept until it is found within it another way.
         out[left[done]], kept[left[done]] = Q[done], True

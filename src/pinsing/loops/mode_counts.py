@@ -31,10 +31,9 @@ from pinsing._types import Array
 from pinsing.algebra.ring import Poly, divided_by, fraction, rational
 from pinsing.loops.exact import exact_points
 from pinsing.loops.forms import PoseEquation, pose_equation
-from pinsing.loops.legs import TOUCHING, Rod, Rods, carried, count_inside, inside, rods, sphere_loci
+from pinsing.loops.legs import Rod, Rods, carried, count_inside, inside, rods, sphere_loci
 from pinsing.loops.modes import home
 from pinsing.loops.structure import (
-    SMALL,
     Sample,
     at_zero,
     bodies,
@@ -45,6 +44,7 @@ from pinsing.loops.structure import (
     plane_axes,
     structure,
 )
+from pinsing.measures import ROUNDING
 from pinsing.robot.mechanism import Mechanism
 
 _SEED = 5077
@@ -367,7 +367,7 @@ def count_one_rod(mechanism: Mechanism, found: Sequence[Array], direct: bool) ->
         return None
     given, sought = (driven, other) if direct else (other, driven)
     at = np.array([q[given] for q in found])
-    if np.abs(mechanism.space.wrap(np.array(found) - found[0])[:, given]).max() > SMALL:
+    if np.abs(mechanism.space.wrap(np.array(found) - found[0])[:, given]).max() > ROUNDING:
         return None
     zero, start = at_zero(mechanism), Sample(mechanism, home(mechanism))
     points = _ends(mechanism, zero, *sides)
@@ -422,7 +422,7 @@ def _hinged_poses(
     # cos^2 + sin^2 = 1 along the line x + t v.
     a, b, c = v[2:] @ v[2:], 2 * x[2:] @ v[2:], x[2:] @ x[2:] - 1
     left = b * b - 4 * a * c
-    if a <= TOUCHING or abs(left) <= TOUCHING:
+    if a <= ROUNDING or abs(left) <= ROUNDING:
         return None
     out = []
     for root in () if left < 0 else (np.sqrt(left), -np.sqrt(left)):
@@ -484,13 +484,13 @@ def _three_spheres(pairs: Rods, q: Array) -> int | None:
     right = right + sizes[0] ** 2
     normal = np.cross(*rows)
     size = float(np.linalg.norm(normal))
-    if size <= SMALL:
+    if size <= ROUNDING:
         return None
     x = np.linalg.lstsq(rows, right, rcond=None)[0] - centres[0]
     n = normal / size
     foot = x - (x @ n) * n
     left = float(sizes[0] ** 2 - foot @ foot)
-    return None if abs(left) <= TOUCHING else 2 * (left > 0)
+    return None if abs(left) <= ROUNDING else 2 * (left > 0)
 
 
 def _one_rod(mechanism: Mechanism) -> tuple[int, int, tuple[int, ...]] | None:
@@ -533,7 +533,7 @@ def _shown(mechanism: Mechanism, joint: int) -> bool:
     turning = not mechanism.prismatic[joint]
     if turning != (row >= 3):
         return False
-    return bool(abs(abs(float(zero.axis[joint][row % 3])) - 1) <= SMALL)
+    return bool(abs(abs(float(zero.axis[joint][row % 3])) - 1) <= ROUNDING)
 
 
 def count_triangles(mechanism: Mechanism, found: Sequence[Array]) -> int | None:
@@ -549,7 +549,7 @@ def count_triangles(mechanism: Mechanism, found: Sequence[Array]) -> int | None:
         return None
     sides = corners - np.roll(corners, 1, axis=0)
     lengths = np.linalg.norm(sides, axis=1)
-    if lengths.min() <= SMALL * max(lengths.max(), SMALL):
+    if lengths.min() <= ROUNDING * max(lengths.max(), ROUNDING):
         return None
     height = abs(sides[0][0] * sides[1][1] - sides[0][1] * sides[1][0]) / lengths.max()
     # Height of a triangle, of its longest side, at which both of its places are one.
@@ -595,7 +595,7 @@ def point_legs(mechanism: Mechanism) -> Rods | None:
 def _position_in(axes: Array, rows: Sequence[int]) -> bool:
     """Whether rows of a task are the position in a plane, whose axes are rows of (3, 3)."""
     across = [k for k in range(3) if k not in rows]
-    return set(rows) <= {0, 1, 2} and bool((np.abs(axes[:2, across]) <= SMALL).all())
+    return set(rows) <= {0, 1, 2} and bool((np.abs(axes[:2, across]) <= ROUNDING).all())
 
 
 def _place(sample: Sample, pin: int, own: int) -> Array:
@@ -624,7 +624,7 @@ def _corners(mechanism: Mechanism, ring: Sequence[int], q: Array) -> Array | Non
     frame = sample.frames[closing(mechanism)[0][0]]
     if mechanism.loops[0].kind == "planar":
         axes = np.concatenate([axes, np.array(frame.rotation)[None, :, 2]])
-    if np.abs(np.cross(axes, axes[0])).max() > SMALL:
+    if np.abs(np.cross(axes, axes[0])).max() > ROUNDING:
         return None
     points = np.array(
         [frame.translation if j == LOOP else sample.joints[j + 1].translation for j in pins]
@@ -638,7 +638,7 @@ def _at_pin(mechanism: Mechanism, pin: int, at: Sample) -> bool:
     if structure(mechanism).output not in (bodies(mechanism)[0] if pin == LOOP else joined):
         return False
     away = _place(at, pin, closing(mechanism)[0][0]) - np.array(at.output.translation)
-    return bool(np.linalg.norm(away[:2]) <= SMALL * mechanism.length_scale)
+    return bool(np.linalg.norm(away[:2]) <= ROUNDING * mechanism.length_scale)
 
 
 def noun(problem: str, count: int) -> str:

@@ -20,7 +20,6 @@ from pinsing._types import Array
 from pinsing.errors import ConfigurationError
 from pinsing.loops.closure import (
     CLOSED,
-    CLOSED_MANY,
     BatchLoops,
     Loops,
     Mask,
@@ -30,11 +29,9 @@ from pinsing.loops.closure import (
     random_closed,
     ranks,
 )
-from pinsing.loops.structure import SMALL, Sample, closing, once, path_to, structure
+from pinsing.loops.structure import Sample, closing, once, path_to, structure
+from pinsing.measures import ROUNDING
 from pinsing.robot.mechanism import Mechanism
-
-STRAIGHT = 1e-9
-"""Sine of an elbow angle up to which it counts as straight."""
 
 _SEED = 947
 _HOME_STARTS = 60
@@ -120,7 +117,7 @@ def elbows(mechanism: Mechanism) -> tuple[Elbow, ...]:
             beyond = [j for j in range(1, model.njoints) if parents[j] == last]
         if beyond:
             end = model.jointPlacements[beyond[0]].translation
-            if np.linalg.norm(end) <= SMALL:
+            if np.linalg.norm(end) <= ROUNDING:
                 # Two axes through one point: a ball has no elbow, a leg on a sphere has.
                 if slides or not _meets(model, elbow):
                     continue
@@ -132,7 +129,7 @@ def elbows(mechanism: Mechanism) -> tuple[Elbow, ...]:
             pairs = zip(*closing(mechanism), strict=True)
             ends = (model.frames[k] for k in itertools.chain(*pairs))
             here = [f for f in ends if f.parentJoint == last]
-            if not here or (slides and np.linalg.norm(here[0].placement.translation) <= SMALL):
+            if not here or (slides and np.linalg.norm(here[0].placement.translation) <= ROUNDING):
                 continue
             end = here[0].placement.translation
         x, y, z = (float(v) for v in end)
@@ -142,7 +139,7 @@ def elbows(mechanism: Mechanism) -> tuple[Elbow, ...]:
 
 def _meets(model: pin.Model, joint: int) -> bool:
     """Whether a joint stands where the one before it stands."""
-    return bool(np.linalg.norm(model.jointPlacements[joint].translation) <= SMALL)
+    return bool(np.linalg.norm(model.jointPlacements[joint].translation) <= ROUNDING)
 
 
 def elbow_sines(mechanism: Mechanism, q: npt.ArrayLike) -> Array:
@@ -160,9 +157,9 @@ def elbow_sines(mechanism: Mechanism, q: npt.ArrayLike) -> Array:
         second = sample.joints[e.end_joint].act(np.array(e.end)) - start
         reach, size = float(np.linalg.norm(second)), float(np.linalg.norm(first))
         if e.slides:
-            out.append(float(axis @ second) / max(reach, SMALL))
-        elif size <= SMALL:
-            out.append(float(np.cross(axis, bent) @ second) / max(reach, SMALL))
+            out.append(float(axis @ second) / max(reach, ROUNDING))
+        elif size <= ROUNDING:
+            out.append(float(np.cross(axis, bent) @ second) / max(reach, ROUNDING))
         else:
             bend = float(np.cross(first, second) @ axis)
             out.append(bend / (size * reach) if reach > 0 else 0.0)
@@ -214,7 +211,7 @@ def mode_at(mechanism: Mechanism, q: npt.ArrayLike) -> ModeSigns:
 
 
 def _sign(value: float) -> str:
-    return "0" if abs(value) <= STRAIGHT else "+" if value > 0 else "-"
+    return "0" if abs(value) <= ROUNDING else "+" if value > 0 else "-"
 
 
 def mode_of(mechanism: Mechanism, q: npt.ArrayLike) -> str:
@@ -274,7 +271,7 @@ def closed_from_random(
     drawn = rng.uniform(*mechanism.space.span, (count, mechanism.n))
     drawn[0] = home(mechanism)
     Q, size = newton(loops, np.where(free, drawn, begin), free, target=target, steps=steps)
-    return Q[size <= CLOSED_MANY]
+    return Q[size <= ROUNDING]
 
 
 def _home_starts(mechanism: Mechanism) -> Iterator[tuple[Array, Mask]]:
@@ -289,7 +286,7 @@ def _home_starts(mechanism: Mechanism) -> Iterator[tuple[Array, Mask]]:
     # Where few of the poses are within the limits: many starts, all at once.
     drawn = rng.uniform(*space.span, (_MORE_STARTS, mechanism.n))
     Q, size = newton(BatchLoops(mechanism), drawn, everything)
-    for q in Q[size <= CLOSED_MANY]:
+    for q in Q[size <= ROUNDING]:
         if not space.unreachable(space.fold(q)).any():
             yield q, everything
 

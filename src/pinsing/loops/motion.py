@@ -45,7 +45,7 @@ from pinsing.loops.closure import (
 )
 from pinsing.loops.modes import home, mode_of
 from pinsing.loops.structure import output_pose
-from pinsing.measures import NEAR_RTOL, SINGULAR_RTOL
+from pinsing.measures import ALIKE, NEAR_RTOL, SINGULAR_RTOL
 from pinsing.robot.mechanism import Mechanism
 from pinsing.robot.task import ROW_NAMES
 from pinsing.serialization import JsonResult
@@ -381,7 +381,6 @@ def _motions_many(G: Array, rank: int) -> tuple[Array, Array]:
 
 
 COORDINATES = ("x", "y", "z", "roll", "pitch", "yaw")
-_UNIT = 1e-6
 
 
 @dataclass(frozen=True)
@@ -450,7 +449,7 @@ def read_pose(mechanism: Mechanism, pose: npt.ArrayLike | None) -> pin.SE3:
     if values.shape == (7,):
         e = values[3:]
         size = float(np.linalg.norm(e))
-        if size <= _UNIT:
+        if size <= ALIKE:
             raise ConfigurationError("the quaternion of the pose is zero: give e0, e1, e2, e3")
         return pin.SE3(pin.Quaternion(*(e / size)).matrix(), values[:3])
     if values.shape == (6,):
@@ -472,9 +471,9 @@ def read_pose(mechanism: Mechanism, pose: npt.ArrayLike | None) -> pin.SE3:
 def _matrix(values: Array) -> pin.SE3:
     R = values[:3, :3]
     if (
-        np.abs(R @ R.T - np.eye(3)).max() > _UNIT
+        np.abs(R @ R.T - np.eye(3)).max() > ALIKE
         or np.linalg.det(R) < 0
-        or not np.allclose(values[3], [0, 0, 0, 1], atol=_UNIT)
+        or not np.allclose(values[3], [0, 0, 0, 1], atol=ALIKE)
     ):
         raise ConfigurationError("the matrix (4, 4) is no pose: its rotation is not orthogonal")
     U, _, Vt = np.linalg.svd(R)

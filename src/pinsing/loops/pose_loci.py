@@ -60,10 +60,8 @@ from pinsing.loops.mode_counts import degree_notes, input_loci, length_name, poi
 from pinsing.loops.modes import home
 from pinsing.loops.motion import pose_of
 from pinsing.loops.structure import once, output_pose, structure
+from pinsing.measures import ROUNDING
 from pinsing.robot.mechanism import Mechanism
-
-PARALLEL = 1e-9
-"""Metres: the rods of one crank are parallel where their ends are that near to it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -114,7 +112,7 @@ class PoseRing:
                 for new, old in zip(wanted, vectors[6 * k : 6 * k + 4], strict=True)
                 for axis, (a, b) in enumerate(zip(new, old, strict=True))
             )
-            if gap <= PARALLEL:
+            if gap <= ROUNDING:
                 vectors[6 * k : 6 * k + 4] = wanted
                 off = max(off, gap)
         return tuple(vectors), off
@@ -796,7 +794,7 @@ def _forms(mechanism: Mechanism, found: Rods) -> PoseForms:
     notes += made_exact(ring)
     if ring.snapped > 0:
         notes.append(
-            f"rods of one crank that are parallel to {PARALLEL:g} m were taken as parallel (their "
+            f"rods of one crank that are parallel to {ROUNDING:g} m were taken as parallel (their "
             f"ends were moved by at most {ring.snapped:.1e} m)"
         )
     lines = ring.lines()

@@ -12,11 +12,12 @@ import pinocchio as pin
 
 from pinsing._types import Array, Bool
 from pinsing.errors import OptionError
-from pinsing.loops.closure import CLOSED_MANY, BatchLoops, newton
+from pinsing.loops.closure import BatchLoops, newton
 from pinsing.loops.joint_loci import joint_forms
 from pinsing.loops.modes import home
 from pinsing.loops.motion import COORDINATES, led_pose
 from pinsing.loops.structure import Sample, closing, output_pose
+from pinsing.measures import ROUNDING
 from pinsing.robot.mechanism import Mechanism
 
 
@@ -73,7 +74,7 @@ class PoseWay:
             target=(R, p, self.targets_rows),
         )
         turned = np.abs(self.loops.output(Q)[0] - np.array(self.place.rotation)).max()
-        kept = bool(error.max() <= CLOSED_MANY and turned <= 1e-9)
+        kept = bool(error.max() <= ROUNDING and turned <= 1e-9)
         if kept:
             self.targets_rows = (*self.targets_rows, 3, 4, 5)
         return kept
@@ -357,7 +358,7 @@ class _Grid:
             R, p = way.targets(x[here[:, 2]], y[here[:, 1]])
             steps = _NEAR_STEPS if np.isfinite(far) else _FAR_STEPS
             Q, error = newton(way.loops, Q0, way.free, None, (R, p, way.targets_rows), steps)
-            ok = error <= CLOSED_MANY
+            ok = error <= ROUNDING
             if np.isfinite(far):
                 gap = np.abs(way.mechanism.space.wrap(Q - Q0)) / way.mechanism.space.metric
                 ok &= gap.max(axis=1) <= far

@@ -16,27 +16,19 @@ import numpy.typing as npt
 from pinsing._types import Array, Bool
 from pinsing.arguments import checked
 from pinsing.errors import ConfigurationError, OptionError
-from pinsing.loops.closure import (
-    CLOSED,
-    CLOSED_MANY,
-    BatchLoops,
-    Loops,
-    gauss_newton,
-    newton,
-    ranks,
-)
+from pinsing.loops.closure import CLOSED, BatchLoops, Loops, gauss_newton, newton, ranks
 from pinsing.loops.legs import MOST_ASSEMBLIES, most_assemblies, sphere_loci
 from pinsing.loops.loop_forms import planar_dyad
 from pinsing.loops.mode_counts import found_words, level_words, noun, number_of_modes
 from pinsing.loops.modes import closed_from_random, home, home_error, mode_at, mode_of
 from pinsing.loops.motion import motions, pose_of, read_pose
 from pinsing.loops.solve import InfeasibleError, Solution, feasible
-from pinsing.loops.structure import SAME, Leg, likeness, output_pose, same, structure
+from pinsing.loops.structure import Leg, likeness, output_pose, same, structure
+from pinsing.measures import ALIKE, ROUNDING
 from pinsing.robot.mechanism import Mechanism
 from pinsing.serialization import JsonResult
 
 _STARTS = 24
-_FREE = 1e-6
 _POINTS = 8
 
 
@@ -99,7 +91,7 @@ def _solutions(
         target = (R[pose], p[pose], tuple(range(6))) if leg.carries else None
         Q, size = newton(loops, starts, mine, leg.loops, target)
         flips: list[tuple[int, Array]] = []
-        for i, q in zip(pose[size <= CLOSED_MANY].tolist(), Q[size <= CLOSED_MANY], strict=True):
+        for i, q in zip(pose[size <= ROUNDING].tolist(), Q[size <= ROUNDING], strict=True):
             away = mechanism.space.wrap(np.reshape(found[i], (-1, mechanism.n)) - q)
             if not (np.abs(away / mechanism.space.metric).max(axis=1) <= 1e-5).any():
                 found[i].append(q)
@@ -120,7 +112,7 @@ def _without_curves(mechanism: Mechanism, mine: Bool, modes: list[LegMode]) -> l
     def is_loose(mode: LegMode) -> bool:
         rows = np.vstack([loops.scaled(mode.q)[1], loops.output(mode.q)[1]])[:, mine]
         sigma = np.linalg.svd(rows, compute_uv=False)
-        return len(sigma) < mine.sum() or bool(sigma[-1] <= _FREE * sigma[0])
+        return len(sigma) < mine.sum() or bool(sigma[-1] <= ALIKE * sigma[0])
 
     loose = [mode for mode in modes if is_loose(mode)]
     if len(loose) <= _POINTS:
@@ -374,7 +366,7 @@ def _sought(
     rng = np.random.default_rng(seed)
     loops = BatchLoops(mechanism)
     poses, hits = _poses(loops, closed_from_random(loops, begin, free, starts, rng, target))
-    loose = [motions(mechanism, q).input_ratio <= _FREE for q in poses]
+    loose = [motions(mechanism, q).input_ratio <= ALIKE for q in poses]
     # All but the first of the poses at which the output is loose, where there are many.
     spare = set(np.flatnonzero(loose)[1:].tolist()) if sum(loose) > _POINTS else set()
     kept = [k for k in range(len(poses)) if k not in spare]
@@ -460,7 +452,7 @@ def _apart(loops: BatchLoops, Q: Array, times: list[int]) -> tuple[list[Array], 
     marks = _marks(loops, Q)
     for k, mark in enumerate(marks):
         away = np.abs(marks[kept] - mark).max(axis=1)
-        if len(kept) and away.min() <= 10 * SAME:
+        if len(kept) and away.min() <= 10 * ALIKE:
             hits[int(np.argmin(away))] += times[k]
         else:
             kept.append(k)

@@ -28,8 +28,7 @@ from pinsing.loops.closure import CLOSED, Loops, ranks, to_its_size
 from pinsing.loops.modes import mode_of
 from pinsing.loops.motion import _motions
 from pinsing.loops.structure import likeness, same
-from pinsing.measures import SINGULAR_RTOL
-from pinsing.robot.joint_space import SLACK
+from pinsing.measures import ALIKE, ROUNDING, SINGULAR_RTOL
 from pinsing.robot.mechanism import Mechanism
 from pinsing.serialization import JsonResult
 
@@ -148,8 +147,8 @@ class Curve:
         self.held = np.eye(mechanism.n)[list(held)]
         self.units = self.loops.column_scale
         whole = ~mechanism.prismatic & (mechanism.upper - mechanism.lower >= 2 * np.pi - 1e-9)
-        self.low = np.where(whole, -np.inf, mechanism.lower) - SLACK
-        self.high = np.where(whole, np.inf, mechanism.upper) + SLACK
+        self.low = np.where(whole, -np.inf, mechanism.lower) - ROUNDING
+        self.high = np.where(whole, np.inf, mechanism.upper) + ROUNDING
 
     def tangent(self, q: Array, along: Array | None) -> Array:
         """Unit tangent at q; to the side of ``along``, or of greater values of the moving joint."""
@@ -204,7 +203,7 @@ class Curve:
                 return out, True
             if not self._inside(new):
                 end = self._last_inside(q, t, step)
-                if np.abs((end - q) / self.units).max() > SLACK:
+                if np.abs((end - q) / self.units).max() > ROUNDING:
                     out.append((end, self.tangent(end, t)))
                 return out, False
             q, t = new, turn
@@ -221,7 +220,7 @@ class Curve:
     def _last_inside(self, q: Array, t: Array, step: float) -> Array:
         """Where the curve meets the limit that a step from q would cross."""
         good, short, long = q, 0.0, step
-        while long - short > SLACK / 4:
+        while long - short > ROUNDING / 4:
             middle = (short + long) / 2
             try:
                 new = self.correct(q + middle * t * self.units, t)
@@ -250,8 +249,6 @@ class LostError(Exception):
 
 
 KINDS = ("type 1", "type 2", "constraint")
-_SAME = 1e-6
-_ZERO = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
@@ -370,7 +367,7 @@ def _refined(
 def _throughout(t: Trace, kind: str) -> bool:
     """Whether all of a curve is singular of a kind."""
     asked = ("type 1", "type 2") if kind == "type 3" else (kind,)
-    return all(bool((t.measures[k] <= _ZERO).all()) for k in asked)
+    return all(bool((t.measures[k] <= ROUNDING).all()) for k in asked)
 
 
 def _of_one_mode(mechanism: Mechanism, found: list[SingularPoint]) -> list[SingularPoint]:
@@ -378,7 +375,7 @@ def _of_one_mode(mechanism: Mechanism, found: list[SingularPoint]) -> list[Singu
     out: list[SingularPoint] = []
     marks: list[Array] = []
     for point in found:
-        if mechanism.space.unreachable(point.q, _SAME).any():
+        if mechanism.space.unreachable(point.q, ALIKE).any():
             continue
         mark = likeness(mechanism, point.q)
         for k, (other, seen) in enumerate(zip(marks, out, strict=True)):
@@ -409,7 +406,7 @@ def turning_points(mechanism: Mechanism, t: Trace) -> tuple[SingularPoint, ...]:
 
 def _add(mechanism: Mechanism, found: list[SingularPoint], point: SingularPoint) -> None:
     for i, other in enumerate(found):
-        if np.abs(mechanism.space.wrap(point.q - other.q)).max() <= _SAME:
+        if np.abs(mechanism.space.wrap(point.q - other.q)).max() <= ALIKE:
             # Found as type 1 and as type 2: what both say together is the kind.
             if point.range_end and not other.range_end and point.kind == other.kind:
                 found[i] = point
@@ -421,7 +418,7 @@ def _turns(t: Trace, index: int) -> list[int]:
     slope = t.direction[:, index]
     # An input that stays along a curve does not turn: the signs of its slope are rounding.
     found = [k for k in range(1, len(slope)) if slope[k - 1] * slope[k] <= 0]
-    still = np.abs(slope) <= _ZERO
+    still = np.abs(slope) <= ROUNDING
     return _one_of_each_run(found, still)
 
 
@@ -456,7 +453,9 @@ def _candidates(t: Trace, index: int) -> list[tuple[str, int]]:
         low &= np.maximum(left, right) >= 1.3 * ratio
         if low.all():
             continue
-        out += [(kind, k) for k in _one_of_each_run(np.flatnonzero(low).tolist(), ratio <= _ZERO)]
+        out += [
+            (kind, k) for k in _one_of_each_run(np.flatnonzero(low).tolist(), ratio <= ROUNDING)
+        ]
     # At a constraint singularity the others are met as well, and less exactly: it goes first.
     return sorted(out, key=lambda c: c[0] != "constraint")
 

@@ -12,11 +12,9 @@ import pinocchio as pin
 
 from pinsing._types import Array
 from pinsing.loops.exact import Turn, rational_turn, turn_to
+from pinsing.measures import ALIKE, ROUNDING
 from pinsing.robot.joints import joint_axis
 from pinsing.robot.mechanism import Mechanism
-
-SMALL = 1e-9
-"""Metres, and sines: what is smaller is zero."""
 
 
 @dataclass(frozen=True)
@@ -148,7 +146,7 @@ def plane_normal(mechanism: Mechanism, axes: Array) -> Array | None:
         return None
     normal = axes[int(np.argmax(turning))]
     normal = normal * np.sign(normal[int(np.argmax(np.abs(normal).round(6)))])
-    flat = np.abs(np.abs(axes @ normal) - turning).max() <= SMALL
+    flat = np.abs(np.abs(axes @ normal) - turning).max() <= ROUNDING
     return np.array(normal) if flat else None
 
 
@@ -163,7 +161,7 @@ def plane_axes(mechanism: Mechanism) -> tuple[Array, Array] | None:
     if normal is None:
         return None
     k = int(np.argmax(np.abs(normal)))
-    if abs(normal[k] - 1) <= SMALL:
+    if abs(normal[k] - 1) <= ROUNDING:
         axes = np.roll(np.eye(3), 2 - k, axis=0)
     else:
         first = np.cross([0.0, 1.0, 0.0] if k != 1 else [0.0, 0.0, 1.0], normal)
@@ -171,7 +169,7 @@ def plane_axes(mechanism: Mechanism) -> tuple[Array, Array] | None:
         axes = np.array([first, np.cross(normal, first), normal])
     turned = axes @ zero.output.rotation
     for own in (axes.T, np.eye(3)):
-        if abs((turned @ own)[2, 2] - 1) <= SMALL:
+        if abs((turned @ own)[2, 2] - 1) <= ROUNDING:
             return axes, np.array(own)
     return axes, np.array(turned.T)
 
@@ -220,7 +218,7 @@ def _coaxial(mechanism: Mechanism) -> list[tuple[int, int]]:
         place = model.jointPlacements[j + 1]
         turned = np.array(place.rotation) @ axes[j]
         apart = np.cross(axes[parent], np.array(place.translation))
-        if max(np.abs(np.cross(axes[parent], turned)).max(), np.abs(apart).max()) <= SMALL:
+        if max(np.abs(np.cross(axes[parent], turned)).max(), np.abs(apart).max()) <= ROUNDING:
             out.append((parent, j))
     return out
 
@@ -304,9 +302,9 @@ def _run(
             break
         if free:
             start = met[0]
-            sitting = int(np.linalg.norm(start) <= SMALL)
+            sitting = int(np.linalg.norm(start) <= ROUNDING)
         point, free, here = met[1], False, after[0]
-        sitting += int(np.linalg.norm(point) <= SMALL)
+        sitting += int(np.linalg.norm(point) <= ROUNDING)
         chain.append(here)
     return Centre(tuple(chain), start), sitting
 
@@ -323,19 +321,15 @@ def _meeting(
     normal = np.cross(axis, direction)
     size = float(np.linalg.norm(normal))
     if free:
-        if size <= SMALL or abs(t @ normal) > SMALL * size:
+        if size <= ROUNDING or abs(t @ normal) > ROUNDING * size:
             return None
         # t + s d = r a: the common point is r a.
         r = float(np.cross(t, direction) @ normal) / size**2
         point = r * axis
     inside = R.T @ (point - t)
-    if np.linalg.norm(np.cross(inside, following)) > SMALL:
+    if np.linalg.norm(np.cross(inside, following)) > ROUNDING:
         return None
     return point, inside
-
-
-SAME = 1e-6
-"""Largest difference, metres over the length scale and parts of a unit vector."""
 
 
 def likeness(
@@ -389,7 +383,7 @@ def output_pose(mechanism: Mechanism, q: Array) -> pin.SE3:
 
 def same(a: Array, b: Array) -> bool:
     """Whether two likenesses (k,) are of one mode."""
-    return bool(np.abs(a - b).max(initial=0.0) <= SAME)
+    return bool(np.abs(a - b).max(initial=0.0) <= ALIKE)
 
 
 SPACE, PLANE, SPHERE = "space", "plane", "sphere"
@@ -418,6 +412,6 @@ def room_of(mechanism: Mechanism) -> tuple[str, Turn, Array]:
         rows = np.concatenate(across)
         right = np.concatenate([P @ p for P, p in zip(across, drawn.origins, strict=True)])
         centre, _, rank, _ = np.linalg.lstsq(rows, right, rcond=None)
-        if rank == 3 and np.abs(rows @ centre - right).max() <= SMALL:
+        if rank == 3 and np.abs(rows @ centre - right).max() <= ROUNDING:
             return SPHERE, still, centre
     return SPACE, still, none

@@ -21,6 +21,7 @@ from pinsing.loops.problems import Modes, assembly_modes, working_modes
 from pinsing.loops.singular_points import SingularPoint, Trace, find_singular
 from pinsing.loops.solve import Solution, curves
 from pinsing.loops.structure import output_pose, plane_axes
+from pinsing.measures import ROUNDING
 from pinsing.plot.style import pi_ticks, plain, unit
 from pinsing.prose import unbroken
 from pinsing.robot.joints import joint_axis
@@ -323,7 +324,6 @@ def _axes(ax: Axes | None) -> Axes:
 
 _LINK, _DRIVEN, _NODE, _OUTPUT = "#8a9ba8", "#41719c", "#37424d", "#cc333d"
 _PLATE, _GROUND = "#e9d5d6", "#e3e7ea"
-_FLAT = 1e-9
 
 
 def joint_points(mechanism: Mechanism, q: Array) -> Array:
@@ -402,7 +402,7 @@ def _places(mechanism: Mechanism, data: pin.Data) -> list[Array]:
     model = mechanism.model
     origins = [np.array(data.oMi[j].translation) for j in range(model.njoints)]
     middle = origins[1]
-    if any(np.linalg.norm(p - middle) > _FLAT for p in origins[1:]):
+    if any(np.linalg.norm(p - middle) > ROUNDING for p in origins[1:]):
         return origins
     closing = {name for loop in mechanism.loops for name in (loop.frame_a, loop.frame_b)}
     away = [
@@ -422,7 +422,7 @@ def distinct(points: Array) -> Array:
     """Points (k, 3) without those that coincide with earlier ones."""
     kept: list[Array] = []
     for p in points:
-        if all(np.linalg.norm(p - other) > _FLAT for other in kept):
+        if all(np.linalg.norm(p - other) > ROUNDING for other in kept):
             kept.append(p)
     return np.array(kept)
 
@@ -442,7 +442,6 @@ _MODES = {
     "+": (PLUS, "assembly +, as at home"), "-": (MINUS, "assembly −"), "0": (_PLAIN, "poses"),
     "?": (_PLAIN, "poses"),
 }  # fmt: skip
-_STILL = 1e-9
 
 
 def motion_curve(
@@ -489,7 +488,7 @@ def motion_curve(
     told = _apart([(t.q, _values(mechanism, t.q, names, degrees)) for t in found], turn)
     centre = _centre(told[0][1], turn) if told else np.zeros(2)
     for k, name in enumerate(names):
-        if not told or max(float(np.ptp(v[:, k])) for _, v in told) <= _STILL:
+        if not told or max(float(np.ptp(v[:, k])) for _, v in told) <= ROUNDING:
             raise OptionError(
                 f"{mechanism.name}: {name} does not move; take two of "
                 f"{', '.join((*mechanism.inputs, *COORDINATES))}"
@@ -585,7 +584,7 @@ def _apart(found: Sequence[tuple[Array, Array]], turn: Array) -> list[tuple[Arra
         mine = _folded(values, turn)
         for _, other in kept:
             there = _folded(other, turn)
-            step = np.abs(_folded(np.diff(other, axis=0), turn)).max(axis=0) + _STILL
+            step = np.abs(_folded(np.diff(other, axis=0), turn)).max(axis=0) + ROUNDING
             gap = np.abs(_folded(mine[::7, None] - there[None], turn))
             if ((gap <= step).all(axis=2)).any(axis=1).all():
                 break

@@ -23,6 +23,7 @@ from pinsing.families import closed_form as closed_form_of
 from pinsing.families.solve import form_to_measure
 from pinsing.kinematics.jacobian import singular_values, tip_poses
 from pinsing.kinematics.verdict import ratios
+from pinsing.measures import ALIKE
 from pinsing.plot.style import (
     COLORS,
     DASHES,
@@ -223,9 +224,6 @@ def family_label(family: Family) -> str:
     return f"{family.label}, of {named}"
 
 
-_HERE = 1e-6
-
-
 def draw_family(
     ax: Axes,
     family: Family,
@@ -318,7 +316,7 @@ def fills_plane(family: Family, Q: Array, plane: tuple[int, int]) -> bool:
 
 
 def _vanishes(equation: Equation, Q: Array) -> bool:
-    return bool(np.abs(equation(Q)).max() <= _HERE * equation.size)
+    return bool(np.abs(equation(Q)).max() <= ALIKE * equation.size)
 
 
 def _values_in_plane(
@@ -330,7 +328,7 @@ def _values_in_plane(
         if v.joint in plane:
             free[v.joint] = v.value
             continue
-        if apart(float(q[v.joint]), v.value, bool(prismatic[v.joint])) > _HERE:
+        if apart(float(q[v.joint]), v.value, bool(prismatic[v.joint])) > ALIKE:
             return None
     return free
 
@@ -343,7 +341,7 @@ def _in_plane(
     for e in equations:
         if set(e.involved) & set(plane):
             out.append(e)
-        elif abs(float(e(Q[0, 0]))) > _HERE * e.size:
+        elif abs(float(e(Q[0, 0]))) > ALIKE * e.size:
             return None
     return out
 

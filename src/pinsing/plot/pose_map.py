@@ -27,6 +27,7 @@ from pinsing.loops.pose_slice import (
 )
 from pinsing.loops.problems import working_modes
 from pinsing.loops.structure import likeness, output_pose, same
+from pinsing.measures import ALIKE
 from pinsing.plot.mechanism import (
     TYPE_1,
     TYPE_2,
@@ -114,7 +115,6 @@ PASSIVE = "#7d3c98"
 LIMIT = "#6b7480"
 SINGULAR = "#e4e2e8"
 _SAMPLES = {1: 161, 2: 141, 4: 111, 8: 91}
-_ALIKE = 1e-6
 _MOST_NAMED = 6
 
 
@@ -327,12 +327,12 @@ def _modes(
 
 def _turned(mechanism: Mechanism, q: Array, place: pin.SE3) -> bool:
     away = output_pose(mechanism, q).rotation - place.rotation
-    return bool(np.abs(away).max() > _ALIKE)
+    return bool(np.abs(away).max() > ALIKE)
 
 
 def _sense(mechanism: Mechanism, start: Array, q: Array) -> bool:
     """Return True if it is not the start with legs turned round, which look as they did."""
-    return bool(np.abs(joint_points(mechanism, start) - joint_points(mechanism, q)).max() > _ALIKE)
+    return bool(np.abs(joint_points(mechanism, start) - joint_points(mechanism, q)).max() > ALIKE)
 
 
 def _title(mechanism: Mechanism, q: Array) -> str:

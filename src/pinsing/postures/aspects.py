@@ -17,6 +17,7 @@ from pinsing.algebra.budget import Budget
 from pinsing.arguments import checked, typed
 from pinsing.errors import OptionError
 from pinsing.families import ClosedForm
+from pinsing.measures import ROUNDING
 from pinsing.postures.joint_map import Map, make_map, require_same_families
 from pinsing.postures.ladder import ladder_of, posture_names
 from pinsing.postures.newton import columns, regular_way
@@ -31,9 +32,6 @@ PRACTICAL = 1e-5
 """sigma_r / sigma_1 under which no motor tells a configuration from a singular one."""
 
 _PIECES = (2_000, 20_000)
-
-_CLEAR = 1e-9
-"""sigma_r / sigma_1 above which a determinant has a sign that rounding does not make."""
 
 
 PROVEN, PROBABLE, NOT_COMPLETE = "proven", "probable", "not complete"
@@ -87,7 +85,7 @@ def opposite(forms: Forms, a: Array, b: Array) -> bool:
             continue
         J = columns(arm, np.stack([a, b]))
         sizes = np.linalg.svd(J, compute_uv=False)
-        if (sizes[:, -1] > _CLEAR * sizes[:, 0]).all() and np.prod(np.linalg.det(J)) < 0:
+        if (sizes[:, -1] > ROUNDING * sizes[:, 0]).all() and np.prod(np.linalg.det(J)) < 0:
             return True
     return False
 

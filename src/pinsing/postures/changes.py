@@ -23,6 +23,7 @@ from pinsing.arguments import checked, typed
 from pinsing.families import ClosedForm, closed_form
 from pinsing.kinematics.jacobian import tip_placement
 from pinsing.kinematics.verdict import generic_rank
+from pinsing.measures import ROUNDING
 from pinsing.postures.aspects import NOT_COMPLETE, aspects, map_of, missing, opposite
 from pinsing.postures.connection import DIFFERENT, SAME, UNDECIDED, Connection, connect
 from pinsing.postures.inverse import InverseSolution, inverse
@@ -40,7 +41,6 @@ _TRIED = 8
 _LOOKED = 512
 """Copies of the joints of one part that are looked at, the nearest; a joint has as many at most."""
 _TURN = 2 * math.pi
-_SLACK = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
@@ -142,8 +142,8 @@ def _values(
     for j, (x, low, high) in enumerate(zip(q.tolist(), cut.low, cut.high, strict=True)):
         first, last = 0, 0
         if not (cut.endless[j] or chosen.watched.prismatic[j] or j in held):
-            first = math.ceil((low - _SLACK - x) / _TURN)
-            last = math.floor((high + _SLACK - x) / _TURN)
+            first = math.ceil((low - ROUNDING - x) / _TURN)
+            last = math.floor((high + ROUNDING - x) / _TURN)
         if last < first:  # outside the limits, whatever the turns
             first, last = 0, 0
         middle = min(max(round((start[j] - x) / _TURN), first), last)

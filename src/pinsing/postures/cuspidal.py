@@ -15,6 +15,7 @@ from pinsing.families import ClosedForm, closed_form
 from pinsing.kinematics.batch import picked, turn_left
 from pinsing.kinematics.jacobian import tip_placement
 from pinsing.kinematics.verdict import generic_rank, ratios
+from pinsing.measures import ROUNDING
 from pinsing.postures.aspects import PRACTICAL, PROVEN, Aspects, aspects, missing, nearly
 from pinsing.postures.connection import SAME, Connection, connect
 from pinsing.postures.inverse import inverse
@@ -28,8 +29,6 @@ from pinsing.serialization import JsonResult
 POSES = 60
 
 CUSPIDAL, NOT_CUSPIDAL, NO_EVIDENCE = "cuspidal", "not cuspidal", "no evidence"
-
-_SAME_POSE = 1e-9
 
 
 _WITNESS = (
@@ -208,13 +207,13 @@ def cuspidality(
             way = connect(form, regular[a].q, regular[b].q, limits=False, of=found)
             if way.answer == SAME and way.path is not None:
                 error, least = _checked(arm, way.path)
-                if error <= _SAME_POSE and _stands(arm, way.path):
+                if error <= ROUNDING and _stands(arm, way.path):
                     said = [_RANK] if arm.n == len(arm.task.rows) else [_RANK, _few(arm, error)]
                     said += nearly(arm, least)
                     return _answer(
                         arm, found, CUSPIDAL, _WITNESS, way, error, least, most, k + 1, said
                     )
-                if error <= _SAME_POSE and least < PRACTICAL and _ends(arm, way.path):
+                if error <= ROUNDING and least < PRACTICAL and _ends(arm, way.path):
                     # Too thin for the bound: the families stand for it, by their certificate.
                     sure = form.word == PROVEN
                     said = [_THIN, *(notes if not sure else []), *nearly(arm, least)]

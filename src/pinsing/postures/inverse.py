@@ -21,6 +21,7 @@ from pinsing.arguments import MAX_SEED, checked, typed, whole_number
 from pinsing.errors import ConfigurationError, OptionError, UnknownNameError
 from pinsing.kinematics.jacobian import read_pose
 from pinsing.kinematics.verdict import generic_rank, ratios
+from pinsing.measures import ALIKE, ROUNDING
 from pinsing.postures.exact_chain import turns
 from pinsing.postures.ladder import ladder_of
 from pinsing.postures.newton import POSE, Solver, Stalled, radii
@@ -200,9 +201,6 @@ class InverseSolutions(JsonResult):
 ENOUGH = 5
 """A solution that was met so often has a share of the starts that is not small."""
 
-_REGULAR = 1e-6
-"""sigma_r / sigma_1 above which a solution is regular: of a singular one half the digits hold."""
-
 
 class FoundSolutions:
     """Solutions so far, each with how often it was met.
@@ -254,7 +252,7 @@ class FoundSolutions:
         """Signs of the determinant, (N,); zero where there is none, or it is noise."""
         if len(self.solver.task.rows) != len(self.solver.free):
             return np.zeros(len(Q))
-        return np.where(self._measure(Q) > _REGULAR, self.solver.signs(Q), 0.0)
+        return np.where(self._measure(Q) > ALIKE, self.solver.signs(Q), 0.0)
 
     def _measure(self, Q: Array) -> Array:
         """sigma_r / sigma_1 (N,): where joints are held the less of the arm's and the others'."""
@@ -272,7 +270,7 @@ class FoundSolutions:
             new = np.array(self.q[self._followed :])
             self._followed = len(self.q)
             # Singular solutions lie on curves, of which there is no end.
-            new = new[self._measure(new) > _REGULAR] if len(new) else new
+            new = new[self._measure(new) > ALIKE] if len(new) else new
             if not len(new):
                 return
             start = images(new)
@@ -287,7 +285,7 @@ class FoundSolutions:
         """True for each that is regular, (K,)."""
         if not self.q:
             return np.zeros(0, dtype=bool)
-        return np.greater(self._measure(np.array(self.q)), _REGULAR)
+        return np.greater(self._measure(np.array(self.q)), ALIKE)
 
     def clear(self) -> bool:
         """Return True if there are some, and none is nearly double, as next to a singularity."""
@@ -322,7 +320,7 @@ class FoundSolutions:
         arm, held = self.arm, self.held
         Q = np.where(np.isnan(held), arm.fold(np.array(self.q)), held)
         measure = self._measure(Q)
-        regular: Bool = np.greater(measure, _REGULAR)
+        regular: Bool = np.greater(measure, ALIKE)
         outside: Bool = np.asarray(arm.space.outside(Q).any(axis=1))
         outside |= bool(np.any((held < arm.lower) | (held > arm.upper)))
         sure = radii(self.solver, Q)
@@ -344,9 +342,6 @@ class FoundSolutions:
                 )
             )
         return tuple(out)
-
-
-_FREE = 1e-9
 
 
 def drawn(
@@ -389,7 +384,7 @@ def _mirrored_wrist(solver: Solver, Q: Array, j: int) -> Array:
     A, B = solver.chain.R[j], solver.chain.R[j + 1]
     a = A[2, 0] * B[0, 2] + A[2, 1] * B[1, 2]
     b = A[2, 1] * B[0, 2] - A[2, 0] * B[1, 2]
-    if np.hypot(a, b) < _FREE:
+    if np.hypot(a, b) < ROUNDING:
         return Q[:0]
     X = Q.copy()
     X[:, j] = 2 * np.arctan2(b, a) - Q[:, j]
@@ -403,7 +398,7 @@ def _mirrored_elbow(solver: Solver, Q: Array, j: int) -> Array:
     C, inner, outer = solver.chain.R[j], solver.chain.t[j], solver.chain.t[j + 1]
     r = C.T @ inner
     a, b = r[:2] @ outer[:2], r[1] * outer[0] - r[0] * outer[1]
-    if np.hypot(a, b) < _FREE * solver.scale**2:
+    if np.hypot(a, b) < ROUNDING * solver.scale**2:
         return Q[:0]
     X = Q.copy()
     X[:, j] = 2 * np.arctan2(b, a) - Q[:, j]

@@ -15,13 +15,12 @@ from pinsing._batch import engine
 from pinsing._types import Array, Bool
 from pinsing.errors import OptionError
 from pinsing.kinematics.jacobian import generic_rank
+from pinsing.measures import ROUNDING
 from pinsing.postures.inverse import decomposed, inverse
 from pinsing.postures.newton import Solver
 from pinsing.robot.arm import Arm
 from pinsing.robot.chain import flatten
 
-REACHED = 1e-9
-"""Residual of a pose that is reached: radians, and metres over the length scale."""
 _NEAR = 1e-2
 """Residual from which a few Newton steps lead to a solution, if there is one."""
 _SAME = 1e-5
@@ -184,8 +183,8 @@ class InverseMany:
             here[:] = np.nan
             for count in range(8):
                 off = self._residual(q, position[pose], rotation[pose])
-                here[rows[off < REACHED]] = q[off < REACHED]
-                more = (off >= REACHED) & (off < near if count == 0 else True)
+                here[rows[off < ROUNDING]] = q[off < ROUNDING]
+                more = (off >= ROUNDING) & (off < near if count == 0 else True)
                 q, rows, pose = q[more], rows[more], pose[more]
                 if not len(rows):
                     break

@@ -433,9 +433,6 @@ def make_piece(part: Part, box: tuple[Arc, ...], scale: Array, budget: Budget) -
     return Divided(part, box, subdivide(ground, budget))
 
 
-_SAME = 1e-9
-
-
 def require_same_families(asked: Watched, given: Watched) -> None:
     """Refuse aspects (their families ``given``) that are not those of the forms ``asked`` about.
 

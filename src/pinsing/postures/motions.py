@@ -14,6 +14,7 @@ from pinsing.families import ClosedForm
 from pinsing.families.solve import form_to_measure
 from pinsing.kinematics.jacobian import tip_placement
 from pinsing.kinematics.verdict import generic_rank
+from pinsing.measures import ALIKE
 from pinsing.postures.aspects import Aspects, aspects, map_of
 from pinsing.postures.inverse import inverse
 from pinsing.postures.ladder import posture_names
@@ -23,8 +24,6 @@ from pinsing.proximity.trajectory import AspectChange
 from pinsing.proximity.watched import Forms, watch
 from pinsing.robot.arm import Arm
 from pinsing.robot.nominal import nominal
-
-_ITSELF = 1e-6
 
 
 @checked
@@ -75,7 +74,7 @@ def line_postures(
         return ()
     out = []
     for s in known:
-        itself = bool(np.abs(arm.space.wrap(s.q - here)).max() < _ITSELF)
+        itself = bool(np.abs(arm.space.wrap(s.q - here)).max() < ALIKE)
         if not (s.regular or itself):
             continue
         start = here if itself else s.q

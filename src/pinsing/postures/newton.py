@@ -30,6 +30,7 @@ import numpy as np
 
 from pinsing._batch.engine import FlatChain
 from pinsing._types import Array, Ints
+from pinsing.algebra.trig_sum import TINY
 from pinsing.errors import OptionError
 from pinsing.kinematics.batch import picked, turn_left
 from pinsing.kinematics.verdict import generic_rank
@@ -85,7 +86,6 @@ _ITERATIONS = 60
 _STEP = 0.7
 _CLOSE = 1e-11
 _FLOOR = 1e-13
-_TINY = 1e-300
 
 
 @dataclass(frozen=True, eq=False)
@@ -220,7 +220,7 @@ def _damped(J: Array, e: Array, damping: Array) -> Array:
     if len(rest):
         u, s, v = np.linalg.svd(J[rest], full_matrices=False)
         along = (u.transpose(0, 2, 1) @ e[rest][..., None])[..., 0]
-        along *= s / np.maximum(s * s + damping[rest][:, None], _TINY)
+        along *= s / np.maximum(s * s + damping[rest][:, None], TINY)
         step[rest] = (v.transpose(0, 2, 1) @ along[..., None])[..., 0]
     return step
 

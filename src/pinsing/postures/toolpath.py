@@ -26,6 +26,7 @@ from pinsing.arguments import checked
 from pinsing.errors import ConfigurationError, OptionError
 from pinsing.families import ClosedForm, Family
 from pinsing.kinematics.tip_speed import limits_of
+from pinsing.measures import ROUNDING
 from pinsing.notebook import one_line
 from pinsing.postures.inverse_batch import InverseMany
 from pinsing.postures.ladder import posture_names
@@ -34,7 +35,6 @@ from pinsing.proximity.clearance import clearance
 from pinsing.proximity.crossings import crossings
 from pinsing.proximity.watched import titled, watch
 from pinsing.robot.arm import Arm, ArmSummary, summarize
-from pinsing.robot.joint_space import SLACK
 from pinsing.serialization import JsonResult
 
 STEP = np.radians(1.0)
@@ -659,7 +659,9 @@ class _Planner:
     def _within(self, k: int) -> Bool:
         """Which turns (G S, T) of which nodes of pose k a path may have."""
         q = self.Q[k].reshape(-1, 1, self.arm.n)[..., self.counted] + 2 * np.pi * self.turns
-        low, high = (x[self.counted] for x in (self.arm.lower - SLACK, self.arm.upper + SLACK))
+        low, high = (
+            x[self.counted] for x in (self.arm.lower - ROUNDING, self.arm.upper + ROUNDING)
+        )
         out = self.usable[k].reshape(-1, 1) & ((q >= low) & (q <= high)).all(axis=-1)
         if k == 0 and self.start is not None:
             out &= (np.abs(q - self.start[self.counted]) < np.pi).all(axis=-1)

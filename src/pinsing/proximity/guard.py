@@ -22,11 +22,11 @@ from pinsing.arguments import checked
 from pinsing.errors import OptionError
 from pinsing.families import ClosedForm, Family, closed_form
 from pinsing.kinematics.verdict import fingerprint
+from pinsing.measures import ROUNDING
 from pinsing.prose import visible
 from pinsing.proximity.watched import Forms, every_name, require_forms_of, watch
 from pinsing.proximity.zones import Zones, zone_distances
 from pinsing.robot.arm import Arm
-from pinsing.robot.joint_space import SLACK
 from pinsing.robot.nominal import nominal
 
 
@@ -60,7 +60,11 @@ class GuardSource:
             return {}
         low, high = self.zones.lower, self.zones.upper
         far = zone_distances(self.zones, self.zones.arm, [name for name, _ in self.families])
-        return {"zone": far, "zone_middle": (low + high) / 2, "zone_half": (high - low) / 2 + SLACK}
+        return {
+            "zone": far,
+            "zone_middle": (low + high) / 2,
+            "zone_half": (high - low) / 2 + ROUNDING,
+        }
 
     def zones_filled(self, name: str, parts: Mapping[str, str], prefix: str = "") -> str:
         """What the file says and does about zones; empty without them."""

@@ -18,11 +18,11 @@ from pinsing.errors import ConfigurationError, OptionError
 from pinsing.families import ClosedForm
 from pinsing.kinematics.jacobian import frame_jacobians
 from pinsing.kinematics.tip_speed import TURN_SPEED, SpeedJudge, TipSpeeds, speed_judge
+from pinsing.measures import ROUNDING
 from pinsing.notebook import one_line
 from pinsing.proximity.clearance import NAMING, nearest_family
 from pinsing.proximity.watched import Forms, every_name, watch
 from pinsing.proximity.zones import Zones, zone_distances
-from pinsing.robot.joint_space import SLACK
 from pinsing.robot.whole_model import WholeModel
 
 CLEAR, WARN, STOP = LEVELS = ("clear", "warn", "stop")
@@ -319,7 +319,7 @@ class Monitor:
             return None
         Q = (self._x / self._watched.weight)[None]
         middle, half = self._range
-        if (np.abs(self._watched.space.wrap(Q[0] - middle)) > half + SLACK).any():
+        if (np.abs(self._watched.space.wrap(Q[0] - middle)) > half + ROUNDING).any():
             return None
         low = two_sided(self._watched.conditions.plain, Q, each=True).each[0, :, 0]
         near = (low <= self._zones) & (self._zones > 0)

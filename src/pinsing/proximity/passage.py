@@ -22,13 +22,13 @@ from pinsing.algebra.conditions import Conditions
 from pinsing.algebra.nearest import BOXES, SearchOptions, nearest_points, two_sided
 from pinsing.kinematics.jacobian import singular_values
 from pinsing.kinematics.tip_speed import SpeedJudge
+from pinsing.measures import ROUNDING
 from pinsing.proximity.clearance import nearest_family
 from pinsing.proximity.crossings import Crossing, Motion, crossings_of
 from pinsing.proximity.watched import Watched
 from pinsing.robot.arm import Arm
 
 _LONG_JUMP, _SHORT_JUMP = np.pi, 0.2
-_SLACK = 1e-9
 
 
 @dataclass(frozen=True)
@@ -83,7 +83,7 @@ class Speeds:
     def feed(self, t: Array, Q: Array, first: int, last: int) -> None:
         """Take samples ``first`` to ``last`` of t (N,) and Q (N, n); the others are neighbours."""
         own = slice(first, last)
-        low, high = self.arm.lower - _SLACK, self.arm.upper + _SLACK
+        low, high = self.arm.lower - ROUNDING, self.arm.upper + ROUNDING
         out = np.maximum(Q[own] - high, low - Q[own])
         limit = np.where(Q[own] > high, self.arm.upper, self.arm.lower)
         self._keep("outside", t[own], t[own], out, Q[own], limit, out > 0)
@@ -439,7 +439,7 @@ class Passage:
         if not outside:
             low, high = watched.families[f].limits
             point = nearest_points(conditions, q[None], low, high, _SEARCH).q[0]
-            moved = np.abs(point - q) > _SLACK
+            moved = np.abs(point - q) > ROUNDING
             outside = "point" * bool((watched.space.unreachable(point) & moved).any())
         return Approach(name, t, q, upper, least, title, outside)
 

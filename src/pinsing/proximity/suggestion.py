@@ -18,7 +18,7 @@ from pinsing.errors import ConfigurationError, OptionError
 from pinsing.families import Branch
 from pinsing.families.solve import form_to_measure
 from pinsing.kinematics.verdict import ratios
-from pinsing.measures import NEAR_RTOL
+from pinsing.measures import ALIKE, NEAR_RTOL
 from pinsing.proximity.clearance import certified
 from pinsing.proximity.watched import Forms, Watched, require_forms_of, titled, watch
 from pinsing.robot.arm import Arm, ArmSummary, summarize
@@ -29,7 +29,6 @@ _STEPS = 25
 _TRIED = 4
 _BATCH = 256
 _GAP = 1e-3
-_SLACK = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
@@ -238,13 +237,13 @@ class RoomSearch:
             halves = np.concatenate([halves[later], both])
             bounds = np.concatenate([bounds[later], fresh])
         goal = max(self.lower, 0.0) + _GAP
-        self.most = max(goal, float(bounds.max(initial=0.0))) + _SLACK
+        self.most = max(goal, float(bounds.max(initial=0.0))) + ALIKE
 
     def _promise(self, centers: Array, halves: Array) -> Array:
         out = self.sites.within(centers, halves * (1 + 1e-12))
         if np.isfinite(self.room.reach):
             gap = np.maximum(np.abs(centers - self.room.around) - halves, 0.0)
-            out = np.where(np.linalg.norm(gap, axis=1) > self.room.reach + _SLACK, -np.inf, out)
+            out = np.where(np.linalg.norm(gap, axis=1) > self.room.reach + ALIKE, -np.inf, out)
         return out
 
     def settle(self) -> None:

@@ -19,8 +19,8 @@ from pinsing.errors import OptionError, UnknownNameError
 from pinsing.families import ClosedForm, Family
 from pinsing.families.solve import form_to_measure
 from pinsing.kinematics.verdict import regular_radius
+from pinsing.measures import ROUNDING
 from pinsing.robot.arm import Arm, summarize
-from pinsing.robot.exact_placements import ROUNDING
 from pinsing.robot.joint_space import JointSpace, require_values
 
 Forms: TypeAlias = ClosedForm | Sequence[ClosedForm]

@@ -116,10 +116,6 @@ def _poses(arm: Arm) -> list[tuple[str, Array]]:
     return found
 
 
-ROUNDING = 1e-9
-"""Radians or metres: what the nominal geometry moves by less is not worth a line of its own."""
-
-
 @dataclass(frozen=True, eq=False)
 class ArmInfo(JsonResult):
     """An arm, its generic rank, and how exact its geometry is.

@@ -16,6 +16,7 @@ from pinsing.loops.loop_forms import planar_dyad
 from pinsing.loops.pose_slice import free_coordinates
 from pinsing.loops.problems import assemblies
 from pinsing.loops.solve import InfeasibleError, Interval
+from pinsing.measures import ROUNDING
 from pinsing.prose import Page
 from pinsing.report.document import (
     SCHEMA,
@@ -40,7 +41,6 @@ from pinsing.report.document import (
 )
 from pinsing.report.document import math as formula
 from pinsing.report.info import Made
-from pinsing.robot.joint_space import SLACK
 from pinsing.robot.mechanism import Mechanism
 
 TYPES = {
@@ -555,7 +555,7 @@ def _special(
         beyond = [
             name
             for name, v, low, high in zip(mechanism.inputs, inputs, lower, upper, strict=True)
-            if not low - SLACK <= v <= high + SLACK
+            if not low - ROUNDING <= v <= high + ROUNDING
         ]
         if beyond:
             why = f"{', '.join(beyond)}: beyond the limits"

@@ -13,12 +13,10 @@ from fractions import Fraction
 import numpy as np
 
 from pinsing._types import Array
+from pinsing.measures import ROUNDING
 from pinsing.robot.arm import Arm
 from pinsing.robot.chain import Chain, rotation_angle, with_fixed_joints_put
 from pinsing.robot.surd import Exact, Surd, cosine, sine
-
-ROUNDING = 1e-9
-"""Radians, or metres, that count as rounding: right angles are put there whatever the tolerance."""
 
 
 @dataclass(frozen=True)

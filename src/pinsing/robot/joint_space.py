@@ -16,9 +16,7 @@ import pinocchio as pin
 
 from pinsing._types import Array, Bool
 from pinsing.errors import ConfigurationError, OptionError, UnknownNameError
-
-SLACK = 1e-9
-"""Radians or metres; a value this far beyond a limit is still inside."""
+from pinsing.measures import ROUNDING
 
 
 def named(word: str, names: Sequence[str]) -> str:
@@ -122,12 +120,12 @@ class JointSpace:
         inside = (q >= low) & (q <= high)
         return np.where(inside, q, folded)
 
-    def outside(self, q: npt.ArrayLike, slack: float = SLACK) -> Bool:
+    def outside(self, q: npt.ArrayLike, slack: float = ROUNDING) -> Bool:
         """Return which values of q (..., n) are beyond a limit as they are, no turn taken off."""
         q = np.asarray(q, dtype=float)
         return np.asarray((q < self.lower - slack) | (q > self.upper + slack))
 
-    def unreachable(self, q: npt.ArrayLike, slack: float = SLACK) -> Bool:
+    def unreachable(self, q: npt.ArrayLike, slack: float = ROUNDING) -> Bool:
         """Return which values of q (..., n) are beyond a limit, whatever whole turns are added."""
         return self.outside(self.fold(q), slack)
 

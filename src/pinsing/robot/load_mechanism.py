@@ -36,6 +36,7 @@ from pinsing.description.urdf_elements import NO_LIMITS
 from pinsing.description.xml_tree import suggestion
 from pinsing.description.yaml_tree import YamlNode, compose
 from pinsing.errors import JointError, OptionError, PinsingError
+from pinsing.measures import ALIKE, ROUNDING
 from pinsing.robot.chains import frame_index
 from pinsing.robot.joint_space import model_q
 from pinsing.robot.joints import joint_axis
@@ -43,8 +44,6 @@ from pinsing.robot.mechanism import LOOP_KINDS, Loop, Mechanism
 from pinsing.robot.source import HasModel, Source, given_file, given_model
 from pinsing.robot.task import ROW_NAMES, Task, parse_task
 
-_SMALL = 1e-9
-_ACROSS = 1e-6
 _SEED = 2203
 
 
@@ -165,11 +164,11 @@ class _SpanningTree:
             right = np.concatenate([p - (a @ p) * a for a, p in zip(axes, places, strict=True)])
             point, _, rank, _ = np.linalg.lstsq(rows, right, rcond=None)
             size = max(1.0, float(np.abs(places).max()))
-            if rank < 3 or np.abs(rows @ point - right).max() > _SMALL * size:
+            if rank < 3 or np.abs(rows @ point - right).max() > ROUNDING * size:
                 return None
             apart = max(apart, abs(float(np.linalg.det(axes))))
             out.append(point)
-        return np.array(out) if apart > _ACROSS else None
+        return np.array(out) if apart > ALIKE else None
 
     def end(self, joint: int, kind: str) -> tuple[int, int] | None:
         """The two frames that a loop of a kind holds, if that is all there is at a leg's end."""
@@ -248,7 +247,7 @@ def _twice(tree: _SpanningTree, joint: int) -> bool:
             place, s = tree.samples[0].frames[frame], tree.samples[0]
             axis = place.rotation.T @ s.axes[one]
             lines.append(np.concatenate([axis, np.cross(place.actInv(s.places[one]), axis)]))
-        if min(np.abs(lines[0] - lines[1]).max(), np.abs(lines[0] + lines[1]).max()) <= _SMALL:
+        if min(np.abs(lines[0] - lines[1]).max(), np.abs(lines[0] + lines[1]).max()) <= ROUNDING:
             return True
     return False
 
@@ -264,8 +263,8 @@ def _best(tree: _SpanningTree, run: tuple[int, int, int], near: Array, far: Arra
         a, b = (j for i, j in enumerate(run) if i != k)
         square, spread = True, 0.0
         for s, away in zip(tree.samples, far - near, strict=True):
-            along = away / max(float(np.linalg.norm(away)), _SMALL)
-            square &= max(abs(s.axes[b] @ along), abs(s.axes[a] @ s.axes[b])) <= _ACROSS
+            along = away / max(float(np.linalg.norm(away)), ROUNDING)
+            square &= max(abs(s.axes[b] @ along), abs(s.axes[a] @ s.axes[b])) <= ALIKE
             # The last sample is home.
             spread = abs(float(np.linalg.det([s.axes[a], s.axes[b], along])))
         scores.append((square, round(spread, 6), k))
@@ -308,7 +307,7 @@ def _back_on_line(tree: _SpanningTree, joint: int) -> bool:
 def _through(tree: _SpanningTree, joint: int, points: Array) -> bool:
     return all(
         float(np.linalg.norm(np.cross(p - s.places[joint], s.axes[joint])))
-        <= _SMALL * max(1.0, float(np.abs(p).max()))
+        <= ROUNDING * max(1.0, float(np.abs(p).max()))
         for s, p in zip(tree.samples, points, strict=True)
     )
 

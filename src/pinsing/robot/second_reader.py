@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pinocchio as pin
 
+from pinsing.measures import ROUNDING
 from pinsing.robot.arm import Arm
 
 if TYPE_CHECKING:
@@ -20,7 +21,6 @@ CONFIGURATIONS = 20
 SEED = 20
 _TABLES = {".yaml", ".yml"}
 # Both read the same decimals, and multiply some twenty matrices of entries up to a few metres.
-_SAME = 1e-9
 
 
 @dataclass(frozen=True)
@@ -101,7 +101,7 @@ def second_reading(arm: Arm) -> SecondReading | None:
         if not differences:
             links = _links(arm, robot)
             moved, turned = _placements(arm, robot, links)
-            if max(moved, turned) > _SAME:
+            if max(moved, turned) > ROUNDING:
                 differences.append(f"links are up to {moved:.3g} m and {turned:.3g} rad apart")
     except Exception as error:  # another's code: whatever it raises is no fault of the robot
         note = f"{type(error).__name__} {error}"

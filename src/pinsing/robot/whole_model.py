@@ -14,13 +14,12 @@ import numpy as np
 
 from pinsing._types import Array
 from pinsing.errors import ConfigurationError
+from pinsing.measures import ALIKE
 from pinsing.robot.chains import frame_index
 from pinsing.robot.joint_space import require_values
 from pinsing.robot.models import way_between
 from pinsing.robot.source import Coupling, Source
 
-_SAME = 1e-6
-"""Radians or metres: a locked or following joint this close to where it belongs is there."""
 _UNIT = 1e-3
 """How far cosine and sine of a continuous joint may be from the unit circle."""
 
@@ -96,7 +95,7 @@ class WholeModel:
             )
         for j in self._on_the_way():
             speed = float(dq[whole.joints[j].idx_v])
-            if abs(speed) > _SAME:
+            if abs(speed) > ALIKE:
                 name = whole.names[j]
                 raise ConfigurationError(
                     f"joint {name!r} is locked in this arm, but the whole model's {called} moves "
@@ -186,7 +185,7 @@ class WholeModel:
         off = value - at
         if whole.joints[joint].nq == 2:
             off = off - 2 * np.pi * np.round(off / (2 * np.pi))
-        wrong = np.abs(off) > _SAME
+        wrong = np.abs(off) > ALIKE
         if not wrong.any():
             return
         name = whole.names[joint]

@@ -25,7 +25,7 @@ from pinsing.errors import OptionError
 from pinsing.families import ClosedForm, Family, closed_form
 from pinsing.families.form import answer_text, families_text
 from pinsing.kinematics.verdict import NEAR_RTOL, SINGULAR_RTOL, measure, ratios
-from pinsing.measures import Reachability
+from pinsing.measures import ALIKE, Reachability
 from pinsing.notebook import text, verdict
 from pinsing.prose import PLAIN, Page, Span, alarm, caution, unbroken
 from pinsing.robot.arm import Arm, ArmSummary, summarize
@@ -44,7 +44,6 @@ from pinsing.sampling.sweep_plan import SAMPLES, SPECIAL_ANGLES, Special
 from pinsing.sampling.sweep_run import SweepResult, sweep
 from pinsing.serialization import JsonResult
 
-_ON = 1e-6  # radians or metres: a value this near to a fixed one is that one
 _SAME_RELATION = 1e-2  # the same beside a relation: near it, a raw geometry blurs the values
 _CANDIDATES = 12  # configurations looked at for a representative
 _WALKS = 4096  # walks at a time
@@ -205,7 +204,7 @@ class _Collector:
             if condition.same_as(known, _SAME_RELATION if condition.related else 1e-5):
                 where += curves
                 return
-        tol = _SAME_RELATION if condition.related else _ON
+        tol = _SAME_RELATION if condition.related else ALIKE
         mask = on_condition(self.exact, condition, self.points.q, tol)
         if condition.related:
             rows = np.flatnonzero(mask & ~self.explained)
@@ -307,7 +306,7 @@ class _Collector:
 
 
 def on_condition(
-    arm: Arm, condition: JointCondition, Q: Array, tol: float = _ON
+    arm: Arm, condition: JointCondition, Q: Array, tol: float = ALIKE
 ) -> npt.NDArray[np.bool_]:
     """Tell for Q (P, n) whether the fixed joints have their values, whole turns aside."""
     joints = [arm.joints.index(name) for name in condition.fixed]

@@ -24,6 +24,7 @@ import numpy.typing as npt
 from pinsing._types import Array, Bool, Ints
 from pinsing.chunk_file import Record
 from pinsing.kinematics.verdict import SINGULAR_RTOL
+from pinsing.measures import ROUNDING
 from pinsing.sampling.sweep_plan import NOT_ASKED, PlannedLevel, SweepPlan
 from pinsing.sampling.tally import finite, whole
 
@@ -173,7 +174,6 @@ CANDIDATES = 65_536
 """Dips that a sweep goes on with unless asked otherwise."""
 
 _CELLS = 64  # parts of a range
-_FLAT = 1e-9  # relative change below which a curve has rounding but no dips
 
 
 @dataclass(frozen=True, eq=False)
@@ -223,7 +223,7 @@ def minima(sigma: Array, ratio: Array, before: Array, after: Array) -> Bool:
     left = np.concatenate([before[:, None], sigma[:, :-1]], axis=1)
     right = np.concatenate([sigma[:, 1:], after[:, None]], axis=1)
     top = sigma.max(axis=1)
-    bent = top - sigma.min(axis=1) > _FLAT * top
+    bent = top - sigma.min(axis=1) > ROUNDING * top
     found: Bool = (sigma < left) & (sigma <= right) & bent[:, None]
     singular = ratio <= SINGULAR_RTOL
     inside = singular[:, :-2] & singular[:, 1:-1] & singular[:, 2:]

@@ -17,8 +17,8 @@ from pinsing.errors import ConfigurationError, OptionError, UnknownNameError
 from pinsing.kinematics.batch import batch
 from pinsing.kinematics.jacobian import singular_values
 from pinsing.kinematics.verdict import NEAR_RTOL, SINGULAR_RTOL, generic_rank, ratios, scale_notes
+from pinsing.measures import ROUNDING
 from pinsing.robot.arm import Arm, ArmSummary, summarize
-from pinsing.robot.joint_space import SLACK
 from pinsing.robot.nominal import ANGLE_TOL
 from pinsing.robot.nominal import nominal as nominal_geometry
 from pinsing.sampling.generalize import ConditionTester, apart, value_text
@@ -33,10 +33,6 @@ Special = Sequence[float] | Mapping[str, Sequence[float]]
 
 SAMPLES = 181
 """Points of a curve: every two degrees of a whole turn."""
-
-_SAME = 1e-9  # radians or metres
-NO_EFFECT = 1e-9
-"""Relative change of sigma_r along the whole range of a joint that counts as none."""
 
 MOVES_TIP = "only moves the tip point, which never changes the rank for the pose"
 NOT_ASKED = "not asked for"
@@ -157,7 +153,7 @@ class SweepPlan(JsonResult):
         return tuple(
             i
             for i, effect in enumerate(self.effects)
-            if effect.change > NO_EFFECT and effect.reason != MOVES_TIP
+            if effect.change > ROUNDING and effect.reason != MOVES_TIP
         )
 
     @property
@@ -227,7 +223,7 @@ def uniform_configurations(
     found: list[tuple[float, Array]] = []
     outside: list[str] = []
     for value in flat:
-        if any(apart(value, known, False) < _SAME for known, _ in found):
+        if any(apart(value, known, False) < ROUNDING for known, _ in found):
             continue
         q = np.where(arm.prismatic, nominal, value)
         if not ignore_limits and arm.space.unreachable(q).any():
@@ -324,7 +320,7 @@ def special_values(
             row[i] = value
             arm.check(row, "special")
             folded = value if ignore_limits else float(arm.fold(row)[i])
-            room = SLACK if slides else ANGLE_TOL  # files say 1.5707 for 90 degrees
+            room = ROUNDING if slides else ANGLE_TOL  # files say 1.5707 for 90 degrees
             if not ignore_limits and not arm.lower[i] - room <= folded <= arm.upper[i] + room:
                 if name in by_joint:
                     raise ConfigurationError(
@@ -338,7 +334,7 @@ def special_values(
                 left_out.append(f"{name} = {value_text(value, slides)}")
                 continue
             used.add(value)
-            if all(apart(folded, k, slides) >= _SAME for k in kept):
+            if all(apart(folded, k, slides) >= ROUNDING for k in kept):
                 kept.append(folded)
             else:
                 merged = merged or not slides
@@ -489,7 +485,7 @@ def _effects(
         reason = ""
         if i not in chosen:
             reason = NOT_ASKED
-        elif change[i] <= NO_EFFECT:
+        elif change[i] <= ROUNDING:
             reason = NOT_CHANGING
         elif arm.task.name == "pose" and i == arm.n - 1 and arm.coupling is None:
             # Taken at a point of the base, no column depends on the last joint at all.

@@ -15,13 +15,13 @@ from pinsing.errors import OptionError
 from pinsing.loops.analysis import MechanismAnalysis, analyze_mechanism
 from pinsing.loops.closure import hinged_balls, random_closed, ranks
 from pinsing.loops.loop_forms import Locus, planar_dyad
-from pinsing.loops.modes import STRAIGHT, assembly_rows, elbow_sines, elbows, home
+from pinsing.loops.modes import assembly_rows, elbow_sines, elbows, home
 from pinsing.loops.motion import led_pose, mechanism_at
 from pinsing.loops.problems import assemblies
 from pinsing.loops.singular_points import SingularPoint
 from pinsing.loops.solve import drive
 from pinsing.loops.structure import structure
-from pinsing.measures import NEAR_RTOL, SINGULAR_RTOL
+from pinsing.measures import ALIKE, NEAR_RTOL, ROUNDING, SINGULAR_RTOL
 from pinsing.robot.chains import frame_index
 from pinsing.robot.mechanism import Mechanism
 from pinsing.robot.source import Source
@@ -126,9 +126,6 @@ def mechanism_data(mechanism: Mechanism, sizes: Sizes, normal: Array | None) -> 
     }
 
 
-_PARALLEL = 1e-6
-
-
 @dataclass(frozen=True, eq=False)
 class Linkage:
     """The spanning tree of a mechanism, as a `Body`.
@@ -221,8 +218,8 @@ def plane_normal(mechanism: Mechanism) -> Array | None:
     axes = J[3:, turning] / np.linalg.norm(J[3:, turning], axis=0)
     normal = axes[:, 0]
     slides = J[:3, mechanism.prismatic]
-    flat = np.abs(np.cross(normal, axes.T)).max() <= _PARALLEL
-    if not flat or np.abs(normal @ slides).max(initial=0.0) > _PARALLEL:
+    flat = np.abs(np.cross(normal, axes.T)).max() <= ALIKE
+    if not flat or np.abs(normal @ slides).max(initial=0.0) > ALIKE:
         return None
     return np.asarray(normal * (1 if normal[int(np.argmax(np.abs(normal)))] > 0 else -1))
 
@@ -269,7 +266,6 @@ def draw_linkage_marks(node: Any, mechanism: Mechanism, size: Sizes) -> None:
         node["floor"].set_transform(below)
 
 
-_SAME = 1e-6
 _MEANING = {
     "type 1": "the output loses a direction",
     "type 2": "the actuators do not hold the output",
@@ -381,7 +377,7 @@ def _words(mechanism: Mechanism, point: SingularPoint) -> str:
     sines = elbow_sines(mechanism, point.q)
     # Refined poses are straight to rounding of the root, not of the sine itself.
     straight = [
-        e for e, s in zip(elbows(mechanism), sines, strict=True) if abs(s) <= max(STRAIGHT, _SAME)
+        e for e, s in zip(elbows(mechanism), sines, strict=True) if abs(s) <= max(ROUNDING, ALIKE)
     ]
     if not straight:
         return f"type 1: {_MEANING['type 1']}"
@@ -402,7 +398,7 @@ def _words(mechanism: Mechanism, point: SingularPoint) -> str:
 def _distinct(mechanism: Mechanism, points: list[SingularPoint]) -> tuple[SingularPoint, ...]:
     out: list[SingularPoint] = []
     for p in points:
-        if all(np.abs(mechanism.space.wrap(p.q - x.q)).max() > _SAME for x in out):
+        if all(np.abs(mechanism.space.wrap(p.q - x.q)).max() > ALIKE for x in out):
             out.append(p)
     return tuple(out)
 
