@@ -120,7 +120,7 @@ def test_a_bomb_finds_no_memory_and_what_is_no_file_no_reader(tmp_path):
     assert all(
         isinstance(found, str) for found in read_meshes([*names, Path("/dev/zero")]).values()
     )
-    assert meshes._MEMORY <= 2 * 2**30  # its reader may have no more; it asks for 4.3 GiB
+    assert meshes.MEMORY <= 2 * 2**30  # its reader may have no more; it asks for 4.3 GiB
 
 
 def by_another(tmp_path, monkeypatch, code, seconds=None, said=lambda note: None):

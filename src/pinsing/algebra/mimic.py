@@ -17,12 +17,11 @@ import numpy as np
 
 from pinsing._types import Array
 from pinsing.measures import NOISE
-from pinsing.robot.exact_placements import Snap
+from pinsing.robot.exact_placements import FIFTEEN, Snap
 from pinsing.robot.nominal import Motion, Nominal, Vector, jacobian_at, jacobian_modulo, turned
 from pinsing.robot.surd import Exact, cosine, residue, sine
 from pinsing.robot.task import Task
 
-_FIFTEEN = math.pi / 12
 _LARGEST_MULTIPLE = 6
 
 
@@ -181,8 +180,8 @@ def _followed(drive: Drive, at: Sequence[int], slides: bool, p: int) -> Motion:
 
 def _turn(angle: float) -> tuple[tuple[Exact, Exact], float]:
     """Exact (cos, sin) of an angle, or of one very close, and that angle."""
-    steps = round(angle / _FIFTEEN)
-    if abs(angle - steps * _FIFTEEN) <= NOISE * max(1.0, abs(angle)):
+    steps = round(angle / FIFTEEN)
+    if abs(angle - steps * FIFTEEN) <= NOISE * max(1.0, abs(angle)):
         return (cosine(steps), sine(steps)), angle
     whole = math.remainder(angle, 2 * math.pi)
     half = Fraction(math.tan(whole / 2)).limit_denominator(10**6)

@@ -425,12 +425,12 @@ def semidefinite(poly: Poly, ring: Ring, time: Budget) -> bool:
     return True
 
 
-_QUARTERS = {
-    0: AlgebraicValue(arb(0), (0, 1)),
-    1: AlgebraicValue(arb(1), (-1, 1)),
-    2: AlgebraicValue(None, ()),
-    3: AlgebraicValue(arb(-1), (1, 1)),
-}
+_QUARTERS = (
+    AlgebraicValue(arb(0), (0, 1)),
+    AlgebraicValue(arb(1), (-1, 1)),
+    AlgebraicValue(None, ()),
+    AlgebraicValue(arb(-1), (1, 1)),
+)
 """Half-angle tangents of right angles."""
 
 

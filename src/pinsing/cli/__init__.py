@@ -20,10 +20,10 @@ _NO_MEMORY = (
     "can't start new thread",
     "bad_alloc",
 )
-_LEAST_MEMORY = 512 * 2**20
+_LEAST_MEMORY = 512 << 20
 """Address space that NumPy and Pinocchio need. Below that OpenBLAS ends the process by itself."""
 
-_STOPPED = 130
+STOPPED = 130
 _SAID = b"pinsing: stopped\n"
 _YOUNG = 200_000
 """Objects made before a look for cycles among them: imports alone make some hundred thousand."""
@@ -72,7 +72,7 @@ def program() -> NoReturn:
     except KeyboardInterrupt:
         signal.signal(signal.SIGINT, signal.SIG_IGN)
         os.write(2, _SAID)
-        sys.exit(_STOPPED)
+        sys.exit(STOPPED)
 
 
 def memory_problem(error: BaseException) -> str:
@@ -125,4 +125,4 @@ def _at_once(number: int, frame: FrameType | None) -> None:
     try:
         os.write(2, _SAID)
     finally:
-        os._exit(_STOPPED)
+        os._exit(STOPPED)

@@ -18,11 +18,10 @@ import click
 
 from pinsing._version import __version__
 from pinsing.atomic_write import why
-from pinsing.cli import memory_problem, memory_refusal
+from pinsing.cli import STOPPED, memory_problem, memory_refusal
 from pinsing.cli.grouped import placeholder
 from pinsing.cli.output import (
     READER_GONE,
-    STOPPED,
     StdoutError,
     complain,
     give_up_stdout,

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from pinsing.cli import completion
+from pinsing.cli import STOPPED, completion
 from pinsing.cli.grouped import command
 from pinsing.cli.mechanism import loops_option, map_loops, over_option
 from pinsing.cli.options import (
@@ -23,7 +23,7 @@ from pinsing.cli.options import (
     parse_numbers,
     whole_number,
 )
-from pinsing.cli.output import STOPPED, emit, emit_json, say
+from pinsing.cli.output import emit, emit_json, say
 from pinsing.cli.running import RunPlace, place_options, run_progress, say_stopped
 from pinsing.errors import OptionError
 from pinsing.prose import Page

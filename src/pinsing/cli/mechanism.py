@@ -13,8 +13,9 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
+from pinsing.cli import STOPPED
 from pinsing.cli.options import in_degrees, loops_at_hand, loops_beside, parse_numbers, whole_number
-from pinsing.cli.output import STOPPED, emit, emit_json, emit_lines, say
+from pinsing.cli.output import emit, emit_json, emit_lines, say
 from pinsing.errors import ConfigurationError, OptionError, ResultError
 from pinsing.prose import Page
 

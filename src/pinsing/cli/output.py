@@ -32,9 +32,6 @@ if TYPE_CHECKING:
 STDOUT = "-"
 _NOT_ASCII = re.compile(r"[^\x00-\x7e]")
 
-STOPPED = 130
-"""Exit code after Ctrl-C, as shells have it."""
-
 
 def emit(text: str) -> None:
     """Print a result; what it was painted with goes to terminals alone."""

@@ -33,7 +33,6 @@ from pinsing.cli.running import doing, waiting
 from pinsing.errors import OptionError, RobotFileError
 
 QUATERNION, ANGLES, AXIS = ("qx", "qy", "qz", "qw"), ("roll", "pitch", "yaw"), ("i", "j", "k")
-_LARGEST = 64 << 20
 _FAR = 20.0
 """Metres beyond which a pose is taken for one in millimetres."""
 
@@ -66,9 +65,11 @@ def read_poses(path: Path, *, degrees: bool = False, millimetres: bool = False) 
     RobotFileError
         With the line, if a column is missing or a number makes no sense.
     """
+    from pinsing.proximity.trajectory_file import LARGEST_TEXT
+
     try:
-        if path.stat().st_size > _LARGEST:
-            raise RobotFileError(f"larger than {_LARGEST >> 20} MiB", path)
+        if path.stat().st_size > LARGEST_TEXT:
+            raise RobotFileError(f"larger than {LARGEST_TEXT >> 20} MiB", path)
         text = path.read_text(encoding="utf-8-sig")
     except (OSError, UnicodeDecodeError) as error:
         raise RobotFileError(f"cannot be read: {error}", path) from None

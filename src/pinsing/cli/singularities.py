@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
-from pinsing.cli import completion
+from pinsing.cli import STOPPED, completion
 from pinsing.cli.grouped import command
 from pinsing.cli.mechanism import analyze_loops, joints_option, loops_option
 from pinsing.cli.options import (
@@ -24,7 +24,7 @@ from pinsing.cli.options import (
     output_option,
     parse_numbers,
 )
-from pinsing.cli.output import STOPPED, emit, emit_json, emit_json_data, say
+from pinsing.cli.output import emit, emit_json, emit_json_data, say
 from pinsing.cli.running import RunPlace, place_options, run_progress, say_stopped
 from pinsing.errors import OptionError
 from pinsing.prose import Page

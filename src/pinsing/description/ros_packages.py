@@ -272,7 +272,7 @@ def _package_name(file: Path) -> str | None:
     return found.group(1) if found else None
 
 
-_LARGEST = 256 * 2**20
+LARGEST = 256 << 20
 _END = re.compile(rb"</(?:[\w.-]+:)?COLLADA\s*>\s*\Z")
 
 
@@ -292,7 +292,7 @@ def image_references(path: Path) -> tuple[str, ...]:
     """
     with path.open("rb") as stream:
         size = os.fstat(stream.fileno()).st_size
-        if size > _LARGEST:
+        if size > LARGEST:
             raise ColladaProblem("is too large")
         # Not the most that is allowed: room for that would be made first, in milliseconds.
         data = stream.read(size + 1)

@@ -33,11 +33,11 @@ from pathlib import Path
 from typing import Any
 
 from pinsing.description import child_jail
-from pinsing.description.ros_packages import PackageIndex
+from pinsing.description.ros_packages import LARGEST, PackageIndex
 from pinsing.description.xml_tree import MAX_BYTES, Node
 from pinsing.errors import RobotFileError
 
-_MOST_BYTES = 64 * 2**20
+_MOST_BYTES = 64 << 20
 _MOST_QUESTIONS = 5000
 _MOST_FOUND = 1000
 _MOST_STEPS = 20_000
@@ -179,8 +179,7 @@ TIMEOUT_SECONDS = 12
 """Processor time of the child, which a busy machine does not use up."""
 _PATIENCE = 10  # times that on the clock, whatever else runs
 _FAREWELL = 1.0
-_MEMORY = 2 * 2**30
-_LONGEST_ANSWER = 256 * 2**20
+MEMORY = 2 << 30
 _WALL = True  # tests leave it out, to see that nothing depends on it
 _WORKER = Path(__file__).with_name("xacro_worker.py")
 
@@ -238,7 +237,7 @@ def expand_xacro(
         "arguments": {name: str(value) for name, value in (arguments or {}).items()},
         "sys_path": [os.path.abspath(entry) for entry in sys.path],
         "seconds": TIMEOUT_SECONDS,
-        "memory": _MEMORY,
+        "memory": MEMORY,
         "wall": _WALL,
     }
     answer = _converse(path, request, XacroFiles(index, MAX_BYTES))
@@ -294,7 +293,7 @@ def _converse(path: Path, request: dict[str, Any], files: XacroFiles) -> dict[st
             child.stdin.write(json.dumps(request).encode() + b"\n")
             child.stdin.flush()
             while answer is None:
-                line = child.stdout.readline(_LONGEST_ANSWER)
+                line = child.stdout.readline(LARGEST)
                 if not line.endswith(b"\n"):
                     break
                 message = json.loads(line)

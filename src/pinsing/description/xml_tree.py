@@ -21,7 +21,7 @@ from xml.parsers import expat
 
 from pinsing.errors import RobotFileError
 
-MAX_BYTES = 32 * 2**20
+MAX_BYTES = 32 << 20
 MAX_DEPTH = 100
 MAX_ELEMENTS = 500_000
 MAX_ATTRIBUTES = 100

@@ -29,7 +29,7 @@ from pinsing.robot.joints import axis_rotation
 from pinsing.robot.load import load
 from pinsing.robot.nominal import Nominal, nominal
 
-_AXES = {"x": np.array([1.0, 0.0, 0.0]), "z": np.array([0.0, 0.0, 1.0])}
+_AXES = dict(zip("xyz", np.eye(3), strict=True))
 
 
 @dataclass(frozen=True, eq=False)

@@ -33,8 +33,8 @@ from pinsing.robot.nominal import Nominal
 from pinsing.robot.surd import root_modulo
 from pinsing.robot.task import Task
 
-FIELDS = (7, 11, 13, 17, 19, 23, 29, 31, 37, 41, 43, 47)
-"""One of them may divide what must not vanish, such as a sum of lengths: what it alone contradicts
+FIELDS = tuple(p for p in range(7, 48) if all(p % k for k in range(2, 7)))
+"""Primes: one may divide what must not vanish, such as a sum of lengths: what it alone contradicts
 may be its own doing. Families whose joint values are roots have points over some of them only."""
 ASKED = 23, 47
 """Where slices are gone through once: the second where the first contradicts."""

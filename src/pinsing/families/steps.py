@@ -28,7 +28,6 @@ from __future__ import annotations
 import itertools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from fractions import Fraction
 from typing import Protocol
 
 import numpy as np
@@ -46,12 +45,13 @@ from pinsing.families.real_control import OwnPoints, RandomSingular, gap, on_non
 from pinsing.families.slice_count import SliceCount
 from pinsing.families.slice_search import SliceSearch
 from pinsing.robot.arm import Arm
+from pinsing.robot.exact_placements import IDENTITY
 from pinsing.robot.nominal import Nominal
 from pinsing.robot.task import Task
 
 Vector = npt.NDArray[np.object_]
 """Exact numbers: (3,), or (3, 3) for a rotation."""
-_EYE: Vector = np.array([[Fraction(i == k) for k in range(3)] for i in range(3)])
+_EYE: Vector = np.array(IDENTITY)
 
 
 @dataclass(frozen=True, eq=False)

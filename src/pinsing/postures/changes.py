@@ -40,7 +40,6 @@ _TRIED = 8
 """Copies to which a way is looked for, at most."""
 _LOOKED = 512
 """Copies of the joints of one part that are looked at, the nearest; a joint has as many at most."""
-_TURN = 2 * math.pi
 
 
 @dataclass(frozen=True, eq=False)
@@ -142,13 +141,13 @@ def _values(
     for j, (x, low, high) in enumerate(zip(q.tolist(), cut.low, cut.high, strict=True)):
         first, last = 0, 0
         if not (cut.endless[j] or chosen.watched.prismatic[j] or j in held):
-            first = math.ceil((low - ROUNDING - x) / _TURN)
-            last = math.floor((high + ROUNDING - x) / _TURN)
+            first = math.ceil((low - ROUNDING - x) / math.tau)
+            last = math.floor((high + ROUNDING - x) / math.tau)
         if last < first:  # outside the limits, whatever the turns
             first, last = 0, 0
-        middle = min(max(round((start[j] - x) / _TURN), first), last)
+        middle = min(max(round((start[j] - x) / math.tau), first), last)
         turns = range(max(first, middle - _LOOKED // 2), min(last, middle + _LOOKED // 2) + 1)
-        values = [x + _TURN * k if k else x for k in turns]
+        values = [x + math.tau * k if k else x for k in turns]
         if first < last:
             values = [min(max(v, float(low)), float(high)) for v in values]
         counts.append(last - first + 1)

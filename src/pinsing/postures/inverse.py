@@ -24,10 +24,11 @@ from pinsing.kinematics.verdict import generic_rank, ratios
 from pinsing.measures import ALIKE, ROUNDING
 from pinsing.postures.exact_chain import turns
 from pinsing.postures.ladder import ladder_of
-from pinsing.postures.newton import POSE, Solver, Stalled, radii
+from pinsing.postures.newton import Solver, Stalled, radii
 from pinsing.robot.arm import Arm, ArmSummary, summarize
 from pinsing.robot.chain import flatten
 from pinsing.robot.nominal import nominal
+from pinsing.robot.task import POSE
 from pinsing.serialization import JsonResult
 
 

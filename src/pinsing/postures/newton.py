@@ -37,7 +37,7 @@ from pinsing.kinematics.verdict import generic_rank
 from pinsing.robot.arm import Arm
 from pinsing.robot.chain import flatten
 from pinsing.robot.joint_space import JointSpace
-from pinsing.robot.task import Task
+from pinsing.robot.task import POSE, POSITION, Task
 
 _BESIDE = 0.1
 """Joint distance within which a start that stalled says nothing more than the solution there."""
@@ -223,10 +223,6 @@ def _damped(J: Array, e: Array, damping: Array) -> Array:
         along *= s / np.maximum(s * s + damping[rest][:, None], TINY)
         step[rest] = (v.transpose(0, 2, 1) @ along[..., None])[..., 0]
     return step
-
-
-POSE = (0, 1, 2, 3, 4, 5)
-POSITION = (0, 1, 2)
 
 
 def radii(solver: Solver, Q: Array) -> Array:

@@ -18,7 +18,7 @@ from pinsing.robot.nominal import Nominal
 from pinsing.robot.surd import SQUARES, Exact, parts_of, surd
 
 _ROOTS = ("", "s2", "s3", "s2s3")
-_EYE = ((1, 0, 0), (0, 1, 0), (0, 0, 1))
+_EYE = tuple(tuple(int(i == k) for k in range(3)) for i in range(3))
 
 
 class NotStated(Exception):

@@ -23,14 +23,12 @@ from pinsing.robot.arm import Arm
 
 _UNIT = re.compile(r"(?i)[\s_]*[\[(]\s*([a-z°]+)\s*[\])]\s*$|_(deg|degrees|rad|mm|ms|ns)$")
 _ANGLES = {
-    "deg": math.pi / 180, "degree": math.pi / 180, "degrees": math.pi / 180, "°": math.pi / 180,
-    "grad": math.pi / 180,
-    "rad": 1.0, "radian": 1.0, "radians": 1.0,
-}  # fmt: skip
-_LENGTHS = {"m": 1.0, "meter": 1.0, "metre": 1.0, "mm": 1e-3}
-_SCALES = _ANGLES | _LENGTHS | {
-    "s": 1.0, "sec": 1.0, "second": 1.0, "seconds": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9,
-}  # fmt: skip
+    **dict.fromkeys(("deg", "degree", "degrees", "°", "grad"), math.radians(1)),
+    **dict.fromkeys(("rad", "radian", "radians"), 1.0),
+}
+_LENGTHS = {**dict.fromkeys(("m", "meter", "metre"), 1.0), "mm": 1e-3}
+_SCALES = _ANGLES | _LENGTHS | dict.fromkeys(("s", "sec", "second", "seconds"), 1.0)
+_SCALES |= {"ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 """What a unit in the head of a column is multiplied by: radians, metres, seconds."""
 _TIME = re.compile(
     r"(?i)[%_]*(t|times?|zeit|temps|tiempo|tempo|timestamp|seconds|secs?|time_from_start|elapsed)"
@@ -142,7 +140,7 @@ def read_trajectory(
         elif kind == ".npz":
             found = _npz(path, arm, columns)
         elif kind in (".ls", ".script"):
-            text = read_bounded(path, _YAML, follow=True).decode("utf-8", "replace")
+            text = read_bounded(path, LARGEST_TEXT, follow=True).decode("utf-8", "replace")
             found = (_fanuc if kind == ".ls" else _ur)(path, arm, text)
         elif kind in (".yaml", ".yml"):
             found = _yaml(path, arm)
@@ -310,7 +308,7 @@ def _npz(path: Path, arm: Arm, columns: Sequence[str]) -> TrajectoryFile:
     return TrajectoryFile(found.Q, np.asarray(arrays[times], dtype=float), ())
 
 
-_YAML = 64 << 20  # bytes: a minute of reading
+LARGEST_TEXT = 64 << 20  # bytes: a minute of reading
 _FANUC_JOINT = re.compile(r"J(\d)\s*=\s*([-+]?[\d.]+)\s*(deg|mm)", re.I)
 _FANUC_MOVE = re.compile(r"\s*\d+:\s*([JLCA])\s+(\S+?)\[(\d+)[^\]]*\]([^;]*)")
 _FANUC_OTHER = re.compile(r"\s*\d+:\s*(CALL|RUN|JMP|LBL|IF|FOR|SELECT|UFRAME|UTOOL|OFFSET)\b", re.I)
@@ -415,7 +413,7 @@ def _yaml(path: Path, arm: Arm) -> TrajectoryFile:
 
     from pinsing.description.yaml_tree import QuickLoader, yaml_problem
 
-    raw = read_bounded(path, _YAML, follow=True)
+    raw = read_bounded(path, LARGEST_TEXT, follow=True)
     try:
         documents = [d for d in yaml.load_all(raw, Loader=QuickLoader) if d is not None]
     except yaml.YAMLError as error:

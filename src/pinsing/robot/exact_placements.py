@@ -116,10 +116,10 @@ def shortest_decimal(value: float, noise: float) -> Fraction:
 Length3 = tuple[Fraction, Fraction, Fraction]
 Row = tuple[Exact, Exact, Exact]
 Matrix = tuple[Row, Row, Row]
-_FIFTEEN = math.pi / 12
+FIFTEEN = math.pi / 12
 _QUARTER: tuple[tuple[int, int], ...] = ((1, 0), (0, 1), (-1, 0), (0, -1))
 _UNITS = {k: Fraction(k) for k in (-1, 0, 1)}
-_IDENTITY: Matrix = tuple(tuple(_UNITS[i == k] for k in range(3)) for i in range(3))  # type: ignore[assignment]
+IDENTITY: Matrix = tuple(tuple(_UNITS[i == k] for k in range(3)) for i in range(3))  # type: ignore[assignment]
 _FLOAT_NOISE = 1e-13
 
 
@@ -240,7 +240,7 @@ class ExactPlacements:
         rotation = [
             self._rational_rotation(i, R[i]) if m is None else m for i, m in enumerate(twist)
         ]
-        rotation.append(_IDENTITY)
+        rotation.append(IDENTITY)
         self.translation = self._lengths(self._slid_to_common_normals(R, t, twist, rotation))
         self.tip_rotation = self._tip_rotation(tip_turn) if with_tip else None
         # So far R and t are the raw geometry still, only with turned axes: what was snapped
@@ -313,7 +313,7 @@ class ExactPlacements:
     def _snap_angle(self, i: int, angle: float) -> float:
         """Put ``angle`` on a multiple of 90 degrees, or (a hundred times closer) of 15 degrees."""
         quarter = round(angle / (math.pi / 2)) * (math.pi / 2)
-        fine = round(angle / _FIFTEEN) * _FIFTEEN
+        fine = round(angle / FIFTEEN) * FIFTEEN
         nominal_angle = angle
         if abs(angle - quarter) <= self.angle_tol:
             nominal_angle = quarter
@@ -356,12 +356,12 @@ class ExactPlacements:
 
     def _circle(self, i: int, angle: float) -> tuple[Exact, Exact]:
         """Exact (cos, sin) near ``angle``, rational but at multiples of 15 degrees."""
-        fine = round(angle / _FIFTEEN)
+        fine = round(angle / FIFTEEN)
         if fine % 6:
-            moved = abs(fine * _FIFTEEN - angle)
+            moved = abs(fine * FIFTEEN - angle)
             if moved <= self.fine_tol:
                 if moved > _FLOAT_NOISE:
-                    self._replace_snap(Snap(self.places[i], "angle", angle, fine * _FIFTEEN))
+                    self._replace_snap(Snap(self.places[i], "angle", angle, fine * FIFTEEN))
                 return cosine(fine), sine(fine)
         quarter = round(angle / (math.pi / 2))
         rest = angle - quarter * math.pi / 2

@@ -16,7 +16,6 @@ _PRODUCT = {
     for j, b in enumerate(SQUARES)
 }
 """sqrt(a) sqrt(b) = gcd(a, b) sqrt(a b / gcd(a, b)^2), by position among SQUARES."""
-_ZERO = Fraction(0)
 _BITS = 512
 _ROOTS = tuple(Fraction(math.isqrt(s << (2 * _BITS)), 1 << _BITS) for s in SQUARES)
 
@@ -96,7 +95,7 @@ def parts_of(value: Exact | int) -> tuple[Fraction, Fraction, Fraction, Fraction
     """Coefficients of 1, sqrt(2), sqrt(3), sqrt(6)."""
     if isinstance(value, Surd):
         return value.parts
-    return value if isinstance(value, Fraction) else Fraction(value), _ZERO, _ZERO, _ZERO
+    return Fraction(value), Fraction(), Fraction(), Fraction()
 
 
 def cosine(steps: int) -> Exact:

@@ -11,8 +11,9 @@ ROW_NAMES = ("vx", "vy", "vz", "wx", "wy", "wz")
 AT_TIP = "@tip"
 TOOL_AXIS = "tool-axis"
 TOOL_AXES = ("x", "y", "z")
-_NAMED = {"pose": (0, 1, 2, 3, 4, 5), "position": (0, 1, 2), "orientation": (3, 4, 5)}
-_TRIPLES = ((0, 1, 2), (3, 4, 5))
+POSITION, _ORIENTATION = tuple(range(3)), tuple(range(3, 6))
+POSE = POSITION + _ORIENTATION
+_NAMED = {"pose": POSE, "position": POSITION, "orientation": _ORIENTATION}
 
 
 @dataclass(frozen=True)
@@ -53,7 +54,7 @@ class Task:
     @property
     def tool_axis(self) -> int | None:
         """Free rotation axis of the tip: 0, 1 or 2 with two rotations at the tip, or None."""
-        free = [r for r in _TRIPLES[1] if r not in self.rows]
+        free = [r for r in _ORIENTATION if r not in self.rows]
         turns = [tip for r, tip in self._marked if r >= 3]
         return free[0] - 3 if len(free) == 1 and all(turns) else None
 
@@ -65,7 +66,7 @@ class Task:
         translations, or none, and all rotations, none, or all but one about an axis of the tip
         say where it is.
         """
-        partly = [t for t in _TRIPLES if 0 < len(set(t) & set(self.rows)) < 3]
+        partly = [t for t in (POSITION, _ORIENTATION) if 0 < len(set(t) & set(self.rows)) < 3]
         tip = [r for r, at in self._marked if at and any(r in t for t in partly)]
         return not tip or (self.tool_axis is not None and all(r >= 3 for r in tip))
 
@@ -138,7 +139,7 @@ def _tool_axis(axis: str) -> Task:
 def _task(tip: dict[int, bool]) -> Task:
     """Task of the rows that are the keys, at the tip where that is said."""
     rows = tuple(sorted(tip))
-    partly = [r for t in _TRIPLES if not set(t) <= set(rows) for r in t if r in tip]
+    partly = [r for t in (POSITION, _ORIENTATION) if not set(t) <= set(rows) for r in t if r in tip]
     # Three translations, or rotations, serve the same in any axes: in those of the others.
     together = any(tip[r] for r in partly) and all(tip[r] for r in partly)
     flags = tuple(tip[r] if r in partly else together for r in rows)
@@ -154,5 +155,5 @@ def _task(tip: dict[int, bool]) -> Task:
 
 
 def _row_name(row: int, at_tip: bool, rows: tuple[int, ...]) -> str:
-    whole = set(_TRIPLES[row // 3]) <= set(rows)
+    whole = set((POSITION, _ORIENTATION)[row // 3]) <= set(rows)
     return ROW_NAMES[row] + (AT_TIP if at_tip and not whole else "")

@@ -29,8 +29,6 @@ from pinsing.robot.arm import Arm
 from pinsing.robot.nominal import nominal
 from pinsing.serialization import JsonResult, Written
 
-_TURN = 2 * math.pi
-
 
 @dataclass(frozen=True)
 class JointCondition:
@@ -93,7 +91,7 @@ class JointCondition:
 
 def apart(one: float, other: float, slides: bool) -> float:
     """Difference of two values of a joint, whole turns aside."""
-    return abs(one - other if slides else math.remainder(one - other, _TURN))
+    return abs(one - other if slides else math.remainder(one - other, math.tau))
 
 
 def value_text(value: float, prismatic: bool = False) -> str:
@@ -112,7 +110,7 @@ def tidy(value: float, prismatic: bool) -> float:
     """Value without whole turns, in (-pi, pi]; special angles exactly there."""
     if prismatic:
         return value + 0.0
-    turned = math.remainder(value, _TURN)
+    turned = math.remainder(value, math.tau)
     quarters = round(turned / (math.pi / 2))
     if abs(turned - quarters * math.pi / 2) < 1e-14:
         turned = (quarters if quarters > -2 else 2) * math.pi / 2

@@ -23,12 +23,12 @@ import pinocchio as pin
 from pinsing._types import Array
 from pinsing.atomic_write import write_bytes
 from pinsing.description import child_jail
+from pinsing.description.xacro import MEMORY
 from pinsing.errors import PinsingError
 from pinsing.view.collada import Painted, unpacked
 
 SECONDS_EACH = 20.0
 """Processor time for one mesh, which a busy machine does not use up."""
-_MEMORY = 2 * 2**30
 _WORKER = Path(__file__).with_name("mesh_worker.py")
 _WANTED = {".dae": "paint", ".obj": "judge", ".stl": "judge"}  # go into the page as they are
 
@@ -184,7 +184,7 @@ def _ask_child(paths: Sequence[Path], missing: list[str]) -> dict[Path, tuple[by
         "jail": child_jail.__file__,
         "seconds_each": SECONDS_EACH,
         "seconds": int(SECONDS_EACH) * len(paths) + 10,
-        "memory": _MEMORY,
+        "memory": MEMORY,
     }
     try:
         child = subprocess.run(

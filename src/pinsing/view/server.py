@@ -196,7 +196,7 @@ _LOOPBACK = ("127.0.0.1", "localhost", "::1")
 _FAREWELL = 0.3
 _REQUEST_SECONDS = 4.0
 """How long a request may take to come, from the link or the answer before; no matter for pages."""
-_LONGEST = 64 * 1024  # of heads and bodies of requests
+_LONGEST = 64 << 10  # of heads and bodies of requests
 _LATER = ("page.json", "scene", "links")
 
 
