@@ -223,9 +223,9 @@ def test_a_mesh_is_refused_that_is_too_large_or_changes_while_it_is_read(tmp_pat
     file.write_text("<COLLADA></COLLADA>")
     assert references.image_references(file) == ()
     size = file.stat().st_size
-    monkeypatch.setattr(references, "_LARGEST", size)
+    monkeypatch.setattr(references, "LARGEST", size)
     assert references.image_references(file) == ()
-    monkeypatch.setattr(references, "_LARGEST", size - 1)
+    monkeypatch.setattr(references, "LARGEST", size - 1)
     with pytest.raises(references.ColladaProblem, match="too large"):
         references.image_references(file)
     monkeypatch.undo()
