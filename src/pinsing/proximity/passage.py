@@ -383,7 +383,7 @@ class Passage:
         """
         margin, each = self.watched.margin, two_sided(self._plain, Q, each=True).each
         self._nearest = np.fmin(self._nearest, each[..., 1].min(axis=0))
-        way = np.append(0.0, np.cumsum(length)) * (1 + _SLACK)
+        way = np.append(0.0, np.cumsum(length)) * (1 + ROUNDING)
         for f, conditions in enumerate(self._families):
             low, limits = each[:, f, 0], self.watched.families[f].limits
             least = np.append(np.inf, np.append((low[:-1] + low[1:] - length) / 2, np.inf))
@@ -393,8 +393,8 @@ class Passage:
             found = nearest_points(conditions, Q[weak], *limits, _CLOSE)
             self._nearest[f] = min(self._nearest[f], found.upper.min(initial=np.inf))
             low[weak] = np.maximum(low[weak], found.lower)
-            np.maximum(low, np.maximum.accumulate(low + way) - way - _SLACK, out=low)
-            back = np.maximum.accumulate((low - way)[::-1])[::-1] + way - _SLACK
+            np.maximum(low, np.maximum.accumulate(low + way) - way - ROUNDING, out=low)
+            back = np.maximum.accumulate((low - way)[::-1])[::-1] + way - ROUNDING
             np.maximum(low, back, out=low)
         return each[..., 0] if margin is None else margin.take_off(Q, each)
 
@@ -428,7 +428,7 @@ class Passage:
         conditions = self._families[f]
         best: tuple[float, float, Array] | None = None
         for bound, motion, u in self._candidates[f]:
-            if best is None or bound < best[0] + _SLACK:
+            if best is None or bound < best[0] + ROUNDING:
                 found = _refined(conditions, watched, motion, u)
                 best = min(best or found, found, key=lambda x: (round(x[0], 9), x[1]))
         if best is None:
