@@ -158,8 +158,10 @@ public:
 
     // From x to a point of the set within the box that is nearest to q, by Newton's method on the
     // equations and a pull towards q along them (or without it, to the set only). Returns the
-    // distance, infinite without success.
-    double descend(const double* q, const double* lo, const double* hi, bool pull, double* x) {
+    // distance, infinite without success. The pull ends at steps below `least`, whose square the
+    // distance is off.
+    double descend(const double* q, const double* lo, const double* hi, bool pull, double least,
+                   double* x) {
         const int n = d();
         double delta[kJoints], step[kJoints], along[kJoints], before[kJoints] = {}, relax = 1.0;
         for (int iteration = pull ? 0 : 40; iteration < 60; iteration++) {
@@ -177,7 +179,7 @@ public:
             const double shorter = size > 0.6 ? 0.6 / size : 1.0;
             for (int j = 0; j < n; j++)
                 x[j] = std::min(std::max(x[j] + shorter * step[j], lo[j]), hi[j]);
-            if (size < 1e-13) {
+            if (size < (settling ? 1e-13 : least)) {
                 if (settling) break;
                 iteration = 39;
             }

@@ -139,11 +139,12 @@ private:
             for (int j = 0; j < d; j++) point[branch.joints[j]] = found[j];
             return true;
         };
+        const double least = std::max(1e-13, 0.1 * o_.gap * o_.gap);
         auto attempt = [&](const double* from) {
             double copy[kJoints];
             for (int way = largest ? 0 : 1; way < 2; way++) {  // no pull rests where cubes touch
                 std::copy(from, from + d, copy);
-                const double length = branch.descend(q, lo, hi, way == 1, copy);
+                const double length = branch.descend(q, lo, hi, way == 1, least, copy);
                 if (length < part) keep(copy, length);
             }
         };

@@ -7,6 +7,7 @@ gives the pose.
 from __future__ import annotations
 
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
 import numpy as np
@@ -95,21 +96,28 @@ class InverseMany:
         parts = list(nodes.T)  # another robot for each value of the held joint
         if values is None:
             parts = np.array_split(nodes.ravel(), -(-nodes.size // _POSES))
-        found = []
-        for k, part in enumerate(parts):
+
+        def solutions(k: int) -> Array:
+            part = parts[k]
             robot = decomposed(self.arm, self.held, 0.0 if values is None else float(values[k]))
             T = np.tile(np.eye(4), (len(part), 1, 1))
             T[:, :3, :3], T[:, :3, 3] = rotation[part], position[part]
-            solved = [] if robot is None else robot.IK_batched(T, engine.cpu_count())
             # Solutions in the sense of least squares are among them: forward kinematics tells.
-            counts = np.array([len(x.Q) for x in solved] or [0] * len(part))
+            solved = [] if robot is None else robot.IK_batched(T, engine.cpu_count())
+            every = [x.Q for x in solved] or [[]] * len(part)
+            counts = np.array([len(x) for x in every])
             Q = np.full((len(part), max(1, counts.max()), self.arm.n), np.nan)
             Q[np.arange(Q.shape[1]) < counts[:, None]] = np.concatenate(
-                [np.empty((0, self.arm.n)), *(x.Q for x in solved if len(x.Q))]
+                [np.empty((0, self.arm.n)), *(x for x in every if len(x))]
             )
-            found.append(self._verified(Q, position[part], rotation[part]))
-            if progress is not None:
-                progress(k + 1, len(parts))
+            return self._verified(Q, position[part], rotation[part])
+
+        found = []
+        with ThreadPoolExecutor(engine.cpu_count()) as pool:
+            for q in pool.map(solutions, range(len(parts))):
+                found.append(q)
+                if progress is not None:
+                    progress(len(found), len(parts))
         whole = np.full((nodes.size, max(q.shape[1] for q in found), self.arm.n), np.nan)
         for part, q in zip(parts, found, strict=True):
             whole[part, : q.shape[1]] = q

@@ -47,7 +47,7 @@ _ALIKE = 1e-3
 """Relative difference of bounds that are as good as an estimate."""
 _BRANCH = 1.0
 """Radians beyond which solutions of neighbouring values are of two branches."""
-_ROUGH = SearchOptions(boxes=1)
+_ROUGH = SearchOptions(gap=1e-2, boxes=1)
 """Work where configurations are only compared: the steps to the nearest point, without proof."""
 _MARGIN = 0.01
 """Radians below the path on a part of the grid at which that on the whole is looked for first."""
@@ -550,8 +550,14 @@ class _Planner:
         Steps may end at a point that is not the nearest: ``likely``, the estimate, is an upper
         bound. ``highest`` is what no node exceeds: the bound of other paths rests on it.
         """
-        close = self.highest <= self.clear * (1 + _ALIKE)
-        for k, rows in enumerate(~self.seen & (self.highest >= least) & ~close):
+        for k, q in enumerate(self.Q):
+            if k:
+                source, to = self.before[k], q.reshape(-1, self.arm.n)
+                way = self._length(to - self.Q[k - 1].reshape(to.shape)[source])
+                most = (self.highest[k - 1].ravel()[source] + way).reshape(q.shape[:2])
+                self.highest[k] = np.fmin(self.highest[k], most)
+            rows = ~self.seen[k] & (self.highest[k] >= least)
+            rows &= self.highest[k] > self.clear[k] * (1 + _ALIKE)
             if rows.any():
                 found = nearest_points(
                     self.watched.conditions, self.Q[k][rows], *self.watched.limits, _ROUGH
@@ -591,6 +597,11 @@ class _Planner:
     def _gap(self, difference: Array) -> Array:
         """Motions between nodes: whole turns aside for joints that have room for them."""
         return np.asarray(difference - self.turn * np.rint(difference / (2 * np.pi)))
+
+    def _length(self, difference: Array) -> Array:
+        """Lengths of motions between nodes: no clearance changes by more."""
+        gap = self._gap(difference) * self.scale
+        return np.asarray(np.sqrt((gap * gap).sum(axis=-1)))
 
     # -- the path ---------------------------------------------------------------------------------
 
@@ -704,8 +715,7 @@ class _Planner:
             for side in (0, 1):
                 near = self._shifted(values, 2 * side - 1)
                 link = (near[:, None] * S + self._nearest(circle, circle[near])).ravel()
-                gap = self._gap(q.reshape(G * S, -1) - q.reshape(G * S, -1)[link]) * self.scale
-                way = np.sqrt((gap * gap).sum(axis=-1))
+                way = self._length(q.reshape(G * S, -1) - q.reshape(G * S, -1)[link])
                 self.beside[k, side] = link
                 self.way[k] = np.fmax(self.way[k], np.where(way < _BRANCH, way, 0.0))
 
@@ -838,8 +848,8 @@ class _Planner:
         out = np.full((len(at), len(self.T)), np.nan)
         out[:, 0] = self.likely[0, i, at]
         for k in range(1, len(self.T)):
-            gap = self._gap(self.Q[k, i] - self.Q[k - 1, i, at][:, None]) * self.scale
-            way = np.where(self.usable[k, i], np.linalg.norm(gap, axis=-1), np.inf)
+            way = self._length(self.Q[k, i] - self.Q[k - 1, i, at][:, None])
+            way = np.where(self.usable[k, i], way, np.inf)
             near, rows = way.argmin(axis=1), np.arange(len(at))
             goes = self.clear[k, i, near] + self.clear[k - 1, i, at] > way[rows, near]
             goes &= np.isfinite(out[:, k - 1])
@@ -955,8 +965,9 @@ class _Planner:
 
     def _ceiling(self, A: Array, ua: Array, B: Array, ub: Array) -> Array:
         """The most (M,) that a branch has between two values with solutions (M, S, n) at each."""
-        gap = self._gap(np.nan_to_num(A, nan=1e9)[:, :, None] - np.nan_to_num(B, nan=-1e9)[:, None])
-        chord = np.linalg.norm(gap * self.scale, axis=-1)
+        chord = self._length(
+            np.nan_to_num(A, nan=1e9)[:, :, None] - np.nan_to_num(B, nan=-1e9)[:, None]
+        )
         pair = np.where(chord < _BRANCH, (ua[:, :, None] + ub[:, None] + 1.1 * chord) / 2, -np.inf)
         return np.asarray(pair.max(axis=(1, 2)))
 
