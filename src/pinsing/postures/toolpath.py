@@ -59,7 +59,7 @@ _THINNED = 6
 """One value and one pose in so many are looked at first."""
 _DECIDING = 3
 """Poses at which the bound is looked for: those with the least room."""
-_NODES = ("clear", "likely", "highest", "usable", "seen")
+_NODES = ("clear", "likely", "highest", "usable", "seen", "between")
 """What is kept of each node (N, G, S)."""
 _HALVED = 6
 """Times that a motion between poses is halved to prove it clear."""
@@ -466,6 +466,7 @@ class _Planner:
     def _bounds(self) -> None:
         """Bound the clearance of all nodes: ``clear`` from below, ``highest`` from above."""
         self.clear, self.highest = np.full((2, *self.Q.shape[:-1]), -np.inf)
+        self.between = np.full(self.clear.shape, np.inf)
         self.usable = np.isfinite(self.Q[..., 0])
         for k, q in enumerate(self.Q):
             there = self.usable[k].copy()
@@ -560,11 +561,18 @@ class _Planner:
             rows &= self.highest[k] > self.clear[k] * (1 + _ALIKE)
             if rows.any():
                 found = nearest_points(
-                    self.watched.conditions, self.Q[k][rows], *self.watched.limits, _ROUGH
-                ).upper
-                self.likely[k][rows] = np.maximum(self.clear[k][rows], found)
+                    self.watched.conditions, q[rows], *self.watched.limits, _ROUGH
+                )
+                self.likely[k][rows] = np.maximum(self.clear[k][rows], found.upper)
                 self.highest[k][rows] = np.minimum(self.highest[k][rows], self.likely[k][rows])
                 self.seen[k][rows] = True
+                at, off = np.flatnonzero(rows), q[rows] - found.q
+                half = self._gap(q.reshape(-1, self.arm.n)[self.beside[k][:, at]] - q[rows]) / 2
+                ends = np.linalg.norm((off + half) * self.scale, axis=-1).max(axis=0)
+                bent = np.linalg.norm(half.sum(axis=0) * self.scale, axis=-1) / 2
+                whole = np.isfinite(bent) & (2 * bent < self.way[k][at])
+                most = np.maximum(ends, found.upper) + bent
+                self.between[k][rows] = np.where(whole, most, np.inf)
 
     def _unreached(self) -> str | None:
         """The first pose without a usable node, in words."""
@@ -722,9 +730,10 @@ class _Planner:
     def _room(self, k: int) -> Array:
         """Return the most clearance (G S,) that there may be up to halfway to a neighbouring value.
 
-        A tenth is added since a branch moves on an arc.
+        No more than what is added for a branch's arc, farther from the point that was found: twice
+        how far it bends. A tenth of the chord is added where there is none.
         """
-        room = self.highest[k].ravel() + 0.55 * self.way[k]
+        room = np.minimum(self.highest[k].ravel() + 0.55 * self.way[k], self.between[k].ravel())
         return np.where(self.usable[k].ravel(), room, -np.inf)
 
     def _nearest(self, a: Array, b: Array) -> Ints:
