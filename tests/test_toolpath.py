@@ -120,6 +120,21 @@ def test_the_optimum_is_that_of_brute_force(ur5, seed):
     assert plan.bound >= at_poses - 1e-3
 
 
+def test_the_bound_counts_what_is_within_limits_between_two_values():
+    """A value on the grid is beyond a limit, and part of the way from it to the next is not."""
+    arm = pinsing.load("irb120")
+    form = pinsing.closed_form(arm, prove=False)
+    q = np.array([-1.0, -1.62, 0.48, -1.84, -1.54, -1.85])
+    T = np.tile(tip_placement(arm, q).homogeneous @ TORCH, (4, 1, 1))
+    a = np.linspace(0, 2 * np.pi, 12)[::3]
+    T[:, :2, 3] += 0.025 * np.stack([np.cos(a) - 1, np.sin(a)], axis=1)
+    coarse, fine = (
+        plan_path(form, T, free="roll", step=np.radians(x), arm=arm, tool=TORCH) for x in (5, 1)
+    )
+    assert coarse.clearance <= coarse.bound
+    assert coarse.bound >= fine.clearance > np.radians(55)
+
+
 def test_a_rotation_about_the_last_axis_cannot_help(ur5):
     arm, form = ur5
     T = np.tile(tip_placement(arm, START).homogeneous, (5, 1, 1))

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from pinsing._batch import engine
-from pinsing._types import Array, Bool
+from pinsing._types import Array, Bool, Ints
 from pinsing.errors import OptionError
 from pinsing.kinematics.jacobian import generic_rank
 from pinsing.measures import ROUNDING
@@ -97,9 +97,8 @@ class InverseMany:
         if values is None:
             parts = np.array_split(nodes.ravel(), -(-nodes.size // _POSES))
 
-        def solutions(k: int) -> Array:
-            part = parts[k]
-            robot = decomposed(self.arm, self.held, 0.0 if values is None else float(values[k]))
+        def solutions(part: Ints, value: float) -> Array:
+            robot = decomposed(self.arm, self.held, value)
             T = np.tile(np.eye(4), (len(part), 1, 1))
             T[:, :3, :3], T[:, :3, 3] = rotation[part], position[part]
             # Solutions in the sense of least squares are among them: forward kinematics tells.
@@ -114,7 +113,7 @@ class InverseMany:
 
         found = []
         with ThreadPoolExecutor(engine.cpu_count()) as pool:
-            for q in pool.map(solutions, range(len(parts))):
+            for q in pool.map(solutions, parts, [0.0] * len(parts) if values is None else values):
                 found.append(q)
                 if progress is not None:
                     progress(len(found), len(parts))

@@ -47,10 +47,10 @@ _ALIKE = 1e-3
 """Relative difference of bounds that are as good as an estimate."""
 _BRANCH = 1.0
 """Radians beyond which solutions of neighbouring values are of two branches."""
-_ROUGH = SearchOptions(gap=1e-2, boxes=1)
-"""Work where configurations are only compared: the steps to the nearest point, without proof."""
 _MARGIN = 0.01
 """Radians below the path on a part of the grid at which that on the whole is looked for first."""
+_ROUGH = SearchOptions(gap=_MARGIN, boxes=1)
+"""Work where configurations are only compared: the steps to the nearest point, without proof."""
 _GAP = 1e-3
 """Radians between the certified bounds of a clearance."""
 _FINEST = 1e-5
@@ -59,7 +59,7 @@ _THINNED = 6
 """One value and one pose in so many are looked at first."""
 _DECIDING = 3
 """Poses at which the bound is looked for: those with the least room."""
-_NODES = ("clear", "likely", "highest", "usable", "seen", "between")
+_NODES = ("clear", "likely", "highest", "usable", "seen", "between", "off")
 """What is kept of each node (N, G, S)."""
 _HALVED = 6
 """Times that a motion between poses is halved to prove it clear."""
@@ -92,7 +92,8 @@ class PathPlan(JsonResult):
         The family there.
     bound : float
         No path through these poses stays farther away, by a search and not proven: bisection of
-        what is free at the poses with the least room, arcs taken as chords and a tenth; radians.
+        what is free at the poses with the least room, arcs taken as chords and a tenth, or as
+        twice as bent as three neighbouring values are; radians.
     fixed : tuple of float
         Clearance at the poses of the paths along which what is free keeps its value (that of the
         poses as given, or the middle of a joint's range), one for each branch at the first pose; 0
@@ -466,14 +467,14 @@ class _Planner:
     def _bounds(self) -> None:
         """Bound the clearance of all nodes: ``clear`` from below, ``highest`` from above."""
         self.clear, self.highest = np.full((2, *self.Q.shape[:-1]), -np.inf)
-        self.between = np.full(self.clear.shape, np.inf)
-        self.usable = np.isfinite(self.Q[..., 0])
+        self.between, self.off = np.full((2, *self.clear.shape), np.inf)
         for k, q in enumerate(self.Q):
-            there = self.usable[k].copy()
+            there = np.isfinite(q[..., 0])
             found = clearance(self.form, q[there])
             self.clear[k][there], self.highest[k][there] = found.lower, found.upper
-            self.usable[k] &= ~self.arm.space.outside(np.nan_to_num(q)).any(axis=-1)
-        self.likely, self.seen = self.clear.copy(), ~self.usable
+            self.off[k] = self._beyond(q)
+        self.usable = self.off <= 0
+        self.likely, self.seen = self.clear.copy(), ~np.isfinite(self.clear)
 
     def _searched(self, first: Bool) -> tuple[Ints, Ints, Ints] | str:
         """The best path on the grid; else why there is none.
@@ -542,7 +543,7 @@ class _Planner:
             return -np.inf
         coarse._link()
         coarse._estimate_all(-np.inf)
-        path = coarse._best_path(coarse.usable[0], -np.inf)
+        path = coarse._best_path(coarse._first(None), -np.inf)
         return -np.inf if isinstance(path, str) else coarse.reached
 
     def _estimate_all(self, least: float) -> None:
@@ -554,11 +555,12 @@ class _Planner:
         for k, q in enumerate(self.Q):
             if k:
                 source, to = self.before[k], q.reshape(-1, self.arm.n)
-                way = self._length(to - self.Q[k - 1].reshape(to.shape)[source])
-                most = (self.highest[k - 1].ravel()[source] + way).reshape(q.shape[:2])
-                self.highest[k] = np.fmin(self.highest[k], most)
+                most = self._length(to - self.Q[k - 1].reshape(to.shape)[source])
+                most += self.highest[k - 1].ravel()[source]
+                self.highest[k] = np.fmin(self.highest[k], most.reshape(q.shape[:2]))
             rows = ~self.seen[k] & (self.highest[k] >= least)
             rows &= self.highest[k] > self.clear[k] * (1 + _ALIKE)
+            rows &= self._room(k).reshape(rows.shape) > -np.inf
             if rows.any():
                 found = nearest_points(
                     self.watched.conditions, q[rows], *self.watched.limits, _ROUGH
@@ -570,9 +572,8 @@ class _Planner:
                 half = self._gap(q.reshape(-1, self.arm.n)[self.beside[k][:, at]] - q[rows]) / 2
                 ends = np.linalg.norm((off + half) * self.scale, axis=-1).max(axis=0)
                 bent = np.linalg.norm(half.sum(axis=0) * self.scale, axis=-1) / 2
-                whole = np.isfinite(bent) & (2 * bent < self.way[k][at])
                 most = np.maximum(ends, found.upper) + bent
-                self.between[k][rows] = np.where(whole, most, np.inf)
+                self.between[k][rows] = np.where(2 * bent < self.way[k][at], most, np.inf)
 
     def _unreached(self) -> str | None:
         """The first pose without a usable node, in words."""
@@ -593,7 +594,7 @@ class _Planner:
     def _first(self, start: npt.ArrayLike | None) -> Bool:
         """Return which nodes (G, S) of the first pose a path may begin at."""
         if start is None:
-            return np.asarray(self.usable[0])
+            return np.asarray(np.isfinite(self.clear[0]))
         q = self.start = self.arm.check_one(start, "start")
         apart = np.abs(self._gap(np.nan_to_num(self.Q[0], nan=1e9) - q)).max(axis=-1)
         half = 0.5 * (self.grid[1] - self.grid[0]) if len(self.grid) > 1 else 0.0
@@ -608,8 +609,7 @@ class _Planner:
 
     def _length(self, difference: Array) -> Array:
         """Lengths of motions between nodes: no clearance changes by more."""
-        gap = self._gap(difference) * self.scale
-        return np.asarray(np.sqrt((gap * gap).sum(axis=-1)))
+        return np.asarray(np.linalg.norm(self._gap(difference) * self.scale, axis=-1))
 
     # -- the path ---------------------------------------------------------------------------------
 
@@ -637,7 +637,7 @@ class _Planner:
             edge = self._states(move, source)
             nodes = np.stack([self.likely[k].ravel(), room])[:, here]
             value = np.minimum(best.reshape(2, -1)[:, edge], nodes[:, None, :, None])
-            value[:, :, ~self._within(k)[here]] = -np.inf
+            value = np.where(self._within(k)[:, None, here], value, -np.inf)
             sure, loose, maybe = self._passable(k, here, source, move, room[here])
             proven = np.where((sure & ~far[:, None])[..., None], value[0], -np.inf)
             choice = proven.argmax(axis=0)[None]
@@ -676,12 +676,16 @@ class _Planner:
         return np.stack(out)
 
     def _within(self, k: int) -> Bool:
-        """Which turns (G S, T) of which nodes of pose k a path may have."""
+        """Which turns of which nodes of pose k a path may have, and one between (2, G S, T)."""
         q = self.Q[k].reshape(-1, 1, self.arm.n)[..., self.counted] + 2 * np.pi * self.turns
         low, high = (
             x[self.counted] for x in (self.arm.lower - ROUNDING, self.arm.upper + ROUNDING)
         )
-        out = self.usable[k].reshape(-1, 1) & ((q >= low) & (q <= high)).all(axis=-1)
+        off = np.maximum(low - q, q - high).max(axis=-1, initial=-np.inf)
+        out = (
+            np.maximum(off, self.off[k].reshape(-1, 1))
+            <= np.stack([0 * self.way[k], 0.55 * self.way[k]])[..., None]
+        )
         if k == 0 and self.start is not None:
             out &= (np.abs(q - self.start[self.counted]) < np.pi).all(axis=-1)
         return np.asarray(out)
@@ -730,11 +734,16 @@ class _Planner:
     def _room(self, k: int) -> Array:
         """Return the most clearance (G S,) that there may be up to halfway to a neighbouring value.
 
-        No more than what is added for a branch's arc, farther from the point that was found: twice
-        how far it bends. A tenth of the chord is added where there is none.
+        As far as the ends are from the point that was found, and twice how far the branch bends; a
+        tenth more than half of the chord where no point was looked for.
         """
         room = np.minimum(self.highest[k].ravel() + 0.55 * self.way[k], self.between[k].ravel())
-        return np.where(self.usable[k].ravel(), room, -np.inf)
+        return np.where(self.off[k].ravel() <= 0.55 * self.way[k], room, -np.inf)
+
+    def _beyond(self, Q: Array) -> Array:
+        """How far nodes (..., n) are from within the limits at least; zero or less within."""
+        limits = self.arm.lower - ROUNDING, self.arm.upper + ROUNDING
+        return np.asarray((np.maximum(limits[0] - Q, Q - limits[1]) * self.scale).max(axis=-1))
 
     def _nearest(self, a: Array, b: Array) -> Ints:
         """Slots (M, S) of nodes b (M, S, 2n) nearest to those of nodes a, by sums of cosines."""
@@ -857,8 +866,8 @@ class _Planner:
         out = np.full((len(at), len(self.T)), np.nan)
         out[:, 0] = self.likely[0, i, at]
         for k in range(1, len(self.T)):
-            way = self._length(self.Q[k, i] - self.Q[k - 1, i, at][:, None])
-            way = np.where(self.usable[k, i], way, np.inf)
+            gap = self.Q[k, i] - self.Q[k - 1, i, at][:, None]
+            way = np.where(self.usable[k, i], self._length(gap), np.inf)
             near, rows = way.argmin(axis=1), np.arange(len(at))
             goes = self.clear[k, i, near] + self.clear[k - 1, i, at] > way[rows, near]
             goes &= np.isfinite(out[:, k - 1])
@@ -883,7 +892,8 @@ class _Planner:
         room = np.stack([self._room(k) for k in range(len(self.T))]).reshape(self.clear.shape)
         more = room > reached
         side = np.full(self.clear.shape, -1)
-        side[more] = self._sides(self.Q[more])
+        for q, here, rows in zip(self.Q, side, more, strict=True):
+            here[rows] = self._sides(q[rows])
         most = reached
         for label in np.unique(side[more]):
             highest = np.where(side == label, room, -np.inf).max(axis=(1, 2))
@@ -933,8 +943,7 @@ class _Planner:
         """
 
         def upper(Q: Array) -> Array:
-            there = np.isfinite(Q[..., 0]) & self.arm.within_limits(np.nan_to_num(Q))
-            there &= self._sides(Q) == side
+            there = (self._beyond(Q) <= 1.1 * reach) & (self._sides(Q) == side)
             out = np.full(there.shape, -np.inf)
             q = Q[there]
             options = self.watched.conditions, q, *self.watched.limits
@@ -945,8 +954,9 @@ class _Planner:
             return out
 
         values, A, S = self.grid, self.Q[k], self.Q.shape[2]
+        reach = float(self.way[k].max())
         ua = upper(A)
-        best = max(best, float(ua.max()))
+        best = max(best, float(ua[self.usable[k]].max(initial=-np.inf)))
         if self.free == "branch" or self.idle:
             return best
         ends = self._shifted(np.arange(len(values)), 1)
@@ -958,7 +968,7 @@ class _Planner:
             # Where inverse kinematics is not exact each value would cost a search.
             if not more.any() or width < _FINEST or not self.solver.exact:
                 return max(best, float(ceiling.max(initial=-np.inf)))
-            width /= 2
+            width, reach = width / 2, reach / 2
             values, (A, ua, B, ub) = values[more], (x[more] for x in (A, ua, B, ub))
             middle = values + width
             held = middle if self.held is not None else None
@@ -966,7 +976,7 @@ class _Planner:
             S = max(A.shape[1], found.shape[1])
             here = _padded(found, S)
             u = upper(here)
-            best = max(best, float(u.max()))
+            best = max(best, float(u[self._beyond(here) <= 0].max(initial=-np.inf)))
             A, B, ua, ub = (_padded(x, S) for x in (A, B, ua, ub))
             A, B = np.concatenate([A, here]), np.concatenate([here, B])
             ua, ub = np.concatenate([ua, u]), np.concatenate([u, ub])
