@@ -26,6 +26,9 @@ ROUNDING = 1e-9
 NOISE = 1e-12
 """What a few operations on doubles leave of zero, relative to what was added up."""
 
+FLOAT_NOISE = 1e-13
+"""What rounding alone makes of numbers of about one that are right to the last digits."""
+
 ALIKE = 1e-6
 """Radians, metres, ratios: what is found where only half of the digits hold, as of double roots.
 

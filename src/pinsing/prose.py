@@ -17,6 +17,9 @@ WIDTH = 100
 NARROWEST, WIDEST = 60, 200
 """Columns that text is fitted to: longer lines are hard to follow, shorter ones hold nothing."""
 
+LISTED = 8
+"""Entries of a list that are shown; of longer ones it is said how many more there are."""
+
 _LEAST = 20  # columns that a wrapped text keeps, however deep its indent
 _KEPT = "\u00a0"  # a space that is no place to break at
 

@@ -22,7 +22,7 @@ from pinsing.cli.options import (
     verbose_option,
 )
 from pinsing.cli.output import emit, emit_json, say
-from pinsing.cli.running import waiting
+from pinsing.cli.running import REDRAW_SECONDS, waiting
 from pinsing.cli.singularities import algebra_options, prove_option
 from pinsing.errors import OptionError, RobotFileError
 from pinsing.prose import Page, is_terminal
@@ -30,8 +30,6 @@ from pinsing.prose import Page, is_terminal
 if TYPE_CHECKING:
     from pinsing.families import ClosedForm
     from pinsing.families.solve import Prove
-
-_REDRAW_SECONDS = 0.1
 
 
 @command("families")
@@ -239,7 +237,7 @@ def _progress() -> Iterator[Callable[[str], None]]:
 
     def show(text: str) -> None:
         nonlocal drawn
-        if time.monotonic() - drawn > _REDRAW_SECONDS:
+        if time.monotonic() - drawn > REDRAW_SECONDS:
             drawn = time.monotonic()
             sys.stderr.write(f"\r\x1b[Klooking for a certificate: {text}")
             sys.stderr.flush()

@@ -32,7 +32,7 @@ WORDS = "pinsing.words"
 """Where a context has the words of the command line."""
 
 _BAR = 30  # columns
-_REDRAW_SECONDS = 0.1
+REDRAW_SECONDS = 0.1
 _QUIET_SECONDS = 30.0  # between two lines where there is no terminal to draw on
 
 
@@ -195,7 +195,7 @@ class _Bar:
     def show(self, done: int, total: int) -> None:
         text = self._meter.text(done, total)
         now = time.monotonic()
-        if now - self._drawn < _REDRAW_SECONDS and done < total:
+        if now - self._drawn < REDRAW_SECONDS and done < total:
             return
         self._drawn = now
         share = min(done / total, 1.0) if total else 1.0

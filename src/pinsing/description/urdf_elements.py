@@ -21,11 +21,11 @@ from pinsing.description.xml_tree import (
     suggestion,
 )
 from pinsing.errors import RobotFileError
+from pinsing.measures import ALIKE
 
 JointKind = Literal["revolute", "continuous", "prismatic", "fixed", "floating", "planar"]
 KINDS: tuple[str, ...] = get_args(JointKind)
 _LARGEST_EVER = 1e100
-_SMALLEST_AXIS = 1e-6
 
 
 @dataclass(frozen=True)
@@ -171,7 +171,7 @@ def _axis(
     x, y, z = source.numbers(element, "xyz", 3, what)
     norm = math.hypot(x, y, z)
     source.refuse_if(
-        norm < _SMALLEST_AXIS,
+        norm < ALIKE,
         f'{what}: the axis is zero: give a direction, as xyz="0 0 1"',
         element,
     )

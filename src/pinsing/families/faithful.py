@@ -24,7 +24,7 @@ from pinsing.arguments import typed
 from pinsing.families.family import Family
 from pinsing.families.parts import Branch
 from pinsing.families.zero_set import thrown
-from pinsing.measures import ALIKE
+from pinsing.measures import ALIKE, FLOAT_NOISE
 from pinsing.robot.nominal import Nominal
 
 _ZERO = 1e-10
@@ -32,8 +32,6 @@ _ZERO = 1e-10
 _SHARP, _BLUNT = 1e-6, 1e-4
 """Radians or metres from a branch's values, and residual of its equations: of a point on it, and
 of one that is a multiple root, which has half of the digits or less."""
-_ROUNDING = 1e-13
-"""Rounding of a value, relative to its terms: of what is left where most of them cancel."""
 
 
 def disagreements(
@@ -295,4 +293,4 @@ class _Exact:
 def _unit(values: Array, size: float) -> tuple[Array, float]:
     """Values of length 1, and the relative error that terms of this size leave, 1 at most."""
     length = max(float(np.linalg.norm(values)), TINY)
-    return values / length, min(_ROUNDING * size / length, 1.0)
+    return values / length, min(FLOAT_NOISE * size / length, 1.0)

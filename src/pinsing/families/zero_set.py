@@ -18,7 +18,7 @@ import numpy.typing as npt
 
 from pinsing._types import Array, Bool
 from pinsing.algebra.equation import Equation
-from pinsing.measures import ROUNDING
+from pinsing.measures import FLOAT_NOISE, ROUNDING
 
 _MOST = 3
 """Equations at once, of which all orders are tried."""
@@ -221,8 +221,6 @@ def _copy(angle: Array, low: float, high: float, rng: np.random.Generator) -> tu
 
 Stop = Callable[[], bool]
 """Whether a search is to end with what it has; asked between its steps."""
-_ON = 1e-13
-"""A residual this small, relative to the sum of an equation's coefficients, is zero."""
 _PROOF_TERMS = 12_000
 """Boxes times terms of a proof that there is nothing to find, before it is looked for at random."""
 ROUNDS = 12
@@ -341,7 +339,7 @@ def project(
         # Where gradients nearly vanish a step may lead away again: the best is kept.
         better = worst < least[left]
         best[left[better]], least[left[better]] = q[left[better]], worst[better]
-        left, f = left[worst > _ON], f[worst > _ON]
+        left, f = left[worst > FLOAT_NOISE], f[worst > FLOAT_NOISE]
         if not len(left) or iteration == iterations or (stop is not None and stop()):
             break
         A = system.gradients(q[left]) * free

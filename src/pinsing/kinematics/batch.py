@@ -24,13 +24,13 @@ from pinsing.errors import EngineError, OptionError
 from pinsing.measures import NOISE, ROUNDING
 from pinsing.robot.arm import Arm
 from pinsing.robot.chain import flatten
+from pinsing.robot.nominal import SEED
 from pinsing.robot.task import Task
 
 PINOCCHIO = "pinocchio"
 ENGINES = ("auto", "batch", PINOCCHIO)
 INSTRUCTION_SETS = ("baseline", "avx2", "avx512")
-_CONFIGURATIONS = 16
-_PROBE_SEED = 90210
+PROBE_SEED = 90210
 
 
 def batch_chain(arm: Arm, engine: str = "auto") -> FlatChain | None:
@@ -145,9 +145,9 @@ def _verified(arm: Arm) -> FlatChain | str:
         chain = FlatChain(plain.R, plain.t, plain.prismatic)
     except ValueError as unfit:
         return f"the chain does not suit the compiled kernel: {unfit}"
-    rng = np.random.default_rng(_PROBE_SEED)
+    rng = np.random.default_rng(PROBE_SEED)
     size = float(np.abs(plain.t).max()) or 1.0
-    Q = rng.uniform(-1, 1, (_CONFIGURATIONS, arm.n)) * np.where(arm.prismatic, size, 2 * np.pi)
+    Q = rng.uniform(-1, 1, (_SAMPLES, arm.n)) * np.where(arm.prismatic, size, 2 * np.pi)
     ours, theirs = kernel.jacobians(chain, model_values(arm, Q)), pinocchio_jacobians(arm, Q)
     moved, turned = np.abs(ours - theirs).max(axis=(0, 2)).reshape(2, 3).max(axis=1)
     error = max(float(turned), float(moved) / max(size, float(np.abs(theirs[:, :3]).max())))
@@ -297,7 +297,6 @@ def _by_pinocchio(arm: Arm, Q: Array) -> Array:
     return found
 
 
-_SEED = 20231
 _SAMPLES = 16
 
 
@@ -338,7 +337,7 @@ def own_scale(arm: Arm) -> OwnScale:
     return arm.once("own_scale", lambda: _own_scale(arm))
 
 
-def random_turns(arm: Arm, count: int, seed: int = _SEED) -> Array:
+def random_turns(arm: Arm, count: int, seed: int = SEED) -> Array:
     """Random configurations (count, n): whole circles, and as far as the arm is long."""
     reach = np.where(arm.prismatic, own_scale(arm).length, np.pi)
     return np.random.default_rng(seed).uniform(-1, 1, (count, arm.n)) * reach
@@ -355,7 +354,7 @@ def _own_scale(arm: Arm) -> OwnScale:
 
 
 def _length(arm: Arm) -> float:
-    rng = np.random.default_rng(_SEED)
+    rng = np.random.default_rng(SEED)
     bounded = arm.prismatic & np.isfinite(arm.lower) & np.isfinite(arm.upper)
     half = np.where(arm.prismatic, 0.0, np.pi)
     low, high = np.where(bounded, arm.lower, -half), np.where(bounded, arm.upper, half)

@@ -321,7 +321,7 @@ def _lean(arm: Arm) -> Arm:
     return lean
 
 
-_ROWS = 2000
+ROWS = 2000
 """Configurations at a time: their brackets take some megabytes."""
 
 
@@ -363,8 +363,8 @@ def regular_radius(arm: Arm, Q: npt.ArrayLike) -> Array:
     flat, found = array.reshape(-1, arm.n), np.zeros(array.shape[:-1]).reshape(-1)
     frame = arm.once("frame of a ball", lambda: _Frame.of(arm))
     if frame is not None:
-        for first in range(0, len(flat), _ROWS):
-            part = slice(first, first + _ROWS)
+        for first in range(0, len(flat), ROWS):
+            part = slice(first, first + ROWS)
             found[part] = frame.radius(flat[part])
     return found.reshape(array.shape[:-1])
 

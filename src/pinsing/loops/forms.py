@@ -15,6 +15,7 @@ from flint import Ordering, fmpq_mpoly_ctx
 from pinsing._types import Array
 from pinsing.algebra.equation import Equation, signed_sum
 from pinsing.algebra.ring import Poly, Ring, fraction, rational
+from pinsing.measures import ALIKE
 from pinsing.serialization import JsonResult
 
 _ANGLE = ("cos φ", "sin φ")
@@ -245,10 +246,6 @@ def _pair(i: int, j: int, c: Poly, s: Poly) -> Poly:
     return out * (s * half) if i % 2 else out
 
 
-_VANISHES = 1e-6
-"""A row shorter than this, relative to the sum of its coefficients, is not made longer."""
-
-
 @dataclass(frozen=True, eq=False)
 class JointLocus:
     """One singular locus in the joint angles.
@@ -301,7 +298,7 @@ class JointLocus:
         """Return the matrix (..., k, m) with rows of unit length; those that vanish stay small."""
         sums = [[np.abs(x.values).sum() for x in row] for row in self.matrix]
         whole = np.linalg.norm(np.array(sums, dtype=float), axis=1)
-        size = np.maximum(np.linalg.norm(M, axis=-1), _VANISHES * whole)
+        size = np.maximum(np.linalg.norm(M, axis=-1), ALIKE * whole)
         return np.asarray(M / np.where(size > 0, size, 1.0)[..., None])
 
     def value(self, q: npt.ArrayLike, joints: Sequence[str]) -> Array:
@@ -321,7 +318,7 @@ class JointLocus:
         if self.equation is not None:
             return np.abs(self.value(q, joints))
         sigma = np.linalg.svd(self.scaled(self.entries(q, joints)), compute_uv=False)
-        return np.asarray(sigma[..., -1] / np.maximum(sigma[..., 0], _VANISHES))
+        return np.asarray(sigma[..., -1] / np.maximum(sigma[..., 0], ALIKE))
 
     def __str__(self) -> str:
         return f"{self.kind}, {self.words}: {self.statement()}"

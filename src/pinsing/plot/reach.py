@@ -29,7 +29,7 @@ from pinsing.plot.style import SMALL, legend_below, new_axes, plain
 from pinsing.robot.arm import Arm
 
 _FIT = (0.0, 2.0, 4.0)
-_STEP = 1e-5
+STEP = 1e-5
 _FLAT = 1e-7
 _CROSS = 1e-3
 """Where f is so much flatter than along its curve, two curves of singular joint values cross."""
@@ -146,9 +146,9 @@ class Section:
 
     def steepest(self, x: Array) -> Array:
         """Gradient (..., 2) of f, by differences."""
-        e = _STEP * np.eye(2)
+        e = STEP * np.eye(2)
         return np.stack(
-            [(self.singular(x + v) - self.singular(x - v)) / (2 * _STEP) for v in e], axis=-1
+            [(self.singular(x + v) - self.singular(x - v)) / (2 * STEP) for v in e], axis=-1
         )
 
     def tangent(self, x: Array) -> Array:

@@ -16,6 +16,7 @@ from pinsing._batch import engine
 from pinsing._types import Array, Bool, Ints
 from pinsing.errors import OptionError
 from pinsing.kinematics.jacobian import generic_rank
+from pinsing.kinematics.verdict import ROWS
 from pinsing.measures import ROUNDING
 from pinsing.postures.inverse import decomposed, inverse
 from pinsing.postures.newton import Solver
@@ -30,9 +31,6 @@ _BESIDE = 0.05
 """Radians within which a solution continues that of a neighbouring pose."""
 _ROWS = 50_000
 """Configurations in one call of the solver: some tens of megabytes."""
-_POSES = 2_000
-"""Poses in one call of EAIK: what is computed from its answer stays in the processor's cache."""
-
 Progress = Callable[[int, int], None]
 
 
@@ -95,7 +93,7 @@ class InverseMany:
         nodes = np.arange(N * G).reshape(N, G)
         parts = list(nodes.T)  # another robot for each value of the held joint
         if values is None:
-            parts = np.array_split(nodes.ravel(), -(-nodes.size // _POSES))
+            parts = np.array_split(nodes.ravel(), -(-nodes.size // ROWS))
 
         def solutions(part: Ints, value: float) -> Array:
             robot = decomposed(self.arm, self.held, value)

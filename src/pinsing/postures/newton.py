@@ -34,6 +34,7 @@ from pinsing.algebra.trig_sum import TINY
 from pinsing.errors import OptionError
 from pinsing.kinematics.batch import picked, turn_left
 from pinsing.kinematics.verdict import generic_rank
+from pinsing.measures import FLOAT_NOISE
 from pinsing.robot.arm import Arm
 from pinsing.robot.chain import flatten
 from pinsing.robot.joint_space import JointSpace
@@ -85,7 +86,6 @@ class Stalled:
 _ITERATIONS = 60
 _STEP = 0.7
 _CLOSE = 1e-11
-_FLOOR = 1e-13
 
 
 @dataclass(frozen=True, eq=False)
@@ -211,7 +211,7 @@ def _damped(J: Array, e: Array, damping: Array) -> Array:
     transposed = J.transpose(0, 2, 1)
     step = (transposed @ e[..., None])[..., 0]
     gram = transposed @ J
-    little = damping <= _FLOOR * np.trace(gram, axis1=1, axis2=2)
+    little = damping <= FLOAT_NOISE * np.trace(gram, axis1=1, axis2=2)
     much = np.flatnonzero(~little)
     if len(much):
         added = gram[much] + damping[much][:, None, None] * np.eye(J.shape[2])

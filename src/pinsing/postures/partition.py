@@ -243,8 +243,6 @@ def _groups(n: int, surfaces: list[Surface]) -> list[tuple[int, ...]]:
 Clear = Callable[[Array], bool]
 """Whether a polyline (K, d) in the joints of a part meets nothing that separates."""
 
-_ASCENT = 60
-
 
 class Counts(Protocol):
     """How many components there are, as found."""

@@ -155,8 +155,6 @@ def _rational(value: Fraction) -> Any:
 Number: TypeAlias = Any
 """An exact number: fmpq over the rationals, `Exact` where there are square roots."""
 
-_POSITION = {(0, 0): 0, (1, 0): 1, (0, 1): 2, (1, 1): 3}
-
 _ASKED_AFTER = 100_000
 """Products of terms, some milliseconds, between two questions to the budget."""
 
@@ -244,7 +242,7 @@ def _vector(certificate: Certificate, line: list[Any]) -> dict[Any, Number]:
     for k, x in enumerate(line):
         for m, c in x.to_dict().items():
             at = dict(zip(roots, m[count:], strict=True))
-            place = _POSITION[at.get(2, 0), at.get(3, 0)]
+            place = at.get(2, 0) + 2 * at.get(3, 0)  # among SQUARES
             four = parts.setdefault((k, tuple(m[:count])), [Fraction(0)] * 4)
             four[place] += Fraction(int(c.p), int(c.q))
     return {key: surd(*four) for key, four in parts.items()}

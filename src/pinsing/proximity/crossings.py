@@ -27,7 +27,7 @@ from pinsing.serialization import JsonResult
 
 _MOST_DEGREE = 15
 # Beyond it a float says nothing of an angle that is worth a check, and speeds overflow.
-_FARTHEST = 1e9
+FARTHEST = 1e9
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,12 +96,12 @@ def check_reach(watched: Watched, Q: Array, what: str = "sample", first: int = 1
     ConfigurationError
         If a value is beyond 1e9.
     """
-    far = np.argwhere(np.abs(Q) > _FARTHEST)
+    far = np.argwhere(np.abs(Q) > FARTHEST)
     if len(far):
         i, j = far[0]
         raise ConfigurationError(
             f"{what} {first + i}: {watched.joints[j]} is {Q[i, j]:g}; values beyond "
-            f"{_FARTHEST:g} (radians, metres) are no positions of a joint"
+            f"{FARTHEST:g} (radians, metres) are no positions of a joint"
         )
 
 

@@ -18,6 +18,7 @@ from pinsing._types import Array
 from pinsing.errors import ConfigurationError
 from pinsing.families.form import ClosedForm
 from pinsing.proximity.clearance import NAMING, certified, quick
+from pinsing.proximity.crossings import FARTHEST
 from pinsing.proximity.monitor import Monitor
 from pinsing.proximity.trajectory_file import ColumnHeads, is_number, require_seconds
 from pinsing.proximity.watched import Watched, watch
@@ -30,8 +31,6 @@ STALLED = 1.0
 """Seconds without a line after which it is said."""
 _LONGEST = 1 << 20
 """Characters of a line, of at most four bytes each; a longer one is not read."""
-_FARTHEST = 1e9
-"""Radians or metres: from there on floats are 1e-7 apart."""
 _ROWS = (*"{+-.0123456789", " ", "\t")
 """How lines of values begin. Others may be names of columns, which are not dropped."""
 _PIECE = re.compile(r"[-+.\deE\s]*")
@@ -170,7 +169,7 @@ class Reader:
     def _require_sense(self, q: Array) -> None:
         """Refuse a joint more than a turn outside its limits, of --rad one that is no angle."""
         arm = self._arm
-        far = np.abs(q) > _FARTHEST
+        far = np.abs(q) > FARTHEST
         if arm.units is None:
             arm.space.require_radians(q, "q", endless=False)
             far |= ~arm.prismatic & (np.maximum(q - arm.upper, arm.lower - q) > 2 * np.pi)

@@ -19,7 +19,8 @@ from pinsing.kinematics.batch import task_rows, turn_left
 from pinsing.kinematics.jacobian import frame_jacobian, read_pose
 from pinsing.kinematics.tip_speed import limits_of
 from pinsing.kinematics.verdict import SINGULAR_RTOL, ratios
-from pinsing.prose import listed
+from pinsing.measures import ALIKE, FLOAT_NOISE
+from pinsing.prose import LISTED, listed
 from pinsing.proximity.crossings import Crossing
 from pinsing.proximity.passage import Approach, NearStretch, Passage
 from pinsing.proximity.trajectory import NEAR, OUTSIDE, angle_text, singularity
@@ -35,7 +36,6 @@ from pinsing.robot.arm import Arm, ArmSummary, summarize
 from pinsing.serialization import JsonResult
 
 _LONGEST, _FIRST, _SHORTEST = 0.02, 1e-3, 1e-10
-_ON = 1e-13
 
 
 @dataclass(frozen=True, eq=False)
@@ -210,13 +210,17 @@ def _step(arm: Arm, line: Line, scale: Array, q: Array, s: float, ahead: Array) 
     allowed = 0.3 * float(np.abs(ahead).max()) + 1e-12
     for _ in range(8):
         error = _rows(arm, line.error(arm, x, s), x)
-        if np.abs(error / scale).max() < _ON:
+        if np.abs(error / scale).max() < FLOAT_NOISE:
             return x
         J = _rows(arm, frame_jacobian(arm, x), x)
         x = x + np.linalg.lstsq(J, error, rcond=1e-12)[0]
         if not np.isfinite(x).all() or np.abs(x - q - ahead).max() > allowed:
             return None
-    return x if np.abs(_rows(arm, line.error(arm, x, s), x) / scale).max() < 100 * _ON else None
+    return (
+        x
+        if np.abs(_rows(arm, line.error(arm, x, s), x) / scale).max() < 100 * FLOAT_NOISE
+        else None
+    )
 
 
 def _rows(arm: Arm, columns: Array, q: Array) -> Array:
@@ -591,14 +595,9 @@ def _notes(
     return (*notes, *gaps)
 
 
-_LISTED = 8
-_STILL = 1e-6
-"""Share of the speed asked for below which an allowed speed is none."""
-
-
 def stopped(line: LineCheck) -> bool:
     """Return True if no speed is slow enough at some place."""
-    return line.allowed_speed < _STILL * line.speed
+    return line.allowed_speed < ALIKE * line.speed
 
 
 def line_summary(line: LineCheck, degrees: bool = True, robot: str = "", same: str = "") -> str:
@@ -688,7 +687,7 @@ def line_details(line: LineCheck, degrees: bool) -> str:
         out.append("meetings:")
         out += [
             f"  {c.kind} {titled(c.family, c.title)} at {c.t:.6g} m"
-            for c in line.crossings[:_LISTED]
+            for c in line.crossings[:LISTED]
         ]
     out += ["nearest approach to each family:"] * bool(line.approaches)
     out += [
@@ -698,8 +697,8 @@ def line_details(line: LineCheck, degrees: bool) -> str:
     ]
     if line.too_fast:
         out.append(f"joint speeds above their limits at {line.speed:g} m/s:")
-    for o in line.too_fast[:_LISTED]:
-        unbounded = o.allowed < _STILL * line.speed
+    for o in line.too_fast[:LISTED]:
+        unbounded = o.allowed < ALIKE * line.speed
         unit, factor = _unit(line, o.joint, degrees)
         worst = "without bound" if unbounded else f"{factor * o.worst:.4g} {unit}/s"
         allowed = "" if unbounded else f"; allowed there: {o.allowed:.4g} m/s"

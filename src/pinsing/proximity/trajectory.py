@@ -16,14 +16,13 @@ from pinsing.errors import ConfigurationError, OptionError
 from pinsing.families.solve import form_to_measure
 from pinsing.kinematics.tip_speed import TIP_SPEED, TURN_SPEED, check_speeds
 from pinsing.notebook import one_line
-from pinsing.prose import listed
+from pinsing.prose import LISTED, listed
 from pinsing.proximity.crossings import Crossing, check_reach, check_times
 from pinsing.proximity.passage import Approach, Excess, NearStretch, Passage, Speeds
 from pinsing.proximity.watched import Forms, metric_note, titled, watch
 from pinsing.robot.arm import Arm, ArmSummary, summarize
 from pinsing.serialization import JsonResult
 
-_LISTED = 8
 OUTSIDE = {
     "": "",
     "point": " (its nearest point is outside the joint limits)",
@@ -64,7 +63,7 @@ def details(check: TrajectoryCheck, degrees: bool = True) -> str:
     lines: list[str] = []
     if check.crossings:
         lines.append("meetings:")
-        for c in check.crossings[:_LISTED]:
+        for c in check.crossings[:LISTED]:
             q = ", ".join(_joint(check, j, float(x), degrees) for j, x in enumerate(c.q))
             met = f"{c.kind} {_title(check, c.family)}"
             lines.append(f"  {_when(check, c.t, c.t_end)}: {met}, q = {q}")
@@ -72,7 +71,7 @@ def details(check: TrajectoryCheck, degrees: bool = True) -> str:
     if check.aspect_changes:
         beyond = " --ignore-limits" if check.outside else ""
         lines.append(f"changes of aspect (as `pinsing postures{beyond}` numbers them):")
-        for a in check.aspect_changes[:_LISTED]:
+        for a in check.aspect_changes[:LISTED]:
             before, after = _called(a.before, a.names_before), _called(a.after, a.names_after)
             where = ", ".join(a.families)
             lines.append(f"  {_when(check, a.t)} ({where}): from {before} to {after}")
@@ -85,7 +84,7 @@ def details(check: TrajectoryCheck, degrees: bool = True) -> str:
         )
     if check.stretches:
         lines.append(f"within {angle_text(check.near)}:")
-        for s in check.stretches[:_LISTED]:
+        for s in check.stretches[:LISTED]:
             least = f"{angle_text(s.clearance)} from {_title(check, s.family)}"
             lines.append(f"  {_when(check, s.t, s.t_end)}: at least {least}")
         lines += _more(len(check.stretches), False)
@@ -100,7 +99,7 @@ def details(check: TrajectoryCheck, degrees: bool = True) -> str:
         if found:
             often = len({e.joint for e in found}) < len(found)
             lines.append(f"{name}{', one line per interval' if often else ''}:")
-            lines += [f"  {_excess(check, e, per, degrees)}" for e in found[:_LISTED]]
+            lines += [f"  {_excess(check, e, per, degrees)}" for e in found[:LISTED]]
             lines += _more(len(found), False)
     return "\n".join([*lines, *(f"note: {n}" for n in check.notes)])
 
@@ -120,9 +119,9 @@ def _times(count: int, what: str) -> str:
 
 
 def _more(count: int, cut: bool) -> list[str]:
-    if count <= _LISTED:
+    if count <= LISTED:
         return []
-    return [f"  and {count - _LISTED} more" + (" and others" if cut else "")]
+    return [f"  and {count - LISTED} more" + (" and others" if cut else "")]
 
 
 def _excess(check: TrajectoryCheck, e: Excess, per: str, degrees: bool) -> str:

@@ -13,7 +13,7 @@ from fractions import Fraction
 import numpy as np
 
 from pinsing._types import Array
-from pinsing.measures import ROUNDING
+from pinsing.measures import FLOAT_NOISE, ROUNDING
 from pinsing.robot.arm import Arm
 from pinsing.robot.chain import Chain, rotation_angle, with_fixed_joints_put
 from pinsing.robot.surd import Exact, Surd, cosine, sine
@@ -120,7 +120,6 @@ FIFTEEN = math.pi / 12
 _QUARTER: tuple[tuple[int, int], ...] = ((1, 0), (0, 1), (-1, 0), (0, -1))
 _UNITS = {k: Fraction(k) for k in (-1, 0, 1)}
 IDENTITY: Matrix = tuple(tuple(_UNITS[i == k] for k in range(3)) for i in range(3))  # type: ignore[assignment]
-_FLOAT_NOISE = 1e-13
 
 
 class ExactPlacements:
@@ -169,7 +168,7 @@ class ExactPlacements:
         self.raw, self.places = raw, places
         self.angle_tol, self.snap_length = max(angle, ROUNDING), length
         self.fine_tol = max(angle / 100, ROUNDING)  # to a multiple of 15 degrees
-        self.noise = _FLOAT_NOISE * (float(np.linalg.norm(raw.t, axis=1).sum()) or 1.0)
+        self.noise = FLOAT_NOISE * (float(np.linalg.norm(raw.t, axis=1).sum()) or 1.0)
         self.snaps: list[Snap] = []
         self.tip_rotation: Matrix | None = None
         if arm is not None:
@@ -182,7 +181,7 @@ class ExactPlacements:
         def put(i: int, R: Array) -> Array | None:
             found = self._signed_permutation(i, R)
             quarter = None if found is None else np.array(found, dtype=float)
-            near = quarter is None or rotation_angle(quarter.T @ R) <= _FLOAT_NOISE
+            near = quarter is None or rotation_angle(quarter.T @ R) <= FLOAT_NOISE
             return None if near else quarter
 
         R, t = with_fixed_joints_put(arm, put)
@@ -301,7 +300,7 @@ class ExactPlacements:
         angle = rotation_angle(P.T @ R)
         if angle > self.angle_tol:
             return None
-        if angle > _FLOAT_NOISE:
+        if angle > FLOAT_NOISE:
             self._replace_snap(Snap(self.places[i], "angle", angle, 0.0))
         a, b, c = ((_UNITS[x], _UNITS[y], _UNITS[z]) for x, y, z in P.astype(int).tolist())
         return a, b, c
@@ -319,7 +318,7 @@ class ExactPlacements:
             nominal_angle = quarter
         elif abs(angle - fine) <= self.fine_tol:
             nominal_angle = fine
-        if abs(nominal_angle - angle) > _FLOAT_NOISE:
+        if abs(nominal_angle - angle) > FLOAT_NOISE:
             self._replace_snap(Snap(self.places[i], "angle", angle, nominal_angle))
         return nominal_angle
 
@@ -360,13 +359,13 @@ class ExactPlacements:
         if fine % 6:
             moved = abs(fine * FIFTEEN - angle)
             if moved <= self.fine_tol:
-                if moved > _FLOAT_NOISE:
+                if moved > FLOAT_NOISE:
                     self._replace_snap(Snap(self.places[i], "angle", angle, fine * FIFTEEN))
                 return cosine(fine), sine(fine)
         quarter = round(angle / (math.pi / 2))
         rest = angle - quarter * math.pi / 2
         if abs(rest) <= self.angle_tol:
-            if abs(rest) > _FLOAT_NOISE:
+            if abs(rest) > FLOAT_NOISE:
                 self._replace_snap(Snap(self.places[i], "angle", angle, angle - rest))
             c, s = Fraction(1), Fraction(0)
         else:

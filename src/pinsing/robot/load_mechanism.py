@@ -44,8 +44,6 @@ from pinsing.robot.mechanism import LOOP_KINDS, Loop, Mechanism
 from pinsing.robot.source import HasModel, Source, given_file, given_model
 from pinsing.robot.task import ROW_NAMES, Task, parse_task
 
-_SEED = 2203
-
 
 def without_idle_spins(mechanism: Mechanism, keep_output: bool = True) -> Mechanism:
     """Hold one hinge of each link that spins idly; the mechanism itself where none does.
@@ -116,7 +114,7 @@ class _SpanningTree:
                 self.cuts[int(model.frames[one].parentJoint)].append((one, two, loop.kind))
         output = int(model.frames[mechanism.output_id].parentJoint)
         self.output = output if keep_output else None
-        rng = np.random.default_rng(_SEED)
+        rng = np.random.default_rng(2203)
         drawn = rng.uniform(0.3, 1.2, (2, n))
         # At home a slide may have no length yet.
         home = np.where(mechanism.prismatic & (mechanism.home == 0), 1.0, mechanism.home)

@@ -40,16 +40,13 @@ from pinsing.sampling.generalize import (
     JointCondition,
     finding_spans,
 )
-from pinsing.sampling.sweep_plan import SAMPLES, SPECIAL_ANGLES, Special
+from pinsing.sampling.sweep_plan import MAX_SAMPLES, SAMPLES, SPECIAL_ANGLES, Special
 from pinsing.sampling.sweep_run import SweepResult, sweep
 from pinsing.serialization import JsonResult
 
 _SAME_RELATION = 1e-2  # the same beside a relation: near it, a raw geometry blurs the values
 _CANDIDATES = 12  # configurations looked at for a representative
 _WALKS = 4096  # walks at a time
-
-
-MAX_STARTS = 10_000_000
 
 
 @dataclass(frozen=True, eq=False)
@@ -121,7 +118,7 @@ def singular_configurations(
         )
     exact = nominal(arm).arm if geometry is None else geometry
     tester = ConditionTester(exact, plan.relevant, samples, SINGULAR_RTOL, plan.seed)
-    whole_number(random_starts, "random_starts", 0, MAX_STARTS)
+    whole_number(random_starts, "random_starts", 0, MAX_SAMPLES)
     points = _refined(exact, result, random_starts, until)
     sharp = points.ratio <= SINGULAR_RTOL
     collector = _Collector(arm, exact, result, tester, points.where(sharp))
@@ -786,7 +783,7 @@ def analyze(
     """
     if geometry not in ("both", "raw", "nominal"):
         raise OptionError(f"geometry must be 'both', 'raw' or 'nominal', got {geometry!r}")
-    whole_number(random_starts, "random_starts", 0, MAX_STARTS)
+    whole_number(random_starts, "random_starts", 0, MAX_SAMPLES)
     whole_number(seed, "seed", 0, MAX_SEED)
     started = time.monotonic()
     if geometry == "raw":

@@ -29,6 +29,7 @@ from pinsing.atomic_write import is_temporary, replace_file, sync_folder, why
 from pinsing.chunk_file import DamagedError, Record, pack, read_bounded, unpack
 from pinsing.errors import OptionError, OutputError, PinsingError, WorkerError
 from pinsing.kinematics.verdict import Evaluator, evaluator, recorded_engine
+from pinsing.prose import LISTED
 from pinsing.robot.arm import Arm
 
 _SCHEMA = "pinsing/run/1"
@@ -548,7 +549,6 @@ def how_many(asked: int | None, what: str) -> int:
     return int(asked)
 
 
-_NAMED = 8  # damaged chunks that are named
 _AGAIN = "what is kept in a folder is safe: run the same again"
 
 
@@ -705,8 +705,8 @@ class Run:
         if tell is not None and kept:
             tell(f"{len(kept) - len(damaged)} of {self.job.chunks} chunks were done before")
             if damaged:
-                more = f" and {len(damaged) - _NAMED} more" if len(damaged) > _NAMED else ""
-                tell(f"damaged and done again: chunks {', '.join(damaged[:_NAMED])}{more}")
+                more = f" and {len(damaged) - LISTED} more" if len(damaged) > LISTED else ""
+                tell(f"damaged and done again: chunks {', '.join(damaged[:LISTED])}{more}")
 
 
 @contextlib.contextmanager

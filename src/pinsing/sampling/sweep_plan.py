@@ -22,7 +22,7 @@ from pinsing.robot.arm import Arm, ArmSummary, summarize
 from pinsing.robot.nominal import ANGLE_TOL
 from pinsing.robot.nominal import nominal as nominal_geometry
 from pinsing.sampling.generalize import ConditionTester, apart, value_text
-from pinsing.sampling.map_plan import moving_ranges
+from pinsing.sampling.map_plan import BLOCK, moving_ranges
 from pinsing.serialization import JsonResult
 
 SPECIAL_ANGLES = (0.0, math.pi / 2, -math.pi / 2, math.pi, -math.pi)
@@ -360,8 +360,7 @@ LEVELS = (1, 2)
 
 _EFFECT_SAMPLES = 33
 _MAX_SETS = 500_000
-_MAX_SAMPLES = 10_000_000  # finer, neighbours differ by rounding where a curve is level
-_SCREEN_CHUNK = 4096
+MAX_SAMPLES = 10_000_000  # finer, neighbours differ by rounding where a curve is level
 
 
 @checked
@@ -405,9 +404,9 @@ def plan_sweep(
     >>> pinsing.sampling.plan_sweep(pinsing.load("planar3r"))
     <SweepPlan: 3 curves, 547 Jacobians; special values: 4 of 1 joint>
     """
-    if not 3 <= samples <= _MAX_SAMPLES:
+    if not 3 <= samples <= MAX_SAMPLES:
         raise OptionError(
-            f"a curve needs at least 3 samples, and at most {_MAX_SAMPLES:,}; got {samples}"
+            f"a curve needs at least 3 samples, and at most {MAX_SAMPLES:,}; got {samples}"
         )
     exact = nominal_geometry(arm).arm if geometry is None else geometry
     asked = _levels(levels, arm.n)
@@ -553,8 +552,8 @@ def _forced(
     """Which sets (S, k) are singular whatever the others; only those to ``ask`` of are tested."""
     forced = np.zeros(len(joints), dtype=bool)
     rows = np.flatnonzero(ask)
-    for start in range(0, len(rows), _SCREEN_CHUNK):
-        chunk = rows[start : start + _SCREEN_CHUNK]
+    for start in range(0, len(rows), BLOCK):
+        chunk = rows[start : start + BLOCK]
         full = np.zeros((len(chunk), tester.arm.n))
         np.put_along_axis(full, joints[chunk], values[chunk], axis=1)
         subsets = [tuple(row) for row in joints[chunk].tolist()]

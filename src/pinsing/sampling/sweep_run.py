@@ -53,6 +53,7 @@ from pinsing.sampling.execute import (
     running,
 )
 from pinsing.sampling.generalize import Finding, apart, finding_spans, value_text
+from pinsing.sampling.map_plan import WORST
 from pinsing.sampling.sweep_plan import SAMPLES, SPECIAL_ANGLES, Special, SweepPlan, plan_sweep
 from pinsing.sampling.tally import (
     Distribution,
@@ -616,8 +617,6 @@ def _curves_per_block(samples: int) -> int:
 
 KEEP_BYTES = 64 << 20
 """Curves are part of the result up to this size: 16 bytes for each Jacobian."""
-
-WORST = 20
 
 VALUES = ("sigma_min", "sigma_ratio")
 """Names of the arrays of kept curves in a record: 16 bytes for each Jacobian."""

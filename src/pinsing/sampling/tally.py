@@ -34,7 +34,7 @@ BINS = ((HIGHEST - LOWEST) << _DIGITS) + 2
 QUANTILE_ERROR = 2.0 ** -(_DIGITS + 1)
 """Largest relative error of a quantile that is read off a histogram: half a bin."""
 
-_SHIFT = 52 - _DIGITS
+_SHIFT = np.finfo(float).nmant - _DIGITS
 _FIRST = ((1023 + LOWEST) << _DIGITS) - 1
 
 # Rows of the extremes.
