@@ -28,7 +28,7 @@ from pinsing.prose import unbroken
 
 F = TypeVar("F", bound=Callable[..., Any])
 
-MAX_SEED = 2**64 - 1
+MAX_SEED = int(np.iinfo(np.uint64).max)
 
 _LONGEST = 40
 _NUMBERS = "numbers"

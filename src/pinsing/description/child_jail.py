@@ -16,7 +16,7 @@ import sys
 from collections.abc import Callable, Iterable
 
 _OPENAT = (257, 56)
-_WRITING = 0o3 | 0o100 | 0o1000 | 0o2000 | 0o20000000  # access mode, create, truncate, append, temp
+_WRITING = os.O_WRONLY | os.O_RDWR | os.O_CREAT | os.O_TRUNC | os.O_APPEND | 0o20000000  # temporary
 _MACHINES = {"x86_64": (0, 0xC000003E), "aarch64": (1, 0xC00000B7)}
 
 _LOAD, _EQUAL, _ANY_BIT, _RETURN = 0x20, 0x15, 0x45, 0x06  # of the kernel's packet filter
@@ -56,7 +56,7 @@ _WATCHED = (
 )
 
 
-OUT_OF_TIME = (-int(getattr(signal, "SIGXCPU", 24)), -int(getattr(signal, "SIGPROF", 27)))
+OUT_OF_TIME = [-int(s) for s in signal.Signals if s.name in ("SIGXCPU", "SIGPROF")]
 """Exit codes of a process that has used up its processor time."""
 
 

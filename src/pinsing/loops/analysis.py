@@ -55,7 +55,6 @@ def forms_text(
     degrees: bool = False,
     exact: bool = False,
     joints: JointForms | None = None,
-    longest: int | None = None,
 ) -> str:
     """The loci of a mechanism alone, as text.
 
@@ -73,8 +72,6 @@ def forms_text(
         Whole equations over the pose with exact coefficients, however long.
     joints : JointForms, optional
         The loci in the joint angles, whose determinants are written out.
-    longest : int, optional
-        Characters beyond which a determinant is given by its size alone.
     """
     lines: list[Line] = []
     if isinstance(forms, PoseForms):
@@ -83,7 +80,7 @@ def forms_text(
         lines += loop_lines(inputs, forms, Values(degrees, frozenset()), page)
     if joints is not None:
         lines += [("", ())] if lines else []
-        lines += joint_lines(joints, True, longest)
+        lines += joint_lines(joints, True)
     return _written(lines, page)
 
 
@@ -169,8 +166,8 @@ def pose_lines(forms: PoseForms, exact: bool = False) -> Iterator[Line]:
     yield from (("  ", (note,)) for note in forms.notes)
 
 
-def joint_lines(forms: JointForms, whole: bool, longest: int | None = None) -> Iterator[Line]:
-    """Loci in the joint angles; determinants written out on request, up to a length."""
+def joint_lines(forms: JointForms, whole: bool) -> Iterator[Line]:
+    """Loci in the joint angles; determinants written out on request."""
     if not forms.complete:
         yield "", (f"Closed forms in the joint angles: {'; '.join(forms.notes)}",)
         return
@@ -179,11 +176,7 @@ def joint_lines(forms: JointForms, whole: bool, longest: int | None = None) -> I
     for locus in (x for x in forms.loci if x.kind != "passive"):
         yield "  ", (f"{locus.kind}: {locus.words}",)
         yield "    ", (formula(locus.statement()),)
-        rows = locus.rows() if whole else []
-        if longest is not None and sum(map(len, rows)) > longest:
-            yield "      ", ("rows too long for this page: families --loops writes them out",)
-            continue
-        yield from (("      ", (formula(row),)) for row in rows)
+        yield from (("      ", (formula(row),)) for row in (locus.rows() if whole else []))
     own: dict[str, list[str]] = {}
     for locus in forms.loci:
         if locus.kind == "passive":

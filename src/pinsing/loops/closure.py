@@ -557,26 +557,16 @@ def ranks(mechanism: Mechanism) -> Ranks:
     return found
 
 
-def random_closed(
-    mechanism: Mechanism,
-    count: int,
-    rng: np.random.Generator,
-    free: Mask | None = None,
-    start: Array | None = None,
-) -> list[Array]:
-    """Closed configurations that random starts lead to; joints not ``free`` stay at ``start``."""
-    free = np.ones(mechanism.n, dtype=bool) if free is None else free
+def random_closed(mechanism: Mechanism, count: int, rng: np.random.Generator) -> list[Array]:
+    """Closed configurations that random starts lead to."""
     reach = np.where(mechanism.prismatic, mechanism.length_scale, np.pi)
-    drawn = rng.uniform(-1, 1, (count, mechanism.n)) * reach
-    return _closed_from(
-        mechanism, np.where(free, drawn, mechanism.home if start is None else start), free
-    )
+    return _closed_from(mechanism, rng.uniform(-1, 1, (count, mechanism.n)) * reach)
 
 
-def _closed_from(mechanism: Mechanism, starts: Array, free: Mask) -> list[Array]:
+def _closed_from(mechanism: Mechanism, starts: Array) -> list[Array]:
     """Closed configurations that starts (N, n) lead to."""
     loops = Loops(mechanism)
-    found = (gauss_newton(loops, q, free) for q in starts)
+    found = (gauss_newton(loops, q, np.ones(mechanism.n, dtype=bool)) for q in starts)
     return [mechanism.space.wrap(q) for q, error in found if error <= CLOSED]
 
 
@@ -585,7 +575,7 @@ def near_home(mechanism: Mechanism) -> list[Array]:
     away = np.array([0.0, *np.repeat((0.05, 0.2), 4)])[:, None]
     drawn = np.random.default_rng(_SEED).uniform(-1, 1, (len(away), mechanism.n))
     starts = mechanism.home + away * drawn * mechanism.space.metric
-    return _closed_from(mechanism, starts, np.ones(mechanism.n, dtype=bool))
+    return _closed_from(mechanism, starts)
 
 
 def _beside_home(mechanism: Mechanism, loops: Loops) -> list[Array]:

@@ -26,7 +26,7 @@ Words = npt.NDArray[np.uint64]
 
 SAMPLINGS = ("grid", "sobol", "random")
 
-BITS = 52
+BITS = np.finfo(float).nmant
 """Binary digits of a coordinate of a Sobol point, and of its number: those of a float."""
 
 MAX_DIMENSION = 64

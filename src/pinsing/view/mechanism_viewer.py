@@ -358,11 +358,11 @@ def point_words(mechanism: Mechanism, point: SingularPoint) -> str:
     return f"{point.kind} at {values}; {point.mode}{end}"
 
 
-def input_text(mechanism: Mechanism, k: int, value: float, digits: int = 1) -> str:
+def input_text(mechanism: Mechanism, k: int, value: float) -> str:
     """A value of input k, degrees or millimetres, with its unit."""
     if mechanism.prismatic[mechanism.actuated[k]]:
-        return f"{1000 * value:.{digits}f} mm"
-    return f"{np.degrees(value) + 0.0:.{digits}f}°"
+        return f"{1000 * value:.1f} mm"
+    return f"{np.degrees(value) + 0.0:.1f}°"
 
 
 def _on(locus: Locus, point: SingularPoint) -> bool:
