@@ -555,12 +555,12 @@ class _Planner:
         for k, q in enumerate(self.Q):
             if k:
                 source, to = self.before[k], q.reshape(-1, self.arm.n)
-                most = self._length(to - self.Q[k - 1].reshape(to.shape)[source])
-                most += self.highest[k - 1].ravel()[source]
-                self.highest[k] = np.fmin(self.highest[k], most.reshape(q.shape[:2]))
-            rows = ~self.seen[k] & (self.highest[k] >= least)
-            rows &= self.highest[k] > self.clear[k] * (1 + _ALIKE)
-            rows &= self._room(k).reshape(rows.shape) > -np.inf
+                way = self._length(to - self.Q[k - 1].reshape(to.shape)[source])
+                most = (self.highest[k - 1].ravel()[source] + way).reshape(q.shape[:2])
+                self.highest[k] = np.fmin(self.highest[k], most)
+                self.likely[k] = np.minimum(self.likely[k], self.highest[k])
+            rows = self.highest[k] > np.maximum(self.clear[k] * (1 + _ALIKE), least)
+            rows &= ~self.seen[k] & (self._room(k).reshape(rows.shape) > -np.inf)
             if rows.any():
                 found = nearest_points(
                     self.watched.conditions, q[rows], *self.watched.limits, _ROUGH
