@@ -35,7 +35,7 @@ from pinsing.robot.arm import Arm, summarize
 
 GAP = 0.05
 """Share of a distance within which a configuration that exceeds a limit is looked for."""
-BOXES = 1_000_000
+BOXES = 1_500_000
 """Boxes for all distances together; a UR5 on circles takes half of them, 4 s of one processor."""
 _EXTRA = 1e-9
 """Radians added to each distance for the rounding of the distances themselves; metres, too."""
@@ -263,11 +263,13 @@ class _Search:
         how many the distance is proven in the end.
     finest, sure : float
         Step at which following ends, and to what the distances of those are proven, radians.
-    steps, few : int
-        To the nearest point of a surface; boxes for what is proven of many.
+    steps, few, cheap : int
+        To the nearest point of a surface; boxes for what is proven of many, and how many of these
+        are as much work as one of joint speeds.
     """
 
-    chunk, wide, finest, sure, steps, few = 8192, 0.8, 1e-3, 1e-8, 5, 200
+    chunk, wide, finest, sure = 8192, 0.8, 1e-3, 1e-8
+    steps, few, cheap = 5, 200, 8
     samples, best, certified = 8192, 30, 3
 
     def __init__(
@@ -409,7 +411,7 @@ class _Search:
     def _best(self, k: int | None, far: Array, Q: Array, gap: float) -> Array:
         """Those of Q (N, n) with the largest objective, which is proven of them within ``gap``."""
         value = self._objective(k, far, self._distances(Q)[1])
-        order = np.argsort(-value, kind="stable")[: np.isfinite(value).sum()]
+        order = np.argsort(-value, kind="stable")[: (value > -np.inf).sum()]
         good, proven = Q[:0], value[:0]
         for part in np.split(order, range(self.best, len(order), self.best)):
             some = Q[part[self.region.holds(Q[part])]]
@@ -424,6 +426,7 @@ class _Search:
         """Lower and upper bounds (N, F) of the distances of Q (N, n), mostly within ``gap``."""
         limits, search = (self.watched.lower, self.watched.upper), SearchOptions(gap, boxes)
         found = [nearest_points(c, Q, *limits, search) for c in self.each]
+        self.seen += sum(int(near.boxes.sum()) for near in found) // self.cheap
         both = np.array([(near.lower, near.upper) for near in found]).reshape(
             len(self.each), 2, len(Q)
         )
@@ -443,14 +446,14 @@ class _Search:
         cap = np.inf if k is None else float(far[k])
         reached, q = self._climb(k, far, self._random(self.samples), 0.3)
         C, R = self._first_boxes()
-        ceiling, looked, most = np.full(len(C), np.inf), 0, max(most, len(C))
+        ceiling, begin, most = np.full(len(C), np.inf), self.seen, max(most, len(C))
         while True:
             keep = ceiling > self._target(reached)
             C, R, ceiling = C[keep], R[keep], ceiling[keep]
-            if not len(C) or looked >= most:
+            if not len(C) or self.seen - begin >= most:
                 break
             # Those that may be farthest first; an eighth at once, since all are copied each time.
-            count = min(max(self.chunk, len(C) // 8), len(C), most - looked)
+            count = min(max(self.chunk, len(C) // 8), len(C), begin + most - self.seen)
             pick = np.argpartition(-ceiling, count - 1)
             made = [(C[pick[count:]], R[pick[count:]], ceiling[pick[count:]])]
             for part in np.array_split(pick[:count], math.ceil(count / self.chunk)):
@@ -460,10 +463,9 @@ class _Search:
                 if guess > (1 + GAP / 5) * reached:
                     better, where = self._climb(k, far, center[None], 0.05)
                     reached, q = (better, where) if better > reached else (reached, q)
-            looked += count
-            self.progress(what, looked, most)
+            self.seen += count
+            self.progress(what, min(self.seen - begin, most), most)
             C, R, ceiling = (np.concatenate(x) for x in zip(*made, strict=True))
-        self.seen += looked
         proven = max((1 + GAP) * reached, float(ceiling.max(initial=0.0)))
         return _Answer(proven + _EXTRA if proven else 0.0, reached, q)
 
