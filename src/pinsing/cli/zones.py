@@ -65,7 +65,7 @@ zones_option = click.option(
     "--boxes",
     type=click.IntRange(min=1),
     metavar="N",
-    help="Work: with more, smaller distances are proven.  [default: 1000000, 7 s of a UR5, "
+    help="Work: with more, smaller distances are proven.  [default: 1500000, 4 s of a UR5, "
     "less with --within]",
 )
 @deg_option

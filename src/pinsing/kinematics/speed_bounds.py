@@ -133,7 +133,11 @@ class SpeedBounds:
             z = self._norms(A)
             most = self._largest(z)
             best[most < least], least = A[most < least], np.minimum(least, most)
-            share = z[:, : len(self.judge.limits)] / self.judge.limits / most[:, None]
+            share = (
+                z[:, : len(self.judge.limits)]
+                / self.judge.limits
+                / np.maximum(most, 1e-300)[:, None]
+            )
             ease[:, : len(self.judge.limits)] /= np.maximum(share, _LEAST_WEIGHT)
         return best
 
