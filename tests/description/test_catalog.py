@@ -28,7 +28,6 @@ def test_names_of_the_loaders(name):
     assert entry.path.name == LOADERS[name]
     assert entry.path.is_file()
     assert entry.source == "example-robot-data"
-    assert all((folder / "example-robot-data").is_dir() for folder in entry.package_dirs)
 
 
 def test_every_file_has_a_name_and_every_name_a_file():

@@ -160,18 +160,12 @@ def _paths(module: ModuleType, name: str) -> CatalogEntry:
             f"downloaded, which pinsing does not do; `robot_descriptions pull {plain}` does it",
             Path(name),
         )
-    folders = [
-        Path(folder).parent if key == "PACKAGE_PATH" else Path(folder)
-        for key in ("PACKAGE_PATH", "REPOSITORY_PATH")
-        if (folder := getattr(module, key, None))
-    ]
     arguments = getattr(module, "XACRO_ARGS", {}) if key == "XACRO_PATH" else {}
     package = getattr(module, "PACKAGE_PATH", None)
     return CatalogEntry(
         name,
         Path(path),
         name,
-        tuple(folders),
         PACKAGE,
         packages={Path(package).name: Path(package)} if package else {},
         xacro_args={str(k): str(v) for k, v in arguments.items()},
@@ -287,8 +281,6 @@ class CatalogEntry:
         Its URDF.
     title : str
         What it is, in words.
-    package_dirs : tuple of Path
-        Folders that hold its packages.
     source : str
         "pinsing" or "example-robot-data".
     tip, base : str or None
@@ -306,7 +298,6 @@ class CatalogEntry:
     name: str
     path: Path
     title: str
-    package_dirs: tuple[Path, ...]
     source: str
     tip: str | None = None
     base: str | None = None
@@ -345,7 +336,7 @@ def known_robots() -> dict[str, CatalogEntry]:
 def described_entries() -> list[CatalogEntry]:
     """Return the robots of the package robot_descriptions; none where it is not installed."""
     return [
-        CatalogEntry(name, Path(name), title, (), PACKAGE, note=note)
+        CatalogEntry(name, Path(name), title, PACKAGE, note=note)
         for name, (title, note) in described_robots().items()
     ]
 
@@ -381,7 +372,7 @@ def _plain_hit(name: str) -> CatalogEntry | None:
     if name in own or folder is None or name not in _LOADERS:
         return own.get(name)
     path = folder / _LOADERS[name]
-    return _entry(name, path, _DATA, (folder.parents[1],)) if path.is_file() else None
+    return _entry(name, path, _DATA) if path.is_file() else None
 
 
 def _meant(name: str, entries: Mapping[str, CatalogEntry]) -> list[str]:
@@ -456,10 +447,7 @@ def _own_robots() -> dict[str, CatalogEntry]:
         folder = urdf_folder()
     except RobotFileError:
         return {}
-    return {
-        path.stem: _entry(path.stem, path, "pinsing", (folder,))
-        for path in sorted(folder.glob("*.urdf"))
-    }
+    return {path.stem: _entry(path.stem, path, "pinsing") for path in sorted(folder.glob("*.urdf"))}
 
 
 def _table_arms() -> dict[str, CatalogEntry]:
@@ -469,7 +457,7 @@ def _table_arms() -> dict[str, CatalogEntry]:
     except RobotFileError:
         return {}
     return {
-        name: CatalogEntry(name, path, f"{arm['maker']} {arm['model']}", (), "pinsing", tip="tool0")
+        name: CatalogEntry(name, path, f"{arm['maker']} {arm['model']}", "pinsing", tip="tool0")
         for name, arm in known_arms().items()
         if "rows" in arm
     }
@@ -487,9 +475,8 @@ def _data_robots() -> dict[str, CatalogEntry]:
     if folder is None:
         return {}
     files = sorted(folder.rglob("*.urdf"))
-    dirs = (folder.parents[1],)
     entries = {
-        name: _entry(name, folder / file, _DATA, dirs)
+        name: _entry(name, folder / file, _DATA)
         for name, file in _LOADERS.items()
         if (folder / file).is_file()
     }
@@ -504,16 +491,16 @@ def _data_robots() -> dict[str, CatalogEntry]:
             name = f"{path.relative_to(folder).parts[0].removesuffix('_description')}_{name}"
         if name not in entries:
             entries[name] = replace(
-                _entry(loader_of.get(path, name), path, _DATA, dirs),
+                _entry(loader_of.get(path, name), path, _DATA),
                 name=name,
                 alias_of=loader_of.get(path),
             )
     return entries
 
 
-def _entry(name: str, path: Path, source: str, dirs: tuple[Path, ...]) -> CatalogEntry:
+def _entry(name: str, path: Path, source: str) -> CatalogEntry:
     title = _TITLES.get(name, name.replace("_", " "))
-    return CatalogEntry(name, path, title, dirs, source, note=_NOTES.get(name, ""))
+    return CatalogEntry(name, path, title, source, note=_NOTES.get(name, ""))
 
 
 def _canonical(name: str) -> str:

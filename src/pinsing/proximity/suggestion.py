@@ -281,8 +281,6 @@ WORK = 10.0
 """Of `suggest`; arms of the catalogue use 3.2 at most."""
 _BOX = 20.0
 """Products that a box costs."""
-_HUNDREDTHS = 100
-"""Parts of a degree that angles are rounded to; lengths to tenths of a millimetre."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -549,7 +547,7 @@ def _margin(arm: Arm, reach: float) -> float:
 
 def _rounded(arm: Arm, watched: Watched, room: Room, q: Array) -> Array:
     """The configuration with few digits, where these stay within the limits and the ball."""
-    angles = np.radians(np.round(np.degrees(q) * _HUNDREDTHS) / _HUNDREDTHS)
+    angles = np.radians(np.round(np.degrees(q), 2))
     short = np.where(arm.prismatic, np.round(q, 4), angles) + 0.0
     inside = (short >= arm.lower) & (short <= arm.upper)
     short = np.where(inside, short, np.clip(q, arm.lower, arm.upper))
