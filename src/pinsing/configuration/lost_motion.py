@@ -19,9 +19,6 @@ import numpy.typing as npt
 from pinsing._types import Array
 from pinsing.prose import listed
 
-_FAR = 0.01
-"""Smallest eigenvalue of normal equations from which on lines are far from parallel."""
-
 
 def cross(a: Array, b: Array) -> Array:
     """Vector product of a (3,) and b (3,)."""

@@ -26,8 +26,6 @@ from pinsing.robot.task import Task
 
 _CHECKED = 4_000
 """Singular points of one slice that are held against the families."""
-LARGEST = 71
-"""Largest field: six products of its elements are no more than 16 bits hold."""
 
 Ints = npt.NDArray[np.int64]
 Coordinates = tuple[Ints, Ints]
