@@ -134,14 +134,18 @@ def test_derivative_equals_pinocchios_hessian(arm, rng):
 
 
 def test_task_derivatives_are_scaled_like_the_task(rng):
-    arm = load("panda", task="vx,vz,wy", length_scale=0.5)
+    rows = [(90, 0, 20), (90, 20, 0), (0, 0, 20, 0, "prismatic"), (90, 0, 10)]
+    arm, size = dh_arm(rows).with_task("vx,vz,wy", length_scale=0.5), 100.0
     Q = draw(arm, rng, 6)
-    J, H = kinematics.task_jacobians_and_derivatives(arm, Q)
-    np.testing.assert_array_equal(J, kinematics.task_jacobians(arm, Q))
+    J, H = kinematics.own_jacobians_and_derivatives(arm, Q)
     full = kinematics.jacobian_derivative(kinematics.frame_jacobians(arm, Q))
-    assert H.shape == (6, 3, 7, 7)
-    expected = full[:, [0, 2, 4]] * np.array([2.0, 2.0, 1.0])[:, None, None]
-    np.testing.assert_allclose(H, expected, rtol=1e-15)
+    rows = np.array([1 / size, 1 / size, 1.0])[:, None]
+    columns = np.where(arm.prismatic, size, 1.0)
+    unscaled = kinematics.task_jacobians(arm, Q) * np.array([0.5, 0.5, 1.0])[:, None]
+    np.testing.assert_allclose(J, unscaled * rows * columns, rtol=1e-14)
+    assert H.shape == (6, 3, 4, 4)
+    expected = full[:, [0, 2, 4]] * rows[..., None] * columns[:, None] * columns
+    np.testing.assert_allclose(H, expected, rtol=1e-14)
     arm = load("panda")
     other = arm.with_task("position", length_scale=0.1)
     loaded = load("panda", task="position", length_scale=0.1)
@@ -262,7 +266,7 @@ def test_inputs_stay_as_they_are(rng):
     before = Q.copy()
     J = kinematics.frame_jacobians(arm, Q)
     J_before = J.copy()
-    kinematics.task_jacobians_and_derivatives(arm, Q)
+    kinematics.own_jacobians_and_derivatives(arm, Q)
     kinematics.scale_rows(arm, J, Q)
     kinematics.jacobian_derivative(J)
     arm.fold(Q)
@@ -297,7 +301,7 @@ def test_bad_stacks():
     for function in (
         kinematics.frame_jacobians,
         kinematics.singular_values,
-        kinematics.task_jacobians_and_derivatives,
+        kinematics.own_jacobians_and_derivatives,
     ):
         with pytest.raises(ConfigurationError, match="shoulder_lift_joint"):
             function(arm, Q)

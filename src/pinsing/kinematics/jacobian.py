@@ -272,16 +272,11 @@ def jacobians_and_derivatives(arm: Arm, Q: npt.ArrayLike) -> tuple[Array, Array]
     return J, H
 
 
-def task_jacobians_and_derivatives(arm: Arm, Q: npt.ArrayLike) -> tuple[Array, Array]:
-    """Task Jacobians (N, m, n) and their derivatives (N, m, n, n) by the joints at Q (N, n)."""
-    Q = arm.check_many(Q, "Q", own=False)
-    J, H = jacobians_and_derivatives(arm, Q)
-    factor = np.where(np.array(arm.task.rows) < 3, 1.0 / arm.length_scale, 1.0)
-    return scale_rows(arm, J, Q), turned_slopes(arm, J, H, Q) * factor[:, None, None]
-
-
 def own_jacobians_and_derivatives(arm: Arm, Q: npt.ArrayLike) -> tuple[Array, Array]:
-    """The same at the arm's own scale (`OwnScale`), without units: by dq / columns as well."""
+    """Task Jacobians (N, m, n) and their derivatives (N, m, n, n) by the joints at Q (N, n).
+
+    At the arm's own scale (`OwnScale`), without units: by dq / columns as well.
+    """
     Q = arm.check_many(Q, "Q", own=False)
     J, H = jacobians_and_derivatives(arm, Q)
     scale = own_scale(arm)
