@@ -199,3 +199,21 @@ def test_the_command(capsys: pytest.CaptureFixture[str]) -> None:
         code, out, err = run(*wrong)
         assert (code, err.count("error:")) == (2, 1)
         assert not out
+
+
+def test_the_closest_approach_of_a_line_is_that_of_dense_samples() -> None:
+    # Found by a stranger: it was told where a loose lower bound is least.
+    cases = {
+        "rs007n": ([54.058, -70.573, 122.555, 16.209, 45.215, 117.72], [-0.2633, 0.25887, 0.16823]),
+        "xarm6": (
+            [124.808, -52.093, -6.701, 74.015, -76.056, -143.239],
+            [-0.0702, -0.0667, 0.2861],
+        ),
+    }
+    for name, (q, to) in cases.items():
+        arm = pinsing.load(name)
+        form = pinsing.closed_form(arm, prove=False)
+        line = check_line(arm, np.radians(q), to, forms=form)
+        for near in line.approaches:
+            every = pinsing.clearance(form, line.q, families=[near.family], certify=True).upper
+            assert near.upper <= every.min() + 1e-4

@@ -170,6 +170,22 @@ def test_what_is_proven_is_close_to_what_is_found_also_of_a_long_recording() -> 
             assert near.upper - np.radians(0.5) <= near.lower <= near.upper, near.family
 
 
+def test_families_that_were_not_looked_at_are_named() -> None:
+    arm = pinsing.load("h2515")
+    Q = np.radians([[10, -80, 90, 0, -12, 0], [30, -70, 90, 5, 13, 30]])
+    assert check_trajectory(arm, Q).text().startswith("h2515: crosses the wrist")
+    said = check_trajectory(arm, Q, families=["elbow"]).text().splitlines()[0]
+    assert said.startswith("h2515: meets no elbow (F1) (proven")
+    assert said.endswith("wrist (F2) and shoulder (F3) not looked at")
+
+
+def test_speeds_in_millimetres_are_refused() -> None:
+    with pytest.raises(OptionError, match=r"250 mm/s are 0\.25"):
+        check_trajectory(arm_of("ur5"), CLEAR[None], tip_speed=250)
+    with pytest.raises(OptionError, match=r"250 mm/s are 0\.25"):
+        pinsing.proximity.line.check_line(arm_of("ur5"), CLEAR, [0.3, 0.2, 0.4], speed=250)
+
+
 def test_one_sample_and_a_rest() -> None:
     for Q in (CLEAR[None], np.tile(CLEAR, (5, 1))):
         check = check_trajectory(arm_of("ur5"), Q, forms=closed("ur5"))

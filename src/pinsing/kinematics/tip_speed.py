@@ -107,8 +107,17 @@ def joint_speeds_of(arm: Arm, given: npt.ArrayLike | None) -> Array:
     return limits
 
 
+_FASTEST = 50.0
+"""Metres a second; parallel robots reach 10."""
+
+
 def check_speeds(tip_speed: float, turn_speed: float) -> None:
-    """Raise OptionError unless speeds are from 0 to a million, and not both zero."""
+    """Raise OptionError unless speeds are from 0 to a million, not both zero, and none in mm/s."""
+    if _FASTEST < tip_speed <= 1e6:
+        raise OptionError(
+            f"tip speeds are in m/s, and {tip_speed:g} m/s is faster than any arm: "
+            f"{tip_speed:g} mm/s are {tip_speed / 1000:g}"
+        )
     if not (0 <= tip_speed <= 1e6 and 0 <= turn_speed <= 1e6 and tip_speed + turn_speed):
         raise OptionError(
             "tip_speed and turn_speed must be from 0 to 1e6, and not both zero: got "

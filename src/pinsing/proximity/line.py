@@ -17,7 +17,7 @@ from pinsing.families import Branch
 from pinsing.families.solve import form_to_measure
 from pinsing.kinematics.batch import task_rows, turn_left
 from pinsing.kinematics.jacobian import frame_jacobian, read_pose
-from pinsing.kinematics.tip_speed import limits_of
+from pinsing.kinematics.tip_speed import check_speeds, limits_of
 from pinsing.kinematics.verdict import SINGULAR_RTOL, ratios
 from pinsing.measures import ALIKE, FLOAT_NOISE
 from pinsing.prose import LISTED, listed
@@ -472,6 +472,7 @@ def check_line(
     """
     if not 0 < speed < np.inf:
         raise OptionError(f"speed must be a positive number, got {speed!r}")
+    check_speeds(speed, 0.0)
     if not near > 0:
         raise OptionError(f"near must be positive, got {near!r}")
     q = arm.check(q0)

@@ -323,7 +323,7 @@ class Passage:
             for f in watched.families
         ]
         self._least, self._nearest = np.full(count, np.inf), np.full(count, np.inf)
-        # Of each family: the bound, and the samples around a place at which it may be nearest.
+        # Of each family: a distance, and the samples around a place at which it may be nearest.
         self._candidates: list[list[tuple[float, Motion, float]]] = [[] for _ in range(count)]
         self.trend = "steady"
 
@@ -362,12 +362,13 @@ class Passage:
         length = self.watched.length(np.diff(Q, axis=0))
         if not self._families:
             return
-        lower = self._lower(Q, length)
+        way = np.append(0.0, np.cumsum(length)) * (1 + ROUNDING)
+        lower, upper = self._bounds(Q, length, way)
         between = (lower[:-1] + lower[1:] - length[:, None]) / 2
         self._least = np.minimum(self._least, between.min(axis=0, initial=np.inf))
         self._least = np.minimum(self._least, lower.min(axis=0))
         for f in range(lower.shape[1]):
-            self._candidate(f, motion, u, lower[:, f])
+            self._candidate(f, motion, u, way, upper[:, f])
         self._stretches.feed(motion, u, Q, lower.min(axis=1))
         if end and len(u) > 1:
             f = int(nearest_family(self.watched.conditions, Q[-1:])[0][0])
@@ -376,14 +377,13 @@ class Passage:
             small = 1e-6 * max(float(length[-1]), 1e-12)
             self.trend = "steady" if abs(change) <= small else "away" if change > 0 else "toward"
 
-    def _lower(self, Q: Array, length: Array) -> Array:
+    def _bounds(self, Q: Array, length: Array, way: Array) -> tuple[Array, Array]:
         """Bounds (M, F) of the distance to each family; where they bound the least, close ones.
 
-        Those of one sample, less the way to another one, hold there.
+        Lower ones of one sample, less the way to another one, hold there.
         """
         margin, each = self.watched.margin, two_sided(self._plain, Q, each=True).each
         self._nearest = np.fmin(self._nearest, each[..., 1].min(axis=0))
-        way = np.append(0.0, np.cumsum(length)) * (1 + ROUNDING)
         for f, conditions in enumerate(self._families):
             low, limits = each[:, f, 0], self.watched.families[f].limits
             least = np.append(np.inf, np.append((low[:-1] + low[1:] - length) / 2, np.inf))
@@ -392,22 +392,25 @@ class Passage:
             weak = weak[np.argsort(low[weak], kind="stable")[:_PROVEN]]
             found = nearest_points(conditions, Q[weak], *limits, _CLOSE)
             self._nearest[f] = min(self._nearest[f], found.upper.min(initial=np.inf))
+            each[weak, f, 1] = np.fmin(each[weak, f, 1], found.upper)
             low[weak] = np.maximum(low[weak], found.lower)
             np.maximum(low, np.maximum.accumulate(low + way) - way - ROUNDING, out=low)
             back = np.maximum.accumulate((low - way)[::-1])[::-1] + way - ROUNDING
             np.maximum(low, back, out=low)
-        return each[..., 0] if margin is None else margin.take_off(Q, each)
+        return each[..., 0] if margin is None else margin.take_off(Q, each), each[..., 1]
 
-    def _candidate(self, f: int, motion: Motion, u: Array, lower: Array) -> None:
-        """Keep the lowest local minima of the bound of family f."""
-        padded = np.concatenate([[np.inf], lower, [np.inf]])
-        dips = np.flatnonzero((lower <= padded[:-2]) & (lower <= padded[2:]))
+    def _candidate(self, f: int, motion: Motion, u: Array, way: Array, upper: Array) -> None:
+        """Keep the lowest local minima of the distance found to family f, of places u (M,)."""
+        known = np.flatnonzero(np.isfinite(upper))
+        padded = np.concatenate([[np.inf], upper[known], [np.inf]])
+        dips = known[(padded[1:-1] <= padded[:-2]) & (padded[1:-1] <= padded[2:])]
         kept = self._candidates[f]
-        for i in dips[np.argsort(lower[dips], kind="stable")][:_CANDIDATES]:
-            low, high = int(max(np.floor(u[i]) - 1, 0)), int(np.ceil(u[i]) + 1)
+        for i in dips[np.argsort(upper[dips], kind="stable")][:_CANDIDATES]:
+            a, b = np.searchsorted(way, way[i] + 2 * _APART * np.array([-1, 1]))
+            low, high = int(max(u[a] - 1, 0)), int(np.ceil(u[min(b, len(u) - 1)]) + 1)
             high = min(max(high, low + 1), len(motion.pieces))
             part = Motion(motion.t[low : high + 1], motion.pieces[low:high])
-            kept.append((float(lower[i]), part, float(u[i] - low)))
+            kept.append((float(upper[i]), part, float(u[i] - low)))
         kept.sort(key=lambda c: c[0])
         del kept[_CANDIDATES:]
 
@@ -427,10 +430,9 @@ class Passage:
                 return Approach(name, c.t, c.q, 0.0, 0.0, title)
         conditions = self._families[f]
         best: tuple[float, float, Array] | None = None
-        for bound, motion, u in self._candidates[f]:
-            if best is None or bound < best[0] + ROUNDING:
-                found = _refined(conditions, watched, motion, u)
-                best = min(best or found, found, key=lambda x: (round(x[0], 9), x[1]))
+        for _, motion, u in self._candidates[f]:
+            found = _refined(conditions, watched, motion, u)
+            best = min(best or found, found, key=lambda x: (round(x[0], 9), x[1]))
         if best is None:
             return None
         upper, t, q = best

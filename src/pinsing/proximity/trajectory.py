@@ -150,22 +150,25 @@ def _met(check: TrajectoryCheck) -> str:
         )
         if found
     ]
+    left_out = f"; {listed(check.unchecked)} not looked at" if check.unchecked else ""
     if not check.crossings:
         none = "meets no singular configuration" if check.complete else "meets no known family"
+        if check.unchecked:
+            none = f"meets no {listed([_title(check, a.family) for a in check.approaches])}"
         none += " of the design" * check.nominal
         if check.tube and check.clearance == 0 and not check.nominal:
             none = "meets no family of the design, perhaps a singular configuration of this robot"
         if not faults:
             sure = "proven between samples" if check.samples > 1 else "1 sample"
-            return f"{none} ({sure})"
-        return f"{none}, but {listed(faults)}"
+            return f"{none} ({sure}){left_out}"
+        return f"{none}, but {listed(faults)}{left_out}"
     first = check.crossings[0]
     verb = {"crossing": "crosses", "touch": "touches", "along": "stays on"}[first.kind]
     more = [f"{_times(len(check.crossings) - 1, 'more meeting')}"] * (len(check.crossings) > 1)
     also = [*more, *(words for words in faults if not words.startswith("comes"))]
     singular = f"{verb} {singularity(first.family, first.title, first.where)}"
     singular += " of the design" * bool(check.tube)
-    return f"{singular} {_when(check, first.t)}{'; also ' * bool(also)}{listed(also)}"
+    return f"{singular} {_when(check, first.t)}{'; also ' * bool(also)}{listed(also)}{left_out}"
 
 
 def singularity(family: str, title: str, where: str = "") -> str:
@@ -365,6 +368,8 @@ class TrajectoryCheck(JsonResult):
         Whether it is not known how far from those families the arm itself is singular.
     speed_limits : bool
         Whether the robot names limits of joint speeds.
+    unchecked : tuple of str
+        Families that were left out, as they are called.
     """
 
     schema: ClassVar[str] = "pinsing/trajectory_check/1"
@@ -394,6 +399,7 @@ class TrajectoryCheck(JsonResult):
     turn_speed: float = field(default=TURN_SPEED, metadata={"optional": True})
     tube: str = field(default="", metadata={"optional": True})
     nominal: bool = field(default=False, metadata={"optional": True})
+    unchecked: tuple[str, ...] = field(default=(), metadata={"optional": True})
 
     def __repr__(self) -> str:
         names = ", ".join(dict.fromkeys(c.family for c in self.crossings))
@@ -492,7 +498,9 @@ def check_trajectory(
     if not near > 0:
         raise OptionError(f"near must be positive, got {near!r}")
     check_speeds(tip_speed, turn_speed)
-    watched = watch(form_to_measure(arm) if forms is None else forms, families)
+    given = form_to_measure(arm) if forms is None else forms
+    watched = watch(given, families)
+    every = watched if families is None else watch(given)
     if watched.joints != arm.joints:
         raise OptionError("the closed form is of an arm with other joints")
     watched.require_angle(near, "near")
@@ -557,6 +565,11 @@ def check_trajectory(
         start=np.array(samples[0], dtype=float),
         tube=watched.tube,
         nominal=bool(watched.tube) and watched.margin is None,
+        unchecked=tuple(
+            titled(name, f.title)
+            for name, f in zip(every.names, every.families, strict=True)
+            if name not in watched.names
+        ),
         speed_limits=bool(np.isfinite(speeds.limits).any()),
     )
 
