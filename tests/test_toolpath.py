@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import re
 import sys
+from dataclasses import replace
 from itertools import product
 from pathlib import Path
 
@@ -190,6 +191,23 @@ def test_a_path_within_two_turns_of_a_joint(ur5, turns, start, reached):
         assert not arm.space.outside(plan.q).any()
         assert np.ptp(plan.q[:, 5]) == pytest.approx(2 * np.pi * turns, abs=1e-6)
         assert first is None or np.allclose(plan.q[0], first, atol=1e-6)
+
+
+@pytest.mark.parametrize("began", [False, True])
+def test_a_path_with_the_roll_kept_is_one_of_those_that_the_bound_is_of(began):
+    """Its best branch winds a joint beyond the limits of two turns."""
+    arm = pinsing.load("lrmate200id")
+    form = pinsing.closed_form(arm, prove=False)
+    T = np.tile(pin.SE3(pin.rpy.rpyToMatrix(1.15, 1.8, -1.94), np.zeros(3)).homogeneous, (12, 1, 1))
+    T[:, :3, 3] = np.linspace([0.472, -0.075, 0.194], [0.355, 0.051, 0.229], 12)
+    plan = plan_path(form, T, free="roll", step=np.radians(5), arm=arm)
+    if began:
+        start = plan_path(form, T, arm=arm).q[0]
+        plan = plan_path(form, T, free="roll", step=np.radians(5), arm=arm, start=start)
+        assert len(plan.fixed) == 1
+    assert 0 < max(plan.fixed) <= plan.bound
+    late = plan_path(form, T[:1].repeat(2, 0), free="roll", step=0.5, arm=arm, t=[0, 1])
+    assert "with roll kept: no path" in replace(late, fixed=(0.0,)).text()
 
 
 def test_every_path_crosses_only_what_lies_between_all_solutions(ur5):

@@ -96,7 +96,7 @@ class PathPlan(JsonResult):
         twice as bent as three neighbouring values are; radians.
     fixed : tuple of float
         Clearance at the poses of the paths along which what is free keeps its value (that of the
-        poses as given, or the middle of a joint's range), one for each branch at the first pose; 0
+        poses as given, or the middle of a joint's range), one for each branch that may begin; 0
         where such a path ends early.
     reason : str
         Why there is no path; empty if there is one.
@@ -171,7 +171,8 @@ class PathPlan(JsonResult):
         if self.reason:
             return f"No path: {self.reason}."
         best = max(self.fixed, default=0.0)
-        kept = "" if self.free == "branch" else f"; with {self.free} kept: {angle(best)}"
+        kept = angle(best) if best > 0 else "no path"
+        kept = "" if self.free == "branch" else f"; with {self.free} kept: {kept}"
         family = f"{self.title} ({self.family})" if self.title else self.family
         lines = [
             f"{self.arm.name}: the path through {len(self.t)} poses stays at least "
@@ -398,7 +399,7 @@ class _Planner:
             return self._none(chosen, notes)
         i, q = chosen
         proven, where = self._proven(q)
-        near, kept = clearance(self.form, q[round(where)]), self._kept()
+        near, kept = clearance(self.form, q[round(where)]), self._kept(self._first(start))
         family = near.names[int(near.family)] if near.names else ""
         return replace(
             self._none("", notes),
@@ -815,7 +816,7 @@ class _Planner:
         near = np.unravel_index(int(np.linalg.norm(gap, axis=-1).argmin()), gap.shape[:2])
         a, move = q[near[0]], gap[near]
         met = crossings(self.form, np.array([a, a + move])).events
-        between = ""
+        between = "; give more poses between them"
         if met:
             title = self.form[met[0].family].title
             family = titled(met[0].family, title)
@@ -856,21 +857,33 @@ class _Planner:
 
     # -- what others reach ------------------------------------------------------------------------
 
-    def _kept(self) -> Array:
-        """Clearance (B, N) at the poses with what is free kept, of each branch at the first pose.
+    def _kept(self, first: Bool) -> Array:
+        """Clearance (B, N) at the poses with what is free kept, of each branch it may begin on.
 
-        NaN from where the motion to the next pose is not proven clear, or there is no solution.
+        NaN from where the motion to the next pose is not proven clear or too fast, winds a joint
+        beyond its limits, or there is no solution.
         """
-        i = 0 if self.held is None else len(self.grid) // 2
-        at = np.flatnonzero(self.usable[0, i])
+        i, S = 0 if self.held is None else len(self.grid) // 2, self.Q.shape[2]
+        at = np.flatnonzero(self.usable[0, i] & first[i])
         out = np.full((len(at), len(self.T)), np.nan)
         out[:, 0] = self.likely[0, i, at]
+        q = self.Q[0, i, at]
+        if self.start is not None:
+            q = q + self.turn * np.rint((self.start - q) / (2 * np.pi))
+        low = high = q
         for k in range(1, len(self.T)):
-            gap = self.Q[k, i] - self.Q[k - 1, i, at][:, None]
+            gap = self._gap(self.Q[k, i] - self.Q[k - 1, i, at][:, None])
             way = np.where(self.usable[k, i], self._length(gap), np.inf)
             near, rows = way.argmin(axis=1), np.arange(len(at))
-            goes = self.clear[k, i, near] + self.clear[k - 1, i, at] > way[rows, near]
-            goes &= np.isfinite(out[:, k - 1])
+            move = gap[rows, near]
+            q = q + np.nan_to_num(move)
+            low, high = np.minimum(low, q), np.maximum(high, q)
+            ends = np.stack([self.arm.upper - high, low - self.arm.lower])
+            turns = np.floor(ends / (2 * np.pi) + 1e-9)
+            fits = (turns.sum(axis=0) if self.start is None else turns.min(axis=0)) >= 0
+            node, from_ = i * S + near, i * S + at[None]
+            goes = self._passable(k, node, from_, move[None], out[:, k - 1])[0][0]
+            goes &= np.isfinite(out[:, k - 1] + way[rows, near]) & (fits | self.bounded).all(axis=1)
             out[:, k] = np.where(goes, self.likely[k, i, near], np.nan)
             at = near
         return out
