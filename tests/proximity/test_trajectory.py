@@ -16,6 +16,7 @@ from pinsing._types import Array
 from pinsing.cli.app import command
 from pinsing.errors import ConfigurationError, OptionError
 from pinsing.proximity import trajectory
+from pinsing.proximity.line import check_line
 from pinsing.proximity.trajectory import check_trajectory, details, summary
 from pinsing.proximity.trajectory_file import read_trajectory
 
@@ -183,7 +184,7 @@ def test_speeds_in_millimetres_are_refused() -> None:
     with pytest.raises(OptionError, match=r"250 mm/s are 0\.25"):
         check_trajectory(arm_of("ur5"), CLEAR[None], tip_speed=250)
     with pytest.raises(OptionError, match=r"250 mm/s are 0\.25"):
-        pinsing.proximity.line.check_line(arm_of("ur5"), CLEAR, [0.3, 0.2, 0.4], speed=250)
+        check_line(arm_of("ur5"), CLEAR, [0.3, 0.2, 0.4], speed=250)
 
 
 def test_one_sample_and_a_rest() -> None:
