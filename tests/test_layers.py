@@ -256,6 +256,10 @@ def modules_after(code: str) -> tuple[str, set[str]]:
             "import pinsing.cli",
             "numpy rich matplotlib meshcat pinocchio scipy yourdfpy xacro flint yaml ssl",
         ),
+        (
+            "from pinsing.cli import at, check, families, map, path, plot, postures, report, view",
+            "numpy pinocchio scipy",  # the help of a command waits for none of them
+        ),
         ("import pinsing.errors, pinsing.description.catalog", "pinocchio scipy yourdfpy xacro"),
     ],
 )

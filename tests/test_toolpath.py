@@ -19,12 +19,12 @@ from tiers import tiered
 
 import pinsing
 from pinsing.cli.app import command
-from pinsing.cli.path import read_poses
 from pinsing.errors import ConfigurationError, OptionError, RobotFileError
 from pinsing.kinematics.jacobian import tip_placement
 from pinsing.plot.curves import path_sheet
 from pinsing.postures import inverse_batch
 from pinsing.postures.inverse_batch import InverseMany
+from pinsing.postures.placement import read_poses
 from pinsing.postures.toolpath import PathPlan, plan_path
 
 pytestmark = needs_kernel  # without it a plan takes minutes

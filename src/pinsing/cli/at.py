@@ -28,7 +28,6 @@ from pinsing.cli.options import (
 from pinsing.cli.output import emit, emit_json, emit_json_data, emit_lines, say
 from pinsing.cli.running import doing
 from pinsing.errors import OptionError, PinsingError
-from pinsing.measures import ALIKE
 from pinsing.prose import Page
 
 if TYPE_CHECKING:
@@ -140,6 +139,7 @@ def _answer(
 ) -> str:
     """Return what is wrong there, if anything, what is near, and what to do: five lines at most."""
     from pinsing.arguments import typed
+    from pinsing.measures import ALIKE
     from pinsing.postures.ladder import posture_names
     from pinsing.proximity.trajectory import singularity
     from pinsing.proximity.watched import titled
@@ -180,6 +180,8 @@ def _answer(
 
 def _nearest(form: ClosedForm, others: list[FamilyDistance], state: State) -> FamilyDistance | None:
     """The nearest family, within the joint limits where the configuration is; None without any."""
+    from pinsing.measures import ALIKE
+
     space, best = state.arm.space, None
     inside = not space.outside(state.q).any()
     for d in others:
