@@ -225,7 +225,9 @@ def _no_numbers(name: str, value: Any) -> ConfigurationError:
     """Return what is wrong with a value that `_are_numbers` does not take."""
     if _reals(value) is not None:
         return ConfigurationError(f"{name} holds a number too large for a float")
-    return ConfigurationError(f"{name} must be {_NUMBERS}, got {shown(value)}")
+    order = ": give a list, values of joints in the order of arm.joints"
+    hint = order if isinstance(value, Mapping) else ""
+    return ConfigurationError(f"{name} must be {_NUMBERS}, got {shown(value)}{hint}")
 
 
 def _holds(

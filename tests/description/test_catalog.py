@@ -83,7 +83,22 @@ def test_what_a_user_means(tmp_path, monkeypatch):
     assert locate_robot("ur5") == Path("ur5")
     assert locate_robot(tmp_path / "ur5") == tmp_path / "ur5"
     assert locate_robot(str(tmp_path)) == tmp_path
-    for path in ("ur5.urdf", "./ur10", "x/y", "my.XACRO", Path("ur10")):
+    for title in ("LR Mate 200iD/7", "fanuc lr-mate 200iD/7", "LR Mate 200iD 7"):
+        assert locate_robot(title).name == "lrmate200id"
+    assert locate_robot("CRX-10iA/L").name == "crx10ia_l"
+    (tmp_path / "CRX-10iA").mkdir()
+    (tmp_path / "CRX-10iA" / "L").write_text("<robot/>")
+    assert locate_robot("CRX-10iA/L") == Path("CRX-10iA/L")
+    for path in (
+        "ur5.urdf",
+        "./ur10",
+        "./g1",
+        "double/pendulum",
+        Path("double_pendulum"),
+        "x/y",
+        "my.XACRO",
+        Path("ur10"),
+    ):
         with pytest.raises(RobotFileError, match="no such file") as caught:
             locate_robot(path)
         assert caught.value.path == Path(path)

@@ -340,6 +340,18 @@ BAD = [
     ("length: m}", "length: inch}", 3, ["units: length", "'inch'"]),
     ("{angle: rad, length: m}", "rad", 3, ["units", "found 'rad'"]),
     ("    d: 0.1\n", "", 5, ["row 1", "missing key 'd'"]),
+    (
+        "    type: revolute\n    limits: [-1, 1]\n",
+        "",
+        5,
+        ["row 1", "missing key 'type', 'limits'", "revolute or prismatic or continuous"],
+    ),
+    (
+        "units: {angle: rad, length: m}\n",
+        "",
+        1,
+        ["missing key 'units'", "{angle: deg or rad, length: mm or m}"],
+    ),
     ("    d: 0.1\n", "    d: 0.1\n    d: 0.2\n", 8, ["row 1", "'d' is given twice"]),
     ("alpha: pi/2", "aplha: pi/2", 5, ["row 1", "'aplha'", "'alpha'?"]),
     ("alpha: pi/2", "alpha: .nan", 5, ["row 1: alpha", "not a finite number"]),

@@ -343,7 +343,7 @@ def test_the_model_may_stand_beside(tmp_path: Path) -> None:
         ("planar3r", UsageError, "Missing option '-o'"),
         ("planar3r -o r.txt", OptionError, "by its ending: .html"),
         ("planar3r -o -", OptionError, "give the name of a file"),
-        ("planar3r -o r.pdf -o s.pdf", OptionError, "files of one kind"),
+        ("planar3r -o r.pdf -o s.pdf", OptionError, "files of one kind: give one of them"),
         ("planar3r -o r.html --q 1,2", ConfigurationError, "3"),
         ("planar3r -o r.html --q a,b,c", ConfigurationError, "not a number"),
         ("planar3r -o nowhere/r.html", OutputError, "folder"),

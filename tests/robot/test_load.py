@@ -525,6 +525,8 @@ def test_columns_are_found_by_their_names():
     family = form.families[0]
     assert family.distance(row).upper == family.distance(Q[0]).upper
     assert np.array_equal(family.contains(table), family.contains(Q))
+    with pytest.raises(ConfigurationError, match=r"a dict: give a list.* order of arm\.joints"):
+        pinsing.clearance(form, dict(zip(arm.joints, Q[0], strict=True)))
     numbered = Table(list(range(6)), Q)
     assert np.array_equal(pinsing.singular_values(arm, numbered), pinsing.singular_values(arm, Q))
 

@@ -356,7 +356,9 @@ def output_option(required: bool = False, **endings: str) -> Callable[[F], F]:
         for value in values:
             name = argument(value)
             if files[name] is not None:
-                raise OptionError(f"-o {files[name]} and -o {value} are files of one kind")
+                raise OptionError(
+                    f"-o {files[name]} and -o {value} are files of one kind: give one of them"
+                )
             if value in (STDOUT, *(STDOUT + end for end in texts)):
                 files[name] = STDOUT
             else:

@@ -356,6 +356,8 @@ def find_robot(name: str) -> CatalogEntry:
     alike = [k for k in entries if k == name or _canonical(k) == _canonical(name)]
     if alike:
         return entries[name if name in alike else alike[0]]
+    if titled := _titled(name, entries):
+        return titled[0]
     raise UnknownNameError(
         "robot",
         name,
@@ -373,6 +375,17 @@ def _plain_hit(name: str) -> CatalogEntry | None:
         return own.get(name)
     path = folder / _LOADERS[name]
     return _entry(name, path, _DATA) if path.is_file() else None
+
+
+def _titled(name: str, entries: Mapping[str, CatalogEntry]) -> list[CatalogEntry]:
+    """Return the robots of this title; with a digit, of this one without its maker, too."""
+    wanted = _canonical(name)
+    return [
+        entry
+        for entry in entries.values()
+        if wanted == _canonical(entry.title)
+        or (re.search(r"\d", wanted) and wanted == _canonical(entry.title.partition(" ")[2]))
+    ]
 
 
 def _meant(name: str, entries: Mapping[str, CatalogEntry]) -> list[str]:
@@ -398,8 +411,8 @@ def locate_robot(robot: str | Path) -> CatalogEntry | Path:
     """Return what a user means by a robot: an existing file, a path, or a name.
 
     ``rd:NAME`` is a robot of the package robot_descriptions. Else
-    an existing path wins; text with a path separator or the suffix .urdf, .xacro or .xml is a path,
-    and so is a `Path`; all else is a name.
+    an existing path wins; text with a path separator or the suffix .urdf, .xacro or .xml is a path
+    unless a robot has this title, and so is a `Path`; all else is a name.
 
     Raises
     ------
@@ -418,7 +431,10 @@ def locate_robot(robot: str | Path) -> CatalogEntry | Path:
         exists = False
     if exists:
         return path
-    if not _is_name(robot):
+    if not _is_name(robot) and not (
+        isinstance(robot, str)
+        and any("/" in entry.title for entry in _titled(robot, known_robots()))
+    ):
         raise RobotFileError("no such file", path)
     try:
         return find_robot(str(robot))

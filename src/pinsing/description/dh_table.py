@@ -213,7 +213,12 @@ def read_dh(path: str | Path) -> DHTable:
         If the file cannot be read or anything in it is missing, unknown, doubled, or no finite
         number; with the file, the line and the key.
     """
-    top = compose(path).mapping(("name", "convention", "units", "rows"), ("source", "tool"))
+    keys = "name", "convention", "units", "rows"
+    table = compose(path)
+    top = table.mapping((), (*keys, "source", "tool"))
+    table.require(
+        top, keys, convention="standard or modified", units="{angle: deg or rad, length: mm or m}"
+    )
     units = _read_units(top["units"])
     convention = cast(Convention, top["convention"].choice(("standard", "modified")))
     rows: list[DHRow] = []
@@ -286,15 +291,16 @@ def _read_dh(keys: dict[str, YamlNode], units: _Units) -> tuple[float, float, fl
 
 
 def _read_row(node: YamlNode, number: int, units: _Units) -> DHRow:
-    keys = node.mapping((*_DH_KEYS, "type"), ("limits", "name", "velocity", "effort"))
-    kind = cast(JointType, keys["type"].choice(("revolute", "prismatic", "continuous")))
+    keys = node.mapping((), (*_DH_KEYS, "type", "limits", "name", "velocity", "effort"))
+    kinds = "revolute", "prismatic", "continuous"
+    kind = cast(JointType, keys["type"].choice(kinds) if "type" in keys else " or ".join(kinds[:2]))
+    node.require(
+        keys, (*_DH_KEYS, "type", *["limits"] * (kind != "continuous")), type=" or ".join(kinds),
+        limits=f"[lower, upper] (a {kind} joint needs them)",
+    )  # fmt: skip
     quantity = "length" if kind == "prismatic" else "angle"
     lower = upper = None
     if kind != "continuous":
-        node.refuse_if(
-            "limits" not in keys,
-            f"missing key 'limits': add limits: [lower, upper] (a {kind} joint needs them)",
-        )
         low, high = keys["limits"].items("value", length=2)
         lower, upper = units.value(low, quantity), units.value(high, quantity)
         keys["limits"].refuse_if(lower > upper, "the lower limit is above the upper one: swap them")

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from fractions import Fraction
 from pathlib import Path
@@ -173,11 +173,20 @@ class YamlNode:
             if key in values:
                 raise here.error(f"key {show(key)} is given twice: remove one")
             values[key] = self._child(value_node, key)
-        missing = [key for key in required if key not in values]
-        self.refuse_if(
-            missing, "missing key " + ", ".join(repr(key) for key in missing) + ": add it"
-        )
+        self.require(values, required)
         return values
+
+    def require(
+        self, values: Mapping[str, YamlNode], required: Iterable[str], **hints: str
+    ) -> None:
+        """Raise the error that names all keys that are missing, and what some may be."""
+        missing = [key for key in required if key not in values]
+        add = "them" if len(missing) > 1 else "it"
+        what = "; ".join(f"{key}: {hints[key]}" for key in missing if key in hints)
+        self.refuse_if(
+            missing,
+            f"missing key {', '.join(map(repr, missing))}: add {add}{', ' * bool(what)}{what}",
+        )
 
     @property
     def empty_list(self) -> bool:
