@@ -116,3 +116,14 @@ def test_all_families_are_proven(name: str) -> None:
         data = verify(archive.read(f"{name}.json").decode())
     assert data["chain"] == form.proof.certificate["chain"]
     assert data["families"] == form.proof.certificate["families"]
+
+
+def test_the_z_axis_of_every_tool0_points_out_of_the_flange() -> None:
+    """Away from the axis before the last: what tool-down poses and `--tool` mean depends on it."""
+    for name in TABLES:
+        model = pin.buildModelFromXML(bare_urdf(known_table(name)))
+        data = model.createData()
+        pin.framesForwardKinematics(model, data, pin.neutral(model))
+        tip = data.oMf[model.getFrameId("tool0")]
+        before = data.oMi[model.njoints - 2].translation
+        assert tip.rotation[:, 2] @ (tip.translation - before) > -1e-9, name
