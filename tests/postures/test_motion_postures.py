@@ -9,6 +9,8 @@ from command_line import run
 import pinsing
 from pinsing.errors import ConfigurationError
 from pinsing.kinematics.jacobian import tip_placement
+from pinsing.proximity.trajectory import summary
+from pinsing.view.trajectory import trajectory_data
 
 
 @pytest.fixture(scope="module")
@@ -67,6 +69,21 @@ def test_check_says_it(tmp_path):
     done = run("check", "puma560", str(path), "-o", "-")
     (change,) = json.loads(done.stdout)["aspect_changes"]
     assert change["t"] == pytest.approx(2 / 3)
+
+
+def test_pages_and_reports_give_the_advice_of_the_terminal(tmp_path, monkeypatch):
+    path, page = tmp_path / "way.csv", tmp_path / "page.html"
+    path.write_text("0.1,-1.2,1.3,-1.5,-1,0.2\n0.1,-1.2,1.3,-1.5,1,0.2\n")
+    said = " ".join(run("check", "ur5", str(path)).stdout.split())
+    assert (advice := "Start in this posture, from which some motion reaches the end") in said
+    assert " of the samples" in said
+    assert " of the time" not in said
+    given = []
+    monkeypatch.setattr("pinsing.cli.report._write", lambda *args: given.append(args[7]))
+    run("report", "ur5", "-o", str(page), "--trajectory", str(path))
+    arm, way = pinsing.load("ur5"), given[0]
+    assert advice in summary(way.check)
+    assert advice in trajectory_data(arm, way.check, way.Q)["lines"][-1]
 
 
 # The elbow of this posture of UR5 is stretched on the way; those with the wrist turned get there.

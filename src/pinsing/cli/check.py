@@ -40,7 +40,9 @@ from pinsing.errors import ConfigurationError, OptionError
 
 if TYPE_CHECKING:
     from pinsing._types import Array
+    from pinsing.families import ClosedForm
     from pinsing.postures.aspects import Aspects
+    from pinsing.proximity.trajectory import TrajectoryCheck
     from pinsing.proximity.zones import Zones
     from pinsing.robot.arm import Arm
 
@@ -181,21 +183,7 @@ def check_command(
             joint_speeds=typed_speeds(joint_speeds),
             progress=progress,
         )
-    other = None
-    if any(c.kind == "crossing" for c in check.crossings):
-        from pinsing.postures.aspects import aspects
-        from pinsing.postures.motions import aspect_changes
-
-        with doing("counting the aspects"):
-            found = aspects(form, not check.outside)
-        if found.proven:
-            # Of a robot with a design, no way in its aspect is known to be regular.
-            other = _posture_of_the_end(arm, read.Q, found) if form.tube is None else None
-            changes = aspect_changes(form, read.Q, read.t, of=found)
-            check = replace(check, aspect_changes=changes)
-        else:
-            skipped = "changes of aspect are left out: not all aspects are distinguished"
-            check = replace(check, notes=(*check.notes, skipped))
+    check = with_aspects(check, arm, form, read.Q, read.t)
     if plot is not None:
         off_screen()
         from pinsing.plot.curves import clearance_along
@@ -204,7 +192,7 @@ def check_command(
         save_figure(axes.figure, plot, bbox_inches="tight")
     if not emit_json(check, json_target):
         degrees = in_degrees(deg)
-        answer = summary(check, degrees, file.name, request.words, other)
+        answer = summary(check, degrees, file.name, request.words)
         emit_lines(f"{answer}\n\n{details(check, degrees)}")
     if view or html is not None:
         from pinsing.families.certainty import coverage_words
@@ -218,6 +206,25 @@ def check_command(
         viewer = Viewer(arm, form.families, shown=shown, coverage=said, host="127.0.0.1")
         show(viewer, html, view, no_open)
     return int(fail is not None and not check.clearance > fail)
+
+
+def with_aspects(
+    check: TrajectoryCheck, arm: Arm, form: ClosedForm, Q: Array, t: Array | None
+) -> TrajectoryCheck:
+    """Return a check with the changes of aspect, where it crosses, and the posture to start in."""
+    if all(c.kind != "crossing" for c in check.crossings):
+        return check
+    from pinsing.postures.aspects import aspects
+    from pinsing.postures.motions import aspect_changes
+
+    with doing("counting the aspects"):
+        found = aspects(form, not check.outside)
+    if not found.proven:
+        skipped = "changes of aspect are left out: not all aspects are distinguished"
+        return replace(check, notes=(*check.notes, skipped))
+    # Of a robot with a design, no way in its aspect is known to be regular.
+    other = _posture_of_the_end(arm, Q, found) if form.tube is None else None
+    return replace(check, aspect_changes=aspect_changes(form, Q, t, of=found), other=other)
 
 
 def _posture_of_the_end(arm: Arm, Q: Array, found: Aspects) -> Array | None:

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import click
 
 from pinsing.cli import completion
+from pinsing.cli.check import with_aspects
 from pinsing.cli.grouped import command
 from pinsing.cli.mechanism import loops_option, read
 from pinsing.cli.options import (
@@ -141,6 +142,7 @@ def report_command(
     judged = None
     if way is not None and trajectory is not None:
         check = check_trajectory(arm, way.Q, way.t, forms=forms)
+        check = with_aspects(check, arm, forms, way.Q, way.t)
         judged = Trajectory(check, way.Q, way.t, trajectory.name, request.words, way.notes)
     _write(arm, html, pdf, page, skeleton, given, forms, judged, zones)
     from pinsing.families.form import answer_text

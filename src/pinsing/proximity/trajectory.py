@@ -36,7 +36,6 @@ def summary(
     degrees: bool = True,
     file: str = "",
     robot: str = "",
-    other: Array | None = None,
 ) -> str:
     """At most six lines: what is met and when, what is near, speeds, and what to do.
 
@@ -48,11 +47,9 @@ def summary(
         Unit of speeds of revolute joints; distances from singularities are in degrees.
     file, robot : str
         How the trajectory is called, and how commands name the robot.
-    other : (n,) array, optional
-        A posture of the first pose from which the end is reached without a singularity.
     """
     evidence = [check.tube, _nearest(check), _near(check, degrees), *_speeds(check, degrees)]
-    lines = [*evidence, _advice(check, robot or check.arm.typed, other)]
+    lines = [*evidence, _advice(check, robot or check.arm.typed)]
     return "\n".join(
         [f"{file or check.arm.name}: {_met(check)}", "", *(f"  {x}" for x in lines if x)]
     )
@@ -217,9 +214,8 @@ def _near(check: TrajectoryCheck, degrees: bool) -> str:
     total = sum(s.t_end - s.t for s in check.stretches)
     span = check.t_last - check.t_first
     part = total / span if span > 0 else 1.0
-    share = f"{100 * part:.3g} % of the time" if part < 0.9995 else "all of the time"
-    if span <= 0:
-        share = "all of it"
+    share = f"{100 * part:.3g} %" if part < 0.9995 else "all"
+    share += f" of the {'time' if check.timed else 'samples'}" if span > 0 else " of it"
     ends = {"toward": "ends moving toward", "away": "ends moving away from"}
     end = f"; it {ends[check.trend]} the nearest family" if check.trend in ends else ""
     if not check.stretches:
@@ -248,7 +244,7 @@ def _speeds(check: TrajectoryCheck, degrees: bool) -> list[str]:
     return out
 
 
-def _advice(check: TrajectoryCheck, robot: str, other: Array | None) -> str:
+def _advice(check: TrajectoryCheck, robot: str) -> str:
     if check.jumps:
         e = check.jumps[0]
         return f"Look at the jump of {e.joint} {_when(check, e.t)}: is it wrapped by a turn?"
@@ -257,7 +253,7 @@ def _advice(check: TrajectoryCheck, robot: str, other: Array | None) -> str:
         if any(note.startswith("mimic joints of the chain follow") for note in check.arm.notes):
             away = f"Keep away from {_title(check, c.family)}, {_when(check, c.t)}"
             return f"{away}; other postures are not looked for where joints mimic others"
-        start = c.q if check.start is None else check.start
+        start, other = c.q if check.start is None else check.start, check.other
         beyond = " --ignore-limits" if check.outside else ""
         command = f"postures {robot}{beyond}" if other is None else f"at {robot}"
         q = typed(start if other is None else other, check.arm.prismatic, True, digits=6)
@@ -362,6 +358,9 @@ class TrajectoryCheck(JsonResult):
         empty where that was not asked.
     start : (n,) array or None
         The first sample.
+    other : (n,) array or None
+        Another posture there, from which some motion reaches the end without a singularity, as
+        `pinsing check` has it; not written to JSON.
     tube : str
         What is known of the arm where the families are of its design; else empty.
     nominal : bool
@@ -395,6 +394,7 @@ class TrajectoryCheck(JsonResult):
     notes: tuple[str, ...]
     aspect_changes: tuple[AspectChange, ...] = field(default=(), metadata={"optional": True})
     start: Array | None = field(default=None, metadata={"optional": True})
+    other: Array | None = field(default=None, metadata={"json": False})
     speed_limits: bool = field(default=True, metadata={"optional": True})
     turn_speed: float = field(default=TURN_SPEED, metadata={"optional": True})
     tube: str = field(default="", metadata={"optional": True})
