@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -219,10 +220,14 @@ def test_a_slide_is_bounded_where_zones_are_asked_for(monkeypatch):
 def test_where_nothing_is_left_outside_no_distance_is_called_useful():
     done = run("zones", "ur5", "--boxes", "1", "--deg")
     assert done.exit_code == 0
-    assert "ur5: no useful distance is proven" in done.stdout
+    assert "ur5: no useful distance was found" in done.stdout
     assert "exceed no joint speed limit" not in done.stdout
-    assert "One distance for all: 90°; a limit is exceeded at" in done.stdout
-    assert "more boxes, a smaller part (within) and lower speeds" in " ".join(done.stdout.split())
+    said = " ".join(done.stdout.split())
+    assert "or the search ended too early: try lower --tip-speed and --turn-speed" in said
+    assert re.search(r"limit is exceeded even [\d.]+° from all families", said)
+    assert "any distance" not in said
+    assert "One distance" not in said
+    assert "more than needed" not in said
 
 
 def test_a_form_without_its_robot_is_refused():

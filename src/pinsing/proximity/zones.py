@@ -120,12 +120,18 @@ class Zones(JsonResult):
 
         kept = [n for n, d in self.distances.items() if d > 0]
         where = f"with {listed(self.within)}, " if self.within else ""
+        exceeded = self.common_exceeding
         if kept and not math.isfinite(self.sigma_min):
             lines = [
-                f"{self.arm.name}: {where}no useful distance is proven: no configuration was found "
-                "farther away than those that are"
-            ]
-        elif kept:
+                f"{self.arm.name}: {where}no useful distance was found",
+                "",
+                f"  {self.speeds} exceed a limit nearly everywhere, or the search ended too early:",
+                "  try lower --tip-speed and --turn-speed, a smaller --within, or more --boxes "
+                f"({self.boxes:,} here)",
+                f"  A joint speed limit is exceeded even {far(exceeded)} from all families",
+            ][: 5 if exceeded else 4]
+            return "\n".join([*lines, *(f"note: {n}" for n in self.notes)])
+        if kept:
             away = listed([f"{far(self.distances[n])} from {self.titles[n]}" for n in kept])
             lines = [f"{self.arm.name}: {where}keep {away} (proven)"]
         elif not math.isfinite(self.sigma_min):
@@ -136,10 +142,13 @@ class Zones(JsonResult):
         lines += ["", then] if math.isfinite(self.sigma_min) else [""]
         for name in kept:
             found = self.exceeding[name]
-            short = f"a limit is exceeded at {far(found)}" if found else "none found that does"
+            short = (
+                f"a limit is exceeded at {far(found)}"
+                if found
+                else "no configuration found that exceeds one"
+            )
             lines.append(f"  {self.titles[name]}: {far(self.distances[name])}; {short}")
-        found = self.common_exceeding
-        short = f"; a limit is exceeded at {far(found)}" if found else ""
+        short = f"; a limit is exceeded at {far(exceeded)}" if exceeded else ""
         lines.append(f"  One distance for all: {far(self.common)}{short}")
         if math.isfinite(self.sigma_min):
             lines.append(
