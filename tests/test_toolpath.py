@@ -198,7 +198,12 @@ def test_a_path_with_the_roll_kept_is_one_of_those_that_the_bound_is_of(began):
     """Its best branch winds a joint beyond the limits of two turns."""
     arm = pinsing.load("lrmate200id")
     form = pinsing.closed_form(arm, prove=False)
-    T = np.tile(pin.SE3(pin.rpy.rpyToMatrix(1.15, 1.8, -1.94), np.zeros(3)).homogeneous, (12, 1, 1))
+    T = np.tile(
+        pin.SE3(
+            pin.rpy.rpyToMatrix(1.15, 1.8, -1.94) @ pin.utils.rotate("x", np.pi), np.zeros(3)
+        ).homogeneous,
+        (12, 1, 1),
+    )
     T[:, :3, 3] = np.linspace([0.472, -0.075, 0.194], [0.355, 0.051, 0.229], 12)
     plan = plan_path(form, T, free="roll", step=np.radians(5), arm=arm)
     if began:
