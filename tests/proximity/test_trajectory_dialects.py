@@ -154,6 +154,13 @@ def arm():
     return load("ur5")
 
 
+def test_a_table_for_a_fanuc_by_name_may_be_a_pendants(tmp_path):
+    (tmp_path / "p.csv").write_text("J1,J2,J3,J4,J5,J6\n0,0.1,0.2,0.3,0.4,0.5\n")
+    said = {n: read_trajectory(tmp_path / "p.csv", load(n)).notes for n in ("lrmate200id", "gp7")}
+    horizontal = {n: any("from the horizontal" in x for x in notes) for n, notes in said.items()}
+    assert horizontal == {"lrmate200id": True, "gp7": False}
+
+
 @pytest.mark.parametrize("name", DIALECTS)
 def test_files_as_people_have_them(tmp_path, arm, name):
     text, times = DIALECTS[name]

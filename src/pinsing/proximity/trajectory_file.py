@@ -18,6 +18,7 @@ import numpy.typing as npt
 
 from pinsing._types import Array
 from pinsing.chunk_file import DamagedError, read_arrays, read_bounded
+from pinsing.description.catalog import known_arms
 from pinsing.errors import ConfigurationError
 from pinsing.robot.arm import Arm
 
@@ -190,6 +191,10 @@ def read_trajectory(
     if times is not None and len(times) and abs(times[0]) > _EPOCH:
         note = f"times are counted from the first, {times[0]:.3f} s"
         found = replace(found, t=times - times[0], notes=(*found.notes, note))
+    table = kind not in (".npy", ".npz", ".yaml", ".yml", ".script")
+    fanuc = table and known_arms().get(arm.name, {}).get("maker") == "Fanuc"
+    if arm.n > 2 and (fanuc or kind == ".ls"):
+        found = replace(found, notes=(*found.notes, _FANUC_J3))
     if found.others:
         _require_others(path, arm, replace(found, Q=found.Q * scales), bool(degrees))
     return replace(found, Q=found.Q * scales)
@@ -360,8 +365,7 @@ def _fanuc(path: Path, arm: Arm, text: str) -> TrajectoryFile:
     units = [unit.lower() for _, _, unit in order[0]] if order else [""] * arm.n
     _require_kinds(path, arm, [f"J{k + 1}" for k in range(arm.n)], units)
     rows = [[float(x) for _, x, _ in cells] for cells in order]
-    found = _moves(path, arm, rows, [_SCALES.get(unit) for unit in units])
-    return replace(found, notes=(*found.notes, _FANUC_J3)) if arm.n > 2 else found
+    return _moves(path, arm, rows, [_SCALES.get(unit) for unit in units])
 
 
 def _require_kinds(path: Path | str, arm: Arm, heads: Sequence[str], units: Sequence[str]) -> None:
