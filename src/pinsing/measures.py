@@ -1,7 +1,7 @@
-"""Measures of Jacobians: NumPy arrays in, numbers out; knows no robot.
+"""Measures of Jacobians, and the tolerances that all of pinsing shares; knows no robot.
 
-All of them work on stacks: J has shape (..., m, n), with rows in one unit
-(divide translation rows by a length scale first).
+The measures take NumPy arrays and give numbers. All of them work on stacks: J has shape
+(..., m, n), with rows in one unit (divide translation rows by a length scale first).
 """
 
 from __future__ import annotations

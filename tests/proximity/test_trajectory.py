@@ -15,7 +15,7 @@ import pinsing
 from pinsing._types import Array
 from pinsing.cli.app import command
 from pinsing.errors import ConfigurationError, OptionError
-from pinsing.proximity import trajectory
+from pinsing.proximity import passage, trajectory
 from pinsing.proximity.line import check_line
 from pinsing.proximity.trajectory import check_trajectory, details, summary
 from pinsing.proximity.trajectory_file import read_trajectory
@@ -169,6 +169,18 @@ def test_what_is_proven_is_close_to_what_is_found_also_of_a_long_recording() -> 
         assert not check.crossings
         for near in check.approaches:
             assert near.upper - np.radians(0.5) <= near.lower <= near.upper, near.family
+
+
+def test_families_without_a_distance_from_above_count_as_well(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    arm = pinsing.load("panda")
+    Q = np.array([[0.0, -0.3, 0.2, -1.5, 0.4, 1.9, 0.3], [0.1, -0.4, 0.1, -1.6, 0.5, 1.8, 0.4]])
+    close = check_trajectory(arm, Q)
+    monkeypatch.setattr(passage, "_PROVEN", 0)
+    rough = check_trajectory(arm, Q)
+    assert {a.family for a in rough.approaches} == {a.family for a in close.approaches}
+    assert 0 < rough.clearance <= close.clearance < np.inf
 
 
 def test_families_that_were_not_looked_at_are_named() -> None:

@@ -72,8 +72,8 @@ def zones(
         name, ``{"elbow_joint": (0.7, 2.4)}``, and None for a word. Prismatic joints always keep
         their limits.
     boxes : int
-        Most boxes looked at, half of them for the common distance; the answer is proven with
-        fewer, but larger.
+        Most work, half of it for the common distance: boxes looked at, and an eighth of those
+        that distances take. The answer is proven with less, but larger.
     progress : callable
         Told what is done, how far it is, and how far that goes.
 

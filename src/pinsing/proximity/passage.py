@@ -368,7 +368,8 @@ class Passage:
         self._least = np.minimum(self._least, between.min(axis=0, initial=np.inf))
         self._least = np.minimum(self._least, lower.min(axis=0))
         for f in range(lower.shape[1]):
-            self._candidate(f, motion, u, way, upper[:, f])
+            known = np.isfinite(upper[:, f]).any()
+            self._candidate(f, motion, u, way, (upper if known else lower)[:, f])
         self._stretches.feed(motion, u, Q, lower.min(axis=1))
         if end and len(u) > 1:
             f = int(nearest_family(self.watched.conditions, Q[-1:])[0][0])
@@ -394,13 +395,14 @@ class Passage:
             self._nearest[f] = min(self._nearest[f], found.upper.min(initial=np.inf))
             each[weak, f, 1] = np.fmin(each[weak, f, 1], found.upper)
             low[weak] = np.maximum(low[weak], found.lower)
-            np.maximum(low, np.maximum.accumulate(low + way) - way - ROUNDING, out=low)
-            back = np.maximum.accumulate((low - way)[::-1])[::-1] + way - ROUNDING
+            lost = ROUNDING + np.finfo(np.float64).eps * len(way) * way[-1]
+            np.maximum(low, np.maximum.accumulate(low + way) - way - lost, out=low)
+            back = np.maximum.accumulate((low - way)[::-1])[::-1] + way - lost
             np.maximum(low, back, out=low)
         return each[..., 0] if margin is None else margin.take_off(Q, each), each[..., 1]
 
     def _candidate(self, f: int, motion: Motion, u: Array, way: Array, upper: Array) -> None:
-        """Keep the lowest local minima of the distance found to family f, of places u (M,)."""
+        """Keep the lowest local minima of distances to family f, of places u (M,)."""
         known = np.flatnonzero(np.isfinite(upper))
         padded = np.concatenate([[np.inf], upper[known], [np.inf]])
         dips = known[(padded[1:-1] <= padded[:-2]) & (padded[1:-1] <= padded[2:])]

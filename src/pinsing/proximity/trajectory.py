@@ -151,7 +151,8 @@ def _met(check: TrajectoryCheck) -> str:
     if not check.crossings:
         none = "meets no singular configuration" if check.complete else "meets no known family"
         if check.unchecked:
-            none = f"meets no {listed([_title(check, a.family) for a in check.approaches])}"
+            seen = [_title(check, a.family) for a in check.approaches]
+            none = f"meets no {listed(seen) or 'family that was looked at'}"
         none += " of the design" * check.nominal
         if check.tube and check.clearance == 0 and not check.nominal:
             none = "meets no family of the design, perhaps a singular configuration of this robot"

@@ -59,7 +59,7 @@ class Zones(JsonResult):
     complete : bool
         Whether the closed form is: it does not matter to the proof.
     boxes : int
-        Boxes that were looked at.
+        Work: boxes that were looked at, and an eighth of those that distances took.
     notes : tuple of str
         What was assumed, and where the search ended before the gap was reached.
     """
