@@ -215,5 +215,7 @@ def test_the_closest_approach_of_a_line_is_that_of_dense_samples() -> None:
         form = pinsing.closed_form(arm, prove=False)
         line = check_line(arm, np.radians(q), to, forms=form)
         for near in line.approaches:
-            every = pinsing.clearance(form, line.q, families=[near.family], certify=True).upper
+            every = pinsing.clearance(
+                form, line.q, families=[near.family], certify=True, boxes=5000
+            ).upper
             assert near.upper <= every.min() + 1e-4

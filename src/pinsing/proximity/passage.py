@@ -438,24 +438,25 @@ class Passage:
         if best is None:
             return None
         upper, t, q = best
+        low, high = watched.families[f].limits
+        nearest = nearest_points(conditions, q[None], low, high, _SEARCH)
+        upper = min(upper, float(nearest.upper[0]))
         least = max(0.0, min(float(self._least[f]), upper))
         outside = "family" if watched.families[f].is_reachable is False else ""
         if not outside:
-            low, high = watched.families[f].limits
-            point = nearest_points(conditions, q[None], low, high, _SEARCH).q[0]
-            moved = np.abs(point - q) > ROUNDING
-            outside = "point" * bool((watched.space.unreachable(point) & moved).any())
+            moved = np.abs(nearest.q[0] - q) > ROUNDING
+            outside = "point" * bool((watched.space.unreachable(nearest.q[0]) & moved).any())
         return Approach(name, t, q, upper, least, title, outside)
 
 
 def _refined(
     conditions: Conditions, watched: Watched, motion: Motion, near: float
 ) -> tuple[float, float, Array]:
-    """Least certified distance near a place of a motion: (upper, t, q)."""
+    """Least distance found near a place of a motion: (upper, t, q)."""
 
     def at(places: Array) -> Array:
         Q = motion.at(places)
-        return nearest_points(conditions, Q, watched.lower, watched.upper, _SEARCH).upper
+        return nearest_points(conditions, Q, watched.lower, watched.upper, _CLOSE).upper
 
     low, high = 0.0, float(len(motion.pieces))
     u = np.unique(np.clip([near, low, high, near - 0.5, near + 0.5], low, high))
