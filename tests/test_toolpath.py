@@ -236,6 +236,22 @@ def test_every_path_crosses_only_what_lies_between_all_solutions(ur5):
     assert "every path that is proven clear so far crosses wrist (F2)" in plan.reason
 
 
+def test_where_a_limit_ends_the_way_it_is_named(ur5):
+    arm, _ = ur5
+    model = arm.model.copy()
+    model.lowerPositionLimit[2], model.upperPositionLimit[2] = -2.0, 1.0
+    narrow = pinsing.load(model, tip=arm.tip)
+    q = np.array([[0.1, -1.2, x, -1.0, 0.9, 0.0] for x in (0.99, 1.01)])
+    poses = np.array([tip_placement(arm, x).homogeneous for x in q])
+    form = pinsing.closed_form(narrow, prove=False)
+    plan = plan_path(form, poses, arm=narrow, start=q[0])
+    assert "1 the way on leaves the limits of elbow_joint: within them the nearest" in plan.reason
+    poses = np.array([tip_placement(arm, x).homogeneous for x in np.append(q[:1], q[:1] + 0.5, 0)])
+    model.lowerPositionLimit[2], model.upperPositionLimit[2] = 0.98, 1.0
+    plan = plan_path(form, poses, arm=pinsing.load(model, tip=arm.tip))
+    assert plan.reason == "at pose 1 every solution is outside the limits of elbow_joint"
+
+
 def test_a_wall_between_two_poses(ur5):
     arm, form = ur5
     low, high = arm.lower.copy(), arm.upper.copy()

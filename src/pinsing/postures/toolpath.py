@@ -31,6 +31,7 @@ from pinsing.notebook import one_line
 from pinsing.postures.inverse_batch import InverseMany
 from pinsing.postures.ladder import posture_names
 from pinsing.postures.placement import TRIED, WorkpiecePlacement, check_ranges, place_at, search
+from pinsing.prose import listed
 from pinsing.proximity.clearance import clearance
 from pinsing.proximity.crossings import crossings
 from pinsing.proximity.watched import titled, watch
@@ -589,8 +590,10 @@ class _Planner:
                 "" if self.free == "branch" else f" for every value of {self.free}"
             )
         q = self.Q[k][np.isfinite(self.clear[k])]
-        beyond = self.arm.joints[int(self.arm.space.outside(q).sum(axis=0).argmax())]
-        return f"at pose {k} every solution is outside the limits of {beyond}"
+        outside = self.arm.space.outside(q)
+        often = int(outside.sum(axis=0).argmax())
+        most = "the limits of " if outside[:, often].all() else "joint limits, most often of "
+        return f"at pose {k} every solution is outside {most}{self.arm.joints[often]}"
 
     def _first(self, start: npt.ArrayLike | None) -> Bool:
         """Return which nodes (G, S) of the first pose a path may begin at."""
@@ -806,8 +809,9 @@ class _Planner:
 
     def _why(self, k: int, best: Array) -> str:
         """Why no node of pose k is reached from those of the pose before."""
+        names = np.array(self.arm.joints)
         if self.counted.any():
-            wound = " or ".join(np.array(self.arm.joints)[self.counted])
+            wound = " or ".join(names[self.counted])
             return f"every path to pose {k} winds {wound} beyond its limits"
         source = np.isfinite(best).any(axis=-1).reshape(self.usable[k].shape)
         target = self.usable[k]
@@ -815,8 +819,20 @@ class _Planner:
         gap = self._gap(to[None] - q[:, None])
         near = np.unravel_index(int(np.linalg.norm(gap, axis=-1).argmin()), gap.shape[:2])
         a, move = q[near[0]], gap[near]
+        apart = f"{np.degrees(np.linalg.norm(move)):.3g}°"
+        out = self.Q[k][np.isfinite(self.clear[k]) & ~target]
+        far = np.linalg.norm(self._gap(out[None] - q[:, None]), axis=-1)
+        if 2 * far.min(initial=np.inf) < np.linalg.norm(move):
+            left = names[self.arm.space.outside(out[far.min(axis=0).argmin()])].tolist()
+            return (
+                f"between poses {k - 1} and {k} the way on leaves the limits of {listed(left)}: "
+                f"within them the nearest solution is {apart} away"
+            )
         met = crossings(self.form, np.array([a, a + move])).events
-        between = "; give more poses between them"
+        ends = names[np.minimum(a - self.arm.lower, self.arm.upper - a) <= ROUNDING].tolist()
+        between = (
+            f", with {listed(ends)} at the limit" if ends else "; give more poses between them"
+        )
         if met:
             title = self.form[met[0].family].title
             family = titled(met[0].family, title)
@@ -834,12 +850,10 @@ class _Planner:
             between = f", with {family} between them"
         if self.timed and (np.abs(move) > limits_of(self.arm) * (self.t[k] - self.t[k - 1])).any():
             j = int((np.abs(move) / limits_of(self.arm)).argmax())
-            return (
-                f"{self.arm.joints[j]} would exceed its speed limit between poses {k - 1} and {k}"
-            )
+            return f"{names[j]} would exceed its speed limit between poses {k - 1} and {k}"
         return (
             f"no motion between poses {k - 1} and {k} is proven clear: the nearest solutions are "
-            f"{np.degrees(np.linalg.norm(move)):.3g}° apart{between}"
+            f"{apart} apart{between}"
         )
 
     def _unwrapped(self, q: Array, turns: Ints) -> Array:
