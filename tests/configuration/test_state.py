@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import pinsing
-from pinsing.configuration.at import State, at, state_text
+from pinsing.configuration.at import State, _short, at, state_text
 from pinsing.configuration.lost_motion import JointAxes, Tool, lost_motions, nice_basis
 from pinsing.errors import ConfigurationError, OptionError, ResultError
 from pinsing.robot.arm import Arm
@@ -152,7 +152,19 @@ def test_self_motions_move_nothing(name, q, task):
 
 def test_self_motion_names_the_joints_that_cancel():
     state = at(arm_of("puma560", exact=True), [0.1, 0.2, 0.3, 0.4, 0, 0.5])
-    assert [str(m) for m in state.self_motions] == ["joint 4 at +1 rad/s and joint 6 at -1 rad/s"]
+    assert [str(m) for m in state.self_motions] == ["q4 at +1 rad/s and q6 at -1 rad/s"]
+
+
+def test_what_is_left_of_a_translation_is_one_number():
+    for task, q in (("pose", [0.2, 0.0087, 0.1, 0.2]), ("position", [0.2, 0.003, 0.1, 0.2])):
+        state = at(arm_of("scara", task), q)
+        (lost,) = state.lost
+        assert (state.status, lost.kind) == ("near-singular", "translation")
+        slow = int(np.argmin(state.translational.radii))
+        assert lost.speed == pytest.approx(state.translational.radii[slow], rel=1e-9)
+        assert f"({_short(lost.speed)} m/s at unit joint speed)" in lost.words
+        along = state.translational.axes[:, slow]
+        assert abs(along @ lost.direction) == pytest.approx(1, abs=1e-12)
 
 
 @pytest.mark.parametrize(

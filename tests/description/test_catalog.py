@@ -85,6 +85,11 @@ def test_what_a_user_means(tmp_path, monkeypatch):
     assert locate_robot(str(tmp_path)) == tmp_path
     for title in ("LR Mate 200iD/7", "fanuc lr-mate 200iD/7", "LR Mate 200iD 7"):
         assert locate_robot(title).name == "lrmate200id"
+    for title in ("M-10iD/12", "Fanuc M-10iD/12", "M-10/12-14D"):  # a title of two names
+        assert locate_robot(title).name == "m10id"
+    assert locate_robot("CRB 15000-10/1.52").name == "gofa10"
+    with pytest.raises(UnknownNameError, match="did you mean 'gen3_6' or 'gen3_7'"):
+        locate_robot("Kinova Gen3")
     assert locate_robot("CRX-10iA/L").name == "crx10ia_l"
     (tmp_path / "CRX-10iA").mkdir()
     (tmp_path / "CRX-10iA" / "L").write_text("<robot/>")

@@ -2,6 +2,7 @@
 
 import json
 import math
+import re
 from pathlib import Path
 
 import numpy as np
@@ -87,7 +88,13 @@ def test_where_all_values_are_inside_nothing_is_added() -> None:
         assert family.reach == "within the joint limits"
     found = distances(closed("ur5"), np.full(6, 0.3))
     assert all(d.reachability == "within the joint limits" for d in found.families)
-    assert len(distance_words(found, True, arm_of("ur5").space)) == 3
+    lines = distance_words(found, True, arm_of("ur5").space)
+    assert len(lines) == 3
+    assert any("by wrist_2_joint -17.19°" in line for line in lines)
+    assert not any(re.search(r"\bq\d", line) for line in lines)
+    slides = distances(closed("stanford"), [0.1, 0.2, 0.1, 0.4, 0.5, 0.6])
+    lines = distance_words(slides, True, arm_of("stanford").space)
+    assert lines[0] == "F2: 0.1 m, by d3 -0.1 m; the family is within the joint limits"
 
 
 def within(values, low, high, slides=False, met=lambda b: True, equations=()):

@@ -88,6 +88,8 @@ class TestFamiliesThatLack:
         found = pinsing.aspects(form)
         assert found.word == "proven"
         assert found.text().startswith("scara: 2 aspects within the joint limits, proven\n")
+        stanford = pinsing.aspects(pinsing.closed_form(arm_of("stanford")))
+        assert any("d3 in" in where for where in stanford[0].where)  # as its joints are called
         way = pinsing.connect(form, [0, 1, 0, 0], [0, 2, 0, 0], of=found)
         assert (way.answer, way.proven, way.notes) == ("same", True, ())
 

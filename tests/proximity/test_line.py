@@ -159,6 +159,8 @@ def test_other_bad_input() -> None:
     q = np.array([0.1, -1.2, 1.3, -1.6, -1.4, 0.3])
     with pytest.raises(ConfigurationError, match="no length"):
         check_line(arm, q, tip(arm, q).translation, forms=form)
+    with pytest.raises(ConfigurationError, match=r"millimetres: give metres, as 0\.4,0,0\.3$"):
+        check_line(arm, q, [400, 0, 300], forms=form)
     for speed in (-1.0, np.inf):
         with pytest.raises(OptionError, match="speed"):
             check_line(arm, q, [0.1, 0.2, 0.3], speed, forms=form)

@@ -1,5 +1,6 @@
 """The page computes what Python computes: frames, singular values, verdicts, distances, words."""
 
+import re
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -117,6 +118,9 @@ def test_what_is_shown_is_what_python_shows(name: str, tmp_path: Path) -> None:
         assert here["genericRank"] == there.generic_rank
         assert tuple(here["outside"]) == there.outside
         assert [m["kind"] for m in here["lost"]] == [m.kind for m in there.lost]
+        for mine, m in zip(here["lost"], there.lost, strict=True):
+            if told := re.search(r"\((\S+) \S+ at unit joint speed", mine["words"]):
+                assert float(told[1]) == pytest.approx(m.speed, rel=1e-3, abs=1e-9)
         if there.singular:
             assert [m["words"] for m in here["lost"]] == [m.words for m in there.lost]
         every = (there.translational, there.rotational)

@@ -157,6 +157,8 @@ def _answer(
     others = [d for d in near if d.upper > ALIKE]
     d = None if found is None else _nearest(found[0], others, state)
     other = "other " * bool(on)
+    # Of the distances some may be nearer, out of reach of the joints.
+    within = " within the joint limits" * (d is not None and all(d is not o for o in others))
     if d is not None:
         away = d.q - state.q
         moved = [j for j, x in enumerate(away) if abs(x) > 1e-6]
@@ -169,7 +171,7 @@ def _answer(
         far = _amount(d.upper * (arm.length_scale if slides else 1.0), degrees and turns)
         far += " m" if slides else " rad" * (turns and not degrees)
         what = f"{titled(d.family, d.title)}, {far} away: {moves}"
-        lines.append(f"  Nearest {other}singularity: {what}")
+        lines.append(f"  Nearest {other}singularity{within}: {what}")
     elif others:
         lines.append(f"  No {other}singularity within the joint limits")
     typed_q = typed(state.q, arm.prismatic, degrees, digits=6)

@@ -101,7 +101,7 @@ class SelfMotion:
     direction : (n,) array
         rad/s or m/s; the largest is 1.
     words : str
-        The same in words, joints numbered from 1.
+        The same in words, joints by name.
     """
 
     direction: Array
@@ -484,7 +484,7 @@ def at(
         rotational=VelocityEllipsoid(position, *measures.velocity_ellipsoid(J[3:]), "rad/s"),
         lost=loss.lost,
         always_missing=loss.always_missing,
-        self_motions=_self_motions(scale.columns[:, None] * loss.still, arm.prismatic),
+        self_motions=_self_motions(scale.columns[:, None] * loss.still, arm),
         always_idle=arm.n - r,
         dependences=loss.dependences,
         notes=tuple(_notes(arm, q, r, ratio, rtol)),
@@ -590,7 +590,7 @@ def _in_all_rows(arm: Arm, U: Array, q: Array) -> Array:
     return out if all(tip) or not any(tip) else np.asarray(np.linalg.qr(out)[0])
 
 
-def _self_motions(V: Array, prismatic: npt.NDArray[np.bool_]) -> tuple[SelfMotion, ...]:
+def _self_motions(V: Array, arm: Arm) -> tuple[SelfMotion, ...]:
     """Null space V (n, d) by combinations of few joints: Gauss-Jordan with column pivoting."""
     V = V.copy()
     d = V.shape[1]
@@ -607,14 +607,14 @@ def _self_motions(V: Array, prismatic: npt.NDArray[np.bool_]) -> tuple[SelfMotio
     V /= np.abs(V).max(axis=0, initial=1e-300)
     V[np.abs(V) < 1e-9] = 0.0
     order = sorted(range(d), key=lambda c: int(np.flatnonzero(V[:, c])[0]))
-    return tuple(_self_motion(V[:, c], prismatic) for c in order)
+    return tuple(_self_motion(V[:, c], arm) for c in order)
 
 
-def _self_motion(v: Array, prismatic: npt.NDArray[np.bool_]) -> SelfMotion:
+def _self_motion(v: Array, arm: Arm) -> SelfMotion:
     first = v[np.flatnonzero(np.abs(v) > 1e-6)[0]]
     v = v * np.sign(first) + 0.0
     parts = [
-        f"joint {i + 1} at {v[i]:+.3g} {'m/s' if prismatic[i] else 'rad/s'}"
+        f"{arm.joints[i]} at {v[i]:+.3g} {'m/s' if arm.prismatic[i] else 'rad/s'}"
         for i in np.flatnonzero(np.abs(v) > 1e-6)
     ]
     return SelfMotion(v, listed(parts))

@@ -496,8 +496,18 @@ def lost_motions(
     no_moment, no_force = _null_space(moments, tol), _null_space(forces, tol)
     pure = np.concatenate([no_moment, no_force], axis=1)
     rest = _null_space(pure.T, 1e-6) if pure.size else np.eye(U.shape[1])
-    columns = [np.append(d, np.zeros(3)) for d in nice_basis(forces @ no_moment, tool.rotation)]
-    columns += [np.append(np.zeros(3), d) for d in nice_basis(moments @ no_force, tool.rotation)]
+
+    def slowest(directions: Array, rows: Array) -> list[Array]:
+        nice = nice_basis(directions, tool.rotation)
+        if not (hardly and nice):
+            return nice
+        # What is left of a pure motion is a semi-axis of its ellipsoid, told with the same number.
+        axes = np.linalg.svd(rows)[0].T
+        near = [axes[np.argmax(np.abs(axes @ d))] for d in nice]
+        return [a if length(cross(a, d)) <= tol else d for a, d in zip(near, nice, strict=True)]
+
+    columns = [np.append(d, np.zeros(3)) for d in slowest(forces @ no_moment, J[:3])]
+    columns += [np.append(np.zeros(3), d) for d in slowest(moments @ no_force, J[3:])]
     columns += list((U @ rest).T)
 
     def described(u: Array) -> LostMotion:
@@ -533,7 +543,7 @@ def lost_motions(
         words = f"cannot {verb} {where}"
         if hardly:
             unit = "rad/s" if is_moment else "m/s"
-            words = f"nearly loses {noun} {where} ({speed:.2g} {unit} at unit joint speed)"
+            words = f"nearly loses {noun} {where} ({speed:.4g} {unit} at unit joint speed)"
         return LostMotion(
             kind=kind,
             direction=direction,

@@ -356,7 +356,8 @@ def find_robot(name: str) -> CatalogEntry:
     alike = [k for k in entries if k == name or _canonical(k) == _canonical(name)]
     if alike:
         return entries[name if name in alike else alike[0]]
-    if titled := _titled(name, entries):
+    titled = _titled(name, entries)
+    if len({entry.alias_of or entry.name for entry in titled}) == 1:
         return titled[0]
     raise UnknownNameError(
         "robot",
@@ -378,14 +379,19 @@ def _plain_hit(name: str) -> CatalogEntry | None:
 
 
 def _titled(name: str, entries: Mapping[str, CatalogEntry]) -> list[CatalogEntry]:
-    """Return the robots of this title; with a digit, of this one without its maker, too."""
-    wanted = _canonical(name)
-    return [
-        entry
-        for entry in entries.values()
-        if wanted == _canonical(entry.title)
-        or (re.search(r"\d", wanted) and wanted == _canonical(entry.title.partition(" ")[2]))
-    ]
+    """Return the robots of this title; with a digit, of this one without its maker, too.
+
+    After a comma a title has another name as sold, in capitals, or says more.
+    """
+    wanted, found = _canonical(name), []
+    for entry in entries.values():
+        maker, _, sold = entry.title.partition(" ")
+        names = [entry.title, *(f"{maker} {s}" for s in sold.split(", ") if s[:1].isupper())]
+        if wanted in map(_canonical, names) or (
+            re.search(r"\d", wanted) and wanted in (_canonical(n.partition(" ")[2]) for n in names)
+        ):
+            found.append(entry)
+    return found
 
 
 def _meant(name: str, entries: Mapping[str, CatalogEntry]) -> list[str]:

@@ -442,11 +442,11 @@ def _listed(chosen: Map) -> Iterator[Aspect]:
 
 
 def _where(chosen: Map, part: Part, piece: Piece, component: int) -> Iterator[str]:
-    symbols = _symbols(chosen)
     for j, arc in zip(part.joints, piece.box, strict=True):
         if len(part.arcs[part.joints.index(j)]) > 1:
             slides = bool(chosen.watched.prismatic[j])
-            yield f"{symbols[j]} in {_end(arc.low, slides)} to {_end(arc.high, slides)}"
+            ends = f"{_end(arc.low, slides)} to {_end(arc.high, slides)}"
+            yield f"{chosen.watched.joints[j]} in {ends}"
     signs = piece.signs(component)
     for surface, s in zip(part.surfaces, signs, strict=True):
         if s:
@@ -454,13 +454,6 @@ def _where(chosen: Map, part: Part, piece: Piece, component: int) -> Iterator[st
     alike = [c for c in range(piece.upper) if piece.signs(c) == signs]
     if len(alike) > 1:
         yield f"piece {alike.index(component) + 1} of {len(alike)}"
-
-
-def _symbols(chosen: Map) -> tuple[str, ...]:
-    for family in chosen.watched.families:
-        for equation in family.equations:
-            return equation.joints
-    return tuple(f"q{j + 1}" for j in range(chosen.watched.n))
 
 
 def _end(x: float, slides: bool) -> str:

@@ -6,6 +6,7 @@ How far one configuration is from each family, certified, in numbers and in word
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
@@ -445,23 +446,25 @@ def distances(forms: Forms, q: npt.ArrayLike, *, boxes: int = BOXES) -> Distance
 
 def distance_words(found: Distances, degrees: bool, space: JointSpace) -> list[str]:
     """One line a family: how far, how sure, which joints have to move, and past which limits."""
-    lines, prismatic = [], space.prismatic
+    lines, prismatic, names = [], space.prismatic, space.names
     for d in found.families:
         moved = np.flatnonzero(np.abs(d.q - found.q) > 1e-9)
         slides, turns = bool(prismatic[moved].any()), not prismatic[moved].all()
-        far = _length(d.upper, slides)
+        unit = 1.0 if turns else space.length_scale
+        far = _length(unit * d.upper, slides)
         if d.upper - d.lower > 2 * GAP:
-            far = f"{_length(d.lower, slides)} to {far}"
+            far = f"{_length(unit * d.lower, slides)} to {far}"
         if slides:
-            far += " (rad, and metres over the length scale)" if turns else " length scales"
+            far += " (rad, and metres over the length scale)" if turns else " m"
         moves = [
-            f"q{j + 1} {_joint(float(d.q[j] - found.q[j]), degrees, bool(prismatic[j]))}"
+            f"{names[j]} {_joint(float(d.q[j] - found.q[j]), degrees, bool(prismatic[j]))}"
             for j in moved
         ]
         way = f"by {', '.join(moves)}" if moves else "on it"
-        beyond = [f"q{j + 1}" for j in moved if space.unreachable(d.q)[j]]
+        beyond = [names[j] for j in moved if space.unreachable(d.q)[j]]
         way += f", outside the limits of {listed(beyond)}" if beyond else ""
-        lines.append(f"{d.family}: {far}, {way}; the family is {d.reachability}")
+        reach = re.sub(r"\bq(\d+)\b", lambda s: names[int(s[1]) - 1], d.reachability)
+        lines.append(f"{d.family}: {far}, {way}; the family is {reach}")
     return lines
 
 

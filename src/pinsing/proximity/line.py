@@ -484,6 +484,13 @@ def check_line(
     watched = watch(forms)
     watched.require_angle(near, "near")
     line = Line.to(arm, q, read_pose(pose))
+    longest, away = span(arm), _from_joint_1(arm, line)
+    if longest is not None and 50 * longest < away < 1e3 * longest:
+        meant = ",".join(f"{x / 1e3:.6g}" for x in line.start + line.along)
+        raise ConfigurationError(
+            f"the target is {away:.4g} m from joint 1, and the links end to end are "
+            f"{longest:.4g} m: it looks like millimetres: give metres, as {meant}"
+        )
     if line.length < 1e-9:
         raise ConfigurationError("the line has no length: the tip is at the target already")
     if float(ratios(arm, q[None])[0]) <= SINGULAR_RTOL:
@@ -572,13 +579,18 @@ def _edge(s: Array, allowed: Array, i: int, side: int, speed: float) -> float:
     return float(s[k] + min(max(share, 0.0), 1.0) * (s[i] - s[k]))
 
 
+def _from_joint_1(arm: Arm, line: Line) -> float:
+    """Metres from joint 1 to the end of the line."""
+    root = np.array(arm.model.jointPlacements[1].translation)
+    return float(np.linalg.norm(line.start + line.along - root))
+
+
 def _notes(
     arm: Arm, line: Line, tracked: Tracked, outcome: str, gaps: list[str]
 ) -> tuple[str, ...]:
     notes = []
     longest = span(arm)
-    root = np.array(arm.model.jointPlacements[1].translation)
-    away = float(np.linalg.norm(line.start + line.along - root))
+    away = _from_joint_1(arm, line)
     if outcome != "reached" and longest is not None and away > longest + 1e-9:
         notes.append(
             f"the target is out of reach in any posture: it is {away:.4g} m from joint 1, and the "

@@ -17,9 +17,15 @@ export function lostMotions(basis, J, lengthScale, tool, tol, hardly) {
   const forces = basis.map((u) => u.slice(0, 3)), moments = basis.map((u) => u.slice(3));
   const noMoment = nullSpace(moments, tol), noForce = nullSpace(forces, tol);
   const rest = complement([...noMoment, ...noForce], basis.length);
+  // What is left of a pure motion is a semi-axis of its ellipsoid, told with the same number.
+  const slowest = (directions, rows) => niceBasis(directions, tool.rotation).map((d) => {
+    if (!hardly) return d;
+    const near = svd(rows).left.reduce((a, b) => Math.abs(dot(b, d)) > Math.abs(dot(a, d)) ? b : a);
+    return norm(cross(near, d)) <= tol ? near : d;
+  });
   const columns = [
-    ...niceBasis(noMoment.map((c) => combined(forces, c)), tool.rotation).map((d) => [...d, 0, 0, 0]),
-    ...niceBasis(noForce.map((c) => combined(moments, c)), tool.rotation).map((d) => [0, 0, 0, ...d]),
+    ...slowest(noMoment.map((c) => combined(forces, c)), J.slice(0, 3)).map((d) => [...d, 0, 0, 0]),
+    ...slowest(noForce.map((c) => combined(moments, c)), J.slice(3)).map((d) => [0, 0, 0, ...d]),
     ...rest.map((c) => combined(basis, c)),
   ];
   return columns.map((u) => describe(u, J, lengthScale, tool, tol, hardly));
@@ -72,7 +78,7 @@ function describe(u, J, L, tool, tol, hardly) {
   const speed = norm(times(transpose(J), w));
   const [verb, where] = say(kind, direction, point, pitch, tool, tol);
   const words = hardly
-    ? `nearly loses ${NOUNS[verb]} ${where} (${general(speed, 2)} ${kind === "rotation" ? "rad/s" : "m/s"} at unit joint speed)`
+    ? `nearly loses ${NOUNS[verb]} ${where} (${general(speed, 4)} ${kind === "rotation" ? "rad/s" : "m/s"} at unit joint speed)`
     : `cannot ${verb} ${where}`;
   return { kind, direction, point, pitch, speed, words };
 }
