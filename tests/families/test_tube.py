@@ -18,7 +18,7 @@ from pinsing.families import tube as tubes
 from pinsing.proximity.clearance import distances
 from pinsing.robot.calibration import LINKS, calibrated
 from pinsing.robot.chain import chain_model, flatten
-from pinsing.robot.design import assumed_design, design_of, differences
+from pinsing.robot.design import _with_equal_lengths, assumed_design, design_of, differences
 
 SCRIPT = Path(__file__).parents[2] / "scripts" / "tube.py"
 Q = np.array([0.0, -1.2, 1.3, -1.0, -1.5, 0.0])
@@ -140,6 +140,11 @@ def test_without_a_tube_the_robots_jacobian_bounds_its_clearance(attack: ModuleT
     lower = pinsing.clearance(form, found + steps).lower
     assert (lower <= np.linalg.norm(steps, axis=1)).all()
     assert (len(found) > 20, np.median(lower) > 0.02) == (True, True)
+
+
+def test_lengths_that_may_be_one_are_in_a_found_design() -> None:
+    t = np.array([[0.0832, 0, 0.3], [-0.0820, 0.1, 0.0]])  # each within a millimetre of one
+    assert _with_equal_lengths(t, 1e-3)[:, 0].tolist() == [0.0826, -0.0826]
 
 
 def test_the_design_is_found_or_refused() -> None:

@@ -23,6 +23,7 @@ from pinsing.algebra.trig_sum import TINY
 from pinsing.arguments import typed
 from pinsing.families.family import Family
 from pinsing.families.parts import Branch
+from pinsing.families.real_control import OwnPoints
 from pinsing.families.zero_set import thrown
 from pinsing.measures import ALIKE, FLOAT_NOISE
 from pinsing.robot.nominal import Nominal
@@ -105,6 +106,7 @@ class _Exact:
 
     def __init__(self, ring: Ring, geometry: Nominal, symbols: Sequence[str]) -> None:
         self.ring, self.symbols, self.offset = ring, symbols, own_offsets(geometry)
+        self.own = OwnPoints(geometry.arm)
         self.slides = np.array(ring.prismatic, dtype=bool)
         self.rng = np.random.default_rng(11)
         size = sum(abs(float(x)) for row in geometry.translation for x in row) or 1.0
@@ -141,7 +143,7 @@ class _Exact:
         """A real point (n,) of a component on none of the branches; None if none is found."""
         conditions, found = self._conditions(component), False
         for count, (q, tol) in enumerate(self._points(component, conditions)):
-            if not any(self._on(b, q, tol) for b in branches):
+            if self._missed(branches, q, tol):
                 return q
             found = True
             # Points of a component that are looked at.
@@ -158,9 +160,16 @@ class _Exact:
         stated = [equation(p, self.ring, self.symbols, self.offset) for p in component.relations]
         # Random starts where roots in one joint after the other give no point; up to so many terms.
         for q in thrown(stated, -self.reach, self.reach, free, fixed, 16, self.rng):
-            if not any(self._on(b, q, _BLUNT) for b in branches):
+            if self._missed(branches, q, _BLUNT):
                 return np.asarray(q)
         return None
+
+    def _missed(self, branches: Sequence[Branch], q: Array, tol: float) -> bool:
+        """Whether q (n,) is singular, which what is nearly zero may only seem, and on no branch."""
+        if any(self._on(b, q, tol) for b in branches):
+            return False
+        sharp = self.own.sharpened(q[None], np.ones(len(q), dtype=bool))
+        return bool(self.own(sharp)[0])
 
     def _on(self, branch: Branch, q: Array, tol: float) -> bool:
         at = q.copy()

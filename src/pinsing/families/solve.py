@@ -169,8 +169,8 @@ def closed_form(
         What the arm is an imperfect copy of, as a calibrated robot is: the families are of the
         design, and ``tube`` says how far from these the singular configurations of the arm are.
         True finds it: right angles within 0.01 rad (or ``angle_tol``), offsets below 1 mm (or
-        ``snap_length``) zero, lengths that differ by less equal. By default that of the arm, if it
-        has one; False ignores that. A design without singular configurations tells nothing.
+        ``snap_length``) zero, lengths that are one within that equal. By default that of the arm,
+        if it has one; False ignores that. A design without singular configurations tells nothing.
     progress : callable
         Told now and then how far the search for a certificate is.
 

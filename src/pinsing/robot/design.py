@@ -84,7 +84,7 @@ def _on(robot: Arm, chain: Chain) -> Arm:
 
 
 def _with_equal_lengths(t: Array, within: float) -> Array:
-    """Placements (n, 3) in which lengths that differ by less are their mean, to a micrometre.
+    """Placements (n, 3) in which lengths that are one within that are their mean, to a micrometre.
 
     Two equal lengths may cancel, as the elbow's offsets of a Panda do.
     """
@@ -92,7 +92,7 @@ def _with_equal_lengths(t: Array, within: float) -> Array:
     left = left[np.argsort(np.abs(t.flat[left]), kind="stable")]
     while len(left):
         size = np.abs(t.flat[left])
-        count = int((size - size[0] < within).sum())
+        count = int((size - size[0] < 2 * within).sum())
         if count > 1:
             out.flat[left[:count]] = np.copysign(size[:count].mean().round(6), t.flat[left[:count]])
         left = left[count:]
