@@ -497,9 +497,14 @@ def test_what_strangers_wrote(tmp_path):
         path.write_text(text)
         with pytest.raises(ConfigurationError, match=said):
             read_trajectory(path, arm)
-    for code in ("utf-16", "utf-16-le"):
-        path.write_bytes(f"{names}\n0,1,2\n".encode(code))
-        with pytest.raises(ConfigurationError, match="UTF-16"):
+    path.write_bytes(f"{names}\n0,1,2\n".encode("utf-16-le"))  # without a mark
+    with pytest.raises(ConfigurationError, match="UTF-16"):
+        read_trajectory(path, arm)
+    for code in ("utf-16", "utf-8-sig"):
+        path.write_bytes(f"{names}\n\n0,1,2\n".encode(code))
+        assert read_trajectory(path, arm).Q.tolist() == [[0, 1, 2]]
+        path.write_bytes(f"{names}\n\n0,1,2\n\n0,x,2\n".encode(code))
+        with pytest.raises(ConfigurationError, match=r":5: column 2: 'x' is no number"):
             read_trajectory(path, arm)
     np.save(tmp_path / "longer.npy", np.full((2, 3), np.finfo(np.longdouble).max))
     with warnings.catch_warnings():

@@ -29,6 +29,16 @@ def timed(rows=Q, t=T):
     return np.column_stack([t, rows])
 
 
+def below(text, units):
+    return text.replace("\n", f"\n{units}\n", 1)
+
+
+def clocked(first, second, sep=","):
+    head, *rows = table(["time", *UR5], timed(), sep).splitlines()
+    said = zip((first, second), rows, strict=True)
+    return "\n".join([head, *(word + row[row.index(sep) :] for word, row in said)]) + "\n"
+
+
 def numbered(pattern, first=1):
     return [pattern.format(k) for k in range(first, first + 6)]
 
@@ -122,6 +132,16 @@ DIALECTS = {
     "comma_tabs.txt": (table(numbered("q{}"), Q, "\t").replace(".", ","), False),
     "bare.csv": (table([], Q)[1:], False),
     "bare_comma.csv": (table([], timed(), ";")[1:].replace(".", ","), True),
+    "below.csv": (below(table(["t", *UR5], timed(DEG)), "\ns" + ",deg" * 6), True),
+    "brackets_below.tsv": (
+        below(table(["t", *UR5], timed(Q, 1e3 * T), "\t"), "[ms]" + "\t[rad]" * 6), True,
+    ),
+    "dates.csv": (clocked("2024-02-29 23:59:59.9", "2024-03-01 00:00:00.15"), True),
+    "iso.csv": (clocked("2024-02-29T23:59:59,9+01:00", "2024-02-29T23:00:00,15Z", ";"), True),
+    "clock.csv": (clocked("9:59:59.9", "10:00:00.15"), True),
+    "bare_clock.csv": (clocked("9:59:59.9", "10:00:00.15").partition("\n")[2], True),
+    "yaskawa.csv": (table(["t", *"SLURBT"], timed()), True),
+    "yaskawa_deg.csv": (table([f"{a} (deg)" for a in "SLURBT"], DEG), False),
     "comment.csv": ("# units: deg, s\n" + table(["t", *UR5], timed(DEG)), True),
     "comment_below.csv": (table(UR5, DEG).replace("\n", "\n# Unit = degrees\n", 1), False),
     "comment.yaml": ("# units: radians\n" + yaml_points(float), True),
@@ -231,6 +251,16 @@ def test_what_is_not_clear_is_not_guessed(tmp_path, arm, text, said):
         ("a.csv", table([*UR5[:5], "wrist_3_joint (mm)"], Q), "is in mm.* which turns"),
         ("a.ls", fanuc().replace(" deg", " mm"), "'J1' is in mm.* which turns"),
         ("a.csv", table([], Q)[1:].replace("-1.2", "tool"), "a.csv:1: there is no line of names"),
+        ("a.csv", table(["x", "y", "z", "rx", "ry", "rz"], Q), "poses of the tool.* 'pinsing path"),
+        ("a.csv", below(table(["t", *UR5], timed()), "s" + ",rev" * 6), "'rev', which"),
+        ("a.csv", below(table(["t", *UR5], timed()), "s,rad" + "," * 5), "others none"),
+        ("a.csv", below(table(numbered("J{} (deg)"), DEG), "rad," * 5 + "rad"), "unit than 'rad'"),
+        ("a.csv", clocked("9:00:00", "5.5"), "a.csv:3: time '5.5': give all in seconds"),
+        ("a.csv", clocked("5.5", "9:00:00"), "a.csv:3: column 1: '9:00:00' is no number"),
+        ("a.csv", clocked("3/4/2024 9:00:00", "3/4/2024 9:00:01"), "a.csv:2: time '3/4/2024 9:0"),
+        ("a.csv", clocked("2024-01-01 9:00:00", "9:00:01"), "a.csv:3: time '9:00:01'"),
+        ("a.csv", clocked("9:00:00", "9:00:01").replace("time", "time (ms)"), "have no unit"),
+        ("a.csv", table([*"SLURBE"], Q), "unknown column 'S'"),
         ("a.csv", "MODULE M\nCONST jointtarget j0:=[[10,1]];", "robot program.* .ls of FANUC"),
         ("a.csv", "DEF T()\nPTP {A1 1,A2 1}", "robot program"),
         ("a.csv", "/JOB\n//NAME TEST\n", "robot program"),
@@ -241,6 +271,16 @@ def test_broken_ones_are_refused_in_one_line(tmp_path, arm, name, text, said):
     with pytest.raises(ConfigurationError, match=said) as raised:
         read_trajectory(tmp_path / name, arm)
     assert "\n" not in str(raised.value)
+
+
+def test_what_was_assumed_of_a_table_is_said(tmp_path, arm):
+    for name, said in (
+        ("below.csv", "units are of the line below the head"),
+        ("dates.csv", "times are counted from the first, 2024-02-29 23:59:59.9"),
+        ("yaskawa.csv", "S, L, U, R, B, T are taken for the joints base to tip, with the signs"),
+    ):
+        (tmp_path / name).write_text(DIALECTS[name][0])
+        assert any(note.startswith(said) for note in read_trajectory(tmp_path / name, arm).notes)
 
 
 def test_columns_and_units_can_be_said(tmp_path, arm):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import datetime
 import io
 import itertools
 import math
@@ -50,6 +51,12 @@ _NO_POSITION = re.compile(
     r"elbow_position|script_control_line|time_scale_source)([\W_]?\d*|[\W_].*)"
 )
 """Names of what logs and UR's recordings (RTDE) hold beside positions of joints."""
+_CLOCK = re.compile(
+    r"(?:(\d{4}-\d\d-\d\d)[T ]\s*)?(\d\d?):([0-5]\d):([0-5]\d(?:[.,]\d+)?)(Z|[+-]\d\d:?\d\d)?"
+)
+"""A time of day, perhaps of a date; which of 3/4/2026 is the month is not said."""
+_LETTERS = {6: "SLURBT", 7: "SLEURBT"}
+"""Yaskawa's names of the joints, base to tip."""
 _PROGRAM = re.compile(r"(?i)(%%%|module\s|&[a-z]+\s|(global\s+)?def(fct)?\s|/(job|prog)(\s|$))")
 """How programs begin: RAPID, KRL, INFORM, and those of FANUC and UR under other names."""
 _HANDED = ("/dev/stdin", "/dev/fd/", "/proc/self/fd/")  # pipes that the shell has set up
@@ -103,8 +110,9 @@ def read_trajectory(
     A table as text has a head with the names of all joints, in any order, and perhaps a column of
     times. Names may lack the prefix of the robot's or have another's, be numbers (q1, J1,
     joint_1, actual_q_0), stand in a path (/joint_states/NAME/position), and end in a unit
-    (deg, rad, m, mm; s, ms, ns). Velocities, modes and the like are passed over, as are joints
-    of the whole model that the chain leaves out, unless one is locked on the chain and moves.
+    (deg, rad, m, mm; s, ms, ns), or a line of units follows. Times of day count from the first.
+    S, L, U, R, B, T are Yaskawa's names. Velocities, modes and the like are passed over, as are
+    joints of the whole model that the chain leaves out, unless one is locked on it and moves.
     Without a head there is one column a joint, base to tip, perhaps after one of times, which must
     be the first and strictly ascending while the last is not. A comment ``# units: degrees`` holds
     for all angles. Commas, semicolons, tabs or blanks separate; decimal commas are read where the
@@ -324,6 +332,7 @@ _FANUC_J3 = (  # as ROS-Industrial's fanuc_driver has it, by its J23_factor
     "horizontal: where the description counts it from the upper arm, as DH tables and descriptions "
     "of ROS do, the verdict is of another motion: give a table with J2 + J3 in place of J3"
 )
+_POSES_TABLE = "'pinsing path ROBOT FILE' reads them; say --mm and --deg where they are"
 _POSES = "export the program with joint positions, or give the poses as a table to 'pinsing path'"
 _UR_MOVE = re.compile(r"\b(move[a-z]|servo[a-z]+|speed[a-z])\s*\(\s*(\[[^\]]*\])?")
 _UR_OTHER = re.compile(r"(?m)^\s*(if|elif|else|while|for|thread|call)\b|\bdef\b[\s\S]*\bdef\b")
@@ -504,13 +513,7 @@ def _seconds(time: Any) -> float | None:
 
 
 def _text(path: Path, arm: Arm, columns: Sequence[str]) -> TrajectoryFile:
-    # Marks of byte order come from spreadsheets.
-    with (
-        path.open("rb") as raw,
-        io.TextIOWrapper(raw, encoding="utf-8-sig", errors="replace") as file,
-    ):
-        if b"\0" in raw.peek(4)[:4] or raw.peek(2)[:2] in (b"\xff\xfe", b"\xfe\xff"):
-            raise ConfigurationError(f"{path}: is no UTF-8 but UTF-16 or binary: save it as UTF-8")
+    with _opened(path) as file:
         number, line, degrees = 1, "", None
         for number, words_of_it in enumerate(file, 1):
             line = words_of_it.strip()
@@ -527,7 +530,7 @@ def _text(path: Path, arm: Arm, columns: Sequence[str]) -> TrajectoryFile:
             )
         separator = next((s for s in (";", "\t", ",") if s in line), None)
         words = [w.strip().strip("\"'") for w in line.split(separator)]
-        numbers = [w for w in words if is_number(w.replace(",", "."))]
+        numbers = [w for w in words if is_number(w.replace(",", ".")) or _CLOCK.fullmatch(w)]
         named = len(numbers) < len(words) and all(w.isdecimal() for w in numbers)
         if len(numbers) < len(words) and not (named or columns):
             raise ConfigurationError(
@@ -535,23 +538,48 @@ def _text(path: Path, arm: Arm, columns: Sequence[str]) -> TrajectoryFile:
                 "say with --columns the numbers of the joints' columns"
             )
         heads = words if named else [str(k + 1) for k in range(len(words))]
-        read = ColumnHeads(path, arm, heads, columns) if named or columns else None
+        lines = [] if named else [line]
+        for below in file if named else ():
+            lines.append(below)
+            if below.strip() and not below.lstrip().startswith("#"):
+                break
+        cells = [w.strip(" \t\r\n\"'[]()") for w in (lines or [""])[-1].split(separator)]
+        units: Sequence[str] = ()
+        if named and any(c.lower() in _SCALES for c in cells) and not any(map(is_number, cells)):
+            units, lines[-1] = cells, "\n"
+        read = ColumnHeads(path, arm, heads, columns, units) if named or columns else None
         used = sorted(read.used) if read and len(read.used) < len(words) else None
-        table = _NumberTable(path, separator, used, len(words), number - 1, degrees)
-        parts = [] if named else [table.rows(io.StringIO(line))]
-        table.line = number
+        table = _NumberTable(path, separator, used, len(words), number - (not named), degrees)
+        table.time = read.time if read else 0 if _CLOCK.fullmatch(words[0]) else None
+        parts = [table.rows(io.StringIO("".join(lines)))]
+        table.line = number + len(lines) - (not named)
         while len(part := table.rows(file)):
             parts.append(part)
     values = np.concatenate(parts) if parts else np.zeros((0, len(used or words)))
-    commas = ("decimal commas",) if table.commas else ()
+    said = ["decimal commas"] * table.commas
+    if table.clock:
+        said.append(f"times are counted from the first, {table.clock}")
+        if read and read.time_scale != 1:
+            raise ConfigurationError(f"{path}: times of day have no unit: take it from the head")
     if read is None:
         found = _columns(path, arm, values)
-        return replace(found, notes=(*found.notes, *commas), degrees=table.degrees)
+        return replace(found, notes=(*found.notes, *said), degrees=table.degrees)
     at = {column: k for k, column in enumerate(used or range(len(words)))}
     others = {w: values[:, at[i]] for w, i in read.others.items()}
     t = None if read.time is None else values[:, at[read.time]] * read.time_scale
     Q = values[:, [at[i] for i in read.order]]
-    return TrajectoryFile(Q, t, (*read.notes, *commas), others, read.scales, table.degrees)
+    return TrajectoryFile(Q, t, (*read.notes, *said), others, read.scales, table.degrees)
+
+
+def _opened(path: Path) -> io.TextIOWrapper:
+    """Return a text as UTF-8, or UTF-16 where its mark says so; spreadsheets write marks."""
+    raw = path.open("rb")
+    start = raw.peek(4)[:4]
+    utf_16 = start[:2] in (b"\xff\xfe", b"\xfe\xff")
+    if b"\0" in start and not utf_16:
+        raw.close()
+        raise ConfigurationError(f"{path}: is no UTF-8 but UTF-16 or binary: save it as UTF-8")
+    return io.TextIOWrapper(raw, encoding="utf-16" if utf_16 else "utf-8-sig", errors="replace")
 
 
 class ColumnHeads:
@@ -574,7 +602,12 @@ class ColumnHeads:
     """
 
     def __init__(
-        self, path: Path | str, arm: Arm, words: Sequence[str], columns: Sequence[str] = ()
+        self,
+        path: Path | str,
+        arm: Arm,
+        words: Sequence[str],
+        columns: Sequence[str] = (),
+        below: Sequence[str] = (),
     ) -> None:
         words = [str(w).strip().strip("\"'") for w in words]
         self.path, self.words = path, words
@@ -588,8 +621,14 @@ class ColumnHeads:
             w[: u.start()] if u and m in _SCALES else w
             for w, u, m in zip(words, units, marks, strict=True)
         ]
+        exact, letters = {*arm.joints, *known}, _LETTERS.get(arm.n, "")
+        if yaskawa := bool(letters) and {*letters} <= {*names} - exact and not columns:
+            names = [arm.joints[letters.index(n)] if n in {*letters} else n for n in names]
+        for i, unit in enumerate(below[: len(words)]):
+            if marks[i] and unit.lower() not in ("", marks[i]):
+                raise self._error(f"column {words[i]!r:.80} says another unit than {unit!r:.40}")
+            marks[i] = unit.lower().strip("-") or marks[i]
         scales = [_SCALES.get(m) for m in marks]
-        exact = {*arm.joints, *known}
         times = [i for i, w in enumerate(names) if w not in exact and _TIME.fullmatch(w)]
         if columns:
             times = [self._column(c[2:]) for c in columns if c.startswith("t=")]
@@ -612,12 +651,24 @@ class ColumnHeads:
         if times and scales[times[0]] is None and words[times[0]] == "%time":
             self.time_scale = 1e-9  # as rostopic writes it
         self.scales = [scales[i] for i in self.order]
+        if odd := [i for i in (*self.order, *times) if below and marks[i] and not scales[i]]:
+            raise self._error(
+                f"column {words[odd[0]]!r:.80} is in {marks[odd[0]]!r:.40}, which is not known: "
+                "give deg, rad, m, mm, s, ms or ns"
+            )
         _require_kinds(path, arm, [words[i] for i in self.order], [marks[i] for i in self.order])
         angles = {s is None for s, p in zip(self.scales, arm.prismatic, strict=True) if not p}
         if len(angles) > 1:
             raise self._error("some angles have a unit in their head, others none")
         self.used = {*self.order, *times, *self.others.values()}
         self.notes: tuple[str, ...] = () if times else (_NO_TIMES,)
+        if below:
+            self.notes += ("units are of the line below the head",)
+        if yaskawa:
+            self.notes += (
+                f"{', '.join(letters)} are taken for the joints base to tip, with the signs and "
+                "zeros of the robot's description",
+            )
         if any(marks[i] == "grad" for i in self.order):
             self.notes += ("Grad is taken for degrees, not for gon",)
         alone = (rf"(?<!\w){re.escape(j)}(?!\w)" for j in arm.joints)  # no guess where it is there
@@ -657,6 +708,8 @@ class ColumnHeads:
             if not found[i]:
                 if not isinstance(self.path, Path):  # a stream has what else the robot tells
                     continue
+                if {"x", "y", "z"} <= {*map(str.lower, short.values())} and not any(found.values()):
+                    raise self._error(f"has poses of the tool (x, y, z): {_POSES_TABLE}")
                 raise self._error(
                     f"unknown column {self.words[i]!r:.80}: the joints are "
                     f"{', '.join(arm.joints)}, and times are in a column 't' or 'time' "
@@ -705,7 +758,8 @@ class _NumberTable:
     """Reads numbers, some rows at a time.
 
     ``commas`` becomes true where numbers are found to have decimal commas, ``degrees`` what a
-    comment says of units.
+    comment says of units. ``time`` is the column of times, ``clock`` the first of them where
+    they are times of day.
     """
 
     path: Path
@@ -715,6 +769,9 @@ class _NumberTable:
     line: int
     degrees: bool | None = None
     commas: bool = False
+    time: int | None = None
+    clock: str = ""
+    _start: tuple[bool, float] | None = None
 
     def rows(self, file: io.TextIOBase) -> Array:
         """The next rows, (K, used), from the line after ``line`` on; none at the end."""
@@ -727,6 +784,8 @@ class _NumberTable:
                 self.degrees = _stated_unit(self.path, number, line, self.degrees)
         if lines and not any(line.split("#")[0].strip() for line in lines):
             return self.rows(file)
+        if self.time is not None:
+            lines = [self._plain(line, n) for n, line in enumerate(lines, first)]
         if self.separator != "," and any("," in line for line in lines):
             self.commas = True
             lines = [line.replace(",", ".") for line in lines]
@@ -759,14 +818,38 @@ class _NumberTable:
             )
         return np.asarray(table, dtype=float).reshape(-1, width)
 
+    def _plain(self, line: str, number: int) -> str:
+        """Return the line with its time in seconds from the first, if that is a time of day."""
+        cells, i = line.split(self.separator), self.time or 0
+        if self.time is None or i >= len(cells) or line.lstrip().startswith("#"):
+            return line
+        if ":" not in cells[i] and not self.clock:
+            self.time = None  # plain numbers all
+            return line
+        word = cells[i].strip(" \t\r\n\"'")
+        said = _CLOCK.fullmatch(word)
+        if said is None or (self._start or (said[1] is not None,))[0] != (said[1] is not None):
+            raise ConfigurationError(
+                f"{self.path}:{number}: time {word!r:.40}: give all in seconds, all as HH:MM:SS, "
+                "or all as YYYY-MM-DD HH:MM:SS"
+            )
+        day = datetime.date.fromisoformat(said[1]).toordinal() if said[1] else 0
+        zone = re.findall(r"[-+]?\d\d", said[5] or "")
+        away = 60 * int(zone[0]) + math.copysign(int(zone[1]), int(zone[0])) if zone else 0
+        seconds = 60 * (60 * int(said[2]) + int(said[3]) - away) + float(said[4].replace(",", "."))
+        if self._start is None:
+            self._start, self.clock = (said[1] is not None, day * 86400 + seconds), word
+        cells[i] = repr(day * 86400 + seconds - self._start[1])
+        return (self.separator or " ").join(cells)
+
 
 def _line_of(path: Path, first: int, row: int) -> int:
     """Line of the ``row``-th sample from line ``first`` on; lines may be empty or comments."""
     if not path.is_file():  # it cannot be read again
         return first + row
-    with path.open("rb") as file:
+    with _opened(path) as file:
         for number, line in enumerate(file, 1):
-            if number >= first and line.split(b"#")[0].strip():
+            if number >= first and line.split("#")[0].strip():
                 if row == 0:
                     return number
                 row -= 1
