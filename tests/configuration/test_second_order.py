@@ -5,8 +5,9 @@ from __future__ import annotations
 import arms
 import numpy as np
 import pytest
+from dh_arms import dh_arm
 
-from pinsing import load
+from pinsing import closed_form, load
 from pinsing.configuration.refine import describe_many, kinds_many, refine
 from pinsing.kinematics.jacobian import (
     frame_jacobian,
@@ -129,6 +130,15 @@ def test_kind_does_not_depend_on_base_joint_and_batch(rng):
     Q = np.repeat([[0.3, 0.5, 0.3, 0.0, 0.9, 0.2, 0.2]], 8, axis=0)
     Q[:, 0], Q[:, 6] = rng.uniform(-2, 2, (2, 8))
     assert {found.kind for found in describe_many(arm, Q)} == {"boundary"}
+
+
+def test_a_small_form_is_a_form():
+    """A PUMA as Craig has it: folded, its wrist is half a millimetre from axis 2."""
+    rows = [(90, 0, 0), (0, 0.4318, 0), (-90, 0.0203, 0.1245), (90, 0, 0.4318), (-90, 0, 0),
+            (0, 0, 0)]  # fmt: skip
+    arm = dh_arm(rows)
+    Q = closed_form(arm)["elbow"].sample(300, np.random.default_rng(2))
+    assert set(kinds_many(arm, Q)) == {"boundary"}
 
 
 def test_points_that_take_longer_are_asked_wherever_they_stand():

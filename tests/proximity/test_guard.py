@@ -312,7 +312,7 @@ HOSTILE = [
 @needs_gcc
 @pytest.mark.parametrize("name", tiered(HOSTILE, HOSTILE[:1] + HOSTILE[9:11]), ids=ascii)
 def test_names_that_want_to_be_code(name: str, tmp_path: Path) -> None:
-    arm = arm_of("planar3r")
+    arm = replace(arm_of("planar3r"), units="rad")
     form = closed("planar3r")
     joints = (name, f"x{name}", f"{name}{name}")
     source = replace(arm.source, label=name)
@@ -599,3 +599,14 @@ def test_guards_and_a_report_say_what_a_monitor_says(tmp_path):
     loops = Path(__file__).parents[2] / "urdf" / "five_bar.urdf", "--loops"
     bad = run("view", *loops, "--zones", tmp_path / "zones.json", "-o", tmp_path / "r.html")
     assert "--zones does not go with --loops" in bad.stderr
+
+
+def test_degrees_are_refused_in_python(tmp_path: Path) -> None:
+    q = [0, -70, 75, -90, -80, 0]
+    arm, form = pinsing.load("ur5"), closed("ur5")
+    guard = module(pinsing.export_guard(arm, "python", forms=form), tmp_path)
+    with pytest.raises(ValueError, match=r"shoulder_lift_joint = -70 rad is -11\.1 turns \(limits"):
+        guard.clearance([[0.1] * 6, q])
+    assert guard.clearance(np.radians(q)) > 0.5
+    guard.RADIANS = True
+    assert guard.clearance(q) == pytest.approx(pinsing.clearance(form, np.mod(q, 2 * np.pi)).lower)

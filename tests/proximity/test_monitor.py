@@ -342,6 +342,15 @@ def test_degrees_are_refused():
     path = np.outer(np.arange(50), [0, -2.0, 1.5, -2.0, -1.7, 0])
     with pytest.raises(ConfigurationError, match="add --deg"):
         [monitor.update(q) for q in path]
+    monitor, q, slow = pinsing.Monitor(closed("ur5")), [0, -1.2, 1.3, -1, 0.5, 0], np.zeros(6)
+    for _ in range(2):  # the next is judged again
+        with pytest.raises(
+            ConfigurationError, match=r"dq: wrist_2_joint at 30 rad/s is 9\.\d times"
+        ):
+            monitor.update(q, [0, 0, 0, 0, -30, 0])
+    assert monitor.update(q, slow + 3.5).level == "clear"  # too fast, but no degrees
+    radians = pinsing.Monitor(pinsing.closed_form(pinsing.load("ur5", units="rad")))
+    assert radians.update(q, [0, 0, 0, 0, -30, 0]).trend == "toward"
 
 
 def test_endless_joints_may_turn_on():

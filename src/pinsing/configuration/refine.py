@@ -40,11 +40,14 @@ Kind = Literal["boundary", "interior", "undecided"]
 
 ZERO = 1e-7
 """Entries of second order, relative to the largest of dJ/dq, that count as zero."""
+_ROUNDING = 1e-12
+"""The same at points exact to rounding: of the arms by name, entries that are zero come out below
+4e-15, and those that are not above 1e-9, as where a folded elbow brings the wrist near axis 2."""
 UNDECIDED: Kind = "undecided"
 
 
 def clear_kinds(arm: Arm, Q: Array, compiled: bool = True) -> list[Kind | None]:
-    """The kinds at Q (N, n), radians and metres, where one motion is lost.
+    """The kinds at Q (N, n), radians and metres, singular to rounding, where one motion is lost.
 
     None where more than one is lost, or none, and where this does not tell.
     """
@@ -52,7 +55,7 @@ def clear_kinds(arm: Arm, Q: Array, compiled: bool = True) -> list[Kind | None]:
     found = _told_compiled(arm, Q) if compiled else None
     told = _told(arm, Q) if found is None else found
     above, least, greatest, entry, reached, largest = told.T
-    tol = ZERO * largest
+    tol = _ROUNDING * largest
     best = np.maximum(least, -greatest)
     kinds: dict[int, Kind | None] = {0: None, 1: UNDECIDED, 2: "interior", 3: "boundary"}
     clear = np.where(np.abs(best) > tol, np.where(best > 0, 3, 2), 0)

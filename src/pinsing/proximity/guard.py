@@ -42,6 +42,7 @@ class GuardSource:
     robot_hash: str
     tolerance: float
     change: float
+    radians: bool
     joints: tuple[str, ...]
     lower: Array
     upper: Array
@@ -212,6 +213,7 @@ def _python_text(source: GuardSource) -> str:
         "LENGTH_SCALE": source.length_scale,
         "VERSION": source.version,
         "ROBOT_HASH": source.robot_hash,
+        "RADIANS": source.radians,
         "JOINTS": source.joints,
         "LOWER": source.lower.tolist(),
         "UPPER": source.upper.tolist(),
@@ -233,6 +235,7 @@ def _python_text(source: GuardSource) -> str:
         "JACOBIAN_CHANGE": "which changes no column of the Jacobian by more than this",
         "WEIGHT": "what joint differences are multiplied by",
         "TURN": "a whole turn, weighted; 0 for joints that slide",
+        "RADIANS": "True: values that make sense in degrees only are not refused",
         "LOWER": "radians and metres; infinite where there is no limit",
         "MARGIN": "taken off distances: alone, where two families are near, and what near is",
     }
@@ -458,6 +461,7 @@ def make_guard(
             (s.size for g in geometries for s in g.snaps if s.what != "length"), default=0.0
         ),
         change=change,
+        radians=arm.units is not None,
         joints=arm.joints,
         lower=arm.lower,
         upper=arm.upper,

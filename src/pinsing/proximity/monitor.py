@@ -17,12 +17,13 @@ from pinsing.arguments import checked, columns_of, real_numbers
 from pinsing.errors import ConfigurationError, OptionError
 from pinsing.families import ClosedForm
 from pinsing.kinematics.jacobian import frame_jacobians
-from pinsing.kinematics.tip_speed import TURN_SPEED, SpeedJudge, TipSpeeds, speed_judge
+from pinsing.kinematics.tip_speed import TURN_SPEED, SpeedJudge, TipSpeeds, limits_of, speed_judge
 from pinsing.measures import ROUNDING
 from pinsing.notebook import one_line
 from pinsing.proximity.clearance import NAMING, nearest_family
 from pinsing.proximity.watched import Forms, every_name, watch
 from pinsing.proximity.zones import Zones, zone_distances
+from pinsing.robot.arm import Arm
 from pinsing.robot.whole_model import WholeModel
 
 CLEAR, WARN, STOP = LEVELS = ("clear", "warn", "stop")
@@ -255,8 +256,8 @@ class Monitor:
         ------
         ConfigurationError
             If q or dq has the wrong length, holds something else than numbers, or a value that is
-            not finite; the joint is named. Also if the first q, or one that changes the level,
-            makes sense in degrees only (see ``units`` of ``load``).
+            not finite; the joint is named. Also if the first q or dq, or one that changes the
+            level, makes sense in degrees only (see ``units`` of ``load``).
 
         Examples
         --------
@@ -266,6 +267,7 @@ class Monitor:
         >>> verdict.family, verdict.trend, round(verdict.time_to_contact, 4)
         ('F2', 'toward', 2.0)
         """
+        first = not self._shape
         self._take(q, "q", self._x)
         velocity = _NOTHING
         if dq is not None:
@@ -292,10 +294,12 @@ class Monitor:
             or not self.complete
         ):
             level = WARN
-        if level != self.level:
+        if first or level != self.level:
             watched, x = self._watched, self._x
             if watched.arm is None or watched.arm.units is None:
                 watched.space.require_radians(x / watched.weight, "q", endless=False)
+                if velocity.size and watched.arm is not None:
+                    self._require_radians(watched.arm, np.abs(velocity / watched.weight))
             self.level = level
         name, title = self._listed[family]
         beside = title, self._inside(), self._allowed()
@@ -370,6 +374,20 @@ class Monitor:
                 soonest = found.lower[0] / max(self._watched.length(velocity), 1e-300)
                 self._out[2] = soonest if soonest < self.horizon else math.inf
         return family
+
+    def _require_radians(self, arm: Arm, speeds: Array) -> None:
+        """Raise if speeds (n,) are far above their limits, and below if read as degrees."""
+        limits = limits_of(arm)
+        odd = (speeds > limits + 2 * np.pi) & (np.radians(speeds) <= limits) & ~arm.prismatic
+        for j in np.flatnonzero(odd)[:1]:
+            self._shape = ()  # the next is the first again
+            raise ConfigurationError(
+                f"dq: {arm.joints[j]} at {speeds[j]:g} rad/s is {speeds[j] / limits[j]:.1f} times "
+                f"its limit of {limits[j]:.4g} rad/s. For degrees use numpy.radians; if radians "
+                'are meant, load(..., units="rad")',
+                joint=arm.joints[j],
+                value=float(speeds[j]),
+            )
 
     def _not_finite(self, velocity: Array) -> ConfigurationError:
         name, array = ("q", self._x) if not np.isfinite(self._x).all() else ("dq", velocity)
