@@ -85,6 +85,7 @@ def test_bounds_are_about_the_robot(form: pinsing.ClosedForm, attack: ModuleType
     assert not pinsing.clearance(form, found, certify=True).lower.any()
     near = found + 0.05 * np.eye(6)[np.arange(len(found)) % 6]
     assert (pinsing.clearance(form, near).lower <= 0.05).all()
+    assert (pinsing.clearance(form, near, certify=True).lower <= 0.05).all()
     monitor = pinsing.Monitor(form, warn=0.2, stop=0)
     assert {monitor.update(q).lower for q in found} == {0.0}
     guard: dict[str, object] = {}
@@ -92,6 +93,18 @@ def test_bounds_are_about_the_robot(form: pinsing.ClosedForm, attack: ModuleType
     assert not guard["clearance"](found).any()  # type: ignore[operator]
     same = pinsing.clearance(form, Q).lower
     assert guard["clearance"](Q) == pytest.approx(float(same), abs=1e-9)  # type: ignore[operator]
+
+
+def test_far_from_other_families_the_width_of_the_nearest_is_taken_off(
+    form: pinsing.ClosedForm,
+) -> None:
+    assert form.tube is not None
+    near = np.random.default_rng(1).uniform(-3, 3, (400, 6))
+    others = pinsing.clearance(form, near, families=["elbow", "wrist"]).lower
+    found = pinsing.clearance(form, near, certify=True)
+    alone = others > found.upper + tubes.NEAR
+    assert alone.sum() > 20
+    assert (found.lower >= found.upper - form.tube.alone - 1e-3)[alone].all()
 
 
 def test_paths_across_walls_meet_a_singular_configuration(

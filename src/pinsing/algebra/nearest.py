@@ -220,12 +220,12 @@ def nearest_points(
     margin = conditions.margin
     if margin is not None:
         # What is within the limits may be near to points of conditions that are not.
-        off = min(margin.meeting, 2 * np.pi) / conditions.weight
+        off = min(max(margin.meeting, margin.near), 2 * np.pi) / conditions.weight
         limits = lower - off, upper + off
         plain = nearest_points(conditions.plain, Q, *limits, options, compiled=compiled)
-        least = two_sided(conditions, Q).lower
-        if np.isfinite(margin.meeting):
-            least = np.maximum(plain.lower - margin.meeting, least)
+        each = two_sided(conditions.plain, Q, each=True, compiled=compiled).each
+        each[..., 0] = np.maximum(each[..., 0], plain.lower[:, None])
+        least = margin.take_off(Q, each).min(axis=1, initial=np.inf)
         return replace(plain, lower=np.minimum(least, plain.upper))
     X = conditions.scaled(Q)
     N, n = X.shape
