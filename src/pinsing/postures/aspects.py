@@ -304,6 +304,8 @@ class Aspects(JsonResult):
         for p in cut:
             count = f"{p.lower}" if p.lower == p.upper else f"{p.lower} to {p.upper}"
             lines.append(f"  {', '.join(p.joints)}: {count} ({', '.join(p.families)})")
+        if len(self.listed) > self.lower:
+            lines.append("  Regions of one sign that are listed apart may be one aspect")
         if len(self.listed) > 1:
             lines.append("")
         for a in self.listed if len(self.listed) > 1 else ():

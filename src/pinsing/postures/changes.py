@@ -362,7 +362,7 @@ class PostureChanges(JsonResult):
             sure = "proven" if way.proven else "of the design"
             return f"only through a singularity ({sure}){apart}"
         why = way.notes[0] if way.notes and way.answer != DIFFERENT else ""
-        return f"undecided{': ' * bool(why)}{why}{apart}{_among(other)}"
+        return f"undecided{f': {why}' if why else apart}{_among(other)}"
 
 
 def _among(other: PostureChange) -> str:

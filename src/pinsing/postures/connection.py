@@ -399,7 +399,9 @@ def connect(
             path = _way(chosen, places[0], start, end, lines)
             answer = UNDECIDED if path is None else SAME
             if path is None:
-                notes.append("no path within the aspect was found")
+                a, b = numbers
+                where = f"within aspect {a}" if a == b else f"from aspect {a} to {b}, perhaps one"
+                notes.append(f"no path was found {where}")
     if path is not None:
         path = raised(chosen, path, lines)
         sure, said = _stands(forms, path)
