@@ -73,6 +73,13 @@ def test_forward_kinematics_agree_with_another_description(name: str) -> None:
         assert np.linalg.norm(tip) < second["distance"] / 1000
 
 
+def test_arms_stand_upright():
+    """The base of the other description is that of the table, but for turns about z."""
+    for name, second in SECOND.items():
+        if name != "dvrk_psm":  # which lies at its remote centre
+            assert np.abs(second["base"][3:5]).max() < 0.01, name
+
+
 def test_entries_are_whole():
     for name, arm in known_arms().items():
         assert {"maker", "model", "known_for", "reach"} < set(arm)

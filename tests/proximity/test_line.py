@@ -206,7 +206,10 @@ def test_the_command(capsys: pytest.CaptureFixture[str]) -> None:
 def test_the_closest_approach_of_a_line_is_that_of_dense_samples() -> None:
     # Found by a stranger: it was told where a loose lower bound is least.
     cases = {
-        "rs007n": ([54.058, -70.573, 122.555, 16.209, 45.215, 117.72], [-0.2633, 0.25887, 0.16823]),
+        "rs007n": (
+            [54.058, -70.573, 122.555, 16.209, 45.215, 117.72],
+            [-0.2633, -0.25887, -0.16823],
+        ),
         "xarm6": (
             [124.808, -52.093, -6.701, 74.015, -76.056, -143.239],
             [-0.0702, -0.0667, 0.2861],

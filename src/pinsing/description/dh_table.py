@@ -164,6 +164,8 @@ class DHTable:
         ``tool0`` in the frame n; None if it is that frame.
     source : str
         Where the numbers come from.
+    base : Placement
+        Frame 0 in ``base_link``, of a standard table.
     """
 
     name: str
@@ -171,6 +173,7 @@ class DHTable:
     rows: tuple[DHRow, ...]
     tool: Placement | None = None
     source: str = ""
+    base: Placement = Placement()
 
 
 @dataclass(frozen=True)
@@ -259,7 +262,9 @@ def known_table(name: str) -> DHTable:
         limits = [None if value is None else unit(value) for value in rest[:3]]
         frame = radians(alpha), metres(a), metres(d), radians(theta)
         rows.append(DHRow(*frame, kind, joint, *limits))
-    return DHTable(name, "standard", tuple(rows), source=entry["source"])
+    # Where axis 1 points down, z of the base points up all the same.
+    base = Placement(rpy=(math.pi, 0.0, 0.0)) if entry.get("down") else Placement()
+    return DHTable(name, "standard", tuple(rows), source=entry["source"], base=base)
 
 
 def _read_units(node: YamlNode) -> _Units:
@@ -365,7 +370,7 @@ def joint_placements(table: DHTable) -> tuple[tuple[Placement, ...], Placement]:
     rows = table.rows
     if table.convention == "standard":
         fixed = [screw(row.theta, row.d, row.a, row.alpha) for row in rows]
-        return (Placement(), *fixed[:-1]), fixed[-1]
+        return (table.base, *fixed[:-1]), fixed[-1]
     thetas = (0.0, *(row.theta for row in rows))
     joints = tuple(
         screw(theta, 0.0, row.a, row.alpha, beyond=row.d)
