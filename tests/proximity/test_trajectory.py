@@ -528,3 +528,15 @@ def test_an_event_ends_with_the_motion():
     form = pinsing.closed_form(pinsing.load("ur5"))
     along = pinsing.crossings(form, [[0, -1, 1, 0, 0, 0], [1, -1, 1, 0, 0, 0], [2, -1, 1, 0, 0, 0]])
     assert all(c.t_end <= 2.0 for c in along)
+
+
+@needs_kernel
+def test_a_second_meeting_is_named_and_speeds_have_no_powers_of_ten():
+    Q = np.linspace([0, -1, 0.5, -0.4, 0.7, 0], [0.2, -1, -0.9, -0.3, -0.2, 0.1], 40)
+    check = check_trajectory(arm_of("ur5"), Q, np.linspace(0, 4, 40), forms=closed("ur5"))
+    first = summary(check).splitlines()[0]
+    assert len(check.crossings) == 2
+    assert "crosses the elbow singularity (elbow_joint = 0°) at t = 1.4" in first
+    assert re.search(r"; also wrist \(F2\) at t = 3\.1\d* s$", first)
+    assert re.search(r": \d+,\d{3} deg/s at", details(check))
+    assert "e+0" not in details(check)

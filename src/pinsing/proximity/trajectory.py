@@ -128,7 +128,9 @@ def _excess(check: TrajectoryCheck, e: Excess, per: str, degrees: bool) -> str:
     if degrees and not slides:
         unit, factor = "deg", 180 / math.pi
     worst, limit = (
-        f"{factor * x:.4g} {unit}{per}" if math.isfinite(x) else "no speed is enough"
+        f"{factor * x:{',.0f' if factor * x >= 9999.5 else '.4g'}} {unit}{per}"
+        if math.isfinite(x)
+        else "no speed is enough"
         for x in (e.worst, e.limit)
     )
     span = _when(check, e.t, e.t_end)
@@ -160,9 +162,11 @@ def _met(check: TrajectoryCheck) -> str:
             sure = "proven between samples" if check.samples > 1 else "1 sample"
             return f"{none} ({sure}){left_out}"
         return f"{none}, but {listed(faults)}{left_out}"
-    first = check.crossings[0]
+    first, *rest = check.crossings
     verb = {"crossing": "crosses", "touch": "touches", "along": "stays on"}[first.kind]
-    more = [f"{_times(len(check.crossings) - 1, 'more meeting')}"] * (len(check.crossings) > 1)
+    more = [f"{_times(len(rest), 'more meeting')}"] * bool(rest)
+    if len(rest) == 1:
+        more = [f"{_title(check, rest[0].family)} {_when(check, rest[0].t)}"]
     also = [*more, *(words for words in faults if not words.startswith("comes"))]
     singular = f"{verb} {singularity(first.family, first.title, first.where)}"
     singular += " of the design" * bool(check.tube)
