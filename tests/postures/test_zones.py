@@ -217,6 +217,25 @@ def test_a_slide_is_bounded_where_zones_are_asked_for(monkeypatch):
     assert (far[:2] > 9).all()
 
 
+def test_long_equations_are_reached_and_never_too_near(monkeypatch):
+    form = pinsing.closed_form(pinsing.load("gofa5"), prove=False)
+    Q = np.random.default_rng(8).uniform(-np.pi, np.pi, (4000, 6))
+    monkeypatch.setattr(zone_search._Search, "zones", lambda search: search._distances(Q))
+    low, up = pinsing.zones(form)
+    assert np.isfinite(up).mean() > 0.97
+    true = pinsing.clearance(form, Q[:400], certify=True, boxes=2000)
+    assert (true.lower <= up[:400, 0] * (1 + 1e-9)).all()
+    assert (low[:400, 0] <= true.upper).all()
+    assert np.mean(up[:400, 0] <= 1.1 * true.upper) > 0.9
+
+
+@pytest.mark.slow
+def test_an_arm_of_one_long_equation_has_a_distance():
+    form = pinsing.closed_form(pinsing.load("gofa5"), prove=False)
+    found = pinsing.zones(form, within={"q3": (0.5, 1.5), "q5": (-2, -1)}, boxes=40_000)
+    assert 0.5 < found.exceeding["F1"] < found.distances["F1"] < 2
+
+
 def test_where_nothing_is_left_outside_no_distance_is_called_useful():
     done = run("zones", "ur5", "--boxes", "1", "--deg")
     assert done.exit_code == 0

@@ -263,13 +263,13 @@ class _Search:
         how many the distance is proven in the end.
     finest, sure : float
         Step at which following ends, and to what the distances of those are proven, radians.
-    steps, few, cheap : int
-        To the nearest point of a surface; boxes for what is proven of many, and how many of these
-        are as much work as one of joint speeds.
+    steps, beyond, few, cheap : int or float
+        To the nearest point of a surface, the last one longer by a factor; boxes for what is
+        proven of many, and how many of these are as much work as one of joint speeds.
     """
 
     chunk, wide, finest, sure = 8192, 0.8, 1e-3, 1e-8
-    steps, few, cheap = 5, 200, 8
+    steps, beyond, few, cheap = 5, 1.02, 200, 8
     samples, best, certified = 8192, 30, 3
 
     def __init__(
@@ -353,7 +353,8 @@ class _Search:
         """Lower and upper bounds (N, F) of the distances of Q (N, n) to the families.
 
         Where a family is a surface, the upper one is that of a point near the nearest: steps to
-        the tangent plane at the last point, then what is proven to reach the surface from there.
+        the tangent plane at the last point until its sum has another sign, or then what is proven
+        to reach the surface from there.
         """
         conditions = self.watched.conditions.plain
         both = two_sided(conditions, Q, each=True).each
@@ -367,14 +368,21 @@ class _Search:
             start = X.copy()
             off, _ = off_values(X[:, branch.joints], branch.values, conditions.turn[branch.joints])
             start[:, branch.joints] -= off
-            x = start
-            for _ in range(self.steps):
+            found, x, side = np.full(len(X), np.inf), start, np.zeros(len(X))
+            for k in range(self.steps + 1):
+                if k == self.steps:
+                    near = two_sided(conditions, x / conditions.weight, each=True).each[..., 1]
+                    way = np.linalg.norm(x - X, axis=1) * (1 + _EXTRA) + near[:, branch.family]
+                    found, x = np.fmin(found, way), start + (x - start) * self.beyond
                 at = branch.sums[0].at(x)
+                sign = np.where(np.abs(at.value) > at.error, np.sign(at.value), 0.0)
+                side = sign if k == 0 else side
+                # A zero is on the way to where the sum has another sign.
+                way = np.linalg.norm(x - X, axis=1) * (1 + _EXTRA)
+                found = np.fmin(found, np.where(sign * side < 0, way, np.inf))
                 g = np.where(held, 0.0, at.gradient)
                 along = (g * (x - start)).sum(axis=1) - at.value
                 x = start + g * (along / np.maximum((g * g).sum(axis=1), 1e-12))[:, None]
-            near = two_sided(conditions, x / conditions.weight, each=True).each[:, branch.family, 1]
-            found = np.linalg.norm(x - X, axis=1) * (1 + _EXTRA) + near
             up[:, branch.family] = np.fmin(up[:, branch.family], found)
         return low, up
 
@@ -491,7 +499,8 @@ class _Search:
         open_ = found.most > 1
         # Steps may lead to a point that is not the nearest: such boxes could never be done.
         least = self._objective(k, far, (low + reach)[alive])
-        over = np.flatnonzero(open_ & (least <= target) & (self._objective(k, far, up) > target))
+        here = self._objective(k, far, up)
+        over = np.flatnonzero(open_ & (here > target) & ((least <= target) | np.isinf(here)))
         reach = np.linalg.norm((r[over] * self.watched.weight)[:, None] * self.used, axis=2)
         gap = float(
             np.clip(reach.max(axis=1, initial=0.0).min(initial=np.inf) / 2, self.sure, 1e-2)
