@@ -125,6 +125,9 @@ def of(q=Q, **more):
         ("[1", "no column for joint"),
         ("{", "it is no JSON object, which must be on one line"),
         (of()[:-1] + ', "position": [1, 1, 1, 1, 1, 1]}', "'position' is there twice"),
+        (of(joint_names=list(NAMES[::-1])), "'joint_names' is not read"),
+        (of(units="deg"), "'units' is not read"),
+        (json.dumps(dict(zip(NAMES, Q.tolist(), strict=True)) | {"unit": "deg"}), "'unit' is not"),
         (of(junk="x" * (1 << 20)), "a line of more than 1,048,576 characters"),
     ],
 )

@@ -35,6 +35,8 @@ _ROWS = (*"{+-.0123456789", " ", "\t")
 """How lines of values begin. Others may be names of columns, which are not dropped."""
 _PIECE = re.compile(r"[-+.\deE\s]*")
 """A number, or what is left of one that a stream began, or broke off, in the middle of."""
+_MEANT = re.compile("(joint_?)?names|units?|degrees", re.IGNORECASE)
+"""Keys of an object that would change what its values mean; they are refused, not passed over."""
 _SAID = ("level", "family", "title", "lower", "upper", "time_to_contact", "trend")
 """What is told of the monitor's verdict; ``trend`` is null where speeds are not known."""
 _MOVE = 1e-3
@@ -189,6 +191,12 @@ class Reader:
             raise ConfigurationError(
                 f"cannot read {text:.80}: it is no JSON object, which must be on one line"
             ) from None
+        for key, value in data.items():
+            if _MEANT.fullmatch(key) and isinstance(value, (str, list, bool)):
+                raise ConfigurationError(
+                    f"the stream: {key!r} is not read: leave it out, with the joints in 'name' and "
+                    "angles in radians, or in degrees with --deg"
+                )
         arm, speeds = self._arm, None
         if "position" not in data:
             heads, values = self._heads(list(data)), list(data.values())
