@@ -50,6 +50,8 @@ class Verdict(NamedTuple):
         Seconds: going on at ``dq``, no family is met sooner, which is proven; where one lies ahead
         it is the time of contact but for some 1e-6 of it. The work of a call is bounded: far ahead,
         or along a family that is nearly touched, the time may be too early, never too late.
+        Of a copy of a design (see ``notes``) it is ``lower`` over the joint speed, never the time
+        of contact: finite on the way "away", too.
         Infinite where none is met within the horizon. None without ``dq``.
     trend : str or None
         "toward" or "away" from ``family``, or "steady"; None without ``dq``.
