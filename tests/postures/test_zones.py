@@ -233,7 +233,7 @@ def test_long_equations_are_reached_and_never_too_near(monkeypatch):
 def test_an_arm_of_one_long_equation_has_a_distance():
     form = pinsing.closed_form(pinsing.load("gofa5"), prove=False)
     found = pinsing.zones(form, within={"q3": (0.5, 1.5), "q5": (-2, -1)}, boxes=40_000)
-    assert 0.5 < found.exceeding["F1"] < found.distances["F1"] < 2
+    assert 0.3 < found.common_exceeding < found.common < 2
 
 
 def test_where_nothing_is_left_outside_no_distance_is_called_useful():
