@@ -10,7 +10,7 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parent.parent
 LIMITS: dict[str, tuple[int, int]] = {
     "Python in src: statements": (42_876, 30_000),
-    "Python in src: lines": (83_878, 56_000),
+    "Python in src: lines": (83_884, 56_000),
     "C++, JavaScript, templates, styles: lines": (12_569, 9_500),
     "modules": (219, 220),
     "packages directly under pinsing": (16, 16),

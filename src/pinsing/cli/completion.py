@@ -16,6 +16,8 @@ from typing import TYPE_CHECKING, Any
 import click
 from click.shell_completion import CompletionItem, FishComplete, add_completion_class
 
+from pinsing.robot.task import ROW_NAMES
+
 if TYPE_CHECKING:
     from pinsing.description.urdf import Description
 
@@ -23,13 +25,12 @@ Offered = list[CompletionItem]
 Completer = Callable[[click.Context, click.Parameter, str], Offered]
 
 _ROBOT_FILES = (".urdf", ".xacro")
-_ROWS = ("vx", "vy", "vz", "wx", "wy", "wz")
 _TASKS = {
     "pose": "all six rows",
     "position": "of the tip point",
     "orientation": "of the tool",
     "tool-axis": "position, and where the tool points",
-    **{row: "a row; several with commas" for row in _ROWS},
+    **{row: "a row; several with commas" for row in ROW_NAMES},
 }
 _PLAIN = re.compile(r"[\w./:+@%-]+")
 """Names that a shell takes as they are; others come from files of anybody."""
@@ -129,7 +130,7 @@ def tasks(ctx: click.Context, param: click.Parameter, incomplete: str) -> Offere
     """Names of tasks, or rows with commas."""
     names = tuple(_TASKS.items())
     if "," in incomplete:
-        names = names[4:]
+        names = names[-len(ROW_NAMES) :]
     return _listed(names, incomplete)
 
 

@@ -88,8 +88,8 @@ class SliceCount:
     real_off: int = field(default=0, metadata={"optional": True})
 
     def evidence(self) -> str:
-        """The same, said to be no proof."""
-        return f"evidence, no proof: {self.sentence()}"
+        """The same, said to be no proof, or where nothing was met no evidence."""
+        return f"{'evidence, no proof' if self.points else 'no evidence'}: {self.sentence()}"
 
     def sentence(self) -> str:
         """Return what it says, in words."""

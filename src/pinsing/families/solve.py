@@ -1,4 +1,9 @@
-"""closed_form: all families of singular configurations of an arm."""
+"""closed_form: all families of singular configurations of an arm.
+
+The exact geometry (`nominal`), the search for components of the singular set (`steps`), their real
+parts (`pieces`) as families in words (`describe`), whether these are the components (`faithful`),
+a count on slices where that is open, and then the proof (`proving`), by a tree of its own.
+"""
 
 from __future__ import annotations
 

@@ -284,7 +284,7 @@ MAX_JOINTS = 12
 _MANY = 9
 """Joints from which on all minors have a part of the time, and near ones and slices the rest."""
 _FEW = 6
-"""Joints up to which all minors are the only step: they end, and slices would be of all joints."""
+"""Joints from which on slices and planar chains have a step; with fewer all minors end."""
 
 
 class ComponentSearch:

@@ -145,7 +145,7 @@ def _task(tip: dict[int, bool]) -> Task:
     flags = tuple(tip[r] if r in partly else together for r in rows)
     at_tip = flags if any(flags) else ()
     for name, named in _NAMED.items():
-        if rows == named:
+        if rows == named and not at_tip:
             return Task(name, rows)
     task = Task("", rows, at_tip)
     if len(rows) == 5 and task.tool_axis is not None:
