@@ -2,7 +2,7 @@
 
     python examples/13_ros2_diagnostics.py ur5
 
-Publishes on /diagnostics how near the arm is to a singularity, and when it gets there.
+Publishes on /diagnostics how near the arm is to a singularity, and a time without contact.
 """
 
 from __future__ import annotations
@@ -24,14 +24,14 @@ class Judge:
 
     def __call__(self, state):
         at = [list(state.name).index(joint) for joint in self.monitor.joints]
-        moving = len(state.velocity) == len(state.name)
-        dq = [state.velocity[i] for i in at] if moving else None
-        v = self.monitor.update([state.position[i] for i in at], dq)
+        known = len(state.velocity) == len(state.name)  # NaN stands for not measured
+        speeds = state.velocity if known else [math.nan] * len(state.name)
+        q, dq = ([some[i] for i in at] for some in (state.position, speeds))
+        v = self.monitor.update(q, dq if all(map(math.isfinite, dq)) else None)
         what = f"{v.title or v.family}: at least {math.degrees(v.lower):.1f} deg away (proven)"
         if v.time_to_contact is not None and math.isfinite(v.time_to_contact):
-            what += f", contact in {v.time_to_contact:.2f} s"
-        values = {"family": v.family, "lower": f"{v.lower:.6f}"}
-        pairs = [self.pair(key=key, value=value) for key, value in values.items()]
+            what += f", no contact before {v.time_to_contact:.2f} s"
+        pairs = [self.pair(key=key, value=str(getattr(v, key))) for key in ("family", "lower")]
         level, name = getattr(self.status, LEVELS[v.level]), f"pinsing: {self.robot}"
         return self.status(level=level, name=name, message=what, values=pairs)
 

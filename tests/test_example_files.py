@@ -114,8 +114,14 @@ def test_ros2_diagnostics():
     ]
     assert [s.level for s in said] == sorted(s.level for s in said)
     assert {s.level for s in said} == {0, 1, 2}
-    assert said[-1].message.startswith("wrist: at least 3.4 deg away (proven), contact in 0.16 s")
+    assert said[-1].message.startswith(
+        "wrist: at least 3.4 deg away (proven), no contact before 0.16"
+    )
     assert {v.key for v in said[-1].values} == {"family", "lower"}
+    state = json.loads((RECORDED / "ur5_joint_states.jsonl").read_text().splitlines()[-1])
+    state["velocity"] = [float("nan")] * len(state["name"])  # as of a driver that measures none
+    unmeasured = judge("ur5", status, SimpleNamespace)(SimpleNamespace(**state))
+    assert unmeasured.message.endswith("deg away (proven)")
 
 
 @beside("rerun")
