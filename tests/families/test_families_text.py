@@ -40,3 +40,8 @@ def test_half_angles_are_explained_where_they_are_printed(equal_links):
     here, there = equation(q), equation(q + 2 * np.pi * np.eye(6)[2])
     assert abs(here) > 1e-3
     assert there == pytest.approx(-here)
+
+
+def test_a_single_term_has_no_number():
+    form = pinsing.closed_form(pinsing.load("panda", task="position"), prove=False)
+    assert " and sin(q3+q5) = 0" in " ".join(str(form).split())

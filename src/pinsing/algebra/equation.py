@@ -424,6 +424,7 @@ class Equation(Memory):
                 number = numbers[t][value]
                 if float(number):
                     pieces.append((number, body))
+        pieces = pieces if len(pieces) > 1 else [(Fraction(1), body) for _, body in pieces]
         return f"{exact_sum(pieces, latex)} = 0"
 
     def __str__(self) -> str:
@@ -465,7 +466,7 @@ class Equation(Memory):
                 coefficient = float((self.cos, self.sin)[value][t])
                 if t in self._constants or abs(coefficient) > _NOTHING * self.size:
                     pieces.append((coefficient, body))
-        return pieces
+        return pieces if len(pieces) > 1 else [(1.0, body) for _, body in pieces]
 
     def leading(self) -> float:
         """Return the coefficient that is read first."""
