@@ -173,11 +173,11 @@ class TestAt:
         far = [f["upper"] for f in found["families"]]
         assert far == sorted(far)
         text = " ".join(run(*words).stdout.split())
-        assert "distance F1: 45.84° (0.8 rad), by q3 -0.8 rad; the family is within" in text
+        assert "F1: 45.84° (0.8 rad), by elbow_joint -0.8 rad; the family is within" in text
         assert "distance" not in run(*words, "--no-distances").stdout
         assert "distances" not in json.loads(run(*words, "--no-distances", "-o", "-").stdout)
         slides = " ".join(run("at", "stanford", "--q", "0,1,0.3,1,0.5,0").stdout.split())
-        assert "F2: 0.3 length scales, by q3 -0.3 m" in slides
+        assert "F2: 0.3 m, by d3 -0.3 m" in slides
         assert "F3: 0°, on it" in run("at", "stanford", "--q", "0,1,0.3,1,0,0").stdout
 
     def test_degrees_for_turning_joints_metres_for_sliding_ones(self):
