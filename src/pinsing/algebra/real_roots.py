@@ -425,13 +425,8 @@ def semidefinite(poly: Poly, ring: Ring, time: Budget) -> bool:
     return True
 
 
-_QUARTERS = (
-    AlgebraicValue(arb(0), (0, 1)),
-    AlgebraicValue(arb(1), (-1, 1)),
-    AlgebraicValue(None, ()),
-    AlgebraicValue(arb(-1), (1, 1)),
-)
-"""Half-angle tangents of right angles."""
+_QUARTERS = [*(AlgebraicValue(arb(t), (-t, 1)) for t in (-1, 0, 1)), AlgebraicValue(None, ())]
+"""Half-angle tangents of the right angles from -90 to 180 degrees."""
 
 
 def _touching(poly: Poly, ring: Ring) -> list[Solution] | None:
@@ -462,8 +457,8 @@ def _touching(poly: Poly, ring: Ring) -> list[Solution] | None:
         up = (c + s) * constant < 0
         wanted.append((0 if up else 2) if c else (1 if up else 3))
     return [
-        dict(zip(joints, (_QUARTERS[k] for k in turns), strict=True))
-        for turns in itertools.product(range(4), repeat=len(joints))
+        dict(zip(joints, (_QUARTERS[k + 1] for k in turns), strict=True))
+        for turns in itertools.product(range(-1, 3), repeat=len(joints))
         if all(
             (sum(a * k for a, k in zip(row, turns, strict=True)) - w) % 4 == 0
             for (row, _, _), w in zip(rows, wanted, strict=True)

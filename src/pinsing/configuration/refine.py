@@ -33,6 +33,7 @@ from pinsing.kinematics.verdict import (
     status_of,
     task_size,
 )
+from pinsing.measures import ALIKE, NOISE
 from pinsing.robot.arm import Arm
 from pinsing.serialization import JsonResult
 
@@ -325,8 +326,8 @@ def _slide(arm: Arm, at: Array, u: Array, starts: Array) -> tuple[Array, npt.NDA
 
 _RULES = engine.WalkRules(
     floor=4e-16,  # sigma_r / sigma_1 that only rounding is left of
-    good=1e-12,  # from here on, a step that does not improve is the end and no reason to damp
-    stationary=1e-6,  # |grad sigma_r|^2 / (sigma_1 sigma_r) that counts as zero
+    good=NOISE,  # from here on, a step that does not improve is the end and no reason to damp
+    stationary=ALIKE,  # |grad sigma_r|^2 / (sigma_1 sigma_r) that counts as zero
     no_minimum=1e-5,  # sigma_r / sigma_1 below which a small slope alone is no reason to stop
     longest=0.5,  # radians, or lengths of the arm
     most_damping=1e10,

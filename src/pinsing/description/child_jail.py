@@ -17,16 +17,15 @@ from collections.abc import Callable, Iterable
 
 _OPENAT = (257, 56)
 _WRITING = os.O_WRONLY | os.O_RDWR | os.O_CREAT | os.O_TRUNC | os.O_APPEND | 0o20000000  # temporary
-_MACHINES = {"x86_64": (0, 0xC000003E), "aarch64": (1, 0xC00000B7)}
+_MACHINES = {"x86_64": 0xC000003E, "aarch64": 0xC00000B7}
 
 _LOAD, _EQUAL, _ANY_BIT, _RETURN = 0x20, 0x15, 0x45, 0x06  # of the kernel's packet filter
 _ALLOW, _ERROR_EPERM = 0x7FFF0000, 0x00050001
 _SET_SECCOMP, _FILTER_MODE, _SET_NO_NEW_PRIVILEGES = 22, 2, 38
 
 # Landlock's calls have these numbers on every machine; its rights are bits.
-_CREATE_RULESET, _ADD_RULE, _RESTRICT_SELF = 444, 445, 446
-_EVERYTHING = (1 << 13) - 1
-_READING = 1 << 2 | 1 << 3  # files, and what is in folders
+_CREATE_RULESET, _ADD_RULE, _RESTRICT_SELF = range(444, 447)
+_EVERYTHING, _READING = 0x1FFF, 0b1100  # of reading: files, and what is in folders
 
 _WATCHED = (
     "open",
@@ -115,9 +114,9 @@ def close_in(reading: bool = False) -> str:
         call = ctypes.CDLL(None, use_errno=True).prctl
     except (ImportError, OSError, AttributeError) as error:
         return f"the kernel's filter cannot be reached ({error})"
-    column, architecture = _MACHINES[machine]
+    column = [*_MACHINES].index(machine)
     code = _filter(
-        _known_calls(column, reading), architecture, _OPENAT[column] if reading else None
+        _known_calls(column, reading), _MACHINES[machine], _OPENAT[column] if reading else None
     )
     words = ctypes.create_string_buffer(code, len(code))
 

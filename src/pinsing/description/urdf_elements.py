@@ -324,10 +324,10 @@ def _check_leader(
 
 _INERTIA = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
 _SHAPES = {
-    "box": {"size": 3},
-    "cylinder": {"radius": 1, "length": 1},
-    "sphere": {"radius": 1},
-    "capsule": {"radius": 1, "length": 1},
+    "box": ("size",),
+    "cylinder": ("radius", "length"),
+    "sphere": ("radius",),
+    "capsule": ("radius", "length"),
 }
 
 
@@ -393,7 +393,8 @@ def _shape(node: Node, source: UrdfSource, what: str) -> list[Node]:
             clean.attributes["scale"] = shape.attributes["scale"]
         clean.attributes["filename"] = shape.attributes.get("filename", "")
     else:
-        for key, count in _SHAPES.get(shape.tag, {}).items():
+        for key in _SHAPES.get(shape.tag, ()):
+            count = 3 if key == "size" else 1
             source.attribute(shape, key, what)
             source.refuse_if(
                 min(source.numbers(shape, key, count, what)) < 0,

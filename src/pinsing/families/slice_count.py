@@ -16,6 +16,7 @@ from fractions import Fraction
 
 import numpy as np
 import numpy.typing as npt
+from flint import fmpz
 
 from pinsing.algebra.budget import Budget
 from pinsing.algebra.components import Component
@@ -33,7 +34,7 @@ from pinsing.robot.nominal import Nominal
 from pinsing.robot.surd import root_modulo
 from pinsing.robot.task import Task
 
-FIELDS = tuple(p for p in range(7, 48) if all(p % k for k in range(2, 7)))
+FIELDS = tuple(p for p in range(7, 48) if fmpz(p).is_prime())
 """Primes: one may divide what must not vanish, such as a sum of lengths: what it alone contradicts
 may be its own doing. Families whose joint values are roots have points over some of them only."""
 ASKED = 23, 47

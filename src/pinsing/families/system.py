@@ -31,10 +31,6 @@ from pinsing.robot.arm import ArmSummary
 from pinsing.robot.nominal import Nominal
 from pinsing.robot.surd import SQUARES, Exact, parts_of
 
-_TURNED = ((0, 1), (1, -1), (0, -1), (1, 1))
-"""Cosine of q plus some right angles: cosine (0) or sine (1) of q, and its sign."""
-
-
 Terms = tuple[tuple[int, tuple[int, ...]], ...]
 """A polynomial: whole coefficients, and the exponents of all variables."""
 
@@ -219,9 +215,10 @@ class _SystemMaker:
 
     def _circle(self, j: int) -> tuple[Poly, Poly]:
         """Cosine and sine of the ring's angle, which is some right angles more than the joint's."""
-        k = self.quarters[j]
-        (of_cos, sign), (of_sin, other) = _TURNED[k % 4], _TURNED[(k - 1) % 4]
-        return sign * self.own[j][of_cos], other * self.own[j][of_sin]
+        c, s = self.own[j]
+        for _ in range(self.quarters[j] % 4):
+            c, s = -s, c
+        return c, s
 
     def _number(self, value: Exact) -> Poly:
         """A constant; square roots are variables."""

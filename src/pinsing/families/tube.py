@@ -29,6 +29,7 @@ from pinsing.algebra.conditions import Margin, weighted_sum
 from pinsing.algebra.trig_sum import TINY, TrigSum, to_zeros
 from pinsing.families.family import Family
 from pinsing.kinematics.jacobian import frame_jacobians
+from pinsing.measures import ROUNDING
 from pinsing.robot.arm import Arm
 from pinsing.robot.chain import flatten
 from pinsing.robot.design import AxisDifference, differences
@@ -173,8 +174,8 @@ def find_tube(robot: Arm, design: Arm, families: Sequence[Family]) -> Tube:
 
 NEAR = math.radians(10)
 """Radians; a configuration this near to two families is where they meet."""
-_UNIT = 2.0**-53
-_MORE = 1 + 1e-9
+_UNIT = float(np.finfo(float).epsneg)
+_MORE = 1 + ROUNDING
 """What bounds grow by, for the rounding of the few operations that they are made of."""
 
 

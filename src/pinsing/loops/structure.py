@@ -387,13 +387,15 @@ def same(a: Array, b: Array) -> bool:
 
 
 SPACE, PLANE, SPHERE = "space", "plane", "sphere"
-SIZE = {SPACE: 6, PLANE: 3, SPHERE: 3}
-"""Dimension of the motions that each kind of mechanism has room for."""
 
 
 def in_room(kind: str, whole: list[Any]) -> list[Any]:
     """Of six coordinates, those of the point before those of the turn, what a kind has."""
     return {SPACE: whole, PLANE: [whole[0], whole[1], whole[5]], SPHERE: whole[3:]}[kind]
+
+
+SIZE = {kind: len(in_room(kind, [*range(6)])) for kind in (SPACE, PLANE, SPHERE)}
+"""Dimension of the motions that each kind of mechanism has room for."""
 
 
 @once

@@ -104,7 +104,7 @@ def sigma_curves(
     turning = [c for c in curves if not summary.prismatic[c.moving]]
     sliding = [c for c in curves if summary.prismatic[c.moving]]
     top = ax.twiny() if turning and sliding else ax
-    styles = cycle(zip(COLORS, DASHES, strict=True))
+    styles = zip(cycle(COLORS), cycle(DASHES), strict=False)
     marked = False
     for axes, some, slides in ((ax, turning, False), (top, sliding, True)):
         for curve in some:

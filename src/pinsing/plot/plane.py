@@ -46,7 +46,7 @@ SAMPLES = 161
 """Points to each side of the map."""
 
 # On top of the blue to yellow of the map.
-_LINES = ("#FFFFFF", "#FF9DA7", "#A6F0C6", "#F4C7FF", "#FFFFFF", "#FF9DA7", "#A6F0C6")
+_LINES = ("#FFFFFF", "#FF9DA7", "#A6F0C6")  # with four dashes, twelve kinds of lines
 
 
 @checked
@@ -126,7 +126,7 @@ def sigma_plane(
     bar = ax.figure.colorbar(mesh, ax=ax, location="top", pad=0.02, aspect=34, shrink=0.96)
     bar.set_label(what + unit, fontsize=SMALL + 1)
     bar.ax.tick_params(labelsize=SMALL)
-    styles = cycle(zip(_LINES, DASHES, strict=True))
+    styles = zip(cycle(_LINES), cycle(DASHES), strict=False)
     for family in families:
         color, dash = next(styles)
         draw_family(ax, family, Q, plane, family_label(family), color=color, dash=dash)

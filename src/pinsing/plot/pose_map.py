@@ -36,6 +36,7 @@ from pinsing.plot.mechanism import (
     looks_apart,
     zero_line,
 )
+from pinsing.plot.plane import SAMPLES
 from pinsing.robot.mechanism import Mechanism
 
 if TYPE_CHECKING:
@@ -114,7 +115,6 @@ def colors(positive: Sequence[bool]) -> list[str]:
 PASSIVE = "#7d3c98"
 LIMIT = "#6b7480"
 SINGULAR = "#e4e2e8"
-_SAMPLES = {1: 161, 2: 141, 4: 111, 8: 91}
 _MOST_NAMED = 6
 
 
@@ -188,7 +188,7 @@ def pose_map(
 
     names = _names(mechanism, over)
     q = home(mechanism) if start is None else start
-    found = pose_slice(mechanism, names, [q], samples or _SAMPLES[1])
+    found = pose_slice(mechanism, names, [q], samples or SAMPLES)
     panel = panels(mechanism, found, [""])[0]
     handles = _handles(mechanism, [panel])
     if ax is None:
@@ -226,7 +226,7 @@ def pose_maps(
     if len(shown) == 1:
         alone = pose_map(mechanism, names, None, samples, degrees, start)
         return alone.figure  # type: ignore[return-value]
-    count = next(v for k, v in _SAMPLES.items() if len(shown) <= k)
+    count = round(SAMPLES / len(shown) ** (1 / 3)) | 1  # odd: home is one of the points
     found = pose_slice(mechanism, names, [q for _, q in shown], samples or count)
     drawn = panels(mechanism, found, [title for title, _ in shown])
     columns = 2 if len(shown) <= 4 else 4

@@ -18,7 +18,7 @@ COLUMN = 3.5
 
 # Okabe and Ito, "Color universal design" (2008), the dark ones first.
 COLORS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
-DASHES: tuple[Any, ...] = ("-", "--", "-.", ":", (0, (5, 1, 1, 1, 1, 1)), (0, (8, 2)), (0, (1, 1)))
+DASHES = ("-", "--", "-.", ":")
 
 SINGULAR = "#000000"
 SMALL = 8

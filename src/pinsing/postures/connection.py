@@ -41,7 +41,7 @@ _STATIONS = 40
 """Waypoints that are pushed, at most; evenly along the way."""
 _PROBE = 0.01
 _STRIDE = 0.12
-_ASIDE = (0.02, 0.05, 0.1, 0.2, 0.4, 0.8)
+_ASIDE = np.geomspace(0.02, 0.8, 6)
 """How far a way bends, radians, that goes round what separates nothing."""
 
 
@@ -159,7 +159,7 @@ def beside(chosen: Map, path: Array) -> Array | None:
     bend = np.sin(np.pi * np.linspace(0, 1, len(points)))[:, None]
     low, high = chosen.partition.low, chosen.partition.high
     rng = np.random.default_rng(0)
-    for size in _ASIDE:
+    for size in _ASIDE.tolist():
         for direction in rng.normal(size=(4, path.shape[1])):
             aside = size * direction / np.linalg.norm(direction) / chosen.watched.weight
             tried: Array = np.clip(points + bend * aside, low, high)

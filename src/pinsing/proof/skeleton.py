@@ -13,12 +13,11 @@ from pinsing.algebra.budget import Budget
 from pinsing.algebra.mimic import drives
 from pinsing.algebra.ring import Ring as AlgebraRing
 from pinsing.proof.checker import SCHEMA, Certificate, Matrix, Poly, Ring, flipped
-from pinsing.robot.exact_placements import Deviation
+from pinsing.robot.exact_placements import IDENTITY, Deviation
 from pinsing.robot.nominal import Nominal
 from pinsing.robot.surd import SQUARES, Exact, parts_of, surd
 
 _ROOTS = ("", "s2", "s3", "s2s3")
-_EYE = tuple(tuple(int(i == k) for k in range(3)) for i in range(3))
 
 
 class NotStated(Exception):
@@ -113,7 +112,7 @@ def _chain(geometry: Nominal) -> dict[str, Any]:
     return {"chain": chain, "tip": _placement(placed)}
 
 
-def _motion(turn: Sequence[Sequence[Any]] = _EYE, shift: Sequence[Any] = (0, 0, 0)) -> Any:
+def _motion(turn: Sequence[Sequence[Any]] = IDENTITY, shift: Sequence[Any] = (0, 0, 0)) -> Any:
     """A rigid motion in exact numbers, (4, 4)."""
     rows = [[*row, x] for row, x in zip(turn, shift, strict=True)]
     return np.array([*rows, [0, 0, 0, 1]], dtype=object)

@@ -28,10 +28,10 @@ _ANGLES = {
     **dict.fromkeys(("deg", "degree", "degrees", "°", "grad"), math.radians(1)),
     **dict.fromkeys(("rad", "radian", "radians"), 1.0),
 }
-_LENGTHS = {**dict.fromkeys(("m", "meter", "metre"), 1.0), "mm": 1e-3}
+_LENGTHS = ("m", "meter", "metre", "mm")
 _SCALES = {
-    **_ANGLES, **_LENGTHS, **dict.fromkeys(("s", "sec", "second", "seconds"), 1.0),
-    "ms": 1e-3, "us": 1e-6, "ns": 1e-9,
+    **_ANGLES, **dict.fromkeys((*_LENGTHS, "s", "sec", "second", "seconds"), 1.0),
+    **dict.fromkeys(("mm", "ms"), 1e-3), "us": 1e-6, "ns": 1e-9,
 }  # fmt: skip
 """What a unit in the head of a column is multiplied by: radians, metres, seconds."""
 _TIME = re.compile(

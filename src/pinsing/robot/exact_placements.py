@@ -117,9 +117,7 @@ Length3 = tuple[Fraction, Fraction, Fraction]
 Row = tuple[Exact, Exact, Exact]
 Matrix = tuple[Row, Row, Row]
 FIFTEEN = math.pi / 12
-_QUARTER: tuple[tuple[int, int], ...] = ((1, 0), (0, 1), (-1, 0), (0, -1))
-_UNITS = {k: Fraction(k) for k in (-1, 0, 1)}
-IDENTITY: Matrix = tuple(tuple(_UNITS[i == k] for k in range(3)) for i in range(3))  # type: ignore[assignment]
+IDENTITY: Matrix = tuple(tuple(Fraction(i == k) for k in range(3)) for i in range(3))  # type: ignore[assignment]
 
 
 class ExactPlacements:
@@ -272,7 +270,7 @@ class ExactPlacements:
             exact = [row[2] for row in rotation[i]]
             rooted = any(isinstance(x, Surd) for x in exact)
             # A rational twist is close to the raw one, of which lengths may be multiples.
-            whole = rooted or all(x in _UNITS.values() for x in exact)
+            whole = rooted or all(x in (-1, 0, 1) for x in exact)
             axis = np.array([float(x) for x in exact]) if whole else raw
             beyond = moved[i][1] / axis[1]
             there = moved[i] - beyond * axis
@@ -302,7 +300,7 @@ class ExactPlacements:
             return None
         if angle > FLOAT_NOISE:
             self._replace_snap(Snap(self.places[i], "angle", angle, 0.0))
-        a, b, c = ((_UNITS[x], _UNITS[y], _UNITS[z]) for x, y, z in P.astype(int).tolist())
+        a, b, c = ((Fraction(x), Fraction(y), Fraction(z)) for x, y, z in P.astype(int).tolist())
         return a, b, c
 
     def _replace_snap(self, snap: Snap) -> None:
@@ -374,8 +372,9 @@ class ExactPlacements:
             exact = 2 * math.atan(half) + quarter * math.pi / 2
             if abs(exact - angle) > 1e-15:
                 self.snaps.append(Snap(self.places[i], "twist", angle, exact))
-        qc, qs = _QUARTER[quarter % 4]
-        return c * qc - s * qs, s * qc + c * qs
+        for _ in range(quarter % 4):
+            c, s = -s, c
+        return c, s
 
     def _lengths(self, t: list[Array]) -> tuple[Length3, ...]:
         """The decimals that were written; below ``snap_length``, zero."""
@@ -397,7 +396,11 @@ def turn_about_z(angle: float) -> Array:
     """Rotation matrix, exact at right angles."""
     quarter = angle / (math.pi / 2)
     whole = quarter == round(quarter)
-    c, s = _QUARTER[round(quarter) % 4] if whole else (math.cos(angle), math.sin(angle))
+    c, s = (
+        (cosine(6 * round(quarter)), sine(6 * round(quarter)))
+        if whole
+        else (math.cos(angle), math.sin(angle))
+    )
     return np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]], dtype=float)
 
 

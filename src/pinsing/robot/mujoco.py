@@ -35,8 +35,14 @@ _SECTIONS = frozenset(_SECTION_NAMES.split())
 _STILL = frozenset({"inertial", "geom", "camera", "light", "plugin"})  # no pose depends on them
 _MAKE_BODIES = frozenset({"attach", "composite", "flexcomp", "replicate"})
 _MAKE_POSES = _MAKE_BODIES | {"body", "frame", "joint", "freejoint", "site"}
-_TURNS = {"quat": 4, "axisangle": 4, "euler": 3, "xyaxes": 6, "zaxis": 3}
-_NUMBERS = {"pos": 3, "axis": 3, "range": 2, "ref": 1, "fromto": 6, **_TURNS}
+_TURNS = ("quat", "axisangle", "euler", "xyaxes", "zaxis")
+_NUMBERS = {
+    "ref": 1,
+    "range": 2,
+    **dict.fromkeys(("pos", "axis", "euler", "zaxis"), 3),
+    **dict.fromkeys(("quat", "axisangle"), 4),
+    **dict.fromkeys(("xyaxes", "fromto"), 6),
+}
 _WORDS = {
     "angle": ("degree", "radian"),
     "autolimits": ("true", "false"),
