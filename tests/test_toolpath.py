@@ -25,7 +25,7 @@ from pinsing.plot.curves import path_sheet
 from pinsing.postures import inverse_batch
 from pinsing.postures.inverse_batch import InverseMany
 from pinsing.postures.placement import read_poses
-from pinsing.postures.toolpath import PathPlan, plan_path
+from pinsing.postures.toolpath import PathPlan, _Planner, plan_path
 
 pytestmark = needs_kernel  # without it a plan takes minutes
 
@@ -322,6 +322,53 @@ def test_a_seventh_joint_is_free():
         plan_path(form, T, arm=arm)
     with pytest.raises(OptionError, match="neither branch, roll, nor a joint"):
         plan_path(form, T, free="elbow", arm=arm)
+
+
+def seventh(count):
+    """A Panda and its poses on a circle."""
+    arm = pinsing.load("panda")
+    form = pinsing.closed_form(arm, prove=False)
+    q = np.array([0.1, -0.4, 0.2, -2.0, 0.1, 1.7, 0.6])
+    T = np.tile(tip_placement(arm, q).homogeneous, (count, 1, 1))
+    a = np.linspace(0, 2 * np.pi, count)
+    T[:, :2, 3] += 0.12 * np.stack([np.cos(a) - 1, np.sin(a)], axis=1)
+    return arm, form, T
+
+
+def freed(count, step):
+    """The plan of a Panda's circle, its seventh joint free."""
+    arm, form, T = seventh(count)
+    return plan_path(form, T, free=arm.joints[6], step=np.radians(step), arm=arm)
+
+
+def test_the_bound_is_near_where_the_branch_moves_fast_along_the_seventh_joint():
+    arm, form, _ = seventh(2)
+    q = np.array([-0.83, -0.46, 0.6, -1.45, -0.81, 1.74, -0.04])
+    T = np.tile(tip_placement(arm, q).homogeneous, (60, 1, 1))
+    a = np.linspace(0, 2 * np.pi, 60)
+    T[:, :2, 3] += 0.12 * np.stack([np.cos(a) - 1, np.sin(a)], axis=1)
+    plan = plan_path(form, T, free=arm.joints[6], step=np.radians(3), arm=arm)
+    reached(arm, plan, T, np.eye(4))
+    np.testing.assert_allclose(plan.q[:, 6], plan.values, atol=1e-9)
+    assert 0 <= np.degrees(plan.bound - plan.clearance) < 1
+    check = pinsing.check_trajectory(arm, plan.q, forms=form)
+    assert not check.crossings
+    assert not check.outside
+
+
+@pytest.mark.parametrize("count", tiered((3, 8), {3}))
+def test_the_bound_counts_what_lies_between_a_value_and_where_its_branch_turns_back(count):
+    """Steps of 10 degrees, and of 2: no finer path is better than the bound."""
+    assert freed(count, 2).clearance <= freed(count, 10).bound
+
+
+def test_no_estimate_of_a_node_exceeds_what_it_has_at_most():
+    """What is known from the pose before bounds the estimate of this one, too."""
+    arm, form, T = seventh(12)
+    free, step = arm.joints[6], np.radians(5)
+    planner = _Planner(form, arm, T, np.eye(4), free, step, None, lambda *_: None)
+    planner.plan(None)
+    assert (planner.likely <= planner.highest).all()
 
 
 HEADS = {

@@ -82,8 +82,8 @@ def path_command(
     """Find the joint path through POSES that stays farthest from singularities.
 
     POSES is a CSV file with a header: x, y, z and qx, qy, qz, qw, or roll, pitch, yaw, or i, j, k
-    (from the cutter into the tool, its -z); t, if there is one, gives seconds. The exit code is
-    1 if there is no path.
+    (of length 1, from the cutter into the tool, its -z; tool0's z points out of the flange); t, if
+    there is one, gives seconds. The exit code is 1 if there is no path.
 
     Example: pinsing path ur5 seam.csv --free roll --tool 0,0.05,0.15,45,0,0 --deg -o joints.csv
     """

@@ -80,6 +80,13 @@ class InverseMany:
         most = max(1, int(np.isfinite(Q[..., 0]).sum(axis=-1).max(initial=0)))
         return Q[..., :most, :]
 
+    def continued(self, Q: Array, position: Array, rotation: Array) -> Array:
+        """Return the solutions at poses (M) beside configurations Q (M, n), all joints free.
+
+        NaN where Newton steps lead to none.
+        """
+        return self._polished(Q.copy(), position, rotation, 1, 1.0, np.arange(self.arm.n))
+
     def _verified(self, Q: Array, position: Array, rotation: Array) -> Array:
         """Solutions Q (M, S, n) brought to the poses (M), each once; NaN behind them."""
         flat = self._polished(Q.reshape(-1, self.arm.n), position, rotation, Q.shape[1])
@@ -177,9 +184,16 @@ class InverseMany:
         )
 
     def _polished(
-        self, Q: Array, position: Array, rotation: Array, slots: int, near: float = _NEAR
+        self,
+        Q: Array,
+        position: Array,
+        rotation: Array,
+        slots: int,
+        near: float = _NEAR,
+        free: Ints | None = None,
     ) -> Array:
         """Move Q (M S, n) to the poses (M), in place, by Newton steps; NaN where that fails."""
+        free = self.free if free is None else free
         for start in range(0, len(Q), _ROWS):
             here = Q[start : start + _ROWS]
             rows = np.flatnonzero(np.isfinite(here[:, 0]))
@@ -194,14 +208,14 @@ class InverseMany:
                 if not len(rows):
                     break
                 solver = Solver.of(
-                    self.arm, position[pose], rotation[pose], np.full(self.arm.n, np.nan), self.free
+                    self.arm, position[pose], rotation[pose], np.full(self.arm.n, np.nan), free
                 )
                 error, J = solver.linear(q)
                 # Damped, so that a singular configuration beside the way is no end of it.
                 A = J.swapaxes(1, 2) @ J + 1e-12 * np.eye(J.shape[2])
                 step = np.linalg.solve(A, J.swapaxes(1, 2) @ error[..., None])[..., 0]
                 step *= np.minimum(1.0, 0.3 / np.maximum(np.abs(step).max(axis=1), 1e-300))[:, None]
-                q[:, self.free] += step / solver.weight
+                q[:, free] += step / solver.weight
         return Q
 
     def _residual(self, Q: Array, position: Array, rotation: Array) -> Array:

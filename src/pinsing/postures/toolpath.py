@@ -24,7 +24,7 @@ from pinsing._types import Array, Bool, Ints
 from pinsing.algebra.nearest import SearchOptions, nearest_points
 from pinsing.arguments import checked
 from pinsing.errors import ConfigurationError, OptionError
-from pinsing.families import ClosedForm, Family
+from pinsing.families import ClosedForm
 from pinsing.kinematics.tip_speed import limits_of
 from pinsing.measures import ROUNDING
 from pinsing.notebook import one_line
@@ -58,8 +58,8 @@ _FINEST = 1e-5
 """Radians below which nothing is halved any more."""
 _THINNED = 6
 """One value and one pose in so many are looked at first."""
-_DECIDING = 3
-"""Poses at which the bound is looked for: those with the least room."""
+_ENOUGH = np.radians(0.5)
+"""Radians between the path and the bound at which values are no longer divided."""
 _NODES = ("clear", "likely", "highest", "usable", "seen", "between", "off")
 """What is kept of each node (N, G, S)."""
 _HALVED = 6
@@ -92,9 +92,9 @@ class PathPlan(JsonResult):
     family : str
         The family there.
     bound : float
-        No path through these poses stays farther away, by a search and not proven: bisection of
-        what is free at the poses with the least room, arcs taken as chords and a tenth, or as
-        twice as bent as three neighbouring values are; radians.
+        No path through these poses stays farther away, by a search and not proven: what may be
+        better is divided in thirds, arcs taken as chords and a tenth, or as twice as bent as three
+        neighbouring values are; radians.
     fixed : tuple of float
         Clearance at the poses of the paths along which what is free keeps its value (that of the
         poses as given, or the middle of a joint's range), one for each branch that may begin; 0
@@ -351,6 +351,9 @@ class _Planner:
         self.bounded: Bool = whole | np.asarray(arm.prismatic, dtype=bool)
         self.turn = np.where(self.bounded, 0.0, 2 * np.pi)
         self.start: Array | None = None
+        self.floor = -np.inf
+        self.edges: list[Ints] = []
+        self.near: Array = np.empty(0)
         self.least: float | None = None
         self.counted: Bool = np.zeros(arm.n, dtype=bool)
         self.turns: Ints = np.zeros((1, 0), dtype=int)
@@ -385,7 +388,7 @@ class _Planner:
 
     def plan(self, start: npt.ArrayLike | None) -> PathPlan:
         """Solve the grid, find the best path on it, prove its clearance, and bound all others."""
-        N, chosen = len(self.T), self._chosen(start)
+        chosen = self._chosen(start)
         notes = [] if self.solver.exact else [
             "inverse kinematics by continuation from solutions at some poses: others may exist"
         ]  # fmt: skip
@@ -398,18 +401,28 @@ class _Planner:
             )
         if isinstance(chosen, str):
             return self._none(chosen, notes)
-        i, q = chosen
+        values, q = chosen
         proven, where = self._proven(q)
-        near, kept = clearance(self.form, q[round(where)]), self._kept(self._first(start))
+        bound, reached, finer = max(self.relaxed, proven), self.reached, self.finer
+        while bound > reached + _ENOUGH and (part := finer(reached, bound)) is not None:
+            better, finer = part.path(), part.finer
+            bound = max(min(bound, max(part.relaxed, part.floor)), proven)
+            if not isinstance(better, str) and part.reached > reached:
+                reached = part.reached
+                least, at = self._proven(better[1])
+                if least > proven:
+                    (values, q), proven, where = better, least, at
+        bound = max(bound, proven)
+        near, kept = clearance(self.form, q[round(where)]), self._kept(self.first)
         family = near.names[int(near.family)] if near.names else ""
         return replace(
             self._none("", notes),
             q=q,
-            values=self.grid[i] if self.free != "branch" else np.zeros(N),
+            values=values,
             clearance=proven,
             where=where,
             family=family,
-            bound=min(self._bound(proven), max(self.relaxed, proven)),
+            bound=bound,
             fixed=tuple(np.nan_to_num(kept).min(axis=1).tolist()),
             kept=kept,
             title=self.form[family].title if family else "",
@@ -417,8 +430,9 @@ class _Planner:
             room=np.where(self.usable, self.likely, -np.inf).max(axis=2),
         )
 
-    def _chosen(self, start: npt.ArrayLike | None) -> tuple[Ints, Array] | str:
+    def _chosen(self, start: npt.ArrayLike | None) -> tuple[Array, Array] | str:
         """Solve the grid: values (N,) and configurations (N, n) of its best path; else a reason."""
+        self.values = np.broadcast_to(self.grid, (len(self.T), len(self.grid)))
         position, rotation = self._targets(self.T, self.grid)
         self.Q = self.solver.solve(
             position, rotation, None if self.held is None else self.grid,
@@ -429,20 +443,25 @@ class _Planner:
         if (reason := self._unreached()) is not None:
             return reason
         self._link()
-        first = self._first(start)
+        self.first = self._first(start)
+        return self.path()
+
+    def path(self) -> tuple[Array, Array] | str:
+        """Return values (N,) and configurations (N, n) of the best path; else a reason."""
         while True:
-            path = self._searched(first)
+            path = self._searched()
             if isinstance(path, str):
                 return path
             i, s, turns = path
-            q = self._unwrapped(self.Q[np.arange(len(self.T)), i, s], turns)
+            poses = np.arange(len(self.T))
+            q = self._unwrapped(self.Q[poses, i, s], turns)
             beyond = np.asarray(self.arm.space.outside(q).any(axis=0))
             if not beyond.any() and self.relaxed > self.reached + STEP:
                 # What others seem to have may be beyond the limits of the joint that winds most.
                 wound = np.where(self.bounded | self.counted.any(), 0.0, np.ptp(q, axis=0))
                 beyond = wound >= max(wound.max(), np.pi)
             if not beyond.any():
-                return i, q
+                return self.values[poses, i], q
             self._count_turns(beyond)
 
     def _none(self, reason: str, notes: Sequence[str]) -> PathPlan:
@@ -456,12 +475,15 @@ class _Planner:
     # -- the grid ---------------------------------------------------------------------------------
 
     def _targets(self, T: Array, values: Array) -> tuple[Array, Array]:
-        """Positions (N, G, 3) and rotations (N, G, 3, 3) of the tip at poses T (N, 4, 4)."""
-        spin = np.broadcast_to(np.eye(3), (len(values), 3, 3)).copy()
+        """Positions (N, G, 3) and rotations (N, G, 3, 3) of the tip at poses T (N, 4, 4).
+
+        Values are (G,), or (N, G).
+        """
+        spin = np.broadcast_to(np.eye(3), (*values.shape, 3, 3)).copy()
         if self.cyclic:
-            spin[:, 0, 0] = spin[:, 1, 1] = np.cos(values)
-            spin[:, 1, 0] = np.sin(values)
-            spin[:, 0, 1] = -spin[:, 1, 0]
+            spin[..., 0, 0] = spin[..., 1, 1] = np.cos(values)
+            spin[..., 1, 0] = np.sin(values)
+            spin[..., 0, 1] = -spin[..., 1, 0]
         rotation = T[:, None, :3, :3] @ spin
         position = T[:, None, :3, 3] + rotation @ self.back[:3, 3]
         return position, rotation @ self.back[:3, :3]
@@ -478,7 +500,7 @@ class _Planner:
         self.usable = self.off <= 0
         self.likely, self.seen = self.clear.copy(), ~np.isfinite(self.clear)
 
-    def _searched(self, first: Bool) -> tuple[Ints, Ints, Ints] | str:
+    def _searched(self) -> tuple[Ints, Ints, Ints] | str:
         """The best path on the grid; else why there is none.
 
         What has less clearance for sure than a path on a part of the grid is not looked at more
@@ -489,16 +511,16 @@ class _Planner:
         lower, width = _MARGIN, _THINNED
         while True:
             self._estimate_all(self.least)
-            path = self._best_path(first, self.least)
-            if self.reached < self.least:
+            path = self._best_path(self.least)
+            if self.reached < self.least > self.floor:
                 lower *= 4
                 self.least = max(self.reached, self.least - lower)
-                self.least = self.least if self.least > 0 else -np.inf
+                self.least = max(self.least if self.least > 0 else -np.inf, self.floor)
                 continue
             if isinstance(path, str):
                 return path
             found = self._certify(path, width)
-            if found >= self.reached - _BISECTED or width > len(self.grid):
+            if found >= self.reached - _BISECTED or width > self.clear.shape[1]:
                 return path
             self.least = max(self.least, found - _BISECTED)
             width *= 2
@@ -513,7 +535,7 @@ class _Planner:
         poses = poses[found < self.reached - _BISECTED]
         for side in (0, 1):
             near = at[poses]
-            for _ in range(min(width, len(self.grid) - 1)):
+            for _ in range(min(width, self.clear.shape[1] - 1)):
                 near = self.beside[poses, side, near]
                 self._search(poses, near)
         return float(found.min())
@@ -544,8 +566,9 @@ class _Planner:
         if len(coarse.T) < 2 or coarse.clear.size * _THINNED > self.clear.size:
             return -np.inf
         coarse._link()
+        coarse.first = coarse._first(None)
         coarse._estimate_all(-np.inf)
-        path = coarse._best_path(coarse._first(None), -np.inf)
+        path = coarse._best_path(-np.inf)
         return -np.inf if isinstance(path, str) else coarse.reached
 
     def _estimate_all(self, least: float) -> None:
@@ -567,11 +590,12 @@ class _Planner:
                 found = nearest_points(
                     self.watched.conditions, q[rows], *self.watched.limits, _ROUGH
                 )
-                self.likely[k][rows] = np.maximum(self.clear[k][rows], found.upper)
-                self.highest[k][rows] = np.minimum(self.highest[k][rows], self.likely[k][rows])
+                most = np.maximum(self.clear[k][rows], found.upper)
+                most = self.likely[k][rows] = np.minimum(self.highest[k][rows], most)
+                self.highest[k][rows] = most
                 self.seen[k][rows] = True
                 at, off = np.flatnonzero(rows), q[rows] - found.q
-                half = self._gap(q.reshape(-1, self.arm.n)[self.beside[k][:, at]] - q[rows]) / 2
+                half = self._gap(self._neighbors(k, at).swapaxes(0, 1) - q[rows]) / 2
                 ends = np.linalg.norm((off + half) * self.scale, axis=-1).max(axis=0)
                 bent = np.linalg.norm(half.sum(axis=0) * self.scale, axis=-1) / 2
                 most = np.maximum(ends, found.upper) + bent
@@ -617,7 +641,7 @@ class _Planner:
 
     # -- the path ---------------------------------------------------------------------------------
 
-    def _best_path(self, first: Bool, floor: float) -> tuple[Ints, Ints, Ints] | str:
+    def _best_path(self, floor: float) -> tuple[Ints, Ints, Ints] | str:
         """Indices of values, slots and turns (N,) of the best path; else why there is none.
 
         Beside it, ``relaxed`` becomes what paths between the grid's values may have: nodes have
@@ -625,39 +649,42 @@ class _Planner:
         Values that have less than ``floor`` for sure are left out.
         """
         N, G, S = self.clear.shape
-        window = 0 if G == 1 else min(G // 2, max(3, -(-_TURNS * G // N)))
         # The last state of each node is none: where turns lead beyond all that are counted.
         best = np.full((2, G * S, len(self.turns) + 1), -np.inf)
         nodes = np.stack([self.likely[0].ravel(), self._room(0)])[..., None]
-        best[..., :-1] = np.where(first.reshape(-1, 1) & self._within(0), nodes, -np.inf)
+        best[..., :-1] = np.where(self.first.reshape(-1, 1) & self._within(0), nodes, -np.inf)
         back: list[tuple[Ints, Ints]] = []
+        self.through, reason = np.full((N, G * S), -np.inf), ""
+        self.through[0] = best[1].max(axis=-1)
         self.reached = self.relaxed = -np.inf
         for k in range(1, N):
             room = self._room(k)
             here = np.flatnonzero((room >= floor) & (room > -np.inf))
-            source = self._sources(k, here, window)
-            far: Bool = np.arange(len(source)) > 2 * window
+            source, far = self._sources(k, here)
             move = self.Q[k].reshape(G * S, -1)[here] - self.Q[k - 1].reshape(G * S, -1)[source]
             edge = self._states(move, source)
             nodes = np.stack([self.likely[k].ravel(), room])[:, here]
             value = np.minimum(best.reshape(2, -1)[:, edge], nodes[:, None, :, None])
             value = np.where(self._within(k)[:, None, here], value, -np.inf)
             sure, loose, maybe = self._passable(k, here, source, move, room[here])
-            proven = np.where((sure & ~far[:, None])[..., None], value[0], -np.inf)
+            proven = np.where((sure & ~far)[..., None], value[0], -np.inf)
             choice = proven.argmax(axis=0)[None]
             new, from_ = (np.take_along_axis(x, choice, axis=0)[0] for x in (proven, edge))
-            doubtful = (maybe & ~far[:, None])[..., None] & (value[0] > new)
+            doubtful = (maybe & ~far)[..., None] & (value[0] > new)
             if doubtful.any():
                 self._prove_edges(k, here, np.where(doubtful, value[0], -np.inf), edge, new, from_)
-            if not np.isfinite(new).any():
-                return self._why(k, best[0])
+            if not (reason or np.isfinite(new).any()):
+                reason = "none" if self.edges else self._why(k, best[0])
             best = np.full(best.shape, -np.inf)
             best[0, here, :-1] = new
             best[1, here, :-1] = np.where(loose[..., None], value[1], -np.inf).max(axis=0)
+            self.through[k] = best[1].max(axis=-1)
             back.append((here, from_))
             if k % 20 == 0:
                 self.progress("best path", k, N)
         self.reached, self.relaxed = float(best[0].max()), float(best[1].max())
+        if reason:
+            return reason
         at, path = int(best[0].argmax()), np.zeros(N, dtype=int)
         for k in range(N - 1, 0, -1):
             path[k], (here, from_) = at, back[k - 1]
@@ -667,17 +694,27 @@ class _Planner:
         i, s, turns = np.unravel_index(path, (G, S, best.shape[2]))
         return i, s, turns
 
-    def _sources(self, k: int, here: Ints, window: int) -> Ints:
+    def _sources(self, k: int, here: Ints) -> tuple[Ints, Bool]:
         """Nodes (D, M) of the pose before pose k that motions to nodes ``here`` (M,) begin at.
 
         Those of the same branch at the same value, at values up to ``window`` away on both sides,
-        and at the next ones, by which other paths are bounded.
+        and at the next ones, which are ``far``: other paths are bounded by them.
         """
+        if self.edges:
+            source = self.edges[k][:, here]
+            return source, self._apart(k, here, source) > self.reach + ROUNDING
         out, ends = [self.before[k][here]], [self.before[k][here]] * 2
-        for _ in range(window + 1 if len(self.grid) > 1 else 0):
+        for _ in range(self.window + 1 if len(self.grid) > 1 else 0):
             ends = [link[at] for link, at in zip(self.beside[k - 1], ends, strict=True)]
             out += ends
-        return np.stack(out)
+        far = np.arange(len(out)) > 2 * self.window
+        return np.stack(out), np.broadcast_to(far[:, None], (len(out), len(here)))
+
+    def _apart(self, k: int, here: Ints, source: Ints) -> Array:
+        """How far the values of nodes (M,) are from those (D, M) of the pose before."""
+        off = self.values[k, here] - self.values[k - 1][source]
+        off -= 2 * np.pi * np.rint(off / (2 * np.pi)) if self.cyclic else 0.0
+        return np.asarray(np.abs(off))
 
     def _within(self, k: int) -> Bool:
         """Which turns of which nodes of pose k a path may have, and one between (2, G S, T)."""
@@ -711,6 +748,157 @@ class _Planner:
         most = ((self.arm.upper - self.arm.lower)[self.counted] / (2 * np.pi)).clip(0, _TURNS)
         self.turns = np.array(list(product(*(range(-int(m), int(m) + 1) for m in most))))
 
+    # -- between the values of the grid ------------------------------------------------------------
+
+    def finer(self, reached: float, bound: float) -> _Planner | None:
+        """Return the planner of what a path better than ``reached`` may pass, in thirds of a step.
+
+        Nodes that stay farther than ``bound`` are not divided. None where there is nothing to
+        divide; of more nodes than the grid has those with the greatest room are kept.
+        """
+        N, n = len(self.T), self.arm.n
+        if len(self.grid) < 2 or self.idle:
+            return None
+        least, clear = reached + _BISECTED, self.clear.reshape(N, -1)
+        while True:
+            alive = self._passed(least)
+            split = alive & (clear < bound) & (self.way > _FINEST)
+            split[0] &= self.start is None
+            if N * (alive + 2 * split).sum(axis=1).max() > self.most:
+                split[np.where(alive, clear, 0.0).max(axis=1) >= bound] = False
+            if not split.any() or bound - least < _FINEST:
+                return None
+            if N * (alive + 2 * split).sum(axis=1).max() <= self.most:
+                break
+            least = (least + bound) / 2
+        pose, at = np.nonzero(alive)
+        split = split[pose, at]
+        pieces = self._thirds(pose[split], at[split])
+        whole = np.isfinite(pieces[:, 1:4]).all(axis=(1, 2))
+        split[split], pieces = whole, pieces[whole]
+        if not split.any():
+            return None
+        parts = np.where(split, 3, 1)
+        parent = np.repeat(np.arange(len(pose)), parts)
+        side = np.arange(len(parent)) - (np.cumsum(parts) - parts + split)[parent]
+        new, row = split[parent], (np.cumsum(split) - 1)[parent]
+        pose, at = pose[parent], at[parent]
+        slot = np.arange(len(pose)) - np.searchsorted(pose, pose)
+        most = int(slot.max()) + 2  # the last one of each pose is none
+        near = self._neighbors(pose, at)
+        q = self.Q.reshape(N, -1, n)[pose, at]
+        value, half = self.values[pose, at // self.Q.shape[2]], self.half[pose, at]
+        moved = np.zeros(len(q))
+        row, beside = row[new], side[new] + 2
+        near[new] = np.stack([pieces[row, beside - 1], pieces[row, beside + 1]], axis=1)
+        moved[new] = self._length(pieces[row, beside] - q[new])
+        q[new] = pieces[row, beside]
+        half[new] /= 3
+        value[new] += 2 * side[new] * half[new]
+        if self.held is not None:
+            value = q[:, self.held]
+            ends = np.nan_to_num(near[..., self.held] - value[:, None])
+            ends = (np.abs(ends).max(axis=1) + np.abs(ends.sum(axis=1))) / 2
+            half = np.where(new, ends, half)
+
+        def laid(x: Array, fill: float) -> Array:
+            """One row for each pose."""
+            rows = np.full((N, most, *x.shape[1:]), fill, dtype=x.dtype)
+            rows[pose, slot] = x
+            return rows
+
+        out = copy.copy(self)
+        out.floor = out.least = least
+        out.values, out.half, out.near = laid(value, 0.0), laid(half, 0.0), laid(near, np.nan)
+        out.way = laid(self._longer(near - q[:, None]), 0.0)
+        out.Q = laid(q, np.nan)[:, :, None]
+        of = {name: getattr(self, name).reshape(alive.shape)[pose, at] for name in _NODES}
+        aside = moved > 0
+        found = clearance(self.form, q[aside])
+        of["clear"][aside] = np.maximum(found.lower, (of["clear"] - moved)[aside])
+        of["highest"][aside] = np.minimum(found.upper, (of["highest"] + moved)[aside])
+        of["likely"][aside] = of["clear"][aside]
+        of["between"][new], of["off"] = np.inf, self._beyond(q)
+        of["seen"] &= ~new
+        of["usable"] = of["off"] <= 0
+        fills = (-np.inf, -np.inf, -np.inf, 0, 1, np.inf, np.inf)
+        for name, fill in zip(_NODES, fills, strict=True):
+            setattr(out, name, laid(of[name], fill)[:, :, None])
+        out.first = np.zeros((most, 1), dtype=bool)
+        out.first[slot[pose == 0], 0] = self.first.ravel()[at[pose == 0]]
+        part = np.full((*alive.shape, 3), -1)
+        for j in (-1, 0, 1):
+            rows = ~new | (side == j)
+            part[pose[rows], at[rows], j + 1] = slot[rows]
+        out.beside = np.zeros((N, 2, most), dtype=np.int32)
+        for j, to in enumerate((-1, 1)):
+            other = part[pose, self.beside[pose, j, at], 1 - to]
+            other = np.where(other < 0, slot, other)
+            out.beside[pose, j, slot] = np.where(new & (side != to), slot + to, other)
+        out.before, reach = np.zeros((N, most), dtype=np.int32), self.reach
+        out.edges = [np.empty((0, 0), dtype=np.int32)]
+        for k in range(1, N):
+            here = np.flatnonzero(pose == k)
+            cells: Ints = np.arange(len(here))
+            source = self._sources(k, at[here])[0]
+            source = np.moveaxis(part[k - 1][source], 2, 0).reshape(-1, len(here))
+            ends = out.half[k, cells] + out.half[k - 1][source]
+            apart = out._apart(k, cells, source)
+            source[(source < 0) | (apart > reach + ends + ROUNDING)] = most - 1
+            source = np.sort(source, axis=0)
+            source[1:][source[1:] == source[:-1]] = most - 1
+            source = np.sort(source, axis=0)
+            source = source[: max(1, int((source < most - 1).sum(axis=0).max(initial=0)))]
+            out.edges.append(source.astype(np.int32))
+            near = np.where(source < most - 1, out._apart(k, cells, source), np.inf)
+            out.before[k, cells] = source[near.argmin(axis=0), cells]
+        return out
+
+    def _thirds(self, pose: Ints, at: Ints) -> Array:
+        """Return five configurations (M, 5, n) about nodes (M,), a third of a step apart.
+
+        NaN where there is none near enough.
+        """
+        n, count = self.arm.n, np.array([-2, -1, 1, 2])
+        q = self.Q.reshape(len(self.T), -1, n)[pose, at][:, None]
+        near = self._neighbors(pose, at)
+        toward = np.nan_to_num(self._gap(near - q))
+        way = self._length(toward)[..., None]
+        unknown = (way == 0) | (way > _BRANCH)  # straight on from the other side
+        toward = np.where(unknown, -toward[:, ::-1], toward)[:, [0, 0, 1, 1]]
+        guess = q + toward * np.abs(count)[:, None] / 3
+        value = self.values[pose, at // self.Q.shape[2]][:, None]
+        value = value + count * (2 / 3) * self.half[pose, at][:, None]
+        p, R = self._targets(self.T[pose], value)
+        found = self.solver.continued(
+            guess.reshape(-1, n),
+            np.broadcast_to(p, (*value.shape, 3)).reshape(-1, 3),
+            np.broadcast_to(R, (*value.shape, 3, 3)).reshape(-1, 3, 3),
+        ).reshape(guess.shape)
+        found[self._length(found - guess) > self._length(toward) + _BISECTED] = np.nan
+        there = np.isfinite(found[..., 0])
+        found[there] = self.arm.space.fold(found[there])
+        return np.concatenate([found[:, :2], q, found[:, 2:]], axis=1)
+
+    def _longer(self, ends: Array) -> Array:
+        """Return the longer of the motions (M, 2, n) to a node's neighbors on its branch."""
+        way = self._length(ends)
+        return np.asarray(np.where(way < _BRANCH, way, 0.0).max(axis=-1))
+
+    def _passed(self, least: float) -> Bool:
+        """Which nodes (N, G S) a path with more room than ``least`` may pass."""
+        alive: Bool = self.through > least
+        for k in range(len(self.T) - 1, 0, -1):
+            here = np.flatnonzero(alive[k])
+            source = self._sources(k, here)[0]
+            n = self.arm.n
+            move = self.Q[k].reshape(-1, n)[here] - self.Q[k - 1].reshape(-1, n)[source]
+            loose = self._passable(k, here, source, move, self._room(k)[here])[1]
+            linked = np.zeros(alive.shape[1], dtype=bool)
+            linked[source[loose]] = True
+            alive[k - 1] &= linked
+        return alive
+
     def _link(self) -> None:
         """Find the neighbours of all nodes, and the longer ``way`` (N, G S) along the grid.
 
@@ -720,6 +908,10 @@ class _Planner:
         self.beside, self.way = np.empty((N, 2, G * S), dtype=np.int32), np.zeros((N, G * S))
         self.before = np.empty((N, G * S), dtype=np.int32)
         values: Ints = np.arange(G)
+        self.window = 0 if G == 1 else min(G // 2, max(3, -(-_TURNS * G // N)))
+        step = self.grid[1] - self.grid[0] if G > 1 else 0.0
+        self.half, self.reach = np.broadcast_to(step / 2, self.way.shape), self.window * step
+        self.most = self.clear.size // 4
         last: Array | None = None
         for k, q in enumerate(self.Q):
             there = np.isfinite(q[..., :1])
@@ -728,12 +920,18 @@ class _Planner:
             last = circle if last is None else last
             self.before[k] = (values[:, None] * S + self._nearest(circle, last)).ravel()
             last = circle
-            for side in (0, 1):
-                near = self._shifted(values, 2 * side - 1)
-                link = (near[:, None] * S + self._nearest(circle, circle[near])).ravel()
-                way = self._length(q.reshape(G * S, -1) - q.reshape(G * S, -1)[link])
-                self.beside[k, side] = link
-                self.way[k] = np.fmax(self.way[k], np.where(way < _BRANCH, way, 0.0))
+            near = np.stack([self._shifted(values, -1), self._shifted(values, 1)])
+            link = (near[..., None] * S + self._nearest(circle, circle[near])).reshape(2, -1)
+            if self.held is not None:  # a branch that ends turns back into another one
+                other = circle @ circle.swapaxes(1, 2) - 4 * self.arm.n * np.eye(S)
+                other -= 2 * self.arm.n * ~there.swapaxes(1, 2)
+                other = (values[:, None] * S + other.argmax(axis=-1)).ravel()
+                ends = np.take_along_axis(link[::-1], link, axis=1) != np.arange(G * S)
+                ends &= np.repeat(near != values, S, axis=1)
+                link = np.where(ends, other, link)
+            self.beside[k] = link
+            q = q.reshape(G * S, -1)
+            self.way[k] = self._longer((q[link] - q).swapaxes(0, 1))
 
     def _room(self, k: int) -> Array:
         """Return the most clearance (G S,) that there may be up to halfway to a neighbouring value.
@@ -744,6 +942,14 @@ class _Planner:
         room = np.minimum(self.highest[k].ravel() + 0.55 * self.way[k], self.between[k].ravel())
         return np.where(self.off[k].ravel() <= 0.55 * self.way[k], room, -np.inf)
 
+    def _neighbors(self, k: int | Ints, at: Ints) -> Array:
+        """Return configurations (M, 2, n) on both sides of nodes (M,), two half widths away."""
+        if self.edges:
+            return np.asarray(self.near[k, at])
+        k = np.broadcast_to(k, at.shape)
+        Q = self.Q.reshape(len(self.Q), -1, self.arm.n)
+        return np.asarray(Q[k[:, None], self.beside[k, :, at]])
+
     def _beyond(self, Q: Array) -> Array:
         """How far nodes (..., n) are from within the limits at least; zero or less within."""
         limits = self.arm.lower - ROUNDING, self.arm.upper + ROUNDING
@@ -751,7 +957,7 @@ class _Planner:
 
     def _nearest(self, a: Array, b: Array) -> Ints:
         """Slots (M, S) of nodes b (M, S, 2n) nearest to those of nodes a, by sums of cosines."""
-        return np.asarray((a @ b.swapaxes(1, 2)).argmax(axis=-1))
+        return np.asarray((a @ b.swapaxes(-1, -2)).argmax(axis=-1))
 
     def _prove_edges(
         self, k: int, here: Ints, value: Array, edge: Ints, new: Array, from_: Ints
@@ -816,6 +1022,8 @@ class _Planner:
         source = np.isfinite(best).any(axis=-1).reshape(self.usable[k].shape)
         target = self.usable[k]
         q, to = self.Q[k - 1][source], self.Q[k][target]
+        if not len(q) or not len(to):
+            return f"no motion between poses {k - 1} and {k} is proven clear"
         gap = self._gap(to[None] - q[:, None])
         near = np.unravel_index(int(np.linalg.norm(gap, axis=-1).argmin()), gap.shape[:2])
         a, move = q[near[0]], gap[near]
@@ -910,113 +1118,6 @@ class _Planner:
         apart = np.abs(self.arm.space.wrap(Q[:, None] - Q[None, :1]))[..., :-1].max(axis=-1)
         return len(others) > 0 and len(np.unique(np.round(apart, 6))) <= 16
 
-    def _bound(self, reached: float) -> float:
-        """What no path exceeds, ``reached`` at least, which one has.
-
-        A path stays on one side of each surface, so it has the most of any side: of each, the most
-        at the poses where it has the least room.
-        """
-        room = np.stack([self._room(k) for k in range(len(self.T))]).reshape(self.clear.shape)
-        more = room > reached
-        side = np.full(self.clear.shape, -1)
-        for q, here, rows in zip(self.Q, side, more, strict=True):
-            here[rows] = self._sides(q[rows])
-        most = reached
-        for label in np.unique(side[more]):
-            highest = np.where(side == label, room, -np.inf).max(axis=(1, 2))
-            bound = np.inf
-            for k in np.argsort(highest)[:_DECIDING]:
-                bound = min(bound, max(float(highest[k]), most))
-                if bound > most:
-                    bound = min(bound, self._most_at(int(k), int(label), most))
-            most = max(most, bound)
-        return most
-
-    def _sides(self, Q: Array) -> Ints:
-        """On which sides of the surfaces that part joint space nodes (..., n) are, as a number."""
-        out = np.zeros(Q.shape[:-1], dtype=int)
-        q = np.nan_to_num(Q)
-        for family in self.form.families:
-            f: Array = np.ones(Q.shape[:-1])
-            for branch in family.branches:
-                if len(branch.values) + len(branch.equations) != 1:
-                    f = np.ones(Q.shape[:-1])  # it parts nothing
-                    break
-                for v in branch.values:
-                    slides = self.arm.prismatic[v.joint]
-                    off = q[..., v.joint] - v.value
-                    f = f * (off if slides else np.sin(off / 2))
-                for equation in branch.equations:
-                    f = f * equation(q)
-            if self._has_a_sign(family):
-                out = 2 * out + (f > 0)
-        return out
-
-    def _has_a_sign(self, family: Family) -> bool:
-        """Return True if whole turns leave the sign of a family's product of equations as it is."""
-        odd = np.zeros(self.arm.n)
-        for branch in family.branches:
-            for v in branch.values:
-                odd[v.joint] += 1
-            for equation in branch.equations:
-                odd += equation.frequencies[0] if len(equation.frequencies) else 0
-        return bool((odd[self.turn > 0] % 2 == 0).all())
-
-    def _most_at(self, k: int, side: int, best: float) -> float:
-        """The most clearance at pose k on a side, whatever the value and the branch, by bisection.
-
-        It is ``best`` at least. Between two neighbouring values a branch moves by the length of its
-        arc, here its chord and a tenth; clearance changes no faster.
-        """
-
-        def upper(Q: Array) -> Array:
-            there = (self._beyond(Q) <= 1.1 * reach) & (self._sides(Q) == side)
-            out = np.full(there.shape, -np.inf)
-            q = Q[there]
-            options = self.watched.conditions, q, *self.watched.limits
-            found = nearest_points(*options, _ROUGH).upper
-            more = np.flatnonzero(found > best)
-            found[more] = clearance(self.form, q[more], certify=True, gap=_GAP).upper
-            out[there] = found
-            return out
-
-        values, A, S = self.grid, self.Q[k], self.Q.shape[2]
-        reach = float(self.way[k].max())
-        ua = upper(A)
-        best = max(best, float(ua[self.usable[k]].max(initial=-np.inf)))
-        if self.free == "branch" or self.idle:
-            return best
-        ends = self._shifted(np.arange(len(values)), 1)
-        width = 2 * np.pi / len(values) if self.cyclic else float(values[1] - values[0])
-        B, ub = A[ends], ua[ends]
-        while True:
-            ceiling = self._ceiling(A, ua, B, ub)
-            more = ceiling > best + _BISECTED
-            # Where inverse kinematics is not exact each value would cost a search.
-            if not more.any() or width < _FINEST or not self.solver.exact:
-                return max(best, float(ceiling.max(initial=-np.inf)))
-            width, reach = width / 2, reach / 2
-            values, (A, ua, B, ub) = values[more], (x[more] for x in (A, ua, B, ub))
-            middle = values + width
-            held = middle if self.held is not None else None
-            found = self.solver.solve(*self._targets(self.T[k : k + 1], middle), held)[0]
-            S = max(A.shape[1], found.shape[1])
-            here = _padded(found, S)
-            u = upper(here)
-            best = max(best, float(u[self._beyond(here) <= 0].max(initial=-np.inf)))
-            A, B, ua, ub = (_padded(x, S) for x in (A, B, ua, ub))
-            A, B = np.concatenate([A, here]), np.concatenate([here, B])
-            ua, ub = np.concatenate([ua, u]), np.concatenate([u, ub])
-            values = np.concatenate([values, middle])
-
-    def _ceiling(self, A: Array, ua: Array, B: Array, ub: Array) -> Array:
-        """The most (M,) that a branch has between two values with solutions (M, S, n) at each."""
-        chord = self._length(
-            np.nan_to_num(A, nan=1e9)[:, :, None] - np.nan_to_num(B, nan=-1e9)[:, None]
-        )
-        pair = np.where(chord < _BRANCH, (ua[:, :, None] + ub[:, None] + 1.1 * chord) / 2, -np.inf)
-        return np.asarray(pair.max(axis=(1, 2)))
-
     def _proven(self, q: Array) -> tuple[float, float]:
         """The least clearance along a path (N, n), between poses too, and at which pose it is.
 
@@ -1037,12 +1138,6 @@ class _Planner:
             lower = np.insert(lower, wide + 1, here)
             places = np.insert(places, wide + 1, (places[wide] + places[wide + 1]) / 2)
             q = np.insert(q, wide + 1, middle, axis=0)
-
-
-def _padded(x: Array, slots: int) -> Array:
-    """Solutions (M, S, n) or what is known of them (M, S), with more slots: those of none."""
-    more = [(0, 0), (0, slots - x.shape[1]), (0, 0)][: x.ndim]
-    return np.pad(x, more, constant_values=np.nan if x.ndim == 3 else -np.inf)
 
 
 def rigid_motions(poses: npt.ArrayLike, name: str) -> Array:
