@@ -14,7 +14,7 @@ LIMITS: dict[str, tuple[int, int]] = {
     "C++, JavaScript, templates, styles: lines": (12_569, 9_500),
     "modules": (219, 220),
     "packages directly under pinsing": (16, 16),
-    "numbers in module constants": (624, 500),
+    "numbers in module constants": (496, 500),
     "names exported by pinsing": (32, 32),
     "lines of tests": (45_288, 28_000),
     "words of Markdown, changelog excluded": (40_000, 40_000),

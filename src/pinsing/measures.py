@@ -35,6 +35,15 @@ ALIKE = 1e-6
 What differs by less is one, and what is smaller is zero.
 """
 
+PRACTICAL = 1e-5
+"""Radians, metres, ratios: of no matter to a machine, and far above what rounding makes."""
+
+SOLVED = 1e-11
+"""Radians, metres over the length scale: what is left of equations that are solved."""
+
+SEED = 20
+"""Of what is drawn at random where nobody gives another."""
+
 Status = Literal["singular", "near-singular", "regular"]
 
 

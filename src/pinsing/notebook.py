@@ -13,7 +13,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Iterator, Sequence
 
-from pinsing.prose import visible
+from pinsing.prose import WIDTH, visible
 
 _TOKENS = re.compile(r"\\[A-Za-z]+|\\.|\d+(?:\.\d+)?|[A-Za-z]+|[-+=(){}^_/,.<>|:;]|\s+")
 _LETTERS = {"sigma": "σ", "pi": "π", "circ": "°", "varphi": "φ"}
@@ -183,14 +183,13 @@ _COLORS = {"alarm": "#b00020", "caution": "#8a5a00", "good": "#1b6e3c"}
 """Grounds that white is read on; a page's own ground is not known."""
 _DOTS = {"alarm": "#e5484d", "caution": "#b7791f", "good": "#2f9e5f"}
 """Seen on white and on black."""
-_LONGEST = 110
 
 
 def one_line(kind: str, text: str) -> str:
     """Return ``<kind: first line of text>``, short and without control characters."""
     first = text.strip().splitlines()[0] if text.strip() else ""
     first = visible(first)
-    cut = first if len(first) <= _LONGEST else first[: _LONGEST - 3] + "..."
+    cut = first if len(first) <= WIDTH else first[: WIDTH - 3] + "..."
     return f"<{kind}: {cut}>" if cut else f"<{kind}>"
 
 

@@ -18,6 +18,7 @@ from pinsing.arguments import checked
 from pinsing.errors import PinsingError, ResultError
 from pinsing.notebook import one_line
 from pinsing.notebook import text as notebook_text
+from pinsing.prose import WIDTH
 
 if TYPE_CHECKING:
     from typing_extensions import Self
@@ -48,8 +49,6 @@ _ELSEWHERE = {
     "save": "to_json()",
     "show": "pinsing.Viewer",
 }
-_LONGEST = 120
-"""Characters of a field that the text of a result without a text of its own shows."""
 
 
 class JsonResult:
@@ -87,7 +86,7 @@ class JsonResult:
             return str(text(self))
         fields: Any = dataclasses.fields(self)  # type: ignore[arg-type]
         lines = (f"{f.name}: {getattr(self, f.name)}" for f in fields)
-        return "\n".join(line for line in lines if len(line) < _LONGEST and "\n" not in line)
+        return "\n".join(line for line in lines if len(line) < WIDTH and "\n" not in line)
 
     def _repr_html_(self) -> str:
         return notebook_text(str(self), block=True)

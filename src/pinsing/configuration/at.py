@@ -21,7 +21,6 @@ from pinsing.configuration.axis_dependence import (
     landmarks,
 )
 from pinsing.configuration.lost_motion import (
-    EXACT_TOL,
     JointAxes,
     LostMotion,
     Tool,
@@ -54,6 +53,7 @@ from pinsing.kinematics.verdict import (
     scale_notes,
     status_of,
 )
+from pinsing.measures import PRACTICAL
 from pinsing.prose import PLAIN, Page, Span, listed, measured, unbroken, verdict
 from pinsing.robot.arm import Arm, ArmSummary, summarize
 from pinsing.robot.nominal import nominal
@@ -550,7 +550,7 @@ def loss_at(arm: Arm, q: Array, rtol: float = SINGULAR_RTOL, near_rtol: float = 
     hardly = status == NEAR_SINGULAR
     axes = JointAxes.of(J, arm.prismatic, position)
     tool = replace(tool, landmarks=landmarks(arm, axes))
-    tol = max(EXACT_TOL, min(3 * ratio, 0.05)) if hardly else EXACT_TOL
+    tol = max(PRACTICAL, min(3 * ratio, 0.05)) if hardly else PRACTICAL
     return replace(
         found,
         tool=tool,

@@ -29,6 +29,7 @@ from pinsing.configuration.lost_motion import (
 from pinsing.kinematics.batch import own_scale, random_turns
 from pinsing.kinematics.jacobian import frame_jacobians
 from pinsing.kinematics.verdict import SINGULAR_RTOL, generic_rank, zero_of
+from pinsing.measures import SEED
 from pinsing.robot.arm import Arm
 from pinsing.robot.nominal import nominal
 from pinsing.robot.task import TOOL_AXES
@@ -155,7 +156,6 @@ def _combinations(n: int, size: int) -> Ints:
 DEPENDENCE_RTOL = 10 * SINGULAR_RTOL
 """Part of an arm may be this much less singular than the whole and still be its cause."""
 
-_SEED = 40823
 _SAMPLES = 4
 
 
@@ -266,7 +266,7 @@ def _generic_task(arm: Arm) -> Array:
     exact = nominal(arm).arm
 
     def compute() -> Array:
-        Q = random_turns(exact, _SAMPLES, _SEED)
+        Q = random_turns(exact, _SAMPLES, SEED)
         return own_scale(exact).apply(exact, _generic_jacobians(exact), Q)
 
     return arm.once("generic_task", compute)
@@ -378,5 +378,5 @@ def _merged(parts: Sequence[tuple[int, ...]]) -> list[tuple[int, ...]]:
 def _generic_jacobians(arm: Arm) -> Array:
     """Frame Jacobians (k, 6, n) at random configurations, whole circles."""
     return arm.once(
-        "generic_jacobians", lambda: frame_jacobians(arm, random_turns(arm, _SAMPLES, _SEED))
+        "generic_jacobians", lambda: frame_jacobians(arm, random_turns(arm, _SAMPLES, SEED))
     )

@@ -17,6 +17,7 @@ import numpy as np
 import numpy.typing as npt
 
 from pinsing._types import Array
+from pinsing.measures import PRACTICAL
 from pinsing.prose import listed
 
 
@@ -391,9 +392,6 @@ def orientation_reason(axes: JointAxes, ids: tuple[int, ...], tol: float, nearly
 ALIGNED = math.radians(0.1)
 """Radians; a direction this close to an axis of the tool or the base goes by that axis."""
 
-EXACT_TOL = 1e-5
-"""Share of a wrench that may be moment (or force) and still be called a pure force (moment)."""
-
 
 @dataclass(frozen=True, eq=False)
 class LostMotion:
@@ -471,7 +469,7 @@ def lost_motions(
     own_length: float,
     length_scale: float,
     tool: Tool,
-    tol: float = EXACT_TOL,
+    tol: float = PRACTICAL,
     hardly: bool = False,
 ) -> tuple[LostMotion, ...]:
     """Describe a space of lost motions by translations, rotations, lines and screws.

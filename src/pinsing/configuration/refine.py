@@ -13,7 +13,7 @@ from pinsing._batch import engine
 from pinsing._types import Array, Bool
 from pinsing.arguments import checked
 from pinsing.errors import OptionError
-from pinsing.kinematics.batch import PINOCCHIO, PROBE_SEED, batch, own_scale, task_rows, turn_left
+from pinsing.kinematics.batch import PINOCCHIO, batch, own_scale, task_rows, turn_left
 from pinsing.kinematics.jacobian import (
     frame_jacobian,
     frame_jacobians,
@@ -33,7 +33,7 @@ from pinsing.kinematics.verdict import (
     status_of,
     task_size,
 )
-from pinsing.measures import ALIKE, NOISE
+from pinsing.measures import ALIKE, NOISE, SEED
 from pinsing.robot.arm import Arm
 from pinsing.serialization import JsonResult
 
@@ -234,7 +234,7 @@ def _lost(arm: Arm, q: Array, left: Array, N: Array, H: Array, rank: int) -> Arr
 def _range_nearby(arm: Arm, q: Array, left: Array, rank: int, r: int) -> Array:
     """Directions, in the basis ``left``, that are attainable a little beside q."""
     scale = own_scale(arm)
-    move = np.random.default_rng(PROBE_SEED).standard_normal(arm.n)
+    move = np.random.default_rng(SEED).standard_normal(arm.n)
     # radians or lengths of the arm, for directions that a first derivative misses
     move *= 1e-3 / np.linalg.norm(move)
     beside = q + move * scale.columns
@@ -255,7 +255,7 @@ def _most_definite(Q: Array) -> tuple[float, Array]:
         size = float(np.linalg.norm(vector))
         return size, vector[None] / size
     # The function is concave and of degree one: its ascent has no false maxima above zero.
-    rng = np.random.default_rng(PROBE_SEED)
+    rng = np.random.default_rng(SEED)
     u = np.concatenate([np.eye(k), -np.eye(k), rng.standard_normal((4 * k, k))])
     u /= np.linalg.norm(u, axis=1, keepdims=True)
     best_value = np.full(len(u), -np.inf)
@@ -282,7 +282,7 @@ def _critical_along(arm: Arm, ways: Sequence[tuple[Array, Array, Array]]) -> lis
     columns = own_scale(arm).columns
     parts = []
     for _, _, kernel in ways:
-        rng = np.random.default_rng(PROBE_SEED)
+        rng = np.random.default_rng(SEED)
         mixed = kernel @ rng.standard_normal((kernel.shape[1], kernel.shape[1]))
         parts.append(np.concatenate([kernel, mixed / np.linalg.norm(mixed, axis=0)], axis=1).T)
     of = np.repeat(np.arange(len(ways)), [len(part) for part in parts])

@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING
 from urllib.parse import unquote
 from xml.parsers import expat
 
+from pinsing.arguments import MEBIBYTE
 from pinsing.description.xml_tree import show
 
 if TYPE_CHECKING:
@@ -272,7 +273,7 @@ def _package_name(file: Path) -> str | None:
     return found.group(1) if found else None
 
 
-LARGEST = 256 << 20
+LARGEST = 256 * MEBIBYTE
 _END = re.compile(rb"</(?:[\w.-]+:)?COLLADA\s*>\s*\Z")
 
 

@@ -32,14 +32,14 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from pinsing.arguments import MEBIBYTE
 from pinsing.description import child_jail
 from pinsing.description.ros_packages import LARGEST, PackageIndex
 from pinsing.description.xml_tree import MAX_BYTES, Node
 from pinsing.errors import RobotFileError
 
-_MOST_BYTES = 64 << 20
-_MOST_QUESTIONS = 5000
-_MOST_FOUND = 1000
+_MOST_BYTES = 64 * MEBIBYTE
+_MOST_FILES = 5000
 _MOST_STEPS = 20_000
 
 
@@ -82,13 +82,13 @@ class XacroFiles:
 
     def __init__(self, index: PackageIndex, largest: int) -> None:
         self.index, self.largest = index, largest
-        self._left, self._questions = _MOST_BYTES, _MOST_QUESTIONS
+        self._left, self._questions = _MOST_BYTES, _MOST_FILES
 
     def answer(self, question: dict[str, Any]) -> dict[str, Any]:
         """Return what a question asks for, or ``problem`` or ``missing`` with the reason."""
         self._questions -= 1
         if self._questions < 0:
-            return {"problem": f"more than {_MOST_QUESTIONS} files are asked for"}
+            return {"problem": f"more than {_MOST_FILES} files are asked for"}
         text = str(question.get("text", ""))
         if "\0" in text:
             return {"problem": "a file name holds a null character"}
@@ -135,8 +135,8 @@ class XacroFiles:
                     elif os.path.isdir(path) and self._real(Path(path)) is not None:
                         below.setdefault(os.path.realpath(path), path)
             folders = list(below.values())
-        if len(folders) > _MOST_FOUND:
-            return {"problem": f"{pattern} finds more than {_MOST_FOUND} files"}
+        if len(folders) > _MOST_FILES:
+            return {"problem": f"{pattern} finds more than {_MOST_FILES} files"}
         return {"names": sorted(folders)}
 
     def _content(self, path: Path) -> dict[str, Any]:
@@ -151,7 +151,7 @@ class XacroFiles:
             return {"problem": f"{path} is larger than {self.largest // 2**20} MiB"}
         self._left -= len(data)
         if self._left < 0:
-            return {"problem": f"more than {_MOST_BYTES // 2**20} MiB of files are asked for"}
+            return {"problem": f"more than {_MOST_BYTES // MEBIBYTE} MiB of files are asked for"}
         try:
             return {"text": data.decode("utf-8")}
         except UnicodeDecodeError:
@@ -179,7 +179,7 @@ TIMEOUT_SECONDS = 12
 """Processor time of the child, which a busy machine does not use up."""
 _PATIENCE = 10  # times that on the clock, whatever else runs
 _FAREWELL = 1.0
-MEMORY = 2 << 30
+MEMORY = 2048 * MEBIBYTE
 _WALL = True  # tests leave it out, to see that nothing depends on it
 _WORKER = Path(__file__).with_name("xacro_worker.py")
 

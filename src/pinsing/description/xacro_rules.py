@@ -21,7 +21,15 @@ from xml.parsers import expat
 
 import yaml
 
-from pinsing.description.xacro_expression import FUNCTIONS, MATH, Function, Kinds, Refused, evaluate
+from pinsing.description.xacro_expression import (
+    FUNCTIONS,
+    MATH,
+    Function,
+    Kinds,
+    Refused,
+    evaluate,
+)
+from pinsing.description.xml_tree import LONGEST_NUMBER
 from pinsing.description.yaml_tree import Loader, yaml_problem
 
 
@@ -264,7 +272,6 @@ def text_of(value: Any) -> str:
 
 
 _MOST_YAML_VALUES = 200_000
-_LONGEST_NUMBER = 400  # letters
 _NUMBER_TAGS = frozenset({"tag:yaml.org,2002:int", "tag:yaml.org,2002:float"})
 
 
@@ -558,7 +565,7 @@ def _count(root: yaml.Node, file: str) -> None:
         if known:
             return known
         sizes[id(node)] = None
-        if node.tag in _NUMBER_TAGS and len(node.value) > _LONGEST_NUMBER:
+        if node.tag in _NUMBER_TAGS and len(node.value) > LONGEST_NUMBER:
             raise RefusedAt(f"a number of {len(node.value):,} characters is too long", file, line)
         parts: list[yaml.Node] = []
         if isinstance(node, yaml.SequenceNode):

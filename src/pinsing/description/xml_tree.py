@@ -19,9 +19,10 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from xml.parsers import expat
 
+from pinsing.arguments import MEBIBYTE
 from pinsing.errors import RobotFileError
 
-MAX_BYTES = 32 << 20
+MAX_BYTES = 32 * MEBIBYTE
 MAX_DEPTH = 100
 MAX_ELEMENTS = 500_000
 MAX_ATTRIBUTES = 100
@@ -228,7 +229,7 @@ def to_text(root: Node) -> str:
 
 
 # As strict as urdfdom, which reads no "nan", "inf", hexadecimal or "1_000".
-_LONGEST_NUMBER = 1000
+LONGEST_NUMBER = 1000
 _NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?", re.ASCII)
 _NOT_FINITE = re.compile(r"[+-]?(?:nan(?:\(.*\))?|inf|infinity)", re.IGNORECASE)
 # No robot has a link, an angle or a mass of that size; a finger on the keyboard has.
@@ -331,7 +332,7 @@ class UrdfSource:
             self.refuse_if(
                 _NOT_FINITE.fullmatch(word), f"{at}: {word} is not a finite number", node
             )
-            if len(word) > _LONGEST_NUMBER and not word[:50].strip("+-.0123456789"):
+            if len(word) > LONGEST_NUMBER and not word[:50].strip("+-.0123456789"):
                 # The expression below would take the square of that many steps.
                 raise self.error(f"{at}: a number of {len(word):,} characters: round it", node)
             if not _NUMBER.fullmatch(word):

@@ -16,7 +16,7 @@ from pinsing._types import Array
 from pinsing.algebra.equation import Equation
 from pinsing.algebra.joint_form import JointForm, enters_once, joint_form
 from pinsing.families.parts import Branch
-from pinsing.families.zero_set import Step, gradients, peeled
+from pinsing.families.zero_set import MOST_ORDERED, Step, gradients, peeled
 from pinsing.prose import listed
 
 LONG = 12
@@ -91,8 +91,6 @@ def _stated(form: JointForm) -> SolvedFor:
 _INDEPENDENT = 1e-7
 _SHORT = 4
 """Terms of an equation that is always written out."""
-_FEW = 3
-"""Equations at once, of which all orders are tried."""
 
 
 @dataclass(frozen=True)
@@ -132,7 +130,7 @@ class AtOnce:
             f"{listed(self.follow)} {verb}"
         )
         yield from self.steps
-        if len(self.steps) > _FEW:
+        if len(self.steps) > MOST_ORDERED:
             doubles = sum("two solutions" in step for step in self.steps)
             yield f"so there are at most 2^{doubles} = {2**doubles} of these, given the others"
         if not self.steps:
@@ -214,7 +212,7 @@ def _in_turn(
     rows = sorted(
         zip(equations, slopes, strict=True), key=lambda r: (len(r[0].involved), len(r[0].cos))
     )
-    if rank > _FEW:
+    if rank > MOST_ORDERED:
         return _peeled(rows, rank)
     once = [(e, s, [j for j in e.involved if enters_once(e, j)]) for e, s in rows[:6]]
     tried = 0

@@ -51,7 +51,7 @@ from pinsing.families.zero_set import Stop, gradients, project, proven_empty, re
 from pinsing.kinematics.batch import batch
 from pinsing.kinematics.jacobian import frame_jacobians
 from pinsing.kinematics.verdict import generic_rank, own_shares, ratios
-from pinsing.measures import ALIKE, Reachability
+from pinsing.measures import ALIKE, SEED, Reachability
 from pinsing.robot.arm import Arm
 from pinsing.robot.nominal import Nominal
 
@@ -352,7 +352,6 @@ def _alike(arm: Arm, found: Array, q: Array) -> bool:
     return bool((zeros[0] == zeros[1]).all() and (ratio[0][zeros[0]] <= 1e-11).all())
 
 
-_SEED = 20
 _WITNESSES = 32
 _LOOKS = 0.4, 0.6, 0.8
 """Shares of a family's time by which looks within its limits, a little beyond them, and for a
@@ -373,7 +372,7 @@ def describe(
     draft = stated(group, maker, arm)
     if confirm is not None:
         draft = replace(draft, confirm=confirm)
-    rng = np.random.default_rng(_SEED)
+    rng = np.random.default_rng(SEED)
     if not draft.real:
         if not _drawn(draft, maker, rng):
             return draft
@@ -463,7 +462,7 @@ def _value_reach(
     def met(branch: Branch) -> bool:
         if _on(family, branch, inside).any():
             return True
-        rng = drawn[0] if drawn else np.random.default_rng(_SEED)
+        rng = drawn[0] if drawn else np.random.default_rng(SEED)
         drawn[:] = [rng]
         alone = replace(family, branches=(branch,), reachability=reachability)
         return bool(len(alone.points(1, rng, True, maker.rounds(), _until(maker.time))))

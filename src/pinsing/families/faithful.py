@@ -23,16 +23,13 @@ from pinsing.algebra.trig_sum import TINY
 from pinsing.arguments import typed
 from pinsing.families.family import Family
 from pinsing.families.parts import Branch
-from pinsing.families.real_control import OwnPoints
+from pinsing.families.real_control import BLUNT, OwnPoints
 from pinsing.families.zero_set import thrown
 from pinsing.measures import ALIKE, FLOAT_NOISE
 from pinsing.robot.nominal import Nominal
 
 _ZERO = 1e-10
 """A relation's value, relative to its terms, that is zero."""
-_SHARP, _BLUNT = 1e-6, 1e-4
-"""Radians or metres from a branch's values, and residual of its equations: of a point on it, and
-of one that is a multiple root, which has half of the digits or less."""
 
 
 def disagreements(
@@ -117,7 +114,7 @@ class _Exact:
         """Return True if a branch is a component with its joints put at their values."""
         there = {v.joint: v.value for v in branch.values}
         for j, value in self._values(component).items():
-            if j not in there or self._apart(j, there[j] - value) > _SHARP:
+            if j not in there or self._apart(j, there[j] - value) > ALIKE:
                 return False
         # Random configurations at which equations are compared with relations.
         q = self._random(6)
@@ -160,7 +157,7 @@ class _Exact:
         stated = [equation(p, self.ring, self.symbols, self.offset) for p in component.relations]
         # Random starts where roots in one joint after the other give no point; up to so many terms.
         for q in thrown(stated, -self.reach, self.reach, free, fixed, 16, self.rng):
-            if self._missed(branches, q, _BLUNT):
+            if self._missed(branches, q, BLUNT):
                 return np.asarray(q)
         return None
 
@@ -233,7 +230,7 @@ class _Exact:
         # Choices of free joints by which points of a component are looked for.
         for q in self._random(3):
             q[list(values)] = list(values.values())
-            yield from self._followed(conditions, q, frozenset(values), _SHARP)
+            yield from self._followed(conditions, q, frozenset(values), ALIKE)
 
     def _followed(
         self, conditions: Sequence[Sequence[_Form]], q: Array, known: frozenset[int], tol: float
@@ -262,7 +259,7 @@ class _Exact:
             for value, sharp in self._roots(form, joint, q):
                 at = q.copy()
                 at[joint] = value
-                yield from self._followed(left, at, known | {joint}, tol if sharp else _BLUNT)
+                yield from self._followed(left, at, known | {joint}, tol if sharp else BLUNT)
 
     def _roots(self, form: _Form, joint: int, q: Array) -> list[tuple[float, bool]]:
         """Values of a joint at which a form is zero, the others as in q (n,); which are simple.
@@ -289,7 +286,7 @@ class _Exact:
         roots = np.roots(line)
         out = []
         for k, w in enumerate(roots):
-            sharp = not (np.abs(np.delete(roots, k) - w) < _BLUNT).any()
+            sharp = not (np.abs(np.delete(roots, k) - w) < BLUNT).any()
             if self.slides[joint]:
                 if abs(w.imag) < ALIKE:
                     out.append((float(w.real) * float(self.reach[joint]), sharp))

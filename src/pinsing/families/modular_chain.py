@@ -17,7 +17,7 @@ import numpy as np
 import numpy.typing as npt
 from flint import nmod_mat
 
-from pinsing.algebra.components import Component
+from pinsing.algebra.components import SECOND_SEED, Component
 from pinsing.algebra.jacobian_matrix import in_axes
 from pinsing.algebra.ring import Poly, Ring, Value
 from pinsing.robot.nominal import PRIMES, Nominal, jacobian_modulo
@@ -307,9 +307,6 @@ def _residues(poly: Poly, ring: Ring, prime: int) -> dict[tuple[int, ...], int]:
     return found or {(0,) * ring.nvars: 1}
 
 
-_LOOK_SEED = 11
-
-
 class ModularRows(ModularChain):
     """A chain and rows of its Jacobian modulo a prime.
 
@@ -406,7 +403,7 @@ def short_everywhere(chain: ModularChain, geometry: Nominal, task: Task) -> bool
 
     So it is where the prime divides a length without which the chain is another one.
     """
-    draw, rows = random.Random(_LOOK_SEED), len(task.rows)
+    draw, rows = random.Random(SECOND_SEED), len(task.rows)
     # At which all of a chain is looked at: that each is singular by chance is 1 in 1e10.
     for _ in range(12):
         at: dict[int, tuple[Fraction, ...]] = {}
@@ -426,7 +423,7 @@ def joints_that_matter(geometry: Nominal, task: Task) -> tuple[int, ...]:
 
     Turned axes leave each minor as it is, up to one sign; asked at random points modulo a prime.
     """
-    draw = random.Random(_LOOK_SEED)
+    draw = random.Random(SECOND_SEED)
     n, prime = len(geometry.prismatic), PRIMES[0]
 
     def drawn(j: int) -> tuple[Fraction, ...]:

@@ -109,9 +109,9 @@ def _newton(
     return q
 
 
-_OFF = 1e-4
-"""Radians, metres, or shares of an equation's coefficients: points that Newton's method found are
-singular to 1e-12, and so within 1e-6 of what touches, and others are rarely this near."""
+BLUNT = 1e-4
+"""Radians, metres, or shares of an equation's coefficients: up to here a point that Newton's method
+found is on a branch where it is a multiple root, of which half of the digits or less hold."""
 
 
 def real_points(maker: PieceMaker, own: OwnPoints, time: Budget) -> Array:
@@ -154,7 +154,7 @@ def on_none(maker: PieceMaker, points: Array, components: Sequence[Component]) -
             off = np.maximum(off, maker.away(q, v))
         if branch.equations:
             off = np.maximum(off, np.abs(residuals(branch.equations, q)).max(axis=-1))
-        left[left] = off > _OFF
+        left[left] = off > BLUNT
     return left
 
 
@@ -184,7 +184,7 @@ class RandomSingular:
     def at(self, q: Array, joint: int, value: Value) -> Bool:
         """Return which of some configurations (m, n) have a joint at a value."""
         held = self.maker.branch_of({joint: value}, ()).values[0]
-        return np.asarray(self.maker.away(q, held) < _OFF)
+        return np.asarray(self.maker.away(q, held) < BLUNT)
 
 
 def gap(points: Array, missed: Bool, prismatic: Bool) -> list[str]:

@@ -42,7 +42,8 @@ ASKED = 23, 47
 SEED = 31
 MOST_JOINTS = 4
 """Joints of a slice of a chain of which no more is asked: one more is some 20 times the work."""
-_FEW_FIELDS = 3
+NEEDED = 3
+"""Fields over which no point may be left over, where nothing contradicts."""
 _FEW_JOINTS = 3
 """Slices of so few joints are small: in larger fields less is special by chance."""
 
@@ -182,11 +183,11 @@ class Slices:
             tuple(p for p in known if (p + 1) ** self.joints <= most)
             for most in (350_000, 3_500_000)
         ]
-        chosen = within[0] if len(within[0]) >= _FEW_FIELDS else within[1]
+        chosen = within[0] if len(within[0]) >= NEEDED else within[1]
         if self.joints > _FEW_JOINTS:
             return chosen
         whole = tuple(p for p in chosen if not self._divides_a_length(p))
-        return whole if len(whole) >= _FEW_FIELDS else chosen
+        return whole if len(whole) >= NEEDED else chosen
 
     def _divides_a_length(self, prime: int) -> bool:
         """Return True if a length of the chain is zero modulo a prime, or none there."""

@@ -31,7 +31,7 @@ from pinsing.algebra.ring import Poly, Ring, Value
 from pinsing.algebra.zeros import Undecided
 from pinsing.families.modular_chain import at_value, value_modulo
 from pinsing.families.real_control import RandomSingular
-from pinsing.families.slice_count import Slice, SliceCount, Slices
+from pinsing.families.slice_count import NEEDED, Slice, SliceCount, Slices
 from pinsing.robot.nominal import Nominal
 from pinsing.robot.task import Task
 
@@ -63,8 +63,6 @@ def without_inner(
     return left
 
 
-_FIELDS = 3
-"""Fields over which no point may be left over; one more for each that contradicts."""
 _FOR_VALUES = 0.1
 """Share of the time that minors have which say at what values of joints axes are special."""
 
@@ -139,7 +137,7 @@ class SliceSearch:
         """Go through slices until nothing new turns up, or the time is over."""
         fields = list(self.slices.fields)
         while not self.time.stop() and not self._done():
-            if len(fields) < _FIELDS + len(self._open):
+            if len(fields) < NEEDED + len(self._open):
                 break  # so many contradict that too few are left to say otherwise
             # Times that a field is asked before a larger one.
             prime = min(fields, key=lambda p: (self._turns[p] // 2, p))
@@ -158,7 +156,7 @@ class SliceSearch:
         self._follow_real()
         clean = [p for p in self.kept if p not in self._open]
         counted = [s for p in (clean or self.kept) for s in self.kept[p]]
-        if not counted or (self._open and not clean and len(self._open) < _FIELDS):
+        if not counted or (self._open and not clean and len(self._open) < NEEDED):
             return
         on = None if self.real is None else self.real.on
         unmet = [c for c in self.components if not any(map(np.any, self.slices.held(counted, c)))]
@@ -186,7 +184,7 @@ class SliceSearch:
         fields = len(+self._turns)
         # Times that all slices are gone through, each time over another field or with other values:
         # up to the second number while one of the components was met on none.
-        return sum(self._turns.values()) >= 5 and fields >= _FIELDS + len(self._open)
+        return sum(self._turns.values()) >= 5 and fields >= NEEDED + len(self._open)
 
     def _follow(self, slices: Sequence[Slice]) -> bool:
         """Search where points on no family lead to; whether some are left."""

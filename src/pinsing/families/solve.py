@@ -42,34 +42,32 @@ from pinsing.robot.nominal import ANGLE_TOL, Nominal, nominal
 if TYPE_CHECKING:
     from pinsing.families.design_form import DesignForm
 
-SNAP = 1e-3
-"""Metres; shorter offsets in a longer arm are often those of a drawing."""
-_LONG = 100 * SNAP
+_LONG = 100 * LENGTH
 
 
 def small_offset(geometry: Nominal) -> float | None:
-    """The largest coordinate of a placement that is shorter than ``SNAP``, metres, if there is one.
+    """The largest coordinate of a placement below ``LENGTH``, metres, if there is one.
 
     None for a small arm, to which a millimetre is much.
     """
     lengths = [abs(float(x)) for row in geometry.translation for x in row]
     if sum(lengths) < _LONG:
         return None
-    return max((x for x in lengths if 0 < x < SNAP), default=None)
+    return max((x for x in lengths if 0 < x < LENGTH), default=None)
 
 
 def snap_hint(offset: float, families: Sequence[Family] | None, complete: bool = False) -> str:
     """One line: what the families are without the small offsets; None if there was no time."""
     if families is None:
         return (
-            f"offsets of up to {1e3 * offset:.3g} mm are kept as they are: --snap-length {SNAP:g} "
-            "puts them to zero (there was no time to tell what it gives)"
+            f"offsets of up to {1e3 * offset:.3g} mm are kept as they are: "
+            f"--snap-length {LENGTH:g} puts them to zero (there was no time to tell what it gives)"
         )
     found = " | ".join(f.text for f in families) or "no singular configurations"
     whole = "" if complete else " (not complete)"
     return (
         f"offsets of up to {1e3 * offset:.3g} mm are kept as they are: "
-        f"--snap-length {SNAP:g} puts them to zero and gives {found}{whole}"
+        f"--snap-length {LENGTH:g} puts them to zero and gives {found}{whole}"
     )
 
 
@@ -327,7 +325,7 @@ def _found(
             hints = (snap_hint(offset, None),)
         else:
             # Share of what is left for what lengths snapped away would change.
-            snapped = _found(arm, whole.part(0.5), angle_tol, SNAP, told=False)
+            snapped = _found(arm, whole.part(0.5), angle_tol, LENGTH, told=False)
             if [f.text for f in snapped.families] != [f.text for f in families]:
                 hints = (snap_hint(offset, snapped.families, snapped.complete),)
     if unsolved:

@@ -20,7 +20,7 @@ from pinsing._types import Array, Bool
 from pinsing.algebra.equation import Equation
 from pinsing.measures import FLOAT_NOISE, ROUNDING
 
-_MOST = 3
+MOST_ORDERED = 3
 """Equations at once, of which all orders are tried."""
 
 
@@ -46,7 +46,7 @@ def orders(equations: Sequence[Equation], free: npt.NDArray[np.bool_]) -> list[O
     free : (n,) array of bool
         Joints that may be solved for.
     """
-    if len(equations) > _MOST:
+    if len(equations) > MOST_ORDERED:
         return _many(equations, free)
     if not equations:
         return []
@@ -144,10 +144,10 @@ def draw(
     rng : np.random.Generator
         Where they are drawn from.
     """
-    many = len(order) > _MOST
+    many = len(order) > MOST_ORDERED
     if many:
         # Of a long order more are tried, by so much for each step more.
-        count = max(count, min(2_000, int(count * 1.5 ** (len(order) - _MOST))))
+        count = max(count, min(2_000, int(count * 1.5 ** (len(order) - MOST_ORDERED))))
     q = np.where(free, rng.uniform(lower, upper, (count, len(lower))), fixed)
     open_ = free.copy()
     for step in order:

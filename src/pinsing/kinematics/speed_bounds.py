@@ -9,7 +9,7 @@ quadratic in q, and where ``F + T y <= y`` for a bound F of it and T the sizes o
 are at most y, and J(q) A is nowhere singular (the theorem of Perron and Frobenius, as in
 Krawczyk's method).
 J is written in the axes of a link in the middle, in which it changes least; the twists do not mind.
-Each product of floats is charged with ``_ROUNDING`` times the sum of the sizes of its terms, which
+Each product of floats is charged with ``NOISE`` times the sum of the sizes of its terms, which
 covers a thousand operations, and A with twice what J A misses.
 """
 
@@ -25,9 +25,9 @@ from pinsing.errors import OptionError
 from pinsing.kinematics.batch import random_turns, tip_rotations
 from pinsing.kinematics.jacobian import frame_jacobians
 from pinsing.kinematics.tip_speed import SpeedJudge
+from pinsing.measures import NOISE
 from pinsing.robot.chain import flatten
 
-_ROUNDING = 1e-12
 _ROUNDS, _LEAST_WEIGHT, _FREE = 6, 0.1, 100.0
 """Choices of a right inverse that are looked at, how much less a joint may weigh each time, and the
 speed of a turn about the tool's axis over that of the fastest joint: it has no limit."""
@@ -98,7 +98,7 @@ class SpeedBounds:
         self.middle = (count - 1) // 2
         self.moving: Bool = np.ones(arm.n, dtype=bool)
         self.moving[0] = False
-        alone = self.axis is None and (arm.prismatic[-1] or self.far[-1] <= _ROUNDING / 10)
+        alone = self.axis is None and (arm.prismatic[-1] or self.far[-1] <= NOISE / 10)
         self.moving[-1] &= not alone or count == 1
 
     def _require_turnable(self, task: str) -> None:
@@ -106,7 +106,7 @@ class SpeedBounds:
         axes = frame_jacobians(self.judge.arm, random_turns(self.judge.arm, 4))[:, 3:]
         for block in (self.rows[self.linear, :3], self.rows[~self.linear, 3:]):
             turned = np.cross(np.swapaxes(axes, 1, 2)[:, :, None], block)
-            if np.abs(turned - turned @ block.T @ block).max(initial=0.0) > _ROUNDING:
+            if np.abs(turned - turned @ block.T @ block).max(initial=0.0) > NOISE:
                 raise OptionError(f"the rows of the task {task} turn with the arm: give pose")
 
     def jacobians(self, Q: Array) -> Array:
@@ -177,7 +177,7 @@ class SpeedBounds:
             parts = (x[some] for x in (J, M, A, G, E1, E3, F, size, r))
             y[some], pull[some] = self._with_second_order([x[some] for x in slopes], *parts)
         good = np.isfinite(y).all(axis=1)
-        most = np.where(good, self._largest(y) * (1 + _ROUNDING), np.inf)
+        most = np.where(good, self._largest(y) * (1 + NOISE), np.inf)
         x = np.where(good[:, None], y, center)[..., None]
         worst = (x[:, :n, 0] / limits).argmax(axis=1)
         # What each joint adds to the first order of the worst row, and to the third of all.
@@ -222,13 +222,13 @@ class SpeedBounds:
                 pull[:, j] += self._largest(here)
                 pull[:, active[h]] += self._largest(here)
         # The exact right inverse near A is A (1 + d) with entries of d of at most ``off``.
-        missed = np.abs(M @ A - np.eye(M.shape[1])) + _ROUNDING * (np.abs(M) @ np.abs(A))
+        missed = np.abs(M @ A - np.eye(M.shape[1])) + NOISE * (np.abs(M) @ np.abs(A))
         off = 2 * missed.sum(axis=2).max(axis=1)[:, None]
-        slack = np.abs(A) @ (_ROUNDING * size + (off * size.sum(axis=1))[:, None])
+        slack = np.abs(A) @ (NOISE * size + (off * size.sum(axis=1))[:, None])
         E1, E2 = E1 + slack, E2 + slack
         E = E1 + E2 + E3
         T = E1 @ (E1 @ E + E2 + E3) + E2 @ E + E3
-        F = (F + bent) * (1 + _ROUNDING) + _ROUNDING
+        F = (F + bent) * (1 + NOISE) + NOISE
         F += _times(3 * slack + slack @ E1 + E1 @ slack, self._norms(A))
         missed = off * 2 * (self.v + self.w) * np.abs(A).sum(axis=2)
         F += missed + _times(E1, missed + _times(E1, missed)) + _times(E2, missed)
@@ -236,7 +236,7 @@ class SpeedBounds:
             left = np.eye(T.shape[1]) - np.minimum(T, 1e6)
             y = np.asarray(np.linalg.solve(left, F[..., None])[..., 0], dtype=np.float64)
             y = y * (1 + 1e-9)
-            holds = (y > 0) & ((F + _times(T, y)) * (1 + _ROUNDING) <= y)
+            holds = (y > 0) & ((F + _times(T, y)) * (1 + NOISE) <= y)
             good: Bool = np.all(holds, axis=1, keepdims=True)
             good &= off < 1e-3
         return np.where(good, y, np.inf), pull
@@ -283,8 +283,8 @@ class SpeedBounds:
         linear = 3 * p**2 * (sums_behind(rp * far) + slides) + far * (p**3 + d**3)
         linear += sums_behind(triples) + 3 * p**2 * behind.sum(axis=1, keepdims=True)
         linear += 3 * p * pairs.sum(axis=1, keepdims=True)
-        linear = linear / 6 + _ROUNDING * (self.far + 1)
-        angular = (p**3 + others**3) / 6 + _ROUNDING
+        linear = linear / 6 + NOISE * (self.far + 1)
+        angular = (p**3 + others**3) / 6 + NOISE
         av = np.linalg.norm(A[..., self.linear], axis=-1)[..., None]
         aw = np.linalg.norm(A[..., ~self.linear], axis=-1)[..., None]
         return np.asarray(av * linear[:, None] + aw * angular[:, None])

@@ -18,7 +18,7 @@ import pinocchio as pin
 from pinsing._types import Array, Bool
 from pinsing.errors import OptionError, PinsingError
 from pinsing.loops.structure import Centre, closing, idle_link, once, structure
-from pinsing.measures import NOISE, SINGULAR_RTOL
+from pinsing.measures import NOISE, SEED, SINGULAR_RTOL, SOLVED
 from pinsing.robot.mechanism import Mechanism
 
 
@@ -367,10 +367,6 @@ def hinged_balls(mechanism: Mechanism) -> tuple[Centre, ...]:
 
 Mask = npt.NDArray[np.bool_]
 
-CLOSED = 1e-11
-"""A residual (metres over the length scale, radians) up to this counts as closed."""
-
-_SEED = 5471
 _STEP = 0.03
 _FAR = 30.0
 
@@ -518,7 +514,7 @@ def gauss_newton(
     for _ in range(steps):
         error, G = loops.scaled(q)
         size = float(np.abs(error).max())
-        if size >= best and best <= CLOSED:
+        if size >= best and best <= SOLVED:
             break
         best, kept = size, q.copy()
         step = np.linalg.lstsq(G[:, free], -error, rcond=1e-11)[0]
@@ -567,13 +563,13 @@ def _closed_from(mechanism: Mechanism, starts: Array) -> list[Array]:
     """Closed configurations that starts (N, n) lead to."""
     loops = Loops(mechanism)
     found = (gauss_newton(loops, q, np.ones(mechanism.n, dtype=bool)) for q in starts)
-    return [mechanism.space.wrap(q) for q, error in found if error <= CLOSED]
+    return [mechanism.space.wrap(q) for q, error in found if error <= SOLVED]
 
 
 def near_home(mechanism: Mechanism) -> list[Array]:
     """Closed configurations from home and from starts around it."""
     away = np.array([0.0, *np.repeat((0.05, 0.2), 4)])[:, None]
-    drawn = np.random.default_rng(_SEED).uniform(-1, 1, (len(away), mechanism.n))
+    drawn = np.random.default_rng(SEED).uniform(-1, 1, (len(away), mechanism.n))
     starts = mechanism.home + away * drawn * mechanism.space.metric
     return _closed_from(mechanism, starts)
 
@@ -588,7 +584,7 @@ def _beside_home(mechanism: Mechanism, loops: Loops) -> list[Array]:
     if np.abs(loops.scaled(q)[0]).max() > 1e-6:
         return []
     q, error = gauss_newton(loops, q, np.ones(mechanism.n, dtype=bool))
-    if error > CLOSED:
+    if error > SOLVED:
         return []
     counted = {_rank(loops.scaled(q)[1], 1e-7)}
     out = [q]
@@ -599,10 +595,10 @@ def _beside_home(mechanism: Mechanism, loops: Loops) -> list[Array]:
             free = np.linalg.svd(G)[2][_rank(G, 1e-7) :]
             if not len(free):
                 return []
-            drawn = np.random.default_rng(_SEED).normal(size=len(free)) @ free
+            drawn = np.random.default_rng(SEED).normal(size=len(free)) @ free
             start = at + away * drawn / np.linalg.norm(drawn) * loops.column_scale
             at, error = gauss_newton(loops, start, np.ones(mechanism.n, dtype=bool))
-            if error > CLOSED or np.abs((at - start) / loops.column_scale).max() > _STEP / 2:
+            if error > SOLVED or np.abs((at - start) / loops.column_scale).max() > _STEP / 2:
                 return []
             counted.add(_rank(loops.scaled(at)[1], 1e-7))
             out.append(at)
@@ -621,7 +617,7 @@ def _ranks(mechanism: Mechanism) -> Ranks:
     idle = idle_link(mechanism)
     if idle:
         raise PinsingError(f"{mechanism.name}: {idle}")
-    samples = random_closed(mechanism, 12, np.random.default_rng(_SEED))
+    samples = random_closed(mechanism, 12, np.random.default_rng(SEED))
     if len(samples) < 3:
         samples += near_home(mechanism)
     if not samples:

@@ -28,6 +28,7 @@ from pinsing.loops.structure import output_pose
 from pinsing.measures import NEAR_RTOL, ROUNDING, SINGULAR_RTOL
 from pinsing.prose import PLAIN, Page
 from pinsing.robot.mechanism import Mechanism
+from pinsing.sampling.sweep_plan import MAX_SAMPLES
 from pinsing.serialization import JsonResult
 
 
@@ -181,7 +182,6 @@ def known_closed(loops: BatchLoops) -> Array:
 
 OVER = ("inputs", "poses")
 _CHUNK = 2048
-_MOST = 10_000_000
 _QUANTILES = (0.0, 0.01, 0.1, 0.5, 0.9, 1.0)
 _KINDS = ("regular", "near", "type 1", "type 2", "type 3", "constraint")
 _NEAR = ("type 1", "type 2", "constraint")
@@ -393,8 +393,8 @@ def mechanism_map(
     for name, value in (("count", count), ("worst", worst)):
         if value < 1:
             raise OptionError(f"{name} must be 1 or more, got {value}")
-    if count > _MOST:
-        raise OptionError(f"count must be at most {_MOST}, got {count}: take several seeds")
+    if count > MAX_SAMPLES:
+        raise OptionError(f"count must be at most {MAX_SAMPLES}, got {count}: take several seeds")
     if seed < 0:
         raise OptionError(f"seed must be 0 or more, got {seed}")
     if ignore_limits:

@@ -44,10 +44,9 @@ from pinsing.loops.structure import (
     plane_axes,
     structure,
 )
-from pinsing.measures import ROUNDING
+from pinsing.measures import ROUNDING, SEED
 from pinsing.robot.mechanism import Mechanism
 
-_SEED = 5077
 Point = tuple[Any, Any]
 
 
@@ -204,7 +203,7 @@ def _input_loci(mechanism: Mechanism, found: Rods) -> tuple[PoseEquation, ...]:
 
 def _singular_squares(found: Rods) -> list[Array]:
     """Squared lengths (3,), complex, at random singular poses of the platform."""
-    rng = np.random.default_rng(_SEED)
+    rng = np.random.default_rng(SEED)
     out: list[Array] = []
     for _ in range(6):
         angle, y = rng.uniform(-np.pi, np.pi), rng.normal()
@@ -249,7 +248,7 @@ def _degrees(mechanism: Mechanism, found: Rods) -> dict[str, int]:
     """Each input in turn is free, the others are at random rational points of their circles."""
     context = fmpq_mpoly_ctx.get(["t", "u"], Ordering.degrevlex)
     u = context.gens()[1]
-    rng = np.random.default_rng(_SEED)
+    rng = np.random.default_rng(SEED)
     lengths = [Fraction(found.length(r)).limit_denominator(1000) for r in found.rods]
     degrees = []
     for moving in range(3):

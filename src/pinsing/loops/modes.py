@@ -19,7 +19,6 @@ import pinocchio as pin
 from pinsing._types import Array
 from pinsing.errors import ConfigurationError
 from pinsing.loops.closure import (
-    CLOSED,
     BatchLoops,
     Loops,
     Mask,
@@ -30,10 +29,9 @@ from pinsing.loops.closure import (
     ranks,
 )
 from pinsing.loops.structure import Sample, closing, once, path_to, structure
-from pinsing.measures import ROUNDING
+from pinsing.measures import ROUNDING, SEED, SOLVED
 from pinsing.robot.mechanism import Mechanism
 
-_SEED = 947
 _HOME_STARTS = 60
 _MORE_STARTS = 4000
 _NO_ELBOW = "."
@@ -187,7 +185,7 @@ def assembly_rows(mechanism: Mechanism) -> tuple[list[int] | None, float]:
     """
     loops = Loops(mechanism)
     rank = ranks(mechanism).constraint
-    samples = random_closed(mechanism, 6, np.random.default_rng(_SEED))
+    samples = random_closed(mechanism, 6, np.random.default_rng(SEED))
     stack = np.stack([loops.scaled(q)[1] for q in [home(mechanism), *samples]])
     rows = [int(i) for i in np.flatnonzero(np.abs(stack).max(axis=(0, 2)) > 1e-9)]
     if len(rows) != rank or rank != len(mechanism.passive):
@@ -280,7 +278,7 @@ def _home_starts(mechanism: Mechanism) -> Iterator[tuple[Array, Mask]]:
     # The inputs stay as given if they can.
     yield mechanism.home, np.isin(np.arange(mechanism.n), mechanism.passive)
     yield mechanism.home, everything
-    rng = np.random.default_rng(_SEED)
+    rng = np.random.default_rng(SEED)
     for start in rng.uniform(*space.span, (_HOME_STARTS, mechanism.n)):
         yield start, everything
     # Where few of the poses are within the limits: many starts, all at once.
@@ -298,13 +296,13 @@ def _home(mechanism: Mechanism) -> Array:
     for start, free in _home_starts(mechanism):
         found, error = gauss_newton(loops, start, free)
         found = space.fold(found)
-        if error <= CLOSED:
+        if error <= SOLVED:
             if not space.unreachable(found).any():
                 return found
             if start is mechanism.home:
                 spare.append(found)
     if not spare:
-        spare = random_closed(mechanism, 30, np.random.default_rng(_SEED))
+        spare = random_closed(mechanism, 30, np.random.default_rng(SEED))
     if not spare:
         # The reason is said there; where ranks are known, loops close near home.
         ranks(mechanism)

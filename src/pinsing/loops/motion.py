@@ -45,7 +45,7 @@ from pinsing.loops.closure import (
 )
 from pinsing.loops.modes import home, mode_of
 from pinsing.loops.structure import output_pose
-from pinsing.measures import ALIKE, NEAR_RTOL, SINGULAR_RTOL
+from pinsing.measures import ALIKE, NEAR_RTOL, ROUNDING, SINGULAR_RTOL
 from pinsing.robot.mechanism import Mechanism
 from pinsing.robot.task import ROW_NAMES
 from pinsing.serialization import JsonResult
@@ -526,9 +526,6 @@ def _independent(mechanism: Mechanism, q: Array) -> list[int]:
     return list(dict.fromkeys(chosen))
 
 
-_ROUND = 5e-10
-
-
 @dataclass(frozen=True)
 class Column:
     """Numbers of a table, one for each row: metres, or radians where it ``turns``."""
@@ -576,9 +573,9 @@ def pose_table(
         return []
     # A half turn is always the positive one.
     values = [
-        [*p.position, *(math.pi if v < _ROUND - math.pi else v for v in p.angles)] for p in poses
+        [*p.position, *(math.pi if v < ROUNDING - math.pi else v for v in p.angles)] for p in poses
     ]
-    shown = [k for k in range(6) if any(abs(v[k]) > _ROUND for v in values)] or [0, 1, 2]
+    shown = [k for k in range(6) if any(abs(v[k]) > ROUNDING for v in values)] or [0, 1, 2]
     pose = [Column(COORDINATES[k], [v[k] for v in values], k > 2) for k in shown]
     changing = [c for c in pose if max(c.values) - min(c.values) > 1e-7]
     alike = [c for c in pose if c not in changing] if columns and len(poses) > 1 else []

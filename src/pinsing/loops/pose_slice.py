@@ -19,6 +19,7 @@ from pinsing.loops.motion import COORDINATES, led_pose
 from pinsing.loops.structure import Sample, closing, output_pose
 from pinsing.measures import ROUNDING
 from pinsing.robot.mechanism import Mechanism
+from pinsing.sampling.map_plan import BLOCK
 
 
 class PoseWay:
@@ -158,8 +159,7 @@ class PoseWay:
         return np.sign(np.stack(values, axis=1)) if values else np.zeros((len(Q), 0))
 
 
-_COARSE = 41
-_CHUNK = 4096
+COARSE = 41
 _NEAR_STEPS, _FAR_STEPS = 10, 30
 _SIZE = 1.3
 _WIDER = 3
@@ -216,10 +216,10 @@ def pose_slice(
     way.keep_turn(starts)
     size = [_SIZE, _SIZE]
     for _ in range(_WIDER):
-        side = [way.side(k, _COARSE, size[k]) for k in (0, 1)]
+        side = [way.side(k, COARSE, size[k]) for k in (0, 1)]
         coarse = _Grid(way, side[0], side[1], len(starts))
         coarse.begin(starts)
-        coarse.flood(2 * _COARSE)
+        coarse.flood(2 * COARSE)
         coarse.scatter()
         inside = np.asarray(coarse.judged()[0].any(axis=0))
         found: Bool = np.asarray(inside if inside.any() else coarse.solved.any(axis=0))
@@ -336,7 +336,7 @@ class _Grid:
             self._take(cells, drawn, far=np.inf, within=True)
         self.fresh = self.solved.copy()
         self.tried[:] = 0
-        self.flood(2 * _COARSE)
+        self.flood(2 * COARSE)
 
     def judged(self) -> tuple[Bool, Array]:
         """What is within the limits, and by how much."""
@@ -353,8 +353,8 @@ class _Grid:
         """Solve cells (N, 3) from configurations (N, n), and keep what is of the same mode."""
         way = self.way
         x, y = self.sides
-        for k in range(0, len(cells), _CHUNK):
-            here, Q0 = cells[k : k + _CHUNK], begin[k : k + _CHUNK]
+        for k in range(0, len(cells), BLOCK):
+            here, Q0 = cells[k : k + BLOCK], begin[k : k + BLOCK]
             R, p = way.targets(x[here[:, 2]], y[here[:, 1]])
             steps = _NEAR_STEPS if np.isfinite(far) else _FAR_STEPS
             Q, error = newton(way.loops, Q0, way.free, None, (R, p, way.targets_rows), steps)

@@ -16,7 +16,7 @@ import numpy.typing as npt
 from pinsing._types import Array, Bool
 from pinsing.arguments import checked
 from pinsing.errors import ConfigurationError, OptionError
-from pinsing.loops.closure import CLOSED, BatchLoops, Loops, gauss_newton, newton, ranks
+from pinsing.loops.closure import BatchLoops, Loops, gauss_newton, newton, ranks
 from pinsing.loops.legs import MOST_ASSEMBLIES, most_assemblies, sphere_loci
 from pinsing.loops.loop_forms import planar_dyad
 from pinsing.loops.mode_counts import found_words, level_words, noun, number_of_modes
@@ -24,7 +24,7 @@ from pinsing.loops.modes import closed_from_random, home, home_error, mode_at, m
 from pinsing.loops.motion import motions, pose_of, read_pose
 from pinsing.loops.solve import InfeasibleError, Solution, feasible
 from pinsing.loops.structure import Leg, likeness, output_pose, same, structure
-from pinsing.measures import ALIKE, ROUNDING
+from pinsing.measures import ALIKE, ROUNDING, SEED, SOLVED
 from pinsing.robot.mechanism import Mechanism
 from pinsing.serialization import JsonResult
 
@@ -152,7 +152,6 @@ def _grouped(mechanism: Mechanism, leg: Leg, mine: Bool, solutions: list[Array])
 
 
 STARTS = 400
-SEED = 811
 _MOST = 4096
 
 
@@ -470,7 +469,7 @@ def _solution(mechanism: Mechanism, q: Array, ways: int, free: Bool | None = Non
     if free is not None:
         passive = np.isin(np.arange(mechanism.n), mechanism.passive)
         q, error = gauss_newton(loops, q, passive if passive.any() else free, steps=8)
-        if error > CLOSED:
+        if error > SOLVED:
             q, _ = gauss_newton(loops, q, np.ones(mechanism.n, dtype=bool), steps=8)
     q = mechanism.space.fold(q)
     return Solution(

@@ -24,11 +24,11 @@ import numpy.typing as npt
 
 from pinsing._types import Array, Bool
 from pinsing.errors import OptionError, PinsingError
-from pinsing.loops.closure import CLOSED, Loops, ranks, to_its_size
+from pinsing.loops.closure import Loops, ranks, to_its_size
 from pinsing.loops.modes import mode_of
 from pinsing.loops.motion import _motions
 from pinsing.loops.structure import likeness, same
-from pinsing.measures import ALIKE, ROUNDING, SINGULAR_RTOL
+from pinsing.measures import ALIKE, ROUNDING, SINGULAR_RTOL, SOLVED
 from pinsing.robot.mechanism import Mechanism
 from pinsing.serialization import JsonResult
 
@@ -165,7 +165,7 @@ class Curve:
         for _ in range(20):
             error, G = self.loops.scaled(q)
             size = float(np.abs(error).max())
-            if size <= 1e-14 or (size <= CLOSED and size >= best):
+            if size <= 1e-14 or (size <= SOLVED and size >= best):
                 return q
             best = size
             rows = np.vstack([G, self.held] if along is None else [G, self.held, along])
@@ -173,7 +173,7 @@ class Curve:
             q = q + np.linalg.lstsq(rows, target, rcond=1e-11)[0] * self.units
             if not np.isfinite(q).all() or np.abs(q - guess).max() > 1.0:
                 break
-        if float(np.abs(self.loops.scaled(q)[0]).max()) <= CLOSED:
+        if float(np.abs(self.loops.scaled(q)[0]).max()) <= SOLVED:
             return q
         raise LostError
 

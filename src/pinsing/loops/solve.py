@@ -11,11 +11,12 @@ import numpy.typing as npt
 
 from pinsing._types import Array
 from pinsing.errors import ConfigurationError
-from pinsing.loops.closure import CLOSED, BatchLoops, Loops, Mask, gauss_newton, ranks
+from pinsing.loops.closure import BatchLoops, Loops, Mask, gauss_newton, ranks
 from pinsing.loops.modes import assembly_sign, closed_from_random, home, mode_of
 from pinsing.loops.motion import Pose, motions
 from pinsing.loops.singular_points import StoppedError, Trace, trace, turning_points
 from pinsing.loops.structure import likeness, same
+from pinsing.measures import SEED, SOLVED
 from pinsing.robot.mechanism import Mechanism
 from pinsing.serialization import JsonResult
 
@@ -122,7 +123,7 @@ def follow(
     actuated = list(mechanism.actuated)
     q = home(mechanism) if start is None else mechanism.check(start)
     q, error = gauss_newton(loops, q, free)
-    out, lost = [], error > CLOSED
+    out, lost = [], error > SOLVED
     why = "the loops do not close at the start" if lost else ""
     for target in path:
         part = 0.0
@@ -150,7 +151,7 @@ def _walk(
         guess[actuated] = origin + ahead * (target - origin)
         # A corrector that runs off is about to jump to another assembly mode, or over a fold.
         new, error = gauss_newton(loops, guess, free, steps=12, reach=_STEP)
-        if error <= CLOSED:
+        if error <= SOLVED:
             q, part = new, ahead
             step = min(2 * step, _STEP / distance)
             continue
@@ -222,7 +223,7 @@ def curves(
     inputs: npt.ArrayLike,
     moving: int,
     starts: int = 160,
-    seed: int = 811,
+    seed: int = SEED,
     over: Callable[[], bool] | None = None,
 ) -> tuple[Trace, ...]:
     """Trace solution curves with input ``moving`` (its position) free, the others held.

@@ -12,7 +12,7 @@ import pinocchio as pin
 
 from pinsing._types import Array
 from pinsing.loops.exact import Turn, rational_turn, turn_to
-from pinsing.measures import ALIKE, ROUNDING
+from pinsing.measures import ALIKE, ROUNDING, SEED
 from pinsing.robot.joints import joint_axis
 from pinsing.robot.mechanism import Mechanism
 
@@ -404,7 +404,7 @@ def room_of(mechanism: Mechanism) -> tuple[str, Turn, Array]:
 
     And the turn that makes the plane's normal z, and the sphere's centre.
     """
-    drawn = Sample(mechanism, mechanism.space.sample(1, np.random.default_rng(929))[0])
+    drawn = Sample(mechanism, mechanism.space.sample(1, np.random.default_rng(SEED))[0])
     still, none = rational_turn(np.eye(3)), np.zeros(3)
     normal = plane_normal(mechanism, drawn.axis)
     if normal is not None:

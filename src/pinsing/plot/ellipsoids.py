@@ -20,7 +20,7 @@ from pinsing.configuration.at import REGULAR, State
 from pinsing.configuration.lost_motion import LostMotion
 from pinsing.errors import OptionError
 from pinsing.kinematics.verdict import SINGULAR_RTOL
-from pinsing.measures import Ellipsoid, pure_by_default, pure_ellipsoids
+from pinsing.measures import PRACTICAL, Ellipsoid, pure_by_default, pure_ellipsoids
 from pinsing.plot.style import COLORS, COLUMN, SMALL, legend_below, legend_of_all, new_axes, plain
 from pinsing.robot.arm import Arm
 from pinsing.robot.joints import joint_axis
@@ -188,8 +188,6 @@ _WHICH = {
     ("translational", "all"): "translational part of all motions",
     ("rotational", "all"): "rotational part of all motions",
 }
-_FLAT = 1e-5
-"""Semi-axes below this share of the largest are flat to the eye."""
 
 
 @checked
@@ -358,7 +356,7 @@ def _flat_axes(state: State, e: Ellipsoid) -> Array:
     """Directions (k, 3) without extent, where the configuration is what makes them so."""
     if state.status == REGULAR or e.radii[0] <= 0:
         return np.zeros((0, 3))
-    limit = SINGULAR_RTOL if state.singular else _FLAT
+    limit = SINGULAR_RTOL if state.singular else PRACTICAL
     return np.asarray(e.axes.T[e.radii <= max(limit, 10 * state.rtol) * e.radii[0]])
 
 

@@ -26,10 +26,10 @@ from pinsing.errors import OptionError
 from pinsing.kinematics.jacobian import tip_and_jacobian
 from pinsing.kinematics.verdict import generic_rank
 from pinsing.plot.style import SMALL, legend_below, new_axes, plain
+from pinsing.proximity.clearance import STEP
 from pinsing.robot.arm import Arm
 
 _FIT = (0.0, 2.0, 4.0)
-STEP = 1e-5
 _FLAT = 1e-7
 _CROSS = 1e-3
 """Where f is so much flatter than along its curve, two curves of singular joint values cross."""

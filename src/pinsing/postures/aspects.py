@@ -17,7 +17,7 @@ from pinsing.algebra.budget import Budget
 from pinsing.arguments import checked, typed
 from pinsing.errors import OptionError
 from pinsing.families import ClosedForm
-from pinsing.measures import ROUNDING
+from pinsing.measures import PRACTICAL, ROUNDING
 from pinsing.postures.joint_map import Map, make_map, require_same_families
 from pinsing.postures.ladder import ladder_of, posture_names
 from pinsing.postures.newton import columns, regular_way
@@ -27,9 +27,6 @@ from pinsing.proximity.watched import Forms, watch
 from pinsing.robot.arm import Arm, ArmSummary
 from pinsing.robot.nominal import nominal
 from pinsing.serialization import JsonResult
-
-PRACTICAL = 1e-5
-"""sigma_r / sigma_1 under which no motor tells a configuration from a singular one."""
 
 _PIECES = (2_000, 20_000)
 

@@ -15,8 +15,8 @@ from pinsing.families import ClosedForm, closed_form
 from pinsing.kinematics.batch import picked, turn_left
 from pinsing.kinematics.jacobian import tip_placement
 from pinsing.kinematics.verdict import generic_rank, ratios
-from pinsing.measures import ROUNDING
-from pinsing.postures.aspects import PRACTICAL, PROVEN, Aspects, aspects, missing, nearly
+from pinsing.measures import PRACTICAL, ROUNDING
+from pinsing.postures.aspects import PROVEN, Aspects, aspects, missing, nearly
 from pinsing.postures.connection import SAME, Connection, connect
 from pinsing.postures.inverse import inverse
 from pinsing.postures.ladder import ladder_of

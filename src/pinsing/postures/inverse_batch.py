@@ -17,7 +17,7 @@ from pinsing._types import Array, Bool, Ints
 from pinsing.errors import OptionError
 from pinsing.kinematics.jacobian import generic_rank
 from pinsing.kinematics.verdict import ROWS
-from pinsing.measures import ROUNDING
+from pinsing.measures import PRACTICAL, ROUNDING
 from pinsing.postures.inverse import decomposed, inverse
 from pinsing.postures.newton import Solver
 from pinsing.robot.arm import Arm
@@ -25,8 +25,6 @@ from pinsing.robot.chain import flatten
 
 _NEAR = 1e-2
 """Residual from which a few Newton steps lead to a solution, if there is one."""
-_SAME = 1e-5
-"""Radians between two solutions of one pose that are one: Newton leaves far less."""
 _BESIDE = 0.05
 """Radians within which a solution continues that of a neighbouring pose."""
 _ROWS = 50_000
@@ -259,11 +257,11 @@ def _distinct(Q: Array, arm: Arm) -> Array:
     weights = np.sqrt(1.0 + np.arange(arm.n))
     key = np.sort(np.where(finite, np.abs(Q) @ weights, np.inf), axis=-1)
     with np.errstate(invalid="ignore"):
-        alike = (np.diff(key) <= _SAME * weights.sum()).any(axis=-1)
+        alike = (np.diff(key) <= PRACTICAL * weights.sum()).any(axis=-1)
     Q, both, there = arm.space.fold(Q), Q[alike], finite[alike]
     for a in range(1, Q.shape[-2]):
         apart = _gaps(both[..., :a, :], both[..., a, None, :], arm)
-        there[..., a] &= ~((apart < _SAME) & there[..., :a]).any(axis=-1)
+        there[..., a] &= ~((apart < PRACTICAL) & there[..., :a]).any(axis=-1)
     finite[alike] = there
     Q[~finite] = np.nan
     order = np.argsort(~finite, axis=-1, kind="stable")

@@ -79,6 +79,7 @@ import numpy as np
 
 from pinsing._types import Array
 from pinsing.algebra.trig_sum import TrigSum
+from pinsing.measures import ROUNDING
 from pinsing.postures.exact_chain import ExactChain, Vector, added, apply, transposed_apply
 from pinsing.robot.nominal import Nominal, exact_generic_rank
 from pinsing.robot.surd import Exact
@@ -667,9 +668,6 @@ def _upright(chain: ExactChain) -> bool:
     return bool(C[0][2] == 0 and C[1][2] == 0)
 
 
-_LEVEL = 1e-9
-
-
 def posture_names(geometry: Nominal, Q: Array) -> list[tuple[str, ...]]:
     """Names of the posture at configurations Q (N, n); empty where the field has none.
 
@@ -695,10 +693,10 @@ def _shoulder_and_elbow(ladder: Ladder, Q: Array) -> list[list[str]]:
     if any(chain.prismatic[:2]) or not chain.perpendicular(0):
         return []
     ahead, aside, out, bend = _seen(ladder, np.concatenate([np.zeros((1, chain.n)), Q]))
-    if np.ptp(aside) > _LEVEL:
+    if np.ptp(aside) > ROUNDING:
         return []
     words = []
-    if np.abs(aside).max() > _LEVEL:
+    if np.abs(aside).max() > ROUNDING:
         words.append(
             [
                 "shoulder " + ("right" if a * s > 0 else "left")
@@ -706,8 +704,8 @@ def _shoulder_and_elbow(ladder: Ladder, Q: Array) -> list[list[str]]:
             ][1:]
         )
     else:
-        side = out[0] if abs(out[0]) > _LEVEL else ahead[0]
-        front = -1.0 if side < -_LEVEL else 1.0
+        side = out[0] if abs(out[0]) > ROUNDING else ahead[0]
+        front = -1.0 if side < -ROUNDING else 1.0
         words.append(["shoulder " + ("front" if a * front > 0 else "back") for a in ahead[1:]])
     if chain.parallel(1) and not chain.prismatic[2]:
         words.append(
@@ -727,7 +725,7 @@ def _seen(ladder: Ladder, Q: Array) -> tuple[Array, Array, Array, Array]:
     place, height = ladder.point
     R, p = chain.frames(chain.values(Q))
     up, across = R[:, 0, :, 2], R[:, 1, :, 2]
-    up = np.where(up[:, 2:] < -_LEVEL, -up, up)
+    up = np.where(up[:, 2:] < -ROUNDING, -up, up)
     ahead = np.cross(up, across)
     C = p[:, place] + height * R[:, place, :, 2] - p[:, 0]
     shoulder, elbow = p[:, 1] - p[:, 0], p[:, 2] - p[:, 0]

@@ -34,7 +34,7 @@ from pinsing.algebra.trig_sum import TINY
 from pinsing.errors import OptionError
 from pinsing.kinematics.batch import picked, turn_left
 from pinsing.kinematics.verdict import generic_rank
-from pinsing.measures import FLOAT_NOISE
+from pinsing.measures import FLOAT_NOISE, SOLVED
 from pinsing.robot.arm import Arm
 from pinsing.robot.chain import flatten
 from pinsing.robot.joint_space import JointSpace
@@ -85,7 +85,6 @@ class Stalled:
 
 _ITERATIONS = 60
 _STEP = 0.7
-_CLOSE = 1e-11
 
 
 @dataclass(frozen=True, eq=False)
@@ -132,7 +131,7 @@ class Solver:
         """
         with np.errstate(over="ignore", invalid="ignore"):
             Q, left = self._descend(Q.copy(), steps)
-        good = left < _CLOSE
+        good = left < SOLVED
         if stalled is not None:
             stalled.add(Q[~good], left[~good])
         return Q[good], left[good]

@@ -19,11 +19,9 @@ import numpy as np
 from pinsing._types import Array, Bool
 from pinsing.algebra.equation import Equation
 from pinsing.algebra.trig_sum import TrigSum
+from pinsing.measures import PRACTICAL
 from pinsing.postures.boxes import sum_of
 from pinsing.proximity.watched import Watched
-
-SLIVER = 1e-5
-"""Radians or weighted lengths: a cut this near to a limit lies on it, and cuts nothing off."""
 
 
 @dataclass(frozen=True)
@@ -223,10 +221,12 @@ def _arcs(
             turns = list(range(math.floor((low - c) / turn), math.ceil((high - c) / turn) + 1))
         for k in turns:
             v = c + turn * k
-            if low + SLIVER < v < high - SLIVER:
+            if low + PRACTICAL < v < high - PRACTICAL:
                 inside.append(v)
             elif low < v < high:
-                notes.append(f"{name}: a singular value lies on the joint limit, within {SLIVER:g}")
+                notes.append(
+                    f"{name}: a singular value lies on the joint limit, within {PRACTICAL:g}"
+                )
     ends = [low, *sorted(inside), high]
     return tuple(Arc(joint, a, b) for a, b in pairwise(ends))
 

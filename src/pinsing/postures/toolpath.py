@@ -26,13 +26,13 @@ from pinsing.arguments import checked
 from pinsing.errors import ConfigurationError, OptionError
 from pinsing.families import ClosedForm
 from pinsing.kinematics.tip_speed import limits_of
-from pinsing.measures import ROUNDING
+from pinsing.measures import PRACTICAL, ROUNDING
 from pinsing.notebook import one_line
 from pinsing.postures.inverse_batch import InverseMany
 from pinsing.postures.ladder import posture_names
 from pinsing.postures.placement import TRIED, WorkpiecePlacement, check_ranges, place_at, search
 from pinsing.prose import listed
-from pinsing.proximity.clearance import clearance
+from pinsing.proximity.clearance import CLOSE, clearance
 from pinsing.proximity.crossings import crossings
 from pinsing.proximity.watched import titled, watch
 from pinsing.robot.arm import Arm, ArmSummary, summarize
@@ -52,10 +52,6 @@ _MARGIN = 0.01
 """Radians below the path on a part of the grid at which that on the whole is looked for first."""
 _ROUGH = SearchOptions(gap=_MARGIN, boxes=1)
 """Work where configurations are only compared: the steps to the nearest point, without proof."""
-_GAP = 1e-3
-"""Radians between the certified bounds of a clearance."""
-_FINEST = 1e-5
-"""Radians below which nothing is halved any more."""
 _THINNED = 6
 """One value and one pose in so many are looked at first."""
 _ENOUGH = np.radians(0.5)
@@ -544,9 +540,9 @@ class _Planner:
         """Search at nodes, one a pose (M,); their clearance."""
         more: Bool = np.zeros((len(self.T), self.clear[0].size), dtype=bool)
         more[poses, at] = True
-        more &= (self.usable & (self.highest > self.clear + _GAP)).reshape(more.shape)
+        more &= (self.usable & (self.highest > self.clear + CLOSE)).reshape(more.shape)
         rows = more.reshape(self.clear.shape) & (self.highest >= self.least)
-        found = clearance(self.form, self.Q[rows], certify=True, gap=_GAP)
+        found = clearance(self.form, self.Q[rows], certify=True, gap=CLOSE)
         self.clear[rows] = np.maximum(self.clear[rows], found.lower)
         self.likely[rows] = self.highest[rows] = np.minimum(self.highest[rows], found.upper)
         self.seen[rows] = True
@@ -762,11 +758,11 @@ class _Planner:
         least, clear = reached + _BISECTED, self.clear.reshape(N, -1)
         while True:
             alive = self._passed(least)
-            split = alive & (clear < bound) & (self.way > _FINEST)
+            split = alive & (clear < bound) & (self.way > PRACTICAL)
             split[0] &= self.start is None
             if N * (alive + 2 * split).sum(axis=1).max() > self.most:
                 split[np.where(alive, clear, 0.0).max(axis=1) >= bound] = False
-            if not split.any() or bound - least < _FINEST:
+            if not split.any() or bound - least < PRACTICAL:
                 return None
             if N * (alive + 2 * split).sum(axis=1).max() <= self.most:
                 break
@@ -1124,17 +1120,17 @@ class _Planner:
         Segments are halved where their bound, from clearances at their ends, is the least.
         """
         places = np.arange(len(q), dtype=float)
-        lower = clearance(self.form, q, certify=True, gap=_GAP).lower
+        lower = clearance(self.form, q, certify=True, gap=CLOSE).lower
         while True:
             length = np.linalg.norm(np.diff(q, axis=0) * self.scale, axis=1)
             bound = np.minimum(
                 (lower[:-1] + lower[1:] - length) / 2, np.minimum(lower[:-1], lower[1:])
             )
             wide = np.flatnonzero(bound < lower.min() - _BISECTED / 2)
-            if not len(wide) or length[wide].max() < _FINEST:
+            if not len(wide) or length[wide].max() < PRACTICAL:
                 return max(float(bound.min()), 0.0), float(places[lower.argmin()])
             middle = (q[wide] + q[wide + 1]) / 2
-            here = clearance(self.form, middle, certify=True, gap=_GAP).lower
+            here = clearance(self.form, middle, certify=True, gap=CLOSE).lower
             lower = np.insert(lower, wide + 1, here)
             places = np.insert(places, wide + 1, (places[wide] + places[wide + 1]) / 2)
             q = np.insert(q, wide + 1, middle, axis=0)

@@ -27,6 +27,7 @@ from pinsing.kinematics.batch import random_turns
 from pinsing.kinematics.jacobian import frame_jacobians, singular_values, tip_poses
 from pinsing.kinematics.speed_bounds import SpeedBounds, sums_behind
 from pinsing.kinematics.tip_speed import TIP_SPEED, TURN_SPEED, speed_judge
+from pinsing.measures import ROUNDING
 from pinsing.postures.ladder import posture_names
 from pinsing.prose import listed
 from pinsing.proximity.watched import Watched, metric_note, titled, watch
@@ -37,8 +38,6 @@ GAP = 0.05
 """Share of a distance within which a configuration that exceeds a limit is looked for."""
 BOXES = 1_500_000
 """Boxes for all distances together; a UR5 on circles takes half of them, 4 s of one processor."""
-_EXTRA = 1e-9
-"""Radians added to each distance for the rounding of the distances themselves; metres, too."""
 
 
 @checked
@@ -187,7 +186,7 @@ class Region:
             self._require_postures()
         self.words += self.posture + tuple(self._narrowed(n, *e) for n, e in ranges.items())
         tested = frame_jacobians(arm, random_turns(arm, 20))[:, :3][:, np.isfinite(self.tip[0])]
-        self.moving: Bool = np.asarray((np.abs(tested) > _EXTRA).any(axis=(0, 1)))
+        self.moving: Bool = np.asarray((np.abs(tested) > ROUNDING).any(axis=(0, 1)))
 
     def _require_postures(self) -> None:
         """Raise unless the words are names of postures, and each ends at families only."""
@@ -372,13 +371,13 @@ class _Search:
             for k in range(self.steps + 1):
                 if k == self.steps:
                     near = two_sided(conditions, x / conditions.weight, each=True).each[..., 1]
-                    way = np.linalg.norm(x - X, axis=1) * (1 + _EXTRA) + near[:, branch.family]
+                    way = np.linalg.norm(x - X, axis=1) * (1 + ROUNDING) + near[:, branch.family]
                     found, x = np.fmin(found, way), start + (x - start) * self.beyond
                 at = branch.sums[0].at(x)
                 sign = np.where(np.abs(at.value) > at.error, np.sign(at.value), 0.0)
                 side = sign if k == 0 else side
                 # A zero is on the way to where the sum has another sign.
-                way = np.linalg.norm(x - X, axis=1) * (1 + _EXTRA)
+                way = np.linalg.norm(x - X, axis=1) * (1 + ROUNDING)
                 found = np.fmin(found, np.where(sign * side < 0, way, np.inf))
                 g = np.where(held, 0.0, at.gradient)
                 along = (g * (x - start)).sum(axis=1) - at.value
@@ -473,10 +472,10 @@ class _Search:
             self.progress(what, min(self.seen - begin, most), most)
             C, R, ceiling = (np.concatenate(x) for x in zip(*made, strict=True))
         proven = max((1 + GAP) * reached, float(ceiling.max(initial=0.0)))
-        return _Answer(proven + _EXTRA if proven else 0.0, reached, q)
+        return _Answer(proven + ROUNDING if proven else 0.0, reached, q)
 
     def _target(self, reached: float) -> float:
-        return max((1 + GAP) * reached, _EXTRA)
+        return max((1 + GAP) * reached, ROUNDING)
 
     def _halves(
         self, k: int | None, far: Array, cap: float, C: Array, R: Array, top: Array, reached: float
@@ -528,7 +527,7 @@ class _Search:
             n = self.arm.n
             here = np.linalg.norm(frame_jacobians(self.arm, C)[:, :3], axis=1)
             speed = np.where(self.arm.prismatic, 1.0, here + sums_behind(R * self.bounds.far[:n]))
-            slack = (R * speed).sum(axis=1, keepdims=True) + _EXTRA
+            slack = (R * speed).sum(axis=1, keepdims=True) + ROUNDING
             out &= (self.region.outside(C) <= slack).all(axis=1)
         return np.asarray(out)
 

@@ -27,7 +27,9 @@ from pinsing.serialization import JsonResult
 
 NAMING = SearchOptions(gap=1e-4, boxes=100)
 """Work in the search for the nearest family where bounds do not tell it: half a millisecond."""
-_STEP = 1e-5
+CLOSE = 1e-3
+"""Radians between the bounds of a clearance that are as good as its value to people."""
+STEP = 1e-5
 """Radians or metres: differences over it are right to some 1e-9."""
 
 
@@ -108,8 +110,8 @@ class Clearance(JsonResult):
         if self.bound is None or self.at is None:
             raise ResultError("the gradient of a clearance is not in its JSON: compute it again")
         slopes = [
-            (self.bound(self.at + step) - self.bound(self.at - step)) / (2 * _STEP)
-            for step in _STEP * np.eye(self.at.shape[-1])
+            (self.bound(self.at + step) - self.bound(self.at - step)) / (2 * STEP)
+            for step in STEP * np.eye(self.at.shape[-1])
         ]
         return np.stack(slopes, axis=-1)
 

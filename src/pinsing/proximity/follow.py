@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from pinsing._types import Array
+from pinsing.arguments import MEBIBYTE
 from pinsing.errors import ConfigurationError
 from pinsing.families.form import ClosedForm
 from pinsing.proximity.clearance import NAMING, certified, quick
@@ -29,8 +30,6 @@ BACKLOG = 100
 """Lines of a live stream that may wait, a tenth of a second at 1 kHz; older ones are dropped."""
 STALLED = 1.0
 """Seconds without a line after which it is said."""
-_LONGEST = 1 << 20
-"""Characters of a line, of at most four bytes each; a longer one is not read."""
 _ROWS = (*"{+-.0123456789", " ", "\t")
 """How lines of values begin. Others may be names of columns, which are not dropped."""
 _PIECE = re.compile(r"[-+.\deE\s]*")
@@ -49,7 +48,7 @@ def lines_of(raw: io.FileIO) -> Iterator[str]:
     while data := raw.read(1 << 16):
         *whole, rest = (rest + data).split(b"\n")
         yield from (line.decode(errors="replace") for line in whole)
-        rest = rest[: 4 * _LONGEST + 1]
+        rest = rest[: 4 * MEBIBYTE + 1]
     if rest:
         yield rest.decode(errors="replace")
 
@@ -152,8 +151,8 @@ class Reader:
         ConfigurationError
             If the line cannot be read, or holds no configuration of the arm.
         """
-        if len(line) > _LONGEST:
-            raise ConfigurationError(f"the stream: a line of more than {_LONGEST:,} characters")
+        if len(line) > MEBIBYTE:
+            raise ConfigurationError(f"the stream: a line of more than {MEBIBYTE:,} characters")
         text, self.t = line.removeprefix("\ufeff").strip(), None
         if not text or text[0] == "#":
             return None

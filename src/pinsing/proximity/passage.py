@@ -23,7 +23,7 @@ from pinsing.algebra.nearest import BOXES, SearchOptions, nearest_points, two_si
 from pinsing.kinematics.jacobian import singular_values
 from pinsing.kinematics.tip_speed import SpeedJudge
 from pinsing.measures import ROUNDING
-from pinsing.proximity.clearance import nearest_family
+from pinsing.proximity.clearance import CLOSE, nearest_family
 from pinsing.proximity.crossings import Crossing, Motion, crossings_of
 from pinsing.proximity.watched import Watched
 from pinsing.robot.arm import Arm
@@ -258,7 +258,7 @@ def _runs(inside: Bool) -> list[tuple[int, int]]:
 
 _CANDIDATES = 6
 _SEARCH = SearchOptions(boxes=BOXES // 3)
-_CLOSE, _APART, _PROVEN = SearchOptions(gap=1e-3, boxes=2000), 0.01, 2000
+_CLOSE, _APART, _PROVEN = SearchOptions(gap=CLOSE, boxes=2000), 0.01, 2000
 """How closely distances of samples are proven, how far apart in joint space, how many of a part."""
 
 

@@ -19,7 +19,7 @@ from pinsing.families import Branch
 from pinsing.families.solve import form_to_measure
 from pinsing.kinematics.verdict import ratios
 from pinsing.measures import ALIKE, NEAR_RTOL
-from pinsing.proximity.clearance import certified
+from pinsing.proximity.clearance import CLOSE, certified
 from pinsing.proximity.watched import Forms, Watched, require_forms_of, titled, watch
 from pinsing.robot.arm import Arm, ArmSummary, summarize
 from pinsing.serialization import JsonResult
@@ -28,7 +28,6 @@ _CLIMBERS = 48
 _STEPS = 25
 _TRIED = 4
 _BATCH = 256
-_GAP = 1e-3
 
 
 @dataclass(frozen=True, eq=False)
@@ -170,7 +169,7 @@ class RoomSearch:
         terms = sum(s.rate.size for branch in w.conditions.branches for s in branch.sums)
         box = _BOX + terms / 6  # six of them in the time of a product
         boxes = min(BOXES, self.budget.left * PER_SECOND / (box * len(X)))
-        options = SearchOptions(_GAP, max(1, int(boxes)))
+        options = SearchOptions(CLOSE, max(1, int(boxes)))
         found = nearest_points(w.conditions, X / w.weight, w.lower, w.upper, options)
         self.budget.spend(box * float(found.boxes.sum()))
         self.sites.add(found.q * w.weight, found.family)
@@ -198,7 +197,7 @@ class RoomSearch:
                 better = there > promise
                 X[better], promise[better] = tried[better], there[better]
             order = np.argsort(-promise, kind="stable")
-            if promise[order[0]] <= self.lower + _GAP:
+            if promise[order[0]] <= self.lower + CLOSE:
                 return
             self.prove(X[self._apart(X, order)])
 
@@ -218,7 +217,7 @@ class RoomSearch:
         centers, halves = (room.low + room.high)[None] / 2, (room.high - room.low)[None] / 2
         bounds = self._promise(centers, halves)
         for _ in range(40):
-            goal = max(self.lower, 0.0) + _GAP
+            goal = max(self.lower, 0.0) + CLOSE
             keep = bounds > goal
             centers, halves, bounds = centers[keep], halves[keep], bounds[keep]
             if not len(bounds) or self.budget.over:
@@ -236,7 +235,7 @@ class RoomSearch:
             centers = np.concatenate([centers[later], parts])
             halves = np.concatenate([halves[later], both])
             bounds = np.concatenate([bounds[later], fresh])
-        goal = max(self.lower, 0.0) + _GAP
+        goal = max(self.lower, 0.0) + CLOSE
         self.most = max(goal, float(bounds.max(initial=0.0))) + ALIKE
 
     def _promise(self, centers: Array, halves: Array) -> Array:
@@ -250,7 +249,7 @@ class RoomSearch:
         """Farther from the other families too, and to where joints are preferred, at no cost."""
         if not np.isfinite(self.lower) or self.budget.over:
             return
-        enough, width = self.lower - _GAP, self.room.high - self.room.low
+        enough, width = self.lower - CLOSE, self.room.high - self.room.low
         X = np.repeat(self.best[None], _CLIMBERS, axis=0)
         value = self._worth(X, -np.inf)
         for step in range(3 * _STEPS):

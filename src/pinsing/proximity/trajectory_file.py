@@ -18,6 +18,7 @@ import numpy as np
 import numpy.typing as npt
 
 from pinsing._types import Array
+from pinsing.arguments import MEBIBYTE
 from pinsing.chunk_file import DamagedError, read_arrays, read_bounded
 from pinsing.description.catalog import known_arms
 from pinsing.errors import ConfigurationError
@@ -60,7 +61,7 @@ _LETTERS = {6: "SLURBT", 7: "SLEURBT"}
 _PROGRAM = re.compile(r"(?i)(%%%|module\s|&[a-z]+\s|(global\s+)?def(fct)?\s|/(job|prog)(\s|$))")
 """How programs begin: RAPID, KRL, INFORM, and those of FANUC and UR under other names."""
 _HANDED = ("/dev/stdin", "/dev/fd/", "/proc/self/fd/")  # pipes that the shell has set up
-_LARGEST = 4 << 30  # bytes
+_LARGEST = 4096 * MEBIBYTE  # bytes
 _NO_TIMES = "no column of times"
 _ROWS = 100_000  # at a time
 _EPOCH = 1e8  # seconds: later times are dates, of which three years are left out
@@ -323,7 +324,7 @@ def _npz(path: Path, arm: Arm, columns: Sequence[str]) -> TrajectoryFile:
     return TrajectoryFile(found.Q, np.asarray(arrays[times], dtype=float), ())
 
 
-LARGEST_TEXT = 64 << 20  # bytes: a minute of reading
+LARGEST_TEXT = 64 * MEBIBYTE  # bytes: a minute of reading
 _FANUC_JOINT = re.compile(r"J(\d)\s*=\s*([-+]?[\d.]+)\s*(deg|mm)", re.I)
 _FANUC_MOVE = re.compile(r"\s*\d+:\s*([JLCA])\s+(\S+?)\[(\d+)[^\]]*\]([^;]*)")
 _FANUC_OTHER = re.compile(r"\s*\d+:\s*(CALL|RUN|JMP|LBL|IF|FOR|SELECT|UFRAME|UTOOL|OFFSET)\b", re.I)

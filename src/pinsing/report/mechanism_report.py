@@ -50,7 +50,7 @@ TYPES = {
     "constraint": "The mechanism gains motions that its mobility does not count.",
 }
 _PAGE = Page(84)
-_ROUGH, _MOST_TRIED = 41, 8
+_MOST_TRIED = 8
 
 
 def input_values(mechanism: Mechanism, inputs: Array) -> str:
@@ -128,7 +128,7 @@ def aspects(mechanism: Mechanism, a: MechanismAnalysis) -> Section | None:
 def _telling(mechanism: Mechanism) -> tuple[str, str]:
     """Two coordinates over which the slice at home shows more than one aspect; else the first."""
     from pinsing.loops.modes import home
-    from pinsing.loops.pose_slice import pose_slice
+    from pinsing.loops.pose_slice import COARSE, pose_slice
     from pinsing.plot.pose_map import panels
 
     free = free_coordinates(mechanism)
@@ -136,7 +136,7 @@ def _telling(mechanism: Mechanism) -> tuple[str, str]:
     # Two positions are easiest to read, then a position and a turn.
     pairs.sort(key=lambda pair: sum(name in ("roll", "pitch", "yaw") for name in pair))
     for pair in pairs[:_MOST_TRIED]:
-        found = pose_slice(mechanism, pair, [home(mechanism)], _ROUGH)
+        found = pose_slice(mechanism, pair, [home(mechanism)], COARSE)
         if len(panels(mechanism, found, [""])[0].positive) > 1:
             return pair
     return pairs[0]

@@ -11,7 +11,7 @@ from pinsing._types import Array
 from pinsing.errors import JointError
 from pinsing.robot.source import Coupling
 
-_Z = np.array([0.0, 0.0, 1.0])
+_Z = np.eye(3)[2]
 
 
 def joint_axis(joint: pin.JointModel, name: str = "") -> tuple[Array, bool]:

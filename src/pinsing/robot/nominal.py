@@ -25,6 +25,7 @@ import numpy as np
 from pinsing._types import Array
 from pinsing.arguments import checked
 from pinsing.errors import OptionError
+from pinsing.measures import SEED
 from pinsing.notebook import one_line
 from pinsing.robot.arm import Arm
 from pinsing.robot.chain import (
@@ -184,7 +185,6 @@ def _on(arm: Arm, key: tuple[float, float]) -> Nominal:
 
 PRIMES = (4611686018427387817, 4611686018427387409)
 """The two largest primes below 2^62 that are 1 modulo 24."""
-SEED = 20231
 
 Vector = list[int]
 Motion = tuple[int, ...]

@@ -11,14 +11,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pinocchio as pin
 
-from pinsing.measures import ROUNDING
+from pinsing.measures import ROUNDING, SEED
 from pinsing.robot.arm import Arm
 
 if TYPE_CHECKING:
     from yourdfpy import URDF
 
 CONFIGURATIONS = 20
-SEED = 20
 _TABLES = {".yaml", ".yml"}
 # Both read the same decimals, and multiply some twenty matrices of entries up to a few metres.
 

@@ -25,7 +25,7 @@ from pinsing.errors import OptionError
 from pinsing.families import ClosedForm, Family, closed_form
 from pinsing.families.form import answer_text, families_text
 from pinsing.kinematics.verdict import NEAR_RTOL, SINGULAR_RTOL, measure, ratios
-from pinsing.measures import ALIKE, Reachability
+from pinsing.measures import ALIKE, PRACTICAL, Reachability
 from pinsing.notebook import text, verdict
 from pinsing.prose import PLAIN, Page, Span, alarm, caution, unbroken
 from pinsing.robot.arm import Arm, ArmSummary, summarize
@@ -40,13 +40,13 @@ from pinsing.sampling.generalize import (
     JointCondition,
     finding_spans,
 )
+from pinsing.sampling.map_plan import BLOCK
 from pinsing.sampling.sweep_plan import MAX_SAMPLES, SAMPLES, SPECIAL_ANGLES, Special
 from pinsing.sampling.sweep_run import SweepResult, sweep
 from pinsing.serialization import JsonResult
 
 _SAME_RELATION = 1e-2  # the same beside a relation: near it, a raw geometry blurs the values
 _CANDIDATES = 12  # configurations looked at for a representative
-_WALKS = 4096  # walks at a time
 
 
 @dataclass(frozen=True, eq=False)
@@ -177,8 +177,8 @@ def _along(exact: Arm, starts: Array, moving: Bool, ignore_limits: bool, until: 
 
 def _batches(rows: npt.NDArray[np.intp]) -> Iterator[npt.NDArray[np.intp]]:
     """Rows, some at a time: the derivatives of many would fill the memory."""
-    for start in range(0, len(rows), _WALKS):
-        yield rows[start : start + _WALKS]
+    for start in range(0, len(rows), BLOCK):
+        yield rows[start : start + BLOCK]
 
 
 class _Collector:
@@ -626,9 +626,6 @@ def _geometry(analysis: Analysis) -> Iterator[str]:
     )
 
 
-ON_FAMILY_TOL = 1e-5
-"""Distance in joint space (radians; metres over the length scale) that counts as on a family."""
-
 _VALLEY = 1e-2
 """How far from a zero of sigma_r it may be below the tolerance."""
 _BATCH = 100
@@ -666,14 +663,14 @@ def random_search(
     for family in forms.families:
         if on.all():
             break
-        on[~on] = family.contains(found[~on], ON_FAMILY_TOL)
+        on[~on] = family.contains(found[~on], PRACTICAL)
     off = found[~on]
     if len(off):
         # In a flat valley sigma_r is below the tolerance some way off already: the nearest true
         # zero decides.
         ends = approach(exact, off)
         close = ends.singular & (np.abs(ends.q - off).max(axis=1) <= _VALLEY)
-        close &= np.array([forms.family_of(q, ON_FAMILY_TOL) is not None for q in ends.q])
+        close &= np.array([forms.family_of(q, PRACTICAL) is not None for q in ends.q])
         off = off[~close]
         off = np.array([q for q in off if stages.over or not leads_down(exact, forms, q)])
     return RandomSearch(starts, len(found), len(found) - len(off), tuple(off))
@@ -689,7 +686,7 @@ def leads_down(exact: Arm, forms: ClosedForm, q: Array) -> bool:
     valley is no zero.
     """
     where = _beside(forms, q)
-    if where is not None and ON_FAMILY_TOL < where[0] <= _VALLEY:
+    if where is not None and PRACTICAL < where[0] <= _VALLEY:
         away = where[1] + _VALLEY / where[0] * exact.space.wrap(q - where[1])
         ends = approach(exact, away)
         there = _beside(forms, ends.q[0])
@@ -700,7 +697,7 @@ def leads_down(exact: Arm, forms: ClosedForm, q: Array) -> bool:
         if where is None or where[0] > _VALLEY:
             return False
         distance, nearest = where
-        if distance <= ON_FAMILY_TOL:
+        if distance <= PRACTICAL:
             return True
         # Share of the way from a family that is left when a point is put back towards it
         between = nearest + 0.7 * exact.space.wrap(q - nearest)
@@ -841,7 +838,7 @@ def analyze(
         "families of the findings",
         lambda: tuple(
             "" if family is None else family.name
-            for family in (forms.family_of(f.configuration.q, ON_FAMILY_TOL) for f in findings)
+            for family in (forms.family_of(f.configuration.q, PRACTICAL) for f in findings)
         ),
         unowned,
     )

@@ -26,7 +26,7 @@ import numpy as np
 import numpy.typing as npt
 
 from pinsing._types import Array, Ints
-from pinsing.arguments import checked, typed, whole_number
+from pinsing.arguments import MEBIBYTE, checked, typed, whole_number
 from pinsing.atomic_write import write_bytes
 from pinsing.chunk_file import DamagedError, Record, read_arrays, read_bounded
 from pinsing.errors import OptionError, ResultError, UnknownNameError
@@ -615,7 +615,7 @@ def _curves_per_block(samples: int) -> int:
     return max(1, 4096 // samples)  # configurations that are treated at a time, of shorter curves
 
 
-KEEP_BYTES = 64 << 20
+KEEP_BYTES = 64 * MEBIBYTE
 """Curves are part of the result up to this size: 16 bytes for each Jacobian."""
 
 VALUES = ("sigma_min", "sigma_ratio")
@@ -874,7 +874,7 @@ def _size(need: int) -> str:
     return f"{need / 2**30:.3g} GiB" if need >= 2**30 else f"{need / 2**20:.3g} MiB"
 
 
-_ROOM = 1 << 30  # bytes that a saved sweep may take
+_ROOM = 1024 * MEBIBYTE  # bytes that a saved sweep may take
 _NUMBERS = ("chunks", "pieces_of_a_chunk", "worst", "candidates")  # of a plan
 
 

@@ -38,7 +38,7 @@ _SHIFT = np.finfo(float).nmant - _DIGITS
 _FIRST = ((1023 + LOWEST) << _DIGITS) - 1
 
 # Rows of the extremes.
-SMALLEST, LARGEST = 0, 1
+SMALLEST, LARGEST = range(2)
 MEASURES = ("sigma", "ratio")
 
 

@@ -24,8 +24,9 @@ from tornado.iostream import StreamClosedError
 from tornado.web import HTTPError, RequestHandler, stream_request_body
 from tornado.websocket import WebSocketClosedError, WebSocketHandler
 
+from pinsing.proximity.trajectory_file import LARGEST_TEXT
+
 MOST_PAGES = 64
-_LARGEST_FILE = 32 << 20  # bytes
 
 Content = str | bytes
 """Of a file of the page."""
@@ -167,7 +168,7 @@ class Dropped(_Quiet):
         self.require_own_page()
         if self.request.method != "POST" or self.site.read is None:
             raise HTTPError(404)
-        self.request.connection.set_max_body_size(_LARGEST_FILE)
+        self.request.connection.set_max_body_size(LARGEST_TEXT)
         self.request.connection.set_body_timeout(60)
         self.content = bytearray()
 
