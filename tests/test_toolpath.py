@@ -362,9 +362,10 @@ def test_the_bound_counts_what_lies_between_a_value_and_where_its_branch_turns_b
     assert freed(count, 2).clearance <= freed(count, 10).bound
 
 
+@pytest.mark.slow
 def test_no_estimate_of_a_node_exceeds_what_it_has_at_most():
     """What is known from the pose before bounds the estimate of this one, too."""
-    arm, form, T = seventh(12)
+    arm, form, T = seventh(40)
     free, step = arm.joints[6], np.radians(5)
     planner = _Planner(form, arm, T, np.eye(4), free, step, None, lambda *_: None)
     planner.plan(None)
