@@ -551,3 +551,21 @@ def test_the_command_places_a_workpiece(ur5, tmp_path):
         assert bad.exit_code == 2
         assert why in bad.stderr
     assert "for degrees add --deg" in run(*words, "--rad", *place).stderr
+
+
+def test_the_bound_counts_long_motions():
+    """One that is proven clear was left out where it is longer than twice the room at its end."""
+    arm = pinsing.load("gp7")
+    form = pinsing.closed_form(arm, prove=False)
+    q = np.radians(
+        [
+            [57.9, 110.98, 113.37, -189.62, 29.1, -119.01],
+            [54.91, 125.66, 154.2, -168.37, 78.97, -160.45],
+        ]
+    )[[0, 1, 0]]
+    T = np.array([tip_placement(arm, x).homogeneous @ TORCH for x in q])
+    plans = [
+        plan_path(form, T, free="roll", t=np.arange(3.0), step=np.radians(s), arm=arm, tool=TORCH)
+        for s in (5, 5 / 8)
+    ]
+    assert plans[1].clearance <= plans[0].bound

@@ -1001,8 +1001,8 @@ class _Planner:
         if self.timed:
             most = limits_of(self.arm) * (self.t[k] - self.t[k - 1])
             quick = (np.abs(gap) <= most * self.scale).all(axis=-1)
-        sure, loose = clear > length, length < 2 * room
-        return sure & quick, loose, loose & quick & ~sure
+        sure, short = clear > length, length < 2 * room
+        return sure & quick, sure | short, short & quick & ~sure
 
     def _shifted(self, i: Ints, d: int) -> Ints:
         """Neighbours of values i on the grid; the ends have none beyond them, and stay."""
