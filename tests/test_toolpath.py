@@ -427,10 +427,11 @@ def test_the_command_writes_a_path_that_check_takes(ur5, tmp_path):
     )
     assert done.exit_code == 0, done.output
     assert json.loads(done.stdout)["clearance"] > 0.7
-    assert out.read_text().splitlines()[0].split(",") == list(arm.joints)
+    assert out.read_text().splitlines()[0].split(",") == [f"{j} (deg)" for j in arm.joints]
     assert picture.stat().st_size > 10_000
-    check = run("check", "ur5", str(out), "--deg")
-    assert check.exit_code == 0, check.output
+    for units in ([], ["--deg"]):
+        check = run("check", "ur5", str(out), *units)
+        assert check.exit_code == 0, check.output
     rows[3][0] += 5.0
     np.savetxt(poses, rows, delimiter=",", header="x,y,z,qx,qy,qz,qw", comments="")
     none = run(*arguments, "--deg")

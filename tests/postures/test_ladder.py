@@ -107,6 +107,21 @@ class TestNames:
         assert "wrist flip" in up
         assert "wrist no-flip" in self.names("ur5", np.radians([0, -70, 75, -90, 80, 0]))
 
+    @pytest.mark.parametrize(
+        ("name", "q"),
+        [
+            ("rs007n", (0, 20, -80, 0, -80, 0)), ("vs060", (0, 20, 70, 0, 80, 0)),
+            ("rv7frl", (0, 20, 90, 0, 70, 0)), ("a0509", (0, 20, 90, 0, 70, 0)),
+            ("z1", (0, 90, -90, 0, 30, 0)), ("uf850", (0, -20, -90, 0, 70, 0)),
+            ("meca500", (0, 20, 0, 0, 70, 0)), ("irb120", (0, 20, 20, 0, 50, 0)),
+        ],
+    )  # fmt: skip
+    def test_an_arm_at_work_has_its_shoulder_in_front(self, name, q):
+        """Also one that stands on its first axis at zero, or with the wrist a little behind it."""
+        said = self.names(name, np.radians(q))
+        assert "shoulder front" in said
+        assert "elbow up" in said
+
     def test_elbow_up_is_up(self):
         """Height of the elbow over the line from shoulder to wrist, while the wrist is ahead."""
         arm = pinsing.robot.nominal(pinsing.load("irb1400")).arm

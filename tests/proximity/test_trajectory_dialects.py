@@ -83,6 +83,8 @@ rosbag_rows = "".join(
 DIALECTS = {
     "names.csv": (table(["t", *UR5], timed()), True),
     "backward.csv": (table(UR5[::-1], Q[:, ::-1]), False),
+    "kawasaki.csv": (table(numbered("JT{} (deg)"), DEG), False),
+    "rapid.csv": (table(numbered("rax_{} (deg)"), DEG), False),
     "q.csv": (table(["time", *numbered("q{}")], timed()), True),
     "q0.csv": (table(numbered("q{}", 0), Q), False),
     "J.csv": (table(numbered("J{}"), Q), False),

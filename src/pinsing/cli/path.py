@@ -127,7 +127,8 @@ def path_command(
         return 1
     if csv is not None:
         factor = np.where(arm.prismatic, 1.0, 180 / math.pi) if deg else np.ones(arm.n)
-        columns, names = plan.q * factor, list(arm.joints)
+        columns = plan.q * factor
+        names = [j if f == 1 else f"{j} (deg)" for j, f in zip(arm.joints, factor, strict=True)]
         if t is not None:
             columns, names = np.column_stack([t, columns]), ["t", *names]
         text = io.StringIO()

@@ -32,7 +32,8 @@ whose second axis is at right angles to the first, with a point C that is known 
 
 - *shoulder left*, *right*: seen from the first axis towards C, the plane in which the arm moves
   passes on the left, or on the right. Where it passes through the first axis, *front* means that
-  C is on the side where axis 2 is, or else where C is with all joints at zero.
+  C is on the side where axis 2 is, or else where C is at the middle of the joint ranges, or else
+  (C on the first axis there) where a positive joint 2 leans an upright arm.
 - *elbow up*, *down*: axis 3 is above, or below, the line from axis 2 to C (to axis 4 where that is
   parallel to both, as of a UR5) while C is ahead. Above is where the first axis points, turned to
   the upper half of the base. Axes 2 and 3 are parallel.
@@ -81,6 +82,7 @@ from pinsing._types import Array
 from pinsing.algebra.trig_sum import TrigSum
 from pinsing.measures import ROUNDING
 from pinsing.postures.exact_chain import ExactChain, Vector, added, apply, transposed_apply
+from pinsing.robot.arm import Arm
 from pinsing.robot.nominal import Nominal, exact_generic_rank
 from pinsing.robot.surd import Exact
 
@@ -684,15 +686,16 @@ def posture_names(geometry: Nominal, Q: Array) -> list[tuple[str, ...]]:
         return out
     # The derivative of the cosine of the wrist's angle is negative while that grows.
     wrist = ["wrist no-flip" if v < 0 else "wrist flip" for v in ladder.stages[-1].value(Q)]
-    words = [*_shoulder_and_elbow(ladder, Q), wrist]
+    words = [*_shoulder_and_elbow(geometry.arm, ladder, Q), wrist]
     return [tuple(w) for w in zip(*words, strict=True)]
 
 
-def _shoulder_and_elbow(ladder: Ladder, Q: Array) -> list[list[str]]:
+def _shoulder_and_elbow(arm: Arm, ladder: Ladder, Q: Array) -> list[list[str]]:
     chain = ladder.chain
     if any(chain.prismatic[:2]) or not chain.perpendicular(0):
         return []
-    ahead, aside, out, bend = _seen(ladder, np.concatenate([np.zeros((1, chain.n)), Q]))
+    middle = np.mean(arm.span, axis=0)
+    ahead, aside, out, bend = _seen(ladder, np.stack([middle, *Q]))
     if np.ptp(aside) > ROUNDING:
         return []
     words = []
@@ -704,9 +707,9 @@ def _shoulder_and_elbow(ladder: Ladder, Q: Array) -> list[list[str]]:
             ][1:]
         )
     else:
-        side = out[0] if abs(out[0]) > ROUNDING else ahead[0]
-        front = -1.0 if side < -ROUNDING else 1.0
-        words.append(["shoulder " + ("front" if a * front > 0 else "back") for a in ahead[1:]])
+        # A positive joint 2 leans an upright arm against `ahead`.
+        sides = [x for x in (out[0], ahead[0], -1.0) if abs(x) > ROUNDING]
+        words.append(["shoulder " + ("front" if a * sides[0] > 0 else "back") for a in ahead[1:]])
     if chain.parallel(1) and not chain.prismatic[2]:
         words.append(
             [

@@ -39,7 +39,7 @@ _TIME = re.compile(
     r"(?i)[%_]*(t|times?|zeit|temps|tiempo|tempo|timestamp|seconds|secs?|time_from_start|elapsed)"
 )
 _NUMBERED = re.compile(
-    r"(?i)(actual_|field_|joint_)?(q|j|a|joint|gelenk|axis|achse|axe|eje|asse|pos|positions?)"
+    r"(?i)(actual_|field_|joint_)?(q|jt?|a|rax|joint|gelenk|axis|achse|axe|eje|asse|pos|positions?)"
     r"[_ ]?(\d+)"
 )
 _PLACES = {"joint_states", "joint_state", "pos", "position", "positions", "actual", "field", "data"}

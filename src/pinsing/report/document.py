@@ -93,7 +93,7 @@ footer { margin-top: 3rem; color: var(--soft); font-size: .9rem; }
   figure { overflow-x: auto; } figure img { max-width: none; }
   iframe { height: 90vh; }
   .wide table { font-size: .85rem; }
-  .wide th, .wide td { padding-right: .4rem; } .wide td { overflow-wrap: anywhere; }
+  .wide th, .wide td { padding-right: .4rem; } .wide td:last-child { min-width: 9rem; }
 }
 @page { size: A4; margin: 16mm 15mm 18mm; }
 @media print {
