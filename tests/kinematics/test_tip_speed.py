@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 import pytest
 from scipy.optimize import linprog
@@ -63,6 +65,8 @@ def test_at_a_singularity_some_direction_is_lost():
     assert state.tip_speeds.share == np.inf
     assert "wrist_3_joint" in state.tip_speeds.share_joints
     assert pinsing.State.from_json(state.to_json()).tip_speeds.share == np.inf
+    near = str(pinsing.at(arm, [0, -1.5, 1.5, 0, 1e-3, 0]))
+    assert re.search(r"at most \d+,\d+ % of the limit", " ".join(near.split()))
 
 
 def test_what_an_arm_never_produces_does_not_count():

@@ -66,6 +66,10 @@ def test_check_says_it(tmp_path):
     done = run("check", "puma560", str(path))
     assert "changes of aspect (as `pinsing postures` numbers them):" in done.output
     assert "wrist no-flip" in done.output
+    path.write_text("J1,J2,J3,J4,J5,J6\n0,0,0,0,-60,0\n0,20,10,20,40,0\n")
+    said = " ".join(run("check", "gp25", str(path), "--deg").stdout.split())
+    assert " --q 0,0,0,180,60,-180 " in said  # 160 degrees from the end, not 200
+    path.write_text("0,0.3,0.2,0,0.8,0\n0,0.3,0.2,0,-0.4,0\n")
     done = run("check", "puma560", str(path), "-o", "-")
     (change,) = json.loads(done.stdout)["aspect_changes"]
     assert change["t"] == pytest.approx(2 / 3)

@@ -19,7 +19,7 @@ import click
 from pinsing._version import __version__
 from pinsing.atomic_write import why
 from pinsing.cli import STOPPED, memory_problem, memory_refusal
-from pinsing.cli.grouped import placeholder
+from pinsing.cli.grouped import placeholder, values_named
 from pinsing.cli.output import (
     READER_GONE,
     StdoutError,
@@ -206,7 +206,7 @@ class PinsingGroup(click.Group):
         if too_little := memory_refusal():
             raise click.ClickException(too_little)
         name, found, words = super().resolve_command(ctx, args)
-        variant, words = variant_of(name or "", words)
+        variant, words = variant_of(name or "", values_named(found, words))
         return (variant, self.commands[variant], words) if variant != name else (name, found, words)
 
     def list_commands(self, ctx: click.Context) -> list[str]:

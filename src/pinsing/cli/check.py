@@ -235,9 +235,13 @@ def _posture_of_the_end(arm: Arm, Q: Array, found: Aspects) -> Array | None:
     end = found.of(Q[-1])
     if end is None or arm.n > 6 or arm.coupling is not None:
         return None
-    known = inverse(arm, tip_placement(arm, Q[0]).homogeneous, near=Q[0])
-    good = (s.q for s in known if s.regular and s.within_limits and found.of(s.q) == end)
-    return next(good, None)
+    for s in inverse(arm, tip_placement(arm, Q[0]).homogeneous, near=Q[0]):
+        near = Q[-1] + arm.space.wrap(s.q - Q[-1])  # of its whole-turn copies the nearest
+        near[arm.space.outside(near)] = s.q[arm.space.outside(near)]
+        for q in (near, s.q):
+            if s.regular and s.within_limits and found.of(q) == end:
+                return q
+    return None
 
 
 def _followed(arm: Arm, file: Path, degrees: bool, near: float, more: Mapping[str, Any]) -> int:

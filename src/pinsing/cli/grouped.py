@@ -58,6 +58,11 @@ class GroupedCommand(click.Command):
                 file = file or following
                 meant = file if file == "-" or file.endswith(ending) else f"FILE{ending}"
                 raise OptionError(f"there is no {option}: did you mean -o {meant}?")
+            if option == "--tool" and not any(option in p.opts for p in self.params):
+                raise OptionError(
+                    "--tool is an option of path: the task pose has the same singularities with "
+                    "any tool; for other tasks name a frame of the robot's file with --tip"
+                )
         return super().parse_args(ctx, _joined(args))
 
     def collect_usage_pieces(self, ctx: click.Context) -> list[str]:
@@ -94,6 +99,18 @@ class GroupedCommand(click.Command):
 def command(name: str) -> Callable[[Callable[..., Any]], GroupedCommand]:
     """As `click.command`, of a `GroupedCommand`."""
     return click.command(name, cls=GroupedCommand)
+
+
+def values_named(found: click.Command | None, words: list[str]) -> list[str]:
+    """Put ``--q`` before joint values that follow the robot without it: ``at ur5 0 -80 60``."""
+    options = [p for p in found.params if isinstance(p, click.Option)] if found else []
+    if not any("--q" in p.opts for p in options) or any(w.startswith("--q") for w in words):
+        return words
+    valued = {name for p in options if not p.is_flag for name in p.opts}
+    for k, (before, word) in enumerate(itertools.pairwise(words), 1):
+        if before not in valued and _vector(word):
+            return [*words[:k], "--q", *words[k:]]
+    return words
 
 
 def _joined(args: list[str]) -> list[str]:

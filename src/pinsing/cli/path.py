@@ -197,6 +197,11 @@ def _frame(text: str | None, option: str, degrees: bool) -> Array:
         raise OptionError(
             f"{option} needs 3 numbers (x, y, z) or 6 (and roll, pitch, yaw): {text!r}"
         )
+    if max(map(abs, values[:3])) > 20:
+        metres = ",".join(f"{x / 1000:g}" for x in values[:3])
+        raise OptionError(
+            f"{option} {text}: its lengths are metres, with --mm too: for millimetres type {metres}"
+        )
     T[:3, 3] = values[:3]
     if len(values) == 6:
         import pinocchio as pin

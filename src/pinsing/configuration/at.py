@@ -390,7 +390,8 @@ def _allowed(state: State, speeds: TipSpeeds) -> Iterator[Line]:
             yield label, measured(f"{number} in every direction{state_held} (limit: {where})")
             label = ""
     if math.isfinite(speeds.share):
-        share = f"at most {100 * speeds.share:.3g} % of the limit of {listed(speeds.share_joints)}"
+        percent = f"{100 * speeds.share:{',.0f' if speeds.share > 9.99 else '.3g'}} %"
+        share = f"at most {percent} of the limit of {listed(speeds.share_joints)}"
     else:
         share = "some direction is lost"
     yield (
