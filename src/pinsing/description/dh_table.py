@@ -359,13 +359,6 @@ def joint_placements(table: DHTable) -> tuple[tuple[Placement, ...], Placement]:
     is z of frame i itself; only the fixed theta, which commutes with the joint, is handed on to
     the next placement, so that every rotation is ``Rz(theta) Rx(alpha)``: roll and yaw of a URDF,
     digit for digit.
-
-    Returns
-    -------
-    joints : tuple of Placement
-        One per row.
-    last : Placement
-        Frame n in the last link.
     """
     rows = table.rows
     if table.convention == "standard":
@@ -385,13 +378,6 @@ def dh_to_urdf(table: DHTable) -> str:
     Links are ``base_link``, ``link1``, ... and ``tool0`` (after ``flange``, frame n, where the
     table has a tool); joints have the names of the rows. Without a ``velocity`` or an ``effort``
     in the table a joint gets 1 rad/s or m/s and 100 N·m or N, since a URDF must have them.
-
-    Raises
-    ------
-    RobotFileError
-        If the xacro is not installed.
-    OutputError
-        If no temporary file can be written.
     """
     # xacro reads tables from files only, and only from folders that it is given.
     with _folder() as folder:

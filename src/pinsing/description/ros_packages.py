@@ -172,13 +172,7 @@ class PackageIndex:
         return here
 
     def mesh(self, uri: str) -> Path:
-        """Return the file that a mesh or texture address points to.
-
-        Raises
-        ------
-        MeshProblem
-            If there is no such file, or it lies outside the robot's folders, or is no mesh.
-        """
+        """Return the file that a mesh or texture address points to."""
         if "\0" in uri or not uri.strip():
             raise MeshProblem("is no file name", refused=True)
         path = self._locate(uri.strip())
@@ -200,13 +194,7 @@ class PackageIndex:
         return real
 
     def image(self, path: Path) -> None:
-        """Refuse an image that a mesh refers to, unless it is one within the robot's folders.
-
-        Raises
-        ------
-        MeshProblem
-            If it lies elsewhere, or is no image. One that does not exist is nobody's secret.
-        """
+        """Refuse an image that a mesh refers to, unless it is one within the robot's folders."""
         try:
             real = self._inside(path, "refers to a file outside the robot's folders")
         except (OSError, RuntimeError, ValueError) as error:
@@ -285,11 +273,6 @@ def image_references(path: Path) -> tuple[str, ...]:
     """Return the text of every ``<init_from>`` in the library of images, as written.
 
     Elsewhere the same tag holds no file but the name of an image.
-
-    Raises
-    ------
-    ColladaProblem
-        If the file is too large, changes, is no XML, in an odd encoding, or declares entities.
     """
     with path.open("rb") as stream:
         size = os.fstat(stream.fileno()).st_size

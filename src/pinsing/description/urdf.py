@@ -57,14 +57,7 @@ def check_unique(
 def check_tree(
     links: Sequence[str], joints: Sequence[JointEntry], nodes: Sequence[Node], source: UrdfSource
 ) -> str:
-    """Return the root link of the tree that the joints make of the links.
-
-    Raises
-    ------
-    RobotFileError
-        If a joint names an unknown link or closes a loop, a link has two parents, there are
-        several roots, or the tree is too deep for Pinocchio.
-    """
+    """Return the root link of the tree that the joints make of the links."""
     known = set(links)
     parent_joint: dict[str, JointEntry] = {}
     for joint, node in zip(joints, nodes, strict=True):
@@ -206,26 +199,14 @@ class Description:
         return (*self.assumed, *self.shapes.found.notes)
 
     def joint(self, name: str) -> JointEntry:
-        """Return a joint by name.
-
-        Raises
-        ------
-        UnknownNameError
-            If there is none of that name.
-        """
+        """Return a joint by name."""
         for entry in self.joints:
             if entry.name == name:
                 return entry
         raise UnknownNameError("joint", name, (entry.name for entry in self.joints))
 
     def require_usable(self, names: Iterable[str]) -> None:
-        """Make sure that joints can be part of a chain that is analysed.
-
-        Raises
-        ------
-        RobotFileError
-            With the line, if one has no usable limits or mimics a joint that does not exist.
-        """
+        """Make sure that joints can be part of a chain that is analysed."""
         for name in names:
             entry = self.joint(name)
             if entry.problem is not None:
@@ -241,20 +222,8 @@ def read_description(
 ) -> Description:
     """Read and check a URDF or xacro file.
 
-    Parameters
-    ----------
-    path : str or Path
-        The file.
-    packages : Mapping of str to path, optional
-        Folders of packages by name, for ``package://NAME`` and ``$(find NAME)``.
-    xacro_args : Mapping of str to str, optional
-        Arguments of a xacro file.
-
-    Raises
-    ------
-    RobotFileError
-        With file, line and joint: whatever Pinocchio would refuse, crash on, or take silently for
-        something else. Joints that merely lack limits are left to `Description.require_usable`.
+    Whatever Pinocchio would refuse, crash on, or take silently for something else is an error with
+    file, line and joint. Joints that merely lack limits are left to `Description.require_usable`.
     """
     path = Path(path)
     _check_packages(packages)
@@ -278,12 +247,6 @@ def parse_description(text: str, packages: Mapping[str, str | Path] | None = Non
 
     Its meshes are taken from the folders in ``packages`` and from packages that the environment
     names; relative addresses have no folder to be looked for in.
-
-    Raises
-    ------
-    RobotFileError
-        As `read_description`, with the line of the text and without a path; and for xacro, which
-        has to be expanded in its own place.
     """
     _check_packages(packages)
     try:

@@ -83,13 +83,7 @@ class JointEntry:
 
 
 def check_joint(node: Node, source: UrdfSource) -> tuple[JointEntry, Node]:
-    """Return a joint's entry, and the element that Pinocchio shall read.
-
-    Raises
-    ------
-    RobotFileError
-        With the joint's name and line.
-    """
+    """Return a joint's entry, and the element that Pinocchio shall read."""
     name = node.attributes.get("name", "")
     source.refuse_if(not name.strip(), "a <joint> has no name", node)
     what = f"joint {show(name)}"
@@ -276,11 +270,6 @@ def check_mimics(
 
     A joint that follows an unknown or immovable one keeps a ``problem`` and loses its mimic (two of
     the robots in example-robot-data have such fingers).
-
-    Raises
-    ------
-    RobotFileError
-        If a joint follows itself, directly or round about.
     """
     by_name = {entry.name: entry for entry in entries}
     resolved = []
@@ -332,13 +321,7 @@ _SHAPES = {
 
 
 def check_link(node: Node, source: UrdfSource) -> tuple[str, Node]:
-    """Return a link's name, and the element that Pinocchio shall read.
-
-    Raises
-    ------
-    RobotFileError
-        If the link has no name, or an inertia that is not of finite numbers.
-    """
+    """Return a link's name, and the element that Pinocchio shall read."""
     name = node.attributes.get("name", "")
     source.refuse_if(not name.strip(), "a <link> has no name", node)
     what = f"link {show(name)}"

@@ -215,21 +215,7 @@ def expand_xacro(
 ) -> Expansion:
     """Return the URDF that xacro makes of a file.
 
-    Parameters
-    ----------
-    path : Path
-        The xacro file.
-    packages : Mapping of str to path, optional
-        Folders of packages by name, for ``$(find NAME)``.
-    arguments : Mapping of str to str, optional
-        Values for the file's ``<xacro:arg>``.
-
-    Raises
-    ------
-    RobotFileError
-        With the file, which may be an included one, and the line where it is known: malformed XML,
-        a missing include or package, an undefined name, a bad expression, an argument that is
-        missing or that the file does not have, or an expansion that does not end.
+    An error names the file, which may be an included one, and the line where it is known.
     """
     index = PackageIndex(path, packages, named=True)
     request = {

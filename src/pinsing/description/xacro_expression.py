@@ -246,21 +246,8 @@ _METHODS: Mapping[type, Mapping[str, Callable[..., Any]]] = {
 def evaluate(text: str, names: Mapping[str, Any], kinds: Kinds) -> Any:
     """Return the value of an expression.
 
-    Parameters
-    ----------
-    text : str
-        The expression.
-    names : Mapping of str to object
-        What names stand for; a KeyError says that there is no such name.
-    kinds : Kinds
-        Classes of wrapped YAML and of namespaces.
-
-    Raises
-    ------
-    Refused
-        If it does what no expression may do, or needs too much.
-    SyntaxError, NameError, TypeError, ValueError, ArithmeticError, LookupError, AttributeError
-        As Python would.
+    Where it fails, as `Refused` or as Python would; a KeyError of ``names`` says that there is no
+    such name.
     """
     return _Walk(names, kinds).value(_parsed(text.strip()))
 

@@ -69,13 +69,7 @@ class Node:
 
 
 def read_bytes(path: Path, most: int = 0, kind: str = "URDF or xacro file") -> bytes:
-    """Return the content of a plain file of at most ``most`` bytes (32 MiB), not empty.
-
-    Raises
-    ------
-    RobotFileError
-        If it is missing, a folder, not a plain file, unreadable, empty, or larger.
-    """
+    """Return the content of a plain file of at most ``most`` bytes (32 MiB), not empty."""
     try:
         if path.is_dir():
             raise RobotFileError(f"is a folder: give the {kind} in it", path)
@@ -104,13 +98,7 @@ def _require_size(data: bytes, most: int, path: Path) -> None:
 
 
 def parse_text(text: str, path: Path) -> Node:
-    """Return the root element of XML text that was decoded already, whatever it declares.
-
-    Raises
-    ------
-    RobotFileError
-        As `parse_xml`; ``path`` is what the message calls the text.
-    """
+    """Return the root element of XML text that was decoded already, whatever it declares."""
     head = _DECLARATION.match(text)
     if head is not None:  # an encoding that no longer holds, and blanks before it are no XML
         text = "\n" * head[0].count("\n") + text[head.end() :]
@@ -127,12 +115,6 @@ def parse_xml(data: bytes, path: Path) -> Node:
     """Return the root element of an XML document.
 
     The encoding is that of the XML declaration or the byte order mark, UTF-8 otherwise.
-
-    Raises
-    ------
-    RobotFileError
-        With the line, if the text is not well-formed XML, cannot be decoded, declares a document
-        type or entities, or is nested deeper or has more elements than any robot needs.
     """
     parser = expat.ParserCreate()
     parser.buffer_text = True

@@ -68,13 +68,7 @@ class Number:
     pi: bool = False
 
     def times(self, factor: Fraction | int = 1) -> float:
-        """Return the double nearest to ``factor`` times this number (pi is ``math.pi``).
-
-        Raises
-        ------
-        OverflowError
-            If that is larger than any double.
-        """
+        """Return the double nearest to ``factor`` times this number (pi is ``math.pi``)."""
         return float(self.value * factor * (_PI if self.pi else 1))
 
 
@@ -154,13 +148,7 @@ class YamlNode:
         return "a list" if isinstance(self.node, yaml.SequenceNode) else "keys and values"
 
     def mapping(self, required: Iterable[str], optional: Iterable[str] = ()) -> dict[str, YamlNode]:
-        """Return the values by key.
-
-        Raises
-        ------
-        RobotFileError
-            If this is no mapping, or a key is unknown, doubled or missing.
-        """
+        """Return the values by key."""
         required, known = tuple(required), (*required, *optional)
         if not isinstance(self.node, yaml.MappingNode):
             raise self.error(f"expected the keys {', '.join(known)}, found {self._found}")
@@ -200,13 +188,7 @@ class YamlNode:
         return tuple(str(key.value) for key, _ in self.node.value)
 
     def items(self, noun: str, length: int | None = None) -> list[YamlNode]:
-        """Return the entries of a list, labelled ``noun 1``, ``noun 2``, ...
-
-        Raises
-        ------
-        RobotFileError
-            If this is no list, is empty, or has not the ``length`` asked for.
-        """
+        """Return the entries of a list, labelled ``noun 1``, ``noun 2``, ..."""
         if not isinstance(self.node, yaml.SequenceNode):
             raise self.error(f"expected a list, found {self._found}")
         entries = self.node.value
@@ -218,25 +200,13 @@ class YamlNode:
         return [self._child(entry, f"{noun} {i}") for i, entry in enumerate(entries, start=1)]
 
     def text(self) -> str:
-        """Return the value as text.
-
-        Raises
-        ------
-        RobotFileError
-            If it is a list or a mapping, or empty.
-        """
+        """Return the value as text."""
         if not isinstance(self.node, yaml.ScalarNode) or not self.node.value.strip():
             raise self.error(f"expected text, found {self._found}")
         return str(self.node.value).strip()
 
     def choice(self, options: Iterable[str]) -> str:
-        """Return the value, which must be one of the options.
-
-        Raises
-        ------
-        RobotFileError
-            If it is another.
-        """
+        """Return the value, which must be one of the options."""
         text, options = self.text(), tuple(options)
         if text not in options:
             raise self.error(f"unknown value {show(text)}: {suggestion(text, options)}")
@@ -245,18 +215,8 @@ class YamlNode:
     def number(self, factor: Fraction | int = 1, pi: int | None = None) -> float:
         """Return ``factor`` times the number, rounded once to a double.
 
-        Parameters
-        ----------
-        factor : Fraction or int
-            Unit of the number in SI units.
-        pi : int, optional
-            Power of pi in the unit: 1 for degrees (``factor`` = 1/180). With None or 1 the text
-            may not hold ``pi``; with 0 (radians) it may.
-
-        Raises
-        ------
-        RobotFileError
-            If it is no number, or not finite.
+        ``factor`` is the unit in SI units, ``pi`` the power of pi in it: 1 for degrees (``factor``
+        = 1/180). With None or 1 the text may not hold ``pi``; with 0 (radians) it may.
         """
         text = self.node.value if isinstance(self.node, yaml.ScalarNode) else None
         number = parse_number(text) if text is not None else None
@@ -279,13 +239,7 @@ class YamlNode:
 
 
 def compose(path: str | Path) -> YamlNode:
-    """Read a YAML file.
-
-    Raises
-    ------
-    RobotFileError
-        If the file is missing, unreadable, empty, larger than 64 KiB or no YAML.
-    """
+    """Read a YAML file."""
     path = Path(path)
     try:
         text = read_bytes(path, MAX_BYTES, "YAML file").decode("utf-8-sig")

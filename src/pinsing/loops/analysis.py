@@ -58,20 +58,8 @@ def forms_text(
 ) -> str:
     """The loci of a mechanism alone, as text.
 
-    Parameters
-    ----------
-    inputs : sequence of str
-        Names of the actuated joints.
-    forms : LoopForms or PoseForms
-        What to print.
-    page : Page
-        What it is fitted to.
-    degrees : bool
-        Angles in degrees.
-    exact : bool
-        Whole equations over the pose with exact coefficients, however long.
-    joints : JointForms, optional
-        The loci in the joint angles, whose determinants are written out.
+    ``exact`` writes out whole equations over the pose; of ``joints`` the determinants are written
+    out.
     """
     lines: list[Line] = []
     if isinstance(forms, PoseForms):
@@ -336,18 +324,7 @@ def analysis_text(
 ) -> str:
     """Plain text of an analysis.
 
-    Parameters
-    ----------
-    a : MechanismAnalysis
-        What to print.
-    page : Page
-        What it is fitted to.
-    degrees : bool
-        Angles in degrees.
-    sliding : collection of str
-        Joints whose values are no angles.
-    joints : bool or None
-        List the values of all joints of each mode; None: where there are few.
+    ``joints``: list the values of all joints of each mode; None: where there are few.
     """
     joints = len(a.joints) <= _FEW if joints is None else joints
     values = Values(degrees, frozenset(sliding))

@@ -205,21 +205,9 @@ def newton(
 ) -> tuple[Array, Array]:
     """Damped Gauss-Newton on many starts at once: configurations (N, n), residuals (N,).
 
-    Parameters
-    ----------
-    loops : BatchLoops
-        Of the mechanism.
-    Q : (N, n) array
-        Starts; joints that are not ``free`` stay.
-    free : (n,) array of bool
-        What may move.
-    which : tuple of int, optional
-        Loops to close; all by default.
-    target : (rotation, position, rows), optional
-        Pose of the output to reach, (3, 3) or (N, 3, 3) and (3,) or (N, 3), and which of its six
-        rows count.
-    steps : int
-        Most steps.
+    Joints that are not ``free`` (n,) stay. ``which`` are the loops to close, all by default;
+    ``target`` is a pose of the output to reach: rotation (3, 3) or (N, 3, 3), position (3,) or (N,
+    3), and which of its six rows count.
     """
     Q = Q.copy()
     columns = np.flatnonzero(free)

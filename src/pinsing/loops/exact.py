@@ -239,16 +239,8 @@ def leg_chain(
 ) -> LegChain:
     """Follow a chain from what is known with all joints at zero.
 
-    Parameters
-    ----------
-    ring : Ring
-        Of all joints.
-    joints : sequence of int
-        From the base outwards.
-    axes, origins : (k, 3) arrays
-        Axes, and points on them, with all joints at zero, in the base; metres.
-    turn : Turn
-        Rotation of the base before anything else.
+    ``axes`` and points on them, ``origins``, (k, 3), are in the base, metres; ``turn`` is a
+    rotation of the base before anything else.
     """
     gens = ring.context.gens()
     one, zero = ring.one, ring.zero

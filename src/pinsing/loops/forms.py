@@ -203,15 +203,6 @@ def trig_polynomial(poly: Poly, ring: Ring, joints: Sequence[str]) -> PoseEquati
     """The polynomial in cos q, sin q of joints that turn and in q of those that slide.
 
     Its scale is kept. Every degree in a pair of half-angle variables must be even.
-
-    Parameters
-    ----------
-    poly : Poly
-        A form: of one degree in each joint's pair of variables.
-    ring : Ring
-        Its ring.
-    joints : sequence of str
-        Names of all joints.
     """
     used = ring.joints_of(poly) if poly != 0 else ()
     names: list[str] = []

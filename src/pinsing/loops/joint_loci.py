@@ -150,13 +150,7 @@ class LegWrenches:
 
 @once
 def leg_wrenches(mechanism: Mechanism) -> LegWrenches:
-    """The wrenches of all legs.
-
-    Raises
-    ------
-    NotThisKind
-        If a leg does not end in a ball, pin or hinge at the output, or shares passive joints.
-    """
+    """The wrenches of all legs."""
     zero = at_zero(mechanism)
     kind, turn, centre = room_of(mechanism)
     ring = make_ring(mechanism.prismatic.tolist())
@@ -200,11 +194,6 @@ def leg_ways(mechanism: Mechanism) -> list[Way]:
     """Each way from the base to the output.
 
     The first is that of the tree; its end is None where it has none of its own, and on the sphere.
-
-    Raises
-    ------
-    NotThisKind
-        If a loop closes elsewhere, or in another way.
     """
     built, zero, kind = structure(mechanism), at_zero(mechanism), room_of(mechanism)[0]
     if built.output == 0:

@@ -37,13 +37,6 @@ def cannot_close(mechanism: Mechanism, inputs: Array) -> Bool:
 
     Proven where it is true, but for the rounding of lengths, of which 1e-9 is left to spare; where
     it is false the loops may close or not. Nothing is known of mechanisms whose legs are no `rods`.
-
-    Parameters
-    ----------
-    mechanism : Mechanism
-        From ``load_mechanism``.
-    inputs : (N, n_a) array
-        Values of the actuated joints, in their order, radians and metres.
     """
     out = np.zeros(len(inputs), dtype=bool)
     found = rods(mechanism)
@@ -85,20 +78,8 @@ def draw_closed(
 ) -> tuple[Array, int]:
     """Closed configurations (M, n) of those drawn, in that order, and how many cannot close.
 
-    Parameters
-    ----------
-    loops : BatchLoops
-        Of the mechanism.
-    actuated : list of int
-        Joints that are drawn, over inputs.
-    over : str
-        ``inputs`` or ``poses``.
-    count : int
-        How many to draw.
-    rng : numpy.random.Generator
-        Of this chunk.
-    known : (N, n) array
-        From `known_closed`: starts near by, and the box and orientations of poses.
+    Over inputs ``actuated`` are drawn; ``known`` (N, n), from `known_closed`, are starts near by,
+    and the box and orientations of poses.
     """
     mechanism = loops.mechanism
     low, high = mechanism.space.span

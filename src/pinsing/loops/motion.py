@@ -428,13 +428,7 @@ def pose_of(placement: pin.SE3) -> Pose:
 
 
 def read_pose(mechanism: Mechanism, pose: npt.ArrayLike | None) -> pin.SE3:
-    """What a user means by a pose (see `working_modes`).
-
-    Raises
-    ------
-    ConfigurationError
-        If it has another shape, or is no pose.
-    """
+    """What a user means by a pose (see `working_modes`)."""
     at_home = output_pose(mechanism, home(mechanism))
     if pose is None:
         return at_home
@@ -552,22 +546,6 @@ def pose_table(
 
     Where it would be wider than ``width`` with columns of numbers, coordinates that are the same
     in all rows are in a line above it.
-
-    Parameters
-    ----------
-    poses : sequence of Pose
-        One a row; metres, and radians or degrees.
-    more : sequence of sequence of str
-        Further cells of each row.
-    titles : sequence of str
-        Their titles.
-    degrees : bool
-        Angles in degrees.
-    width : int
-        Columns there are: numbers have fewer digits where they must, and lines that are still
-        too long may be broken.
-    columns : sequence of Column
-        Further numbers of each row, behind the pose.
     """
     if not poses:
         return []

@@ -196,21 +196,7 @@ def pose_slice(
 ) -> PoseSlice:
     """Follow working modes over two coordinates of the pose; the others stay as at the start.
 
-    Parameters
-    ----------
-    mechanism : Mechanism
-        The mechanism.
-    over : two of x, y, z, roll, pitch, yaw
-        In the order of the axes.
-    starts : sequence of (n,) arrays
-        One closed configuration of each mode, all at the same pose of the output.
-    samples : int
-        Grid points a side.
-
-    Raises
-    ------
-    OptionError
-        If the output cannot be led along these coordinates.
+    ``starts`` are closed configurations (n,), one of each mode, all at the same pose of the output.
     """
     way = PoseWay(mechanism, over, starts[0])
     way.keep_turn(starts)

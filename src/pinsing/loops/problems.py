@@ -56,16 +56,8 @@ def leg_modes(
 ) -> list[list[list[LegMode]]]:
     """Solutions within the limits, for each configuration, for each leg.
 
-    Parameters
-    ----------
-    mechanism : Mechanism
-        The mechanism.
-    reached : (N, n) array
-        Closed configurations; the pose of the output there is the one to reach.
-    free : (n,) array of bool
-        Joints that may move; the others stay as in ``reached``.
-    rng : Generator
-        For the starts.
+    The pose of the output at ``reached`` (N, n) is the one to reach; joints that are not ``free``
+    (n,) stay as there.
     """
     loops = BatchLoops(mechanism)
     by_leg = [_solutions(loops, leg, reached, free, rng) for leg in structure(mechanism).legs]

@@ -337,16 +337,7 @@ def likeness(
 ) -> Array:
     """Numbers (k,) that two configurations q (n,) of one mode share.
 
-    Parameters
-    ----------
-    mechanism : Mechanism
-        The mechanism.
-    q : (n,) array
-        A closed configuration.
-    joints : sequence of int, optional
-        Only these joints (a leg's); all by default, and the loops.
-    pose : bool
-        With the pose of the output.
+    Only of ``joints`` (a leg's) where some are given; with the ``pose`` of the output, or without.
     """
     sample, scale = Sample(mechanism, q), mechanism.length_scale
     chosen = range(mechanism.n) if joints is None else joints

@@ -372,28 +372,8 @@ def clearance_along(
 ) -> Axes:
     """Draw the proven clearance along a trajectory, one line a family, and where it is met.
 
-    Parameters
-    ----------
-    forms : ClosedForm or sequence of ClosedForm
-        Of the arm.
-    trajectory : (N, n) or (N, nq) array_like
-        Radians and metres. Of very many samples the lowest of each run are drawn.
-    times : (N,) array_like, optional
-        Seconds; the number of the sample by default.
-    ax : Axes, optional
-        Where to draw.
-    families : sequence of str, optional
-        Names; by default all that have real points.
-
-    Returns
-    -------
-    Axes
-        Degrees on a logarithmic scale; markers at the bottom where a family is met.
-
-    Raises
-    ------
-    ConfigurationError, OptionError
-        As from ``crossings``.
+    Degrees on a logarithmic scale, markers at the bottom where a family is met; of very many
+    samples the lowest of each run are drawn.
     """
     watched = watch(forms, families)
     motion = motion_of(watched, trajectory, times)
@@ -434,25 +414,9 @@ def clearance_along(
 def path_sheet(plan: PathPlan, form: ClosedForm) -> Figure:
     """Draw the clearance along a planned path, and the map of what is free that it was chosen from.
 
-    Parameters
-    ----------
-    plan : PathPlan
-        A path, from ``plan_path``.
-    form : ClosedForm
-        The form that it was planned with.
-
-    Returns
-    -------
-    Figure
-        Above, the clearance at each pose, its proven least value, the bound of all paths, and the
-        clearance with what is free kept, as far as each branch goes; below, where something was
-        free, the greatest clearance over the branches at each pose and value,
-        with the path drawn in.
-
-    Raises
-    ------
-    ValueError
-        If there is no path.
+    Above, the clearance at each pose, its proven least value, the bound of all paths, and the
+    clearance with what is free kept, as far as each branch goes; below, where something was free,
+    the greatest clearance over the branches at each pose and value, with the path drawn in.
     """
     from matplotlib import pyplot as plt
 

@@ -48,26 +48,7 @@ def input_map(
     samples: int = 721,
     degrees: bool = True,
 ) -> Axes:
-    """Map over the two inputs of a 5R: where it closes, and its type 1 and type 2 loci.
-
-    Parameters
-    ----------
-    mechanism : Mechanism
-        With two inputs and a planar dyad.
-    assembly : str
-        Assembly mode, ``+`` (as at home) or ``-``.
-    ax : Axes, optional
-        Axes to draw into.
-    samples : int
-        Grid points a side.
-    degrees : bool
-        Draw over degrees, or over radians.
-
-    Raises
-    ------
-    OptionError
-        If the mechanism is another kind, or the mode has another name.
-    """
+    """Map over the two inputs of a 5R: where it closes, and its type 1 and type 2 loci."""
     dyad = planar_dyad(mechanism)
     if dyad is None or len(mechanism.inputs) != 2:
         raise OptionError("a map over the inputs needs a planar loop with two cranks (5R)")
@@ -152,21 +133,7 @@ def measure_curves(
     ax: Axes | None = None,
     degrees: bool = True,
 ) -> Axes:
-    """Type 1 and type 2 measures along solution curves, over the moving input.
-
-    Parameters
-    ----------
-    mechanism : Mechanism
-        The mechanism.
-    traces : sequence of Trace
-        From ``curves``.
-    points : sequence of SingularPoint
-        Marked where they lie on the curves.
-    ax : Axes, optional
-        Axes to draw into.
-    degrees : bool
-        Draw angles in degrees, or in radians.
-    """
+    """Type 1 and type 2 measures along solution curves, over the moving input."""
     ax = _axes(ax)
     for t, style in zip(traces, _STYLES * len(traces), strict=False):
         joint = mechanism.actuated[t.moving]
@@ -198,13 +165,8 @@ def draw_linkage(
 ) -> Axes:
     """The links of a planar mechanism, its joints, and the velocity ellipse of the output.
 
-    Parameters
-    ----------
-    q : (n,) array_like
-        Closed configuration, radians and metres.
-    ellipse : float
-        Metres that 1 m per unit input speed is drawn as; 0 leaves the ellipse out. At a type 2
-        singularity the uncontrolled velocity is drawn as an arrow instead.
+    1 m per unit input speed is drawn as ``ellipse`` metres, 0 leaves the ellipse out. At a type 2
+    singularity the uncontrolled velocity is drawn as an arrow instead.
     """
     ax = _axes(ax)
     model = mechanism.model
@@ -454,22 +416,8 @@ def motion_curve(
 
     Green is the assembly mode of home, brown the others; what is singular is marked.
 
-    Parameters
-    ----------
-    mechanism : Mechanism
-        One degree of freedom.
-    over : two names, optional
-        Of the input and x, y, z, roll, pitch, yaw of the output; the input and what the output
-        moves most by default.
-    ax : Axes, optional
-        Axes to draw into.
-    degrees : bool
-        Angles in degrees.
-
-    Raises
-    ------
-    OptionError
-        If it has more freedoms, or these coordinates do not move.
+    ``over`` are two of the input and x, y, z, roll, pitch, yaw of the output; the input and what
+    the output moves most by default.
     """
     from matplotlib import pyplot as plt
 
@@ -620,22 +568,6 @@ def mode_sheet(
 
     Assembly modes are those at ``inputs``; working modes those of the pose that the first of them
     has. Each picture has its number in the text of ``analyze --loops``.
-
-    Parameters
-    ----------
-    mechanism : Mechanism
-        The mechanism.
-    inputs : (n_a,) array_like, optional
-        Values of the actuated joints, radians and metres; home by default.
-    degrees : bool
-        Angles in degrees.
-    direct, inverse : Modes, optional
-        What was found before.
-
-    Raises
-    ------
-    OptionError
-        If the loops do not close at these inputs.
     """
     from matplotlib import pyplot as plt
     from matplotlib.layout_engine import ConstrainedLayoutEngine

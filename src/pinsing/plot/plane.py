@@ -236,27 +236,8 @@ def draw_family(
 ) -> bool:
     """Draw the part of a family that lies in a plane, under one name in the legend.
 
-    Parameters
-    ----------
-    ax : Axes
-        Where to draw.
-    family : Family
-        What to draw.
-    Q : (k, k, n) array
-        A grid of the plane: the first joint along the second axis, the other along the first.
-    plane : tuple of int
-        The two joints, from 0.
-    label : str
-        What the legend calls it, if any of it is there.
-    color : str
-        Of its lines.
-    dash : object
-        How they are dashed.
-
-    Returns
-    -------
-    bool
-        Whether the family meets the plane.
+    ``Q`` (k, k, n) is a grid of the ``plane``, its first joint along the second axis. True if the
+    family meets it.
     """
     line = {"color": color, "linestyle": dash, "linewidth": 1.3}
     drawn = [

@@ -56,22 +56,10 @@ def regions(
 ) -> tuple[npt.NDArray[np.int_], list[bool]]:
     """Number the connected regions of a grid in which no left side changes its sign.
 
-    Parameters
-    ----------
-    inside : (k, k) array of bool
-        Where poses are reached.
-    left_sides : sequence of (k, k) arrays
-        Of the loci of type 2 (and constraint).
-    turns : tuple of bool
-        Whether columns (the abscissa) and rows go round a whole turn: then the first one is the
-        last.
-
-    Returns
-    -------
-    numbers : (k, k) array of int
-        From 1 on, largest first; 0 where nothing is reached, or a region is a few cells.
-    signs : list of bool
-        Of each region, whether the product of the left sides is positive.
+    ``inside`` (k, k) is where poses are reached; columns (the abscissa) and rows go round a whole
+    turn where ``turns`` says so: then the first one is the last. Numbers (k, k) are from 1 on,
+    largest first, 0 where nothing is reached or a region is a few cells; of each region it is told
+    whether the product of the left sides is positive.
     """
     from scipy.ndimage import label
 
@@ -164,25 +152,8 @@ def pose_map(
     ones are of the assembly mode of home, warm ones of the other. Lines are the loci, from their
     exact equations.
 
-    Parameters
-    ----------
-    mechanism : Mechanism
-        One with two degrees of freedom or more.
-    over : two of x, y, z, roll, pitch, yaw, optional
-        The coordinates, in the order of the axes; the first two that the output has by default.
-    ax : Axes, optional
-        Axes to draw into.
-    samples : int, optional
-        Grid points a side.
-    degrees : bool
-        Angles in degrees.
-    start : (n,) array, optional
-        A closed configuration whose pose and working mode are taken in place of home's.
-
-    Raises
-    ------
-    OptionError
-        If there are no equations, or the output does not move along these coordinates.
+    ``start`` (n,) is a closed configuration whose pose and working mode are taken in place of
+    home's.
     """
     from matplotlib import pyplot as plt
 
@@ -211,13 +182,7 @@ def pose_maps(
     degrees: bool = True,
     start: Array | None = None,
 ) -> Figure:
-    """The same for every working mode at the pose of home, side by side in one figure.
-
-    Parameters
-    ----------
-    mechanism, over, samples, degrees, start
-        As for `pose_map`.
-    """
+    """The same for every working mode at the pose of home, side by side in one figure."""
     from matplotlib import pyplot as plt
 
     names = _names(mechanism, over)

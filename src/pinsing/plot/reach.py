@@ -84,13 +84,7 @@ class Section:
 
     @classmethod
     def of(cls, arm: Arm) -> Section:
-        """Read off the arm at a few configurations, exactly but for rounding.
-
-        Raises
-        ------
-        OptionError
-            If the arm is not one of three joints that place a point, the first of which turns.
-        """
+        """Read off the arm at a few configurations, exactly but for rounding."""
         if arm.n != 3 or arm.coupling is not None or generic_rank(arm) != 3:
             raise OptionError(
                 "inverse solutions by position are drawn for arms of 3 joints and task position: "
@@ -277,13 +271,7 @@ def _crossed(section: Section, both: Array, size: float, steep: float) -> Array 
 
 
 def reach_of(arm: Arm, samples: int, limits: bool) -> Reach:
-    """Count the solutions over the half plane, and find the curves, cusps and nodes.
-
-    Raises
-    ------
-    OptionError
-        If the arm is not of the kind.
-    """
+    """Count the solutions over the half plane, and find the curves, cusps and nodes."""
     section = Section.of(arm)
     ranges = np.stack(arm.space.range(not limits), axis=1)[1:]
     turning = [

@@ -517,19 +517,7 @@ class Analysis(JsonResult):
 def analysis_text(
     analysis: Analysis, page: Page = PLAIN, degrees: bool = False, robot: str = ""
 ) -> str:
-    """Families first, then how they were checked, then what was assumed.
-
-    Parameters
-    ----------
-    analysis : Analysis
-        What to print.
-    page : Page
-        What it is fitted to.
-    degrees : bool
-        Configurations to paste in degrees.
-    robot : str
-        How commands name the robot.
-    """
+    """Families first, then how they were checked, then what was assumed."""
     arm = analysis.arm
     lines = [
         answer_text(analysis.closed_form, page, robot),
@@ -634,19 +622,7 @@ _BATCH = 100
 def random_search(
     exact: Arm, forms: ClosedForm, starts: int, seed: int, stages: Stages
 ) -> RandomSearch:
-    """Walk from random configurations to singular ones, and look for each on the families.
-
-    Parameters
-    ----------
-    exact : Arm
-        The arm on its nominal geometry.
-    forms : ClosedForm
-        Its families.
-    starts, seed : int
-        How many configurations, and what they are drawn from.
-    stages : Stages
-        Says when time is over.
-    """
+    """Walk from random configurations to singular ones, and look for each on the families."""
     if starts == 0:
         return RandomSearch(0, 0, 0, ())
     rng = np.random.default_rng(seed)

@@ -207,18 +207,10 @@ class Candidates:
 def minima(sigma: Array, ratio: Array, before: Array, after: Array) -> Bool:
     """Return which samples of curves, or of pieces of them, are candidates.
 
-    Parameters
-    ----------
-    sigma, ratio : (C, S) arrays
-        sigma_r and sigma_r / sigma_1.
-    before, after : (C,) arrays
-        sigma_r of the samples on either side; infinite at the ends of a curve.
-
-    Returns
-    -------
-    (C, S) array of bool
-        Local minima, ends included; none of a flat curve. In a singular stretch they are
-        rounding: it has one candidate, at a third (its middle may be a special place).
+    Of sigma_r and sigma_r / sigma_1 (C, S), and sigma_r (C,) of the samples on either side,
+    infinite at the ends of a curve: local minima (C, S), ends included; none of a flat curve. In a
+    singular stretch they are rounding: it has one candidate, at a third (its middle may be a
+    special place).
     """
     left = np.concatenate([before[:, None], sigma[:, :-1]], axis=1)
     right = np.concatenate([sigma[:, 1:], after[:, None]], axis=1)
@@ -278,13 +270,7 @@ class Pool:
         self._take(*taken[1:])
 
     def check(self, record: Record, start: int, stop: int, regular: int) -> None:
-        """Judge a pool of Jacobians from ``start`` to ``stop``, so many not of singular curves.
-
-        Raises
-        ------
-        ValueError
-            If it cannot be that; the message says what is wrong.
-        """
+        """Judge a pool of Jacobians from ``start`` to ``stop``, so many not of singular curves."""
         found = int(whole(record, "dips_found", (), 0, regular + 1))
         size = (min(found, self.most),)
         if (np.diff(whole(record, "dip_number", size, start, stop)) <= 0).any():

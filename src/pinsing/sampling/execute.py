@@ -60,13 +60,7 @@ class RunFolder:
         return self.path / _CHUNKS / _chunk_name(index)
 
     def save(self, index: int, record: Record) -> None:
-        """Put a finished chunk on the disk, all of it or nothing.
-
-        Raises
-        ------
-        OutputError
-            If it cannot be written, as when the disk is full. What was there before stays.
-        """
+        """Put a finished chunk on the disk, all of it or nothing."""
         path, data = self.chunk_path(index), pack(record, self.digest, index)
         if not path.parent.exists():  # somebody has tidied up
             make_chunks(self.path)
@@ -81,21 +75,7 @@ class RunFolder:
     ) -> Record:
         """Record of a chunk.
 
-        Parameters
-        ----------
-        check : callable, optional
-            Raises a ValueError that says what a record must not hold.
-        room : int
-            Bytes that its arrays take at most.
-
-        Raises
-        ------
-        DamagedError
-            If it is damaged, of another run or place, or not what it must be.
-        FileNotFoundError
-            If it is not there.
-        OutputError
-            If it cannot be read.
+        ``check`` raises a ValueError that says what a record must not hold.
         """
         path = self.chunk_path(index)
         try:
@@ -142,13 +122,7 @@ class RunFolder:
 
 
 def recorded(path: str | os.PathLike[str]) -> dict[str, Any] | None:
-    """Identity of the run in folder ``path``; None if there is no run yet.
-
-    Raises
-    ------
-    OutputError
-        If there is a plan that cannot be read.
-    """
+    """Identity of the run in folder ``path``; None if there is no run yet."""
     plan = Path(path) / _PLAN
     advice = f"give another folder, or delete {path} to start anew"
     try:
@@ -180,18 +154,6 @@ def open_run(
 
     No other process can open the folder meanwhile; the lock ends with the process, however
     it ends.
-
-    Parameters
-    ----------
-    identity : mapping
-        What decides the numbers: plain JSON values, compared with what the folder has.
-    chunks : int
-        Number of chunks.
-
-    Raises
-    ------
-    OutputError
-        If the folder is in use, holds another run or something else, or cannot be written.
     """
     root = Path(path)
     identity = json.loads(json.dumps(identity))  # as it will be read back
@@ -211,13 +173,7 @@ def open_run(
 
 
 def make_chunks(root: Path) -> None:
-    """Make the folder of the chunks if there is none.
-
-    Raises
-    ------
-    OutputError
-        If it cannot be made, or is a link or a file.
-    """
+    """Make the folder of the chunks if there is none."""
     chunks = root / _CHUNKS
     with _reported(f"cannot make {chunks}"):
         with contextlib.suppress(FileExistsError):
@@ -410,11 +366,6 @@ def ctrl_c_afterwards() -> Iterator[None]:
     """Put Ctrl-C off to the end of the block: what is computed and written there is kept.
 
     A run within the block stops for it as ever.
-
-    Raises
-    ------
-    KeyboardInterrupt
-        At the end, if Ctrl-C was pressed and no run has stopped for it.
     """
     inbox = Inbox()
     with ctrl_c_to(inbox):
@@ -535,13 +486,7 @@ class RunOptions:
 
 
 def how_many(asked: int | None, what: str) -> int:
-    """A number of workers that was asked for, or that of the processors.
-
-    Raises
-    ------
-    OptionError
-        If it is below 1.
-    """
+    """A number of workers that was asked for, or that of the processors."""
     if asked is None:
         return cpu_count()
     if asked < 1:
@@ -576,15 +521,7 @@ class Job(Protocol):
 
 
 def planned_evaluator(arm: Arm, options: RunOptions) -> Evaluator:
-    """Fix the engine of a run: that which its folder was begun with, if it has been.
-
-    Raises
-    ------
-    EngineError, OptionError
-        As `pinsing.kinematics.verdict.evaluator`.
-    OutputError
-        If ``options.out`` holds a plan that cannot be read.
-    """
+    """Fix the engine of a run: that which its folder was begun with, if it has been."""
     known = None if options.out is None else recorded(options.out)
     return evaluator(arm, recorded_engine(known, options.engine))
 
@@ -618,13 +555,6 @@ class Run:
         """Give all chunks to each of ``parts``; False if Ctrl-C has stopped that.
 
         ``before`` and ``count`` are what progress counts: from, and to.
-
-        Raises
-        ------
-        OutputError
-            If a chunk cannot be kept.
-        WorkerError
-            If a worker died, or failed in a way that is no error of pinsing.
         """
         try:
             with contextlib.closing(self._chunks()) as chunks:
@@ -714,13 +644,6 @@ def running(job: Job, options: RunOptions) -> Iterator[Run]:
     """Run ``job`` for as long as the block lasts.
 
     So long Ctrl-C raises nothing by itself: see `ctrl_c_to`.
-
-    Raises
-    ------
-    OptionError
-        If both threads and an executor are given, or no thread.
-    OutputError
-        As `open_run`.
     """
     executor, parallel, inbox = options.executor, options.parallel, Inbox()
     if executor is not None and options.threads is not None:

@@ -25,11 +25,6 @@ def local_processes(workers: int | None = None) -> Iterator[tuple[Executor, int]
     """Processes of this machine, as many as there are processors by default.
 
     They leave Ctrl-C to this process, and end when it does, however that is.
-
-    Raises
-    ------
-    OptionError
-        If there would be none.
     """
     count = how_many(workers, "workers")
     resource_tracker.ensure_running()  # else the first worker starts it, which unblocks Ctrl-C
@@ -93,21 +88,7 @@ _ADDRESS = re.compile(r"(?:(?:tcp|tls|ws|wss|ucx|ucxx)://)?(?:[\w.-]+|\[[0-9A-Fa
 
 @contextlib.contextmanager
 def dask_cluster(address: str, timeout: float = 10.0) -> Iterator[tuple[Executor, int]]:
-    """Workers of a running dask.distributed cluster; a chunk of a lost worker is done elsewhere.
-
-    Parameters
-    ----------
-    address : str
-        Of the scheduler, such as ``tcp://host:8786``.
-    timeout : float
-        Seconds to wait for it, and for its first worker.
-
-    Raises
-    ------
-    WorkerError
-        If dask.distributed is not installed, nothing answers, there are no workers, or one of
-        them has another version of pinsing.
-    """
+    """Workers of a running dask.distributed cluster; a chunk of a lost worker is done elsewhere."""
     try:
         distributed: Any = importlib.import_module("distributed")
     except ImportError:
@@ -140,13 +121,7 @@ def dask_cluster(address: str, timeout: float = 10.0) -> Iterator[tuple[Executor
 
 
 def call_there(version: str, fn: Callable[..., Any], *args: Any, **kwargs: Any) -> Any:
-    """Return what a worker runs.
-
-    Raises
-    ------
-    WorkerError
-        If it has another version of pinsing.
-    """
+    """Return what a worker runs."""
     if version != __version__:
         raise WorkerError(_other_version("a dask worker", __version__, version))
     return fn(*args, **kwargs)

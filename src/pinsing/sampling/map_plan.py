@@ -98,11 +98,6 @@ def directions(dimension: int) -> Words:
     S. Joe and F. Y. Kuo, "Constructing Sobol sequences with better two-dimensional projections",
     SIAM J. Sci. Comput. 30 (2008) 2635-2654. Their table is read from SciPy's file: to import
     ``scipy.stats`` for it takes longer than a small map.
-
-    Raises
-    ------
-    OptionError
-        If this SciPy has no such file.
     """
     folders = getattr(find_spec("scipy"), "submodule_search_locations", None) or [""]
     try:

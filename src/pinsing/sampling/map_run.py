@@ -257,13 +257,7 @@ class Nearness:
 
     @classmethod
     def of(cls, arm: Arm, forms: Forms | None) -> Nearness:
-        """Families of ``forms``, by default of the closed form of ``arm``.
-
-        Raises
-        ------
-        OptionError
-            If they are of another arm, or there is no family at all.
-        """
+        """Families of ``forms``, by default of the closed form of ``arm``."""
         if forms is None:
             forms = form_to_measure(arm)
         require_forms_of(forms, arm)

@@ -210,13 +210,7 @@ class SweepPlan(JsonResult):
 def uniform_configurations(
     arm: Arm, nominal: Array, special: Special, ignore_limits: bool, notes: list[str]
 ) -> tuple[tuple[float, Array], ...]:
-    """Step (2): all revolute joints at one special value, prismatic ones at ``nominal``.
-
-    Returns
-    -------
-    tuple of (value, (n,) array)
-        None twice, none outside the limits.
-    """
+    """Step (2): all revolute joints at one special value, prismatic ones at ``nominal``."""
     if arm.prismatic.all():
         return ()
     flat = itertools.chain(*special.values()) if isinstance(special, Mapping) else special
@@ -243,11 +237,6 @@ def choose_nominal(
 
     All revolute joints at pi/3, as in the paper, if that is inside the limits and well
     conditioned; else the best conditioned of some random configurations.
-
-    Raises
-    ------
-    ConfigurationError
-        If the given one is singular or outside the limits, or none is regular.
     """
     if given is not None:
         q = arm.check_one(given, "nominal")
@@ -290,15 +279,6 @@ def special_values(
     """Special values of each joint inside its limits, none twice.
 
     A prismatic joint takes 0 and the middle of its range. What is left out goes to ``notes``.
-
-    Raises
-    ------
-    ConfigurationError
-        If a value that the caller chose lies outside the limits of its joint, or of all joints.
-    OptionError
-        If a value is not finite.
-    UnknownNameError
-        If a joint does not exist.
     """
     by_joint = special if isinstance(special, Mapping) else {}
     for name in by_joint:

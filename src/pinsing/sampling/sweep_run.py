@@ -316,19 +316,7 @@ def sweep_text(
     page: Page = PLAIN,
     degrees: bool = False,
 ) -> str:
-    """Return what was swept, what was found, and what was left out.
-
-    Parameters
-    ----------
-    result : SweepResult
-        What to print.
-    findings : sequence of Finding, optional
-        What `singular_configurations` made of it, if that was asked.
-    page : Page
-        What it is fitted to.
-    degrees : bool
-        Configurations in degrees.
-    """
+    """Return what was swept, what was found, and what was left out."""
     room = page.width - 2
     lines = [page.paragraph(*spans, rest="  ") for spans in _swept(result, degrees, room)]
     if findings is not None:
@@ -825,13 +813,7 @@ def _run(job: SweepJob, options: RunOptions, inside: bool, keep: bool | None) ->
 
 
 def check_keep(plan: SweepPlan, keep: bool | None, folder: bool) -> bool:
-    """Return True if the curves of ``plan`` fit into a result.
-
-    Raises
-    ------
-    OptionError
-        If they do not, are to be kept, and there is no ``folder`` to keep them in.
-    """
+    """Return True if the curves of ``plan`` fit into a result."""
     need = 16 * plan.n_jacobians
     if need > KEEP_BYTES and keep and not folder:
         raise OptionError(

@@ -196,18 +196,9 @@ class Tally:
     ) -> None:
         """Judge the tally of ``count`` configurations with numbers from ``start`` to ``stop``.
 
-        Parameters
-        ----------
-        locate : callable
-            Configuration (n,) of a number.
-        measure : callable or None
-            Of configurations (N, n): what stands for sigma_r (N,) and for the ratio (N,). The
-            worst configurations and the extremes are computed again with it.
-
-        Raises
-        ------
-        ValueError
-            If it cannot be that; the message says what is wrong.
+        The worst configurations and the extremes are computed again with ``measure``, which gives
+        of configurations (N, n) what stands for sigma_r (N,) and for the ratio (N,). A ValueError
+        says what is wrong.
         """
         part = {name: record[self.prefix + name] for name in _ARRAYS}
         done, singular, near = whole(part, "counts", (3,), 0, count + 1).tolist()
@@ -256,17 +247,7 @@ def array_of(
 ) -> npt.NDArray[np.generic]:
     """Array ``name`` of a record, if it has that shape and holds whole numbers, or finite ones.
 
-    Parameters
-    ----------
-    shape : tuple of int or None
-        None stands for any number.
-    whole : bool
-        64-bit integers; 64-bit floats that are finite otherwise.
-
-    Raises
-    ------
-    ValueError
-        If it is not there or something else.
+    None in the shape stands for any number.
     """
     array = record.get(name)
     if array is None:
@@ -302,13 +283,7 @@ def whole(
 
 
 def check_names(record: Record, names: tuple[str, ...]) -> None:
-    """Compare the names of the arrays.
-
-    Raises
-    ------
-    ValueError
-        If there are others, or fewer.
-    """
+    """Compare the names of the arrays."""
     if set(record) != set(names):
         other = sorted(set(record) ^ set(names))
         raise ValueError(f"{other[0][:40]!r} is missing or does not belong there")
