@@ -172,6 +172,13 @@ class TestNames:
         assert "shoulder left, elbow up, wrist flip" in str(found)
         assert pinsing.postures.Aspects.from_dict(found.to_dict())[0].names == found[0].names
 
+    @pytest.mark.parametrize("name", ["lrmate200id", "m10id", "r2000ic"])
+    def test_a_fanucs_pendant_shows_no_flip_with_the_tool_down(self, name):
+        geometry = pinsing.robot.nominal(pinsing.load(name))
+        down = [0, -0.2, -0.3, 0, -np.pi / 2, 0]
+        (said,) = posture_names(geometry, np.array([down]))
+        assert said == ("shoulder front", "elbow up", "wrist no-flip")
+
     def test_none_where_the_field_has_none(self):
         geometry = pinsing.robot.nominal(pinsing.load("so101"))
         assert posture_names(geometry, np.zeros((2, 5))) == [(), ()]

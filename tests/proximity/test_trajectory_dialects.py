@@ -141,6 +141,7 @@ DIALECTS = {
     "dates.csv": (clocked("2024-02-29 23:59:59.9", "2024-03-01 00:00:00.15"), True),
     "iso.csv": (clocked("2024-02-29T23:59:59,9+01:00", "2024-02-29T23:00:00,15Z", ";"), True),
     "clock.csv": (clocked("9:59:59.9", "10:00:00.15"), True),
+    "midnight.csv": (clocked("23:59:59.9", "00:00:00.15"), True),
     "bare_clock.csv": (clocked("9:59:59.9", "10:00:00.15").partition("\n")[2], True),
     "yaskawa.csv": (table(["t", *"SLURBT"], timed()), True),
     "yaskawa_deg.csv": (table([f"{a} (deg)" for a in "SLURBT"], DEG), False),
@@ -174,6 +175,13 @@ DIALECTS["degrees.script"] = (
 @pytest.fixture(scope="module")
 def arm():
     return load("ur5")
+
+
+def test_a_program_for_a_fanuc_by_name_counts_j3_from_the_horizontal(tmp_path):
+    (tmp_path / "p.ls").write_text(fanuc())
+    read = read_trajectory(tmp_path / "p.ls", load("m10id"))
+    np.testing.assert_allclose(read.Q, Q + np.outer(Q[:, 1], np.eye(6)[2]), atol=1e-6)
+    assert "J2 + J3 is taken" in read.notes[0]
 
 
 def test_a_table_for_a_fanuc_by_name_may_be_a_pendants(tmp_path):
@@ -234,7 +242,7 @@ def test_what_is_not_clear_is_not_guessed(tmp_path, arm, text, said):
         ("a.script", "if x:\nmovej([1, 2, 3, 4, 5, 6])\nend", "without branches"),
         ("a.script", "movej([1, 2, 3, 4, 5, 6])\nspeedj([1, 2, 3, 4, 5, 6], 1)", "only movej"),
         ("a.script", "# movej([1, 2, 3, 4, 5, 6])", "no sample"),
-        ("a.ls", fanuc().replace("J P[1]", "L P[1]"), "only joint moves"),
+        ("a.ls", fanuc().replace("J P[1]", "L P[1]"), "only joint moves.*'pinsing line"),
         ("a.ls", fanuc().replace("J P[1]", "J P[9]"), "no position"),
         ("a.ls", fanuc().replace("GP1", "GP2"), "GP1 alone"),
         ("a.ls", fanuc().replace("/POS", "   2:  CALL X ;\n/POS"), "CALL X"),
@@ -278,6 +286,7 @@ def test_broken_ones_are_refused_in_one_line(tmp_path, arm, name, text, said):
 def test_what_was_assumed_of_a_table_is_said(tmp_path, arm):
     for name, said in (
         ("below.csv", "units are of the line below the head"),
+        ("midnight.csv", "times of day that start anew are of the next day"),
         ("dates.csv", "times are counted from the first, 2024-02-29 23:59:59.9"),
         ("yaskawa.csv", "S, L, U, R, B, T are taken for the joints base to tip, with the signs"),
     ):

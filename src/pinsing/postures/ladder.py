@@ -38,7 +38,8 @@ whose second axis is at right angles to the first, with a point C that is known 
   parallel to both, as of a UR5) while C is ahead. Above is where the first axis points, turned to
   the upper half of the base. Axes 2 and 3 are parallel.
 - *wrist no-flip*, *flip*: joint 5 turns axis 6 away from axis 4 by 0 to 180 degrees, or by 180 to
-  360 degrees, counted from where axes 4 and 6 are nearest to having one direction.
+  360 degrees, counted from where axes 4 and 6 are nearest to having one direction. FANUC counts
+  joint 5 the other way: its pendant shows N at J5 = -90 degrees.
 
 Each changes only at a singular configuration, since signs of `pinsing.postures.ladder` do.
 
@@ -685,7 +686,8 @@ def posture_names(geometry: Nominal, Q: Array) -> list[tuple[str, ...]]:
     if ladder is None or ladder.point is None or ladder.chain.sign < 0 or not len(Q):
         return out
     # The derivative of the cosine of the wrist's angle is negative while that grows.
-    wrist = ["wrist no-flip" if v < 0 else "wrist flip" for v in ladder.stages[-1].value(Q)]
+    sign = -1 if geometry.arm.source.made_by("Fanuc") else 1
+    wrist = ["wrist no-flip" if sign * v < 0 else "wrist flip" for v in ladder.stages[-1].value(Q)]
     words = [*_shoulder_and_elbow(geometry.arm, ladder, Q), wrist]
     return [tuple(w) for w in zip(*words, strict=True)]
 

@@ -20,7 +20,6 @@ import numpy.typing as npt
 from pinsing._types import Array
 from pinsing.arguments import MEBIBYTE
 from pinsing.chunk_file import DamagedError, read_arrays, read_bounded
-from pinsing.description.catalog import known_arms
 from pinsing.errors import ConfigurationError
 from pinsing.robot.arm import Arm
 
@@ -118,7 +117,8 @@ def read_trajectory(
     be the first and strictly ascending while the last is not. A comment ``# units: degrees`` holds
     for all angles. Commas, semicolons, tabs or blanks separate; decimal commas are read where the
     comma does not separate. YAML holds a trajectory of ROS or MoveIt, or what ``ros2 topic echo``
-    prints of joint states; ``.ls`` the points of a Fanuc program, J3 as written; ``.script`` the
+    prints of joint states; ``.ls`` the points of a Fanuc program, J3 as written, or J2 + J3 for a
+    Fanuc arm of `pinsing list`, whose controller counts J3 from the horizontal; ``.script`` the
     moves to joint angles of a UR program. An NPY file has an array; an NPZ file
     arrays ``q`` (N, n) and perhaps ``t``.
     What was read as what is in ``notes``.
@@ -201,12 +201,15 @@ def read_trajectory(
         note = f"times are counted from the first, {times[0]:.3f} s"
         found = replace(found, t=times - times[0], notes=(*found.notes, note))
     table = kind not in (".npy", ".npz", ".yaml", ".yml", ".script")
-    fanuc = table and known_arms().get(arm.name, {}).get("maker") == "Fanuc"
-    if arm.n > 2 and (fanuc or kind == ".ls"):
+    found = replace(found, Q=found.Q * scales)
+    if kind == ".ls" and arm.n == 6 and arm.source.made_by("Fanuc"):
+        found.Q[:, 2] += found.Q[:, 1]
+        found = replace(found, notes=(_FANUC_SUM, *found.notes))
+    elif arm.n > 2 and (kind == ".ls" or (table and arm.source.made_by("Fanuc"))):
         found = replace(found, notes=(*found.notes, _FANUC_J3))
     if found.others:
-        _require_others(path, arm, replace(found, Q=found.Q * scales), bool(degrees))
-    return replace(found, Q=found.Q * scales)
+        _require_others(path, arm, found, bool(degrees))
+    return found
 
 
 def require_seconds(name: str, t: float) -> None:
@@ -333,8 +336,16 @@ _FANUC_J3 = (  # as ROS-Industrial's fanuc_driver has it, by its J23_factor
     "horizontal: where the description counts it from the upper arm, as DH tables and descriptions "
     "of ROS do, the verdict is of another motion: give a table with J2 + J3 in place of J3"
 )
+_FANUC_SUM = (
+    "J3 of a FANUC program is counted from the horizontal: J2 + J3 is taken as the third joint's "
+    "angle from the upper arm"
+)
 _POSES_TABLE = "'pinsing path ROBOT FILE' reads them; say --mm and --deg where they are"
 _POSES = "export the program with joint positions, or give the poses as a table to 'pinsing path'"
+_LINEAR = (
+    "give samples of the joints, or check one linear move with 'pinsing line ROBOT --q START --to "
+    "X,Y,Z'"
+)
 _UR_MOVE = re.compile(r"\b(move[a-z]|servo[a-z]+|speed[a-z])\s*\(\s*(\[[^\]]*\])?")
 _UR_OTHER = re.compile(r"(?m)^\s*(if|elif|else|while|for|thread|call)\b|\bdef\b[\s\S]*\bdef\b")
 
@@ -367,7 +378,7 @@ def _fanuc(path: Path, arm: Arm, text: str) -> TrajectoryFile:
         if move[1] != "J" or move[2] != "P" or "offset" in move[4].lower():
             raise ConfigurationError(
                 f"{path}:{number}: only joint moves to positions are followed, not "
-                f"{line.strip():.60}: give samples of the joints instead"
+                f"{line.strip():.60}: {_LINEAR}"
             )
         if move[3] not in points:
             raise ConfigurationError(f"{path}:{number}: there is no position P[{move[3]}]")
@@ -404,8 +415,7 @@ def _ur(path: Path, arm: Arm, text: str) -> TrajectoryFile:
         if move[1] not in ("movej", "servoj") or move[2] is None:
             raise ConfigurationError(
                 f"{path}: only movej and servoj to joint angles are followed, not "
-                f"{text[move.start() : move.end() + 20].split(chr(10))[0]:.60}: give samples of "
-                "the joints instead"
+                f"{text[move.start() : move.end() + 20].split(chr(10))[0]:.60}: {_LINEAR}"
             )
         rows.append([float(x) for x in move[2].strip("[]").split(",")])
     return _moves(path, arm, rows, ())
@@ -560,6 +570,8 @@ def _text(path: Path, arm: Arm, columns: Sequence[str]) -> TrajectoryFile:
     said = ["decimal commas"] * table.commas
     if table.clock:
         said.append(f"times are counted from the first, {table.clock}")
+        if table.days:
+            said.append("times of day that start anew are of the next day")
         if read and read.time_scale != 1:
             raise ConfigurationError(f"{path}: times of day have no unit: take it from the head")
     if read is None:
@@ -760,7 +772,7 @@ class _NumberTable:
 
     ``commas`` becomes true where numbers are found to have decimal commas, ``degrees`` what a
     comment says of units. ``time`` is the column of times, ``clock`` the first of them where
-    they are times of day.
+    they are times of day, ``days`` how often these passed midnight.
     """
 
     path: Path
@@ -772,7 +784,9 @@ class _NumberTable:
     commas: bool = False
     time: int | None = None
     clock: str = ""
+    days: int = 0
     _start: tuple[bool, float] | None = None
+    _last: float = 0.0
 
     def rows(self, file: io.TextIOBase) -> Array:
         """The next rows, (K, used), from the line after ``line`` on; none at the end."""
@@ -840,7 +854,9 @@ class _NumberTable:
         seconds = 60 * (60 * int(said[2]) + int(said[3]) - away) + float(said[4].replace(",", "."))
         if self._start is None:
             self._start, self.clock = (said[1] is not None, day * 86400 + seconds), word
-        cells[i] = repr(day * 86400 + seconds - self._start[1])
+        self.days += not said[1] and seconds < self._last - 43200  # by half a day and more
+        self._last = seconds
+        cells[i] = repr((day + self.days) * 86400 + seconds - self._start[1])
         return (self.separator or " ").join(cells)
 
 

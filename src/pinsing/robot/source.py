@@ -16,7 +16,7 @@ import numpy as np
 import pinocchio as pin
 
 from pinsing._types import Array
-from pinsing.description.catalog import CatalogEntry, locate_robot
+from pinsing.description.catalog import CatalogEntry, known_arms, locate_robot, urdf_folder
 from pinsing.description.ros_packages import Shapes
 from pinsing.description.urdf import Description, parse_description, read_description
 from pinsing.description.xml_tree import has_control
@@ -110,6 +110,11 @@ class Source:
     kept: tuple[int, ...]
     reference: Array
     base: str
+
+    def made_by(self, maker: str) -> bool:
+        """Return True for an arm of a maker by its name in ``urdf/arms.yaml``: not of a file."""
+        known = known_arms() if self.path == urdf_folder() / "arms.yaml" else {}
+        return known.get(self.full_model.name, {}).get("maker") == maker
 
     @property
     def xml(self) -> str | None:
