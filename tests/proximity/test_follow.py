@@ -86,6 +86,8 @@ def test_a_row_after_names_that_are_not_understood_ends_the_stream(form, head):
     assert (next(answers)["line"], next(answers)["line"]) == (1, 2)
     with pytest.raises(HeadError, match="give a line of names"):
         next(answers)
+    with pytest.raises(HeadError):
+        list(follow(Follower(form, form.loaded, False, 0.1), [head, of(), row(0, Q)[2:]], False))
 
 
 @pytest.mark.parametrize("torn", [0, 3, 9, 40, 130, 150, 160, 170, 177, "robot ready", "a,b", "{"])
@@ -140,12 +142,21 @@ def test_errors_say_the_line_and_the_joint(form, bad, words):
     assert last["family"] == "F2"
 
 
+def test_speeds_in_degrees_are_refused_from_the_first_line(form):
+    for error in said(form, [of(velocity=[100, 0, 0, 0, 0, 0])] * 2):
+        assert "at 100 rad/s" in error["error"]
+
+
 @pytest.mark.parametrize(
-    ("stamp", "t"),
-    [({"sec": 1, "nanosec": 500000000}, 1.5), ({"secs": 1, "nsecs": 500000000}, 1.5), (2.5, 2.5)],
+    ("stamp", "t", "unknown"),
+    [
+        ({"sec": 1, "nanosec": 500000000}, 1.5, float("nan")),
+        ({"secs": 1, "nsecs": 500000000}, 1.5, None),  # as JSON of rosbridge has it
+        (2.5, 2.5, float("inf")),
+    ],
 )
-def test_stamps_of_ros(form, stamp, t):
-    (one,) = said(form, [of(header={"stamp": stamp}, velocity=[float("nan")] * 6)])
+def test_stamps_of_ros_and_speeds_that_are_not_measured(form, stamp, t, unknown):
+    (one,) = said(form, [of(header={"stamp": stamp}, velocity=[0.0] * 5 + [unknown])])
     assert (one["t"], one["time_to_contact"]) == (t, None)
 
 
@@ -157,6 +168,11 @@ def test_what_is_no_joint_is_passed_over_once(form):
     each = {f"{n}.pos": x for n, x in zip(NAMES, Q.tolist(), strict=True)} | {"gripper.pos": 1}
     assert [v["lower"] for v in table] == [said(form, [json.dumps(each)])[0]["lower"]] * 2
     assert follower.reader.notes == ["no positions in 'gripper': not used"]
+    lines = [json.dumps(each | {f"k{k}": 1}) for k in range(2 * BACKLOG)]
+    many = json.dumps(each | {f"k{k}": 1 for k in range(50_000)})
+    *_, last = follow(follower, [*lines, many], False)
+    assert last["error"] == "the stream: a line of 50,007 columns"
+    assert len(follower.reader.notes) == BACKLOG
 
 
 def test_the_family_is_the_nearest_and_the_move_leads_away_from_it(form):

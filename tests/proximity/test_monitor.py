@@ -1,7 +1,10 @@
 """The monitor of a control loop: bounds, time to contact, hysteresis, speed, bad input."""
 
+import copy
 import dataclasses
+import pickle
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 import pytest
@@ -189,6 +192,15 @@ def test_hysteresis() -> None:
     assert heard == ["stop", "stop", "stop", "warn", "warn", "clear", "stop", "clear"]
     monitor.reset()
     assert monitor.level == "clear"
+
+
+@pytest.mark.parametrize("more", [{}, {"tip_speed": 0.25, "joint_speeds": [1] * 6}])
+def test_a_monitor_goes_into_other_processes_with_its_level(more: dict[str, Any]) -> None:
+    monitor = pinsing.Monitor(closed("ur5"), **more)
+    said = monitor.update([0, -1.2, 1.3, -1, 0.15, 0], [0, 0, 0, 0, -0.3, 0])
+    for other in (pickle.loads(pickle.dumps(monitor)), copy.deepcopy(monitor)):
+        assert other.level == said.level == "warn"
+        assert repr(other.update([0, -1.2, 1.3, -1, 0.15, 0], [0, 0, 0, 0, -0.3, 0])) == repr(said)
 
 
 def test_it_does_not_chatter_where_an_arm_trembles_at_a_bound() -> None:

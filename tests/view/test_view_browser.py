@@ -65,6 +65,9 @@ def test_a_running_robot_is_followed(page: Any) -> None:
             page.wait_for_function(saying, arg="no line for 1 s")
             robot.stdin.close()
             page.wait_for_function(saying, arg="the stream has ended")
+            page.reload()
+            page.wait_for_function(standing, arg=math.radians(50))
+            page.wait_for_function(saying, arg="the stream has ended")
             robot.send_signal(signal.SIGINT)
             assert robot.wait(20) == 0
         finally:

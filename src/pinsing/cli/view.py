@@ -193,6 +193,7 @@ def _lead(viewer: Viewer, file: Path, degrees: bool) -> None:
                 if str(error) != problem:
                     say(f"warning: {error}")
                     viewer.show(viewer.q, problem := str(error))
+                    time.sleep(_PICTURE)
     viewer.show(q, f"the stream has ended; {skipped} lines came faster than pictures")
     say(f"the stream has ended; {skipped} lines came faster than pictures, and were skipped")
 

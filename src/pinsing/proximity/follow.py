@@ -113,8 +113,8 @@ class Reader:
     names are read, but no row. An object holds
     ``name`` and ``position`` as in ROS's JointState, perhaps ``velocity``, ``t`` or the stamp of a
     ``header``; or each joint by its name. Names are read as those of a trajectory file; what is
-    none of a joint is passed over. Without velocities they are differences of successive samples
-    with times.
+    none of a joint is passed over. Without velocities, or where one is null or not finite, they are
+    differences of successive samples with times.
 
     Parameters
     ----------
@@ -128,7 +128,7 @@ class Reader:
     t : float or None
         The time of the last line, where it has one that can be read.
     notes : list of str
-        What was passed over; each once.
+        What was passed over; each once, and not more than 100.
     """
 
     def __init__(self, arm: Arm, degrees: bool) -> None:
@@ -212,9 +212,9 @@ class Reader:
             if rates is not None and rates != []:
                 if not isinstance(rates, list) or len(rates) != len(names):
                     raise ConfigurationError(f"velocity needs {len(names)} values, as position has")
-                if not any(isinstance(r, float) and not math.isfinite(r) for r in rates):
+                unknown = (r is None or r != r or r in (np.inf, -np.inf) for r in rates)
+                if not any(unknown):
                     speeds = self._values("velocity", heads, rates)
-        self._head = None
         return q, speeds
 
     def _time(self, header: Any, heads: ColumnHeads | None, values: Sequence[Any]) -> None:
@@ -244,10 +244,12 @@ class Reader:
 
     def _heads(self, names: list[str]) -> ColumnHeads:
         if self._names is None or self._names[0] != names:
+            if len(names) > 10 * BACKLOG:
+                raise ConfigurationError(f"the stream: a line of {len(names):,} columns")
             heads = ColumnHeads("the stream", self._arm, names)
             self._names = names, heads
             said = [n for n in heads.notes if n.endswith("not used")]
-            self.notes += [n for n in said if n not in self.notes]
+            self.notes += [n for n in said if n not in self.notes][: BACKLOG - len(self.notes)]
         return self._names[1]
 
     def _row(self, text: str) -> tuple[Array, None] | None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -143,31 +143,6 @@ class Monitor:
     'warn'
     """
 
-    __slots__ = (
-        "_handle",
-        "_isa",
-        "_judge",
-        "_listed",
-        "_out",
-        "_range",
-        "_shape",
-        "_speeds",
-        "_v",
-        "_watched",
-        "_weight",
-        "_x",
-        "_zones",
-        "complete",
-        "horizon",
-        "hysteresis",
-        "joints",
-        "level",
-        "names",
-        "notes",
-        "stop",
-        "warn",
-    )
-
     @checked
     def __init__(
         self,
@@ -213,11 +188,21 @@ class Monitor:
         self._shape: tuple[int, ...] = ()  # until the first q was looked at
         self._weight = None if bool((watched.weight == 1).all()) else watched.weight
         self._x, self._v, self._out = np.empty(watched.n), np.empty(watched.n), np.empty(4)
-        # A margin is taken off in Python.
-        self._handle = watched.conditions.compiled if watched.margin is None else None
-        self._isa = engine.isa_names()[-1] if self._handle is not None else ""
+        self._connect()
         titles = (f.title for f in watched.families)
         self._listed = (*zip(watched.names, titles, strict=True), ("", ""))
+
+    def _connect(self) -> None:
+        # A margin is taken off in Python.
+        self._handle = self._watched.conditions.compiled if self._watched.margin is None else None
+        self._isa = engine.isa_names()[-1] if self._handle is not None else ""
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {k: v for k, v in self.__dict__.items() if k not in ("_handle", "_isa")}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        self.__dict__.update(state)
+        self._connect()
 
     def __repr__(self) -> str:
         words = f"{len(self.names)} families, warn {self.warn:g}, stop {self.stop:g}: {self.level}"
@@ -236,7 +221,7 @@ class Monitor:
         >>> monitor.level
         'clear'
         """
-        self.level = CLEAR
+        self.level, self._shape = CLEAR, ()
 
     def update(self, q: npt.ArrayLike, dq: npt.ArrayLike | None = None) -> Verdict:
         """Judge a configuration; a wrong one raises, and leaves the level as it was.

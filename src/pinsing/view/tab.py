@@ -59,6 +59,8 @@ class Scenery:
         The configuration shown.
     chosen : (entry, pose) or None
         Where in the list that is.
+    words : str
+        What the page says of it.
     """
 
     robot: Arm | Mechanism
@@ -68,6 +70,7 @@ class Scenery:
     notes: tuple[str, ...]
     q: Array = field(init=False)
     chosen: tuple[int, int] | None = field(init=False, default=None)
+    words: str = field(init=False, default="")
 
     @property
     def name(self) -> str:
@@ -86,7 +89,8 @@ class Scenery:
     def start(self) -> dict[str, Any]:
         """What a page shows first."""
         entry, pose = self.chosen if self.chosen is not None else (None, 0)
-        return {"q": self.q.tolist(), "entry": entry, "pose": pose}
+        said = {"words": self.words} if self.words else {}
+        return {"q": self.q.tolist(), "entry": entry, "pose": pose} | said
 
     def joints(self, symbols: Sequence[str]) -> list[dict[str, Any]]:
         """The joints as a page has them: sliders end somewhere, limits or not."""
@@ -306,8 +310,8 @@ class Tab:
 
     def _move(self, q: Array, chosen: tuple[int, int] | None, words: str = "") -> None:
         """Show a configuration in every open page, with words on it."""
-        self._shown.q, self._shown.chosen = q, chosen
-        self._send(self._shown.start() | ({"words": words} if words else {}))
+        self._shown.q, self._shown.chosen, self._shown.words = q, chosen, words
+        self._send(self._shown.start())
 
     def html(self) -> str:
         """The page in one file, with all that it computes from, that needs no program behind it.

@@ -92,13 +92,14 @@ class App {
   }
 
   async start() {
-    const { q, entry, pose } = await this.source.start(), shared = this.shared();
+    const { q, entry, pose, words } = await this.source.start(), shared = this.shared();
     this.select(shared ? null : entry, pose, false);
     const frame = shared ?? this.source.compute(q);
     this.frame(frame);
     this.view.fit([frame]);
     const { way } = this.page;
     if (this.problem) this.refuse(this.problem);
+    else if (words && !shared) this.say(words);
     if (way && !shared) this.trajectory(way);
     else if (this.entry !== null) this.lookForMeetings(entry, pose);
   }
