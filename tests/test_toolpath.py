@@ -125,7 +125,7 @@ def test_the_bound_counts_what_is_within_limits_between_two_values():
     """A value on the grid is beyond a limit, and part of the way from it to the next is not."""
     arm = pinsing.load("irb120")
     form = pinsing.closed_form(arm, prove=False)
-    q = np.array([-1.0, -1.62, 0.48, -1.84, -1.54, -1.85])
+    q = np.array([-1.0, -1.62, 0.48, -1.84, -1.54, np.pi - 1.85])
     T = np.tile(tip_placement(arm, q).homogeneous @ TORCH, (4, 1, 1))
     a = np.linspace(0, 2 * np.pi, 12)[::3]
     T[:, :2, 3] += 0.025 * np.stack([np.cos(a) - 1, np.sin(a)], axis=1)

@@ -134,3 +134,23 @@ def test_the_z_axis_of_every_tool0_points_out_of_the_flange() -> None:
         tip = data.oMf[model.getFrameId("tool0")]
         before = data.oMi[model.njoints - 2].translation
         assert tip.rotation[:, 2] @ (tip.translation - before) > -1e-9, name
+
+
+@pytest.mark.parametrize(
+    ("makers", "rpy"),
+    [
+        ("ABB KUKA Mecademic", (0, 90, 0)),
+        ("Fanuc Yaskawa", (180, -90, 0)),
+        ("Doosan Stäubli Mitsubishi Denso Kawasaki", (0, 0, 0)),
+        ("AUBO JAKA Techman Universal", (90, 0, 0)),
+        ("UFACTORY", (180, 0, 0)),
+    ],
+)
+def test_tool0_has_the_axes_of_its_maker(makers: str, rpy: tuple[float, float, float]) -> None:
+    """At zero, as pendants show it and the descriptions named as sources have it."""
+    other = {"iiwa7": (0, 0, 0), "hc10": (180, 0, 0)}
+    for name in TABLES:
+        if known_arms()[name]["maker"].split()[0] in makers.split():
+            zero = placements(name, 0 * configurations(name, 1))[0]
+            expected = pin.rpy.rpyToMatrix(*np.radians(other.get(name, rpy)))
+            np.testing.assert_allclose(zero.rotation, expected, atol=1e-9, err_msg=name)
