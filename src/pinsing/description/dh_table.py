@@ -40,18 +40,10 @@ Vector = tuple[float, float, float]
 
 @dataclass(frozen=True)
 class Placement:
-    """A fixed transform: a translation, then the rotation ``Rz(yaw) Ry(pitch) Rx(roll)``.
+    """A fixed transform: a translation, then the rotation ``Rz(yaw) Ry(pitch) Rx(roll)``."""
 
-    Attributes
-    ----------
-    xyz : tuple of 3 floats
-        Translation [m].
-    rpy : tuple of 3 floats
-        Roll, pitch and yaw [rad], as in the ``<origin>`` of a URDF.
-    """
-
-    xyz: Vector = (0.0, 0.0, 0.0)
-    rpy: Vector = (0.0, 0.0, 0.0)
+    xyz: Vector = (0.0, 0.0, 0.0)  # translation [m]
+    rpy: Vector = (0.0, 0.0, 0.0)  # roll, pitch and yaw [rad], as in the ``<origin>`` of a URDF
 
 
 def cos_sin(angle: float) -> tuple[float, float]:
@@ -118,62 +110,35 @@ _NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_.-]*")
 
 @dataclass(frozen=True)
 class DHRow:
-    """One row: one joint.
+    """One row: one joint."""
 
-    Attributes
-    ----------
-    alpha, theta : float
-        Twist, and the fixed part of the joint angle [rad].
-    a, d : float
-        Length, and the fixed part of the offset [m].
-    type : {"revolute", "prismatic", "continuous"}
-        What moves: theta, d, or theta without end.
-    name : str
-        Name of the joint.
-    lower, upper : float or None
-        Limits of the joint's value [rad or m]; None for a continuous joint.
-    velocity, effort : float or None
-        Greatest speed [rad/s or m/s] and torque or force [N·m or N]; None where not given.
-    """
-
+    # alpha and theta: twist, and the fixed part of the joint angle [rad]
     alpha: float
+    # a and d: length, and the fixed part of the offset [m]
     a: float
     d: float
     theta: float
-    type: JointType
-    name: str
+    type: JointType  # what moves: theta, d, or theta without end
+    name: str  # name of the joint
+    # lower and upper: limits of the joint's value [rad or m]; None for a continuous joint
     lower: float | None = None
     upper: float | None = None
+    # velocity and effort: greatest speed [rad/s or m/s] and torque or force [N·m or N]; None where
+    # not given
     velocity: float | None = None
     effort: float | None = None
 
 
 @dataclass(frozen=True)
 class DHTable:
-    """An arm as a Denavit-Hartenberg table.
+    """An arm as a Denavit-Hartenberg table."""
 
-    Attributes
-    ----------
-    name : str
-        Name of the robot.
-    convention : {"standard", "modified"}
-        What a row means (see the module).
-    rows : tuple of DHRow
-        One per joint, base to tip.
-    tool : Placement or None
-        ``tool0`` in the frame n; None if it is that frame.
-    source : str
-        Where the numbers come from.
-    base : Placement
-        Frame 0 in ``base_link``, of a standard table.
-    """
-
-    name: str
-    convention: Convention
-    rows: tuple[DHRow, ...]
-    tool: Placement | None = None
-    source: str = ""
-    base: Placement = Placement()
+    name: str  # name of the robot
+    convention: Convention  # what a row means (see the module)
+    rows: tuple[DHRow, ...]  # one per joint, base to tip
+    tool: Placement | None = None  # ``tool0`` in the frame n; None if it is that frame
+    source: str = ""  # where the numbers come from
+    base: Placement = Placement()  # frame 0 in ``base_link``, of a standard table
 
 
 @dataclass(frozen=True)

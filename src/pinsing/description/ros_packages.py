@@ -325,24 +325,13 @@ def image_references(path: Path) -> tuple[str, ...]:
 
 @dataclass(frozen=True)
 class FoundMeshes:
-    """What became of the meshes of a description.
+    """What became of the meshes of a description."""
 
-    Attributes
-    ----------
-    xml : str
-        Plain URDF. Its meshes and textures exist, as file:// addresses; others are left out.
-    missing : tuple of str
-        Mesh and texture addresses, as in the file, that do not exist or may not be opened.
-    packages : tuple of Path
-        Folders of the packages that they were found in.
-    notes : tuple of str
-        What is not drawn, in at most two notes.
-    """
-
-    xml: str
+    xml: str  # plain URDF. Its meshes and textures exist, as file:// addresses; others are left out
+    # mesh and texture addresses, as in the file, that do not exist or may not be opened
     missing: tuple[str, ...]
-    packages: tuple[Path, ...]
-    notes: tuple[str, ...]
+    packages: tuple[Path, ...]  # folders of the packages that they were found in
+    notes: tuple[str, ...]  # what is not drawn, in at most two notes
 
 
 @dataclass(frozen=True)
@@ -352,17 +341,10 @@ class Shapes:
     That is when ``found`` is first asked for: the addresses and the folders to look in are those
     of the time of loading, the files those that are there by then. Later changes of the folder
     are not seen. A copy that is pickled has found them, since addresses may mean nothing elsewhere.
-
-    Attributes
-    ----------
-    text : str
-        Plain URDF, with the addresses of meshes as in the file.
-    index : PackageIndex
-        Where they may be.
     """
 
-    text: str
-    index: PackageIndex = field(repr=False, compare=False)
+    text: str  # plain URDF, with the addresses of meshes as in the file
+    index: PackageIndex = field(repr=False, compare=False)  # where they may be
 
     @cached_property
     def found(self) -> FoundMeshes:

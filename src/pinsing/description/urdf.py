@@ -151,32 +151,15 @@ class Description:
 
     Meshes are looked for when first asked for: by ``xml``, ``missing_meshes`` or ``notes``. What
     these say holds from then on, whatever becomes of the folder; see `Shapes`.
-
-    Attributes
-    ----------
-    path : Path
-        The file as given; ``URDF text`` where there is none.
-    name : str
-        Name of the robot.
-    links : tuple of str
-        Names of the links, in the order of the file.
-    joints : tuple of JointEntry
-        The joints, in the order of the file.
-    root : str
-        The link without parent.
-    assumed : tuple of str
-        What was assumed, mended or left out, meshes aside.
-    shapes : Shapes
-        The URDF as text, and its meshes once they are looked for.
     """
 
-    path: Path
-    name: str
-    links: tuple[str, ...]
-    joints: tuple[JointEntry, ...]
-    root: str
-    assumed: tuple[str, ...]
-    shapes: Shapes = field(repr=False)
+    path: Path  # the file as given; ``URDF text`` where there is none
+    name: str  # name of the robot
+    links: tuple[str, ...]  # names of the links, in the order of the file
+    joints: tuple[JointEntry, ...]  # the joints, in the order of the file
+    root: str  # the link without parent
+    assumed: tuple[str, ...]  # what was assumed, mended or left out, meshes aside
+    shapes: Shapes = field(repr=False)  # the URDF as text, and its meshes once they are looked for
 
     @property
     def kinematics(self) -> str:

@@ -45,40 +45,26 @@ NO_LIMITS = "no usable limits"
 
 @dataclass(frozen=True)
 class JointEntry:
-    """A joint as the file describes it.
+    """A joint as the file describes it."""
 
-    Attributes
-    ----------
-    name, parent, child : str
-        The joint, the link it hangs on, the link it moves.
-    kind : str
-        revolute, continuous, prismatic, fixed, floating or planar.
-    axis : tuple of 3 floats, or None
-        Unit axis in the joint's frame; None for fixed and floating joints.
-    lower, upper : float or None
-        Limits [rad] or [m]; None where the kind has none or ``problem`` says that they are missing.
-    mimic : Mimic or None
-        The joint that it follows.
-    line : int or None
-        Line in the file; None in the output of xacro.
-    problem : str or None
-        Why this joint can be locked but not analysed (no usable limits, say). Pinocchio gets
-        limits [0, 0] for it, so nobody may take it into a chain.
-    endless : bool
-        Whether the problem is that it has no limits, or none that limit: a mechanism may move it
-        without end.
-    """
-
+    # name, parent and child: the joint, the link it hangs on, the link it moves
     name: str
-    kind: JointKind
+    kind: JointKind  # revolute, continuous, prismatic, fixed, floating or planar
     parent: str
     child: str
+    # unit axis in the joint's frame; None for fixed and floating joints
     axis: tuple[float, float, float] | None = None
+    # lower and upper: limits [rad] or [m]; None where the kind has none or ``problem`` says that
+    # they are missing
     lower: float | None = None
     upper: float | None = None
-    mimic: Mimic | None = None
-    line: int | None = None
+    mimic: Mimic | None = None  # the joint that it follows
+    line: int | None = None  # line in the file; None in the output of xacro
+    # why this joint can be locked but not analysed (no usable limits, say). Pinocchio gets limits
+    # [0, 0] for it, so nobody may take it into a chain
     problem: str | None = None
+    # whether the problem is that it has no limits, or none that limit: a mechanism may move it
+    # without end
     endless: bool = False
 
 

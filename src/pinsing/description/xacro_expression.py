@@ -55,20 +55,11 @@ class Function:
 
 @dataclass(frozen=True)
 class Kinds:
-    """Classes of xacro's own that values may have, besides plain data.
+    """Classes of xacro's own that values may have, besides plain data."""
 
-    Attributes
-    ----------
-    dotted : type
-        Dicts whose keys are reached by a dot.
-    listed : type
-        Lists of such dicts.
-    namespace : type
-        Dicts of names: ``math``, ``xacro``, ``python``, and those of included files.
-    """
-
-    dotted: type[Any]
-    listed: type[Any]
+    dotted: type[Any]  # dicts whose keys are reached by a dot
+    listed: type[Any]  # lists of such dicts
+    # dicts of names: ``math``, ``xacro``, ``python``, and those of included files
     namespace: type[Any]
 
 

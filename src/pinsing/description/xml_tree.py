@@ -241,21 +241,12 @@ def has_control(name: str) -> bool:
 
 @dataclass
 class UrdfSource:
-    """The file under check, and what was noted about it.
+    """The file under check, and what was noted about it."""
 
-    Attributes
-    ----------
-    path : Path
-        The file as given.
-    expanded : bool
-        Whether the text is what xacro made of the file, whose lines are not those of the file.
-    version : str
-        Version of the URDF format, as the file says.
-    """
-
-    path: Path
+    path: Path  # the file as given
+    # whether the text is what xacro made of the file, whose lines are not those of the file
     expanded: bool = False
-    version: str = "1.0"
+    version: str = "1.0"  # version of the URDF format, as the file says
     _findings: dict[str, list[str]] = field(default_factory=dict)
 
     def error(self, problem: str, node: Node | None = None) -> RobotFileError:

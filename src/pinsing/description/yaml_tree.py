@@ -101,20 +101,11 @@ def parse_number(text: str) -> Number | None:
 
 @dataclass(frozen=True)
 class YamlNode:
-    """One value of a YAML file, with its place.
+    """One value of a YAML file, with its place."""
 
-    Attributes
-    ----------
-    node : yaml.Node
-        The value as composed.
-    path : Path
-        The file.
-    label : str
-        Where in the document, in words ("row 3: alpha"); empty for the document itself.
-    """
-
-    node: yaml.Node
-    path: Path
+    node: yaml.Node  # the value as composed
+    path: Path  # the file
+    # where in the document, in words ("row 3: alpha"); empty for the document itself
     label: str = ""
 
     @property

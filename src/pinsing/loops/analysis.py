@@ -195,18 +195,10 @@ _FEW = 7
 
 @dataclass(frozen=True)
 class Check:
-    """One agreement between the sweep and the closed forms.
+    """One agreement between the sweep and the closed forms."""
 
-    Attributes
-    ----------
-    words : str
-        What was compared.
-    passed : bool
-        Whether it agrees.
-    """
-
-    words: str
-    passed: bool
+    words: str  # what was compared
+    passed: bool  # whether it agrees
 
 
 @dataclass(frozen=True, eq=False)

@@ -24,23 +24,13 @@ from pinsing.robot.mechanism import Mechanism
 
 @dataclass(frozen=True, eq=False)
 class Placed:
-    """Placements of N configurations, metres.
+    """Placements of N configurations, metres."""
 
-    Attributes
-    ----------
-    rotation : (n + 1, N, 3, 3) array
-        Of each joint's frame; entry 0 is the base.
-    position : (n + 1, N, 3) array
-        Of its origin.
-    axis : (n, N, 3) array
-        Axes of the joints.
-    pivot : (n + 1, N, 3) array
-        A point of each joint's axis: ``position``, but for what is turned about another one.
-    """
-
-    rotation: Array
-    position: Array
-    axis: Array
+    rotation: Array  # (n + 1, N, 3, 3): of each joint's frame; entry 0 is the base
+    position: Array  # (n + 1, N, 3): of its origin
+    axis: Array  # (n, N, 3): axes of the joints
+    # (n + 1, N, 3): a point of each joint's axis: ``position``, but for what is turned about
+    # another one
     pivot: Array
 
 
@@ -451,22 +441,13 @@ class Loops:
 
 @dataclass(frozen=True)
 class Ranks:
-    """Generic ranks of a mechanism, on its loop-closed configurations.
+    """Generic ranks of a mechanism, on its loop-closed configurations."""
 
-    Attributes
-    ----------
-    constraint : int
-        Of the constraint Jacobian; less than its rows where loops are overconstrained
-        (planar ones closed in space).
-    mobility : int
-        Dimension of the motions: joints minus the rank of the constraints.
-    output : int
-        Of the output velocity over all motions.
-    """
-
+    # of the constraint Jacobian; less than its rows where loops are overconstrained (planar ones
+    # closed in space)
     constraint: int
-    mobility: int
-    output: int
+    mobility: int  # dimension of the motions: joints minus the rank of the constraints
+    output: int  # of the output velocity over all motions
 
 
 def residual(mechanism: Mechanism, q: npt.ArrayLike) -> Array:

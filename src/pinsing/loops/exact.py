@@ -24,21 +24,11 @@ Vector = tuple[Fraction, Fraction, Fraction]
 
 @dataclass(frozen=True)
 class ExactPoints:
-    """Vectors (x, y / sqrt(square), z), exact.
+    """Vectors (x, y / sqrt(square), z), exact."""
 
-    Attributes
-    ----------
-    square : int
-        1 or 3: y is in units of its square root.
-    vectors : tuple of tuple of three Fraction
-        In the order given.
-    off : float
-        By how much a coordinate was changed at most, metres.
-    """
-
-    square: int
-    vectors: tuple[Vector, ...]
-    off: float
+    square: int  # 1 or 3: y is in units of its square root
+    vectors: tuple[Vector, ...]  # in the order given
+    off: float  # by how much a coordinate was changed at most, metres
 
 
 def exact_points(points: Sequence[Array]) -> ExactPoints:
@@ -140,66 +130,32 @@ def vector(values: Array) -> tuple[Fraction, Fraction, Fraction]:
 
 @dataclass(frozen=True, eq=False)
 class Hinge:
-    """A joint where it stands in its chain.
+    """A joint where it stands in its chain."""
 
-    Attributes
-    ----------
-    joint : int
-        Index of the joint.
-    slides : bool
-        Whether it slides.
-    axis, origin : lists of three Poly
-        Times ``scale``.
-    scale : Poly
-        Product of the squared half-angle lengths of the joints before.
-    """
-
-    joint: int
-    slides: bool
+    joint: int  # index of the joint
+    slides: bool  # whether it slides
+    # axis and origin: times ``scale``
     axis: Row
     origin: Row
-    scale: Poly
+    scale: Poly  # product of the squared half-angle lengths of the joints before
 
 
 @dataclass(frozen=True, eq=False)
 class LegChain:
-    """Joints from the base outwards, and the frame behind the last one.
+    """Joints from the base outwards, and the frame behind the last one."""
 
-    Attributes
-    ----------
-    ring : Ring
-        One of all joints of the mechanism.
-    hinges : tuple of Hinge
-        In order.
-    rotation : 3 x 3 Poly
-        Of the last frame, times ``scale``.
-    position : list of three Poly
-        Of its origin, times ``scale``.
-    scale : Poly
-        Product of all joints' squared half-angle lengths.
-    last : tuple of Fraction
-        Where the last joint is with all joints at zero.
-    frame, start : (3, 3), (3,) arrays
-        Axes and origin, in the base, of the frame in which all of this is.
-    base : Turn
-        The same axes exactly, in the base that was turned.
-    at : tuple of Fraction
-        The same origin there, metres.
-    off : float
-        By how much numbers were changed at most to be rational.
-    """
-
-    ring: Ring
-    hinges: tuple[Hinge, ...]
-    rotation: list[Row]
-    position: Row
-    scale: Poly
-    last: tuple[Fraction, ...]
+    ring: Ring  # one of all joints of the mechanism
+    hinges: tuple[Hinge, ...]  # in order
+    rotation: list[Row]  # of the last frame, times ``scale``
+    position: Row  # of its origin, times ``scale``
+    scale: Poly  # product of all joints' squared half-angle lengths
+    last: tuple[Fraction, ...]  # where the last joint is with all joints at zero
+    # frame and start: (3, 3): axes and origin, in the base, of the frame in which all of this is
     frame: Array
     start: Array
-    base: Turn
-    at: tuple[Fraction, Fraction, Fraction]
-    off: float
+    base: Turn  # the same axes exactly, in the base that was turned
+    at: tuple[Fraction, Fraction, Fraction]  # the same origin there, metres
+    off: float  # by how much numbers were changed at most to be rational
 
     def point(self, place: Array) -> Row:
         """A point of the last body, times ``scale``: where it is (3,) with all joints at zero."""

@@ -371,20 +371,11 @@ class JointForms(JsonResult):
 
 @dataclass(frozen=True, eq=False)
 class PoseFamily:
-    """Orientations of the output at which every position is singular.
+    """Orientations of the output at which every position is singular."""
 
-    Attributes
-    ----------
-    words : str
-        What they are.
-    zero : tuple of str
-        Components of the quaternion that are zero.
-    equations : tuple of PoseEquation
-        What holds of the others; empty where nothing else is asked.
-    """
-
-    words: str
-    zero: tuple[str, ...]
+    words: str  # what they are
+    zero: tuple[str, ...]  # components of the quaternion that are zero
+    # what holds of the others; empty where nothing else is asked
     equations: tuple[PoseEquation, ...]
 
     def __str__(self) -> str:

@@ -70,82 +70,42 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class LegWrench:
-    """One wrench that a leg passes on with its actuator locked.
+    """One wrench that a leg passes on with its actuator locked."""
 
-    Attributes
-    ----------
-    leg : int
-        Number of the way from the base to the output, from 1.
-    line : list of Poly
-        Force and moment about the origin of the base (6,); in the plane fx, fy, mz; on the sphere
-        the moment about the centre. Homogeneous: all entries of one degree in each joint.
-    arms : dict of int to Poly
-        What each actuated joint of the leg feels of it; a joint that feels nothing is left out.
-    """
-
-    leg: int
+    leg: int  # number of the way from the base to the output, from 1
+    # force and moment about the origin of the base (6,); in the plane fx, fy, mz; on the sphere the
+    # moment about the centre. Homogeneous: all entries of one degree in each joint
     line: Row
+    # what each actuated joint of the leg feels of it; a joint that feels nothing is left out
     arms: dict[int, Poly]
 
 
 @dataclass(frozen=True, eq=False)
 class Passive:
-    """Where the passive joints of a leg are dependent themselves.
+    """Where the passive joints of a leg are dependent themselves."""
 
-    Attributes
-    ----------
-    leg : int
-        Number of the leg.
-    joints : tuple of int
-        The joints.
-    value : Poly
-        Zero there.
-    ball : bool
-        Whether they are the three hinges that a file writes for a ball.
-    """
-
-    leg: int
-    joints: tuple[int, ...]
-    value: Poly
-    ball: bool
+    leg: int  # number of the leg
+    joints: tuple[int, ...]  # the joints
+    value: Poly  # zero there
+    ball: bool  # whether they are the three hinges that a file writes for a ball
 
 
 @dataclass(frozen=True, eq=False)
 class LegWrenches:
-    """All legs of a mechanism.
+    """All legs of a mechanism."""
 
-    Attributes
-    ----------
-    kind : str
-        ``space``, ``plane`` or ``sphere``.
-    ring : Ring
-        Of all joints.
-    turn : Turn
-        Rotation before anything: the normal of the plane becomes z.
-    carrier : LegChain
-        The way along the tree, up to the output.
-    output : list of Poly
-        Origin of the output frame in the base, times the carrier's scale.
-    ended : bool
-        Whether the carrier ends in a ball (pin, hinge) at the output; else its own joints are the
-        unknowns.
-    wrenches : tuple of LegWrench
-        Of all ways; of the others alone where the carrier has no such end.
-    passive : tuple of Passive
-        What else is singular.
-    off : float
-        By how much numbers of the file were changed to be exact.
-    """
-
-    kind: str
-    ring: Ring
-    turn: Turn
-    carrier: LegChain
-    output: Row
+    kind: str  # ``space``, ``plane`` or ``sphere``
+    ring: Ring  # of all joints
+    turn: Turn  # rotation before anything: the normal of the plane becomes z
+    carrier: LegChain  # the way along the tree, up to the output
+    output: Row  # origin of the output frame in the base, times the carrier's scale
+    # whether the carrier ends in a ball (pin, hinge) at the output; else its own joints are the
+    # unknowns
     ended: bool
+    # of all ways; of the others alone where the carrier has no such end
     wrenches: tuple[LegWrench, ...]
-    passive: tuple[Passive, ...]
-    off: float
+    passive: tuple[Passive, ...]  # what else is singular
+    off: float  # by how much numbers of the file were changed to be exact
 
 
 @once
@@ -319,24 +279,12 @@ _ROWS = ("vx", "vy", "vz")
 
 @dataclass(frozen=True, eq=False)
 class LegProof:
-    """One leg as an arm.
+    """One leg as an arm."""
 
-    Attributes
-    ----------
-    leg : int
-        Its number, from 1: that of the tree first.
-    joints : tuple of str
-        From the base outwards.
-    task : str
-        Rows of the velocity of its end.
-    form : ClosedForm
-        Its families; with a certificate where one was found.
-    """
-
-    leg: int
-    joints: tuple[str, ...]
-    task: str
-    form: ClosedForm
+    leg: int  # its number, from 1: that of the tree first
+    joints: tuple[str, ...]  # from the base outwards
+    task: str  # rows of the velocity of its end
+    form: ClosedForm  # its families; with a certificate where one was found
 
     def __str__(self) -> str:
         parts = [

@@ -59,49 +59,28 @@ _NONE = np.zeros(3)
 
 @dataclass(frozen=True, eq=False)
 class Rod:
-    """One force that a leg passes, by C = inner + c first + s second, and B.
+    """One force that a leg passes, by C = inner + c first + s second, and B."""
 
-    Attributes
-    ----------
-    kind : str
-        ``strut``: the actuated joint slides along C B; ``foot``: driven at its foot, the force is
-        across C B, whose length a passive joint slides; ``elbow``: driven between C and B, in the
-        plane; ``crank`` and ``rail``: the actuated joint moves C, and C B has one length.
-    joint : int
-        The actuated joint of the leg.
-    outer : (3,) array
-        B in the frame of the output, metres.
-    inner : (3,) array
-        C in the base; of a kind that moves it the part that does not move.
-    hinge : (3,) array or None
-        Axis of the only passive joint at C, in space: the leg passes a force along it too.
-    first, second : (3,) arrays
-        Of a crank, with cosine and sine of its angle, and of a rail, with its value and 0.
-    across : (3,) array
-        a, the axis of the first joint of a foot.
-    side : int
-        0: the force is along C B; 1: along a x CB; 2: along (a x CB) x CB.
-    sliding : int
-        The joint that slides along C B; -1 where there is none.
-    offset : float
-        What is added to its value for the length of C B, metres; below zero it is one the other
-        way.
-    links : tuple of two floats
-        Lengths on both sides of an elbow, metres.
-    """
-
+    # ``strut``: the actuated joint slides along C B; ``foot``: driven at its foot, the force is
+    # across C B, whose length a passive joint slides; ``elbow``: driven between C and B, in the
+    # plane; ``crank`` and ``rail``: the actuated joint moves C, and C B has one length
     kind: str
-    joint: int
-    outer: Array
-    inner: Array
+    joint: int  # the actuated joint of the leg
+    outer: Array  # (3,): B in the frame of the output, metres
+    inner: Array  # (3,): C in the base; of a kind that moves it the part that does not move
+    # (3,): axis of the only passive joint at C, in space: the leg passes a force along it too
     hinge: Array | None = None
+    # first and second: (3,): of a crank, with cosine and sine of its angle, and of a rail, with its
+    # value and 0
     first: Array = field(default_factory=lambda: _NONE)
     second: Array = field(default_factory=lambda: _NONE)
+    # (3,): a, the axis of the first joint of a foot
     across: Array = field(default_factory=lambda: _NONE)
-    side: int = 0
-    sliding: int = -1
+    side: int = 0  # 0: the force is along C B; 1: along a x CB; 2: along (a x CB) x CB
+    sliding: int = -1  # the joint that slides along C B; -1 where there is none
+    # what is added to its value for the length of C B, metres; below zero it is one the other way
     offset: float = 0.0
-    links: tuple[float, float] = (0.0, 0.0)
+    links: tuple[float, float] = (0.0, 0.0)  # lengths on both sides of an elbow, metres
 
     @property
     def moved(self) -> bool:
@@ -174,27 +153,14 @@ class Rod:
 
 @dataclass(frozen=True, eq=False)
 class Rods:
-    """All forces on the output.
+    """All forces on the output."""
 
-    Attributes
-    ----------
-    mechanism : Mechanism
-        The mechanism.
-    rods : tuple of Rod
-        In the order of the legs; several may share a crank.
-    planar : bool
-        Whether everything moves in parallel planes.
-    axes : (3, 3) array
-        Rows: axes of the base in which all of this is; in the plane the third is its normal.
-    own : (3, 3) array
-        Columns: axes of the output that are along those when it is not turned.
-    """
-
-    mechanism: Mechanism
-    rods: tuple[Rod, ...]
-    planar: bool
+    mechanism: Mechanism  # the mechanism
+    rods: tuple[Rod, ...]  # in the order of the legs; several may share a crank
+    planar: bool  # whether everything moves in parallel planes
+    # (3, 3): rows: axes of the base in which all of this is; in the plane the third is its normal
     axes: Array
-    own: Array
+    own: Array  # (3, 3): columns: axes of the output that are along those when it is not turned
 
     @property
     def tilted(self) -> bool:
@@ -591,27 +557,13 @@ class _Recognizer:
 
 @dataclass(frozen=True, eq=False)
 class SphereLeg:
-    """One leg's axes.
+    """One leg's axes."""
 
-    Attributes
-    ----------
-    joint : int
-        The actuated joint.
-    driven : (3,) array
-        u, in the base.
-    middle : (3,) array
-        v in the base with the actuated joint at zero.
-    outer : (3,) array
-        w, in the output.
-    cosine : float
-        Of the angle between v and w.
-    """
-
-    joint: int
-    driven: Array
-    middle: Array
-    outer: Array
-    cosine: float
+    joint: int  # the actuated joint
+    driven: Array  # (3,): u, in the base
+    middle: Array  # (3,): v in the base with the actuated joint at zero
+    outer: Array  # (3,): w, in the output
+    cosine: float  # of the angle between v and w
 
     def solutions(self, R: Array) -> tuple[float, ...] | None:
         """Values of the joint for an orientation R (3, 3); None where two meet.
@@ -631,27 +583,14 @@ class SphereLeg:
 
 @dataclass(frozen=True, eq=False)
 class SphereLoci:
-    """The equations, as polynomials.
+    """The equations, as polynomials."""
 
-    Attributes
-    ----------
-    names : tuple of str
-        e0, e1, e2, e3, and cosine and sine of the actuated joints where they occur.
-    type2 : Poly
-        Determinant of the moments.
-    type1 : tuple of Poly
-        For each leg.
-    legs : tuple of SphereLeg
-        The legs.
-    off : float
-        By how much numbers of the file were changed to be exact.
-    """
-
+    # e0, e1, e2, e3, and cosine and sine of the actuated joints where they occur
     names: tuple[str, ...]
-    type2: Poly
-    type1: tuple[Poly, ...]
-    legs: tuple[SphereLeg, ...]
-    off: float
+    type2: Poly  # determinant of the moments
+    type1: tuple[Poly, ...]  # for each leg
+    legs: tuple[SphereLeg, ...]  # the legs
+    off: float  # by how much numbers of the file were changed to be exact
 
 
 @once

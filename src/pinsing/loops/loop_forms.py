@@ -39,33 +39,18 @@ from pinsing.serialization import JsonResult
 
 @dataclass(frozen=True, eq=False)
 class Side:
-    """One half of the loop, at the zero of its joints, in the plane.
+    """One half of the loop, at the zero of its joints, in the plane."""
 
-    Attributes
-    ----------
-    pivot : (2,) array
-        Fixed point A, metres.
-    crank : int or None
-        Joint that turns the crank A-B; None if the link of the dyad hangs on A itself (B = A).
-    crank_sign : float
-        Sense of that joint in the plane.
-    crank_length, crank_angle : float
-        Metres, radians.
-    pin : int
-        Passive joint at B.
-    pin_sign : float
-        Sense of that joint.
-    rod_length, rod_angle : float
-        Of the link B-P.
-    """
-
-    pivot: Array
+    pivot: Array  # (2,): fixed point A, metres
+    # joint that turns the crank A-B; None if the link of the dyad hangs on A itself (B = A)
     crank: int | None
-    crank_sign: float
+    crank_sign: float  # sense of that joint in the plane
+    # crank_length and crank_angle: metres, radians
     crank_length: float
     crank_angle: float
-    pin: int
-    pin_sign: float
+    pin: int  # passive joint at B
+    pin_sign: float  # sense of that joint
+    # rod_length and rod_angle: of the link B-P
     rod_length: float
     rod_angle: float
 
@@ -80,21 +65,11 @@ class Side:
 
 @dataclass(frozen=True, eq=False)
 class Dyad:
-    """The loop of a mechanism that two links close in a pin.
+    """The loop of a mechanism that two links close in a pin."""
 
-    Attributes
-    ----------
-    mechanism : Mechanism
-        The whole.
-    sides : tuple of two Side
-        The first as in the loop's first frame.
-    basis : (2, 3) array
-        Axes of the plane, in those of the root.
-    """
-
-    mechanism: Mechanism
-    sides: tuple[Side, Side]
-    basis: Array
+    mechanism: Mechanism  # the whole
+    sides: tuple[Side, Side]  # the first as in the loop's first frame
+    basis: Array  # (2, 3): axes of the plane, in those of the root
 
     def ends(self, inputs: npt.ArrayLike) -> tuple[Array, Array]:
         """Points B1 and B2 that the dyad hangs on, each (..., 2), at inputs (..., n_a)."""

@@ -39,25 +39,16 @@ _NO_ELBOW = "."
 
 @dataclass(frozen=True)
 class Elbow:
-    """An actuated joint, the turning one after it, and what follows that.
+    """An actuated joint, the turning one after it, and what follows that."""
 
-    Attributes
-    ----------
-    crank, elbow : int
-        Indices of the two joints in the model.
-    end_joint : int
-        Joint of the model whose placement ``end`` is given in.
-    end : tuple of float
-        Where the distal link leads to: the next joint, or the frame that closes the loop. Where
-        all axes meet in one point, the direction of the third one.
-    slides : bool
-        Whether the actuated joint is a slide: its two ways meet where the rod is square to it.
-    """
-
+    # crank and elbow: indices of the two joints in the model
     crank: int
     elbow: int
-    end_joint: int
+    end_joint: int  # joint of the model whose placement ``end`` is given in
+    # where the distal link leads to: the next joint, or the frame that closes the loop. Where all
+    # axes meet in one point, the direction of the third one
     end: tuple[float, float, float]
+    # whether the actuated joint is a slide: its two ways meet where the rod is square to it
     slides: bool = False
 
     @property
@@ -68,18 +59,12 @@ class Elbow:
 
 @dataclass(frozen=True)
 class ModeSigns:
-    """A mode as data.
+    """A mode as data."""
 
-    Attributes
-    ----------
-    assembly : str
-        ``+`` (as at home), ``-``, ``0`` at a type 2 singularity, ``?`` where there is no sign.
-    elbows : tuple of str
-        ``+``, ``-`` or, at a type 1 singularity, ``0`` for each input, in their order; ``.`` for
-        one without an elbow where others have one; empty where none has.
-    """
-
+    # ``+`` (as at home), ``-``, ``0`` at a type 2 singularity, ``?`` where there is no sign
     assembly: str
+    # ``+``, ``-`` or, at a type 1 singularity, ``0`` for each input, in their order; ``.`` for one
+    # without an elbow where others have one; empty where none has
     elbows: tuple[str, ...]
 
     @property

@@ -53,31 +53,18 @@ from pinsing.serialization import JsonResult
 
 @dataclass(frozen=True, eq=False)
 class Motions:
-    """Motions that the loops allow, without units (lengths over the length scale).
+    """Motions that the loops allow, without units (lengths over the length scale)."""
 
-    Attributes
-    ----------
-    basis : (n, d) array
-        Orthonormal joint velocities; d is the mobility, more at a constraint singularity. Beside
-        the gimbal lock of a ball what its hinges show of them (`whole_balls`).
-    inputs : (n_a, d) array
-        Their actuated part, S N.
-    outputs : (m, d) array
-        The output velocity, J N.
-    constraint_ratio : float
-        sigma_r / sigma_1 of the constraint Jacobian.
-    input_ratio : float
-        Smallest singular value of S N, in [0, 1]: sine of the angle between the motions and
-        those that leave all actuators at rest. Zero at type 2.
-    output_ratio : float
-        Smallest generic singular value of J N over the largest of J. Zero at type 1.
-    """
-
+    # (n, d): orthonormal joint velocities; d is the mobility, more at a constraint singularity.
+    # Beside the gimbal lock of a ball what its hinges show of them (`whole_balls`)
     basis: Array
-    inputs: Array
-    outputs: Array
-    constraint_ratio: float
+    inputs: Array  # (n_a, d): their actuated part, S N
+    outputs: Array  # (m, d): the output velocity, J N
+    constraint_ratio: float  # sigma_r / sigma_1 of the constraint Jacobian
+    # smallest singular value of S N, in [0, 1]: sine of the angle between the motions and those
+    # that leave all actuators at rest. Zero at type 2
     input_ratio: float
+    # smallest generic singular value of J N over the largest of J. Zero at type 1
     output_ratio: float
 
     def kind(self, rtol: float = SINGULAR_RTOL) -> str:
@@ -311,14 +298,10 @@ def mechanism_at(
 
 @dataclass(frozen=True, eq=False)
 class ManyMeasures:
-    """Measures of N configurations, without units.
+    """Measures of N configurations, without units."""
 
-    Attributes
-    ----------
-    output_ratio, input_ratio, constraint_ratio : (N,) arrays
-        Zero at type 1, type 2 and constraint singularities, as of `Motions`.
-    """
-
+    # output_ratio, input_ratio and constraint_ratio: (N,): zero at type 1, type 2 and constraint
+    # singularities, as of `Motions`
     output_ratio: Array
     input_ratio: Array
     constraint_ratio: Array

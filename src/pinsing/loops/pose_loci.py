@@ -66,21 +66,11 @@ from pinsing.robot.mechanism import Mechanism
 
 @dataclass(frozen=True, eq=False)
 class PoseRing:
-    """The ring of one mechanism, and the lines of its rods.
+    """The ring of one mechanism, and the lines of its rods."""
 
-    Attributes
-    ----------
-    rods : Rods
-        What passes forces.
-    level : bool
-        The output keeps the orientation of the base axes: its rotation is left out.
-    unit : bool
-        The quaternion is of length 1: N = 1, and nothing is homogeneous.
-    """
-
-    rods: Rods
-    level: bool
-    unit: bool = False
+    rods: Rods  # what passes forces
+    level: bool  # the output keeps the orientation of the base axes: its rotation is left out
+    unit: bool = False  # the quaternion is of length 1: N = 1, and nothing is homogeneous
 
     @cached_property
     def _exact(self) -> ExactPoints:

@@ -167,27 +167,19 @@ _WIDER = 3
 
 @dataclass(frozen=True, eq=False)
 class PoseSlice:
-    """A slice through the workspace.
+    """A slice through the workspace."""
 
-    Attributes
-    ----------
-    names : (str, str)
-        The two coordinates.
-    x, y : (nx,), (ny,) arrays
-        Their values, metres and radians.
-    q : (modes, ny, nx, n) array
-        Configurations that close the loops; NaN where none was found in that working mode.
-    inside : (modes, ny, nx) array of bool
-        Where they are within all limits of joints, active and passive.
-    margin : (modes, ny, nx) array
-        How far the joint that is nearest to a limit is inside; NaN as q, infinite without limits.
-    """
-
-    names: tuple[str, str]
+    names: tuple[str, str]  # the two coordinates
+    # x and y: (nx,): their values, metres and radians
     x: Array
     y: Array
+    # (modes, ny, nx, n): configurations that close the loops; NaN where none was found in that
+    # working mode
     q: Array
+    # (modes, ny, nx) of bool: where they are within all limits of joints, active and passive
     inside: Bool
+    # (modes, ny, nx): how far the joint that is nearest to a limit is inside; NaN as q, infinite
+    # without limits
     margin: Array
 
 

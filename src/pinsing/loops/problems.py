@@ -34,20 +34,11 @@ _POINTS = 8
 
 @dataclass(frozen=True, eq=False)
 class LegMode:
-    """Solutions of one leg that differ in flipped passive joints only.
+    """Solutions of one leg that differ in flipped passive joints only."""
 
-    Attributes
-    ----------
-    q : (n,) array
-        One of them; joints of other legs have no meaning.
-    ways : int
-        How many were found.
-    loose : bool
-        Whether the leg moves by itself there, and this is one point for a curve of them.
-    """
-
-    q: Array
-    ways: int
+    q: Array  # (n,): one of them; joints of other legs have no meaning
+    ways: int  # how many were found
+    # whether the leg moves by itself there, and this is one point for a curve of them
     loose: bool = False
 
 

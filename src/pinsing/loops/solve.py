@@ -178,20 +178,13 @@ MOST_CURVES = 24
 
 @dataclass(frozen=True)
 class Interval:
-    """Values of one input at which the loops close, the others held.
+    """Values of one input at which the loops close, the others held."""
 
-    Attributes
-    ----------
-    lower, upper : float
-        Radians or metres; a full turn runs from -pi to pi. A ``lower`` above ``upper`` does not
-        occur: a range that crosses pi ends beyond it.
-    whole : bool
-        Whether it is a full turn, without ends.
-    """
-
+    # lower and upper: radians or metres; a full turn runs from -pi to pi. A ``lower`` above
+    # ``upper`` does not occur: a range that crosses pi ends beyond it
     lower: float
     upper: float
-    whole: bool = False
+    whole: bool = False  # whether it is a full turn, without ends
 
     def __contains__(self, value: float) -> bool:
         if self.whole:

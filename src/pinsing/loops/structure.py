@@ -19,59 +19,30 @@ from pinsing.robot.mechanism import Mechanism
 
 @dataclass(frozen=True)
 class Leg:
-    """What connects base and output on a way of its own.
+    """What connects base and output on a way of its own."""
 
-    Attributes
-    ----------
-    joints : tuple of int
-        Indices of its joints, in the model's order.
-    loops : tuple of int
-        The loops that close it.
-    carries : bool
-        Whether the spanning tree reaches the output through it.
-    """
-
-    joints: tuple[int, ...]
-    loops: tuple[int, ...]
-    carries: bool
+    joints: tuple[int, ...]  # indices of its joints, in the model's order
+    loops: tuple[int, ...]  # the loops that close it
+    carries: bool  # whether the spanning tree reaches the output through it
 
 
 @dataclass(frozen=True, eq=False)
 class Centre:
-    """Passive joints, one after the other, whose axes meet in a point: a universal joint or a ball.
+    """Passive joints in a row whose axes meet in a point: a universal joint or a ball."""
 
-    Attributes
-    ----------
-    joints : tuple of int
-        Indices, from the base outwards; a joint that shares its point with none is alone.
-    point : (3,) array
-        The common point, metres, in the frame of the first of the joints.
-    """
-
+    # indices, from the base outwards; a joint that shares its point with none is alone
     joints: tuple[int, ...]
-    point: Array
+    point: Array  # (3,): the common point, metres, in the frame of the first of the joints
 
 
 @dataclass(frozen=True, eq=False)
 class Structure:
-    """Legs and centres of a mechanism, and the axes that both stand on.
+    """Legs and centres of a mechanism, and the axes that both stand on."""
 
-    Attributes
-    ----------
-    output : int
-        Joint of the model that carries the output; 0 for the base itself.
-    legs : tuple of Leg
-        In the order of their first joints.
-    centres : tuple of Centre
-        All passive turning joints, each in one.
-    axes : (n, 3) array
-        Axis of each joint in its own frame.
-    """
-
-    output: int
-    legs: tuple[Leg, ...]
-    centres: tuple[Centre, ...]
-    axes: Array
+    output: int  # joint of the model that carries the output; 0 for the base itself
+    legs: tuple[Leg, ...]  # in the order of their first joints
+    centres: tuple[Centre, ...]  # all passive turning joints, each in one
+    axes: Array  # (n, 3): axis of each joint in its own frame
 
 
 T = TypeVar("T")

@@ -32,24 +32,12 @@ HOT = "#D55E00"
 
 @dataclass(frozen=True, eq=False)
 class Skeleton:
-    """Where the joints of an arm are at one configuration.
+    """Where the joints of an arm are at one configuration."""
 
-    Attributes
-    ----------
-    points : (k, 3) array
-        The base, each joint from there on, and the tip, metres in the base.
-    joints : (n, 3) array
-        The free joints alone.
-    axes : (n, 3) array
-        Their unit directions.
-    prismatic : (n,) array of bool
-        Which of them slide.
-    """
-
-    points: Array
-    joints: Array
-    axes: Array
-    prismatic: Array
+    points: Array  # (k, 3): the base, each joint from there on, and the tip, metres in the base
+    joints: Array  # (n, 3): the free joints alone
+    axes: Array  # (n, 3): their unit directions
+    prismatic: Array  # (n,) of bool: which of them slide
 
     @property
     def size(self) -> float:

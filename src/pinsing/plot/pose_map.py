@@ -108,32 +108,16 @@ _MOST_NAMED = 6
 
 @dataclass(frozen=True, eq=False)
 class Panel:
-    """One working mode of a slice.
+    """One working mode of a slice."""
 
-    Attributes
-    ----------
-    title : str
-        Its name.
-    numbers : (ny, nx) array of int
-        The aspect that each pose is in, largest first, from 1 on; 0 outside.
-    positive : tuple of bool
-        Of each aspect, whether it is the assembly mode of home.
-    lefts : tuple of (str, (ny, nx) array)
-        Kind and left side of each equation.
-    reached : (ny, nx) array of bool
-        Where the loops close, limits aside.
-    margin : (ny, nx) array
-        How far the joint that is nearest to a limit is inside.
-    everywhere : bool
-        A locus that parts aspects vanishes all over: every pose of the panel is singular.
-    """
-
-    title: str
+    title: str  # its name
+    # (ny, nx) of int: the aspect that each pose is in, largest first, from 1 on; 0 outside
     numbers: npt.NDArray[np.int_]
-    positive: tuple[bool, ...]
-    lefts: tuple[tuple[str, Array], ...]
-    reached: Bool
-    margin: Array
+    positive: tuple[bool, ...]  # of each aspect, whether it is the assembly mode of home
+    lefts: tuple[tuple[str, Array], ...]  # kind and left side of each equation
+    reached: Bool  # (ny, nx) of bool: where the loops close, limits aside
+    margin: Array  # (ny, nx): how far the joint that is nearest to a limit is inside
+    # a locus that parts aspects vanishes all over: every pose of the panel is singular
     everywhere: bool
 
 

@@ -43,32 +43,18 @@ _SHIFT = 0.1234
 
 @dataclass(frozen=True, eq=False)
 class Reach:
-    """The half plane r >= 0, z of the workspace, counted.
+    """The half plane r >= 0, z of the workspace, counted."""
 
-    Attributes
-    ----------
-    r, z : (M,), (N,) arrays
-        Places, metres: distance from the first axis, and along it from the base.
-    count : (N, M) array of int
-        Inverse solutions there.
-    curves : tuple of (K, 2) arrays
-        Images (r, z) of singular configurations.
-    cusps, nodes : (C, 2), (D, 2) arrays
-        Places (r, z) of the cusps and nodes of these.
-    cusp_joints : (C, 2) array
-        Values of the second and third joint at the cusps.
-    within_limits : bool
-        Whether the second and third joint end at their limits.
-    """
-
+    # r and z: (M,): places, metres: distance from the first axis, and along it from the base
     r: Array
     z: Array
-    count: Ints
-    curves: tuple[Array, ...]
+    count: Ints  # (N, M) of int: inverse solutions there
+    curves: tuple[Array, ...]  # images (r, z) of singular configurations
+    # cusps and nodes: (C, 2): places (r, z) of the cusps and nodes of these
     cusps: Array
     nodes: Array
-    cusp_joints: Array
-    within_limits: bool
+    cusp_joints: Array  # (C, 2): values of the second and third joint at the cusps
+    within_limits: bool  # whether the second and third joint end at their limits
 
 
 @dataclass(frozen=True, eq=False)

@@ -374,48 +374,28 @@ def _order(arm: Arm, finding: Finding) -> tuple[object, ...]:
 
 @dataclass(frozen=True, eq=False)
 class FamilyCheck:
-    """What Pinocchio says of configurations sampled on a family.
+    """What Pinocchio says of configurations sampled on a family."""
 
-    Attributes
-    ----------
-    family : str
-        Its name.
-    samples : int
-        Configurations, over whole circles.
-    nominal_ratio : float
-        Largest sigma_r / sigma_1 on the nominal geometry; singular if within SINGULAR_RTOL.
-    raw_ratio, raw_sigma_min : float
-        Largest sigma_r / sigma_1, and sigma_r, on the geometry of the file.
-    """
-
-    family: str
-    samples: int
+    family: str  # its name
+    samples: int  # configurations, over whole circles
+    # largest sigma_r / sigma_1 on the nominal geometry; singular if within SINGULAR_RTOL
     nominal_ratio: float
+    # raw_ratio and raw_sigma_min: largest sigma_r / sigma_1, and sigma_r, on the geometry of the
+    # file
     raw_ratio: float
     raw_sigma_min: float
 
 
 @dataclass(frozen=True, eq=False)
 class RandomSearch:
-    """Singular configurations that were looked for without any plan or algebra.
+    """Singular configurations that were looked for without any plan or algebra."""
 
-    Attributes
-    ----------
-    starts : int
-        Random configurations within the limits that were refined.
-    singular : int
-        How many became singular to SINGULAR_RTOL.
-    on_family : int
-        How many of those lie on a family, or in a valley of sigma_r so flat that the zero next
-        to them does.
-    off : tuple of (n,) arrays
-        The others.
-    """
-
-    starts: int
-    singular: int
+    starts: int  # random configurations within the limits that were refined
+    singular: int  # how many became singular to SINGULAR_RTOL
+    # how many of those lie on a family, or in a valley of sigma_r so flat that the zero next to
+    # them does
     on_family: int
-    off: tuple[Array, ...]
+    off: tuple[Array, ...]  # the others
 
 
 @dataclass(frozen=True, eq=False)

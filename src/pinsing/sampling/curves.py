@@ -31,30 +31,15 @@ from pinsing.sampling.tally import finite, whole
 
 @dataclass(frozen=True, eq=False)
 class CurveRows:
-    """Some curves.
+    """Some curves."""
 
-    Attributes
-    ----------
-    numbers : (C,) array of int
-        Which ones.
-    base : (C, n) array
-        The configuration that all of a curve has but for the joint that moves.
-    fixed : (C, n) array of bool
-        Joints at special values.
-    moving : (C,) array of int
-        Index of the joint that moves.
-    forced : (C,) array of bool
-        The special values are a minimal set that is singular whatever the others.
-    singular : (C,) array of bool
-        They contain such a set: the curve is singular all along.
-    """
-
-    numbers: Ints
-    base: Array
-    fixed: Bool
-    moving: Ints
+    numbers: Ints  # (C,) of int: which ones
+    base: Array  # (C, n): the configuration that all of a curve has but for the joint that moves
+    fixed: Bool  # (C, n) of bool: joints at special values
+    moving: Ints  # (C,) of int: index of the joint that moves
+    # (C,) of bool: the special values are a minimal set that is singular whatever the others
     forced: Bool
-    singular: Bool
+    singular: Bool  # (C,) of bool: they contain such a set: the curve is singular all along
 
 
 class CurveTable:
@@ -181,22 +166,12 @@ class Candidates:
     """Dips of the curves, one for each wholly singular stretch, by their numbers.
 
     Curves whose special values alone are singular whatever the others have none.
-
-    Attributes
-    ----------
-    found : int
-        How many there were; more than are kept here if they were too many.
-    curve : (K,) array of int
-        Numbers of their curves, ascending.
-    sample : (K,) array of int
-        Which samples.
-    sigma_min, sigma_ratio : (K,) arrays
-        sigma_r, and sigma_r / sigma_1 there.
     """
 
-    found: int
-    curve: Ints
-    sample: Ints
+    found: int  # how many there were; more than are kept here if they were too many
+    curve: Ints  # (K,) of int: numbers of their curves, ascending
+    sample: Ints  # (K,) of int: which samples
+    # sigma_min and sigma_ratio: (K,): sigma_r, and sigma_r / sigma_1 there
     sigma_min: Array
     sigma_ratio: Array
 

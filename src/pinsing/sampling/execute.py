@@ -454,34 +454,21 @@ Tell = Callable[[str], object]
 
 @dataclass(frozen=True, eq=False)
 class RunOptions:
-    """What decides no number of a run, but for the instruction set.
+    """What decides no number of a run, but for the instruction set."""
 
-    Attributes
-    ----------
-    out : path-like or None
-        Folder that each finished chunk is put in; a run that was stopped, or killed, can be
-        resumed from it.
-    engine : str
-        ``auto``, ``batch``, ``pinocchio``, or an instruction set (``baseline``, ``avx2``,
-        ``avx512``). A run that is resumed keeps the one it began with.
-    threads : int or None
-        As many as the process may use by default.
-    executor : Executor or None
-        Takes the chunks instead of threads: any ``concurrent.futures.Executor``.
-    parallel : int or None
-        How many chunks it works on at once; the number of processors here by default.
-    progress : callable or None
-        Called with how much is done, and of all.
-    tell : callable or None
-        Called with sentences for people: how much was there already, what was damaged.
-    """
-
+    # folder that each finished chunk is put in; a run that was stopped, or killed, can be resumed
+    # from it
     out: Folder | None = None
+    # ``auto``, ``batch``, ``pinocchio``, or an instruction set (``baseline``, ``avx2``,
+    # ``avx512``). A run that is resumed keeps the one it began with
     engine: str = "auto"
-    threads: int | None = None
+    threads: int | None = None  # as many as the process may use by default
+    # takes the chunks instead of threads: any ``concurrent.futures.Executor``
     executor: Executor | None = None
+    # how many chunks it works on at once; the number of processors here by default
     parallel: int | None = None
-    progress: Progress | None = None
+    progress: Progress | None = None  # called with how much is done, and of all
+    # called with sentences for people: how much was there already, what was damaged
     tell: Tell | None = None
 
 

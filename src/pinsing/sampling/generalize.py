@@ -32,32 +32,18 @@ from pinsing.serialization import JsonResult, Written
 
 @dataclass(frozen=True)
 class JointCondition:
-    """What forces a singularity, whatever the other joints.
+    """What forces a singularity, whatever the other joints."""
 
-    Attributes
-    ----------
-    fixed : mapping of str to float
-        Joints held at one value each, radians or metres.
-    related : tuple of str
-        Joints bound by one or more equations in several angles; empty if the values alone say
-        it all. The singular set then runs through these joints in a continuum.
-    forced_by : mapping of str to float
-        The smallest set of joint values that forces it at the configuration itself:
-        ``fixed``, and the present values of ``related`` as far as they are needed.
-    prismatic : tuple of str
-        Which of the joints named here slide (metres).
-    tested : int
-        Random configurations tested.
-    worst_ratio : float
-        Greatest sigma_r / sigma_1 among them.
-    """
-
-    fixed: Mapping[str, float]
+    fixed: Mapping[str, float]  # joints held at one value each, radians or metres
+    # joints bound by one or more equations in several angles; empty if the values alone say it all.
+    # The singular set then runs through these joints in a continuum
     related: tuple[str, ...]
+    # the smallest set of joint values that forces it at the configuration itself: ``fixed``, and
+    # the present values of ``related`` as far as they are needed
     forced_by: Mapping[str, float]
-    prismatic: tuple[str, ...]
-    tested: int
-    worst_ratio: float
+    prismatic: tuple[str, ...]  # which of the joints named here slide (metres)
+    tested: int  # random configurations tested
+    worst_ratio: float  # greatest sigma_r / sigma_1 among them
 
     @property
     def minimal(self) -> bool:

@@ -48,50 +48,31 @@ _DIGITS = 9
 
 @dataclass(frozen=True, eq=False)
 class ClearancePoint:
-    """One of the configurations nearest to a family.
+    """One of the configurations nearest to a family."""
 
-    Attributes
-    ----------
-    index : int
-        Its number in the map.
-    q : (n,) array
-        Radians or metres.
-    lower, upper : float
-        Bounds of the distance to the nearest family, radians (metres over the length scale);
-        ``upper`` is infinite where the closed formula gives none.
-    family : str
-        The nearest family found.
-    """
-
-    index: int
-    q: Array
+    index: int  # its number in the map
+    q: Array  # (n,): radians or metres
+    # lower and upper: bounds of the distance to the nearest family, radians (metres over the length
+    # scale); ``upper`` is infinite where the closed formula gives none
     lower: float
     upper: float
-    family: str
+    family: str  # the nearest family found
 
 
 @dataclass(frozen=True, eq=False)
 class ClearanceSpread:
-    """How the clearance is distributed over a map.
+    """How the clearance is distributed over a map."""
 
-    Attributes
-    ----------
-    families : tuple of str
-        The families that distances are taken to: all with real points, whatever the limits.
-    complete : bool
-        Whether the closed form is complete. Otherwise a singular configuration that belongs to
-        no family may be nearer than ``lower``.
-    lower, upper : Distribution
-        Of the proven lower bound, and of the upper bound, as ``pinsing.clearance`` gives them.
-        Radians; of joints that slide, metres over the length scale.
-    nearest : tuple of ClearancePoint
-        The configurations of smallest lower bound, smallest first.
-    """
-
+    # the families that distances are taken to: all with real points, whatever the limits
     families: tuple[str, ...]
+    # whether the closed form is complete. Otherwise a singular configuration that belongs to no
+    # family may be nearer than ``lower``
     complete: bool
+    # lower and upper: of the proven lower bound, and of the upper bound, as ``pinsing.clearance``
+    # gives them. Radians; of joints that slide, metres over the length scale
     lower: Distribution
     upper: Distribution
+    # the configurations of smallest lower bound, smallest first
     nearest: tuple[ClearancePoint, ...]
 
 
@@ -239,21 +220,11 @@ RESULT = "result.json"
 
 @dataclass(frozen=True, eq=False)
 class Nearness:
-    """The families of a map as flat arrays: small, and able to be pickled.
+    """The families of a map as flat arrays: small, and able to be pickled."""
 
-    Attributes
-    ----------
-    names : tuple of str
-        Of the families.
-    complete : bool
-        Whether the closed form is complete.
-    conditions : Conditions
-        The families.
-    """
-
-    names: tuple[str, ...]
-    complete: bool
-    conditions: Conditions
+    names: tuple[str, ...]  # of the families
+    complete: bool  # whether the closed form is complete
+    conditions: Conditions  # the families
 
     @classmethod
     def of(cls, arm: Arm, forms: Forms | None) -> Nearness:
@@ -308,24 +279,12 @@ class Nearness:
 
 @dataclass(frozen=True, eq=False)
 class MapJob:
-    """A map as work in chunks: small, and able to be pickled.
+    """A map as work in chunks: small, and able to be pickled."""
 
-    Attributes
-    ----------
-    plan : MapPlan
-        What to do.
-    evaluator : Evaluator
-        The arm, on a fixed engine.
-    keep_values : bool
-        All singular values are part of the records.
-    near : Nearness, optional
-        The families, if the clearance is part of the records.
-    """
-
-    plan: MapPlan
-    evaluator: Evaluator
-    keep_values: bool = False
-    near: Nearness | None = None
+    plan: MapPlan  # what to do
+    evaluator: Evaluator  # the arm, on a fixed engine
+    keep_values: bool = False  # all singular values are part of the records
+    near: Nearness | None = None  # the families, if the clearance is part of the records
 
     @property
     def chunks(self) -> int:

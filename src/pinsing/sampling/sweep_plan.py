@@ -42,56 +42,29 @@ NOT_CHANGING_BOTH = "do not change sigma_min"
 
 @dataclass(frozen=True, eq=False)
 class JointEffect:
-    """What one joint does to sigma_r, and the values it is set to.
+    """What one joint does to sigma_r, and the values it is set to."""
 
-    Attributes
-    ----------
-    joint : str
-        Its name.
-    change : float
-        Greatest relative change (max - min) / max of sigma_r along its whole range, from the
-        nominal and several random configurations, on the nominal geometry.
-    swept : bool
-        False if it is left out of the combinations.
-    reason : str
-        Why it is left out; empty otherwise.
-    special : (k,) array
-        Special values that it is set to, radians or metres.
-    range : (2,) array
-        Ends of the range that it moves over, radians or metres.
-    """
-
-    joint: str
+    joint: str  # its name
+    # greatest relative change (max - min) / max of sigma_r along its whole range, from the nominal
+    # and several random configurations, on the nominal geometry
     change: float
-    swept: bool
-    reason: str
-    special: Array
-    range: Array
+    swept: bool  # false if it is left out of the combinations
+    reason: str  # why it is left out; empty otherwise
+    special: Array  # (k,): special values that it is set to, radians or metres
+    range: Array  # (2,): ends of the range that it moves over, radians or metres
 
 
 @dataclass(frozen=True, eq=False)
 class PlannedLevel:
-    """All sets of special values of one size.
+    """All sets of special values of one size."""
 
-    Attributes
-    ----------
-    level : int
-        Number of joints at special values.
-    joints : (S, level) array of int
-        Which joints, ascending.
-    values : (S, level) array
-        At which values, radians or metres.
-    forced : (S,) array of bool
-        Singular whatever the others, while none of its subsets among the special values is.
-    swept : bool
-        False if only the test for ``forced`` is asked of this level, and no curves.
-    """
-
-    level: int
-    joints: npt.NDArray[np.intp]
-    values: Array
+    level: int  # number of joints at special values
+    joints: npt.NDArray[np.intp]  # (S, level) of int: which joints, ascending
+    values: Array  # (S, level): at which values, radians or metres
+    # (S,) of bool: singular whatever the others, while none of its subsets among the special values
+    # is
     forced: npt.NDArray[np.bool_]
-    swept: bool
+    swept: bool  # false if only the test for ``forced`` is asked of this level, and no curves
 
 
 @dataclass(frozen=True, eq=False)

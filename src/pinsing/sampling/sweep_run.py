@@ -79,36 +79,17 @@ CURVES = "sweep.npz"
 
 @dataclass(frozen=True, eq=False)
 class SweepCurve:
-    """Distribution of sigma_r along one joint.
+    """Distribution of sigma_r along one joint."""
 
-    Attributes
-    ----------
-    level : int
-        Number of joints at special values; 0 for the curves from the nominal configuration.
-    fixed : mapping of str to float
-        Joints at special values, radians or metres.
-    forced : bool
-        ``fixed`` alone is singular whatever the others, and so is the whole curve.
-    moving : int
-        Index of the joint that moves.
-    x : (samples,) array
-        Its values, radians or metres.
-    sigma_min : (samples,) array
-        sigma_r of the task Jacobian, raw geometry.
-    sigma_ratio : (samples,) array
-        sigma_r / sigma_1.
-    number : int
-        Its place in the plan.
-    """
-
+    # number of joints at special values; 0 for the curves from the nominal configuration
     level: int
-    fixed: Mapping[str, float]
-    forced: bool
-    moving: int
-    x: Array
-    sigma_min: Array
-    sigma_ratio: Array
-    number: int
+    fixed: Mapping[str, float]  # joints at special values, radians or metres
+    forced: bool  # ``fixed`` alone is singular whatever the others, and so is the whole curve
+    moving: int  # index of the joint that moves
+    x: Array  # (samples,): its values, radians or metres
+    sigma_min: Array  # (samples,): sigma_r of the task Jacobian, raw geometry
+    sigma_ratio: Array  # (samples,): sigma_r / sigma_1
+    number: int  # its place in the plan
 
     def holds(self, values: Mapping[str, float], arm: ArmSummary) -> bool:
         """Return True if those joints, and no others, are at these special values."""
@@ -121,22 +102,13 @@ class SweepCurve:
 
 @dataclass(frozen=True)
 class UniformRow:
-    """All revolute joints at one special value: step (2).
+    """All revolute joints at one special value: step (2)."""
 
-    Attributes
-    ----------
-    value : float
-        Radians.
-    sigma_min, sigma_ratio : float
-        sigma_r, and sigma_r / sigma_1.
-    status : str
-        ``singular``, ``near-singular`` or ``regular``.
-    """
-
-    value: float
+    value: float  # radians
+    # sigma_min and sigma_ratio: sigma_r, and sigma_r / sigma_1
     sigma_min: float
     sigma_ratio: float
-    status: Status
+    status: Status  # ``singular``, ``near-singular`` or ``regular``
 
 
 @dataclass(frozen=True, eq=False)
@@ -146,24 +118,17 @@ class SweepSummary:
     Curves whose special values alone are singular whatever the others are left out: all of
     them is rounding. The number of a configuration is that of its curve times the samples of a
     curve, plus that of the sample.
-
-    Attributes
-    ----------
-    count : int
-        Configurations.
-    singular, near_singular : int
-        How many of them are that (ratio at most 1e-9; above it and at most 1e-2).
-    sigma_min, ratio : Distribution
-        Of sigma_r, and of sigma_r / sigma_1.
-    worst : tuple of WorstPoint
-        Those of smallest ratio, smallest first, the first of equals first.
     """
 
-    count: int
+    count: int  # configurations
+    # singular and near_singular: how many of them are that (ratio at most 1e-9; above it and at
+    # most 1e-2)
     singular: int
     near_singular: int
+    # sigma_min and ratio: of sigma_r, and of sigma_r / sigma_1
     sigma_min: Distribution
     ratio: Distribution
+    # those of smallest ratio, smallest first, the first of equals first
     worst: tuple[WorstPoint, ...]
 
     def __str__(self) -> str:
@@ -412,21 +377,11 @@ _CHUNK, _CHUNK_ON_DISK = 16_384, 65_536
 
 @dataclass(frozen=True)
 class Kept:
-    """What chunks keep.
+    """What chunks keep."""
 
-    Attributes
-    ----------
-    values : bool
-        All of sigma_r and sigma_r / sigma_1: 16 bytes for each Jacobian.
-    worst : int
-        How many of the worst configurations.
-    candidates : int
-        How many dips at most.
-    """
-
-    values: bool
-    worst: int
-    candidates: int
+    values: bool  # all of sigma_r and sigma_r / sigma_1: 16 bytes for each Jacobian
+    worst: int  # how many of the worst configurations
+    candidates: int  # how many dips at most
 
 
 class SweepJob:

@@ -295,42 +295,24 @@ Locate = Callable[[int], Array]
 
 @dataclass(frozen=True, eq=False)
 class Extreme:
-    """Smallest or largest value of a measure.
+    """Smallest or largest value of a measure."""
 
-    Attributes
-    ----------
-    value : float
-        The value.
-    index : int
-        Number of the configuration in the map or sweep; the first of equals.
-    q : (n,) array
-        The configuration, radians or metres.
-    """
-
-    value: float
-    index: int
-    q: Array
+    value: float  # the value
+    index: int  # number of the configuration in the map or sweep; the first of equals
+    q: Array  # (n,): the configuration, radians or metres
 
 
 @dataclass(frozen=True, eq=False)
 class Distribution:
-    """Histogram of one measure, in bins of which each octave has 128.
+    """Histogram of one measure, in bins of which each octave has 128."""
 
-    Attributes
-    ----------
-    smallest, largest : Extreme
-        Exact.
-    lower, upper : (B,) arrays
-        Edges of the bins that are not empty, ascending: lower <= value < upper.
-    counts : (B,) array of int
-        Configurations in them.
-    """
-
+    # smallest and largest: exact
     smallest: Extreme
     largest: Extreme
+    # lower and upper: (B,): edges of the bins that are not empty, ascending: lower <= value < upper
     lower: Array
     upper: Array
-    counts: npt.NDArray[np.int64]
+    counts: npt.NDArray[np.int64]  # (B,) of int: configurations in them
 
     def quantile(self, p: float) -> float:
         """Value that a share ``p`` of the configurations does not exceed.
@@ -359,25 +341,14 @@ class Distribution:
 
 @dataclass(frozen=True, eq=False)
 class WorstPoint:
-    """One of the worst configurations.
+    """One of the worst configurations."""
 
-    Attributes
-    ----------
-    index : int
-        Its number in the map or sweep.
-    q : (n,) array
-        Radians or metres.
-    sigma_min, ratio : float
-        sigma_r, and sigma_r / sigma_1.
-    status : str
-        ``singular``, ``near-singular`` or ``regular``.
-    """
-
-    index: int
-    q: Array
+    index: int  # its number in the map or sweep
+    q: Array  # (n,): radians or metres
+    # sigma_min and ratio: sigma_r, and sigma_r / sigma_1
     sigma_min: float
     ratio: float
-    status: Status
+    status: Status  # ``singular``, ``near-singular`` or ``regular``
 
 
 def distributions(tally: Tally, locate: Locate) -> tuple[Distribution, Distribution]:
