@@ -67,7 +67,7 @@ def test_one_arm_has_one_word_everywhere(robot: str, tmp_path: Path) -> None:
     written("export", robot, "-o", out["guard.h"])
     words["guard"] = re.findall(r'_WORD "(.*)"', out["guard.h"].read_text())[0]
     words["in Python"] = make_guard(arm, "c").word
-    said = {word.partition(" for ")[0] for word in words.values()}  # the design is named, too
+    said = {re.split(" for | of the", word)[0] for word in words.values()}
     assert said == {form.word}, words
 
 

@@ -16,6 +16,7 @@ from pinsing.algebra.equation import Equation
 from pinsing.algebra.nearest import SearchOptions, nearest_points, two_sided
 from pinsing.errors import ConfigurationError, OptionError, UnknownNameError
 from pinsing.families import Branch, Family, JointValue
+from pinsing.proximity.guard import make_guard
 
 ARMS = [
     "ur5", "puma560", "panda", "stanford", "surgical7", "irb1400", "z1", "iiwa14", "xarm7",
@@ -338,7 +339,18 @@ def test_what_is_of_the_nominal_design_says_so() -> None:
     arm = build([Joint(*row) for row in rows], tip=(0, 0, 0.1))
     form = pinsing.closed_form(arm)
     found = pinsing.clearance(form, [0.1] * 6)
-    assert found.notes == pinsing.Monitor(form).notes
+    monitor = pinsing.Monitor(form)
+    assert found.notes == monitor.notes
+    assert (found.nominal, monitor.nominal, found.to_dict()["nominal"]) == (True, True, True)
+    assert " of the design (" in str(found)
+    assert "families of the design" in repr(monitor)
+    for language in ("c", "python"):
+        guard = make_guard(arm, language, forms=form)
+        assert guard.word == "proven of the design"
+        assert guard.word in guard.text
+        assert f"distances are not of {arm.source.label} itself. {found.notes[0]}" in guard.notes
+    exact = pinsing.clearance(closed("ur5"), [0.1] * 6)
+    assert (exact.nominal, exact.notes) == (False, ())
     assert "bounds of distances from them, are of" in str(found)
     assert "angles moved by at most 1.5e-03 rad" in str(found)
     check = pinsing.check_trajectory(form, [[0.1] * 6, [0.2] * 6])

@@ -75,7 +75,7 @@ def export_command(
         say(f"note: {note}")
     if not guard.complete:
         say("note: nothing is ever clear to this guard: its clearance is always 0")
-    if guard.word == "probable" and prove is False:
+    if guard.word.startswith("probable") and prove is False:
         say("note: --prove looks for a certificate for up to a minute")
     for target, one in made.values():
         if target == STDOUT:

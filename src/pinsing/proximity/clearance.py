@@ -40,11 +40,13 @@ class Clearance(JsonResult):
     Attributes
     ----------
     lower : (...) array
-        Proven, rounding included: no configuration of a family is nearer. Radians, or what the
+        Proven, rounding included: no configuration of a family is nearer, nor of a robot within a
+        tube of its design; of a design alone with ``nominal``. Radians, or what the
         weights make of it; infinite where there is no family at all, or as far as the Jacobian
         tells (``regular_radius``) if the closed form is then not complete.
     upper : (...) array
-        A configuration of a family is as near as this; infinite where that was not found out.
+        A configuration of a family, of the design where there is one, is as near as this; infinite
+        where that was not found out.
     family : (...) array of int
         Index into ``names``: the family that ``lower`` is of, which need not be the nearest (see
         ``nearest``), or with ``certified`` that of the nearest configuration found; -1 for none.
@@ -59,6 +61,9 @@ class Clearance(JsonResult):
         no family may be nearer than ``lower``.
     notes : tuple of str
         Which geometry the families are of if that is not the file's, and what is not known.
+    nominal : bool
+        Whether ``lower`` is proven of the nominal design alone: the file's own numbers differ from
+        it, and may be singular nearer.
     bound : callable or None
         ``lower`` at other configurations (N, n); with ``certified`` the distance from the nearest
         ones found. Not written to JSON.
@@ -78,6 +83,7 @@ class Clearance(JsonResult):
     within_limits: bool
     complete: bool
     notes: tuple[str, ...] = field(default=(), metadata={"optional": True})
+    nominal: bool = field(default=False, metadata={"optional": True})
     bound: Callable[[Array], Array] | None = field(
         default=None, repr=False, metadata={"json": False}
     )
@@ -134,6 +140,7 @@ class Clearance(JsonResult):
         least = int(np.argmin(self.lower))
         lower, upper = float(self.lower.ravel()[least]), float(self.upper.ravel()[least])
         name = str(self.nearest.ravel()[least]) or "no family"
+        name += " of the design" * self.nominal
         if self.lower.size > 1:
             return f"{self.lower.size} clearances, the least {lower:.6g} from {name}{said}"
         return f"{lower:.6g} to {upper:.6g} from {name}{said}"
@@ -294,6 +301,7 @@ def _clearance(
         within_limits=limited,
         complete=watched.complete,
         notes=watched.notes,
+        nominal=watched.nominal,
     )
 
 
@@ -313,7 +321,8 @@ def is_clear(
     The quick bounds decide where they can, a search where they cannot. False is the answer as
     well where the search ran out of boxes. Where the closed form is not complete, and no
     ``families`` are named, the Jacobian alone decides (``regular_radius``).
-    Families may be of a geometry beside the file's: `ClosedForm.deviation`.
+    Where the file's numbers differ from the nominal design (`ClosedForm.deviation`) and no tube
+    is proven, True is said of the design alone, as `Clearance.nominal` tells.
 
     Parameters
     ----------

@@ -230,7 +230,7 @@ def _python_text(source: GuardSource) -> str:
     }
     said = {
         "COMPLETE": "False: distances are not known of the robot, so that clearance is always 0",
-        "WORD": "that FAMILIES are all of them is proven, probable, or not complete; see NOTES",
+        "WORD": "that FAMILIES are all is proven, probable (of the design), or not complete; NOTES",
         "TOLERANCE": "radians: angles of the description were moved by at most this",
         "JACOBIAN_CHANGE": "which changes no column of the Jacobian by more than this",
         "WEIGHT": "what joint differences are multiplied by",
@@ -313,7 +313,8 @@ class Guard:
     complete : bool
         Whether distances are of all singular configurations; else nothing is ever clear to it.
     word : str
-        How sure it is that none is missing: "proven", "probable" or "not complete".
+        How sure it is that none is missing: "proven", "probable" or "not complete"; the first two
+        followed by "of the design" where distances are of that, and not of the file.
     notes : tuple of str
         What is missing, and what was assumed.
     """
@@ -341,7 +342,8 @@ def export_guard(
     tolerance, the version and a hash of the robot; C99 without any allocation, or Python with
     NumPy. Its clearance is never above the distance to the families, rounding included; where
     some are known to be missing it is 0. How sure it is that they are all singular
-    configurations is a constant of the file: "proven", "probable" or "not complete".
+    configurations is a constant of the file: "proven", "probable" or "not complete"; "proven of
+    the design" where the robot's numbers differ from its nominal design and no tube is proven.
 
     Parameters
     ----------
@@ -432,10 +434,13 @@ def make_guard(
     word = "not complete"
     if complete:  # of several forms the less sure one's
         word = "probable" if unproven else "proven"
+    if watched.nominal:
+        notes.append(f"distances are not of {arm.source.label} itself. {watched.tube}")
     if word == "probable":
         reasons = ["no certificate was looked for" if p is None else p.reason for p in unproven]
         because = "; ".join(dict.fromkeys(reasons))
         notes.append(f"that no family is missing is probable, not proven: {because}")
+    word += " of the design" * (complete and watched.nominal)
     change = max(form.jacobian_change for form in every)
     if change > 1e-12 and taken is None:
         notes.append(

@@ -42,8 +42,8 @@ class Verdict(NamedTuple):
     family : str
         The nearest family found, which need not be that of ``lower``; empty where there is none.
     lower : float
-        Proven, rounding included: no configuration of a family is nearer. Radians, or metres over
-        the length scale; infinite without families.
+        Proven, rounding included: no configuration of a family is nearer; of the design alone with
+        ``Monitor.nominal``. Radians, or metres over the length scale; infinite without families.
     upper : float
         A configuration of a family is as near as this; infinite where none was found.
     time_to_contact : float or None
@@ -129,6 +129,8 @@ class Monitor:
         Jacobian tells (``regular_radius``).
     notes : tuple of str
         Which geometry the families are of if that is not the file's, and what is not known.
+    nominal : bool
+        Whether levels and bounds are of the nominal design alone, from which the file differs.
 
     Raises
     ------
@@ -169,7 +171,7 @@ class Monitor:
         if weights is None:
             watched.require_angle(warn, "warn")
         self._watched = watched
-        self.notes = watched.notes
+        self.notes, self.nominal = watched.notes, watched.nominal
         self.joints, self.names, self.complete = watched.joints, watched.names, watched.complete
         self._zones: Array | None = None
         if zones is not None:
@@ -205,7 +207,10 @@ class Monitor:
         self._connect()
 
     def __repr__(self) -> str:
-        words = f"{len(self.names)} families, warn {self.warn:g}, stop {self.stop:g}: {self.level}"
+        of = " of the design" * self.nominal
+        words = (
+            f"{len(self.names)} families{of}, warn {self.warn:g}, stop {self.stop:g}: {self.level}"
+        )
         return one_line("Monitor", words)
 
     def reset(self) -> None:

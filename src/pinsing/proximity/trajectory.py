@@ -569,7 +569,7 @@ def check_trajectory(
         notes=_notes(arm, speeds, limits is not None, watched.gaps),
         start=np.array(samples[0], dtype=float),
         tube=watched.tube,
-        nominal=bool(watched.tube) and watched.margin is None,
+        nominal=watched.nominal,
         unchecked=tuple(
             titled(name, f.title)
             for name, f in zip(every.names, every.families, strict=True)

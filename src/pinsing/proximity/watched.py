@@ -108,6 +108,11 @@ class Watched:
         return regular_radius(arm, Q) * float(least) / norm * (1 - 1e-9)
 
     @property
+    def nominal(self) -> bool:
+        """Whether bounds are of another geometry than the file's, and no tube tells the rest."""
+        return bool(self.tube) and self.margin is None
+
+    @property
     def elsewhere(self) -> bool:
         """Whether singular configurations may lie where no family is."""
         return not self.complete or self.margin is not None
