@@ -276,6 +276,7 @@ def open_a_path(page: Any) -> None:
     give(page, "bad.csv", "1,2,3")
     until(page, "#playing", "bad.csv: ")
     assert "columns" in text(page, "#playing")
+    assert text(page, "#playing").endswith("pinsing check ROBOT FILE -o page.html")
     give(page, "degrees.csv", "0,-90,0.3,90,45,0")
     until(page, "#playing", "degrees")
     assert text(page, "#path-verdict").startswith("way.csv")

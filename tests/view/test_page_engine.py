@@ -182,12 +182,14 @@ def test_a_path_is_read_as_it_stands() -> None:
     texts = [
         "1,2\n3,4\n",
         "b,t,a\r\n2,9,1\r\n4,9,3\r\n",
-        "# said first\n\n0,1,2\n0.1,3,4",
+        "# said first\n\nt,a,b\n0,1,2\n0.1,3,4",
         "1;2\n3;4",
         '"a"\t"b"\n1\t2e0\n3.\t4',
     ]
     read = "(m, {texts, joints}) => texts.map((t) => m.parseTrajectory(t, joints))"
     assert run(read, {"texts": texts, "joints": JOINTS}) == [[[1, 2], [3, 4]]] * len(texts)
+    texts = ["# units: rad\n0,1,2\n0.1,3,2"]
+    assert run(read, {"texts": texts, "joints": JOINTS}) == [[[1, 2], [3, 2]]]
 
 
 NO_PATHS = {
@@ -201,7 +203,10 @@ NO_PATHS = {
     "a,c\n1,2\n": "no column for b", "a,b,a\n1,2,3\n": "two columns for a",
     "\x89PNG\x00": "the file is no text",
     "time,a,b\n1,0,0\n\n0.5,0,0\n": "line 4: time runs backwards, from 1 to 0.5",
-    "1,0,0\n1,0,0\n0,0,0\n": "line 3: time runs backwards, from 1 to 0",
+    "1,0,0\n1,0,0\n0,0,0\n": "3 columns without names for 2 joints: which is time is unclear",
+    "1,0,0\n2,0,1\n": "3 columns without names for 2 joints: which is time is unclear",
+    "# units: degrees\na,b\n1,2\n": "line 1: units other than radians",
+    "a (deg),b (deg)\n1,2\n": "no column for a, b",
     "1,2\n1,-1e308\n": "line 2: -1e308 is too large (radians and metres, up to 1e6)",
 }  # fmt: skip
 

@@ -31,11 +31,14 @@ class Take {
     document.addEventListener("drop", (event) => { event.preventDefault(); this.read(event.dataTransfer.files[0]); });
   }
 
+  // What to type for files that a page without a program behind it does not read.
+  get others() { return this.app.page.inputs ? "" : " For other files type: pinsing check ROBOT FILE -o page.html"; }
+
   // Which files the page takes.
   offer() {
     $("path-units").hidden = !this.app.reads;
     $("drop-note").textContent = this.app.reads ? "Or drop its file onto the page: whatever `pinsing check` reads (CSV, NPY, YAML of ROS or MoveIt, .ls, .script)."
-      : "Or drop a CSV file onto the page: one column a joint, radians and metres. `pinsing check` reads other formats and degrees.";
+      : `Or drop a CSV file onto the page, in radians and metres, with the names ${this.app.fileJoints().map(({ name }) => name).join(", ")} in its first line.${this.others}`;
   }
 
   text(kind) {
@@ -81,7 +84,7 @@ class Take {
       }
       await app.follow(file.name, Engine.parseTrajectory(await file.text(), app.fileJoints()));
     } catch (error) {
-      app.say(`${file.name}: ${error.message}`);
+      app.say(`${file.name}: ${error.message}${app.reads ? "" : `.${this.others}`}`);
     }
   }
 }

@@ -1,14 +1,18 @@
-// Joint positions out of a CSV text: names in the first line, in any order, or none at all.
+// Joint positions out of a CSV text: names in the first line, in any order, or none at all. Fewer files than
+// `pinsing check` reads, and none in another way.
 
 import { inDegrees } from "./limits.mjs";
 
 const TIME = /^(t|time|stamp|timestamp|seconds)([ _.([]|$)/i;
 const NUMBER = /^[-+]?(\d+\.?\d*|\.\d+)(e[-+]?\d+)?$/i, NO_NUMBER = /^[-+]?(nan|inf|infinity)$/i;
+const UNITS = /^\s*#\s*(angle[\s_]+)?units?\s*[:=](?!\s*rad(ians?)?\s*$)/i;
 const HUGE = 1e6; // beyond it the digits of an angle are gone
 
 // Lines that say something, each with its number in the file, split at what its first one is split at.
 function cellsOf(text) {
-  const lines = text.split(/\r\n|\r|\n/).map((line, i) => [line, i + 1]).filter(([line]) => line.trim() && !line.trim().startsWith("#"));
+  const every = text.split(/\r\n|\r|\n/), said = every.findIndex((line) => UNITS.test(line));
+  if (said >= 0) throw new Error(`line ${said + 1}: units other than radians`);
+  const lines = every.map((line, i) => [line, i + 1]).filter(([line]) => line.trim() && !line.trim().startsWith("#"));
   if (!lines.length) throw new Error("the file is empty");
   const mark = ["\t", ";", ","].find((c) => lines[0][0].includes(c)) ?? ",";
   return lines.map(([line, at]) => [line.split(mark).map((cell) => cell.trim().replace(/^"(.*)"$/, "$1")), at]);
@@ -27,8 +31,11 @@ export function parseTrajectory(text, joints) {
     if (lacking.length) throw new Error(`no column for ${lacking.join(", ")}`);
     const twice = joints.find(({ name }) => head.indexOf(name) !== head.lastIndexOf(name));
     if (twice) throw new Error(`two columns for ${twice.name}`);
-  } else if (head.length === joints.length + 1) { columns = columns.map((j) => j + 1); clock = 0; } // a time before
-  else if (head.length !== joints.length) throw new Error(`${head.length} columns for ${joints.length} joints`);
+  } else if (head.length === joints.length + 1) { // a time before
+    const ascends = (c) => lines.length > 1 && lines.every(([cells], k) => !k || Number(cells[c]) > Number(lines[k - 1][0][c]));
+    if (!ascends(0) || ascends(joints.length)) throw new Error(`${head.length} columns without names for ${joints.length} joints: which is time is unclear`);
+    columns = columns.map((j) => j + 1);
+  } else if (head.length !== joints.length) throw new Error(`${head.length} columns for ${joints.length} joints`);
   let last = -Infinity;
   const rows = lines.slice(first).map(([cells, at]) => {
     if (cells.length !== head.length) throw new Error(`line ${at}: ${cells.length} values for ${head.length} columns`);
