@@ -6,8 +6,10 @@ import importlib
 import pkgutil
 import subprocess
 import sys
+from types import SimpleNamespace
 
 import numpy as np
+import pinocchio as pin
 import pytest
 from public import documented
 from tiers import tiered
@@ -117,6 +119,16 @@ MISTAKES = [
     ("pinsing.inverse(arm, form)", PinsingError, "pose must be numbers"),
     ("pinsing.plan_path(form, q)", PinsingError, "poses"),
     ("pinsing.Viewer(form.families)", TypeError, "arm must be an Arm"),
+    # What users of Pinocchio give.
+    ("pinsing.closed_form(pin.Model)", TypeError, "pinsing.load(pin.buildModelFromUrdf(path))"),
+    ("pinsing.closed_form(arm.model)", TypeError, "load it first, pinsing.load(model)"),
+    ("pinsing.at(arm.model.createData(), q)", TypeError, "Data is not needed"),
+    ("pinsing.closed_form(wrapper)", TypeError, "load it first, pinsing.load(robot)"),
+    ("pinsing.load(arm.model, arm.model.createData())", TypeError, "a frame's name, such as"),
+    ("pinsing.load(arm.model, tip=5)", TypeError, "model.frames[i].name"),
+    ("pinsing.load(arm.model, joints=[1, 2])", TypeError, "model.names[i]"),
+    ("pinsing.inverse(arm, [0, 0, 0, 0, 0, 0, 1])", PinsingError, "pin.XYZQUATToSE3(pose)"),
+    ("pinsing.buildModelFromUrdf('a.urdf')", AttributeError, "use pinsing.load(path)"),
     # Configurations of the wrong shape, unit or kind.
     ("pinsing.at(arm, q[:5])", PinsingError, "q needs 6 values"),
     ("pinsing.at(arm, [q, q])", PinsingError, "one joint vector (6,)"),
@@ -139,6 +151,7 @@ MISTAKES = [
     ("form['F7']", PinsingError, "unknown family 'F7'"),
     ("form[0]", PinsingError, "form.families[0]"),
     ("form.family", AttributeError, "or families"),
+    ("form.wrist", AttributeError, "use form['wrist']"),
     ("pinsing.at(arm, q).jacobian", AttributeError, "State has no attribute 'jacobian': use J"),
     ("form.plot()", AttributeError, "pinsing.plot"),
     ("form.save('a.json')", AttributeError, "to_json"),
@@ -156,7 +169,9 @@ def names():
     form = pinsing.closed_form(arm, prove=False)
     return {
         "np": np,
+        "pin": pin,
         "pinsing": pinsing,
+        "wrapper": SimpleNamespace(model=arm.model),
         "arm": arm,
         "q": q,
         "pose": np.eye(4),

@@ -174,5 +174,6 @@ def test_a_wheel_and_the_demo_run_where_there_is_no_compiler(tmp_path):
     done = run([tree / "scripts/demo"], alone, tree)
     assert done.returncode == 0, done.stderr
     assert done.stdout.count("Checked:") == 3
+    assert "\nNext:\n" in done.stdout[-300:]
     said = run([place / "bin/pinsing", "list", "ur5"], alone, tree)
     assert "Pinocchio and NumPy" in said.stdout

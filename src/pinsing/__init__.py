@@ -80,6 +80,7 @@ _ADVICE = {
     "status": "pinsing.at(arm, q).status",
     "from_urdf": "pinsing.load(path)",
     "from_file": "pinsing.load(path)",
+    "buildModelFromUrdf": "pinsing.load(path)",
     "from_model": "pinsing.load(model)",
     "from_json": "pinsing.ClosedForm.from_json(text): every class of results has it",
     "open": "pinsing.load(path)",

@@ -209,10 +209,24 @@ def _refusal(name: str, kind: _Kind, value: Any) -> ConfigurationError | Argumen
     hint = kind.hint
     if hint.startswith("pinsing.load(") and isinstance(value, str | os.PathLike):
         hint = f"load it first, {_load_call(os.fspath(value))}"
-    elif hint.startswith("pinsing.load(") and type(value).__name__ == "Model":
-        hint = "load it first, pinsing.load(model)"
+    elif hint.startswith("pinsing.load("):
+        kind_of = type(value).__name__
+        if shown(value) == "the class Model":
+            hint = "load a built one, pinsing.load(pin.buildModelFromUrdf(path))"
+        elif kind_of in ("Model", "Data"):
+            hint = "load it first, pinsing.load(model)" + ": Data is not needed" * (
+                kind_of == "Data"
+            )
+        elif type(getattr(value, "model", None)).__name__ == "Model":  # a RobotWrapper
+            hint = "load it first, pinsing.load(robot)"
+        else:
+            hint = f"{hint} gives one"
     elif hint:
         hint = f"{hint} gives one"
+    elif name in ("tip", "base"):
+        hint = "a frame's name, such as model.frames[i].name"
+    elif name == "joints":
+        hint = "such as model.names[i]"
     return ArgumentError(name, kind.expected, shown(value), hint)
 
 

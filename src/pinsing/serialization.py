@@ -48,6 +48,7 @@ _ELSEWHERE = {
     "plot": "the functions of pinsing.plot",
     "save": "to_json()",
     "show": "pinsing.Viewer",
+    **{name: f"form[{name!r}]" for name in ("wrist", "elbow", "shoulder")},
 }
 
 

@@ -313,4 +313,6 @@ def read_pose(pose: npt.ArrayLike) -> tuple[Array, Array | None]:
     raise ConfigurationError(
         "one pose is 3 numbers (x, y, z), 6 (and roll, pitch, yaw) or a 4 x 4 matrix; "
         f"got shape {given.shape}"
+        + ": for x, y, z and a quaternion give pin.XYZQUATToSE3(pose)"
+        * (given.shape == (7,))
     )

@@ -686,7 +686,7 @@ def posture_names(geometry: Nominal, Q: Array) -> list[tuple[str, ...]]:
     if ladder is None or ladder.point is None or ladder.chain.sign < 0 or not len(Q):
         return out
     # The derivative of the cosine of the wrist's angle is negative while that grows.
-    sign = -1 if geometry.arm.source.made_by("Fanuc") else 1
+    sign = -1 if geometry.arm.source.is_by("Fanuc") else 1
     wrist = ["wrist no-flip" if sign * v < 0 else "wrist flip" for v in ladder.stages[-1].value(Q)]
     words = [*_shoulder_and_elbow(geometry.arm, ladder, Q), wrist]
     return [tuple(w) for w in zip(*words, strict=True)]

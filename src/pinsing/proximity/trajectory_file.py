@@ -202,10 +202,10 @@ def read_trajectory(
         found = replace(found, t=times - times[0], notes=(*found.notes, note))
     table = kind not in (".npy", ".npz", ".yaml", ".yml", ".script")
     found = replace(found, Q=found.Q * scales)
-    if kind == ".ls" and arm.n == 6 and arm.source.made_by("Fanuc"):
+    if kind == ".ls" and arm.n == 6 and arm.source.is_by("Fanuc"):
         found.Q[:, 2] += found.Q[:, 1]
         found = replace(found, notes=(_FANUC_SUM, *found.notes))
-    elif arm.n > 2 and (kind == ".ls" or (table and arm.source.made_by("Fanuc"))):
+    elif arm.n > 2 and (kind == ".ls" or (table and arm.source.is_by("Fanuc"))):
         found = replace(found, notes=(*found.notes, _FANUC_J3))
     if found.others:
         _require_others(path, arm, found, bool(degrees))

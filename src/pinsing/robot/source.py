@@ -111,7 +111,7 @@ class Source:
     reference: Array
     base: str
 
-    def made_by(self, maker: str) -> bool:
+    def is_by(self, maker: str) -> bool:
         """Return True for an arm of a maker by its name in ``urdf/arms.yaml``: not of a file."""
         known = known_arms() if self.path == urdf_folder() / "arms.yaml" else {}
         return known.get(self.full_model.name, {}).get("maker") == maker
