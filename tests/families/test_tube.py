@@ -193,6 +193,12 @@ def test_a_calibrated_file_has_the_families_of_its_design(
     alone = run("families", str(file), "--design", "none")
     assert "1 family" in alone.stdout
     assert "design none" in alone.stdout
+    assert "nominal design" not in alone.stdout
+    there = run("at", str(file), "--q", "1,1,1,1,1,1").stdout
+    assert "3 families of the design" in there
+    assert (
+        "of the design" not in run("at", str(file), "--q", "1,1,1,1,1,1", "--design", "none").stdout
+    )
     assert "is assumed" not in alone.stderr
     loops = run("families", "delta", "--loops", "delta.loops.yaml", "--design", "ur5e")
     assert (loops.exit_code, "--design" in loops.stderr) == (2, True)

@@ -142,7 +142,7 @@ def _answer(
     from pinsing.measures import ALIKE
     from pinsing.postures.ladder import posture_names
     from pinsing.proximity.trajectory import singularity
-    from pinsing.proximity.watched import titled
+    from pinsing.proximity.watched import titled, watch
 
     arm, near = state.arm, () if found is None else found[1].families
     on = [d for d in near if d.upper <= ALIKE]
@@ -174,6 +174,8 @@ def _answer(
         lines.append(f"  Nearest {other}singularity{within}: {what}")
     elif others:
         lines.append(f"  No {other}singularity within the joint limits")
+    if found is not None and (geometry_said := watch(found[0]).tube):
+        lines.append(f"  {geometry_said}")
     typed_q = typed(state.q, arm.prismatic, degrees, digits=6)
     word = "Other postures" if state.singular else "See it"
     lines.append(f"  {word}: pinsing {'postures' if state.singular else 'view'} {robot} {typed_q}")

@@ -126,6 +126,7 @@ class RobotRequest:
         from pinsing.robot.calibration import calibrated
         from pinsing.robot.design import ANGLE, design_of, differences
         from pinsing.robot.load import ASSUMED, load
+        from pinsing.robot.nominal import USUAL, nominal
 
         tell_of_loops(self.robot)
         arm = load(
@@ -158,6 +159,9 @@ class RobotRequest:
                 "families, aspects and paths are of the design, distances from them of this robot"
             )
             arm = replace(arm, notes=(*arm.notes, said))
+        if self.design == "none":
+            # The exact geometry of all that follows is of the numbers of the file.
+            arm.once(f"nominal {USUAL}", lambda: nominal(arm, 0.0))
         if not quiet:
             for note in arm.notes:
                 say(f"note: {note}")
@@ -248,7 +252,8 @@ def arm_options(command: F) -> F:
         "--design",
         metavar="auto|none|ROBOT",
         shell_complete=completion.robots,
-        help="What ROBOT is an imperfect copy of: families are of the design, distances of ROBOT.",
+        help="What ROBOT is an imperfect copy of: families are of the design, distances of ROBOT; "
+        "none: all is of the numbers of the file.",
     )
     @click.option(
         "--calibration",

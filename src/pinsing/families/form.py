@@ -438,6 +438,9 @@ def families_text(
 def _geometry(forms: ClosedForm, page: Page) -> list[str]:
     """Return what the families are of, where that is not the file, and what it says of the arm."""
     said = [str(forms.deviation)] * (forms.deviation is not None)
+    # As where somebody wrote 1.57.
+    if forms.tube is None and forms.deviation is not None and forms.deviation.angle > 1e-4:
+        said.append("of the file's own numbers: --design none; how far these are: --design auto")
     if forms.tube is not None:
         said = [str(forms.tube), *said]
     return [page.paragraph(text, first="  ") for text in said]

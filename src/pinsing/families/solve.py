@@ -173,7 +173,8 @@ def closed_form(
         design, and ``tube`` says how far from these the singular configurations of the arm are.
         True finds it: right angles within 0.01 rad (or ``angle_tol``), offsets below 1 mm (or
         ``snap_length``) zero, lengths that are one within that equal. By default that of the arm,
-        if it has one; False ignores that. A design without singular configurations tells nothing.
+        if it has one; False ignores that, and with ``angle_tol=0`` all is of the file's own
+        numbers. A design without singular configurations tells nothing.
     progress : callable
         Told now and then how far the search for a certificate is.
 

@@ -411,6 +411,8 @@ class Distances(JsonResult):
         All that have real points; revolute differences are wrapped, limits not considered.
     complete : bool
         Whether the closed form is complete: else a singular configuration may be nearer.
+    notes : tuple of str
+        As of a Clearance.
     """
 
     schema: ClassVar[str] = "pinsing/distances/1"
@@ -418,6 +420,7 @@ class Distances(JsonResult):
     q: Array
     families: tuple[FamilyDistance, ...]
     complete: bool
+    notes: tuple[str, ...] = field(default=(), metadata={"optional": True})
 
 
 def distances(forms: Forms, q: npt.ArrayLike, *, boxes: int = BOXES) -> Distances:
@@ -452,7 +455,7 @@ def distances(forms: Forms, q: npt.ArrayLike, *, boxes: int = BOXES) -> Distance
         least = margin.take_off(x[None], both)[0].tolist()
         found = [replace(d, lower=low) for d, low in zip(found, least, strict=True)]
     found.sort(key=lambda d: (d.upper, d.lower))
-    return Distances(x, tuple(found), watched.complete)
+    return Distances(x, tuple(found), watched.complete, watched.notes)
 
 
 def distance_words(found: Distances, degrees: bool, space: JointSpace) -> list[str]:

@@ -43,7 +43,7 @@ from pinsing.robot.task import Task
 ANGLE_TOL = 2e-3
 """Default tolerance, radians, for moving an angle to a multiple of 90 degrees (1.57, 3.14)."""
 
-_USUAL = (ANGLE_TOL, 0.0)
+USUAL = (ANGLE_TOL, 0.0)
 _ITSELF = "nominal geometry of itself"
 
 
@@ -139,7 +139,7 @@ def nominal(
     if not 0 <= snap_length < math.inf:
         raise OptionError(f"snap_length must be zero or a positive length, got {snap_length!r}")
     key = (float(angle_tol), float(snap_length))
-    if key == _USUAL and _ITSELF in arm.known:  # made for each who asks: an arm holds not itself
+    if key == USUAL and _ITSELF in arm.known:  # made for each who asks: an arm holds not itself
         return Nominal(arm=arm, **arm.known[_ITSELF], snaps=(), jacobian_change=0.0)
     return arm.once(f"nominal {key}", lambda: _on(arm, key))
 
