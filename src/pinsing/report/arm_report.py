@@ -394,8 +394,14 @@ def families(c: Content) -> Section:
     """Each family with its equation, words and a picture."""
     each = enumerate(zip(c.forms.families, c.poses, strict=True))
     parts = [part for k, pair in each for part in _family(c, *pair, k < _MOST_PICTURES)]
+    said = (
+        "Pictures show the arm at one configuration of the family, and how fast its tip moves and "
+        "rotates at unit joint speed: the ellipsoid is flat where a motion is lost (dashed). Thin "
+        "lines: the joint axes that depend on each other."
+    )
     if not parts:
-        parts = [paragraph(text("There are none." if c.forms.complete else "None is known."))]
+        said = "There are none." if c.forms.complete else "None is known."
+    parts.insert(0, paragraph(text(said)))
     if len(c.forms.families) > _MOST_PICTURES:
         note = f"Pictures stand with the first {_MOST_PICTURES} families only."
         parts.append(paragraph(text(note), kind="sub"))
@@ -407,6 +413,13 @@ def _family(
 ) -> Iterator[str]:
     yield f'<h3 id="{family.name}">{text(f"Family {family.label}")}</h3>'
     yield _equation(family)
+    if drawn and pose is not None:
+        alt = (
+            f"The arm at that configuration, drawn as lines between its joints, with a velocity "
+            f"ellipsoid at its tip. "
+            f"{sentence('; '.join(m.words for m in pose[1].lost) or 'nothing is lost')}"
+        )
+        yield side_by_side(figure(picture, alt, "") for picture in pose_pictures(*pose))
     n = family.n
     facts = [
         ("kind", text(_kind(family))),
@@ -432,19 +445,6 @@ def _family(
         q = f"--nominal {q}"
     yield paragraph(text("A configuration of it, degrees and metres, for"), name("pinsing at"), ":")
     yield f"<pre>{text(q)}</pre>"
-    if drawn:
-        alt = (
-            f"The arm at that configuration, drawn as lines between its joints, with a velocity "
-            f"ellipsoid at its tip. "
-            f"{sentence('; '.join(m.words for m in state.lost) or 'nothing is lost')}"
-        )
-        captions = (
-            "The arm there, and how fast its tip moves at unit joint speed: the ellipsoid is flat "
-            "where a motion is lost (dashed).",
-            "The same for rotations. Thin lines: the joint axes that depend on each other.",
-        )
-        pairs = zip(pose_pictures(shown, state), captions, strict=True)
-        yield side_by_side(figure(picture, alt, text(words)) for picture, words in pairs)
 
 
 def _there(family: Family, pose: tuple[Arm, State] | None) -> tuple[str, tuple[str, ...]]:

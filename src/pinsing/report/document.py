@@ -67,6 +67,7 @@ tbody th { font-weight: 600; }
 .n { text-align: right; font-variant-numeric: tabular-nums; }
 .badge { border-radius: .3rem; padding: .05rem .45rem; color: #fff; background: var(--other);
   box-decoration-break: clone; -webkit-box-decoration-break: clone; }
+td > .badge { display: inline-block; }
 .badge.alarm { background: var(--alarm); }
 .badge.caution { background: var(--caution); }
 .badge.good { background: var(--good); }
@@ -101,8 +102,8 @@ footer { margin-top: 3rem; color: var(--soft); font-size: .9rem; }
   body { max-width: none; padding: 0; }
   nav, .screen, .skip { display: none; }
   h2, h3, caption { break-after: avoid; }
-  figure, .equation, tr, dl, ul, pre, .wide.short { break-inside: avoid; }
-  p:has(+ pre) { break-after: avoid; }
+  figure, .equation, tr, dl > div, li, pre, .wide.short { break-inside: avoid; }
+  p:has(+ pre), p:has(+ ul), .equation:has(+ .maps) { break-after: avoid; }
   h2 { margin-top: 1.2rem; }
   h3 { margin-top: 1rem; }
   dl { margin: .4rem 0; }
@@ -112,7 +113,7 @@ footer { margin-top: 3rem; color: var(--soft); font-size: .9rem; }
   .badge { color: #000; background: none; border: 1px solid #000; }
   .badge.alarm, .badge.caution, .badge.good { background: none; }
   figure { margin: .5rem 0; }
-  .maps { display: block; break-inside: avoid; break-before: avoid; }
+  .maps { display: block; break-inside: avoid; }
   .maps figure { display: inline-block; width: 49%; vertical-align: top; }
   /* Its one line is not a page of its own. */
   footer { margin-top: 1rem; break-before: avoid; }
@@ -203,7 +204,8 @@ def figure(png: bytes, alt: str, caption: str) -> str:
     width = round(int.from_bytes(png[16:20], "big") * 96 / _DPI)
     return (
         f'<figure><img width="{width}" alt="{text(alt)}" src="data:image/png;base64,{data}">'
-        f"<figcaption>{caption}</figcaption></figure>"
+        + f"<figcaption>{caption}</figcaption>" * bool(caption)
+        + "</figure>"
     )
 
 
@@ -461,7 +463,7 @@ def pose_pictures(arm: Arm, state: Any) -> list[bytes]:
         ax = ellipsoids(state, kind=kind, arm=arm)
         ax.get_legend().remove()  # its words stand beside
         ax.figure.suptitle("")
-        ax.figure.set_size_inches(3.4, 3.0)
+        ax.figure.set_size_inches(3.4, 2.6)
         ax.locator_params(nbins=4)
         for axis in (ax.xaxis, ax.yaxis, ax.zaxis):
             axis.labelpad = 2
