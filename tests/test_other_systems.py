@@ -71,6 +71,8 @@ ANSWERS = [
     ("families ur5 -o proof.cert.json", "proven"), ("verify proof.cert.json", "proven"),
     ("path ur5 poses.csv", "49.4°"), ("plot curves planar3r -o out.png", ""),
     ("zones planar3r --joint-speeds 1,1,1", "no useful distance was found"),
+    ("check planar3r --follow run.csv", '"level": "clear"'),
+    ("report planar3r -o out.html", "proven"), ("view planar3r -o view.html", "wrote view.html"),
 ]  # fmt: skip
 
 
@@ -80,6 +82,7 @@ def test_commands_answer_without_what_only_linux_has(tmp_path, system):
     (tmp_path / "arm.xacro").write_text(XACRO.read_text(encoding="utf-8"), encoding="utf-8")
     rows = [f"0.4,{y},0.3,3.1,0,0" for y in (0.2, 0.1, 0)]
     (tmp_path / "poses.csv").write_text("\n".join(["x,y,z,roll,pitch,yaw", *rows]))
+    (tmp_path / "run.csv").write_text("q1,q2,q3\n0.1,1,0.3\n")
     words = json.dumps([words.split() for words, _ in ANSWERS])
     done = run(tmp_path, words, system=system, call=MANY)
     assert done.returncode == 0, done.stderr

@@ -383,8 +383,17 @@ def test_names_are_not_dropped_where_rows_are(backlog):
     assert backlog == 1 or later[-1] == "499,2"
 
 
-@pytest.mark.parametrize("times", [[100.0, 100.5, 100.501, 102.0, 100.0, 100.25, 100.251], None])
-def test_a_file_is_drawn_at_its_own_times_or_line_by_line(form, tmp_path, monkeypatch, times):
+@pytest.mark.parametrize(
+    ("times", "steps", "kept"),
+    [
+        ([9, 9.5, 9.501, 11, 9, 9.25, 9.251], [0, 0.5, 2, 2, 2.25], [0, 1, 3, 4, 5]),
+        ([0, 0.5, 1.7e9, 1.7e9 + 1], [0, 0.5, 0.5, 1.5], range(4)),  # a clock that was set
+        (None, 0.05 * np.arange(7), range(7)),
+    ],
+)
+def test_a_file_is_drawn_at_its_own_times_or_line_by_line(
+    form, tmp_path, monkeypatch, times, steps, kept
+):
     import pinsing.cli.view as module
 
     class Clock:
@@ -404,14 +413,12 @@ def test_a_file_is_drawn_at_its_own_times_or_line_by_line(form, tmp_path, monkey
 
     clock = Clock()
     monkeypatch.setattr(module, "time", clock)
-    file, places = tmp_path / "run.jsonl", np.arange(7) / 10
+    file, places = tmp_path / "run.jsonl", np.arange(7 if times is None else len(times)) / 10
     states = [{"position": [x, *Q[1:]]} for x in places]
     for state, t in zip(states, times or [], strict=False):
         state["t"] = t
     file.write_text("\n".join(map(json.dumps, states)))
     module._lead(Screen(), file, False)
-    steps = [0, 0.5, 2, 2, 2.25] if times else 0.05 * np.arange(7)
-    kept = [0, 1, 3, 4, 5] if times else range(7)
     np.testing.assert_allclose(Screen.shown[:-1], list(zip(steps, places[kept], strict=True)))
     assert Screen.shown[-1][1] == places[-1]  # the last one, skipped or not
 

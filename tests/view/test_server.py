@@ -398,7 +398,8 @@ def test_no_port_is_open_but_the_one(command) -> None:
     assert listening == [f"0100007F:{there.port:04X}"]
 
 
-def test_a_page_that_comes_early_waits_for_what_it_shows() -> None:
+def test_a_page_that_comes_early_waits_for_what_it_shows(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "resource", None)  # as where there is none
     server = Server("early", port=0)
     try:
         assert raw(server, f"/{token(server)}/")[0] == 200

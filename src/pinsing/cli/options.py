@@ -425,7 +425,7 @@ def follow_option(what: str) -> Callable[[F], F]:
     """Add ``--follow STREAM``: configurations of a running robot."""
     return click.option(
         "--follow",
-        type=click.Path(path_type=Path, allow_dash=True),
+        type=click.Path(exists=True, dir_okay=False, path_type=Path, allow_dash=True),
         metavar="STREAM",
         help=f"{what}: - for standard input, or a pipe; JSON by joint name or CSV with a head.",
     )

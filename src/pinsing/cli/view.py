@@ -181,7 +181,7 @@ def _lead(viewer: Viewer, file: Path, degrees: bool) -> None:
                         if shown <= due < shown + _PICTURE / 2:
                             skipped += 1
                             continue
-                        if due < shown:  # the first, or times begin anew
+                        if not shown <= due < shown + 60:  # the first, begun anew, or a long gap
                             start = time.monotonic() - due
                         time.sleep(max(0.0, start + due - time.monotonic()))
                         shown = due

@@ -15,7 +15,6 @@ import json
 import os
 import secrets
 import socket
-import sys
 import threading
 import time
 from collections.abc import Callable
@@ -128,10 +127,10 @@ class _Request(HTTPMessageDelegate):  # type: ignore[misc,unused-ignore]
 
 def most_links() -> int:
     """How many links may be open at once: half of the files that this process may have."""
-    if sys.platform == "win32":
+    try:
+        import resource
+    except ImportError:  # Windows
         return _MOST_LINKS
-    import resource
-
     files = resource.getrlimit(resource.RLIMIT_NOFILE)[0]
     return _MOST_LINKS if files == resource.RLIM_INFINITY else min(_MOST_LINKS, files // 2)
 
