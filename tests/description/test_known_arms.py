@@ -9,8 +9,15 @@ import pytest
 import yaml
 
 import pinsing
-from pinsing.description.catalog import data_folder, find_robot, known_arms, known_robots
+from pinsing.description.catalog import (
+    data_folder,
+    find_robot,
+    known_arms,
+    known_robots,
+    locate_robot,
+)
 from pinsing.description.dh_table import bare_urdf, known_table
+from pinsing.errors import UnknownNameError
 from pinsing.proof.checker import verify
 
 SECOND = yaml.load(
@@ -101,12 +108,26 @@ def test_entries_are_whole():
     ("said", "name"),
     [
         ("UR5e", "ur5e"), ("TX2-60", "tx2_60"), ("LR Mate 200iD", "lrmate200id"),
-        ("xArm850", "uf850"), ("KR6 R900", "kr6_r900"),
+        ("xArm850", "uf850"), ("KR6 R900", "kr6_r900"), ("LBR iiwa 14 R820", "iiwa14"),
+        ("KUKA KR 6 R900 sixx", "kr6_r900"), ("Franka Research 3", "fr3"), ("UR 10e", "ur10e"),
     ],
 )  # fmt: skip
 def test_names_are_found_as_people_write_them(said: str, name: str) -> None:
     assert find_robot(said).path == find_robot(name).path
     assert (find_robot(said).alias_of or find_robot(said).name) == name
+
+
+@pytest.mark.parametrize(
+    ("said", "name"),
+    [
+        ("Motoman HC10DTP", "hc10"), ("Motoman GP25", "gp25"), ("Kinova Gen3 7DoF", "gen3_7"),
+        ("ABB IRB 1200-7/0.7", "irb1200"), ("KR 6 R900-2", "kr6_r900"), ("TX2-60L", "tx2_60"),
+    ],
+)  # fmt: skip
+def test_names_of_arms_of_the_same_kind_are_suggested_first(said: str, name: str) -> None:
+    with pytest.raises(UnknownNameError) as error:
+        locate_robot(said)
+    assert error.value.close[0] == name
 
 
 @pytest.mark.parametrize(

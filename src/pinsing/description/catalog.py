@@ -226,6 +226,7 @@ _ALIASES = {
     "crb15000": "gofa5",
     "franka": "panda",
     "franka_panda": "panda",
+    "franka_research_3": "fr3",
     "j2s6s200": "kinova",
     "jaco": "kinova",
     "kinova_j2s6s200": "kinova",
@@ -235,7 +236,7 @@ _ALIASES = {
     "xarm850": "uf850",
 }
 _TITLES = {
-    "iiwa14": "KUKA LBR iiwa 14",
+    "iiwa14": "KUKA LBR iiwa 14 R820",
     "irb1400": "ABB IRB 1400",
     "planar3r": "planar arm with three parallel axes",
     "puma560": "Unimation PUMA 560",
@@ -395,12 +396,21 @@ def _titled(name: str, entries: Mapping[str, CatalogEntry]) -> list[CatalogEntry
 
 
 def _meant(name: str, entries: Mapping[str, CatalogEntry]) -> list[str]:
-    """Return the robots that have a name, or all words of it: "kuka kr6", "crx-10", "gofa"."""
+    """Return the robots that have a name, all words of it, or most: "gofa", "Motoman HC10DTP"."""
     words, whole = re.findall(r"[a-z]{3,}", name.lower()[:100]), _canonical(name[:100])
-    titled = {known: _canonical(f"{known} {entry.title}") for known, entry in entries.items()}
-    exact = [known for known, said in titled.items() if len(whole) > 2 and whole in said]
-    near = [known for known, said in titled.items() if words and all(w in said for w in words)]
-    return [known for known in exact or near if entries[known].alias_of is None]
+    titled = {k: f"{k} {e.title}" for k, e in entries.items() if e.alias_of is None}
+    plain = {known: _canonical(said) for known, said in titled.items()}
+    shared = {known: _parts(said) & _parts(name[:100]) for known, said in titled.items()}
+    exact = [known for known, said in plain.items() if len(whole) > 2 and whole in said]
+    near = [known for known, said in plain.items() if words and all(w in said for w in words)]
+    most = max(map(len, shared.values()), default=0)
+    like = [k for k, s in shared.items() if len(s) == most > 1 and any(map(str.isalpha, s))]
+    return sorted(exact or near or like, key=lambda known: -len(shared[known]))
+
+
+def _parts(name: str) -> set[str]:
+    """Return letters and numbers of a name apart: kr, 6, r and 900 of "KR6 R900"."""
+    return set(re.findall("[a-z]+|[0-9]+", unicodedata.normalize("NFKD", name).lower()))
 
 
 def _families(known: Collection[str]) -> str:
@@ -439,7 +449,9 @@ def locate_robot(robot: str | Path) -> CatalogEntry | Path:
         return path
     if not _is_name(robot) and not (
         isinstance(robot, str)
-        and any("/" in entry.title for entry in _titled(robot, known_robots()))
+        and not path.parent.is_dir()
+        and (entries := known_robots())
+        and any("/" in entries[known].title for known in _meant(robot, entries))
     ):
         raise RobotFileError("no such file", path)
     try:
