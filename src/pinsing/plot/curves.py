@@ -12,9 +12,10 @@ from matplotlib.figure import Figure
 
 from pinsing._types import Array
 from pinsing.arguments import checked, real_numbers
+from pinsing.configuration.refine import approach
 from pinsing.errors import ConfigurationError, OptionError
 from pinsing.families import ClosedForm
-from pinsing.kinematics.verdict import NEAR_RTOL, SINGULAR_RTOL, measure, ratios
+from pinsing.kinematics.verdict import NEAR_RTOL, SINGULAR_RTOL, measure
 from pinsing.plot.style import (
     COLORS,
     DASHES,
@@ -165,50 +166,28 @@ def _held(arm: ArmSummary, name: str, value: float, degrees: bool) -> str:
 
 
 def singular_values_of(curve: SweepCurve, result: SweepResult, arm: Arm | None = None) -> Array:
-    """Values of the moving joint at which a curve is singular: sampled, or zeros of ``arm``."""
-    found = curve.x[curve.sigma_ratio <= SINGULAR_RTOL]
+    """Values of the moving joint at which a curve is singular: sampled, or zeros of ``arm``.
+
+    Samples step over a zero, since sigma_r falls to it like the absolute value of what it is the
+    distance to: each dip is closed in upon.
+    """
+    x, j, ratio = curve.x, curve.moving, np.pad(curve.sigma_ratio, 1, constant_values=np.inf)
+    found = x[curve.sigma_ratio <= SINGULAR_RTOL]
     if curve.forced:  # the whole curve is
         return np.zeros(0)
     if arm is not None:
-        q = np.array(result.plan.nominal, dtype=float)
+        # sigma_r / sigma_1 above which a dip is not looked at
+        dip = (ratio[1:-1] <= ratio[:-2]) & (ratio[1:-1] <= ratio[2:]) & (ratio[1:-1] < 0.3)
+        Q = np.tile(result.plan.nominal, (int(dip.sum()), 1))
         for name, value in curve.fixed.items():
-            q[result.arm.joints.index(name)] = value
-        exact = nominal(arm).arm
-        zeros = curve_zeros(exact, q, curve.moving, curve.x, curve.sigma_ratio)
-        found = np.sort(np.append(found, zeros))
+            Q[:, result.arm.joints.index(name)] = value
+        Q[:, j] = x[dip]
+        ends = approach(nominal(arm).arm, Q, np.arange(arm.n) == j)
+        low, high = np.maximum(x[0], x[dip] - x[1] + x[0]), np.minimum(x[-1], x[dip] + x[1] - x[0])
+        met = ends.singular & (ends.q[:, j] >= low) & (ends.q[:, j] <= high)
+        found = np.sort(np.append(found, ends.q[met, j]))
     # Values of a joint closer than this are one zero of a curve.
     return np.asarray(found[np.diff(found, prepend=-np.inf) > 1e-7])
-
-
-_FINE = 17
-
-
-def curve_zeros(arm: Arm, q: Array, moving: int, x: Array, ratio: Array) -> Array:
-    """Values of joint ``moving`` at which the arm is singular, the others at q (n,).
-
-    Each dip of the samples ``ratio`` (N,) over ``x`` (N,) is closed in upon, since sigma_r falls
-    to a zero like the absolute value of what it is the distance to: samples step over it.
-    """
-    padded = np.concatenate([[np.inf], ratio, [np.inf]])
-    # sigma_r / sigma_1 above which a dip is not looked at
-    dips = np.flatnonzero((ratio <= padded[:-2]) & (ratio <= padded[2:]) & (ratio < 0.3))
-    if not len(dips):
-        return np.zeros(0)
-    low, high = x[np.maximum(dips - 1, 0)], x[np.minimum(dips + 1, len(x) - 1)]
-    part = np.linspace(0.0, 1.0, _FINE)
-    for _ in range(15):
-        grid = low[:, None] + (high - low)[:, None] * part
-        Q = np.tile(q, (*grid.shape, 1))
-        Q[..., moving] = grid
-        found = ratios(arm, Q.reshape(-1, arm.n)).reshape(grid.shape)
-        best = found.argmin(axis=1)
-        rows = np.arange(len(dips))
-        low, high = (
-            grid[rows, np.maximum(best - 1, 0)],
-            grid[rows, np.minimum(best + 1, _FINE - 1)],
-        )
-    values, least = grid[rows, best], found[rows, best]
-    return np.asarray(values[least <= SINGULAR_RTOL])
 
 
 @checked
