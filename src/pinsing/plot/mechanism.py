@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from itertools import chain, cycle
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -20,25 +21,21 @@ from pinsing.loops.pose_slice import free_coordinates
 from pinsing.loops.problems import Modes, assembly_modes, working_modes
 from pinsing.loops.singular_points import SingularPoint, Trace, find_singular
 from pinsing.loops.solve import Solution, curves
-from pinsing.loops.structure import output_pose, plane_axes
+from pinsing.loops.structure import Sample, closing, output_pose, plane_axes
 from pinsing.measures import ROUNDING
-from pinsing.plot.style import pi_ticks, plain, unit
+from pinsing.plot.style import DASHES, pi_ticks, plain, unit
 from pinsing.prose import unbroken
-from pinsing.robot.joints import joint_axis
 from pinsing.robot.mechanism import Mechanism
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
-
 
 TYPE_1 = "#c0392b"
 TYPE_2 = "#1f5fa8"
 _FEASIBLE = "#eef3e6"
-_LINKS = ("#41719c", "#8a9ba8")
-_STYLES = ("-", "--", "-.", ":")
+_LINK, _DRIVEN, _NODE, _OUTPUT = "#8a9ba8", "#41719c", "#37424d", "#cc333d"
+_PLATE, _GROUND = "#e9d5d6", "#e3e7ea"
 
 
 def input_map(
@@ -135,7 +132,7 @@ def measure_curves(
 ) -> Axes:
     """Type 1 and type 2 measures along solution curves, over the moving input."""
     ax = _axes(ax)
-    for t, style in zip(traces, _STYLES * len(traces), strict=False):
+    for t, style in zip(traces, cycle(DASHES), strict=False):
         joint = mechanism.actuated[t.moving]
         slides = bool(mechanism.prismatic[joint])
         in_unit = np.degrees if degrees and not slides else np.asarray
@@ -169,29 +166,27 @@ def draw_linkage(
     singularity the uncontrolled velocity is drawn as an arrow instead.
     """
     ax = _axes(ax)
-    model = mechanism.model
     q = mechanism.check(q)
-    across, up = drawing_plane(mechanism) or (0, 1)
-    plane = [across, up]
-    driven = {j for j in range(1, model.njoints) if model.parents[j] == 0}
+    plane = list(drawing_plane(mechanism) or (0, 1))
+    driven = [j for j, parent in enumerate(mechanism.model.parents) if j and parent == 0]
     for body, points, output in bodies(mechanism, q):
         if body == 0:
             continue
-        shade = _LINKS[int(body not in driven)]
+        shade = _DRIVEN if body in driven else _LINK
         ends = distinct(points)[:, plane]
         if len(ends) > 2:
             around = np.arctan2(*(ends - ends.mean(axis=0)).T[::-1])
             ax.fill(
-                *ends[np.argsort(around)].T, facecolor="#e9d5d6", edgecolor=shade, lw=3.2, zorder=2
+                *ends[np.argsort(around)].T, facecolor=_PLATE, edgecolor=shade, lw=3.2, zorder=2
             )
         else:
             ax.plot(*ends.T, color=shade, lw=3.2, zorder=2)
-        ax.plot(*ends.T, "o", color="#37424d", ms=4, zorder=3)
+        ax.plot(*ends.T, "o", color=_NODE, ms=4, zorder=3)
         first = body in driven
         ax.plot(
             *points[0, plane],
             "s" if first else "o",
-            color="#37424d",
+            color=_NODE,
             ms=7 if first else 5,
             zorder=3,
         )
@@ -200,14 +195,14 @@ def draw_linkage(
             if len(ends) > 2:
                 ax.plot(*stem.T, color=shade, lw=1.4, zorder=2)
     P = np.array(output_pose(mechanism, q).translation)[plane]
-    ax.plot(*P, "o", color="#cc333d", ms=7, zorder=5)
+    ax.plot(*P, "o", color=_OUTPUT, ms=7, zorder=5)
     rows = list(mechanism.task.rows)
-    if ellipse > 0 and {across, up} <= set(rows):
-        _velocity(ax, mechanism, q, P, [rows.index(across), rows.index(up)], ellipse)
+    if ellipse > 0 and set(plane) <= set(rows):
+        _velocity(ax, mechanism, q, P, [rows.index(row) for row in plane], ellipse)
     ax.set_aspect("equal")
     ax.margins(0.1)
     if plane != [0, 1]:
-        ax.set(xlabel=f"{'xyz'[across]} [m]", ylabel=f"{'xyz'[up]} [m]")
+        ax.set(**{f"{x}label": f"{'xyz'[k]} [m]" for x, k in zip("xy", plane, strict=True)})
     return ax
 
 
@@ -284,10 +279,6 @@ def _axes(ax: Axes | None) -> Axes:
     return plt.subplots()[1]
 
 
-_LINK, _DRIVEN, _NODE, _OUTPUT = "#8a9ba8", "#41719c", "#37424d", "#cc333d"
-_PLATE, _GROUND = "#e9d5d6", "#e3e7ea"
-
-
 def joint_points(mechanism: Mechanism, q: Array) -> Array:
     """Origins (k, 3) of all joints, of the frames that close loops, and of the output."""
     return np.concatenate([p for _, p, _ in bodies(mechanism, q)])
@@ -335,48 +326,29 @@ def draw_space_linkage(mechanism: Mechanism, q: Array, ax: Any) -> None:
 
 def bodies(mechanism: Mechanism, q: Array) -> list[tuple[int, Array, Array | None]]:
     """Each body with the points (k, 3) where it holds others, and the output if it bears it."""
-    model, data = mechanism.model, mechanism.model.createData()
-    pin.framesForwardKinematics(model, data, mechanism.model_q(q))
-    places = _places(mechanism, data)
-    closing = {name for loop in mechanism.loops for name in (loop.frame_a, loop.frame_b)}
-    output = model.frames[mechanism.output_id]
+    sample, parents = Sample(mechanism, q), list(mechanism.model.parents)
+    frames = mechanism.model.frames
+    ends = [
+        (frames[k].parentJoint, np.array(sample.frames[k].translation))
+        for k in chain(*closing(mechanism))
+    ]
+    places = sample.origins
+    if np.abs(places - places[0]).max() <= ROUNDING:
+        # All joints in one point: each is drawn out on its axis.
+        away = max((float(np.linalg.norm(p - places[0])) for _, p in ends), default=0.0)
+        places = places + (away or mechanism.length_scale) * sample.axis
     out = []
-    for body in range(model.njoints):
-        points = [] if body == 0 else [places[body]]
-        points += [places[j] for j in range(1, model.njoints) if model.parents[j] == body]
-        points += [
-            data.oMi[body].act(f.placement.translation)
-            for f in model.frames
-            if f.parentJoint == body and f.name in closing
-        ]
+    for body in range(mechanism.n + 1):
+        points = [] if body == 0 else [places[body - 1]]
+        points += [places[j] for j in range(mechanism.n) if parents[j + 1] == body]
+        points += [p for k, p in ends if k == body]
         here = None
-        if output.parentJoint == body:
-            here = np.array(data.oMi[body].act(output.placement.translation))
+        if frames[mechanism.output_id].parentJoint == body:
+            here = np.array(sample.output.translation)
             if len(points) < 3:  # the link goes to it
                 points.append(here)
         if points:
             out.append((body, np.array(points), here))
-    return out
-
-
-def _places(mechanism: Mechanism, data: pin.Data) -> list[Array]:
-    """Where each joint is drawn: at its origin; all of them in one point, out on its axis."""
-    model = mechanism.model
-    origins = [np.array(data.oMi[j].translation) for j in range(model.njoints)]
-    middle = origins[1]
-    if any(np.linalg.norm(p - middle) > ROUNDING for p in origins[1:]):
-        return origins
-    closing = {name for loop in mechanism.loops for name in (loop.frame_a, loop.frame_b)}
-    away = [
-        float(np.linalg.norm(data.oMi[f.parentJoint].act(f.placement.translation) - middle))
-        for f in model.frames
-        if f.name in closing
-    ]
-    reach = max(away, default=0.0) or mechanism.length_scale
-    out = [middle]
-    for j in range(1, model.njoints):
-        axis = joint_axis(model.joints[j], model.names[j])[0]
-        out.append(middle + reach * (data.oMi[j].rotation @ axis))
     return out
 
 
@@ -434,7 +406,10 @@ def motion_curve(
         [(360.0 if degrees else 2 * np.pi) if _turns(mechanism, n) else np.inf for n in names]
     )
     told = _apart([(t.q, _values(mechanism, t.q, names, degrees)) for t in found], turn)
-    centre = _centre(told[0][1], turn) if told else np.zeros(2)
+    centre = np.zeros(2)
+    if told:  # what angles are shown about: the middle of a curve, if it is less than a whole turn
+        low, high = told[0][1].min(axis=0), told[0][1].max(axis=0)
+        centre = np.where(np.isfinite(turn) & (high - low < turn), (low + high) / 2, 0.0)
     for k, name in enumerate(names):
         if not told or max(float(np.ptp(v[:, k])) for _, v in told) <= ROUNDING:
             raise OptionError(
@@ -503,12 +478,6 @@ def _turns(mechanism: Mechanism, name: str) -> bool:
 
 def _unit(mechanism: Mechanism, name: str, degrees: bool) -> str:
     return ("°" if degrees else "rad") if _turns(mechanism, name) else "m"
-
-
-def _centre(values: Array, turn: Array) -> Array:
-    """What angles are shown about: the middle of a curve, if it is less than a whole turn."""
-    low, high = values.min(axis=0), values.max(axis=0)
-    return np.asarray(np.where(np.isfinite(turn) & (high - low < turn), (low + high) / 2, 0.0))
 
 
 def _folded(values: Array, turn: Array, centre: Array | float = 0.0) -> Array:
@@ -597,7 +566,11 @@ def mode_sheet(
     ]
     box = _box(mechanism, every)
     for block, (title, found, told), count, which in zip(blocks, parts, rows, chosen, strict=True):
-        more = "" if len(which) == len(found.modes) else f". {_left_out(len(which))}"
+        more, those = "", "it" if len(which) == 1 else "these"
+        if len(which) == _MOST < len(found.modes):
+            more = f". The first {_MOST} that look different are drawn"
+        elif len(which) < len(found.modes):
+            more = f". Drawn: {len(which)}; the others look like {those}, legs turned round"
         block.suptitle(_wrapped(f"{title}: {found.statement}{more}", columns), fontsize=9)
         for place, k in enumerate(which, 1):
             mode = found.modes[k]
@@ -624,14 +597,6 @@ def looks_apart(mechanism: Mechanism, modes: Sequence[Solution], most: int = _MO
         if len(kept) == most:
             break
     return sorted(kept)
-
-
-def _left_out(count: int) -> str:
-    if count == _MOST:
-        return f"The first {count} that look different are drawn"
-    return (
-        f"Drawn: {count}; the others look like {'it' if count == 1 else 'these'}, legs turned round"
-    )
 
 
 def _draw(
