@@ -46,8 +46,6 @@ _BISECTED = np.radians(0.1)
 """How near the bound is brought to what is reached at the poses that decide it."""
 _ALIKE = 1e-3
 """Relative difference of bounds that are as good as an estimate."""
-_BRANCH = 1.0
-"""Radians beyond which solutions of neighbouring values are of two branches."""
 _MARGIN = 0.01
 """Radians below the path on a part of the grid at which that on the whole is looked for first."""
 _ROUGH = SearchOptions(gap=_MARGIN, boxes=1)
@@ -401,13 +399,15 @@ class _Planner:
         proven, where = self._proven(q)
         bound, reached, finer = max(self.relaxed, proven), self.reached, self.finer
         while bound > reached + _ENOUGH and (part := finer(reached, bound)) is not None:
-            better, finer = part.path(), part.finer
+            better, finer, gap = part.path(), part.finer, bound - reached
             bound = max(min(bound, max(part.relaxed, part.floor)), proven)
             if not isinstance(better, str) and part.reached > reached:
                 reached = part.reached
                 least, at = self._proven(better[1])
                 if least > proven:
                     (values, q), proven, where = better, least, at
+            if bound - reached > 0.9 * gap:
+                break
         bound = max(bound, proven)
         near, kept = clearance(self.form, q[round(where)]), self._kept(self.first)
         family = near.names[int(near.family)] if near.names else ""
@@ -591,7 +591,7 @@ class _Planner:
                 self.highest[k][rows] = most
                 self.seen[k][rows] = True
                 at, off = np.flatnonzero(rows), q[rows] - found.q
-                half = self._gap(self._neighbors(k, at).swapaxes(0, 1) - q[rows]) / 2
+                half = self.arm.space.wrap(self._neighbors(k, at).swapaxes(0, 1) - q[rows]) / 2
                 ends = np.linalg.norm((off + half) * self.scale, axis=-1).max(axis=0)
                 bent = np.linalg.norm(half.sum(axis=0) * self.scale, axis=-1) / 2
                 most = np.maximum(ends, found.upper) + bent
@@ -700,10 +700,11 @@ class _Planner:
             source = self.edges[k][:, here]
             return source, self._apart(k, here, source) > self.reach + ROUNDING
         out, ends = [self.before[k][here]], [self.before[k][here]] * 2
+        out += [self.before[k][link[here]] for link in self.beside[k]]
         for _ in range(self.window + 1 if len(self.grid) > 1 else 0):
             ends = [link[at] for link, at in zip(self.beside[k - 1], ends, strict=True)]
             out += ends
-        far = np.arange(len(out)) > 2 * self.window
+        far = np.arange(len(out)) > 2 * self.window + 2
         return np.stack(out), np.broadcast_to(far[:, None], (len(out), len(here)))
 
     def _apart(self, k: int, here: Ints, source: Ints) -> Array:
@@ -786,7 +787,8 @@ class _Planner:
         value, half = self.values[pose, at // self.Q.shape[2]], self.half[pose, at]
         moved = np.zeros(len(q))
         row, beside = row[new], side[new] + 2
-        near[new] = np.stack([pieces[row, beside - 1], pieces[row, beside + 1]], axis=1)
+        ends = np.stack([pieces[row, beside - 1], pieces[row, beside + 1]], axis=1)
+        near[new] = np.where(np.isnan(ends), near[new], ends)
         moved[new] = self._length(pieces[row, beside] - q[new])
         q[new] = pieces[row, beside]
         half[new] /= 3
@@ -806,7 +808,7 @@ class _Planner:
         out = copy.copy(self)
         out.floor = out.least = least
         out.values, out.half, out.near = laid(value, 0.0), laid(half, 0.0), laid(near, np.nan)
-        out.way = laid(self._longer(near - q[:, None]), 0.0)
+        out.way = laid(np.where(new, self._longer(near - q[:, None]), self.way[pose, at]), 0.0)
         out.Q = laid(q, np.nan)[:, :, None]
         of = {name: getattr(self, name).reshape(alive.shape)[pose, at] for name in _NODES}
         aside = moved > 0
@@ -858,9 +860,8 @@ class _Planner:
         n, count = self.arm.n, np.array([-2, -1, 1, 2])
         q = self.Q.reshape(len(self.T), -1, n)[pose, at][:, None]
         near = self._neighbors(pose, at)
-        toward = np.nan_to_num(self._gap(near - q))
-        way = self._length(toward)[..., None]
-        unknown = (way == 0) | (way > _BRANCH)  # straight on from the other side
+        toward = np.nan_to_num(self.arm.space.wrap(near - q))
+        unknown = self._length(toward)[..., None] == 0  # straight on from the other side
         toward = np.where(unknown, -toward[:, ::-1], toward)[:, [0, 0, 1, 1]]
         guess = q + toward * np.abs(count)[:, None] / 3
         value = self.values[pose, at // self.Q.shape[2]][:, None]
@@ -871,15 +872,19 @@ class _Planner:
             np.broadcast_to(p, (*value.shape, 3)).reshape(-1, 3),
             np.broadcast_to(R, (*value.shape, 3, 3)).reshape(-1, 3, 3),
         ).reshape(guess.shape)
-        found[self._length(found - guess) > self._length(toward) + _BISECTED] = np.nan
+        found[self._length(found - guess) > self._length(toward) / 2 + _BISECTED] = np.nan
+        if self.held is not None:  # what is divided reaches as far as before
+            ends, inner = near - found[:, ::3], found[:, 1:3] - q
+            short = self._longer(ends[:, :, None]) > 2 * self._longer(inner[:, :, None]) + _BISECTED
+            found[:, 1:3][short & ~unknown[..., 0]] = np.nan
         there = np.isfinite(found[..., 0])
         found[there] = self.arm.space.fold(found[there])
         return np.concatenate([found[:, :2], q, found[:, 2:]], axis=1)
 
     def _longer(self, ends: Array) -> Array:
         """Return the longer of the motions (M, 2, n) to a node's neighbors on its branch."""
-        way = self._length(ends)
-        return np.asarray(np.where(way < _BRANCH, way, 0.0).max(axis=-1))
+        way = np.linalg.norm(self.arm.space.wrap(ends) * self.scale, axis=-1)
+        return np.asarray(np.nan_to_num(way, nan=2 * np.pi).max(axis=-1))
 
     def _passed(self, least: float) -> Bool:
         """Which nodes (N, G S) a path with more room than ``least`` may pass."""
@@ -907,7 +912,7 @@ class _Planner:
         self.window = 0 if G == 1 else min(G // 2, max(3, -(-_TURNS * G // N)))
         step = self.grid[1] - self.grid[0] if G > 1 else 0.0
         self.half, self.reach = np.broadcast_to(step / 2, self.way.shape), self.window * step
-        self.most = self.clear.size // 4
+        self.most = max(self.clear.size, 400_000) // 4
         last: Array | None = None
         for k, q in enumerate(self.Q):
             there = np.isfinite(q[..., :1])
@@ -918,16 +923,20 @@ class _Planner:
             last = circle
             near = np.stack([self._shifted(values, -1), self._shifted(values, 1)])
             link = (near[..., None] * S + self._nearest(circle, circle[near])).reshape(2, -1)
-            if self.held is not None:  # a branch that ends turns back into another one
-                other = circle @ circle.swapaxes(1, 2) - 4 * self.arm.n * np.eye(S)
-                other -= 2 * self.arm.n * ~there.swapaxes(1, 2)
-                other = (values[:, None] * S + other.argmax(axis=-1)).ravel()
-                ends = np.take_along_axis(link[::-1], link, axis=1) != np.arange(G * S)
-                ends &= np.repeat(near != values, S, axis=1)
-                link = np.where(ends, other, link)
-            self.beside[k] = link
+            # A branch that ends turns back into another one.
+            other = circle @ circle.swapaxes(1, 2) - 4 * self.arm.n * np.eye(S)
+            other -= 2 * self.arm.n * ~there.swapaxes(1, 2)
+            other = (values[:, None] * S + other.argmax(axis=-1)).ravel()
+            ends = np.take_along_axis(link[::-1], link, axis=1) != np.arange(G * S)
+            ends |= ~there.ravel()[link]
+            ends &= np.repeat(near != values, S, axis=1)
+            self.beside[k] = link = np.where(ends, other, link)
             q = q.reshape(G * S, -1)
-            self.way[k] = self._longer((q[link] - q).swapaxes(0, 1))
+            toward = self.arm.space.wrap(q[link] - q)
+            toward[ends & (link == np.arange(G * S))] = np.nan
+            if self.cyclic:  # where it turns back it is singular: no clearance, halfway
+                toward[ends] /= 2
+            self.way[k] = self._longer(toward.swapaxes(0, 1))
 
     def _room(self, k: int) -> Array:
         """Return the most clearance (G S,) that there may be up to halfway to a neighbouring value.
