@@ -12,6 +12,7 @@ import hashlib
 import json
 import math
 import os
+import re
 import signal
 import stat
 import threading
@@ -34,6 +35,7 @@ from pinsing.robot.arm import Arm
 
 _SCHEMA = "pinsing/run/1"
 _PLAN, _CHUNKS, _LOCK = "plan.json", "chunks", "lock"
+_CHUNK = re.compile(r"([0-9]{6}|[1-9][0-9]{6,17})\.npz")
 _ROBOT = "robot"
 _FULL = frozenset({errno.ENOSPC, errno.EDQUOT, errno.EFBIG})
 
@@ -57,14 +59,14 @@ class RunFolder:
 
     def chunk_path(self, index: int) -> Path:
         """File of one chunk."""
-        return self.path / _CHUNKS / _chunk_name(index)
+        return self.path / _CHUNKS / f"{index:06d}.npz"
 
     def save(self, index: int, record: Record) -> None:
         """Put a finished chunk on the disk, all of it or nothing."""
-        path, data = self.chunk_path(index), pack(record, self.digest, index)
-        if not path.parent.exists():  # somebody has tidied up
+        data = pack(record, self.digest, index)
+        if not (self.path / _CHUNKS).exists():  # somebody has tidied up
             make_chunks(self.path)
-        self._write(path, data)
+        self.write_bytes(self.chunk_path(index), data)
 
     def read(
         # bytes that the arrays of a chunk take, unless the run says
@@ -95,20 +97,14 @@ class RunFolder:
 
     def kept(self) -> tuple[int, ...]:
         """Return the numbers of the chunks that have a file, damaged or not."""
-        numbers = []
-        with contextlib.suppress(FileNotFoundError), os.scandir(self.path / _CHUNKS) as entries:
-            for entry in entries:
-                number = _chunk_number(entry.name)
-                if number is not None and number < self.chunks:
-                    numbers.append(number)
-        return tuple(sorted(numbers))
+        names: list[str] = []
+        with contextlib.suppress(FileNotFoundError):
+            names = os.listdir(self.path / _CHUNKS)
+        numbers = (int(found[1]) for found in map(_CHUNK.fullmatch, names) if found)
+        return tuple(sorted(n for n in numbers if n < self.chunks))
 
-    def write_bytes(self, name: str, data: bytes) -> Path:
-        """Write a further file of the run, such as its result, as safely as a chunk."""
-        self._write(self.path / name, data)
-        return self.path / name
-
-    def _write(self, target: Path, data: bytes) -> None:
+    def write_bytes(self, target: Path, data: bytes) -> None:
+        """Write a file of the run, such as a chunk or its result, all of it or nothing."""
         try:
             replace_file(target, data)
         except OSError as error:
@@ -133,17 +129,12 @@ def recorded(path: str | os.PathLike[str]) -> dict[str, Any] | None:
         raise OutputError(f"cannot use {plan}: {error}; {advice}") from None
     except (OSError, ValueError) as error:
         raise OutputError(f"cannot read {plan}: {why(error)}") from None
-    damaged = OutputError(f"{plan} is damaged; {advice}")
-    try:
+    with contextlib.suppress(ValueError, KeyError, TypeError, RecursionError):
         data = json.loads(text)
-        identity, digest = data["identity"], data["sha256"]
-        if data.get("schema") != _SCHEMA or not isinstance(identity, dict):
-            raise damaged
-        if digest != _identity_digest(identity):
-            raise damaged
-    except (ValueError, KeyError, TypeError, AttributeError, RecursionError):
-        raise damaged from None
-    return identity
+        identity, said = data["identity"], (data["schema"], data["sha256"])
+        if isinstance(identity, dict) and said == (_SCHEMA, _identity_digest(identity)):
+            return identity
+    raise OutputError(f"{plan} is damaged; {advice}")
 
 
 @contextlib.contextmanager
@@ -163,7 +154,7 @@ def open_run(
         if known is None:
             make_chunks(root)
             plan = {"schema": _SCHEMA, "identity": folder.identity, "sha256": folder.digest}
-            folder.write_bytes(_PLAN, (json.dumps(plan, indent=2) + "\n").encode())
+            folder.write_bytes(root / _PLAN, (json.dumps(plan, indent=2) + "\n").encode())
         elif known != identity:
             raise OutputError(f"{root} holds another run: {_difference(known, identity)}")
         else:
@@ -205,17 +196,17 @@ def _locked(root: Path) -> Iterator[None]:
         ) from None
     with _reported(f"cannot use {root}"):
         if not root.is_dir():
-            if root.is_symlink() and not root.exists():
-                raise OutputError(f"cannot use {root}: it is a link to what is not there")
-            if root.exists():
-                kind = "a file" if root.is_file() else "a device or pipe"
-                raise OutputError(f"cannot use {root}: it is {kind}; give a folder")
             try:
                 os.mkdir(root)
+            except FileExistsError:
+                kind = "a link to what is not there" if root.is_symlink() else "a file or device"
+                raise OutputError(f"cannot use {root}: it is {kind}; give a folder") from None
             except FileNotFoundError:
                 raise OutputError(f"cannot make {root}: there is no folder {root.parent}") from None
             sync_folder(root.parent)
-        elif not (root / _PLAN).exists() and not all(map(_is_ours, root.iterdir())):
+        elif not (root / _PLAN).exists() and not all(
+            p.name in (_LOCK, _CHUNKS) or is_temporary(p.name) for p in root.iterdir()
+        ):  # more than an interrupted start can leave in a folder
             raise OutputError(
                 f"{root} is not empty and holds no run of pinsing; give a new or empty folder"
             )
@@ -234,11 +225,6 @@ def _locked(root: Path) -> Iterator[None]:
         yield
 
 
-def _is_ours(path: Path) -> bool:
-    """Return True of what an interrupted start can leave in a folder."""
-    return path.name in (_LOCK, _CHUNKS) or is_temporary(path.name)
-
-
 def _tidy(folder: RunFolder) -> None:
     """Remove what killed processes were writing; refuse what no chunk can be written over."""
     with _reported(f"cannot use {folder.path}"):
@@ -251,18 +237,6 @@ def _tidy(folder: RunFolder) -> None:
             path = folder.chunk_path(index)
             if stat.S_ISDIR(os.lstat(path).st_mode):
                 raise OutputError(f"cannot use {path}: it is a folder; remove it")
-
-
-def _chunk_name(index: int) -> str:
-    return f"{index:06d}.npz"
-
-
-def _chunk_number(name: str) -> int | None:
-    """Number of a chunk by the name of its file; None of any other name."""
-    stem = name.removesuffix(".npz")
-    if not (stem.isascii() and stem.isdigit()) or len(stem) > 18:
-        return None
-    return int(stem) if _chunk_name(int(stem)) == name else None
 
 
 def _difference(known: Mapping[str, Any], asked: Mapping[str, Any]) -> str:
@@ -301,26 +275,20 @@ class Inbox:
         without waiting for it.
     heeded : bool
         Whether the run has stopped for that; one that was about to end has not.
+    done : queue
+        Futures that are done, cancelled, or have failed; None: something else has happened.
     """
 
     def __init__(self) -> None:
         self.asked = 0
         self.heeded = False
         # Its ``put`` may be called from a signal handler, whatever it interrupts.
-        self._queue: SimpleQueue[Future[Any] | None] = SimpleQueue()
-
-    def follow(self, future: Future[Any]) -> None:
-        """Have ``next`` return ``future`` when it is done, cancelled, or has failed."""
-        future.add_done_callback(self._queue.put)
-
-    def next(self) -> Future[Any] | None:
-        """Wait for a future that is done, or None: something else has happened."""
-        return self._queue.get()
+        self.done: SimpleQueue[Future[Any] | None] = SimpleQueue()
 
     def stop(self) -> None:
         """Ask the run to stop."""
         self.asked += 1
-        self._queue.put(None)
+        self.done.put(None)
 
 
 @contextlib.contextmanager
@@ -578,7 +546,7 @@ class Run:
                         except BrokenExecutor as error:
                             raise _died(error) from error
                         pending[future] = index
-                        self.inbox.follow(future)
+                        future.add_done_callback(self.inbox.done.put)
                         if len(pending) >= self.limit:
                             break
                 else:
@@ -587,7 +555,7 @@ class Run:
                     if self.inbox.asked > 1 or not pending:
                         self.inbox.heeded = True
                         raise KeyboardInterrupt
-                done = self.inbox.next()
+                done = self.inbox.done.get()
                 if done is None or done not in pending:
                     continue
                 index = pending.pop(done)

@@ -524,5 +524,5 @@ def run_map(
             clearance=None if near is None else near.spread(distances[0], locate),
         )
         if run.folder is not None and result.complete:
-            run.folder.write_bytes(RESULT, (result.to_json() + "\n").encode())
+            run.folder.write_bytes(run.folder.path / RESULT, (result.to_json() + "\n").encode())
     return result

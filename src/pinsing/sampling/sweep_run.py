@@ -763,7 +763,7 @@ def _run(job: SweepJob, options: RunOptions, inside: bool, keep: bool | None) ->
             candidates=found,
         )
         if run.folder is not None and result.complete:
-            run.folder.write_bytes(CURVES, pack_sweep(result))
+            run.folder.write_bytes(run.folder.path / CURVES, pack_sweep(result))
     return result
 
 
