@@ -8,6 +8,7 @@ named and left alone. Meshes are looked for when the robot is drawn and not when
 
 from __future__ import annotations
 
+import contextlib
 import os
 import re
 from collections.abc import Mapping
@@ -118,9 +119,10 @@ class PackageIndex:
                 return entry
             if (entry / name).is_dir():
                 return entry / name
-            for package in _packages_in(entry):
-                if _is_package(package, name):
-                    return package
+            with contextlib.suppress(OSError):
+                for file in sorted(entry.glob("*/package.xml")):
+                    if _is_package(file.parent, name):
+                        return file.parent
         for prefix in self._ament:
             if (prefix / "share" / name).is_dir():
                 return prefix / "share" / name
@@ -241,24 +243,13 @@ def _absolute(folder: Path) -> Path:
         return folder
 
 
-def _packages_in(folder: Path) -> list[Path]:
-    try:
-        return sorted(p.parent for p in folder.glob("*/package.xml"))
-    except OSError:
-        return []
-
-
 def _is_package(folder: Path, name: str) -> bool:
-    return _package_name(folder / "package.xml") == name
-
-
-def _package_name(file: Path) -> str | None:
     try:
-        with file.open(encoding="utf-8", errors="replace") as stream:
+        with (folder / "package.xml").open(encoding="utf-8", errors="replace") as stream:
             found = _PACKAGE_NAME.search(stream.read(65536))
     except OSError:
-        return None
-    return found.group(1) if found else None
+        return False
+    return found is not None and found[1] == name
 
 
 LARGEST = 256 * MEBIBYTE

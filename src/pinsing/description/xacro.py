@@ -62,13 +62,6 @@ def _variable(name: str) -> dict[str, Any]:
     }
 
 
-def _fits(name: str, part: str) -> bool:
-    """Return True if a name is one that a part of a pattern stands for, as `glob` has it."""
-    if not glob.has_magic(part):
-        return name == part
-    return (part[0] == "." or name[0] != ".") and fnmatch.fnmatchcase(name, part)
-
-
 class XacroFiles:
     """Answers the questions of one xacro process.
 
@@ -127,7 +120,9 @@ class XacroFiles:
                     return {"problem": f"{pattern} looks at more than {_MOST_STEPS} files"}
                 for name in names:
                     path = os.path.join(folder, name)
-                    if not _fits(name, part) or not os.path.lexists(path):
+                    hidden = name[0] == "." != part[0]
+                    fits = not hidden and fnmatch.fnmatchcase(name, part)
+                    if not fits or not os.path.lexists(path):
                         continue
                     # A folder that links lead to again holds nothing new; one outside is not read.
                     if last:
@@ -200,12 +195,11 @@ def is_xacro(path: Path, root: Node) -> bool:
     keep it.
     """
     return path.suffix.lower() == ".xacro" or any(
-        node.tag.startswith("xacro:") for child in root.children for node in _outside_gazebo(child)
+        node.tag.startswith("xacro:")
+        for child in root.children
+        if child.tag != "gazebo"
+        for node in child.walk()
     )
-
-
-def _outside_gazebo(node: Node) -> list[Node]:
-    return [] if node.tag == "gazebo" else list(node.walk())
 
 
 def expand_xacro(

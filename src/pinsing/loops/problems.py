@@ -23,7 +23,7 @@ from pinsing.loops.mode_counts import found_words, level_words, noun, number_of_
 from pinsing.loops.modes import closed_from_random, home, home_error, mode_at, mode_of
 from pinsing.loops.motion import motions, pose_of, read_pose
 from pinsing.loops.solve import InfeasibleError, Solution, feasible
-from pinsing.loops.structure import Leg, likeness, output_pose, same, structure
+from pinsing.loops.structure import Leg, groups, likeness, output_pose, structure
 from pinsing.measures import ALIKE, ROUNDING, SEED, SOLVED
 from pinsing.robot.mechanism import Mechanism
 from pinsing.serialization import JsonResult
@@ -121,17 +121,10 @@ def _flipped(mechanism: Mechanism, q: Array, mine: Bool) -> list[Array]:
 
 
 def _grouped(mechanism: Mechanism, leg: Leg, mine: Bool, solutions: list[Array]) -> list[LegMode]:
-    groups: list[tuple[Array, list[Array]]] = []
-    for q in solutions:
-        q = mechanism.space.fold(q)
-        if not mechanism.space.unreachable(q)[mine].any():
-            mark = likeness(mechanism, q, leg.joints, pose=False)
-            known = (members for other, members in groups if same(mark, other))
-            group = next(known, None)
-            if group is None:
-                groups.append((mark, group := []))
-            group.append(q)
-    return [LegMode(members[0], len(members)) for _, members in groups]
+    folded = [mechanism.space.fold(q) for q in solutions]
+    inside = [q for q in folded if not mechanism.space.unreachable(q)[mine].any()]
+    alike = groups([likeness(mechanism, q, leg.joints, pose=False) for q in inside])
+    return [LegMode(inside[group[0]], len(group)) for group in alike]
 
 
 STARTS = 400
@@ -429,17 +422,8 @@ def _poses(loops: BatchLoops, Q: Array) -> tuple[list[Array], list[int]]:
 
 
 def _apart(loops: BatchLoops, Q: Array, times: list[int]) -> tuple[list[Array], list[int]]:
-    kept: list[int] = []
-    hits: list[int] = []
-    marks = _marks(loops, Q)
-    for k, mark in enumerate(marks):
-        away = np.abs(marks[kept] - mark).max(axis=1)
-        if len(kept) and away.min() <= 10 * ALIKE:
-            hits[int(np.argmin(away))] += times[k]
-        else:
-            kept.append(k)
-            hits.append(times[k])
-    return [Q[k] for k in kept], hits
+    alike = groups(_marks(loops, Q), 10 * ALIKE)
+    return [Q[group[0]] for group in alike], [sum(times[k] for k in group) for group in alike]
 
 
 def _marks(loops: BatchLoops, Q: Array) -> Array:

@@ -15,7 +15,7 @@ from pinsing.loops.closure import BatchLoops, Loops, Mask, gauss_newton, ranks
 from pinsing.loops.modes import assembly_sign, closed_from_random, home, mode_of
 from pinsing.loops.motion import Pose, motions
 from pinsing.loops.singular_points import StoppedError, Trace, trace, turning_points
-from pinsing.loops.structure import likeness, same
+from pinsing.loops.structure import groups, likeness
 from pinsing.measures import SEED, SOLVED
 from pinsing.robot.mechanism import Mechanism
 from pinsing.serialization import JsonResult
@@ -198,17 +198,10 @@ class Interval:
 
 def distinct(mechanism: Mechanism, found: Sequence[Array]) -> list[Array]:
     """Configurations (n,) within the limits, one of each mode."""
-    out: list[Array] = []
-    marks: list[Array] = []
-    for q in found:
-        q = mechanism.space.fold(q)
-        if mechanism.space.unreachable(q).any():
-            continue
-        mark = likeness(mechanism, q)
-        if not any(same(mark, other) for other in marks):
-            out.append(q)
-            marks.append(mark)
-    return out
+    folded = [mechanism.space.fold(q) for q in found]
+    inside = [q for q in folded if not mechanism.space.unreachable(q).any()]
+    alike = groups([likeness(mechanism, q) for q in inside])
+    return [inside[group[0]] for group in alike]
 
 
 def curves(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import functools
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any, TypeVar
 
@@ -341,6 +341,20 @@ def likeness(
 def output_pose(mechanism: Mechanism, q: Array) -> pin.SE3:
     """Placement of the output frame at q (n,)."""
     return Sample(mechanism, q).output
+
+
+def groups(marks: Iterable[Array], within: float = ALIKE) -> list[list[int]]:
+    """Numbers of marks (k,) that are alike; each group by its first one, in their order."""
+    firsts: list[Array] = []
+    out: list[list[int]] = []
+    for k, mark in enumerate(marks):
+        near = (i for i, x in enumerate(firsts) if np.abs(x - mark).max(initial=0.0) <= within)
+        i = next(near, len(out))
+        if i == len(out):
+            firsts.append(mark)
+            out.append([])
+        out[i].append(k)
+    return out
 
 
 def same(a: Array, b: Array) -> bool:

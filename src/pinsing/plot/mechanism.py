@@ -21,7 +21,7 @@ from pinsing.loops.pose_slice import free_coordinates
 from pinsing.loops.problems import Modes, assembly_modes, working_modes
 from pinsing.loops.singular_points import SingularPoint, Trace, find_singular
 from pinsing.loops.solve import Solution, curves
-from pinsing.loops.structure import Sample, closing, output_pose, plane_axes
+from pinsing.loops.structure import Sample, closing, groups, output_pose, plane_axes
 from pinsing.measures import ROUNDING
 from pinsing.plot.style import DASHES, pi_ticks, plain, unit
 from pinsing.prose import unbroken
@@ -173,7 +173,7 @@ def draw_linkage(
         if body == 0:
             continue
         shade = _DRIVEN if body in driven else _LINK
-        ends = distinct(points)[:, plane]
+        ends = points[[group[0] for group in groups(points, ROUNDING)]][:, plane]
         if len(ends) > 2:
             around = np.arctan2(*(ends - ends.mean(axis=0)).T[::-1])
             ax.fill(
@@ -305,7 +305,7 @@ def draw_space_linkage(mechanism: Mechanism, q: Array, ax: Any) -> None:
 
     driven = {j + 1 for j in mechanism.actuated}
     for body, points, output in bodies(mechanism, q):
-        corners = distinct(points)
+        corners = points[[group[0] for group in groups(points, ROUNDING)]]
         color = _DRIVEN if body in driven else _LINK
         if len(corners) > 2:
             face = _GROUND if body == 0 else _PLATE
@@ -350,15 +350,6 @@ def bodies(mechanism: Mechanism, q: Array) -> list[tuple[int, Array, Array | Non
         if points:
             out.append((body, np.array(points), here))
     return out
-
-
-def distinct(points: Array) -> Array:
-    """Points (k, 3) without those that coincide with earlier ones."""
-    kept: list[Array] = []
-    for p in points:
-        if all(np.linalg.norm(p - other) > ROUNDING for other in kept):
-            kept.append(p)
-    return np.array(kept)
 
 
 def _around(points: Array) -> Array:

@@ -352,6 +352,10 @@ def plan_map(
         raise OptionError(f"seed must lie between 0 and 2**64 - 1, got {seed}")
     if not 1 <= worst <= _MAX_WORST:
         raise OptionError(f"worst must lie between 1 and {_MAX_WORST:,}, got {worst}")
+    if chunk is None:
+        chunk = CHUNK_OF_VALUES if keep_values else CHUNK
+    elif chunk < 1:
+        raise OptionError(f"chunk must be at least 1, got {chunk}")
     return MapPlan(
         arm=summarize(arm),
         sampling=sampling,
@@ -362,7 +366,7 @@ def plan_map(
         base=_base(arm, q, limits, moving, ignore_limits),
         seed=seed,
         worst=worst,
-        chunk=_chunk(chunk, keep_values),
+        chunk=-(-int(chunk) // BLOCK) * BLOCK,
         notes=tuple(notes),
     )
 
@@ -476,11 +480,3 @@ def _base(
             limits=(float(arm.lower[i]), float(arm.upper[i])),
         )
     return base
-
-
-def _chunk(asked: int | None, keep_values: bool) -> int:
-    if asked is None:
-        return CHUNK_OF_VALUES if keep_values else CHUNK
-    if asked < 1:
-        raise OptionError(f"chunk must be at least 1, got {asked}")
-    return -(-int(asked) // BLOCK) * BLOCK

@@ -306,6 +306,10 @@ class MapJob:
             found.append(self.near.bounds(Q, self.evaluator.engine))
         return sigma, found
 
+    def counted(self, k: int, Q: Array) -> tuple[Array, Array]:
+        """Return what tally ``k`` counts at Q (N, n)."""
+        return self.measure(Q)[1][k]
+
     def identity(self) -> Mapping[str, Any]:
         """Return what decides the numbers, as plain JSON values."""
         values: dict[str, Any] = {"keep_values": self.keep_values}
@@ -331,14 +335,8 @@ class MapJob:
             finite(record, "sigma", (stop - start, self.evaluator.rank))
 
         for k, tally in enumerate(self.tallies()):
-
-            def measure(Q: Array, k: int = k) -> tuple[Array, Array]:
-                return self.measure(Q)[1][k]
-
-            try:
-                tally.check(record, stop - start, start, stop, self.plan.configuration, measure)
-            except ValueError as error:
-                raise ValueError(f"{'of the clearance, ' if k else ''}{error}") from None
+            again = functools.partial(self.counted, k)
+            tally.check(record, stop - start, start, stop, self.plan.configuration, again)
 
     def room(self, index: int) -> int:
         """Bytes that the arrays of a chunk take at most."""
