@@ -321,7 +321,12 @@ def analysis_text(
     joints = len(a.joints) <= _FEW if joints is None else joints
     values = Values(degrees, frozenset(sliding))
     lines = [*_head(a, values), *_configurations(a, values, joints, page), *_points(a, values)]
-    return _written([*lines, *_forms(a, values, page), *_check_lines(a)], page)
+    lines += [*_forms(a, values, page), ("", ())]
+    for check in a.checks:
+        word = good("ok") if check.passed else alarm("DISAGREES")
+        lines.append(("", (word, f": {check.words}")))
+    lines += [("", (f"note: {note}",)) for note in a.notes]
+    return _written(lines, page)
 
 
 def _head(a: MechanismAnalysis, values: Values) -> Iterator[Line]:
@@ -453,13 +458,6 @@ def _forms(a: MechanismAnalysis, values: Values, page: Page) -> Iterator[Line]:
         yield "", ()
         yield "", (caution("Missing:"),)
         yield from (("  ", (f"- {text}",)) for text in a.missing)
-
-
-def _check_lines(a: MechanismAnalysis) -> Iterator[Line]:
-    yield "", ()
-    for check in a.checks:
-        yield "", (good("ok") if check.passed else alarm("DISAGREES"), f": {check.words}")
-    yield from (("", (f"note: {note}",)) for note in a.notes)
 
 
 @checked

@@ -350,7 +350,9 @@ def find_singular(
             if over is not None and over():
                 break
             if (point := _refined(mechanism, t, kind, k, rtol)) is not None:
-                _add(mechanism, found, replace(point, whole_curve=_throughout(t, point.kind)))
+                asked = ("type 1", "type 2") if point.kind == "type 3" else (point.kind,)
+                whole = all(bool((t.measures[k] <= ROUNDING).all()) for k in asked)
+                _add(mechanism, found, replace(point, whole_curve=whole))
     once = _of_one_mode(mechanism, found)
     return tuple(sorted(once, key=lambda p: (p.moving, p.kind, *np.round(p.inputs, 9))))
 
@@ -362,12 +364,6 @@ def _refined(
     point = refine_point(mechanism, t.q[k], kind, t.held, rtol)
     near = np.abs(mechanism.space.wrap(point.q - t.q[k])).max() <= 6 * STEP
     return point if point.converged and near else None
-
-
-def _throughout(t: Trace, kind: str) -> bool:
-    """Whether all of a curve is singular of a kind."""
-    asked = ("type 1", "type 2") if kind == "type 3" else (kind,)
-    return all(bool((t.measures[k] <= ROUNDING).all()) for k in asked)
 
 
 def _of_one_mode(mechanism: Mechanism, found: list[SingularPoint]) -> list[SingularPoint]:

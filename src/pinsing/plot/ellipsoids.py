@@ -243,7 +243,10 @@ def ellipsoids(
         )
     if motions is None:
         motions = "pure" if pure_by_default(state.arm.task, state.generic_rank) else "all"
-    found = _ellipsoids(state, motions)
+    if motions == "pure":
+        found = dict(zip(KINDS, pure_ellipsoids(state.J), strict=True))
+    else:
+        found = {k: Ellipsoid(getattr(state, k).axes, getattr(state, k).radii) for k in KINDS}
     flat = [_flat_axes(state, found[name]) for name in kinds]
     normals = np.concatenate([f for f in flat if len(f) == 1] or [np.zeros((0, 3))])
     every: tuple[Any, ...] = (ax,) * len(kinds)
@@ -266,12 +269,6 @@ def ellipsoids(
     if ax is None:
         every[0].figure.suptitle(f"{plain(state.arm.name)}: {state.status}", fontsize=SMALL + 1)
     return every[0]
-
-
-def _ellipsoids(state: State, motions: str) -> dict[str, Ellipsoid]:
-    if motions == "pure":
-        return dict(zip(KINDS, pure_ellipsoids(state.J), strict=True))
-    return {k: Ellipsoid(getattr(state, k).axes, getattr(state, k).radii) for k in KINDS}
 
 
 def _new(count: int, tall: bool) -> tuple[Any, ...]:

@@ -536,8 +536,11 @@ def aspect_plane(
     x, y = Q[0, :, a], Q[:, 0, b]
     numbers = _numbers(found, Q)
     named, others = _named(numbers)
-    said = [_said(found, number) for number in named]
-    lines = said + [f"and {others} more"] * (others > 0)
+    lines = []
+    for number in named:
+        names = found[number - 1].names if number <= len(found) else ()
+        lines.append(f"aspect {number}" + (f": {', '.join(names)}" if names else ""))
+    lines += [f"and {others} more"] * (others > 0)
     untold = float(np.mean(numbers <= 0)) > 0.005  # what can be seen of the picture
     lines += ["aspect undecided"] * untold
     columns = 1 if max(map(len, lines), default=0) > 14 else 3
@@ -570,11 +573,6 @@ def _named(numbers: Ints) -> tuple[list[int], int]:
     seen, size = np.unique(numbers[numbers > 0], return_counts=True)
     largest = np.argsort(-size, kind="stable")[: len(_COLOURS)]
     return np.sort(seen[largest]).tolist(), max(0, len(seen) - len(_COLOURS))
-
-
-def _said(found: Aspects, number: int) -> str:
-    names = found[number - 1].names if number <= len(found) else ()
-    return f"aspect {number}" + (f": {', '.join(names)}" if names else "")
 
 
 def _numbers(found: Aspects, Q: Array) -> Ints:
@@ -714,7 +712,9 @@ def locus(
     if family.n != arm.n or not set(family.joints) <= set(arm.joints):
         raise OptionError(f"family {family.name} is of another arm than {arm.name}")
     a, b = _plane(arm, family, joint_a, joint_b)
-    base = _base(arm, family, q)
+    base = np.zeros(arm.n) if family.generic is None else np.array(family.generic)
+    if q is not None:
+        base = arm.check_one(q)
     c, steps = _third(arm, (a, b), third, values, base)
     Q = plane_of(arm, (a, b), base, samples, ignore_limits)
     ax = new_axes(3.6) if ax is None else ax
@@ -749,12 +749,6 @@ def _plane(arm: Arm, family: Family, first: str | None, second: str | None) -> t
     if a is None or b is None or a == b:
         raise OptionError("a locus needs two different joints")
     return a, b
-
-
-def _base(arm: Arm, family: Family, q: npt.ArrayLike | None) -> Array:
-    if q is not None:
-        return arm.check_one(q)
-    return np.zeros(arm.n) if family.generic is None else np.array(family.generic)
 
 
 def _third(

@@ -14,7 +14,6 @@ import pinocchio as pin
 from pinsing._types import Array, Bool, Ints
 from pinsing.errors import OptionError
 from pinsing.loops.closure import ranks
-from pinsing.loops.forms import JointForms
 from pinsing.loops.joint_loci import joint_forms
 from pinsing.loops.modes import assembly_sign, home, mode_at
 from pinsing.loops.motion import COORDINATES
@@ -180,7 +179,9 @@ def pose_maps(
     drawn = panels(mechanism, found, [title for title, _ in shown])
     columns = 2 if len(shown) <= 4 else 4
     rows = -(-len(shown) // columns)
-    height = 3.25 * _proportion(found)
+    height = 3.25
+    if all(COORDINATES.index(name) < 3 for name in found.names):  # with room for its title
+        height *= min(1.0, 0.85 * float(np.ptp(found.y) / np.ptp(found.x)) + 0.2)
     figure, grid = plt.subplots(
         rows, columns, figsize=(3.3 * columns, height * rows + 0.9), squeeze=False, sharex=True,
         sharey=True, layout="constrained",
@@ -204,14 +205,6 @@ def pose_maps(
     return figure
 
 
-def _proportion(found: PoseSlice) -> float:
-    """Height of a panel over its width, where both axes are lengths; with room for its title."""
-    if any(COORDINATES.index(name) > 2 for name in found.names):
-        return 1.0
-    ratio = float(np.ptp(found.y) / np.ptp(found.x))
-    return min(1.0, 0.85 * ratio + 0.2)
-
-
 def panels(mechanism: Mechanism, found: PoseSlice, titles: Sequence[str]) -> list[Panel]:
     """Aspects and left sides of each working mode of a slice."""
     forms = joint_forms(mechanism)
@@ -220,7 +213,13 @@ def panels(mechanism: Mechanism, found: PoseSlice, titles: Sequence[str]) -> lis
     out = []
     for k, title in enumerate(titles):
         reached = np.isfinite(found.q[k]).all(axis=-1)
-        lefts = [] if everywhere else _lefts(forms, found.q[k], reached)
+        lefts: list[tuple[str, Array]] = []
+        if not everywhere:
+            values = np.full((*reached.shape, len(forms.loci)), np.nan)
+            values[reached] = forms.values(found.q[k][reached])
+            # Hinges that a file has in place of a ball are left out: the ball is not dependent.
+            loci = enumerate(forms.loci)
+            lefts = [(locus.kind, values[..., i]) for i, locus in loci if not locus.ball]
         lost = [kind != "passive" and _vanishes(v) for kind, v in lefts]
         if any(lost):  # what is left of them is rounding
             lefts = [x for x, zero in zip(lefts, lost, strict=True) if not zero]
@@ -264,7 +263,14 @@ def _modes(
         found = [mode for mode in found if not _turned(mechanism, mode.q, place)]
     kept = [found[k].q for k in looks_apart(mechanism, found, len(found) or 1)]
     mark = likeness(mechanism, q)
-    others = [x for x in kept if not same(mark, likeness(mechanism, x)) and _sense(mechanism, q, x)]
+    cloud = joint_points(mechanism, q)
+    others = [
+        x
+        for x in kept
+        # Legs that are turned round look as they did.
+        if not same(mark, likeness(mechanism, x))
+        and np.abs(cloud - joint_points(mechanism, x)).max() > ALIKE
+    ]
     names = [_title(mechanism, x) for x in (q, *others)]
     at_home = same(mark, likeness(mechanism, home(mechanism)))
     out = []
@@ -279,24 +285,9 @@ def _turned(mechanism: Mechanism, q: Array, place: pin.SE3) -> bool:
     return bool(np.abs(away).max() > ALIKE)
 
 
-def _sense(mechanism: Mechanism, start: Array, q: Array) -> bool:
-    """Return True if it is not the start with legs turned round, which look as they did."""
-    return bool(np.abs(joint_points(mechanism, start) - joint_points(mechanism, q)).max() > ALIKE)
-
-
 def _title(mechanism: Mechanism, q: Array) -> str:
     elbows = "".join(mode_at(mechanism, q).elbows)
     return f"elbows {elbows}" if elbows else "working mode"
-
-
-def _lefts(forms: JointForms, Q: Array, reached: Bool) -> list[tuple[str, Array]]:
-    """Kinds and left sides over the grid, NaN where the loops do not close.
-
-    Hinges that a file has in place of a ball are left out: the ball is not dependent.
-    """
-    values = np.full((*reached.shape, len(forms.loci)), np.nan)
-    values[reached] = forms.values(Q[reached])
-    return [(locus.kind, values[..., k]) for k, locus in enumerate(forms.loci) if not locus.ball]
 
 
 def _vanishes(left: Array) -> bool:
