@@ -396,6 +396,21 @@ def test_the_bound_counts_solutions_that_are_far_from_those_at_the_next_value(en
     assert plans[1].clearance <= plans[0].bound
 
 
+def test_a_path_is_looked_for_between_values_where_the_grid_has_none():
+    """At the values of the grid a joint exceeds its speed limit."""
+    arm = pinsing.load("xarm7")
+    q = [
+        [1.03, 1.29, 0.43, 1.46, -0.32, 0.09, 1.84],
+        [1.12, 1.25, 0.4, 1.34, 0, -0.05, 2.15],
+        [1.2, 1.25, 0.43, 1.31, 0.3, -0.13, 2.46],
+        [1.29, 1.27, 0.45, 1.35, 0.59, -0.16, 2.77],
+    ]
+    T = np.array([tip_placement(arm, x).homogeneous for x in q])
+    form = pinsing.closed_form(arm, prove=False)
+    plan = plan_path(form, T, free="joint7", step=np.radians(5), arm=arm, t=0.1 * np.arange(4))
+    assert plan.clearance > 0.5, plan.reason
+
+
 @pytest.mark.slow
 def test_no_estimate_of_a_node_exceeds_what_it_has_at_most():
     """What is known from the pose before bounds the estimate of this one, too."""

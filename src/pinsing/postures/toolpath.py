@@ -393,11 +393,10 @@ class _Planner:
                 "rolling moves the last joint alone (the tool's z axis is its axis): it cannot "
                 "increase the clearance"
             )
-        if isinstance(chosen, str):
-            return self._none(chosen, notes)
-        values, q = chosen
-        proven, where = self._proven(q)
-        bound, reached, finer = max(self.relaxed, proven), self.reached, self.finer
+        proven = where = reached = 0.0
+        if not isinstance(chosen, str):
+            (proven, where), reached = self._proven(chosen[1]), self.reached
+        bound, finer = max(self.relaxed, proven), self.finer
         while bound > reached + _ENOUGH and (part := finer(reached, bound)) is not None:
             better, finer, gap = part.path(), part.finer, bound - reached
             bound = max(min(bound, max(part.relaxed, part.floor)), proven)
@@ -405,9 +404,12 @@ class _Planner:
                 reached = part.reached
                 least, at = self._proven(better[1])
                 if least > proven:
-                    (values, q), proven, where = better, least, at
+                    chosen, proven, where = better, least, at
             if bound - reached > 0.9 * gap:
                 break
+        if isinstance(chosen, str):
+            return self._none(chosen, notes)
+        values, q = chosen
         bound = max(bound, proven)
         near, kept = clearance(self.form, q[round(where)]), self._kept(self.first)
         family = near.names[int(near.family)] if near.names else ""

@@ -258,7 +258,7 @@ def _runs(inside: Bool) -> list[tuple[int, int]]:
 
 _CANDIDATES = 6
 _SEARCH = SearchOptions(boxes=BOXES // 3)
-_CLOSE, _APART, _PROVEN = SearchOptions(gap=CLOSE, boxes=2000), 0.01, 2000
+_CLOSE, _APART, _PROVEN = SearchOptions(gap=CLOSE, boxes=20_000), 0.01, 2000
 """How closely distances of samples are proven, how far apart in joint space, how many of a part."""
 
 
