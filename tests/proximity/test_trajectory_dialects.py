@@ -274,6 +274,7 @@ def test_what_is_not_clear_is_not_guessed(tmp_path, arm, text, said):
         ("a.csv", "MODULE M\nCONST jointtarget j0:=[[10,1]];", "robot program.* .ls of FANUC"),
         ("a.csv", "DEF T()\nPTP {A1 1,A2 1}", "robot program"),
         ("a.csv", "/JOB\n//NAME TEST\n", "robot program"),
+        ("a.xlsx", "PK\x03\x04\x14", "a workbook .*: save its table as CSV"),
     ],
 )
 def test_broken_ones_are_refused_in_one_line(tmp_path, arm, name, text, said):

@@ -293,9 +293,10 @@ def open_a_path(page: Any) -> None:
 
 def look_at_parts(page: Any) -> None:
     below = page.evaluate("""() => {
-      const joint = document.querySelector(".joint.named"), limits = joint.querySelector(".limits");
-      const top = limits.getBoundingClientRect().top + parseFloat(getComputedStyle(limits).paddingTop);
-      return top - joint.querySelector(".typed").getBoundingClientRect().bottom; }""")
+      const of = (what) => document.querySelector(`.named ${what}`), limits = of(".limits");
+      const pad = parseFloat(getComputedStyle(limits).paddingTop);
+      const [low, high] = [limits, of(".typed")].map((e) => e.getBoundingClientRect());
+      return low.top + pad - high.bottom; }""")
     assert below >= 0  # the line under a value does not cross its limits
     page.locator("#show-bone").check()
     page.locator("#show-axes").check()

@@ -202,7 +202,14 @@ class PinsingGroup(click.Group):
         if args and args[0] in RENAMED:
             raise OptionError(f"there is no command {args[0]!r}: type pinsing {RENAMED[args[0]]}")
         if args and not args[0].startswith("-") and self.get_command(ctx, args[0]) is None:
-            raise UnknownNameError("command", args[0], self.list_commands(ctx))
+            unknown = UnknownNameError("command", args[0], self.list_commands(ctx))
+            if unknown.close:
+                raise unknown
+            robot = args[0] if _is_robot(args[0]) else "ROBOT"
+            raise OptionError(
+                f"there is no command {shown_path(args[0])!r}: type pinsing families {robot}, or "
+                "pinsing --help for all commands"
+            )
         if too_little := memory_refusal():
             raise click.ClickException(too_little)
         name, found, words = super().resolve_command(ctx, args)

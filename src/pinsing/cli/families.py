@@ -219,7 +219,8 @@ def _verified(file: Path, seconds: float) -> tuple[bool, str]:
     except UnicodeDecodeError:
         return False, "rejected: the file is no text"
     except Rejected as reason:
-        return False, f"rejected: {reason}"
+        made = "; pinsing families ROBOT -o FILE.cert.json writes one"
+        return False, f"rejected: {reason}{made * str(reason).startswith('malformed')}"
     except BudgetExceeded:
         return False, f"not verified within {seconds:g} s, or the memory that is allowed"
     took = 1e3 * (time.perf_counter() - started)

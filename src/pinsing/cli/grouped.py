@@ -106,9 +106,9 @@ def values_named(found: click.Command | None, words: list[str]) -> list[str]:
     options = [p for p in found.params if isinstance(p, click.Option)] if found else []
     if not any("--q" in p.opts for p in options) or any(w.startswith("--q") for w in words):
         return words
-    valued = {name for p in options if not p.is_flag for name in p.opts}
+    flags = {name for p in options if p.is_flag for name in (*p.opts, *p.secondary_opts)}
     for k, (before, word) in enumerate(itertools.pairwise(words), 1):
-        if before not in valued and _vector(word):
+        if (before in flags or not before.startswith("-")) and _vector(word):
             return [*words[:k], "--q", *words[k:]]
     return words
 

@@ -136,7 +136,7 @@ _STEPS = 400
 
 
 @command("plot")
-@click.argument("kind", type=click.Choice(KINDS))
+@click.argument("kind", type=click.Choice(KINDS), metavar="WHAT")
 @loops_option(plot_loops)
 @arm_options
 @output_option(required=True, out=".png .svg .pdf")

@@ -588,6 +588,9 @@ def _opened(path: Path) -> io.TextIOWrapper:
     """Return a text as UTF-8, or UTF-16 where its mark says so; spreadsheets write marks."""
     raw = path.open("rb")
     start = raw.peek(4)[:4]
+    if start == b"PK\x03\x04":
+        raw.close()
+        raise ConfigurationError(f"{path}: is a workbook or an archive: save its table as CSV")
     utf_16 = start[:2] in (b"\xff\xfe", b"\xfe\xff")
     if b"\0" in start and not utf_16:
         raw.close()
