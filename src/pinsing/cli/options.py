@@ -123,7 +123,8 @@ class RobotRequest:
 
     def load(self, quiet: bool = False) -> Arm:
         """Load the arm, and tell on stderr what was assumed."""
-        from pinsing.robot.calibration import calibrated
+        from pinsing.robot.calibration import calibrated, is_odd, known_like
+        from pinsing.robot.chain import flatten
         from pinsing.robot.design import ANGLE, design_of, differences
         from pinsing.robot.load import ASSUMED, load
         from pinsing.robot.nominal import USUAL, nominal
@@ -150,15 +151,29 @@ class RobotRequest:
             given = self.design == "auto" or (self.design != "none" and load(self.design))
             notes = tuple(n for n in arm.notes if n != ASSUMED)
             arm = replace(arm, design=design_of(arm, given) if given else None, notes=notes)
+        size = sum(map(math.hypot, *flatten(arm).t.T))
         if arm.design is not None:
-            worst = max(differences(arm, arm.design), key=lambda d: max(d.angle, d.length))
-            if max(worst.angle, worst.length) > ANGLE:
+            # A length counts from half a percent of all links on.
+            off = [(max(d.angle, 2 * d.length / size), d) for d in differences(arm, arm.design)]
+            much, worst = max(off, key=lambda o: o[0])
+            if much > ANGLE:
                 far = f"the design may be of another robot: the axis of {worst} away"
+                like = known_like(arm)
+                if like is not None and 2 * like[1].length < worst.length:
+                    far += f"; {like[0]} fits better, {like[1]}"
                 arm = replace(arm, notes=(*arm.notes, far))
             said = (
                 "families, aspects and paths are of the design, distances from them of this robot"
             )
             arm = replace(arm, notes=(*arm.notes, said))
+        if (self.design or self.calibration) is None and is_odd(arm):
+            like = known_like(arm)
+            if like is not None:
+                said = (
+                    f"no simple design was found: --design {like[0]} fits, the axis of {like[1]} "
+                    "away at most"
+                )
+                arm = replace(arm, notes=(*arm.notes, said))
         if self.design == "none":
             # The exact geometry of all that follows is of the numbers of the file.
             arm.once(f"nominal {USUAL}", lambda: nominal(arm, 0.0))

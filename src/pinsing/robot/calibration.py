@@ -13,11 +13,22 @@ from pathlib import Path
 import numpy as np
 import pinocchio as pin
 
+from pinsing.description.catalog import known_arms
+from pinsing.description.dh_table import known_table
 from pinsing.description.yaml_tree import YamlNode, compose
-from pinsing.errors import OptionError
+from pinsing.errors import OptionError, RobotFileError
 from pinsing.robot.arm import Arm
 from pinsing.robot.chain import Chain, chain_model, flatten, keep_chain
-from pinsing.robot.design import alignment, axes, require_same
+from pinsing.robot.design import (
+    LENGTH,
+    AxisDifference,
+    alignment,
+    axes,
+    differences,
+    require_same,
+)
+from pinsing.robot.load import load
+from pinsing.robot.nominal import nominal
 
 LINKS = ("shoulder", "upper_arm", "forearm", "wrist_1", "wrist_2", "wrist_3")
 _LENGTHS, _ANGLES = ("x", "y", "z"), ("roll", "pitch", "yaw")
@@ -67,6 +78,44 @@ def calibrated(arm: Arm, file: str | os.PathLike[str]) -> Arm:
     keep_chain(made, chain)
     require_same(made, arm, f"{os.fspath(file)}: {arm.name!r}")
     return made
+
+
+def is_odd(robot: Arm) -> bool:
+    """Return True if most axes are off, as after a calibration, and no simple design was found."""
+    turned = {s.where for s in nominal(robot, 0.0).snaps if s.what == "twist"}
+    left = np.abs(flatten(robot.design or robot).t)
+    return len(turned) > robot.n / 2 and bool(((left > 1e-9) & (left < 10 * LENGTH)).any())
+
+
+def known_like(robot: Arm) -> tuple[str, AxisDifference] | None:
+    """Return the known arm whose axes at zero are nearest to a robot's, and the worst of these.
+
+    None where each has an axis farther away than 0.05 rad, or a hundredth of the links' length.
+    """
+    near, size = [], float(np.linalg.norm(flatten(robot).t, axis=1).sum())
+    for name, entry in known_arms().items():
+        if len(entry.get("rows", flatten(robot).t[1:])) != robot.n:
+            continue
+        try:
+            made = _table_chain(name) if "rows" in entry else flatten(load(name))
+        except RobotFileError:  # its package is not installed
+            continue
+        if list(made.prismatic) != list(robot.prismatic):
+            continue
+        found = differences(robot, made)
+        worst = max(found, key=lambda d: d.length)
+        if max(d.angle for d in found) < 0.05 and worst.length < 0.01 * size:
+            near.append((worst.length, name, worst))
+    return min(near)[1:] if near else None
+
+
+def _table_chain(name: str) -> Chain:
+    rows, placed = known_table(name).rows, [pin.SE3.Identity()]
+    for r in rows:
+        turn = pin.SE3(pin.utils.rotate("z", r.theta), np.zeros(3))
+        placed.append(turn * pin.SE3(pin.utils.rotate("x", r.alpha), np.array([r.a, 0, r.d])))
+    R, t = np.array([m.rotation for m in placed]), np.array([m.translation for m in placed])
+    return Chain(R, t, np.array([r.type == "prismatic" for r in rows]))
 
 
 def _placement(node: YamlNode) -> pin.SE3:

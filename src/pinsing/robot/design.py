@@ -117,10 +117,11 @@ def require_same(robot: Arm, design: Arm, called: str) -> None:
         )
 
 
-def differences(robot: Arm, design: Arm) -> tuple[AxisDifference, ...]:
+def differences(robot: Arm, design: Arm | Chain) -> tuple[AxisDifference, ...]:
     """Return how far each axis of a robot is from that of its design, base to tip."""
-    R, t = alignment(axes(flatten(robot)), axes(flatten(design)))
-    (d, p), (d0, p0) = axes(flatten(robot)), axes(flatten(design))
+    made = design if isinstance(design, Chain) else flatten(design)
+    (d, p), (d0, p0) = axes(flatten(robot)), axes(made)
+    R, t = alignment((d, p), (d0, p0))
     d0, p0 = d0 @ R.T, p0 @ R.T + t
     angle = np.arctan2(np.linalg.norm(np.cross(d, d0), axis=1), (d * d0).sum(axis=1))
     away = np.linalg.norm(np.cross(p - p0, d0), axis=1) * ~np.asarray(robot.prismatic)
