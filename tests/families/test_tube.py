@@ -71,6 +71,11 @@ def test_tube_is_proven_and_holds_every_singular_configuration(
     assert form.tube is not None
     assert form.tube.proven
     assert all(f.persists and f.lower < f.width <= form.tube.width for f in form.tube.families)
+    assert form.geometry is not None
+    product = tubes.factorize(form.loaded, form.geometry.arm, form.families)
+    # None is claimed of tubes that hold every configuration.
+    assert tubes._two_sides(product, np.full(4, 0.1)) == [True] * 3
+    assert tubes._two_sides(product, np.full(4, np.pi)) == [False] * 3
     assert form.loaded is not None
     found = attack.find_singular(form.loaded, np.random.default_rng(5).uniform(-3, 3, (150, 6)))
     wrong, (_, far) = attack.outside(form, found)

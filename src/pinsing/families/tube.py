@@ -19,7 +19,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -50,8 +50,9 @@ class TubeWidth:
     lower : float
         Radians; the largest distance that a search found, proven to be one.
     persists : bool
-        Whether every path across it that is far from the other families meets a singular
-        configuration; where two walls meet a path may pass between them, as a hyperbola opens.
+        Whether every path across the tube that is far from the other families meets a singular
+        configuration; False where no configuration was found outside of the tube on either side,
+        as of a wide one. Where two walls meet a path may pass between them, as a hyperbola opens.
     """
 
     family: str
@@ -122,8 +123,8 @@ class Tube:
         walls = [f.family for f in self.families if f.persists]
         which = "Each wall persists" if len(walls) == many else f"{', '.join(walls)} persist"
         persist = (
-            f" {which}: any path across one of them, away from the others, meets a singular "
-            "configuration."
+            f" {which}: any path across one of them by more than that, away from the others, meets "
+            "a singular configuration."
         )
         every = (
             f"{count} of the design. Every singular configuration of this robot lies {self.where}."
@@ -159,7 +160,8 @@ def find_tube(robot: Arm, design: Arm, families: Sequence[Family]) -> Tube:
         product = factorize(robot, design, families)
         width, found, count = find_widths(product)
         powers = [[f.power % 2 for f in product.factors if f.family == k] for k in range(F)]
-        persists = [all(odd) for odd in powers]
+        both = _two_sides(product, width)
+        persists = [all(odd) and two for odd, two in zip(powers, both, strict=True)]
     except Unproven as why:
         reason = str(why)
     if not reason and not np.isfinite(width[-1]):
@@ -537,6 +539,25 @@ def search(p: Product, x: Array) -> tuple[Array, Array]:
         size = np.linalg.norm(step, axis=1, keepdims=True)
         x = x - step * np.minimum(1.0, 0.2 / np.maximum(size, TINY))
     x = x[size[:, 0] < 1e-9]
+    return x, _away(p, x)
+
+
+def _two_sides(p: Product, width: Array) -> list[bool]:
+    """Whether some configurations are outside of each family's tube, on both sides of it.
+
+    Of widths (F + 1,) as in ``Boxes.far``; the other families are far.
+    """
+    x = np.random.default_rng(3).uniform(0, 2 * np.pi, (20_000, len(p.joints)))
+    away, found = _away(p, x), []
+    for k in range(away.shape[1]):
+        out = (away[:, k] > width[k]) & (np.delete(away, k, axis=1) > NEAR).all(axis=1)
+        side = _product([replace(f, power=1) for f in p.factors if f.family == k], x[out])[0] > 0
+        found.append(bool(side.any() and not side.all()))
+    return found
+
+
+def _away(p: Product, x: Array) -> Array:
+    """How far (N, F) configurations (N, d) are from families at least."""
     away = np.full((len(x), 1 + max(f.family for f in p.factors)), np.inf)
     for f in p.factors:
         at = f.sum.at(x)
@@ -544,7 +565,7 @@ def search(p: Product, x: Array) -> tuple[Array, Array]:
         if f.is_value:
             far = 2 * np.arcsin(np.minimum(np.abs(at.value), 1))
         away[:, f.family] = np.minimum(away[:, f.family], far)
-    return x, away
+    return away
 
 
 def _determinant(p: Product, x: Array) -> tuple[Array, Array]:
