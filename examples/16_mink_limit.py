@@ -1,4 +1,4 @@
-"""Keep an arm clear of its singularities with mink (pip install "mink[examples]").
+"""Keep an arm clear of its singularities with mink (pip install mink daqp).
 
 A limit of mink, G dq <= h: the clearance falls by no more than a share of what is left of it.
 """
