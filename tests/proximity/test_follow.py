@@ -12,11 +12,12 @@ import numpy as np
 import pytest
 from command_line import run
 from tiers import tiered
+from urdf_texts import LIMIT
 
 import pinsing
 from pinsing.kinematics import tip_speeds
 from pinsing.proximity.clearance import distances
-from pinsing.proximity.follow import BACKLOG, Follower, HeadError, follow, latest, lines_of
+from pinsing.proximity.follow import BACKLOG, Follower, HeadError, Reader, follow, latest, lines_of
 
 Q = np.array([0.0, -1.2, 1.3, -1.0, 0.15, 0.0])
 SPEED = np.array([0.0, 0.0, 0.0, 0.0, -0.3, 0.0])
@@ -142,8 +143,9 @@ def test_errors_say_the_line_and_the_joint(form, bad, words):
     assert last["family"] == "F2"
 
 
-def test_speeds_in_degrees_are_refused_from_the_first_line(form):
-    for error in said(form, [of(velocity=[100, 0, 0, 0, 0, 0])] * 2):
+@pytest.mark.parametrize("first", [[], [of()]])
+def test_speeds_in_degrees_are_refused_from_the_first_line_that_has_some(form, first):
+    for error in said(form, first + [of(velocity=[100, 0, 0, 0, 0, 0])] * 2)[len(first) :]:
         assert "at 100 rad/s" in error["error"]
 
 
@@ -161,18 +163,42 @@ def test_stamps_of_ros_and_speeds_that_are_not_measured(form, stamp, t, unknown)
 
 
 def test_what_is_no_joint_is_passed_over_once(form):
-    follower = Follower(form, form.loaded, False, 0.1)
+    notes = []
+    follower = Follower(form, form.loaded, False, 0.1, notes.append)
     head = "\ufeff" + ",".join([*NAMES[::-1], "gripper"])
     rows = ["# said", head, row(0, Q[::-1])[2:] + ",open", "# more", row(1, Q[::-1])[2:] + ",open"]
     table = list(follow(follower, rows, False))
     each = {f"{n}.pos": x for n, x in zip(NAMES, Q.tolist(), strict=True)} | {"gripper.pos": 1}
     assert [v["lower"] for v in table] == [said(form, [json.dumps(each)])[0]["lower"]] * 2
-    assert follower.reader.notes == ["no positions in 'gripper': not used"]
+    assert notes == ["note: no positions in 'gripper': not used"]
     lines = [json.dumps(each | {f"k{k}": 1}) for k in range(2 * BACKLOG)]
     many = json.dumps(each | {f"k{k}": 1 for k in range(50_000)})
     *_, last = follow(follower, [*lines, many], False)
     assert last["error"] == "the stream: a line of 50,007 columns"
-    assert len(follower.reader.notes) == BACKLOG
+    assert len(notes) == BACKLOG
+
+
+@pytest.mark.parametrize(("head", "unit"), [("{}.pos", 1), ("{} (deg)", np.degrees(1))])
+def test_joints_that_contradict_the_description_are_noted(write_urdf, head, unit):
+    axis = f'<axis xyz="0 0 1"/>{LIMIT}'
+    mimic = axis + '<mimic joint="j1" multiplier="-2" offset="0.25"/>'
+    kinds = ["revolute"] * 3 + ["prismatic", "revolute"]
+    parts = list(zip(kinds, (axis, mimic, axis, axis, axis), strict=True))
+    arm = pinsing.load(write_urdf(parts), task="vx,vy", joints=["j1", "j5"])
+    notes = []
+    reader = Reader(arm, False, notes.append)
+    reader.read(",".join("j4" if k == 4 else head.format(f"j{k}") for k in range(1, 6)))
+    for off in np.radians([0.9, 1.2, 11, 13]):
+        row = [0.1, 0.05 - off, off, np.degrees(off) / 1e3 / unit, 0.7]
+        reader.read(",".join(str(x * unit) for x in row))
+    reader.read(f"{0.1 * unit},null,,x,{0.7 * unit}")  # what is not measured
+    locked = "is locked in this arm"
+    whys = [(2, "follows 'j1' in the description", "degrees"), (3, locked, "degrees")]
+    assert notes == [
+        f"note: joint 'j{k}' {why}, the stream has it {far} {of} elsewhere"
+        for far in ("1.2", "13")
+        for k, why, of in (*whys, (4, locked, "mm"))
+    ]
 
 
 def test_the_family_is_the_nearest_and_the_move_leads_away_from_it(form):
@@ -392,7 +418,7 @@ def test_names_are_not_dropped_where_rows_are(backlog):
     ],
 )
 def test_a_file_is_drawn_at_its_own_times_or_line_by_line(
-    form, tmp_path, monkeypatch, times, steps, kept
+    form, tmp_path, monkeypatch, capsys, times, steps, kept
 ):
     import pinsing.cli.view as module
 
@@ -415,10 +441,12 @@ def test_a_file_is_drawn_at_its_own_times_or_line_by_line(
     monkeypatch.setattr(module, "time", clock)
     file, places = tmp_path / "run.jsonl", np.arange(7 if times is None else len(times)) / 10
     states = [{"position": [x, *Q[1:]]} for x in places]
+    states[0] |= {"name": [*NAMES, "gripper"], "position": [*states[0]["position"], 1]}
     for state, t in zip(states, times or [], strict=False):
         state["t"] = t
     file.write_text("\n".join(map(json.dumps, states)))
     module._lead(Screen(), file, False)
+    assert capsys.readouterr().err.count("no positions in 'gripper': not used") == 1
     np.testing.assert_allclose(Screen.shown[:-1], list(zip(steps, places[kept], strict=True)))
     assert Screen.shown[-1][1] == places[-1]  # the last one, skipped or not
 

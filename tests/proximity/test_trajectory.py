@@ -296,11 +296,10 @@ class TestTheWholeRobotsColumns:
         arm = pinsing.load("ur5", joints=[name for name in whole.joints if name != locked])
         Q = np.full((3, 6), 0.1)
         path = tmp_path / "log.csv"
-        for value, right in ((0.0, True), (0.1, False)):
+        for value, right, unit in ((0.0, True, ""), (0.1, False, ""), (0.1, False, " (deg)")):
             Q[:, 2] = value
-            np.savetxt(
-                path, np.degrees(Q), delimiter=",", header=",".join(whole.joints), comments=""
-            )
+            header = ",".join(name + unit for name in whole.joints)
+            np.savetxt(path, np.degrees(Q), delimiter=",", header=header, comments="")
             if right:
                 np.testing.assert_allclose(read_trajectory(path, arm, True).Q, 0.1)
             else:

@@ -252,15 +252,11 @@ def _followed(arm: Arm, file: Path, degrees: bool, near: float, more: Mapping[st
 
     if not engine.available():
         say("note: without the compiled kernel a verdict may take half a second")
-    follower, judged = Follower(closed_form(arm), arm, degrees, near, **more), False
+    follower, judged = Follower(closed_form(arm), arm, degrees, near, told=say, **more), False
     with _ended_at_once(), followed(file) as (lines, live):
         gc.freeze()  # a collection of all that was imported takes many milliseconds
-        told = 0
         for said in follow(follower, lines, live):
             judged |= "level" in said
-            for note in follower.reader.notes[told:]:
-                say(f"note: {note}")
-            told = len(follower.reader.notes)
             click.echo(json.dumps(said))
     if not judged:
         raise ConfigurationError("the stream: no line could be judged")

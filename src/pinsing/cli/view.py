@@ -163,7 +163,7 @@ def _lead(viewer: Viewer, file: Path, degrees: bool) -> None:
     """
     from pinsing.proximity.follow import STALLED, Reader, latest
 
-    reader, skipped, problem, q = Reader(viewer.arm, degrees), 0, "", viewer.q
+    reader, skipped, problem, q = Reader(viewer.arm, degrees, say), 0, "", viewer.q
     # The clock where the file's is 0, and the file's time of the last picture.
     start, shown = 0.0, math.inf
     with followed(file) as (lines, live):

@@ -8,7 +8,7 @@ import math
 import re
 import threading
 from collections import deque
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -122,24 +122,26 @@ class Reader:
         The arm.
     degrees : bool
         Whether angles are in degrees where the names of columns do not tell.
+    told : callable, optional
+        Is given notes, each once: what is passed over, up to 100, and by how much joints that the
+        arm has locked, or that follow others, are elsewhere, anew where it is ten times as much.
 
     Attributes
     ----------
     t : float or None
         The time of the last line, where it has one that can be read.
-    notes : list of str
-        What was passed over; each once, and not more than 100.
     """
 
-    def __init__(self, arm: Arm, degrees: bool) -> None:
-        self._arm = arm
+    def __init__(self, arm: Arm, degrees: bool, told: Callable[[str], None] | None = None) -> None:
+        self._arm, self._degrees, self._told = arm, degrees, told
         self._scale = np.where(arm.prismatic, 1.0, np.pi / 180 if degrees else 1.0)
         self._names: tuple[list[str], ColumnHeads] | None = None
         self._columns: tuple[ColumnHeads | None, str | None] | None = None
         self._head: HeadError | None = None
         self._last: tuple[float, Array] | None = None
         self.t: float | None = None
-        self.notes: list[str] = []
+        self._noted: set[str] = set()
+        self._off: dict[str, float] = {}
 
     def read(self, line: str) -> tuple[float | None, Array, Array | None] | None:
         """Return time, q (n,) and speeds (n,); None for a line without values: empty, names, #.
@@ -240,7 +242,31 @@ class Reader:
         q = [number(values[i], f"{what} of joint {j!r}") for j, i in pairs]
         units = [None] * len(joints) if heads is None else heads.scales
         given = zip(units, self._scale, strict=True)
-        return np.array([x * (s if u is None else u) for x, (u, s) in zip(q, given, strict=True)])
+        found = np.array([x * (s if u is None else u) for x, (u, s) in zip(q, given, strict=True)])
+        if what == "q" and heads is not None and heads.held:
+            self._compare(found, heads, values)
+        return found
+
+    def _compare(self, q: Array, heads: ColumnHeads, values: Sequence[Any]) -> None:
+        """Say which joints without a value in q are elsewhere than the description has them."""
+        for held in heads.held:
+            i = heads.others[held.name]
+            if not is_number(word := str(values[i])):
+                continue
+            scale = math.pi / 180 if self._degrees and not held.slides else 1.0
+            off = abs(float(held.off(q, float(word) * (heads.units[i] or scale))))
+            # Backlash, and encoders that are read some milliseconds apart, explain less.
+            least = 1e-3 if held.slides else math.pi / 180
+            if off > self._off.get(held.name, least):
+                self._off[held.name] = 10 * off
+                far = f"{1e3 * off:.3g} mm" if held.slides else f"{math.degrees(off):.3g} degrees"
+                self._note(f"joint {held.name!r} {held.why}, the stream has it {far} elsewhere")
+
+    def _note(self, note: str) -> None:
+        if note not in self._noted:
+            self._noted.add(note)
+            if self._told:
+                self._told(f"note: {note}")
 
     def _heads(self, names: list[str]) -> ColumnHeads:
         if self._names is None or self._names[0] != names:
@@ -248,8 +274,9 @@ class Reader:
                 raise ConfigurationError(f"the stream: a line of {len(names):,} columns")
             heads = ColumnHeads("the stream", self._arm, names)
             self._names = names, heads
-            said = [n for n in heads.notes if n.endswith("not used")]
-            self.notes += [n for n in said if n not in self.notes][: BACKLOG - len(self.notes)]
+            for note in heads.notes:
+                if note.endswith("not used") and len(self._noted) < BACKLOG:
+                    self._note(note)
         return self._names[1]
 
     def _row(self, text: str) -> tuple[Array, None] | None:
@@ -327,6 +354,8 @@ class Follower:
         As of `Reader`.
     near : float
         Clearance, radians, at or below which the level is "warn"; half of it is "stop".
+    told : callable, optional
+        As of `Reader`.
     more : mapping
         Of `Monitor`: ``tip_speed``, ``turn_speed`` and ``joint_speeds``, with which ``tip_speeds``
         are told too; ``zones``, with which those that the arm is in are.
@@ -334,11 +363,19 @@ class Follower:
     Attributes
     ----------
     reader : Reader
-        With the time of the last line, and what was passed over.
+        With the time of the last line.
     """
 
-    def __init__(self, form: ClosedForm, arm: Arm, degrees: bool, near: float, **more: Any) -> None:
-        self.reader = Reader(arm, degrees)
+    def __init__(
+        self,
+        form: ClosedForm,
+        arm: Arm,
+        degrees: bool,
+        near: float,
+        told: Callable[[str], None] | None = None,
+        **more: Any,
+    ) -> None:
+        self.reader = Reader(arm, degrees, told)
         self._monitor = Monitor(form, near, near / 2, **more)
         self._zoned = more.get("zones") is not None
         self._arm = arm

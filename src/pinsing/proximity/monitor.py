@@ -188,6 +188,7 @@ class Monitor:
         self.warn, self.stop = float(warn), float(stop)
         self.hysteresis, self.horizon = float(hysteresis), float(horizon)
         self._shape: tuple[int, ...] = ()  # until the first q was looked at
+        self._moving = False  # until the first dq was
         self._weight = None if bool((watched.weight == 1).all()) else watched.weight
         self._x, self._v, self._out = np.empty(watched.n), np.empty(watched.n), np.empty(4)
         self._connect()
@@ -226,7 +227,7 @@ class Monitor:
         >>> monitor.level
         'clear'
         """
-        self.level, self._shape = CLEAR, ()
+        self.level, self._shape, self._moving = CLEAR, (), False
 
     def update(self, q: npt.ArrayLike, dq: npt.ArrayLike | None = None) -> Verdict:
         """Judge a configuration; a wrong one raises, and leaves the level as it was.
@@ -286,13 +287,14 @@ class Monitor:
             or not self.complete
         ):
             level = WARN
-        if first or level != self.level:
+        if first or level != self.level or self._moving < (dq is not None):
             watched, x = self._watched, self._x
             if watched.arm is None or watched.arm.units is None:
                 watched.space.require_radians(x / watched.weight, "q", endless=False)
                 if velocity.size and watched.arm is not None:
                     self._require_radians(watched.arm, np.abs(velocity / watched.weight))
             self.level = level
+            self._moving |= dq is not None
         name, title = self._listed[family]
         beside = title, self._inside(), self._allowed()
         if dq is None:
@@ -372,7 +374,7 @@ class Monitor:
         limits = limits_of(arm)
         odd = (speeds > limits + 2 * np.pi) & (np.radians(speeds) <= limits) & ~arm.prismatic
         for j in np.flatnonzero(odd)[:1]:
-            self._shape = ()  # the next is the first again
+            self._moving = False  # the next is the first again
             raise ConfigurationError(
                 f"dq: {arm.joints[j]} at {speeds[j]:g} rad/s is {speeds[j] / limits[j]:.1f} times "
                 f"its limit of {limits[j]:.4g} rad/s. For degrees use numpy.radians; if radians "

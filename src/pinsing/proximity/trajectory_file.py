@@ -22,6 +22,7 @@ from pinsing.arguments import MEBIBYTE
 from pinsing.chunk_file import DamagedError, read_arrays, read_bounded
 from pinsing.errors import ConfigurationError
 from pinsing.robot.arm import Arm
+from pinsing.robot.whole_model import WholeModel
 
 _UNIT = re.compile(r"(?i)[\s_]*[\[(]\s*([a-z°]+)\s*[\])]\s*$|_(deg|degrees|rad|mm|ms|ns)$")
 _ANGLES = {
@@ -86,8 +87,8 @@ class TrajectoryFile:
         Times, as they are in the file.
     notes : tuple of str
         How its columns were read.
-    others : mapping of str to (N,) array
-        Columns of joints of the whole model that the arm leaves out, as they are in the file.
+    others : mapping of str to ((N,) array, float or None)
+        Columns of joints of the whole model that the arm does not list, each as ``scales`` has it.
     scales : sequence of (float or None)
         Of each joint what its values are multiplied by, where the file names a unit.
     degrees : bool or None
@@ -97,7 +98,7 @@ class TrajectoryFile:
     Q: Array
     t: Array | None
     notes: tuple[str, ...]
-    others: Mapping[str, Array] = field(default_factory=dict)
+    others: Mapping[str, tuple[Array, float | None]] = field(default_factory=dict)
     scales: Sequence[float | None] = ()
     degrees: bool | None = None
 
@@ -230,10 +231,10 @@ def _require_others(path: Path, arm: Arm, found: TrajectoryFile, degrees: bool) 
     """Refuse what the whole model's configuration would be refused for: see ``Arm.q_of``."""
     whole = arm.source.full_model
     full = arm.full_q(found.Q)
-    for name, column in found.others.items():
+    for name, (column, scale) in found.others.items():
         joint = whole.joints[whole.getJointId(name)]
         slides = "P" in joint.shortname().removeprefix("JointModel")[:1]
-        value = np.radians(column) if degrees and not slides else column
+        value = column * (scale or (math.pi / 180 if degrees and not slides else 1.0))
         if joint.nq == 2:
             full[:, joint.idx_q], full[:, joint.idx_q + 1] = np.cos(value), np.sin(value)
         else:
@@ -578,7 +579,7 @@ def _text(path: Path, arm: Arm, columns: Sequence[str]) -> TrajectoryFile:
         found = _columns(path, arm, values)
         return replace(found, notes=(*found.notes, *said), degrees=table.degrees)
     at = {column: k for k, column in enumerate(used or range(len(words)))}
-    others = {w: values[:, at[i]] for w, i in read.others.items()}
+    others = {w: (values[:, at[i]], read.units[i]) for w, i in read.others.items()}
     t = None if read.time is None else values[:, at[read.time]] * read.time_scale
     Q = values[:, [at[i] for i in read.order]]
     return TrajectoryFile(Q, t, (*read.notes, *said), others, read.scales, table.degrees)
@@ -607,10 +608,14 @@ class ColumnHeads:
         The column of each joint.
     scales : list of (float or None)
         Of each joint, where a unit is named.
+    units : list of (float or None)
+        The same of each column.
     time : int or None
         The column of times, in units of ``time_scale`` seconds.
     others : dict of str to int
-        Joints of the whole model that the arm leaves out.
+        Joints of the whole model that the arm does not list.
+    held : list of Held
+        Of these the ones between base and tip.
     used : set of int
         Columns that are read.
     notes : tuple of str
@@ -630,7 +635,6 @@ class ColumnHeads:
         if twice := [w for w in words if w and list(words).count(w) > 1 and not columns]:
             raise self._error(f"column {twice[0]!r:.80} is there twice")
         known = _others(arm)
-        self.others = {w: i for i, w in enumerate(words) if w in known}
         units = [_UNIT.search(w) for w in words]
         marks = [(u.group(1) or u.group(2)).lower() if u else "" for u in units]
         names = [
@@ -640,6 +644,8 @@ class ColumnHeads:
         exact, letters = {*arm.joints, *known}, _LETTERS.get(arm.n, "")
         if yaskawa := bool(letters) and {*letters} <= {*names} - exact and not columns:
             names = [arm.joints[letters.index(n)] if n in {*letters} else n for n in names]
+        plain = map(_without_places, names)
+        self.others = {n: i for i, n in enumerate(plain) if n in known}
         for i, unit in enumerate(below[: len(words)]):
             if marks[i] and unit.lower() not in ("", marks[i]):
                 raise self._error(f"column {words[i]!r:.80} says another unit than {unit!r:.40}")
@@ -666,7 +672,7 @@ class ColumnHeads:
         self.time_scale = (scales[times[0]] if times else None) or 1.0
         if times and scales[times[0]] is None and words[times[0]] == "%time":
             self.time_scale = 1e-9  # as rostopic writes it
-        self.scales = [scales[i] for i in self.order]
+        self.units, self.scales = scales, [scales[i] for i in self.order]
         if odd := [i for i in (*self.order, *times) if below and marks[i] and not scales[i]]:
             raise self._error(
                 f"column {words[odd[0]]!r:.80} is in {marks[odd[0]]!r:.40}, which is not known: "
@@ -692,11 +698,14 @@ class ColumnHeads:
             pairs = zip(arm.joints, self.order, strict=True)
             self.notes += ("columns: " + ", ".join(f"{j} = {words[i]!r:.80}" for j, i in pairs),)
         unknown = [i for i in range(len(words)) if i not in {*self.used, *passed}]
-        left = [*self.others, *(words[i] for i in (*passed, *(() if columns else unknown)))]
+        whole = WholeModel(arm.source, arm.joints, arm.tip, arm.coupling)
+        self.held = [held for held in whole.held() if held.name in self.others]
+        beside = [n for n in self.others if n not in {held.name for held in self.held}]
+        left = [*beside, *(words[i] for i in (*passed, *(() if columns else unknown)))]
         if left:
             shown = ", ".join(f"{w!r:.80}" for w in left[:6])
             more = f" and {len(left) - 6} more" if len(left) > 6 else ""
-            what = "the chain leaves out" if self.others else "no positions in"
+            what = "the chain leaves out" if beside else "no positions in"
             self.notes += (f"{what} {shown}{more}: not used",)
 
     def _error(self, words: str) -> ConfigurationError:

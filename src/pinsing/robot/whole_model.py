@@ -25,6 +25,40 @@ _UNIT = 1e-3
 
 
 @dataclass(frozen=True, eq=False)
+class Held:
+    """A joint between base and tip that has no value in q: it follows others, or is locked.
+
+    Attributes
+    ----------
+    name : str
+        Of the joint.
+    index : int
+        Its index in the whole model.
+    row : (n,) array
+        It is at ``q @ row + offset``, radians or metres.
+    offset : float
+        Radians or metres.
+    slides, endless : bool
+        Whether it is prismatic, and whether whole turns do not matter to it.
+    why : str
+        What messages say: which joint it follows, or that it is locked.
+    """
+
+    name: str
+    index: int
+    row: Array
+    offset: float
+    slides: bool
+    endless: bool
+    why: str
+
+    def off(self, q: Array, value: Array | float) -> Array:
+        """How far values (...) of the joint are from where q (..., n) puts it."""
+        off = np.asarray(value - (q @ self.row + self.offset))
+        return off - 2 * np.pi * np.round(off / (2 * np.pi)) if self.endless else off
+
+
+@dataclass(frozen=True, eq=False)
 class WholeModel:
     """The whole model, seen from an arm in it.
 
@@ -140,14 +174,34 @@ class WholeModel:
         values = np.stack([self._value(j, full_q) for j in kept], axis=-1)
         names = [whole.names[j] for j in kept]
         q = values[..., [names.index(name) for name in self.joints]]
-        if self.coupling is not None:
-            there = self.values(q)
-            for row, j in enumerate(kept):
-                self._require(j, values[..., row], there[..., row], "follows another joint")
-        for j in self._on_the_way():
-            at = self._value(j, self.source.reference)
-            self._require(j, self._value(j, full_q), at, "is locked in this arm")
+        for held in self.held():
+            self._require(held, q, self._value(held.index, full_q))
         return q
+
+    def held(self) -> list[Held]:
+        """Joints between base and tip that have no value in q."""
+        whole, joints, found = self.source.full_model, np.array(self.joints), []
+        for row, j in enumerate(self.source.kept):
+            if self.coupling is not None and whole.names[j] not in self.joints:
+                share = self.coupling.matrix[row]
+                leaders = " and ".join(map(repr, joints[share != 0].tolist())) or "a locked joint"
+                why = f"follows {leaders} in the description"
+                found.append((j, share, self.coupling.offset[row], why))
+        rest, at = np.zeros(len(joints)), self.source.reference
+        for j in self._on_the_way():
+            found.append((j, rest, self._value(j, at), "is locked in this arm"))
+        return [
+            Held(
+                whole.names[j],
+                j,
+                row,
+                float(offset),
+                whole.joints[j].shortname().startswith("JointModelP"),
+                whole.joints[j].nq == 2,
+                why,
+            )
+            for j, row, offset, why in found
+        ]
 
     def full_q(self, q: Array, others: Array) -> Array:
         """Configurations (..., nq): ``others`` (nq,) with the arm at q (..., n)."""
@@ -180,22 +234,16 @@ class WholeModel:
             )
         return np.asarray(np.arctan2(s, c))
 
-    def _require(self, joint: int, value: Array, at: Array, why: str) -> None:
-        whole = self.source.full_model
-        off = value - at
-        if whole.joints[joint].nq == 2:
-            off = off - 2 * np.pi * np.round(off / (2 * np.pi))
-        wrong = np.abs(off) > ALIKE
+    def _require(self, held: Held, q: Array, value: Array) -> None:
+        wrong = np.abs(held.off(q, value)) > ALIKE
         if not wrong.any():
             return
-        name = whole.names[joint]
-        value, at = np.broadcast_arrays(value, at)
-        here, there = float(value[wrong].flat[0]), float(at[wrong].flat[0])
+        here, there = float(value[wrong][0]), float(q[wrong][0] @ held.row + held.offset)
         raise ConfigurationError(
-            f"joint {name!r} {why} and belongs at {there:g}, but the whole model's q has it at "
-            f"{here:g}: give the arm's own {len(self.joints)} values, or load the arm with that "
-            "joint as it is",
-            joint=name,
+            f"joint {held.name!r} {held.why} and belongs at {there:g}, but the whole model's q "
+            f"has it at {here:g}: give the arm's own {len(self.joints)} values, or load the arm "
+            "with that joint as it is",
+            joint=held.name,
             value=here,
             limits=(there, there),
         )
