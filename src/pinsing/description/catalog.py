@@ -449,7 +449,7 @@ def locate_robot(robot: str | Path) -> CatalogEntry | Path:
         return path
     if not _is_name(robot) and not (
         isinstance(robot, str)
-        and not path.parent.is_dir()
+        and not os.path.isdir(path.parent)
         and (entries := known_robots())
         and any("/" in entries[known].title for known in _meant(robot, entries))
     ):
