@@ -251,7 +251,7 @@ def test_calibrations_are_read_strictly(tmp_path: Path) -> None:
 
 
 def test_two_walls_may_be_passed_where_they_meet(form: pinsing.ClosedForm) -> None:
-    assert "across one of them, away from the others" in str(form.tube)
+    assert "across one of them by more than that, away from the others" in str(form.tube)
     ends = [0.9, -0.5, 0.2, 1.1, -0.2, -0.9], [0.9, -0.5, -0.2, 1.1, 0.2, -0.9]
     found = pinsing.postures.connect(form, *ends)
     assert (found.answer, found.proven) == ("different", False)
