@@ -4,6 +4,7 @@ import errno
 import json
 import logging
 import os
+import re
 import signal
 import socket
 import struct
@@ -18,6 +19,7 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
+import meshcat
 import pytest
 from tiers import tiered
 
@@ -324,6 +326,11 @@ def test_the_viewer_comes_with_the_licences_of_what_is_in_it(server: Server) -> 
     for text in (static, server._site.texts["meshcat.js"][1]):
         for words in ("2010-2021 three.js authors", "Robin Deits", "Apache License", "AS IS"):
             assert words in text
+    script = Path(meshcat.__file__).parent / "viewer/dist/main.js"  # as the page's, with its parts
+    parts = set(re.findall(r"\./node_modules/([^/]+)/", script.read_text(encoding="utf-8")))
+    assert len(parts) == 10
+    named = re.findall(r"[\w.-]+(?= \d+\.\d+\.\d+ \()", asset("licences.txt"))
+    assert parts - {"three"} <= {*named} >= {"three.js"}
     code = meshcat_script()
     assert code.startswith("/*\n")
     assert code.index("*/") == len("/*\n" + asset("licences.txt"))  # the comment ends where it must
