@@ -46,6 +46,15 @@ NAMES = pinsing.load("ur5").joints
 HEAD = "t," + ",".join(f"q{k} (deg)" for k in range(1, 7))
 
 
+def test_times_that_jitter_do_not_cost_a_verdict(form):
+    """Differences over them make no sense as speeds: the line is judged without."""
+    on = Q * [1, 1, 1, 1, 0, 1]
+    first, second = said(form, [line(0.0, Q + 0.3), line(0.005, on)])
+    assert (first["level"], second["level"], second["trend"]) == ("clear", "stop", None)
+    measured = json.dumps({"t": 1, "position": on.tolist(), "velocity": [90.0] * 6})
+    assert "error" in said(form, [line(0.0, Q + 0.3), measured])[1]
+
+
 @pytest.mark.parametrize(
     "lines",
     [

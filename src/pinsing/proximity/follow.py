@@ -130,6 +130,8 @@ class Reader:
     ----------
     t : float or None
         The time of the last line, where it has one that can be read.
+    measured : bool
+        Whether the speeds of the last line are its own, and not differences.
     """
 
     def __init__(self, arm: Arm, degrees: bool, told: Callable[[str], None] | None = None) -> None:
@@ -140,6 +142,7 @@ class Reader:
         self._head: HeadError | None = None
         self._last: tuple[float, Array] | None = None
         self.t: float | None = None
+        self.measured = False
         self._noted: set[str] = set()
         self._off: dict[str, float] = {}
 
@@ -165,6 +168,7 @@ class Reader:
         self._require_sense(q)
         t, last = self.t, self._last
         self._last = None if t is None else (t, q)
+        self.measured = dq is not None
         if dq is None and last is not None and t is not None and t > last[0]:
             dq = self._arm.space.wrap(q - last[1]) / (t - last[0])
         return t, q, dq
@@ -405,7 +409,12 @@ class Follower:
         if found is None:
             return None
         t, q, dq = found
-        said = self._monitor.update(q, dq)
+        try:
+            said = self._monitor.update(q, dq)
+        except ConfigurationError:
+            if self.reader.measured:
+                raise
+            said = self._monitor.update(q)  # times that jitter make speeds that make no sense
         out: dict[str, Any] = {"t": t} | {k: getattr(said, k) for k in _SAID} | {"move": None}
         if said.family:
             watched = self._families[said.family]
