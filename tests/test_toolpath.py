@@ -137,6 +137,16 @@ def test_the_bound_counts_what_is_within_limits_between_two_values():
     assert coarse.bound >= fine.clearance > np.radians(55)
 
 
+def test_the_family_named_is_the_nearest():
+    """Not the one whose lower bound is the least: a GP25's shoulder was named, 67 degrees away."""
+    form = pinsing.closed_form(pinsing.load("gp25"), prove=False)
+    T = np.tile(np.diag([1.0, -1, -1, 1]), (3, 1, 1))
+    T[:, :3, 3] = [[0.9, y, 0.7] for y in (-0.05, 0, 0.05)]
+    plan = plan_path(form, T)
+    assert plan.title == "wrist"
+    assert form["wrist"].distance(plan.q).min() == pytest.approx(plan.clearance, abs=2e-3)
+
+
 def test_a_rotation_about_the_last_axis_cannot_help(ur5):
     arm, form = ur5
     T = np.tile(tip_placement(arm, START).homogeneous, (5, 1, 1))

@@ -412,7 +412,7 @@ class _Planner:
         values, q = chosen
         bound = max(bound, proven)
         near, kept = clearance(self.form, q[round(where)]), self._kept(self.first)
-        family = near.names[int(near.family)] if near.names else ""
+        family = str(near.nearest)
         return replace(
             self._none("", notes),
             q=q,
