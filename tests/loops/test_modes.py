@@ -11,6 +11,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from mechanisms import URDF, from_model, shipped
+from tiers import tiered_rows
 from urdf_text import J as Joint
 from urdf_text import frame, loop_text, stewart, written
 
@@ -417,6 +418,23 @@ def test_flipped_joints_are_no_curves_of_their_own(case, tmp_path):
         for q in one.q[:: max(1, len(one.q) // 5)]:
             away = np.linalg.norm(marks - likeness(mechanism, q), axis=1).min()
             assert away > 0.05 * steps
+
+
+@pytest.mark.parametrize(
+    ("moving", "seed"), tiered_rows(itertools.product(range(3), (20, 7)), [(1, 20)])
+)
+def test_every_arm_of_a_delta_has_the_same_singular_points_whatever_is_drawn(moving, seed):
+    """Few random starts are within the limits before universal joints are flipped."""
+    mechanism = shipped("delta")
+    traces = curves(mechanism, home(mechanism)[list(mechanism.actuated)], moving, seed=seed)
+    (whole,) = intervals(mechanism, traces, moving)
+    assert (whole.lower, whole.upper) == pytest.approx((-2.4, 2.4))
+    points = find_singular(mechanism, traces)
+    at = {k: [p.inputs[moving] for p in points if p.kind == k] for k in ("type 1", "type 2")}
+    one = [-1.59077, -1.53324, -1.53324, -0.71368, 1.58631, 1.58631, 1.64293, 2.32444]
+    assert at["type 1"] == pytest.approx(one, abs=1e-5)
+    assert at["type 2"] == pytest.approx([-1.55225, -0.73172, 1.60419, 2.33931], abs=1e-5)
+    assert all(mechanism_at(mechanism, p.q).kind == p.kind for p in points)
 
 
 def test_points_of_a_curve_on_which_a_leg_moves_by_itself_are_one_mode():

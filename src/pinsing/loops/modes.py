@@ -10,13 +10,13 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
 import pinocchio as pin
 
-from pinsing._types import Array
+from pinsing._types import Array, Bool
 from pinsing.errors import ConfigurationError
 from pinsing.loops.closure import (
     BatchLoops,
@@ -28,8 +28,8 @@ from pinsing.loops.closure import (
     random_closed,
     ranks,
 )
-from pinsing.loops.structure import Sample, closing, once, path_to, structure
-from pinsing.measures import ROUNDING, SEED, SOLVED
+from pinsing.loops.structure import Leg, Sample, closing, groups, likeness, once, path_to, structure
+from pinsing.measures import ALIKE, ROUNDING, SEED, SOLVED
 from pinsing.robot.mechanism import Mechanism
 
 _HOME_STARTS = 60
@@ -293,3 +293,108 @@ def _home(mechanism: Mechanism) -> Array:
         ranks(mechanism)
         spare = near_home(mechanism)
     return mechanism.space.fold(spare[0])
+
+
+MANY = 8
+"""More solutions at which something moves by itself are points of curves."""
+
+
+@dataclass(frozen=True, eq=False)
+class LegMode:
+    """Solutions of one leg that differ in flipped passive joints only."""
+
+    q: Array  # (n,): one of them; joints of other legs have no meaning
+    ways: int  # how many were found
+    # whether the leg moves by itself there, and this is one point for a curve of them
+    loose: bool = False
+
+
+def leg_modes(
+    mechanism: Mechanism, reached: Array, free: Bool, rng: np.random.Generator, starts: int
+) -> list[list[list[LegMode]]]:
+    """Solutions within the limits, for each configuration, for each leg.
+
+    The pose of the output at ``reached`` (N, n) is the one to reach; joints that are not ``free``
+    (n,) stay as there. Of each leg's ``starts`` the first is there, the others are random; balls
+    and universal joints are flipped besides.
+    """
+    loops = BatchLoops(mechanism)
+    by_leg = [
+        _solutions(loops, leg, reached, free, rng, starts) for leg in structure(mechanism).legs
+    ]
+    return [list(modes) for modes in zip(*by_leg, strict=True)]
+
+
+def _solutions(
+    loops: BatchLoops,
+    leg: Leg,
+    reached: Array,
+    free: Bool,
+    rng: np.random.Generator,
+    count: int,
+) -> list[list[LegMode]]:
+    mechanism = loops.mechanism
+    mine = np.isin(np.arange(mechanism.n), leg.joints) & free
+    starts = np.repeat(reached, count, axis=0)
+    low, high = mechanism.space.span
+    drawn = rng.uniform(low, high, starts.shape)
+    drawn[::count] = reached
+    starts[:, mine] = drawn[:, mine]
+    R, p, _ = loops.output(reached)
+    pose = np.repeat(np.arange(len(reached)), count)
+    found: list[list[Array]] = [[] for _ in reached]
+    for _ in range(3):
+        target = (R[pose], p[pose], tuple(range(6))) if leg.carries else None
+        Q, size = newton(loops, starts, mine, leg.loops, target)
+        flips: list[tuple[int, Array]] = []
+        for i, q in zip(pose[size <= ROUNDING].tolist(), Q[size <= ROUNDING], strict=True):
+            away = mechanism.space.wrap(np.reshape(found[i], (-1, mechanism.n)) - q)
+            if not (np.abs(away / mechanism.space.metric).max(axis=1) <= 1e-5).any():
+                found[i].append(q)
+                flips += [(i, x) for x in _flipped(mechanism, q, mine)]
+        if not flips:
+            break
+        pose, starts = np.array([i for i, _ in flips]), np.array([x for _, x in flips])
+    grouped = [_grouped(mechanism, leg, mine, solutions) for solutions in found]
+    return [_without_curves(mechanism, mine, modes) for modes in grouped]
+
+
+def _without_curves(mechanism: Mechanism, mine: Bool, modes: list[LegMode]) -> list[LegMode]:
+    """Of many configurations at which the leg moves by itself, one: they are points of curves."""
+    if len(modes) <= MANY:
+        return modes
+    loops = Loops(mechanism)
+
+    def is_loose(mode: LegMode) -> bool:
+        rows = np.vstack([loops.scaled(mode.q)[1], loops.output(mode.q)[1]])[:, mine]
+        sigma = np.linalg.svd(rows, compute_uv=False)
+        return len(sigma) < mine.sum() or bool(sigma[-1] <= ALIKE * sigma[0])
+
+    loose = [mode for mode in modes if is_loose(mode)]
+    if len(loose) <= MANY:
+        return modes
+    return [replace(loose[0], loose=True), *(mode for mode in modes if mode not in loose)]
+
+
+def _flipped(mechanism: Mechanism, q: Array, mine: Bool) -> list[Array]:
+    """Starts near the other solutions of balls and universal joints with crossed axes."""
+    out = []
+    for centre in structure(mechanism).centres:
+        joints = [j for j in centre.joints if mine[j]]
+        if len(joints) < 2:
+            continue
+        for middle in (-q[joints[1]], np.pi - q[joints[1]]):
+            x = q.copy()
+            x[joints[0]] += np.pi
+            x[joints[1]] = middle
+            if len(joints) > 2:
+                x[joints[2]] += np.pi
+            out.append(x)
+    return out
+
+
+def _grouped(mechanism: Mechanism, leg: Leg, mine: Bool, solutions: list[Array]) -> list[LegMode]:
+    folded = [mechanism.space.fold(q) for q in solutions]
+    inside = [q for q in folded if not mechanism.space.unreachable(q)[mine].any()]
+    alike = groups([likeness(mechanism, q, leg.joints, pose=False) for q in inside])
+    return [LegMode(inside[group[0]], len(group)) for group in alike]

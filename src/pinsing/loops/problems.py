@@ -7,7 +7,7 @@ do is the product.
 from __future__ import annotations
 
 import itertools
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
@@ -16,116 +16,25 @@ import numpy.typing as npt
 from pinsing._types import Array, Bool
 from pinsing.arguments import checked
 from pinsing.errors import ConfigurationError, OptionError
-from pinsing.loops.closure import BatchLoops, Loops, gauss_newton, newton, ranks
+from pinsing.loops.closure import BatchLoops, Loops, gauss_newton, ranks
 from pinsing.loops.legs import MOST_ASSEMBLIES, most_assemblies, sphere_loci
 from pinsing.loops.loop_forms import planar_dyad
 from pinsing.loops.mode_counts import found_words, level_words, noun, number_of_modes
-from pinsing.loops.modes import closed_from_random, home, home_error, mode_at, mode_of
+from pinsing.loops.modes import (
+    MANY,
+    closed_from_random,
+    home,
+    home_error,
+    leg_modes,
+    mode_at,
+    mode_of,
+)
 from pinsing.loops.motion import motions, pose_of, read_pose
 from pinsing.loops.solve import InfeasibleError, Solution, feasible
-from pinsing.loops.structure import Leg, groups, likeness, output_pose, structure
-from pinsing.measures import ALIKE, ROUNDING, SEED, SOLVED
+from pinsing.loops.structure import groups, output_pose, structure
+from pinsing.measures import ALIKE, SEED, SOLVED
 from pinsing.robot.mechanism import Mechanism
 from pinsing.serialization import JsonResult
-
-_STARTS = 24
-_POINTS = 8
-
-
-@dataclass(frozen=True, eq=False)
-class LegMode:
-    """Solutions of one leg that differ in flipped passive joints only."""
-
-    q: Array  # (n,): one of them; joints of other legs have no meaning
-    ways: int  # how many were found
-    # whether the leg moves by itself there, and this is one point for a curve of them
-    loose: bool = False
-
-
-def leg_modes(
-    mechanism: Mechanism, reached: Array, free: Bool, rng: np.random.Generator
-) -> list[list[list[LegMode]]]:
-    """Solutions within the limits, for each configuration, for each leg.
-
-    The pose of the output at ``reached`` (N, n) is the one to reach; joints that are not ``free``
-    (n,) stay as there.
-    """
-    loops = BatchLoops(mechanism)
-    by_leg = [_solutions(loops, leg, reached, free, rng) for leg in structure(mechanism).legs]
-    return [list(modes) for modes in zip(*by_leg, strict=True)]
-
-
-def _solutions(
-    loops: BatchLoops, leg: Leg, reached: Array, free: Bool, rng: np.random.Generator
-) -> list[list[LegMode]]:
-    mechanism = loops.mechanism
-    mine = np.isin(np.arange(mechanism.n), leg.joints) & free
-    count = len(reached)
-    starts = np.repeat(reached, _STARTS, axis=0)
-    low, high = mechanism.space.span
-    drawn = rng.uniform(low, high, starts.shape)
-    # The first start is the configuration itself.
-    drawn[::_STARTS] = reached
-    starts[:, mine] = drawn[:, mine]
-    R, p, _ = loops.output(reached)
-    pose = np.repeat(np.arange(count), _STARTS)
-    found: list[list[Array]] = [[] for _ in range(count)]
-    for _ in range(3):
-        target = (R[pose], p[pose], tuple(range(6))) if leg.carries else None
-        Q, size = newton(loops, starts, mine, leg.loops, target)
-        flips: list[tuple[int, Array]] = []
-        for i, q in zip(pose[size <= ROUNDING].tolist(), Q[size <= ROUNDING], strict=True):
-            away = mechanism.space.wrap(np.reshape(found[i], (-1, mechanism.n)) - q)
-            if not (np.abs(away / mechanism.space.metric).max(axis=1) <= 1e-5).any():
-                found[i].append(q)
-                flips += [(i, x) for x in _flipped(mechanism, q, mine)]
-        if not flips:
-            break
-        pose, starts = np.array([i for i, _ in flips]), np.array([x for _, x in flips])
-    grouped = [_grouped(mechanism, leg, mine, solutions) for solutions in found]
-    return [_without_curves(mechanism, mine, modes) for modes in grouped]
-
-
-def _without_curves(mechanism: Mechanism, mine: Bool, modes: list[LegMode]) -> list[LegMode]:
-    """Of many configurations at which the leg moves by itself, one: they are points of curves."""
-    if len(modes) <= _POINTS:
-        return modes
-    loops = Loops(mechanism)
-
-    def is_loose(mode: LegMode) -> bool:
-        rows = np.vstack([loops.scaled(mode.q)[1], loops.output(mode.q)[1]])[:, mine]
-        sigma = np.linalg.svd(rows, compute_uv=False)
-        return len(sigma) < mine.sum() or bool(sigma[-1] <= ALIKE * sigma[0])
-
-    loose = [mode for mode in modes if is_loose(mode)]
-    if len(loose) <= _POINTS:
-        return modes
-    return [replace(loose[0], loose=True), *(mode for mode in modes if mode not in loose)]
-
-
-def _flipped(mechanism: Mechanism, q: Array, mine: Bool) -> list[Array]:
-    """Starts near the other solutions of balls and universal joints with crossed axes."""
-    out = []
-    for centre in structure(mechanism).centres:
-        joints = [j for j in centre.joints if mine[j]]
-        if len(joints) < 2:
-            continue
-        for middle in (-q[joints[1]], np.pi - q[joints[1]]):
-            x = q.copy()
-            x[joints[0]] += np.pi
-            x[joints[1]] = middle
-            if len(joints) > 2:
-                x[joints[2]] += np.pi
-            out.append(x)
-    return out
-
-
-def _grouped(mechanism: Mechanism, leg: Leg, mine: Bool, solutions: list[Array]) -> list[LegMode]:
-    folded = [mechanism.space.fold(q) for q in solutions]
-    inside = [q for q in folded if not mechanism.space.unreachable(q)[mine].any()]
-    alike = groups([likeness(mechanism, q, leg.joints, pose=False) for q in inside])
-    return [LegMode(inside[group[0]], len(group)) for group in alike]
-
 
 STARTS = 400
 _MOST = 4096
@@ -343,12 +252,12 @@ def _sought(
     poses, hits = _poses(loops, closed_from_random(loops, begin, free, starts, rng, target))
     loose = [motions(mechanism, q).input_ratio <= ALIKE for q in poses]
     # All but the first of the poses at which the output is loose, where there are many.
-    spare = set(np.flatnonzero(loose)[1:].tolist()) if sum(loose) > _POINTS else set()
+    spare = set(np.flatnonzero(loose)[1:].tolist()) if sum(loose) > MANY else set()
     kept = [k for k in range(len(poses)) if k not in spare]
     reached = np.array([poses[k] for k in kept]).reshape(-1, mechanism.n)
     pairs: list[tuple[Solution, int]] = []
     beyond, moving = 0, 0
-    for k, legs in zip(kept, leg_modes(mechanism, reached, free, rng), strict=True):
+    for k, legs in zip(kept, leg_modes(mechanism, reached, free, rng, 24), strict=True):
         beyond += not all(legs)
         for choice in itertools.islice(itertools.product(*legs), _MOST + 1 - len(pairs)):
             q = poses[k].copy()

@@ -531,20 +531,24 @@ def _solve(system: _System, q: Array) -> Array:
     for _ in range(40):
         if size <= 1e-15 or stalled == 2:
             break
-        step = np.linalg.lstsq(system.jacobian(x, Z), -value, rcond=1e-9)[0]
+        inverse = np.linalg.pinv(system.jacobian(x, Z), rcond=1e-9)
+        step = -inverse @ value
         factor = min(1.0, 0.3 / max(float(np.abs(step).max()), 1e-300))
         for _ in range(6):
             x_new = x + factor * step[: system.n]
             Z_new = Z + factor * step[system.n :].reshape(Z.shape)
             value_new = system.residual(x_new, Z_new)
             size_new = float(np.linalg.norm(value_new))
-            if size_new < size:
+            # Where joints are nearly locked the equations bend: the step that is left tells more.
+            left = float(np.linalg.norm(inverse @ value_new))
+            left /= max(float(np.linalg.norm(step)), 1e-300)
+            if size_new < size or left < 0.5:
                 break
             factor /= 3
         else:
             break
         # A minimum that is not zero is approached slowly: it is no singularity.
-        stalled = stalled + 1 if size_new > 0.9 * size else 0
+        stalled = stalled + 1 if min(size_new / size, left) > 0.9 else 0
         x, Z, value, size = x_new, Z_new, value_new, size_new
     return x
 

@@ -12,10 +12,10 @@ import numpy.typing as npt
 from pinsing._types import Array
 from pinsing.errors import ConfigurationError
 from pinsing.loops.closure import BatchLoops, Loops, Mask, gauss_newton, ranks
-from pinsing.loops.modes import assembly_sign, closed_from_random, home, mode_of
+from pinsing.loops.modes import assembly_sign, closed_from_random, home, leg_modes, mode_of
 from pinsing.loops.motion import Pose, motions
 from pinsing.loops.singular_points import StoppedError, Trace, trace, turning_points
-from pinsing.loops.structure import groups, likeness
+from pinsing.loops.structure import likeness, structure
 from pinsing.measures import SEED, SOLVED
 from pinsing.robot.mechanism import Mechanism
 from pinsing.serialization import JsonResult
@@ -196,14 +196,6 @@ class Interval:
         return "whole circle" if self.whole else f"[{self.lower:.6g}, {self.upper:.6g}]"
 
 
-def distinct(mechanism: Mechanism, found: Sequence[Array]) -> list[Array]:
-    """Configurations (n,) within the limits, one of each mode."""
-    folded = [mechanism.space.fold(q) for q in found]
-    inside = [q for q in folded if not mechanism.space.unreachable(q).any()]
-    alike = groups([likeness(mechanism, q) for q in inside])
-    return [inside[group[0]] for group in alike]
-
-
 def curves(
     mechanism: Mechanism,
     inputs: npt.ArrayLike,
@@ -215,42 +207,41 @@ def curves(
     """Trace solution curves with input ``moving`` (its position) free, the others held.
 
     Each curve is followed as a whole, over type 2 singularities and through all the assembly
-    modes that it connects, and ends at limits of joints. Once ``over()`` is true, the curves that
-    have their ends by then are all.
+    modes that it connects, and ends at limits of joints; those that differ in flipped joints are
+    one. Random ``starts`` are drawn until none of them leads to a new curve, or `MOST_CURVES` are
+    known. Once ``over()`` is true, the curves that have their ends by then are all.
     """
     ranks(mechanism)
     inputs = mechanism.check_inputs(inputs)
     actuated = list(mechanism.actuated)
     start = mechanism.home.copy()
     start[actuated] = inputs
-    free = np.isin(np.arange(mechanism.n), [*mechanism.passive, actuated[moving]])
+    passive = np.isin(np.arange(mechanism.n), mechanism.passive)
+    free = passive | (np.arange(mechanism.n) == actuated[moving])
     rng = np.random.default_rng(seed)
-    found = closed_from_random(BatchLoops(mechanism), start, free, starts, rng)
-    return cover(mechanism, distinct(mechanism, list(found)), moving, over)
-
-
-def cover(
-    mechanism: Mechanism,
-    closed: Sequence[Array],
-    moving: int,
-    over: Callable[[], bool] | None = None,
-) -> tuple[Trace, ...]:
-    """Curves through closed configurations, each once up to flips; the first `MOST_CURVES`."""
     out: list[Trace] = []
     marks: list[Array] = []
-    for q in closed:
-        if len(out) == MOST_CURVES:
-            break
-        if any(t.passes(mechanism, q) for t in out):
-            continue
-        mark = likeness(mechanism, q)
-        if any(_on_line(along, mark) for along in marks):
-            continue
-        try:
-            out.append(trace(mechanism, q, moving, over=over))
-        except StoppedError:
-            break
-        marks.append(np.array([likeness(mechanism, x) for x in out[-1].q]))
+    known = -1
+    while known < len(out):
+        known = len(out)
+        found = closed_from_random(BatchLoops(mechanism), start, free, starts, rng)
+        for q, legs in zip(found, leg_modes(mechanism, found, passive, rng, 1), strict=True):
+            if not all(legs):
+                continue
+            for leg, modes in zip(structure(mechanism).legs, legs, strict=True):
+                q[list(leg.joints)] = modes[0].q[list(leg.joints)]
+            if mechanism.space.unreachable(mechanism.space.fold(q)).any():
+                continue
+            mark = likeness(mechanism, q)
+            if any(t.passes(mechanism, q) for t in out) or any(_on_line(m, mark) for m in marks):
+                continue
+            if len(out) == MOST_CURVES:
+                return tuple(out)
+            try:
+                out.append(trace(mechanism, q, moving, over=over))
+            except StoppedError:
+                return tuple(out)
+            marks.append(np.array([likeness(mechanism, x) for x in out[-1].q]))
     return tuple(out)
 
 
