@@ -25,6 +25,7 @@ from pinsing.algebra.nearest import SearchOptions, nearest_points
 from pinsing.arguments import checked
 from pinsing.errors import ConfigurationError, OptionError
 from pinsing.families import ClosedForm
+from pinsing.kinematics.jacobian import tip_placement
 from pinsing.kinematics.tip_speed import limits_of
 from pinsing.measures import PRACTICAL, ROUNDING
 from pinsing.notebook import one_line
@@ -50,6 +51,8 @@ _MARGIN = 0.01
 """Radians below the path on a part of the grid at which that on the whole is looked for first."""
 _ROUGH = SearchOptions(gap=_MARGIN, boxes=1)
 """Work where configurations are only compared: the steps to the nearest point, without proof."""
+_REACHED = 1e-4
+"""Radians, or metres over the length scale, that a start may be beside the first pose."""
 _THINNED = 6
 """One value and one pose in so many are looked at first."""
 _ENOUGH = np.radians(0.5)
@@ -90,9 +93,9 @@ class PathPlan(JsonResult):
         better is divided in thirds, arcs taken as chords and a tenth, or as twice as bent as three
         neighbouring values are; radians.
     fixed : tuple of float
-        Clearance at the poses of the paths along which what is free keeps its value (that of the
-        poses as given, or the middle of a joint's range), one for each branch that may begin; 0
-        where such a path ends early.
+        Clearance at the poses of the paths along which what is free keeps its value (the start's;
+        else that of the poses as given, or the middle of a joint's range), one for each branch that
+        may begin; 0 where such a path ends early.
     reason : str
         Why there is no path; empty if there is one.
     nodes : int
@@ -218,7 +221,7 @@ def plan_path(
         Distance of the values of what is free that are compared: radians, metres of a prismatic
         joint.
     start : (n,) array_like, optional
-        Configuration at the first pose; otherwise any.
+        Configuration at the first pose, where the path begins; otherwise any.
     t : (N,) array_like, optional
         Seconds at the poses: joint speed limits are then kept.
     arm : Arm, optional
@@ -341,6 +344,7 @@ class _Planner:
             low, high = (x[held] for x in arm.space.span)
             self.grid = np.linspace(low, high, max(2, 1 + round((high - low) / step)))
         self.held = held
+        self.kept = 0 if held is None else len(self.grid) // 2
         whole = np.isfinite(arm.lower) & (arm.upper - arm.lower < 2 * np.pi)
         self.bounded: Bool = whole | np.asarray(arm.prismatic, dtype=bool)
         self.turn = np.where(self.bounded, 0.0, 2 * np.pi)
@@ -375,14 +379,16 @@ class _Planner:
 
         Without a path it is no more than zero, less the fewer poses have a solution.
         """
-        found = self._chosen(None)
+        found = self._chosen()
         if isinstance(found, str):
             return float(self.usable.any(axis=(1, 2)).mean()) - 1
         return self.reached
 
     def plan(self, start: npt.ArrayLike | None) -> PathPlan:
         """Solve the grid, find the best path on it, prove its clearance, and bound all others."""
-        chosen = self._chosen(start)
+        if start is not None:
+            self._begin(self.arm.check_one(start, "start"))
+        chosen = self._chosen()
         notes = [] if self.solver.exact else [
             "inverse kinematics by continuation from solutions at some poses: others may exist"
         ]  # fmt: skip
@@ -390,8 +396,8 @@ class _Planner:
             notes.append("the closed form is not complete: other singularities may be nearer")
         if self.idle:
             notes.append(
-                "rolling moves the last joint alone (the tool's z axis is its axis): it cannot "
-                "increase the clearance"
+                f"rolling turns {self.arm.joints[-1]} alone (the tool's z axis is its axis): it "
+                "changes no clearance, only whether that joint keeps its limits"
             )
         proven = where = reached = 0.0
         if not isinstance(chosen, str):
@@ -428,7 +434,29 @@ class _Planner:
             room=np.where(self.usable, self.likely, -np.inf).max(axis=2),
         )
 
-    def _chosen(self, start: npt.ArrayLike | None) -> tuple[Array, Array] | str:
+    def _begin(self, start: Array) -> None:
+        """Begin at a configuration (n,) of the first pose; its value joins the grid."""
+        tip, value = tip_placement(self.arm, start), 0.0
+        if self.held is not None:
+            value = float(start[self.held])
+        elif self.cyclic:
+            turned = self.T[0, :3, :3].T @ tip.rotation @ self.back[:3, :3].T
+            value = float(np.arctan2(turned[1, 0], turned[0, 0]))
+        position, rotation = self._targets(self.T[:1], np.array([value]))
+        off = np.abs(position - tip.translation).max() / self.arm.length_scale
+        if max(off, np.abs(rotation - tip.rotation).max()) > _REACHED:
+            raise ConfigurationError("start does not reach the first pose")
+        self.start = start
+        if self.cyclic:
+            self.grid = self.grid + value
+        elif self.held is not None:
+            self.kept = int(np.abs(self.grid - value).argmin())
+            if abs(self.grid[self.kept] - value) > PRACTICAL:
+                self.kept = int(np.searchsorted(self.grid, value))
+                self.grid = np.insert(self.grid, self.kept, value)
+            self.grid[self.kept] = value
+
+    def _chosen(self) -> tuple[Array, Array] | str:
         """Solve the grid: values (N,) and configurations (N, n) of its best path; else a reason."""
         self.values = np.broadcast_to(self.grid, (len(self.T), len(self.grid)))
         position, rotation = self._targets(self.T, self.grid)
@@ -436,13 +464,30 @@ class _Planner:
             position, rotation, None if self.held is None else self.grid,
             lambda k, n: self.progress("inverse kinematics", k, n),
         )  # fmt: skip
+        at = self._started()
         self._bounds()
+        self.first = np.isfinite(self.clear[0])
+        if self.start is not None:
+            self.first[:] = False
+            self.first[self.kept, at] = True
         self.idle = self.cyclic and self._roll_moves_the_last_joint()
         if (reason := self._unreached()) is not None:
             return reason
         self._link()
-        self.first = self._first(start)
         return self.path()
+
+    def _started(self) -> int:
+        """Make the start the solution it is of the first pose; the number of its slot."""
+        if self.start is None:
+            return 0
+        q = self.arm.space.fold(self.arm.space.wrap(self.start))
+        apart = np.abs(self.arm.space.wrap(self.Q[0, self.kept] - q)).max(axis=-1)
+        at = int(np.nan_to_num(apart, nan=np.inf).argmin())
+        if not apart[at] < _ALIKE:  # near a singular configuration none may have been found
+            self.Q = np.pad(self.Q, ((0, 0), (0, 0), (0, 1), (0, 0)), constant_values=np.nan)
+            at = -1
+        self.Q[0, self.kept, at] = q
+        return at
 
     def path(self) -> tuple[Array, Array] | str:
         """Return values (N,) and configurations (N, n) of the best path; else a reason."""
@@ -564,7 +609,7 @@ class _Planner:
         if len(coarse.T) < 2 or coarse.clear.size * _THINNED > self.clear.size:
             return -np.inf
         coarse._link()
-        coarse.first = coarse._first(None)
+        coarse.first = np.isfinite(coarse.clear[0])
         coarse._estimate_all(-np.inf)
         path = coarse._best_path(-np.inf)
         return -np.inf if isinstance(path, str) else coarse.reached
@@ -601,6 +646,10 @@ class _Planner:
 
     def _unreached(self) -> str | None:
         """The first pose without a usable node, in words."""
+        if self.start is not None and (out := self.arm.space.outside(self.start)).any():
+            return (
+                f"start is outside the limits of {listed(np.array(self.arm.joints)[out].tolist())}"
+            )
         reached = np.isfinite(self.clear).any(axis=(1, 2))
         within = self.usable.any(axis=(1, 2))
         if within.all():
@@ -616,18 +665,6 @@ class _Planner:
         often = int(outside.sum(axis=0).argmax())
         most = "the limits of " if outside[:, often].all() else "joint limits, most often of "
         return f"at pose {k} every solution is outside {most}{self.arm.joints[often]}"
-
-    def _first(self, start: npt.ArrayLike | None) -> Bool:
-        """Return which nodes (G, S) of the first pose a path may begin at."""
-        if start is None:
-            return np.asarray(np.isfinite(self.clear[0]))
-        q = self.start = self.arm.check_one(start, "start")
-        apart = np.abs(self._gap(np.nan_to_num(self.Q[0], nan=1e9) - q)).max(axis=-1)
-        half = 0.5 * (self.grid[1] - self.grid[0]) if len(self.grid) > 1 else 0.0
-        near = apart <= apart.min()
-        if apart.min() > max(1e-4, 10 * half):
-            raise ConfigurationError("start does not reach the first pose at any value on the grid")
-        return np.asarray(near & self.usable[0])
 
     def _gap(self, difference: Array) -> Array:
         """Motions between nodes: whole turns aside for joints that have room for them."""
@@ -912,8 +949,10 @@ class _Planner:
         self.before = np.empty((N, G * S), dtype=np.int32)
         values: Ints = np.arange(G)
         self.window = 0 if G == 1 else min(G // 2, max(3, -(-_TURNS * G // N)))
-        step = self.grid[1] - self.grid[0] if G > 1 else 0.0
-        self.half, self.reach = np.broadcast_to(step / 2, self.way.shape), self.window * step
+        steps = np.diff(self.grid) if G > 1 else np.zeros(1)
+        half = np.fmax(np.append(steps, steps[-1:]), np.append(steps[:1], steps))[:G] / 2
+        self.half = np.broadcast_to(np.repeat(half, S), self.way.shape)
+        self.reach = self.window * steps.max()
         self.most = max(self.clear.size, 400_000) // 4
         last: Array | None = None
         for k, q in enumerate(self.Q):
@@ -939,6 +978,8 @@ class _Planner:
             if self.cyclic:  # where it turns back it is singular: no clearance, halfway
                 toward[ends] /= 2
             self.way[k] = self._longer(toward.swapaxes(0, 1))
+        if self.start is not None:
+            self.way[0] = 0.0
 
     def _room(self, k: int) -> Array:
         """Return the most clearance (G S,) that there may be up to halfway to a neighbouring value.
@@ -1092,7 +1133,7 @@ class _Planner:
         NaN from where the motion to the next pose is not proven clear or too fast, winds a joint
         beyond its limits, or there is no solution.
         """
-        i, S = 0 if self.held is None else len(self.grid) // 2, self.Q.shape[2]
+        i, S = self.kept, self.Q.shape[2]
         at = np.flatnonzero(self.usable[0, i] & first[i])
         out = np.full((len(at), len(self.T)), np.nan)
         out[:, 0] = self.likely[0, i, at]
