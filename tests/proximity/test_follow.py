@@ -231,6 +231,16 @@ def test_nothing_judged_is_code_2(text):
     assert "no line could be judged" in done.stderr
 
 
+def test_names_in_the_columns_of_a_stream_are_the_joints(form):
+    joints = form.arm.joints
+    lines = [",".join([*(f"field.{w}{k}" for w in ("name", "position") for k in range(6))])]
+    for order in (range(6), (2, 1, 0, 3, 5, 4)):
+        lines.append(",".join([*(joints[k] for k in order), *(str(k / 10) for k in order)]))
+    reader = Reader(form.loaded, False)
+    read = [reader.read(line) for line in lines]
+    np.testing.assert_allclose([r[1] for r in read[1:]], [np.arange(6) / 10] * 2)
+
+
 def test_joints_by_name_in_any_order_and_others_beside_them(form):
     names = form.arm.joints
     backward = {"name": [*names[::-1]], "position": Q[::-1].tolist()}

@@ -1,6 +1,7 @@
 """Trajectory files as people have them: what is a joint, what a time, and in which unit."""
 
 import json
+import re
 
 import numpy as np
 import pytest
@@ -76,10 +77,19 @@ def fanuc():
 ROSBAG = [
     "%time", *numbered("field.name{}", 0), *numbered("field.position{}", 0), "field.velocity0",
 ]  # fmt: skip
-rosbag_rows = "".join(
-    ",".join([f"{int(1.7e18 + t * 1e9)}", *UR5, *(f"{x:.12g}" for x in q), "0.5"]) + "\n"
-    for q, t in zip(Q, T, strict=True)
-)
+ALPHABET = np.argsort(UR5)
+
+
+def rosbag(order):
+    """Rows of rostopic, whose drivers publish joints in an order of their own."""
+    return "".join(
+        ",".join([f"{int(1.7e18 + t * 1e9)}", *np.take(UR5, order), *map(str, q[order]), "0.5"])
+        + "\n"
+        for q, t in zip(Q, T, strict=True)
+    )
+
+
+BAG = ",".join(ROSBAG) + "\n" + rosbag(ALPHABET)
 DIALECTS = {
     "names.csv": (table(["t", *UR5], timed()), True),
     "backward.csv": (table(UR5[::-1], Q[:, ::-1]), False),
@@ -111,7 +121,15 @@ DIALECTS = {
         True,
     ),
     "ros2bag.csv": (table(["t", *numbered("/joint_states.position[{}]", 0)], timed()), True),
-    "rosbag.csv": (",".join(ROSBAG) + "\n" + rosbag_rows, True),
+    "rosbag.csv": (BAG, True),
+    "plotjuggler_names.csv": (BAG.replace("field.", "/joint_states/"), True),
+    "ros2bag_names.csv": (
+        re.sub(r"field\.(name|position)(\d)", r"/joint_states.\1[\2]", BAG), True,
+    ),
+    "names_and_q.tsv": (
+        re.sub(r"field\.(\w+?)(\d)", r"\1_\2", BAG).replace("position", "q").replace(",", "\t"),
+        True,
+    ),
     "rtde.csv": (
         table(
             [
@@ -246,6 +264,15 @@ def test_what_is_not_clear_is_not_guessed(tmp_path, arm, text, said):
         ("a.ls", fanuc().replace("J P[1]", "J P[9]"), "no position"),
         ("a.ls", fanuc().replace("GP1", "GP2"), "GP1 alone"),
         ("a.ls", fanuc().replace("/POS", "   2:  CALL X ;\n/POS"), "CALL X"),
+        ("a.csv", BAG + rosbag(range(6)).split("\n")[0], "a.csv:4: column 2 names 'shoulder_pan_j"),
+        ("a.csv", BAG.replace("elbow", "x_a"), "'field.position0' of 'x_a_joint': .*--columns"),
+        (
+            "a.csv",
+            ",".join([*numbered("q{}"), "name"]) + f'\n1,1,1,1,1,1,"{UR5[::-1]}"\n',
+            "'q1' is numbered, and the first sample names joints, .*: say with --columns",
+        ),
+        ("a.csv", re.sub(r",[a-z]\w+_joint", ",", BAG), "or leaves names empty"),
+        ("a.csv", f"# {UR5[::-1]}\n" + table([], Q)[1:], "a comment names the joints in another"),
         ("a.csv", table(["timestamp", *UR5], timed(t=T + 1.7e18)), "not in seconds"),
         ("a.csv", table([], timed(Q[::-1]))[1:], "last ascend.*--columns t=1,2,3,4,5,6,7"),
         ("a.csv", table([], timed(t=T[::-1]))[1:], "first does not ascend"),
@@ -324,6 +351,14 @@ def test_columns_and_units_can_be_said(tmp_path, arm):
     assert "elbow_joint = 'c'" in done.stderr
     plain = run("check", "ur5", str(tmp_path / "deg.csv"))
     assert plain.exit_code == 0, plain.stderr
+
+
+def test_names_beside_an_array_are_the_joints(tmp_path, arm):
+    np.savez(tmp_path / "a.npz", q=Q[:, ALPHABET], joint_names=np.take(UR5, ALPHABET))
+    np.testing.assert_allclose(read_trajectory(tmp_path / "a.npz", arm).Q, Q)
+    np.savez(tmp_path / "b.npz", q=Q[:, :5], names=UR5)
+    with pytest.raises(ConfigurationError, match="each of the 6 names in 'names'"):
+        read_trajectory(tmp_path / "b.npz", arm)
 
 
 def test_a_joint_that_slides_takes_no_angles(tmp_path):

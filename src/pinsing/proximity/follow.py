@@ -21,7 +21,7 @@ from pinsing.families.form import ClosedForm
 from pinsing.proximity.clearance import NAMING, certified, quick
 from pinsing.proximity.crossings import FARTHEST
 from pinsing.proximity.monitor import Monitor
-from pinsing.proximity.trajectory_file import ColumnHeads, is_number, require_seconds
+from pinsing.proximity.trajectory_file import AROUND, ColumnHeads, is_number, require_seconds
 from pinsing.proximity.watched import Watched, watch
 from pinsing.robot.arm import Arm
 from pinsing.serialization import encode
@@ -314,6 +314,9 @@ class Reader:
         if len(words) != width:
             raise ConfigurationError(f"cannot read {text:.80}: {width} columns are needed")
         if heads is not None:
+            if not heads.first or any(words[i].strip(AROUND) != w for i, w in heads.labels.items()):
+                heads = ColumnHeads("the stream", self._arm, heads.words, first=words)
+                self._columns = heads, separator
             self._time(None, heads, words)
         return self._values("q", heads, words), None
 

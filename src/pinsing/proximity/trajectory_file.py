@@ -56,6 +56,9 @@ _CLOCK = re.compile(
     r"(?:(\d{4}-\d\d-\d\d)[T ]\s*)?(\d\d?):([0-5]\d):([0-5]\d(?:[.,]\d+)?)(Z|[+-]\d\d:?\d\d)?"
 )
 """A time of day, perhaps of a date; which of 3/4/2026 is the month is not said."""
+_NAME = re.compile(r"(?i)(?:.*[\W_])?(?:names?[\W_]*(\d+)|[a-z]*[\W_]*(\d+)[\W_]+name)\W*")
+"""A column of the names of the joint whose position has the same number."""
+_NAMES = re.compile(r"[A-Za-z][\w-]*")
 _LETTERS = {6: "SLURBT", 7: "SLEURBT"}
 """Yaskawa's names of the joints, base to tip."""
 _PROGRAM = re.compile(r"(?i)(%%%|module\s|&[a-z]+\s|(global\s+)?def(fct)?\s|/(job|prog)(\s|$))")
@@ -70,9 +73,11 @@ _RAGGED = re.compile(
     r"the number of columns changed from \d+ to (\d+) at row (\d+);.*"
     r"|invalid column index -?\d+ at row (\d+) with (\d+) columns"
 )
+AROUND = " \t\r\n\"'[]()"
 _CELL = re.compile(r"could not convert string ('.*') to float64 at row (\d+), column (\d+)\.")
 _SAMPLES = ("q", "Q", "positions", "position", "samples")
 _TIMES = ("t", "time", "times")
+_NAMED = ("joint_names", "names", "name", "joints")
 
 
 @dataclass(frozen=True, eq=False)
@@ -312,10 +317,20 @@ def _npz(path: Path, arm: Arm, columns: Sequence[str]) -> TrajectoryFile:
     arrays = read_arrays(read_bounded(path, _LARGEST, follow=True), _LARGEST)
     samples = next((name for name in _SAMPLES if name in arrays), None)
     times = next((name for name in _TIMES if name in arrays), None)
+    names = next((name for name in _NAMED if name in arrays), None)
     if samples is None:
         held = ", ".join(arrays) or "nothing"
         raise ConfigurationError(f"{path}: an array 'q' of samples is needed; found {held:.200}")
-    found = _columns(path, arm, np.asarray(arrays[samples]), columns)
+    array = np.asarray(arrays[samples])
+    if names is not None and not columns:
+        heads = [str(name) for name in np.ravel(arrays[names])]
+        if array.ndim != 2 or array.shape[1] != len(heads):
+            raise ConfigurationError(
+                f"{path}: {samples!r} needs a column for each of the {len(heads)} names in "
+                f"{names!r}; got shape {array.shape}"
+            )
+        columns = [str(i + 1) for i in ColumnHeads(path, arm, heads).order]
+    found = _columns(path, arm, array, columns)
     if times is None:
         return found
     if found.t is not None:
@@ -526,13 +541,13 @@ def _seconds(time: Any) -> float | None:
 
 def _text(path: Path, arm: Arm, columns: Sequence[str]) -> TrajectoryFile:
     with _opened(path) as file:
-        number, line, degrees = 1, "", None
+        number, line, degrees, comments = 1, "", None, ""
         for number, words_of_it in enumerate(file, 1):
             line = words_of_it.strip()
             if line and not line.startswith(("#", "sep=")):  # which spreadsheets write
                 break
             degrees = _stated_unit(path, number, line, degrees)
-            line = ""
+            line, comments = "", f"{comments} {line}"
         if not line:
             raise ConfigurationError(f"{path}: no sample in it")
         if _PROGRAM.match(line):
@@ -551,17 +566,29 @@ def _text(path: Path, arm: Arm, columns: Sequence[str]) -> TrajectoryFile:
             )
         heads = words if named else [str(k + 1) for k in range(len(words))]
         lines = [] if named else [line]
+        cells: Sequence[str] = ()
+        units: Sequence[str] = ()
         for below in file if named else ():
             lines.append(below)
-            if below.strip() and not below.lstrip().startswith("#"):
+            if not below.strip() or below.lstrip().startswith("#"):
+                continue
+            cells = [w.strip(AROUND) for w in below.split(separator)]
+            numeric = any(map(is_number, cells))
+            if units or numeric or not any(c.lower() in _SCALES for c in cells):
                 break
-        cells = [w.strip(" \t\r\n\"'[]()") for w in (lines or [""])[-1].split(separator)]
-        units: Sequence[str] = ()
-        if named and any(c.lower() in _SCALES for c in cells) and not any(map(is_number, cells)):
-            units, lines[-1] = cells, "\n"
-        read = ColumnHeads(path, arm, heads, columns, units) if named or columns else None
+            units, cells, lines[-1] = cells, (), "\n"
+        order = [j for w in _NAMES.findall(comments) if (j := _named(w, arm.joints))]
+        if not (named or columns) and {*order} == {*arm.joints} and order != list(arm.joints):
+            raise ConfigurationError(
+                f"{path}: a comment names the joints in another order than base to tip: write them "
+                f"as the line of names, without '#', or say which column is which with --columns"
+            )
+        read = None
+        if named or columns:
+            read = ColumnHeads(path, arm, heads, columns, units, cells)
         used = sorted(read.used) if read and len(read.used) < len(words) else None
         table = _NumberTable(path, separator, used, len(words), number - (not named), degrees)
+        table.labels = read.labels if read else {}
         table.time = read.time if read else 0 if _CLOCK.fullmatch(words[0]) else None
         parts = [table.rows(io.StringIO("".join(lines)))]
         table.line = number + len(lines) - (not named)
@@ -618,6 +645,8 @@ class ColumnHeads:
         Of these the ones between base and tip.
     used : set of int
         Columns that are read.
+    labels : dict of int to str
+        Columns that name the joint of a numbered position, and the names.
     notes : tuple of str
         What was not said outright.
     """
@@ -629,6 +658,7 @@ class ColumnHeads:
         words: Sequence[str],
         columns: Sequence[str] = (),
         below: Sequence[str] = (),
+        first: Sequence[str] = (),
     ) -> None:
         words = [str(w).strip().strip("\"'") for w in words]
         self.path, self.words = path, words
@@ -641,6 +671,14 @@ class ColumnHeads:
             w[: u.start()] if u and m in _SCALES else w
             for w, u, m in zip(words, units, marks, strict=True)
         ]
+        named = {} if columns else {i: m for i, w in enumerate(words) if (m := _NAME.fullmatch(w))}
+        index = {int(m[1] or m[2]): i for i, m in named.items()}
+        cells = {i: word.strip(AROUND) for i, word in enumerate(first) if i in named}
+        self.first, self.labels = first, {i: c for i, c in cells.items() if not is_number(c)}
+        for i, name in enumerate(names):
+            number = _NUMBERED.fullmatch(_without_places(name))
+            if number:
+                names[i] = self.labels.get(index.get(int(number[3]), -1)) or name
         exact, letters = {*arm.joints, *known}, _LETTERS.get(arm.n, "")
         if yaskawa := bool(letters) and {*letters} <= {*names} - exact and not columns:
             names = [arm.joints[letters.index(n)] if n in {*letters} else n for n in names]
@@ -701,7 +739,8 @@ class ColumnHeads:
         whole = WholeModel(arm.source, arm.joints, arm.tip, arm.coupling)
         self.held = [held for held in whole.held() if held.name in self.others]
         beside = [n for n in self.others if n not in {held.name for held in self.held}]
-        left = [*beside, *(words[i] for i in (*passed, *(() if columns else unknown)))]
+        idle = [i for i in (*passed, *(() if columns else unknown)) if i not in named]
+        left = [*beside, *(words[i] for i in idle)]
         if left:
             shown = ", ".join(f"{w!r:.80}" for w in left[:6])
             more = f" and {len(left) - 6} more" if len(left) > 6 else ""
@@ -729,14 +768,22 @@ class ColumnHeads:
             first = min(count.values())
             if sorted(count.values()) == list(range(first, first + arm.n)) and first in (0, 1):
                 found.update({i: arm.joints[k - first] for i, k in count.items()})
+                said = {_named(w, arm.joints) for w in _NAMES.findall(" ".join(self.first))}
+                if len(said - {None}) > 1 or "" in self.labels.values():
+                    raise self._error(
+                        f"{self.words[min(count)]!r:.80} is numbered, and the first sample names "
+                        "joints, or leaves names empty: say with --columns A,B,... which columns "
+                        "are the joints, base to tip"
+                    )
         for i in names:
             if not found[i]:
                 if not isinstance(self.path, Path):  # a stream has what else the robot tells
                     continue
                 if {"x", "y", "z"} <= {*map(str.lower, short.values())} and not any(found.values()):
                     raise self._error(f"has poses of the tool (x, y, z): {_POSES_TABLE}")
+                beside = f" of {name!r:.80}" if (name := names[i]) in self.labels.values() else ""
                 raise self._error(
-                    f"unknown column {self.words[i]!r:.80}: the joints are "
+                    f"unknown column {self.words[i]!r:.80}{beside}: the joints are "
                     f"{', '.join(arm.joints)}, and times are in a column 't' or 'time' "
                     "(--columns A,B,... says which columns are the joints)"
                 )
@@ -797,6 +844,7 @@ class _NumberTable:
     time: int | None = None
     clock: str = ""
     days: int = 0
+    labels: Mapping[int, str] = field(default_factory=dict)
     _start: tuple[bool, float] | None = None
     _last: float = 0.0
 
@@ -809,6 +857,15 @@ class _NumberTable:
         for number, line in enumerate(lines, first):
             if "#" in line:
                 self.degrees = _stated_unit(self.path, number, line, self.degrees)
+        for i, name in self.labels.items():
+            for number, line in enumerate(lines, first):
+                cells = line.split("#")[0].split(self.separator)
+                if i < len(cells) > 1 and (other := cells[i].strip(AROUND)) != name:
+                    raise ConfigurationError(
+                        f"{self.path}:{number}: column {i + 1} names {other!r:.80}, not "
+                        f"{name!r:.80} as before: say with --columns A,B,... which columns are the "
+                        "joints, base to tip"
+                    )
         if lines and not any(line.split("#")[0].strip() for line in lines):
             return self.rows(file)
         if self.time is not None:
