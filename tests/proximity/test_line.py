@@ -1,6 +1,7 @@
 """Straight lines of the tip: ends, against a quadratic; speeds, against differences."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pinocchio as pin
@@ -12,6 +13,7 @@ import pinsing
 from pinsing._types import Array
 from pinsing.cli.app import command
 from pinsing.errors import ConfigurationError, OptionError
+from pinsing.postures import line_postures
 from pinsing.proximity.line import LineCheck, check_line, tip
 from pinsing.robot.arm import Arm
 
@@ -224,3 +226,21 @@ def test_the_closest_approach_of_a_line_is_that_of_dense_samples() -> None:
                 form, line.q, families=[near.family], certify=True, boxes=5000
             ).upper
             assert near.upper <= every.min() + 1e-4
+
+
+def test_a_start_that_meets_a_singularity_is_not_suggested_and_all_that_is_met_is_named() -> None:
+    arm, target = pinsing.load("gp25"), [0.9, 0.0, 1.2]
+    q = np.radians([0, -40, 60, 0, 40, 0])
+    postures = line_postures(arm, q, target)
+    inside = [p for p in postures if p.outcome == "reached" and p.within_limits]
+    line = replace(check_line(arm, q, target), postures=postures)
+    assert [p.clearance for p in inside] == [0, 0]
+    text = " ".join(line.text().split())
+    assert "another posture" not in text
+    assert "None of 7 other postures" in text
+    again = check_line(arm, inside[0].q, target)
+    assert {c.family for c in again.crossings} == {"F2", "F3"}
+    head = again.text().split("\n\n")[0]
+    assert all(f"the {c.title} singularity" in head for c in again.crossings)
+    clear = replace(line, postures=(replace(inside[0], clearance=0.1),)).text()
+    assert "it reaches its end clear of singularities: pinsing line gp25" in clear

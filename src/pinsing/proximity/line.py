@@ -628,27 +628,32 @@ def line_summary(line: LineCheck, degrees: bool = True, robot: str = "", same: s
     robot = robot or line.arm.typed
     met, left = line.crossings, left_limits(line, degrees)
     titles = {a.family: a.title for a in line.approaches}
-    first = [f"it meets {singularity(c.family, c.title, c.where)}" for c in met[:1]]
+    of = " of the design" * bool(line.tube)
+    named = dict.fromkeys(singularity(c.family, c.title, c.where) for c in met)
+    first = listed([f"{x}{of}" for x in named])
     faults = [
-        *first,
         *["joints leave their limits"] * bool(left),
         *[f"joints are too fast at {line.speed:g} m/s"] * bool(line.too_fast),
-        *[f"it comes within {angle_text(line.near, degrees)} of a family"] * bool(line.stretches),
+        *[f"it comes within {angle_text(line.near, degrees)} of a family"]
+        * bool(line.stretches and not met),
     ]
-    none = " and meets no singularity" + " of the design" * bool(line.tube)
+    none = f" and meets no singularity{of}"
     but = f", but {listed(faults)}" if faults else none
+    if met:
+        but = f", but it meets {first}{'; also ' * bool(faults)}{listed(faults)}"
     whole, done = f"line of {line.length:.4g} m", f"{line.s_end:.6g} m"
-    end = next((c.where for c in met if c.family == line.family), "")
+    end = next((c.where for c in reversed(met) if c.family == line.family), "")
     if line.outcome == "reached":
         head = f"{'SINGULAR, ' * bool(met)}the {whole} is followed to its end{but}"
     elif line.outcome == "singular":
         family = singularity(line.family, titles.get(line.family, ""), end)
+        earlier = listed([f"{x}{of}" for x in named if x != family])
         head = (
-            f"SINGULAR, the {whole} ends at {family} after {done}; beyond it this posture has no "
-            "solution"
+            f"SINGULAR, the {whole} ends at {family}{of} after {done}; beyond it this posture has "
+            f"no solution{'; on the way it meets ' * bool(earlier)}{earlier}"
         )
     else:
-        head = f"NOT DECIDED, the {whole} was followed for {done}{but * bool(faults)}"
+        head = f"NOT DECIDED, the {whole} was followed for {done}{but * bool(met or faults)}"
     out = [*[line.tube] * bool(line.tube), *left]
     near = next((a for a in line.approaches if a.upper > 0 and a.outside != "family"), None)
     # What is met matters more; the rest is below.
@@ -656,22 +661,29 @@ def line_summary(line: LineCheck, degrees: bool = True, robot: str = "", same: s
         far = f"{angle_text(near.upper, degrees)} at {near.t:.4g} m{OUTSIDE[near.outside]}"
         out.append(f"Closest approach: {titled(near.family, near.title)}, {far}")
     out.append(f"Joint speeds at {line.speed:g} m/s: {_line_speeds(line)}")
-    good = [p for p in line.postures if p.outcome == "reached" and p.within_limits]
+    good = _clear(line)
     if good:
         start = typed(good[0].q, line.arm.prismatic, True, digits=6)
         called = f" ({', '.join(good[0].names)})" * bool(good[0].names)
-        out.append(f"From another posture{called} it works: pinsing line {robot} {start} {same}")
+        works = "it reaches its end clear of singularities"
+        out.append(f"From another posture{called} {works}: pinsing line {robot} {start} {same}")
     elif line.postures:
         others = [p for p in line.postures if not any(_turns(line, p))]
         most = max((p.s_end for p in others if p.outcome != "reached"), default=0.0)
         count = f"{len(others)} other posture{'s' * (len(others) != 1)}"
         out.append(
-            f"None of {count} of the start follows it to its end within the joint limits"
-            + f"; the farthest gets {most:.4g} m" * (most > line.s_end)
+            f"None of {count} of the start follows it to its end within the joint limits and "
+            "clear of singularities" + f"; the farthest gets {most:.4g} m" * (most > line.s_end)
         )
     last = typed(line.q_end, line.arm.prismatic, True, digits=6)
     out.append(f"See its end: pinsing view {robot} {last}")
     return "\n".join([f"{line.arm.name}: {head}", "", *(f"  {words}" for words in out)])
+
+
+def _clear(line: LineCheck) -> list[LinePosture]:
+    """Postures from which the line reaches its end within the limits, and meets nothing."""
+    reached = [p for p in line.postures if p.outcome == "reached" and p.within_limits]
+    return [p for p in reached if p.clearance > 0]
 
 
 def _line_speeds(line: LineCheck) -> str:
@@ -746,8 +758,8 @@ def left_limits(line: LineCheck, degrees: bool = True) -> list[str]:
 
 def _postures(line: LineCheck, degrees: bool) -> list[str]:
     """Return which postures of the start would do."""
-    good = [p for p in line.postures if p.outcome == "reached" and p.within_limits]
-    out = ["starts from which the line works:"] if good else []
+    good = _clear(line)
+    out = ["starts from which the line meets no singularity:"] if good else []
     for p in good:
         turned = ", ".join(
             f"{name} {360 * k:+d}°"
