@@ -158,6 +158,22 @@ def test_where_tip_speeds_cost_too_much() -> None:
         assert not told[~over[:, j] & (np.abs(Q[:, 4]) > 1e-6)].any()
 
 
+@pytest.mark.parametrize("count", [2, 4, 5])
+def test_tip_speeds_without_bound_are_told_at_each_meeting_whatever_the_samples(count: int) -> None:
+    ends = np.radians([[0, -20, -20, 0, -40, 0], [20, 20, 90, 10, 40, 0]])
+    s = np.linspace(0, 1, count)
+    Q = ends[0] + s[:, None] * (ends[1] - ends[0])
+    check = check_trajectory(pinsing.load("gp25"), Q, 3 * s)
+    times = [c.t for c in check.crossings]
+    assert [c.title for c in check.crossings] == ["wrist", "elbow"]
+    for t, joints in zip(times, ({"q4", "q6"}, {"q2", "q3", "q4", "q5", "q6"}), strict=True):
+        found = [e for e in check.costly if np.isinf(e.worst) and abs(e.t_worst - t) < 1e-9]
+        assert sorted(e.joint for e in found) == sorted(joints)
+    assert "q4: without bound at t = 1.5 s (wrist) (limit" in details(check)
+    beside = check_trajectory(pinsing.load("gp25"), np.radians([[0, -20, -20, 0, 0.5, 0]]))
+    assert {e.joint for e in beside.costly if np.isfinite(e.worst)} == {"q4", "q6"}
+
+
 def test_what_is_proven_is_close_to_what_is_found_also_of_a_long_recording() -> None:
     arm = pinsing.load("h2515")
     for count, turns in ((101, 0.0), (60_000, 0.05)):
@@ -264,11 +280,11 @@ def test_each_number_of_the_details_has_a_unit() -> None:
     for degrees, turning in ((True, "deg"), (False, "rad")):
         text = details(check, degrees)
         lines = [line for line in text.splitlines() if "(limit " in line]
-        assert any(f" {turning}/s at t" in line and f" {turning}/s)," in line for line in lines)
+        assert any(f" {turning}/s at t" in line and f" {turning}/s)" in line for line in lines)
         for line in lines:
             slides = line.split(":")[0].strip() == arm.joints[2]
             unit = "m" if slides else turning
-            assert re.search(rf"(-?[0-9.e+]+) {unit}(/s)? at t = .* {unit}(/s)?\),", line), line
+            assert re.search(rf"(-?[0-9.e+]+) {unit}(/s)? at t = .* {unit}(/s)?\)(,|$)", line), line
         assert any(line.split(":")[0].strip() == arm.joints[2] for line in lines)
     assert "0.25 m/s and 0.5 rad/s of the tip" in details(check)
 
@@ -537,5 +553,8 @@ def test_a_second_meeting_is_named_and_speeds_have_no_powers_of_ten():
     assert len(check.crossings) == 2
     assert "crosses the elbow singularity (elbow_joint = 0°) at t = 1.4" in first
     assert re.search(r"; also wrist \(F2\) at t = 3\.1\d* s$", first)
-    assert re.search(r": \d+,\d{3} deg/s at", details(check))
-    assert "e+0" not in details(check)
+    assert "without bound" in details(check)
+    Q[0, 2] = 0.002
+    close = check_trajectory(arm_of("ur5"), Q[:1], forms=closed("ur5"))
+    assert re.search(r": \d+,\d{3} deg/s at", details(close))
+    assert "e+0" not in details(check) + details(close)

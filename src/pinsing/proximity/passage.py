@@ -29,6 +29,8 @@ from pinsing.proximity.watched import Watched
 from pinsing.robot.arm import Arm
 
 _LONG_JUMP, _SHORT_JUMP = np.pi, 0.2
+_ENDLESS = 1e5
+"""Share of a speed limit that stands for one without bound, where a family is met."""
 
 
 @dataclass(frozen=True)
@@ -135,6 +137,27 @@ class Speeds:
         limits = np.broadcast_to(limits, share.shape)
         worst = np.where(share > 0, share * np.where(share > 0, limits, 0.0), 0.0)
         self._keep("cost", t, t, share, worst, limits, share > 1)
+
+    def between(self, passage: Passage) -> None:
+        """Take, too, where the motion meets families and is nearest to them, as of ``passage``."""
+        places = [*passage.crossings, *passage.approaches]
+        if self.judge.reason or not places:
+            return
+        Q = np.array([p.q for p in places])
+        share = self.judge.shares(Q, self.tip_speed, self.turn_speed)
+        if not passage.watched.tube:  # a meeting is singular to rounding only
+            share[: len(passage.crossings)][share[: len(passage.crossings)] > _ENDLESS] = np.inf
+        listed = self._found.setdefault("cost", [])
+        for i, j in np.argwhere(share > 1):
+            t, joint, limit = places[i].t, self.arm.joints[j], float(self.limits[j])
+            new = Excess(joint, t, t, float(share[i, j]) * limit, t, limit)
+            gap = 1e-9 * (1 + abs(t))
+            ours = [k for k, e in enumerate(listed) if e.joint == joint]
+            same = [k for k in ours if listed[k].t - gap <= t <= listed[k].t_end + gap]
+            if not same:
+                listed.append(new)
+            elif new.worst > listed[same[0]].worst:
+                listed[same[0]] = replace(listed[same[0]], worst=new.worst, t_worst=t)
 
     def _keep(
         self, kind: str, t: Array, t_end: Array, size: Array, value: Array, limit: Array, bad: Bool

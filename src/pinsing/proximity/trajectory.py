@@ -89,7 +89,12 @@ def details(check: TrajectoryCheck, degrees: bool = True) -> str:
     for name, per, found in (
         ("joint speeds above their limits", "/s", check.too_fast),
         ("joint accelerations above the limits given", "/s²", check.too_abrupt),
-        (f"joint speeds that {tip} would take in the worst directions", "/s", check.costly),
+        (
+            f"joint speeds that {tip} would take in the worst directions, at samples and "
+            "nearest to families",
+            "/s",
+            check.costly,
+        ),
         ("jumps between two samples", "", check.jumps),
         ("outside the joint limits", "", check.outside),
     ):
@@ -130,11 +135,15 @@ def _excess(check: TrajectoryCheck, e: Excess, per: str, degrees: bool) -> str:
     worst, limit = (
         f"{factor * x:{',.0f' if factor * x >= 9999.5 else '.4g'}} {unit}{per}"
         if math.isfinite(x)
-        else "no speed is enough"
+        else "without bound"
         for x in (e.worst, e.limit)
     )
-    span = _when(check, e.t, e.t_end)
-    return f"{e.joint}: {worst} {_when(check, e.t_worst)} (limit {limit}), {span}"
+    gap = 1e-9 * (1 + abs(e.t_worst))
+    met = [c for c in check.crossings if c.t - gap <= e.t_worst <= c.t_end + gap]
+    called = listed([c.title or c.family for c in met])
+    where = f" ({called})" * bool(met and math.isinf(e.worst))
+    span = f", {_when(check, e.t, e.t_end)}" * (e.t < e.t_end)
+    return f"{e.joint}: {worst} {_when(check, e.t_worst)}{where} (limit {limit}){span}"
 
 
 def _met(check: TrajectoryCheck) -> str:
@@ -546,6 +555,7 @@ def check_trajectory(
         if progress is not None:
             progress(last, N)
     passage.finish()
+    speeds.between(passage)
     return TrajectoryCheck(
         arm=summarize(arm),
         samples=N,
