@@ -533,3 +533,25 @@ class TestFiles:
         source.write_text("x")
         with pytest.raises(OutputError, match="input"):
             check_writable(source, inputs=(source,))
+
+
+@pytest.mark.parametrize(
+    ("words", "file"),
+    [
+        ("plot locus gp25", "a.png"),
+        ("plot map gp25 --over q2,q3", "a.png"),
+        ("view gp25 --skeleton", "a.html"),
+        ("families gp25 --no-prove", "a.sing"),
+        ("export gp25", "a.py"),
+    ],
+)
+def test_every_family_option_takes_names_and_titles(words, file, tmp_path):
+    written = []
+    for name in ("elbow", "F1", "foot"):
+        out = tmp_path / name / file
+        out.parent.mkdir()
+        done = run(*words.split(), "--family", name, "-o", out)
+        assert done.exit_code == (2 if name == "foot" else 0), done.stderr
+        written += [out.exists()]
+    assert written == [True, True, False]
+    assert "unknown family 'foot'" in done.stderr

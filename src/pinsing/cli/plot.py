@@ -167,7 +167,7 @@ _STEPS = 400
     "families",
     multiple=True,
     metavar="NAME",
-    help="locus: which family, such as F1. map: those shown; repeatable.  [default: all]",
+    help="locus: which family, such as F1 or wrist. map: those shown; repeatable.  [default: all]",
 )
 @click.option(
     "--each",
@@ -326,15 +326,11 @@ def _draw(
 
 
 def _families(arm: Arm, names: tuple[str, ...]) -> list[Family]:
-    """The families of these names."""
-    from pinsing.errors import UnknownNameError
+    """The families of these names or titles."""
     from pinsing.families import closed_form
+    from pinsing.proximity.watched import watch
 
-    every = {family.name: family for family in closed_form(arm, prove=False).families}
-    for name in names:
-        if name not in every:
-            raise UnknownNameError("family", name, tuple(every))
-    return [every[name] for name in names]
+    return list(watch(closed_form(arm, prove=False), names).families)
 
 
 def _locus(
@@ -348,7 +344,10 @@ def _locus(
 ) -> Any:
     from pinsing import plot
 
-    (family,) = _families(arm, (name,))
+    family, *more = _families(arm, (name,))
+    if more:
+        names = " or ".join(f.name for f in (family, *more))
+        raise OptionError(f"several families are called {name!r}: choose {names}")
     third, values = (None, None) if each is None else _joint_values(arm, each, "--each", deg)
     return plot.locus(
         arm,

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, ClassVar
@@ -21,7 +21,7 @@ from pinsing.algebra.conditions import Conditions
 from pinsing.algebra.equation import Equation, latex_symbol
 from pinsing.algebra.nearest import BOXES, GAP, SearchOptions
 from pinsing.arguments import checked, columns_of, real_numbers, whole_number
-from pinsing.errors import ConfigurationError, OptionError
+from pinsing.errors import ConfigurationError, OptionError, UnknownNameError
 from pinsing.families.at_once import LONG, AtOnce, SolvedFor, long_form, long_ones
 from pinsing.families.nearness import Confirm, Distance, Starts, near, nearest, own_nearest
 from pinsing.families.parts import Branch, KindPart, ValueReach, reach_words
@@ -465,6 +465,24 @@ class Members:
         array = real_numbers(columns_of(q, self.space.names, "q"), "q")
         require_values(array, self.space.names, "q")
         return array
+
+
+def asked_for(families: Mapping[str, Family], names: Iterable[str]) -> tuple[str, ...]:
+    """Names of the families that are asked for by name or title, such as F2 or wrist.
+
+    Raises
+    ------
+    UnknownNameError
+        If there is no family of a name.
+    """
+    found: list[str] = []
+    for word in names:
+        alike = [k for k, f in families.items() if word and word in (k, f.title)]
+        if not alike:
+            known = [w for k, f in families.items() for w in (k, f.title) if w]
+            raise UnknownNameError("family", str(word), known)
+        found += alike
+    return tuple(dict.fromkeys(found))
 
 
 _HEADER = ("", "singular where", "kind", "reachable", "why")

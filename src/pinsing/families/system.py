@@ -24,8 +24,8 @@ from pinsing.algebra.jacobian_matrix import constants
 from pinsing.algebra.mimic import own_offsets
 from pinsing.algebra.ring import Poly, Value, rational
 from pinsing.algebra.surd_ring import ring_of
-from pinsing.errors import OptionError, UnknownNameError
-from pinsing.families.family import Family
+from pinsing.errors import OptionError
+from pinsing.families.family import Family, asked_for
 from pinsing.prose import visible
 from pinsing.robot.arm import ArmSummary
 from pinsing.robot.nominal import Nominal
@@ -375,11 +375,8 @@ def system_text(
     """
     if language not in LANGUAGES:
         raise OptionError(f"no language {language!r}; there are {', '.join(LANGUAGES)}")
-    known = [f.name for f in families]
-    for name in names or ():
-        if name not in known:
-            raise UnknownNameError("family", name, known)
-    chosen = [f for f in families if names is None or f.name in names]
+    asked = asked_for({f.name: f for f in families}, names or ())
+    chosen = [f for f in families if names is None or f.name in asked]
     arm = stated.arm
     if not chosen:
         raise OptionError(f"{arm.name}, task {arm.task}: there is no family to write equations of")

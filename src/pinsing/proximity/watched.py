@@ -15,8 +15,9 @@ import numpy.typing as npt
 from pinsing._types import Array, Bool
 from pinsing.algebra.conditions import Conditions, Margin
 from pinsing.arguments import columns_of, real_numbers, stands_for
-from pinsing.errors import OptionError, UnknownNameError
+from pinsing.errors import OptionError
 from pinsing.families import ClosedForm, Family
+from pinsing.families.family import asked_for
 from pinsing.families.solve import form_to_measure
 from pinsing.kinematics.verdict import regular_radius
 from pinsing.measures import ROUNDING
@@ -223,11 +224,7 @@ def watch(
         names = tuple(name for name, family in named.items() if family.real)
     else:
         asked = [families] if isinstance(families, str) else families
-        alike = [[k for k, f in named.items() if f.title == x] or [x] for x in asked]
-        names = tuple(dict.fromkeys(name for some in alike for name in some))
-        for name in names:
-            if name not in named:
-                raise UnknownNameError("family", str(name), named)
+        names = asked_for(named, asked)
         if named and not names:
             raise OptionError(
                 "families is empty, so nothing would be watched: leave it out for all"

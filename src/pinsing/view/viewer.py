@@ -211,7 +211,7 @@ class Viewer(Tab):
         >>> pinsing.at(viewer.arm, viewer.q).status
         'singular'
         """
-        self._go(_wanted(family), pose)
+        self._go(self._wanted(family), pose)
 
     @checked
     def play(self, family: Family | str | int, kind: str = "into", pose: int = 0) -> None:
@@ -241,16 +241,19 @@ class Viewer(Tab):
         Traceback (most recent call last):
         pinsing.errors.UnknownNameError: unknown family 'F2': did you mean 'F1'?
         """
-        self._play(_wanted(family), kind, pose)
+        self._play(self._wanted(family), kind, pose)
+
+    def _wanted(self, family: Family | str | int) -> str | int:
+        """Name or place of an entry, also where a family is called by its title."""
+        if not isinstance(family, (int, str)):
+            return family.name
+        alike = [e.name for e in self.entries if e.family and e.family.title == family]
+        return alike[0] if family and alike else family
 
     def _move(self, q: Array, chosen: tuple[int, int] | None, words: str = "") -> None:
         super()._move(q, chosen, words)
         if self._overlay is not None:
             self._overlay.show(q, self._stage.mode)
-
-
-def _wanted(family: Family | str | int) -> str | int:
-    return family if isinstance(family, (int, str)) else family.name
 
 
 def _check_clearest(arm: Arm, clearest: Suggestion) -> None:
