@@ -29,8 +29,6 @@ from pinsing.proximity.watched import Watched
 from pinsing.robot.arm import Arm
 
 _LONG_JUMP, _SHORT_JUMP = np.pi, 0.2
-_ENDLESS = 1e5
-"""Share of a speed limit that stands for one without bound, where a family is met."""
 
 
 @dataclass(frozen=True)
@@ -140,13 +138,14 @@ class Speeds:
 
     def between(self, passage: Passage) -> None:
         """Take, too, where the motion meets families and is nearest to them, as of ``passage``."""
-        places = [*passage.crossings, *passage.approaches]
+        places: list[Crossing | Approach] = [*passage.crossings, *passage.approaches]
         if self.judge.reason or not places:
             return
         Q = np.array([p.q for p in places])
         share = self.judge.shares(Q, self.tip_speed, self.turn_speed)
-        if not passage.watched.tube:  # a meeting is singular to rounding only
-            share[: len(passage.crossings)][share[: len(passage.crossings)] > _ENDLESS] = np.inf
+        met = share[: len(passage.crossings)]
+        if not passage.watched.tube:  # a meeting is singular but for rounding
+            met[met > 1e5] = np.inf
         listed = self._found.setdefault("cost", [])
         for i, j in np.argwhere(share > 1):
             t, joint, limit = places[i].t, self.arm.joints[j], float(self.limits[j])
