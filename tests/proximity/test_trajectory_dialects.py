@@ -272,6 +272,13 @@ def test_what_is_not_clear_is_not_guessed(tmp_path, arm, text, said):
             "'q1' is numbered, and the first sample names joints, .*: say with --columns",
         ),
         ("a.csv", re.sub(r",[a-z]\w+_joint", ",", BAG), "or leaves names empty"),
+        (
+            "a.csv",
+            table(numbered("q{} (rev)"), Q),
+            "'q1 \\(rev\\)' is in 'rev', which .*deg or rad",
+        ),
+        ("a.csv", table(numbered("q{}_mrad"), Q), "is in 'mrad', which is not known"),
+        ("a.csv", table(["t [min]", *UR5], timed()), "'t .min.' is in 'min', .* ms, us or ns"),
         ("a.csv", f"# {UR5[::-1]}\n" + table([], Q)[1:], "a comment names the joints in another"),
         ("a.csv", table(["timestamp", *UR5], timed(t=T + 1.7e18)), "not in seconds"),
         ("a.csv", table([], timed(Q[::-1]))[1:], "last ascend.*--columns t=1,2,3,4,5,6,7"),
@@ -351,6 +358,31 @@ def test_columns_and_units_can_be_said(tmp_path, arm):
     assert "elbow_joint = 'c'" in done.stderr
     plain = run("check", "ur5", str(tmp_path / "deg.csv"))
     assert plain.exit_code == 0, plain.stderr
+
+
+def test_a_unit_that_is_not_known_is_no_radian_with_columns(tmp_path, arm):
+    heads = numbered("q{} (rev)")
+    (tmp_path / "a.csv").write_text(table(["t (min)", *heads], timed()))
+    with pytest.raises(ConfigurationError, match="is in 'rev', which is not known"):
+        read_trajectory(tmp_path / "a.csv", arm, None, heads)
+    np.testing.assert_allclose(read_trajectory(tmp_path / "a.csv", arm, False, heads).Q, Q)
+    with pytest.raises(ConfigurationError, match="is in 'min', which is not known"):
+        read_trajectory(tmp_path / "a.csv", arm, False, ["t=t (min)", *heads])
+
+
+@pytest.mark.parametrize(
+    ("head", "t", "said"),
+    [
+        ("timestamp", [0, 8], True), ("t", [0, 1000.5], True), ("t", [0, 1.5], False),
+        ("t [s]", [0, 2000], False),
+    ],
+)  # fmt: skip
+def test_times_that_may_be_milliseconds_are_said_to_be_taken_as_seconds(
+    tmp_path, arm, head, t, said
+):
+    (tmp_path / "a.csv").write_text(table([head, *UR5], timed(t=t)))
+    notes = read_trajectory(tmp_path / "a.csv", arm).notes
+    assert any("t is taken as seconds" in note for note in notes) == said
 
 
 def test_names_beside_an_array_are_the_joints(tmp_path, arm):

@@ -24,7 +24,10 @@ from pinsing.errors import ConfigurationError
 from pinsing.robot.arm import Arm
 from pinsing.robot.whole_model import WholeModel
 
-_UNIT = re.compile(r"(?i)[\s_]*[\[(]\s*([a-z°]+)\s*[\])]\s*$|_(deg|degrees|rad|mm|ms|ns)$")
+_UNIT = re.compile(
+    r"(?i)[\s_]*[\[(]\s*([^\W\d_][^\[\]()]*?|°)\s*[\])]\s*$"
+    r"|_(deg|degrees|[mu]?rad|radians|mdeg|revs?|turns|gon|mm|cm|ms|us|ns)$"
+)
 _ANGLES = {
     **dict.fromkeys(("deg", "degree", "degrees", "°", "grad"), math.radians(1)),
     **dict.fromkeys(("rad", "radian", "radians"), 1.0),
@@ -98,6 +101,8 @@ class TrajectoryFile:
         Of each joint what its values are multiplied by, where the file names a unit.
     degrees : bool or None
         What a comment such as ``# units: degrees`` says of all angles.
+    seconds : bool
+        Whether the file says that times are in seconds.
     """
 
     Q: Array
@@ -106,6 +111,7 @@ class TrajectoryFile:
     others: Mapping[str, tuple[Array, float | None]] = field(default_factory=dict)
     scales: Sequence[float | None] = ()
     degrees: bool | None = None
+    seconds: bool = False
 
 
 def read_trajectory(
@@ -163,7 +169,7 @@ def read_trajectory(
         elif kind in (".yaml", ".yml"):
             found = _yaml(path, arm)
         else:
-            found = _text(path, arm, columns)
+            found = _text(path, arm, columns, degrees is not None)
     except OSError as error:
         raise ConfigurationError(f"cannot read {path}: {error.strerror or error}") from None
     except DamagedError as error:
@@ -203,6 +209,12 @@ def read_trajectory(
     times = found.t
     if times is not None and len(times):
         require_seconds(str(path), float(times[0]))
+    if times is not None and len(times) > 1 and not found.seconds:
+        steps, long = np.diff(times), abs(times[-1] - times[0])
+        if long > 1e3 or (np.median(steps) >= 2 and not np.any(steps % 1)):
+            note = f"no unit of time is named: t is taken as seconds ({long:.6g} s in all)"
+            fix = "if it is in milliseconds, name its column 't (ms)'"
+            found = replace(found, notes=(*found.notes, f"{note}; {fix}"))
     if times is not None and len(times) and abs(times[0]) > _EPOCH:
         note = f"times are counted from the first, {times[0]:.3f} s"
         found = replace(found, t=times - times[0], notes=(*found.notes, note))
@@ -508,7 +520,7 @@ def _yaml(path: Path, arm: Arm) -> TrajectoryFile:
     t, degrees = np.array(known) if timed else None, None
     for number, text in enumerate(raw.decode("utf-8", "replace").splitlines(), 1):
         degrees = _stated_unit(path, number, text, degrees)
-    return TrajectoryFile(Q, t, notes, degrees=degrees)
+    return TrajectoryFile(Q, t, notes, degrees=degrees, seconds=True)
 
 
 def _stated_unit(path: Path, number: int, line: str, before: bool | None) -> bool | None:
@@ -539,7 +551,7 @@ def _seconds(time: Any) -> float | None:
     return float(time) if type(time) in (int, float) else None
 
 
-def _text(path: Path, arm: Arm, columns: Sequence[str]) -> TrajectoryFile:
+def _text(path: Path, arm: Arm, columns: Sequence[str], united: bool) -> TrajectoryFile:
     with _opened(path) as file:
         number, line, degrees, comments = 1, "", None, ""
         for number, words_of_it in enumerate(file, 1):
@@ -585,7 +597,7 @@ def _text(path: Path, arm: Arm, columns: Sequence[str]) -> TrajectoryFile:
             )
         read = None
         if named or columns:
-            read = ColumnHeads(path, arm, heads, columns, units, cells)
+            read = ColumnHeads(path, arm, heads, columns, units, cells, united)
         used = sorted(read.used) if read and len(read.used) < len(words) else None
         table = _NumberTable(path, separator, used, len(words), number - (not named), degrees)
         table.labels = read.labels if read else {}
@@ -604,12 +616,15 @@ def _text(path: Path, arm: Arm, columns: Sequence[str]) -> TrajectoryFile:
             raise ConfigurationError(f"{path}: times of day have no unit: take it from the head")
     if read is None:
         found = _columns(path, arm, values)
-        return replace(found, notes=(*found.notes, *said), degrees=table.degrees)
+        more = (*found.notes, *said)
+        return replace(found, notes=more, degrees=table.degrees, seconds=bool(table.clock))
     at = {column: k for k, column in enumerate(used or range(len(words)))}
     others = {w: (values[:, at[i]], read.units[i]) for w, i in read.others.items()}
     t = None if read.time is None else values[:, at[read.time]] * read.time_scale
     Q = values[:, [at[i] for i in read.order]]
-    return TrajectoryFile(Q, t, (*read.notes, *said), others, read.scales, table.degrees)
+    scale = None if read.time is None else read.units[read.time]
+    known = bool(table.clock or scale or read.time_scale != 1)
+    return TrajectoryFile(Q, t, (*read.notes, *said), others, read.scales, table.degrees, known)
 
 
 def _opened(path: Path) -> io.TextIOWrapper:
@@ -659,6 +674,7 @@ class ColumnHeads:
         columns: Sequence[str] = (),
         below: Sequence[str] = (),
         first: Sequence[str] = (),
+        angles_said: bool = False,
     ) -> None:
         words = [str(w).strip().strip("\"'") for w in words]
         self.path, self.words = path, words
@@ -699,10 +715,23 @@ class ColumnHeads:
                     f"--columns has {len(self.order)}"
                 )
             self.others, passed = {}, []
+            united = {*times, *(() if angles_said else self.order)}
         else:
             rest = {i: n for i, n in enumerate(names) if i not in {*times, *self.others.values()}}
             passed = [i for i, n in rest.items() if n not in exact and _NO_POSITION.fullmatch(n)]
-            self.order = self._joints(arm, {i: n for i, n in rest.items() if i not in passed})
+            rest = {i: n for i, n in rest.items() if i not in passed}
+            stems = {i: _without_places(_UNIT.sub("", words[i])) for i in rest}
+            united = {*times, *(i for i, n in stems.items() if _TIME.fullmatch(n))}
+            united |= {i for i, n in stems.items() if _NUMBERED.fullmatch(n)}
+            united |= {i for i, n in stems.items() if _named(n, arm.joints)}
+        for i in sorted(united):
+            if marks[i] and not scales[i] and not _named(marks[i], arm.joints):
+                raise self._error(
+                    f"column {words[i]!r:.80} is in {marks[i]!r:.40}, which is not known: give "
+                    "angles in deg or rad, lengths in m or mm, times in s, ms, us or ns"
+                )
+        if not columns:
+            self.order = self._joints(arm, rest)
         if len(times) > 1:
             pair = " and ".join(f"{words[i]!r:.80}" for i in times[:2])
             raise self._error(f"columns {pair} are both times")
@@ -711,11 +740,6 @@ class ColumnHeads:
         if times and scales[times[0]] is None and words[times[0]] == "%time":
             self.time_scale = 1e-9  # as rostopic writes it
         self.units, self.scales = scales, [scales[i] for i in self.order]
-        if odd := [i for i in (*self.order, *times) if below and marks[i] and not scales[i]]:
-            raise self._error(
-                f"column {words[odd[0]]!r:.80} is in {marks[odd[0]]!r:.40}, which is not known: "
-                "give deg, rad, m, mm, s, ms or ns"
-            )
         _require_kinds(path, arm, [words[i] for i in self.order], [marks[i] for i in self.order])
         angles = {s is None for s, p in zip(self.scales, arm.prismatic, strict=True) if not p}
         if len(angles) > 1:
