@@ -227,6 +227,22 @@ def test_a_path_with_the_roll_kept_is_one_of_those_that_the_bound_is_of(began):
     assert "with roll kept: no path" in replace(late, fixed=(0.0,)).text()
 
 
+@pytest.mark.parametrize("free", ["branch", "roll"])
+def test_a_long_motion_that_is_clear_is_a_path(free):
+    """Of 29 degrees, where the clearances at the ends add up to less than 20."""
+    arm = pinsing.load("irb1200")
+    form = pinsing.closed_form(arm, prove=False)
+    q = [
+        [2.5787, 2.0684, -0.1198, -2.3086, -2.2167, -2.9245],
+        [2.6759, 2.0843, 0.3056, -2.1356, -2.268828, -2.8727],
+    ]
+    T = np.array([tip_placement(arm, x).homogeneous for x in q])
+    plan = plan_path(form, T, free=free, step=np.radians(60), arm=arm, start=q[0])
+    assert np.radians(7.9) < plan.clearance <= plan.bound, plan.reason
+    slow = plan_path(form, T, free=free, step=np.radians(60), arm=arm, start=q[0], t=[0, 0.01])
+    assert "q3 would exceed its speed limit between poses 0 and 1" in slow.reason
+
+
 def test_every_path_crosses_only_what_lies_between_all_solutions(ur5):
     arm, form = ur5
     far = np.array(

@@ -5,7 +5,8 @@ joint, or the branch alone) takes values on a grid; the path with the greatest l
 found by dynamic programming over poses, values and branches. An edge exists where the motion keeps
 joint limits and speeds and is proven clear: distance to the families changes no faster than joints
 move, so that it is at least (a + b - d) / 2 on a segment of length d between clearances a and b;
-segments too long for that are halved. Joint values that differ by whole turns are one node, until
+segments too long for that are halved, those that are longer than twice the clearance at their end
+where no path is found without them. Joint values that differ by whole turns are one node, until
 the best path winds a joint beyond its limits: then each turn of that joint is a branch.
 """
 
@@ -51,8 +52,6 @@ _MARGIN = 0.01
 """Radians below the path on a part of the grid at which that on the whole is looked for first."""
 _ROUGH = SearchOptions(gap=_MARGIN, boxes=1)
 """Work where configurations are only compared: the steps to the nearest point, without proof."""
-_REACHED = 1e-4
-"""Radians, or metres over the length scale, that a start may be beside the first pose."""
 _THINNED = 6
 """One value and one pose in so many are looked at first."""
 _ENOUGH = np.radians(0.5)
@@ -61,6 +60,8 @@ _NODES = ("clear", "likely", "highest", "usable", "seen", "between", "off")
 """What is kept of each node (N, G, S)."""
 _HALVED = 6
 """Times that a motion between poses is halved to prove it clear."""
+_LONG = 20_000
+"""Motions that are halved at most, of those looked at where there is no path without them."""
 _COARSE = 40, np.radians(10.0)
 """Poses, and the distance of values of what is free, at which placements are compared."""
 
@@ -335,7 +336,7 @@ class _Planner:
         held = arm.joints.index(free) if free in arm.joints else None
         self.solver = InverseMany(arm, held)
         self.reached = self.relaxed = -np.inf
-        self.idle = False
+        self.idle = self.long = False
         self.cyclic = free == "roll"
         self.grid: Array = np.zeros(1)
         if self.cyclic:
@@ -444,7 +445,7 @@ class _Planner:
             value = float(np.arctan2(turned[1, 0], turned[0, 0]))
         position, rotation = self._targets(self.T[:1], np.array([value]))
         off = np.abs(position - tip.translation).max() / self.arm.length_scale
-        if max(off, np.abs(rotation - tip.rotation).max()) > _REACHED:
+        if max(off, np.abs(rotation - tip.rotation).max()) > 1e-4:  # of numbers that people type
             raise ConfigurationError("start does not reach the first pose")
         self.start = start
         if self.cyclic:
@@ -483,7 +484,7 @@ class _Planner:
         q = self.arm.space.fold(self.arm.space.wrap(self.start))
         apart = np.abs(self.arm.space.wrap(self.Q[0, self.kept] - q)).max(axis=-1)
         at = int(np.nan_to_num(apart, nan=np.inf).argmin())
-        if not apart[at] < _ALIKE:  # near a singular configuration none may have been found
+        if not apart[at] < CLOSE:  # near a singular configuration none may have been found
             self.Q = np.pad(self.Q, ((0, 0), (0, 0), (0, 1), (0, 0)), constant_values=np.nan)
             at = -1
         self.Q[0, self.kept, at] = q
@@ -561,7 +562,11 @@ class _Planner:
                 self.least = max(self.least if self.least > 0 else -np.inf, self.floor)
                 continue
             if isinstance(path, str):
-                return path
+                if self.long or self.edges:
+                    self.long = False
+                    return path
+                self.long = True
+                continue
             found = self._certify(path, width)
             if found >= self.reached - _BISECTED or width > self.clear.shape[1]:
                 return path
@@ -701,18 +706,24 @@ class _Planner:
             nodes = np.stack([self.likely[k].ravel(), room])[:, here]
             value = np.minimum(best.reshape(2, -1)[:, edge], nodes[:, None, :, None])
             value = np.where(self._within(k)[:, None, here], value, -np.inf)
-            sure, loose, maybe = self._passable(k, here, source, move, room[here])
+            sure, loose, maybe, over = self._passable(k, here, source, move, room[here])
             proven = np.where((sure & ~far)[..., None], value[0], -np.inf)
             choice = proven.argmax(axis=0)[None]
             new, from_ = (np.take_along_axis(x, choice, axis=0)[0] for x in (proven, edge))
             doubtful = (maybe & ~far)[..., None] & (value[0] > new)
+            if self.long:  # those that lack the least
+                over = np.where(doubtful.any(axis=-1), over, np.inf)
+                most = max(_LONG // N, S)
+                if over.size > most:
+                    doubtful &= (over <= np.partition(over, most, axis=None)[most])[..., None]
             if doubtful.any():
                 self._prove_edges(k, here, np.where(doubtful, value[0], -np.inf), edge, new, from_)
             if not (reason or np.isfinite(new).any()):
                 reason = "none" if self.edges else self._why(k, best[0])
             best = np.full(best.shape, -np.inf)
             best[0, here, :-1] = new
-            best[1, here, :-1] = np.where(loose[..., None], value[1], -np.inf).max(axis=0)
+            other = np.where(loose[..., None], value[1], -np.inf).max(axis=0)
+            best[1, here, :-1] = np.maximum(other, new)
             self.through[k] = best[1].max(axis=-1)
             back.append((here, from_))
             if k % 20 == 0:
@@ -740,10 +751,14 @@ class _Planner:
             return source, self._apart(k, here, source) > self.reach + ROUNDING
         out, ends = [self.before[k][here]], [self.before[k][here]] * 2
         out += [self.before[k][link[here]] for link in self.beside[k]]
+        if self.long:
+            S = self.Q.shape[2]
+            out += [here // S * S + s for s in range(S)]
+        nearer = len(out) + 2 * self.window
         for _ in range(self.window + 1 if len(self.grid) > 1 else 0):
             ends = [link[at] for link, at in zip(self.beside[k - 1], ends, strict=True)]
             out += ends
-        far = np.arange(len(out)) > 2 * self.window + 2
+        far = np.arange(len(out)) >= nearer
         return np.stack(out), np.broadcast_to(far[:, None], (len(out), len(here)))
 
     def _apart(self, k: int, here: Ints, source: Ints) -> Array:
@@ -1044,8 +1059,11 @@ class _Planner:
 
     def _passable(
         self, k: int, here: Ints, source: Ints, move: Array, room: Array
-    ) -> tuple[Bool, Bool, Bool]:
-        """Which edges (D, M) to nodes of pose k are proven clear; which relaxed; which may be."""
+    ) -> tuple[Bool, Bool, Bool, Array]:
+        """Which edges (D, M) to nodes of pose k are proven clear; which relaxed; which may be.
+
+        The last: what their length has over the clearances at their ends.
+        """
         gap = self._gap(move) * self.scale
         length = np.sqrt((gap * gap).sum(axis=-1))
         clear = self.clear[k].ravel()[here] + self.clear[k - 1].ravel()[source]
@@ -1053,8 +1071,9 @@ class _Planner:
         if self.timed:
             most = limits_of(self.arm) * (self.t[k] - self.t[k - 1])
             quick = (np.abs(gap) <= most * self.scale).all(axis=-1)
-        sure, short = clear > length, length < 2 * room
-        return sure & quick, sure | short, short & quick & ~sure
+        sure, short = clear > length, (length < 2 * room) | self.long
+        tried = short | (len(self.grid) == 1)
+        return sure & quick, sure | short, tried & quick & ~sure, length - clear
 
     def _shifted(self, i: Ints, d: int) -> Ints:
         """Neighbours of values i on the grid; the ends have none beyond them, and stay."""
