@@ -84,7 +84,9 @@ def test_pages_and_reports_give_the_advice_of_the_terminal(tmp_path, monkeypatch
     assert " of the time" not in said
     given = []
     monkeypatch.setattr("pinsing.cli.report._write", lambda *args: given.append(args[7]))
-    run("report", "ur5", "-o", str(page), "--trajectory", str(path))
+    told = run("report", "ur5", "-o", str(page), "--trajectory", str(path)).stdout
+    assert told.startswith("way.csv: crosses the wrist singularity")
+    assert advice in " ".join(told.splitlines()[:4])
     arm, way = pinsing.load("ur5"), given[0]
     assert advice in summary(way.check)
     assert advice in trajectory_data(arm, way.check, way.Q)["lines"][-1]

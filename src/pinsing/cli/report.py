@@ -22,7 +22,7 @@ from pinsing.cli.options import (
     parse_numbers,
     told_degrees,
 )
-from pinsing.cli.output import emit, off_screen, say
+from pinsing.cli.output import emit, emit_lines, off_screen, say
 from pinsing.cli.singularities import algebra_options, prove_option
 from pinsing.cli.zones import zones_option
 from pinsing.errors import OptionError
@@ -147,6 +147,8 @@ def report_command(
     _write(arm, html, pdf, page, skeleton, given, forms, judged, zones)
     from pinsing.families.form import answer_text
 
+    if judged is not None:
+        emit_lines("\n".join([*judged.answer, ""]))
     emit(answer_text(forms, Page.of(), request.words))
 
 

@@ -197,8 +197,8 @@ _REACHED = {
 _MOST_PICTURES = 12
 
 
-def summary(c: Content) -> Section:
-    """Page one: the robot, the verdict, what to avoid, and where that is."""
+def summary(c: Content, way: Trajectory | None) -> Section:
+    """Page one: what a trajectory meets, the robot, what to avoid, and where that is."""
     arm, forms = c.info.arm, c.forms
     families = sorted(forms.families, key=lambda f: ORDER.index(f.title))
     count = counted(len(families), "family", "families")
@@ -246,9 +246,17 @@ def summary(c: Content) -> Section:
             "singular configuration. Blank: none came there."
         ),
     )
+    met = []
+    if way is not None:
+        verdict, advice = way.answer
+        met.append(
+            paragraph(f'<strong><a href="#trajectory">{text(verdict)}</a></strong>', kind="lead")
+        )
+        met.append(paragraph(text(advice)))
     return section(
         "summary",
         "Summary",
+        *met,
         lead,
         paragraph(word_badge(c), text(coverage_words(forms))),
         paragraph(text(meaning)),
@@ -711,7 +719,7 @@ def arm_report(
     certificate = content.forms.certificate
     written = None if certificate is None else text_of(certificate) + "\n"
     sections = [
-        summary(content),
+        summary(content, way),
         None if way is None else trajectory(content, way),
         None if zones is None else too_near(zones),
         maps(content),

@@ -28,7 +28,7 @@ from pinsing.kinematics.verdict import SINGULAR_RTOL, ratios
 from pinsing.prose import PLAIN, Page, Table
 from pinsing.proximity.clearance import Clearance, clearance
 from pinsing.proximity.suggestion import Suggestion, suggest
-from pinsing.proximity.trajectory import TrajectoryCheck
+from pinsing.proximity.trajectory import TrajectoryCheck, summary
 from pinsing.robot.arm import Arm, ArmSummary, summarize
 from pinsing.robot.exact_placements import Snap
 from pinsing.robot.nominal import nominal
@@ -355,6 +355,12 @@ class Trajectory:
     name: str = "path"
     robot: str = "ROBOT"
     notes: tuple[str, ...] = ()
+
+    @property
+    def answer(self) -> tuple[str, str]:
+        """What it meets, and what to do, a line each."""
+        first, *_, last = summary(self.check, True, self.name, self.robot).splitlines()
+        return first, last.strip()
 
 
 def gather(
