@@ -501,11 +501,17 @@ def test_files_of_poses(tmp_path, head):
         ("x,y,z\n1,2,3\n", "the first line names the columns"),
         ("x,y,z,i,j,k\n1,2,3,0,0\n", "line 2: 6 numbers are needed"),
         ("x,y,z,i,j,k\n1,2,nan,0,0,1\n", "line 2: 6 numbers are needed"),
+        ("x,y,z,i,j,k\n1,2,3,0,0,1,a\n", "line 2: 6 numbers are needed"),
         ("x,y,z,i,j,k\n1,2,3,0,0,1\n", "two poses at least"),
         ("x,y,z,i,j,k\n1,2,3,0,0,5\n1,2,3,0,0,1\n", "pose 0: i, j, k have length 5"),
         ("x,y,z,i,j,k\n300,2,3,0,0,1\n1,2,3,0,0,1\n", "for millimetres add --mm"),
         ("x,y,z,roll,pitch,yaw\n1,2,3,0,0,90\n1,2,3,0,0,1\n", "for degrees add --deg"),
         ("x,x,y,z,i,j,k\n1,2,3,0,0,0,1\n", "named twice"),
+        (
+            "x,y,z,qx,qy,qz,qw,i,j,k\n" + "0,0,0,1,0,0,0,0,0,1\n" * 2,
+            "rotation is given twice: qx, qy, qz, qw and also i, j, k; drop one",
+        ),
+        ("x,y,z,i,j,k,note\n1,2,3,0,0,1,weld\n", "drop column 'note', which is not needed"),
     ],
 )
 def test_bad_files_are_refused(tmp_path, text, said):

@@ -186,7 +186,11 @@ def read_poses(path: Path, *, degrees: bool = False, millimetres: bool = False) 
     first = lines[0] if lines else ""
     separator = max(",;\t", key=first.count)
     names = [word.strip().lower() for word in first.split(separator)]
-    kind = next((k for k in (QUATERNION, ANGLES, AXIS) if set(k) <= set(names)), None)
+    kinds = [k for k in (QUATERNION, ANGLES, AXIS) if set(k) <= set(names)]
+    if len(kinds) > 1:
+        both = " and also ".join(", ".join(k) for k in kinds)
+        raise RobotFileError(f"the tool's rotation is given twice: {both}; drop one", path)
+    kind = kinds[0] if kinds else None
     if kind is None or not {"x", "y", "z"} <= set(names):
         raise RobotFileError(
             "the first line names the columns: x, y, z and qx, qy, qz, qw, or roll, pitch, yaw, or "
@@ -199,13 +203,18 @@ def read_poses(path: Path, *, degrees: bool = False, millimetres: bool = False) 
     for number, row in enumerate(csv.reader(lines[1:], delimiter=separator), 2):
         if not any(word.strip() for word in row):
             continue
+        values, which = [], ""
         try:
-            values = [float(word.replace(",", ".")) for word in row]
+            for word in row:
+                values.append(float(word.replace(",", ".")))
         except ValueError:
-            values = []
-        if len(values) != len(names) or not all(map(math.isfinite, values)):
+            if len(row) == len(names) and (extra := names[len(values)]) not in ("t", *"xyz", *kind):
+                which = f" (drop column {extra!r}, which is not needed)"
+        whole = len(row) == len(values) == len(names)
+        if not whole or not all(map(math.isfinite, values)):
             raise RobotFileError(
-                f"line {number}: {len(names)} numbers are needed, got {separator.join(row)[:60]!r}",
+                f"line {number}: {len(names)} numbers are needed, got {separator.join(row)[:60]!r}"
+                + which,
                 path,
             )
         rows.append(values)
