@@ -290,6 +290,9 @@ class _Search:
         ]
         self.used: Bool = np.array([_used(c) for c in self.each]).reshape(-1, arm.n)
         self.active: Bool = self.bounds.moving | self.used.any(axis=0) | region.moving
+        self.surfaces: Bool = np.array(
+            [any(b.sums for b in c.branches) for c in self.each], dtype=bool
+        )
         self.rng = np.random.default_rng(36)
         self.seen = 0
 
@@ -349,15 +352,17 @@ class _Search:
         )
 
     def _distances(self, Q: Array) -> tuple[Array, Array]:
-        """Lower and upper bounds (N, F) of the distances of Q (N, n) to the families.
+        """Lower and upper bounds (N, F) of the distances of Q (N, n) to the families."""
+        each = two_sided(self.watched.conditions.plain, Q, each=True).each
+        return each[..., 0], self._reached(Q, each[..., 1])
 
-        Where a family is a surface, the upper one is that of a point near the nearest: steps to
-        the tangent plane at the last point until its sum has another sign, or then what is proven
-        to reach the surface from there.
+    def _reached(self, Q: Array, up: Array) -> Array:
+        """Upper bounds (N, F), of families that are surfaces by a point near the nearest.
+
+        Steps to the tangent plane at the last point until its sum has another sign, or then what
+        is proven to reach the surface from there.
         """
-        conditions = self.watched.conditions.plain
-        both = two_sided(conditions, Q, each=True).each
-        low, up = both[..., 0].copy(), both[..., 1].copy()
+        conditions, up = self.watched.conditions.plain, up.copy()
         X = conditions.scaled(Q)
         for branch in conditions.branches:
             if len(branch.sums) != 1:
@@ -383,7 +388,7 @@ class _Search:
                 along = (g * (x - start)).sum(axis=1) - at.value
                 x = start + g * (along / np.maximum((g * g).sum(axis=1), 1e-12))[:, None]
             up[:, branch.family] = np.fmin(up[:, branch.family], found)
-        return low, up
+        return up
 
     def _random(self, count: int) -> Array:
         spread = self.rng.uniform(self.low, self.high, (count, self.arm.n))
@@ -484,34 +489,47 @@ class _Search:
         target = self._target(reached)
         kept = np.where(np.arange(len(far)) == k, target, np.minimum(far, 1e9))
         c, r = self._trimmed(C, R, np.full(len(far), target) if k is None else kept, k, cap)
-        reach = np.linalg.norm((r * self.watched.weight)[:, None] * self.used, axis=2)
-        low, up = self._distances(c)
-        most = up + reach
-        top = np.minimum(np.minimum(top, cap), self._objective(k, far, most))
-        alive = (top > target) & self._may_hold(c, r, (low > reach).all(axis=1))
+        reach: Array = np.sqrt((r * self.watched.weight) ** 2 @ self.used.T)
+        each = two_sided(self.watched.conditions.plain, c, each=True).each
+        low, up = each[..., 0], each[..., 1]
+        top = np.minimum(np.minimum(top, cap), self._objective(k, far, up + reach))
+        alive = (top > target) & self._may_hold(c, r, np.all(low > reach, axis=1))
         if k is not None:
             alive &= low[:, k] - reach[:, k] <= cap
-        c, r, top, up = (x[alive] for x in (c, r, top, up))
-        if not len(c):
-            return c, r, top, -np.inf, c
+        c, r, top, low, up, reach = (x[alive] for x in (c, r, top, low, up, reach))
         found = self.bounds.of(c, r)
         open_ = found.most > 1
+        c, r, top, low, up, reach, center, pull = (
+            x[open_] for x in (c, r, top, low, up, reach, found.center, found.pull)
+        )
+        # Where the lower bounds decide nothing else, closer upper ones do not either.
+        least = np.where(self.surfaces, low, up)
+        closer = self._objective(k, far, least) < self._objective(k, far, up)
+        closer |= self._objective(k, far, least + reach) < top
+        up[closer] = self._reached(c[closer], up[closer])
+        top = np.minimum(top, self._objective(k, far, up + reach))
+        alive = top > target
+        c, r, top, low, up, reach, center, pull = (
+            x[alive] for x in (c, r, top, low, up, reach, center, pull)
+        )
+        if not len(c):
+            return c, r, top, -np.inf, c
         # Steps may lead to a point that is not the nearest: such boxes could never be done.
-        least = self._objective(k, far, (low + reach)[alive])
+        least = self._objective(k, far, low + reach)
         here = self._objective(k, far, up)
-        over = np.flatnonzero(open_ & (here > target) & ((least <= target) | np.isinf(here)))
-        reach = np.linalg.norm((r[over] * self.watched.weight)[:, None] * self.used, axis=2)
+        over = np.flatnonzero((here > target) & ((least <= target) | np.isinf(here)))
+        reach = reach[over]
         gap = float(
             np.clip(reach.max(axis=1, initial=0.0).min(initial=np.inf) / 2, self.sure, 1e-2)
         )
         up[over] = np.fmin(up[over], self._proven(c[over], gap, self.few)[1])
         top[over] = np.minimum(top[over], self._objective(k, far, up[over] + reach))
-        open_[over] &= top[over] > target
-        guess = np.where(found.center > 1, self._objective(k, far, up), -np.inf)
+        open_ = top > target
+        guess = np.where(center > 1, self._objective(k, far, up), -np.inf)
         farther = np.flatnonzero(guess > reached)
         guess[farther[~self.region.holds(c[farther])]] = -np.inf
         best = int(guess.argmax())
-        j = np.where(self.active, found.pull + 1e-3 * r, -1.0).argmax(axis=1)
+        j = np.where(self.active, pull + 1e-3 * r, -1.0).argmax(axis=1)
         half = np.eye(self.arm.n)[j] * r / 2
         a, b, s = (c - half)[open_], (c + half)[open_], (r - half)[open_]
         both = np.concatenate([a, b]), np.concatenate([s, s]), np.tile(top[open_], 2)
