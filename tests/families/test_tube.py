@@ -258,3 +258,13 @@ def test_two_walls_may_be_passed_where_they_meet(form: pinsing.ClosedForm) -> No
     assert "different aspects" in found.text()
     assert "of the design: every path" in found.text()
     assert any("may pass between them" in note for note in found.notes)
+
+
+def test_a_wide_tube_of_one_family_is_told_in_one_sentence() -> None:
+    wide, thin = math.radians(45.2), math.radians(5)
+    said = [
+        str(tubes.Tube(w, 0.0, True, (tubes.TubeWidth("F1", w, 0.0, True),), 0.2, "", (), 1))
+        for w in (wide, thin)
+    ]
+    assert said[0].endswith("configuration of this robot lies within 45.2° of it.")
+    assert "Each wall persists" in said[1]

@@ -126,6 +126,17 @@ def test_no_text_lies_over_another(drawn: Callable[..., Figure], robot: str, kin
     assert overlaps(drawn(kind, robot, *words_of(kind, pinsing.load(robot)))) == []
 
 
+def test_angles_of_figures_are_in_degrees_unless_radians_are_asked_for(
+    drawn: Callable[..., Figure],
+) -> None:
+    for words, unit in (([], "deg"), (["--deg"], "deg"), (["--rad"], "rad")):
+        for kind in ("map", "locus"):
+            figure = drawn(kind, "planar3r", *words_of(kind, pinsing.load("planar3r")), *words)
+            assert f"[{unit}]" in figure.axes[0].get_xlabel()
+    figure = drawn("curves", str(URDF / "four_bar.urdf"), "--loops")
+    assert any("deg" in ax.get_xlabel() for ax in figure.axes)
+
+
 MECHANISMS = sorted(p.name.split(".")[0] for p in URDF.glob("*.loops.yaml"))
 
 

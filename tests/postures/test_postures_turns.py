@@ -71,7 +71,7 @@ def test_a_posture_that_is_reached_a_turn_away(wide):
     assert [other.answer for other in rest] == ["different"] * 2
     text = " ".join(found.text().split())
     assert "(4 whole-turn copies within the limits, 2 in the aspect of the start)" in text
-    assert "So are their copies whole turns away, of each 4 at most" in text
+    assert "The same holds with joints turned by whole turns: up to 4 per posture" in text
     assert "are 3 more copies of this configuration, not listed: 1 in its aspect, 2 in" in text
 
 

@@ -2,6 +2,7 @@
 
 import re
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -96,6 +97,19 @@ def test_frames_singular_values_and_verdicts_agree(name: str, tmp_path: Path) ->
     statuses = [h["status"] for h in found]
     assert statuses == [status_of(float(x)) for x in ratios(arm, Q)]
     assert {"singular", "regular"} <= set(statuses)
+
+
+@needs_node
+def test_families_of_a_design_are_called_so() -> None:
+    arm, said = load("ur5"), []
+    entries = family_entries(arm, closed_form(arm).families, 1)
+    for robot in (arm, replace(arm, design=arm)):
+        data = engine_data(robot, entries, sizes(arm))
+        found = run("(m, data) => m.frameAt(data, [0, -1, 1, 0, 0, 0])", data)
+        said.append((found["verdict"]["text"].split(": ")[0], found["why"]))
+    assert said[0] == ("on F2", [entries[1].reason])
+    assert said[1][0] == "on F2 of the design"
+    assert said[1][1] != said[0][1]  # the axes of this robot are not those of its design
 
 
 @needs_node

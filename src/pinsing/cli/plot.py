@@ -15,6 +15,7 @@ from pinsing.cli.options import (
     RobotRequest,
     arm_options,
     deg_option,
+    in_degrees,
     joint_names,
     joint_vector,
     output_option,
@@ -74,7 +75,7 @@ def plot_loops(
     tell_of_limits(mechanism)
     inputs = typed_inputs(mechanism, configurations, deg)
     off_screen()
-    figure = _figure(mechanism, kind, inputs, bool(configurations), over, deg)
+    figure = _figure(mechanism, kind, inputs, bool(configurations), over, in_degrees(deg))
     save_figure(figure, out, dpi=dpi, bbox_inches="tight", pad_inches=0.04)
 
 
@@ -255,7 +256,10 @@ def plot_command(
         axes = _locus(arm, families[0], vectors, joints, each, ignore_limits, deg)
     else:
         shown = _families(arm, families) if families else None
-        axes = _draw(kind, arm, vectors, joints, held, shown, ignore_limits, motions, measure, deg)
+        drawn = in_degrees(deg)
+        axes = _draw(
+            kind, arm, vectors, joints, held, shown, ignore_limits, motions, measure, drawn
+        )
     save_figure(axes.figure, out, dpi=dpi, bbox_inches="tight", pad_inches=0.04)
 
 
@@ -357,7 +361,7 @@ def _locus(
         third=third,
         values=values,
         ignore_limits=ignore_limits,
-        degrees=deg,
+        degrees=in_degrees(deg),
     )
 
 

@@ -120,7 +120,9 @@ class Tube:
                 f"from these is NOT proven: {self.reason}. How near they are to a configuration is "
                 "bounded by its Jacobian alone."
             )
-        walls = [f.family for f in self.families if f.persists]
+        # Of a wide tube it says nothing that helps.
+        told = self.alone <= math.radians(20)
+        walls = [f.family for f in self.families if f.persists and told]
         which = "Each wall persists" if len(walls) == many else f"{', '.join(walls)} persist"
         persist = (
             f" {which}: any path across one of them by more than that, away from the others, meets "
@@ -134,7 +136,8 @@ class Tube:
     @property
     def where(self) -> str:
         """Where the singular configurations of the robot are, in words."""
-        said = f"within {_degrees(self.alone)} of one of them"
+        which = "it" if len(self.families) == 1 else "one of them"
+        said = f"within {_degrees(self.alone)} of {which}"
         if self.width > self.alone:
             said += f" ({_degrees(self.width)} where two are within {_degrees(self.near)})"
         return said

@@ -315,7 +315,9 @@ class PostureChanges(JsonResult):
                     lines.append(f"       by {typed(q, self.arm.prismatic, degrees, digits=6)}")
         copies = max((o.copies for o in listed if o.answer == DIFFERENT), default=1)
         if copies > 1:
-            lines.append(f"  So are their copies whole turns away, of each {copies:,} at most")
+            lines.append(
+                f"  The same holds with joints turned by whole turns: up to {copies:,} per posture"
+            )
         if singular:
             count = len(singular)
             more = f"examples, {count} found" if count > 1 or self.aspect is None else "one"

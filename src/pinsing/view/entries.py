@@ -297,7 +297,7 @@ def engine_data(arm: Arm, entries: Sequence[Entry], sizes: Sizes) -> dict[str, A
     ``joints`` (limits, None where infinite); ``speeds`` (as of `SpeedJudge`, and what is asked);
     ``families`` (branches: joint values and equations as in `Equation`; ``confirm``: only those of
     their zeros count at which the arm is singular, and ``points`` are some); ``centres`` (joints
-    whose axes always meet, with a name); ``sizes``.
+    whose axes always meet, with a name); ``sizes``; ``design`` (families are of the design).
     """
     exact = nominal(arm)
     never = np.zeros((0, 6))
@@ -333,6 +333,7 @@ def engine_data(arm: Arm, entries: Sequence[Entry], sizes: Sizes) -> dict[str, A
         ],
         "centres": [{"name": c.short, "joints": list(c.ids)} for c in arm_centres(arm) if c.short],
         "sizes": sizes_data(sizes),
+        "design": arm.design is not None,
     }
 
 

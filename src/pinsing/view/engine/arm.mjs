@@ -43,7 +43,7 @@ export function frameAt(data, q, families = data.families) {
     })),
     always: always.map((m) => m.words), mixed,
     hot: [...new Set(dependent.flat())].sort((a, b) => a - b),
-    why: reasons(dependent, on, J, task, Math.min(0.05, Math.max(STRUCTURE, 30 * zero)), status === "near-singular" ? "nearly " : ""),
+    why: reasons(dependent, data.design ? null : on, J, task, Math.min(0.05, Math.max(STRUCTURE, 30 * zero)), status === "near-singular" ? "nearly " : ""),
     status, rank: rankAt(judge.rtol), genericRank: task.rank, sigma, ratio,
     condition: sigma[task.rank - 1] > Math.max(6, q.length) * Number.EPSILON * sigma[0] ? sigma[0] / sigma[task.rank - 1] : Infinity,
     manipulability: sigma.slice(0, task.rank).reduce((a, b) => a * b, 1),
@@ -75,7 +75,7 @@ export function nearestFamily(data, q, families = data.families, terms = AT_ONCE
   const { family, branch, lower, upper: value } = best, on = value <= ON;
   const slides = family.moved.length && family.moved.every((j) => joints[j].prismatic);
   const far = (v) => (slides ? `${short(v * task.lengthScale * 1000)} mm` : `${short((v * 180) / Math.PI)}\u00b0`);
-  const place = `${family.name}: ${family.where[branch] ?? family.text}`;
+  const place = `${family.name}${data.design ? " of the design" : ""}: ${family.where[branch] ?? family.text}`;
   const sure = on || far(Math.min(lower, least)) === far(value) || value - Math.min(lower, least) <= ALIKE;
   return { entry: family.entry, lower, value, on, q: best.q, least, sure, text: `${on ? "on" : howFar({ lower, value, sure }, least, far)} ${place}` };
 }
