@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+import re
 from pathlib import Path
 
 import pytest
@@ -42,6 +43,26 @@ def file(tmp_path):
         return str(path)
 
     return write
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        ("at gp25 --q 0,0,0,0,0,0 --deg --rad", "--deg and --rad exclude each other"),
+        ("families gp25 --prove --no-prove", "--prove and --no-prove exclude each other"),
+        ("at gp25 --q 0,-1e20,0,0,0,0", "--q: q2 is -1e.20; values beyond 1e.09"),
+        ("families arm", f"arm: is a folder: .* such as {Path('arm/six.urdf')}"),
+    ],
+)
+def test_what_cannot_be_meant_is_refused(words, said, tmp_path, monkeypatch):
+    (tmp_path / "arm").mkdir()
+    (tmp_path / "arm/six.urdf").write_text("")
+    monkeypatch.chdir(tmp_path)
+    assert re.search(said, refused(*words.split()))
+
+
+def test_help_all_is_help_where_all_is_shown():
+    assert run("--help-all").output == run("--help").output
 
 
 def test_a_missing_mesh_never_stops(write_urdf):

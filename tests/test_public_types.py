@@ -364,7 +364,8 @@ TAKERS = [case for case in CASES if case[1] in MADE]
 @pytest.mark.parametrize("value", ["ur5", None, 3.0, Unfit()], ids=repr)
 def test_what_belongs_there_is_told(value):
     for name, parameter in TAKERS:
-        told_what_belongs(name, parameter, value)
+        if (name, value) != ("closed_form", "ur5"):  # it takes names
+            told_what_belongs(name, parameter, value)
 
 
 def told_what_belongs(name, parameter, value):

@@ -40,6 +40,9 @@ def test_a_set_up_installs_once_and_again_where_the_sources_are_not_used(tmp_pat
     (packages / "pip").mkdir()
     (packages / "pip/__main__.py").write_text(PIP)
 
+    for word, code in (("--help", 0), ("tests", 2)):
+        done = subprocess.run(["bash", "scripts/setup", word], cwd=clone, capture_output=True)
+        assert (done.returncode, done.stdout[:20]) == (code, b"usage: scripts/setup")
     assert calls(clone) == ["."]
     assert calls(clone) == []
     (packages / "pinsing").mkdir()  # `pip install .`: a copy, found before src/

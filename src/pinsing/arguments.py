@@ -230,12 +230,6 @@ def _refusal(name: str, kind: _Kind, value: Any) -> ConfigurationError | Argumen
     return ArgumentError(name, kind.expected, shown(value), hint)
 
 
-def not_loaded(name: str, expected: str, value: Any) -> ArgumentError:
-    """The refusal of what is no arm yet: a path, a name or a table where a loaded one belongs."""
-    path = os.fspath(value) if isinstance(value, str | os.PathLike) else "ur5"
-    return ArgumentError(name, expected, shown(value), f"load it first, {_load_call(path)}")
-
-
 def _no_numbers(name: str, value: Any) -> ConfigurationError:
     """Return what is wrong with a value that `_are_numbers` does not take."""
     if _reals(value) is not None:

@@ -331,12 +331,19 @@ def test_lengths_of_a_urdf_are_named_after_its_joints(rng):
         ({"symbols": ["a9"]}, UnknownNameError, "unknown length 'a9'"),
         ({"symbols": ""}, OptionError, "no length"),
         ({"symbols": True, "prove": True}, OptionError, "do not go with"),
-        ({}, OptionError, "load it first"),
     ],
 )
 def test_what_makes_no_sense_is_refused(options, error, said):
     with pytest.raises(error, match=said):
-        pinsing.closed_form(TABLES["ur"] if options else str(TABLES["ur"]), **options)
+        pinsing.closed_form(TABLES["ur"], **options)
+
+
+def test_a_name_or_file_is_an_arm_with_and_without_symbols():
+    titles = [
+        [f.title for f in pinsing.closed_form(x).families] for x in ("ur5", pinsing.load("ur5"))
+    ]
+    assert titles[0] == titles[1]
+    assert len(pinsing.closed_form(str(TABLES["ur"])).families) == 3
 
 
 @pytest.mark.parametrize(

@@ -190,6 +190,7 @@ class PinsingGroup(click.Group):
         **extra: Any,
     ) -> click.Context:
         """Keep the words, for who says how to go on."""
+        args = ["--help" if args[:1] == ["--help-all"] else word for word in args[:1]] + args[1:]
         words = [info_name or "pinsing", *args]
         context = super().make_context(info_name, args, parent, **extra)
         context.meta[WORDS] = words

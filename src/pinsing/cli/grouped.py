@@ -63,6 +63,9 @@ class GroupedCommand(click.Command):
                     "--tool is an option of path: the task pose has the same singularities with "
                     "any tool; for other tasks name a frame of the robot's file with --tip"
                 )
+        for p in self.params:
+            if {*p.opts} & {*args} and {*p.secondary_opts} & {*args}:
+                raise OptionError(f"{p.opts[0]} and {p.secondary_opts[0]} exclude each other")
         return super().parse_args(ctx, _joined(args))
 
     def collect_usage_pieces(self, ctx: click.Context) -> list[str]:

@@ -500,7 +500,15 @@ def joint_vector(arm: Arm, text: str, what: str, degrees: bool) -> Array:
     """
     import numpy as np
 
+    from pinsing.proximity.crossings import FARTHEST
+
     q = arm.check(parse_numbers(text, what, degrees), what)
+    if (np.abs(q) > FARTHEST).any():
+        j = int(np.abs(q).argmax())
+        raise OptionError(
+            f"{what}: {arm.joints[j]} is {q[j]:g}; values beyond {FARTHEST:g} are no positions of "
+            "a joint"
+        )
     return np.where(arm.prismatic, q, np.radians(q)) if degrees else q
 
 

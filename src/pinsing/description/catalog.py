@@ -457,6 +457,8 @@ def locate_robot(robot: str | Path) -> CatalogEntry | Path:
     try:
         return find_robot(str(robot))
     except UnknownNameError as error:
+        if path.is_dir():
+            return path  # its reader says what to give
         raise UnknownNameError(
             "robot",
             error.name,

@@ -20,7 +20,7 @@ from pathlib import Path
 from xml.parsers import expat
 
 from pinsing.arguments import MEBIBYTE
-from pinsing.errors import RobotFileError
+from pinsing.errors import RobotFileError, shown_path
 
 MAX_BYTES = 32 * MEBIBYTE
 MAX_DEPTH = 100
@@ -72,7 +72,9 @@ def read_bytes(path: Path, most: int = 0, kind: str = "URDF or xacro file") -> b
     """Return the content of a plain file of at most ``most`` bytes (32 MiB), not empty."""
     try:
         if path.is_dir():
-            raise RobotFileError(f"is a folder: give the {kind} in it", path)
+            inside = sorted(f for ending in ("urdf", "xacro") for f in path.glob(f"*.{ending}"))
+            which = f", such as {shown_path(inside[0])}" if inside else ""
+            raise RobotFileError(f"is a folder: give the {kind} in it{which}", path)
         if not path.exists():
             raise RobotFileError("no such file", path)
         if not path.is_file():

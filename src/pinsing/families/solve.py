@@ -17,7 +17,7 @@ from pinsing.algebra.budget import Budget
 from pinsing.algebra.components import Component, RandomSteps
 from pinsing.algebra.equation import Equation
 from pinsing.algebra.mimic import NotFollowed, drives
-from pinsing.arguments import checked, not_loaded
+from pinsing.arguments import checked
 from pinsing.errors import OptionError
 from pinsing.families.describe import describe, stated
 from pinsing.families.faithful import disagreements
@@ -110,7 +110,7 @@ SECONDS = 10.0
 
 @overload
 def closed_form(
-    arm: Arm,
+    arm: Arm | str | os.PathLike[str],
     *,
     seconds: float | None = None,
     angle_tol: float = ANGLE_TOL,
@@ -147,8 +147,8 @@ def closed_form(
 
     Parameters
     ----------
-    arm : Arm
-        A serial arm; with ``symbols`` also the path of a DH table, or what else ``load`` takes.
+    arm : Arm, str or path
+        A serial arm, or the name or file of one, as ``load`` takes it.
     symbols : bool, str or sequence of str, optional
         Lengths that stay symbols: all that are not zero (True), or those named, such as
         ``"a2,d4"``. Of a DH table they are a1, d1, a2, ..., and twists alpha1, ... that are named
@@ -208,8 +208,7 @@ def closed_form(
         if prove is True or snap_length:
             raise OptionError("symbols do not go with prove or snap_length: give numbers for these")
         return _design(arm, symbols, seconds, angle_tol)
-    if not isinstance(arm, Arm):
-        raise not_loaded("arm", "an Arm", arm)
+    arm = arm if isinstance(arm, Arm) else load(arm)
     design = arm.design if design is None else design
     if design is not None and design is not False:
         tolerances = (max(angle_tol, ANGLE), snap_length or LENGTH)
