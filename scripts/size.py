@@ -9,8 +9,8 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
 LIMITS: dict[str, tuple[int, int]] = {
-    "Python in src: statements": (43_248, 30_000),
-    "Python in src: lines": (83_044, 56_000),
+    "Python in src: statements": (43_255, 30_000),
+    "Python in src: lines": (83_054, 56_000),
     "C++, JavaScript, templates, styles: lines": (12_582, 9_500),
     "modules": (219, 220),
     "packages directly under pinsing": (16, 16),

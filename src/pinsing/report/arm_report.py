@@ -53,7 +53,7 @@ from pinsing.report.document import (
     table,
     terms,
     text,
-    workspace_picture,
+    workspace_pictures,
 )
 from pinsing.report.document import math as formula
 from pinsing.report.info import Content, Made, Trajectory, gather
@@ -237,14 +237,14 @@ def summary(c: Content, way: Trajectory | None) -> Section:
             f"{text('Farthest from all of them that was found:')} "
             f"{name(c.clearest.text(degrees=True).splitlines()[0])}."
         )
-    picture = figure(
-        workspace_picture(c.arm),
-        "Three slices of the workspace, coloured by the smallest singular value.",
-        text(
-            "The workspace in three slices (metres; square: base). Bright: the tool moves well in "
-            "the best of the postures drawn at random there. Dark: even that one is near a "
-            "singular configuration. Blank: none came there."
-        ),
+    slices = [
+        figure(one, f"Slice {k} of the workspace, coloured by the smallest singular value.", "")
+        for k, one in enumerate(workspace_pictures(c.arm), 1)
+    ]
+    caption = (
+        "The workspace in three slices (metres; square: base). Bright: the tool moves well in the "
+        "best of the postures drawn at random there. Dark: even that one is near a singular "
+        "configuration. Blank: none came there."
     )
     met = []
     if way is not None:
@@ -262,7 +262,8 @@ def summary(c: Content, way: Trajectory | None) -> Section:
         paragraph(text(meaning)),
         table("The families", header, rows) if rows else "",
         bullets(at_once),
-        picture,
+        side_by_side(slices, "maps slices"),
+        paragraph(text(caption), kind="sub"),
     )
 
 
@@ -393,9 +394,9 @@ def maps(c: Content) -> Section:
     return section("map", "Map of two joints", side_by_side(pictures))
 
 
-def side_by_side(pictures: Iterable[str]) -> str:
+def side_by_side(pictures: Iterable[str], kind: str = "maps") -> str:
     """Pictures in a row, as many as there is room for."""
-    return f'<div class="maps">{"".join(pictures)}</div>'
+    return f'<div class="{kind}">{"".join(pictures)}</div>'
 
 
 def families(c: Content) -> Section:

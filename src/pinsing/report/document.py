@@ -75,6 +75,7 @@ figure { margin: 1rem 0; }
 figure img { max-width: 100%; height: auto; display: block; }
 .maps { display: flex; flex-wrap: wrap; gap: 0 1rem; align-items: flex-start; }
 .maps figure { flex: 0 1 21rem; min-width: 0; }
+.maps.slices { gap: 0; } .slices figure { flex: 0 0 auto; max-width: 100%; margin: .5rem 0 0; }
 figcaption { color: var(--soft); font-size: .95rem; }
 dl { margin: .6rem 0; }
 dl > div { display: grid; grid-template-columns: 11rem 1fr; gap: .8rem; padding: .2rem 0;
@@ -84,37 +85,42 @@ dd { margin: 0; }
 ul { padding-left: 1.3rem; }
 li { margin: .2rem 0; }
 iframe { width: 100%; height: 46rem; border: 1px solid var(--line); border-radius: .3rem; }
-.paper { display: none; }
 summary { cursor: pointer; font-weight: 600; padding: .4rem 0; }
 footer { margin-top: 3rem; color: var(--soft); font-size: .9rem; }
-@media (max-width: 40rem) {
+@media screen and (max-width: 40rem) {
   nav ol { columns: 1; }
   dl > div { grid-template-columns: 1fr; gap: 0; }
-  /* At its own size, to be read; what is wider scrolls. */
-  figure { overflow-x: auto; } figure img { max-width: none; }
   iframe { height: 90vh; }
-  .wide table { font-size: .85rem; }
-  .wide th, .wide td { padding-right: .4rem; } .wide td:last-child { min-width: 9rem; }
+  /* A row is a card: each cell with the head of its column. */
+  thead { display: none; }
+  table, caption, tbody { display: block; }
+  tbody tr { display: flex; flex-wrap: wrap; gap: 0 1rem; padding: .4rem 0;
+    border-bottom: 1px solid var(--line); }
+  tbody th { flex: 0 0 100%; }
+  tbody th, td { border: 0; padding: 0; text-align: left; overflow-wrap: anywhere; }
+  td::before { content: attr(data-head) " "; color: var(--soft); }
 }
 @page { size: A4; margin: 16mm 15mm 18mm; }
 @media print {
   html { font-size: 10.5pt; line-height: 1.4; }
   body { max-width: none; padding: 0; }
-  nav, .screen, .skip { display: none; }
+  nav, .screen, .skip, #model, #data { display: none; }
   h2, h3, caption { break-after: avoid; }
-  figure, .equation, tr, dl > div, li, pre, .wide.short { break-inside: avoid; }
-  p:has(+ pre), p:has(+ ul), .equation:has(+ .maps) { break-after: avoid; }
+  #trajectory { break-before: page; }
+  figure, .equation, tr, p, dl, li, pre, .wide.short { break-inside: avoid; }
+  .lead, p:has(+ pre), p:has(+ ul), .maps:has(+ .sub), .equation:has(+ .maps) {
+    break-after: avoid; }
   h2 { margin-top: 1.2rem; }
   h3 { margin-top: 1rem; }
   dl { margin: .4rem 0; }
   dl > div, th, td { padding-top: .12rem; padding-bottom: .12rem; }
-  .paper { display: block; }
   .wide, .equation .math { overflow: visible; }
   .badge { color: #000; background: none; border: 1px solid #000; }
   .badge.alarm, .badge.caution, .badge.good { background: none; }
   figure { margin: .5rem 0; }
   .maps { display: block; break-inside: avoid; }
   .maps figure { display: inline-block; width: 49%; vertical-align: top; }
+  .slices figure { width: auto; }
   /* Its one line is not a page of its own. */
   footer { margin-top: 1rem; break-before: avoid; }
   a { color: inherit; }
@@ -177,7 +183,8 @@ def table(
     def cells(row: Sequence[str]) -> str:
         out = [f'<th scope="row"{_class("n" if 0 in numbers else "")}>{row[0]}</th>']
         out += [
-            f"<td{_class('n' if k in numbers else '')}>{c}</td>" for k, c in enumerate(row[1:], 1)
+            f'<td data-head="{text(header[k])}"{_class("n" if k in numbers else "")}>{c}</td>'
+            for k, c in enumerate(row[1:], 1)
         ]
         return "".join(out)
 
@@ -347,12 +354,7 @@ def model(page: str | None, beside: str | None) -> Section | None:
             "The robot in three dimensions, with sliders for its joints, the families to visit, "
             "and the distance to the nearest one while it moves. It runs in this file alone."
         )
-        printed = (
-            '<p class="paper">' + text("It is in the file that this was printed from.") + "</p>"
-        )
-        return section(
-            "model", "Interactive model", paragraph(text(words)), printed, embedded(page)
-        )
+        return section("model", "Interactive model", paragraph(text(words)), embedded(page))
     if beside is not None:
         link = f'<a href="{text(beside)}">{text(beside)}</a>'
         words = "The robot in three dimensions, with sliders for its joints, is in the file beside:"
@@ -386,10 +388,11 @@ _LETTERS = 9.0  # points at least
 _WIDE, _TALL = 7.0, 5.0  # inches at most: the width of a page, and half of its height
 
 
-def png(figure: Any) -> bytes:
-    """A figure as PNG of few colours, which takes a third of the room; the figure is closed."""
+def png(figure: Any, only: Sequence[Any] = ()) -> bytes:
+    """A figure, or some axes of it, as PNG of few colours, a third as large; it is closed."""
     from matplotlib import pyplot as plt
     from matplotlib.text import Text
+    from matplotlib.transforms import Bbox
     from PIL import Image
 
     wide, tall = figure.get_size_inches()
@@ -397,7 +400,12 @@ def png(figure: Any) -> bytes:
     for letters in figure.findobj(Text):
         letters.set_fontsize(max(letters.get_fontsize(), _LETTERS))
     drawn = io.BytesIO()
-    figure.savefig(drawn, format="png", dpi=_DPI, bbox_inches="tight", pad_inches=0.05)
+    part: Any = "tight"
+    if only:
+        figure.draw_without_rendering()
+        part = Bbox.union([ax.get_tightbbox() for ax in only])
+        part = part.transformed(figure.dpi_scale_trans.inverted()).padded(0.03)
+    figure.savefig(drawn, format="png", dpi=_DPI, bbox_inches=part, pad_inches=0.05)
     plt.close(figure)
     image = Image.open(drawn).convert("RGB")
     out = io.BytesIO()
@@ -471,8 +479,8 @@ def pose_pictures(arm: Arm, state: Any) -> list[bytes]:
     return out
 
 
-def workspace_picture(arm: Arm) -> bytes:
-    """Slices of the workspace, by how well the tool moves there."""
+def workspace_pictures(arm: Arm) -> list[bytes]:
+    """Three slices of the workspace, by how well the tool moves there."""
     from matplotlib import pyplot as plt
 
     from pinsing.plot.plane import workspace
@@ -483,7 +491,8 @@ def workspace_picture(arm: Arm) -> bytes:
     drawn.suptitle("")  # the caption says it
     for ax in axes:
         ax.locator_params(nbins=4)
-    return png(drawn)
+    bar = drawn.axes[3]
+    return [png(drawn, (axes[0],)), png(drawn, (axes[1],)), png(drawn, (axes[2], bar))]
 
 
 def map_picture(arm: Arm, families: Sequence[Family], pair: tuple[int, int]) -> tuple[bytes, str]:
