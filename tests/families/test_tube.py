@@ -121,7 +121,12 @@ def test_paths_across_walls_meet_a_singular_configuration(
 
 def test_words_and_json(form: pinsing.ClosedForm) -> None:
     said = str(form)
-    assert "3 families of the design. Every singular configuration of this robot lies" in said
+    lies = "3 families of the design. Every singular configuration of this robot lies"
+    assert lies in said
+    told = pinsing.check_trajectory(form.loaded, [Q, Q], forms=form).tube
+    assert told.startswith(lies)
+    assert "persist" in str(form.tube)
+    assert "persist" not in told  # of one path
     assert "q6 0.18°" in said
     read = pinsing.ClosedForm.from_json(form.to_json())
     assert read.tube == form.tube

@@ -259,7 +259,9 @@ def watch(
 def _geometry(form: ClosedForm) -> str:
     """Return which geometry the families are of, where that is not the file's."""
     if form.tube is not None:
-        return str(form.tube)
+        # Which walls persist is told with the families.
+        bare = tuple(replace(f, persists=False) for f in form.tube.families)
+        return str(replace(form.tube, families=bare))
     moved = form.deviation
     if moved is None or max(moved.angle, moved.length, moved.twist) <= ROUNDING:
         return ""
