@@ -271,5 +271,5 @@ def test_a_wide_tube_of_one_family_is_told_in_one_sentence() -> None:
         str(tubes.Tube(w, 0.0, True, (tubes.TubeWidth("F1", w, 0.0, True),), 0.2, "", (), 1))
         for w in (wide, thin)
     ]
-    assert said[0].endswith("configuration of this robot lies within 45.2° of it.")
+    assert said[0].endswith("configuration of this robot lies within 45.2° of the family.")
     assert "Each wall persists" in said[1]

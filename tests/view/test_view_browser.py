@@ -521,7 +521,7 @@ def test_near_families_of_a_design_the_slider_is_red(page: Any, tmp_path: Path) 
     with Viewer(form.loaded, form.families, zones=tube, skeleton=True) as viewer:
         viewer.save_html(tmp_path / "tube.html")
     open_page(page, (tmp_path / "tube.html").as_uri())
-    assert "singular configurations lie within 5.8° of one of them" in text(page, "#joints-note")
+    assert "singular configurations lie within 5.8° of the family" in text(page, "#joints-note")
     red = page.evaluate("(q) => window.pinsing.source.zones(q)", [0.3, 1.0, 0.1, 0.2])
     assert [len(bands) for bands in red] == [0, 1, 0, 0]
     assert red[1][0] == pytest.approx([-0.1, 0.1], abs=0.03)

@@ -136,7 +136,7 @@ class Tube:
     @property
     def where(self) -> str:
         """Where the singular configurations of the robot are, in words."""
-        which = "it" if len(self.families) == 1 else "one of them"
+        which = "the family" if len(self.families) == 1 else "one of them"
         said = f"within {_degrees(self.alone)} of {which}"
         if self.width > self.alone:
             said += f" ({_degrees(self.width)} where two are within {_degrees(self.near)})"
