@@ -805,21 +805,27 @@ class _Planner:
         """Return the planner of what a path better than ``reached`` may pass, in thirds of a step.
 
         Nodes that stay farther than ``bound`` are not divided. None where there is nothing to
-        divide; of more nodes than the grid has those with the greatest room are kept.
+        divide; of too many nodes, or motions to them, those with the greatest room are kept.
         """
         N, n = len(self.T), self.arm.n
         if len(self.grid) < 2 or self.idle:
             return None
         least, clear = reached + _BISECTED, self.clear.reshape(N, -1)
+        wide = np.array([len(self._sources(max(k, 1), np.arange(1))[0]) for k in range(N)])
+        nodes = np.minimum(self.most // N, self.motions // (3 * wide * N))  # at each pose
+
+        def too_many() -> bool:
+            return bool(((alive + 2 * split).sum(axis=1) > nodes).any())
+
         while True:
             alive = self._passed(least)
             split = alive & (clear < bound) & (self.way > PRACTICAL)
             split[0] &= self.start is None
-            if N * (alive + 2 * split).sum(axis=1).max() > self.most:
+            if too_many():
                 split[np.where(alive, clear, 0.0).max(axis=1) >= bound] = False
             if not split.any() or bound - least < PRACTICAL:
                 return None
-            if N * (alive + 2 * split).sum(axis=1).max() <= self.most:
+            if not too_many():
                 break
             least = (least + bound) / 2
         pose, at = np.nonzero(alive)
@@ -969,6 +975,7 @@ class _Planner:
         self.half = np.broadcast_to(np.repeat(half, S), self.way.shape)
         self.reach = self.window * steps.max()
         self.most = max(self.clear.size, 400_000) // 4
+        self.motions = max(self.clear.size * 32, 8_000_000)
         last: Array | None = None
         for k, q in enumerate(self.Q):
             there = np.isfinite(q[..., :1])
