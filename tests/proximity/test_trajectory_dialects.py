@@ -174,6 +174,13 @@ DIALECTS = {
         True,
     ),
     "echo.yaml": (states(), True),
+    "plan.json": (
+        json.dumps({"joint_names": UR5, "points": [
+            {"positions": q.tolist(), "time_from_start": t or 1e-07}
+            for q, t in zip(Q, T, strict=True)
+        ]}),
+        True,
+    ),
     "path.ls": (fanuc(), False),
     "path.script": (
         "def path():\n" + "".join(f"  movej({q.tolist()}, a=1.4, v=1.05)\n" for q in Q) + "end\n",
@@ -279,6 +286,14 @@ def test_what_is_not_clear_is_not_guessed(tmp_path, arm, text, said):
         ),
         ("a.csv", table(numbered("q{}_mrad"), Q), "is in 'mrad', which is not known"),
         ("a.csv", table(["t [min]", *UR5], timed()), "'t .min.' is in 'min', .* ms, us or ns"),
+        ("a.csv", '{"points": []}', "if it is JSON, name it .json"),
+        ("a.dat", "DEFDAT P\nDECL E6AXIS XP1={A1 0,A2 -40}", "robot program"),
+        (
+            "a.csv",
+            table([*UR5, "vel_1"], timed()).replace("0.", "0,"),
+            "11 numbers in the first sample, and 7 names: .* semicolons",
+        ),
+        ("a.csv", table(UR5, Q).replace("0.1", '"0.1°"'), "is no number: write numbers alone, and"),
         ("a.csv", f"# {UR5[::-1]}\n" + table([], Q)[1:], "a comment names the joints in another"),
         ("a.csv", table(["timestamp", *UR5], timed(t=T + 1.7e18)), "not in seconds"),
         ("a.csv", table([], timed(Q[::-1]))[1:], "last ascend.*--columns t=1,2,3,4,5,6,7"),

@@ -129,7 +129,7 @@ def check_command(
     """Check the trajectory in FILE: which singularities it meets, when, and how near it comes.
 
     FILE is a table as text (joints by name or number, or without a head; a column t or time),
-    NPY, NPZ (q, t), YAML of ROS or MoveIt, or a robot program (.ls, .script).
+    NPY, NPZ (q, t), YAML or JSON of ROS, or a robot program (.ls, .script).
     Between samples joints move linearly; what is said to be clear is proven clear.
 
     Example: pinsing check ur5 path.csv --deg --fail-within 3deg

@@ -5,6 +5,7 @@ from __future__ import annotations
 import datetime
 import io
 import itertools
+import json
 import math
 import os
 import re
@@ -64,7 +65,7 @@ _NAME = re.compile(r"(?i)(?:.*[\W_])?(?:names?[\W_]*(\d+)|[a-z]*[\W_]*(\d+)[\W_]
 _NAMES = re.compile(r"[A-Za-z][\w-]*")
 _LETTERS = {6: "SLURBT", 7: "SLEURBT"}
 """Yaskawa's names of the joints, base to tip."""
-_PROGRAM = re.compile(r"(?i)(%%%|module\s|&[a-z]+\s|(global\s+)?def(fct)?\s|/(job|prog)(\s|$))")
+_PROGRAM = re.compile(r"(?i)(%%%|module\s|&[a-z]+\s|(global\s+)?def(fct|dat)?\s|/(job|prog)(\s|$))")
 """How programs begin: RAPID, KRL, INFORM, and those of FANUC and UR under other names."""
 _HANDED = ("/dev/stdin", "/dev/fd/", "/proc/self/fd/")  # pipes that the shell has set up
 _LARGEST = 4096 * MEBIBYTE  # bytes
@@ -128,11 +129,11 @@ def read_trajectory(
     Without a head there is one column a joint, base to tip, perhaps after one of times, which must
     be the first and strictly ascending while the last is not. A comment ``# units: degrees`` holds
     for all angles. Commas, semicolons, tabs or blanks separate; decimal commas are read where the
-    comma does not separate. YAML holds a trajectory of ROS or MoveIt, or what ``ros2 topic echo``
-    prints of joint states; ``.ls`` the points of a Fanuc program, J3 as written, or J2 + J3 for a
-    Fanuc arm of `pinsing list`, whose controller counts J3 from the horizontal; ``.script`` the
-    moves to joint angles of a UR program. An NPY file has an array; an NPZ file
-    arrays ``q`` (N, n) and perhaps ``t``.
+    comma does not separate. YAML or JSON holds a trajectory of ROS or MoveIt, or what
+    ``ros2 topic echo`` prints of joint states; ``.ls`` the points of a Fanuc program, J3 as
+    written, or J2 + J3 for a Fanuc arm of `pinsing list`, whose controller counts J3
+    from the horizontal; ``.script`` the moves to joint angles of a UR program. An NPY file
+    has an array; an NPZ file arrays ``q`` (N, n) and perhaps ``t``.
     What was read as what is in ``notes``.
 
     Parameters
@@ -166,7 +167,7 @@ def read_trajectory(
         elif kind in (".ls", ".script"):
             text = read_bounded(path, LARGEST_TEXT, follow=True).decode("utf-8", "replace")
             found = (_fanuc if kind == ".ls" else _ur)(path, arm, text)
-        elif kind in (".yaml", ".yml"):
+        elif kind in (".yaml", ".yml", ".json"):
             found = _yaml(path, arm)
         else:
             found = _text(path, arm, columns, degrees is not None)
@@ -218,7 +219,7 @@ def read_trajectory(
     if times is not None and len(times) and abs(times[0]) > _EPOCH:
         note = f"times are counted from the first, {times[0]:.3f} s"
         found = replace(found, t=times - times[0], notes=(*found.notes, note))
-    table = kind not in (".npy", ".npz", ".yaml", ".yml", ".script")
+    table = kind not in (".npy", ".npz", ".yaml", ".yml", ".json", ".script")
     found = replace(found, Q=found.Q * scales)
     if kind == ".ls" and arm.n == 6 and arm.source.is_by("Fanuc"):
         found.Q[:, 2] += found.Q[:, 1]
@@ -469,7 +470,9 @@ def _yaml(path: Path, arm: Arm) -> TrajectoryFile:
 
     raw = read_bounded(path, LARGEST_TEXT, follow=True)
     try:
-        documents = [d for d in yaml.load_all(raw, Loader=QuickLoader) if d is not None]
+        is_json = path.suffix.lower() == ".json"  # YAML takes 1e-05 for text
+        every = [json.loads(raw)] if is_json else yaml.load_all(raw, Loader=QuickLoader)
+        documents = [d for d in every if d is not None]
     except yaml.YAMLError as error:
         reason, _, line = yaml_problem(error, raw.decode("utf-8", "replace"), path)
         where = path if line is None else f"{path}:{line}"
@@ -567,6 +570,8 @@ def _text(path: Path, arm: Arm, columns: Sequence[str], united: bool) -> Traject
                 f"{path}:{number}: is a robot program, of which only .ls of FANUC and .script of "
                 "UR are read: give a table of the joints' positions"
             )
+        if line.startswith(("{", "[")):
+            raise ConfigurationError(f"{path}:{number}: is no table: if it is JSON, name it .json")
         separator = next((s for s in (";", "\t", ",") if s in line), None)
         words = [w.strip().strip("\"'") for w in line.split(separator)]
         numbers = [w for w in words if is_number(w.replace(",", ".")) or _CLOCK.fullmatch(w)]
@@ -598,6 +603,11 @@ def _text(path: Path, arm: Arm, columns: Sequence[str], united: bool) -> Traject
         read = None
         if named or columns:
             read = ColumnHeads(path, arm, heads, columns, units, cells, united)
+        if len(cells) > len(words) and all(map(is_number, cells)):
+            raise ConfigurationError(
+                f"{path}: {len(cells)} numbers in the first sample, and {len(words)} names: where "
+                "commas are decimal, save it with semicolons between columns"
+            )
         used = sorted(read.used) if read and len(read.used) < len(words) else None
         table = _NumberTable(path, separator, used, len(words), number - (not named), degrees)
         table.labels = read.labels if read else {}
@@ -910,8 +920,10 @@ class _NumberTable:
                 if cell and self.separator is not None:
                     at = _line_of(self.path, first, int(cell[2]))
                     column = int(cell[3]) if self.used is None else self.used[int(cell[3]) - 1] + 1
+                    alone = ": write numbers alone, and units in the head, as 'J1 (deg)'"
+                    hint = alone * bool(re.search('["°]', cell[1]))
                     raise ConfigurationError(
-                        f"{self.path}:{at}: column {column}: {cell[1]:.80} is no number"
+                        f"{self.path}:{at}: column {column}: {cell[1]:.80} is no number{hint}"
                     ) from None
                 if ragged := _RAGGED.fullmatch(words):
                     at = _line_of(self.path, first, int(ragged[2] or ragged[3]) - 1)
