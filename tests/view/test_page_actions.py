@@ -298,6 +298,18 @@ def look_at_parts(page: Any) -> None:
       const [low, high] = [limits, of(".typed")].map((e) => e.getBoundingClientRect());
       return low.top + pad - high.bottom; }""")
     assert below >= 0  # the line under a value does not cross its limits
+    size = page.viewport_size
+    page.set_viewport_size({"width": 768, "height": 1024})
+    gaps = page.evaluate("""() => {
+      const busy = document.querySelector("#busy").cloneNode();
+      document.querySelector("#busy").after(busy);
+      Object.assign(busy, { hidden: false, className: "aside", textContent: "loading shapes" });
+      const { top, bottom } = busy.getBoundingClientRect();
+      busy.remove();
+      const of = (what) => document.querySelector(what).getBoundingClientRect();
+      return [top - of("#legend").bottom, of("#player").top - bottom]; }""")
+    assert min(gaps) >= 0  # what the page is busy with covers neither legend nor player
+    page.set_viewport_size(size)
     page.locator("#show-bone").check()
     page.locator("#show-axes").check()
     page.locator("input[name=mode][value=all]").check()

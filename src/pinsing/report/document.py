@@ -471,7 +471,7 @@ def pose_pictures(arm: Arm, state: Any) -> list[bytes]:
         ax = ellipsoids(state, kind=kind, arm=arm)
         ax.get_legend().remove()  # its words stand beside
         ax.figure.suptitle("")
-        ax.figure.set_size_inches(3.4, 2.6)
+        ax.figure.set_size_inches(3.4, 2.4)
         ax.locator_params(nbins=4)
         for axis in (ax.xaxis, ax.yaxis, ax.zaxis):
             axis.labelpad = 2
