@@ -30,6 +30,7 @@ from pinsing.kinematics.tip_speed import TIP_SPEED, TURN_SPEED, speed_judge
 from pinsing.measures import ROUNDING
 from pinsing.postures.ladder import posture_names
 from pinsing.prose import listed
+from pinsing.proximity.trajectory import angle_text
 from pinsing.proximity.watched import Watched, metric_note, titled, watch
 from pinsing.proximity.zones import Zones
 from pinsing.robot.arm import Arm, summarize
@@ -309,14 +310,16 @@ class _Search:
             share = (self.most - self.seen) // (count - k)
             lowered = self._least(k, far, f"{name}, {k + 1} of {count} families", share)
             far[k], found[k] = min(far[k], lowered.proven), lowered.reached
-            if far[k] > (1 + 2 * GAP) * found[k]:
-                loose.append(name)
+            if far[k] > (1 + GAP) * found[k] + self.sure:
+                near = (
+                    f"{angle_text(found[k])} exceeds a limit" if found[k] else "none found exceeds"
+                )
+                loose.append(f"{name} ({angle_text(far[k])}; {near})")
         sigma, condition = self._measures(far)
         if loose and math.isfinite(sigma):
             notes.append(
-                f"after {self.seen} boxes the proven distance of {listed(loose)} may be over "
-                f"{2 * GAP:.0%} more than needed: try more boxes, lower speeds or a smaller part "
-                "(within)"
+                f"after {self.seen} boxes proven distances may be over {GAP:.0%} more than "
+                f"needed: {listed(loose)}: try more boxes, lower speeds or a smaller part (within)"
             )
         if self.judge.rank < self.arm.n:
             notes.append("a motion counts as possible if any joint speeds that make it are")
@@ -600,19 +603,48 @@ class _Search:
         return C, R
 
     def _measures(self, far: Array) -> tuple[float, float]:
-        """Least sigma and largest condition number found outside the zones."""
-        Q = self._random(self.samples)
-        low, up = self._distances(Q)
-        outside = np.asarray((low > far).all(axis=1))
-        # What only may be outside is looked at closely, some of it.
-        maybe = np.flatnonzero((up > far).all(axis=1) & ~outside)[: self.chunk // 8]
-        outside[maybe] = (self._proven(Q[maybe], 1e-2, self.few)[0] > far).all(axis=1)
-        Q = Q[outside]
-        Q = Q[self.region.holds(Q)]
-        if not len(Q):
+        """Least sigma and largest condition number found outside the zones.
+
+        Where zones meet they are extreme: many random ones are followed, along some joints each
+        time, since a zone may end at a value of a joint.
+        """
+        begin = self._random(2 * self.samples)
+        begin = begin[self._outside(far, begin)]
+        if not len(begin):
             return math.inf, math.nan
+        found, n = [], self.arm.n
+        for power in (0, 1):
+            value = self._measured(begin, power)
+            best = np.argsort(-value, kind="stable")[: 2 * self.best]
+            Q, value, step = begin[best], value[best], 0.3
+            while step > self.finest:
+                size = (8, *Q.shape)
+                moves = self.rng.normal(size=size) * (self.rng.random(size) < 0.5) * self.active
+                moved = np.clip(Q + moves * step, self.low, self.high).reshape(-1, n)
+                new = self._measured(moved, power)
+                some = np.flatnonzero(new > np.tile(value, 8))
+                new[np.delete(np.arange(len(new)), some[self._outside(far, moved[some])])] = 0.0
+                which = (new.reshape(8, -1).argmax(axis=0), np.arange(len(Q)))
+                better = new.reshape(8, -1)[which] > value
+                Q = np.where(better[:, None], moved.reshape(size)[which], Q)
+                value, step = np.where(better, new.reshape(8, -1)[which], value), step * 0.85
+            found.append(float(value.max()))
+        return 1 / found[0], found[1]
+
+    def _measured(self, Q: Array, power: int) -> Array:
+        """1 / the least sigma of Q (N, n) for power 0, and the condition number for 1."""
         sigma = np.asarray(singular_values(self.arm, Q))[:, : self.judge.rank]
-        return float(sigma[:, -1].min()), float((sigma[:, 0] / sigma[:, -1]).max())
+        return np.asarray(sigma[:, 0] ** power / np.maximum(sigma[:, -1], 1e-300))
+
+    def _outside(self, far: Array, Q: Array) -> Bool:
+        """Whether Q (N, n) are in the region and proven to be outside the zones."""
+        low, up = self._distances(Q)
+        out = np.asarray((low > far).all(axis=1))
+        # What only may be outside is looked at closely, some of it.
+        maybe = np.flatnonzero((up > far).all(axis=1) & ~out)[: self.chunk // 8]
+        out[maybe] = (self._proven(Q[maybe], self.finest, self.few)[0] > far).all(axis=1)
+        out[out] = self.region.holds(Q[out])
+        return out
 
 
 def _used(conditions: Conditions) -> Bool:
