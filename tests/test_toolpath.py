@@ -602,6 +602,20 @@ def test_a_workpiece_is_put_as_well_as_by_brute_force(ur5):
     assert f"x = {at.x:+.3f} m" in plan.text()
 
 
+def test_random_placements_are_no_better_than_the_one_found(ur5):
+    arm, form = ur5
+    turn = np.linspace(0, 2 * np.pi, 8)
+    T = np.tile(np.diag([1.0, -1, -1, 1]), (8, 1, 1))
+    T[:, :3, 3] = np.stack([0.5 + np.cos(turn) / 10, 0.1 + np.sin(turn) / 10, 0 * turn + 0.1], 1)
+    tool = np.eye(4)
+    tool[:3, :3], tool[:3, 3] = pin.utils.rotate("x", 0.7), (0, 0.05, 0.15)
+    ranges = {"x": (-0.2, 0.2), "y": (-0.2, 0.2), "yaw": (-1.0, 1.0)}
+    options = {"step": np.radians(10), "arm": arm, "tool": tool}
+    plan = plan_path(form, T, free="branch", place=ranges, **options)
+    # The best of 200 random ones has 67.26 degrees.
+    assert plan.clearance > np.radians(67.3)
+
+
 @pytest.mark.slow
 def test_a_workpiece_that_lies_well_stays(ur5):
     """What was given is not given up for less, where the ranges allow it."""

@@ -1,8 +1,8 @@
 """Poses of a toolpath: files of them, motions of all (where to put the workpiece), and the search.
 
-The search is DIRECT (Jones, Perttunen, Stuckman 1993, in SciPy): it divides boxes of the ranges in
-thirds, those first that have the best value for their size. It draws nothing at random, so that the
-same ranges give the same placement. That no placement is better is not proven.
+The search compares placements that are spread evenly over the ranges (Sobol's sequence), and
+follows the best of them by random steps that grow shorter. The seed is fixed, so that the same
+ranges give the same placement. That no placement is better is not proven.
 """
 
 from __future__ import annotations
@@ -23,8 +23,8 @@ from pinsing.proximity.trajectory_file import LARGEST_TEXT
 RANGES = ("x", "y", "z", "roll", "pitch", "yaw")
 """What may be placed: metres along the axes of the base, radians about them."""
 ANGLES = RANGES[3:]
-TRIED = 150
-"""Placements that are compared: with four ranges some millimetres and degrees are told apart."""
+TRIED = 300
+"""Placements that are compared, 128 of them spread over the ranges."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -127,20 +127,24 @@ def search(
 
     It is rounded to a millimetre and a tenth of a degree, as a workpiece is put.
     """
-    from scipy.optimize import direct
+    from scipy.stats import qmc
 
-    found = direct(
-        lambda x: -value(dict(zip(ranges, x.tolist(), strict=True))),
-        list(ranges.values()),
-        maxfun=TRIED,
-        maxiter=TRIED,
-        vol_tol=0.0,
-    )
-    best = {}
-    for (name, (low, high)), x in zip(ranges.items(), found.x.tolist(), strict=True):
-        unit = np.pi / 1800 if name in ANGLES else 1e-3
-        best[name] = min(max(round(x / unit) * unit, low), high)
-    return best, int(found.nfev)
+    low, high = np.array(list(ranges.values())).T
+    unit = np.array([np.pi / 1800 if name in ANGLES else 1e-3 for name in ranges])
+
+    def put(X: Array) -> tuple[Array, Array]:
+        """Placements as they are put, and their values."""
+        X = np.clip(np.round(X / unit) * unit, low, high)
+        return X, np.array([value(dict(zip(ranges, x.tolist(), strict=True))) for x in X])
+
+    X, known = put(low + (high - low) * qmc.Sobol(len(ranges), seed=36).random(128))
+    tried, step, best = len(X), 0.15, np.argsort(-known, kind="stable")[:4]
+    X, known, rng = X[best], known[best], np.random.default_rng(36)
+    while tried + len(X) <= TRIED:
+        moved, new = put(X + rng.normal(size=X.shape) * (high - low) * step)
+        tried, step, better = tried + len(X), step * 0.92, new > known
+        X[better], known[better] = moved[better], new[better]
+    return dict(zip(ranges, X[known.argmax()].tolist(), strict=True)), tried
 
 
 QUATERNION, AXIS = ("qx", "qy", "qz", "qw"), ("i", "j", "k")

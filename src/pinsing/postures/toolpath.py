@@ -376,14 +376,14 @@ class _Planner:
         return out
 
     def estimate(self) -> float:
-        """Return the clearance at the poses of the best path on the grid.
+        """Return the proven clearance of the best path on the grid.
 
         Without a path it is no more than zero, less the fewer poses have a solution.
         """
         found = self._chosen()
         if isinstance(found, str):
             return float(self.usable.any(axis=(1, 2)).mean()) - 1
-        return self.reached
+        return self._proven(found[1])[0]
 
     def plan(self, start: npt.ArrayLike | None) -> PathPlan:
         """Solve the grid, find the best path on it, prove its clearance, and bound all others."""
