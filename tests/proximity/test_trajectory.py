@@ -184,7 +184,7 @@ def test_what_is_proven_is_close_to_what_is_found_also_of_a_long_recording() -> 
         check = check_trajectory(arm, Q)
         assert not check.crossings
         for near in check.approaches:
-            assert near.upper - np.radians(0.5) <= near.lower <= near.upper, near.family
+            assert near.upper - np.radians(0.11) <= near.lower <= near.upper, near.family
 
 
 def test_families_without_a_distance_from_above_count_as_well(

@@ -36,6 +36,7 @@ from pinsing.postures.placement import TRIED, WorkpiecePlacement, check_ranges, 
 from pinsing.prose import listed
 from pinsing.proximity.clearance import CLOSE, clearance
 from pinsing.proximity.crossings import crossings
+from pinsing.proximity.passage import BISECTED, least_along
 from pinsing.proximity.watched import titled, watch
 from pinsing.robot.arm import Arm, ArmSummary, summarize
 from pinsing.serialization import JsonResult
@@ -44,8 +45,6 @@ STEP = np.radians(1.0)
 """Default distance of two values of what is free, radians."""
 _TURNS = 3
 """Turns of what is free that a path of any number of poses may take in all."""
-_BISECTED = np.radians(0.1)
-"""How near the bound is brought to what is reached at the poses that decide it."""
 _ALIKE = 1e-3
 """Relative difference of bounds that are as good as an estimate."""
 _MARGIN = 0.01
@@ -568,9 +567,9 @@ class _Planner:
                 self.long = True
                 continue
             found = self._certify(path, width)
-            if found >= self.reached - _BISECTED or width > self.clear.shape[1]:
+            if found >= self.reached - BISECTED or width > self.clear.shape[1]:
                 return path
-            self.least = max(self.least, found - _BISECTED)
+            self.least = max(self.least, found - BISECTED)
             width *= 2
 
     def _certify(self, path: tuple[Ints, Ints, Ints], width: int) -> float:
@@ -580,7 +579,7 @@ class _Planner:
         """
         poses, at = np.arange(len(self.T)), path[0] * self.Q.shape[2] + path[1]
         found = self._search(poses, at)
-        poses = poses[found < self.reached - _BISECTED]
+        poses = poses[found < self.reached - BISECTED]
         for side in (0, 1):
             near = at[poses]
             for _ in range(min(width, self.clear.shape[1] - 1)):
@@ -810,7 +809,7 @@ class _Planner:
         N, n = len(self.T), self.arm.n
         if len(self.grid) < 2 or self.idle:
             return None
-        least, clear = reached + _BISECTED, self.clear.reshape(N, -1)
+        least, clear = reached + BISECTED, self.clear.reshape(N, -1)
         wide = np.array([len(self._sources(max(k, 1), np.arange(1))[0]) for k in range(N)])
         nodes = np.minimum(self.most // N, self.motions // (3 * wide * N))  # at each pose
 
@@ -932,10 +931,10 @@ class _Planner:
             np.broadcast_to(p, (*value.shape, 3)).reshape(-1, 3),
             np.broadcast_to(R, (*value.shape, 3, 3)).reshape(-1, 3, 3),
         ).reshape(guess.shape)
-        found[self._length(found - guess) > self._length(toward) / 2 + _BISECTED] = np.nan
+        found[self._length(found - guess) > self._length(toward) / 2 + BISECTED] = np.nan
         if self.held is not None:  # what is divided reaches as far as before
             ends, inner = near - found[:, ::3], found[:, 1:3] - q
-            short = self._longer(ends[:, :, None]) > 2 * self._longer(inner[:, :, None]) + _BISECTED
+            short = self._longer(ends[:, :, None]) > 2 * self._longer(inner[:, :, None]) + BISECTED
             found[:, 1:3][short & ~unknown[..., 0]] = np.nan
         there = np.isfinite(found[..., 0])
         found[there] = self.arm.space.fold(found[there])
@@ -1193,25 +1192,16 @@ class _Planner:
         return len(others) > 0 and len(np.unique(np.round(apart, 6))) <= 16
 
     def _proven(self, q: Array) -> tuple[float, float]:
-        """The least clearance along a path (N, n), between poses too, and at which pose it is.
+        """The least clearance along a path (N, n), between poses too, and at which pose it is."""
 
-        Segments are halved where their bound, from clearances at their ends, is the least.
-        """
-        places = np.arange(len(q), dtype=float)
-        lower = clearance(self.form, q, certify=True, gap=CLOSE).lower
-        while True:
-            length = np.linalg.norm(np.diff(q, axis=0) * self.scale, axis=1)
-            bound = np.minimum(
-                (lower[:-1] + lower[1:] - length) / 2, np.minimum(lower[:-1], lower[1:])
-            )
-            wide = np.flatnonzero(bound < lower.min() - _BISECTED / 2)
-            if not len(wide) or length[wide].max() < PRACTICAL:
-                return max(float(bound.min()), 0.0), float(places[lower.argmin()])
-            middle = (q[wide] + q[wide + 1]) / 2
-            here = clearance(self.form, middle, certify=True, gap=CLOSE).lower
-            lower = np.insert(lower, wide + 1, here)
-            places = np.insert(places, wide + 1, (places[wide] + places[wide + 1]) / 2)
-            q = np.insert(q, wide + 1, middle, axis=0)
+        def bounded(x: Array) -> Array:
+            return clearance(self.form, x, certify=True, gap=CLOSE).lower
+
+        def length(x: Array) -> Array:
+            return np.asarray(np.linalg.norm(x * self.scale, axis=1))
+
+        lower = bounded(q)
+        return least_along(q, lower, float(lower.min()), length, bounded)
 
 
 def rigid_motions(poses: npt.ArrayLike, name: str) -> Array:

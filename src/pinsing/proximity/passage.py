@@ -11,7 +11,7 @@ How a motion passes families: meetings, nearest approaches, stretches that are n
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -22,7 +22,7 @@ from pinsing.algebra.conditions import Conditions
 from pinsing.algebra.nearest import BOXES, SearchOptions, nearest_points, two_sided
 from pinsing.kinematics.jacobian import singular_values
 from pinsing.kinematics.tip_speed import SpeedJudge
-from pinsing.measures import ROUNDING
+from pinsing.measures import PRACTICAL, ROUNDING
 from pinsing.proximity.clearance import CLOSE, nearest_family
 from pinsing.proximity.crossings import Crossing, Motion, crossings_of
 from pinsing.proximity.watched import Watched
@@ -278,6 +278,45 @@ def _runs(inside: Bool) -> list[tuple[int, int]]:
     return list(zip(*ends, strict=True))
 
 
+def least_along(
+    Q: Array,
+    lower: Array,
+    known: float,
+    length: Callable[[Array], Array],
+    bounded: Callable[[Array], Array],
+    most: float = np.inf,
+) -> tuple[float, float]:
+    """The least distance along a path (N, n), proven between points too, and at which point it is.
+
+    ``bounded`` gives ``lower`` bounds (N,) of points. Segments are halved where those at the ends
+    allow a good deal less than is ``known`` of points, unless that takes over ``most`` points.
+    """
+    lowest, place = float(lower.min()), float(lower.argmin())
+    least, step, at = np.inf if len(Q) > 1 else lowest, 1.0, np.arange(len(Q) - 1.0)
+    ends, low = np.stack([Q[:-1], Q[1:]]), np.stack([lower[:-1], lower[1:]])
+    while True:
+        way = length(ends[1] - ends[0])
+        bound = np.maximum((low[0] + low[1] - way) / 2, 0.0)
+        wide = np.flatnonzero(bound < known - BISECTED / 2)
+        if not len(wide) or way[wide].max() < PRACTICAL or len(wide) > most:
+            return float(bound.min(initial=least)), place
+        least = float(np.delete(bound, wide).min(initial=least))
+        most, step = most - len(wide), step / 2
+        first, last = ends[:, wide]
+        middle, at = (first + last) / 2, at[wide]
+        lower = bounded(middle)
+        known = min(known, float(lower.min()))
+        if lower.min() < lowest:
+            lowest, place = float(lower.min()), float(at[lower.argmin()] + step)
+        # A bound at the middle holds at the ends, less the way.
+        a, b = np.maximum(low[:, wide], lower - way[wide] / 2)
+        ends = np.stack([np.concatenate([first, middle]), np.concatenate([middle, last])])
+        low = np.stack([np.concatenate([a, lower]), np.concatenate([lower, b])])
+        at = np.concatenate([at, at + step])
+
+
+BISECTED = np.radians(0.1)
+"""How near what is proven of a path is brought to what is found on it, radians."""
 _CANDIDATES = 6
 _SEARCH = SearchOptions(boxes=BOXES // 3)
 _CLOSE, _APART, _PROVEN = SearchOptions(gap=CLOSE, boxes=20_000), 0.01, 2000
@@ -386,12 +425,19 @@ class Passage:
             return
         way = np.append(0.0, np.cumsum(length)) * (1 + ROUNDING)
         lower, upper = self._bounds(Q, length, way)
-        between = (lower[:-1] + lower[1:] - length[:, None]) / 2
-        self._least = np.minimum(self._least, between.min(axis=0, initial=np.inf))
-        self._least = np.minimum(self._least, lower.min(axis=0))
-        for f in range(lower.shape[1]):
-            known = np.isfinite(upper[:, f]).any()
-            self._candidate(f, motion, u, way, (upper if known else lower)[:, f])
+        for f, conditions in enumerate(self._families):
+
+            def bounded(x: Array, c: Conditions = conditions, f: int = f) -> Array:
+                return nearest_points(c, x, *self.watched.families[f].limits, _CLOSE).lower
+
+            known, most = (
+                float(self._nearest[f]) - 0.75 * CLOSE,
+                0 if self.watched.margin else _PROVEN,
+            )
+            least, _ = least_along(Q, lower[:, f], known, self.watched.length, bounded, most)
+            self._least[f] = min(self._least[f], least)
+            some = np.isfinite(upper[:, f]).any()
+            self._candidate(f, motion, u, way, (upper if some else lower)[:, f])
         self._stretches.feed(motion, u, Q, lower.min(axis=1))
         if end and len(u) > 1:
             f = int(nearest_family(self.watched.conditions, Q[-1:])[0][0])
