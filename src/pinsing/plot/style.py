@@ -85,11 +85,11 @@ def pi_ticks(axis: Axis, low: float, high: float) -> None:
 
 
 def degree_ticks(axis: Axis, low: float, high: float) -> None:
-    """Ticks at round numbers of degrees on an axis in radians, at most seven of them."""
+    """Ticks at round numbers of degrees on an axis in radians, at most six: they are wide."""
     from matplotlib.ticker import FixedLocator, FuncFormatter, MaxNLocator
 
     span = math.degrees(high - low)
-    step = next((s for s in (5, 10, 15, 30, 45, 60, 90, 180, 360) if span / s < 7), 720)
+    step = next((s for s in (5, 10, 15, 30, 45, 60, 90, 180, 360) if span / s <= 5), 720)
     if span >= 15:
         first = math.ceil(math.degrees(low) / step - 1e-9)
         last = math.floor(math.degrees(high) / step + 1e-9)
