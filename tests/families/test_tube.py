@@ -16,7 +16,7 @@ import pinsing
 from pinsing.errors import OptionError, RobotFileError
 from pinsing.families import tube as tubes
 from pinsing.proximity.clearance import distances
-from pinsing.robot.calibration import LINKS, calibrated, is_odd, known_like
+from pinsing.robot.calibration import LINKS, calibrated, known_like
 from pinsing.robot.chain import chain_model, flatten
 from pinsing.robot.design import _with_equal_lengths, assumed_design, design_of, differences
 
@@ -247,7 +247,7 @@ def test_calibrations_are_read_strictly(tmp_path: Path) -> None:
         heavy = replace(chain, t=chain.t + much * np.sin(np.arange(21)).reshape(7, 3))
         loose = replace(arm, model=chain_model(heavy, arm), design=None)
         loose = replace(loose, design=assumed_design(loose))
-        assert is_odd(loose) == odd
+        assert pinsing.robot.design.is_odd(loose) == odd
         assert known_like(loose)[0] == "ur5e"  # type: ignore[index]
     ignored = run("families", "ur5e", "--calibration", str(tmp_path / "c.yaml"), "--design", "none")
     assert "the design of the calibration is ignored" in ignored.stderr

@@ -123,9 +123,8 @@ class RobotRequest:
 
     def load(self, quiet: bool = False) -> Arm:
         """Load the arm, and tell on stderr what was assumed."""
-        from pinsing.robot.calibration import calibrated, is_odd, known_like
         from pinsing.robot.chain import flatten
-        from pinsing.robot.design import ANGLE, design_of, differences
+        from pinsing.robot.design import ANGLE, design_of, differences, is_odd
         from pinsing.robot.load import ASSUMED, load
         from pinsing.robot.nominal import USUAL, nominal
 
@@ -143,6 +142,8 @@ class RobotRequest:
             units=self.units,
         )
         if self.calibration is not None:
+            from pinsing.robot.calibration import calibrated
+
             arm = calibrated(arm, self.calibration)
         if self.calibration is not None and self.design == "none":
             said = "the design of the calibration is ignored: families are of its own numbers"
@@ -151,9 +152,12 @@ class RobotRequest:
             given = self.design == "auto" or (self.design != "none" and load(self.design))
             notes = tuple(n for n in arm.notes if n != ASSUMED)
             arm = replace(arm, design=design_of(arm, given) if given else None, notes=notes)
-        size = sum(map(math.hypot, *flatten(arm).t.T))
+        odd = (self.design or self.calibration) is None and is_odd(arm)
+        if odd or arm.design is not None:
+            from pinsing.robot.calibration import known_like  # only here the known arms are read
         if arm.design is not None:
             # A length counts from half a percent of all links on.
+            size = sum(map(math.hypot, *flatten(arm).t.T))
             off = [(max(d.angle, 2 * d.length / size), d) for d in differences(arm, arm.design)]
             much, worst = max(off, key=lambda o: o[0])
             if much > ANGLE:
@@ -166,14 +170,10 @@ class RobotRequest:
                 "families, aspects and paths are of the design, distances from them of this robot"
             )
             arm = replace(arm, notes=(*arm.notes, said))
-        if (self.design or self.calibration) is None and is_odd(arm):
-            like = known_like(arm)
-            if like is not None:
-                said = (
-                    f"no simple design was found: --design {like[0]} fits, the axis of {like[1]} "
-                    "away at most"
-                )
-                arm = replace(arm, notes=(*arm.notes, said))
+        like = known_like(arm) if odd else None
+        if like is not None:
+            said = f"no simple design was found: --design {like[0]} fits, the axis of {like[1]} "
+            arm = replace(arm, notes=(*arm.notes, said + "away at most"))
         if self.design == "none":
             # The exact geometry of all that follows is of the numbers of the file.
             arm.once(f"nominal {USUAL}", lambda: nominal(arm, 0.0))

@@ -18,6 +18,7 @@ import numpy as np
 from pinsing._types import Array
 from pinsing.arguments import checked
 from pinsing.errors import OptionError, RobotFileError
+from pinsing.measures import SEED
 from pinsing.proximity.trajectory_file import LARGEST_TEXT
 
 RANGES = ("x", "y", "z", "roll", "pitch", "yaw")
@@ -137,9 +138,9 @@ def search(
         X = np.clip(np.round(X / unit) * unit, low, high)
         return X, np.array([value(dict(zip(ranges, x.tolist(), strict=True))) for x in X])
 
-    X, known = put(low + (high - low) * qmc.Sobol(len(ranges), seed=36).random(128))
+    X, known = put(low + (high - low) * qmc.Sobol(len(ranges), seed=SEED).random(128))
     tried, step, best = len(X), 0.15, np.argsort(-known, kind="stable")[:4]
-    X, known, rng = X[best], known[best], np.random.default_rng(36)
+    X, known, rng = X[best], known[best], np.random.default_rng(SEED)
     while tried + len(X) <= TRIED:
         moved, new = put(X + rng.normal(size=X.shape) * (high - low) * step)
         tried, step, better = tried + len(X), step * 0.92, new > known

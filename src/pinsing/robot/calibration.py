@@ -20,7 +20,6 @@ from pinsing.errors import OptionError, RobotFileError
 from pinsing.robot.arm import Arm
 from pinsing.robot.chain import Chain, chain_model, flatten, keep_chain
 from pinsing.robot.design import (
-    LENGTH,
     AxisDifference,
     alignment,
     axes,
@@ -28,7 +27,6 @@ from pinsing.robot.design import (
     require_same,
 )
 from pinsing.robot.load import load
-from pinsing.robot.nominal import nominal
 
 LINKS = ("shoulder", "upper_arm", "forearm", "wrist_1", "wrist_2", "wrist_3")
 _LENGTHS, _ANGLES = ("x", "y", "z"), ("roll", "pitch", "yaw")
@@ -78,13 +76,6 @@ def calibrated(arm: Arm, file: str | os.PathLike[str]) -> Arm:
     keep_chain(made, chain)
     require_same(made, arm, f"{os.fspath(file)}: {arm.name!r}")
     return made
-
-
-def is_odd(robot: Arm) -> bool:
-    """Return True if most axes are off, as after a calibration, and no simple design was found."""
-    turned = {s.where for s in nominal(robot, 0.0).snaps if s.what == "twist"}
-    left = np.abs(flatten(robot.design or robot).t)
-    return len(turned) > robot.n / 2 and bool(((left > 1e-9) & (left < 10 * LENGTH)).any())
 
 
 def known_like(robot: Arm) -> tuple[str, AxisDifference] | None:

@@ -117,6 +117,15 @@ def require_same(robot: Arm, design: Arm, called: str) -> None:
         )
 
 
+def is_odd(robot: Arm) -> bool:
+    """Return True if most axes are off, as after a calibration, and no simple design was found."""
+    left = np.abs(flatten(robot.design or robot).t)
+    if not ((left > 1e-9) & (left < 10 * LENGTH)).any():
+        return False
+    turned = {s.where for s in nominal(robot, 0.0).snaps if s.what == "twist"}
+    return len(turned) > robot.n / 2
+
+
 def differences(robot: Arm, design: Arm | Chain) -> tuple[AxisDifference, ...]:
     """Return how far each axis of a robot is from that of its design, base to tip."""
     made = design if isinstance(design, Chain) else flatten(design)
