@@ -122,19 +122,19 @@ def test_speeds_jumps_and_limits() -> None:
     assert (fast.t, fast.t_end) == pytest.approx((0.5, 0.6))
     assert fast.worst == pytest.approx(1.5 * limit)
     assert not check.jumps
-    slow = check_trajectory(arm, Q, 2 * t, forms=closed("ur5"))
-    assert not slow.too_fast
+    assert not check_trajectory(arm, Q, 2 * t, forms=closed("ur5")).too_fast
     sharp = check_trajectory(arm, Q, t, forms=closed("ur5"), acceleration_limits=np.full(6, 5.0))
     assert {round(e.t, 2) for e in sharp.too_abrupt} == {0.5, 0.6}
     Q[70:, 5] -= 2 * np.pi
     Q[:, 1] -= 7.0
     wrong = check_trajectory(arm, Q, t, forms=closed("ur5"))
-    (jump,) = wrong.jumps
-    assert (jump.joint, jump.t) == (arm.joints[5], pytest.approx(0.69))
+    assert [(j.joint, j.t) for j in wrong.jumps] == [(arm.joints[5], pytest.approx(0.69))]
+    assert "wrapped by a turn?" in str(wrong)
     assert {e.joint for e in wrong.outside} == {arm.joints[1]}
+    Q[70:, 5] += 2 * np.pi - 0.5
+    assert "at t = 0.69 s: are samples missing" in str(check_trajectory(arm, Q, t))
     untimed = check_trajectory(arm, Q, forms=closed("ur5"))
-    assert not untimed.timed
-    assert not untimed.too_fast
+    assert (untimed.timed, untimed.too_fast) == (False, ())
     assert any("no times" in note for note in untimed.notes)
 
 

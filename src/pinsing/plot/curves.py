@@ -417,7 +417,7 @@ def path_sheet(plan: PathPlan, form: ClosedForm) -> Figure:
     for k, line in enumerate(np.degrees(plan.kept)):
         top.plot(poses, line, color=COLORS[1], lw=0.8, zorder=1, label=None if k else label)
     title = f"{plain(plan.arm.name)}: distance to the nearest singularity"
-    top.set(ylim=(0, None), ylabel="clearance [°]", title=title)
+    top.set(ylim=(0, 1.05 * top.get_ylim()[1]), ylabel="clearance [°]", title=title)
     legend_below(top)
     if wide:
         below = axes[1, 0]

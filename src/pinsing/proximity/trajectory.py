@@ -261,7 +261,9 @@ def _speeds(check: TrajectoryCheck, degrees: bool) -> list[str]:
 def _advice(check: TrajectoryCheck, robot: str) -> str:
     if check.jumps:
         e = check.jumps[0]
-        return f"Look at the jump of {e.joint} {_when(check, e.t)}: is it wrapped by a turn?"
+        return f"Look at the jump of {e.joint} {_when(check, e.t)}: " + (
+            "is it wrapped by a turn?" if e.worst > math.pi else "are samples missing there?"
+        )
     if check.crossings:
         c = check.crossings[0]
         if any(note.startswith("mimic joints of the chain follow") for note in check.arm.notes):
