@@ -23,10 +23,12 @@ import heapq
 import io
 import json
 import os
+import re
 import resource
 import subprocess
 import sys
 import time
+from collections import Counter
 from dataclasses import astuple, dataclass
 from pathlib import Path
 
@@ -208,6 +210,7 @@ def main() -> None:
     gc.freeze()
     realtime(asked, 50)
     levels: dict[str, int] = {}
+    errors: Counter[str] = Counter()
     held: list[float] = []
     dropped, start, cpu = 0, time.monotonic(), time.process_time()
     stolen = taken(asked.processor)
@@ -217,11 +220,15 @@ def main() -> None:
             kind = said.get("level", "stalled" if "stalled" in said else "error")
             levels[kind] = levels.get(kind, 0) + 1
             dropped = said.get("dropped", dropped)
+            if kind == "error":
+                errors[re.sub(r"\d[\d.e+-]*", "#", said["error"])] += 1
             if time.monotonic() - start > 10 + 600 * len(held):
                 held.append(memory())
         clock, cpu = time.monotonic() - start, time.process_time() - cpu
     stolen = taken(asked.processor) - stolen
     print(f"{asked.robot}: {room} lines in {clock:.0f} s, {levels}, {dropped} thinned")
+    for message, times in errors.most_common():
+        print(f"error line, {times} times: {message}")
     words = ", ".join(f"{m:.1f}" for m in (*held, memory()))
     print(f"memory, MiB: {words} (after 10 s, each 10 minutes more, and at the end)")
     print(f"load {os.getloadavg()[2]:.1f}, processor {100 * cpu / clock:.1f} % of one")
