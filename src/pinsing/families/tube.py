@@ -4,7 +4,8 @@ With D the determinant of the robot's task Jacobian, and ``P = h f1 f2 ...`` a p
 conditions of the design's families and a factor h, D = P + E with a small E: at a singular
 configuration ``|P| = |E|``. In a box of joint values, let ``phi_k(t)`` be a bound that |f_k| is
 not below at a point farther than t from family k: ``sin(t/2)`` for a joint value, and
-``G t - M t^2/2`` for an equation of slope G at least and curvature M at most. Where
+``G t - M t^2/2`` for an equation of slope G at least and curvature M at most, along the gradient
+or, where it is small, the axes in which a value of either sign goes to zero fastest. Where
 ``|h| prod max(phi_k(t), min |f_k|) > |E|`` all over the box, no singular configuration in it is
 farther than t from all families. Boxes are halved until that is near the largest distance that a
 search finds. Outside of the tube D has the sign of P: a path from one side of a family to the
@@ -18,7 +19,7 @@ It is found from its values on a grid; bounds of their rounding are counted to E
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -26,7 +27,8 @@ import numpy as np
 
 from pinsing._types import Array, Ints
 from pinsing.algebra.conditions import Margin, weighted_sum
-from pinsing.algebra.trig_sum import TINY, TrigSum, to_zeros
+from pinsing.algebra.nearest import SearchOptions, nearest_points
+from pinsing.algebra.trig_sum import TINY, At, TrigSum, to_zeros
 from pinsing.families.family import Family
 from pinsing.kinematics.jacobian import frame_jacobians
 from pinsing.measures import ROUNDING
@@ -161,7 +163,7 @@ def find_tube(robot: Arm, design: Arm, families: Sequence[Family]) -> Tube:
     width, found, count = np.full(F + 1, np.inf), np.zeros(F + 1), 0
     try:
         product = factorize(robot, design, families)
-        width, found, count = find_widths(product)
+        width, found, count = find_widths(product, families)
         powers = [[f.power % 2 for f in product.factors if f.family == k] for k in range(F)]
         both = _two_sides(product, width)
         persists = [all(odd) and two for odd, two in zip(powers, both, strict=True)]
@@ -351,16 +353,24 @@ class _Taylor:
     ----------
     value, swing : (N,) arrays
         In the middle, and by how much it differs on the box; rounding included.
-    gradient, sway : (N, d) arrays
-        The same of each derivative.
+    gradient, second : (N, d) and (N, d, d) arrays
+        The derivatives in the middle.
+    reach : (N, T) array
+        By how much the angle of each term differs on the box.
+    noise : (N,) array
+        Bounds of errors of the derivatives.
     parts : (N, d) array
         What each joint adds to ``swing``, about.
     """
 
+    sum: TrigSum
+    half: Array
     value: Array
     swing: Array
     gradient: Array
-    sway: Array
+    second: Array
+    reach: Array
+    noise: Array
     parts: Array
 
     @classmethod
@@ -370,16 +380,42 @@ class _Taylor:
         angle, reach = x @ s.rate.T + s.phase, h @ rate.T
         cosine, sine = s.amplitude * np.cos(angle), s.amplitude * np.sin(angle)
         squares = (s.rate[:, :, None] * s.rate[:, None, :]).reshape(-1, d * d)
-        second = np.abs(cosine @ squares).reshape(-1, d, d)
+        second = -(cosine @ squares).reshape(-1, d, d)
         gradient = -sine @ s.rate
-        bent = (second @ h[..., None])[..., 0]
-        third = reach**2 * s.amplitude
-        parts = h * (np.abs(gradient) + bent / 2 + third @ rate / 6)
+        bent = (np.abs(second) @ h[..., None])[..., 0]
+        parts = h * (np.abs(gradient) + bent / 2 + (reach**2 * s.amplitude) @ rate / 6)
         # Errors of cosines, and of derivatives by as many units as the largest rate.
         noise = size * (s.noise + 4.5e-16 * s.reach * np.maximum(4.0, np.abs(x).max(axis=1)))
-        sway = bent + third @ rate / 2 + (noise * s.reach)[:, None]
-        swing = parts.sum(axis=1) * _MORE + noise * s.reach**2
-        return cls(cosine.sum(axis=1), swing, gradient, sway, parts)
+        noise *= s.reach**2
+        swing = parts.sum(axis=1) * _MORE + noise
+        return cls(s, h, cosine.sum(axis=1), swing, gradient, second, reach, noise, parts)
+
+    def along(self, e: Array) -> tuple[Array, Array, Array, Array, Array]:
+        """Of unit directions e (N, d): what bounds the derivatives along them.
+
+        The least slope against the middle's, the curvature in the middle, by how much it differs on
+        the box, its derivative at most, and what each joint takes off the slope (N, d).
+        """
+        s = self.sum
+        rates = np.abs(e @ s.rate.T)
+        slope, bend = (self.gradient * e).sum(axis=1), (e[:, None] @ self.second)[:, 0]
+        third = s.amplitude * rates * self.reach
+        turns = self.half * (np.abs(bend) + third @ np.abs(s.rate) / 2)
+        least = slope - turns.sum(axis=1) * _MORE - self.noise
+        differs = (rates * third).sum(axis=1) * _MORE + self.noise
+        return least, (bend * e).sum(axis=1), differs, rates**3 @ s.amplitude * _MORE, turns
+
+
+def _fall(slope: Array, curve: Array, jerk: Array, t: Array) -> Array:
+    """How far a sum falls at least by a step of a size up to t (N,).
+
+    Its slope is at least this, and decreases by ``curve + jerk s`` at s at most.
+    """
+    root = np.sqrt(np.maximum(curve**2 + 2 * jerk * slope, 0.0))
+    least = np.maximum(jerk, TINY)
+    top = np.where(curve > 0, 2 * slope / np.maximum(curve + root, TINY), (root - curve) / least)
+    step = np.minimum(t, top)
+    return np.asarray(step * (slope - step * (curve / 2 + step * jerk / 6)))
 
 
 @dataclass(frozen=True)
@@ -461,23 +497,23 @@ def bound(p: Product, x: Array, h: Array) -> Boxes:
     for f, c in zip(p.factors, conditions, strict=True):
         zero = c.least < c.below(np.minimum(far[:, -1], np.pi)) * 1.001
         varies = c.parts / np.maximum(c.least, TINY)[:, None]
-        score += f.power * np.where(
-            zero[:, None], c.sway / np.maximum(c.slope, 1e-2)[:, None], varies
-        )
+        score += f.power * np.where(zero[:, None], c.sway, varies)
     return Boxes(x, h, far, np.argmax(score, axis=1))
 
 
 @dataclass(frozen=True)
 class _Condition:
-    """A condition on boxes: its least size, slope and curvature; what each joint adds to these.
+    """A condition on boxes: its least size, and bounds of how it goes to zero.
 
-    ``within`` is how far its zeros are at most from points of the boxes.
+    ``falls`` are the slopes, curvatures and their derivatives of `_fall`, along the gradient, and
+    along the axes in which a positive value falls fastest and a negative one rises fastest.
+    ``within`` is how far its zeros are at most from points of the boxes, ``sway`` by how much of
+    the slope each joint changes it.
     """
 
     is_value: bool
     least: Array
-    slope: Array
-    curve: float
+    falls: Sequence[tuple[Array, Array, Array]]
     noise: float
     parts: Array
     sway: Array
@@ -488,25 +524,30 @@ class _Condition:
         """Of a factor."""
         at = _Taylor.of(f.sum, x, h)
         least = np.maximum(np.abs(at.value) - at.swing, 0.0)
-        off = np.maximum(np.abs(at.gradient) - at.sway * _MORE, 0.0)
-        slope, curve = np.linalg.norm(off, axis=1) / _MORE, f.sum.curvature * _MORE
         noise = f.sum.noise * float(f.sum.amplitude.sum())
-        rate = np.abs(f.sum.rate)
-        sway = 0 * h if f.is_value else h * ((h @ rate.T * f.sum.amplitude) @ rate + at.sway)
         if f.is_value:
             within = 2 * np.arcsin(np.minimum(np.abs(at.value) + noise + at.swing, 1.0))
-        else:
-            radius = np.linalg.norm(h * (rate > 0).any(axis=0), axis=1)
-            within = radius + _one_joint(f.sum, x, at.gradient)
-        return cls(f.is_value, least, slope, curve, noise, at.parts, sway, within * _MORE)
+            return cls(True, least, (), noise, at.parts, 0 * h, within * _MORE)
+        size = np.linalg.norm(at.gradient, axis=1)
+        u = at.gradient / np.maximum(size, TINY)[:, None]
+        slope, curve, differs, jerk, turns = at.along(u)
+        falls = [(np.maximum(slope, 0.0), np.abs(curve) + differs, jerk)]
+        axes = np.linalg.eigh(at.second)[1]
+        for k, sign in ((0, 1), (-1, -1)):
+            _, curve, differs, jerk, _ = at.along(axes[:, :, k])
+            falls.append((0 * slope, np.minimum(sign * curve + differs, 0.0), jerk))
+        radius = np.linalg.norm(h * (f.sum.rate != 0).any(axis=0), axis=1)
+        within = radius + _one_joint(f.sum, x, at.gradient)
+        sway = turns / np.maximum(size, 1e-2)[:, None]
+        return cls(False, least, falls, noise, at.parts, sway, within * _MORE)
 
     def below(self, t: Array) -> Array:
         """What its size is not below at points of the boxes farther than t (N,) from its zeros."""
         if self.is_value:
             far = np.sin(np.minimum(t, np.pi) / 2)
         else:
-            reach = np.minimum(t, self.slope / self.curve)
-            far = reach * (self.slope - self.curve * reach / 2)
+            down, *both = (_fall(*fall, t) for fall in self.falls)
+            far = np.maximum(down, np.minimum(*both))
         return np.maximum(far / _MORE - self.noise, self.least)
 
 
@@ -534,15 +575,14 @@ def _one_joint(s: TrigSum, x: Array, gradient: Array) -> Array:
     return found
 
 
-def search(p: Product, x: Array) -> tuple[Array, Array]:
-    """Singular configurations (K, d) near starts (N, d), and how far (K, F) from families."""
+def search(p: Product, x: Array) -> Array:
+    """Singular configurations (K, d) near starts (N, d)."""
     for _ in range(12):
         value, slope = _determinant(p, x)
         step = value[:, None] * slope / np.maximum((slope**2).sum(axis=1), TINY)[:, None]
         size = np.linalg.norm(step, axis=1, keepdims=True)
         x = x - step * np.minimum(1.0, 0.2 / np.maximum(size, TINY))
-    x = x[size[:, 0] < 1e-9]
-    return x, _away(p, x)
+    return np.asarray(x[size[:, 0] < 1e-9])
 
 
 def _two_sides(p: Product, width: Array) -> list[bool]:
@@ -561,13 +601,20 @@ def _two_sides(p: Product, width: Array) -> list[bool]:
 
 def _away(p: Product, x: Array) -> Array:
     """How far (N, F) configurations (N, d) are from families at least."""
+    return _of_families(p, x, lambda s, at: to_zeros([s], [at], x))
+
+
+def _estimates(p: Product, x: Array) -> Array:
+    """How far (N, F) configurations (N, d) are from families, as the slopes there say."""
+    return _of_families(p, x, lambda s, at: np.abs(at.value) / s.dual(at.gradient))
+
+
+def _of_families(p: Product, x: Array, far: Callable[[TrigSum, At], Array]) -> Array:
     away = np.full((len(x), 1 + max(f.family for f in p.factors)), np.inf)
     for f in p.factors:
         at = f.sum.at(x)
-        far = to_zeros([f.sum], [at], x)
-        if f.is_value:
-            far = 2 * np.arcsin(np.minimum(np.abs(at.value), 1))
-        away[:, f.family] = np.minimum(away[:, f.family], far)
+        found = 2 * np.arcsin(np.minimum(np.abs(at.value), 1)) if f.is_value else far(f.sum, at)
+        away[:, f.family] = np.minimum(away[:, f.family], found)
     return away
 
 
@@ -584,9 +631,9 @@ def _determinant(p: Product, x: Array) -> tuple[Array, Array]:
     return total + rest.value, slope + rest.gradient
 
 
-MOST = 600_000
+MOST = 400_000
 """Boxes after which the width is what has been proven till then."""
-SLACK = 1.95
+SLACK = 1.5
 """A width that is this much larger than the largest distance found is good enough."""
 _FIRST = 6
 
@@ -605,7 +652,7 @@ def _first(p: Product) -> tuple[Array, Array]:
     return x, h
 
 
-def find_widths(p: Product) -> tuple[Array, Array, int]:
+def find_widths(p: Product, families: Sequence[Family]) -> tuple[Array, Array, int]:
     """Proven widths (F + 1,) as in ``Boxes.far``, the largest distances found, number of boxes."""
     boxes = bound(p, *_first(p))
     count, last = len(boxes.x), boxes.far.shape[1] - 1
@@ -613,18 +660,31 @@ def find_widths(p: Product) -> tuple[Array, Array, int]:
 
     rng, best = np.random.default_rng(2), np.empty((0, len(p.joints)))
 
+    def columns(away: Array) -> tuple[Array, Ints]:
+        """The distance from the nearest family, and which it is: -1 where several are near."""
+        order = np.sort(np.append(away, np.full((len(away), 1), np.inf), axis=1), axis=1)
+        return order[:, 0], np.where(order[:, 1] > NEAR, away.argmin(axis=1), last)
+
+    def farthest(away: Array, many: int) -> Ints:
+        far, column = columns(away)
+        order = np.argsort(-far, kind="stable")
+        return np.concatenate([order[column[order] == k][:many] for k in range(last + 1)])
+
     def look(starts: Array, best: Array) -> Array:
         """Search from starts, and up from the points that are farthest from the families."""
         size = 10 ** rng.uniform(-3, -0.5, (len(best), 1))
         beside = best + size * rng.normal(size=best.shape)
-        x, away = search(p, np.concatenate([starts, best, beside]))
-        order = np.sort(np.append(away, np.full((len(away), 1), np.inf), axis=1), axis=1)
-        column = np.where(order[:, 1] > NEAR, away.argmin(axis=1), last)
-        np.maximum.at(found, column, order[:, 0])
+        x = search(p, np.concatenate([starts, best, beside]))
+        x = x[farthest(_estimates(p, x), 60)]
+        Q = np.zeros((len(x), families[0].n))
+        Q[:, list(p.joints)] = x
+        free, few = np.full(Q.shape[1], np.inf), SearchOptions(gap=1e-3, boxes=500)
+        sure = [nearest_points(f.conditions(), Q, -free, free, few).lower for f in families]
+        away = np.stack(sure, axis=1)
+        far, column = columns(away)
+        np.maximum.at(found, column, far)
         found[last] = found.max()
-        far = np.argsort(-order[:, 0], kind="stable")
-        top = [far[column[far] == k][:20] for k in range(last + 1)]
-        return np.asarray(x[np.concatenate(top)])
+        return np.asarray(x[farthest(away, 20)])
 
     best = look(rng.uniform(0, 2 * np.pi, (2000, len(p.joints))), best)
     for _ in range(20):
