@@ -288,10 +288,12 @@ def test_two_walls_may_be_passed_where_they_meet(form: pinsing.ClosedForm) -> No
 
 
 def test_a_wide_tube_of_one_family_is_told_in_one_sentence() -> None:
-    wide, thin = math.radians(45.2), math.radians(5)
+    wide, thin, found = math.radians(45.2), math.radians(5), math.radians(4)
     said = [
-        str(tubes.Tube(w, 0.0, True, (tubes.TubeWidth("F1", w, 0.0, True),), 0.2, "", (), 1))
+        str(tubes.Tube(w, found, True, (tubes.TubeWidth("F1", w, found, True),), 0.2, "", (), 1))
         for w in (wide, thin)
     ]
-    assert said[0].endswith("configuration of this robot lies within 45.2° of the family.")
+    lies = "configuration of this robot lies within 45.2° of the family; "
+    assert said[0].endswith(lies + "the farthest that a search found is 4° away.")
     assert "Each wall persists" in said[1]
+    assert "search" not in said[1]

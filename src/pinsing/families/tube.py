@@ -142,6 +142,8 @@ class Tube:
         said = f"within {_degrees(self.alone)} of {which}"
         if self.width > self.alone:
             said += f" ({_degrees(self.width)} where two are within {_degrees(self.near)})"
+        if self.width > 2 * self.lower:
+            said += f"; the farthest that a search found is {_degrees(self.lower)} away"
         return said
 
     @property
@@ -631,7 +633,7 @@ def _determinant(p: Product, x: Array) -> tuple[Array, Array]:
     return total + rest.value, slope + rest.gradient
 
 
-MOST = 400_000
+MOST = 600_000
 """Boxes after which the width is what has been proven till then."""
 SLACK = 1.5
 """A width that is this much larger than the largest distance found is good enough."""
