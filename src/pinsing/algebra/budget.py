@@ -43,16 +43,10 @@ class _Meter:
 
 
 class Budget:
-    """Work left, asked before every step that can be long.
+    """Work left, in ``seconds`` on the clock or other seconds' worth of ``work``.
 
-    Parameters
-    ----------
-    seconds : float
-        Time on the clock, and the work that is done in it.
-    work : float
-        Seconds' worth of work, where it is not that.
-    long_to_factor : int
-        Terms of a polynomial from which on factoring it may take long.
+    It is asked before every step that can be long; factoring polynomials of ``long_to_factor``
+    terms can be.
     """
 
     # Terms from which on factoring may take long.
@@ -147,15 +141,7 @@ class Budget:
             self.when_long()
 
     def check_factor(self, terms: int, long: int | None = None) -> None:
-        """Raise BudgetExceeded if a polynomial is too long to factor or to take a gcd of.
-
-        Parameters
-        ----------
-        terms : int
-            Of the polynomial.
-        long : int
-            Terms from which on that may take long; as the budget says if not given.
-        """
+        """Raise BudgetExceeded if a polynomial is too long to factor or to take a gcd of."""
         # Work that factoring, or a gcd, takes per term and its logarithm.
         self.check(5.0 * terms * max(terms, 1).bit_length())
         if self.when_long is not None and terms > (long or self._long_to_factor):
@@ -177,21 +163,12 @@ def possible() -> bool:
 
 @dataclass(frozen=True, eq=False)
 class Outcome(Generic[T]):
-    """What became of a computation.
+    """What became of a computation."""
 
-    Attributes
-    ----------
-    result : T or None
-        What it returned; None if it was stopped.
-    told : list
-        What it told on the way, while it was in a child.
-    reason : str
-        Why it was stopped.
-    """
-
-    result: T | None
+    result: T | None  # what it returned; None if it was stopped
+    # what it told on the way, while it was in a child
     told: list[Any] = field(default_factory=list)
-    reason: str = ""
+    reason: str = ""  # why it was stopped
 
 
 class _HandedOver(BaseException):
@@ -199,16 +176,9 @@ class _HandedOver(BaseException):
 
 
 class Apart:
-    """One computation, that may go on in a child once it is long.
+    """One computation, that may go on in a child once it is long; killed after ``seconds``.
 
-    Parameters
-    ----------
-    budget : Budget
-        The computation's own; it says when things become long.
-    seconds : float
-        After this time the child is killed.
-    hear : callable, optional
-        Given what the child tells, as it does; else that is kept for the outcome.
+    ``hear`` is given what the child tells, as it does; else that is kept for the outcome.
     """
 
     def __init__(
@@ -232,15 +202,7 @@ class Apart:
             self._to_parent.send(("told", what, self._budget.done))
 
     def run(self, work: Callable[[], T], at_once: bool = False) -> Outcome[T]:
-        """Work's result, which can be pickled if ``child``.
-
-        Parameters
-        ----------
-        work : callable
-            The computation.
-        at_once : bool
-            Fork before it begins.
-        """
+        """The result of ``work``, to be pickled if ``child``; forked first if ``at_once``."""
         if possible():
             self._budget.when_long = self._fork
         try:
@@ -344,22 +306,7 @@ def _confine() -> None:
 
 
 def in_child(work: Callable[[], T], budget: Budget, seconds: float) -> T:
-    """Return what ``work`` returns (something that can be pickled), in a child that can be stopped.
-
-    Parameters
-    ----------
-    work : callable
-        One long computation.
-    budget : Budget
-        Its time.
-    seconds : float
-        After which it is stopped.
-
-    Raises
-    ------
-    BudgetExceeded
-        If it was.
-    """
+    """Return what ``work`` returns (something that can be pickled), in a child stopped in time."""
     outcome = Apart(budget, seconds).run(work, at_once=True)
     if outcome.result is None:
         raise BudgetExceeded(outcome.reason)

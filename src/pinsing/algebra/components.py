@@ -23,25 +23,14 @@ from pinsing.algebra.zeros import SECOND_PRIME, WORD_PRIME, Undecided
 
 @dataclass(frozen=True)
 class Component:
-    """Where rank drops: joints at exact values, and polynomials that vanish.
+    """Where rank drops: joints at exact values, and polynomials that vanish."""
 
-    Attributes
-    ----------
-    values : mapping of joint to Value
-        Exact joint values.
-    relations : tuple of Poly
-        Polynomials in the other joints; one, or a system of several.
-    proven : bool
-        Whether every minor was shown to vanish there by division (else at random points, in
-        exact arithmetic modulo a prime).
-    codimension : int
-        Complex codimension.
-    """
-
-    values: Mapping[int, Value]
-    relations: tuple[Poly, ...]
+    values: Mapping[int, Value]  # exact joint values
+    relations: tuple[Poly, ...]  # polynomials in the other joints; one, or a system of several
+    # whether every minor was shown to vanish there by division (else at random points, in exact
+    # arithmetic modulo a prime)
     proven: bool
-    codimension: int
+    codimension: int  # complex codimension
 
 
 Statement = Callable[[list[SlicePoint], list[SlicePoint]], tuple[Poly, ...]]
@@ -50,35 +39,18 @@ Statement = Callable[[list[SlicePoint], list[SlicePoint]], tuple[Poly, ...]]
 
 @dataclass(frozen=True)
 class Backing:
-    """What a system of equations was made of.
+    """What a system of equations was made of."""
 
-    Attributes
-    ----------
-    points : list of SlicePoint
-        Generic points of all its parts.
-    others : list of SlicePoint
-        Points that it had to be told apart from.
-    state : Statement or None
-        How to state it once more.
-    """
-
-    points: list[SlicePoint]
-    others: list[SlicePoint]
-    state: Statement | None = None
+    points: list[SlicePoint]  # generic points of all its parts
+    others: list[SlicePoint]  # points that it had to be told apart from
+    state: Statement | None = None  # how to state it once more
 
 
 class FoundComponents:
     """Components, as a search comes by them: some lie in others that are found later.
 
-    Everything that the search passes over because it lies in a component is remembered, and so
-    is every singular point that lies in one: what is kept in the end must account for all of it.
-
-    Parameters
-    ----------
-    ring : Ring
-        Of their polynomials.
-    tell : callable
-        Told of each as it is found.
+    Everything that the search passes over because it lies in a component is remembered, and so is
+    every singular point that lies in one: what is kept in the end must account for all of it.
     """
 
     def __init__(self, ring: Ring, tell: Callable[[Component], None]) -> None:
@@ -267,27 +239,13 @@ SECOND_SEED = 11
 
 @dataclass(frozen=True, eq=False)
 class Question:
-    """A system of equations at a place, whose points were judged.
+    """A system of equations at a place, whose points were judged."""
 
-    Attributes
-    ----------
-    relations : tuple of Poly
-        The equations.
-    values : mapping of joint to Value
-        Joints at values, at which the matrix is.
-    matrix : Matrix
-        What becomes of the Jacobian there.
-    rank : int
-        Singular means: rank below this.
-    count : int
-        The codimension of the equations' common zeros.
-    """
-
-    relations: tuple[Poly, ...]
-    values: Mapping[int, Value]
-    matrix: Matrix
-    rank: int
-    count: int
+    relations: tuple[Poly, ...]  # the equations
+    values: Mapping[int, Value]  # joints at values, at which the matrix is
+    matrix: Matrix  # what becomes of the Jacobian there
+    rank: int  # singular means: rank below this
+    count: int  # the codimension of the equations' common zeros
 
 
 @dataclass(frozen=True)
@@ -360,18 +318,8 @@ def restated(
 ) -> list[Part]:
     """The parts of a system, each with equations and the points that are on it.
 
-    Parameters
-    ----------
-    relations : sequence of Poly
-        The system.
-    points : list of SlicePoint
-        Generic points of all of its parts that are meant.
-    count : int
-        How many independent equations there are.
-    ring : Ring
-        Its ring.
-    time : Budget
-        Asked before each long factorization.
+    ``points`` are generic ones of all of its parts that are meant, ``count`` its independent
+    equations.
     """
     polys = _distinct(_expanded(relations, points, ring), ring)
     chosen: list[Poly] = []

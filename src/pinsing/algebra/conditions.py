@@ -82,20 +82,13 @@ class Margin:
 
     Every point of it is within ``alone`` of a family, or else within ``meeting`` of one and within
     ``near`` of a second one.
-
-    Attributes
-    ----------
-    alone : (F,) array
-        Of each family; in weighted coordinates.
-    meeting, near : float
-        Where families meet.
-    own : callable or None
-        What no point of it is nearer than to Q (N, n), joint values: (N,), weighted coordinates.
     """
 
-    alone: Array
+    alone: Array  # (F,): of each family; in weighted coordinates
+    # meeting and near: where families meet
     meeting: float
     near: float
+    # what no point of it is nearer than to Q (N, n), joint values: (N,), weighted coordinates
     own: Callable[[Array], Array] | None = None
 
     def times(self, factor: float) -> Margin:
@@ -121,30 +114,17 @@ class Margin:
 
 @dataclass(frozen=True, eq=False)
 class Conditions:
-    """The branches of some families, ready to be asked at many configurations.
+    """The branches of some families, ready to be asked at many configurations."""
 
-    Attributes
-    ----------
-    families : int
-        How many; branches refer to them by index.
-    weight : (n,) array
-        Weighted coordinate over joint value: 1 for revolute joints, 1 / length scale for
-        prismatic ones unless weights were given.
-    turn : (n,) array
-        A whole turn in weighted coordinates; 0 for prismatic joints.
-    branches : tuple of WeightedBranch
-        A point lies on a family where it lies on one of its branches.
-    norm : str
-        "euclidean" or "max".
-    margin : Margin or None
-        What is taken off lower bounds, for them to be about a robot whose design has the families.
-    """
-
-    families: int
+    families: int  # how many; branches refer to them by index
+    # (n,): weighted coordinate over joint value: 1 for revolute joints, 1 / length scale for
+    # prismatic ones unless weights were given
     weight: Array
-    turn: Array
+    turn: Array  # (n,): a whole turn in weighted coordinates; 0 for prismatic joints
+    # a point lies on a family where it lies on one of its branches
     branches: tuple[WeightedBranch, ...]
-    norm: str = "euclidean"
+    norm: str = "euclidean"  # "euclidean" or "max"
+    # what is taken off lower bounds, for them to be about a robot whose design has the families
     margin: Margin | None = None
 
     @property
@@ -236,24 +216,7 @@ class Conditions:
         weight: Array,
         norm: str = "euclidean",
     ) -> Conditions:
-        """Conditions of families, each a sequence of branches whose union it is.
-
-        Parameters
-        ----------
-        families : sequence of sequences of Branch
-            The families.
-        prismatic : (n,) array of bool
-            Which joints slide.
-        weight : (n,) array
-            Positive; what joint differences are multiplied by.
-        norm : str
-            "euclidean", or "max": the largest weighted difference.
-
-        Raises
-        ------
-        OptionError
-            If a weight is not positive, or the norm unknown.
-        """
+        """Conditions of families, each a sequence of branches whose union it is."""
         weight = np.array(weight, dtype=float)
         if not (np.isfinite(weight) & (weight > 0)).all():
             raise OptionError(f"weights must be positive numbers, got {weight.tolist()}")
@@ -302,41 +265,21 @@ SIMPLE, FLAT = 1, 2
 
 @dataclass(frozen=True, eq=False)
 class Zeros:
-    """Events along pieces, in the order of pieces.
+    """Events along pieces, in the order of pieces."""
 
-    Attributes
-    ----------
-    piece, equation : (K,) arrays of int
-        Where, and of which equation.
-    s : (K,) array
-        Place within the piece, 0 to 1: the zero, or the middle of the interval.
-    width : (K,) array
-        Half of the interval; 0 for a simple zero.
-    kind : (K,) array of int
-        SIMPLE or FLAT.
-    ends : (m, E, 2) array
-        Values of the equations at both ends of each piece.
-    """
-
+    # piece and equation: (K,): where, and of which equation
     piece: Ints
     equation: Ints
-    s: Array
-    width: Array
-    kind: Ints
-    ends: Array
+    s: Array  # (K,): place within the piece, 0 to 1: the zero, or the middle of the interval
+    width: Array  # (K,): half of the interval; 0 for a simple zero
+    kind: Ints  # (K,): SIMPLE or FLAT
+    ends: Array  # (m, E, 2): values of the equations at both ends of each piece
 
 
 def zeros_along(conditions: Conditions, pieces: Array, *, compiled: bool = True) -> Zeros:
-    """Every zero of every equation of conditions along polynomial pieces.
+    """Every zero of every equation of conditions along polynomial pieces (m, degree + 1, n).
 
-    Parameters
-    ----------
-    conditions : Conditions
-        Their equations count, whichever branches they belong to.
-    pieces : (m, degree + 1, n) array
-        Joint values are ``sum_k pieces[i, k] s^k`` for s from 0 to 1.
-    compiled : bool
-        Whether the compiled engine is used where there is one.
+    Joint values are ``sum_k pieces[i, k] s^k`` for s from 0 to 1.
     """
     scaled = conditions.scaled(pieces)
     ends = np.empty((len(pieces), len(conditions.sums), 2))
@@ -445,23 +388,9 @@ def contact_along(
 ) -> tuple[float, float]:
     """Contact of ``x + t velocity`` with any condition, and the rate for one family.
 
-    Parameters
-    ----------
-    c : Conditions
-        The conditions.
-    family : int
-        Whose distance the rate is of; -1 for none.
-    x, velocity : (n,) arrays
-        Weighted coordinates, and per second.
-    horizon : float
-        Seconds that are looked ahead.
-
-    Returns
-    -------
-    time : float
-        No condition is met sooner: proven; infinite for none within the horizon.
-    rate : float
-        How fast the first-order distance from the family grows.
+    ``x``, ``velocity`` (n,) are weighted coordinates, and per second. No condition is met before
+    the first number, up to the horizon (seconds): proven; infinite for none. The second is how fast
+    the first-order distance from the family grows, whose number is -1 for none.
     """
     speed = float(np.abs(velocity).max())
     if not speed > 0:

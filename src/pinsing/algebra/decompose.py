@@ -47,29 +47,15 @@ from pinsing.algebra.zeros import WORD_PRIME, Undecided
 
 @dataclass(frozen=True, eq=False)
 class SearchPlace:
-    """Where the search is: some joints at values.
+    """Where the search is: some joints at values."""
 
-    Attributes
-    ----------
-    values : mapping of joint to Value
-        These joints.
-    matrix : Matrix
-        What the matrix becomes there.
-    rank : int
-        Singular means: rank below this.
-    limit : int
-        Largest codimension of what is looked for; the joints at values count.
-    reduced : bool
-        Whether all pivots of the matrix are used up, and its rows are independent.
-    whole : SearchPlace or None
-        The place with the matrix that says what is singular, where ``matrix`` is a part of it.
-    """
-
-    values: Mapping[int, Value]
-    matrix: Matrix
-    rank: int
-    limit: int
+    values: Mapping[int, Value]  # these joints
+    matrix: Matrix  # what the matrix becomes there
+    rank: int  # singular means: rank below this
+    limit: int  # largest codimension of what is looked for; the joints at values count
+    # whether all pivots of the matrix are used up, and its rows are independent
     reduced: bool = False
+    # the place with the matrix that says what is singular, where ``matrix`` is a part of it
     whole: SearchPlace | None = None
 
     @property
@@ -161,23 +147,9 @@ def regular_parts(
 ) -> list[Part]:
     """State the regular part of a system by equations that are nowhere zero on the singular one.
 
-    Parameters
-    ----------
-    relations : sequence of Poly
-        The system.
-    singular, regular : sequences of SlicePoint
-        Generic points of all its parts.
-    ring : Ring
-        Its ring.
-    time : Budget
-        Asked before long steps.
-
-    Returns
-    -------
-    list of (relations, points)
-        What contains the regular part, with its generic points: the system and more equations,
-        or one value of a joint alone, within which the search goes on; none if they were not
-        told apart.
+    Points are generic ones of all its parts. What contains the regular part, with its points: the
+    system and more equations, or one value of a joint alone, within which the search goes on; none
+    if they were not told apart.
     """
     telling = [
         f for f in _projections(relations, ring, time) if not all(s.is_zero(f) for s in singular)
@@ -226,19 +198,13 @@ Relations = tuple[Poly, ...]
 
 @dataclass(frozen=True, eq=False)
 class Stating:
-    """What all statements of a search share.
+    """What all statements of a search share."""
 
-    Attributes
-    ----------
-    ring, time, found : Ring, Budget, FoundComponents
-        Of the search.
-    residues, rng : Residues, Generator
-        For its random points.
-    """
-
+    # ring, time and found: of the search
     ring: Ring
     time: Budget
     found: FoundComponents
+    # residues and rng: for its random points
     residues: Residues
     rng: np.random.Generator
 
@@ -298,17 +264,7 @@ class Stating:
 
 
 class Search:
-    """Goes through the branches.
-
-    Attributes
-    ----------
-    gaps : list of str
-        What stopped it where it did not finish.
-    asked : list of Question
-        What was decided at random points.
-    depth : int
-        How many equations at once it is looking into; 0 while long systems wait.
-    """
+    """Goes through the branches; ``gaps`` say what stopped it, ``asked`` what points decided."""
 
     def __init__(self, ring: Ring, time: Budget, found: FoundComponents) -> None:
         self.ring = ring
@@ -326,13 +282,7 @@ class Search:
         self._places = PlaceMatrices(ring, time)
 
     def run(self, place: SearchPlace) -> None:
-        """Find all components at a place.
-
-        Raises
-        ------
-        BudgetExceeded
-            If time is over.
-        """
+        """Find all components at a place."""
         self._search(place)
         while self._later:
             first = min(range(len(self._later)), key=lambda i: self._later[i][0])
@@ -676,20 +626,11 @@ def _unpacked(packed: PackedComponent, ring: Ring) -> Component:
 
 @dataclass(frozen=True)
 class Within:
-    """Joint values inside which alone is searched.
+    """Joint values inside which alone is searched."""
 
-    Attributes
-    ----------
-    values : mapping of joint to Value
-        Of these joints; the matrix is the one there.
-    limit : int
-        Largest codimension of what is looked for; the joints at values count.
-    known : sequence of Component
-        What was found before: nothing that lies in one of these is looked into.
-    """
-
-    values: Mapping[int, Value]
-    limit: int
+    values: Mapping[int, Value]  # of these joints; the matrix is the one there
+    limit: int  # largest codimension of what is looked for; the joints at values count
+    # what was found before: nothing that lies in one of these is looked into
     known: Sequence[Component]
 
 

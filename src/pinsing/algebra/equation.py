@@ -149,14 +149,7 @@ Ints = npt.NDArray[np.int64]
 def fourier(poly: Poly, ring: Ring, quarters: Sequence[int]) -> dict[Key, tuple[Exact, Exact]]:
     """Coefficients of cos(k.q/2) and sin(k.q/2), up to a common positive factor; none is (0, 0).
 
-    Parameters
-    ----------
-    poly : Poly
-        Homogeneous in each revolute joint's pair of variables.
-    ring : Ring
-        Its ring.
-    quarters : sequence of int
-        Right angles by which the ring's angle of each joint exceeds q.
+    The ring's angle of each joint exceeds q by so many ``quarters`` of a turn.
     """
     terms = terms_of(poly)
     some = next(iter(terms))

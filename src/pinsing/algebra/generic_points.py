@@ -82,29 +82,15 @@ class Residues:
 
 @dataclass(frozen=True, eq=False)
 class SlicePoint:
-    """One common zero on a slice (and all its conjugates).
+    """One common zero on a slice (and all its conjugates)."""
 
-    Attributes
-    ----------
-    residues : Residues
-        Images of polynomials.
-    fixed : mapping of str to int
-        Variables at random values.
-    field : fq_default_ctx
-        The finite field of the coordinates.
-    free : mapping of int to fq_default
-        The variables that were solved for, by index.
-    on_slice : dict
-        Polynomials with those values in them: by id, with their terms. Shared by its points.
-    monomials : dict
-        Those that were asked for, with their values: the entries of a matrix share most of them.
-    """
-
-    residues: Residues
-    fixed: Mapping[str, int]
-    field: Any
-    free: Mapping[int, Any]
+    residues: Residues  # images of polynomials
+    fixed: Mapping[str, int]  # variables at random values
+    field: Any  # the finite field of the coordinates
+    free: Mapping[int, Any]  # the variables that were solved for, by index
+    # polynomials with those values in them: by id, with their terms. Shared by its points
     on_slice: MadeOnce = field(default_factory=MadeOnce)
+    # those that were asked for, with their values: the entries of a matrix share most of them
     monomials: dict[Any, Any] = field(default_factory=dict)
 
     def value(self, poly: Poly) -> Any:
@@ -214,35 +200,17 @@ class RandomSlice:
 
     Every free joint's circle is turned by a random angle, so that no zero is at the infinity of
     its half-angle tangent.
-
-    Attributes
-    ----------
-    residues : Residues
-        Images of polynomials.
-    chosen : tuple of int
-        The free joints.
-    fixed : mapping of str to int
-        Variables of the others, at random values or those that they are at.
-    images : list
-        All variables of the ring on the slice.
-    context : nmod_mpoly_ctx
-        The slice's ring.
-    turns : list of (int, int)
-        Random angles.
-    known : dict
-        Polynomials on the slice, by id; they are kept, so that their ids stay their own.
-    terms : dict
-        See SlicePoint.
     """
 
-    residues: Residues
-    chosen: tuple[int, ...]
-    fixed: Mapping[str, int]
-    images: Sequence[Any]
-    context: Any
-    turns: Sequence[tuple[int, int]]
+    residues: Residues  # images of polynomials
+    chosen: tuple[int, ...]  # the free joints
+    fixed: Mapping[str, int]  # variables of the others, at random values or those that they are at
+    images: Sequence[Any]  # all variables of the ring on the slice
+    context: Any  # the slice's ring
+    turns: Sequence[tuple[int, int]]  # random angles
+    # polynomials on the slice, by id; they are kept, so that their ids stay their own
     known: MadeOnce = field(default_factory=MadeOnce)
-    terms: MadeOnce = field(default_factory=MadeOnce)
+    terms: MadeOnce = field(default_factory=MadeOnce)  # see SlicePoint
 
     def of(self, poly: Poly) -> Any:
         """A polynomial on the slice."""
@@ -313,33 +281,13 @@ def slice_points(
     patient: bool = True,
     slices: Slices | None = None,
 ) -> Iterator[SlicePoint]:
-    """Common zeros of polynomials on a random slice for every k joints.
+    """Common zeros of polynomials on a random slice for every k joints; all of codimension k.
 
-    Parameters
-    ----------
-    polys : sequence of Poly
-        Polynomials whose common zeros all have codimension k, or more where there are more
-        polynomials than k.
-    residues : Residues
-        Their images.
-    rng : Generator
-        For the slices.
-    values : mapping of joint to Value
-        Joints that are at fixed values already (and occur in no polynomial).
-    check : callable
-        Asked before each long step; ends the search by an exception.
-    count : int, optional
-        k, if it is not the number of the polynomials.
-    patient : bool
-        Whether to try again, and in other ways, where points are not told apart at once. If not,
-        they are found one after the other, as they are asked for.
-    slices : dict, optional
-        Slices that were used before, and are again where they fit; new ones are added.
-
-    Raises
-    ------
-    Undecided
-        If the points of a slice cannot be told apart, whatever the slice.
+    That is ``count``, or the number of the polynomials. Some joints are at ``values`` already (and
+    occur in no polynomial). If not ``patient`` points are found one after the other, as they are
+    asked for; else it is tried again, and in other ways, where they are not told apart at once.
+    ``slices`` that were used before are again where they fit. Undecided if the points of a slice
+    cannot be told apart, whatever the slice.
     """
     ring = residues.ring
     having = [set(ring.joints_of(p)) for p in polys]

@@ -102,13 +102,7 @@ class _Products:
         self.ring, self.time = ring, time
 
     def of(self, x: Poly, y: Poly) -> Poly:
-        """X times y.
-
-        Raises
-        ------
-        BudgetExceeded
-            If the time is over, or this product would outlast it.
-        """
+        """X times y."""
         if self.time is not None:
             self.time.check(len(x) * len(y))
         return x * y
@@ -309,13 +303,7 @@ class _Chain:
 
 
 def constants(geometry: Nominal, task: Task) -> list[Exact]:
-    """The numbers of the geometry that the task Jacobian has in it, up to its rank.
-
-    Raises
-    ------
-    NotFollowed
-        If a mimic joint in the chain cannot be written in polynomials.
-    """
+    """The numbers of the geometry that the task Jacobian has in it, up to its rank."""
     first = 0 if in_axes(task, False) else 1
     placed = [x for R in geometry.rotation[first:] for row in R for x in row]
     if in_axes(task, True):
@@ -332,19 +320,13 @@ def jacobian_matrix(
 ) -> Matrix:
     """Task Jacobian as polynomials, up to nonzero row operations and column factors.
 
-    Columns are in the order of the ring's joints: ``leaders`` says which of these each joint of
-    the chain is, where they do not stand there in the chain's order.
+    Columns are in the order of the ring's joints: ``leaders`` says which of these each joint of the
+    chain is, where they do not stand there in the chain's order.
 
     The reference point is moved into the chain only for the full pose, and the axes only for all
-    translations or all rotations: elsewhere the rank depends on them. A joint with mimic joints
-    in the chain has the sum of their columns, by the chain rule.
-
-    Raises
-    ------
-    NotFollowed
-        If a mimic joint in the chain cannot be written in polynomials.
-    BudgetExceeded
-        If ``time`` is given, and over.
+    translations or all rotations: elsewhere the rank depends on them. A joint with mimic joints in
+    the chain has the sum of their columns, by the chain rule. NotFollowed if one cannot be written
+    in polynomials.
     """
     chain = _Chain(geometry, ring, leaders, time)
     of, dot = chain.products.of, chain.products.dot
@@ -407,15 +389,8 @@ def neighbouring_screws(
     """Screws of some of the arm's joints as columns (6, k), in the frame of a middle one.
 
     Up to row operations and column factors that are nowhere zero. Neighbours have short ones: only
-    what moves between the first and the last occurs, whatever the length of the chain. A joint with
-    mimic joints in the chain has the sum of their screws, by the chain rule.
-
-    Raises
-    ------
-    NotFollowed
-        If a mimic joint in the chain cannot be written in polynomials.
-    BudgetExceeded
-        If ``time`` is given, and over.
+    what moves between the first and the last occurs, whatever the length of the chain. Mimic joints
+    are as of `jacobian_matrix`.
     """
     chain = _Chain(geometry, ring, time=time)
     rows = [driven_by(chain.drives, a) for a in joints]

@@ -38,21 +38,11 @@ Product = tuple[Factor, ...]
 
 @dataclass(frozen=True)
 class Expression:
-    """A sum of products of functions of single joints.
+    """A sum of products of functions of single joints."""
 
-    Attributes
-    ----------
-    terms : tuple of (Number, Product)
-        Coefficients and factors.
-    joints : tuple of str
-        Symbols of all joints.
-    shift : tuple of float
-        Radians added to each angle.
-    """
-
-    terms: tuple[tuple[Number, Product], ...]
-    joints: tuple[str, ...]
-    shift: tuple[float, ...]
+    terms: tuple[tuple[Number, Product], ...]  # coefficients and factors
+    joints: tuple[str, ...]  # symbols of all joints
+    shift: tuple[float, ...]  # radians added to each angle
 
     def __call__(self, q: npt.ArrayLike) -> Array:
         """Value at q (..., n): (...)."""
@@ -84,20 +74,8 @@ def expressions(
 ) -> dict[tuple[str, int], Expression] | None:
     """Return the factor of each function of one joint: cos and sin of multiples, powers, or 1.
 
-    Parameters
-    ----------
-    equation : Equation
-        It.
-    joint : int
-        The joint to group by.
-    exact : bool
-        With exact coefficients, whole numbers for rational ones.
-
-    Returns
-    -------
-    dict or None
-        By function and multiple: ("cos", 1), ("sin", 1), ("pow", 1), ("one", 0), ("cos/2", 1).
-        None where the exact coefficients are not known.
+    By function and multiple: ("cos", 1), ("sin", 1), ("pow", 1), ("one", 0), ("cos/2", 1).
+    ``exact`` coefficients are whole numbers for rational ones; None where they are not known.
     """
     if exact and not equation.exact:
         return None
@@ -414,25 +392,15 @@ def _without(
 
 @dataclass(frozen=True, eq=False)
 class JointForm:
-    """An equation as one for one of its joints.
-
-    Attributes
-    ----------
-    equation : Equation
-        It.
-    joint : int
-        The joint that it is solved for.
-    kind : str
-        "two": two values, or none where |c| > R. "opposite": two values half a turn apart.
-        "half": one value, of half of the angle. "length": one value of a prismatic joint.
-    a, b, c : Expression or None
-        f = a cos q + b sin q + c ("two"); without c ("opposite"); with q/2 for q ("half");
-        f = a q + c ("length"). What is zero is None.
-    """
+    """An equation as one for one of its joints."""
 
     equation: Equation
-    joint: int
+    joint: int  # the joint that it is solved for
+    # "two": two values, or none where |c| > R. "opposite": two values half a turn apart. "half":
+    # one value, of half of the angle. "length": one value of a prismatic joint
     kind: str
+    # a, b and c: f = a cos q + b sin q + c ("two"); without c ("opposite"); with q/2 for q
+    # ("half"); f = a q + c ("length"). What is zero is None
     a: Expression | None
     b: Expression | None
     c: Expression | None
@@ -471,15 +439,7 @@ class JointForm:
         return np.asarray(np.pi - (np.pi - angles) % (2 * np.pi))
 
     def parts(self, exact: bool = False, latex: bool = False) -> tuple[tuple[str, str], ...]:
-        """Return R, phi and c as pairs of name and expression; empty if not known exactly.
-
-        Parameters
-        ----------
-        exact : bool
-            With exact coefficients; all of them up to one factor, which cancels.
-        latex : bool
-            As LaTeX.
-        """
+        """Return R, phi and c as pairs of name and expression; empty if not known exactly."""
         form = joint_form(self.equation, self.joint, exact) if exact else self
         if form is None:
             return ()
@@ -545,14 +505,8 @@ def joint_form(
 ) -> JointForm | None:
     """The equation as one for a joint; None if it does not enter once, or has no others beside.
 
-    Parameters
-    ----------
-    equation : Equation
-        The equation.
-    joint : int, optional
-        By default one that has values for all others, else the first that enters once.
-    exact : bool
-        With exact coefficients; None if they are not known.
+    By default for one that has values for all others, else the first that enters once. None if
+    ``exact`` coefficients are not known.
     """
     return equation.once(f"joint form {joint} {exact}", lambda: _joint_form(equation, joint, exact))
 

@@ -109,22 +109,9 @@ def _sharing(matrix: Matrix, among: set[int], ring: Ring) -> set[int]:
 def reduce_matrix(
     matrix: Matrix, rank: int, ring: Ring, time: Budget | None = None, generic: bool = False
 ) -> tuple[Matrix, int]:
-    """Use up pivots that never vanish.
+    """Use up pivots that never vanish: what is left is below its rank exactly where the given is.
 
-    Parameters
-    ----------
-    matrix : list of rows
-        Polynomials.
-    rank : int
-        The rank below which the matrix is singular.
-    generic : bool
-        Whether that is its rank at almost every point: then as many rows are independent.
-
-    Returns
-    -------
-    (matrix, rank)
-        A smaller matrix that is below the smaller rank exactly where the given one is
-        below the given one.
+    If the rank is ``generic``, that at almost every point, as many rows are independent.
     """
     rows = matrix
     if not (generic and len(rows) == rank):

@@ -31,33 +31,19 @@ class NotFollowed(Exception):
 
 @dataclass(frozen=True)
 class Drive:
-    """How one joint of the chain moves.
+    """How one joint of the chain moves."""
 
-    Attributes
-    ----------
-    leader : int
-        Index of the arm's joint that it follows, or is.
-    multiple : Fraction
-        Its motion for one of the leader; whole for revolute joints.
-    turn : (cos, sin)
-        Of the constant angle that is added, where it is revolute.
-    shift : Fraction
-        Metres that are added, where it is prismatic.
-    """
-
-    leader: int
-    multiple: Fraction
+    leader: int  # index of the arm's joint that it follows, or is
+    multiple: Fraction  # its motion for one of the leader; whole for revolute joints
+    # (cos, sin): of the constant angle that is added, where it is revolute
     turn: tuple[Exact, Exact] = (Fraction(1), Fraction(0))
-    shift: Fraction = Fraction(0)
+    shift: Fraction = Fraction(0)  # metres that are added, where it is prismatic
 
 
 def drives(geometry: Nominal) -> tuple[tuple[Drive, ...], tuple[Snap, ...]]:
     """Return how each joint of the chain is driven, and what was moved to say so exactly.
 
-    Raises
-    ------
-    NotFollowed
-        If a follower's multiple is not whole, too large, or mixes angles and lengths.
+    NotFollowed if a follower's multiple is not whole, too large, or mixes angles and lengths.
     """
     coupling = geometry.arm.coupling
     if coupling is None:
@@ -131,11 +117,6 @@ def own_jacobian_modulo(
 
     A joint has the sum of its own column and of its followers', by the chain rule; these move with
     it, by de Moivre's formula.
-
-    Raises
-    ------
-    NotFollowed
-        As ``drives``.
     """
     if geometry.arm.coupling is None:
         return jacobian_modulo(geometry, task, p, draw, values)

@@ -17,17 +17,7 @@ from pinsing.robot.task import Task
 
 
 class RowExpansion:
-    """Minors of one matrix, each from smaller ones.
-
-    Parameters
-    ----------
-    matrix : list of rows
-        Polynomials.
-    ring : Ring
-        Of these.
-    time : Budget
-        Asked before each product.
-    """
+    """Minors of one matrix, each from smaller ones, until the time is over."""
 
     def __init__(self, matrix: Matrix, ring: Ring, time: Budget) -> None:
         self.matrix, self.ring, self.time = matrix, ring, time
@@ -38,13 +28,7 @@ class RowExpansion:
         self._kept = 0
 
     def minor(self, rows: Sequence[int], columns: Sequence[int]) -> Poly:
-        """The minor of some rows and as many columns, both ascending.
-
-        Raises
-        ------
-        BudgetExceeded
-            If it would take longer than the budget allows.
-        """
+        """The minor of some rows and as many columns, both ascending."""
         if not rows:
             return self.ring.one
         # Terms of minors that are kept at a time.
@@ -80,13 +64,7 @@ class RowExpansion:
 
 
 def determinant(matrix: Matrix, ring: Ring, time: Budget) -> Poly:
-    """Determinant of a square matrix.
-
-    Raises
-    ------
-    BudgetExceeded
-        If it would take longer than the budget allows.
-    """
+    """Determinant of a square matrix."""
     every = range(len(matrix))
     return RowExpansion(matrix, ring, time).minor(every, every)
 
@@ -98,32 +76,17 @@ def _odd(places: Sequence[int]) -> bool:
 
 @dataclass(frozen=True, eq=False)
 class SquareCorner:
-    """A corner B of a matrix.
+    """A corner B of a matrix."""
 
-    Attributes
-    ----------
-    rows, columns : tuples of int
-        Of B, which is square; the other rows are zero in these columns.
-    determinant : Poly
-        Of B, without factors that are nowhere zero.
-    rest : Matrix
-        D: the other rows in the other columns.
-    """
-
+    # rows and columns: of B, which is square; the other rows are zero in these columns
     rows: tuple[int, ...]
     columns: tuple[int, ...]
-    determinant: Poly
-    rest: Matrix
+    determinant: Poly  # of B, without factors that are nowhere zero
+    rest: Matrix  # d: the other rows in the other columns
 
 
 def corner(matrix: Matrix, ring: Ring, time: Budget) -> SquareCorner | None:
-    """The smallest square corner beside which rows are zero, the shortest of these.
-
-    Raises
-    ------
-    BudgetExceeded
-        If its determinant would take too long.
-    """
+    """The smallest square corner beside which rows are zero, the shortest of these."""
     support = [
         frozenset(i for i, row in enumerate(matrix) if row[j] != 0) for j in range(len(matrix[0]))
     ]
@@ -231,21 +194,7 @@ class NotSquare(Exception):
 
 
 class NearMinors:
-    """Minors of as many columns as the rank, at values of some joints.
-
-    Parameters
-    ----------
-    geometry : Nominal
-        The chain.
-    ring : Ring
-        Of its polynomials.
-    task : Task
-        Rows.
-    rank : int
-        The generic rank of the whole chain.
-    time : Budget
-        Asked before long steps.
-    """
+    """Minors of as many columns as the whole chain's generic rank, at values of some joints."""
 
     def __init__(self, geometry: Nominal, ring: Ring, task: Task, rank: int, time: Budget) -> None:
         self.geometry, self.ring, self.task, self.rank, self.time = geometry, ring, task, rank, time
@@ -257,12 +206,7 @@ class NearMinors:
     def minor(self, joints: Sequence[int], values: Mapping[int, Value]) -> Poly:
         """The minor of the columns of ``joints``, without factors that are nowhere zero.
 
-        Raises
-        ------
-        BudgetExceeded
-            If it would take too long.
-        NotSquare
-            If it is not one minor but several.
+        NotSquare if it is not one minor but several.
         """
         joints = sorted(joints)
         inside = {j: v for j, v in values.items() if self._matters(j, joints)}

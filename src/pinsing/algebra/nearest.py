@@ -24,23 +24,15 @@ from pinsing.errors import OptionError
 
 @dataclass(frozen=True, eq=False)
 class Bounds:
-    """Bounds of the distance to the nearest family, and to each.
+    """Bounds of the distance to the nearest family, and to each."""
 
-    Attributes
-    ----------
-    lower, upper : (N,) arrays
-        In weighted coordinates; infinite where there is no family, or no bound. Lower ones less
-        the conditions' margin.
-    family : (N,) array of int
-        The one of the least lower bound, before a margin is taken off; -1 without any.
-    each : (N, F, 2) array
-        Lower and upper bound of each family; (0, 0, 2) unless asked for.
-    """
-
+    # lower and upper: (N,): in weighted coordinates; infinite where there is no family, or no
+    # bound. Lower ones less the conditions' margin
     lower: Array
     upper: Array
+    # (N,): the one of the least lower bound, before a margin is taken off; -1 without any
     family: Ints
-    each: Array
+    each: Array  # (N, F, 2): lower and upper bound of each family; (0, 0, 2) unless asked for
 
 
 def two_sided(
@@ -52,23 +44,9 @@ def two_sided(
     threads: int | None = None,
     isa: str | None = None,
 ) -> Bounds:
-    """Bounds of the distance of Q (N, n) from conditions.
+    """Bounds of the distance of Q (N, n), finite, from conditions; of ``each`` family if wanted.
 
-    Parameters
-    ----------
-    conditions : Conditions
-        The families.
-    Q : (N, n) array
-        Joint values, finite.
-    each : bool
-        Whether the bounds of every family are wanted too.
-    compiled : bool
-        Whether the compiled engine is used where there is one.
-    threads : int, optional
-        Threads of the compiled engine; as many as there are processors.
-    isa : str, optional
-        Instruction set of the compiled engine, for the same bits on every machine; the best
-        one here by default.
+    ``isa`` is an instruction set of the compiled engine, for the same bits on every machine.
     """
     X = conditions.scaled(Q)
     handle = conditions.compiled if compiled else None
@@ -146,21 +124,13 @@ to 10,000 for the default gap."""
 
 @dataclass(frozen=True)
 class SearchOptions:
-    """How far, and among which points, the nearest one is searched.
+    """How far, and among which points, the nearest one is searched."""
 
-    Attributes
-    ----------
-    gap : float
-        Upper less lower bound at which a search may end, in weighted coordinates.
-    boxes : int
-        Boxes looked at for one configuration; after them the bounds reached so far are returned.
-    within_limits : bool
-        Whether only points within the joint limits count. Otherwise revolute differences are
-        wrapped, and all values of prismatic joints allowed.
-    """
-
-    gap: float = GAP
+    gap: float = GAP  # upper less lower bound at which a search may end, in weighted coordinates
+    # boxes looked at for one configuration; after them the bounds reached so far are returned
     boxes: int = BOXES
+    # whether only points within the joint limits count. Otherwise revolute differences are wrapped,
+    # and all values of prismatic joints allowed
     within_limits: bool = False
 
     def __post_init__(self) -> None:
@@ -171,26 +141,16 @@ class SearchOptions:
 
 @dataclass(frozen=True, eq=False)
 class Nearest:
-    """Nearest points of conditions.
+    """Nearest points of conditions."""
 
-    Attributes
-    ----------
-    lower, upper : (N,) arrays
-        No point is nearer than ``lower``, one was found at ``upper``; weighted coordinates. Both
-        are infinite where there is proven to be none; ``upper`` alone where none was found.
-    family : (N,) array of int
-        Family of the point found, -1 without any.
-    q : (N, n) array
-        The points found, joint values.
-    boxes : (N,) array of int
-        Boxes looked at.
-    """
-
+    # lower and upper: (N,): no point is nearer than ``lower``, one was found at ``upper``; weighted
+    # coordinates. Both are infinite where there is proven to be none; ``upper`` alone where none
+    # was found
     lower: Array
     upper: Array
-    family: Ints
-    q: Array
-    boxes: Ints
+    family: Ints  # (N,): family of the point found, -1 without any
+    q: Array  # (N, n): the points found, joint values
+    boxes: Ints  # (N,): boxes looked at
 
 
 def nearest_points(
@@ -202,20 +162,9 @@ def nearest_points(
     *,
     compiled: bool = True,
 ) -> Nearest:
-    """Nearest points of conditions to Q (N, n), by best-first branch and bound.
+    """Nearest points of conditions to Q (N, n), finite, by best-first branch and bound.
 
-    Parameters
-    ----------
-    conditions : Conditions
-        The families.
-    Q : (N, n) array
-        Joint values, finite.
-    lower, upper : (n,) or (families, n) arrays
-        Joint limits, infinite where there are none; perhaps those of each family.
-    options : SearchOptions
-        Gap, boxes, and whether limits count.
-    compiled : bool
-        Whether the compiled engine is used where there is one.
+    Joint limits are (n,), or (families, n), infinite where there are none.
     """
     margin = conditions.margin
     if margin is not None:

@@ -27,17 +27,10 @@ from pinsing.robot.surd import SQUARES, Exact, Surd, parts_of, surd
 
 @dataclass(frozen=True)
 class AlgebraicValue:
-    """A real algebraic number: a joint's half-angle tangent, or its metres.
+    """A real algebraic number: a joint's half-angle tangent, or its metres."""
 
-    Attributes
-    ----------
-    ball : arb or None
-        Where it is; None is an infinite tangent, an angle of 180 degrees.
-    minimal : tuple of int
-        Coefficients of its minimal polynomial, the constant first; empty where it is infinite.
-    """
-
-    ball: Any
+    ball: Any  # where it is; None is an infinite tangent, an angle of 180 degrees
+    # coefficients of its minimal polynomial, the constant first; empty where it is infinite
     minimal: tuple[int, ...]
 
     def angle(self) -> float:
@@ -138,24 +131,10 @@ Solution = Mapping[int, AlgebraicValue]
 
 
 def real_solutions(polys: Sequence[Poly], ring: Ring, time: Budget) -> list[Solution]:
-    """All real common zeros of polynomials that have finitely many.
+    """All real common zeros of polynomials that have finitely many, in every joint that occurs.
 
     Those of short systems are found however late it is: an answer must not depend on the load of a
-    machine where it costs nothing.
-
-    Parameters
-    ----------
-    polys : sequence of Poly
-        Polynomials of the ring; every joint that occurs is solved for.
-    ring : Ring
-        Their ring.
-    time : Budget
-        Asked before each long step.
-
-    Raises
-    ------
-    NotFinite
-        If there are infinitely many, or too many.
+    machine where it costs nothing. NotFinite if there are infinitely many, or too many.
     """
     joints = sorted({j for p in polys for j in ring.joints_of(p)})
     if _is_short(polys, joints, ring):
@@ -382,10 +361,7 @@ def _degree(poly: Poly, joint: int, ring: Ring) -> int:
 def isolated_zeros(poly: Poly, ring: Ring, time: Budget) -> list[Solution] | None:
     """All real zeros of a polynomial that is proven not to change its sign; else None.
 
-    Raises
-    ------
-    NotFinite
-        If these are not isolated.
+    NotFinite if these are not isolated.
     """
     if not ring.rational or any(ring.prismatic[j] for j in ring.joints_of(poly)):
         return None

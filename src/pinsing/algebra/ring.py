@@ -22,13 +22,7 @@ from pinsing.robot.surd import Exact, Surd
 
 
 def terms_of(poly: Any) -> dict[Any, Any]:
-    """Exponents, and coefficients as flint has them: what ``poly.to_dict()`` tells.
-
-    Parameters
-    ----------
-    poly : fmpq_mpoly, nmod_mpoly or fmpz_mod_mpoly
-        Any.
-    """
+    """Exponents, and coefficients as flint has them: what ``poly.to_dict()`` tells."""
     return dict(zip(poly.monoms(), poly.coeffs(), strict=True))
 
 
@@ -90,26 +84,13 @@ def fraction(value: Any) -> Fraction:
 
 @dataclass(frozen=True)
 class Ring:
-    """Variables of one chain.
+    """Variables of one chain."""
 
-    Attributes
-    ----------
-    context : fmpq_mpoly_ctx
-        Flint's ring.
-    prismatic : tuple of bool
-        One entry a joint.
-    start : tuple of int
-        Index of each joint's first variable.
-    w : tuple of Poly or None
-        x^2 + y^2 of each revolute joint.
-    known : dict
-        Factors of the polynomials that were asked for before, these by size and degrees.
-    """
-
-    context: Any
-    prismatic: tuple[bool, ...]
-    start: tuple[int, ...]
-    w: tuple[Poly | None, ...]
+    context: Any  # flint's ring
+    prismatic: tuple[bool, ...]  # one entry a joint
+    start: tuple[int, ...]  # index of each joint's first variable
+    w: tuple[Poly | None, ...]  # x^2 + y^2 of each revolute joint
+    # factors of the polynomials that were asked for before, these by size and degrees
     known: dict[object, list[tuple[Poly, list[Poly]]]] = field(
         default_factory=dict, init=False, compare=False, repr=False
     )

@@ -47,18 +47,10 @@ _SPARE_BITS = 40
 
 @dataclass(frozen=True)
 class SurdRing(Ring):
-    """Ring of a chain with square roots among its coefficients.
+    """Ring of a chain with square roots among its coefficients."""
 
-    Attributes
-    ----------
-    roots : tuple of int
-        What the roots are of, (2,), (3,) or (2, 3): flint's last variables.
-    time : Budget
-        Asked within factors and divisors, which can be long.
-    """
-
-    roots: tuple[int, ...]
-    time: Budget = field(compare=False)
+    roots: tuple[int, ...]  # what the roots are of, (2,), (3,) or (2, 3): flint's last variables
+    time: Budget = field(compare=False)  # asked within factors and divisors, which can be long
 
     @property
     def rational(self) -> bool:

@@ -103,15 +103,7 @@ def covered(prime: int) -> bool:
 
 
 def engine_polynomial(prime: int, terms: Mapping[Any, int]) -> Any:
-    """A polynomial of the engine; None where it is not covered.
-
-    Parameters
-    ----------
-    prime : int
-        Its characteristic.
-    terms : mapping of exponents to int
-        Coefficients from 0 to the prime, exclusive.
-    """
+    """A polynomial of the engine, of residues by exponents; None where it is not covered."""
     if not covered(prime):
         return None
     module = engine.module()
@@ -125,16 +117,7 @@ def engine_point(
 ) -> Any:
     """A point of the engine; None where it is not covered.
 
-    Parameters
-    ----------
-    field : fq_default_ctx
-        Of the coordinates.
-    count : int
-        Number of variables.
-    fixed : iterable of (int, int)
-        Variables, and residues that they are.
-    free : mapping of int to fq_default
-        Variables, and elements of the field that they are.
+    Variables are ``fixed`` at residues, or ``free`` at elements of the field.
     """
     prime, degree = int(field.characteristic()), int(field.degree())
     if not covered(prime) or len(free) > engine.module().MOST_FREE:
@@ -157,18 +140,10 @@ class Undecided(Exception):
 
 @dataclass(frozen=True, eq=False)
 class Zero:
-    """One common zero, and with it all its conjugates.
+    """One common zero, and with it all its conjugates."""
 
-    Attributes
-    ----------
-    field : fq_default_ctx
-        The finite field of the coordinates.
-    at : mapping of int to fq_default
-        Variable (by index) and its value.
-    """
-
-    field: Any
-    at: Mapping[int, Any]
+    field: Any  # the finite field of the coordinates
+    at: Mapping[int, Any]  # variable (by index) and its value
 
 
 def zeros(

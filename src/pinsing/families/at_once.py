@@ -160,21 +160,9 @@ def long_ones(equations: Sequence[Equation]) -> list[Equation]:
 
 
 def at_once(branch: Branch, q: Array, symbols: Sequence[str]) -> AtOnce | None:
-    """Return how the equations of a branch can be used near one of its configurations.
+    """Return how the equations of a branch can be used near q (n,), a generic configuration of it.
 
-    Parameters
-    ----------
-    branch : Branch
-        The branch.
-    q : (n,) array
-        A generic configuration of it, radians and metres.
-    symbols : sequence of str
-        Of the joints.
-
-    Returns
-    -------
-    AtOnce or None
-        None where no long equation is one of several, or gradients at q do not tell.
+    None where no long equation is one of several, or gradients at q do not tell.
     """
     equations = branch.equations
     if not long_ones(equations):

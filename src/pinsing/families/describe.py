@@ -64,15 +64,7 @@ Holds = Callable[[JointAxes, float], bool]
 
 
 def title_of(arm: Arm, points: Array) -> str:
-    """Return the name of the family that has these points (N, n), or "" if it has none.
-
-    Parameters
-    ----------
-    arm : Arm
-        Its nominal geometry.
-    points : (N, n) array
-        Configurations all over the family.
-    """
+    """Return the name of the family that has these points (N, n), all over it; "" if none."""
     conditions = arm.once("named conditions", lambda: _conditions(arm))
     if not conditions or not len(points):
         return ""
@@ -153,12 +145,11 @@ _APART = 0.12  # radians, about seven degrees
 def telling_poses(
     arm: Arm, family: Family, count: int, others: Sequence[Family] = ()
 ) -> tuple[Array, ...]:
-    """Configurations of a family that show it well, at most ``count``.
+    """Configurations of a family that show it well, at most ``count``, within the limits.
 
-    They are on no other family where there are such, away from other singularities, above the
-    floor with every joint, within half a turn, not twisted up, and unlike each other; the same
-    ones at every call. ``others`` are
-    families to stay away from. Empty where the limits allow none.
+    Where there are such, away from ``others`` and from other singularities, above the floor with
+    every joint, within half a turn, not twisted up, and unlike each other; the same ones at every
+    call.
     """
     rng = np.random.default_rng(4)
     Q = family.sample(80, rng)

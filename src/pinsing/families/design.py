@@ -41,23 +41,12 @@ Images = Mapping[int, tuple[int, int | None]]
 
 @dataclass(frozen=True)
 class SpecialDesign:
-    """Special values of symbols.
+    """Special values of symbols."""
 
-    Attributes
-    ----------
-    condition : str
-        ``a5 = 0``, ``a2 = -a3``, ``alpha4 = 90°``.
-    symbols : tuple of int
-        Which symbols it is about.
-    images : Images
-        What it puts in for variables.
-    renames : bool
-        Whether it is about two symbols: what has one of them alone only has another name for it.
-    """
-
-    condition: str
-    symbols: tuple[int, ...]
-    images: Images
+    condition: str  # ``a5 = 0``, ``a2 = -a3``, ``alpha4 = 90°``
+    symbols: tuple[int, ...]  # which symbols it is about
+    images: Images  # what it puts in for variables
+    # whether it is about two symbols: what has one of them alone only has another name for it
     renames: bool = False
 
 
@@ -75,22 +64,9 @@ class FoundFamily:
 
 
 class Changes:
-    """Looks at special values, one after the other.
+    """Looks at special values of families of one equation, one by one, until time is over.
 
-    Parameters
-    ----------
-    families : sequence of FoundFamily
-        Those of one equation.
-    assumed : sequence of Poly
-        What must not be zero, without a joint.
-    matrix : Matrix
-        The Jacobian.
-    rank : int
-        In general.
-    names : DesignNames
-        What it is written with.
-    time : Budget
-        After which it ends.
+    ``assumed`` are polynomials without a joint that must not be zero.
     """
 
     def __init__(
@@ -108,13 +84,7 @@ class Changes:
         self._rng = np.random.default_rng(11)
 
     def all(self) -> Iterator[DesignChange]:
-        """Return the changes at lengths that are zero or equal but for sign, and at right twists.
-
-        Raises
-        ------
-        BudgetExceeded
-            If time is over.
-        """
+        """Return the changes at lengths that are zero or equal but for sign, and right twists."""
         n, slides = self.names.n, self.ring.prismatic
         within = [
             {s for s in self.ring.joints_of(p) if s >= n} for f in self.families for p in f.polys
@@ -291,19 +261,10 @@ Sum = dict[tuple[int, ...], int]
 
 
 def unreal(e: Equation, n: int) -> str:
-    """The lengths at which an equation in n joints has no solution; empty where it always has one.
+    """The lengths at which an equation has no solution: ``|a1| > |a2| + sqrt(d4^2 + a3^2)``.
 
-    Parameters
-    ----------
-    e : Equation
-        In joints and, after these, in lengths.
-    n : int
-        Number of joints.
-
-    Returns
-    -------
-    str
-        ``|a1| > |a2| + sqrt(d4^2 + a3^2)``; empty too where this way does not tell.
+    It is one in n joints and, after these, in lengths. Empty where it always has a solution, and
+    where this way does not tell.
     """
     if e.powers[:, :n].any() or e.frequencies[:, n:].any() or not e.exact:
         return ""

@@ -19,24 +19,12 @@ from pinsing.serialization import JsonResult
 
 @dataclass(frozen=True)
 class DesignNames:
-    """The names and offsets that polynomials of a design are written with.
+    """The names and offsets that polynomials of a design are written with."""
 
-    Attributes
-    ----------
-    ring : Ring
-        Of the polynomials: in joints, then in symbols.
-    n : int
-        Number of joints.
-    names : tuple of str
-        Of joints and symbols.
-    offset : array
-        Radians added to each that is an angle.
-    """
-
-    ring: Ring
-    n: int
-    names: tuple[str, ...]
-    offset: Array
+    ring: Ring  # of the polynomials: in joints, then in symbols
+    n: int  # number of joints
+    names: tuple[str, ...]  # of joints and symbols
+    offset: Array  # radians added to each that is an angle
 
     def equation(self, poly: Poly) -> Equation:
         """The polynomial as a sum of cosines and sines."""

@@ -34,34 +34,19 @@ _AXES = dict(zip("xyz", np.eye(3), strict=True))
 
 @dataclass(frozen=True, eq=False)
 class Lengths:
-    """A chain whose placements are sums of symbols.
+    """A chain whose placements are sums of symbols."""
 
-    Attributes
-    ----------
-    geometry : Nominal
-        The chain with the numbers of its file; twists that are symbols are joints of it.
-    symbols : tuple of str
-        Names of the lengths and twists.
-    angles : tuple of bool
-        Which of them are twists.
-    values : tuple of float
-        Their values in the file, metres and radians.
-    order : tuple of int
-        For each joint of the chain its number among the arm's own, or theirs and the symbols'
-        number after these.
-    parts : tuple of tuples of N + 1 triples
-        For each symbol by what it counts in each coordinate of each placement.
-    rest : tuple of N + 1 triples
-        What is no symbol, metres.
-    """
-
+    # the chain with the numbers of its file; twists that are symbols are joints of it
     geometry: Nominal
-    symbols: tuple[str, ...]
-    angles: tuple[bool, ...]
-    values: tuple[float, ...]
+    symbols: tuple[str, ...]  # names of the lengths and twists
+    angles: tuple[bool, ...]  # which of them are twists
+    values: tuple[float, ...]  # their values in the file, metres and radians
+    # for each joint of the chain its number among the arm's own, or theirs and the symbols' number
+    # after these
     order: tuple[int, ...]
+    # for each symbol by what it counts in each coordinate of each placement
     parts: tuple[tuple[Length3, ...], ...]
-    rest: tuple[Length3, ...]
+    rest: tuple[Length3, ...]  # what is no symbol, metres
 
     @property
     def joints(self) -> int:
@@ -77,15 +62,7 @@ class Lengths:
 
 
 def of_table(arm: Arm, table: DHTable, chosen: Sequence[str] | None, angle_tol: float) -> Lengths:
-    """Lengths a1, d1, a2, ... and twists alpha1, ...; by default all lengths that are not zero.
-
-    Raises
-    ------
-    UnknownNameError
-        If there is no length or twist of a name.
-    OptionError
-        If none is left, or the chain is not what the table says.
-    """
+    """Lengths a1, d1, a2, ... and twists alpha1, ...; by default all lengths that are not zero."""
     known, twists = lengths_of(table), twists_of(table)
     names = _chosen(known, twists, chosen)
     turning = [i for i, name in enumerate(twists, 1) if name in names]
@@ -129,11 +106,6 @@ def of_arm(arm: Arm, chosen: Sequence[str] | None, angle_tol: float) -> Lengths:
 
     ``elbow_joint_x`` is how far the axis of elbow_joint is from the one before along x of the
     chain's exact frames (z is along that axis), and ``tool_x`` where the tip is from the last.
-
-    Raises
-    ------
-    UnknownNameError, OptionError
-        As `of_table`.
     """
     path = Path(arm.source.label)
     whole = arm.base == BASE and arm.tip in (TIP, FLANGE)

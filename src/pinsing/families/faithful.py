@@ -41,18 +41,7 @@ def disagreements(
 ) -> list[str]:
     """Return where families and their exact components do not say the same, in words.
 
-    Parameters
-    ----------
-    families : sequence of Family
-        What is stated, with its components.
-    left_out : sequence of Component
-        What is not stated, since all of its real points are on these families.
-    ring : Ring
-        Of the components' polynomials.
-    geometry : Nominal
-        The exact chain.
-    symbols : sequence of str
-        Of the joints.
+    All real points of those that are ``left_out`` are on these families.
     """
     exact = _Exact(ring, geometry, symbols)
     branches = [b for f in families for b in f.branches]

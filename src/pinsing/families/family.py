@@ -43,22 +43,9 @@ def spread(
     rounds: int,
     stop: Stop | None = None,
 ) -> Array:
-    """Up to ``count`` points (k, n) in a box, about as many of each branch.
+    """Up to ``count`` points (k, n) in a box, about as many of each branch; see ``search``.
 
-    Parameters
-    ----------
-    held : sequence of (Branch, (n,) array)
-        Branches with the values of their fixed joints.
-    lower, upper : (n,) arrays
-        The box.
-    count : int
-        How many.
-    rng : np.random.Generator
-        Where they are drawn from.
-    rounds : int
-        Number of batches of random starts after which a branch is given up.
-    stop : callable, optional
-        As in ``search``.
+    ``held`` has branches with the values (n,) of their fixed joints.
     """
     alive = [held[i] for i in rng.permutation(len(held))]
     parts = [np.zeros((0, len(lower)))]
@@ -86,16 +73,10 @@ _AGAIN = 3
 
 
 class Members:
-    """The set of configurations that a family is, made of its branches.
+    """The set of configurations that a family is, made of its branches."""
 
-    Attributes
-    ----------
-    name, branches, reachability, limit_tolerance, lower, upper, prismatic, length_scale, confirm
-        As ``Family`` has them.
-    arm : Arm or None
-        The arm, where it is known.
-    """
-
+    # name, branches, reachability, limit_tolerance, lower, upper, prismatic, length_scale and
+    # confirm: as ``Family`` has them
     name: str
     branches: tuple[Branch, ...]
     reachability: Reachability
@@ -104,7 +85,7 @@ class Members:
     upper: Array
     prismatic: npt.NDArray[np.bool_]
     length_scale: float
-    arm: Arm | None
+    arm: Arm | None  # the arm, where it is known
     confirm: Confirm | None
 
     @property
@@ -468,13 +449,7 @@ class Members:
 
 
 def asked_for(families: Mapping[str, Family], names: Iterable[str]) -> tuple[str, ...]:
-    """Names of the families that are asked for by name or title, such as F2 or wrist.
-
-    Raises
-    ------
-    UnknownNameError
-        If there is no family of a name.
-    """
+    """Names of the families that are asked for by name or title, such as F2 or wrist."""
     found: list[str] = []
     for word in names:
         alike = [k for k, f in families.items() if word and word in (k, f.title)]
@@ -745,15 +720,7 @@ def written_out(family: Family) -> tuple[str, ...]:
 
 
 def exactly(family: Family, latex: bool = False) -> tuple[str, ...]:
-    """The equations of a family with exact coefficients, line by line.
-
-    Parameters
-    ----------
-    family : Family
-        The family.
-    latex : bool
-        As LaTeX, one line an equation.
-    """
+    """The equations of a family with exact coefficients, line by line."""
     lines: list[str] = []
     for one in family.solved:
         if latex:

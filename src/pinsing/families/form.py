@@ -329,14 +329,7 @@ _MOST_ROWS = 5
 def answer_text(forms: ClosedForm, page: Page = PLAIN, robot: str = "") -> str:
     """Return the summary of an arm's singularities: eight lines at most, and what to type.
 
-    Parameters
-    ----------
-    forms : ClosedForm
-        The answer.
-    page : Page
-        What it is fitted to.
-    robot : str
-        How commands name the robot.
+    ``robot`` is how commands name the robot.
     """
     robot = robot or forms.arm.typed
     count = len(forms.families)
@@ -389,20 +382,8 @@ def families_text(
 ) -> str:
     """The list of families with what each means, and a configuration of each to paste.
 
-    Parameters
-    ----------
-    forms : ClosedForm
-        What to print.
-    page : Page
-        What it is fitted to.
-    degrees : bool
-        Configurations to paste in degrees.
-    brief : bool
-        The conditions alone, with the arm that they are of.
-    exact : bool
-        Exact coefficients, where an equation has some.
-    undecided : bool
-        Leave out how sure it is that none is missing: a proof is still looked for.
+    ``brief``: the conditions alone, with the arm that they are of. ``undecided`` leaves out how
+    sure it is that none is missing: a proof is still looked for.
     """
     lines = [page.paragraph(*_head(forms, brief, undecided))]
     lines += _geometry(forms, page)

@@ -63,21 +63,11 @@ At = dict[int, tuple[int, ...]]
 
 @dataclass(frozen=True, eq=False)
 class ModularPoint:
-    """A configuration modulo a prime.
+    """A configuration modulo a prime."""
 
-    Attributes
-    ----------
-    at : mapping of int to (x, y) or (metres,)
-        Values of all joints.
-    rows : list of list of int
-        Task rows of the Jacobian there.
-    residues : Residues
-        Images of polynomials.
-    """
-
-    at: At
-    rows: list[list[int]]
-    residues: Residues
+    at: At  # values of all joints
+    rows: list[list[int]]  # task rows of the Jacobian there
+    residues: Residues  # images of polynomials
 
     def rank(self, columns: Sequence[int]) -> int:
         """Rank of some columns of the Jacobian."""
@@ -111,17 +101,7 @@ class ModularPoint:
 
 
 class ModularPoints:
-    """Looks for points of equations of one chain.
-
-    Parameters
-    ----------
-    geometry, task
-        The chain and the rows.
-    ring : Ring
-        Of the equations.
-    seed : int
-        What points are drawn from.
-    """
+    """Looks for points of equations of one chain, drawn from a seed."""
 
     def __init__(self, geometry: Nominal, task: Task, ring: Ring, seed: int) -> None:
         self.geometry, self.task, self.ring = geometry, task, ring
@@ -135,11 +115,8 @@ class ModularPoints:
     ) -> list[ModularPoint] | None:
         """Up to ``count`` points with joints at values on which relations vanish.
 
-        Returns
-        -------
-        list of ModularPoint or None
-            None where the relations are not to be solved one after the other, or have square roots
-            that the values' primes do not tell.
+        None where the relations are not to be solved one after the other, or have square roots that
+        the values' primes do not tell.
         """
         if not self.ring.rational:
             return None
@@ -245,20 +222,7 @@ class ModularPoints:
 
 
 def solving_order(relations: Sequence[Poly], ring: Ring) -> Order | None:
-    """Relations in an order in which each is solved for a joint that none before it has.
-
-    Parameters
-    ----------
-    relations : sequence of Poly
-        As many as the joints that they leave no freedom.
-    ring : Ring
-        Theirs.
-
-    Returns
-    -------
-    tuple of (Poly, int), or None
-        None if there is no such order.
-    """
+    """Relations in an order in which each is solved for a joint that none before it has."""
     left = [(r, set(ring.joints_of(r))) for r in relations]
     first: list[tuple[Poly, int]] = []
     last: list[tuple[Poly, int]] = []
@@ -406,17 +370,10 @@ _STEP = 1e-3
 
 
 def freedom(branch: Branch, q: Array) -> int:
-    """Dimension of a branch near one of its points, by small steps brought back to it.
+    """Dimension of a branch near one of its points q (n,), by small steps brought back to it.
 
     Where gradients vanish or depend on each other they allow more than the set does: a step into
     what they allow comes back then.
-
-    Parameters
-    ----------
-    branch : Branch
-        Joint values and equations.
-    q : (n,) array
-        A point of it.
     """
     free = np.ones(len(q), dtype=bool)
     free[[v.joint for v in branch.values]] = False
@@ -438,15 +395,10 @@ def freedom(branch: Branch, q: Array) -> int:
 def gaps(open_ends: Counter[str], n: int) -> list[str]:
     """Return what a search by neighbouring axes left open in a chain of n joints, in sentences.
 
-    Parameters
-    ----------
-    open_ends : Counter
-        ``places``, sets of joint values that were looked at; ``waiting``, places that there was no
-        time for; ``unseen``, systems of equations of which no real point was met; ``uncut``,
-        systems with a regular part that no minor of near joints cut; ``too_long``, minors that
-        were too long.
-    n : int
-        Joints.
+    Counted are ``places``, sets of joint values that were looked at; ``waiting``, places that there
+    was no time for; ``unseen``, systems of equations of which no real point was met; ``uncut``,
+    systems with a regular part that no minor of near joints cut; ``too_long``, minors that were too
+    long.
     """
     places = open_ends["places"]
     sets = "one set" if places == 1 else f"{places} sets"
@@ -478,33 +430,13 @@ Relations = tuple[Poly, ...]
 
 
 class LongChain:
-    """Looks for the families of a chain within a time.
+    """Looks for the families of a chain within a time, inside a ``place`` alone where one is given.
 
-    Parameters
-    ----------
-    geometry, task, rank
-        The chain, the rows, and their generic rank.
-    ring : Ring
-        Of the polynomials.
-    maker : PieceMaker
-        Turns polynomials into equations with points.
-    time : Budget
-        After which what was found is all.
-    place : mapping of int to Value
-        Joints that stand still: sets within it alone are looked for.
-    thorough : bool
-        Whether systems of which points modulo primes tell nothing singular are judged by real
-        points, too, as long as there is time.
-
-    Attributes
-    ----------
-    components : list of Component
-        None of them lies in another, as far as division and points tell.
-    unseen : list of Component
-        Systems of equations of which no real point was met: one that has singular points modulo
-        primes is a component all the same.
-    open_ends : Counter
-        What was looked at, and left: see ``gaps``.
+    ``thorough``: systems of which points modulo primes tell nothing singular are judged by real
+    points, too, as long as there is time. Of the ``components`` none lies in another, as far as
+    division and points tell; ``unseen`` are systems of equations of which no real point was met:
+    one that has singular points modulo primes is a component all the same. ``open_ends``: see
+    ``gaps``.
     """
 
     def __init__(

@@ -308,22 +308,7 @@ def _residues(poly: Poly, ring: Ring, prime: int) -> dict[tuple[int, ...], int]:
 
 
 class ModularRows(ModularChain):
-    """A chain and rows of its Jacobian modulo a prime.
-
-    Parameters
-    ----------
-    geometry : Nominal
-        The chain, each of whose joints moves on its own.
-    task : Task
-        The rows: as many as their generic rank.
-    prime : int
-        The field.
-
-    Raises
-    ------
-    ValueError
-        If the prime divides a denominator of the chain.
-    """
+    """A chain, each of whose joints moves on its own, and as many Jacobian rows as their rank."""
 
     def __init__(self, geometry: Nominal, task: Task, prime: int) -> None:
         super().__init__(geometry, prime)

@@ -110,18 +110,7 @@ def nearest(
 ) -> Distance | None:
     """Distance from q (n,) to where the conditions hold; None if no real point is known at all.
 
-    Parameters
-    ----------
-    conditions : Conditions
-        Of one family.
-    q : (n,) array
-        Radians and metres.
-    limits : (n,) array, (n,) array
-        Lower and upper joint limits.
-    options : SearchOptions
-        When the search ends, and whether only points within the limits count.
-    exact : bool
-        Whether what was found is the nearest, as among joint values.
+    ``exact``: what was found is the nearest, as among joint values.
     """
     found = nearest_points(conditions, q[None], *limits, options)
     lower, upper, point = float(found.lower[0]), float(found.upper[0]), found.q[0]
@@ -169,25 +158,14 @@ _FEWEST, _MOST = 40, 400
 
 @dataclass(frozen=True, eq=False)
 class Starts:
-    """Where random starts are drawn from.
+    """Where random starts are drawn from."""
 
-    Attributes
-    ----------
-    held : sequence of (Branch, (n,) array)
-        Branches with the values of their fixed joints.
-    space : JointSpace
-        Of all joints.
-    lower, upper : (n,) arrays
-        The box.
-    within : bool
-        Whether points outside of it do not count.
-    """
-
-    held: Sequence[tuple[Branch, Array]]
-    space: JointSpace
+    held: Sequence[tuple[Branch, Array]]  # branches with the values of their fixed joints
+    space: JointSpace  # of all joints
+    # lower and upper: (n,): the box
     lower: Array
     upper: Array
-    within: bool
+    within: bool  # whether points outside of it do not count
 
     def own(self, confirm: Confirm, n: int, rng: np.random.Generator, stop: Stop | None) -> Array:
         """Up to n own points (k, n) of the branches, from each about as many.

@@ -158,18 +158,7 @@ def values_reached(
 ) -> tuple[ValueReach, ...]:
     """Each value that the branches fix a joint at, once, and whether the limits allow it.
 
-    Parameters
-    ----------
-    branches : sequence of Branch
-        Of a family.
-    limits : (lower, upper)
-        (n,) arrays, radians and metres, infinite where there are none.
-    prismatic : (n,) array of bool
-        Which joints slide.
-    reached : Reachability
-        Of the family as a whole.
-    met : callable
-        Whether a configuration within the limits was found on a branch whose values are.
+    ``met`` tells whether a configuration within the limits was found on a branch whose values are.
     """
     known: dict[tuple[int, float], Reachability] = {}
     exact = {(v.joint, round(v.value, 9)): v.value for b in branches for v in b.values}

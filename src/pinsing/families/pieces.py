@@ -41,30 +41,15 @@ from pinsing.robot.nominal import Nominal
 
 @dataclass(frozen=True, eq=False)
 class SolvedPiece:
-    """One component, its univariate equations solved.
+    """One component, its univariate equations solved."""
 
-    Attributes
-    ----------
-    branches : tuple of Branch
-        One for each choice of roots.
-    solved : tuple of Equation
-        The univariate equations whose roots the branches have, for print.
-    proof : str
-        As on a Family.
-    real : bool
-        Whether a real point is known.
-    codimension : int
-        Joints minus the dimension: real where only that is known to be smaller.
-    component : Component
-        What it was made of, exactly.
-    """
-
-    branches: tuple[Branch, ...]
+    branches: tuple[Branch, ...]  # one for each choice of roots
+    # the univariate equations whose roots the branches have, for print
     solved: tuple[Equation, ...]
-    proof: str
-    real: bool
-    codimension: int
-    component: Component
+    proof: str  # as on a Family
+    real: bool  # whether a real point is known
+    codimension: int  # joints minus the dimension: real where only that is known to be smaller
+    component: Component  # what it was made of, exactly
 
 
 class PieceMaker:

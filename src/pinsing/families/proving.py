@@ -52,17 +52,7 @@ def prove(
 def prove_briefly(
     form: ClosedForm, seconds: float, progress: Callable[[str], None] | None = None
 ) -> ClosedForm:
-    """The same where nobody asked for it: for `SHORT` seconds of work.
-
-    Parameters
-    ----------
-    form : ClosedForm
-        As `closed_form` gave it.
-    seconds : float
-        Cap on the time on the clock, for where that work takes unusually long.
-    progress : callable
-        Told now and then how far the search is.
-    """
+    """The same where nobody asked for it: for `SHORT` seconds of work, and so many on the clock."""
     found = within(form, Budget(max(seconds, 0.0), SHORT), progress)
     if found.proof is None or found.proof.accepted or not found.proof.out_of_time:
         return found

@@ -26,18 +26,11 @@ from pinsing.robot.arm import Arm
 
 @dataclass(frozen=True, eq=False)
 class OwnPoints:
-    """The singular ones among the points of equations.
+    """The singular ones among the points of equations."""
 
-    Attributes
-    ----------
-    arm : Arm
-        The exact one.
-    touching : bool
-        Whether the equations are known to be zero at singular points only: they touch zero there,
-        which leaves their points half of the digits.
-    """
-
-    arm: Arm
+    arm: Arm  # the exact one
+    # whether the equations are known to be zero at singular points only: they touch zero there,
+    # which leaves their points half of the digits
     touching: bool = False
 
     def __call__(self, points: Array) -> Bool:
@@ -117,14 +110,7 @@ found is on a branch where it is a multiple root, of which half of the digits or
 def real_points(maker: PieceMaker, own: OwnPoints, time: Budget) -> Array:
     """Singular configurations (k, n) that random starts over whole circles led to.
 
-    Parameters
-    ----------
-    maker : PieceMaker
-        Of the chain: its box is what starts are drawn from.
-    own : OwnPoints
-        What singular means.
-    time : Budget
-        After which no further starts are made; the first ones are made all the same.
+    After the time no further starts are made; the first ones are made all the same.
     """
     rng = np.random.default_rng(37)
     box = maker.lower, maker.upper
@@ -160,18 +146,10 @@ def on_none(maker: PieceMaker, points: Array, components: Sequence[Component]) -
 
 @dataclass(frozen=True, eq=False)
 class RandomSingular:
-    """Singular configurations that random starts led to.
+    """Singular configurations that random starts led to."""
 
-    Attributes
-    ----------
-    maker : PieceMaker
-        Of the chain.
-    q : (k, n)
-        The configurations.
-    """
-
-    maker: PieceMaker
-    q: Array
+    maker: PieceMaker  # of the chain
+    q: Array  # (k, n): the configurations
 
     def missed(self, components: Sequence[Component]) -> Array:
         """Those (m, n) that are clearly on none of some components."""

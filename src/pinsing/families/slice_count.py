@@ -121,20 +121,11 @@ class SliceCount:
 
 @dataclass(frozen=True, eq=False)
 class Slice:
-    """Singular points of one slice.
-
-    Attributes
-    ----------
-    prime : int
-        The field.
-    chosen : tuple of int
-        Joints that vary.
-    x, y : (n, N) arrays
-        The points, in half-angle coordinates; of a slider its length and 0.
-    """
+    """Singular points of one slice."""
 
     prime: int
-    chosen: tuple[int, ...]
+    chosen: tuple[int, ...]  # joints that vary
+    # x and y: (n, N): the points, in half-angle coordinates; of a slider its length and 0
     x: Ints
     y: Ints
 
@@ -144,18 +135,9 @@ class Slice:
 
 
 class Slices:
-    """Random slices of a chain of full rank, each of whose joints moves on its own.
+    """Random slices, of so many ``joints``, of a chain each of whose joints moves on its own.
 
-    Parameters
-    ----------
-    geometry : Nominal
-        The chain.
-    task : Task
-        Rows, as many as their rank.
-    ring : Ring
-        Of components' polynomials.
-    joints : int
-        How many vary on each slice.
+    The task has as many rows as their rank.
     """
 
     def __init__(self, geometry: Nominal, task: Task, ring: Ring, joints: int) -> None:
@@ -197,11 +179,8 @@ class Slices:
     def turn(self, prime: int, time: Budget) -> list[Slice]:
         """One slice for each choice of joints, as many as there is time for.
 
-        Raises
-        ------
-        ValueError
-            If the prime divides a denominator of the chain, or a length without which the rank
-            is less.
+        ValueError if the prime divides a denominator of the chain, or a length without which the
+        rank is less.
         """
         if prime not in self._chains:
             pose = self.task.name == "pose"
@@ -266,17 +245,8 @@ class Slices:
     ) -> list[Component]:
         """Components but for those of whose points, which are many, one other has all.
 
-        Two searches state one set in two ways; of these the shorter is kept. Values that differ
-        may be the same over one small field: points over two must say it, and real ones.
-
-        Parameters
-        ----------
-        slices : sequence of Slice
-            Whose points are asked.
-        components : sequence of Component
-            Which may be stated twice.
-        real : callable, optional
-            Which of some real singular points are on a component.
+        Two searches state one set in two ways; of these the shorter is kept. Values that differ may
+        be the same over one small field: points over two must say it, and ``real`` ones.
         """
         left = sorted(components, key=lambda c: (c.codimension, sum(map(len, c.relations))))
         of = [np.full(s.x.shape[1], s.prime) for s in slices]
@@ -345,28 +315,11 @@ def count_on_slices(
     most: int,
     time: Budget,
 ) -> SliceCount | None:
-    """Count singular points of a chain (six rows) on slices, as many as there is time for.
+    """Count singular points of a chain on slices, as many as there is time for.
 
-    Parameters
-    ----------
-    geometry : Nominal
-        A chain each of whose joints moves on its own.
-    task : Task
-        Rows, as many as their rank.
-    ring : Ring
-        Of the components' polynomials.
-    components : sequence of Component
-        What the points are held against.
-    most : int
-        The largest codimension that a component can have.
-    time : Budget
-        After which no further slice is begun.
-
-    Returns
-    -------
-    SliceCount or None
-        None where the field does not know the chain's numbers (denominators, roots), or one
-        field contradicts and there is no time to ask the other.
+    Each of its joints moves on its own, its rows are as many as their rank, and ``most`` is the
+    largest codimension that a component can have. None where the field does not know the chain's
+    numbers (denominators, roots), or one field contradicts and there is no time to ask the other.
     """
     counted: list[SliceCount] = []
     for prime in ASKED:

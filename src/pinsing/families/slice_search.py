@@ -73,37 +73,13 @@ Near = Callable[[Mapping[int, Value], Budget], Sequence[Component]]
 class SliceSearch:
     """Goes through slices, and searches at the joint values to which points on no family lead.
 
-    Parameters
-    ----------
-    geometry : Nominal
-        A chain each of whose joints moves on its own.
-    task : Task
-        Rows, as many as their rank.
-    ring : Ring
-        Of the components' polynomials.
-    components : sequence of Component
-        What is known.
-    limit : int
-        The largest codimension that a component can have.
-    time : Budget
-        After which no further slice is begun.
-    unseen : sequence of Component
-        What is one if it has points that lie on no other.
-    near : callable, optional
-        A search by neighbours at values of joints, within a time: asked before all minors are.
-    real : RandomSingular, optional
-        Real singular configurations: those on no component lead on when slices no longer do.
-
-    Attributes
-    ----------
-    components : list of Component
-        Those that were known, and what was found besides.
-    count : SliceCount or None
-        All slices held against them; of a field that alone contradicts none.
-    enough : bool
-        Whether slices were gone through so often, over so many fields, that nothing is open.
-    steps : list of RandomSteps
-        What else rests on random points.
+    The chain and its rows are as of ``Slices``; ``limit`` is the largest codimension that a
+    component can have. ``unseen`` are components if they have points that lie on no other. ``near``
+    is a search by neighbours at values of joints, asked before all minors are. ``real``
+    configurations on no component lead on when slices no longer do. ``count``: all slices held
+    against the ``components``; of a field that alone contradicts none. ``enough``: slices were gone
+    through so often, over so many fields, that nothing is open. ``steps``: what else rests on
+    random points.
     """
 
     def __init__(

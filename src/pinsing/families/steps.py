@@ -56,41 +56,20 @@ _EYE: Vector = np.array(IDENTITY)
 
 @dataclass(frozen=True, eq=False)
 class _Stretch:
-    """What turns together: all between two turning joints.
+    """What turns together: all between two turning joints."""
 
-    Attributes
-    ----------
-    link : Vector or None
-        From one axis to the next, or to the tip, with slides at zero; None where it does not count.
-    slides : tuple of (int, Vector)
-        Prismatic joints of it, and their directions.
-    """
-
+    # from one axis to the next, or to the tip, with slides at zero; None where it does not count
     link: Vector | None
-    slides: tuple[tuple[int, Vector], ...]
+    slides: tuple[tuple[int, Vector], ...]  # prismatic joints of it, and their directions
 
 
 def planar_chain(
     geometry: Nominal, task: Task, rank: int, ring: Ring
 ) -> tuple[Component, ...] | None:
-    """The singular set of a planar chain; None where the chain, or its task, is none.
+    """The singular set of a planar chain without mimic joints; None of other chains and tasks.
 
-    Parameters
-    ----------
-    geometry : Nominal
-        A chain without mimic joints.
-    task : Task
-        Rows that count.
-    rank : int
-        Singular means: rank below this.
-    ring : Ring
-        Of its polynomials.
-
-    Returns
-    -------
-    tuple of Component or None
-        One, or none where the rank is the same everywhere. Its relations are products: sin q2,
-        which is zero at 0 and at 180 degrees.
+    One component, or none where the rank is the same everywhere. Its relations are products: sin
+    q2, which is zero at 0 and at 180 degrees.
     """
     axes, places, tip_turn = _home(geometry)
     prismatic = geometry.prismatic
@@ -158,24 +137,13 @@ def _home(geometry: Nominal) -> tuple[list[Vector], list[Vector], Vector]:
 
 @dataclass(frozen=True, eq=False)
 class _Counted:
-    """What counts of the motions in a plane.
+    """What counts of the motions in a plane."""
 
-    Attributes
-    ----------
-    directions : int
-        How many directions of the plane: 1 or 2.
-    across : Vector or None
-        Where it is one, the direction of the plane at right angles to it, at the ring's zero.
-    at_tip : bool
-        Whether that is fixed on the tip; else on the base.
-    turns : bool
-        Whether turns count.
-    """
-
-    directions: int
+    directions: int  # how many directions of the plane: 1 or 2
+    # where it is one, the direction of the plane at right angles to it, at the ring's zero
     across: Vector | None
-    at_tip: bool
-    turns: bool
+    at_tip: bool  # whether that is fixed on the tip; else on the base
+    turns: bool  # whether turns count
 
 
 def _counted(task: Task, normal: Vector, tip: Vector) -> _Counted | None:
@@ -288,40 +256,7 @@ _FEW = 6
 
 
 class ComponentSearch:
-    """A search, and what its steps found.
-
-    Parameters
-    ----------
-    geometry : Nominal
-        The exact chain.
-    arm : Arm
-        What it was made of.
-    rank : int
-        Singular means: rank below this.
-    symbols : sequence of str
-        Of the joints.
-    time : Budget
-        For all steps.
-    angle_tol : float
-        Tolerance that the exact chain was made with.
-
-    Attributes
-    ----------
-    ring : Ring
-        Of the components' polynomials.
-    components : list of Component
-        Where the rank drops.
-    gaps : list of str
-        Why these may not be all.
-    maker : PieceMaker
-        For points and equations of them.
-    random : RandomSteps
-        What rests on random points.
-    count : SliceCount or None
-        Singular points on random slices, held against the components.
-    steps : list of str
-        Names of the steps that were taken.
-    """
+    """A search, and what its steps found: components, gaps, and what these rest on."""
 
     def __init__(
         self,

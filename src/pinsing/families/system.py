@@ -37,57 +37,28 @@ Terms = tuple[tuple[int, tuple[int, ...]], ...]
 
 @dataclass(frozen=True)
 class FamilySystem:
-    """One family, as the union of the real zeros of systems of equations.
-
-    Attributes
-    ----------
-    family : Family
-        It.
-    parts : tuple of tuple of Terms
-        Of each system the polynomials that vanish.
-    """
+    """One family, as the union of the real zeros of systems of equations."""
 
     family: Family
-    parts: tuple[tuple[Terms, ...], ...]
+    parts: tuple[tuple[Terms, ...], ...]  # of each system the polynomials that vanish
 
 
 @dataclass(frozen=True)
 class Systems:
-    """Families as systems of equations in the same variables.
+    """Families as systems of equations in the same variables."""
 
-    Attributes
-    ----------
-    variables : tuple of (str, str)
-        Each variable, and what it stands for: ``c2``, ``cos(q2)``.
-    circles : tuple of Terms
-        Polynomials that vanish at all configurations: ``c2^2 + s2^2 - 1``, ``r2^2 - 2``.
-    families : tuple of FamilySystem
-        The families.
-    roots : tuple of str
-        Variables that stand for square roots: only solutions where they are positive are meant.
-    free : tuple of str
-        Symbols of the arm's other joints, which may be anywhere.
-    """
-
+    # each variable, and what it stands for: ``c2``, ``cos(q2)``
     variables: tuple[tuple[str, str], ...]
+    # polynomials that vanish at all configurations: ``c2^2 + s2^2 - 1``, ``r2^2 - 2``
     circles: tuple[Terms, ...]
     families: tuple[FamilySystem, ...]
+    # variables that stand for square roots: only solutions where they are positive are meant
     roots: tuple[str, ...]
-    free: tuple[str, ...]
+    free: tuple[str, ...]  # symbols of the arm's other joints, which may be anywhere
 
 
 def systems(families: Sequence[Family], geometry: Nominal, symbols: Sequence[str]) -> Systems:
-    """Families as systems of equations.
-
-    Parameters
-    ----------
-    families : sequence of Family
-        With their exact components.
-    geometry : Nominal
-        Of the arm that they are of.
-    symbols : sequence of str
-        Of its joints.
-    """
+    """Families, with their exact components, as systems of equations."""
     return _SystemMaker(families, geometry, symbols).systems()
 
 
@@ -289,13 +260,7 @@ _WHICH = "k"
 
 
 def language_of(path: Path) -> str:
-    """The language that the suffix of a file's name stands for.
-
-    Raises
-    ------
-    OptionError
-        If it stands for none.
-    """
+    """The language that the suffix of a file's name stands for."""
     found = SUFFIXES.get(path.suffix.lower())
     if found is None:
         given = f"ends in {path.suffix!r}" if path.suffix else "has no suffix"
@@ -308,32 +273,14 @@ def language_of(path: Path) -> str:
 
 @dataclass(frozen=True)
 class SystemHead:
-    """What a file of equations tells of its arm.
-
-    Attributes
-    ----------
-    arm : ArmSummary
-        The arm.
-    rank : int
-        Singular means: rank below this.
-    word : str
-        How sure it is that no family is missing.
-    gaps : tuple of str
-        Why some may be.
-    snaps : tuple of str
-        What was moved to be exact.
-    change : float
-        Bound of what that changes in any column of the task Jacobian.
-    symbols : tuple of str
-        Of the joints.
-    """
+    """What a file of equations tells of its arm."""
 
     arm: ArmSummary
-    rank: int
-    word: str
-    gaps: tuple[str, ...]
-    snaps: tuple[str, ...]
-    change: float
+    rank: int  # singular means: rank below this
+    word: str  # how sure it is that no family is missing
+    gaps: tuple[str, ...]  # why some may be
+    snaps: tuple[str, ...]  # what was moved to be exact
+    change: float  # bound of what that changes in any column of the task Jacobian
     symbols: tuple[str, ...]
 
 
@@ -344,34 +291,10 @@ def system_text(
     language: str,
     names: Sequence[str] | None = None,
 ) -> tuple[str, tuple[str, ...]]:
-    """Families as a file for another program, and its comments.
+    """Families, all or those of some names, as a file for another program, and its comments.
 
-    Parameters
-    ----------
-    stated : SystemHead
-        What is told of the arm.
-    families : sequence of Family
-        All of them.
-    geometry : Nominal or None
-        Of the arm; None where the closed form was read from a file.
-    language : str
-        One of ``LANGUAGES``.
-    names : sequence of str, optional
-        Which families; all if not given.
-
-    Returns
-    -------
-    text : str
-        The file.
-    remarks : tuple of str
-        What its comments say, or would if it could have any.
-
-    Raises
-    ------
-    OptionError
-        If the language is none of these, or there is nothing to write.
-    UnknownNameError
-        If there is no family of a name.
+    Those are what the file says, or would if it could have comments. ``geometry`` is None where the
+    closed form was read from a file.
     """
     if language not in LANGUAGES:
         raise OptionError(f"no language {language!r}; there are {', '.join(LANGUAGES)}")

@@ -37,15 +37,7 @@ Order = tuple[Step, ...]
 
 
 def orders(equations: Sequence[Equation], free: npt.NDArray[np.bool_]) -> list[Order]:
-    """Ways to solve equations one after the other, each for a free joint of its own; or none.
-
-    Parameters
-    ----------
-    equations : sequence of Equation
-        What is to hold.
-    free : (n,) array of bool
-        Joints that may be solved for.
-    """
+    """Ways to solve equations one by one, each for a ``free`` joint of its own; or none."""
     if len(equations) > MOST_ORDERED:
         return _many(equations, free)
     if not equations:
@@ -87,14 +79,7 @@ def peeled(
 ) -> Order | None:
     """An order to solve many equations in, from the back: a joint that only one has comes last.
 
-    Parameters
-    ----------
-    equations : sequence of Equation
-        What is to hold.
-    free : (n,) array of bool
-        Joints that may be solved for.
-    prefer : int
-        1: joints near the base are solved for last; -1: those near the tip; 0: by turns.
+    ``prefer`` 1: joints near the base are solved for last; -1: those near the tip; 0: by turns.
     """
     left = list(equations)
     steps: list[Step] = []
@@ -127,22 +112,9 @@ def draw(
     count: int,
     rng: np.random.Generator,
 ) -> Array:
-    """Points (k, n) in a box on which the equations of an order hold, of ``count`` tried.
+    """Points (k, n) in a box on which the equations of an order hold, of ``count`` tried, or more.
 
-    Parameters
-    ----------
-    order : tuple of Step
-        One of ``orders``.
-    lower, upper : (n,) arrays
-        The box.
-    free : (n,) array of bool
-        Joints that are drawn or solved for; the others stay at ``fixed``.
-    fixed : (n,) array
-        Radians and metres.
-    count : int
-        How many are tried; of long orders more.
-    rng : np.random.Generator
-        Where they are drawn from.
+    Joints that are not ``free`` (n,) stay at ``fixed`` (n,).
     """
     many = len(order) > MOST_ORDERED
     if many:
@@ -235,11 +207,6 @@ class System:
     """Several equations at once, each over the sum of its coefficients (more where they are noisy).
 
     Their terms share sines and cosines, which are computed once.
-
-    Parameters
-    ----------
-    equations : sequence of k Equation
-        At least one.
     """
 
     def __init__(self, equations: Sequence[Equation]) -> None:
@@ -315,17 +282,10 @@ def project(
     iterations: int = 60,
     stop: Stop | None = None,
 ) -> tuple[Array, npt.NDArray[np.bool_]]:
-    """Move points (N, n) onto the common zeros of ``equations``, along ``free`` joints.
+    """Points (N, n) moved onto common zeros of equations, along ``free`` joints; which got there.
 
-    They may be given as a System, which saves time where the same ones are asked for again.
-
-    Gauss-Newton with minimum-norm steps, which also survives where gradients vanish or
-    depend on each other.
-
-    Returns
-    -------
-    (q, converged)
-        Points (N, n), and which of them ended on the zero set.
+    A System saves time where the same equations are asked for again. Gauss-Newton with minimum-norm
+    steps, which also survives where gradients vanish or depend on each other.
     """
     q = np.array(start, dtype=float)
     if not len(equations) or not len(q):
@@ -369,19 +329,11 @@ def search(
     rounds: int = ROUNDS,
     stop: Stop | None = None,
 ) -> Array:
-    """Points of the zero set inside a box: (k, n) with k up to ``count``.
+    """Points of the zero set inside a box: (k, n) with k up to ``count``; ``free`` joints move.
 
     In closed form where the equations can be solved one after the other; where that finds too few,
-    as in a small box, random starts are projected.
-
-    Parameters
-    ----------
-    lower, upper : (n,) arrays
-        The box.
-    free : (n,) array of bool
-        Joints that may move; the others stay at ``fixed``.
-    stop : callable, optional
-        Once it says so no more is looked for. A first look at a short system is taken all the same.
+    as in a small box, random starts are projected. Once ``stop`` says so no more is looked for; a
+    first look at a short system is taken all the same.
     """
     if not equations:  # all that is drawn is there
         q = rng.uniform(lower, upper, (max(_LEAST_DRAWN, 2 * count), len(lower)))

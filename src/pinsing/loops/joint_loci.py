@@ -298,24 +298,9 @@ class LegProof:
 
 
 def leg_proofs(mechanism: Mechanism, seconds: float = 20.0) -> tuple[LegProof, ...]:
-    """Closed forms of the legs as arms, with certificates.
+    """Closed forms of the legs with one actuator as arms, with certificates, in seconds each.
 
-    Parameters
-    ----------
-    mechanism : Mechanism
-        From ``load_mechanism``.
-    seconds : float
-        Time for the search of each leg's certificate.
-
-    Returns
-    -------
-    tuple of LegProof
-        One for each leg with one actuator.
-
-    Raises
-    ------
-    OptionError
-        If no leg ends in a ball, a pin or a hinge at the output.
+    OptionError if no leg ends in a ball, a pin or a hinge at the output.
     """
     try:
         ends = leg_ways(mechanism)

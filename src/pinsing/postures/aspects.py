@@ -384,13 +384,7 @@ def aspects(forms: Forms, limits: bool = True, *, work: float = WORK) -> Aspects
 
 
 def map_of(found: Aspects, forms: Forms) -> Map:
-    """The pieces of joint space that aspects stand on, if they are those of these forms.
-
-    Raises
-    ------
-    OptionError
-        If they were read from JSON, or are of another arm.
-    """
+    """The pieces of joint space that aspects stand on, if they are those of these forms."""
     chosen = found._asked()
     require_same_families(watch(forms), chosen.watched)
     return chosen

@@ -34,21 +34,11 @@ from pinsing.algebra.trig_sum import TrigSum
 
 @dataclass(frozen=True, eq=False)
 class OnBoxes:
-    """What is known of one equation on N boxes.
+    """What is known of one equation on N boxes."""
 
-    Attributes
-    ----------
-    value : (N,) array
-        In the middle.
-    swing : (N,) array
-        The equation is within value - swing and value + swing on the box.
-    gradient : (N, d) array
-        In the middle.
-    """
-
-    value: Array
-    swing: Array
-    gradient: Array
+    value: Array  # (N,): in the middle
+    swing: Array  # (N,): the equation is within value - swing and value + swing on the box
+    gradient: Array  # (N, d): in the middle
 
     def take(self, rows: Ints) -> OnBoxes:
         """Return what is known of some of the boxes."""
@@ -114,25 +104,14 @@ def _grown(x: Array) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class Ground:
-    """What is subdivided.
+    """What is subdivided."""
 
-    Attributes
-    ----------
-    terms : tuple of TrigSum
-        The equations.
-    low, high : (d,) arrays
-        The box.
-    circle : (d,) array of bool
-        Which joints turn endlessly.
-    scale : (d,) array
-        What counts as one radian: 1, or a length for slides.
-    """
-
-    terms: tuple[TrigSum, ...]
+    terms: tuple[TrigSum, ...]  # the equations
+    # low and high: (d,): the box
     low: Array
     high: Array
-    circle: Bool
-    scale: Array
+    circle: Bool  # (d,): which joints turn endlessly
+    scale: Array  # (d,): what counts as one radian: 1, or a length for slides
 
     @property
     def d(self) -> int:
@@ -169,24 +148,12 @@ class Ground:
 
 @dataclass(frozen=True, eq=False)
 class Leaves:
-    """Boxes that fill the ground.
+    """Boxes that fill the ground."""
 
-    Attributes
-    ----------
-    level : (N,) array of int
-        How often each was halved.
-    index : (N, d) array of int
-        Place on the grid of its level.
-    sign : (N, m) array of int
-        Of the equations; 0 where unknown.
-    regular : (N,) array of bool
-        Whether certain or regular.
-    """
-
-    level: Ints
-    index: Ints
-    sign: Ints
-    regular: Bool
+    level: Ints  # (N,): how often each was halved
+    index: Ints  # (N, d): place on the grid of its level
+    sign: Ints  # (N, m): of the equations; 0 where unknown
+    regular: Bool  # (N,): whether certain or regular
 
     @property
     def certain(self) -> Bool:
@@ -354,16 +321,8 @@ def _by_gradient(
 def growing(terms: TrigSum, scale: Array, known: OnBoxes, x: Array, h: Array, side: Array) -> Bool:
     """Return whether one equation has no largest |f| of either sign on boxes, (K,).
 
-    Parameters
-    ----------
-    terms : TrigSum
-        The equation.
-    scale : (d,) array
-        What counts as one radian.
-    known : OnBoxes
-        What is known of it on the boxes.
-    x, h, side : (K, d) arrays
-        Middles, half widths, and limits that the boxes touch.
+    x, h, side (K, d): middles, half widths, and limits that the boxes touch; ``scale`` (d,) is what
+    counts as one radian.
     """
     nothing = np.zeros(len(scale))
     ground = Ground((terms,), nothing, nothing, nothing.astype(bool), scale)

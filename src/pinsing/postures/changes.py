@@ -44,28 +44,16 @@ _LOOKED = 512
 
 @dataclass(frozen=True, eq=False)
 class Copies:
-    """Whole-turn copies of a configuration within the limits, itself included.
+    """Whole-turn copies of a configuration within the limits, itself included."""
 
-    Attributes
-    ----------
-    total : int
-        How many there are.
-    joined : int
-        How many are in the aspect of the start.
-    apart : int
-        How many are proven to be in other aspects; the others were not looked at, or could not
-        be told.
-    nearest : (n,) array
-        That which is nearest to the start.
-    likely : tuple of (n,) arrays
-        Of those that are not proven to be in other aspects the first eight: those in the aspect
-        of the start before others, near ones before far ones.
-    """
-
-    total: int
-    joined: int
+    total: int  # how many there are
+    joined: int  # how many are in the aspect of the start
+    # how many are proven to be in other aspects; the others were not looked at, or could not be
+    # told
     apart: int
-    nearest: Array
+    nearest: Array  # (n,): that which is nearest to the start
+    # of those that are not proven to be in other aspects the first eight: those in the aspect of
+    # the start before others, near ones before far ones
     likely: tuple[Array, ...]
 
 
@@ -93,20 +81,10 @@ def whole_turns(
     *,
     held: Collection[int] = (),
 ) -> Copies:
-    """Find the whole-turn copies of a configuration, and which are in the aspect of the start.
+    """Find the whole-turn copies of q (n,), and which are in the aspect of the start (n,).
 
-    Joints that turn endlessly have no copies: their whole turns do not matter.
-
-    Parameters
-    ----------
-    chosen : Map
-        Joint space piece by piece.
-    q : (n,) array
-        The configuration; within the limits, perhaps by whole turns.
-    start : (n,) array
-        Another.
-    held : collection of int
-        Joints that stay as they are in q.
+    Joints that turn endlessly have no copies: their whole turns do not matter. ``held`` joints stay
+    as they are in q, which is within the limits, perhaps by whole turns.
     """
     counts, each = _values(chosen, q, start, held)
     total = math.prod(counts)

@@ -19,30 +19,16 @@ Vector = tuple[Exact, Exact, Exact]
 
 @dataclass(frozen=True, eq=False)
 class ExactChain:
-    """Placements between joints that turn about z, or slide along it, as exact numbers.
+    """Placements between joints that turn about z, or slide along it, as exact numbers."""
 
-    Attributes
-    ----------
-    rotation : tuple of n + 1 exact 3x3 matrices
-        Of placement i, which stands before joint i; the last before the tip.
-    translation : tuple of n + 1 exact triples
-        Of the same, metres.
-    prismatic : tuple of bool
-        Which joints slide.
-    sign : float
-        By which joint values are multiplied: -1 for a chain that is read from tip to base.
-    order : tuple of int
-        The arm's joint at each place.
-    offset : (n,) array
-        Added to the values of the arm's joints, radians.
-    """
-
+    # of placement i, which stands before joint i; the last before the tip
     rotation: tuple[Matrix, ...]
-    translation: tuple[Length3 | Vector, ...]
-    prismatic: tuple[bool, ...]
+    translation: tuple[Length3 | Vector, ...]  # of the same, metres
+    prismatic: tuple[bool, ...]  # which joints slide
+    # by which joint values are multiplied: -1 for a chain that is read from tip to base
     sign: float
-    order: tuple[int, ...]
-    offset: Array
+    order: tuple[int, ...]  # the arm's joint at each place
+    offset: Array  # (n,): added to the values of the arm's joints, radians
 
     @classmethod
     def of(cls, nominal: Nominal) -> ExactChain:

@@ -204,17 +204,7 @@ ENOUGH = 5
 
 
 class FoundSolutions:
-    """Solutions so far, each with how often it was met.
-
-    Parameters
-    ----------
-    solver : Solver
-        Of the pose.
-    arm : Arm
-        The arm.
-    held : (n,) array
-        Values of joints that are held; NaN for those that are free.
-    """
+    """Solutions so far, each with how often it was met; ``held`` (n,) is NaN for free joints."""
 
     def __init__(self, solver: Solver, arm: Arm, held: Array) -> None:
         self.solver, self.arm, self.held = solver, arm, held

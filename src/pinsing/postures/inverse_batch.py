@@ -33,14 +33,9 @@ Progress = Callable[[int, int], None]
 
 
 class InverseMany:
-    """All inverse solutions at the nodes of a grid: poses times values of what is free.
+    """All inverse solutions at the nodes of a grid: whole poses times values of what is free.
 
-    Parameters
-    ----------
-    arm : Arm
-        A serial arm whose task is the whole pose.
-    held : int, optional
-        Index of the joint that is held at a value, of an arm with a seventh joint.
+    ``held`` is the index of the joint that is held at a value, of an arm with a seventh joint.
     """
 
     def __init__(self, arm: Arm, held: int | None = None) -> None:
@@ -64,14 +59,9 @@ class InverseMany:
     ) -> Array:
         """Return the solutions (N, G, S, n) at a grid of poses, NaN where there are fewer than S.
 
-        Parameters
-        ----------
-        position, rotation : (N, G, 3), (N, G, 3, 3) array
-            Of the tip in the base frame, metres.
-        values : (G,) array, optional
-            Of the held joint along the second axis.
-        progress : callable
-            Told how many of the rows or columns are done.
+        Positions (N, G, 3) and rotations (N, G, 3, 3) are of the tip in the base frame; ``values``
+        (G,) of the held joint along the second axis. ``progress`` is told how many of the rows or
+        columns are done.
         """
         solve = self._decomposed if self.exact else self._continued
         Q = solve(position, rotation, values, progress)

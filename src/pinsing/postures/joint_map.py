@@ -44,17 +44,9 @@ from pinsing.proximity.watched import Forms, Watched, watch
 def tree_to_hubs(label: Ints, order: Ints, a: Ints, b: Ints) -> Ints:
     """Of each place the next one on the way with the fewest steps to a hub, (N,).
 
-    The hub of a component is the place of it that comes first in ``order``; there, and where the
-    label is -1, it is -1.
-
-    Parameters
-    ----------
-    label : (N,) array of int
-        Component of each place; -1 for places that are in none.
-    order : (N,) array of int
-        What comes first: the least.
-    a, b : (E,) arrays of int
-        Places that are joined.
+    ``label`` (N,) has the component of each place, ``a`` and ``b`` (E,) are places that are joined.
+    The hub of a component is the place of it that comes first in ``order`` (N,); there, and where
+    the label is -1, it is -1.
     """
     a, b = np.append(a, b), np.append(b, a)
     rank = np.argsort(a, kind="stable")
@@ -400,19 +392,7 @@ class Sectioned(CountedPiece):
 
 
 def make_piece(part: Part, box: tuple[Arc, ...], scale: Array, budget: Budget) -> Piece:
-    """Find the components of a box of arcs.
-
-    Parameters
-    ----------
-    part : Part
-        Joints and equations.
-    box : tuple of Arc
-        An arc of each of its joints.
-    scale : (n,) array
-        What counts as one radian, of all joints of the arm.
-    budget : Budget
-        What may be spent on boxes.
-    """
+    """Find the components of a box of arcs; ``scale`` (n,) is what counts as one radian."""
     if not part.surfaces:
         return Plain(part, box)
     if len(part.surfaces) == 1:
@@ -438,11 +418,6 @@ def require_same_families(asked: Watched, given: Watched) -> None:
 
     Arms may share the names of their joints and all their limits, and differ in lengths: so the
     families are compared themselves.
-
-    Raises
-    ------
-    OptionError
-        Saying what differs.
     """
     if asked is given:
         return
@@ -497,13 +472,7 @@ class Map:
         return tuple(sum(p.upper for p in pieces) for pieces in self.pieces)
 
     def check(self, q: npt.ArrayLike) -> Array:
-        """A configuration (n,) within the limits that count.
-
-        Raises
-        ------
-        ConfigurationError
-            If it is not one.
-        """
+        """A configuration (n,) within the limits that count."""
         found = self.watched.check(q, "q")
         if found.ndim != 1:
             raise ConfigurationError(f"one configuration is wanted, got shape {found.shape}")

@@ -214,24 +214,13 @@ def one_root_left(cubic: Deflated, most: int = MOST) -> bool:
 
 @dataclass(frozen=True, eq=False)
 class SolutionStage:
-    """A step in which at most two values are left, of opposite signs of ``value``.
+    """A step in which at most two values are left, of opposite signs of ``value``."""
 
-    Attributes
-    ----------
-    name : str
-        "shoulder", "elbow" or "wrist" where the field has a word for it; else of its joint.
-    joint : int
-        The joint that it finds.
-    value : callable
-        Of configurations (N, n): (N,). Not zero where the arm is not singular.
-    reason : str
-        Why there are at most two.
-    """
-
-    name: str
-    joint: int
+    name: str  # "shoulder", "elbow" or "wrist" where the field has a word for it; else of its joint
+    joint: int  # the joint that it finds
+    # of configurations (N, n): (N,). Not zero where the arm is not singular
     value: Callable[[Array], Array]
-    reason: str
+    reason: str  # why there are at most two
 
 
 Pair = tuple[Exact, Exact]
@@ -429,20 +418,10 @@ class Measures:
 
 
 def ways_of(chain: ExactChain, w: Vector) -> tuple[SolutionStage, ...] | None:
-    """Stages that tell all ways apart in which three joints bring a point somewhere.
+    """Stages that tell all ways apart in which three joints bring w, of the last frame, somewhere.
 
-    Parameters
-    ----------
-    chain : ExactChain
-        A chain; its first three joints count.
-    w : exact triple
-        The point in the frame that the third joint moves.
-
-    Returns
-    -------
-    tuple of Stage or None
-        None where no such stages are known. Two configurations that bring the point to the same
-        place, singular neither, and agree in all signs are the same but for whole turns.
+    None where no such stages are known. Two configurations that bring the point to the same place,
+    singular neither, and agree in all signs are the same but for whole turns.
     """
     point = Point.of(chain, w)
     if point is None:
@@ -517,23 +496,12 @@ def _squared(a: Pair) -> Pair:
 
 @dataclass(frozen=True, eq=False)
 class Ladder:
-    """Steps of an inverse solution whose signs tell all solutions of a pose apart.
+    """Steps of an inverse solution whose signs tell all solutions of a pose apart."""
 
-    Attributes
-    ----------
-    stages : tuple of SolutionStage
-        The steps with two answers.
-    kind : str
-        What the arm is: in a few words.
-    chain : ExactChain
-        The chain as it is read: from base to tip, or from tip to base.
-    point : tuple of int and float, or None
-        A point that is known from the pose: a place in the chain, and a height along its axis.
-    """
-
-    stages: tuple[SolutionStage, ...]
-    kind: str
-    chain: ExactChain
+    stages: tuple[SolutionStage, ...]  # the steps with two answers
+    kind: str  # what the arm is: in a few words
+    chain: ExactChain  # the chain as it is read: from base to tip, or from tip to base
+    # a point that is known from the pose: a place in the chain, and a height along its axis
     point: tuple[int, float] | None
 
     @property
@@ -558,13 +526,7 @@ class Ladder:
 
 
 def ladder_of(geometry: Nominal) -> Ladder | None:
-    """The steps of an arm, or None where no theorem that is known here holds for it.
-
-    Parameters
-    ----------
-    geometry : Nominal
-        Its exact geometry.
-    """
+    """The steps of an arm, or None where no theorem that is known here holds for it."""
     arm = geometry.arm
     if arm.coupling is not None:
         return None
@@ -672,15 +634,7 @@ def _upright(chain: ExactChain) -> bool:
 
 
 def posture_names(geometry: Nominal, Q: Array) -> list[tuple[str, ...]]:
-    """Names of the posture at configurations Q (N, n); empty where the field has none.
-
-    Parameters
-    ----------
-    geometry : Nominal
-        Exact geometry of the arm.
-    Q : (N, n) array
-        Configurations.
-    """
+    """Names of the posture at configurations Q (N, n); empty where the field has none."""
     ladder = ladder_of(geometry)
     out: list[tuple[str, ...]] = [() for _ in Q]
     if ladder is None or ladder.point is None or ladder.chain.sign < 0 or not len(Q):

@@ -103,13 +103,7 @@ class Solver:
     def of(
         cls, arm: Arm, position: Array, rotation: Array | None, held: Array, free: Ints
     ) -> Solver:
-        """The solver of one pose, some joints of which are held.
-
-        Raises
-        ------
-        OptionError
-            If joints of the arm follow others.
-        """
+        """The solver of one pose, some joints of which are held."""
         if arm.coupling is not None:
             raise OptionError(
                 f"{arm.name}: inverse solutions are found for arms whose joints are all "
@@ -225,15 +219,7 @@ def _damped(J: Array, e: Array, damping: Array) -> Array:
 
 
 def radii(solver: Solver, Q: Array) -> Array:
-    """Distance (K,) within which a true solution is, in joint space; infinite where not proven.
-
-    Parameters
-    ----------
-    solver : Solver
-        Of the pose.
-    Q : (K, n) array
-        Computed solutions.
-    """
+    """Distance (K,) in joint space to a true solution near Q (K, n); infinite where not proven."""
     rows = solver.task.rows
     out = np.full(len(Q), np.inf)
     if not len(Q) or rows not in (POSE, POSITION) or len(rows) != len(solver.free):
@@ -294,16 +280,9 @@ _MOST = 200_000
 
 
 def regular_way(arm: Arm, path: Array, most: int = _MOST) -> bool:
-    """Return True if a polyline is proven to have the generic rank throughout.
+    """Return True if a polyline (K, n) is proven to have the generic rank throughout.
 
-    Parameters
-    ----------
-    arm : Arm
-        A serial arm whose joints are independent.
-    path : (K, n) array
-        Waypoints, joined by straight lines in joint space.
-    most : int
-        Pieces after which it is given up.
+    Its waypoints are joined by straight lines in joint space; after ``most`` pieces it is given up.
     """
     solver, rank = _solver(arm), generic_rank(arm)
     steep = float(bend(solver, path).max())

@@ -26,21 +26,13 @@ from pinsing.proximity.watched import Watched
 
 @dataclass(frozen=True)
 class Arc:
-    """An open range of one joint, between cuts or limits.
+    """An open range of one joint, between cuts or limits."""
 
-    Attributes
-    ----------
-    joint : int
-        Index of the joint.
-    low, high : float
-        Radians or metres; infinite for a slide without an end.
-    circle : bool
-        Whether both ends are the same point: a joint that turns endlessly, and has no cut.
-    """
-
-    joint: int
+    joint: int  # index of the joint
+    # low and high: radians or metres; infinite for a slide without an end
     low: float
     high: float
+    # whether both ends are the same point: a joint that turns endlessly, and has no cut
     circle: bool = False
 
     @property
@@ -63,40 +55,20 @@ class Arc:
 
 @dataclass(frozen=True, eq=False)
 class Surface:
-    """An equation that separates.
+    """An equation that separates."""
 
-    Attributes
-    ----------
-    family : str
-        Name of its family.
-    equation : Equation
-        It; its sign tells the sides apart.
-    irreducible : bool
-        Whether it is one factor over the field of the geometry, and known to be.
-    """
-
-    family: str
-    equation: Equation
-    irreducible: bool
+    family: str  # name of its family
+    equation: Equation  # it; its sign tells the sides apart
+    irreducible: bool  # whether it is one factor over the field of the geometry, and known to be
 
 
 @dataclass(frozen=True, eq=False)
 class Part:
-    """Joints that are told apart from the others: one joint, or a group that equations join.
+    """Joints that are told apart from the others: one joint, or a group that equations join."""
 
-    Attributes
-    ----------
-    joints : tuple of int
-        Their indices, ascending.
-    arcs : tuple of tuples of Arc
-        What cuts and limits leave of each of them.
-    surfaces : tuple of Surface
-        Equations in these joints.
-    """
-
-    joints: tuple[int, ...]
-    arcs: tuple[tuple[Arc, ...], ...]
-    surfaces: tuple[Surface, ...]
+    joints: tuple[int, ...]  # their indices, ascending
+    arcs: tuple[tuple[Arc, ...], ...]  # what cuts and limits leave of each of them
+    surfaces: tuple[Surface, ...]  # equations in these joints
 
     @property
     def boxes(self) -> tuple[tuple[Arc, ...], ...]:
@@ -106,43 +78,20 @@ class Part:
 
 @dataclass(frozen=True, eq=False)
 class Partition:
-    """Joint space less what separates it, as a product of parts.
+    """Joint space less what separates it, as a product of parts."""
 
-    Attributes
-    ----------
-    parts : tuple of Part
-        They share no joint.
-    low, high : (n,) arrays
-        Ends of the joints: the limits, or infinite.
-    endless : tuple of bool
-        Which joints are circles where nothing cuts them.
-    exact : bool
-        Whether these are all that separates.
-    notes : tuple of str
-        What is not counted, or was taken for something else.
-    cutting : tuple of str
-        Families that separate.
-    """
-
-    parts: tuple[Part, ...]
+    parts: tuple[Part, ...]  # they share no joint
+    # low and high: (n,): ends of the joints: the limits, or infinite
     low: Array
     high: Array
-    endless: tuple[bool, ...]
-    exact: bool
-    notes: tuple[str, ...]
-    cutting: tuple[str, ...]
+    endless: tuple[bool, ...]  # which joints are circles where nothing cuts them
+    exact: bool  # whether these are all that separates
+    notes: tuple[str, ...]  # what is not counted, or was taken for something else
+    cutting: tuple[str, ...]  # families that separate
 
 
 def partition(watched: Watched, limits: bool) -> Partition:
-    """Cut joint space, within the limits or on whole circles.
-
-    Parameters
-    ----------
-    watched : Watched
-        The families.
-    limits : bool
-        Whether joints end at their limits; else revolute ones are circles and slides endless.
-    """
+    """Cut joint space, within the limits or on whole circles, where slides are endless."""
     n = watched.n
     low = watched.lower if limits else np.full(n, -np.inf)
     high = watched.upper if limits else np.full(n, np.inf)

@@ -85,13 +85,7 @@ class WorkpiecePlacement:
 
 
 def check_ranges(place: Mapping[str, tuple[float, float]]) -> None:
-    """Refuse ranges that make no sense.
-
-    Raises
-    ------
-    OptionError
-        If a name is none of `RANGES`, or a range is empty, or there is none.
-    """
+    """Refuse ranges that make no sense."""
     if not place:
         raise OptionError(f"place needs a range of {', '.join(RANGES)}")
     for name, ends in place.items():
@@ -163,23 +157,11 @@ class PoseFile:
 
 
 def read_poses(path: Path, *, degrees: bool = False, millimetres: bool = False) -> PoseFile:
-    """Read poses from a text file with a header.
+    """Read poses from a text file with a header; radians and metres unless asked otherwise.
 
     Columns x, y, z and one of: qx, qy, qz, qw; roll, pitch, yaw (about fixed axes x, y, z); or i,
     j, k, the direction from the cutter into the tool (its -z) as CAM systems write it, which leaves
     the rotation about it open. A column t gives seconds. Separators are commas, semicolons or tabs.
-
-    Parameters
-    ----------
-    path : Path
-        The file.
-    degrees, millimetres : bool
-        Units of roll, pitch, yaw and of x, y, z; radians and metres otherwise.
-
-    Raises
-    ------
-    RobotFileError
-        With the line, if a column is missing or a number makes no sense.
     """
     try:
         if path.stat().st_size > LARGEST_TEXT:

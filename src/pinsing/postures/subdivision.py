@@ -64,17 +64,7 @@ Count = Callable[[Leaves], tuple[F, Bool]]
 
 
 def halved(ground: Ground, classify: Classify, count: Count[F], budget: Budget) -> F:
-    """Halve what is neither certain nor regular, count, and halve what keeps the counts apart.
-
-    Parameters
-    ----------
-    ground : Ground
-        Box and equations.
-    classify, count
-        What is known of boxes, and what follows for components.
-    budget : Budget
-        What may be spent on boxes.
-    """
+    """Halve what is neither certain nor regular, count, and halve what keeps the counts apart."""
 
     def looked_at(level: Ints, index: Ints) -> Leaves:
         budget.spend(cost * len(level))
@@ -106,36 +96,16 @@ def halved(ground: Ground, classify: Classify, count: Count[F], budget: Budget) 
 
 @dataclass(frozen=True, eq=False)
 class Components:
-    """What a subdivision has found.
+    """What a subdivision has found."""
 
-    Attributes
-    ----------
-    ground : Ground
-        What was subdivided.
-    leaves : Leaves
-        Its boxes.
-    label : (N,) array of int
-        Component of each certain box, from 0; -1 for uncertain ones.
-    lower : int
-        No fewer components than this.
-    upper : int
-        No more: the number of labels; only where ``closed``.
-    closed : bool
-        Whether every box is certain or regular.
-    edges : (2, E) array of int
-        Pairs of boxes that share a face.
-    passable : (E,) array of bool
-        Where both are certain, and all signs are the same through the face.
-    """
-
-    ground: Ground
-    leaves: Leaves
-    label: Ints
-    lower: int
-    upper: int
-    closed: bool
-    edges: Ints
-    passable: Bool
+    ground: Ground  # what was subdivided
+    leaves: Leaves  # its boxes
+    label: Ints  # (N,): component of each certain box, from 0; -1 for uncertain ones
+    lower: int  # no fewer components than this
+    upper: int  # no more: the number of labels; only where ``closed``
+    closed: bool  # whether every box is certain or regular
+    edges: Ints  # (2, E): pairs of boxes that share a face
+    passable: Bool  # (E,): where both are certain, and all signs are the same through the face
 
     @property
     def proven(self) -> bool:
@@ -144,15 +114,7 @@ class Components:
 
 
 def subdivide(ground: Ground, budget: Budget) -> Components:
-    """Count components, until both numbers agree or the budget is over.
-
-    Parameters
-    ----------
-    ground : Ground
-        Box and equations.
-    budget : Budget
-        What may be spent on boxes.
-    """
+    """Count components, until both numbers agree or the budget is over."""
     return halved(ground, _classified, partial(_count, ground), budget)
 
 
@@ -256,36 +218,17 @@ def connected(n: int, a: Ints, b: Ints) -> Ints:
 
 @dataclass(frozen=True, eq=False)
 class Sections:
-    """What sections across a hub have found.
+    """What sections across a hub have found."""
 
-    Attributes
-    ----------
-    ground : Ground
-        The other joints; one equation for each section.
-    cuts : (m,) array
-        Values of the hub, ascending: its ends first and last.
-    leaves : Leaves
-        Boxes of the other joints; signs of every section.
-    label : (N, m) array of int
-        Component of each box on each section where the sign is certain, from 0; else -1.
-    lower : int
-        No fewer components than this.
-    upper : int
-        No more: the number of labels; only where ``closed``.
-    closed : bool
-        Whether every box is certain or regular on every section.
-    edges : (2, E) array of int
-        Pairs of boxes that share a face.
-    """
-
-    ground: Ground
-    cuts: Array
-    leaves: Leaves
+    ground: Ground  # the other joints; one equation for each section
+    cuts: Array  # (m,): values of the hub, ascending: its ends first and last
+    leaves: Leaves  # boxes of the other joints; signs of every section
+    # (N, m): component of each box on each section where the sign is certain, from 0; else -1
     label: Ints
-    lower: int
-    upper: int
-    closed: bool
-    edges: Ints
+    lower: int  # no fewer components than this
+    upper: int  # no more: the number of labels; only where ``closed``
+    closed: bool  # whether every box is certain or regular on every section
+    edges: Ints  # (2, E): pairs of boxes that share a face
 
     @property
     def proven(self) -> bool:
@@ -341,20 +284,9 @@ def section(full: TrigSum, hub: int, cut: float) -> TrigSum:
 
 
 def sections(part: Part, box: tuple[Arc, ...], hub: int, scale: Array, budget: Budget) -> Sections:
-    """Count components, until both numbers agree or the budget is over.
+    """Count components of a box, of one equation, until both numbers agree or the budget is over.
 
-    Parameters
-    ----------
-    part : Part
-        Joints, and one equation.
-    box : tuple of Arc
-        An arc of each joint.
-    hub : int
-        Place of the hub, by `across`.
-    scale : (d,) array
-        What counts as one radian, of the joints of the part.
-    budget : Budget
-        What may be spent on boxes.
+    ``hub`` is the place of the hub, by `across`; ``scale`` (d,) what counts as one radian.
     """
     cuts = cuts_of(box[hub])
     full = sum_of(part.surfaces[0].equation, part.joints)

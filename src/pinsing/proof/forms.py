@@ -198,16 +198,9 @@ def divisions(
 ) -> Iterator[tuple[Poly, Poly, list[Poly]]]:
     """Ways to divide a form by others, from the last to the first, that leave nothing.
 
-    Each form is divided by in a joint that the ones before it do not have.
-
-    Yields
-    ------
-    tops : Poly
-        Product of the forms' leading coefficients, each once.
-    times : Poly
-        The same to the powers that make ``times`` form a sum of multiples of the forms.
-    multiples : list of Poly
-        What these forms are multiplied by.
+    Each form is divided by in a joint that the ones before it do not have. Yielded are the product
+    of the forms' leading coefficients, each once; the same to the powers that make it times the
+    form a sum of multiples of the forms; and what these are multiplied by.
     """
     order = sorted(range(len(forms)), key=lambda k: len(ring.joints(forms[k])))
     seen = [{*ring.joints(forms[k])} for k in order]
@@ -277,40 +270,22 @@ class NotFound(Exception):
 
 @dataclass(eq=False)
 class Place:
-    """One place of the tree, with how it is closed or split.
+    """One place of the tree, with how it is closed or split."""
 
-    Attributes
-    ----------
-    forms : list of Poly
-        What vanishes: first a linear form for each joint that is at a value, then relations.
-    values : dict of joint to (x, y)
-        Constants.
-    relations : list of Poly
-        What else vanishes, with these values put in.
-    points : bool
-        Whether only real points are followed from here on, not whole components.
-    family : int or None
-        The family that it lies in: then it is closed.
-    sum : list of Term
-        What is split: forms as text, and the source that each is times.
-    cases : list of (Poly, times, Place or None)
-        Factors, how often each is there, and where it leads; None where that is empty, or too
-        small for a component.
-    squares : list of (Fraction, Poly)
-        Instead of cases: factors and forms that are squared.
-    then : Place or None
-        Where squares lead to.
-    """
-
+    # what vanishes: first a linear form for each joint that is at a value, then relations
     forms: list[Poly]
-    values: Values
-    relations: list[Poly]
-    points: bool = False
-    family: int | None = None
+    values: Values  # constants
+    relations: list[Poly]  # what else vanishes, with these values put in
+    points: bool = False  # whether only real points are followed from here on, not whole components
+    family: int | None = None  # the family that it lies in: then it is closed
+    # what is split: forms as text, and the source that each is times
     sum: list[tuple[str, Any]] = field(default_factory=list)
+    # factors, how often each is there, and where it leads; None where that is empty, or too small
+    # for a component
     cases: list[tuple[Poly, int, Place | None]] = field(default_factory=list)
+    # instead of cases: factors and forms that are squared
     squares: Squares = field(default_factory=list)
-    then: Place | None = None
+    then: Place | None = None  # where squares lead to
 
 
 @dataclass(frozen=True)
@@ -333,15 +308,7 @@ Term = tuple[str, Any]
 
 
 class Forms:
-    """Forms of a certificate's ring.
-
-    Parameters
-    ----------
-    certificate : Certificate
-        Its ring, and which roots of numbers are in it.
-    budget : Budget
-        Time for what is factored, and for what asks `require_time`.
-    """
+    """Forms of a certificate's ring; the budget is for what is factored, and for `require_time`."""
 
     def __init__(self, certificate: Certificate, budget: Budget) -> None:
         self.certificate, self.ring = certificate, certificate.ring

@@ -80,21 +80,11 @@ Lines = tuple[tuple[int, ...], tuple[int, ...]]
 
 @dataclass(frozen=True)
 class _Known:
-    """Why a minor vanishes on a family: times units it is a sum of multiples of its relations.
+    """Why a minor vanishes on a family: times units it is a sum of multiples of its relations."""
 
-    Attributes
-    ----------
-    terms : dict of int to Poly
-        What each relation is multiplied by.
-    units : Poly
-        What the minor is multiplied by: units and a number.
-    depth : int
-        Over how many other minors: 0 for a multiple of one relation.
-    """
-
-    terms: dict[int, Poly]
-    units: Poly
-    depth: int
+    terms: dict[int, Poly]  # what each relation is multiplied by
+    units: Poly  # what the minor is multiplied by: units and a number
+    depth: int  # over how many other minors: 0 for a multiple of one relation
 
 
 def sums_to_minors(
@@ -221,33 +211,18 @@ def sum_of(first: int, multiples: Mapping[int, Poly]) -> Sum:
 
 @dataclass
 class Soundness:
-    """What a certificate says for a family: the minors that have the pivot's lines vanish there.
+    """What a certificate says for a family: the minors that have the pivot's lines vanish there."""
 
-    Attributes
-    ----------
-    pivot : Lines
-        A minor that is zero on no component; without lines it is 1, and all minors are meant.
-    apart : list of Poly
-        Forms that are zero on no component: the minors may be multiplied by them.
-    multiples : list of Sum
-        Sums of multiples of the family's forms that these minors are multiples of.
-    """
-
+    # a minor that is zero on no component; without lines it is 1, and all minors are meant
     pivot: Lines = ((), ())
+    # forms that are zero on no component: the minors may be multiplied by them
     apart: list[Poly] = field(default_factory=list)
+    # sums of multiples of the family's forms that these minors are multiples of
     multiples: list[Sum] = field(default_factory=list)
 
 
 def soundness(draft: Certificate, tidy: Forms, family: Place, codimension: int) -> Soundness:
-    """Why all minors vanish on a family, of a codimension.
-
-    Raises
-    ------
-    NotFound
-        If that was not seen.
-    BudgetExceeded
-        If the time of ``tidy`` is over.
-    """
+    """Why all minors vanish on a family, of a codimension; NotFound if that was not seen."""
     minors, at = dict[Lines, Poly](), draft.at(family.values)
     place = (family.values, family.relations)
     plain: set[Lines] = set()

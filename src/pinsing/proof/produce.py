@@ -54,16 +54,9 @@ _LONG = 2000
 
 
 class Splits:
-    """Finds them, the simplest first.
+    """Finds them, the simplest first; factors of what is to be shown, the families', cost nothing.
 
-    Parameters
-    ----------
-    forms : Forms
-        How they are written.
-    families : sequence of list of Poly
-        What is to be shown: factors of these cost nothing.
-    tick : callable
-        Called at every step; raises where time is over.
+    ``tick`` is called at every step; it raises where time is over.
     """
 
     def __init__(
@@ -301,13 +294,7 @@ class Tree:
         self._places: dict[tuple[Any, ...], Place | NotFound | None] = {}
 
     def root(self) -> Place:
-        """The place that is everywhere.
-
-        Raises
-        ------
-        NotFound
-            If some place could not be closed, or time was over.
-        """
+        """The place that is everywhere; NotFound if one could not be closed, or time was over."""
         place = self._place([])
         assert place is not None
         return place
@@ -500,28 +487,9 @@ def certificate(
 ) -> dict[str, Any]:
     """A certificate that the singular set of an arm is the union of some components.
 
-    Parameters
-    ----------
-    geometry : Nominal
-        The arm in exact numbers.
-    ring : Ring
-        What the components' polynomials are of.
-    rank : int
-        Generic rank of the task Jacobian.
-    stated : sequence of Stated
-        The components.
-    budget : Budget
-        Time for the search of a tree of cases.
-    progress : callable
-        Told now and then how far that is.
-    in_parts : bool
-        State each component as the union of simpler ones where its equations fall apart. That
-        finds proofs where the equations as they are do not, and the other way round.
-
-    Raises
-    ------
-    NotFound
-        If there is none, or time was over: with what is missing.
+    ``in_parts`` states each component as the union of simpler ones where its equations fall apart.
+    That finds proofs where the equations as they are do not, and the other way round. NotFound if
+    there is none, or time was over: with what is missing.
     """
     roots = roots_in(geometry)
     try:

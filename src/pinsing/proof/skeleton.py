@@ -207,13 +207,7 @@ class Draft(Certificate):
 def without_dependent_lines(
     data: Mapping[str, Any], budget: Budget
 ) -> tuple[dict[str, Any], Matrix]:
-    """The certificate with the steps that make dependent lines zero, and its whole Jacobian.
-
-    Raises
-    ------
-    BudgetExceeded
-        If there is no time for it.
-    """
+    """The certificate with the steps that make dependent lines zero, and its whole Jacobian."""
     whole = Draft({**data, "rank": 1, "row_steps": [], "column_steps": []}, budget)
     rows = _steps(whole, whole.jacobian(), budget)
     columns = _steps(whole, flipped(whole.without_dependent(whole.jacobian(), rows)), budget)
