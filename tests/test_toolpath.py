@@ -602,7 +602,6 @@ def test_a_workpiece_is_put_as_well_as_by_brute_force(ur5):
     assert f"x = {at.x:+.3f} m" in plan.text()
 
 
-@pytest.mark.slow
 def test_random_placements_are_no_better_than_the_one_found(ur5):
     arm, form = ur5
     turn = np.linspace(0, 2 * np.pi, 8)

@@ -34,6 +34,7 @@ from pathlib import Path
 from queue import Empty
 from typing import Any, NamedTuple
 
+from pinsing.algebra.budget import Budget
 from pinsing.algebra.jacobian_matrix import jacobian_matrix
 from pinsing.algebra.matrix import independent_rows
 from pinsing.algebra.ring import make_ring
@@ -142,7 +143,7 @@ def polynomial(geometry: Nominal, rows: Sequence[int]) -> object:
     from sympy.polys.matrices import DomainMatrix
 
     own = make_ring(geometry.prismatic)
-    matrix = independent_rows(jacobian_matrix(geometry, own, geometry.arm.task), own)
+    matrix = independent_rows(jacobian_matrix(geometry, own, geometry.arm.task, Budget(60.0)), own)
     domain, *_ = ring(own.context.names(), QQ)
     size = min(len(matrix), len(matrix[0]))
 

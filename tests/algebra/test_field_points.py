@@ -138,7 +138,7 @@ def test_points_on_slices_say_what_flint_says(robot: str) -> None:
     geometry = nominal(load(robot))
     ring = make_ring(tuple(bool(p) for p in geometry.arm.prismatic))
     matrix = jacobian_matrix(geometry, ring, geometry.arm.task, Budget(60))
-    rows, rank = reduce_matrix(matrix, 6, ring)
+    rows, rank = reduce_matrix(matrix, 6, ring, Budget(60))
     minors = list(itertools.islice(Minors(rows, rank, ring, Budget(60)), 5))
     entries = [x for row in rows for x in row if len(x) > 1] + minors
     residues = Residues(ring)

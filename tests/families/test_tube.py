@@ -54,12 +54,6 @@ def attack() -> ModuleType:
     return made
 
 
-@pytest.fixture(autouse=True)
-def few_boxes(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Tubes may be wide where a test is about something else."""
-    monkeypatch.setattr(tubes, "MOST", 50_000)
-
-
 @pytest.fixture(scope="module")
 def form(tmp_path_factory: pytest.TempPathFactory) -> pinsing.ClosedForm:
     """A calibrated UR5e, with a tube from few boxes: wide, and as true."""
@@ -213,7 +207,10 @@ def test_the_design_is_found_or_refused() -> None:
         design_of(ur5e, pinsing.load("panda"))
 
 
-def test_a_calibrated_file_has_the_families_of_its_design(tmp_path: Path) -> None:
+def test_a_calibrated_file_has_the_families_of_its_design(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(tubes, "MOST", 50_000)
     rows = ["-90.1 0.0002 0.67", "0.08 0.4321 0", "90.05 -0.0203 0.1501"]
     rows += ["-89.9 0.0001 0.4322", "90.1 0.0003 0", "0 0 0.0562"]
     text = "name: p\nconvention: standard\nunits: {angle: deg, length: m}\nrows:\n"

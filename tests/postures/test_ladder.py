@@ -68,7 +68,7 @@ def test_what_is_left_of_the_equation_has_the_roots_of_the_others():
     """The sign of its discriminant against the number of solutions found, arm with 2 and 4."""
     arm = dh_arm([(-90, 1, 0), (90, 2, 1), (0, 1.5, 0)], "position")
     chain = ExactChain.of(pinsing.robot.nominal(arm))
-    cubic = Point.of(chain, chain.translation[3]).numbers.deflated()
+    cubic = Point.of(chain, chain.translation[3]).numbers
     assert not one_root_left(cubic)
     counts = set()
     for q in arm.space.sample(12, np.random.default_rng(2), True):
@@ -83,7 +83,7 @@ def test_the_discriminant_is_the_sum_that_stands_for_it():
     chain = ExactChain.of(
         pinsing.robot.nominal(dh_arm([(-70, 1, 0.2), (80, 2, 1), (0, 1.5, 0)], "position"))
     )
-    cubic = Point.of(chain, chain.translation[3]).numbers.deflated()
+    cubic = Point.of(chain, chain.translation[3]).numbers
     x = np.random.default_rng(0).uniform(-4, 4, (2000, 2))
     value = cubic.discriminant(x)
     assert np.abs(cubic.expanded()(x) - value).max() < 12 * cubic.rounding

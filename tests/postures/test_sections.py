@@ -93,8 +93,8 @@ def test_a_component_has_points_of_its_sign_and_ways_between_them():
         fine = np.concatenate([np.linspace(a, b, 60) for a, b in pairwise(X)])
         return bool((np.sign(terms(fine)) == np.sign(terms(fine[:1]))).all())
 
-    assert piece.lower > 1
-    for c in range(piece.upper):
+    assert piece.found.lower > 1
+    for c in range(piece.found.upper):
         x = piece.examples(c)
         assert (np.sign(terms(x)) == piece.signs(c)[0]).all()
         assert ((low <= x) & (x <= high)).all()

@@ -298,16 +298,12 @@ def ask_again(
                 singular = s.rank(q.matrix) < q.rank
                 if singular != on_any(components, s):
                     what = "are singular on no family" if singular else "are regular on a family"
-                    return _with_gap(both, f"{told} {what}")
+                    return replace(both, gaps=(f"{told} {what}",))
     except BudgetExceeded as reason:
-        return _with_gap(once, f"{told} were not asked: {reason}")
+        return replace(once, gaps=(f"{told} were not asked: {reason}",))
     except Undecided:
-        return _with_gap(once, f"{told} were not told apart")
+        return replace(once, gaps=(f"{told} were not told apart",))
     return both
-
-
-def _with_gap(steps: RandomSteps, gap: str) -> RandomSteps:
-    return RandomSteps(steps.systems, steps.primes, steps.seeds, (gap,))
 
 
 Part = tuple[tuple[Poly, ...], list[SlicePoint]]
@@ -398,16 +394,9 @@ def _distinct(polys: Sequence[Poly], ring: Ring) -> list[Poly]:
     """The polynomials, the short ones first, without multiples of earlier ones."""
     kept: list[Poly] = []
     for p in sorted(polys, key=len):
-        factors = [k for k in kept if len(k) <= len(p)]
-        if not any(_divides(k, p, ring) for k in factors):
+        if not any(divmod(p, k)[1] == 0 if ring.rational else p == k for k in kept):
             kept.append(p)
     return kept
-
-
-def _divides(k: Poly, p: Poly, ring: Ring) -> bool:
-    if ring.rational:
-        return bool(divmod(p, k)[1] == 0)
-    return bool(p == k)
 
 
 def _fewest(polys: list[Poly], count: int, ring: Ring) -> tuple[Poly, ...]:

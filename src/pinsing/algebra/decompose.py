@@ -103,36 +103,41 @@ class PlaceMatrices:
 
     def __init__(self, ring: Ring, time: Budget) -> None:
         self.ring, self.time = ring, time
-        self._put_in: dict[object, tuple[Matrix, Matrix]] = {}
-        self._smaller: dict[tuple[int, int], tuple[Matrix, tuple[Matrix, int]]] = {}
-        self._minors: dict[tuple[int, int], Minors] = {}
+        self._made: dict[object, tuple[Matrix, Any]] = {}
+
+    def _once(self, matrix: Matrix, how: object, make: Callable[[], Any]) -> Any:
+        """What is made of a matrix in some way."""
+        key = id(matrix), how
+        if key not in self._made:
+            self._made[key] = matrix, make()
+        return self._made[key][1]
 
     def at(self, place: SearchPlace, new: Mapping[int, Value]) -> SearchPlace:
         """The place with some more joints at values."""
         whole = place.judge
-        key = id(whole.matrix), frozenset(new.items())
-        if key not in self._put_in:
-            put = self.ring.putting(new)
-            self._put_in[key] = whole.matrix, [[put(x) for x in row] for row in whole.matrix]
-        matrix = self._put_in[key][1]
+        put = self.ring.putting(new)
+        matrix = self._once(
+            whole.matrix,
+            frozenset(new.items()),
+            lambda: [[put(x) for x in row] for row in whole.matrix],
+        )
         return replace(whole, values={**whole.values, **new}, matrix=matrix, reduced=False)
 
     def smaller(self, place: SearchPlace) -> tuple[Matrix, int]:
         """A smaller matrix whose rank drops where that of a place does, and the rank meant."""
         if place.reduced:
             return place.matrix, place.rank
-        key = id(place.matrix), place.rank
-        if key not in self._smaller:
-            found = reduce_matrix(place.matrix, place.rank, self.ring, self.time)
-            self._smaller[key] = place.matrix, found
-        return self._smaller[key][1]
+        given = place.matrix, place.rank, self.ring, self.time
+        found: tuple[Matrix, int] = self._once(
+            place.matrix, ("smaller", place.rank), lambda: reduce_matrix(*given)
+        )
+        return found
 
     def minors(self, place: SearchPlace) -> Minors:
         """The minors of a place, which keep its matrix."""
-        key = id(place.matrix), place.rank
-        if key not in self._minors:
-            self._minors[key] = Minors(place.matrix, place.rank, self.ring, self.time)
-        return self._minors[key]
+        given = place.matrix, place.rank, self.ring, self.time
+        found: Minors = self._once(place.matrix, ("minors", place.rank), lambda: Minors(*given))
+        return found
 
 
 Part = tuple[tuple[Poly, ...], list[SlicePoint]]
@@ -196,73 +201,6 @@ def _projections(relations: Sequence[Poly], ring: Ring, time: Budget) -> list[Po
 Relations = tuple[Poly, ...]
 
 
-@dataclass(frozen=True, eq=False)
-class Stating:
-    """What all statements of a search share."""
-
-    # ring, time and found: of the search
-    ring: Ring
-    time: Budget
-    found: FoundComponents
-    # residues and rng: for its random points
-    residues: Residues
-    rng: np.random.Generator
-
-    def shortened(self, relations: Relations, count: int, place: SearchPlace) -> Relations:
-        """As few equations as the codimension, if some say the same.
-
-        Common zeros of so many equations have no parts of lower dimension: where generic points
-        of all parts are singular, and new, all is.
-        """
-        slices: Slices = {}
-        # Equations of a long system among which fewer that say the same are looked for.
-        for few in itertools.combinations(relations[:5], count):
-            if self._states(few, place, slices):
-                return few
-        return relations
-
-    def _states(self, relations: Relations, place: SearchPlace, slices: Slices) -> bool:
-        """Return True if all common zeros are singular, and none is on a known component."""
-        found = False
-        check = self.time.check
-        points = slice_points(
-            relations, self.residues, self.rng, place.values, check, patient=False, slices=slices
-        )
-        try:
-            for s in points:
-                self.time.check()
-                if not place.singular(s) or self.found.holds(s):
-                    return False
-                found = True
-        except Undecided:
-            return False
-        return found
-
-    def statement(
-        self,
-        relations: Relations,
-        singular: list[SlicePoint],
-        others: list[SlicePoint],
-        minors: Minors,
-    ) -> tuple[Poly, ...]:
-        """Equations of the singular part of the common zeros of some equations.
-
-        One factor of every minor, that all of the singular part shares, and of the rest as
-        little as can be: where these vanish all minors do, so that not even a part of lower
-        dimension is stated that is regular.
-        """
-        stated = list(relations)
-        for minor in minors:
-            self.time.check()
-            if any(self.ring.divides(r, minor) for r in stated):
-                continue
-            whole = [f for f in minors.factors(minor) if all(s.is_zero(f) for s in singular)]
-            if len(whole) > 1:
-                whole.sort(key=lambda f: (sum(s.is_zero(f) for s in others), len(f)))
-            stated.append(whole[0] if whole else minor)
-        return tuple(sorted(stated, key=len))
-
-
 class Search:
     """Goes through the branches; ``gaps`` say what stopped it, ``asked`` what points decided."""
 
@@ -276,7 +214,6 @@ class Search:
         self._rng = np.random.default_rng(FIRST_SEED)
         self._residues = Residues(ring)
         self._slices: Slices = {}
-        self._stating = Stating(ring, time, found, self._residues, self._rng)
         self._seen: set[object] = set()
         self._later: list[tuple[int, Callable[[], None]]] = []
         self._places = PlaceMatrices(ring, time)
@@ -329,7 +266,9 @@ class Search:
             return
         shared = self._factors(common)
         for f in shared:
-            self._hypersurface(f, values)
+            fixed = self.ring.joint_value(f)
+            at = {} if fixed is None else dict([fixed])
+            self._found.add({**values, **at}, () if at else (f,), True)
         if reduced.room < 2:
             return
         found = corner(reduced.matrix, self.ring, self.time)
@@ -472,10 +411,10 @@ class Search:
             missed = [s for s in singular if not self._found.holds(s)]
             if missed:
                 known = [s for s in points if s not in missed]
-                state = functools.partial(self._stating.statement, relations, minors=minors)
+                state = functools.partial(self._statement, relations, minors=minors)
                 backing = Backing(missed, known, state)
                 if known:
-                    stated = self._stating.shortened(state(missed, known), count, place)
+                    stated = self._shortened(state(missed, known), count, place)
                 else:
                     stated = relations
                 self._found.add(place.values, stated, False, codimension, backing)
@@ -567,18 +506,67 @@ class Search:
         given = relations, self._residues, self._rng, values, self.time.check, count
         return slice_points(*given, slices=self._slices)
 
+    # Statements ---------------------------------------------------------------------
+
+    def _shortened(self, relations: Relations, count: int, place: SearchPlace) -> Relations:
+        """As few equations as the codimension, if some say the same.
+
+        Common zeros of so many equations have no parts of lower dimension: where generic points
+        of all parts are singular, and new, all is.
+        """
+        slices: Slices = {}
+        # Equations of a long system among which fewer that say the same are looked for.
+        for few in itertools.combinations(relations[:5], count):
+            if self._states(few, place, slices):
+                return few
+        return relations
+
+    def _states(self, relations: Relations, place: SearchPlace, slices: Slices) -> bool:
+        """Return True if all common zeros are singular, and none is on a known component."""
+        found = False
+        check = self.time.check
+        points = slice_points(
+            relations, self._residues, self._rng, place.values, check, patient=False, slices=slices
+        )
+        try:
+            for s in points:
+                self.time.check()
+                if not place.singular(s) or self._found.holds(s):
+                    return False
+                found = True
+        except Undecided:
+            return False
+        return found
+
+    def _statement(
+        self,
+        relations: Relations,
+        singular: list[SlicePoint],
+        others: list[SlicePoint],
+        minors: Minors,
+    ) -> tuple[Poly, ...]:
+        """Equations of the singular part of the common zeros of some equations.
+
+        One factor of every minor, that all of the singular part shares, and of the rest as
+        little as can be: where these vanish all minors do, so that not even a part of lower
+        dimension is stated that is regular.
+        """
+        stated = list(relations)
+        for minor in minors:
+            self.time.check()
+            if any(self.ring.divides(r, minor) for r in stated):
+                continue
+            whole = [f for f in minors.factors(minor) if all(s.is_zero(f) for s in singular)]
+            if len(whole) > 1:
+                whole.sort(key=lambda f: (sum(s.is_zero(f) for s in others), len(f)))
+            stated.append(whole[0] if whole else minor)
+        return tuple(sorted(stated, key=len))
+
     # Pieces -------------------------------------------------------------------------
 
     def _factors(self, poly: Poly) -> list[Poly]:
         self.time.check_factor(len(poly), self.ring.long_to_factor(poly))
         return self.ring.factors(poly)
-
-    def _hypersurface(self, f: Poly, values: Mapping[int, Value]) -> None:
-        fixed = self.ring.joint_value(f)
-        if fixed is None:
-            self._found.add(values, (f,), True)
-        else:
-            self._found.add({**values, fixed[0]: fixed[1]}, (), True)
 
     def _common_factor(self, minors: Minors) -> Poly | None:
         """Greatest common divisor of all minors; None if all of them are zero."""

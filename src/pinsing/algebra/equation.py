@@ -17,7 +17,7 @@ from __future__ import annotations
 import functools
 import math
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from functools import cached_property
@@ -86,16 +86,13 @@ def latex_symbol(symbol: str) -> str:
     if head == "alpha":
         head = r"\alpha"
     elif len(head) > 1:
-        return rf"\mathrm{{{_SPECIAL.sub(_escaped, symbol)}}}"
+        escaped = _SPECIAL.sub(lambda m: rf"\{m[0]}" if m[0] in "_#$%&{} " else "-", symbol)
+        return rf"\mathrm{{{escaped}}}"
     return f"{head}_{{{digits}}}" if digits else head
 
 
 _SPECIAL = re.compile(r"[^A-Za-z0-9.]")
-
-
-def _escaped(match: re.Match[str]) -> str:
-    """A character that LaTeX would take for a command."""
-    return rf"\{match[0]}" if match[0] in "_#$%&{} " else "-"
+"""Characters that LaTeX would take for a command, or that no name has."""
 
 
 def format_angle(radians: float, latex: bool = False) -> str:
@@ -106,39 +103,37 @@ def format_angle(radians: float, latex: bool = False) -> str:
     return text + (r"^\circ" if latex else "°")
 
 
+def joined(pieces: Iterable[tuple[bool, str]], gap: str = " ") -> str:
+    """Terms, some of which are negative, with their signs in between; 0 without any."""
+    out = ""
+    for negative, term in pieces:
+        sign = "-" if negative else "+" if out else ""
+        out += f"{gap}{sign}{gap}{term}" if out else f"{sign}{term}"
+    return out or "0"
+
+
+def times(size: str, body: str) -> str:
+    """A number and what it multiplies; a one is left out."""
+    return body if size == "1" and body else f"{size} {body}".strip()
+
+
 def signed_sum(pieces: Sequence[tuple[float, str]], tight: bool = False) -> str:
     """Sum of signed pieces, a coefficient of one left out."""
-    out = ""
-    for k, (coefficient, body) in enumerate(pieces):
-        sign = "-" if coefficient < 0 else "+"
-        size = f"{abs(coefficient):.6g}"
-        if not body:
-            term = size
-        elif size == "1":
-            term = body
-        else:
-            term = f"{size} {body}"
-        if k == 0:
-            out = f"-{term}" if sign == "-" else term
-        else:
-            out += f"{sign}{term}" if tight else f" {sign} {term}"
-    return out or "0"
+    terms = ((c < 0, times(f"{abs(c):.6g}", body)) for c, body in pieces)
+    return joined(terms, "" if tight else " ")
 
 
 def exact_sum(pieces: Sequence[tuple[Exact, str]], latex: bool) -> str:
     """Sum of pieces with exact numbers; sums with roots stand in brackets."""
-    out = ""
+    terms = []
     for number, body in pieces:
         parts = [p for p in parts_of(number) if p]
         negative = len(parts) == 1 and parts[0] < 0
         size = exact_text(-number if negative else number)
         if latex:
             size = re.sub(r"sqrt\((\d)\)", r"\\sqrt{\1}", size)
-        size = f"({size})" if len(parts) > 1 else size
-        shown = body if size == "1" and body else f"{size} {body}".strip()
-        out += ("-" if negative else "") if not out else (" - " if negative else " + ")
-        out += shown
-    return out or "0"
+        terms.append((negative, times(f"({size})" if len(parts) > 1 else size, body)))
+    return joined(terms)
 
 
 Key = tuple[tuple[int, ...], tuple[int, ...]]
@@ -182,17 +177,10 @@ def fourier(poly: Poly, ring: Ring, quarters: Sequence[int]) -> dict[Key, tuple[
             sums[quarter % 2][square] += -c if quarter >= 2 else c
     out = {}
     for key, (real, imag) in gathered.items():
-        pair = _exact(real), -_exact(imag)
+        pair = surd(*map(Fraction, real)), -surd(*map(Fraction, imag))
         if any(pair):  # a Surd is never zero
             out[key] = pair
     return out
-
-
-def _exact(parts: Sequence[int]) -> Exact:
-    """A sum of whole numbers of the roots of SQUARES."""
-    if any(parts[1:]):
-        return surd(*map(Fraction, parts))
-    return Fraction(parts[0])
 
 
 def _put_in(
@@ -391,13 +379,11 @@ class Equation(Memory):
 
     def text(self) -> str:
         """Return ``0.4318 cos q2 + 0.0203 cos(q2+q3) - 0.4318 sin(q2+q3) = 0``, or such a line."""
-        condition = self._angle_sum(PLAIN)
-        return condition if condition else f"{signed_sum(self._pieces(PLAIN))} = 0"
+        return self._angle_sum(PLAIN) or f"{signed_sum(self._pieces(PLAIN))} = 0"
 
     def latex(self) -> str:
         """Return the same line in LaTeX."""
-        condition = self._angle_sum(LATEX)
-        return condition if condition else f"{signed_sum(self._pieces(LATEX))} = 0"
+        return self._angle_sum(LATEX) or f"{signed_sum(self._pieces(LATEX))} = 0"
 
     def exact_text(self, latex: bool = False) -> str:
         """Return the same line with exact coefficients, or nothing where they are not known.
@@ -500,9 +486,7 @@ class Equation(Memory):
 
     def _angle(self, frequency: Array, style: Style, shift: bool = True) -> str:
         """``q2``, ``(q2+q3)``, ``(2 q4 - q5 + 12 deg)``, or nothing for the constant term."""
-        parts: list[tuple[float, str]] = []
-        for j in np.flatnonzero(frequency):
-            parts.append((frequency[j] / 2, style.joint(self.joints[j])))
+        parts = [(frequency[j] / 2, style.joint(self.joints[j])) for j in np.flatnonzero(frequency)]
         if not parts:
             return ""
         halves = any(k != int(k) for k, _ in parts)

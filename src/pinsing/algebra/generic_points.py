@@ -62,10 +62,6 @@ class Residues:
         """A polynomial of the compiled engine; None where it covers no such one."""
         return self._compiled.of(poly, lambda p: engine_polynomial(self.prime, self._listed(p)))
 
-    def of_value(self, value: Value) -> list[int]:
-        """The image of a joint's exact value."""
-        return [residue(c, self.prime) for c in value]
-
     def generic_rank(self, matrix: Matrix, rng: np.random.Generator) -> int:
         """Rank of a matrix at a random point: never more than the generic one, over any field."""
         return self.rank_at(matrix, self.random_point(rng))
@@ -166,7 +162,7 @@ class SlicePoint:
 
     def has(self, joint: int, value: Value) -> bool:
         """Return True if a joint is at a value there."""
-        wanted = self.residues.of_value(value)
+        wanted = [residue(c, self.residues.prime) for c in value]
         variables = self.residues.ring.variables(joint)
         if self._compiled is not None:
             if len(variables) == 1:

@@ -43,13 +43,6 @@ def _closed(rows: Sequence[int], first: int, axis: int) -> bool:
     return others <= set(rows) or not others & set(rows)
 
 
-def turns_with_first(geometry: Nominal, task: Task) -> bool:
-    """Return True if the first joint's turn leaves the rows in base axes the same set."""
-    return any(
-        _along_z(geometry.rotation[0], k, row=True) for k in round_about(in_axes(task, False))
-    )
-
-
 def tip_axes(geometry: Nominal, task: Task) -> tuple[Rotation, bool]:
     """Rotation of the tip's axes behind the last joint, and whether its turn is no matter.
 
@@ -98,13 +91,12 @@ class RigidMotion:
 class _Products:
     """Products of polynomials, each asked of the time before it is begun."""
 
-    def __init__(self, ring: Ring, time: Budget | None) -> None:
+    def __init__(self, ring: Ring, time: Budget) -> None:
         self.ring, self.time = ring, time
 
     def of(self, x: Poly, y: Poly) -> Poly:
         """X times y."""
-        if self.time is not None:
-            self.time.check(len(x) * len(y))
+        self.time.check(len(x) * len(y))
         return x * y
 
     def dot(self, a: Sequence[Poly], b: Sequence[Poly]) -> Poly:
@@ -133,8 +125,8 @@ class _Chain:
         self,
         geometry: Nominal,
         ring: Ring,
+        time: Budget,
         leaders: Sequence[int] | None = None,
-        time: Budget | None = None,
     ) -> None:
         self.ring, self.geometry = ring, geometry
         self.products = _Products(ring, time)
@@ -285,7 +277,10 @@ class _Chain:
         found: dict[int, Row] = {}
         number = self.ring.number
         if rows := in_axes(task, False):
-            before = first if turns_with_first(self.geometry, task) else frames[0]
+            # Whether the first joint's turn leaves the rows in base axes the same set.
+            rotation, about = self.geometry.rotation[0], round_about(in_axes(task, False))
+            alike = any(_along_z(rotation, k, row=True) for k in about)
+            before = first if alike else frames[0]
             back = [
                 [number(x) for x in row] for row in zip(*self.geometry.rotation[0], strict=True)
             ]
@@ -315,7 +310,7 @@ def jacobian_matrix(
     geometry: Nominal,
     ring: Ring,
     task: Task,
-    time: Budget | None = None,
+    time: Budget,
     leaders: Sequence[int] | None = None,
 ) -> Matrix:
     """Task Jacobian as polynomials, up to nonzero row operations and column factors.
@@ -328,13 +323,12 @@ def jacobian_matrix(
     the chain has the sum of their columns, by the chain rule. NotFollowed if one cannot be written
     in polynomials.
     """
-    chain = _Chain(geometry, ring, leaders, time)
+    chain = _Chain(geometry, ring, time, leaders)
     of, dot = chain.products.of, chain.products.dot
     if task.name == "pose" and len({drive.leader for drive in chain.drives}) == chain.n:
         screws: dict[int, list[Poly]] = {}
         for j, drive in enumerate(chain.drives):
-            if time is not None:
-                time.check()
+            time.check()
             screws[drive.leader] = primitive(chain.screw(j, chain.n // 2), ring)
         return [list(row) for row in zip(*(screws[a] for a in sorted(screws)), strict=True)]
     frames, first, tip = chain.joint_frames(chain.n // 2)
@@ -343,8 +337,7 @@ def jacobian_matrix(
     zero = ring.zero
     by_leader: dict[int, list[tuple[Drive, list[Poly], Poly]]] = {}
     for j, frame in enumerate(frames):
-        if time is not None:
-            time.check()
+        time.check()
         z = [row[2] for row in frame.R]  # over frame.d
         if geometry.prismatic[j]:
             v, w, scale = [x * ring.one for x in z], [zero] * 3, frame.d
@@ -384,7 +377,7 @@ def _summed(parts: Sequence[tuple[Drive, list[Poly], Poly]], products: _Products
 
 
 def neighbouring_screws(
-    geometry: Nominal, ring: Ring, joints: Sequence[int], time: Budget | None = None
+    geometry: Nominal, ring: Ring, joints: Sequence[int], time: Budget
 ) -> Matrix:
     """Screws of some of the arm's joints as columns (6, k), in the frame of a middle one.
 
@@ -392,7 +385,7 @@ def neighbouring_screws(
     what moves between the first and the last occurs, whatever the length of the chain. Mimic joints
     are as of `jacobian_matrix`.
     """
-    chain = _Chain(geometry, ring, time=time)
+    chain = _Chain(geometry, ring, time)
     rows = [driven_by(chain.drives, a) for a in joints]
     every = sorted(j for some in rows for j in some)
     middle = every[len(every) // 2]

@@ -24,7 +24,7 @@ import numpy as np
 import numpy.typing as npt
 
 from pinsing._types import Array
-from pinsing.algebra.equation import Equation, format_angle, latex_symbol
+from pinsing.algebra.equation import Equation, format_angle, joined, latex_symbol, times
 from pinsing.prose import listed
 from pinsing.robot.surd import exact_of, parts_of
 
@@ -66,7 +66,8 @@ class Expression:
 
     def text(self, latex: bool = False) -> str:
         """One line: common factors before brackets."""
-        return _written(dict((p, c) for c, p in self.terms), _Writer(self, latex))
+        writer = _Writer(self, latex)
+        return _nested({writer.atoms(p): c for c, p in self.terms}, writer)
 
 
 def expressions(
@@ -316,11 +317,6 @@ class _Writer:
         return said if len(roots) == 1 else f"({said.strip()})"
 
 
-def _written(table: Mapping[Product, Number], writer: _Writer) -> str:
-    terms = {writer.atoms(p): c for p, c in table.items()}
-    return _nested(terms, writer) or "0"
-
-
 def _nested(terms: Mapping[tuple[tuple[int, str, int], ...], Number], writer: _Writer) -> str:
     """A sum with the factor that most terms share before a bracket, and so on within."""
     pieces: list[tuple[bool, str]] = []
@@ -333,14 +329,9 @@ def _nested(terms: Mapping[tuple[tuple[int, str, int], ...], Number], writer: _W
         pieces.append((negative, f"{writer.factors(pull)} ({_nested(inner, writer)})"))
     for atoms in alone:
         number = terms[atoms]
-        size, factors = writer.number(number), writer.factors(atoms)
-        shown = factors if size == "1" and factors else f"{size} {factors}".strip()
+        shown = times(writer.number(number), writer.factors(atoms))
         pieces.append((_is_negative(number), shown))
-    out = ""
-    for negative, piece in pieces:
-        out += ("-" if negative else "") if not out else (" - " if negative else " + ")
-        out += piece
-    return out
+    return joined(pieces)
 
 
 _Atoms = tuple[tuple[int, str, int], ...]

@@ -107,7 +107,7 @@ def _sharing(matrix: Matrix, among: set[int], ring: Ring) -> set[int]:
 
 
 def reduce_matrix(
-    matrix: Matrix, rank: int, ring: Ring, time: Budget | None = None, generic: bool = False
+    matrix: Matrix, rank: int, ring: Ring, time: Budget, generic: bool = False
 ) -> tuple[Matrix, int]:
     """Use up pivots that never vanish: what is left is below its rank exactly where the given is.
 
@@ -119,8 +119,7 @@ def reduce_matrix(
     rows = _without_zeros(rows)
     never = MadeOnce()
     while rows and rank > 0:
-        if time is not None:
-            time.check()
+        time.check()
         pivot = _unit(rows, ring, never)
         if pivot is None:
             break
@@ -130,14 +129,12 @@ def reduce_matrix(
         for k, row in enumerate(rows):
             if k == i:
                 continue
-            if time is not None:
-                time.check()
+            time.check()
             if not row[j]:
                 rest.append([x for c, x in enumerate(row) if c != j])
             else:
-                if time is not None:
-                    longest = max(map(len, row)) * len(p), len(row[j]) * max(map(len, rows[i]))
-                    time.check(max(longest))
+                longest = max(map(len, row)) * len(p), len(row[j]) * max(map(len, rows[i]))
+                time.check(max(longest))
                 rest.append(
                     [ring.reduce(x * p - row[j] * rows[i][c]) for c, x in enumerate(row) if c != j]
                 )

@@ -37,7 +37,8 @@ class RowExpansion:
             self._kept = 0
         ordered = tuple(i for i in self._order if i in rows)
         found = self._minor(ordered, tuple(columns))
-        return -found if _odd([rows.index(i) for i in ordered]) else found
+        swaps = sum(a > b for k, a in enumerate(ordered) for b in ordered[k + 1 :])
+        return -found if swaps % 2 else found
 
     def _minor(self, rows: tuple[int, ...], columns: tuple[int, ...]) -> Poly:
         first = self.matrix[rows[0]]
@@ -67,11 +68,6 @@ def determinant(matrix: Matrix, ring: Ring, time: Budget) -> Poly:
     """Determinant of a square matrix."""
     every = range(len(matrix))
     return RowExpansion(matrix, ring, time).minor(every, every)
-
-
-def _odd(places: Sequence[int]) -> bool:
-    """Return True if a permutation is odd."""
-    return sum(a > b for i, a in enumerate(places) for b in places[i + 1 :]) % 2 == 1
 
 
 @dataclass(frozen=True, eq=False)

@@ -65,8 +65,8 @@ def real_roots(poly: Poly, joint: int, ring: Ring) -> list[AlgebraicValue]:
     images, norm = {tuple(own)}, own
     if any(isinstance(c, Surd) for c in own):
         images = {
-            tuple(_conjugate(c, signs) for c in own)
-            for signs in ((1, 1), (-1, 1), (1, -1), (-1, -1))
+            tuple(surd(p, q * a, r * b, s * a * b) for p, q, r, s in map(parts_of, own))
+            for a, b in ((1, 1), (-1, 1), (1, -1), (-1, -1))
         }
         norm = [Fraction(1)]
         for row in images:
@@ -91,12 +91,6 @@ def real_roots(poly: Poly, joint: int, ring: Ring) -> list[AlgebraicValue]:
     finally:
         ctx.prec = before
     raise ArithmeticError("roots of a polynomial with square roots in it were not told apart")
-
-
-def _conjugate(value: Exact, signs: tuple[int, int]) -> Exact:
-    """The number with sqrt(2) and sqrt(3) of these signs."""
-    one, two, three, six = parts_of(value)
-    return surd(one, two * signs[0], three * signs[1], six * signs[0] * signs[1])
 
 
 def _product(a: list[Exact], b: tuple[Exact, ...]) -> list[Exact]:
@@ -352,12 +346,6 @@ def _sign(poly: Poly, point: Sequence[int], ring: Ring) -> int:
     return 0 if abs(value) <= 1e-6 * size else (1 if value > 0 else -1)
 
 
-def _degree(poly: Poly, joint: int, ring: Ring) -> int:
-    """Degree in both variables of a joint, in which the polynomial is homogeneous."""
-    m = poly.monomial(0)
-    return sum(int(m[v]) for v in ring.variables(joint))
-
-
 def isolated_zeros(poly: Poly, ring: Ring, time: Budget) -> list[Solution] | None:
     """All real zeros of a polynomial that is proven not to change its sign; else None.
 
@@ -394,7 +382,8 @@ def semidefinite(poly: Poly, ring: Ring, time: Budget) -> bool:
                 return False
             continue
         if not any(
-            _degree(f, j, ring) == 2 and _never_positive(_discriminant(f, j, ring), ring, time)
+            sum(f.monomial(0)[v] for v in ring.variables(j)) == 2
+            and _never_positive(_discriminant(f, j, ring), ring, time)
             for j in joints
         ):
             return False

@@ -157,11 +157,10 @@ def _symbolic(
 
 def _write_system(form: ClosedForm, chosen: tuple[str, ...], path: Path) -> None:
     from pinsing.atomic_write import write_text
-    from pinsing.families.form import system_of
-    from pinsing.families.system import language_of
+    from pinsing.families.system import language_of, system_text
 
     language = language_of(path)
-    text, remarks = system_of(form, language, chosen or None)
+    text, remarks = system_text(form, language, chosen or None)
     write_text(path, text)
     if language == "msolve":  # whose files have no comments
         for line in remarks:

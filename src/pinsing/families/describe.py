@@ -33,7 +33,6 @@ import numpy as np
 import pinocchio as pin
 
 from pinsing._types import Array, Bool
-from pinsing.algebra.budget import Budget
 from pinsing.algebra.conditions import Conditions
 from pinsing.algebra.nearest import two_sided
 from pinsing.configuration.at import Loss, State, loss_at
@@ -369,19 +368,19 @@ def describe(
             return draft
         draft = replace(draft, real=True)
     looks = [maker.time.part(share) for share in _LOOKS]
-    inside = draft.points(_WITNESSES, rng, True, maker.rounds(), _until(looks[0]))
+    inside = draft.points(_WITNESSES, rng, True, maker.rounds(), looks[0].stop)
     reachability = Reachability.INSIDE if len(inside) else Reachability.UNKNOWN
     if not len(inside):
         # Metres by which a family may lie beyond the limit of a prismatic joint and be at it.
         tolerance = np.where(arm.prismatic, 1e-6, maker.angle_tol)
         wider = replace(draft, limit_tolerance=tolerance)
-        inside = wider.points(_WITNESSES, rng, True, maker.rounds(), _until(looks[1]))
+        inside = wider.points(_WITNESSES, rng, True, maker.rounds(), looks[1].stop)
         if len(inside):
             draft, reachability = wider, Reachability.AT_LIMIT
             draft = replace(draft, limits_met=_limits_met(draft, inside[0], maker.symbols))
         elif not maker.time.over:
-            reachability = _unreachable(wider, _until(looks[2]))
-    anywhere = _until(maker.time)
+            reachability = _unreachable(wider, looks[2].stop)
+    anywhere = maker.time.stop
     points = inside
     if not len(inside):
         points = draft.points(_WITNESSES, rng, rounds=maker.rounds(), stop=anywhere)
@@ -439,7 +438,7 @@ def _drawn(draft: Family, maker: PieceMaker, rng: np.random.Generator) -> bool:
     """
     look = maker.time.part(_LOOKS[0])
     return any(
-        len(draft.points(_WITNESSES, rng, within, maker.rounds(), _until(look)))
+        len(draft.points(_WITNESSES, rng, within, maker.rounds(), look.stop))
         for within in (True, False)
     )
 
@@ -456,7 +455,7 @@ def _value_reach(
         rng = drawn[0] if drawn else np.random.default_rng(SEED)
         drawn[:] = [rng]
         alone = replace(family, branches=(branch,), reachability=reachability)
-        return bool(len(alone.points(1, rng, True, maker.rounds(), _until(maker.time))))
+        return bool(len(alone.points(1, rng, True, maker.rounds(), maker.time.stop)))
 
     limits = family.limits
     return values_reached(family.branches, limits, family.prismatic, reachability, met)
@@ -474,10 +473,6 @@ def _limits_met(family: Family, q: Array, symbols: Sequence[str]) -> tuple[str, 
                     f"{abs(value - limit):.1e} {unit} apart"
                 )
     return tuple(said)
-
-
-def _until(time: Budget) -> Stop:
-    return time.stop
 
 
 def _unreachable(family: Family, stop: Stop) -> Reachability:

@@ -63,7 +63,8 @@ class Lengths:
 
 def of_table(arm: Arm, table: DHTable, chosen: Sequence[str] | None, angle_tol: float) -> Lengths:
     """Lengths a1, d1, a2, ... and twists alpha1, ...; by default all lengths that are not zero."""
-    known, twists = lengths_of(table), twists_of(table)
+    known = lengths_of(table)
+    twists = {f"alpha{i}": row.alpha for i, row in enumerate(table.rows, 1)}
     names = _chosen(known, twists, chosen)
     turning = [i for i, name in enumerate(twists, 1) if name in names]
     try:
@@ -147,11 +148,6 @@ def lengths_of(table: DHTable) -> dict[str, float]:
         if row.type != "prismatic":
             found[f"d{i}"] = row.d
     return found
-
-
-def twists_of(table: DHTable) -> dict[str, float]:
-    """Twists of a table by name, radians: alpha1, alpha2, ..."""
-    return {f"alpha{i}": row.alpha for i, row in enumerate(table.rows, 1)}
 
 
 def _chosen(

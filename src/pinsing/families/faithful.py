@@ -18,7 +18,7 @@ from pinsing._types import Array
 from pinsing.algebra.components import Component
 from pinsing.algebra.equation import equation
 from pinsing.algebra.mimic import own_offsets
-from pinsing.algebra.ring import Poly, Ring, terms_of
+from pinsing.algebra.ring import MadeOnce, Poly, Ring, terms_of
 from pinsing.algebra.trig_sum import TINY
 from pinsing.arguments import typed
 from pinsing.families.family import Family
@@ -97,7 +97,7 @@ class _Exact:
         self.rng = np.random.default_rng(11)
         size = sum(abs(float(x)) for row in geometry.translation for x in row) or 1.0
         self.reach = np.where(self.slides, size, np.pi)
-        self._made: dict[int, tuple[Poly, _Form]] = {}
+        self._made = MadeOnce()
 
     def same(self, branch: Branch, component: Component) -> bool:
         """Return True if a branch is a component with its joints put at their values."""
@@ -181,9 +181,7 @@ class _Exact:
         return self.rng.uniform(-self.reach, self.reach, (count, len(self.reach)))
 
     def _form(self, poly: Poly) -> _Form:
-        if id(poly) not in self._made:  # the polynomial is kept, so that its id stays its own
-            self._made[id(poly)] = poly, _Form(poly, self.ring)
-        return self._made[id(poly)][1]
+        return self._made.of(poly, lambda p: _Form(p, self.ring))  # type: ignore[no-any-return]
 
     def _variables(self, q: Array) -> Array:
         """The ring's variables (N, variables) at configurations (N, n)."""

@@ -470,15 +470,6 @@ def families_table(rows: Iterable[Sequence[str]], named: Iterable[tuple[str, str
     return table(rows, _HEADER) + where
 
 
-def family_row(
-    called: str, latex: str, short: str, kind: str, inside: bool | None, reach: str, reason: str
-) -> tuple[str, ...]:
-    """The cells of a family: its equations behind ``short``, where that is given."""
-    tone = _TONES.get(inside)
-    reachable = marked(reach, tone) if tone else text(reach)
-    return name(called), formula(latex, short), text(kind), reachable, text(reason)
-
-
 @dataclass(frozen=True, eq=False)
 class Family(Members, JsonResult):
     """A component of the singular set of an arm, joined with its mirror images.
@@ -699,8 +690,10 @@ def html_row(family: Family) -> tuple[str, ...]:
     varies = family.kind == "varies"
     kind = "; ".join(str(part) for part in family.kinds) if varies else family.kind
     short = family.text if family.solved or family.abridged else ""
-    cells = family.name, family.latex, short, kind
-    return family_row(*cells, family.is_reachable, family.reach, family.reason)
+    tone = _TONES.get(family.is_reachable)
+    reach = marked(family.reach, tone) if tone else text(family.reach)
+    cells = name(family.name), formula(family.latex, short), text(kind)
+    return (*cells, reach, text(family.reason))
 
 
 _TERM = re.compile(r"(?= [+-] )")

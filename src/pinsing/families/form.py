@@ -31,7 +31,7 @@ from pinsing.families.family import (
     written_out,
 )
 from pinsing.families.slice_count import SliceCount
-from pinsing.families.system import SystemHead, system_text
+from pinsing.families.system import system_text
 from pinsing.families.tube import Tube
 from pinsing.measures import SINGULAR_RTOL
 from pinsing.prose import PLAIN, Page, Span, caution, formula, good, measured, unbroken, visible
@@ -288,7 +288,7 @@ class ClosedForm(JsonResult):
         s5,
         c5^2+s5^2-1
         """
-        return system_of(self, language, families)[0]
+        return system_text(self, language, families)[0]
 
     def _repr_latex_(self) -> str:
         """For notebooks."""
@@ -300,22 +300,6 @@ class ClosedForm(JsonResult):
 
     def __str__(self) -> str:
         return families_text(self, brief=True)
-
-
-def system_of(
-    form: ClosedForm, language: str, families: Sequence[str] | None = None
-) -> tuple[str, tuple[str, ...]]:
-    """As `ClosedForm.system`, and what its comments say, line by line."""
-    head = SystemHead(
-        form.arm,
-        form.generic_rank,
-        form.word,
-        form.gaps,
-        form.snaps,
-        form.jacobian_change,
-        form.symbols,
-    )
-    return system_text(head, form.families, form.geometry, language, families)
 
 
 PLACE = {

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 import random
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from fractions import Fraction
 from typing import Any
 
@@ -222,7 +222,9 @@ class ModularSet:
         self.p = prime
         self.values = {j: value_modulo(x, prime) for j, x in component.values.items()}
         self.relations = [_Split(_residues(r, ring, prime), prime) for r in component.relations]
-        self.variables = [(j, k) for j in range(len(ring.prismatic)) for k in _kinds(ring, j)]
+        self.variables = [
+            (j, k) for j in range(len(ring.prismatic)) for k in range(len(ring.variables(j)))
+        ]
 
     def holds(self, x: Ints, y: Ints) -> npt.NDArray[np.bool_]:
         """Return which of some points (n, N) lie on it."""
@@ -289,10 +291,6 @@ def _monomials(exponents: Sequence[tuple[int, ...]], at: Ints, p: int) -> Ints:
     return out
 
 
-def _kinds(ring: Ring, j: int) -> Iterator[int]:
-    return iter(range(len(ring.variables(j))))
-
-
 def _residues(poly: Poly, ring: Ring, prime: int) -> dict[tuple[int, ...], int]:
     """Coefficients of a polynomial modulo a prime, no multiple of which all of them are.
 
@@ -314,7 +312,6 @@ class ModularRows(ModularChain):
         super().__init__(geometry, prime)
         self.task = task
         self._with_base = bool(in_axes(task, False))
-        self._with_tip = set(in_axes(task, True))
         self._tip_turn = np.array(
             [[residue(v, prime) for v in row] for row in geometry.tip_rotation]
         )

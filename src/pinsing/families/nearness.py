@@ -174,7 +174,7 @@ class Starts:
         by the equations.
         """
         found = [np.zeros((0, self.space.n))]
-        share = -(-n // max(1, len(self.held)))
+        share, box = -(-n // max(1, len(self.held))), (self.lower, self.upper)
         for i, (branch, fixed) in enumerate(self.held):
             if i and stop is not None and stop():
                 break
@@ -183,48 +183,21 @@ class Starts:
             missing = share
             # Times that so many are tried.
             for _ in range(4):
-                q = self._by_rank(confirm, branch, fixed, free, missing, rng, stop)
+                late = stop is not None and stop()  # then a first look is taken all the same
+                count = 12 if late else min(max(_FEWEST, 4 * missing), _MOST)
+                starts = np.where(free, rng.uniform(*box, (count, len(free))), fixed)
+                q = self._inside(confirm.drawn(starts, free, box))
+                q = q[near((branch,), self.space, q, ROUNDING)] if len(q) else q
                 found.append(q[:missing])
                 missing -= len(found[-1])
                 if missing == 0 or not len(q) or (stop is not None and stop()):
                     break
             if missing:
-                q = self._by_equations(confirm, branch, fixed, free, missing, rng, stop)
-                found.append(q[:missing])
+                count = min(max(_FEWEST, 4 * missing), _MOST)
+                q = thrown(branch.equations, *box, free, fixed, count, rng, stop)
+                q = q[confirm(q)] if len(q) else q
+                found.append((self._inside(q) if self.within else q)[:missing])
         return np.concatenate(found)[:n]
-
-    def _by_rank(
-        self,
-        confirm: Confirm,
-        branch: Branch,
-        fixed: Array,
-        free: Bool,
-        n: int,
-        rng: np.random.Generator,
-        stop: Stop | None,
-    ) -> Array:
-        late = stop is not None and stop()  # then a first look is taken all the same
-        # Starts at once: where the time is over, and where it is not.
-        count = 12 if late else min(max(_FEWEST, 4 * n), _MOST)
-        starts = np.where(free, rng.uniform(self.lower, self.upper, (count, len(free))), fixed)
-        q = self._inside(confirm.drawn(starts, free, (self.lower, self.upper)))
-        return q[near((branch,), self.space, q, ROUNDING)] if len(q) else q
-
-    def _by_equations(
-        self,
-        confirm: Confirm,
-        branch: Branch,
-        fixed: Array,
-        free: Bool,
-        n: int,
-        rng: np.random.Generator,
-        stop: Stop | None,
-    ) -> Array:
-        count = min(max(_FEWEST, 4 * n), _MOST)
-        box = self.lower, self.upper
-        q = thrown(branch.equations, *box, free, fixed, count, rng, stop)
-        q = q[confirm(q)] if len(q) else q
-        return self._inside(q) if self.within else q
 
     def _inside(self, q: Array) -> Array:
         """Those of some points (N, n) that are in the box, up to whole turns."""

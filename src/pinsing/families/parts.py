@@ -149,6 +149,11 @@ class ValueReach:
     reachability: Reachability
 
 
+_BEST_FIRST = (
+    Reachability.INSIDE, Reachability.AT_LIMIT, Reachability.UNKNOWN, Reachability.OUTSIDE
+)  # fmt: skip
+
+
 def values_reached(
     branches: Sequence[Branch],
     limits: tuple[Array, Array],
@@ -177,14 +182,9 @@ def values_reached(
                 if not allowed:
                     here = Reachability.OUTSIDE
                 key = v.joint, round(v.value, 9)
-                known[key] = _better(known.get(key), here) if inside else Reachability.OUTSIDE
+                best = min(known.get(key, here), here, key=_BEST_FIRST.index)
+                known[key] = best if inside else Reachability.OUTSIDE
     return tuple(ValueReach(key[0], exact[key], known[key]) for key in sorted(known))
-
-
-def _better(a: Reachability | None, b: Reachability) -> Reachability:
-    """Return what is known of configurations of one kind or another."""
-    order = [Reachability.INSIDE, Reachability.AT_LIMIT, Reachability.UNKNOWN, Reachability.OUTSIDE]
-    return b if a is None else min(a, b, key=order.index)
 
 
 def _inside(value: float, joint: int, limits: tuple[Array, Array], prismatic: Bool) -> bool:

@@ -22,7 +22,7 @@ from pinsing.algebra.real_roots import (
     real_roots,
     real_solutions,
 )
-from pinsing.algebra.ring import Poly, Ring, Value
+from pinsing.algebra.ring import MadeOnce, Poly, Ring, Value
 from pinsing.families.nearness import Confirm
 from pinsing.families.parts import Branch, JointValue
 from pinsing.families.zero_set import (
@@ -76,8 +76,7 @@ class PieceMaker:
         """Which points of equations are singular, where that is to be asked; see ``Family``."""
         self.products = False
         """Whether relations may be products, whose roots are not to be listed."""
-        self._met: dict[int, tuple[Branch, bool]] = {}
-        self._made: dict[int, tuple[Poly, Equation]] = {}
+        self._met, self._made = MadeOnce(), MadeOnce()
         arm = geometry.arm
         flat = [float(x) for row in geometry.translation for x in row]
         self.lengths = [abs(x) for x in flat if x != 0]
@@ -316,10 +315,10 @@ class PieceMaker:
 
     def equation_of(self, poly: Poly) -> Equation:
         """A polynomial as an equation in the joints, made once."""
-        if id(poly) not in self._made:  # the polynomial is kept, so that its id stays its own
-            made = equation(poly, self.ring, self.symbols, self.offset)
-            self._made[id(poly)] = poly, scale_to_lengths(made, self.lengths)
-        return self._made[id(poly)][1]
+        given = self.ring, self.symbols, self.offset
+        return self._made.of(  # type: ignore[no-any-return]
+            poly, lambda p: scale_to_lengths(equation(p, *given), self.lengths)
+        )
 
     def _branches(
         self, fixed: list[JointValue], solved: list[JointValue], equations: list[Equation]
@@ -341,9 +340,7 @@ class PieceMaker:
         """Return True if a point of a branch is found; looked for once."""
         if not branch.equations and self.confirm is None:
             return True
-        if id(branch) not in self._met:  # the branch is kept, so that its id stays its own
-            self._met[id(branch)] = branch, bool(self.find(branch, 1).size)
-        return self._met[id(branch)][1]
+        return bool(self._met.of(branch, lambda b: self.find(b, 1).size))
 
     def _empty(self, branch: Branch) -> bool:
         if any(never_zero(e) for e in branch.equations):

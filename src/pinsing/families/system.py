@@ -15,11 +15,13 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from pathlib import Path
+from typing import Any
 
 from flint import Ordering, fmpq, fmpq_mpoly_ctx
 
 from pinsing.algebra.budget import Budget
 from pinsing.algebra.components import Component
+from pinsing.algebra.equation import joined
 from pinsing.algebra.jacobian_matrix import constants
 from pinsing.algebra.mimic import own_offsets
 from pinsing.algebra.ring import Poly, Value, rational
@@ -27,7 +29,6 @@ from pinsing.algebra.surd_ring import ring_of
 from pinsing.errors import OptionError
 from pinsing.families.family import Family, asked_for
 from pinsing.prose import visible
-from pinsing.robot.arm import ArmSummary
 from pinsing.robot.nominal import Nominal
 from pinsing.robot.surd import SQUARES, Exact, parts_of
 
@@ -55,11 +56,6 @@ class Systems:
     # variables that stand for square roots: only solutions where they are positive are meant
     roots: tuple[str, ...]
     free: tuple[str, ...]  # symbols of the arm's other joints, which may be anywhere
-
-
-def systems(families: Sequence[Family], geometry: Nominal, symbols: Sequence[str]) -> Systems:
-    """Families, with their exact components, as systems of equations."""
-    return _SystemMaker(families, geometry, symbols).systems()
 
 
 class _SystemMaker:
@@ -271,45 +267,28 @@ def language_of(path: Path) -> str:
     return found
 
 
-@dataclass(frozen=True)
-class SystemHead:
-    """What a file of equations tells of its arm."""
-
-    arm: ArmSummary
-    rank: int  # singular means: rank below this
-    word: str  # how sure it is that no family is missing
-    gaps: tuple[str, ...]  # why some may be
-    snaps: tuple[str, ...]  # what was moved to be exact
-    change: float  # bound of what that changes in any column of the task Jacobian
-    symbols: tuple[str, ...]
-
-
 def system_text(
-    stated: SystemHead,
-    families: Sequence[Family],
-    geometry: Nominal | None,
-    language: str,
-    names: Sequence[str] | None = None,
+    form: Any, language: str, names: Sequence[str] | None = None
 ) -> tuple[str, tuple[str, ...]]:
     """Families, all or those of some names, as a file for another program, and its comments.
 
-    Those are what the file says, or would if it could have comments. ``geometry`` is None where the
-    closed form was read from a file.
+    Those are what the file says, or would if it could have comments. ``form`` is a `ClosedForm`,
+    whose module imports this one.
     """
     if language not in LANGUAGES:
         raise OptionError(f"no language {language!r}; there are {', '.join(LANGUAGES)}")
-    asked = asked_for({f.name: f for f in families}, names or ())
-    chosen = [f for f in families if names is None or f.name in asked]
-    arm = stated.arm
+    asked = asked_for({f.name: f for f in form.families}, names or ())
+    chosen = [f for f in form.families if names is None or f.name in asked]
+    arm = form.arm
     if not chosen:
         raise OptionError(f"{arm.name}, task {arm.task}: there is no family to write equations of")
-    if geometry is None or not all(f.components for f in chosen):
+    if form.geometry is None or not all(f.components for f in chosen):
         raise OptionError(
             "the exact equations are not in a closed form that was read from a file: make it "
             "again with closed_form"
         )
-    found = systems(chosen, geometry, stated.symbols)
-    remarks = tuple(_remarks(stated, found, language))
+    found = _SystemMaker(chosen, form.geometry, form.symbols).systems()
+    remarks = tuple(_remarks(form, found, language))
     if language == "msolve":
         return _msolve(found), remarks
     head = "".join(f"{_COMMENT[language]}{line}\n" for line in remarks)
@@ -317,17 +296,17 @@ def system_text(
     return f"{head}\n{body}", remarks
 
 
-def _remarks(stated: SystemHead, found: Systems, language: str) -> Iterator[str]:
+def _remarks(form: Any, found: Systems, language: str) -> Iterator[str]:
     """Return what a reader has to know of the equations, line by line."""
-    arm = stated.arm
+    arm = form.arm
     yield f"Singular configurations of {visible(arm.name)}, as exact equations (pinsing)"
     yield (
         f"robot {visible(arm.source)}, base {visible(arm.base)}, tip {visible(arm.tip)}, "
-        f"task {arm.task}, generic rank {stated.rank}"
+        f"task {arm.task}, generic rank {form.generic_rank}"
     )
-    yield f"families: {stated.word}"
-    yield from (f"not complete: {visible(gap)}" for gap in stated.gaps)
-    named = zip(stated.symbols, arm.joints, strict=True)
+    yield f"families: {form.word}"
+    yield from (f"not complete: {visible(gap)}" for gap in form.gaps)
+    named = zip(form.symbols, arm.joints, strict=True)
     yield "joints: " + ", ".join(f"{s} = {visible(joint)}" for s, joint in named)
     yield "variables: " + ", ".join(f"{name} = {what}" for name, what in found.variables)
     if found.free:
@@ -337,10 +316,10 @@ def _remarks(stated: SystemHead, found: Systems, language: str) -> Iterator[str]
     if language == "msolve":
         yield from _numbered(found)
     yield "meant are real solutions, within the joint limits or not"
-    if stated.snaps:
+    if form.snaps:
         yield "true of the nominal geometry, in which these numbers of the file were moved:"
-        yield from (f"  {visible(snap)}" for snap in stated.snaps)
-        yield f"no column of the Jacobian changes by more than {stated.change:.1e} by that"
+        yield from (f"  {visible(snap)}" for snap in form.snaps)
+        yield f"no column of the Jacobian changes by more than {form.jacobian_change:.1e} by that"
     known: dict[object, str] = {}
     for one in found.families:
         yield from _of(one)
@@ -385,7 +364,7 @@ def _each(found: Systems, power: str = "^") -> Iterator[tuple[str, list[str]]]:
 
 def _written(poly: Terms, names: Sequence[str], power: str = "^") -> str:
     """``203*c2*c3 - 4318*s2^2 + 1``."""
-    out = ""
+    terms = []
     for coefficient, exponents in poly:
         factors = [
             name if e == 1 else f"{name}{power}{e}"
@@ -394,9 +373,8 @@ def _written(poly: Terms, names: Sequence[str], power: str = "^") -> str:
         ]
         size = abs(coefficient)
         body = "*".join([str(size)] * (size != 1 or not factors) + factors)
-        sign = "-" if coefficient < 0 else "+"
-        out += f" {sign} {body}" if out else f"{'-' if sign == '-' else ''}{body}"
-    return out
+        terms.append((coefficient < 0, body))
+    return joined(terms)
 
 
 def _singular(found: Systems) -> str:

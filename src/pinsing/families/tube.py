@@ -635,9 +635,8 @@ def _determinant(p: Product, x: Array) -> tuple[Array, Array]:
 
 MOST = 600_000
 """Boxes after which the width is what has been proven till then."""
-SLACK, LATER = 1.5, 1.95
-"""A width that is this much larger than the largest distance found is good enough: at first, and
-after a sixth of the boxes."""
+SLACK = 1.5
+"""A width that is this much larger than the largest distance found is good enough."""
 _FIRST = 6
 
 
@@ -693,8 +692,7 @@ def find_widths(p: Product, families: Sequence[Family]) -> tuple[Array, Array, i
     for _ in range(20):
         best = look(best[:0], np.tile(best, (4, 1)))
     while True:
-        slack = SLACK if count < MOST // 6 else LATER
-        goal = slack * np.append(np.full(last, found[:last].max()), found[last])
+        goal = SLACK * np.append(np.full(last, found[:last].max()), found[last])
         worth = boxes.far / np.maximum(goal, TINY)
         # Where families meet comes first: what is known there bounds the rest.
         meets = worth[:, last] > 1

@@ -343,8 +343,6 @@ def hinged_balls(mechanism: Mechanism) -> tuple[Centre, ...]:
     return tuple(out)
 
 
-Mask = npt.NDArray[np.bool_]
-
 _STEP = 0.03
 _FAR = 30.0
 
@@ -471,7 +469,7 @@ def output_jacobian(mechanism: Mechanism, q: npt.ArrayLike) -> Array:
 
 
 def gauss_newton(
-    loops: Loops, q: Array, free: Mask, steps: int = 60, reach: float = np.inf
+    loops: Loops, q: Array, free: Bool, steps: int = 60, reach: float = np.inf
 ) -> tuple[Array, float]:
     """Close the loops by moving the ``free`` joints (mask) least: configuration and residual.
 

@@ -31,7 +31,15 @@ from pinsing.algebra.ring import Poly, Ring, make_ring, rational
 from pinsing.errors import OptionError
 from pinsing.loops.forms import JointForms
 from pinsing.loops.singular_points import SingularPoint, refine_point
-from pinsing.loops.structure import Sample, at_zero, closing, once, path_to, plane_axes
+from pinsing.loops.structure import (
+    Sample,
+    at_zero,
+    closing,
+    once,
+    path_to,
+    plane_axes,
+    position_in,
+)
 from pinsing.measures import ALIKE, NOISE
 from pinsing.robot.mechanism import Mechanism
 from pinsing.serialization import JsonResult
@@ -138,10 +146,7 @@ class Dyad:
             and np.allclose(output.placement.translation, p.placement.translation, atol=1e-12)
             for p in pins
         )
-        rows = mechanism.task.rows
-        across = [k for k in range(3) if k not in rows]
-        position = set(rows) <= {0, 1, 2} and not (np.abs(self.basis[:, across]) > 1e-9).any()
-        return meets and position
+        return meets and position_in(self.basis, mechanism.task.rows)
 
     def close(self, inputs: npt.ArrayLike) -> tuple[Array, ...]:
         """All configurations (n,) at one set of inputs (n_a,): two, one at type 2, or none.

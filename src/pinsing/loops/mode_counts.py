@@ -42,6 +42,7 @@ from pinsing.loops.structure import (
     output_pose,
     path_to,
     plane_axes,
+    position_in,
     structure,
 )
 from pinsing.measures import ROUNDING, SEED
@@ -198,7 +199,9 @@ def _input_loci(mechanism: Mechanism, found: Rods) -> tuple[PoseEquation, ...]:
     samples = _singular_squares(found)
     # Poses of one orientation that do not coincide are in the discriminant too.
     factors = (f for f, _ in whole.factor()[1] if any(_vanishes(f, at) for at in samples))
-    return tuple(_in_inputs(f, names) for f in factors)
+    stated = (pose_equation(f, ("t", *names)) for f in factors)
+    # In the inputs, not in their squares, and without t.
+    return tuple(replace(x, names=names, powers=2 * x.powers[:, 1:]) for x in stated)
 
 
 def _singular_squares(found: Rods) -> list[Array]:
@@ -236,12 +239,6 @@ def _vanishes(factor: Poly, at: Array) -> bool:
             term *= complex(value) ** int(power)
         total, size = total + term, size + abs(term)
     return abs(total) <= 1e-7 * size
-
-
-def _in_inputs(factor: Poly, names: tuple[str, ...]) -> PoseEquation:
-    """A polynomial in squared inputs as one in the inputs, its largest coefficient 1."""
-    found = pose_equation(factor, ("t", *names))
-    return replace(found, names=names, powers=2 * found.powers[:, 1:])
 
 
 def _degrees(mechanism: Mechanism, found: Rods) -> dict[str, int]:
@@ -571,7 +568,7 @@ def point_legs(mechanism: Mechanism) -> Rods | None:
     Each hangs on a crank or a slide. None of other mechanisms.
     """
     ring, plane = _ring(mechanism), plane_axes(mechanism)
-    if ring is None or plane is None or not _position_in(plane[0], mechanism.task.rows):
+    if ring is None or plane is None or not position_in(plane[0], mechanism.task.rows):
         return None
     driven = [j in mechanism.actuated for j in ring]
     if driven != [True, False, False, False, True] or len(ring) != mechanism.n + (LOOP in ring):
@@ -589,12 +586,6 @@ def point_legs(mechanism: Mechanism) -> Rods | None:
             return None
         found.append(rod)
     return Rods(mechanism, tuple(found), True, *plane)
-
-
-def _position_in(axes: Array, rows: Sequence[int]) -> bool:
-    """Whether rows of a task are the position in a plane, whose axes are rows of (3, 3)."""
-    across = [k for k in range(3) if k not in rows]
-    return set(rows) <= {0, 1, 2} and bool((np.abs(axes[:2, across]) <= ROUNDING).all())
 
 
 def _place(sample: Sample, pin: int, own: int) -> Array:

@@ -21,7 +21,6 @@ from pinsing.errors import ConfigurationError
 from pinsing.loops.closure import (
     BatchLoops,
     Loops,
-    Mask,
     gauss_newton,
     near_home,
     newton,
@@ -239,7 +238,7 @@ def home_error(mechanism: Mechanism) -> ConfigurationError:
 def closed_from_random(
     loops: BatchLoops,
     begin: Array,
-    free: Mask,
+    free: Bool,
     count: int,
     rng: np.random.Generator,
     target: tuple[Array, Array, tuple[int, ...]] | None = None,
@@ -257,7 +256,7 @@ def closed_from_random(
     return Q[size <= ROUNDING]
 
 
-def _home_starts(mechanism: Mechanism) -> Iterator[tuple[Array, Mask]]:
+def _home_starts(mechanism: Mechanism) -> Iterator[tuple[Array, Bool]]:
     """Configurations from which home is sought, and the joints that may move."""
     space, everything = mechanism.space, np.ones(mechanism.n, dtype=bool)
     # The inputs stay as given if they can.

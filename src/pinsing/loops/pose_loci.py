@@ -233,10 +233,6 @@ class PoseRing:
         """Direction of the hinge at C."""
         return [self.number(v) for v in self._vectors(rod)[4]]
 
-    def hinge_line(self, rod: Rod) -> Row:
-        """The line through B along the hinge at C."""
-        return self.wrench(self.hinge(rod), self.outer(rod))
-
     def motion(self, rod: Rod) -> Row:
         """Velocity of C by the actuator."""
         _, _, first, second, *_ = self._vectors(rod)
@@ -288,7 +284,9 @@ class PoseRing:
         """All wrenches: of each rod, and of its hinge."""
         out = []
         for rod in self.rods.rods:
-            out += [self.line(rod)] if rod.hinge is None else [self.line(rod), self.hinge_line(rod)]
+            out.append(self.line(rod))
+            if rod.hinge is not None:
+                out.append(self.wrench(self.hinge(rod), self.outer(rod)))
         return out
 
     def determinant(self, rows: list[Row], roots: Sequence[int] = ()) -> PoseEquation:

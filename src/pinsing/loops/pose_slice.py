@@ -272,7 +272,7 @@ class _Grid:
             jj, ii = np.meshgrid(places[1], places[0], indexing="ij")
             near = away[jj, ii] <= 2
             from_q = coarse.q[k, j[jj, ii], i[jj, ii]]
-            self._take(_of_mode(k, np.argwhere(near)), from_q[near])
+            self._take(np.insert(np.argwhere(near), 0, k, axis=1), from_q[near])
         self.fresh = self.solved.copy()
 
     def flood(self, layers: int) -> None:
@@ -309,7 +309,7 @@ class _Grid:
             left = np.argwhere(~self.solved[k])
             if not len(left):
                 continue
-            cells = _of_mode(k, left[rng.permutation(len(left))[:120]])
+            cells = np.insert(left[rng.permutation(len(left))[:120]], 0, k, axis=1)
             drawn = rng.uniform(low, high, (len(cells), way.mechanism.n))
             self._take(cells, drawn, far=np.inf, within=True)
         self.fresh = self.solved.copy()
@@ -347,11 +347,6 @@ class _Grid:
             at = tuple(here[ok].T)
             self.q[at] = Q[ok]
             self.solved[at] = self.fresh[at] = True
-
-
-def _of_mode(mode: int, cells: Any) -> Any:
-    """Cells (N, 2) of a grid with the number of a mode before them (N, 3)."""
-    return np.insert(cells, 0, mode, axis=1)
 
 
 def _shifted(by: int, to: bool) -> slice:

@@ -9,9 +9,9 @@ from typing import ClassVar
 import numpy as np
 import numpy.typing as npt
 
-from pinsing._types import Array
+from pinsing._types import Array, Bool
 from pinsing.errors import ConfigurationError
-from pinsing.loops.closure import BatchLoops, Loops, Mask, gauss_newton, ranks
+from pinsing.loops.closure import BatchLoops, Loops, gauss_newton, ranks
 from pinsing.loops.modes import assembly_sign, closed_from_random, home, leg_modes, mode_of
 from pinsing.loops.motion import Pose, motions
 from pinsing.loops.singular_points import StoppedError, Trace, trace, turning_points
@@ -136,7 +136,7 @@ def follow(
 
 
 def _walk(
-    loops: Loops, q: Array, target: Array, actuated: list[int], free: Mask
+    loops: Loops, q: Array, target: Array, actuated: list[int], free: Bool
 ) -> tuple[Array, float, str]:
     origin = q[actuated].copy()
     units = loops.column_scale[actuated]
@@ -161,7 +161,7 @@ def _walk(
     return q, 1.0, ""
 
 
-def _predict(loops: Loops, q: Array, move: Array, actuated: list[int], free: Mask) -> Array:
+def _predict(loops: Loops, q: Array, move: Array, actuated: list[int], free: Bool) -> Array:
     G = loops.scaled(q)[1]
     passive = np.linalg.lstsq(G[:, free], -G[:, actuated] @ move, rcond=1e-11)[0]
     longest = float(np.abs(passive).max(initial=0.0))

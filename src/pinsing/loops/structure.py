@@ -145,6 +145,12 @@ def plane_axes(mechanism: Mechanism) -> tuple[Array, Array] | None:
     return axes, np.array(turned.T)
 
 
+def position_in(axes: Array, rows: Sequence[int]) -> bool:
+    """Whether rows of a task are the position in a plane, whose axes are the first rows (2, 3)."""
+    across = [k for k in range(3) if k not in rows]
+    return set(rows) <= {0, 1, 2} and bool((np.abs(axes[:2, across]) <= ROUNDING).all())
+
+
 def bodies(mechanism: Mechanism) -> tuple[tuple[int, int], ...]:
     """The two bodies (joints of the model, 0 the base) that each loop holds together."""
     frames = mechanism.model.frames

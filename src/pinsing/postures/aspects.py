@@ -360,8 +360,8 @@ def aspects(forms: Forms, limits: bool = True, *, work: float = WORK) -> Aspects
     exact = cut.exact
     parts = []
     for part, pieces in zip(cut.parts, chosen.pieces, strict=True):
-        low, high = (sum(getattr(p, k) for p in pieces) for k in ("lower", "upper"))
-        exact &= all(p.closed for p in pieces)
+        low, high = (sum(getattr(p.found, k) for p in pieces) for k in ("lower", "upper"))
+        exact &= all(p.found.closed for p in pieces)
         lower, upper = lower * low, upper * high
         parts.append(PartCount(*_named(chosen, part), low, high))
     form = forms if isinstance(forms, ClosedForm) else forms[0]
@@ -444,7 +444,7 @@ def _where(chosen: Map, part: Part, piece: Piece, component: int) -> Iterator[st
     for surface, s in zip(part.surfaces, signs, strict=True):
         if s:
             yield f"{surface.family} {'>' if s > 0 else '<'} 0"
-    alike = [c for c in range(piece.upper) if piece.signs(c) == signs]
+    alike = [c for c in range(piece.found.upper) if piece.signs(c) == signs]
     if len(alike) > 1:
         yield f"piece {alike.index(component) + 1} of {len(alike)}"
 

@@ -88,13 +88,9 @@ def least(chosen: Map, path: Array) -> float:
     Distance changes no faster than the configuration moves: on a piece of half-length h it is no
     less than in its middle less h.
     """
-    pieces = list(pairwise(path))
     if not chosen.watched.families:
         return float("inf")
-    low, high = 0.0, float("inf")
-    begin = np.array([a for a, _ in pieces])
-    end = np.array([b for _, b in pieces])
-    out = []
+    high, begin, end, out = float("inf"), path[:-1], path[1:], []
     for _ in range(14):
         middle = (begin + end) / 2
         half = chosen.watched.length(end - begin) / 2

@@ -24,7 +24,6 @@ from pinsing.postures.boxes import Ground, Leaves, sum_of
 from pinsing.postures.partition import (
     Arc,
     Clear,
-    CountedPiece,
     Part,
     Partition,
     Piece,
@@ -92,7 +91,7 @@ _ASCENT = 60
 
 
 @dataclass(frozen=True, eq=False)
-class Divided(CountedPiece):
+class Divided:
     """A box whose components are those of a subdivision."""
 
     part: Part
@@ -109,8 +108,8 @@ class Divided(CountedPiece):
     def _signs(self) -> Ints:
         """Of the equations on each component, (C, m); 0 where it takes both round a circle."""
         label, sign = self.found.label, self.found.leaves.sign
-        out = np.zeros((self.upper, sign.shape[1]), dtype=np.int64)
-        for c in range(self.upper):
+        out = np.zeros((self.found.upper, sign.shape[1]), dtype=np.int64)
+        for c in range(self.found.upper):
             mine = sign[label == c]
             out[c] = np.where((mine == mine[0]).all(axis=0), mine[0], 0)
         return out
@@ -134,7 +133,7 @@ class Divided(CountedPiece):
         if self.found.label[box] >= 0:
             return int(self.found.label[box])
         here = np.array([int(np.sign(t(self._inside(x)))) for t in self.found.ground.terms])
-        alike = [c for c in range(self.upper) if (np.abs(self._signs[c] - here) < 2).all()]
+        alike = [c for c in range(self.found.upper) if (np.abs(self._signs[c] - here) < 2).all()]
         if self.found.proven and len(alike) == 1:
             return alike[0]
         way = self.to_certain(x, clear)
@@ -254,7 +253,7 @@ class Divided(CountedPiece):
 
 
 @dataclass(frozen=True, eq=False)
-class Sectioned(CountedPiece):
+class Sectioned:
     """A box whose components are those of sections across a joint, its hub."""
 
     part: Part
@@ -279,15 +278,17 @@ class Sectioned(CountedPiece):
             ground = type(f.ground)(
                 (terms,), f.ground.low, f.ground.high, f.ground.circle, f.ground.scale
             )
-            label = f.label[:, i]
-            parts = Components(ground, leaves, label, f.lower, f.upper, False, f.edges, passable)
+            parts = Components(
+                ground=ground, leaves=leaves, label=f.label[:, i], lower=f.lower, upper=f.upper,
+                closed=False, edges=f.edges, passable=passable,
+            )  # fmt: skip
             out.append(Divided(self.part, self.box, parts))
         return tuple(out)
 
     @cached_property
     def _sign(self) -> Ints:
         """Of the equation on each component, (C,)."""
-        out = np.zeros(self.upper, dtype=np.int64)
+        out = np.zeros(self.found.upper, dtype=np.int64)
         known = self.found.label >= 0
         out[self.found.label[known]] = self.found.leaves.sign[known]
         return out
@@ -469,7 +470,7 @@ class Map:
     @cached_property
     def counts(self) -> tuple[int, ...]:
         """Components of each part."""
-        return tuple(sum(p.upper for p in pieces) for pieces in self.pieces)
+        return tuple(sum(p.found.upper for p in pieces) for pieces in self.pieces)
 
     def check(self, q: npt.ArrayLike) -> Array:
         """A configuration (n,) within the limits that count."""
@@ -550,7 +551,7 @@ class Map:
         signs = zip(piece.signs(one), piece.signs(other), strict=True)
         if any(s * t < 0 for s, t in signs):
             return True
-        return piece.closed and piece.lower == piece.upper
+        return piece.found.proven
 
     def on_arcs(self, part: Part, box: tuple[Arc, ...], q: Array) -> Array | None:
         """The values (d,) of q on a box of arcs, by whole turns; None if they are not on it."""
@@ -572,13 +573,14 @@ class Map:
         """Place in the list of aspects, from 1 on."""
         out = 0
         for (box, component), pieces, count in zip(place, self.pieces, self.counts, strict=True):
-            out = out * count + sum(p.upper for p in pieces[:box]) + component
+            out = out * count + sum(p.found.upper for p in pieces[:box]) + component
         return out + 1
 
     def places(self) -> Iterator[tuple[tuple[int, int], ...]]:
         """All of them, in order."""
         each = [
-            [(b, c) for b, p in enumerate(pieces) for c in range(p.upper)] for pieces in self.pieces
+            [(b, c) for b, p in enumerate(pieces) for c in range(p.found.upper)]
+            for pieces in self.pieces
         ]
         return product(*each)
 

@@ -92,77 +92,6 @@ MOST = 800_000
 _DEGREES = (4, 8)
 
 
-@dataclass(frozen=True, eq=False)
-class Deflated:
-    """The cubic of three turning joints; vectors as in `pinsing.postures.ladder`."""
-
-    e: Array
-    tau: Array
-    constant: Array
-    cosine: Array
-    sine: Array
-
-    def discriminant(self, x: Array) -> Array:
-        """The discriminant at q2 and q3 (N, 2): (N,)."""
-        waves = np.stack([np.cos(x), np.sin(x)])
-        return _discriminant(*self._cubic(waves[:, :, 0], waves[:, :, 1], 1.0))
-
-    def _cubic(self, second: Array, third: Array, s: float) -> tuple[Array, Array, Array, Array]:
-        """Coefficients, given cosine and sine of both joints; with s = -1 bounds of their sizes.
-
-        These are had from absolute values of all numbers, with cosines and sines of 1.
-        """
-
-        def own(a: Array) -> Array:
-            return a if s > 0 else np.abs(a)
-
-        def turning(a: Array) -> tuple[Array, Array]:  # derivatives of a cosine and a sine
-            return a[1] * third[0] - s * a[0] * third[1], -s * (a[0] * third[0] + a[1] * third[1])
-
-        constant, cosine, sine, tau, e = map(
-            own, (self.constant, self.cosine, self.sine, self.tau, self.e)
-        )
-        v = constant[:, None] + cosine[:, None] * third[0] + sine[:, None] * third[1]
-        u = (second[0] * v[0] - s * second[1] * v[1], second[1] * v[0] + second[0] * v[1])
-        T, E = (k[0] * u[0] + k[1] * u[1] for k in (tau, e))
-        n = 2 * np.array([constant @ cosine, constant @ sine])
-        rise = np.array([cosine[2], sine[2]])
-        # What v_z, h and |v|^2 are linear in: 2 x (slope - bend x) / (1 + x^2) from the root on.
-        V, H, N = turning(rise), turning(n + 2 * tau[2] * rise), turning(n)
-        a2, s2 = float(tau[:2] @ tau[:2]), float(e[:2] @ e[:2])
-        over = 1 + e[2] ** 2 / s2
-        line = [
-            -s * T * H[k] / a2 - s * 2 * e[2] / s2 * E * V[k] - s * N[k] + 2 * v[2] * V[k]
-            for k in (0, 1)
-        ]
-        square = [
-            0.5 / a2 * H[0] ** 2 + 2 * over * V[0] ** 2,
-            H[0] * H[1] / a2 + 4 * over * V[0] * V[1],
-            0.5 / a2 * H[1] ** 2 + 2 * over * V[1] ** 2,
-        ]
-        return line[0], line[1] + square[0], line[0] + square[1], line[1] + square[2]
-
-    @cached_property
-    def rounding(self) -> float:
-        """A bound of the error of a computed discriminant: it comes of some 120 roundings."""
-        ones = np.ones((2, 1))
-        return 2e-14 * float(_discriminant(*self._cubic(ones, ones, -1.0), sign=-1.0)[0])
-
-    def expanded(self) -> TrigSum:
-        """The discriminant as a sum in q2 and q3."""
-        shape = tuple(4 * d for d in _DEGREES)
-        grid = np.stack(np.meshgrid(*(2 * np.pi / m * np.arange(m) for m in shape), indexing="ij"))
-        values = self.discriminant(grid.reshape(2, -1).T).reshape(shape)
-        waves = np.fft.fft2(values) / values.size
-        rates, terms = [[0, 0]], [waves[0, 0].real]
-        for i in range(_DEGREES[0] + 1):
-            for j in range(-_DEGREES[1], _DEGREES[1] + 1):
-                if (i, j) > (0, 0):
-                    rates.append([i, j])
-                    terms.append(2 * waves[i, j])
-        return TrigSum(np.abs(terms), np.angle(terms), rates, np.zeros_like(rates), 1e-12)
-
-
 def _discriminant(c0: Array, c1: Array, c2: Array, c3: Array, sign: float = 1.0) -> Array:
     return np.asarray(
         18 * c3 * c2 * c1 * c0
@@ -173,7 +102,7 @@ def _discriminant(c0: Array, c1: Array, c2: Array, c3: Array, sign: float = 1.0)
     )
 
 
-def one_root_left(cubic: Deflated, most: int = MOST) -> bool:
+def one_root_left(cubic: Measures, most: int = MOST) -> bool:
     """Return True if the discriminant is proven negative all over the torus of q2 and q3.
 
     It is largest somewhere, where no box around shows that it grows in some direction. False where
@@ -373,10 +302,6 @@ class Measures:
         c, s = np.cos(q), np.sin(q)
         return np.stack([c * v[:, 0] - s * v[:, 1], s * v[:, 0] + c * v[:, 1], v[:, 2]], axis=1)
 
-    def height_by_third(self, Q: Array) -> Array:
-        """Derivative of v_z by q3."""
-        return np.asarray(self.third(Q)[1][:, 2])
-
     def h_by_third(self, Q: Array) -> Array:
         """Derivative of h by q3."""
         v, dv = self.third(Q)
@@ -412,9 +337,65 @@ class Measures:
 
         return value
 
-    def deflated(self) -> Deflated:
-        """Return what is left of P where the root q3 is taken out."""
-        return Deflated(self.e, self.tau, self.constant, self.cosine, self.sine)
+    def discriminant(self, x: Array) -> Array:
+        """That of the cubic which is left of P without the root q3, at q2 and q3 (N, 2): (N,)."""
+        waves = np.stack([np.cos(x), np.sin(x)])
+        return _discriminant(*self._cubic(waves[:, :, 0], waves[:, :, 1], 1.0))
+
+    def _cubic(self, second: Array, third: Array, s: float) -> tuple[Array, Array, Array, Array]:
+        """Coefficients, given cosine and sine of both joints; with s = -1 bounds of their sizes.
+
+        These are had from absolute values of all numbers, with cosines and sines of 1.
+        """
+
+        def own(a: Array) -> Array:
+            return a if s > 0 else np.abs(a)
+
+        def turning(a: Array) -> tuple[Array, Array]:  # derivatives of a cosine and a sine
+            return a[1] * third[0] - s * a[0] * third[1], -s * (a[0] * third[0] + a[1] * third[1])
+
+        constant, cosine, sine, tau, e = map(
+            own, (self.constant, self.cosine, self.sine, self.tau, self.e)
+        )
+        v = constant[:, None] + cosine[:, None] * third[0] + sine[:, None] * third[1]
+        u = (second[0] * v[0] - s * second[1] * v[1], second[1] * v[0] + second[0] * v[1])
+        T, E = (k[0] * u[0] + k[1] * u[1] for k in (tau, e))
+        n = 2 * np.array([constant @ cosine, constant @ sine])
+        rise = np.array([cosine[2], sine[2]])
+        # What v_z, h and |v|^2 are linear in: 2 x (slope - bend x) / (1 + x^2) from the root on.
+        V, H, N = turning(rise), turning(n + 2 * tau[2] * rise), turning(n)
+        a2, s2 = float(tau[:2] @ tau[:2]), float(e[:2] @ e[:2])
+        over = 1 + e[2] ** 2 / s2
+        line = [
+            -s * T * H[k] / a2 - s * 2 * e[2] / s2 * E * V[k] - s * N[k] + 2 * v[2] * V[k]
+            for k in (0, 1)
+        ]
+        square = [
+            0.5 / a2 * H[0] ** 2 + 2 * over * V[0] ** 2,
+            H[0] * H[1] / a2 + 4 * over * V[0] * V[1],
+            0.5 / a2 * H[1] ** 2 + 2 * over * V[1] ** 2,
+        ]
+        return line[0], line[1] + square[0], line[0] + square[1], line[1] + square[2]
+
+    @cached_property
+    def rounding(self) -> float:
+        """A bound of the error of a computed discriminant: it comes of some 120 roundings."""
+        ones = np.ones((2, 1))
+        return 2e-14 * float(_discriminant(*self._cubic(ones, ones, -1.0), sign=-1.0)[0])
+
+    def expanded(self) -> TrigSum:
+        """The discriminant as a sum in q2 and q3."""
+        shape = tuple(4 * d for d in _DEGREES)
+        grid = np.stack(np.meshgrid(*(2 * np.pi / m * np.arange(m) for m in shape), indexing="ij"))
+        values = self.discriminant(grid.reshape(2, -1).T).reshape(shape)
+        waves = np.fft.fft2(values) / values.size
+        rates, terms = [[0, 0]], [waves[0, 0].real]
+        for i in range(_DEGREES[0] + 1):
+            for j in range(-_DEGREES[1], _DEGREES[1] + 1):
+                if (i, j) > (0, 0):
+                    rates.append([i, j])
+                    terms.append(2 * waves[i, j])
+        return TrigSum(np.abs(terms), np.angle(terms), rates, np.zeros_like(rates), 1e-12)
 
 
 def ways_of(chain: ExactChain, w: Vector) -> tuple[SolutionStage, ...] | None:
@@ -436,7 +417,7 @@ def ways_of(chain: ExactChain, w: Vector) -> tuple[SolutionStage, ...] | None:
         if point.slides:
             return (last,)
         first = f"{said} joint {third + 1} alone, which has two values"
-        return SolutionStage("elbow", third, m.height_by_third, first), last
+        return SolutionStage("elbow", third, lambda Q: m.third(Q)[1][:, 2], first), last
     if point.crossing:
         if _is_zero(h):
             return None
@@ -467,7 +448,7 @@ def ways_of(chain: ExactChain, w: Vector) -> tuple[SolutionStage, ...] | None:
         return SolutionStage("elbow", third, aside, first), SolutionStage(
             "shoulder", second, steep, far
         )
-    if point.slides or not one_root_left(m.deflated()):
+    if point.slides or not one_root_left(m):
         return None
     only = (
         f"joint {third + 1} solves an equation that has no more than two real roots wherever the "

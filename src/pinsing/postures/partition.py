@@ -193,23 +193,21 @@ Clear = Callable[[Array], bool]
 """Whether a polyline (K, d) in the joints of a part meets nothing that separates."""
 
 
-class Counts(Protocol):
-    """How many components there are, as found."""
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Counts:
+    """How many components there are, counted from both sides."""
+
+    lower: int  # no fewer components than this
+    upper: int  # those that were found; no more where ``closed``
+    closed: bool = True  # whether none can be missing
 
     @property
-    def lower(self) -> int:
-        """No fewer components."""
-
-    @property
-    def upper(self) -> int:
-        """Components that were found; no more where ``closed``."""
-
-    @property
-    def closed(self) -> bool:
-        """True if none can be missing."""
+    def proven(self) -> bool:
+        """True if both numbers agree."""
+        return self.closed and self.lower == self.upper
 
 
-class Piece(Counts, Protocol):
+class Piece(Protocol):
     """Components of a box of arcs."""
 
     @property
@@ -219,6 +217,10 @@ class Piece(Counts, Protocol):
     @property
     def box(self) -> tuple[Arc, ...]:
         """An arc of each joint."""
+
+    @property
+    def found(self) -> Counts:
+        """How many components it has."""
 
     def examples(self, component: int) -> Array:
         """Points (K, d) of a component, well inside first."""
@@ -236,27 +238,6 @@ class Piece(Counts, Protocol):
         """
 
 
-class CountedPiece:
-    """The counts of a piece are those of what was found on its box."""
-
-    found: Counts
-
-    @property
-    def lower(self) -> int:
-        """No fewer components."""
-        return self.found.lower
-
-    @property
-    def upper(self) -> int:
-        """Components that were found, no more where ``closed``."""
-        return self.found.upper
-
-    @property
-    def closed(self) -> bool:
-        """True if none can be missing."""
-        return self.found.closed
-
-
 def toward(a: Array, b: Array, circle: Bool) -> Array:
     """b, by whole turns of circles as near to a as can be."""
     turns = np.round((a - b) / (2 * math.pi))
@@ -269,9 +250,7 @@ class Plain:
 
     part: Part
     box: tuple[Arc, ...]
-    lower: int = 1
-    upper: int = 1
-    closed: bool = True
+    found: Counts = Counts(lower=1, upper=1)
 
     def examples(self, component: int) -> Array:
         """Points (K, d) of the component, its middle first."""
@@ -330,7 +309,6 @@ class Wheel:
     part: Part
     box: tuple[Arc, ...]
     hub: int
-    closed: bool = True
 
     @cached_property
     def _terms(self) -> TrigSum:
@@ -346,14 +324,10 @@ class Wheel:
         return bool((odd.any(axis=0) & self._circle).any())
 
     @property
-    def lower(self) -> int:
-        """Number of components."""
-        return 1 if self._joined else 2
-
-    @property
-    def upper(self) -> int:
-        """Number of components."""
-        return self.lower
+    def found(self) -> Counts:
+        """Both signs, or one set."""
+        count = 1 if self._joined else 2
+        return Counts(lower=count, upper=count)
 
     def examples(self, component: int) -> Array:
         """Points (K, d), where |f| is large first."""

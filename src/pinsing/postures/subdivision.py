@@ -32,7 +32,7 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
-from typing import Protocol, TypeVar
+from typing import TypeVar
 
 import numpy as np
 
@@ -40,7 +40,7 @@ from pinsing._types import Array, Bool, Ints
 from pinsing.algebra.budget import Budget
 from pinsing.algebra.trig_sum import TrigSum
 from pinsing.postures.boxes import Ground, Leaves, growing, is_regular, on_boxes, sum_of
-from pinsing.postures.partition import Arc, Part
+from pinsing.postures.partition import Arc, Counts, Part
 
 DEEPEST = 14
 """How often boxes are halved at most."""
@@ -48,12 +48,15 @@ _BOX = 100.0
 """Products that a box costs beside those of its terms, of which each takes some five."""
 
 
-class Counted(Protocol):
-    """Components that were counted from both sides."""
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Counted(Counts):
+    """Components of boxes; closed if every box is certain or regular, on every section."""
 
-    @property
-    def proven(self) -> bool:
-        """True if both numbers agree."""
+    ground: Ground  # what was subdivided; of sections the other joints, an equation for each
+    leaves: Leaves  # its boxes; of sections with the signs of every one
+    # (N,) or for each section (N, m): component of each certain box, from 0; else -1
+    label: Ints
+    edges: Ints  # (2, E): pairs of boxes that share a face
 
 
 F = TypeVar("F", bound=Counted)
@@ -94,23 +97,11 @@ def halved(ground: Ground, classify: Classify, count: Count[F], budget: Budget) 
         leaves = split(again)
 
 
-@dataclass(frozen=True, eq=False)
-class Components:
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Components(Counted):
     """What a subdivision has found."""
 
-    ground: Ground  # what was subdivided
-    leaves: Leaves  # its boxes
-    label: Ints  # (N,): component of each certain box, from 0; -1 for uncertain ones
-    lower: int  # no fewer components than this
-    upper: int  # no more: the number of labels; only where ``closed``
-    closed: bool  # whether every box is certain or regular
-    edges: Ints  # (2, E): pairs of boxes that share a face
     passable: Bool  # (E,): where both are certain, and all signs are the same through the face
-
-    @property
-    def proven(self) -> bool:
-        """True if both numbers agree."""
-        return self.closed and self.lower == self.upper
 
 
 def subdivide(ground: Ground, budget: Budget) -> Components:
@@ -216,24 +207,11 @@ def connected(n: int, a: Ints, b: Ints) -> Ints:
     return np.asarray(np.unique(label, return_index=True)[1][label], dtype=np.int64)
 
 
-@dataclass(frozen=True, eq=False)
-class Sections:
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Sections(Counted):
     """What sections across a hub have found."""
 
-    ground: Ground  # the other joints; one equation for each section
     cuts: Array  # (m,): values of the hub, ascending: its ends first and last
-    leaves: Leaves  # boxes of the other joints; signs of every section
-    # (N, m): component of each box on each section where the sign is certain, from 0; else -1
-    label: Ints
-    lower: int  # no fewer components than this
-    upper: int  # no more: the number of labels; only where ``closed``
-    closed: bool  # whether every box is certain or regular on every section
-    edges: Ints  # (2, E): pairs of boxes that share a face
-
-    @property
-    def proven(self) -> bool:
-        """True if both numbers agree."""
-        return self.closed and self.lower == self.upper
 
 
 def across(part: Part, box: tuple[Arc, ...]) -> int | None:

@@ -16,6 +16,7 @@ from flint import arb, ctx, fmpq, fmpz_poly
 
 from pinsing.algebra.budget import Budget
 from pinsing.algebra.ring import Ring as AlgebraRing
+from pinsing.algebra.ring import coefficients_by, fraction, rational
 from pinsing.algebra.surd_ring import SurdRing
 from pinsing.proof.checker import MOST_WORK, Certificate, Poly, Rejected, Ring
 from pinsing.proof.skeleton import form_text
@@ -49,7 +50,8 @@ def squares(ring: Ring, p: Poly) -> tuple[Poly, Squares] | None:
 def _completed(ring: Ring, p: Poly, j: int) -> tuple[Poly, Squares] | None:
     """With p = a y^2 + b x y + c x^2: 4 a p = (2 a y + b x)^2 + (4 a c - b^2) x^2."""
     x, y = ring.pairs[j]
-    a, b, c = (_coefficient(ring, p, j, k) for k in (2, 1, 0))
+    parts = coefficients_by(p, (2 * j, 2 * j + 1))
+    a, b, c = (parts.get((2 - k, k), ring.zero) for k in (2, 1, 0))
     rest = 4 * a * c - b * b
     if rest == 0:
         return 4 * a, [(Fraction(1), 2 * a * y + b * x)]
@@ -58,9 +60,7 @@ def _completed(ring: Ring, p: Poly, j: int) -> tuple[Poly, Squares] | None:
     if not ring.joints(rest):
         value = rest.leading_coefficient()
         return (
-            (4 * a, [(Fraction(1), 2 * a * y + b * x), (_fraction(value), x)])
-            if value > 0
-            else None
+            (4 * a, [(Fraction(1), 2 * a * y + b * x), (fraction(value), x)]) if value > 0 else None
         )
     left = _in_one_joint(ring, rest, ring.joints(rest)[0])
     if left is None:
@@ -68,21 +68,12 @@ def _completed(ring: Ring, p: Poly, j: int) -> tuple[Poly, Squares] | None:
     return 4 * a, [(Fraction(1), 2 * a * y + b * x), *((w, g * x) for w, g in left)]
 
 
-def _coefficient(ring: Ring, p: Poly, j: int, power: int) -> Poly:
-    terms = {
-        (*m[: 2 * j], 0, 0, *m[2 * j + 2 :]): c
-        for m, c in p.to_dict().items()
-        if m[2 * j + 1] == power
-    }
-    return ring.context.from_dict(terms)
-
-
 def _in_one_joint(ring: Ring, p: Poly, j: int) -> Squares | None:
     """A form in one joint as a sum of squares, if it is nowhere negative."""
     constant, factors = p.factor()
     if constant < 0 or ring.squares:
         return None
-    found: Squares = [(_fraction(constant), ring.one)]
+    found: Squares = [(fraction(constant), ring.one)]
     for f, times in factors:
         found = [(w, g * f ** (times // 2)) for w, g in found]
         if times % 2:
@@ -100,7 +91,7 @@ def _positive(ring: Ring, f: Poly, j: int) -> Squares | None:
         return None
     coefficients = [Fraction(0)] * (degree + 1)
     for m, c in f.to_dict().items():
-        coefficients[m[2 * j + 1]] = _fraction(c)
+        coefficients[m[2 * j + 1]] = fraction(c)
     # How small a part of a polynomial is set aside for rounding: 2 to the minus these.
     for part in (8, 16, 32, 64, 128):
         parts = _of_positive(coefficients, part)
@@ -111,9 +102,7 @@ def _positive(ring: Ring, f: Poly, j: int) -> Squares | None:
 
 def _form(ring: Ring, coefficients: Sequence[Fraction], j: int) -> Poly:
     (x, y), top = ring.pairs[j], len(coefficients) - 1
-    terms = (
-        fmpq(c.numerator, c.denominator) * y**k * x ** (top - k) for k, c in enumerate(coefficients)
-    )
+    terms = (rational(c) * y**k * x ** (top - k) for k, c in enumerate(coefficients))
     return sum(terms, ring.zero)
 
 
@@ -187,10 +176,6 @@ def _shifted(own: list[arb], other: list[arb]) -> Iterator[tuple[arb, arb, arb]]
 
 def _rounded(value: arb, bits: int) -> Fraction:
     return Fraction(round(float(value.mid() * 2**bits)), 2**bits)
-
-
-def _fraction(value: fmpq) -> Fraction:
-    return Fraction(int(value.p), int(value.q))
 
 
 def divisions(

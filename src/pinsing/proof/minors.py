@@ -87,23 +87,14 @@ class _Known:
     depth: int  # over how many other minors: 0 for a multiple of one relation
 
 
-def sums_to_minors(
-    draft: Certificate, tidy: Forms, family: Place, minors: Mapping[Lines, Poly]
-) -> tuple[list[Sum], list[Poly]]:
-    """Sums of multiples of a family's forms that are minors, but for units; and what they are.
+class _Minors:
+    """Which minors are sums of multiples of a family's forms, but for units.
 
     A row of the matrix with one more column than a minor has gives a sum that is zero: its
     entries times the minors without their columns, with signs (Laplace). Where all but one of
     these are known to be such sums, or their entry is zero, and that one's entry is a unit, so
     is the last one.
     """
-    if draft.sides[1] <= draft.rank or not family.relations:
-        return [], []
-    return _Minors(draft, tidy, family, minors).sums()
-
-
-class _Minors:
-    """The minors of a certificate's matrix on one family."""
 
     def __init__(
         self, draft: Certificate, tidy: Forms, family: Place, minors: Mapping[Lines, Poly]
@@ -119,7 +110,9 @@ class _Minors:
         self.known: dict[Lines, _Known] = {}
 
     def sums(self) -> tuple[list[Sum], list[Poly]]:
-        """One sum for each minor that is no multiple of a form, where there is one."""
+        """One sum for each minor that is no multiple of a form, where there is one; its value."""
+        if self.draft.sides[1] <= self.draft.rank or not self.family.relations:
+            return [], []
         for lines, minor in self.minors.items():
             if (multiple := self._multiple(minor)) is not None:
                 self.known[lines] = multiple
@@ -247,7 +240,7 @@ def soundness(draft: Certificate, tidy: Forms, family: Place, codimension: int) 
             if pivot is not None:
                 found.pivot = pivot
                 return found
-    multiples, totals = sums_to_minors(draft, tidy, family, minors)
+    multiples, totals = _Minors(draft, tidy, family, minors).sums()
     for minor in minors.values():
         tidy.require_time()
         place = (family.values, [*family.relations, *totals])

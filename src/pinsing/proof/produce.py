@@ -20,7 +20,7 @@ from pinsing.algebra import ring as algebra_ring
 from pinsing.algebra.budget import Budget, BudgetExceeded
 from pinsing.algebra.components import Component
 from pinsing.algebra.ring import Value
-from pinsing.proof.checker import MOST_WORK, Certificate, Poly, Rejected, Ring, verify
+from pinsing.proof.checker import MOST_WORK, Certificate, Poly, Rejected
 from pinsing.proof.forms import (
     Forms,
     NotFound,
@@ -313,7 +313,17 @@ class Tree:
             if isinstance(known, NotFound):
                 raise known
             return known
-        wider = self._closed_around({*texts}, points)
+        # One that is closed and has some of these forms only holds this one.
+        wider = next(
+            (
+                other
+                for known, other in self._places.items()
+                if isinstance(other, Place)
+                and other.points == points
+                and {*texts}.issuperset(known[1:])
+            ),
+            None,
+        )
         if wider is not None:
             return wider
         self._places[key] = None
@@ -332,17 +342,6 @@ class Tree:
         """Return True if something is seen, and not only after long."""
         self.forms.require_time()
         return shown(self.ring, question)
-
-    def _closed_around(self, forms: set[str], points: bool) -> Place | None:
-        """A place that is closed and has some of these forms only: it holds this one."""
-        return next(
-            (
-                place
-                for key, place in self._places.items()
-                if isinstance(place, Place) and place.points == points and forms.issuperset(key[1:])
-            ),
-            None,
-        )
 
     def _close(self, place: Place) -> None:
         relations = place.relations
@@ -394,7 +393,7 @@ class Tree:
         few = [relations] if len(relations) == 2 else itertools.combinations(relations[:4], 2)
         images = [f for p in family for f in ring.stripped(ring.put(p, place.values))]
         for some in map(list, few):
-            if self._shown(functools.partial(_all_vanish, ring, images, some)):
+            if self._shown(lambda some=some: all(vanishes(ring, f, some) for f in images)):  # type: ignore[misc]
                 f = next(f for f in images if not ring.vanishes(f, ({}, relations)))
                 sources = [
                     len(place.values) + next(i for i, p in enumerate(relations) if p is r)
@@ -461,11 +460,6 @@ class Tree:
     def _leave(self, place: Place) -> None:
         """Close a place that is too small for a component."""
         place.sum, place.cases = [("1", 0)], [(place.forms[0], 1, None)]
-
-
-def _all_vanish(ring: Ring, images: Sequence[Poly], some: Sequence[Poly]) -> bool:
-    """Return True if forms are shown to be zero wherever some others all are."""
-    return all(vanishes(ring, f, some) for f in images)
 
 
 @dataclass(frozen=True)
@@ -619,6 +613,3 @@ def _ordered(root: Place) -> list[Place]:
 def text_of(data: Mapping[str, Any]) -> str:
     """A certificate as the text that is written and checked."""
     return json.dumps(data, ensure_ascii=True, separators=(",", ":"))
-
-
-__all__ = ["NotFound", "Stated", "certificate", "text_of", "verify"]

@@ -12,6 +12,7 @@ import numpy as np
 from pinsing.algebra.budget import Budget
 from pinsing.algebra.mimic import drives
 from pinsing.algebra.ring import Ring as AlgebraRing
+from pinsing.algebra.ring import rational
 from pinsing.proof.checker import SCHEMA, Certificate, Matrix, Poly, Ring, flipped
 from pinsing.robot.exact_placements import IDENTITY, Deviation
 from pinsing.robot.nominal import Nominal
@@ -141,14 +142,8 @@ def form_of(poly: Poly, own: AlgebraRing, context: Any, roots: Sequence[int]) ->
         for square, part in zip(SQUARES, parts_of(c), strict=True):
             if part:
                 key = (*powers, *(int(square % d == 0) for d in roots))
-                found[key] = _rational(part)
+                found[key] = rational(part)
     return context.from_dict(found)
-
-
-def _rational(value: Fraction) -> Any:
-    from pinsing.algebra.ring import rational
-
-    return rational(value)
 
 
 Number: TypeAlias = Any
