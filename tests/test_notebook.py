@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import html
 import re
 from pathlib import Path
 from xml.etree import ElementTree
@@ -47,7 +48,8 @@ def test_every_repr_is_one_short_line(results):
 
 
 def test_html_is_well_formed_and_has_the_equations(results):
-    for result in results[1:]:
+    assert results[0]._repr_html_().endswith(f">{html.escape(str(results[0]))}</pre>")
+    for result in results:
         shown = result._repr_html_()
         ElementTree.fromstring(f"<div>{shown}</div>")
         assert "$" not in shown  # nothing waits for MathJax

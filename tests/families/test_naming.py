@@ -81,6 +81,8 @@ def test_chains_of_example_robot_data() -> None:
 def test_lookup_and_json() -> None:
     form = pinsing.closed_form(load("ur5"), prove=False)
     assert form["wrist"] is form["F2"]
+    assert all(name in form for name in ("wrist", "F2", form["F2"]))
+    assert not any(name in form for name in ("Wrist", "F4", "", 2))
     assert form["F2"].title == "wrist"
     assert [f.name for f in form] == ["F1", "F2", "F3"]
     with pytest.raises(UnknownNameError, match="elbow"):

@@ -90,6 +90,15 @@ def test_pages_and_reports_give_the_advice_of_the_terminal(tmp_path, monkeypatch
     arm, way = pinsing.load("ur5"), given[0]
     assert advice in summary(way.check)
     assert advice in trajectory_data(arm, way.check, way.Q)["lines"][-1]
+    typed = [str(path), "--rad", "--units=rad", "--columns=1,2,3,4,5,6"]
+    done = run("report", "ur5", "-o", str(page), "--trajectory", *typed)
+    assert f"check ur5 {' '.join(typed)}" in " ".join(done.stdout.split())
+    assert "pinsing: note: columns: shoulder_pan_joint = '1'" in done.stderr
+    for robot, *words, said in (
+        ("ur5", "--columns", 1, "--units and --columns are of --trajectory"),
+        ("five_bar", "--trajectory", path, "--trajectory is for arms"),
+    ):
+        assert said in run("report", robot, "-o", page, *words).stderr
 
 
 # The elbow of this posture of UR5 is stretched on the way; those with the wrist turned get there.

@@ -181,6 +181,9 @@ DIALECTS = {
         ]}),
         True,
     ),
+    "pandas.csv": (table(["", "t", *UR5], np.column_stack([T, timed()])), True),
+    "resaved.csv": (table(["Unnamed: 0", "t", *UR5], np.column_stack([T, timed()])), True),
+    "trailing.csv": (table(UR5, Q).replace("\n", ",\n"), False),
     "path.ls": (fanuc(), False),
     "path.script": (
         "def path():\n" + "".join(f"  movej({q.tolist()}, a=1.4, v=1.05)\n" for q in Q) + "end\n",
@@ -295,6 +298,9 @@ def test_what_is_not_clear_is_not_guessed(tmp_path, arm, text, said):
         ),
         ("a.csv", table(UR5, Q).replace("0.1", '"0.1°"'), "is no number: write numbers alone, and"),
         ("a.csv", f"# {UR5[::-1]}\n" + table([], Q)[1:], "a comment names the joints in another"),
+        ("a.csv", "# t [s] J1 [deg]\n" + table([], Q)[1:], "speaks of degrees: say '--units deg'"),
+        ("a.csv", "# J1_deg, J2_deg\n" + table([], Q)[1:], "speaks of degrees"),
+        ("a.csv", table(["sec", "nanosec", *UR5], np.column_stack([T, timed()])), "n 'nanosec'"),
         ("a.csv", table(["timestamp", *UR5], timed(t=T + 1.7e18)), "not in seconds"),
         ("a.csv", table([], timed(Q[::-1]))[1:], "last ascend.*--columns t=1,2,3,4,5,6,7"),
         ("a.csv", table([], timed(t=T[::-1]))[1:], "first does not ascend"),
@@ -364,6 +370,16 @@ def test_columns_and_units_can_be_said(tmp_path, arm):
         read_trajectory(tmp_path / "a.csv", arm, True, [*"abcde", "x"])
     with pytest.raises(ConfigurationError, match="says degrees"):
         read_trajectory(tmp_path / "deg.csv", arm, False)
+    for program in ("path.script", "degrees.script"):
+        (tmp_path / program).write_text(DIALECTS[program][0])
+        with pytest.raises(ConfigurationError, match="says radians"):
+            read_trajectory(tmp_path / program, arm, True)
+        notes = read_trajectory(tmp_path / program, arm).notes
+        assert notes == (f"{len(Q)} joint moves, joints base to tip; no times",)
+    (tmp_path / "comment.txt").write_text("# at 9 deg/s\n" + table([], Q, " ")[1:])
+    np.testing.assert_allclose(read_trajectory(tmp_path / "comment.txt", arm).Q, Q)
+    (tmp_path / "comment.txt").write_text("# J1 [deg] J2 [deg]\n" + table([], DEG, " ")[1:])
+    np.testing.assert_allclose(read_trajectory(tmp_path / "comment.txt", arm, True).Q, Q)
     words = [
         "check", "ur5", str(tmp_path / "a.csv"), "--units", "deg", "--columns",
         "t=when,a,b,c,d,e,f",

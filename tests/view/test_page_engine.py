@@ -220,6 +220,7 @@ NO_PATHS = {
     "1,0,0\n1,0,0\n0,0,0\n": "3 columns without names for 2 joints: which is time is unclear",
     "1,0,0\n2,0,1\n": "3 columns without names for 2 joints: which is time is unclear",
     "# units: degrees\na,b\n1,2\n": "line 1: units other than radians",
+    "# a [deg], b [deg]\n1,2\n": "line 1: units other than radians",
     "a (deg),b (deg)\n1,2\n": "no column for a, b",
     "1,2\n1,-1e308\n": "line 2: -1e308 is too large (radians and metres, up to 1e6)",
 }  # fmt: skip

@@ -9,11 +9,11 @@ import math
 import os
 import re
 import signal
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
 from types import FrameType
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 from click.core import ParameterSource
@@ -43,9 +43,11 @@ if TYPE_CHECKING:
     from pinsing.families import ClosedForm
     from pinsing.postures.aspects import Aspects
     from pinsing.proximity.trajectory import TrajectoryCheck
+    from pinsing.proximity.trajectory_file import TrajectoryFile
     from pinsing.proximity.zones import Zones
     from pinsing.robot.arm import Arm
 
+F = TypeVar("F", bound=Callable[..., Any])
 _ANGLE = re.compile(r"\s*([0-9.eE+-]+)\s*(deg|°|rad)?\s*")
 
 
@@ -70,21 +72,34 @@ def angle(text: str, option: str, degrees: bool) -> float:
     return math.radians(value) if unit in ("deg", "°") or (degrees and not unit) else value
 
 
+def file_options(command: F) -> F:
+    """Add how FILE, a trajectory, is read: see `read_samples`."""
+    told = "Of the angles in FILE; by default as its head says, else of --deg or --rad."
+    columns = "Columns of the joints, base to tip, by name or number from 1, and t=NAME for times."
+    command = click.option("--columns", metavar="A,B,...", help=columns)(command)
+    return click.option("--units", type=click.Choice(["rad", "deg"]), help=told)(command)
+
+
+def read_samples(
+    file: Path, arm: Arm, deg: bool, units: str | None, columns: str | None
+) -> TrajectoryFile:
+    """Read a trajectory as the options say, and print what was assumed."""
+    from pinsing.proximity.trajectory_file import read_trajectory
+
+    degrees = told_degrees(deg) if units is None else units == "deg"
+    names = [] if columns is None else [word.strip() for word in columns.split(",")]
+    read = read_trajectory(file, arm, degrees, names)
+    for note in read.notes:
+        say(f"note: {note}")
+    return read
+
+
 @command("check")
 @arm_options
 @click.argument("file", required=False, type=click.Path(path_type=Path, allow_dash=True))
 @follow_option("Print a verdict for each line of STREAM as it comes, as JSON")
 @deg_option
-@click.option(
-    "--units",
-    type=click.Choice(["rad", "deg"]),
-    help="Of the angles in FILE; by default as its head says, else of --deg or --rad.",
-)
-@click.option(
-    "--columns",
-    metavar="A,B,...",
-    help="Columns of the joints, base to tip, by name or number from 1, and t=NAME for times.",
-)
+@file_options
 @click.option(
     "--near",
     default="5deg",
@@ -160,14 +175,8 @@ def check_command(
     if file is None:
         raise OptionError("name the FILE of a trajectory, or --follow - for standard input")
     from pinsing.proximity.trajectory import check_trajectory, details, summary
-    from pinsing.proximity.trajectory_file import read_trajectory
 
-    told = told_degrees(deg)
-    degrees = told if units is None else units == "deg"
-    names = [] if columns is None else [word.strip() for word in columns.split(",")]
-    read = read_trajectory(file, arm, degrees, names)
-    for note in read.notes:
-        say(f"note: {note}")
+    read = read_samples(file, arm, deg, units, columns)
     with doing("looking for families"):
         form = closed_form(arm)
     with run_progress() as progress:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import shlex
 from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
@@ -10,7 +11,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import click
 
 from pinsing.cli import completion
-from pinsing.cli.check import with_aspects
+from pinsing.cli.check import file_options, read_samples, with_aspects
 from pinsing.cli.grouped import command
 from pinsing.cli.mechanism import loops_option, read
 from pinsing.cli.options import (
@@ -54,6 +55,9 @@ def _report_loops(
     _check_pdf(pdf)
     if prove != "auto":
         raise OptionError("--prove does not go with --loops: there are certificates of arms only")
+    for name in ("trajectory", "zones", "units", "columns"):
+        if options[name] is not None:
+            raise OptionError(f"--{name} is for arms: leave it out, or take one with --no-loops")
     mechanism = read(loops, options)
     sliding = mechanism.prismatic[list(mechanism.actuated)]
     given: dict[str, Array] = {}
@@ -100,6 +104,7 @@ def out_options(command: F) -> F:
     metavar="FILE",
     help="Judge this trajectory too: what `pinsing check` reads.",
 )
+@file_options
 @zones_option
 @prove_option
 @algebra_options
@@ -112,6 +117,8 @@ def report_command(
     skeleton: bool,
     poses: tuple[str, ...],
     trajectory: Path | None,
+    units: str | None,
+    columns: str | None,
     zones: Any,
     prove: Prove,
     algebra: dict[str, Any],
@@ -134,10 +141,11 @@ def report_command(
     given = {f"given {k}": joint_vector(arm, text, "--q", deg) for k, text in enumerate(poses, 1)}
     from pinsing.families import closed_form
     from pinsing.proximity.trajectory import check_trajectory
-    from pinsing.proximity.trajectory_file import read_trajectory
     from pinsing.report.info import Trajectory
 
-    way = None if trajectory is None else read_trajectory(trajectory, arm, told_degrees(deg))
+    if trajectory is None and (units or columns):
+        raise OptionError("--units and --columns are of --trajectory FILE")
+    way = None if trajectory is None else read_samples(trajectory, arm, deg, units, columns)
     forms = closed_form(arm, **algebra, prove=prove)
     judged = None
     if way is not None and trajectory is not None:
@@ -147,9 +155,13 @@ def report_command(
     _write(arm, html, pdf, page, skeleton, given, forms, judged, zones)
     from pinsing.families.form import answer_text
 
+    file = "path.csv"
     if judged is not None:
         emit_lines("\n".join([*judged.answer, ""]))
-    emit(answer_text(forms, Page.of(), request.words))
+        typed = {None: [], True: ["--deg"], False: ["--rad"]}[told_degrees(deg)]
+        typed += [f"--units={units}"] * bool(units) + [f"--columns={columns}"] * bool(columns)
+        file = shlex.join([str(trajectory), *typed])
+    emit(answer_text(forms, Page.of(), request.words, file))
 
 
 def _check_pdf(pdf: Path | None) -> None:

@@ -194,6 +194,9 @@ class ClosedForm(JsonResult):
             raise UnknownNameError("family", str(name), known)
         return found[0]
 
+    def __contains__(self, name: object) -> bool:
+        return bool(name) and any(name in (f, f.name, f.title) for f in self.families)
+
     def __iter__(self) -> Iterator[Family]:
         return iter(self.families)
 
@@ -310,10 +313,12 @@ PLACE = {
 _MOST_ROWS = 5
 
 
-def answer_text(forms: ClosedForm, page: Page = PLAIN, robot: str = "") -> str:
+def answer_text(
+    forms: ClosedForm, page: Page = PLAIN, robot: str = "", file: str = "path.csv"
+) -> str:
     """Return the summary of an arm's singularities: eight lines at most, and what to type.
 
-    ``robot`` is how commands name the robot.
+    ``robot`` is how commands name the robot, ``file`` the trajectory to check.
     """
     robot = robot or forms.arm.typed
     count = len(forms.families)
@@ -348,7 +353,7 @@ def answer_text(forms: ClosedForm, page: Page = PLAIN, robot: str = "") -> str:
             lines += [page.fitted(f"  {text.rstrip()}"), f"      {cells[-1]}".rstrip()]
     if len(rows) < count:
         lines.append(f"  and {count - len(rows)} more")
-    path = f"pinsing check {robot} path.csv"
+    path = f"pinsing check {robot} {file}"
     following = [f"pinsing view {robot}", path, f"pinsing families {robot} -v"]
     one = f"  Next: {'  |  '.join(following)}"
     each = [f"  Next: {following[0]}", *(f"        {x}" for x in following[1:])]

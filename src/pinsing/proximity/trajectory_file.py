@@ -49,13 +49,14 @@ _NUMBERED = re.compile(
 _PLACES = {"joint_states", "joint_state", "pos", "position", "positions", "actual", "field", "data"}
 """Parts of a column's name that tell where a position was written down, not of which joint."""
 _NO_POSITION = re.compile(
-    r"(?i)(.*[\W_])?(velocity|velocities|vel|qd|qdd|dq|speeds?|accelerations?|acc|efforts?|torques?|"
-    r"tau|currents?|target|header|frame_id|seq|stamp|secs|nsecs|nanosec|name|mode|status|bits|tcp|"
+    r"(?i)(?:unnamed: \d+)?|.*[\W_](?:secs|nsecs|nanosec)|"
+    r"(.*[\W_])?(velocity|velocities|vel|qd|qdd|dq|speeds?|accelerations?|acc|efforts?|torques?|"
+    r"tau|currents?|target|header|frame_id|seq|stamp|name|mode|status|bits|tcp|"
     r"temperatures?|voltage|forces?|wrench|moment|momentum|scaling|ratio|payload|accelerometer|"
     r"registers?|(?:analog|digital|bit)_\w+|runtime_state|execution_time|control_output|"
     r"elbow_position|script_control_line|time_scale_source)([\W_]?\d*|[\W_].*)"
 )
-"""Names of what logs and UR's recordings (RTDE) hold beside positions of joints."""
+"""Names of what logs and UR's recordings (RTDE) hold beside positions of joints; pandas' index."""
 _CLOCK = re.compile(
     r"(?:(\d{4}-\d\d-\d\d)[T ]\s*)?(\d\d?):([0-5]\d):([0-5]\d(?:[.,]\d+)?)(Z|[+-]\d\d:?\d\d)?"
 )
@@ -72,6 +73,7 @@ _LARGEST = 4096 * MEBIBYTE  # bytes
 _NO_TIMES = "no column of times"
 _ROWS = 100_000  # at a time
 _EPOCH = 1e8  # seconds: later times are dates, of which three years are left out
+_DEGREES = re.compile(r"(?i)(?:\b|_)deg(?:rees?)?\b(?!/)|°(?!/)")
 _UNITS_LINE = re.compile(r"(?i)\s*#\s*(?:angle[\s_]+)?units?\s*[:=]\s*(.*)")
 _RAGGED = re.compile(
     r"the number of columns changed from \d+ to (\d+) at row (\d+);.*"
@@ -202,7 +204,7 @@ def read_trajectory(
                 if found.degrees is None
                 else ("a comment says otherwise: correct one of them")
             )
-            raise ConfigurationError(f"{path}: the column of {arm.joints[j]!r} says {unit}: {fix}")
+            raise ConfigurationError(f"{path}: it says {unit} of {arm.joints[j]!r}: {fix}")
         scales[j] = scale
     unsaid = [s is None for s in found.scales] or [True] * arm.n
     if degrees is None and any(u and not p for u, p in zip(unsaid, arm.prismatic, strict=True)):
@@ -447,7 +449,7 @@ def _ur(path: Path, arm: Arm, text: str) -> TrajectoryFile:
                 f"{text[move.start() : move.end() + 20].split(chr(10))[0]:.60}: {_LINEAR}"
             )
         rows.append([float(x) for x in move[2].strip("[]").split(",")])
-    return _moves(path, arm, rows, ())
+    return _moves(path, arm, rows, [1.0] * arm.n)
 
 
 def _moves(
@@ -599,6 +601,11 @@ def _text(path: Path, arm: Arm, columns: Sequence[str], united: bool) -> Traject
             raise ConfigurationError(
                 f"{path}: a comment names the joints in another order than base to tip: write them "
                 f"as the line of names, without '#', or say which column is which with --columns"
+            )
+        if not (named or united or degrees is not None) and _DEGREES.search(comments):
+            raise ConfigurationError(
+                f"{path}: a comment speaks of degrees: say '--units deg' or '--units rad', or "
+                "write the names and units as the first line, without '#'"
             )
         read = None
         if named or columns:
@@ -774,7 +781,7 @@ class ColumnHeads:
         self.held = [held for held in whole.held() if held.name in self.others]
         beside = [n for n in self.others if n not in {held.name for held in self.held}]
         idle = [i for i in (*passed, *(() if columns else unknown)) if i not in named]
-        left = [*beside, *(words[i] for i in idle)]
+        left = [*beside, *(words[i] or f"column {i + 1}" for i in idle)]
         if left:
             shown = ", ".join(f"{w!r:.80}" for w in left[:6])
             more = f" and {len(left) - 6} more" if len(left) > 6 else ""

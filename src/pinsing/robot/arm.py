@@ -16,6 +16,7 @@ from pinsing._types import Array
 from pinsing.arguments import checked, columns_of, real_numbers
 from pinsing.errors import ConfigurationError
 from pinsing.notebook import one_line
+from pinsing.notebook import text as notebook_text
 from pinsing.robot.chains import frame_index
 from pinsing.robot.joint_space import JointSpace, model_q, require_scale
 from pinsing.robot.source import Coupling, Memory, Source
@@ -422,6 +423,9 @@ class Arm(Memory):
             f"{self.name}: {self.n} joints, {self.base} -> {self.tip}, "
             f"task {self.task}, length scale {self.length_scale:g} m"
         )
+
+    def _repr_html_(self) -> str:
+        return notebook_text(str(self), block=True)
 
 
 @dataclass(frozen=True, eq=False)
