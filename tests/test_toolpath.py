@@ -24,6 +24,7 @@ from pinsing.kinematics.jacobian import tip_placement
 from pinsing.plot.curves import path_sheet
 from pinsing.postures import inverse_batch
 from pinsing.postures.inverse_batch import InverseMany
+from pinsing.postures.ladder import posture_names
 from pinsing.postures.placement import read_poses
 from pinsing.postures.toolpath import PathPlan, _Planner, plan_path
 
@@ -658,6 +659,29 @@ def test_no_placement_is_reached(ur5):
     assert "out of reach" in plan.reason
     assert plan.placement is None
     assert not len(plan.q)
+
+
+def test_a_posture_named_as_start_is_kept_and_one_below_the_base_is_told(tmp_path):
+    arm = pinsing.load("m1013")
+    form = pinsing.closed_form(arm)
+    lean, turn = np.radians(np.linspace(5, 35, 40)), np.linspace(0, 8 * np.pi, 40)
+    out = np.stack([np.sin(lean) * np.cos(turn), np.sin(lean) * np.sin(turn), np.cos(lean)], 1)
+    rows = np.hstack([[0.65, 0.1, 0.05] + 0.2 * out, -out])  # a spiral on a dome
+    np.savetxt(tmp_path / "p.csv", rows, delimiter=",", header="x,y,z,i,j,k", comments="")
+    T = read_poses(tmp_path / "p.csv").poses
+    options = {"free": "roll", "step": np.radians(10), "tool": TORCH}
+    best = plan_path(form, T, **options)
+    assert best.notes[-1].startswith("q3 is 0.")
+    assert "m below the base at pose" in best.notes[-1]
+    for start in ("elbow up", "elbow up, shoulder right"):
+        plan = plan_path(form, T, start=start, **options)
+        names = posture_names(form.geometry, plan.q)
+        assert all(set(start.split(", ")) <= set(n) for n in names)
+        assert 0.05 < plan.clearance < best.clearance
+        assert not any("below" in note for note in plan.notes)
+    for wrong, why in (("limits", "it may be elbow down"), ("elbow up, elbow down", "no posture")):
+        with pytest.raises(OptionError, match=f"start.*{why}"):
+            plan_path(form, T, start=wrong, **options)
 
 
 def test_the_command_places_a_workpiece(ur5, tmp_path):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import math
+import re
 import shlex
 from dataclasses import replace
 from pathlib import Path
@@ -52,7 +53,11 @@ if TYPE_CHECKING:
     metavar="X,Y,Z[,R,P,Y]",
     help="Frame of the poses, in the base frame of the robot, metres.",
 )
-@click.option("--start", metavar="Q1,Q2,...", help="Configuration at the first pose.")
+@click.option(
+    "--start",
+    metavar="Q1,Q2,...",
+    help="Configuration at the first pose, or its posture: elbow up, wrist no-flip.",
+)
 @click.option(
     "--place",
     metavar="x=A..B,yaw=A..B",
@@ -109,7 +114,9 @@ def path_command(
         if not (moved > 0).all():
             raise OptionError("--feed needs poses at different positions: give times in a column t")
         t = np.concatenate([[0.0], np.cumsum(moved)])
-    q0 = None if start is None else joint_vector(arm, start, "--start", deg)
+    q0: Array | str | None = start
+    if start is not None and not re.search("[a-z]{3}", start):  # letters of numbers are pi at most
+        q0 = joint_vector(arm, start, "--start", deg)
     with waiting() as step_to:
         free = free if free in ("roll", "branch") else joint_names(arm, free)[0]
         step_to("families")

@@ -20,6 +20,7 @@ from typing import ClassVar
 
 import numpy as np
 import numpy.typing as npt
+import pinocchio as pin
 
 from pinsing._types import Array, Bool, Ints
 from pinsing.algebra.nearest import SearchOptions, nearest_points
@@ -33,6 +34,7 @@ from pinsing.notebook import one_line
 from pinsing.postures.inverse_batch import InverseMany
 from pinsing.postures.ladder import posture_names
 from pinsing.postures.placement import TRIED, WorkpiecePlacement, check_ranges, place_at, search
+from pinsing.postures.zone_search import Region
 from pinsing.prose import listed
 from pinsing.proximity.clearance import CLOSE, clearance
 from pinsing.proximity.crossings import crossings
@@ -199,7 +201,7 @@ def plan_path(
     *,
     free: str = "branch",
     step: float = STEP,
-    start: npt.ArrayLike | None = None,
+    start: npt.ArrayLike | str | None = None,
     t: npt.ArrayLike | None = None,
     arm: Arm | None = None,
     tool: npt.ArrayLike | None = None,
@@ -220,8 +222,9 @@ def plan_path(
     step : float
         Distance of the values of what is free that are compared: radians, metres of a prismatic
         joint.
-    start : (n,) array_like, optional
-        Configuration at the first pose, where the path begins; otherwise any.
+    start : (n,) array_like or str, optional
+        Configuration at the first pose, where the path begins, or names of its posture, such as
+        "elbow up, wrist no-flip", which then stays; otherwise any.
     t : (N,) array_like, optional
         Seconds at the poses: joint speed limits are then kept.
     arm : Arm, optional
@@ -349,6 +352,7 @@ class _Planner:
         self.bounded: Bool = whole | np.asarray(arm.prismatic, dtype=bool)
         self.turn = np.where(self.bounded, 0.0, 2 * np.pi)
         self.start: Array | None = None
+        self.posture: Region | None = None
         self.floor = -np.inf
         self.edges: list[Ints] = []
         self.near: Array = np.empty(0)
@@ -384,9 +388,12 @@ class _Planner:
             return float(self.usable.any(axis=(1, 2)).mean()) - 1
         return self._proven(found[1])[0]
 
-    def plan(self, start: npt.ArrayLike | None) -> PathPlan:
+    def plan(self, start: npt.ArrayLike | str | None) -> PathPlan:
         """Solve the grid, find the best path on it, prove its clearance, and bound all others."""
-        if start is not None:
+        if isinstance(start, str):
+            words = dict.fromkeys(word.strip() for word in start.split(","))
+            self.posture = Region(self.form, self.arm, words, "start")
+        elif start is not None:
             self._begin(self.arm.check_one(start, "start"))
         chosen = self._chosen()
         notes = [] if self.solver.exact else [
@@ -417,6 +424,7 @@ class _Planner:
             return self._none(chosen, notes)
         values, q = chosen
         bound = max(bound, proven)
+        notes += self._sunken(q)
         near, kept = clearance(self.form, q[round(where)]), self._kept(self.first)
         family = str(near.nearest)
         return replace(
@@ -433,6 +441,23 @@ class _Planner:
             grid=self.grid,
             room=np.where(self.usable, self.likely, -np.inf).max(axis=2),
         )
+
+    def _sunken(self, q: Array) -> list[str]:
+        """Say that joints go below the base and the tip, where the floor may be."""
+        arm, data = self.arm, self.arm.model.createData()
+        low = np.empty((len(q), arm.model.njoints))
+        for k, row in enumerate(arm.model_q(q)):
+            pin.framesForwardKinematics(arm.model, data, row)
+            low[k] = [M.translation[2] for M in data.oMi]
+            low[k, 0] = min(0.0, data.oMf[arm.tip_id].translation[2])
+        below = low[:, 0] - low.min(axis=1)
+        if below.max() < arm.length_scale / 20:
+            return []
+        k = int(below.argmax())
+        return [
+            f"{arm.model.names[int(low[k].argmin())]} is {-low[k].min():.2f} m below the base at "
+            f"pose {k}: if the floor is there, begin in another posture, such as --start 'elbow up'"
+        ]
 
     def _begin(self, start: Array) -> None:
         """Begin at a configuration (n,) of the first pose; its value joins the grid."""
@@ -470,9 +495,13 @@ class _Planner:
         if self.start is not None:
             self.first[:] = False
             self.first[self.kept, at] = True
+        elif self.posture is not None:
+            self.first[self.first] = self.posture.has_posture(self.Q[0][self.first])
         self.idle = self.cyclic and self._roll_moves_the_last_joint()
         if (reason := self._unreached()) is not None:
             return reason
+        if self.posture is not None and not self.first.any():
+            return f"no solution at pose 0 is {', '.join(self.posture.posture)}"
         self._link()
         return self.path()
 

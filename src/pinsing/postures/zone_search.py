@@ -167,7 +167,11 @@ class Region:
     """
 
     def __init__(
-        self, form: ClosedForm, arm: Arm, parts: Mapping[str, tuple[float, float] | None]
+        self,
+        form: ClosedForm,
+        arm: Arm,
+        parts: Mapping[str, tuple[float, float] | None],
+        what: str = "within",
     ) -> None:
         self.form, self.arm = form, arm
         self.lower = np.where(arm.prismatic, arm.lower, -np.pi)
@@ -176,7 +180,7 @@ class Region:
         ranges = {name: ends for name, ends in parts.items() if ends is not None}
         words = [name for name, ends in parts.items() if ends is None]
         self.words: tuple[str, ...] = ()
-        if "limits" in words:
+        if "limits" in words and what == "within":
             words.remove("limits")
             real = np.isfinite(arm.lower) & (arm.upper - arm.lower < 2 * np.pi)
             self.lower = np.where(real, arm.lower, self.lower)
@@ -184,28 +188,30 @@ class Region:
             self.words = ("the joint limits kept",)
         self.posture = tuple(words)
         if words:
-            self._require_postures()
+            self._require_postures(what)
         self.words += self.posture + tuple(self._narrowed(n, *e) for n, e in ranges.items())
         tested = frame_jacobians(arm, random_turns(arm, 20))[:, :3][:, np.isfinite(self.tip[0])]
         self.moving: Bool = np.asarray((np.abs(tested) > ROUNDING).any(axis=(0, 1)))
 
-    def _require_postures(self) -> None:
+    def _require_postures(self, what: str) -> None:
         """Raise unless the words are names of postures, and each ends at families only."""
         if not self.form.complete or self.arm.task.name != "pose":
             raise OptionError(
-                f"within {listed(self.posture)}: a posture needs a complete closed form of the "
+                f"{what} {listed(self.posture)}: a posture needs a complete closed form of the "
                 "task pose"
             )
         geometry = self.form.geometry
         names = () if geometry is None else posture_names(geometry, random_turns(self.arm, 200))
         known = sorted({name for each in names for name in each})
-        hint = ", ".join(["limits", *known, "ranges such as q3=0.7..2.4 (radians) or z=0.1..0.5"])
+        hint = ", ".join(known) or "joint values: its postures have no names"
+        if what == "within":
+            hint = f"limits, {hint}, ranges such as q3=0.7..2.4 (radians) or z=0.1..0.5"
         for word in self.posture:
             if word not in known:
-                raise OptionError(f"within {word!r}: of {self.arm.name} it may be {hint}")
+                raise OptionError(f"{what} {word!r}: of {self.arm.name} it may be {hint}")
         kinds = [word.split()[0] for word in self.posture]
         if len(set(kinds)) < len(kinds):
-            raise OptionError(f"within: no posture is {' and '.join(self.posture)}")
+            raise OptionError(f"{what}: no posture is {' and '.join(self.posture)}")
 
     def _narrowed(self, name: str, a: float, b: float) -> str:
         """Set one range, and return it in words."""
