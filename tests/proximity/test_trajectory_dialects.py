@@ -235,7 +235,10 @@ def test_files_as_people_have_them(tmp_path, arm, name):
     ("text", "said"),
     [
         (table(numbered("q{}", 2), Q), "unknown column 'q2'"),
-        (table([*numbered("q{}"), "q7"], np.column_stack([Q, Q[:, 0]])), "unknown column 'q1'"),
+        (
+            table([*numbered("q{}"), "q7"], np.column_stack([Q, Q[:, 0]])),
+            "unknown column 'q1' .7 are",
+        ),
         (table([*UR5[:5], "wrist_joint"], Q), "unknown column 'wrist_joint'"),
         (table([*UR5[:5], "left_elbow_joint"], Q), "could both be joint 'elbow_joint'"),
         (table([*UR5, "gripper"], np.column_stack([Q, T])), "unknown column 'gripper'"),

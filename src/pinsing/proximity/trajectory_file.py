@@ -823,6 +823,8 @@ class ColumnHeads:
                 if {"x", "y", "z"} <= {*map(str.lower, short.values())} and not any(found.values()):
                     raise self._error(f"has poses of the tool (x, y, z): {_POSES_TABLE}")
                 beside = f" of {name!r:.80}" if (name := names[i]) in self.labels.values() else ""
+                if i in numbers and len(numbers) > arm.n:
+                    beside = f" ({len(numbers)} are numbered, for {arm.n} joints)"
                 raise self._error(
                     f"unknown column {self.words[i]!r:.80}{beside}: the joints are "
                     f"{', '.join(arm.joints)}, and times are in a column 't' or 'time' "

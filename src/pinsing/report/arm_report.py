@@ -222,7 +222,7 @@ def summary(c: Content, way: Trajectory | None) -> Section:
             f'<a href="#{f.name}">{text(f.title or f.name)}</a>',
             text(f.where()),
             text(PLACE.get(f.kind, _kind(f))),
-            badge(f.reachability.words, _REACHED[f.reachability]),
+            badge(f.reach, _REACHED[f.reachability]),
         )
         for f in families
     ]
