@@ -360,6 +360,13 @@ def test_columns_and_units_can_be_said(tmp_path, arm):
     (tmp_path / "bare.csv").write_text(table([], timed(DEG.round() + 2, [2, 1]))[1:])
     read = read_trajectory(tmp_path / "bare.csv", arm, True, ["t=1", *"765432"])
     np.testing.assert_allclose(read.Q, np.radians(DEG.round() + 2)[:, ::-1])
+    for name, text, few in (
+        ("a.yaml", yaml_points(float), True),
+        ("b.csv", table(UR5, DEG), False),
+    ):
+        (tmp_path / name).write_text(text)
+        notes = read_trajectory(tmp_path / name, arm, True).notes
+        assert any(note.startswith("no angle exceeds 6.3°") for note in notes) is few
     (tmp_path / "units.csv").write_text("# units: deg\n" + table(UR5, DEG))
     with pytest.raises(ConfigurationError, match="a comment says units: degrees, the option"):
         read_trajectory(tmp_path / "units.csv", arm, False)

@@ -207,8 +207,13 @@ def read_trajectory(
             raise ConfigurationError(f"{path}: it says {unit} of {arm.joints[j]!r}: {fix}")
         scales[j] = scale
     unsaid = [s is None for s in found.scales] or [True] * arm.n
-    if degrees is None and any(u and not p for u, p in zip(unsaid, arm.prismatic, strict=True)):
+    unknown = [u and not p for u, p in zip(unsaid, arm.prismatic, strict=True)]
+    if degrees is None and any(unknown):
         found = replace(found, notes=(*found.notes, "no unit is named: angles are in radians"))
+    told = bool(degrees) and found.degrees is None and any(unknown)
+    if told and np.max(np.abs(found.Q[:, unknown])) <= math.tau:
+        note = "no angle exceeds 6.3°: if the file is in radians, say --units rad"
+        found = replace(found, notes=(*found.notes, note))
     times = found.t
     if times is not None and len(times):
         require_seconds(str(path), float(times[0]))
