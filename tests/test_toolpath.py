@@ -661,6 +661,28 @@ def test_no_placement_is_reached(ur5):
     assert not len(plan.q)
 
 
+def test_long_motions_are_found_on_a_fine_grid_as_on_a_coarse_one():
+    arm = pinsing.load("uf850")
+    # A ring whose poses are so far apart that the tool rolls by up to 110 degrees between two.
+    rows = """
+    .173  .079 .774 -.560 .273 -.675
+    .170  .179 .798 -.569 .318 -.694
+    .122  .235 .869 -.579 .362 -.714
+    .056  .214 .945 -.591 .406 -.735
+    .012  .129 .982 -.603 .450 -.757
+    .015  .030 .958 -.617 .493 -.780
+    .064 -.026 .887 -.632 .536 -.804
+    .129 -.006 .810 -.649 .579 -.830
+    .173  .079 .774 -.668 .622 -.857"""
+    rows = np.array([row.split() for row in rows.strip().splitlines()], dtype=float)
+    T = [pin.SE3(pin.rpy.rpyToMatrix(*row[3:]), row[:3]) for row in rows]
+    tool = pin.SE3(pin.utils.rotate("x", 0.735), np.array([0.021, 0.068, -0.003])).homogeneous
+    form, T = pinsing.closed_form(arm), [M.homogeneous for M in T]
+    coarse, fine = (plan_path(form, T, free="roll", step=np.radians(s), tool=tool) for s in (10, 1))
+    assert fine.clearance > coarse.clearance - np.radians(0.1)
+    assert fine.bound - fine.clearance < np.radians(1)
+
+
 def test_a_posture_named_as_start_is_kept_and_one_below_the_base_is_told(tmp_path):
     arm = pinsing.load("m1013")
     form = pinsing.closed_form(arm)

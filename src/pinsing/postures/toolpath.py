@@ -739,7 +739,11 @@ class _Planner:
             choice = proven.argmax(axis=0)[None]
             new, from_ = (np.take_along_axis(x, choice, axis=0)[0] for x in (proven, edge))
             doubtful = (maybe & ~far)[..., None] & (value[0] > new)
-            if self.long:  # those that lack the least
+            if self.long:  # those that lack the least, between values that are not all alike
+                if not self.edges:
+                    every = max(1, round(G * _COARSE[1] / (2 * np.pi)))
+                    some = (here // S % every == 0) & (source // S % every == 0)
+                    doubtful &= some[..., None]
                 over = np.where(doubtful.any(axis=-1), over, np.inf)
                 most = max(_LONG // N, S)
                 if over.size > most:
