@@ -1,6 +1,6 @@
 """A Rerun log of a motion: joints, proven clearance and level along the time (rerun-sdk).
 
-python examples/15_rerun_log.py recorded/ur5_joint_states.jsonl ur5.rrd && rerun ur5.rrd
+python examples/15_rerun_log.py examples/recorded/ur5_joint_states.jsonl ur5.rrd && rerun ur5.rrd
 """
 
 from __future__ import annotations

@@ -118,7 +118,33 @@ def test_a_row_that_was_torn_is_no_line_of_names(form, torn):
 
 
 def of(q=Q, **more):
-    return json.dumps({"name": [*NAMES], "position": [*q], **more})
+    return json.dumps({"name": [*NAMES], "position": [*q]} | more)
+
+
+def test_a_comment_states_the_unit_of_angles(form):
+    rows = ["# units: degrees", row(0, Q)[2:], of()]
+    expected = said(form, rows[1:], degrees=True)
+    for degrees in (None, True):
+        assert said(form, rows, degrees=degrees) == expected
+    for degrees, comment in ((False, rows[0]), (None, "# units: ticks")):
+        with pytest.raises(HeadError, match="units"):
+            said(form, [comment, of()], degrees=degrees)
+
+
+def test_a_line_may_be_a_list(form):
+    head = ",".join(NAMES[::-1])
+    lists = ["[]", json.dumps(Q.tolist()), head, json.dumps(Q[::-1].tolist())]
+    assert said(form, lists) == said(form, [of()] * 2)
+
+
+def test_times_by_whole_seconds_may_be_milliseconds_and_guessed_names_are_told(form):
+    notes = []
+    follower = Follower(form, form.loaded, False, 0.1, notes.append)
+    table = ["t," + ",".join(f"q{k}" for k in range(1, 7)), *(row(10 * k, Q) for k in range(4))]
+    list(follow(follower, table, False))
+    columns, steps = notes
+    assert "columns: shoulder_pan_joint = 'q1'" in columns
+    assert "times step by 10 s" in steps
 
 
 @pytest.mark.parametrize(
@@ -135,6 +161,10 @@ def of(q=Q, **more):
         (of(t="x"), "the time is x"),
         (of(t=1.7e18), "the time 1.7e+18 is not in seconds"),
         ("[1", "no column for joint"),
+        (of(name=[f"right_{n}" for n in NAMES]), "'shoulder_pan_joint' in a line before"),
+        (json.dumps({f"{n}_ticks": 1 for n in NAMES}), "'shoulder_pan_joint_ticks' is none: after"),
+        ("\x00\x01" * 100_000, "a column's name has more than 300 characters"),
+        *((of(**{key: "deg"}), f"{key!r} is not read") for key in ("angle_units", "deg", "angles")),
         ("{", "it is no JSON object, which must be on one line"),
         (of()[:-1] + ', "position": [1, 1, 1, 1, 1, 1]}', "'position' is there twice"),
         (of(joint_names=list(NAMES[::-1])), "'joint_names' is not read"),

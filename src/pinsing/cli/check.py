@@ -80,15 +80,19 @@ def file_options(command: F) -> F:
     return click.option("--units", type=click.Choice(["rad", "deg"]), help=told)(command)
 
 
+def _in_degrees(deg: bool, units: str | None) -> bool | None:
+    """Return what --units, --deg or --rad says of angles; None where nothing was typed."""
+    return told_degrees(deg) if units is None else units == "deg"
+
+
 def read_samples(
     file: Path, arm: Arm, deg: bool, units: str | None, columns: str | None
 ) -> TrajectoryFile:
     """Read a trajectory as the options say, and print what was assumed."""
     from pinsing.proximity.trajectory_file import read_trajectory
 
-    degrees = told_degrees(deg) if units is None else units == "deg"
     names = [] if columns is None else [word.strip() for word in columns.split(",")]
-    read = read_trajectory(file, arm, degrees, names)
+    read = read_trajectory(file, arm, _in_degrees(deg, units), names)
     for note in read.notes:
         say(f"note: {note}")
     return read
@@ -169,7 +173,7 @@ def check_command(
         if all(source(name) is ParameterSource.DEFAULT for name in speeds):
             speeds = {}
         more = speeds | {"zones": zones}
-        return _followed(arm, follow, (deg if units is None else units == "deg"), bound, more)
+        return _followed(arm, follow, _in_degrees(deg, units), bound, more)
     if zones is not None:
         raise OptionError("--zones is for --follow STREAM")
     if file is None:
@@ -253,7 +257,9 @@ def _posture_of_the_end(arm: Arm, Q: Array, found: Aspects) -> Array | None:
     return None
 
 
-def _followed(arm: Arm, file: Path, degrees: bool, near: float, more: Mapping[str, Any]) -> int:
+def _followed(
+    arm: Arm, file: Path, degrees: bool | None, near: float, more: Mapping[str, Any]
+) -> int:
     """Judge each line that comes. A plain file is read whole; of a live stream, old lines go."""
     from pinsing._batch import engine
     from pinsing.families import closed_form

@@ -23,6 +23,7 @@ from pinsing.cli.options import (
     joint_vector,
     output_option,
     parse_numbers,
+    told_degrees,
 )
 from pinsing.cli.output import followed, say
 from pinsing.cli.running import waiting
@@ -152,11 +153,11 @@ def view_command(
                 viewer.show_family(family)
             write_files(viewer, html, png, picture, panel, at)
         if live:
-            lead = None if follow is None else partial(_lead, viewer, follow, deg)
+            lead = None if follow is None else partial(_lead, viewer, follow, told_degrees(deg))
             stay(viewer, stack.enter_context(page) if server is None else server, lead)
 
 
-def _lead(viewer: Viewer, file: Path, degrees: bool) -> None:
+def _lead(viewer: Viewer, file: Path, degrees: bool | None) -> None:
     """Show what comes, the newest of it; say what cannot be read, silences and the end.
 
     A file with times is played at them, one without picture by picture.

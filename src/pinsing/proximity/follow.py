@@ -21,7 +21,14 @@ from pinsing.families.form import ClosedForm
 from pinsing.proximity.clearance import NAMING, certified, quick
 from pinsing.proximity.crossings import FARTHEST
 from pinsing.proximity.monitor import Monitor
-from pinsing.proximity.trajectory_file import AROUND, ColumnHeads, is_number, require_seconds
+from pinsing.proximity.trajectory_file import (
+    AROUND,
+    NO_TIMES,
+    ColumnHeads,
+    is_number,
+    require_seconds,
+    stated_unit,
+)
 from pinsing.proximity.watched import Watched, watch
 from pinsing.robot.arm import Arm
 from pinsing.serialization import encode
@@ -30,11 +37,13 @@ BACKLOG = 100
 """Lines of a live stream that may wait, a tenth of a second at 1 kHz; older ones are dropped."""
 STALLED = 1.0
 """Seconds without a line after which it is said."""
-_ROWS = (*"{+-.0123456789", " ", "\t")
+_ROWS = tuple("{[+-.0123456789 \t")
 """How lines of values begin. Others may be names of columns, which are not dropped."""
 _PIECE = re.compile(r"[-+.\deE\s]*")
 """A number, or what is left of one that a stream began, or broke off, in the middle of."""
-_MEANT = re.compile("(joint_?)?names|units?|degrees", re.IGNORECASE)
+_MEANT = re.compile(
+    r"(joint_?)?names|angles?|((angles?|in|use|is)_?)?(units?|deg(rees)?|rad(ians)?)", re.IGNORECASE
+)
 """Keys of an object that would change what its values mean; they are refused, not passed over."""
 _SAID = ("level", "family", "title", "lower", "upper", "time_to_contact", "trend")
 """What is told of the monitor's verdict; ``trend`` is null where speeds are not known."""
@@ -108,20 +117,22 @@ class HeadError(ConfigurationError):
 class Reader:
     """Reads configurations of an arm as text.
 
-    A line is a JSON object or a row of a table, best after a line of column names; without names
-    there is one column a joint, base to tip. After names that are not understood, objects and
-    names are read, but no row. An object holds
-    ``name`` and ``position`` as in ROS's JointState, perhaps ``velocity``, ``t`` or the stamp of a
-    ``header``; or each joint by its name. Names are read as those of a trajectory file; what is
-    none of a joint is passed over. Without velocities, or where one is null or not finite, they are
+    A line is a JSON object, or a list or a row of a table, best after a line of column names;
+    without names there is one column a joint, base to tip. A comment ``# units: degrees`` holds for
+    all that follows. After names that are not understood, objects and names are read, but no row;
+    after units that are not, nothing is. An object holds ``name`` and ``position`` as in ROS's
+    JointState, perhaps ``velocity``, ``t`` or the stamp of a ``header``; or each joint by its name.
+    Names are read as those of a trajectory file, the same in all objects; what is none of a joint
+    is passed over. Without velocities, or where one is null or not finite, they are
     differences of successive samples with times.
 
     Parameters
     ----------
     arm : Arm
         The arm.
-    degrees : bool
-        Whether angles are in degrees where the names of columns do not tell.
+    degrees : bool or None
+        Whether angles are in degrees where the names of columns do not tell; None where a
+        comment may, radians without one.
     told : callable, optional
         Is given notes, each once: what is passed over, up to 100, and by how much joints that the
         arm has locked, or that follow others, are elsewhere, anew where it is ten times as much.
@@ -134,12 +145,15 @@ class Reader:
         Whether the speeds of the last line are its own, and not differences.
     """
 
-    def __init__(self, arm: Arm, degrees: bool, told: Callable[[str], None] | None = None) -> None:
-        self._arm, self._degrees, self._told = arm, degrees, told
-        self._scale = np.where(arm.prismatic, 1.0, np.pi / 180 if degrees else 1.0)
+    def __init__(
+        self, arm: Arm, degrees: bool | None, told: Callable[[str], None] | None = None
+    ) -> None:
+        self._arm, self._stated, self._told = arm, degrees, told
+        self._called: list[str] | None = None
         self._names: tuple[list[str], ColumnHeads] | None = None
         self._columns: tuple[ColumnHeads | None, str | None] | None = None
         self._head: HeadError | None = None
+        self._refused: HeadError | None = None
         self._last: tuple[float, Array] | None = None
         self.t: float | None = None
         self.measured = False
@@ -159,6 +173,12 @@ class Reader:
         if len(line) > MEBIBYTE:
             raise ConfigurationError(f"the stream: a line of more than {MEBIBYTE:,} characters")
         text, self.t = line.removeprefix("\ufeff").strip(), None
+        if text[:1] == "[" and text[-1] == "]":
+            text = text[1:-1]
+        if text[:1] == "#":
+            self._comment(text)
+        if self._refused:
+            raise self._refused
         if not text or text[0] == "#":
             return None
         found = self._object(text) if text[0] == "{" else self._row(text)
@@ -171,7 +191,21 @@ class Reader:
         self.measured = dq is not None
         if dq is None and last is not None and t is not None and t > last[0]:
             dq = self._arm.space.wrap(q - last[1]) / (t - last[0])
+            if (step := t - last[0]) % 1 == 0:
+                said = f"times step by {step:g} s, as they are taken for seconds"
+                self._note(f"{said}: name the column 't (ms)' if they are in milliseconds", "step")
         return t, q, dq
+
+    def _comment(self, text: str) -> None:
+        """Take the unit of angles that a comment states."""
+        try:
+            stated = stated_unit("the stream", text, self._stated)
+        except ConfigurationError as error:
+            self._refused = HeadError(str(error))
+            return
+        if stated != self._stated:
+            self._stated, self._last = stated, None
+            self._note(f"a comment says that angles are in {'degrees' if stated else 'radians'}")
 
     def _require_sense(self, q: Array) -> None:
         """Refuse a joint more than a turn outside its limits, of --rad one that is no angle."""
@@ -197,7 +231,7 @@ class Reader:
                 f"cannot read {text:.80}: it is no JSON object, which must be on one line"
             ) from None
         for key, value in data.items():
-            if _MEANT.fullmatch(key) and isinstance(value, (str, list, bool)):
+            if _MEANT.fullmatch(key) and isinstance(value, (str, list, dict, bool)):
                 raise ConfigurationError(
                     f"the stream: {key!r} is not read: leave it out, with the joints in 'name' and "
                     "angles in radians, or in degrees with --deg"
@@ -209,7 +243,9 @@ class Reader:
             q = self._values("q", heads, values)
         else:
             names, values = data.get("name", list(arm.joints)), data["position"]
-            self._time(data.get("header"), None, [data.get("t", data.get("time"))])
+            self._time(
+                data.get("header"), None, [data.get("t", data.get("time", data.get("timestamp")))]
+            )
             lists = isinstance(names, list) and isinstance(values, list)
             if not lists or len(names) != len(values):
                 raise ConfigurationError("name and position must be lists of one length")
@@ -221,6 +257,13 @@ class Reader:
                 unknown = (r is None or r != r or r in (np.inf, -np.inf) for r in rates)
                 if not any(unknown):
                     speeds = self._values("velocity", heads, rates)
+        self._called = self._called or heads.called
+        for now, before in zip(heads.called, self._called, strict=True):
+            if now != before:
+                raise ConfigurationError(
+                    f"the stream: {now!r:.80} is {before!r:.80} in a line before: give the states "
+                    "of one robot"
+                )
         return q, speeds
 
     def _time(self, header: Any, heads: ColumnHeads | None, values: Sequence[Any]) -> None:
@@ -245,7 +288,8 @@ class Reader:
         pairs = zip(joints, order, strict=True)
         q = [number(values[i], f"{what} of joint {j!r}") for j, i in pairs]
         units = [None] * len(joints) if heads is None else heads.scales
-        given = zip(units, self._scale, strict=True)
+        angle = math.pi / 180 if self._stated else 1.0
+        given = zip(units, np.where(self._arm.prismatic, 1.0, angle), strict=True)
         found = np.array([x * (s if u is None else u) for x, (u, s) in zip(q, given, strict=True)])
         if what == "q" and heads is not None and heads.held:
             self._compare(found, heads, values)
@@ -257,7 +301,7 @@ class Reader:
             i = heads.others[held.name]
             if not is_number(word := str(values[i])):
                 continue
-            scale = math.pi / 180 if self._degrees and not held.slides else 1.0
+            scale = math.pi / 180 if self._stated and not held.slides else 1.0
             off = abs(float(held.off(q, float(word) * (heads.units[i] or scale))))
             # Backlash, and encoders that are read some milliseconds apart, explain less.
             least = 1e-3 if held.slides else math.pi / 180
@@ -266,9 +310,9 @@ class Reader:
                 far = f"{1e3 * off:.3g} mm" if held.slides else f"{math.degrees(off):.3g} degrees"
                 self._note(f"joint {held.name!r} {held.why}, the stream has it {far} elsewhere")
 
-    def _note(self, note: str) -> None:
-        if note not in self._noted:
-            self._noted.add(note)
+    def _note(self, note: str, once: str = "") -> None:
+        if (once or note) not in self._noted:
+            self._noted.add(once or note)
             if self._told:
                 self._told(f"note: {note}")
 
@@ -279,7 +323,7 @@ class Reader:
             heads = ColumnHeads("the stream", self._arm, names)
             self._names = names, heads
             for note in heads.notes:
-                if note.endswith("not used") and len(self._noted) < BACKLOG:
+                if note != NO_TIMES and len(self._noted) < BACKLOG:
                     self._note(note)
         return self._names[1]
 
@@ -357,7 +401,7 @@ class Follower:
         Of the arm.
     arm : Arm
         The arm.
-    degrees : bool
+    degrees : bool or None
         As of `Reader`.
     near : float
         Clearance, radians, at or below which the level is "warn"; half of it is "stop".
@@ -377,7 +421,7 @@ class Follower:
         self,
         form: ClosedForm,
         arm: Arm,
-        degrees: bool,
+        degrees: bool | None,
         near: float,
         told: Callable[[str], None] | None = None,
         **more: Any,

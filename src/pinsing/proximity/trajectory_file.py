@@ -70,7 +70,7 @@ _PROGRAM = re.compile(r"(?i)(%%%|module\s|&[a-z]+\s|(global\s+)?def(fct|dat)?\s|
 """How programs begin: RAPID, KRL, INFORM, and those of FANUC and UR under other names."""
 _HANDED = ("/dev/stdin", "/dev/fd/", "/proc/self/fd/")  # pipes that the shell has set up
 _LARGEST = 4096 * MEBIBYTE  # bytes
-_NO_TIMES = "no column of times"
+NO_TIMES = "no column of times"
 _ROWS = 100_000  # at a time
 _EPOCH = 1e8  # seconds: later times are dates, of which three years are left out
 _DEGREES = re.compile(r"(?i)(?:\b|_)deg(?:rees?)?\b(?!/)|°(?!/)")
@@ -521,19 +521,19 @@ def _yaml(path: Path, arm: Arm) -> TrajectoryFile:
             names, heads = joints, ColumnHeads(path, arm, [str(j) for j in joints], ())
         samples.append([float(positions[i]) for i in heads.order])
         times.append(_seconds(time))
-    notes = tuple(n for n in heads.notes if n != _NO_TIMES) if heads else ()
+    notes = tuple(n for n in heads.notes if n != NO_TIMES) if heads else ()
     known = [t for t in times if t is not None]
     timed = len(known) == len(times) > 0
     if not timed:
-        notes += (_NO_TIMES,)
+        notes += (NO_TIMES,)
     Q = np.array(samples).reshape(-1, arm.n)
     t, degrees = np.array(known) if timed else None, None
     for number, text in enumerate(raw.decode("utf-8", "replace").splitlines(), 1):
-        degrees = _stated_unit(path, number, text, degrees)
+        degrees = stated_unit(f"{path}:{number}", text, degrees)
     return TrajectoryFile(Q, t, notes, degrees=degrees, seconds=True)
 
 
-def _stated_unit(path: Path, number: int, line: str, before: bool | None) -> bool | None:
+def stated_unit(where: str, line: str, before: bool | None) -> bool | None:
     """Return True for degrees, False for radians, where a comment says so, else ``before``."""
     said = _UNITS_LINE.match(line)
     if said is None:
@@ -542,13 +542,13 @@ def _stated_unit(path: Path, number: int, line: str, before: bool | None) -> boo
     angles = {s for w, s in units.items() if w[:3] in ("deg", "rad", "°")}
     if len(angles) != 1 or any(s != 1 for w, s in units.items() if s not in angles):
         raise ConfigurationError(
-            f"{path}:{number}: units {said[1]!r:.60} are not understood: write '# units: degrees' "
+            f"{where}: units {said[1]!r:.60} are not understood: write '# units: degrees' "
             "or '# units: radians', or name units in the head, as 'J1 (deg)'"
         )
     degrees = angles != {1.0}
     if before not in (None, degrees):
         raise ConfigurationError(
-            f"{path}:{number}: a comment says other units than one before it: remove one"
+            f"{where}: a comment says other units than one before, or --deg or --rad"
         )
     return degrees
 
@@ -568,7 +568,7 @@ def _text(path: Path, arm: Arm, columns: Sequence[str], united: bool) -> Traject
             line = words_of_it.strip()
             if line and not line.startswith(("#", "sep=")):  # which spreadsheets write
                 break
-            degrees = _stated_unit(path, number, line, degrees)
+            degrees = stated_unit(f"{path}:{number}", line, degrees)
             line, comments = "", f"{comments} {line}"
         if not line:
             raise ConfigurationError(f"{path}: no sample in it")
@@ -674,6 +674,8 @@ class ColumnHeads:
         Of each joint, where a unit is named.
     units : list of (float or None)
         The same of each column.
+    called : list of str
+        The name of each joint, without unit and place.
     time : int or None
         The column of times, in units of ``time_scale`` seconds.
     others : dict of str to int
@@ -700,6 +702,8 @@ class ColumnHeads:
     ) -> None:
         words = [str(w).strip().strip("\"'") for w in words]
         self.path, self.words = path, words
+        if any(len(w) > 300 for w in words):  # patterns take the square of it
+            raise self._error("a column's name has more than 300 characters")
         if twice := [w for w in words if w and list(words).count(w) > 1 and not columns]:
             raise self._error(f"column {twice[0]!r:.80} is there twice")
         known = _others(arm)
@@ -762,12 +766,13 @@ class ColumnHeads:
         if times and scales[times[0]] is None and words[times[0]] == "%time":
             self.time_scale = 1e-9  # as rostopic writes it
         self.units, self.scales = scales, [scales[i] for i in self.order]
+        self.called = [_without_places(names[i]) for i in self.order]
         _require_kinds(path, arm, [words[i] for i in self.order], [marks[i] for i in self.order])
         angles = {s is None for s, p in zip(self.scales, arm.prismatic, strict=True) if not p}
         if len(angles) > 1:
             raise self._error("some angles have a unit in their head, others none")
         self.used = {*self.order, *times, *self.others.values()}
-        self.notes: tuple[str, ...] = () if times else (_NO_TIMES,)
+        self.notes: tuple[str, ...] = () if times else (NO_TIMES,)
         if below:
             self.notes += ("units are of the line below the head",)
         if yaskawa:
@@ -842,7 +847,9 @@ class ColumnHeads:
         column = {joint: i for i, joint in found.items()}
         if missing := [j for j in arm.joints if j not in column]:
             unknown = [self.words[i] for i in names if not found[i]]
-            other = f"; {unknown[0]!r:.80} is none" if unknown else ""
+            close = [w for w in unknown if missing[0] in w]
+            other = f"; {(close or unknown)[0]!r:.80} is none" if unknown else ""
+            other += ": after a joint's name stands a unit, as _deg or (rad)" * bool(close)
             raise self._error(f"no column for joint {missing[0]!r}{other}")
         return [column[j] for j in arm.joints]
 
@@ -904,7 +911,7 @@ class _NumberTable:
         self.line += len(lines)
         for number, line in enumerate(lines, first):
             if "#" in line:
-                self.degrees = _stated_unit(self.path, number, line, self.degrees)
+                self.degrees = stated_unit(f"{self.path}:{number}", line, self.degrees)
         for i, name in self.labels.items():
             for number, line in enumerate(lines, first):
                 cells = line.split("#")[0].split(self.separator)
