@@ -302,8 +302,41 @@ def test_a_wall_between_two_poses(ur5):
         assert plan.clearance > 0
 
 
+@pytest.mark.parametrize(("name", "held"), [("aubo_i5", None), ("gen3_7", 5)])
+def test_poses_of_opposite_axes_and_of_joints_that_line_up_at_zero_are_reached(name, held):
+    """No solution was found: EAIK takes one of opposite axes for the other, or knows zero alone."""
+    arm = pinsing.load(name)
+    many = InverseMany(arm, held)
+    for q in np.random.default_rng(3).uniform(-1.5, 1.5, (2, arm.n)):
+        tip = tip_placement(arm, q)
+        values = None if held is None else q[[held]]
+        found = many.solve(tip.translation[None, None], tip.rotation[None, None], values)[0, 0]
+        assert np.nanmin(np.abs(arm.space.wrap(found - q)).max(axis=1)) < 1e-6
+
+
+def test_joints_without_limits_make_as_many_turns_as_a_path_needs():
+    """Four turns of the tool were called degrees, and so were turns that nothing needed."""
+    arm = pinsing.load("gen3_6")
+    form = pinsing.closed_form(arm, prove=False)
+    tip = tip_placement(arm, np.array([0.2, 0.5, -1.2, 0.4, 0.9, 0.1])).homogeneous
+    T = np.tile(tip, (49, 1, 1))
+    for pose, a in zip(T, np.linspace(0, 8 * np.pi, 49), strict=True):
+        pose[:3, :3] = pose[:3, :3] @ pin.utils.rotate("z", a)
+    plan = plan_path(form, T, arm=arm)
+    reached(replace(arm, units="rad"), plan, T, np.eye(4))
+    np.testing.assert_allclose(np.ptp(plan.q, axis=0), [0, 0, 0, 0, 0, 8 * np.pi], atol=1e-9)
+    path_sheet(plan, form)
+    T = np.tile(np.eye(4), (13, 1, 1))
+    for pose, a in zip(T, np.linspace(0, 2 * np.pi, 13), strict=True):
+        pose[:3, :3] = pin.utils.rotate("z", a) @ pin.utils.rotate("y", np.pi + 0.5)
+        pose[:3, 3] = 0.4 + 0.15 * np.cos(a), 0.15 * np.sin(a), 0.2
+    plan = plan_path(form, T, free="roll", step=np.radians(20), arm=arm, tool=TORCH)
+    reached(arm, plan, T, TORCH)
+    assert np.abs(plan.q[0]).max() <= np.pi
+
+
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["ur5", "puma560", "z1"])
+@pytest.mark.parametrize("name", ["ur5", "puma560", "z1", "aubo_i5"])
 def test_eaik_misses_nothing_that_ours_finds(name, monkeypatch):
     monkeypatch.setattr(sys.modules["pinsing.postures.inverse"], "decomposed", lambda arm: None)
     arm = pinsing.load(name)

@@ -407,7 +407,8 @@ def path_sheet(plan: PathPlan, form: ClosedForm) -> Figure:
     )
     top = axes[0, 0]
     poses = np.arange(len(plan.q))
-    along = np.degrees(clearance(form, plan.q, certify=True, gap=1e-3).upper)
+    turned = watch(form).space.wrap(plan.q)  # many turns would read as degrees
+    along = np.degrees(clearance(form, turned, certify=True, gap=1e-3).upper)
     top.plot(poses, along, color=COLORS[0], label="the path")
     top.axhline(
         np.degrees(plan.clearance), color=COLORS[0], ls="--", lw=1, label="its least (proven)"

@@ -11,12 +11,13 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 import numpy.typing as npt
 
-from pinsing._types import Array, Bool
+from pinsing._batch import engine
+from pinsing._types import Array, Bool, Ints
 from pinsing.arguments import MAX_SEED, checked, typed, whole_number
 from pinsing.errors import ConfigurationError, OptionError, UnknownNameError
 from pinsing.kinematics.jacobian import read_pose
@@ -32,8 +33,15 @@ from pinsing.robot.task import POSE
 from pinsing.serialization import JsonResult
 
 
-def decomposed(arm: Arm, held: int | None = None, value: float = 0.0) -> Any:
-    """Return EAIK's robot of an arm, a joint held at a value; None if EAIK does not know it."""
+def decomposed(
+    arm: Arm, held: int | None = None, value: float = 1.0
+) -> Callable[[Array], tuple[Ints, Array, Bool]] | None:
+    """Return EAIK's inverse kinematics of an arm, a joint held at a value; None if it has none.
+
+    It takes poses (M, 4, 4), and returns how many solutions each has (M,), all of them (K, n), the
+    held joint included, and which are in the sense of least squares only (K,). At a value of 0
+    arms may have a decomposition that they have at no other.
+    """
     try:
         from eaik.IK_Homogeneous import HomogeneousRobot
     except ImportError:
@@ -41,19 +49,29 @@ def decomposed(arm: Arm, held: int | None = None, value: float = 0.0) -> Any:
     chain = flatten(nominal(arm).arm)
     if chain.prismatic.any() or arm.coupling is not None or arm.n - (held is not None) != 6:
         return None
-    frames, at = [], np.eye(4)
-    for R, t in zip(chain.R, chain.t, strict=True):  # axes along z, all joints at zero; the tip
+    frames, at, signs = [], np.eye(4), np.ones(arm.n)
+    for j, (R, t) in enumerate(zip(chain.R, chain.t, strict=True)):  # axes along z, joints at zero
         here = np.eye(4)
         here[:3, :3], here[:3, 3] = R, t
         at = at @ here
-        frames.append(at)
-    robot = HomogeneousRobot(np.array(frames), fixed_axes=[] if held is None else [(held, value)])
-    return robot if robot.hasKnownDecomposition() else None
+        frames.append(at.copy())
+        # Of opposite axes EAIK takes one joint value for its negative.
+        if 0 < j < arm.n and frames[-1][:3, 2] @ frames[-2][:3, 2] < ROUNDING - 1:
+            frames[-1][:3, 1:3] *= -1
+            signs[j] = -1
+    fixed = [] if held is None else [(held, value * signs[held])]
+    robot = HomogeneousRobot(np.array(frames), fixed_axes=fixed)
+    if not robot.hasKnownDecomposition():
+        return None
 
+    def solutions(T: Array) -> tuple[Ints, Array, Bool]:
+        found = robot.IK_batched(T, min(len(T), engine.cpu_count()))
+        rows = [x.Q for x in found]
+        Q = np.concatenate([np.empty((0, arm.n)), *(x for x in rows if len(x))])
+        rough = np.concatenate([x.is_LS for x in found]).astype(bool)
+        return np.array([len(x) for x in rows]), signs * Q, rough
 
-def exactly(found: Any, n: int) -> Array:
-    """Solutions (k, n), a held joint included, without those that are least squares only."""
-    return np.asarray(np.asarray(found.Q, dtype=float).reshape(-1, n)[~np.asarray(found.is_LS)])
+    return solutions
 
 
 @dataclass(frozen=True, eq=False)
@@ -499,9 +517,9 @@ def inverse(
     if robot is not None:
         pose = np.eye(4)
         pose[:3, :3], pose[:3, 3] = (np.eye(3) if rotation is None else rotation), position
-        said = robot.IK(pose)
-        found.add(*solver.solve(exactly(said, arm.n)))
-        if len(said.Q) == len(found.q) and found.clear():
+        _, said, rough = robot(pose[None])
+        found.add(*solver.solve(said[~rough]))
+        if len(said) == len(found.q) and found.clear():
             # Share of the random starts that check solutions by EAIK: one in so many.
             known, first = len(found.q), max(1, starts // 8)
     if near is not None:

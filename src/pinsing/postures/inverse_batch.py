@@ -94,14 +94,12 @@ class InverseMany:
             robot = decomposed(self.arm, self.held, value)
             T = np.tile(np.eye(4), (len(part), 1, 1))
             T[:, :3, :3], T[:, :3, 3] = rotation[part], position[part]
+            if robot is None:
+                return np.full((len(part), 1, self.arm.n), np.nan)
             # Solutions in the sense of least squares are among them: forward kinematics tells.
-            solved = [] if robot is None else robot.IK_batched(T, engine.cpu_count())
-            every = [x.Q for x in solved] or [[]] * len(part)
-            counts = np.array([len(x) for x in every])
+            counts, every, _ = robot(T)
             Q = np.full((len(part), max(1, counts.max()), self.arm.n), np.nan)
-            Q[np.arange(Q.shape[1]) < counts[:, None]] = np.concatenate(
-                [np.empty((0, self.arm.n)), *(x for x in every if len(x))]
-            )
+            Q[np.arange(Q.shape[1]) < counts[:, None]] = every
             return self._verified(Q, position[part], rotation[part])
 
         found = []

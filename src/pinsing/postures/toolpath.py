@@ -424,8 +424,9 @@ class _Planner:
             return self._none(chosen, notes)
         values, q = chosen
         bound = max(bound, proven)
-        notes += self._sunken(q)
-        near, kept = clearance(self.form, q[round(where)]), self._kept(self.first)
+        turned = self.arm.space.wrap(q)  # many turns would read as degrees
+        notes += self._sunken(turned)
+        near, kept = clearance(self.form, turned[round(where)]), self._kept(self.first)
         family = str(near.nearest)
         return replace(
             self._none("", notes),
@@ -530,7 +531,8 @@ class _Planner:
             beyond = np.asarray(self.arm.space.outside(q).any(axis=0))
             if not beyond.any() and self.relaxed > self.reached + STEP:
                 # What others seem to have may be beyond the limits of the joint that winds most.
-                wound = np.where(self.bounded | self.counted.any(), 0.0, np.ptp(q, axis=0))
+                free = self.bounded | self.counted.any() | np.isinf(self.arm.upper - self.arm.lower)
+                wound = np.where(free, 0.0, np.ptp(q, axis=0))
                 beyond = wound >= max(wound.max(), np.pi)
             if not beyond.any():
                 return self.values[poses, i], q
@@ -1228,7 +1230,8 @@ class _Planner:
         """The least clearance along a path (N, n), between poses too, and at which pose it is."""
 
         def bounded(x: Array) -> Array:
-            return clearance(self.form, x, certify=True, gap=CLOSE).lower
+            turned = self.arm.space.wrap(x)
+            return clearance(self.form, turned, certify=True, gap=CLOSE).lower
 
         def length(x: Array) -> Array:
             return np.asarray(np.linalg.norm(x * self.scale, axis=1))
