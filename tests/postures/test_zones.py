@@ -162,6 +162,9 @@ def test_of_a_planar_arm_the_distance_is_that_of_a_fine_grid():
         (("ur5", "--within", "q3=60..120"), "over a turn in radians: for degrees add --deg"),
         (("ur5", "--tip-speed", "-1"), "must be from 0 to 1e6"),
         (("ur5", "--task", "vx,vy"), "turn with the arm"),
+        (("ur5", "--joint-speeds", "90,90,90,90,90,90"), "for deg/s add --deg"),
+        (("ur5", "--joint-speeds", "2,2,2,2,2,2", "--deg"), "for rad/s leave out --deg"),
+        (("ur5", "--turn-speed", "30"), "for deg/s type 0.5236"),
         (("ur5", "--task", "vx@tip,vy"), "rows in base axes, or tool-axis"),
     ],
 )
@@ -169,6 +172,15 @@ def test_what_makes_no_sense_is_refused(words, said):
     done = run("zones", *words)
     assert done.exit_code == 2
     assert said in " ".join(done.stderr.split())
+
+
+def test_joint_speeds_typed_in_degrees_are_those_in_radians():
+    """A slide's speed stays in metres per second."""
+    words = ["zones", "scara", "-o", "-", "--joint-speeds"]
+    one = run(*words, "180,180,1,360", "--deg")
+    other = run(*words, f"{np.pi},{np.pi},1,{2 * np.pi}")
+    assert one.exit_code == 0
+    assert one.stdout == other.stdout
 
 
 def test_the_command_says_what_to_keep_and_where():

@@ -112,7 +112,7 @@ def at_command(
         near_rtol=NEAR_RTOL if near_rtol is None else near_rtol,
         tip_speed=tip_speed,
         turn_speed=turn_speed,
-        joint_speeds=typed_speeds(joint_speeds),
+        joint_speeds=typed_speeds(arm, joint_speeds, turn_speed, deg),
     )
     degrees = in_degrees(deg)
     for said in arm.space.outside_words(values, degrees):

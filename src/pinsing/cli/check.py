@@ -168,7 +168,7 @@ def check_command(
         speeds: dict[str, Any] = {
             "tip_speed": tip_speed,
             "turn_speed": turn_speed,
-            "joint_speeds": typed_speeds(joint_speeds),
+            "joint_speeds": typed_speeds(arm, joint_speeds, turn_speed, deg),
         }
         if all(source(name) is ParameterSource.DEFAULT for name in speeds):
             speeds = {}
@@ -193,7 +193,7 @@ def check_command(
             near=bound,
             tip_speed=tip_speed,
             turn_speed=turn_speed,
-            joint_speeds=typed_speeds(joint_speeds),
+            joint_speeds=typed_speeds(arm, joint_speeds, turn_speed, deg),
             progress=progress,
         )
     check = with_aspects(check, arm, form, read.Q, read.t)

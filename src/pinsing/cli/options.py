@@ -427,13 +427,28 @@ def tip_speed_options(command: F) -> F:
 joint_speeds_option = click.option(
     "--joint-speeds",
     metavar="S1,S2,...",
-    help="Speed limits of the joints, rad/s and m/s.  [default: those of the file]",
+    help="Speed limits of the joints, m/s and rad/s, with --deg deg/s.  [default: those of the "
+    "file]",
 )
 
 
-def typed_speeds(text: str | None) -> list[float] | None:
-    """Return what ``--joint-speeds`` says."""
-    return None if text is None else parse_numbers(text, "--joint-speeds")
+def typed_speeds(arm: Arm, text: str | None, turn_speed: float, deg: bool) -> Array | None:
+    """Return what ``--joint-speeds`` says, rad/s and m/s; refuse what must be another unit."""
+    import numpy as np
+
+    fast = 4 * math.pi  # twice round in a second: more than all joints of an arm, or its tip, make
+    if turn_speed > fast:
+        as_degrees = f"{math.radians(turn_speed):.4g}"
+        raise OptionError(f"--turn-speed {turn_speed:g} is in rad/s: for deg/s type {as_degrees}")
+    if text is None:
+        return None
+    speeds = np.array(parse_numbers(text, "--joint-speeds", deg))
+    turning = speeds[~arm.prismatic] if len(speeds) == arm.n else speeds[:0]
+    if deg and turning.size and turning.max() < 2 * math.pi:
+        raise OptionError("--joint-speeds: below 6.3 deg/s all; for rad/s leave out --deg")
+    if not deg and turning.size and turning.min() > fast and told_degrees(deg) is None:
+        raise OptionError("--joint-speeds: over two turns a second all; for deg/s add --deg")
+    return np.where(arm.prismatic, speeds, np.radians(speeds)) if deg and turning.size else speeds
 
 
 def follow_option(what: str) -> Callable[[F], F]:
