@@ -122,10 +122,8 @@ def test_outside_the_zones_no_limit_is_exceeded(name, speeds, within):
     assert pinsing.proximity.Zones.from_json(found.to_json()).distances == found.distances
 
 
-@pytest.mark.parametrize(
-    "name",
-    ["irb120", *(pytest.param(n, marks=pytest.mark.slow) for n in ("ur5", "ur10e", "rs007n"))],
-)
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["irb120", "ur5", "ur10e", "rs007n"])
 def test_on_full_circles_each_distance_is_within_a_twentieth_of_one_that_is_too_near(name):
     # Where zones meet, what exceeds a limit is a sliver: neither boxes nor random steps find it
     # unless distances near it are proven as closely as the boxes are small.
@@ -248,6 +246,7 @@ def test_an_arm_of_one_long_equation_has_a_distance():
     assert 0.3 < found.common_exceeding < found.common < 2
 
 
+@pytest.mark.slow
 def test_outside_the_zones_what_thresholds_mean_is_looked_for_where_zones_meet():
     found = pinsing.zones(pinsing.closed_form(pinsing.load("kr6_r900")), boxes=800_000)
     # Plain sampling of 200,000 configurations finds 0.0480 and 35.9.
@@ -255,6 +254,7 @@ def test_outside_the_zones_what_thresholds_mean_is_looked_for_where_zones_meet()
     assert found.condition_number > 35.9
 
 
+@pytest.mark.slow
 def test_a_distance_that_may_be_larger_than_needed_is_named_with_what_exceeds():
     found = pinsing.zones(pinsing.closed_form(pinsing.load("irb1200")), boxes=900_000)
     over = [n for n, d in found.distances.items() if d > 1.05 * found.exceeding[n] + 1e-8]

@@ -205,27 +205,26 @@ def test_the_command(capsys: pytest.CaptureFixture[str]) -> None:
         assert not out
 
 
-def test_the_closest_approach_of_a_line_is_that_of_dense_samples() -> None:
+@pytest.mark.parametrize(
+    ("name", "q", "to"),
+    [
+        ("rs007n", [54.1, -70.6, 122.6, 16.2, 45.2, 117.7], [-0.263, -0.259, -0.168]),
+        pytest.param(
+            *("xarm6", [124.8, -52.1, -6.7, 74, -76.1, -143.2], [-0.07, -0.067, 0.286]),
+            marks=pytest.mark.slow,
+        ),
+    ],
+)
+def test_the_closest_approach_of_a_line_is_that_of_dense_samples(name, q, to) -> None:
     # Found by a stranger: it was told where a loose lower bound is least.
-    cases = {
-        "rs007n": (
-            [54.058, -70.573, 122.555, 16.209, 45.215, 117.72],
-            [-0.2633, -0.25887, -0.16823],
-        ),
-        "xarm6": (
-            [124.808, -52.093, -6.701, 74.015, -76.056, -143.239],
-            [-0.0702, -0.0667, 0.2861],
-        ),
-    }
-    for name, (q, to) in cases.items():
-        arm = pinsing.load(name)
-        form = pinsing.closed_form(arm, prove=False)
-        line = check_line(arm, np.radians(q), to, forms=form)
-        for near in line.approaches:
-            every = pinsing.clearance(
-                form, line.q, families=[near.family], certify=True, boxes=5000
-            ).upper
-            assert near.upper <= every.min() + 1e-4
+    arm = pinsing.load(name)
+    form = pinsing.closed_form(arm, prove=False)
+    line = check_line(arm, np.radians(q), to, forms=form)
+    for near in line.approaches:
+        every = pinsing.clearance(
+            form, line.q, families=[near.family], certify=True, boxes=5000
+        ).upper
+        assert near.upper <= every.min() + 1e-4
 
 
 def test_a_start_that_meets_a_singularity_is_not_suggested_and_all_that_is_met_is_named() -> None:
