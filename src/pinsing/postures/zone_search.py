@@ -274,9 +274,9 @@ class _Search:
         proven of many, and how many of these are as much work as one of joint speeds.
     """
 
-    chunk, wide, finest, sure = 8192, 0.8, 1e-3, 1e-8
-    steps, beyond, few, cheap = 5, 1.02, 200, 8
-    samples, best, certified = 8192, 30, 3
+    chunk, wide, finest, sure = 8192, 0.8, 3e-3, 1e-8
+    steps, beyond, few, cheap = 5, 1.02, 60, 8
+    samples, best, certified = 4096, 20, 3
 
     def __init__(
         self,
@@ -614,14 +614,14 @@ class _Search:
         Where zones meet they are extreme: many random ones are followed, along some joints each
         time, since a zone may end at a value of a joint.
         """
-        begin = self._random(2 * self.samples)
+        begin = self._random(4 * self.samples)
         begin = begin[self._outside(far, begin)]
         if not len(begin):
             return math.inf, math.nan
         found, n = [], self.arm.n
         for power in (0, 1):
             value = self._measured(begin, power)
-            best = np.argsort(-value, kind="stable")[: 2 * self.best]
+            best = np.argsort(-value, kind="stable")[: 6 * self.best]
             Q, value, step = begin[best], value[best], 0.3
             while step > self.finest:
                 size = (8, *Q.shape)
@@ -648,7 +648,7 @@ class _Search:
         out = np.asarray((low > far).all(axis=1))
         # What only may be outside is looked at closely, some of it.
         maybe = np.flatnonzero((up > far).all(axis=1) & ~out)[: self.chunk // 8]
-        out[maybe] = (self._proven(Q[maybe], self.finest, self.few)[0] > far).all(axis=1)
+        out[maybe] = (self._proven(Q[maybe], self.finest, 16 * self.few)[0] > far).all(axis=1)
         out[out] = self.region.holds(Q[out])
         return out
 
