@@ -82,6 +82,8 @@ MISTAKES = [
     ("pinsing.manipulability(arm, q)", AttributeError, "pinsing.at(arm, q).manipulability"),
     ("pinsing.ik(arm, pose)", AttributeError, "pinsing.inverse(arm, pose)"),
     ("pinsing.distance(form, q)", AttributeError, "pinsing.clearance(form, q)"),
+    ("pinsing.export(arm)", AttributeError, "use pinsing.export_guard(form)"),
+    ("pinsing.list()", AttributeError, "use `pinsing list` in a terminal"),
     ("pinsing.verify('a.json')", AttributeError, "pinsing.proof.verify"),
     ("pinsing.Load('ur5')", AttributeError, "pinsing.load"),
     ("pinsing.postures.sweep(arm)", AttributeError, "no attribute 'sweep'"),
@@ -152,6 +154,16 @@ MISTAKES = [
     ("form[0]", PinsingError, "form.families[0]"),
     ("form.family", AttributeError, "or families"),
     ("form.wrist", AttributeError, "use form['wrist']"),
+    ("form.F2", AttributeError, "use form['F2']"),
+    ("form.distance(q)", AttributeError, "use pinsing.clearance(form, q)"),
+    ("form.aspects()", AttributeError, "use pinsing.aspects"),
+    ("arm.fk(q)", AttributeError, "Arm has no attribute 'fk': use pinsing.at(arm, q).tip_position"),
+    ("arm.jacobian(q)", AttributeError, "use pinsing.frame_jacobian(arm, q)"),
+    ("arm.limits", AttributeError, "use lower and upper"),
+    ("arm.at(q)", AttributeError, "use pinsing.at"),
+    ("arm.joint_names", AttributeError, "use joints"),
+    ("arm.families", AttributeError, "use pinsing.closed_form(arm).families"),
+    ("arm.view()", AttributeError, "use pinsing.Viewer(arm)"),
     ("pinsing.at(arm, q).jacobian", AttributeError, "State has no attribute 'jacobian': use J"),
     ("form.plot()", AttributeError, "pinsing.plot"),
     ("form.save('a.json')", AttributeError, "to_json"),
@@ -199,6 +211,7 @@ def test_a_form_stands_for_its_arm_and_an_arm_for_its_form(names):
     assert pinsing.check_trajectory(form, [q, q]).to_json()
     assert len(pinsing.inverse(form, pinsing.at(arm, q).tip_position).q) > 0
     assert str(pinsing.Monitor(arm)) == str(pinsing.Monitor(form))
+    assert pinsing.aspects(arm).word == "proven"
 
 
 def test_every_result_is_text_json_and_a_cell_of_a_notebook():

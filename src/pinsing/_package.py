@@ -45,6 +45,14 @@ class Package(ModuleType):
         hint = self._called or ", ".join(f"{self.__name__}.{n}" for n in self.__all__[:4])
         raise TypeError(f"{self.__name__} is a module, not a function: use {hint}")
 
+    def advice(self, name: str) -> str:
+        """Return what to use for a name that is advised on, or the function of that name."""
+        if name in self._packages:
+            module = importlib.import_module(f"{self.__name__}.{name}")
+            return str(getattr(module, "_called", ""))
+        function = f"{self.__name__}.{name}" if name in self.__all__ else ""
+        return function or self._advice.get(name, "")
+
     def _refusal(self, name: str) -> str:
         """Say what to use instead of a name that is not there."""
         refusal = f"module {self.__name__!r} has no attribute {name!r}"

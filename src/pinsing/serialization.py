@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import difflib
 import json
+import sys
 import types
 import typing
 from collections.abc import Callable, Mapping
@@ -43,16 +44,52 @@ class Written(NamedTuple):
     kind: Any
 
 
-_GUESSES = {"jacobian": "J", "singular_values": "sigma", "is_singular": "singular"}
+_GUESSES = {
+    "jacobian": "J",
+    "singular_values": "sigma",
+    "is_singular": "singular",
+    "limits": "lower and upper",
+    "count": "lower and upper",
+    "joint_names": "joints",
+    "tool": "tip",
+    **dict.fromkeys(("dof", "nq", "nv"), "n"),
+    **dict.fromkeys(("equations", "keys", "names"), "families"),
+}
 _ELSEWHERE = {
     "plot": "the functions of pinsing.plot",
     "save": "to_json()",
     "show": "pinsing.Viewer",
-    **{name: f"form[{name!r}]" for name in ("wrist", "elbow", "shoulder")},
+    **{name: f"form[{name!r}]" for name in ("wrist", "elbow", "shoulder", "F1", "F2", "F3")},
 }
 
 
-class JsonResult:
+class Advised:
+    """Mixin of classes that say what to use where they are asked for what they have not."""
+
+    if not TYPE_CHECKING:  # which would take every name for an attribute
+
+        def __getattr__(self, name: str) -> Any:
+            kind = type(self)
+            refusal = f"{kind.__name__} has no attribute {name!r}"
+            if not name.startswith("_"):
+                hint = _hint(kind, name)
+                refusal += f": use {hint}" if hint else ""
+            raise AttributeError(refusal)
+
+
+def _hint(kind: Any, name: str) -> str:
+    """Say what stands for an attribute that a class has not; empty for no idea."""
+    known = [n for n in dir(kind) if not n.startswith("_")]
+    known += [f.name for f in dataclasses.fields(kind)]
+    guess = _GUESSES.get(name, "")
+    if guess.partition(" ")[0] in known:
+        return guess
+    close = difflib.get_close_matches(name, known, 3, 0.7)
+    package: Any = sys.modules["pinsing"]
+    return _ELSEWHERE.get(name) or package.advice(name) or " or ".join(close)
+
+
+class JsonResult(Advised):
     """Mixin of frozen dataclasses whose fields are numbers, text, arrays, tuples and their like.
 
     Numbers that JSON does not have are written as the strings "inf", "-inf" and "nan".
@@ -66,20 +103,6 @@ class JsonResult:
             cls.__repr__ = _one_line  # type: ignore[method-assign]
         if "text" not in cls.__annotations__ and not hasattr(cls, "text"):
             cls.text = cls.__str__  # type: ignore[attr-defined]
-
-    if not TYPE_CHECKING:  # which would take every name for an attribute
-
-        def __getattr__(self, name: str) -> Any:
-            kind = type(self)
-            refusal = f"{kind.__name__} has no attribute {name!r}"
-            if not name.startswith("_"):
-                known = [n for n in dir(kind) if not n.startswith("_")]
-                known += [f.name for f in dataclasses.fields(kind)]
-                close = [_GUESSES[name]] if _GUESSES.get(name) in known else []
-                close += difflib.get_close_matches(name, known, 3, 0.7)
-                hint = _ELSEWHERE.get(name) or " or ".join(dict.fromkeys(close))
-                refusal += f": use {hint}" if hint else ""
-            raise AttributeError(refusal)
 
     def __str__(self) -> str:
         text: Any = getattr(type(self), "text", str)

@@ -14,7 +14,7 @@ from pinsing._batch import engine
 from pinsing.algebra.conditions import Conditions
 from pinsing.algebra.equation import Equation
 from pinsing.algebra.nearest import SearchOptions, nearest_points, two_sided
-from pinsing.errors import ConfigurationError, OptionError, UnknownNameError
+from pinsing.errors import ConfigurationError, OptionError, ResultError, UnknownNameError
 from pinsing.families import Branch, Family, JointValue
 from pinsing.proximity.guard import make_guard
 
@@ -279,6 +279,18 @@ def test_the_maximum_norm_and_weights() -> None:
             assert round_.lower <= np.linalg.norm(d * scale, axis=1).min()
             if engine.available():
                 assert largest.upper - largest.lower < 1e-5
+
+
+@needs_kernel
+def test_a_certified_gradient_is_the_slope_and_never_another() -> None:
+    form, q = closed("ur5"), np.array([0, -1.2, 1.6, -1, 1.2, 0])
+    options = {"certify": True, "weights": [1, 2, 0.5, 1.5, 1, 1]}
+    gradient = pinsing.clearance(form, q, **options).gradient
+    assert np.count_nonzero(gradient) == 3  # the shoulder's
+    ends = [pinsing.clearance(form, q + s * 1e-3 * gradient, **options).upper for s in (1, -1)]
+    assert (ends[0] - ends[1]) / 2e-3 == pytest.approx(gradient @ gradient, rel=1e-2)
+    with pytest.raises(ResultError, match="norm 'max'"):
+        _ = pinsing.clearance(form, q, certify=True, norm="max").gradient
 
 
 @needs_kernel

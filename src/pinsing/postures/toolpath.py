@@ -234,9 +234,9 @@ def plan_path(
     place : mapping, optional
         Ranges in which the workpiece may be moved for more clearance, by name: "x", "y",
         "z" (metres along the axes of the base), "roll", "pitch", "yaw" (radians about them, through
-        the middle of the path), such as ``{"x": (-0.1, 0.1), "yaw": (-0.5, 0.5)}``. Placements are
-        compared on a coarse grid; the best one found is planned as any path, and given back unless
-        the poses as they are, where the ranges allow them, have more.
+        the middle of the path), such as ``{"x": (-0.1, 0.1), "yaw": (-0.5, 0.5)}``. Placements all
+        over the ranges are compared, then some near the best; the best one found is planned as any
+        path, and given back unless the poses as they are, where the ranges allow them, have more.
     progress : callable
         Told what is done, how far it is, and how far that goes.
 

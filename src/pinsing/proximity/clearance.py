@@ -99,12 +99,13 @@ class Clearance(JsonResult):
     def gradient(self) -> Array:
         """Gradient (..., n) of ``lower``, by central differences; for barriers and planners.
 
-        With ``certified``, that of the distance from the nearest configuration found.
+        With ``certified``, that of the distance from the nearest configuration found, which in
+        the norm "max" is another.
 
         Raises
         ------
         ResultError
-            If this was read from a file, which has no families.
+            If this was read from a file, which has no families, or certified in the norm "max".
 
         Examples
         --------
@@ -114,7 +115,10 @@ class Clearance(JsonResult):
         array([ 0.,  0.,  0.,  0., -1.,  0.])
         """
         if self.bound is None or self.at is None:
-            raise ResultError("the gradient of a clearance is not in its JSON: compute it again")
+            raise ResultError(
+                "a clearance from JSON, or certified in the norm 'max', has no gradient: "
+                "compute it again, without certify"
+            )
         slopes = [
             (self.bound(self.at + step) - self.bound(self.at - step)) / (2 * STEP)
             for step in STEP * np.eye(self.at.shape[-1])
@@ -227,7 +231,7 @@ def clearance(
 
     return replace(
         found,
-        bound=bound,
+        bound=None if certify and norm == "max" else bound,
         naming=None if certify or within_limits else partial(nearest_family, watched.conditions),
         at=array,
         lower=found.lower.reshape(shape),

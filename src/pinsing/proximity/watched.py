@@ -18,7 +18,7 @@ from pinsing.arguments import columns_of, real_numbers, stands_for
 from pinsing.errors import OptionError
 from pinsing.families import ClosedForm, Family
 from pinsing.families.family import asked_for
-from pinsing.families.solve import form_to_measure
+from pinsing.families.solve import closed_form
 from pinsing.kinematics.verdict import regular_radius
 from pinsing.measures import ROUNDING
 from pinsing.robot.arm import Arm, summarize
@@ -331,4 +331,4 @@ def require_forms_of(forms: Forms, arm: Arm) -> None:
 
 
 # `clearance` is called often.
-stands_for(Arm, ClosedForm, lambda arm: arm.once("closed form", lambda: form_to_measure(arm)))
+stands_for(Arm, ClosedForm, lambda arm: arm.once("closed form", lambda: closed_form(arm)))

@@ -22,10 +22,11 @@ from pinsing.robot.joint_space import JointSpace, model_q, require_scale
 from pinsing.robot.source import Coupling, Memory, Source
 from pinsing.robot.task import Task, parse_task
 from pinsing.robot.whole_model import WholeModel
+from pinsing.serialization import Advised
 
 
 @dataclass(frozen=True, eq=False)
-class Arm(Memory):
+class Arm(Advised, Memory):
     """A serial chain of a Pinocchio model, with the frame and the task it is judged by.
 
     Configurations are plain joint vectors ``q`` of shape (n,), radians and metres,
