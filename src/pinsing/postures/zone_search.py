@@ -313,9 +313,13 @@ class _Search:
         far = np.full(count, common.proven)
         found = np.zeros(count)
         for k, name in enumerate(names):
-            share = (self.most - self.seen) // (count - k)
+            # The first zone to be lowered is mostly the one that takes the most boxes.
+            share = (self.most - self.seen) // (2 if k < count - 1 else 1)
             lowered = self._least(k, far, f"{name}, {k + 1} of {count} families", share)
             far[k], found[k] = min(far[k], lowered.proven), lowered.reached
+            least = min(found[k], np.delete(far, k).min(initial=np.inf))
+            if least > common.reached:
+                common = _Answer(common.proven, float(least), lowered.q)
             if far[k] > (1 + GAP) * found[k] + self.sure:
                 near = (
                     f"{angle_text(found[k])} exceeds a limit" if found[k] else "none found exceeds"
