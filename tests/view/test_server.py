@@ -371,13 +371,14 @@ def command() -> Iterator[tuple[subprocess.Popen[str], SimpleNamespace]]:
     process.communicate()
 
 
-def test_ctrl_c_ends_a_page_with_tabs_open(command) -> None:
+@pytest.mark.parametrize("how", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_ends_a_page_with_tabs_open(command, how: signal.Signals) -> None:
     """Tabs that stay, and a request that never ends, do not hold it: it waits for none of them."""
     page, there = command
     tabs = [Tab(there) for _ in range(5)]
     waiting = socket.create_connection(("127.0.0.1", there.port))
     waiting.sendall(b"GET / HTTP/1.1\r\n")
-    page.send_signal(signal.SIGINT)
+    page.send_signal(how)
     said = page.communicate(timeout=SECONDS)[1]
     assert page.returncode == 0
     assert said.splitlines()[-1] == "pinsing: ended"

@@ -6,6 +6,7 @@ import contextlib
 import gc
 import json
 import os
+import signal
 import sys
 import time
 from collections.abc import Callable, Iterator
@@ -26,7 +27,7 @@ if TYPE_CHECKING:
 def served_ahead(name: str, host: str, port: int | None, no_open: bool) -> Iterator[Server]:
     """Serve a page whose content follows: the browser starts meanwhile.
 
-    Warns first where others can reach the page. Ctrl-C ends it, and what it is served to, with 0.
+    Warns first where others can reach the page. Ctrl-C or SIGTERM end it, and what it is served to, with 0.
     """
     import webbrowser  # with subprocess and shutil: for commands that open one
 
@@ -39,7 +40,7 @@ def served_ahead(name: str, host: str, port: int | None, no_open: bool) -> Itera
             "whoever listens on the network learns the address"
         )
     server = Server(name, host=host, port=port)
-    given = False
+    given, before = False, signal.signal(signal.SIGTERM, signal.default_int_handler)
     try:
         click.echo(server.url)
         sys.stdout.flush()
@@ -53,6 +54,7 @@ def served_ahead(name: str, host: str, port: int | None, no_open: bool) -> Itera
             raise click.exceptions.Exit(0) from None
         gc.freeze()  # nothing is to be collected any more: that took a third of a second
     finally:
+        signal.signal(signal.SIGTERM, before)
         server.close()
 
 
