@@ -107,9 +107,8 @@ footer { margin-top: 3rem; color: var(--soft); font-size: .9rem; }
   nav, .screen, .skip, #model, #data { display: none; }
   h2, h3, caption { break-after: avoid; }
   #trajectory { break-before: page; }
-  figure, .equation, tr, p, dl, li, pre, .wide.short { break-inside: avoid; }
-  .lead, p:has(+ pre), p:has(+ ul), .maps:has(+ .sub), .equation:has(+ .maps) {
-    break-after: avoid; }
+  figure, .equation, tr, p, dl, li, .wide.short { break-inside: avoid; }
+  .lead, p:has(+ pre), p:has(+ ul), .maps:has(+ .sub) { break-after: avoid; }
   h2 { margin-top: 1.2rem; }
   h3 { margin-top: 1rem; }
   dl { margin: .4rem 0; }
