@@ -468,3 +468,7 @@ def test_an_error_about_chains_carries_what_could_be_asked_for():
     with pytest.raises(ChainError) as apart:
         pinsing.load("pr2", base="l_wrist_roll_link", tip="l_gripper_palm_link")
     assert (apart.value.base, apart.value.tip) == ("l_wrist_roll_link", "l_gripper_palm_link")
+
+
+def test_a_chain_of_a_mechanism_says_what_is_left_out():
+    assert "closed loops of delta.loops.yaml are left out" in str(pinsing.closed_form("delta"))

@@ -37,16 +37,6 @@ def loops_beside(robot: str) -> Path:
     return path
 
 
-def tell_of_loops(robot: str) -> None:
-    """Say that a robot that is taken as an arm has closed loops, which are left out."""
-    path = loops_at_hand(robot)
-    if path is not None:
-        say(
-            f"note: {robot} has closed loops, in {path}: they are left out and a serial chain is "
-            f"taken. With them: pinsing analyze {shlex.quote(robot)}"
-        )
-
-
 def loops_at_hand(robot: str) -> Path | None:
     """Return the loop file of a robot's file, or of a name of our own; None if there is none.
 
@@ -128,7 +118,6 @@ class RobotRequest:
         from pinsing.robot.load import ASSUMED, load
         from pinsing.robot.nominal import USUAL, nominal
 
-        tell_of_loops(self.robot)
         arm = load(
             self.robot,
             tip=self.tip,

@@ -27,7 +27,8 @@ if TYPE_CHECKING:
 def served_ahead(name: str, host: str, port: int | None, no_open: bool) -> Iterator[Server]:
     """Serve a page whose content follows: the browser starts meanwhile.
 
-    Warns first where others can reach the page. Ctrl-C or SIGTERM end it, and what it is served to, with 0.
+    Warns first where others can reach the page. Ctrl-C or SIGTERM end it, and what it
+    is served to, with 0.
     """
     import webbrowser  # with subprocess and shutil: for commands that open one
 

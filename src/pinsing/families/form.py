@@ -37,6 +37,7 @@ from pinsing.measures import SINGULAR_RTOL
 from pinsing.prose import PLAIN, Page, Span, caution, formula, good, measured, unbroken, visible
 from pinsing.robot.arm import Arm, ArmSummary
 from pinsing.robot.exact_placements import Deviation
+from pinsing.robot.load import LOOPS
 from pinsing.robot.nominal import Nominal
 from pinsing.serialization import JsonResult
 
@@ -413,6 +414,7 @@ def _geometry(forms: ClosedForm, page: Page) -> list[str]:
         said.append("of the file's own numbers: --design none; how far these are: --design auto")
     if forms.tube is not None:
         said = [str(forms.tube), *said]
+    said += [note for note in forms.arm.notes if LOOPS in note]
     return [page.paragraph(text, first="  ") for text in said]
 
 

@@ -38,6 +38,8 @@ ASSUMED = (
     "or an export from CAD"
 )
 """Note of an arm whose design was found."""
+LOOPS = "closed loops"
+"""In the note of an arm that was taken out of a mechanism."""
 MAX_IN_A_ROW = 64
 """Joints of an arm; hours and gigabytes, not insight, lie beyond."""
 
@@ -192,7 +194,18 @@ def _read(
         path=given.path,
         tip=entry.tip if entry else None,
         base=entry.base if entry else None,
-        notes=description.assumed,
+        notes=(*_loops_left_out(given.path, given.label), *description.assumed),
+    )
+
+
+def _loops_left_out(path: Path | None, robot: str) -> tuple[str, ...]:
+    """Say that a robot has a file of closed loops, which an arm does not hold."""
+    loops = path and path.with_name(f"{path.name.partition('.')[0]}.loops.yaml")
+    if loops is None or not loops.is_file():
+        return ()
+    return (
+        f"the {LOOPS} of {loops.name} are left out and a serial chain is taken. With them: "
+        f"pinsing analyze {quote(robot)}, in Python pinsing.load_mechanism({robot!r})",
     )
 
 
