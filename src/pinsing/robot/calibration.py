@@ -35,22 +35,8 @@ _LENGTHS, _ANGLES = ("x", "y", "z"), ("roll", "pitch", "yaw")
 def calibrated(arm: Arm, file: str | os.PathLike[str]) -> Arm:
     """Return a UR arm with the placements of a calibration; its design is the arm as it was.
 
-    The axes of the base are those of the arm; its tip is the flange, in the axes of the arm's tip.
-
-    Parameters
-    ----------
-    arm : Arm
-        Such as ``load("ur5e")``.
-    file : path
-        YAML with ``kinematics``, and there a link a key: ``{x, y, z, roll, pitch, yaw}``, metres
-        and radians.
-
-    Raises
-    ------
-    RobotFileError
-        If the file is no such calibration: file, line, and what to do.
-    OptionError
-        If the arm has not six revolute joints, or is another robot.
+    The YAML ``file`` has ``kinematics``, and there a link a key: ``{x, y, z, roll, pitch, yaw}``,
+    metres and radians. The axes of the base are those of the arm; the tip is the flange.
     """
     if arm.n != len(LINKS) or arm.prismatic.any() or arm.coupling is not None:
         raise OptionError(f"--calibration is for a UR robot, and {arm.name!r} is none")
@@ -79,7 +65,7 @@ def calibrated(arm: Arm, file: str | os.PathLike[str]) -> Arm:
 
 
 def known_like(robot: Arm) -> tuple[str, AxisDifference] | None:
-    """Return the known arm whose axes at zero are nearest to a robot's, and the worst of these.
+    """Return the known arm with the nearest axes at zero, and the worst of these axes.
 
     None where each has an axis farther away than 0.05 rad, or a hundredth of the links' length.
     """

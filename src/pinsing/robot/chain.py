@@ -17,23 +17,11 @@ from pinsing.robot.joints import axis_rotation, joint_axis
 
 @dataclass(frozen=True, eq=False)
 class Chain:
-    """Tip placement = C_0 M_0(q_0) C_1 M_1(q_1) ... M_{k-1}(q_{k-1}) C_k.
+    """Tip placement C_0 M_0(q_0) C_1 ... M_{k-1}(q_{k-1}) C_k; C_i is (R[i], t[i]), M_i along z."""
 
-    C_i is the rigid motion (R[i], t[i]); M_i turns about z, or slides along z.
-
-    Attributes
-    ----------
-    R : (k + 1, 3, 3) array
-        Constant rotations.
-    t : (k + 1, 3) array
-        Constant translations, metres.
-    prismatic : (k,) array of bool
-        Which joints slide.
-    """
-
-    R: Array
-    t: Array
-    prismatic: npt.NDArray[np.bool_]
+    R: Array  # (k + 1, 3, 3)
+    t: Array  # (k + 1, 3), metres
+    prismatic: npt.NDArray[np.bool_]  # (k,)
 
     @property
     def n(self) -> int:
@@ -42,11 +30,7 @@ class Chain:
 
 
 def flatten(arm: Arm) -> Chain:
-    """Write the chain of the arm's model with every joint axis turned to z; found once an arm.
-
-    Mimic couplings are left out: the chain has one joint for each velocity of the model. Its
-    arrays are not to be written to.
-    """
+    """Return the chain with every axis along z: a joint a velocity of the model; read-only."""
     return arm.once("chain", lambda: _flatten(arm))
 
 
@@ -73,17 +57,9 @@ def _flatten(arm: Arm) -> Chain:
 def with_fixed_joints_put(
     arm: Arm, put: Callable[[int, Array], Array | None]
 ) -> tuple[Array, Array]:
-    """The placements (R, t) of an arm with the fixed joints on the way put elsewhere.
+    """Return the placements (R, t), rotations of fixed joints replaced by ``put(i, R)`` (not None).
 
-    A fixed joint turned by 1.5708 tilts every length that is written behind it. Put at a right
-    angle before placements are multiplied, it leaves these lengths as they are written.
-
-    Parameters
-    ----------
-    arm : Arm
-        Any arm.
-    put : callable
-        Gives the rotation (3, 3) to take for one of placement i, or None to leave it.
+    A fixed joint of 1.5708 tilts every length behind it, unless it is put before they multiply.
     """
     raw, model = flatten(arm), arm.model
     R, t = raw.R.copy(), raw.t.copy()
@@ -150,29 +126,12 @@ def chain_model(chain: Chain, arm: Arm) -> pin.Model:
 
 
 def jacobian_change(one: Chain, other: Chain, arm: Arm, tip_angle: float = 0.0) -> float:
-    """Bound the change of any scaled Jacobian column between two chains of the same joints.
+    """Bound the norm by which scaled Jacobian columns differ between two chains, over the limits.
 
-    With e_k the angle and d_k the length by which C_k differs, all of joint i's column
-    (z x p, z) turns by at most the sum E_i of e_k, k <= i. Seen from the joint, the tip p moves
-    by at most D_i: the sum over k > i of d_k plus |t_k| (e_{i+1} + ... + e_{k-1}), the slide
-    before C_k counted to its length. The column then changes by at most
-    D_i + E_i reach (over the length scale) and E_i. In the tip's axes it turns, besides, with
-    these: by no more than all angles together.
-
-    Parameters
-    ----------
-    one, other : Chain
-        Chains with the same joints.
-    arm : Arm
-        For the limits of prismatic joints, the length scale, and whether the task is in the
-        tip's axes.
-    tip_angle : float
-        Radians; by how much the tip frame's own orientation differs.
-
-    Returns
-    -------
-    float
-        Bound of the Euclidean norm of the change of a column, over the limits.
+    With e_k the angle and d_k the length by which C_k differs, column i (z x p, z) turns by at most
+    E_i, the sum of e_k, k <= i, and p moves by at most D_i, the sum over k > i of d_k plus
+    |t_k| (e_{i+1} + ... + e_{k-1}), slides included: so the bounds are D_i + E_i reach (over the
+    length scale) and E_i. The tip's own axes turn by all angles and ``tip_angle`` (radians) more.
     """
     n = one.n
     angle = np.array([rotation_angle(a.T @ b) for a, b in zip(one.R, other.R, strict=True)])

@@ -44,24 +44,12 @@ ARM_JOINTS = 4
 
 @dataclass(frozen=True)
 class Candidate:
-    """A chain that ends at some last joint.
+    """A chain that ends at some last joint."""
 
-    Attributes
-    ----------
-    last : int
-        Index of the last joint in the model.
-    path : tuple of int
-        Indices of the movable joints from the root, or the base asked for, to it.
-    tip : str
-        The frame that would be chosen on it.
-    passed_over : tuple of str
-        Names of gripper joints beyond it.
-    """
-
-    last: int
-    path: tuple[int, ...]
+    last: int  # index in the model
+    path: tuple[int, ...]  # movable joints from the root, or the given base
     tip: str
-    passed_over: tuple[str, ...]
+    passed_over: tuple[str, ...]  # gripper joints beyond the tip
 
     def length(self, model: pin.Model) -> int:
         """Number of its joints that turn or slide: a floating base does not count."""
@@ -73,13 +61,7 @@ class Candidate:
 
 
 def joint_path(model: pin.Model, joint: int, start: int = 0) -> tuple[int, ...]:
-    """Joints after ``start`` on the way from it to ``joint`` (included), root side first.
-
-    Raises
-    ------
-    ChainError
-        If ``start`` is not on the way from the root to ``joint``.
-    """
+    """Return joints after ``start`` up to ``joint``; ChainError if it is not on the way."""
     path = []
     while joint not in (0, start):
         path.append(joint)
@@ -90,15 +72,7 @@ def joint_path(model: pin.Model, joint: int, start: int = 0) -> tuple[int, ...]:
 
 
 def candidates(model: pin.Model, mimics: Collection[str] = ()) -> list[Candidate]:
-    """All chains that an arm could be, grippers passed over in favour of what carries them.
-
-    Parameters
-    ----------
-    model : pin.Model
-        The whole model.
-    mimics : collection of str
-        Names of joints that follow another one.
-    """
+    """Return all chains that an arm could be, grippers left to what carries them."""
     children: list[list[int]] = [[] for _ in range(model.njoints)]
     for joint in range(1, model.njoints):
         children[model.parents[joint]].append(joint)
@@ -171,13 +145,7 @@ def _depths(children: list[list[int]]) -> list[int]:
 
 
 def frame_index(model: pin.Model, name: str) -> int:
-    """Index of the frame called ``name``; a link's or tool's before a joint's of the same name.
-
-    Raises
-    ------
-    UnknownNameError
-        If there is none, with those that resemble it.
-    """
+    """Return the index of a frame, a link's before a joint's; UnknownNameError if there is none."""
     found = [i for i, f in enumerate(model.frames) if f.name == name]
     if not found:
         raise UnknownNameError("frame", name, [f.name for f in model.frames])
@@ -190,13 +158,7 @@ def tip_frames(model: pin.Model, joint: int) -> list[pin.Frame]:
 
 
 def choose_tip(model: pin.Model, joint: int) -> str:
-    """Of the frames fixed to the last link: the usual tool names first, then the farthest.
-
-    Raises
-    ------
-    ChainError
-        If no frame is fixed to that link.
-    """
+    """Return the frame of the last link with a usual tool name, else the farthest one."""
     return _best_frame(model, joint, [f for f in model.frames if f.parentJoint == joint])
 
 
@@ -218,13 +180,7 @@ def _best_frame(model: pin.Model, joint: int, frames: list[pin.Frame]) -> str:
 def choose_chain(
     found: Sequence[Candidate], label: str, model: pin.Model
 ) -> tuple[Candidate, list[str]]:
-    """Take the only arm among the candidates, with notes, or refuse with the list of them.
-
-    Raises
-    ------
-    ChainError
-        If there are several arms (or no joint at all); the message has the command for each.
-    """
+    """Return the only arm among candidates, and notes; if not one, ChainError with commands."""
     if not found:
         raise ChainError(f"{label}: the robot has no movable joint, so there is nothing to analyse")
     arms = [c for c in found if c.length(model) >= ARM_JOINTS] or list(found)
@@ -264,24 +220,12 @@ SHORTEST = 2
 
 @dataclass(frozen=True)
 class Subchain:
-    """A chain that can be analysed.
-
-    Attributes
-    ----------
-    tip : str
-        Frame at its end.
-    base : str or None
-        Frame that it starts from; None for the root.
-    joints : tuple of str
-        Names of its joints that turn or slide, base to tip; mimic joints included.
-    passed_over : tuple of str
-        Names of gripper joints beyond the tip.
-    """
+    """A chain that can be analysed."""
 
     tip: str
-    base: str | None
-    joints: tuple[str, ...]
-    passed_over: tuple[str, ...] = ()
+    base: str | None  # None: the root
+    joints: tuple[str, ...]  # base to tip, mimic joints included
+    passed_over: tuple[str, ...] = ()  # gripper joints beyond the tip
 
     @property
     def options(self) -> tuple[str, ...]:
@@ -295,19 +239,9 @@ def all_chains(
     shortest: int = SHORTEST,
     longest: int = LONGEST,
 ) -> tuple[Subchain, ...]:
-    """Every chain of ``shortest`` to ``longest`` joints that ends in a leaf or a tool frame.
+    """Return the chains of ``shortest`` to ``longest`` joints that end in a leaf or tool frame.
 
-    Each end is taken from the root, and from the last branching on the way to it; where the way
-    from the root is too long, from every branching that leaves few enough joints.
-
-    Parameters
-    ----------
-    model : pin.Model
-        The whole model.
-    mimics : collection of str
-        Names of joints that follow another one.
-    shortest, longest : int
-        Number of joints.
+    Each starts at the root and at the last branching; where the root is too far, at all near ones.
     """
     tools = {c.last: c for c in candidates(model, mimics)}
     children = _children(model)
@@ -328,10 +262,9 @@ def all_chains(
 def arm_chains(
     model: pin.Model, mimics: Collection[str] = (), longest: int = LONGEST
 ) -> tuple[Subchain, ...]:
-    """Return the chains to offer to a user: arms, legs and heads, fingers left to their gripper.
+    """Return the chains to offer to a user: arms, legs and heads, without fingers.
 
-    Each from the root, whatever its length; and where that is longer than ``longest`` joints, or
-    the chain shares its first joints with another, also without the shared ones.
+    Each from the root; and without joints shared with others, or if longer than ``longest``.
     """
     children = _children(model)
     found: list[Subchain] = []
@@ -346,10 +279,7 @@ def arm_chains(
 
 
 def long_chain_note(model: pin.Model, end: int, start: int = 0, longest: int = LONGEST) -> str:
-    """Return a note on a chain of more than ``longest`` joints, and shorter ones.
-
-    Empty if the chain from joint ``start`` to joint ``end`` is not that long.
-    """
+    """Return a note on a chain of more than ``longest`` joints, with shorter ones; else ""."""
     count = len(_moving(model, joint_path(model, end, start)))
     if count <= longest:
         return ""
@@ -364,15 +294,7 @@ def long_chain_note(model: pin.Model, end: int, start: int = 0, longest: int = L
 
 
 def chains_text(chains: Sequence[Subchain], words: Sequence[str]) -> str:
-    """Chains as a tree, shared joints once, with the command that analyses each.
-
-    Parameters
-    ----------
-    chains : sequence of Subchain
-        As ``arm_chains`` returns them.
-    words : sequence of str
-        The robot as the user named it, and options that every command needs (packages).
-    """
+    """Return chains as a tree, with commands; ``words``: the robot as named, and common options."""
     whole = [c for c in chains if c.base is None]
     parts = {c.tip: c for c in chains if c.base is not None}
     lines = ["(root)"]

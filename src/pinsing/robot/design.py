@@ -50,14 +50,7 @@ def design_of(
     angle_tol: float = ANGLE,
     snap_length: float = LENGTH,
 ) -> Arm:
-    """Return the arm on the geometry of a design, given or (True) detected.
-
-    Raises
-    ------
-    OptionError
-        If the design has other joints, or a joint's axis elsewhere by 0.1 rad or a tenth of the
-        reach; if there are mimic joints.
-    """
+    """Return the arm on the geometry of a design; OptionError if that is another robot."""
     if robot.coupling is not None:
         raise OptionError("a design goes with arms without mimic joints in the chain")
     if isinstance(design, bool):
@@ -84,10 +77,7 @@ def _on(robot: Arm, chain: Chain) -> Arm:
 
 
 def _with_equal_lengths(t: Array, within: float) -> Array:
-    """Placements (n, 3) in which lengths that are one within that are their mean, to a micrometre.
-
-    Two equal lengths may cancel, as the elbow's offsets of a Panda do.
-    """
+    """Make nearly equal lengths of placements (n, 3) equal, so that they can cancel."""
     out, left = t.copy(), np.flatnonzero(t)
     left = left[np.argsort(np.abs(t.flat[left]), kind="stable")]
     while len(left):
@@ -100,13 +90,7 @@ def _with_equal_lengths(t: Array, within: float) -> Array:
 
 
 def require_same(robot: Arm, design: Arm, called: str) -> None:
-    """Refuse a design that is another robot.
-
-    Raises
-    ------
-    OptionError
-        If an axis is elsewhere by 0.1 rad, or a tenth of the length of all links.
-    """
+    """Raise OptionError if an axis is elsewhere by 0.1 rad, or a tenth of all links' length."""
     size = float(np.linalg.norm(flatten(design).t, axis=1).sum())
     worst = max(differences(robot, design), key=lambda d: max(d.angle, d.length / size))
     if max(worst.angle, worst.length / size) > 0.1:
@@ -140,8 +124,7 @@ def differences(robot: Arm, design: Arm | Chain) -> tuple[AxisDifference, ...]:
 def assumed_design(robot: Arm) -> Arm | None:
     """Return the design of a robot most of whose placements are off one, as after a calibration.
 
-    By 0.1 mrad and more, or by offsets of 0.02 mm and more that the design has not, of which there
-    are two at least: angles alone are off where somebody wrote 1.57. Rounding is far less.
+    By 0.1 mrad, or by two offsets of 0.02 mm that the design has not: 1.57 for pi/2 alone is none.
     """
     if robot.coupling is not None:
         return None
@@ -163,10 +146,7 @@ def axes(chain: Chain) -> tuple[Array, Array]:
 
 
 def alignment(to: tuple[Array, Array], lines: tuple[Array, Array]) -> tuple[Array, Array]:
-    """The motion (R, t) that puts lines (directions, points) on others as well as it can.
-
-    Gauss-Newton on directions and moments, from the same base and from the best turn of directions.
-    """
+    """Return the motion (R, t) that best puts lines on others, by Gauss-Newton."""
     (d, p), (d0, p0) = to, lines
     size = max(float(np.abs(p - p.mean(axis=0)).max()), 1e-9)
     middle, origin = p.mean(axis=0), p0.mean(axis=0)

@@ -123,35 +123,9 @@ IDENTITY: Matrix = tuple(tuple(Fraction(i == k) for k in range(3)) for i in rang
 class ExactPlacements:
     """A chain in exact numbers, and the raw one with its axes turned alike.
 
-    Parameters
-    ----------
-    raw : Chain
-        Any chain.
-    places : sequence of n + 1 str
-        Names of its placements, for what is told of them.
-    angle : float
-        Radians; an angle closer than this to a multiple of 90 degrees is put there.
-    length : float
-        Metres; a coordinate of a placement shorter than this is put to zero.
-    with_tip : bool
-        Whether the rotation of the tip frame matters.
-    arm : Arm, optional
-        The arm whose chain it is, for the fixed joints that placements are made of.
-
-    Attributes
-    ----------
-    rotation, translation, offset
-        As in ``Nominal``.
-    tip_rotation : exact 3x3 matrix or None
-        Of the tip frame, if it was asked for.
-    tip_turn : (3, 3) array
-        The same as it was.
-    raw : Chain
-        The raw geometry, with fixed joints at right angles where they are near.
-    turned : Chain
-        The same with turned axes: what else was snapped is the difference.
-    snaps : list of Snap
-        What was moved.
+    ``angle`` (radians) and ``length`` (metres) snap to multiples of 90 degrees and to zero;
+    ``rotation``, ``translation`` and ``offset`` are as in ``Nominal``. ``raw`` has its fixed joints
+    near right angles put there; ``turned`` has turned axes, too: what else differs was snapped.
     """
 
     def __init__(
@@ -255,12 +229,9 @@ class ExactPlacements:
     ) -> list[Array]:
         """Move the origins of tilted axes along them, to where the axes come closest.
 
-        An origin may sit anywhere on its axis. With R = Rx(alpha), the translation is
-        (a, 0, d) plus d' along the new axis, which commutes with the joint's motion and goes
-        into the next placement; axes that meet then have a = 0 and not a rounding of it.
-        The origins of ``t`` move along the raw axes, and those returned along the exact ones, so
-        that turning an axis moves no origin off it. Beside a root, decimals that would become
-        multiples of it stay as they are written.
+        With R = Rx(alpha), t is (a, 0, d) plus d' along the new axis, which commutes with the joint
+        and goes into the next placement: a is zero, no rounding of it, where axes meet. Origins of
+        ``t`` move along raw axes, those returned along exact ones. Decimals beside a root stay.
         """
         moved = [np.array(v) for v in t]
         for i in range(1, self.raw.n):

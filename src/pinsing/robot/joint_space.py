@@ -61,10 +61,9 @@ class JointSpace:
 
     @cached_property
     def span(self) -> tuple[Array, Array]:
-        """Range that a joint is swept or drawn at random over, (lower, upper), each (n,).
+        """Return the range (lower, upper), each (n,), that joints are swept or drawn over.
 
-        The limits where they are finite; else a full turn, or one length scale
-        to both sides for a prismatic joint; beside one limit, twice that from it on.
+        Where a limit is infinite: a full turn, or one length scale to both sides.
         """
         reach = np.where(self.prismatic, self.length_scale, np.pi)
         high = np.where(np.isfinite(self.lower), self.lower + 2 * reach, reach)
@@ -82,13 +81,7 @@ class JointSpace:
         return self.circles if ignore_limits else self.span
 
     def index(self, name: str) -> int:
-        """Place of the joint ``name``; ``q1`` is the first joint, unless one is called so.
-
-        Raises
-        ------
-        UnknownNameError
-            If there is none.
-        """
+        """Return the index of a joint, by name or as ``q1``; UnknownNameError if there is none."""
         found = named(name, self.names)
         if found not in self.names:
             raise UnknownNameError("joint", name, self.names)
@@ -107,11 +100,7 @@ class JointSpace:
         return np.where(self.prismatic, q, turned)
 
     def fold(self, q: npt.ArrayLike) -> Array:
-        """Move revolute values of q (..., n) by whole turns, into the limits where possible.
-
-        A value that cannot be brought inside ends as near to the limits as whole turns allow.
-        Values of continuous joints end in [-pi, pi].
-        """
+        """Move angles of q (..., n) by whole turns into the limits, or near; else to [-pi, pi]."""
         q = np.array(q, dtype=float)
         low, high = self.span
         turn = 2 * np.pi
@@ -157,28 +146,11 @@ class JointSpace:
         rows: int = 1000,
         endless: bool = True,
     ) -> None:
-        """Raise if values of q (..., n) make sense in degrees only.
+        """Raise ConfigurationError if values of q (..., n) make sense in degrees only.
 
-        A revolute value does if it is more than a turn beyond a limit, and read as degrees it is
-        within the limits. Joints without limits count as limited to a turn to each side.
-
-        Parameters
-        ----------
-        q : (..., n) array
-            Radians and metres.
-        called : str
-            What messages call it.
-        first : int, optional
-            Number of its first row in messages: ``sample 1``; else they say ``Q[0]``.
-        rows : int
-            Of more rows about as many are looked at, evenly spaced.
-        endless : bool
-            Whether joints without limits are judged.
-
-        Raises
-        ------
-        ConfigurationError
-            With the joint, its value and its limits.
+        One does if it is more than a turn beyond a limit, and as degrees within the limits; a
+        joint without limits, if ``endless``, has those of a turn to each side. About ``rows`` rows
+        are looked at; messages number them from ``first``.
         """
         if q.ndim == 1 and max(map(abs, q.tolist())) < self._near:  # a microsecond, for loops
             return
@@ -225,24 +197,7 @@ class JointSpace:
 
 
 def require_values(values: Array, names: Sequence[str], called: str, whole: int = 0) -> None:
-    """Raise unless ``values`` (..., n) are finite numbers, one a joint.
-
-    Parameters
-    ----------
-    values : (..., n) array
-        Radians and metres.
-    names : sequence of str
-        The joints.
-    called : str
-        What messages call the values.
-    whole : int
-        Another length that is allowed: that of a whole model's configuration.
-
-    Raises
-    ------
-    ConfigurationError
-        With the lengths that would do, or the joint and its value.
-    """
+    """Raise ConfigurationError unless ``values`` (..., n or ``whole``) are finite numbers."""
     n = len(names)
     if values.ndim == 0 or values.shape[-1] not in (n, whole or n):
         got = "a single number" if values.ndim == 0 else f"{values.shape[-1]}"
@@ -269,10 +224,7 @@ def require_scale(length_scale: float) -> None:
 
 
 def model_q(model: pin.Model, values: Array) -> Array:
-    """Pinocchio's configurations (..., nq) for one value of each joint (..., nv).
-
-    A continuous joint has its cosine and sine there.
-    """
+    """Return Pinocchio's configurations (..., nq) for one value of each joint (..., nv)."""
     if model.nq == model.nv:
         return values
     out = np.empty((*values.shape[:-1], model.nq))

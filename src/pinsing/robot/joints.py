@@ -15,13 +15,7 @@ _Z = np.eye(3)[2]
 
 
 def joint_axis(joint: pin.JointModel, name: str = "") -> tuple[Array, bool]:
-    """Unit axis (3,) of a model's joint in its own frame, and whether it slides along it.
-
-    Raises
-    ------
-    JointError
-        If the joint neither turns nor slides: a screw, or several joints in one.
-    """
+    """Return a joint's unit axis (3,) and if it slides; JointError for screws and compounds."""
     if "Composite" in joint.shortname():
         raise JointError(name, "is several joints in one; write one joint for each")
     data = joint.createData()
@@ -86,13 +80,7 @@ def coupled_limits(
     names: Sequence[str],
     independent: Sequence[str],
 ) -> tuple[Array, Array]:
-    """Limits of the free joints, so that their followers stay within their own.
-
-    Raises
-    ------
-    JointError
-        If a follower can stay within its limits nowhere.
-    """
+    """Return limits of free joints that keep their followers in theirs; JointError if none do."""
     low = np.full(len(independent), -np.inf)
     high = np.full(len(independent), np.inf)
     for row, name in enumerate(names):

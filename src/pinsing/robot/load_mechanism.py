@@ -46,15 +46,7 @@ from pinsing.robot.task import ROW_NAMES, Task, parse_task
 
 
 def without_idle_spins(mechanism: Mechanism, keep_output: bool = True) -> Mechanism:
-    """Hold one hinge of each link that spins idly; the mechanism itself where none does.
-
-    Parameters
-    ----------
-    mechanism : Mechanism
-        As the files describe it.
-    keep_output : bool
-        The spin of the link that carries the output is one of its motions, and stays.
-    """
+    """Hold one hinge of each link that spins idly, except the output's if ``keep_output``."""
     held: list[str] = []
     while (found := _idle(mechanism, keep_output)) is not None:
         held.append(mechanism.joints[found])
@@ -251,10 +243,9 @@ def _twice(tree: _SpanningTree, joint: int) -> bool:
 
 
 def _best(tree: _SpanningTree, run: tuple[int, int, int], near: Array, far: Array) -> int:
-    """Return which of a ball's hinges the others do best without.
+    """Return the hinge of a ball to hold.
 
-    The two that stay point the link: they reach every direction where the link is across the
-    second of them and that across the first; and at home they should move it two ways.
+    The two others point the link: everywhere if it is across the second, and that across the first.
     """
     scores = []
     for k in range(3):
@@ -319,13 +310,7 @@ _TURNS = {
 
 
 def replaced_joints(model: pin.Model, keys: dict[str, YamlNode]) -> pin.Model:
-    """The model with the joints that ``joint_name`` lists replaced by those of ``joint_type``.
-
-    Raises
-    ------
-    RobotFileError
-        If one of the two lists is missing, they differ in length, or name what is not there.
-    """
+    """Return the model with joints replaced as ``joint_name`` and ``joint_type`` list them."""
     for one, other in (("joint_name", "joint_type"), ("joint_type", "joint_name")):
         if one not in keys:
             raise keys[other].error(f"missing key {one!r}: {other} needs it beside it")

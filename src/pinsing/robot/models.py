@@ -31,13 +31,7 @@ _CAPTURE = threading.Lock()
 
 
 def build_model(description: Description) -> pin.Model:
-    """Return the Pinocchio model of a description: root fixed, mimic joints as joints of their own.
-
-    Raises
-    ------
-    RobotFileError
-        If Pinocchio refuses it nevertheless; the reason is what Pinocchio printed.
-    """
+    """Return the Pinocchio model of a description: its root fixed, its mimic joints free."""
     with _stderr_of_c() as store:
         try:
             return pin.buildModelFromXML(description.kinematics)
@@ -80,12 +74,10 @@ def _store() -> BinaryIO:
 
 
 def lock_joints(model: pin.Model, lock: Sequence[int], reference: Array) -> pin.Model:
-    """Copy of ``model`` without the joints to lock, which stand as in ``reference`` (nq,).
+    """Return a copy of ``model`` without the joints to lock, which stand as in ``reference`` (nq,).
 
-    Pinocchio (``buildReducedModel``) looks for the frame of a joint by name alone: it gives up
-    where a link or a fixed joint has the same name, where there is none, or where another frame
-    comes first. So every joint gets a frame, before all others, and frames that share a name get
-    names of their own meanwhile.
+    Pinocchio's ``buildReducedModel`` finds a joint's frame by name alone: so each joint gets a
+    frame before all others, and meanwhile frames that share a name get unique ones.
     """
     model = model.copy()
     if not lock:
@@ -129,13 +121,7 @@ def _add_missing_joint_frames(model: pin.Model) -> None:
 
 
 def make_names_unique(model: pin.Model) -> dict[str, str]:
-    """Give frames that share a name, and the joints that are theirs, a name of their own.
-
-    Returns
-    -------
-    dict of str to str
-        The old name of each new one.
-    """
+    """Make names of frames, and of their joints, unique; return the old name of each new one."""
     count = Counter(frame.name for frame in model.frames)
     original: dict[str, str] = {}
     for index, frame in enumerate(model.frames):
@@ -154,21 +140,11 @@ def make_names_unique(model: pin.Model) -> dict[str, str]:
 
 @dataclass(frozen=True)
 class Way:
-    """Joints of a tree between two bodies.
+    """Joints of a tree between two bodies."""
 
-    Attributes
-    ----------
-    up : tuple of int
-        Those from the base towards the root, up to the body that the ways to both share.
-    down : tuple of int
-        Those from there to the tip.
-    before : tuple of int
-        Those from the root to that body.
-    """
-
-    up: tuple[int, ...]
-    down: tuple[int, ...]
-    before: tuple[int, ...]
+    up: tuple[int, ...]  # from the base to the body that the ways from the root to both share
+    down: tuple[int, ...]  # from there to the tip
+    before: tuple[int, ...]  # from the root to there
 
     @property
     def path(self) -> tuple[int, ...]:
@@ -208,23 +184,10 @@ def way_between(model: pin.Model, start: int, end: int) -> Way:
 def turned_round(
     model: pin.Model, base: int, tip: int | None = None
 ) -> tuple[pin.Model, dict[int, tuple[int, pin.SE3]]]:
-    """The joints of a model, with one of its frames, fixed to any joint, as the world.
+    """Return the model with frame ``base`` as the world, and the joint that carries each body.
 
-    Parameters
-    ----------
-    model : pin.Model
-        All its joints have one degree of freedom, and lie between base and tip.
-    base : int
-        Index of the frame that becomes the world.
-    tip : int, optional
-        Index of a frame that is taken over.
-
-    Returns
-    -------
-    turned : pin.Model
-        With the joints from the base to the tip, in this order.
-    carried : dict of int to (int, pin.SE3)
-        Which joint of it carries the body of each joint of ``model``, and where.
+    Every joint has one degree of freedom and lies between base and ``tip``, a frame to keep. The
+    dictionary has, for each joint of ``model``, the joint that carries its body, and where.
     """
     out = pin.Model()
     out.name = model.name

@@ -73,14 +73,7 @@ _ATTRIBUTES = {
 
 
 def given_mujoco(robot: Any) -> tuple[pin.Model, Path, tuple[str, ...]] | None:
-    """Return the model of a MuJoCo file, the file, and notes; None for everything else.
-
-    Raises
-    ------
-    RobotFileError
-        With file and line: a number that is missing or not finite, an element or attribute that is
-        unknown, or one that makes bodies and is not supported.
-    """
+    """Return the model of a MuJoCo file, the file, and notes; None for everything else."""
     if not isinstance(robot, str | os.PathLike) or str(robot).lstrip().startswith("<"):
         return None
     if not str(robot).lower().endswith(SUFFIXES) and not str(robot).startswith("rd:"):
@@ -199,11 +192,7 @@ class _Carried:
 
 
 class _MjcfReader:
-    """Builds the model of a file.
-
-    A joint with index i moves what follows by ``Trans(p) exp(axis q_i) exp(-axis ref) Trans(-p)``
-    in the frame of its body; several joints of a body act in their order.
-    """
+    """Builds the model of a file; joint i acts as ``Trans(p) exp(axis (q_i - ref)) Trans(-p)``."""
 
     def __init__(self, source: _MjcfSource, root: Node) -> None:
         self.source, self.model = source, pin.Model()

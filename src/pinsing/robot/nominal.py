@@ -191,15 +191,7 @@ Motion = tuple[int, ...]
 
 
 def exact_generic_rank(geometry: Nominal, task: Task) -> int:
-    """Rank of the task rows of the Jacobian at almost every configuration.
-
-    Parameters
-    ----------
-    geometry : Nominal
-        A chain in which every joint moves on its own.
-    task : Task
-        Rows of the frame Jacobian at the tip.
-    """
+    """Return the rank of the task rows at almost every configuration; no mimic joints."""
     draw = random.Random(SEED)
     return max(_rank(geometry, task, prime, draw) for prime in PRIMES)
 
@@ -220,20 +212,9 @@ def jacobian_modulo(
     draw: random.Random,
     values: Mapping[int, Sequence[Exact]] | None = None,
 ) -> list[Vector]:
-    """Task rows of the Jacobian modulo a prime, at a configuration drawn at random.
+    """Return the task Jacobian modulo a prime at a random configuration; no mimic joints.
 
-    Parameters
-    ----------
-    geometry : Nominal
-        A chain in which every joint moves on its own.
-    task : Task
-        Rows of the frame Jacobian at the tip.
-    p : int
-        The prime.
-    draw : random.Random
-        Where the configuration is drawn from.
-    values : mapping of int to (x, y) or (metres,), optional
-        Joints that stand still: at the angle 2 atan2(y, x), or the length.
+    ``values`` of joints that stand still: (x, y), the angle 2 atan2(y, x), or (metres,).
     """
     values = values or {}
     motions: list[Motion] = []
@@ -254,19 +235,7 @@ def turned(x: int, y: int, p: int) -> Motion:
 
 
 def jacobian_at(geometry: Nominal, task: Task, p: int, motions: Sequence[Motion]) -> list[Vector]:
-    """Task rows of the Jacobian modulo a prime, a column for each joint of the chain.
-
-    Parameters
-    ----------
-    geometry : Nominal
-        A chain; of one with mimic joints these count as well.
-    task : Task
-        Rows of the frame Jacobian at the tip.
-    p : int
-        The prime.
-    motions : sequence of (cos, sin) or (metres,)
-        What each joint of the chain does.
-    """
+    """Return the task Jacobian modulo a prime, where joints have (cos, sin) or (metres,)."""
     R = [[1, 0, 0], [0, 1, 0], [0, 0, 1]]
     o = [0, 0, 0]
     axes: list[tuple[Vector, Vector]] = []

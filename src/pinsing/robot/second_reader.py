@@ -24,32 +24,16 @@ _TABLES = {".yaml", ".yml"}
 
 @dataclass(frozen=True)
 class SecondReading:
-    """Joints, limits and forward kinematics by yourdfpy, compared with Pinocchio's.
+    """Joints, limits and forward kinematics by yourdfpy, compared with Pinocchio's."""
 
-    Attributes
-    ----------
-    reader : str
-        Name and version.
-    seed, configurations : int
-        Of the random configurations; joints off the chain stay where they are locked.
-    links : tuple of str
-        Links whose placements in the root link were compared at each.
-    translation, rotation : float
-        Largest differences of a placement [m], [rad].
-    differences : tuple of str
-        What the two do not agree on; empty where they agree.
-    note : str
-        Why yourdfpy could not read the file; empty where it could.
-    """
-
-    reader: str
+    reader: str  # name and version
     seed: int
     configurations: int
-    links: tuple[str, ...]
-    translation: float
-    rotation: float
+    links: tuple[str, ...]  # compared with the root link at each configuration
+    translation: float  # metres, largest
+    rotation: float  # radians, largest
     differences: tuple[str, ...]
-    note: str
+    note: str  # why yourdfpy could not read the file
 
     def __str__(self) -> str:
         if self.note:
@@ -64,20 +48,9 @@ class SecondReading:
 
 
 def second_reading(arm: Arm) -> SecondReading | None:
-    """Compare what Pinocchio made of an arm's URDF with what yourdfpy makes of it.
+    """Compare Pinocchio's reading of a URDF with yourdfpy's; None for other arms.
 
-    yourdfpy gets the text that our strict reader has made of the file, never the file: no
-    entities, nothing to be fetched; no mesh is opened.
-
-    Parameters
-    ----------
-    arm : Arm
-        Read from URDF or xacro.
-
-    Returns
-    -------
-    SecondReading or None
-        None for an arm that was not read from a URDF.
+    yourdfpy gets the text of our strict reader, not the file: no entities, no network, no meshes.
     """
     path, shapes = arm.source.path, arm.source.shapes
     if shapes is None or (path is not None and path.suffix.lower() in _TABLES):

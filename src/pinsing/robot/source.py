@@ -27,14 +27,9 @@ T = TypeVar("T")
 
 @dataclass(frozen=True, eq=False)
 class Memory:
-    """Mixin of frozen dataclasses: one place for what other modules have computed of them.
+    """Mixin of frozen dataclasses: one place for what other modules have computed of them."""
 
-    Attributes
-    ----------
-    known : dict
-        By name; no part of what `dataclasses.replace` copies.
-    """
-
+    # by name; `dataclasses.replace` copies none
     known: dict[str, Any] = field(
         default_factory=dict, init=False, repr=False, metadata={"json": False}
     )
@@ -60,18 +55,10 @@ class Memory:
 
 @dataclass(frozen=True, eq=False)
 class Coupling:
-    """Mimic joints inside the chain: model joints = ``matrix @ q + offset``.
+    """Mimic joints inside the chain: model joints = ``matrix @ q + offset``."""
 
-    Attributes
-    ----------
-    matrix : (nv, n) array
-        One row a joint of the model, one column a free joint of the arm.
-    offset : (nv,) array
-        Radians or metres.
-    """
-
-    matrix: Array
-    offset: Array
+    matrix: Array  # (nv, n)
+    offset: Array  # (nv,), radians or metres
 
     def values(self, q: Array) -> Array:
         """Values (..., nv) of the model's joints, of those (..., n) of the free ones."""
@@ -140,38 +127,16 @@ class HasModel(Protocol):
 
 @dataclass(frozen=True)
 class GivenFile:
-    """A robot that was described by text.
-
-    Attributes
-    ----------
-    description : Description
-        As read and checked.
-    label : str
-        The path or name as given, or ``"URDF text"``.
-    path : Path or None
-        The file; None for text.
-    entry : CatalogEntry or None
-        The known robot, where it was given by name.
-    """
+    """A robot that was described by text."""
 
     description: Description
-    label: str
-    path: Path | None
+    label: str  # path or name as given, or "URDF text"
+    path: Path | None  # None for text
     entry: CatalogEntry | None
 
 
 def given_model(robot: Any) -> pin.Model | None:
-    """Return a copy of the model that was given, or that the object holds; None for text and paths.
-
-    A copy: what the caller does to the model later is no business of the arm.
-
-    Raises
-    ------
-    ArgumentError
-        If it is nothing that could be a robot.
-    PinsingError
-        If a name in the model holds a control character, or it has Pinocchio's mimic joints.
-    """
+    """Return a copy of the model that was given, or an object holds; None for text and paths."""
     if isinstance(robot, str | os.PathLike):
         return None
     model = robot if isinstance(robot, pin.Model) else getattr(robot, "model", None)
@@ -197,16 +162,7 @@ def given_file(
     packages: Mapping[str, str | Path] | None = None,
     xacro_args: Mapping[str, str] | None = None,
 ) -> GivenFile:
-    """Read a robot that was given by path, by name, or as the text of a URDF.
-
-    Text that begins with ``<``, blanks aside, is a URDF: no file or robot is called so. A file
-    that ends in .yaml or .yml is a DH table.
-
-    Raises
-    ------
-    PinsingError
-        As `locate_robot`, `read_description` and `parse_description`.
-    """
+    """Read a robot given by path (.yaml, .yml: a DH table), by name, or as URDF text."""
     if isinstance(robot, str) and robot.lstrip("\ufeff \t\r\n").startswith("<"):
         description = parse_description(robot, packages)
         return GivenFile(description, "URDF text", None, None)

@@ -22,17 +22,9 @@ _ROOTS = tuple(Fraction(math.isqrt(s << (2 * _BITS)), 1 << _BITS) for s in SQUAR
 
 @dataclass(frozen=True)
 class Surd:
-    """An irrational number of the field Q(sqrt 2, sqrt 3).
+    """An irrational number of Q(sqrt 2, sqrt 3); make one by ``surd``. Arithmetic is exact."""
 
-    Sums, products and quotients of Surds, Fractions and ints are exact, and come out as
-    Fractions where they are rational; make one by ``surd``, so that this holds from the start.
-
-    Attributes
-    ----------
-    parts : tuple of four Fractions
-        Coefficients of 1, sqrt(2), sqrt(3), sqrt(6).
-    """
-
+    # coefficients of 1, sqrt(2), sqrt(3), sqrt(6)
     parts: tuple[Fraction, Fraction, Fraction, Fraction]
 
     def __add__(self, other: Exact | int) -> Exact:
@@ -139,13 +131,7 @@ def exact_text(value: Exact) -> str:
 
 
 def exact_of(text: str) -> Exact:
-    """The number that ``exact_text`` has written.
-
-    Raises
-    ------
-    ValueError
-        If it is anything else.
-    """
+    """Return the number that ``exact_text`` wrote; ValueError for anything else."""
     parts, end = [Fraction(0)] * 4, 0
     for match in _ROOT.finditer(text):
         if match.start() != end or (end > 0) != bool(match["sign"] if end else end):
@@ -175,14 +161,9 @@ def residue(value: Exact, prime: int) -> int:
 
 @functools.cache
 def root_modulo(square: int, prime: int) -> int:
-    """Square root of 1, 2, 3 or 6 modulo a prime that is 1 modulo 24, or a small one.
+    """Return a square root of 1, 2, 3 or 6 modulo a prime; ValueError if there is none.
 
-    sqrt(2) = z + 1/z for a z of order 8, sqrt(3) for one of order 12.
-
-    Raises
-    ------
-    ValueError
-        If there is none modulo the prime.
+    sqrt(2) = z + 1/z for a z of order 8, sqrt(3) for one of order 12, where the prime is 1 mod 24.
     """
     if square == 1:
         return 1

@@ -60,11 +60,10 @@ class Task:
 
     @property
     def places(self) -> bool:
-        """True if its rows say where the tip is, so that a pose can be a goal.
+        """Return True if its rows say where the tip is, so that a pose can be a goal.
 
-        Rows in the tip's axes turn with it, and in general only say how it moves. All
-        translations, or none, and all rotations, none, or all but one about an axis of the tip
-        say where it is.
+        Rows in the tip's axes turn with it: of translations all or none must be there, and of
+        rotations all, none, or all but one about an axis of the tip.
         """
         partly = [t for t in (POSITION, _ORIENTATION) if 0 < len(set(t) & set(self.rows)) < 3]
         tip = [r for r, at in self._marked if at and any(r in t for t in partly)]
@@ -79,22 +78,7 @@ class Task:
 
 
 def parse_task(task: str | Iterable[str] | Task, tool_axis: str | None = None) -> Task:
-    """Turn ``"pose"``, ``"tool-axis"``, ``"vx,vy,wz"``, ``"vx@tip,wy@tip"`` or names into a Task.
-
-    Parameters
-    ----------
-    task : str, iterable of str or Task
-        A name, or rows.
-    tool_axis : str, optional
-        ``x``, ``y`` or ``z``: which axis of the tip turns freely in the task ``tool-axis``; z if
-        not given.
-
-    Raises
-    ------
-    OptionError
-        If a row name is unknown or given twice, or none is given, or a tool axis is given for
-        another task.
-    """
+    """Return the Task of a name or rows; ``tool_axis``: which of the tip's turns freely."""
     if tool_axis is not None:
         return _about(task, tool_axis)
     if isinstance(task, Task):

@@ -26,31 +26,15 @@ _UNIT = 1e-3
 
 @dataclass(frozen=True, eq=False)
 class Held:
-    """A joint between base and tip that has no value in q: it follows others, or is locked.
-
-    Attributes
-    ----------
-    name : str
-        Of the joint.
-    index : int
-        Its index in the whole model.
-    row : (n,) array
-        It is at ``q @ row + offset``, radians or metres.
-    offset : float
-        Radians or metres.
-    slides, endless : bool
-        Whether it is prismatic, and whether whole turns do not matter to it.
-    why : str
-        What messages say: which joint it follows, or that it is locked.
-    """
+    """A joint between base and tip that has no value in q: it follows others, or is locked."""
 
     name: str
-    index: int
-    row: Array
+    index: int  # in the whole model
+    row: Array  # it is at ``q @ row + offset``, radians or metres
     offset: float
     slides: bool
-    endless: bool
-    why: str
+    endless: bool  # whole turns do not matter to it
+    why: str  # for messages: what it follows, or that it is locked
 
     def off(self, q: Array, value: Array | float) -> Array:
         """How far values (...) of the joint are from where q (..., n) puts it."""
@@ -60,22 +44,10 @@ class Held:
 
 @dataclass(frozen=True, eq=False)
 class WholeModel:
-    """The whole model, seen from an arm in it.
-
-    Attributes
-    ----------
-    source : Source
-        The model, and which of its joints are locked in the arm.
-    joints : tuple of str
-        The arm's, base to tip.
-    tip : str
-        The arm's last frame.
-    coupling : Coupling or None
-        Mimic joints inside the chain.
-    """
+    """The whole model, seen from an arm in it."""
 
     source: Source
-    joints: tuple[str, ...]
+    joints: tuple[str, ...]  # the arm's, base to tip
     tip: str
     coupling: Coupling | None
 
@@ -84,40 +56,12 @@ class WholeModel:
         return q if self.coupling is None else self.coupling.values(q)
 
     def chain_q(self, q: Array, called: str) -> Array:
-        """Joint vectors (..., n), out of such or of configurations (..., nq) of the whole model.
-
-        Parameters
-        ----------
-        q : (..., n) or (..., nq) array
-            Radians and metres.
-        called : str
-            What messages call it.
-
-        Raises
-        ------
-        ConfigurationError
-            If the last axis has neither of these lengths, or a number is not finite; else as
-            ``q_of``.
-        """
+        """Return joint vectors (..., n) of such or of (..., nq); ConfigurationError if neither."""
         require_values(q, self.joints, called, int(self.source.full_model.nq))
         return q if q.shape[-1] == len(self.joints) else self.q_of(q)
 
     def chain_dq(self, dq: Array, called: str) -> Array:
-        """Joint speeds (n,), out of such or of speeds (nv,) of the whole model.
-
-        Parameters
-        ----------
-        dq : (n,) or (nv,) array
-            rad/s and m/s; of the whole model in its own order.
-        called : str
-            What messages call it.
-
-        Raises
-        ------
-        ConfigurationError
-            If it has neither of these lengths, or a joint that is locked between base and tip
-            moves.
-        """
+        """Return joint speeds (n,), given such or those of the whole model (nv,), its order."""
         whole = self.source.full_model
         if dq.shape == (len(self.joints),):
             return dq
@@ -158,16 +102,9 @@ class WholeModel:
             )
 
     def q_of(self, full_q: Array) -> Array:
-        """Joint vectors (..., n) of the arm out of configurations (..., nq) of the whole model.
+        """Return joint vectors (..., n) of configurations (..., nq) of the whole model.
 
-        What is neither on the chain nor holds it in shape does not count: fingers, other arms,
-        the place of a floating base. Angles of continuous joints are in (-pi, pi].
-
-        Raises
-        ------
-        ConfigurationError
-            If a joint that is locked between base and tip, or follows another one, is elsewhere
-            in ``full_q`` than the arm has it; or if a continuous joint has no angle.
+        ConfigurationError if a held joint is elsewhere. Angles are in (-pi, pi].
         """
         whole = self.source.full_model
         kept = self.source.kept
