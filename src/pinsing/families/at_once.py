@@ -64,10 +64,7 @@ def long_form(equation: Equation) -> JointForm | None:
 
 
 def solved_for(systems: Iterable[Sequence[Equation]]) -> tuple[SolvedFor, ...]:
-    """The long equations that stand alone in a system, each once.
-
-    Several that hold at once do not each leave the other joints free.
-    """
+    """Return the long equations that stand alone in a system: those leave the other joints free."""
     alone = [system[0] for system in systems if len(system) == 1]
     found = [form for e in alone if (form := long_form(e)) is not None]
     return tuple(dict.fromkeys(_stated(form) for form in found))
@@ -148,10 +145,7 @@ class AtOnce:
 
 
 def long_ones(equations: Sequence[Equation]) -> list[Equation]:
-    """The long equations of a system of several; none where it has one equation.
-
-    Of many that are not short all count as long: written out they fill a page as well.
-    """
+    """Return the long equations of a system of several; all of many, which fill a page as well."""
     if len(equations) < 2:
         return []
     short = [e for e in equations if _SHORT < len(e.cos) <= LONG]
@@ -160,10 +154,7 @@ def long_ones(equations: Sequence[Equation]) -> list[Equation]:
 
 
 def at_once(branch: Branch, q: Array, symbols: Sequence[str]) -> AtOnce | None:
-    """Return how the equations of a branch can be used near q (n,), a generic configuration of it.
-
-    None where no long equation is one of several, or gradients at q do not tell.
-    """
+    """Return how a branch's equations can be used near a generic q (n,); None if not known."""
     equations = branch.equations
     if not long_ones(equations):
         return None

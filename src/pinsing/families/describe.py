@@ -144,11 +144,9 @@ _APART = 0.12  # radians, about seven degrees
 def telling_poses(
     arm: Arm, family: Family, count: int, others: Sequence[Family] = ()
 ) -> tuple[Array, ...]:
-    """Configurations of a family that show it well, at most ``count``, within the limits.
+    """Return up to ``count`` configurations that show a family well, the same at every call.
 
-    Where there are such, away from ``others`` and from other singularities, above the floor with
-    every joint, within half a turn, not twisted up, and unlike each other; the same ones at every
-    call.
+    Preferably away from ``others``, above the floor, untwisted, and unlike each other.
     """
     rng = np.random.default_rng(4)
     Q = family.sample(80, rng)
@@ -205,12 +203,7 @@ _SHORT = 60
 
 
 def kinds_of(family: Family, points: Array, arm: Arm, maker: PieceMaker) -> tuple[KindPart, ...]:
-    """Return what kind of singularity the points (N, n) of a family are, and where which.
-
-    One part if all that could be decided agree. Where whole branches are of one kind each, such
-    as q3 = 0 and q3 = 180 degrees, the parts are named by these; else they are shares of the
-    points.
-    """
+    """Return the kinds of singularity at points (N, n), by branches, or as shares of the points."""
     # Points that are looked into of those where that takes longer, if all kinds agree then.
     kinds = kinds_many(arm, points, 6)
     rest = [i for i, kind in enumerate(kinds) if kind is None]
@@ -260,28 +253,9 @@ def _owners(family: Family, points: Array) -> list[int]:
 
 
 def readable(family: Family, branch: Branch, q: Array, arm: Arm, within_limits: bool) -> Array:
-    """A configuration near q (n,), on the same branch, with round values where nothing hangs on it.
+    """Return a configuration near q (n,) on a branch, as singular, with round values where free.
 
-    Joints at fixed values stay there; of the joints in equations, as many as there are equations
-    are solved for, and the others are round.
-
-    Parameters
-    ----------
-    family : Family
-        The family.
-    branch : Branch
-        The branch of it that q lies on.
-    q : (n,) array
-        Radians and metres.
-    arm : Arm
-        The nominal geometry.
-    within_limits : bool
-        Stay within the joint limits.
-
-    Returns
-    -------
-    (n,) array
-        As singular as q, and of the same rank; q itself if none was found.
+    Joints in equations are solved for, one an equation. It is q itself if none was found.
     """
     start = _unwound(family, q, within_limits)
     rounded = np.round(start / _grid(family)) * _grid(family)
@@ -355,10 +329,7 @@ def describe(
     geometry: Nominal,
     confirm: OwnPoints | None = None,
 ) -> Family:
-    """The family of some pieces that are mirror images of each other.
-
-    Its points are confirmed and made sharp by ``confirm``, where that is given.
-    """
+    """Return the family of mirrored pieces; ``confirm`` makes its points singular and sharp."""
     draft = stated(group, maker, arm)
     if confirm is not None:
         draft = replace(draft, confirm=confirm)
@@ -432,10 +403,7 @@ def stated(group: Sequence[SolvedPiece], maker: PieceMaker, arm: Arm) -> Family:
 
 
 def _drawn(draft: Family, maker: PieceMaker, rng: np.random.Generator) -> bool:
-    """Return True if points are found as ``sample`` finds them, where a shorter look found none.
-
-    What is said of a family must not be less than what its own samples show.
-    """
+    """Return True if ``sample`` finds points: no less may be said than samples show."""
     look = maker.time.part(_LOOKS[0])
     return any(
         len(draft.points(_WITNESSES, rng, within, maker.rounds(), look.stop))
@@ -543,10 +511,9 @@ def _on(family: Family, branch: Branch, points: Array) -> Bool:
 
 
 def _codimension(branch: Branch, q: Array, complex_codimension: int) -> int:
-    """Joints fixed plus independent gradients at q; the complex one where gradients vanish.
+    """Return joints fixed plus independent gradients at q, or the complex one where these vanish.
 
-    A single equation that is left by now changes its sign, or nothing better is known of it:
-    its set has the codimension of the complex one.
+    A single equation that is left changes its sign: its set has the complex codimension.
     """
     if not branch.equations:
         return len(branch.values)

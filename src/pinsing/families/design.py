@@ -64,7 +64,7 @@ class FoundFamily:
 
 
 class Changes:
-    """Looks at special values of families of one equation, one by one, until time is over.
+    """Looks at special values of families of one equation, within a time.
 
     ``assumed`` are polynomials without a joint that must not be zero.
     """
@@ -105,11 +105,7 @@ class Changes:
         yield from self._without_lengths(whole)
 
     def _without_lengths(self, told: Collection[int]) -> Iterator[DesignChange]:
-        """Lengths that make every configuration singular when they are zero at once.
-
-        Whatever the families are; fewest first, and of those that do so no larger sets. Those that
-        do so alone and were told are left out.
-        """
+        """Yield smallest sets of lengths that, zero at once, make all singular; not ``told``."""
         lengths = [s for s in range(self.names.n, len(self.names.names)) if self.ring.prismatic[s]]
         enough = [{s} for s in told]
         # Lengths that are zero at once, at most, where it is asked whether all is singular.
@@ -197,10 +193,7 @@ class Changes:
         return found
 
     def _irreducible(self, poly: Poly) -> bool:
-        """Return True if a polynomial is A s + B in a length s, without a common factor.
-
-        To see that takes a fraction of the time that factoring does.
-        """
+        """Return True if a polynomial is A s + B, coprime: faster than factoring."""
         degrees, gens = poly.degrees(), self.ring.context.gens()
         best: tuple[Poly, Poly] | None = None
         for s, slides in enumerate(self.ring.prismatic):
@@ -261,10 +254,9 @@ Sum = dict[tuple[int, ...], int]
 
 
 def unreal(e: Equation, n: int) -> str:
-    """The lengths at which an equation has no solution: ``|a1| > |a2| + sqrt(d4^2 + a3^2)``.
+    """Return the lengths at which an equation in n joints has no solution; empty if not decided.
 
-    It is one in n joints and, after these, in lengths. Empty where it always has a solution, and
-    where this way does not tell.
+    Such as ``|a1| > |a2| + sqrt(d4^2 + a3^2)``.
     """
     if e.powers[:, :n].any() or e.frequencies[:, n:].any() or not e.exact:
         return ""
@@ -409,10 +401,9 @@ def _rank(matrix: Matrix, ring: Ring) -> int:
 def _stated(
     components: Sequence[Component], design: DesignNames
 ) -> tuple[list[FoundFamily], list[Poly], list[DesignChange]]:
-    """Families for lengths in general, what must not be zero, and what else there is.
+    """Return families for general lengths, polynomials that must not be zero, and other changes.
 
-    Where a polynomial without a joint is zero every configuration is singular; other families
-    there are at special symbols alone.
+    Zeros of a polynomial without a joint make every configuration singular.
     """
     groups: dict[object, list[Component]] = {}
     for c in components:
@@ -448,10 +439,9 @@ def _stated(
 
 
 def _only_at(equations: Sequence[Poly], design: DesignNames) -> str:
-    """Return where equations hold together, if that is not for symbols in general; empty if it is.
+    """Return the condition on symbols at which equations hold together; empty if they always do.
 
-    Some of them that have fewer joints than they are leave a condition on the symbols alone: their
-    resultant, where they are two in one joint.
+    More equations than joints leave one: a resultant, where they are two in one joint.
     """
     ring = design.ring
     joints = [{j for j in ring.joints_of(e) if j < design.n} for e in equations]
@@ -478,10 +468,9 @@ def _positive(poly: Poly) -> bool:
 
 
 def _joined(group: Sequence[Component], ring: Ring) -> list[list[list[Poly]]]:
-    """Components that differ in joint values only: for each family, factors of each equation.
+    """Return components that differ in joint values only as factors of equations, by family.
 
-    Where all combinations of the values occur they are one family: q5 = 0 and q5 = 180 degrees
-    is sin q5 = 0.
+    Where all combinations occur: q5 = 0 and q5 = 180 degrees is sin q5 = 0.
     """
     joints = sorted(group[0].values)
     values = [list(dict.fromkeys(c.values[j] for c in group)) for j in joints]

@@ -103,10 +103,9 @@ def of_table(arm: Arm, table: DHTable, chosen: Sequence[str] | None, angle_tol: 
 
 
 def of_arm(arm: Arm, chosen: Sequence[str] | None, angle_tol: float) -> Lengths:
-    """Lengths of an arm: of its DH table where it was made of one, else named after its joints.
+    """Return the lengths of an arm, of its DH table or named after joints (elbow_joint_x, tool_x).
 
-    ``elbow_joint_x`` is how far the axis of elbow_joint is from the one before along x of the
-    chain's exact frames (z is along that axis), and ``tool_x`` where the tip is from the last.
+    Along the axes of the exact frames, z the joint's, from the axis before to this one.
     """
     path = Path(arm.source.label)
     whole = arm.base == BASE and arm.tip in (TIP, FLANGE)

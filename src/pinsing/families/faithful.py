@@ -39,7 +39,7 @@ def disagreements(
     geometry: Nominal,
     symbols: Sequence[str],
 ) -> list[str]:
-    """Return where families and their exact components do not say the same, in words.
+    """Return where families and exact components differ, in words.
 
     All real points of those that are ``left_out`` are on these families.
     """
@@ -78,7 +78,7 @@ class _Form:
         self.joints = frozenset(ring.joints_of(poly))
 
     def __call__(self, x: Array) -> tuple[Array, float]:
-        """Values (N,) where the ring's variables are x (N, variables), and how large terms can be.
+        """Return values (N,) at x (N, variables), and how large terms can be.
 
         With any sines and cosines: x y has no rounding at 180 degrees relative to x y itself.
         """
@@ -249,10 +249,10 @@ class _Exact:
                 yield from self._followed(left, at, known | {joint}, tol if sharp else BLUNT)
 
     def _roots(self, form: _Form, joint: int, q: Array) -> list[tuple[float, bool]]:
-        """Values of a joint at which a form is zero, the others as in q (n,); which are simple.
+        """Return values of a joint at which a form is zero, near q (n,), and if they are simple.
 
-        On the circle it is a polynomial in exp(i angle), once it is turned by half its degree;
-        its coefficients are the Fourier transform of its values.
+        On the circle it is a polynomial in exp(i angle); a Fourier transform gives its
+        coefficients.
         """
         variables = list(self.ring.variables(joint))
         degree = int(form.exponents[:, variables].sum(axis=1).max())

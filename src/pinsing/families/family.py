@@ -43,10 +43,7 @@ def spread(
     rounds: int,
     stop: Stop | None = None,
 ) -> Array:
-    """Up to ``count`` points (k, n) in a box, about as many of each branch; see ``search``.
-
-    ``held`` has branches with the values (n,) of their fixed joints.
-    """
+    """Return up to ``count`` points (k, n) in a box, about as many of each held branch."""
     alive = [held[i] for i in rng.permutation(len(held))]
     parts = [np.zeros((0, len(lower)))]
     missing = count

@@ -317,10 +317,7 @@ _MOST_ROWS = 5
 def answer_text(
     forms: ClosedForm, page: Page = PLAIN, robot: str = "", file: str = "path.csv"
 ) -> str:
-    """Return the summary of an arm's singularities: eight lines at most, and what to type.
-
-    ``robot`` is how commands name the robot, ``file`` the trajectory to check.
-    """
+    """Return the summary of an arm's singularities, at most eight lines, with commands to type."""
     robot = robot or forms.arm.typed
     count = len(forms.families)
     what = f"{count} famil{'y' if count == 1 else 'ies'} of singular configurations"
@@ -370,10 +367,9 @@ def families_text(
     exact: bool = False,
     undecided: bool = False,
 ) -> str:
-    """The list of families with what each means, and a configuration of each to paste.
+    """Return the families with their meanings and poses; ``brief``: conditions and arm alone.
 
-    ``brief``: the conditions alone, with the arm that they are of. ``undecided`` leaves out how
-    sure it is that none is missing: a proof is still looked for.
+    ``undecided`` leaves out how sure completeness is: a proof is still looked for.
     """
     lines = [page.paragraph(*_head(forms, brief, undecided))]
     lines += _geometry(forms, page)

@@ -113,10 +113,9 @@ class ModularPoints:
     def points(
         self, place: Mapping[int, Value], relations: Sequence[Poly], count: int, time: Budget
     ) -> list[ModularPoint] | None:
-        """Up to ``count`` points with joints at values on which relations vanish.
+        """Return up to ``count`` points with joints at values on which relations vanish.
 
-        None where the relations are not to be solved one after the other, or have square roots that
-        the values' primes do not tell.
+        None where relations cannot be solved in turn, or have square roots unknown to the primes.
         """
         if not self.ring.rational:
             return None
@@ -370,10 +369,9 @@ _STEP = 1e-3
 
 
 def freedom(branch: Branch, q: Array) -> int:
-    """Dimension of a branch near one of its points q (n,), by small steps brought back to it.
+    """Return the dimension of a branch near q (n,), by small steps brought back to it.
 
-    Where gradients vanish or depend on each other they allow more than the set does: a step into
-    what they allow comes back then.
+    Where gradients vanish or depend on each other they allow more than the set does.
     """
     free = np.ones(len(q), dtype=bool)
     free[[v.joint for v in branch.values]] = False
@@ -395,10 +393,9 @@ def freedom(branch: Branch, q: Array) -> int:
 def gaps(open_ends: Counter[str], n: int) -> list[str]:
     """Return what a search by neighbouring axes left open in a chain of n joints, in sentences.
 
-    Counted are ``places``, sets of joint values that were looked at; ``waiting``, places that there
-    was no time for; ``unseen``, systems of equations of which no real point was met; ``uncut``,
-    systems with a regular part that no minor of near joints cut; ``too_long``, minors that were too
-    long.
+    Counted are ``places``, sets of joint values looked at; ``waiting``, places without time;
+    ``unseen``, systems without a real point met; ``uncut``, systems with a regular part that no
+    minor of near joints cut; and ``too_long`` minors.
     """
     places = open_ends["places"]
     sets = "one set" if places == 1 else f"{places} sets"
@@ -430,13 +427,11 @@ Relations = tuple[Poly, ...]
 
 
 class LongChain:
-    """Looks for the families of a chain within a time, inside a ``place`` alone where one is given.
+    """Looks for the families of a chain within a time, inside a ``place`` where one is given.
 
-    ``thorough``: systems of which points modulo primes tell nothing singular are judged by real
-    points, too, as long as there is time. Of the ``components`` none lies in another, as far as
-    division and points tell; ``unseen`` are systems of equations of which no real point was met:
-    one that has singular points modulo primes is a component all the same. ``open_ends``: see
-    ``gaps``.
+    ``thorough``: real points judge systems, too, where points modulo primes tell nothing. Of the
+    ``components`` none lies in another, as far as division and points tell. ``unseen`` are systems
+    with no real point met (components, if they have singular points modulo primes).
     """
 
     def __init__(
@@ -551,10 +546,7 @@ class LongChain:
         self._along(place, J, independent(J, outward, self.rank - 1))
 
     def _groups(self, place: Places) -> None:
-        """Sets whose wrench is fixed by joints that depend on each other, but are no neighbours.
-
-        Their minors may span the whole chain: so they have a part of the time, not all of it.
-        """
+        """Look for dependent joints, not neighbours, that fix a wrench; in part of the time."""
         J = self._columns(place)
         seen: set[tuple[int, ...]] = set()
         choices = itertools.combinations(range(self.n), self.rank)
@@ -625,11 +617,11 @@ class LongChain:
     def _judge(
         self, place: Places, relations: Relations, more: Relations = (), rounds: int = 0
     ) -> None:
-        """Whether the common zeros of some equations at a place are singular, in whole or part.
+        """Judge if the common zeros of some equations at a place are singular, in whole or part.
 
-        ``more`` of them say which part is meant, and make it no smaller. At points modulo primes,
-        where the equations can be solved one after the other; else at real ones, when nothing else
-        waits. So are those that are regular there: an equation may hold whatever its joint does.
+        ``more`` of them say which part is meant, and make it no smaller. At points modulo primes
+        where the equations can be solved in turn; else at real ones, when nothing else waits. So
+        are those that are regular there: an equation may hold whatever its joint does.
         """
         key = (frozenset(place.items()), frozenset(map(str, (*relations, *more))))
         codimension = len(place) + len(relations)

@@ -45,7 +45,7 @@ class ModularChain:
         self.shift = [np.array([residue(v, prime) for v in t]) for t in geometry.translation]
 
     def singular(self, chosen: Sequence[int], draw: random.Random) -> tuple[Ints, Ints]:
-        """Singular points (x, y), each (n, N), all but some joints at values drawn at random.
+        """Return singular points (x, y), each (n, N), the other joints at random values.
 
         A sample of them where there are very many.
         """
@@ -105,10 +105,7 @@ class ModularChain:
         return self._pairs(self._near(middle, near)[0], self._far(middle, far)[0])
 
     def _near(self, middle: int, at: Sequence[Coordinates]) -> tuple[Ints, Ints]:
-        """Screws (N, k, 6) of the joints up to the middle one, in its frame before it moves.
-
-        With the turn (N, 3, 3) of that frame, seen from the first joint's.
-        """
+        """Return screws (N, k, 6) of joints up to the middle one in its frame, and its turn."""
         p = self.p
         R, o = np.eye(3, dtype=np.int64)[None], np.zeros((1, 3), dtype=np.int64)
         screws = [self._screw(middle, R[:, 2], o)]
@@ -122,10 +119,7 @@ class ModularChain:
         return _stacked(screws), R
 
     def _far(self, middle: int, at: Sequence[Coordinates]) -> tuple[Ints, Ints, Ints]:
-        """Screws (N, k, 6) of the joints behind the middle one, in its frame before it moves.
-
-        With the turn (N, 3, 3) and the place (N, 3) of the last joint's frame before it moves.
-        """
+        """Return screws (N, k, 6) behind the middle joint in its frame, last turn, and place."""
         p = self.p
         R, o = np.eye(3, dtype=np.int64)[None], np.zeros((1, 3), dtype=np.int64)
         screws = []
@@ -241,11 +235,7 @@ class ModularSet:
 
 
 class _Split:
-    """A polynomial modulo a prime, its variables in two groups.
-
-    Products of powers of a group occur in many terms: they are made once each, and the sums that
-    stand beside those of the first group are products of matrices.
-    """
+    """A polynomial modulo a prime, in two groups of variables, so that powers are made once."""
 
     def __init__(self, terms: Mapping[tuple[int, ...], int], prime: int) -> None:
         self.p = prime
@@ -292,10 +282,10 @@ def _monomials(exponents: Sequence[tuple[int, ...]], at: Ints, p: int) -> Ints:
 
 
 def _residues(poly: Poly, ring: Ring, prime: int) -> dict[tuple[int, ...], int]:
-    """Coefficients of a polynomial modulo a prime, no multiple of which all of them are.
+    """Return a polynomial's coefficients modulo a prime, not all multiples of it.
 
-    With square roots a prime may divide all of them nevertheless: then the polynomial counts as
-    zero nowhere, so that points are left over rather than taken in.
+    If square roots make all zero nevertheless, it counts as nowhere zero: points are left over
+    rather than taken in.
     """
     terms = ring.terms(poly)
     parts = [part for c in terms.values() for part in parts_of(c) if part]
@@ -381,10 +371,7 @@ def _as_many(a: Ints, count: int) -> Ints:
 
 
 def short_everywhere(chain: ModularChain, geometry: Nominal, task: Task) -> bool:
-    """Return True if the rank of the rows is short at all of some random points.
-
-    So it is where the prime divides a length without which the chain is another one.
-    """
+    """Return True if the rank is short at all random points: the prime divides a length."""
     draw, rows = random.Random(SECOND_SEED), len(task.rows)
     # At which all of a chain is looked at: that each is singular by chance is 1 in 1e10.
     for _ in range(12):
@@ -401,9 +388,9 @@ def short_everywhere(chain: ModularChain, geometry: Nominal, task: Task) -> bool
 
 
 def joints_that_matter(geometry: Nominal, task: Task) -> tuple[int, ...]:
-    """Joints on which the rank of some rows depends: not those whose motion turns all axes alike.
+    """Return joints on which the rows' rank depends: not those that turn all axes alike.
 
-    Turned axes leave each minor as it is, up to one sign; asked at random points modulo a prime.
+    These leave each minor as it is, up to one sign; decided at random points modulo a prime.
     """
     draw = random.Random(SECOND_SEED)
     n, prime = len(geometry.prismatic), PRIMES[0]

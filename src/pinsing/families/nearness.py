@@ -108,7 +108,7 @@ def nearest(
     options: SearchOptions,
     exact: bool,
 ) -> Distance | None:
-    """Distance from q (n,) to where the conditions hold; None if no real point is known at all.
+    """Return the distance from q (n,) to where conditions hold; None without a known real point.
 
     ``exact``: what was found is the nearest, as among joint values.
     """
@@ -128,10 +128,7 @@ def own_nearest(
     q: Array,
     confirm: Confirm,
 ) -> Distance:
-    """The same distance, to a point that is confirmed.
-
-    The lower bound holds as it is: the family is a part of what its equations say.
-    """
+    """Return the distance to a confirmed point; its lower bound holds, as families are subsets."""
     if not np.isfinite(found.q).all() or confirm(found.q[None])[0]:
         return found
     rng = np.random.default_rng(3)
@@ -168,11 +165,7 @@ class Starts:
     within: bool  # whether points outside of it do not count
 
     def own(self, confirm: Confirm, n: int, rng: np.random.Generator, stop: Stop | None) -> Array:
-        """Up to n own points (k, n) of the branches, from each about as many.
-
-        By what singular means, as far as the equations hold there; then, where that finds too few,
-        by the equations.
-        """
+        """Return up to n own points (k, n), about as many a branch, by rank, then by equations."""
         found = [np.zeros((0, self.space.n))]
         share, box = -(-n // max(1, len(self.held))), (self.lower, self.upper)
         for i, (branch, fixed) in enumerate(self.held):

@@ -161,9 +161,9 @@ def values_reached(
     reached: Reachability,
     met: Callable[[Branch], bool],
 ) -> tuple[ValueReach, ...]:
-    """Each value that the branches fix a joint at, once, and whether the limits allow it.
+    """Return each value at which branches fix a joint, and whether the limits allow it.
 
-    ``met`` tells whether a configuration within the limits was found on a branch whose values are.
+    ``met`` tells if a configuration within the limits was found on such a branch.
     """
     known: dict[tuple[int, float], Reachability] = {}
     exact = {(v.joint, round(v.value, 9)): v.value for b in branches for v in b.values}
@@ -199,10 +199,7 @@ def _inside(value: float, joint: int, limits: tuple[Array, Array], prismatic: Bo
 
 
 def reach_words(reached: Reachability, values: Sequence[ValueReach], prismatic: Bool) -> str:
-    """Return where a family is within the limits, with the joint values where not with all.
-
-    Examples are "within the joint limits" and "within the joint limits with q2 = 0° (not 180°)".
-    """
+    """Return "within the joint limits", perhaps "with q2 = 0° (not 180°)", and the like."""
     if reached not in (Reachability.INSIDE, Reachability.AT_LIMIT):
         return reached.words
     parts = []

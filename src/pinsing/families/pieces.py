@@ -88,9 +88,9 @@ class PieceMaker:
         self.upper = np.where(slides[1], np.maximum(arm.upper, reach), reach)
 
     def make(self, component: Component) -> list[SolvedPiece]:
-        """The pieces of a component; none if it is proven to have no real point.
+        """Return the pieces of a component; none if proven not to have a real point.
 
-        What neither is proven to be empty nor has a point that was found is a piece of its own.
+        What is neither proven empty nor has a known point is a piece, too.
         """
         fixed = [self._value(j, v) for j, v in component.values.items()]
         products = self.products
@@ -137,10 +137,7 @@ class PieceMaker:
     def own(
         self, component: Component, pieces: Sequence[SolvedPiece], components: Sequence[Component]
     ) -> list[SolvedPiece]:
-        """The pieces without isolated values that a simpler or a larger component has, too.
-
-        A system that was found before such a component may have some of its points.
-        """
+        """Return pieces without isolated values that simpler or larger components have, too."""
         others = [
             c
             for c in components
@@ -170,7 +167,7 @@ class PieceMaker:
         )
 
     def _solvable(self, component: Component) -> tuple[list[Poly], list[Poly]]:
-        """The relations that fix joint values, and the others.
+        """Return the relations that fix joint values, and the others.
 
         A joint has finitely many values where it is alone in a relation, or alone with others of
         these; or all joints do, where there are as many of them as the component has equations.
@@ -224,10 +221,7 @@ class PieceMaker:
         return JointValue(joint, self._angle(joint, value.angle()), False, value.minimal)
 
     def _real_part(self, poly: Poly) -> list[list[JointValue]] | None:
-        """All real zeros of a polynomial, where these are less than a hypersurface; else None.
-
-        Of one that is not known to take both signs.
-        """
+        """Return all real zeros of a polynomial, or None where they may be a hypersurface."""
         if len(self.ring.joints_of(poly)) < 2:
             return None
         try:
@@ -239,10 +233,7 @@ class PieceMaker:
         return [[self._algebraic(j, v) for j, v in s.items()] for s in found]
 
     def find(self, branch: Branch, count: int, rounds: int = 6) -> Array:
-        """Points (k, n) of a branch over whole circles, k up to ``count``.
-
-        Once the time is over the search is short.
-        """
+        """Return up to ``count`` points (k, n) of a branch over whole circles."""
         fixed, free = self._start(branch)
 
         def searched(some: int) -> Array:
@@ -275,10 +266,7 @@ class PieceMaker:
         return fixed, free
 
     def thrown(self, branch: Branch, count: int) -> Array:
-        """Points (k, n) that random starts were brought to, wherever a step leads from them.
-
-        Not one equation after the other, as ``find`` goes: so all real parts are met.
-        """
+        """Return points (k, n) that random starts converge to, so that all real parts are met."""
         fixed, free = self._start(branch)
         box = self.lower, self.upper
         return thrown(branch.equations, *box, free, fixed, count, self.rng, self.time.stop)

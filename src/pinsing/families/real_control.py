@@ -48,10 +48,7 @@ class OwnPoints:
         return q[ratios(self.arm, q) <= NOISE] if len(q) else q
 
     def sharpened(self, points: Array, free: Bool) -> Array:
-        """Singular points (N, n) to all digits, moved along ``free`` joints (n,); see `_newton`.
-
-        One that does not become more singular nearby stays as it is.
-        """
+        """Return points (N, n) made singular to all digits along ``free`` joints, if possible."""
         before = ratios(self.arm, points)
         blunt = np.flatnonzero(before > NOISE)
         if not len(blunt):
@@ -74,10 +71,10 @@ def _newton(
     steps: int = 8,
     box: tuple[Array, Array] | None = None,
 ) -> Array:
-    """Solve J(q)^T u = 0 and u.u = 1 for q (N, n) and the lost direction u, from near a solution.
+    """Solve J(q)^T u = 0 and u.u = 1 for q (N, n) and the lost direction u, near a solution.
 
-    Or from anywhere: then many of them end nowhere. Minimum-norm steps, those of sliders in the
-    arm's own length as H is: the solutions are a set of some dimension.
+    From elsewhere many starts end nowhere. Minimum-norm steps, sliders in the arm's own length as
+    in H: the solutions are a set of some dimension.
     """
     J, H = own_jacobians_and_derivatives(arm, q)
     u = np.linalg.svd(J)[0][..., -1]
@@ -108,10 +105,7 @@ found is on a branch where it is a multiple root, of which half of the digits or
 
 
 def real_points(maker: PieceMaker, own: OwnPoints, time: Budget) -> Array:
-    """Singular configurations (k, n) that random starts over whole circles led to.
-
-    After the time no further starts are made; the first ones are made all the same.
-    """
+    """Return singular configurations (k, n) that random starts over whole circles lead to."""
     rng = np.random.default_rng(37)
     box = maker.lower, maker.upper
     n = len(maker.symbols)

@@ -135,10 +135,7 @@ class Slice:
 
 
 class Slices:
-    """Random slices, of so many ``joints``, of a chain each of whose joints moves on its own.
-
-    The task has as many rows as their rank.
-    """
+    """Random slices, of so many ``joints``, of a chain without mimics and with independent rows."""
 
     def __init__(self, geometry: Nominal, task: Task, ring: Ring, joints: int) -> None:
         self.geometry, self.task, self.ring = geometry, task, ring
@@ -177,10 +174,9 @@ class Slices:
         return any(x.numerator % prime == 0 or x.denominator % prime == 0 for x in lengths)
 
     def turn(self, prime: int, time: Budget) -> list[Slice]:
-        """One slice for each choice of joints, as many as there is time for.
+        """Return one slice a choice of joints, within a time.
 
-        ValueError if the prime divides a denominator of the chain, or a length without which the
-        rank is less.
+        ValueError if the prime divides a denominator of the chain, or a length that its rank needs.
         """
         if prime not in self._chains:
             pose = self.task.name == "pose"
@@ -208,10 +204,7 @@ class Slices:
         return off
 
     def held(self, slices: Sequence[Slice], component: Component) -> list[Bools]:
-        """Return which points of slices lie on a component, once for all over a field.
-
-        What is known is kept: polynomials of thousands of terms are long to put points into.
-        """
+        """Return which points of slices lie on a component, computed once a field."""
         of = self._held.setdefault(id(component), (component, {}))[1]  # kept, and so is its id
         for prime in dict.fromkeys(s.prime for s in slices):
             new = [s for s in slices if s.prime == prime and id(s) not in of]
@@ -243,10 +236,10 @@ class Slices:
         components: Sequence[Component],
         real: Callable[[Component], Bools] | None = None,
     ) -> list[Component]:
-        """Components but for those of whose points, which are many, one other has all.
+        """Return components but for those of whose points, which are many, one other has all.
 
-        Two searches state one set in two ways; of these the shorter is kept. Values that differ may
-        be the same over one small field: points over two must say it, and ``real`` ones.
+        Two searches state one set in two ways: the shorter is kept. Values that differ may agree
+        over one small field: points over two must say it, and ``real`` ones.
         """
         left = sorted(components, key=lambda c: (c.codimension, sum(map(len, c.relations))))
         of = [np.full(s.x.shape[1], s.prime) for s in slices]
@@ -315,10 +308,9 @@ def count_on_slices(
     most: int,
     time: Budget,
 ) -> SliceCount | None:
-    """Count singular points of a chain on slices, as many as there is time for.
+    """Count singular points of a chain on slices, within a time; no mimics, independent rows.
 
-    Each of its joints moves on its own, its rows are as many as their rank, and ``most`` is the
-    largest codimension that a component can have. None where the field does not know the chain's
+    ``most``: the largest codimension of a component. None where the field does not know the chain's
     numbers (denominators, roots), or one field contradicts and there is no time to ask the other.
     """
     counted: list[SliceCount] = []

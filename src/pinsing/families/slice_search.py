@@ -39,10 +39,9 @@ from pinsing.robot.task import Task
 def without_inner(
     components: Sequence[Component], doubtful: Sequence[Component], ring: Ring, time: Budget
 ) -> list[Component]:
-    """Components without those of ``doubtful`` whose points all lie on the others that are left.
+    """Return components without ``doubtful`` ones whose points all lie on others that are left.
 
-    Points are those of random slices modulo a prime of 62 bits, of each choice of joints; what
-    cannot be told in time stays.
+    Points of random slices modulo a prime of 62 bits decide; what is undecided in time stays.
     """
     left = list(components)
     residues, rng = Residues(ring), np.random.default_rng(43)
@@ -71,15 +70,13 @@ Near = Callable[[Mapping[int, Value], Budget], Sequence[Component]]
 
 
 class SliceSearch:
-    """Goes through slices, and searches at the joint values to which points on no family lead.
+    """Goes through slices, and searches at joint values to which points on no family lead.
 
-    The chain and its rows are as of ``Slices``; ``limit`` is the largest codimension that a
-    component can have. ``unseen`` are components if they have points that lie on no other. ``near``
-    is a search by neighbours at values of joints, asked before all minors are. ``real``
-    configurations on no component lead on when slices no longer do. ``count``: all slices held
-    against the ``components``; of a field that alone contradicts none. ``enough``: slices were gone
-    through so often, over so many fields, that nothing is open. ``steps``: what else rests on
-    random points.
+    The chain is as of ``Slices``; ``limit`` is the largest codimension of a component. ``unseen``
+    are components if they have points that lie on no other. ``near`` is a search by neighbours,
+    asked before all minors are. ``real`` configurations on no component lead on when slices no
+    longer do. ``count``: slices against ``components``, without a field that alone contradicts.
+    ``enough``: times, and fields, after which nothing is open.
     """
 
     def __init__(

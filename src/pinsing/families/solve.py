@@ -46,10 +46,7 @@ _LONG = 100 * LENGTH
 
 
 def small_offset(geometry: Nominal) -> float | None:
-    """The largest coordinate of a placement below ``LENGTH``, metres, if there is one.
-
-    None for a small arm, to which a millimetre is much.
-    """
+    """Return the largest coordinate below ``LENGTH``, metres; None if none, or the arm is small."""
     lengths = [abs(float(x)) for row in geometry.translation for x in row]
     if sum(lengths) < _LONG:
         return None
@@ -84,10 +81,9 @@ def unsolved_hint(systems: int) -> str:
 
 
 def by_rank_hint(families: Sequence[Family], rank: int) -> str | None:
-    """One line: which families are equations together with the rank; None if none is.
+    """Return a line on families that are equations and the rank; None if none is.
 
-    Equations of neighbouring axes, or those that slices were led to, are zero wherever the arm is
-    singular there; that they are zero nowhere else is not shown.
+    Equations of neighbouring axes, or of slices, need not be zero at singular configurations alone.
     """
     asked = [f for f in families if f.confirm is not None and not f.confirm.touching]
     names = [f.name for f in asked if any(b.equations for b in f.branches)]
@@ -247,10 +243,7 @@ def about_robot(found: ClosedForm, robot: Arm, design: Arm) -> ClosedForm:
 
 
 def form_to_measure(arm: Arm) -> ClosedForm:
-    """The closed form, for who measures how near its families are and does not say the word.
-
-    A certificate is looked for only where it decides more than that: where some may be missing.
-    """
+    """Return the form for distances, with a certificate only where families may be missing."""
     found = closed_form(arm, prove=False)
     return found if found.complete else prove_briefly(found, SECONDS)
 

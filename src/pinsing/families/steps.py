@@ -66,10 +66,9 @@ class _Stretch:
 def planar_chain(
     geometry: Nominal, task: Task, rank: int, ring: Ring
 ) -> tuple[Component, ...] | None:
-    """The singular set of a planar chain without mimic joints; None of other chains and tasks.
+    """Return the singular set of a planar chain without mimics, at most one component; else None.
 
-    One component, or none where the rank is the same everywhere. Its relations are products: sin
-    q2, which is zero at 0 and at 180 degrees.
+    Its relations are products: sin q2, which is zero at 0 and at 180 degrees.
     """
     axes, places, tip_turn = _home(geometry)
     prismatic = geometry.prismatic
@@ -192,7 +191,7 @@ def _direction(
     values: dict[int, Value],
     relations: list[Poly],
 ) -> Vector | None:
-    """Return where its columns point, zero if it has none; None where they are never parallel.
+    """Return the common direction of a stretch's columns, zero without any; None if never parallel.
 
     What its slides have to be goes into ``values`` or ``relations``.
     """
@@ -330,10 +329,9 @@ class SearchStep(Protocol):
 
 
 class PlanarChainStep:
-    """Yields the one component of a planar chain; relies on nothing but its exact axes.
+    """Yields the component of a planar chain; relies on exact axes alone.
 
-    With fewer joints all minors state the branches of each condition, which long chains have too
-    many of.
+    Minors would state the branches of each condition, which long chains have too many of.
     """
 
     name = "planar chain"
@@ -381,10 +379,7 @@ class AllMinorsStep:
 
 
 class NearMinorsStep:
-    """Yields components by short minors; relies on points modulo primes, and on real ones.
-
-    Nothing says that there are no others: so it leaves gaps.
-    """
+    """Yields components by short minors and points (modulo primes, real); always leaves gaps."""
 
     name = "near minors"
 
@@ -411,8 +406,7 @@ class NearMinorsStep:
 class SlicesStep:
     """Yields components at joint values that singular points over small fields lead to.
 
-    Relies on a count: how many of the known components such slices met, and how many real singular
-    points from random starts lie on them.
+    Relies on a count: of components that slices met, and of real singular points that lie on them.
     """
 
     name = "slices"

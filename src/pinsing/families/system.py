@@ -202,10 +202,7 @@ class _SystemMaker:
 def _joined(
     components: Iterable[Component],
 ) -> list[tuple[dict[int, tuple[Value, ...]], tuple[Poly, ...]]]:
-    """Components as values of joints and relations; some values of one joint in place of one.
-
-    Two systems that differ in one condition alone are together the system with the product.
-    """
+    """Return components as joint values and relations; two that differ in one value, as one."""
     found: list[tuple[dict[int, tuple[Value, ...]], tuple[Poly, ...]]] = []
     for c in components:
         found.append(({j: (v,) for j, v in sorted(c.values.items())}, c.relations))
@@ -270,11 +267,7 @@ def language_of(path: Path) -> str:
 def system_text(
     form: Any, language: str, names: Sequence[str] | None = None
 ) -> tuple[str, tuple[str, ...]]:
-    """Families, all or those of some names, as a file for another program, and its comments.
-
-    Those are what the file says, or would if it could have comments. ``form`` is a `ClosedForm`,
-    whose module imports this one.
-    """
+    """Return families of a `ClosedForm`, all or some, as a file for a program, and its comments."""
     if language not in LANGUAGES:
         raise OptionError(f"no language {language!r}; there are {', '.join(LANGUAGES)}")
     asked = asked_for({f.name: f for f in form.families}, names or ())
@@ -409,7 +402,7 @@ def _listed(part: Sequence[str], end: str) -> list[str]:
 
 
 def _msolve(found: Systems) -> str:
-    """One system: that of the only family, or of all, told apart by one variable more.
+    """Return one system: that of the only family, or of all, told apart by one variable more.
 
     The polynomials of system i are multiplied by the product of k - m over all others m, so that
     they must vanish where k = i alone; k is one of 1, 2, ...

@@ -289,11 +289,11 @@ def _product(factors: Sequence[Factor], x: Array) -> tuple[Array, Array]:
 
 
 def _determinants(arm: Arm, x: Array, joints: tuple[int, ...], size: float) -> tuple[Array, float]:
-    """Determinants (N,) of task Jacobians in units of ``size``, and a bound of their errors.
+    """Return determinants (N,) of task Jacobians in units of ``size``, and a bound of their errors.
 
-    An entry of the Jacobian is a sum of products of at most 2n + 2 rotations: 64 n units in the
-    last place bound its error. An elimination with pivots gives the determinant of a matrix that
-    differs by n^3 2^(n-1) units (Wilkinson), and a determinant is linear in each column.
+    64 n units in the last place bound the error of an entry, a sum of products of at most 2n + 2
+    rotations. Elimination with pivots is exact for a matrix that differs by n^3 2^(n-1) units
+    (Wilkinson), and a determinant is linear in each column.
     """
     n, rows = arm.n, list(arm.task.rows)
     Q = np.zeros((len(x), n))
@@ -319,7 +319,7 @@ class _TorusGrid:
         return np.asarray(start + step * index)
 
     def sum(self, values: Array, start: Array, error: float) -> TrigSum:
-        """The trigonometric polynomial of ``values`` (N,), each right to ``error``.
+        """Return the trigonometric polynomial of ``values`` (N,), each right to ``error``.
 
         Interpolation on N points makes errors at most sqrt(N) times as large.
         """
@@ -349,31 +349,17 @@ class _TorusGrid:
 
 @dataclass(frozen=True)
 class _Taylor:
-    """What is known of a sum on N boxes, by Taylor's theorem to the third order.
-
-    Attributes
-    ----------
-    value, swing : (N,) arrays
-        In the middle, and by how much it differs on the box; rounding included.
-    gradient, second : (N, d) and (N, d, d) arrays
-        The derivatives in the middle.
-    reach : (N, T) array
-        By how much the angle of each term differs on the box.
-    noise : (N,) array
-        Bounds of errors of the derivatives.
-    parts : (N, d) array
-        What each joint adds to ``swing``, about.
-    """
+    """Bounds of a sum on N boxes, by Taylor's theorem to the third order."""
 
     sum: TrigSum
     half: Array
-    value: Array
-    swing: Array
-    gradient: Array
-    second: Array
-    reach: Array
-    noise: Array
-    parts: Array
+    value: Array  # (N,), in the middle
+    swing: Array  # (N,), by how much it differs on the box, rounding included
+    gradient: Array  # (N, d), in the middle
+    second: Array  # (N, d, d), in the middle
+    reach: Array  # (N, T), by how much the angle of each term differs
+    noise: Array  # (N,), bounds of errors of the derivatives
+    parts: Array  # (N, d), a joint's share of ``swing``, about
 
     @classmethod
     def of(cls, s: TrigSum, x: Array, h: Array) -> _Taylor:
@@ -393,7 +379,7 @@ class _Taylor:
         return cls(s, h, cosine.sum(axis=1), swing, gradient, second, reach, noise, parts)
 
     def along(self, e: Array) -> tuple[Array, Array, Array, Array, Array]:
-        """Of unit directions e (N, d): what bounds the derivatives along them.
+        """Return what bounds the derivatives along unit directions e (N, d).
 
         The least slope against the middle's, the curvature in the middle, by how much it differs on
         the box, its derivative at most, and what each joint takes off the slope (N, d).
@@ -409,10 +395,7 @@ class _Taylor:
 
 
 def _fall(slope: Array, curve: Array, jerk: Array, t: Array) -> Array:
-    """How far a sum falls at least by a step of a size up to t (N,).
-
-    Its slope is at least this, and decreases by ``curve + jerk s`` at s at most.
-    """
+    """Return the least fall of a sum by a step up to t (N,), slopes falling ``curve + jerk s``."""
     root = np.sqrt(np.maximum(curve**2 + 2 * jerk * slope, 0.0))
     least = np.maximum(jerk, TINY)
     top = np.where(curve > 0, 2 * slope / np.maximum(curve + root, TINY), (root - curve) / least)
@@ -424,21 +407,14 @@ def _fall(slope: Array, curve: Array, jerk: Array, t: Array) -> Array:
 class Boxes:
     """Boxes and what is proven on each.
 
-    Attributes
-    ----------
-    x, h : (N, d) arrays
-        Middles and half widths.
-    far : (N, F + 1) array
-        No singular configuration in the box that is farther than ``NEAR`` from all families but
-        one is farther than this from that one; at last, none at all is farther from the nearest.
-    split : (N,) array of int
-        The joint along which to halve it.
+    ``far``: no singular configuration in the box that is farther than ``NEAR`` from all families
+    but one is farther than this from that one; last, none at all is farther from the nearest.
     """
 
-    x: Array
-    h: Array
-    far: Array
-    split: Ints
+    x: Array  # (N, d), middles
+    h: Array  # (N, d), half widths
+    far: Array  # (N, F + 1)
+    split: Ints  # (N,), the joint along which to halve
 
     def take(self, rows: Any) -> Boxes:
         """Some of them."""
@@ -509,8 +485,6 @@ class _Condition:
 
     ``falls`` are the slopes, curvatures and their derivatives of `_fall`, along the gradient, and
     along the axes in which a positive value falls fastest and a negative one rises fastest.
-    ``within`` is how far its zeros are at most from points of the boxes, ``sway`` by how much of
-    the slope each joint changes it.
     """
 
     is_value: bool
@@ -518,8 +492,8 @@ class _Condition:
     falls: Sequence[tuple[Array, Array, Array]]
     noise: float
     parts: Array
-    sway: Array
-    within: Array
+    sway: Array  # by how much of the slope each joint changes it
+    within: Array  # how far zeros are at most from points of the boxes
 
     @classmethod
     def on(cls, f: Factor, x: Array, h: Array) -> _Condition:
@@ -554,7 +528,7 @@ class _Condition:
 
 
 def _one_joint(s: TrigSum, x: Array, gradient: Array) -> Array:
-    """How far (N,) a zero is at most, by a step along one joint at whose end the sign is another.
+    """Return how far (N,) a zero is at most: a step along one joint changes the sign.
 
     ``f(x + t) = f(x) - b (1 - cos t) + g sin t`` is exact if the joint has no rates but 1 and 0.
     """
@@ -588,10 +562,7 @@ def search(p: Product, x: Array) -> Array:
 
 
 def _two_sides(p: Product, width: Array) -> list[bool]:
-    """Whether some configurations are outside of each family's tube, on both sides of it.
-
-    Of widths (F + 1,) as in ``Boxes.far``; the other families are far.
-    """
+    """Return if configurations are outside of each family's tube on both sides; others are far."""
     x = np.random.default_rng(3).uniform(0, 2 * np.pi, (20_000, len(p.joints)))
     away, found = _away(p, x), []
     for k in range(away.shape[1]):

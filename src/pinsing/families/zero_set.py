@@ -77,7 +77,7 @@ def _many(equations: Sequence[Equation], free: npt.NDArray[np.bool_]) -> list[Or
 def peeled(
     equations: Sequence[Equation], free: npt.NDArray[np.bool_], prefer: int = 0
 ) -> Order | None:
-    """An order to solve many equations in, from the back: a joint that only one has comes last.
+    """Return an order to solve equations in: a joint that only one has comes last.
 
     ``prefer`` 1: joints near the base are solved for last; -1: those near the tip; 0: by turns.
     """
@@ -112,10 +112,7 @@ def draw(
     count: int,
     rng: np.random.Generator,
 ) -> Array:
-    """Points (k, n) in a box on which the equations of an order hold, of ``count`` tried, or more.
-
-    Joints that are not ``free`` (n,) stay at ``fixed`` (n,).
-    """
+    """Return points (k, n) in a box on an order's equations, ``free`` joints solved or drawn."""
     many = len(order) > MOST_ORDERED
     if many:
         # Of a long order more are tried, by so much for each step more.
@@ -154,9 +151,9 @@ def _kind(equation: Equation, joint: int) -> str:
 
 
 def _solved(step: Step, q: Array, rng: np.random.Generator) -> tuple[Array, Bool]:
-    """Values (N,) of the joint given the others of q (N, n), and whether there are any.
+    """Return values (N,) of the joint given the others of q (N, n), and if there are any.
 
-    The equation is evaluated at two or three values of the joint, which tell its coefficients.
+    The equation at two or three values of the joint tells its coefficients.
     """
     places = {"once": (0.0, np.pi / 2, np.pi), "half": (0.0, np.pi), "length": (0.0, 1.0)}
     at = np.array(places[step.kind]) - (step.kind != "length") * step.equation.shift[step.joint]
@@ -204,10 +201,7 @@ _CHEAP = 500
 
 
 class System:
-    """Several equations at once, each over the sum of its coefficients (more where they are noisy).
-
-    Their terms share sines and cosines, which are computed once.
-    """
+    """Equations, each over its sum of coefficients; their sines and cosines are computed once."""
 
     def __init__(self, equations: Sequence[Equation]) -> None:
         self._equations = tuple(equations)
@@ -282,10 +276,9 @@ def project(
     iterations: int = 60,
     stop: Stop | None = None,
 ) -> tuple[Array, npt.NDArray[np.bool_]]:
-    """Points (N, n) moved onto common zeros of equations, along ``free`` joints; which got there.
+    """Move points (N, n) onto zeros of equations, along ``free`` joints; return which got there.
 
-    A System saves time where the same equations are asked for again. Gauss-Newton with minimum-norm
-    steps, which also survives where gradients vanish or depend on each other.
+    Gauss-Newton with minimum-norm steps, also where gradients vanish or depend on each other.
     """
     q = np.array(start, dtype=float)
     if not len(equations) or not len(q):
@@ -329,11 +322,11 @@ def search(
     rounds: int = ROUNDS,
     stop: Stop | None = None,
 ) -> Array:
-    """Points of the zero set inside a box: (k, n) with k up to ``count``; ``free`` joints move.
+    """Return points (k, n) of the zero set inside a box, k up to ``count``; ``free`` joints move.
 
-    In closed form where the equations can be solved one after the other; where that finds too few,
-    as in a small box, random starts are projected. Once ``stop`` says so no more is looked for; a
-    first look at a short system is taken all the same.
+    In closed form where the equations can be solved in turn; where that finds too few, as in a
+    small box, random starts are projected. ``stop`` ends it, except for a first look at a short
+    system.
     """
     if not equations:  # all that is drawn is there
         q = rng.uniform(lower, upper, (max(_LEAST_DRAWN, 2 * count), len(lower)))
@@ -394,10 +387,7 @@ def thrown(
     rng: np.random.Generator,
     stop: Stop | None = None,
 ) -> Array:
-    """Points (k, n) that ``count`` random starts in a box were brought to, wherever they end.
-
-    Not one equation after the other, as ``search`` goes: so every real part is met.
-    """
+    """Return points (k, n) that random starts in a box converge to: every real part is met."""
     q = np.where(free, rng.uniform(lower, upper, (count, len(lower))), fixed)
     cheap = sum(len(e.cos) for e in equations) <= _CHEAP
     q, ok = project(equations, q, free, 40, None if cheap else stop)
@@ -507,12 +497,10 @@ def proven_empty(
     stop: Stop | None = None,
     boxes: int = 40_000,
 ) -> bool:
-    """Return True if the equations have no common zero in a box, proven by subdivision.
+    """Return True if the equations have no common zero in a box, proven by subdivision; else False.
 
-    A box in which some equation is larger at the centre than its slopes allow it to change
-    within holds no zero; any other is halved. Every comparison leaves room for rounding (a sum
-    of thousands of terms is right to 1e-12 of their sizes, boxes and their ends to 1e-15). False
-    means: not proven. It is not proven once ``stop`` says so, nor with more than so many ``boxes``.
+    A box holds none if an equation is larger at the centre than its slopes allow it to change.
+    Rounding: sums of thousands of terms are right to 1e-12 of their sizes, boxes to 1e-15.
     """
     used = np.zeros(len(lower), dtype=bool)
     for e in equations:
