@@ -144,10 +144,8 @@ _APART = 0.12  # radians, about seven degrees
 def telling_poses(
     arm: Arm, family: Family, count: int, others: Sequence[Family] = ()
 ) -> tuple[Array, ...]:
-    """Return up to ``count`` configurations that show a family well, the same at every call.
-
-    Preferably away from ``others``, above the floor, untwisted, and unlike each other.
-    """
+    """Return up to ``count`` configurations that show a family well, the same at every call."""
+    # Preferably away from ``others``, above the floor, untwisted, and unlike each other.
     rng = np.random.default_rng(4)
     Q = family.sample(80, rng)
     witness = getattr(family, "witness", None)
@@ -253,10 +251,8 @@ def _owners(family: Family, points: Array) -> list[int]:
 
 
 def readable(family: Family, branch: Branch, q: Array, arm: Arm, within_limits: bool) -> Array:
-    """Return a configuration near q (n,) on a branch, as singular, with round values where free.
-
-    Joints in equations are solved for, one an equation. It is q itself if none was found.
-    """
+    """Return a configuration near q (n,) on a branch, as singular, with round values where free."""
+    # Joints in equations are solved for, one an equation. It is q itself if none was found.
     start = _unwound(family, q, within_limits)
     rounded = np.round(start / _grid(family)) * _grid(family)
     # Zero is where other families are.

@@ -254,10 +254,8 @@ Sum = dict[tuple[int, ...], int]
 
 
 def unreal(e: Equation, n: int) -> str:
-    """Return the lengths at which an equation in n joints has no solution; empty if not decided.
-
-    Such as ``|a1| > |a2| + sqrt(d4^2 + a3^2)``.
-    """
+    """Return the lengths at which an equation in n joints has no solution; empty if not decided."""
+    # Such as ``|a1| > |a2| + sqrt(d4^2 + a3^2)``.
     if e.powers[:, :n].any() or e.frequencies[:, n:].any() or not e.exact:
         return ""
     found: dict[tuple[int, ...], tuple[Sum, Sum]] = {}
@@ -401,10 +399,8 @@ def _rank(matrix: Matrix, ring: Ring) -> int:
 def _stated(
     components: Sequence[Component], design: DesignNames
 ) -> tuple[list[FoundFamily], list[Poly], list[DesignChange]]:
-    """Return families for general lengths, polynomials that must not be zero, and other changes.
-
-    Zeros of a polynomial without a joint make every configuration singular.
-    """
+    """Return families for general lengths, polynomials that must not be zero, and other changes."""
+    # Zeros of a polynomial without a joint make every configuration singular.
     groups: dict[object, list[Component]] = {}
     for c in components:
         groups.setdefault((*sorted(c.values), *map(str, c.relations)), []).append(c)
@@ -439,10 +435,8 @@ def _stated(
 
 
 def _only_at(equations: Sequence[Poly], design: DesignNames) -> str:
-    """Return the condition on symbols at which equations hold together; empty if they always do.
-
-    More equations than joints leave one: a resultant, where they are two in one joint.
-    """
+    """Return the condition on symbols at which equations hold together; empty if they always do."""
+    # More equations than joints leave one: a resultant, where they are two in one joint.
     ring = design.ring
     joints = [{j for j in ring.joints_of(e) if j < design.n} for e in equations]
     for count in range(2, len(equations) + 1):
@@ -468,10 +462,8 @@ def _positive(poly: Poly) -> bool:
 
 
 def _joined(group: Sequence[Component], ring: Ring) -> list[list[list[Poly]]]:
-    """Return components that differ in joint values only as factors of equations, by family.
-
-    Where all combinations occur: q5 = 0 and q5 = 180 degrees is sin q5 = 0.
-    """
+    """Return components that differ in joint values only as factors of equations, by family."""
+    # Where all combinations occur: q5 = 0 and q5 = 180 degrees is sin q5 = 0.
     joints = sorted(group[0].values)
     values = [list(dict.fromkeys(c.values[j] for c in group)) for j in joints]
     relations = [[p] for p in group[0].relations]

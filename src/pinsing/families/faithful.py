@@ -39,10 +39,8 @@ def disagreements(
     geometry: Nominal,
     symbols: Sequence[str],
 ) -> list[str]:
-    """Return where families and exact components differ, in words.
-
-    All real points of those that are ``left_out`` are on these families.
-    """
+    """Return where families and exact components differ, in words."""
+    # All real points of those that are ``left_out`` are on these families.
     exact = _Exact(ring, geometry, symbols)
     branches = [b for f in families for b in f.branches]
     said, whole = [], set()
@@ -78,10 +76,8 @@ class _Form:
         self.joints = frozenset(ring.joints_of(poly))
 
     def __call__(self, x: Array) -> tuple[Array, float]:
-        """Return values (N,) at x (N, variables), and how large terms can be.
-
-        With any sines and cosines: x y has no rounding at 180 degrees relative to x y itself.
-        """
+        """Return values (N,) at x (N, variables), and how large terms can be."""
+        # With any sines and cosines: x y has no rounding at 180 degrees relative to x y itself.
         values = np.prod(x[:, None, :] ** self.exponents, axis=-1) @ self.numbers
         most = np.maximum(1.0, np.abs(x)).max(axis=0) ** self.exponents
         return values, float(np.prod(most, axis=-1) @ np.abs(self.numbers))
@@ -249,11 +245,9 @@ class _Exact:
                 yield from self._followed(left, at, known | {joint}, tol if sharp else BLUNT)
 
     def _roots(self, form: _Form, joint: int, q: Array) -> list[tuple[float, bool]]:
-        """Return values of a joint at which a form is zero, near q (n,), and if they are simple.
-
-        On the circle it is a polynomial in exp(i angle); a Fourier transform gives its
-        coefficients.
-        """
+        """Return values of a joint at which a form is zero, near q (n,), and if they are simple."""
+        # On the circle it is a polynomial in exp(i angle); a Fourier transform gives its
+        # coefficients.
         variables = list(self.ring.variables(joint))
         degree = int(form.exponents[:, variables].sum(axis=1).max())
         angles = 2 * np.pi * np.arange(degree + 1) / (degree + 1)

@@ -367,10 +367,8 @@ def families_text(
     exact: bool = False,
     undecided: bool = False,
 ) -> str:
-    """Return the families with their meanings and poses; ``brief``: conditions and arm alone.
-
-    ``undecided`` leaves out how sure completeness is: a proof is still looked for.
-    """
+    """Return the families with their meanings and poses; ``brief``: conditions and arm alone."""
+    # ``undecided`` leaves out how sure completeness is: a proof is still looked for.
     lines = [page.paragraph(*_head(forms, brief, undecided))]
     lines += _geometry(forms, page)
     if forms.tube is not None:

@@ -113,10 +113,8 @@ class ModularPoints:
     def points(
         self, place: Mapping[int, Value], relations: Sequence[Poly], count: int, time: Budget
     ) -> list[ModularPoint] | None:
-        """Return up to ``count`` points with joints at values on which relations vanish.
-
-        None where relations cannot be solved in turn, or have square roots unknown to the primes.
-        """
+        """Return up to ``count`` points with joints at values on which relations vanish."""
+        # None where relations cannot be solved in turn, or have square roots unknown to the primes.
         if not self.ring.rational:
             return None
         order = solving_order(relations, self.ring)
@@ -369,10 +367,8 @@ _STEP = 1e-3
 
 
 def freedom(branch: Branch, q: Array) -> int:
-    """Return the dimension of a branch near q (n,), by small steps brought back to it.
-
-    Where gradients vanish or depend on each other they allow more than the set does.
-    """
+    """Return the dimension of a branch near q (n,), by small steps brought back to it."""
+    # Where gradients vanish or depend on each other they allow more than the set does.
     free = np.ones(len(q), dtype=bool)
     free[[v.joint for v in branch.values]] = False
     loose = np.eye(len(q))[free]

@@ -45,10 +45,8 @@ class ModularChain:
         self.shift = [np.array([residue(v, prime) for v in t]) for t in geometry.translation]
 
     def singular(self, chosen: Sequence[int], draw: random.Random) -> tuple[Ints, Ints]:
-        """Return singular points (x, y), each (n, N), the other joints at random values.
-
-        A sample of them where there are very many.
-        """
+        """Return singular points (x, y), each (n, N), the other joints at random values."""
+        # A sample of them where there are very many.
         half = len(chosen) // 2
         middle = chosen[half]
         values = [self.every(j) for j in range(self.n)]
@@ -282,11 +280,9 @@ def _monomials(exponents: Sequence[tuple[int, ...]], at: Ints, p: int) -> Ints:
 
 
 def _residues(poly: Poly, ring: Ring, prime: int) -> dict[tuple[int, ...], int]:
-    """Return a polynomial's coefficients modulo a prime, not all multiples of it.
-
-    If square roots make all zero nevertheless, it counts as nowhere zero: points are left over
-    rather than taken in.
-    """
+    """Return a polynomial's coefficients modulo a prime, not all multiples of it."""
+    # If square roots make all zero nevertheless, it counts as nowhere zero: points are left over
+    # rather than taken in.
     terms = ring.terms(poly)
     parts = [part for c in terms.values() for part in parts_of(c) if part]
     bottom = math.lcm(*(part.denominator for part in parts))
@@ -388,10 +384,8 @@ def short_everywhere(chain: ModularChain, geometry: Nominal, task: Task) -> bool
 
 
 def joints_that_matter(geometry: Nominal, task: Task) -> tuple[int, ...]:
-    """Return joints on which the rows' rank depends: not those that turn all axes alike.
-
-    These leave each minor as it is, up to one sign; decided at random points modulo a prime.
-    """
+    """Return joints on which the rows' rank depends: not those that turn all axes alike."""
+    # These leave each minor as it is, up to one sign; decided at random points modulo a prime.
     draw = random.Random(SECOND_SEED)
     n, prime = len(geometry.prismatic), PRIMES[0]
 

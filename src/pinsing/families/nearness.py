@@ -108,10 +108,8 @@ def nearest(
     options: SearchOptions,
     exact: bool,
 ) -> Distance | None:
-    """Return the distance from q (n,) to where conditions hold; None without a known real point.
-
-    ``exact``: what was found is the nearest, as among joint values.
-    """
+    """Return the distance from q (n,) to where conditions hold; None without a known real point."""
+    # ``exact``: what was found is the nearest, as among joint values.
     found = nearest_points(conditions, q[None], *limits, options)
     lower, upper, point = float(found.lower[0]), float(found.upper[0]), found.q[0]
     if found.family[0] < 0:

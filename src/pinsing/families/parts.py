@@ -161,10 +161,8 @@ def values_reached(
     reached: Reachability,
     met: Callable[[Branch], bool],
 ) -> tuple[ValueReach, ...]:
-    """Return each value at which branches fix a joint, and whether the limits allow it.
-
-    ``met`` tells if a configuration within the limits was found on such a branch.
-    """
+    """Return each value at which branches fix a joint, and whether the limits allow it."""
+    # ``met`` tells if a configuration within the limits was found on such a branch.
     known: dict[tuple[int, float], Reachability] = {}
     exact = {(v.joint, round(v.value, 9)): v.value for b in branches for v in b.values}
     if reached in (Reachability.OUTSIDE, Reachability.UNKNOWN):

@@ -88,10 +88,8 @@ class PieceMaker:
         self.upper = np.where(slides[1], np.maximum(arm.upper, reach), reach)
 
     def make(self, component: Component) -> list[SolvedPiece]:
-        """Return the pieces of a component; none if proven not to have a real point.
-
-        What is neither proven empty nor has a known point is a piece, too.
-        """
+        """Return the pieces of a component; none if proven not to have a real point."""
+        # What is neither proven empty nor has a known point is a piece, too.
         fixed = [self._value(j, v) for j, v in component.values.items()]
         products = self.products
         solved, others = ([], list(component.relations)) if products else self._solvable(component)
@@ -167,11 +165,9 @@ class PieceMaker:
         )
 
     def _solvable(self, component: Component) -> tuple[list[Poly], list[Poly]]:
-        """Return the relations that fix joint values, and the others.
-
-        A joint has finitely many values where it is alone in a relation, or alone with others of
-        these; or all joints do, where there are as many of them as the component has equations.
-        """
+        """Return the relations that fix joint values, and the others."""
+        # A joint has finitely many values where it is alone in a relation, or alone with others of
+        # these; or all joints do, where there are as many of them as the component has equations.
         relations = list(component.relations)
         joints = [set(self.ring.joints_of(p)) for p in relations]
         fixed = set().union(*joints)

@@ -71,11 +71,9 @@ def _newton(
     steps: int = 8,
     box: tuple[Array, Array] | None = None,
 ) -> Array:
-    """Solve J(q)^T u = 0 and u.u = 1 for q (N, n) and the lost direction u, near a solution.
-
-    From elsewhere many starts end nowhere. Minimum-norm steps, sliders in the arm's own length as
-    in H: the solutions are a set of some dimension.
-    """
+    """Solve J(q)^T u = 0 and u.u = 1 for q (N, n) and the lost direction u, near a solution."""
+    # From elsewhere many starts end nowhere. Minimum-norm steps, sliders in the arm's own length as
+    # in H: the solutions are a set of some dimension.
     J, H = own_jacobians_and_derivatives(arm, q)
     u = np.linalg.svd(J)[0][..., -1]
     n, columns = q.shape[-1], own_scale(arm).columns

@@ -174,10 +174,9 @@ class Slices:
         return any(x.numerator % prime == 0 or x.denominator % prime == 0 for x in lengths)
 
     def turn(self, prime: int, time: Budget) -> list[Slice]:
-        """Return one slice a choice of joints, within a time.
-
-        ValueError if the prime divides a denominator of the chain, or a length that its rank needs.
-        """
+        """Return one slice a choice of joints, within a time."""
+        # ValueError if the prime divides a denominator of the chain, or a length that its rank
+        # needs.
         if prime not in self._chains:
             pose = self.task.name == "pose"
             chain = (
@@ -236,11 +235,9 @@ class Slices:
         components: Sequence[Component],
         real: Callable[[Component], Bools] | None = None,
     ) -> list[Component]:
-        """Return components but for those of whose points, which are many, one other has all.
-
-        Two searches state one set in two ways: the shorter is kept. Values that differ may agree
-        over one small field: points over two must say it, and ``real`` ones.
-        """
+        """Return components but for those of whose points, which are many, one other has all."""
+        # Two searches state one set in two ways: the shorter is kept. Values that differ may agree
+        # over one small field: points over two must say it, and ``real`` ones.
         left = sorted(components, key=lambda c: (c.codimension, sum(map(len, c.relations))))
         of = [np.full(s.x.shape[1], s.prime) for s in slices]
         primes = np.concatenate(of) if of else np.zeros(0, dtype=np.int64)

@@ -39,10 +39,8 @@ from pinsing.robot.task import Task
 def without_inner(
     components: Sequence[Component], doubtful: Sequence[Component], ring: Ring, time: Budget
 ) -> list[Component]:
-    """Return components without ``doubtful`` ones whose points all lie on others that are left.
-
-    Points of random slices modulo a prime of 62 bits decide; what is undecided in time stays.
-    """
+    """Return components without ``doubtful`` ones whose points all lie on others that are left."""
+    # Points of random slices modulo a prime of 62 bits decide; what is undecided in time stays.
     left = list(components)
     residues, rng = Residues(ring), np.random.default_rng(43)
     for c in sorted(doubtful, key=lambda c: -c.codimension):

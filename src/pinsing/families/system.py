@@ -402,11 +402,9 @@ def _listed(part: Sequence[str], end: str) -> list[str]:
 
 
 def _msolve(found: Systems) -> str:
-    """Return one system: that of the only family, or of all, told apart by one variable more.
-
-    The polynomials of system i are multiplied by the product of k - m over all others m, so that
-    they must vanish where k = i alone; k is one of 1, 2, ...
-    """
+    """Return one system: that of the only family, or of all, told apart by one variable more."""
+    # The polynomials of system i are multiplied by the product of k - m over all others m, so that
+    # they must vanish where k = i alone; k is one of 1, 2, ...
     parts = [part for one in found.families for part in one.parts]
     names = [name for name, _ in found.variables]
     polys = [*parts[0], *found.circles]

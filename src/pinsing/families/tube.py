@@ -319,10 +319,8 @@ class _TorusGrid:
         return np.asarray(start + step * index)
 
     def sum(self, values: Array, start: Array, error: float) -> TrigSum:
-        """Return the trigonometric polynomial of ``values`` (N,), each right to ``error``.
-
-        Interpolation on N points makes errors at most sqrt(N) times as large.
-        """
+        """Return the trigonometric polynomial of ``values`` (N,), each right to ``error``."""
+        # Interpolation on N points makes errors at most sqrt(N) times as large.
         d, half = len(self.joints), self.count // 2
         k = np.arange(-half, half + 1)
         wave = np.exp(-2j * np.pi / self.count * np.outer(k, np.arange(self.count))) / self.count
@@ -379,11 +377,9 @@ class _Taylor:
         return cls(s, h, cosine.sum(axis=1), swing, gradient, second, reach, noise, parts)
 
     def along(self, e: Array) -> tuple[Array, Array, Array, Array, Array]:
-        """Return what bounds the derivatives along unit directions e (N, d).
-
-        The least slope against the middle's, the curvature in the middle, by how much it differs on
-        the box, its derivative at most, and what each joint takes off the slope (N, d).
-        """
+        """Return what bounds the derivatives along unit directions e (N, d)."""
+        # The least slope against the middle's, the curvature in the middle, by how much it differs
+        # on the box, its derivative at most, and what each joint takes off the slope (N, d).
         s = self.sum
         rates = np.abs(e @ s.rate.T)
         slope, bend = (self.gradient * e).sum(axis=1), (e[:, None] @ self.second)[:, 0]
@@ -528,10 +524,8 @@ class _Condition:
 
 
 def _one_joint(s: TrigSum, x: Array, gradient: Array) -> Array:
-    """Return how far (N,) a zero is at most: a step along one joint changes the sign.
-
-    ``f(x + t) = f(x) - b (1 - cos t) + g sin t`` is exact if the joint has no rates but 1 and 0.
-    """
+    """Return how far (N,) a zero is at most: a step along one joint changes the sign."""
+    # ``f(x + t) = f(x) - b (1 - cos t) + g sin t`` is exact if the joint has no rates but 1 and 0.
     value, found = s.at(x), np.full(len(x), np.inf)
     cosine = np.cos(x @ s.rate.T + s.phase) * s.amplitude
     for j in s.used.tolist():

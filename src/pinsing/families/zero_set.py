@@ -77,10 +77,8 @@ def _many(equations: Sequence[Equation], free: npt.NDArray[np.bool_]) -> list[Or
 def peeled(
     equations: Sequence[Equation], free: npt.NDArray[np.bool_], prefer: int = 0
 ) -> Order | None:
-    """Return an order to solve equations in: a joint that only one has comes last.
-
-    ``prefer`` 1: joints near the base are solved for last; -1: those near the tip; 0: by turns.
-    """
+    """Return an order to solve equations in: a joint that only one has comes last."""
+    # ``prefer`` 1: joints near the base are solved for last; -1: those near the tip; 0: by turns.
     left = list(equations)
     steps: list[Step] = []
     while left:
@@ -151,10 +149,8 @@ def _kind(equation: Equation, joint: int) -> str:
 
 
 def _solved(step: Step, q: Array, rng: np.random.Generator) -> tuple[Array, Bool]:
-    """Return values (N,) of the joint given the others of q (N, n), and if there are any.
-
-    The equation at two or three values of the joint tells its coefficients.
-    """
+    """Return values (N,) of the joint given the others of q (N, n), and if there are any."""
+    # The equation at two or three values of the joint tells its coefficients.
     places = {"once": (0.0, np.pi / 2, np.pi), "half": (0.0, np.pi), "length": (0.0, 1.0)}
     at = np.array(places[step.kind]) - (step.kind != "length") * step.equation.shift[step.joint]
     trial = np.repeat(q[None], len(at), axis=0)
@@ -276,10 +272,8 @@ def project(
     iterations: int = 60,
     stop: Stop | None = None,
 ) -> tuple[Array, npt.NDArray[np.bool_]]:
-    """Move points (N, n) onto zeros of equations, along ``free`` joints; return which got there.
-
-    Gauss-Newton with minimum-norm steps, also where gradients vanish or depend on each other.
-    """
+    """Move points (N, n) onto zeros of equations, along ``free`` joints; return which got there."""
+    # Gauss-Newton with minimum-norm steps, also where gradients vanish or depend on each other.
     q = np.array(start, dtype=float)
     if not len(equations) or not len(q):
         return q, np.ones(len(q), dtype=bool)

@@ -32,21 +32,8 @@ INSTRUCTION_SETS = ("baseline", "avx2", "avx512")
 
 
 def batch_chain(arm: Arm, engine: str = "auto") -> FlatChain | None:
-    """Chain of ``arm`` for the compiled kernel, or None where Pinocchio's loop is to run.
-
-    Parameters
-    ----------
-    engine : str
-        "auto" (the kernel where it is installed and agrees), "batch" (the kernel or an
-        error), or "pinocchio".
-
-    Raises
-    ------
-    EngineError
-        If "batch" is asked for and not installed, or it disagrees with Pinocchio.
-    OptionError
-        If there is no such engine.
-    """
+    """Return the arm's chain for the compiled kernel ("auto", "batch"), or None for Pinocchio."""
+    # EngineError if "batch" is not installed, or disagrees with Pinocchio.
     if engine not in ENGINES:
         raise OptionError(f"unknown engine {engine!r}: use one of {', '.join(ENGINES)}")
     if engine == PINOCCHIO:
@@ -65,21 +52,8 @@ def batch_chain(arm: Arm, engine: str = "auto") -> FlatChain | None:
 
 
 def fixed_engine(arm: Arm, engine: str = "auto") -> str:
-    """``pinocchio``, or the instruction set that an engine means here.
-
-    Parameters
-    ----------
-    engine : str
-        ``auto`` or ``batch`` (the best instruction set here), ``pinocchio``, or an
-        instruction set: ``baseline``, ``avx2``, ``avx512``.
-
-    Raises
-    ------
-    EngineError
-        If the engine is not there, or disagrees with Pinocchio on this arm.
-    OptionError
-        If there is no such engine.
-    """
+    """Return ``pinocchio``, or the best or given instruction set (baseline, avx2, avx512)."""
+    # EngineError if it is not there, or disagrees with Pinocchio on this arm.
     here = kernel.isa_names()
     if engine in here:
         batch_chain(arm, "batch")
@@ -99,13 +73,7 @@ def fixed_engine(arm: Arm, engine: str = "auto") -> str:
 
 
 def check_threads(threads: int | None) -> int | None:
-    """``threads`` as it is, or an error if it is not a positive number of threads.
-
-    Raises
-    ------
-    OptionError
-        If it is below 1.
-    """
+    """Return ``threads``, or raise OptionError if it is below 1."""
     if threads is not None and threads < 1:
         raise OptionError(f"threads must be at least 1, got {threads}")
     return threads
@@ -167,19 +135,8 @@ def tip_rotations(arm: Arm, Q: Array, engine: str = "auto", threads: int | None 
 
 
 def task_rows(arm: Arm, J: Array, Q: Array, R: Array | None = None) -> Array:
-    """Rows of the arm's task (..., m, k) of columns J (..., 6, k), metres and radians.
-
-    Parameters
-    ----------
-    arm : Arm
-        Any arm.
-    J : (..., 6, k) array
-        Translations, then rotations, in base axes.
-    Q : (..., n) array
-        Where the tip's axes are taken, if they matter.
-    R : (..., 3, 3) array, optional
-        The tip's rotation there, where it is known already.
-    """
+    """Return the task's rows (..., m, k) of J (..., 6, k), which is in base axes."""
+    # ``Q`` (..., n), or ``R`` (..., 3, 3) where known, is where the tip's axes are taken.
     rows = list(arm.task.rows)
     if not arm.task.at_tip:
         return np.asarray(J[..., rows, :])
@@ -208,10 +165,8 @@ def in_base(arm: Arm, U: Array, q: Array) -> Array:
 
 
 def turned_slopes(arm: Arm, J: Array, H: Array, Q: Array) -> Array:
-    """Derivatives (N, m, n, n) of task rows, from J (N, 6, n) and H (N, 6, n, n) in base axes.
-
-    With dR/dq_j = [w_j] R the rows R^T v_i change by R^T (dv_i/dq_j - w_j x v_i).
-    """
+    """Return derivatives (N, m, n, n) of task rows, from J (N, 6, n) and H (N, 6, n, n)."""
+    # With dR/dq_j = [w_j] R the rows R^T v_i change by R^T (dv_i/dq_j - w_j x v_i).
     task = arm.task
     rows = list(task.rows)
     if not task.at_tip:
@@ -228,10 +183,8 @@ def turned_slopes(arm: Arm, J: Array, H: Array, Q: Array) -> Array:
 
 
 def turn_left(task: Task, R: Array, goal: Array) -> Array:
-    """Rotation vectors (N, 3), base axes, from tips R (N, 3, 3) to what a task wants of ``goal``.
-
-    Where the turn about an axis of the tip is free: the shortest that brings this axis there.
-    """
+    """Return rotation vectors (N, 3), base axes, from tips R (N, 3, 3) to a task's ``goal``."""
+    # Where the turn about an axis of the tip is free: the shortest that brings this axis there.
     axis = task.tool_axis
     if axis is None or not task.at_tip:
         return rotation_vectors(np.broadcast_to(goal, R.shape) @ np.swapaxes(R, -1, -2))
@@ -302,31 +255,17 @@ _SAMPLES = 16
 class OwnScale:
     """How a frame Jacobian of one arm is made free of units.
 
-    Attributes
-    ----------
-    length : float
-        The arm's own length: the greatest distance of the tip from an axis that it turns about,
-        rounded to a power of ten, metres. Units of length differ by powers of ten, and most
-        arms have 1 m.
-    rows : (m,) array
-        Factors of the task rows: 1 / length for translations, else 1.
-    columns : (n,) array
-        Factors of the columns: length for prismatic joints, else 1.
-    of_sigma : float or None
-        Singular values at the arm's length scale times this are those at its own scale; None
-        where these do not follow from those.
+    ``length``: the greatest distance of the tip from an axis that it turns about, rounded to a
+    power of ten, metres, by which units of length differ.
     """
 
     length: float
-    rows: Array
-    columns: Array
-    of_sigma: float | None
+    rows: Array  # (m,), factors: 1 / length for translations, else 1
+    columns: Array  # (n,), factors: length for prismatic joints, else 1
+    of_sigma: float | None  # factor from sigma at the arm's length scale; None if there is none
 
     def apply(self, arm: Arm, J: Array, Q: Array, R: Array | None = None) -> Array:
-        """Task rows (..., m, n) of frame Jacobians J (..., 6, n) at Q (..., n), without units.
-
-        ``R`` is the tip's rotation there, where it is known.
-        """
+        """Return task rows (..., m, n) without units of J (..., 6, n) at Q, R its rotation."""
         return np.asarray(task_rows(arm, J, Q, R) * self.rows[:, None] * self.columns)
 
 
@@ -366,21 +305,11 @@ def _length(arm: Arm) -> float:
 
 @dataclass(frozen=True, eq=False)
 class Batch:
-    """One arm, one engine.
-
-    Attributes
-    ----------
-    arm : Arm
-        Any arm.
-    engine : str
-        ``pinocchio``, or an instruction set of the compiled kernel.
-    threads : int or None
-        Of the kernel; as many as the process may use by default. No result depends on it.
-    """
+    """One arm on one engine: ``pinocchio``, or an instruction set of the kernel."""
 
     arm: Arm
     engine: str
-    threads: int | None = None
+    threads: int | None = None  # of the kernel, by default all; results do not depend on it
 
     def model_jacobians(self, Q: Array) -> Array:
         """Frame Jacobians (N, 6, nv) by every velocity of the model, mimic joints on their own."""
@@ -458,22 +387,11 @@ class Batch:
 
 
 def batch(arm: Arm, engine: str = "auto", threads: int | None = None) -> Batch:
-    """Fix the engine for ``arm``, as `pinsing.kinematics.batch.fixed_engine` does.
-
-    Raises
-    ------
-    EngineError
-        If the engine is not there, or disagrees with Pinocchio on this arm.
-    OptionError
-        If there is no such engine, or ``threads`` is below 1.
-    """
+    """Return a Batch with a `fixed_engine`; OptionError if ``threads`` is below 1."""
     return Batch(arm, fixed_engine(arm, engine), check_threads(threads))
 
 
 def scale_rows(arm: Arm, J: Array, Q: Array, R: Array | None = None) -> Array:
-    """Task rows (..., m, n) of frame Jacobians J (..., 6, n), translations over length scale.
-
-    Q (..., n) is where, and ``R`` the tip's rotation there where it is known.
-    """
+    """Return task rows of J (..., 6, n) at Q, translations over the length scale; R as there."""
     factor = np.where(np.array(arm.task.rows) < 3, 1.0 / arm.length_scale, 1.0)
     return np.asarray(task_rows(arm, J, Q, R) * factor[:, None])

@@ -26,29 +26,14 @@ _HUGE = 1e100
 
 @dataclass(frozen=True)
 class DampingOptions:
-    """What the methods are told.
+    """Options of the methods."""
 
-    Attributes
-    ----------
-    damping : float
-        Largest damping factor lambda ("dls", "filter"), in units of singular values.
-    threshold : float
-        Singular value from which on damping begins ("dls", "filter").
-    isotropic : float
-        Damping of all directions ("filter").
-    manipulability : float or None
-        Manipulability w_0 below which "dls" damps, instead of the threshold.
-    gamma : float
-        Smallest share of the largest singular value that is left as it is ("jparse").
-    gamma_max : float
-        Largest joint speed that one direction may ask for ("sdls"), radians per second.
-    """
-
-    damping: float = 0.05
-    threshold: float = 0.1
-    isotropic: float = 0.0
-    manipulability: float | None = None
-    gamma: float = 0.1
+    damping: float = 0.05  # largest lambda ("dls", "filter"), in units of singular values
+    threshold: float = 0.1  # singular value where damping begins ("dls", "filter")
+    isotropic: float = 0.0  # damping of all directions ("filter")
+    manipulability: float | None = None  # w_0 below which "dls" damps, instead
+    gamma: float = 0.1  # least share of the largest singular value kept as it is ("jparse")
+    # largest joint speed of one direction ("sdls"), radians per second
     gamma_max: float = np.pi / 4
 
     def __post_init__(self) -> None:
@@ -63,10 +48,7 @@ class DampingOptions:
 
 
 def damped_gains(method: str, sigma: Array, options: DampingOptions) -> Array:
-    """Gains (..., k) of singular values (..., k), descending; all methods but "sdls".
-
-    A singular value that cannot be told from zero has gain zero with "pinv".
-    """
+    """Return gains (..., k) of singular values (..., k), descending; not "sdls", 0 for zeros."""
     o = options
     largest = sigma[..., :1]
     if method == "pinv":
@@ -101,24 +83,11 @@ def _over(sigma: Array, square: Array) -> Array:
 
 
 def selective_gains(J: Array, sigma: Array, V: Array, wanted: Array, gamma_max: float) -> Array:
-    """Gains (..., k) of selectively damped least squares for components u_i . x (..., k).
+    """Return gains (..., k) of selectively damped least squares for components u_i . x (..., k).
 
-    Buss and Kim: with rho_j the length of column j of J and N_i = |u_i| = 1 (one tip),
-    M_i = sum_j |v_ji| rho_j / sigma_i, and joint speeds of direction i are cut to
-    gamma_i = min(1, N_i / M_i) gamma_max.
-
-    Parameters
-    ----------
-    J : (..., m, n) array
-        The Jacobian.
-    sigma : (..., k) array
-        Its singular values, descending.
-    V : (..., n, k) array
-        Its right singular vectors.
-    wanted : (..., k) array
-        Components of the twist along the left ones.
-    gamma_max : float
-        Radians per second.
+    Buss and Kim: with rho_j the length of column j of J and N_i = |u_i| = 1 (one tip), M_i = sum_j
+    |v_ji| rho_j / sigma_i, and joint speeds of direction i are cut to gamma_i = min(1, N_i / M_i)
+    gamma_max (radians per second).
     """
     lost = sigma <= NOISE * sigma[..., :1]
     inverse = np.where(lost, 0.0, 1 / np.where(lost, 1.0, sigma))

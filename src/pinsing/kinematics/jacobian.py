@@ -29,10 +29,7 @@ def tip_placement(arm: Arm, q: npt.ArrayLike) -> pin.SE3:
 
 
 def tip_and_jacobian(arm: Arm, q: Array) -> tuple[Array, Array, Array]:
-    """Position (3,), metres, and rotation (3, 3) of the tip in the base, and `frame_jacobian`.
-
-    Of a joint vector q (n,) that is in order: straight from Pinocchio, in one go.
-    """
+    """Return position (3,), rotation (3, 3) and `frame_jacobian` of a checked q (n,), in one go."""
     model, tip = arm.model, arm.tip_id
     data = model.createData()
     found = pin.computeFrameJacobian(model, data, arm.model_q(q), tip, pin.LOCAL_WORLD_ALIGNED)
@@ -230,26 +227,12 @@ def singular_values(
 
 
 def jacobian_derivative(J: npt.ArrayLike) -> Array:
-    """Derivative of frame Jacobians by the joints, from their own columns.
+    """Return derivatives (..., 6, n, n), [row, i, j] by q_j, of frame Jacobians (..., 6, n).
 
-    With columns (v_i, w_i) of a serial chain, joints ordered base to tip, at a point
-    carried by the tip and in base axes::
-
-        d v_i / d q_j = w_j x v_i  and  d w_i / d q_j = w_j x w_i   if j <= i,
-        d v_i / d q_j = w_i x v_j  and  d w_i / d q_j = 0           if j > i
-
-    (Bruyninckx and De Schutter, "Symbolic differentiation of the velocity mapping for a
+    With columns (v_i, w_i) of a serial chain, base to tip, LOCAL_WORLD_ALIGNED, for j <= i: d v_i /
+    d q_j = w_j x v_i and d w_i / d q_j = w_j x w_i; for j > i: d v_i / d q_j = w_i x v_j and d w_i
+    / d q_j = 0 (Bruyninckx and De Schutter, "Symbolic differentiation of the velocity mapping for a
     serial kinematic chain", 1996). The same as Pinocchio's frame kinematic Hessian.
-
-    Parameters
-    ----------
-    J : (..., 6, n) array_like
-        Frame Jacobians, LOCAL_WORLD_ALIGNED.
-
-    Returns
-    -------
-    (..., 6, n, n) array
-        Entry [row, i, j] is dJ[row, i] / dq_j.
     """
     J = np.asarray(J, dtype=float)
     n = J.shape[-1]
@@ -273,10 +256,7 @@ def jacobians_and_derivatives(arm: Arm, Q: npt.ArrayLike) -> tuple[Array, Array]
 
 
 def own_jacobians_and_derivatives(arm: Arm, Q: npt.ArrayLike) -> tuple[Array, Array]:
-    """Task Jacobians (N, m, n) and their derivatives (N, m, n, n) by the joints at Q (N, n).
-
-    At the arm's own scale (`OwnScale`), without units: by dq / columns as well.
-    """
+    """Return task Jacobians (N, m, n) and derivatives (N, m, n, n) at Q, at `OwnScale`."""
     Q = arm.check_many(Q, "Q", own=False)
     J, H = jacobians_and_derivatives(arm, Q)
     scale = own_scale(arm)
@@ -285,13 +265,7 @@ def own_jacobians_and_derivatives(arm: Arm, Q: npt.ArrayLike) -> tuple[Array, Ar
 
 
 def read_pose(pose: npt.ArrayLike) -> tuple[Array, Array | None]:
-    """Position (3,), and rotation (3, 3) if one is given.
-
-    Raises
-    ------
-    ConfigurationError
-        If the numbers are no pose, not finite, or beyond all arms.
-    """
+    """Return position (3,), and rotation (3, 3) if given; ConfigurationError if it is no pose."""
     given = np.array(pose, dtype=float)
     if not np.isfinite(given).all():
         raise ConfigurationError("the pose has a value that is not finite")

@@ -35,39 +35,18 @@ speed of a turn about the tool's axis over that of the fastest joint: it has no 
 
 @dataclass(frozen=True, eq=False)
 class BoxSpeeds:
-    """Shares of the joint speed limits in boxes.
+    """Shares of the joint speed limits in boxes."""
 
-    Attributes
-    ----------
-    center : (N,) array
-        The share at the centre; above 1 a limit is exceeded.
-    most : (N,) array
-        Proven: nowhere in the box is more taken; infinite where that, or at most 1, is not proven.
-    pull : (N, n) array
-        How much of the bound is due to the width of each joint.
-    """
-
-    center: Array
-    most: Array
-    pull: Array
+    center: Array  # (N,), above 1 a limit is exceeded
+    most: Array  # (N,), proven for all of the box; infinite where not, or over 1
+    pull: Array  # (N, n), how much of the bound is due to the width of each joint
 
 
 class SpeedBounds:
-    """Bounds the joint speeds that tip motions of one arm take.
+    """Bounds the joint speeds that tip motions (m/s and rad/s, any directions) of one arm take.
 
-    Parameters
-    ----------
-    judge : SpeedJudge
-        Of the arm, with its speed limits.
-    tip_speed, turn_speed : float
-        m/s and rad/s, at once and in any directions.
-    travel : (n,) array
-        Half the range of prismatic joints, metres.
-
-    Attributes
-    ----------
-    moving : (n,) array of bool
-        Joints that the shares depend on.
+    ``travel`` (n,): half the range of prismatic joints, metres. ``moving`` (n,): joints that the
+    shares depend on.
     """
 
     def __init__(
@@ -118,11 +97,9 @@ class SpeedBounds:
         return np.concatenate([J, np.concatenate([0 * spin, spin], axis=1)[:, :, None]], axis=2)
 
     def _inverses(self, M: Array) -> Array:
-        """Right inverses (N, k, m) of M (N, m, k), of which the shares of the limits are small.
-
-        A least square with weights; where there is a choice, those joints weigh more that take
-        more (C. L. Lawson, 1961).
-        """
+        """Return right inverses (N, k, m) of M (N, m, k), of which the limits' shares are small."""
+        # A least square with weights; where there is a choice, those joints weigh more that take
+        # more (C. L. Lawson, 1961).
         spin = np.full(M.shape[2] - len(self.judge.limits), _FREE * self.judge.limits.max())
         ease = np.tile(np.append(self.judge.limits, spin) ** 2, (len(M), 1))
         best, least = np.zeros((len(M), M.shape[2], M.shape[1])), np.full(len(M), np.inf)
@@ -242,7 +219,7 @@ class SpeedBounds:
         return np.where(good, y, np.inf), pull
 
     def _slope(self, J: Array, K: Array, j: int) -> Array:
-        """Derivative (N, 6, k) by joint j of Jacobians in the axes of the link behind ``middle``.
+        """Return derivatives (N, 6, k) of Jacobians by joint j, axes of the link behind ``middle``.
 
         In base axes it is w_a x v_b with a before b; the axes turn with the joints before them.
         Column j is taken of K, the others of J: it is linear in both.
@@ -261,12 +238,12 @@ class SpeedBounds:
         return out
 
     def _rest(self, A: Array, J: Array, R: Array) -> Array:
-        """Bound (N, k, k) of what the third order and more of J adds to A M, and its rounding.
+        """Bound (N, k, k) what the third order and more of J adds to A M, and its rounding.
 
-        With V_b the length of column b: in the axes in the middle the third derivative of column
-        k by turning joints before them is at most the sum of V of the four, and 0 unless k is
-        before all; by joints behind them V_b of the last of the four; by some of each V of the
-        last one behind.
+        With V_b the length of column b: in the axes in the middle the third derivative of column k
+        by turning joints before them is at most the sum of V of the four, and 0 unless k is before
+        all; by joints behind them V_b of the last of the four; by some of each V of the last one
+        behind.
         """
         N, k = len(J), J.shape[2]
         r = np.concatenate([R * self.moving, np.zeros((N, k - R.shape[1]))], axis=1)

@@ -74,12 +74,9 @@ class TipSpeeds:
 
 
 def limits_of(arm: Arm) -> Array:
-    """Speed limits (n,) of the joints, radians or metres per second; infinite where none are known.
-
-    A description writes no limit as zero or as a very large number, and a DH table's URDF as the
-    pair that stands in for it; of arms with mimic joints, whose limits belong to other joints too,
-    none are taken.
-    """
+    """Return speed limits (n,), radians or metres per second; infinite where not known."""
+    # Descriptions write none as zero or a very large number, a DH table's URDF as the pair that
+    # stands in; with mimic joints limits belong to several joints: none are taken.
     limits = np.array(arm.model.velocityLimit, dtype=float)
     limits[(limits == DEFAULT_VELOCITY) & (arm.model.effortLimit == DEFAULT_EFFORT)] = np.inf
     if arm.coupling is not None or limits.shape != (arm.n,):
@@ -88,13 +85,7 @@ def limits_of(arm: Arm) -> Array:
 
 
 def joint_speeds_of(arm: Arm, given: npt.ArrayLike | None) -> Array:
-    """Return the speed limits (n,) that were given, or those of the description.
-
-    Raises
-    ------
-    OptionError
-        If there are not n numbers from 1e-6 to 1e6, or infinite.
-    """
+    """Return speed limits (n,), given (1e-6 to 1e6, or infinite) or of the description."""
     if given is None:
         return limits_of(arm)
     limits: Array = np.array(given, dtype=float)
@@ -128,14 +119,8 @@ def check_speeds(tip_speed: float, turn_speed: float) -> None:
 class SpeedJudge:
     """Judges tip speeds of one arm at many configurations.
 
-    Attributes
-    ----------
-    reason : str
-        Why nothing can be said of the arm; empty if something can.
-    basis : (m, r) array
-        Directions of task rows that the arm can produce, translations and rotations apart.
-    linear : (r,) array of bool
-        Which of them are translations.
+    ``reason`` tells why it cannot. ``basis`` (m, r) are task directions that the arm can produce,
+    translations (``linear``, (r,)) and rotations apart.
     """
 
     def __init__(self, arm: Arm, joint_speeds: npt.ArrayLike | None = None) -> None:
@@ -160,17 +145,12 @@ class SpeedJudge:
             self.reason = f"{arm.n} joints are too many"
 
     def rows(self, J: Array, Q: Array) -> Array:
-        """Rows (..., r, n) of frame Jacobians J (..., 6, n) at Q (..., n), without units of length.
-
-        Columns of prismatic joints keep theirs.
-        """
+        """Return rows (..., r, n) of J (..., 6, n) at Q, without units but of prismatic columns."""
         return np.asarray(self.basis.T @ (task_rows(self.arm, J, Q) * self._scale[:, None]))
 
     def facets(self, A: Array) -> tuple[Array, Array, Array]:
-        """Normals y (F, r) of the twists at rows A (r, n), their h (F,), and |y . A| (F, n).
-
-        Where the rank is lower, the lost directions are normals with h = 0.
-        """
+        """Return normals y (F, r) of the twists at rows A (r, n), their h (F,), |y . A| (F, n)."""
+        # Where the rank is lower, the lost directions are normals with h = 0.
         U, sigma, _ = np.linalg.svd(A)
         r = int((sigma > SINGULAR_RTOL * sigma[0]).sum())
         chosen = np.array(list(itertools.combinations(range(A.shape[1]), r - 1)), dtype=int)
@@ -205,11 +185,9 @@ class SpeedJudge:
         return out
 
     def _one_spare(self, A: Array, tip_speed: float, turn_speed: float) -> Array:
-        """`shares` of A (N, n - 1, n) of full rank.
-
-        A facet belongs to two joints i and j: with the self-motion s and rows b of a right inverse
-        its normal is ``s_j b_i - s_i b_j``, and h is ``c_i |s_j| + c_j |s_i|``.
-        """
+        """Return `shares` of A (N, n - 1, n) of full rank."""
+        # A facet belongs to two joints i and j: with the self-motion s and rows b of a right
+        # inverse its normal is ``s_j b_i - s_i b_j``, and h is ``c_i |s_j| + c_j |s_i|``.
         right: Array = np.asarray(np.linalg.pinv(A), dtype=np.float64)
         s = np.linalg.svd(A)[2][:, -1]
         still = np.abs(s) < SINGULAR_RTOL
@@ -275,13 +253,7 @@ class SpeedJudge:
 def speed_judge(
     arm: Arm | None, tip_speed: float, turn_speed: float, joint_speeds: npt.ArrayLike | None
 ) -> SpeedJudge:
-    """Return a judge of an arm.
-
-    Raises
-    ------
-    OptionError
-        If speeds make no sense, or nothing can be said of the arm.
-    """
+    """Return a judge of an arm; OptionError for bad speeds, or if nothing can be said of it."""
     check_speeds(tip_speed, turn_speed)
     if arm is None:
         raise OptionError("a form that was read from JSON has no robot: make it with closed_form")

@@ -45,18 +45,10 @@ _SIZE_SAMPLES = 15
 
 
 class Measured(NamedTuple):
-    """What is measured at N configurations.
+    """What is measured at N configurations."""
 
-    Attributes
-    ----------
-    sigma : (N, r) array
-        Singular values of the task Jacobian at the arm's length scale, largest first.
-    ratio : (N,) array
-        sigma_r / sigma_1 at its own scale: what verdicts stand on.
-    """
-
-    sigma: Array
-    ratio: Array
+    sigma: Array  # (N, r), at the arm's length scale, largest first
+    ratio: Array  # (N,), sigma_r / sigma_1 at its own scale: verdicts stand on it
 
 
 @checked
@@ -93,11 +85,7 @@ def generic_rank(arm: Arm) -> int:
 
 
 def task_size(arm: Arm) -> float:
-    """Return what sigma_1 at the arm's own scale is compared with where the whole task can vanish.
-
-    Zero for ``pose``, whose columns are never zero; else the median of sigma_1 at random
-    configurations.
-    """
+    """Return the median of sigma_1 at the arm's own scale; 0 for ``pose``, which never vanishes."""
     return arm.once("task_size", lambda: _task_size(arm))
 
 
@@ -152,13 +140,7 @@ def basis(arm: Arm) -> dict[str, object]:
 
 
 def check_tolerances(rtol: float, near_rtol: float) -> None:
-    """Refuse tolerances that make no verdict.
-
-    Raises
-    ------
-    OptionError
-        Unless 0 <= rtol <= near_rtol < 1.
-    """
+    """Raise OptionError unless 0 <= rtol <= near_rtol < 1."""
     if not 0 <= rtol <= near_rtol < 1:
         raise OptionError(f"need 0 <= rtol <= near_rtol < 1, got {rtol:g} and {near_rtol:g}")
 
@@ -225,30 +207,14 @@ def _task_size(arm: Arm) -> float:
 
 @dataclass(frozen=True, eq=False)
 class Evaluator:
-    """Singular values of the task Jacobian of one arm on one engine.
+    """Singular values of the task Jacobian of one arm on one engine, as of `fixed_engine`."""
 
-    Attributes
-    ----------
-    arm : Arm
-        Without what is only needed to draw it.
-    rank : int
-        Its generic rank r.
-    engine : str
-        ``pinocchio``, or the instruction set of the compiled kernel.
-    """
-
-    arm: Arm
-    rank: int
+    arm: Arm  # without what only drawing needs
+    rank: int  # generic
     engine: str
 
     def sigma(self, Q: Array) -> Array:
-        """Singular values (N, r) at Q (N, n), largest first, on the calling thread alone.
-
-        Raises
-        ------
-        EngineError
-            If this machine cannot run the engine.
-        """
+        """Return singular values (N, r) at Q (N, n), largest first, on this thread alone."""
         return np.asarray(Batch(self.arm, self.engine, 1).sigma(Q)[:, : self.rank])
 
     def measure(self, Q: Array) -> Measured:
@@ -262,13 +228,7 @@ class Evaluator:
 
 
 def evaluator(arm: Arm, engine: str = "auto") -> Evaluator:
-    """Fix the engine for ``arm``.
-
-    Parameters
-    ----------
-    engine : str
-        As in `fixed_engine`, which says what is raised, too.
-    """
+    """Return an Evaluator of ``arm`` on a `fixed_engine`, which says what is raised."""
     return Evaluator(_lean(arm), generic_rank(arm), fixed_engine(arm, engine))
 
 
@@ -371,31 +331,14 @@ def regular_radius(arm: Arm, Q: npt.ArrayLike) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class _Frame:
-    """A link in whose frame screws are written.
-
-    Attributes
-    ----------
-    chain : Chain
-        Of the arm.
-    link : int
-        Screws refer to the origin of this joint from 0, or to the tip, in the frame of the link
-        before.
-    metre : float
-        Units of length in a metre: lengths count like angles.
-    slide : float
-        What a step of a sliding joint is multiplied by.
-    rows : slice
-        Of screws, translations first.
-    moves : (n, n) array
-        1 where joint k moves the screw of joint j away from the base, -1 towards it, [k, j].
-    """
+    """A link in whose frame screws are written, translations first."""
 
     chain: Chain
-    link: int
-    metre: float
-    slide: float
+    link: int  # screws refer to the origin of this joint from 0, or the tip, before it moves
+    metre: float  # units of length in a metre: lengths count like angles
+    slide: float  # factor of steps of a sliding joint
     rows: slice
-    moves: Array
+    moves: Array  # (n, n), [k, j]: 1 where k moves screw j away from the base, -1 towards it
 
     @classmethod
     def of(cls, arm: Arm) -> _Frame | None:
@@ -419,7 +362,7 @@ class _Frame:
         return min(frames, key=lambda f: float(f.bend(np.zeros((1, n)))[0]))
 
     def bend(self, Q: Array) -> Array:
-        """Bound (N,) of second derivatives of the Jacobian along unit steps, at Q and within 1.
+        """Bound (N,) second derivatives of the Jacobian along unit steps, at Q and within 1.
 
         A vector that turns with f joints has second derivatives of at most ``f |d|^2``, for the sum
         of f parts of a unit step is at most the root of f. The steps of the two sides of the link

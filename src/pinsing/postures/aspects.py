@@ -62,20 +62,15 @@ def of_design(forms: Forms) -> list[str]:
 
 
 def proven_regular(forms: Forms, path: Array) -> bool:
-    """Return True if the rank along a path is proven from the Jacobian, for each form's task.
-
-    Where the families are probably all it is no more than a second proof, and given up early.
-    """
+    """Return True if the rank along a path is proven from the Jacobian, for each form's task."""
+    # Given up early where the families are probably all: then it is no more than a second proof.
     most = _PIECES[sureness(forms) == NOT_COMPLETE]
     arms = [form.loaded for form in _each(forms)]
     return all(arm and arm.coupling is None and regular_way(arm, path, most) for arm in arms)
 
 
 def opposite(forms: Forms, a: Array, b: Array) -> bool:
-    """Return True if a square Jacobian has determinants of opposite signs at two configurations.
-
-    Its sign changes only where it is singular. No closed form is needed for that.
-    """
+    """Return True if a square Jacobian's determinant differs in sign at a and b: they are apart."""
     for form in _each(forms):
         arm = None if form.geometry is None else form.geometry.arm
         if arm is None or arm.coupling is not None or len(arm.task.rows) != arm.n:

@@ -72,10 +72,7 @@ def on_boxes(f: TrigSum, x: Array, h: Array) -> OnBoxes:
 
 
 def slope(f: TrigSum, x: Array, h: Array, v: Array) -> tuple[Array, Array]:
-    """Derivative along v in the middle of boxes, and by how much it differs on them, (N,).
-
-    All arguments (N, d).
-    """
+    """Return the derivative along v in the middle of boxes (N, d), and its change on them, (N,)."""
     most = np.maximum(np.abs(x) + h, 1e-150)
     along, reach = np.abs(v @ f.rate.T), h @ np.abs(f.rate).T
     if len(f.slides):
@@ -85,10 +82,8 @@ def slope(f: TrigSum, x: Array, h: Array, v: Array) -> tuple[Array, Array]:
 
 
 def growth_steps(f: TrigSum, x: Array, free: Array) -> Array:
-    """Directions (N, d) in which every term grows by itself, as far as these go together.
-
-    Least squares for ``k_t v = d f / d (k_t x)``, in joints that are ``free`` (N, d) only.
-    """
+    """Return directions (N, d) in which all terms grow by themselves, as far as possible."""
+    # Least squares for ``k_t v = d f / d (k_t x)``, in joints that are ``free`` (N, d) only.
     wave = -f.amplitude * np.sin(x @ f.rate.T + f.phase)
     K = f.rate[None] * free[:, None, :]
     gram = K.transpose(0, 2, 1) @ K
@@ -215,10 +210,7 @@ class Leaves:
 def is_regular(
     ground: Ground, known: Sequence[OnBoxes], open_: Sequence[int], x: Array, h: Array, side: Array
 ) -> Bool:
-    """Return whether for all signs of the open equations the product of all |f| grows somewhere to.
-
-    ``known`` is of the same K boxes as x, h and side, (K, d).
-    """
+    """Return if the product of all |f| grows somewhere for all signs of the open equations (K,)."""
     if len(open_) > ground.d:
         return np.zeros(len(x), dtype=bool)
     good = np.ones(len(x), dtype=bool)
@@ -319,11 +311,9 @@ def _by_gradient(
 
 
 def growing(terms: TrigSum, scale: Array, known: OnBoxes, x: Array, h: Array, side: Array) -> Bool:
-    """Return whether one equation has no largest |f| of either sign on boxes, (K,).
-
-    x, h, side (K, d): middles, half widths, and limits that the boxes touch; ``scale`` (d,) is what
-    counts as one radian.
-    """
+    """Return if one equation has no largest |f| of either sign on boxes, (K,)."""
+    # x, h, side (K, d): middles, half widths, and limits that the boxes touch; ``scale`` (d,) is
+    # what counts as one radian.
     nothing = np.zeros(len(scale))
     ground = Ground((terms,), nothing, nothing, nothing.astype(bool), scale)
     return is_regular(ground, [known], [0], x, h, side)

@@ -81,11 +81,9 @@ def whole_turns(
     *,
     held: Collection[int] = (),
 ) -> Copies:
-    """Find the whole-turn copies of q (n,), and which are in the aspect of the start (n,).
-
-    Joints that turn endlessly have no copies: their whole turns do not matter. ``held`` joints stay
-    as they are in q, which is within the limits, perhaps by whole turns.
-    """
+    """Return the whole-turn copies of q (n,), and which are in the aspect of the start (n,)."""
+    # Endless joints have none; ``held`` ones stay as in q, which is within the limits, perhaps by
+    # turns.
     counts, each = _values(chosen, q, start, held)
     total = math.prod(counts)
     nearest = np.array([values[0] for values in each])
@@ -142,10 +140,8 @@ def _told(
     start: Array,
     each: list[list[float]],
 ) -> tuple[list[_Choice], int]:
-    """Values of the joints that a part does not separate from the start; how many it does.
-
-    One that is in doubt may be separated.
-    """
+    """Return values that a part does not separate from the start, and how many it does."""
+    # One that is in doubt may be separated.
     joints = list(part.joints)
     some, apart = [], 0
     near = [list(each[j]) for j in joints]

@@ -59,10 +59,7 @@ def shortened(
     lines: Iterator[int],
     keep: float = 0.7,
 ) -> Array:
-    """Leave waypoints out where the straight line instead is clear, and not much nearer.
-
-    As long as there are ``lines``: each one tried takes the next of them.
-    """
+    """Leave out waypoints where the straight line is clear, while there are ``lines`` to try."""
     kept = [0]
     last = len(Q) - 1
     while kept[-1] < last:
@@ -83,11 +80,9 @@ def shortened(
 
 
 def least(chosen: Map, path: Array) -> float:
-    """A proven lower bound of the clearance of all of a polyline.
-
-    Distance changes no faster than the configuration moves: on a piece of half-length h it is no
-    less than in its middle less h.
-    """
+    """Return a proven lower bound of the clearance of a polyline."""
+    # Distance changes no faster than the configuration moves: a piece of half-length h has no less
+    # than its middle less h.
     if not chosen.watched.families:
         return float("inf")
     high, begin, end, out = float("inf"), path[:-1], path[1:], []
@@ -113,11 +108,9 @@ def least(chosen: Map, path: Array) -> float:
 
 
 def raised(chosen: Map, path: Array, lines: Iterator[int]) -> Array:
-    """A way between the same ends that is clearer, where pushing its waypoints finds one.
-
-    Each moves along the gradient of the clearance, by differences; the way is certified anew, and
-    kept only where its least clearance is larger. It is never larger than that of the ends.
-    """
+    """Return a clearer way between the same ends, where pushing its waypoints finds one."""
+    # Along differences of the clearance; kept where its certified least clearance is larger. It is
+    # never larger than that of the ends.
     if not chosen.watched.families:
         return path
     most = float(quick(chosen.watched, path[[0, -1]]).lower.min())
@@ -144,11 +137,8 @@ def raised(chosen: Map, path: Array, lines: Iterator[int]) -> Array:
 
 
 def beside(chosen: Map, path: Array) -> Array | None:
-    """A way between the same ends that meets no family, beside one that meets none that separates.
-
-    What has two conditions or more is missed by nearly every way: bends of a few sizes in random
-    directions are tried, the small ones first.
-    """
+    """Return a way that meets no family, near one that meets none that separates; or None."""
+    # Nearly every way misses what has two conditions: random bends, small ones first, are tried.
     if chosen.regular(path):
         return path
     points = _stations(chosen, path)

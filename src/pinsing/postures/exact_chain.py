@@ -69,10 +69,7 @@ class ExactChain:
         return R, np.array([[float(x) for x in t] for t in self.translation])
 
     def frames(self, x: Array) -> tuple[Array, Array]:
-        """Rotation (N, n, 3, 3) and origin (N, n, 3) of each joint's frame, which it then turns.
-
-        ``x`` (N, n) are values of this chain.
-        """
+        """Return rotation (N, n, 3, 3) and origin (N, n, 3) of joint frames before they turn."""
         C, c = self.numbers
         N = len(x)
         R, p = np.broadcast_to(np.eye(3), (N, 3, 3)), np.zeros((N, 3))
@@ -120,10 +117,8 @@ class ExactChain:
         return c[0] + C[0][2] * height, c[1] + C[1][2] * height, c[2] + C[2][2] * height
 
     def planar_middle(self) -> float | None:
-        """Height along axis 4 of where it crosses the last axis, if the three before are parallel.
-
-        The joints all turn, and the axes before and after these three are not parallel to them.
-        """
+        """Return the height along axis 4 of the last axis, if the three before are parallel."""
+        # The joints all turn, and the axes before and after these three are not parallel to them.
         crossing = self.crossing(4)
         if any(self.prismatic) or crossing is None or self.parallel(0) or self.parallel(3):
             return None

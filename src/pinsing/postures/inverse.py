@@ -38,9 +38,9 @@ def decomposed(
 ) -> Callable[[Array], tuple[Ints, Array, Bool]] | None:
     """Return EAIK's inverse kinematics of an arm, a joint held at a value; None if it has none.
 
-    It takes poses (M, 4, 4), and returns how many solutions each has (M,), all of them (K, n), the
-    held joint included, and which are in the sense of least squares only (K,). At a value of 0
-    arms may have a decomposition that they have at no other.
+    For poses (M, 4, 4) it returns solution counts (M,), all of them (K, n), the held joint
+    included, and which are least squares only (K,). At 0 arms may decompose that do at no other
+    value.
     """
     try:
         from eaik.IK_Homogeneous import HomogeneousRobot
@@ -233,11 +233,9 @@ class FoundSolutions:
         self._followed = 0
 
     def add(self, Q: Array, left: Array) -> None:
-        """Sort reached configurations into those known and new ones.
-
-        Two that are close are one, unless both are regular and their determinants differ in sign:
-        near a singularity solutions come in such pairs.
-        """
+        """Sort reached configurations into known and new ones."""
+        # Close ones are one, unless both are regular and their determinants differ in sign: near a
+        # singularity solutions come in such pairs.
         if not len(Q):
             return
         Q = self.arm.space.wrap(Q)
@@ -302,12 +300,9 @@ class FoundSolutions:
 
     @property
     def lacking(self) -> int:
-        """Number of missing solutions with a positive determinant; negative: with a negative one.
-
-        Where all free joints turn and do not end, joint space is compact and poses are not: the
-        map has degree zero, and as many regular solutions have a positive determinant as a
-        negative one. Zero where that says nothing.
-        """
+        """Return the number of missing solutions with a positive determinant; below 0: negative."""
+        # If all free joints turn endlessly, joint space is compact and poses are not: the map has
+        # degree zero, with as many regular solutions of either sign. Zero where that says nothing.
         rows = self.solver.task.rows
         square = len(rows) == len(self.solver.free) and (rows == POSE or max(rows) < 3)
         if not self.q or not square or self.arm.prismatic[self.solver.free].any():
@@ -356,10 +351,8 @@ class FoundSolutions:
 def drawn(
     arm: Arm, held: Array, count: int, rng: np.random.Generator, solver: Solver, lacking: int
 ) -> Array:
-    """Random configurations (count, n) over whole circles: limits are judged after.
-
-    Where solutions with one sign of the determinant lack, all starts have that sign, if it can be.
-    """
+    """Return random configurations (count, n) over whole circles: limits are judged after."""
+    # Of the sign of the determinant that lacks, if possible.
     Q = arm.space.sample(count * (4 if lacking else 1), rng, True)
     Q = np.where(np.isnan(held), Q, held)
     if lacking:
@@ -369,12 +362,12 @@ def drawn(
 
 
 def mirrored(solver: Solver, Q: Array) -> Array:
-    """Mirror images (K, n) of configurations (N, n), near which other solutions often are.
+    """Return mirror images (K, n) of configurations (N, n), near which other solutions often are.
 
     A wrist: of three axes the middle one takes the other value that leaves the angle of the outer
-    ones, and these follow, so that the rotation stays. An elbow: a joint takes the other value
-    that leaves the distance of its neighbours; the one before brings the farther one back into
-    its direction, and the one after takes the turn back.
+    ones, and these follow, so that the rotation stays. An elbow: a joint takes the other value that
+    leaves the distance of its neighbours; the one before restores the farther one's direction, and
+    the one after takes the turn back.
     """
     n, free = Q.shape[1], set(solver.free.tolist())
     turning = [j in free and not solver.chain.prismatic[j] for j in range(n)]

@@ -33,10 +33,7 @@ Progress = Callable[[int, int], None]
 
 
 class InverseMany:
-    """All inverse solutions at the nodes of a grid: whole poses times values of what is free.
-
-    ``held`` is the index of the joint that is held at a value, of an arm with a seventh joint.
-    """
+    """All inverse solutions on a grid: poses times values of the ``held`` joint, if any."""
 
     def __init__(self, arm: Arm, held: int | None = None) -> None:
         spare = arm.n - (held is not None)
@@ -57,22 +54,17 @@ class InverseMany:
         values: Array | None = None,
         progress: Progress | None = None,
     ) -> Array:
-        """Return the solutions (N, G, S, n) at a grid of poses, NaN where there are fewer than S.
-
-        Positions (N, G, 3) and rotations (N, G, 3, 3) are of the tip in the base frame; ``values``
-        (G,) of the held joint along the second axis. ``progress`` is told how many of the rows or
-        columns are done.
-        """
+        """Return solutions (N, G, S, n) at a grid of poses, NaN where there are fewer than S."""
+        # Positions (N, G, 3) and rotations (N, G, 3, 3) in the base frame; ``values`` (G,) of the
+        # held joint. ``progress`` counts rows or columns.
         solve = self._decomposed if self.exact else self._continued
         Q = solve(position, rotation, values, progress)
         most = max(1, int(np.isfinite(Q[..., 0]).sum(axis=-1).max(initial=0)))
         return Q[..., :most, :]
 
     def continued(self, Q: Array, position: Array, rotation: Array) -> Array:
-        """Return the solutions at poses (M) beside configurations Q (M, n), all joints free.
-
-        NaN where Newton steps lead to none.
-        """
+        """Return the solutions at poses (M) beside configurations Q (M, n), all joints free."""
+        # NaN where Newton's steps lead to none.
         return self._polished(Q.copy(), position, rotation, 1, 1.0, np.arange(self.arm.n))
 
     def _verified(self, Q: Array, position: Array, rotation: Array) -> Array:
@@ -205,10 +197,7 @@ class InverseMany:
         return Q
 
     def _residual(self, Q: Array, position: Array, rotation: Array) -> Array:
-        """What is left (M,) of the poses at Q (M, n): radians, or metres over the length scale.
-
-        Forward kinematics by columns of the rotation, each (3, M), for all rows at once.
-        """
+        """Return what is left (M,) of poses at Q (M, n), radians, or metres over length scale."""
         chain = flatten(self.arm)
         one = np.ones(len(Q))
         axes = [np.outer(column, one) for column in chain.R[0].T]

@@ -41,12 +41,9 @@ from pinsing.proximity.watched import Forms, Watched, watch
 
 
 def tree_to_hubs(label: Ints, order: Ints, a: Ints, b: Ints) -> Ints:
-    """Of each place the next one on the way with the fewest steps to a hub, (N,).
-
-    ``label`` (N,) has the component of each place, ``a`` and ``b`` (E,) are places that are joined.
-    The hub of a component is the place of it that comes first in ``order`` (N,); there, and where
-    the label is -1, it is -1.
-    """
+    """Return each place's next one on the shortest way to the hub of its component, (N,)."""
+    # Components are ``label`` (N,), edges ``a`` and ``b`` (E,). The first place in ``order`` (N,)
+    # of a component is its hub; there, and where the label is -1, it is -1.
     a, b = np.append(a, b), np.append(b, a)
     rank = np.argsort(a, kind="stable")
     a, b = a[rank], b[rank]
@@ -415,11 +412,8 @@ def make_piece(part: Part, box: tuple[Arc, ...], scale: Array, budget: Budget) -
 
 
 def require_same_families(asked: Watched, given: Watched) -> None:
-    """Refuse aspects (their families ``given``) that are not those of the forms ``asked`` about.
-
-    Arms may share the names of their joints and all their limits, and differ in lengths: so the
-    families are compared themselves.
-    """
+    """Refuse aspects whose families differ from those of the forms ``asked`` about."""
+    # Arms may share joint names and limits, and differ in lengths: so families are compared.
     if asked is given:
         return
     for what in ("joints", "prismatic", "lower", "upper"):

@@ -103,11 +103,8 @@ def _discriminant(c0: Array, c1: Array, c2: Array, c3: Array, sign: float = 1.0)
 
 
 def one_root_left(cubic: Measures, most: int = MOST) -> bool:
-    """Return True if the discriminant is proven negative all over the torus of q2 and q3.
-
-    It is largest somewhere, where no box around shows that it grows in some direction. False where
-    it is not negative somewhere, or was not seen to be with ``most`` boxes.
-    """
+    """Return True if the discriminant is proven negative all over the torus of q2 and q3."""
+    # It is largest somewhere: where no box around shows growth in some direction.
     f, made = cubic.expanded(), 0
     squares = f.rate[:, [0, 0, 1, 1]] * f.rate[:, [0, 1, 0, 1]]
     steep = np.linalg.norm(f.rate, axis=1)
@@ -160,8 +157,7 @@ _ZERO = Fraction(0)
 class Point:
     """A point that three joints move, the first two of which turn; exact numbers.
 
-    ``v = constant + cosine cos q3 + sine sin q3``, or ``constant + cosine q3`` where the third
-    slides.
+    ``v = constant + cosine cos q3 + sine sin q3``, or ``constant + cosine q3`` for a slide.
     """
 
     chain: ExactChain
@@ -228,10 +224,9 @@ class Point:
         return n[0] + twice * m[0], n[1] + twice * m[1]
 
     def mirror(self) -> Pair | None:
-        """Direction (cos, sin) of the q3 about which P is even; ``(c, 1)`` for a slide; or None.
+        """Return the direction (cos, sin) of the q3 about which P is even, ``(c, 1)`` for a slide.
 
-        None where P is not even. All of P must be, for every S and Z: the coefficients of these,
-        and what is free of them.
+        None where P, with all its coefficients of S and Z, is not.
         """
         n, m, h, ez = self.square, self.height, self.h, self.e[2]
         if self.slides:
@@ -343,10 +338,8 @@ class Measures:
         return _discriminant(*self._cubic(waves[:, :, 0], waves[:, :, 1], 1.0))
 
     def _cubic(self, second: Array, third: Array, s: float) -> tuple[Array, Array, Array, Array]:
-        """Coefficients, given cosine and sine of both joints; with s = -1 bounds of their sizes.
-
-        These are had from absolute values of all numbers, with cosines and sines of 1.
-        """
+        """Return coefficients, for cosines and sines of both joints; with s = -1 size bounds."""
+        # Those are of absolute values of all numbers, with cosines and sines of 1.
 
         def own(a: Array) -> Array:
             return a if s > 0 else np.abs(a)
@@ -399,11 +392,9 @@ class Measures:
 
 
 def ways_of(chain: ExactChain, w: Vector) -> tuple[SolutionStage, ...] | None:
-    """Stages that tell all ways apart in which three joints bring w, of the last frame, somewhere.
-
-    None where no such stages are known. Two configurations that bring the point to the same place,
-    singular neither, and agree in all signs are the same but for whole turns.
-    """
+    """Return stages that tell apart all ways in which three joints bring w somewhere, or None."""
+    # Two regular configurations that bring the point to the same place and agree in all signs are
+    # the same but for whole turns.
     point = Point.of(chain, w)
     if point is None:
         return None

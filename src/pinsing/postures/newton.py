@@ -48,9 +48,8 @@ _BESIDE = 0.1
 class Stalled:
     """Where starts ended that all but reached a pose.
 
-    Newton's steps stall where the Jacobian is singular, or nearly: there what is left of the pose
-    is small along a whole valley. So a small rest that is not zero means that there may be a
-    solution nearby, and not that the pose is out of reach.
+    Newton's steps stall where J is nearly singular: what is left of the pose is small along a
+    valley. So a small rest means that a solution may be near, not that the pose is out of reach.
     """
 
     space: JointSpace
@@ -118,11 +117,8 @@ class Solver:
     def solve(
         self, Q: Array, steps: int = _ITERATIONS, stalled: Stalled | None = None
     ) -> tuple[Array, Array]:
-        """Return the solutions (K, n) reached from starts Q (N, n), and their residuals (K,).
-
-        Those that do not are told to ``stalled``. A pose too far away for its squares to be
-        numbers is reached by none.
-        """
+        """Return solutions (K, n) reached from starts Q (N, n), and residuals (K,)."""
+        # Others are told to ``stalled``. A pose whose squares overflow is reached by none.
         with np.errstate(over="ignore", invalid="ignore"):
             Q, left = self._descend(Q.copy(), steps)
         good = left < SOLVED
@@ -196,11 +192,9 @@ class Solver:
 
 
 def _damped(J: Array, e: Array, damping: Array) -> Array:
-    """Steps (N, k) that solve (J'J + damping) step = J'e, for J (N, m, k) and e (N, m).
-
-    J'J is known to rounding of its trace. With less damping than that it may have no inverse
-    where J is singular: there J is taken apart itself.
-    """
+    """Return steps (N, k) that solve (J'J + damping) step = J'e, for J (N, m, k) and e (N, m)."""
+    # J'J is known to rounding of its trace: with less damping J is decomposed itself where
+    # singular.
     transposed = J.transpose(0, 2, 1)
     step = (transposed @ e[..., None])[..., 0]
     gram = transposed @ J
@@ -241,10 +235,8 @@ def radii(solver: Solver, Q: Array) -> Array:
 
 
 def bend(solver: Solver, Q: Array) -> Array:
-    """Bound (K,) of the second derivatives of the pose by weighted joints.
-
-    It holds near Q (K, n), and wherever joints turn; slides by less than 0.1 m more.
-    """
+    """Bound (K,) the second derivatives of the pose by weighted joints near Q (K, n)."""
+    # Wherever joints turn, and slides by less than 0.1 m more.
     return _bend(solver, _reach(solver, Q))
 
 
@@ -280,10 +272,7 @@ _MOST = 200_000
 
 
 def regular_way(arm: Arm, path: Array, most: int = _MOST) -> bool:
-    """Return True if a polyline (K, n) is proven to have the generic rank throughout.
-
-    Its waypoints are joined by straight lines in joint space; after ``most`` pieces it is given up.
-    """
+    """Return True if a polyline (K, n) has the generic rank, proven by ``most`` pieces at most."""
     solver, rank = _solver(arm), generic_rank(arm)
     steep = float(bend(solver, path).max())
     ends = np.array(list(pairwise(path)))
@@ -305,11 +294,9 @@ def regular_way(arm: Arm, path: Array, most: int = _MOST) -> bool:
 
 
 def one_sheet(arm: Arm, a: Array, b: Array) -> bool:
-    """Return True if the tip can leave a pose in the same directions from two configurations.
-
-    An arm with fewer joints than a pose has conditions reaches a surface of poses. Where two
-    sheets of it cross, two configurations have one pose by chance: poses near by have only one.
-    """
+    """Return True if the tip can leave a pose in the same directions from two configurations."""
+    # An arm with fewer joints than pose conditions reaches a surface; where two sheets of it cross,
+    # poses near by have only one of the two.
     J = columns(arm, np.stack([a, b]))
     if J.shape[1] <= generic_rank(arm):
         return True

@@ -232,10 +232,7 @@ class Piece(Protocol):
         """Component of a point (d,); None where it cannot be told."""
 
     def route(self, component: int, a: Array, b: Array, clear: Clear) -> Array | None:
-        """Points (K, d) of a polyline from a to b within a component, if one is found.
-
-        The last is b but for whole turns of joints that turn endlessly.
-        """
+        """Return a polyline (K, d) in a component from a to b, but for whole turns; or None."""
 
 
 def toward(a: Array, b: Array, circle: Bool) -> Array:
@@ -300,10 +297,10 @@ class Wheel:
     """A box divided by one equation that has a joint which turns endlessly once in every term.
 
     Then f = R cos(q - phi) with R and phi functions of the other joints. Where R is not zero, f is
-    positive on one arc of q and negative on another. R is zero where two polynomials are that
-    have no factor in common, since it would be one of f, which is irreducible: on a set of
-    codimension 2 or more, which does not separate the box of the other joints. So f > 0 is
-    connected, and f < 0 is. They are one where f changes its sign once round another joint.
+    positive on one arc of q and negative on another. R is zero where two polynomials are that have
+    no factor in common, since it would be one of f, which is irreducible: on a set of codimension 2
+    or more, which does not separate the box of the other joints. So f > 0 is connected, and f < 0
+    is. They are one where f changes its sign once round another joint.
     """
 
     part: Part

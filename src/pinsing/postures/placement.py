@@ -118,10 +118,8 @@ def place_at(
 def search(
     value: Callable[[dict[str, float]], float], ranges: Mapping[str, tuple[float, float]]
 ) -> tuple[dict[str, float], int]:
-    """Return the placement with the greatest ``value`` that was found, and how many were tried.
-
-    It is rounded to a millimetre and a tenth of a degree, as a workpiece is put.
-    """
+    """Return the best placement found by ``value``, and how many were tried."""
+    # It is rounded to a millimetre and a tenth of a degree, as a workpiece is put.
     from scipy.stats import qmc
 
     low, high = np.array(list(ranges.values())).T
@@ -157,7 +155,7 @@ class PoseFile:
 
 
 def read_poses(path: Path, *, degrees: bool = False, millimetres: bool = False) -> PoseFile:
-    """Read poses from a text file with a header; radians and metres unless asked otherwise.
+    """Return the poses of a text file with a header; radians and metres unless asked otherwise.
 
     Columns x, y, z and one of: qx, qy, qz, qw; roll, pitch, yaw (about fixed axes x, y, z); or i,
     j, k, the direction from the cutter into the tool (its -z) as CAM systems write it, which leaves

@@ -215,11 +215,8 @@ class Sections(Counted):
 
 
 def across(part: Part, box: tuple[Arc, ...]) -> int | None:
-    """Place in the part of a joint that ends, and is in every term exactly once; or None.
-
-    Of several the one with the smallest range. None where an equation changes its sign once round
-    another joint.
-    """
+    """Return the part's joint of least range that ends and is once in every term; or None."""
+    # None, too, where an equation changes its sign once round another joint.
     if len(part.surfaces) != 1 or len(part.joints) < 2:
         return None
     equation = part.surfaces[0].equation
@@ -264,7 +261,7 @@ def section(full: TrigSum, hub: int, cut: float) -> TrigSum:
 def sections(part: Part, box: tuple[Arc, ...], hub: int, scale: Array, budget: Budget) -> Sections:
     """Count components of a box, of one equation, until both numbers agree or the budget is over.
 
-    ``hub`` is the place of the hub, by `across`; ``scale`` (d,) what counts as one radian.
+    ``hub`` is of `across`; ``scale`` (d,) what counts as one radian.
     """
     cuts = cuts_of(box[hub])
     full = sum_of(part.surfaces[0].equation, part.joints)

@@ -379,10 +379,8 @@ class _Planner:
         return out
 
     def estimate(self) -> float:
-        """Return the proven clearance of the best path on the grid.
-
-        Without a path it is no more than zero, less the fewer poses have a solution.
-        """
+        """Return the proven clearance of the best path on the grid; without one, at most zero."""
+        # The less, the fewer poses have a solution.
         found = self._chosen()
         if isinstance(found, str):
             return float(self.usable.any(axis=(1, 2)).mean()) - 1
@@ -549,10 +547,7 @@ class _Planner:
     # -- the grid ---------------------------------------------------------------------------------
 
     def _targets(self, T: Array, values: Array) -> tuple[Array, Array]:
-        """Positions (N, G, 3) and rotations (N, G, 3, 3) of the tip at poses T (N, 4, 4).
-
-        Values are (G,), or (N, G).
-        """
+        """Return positions (N, G, 3), rotations (N, G, 3, 3) at poses T, values (G,) or (N, G)."""
         spin = np.broadcast_to(np.eye(3), (*values.shape, 3, 3)).copy()
         if self.cyclic:
             spin[..., 0, 0] = spin[..., 1, 1] = np.cos(values)
@@ -575,11 +570,9 @@ class _Planner:
         self.likely, self.seen = self.clear.copy(), ~np.isfinite(self.clear)
 
     def _searched(self) -> tuple[Ints, Ints, Ints] | str:
-        """The best path on the grid; else why there is none.
-
-        What has less clearance for sure than a path on a part of the grid is not looked at more
-        closely; should the whole grid have no such path, what has less than its own.
-        """
+        """Return the best path on the grid; else why there is none."""
+        # What surely has less clearance than a path on a part of the grid, or else than the best of
+        # all, is not refined.
         if self.least is None:
             self.least = self._best_on_a_part() - _MARGIN
         lower, width = _MARGIN, _THINNED
@@ -604,10 +597,8 @@ class _Planner:
             width *= 2
 
     def _certify(self, path: tuple[Ints, Ints, Ints], width: int) -> float:
-        """Search at a path's nodes, and return the path's clearance.
-
-        Where they have less than it seemed, nodes up to ``width`` values away are searched at, too.
-        """
+        """Search at a path's nodes, and return the path's clearance."""
+        # Where they have less than it seemed, nodes up to ``width`` values away are searched, too.
         poses, at = np.arange(len(self.T)), path[0] * self.Q.shape[2] + path[1]
         found = self._search(poses, at)
         poses = poses[found < self.reached - BISECTED]
@@ -650,11 +641,9 @@ class _Planner:
         return -np.inf if isinstance(path, str) else coarse.reached
 
     def _estimate_all(self, least: float) -> None:
-        """Estimate the clearance of nodes, of those that may have ``least``.
-
-        Steps may end at a point that is not the nearest: ``likely``, the estimate, is an upper
-        bound. ``highest`` is what no node exceeds: the bound of other paths rests on it.
-        """
+        """Estimate the clearance of nodes that may have ``least``."""
+        # Steps may end beside the nearest point: ``likely``, the estimate, is an upper bound.
+        # ``highest`` is what no node exceeds: the bound of other paths rests on it.
         for k, q in enumerate(self.Q):
             if k:
                 source, to = self.before[k], q.reshape(-1, self.arm.n)
@@ -712,11 +701,11 @@ class _Planner:
     # -- the path ---------------------------------------------------------------------------------
 
     def _best_path(self, floor: float) -> tuple[Ints, Ints, Ints] | str:
-        """Indices of values, slots and turns (N,) of the best path; else why there is none.
+        """Return values, slots and turns (N,) of the best path; else why there is none.
 
-        Beside it, ``relaxed`` becomes what paths between the grid's values may have: nodes have
-        half of the way to their neighbours more, and one value more may be passed at a time.
-        Values that have less than ``floor`` for sure are left out.
+        ``relaxed`` bounds paths between the grid's values: nodes have half of the way to their
+        neighbours more, and one value more may be passed at a time. Values below ``floor`` are left
+        out.
         """
         N, G, S = self.clear.shape
         # The last state of each node is none: where turns lead beyond all that are counted.
@@ -775,11 +764,9 @@ class _Planner:
         return i, s, turns
 
     def _sources(self, k: int, here: Ints) -> tuple[Ints, Bool]:
-        """Nodes (D, M) of the pose before pose k that motions to nodes ``here`` (M,) begin at.
-
-        Those of the same branch at the same value, at values up to ``window`` away on both sides,
-        and at the next ones, which are ``far``: other paths are bounded by them.
-        """
+        """Return nodes (D, M) before pose k at which motions to nodes ``here`` (M,) begin."""
+        # Those of the same branch up to ``window`` values away, and the next ones, which are
+        # ``far``: other paths are bounded by them.
         if self.edges:
             source = self.edges[k][:, here]
             return source, self._apart(k, here, source) > self.reach + ROUNDING
@@ -836,11 +823,9 @@ class _Planner:
     # -- between the values of the grid ------------------------------------------------------------
 
     def finer(self, reached: float, bound: float) -> _Planner | None:
-        """Return the planner of what a path better than ``reached`` may pass, in thirds of a step.
-
-        Nodes that stay farther than ``bound`` are not divided. None where there is nothing to
-        divide; of too many nodes, or motions to them, those with the greatest room are kept.
-        """
+        """Return a planner of thirds of a step, for paths better than ``reached``; or None."""
+        # Nodes that stay farther than ``bound`` are not divided; of too many, those of most room
+        # are kept.
         N, n = len(self.T), self.arm.n
         if len(self.grid) < 2 or self.idle:
             return None
@@ -947,10 +932,7 @@ class _Planner:
         return out
 
     def _thirds(self, pose: Ints, at: Ints) -> Array:
-        """Return five configurations (M, 5, n) about nodes (M,), a third of a step apart.
-
-        NaN where there is none near enough.
-        """
+        """Return configurations (M, 5, n) about nodes (M,), a third of a step apart, or NaN."""
         n, count = self.arm.n, np.array([-2, -1, 1, 2])
         q = self.Q.reshape(len(self.T), -1, n)[pose, at][:, None]
         near = self._neighbors(pose, at)
@@ -995,10 +977,8 @@ class _Planner:
         return alive
 
     def _link(self) -> None:
-        """Find the neighbours of all nodes, and the longer ``way`` (N, G S) along the grid.
-
-        ``beside`` (N, 2, G S) them both ways, and of their value at the pose ``before`` (N, G S).
-        """
+        """Find the neighbours of all nodes, and the longer ``way`` (N, G S) along the grid."""
+        # ``beside`` (N, 2, G S) them both ways, and of their value at the pose ``before`` (N, G S).
         N, G, S = self.clear.shape
         self.beside, self.way = np.empty((N, 2, G * S), dtype=np.int32), np.zeros((N, G * S))
         self.before = np.empty((N, G * S), dtype=np.int32)
@@ -1101,10 +1081,8 @@ class _Planner:
     def _passable(
         self, k: int, here: Ints, source: Ints, move: Array, room: Array
     ) -> tuple[Bool, Bool, Bool, Array]:
-        """Which edges (D, M) to nodes of pose k are proven clear; which relaxed; which may be.
-
-        The last: what their length has over the clearances at their ends.
-        """
+        """Return edges (D, M) to nodes of pose k that are proven clear, relaxed, or possible."""
+        # And what their length has over the clearances at their ends.
         gap = self._gap(move) * self.scale
         length = np.sqrt((gap * gap).sum(axis=-1))
         clear = self.clear[k].ravel()[here] + self.clear[k - 1].ravel()[source]
@@ -1188,10 +1166,10 @@ class _Planner:
     # -- what others reach ------------------------------------------------------------------------
 
     def _kept(self, first: Bool) -> Array:
-        """Clearance (B, N) at the poses with what is free kept, of each branch it may begin on.
+        """Return clearance (B, N) at poses with what is free kept, of each branch it may begin on.
 
-        NaN from where the motion to the next pose is not proven clear or too fast, winds a joint
-        beyond its limits, or there is no solution.
+        NaN from where there is no solution, or no motion to the next pose that is clear, slow
+        enough, and within the limits.
         """
         i, S = self.kept, self.Q.shape[2]
         at = np.flatnonzero(self.usable[0, i] & first[i])
@@ -1241,13 +1219,7 @@ class _Planner:
 
 
 def rigid_motions(poses: npt.ArrayLike, name: str) -> Array:
-    """Return poses as an array (N, 4, 4).
-
-    Raises
-    ------
-    ConfigurationError
-        If they are no rigid motions; the message calls them ``name``.
-    """
+    """Return poses as an array (N, 4, 4); ConfigurationError with ``name`` if they are none."""
     T: Array = np.asarray(poses, dtype=float)
     if T.ndim != 3 or T.shape[1:] != (4, 4):
         raise ConfigurationError(f"{name} needs 4x4 matrices, got shape {T.shape}")

@@ -126,10 +126,7 @@ def _travel(arm: Arm, lower: Array, upper: Array) -> Array:
 def parts_of(
     within: str, numbers: Callable[[str, str], float] = lambda name, text: float(text)
 ) -> dict[str, tuple[float, float] | None]:
-    """Ranges by name, and words with None, of what stands between commas.
-
-    ``numbers`` reads one end of the range of a name.
-    """
+    """Return ranges by name, read by ``numbers``, and words with None, of text between commas."""
     out: dict[str, tuple[float, float] | None] = {}
     for part in within.split(","):
         name, found, ends = part.partition("=")
@@ -152,18 +149,8 @@ def is_of_tip(arm: Arm, name: str) -> bool:
 class Region:
     """Where zones are asked for: ranges of joints and of the tip's position, and a posture.
 
-    Attributes
-    ----------
-    lower, upper : (n,) arrays
-        Joint values.
-    tip : (2, 3) array
-        Least and largest position of the tip in the base; infinite where all count.
-    posture : tuple of str
-        Names that it has.
-    words : tuple of str
-        All of it in words.
-    moving : (n,) array of bool
-        Joints that move the tip along the axes of its ranges.
+    ``lower`` and ``upper`` (n,) bound joints, ``tip`` (2, 3) its position in the base; ``moving``
+    (n,) joints move it along bounded axes. ``words`` say all.
     """
 
     def __init__(
@@ -258,20 +245,11 @@ class _Answer:
 class _Search:
     """Branch and bound for one arm.
 
-    Attributes
-    ----------
-    chunk : int
-        Boxes in one call: tens of megabytes.
-    wide : float
-        Width of the first boxes, radians, or metres over the length scale.
-    samples, best, certified : int
-        Random configurations among which the search begins, how many of them are followed, and of
-        how many the distance is proven in the end.
-    finest, sure : float
-        Step at which following ends, and to what the distances of those are proven, radians.
-    steps, beyond, few, cheap : int or float
-        To the nearest point of a surface, the last one longer by a factor; boxes for what is
-        proven of many, and how many of these are as much work as one of joint speeds.
+    Boxes of width ``wide`` (radians, or metres over the length scale) at first, ``chunk`` in one
+    call. ``best`` of ``samples`` configurations are followed by steps to ``finest``, ``certified``
+    of them proven to ``sure`` (radians). ``steps`` to the nearest point of a surface, the last one
+    ``beyond`` times as long; ``few`` boxes for what is proven of many, ``cheap`` of them as much
+    work as one of joint speeds.
     """
 
     chunk, wide, finest, sure = 8192, 0.8, 3e-3, 1e-8
@@ -370,11 +348,9 @@ class _Search:
         return each[..., 0], self._reached(Q, each[..., 1])
 
     def _reached(self, Q: Array, up: Array) -> Array:
-        """Upper bounds (N, F), of families that are surfaces by a point near the nearest.
-
-        Steps to the tangent plane at the last point until its sum has another sign, or then what
-        is proven to reach the surface from there.
-        """
+        """Return upper bounds (N, F), of surfaces by a point near the nearest."""
+        # Steps to the tangent plane at the last point until its sum has another sign, or then what
+        # is proven to reach the surface from there.
         conditions, up = self.watched.conditions.plain, up.copy()
         X = conditions.scaled(Q)
         for branch in conditions.branches:
@@ -462,10 +438,8 @@ class _Search:
         return max(0.0, float(value[best])), Q[best]
 
     def _least(self, k: int | None, far: Array, what: str, most: int) -> _Answer:
-        """The least distance of family k (of all), those of the others being ``far``.
-
-        Farther than ``far`` from family k and the others nothing exceeds a limit.
-        """
+        """Return the least distance of family k (of all), those of the others being ``far``."""
+        # Farther than ``far`` from family k and the others nothing exceeds a limit.
         cap = np.inf if k is None else float(far[k])
         reached, q = self._climb(k, far, self._random(self.samples), 0.3)
         C, R = self._first_boxes()
@@ -549,7 +523,7 @@ class _Search:
         return *both, float(guess[best]), c[best]
 
     def _may_hold(self, C: Array, R: Array, clear: Bool) -> Bool:
-        """Whether the region may have points of boxes; a posture ends where they are not clear.
+        """Return if the region may have points of boxes; a posture ends where they are not clear.
 
         A joint moves the tip no faster than it is far from its axis, by what follows it.
         """
@@ -565,10 +539,8 @@ class _Search:
     def _trimmed(
         self, C: Array, R: Array, kept: Array, k: int | None, cap: float
     ) -> tuple[Array, Array]:
-        """Boxes without what is nearer than ``kept`` (F,) to a family of one joint at a value.
-
-        And without what is farther than ``cap`` from the one that is looked at.
-        """
+        """Return boxes without what is nearer than ``kept`` (F,) to families of one joint value."""
+        # And without what is farther than ``cap`` from family k.
         low, high = C - R, C + R
         plain = [b for b in self.watched.conditions.branches if len(b.joints) == 1 and not b.sums]
         for branch in plain:
@@ -613,11 +585,9 @@ class _Search:
         return C, R
 
     def _measures(self, far: Array) -> tuple[float, float]:
-        """Least sigma and largest condition number found outside the zones.
-
-        Where zones meet they are extreme: many random ones are followed, along some joints each
-        time, since a zone may end at a value of a joint.
-        """
+        """Return the least sigma and largest condition number found outside the zones."""
+        # They are extreme where zones meet: many random starts are followed, along some joints each
+        # time, since a zone may end at a value of a joint.
         begin = self._random(4 * self.samples)
         begin = begin[self._outside(far, begin)]
         if not len(begin):

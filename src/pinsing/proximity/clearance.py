@@ -259,10 +259,8 @@ def quick(watched: Watched, Q: Array, within_limits: bool = False) -> Clearance:
 
 
 def nearest_family(conditions: Conditions, Q: Array) -> tuple[Ints, Bounds]:
-    """Index (N,) of the nearest family found at Q (N, n), -1 for none, and the bounds there.
-
-    Where bounds leave doubt, it is searched for, which may lower the upper one.
-    """
+    """Return the index (N,) of the nearest family found at Q (N, n), -1 for none, and bounds."""
+    # Where these leave doubt, a search may lower the upper one.
     bounds = two_sided(conditions, Q, each=True)
     family, upper = bounds.family.copy(), bounds.upper
     # Where several are not known to be farther than a point of the one of the least bound.
@@ -373,33 +371,15 @@ def is_clear(
 
 @dataclass(frozen=True, eq=False)
 class FamilyDistance:
-    """Distance to one family.
-
-    Attributes
-    ----------
-    family : str
-        Its name.
-    lower : float
-        Proven: no configuration of it is nearer. Radians, or metres over the length scale.
-    upper : float
-        How far ``q`` is.
-    q : (n,) array
-        The nearest configuration of it that was found.
-    reachability : str
-        Whether the family has points within the joint limits, in words, and with which joint
-        values where not with all.
-    title : str
-        "wrist", "elbow", "shoulder", or empty: as of the family.
-    where : str
-        Its condition with the values of joints at ``q``.
-    """
+    """Distance to one family."""
 
     family: str
-    lower: float
-    upper: float
-    q: Array
-    reachability: str
+    lower: float  # proven: none is nearer; radians, or metres over the length scale
+    upper: float  # how far ``q`` is
+    q: Array  # (n,), the nearest that was found
+    reachability: str  # words: with which joint values it has points within the limits
     title: str = field(default="", metadata={"optional": True})
+    # its condition with the values of joints at ``q``
     where: str = field(default="", metadata={"optional": True})
 
 
@@ -428,22 +408,8 @@ class Distances(JsonResult):
 
 
 def distances(forms: Forms, q: npt.ArrayLike, *, boxes: int = BOXES) -> Distances:
-    """Certified distances from q (n,) to each family, nearest first.
-
-    Parameters
-    ----------
-    forms : ClosedForm or sequence of ClosedForm
-        Of one arm.
-    q : (n,) or (nq,) array_like
-        Radians and metres.
-    boxes : int
-        Boxes that the search may look at for each family.
-
-    Raises
-    ------
-    ConfigurationError, OptionError
-        If q or an option makes no sense.
-    """
+    """Return certified distances from q (n,) to each family, nearest first."""
+    # ``boxes`` is how many the search may look at for each.
     watched = watch(forms)
     x = watched.check(q)
     if x.ndim != 1:

@@ -32,19 +32,10 @@ FARTHEST = 1e9
 
 @dataclass(frozen=True, eq=False)
 class Motion:
-    """A motion in pieces.
+    """A motion in pieces: joint values ``sum_k pieces[i, k] s^k`` on piece i, s from 0 to 1."""
 
-    Attributes
-    ----------
-    t : (m + 1,) array
-        Times at which pieces begin and end, ascending.
-    pieces : (m, degree + 1, n) array
-        On piece i, joint values are ``sum_k pieces[i, k] s^k``, with s from 0 to 1 in the time of
-        the piece.
-    """
-
-    t: Array
-    pieces: Array
+    t: Array  # (m + 1,), where pieces begin and end, ascending
+    pieces: Array  # (m, degree + 1, n)
 
     def at(self, u: Array) -> Array:
         """Joint values (K, n) at places u (K,): number of the piece plus s."""
@@ -63,15 +54,7 @@ class Motion:
 
 
 def motion_of(watched: Watched, motion: Any, t: npt.ArrayLike | None = None) -> Motion:
-    """Read a motion: waypoints (N, n), or an object with ``c`` and ``x`` as SciPy's PPoly has.
-
-    Raises
-    ------
-    ConfigurationError
-        If waypoints have the wrong shape, or a value that is not finite or beyond 1e9.
-    OptionError
-        If times are not finite, not ascending, or not as many as waypoints.
-    """
+    """Return a motion from waypoints (N, n), or an object with ``c`` and ``x`` as SciPy's PPoly."""
     if hasattr(motion, "c") and hasattr(motion, "x"):
         if t is not None:
             raise OptionError("a piecewise polynomial contains its times: leave out t")
@@ -89,13 +72,7 @@ def motion_of(watched: Watched, motion: Any, t: npt.ArrayLike | None = None) -> 
 
 
 def check_reach(watched: Watched, Q: Array, what: str = "sample", first: int = 1) -> None:
-    """Refuse values (N, n) that are no position of a joint: what is wrong is named by its number.
-
-    Raises
-    ------
-    ConfigurationError
-        If a value is beyond 1e9.
-    """
+    """Raise ConfigurationError if a value (N, n) is beyond 1e9; ``what`` and ``first`` name it."""
     far = np.argwhere(np.abs(Q) > FARTHEST)
     if len(far):
         i, j = far[0]
@@ -106,13 +83,7 @@ def check_reach(watched: Watched, Q: Array, what: str = "sample", first: int = 1
 
 
 def check_times(t: npt.ArrayLike | None, count: int) -> Array:
-    """Times of ``count`` samples, checked; 0, 1, 2, ... by default.
-
-    Raises
-    ------
-    OptionError
-        If they are not finite, not ascending, or not as many.
-    """
+    """Return ascending times of ``count`` samples, by default 0, 1, 2, ...; else OptionError."""
     if t is None:
         return np.arange(count, dtype=float)
     try:

@@ -65,10 +65,8 @@ def lines_of(raw: io.FileIO) -> Iterator[str]:
 def latest(
     lines: Iterable[str], stalled: float = STALLED, backlog: int = BACKLOG
 ) -> Iterator[tuple[str | None, int]]:
-    """Lines of a live stream, at most ``backlog`` of them late, each with how many were dropped.
-
-    Without one for ``stalled`` seconds, None comes in its place, once for each silence.
-    """
+    """Yield lines of a live stream, at most ``backlog`` late, each with how many were dropped."""
+    # None stands for silence: once, after ``stalled`` seconds.
     lines = iter(lines)
     waiting: deque[str] = deque()
     news = threading.Condition()
@@ -115,34 +113,19 @@ class HeadError(ConfigurationError):
 
 
 class Reader:
-    """Reads configurations of an arm as text.
+    """Reads configurations of an arm as text, a line each.
 
-    A line is a JSON object, or a list or a row of a table, best after a line of column names;
-    without names there is one column a joint, base to tip. A comment ``# units: degrees`` holds for
-    all that follows. After names that are not understood, objects and names are read, but no row;
-    after units that are not, nothing is. An object holds ``name`` and ``position`` as in ROS's
-    JointState, perhaps ``velocity``, ``t`` or the stamp of a ``header``; or each joint by its name.
-    Names are read as those of a trajectory file, the same in all objects; what is none of a joint
-    is passed over. Without velocities, or where one is null or not finite, they are
-    differences of successive samples with times.
+    A line is a JSON object, a list, or a row of a table, best after a line of column names; without
+    names there is one column a joint, base to tip. A comment ``# units: degrees`` holds for all
+    that follows; ``degrees`` for columns that do not tell. After names that are not understood rows
+    are not read; after such units, nothing is. An object holds ``name`` and ``position`` as in
+    ROS's JointState, perhaps ``velocity``, ``t`` or a stamped ``header``; or each joint by name, as
+    in a trajectory file, the same in all objects. Other keys are ignored. Missing or null
+    velocities are differences of successive samples with times.
 
-    Parameters
-    ----------
-    arm : Arm
-        The arm.
-    degrees : bool or None
-        Whether angles are in degrees where the names of columns do not tell; None where a
-        comment may, radians without one.
-    told : callable, optional
-        Is given notes, each once: what is passed over, up to 100, and by how much joints that the
-        arm has locked, or that follow others, are elsewhere, anew where it is ten times as much.
-
-    Attributes
-    ----------
-    t : float or None
-        The time of the last line, where it has one that can be read.
-    measured : bool
-        Whether the speeds of the last line are its own, and not differences.
+    ``told`` gets notes, each once: up to 100 ignored names, and how far locked or following joints
+    are from where the arm has them, again where it is ten times as much. ``t`` is the time of the
+    last line, if any; ``measured``: its speeds are not differences.
     """
 
     def __init__(
@@ -161,15 +144,9 @@ class Reader:
         self._off: dict[str, float] = {}
 
     def read(self, line: str) -> tuple[float | None, Array, Array | None] | None:
-        """Return time, q (n,) and speeds (n,); None for a line without values: empty, names, #.
-
-        Raises
-        ------
-        HeadError
-            For a row after a line of column names that was not understood.
-        ConfigurationError
-            If the line cannot be read, or holds no configuration of the arm.
-        """
+        """Return time, q (n,) and speeds (n,); None for an empty line, names, or a comment."""
+        # HeadError for a row after names that were not understood, ConfigurationError for other bad
+        # lines.
         if len(line) > MEBIBYTE:
             raise ConfigurationError(f"the stream: a line of more than {MEBIBYTE:,} characters")
         text, self.t = line.removeprefix("\ufeff").strip(), None
@@ -375,13 +352,7 @@ def _once(pairs: Sequence[tuple[str, Any]]) -> dict[str, Any]:
 
 
 def number(value: Any, called: str) -> float:
-    """Return a finite number.
-
-    Raises
-    ------
-    ConfigurationError
-        With what it is ``called``.
-    """
+    """Return a finite number; ConfigurationError says what it is ``called``."""
     said = value if isinstance(value, str) else json.dumps(value)
     try:
         found = math.nan if isinstance(value, bool) else float(value)
@@ -393,28 +364,10 @@ def number(value: Any, called: str) -> float:
 
 
 class Follower:
-    """Judges each line of a running robot.
+    """Judges each line of a running robot; ``degrees`` and ``told`` are those of `Reader`.
 
-    Parameters
-    ----------
-    form : ClosedForm
-        Of the arm.
-    arm : Arm
-        The arm.
-    degrees : bool or None
-        As of `Reader`.
-    near : float
-        Clearance, radians, at or below which the level is "warn"; half of it is "stop".
-    told : callable, optional
-        As of `Reader`.
-    more : mapping
-        Of `Monitor`: ``tip_speed``, ``turn_speed`` and ``joint_speeds``, with which ``tip_speeds``
-        are told too; ``zones``, with which those that the arm is in are.
-
-    Attributes
-    ----------
-    reader : Reader
-        With the time of the last line.
+    At a clearance of ``near`` radians the level is "warn", at half of it "stop". ``more`` are
+    options of `Monitor`: speeds, for ``tip_speeds``, and ``zones``.
     """
 
     def __init__(
@@ -441,17 +394,9 @@ class Follower:
             self._away(q, family, q[None], 0.0)  # what is compiled at first is none of a verdict's
 
     def verdict(self, line: str) -> dict[str, Any] | None:
-        """Return plain data of one line; None for a line without values.
-
-        ``family`` is that of the nearest singular configuration found, ``lower`` holds for all.
-        ``move`` is the joint, and the sense, that leads away from the family fastest within the
-        limits.
-
-        Raises
-        ------
-        ConfigurationError
-            As of `Reader.read`.
-        """
+        """Return plain data of one line; None for a line without values."""
+        # ``family`` is that of the nearest singular configuration found, ``lower`` holds for all.
+        # ``move`` is the joint, and the sense, that leads away fastest within the limits.
         found = self.reader.read(line)
         if found is None:
             return None
@@ -488,15 +433,8 @@ class Follower:
 
 
 def follow(follower: Follower, lines: Iterable[str], live: bool) -> Iterator[dict[str, Any]]:
-    """Verdicts of a stream; of a live one with drops and silences.
-
-    A line that cannot be read is answered by ``error`` and its number, and the next one is read.
-
-    Raises
-    ------
-    HeadError
-        For a row after names of columns that were not understood, after the answer.
-    """
+    """Yield verdicts of a stream; of a live one with drops and silences, or ``error`` and line."""
+    # HeadError, after the answer, for a row after names that were not understood.
     stream = latest(lines) if live else ((line, 0) for line in lines)
     total = number = 0
     for line, dropped in stream:

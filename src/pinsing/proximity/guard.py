@@ -302,28 +302,13 @@ _LONGEST = 31
 
 @dataclass(frozen=True)
 class Guard:
-    """The text of a guard.
+    """The text of a guard."""
 
-    Attributes
-    ----------
-    text : str
-        The file, ASCII only.
-    prefix : str
-        What its names begin with (C).
-    complete : bool
-        Whether distances are of all singular configurations; else nothing is ever clear to it.
-    word : str
-        How sure it is that none is missing: "proven", "probable" or "not complete"; the first two
-        followed by "of the design" where distances are of that, and not of the file.
-    notes : tuple of str
-        What is missing, and what was assumed.
-    """
-
-    text: str
-    prefix: str
-    complete: bool
-    word: str
-    notes: tuple[str, ...]
+    text: str  # ASCII only
+    prefix: str  # of its names (C)
+    complete: bool  # all singular configurations count; else nothing is ever clear
+    word: str  # "proven", "probable" (perhaps "of the design") or "not complete"
+    notes: tuple[str, ...]  # what is missing, and what was assumed
 
 
 @checked

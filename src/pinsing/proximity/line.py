@@ -40,24 +40,12 @@ _LONGEST, _FIRST, _SHORTEST = 0.02, 1e-3, 1e-10
 
 @dataclass(frozen=True, eq=False)
 class Line:
-    """A straight line of the tip, from 0 to 1.
+    """A straight line of the tip, from 0 to 1."""
 
-    Attributes
-    ----------
-    start : (3,) array
-        Position of the tip at 0, base frame.
-    turn : (3, 3) array
-        Its rotation at 0.
-    along : (3,) array
-        From the first position to the last.
-    axis : (3,) array
-        Rotation vector of the whole turn, base axes.
-    """
-
-    start: Array
-    turn: Array
-    along: Array
-    axis: Array
+    start: Array  # (3,), position at 0, base frame
+    turn: Array  # (3, 3), rotation at 0
+    along: Array  # (3,), from the first position to the last
+    axis: Array  # (3,), rotation vector of all of the turn, base axes
 
     @classmethod
     def to(cls, arm: Arm, q: Array, target: tuple[Array, Array | None]) -> Line:
@@ -120,10 +108,8 @@ class Tracked:
     rate: Array
 
     def ended(self, q: Array, s: float) -> Tracked:
-        """The same with an end at which the rate is infinite, of those joints that turn back.
-
-        They move as the root of what is left of the line, the others in proportion to it.
-        """
+        """Return the same with an end at which joints that turn back have infinite rates."""
+        # They move as the root of what is left of the line, the others in proportion to it.
         left = np.abs(q - self.q[-1])
         folds = (left > 1e-15) & (left > 1e-3 * left.max())
         rate = np.where(folds, np.inf, self.rate[-1])
@@ -143,10 +129,7 @@ def tip(arm: Arm, q: Array) -> pin.SE3:
 
 
 def span(arm: Arm) -> float | None:
-    """Metres that the tip is from the origin of joint 1 at most; None if that is not known.
-
-    The lengths of all links one after the other, and the strokes of joints that slide.
-    """
+    """Return metres that the tip is from the origin of joint 1 at most; None if not known."""
     if arm.coupling is not None:
         return None
     model = arm.model
@@ -158,13 +141,8 @@ def span(arm: Arm) -> float | None:
 
 
 def track(arm: Arm, line: Line, q: Array) -> Tracked:
-    """Follow a line from q as far as it goes, with steps that are sure of their branch.
-
-    Raises
-    ------
-    ConfigurationError
-        If the line starts where a tip velocity along it is not possible.
-    """
+    """Follow a line from q as far as it goes, with steps that are sure of their branch."""
+    # ConfigurationError if it starts where a tip velocity along it is not possible.
     scale = np.where(np.array(arm.task.rows) < 3, max(arm.length_scale, 1e-9), 1.0)
     s, step = 0.0, _FIRST
     S, Q = [s], [q]
@@ -231,11 +209,9 @@ def _rows(arm: Arm, columns: Array, q: Array) -> Array:
 
 
 def landing(arm: Arm, line: Line, branch: Branch, q: Array, s: float) -> tuple[Array, float] | None:
-    """The point of a branch on the line near (q, s): the pose and its conditions, all at once.
-
-    At the end of a line the joints alone turn back (a fold); together with the place on the line
-    and the condition of the family they are a regular zero of Newton's method.
-    """
+    """Return the point of a branch on the line near (q, s): the pose and its conditions at once."""
+    # At a fold the joints turn back; with the place on the line and the family's condition as
+    # unknowns it is a regular zero of Newton's method.
     x, at = q.copy(), s
     for _ in range(30):
         missing = _rows(arm, line.error(arm, x, at), x)
@@ -614,17 +590,7 @@ def stopped(line: LineCheck) -> bool:
 
 
 def line_summary(line: LineCheck, degrees: bool = True, robot: str = "", same: str = "") -> str:
-    """Return where a line ends and what it meets, what is near, speeds, and what to do.
-
-    Parameters
-    ----------
-    line : LineCheck
-        The answer.
-    degrees : bool
-        Angles in degrees.
-    robot, same : str
-        How commands name the robot, and the options that say which line.
-    """
+    """Return where a line ends, what it meets, what is near, speeds, and commands for ``robot``."""
     robot = robot or line.arm.typed
     met, left = line.crossings, left_limits(line, degrees)
     titles = {a.family: a.title for a in line.approaches}

@@ -286,10 +286,10 @@ def least_along(
     bounded: Callable[[Array], Array],
     most: float = np.inf,
 ) -> tuple[float, float]:
-    """The least distance along a path (N, n), proven between points too, and at which point it is.
+    """Return the least distance along a path (N, n), proven between points too, and at which point.
 
-    ``bounded`` gives ``lower`` bounds (N,) of points. Segments are halved where those at the ends
-    allow a good deal less than is ``known`` of points, unless that takes over ``most`` points.
+    ``bounded`` gives ``lower`` bounds (N,). Segments are halved where their ends allow much less
+    than is ``known`` of points, up to ``most`` points.
     """
     lowest, place = float(lower.min()), float(lower.argmin())
     least, step, at = np.inf if len(Q) > 1 else lowest, 1.0, np.arange(len(Q) - 1.0)
@@ -356,20 +356,10 @@ class Approach:
 
 
 class Passage:
-    """Gathers how a motion, fed in pieces, passes the watched families.
+    """Gathers how a motion, fed in pieces, passes the watched families; `finish` completes it.
 
-    Attributes
-    ----------
-    crossings : list of Crossing
-        Meetings, in the order of time after `finish`.
-    cut : bool
-        Whether there were more meetings or stretches than are kept.
-    approaches : tuple of Approach
-        After `finish`: the nearest approach to each family, the nearest first.
-    near_stretches : tuple of NearStretch
-        After `finish`: where the clearance may be below the bound.
-    trend : str
-        "toward", "away" or "steady": how the clearance changes at the end.
+    ``cut``: there are more meetings or stretches than are kept. ``trend`` of the clearance at the
+    end: "toward", "away" or "steady".
     """
 
     def __init__(self, watched: Watched, near: float) -> None:
@@ -446,10 +436,8 @@ class Passage:
             self.trend = "steady" if abs(change) <= small else "away" if change > 0 else "toward"
 
     def _bounds(self, Q: Array, length: Array, way: Array) -> tuple[Array, Array]:
-        """Bounds (M, F) of the distance to each family; where they bound the least, close ones.
-
-        Lower ones of one sample, less the way to another one, hold there.
-        """
+        """Return bounds (M, F) of distances; close ones where these bound the least."""
+        # Lower ones of one sample, less the way to another one, hold there.
         margin, each = self.watched.margin, two_sided(self._plain, Q, each=True).each
         self._nearest = np.fmin(self._nearest, each[..., 1].min(axis=0))
         for f, conditions in enumerate(self._families):

@@ -32,25 +32,13 @@ _BATCH = 256
 
 @dataclass(frozen=True, eq=False)
 class Room:
-    """The configurations that are to choose from, in weighted coordinates.
+    """The configurations to choose from: a box and a ball, in weighted coordinates."""
 
-    Attributes
-    ----------
-    low, high : (n,) arrays
-        A box; of no width for joints that do not matter.
-    center : (n,) array
-        In the box: what is preferred where nothing else decides.
-    around : (n,) array
-        Centre of a ball that counts as well.
-    reach : float
-        Its radius; infinite without one.
-    """
-
-    low: Array
+    low: Array  # (n,), equal to ``high`` for joints that do not matter
     high: Array
-    center: Array
-    around: Array
-    reach: float
+    center: Array  # (n,), preferred where nothing else decides
+    around: Array  # (n,), centre of the ball
+    reach: float  # its radius; infinite without one
 
     def fit(self, X: Array) -> Array:
         """Move points X (N, n) into the box and the ball."""
@@ -120,29 +108,11 @@ class Sites:
 
 
 class RoomSearch:
-    """The search for a point of a room with a large clearance, and for how large one can be.
+    """Searches a room for a point with a large clearance, and for the most there can be.
 
-    Parameters
-    ----------
-    watched : Watched
-        Some families.
-    room : Room
-        What there is to choose from.
-    rng : np.random.Generator
-        Where starts are drawn from.
-    budget : Budget
-        What may be spent on boxes; then what was found is returned.
-    usable : callable
-        Which of points (N, n) may be chosen at all.
-
-    Attributes
-    ----------
-    best : (n,) array
-        The clearest point so far, in weighted coordinates.
-    lower, upper : float
-        Bounds of its clearance.
-    most : float
-        No point of the room has a larger one.
+    ``budget`` is for boxes; ``usable`` tells which of (N, n) may be chosen. ``best`` (n,) is the
+    clearest point so far, weighted, ``lower`` and ``upper`` bound its clearance, and ``most`` that
+    of all points.
     """
 
     def __init__(

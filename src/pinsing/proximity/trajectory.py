@@ -37,17 +37,8 @@ def summary(
     file: str = "",
     robot: str = "",
 ) -> str:
-    """At most six lines: what is met and when, what is near, speeds, and what to do.
-
-    Parameters
-    ----------
-    check : TrajectoryCheck
-        The answer.
-    degrees : bool
-        Unit of speeds of revolute joints; distances from singularities are in degrees.
-    file, robot : str
-        How the trajectory is called, and how commands name the robot.
-    """
+    """Return at most six lines: what is met and when, what is near, speeds, and what to do."""
+    # ``degrees`` is the unit of speeds; distances from singularities are in degrees.
     evidence = [check.tube, _nearest(check), _near(check, degrees), *_speeds(check, degrees)]
     lines = [*evidence, _advice(check, robot or check.arm.typed)]
     return "\n".join(

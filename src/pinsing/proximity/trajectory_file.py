@@ -88,73 +88,39 @@ _NAMED = ("joint_names", "names", "name", "joints")
 
 @dataclass(frozen=True, eq=False)
 class TrajectoryFile:
-    """What a file says.
+    """The samples of a file, and how it was read."""
 
-    Attributes
-    ----------
-    Q : (N, n) array
-        Samples in the order of the arm's joints, radians and metres.
-    t : (N,) array or None
-        Times, as they are in the file.
-    notes : tuple of str
-        How its columns were read.
-    others : mapping of str to ((N,) array, float or None)
-        Columns of joints of the whole model that the arm does not list, each as ``scales`` has it.
-    scales : sequence of (float or None)
-        Of each joint what its values are multiplied by, where the file names a unit.
-    degrees : bool or None
-        What a comment such as ``# units: degrees`` says of all angles.
-    seconds : bool
-        Whether the file says that times are in seconds.
-    """
-
-    Q: Array
-    t: Array | None
-    notes: tuple[str, ...]
+    Q: Array  # (N, n), in the arm's order, radians and metres
+    t: Array | None  # (N,), as in the file
+    notes: tuple[str, ...]  # how columns were read
+    # joints of the whole model that the arm does not list, with factors
     others: Mapping[str, tuple[Array, float | None]] = field(default_factory=dict)
-    scales: Sequence[float | None] = ()
-    degrees: bool | None = None
-    seconds: bool = False
+    scales: Sequence[float | None] = ()  # factors of joints, where the file names a unit
+    degrees: bool | None = None  # what a comment says of all angles
+    seconds: bool = False  # the file says that times are in seconds
 
 
 def read_trajectory(
     path: Path, arm: Arm, degrees: bool | None = None, columns: Sequence[str] = ()
 ) -> TrajectoryFile:
-    """Read a trajectory for an arm.
+    """Return the trajectory of a file for an arm, with ``notes`` on what was read as what.
 
     A table as text has a head with the names of all joints, in any order, and perhaps a column of
-    times. Names may lack the prefix of the robot's or have another's, be numbers (q1, J1,
-    joint_1, actual_q_0), stand in a path (/joint_states/NAME/position), and end in a unit
-    (deg, rad, m, mm; s, ms, ns), or a line of units follows. Times of day count from the first.
-    S, L, U, R, B, T are Yaskawa's names. Velocities, modes and the like are passed over, as are
-    joints of the whole model that the chain leaves out, unless one is locked on it and moves.
-    Without a head there is one column a joint, base to tip, perhaps after one of times, which must
-    be the first and strictly ascending while the last is not. A comment ``# units: degrees`` holds
-    for all angles. Commas, semicolons, tabs or blanks separate; decimal commas are read where the
-    comma does not separate. YAML or JSON holds a trajectory of ROS or MoveIt, or what
-    ``ros2 topic echo`` prints of joint states; ``.ls`` the points of a Fanuc program, J3 as
-    written, or J2 + J3 for a Fanuc arm of `pinsing list`, whose controller counts J3
-    from the horizontal; ``.script`` the moves to joint angles of a UR program. An NPY file
-    has an array; an NPZ file arrays ``q`` (N, n) and perhaps ``t``.
-    What was read as what is in ``notes``.
+    times. Names may lack the prefix of the robot's or have another's, be numbers (q1, J1, joint_1,
+    actual_q_0) or Yaskawa's (S, L, U, R, B, T), stand in a path (/joint_states/NAME/position), and
+    end in a unit (deg, rad, m, mm; s, ms, ns), or a line of units follows. Times of day count from
+    the first. Velocities, modes and the like are passed over, as are joints of the whole model that
+    the chain leaves out, unless one is locked on it and moves. Without a head there is one column a
+    joint, base to tip, perhaps after one of times, which must be the first and strictly ascending
+    while the last is not. A comment ``# units: degrees`` holds for all angles; ``degrees``
+    overrides the file. Commas, semicolons, tabs or blanks separate; decimal commas are read where
+    the comma does not separate. ``columns`` name, or number from 1, those of joints, and ``t=NAME``
+    of times.
 
-    Parameters
-    ----------
-    path : Path
-        The file.
-    arm : Arm
-        The arm.
-    degrees : bool, optional
-        Whether angles are in degrees; by default as the file says, else radians.
-    columns : sequence of str
-        Names, or numbers from 1, of the columns of the joints, base to tip, and perhaps
-        ``t=NAME`` for times: of a table as text, or an array, that does not say it.
-
-    Raises
-    ------
-    ConfigurationError
-        If the file cannot be read, its columns do not fit the arm, units contradict each other
-        or do not fit a joint, or it holds no sample.
+    YAML or JSON holds a trajectory of ROS or MoveIt, or what ``ros2 topic echo`` prints of joint
+    states; ``.ls`` the points of a Fanuc program, J3 as written, or J2 + J3 for a Fanuc arm of
+    `pinsing list`, whose controller counts J3 from the horizontal; ``.script`` the moves to joint
+    angles of a UR program; an NPY file an array; an NPZ file ``q`` (N, n) and perhaps ``t``.
     """
     try:
         kind = path.suffix.lower()
@@ -666,28 +632,10 @@ def _opened(path: Path) -> io.TextIOWrapper:
 class ColumnHeads:
     """Which column is which, by the words at their heads.
 
-    Attributes
-    ----------
-    order : list of int
-        The column of each joint.
-    scales : list of (float or None)
-        Of each joint, where a unit is named.
-    units : list of (float or None)
-        The same of each column.
-    called : list of str
-        The name of each joint, without unit and place.
-    time : int or None
-        The column of times, in units of ``time_scale`` seconds.
-    others : dict of str to int
-        Joints of the whole model that the arm does not list.
-    held : list of Held
-        Of these the ones between base and tip.
-    used : set of int
-        Columns that are read.
-    labels : dict of int to str
-        Columns that name the joint of a numbered position, and the names.
-    notes : tuple of str
-        What was not said outright.
+    By joint: ``order`` (columns), ``scales`` (factors of units, or None), ``called`` (names without
+    unit and place). By column: ``units``, ``labels`` (those that name the joint of a numbered
+    position), and ``used``. ``time`` is a column in ``time_scale`` seconds. ``others`` are joints
+    of the whole model that the arm does not list, ``held`` those of them between base and tip.
     """
 
     def __init__(
@@ -882,23 +830,18 @@ def _named(name: str, joints: Sequence[str]) -> str | None:
 
 @dataclass(eq=False)
 class _NumberTable:
-    """Reads numbers, some rows at a time.
-
-    ``commas`` becomes true where numbers are found to have decimal commas, ``degrees`` what a
-    comment says of units. ``time`` is the column of times, ``clock`` the first of them where
-    they are times of day, ``days`` how often these passed midnight.
-    """
+    """Reads numbers, some rows at a time."""
 
     path: Path
     separator: str | None
     used: Sequence[int] | None
     width: int
     line: int
-    degrees: bool | None = None
-    commas: bool = False
-    time: int | None = None
-    clock: str = ""
-    days: int = 0
+    degrees: bool | None = None  # what a comment says of units
+    commas: bool = False  # decimal commas were found
+    time: int | None = None  # the column of times
+    clock: str = ""  # the first of them, where they are times of day
+    days: int = 0  # how often these passed midnight
     labels: Mapping[int, str] = field(default_factory=dict)
     _start: tuple[bool, float] | None = None
     _last: float = 0.0

@@ -38,47 +38,20 @@ def titled(family: str, title: str) -> str:
 
 @dataclass(frozen=True, eq=False)
 class Watched:
-    """Families of one arm, and the metric in which distances to them are taken.
+    """Families of one arm, and the metric in which distances to them are taken."""
 
-    Attributes
-    ----------
-    names : tuple of str
-        Of the families; after the task where several closed forms were given.
-    families : tuple of Family
-        The families.
-    joints : tuple of str
-        Joints of the arm.
-    prismatic : (n,) array of bool
-        Which of them slide.
-    lower, upper : (n,) arrays
-        Limits, radians or metres; infinite for continuous joints.
-    weight : (n,) array
-        What joint differences are multiplied by.
-    norm : str
-        "euclidean" or "max".
-    complete : bool
-        Whether the closed forms are complete: no singular configuration lies elsewhere.
-    arm : Arm or None
-        The arm as it was loaded; None where the closed forms were read from a file, which knows no
-        model.
-    margin : Margin or None
-        What is taken off distances, where the families are of the arm's design.
-    tube : str
-        What is known of the arm, in words, where the families are of another geometry; else empty.
-    """
-
-    names: tuple[str, ...]
+    names: tuple[str, ...]  # after the task where several closed forms were given
     families: tuple[Family, ...]
     joints: tuple[str, ...]
-    prismatic: Bool
-    lower: Array
+    prismatic: Bool  # (n,)
+    lower: Array  # (n,), radians or metres; infinite where continuous
     upper: Array
-    weight: Array
-    norm: str
-    complete: bool
-    arm: Arm | None
-    margin: Margin | None = None
-    tube: str = ""
+    weight: Array  # (n,), factors of joint differences
+    norm: str  # "euclidean" or "max"
+    complete: bool  # no singular configuration lies elsewhere
+    arm: Arm | None  # as loaded; None for forms read from a file
+    margin: Margin | None = None  # taken off distances to families of the design
+    tube: str = ""  # words on the arm where families are of another geometry
 
     @property
     def n(self) -> int:
@@ -127,20 +100,7 @@ class Watched:
         return np.array([low for low, _ in both]), np.array([high for _, high in both])
 
     def check(self, Q: npt.ArrayLike, name: str = "Q") -> Array:
-        """Return joint vectors (..., n) as floats, or say what is wrong with them.
-
-        Parameters
-        ----------
-        Q : (..., n) or (..., nq) array_like
-            Radians and metres, or configurations of the whole model where ``arm`` is known.
-        name : str
-            What messages call it.
-
-        Raises
-        ------
-        ConfigurationError
-            If the last axis has neither length, or a number is not finite.
-        """
+        """Return joint vectors (..., n) of such, or (..., nq) if ``arm`` is known, else raise."""
         if self.arm is not None:
             return self.arm.check(Q, name)
         array = real_numbers(columns_of(Q, self.joints, name), name)
@@ -149,10 +109,9 @@ class Watched:
         return array
 
     def require_angle(self, value: float, called: str) -> None:
-        """Raise an OptionError if a clearance is more than half a turn: it is in degrees.
+        """Raise OptionError if a clearance is over half a turn: nothing is so far, it is degrees.
 
-        Nothing is that far from all families. It says nothing of arms that only slide, and of
-        those that were loaded with ``units="rad"``.
+        Not for arms that only slide, or were loaded with ``units="rad"``.
         """
         if value > np.pi and not (self.prismatic.all() or (self.arm and self.arm.units)):
             raise OptionError(
@@ -186,28 +145,8 @@ def watch(
     weights: npt.ArrayLike | None = None,
     norm: str = "euclidean",
 ) -> Watched:
-    """Choose families of closed forms by name; all that have real points by default.
-
-    Parameters
-    ----------
-    forms : ClosedForm or sequence of ClosedForm
-        Closed forms of one arm.
-    families : sequence of str, optional
-        Names or titles, such as ``["F1", "wrist"]``.
-    weights : (n,) array_like, optional
-        What joint differences are multiplied by, instead of 1 for revolute joints and
-        1 / length scale for prismatic ones.
-    norm : str
-        "euclidean" or "max".
-
-    Raises
-    ------
-    OptionError
-        If there is no closed form, or they are of different arms, or weights make no sense; if
-        ``families`` is empty and there are some.
-    UnknownNameError
-        If there is no family of a name.
-    """
+    """Choose families of one arm's forms by name or title, by default all that have real points."""
+    # ``weights`` (n,) replace 1 for revolute joints and 1 / length scale for prismatic ones.
     plain = isinstance(forms, ClosedForm) and families is None and weights is None
     if plain and norm == "euclidean":
         found = _MADE.get(forms)  # type: ignore[arg-type]
@@ -306,15 +245,7 @@ def every_name(forms: Forms) -> list[str] | None:
 
 
 def require_forms_of(forms: Forms, arm: Arm) -> None:
-    """Refuse closed forms that are of another arm.
-
-    The task may be another one; joints, base, tip and limits are what tells arms apart.
-
-    Raises
-    ------
-    OptionError
-        Naming both arms, and what differs.
-    """
+    """Raise OptionError if forms are of another arm: joints, base, tip or limits differ."""
     here = summarize(arm)
     for form in [forms] if isinstance(forms, ClosedForm) else list(forms):
         if not isinstance(form, ClosedForm):

@@ -160,14 +160,8 @@ class Zones(JsonResult):
 
 
 def zone_distances(zones: Zones, arm: ArmSummary, names: Sequence[str]) -> Array:
-    """Return the distances (F,) from families of these names, 0 where none is kept.
-
-    Raises
-    ------
-    OptionError
-        If the zones are of another arm or of other families, or depend on more than the joint
-        values: on a posture, or on where the tip is.
-    """
+    """Return distances (F,) of zones to named families, 0 where none is kept."""
+    # OptionError for another arm or families, or zones that depend on a posture or on the tip.
     require_zones_of(zones, arm, names)
     if zones.posture or np.isfinite(zones.tip_lower).any():
         raise OptionError(f"zones of {', '.join(zones.within)}: give those of joint ranges")

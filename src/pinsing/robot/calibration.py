@@ -33,11 +33,9 @@ _LENGTHS, _ANGLES = ("x", "y", "z"), ("roll", "pitch", "yaw")
 
 
 def calibrated(arm: Arm, file: str | os.PathLike[str]) -> Arm:
-    """Return a UR arm with the placements of a calibration; its design is the arm as it was.
-
-    The YAML ``file`` has ``kinematics``, and there a link a key: ``{x, y, z, roll, pitch, yaw}``,
-    metres and radians. The axes of the base are those of the arm; the tip is the flange.
-    """
+    """Return a UR arm with the placements of a calibration; its design is the arm as it was."""
+    # The YAML ``file`` has ``kinematics``, and there a link a key: ``{x, y, z, roll, pitch, yaw}``,
+    # metres and radians. The axes of the base are those of the arm; the tip is the flange.
     if arm.n != len(LINKS) or arm.prismatic.any() or arm.coupling is not None:
         raise OptionError(f"--calibration is for a UR robot, and {arm.name!r} is none")
     root = compose(Path(file))
@@ -65,10 +63,8 @@ def calibrated(arm: Arm, file: str | os.PathLike[str]) -> Arm:
 
 
 def known_like(robot: Arm) -> tuple[str, AxisDifference] | None:
-    """Return the known arm with the nearest axes at zero, and the worst of these axes.
-
-    None where each has an axis farther away than 0.05 rad, or a hundredth of the links' length.
-    """
+    """Return the known arm with the nearest axes at zero, and the worst of these axes."""
+    # None where each has an axis farther away than 0.05 rad, or a hundredth of the links' length.
     near, size = [], float(np.linalg.norm(flatten(robot).t, axis=1).sum())
     for name, entry in known_arms().items():
         if len(entry.get("rows", flatten(robot).t[1:])) != robot.n:

@@ -239,10 +239,9 @@ def all_chains(
     shortest: int = SHORTEST,
     longest: int = LONGEST,
 ) -> tuple[Subchain, ...]:
-    """Return the chains of ``shortest`` to ``longest`` joints that end in a leaf or tool frame.
-
-    Each starts at the root and at the last branching; where the root is too far, at all near ones.
-    """
+    """Return the chains of ``shortest`` to ``longest`` joints that end in a leaf or tool frame."""
+    # Each starts at the root and at the last branching; where the root is too far, at all near
+    # ones.
     tools = {c.last: c for c in candidates(model, mimics)}
     children = _children(model)
     ends = sorted({j for j in range(1, model.njoints) if not children[j]} | set(tools))
@@ -262,10 +261,8 @@ def all_chains(
 def arm_chains(
     model: pin.Model, mimics: Collection[str] = (), longest: int = LONGEST
 ) -> tuple[Subchain, ...]:
-    """Return the chains to offer to a user: arms, legs and heads, without fingers.
-
-    Each from the root; and without joints shared with others, or if longer than ``longest``.
-    """
+    """Return the chains to offer to a user: arms, legs and heads, without fingers."""
+    # Each from the root; and without joints shared with others, or if longer than ``longest``.
     children = _children(model)
     found: list[Subchain] = []
     for candidate in candidates(model, mimics):

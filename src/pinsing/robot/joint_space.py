@@ -61,10 +61,8 @@ class JointSpace:
 
     @cached_property
     def span(self) -> tuple[Array, Array]:
-        """Return the range (lower, upper), each (n,), that joints are swept or drawn over.
-
-        Where a limit is infinite: a full turn, or one length scale to both sides.
-        """
+        """Return the range (lower, upper), each (n,), that joints are swept or drawn over."""
+        # Where a limit is infinite: a full turn, or one length scale to both sides.
         reach = np.where(self.prismatic, self.length_scale, np.pi)
         high = np.where(np.isfinite(self.lower), self.lower + 2 * reach, reach)
         high = np.where(np.isfinite(self.upper), self.upper, high)

@@ -243,10 +243,9 @@ def _twice(tree: _SpanningTree, joint: int) -> bool:
 
 
 def _best(tree: _SpanningTree, run: tuple[int, int, int], near: Array, far: Array) -> int:
-    """Return the hinge of a ball to hold.
-
-    The two others point the link: everywhere if it is across the second, and that across the first.
-    """
+    """Return the hinge of a ball to hold."""
+    # The two others point the link: everywhere if it is across the second, and that across the
+    # first.
     scores = []
     for k in range(3):
         a, b = (j for i, j in enumerate(run) if i != k)

@@ -184,11 +184,9 @@ def way_between(model: pin.Model, start: int, end: int) -> Way:
 def turned_round(
     model: pin.Model, base: int, tip: int | None = None
 ) -> tuple[pin.Model, dict[int, tuple[int, pin.SE3]]]:
-    """Return the model with frame ``base`` as the world, and the joint that carries each body.
-
-    Every joint has one degree of freedom and lies between base and ``tip``, a frame to keep. The
-    dictionary has, for each joint of ``model``, the joint that carries its body, and where.
-    """
+    """Return the model with frame ``base`` as the world, and the joint that carries each body."""
+    # Every joint has one degree of freedom and lies between base and ``tip``, a frame to keep. The
+    # dictionary has, for each joint of ``model``, the joint that carries its body, and where.
     out = pin.Model()
     out.name = model.name
     frame = model.frames[base]

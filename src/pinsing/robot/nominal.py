@@ -212,10 +212,8 @@ def jacobian_modulo(
     draw: random.Random,
     values: Mapping[int, Sequence[Exact]] | None = None,
 ) -> list[Vector]:
-    """Return the task Jacobian modulo a prime at a random configuration; no mimic joints.
-
-    ``values`` of joints that stand still: (x, y), the angle 2 atan2(y, x), or (metres,).
-    """
+    """Return the task Jacobian modulo a prime at a random configuration; no mimic joints."""
+    # ``values`` of joints that stand still: (x, y), the angle 2 atan2(y, x), or (metres,).
     values = values or {}
     motions: list[Motion] = []
     for j, slides in enumerate(geometry.prismatic):

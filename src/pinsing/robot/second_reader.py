@@ -48,10 +48,8 @@ class SecondReading:
 
 
 def second_reading(arm: Arm) -> SecondReading | None:
-    """Compare Pinocchio's reading of a URDF with yourdfpy's; None for other arms.
-
-    yourdfpy gets the text of our strict reader, not the file: no entities, no network, no meshes.
-    """
+    """Compare Pinocchio's reading of a URDF with yourdfpy's; None for other arms."""
+    # yourdfpy gets the text of our strict reader, not the file: no entities, no network, no meshes.
     path, shapes = arm.source.path, arm.source.shapes
     if shapes is None or (path is not None and path.suffix.lower() in _TABLES):
         return None

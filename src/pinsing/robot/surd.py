@@ -161,10 +161,9 @@ def residue(value: Exact, prime: int) -> int:
 
 @functools.cache
 def root_modulo(square: int, prime: int) -> int:
-    """Return a square root of 1, 2, 3 or 6 modulo a prime; ValueError if there is none.
-
-    sqrt(2) = z + 1/z for a z of order 8, sqrt(3) for one of order 12, where the prime is 1 mod 24.
-    """
+    """Return a square root of 1, 2, 3 or 6 modulo a prime; ValueError if there is none."""
+    # sqrt(2) = z + 1/z for a z of order 8, sqrt(3) for one of order 12, where the prime is 1 mod
+    # 24.
     if square == 1:
         return 1
     if square == 6:

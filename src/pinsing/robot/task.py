@@ -60,11 +60,9 @@ class Task:
 
     @property
     def places(self) -> bool:
-        """Return True if its rows say where the tip is, so that a pose can be a goal.
-
-        Rows in the tip's axes turn with it: of translations all or none must be there, and of
-        rotations all, none, or all but one about an axis of the tip.
-        """
+        """Return True if its rows say where the tip is, so that a pose can be a goal."""
+        # Rows in the tip's axes turn with it: of translations all or none must be there, and of
+        # rotations all, none, or all but one about an axis of the tip.
         partly = [t for t in (POSITION, _ORIENTATION) if 0 < len(set(t) & set(self.rows)) < 3]
         tip = [r for r, at in self._marked if at and any(r in t for t in partly)]
         return not tip or (self.tool_axis is not None and all(r >= 3 for r in tip))

@@ -102,10 +102,8 @@ class WholeModel:
             )
 
     def q_of(self, full_q: Array) -> Array:
-        """Return joint vectors (..., n) of configurations (..., nq) of the whole model.
-
-        ConfigurationError if a held joint is elsewhere. Angles are in (-pi, pi].
-        """
+        """Return joint vectors (..., n) of configurations (..., nq) of the whole model."""
+        # ConfigurationError if a held joint is elsewhere. Angles are in (-pi, pi].
         whole = self.source.full_model
         kept = self.source.kept
         values = np.stack([self._value(j, full_q) for j in kept], axis=-1)

@@ -41,29 +41,13 @@ class Paint:
 
 @dataclass(frozen=True)
 class Painted:
-    """Triangles of one paint, in whole steps of their size.
+    """Triangles of one paint, in steps of their size."""
 
-    Attributes
-    ----------
-    middle : tuple of float
-        Where the steps count from, in the unit of the file.
-    step : float
-        Their length.
-    vertices : (n, 4) array of int16
-        In steps; the last column pads.
-    normals : (n, 4) array of int8
-        127 long; the last column pads.
-    faces : (m, 3) array of uint16 or uint32
-        Three vertices each.
-    paint : Paint
-        Of all of them.
-    """
-
-    middle: tuple[float, float, float]
-    step: float
-    vertices: npt.NDArray[np.int16]
-    normals: npt.NDArray[np.int8]
-    faces: npt.NDArray[Any]
+    middle: tuple[float, float, float]  # where the steps count from, unit of the file
+    step: float  # length of a step
+    vertices: npt.NDArray[np.int16]  # (n, 4), in steps; the last column pads
+    normals: npt.NDArray[np.int8]  # (n, 4), 127 long; the last column pads
+    faces: npt.NDArray[Any]  # (m, 3), vertices
     paint: Paint
 
     @classmethod
@@ -90,14 +74,7 @@ class Painted:
 
 
 def read_collada(data: bytes) -> tuple[Painted, ...]:
-    """Read the visual scene of a Collada file.
-
-    Raises
-    ------
-    NotPlainError
-        If it holds textures, bones, colours of single vertices, or anything else that is not
-        plain; or nothing at all.
-    """
+    """Return the visual scene of a Collada file; NotPlainError for textures, bones and the like."""
     from collada import Collada
     from collada.common import DaeError
 

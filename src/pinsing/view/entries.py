@@ -212,34 +212,16 @@ FRAMES = 160
 
 @dataclass(frozen=True, eq=False)
 class Posture:
-    """An inverse solution of the pose that a page was opened at.
+    """An inverse solution of the pose that a page was opened at."""
 
-    Attributes
-    ----------
-    q : (n,) array
-        It, radians and metres.
-    name : str
-        Words of the field, or its number.
-    more : str
-        Its aspect, and whether it can be reached without a singularity.
-    way : (K, n) array or None
-        Poses from the first posture to it, on no family; None where there is no way.
-    """
-
-    q: Array
-    name: str
-    more: str
-    way: Array | None
+    q: Array  # (n,), radians and metres
+    name: str  # words of the field, or its number
+    more: str  # its aspect, and if it can be reached without a singularity
+    way: Array | None  # (K, n), from the first posture on no family
 
 
 def listed_postures(arm: Arm, found: PostureChanges) -> tuple[Posture, ...]:
-    """The postures of a pose in the order of `posture_changes`, that at hand first.
-
-    Raises
-    ------
-    OptionError
-        If they are of an arm with other joints.
-    """
+    """Return postures in the order of `posture_changes`, the current one first."""
     if len(found.q) != arm.n:
         raise OptionError(f"the postures are of {len(found.q)} joints; {arm.name} has {arm.n}")
     here = "singular" if found.aspect is None else f"aspect {found.aspect}"
@@ -287,17 +269,16 @@ SCHEMA = "pinsing/engine/1"
 
 
 def engine_data(arm: Arm, entries: Sequence[Entry], sizes: Sizes) -> dict[str, Any]:
-    """All that the page's engine needs to compute frames by itself; ready for JSON.
+    """Return all that the page's engine needs to compute frames by itself, ready for JSON.
 
-    Keys: ``schema``; ``chain`` (placements of the joints of the model, metres, and how each
-    follows q) and ``nominal``, the same of the nominal geometry where that differs; ``task``
-    (rows of the frame Jacobian, which of them are in the tip's axes, length scale, generic rank,
-    joints that ever move it, task directions that are never produced, (k, 6)); ``judge``
-    (tolerances of the verdict, and the arm's own scale that it is taken at);
-    ``joints`` (limits, None where infinite); ``speeds`` (as of `SpeedJudge`, and what is asked);
-    ``families`` (branches: joint values and equations as in `Equation`; ``confirm``: only those of
-    their zeros count at which the arm is singular, and ``points`` are some); ``centres`` (joints
-    whose axes always meet, with a name); ``sizes``; ``design`` (families are of the design).
+    Keys: ``schema``; ``chain`` (placements of the model's joints, metres, and how each follows q)
+    and ``nominal``, the same of the nominal geometry where that differs; ``task`` (rows of the
+    frame Jacobian, which are in the tip's axes, length scale, generic rank, joints that ever move
+    it, task directions never produced, (k, 6)); ``judge`` (tolerances of the verdict, and the arm's
+    own scale); ``joints`` (limits, None where infinite); ``speeds`` (of `SpeedJudge`, and what is
+    asked); ``families`` (branches: joint values and equations as in `Equation`; ``confirm``: only
+    zeros at which the arm is singular count, and ``points`` are some); ``centres`` (joints whose
+    axes always meet, with a name); ``sizes``; ``design`` (families are of the design).
     """
     exact = nominal(arm)
     never = np.zeros((0, 6))
@@ -371,7 +352,7 @@ def arm_chain(arm: Arm) -> dict[str, Any]:
 def chain_data(
     model: pin.Model, tip_id: int, matrix: Array | None = None, offset: Array | None = None
 ) -> dict[str, Any]:
-    """Joints of a model, root to leaves, with the frame ``tip_id``: numbers to the last bit.
+    """Return joints of a model, root to leaves, with the frame ``tip_id``, numbers to the last bit.
 
     A joint stands at row . q + offset, with its row of ``matrix``; at its own q by default.
     """

@@ -51,13 +51,7 @@ _SHAPES = re.compile(r"/arm/\d+/visual/")
 
 
 class Recorder:
-    """Takes what `meshcat.Visualizer` sends.
-
-    Attributes
-    ----------
-    commands : list of (str, bytes)
-        Where each draws, and the command as msgpack, in order, as meshcat's page reads them.
-    """
+    """Takes what `meshcat.Visualizer` sends: (where, command as msgpack) in order."""
 
     def __init__(self) -> None:
         self.commands: list[tuple[str, bytes]] = []
@@ -72,10 +66,8 @@ class Recorder:
         return meshcat.Visualizer.view_into(self, meshcat.path.Path(()))
 
     def parts(self) -> tuple[bytes, bytes]:
-        """What can be shown at once, and the shapes of links, which are large.
-
-        Commands, each after its length as 4 bytes, little endian.
-        """
+        """Return commands to show at once, and link shapes, which are large."""
+        # Each after its length as 4 bytes, little endian.
         parts = bytearray(), bytearray()
         for path, command in self.commands:
             later = _SHAPES.search(path) is not None
@@ -227,21 +219,11 @@ _AHEAD = "links that are being read"
 
 @dataclass(frozen=True)
 class Links:
-    """Visual geometry of a robot.
+    """Visual geometry of a robot."""
 
-    Attributes
-    ----------
-    geometry : pin.GeometryModel or None
-        Its parents are joints of ``arm.model``; placements of what is fixed to the world are
-        in the base of the arm. None where the robot comes without any.
-    notes : tuple of str
-        What is not there, may not be opened or could not be read.
-    meshes : dict of Path to Mesh
-        Those that it names.
-    """
-
+    # parents in ``arm.model``; fixed shapes in the base of the arm
     geometry: pin.GeometryModel | None
-    notes: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()  # what is missing, forbidden, or cannot be read
     meshes: dict[Path, Mesh] = field(default_factory=dict)
 
     def bare(self, arm: Body) -> tuple[int, ...]:
@@ -302,10 +284,9 @@ def _read_links(arm: Body) -> Links:
 
 
 def base_placement(arm: Body, full_q: Array | None = None) -> pin.SE3:
-    """Placement of the arm's base in the world of the full model.
+    """Return the base of the arm in the full model's world, at ``full_q`` (nq,) or the reference.
 
-    At its configuration ``full_q`` (nq,), or the reference: joints that are traversed backwards
-    move the base there.
+    Joints that are traversed backwards move it.
     """
     if arm.base == "universe":
         return pin.SE3.Identity()

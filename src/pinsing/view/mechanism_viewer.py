@@ -43,22 +43,17 @@ SCHEMA = "pinsing/mechanism-engine/1"
 
 
 def mechanism_data(mechanism: Mechanism, sizes: Sizes, normal: Array | None) -> dict[str, Any]:
-    """All that the page's engine needs to move a mechanism by itself; ready for JSON.
+    """Return all that the page's engine needs to move a mechanism by itself, ready for JSON.
 
     Keys: ``schema``; ``chain``, as of an arm, its tip the output; ``loops``, each with ``kind`` and
-    the two frames; ``task``, ``metric`` (what counts as one radian, per joint), ``joints``
-    (limits, None where infinite), ``actuated``; ``ranks`` that are generic; ``judge``, tolerances
-    of the verdict; ``home`` (n,), closed; ``assembly``, rows of the closure whose determinant
-    tells assembly modes apart, and its sign at home, or None; ``pose``, coordinates in which the
-    output is led (see `led_pose`); ``balls`` that are written as three hinges, their centres in
-    the frame of the first; ``legs``, the joints of each; ``elbows``; ``dyad``, where two
-    links in a plane close the loop, or None; ``normal`` of the plane of a planar mechanism;
-    ``sizes``.
-
-    Parameters
-    ----------
-    normal : (3,) array, optional
-        Of the plane of a planar mechanism: turning is then drawn as a ring in the plane.
+    the two frames; ``task``, ``metric`` (what counts as one radian, per joint), ``joints`` (limits,
+    None where infinite), ``actuated``; generic ``ranks``; ``judge``, tolerances of the verdict;
+    ``home`` (n,), closed; ``assembly``, rows of the closure whose determinant tells assembly modes
+    apart, and its sign at home, or None; ``pose``, coordinates that lead the output (see
+    `led_pose`); ``balls`` written as three hinges, their centres in the frame of the first;
+    ``legs``, the joints of each; ``elbows``; ``dyad``, where two links in a plane close the loop,
+    or None; ``normal`` (3,) of the plane of a planar mechanism, which is drawn with turning as a
+    ring in it; ``sizes``.
     """
     m, model = mechanism, mechanism.model
     generic = ranks(m)
@@ -128,15 +123,7 @@ def mechanism_data(mechanism: Mechanism, sizes: Sizes, normal: Array | None) -> 
 
 @dataclass(frozen=True, eq=False)
 class Linkage:
-    """The spanning tree of a mechanism, as a `Body`.
-
-    Attributes
-    ----------
-    model, joints, tip_id, span, known, source, base
-        As of any body; the tip is the output, the base the root.
-    ends : tuple of int
-        Frames that links end in: those that close the loops, and the output.
-    """
+    """The spanning tree of a mechanism, as a `Body`: the tip is the output, the base the root."""
 
     model: pin.Model
     joints: tuple[str, ...]
@@ -145,7 +132,7 @@ class Linkage:
     known: dict[str, Any]
     source: Source
     base: str
-    ends: tuple[int, ...]
+    ends: tuple[int, ...]  # frames that links end in: those that close loops, and the output
 
     @classmethod
     def of(cls, m: Mechanism) -> Linkage:
@@ -159,10 +146,8 @@ class Linkage:
 
 
 def linkage_sizes(mechanism: Mechanism, scale: float = 1.0) -> Sizes:
-    """Sizes that suit a mechanism: the ellipsoids about a quarter of its extent, by ``scale``.
-
-    Velocities are those at unit input speed, at regular configurations drawn at random.
-    """
+    """Return sizes for a mechanism: ellipsoids of about a quarter of its extent, by ``scale``."""
+    # For unit input speed at random regular configurations.
     rng = np.random.default_rng(377)
     samples = [home(mechanism), *random_closed(mechanism, 16, rng)]
     states = [mechanism_at(mechanism, q) for q in samples]
@@ -236,20 +221,11 @@ def side(normal: Array | None) -> tuple[float, ...]:
 
 
 def draw_linkage_marks(node: Any, mechanism: Mechanism, size: Sizes) -> None:
-    """Draw the arrows of motions that the actuators do not hold; adapt the rest to a plane.
+    """Draw arrows of motions that actuators do not hold; in a plane, adapt the scene to it.
 
-    In a plane the rotations are about its normal: a ring, whose radius is the speed, takes the
-    place of an ellipsoid that would be a needle seen from its end; and the floor goes below a
-    linkage that lies on it.
-
-    Parameters
-    ----------
-    node : meshcat visualizer
-        The node ``pinsing`` of the scene that `draw_scene` drew.
-    mechanism : Mechanism
-        The mechanism.
-    size : Sizes
-        How large things are drawn.
+    A ring, whose radius is the speed about the normal, replaces an ellipsoid that would be a
+    needle, and the floor goes below the linkage. ``node`` is ``pinsing`` of the scene that
+    `draw_scene` drew.
     """
     straight_arrow(node["free/translation"], size.reach, HOT)
     ring_arrow(node["free/rotation"], size.reach, HOT)
@@ -276,24 +252,12 @@ _MEANING = {
 
 @dataclass(frozen=True, eq=False)
 class Group:
-    """A line of the list.
+    """A line of the list."""
 
-    Attributes
-    ----------
-    name : str
-        ``L1``.
-    text : str
-        What is singular, and how.
-    more : tuple of str
-        The equation, and what else there is to say.
-    points : tuple of SingularPoint
-        Poses to step through, those near home first.
-    """
-
-    name: str
-    text: str
-    more: tuple[str, ...]
-    points: tuple[SingularPoint, ...]
+    name: str  # such as ``L1``
+    text: str  # what is singular, and how
+    more: tuple[str, ...]  # the equation, and what else there is to say
+    points: tuple[SingularPoint, ...]  # poses to step through, those near home first
 
 
 def groups(mechanism: Mechanism, analysis: MechanismAnalysis) -> tuple[Group, ...]:
@@ -405,15 +369,7 @@ def _distinct(mechanism: Mechanism, points: list[SingularPoint]) -> tuple[Singul
 
 @dataclass
 class MechanismStage(Scenery):
-    """A mechanism with its list of singular poses, at a closed configuration.
-
-    Attributes
-    ----------
-    groups : tuple of Group
-        The list of the page.
-    normal : (3,) array or None
-        Of the plane of a planar mechanism.
-    """
+    """A mechanism with its list of singular poses, at a closed configuration."""
 
     robot: Mechanism
     groups: tuple[Group, ...] = ()

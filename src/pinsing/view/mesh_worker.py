@@ -24,15 +24,7 @@ _LARGEST = 1e9
 
 
 def read(loader: Any, path: str, wanted: str) -> tuple[bytes, bytes]:
-    """Return the two pieces of an answer.
-
-    ``wanted`` is "content", "paint" or "judge": what is judged only has empty ones.
-
-    Raises
-    ------
-    ValueError
-        If there are no vertices, too many, or they are not finite.
-    """
+    """Return the two pieces of an answer, empty ones to "judge"; ValueError for bad vertices."""
     import numpy as np
 
     if wanted == "paint":

@@ -35,42 +35,19 @@ _WANTED = {".dae": "paint", ".obj": "judge", ".stl": "judge"}  # go into the pag
 
 @dataclass(frozen=True)
 class Mesh:
-    """What a mesh file holds; nothing where the file itself goes into the page.
+    """The triangles of a mesh file; empty where the file itself goes into the page."""
 
-    Attributes
-    ----------
-    vertices : (n, 3) array
-        In the unit of the file.
-    faces : (m, 3) array of int
-        Triangles: three vertices each, counted from 0.
-    painted : tuple of Painted
-        The same of a Collada file that holds plain painted triangles, by their paints.
-    """
-
-    vertices: Array
-    faces: npt.NDArray[np.int32]
-    painted: tuple[Painted, ...] = ()
+    vertices: Array  # (n, 3), unit of the file
+    faces: npt.NDArray[np.int32]  # (m, 3), indices from 0
+    painted: tuple[Painted, ...] = ()  # of a plain painted Collada file, by paint
 
 
 def read_geometry(
     model: pin.Model, xml: str
 ) -> tuple[pin.GeometryModel, dict[Path, Mesh], tuple[str, ...]]:
-    """Return the visual geometry of a URDF, its meshes, and notes on what was left out.
-
-    A mesh stands as a sphere in the geometry, with its path and scale.
-
-    Parameters
-    ----------
-    model : pin.Model
-        The whole robot of that URDF.
-    xml : str
-        Checked URDF; its meshes are addresses of files.
-
-    Raises
-    ------
-    ValueError, RuntimeError
-        If Pinocchio cannot read the URDF.
-    """
+    """Return the visual geometry of a checked URDF, its meshes, and notes on what was left out."""
+    # A mesh stands as a sphere in the geometry, with its path and scale. ValueError or RuntimeError
+    # if Pinocchio cannot read the URDF.
     root = ET.fromstring(xml)
     wanted: dict[str, tuple[Path, Array]] = {}
     for link in root.iter("link"):
@@ -113,11 +90,9 @@ def _notes(found: Mapping[Path, Mesh | str]) -> tuple[str, ...]:
 def read_meshes(
     paths: Sequence[Path], tell: Callable[[str], object] = lambda _: None
 ) -> dict[Path, Mesh | str]:
-    """Read files in a child process; each gives a mesh, or what is wrong with it in words.
+    """Return the mesh of each file, by a child process or `mesh_cache`, or what is wrong with it.
 
-    ``tell`` is called with a line that says which of the kernel's walls around it is not there.
-
-    Files whose content was read before, and found in order, are taken from `mesh_cache`.
+    ``tell`` gets a line on which of the kernel's walls around the child is missing.
     """
     found: dict[Path, Mesh | str] = {}
     left = []
@@ -174,10 +149,8 @@ def _mesh(path: Path, first: bytes, second: bytes) -> Mesh | None:
 
 
 def _ask_child(paths: Sequence[Path], missing: list[str]) -> dict[Path, tuple[bytes, bytes] | str]:
-    """Return what a child made of the first files; the one at which it ended comes last.
-
-    What it says of walls that are not there is put into ``missing``.
-    """
+    """Return a child's answers on the first files, the one at which it ended last."""
+    # Walls that are not there are added to ``missing``.
     request = {
         "paths": [(str(path), _WANTED.get(path.suffix.lower(), "content")) for path in paths],
         "sys_path": [os.path.abspath(entry) for entry in sys.path],
@@ -231,10 +204,7 @@ def _receive(answers: BinaryIO) -> tuple[bytes, bytes] | str | None:
 
 
 def cache_folder() -> Path | None:
-    """Our own folder of meshes, for this user alone; None where there can be none.
-
-    ``PINSING_CACHE`` names another place; empty, it means none.
-    """
+    """Return this user's folder of meshes, or ``PINSING_CACHE``; None if empty or impossible."""
     named = os.environ.get("PINSING_CACHE")
     if named == "":
         return None

@@ -48,39 +48,19 @@ class Served(Protocol):
 
 @dataclass
 class Site:
-    """What all requests share.
+    """What all requests share."""
 
-    Attributes
-    ----------
-    stage : Served or None
-        What is shown, once it is there.
-    texts : Mapping
-        Type and content of the page's files, by name; some contents are still to come.
-    policies : Mapping
-        Content security policy of pages, by the token in their address.
-    is_ours : callable
-        Whether a Host header names this server.
-    clients : set
-        Links that are open.
-    read : callable or None
-        What pages show of a trajectory file: of its name, content, and whether in degrees.
-    """
-
-    stage: Served | None
+    stage: Served | None  # None until it is there
+    # type and content of the page's files, by name
     texts: Mapping[str, tuple[str, Content | Future[Content]]]
-    policies: Mapping[str, str]
-    is_ours: Callable[[str], bool]
-    clients: set[Live] = field(default_factory=set)
+    policies: Mapping[str, str]  # content security policies, by the token in the address
+    is_ours: Callable[[str], bool]  # tells if a Host header names this server
+    clients: set[Live] = field(default_factory=set)  # open links
+    # page data of a trajectory file: its name, content, and if in degrees
     read: Callable[[str, bytes, bool | None], dict[str, Any]] | None = None
 
     def policy(self, host: str, token: str) -> str:
-        """Return the policy for a request.
-
-        Raises
-        ------
-        HTTPError
-            403 for a wrong host or token.
-        """
+        """Return the policy for a request; HTTPError 403 for a wrong host or token."""
         if self.is_ours(host):
             for known, policy in self.policies.items():
                 if hmac.compare_digest(known.encode(), token.encode()):
@@ -335,11 +315,8 @@ def meshcat_script() -> str:
 
 @cache
 def engine_script() -> str:
-    """The engine as one classic script that sets ``Engine``.
-
-    Its modules are plain ES modules, as Node and editors know them; a page that opens from a
-    file may not import one from another, so each becomes a function that returns its exports.
-    """
+    """Return the engine as one classic script that sets ``Engine``."""
+    # A page from a file may not import modules: each becomes a function that returns its exports.
     folder = files("pinsing.view").joinpath("engine")
     parts, names = [], []
     for name in ENGINE:
@@ -373,10 +350,7 @@ def live_html(title: str) -> str:
 
 
 def static_html(title: str, page: dict[str, Any], scene: bytes, links: bytes) -> str:
-    """The page that opens from a file: poses and meshes inside, compressed.
-
-    Meshes come last, so that the arm can be seen as a skeleton while they are read.
-    """
+    """Return the page that opens from a file, meshes last: the skeleton shows before them."""
     text = json.dumps(page, separators=(",", ":"), allow_nan=False)
     baked = [_baked("page", text.encode()), _baked("scene", scene)]
     scripts = [f"<script>\n{code}\n</script>" for code in (meshcat_script(), script())]

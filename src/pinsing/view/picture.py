@@ -46,15 +46,7 @@ def find_browser() -> str | None:
 
 
 def take_picture(url: str, path: str | os.PathLike[str], size: tuple[int, int]) -> None:
-    """Open a page without a window, wait until it is drawn, and write it as PNG.
-
-    Raises
-    ------
-    OptionError
-        If the size makes no sense.
-    OutputError
-        If there is no browser, the page does not come up, or the file cannot be written.
-    """
+    """Write a page, once drawn, as PNG; OptionError for the size, OutputError for all else."""
     if not all(16 <= side <= 8192 for side in size):
         raise OptionError(f"the size of a picture must be within 16 and 8192 pixels, got {size}")
     path = check_writable(path)
@@ -67,13 +59,7 @@ def check_browser(
     what: str = "PDF",
     instead: str = "the HTML prints from any browser",
 ) -> str:
-    """Return the browser that will write ``path``, before anything is computed.
-
-    Raises
-    ------
-    OutputError
-        If there is none.
-    """
+    """Return the browser that will write ``path``; OutputError, before any work, if none."""
     browser = find_browser()
     if browser is None:
         raise OutputError(
@@ -84,13 +70,7 @@ def check_browser(
 
 
 def printed(html: str, path: str | os.PathLike[str]) -> bytes:
-    """Return a page as PDF, meant for ``path``, which is left alone.
-
-    Raises
-    ------
-    OutputError
-        If there is no browser, or it fails.
-    """
+    """Return a page as PDF, for ``path`` in messages; OutputError without a working browser."""
     browser = check_browser(path)
     with tempfile.TemporaryDirectory(prefix="pinsing-", ignore_cleanup_errors=True) as folder:
         page, out = Path(folder, "report.html"), Path(folder, "report.pdf")

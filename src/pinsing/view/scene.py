@@ -38,21 +38,11 @@ SLIM = 0.1
 
 @dataclass(frozen=True)
 class Sizes:
-    """How large things are drawn; one choice per arm, so that poses can be compared.
+    """How large things are drawn; one choice per arm, so that poses can be compared."""
 
-    Attributes
-    ----------
-    reach : float
-        Length of the stretched arm, metres.
-    translation : float
-        Metres drawn for 1 m/s.
-    rotation : float
-        Metres drawn for 1 rad/s.
-    """
-
-    reach: float
-    translation: float
-    rotation: float
+    reach: float  # length of the stretched arm, metres
+    translation: float  # metres drawn for 1 m/s
+    rotation: float  # metres drawn for 1 rad/s
 
 
 def sizes(arm: Arm, scale: float = 1.0) -> Sizes:
@@ -126,10 +116,7 @@ class _Sphere(geometry.Sphere):  # type: ignore[misc]
 def draw_scene(
     root: Any, arm: Body, links: Links, size: Sizes, ends: Sequence[int] | None = None
 ) -> tuple[str, ...]:
-    """Draw everything below the meshcat node ``root``; return notes on what could not be.
-
-    Bones lead to the frames ``ends`` as well (indices in the model); by default to the tip.
-    """
+    """Draw all below meshcat's ``root``, bones to ``ends`` (frames; the tip) too; return notes."""
     node = root["pinsing"]
     notes = draw_links(node["arm"], links)
     _skeleton(node["arm"], arm, size.reach, [arm.tip_id] if ends is None else ends)
@@ -321,19 +308,8 @@ SYMBOLS = {
 class Overlay:
     """Keeps the node ``pinsing`` of a visualizer up to date.
 
-    Parameters
-    ----------
-    visualizer : pinocchio MeshcatVisualizer or meshcat.Visualizer
-        The former also displays the robot, if its model is the arm's or the one it came from.
-    arm : Arm
-        The arm.
-    size : Sizes
-        How large things are drawn.
-
-    Raises
-    ------
-    OptionError
-        If it is neither, or has no viewer yet.
+    A pinocchio MeshcatVisualizer also displays the robot, if its model is the arm's or the one it
+    came from; else a meshcat.Visualizer. OptionError if it is neither, or has no viewer yet.
     """
 
     def __init__(self, visualizer: Any, arm: Arm, size: Sizes) -> None:

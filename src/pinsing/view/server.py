@@ -63,8 +63,8 @@ class Listener(socket.socket):
 class Door(HTTPServer):  # type: ignore[misc,unused-ignore]
     """A server that holds a limited number of links.
 
-    One more takes the place of the link that has waited longest without a request: links that say
-    nothing keep nobody out. Where all are being answered, it is dropped.
+    One more replaces the link that has waited longest without a request; if all are being answered,
+    it is dropped.
     """
 
     def initialize(self, *args: Any, **kwargs: Any) -> None:
@@ -149,13 +149,7 @@ def _address(name: str) -> ipaddress.IPv4Address | ipaddress.IPv6Address | None:
 
 
 def bind(host: str, port: int | None) -> list[socket.socket]:
-    """Return sockets that listen on every address that ``host`` stands for, on one port.
-
-    Raises
-    ------
-    OptionError
-        If the port is taken, or there is no such address.
-    """
+    """Return sockets on all addresses of ``host``, one port; OptionError if taken or unknown."""
     if port is not None and not 0 <= port <= 65535:
         raise OptionError(f"port must be between 0 and 65535, got {port}")
     problem: OSError | None = None
@@ -202,21 +196,9 @@ _LATER = ("page.json", "scene", "links")
 class Server:
     """Serves one stage from a daemon thread.
 
-    Parameters
-    ----------
-    stage : Served or str
-        What is shown; or its name, where it follows by `fill` and pages wait for it.
-    scene, links : bytes
-        Drawing commands of the scene, and those of the links' shapes.
-    host : str
-        Address to listen on.
-    port : int, optional
-        By default the first free one from 7000 on.
-
-    Raises
-    ------
-    OptionError
-        If the port is taken, or there is no such address.
+    Or its name, where `fill` sets it later. ``scene`` and ``links`` are drawing commands; by
+    default the first free port from 7000 on. OptionError if the port is taken, or there is no such
+    address.
     """
 
     def __init__(

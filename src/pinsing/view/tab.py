@@ -41,36 +41,17 @@ SIDE = (0.74, 0.36, 0.57)
 
 @dataclass
 class Scenery:
-    """What all stages have: a robot, drawn, at a configuration that can be set.
-
-    Attributes
-    ----------
-    robot : Arm or Mechanism
-        What is shown.
-    links : Links
-        Its visual geometry.
-    sizes : Sizes
-        How large things are drawn.
-    skeleton : bool
-        Leave shapes out.
-    notes : tuple of str
-        What could not be drawn.
-    q : (n,) array
-        The configuration shown.
-    chosen : (entry, pose) or None
-        Where in the list that is.
-    words : str
-        What the page says of it.
-    """
+    """A robot, drawn, at a configuration that can be set."""
 
     robot: Arm | Mechanism
     links: Links
     sizes: Sizes
-    skeleton: bool
-    notes: tuple[str, ...]
-    q: Array = field(init=False)
+    skeleton: bool  # leave shapes out
+    notes: tuple[str, ...]  # what could not be drawn
+    q: Array = field(init=False)  # (n,), shown
+    # (entry, pose) of the list, if ``q`` is one
     chosen: tuple[int, int] | None = field(init=False, default=None)
-    words: str = field(init=False, default="")
+    words: str = field(init=False, default="")  # what the page says of it
 
     @property
     def name(self) -> str:
@@ -128,31 +109,15 @@ class Scenery:
 
 @dataclass
 class Stage(Scenery):
-    """An arm with its list.
-
-    Attributes
-    ----------
-    entries : tuple of Entry
-        The list of the page.
-    way : mapping, optional
-        A motion that pages show first, as `trajectory_data` has it.
-    postures : tuple of Posture
-        Inverse solutions of one pose, and ways to them.
-    coverage : str
-        How sure it is that the list holds all; empty where that is not known.
-    clearest : Suggestion, optional
-        The clearest configuration that was found before.
-    zones : dict, optional
-        Bands at the sliders: a range of joints, how near to each family is too near, and why.
-    """
+    """An arm with its list."""
 
     robot: Arm
     entries: tuple[Entry, ...] = ()
-    way: Mapping[str, Any] | None = None
-    postures: tuple[Posture, ...] = ()
-    coverage: str = ""
+    way: Mapping[str, Any] | None = None  # a motion that pages show first, from `trajectory_data`
+    postures: tuple[Posture, ...] = ()  # of one pose, and ways to them
+    coverage: str = ""  # how sure it is that the list holds all, if known
     clearest: Suggestion | None = None
-    zones: dict[str, Any] | None = None
+    zones: dict[str, Any] | None = None  # bands at the sliders: joint ranges, distances, and why
 
     def __post_init__(self) -> None:
         self.chosen = next(((i, 0) for i, e in enumerate(self.entries) if e.poses), None)
@@ -201,11 +166,9 @@ class Stage(Scenery):
 
     @cached_property
     def mode(self) -> str:
-        """Pure motions of a pose task, where those of regular configurations fill a plane or more.
-
-        They go flat, or to a line, where a motion is lost; those of an arm of three or four
-        joints are lines or points everywhere.
-        """
+        """Return pure motions of a pose task where regular ones fill a plane or more."""
+        # They go flat, or to a line, where a motion is lost; those of an arm of three or four
+        # joints are lines or points everywhere.
         arm, rng = self.robot, np.random.default_rng(0)
         if arm.task.name != "pose":
             return "all"
@@ -260,17 +223,9 @@ def _entry(entry: Entry, n: int) -> dict[str, Any]:
 class Tab:
     """A stage in a browser tab.
 
-    The server is started when its address is first asked for, inside this process and on
-    loopback only unless ``host`` says otherwise.
-
-    Parameters
-    ----------
-    stage : Scenery
-        What is shown.
-    scene, links : bytes
-        Drawing commands of the scene, and those of the links' shapes, which follow.
-    host, port : str, int
-        Where to listen; by default loopback, the first free port from 7000 on.
+    Its server starts when the address is first asked for, on loopback and the first free port from
+    7000 on unless ``host`` and ``port`` say otherwise. ``links`` are commands that follow
+    ``scene``.
     """
 
     def __init__(
@@ -349,15 +304,7 @@ class Tab:
         write_text(path, self.html())
 
     def _place(self, wanted: str | int, pose: int) -> int:
-        """Place of an entry, given by its name or by that place, in the list of the page.
-
-        Raises
-        ------
-        UnknownNameError
-            If the list has no such entry.
-        OptionError
-            If the entry has no such pose.
-        """
+        """Return the index of an entry, by name or index; errors if it or its pose is unknown."""
         names = [name for name, _ in self._shown.poses]
         known = 0 <= wanted < len(names) if isinstance(wanted, int) else wanted in names
         if not known:

@@ -31,21 +31,8 @@ def trajectory_data(
     robot: str = "",
     notes: tuple[str, ...] = (),
 ) -> dict[str, Any]:
-    """What a page shows of a trajectory, ready for JSON.
-
-    Parameters
-    ----------
-    arm : Arm
-        The arm.
-    check : TrajectoryCheck
-        What `check_trajectory` says of it: its first lines are the page's.
-    Q, t : (N, n) array, (N,) array or None
-        Samples, radians and metres, and their times.
-    name, robot : str
-        How the trajectory is called, and how commands name the robot.
-    notes : tuple of str
-        How its file was read.
-    """
+    """Return what a page shows of a trajectory Q (N, n) at times t (N,), ready for JSON."""
+    # The first lines of ``check`` are the page's; ``robot`` is how commands name it.
     times = np.arange(len(Q), dtype=float) if t is None else np.asarray(t, dtype=float)
     first, last = float(times[0]), float(times[-1])
     judged = [(c.t, c.q, "meets", titled(c.family, c.title)) for c in check.crossings[:_STOPS]]
@@ -79,10 +66,7 @@ def trajectory_data(
 
 
 def dropped(arm: Arm, name: str, content: bytes, degrees: bool | None) -> dict[str, Any]:
-    """The same of a file that was dropped onto a page, read as `pinsing check` reads it.
-
-    Key ``error`` alone, in words, where it cannot be.
-    """
+    """Return page data of a file dropped onto a page, or ``error`` in words."""
     with tempfile.TemporaryDirectory() as folder:
         kind = Path(name).suffix.lower()
         file = Path(folder) / f"path{kind if kind in _KINDS else '.csv'}"
