@@ -214,14 +214,24 @@ def test_a_form_stands_for_its_arm_and_an_arm_for_its_form(names):
     assert pinsing.aspects(arm).word == "proven"
 
 
-def test_every_result_is_text_json_and_a_cell_of_a_notebook():
+def test_every_result_is_text_json_and_a_cell_of_a_notebook(names):
     kinds = [value for value in documented().values() if isinstance(value, type)]
-    results = [kind for kind in kinds if issubclass(kind, JsonResult)]
-    assert len(results) > 20
-    for kind in results:
+    public = [kind for kind in kinds if issubclass(kind, JsonResult)]
+    assert len(public) > 20
+    for kind in public:
         assert kind.__str__ is not object.__str__
         assert callable(kind.to_json)
         assert callable(kind._repr_html_)
+    form, q = names["form"], names["q"]
+    results = (
+        form["wrist"].distance(q),
+        pinsing.inverse(form, pinsing.at(form, q).tip_position)[0],
+        pinsing.Monitor(form).update(q),
+    )
+    for result in results:
+        assert str(result) in repr(result)
+        assert str(result) in result._repr_html_()
+        assert type(result).from_json(result.to_json()).to_dict() == result.to_dict()
     speeds = pinsing.inverse_velocity(np.eye(2), [0.1, 0.2])
     assert "dq: [0.1 0.2]" in str(speeds)
     assert "dq: [0.1 0.2]" in speeds._repr_html_()

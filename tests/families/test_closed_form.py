@@ -175,7 +175,7 @@ def test_json_round_trip(name: str) -> None:
     for ours, theirs in zip(form.families, again.families, strict=True):
         for Q in (q, near):
             np.testing.assert_array_equal(ours.contains(Q), theirs.contains(Q))
-        assert ours.distance(near[0])[0] == theirs.distance(near[0])[0]
+        assert ours.distance(near[0]).value == theirs.distance(near[0]).value
         first = ours.sample(3, np.random.default_rng(1))
         np.testing.assert_array_equal(first, theirs.sample(3, np.random.default_rng(1)))
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import NamedTuple, Protocol
+from typing import ClassVar, Protocol
 
 import numpy as np
 
@@ -14,13 +14,14 @@ from pinsing.algebra.nearest import SearchOptions, nearest_points
 from pinsing.families.parts import Branch
 from pinsing.families.zero_set import Stop, project, thrown
 from pinsing.measures import ROUNDING
-from pinsing.notebook import one_line
 from pinsing.robot.joint_space import JointSpace
+from pinsing.serialization import JsonResult
 
 _STARTS = 200
 
 
-class Distance(NamedTuple):
+@dataclass(frozen=True, eq=False)
+class Distance(JsonResult):
     """How far a configuration is from a family.
 
     Attributes
@@ -39,20 +40,22 @@ class Distance(NamedTuple):
         How far ``q`` is.
     """
 
+    schema: ClassVar[str] = "pinsing/distance/1"
+
     value: float
     q: Array
     exact: bool
     lower: float
     upper: float
 
-    def __repr__(self) -> str:
+    def __str__(self) -> str:
         if np.isinf(self.lower):
-            return one_line("Distance", "infinite, none within the limits")
+            return "infinite, none within the limits"
         if np.isinf(self.upper):
-            return one_line("Distance", f"at least {self.lower:.6g}, no configuration found")
+            return f"at least {self.lower:.6g}, no configuration found"
         kind = "exact" if self.exact else f"to {self.upper - self.lower:.0e}"
         at = ", ".join(f"{value:.4g}" for value in self.q)
-        return one_line("Distance", f"{self.value:.6g} ({kind}), to q = {at}")
+        return f"{self.value:.6g} ({kind}), to q = {at}"
 
 
 class Confirm(Protocol):

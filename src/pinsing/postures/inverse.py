@@ -75,7 +75,7 @@ def decomposed(
 
 
 @dataclass(frozen=True, eq=False)
-class InverseSolution:
+class InverseSolution(JsonResult):
     """One configuration that reaches the pose.
 
     Attributes
@@ -99,6 +99,8 @@ class InverseSolution:
         of q in joint space (`pinsing.postures.newton`); infinite where that is not proven.
     """
 
+    schema: ClassVar[str] = "pinsing/inverse_solution/1"
+
     q: Array
     regular: bool
     sigma_ratio: float
@@ -106,6 +108,16 @@ class InverseSolution:
     met: int
     error: float
     radius: float = field(default=math.inf, metadata={"optional": True})
+
+    def __str__(self) -> str:
+        return f"{', '.join(f'{value:.6g}' for value in self.q)}{self.doubts}"
+
+    @property
+    def doubts(self) -> str:
+        """What is to be said of it, in brackets; empty where nothing is."""
+        said = [] if self.regular else ["SINGULAR"]
+        said += [] if self.within_limits else ["outside the limits"]
+        return f"   ({', '.join(said)})" if said else ""
 
 
 @dataclass(frozen=True, eq=False)
@@ -208,10 +220,7 @@ class InverseSolutions(JsonResult):
                 f"{inside} within the joint limits"
             ]
         for k, s in enumerate(self.solutions, 1):
-            said = [] if s.regular else ["SINGULAR"]
-            said += [] if s.within_limits else ["outside the limits"]
-            tail = f"   ({', '.join(said)})" if said else ""
-            lines.append(f"{k:>4}  {typed(s.q, self.arm.prismatic, degrees, digits=6)}{tail}")
+            lines.append(f"{k:>4}  {typed(s.q, self.arm.prismatic, degrees, digits=6)}{s.doubts}")
         if self.doubt:
             lines.append(f"note: {self.doubt}")
         return "\n".join([*lines, *(f"note: {n}" for n in self.notes)])

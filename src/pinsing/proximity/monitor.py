@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from dataclasses import dataclass
+from typing import Any, ClassVar
 
 import numpy as np
 import numpy.typing as npt
@@ -21,10 +22,11 @@ from pinsing.kinematics.tip_speed import TURN_SPEED, SpeedJudge, TipSpeeds, limi
 from pinsing.measures import ROUNDING
 from pinsing.notebook import one_line
 from pinsing.proximity.clearance import NAMING, nearest_family
-from pinsing.proximity.watched import Forms, every_name, watch
+from pinsing.proximity.watched import Forms, every_name, titled, watch
 from pinsing.proximity.zones import Zones, zone_distances
 from pinsing.robot.arm import Arm
 from pinsing.robot.whole_model import WholeModel
+from pinsing.serialization import JsonResult
 
 CLEAR, WARN, STOP = LEVELS = ("clear", "warn", "stop")
 
@@ -32,7 +34,8 @@ _NOTHING = np.zeros(0)
 _FLOAT = np.dtype(float)
 
 
-class Verdict(NamedTuple):
+@dataclass(frozen=True)
+class Verdict(JsonResult):
     """What a `Monitor` says of one configuration.
 
     Attributes
@@ -67,6 +70,8 @@ class Verdict(NamedTuple):
         What the joint speed limits allow in every direction here; None unless asked for.
     """
 
+    schema: ClassVar[str] = "pinsing/verdict/1"
+
     level: str
     family: str
     lower: float
@@ -77,6 +82,13 @@ class Verdict(NamedTuple):
     title: str = ""
     zones: tuple[str, ...] | None = None
     tip_speeds: TipSpeeds | None = None
+
+    def __str__(self) -> str:
+        said = f"{self.level}: at least {self.lower:.4g} from a singularity"
+        said += f", the nearest on {titled(self.family, self.title)}" * bool(self.family)
+        if self.time_to_contact is not None and math.isfinite(self.time_to_contact):
+            said += f", in {self.time_to_contact:.3g} s at the soonest"
+        return said
 
 
 class Monitor:
