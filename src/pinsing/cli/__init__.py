@@ -37,11 +37,9 @@ def main(args: Sequence[str] | None = None) -> NoReturn:
 
 
 def program() -> NoReturn:
-    """Run the command line of this process and exit: the ``pinsing`` program.
-
-    Ctrl-C says "stopped" and ends with 130 from the first import on. When the work is done it is
-    no longer heard, so that the exit code tells what was done.
-    """
+    """Run the command line of this process and exit: the ``pinsing`` program."""
+    # Ctrl-C says "stopped" and ends with 130 from the first import on. When the work is done it is
+    # no longer heard, so that the exit code tells what was done.
     gc.set_threshold(_YOUNG)
     code: list[int] = []
     atexit.register(_leave, code)  # first in, last out: whoever cleans up has done so by then

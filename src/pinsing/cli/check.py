@@ -52,13 +52,8 @@ _ANGLE = re.compile(r"\s*([0-9.eE+-]+)\s*(deg|°|rad)?\s*")
 
 
 def angle(text: str, option: str, degrees: bool) -> float:
-    """Radians from ``3deg``, ``0.05rad``, or a plain number in the unit of the command.
-
-    Raises
-    ------
-    OptionError
-        If it is no positive angle, or a plain number of radians is more than half a turn.
-    """
+    """Return radians of ``3deg``, ``0.05rad`` or a plain number; OptionError if not positive."""
+    # So is a plain number of radians above half a turn: it is in degrees.
     match = _ANGLE.fullmatch(text)
     try:
         value = float(match.group(1)) if match else math.nan

@@ -151,10 +151,8 @@ def choices(*names: str) -> Completer:
 
 
 def _robot(ctx: click.Context) -> str:
-    """The robot that was named before.
-
-    An option that still lacks its value ends the parsing; what was read till then is in ``args``.
-    """
+    """Return the robot that was named before."""
+    # An option without its value ends the parsing; what was read till then is in ``args``.
     if ctx.params.get("robot"):
         return str(ctx.params["robot"])
     names = [p.name for p in ctx.command.params if isinstance(p, click.Argument)]

@@ -45,11 +45,8 @@ Run = Callable[..., Any]
 
 
 def loops_option(run: Run) -> Callable[[F], F]:
-    """Add ``--loops FILE.yaml`` to a command of an arm; with it, ``run`` is called instead.
-
-    To be put above ``arm_options``: ``run`` gets the file and all options of the command as they
-    were typed.
-    """
+    """Add ``--loops FILE.yaml`` to a command of an arm; with it, ``run`` is called instead."""
+    # Put above ``arm_options``: ``run`` gets the file and all options as they were typed.
 
     def decorate(command: F) -> F:
         @click.option(
@@ -182,13 +179,7 @@ def analyze_loops(
 
 
 def _refuse_arm_only(options: dict[str, Any]) -> None:
-    """Say which option of an arm's analysis means nothing for a mechanism.
-
-    Raises
-    ------
-    OptionError
-        If one is given.
-    """
+    """Raise OptionError for an option of an arm's analysis that means nothing for a mechanism."""
     for name, usual in _ARM_ANALYSIS.items():
         if options.get(name, usual) != usual:
             raise OptionError(
@@ -321,10 +312,7 @@ def view_loops(
     deg: bool = False,
     **options: Any,
 ) -> None:
-    """``view --loops``: a page in which the inputs are dragged, in a tab or a file.
-
-    A picture is of the linkage, with ``--panel`` of the page.
-    """
+    """Open or write a page in which inputs are dragged, or a picture (``panel``: of the page)."""
     from pinsing.cli.running import waiting
     from pinsing.cli.serving import picture_size, served_ahead, stay, write_files
 
@@ -398,13 +386,7 @@ def _of_arms(options: dict[str, Any]) -> list[str]:
 
 
 def read(loops: Path, options: dict[str, Any]) -> Mechanism:
-    """The mechanism that the options of a command mean.
-
-    Raises
-    ------
-    OptionError
-        If an option of serial arms is given.
-    """
+    """Return the mechanism that a command's options mean; OptionError for one of arms."""
     from pinsing.robot.load_mechanism import load_mechanism
 
     if wrong := _of_arms(options):

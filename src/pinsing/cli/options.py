@@ -38,11 +38,8 @@ def loops_beside(robot: str) -> Path:
 
 
 def loops_at_hand(robot: str) -> Path | None:
-    """Return the loop file of a robot's file, or of a name of our own; None if there is none.
-
-    Every command of an arm asks for it, and no other package has loop files: so names are not
-    looked up in all of them, which takes 20 ms.
-    """
+    """Return the loop file of a robot's file, or of a name of our own; None if there is none."""
+    # Every command asks: looking names up in other packages, which have none, takes 20 ms.
     from pinsing.description.catalog import urdf_folder
 
     if robot.lstrip().startswith("<"):
@@ -79,10 +76,7 @@ _PI = re.compile(r"([+-]?)(?:(\d+(?:\.\d+)?)\s*\*?\s*)?pi(?:\s*/\s*(\d+(?:\.\d+)
 
 @dataclass(frozen=True)
 class RobotRequest:
-    """Which arm the user means.
-
-    Attributes are those of the options of the same names.
-    """
+    """Which arm the user means: the options of the same names."""
 
     robot: str
     tip: str | None
@@ -337,11 +331,8 @@ class _OutputOption(click.Option):
 
 
 def output_option(required: bool = False, **endings: str) -> Callable[[F], F]:
-    """Add ``-o FILE``, repeatable; the ending tells which argument of the command gets the file.
-
-    As ``html=".html", plot=".png .svg"``; ``out="/"`` takes a folder. Each file is checked before
-    anything is computed.
-    """
+    """Add ``-o FILE``, repeatable; the ending tells which argument of the command gets the file."""
+    # As ``html=".html", plot=".png .svg"``; ``out="/"`` takes a folder. Each file is checked first.
     kinds = {ending: name for name, listed in endings.items() for ending in listed.split()}
     texts = [ending for ending, name in kinds.items() if name in _STDOUT_TOO]
     shown = ", ".join("a folder" if ending == "/" else ending for ending in kinds)
@@ -468,13 +459,7 @@ def once_option(*names: str, **options: Any) -> Callable[[F], F]:
 
 
 def parse_numbers(text: str, what: str, degrees: bool = False) -> list[float]:
-    """Numbers between commas or spaces; without ``degrees`` also ``pi/2``, ``-pi``, ``3pi/4``.
-
-    Raises
-    ------
-    ConfigurationError
-        If one of them is not a number.
-    """
+    """Return numbers between commas or spaces; without ``degrees`` also ``pi/2``, ``3pi/4``."""
     words = [word for word in re.split(r"[,\s]+", text.strip().strip("[]()")) if word]
     if not words:
         raise ConfigurationError(f"{what} has no number in it: {text!r}")
@@ -498,10 +483,7 @@ def _number(word: str, what: str, degrees: bool) -> float:
 
 
 def joint_vector(arm: Arm, text: str, what: str, degrees: bool) -> Array:
-    """Joint vector (n,) from what the user typed, in radians and metres.
-
-    With ``degrees``, revolute joints are converted; prismatic ones are in metres anyway.
-    """
+    """Return the joint vector (n,) that the user typed, revolute joints from ``degrees``."""
     import numpy as np
 
     from pinsing.proximity.crossings import FARTHEST

@@ -88,10 +88,7 @@ READER_GONE = 141
 class StdoutError(OutputError):
     """Standard output that is closed, full, or a pipe that nobody reads any more.
 
-    Attributes
-    ----------
-    reader_gone : bool
-        It is the latter, as after ``| head``: no failure that anybody wants to hear of.
+    ``reader_gone``: the latter, as after ``| head``, which is no failure to report.
     """
 
     def __init__(self, error: OSError) -> None:
@@ -121,13 +118,7 @@ def guard_streams() -> None:
 
 @contextlib.contextmanager
 def followed(file: Path) -> Iterator[tuple[Iterator[str], bool]]:
-    """Open a stream of lines, - for standard input; with it, whether it is one that goes on.
-
-    Raises
-    ------
-    ConfigurationError
-        If it cannot be read.
-    """
+    """Open a stream of lines, - for standard input; with it, if it is one that goes on."""
     from pinsing.proximity.follow import lines_of
 
     typed = str(file) == "-"
@@ -205,13 +196,7 @@ def _leave_out_what_is_no_file() -> None:
 
 
 def save_figure(figure: Figure, out: Path, **options: Any) -> None:
-    """Write a figure and close it, written or not; the same one gives the same bytes.
-
-    Raises
-    ------
-    OutputError
-        If the file cannot be written.
-    """
+    """Write a figure and close it, written or not; the same one gives the same bytes."""
     import matplotlib
     from matplotlib import pyplot as plt
 

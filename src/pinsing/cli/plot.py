@@ -49,7 +49,7 @@ def plot_loops(
     ignore_limits: bool = False,
     **options: Any,
 ) -> None:
-    """``plot --loops``: maps over the pose or the inputs, measures, the linkage, its modes.
+    """Draw ``plot --loops``: maps over the pose or the inputs, measures, the linkage, its modes.
 
     ``map --over x,y`` is a slice through the loci and aspects over two coordinates of the output's
     pose, for each working mode; the others are as at home, or as at ``--q``. Without ``--over``

@@ -38,22 +38,12 @@ _QUIET_SECONDS = 30.0  # between two lines where there is no terminal to draw on
 
 @dataclass(frozen=True)
 class RunPlace:
-    """Where a run takes place.
+    """Where a run takes place."""
 
-    Attributes
-    ----------
-    engine : str
-        As of `sigma_map`.
-    threads, workers : int or None
-        Threads of this process, or processes of this machine.
-    dask : str or None
-        Address of a dask scheduler.
-    """
-
-    engine: str
-    threads: int | None
-    workers: int | None
-    dask: str | None
+    engine: str  # as of `sigma_map`
+    threads: int | None  # of this process
+    workers: int | None  # processes of this machine
+    dask: str | None  # address of a scheduler
 
     @contextlib.contextmanager
     def options(self) -> Iterator[dict[str, Any]]:
@@ -261,11 +251,9 @@ _AGAIN = 0.25
 
 @contextlib.contextmanager
 def waiting(after: float = AFTER) -> Iterator[Callable[..., None]]:
-    """Callback that takes the step a command is at, as ``reading meshes``, and how far that is.
-
-    A step that takes longer than ``after`` seconds shows: on a terminal as one line with the
-    seconds so far, drawn over again and gone at the end; elsewhere as one line on stderr.
-    """
+    """Yield a callback that takes the step a command is at, as ``reading meshes``, and progress."""
+    # A step over ``after`` seconds shows: on a terminal as one line with the seconds so far, drawn
+    # over again and gone at the end; elsewhere as one line on stderr.
     line = _Line(after)
     line.thread.start()
     try:

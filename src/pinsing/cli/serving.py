@@ -25,11 +25,8 @@ if TYPE_CHECKING:
 
 @contextlib.contextmanager
 def served_ahead(name: str, host: str, port: int | None, no_open: bool) -> Iterator[Server]:
-    """Serve a page whose content follows: the browser starts meanwhile.
-
-    Warns first where others can reach the page. Ctrl-C or SIGTERM end it, and what it
-    is served to, with 0.
-    """
+    """Serve a page whose content follows: the browser starts meanwhile."""
+    # Warns first where others can reach the page. Ctrl-C ends it, and what it is served to, with 0.
     import webbrowser  # with subprocess and shutil: for commands that open one
 
     from pinsing.view.server import Server, is_loopback
@@ -113,13 +110,7 @@ def _has_desktop() -> bool:
 
 
 def picture_size(text: str) -> tuple[int, int]:
-    """Width and height out of ``1200x900``.
-
-    Raises
-    ------
-    OptionError
-        If it is not of that form.
-    """
+    """Return width and height of ``1200x900``; OptionError for other text."""
     width, cross, height = text.lower().partition("x")
     if not (cross and width.isdigit() and height.isdigit()):
         raise OptionError(f"--size {text!r} is not of the form 1200x900")
@@ -127,13 +118,7 @@ def picture_size(text: str) -> tuple[int, int]:
 
 
 def read_json(path: Path) -> Any:
-    """Content of a JSON file that was written earlier.
-
-    Raises
-    ------
-    ResultError
-        If it cannot be read, or is not JSON.
-    """
+    """Return the content of a JSON file; ResultError if it cannot be read, or is not JSON."""
     try:
         return json.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError, RecursionError) as error:

@@ -102,10 +102,8 @@ def prove_option(command: F) -> F:
 
 
 def sweep_options(quiet: bool = False) -> Callable[[F], F]:
-    """Add the options of the sweep; they reach the command as keyword arguments of `sweep`.
-
-    With ``quiet``, the notes of loading are left to the result, which repeats them.
-    """
+    """Add the options of the sweep; they reach the command as keyword arguments of `sweep`."""
+    # With ``quiet``, the notes of loading are left to the result, which repeats them.
     return functools.partial(_with_sweep_options, quiet=quiet)
 
 

@@ -252,17 +252,7 @@ def _latex_number(value: float) -> str:
 
 
 def state_text(state: State, degrees: bool = False, page: Page = PLAIN) -> str:
-    """All that is worth reading about a state, aligned, with units.
-
-    Parameters
-    ----------
-    state : State
-        What to print.
-    degrees : bool
-        Print revolute joint values in degrees.
-    page : Page
-        What it is fitted to.
-    """
+    """Return all that is worth reading about a state, aligned, with units."""
     return page.fields(_lines(state, degrees), LABEL)
 
 
@@ -495,33 +485,14 @@ def at(
 
 @dataclass(frozen=True, eq=False)
 class Loss:
-    """What is lost at a configuration, and why: the part of a State that a family needs.
+    """What is lost at a configuration, and why: the part of a State that a family needs."""
 
-    Attributes
-    ----------
-    J : (6, n) array
-        Frame Jacobian, metres and radians.
-    sigma : (k,) array
-        Singular values of the task Jacobian at the arm's own scale.
-    ratio : float
-        sigma_r / sigma_1 of these.
-    status : str
-        As of a State.
-    rank : int
-        Number of them that are not zero.
-    still : (n, d) array
-        Orthonormal joint velocities, at the own scale, that give none of the others.
-    tool : Tool
-        The tip.
-    lost, always_missing, dependences
-        As of a State.
-    """
-
-    J: Array
-    sigma: Array
-    ratio: float
+    J: Array  # (6, n), frame Jacobian, metres and radians
+    sigma: Array  # (k,), of the task Jacobian at the arm's own scale
+    ratio: float  # sigma_r / sigma_1
     status: Status
-    rank: int
+    rank: int  # how many are not zero
+    # (n, d), orthonormal joint velocities at the own scale that give none of the others
     still: Array
     tool: Tool
     lost: tuple[LostMotion, ...] = ()

@@ -40,20 +40,9 @@ Ints = npt.NDArray[np.intp]
 class ColumnRanks:
     """Ranks of sets of columns of one task Jacobian, here and in general.
 
-    Parameters
-    ----------
-    arm : Arm
-        Any arm.
-    J : (6, n) array
-        Its frame Jacobian at the configuration.
-    q : (n,) array
-        The configuration, radians and metres.
-    rtol : float
-        Singular values at or below ``rtol`` times the largest of the task Jacobian are zero.
-    generic : (k, m, n) array
-        Task Jacobians at random configurations, without units.
-    used : tuple of int
-        Joints that move the task at some configuration, ascending.
+    Singular values at or below ``rtol`` times the largest are zero. ``generic`` (k, m, n):
+    Jacobians at random configurations, without units. ``used``: joints that move the task
+    somewhere.
     """
 
     def __init__(
@@ -104,10 +93,8 @@ class ColumnRanks:
         return found
 
     def pieces(self, ids: tuple[int, ...]) -> list[tuple[int, ...]]:
-        """Smallest sets within ``ids`` that are dependent beyond what is general.
-
-        As many as are needed for the nullity that forces the loss.
-        """
+        """Return the smallest sets within ``ids`` that are dependent beyond what is general."""
+        # As many as are needed for the nullity that forces the loss.
         if self.spare == 0:
             return [ids]
         found: list[tuple[int, ...]] = []
@@ -184,25 +171,11 @@ class AxisDependence:
 def dependences_of(
     arm: Arm, J: Array, q: Array, axes: JointAxes, rtol: float
 ) -> tuple[AxisDependence, ...]:
-    """Independent reasons of a loss of rank: one for each rank lost, the smallest set first.
+    """Return independent reasons of a loss of rank, one for each rank lost, smallest set first.
 
-    A set S of columns of the task Jacobian alone forces rank < r when its nullity
-    ``|S| - rank(S)`` exceeds n - r: the other columns cannot make up for it. Columns that
-    never move the task are left out of n.
-
-    Parameters
-    ----------
-    J : (6, n) array
-        Frame Jacobian at q (n,), radians and metres.
-    axes : JointAxes
-        The axes there.
-    rtol : float
-        Singular values at or below ``rtol`` times the largest of the task Jacobian are zero.
-
-    Returns
-    -------
-    tuple of AxisDependence
-        Empty where the arm is regular.
+    A set S of columns of the task Jacobian alone forces rank < r when its nullity ``|S| - rank(S)``
+    exceeds n - r: the other columns cannot make up for it. Columns that never move the task are
+    left out of n. Singular values at or below ``rtol`` times the largest are zero.
     """
     columns = ColumnRanks(arm, J, q, rtol, _generic_task(arm), moving_columns(arm))
     if columns.lost <= 0:
@@ -215,20 +188,7 @@ def dependences_of(
 
 
 def landmarks(arm: Arm, axes: JointAxes) -> dict[str, Array]:
-    """Points where three axes in a row always meet: ``the wrist centre``, ``the shoulder centre``.
-
-    Parameters
-    ----------
-    arm : Arm
-        Any arm.
-    axes : JointAxes
-        Its axes at some configuration.
-
-    Returns
-    -------
-    dict of str to (3,) array
-        Metres, in the base.
-    """
+    """Return points (3,) where three axes in a row always meet: the wrist and shoulder centre."""
     if arm.coupling is not None:
         return {}
     found = {}

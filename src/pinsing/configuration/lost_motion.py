@@ -39,27 +39,13 @@ STRUCTURE_TOL = 2e-5
 
 @dataclass(frozen=True, eq=False)
 class JointAxes:
-    """Joint axes at one configuration, base axes.
+    """Joint axes at one configuration, base axes, metres."""
 
-    Attributes
-    ----------
-    direction : (n, 3) array
-        Unit directions.
-    point : (n, 3) array
-        The point of each turning axis that is nearest to the tip, metres.
-    prismatic : (n,) array of bool
-        Which joints slide: these have a direction only.
-    tip : (3,) array
-        Tip position, metres.
-    size : float
-        Greatest distance of an axis from the tip (1 where there is none), metres.
-    """
-
-    direction: Array
-    point: Array
-    prismatic: npt.NDArray[np.bool_]
-    tip: Array
-    size: float
+    direction: Array  # (n, 3), unit
+    point: Array  # (n, 3), the point of each turning axis nearest to the tip
+    prismatic: npt.NDArray[np.bool_]  # (n,), those have a direction only
+    tip: Array  # (3,)
+    size: float  # greatest distance of an axis from the tip, 1 without any
 
     @classmethod
     def of(cls, J: Array, prismatic: npt.NDArray[np.bool_], tip: Array) -> JointAxes:
@@ -116,15 +102,7 @@ class JointAxes:
 
 @dataclass(frozen=True)
 class AxesCentre:
-    """Three turning axes in a row that meet in one point at every configuration.
-
-    Attributes
-    ----------
-    ids : tuple of int
-        The joints, counted from 0.
-    n : int
-        Joints of the arm.
-    """
+    """Three turning axes in a row (``ids``) that meet in one point at every configuration."""
 
     ids: tuple[int, ...]
     n: int
@@ -182,21 +160,8 @@ def pose_reason(
     tol: float,
     nearly: str = "",
 ) -> str:
-    """Say why these axes, known to be dependent as twists, are so.
-
-    Parameters
-    ----------
-    axes : JointAxes
-        At the configuration.
-    ids : tuple of int
-        The smallest dependent set, counted from 0.
-    centres : sequence of AxesCentre
-        Of the arm.
-    tol : float
-        Radians, and share of the arm's size.
-    nearly : str
-        Empty, or ``"nearly "``.
-    """
+    """Return why axes ``ids``, the smallest set of dependent twists, are dependent."""
+    # ``tol`` is in radians, and a share of the arm's size; ``nearly`` is empty or "nearly ".
     turning = tuple(i for i in ids if not axes.prismatic[i])
     sliding = tuple(i for i in ids if axes.prismatic[i])
     reason = None
@@ -296,7 +261,7 @@ def _centre_words(
 
 
 def reciprocal_reason(axes: JointAxes, ids: tuple[int, ...], tol: float, nearly: str) -> str | None:
-    """Say which line meets all of these axes or is parallel to them, or which complex they are of.
+    """Return which line meets all of these axes or is parallel to them, or their complex.
 
     Five independent twists have one reciprocal wrench. A force has no moment about any of the axes:
     its line meets them or is parallel to them (Merlet, "Singular configurations of parallel
@@ -443,24 +408,12 @@ class LostMotion:
 
 @dataclass(frozen=True, eq=False)
 class Tool:
-    """Where the tip is, for words.
+    """Where the tip is, for words."""
 
-    Attributes
-    ----------
-    position : (3,) array
-        Metres, in the base.
-    rotation : (3, 3) array
-        Columns are the tool axes, in base axes.
-    size : float
-        Length that a lever arm is small against, metres.
-    landmarks : mapping of str to (3,) arrays
-        Points worth a name, such as the wrist centre.
-    """
-
-    position: Array
-    rotation: Array
-    size: float
-    landmarks: Mapping[str, Array]
+    position: Array  # (3,), metres, in the base
+    rotation: Array  # (3, 3), columns are the tool axes, in base axes
+    size: float  # length that a lever arm is small against, metres
+    landmarks: Mapping[str, Array]  # points worth a name, such as the wrist centre
 
 
 def lost_motions(
@@ -474,20 +427,9 @@ def lost_motions(
 ) -> tuple[LostMotion, ...]:
     """Describe a space of lost motions by translations, rotations, lines and screws.
 
-    Parameters
-    ----------
-    U : (6, d) array
-        Orthonormal basis, in rows where translations are divided by the arm's own length.
-    J : (6, n) array
-        Frame Jacobian, metres and radians.
-    own_length, length_scale : float
-        Metres; of ``U``, and of the twists.
-    tool : Tool
-        The tip.
-    tol : float
-        Share of a wrench that is neglected when it is called pure.
-    hardly : bool
-        Say "nearly loses", with the speed that is left, in place of "cannot".
+    ``U`` (6, d) is an orthonormal basis, translations over ``own_length``; twists are over
+    ``length_scale`` (metres). ``tol``: the share of a wrench that "pure" neglects. ``hardly``: say
+    "nearly loses", with the speed that is left, in place of "cannot".
     """
     forces, moments = U[:3], U[3:]
     # Coefficients of the wrenches in U without moment, and of those without force.

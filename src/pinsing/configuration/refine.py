@@ -48,10 +48,7 @@ UNDECIDED: Kind = "undecided"
 
 
 def clear_kinds(arm: Arm, Q: Array, compiled: bool = True) -> list[Kind | None]:
-    """The kinds at Q (N, n), radians and metres, singular to rounding, where one motion is lost.
-
-    None where more than one is lost, or none, and where this does not tell.
-    """
+    """Return kinds at singular Q (N, n) where one motion is lost, and clear; else None."""
     compiled = compiled and generic_rank(arm) == len(arm.task.rows)
     found = _told_compiled(arm, Q) if compiled else None
     told = _told(arm, Q) if found is None else found
@@ -87,8 +84,8 @@ def _told(arm: Arm, Q: Array) -> Array:
     """Return what `pinsing._batch.engine` tells of Q (N, n).
 
     Where the generic rank r is less than the rows m, some motions are never there: of the m - r + 1
-    directions that are missing, the one that a small move makes attainable again is lost, the range
-    of U0^T dJ N over all moves. Where that is not one, the rank is -1.
+    missing directions, the one that a small move makes attainable again is lost, the range of U0^T
+    dJ N over all moves. Where that is not one, the rank is -1.
     """
     J, H = own_jacobians_and_derivatives(arm, Q)
     count, m, n = J.shape
@@ -123,13 +120,12 @@ _SLIDE = 0.05  # length of the self-motion tried along a degenerate direction, a
 
 
 def kinds_many(arm: Arm, Q: npt.ArrayLike, most: int | None = None) -> list[Kind | None]:
-    """The ``kind`` of ``describe_many`` for each row of Q (N, n), and nothing else.
+    """Return the ``kind`` of ``describe_many`` for each row of Q (N, n), and nothing else.
 
-    One lost direction alone needs no search for a definite combination: what is clearly definite
-    or indefinite there is decided for all rows at once. Of the others the first ``most`` are
-    decided one by one, wherever they stand: they may be of another kind than all that is clear.
-    None for those beyond. Where some rows of the task are missing everywhere, the first ``most``
-    are all that is looked at.
+    One lost direction needs no search for a definite combination: what is clear is decided for all
+    rows at once. Of the others the first ``most`` are decided one by one (they may be of another
+    kind), and the rest is None. Where some rows of the task are missing everywhere, only the first
+    ``most`` are.
     """
     Q = np.atleast_2d(arm.check(Q))
     count = len(Q) if generic_rank(arm) == len(arm.task.rows) else len(Q[:most])
@@ -215,11 +211,8 @@ def _kind(lost: Array, N: Array, H: Array) -> tuple[Kind | None, Array, Array]:
 
 
 def _lost(arm: Arm, q: Array, left: Array, N: Array, H: Array, rank: int) -> Array:
-    """Of the left null space (m, m - rank), the part that generic configurations do not have.
-
-    Some directions may be unattainable at every configuration. Those lost here are the ones
-    that a small move makes attainable again: the range of U0^T dJ N over all moves.
-    """
+    """Return the part of the left null space (m, m - rank) that generic configurations lack."""
+    # It is what a small move makes attainable again: the range of U0^T dJ N over all moves.
     r, m = generic_rank(arm), len(left)
     if r == m:
         return left
@@ -275,10 +268,8 @@ def _most_definite(Q: Array) -> tuple[float, Array]:
 
 
 def _critical_along(arm: Arm, ways: Sequence[tuple[Array, Array, Array]]) -> list[bool]:
-    """Tell if the tip can stay still, and u lost, along every direction of a kernel.
-
-    Of each way: its configuration (n,), u (m,), and the kernel (n, p).
-    """
+    """Return if the tip can stay still, and u lost, along every direction of each kernel."""
+    # A way is its configuration (n,), u (m,), and the kernel (n, p).
     columns = own_scale(arm).columns
     parts = []
     for _, _, kernel in ways:
@@ -295,10 +286,7 @@ def _critical_along(arm: Arm, ways: Sequence[tuple[Array, Array, Array]]) -> lis
 
 
 def _slide(arm: Arm, at: Array, u: Array, starts: Array) -> tuple[Array, npt.NDArray[np.bool_]]:
-    """Configurations near ``starts`` (N, n) with the tip as at ``at`` (N, n) and J^T u = 0.
-
-    With which of them arrived.
-    """
+    """Return configurations near ``starts`` (N, n), J^T u = 0, tip as ``at``; and which arrived."""
     scale = own_scale(arm)
     place, turned = tip_poses(arm, at)
     now = starts.copy()
@@ -340,26 +328,13 @@ _Ends = tuple[Array, npt.NDArray[np.intp], Bool]  # configurations, derivatives 
 
 @dataclass(frozen=True, eq=False)
 class RankDrops:
-    """Where N walks ended.
+    """Where N walks ended."""
 
-    Attributes
-    ----------
-    q : (N, n) array
-        Radians or metres.
-    sigma : (N, r) array
-        Singular values of the task Jacobian there, largest first.
-    ratio : (N,) array
-        What verdicts stand on (`pinsing.kinematics.verdict`).
-    iterations : (N,) array of int
-        Jacobian derivatives evaluated.
-    converged : (N,) array of bool
-        At rank below r to ``SINGULAR_RTOL``, or at a minimum of sigma_r that is not zero.
-    """
-
-    q: Array
-    sigma: Array
-    ratio: Array
-    iterations: npt.NDArray[np.intp]
+    q: Array  # (N, n), radians or metres
+    sigma: Array  # (N, r), of the task Jacobian, largest first
+    ratio: Array  # (N,), verdicts stand on it (`pinsing.kinematics.verdict`)
+    iterations: npt.NDArray[np.intp]  # (N,), Jacobian derivatives evaluated
+    # (N,), at rank below r to ``SINGULAR_RTOL``, or at a minimum of sigma_r that is not zero
     converged: Bool
 
     @property
@@ -375,26 +350,9 @@ def approach(
     bounded: bool = False,
     max_iterations: int = 60,
 ) -> RankDrops:
-    """Walk from each row of Q to a near zero, or failing that a minimum, of sigma_r.
-
-    Parameters
-    ----------
-    arm : Arm
-        Any arm.
-    Q : (N, n) or (N, nq) array_like
-        Starts, radians or metres.
-    free : (n,) or (N, n) array_like of bool, optional
-        Joints that may move; all by default.
-    bounded : bool
-        Keep within the joint limits; starts have to be inside.
-    max_iterations : int
-        Bound on the derivative evaluations per start.
-
-    Returns
-    -------
-    RankDrops
-        Independent of how the starts are batched.
-    """
+    """Walk from each row of Q (N, n) to a near zero, or failing that a minimum, of sigma_r."""
+    # ``free`` joints, (n,) or (N, n), move; ``bounded``: within the limits, where starts have to
+    # be. Each takes up to ``max_iterations`` derivatives. The result does not depend on batches.
     Q = np.atleast_2d(arm.check(Q)).copy()
     N, n = Q.shape
     mask = np.broadcast_to(True if free is None else np.asarray(free, dtype=bool), (N, n))
@@ -474,12 +432,9 @@ def _in_numpy(
 
 
 def constraint_gradient(arm: Arm, Q: npt.ArrayLike) -> tuple[Array, Array]:
-    """Equations U0^T dJ V0 of the rank drop, linear in dq / columns: (N, K, n), and sigma (N, r).
-
-    J and dq at the arm's own scale (`pinsing.kinematics.batch`), free of units.
-    K = (m-r+1)(n-r+1); the first row is the gradient of sigma_r where that is simple:
-    d sigma_r / d q_j = u_r^T (dJ/dq_j) v_r.
-    """
+    """Return equations U0^T dJ V0 of the rank drop in dq / columns, (N, K, n), and sigma (N, r)."""
+    # At the arm's own scale (`pinsing.kinematics.batch`). K = (m-r+1)(n-r+1); the first row is the
+    # gradient of sigma_r where that is simple: d sigma_r / d q_j = u_r^T (dJ/dq_j) v_r.
     r = generic_rank(arm)
     J, H = own_jacobians_and_derivatives(arm, Q)
     U, sigma, Vt = np.linalg.svd(J, full_matrices=True)
@@ -758,13 +713,13 @@ def describe_many(arm: Arm, Q: npt.ArrayLike) -> tuple[SingularConfiguration, ..
 
 
 def _describe(arm: Arm, drops: RankDrops) -> tuple[SingularConfiguration, ...]:
-    """Null spaces, lost directions and kind at the end of each walk.
+    """Return null spaces, lost directions and kind at the end of each walk.
 
     Where the form is only semidefinite, a kernel direction n along which (u . H) n is not zero
     makes the answer ``interior``: moving along that self-motion makes u attainable to first order.
-    If it is zero, but the arm can slide along n for a finite way with the tip still and u
-    lost all along, Q counts transversally to that way (Morse-Bott) and the answer is
-    ``boundary``. What is left, such as a vanishing Q, is ``undecided``.
+    If it is zero, but the arm can slide along n for a finite way with the tip still and u lost all
+    along, Q counts transversally to that way (Morse-Bott) and the answer is ``boundary``. What is
+    left, such as a vanishing Q, is ``undecided``.
     """
     Q, r, scale, inside = drops.q, generic_rank(arm), own_scale(arm), arm.within_limits(drops.q)
     J, H = own_jacobians_and_derivatives(arm, Q)

@@ -56,11 +56,8 @@ def forms_text(
     exact: bool = False,
     joints: JointForms | None = None,
 ) -> str:
-    """The loci of a mechanism alone, as text.
-
-    ``exact`` writes out whole equations over the pose; of ``joints`` the determinants are written
-    out.
-    """
+    """Return the loci of a mechanism alone as text; ``exact``: equations over the pose in full."""
+    # Of ``joints`` the determinants are written out.
     lines: list[Line] = []
     if isinstance(forms, PoseForms):
         lines += pose_lines(forms, exact)
@@ -314,10 +311,7 @@ def analysis_text(
     sliding: Collection[str] = (),
     joints: bool | None = None,
 ) -> str:
-    """Plain text of an analysis.
-
-    ``joints``: list the values of all joints of each mode; None: where there are few.
-    """
+    """Return plain text of an analysis; ``joints``: with all joint values, None: if few."""
     joints = len(a.joints) <= _FEW if joints is None else joints
     values = Values(degrees, frozenset(sliding))
     lines = [*_head(a, values), *_configurations(a, values, joints, page), *_points(a, values)]

@@ -130,10 +130,8 @@ class BatchLoops:
         return np.concatenate(errors, axis=1), J * self.units
 
     def output(self, Q: Array, placed: Placed | None = None) -> tuple[Array, Array, Array]:
-        """Rotation (N, 3, 3), position (N, 3) and 6-row Jacobian (N, 6, n) of the output.
-
-        Base axes; lengths over the length scale in the Jacobian only.
-        """
+        """Return rotation (N, 3, 3), position (N, 3) and Jacobian (N, 6, n) of the output."""
+        # Base axes; lengths over the length scale in the Jacobian only.
         placed = self.place(Q) if placed is None else placed
         R, p = self._frame(placed, self._output)
         linear, angular = self._velocity(placed, self._output[0], p)
@@ -148,11 +146,9 @@ class BatchLoops:
         placed: Placed | None = None,
         rows: tuple[int, ...] = tuple(range(6)),
     ) -> tuple[Array, Array]:
-        """Error (N, 6) of the output's pose against wanted ones, and its Jacobian (N, 6, n).
-
-        With one turn not among the ``rows`` those that are have to bring its axis into place,
-        whatever the turn about it.
-        """
+        """Return the error (N, 6) of the output's pose against wanted ones, and its Jacobian."""
+        # With one turn not among the ``rows``, the others bring its axis into place, whatever the
+        # turn.
         R, p, J = self.output(Q, placed)
         away = R @ np.swapaxes(rotation, -1, -2)
         free = [k for k in range(3) if k + 3 not in rows]
@@ -193,7 +189,7 @@ def newton(
     target: tuple[Array, Array, tuple[int, ...]] | None = None,
     steps: int = 60,
 ) -> tuple[Array, Array]:
-    """Damped Gauss-Newton on many starts at once: configurations (N, n), residuals (N,).
+    """Return configurations (N, n) and residuals (N,) of damped Gauss-Newton on many starts.
 
     Joints that are not ``free`` (n,) stay. ``which`` are the loops to close, all by default;
     ``target`` is a pose of the output to reach: rotation (3, 3) or (N, 3, 3), position (3,) or (N,
@@ -293,11 +289,9 @@ def locked(loops: BatchLoops, Q: Array) -> Bool:
 
 
 def ball_jacobians(loops: BatchLoops, Q: Array) -> tuple[Array, Array]:
-    """Constraint Jacobian (N, k, n) and task rows of the output (N, m, n), balls taken whole.
-
-    Columns of the three hinges of a ball are of its angular velocity, base axes; lengths are over
-    the length scale.
-    """
+    """Return the constraint Jacobian (N, k, n) and output rows (N, m, n), balls taken as one."""
+    # Columns of a ball's three hinges are of its angular velocity, base axes; lengths are over the
+    # length scale.
     mechanism = loops.mechanism
     placed = loops.place(Q)
     axis, pivot = placed.axis.copy(), placed.position.copy()
@@ -313,10 +307,8 @@ def ball_jacobians(loops: BatchLoops, Q: Array) -> tuple[Array, Array]:
 
 
 def hinge_rates(loops: BatchLoops, q: Array, basis: Array) -> Array:
-    """Joint velocities (n, d) of motions (n, d) in which balls are whole, q (n,).
-
-    Three hinges in a plane show of a turn what they can: its part in that plane.
-    """
+    """Return joint velocities (n, d) of motions (n, d) at q in which balls count as one."""
+    # Three hinges in a plane show of a turn what they can: its part in that plane.
     out = basis.copy()
     axis = loops.place(q[None]).axis[:, 0]
     for ball in hinged_balls(loops.mechanism):
@@ -349,11 +341,9 @@ _FAR = 30.0
 
 @once
 def to_its_size(mechanism: Mechanism) -> Mechanism:
-    """The mechanism, or one whose length scale is its own size where that is far from the given.
-
-    Newton's steps of a system with lengths and angles in it depend on it: a linkage of millimetres
-    on a scale of a metre has columns that are lost beside those of turning.
-    """
+    """Return the mechanism on a length scale of its own size, where that is far from the given."""
+    # Newton's steps depend on it: columns of a linkage of millimetres are lost beside those of
+    # turning.
     ends = np.array([mechanism.lower, mechanism.upper])[:, mechanism.prismatic]
     size = max(_longest(mechanism), float(np.abs(ends[np.isfinite(ends)]).max(initial=0.0)))
     if size == 0 or 1 / _FAR <= size / mechanism.length_scale <= _FAR:
@@ -471,11 +461,9 @@ def output_jacobian(mechanism: Mechanism, q: npt.ArrayLike) -> Array:
 def gauss_newton(
     loops: Loops, q: Array, free: Bool, steps: int = 60, reach: float = np.inf
 ) -> tuple[Array, float]:
-    """Close the loops by moving the ``free`` joints (mask) least: configuration and residual.
-
-    Steps are cut at half a radian (half a length scale): far from closure Newton's own
-    would jump between assembly modes.
-    """
+    """Close the loops by moving ``free`` joints least: configuration and residual."""
+    # Steps are cut at half a radian (half a length scale): else they would jump between assembly
+    # modes.
     start, best, q = q, np.inf, q.copy()
     kept = start
     for _ in range(steps):
@@ -542,11 +530,9 @@ def near_home(mechanism: Mechanism) -> list[Array]:
 
 
 def _beside_home(mechanism: Mechanism, loops: Loops) -> list[Array]:
-    """Closed configurations on the branch of a home that closes the loops, beside it: few or none.
-
-    Only where fewer constraints are independent there than at other closed configurations, and
-    motions of a finite length show that this is no single point.
-    """
+    """Return a few closed configurations beside a closed home, on its branch, or none."""
+    # Only where fewer constraints are independent there than elsewhere, and motions of a finite
+    # length show that this is no single point.
     q = mechanism.home.copy()
     if np.abs(loops.scaled(q)[0]).max() > 1e-6:
         return []

@@ -95,10 +95,8 @@ def short_fraction(value: float) -> Fraction:
 
 
 def quaternion_turn(e: Sequence[Poly], square: int = 1) -> tuple[list[Row], Poly]:
-    """Rotation matrix of a quaternion times the square N of its length, and N.
-
-    With y, and e1 and e3, in units of the root of ``square``.
-    """
+    """Return a quaternion's rotation matrix times the square N of its length, and N."""
+    # With y, and e1 and e3, in units of the root of ``square``.
     (a, b, c, d), k = e, square
     a2, b2, c2, d2 = a * a, k * b * b, c * c, k * d * d
     R = [
@@ -193,11 +191,8 @@ class LegChain:
 def leg_chain(
     ring: Ring, joints: Sequence[int], axes: Array, origins: Array, turn: Turn
 ) -> LegChain:
-    """Follow a chain from what is known with all joints at zero.
-
-    ``axes`` and points on them, ``origins``, (k, 3), are in the base, metres; ``turn`` is a
-    rotation of the base before anything else.
-    """
+    """Follow a chain from ``axes`` and points ``origins`` (k, 3) at zero, base, metres."""
+    # ``turn`` is a rotation of the base before anything else.
     gens = ring.context.gens()
     one, zero = ring.one, ring.zero
     frame, start = _frame(axes), origins[0]

@@ -152,10 +152,7 @@ def _terms(poly: Any, odd: Sequence[int] = ()) -> list[tuple[tuple[int, ...], Fr
 def pose_equation(
     poly: Any, names: tuple[str, ...], odd: tuple[int, ...] = (), square: int = 1
 ) -> PoseEquation:
-    """The equation of a polynomial whose variables ``odd`` are in units of sqrt(square).
-
-    Its largest coefficient is 1.
-    """
+    """Return the equation of a polynomial, scaled to 1; ``odd`` variables are over sqrt(square)."""
     terms = _terms(poly, odd)
     found = _equation(names, terms, square, int(all(k % 2 for _, _, k in terms)))
     size = np.abs(found.values)
@@ -180,10 +177,8 @@ def determinant_equation(
 def planar_equation(
     poly: Any, names: tuple[str, ...], odd: tuple[int, ...], square: int, half: tuple[int, int]
 ) -> PoseEquation:
-    """As `pose_equation`, with half-angle variables e0, e3 (indices) written as cos φ, sin φ.
-
-    Where the degree in them is odd, they stay.
-    """
+    """Return a `pose_equation` with half-angle variables e0, e3 (``half``) as cos φ, sin φ."""
+    # Where the degree in them is odd, they stay.
     a, b = half
     if any((m[a] + m[b]) % 2 for m in poly.monoms()):
         return pose_equation(poly, names, odd, square)
@@ -200,10 +195,8 @@ def planar_equation(
 
 
 def trig_polynomial(poly: Poly, ring: Ring, joints: Sequence[str]) -> PoseEquation:
-    """The polynomial in cos q, sin q of joints that turn and in q of those that slide.
-
-    Its scale is kept. Every degree in a pair of half-angle variables must be even.
-    """
+    """Return the polynomial in cos q, sin q of joints that turn, q of slides; its scale is kept."""
+    # Every degree in a pair of half-angle variables must be even.
     used = ring.joints_of(poly) if poly != 0 else ()
     names: list[str] = []
     for j in used:

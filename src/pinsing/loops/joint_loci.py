@@ -151,10 +151,8 @@ Way = tuple[list[int], Array | None, tuple[int, ...]]
 
 
 def leg_ways(mechanism: Mechanism) -> list[Way]:
-    """Each way from the base to the output.
-
-    The first is that of the tree; its end is None where it has none of its own, and on the sphere.
-    """
+    """Return each way from the base to the output, that of the tree first."""
+    # The first one's end is None where it has none of its own, and on the sphere.
     built, zero, kind = structure(mechanism), at_zero(mechanism), room_of(mechanism)[0]
     if built.output == 0:
         raise NotThisKind("the output is the base")
@@ -298,10 +296,8 @@ class LegProof:
 
 
 def leg_proofs(mechanism: Mechanism, seconds: float = 20.0) -> tuple[LegProof, ...]:
-    """Closed forms of the legs with one actuator as arms, with certificates, in seconds each.
-
-    OptionError if no leg ends in a ball, a pin or a hinge at the output.
-    """
+    """Return certified closed forms of legs with one actuator as arms, in ``seconds`` each."""
+    # OptionError if no leg ends in a ball, a pin or a hinge at the output.
     try:
         ends = leg_ways(mechanism)
     except NotThisKind as why:
@@ -349,14 +345,9 @@ Step = tuple[int, int]
 
 
 class ClosureForms:
-    """Rows of Jacobians: velocities by all joints, seen from a body between them.
+    """Rows of Jacobians over the ``ring`` of all joints, seen from a body between them.
 
-    Attributes
-    ----------
-    ring : Ring
-        Of all joints.
-    off : float
-        By how much numbers of the file were changed to be exact.
+    ``off``: by how much numbers of the file were changed to be exact.
     """
 
     def __init__(self, mechanism: Mechanism) -> None:
@@ -367,11 +358,9 @@ class ClosureForms:
         self.off = 0.0
 
     def matrices(self) -> tuple[list[Row], list[Row]]:
-        """A matrix with a column for each passive joint, and one with a column for each joint.
-
-        Passive joints move with the actuators held where the columns of the first are dependent, a
-        motion leaves the output at rest where those of the second are.
-        """
+        """Return matrices with a column for each passive joint, and for each joint."""
+        # Where the first's columns depend, passive joints move with held actuators; where the
+        # second's do, a motion leaves the output at rest.
         loops = zip(self.mechanism.loops, *closing(self.mechanism), strict=True)
         rows = [row for loop, a, b in loops for row in self.loop(loop.kind, a, b)]
         held = [[row[j] for j in self.mechanism.passive] for row in rows]
@@ -431,10 +420,8 @@ class ClosureForms:
         self, rows: list[Row], side: int, at: Array, steps: Sequence[Step], turn: Turn,
         rests: bool = False,
     ) -> None:  # fmt: skip
-        """What joints do to a point and to the turn of its body, by their columns.
-
-        The point is one of the last body, or of the first where it ``rests``.
-        """
+        """Add what joints do to a point and to the turn of its body, by their columns."""
+        # The point is one of the last body, or of the first where it ``rests``.
         if not steps:
             return
         joints = [j for j, _ in steps]

@@ -234,11 +234,9 @@ def why_no_rods(mechanism: Mechanism) -> str:
 
 
 def most_assemblies(mechanism: Mechanism) -> int | None:
-    """How many poses given inputs can have at most; None where no number is known.
-
-    Three distances of a body in a plane: 6 (Gosselin and Sefrioui 1991); six in space: 40
-    (Raghavan 1991, Lazard 1992); 3-RPS: 16 (Nanua, Waldron and Murthy 1990).
-    """
+    """Return how many poses given inputs can have at most; None where no number is known."""
+    # Three distances of a body in a plane: 6 (Gosselin and Sefrioui 1991); six in space: 40
+    # (Raghavan 1991, Lazard 1992); 3-RPS: 16 (Nanua, Waldron and Murthy 1990).
     found = rods(mechanism)
     if found is None or any(rod.side for rod in found.rods):
         return None
@@ -248,10 +246,7 @@ def most_assemblies(mechanism: Mechanism) -> int | None:
 
 
 def carried(mechanism: Mechanism, sample: Sample, joint: int, C: Array, outer: Array) -> Rod | None:
-    """A rod whose inner end, at C (3,) there, moves with the one joint before it.
-
-    None where C is on the axis of that joint.
-    """
+    """Return the rod whose inner end C (3,) moves with one joint; None if C is on its axis."""
     axis, at = sample.axis[joint], np.array(sample.joints[joint + 1].translation)
     if mechanism.prismatic[joint]:
         return Rod("rail", joint, outer, C - sample.q[joint] * axis, first=axis)
@@ -269,8 +264,8 @@ def carried(mechanism: Mechanism, sample: Sample, joint: int, C: Array, outer: A
 class _End:
     """Where a leg meets the output: a loop's two frames, or joints of the tree at a centre.
 
-    With a centre the frames mean nothing. ``hanging``: joints between the output and the loop, of
-    a leg that is written from there.
+    With a centre the frames mean nothing. ``hanging``: joints between the output and the loop, of a
+    leg that is written from there.
     """
 
     frame: int
@@ -367,10 +362,7 @@ class _Recognizer:
         return np.array(sample.output.actInv(at))
 
     def offset(self, joint: int, reach: Array) -> float | None:
-        """What to add to a joint's value for the length (N, 3) that it slides along, or None.
-
-        Slides are often counted from mid-stroke.
-        """
+        """Return what a slide's value lacks of its length (N, 3), as from mid-stroke; or None."""
         along = np.array([s.axis[joint] for s in self.samples])
         if not self.mechanism.prismatic[joint] or self.beside(joint, reach):
             return None
@@ -566,10 +558,8 @@ class SphereLeg:
     cosine: float  # of the angle between v and w
 
     def solutions(self, R: Array) -> tuple[float, ...] | None:
-        """Values of the joint for an orientation R (3, 3); None where two meet.
-
-        v . w is the cosine of the outer link, linear in cosine and sine of the joint's angle.
-        """
+        """Return values of the joint for an orientation R (3, 3); None where two meet."""
+        # v . w is the cosine of the outer link, linear in cosine and sine of the joint's angle.
         w, u = R @ self.outer, self.driven
         rest = float(u @ self.middle) * u
         a, b = float(w @ (self.middle - rest)), float(w @ np.cross(u, self.middle))
@@ -620,11 +610,9 @@ def type1_alone(mechanism: Mechanism) -> bool:
 
 
 def squares_note(found: SphereLoci) -> str:
-    """What a sum of squares says; empty where type 2 is none.
-
-    With the base in the axes u and the output in the axes w, both at right angles, the moments'
-    determinant has squares only: it is zero where some components of the quaternion are.
-    """
+    """Return what a sum of squares says; empty where type 2 is none."""
+    # With the base in the axes u and the output in the axes w, both at right angles, the moments'
+    # determinant has squares only: it is zero where some components of the quaternion are.
     U = np.array([leg.driven for leg in found.legs]).T
     W = np.array([leg.outer for leg in found.legs]).T
     right = max(float(np.abs(A.T @ A - np.eye(3)).max()) for A in (U, W)) <= ROUNDING

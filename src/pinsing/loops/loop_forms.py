@@ -149,11 +149,9 @@ class Dyad:
         return meets and position_in(self.basis, mechanism.task.rows)
 
     def close(self, inputs: npt.ArrayLike) -> tuple[Array, ...]:
-        """All configurations (n,) at one set of inputs (n_a,): two, one at type 2, or none.
-
-        Where both links are equally long and their ends coincide, P is free on a circle: two of
-        those configurations are given.
-        """
+        """Return all configurations (n,) at inputs (n_a,): two, one at type 2, or none."""
+        # Two of many where both links are equally long and their ends coincide: P is free on a
+        # circle.
         inputs = self.mechanism.check_inputs(inputs)
         first, second = self.ends(inputs)
         if np.linalg.norm(second - first) <= NOISE and np.isclose(
@@ -210,11 +208,9 @@ class Dyad:
 
 @once
 def planar_dyad(mechanism: Mechanism) -> Dyad | None:
-    """Recognise a single planar loop that a dyad closes; None if the mechanism is another.
-
-    Asked for: one loop; each of its frames at the end of an actuated crank and a passive link, or
-    of a passive link alone; all axes parallel; both frames in one plane; no other joint.
-    """
+    """Return the dyad that closes a single planar loop; None if the mechanism is another."""
+    # Asked for: one loop; each of its frames at the end of an actuated crank and a passive link, or
+    # of a passive link alone; all axes parallel; both frames in one plane; no other joint.
     model = mechanism.model
     if len(mechanism.loops) != 1 or mechanism.prismatic.any() or mechanism.loops[0].kind == "6d":
         return None
@@ -274,11 +270,9 @@ def _unit(angle: npt.ArrayLike) -> Array:
 
 
 def roots(equation: Equation, inputs: npt.ArrayLike, free: int) -> Array:
-    """All real values, in (-pi, pi], of one input that solve an equation, the others held.
-
-    The trigonometric polynomial becomes an algebraic one in exp(i q / 2), whose companion
-    matrix has the roots; Newton steps on the equation itself sharpen them.
-    """
+    """Return all real values, in (-pi, pi], of one input that solve an equation."""
+    # The trigonometric polynomial becomes an algebraic one in exp(i q / 2), whose companion matrix
+    # has the roots; Newton steps on the equation itself sharpen them.
     base = np.array(inputs, dtype=float)
     frequency = equation.frequencies[:, free]
     held = base.copy()
@@ -460,10 +454,8 @@ class _LoopEquations:
         return away[0] ** 2 + away[1] ** 2
 
     def in_line(self, leg: int | None, sense: int) -> Poly:
-        """What the inputs fulfil with a leg, or both rods, stretched (``sense`` 1) or folded (-1).
-
-        It is a squared distance minus a squared reach, over W^2 in square metres.
-        """
+        """Return the equation of a leg, or both rods, stretched (``sense`` 1) or folded (-1)."""
+        # It is a squared distance minus a squared reach, over W^2 in square metres.
         reach = self.rods[0] + sense * self.rods[1] if leg is None else self.rods[1 - leg]
         return self.square(leg, sense) - (reach * self.w[0] * self.w[1]) ** 2
 
@@ -509,11 +501,9 @@ def _loci(
 
 
 def _metric(dyad: Dyad, form: Equation, leg: int | None, sense: int) -> Equation:
-    """The equation in square metres: a squared distance minus a squared reach, up to sign.
-
-    Type 2: |B1 B2|^2 - (d1 +- d2)^2. Type 1 of leg 1: |A1 + (l1 +- d1) e1 - B2|^2 - d2^2. The
-    cosine rule gives the coefficient of the highest frequency, and with it the scale.
-    """
+    """Return the equation in square metres: a squared distance minus a squared reach."""
+    # Type 2: |B1 B2|^2 - (d1 +- d2)^2. Type 1 of leg 1: |A1 + (l1 +- d1) e1 - B2|^2 - d2^2. The
+    # cosine rule gives the coefficient of the highest frequency, and with it the scale, up to sign.
     reach = _arms(dyad, leg, sense)
     if len(form.joints) == 1:
         reach[reach.index(0.0)] = float(np.linalg.norm(dyad.sides[1].pivot - dyad.sides[0].pivot))
@@ -547,10 +537,8 @@ def _tried(n: int) -> Array:
 
 
 def _on(form: Equation, extremes: Array) -> Iterator[Array]:
-    """Inputs on a locus, found as they are asked for: most often the first will do.
-
-    Lines along the inputs, random ones first; small loops lie about an extreme of the equation.
-    """
+    """Yield inputs on a locus, as they are asked for: most often the first will do."""
+    # Lines along the inputs, random ones first; small loops lie about an extreme of the equation.
     n = len(form.joints)
     tried = _tried(n)
     for base in np.concatenate([tried, extremes]) if n > 1 else tried[:1]:
@@ -562,11 +550,11 @@ def _on(form: Equation, extremes: Array) -> Iterator[Array]:
 
 
 def _extremes(dyad: Dyad, leg: int | None) -> Array:
-    """Inputs (k, n_a) at which the distance that decides on a locus is largest or least.
+    """Return inputs (k, n_a) at which the distance that decides on a locus is extreme.
 
     It is that of the ends of two arms that turn about the pivots: the cranks, for type 1 of a leg
-    its crank with the rod along it. It is stationary where both arms lie on the line of the
-    pivots, and least where the ends meet.
+    its crank with the rod along it. It is stationary where both arms lie on the line of the pivots,
+    and least where the ends meet.
     """
     first, second = dyad.sides
     gap = second.pivot - first.pivot

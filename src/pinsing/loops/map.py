@@ -33,11 +33,9 @@ from pinsing.serialization import JsonResult
 
 
 def cannot_close(mechanism: Mechanism, inputs: Array) -> Bool:
-    """Which inputs (N, n_a) leave the loops open, by the inequality of four distances: (N,) bool.
-
-    Proven where it is true, but for the rounding of lengths, of which 1e-9 is left to spare; where
-    it is false the loops may close or not. Nothing is known of mechanisms whose legs are no `rods`.
-    """
+    """Return which inputs (N, n_a) leave the loops open, by the inequality of four distances."""
+    # True is proven, with 1e-9 to spare for rounding of lengths; False is open. Only for legs that
+    # are `rods`.
     out = np.zeros(len(inputs), dtype=bool)
     found = rods(mechanism)
     if found is None:
@@ -76,11 +74,9 @@ def draw_closed(
     rng: np.random.Generator,
     known: Array,
 ) -> tuple[Array, int]:
-    """Closed configurations (M, n) of those drawn, in that order, and how many cannot close.
-
-    Over inputs ``actuated`` are drawn; ``known`` (N, n), from `known_closed`, are starts near by,
-    and the box and orientations of poses.
-    """
+    """Return closed configurations (M, n) of those drawn, and how many cannot close."""
+    # Over inputs ``actuated`` are drawn; ``known`` (N, n), from `known_closed`, are starts near by,
+    # and the box and orientations of poses.
     mechanism = loops.mechanism
     low, high = mechanism.space.span
     free = np.ones(mechanism.n, dtype=bool)

@@ -93,11 +93,9 @@ def count_poses(mechanism: Mechanism, inputs: Array) -> int | None:
 
 
 def input_loci(mechanism: Mechanism) -> tuple[PoseEquation, ...]:
-    """Type 2 over the inputs, where these are the three distances: exact; empty elsewhere.
-
-    The variables are the inputs, or, where a slide is not zero at no length, the length of its leg
-    by its input, "(p1 + 0.5)". A point on it has two poses that meet, real or complex ones.
-    """
+    """Return type 2 over the inputs, exact, where these are the three distances; else empty."""
+    # The variables are the inputs, or the length of a leg by its input, "(p1 + 0.5)", where a slide
+    # is not zero at no length. A point on it has two poses that meet, real or complex ones.
     found = planar_rods(mechanism)
     if found is None or not all(r.kind == "strut" for r in found.rods):
         return ()
@@ -105,10 +103,7 @@ def input_loci(mechanism: Mechanism) -> tuple[PoseEquation, ...]:
 
 
 def input_degrees(mechanism: Mechanism) -> dict[str, int]:
-    """Degrees of type 2 in the tangent of half of each crank's angle, the other inputs fixed.
-
-    Empty for legs of other kinds, or where it is not told.
-    """
+    """Return degrees of type 2 in the tangent of half of each crank's angle; empty if unknown."""
     found = planar_rods(mechanism)
     if found is None or not all(r.kind == "crank" for r in found.rods):
         return {}
@@ -150,11 +145,9 @@ def _poses(
     square: int,
     turn: tuple[Any, Any],
 ) -> tuple[Poly, Poly]:
-    """The polynomial in t of all poses, and what divides the position.
-
-    The angle is 2 atan(sqrt(square) t), counted from that whose cosine and sine are ``turn``; y is
-    in units of sqrt(square).
-    """
+    """Return the polynomial in t of all poses, and what divides the position."""
+    # The angle is 2 atan(sqrt(square) t), counted from that whose cosine and sine are ``turn``; y
+    # is in units of sqrt(square).
     t = context.gens()[0]
     n, c0, s0 = 1 + square * t**2, 1 - square * t**2, 2 * t
     # For a square of 3 the turn is none: its sine is over the root.
@@ -295,11 +288,8 @@ def number_of_modes(
     target: tuple[Array, Array, tuple[int, ...]] | None,
     found: Sequence[Array],
 ) -> tuple[int | None, str]:
-    """Poses at inputs (n_a,), limits left aside, or values of the inputs for a target pose.
-
-    With words for how they are counted; None where algebra does not tell. ``found``: one
-    configuration for each pose.
-    """
+    """Return how many poses inputs (n_a,) have, or values of inputs a target, and words on it."""
+    # Limits left aside; None where algebra does not tell. ``found``: one configuration a pose.
     by_rod = count_one_rod(mechanism, found, target is None), "the quadratic equation of its rod"
     if target is None:
         counts = [
@@ -320,10 +310,8 @@ def number_of_modes(
 
 
 def count_working(mechanism: Mechanism, R: Array, p: Array) -> int | None:
-    """Values of the inputs for a pose R (3, 3), p (3,) within their limits; None where not told.
-
-    Passive joints have limits of their own, which may leave fewer.
-    """
+    """Return how many inputs within their limits give a pose R (3, 3), p (3,); None: not told."""
+    # Passive joints have limits of their own, which may leave fewer.
     found = rods(mechanism)
     if found is None:
         sphere = sphere_loci(mechanism)
@@ -350,10 +338,8 @@ def _solutions(found: Rods, R: Array, p: Array) -> int | None:
 
 
 def count_one_rod(mechanism: Mechanism, found: Sequence[Array], direct: bool) -> int | None:
-    """Poses (direct), or working modes within limits, of one rod between two joints, or None.
-
-    ``found``: configurations; that they agree in the joint that is given is looked at.
-    """
+    """Return how many poses (direct), or working modes, one rod between two joints has, or None."""
+    # Configurations ``found`` are to agree in the joint that is given.
     sides = _one_rod(mechanism)
     if sides is None or not found:
         return None
@@ -430,10 +416,8 @@ def _hinged_poses(
 
 
 def level_words(mechanism: Mechanism, found: Sequence[Array], direct: bool, p: Array) -> str:
-    """How many of the configurations keep the output's axes, against what algebra gives; or none.
-
-    ``found``: those within the limits; ``p`` (3,) is the position of the inverse problem.
-    """
+    """Return how many configurations keep the output's axes, against algebra's number; or ""."""
+    # ``found``: those within the limits; ``p`` (3,) is the position of the inverse problem.
     pairs = _level_pairs(mechanism)
     if pairs is None:
         return ""
@@ -553,20 +537,15 @@ def count_triangles(mechanism: Mechanism, found: Sequence[Array]) -> int | None:
 
 
 def count_of_point(mechanism: Mechanism, p: Array) -> int | None:
-    """Values of the inputs within their limits that bring the middle pin to p (3,), the output.
-
-    None of other mechanisms, or where two solutions meet.
-    """
+    """Return how many inputs within limits bring the middle pin to p (3,), the output."""
+    # None of other mechanisms, or where two solutions meet.
     legs = point_legs(mechanism)
     return None if legs is None else _solutions(legs, np.eye(3), np.asarray(legs.axes @ p))
 
 
 @once
 def point_legs(mechanism: Mechanism) -> Rods | None:
-    """Both rods of a five-bar whose output is the position of the middle pin, in any plane.
-
-    Each hangs on a crank or a slide. None of other mechanisms.
-    """
+    """Return both rods, on cranks or slides, of a five-bar that places its middle pin; or None."""
     ring, plane = _ring(mechanism), plane_axes(mechanism)
     if ring is None or plane is None or not position_in(plane[0], mechanism.task.rows):
         return None

@@ -125,7 +125,7 @@ def _meets(model: pin.Model, joint: int) -> bool:
 
 
 def elbow_sines(mechanism: Mechanism, q: npt.ArrayLike) -> Array:
-    """Sine of each elbow angle at q (n,): positive to the left about the crank's axis.
+    """Return the sine of each elbow angle at q (n,): positive to the left about the crank's axis.
 
     In space it is the volume of crank, rod and axis, over the lengths of the two. Of a leg whose
     axes meet in one point it is that of their directions: crank, elbow, end. Of a slide it is the
@@ -149,11 +149,9 @@ def elbow_sines(mechanism: Mechanism, q: npt.ArrayLike) -> Array:
 
 
 def passive_determinant(mechanism: Mechanism, q: npt.ArrayLike) -> float | None:
-    """Determinant of the passive constraint columns, positive at home; None if it has no sign.
-
-    It has one where as many closure equations as passive joints do not vanish identically
-    (planar loops); elsewhere the rows that count change with the configuration.
-    """
+    """Return the determinant of the passive constraint columns, positive at home, or None."""
+    # It has a sign where as many closure equations as passive joints do not vanish identically
+    # (planar loops); elsewhere the rows that count change.
     rows, sign = assembly_rows(mechanism)
     if rows is None:
         return None
@@ -163,10 +161,7 @@ def passive_determinant(mechanism: Mechanism, q: npt.ArrayLike) -> float | None:
 
 @once
 def assembly_rows(mechanism: Mechanism) -> tuple[list[int] | None, float]:
-    """Rows of the closure whose determinant tells assemblies apart, and its sign at home.
-
-    None for the rows where there are none.
-    """
+    """Return closure rows whose determinant tells assemblies apart (or None), and its home sign."""
     loops = Loops(mechanism)
     rank = ranks(mechanism).constraint
     samples = random_closed(mechanism, 6, np.random.default_rng(SEED))
@@ -244,11 +239,8 @@ def closed_from_random(
     target: tuple[Array, Array, tuple[int, ...]] | None = None,
     steps: int = 60,
 ) -> Array:
-    """Closed configurations (N, n) from home and random starts; joints not ``free`` as in begin.
-
-    What is known to close is not left to chance: home is first. ``target`` and ``steps`` are those
-    of `newton`.
-    """
+    """Return closed configurations (N, n) from home, first, and random starts."""
+    # Joints that are not ``free`` stay as in begin; ``target`` and ``steps`` are those of `newton`.
     mechanism = loops.mechanism
     drawn = rng.uniform(*mechanism.space.span, (count, mechanism.n))
     drawn[0] = home(mechanism)
@@ -311,7 +303,7 @@ class LegMode:
 def leg_modes(
     mechanism: Mechanism, reached: Array, free: Bool, rng: np.random.Generator, starts: int
 ) -> list[list[list[LegMode]]]:
-    """Solutions within the limits, for each configuration, for each leg.
+    """Return solutions within the limits, for each configuration, for each leg.
 
     The pose of the output at ``reached`` (N, n) is the one to reach; joints that are not ``free``
     (n,) stay as there. Of each leg's ``starts`` the first is there, the others are random; balls

@@ -350,11 +350,9 @@ def _ratios(mechanism: Mechanism, G: Array, J: Array) -> Array:
 
 
 def _motions_many(G: Array, rank: int) -> tuple[Array, Array]:
-    """Singular values of G (N, k, n), and a basis (N, n, n - rank) of what it sends to zero.
-
-    Where as many rows as the rank are other than zero, those of the triangle of G' = Q R are those
-    of G, and the last columns of Q are the basis: that takes two thirds of the time.
-    """
+    """Return singular values of G (N, k, n), and a basis (N, n, n - rank) of its kernel."""
+    # Where as many rows as the rank are not zero, G' = Q R has both in two thirds of the time: the
+    # values of R, the last columns of Q.
     rows = np.flatnonzero(np.abs(G).max(axis=(0, 2)) > 1e-12)
     if len(rows) != rank:
         _, sigma, Vt = np.linalg.svd(G, full_matrices=True)
@@ -458,12 +456,12 @@ def _matrix(values: Array) -> pin.SE3:
 
 
 def led_pose(mechanism: Mechanism) -> dict[str, Any]:
-    """Rows of the output that can be led independently, and what its turns are; ready for JSON.
+    """Return rows of the output that can be led independently, and its turns, ready for JSON.
 
-    Keys: ``rows``, of the output's rows as many as it has freedoms, those that move most at home;
-    ``turn``, None where it does not turn, else ``kind``: ``full`` (all three, led as a rotation),
-    ``axis`` (about one axis of the base always: ``at`` is the angle at the rotation ``zero``), or
-    ``angles`` (some of roll, pitch and yaw; the others follow).
+    Keys: ``rows``, as many as it has freedoms, those that move most at home; ``turn``, None where
+    it does not turn, else ``kind``: ``full`` (all three, led as a rotation), ``axis`` (about one
+    axis of the base always: ``at`` is the angle at the rotation ``zero``), or ``angles`` (some of
+    roll, pitch and yaw; the others follow).
     """
     start = home(mechanism)
     rows = sorted(_independent(mechanism, start))
@@ -525,11 +523,9 @@ def pose_table(
     width: int = 100,
     columns: Sequence[Column] = (),
 ) -> list[str]:
-    """Lines of a table with a number, the coordinates that are not zero throughout, and more.
-
-    Where it would be wider than ``width`` with columns of numbers, coordinates that are the same
-    in all rows are in a line above it.
-    """
+    """Return table lines with a number, the coordinates that are not all zero, and more."""
+    # Where it would be wider than ``width`` with columns of numbers, coordinates that are the same
+    # in all rows are in a line above it.
     if not poses:
         return []
     # A half turn is always the positive one.

@@ -290,10 +290,8 @@ class PoseRing:
         return out
 
     def determinant(self, rows: list[Row], roots: Sequence[int] = ()) -> PoseEquation:
-        """The determinant of rows, not multiplied out, with so many roots of `square` a column.
-
-        Without ``roots`` those of wrenches: forces, then moments.
-        """
+        """Return the determinant of rows, unexpanded, with ``roots`` of `square` a column."""
+        # Without ``roots`` those of wrenches: forces, then moments.
         roots = roots or ((0, 1, 1) if self.rods.planar else (0, 1, 0, 1, 0, 1))
         made = tuple(
             tuple(
@@ -323,10 +321,7 @@ def counts_hinges(ring: PoseRing) -> bool:
 
 
 def about_output(ring: PoseRing, rod: Rod, force: Row) -> Row:
-    """A force through B, times N, and its moment about the origin of the output: rows left out.
-
-    They are those of the six that the task does not have.
-    """
+    """Return a force through B, times N, and its moment about the output, without task rows."""
     N = ring.turn[1]
     arm = [b - N * ring.variable(n) for b, n in zip(ring.outer(rod), "xyz", strict=True)]
     whole = [*(N * x for x in force), *cross(arm, force)]
@@ -608,11 +603,9 @@ def needs(ring: PoseRing) -> Iterator[str]:
 
 
 def locus_distance(mechanism: Mechanism, forms: PoseForms, q: Array) -> float:
-    """The least of the equations' values at q (n,), each over the size that its terms can have.
-
-    Lengths count with the size of the mechanism, all else with 1: a term that is zero by itself,
-    as in ``e3 = 0``, says how near it is.
-    """
+    """Return the least value of the equations at q (n,), over the size that terms can have."""
+    # Lengths count with the size of the mechanism, all else with 1: a term that is zero by itself,
+    # as in ``e3 = 0``, says how near it is.
     at = variables_at(mechanism, forms, q)
     found = _rods(mechanism)
     places = [] if found is None else [p for r in found.rods for p in (r.inner, r.outer)]
@@ -749,11 +742,9 @@ def _sphere_forms(mechanism: Mechanism, found: SphereLoci) -> PoseForms:
 
 
 def _point_forms(mechanism: Mechanism) -> PoseForms | None:
-    """Of a five-bar over the position of its middle pin, the output, and the inputs.
-
-    Each leg passes one force on the pin, along its rod. None of others, and where the inputs alone
-    will do.
-    """
+    """Return forms of a five-bar over its middle pin, the output, and the inputs, or None."""
+    # Each leg passes one force on the pin, along its rod. None, too, where the inputs alone will
+    # do.
     found = point_legs(mechanism)
     if found is None or planar_dyad(mechanism) is not None:
         return None
@@ -909,10 +900,8 @@ def _turning_type1(ring: PoseRing) -> list[PoseLocus] | None:
 
 
 def _wrenches(ring: PoseRing) -> Iterator[tuple[Rod, Row, Poly]]:
-    """Each force, through the outer end of its rod, and what the actuated joint feels of it.
-
-    Of forces across a rod up to a factor that is zero only where the force is.
-    """
+    """Yield each force, through the outer end of its rod, and what its actuated joint feels."""
+    # Of forces across a rod up to a factor that is zero only where the force is.
     for rod in ring.rods.rods:
         force = ring.force(rod)
         yield rod, force, ring.moment_arm(rod) if rod.moved else ring.dot(force, force)

@@ -59,9 +59,9 @@ class PoseWay:
     def keep_turn(self, starts: Sequence[Array]) -> bool:
         """Demand the rotation of the starts from now on, if poses around them have it.
 
-        An output that keeps its axes while it is led over an open set of positions does so in all
-        of that mode, beyond the constraint singularities too, where it could turn instead and pass
-        into another mode. With its turn fixed these are no singular points of the equations.
+        An output that keeps its axes over an open set of positions does so in all of that mode,
+        beyond constraint singularities too, where it could turn instead and pass into another mode.
+        With its turn fixed these are no singular points of the equations.
         """
         if set(self.targets_rows) & {3, 4, 5}:
             return False
@@ -151,10 +151,8 @@ class PoseWay:
         return R, p
 
     def signs(self, Q: Array) -> Array:
-        """Signs (N, k) that the configurations of one working mode have.
-
-        Of the type 1 equations, and of the lengths of legs: beyond zero a leg is turned round.
-        """
+        """Return signs (N, k) that the configurations of one working mode have."""
+        # Of the type 1 equations, and of the lengths of legs: beyond zero a leg is turned round.
         values = [locus.value(Q, self.mechanism.joints) for locus in self.ones]
         return np.sign(np.stack(values, axis=1)) if values else np.zeros((len(Q), 0))
 
@@ -186,10 +184,8 @@ class PoseSlice:
 def pose_slice(
     mechanism: Mechanism, over: Sequence[str], starts: Sequence[Array], samples: int = 161
 ) -> PoseSlice:
-    """Follow working modes over two coordinates of the pose; the others stay as at the start.
-
-    ``starts`` are closed configurations (n,), one of each mode, all at the same pose of the output.
-    """
+    """Follow working modes over two coordinates of the pose; the others stay as at the start."""
+    # ``starts`` are closed (n,), one of each mode, all at the same pose of the output.
     way = PoseWay(mechanism, over, starts[0])
     way.keep_turn(starts)
     size = [_SIZE, _SIZE]
@@ -223,10 +219,7 @@ def pose_slice(
 
 
 def keeps_turn(mechanism: Mechanism, over: Sequence[str], start: Array) -> bool:
-    """Whether the output keeps its axes wherever it is led from ``start`` (n,), by position alone.
-
-    ``over`` is as of `pose_slice`, which raises the same.
-    """
+    """Return if the output keeps its axes wherever led from ``start`` (n,), by position alone."""
     return PoseWay(mechanism, over, start).keep_turn([start])
 
 

@@ -310,11 +310,9 @@ def _sought(
 
 
 def _poses(loops: BatchLoops, Q: Array) -> tuple[list[Array], list[int]]:
-    """Configurations with different poses of the output, and how often each pose was found.
-
-    At a double solution (type 2) Newton's method stops with half of the digits, and what is one
-    looks like several: poses that lie close are brought nearer first.
-    """
+    """Return configurations with different poses of the output, and how often each was found."""
+    # At a double solution (type 2) Newton's method has half of the digits, and one looks like
+    # several: poses that lie close are brought nearer first.
     if not len(Q):
         return [], []
     mechanism = loops.mechanism

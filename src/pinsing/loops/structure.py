@@ -64,18 +64,10 @@ class NotThisKind(Exception):
 
 
 class Sample:
-    """Placements at a configuration q (n,) of the tree, closed or not, in axes (rows) of the base.
+    """Placements at q (n,) of the tree, closed or not, in axes (rows) of the base.
 
-    Attributes
-    ----------
-    q : (n,) array
-        The configuration.
-    joints, frames : lists of pin.SE3
-        As in Pinocchio's data.
-    output : pin.SE3
-        Of the output, in axes ``own`` (columns) of it.
-    axis, origins : (n, 3) arrays
-        Axes of the joints, and points on them, metres.
+    ``joints`` and ``frames`` are as in Pinocchio's data, ``output`` in axes ``own`` (columns) of
+    it; ``axis`` and ``origins`` (n, 3): the joints' axes, and points on them, metres.
     """
 
     def __init__(
@@ -122,7 +114,7 @@ def plane_normal(mechanism: Mechanism, axes: Array) -> Array | None:
 
 
 def plane_axes(mechanism: Mechanism) -> tuple[Array, Array] | None:
-    """Axes of the base (rows) and of the output (columns) of the plane in which all moves; or None.
+    """Return axes of the base (rows) and output (columns) of the plane in which all moves, or None.
 
     The normal is the third; axes of the base are taken in turn where it is one of them. Those of
     the output are along them when its rotation is none but about the normal.
@@ -166,10 +158,7 @@ def closing(mechanism: Mechanism) -> tuple[list[int], list[int]]:
 
 
 def idle_link(mechanism: Mechanism) -> str:
-    """What is to be said of a link between two passive joints that turn about one axis; or nothing.
-
-    Nothing else is on that link: it turns by itself, whatever the rest does.
-    """
+    """Return words on a link that turns by itself between passive joints of one axis; or ""."""
     model = mechanism.model
     busy = {b for pair in bodies(mechanism) for b in pair} | {structure(mechanism).output}
     for parent, j in _coaxial(mechanism):
@@ -289,10 +278,8 @@ def _run(
 def _meeting(
     place: object, axis: Array, following: Array, point: Array, free: bool
 ) -> tuple[Array, Array] | None:
-    """Where two axes meet, in the frame of the first joint and in that of the second.
-
-    With ``free`` false the point is given, on the first axis.
-    """
+    """Return where two axes meet, in the frames of the first and of the second joint."""
+    # With ``free`` false the point is given, on the first axis.
     R, t = np.array(place.rotation), np.array(place.translation)  # type: ignore[attr-defined]
     direction = R @ following
     normal = np.cross(axis, direction)
@@ -312,10 +299,9 @@ def _meeting(
 def likeness(
     mechanism: Mechanism, q: Array, joints: Sequence[int] | None = None, pose: bool = True
 ) -> Array:
-    """Numbers (k,) that two configurations q (n,) of one mode share.
-
-    Only of ``joints`` (a leg's) where some are given; with the ``pose`` of the output, or without.
-    """
+    """Return numbers (k,) that two configurations q (n,) of one mode share."""
+    # Only of ``joints`` (a leg's) where some are given; with the ``pose`` of the output, or
+    # without.
     sample, scale = Sample(mechanism, q), mechanism.length_scale
     chosen = range(mechanism.n) if joints is None else joints
     out: list[Array] = []
@@ -382,10 +368,8 @@ SIZE = {kind: len(in_room(kind, [*range(6)])) for kind in (SPACE, PLANE, SPHERE)
 
 @once
 def room_of(mechanism: Mechanism) -> tuple[str, Turn, Array]:
-    """``space``, ``plane`` or ``sphere``: what the motions of all its joints have room in.
-
-    And the turn that makes the plane's normal z, and the sphere's centre.
-    """
+    """Return ``space``, ``plane`` or ``sphere``: what the motions of all joints have room in."""
+    # And the turn that makes the plane's normal z, and the sphere's centre.
     drawn = Sample(mechanism, mechanism.space.sample(1, np.random.default_rng(SEED))[0])
     still, none = rational_turn(np.eye(3)), np.zeros(3)
     normal = plane_normal(mechanism, drawn.axis)

@@ -51,15 +51,12 @@ _CANDIDATES = 12  # configurations looked at for a representative
 
 @dataclass(frozen=True, eq=False)
 class _Points:
-    """Ends of walks: q (P, n), sigma_r / sigma_1 (P,), curve index or -1 (P,).
+    """Ends of walks."""
 
-    ``at`` (P,) is the value of the curve's moving joint where the curve itself is zero, else NaN.
-    """
-
-    q: Array
-    ratio: Array
-    curve: npt.NDArray[np.intp]
-    at: Array
+    q: Array  # (P, n)
+    ratio: Array  # (P,), sigma_r / sigma_1
+    curve: npt.NDArray[np.intp]  # (P,), index or -1
+    at: Array  # (P,), the curve's moving joint where the curve itself is zero, else NaN
 
     def where(self, mask: Bool) -> _Points:
         return _Points(self.q[mask], self.ratio[mask], self.curve[mask], self.at[mask])
@@ -226,11 +223,9 @@ class _Collector:
         return np.asarray(forced(held) & ~np.any([forced(s) for s in fewer], axis=0))
 
     def explain(self, until: float = math.inf) -> None:
-        """Generalise points until every one lies on a condition.
-
-        On a raw geometry with rounded angles hardly a point does, to the tolerance: then, when
-        many in a row have brought nothing new, the others are taken for more of the same.
-        """
+        """Generalise points until every one lies on a condition."""
+        # On rounded geometries hardly a point does: after many in a row without news, the rest is
+        # taken for more of the same.
         idle = 0
         for i in range(len(self.points.q)):
             # points in a row without a new condition
@@ -635,11 +630,10 @@ def random_search(
 def leads_down(exact: Arm, forms: ClosedForm, q: Array) -> bool:
     """Return True if q (n,) is in a valley of sigma_r that ends on a family nearby.
 
-    Where sigma_r falls like a higher power of the distance, walks end far off the zero: rounding
-    hides it. So the point is put back towards the family, and polished from there, again and
-    again. In a valley it stays where it was put; a zero of its own draws it back, unless that is
-    part of a set which meets the family here. So it is put away from the family first: there a
-    valley is no zero.
+    Where sigma_r falls like a higher power of the distance, rounding hides the zero from walks. So
+    the point is put back towards the family and polished, again and again: in a valley it stays, a
+    zero of its own draws it back, unless that belongs to a set which meets the family here. So it
+    is put away from the family first: there a valley is no zero.
     """
     where = _beside(forms, q)
     if where is not None and PRACTICAL < where[0] <= _VALLEY:
@@ -844,11 +838,9 @@ def _check_families(
 
 
 def _polished(exact: Arm, points: Array) -> Array:
-    """Samples (N, n), those that rounding keeps off the singular set put onto it.
-
-    Where the equations of a family touch, or a family meets another one, they give a point to
-    fewer digits than they are solved to. One that has to move farther stays: it is regular.
-    """
+    """Return samples (N, n) put onto the singular set where rounding keeps them off it."""
+    # Where equations of a family touch, or families meet, points have fewer digits than equations.
+    # One that has to move farther stays: it is regular.
     points = points.copy()
     off = np.flatnonzero(ratios(exact, points) > SINGULAR_RTOL)
     if len(off):

@@ -43,18 +43,7 @@ class CurveRows:
 
 
 class CurveTable:
-    """All curves of a plan.
-
-    Parameters
-    ----------
-    plan : SweepPlan
-        The plan.
-
-    Attributes
-    ----------
-    ranges : (n, 2) array
-        Ends of the range of each joint.
-    """
+    """All curves of a plan; ``ranges`` (n, 2) are ends of the range of each joint."""
 
     def __init__(self, plan: SweepPlan) -> None:
         self.plan = plan
@@ -146,10 +135,7 @@ class CurveTable:
 
 
 def axis_values(ranges: Array, samples: int, places: Ints) -> Array:
-    """Values of joints that move over ``ranges`` (C, 2) in so many samples, at ``places`` (C, P).
-
-    Those of ``numpy.linspace``, any stretch by itself; the ends are exact.
-    """
+    """Return values as of ``linspace`` over ``ranges`` (C, 2) at ``places`` (C, P), ends exact."""
     low, high = ranges[:, :1], ranges[:, 1:]
     values = places * ((high - low) / (samples - 1)) + low
     return np.asarray(np.where(places == samples - 1, high, values))
@@ -180,12 +166,11 @@ class Candidates:
 
 
 def minima(sigma: Array, ratio: Array, before: Array, after: Array) -> Bool:
-    """Return which samples of curves, or of pieces of them, are candidates.
+    """Return which samples of curves, or of pieces of them, are candidates, (C, S).
 
-    Of sigma_r and sigma_r / sigma_1 (C, S), and sigma_r (C,) of the samples on either side,
-    infinite at the ends of a curve: local minima (C, S), ends included; none of a flat curve. In a
-    singular stretch they are rounding: it has one candidate, at a third (its middle may be a
-    special place).
+    Local minima of sigma_r and sigma_r / sigma_1 (C, S), with sigma_r (C,) beside them, infinite at
+    the ends of a curve; none of a flat curve. A singular stretch, which is rounding, has one, at a
+    third: its middle may be special.
     """
     left = np.concatenate([before[:, None], sigma[:, :-1]], axis=1)
     right = np.concatenate([sigma[:, 1:], after[:, None]], axis=1)
@@ -211,18 +196,7 @@ def kinds(rows: CurveRows, samples: int, row: Ints, sample: Ints) -> Ints:
 
 
 class Pool:
-    """Candidates as they come in, never many more than ``most``.
-
-    Parameters
-    ----------
-    most : int
-        How many are kept.
-
-    Attributes
-    ----------
-    found : int
-        How many there were.
-    """
+    """Candidates as they come in, hardly more than ``most`` kept, of those ``found``."""
 
     names = ("dips_found", "dip_number", "dip_kind", "dip_sigma", "dip_ratio")
 

@@ -41,16 +41,9 @@ _FULL = frozenset({errno.ENOSPC, errno.EDQUOT, errno.EFBIG})
 
 
 class RunFolder:
-    """One run on disk. Made by `open_run`.
+    """One run on disk, made by `open_run`.
 
-    Attributes
-    ----------
-    path : Path
-        The folder.
-    identity : mapping
-        What decides the numbers of the run: plain JSON values.
-    chunks : int
-        How many chunks the run has.
+    ``identity``: plain JSON values that decide the numbers of the run. ``chunks``: how many it has.
     """
 
     def __init__(self, path: Path, identity: Mapping[str, Any], chunks: int) -> None:
@@ -75,10 +68,7 @@ class RunFolder:
         check: Callable[[Record], None] | None = None,
         room: int = 256 << 20,
     ) -> Record:
-        """Record of a chunk.
-
-        ``check`` raises a ValueError that says what a record must not hold.
-        """
+        """Return the record of a chunk; ``check`` raises ValueError for what it must not hold."""
         path = self.chunk_path(index)
         try:
             # Arrays that cannot be compressed grow by less than a thousandth.
@@ -141,11 +131,8 @@ def recorded(path: str | os.PathLike[str]) -> dict[str, Any] | None:
 def open_run(
     path: str | os.PathLike[str], identity: Mapping[str, Any], chunks: int
 ) -> Iterator[RunFolder]:
-    """Start a run in a new or empty folder, or go on with the same one.
-
-    No other process can open the folder meanwhile; the lock ends with the process, however
-    it ends.
-    """
+    """Start a run in a new or empty folder, or go on with the same one."""
+    # The lock keeps other processes out, and ends with this one, however it ends.
     root = Path(path)
     identity = json.loads(json.dumps(identity))  # as it will be read back
     with _locked(root):
@@ -266,17 +253,11 @@ _outer: Inbox | None = None
 
 
 class Inbox:
-    """Futures as they are done, and whether the run is to stop.
+    """Futures as they are done, and if the run is to stop.
 
-    Attributes
-    ----------
-    asked : int
-        How often Ctrl-C was pressed: once, to stop when what has begun is done and kept; twice,
-        without waiting for it.
-    heeded : bool
-        Whether the run has stopped for that; one that was about to end has not.
-    done : queue
-        Futures that are done, cancelled, or have failed; None: something else has happened.
+    ``asked``: how often Ctrl-C was pressed, once to stop after what has begun, twice without
+    waiting. ``heeded``: the run has stopped for it. ``done``: futures that are done, cancelled, or
+    have failed; None for anything else.
     """
 
     def __init__(self) -> None:
@@ -296,9 +277,9 @@ def ctrl_c_to(inbox: Inbox) -> Iterator[None]:
     """Have Ctrl-C speak to ``inbox`` as long as the block lasts; the third one raises again.
 
     Blocks may be nested: an inner inbox is told of what the outer one has heard, and the outer one
-    of what came too late to stop the inner run. Nothing is changed outside of the main thread,
-    which alone hears of Ctrl-C, nor where the program has put it off (as ``nohup`` does) or
-    handles it outside of Python.
+    of what came too late to stop the inner run. Nothing changes outside of the main thread, which
+    alone hears of Ctrl-C, nor where the program has put it off (``nohup``) or handles it outside of
+    Python.
     """
     global _outer
     before, outer = signal.getsignal(signal.SIGINT), _outer
@@ -331,10 +312,7 @@ def ctrl_c_to(inbox: Inbox) -> Iterator[None]:
 
 @contextlib.contextmanager
 def ctrl_c_afterwards() -> Iterator[None]:
-    """Put Ctrl-C off to the end of the block: what is computed and written there is kept.
-
-    A run within the block stops for it as ever.
-    """
+    """Put Ctrl-C off to the end of the block, so that its work is kept; runs in it still stop."""
     inbox = Inbox()
     with ctrl_c_to(inbox):
         yield
@@ -357,13 +335,7 @@ T = TypeVar("T")
 
 
 class Stages:
-    """Runs stages until the time is up, or Ctrl-C; what is missing then is listed.
-
-    Parameters
-    ----------
-    seconds : float or None
-        Time from now on; None: as long as it takes.
-    """
+    """Runs stages for ``seconds`` (None: no limit), or until Ctrl-C; lists what is missing."""
 
     def __init__(self, seconds: float | None) -> None:
         self.seconds = math.inf if seconds is None else seconds
@@ -382,10 +354,8 @@ class Stages:
         return "stopped" if self.interrupted else f"the time of {self.seconds:g} s was up"
 
     def run(self, name: str, stage: Callable[[], T], otherwise: T, whole: bool = False) -> T:
-        """The result of a stage; ``otherwise``, and a line for what is missing, without it.
-
-        A ``whole`` stage looks at no clock: its result has all of it, however late.
-        """
+        """Return the result of a stage, or ``otherwise`` and a line on what is missing."""
+        # A ``whole`` stage looks at no clock: its result has all of it, however late.
         if self.over:
             self.missing.append(f"{name}: not begun, {self.why}")
             return otherwise
@@ -482,14 +452,9 @@ def planned_evaluator(arm: Arm, options: RunOptions) -> Evaluator:
 
 
 class Run:
-    """A job at work: its chunks as they are done, and its folder. Made by `running`.
+    """A job at work, made by `running`: chunks as they are done, kept in ``folder`` if any.
 
-    Attributes
-    ----------
-    folder : RunFolder or None
-        Where chunks are kept.
-    done : int
-        How much of it was reduced, as progress counts it.
+    ``done``: how much of it was reduced, as progress counts it.
     """
 
     def __init__(
@@ -507,10 +472,8 @@ class Run:
         self.done = 0
 
     def reduce(self, parts: Sequence[Callable[[Record], object]], before: int, count: int) -> bool:
-        """Give all chunks to each of ``parts``; False if Ctrl-C has stopped that.
-
-        ``before`` and ``count`` are what progress counts: from, and to.
-        """
+        """Give all chunks to each of ``parts``; False if Ctrl-C has stopped that."""
+        # Progress counts from ``before`` to ``count``.
         try:
             with contextlib.closing(self._chunks()) as chunks:
                 for index, record in chunks:
@@ -525,11 +488,9 @@ class Run:
         return True
 
     def _chunks(self) -> Generator[tuple[int, Record], None, None]:
-        """Numbers and records in any order; those that the folder has come first, as they are.
-
-        A chunk is on the disk before it is yielded; a damaged one is done again. When the inbox is
-        asked to stop, what has begun is still done, kept and yielded.
-        """
+        """Yield numbers and records in any order, those of the folder first."""
+        # A chunk is on the disk before it is yielded; a damaged one is done again. When the inbox
+        # is asked to stop, what has begun is still done, kept and yielded.
         have: set[int] = set()
         for index, record in self._kept():
             have.add(index)
@@ -596,10 +557,7 @@ class Run:
 
 @contextlib.contextmanager
 def running(job: Job, options: RunOptions) -> Iterator[Run]:
-    """Run ``job`` for as long as the block lasts.
-
-    So long Ctrl-C raises nothing by itself: see `ctrl_c_to`.
-    """
+    """Run ``job`` for as long as the block lasts; meanwhile Ctrl-C is as of `ctrl_c_to`."""
     executor, parallel, inbox = options.executor, options.parallel, Inbox()
     if executor is not None and options.threads is not None:
         raise OptionError("give either threads or an executor, not both")

@@ -22,10 +22,8 @@ from pinsing.sampling.execute import connection_lost, how_many
 
 @contextlib.contextmanager
 def local_processes(workers: int | None = None) -> Iterator[tuple[Executor, int]]:
-    """Processes of this machine, as many as there are processors by default.
-
-    They leave Ctrl-C to this process, and end when it does, however that is.
-    """
+    """Yield processes of this machine, by default one a processor, and how many."""
+    # They leave Ctrl-C to this process, and end when it does, however that is.
     count = how_many(workers, "workers")
     resource_tracker.ensure_running()  # else the first worker starts it, which unblocks Ctrl-C
     executor = _Processes(
@@ -43,11 +41,9 @@ def local_processes(workers: int | None = None) -> Iterator[tuple[Executor, int]
 
 class _Processes(ProcessPoolExecutor):
     def watch(self, ended: threading.Event) -> None:
-        """See that a worker that dies is noticed, until the end.
-
-        The executor does so by itself, but where the worker was amid the writing of a result: then
-        it waits for the rest for ever, and so does every other worker that has one.
-        """
+        """See that a worker that dies is noticed, until the end."""
+        # The executor misses one amid the writing of a result: it and all workers would wait for
+        # ever.
         while not ended.wait(0.5):
             workers = list((getattr(self, "_processes", None) or {}).values())
             if any(not worker.is_alive() for worker in workers):
@@ -183,8 +179,8 @@ def _first_line(error: BaseException) -> str:
 class _Cluster(Executor):
     """Calls on a dask cluster.
 
-    As ``Client.get_executor``, which however takes a result for an error if the worker that it
-    was fetched from dies right then: it asks for the state after the result.
+    ``Client.get_executor`` takes a result for an error if its worker dies right then: it asks for
+    the state after the result.
     """
 
     def __init__(self, client: Any, address: str) -> None:

@@ -300,17 +300,7 @@ def generalize(
 
 
 class ConditionTester:
-    """Tests joint values of one arm against the same random values of the other joints.
-
-    Parameters
-    ----------
-    arm : Arm
-        The geometry that the tests are made on.
-    joints : iterable of int
-        Joints that can matter.
-    samples, rtol, seed
-        As in ``generalize``.
-    """
+    """Tests joint values against the same random values of the other ``joints`` that matter."""
 
     def __init__(
         self,
@@ -458,10 +448,10 @@ class ConditionTester:
         return np.asarray(ends.q[ends.ratio <= self.rtol])
 
     def _related(self, subset: tuple[int, ...], values: Array) -> frozenset[int]:
-        """Joints of the subset that do not come back when pushed a little off their values.
+        """Return joints of the subset that do not come back when pushed a little off their values.
 
-        A continuum through the values lets no push come back. Another family that passes
-        nearby can catch a large push, but not a small one.
+        A continuum lets no push come back; another family nearby can catch a large push, no small
+        one.
         """
         moved: frozenset[int] | None = None
         # radians or length scales, to see whether values are isolated

@@ -50,10 +50,7 @@ def moving_ranges(arm: Arm, ignore_limits: bool, notes: list[str] | None = None)
 def put_points(
     out: Array, columns: Sequence[int], sampling: str, start: int, ranges: Array, seed: int
 ) -> None:
-    """Put points from ``start`` on of a Sobol or random sample of ``ranges`` (k, 2) into columns.
-
-    ``out`` (N, n) is C-contiguous, and has a column for each of the k ranges.
-    """
+    """Put a Sobol or random sample of ``ranges`` (k, 2) into columns of a C-contiguous (N, n)."""
     k, low = len(columns), np.ascontiguousarray(ranges[:, 0])
     width = ranges[:, 1] - low
     if sampling == "sobol" and engine.available():
@@ -65,11 +62,11 @@ def put_points(
 
 
 def unit_points(sampling: str, start: int, stop: int, dimension: int, seed: int) -> Array:
-    """Points ``start`` to ``stop`` of a Sobol or random sample of the unit cube: (N, dimension).
+    """Return points of a Sobol or random sample of the unit cube: (N, dimension).
 
-    Random points come from the counter-based generator Philox4x64-10 (Salmon et al.,
-    "Parallel random numbers: as easy as 1, 2, 3", 2011) with the seed as its key. Sobol
-    points are shifted digit by digit (exclusive-or) by a vector drawn with the seed.
+    Random points come from the counter-based generator Philox4x64-10 (Salmon et al., "Parallel
+    random numbers: as easy as 1, 2, 3", 2011) with the seed as its key. Sobol points are shifted
+    digit by digit (exclusive-or) by a vector drawn with the seed.
     """
     if sampling == "sobol":
         return np.asarray((sobol(start, stop, dimension) ^ _shift(dimension, seed)) * 2.0**-BITS)
@@ -79,10 +76,8 @@ def unit_points(sampling: str, start: int, stop: int, dimension: int, seed: int)
 
 
 def sobol(start: int, stop: int, dimension: int) -> Words:
-    """Sobol points ``start`` to ``stop`` as integers (N, dimension) of BITS digits.
-
-    Point i is the exclusive-or of the direction numbers at the digits of its Gray code.
-    """
+    """Return Sobol points as integers (N, dimension) of BITS digits."""
+    # Point i is the exclusive-or of the direction numbers at the digits of its Gray code.
     gray = np.arange(start, stop, dtype=np.uint64)
     gray ^= gray >> np.uint64(1)
     points = np.zeros((len(gray), dimension), dtype=np.uint64)
@@ -93,11 +88,11 @@ def sobol(start: int, stop: int, dimension: int) -> Words:
 
 @functools.cache
 def directions(dimension: int) -> Words:
-    """Direction numbers (BITS, dimension) of a Sobol sequence, scaled to BITS digits.
+    """Return direction numbers (BITS, dimension) of a Sobol sequence, scaled to BITS digits.
 
     S. Joe and F. Y. Kuo, "Constructing Sobol sequences with better two-dimensional projections",
     SIAM J. Sci. Comput. 30 (2008) 2635-2654. Their table is read from SciPy's file: to import
-    ``scipy.stats`` for it takes longer than a small map.
+    ``scipy.stats`` takes longer than a small map.
     """
     folders = getattr(find_spec("scipy"), "submodule_search_locations", None) or [""]
     try:

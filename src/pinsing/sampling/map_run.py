@@ -346,11 +346,8 @@ class MapJob:
 
 
 def compute_map_chunk(job: MapJob, index: int) -> Record:
-    """Tallies of one chunk as arrays, with ``sigma`` (N, r) if values are kept.
-
-    Blocks begin at multiples of BLOCK whatever the chunks, so that each array operation has
-    the same operands and gives the same bits.
-    """
+    """Return tallies of one chunk as arrays, with ``sigma`` (N, r) if values are kept."""
+    # Blocks begin at multiples of BLOCK whatever the chunks: the same operands give the same bits.
     start, stop = job.span(index)
     tallies, kept = job.tallies(), []
     for first in range(start, stop, BLOCK):

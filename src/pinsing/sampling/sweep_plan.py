@@ -206,11 +206,9 @@ def uniform_configurations(
 def choose_nominal(
     arm: Arm, given: npt.ArrayLike | None, ignore_limits: bool, rng: np.random.Generator
 ) -> tuple[Array, str]:
-    """Step (1): a regular configuration (n,), given or found, and where it is from.
-
-    All revolute joints at pi/3, as in the paper, if that is inside the limits and well
-    conditioned; else the best conditioned of some random configurations.
-    """
+    """Return a regular configuration (n,), given or found, and its origin: step (1)."""
+    # All revolute joints at pi/3, as in the paper, if within the limits and well conditioned; else
+    # the best conditioned of some random ones.
     if given is not None:
         q = arm.check_one(given, "nominal")
         if not ignore_limits and not arm.within_limits(q):
@@ -249,10 +247,8 @@ def choose_nominal(
 def special_values(
     arm: Arm, special: Special, ignore_limits: bool, notes: list[str]
 ) -> list[Array]:
-    """Special values of each joint inside its limits, none twice.
-
-    A prismatic joint takes 0 and the middle of its range. What is left out goes to ``notes``.
-    """
+    """Return special values of each joint within its limits; ``notes`` gets those left out."""
+    # A prismatic joint takes 0 and the middle of its range.
     by_joint = special if isinstance(special, Mapping) else {}
     for name in by_joint:
         if name not in arm.joints:
@@ -460,10 +456,8 @@ def _effects(
 def _combinations(
     exact: Arm, effects: tuple[JointEffect, ...], asked: tuple[int, ...], prune: bool, seed: int
 ) -> tuple[PlannedLevel, ...]:
-    """Sets of special values level by level, with the test whether they force a singularity.
-
-    Lower levels than asked for are tested too, so that forced sets are minimal.
-    """
+    """Return sets of special values by level, and if they force a singularity."""
+    # Lower levels than asked for are tested too, so that forced sets are minimal.
     swept = [i for i, effect in enumerate(effects) if effect.swept]
     counts = [1]  # elementary symmetric polynomials of the numbers of special values
     for i in swept:

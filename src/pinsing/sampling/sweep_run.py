@@ -385,23 +385,9 @@ class Kept:
 
 
 class SweepJob:
-    """The curves of a sweep, some in each chunk.
+    """The curves of a sweep, about ``size`` pieces in each chunk; ``table`` has all.
 
-    Parameters
-    ----------
-    plan : SweepPlan
-        What to do.
-    evaluator : Evaluator or None
-        The arm, on a fixed engine; None if chunks are only read.
-    size : int
-        Pieces of curves in a chunk.
-    kept : Kept
-        What to keep.
-
-    Attributes
-    ----------
-    table : CurveTable
-        All curves.
+    ``evaluator`` is None if chunks are only read.
     """
 
     def __init__(self, plan: SweepPlan, evaluator: Evaluator | None, size: int, kept: Kept) -> None:
@@ -497,11 +483,11 @@ def compute_curves(
     first: int,
     end: int,
 ) -> Record:
-    """Tally and candidates of one chunk as arrays.
+    """Return the tally and candidates of one chunk as arrays.
 
-    With ``kept.values`` also ``sigma_min`` and ``sigma_ratio`` (N,) of its Jacobians, in the order
-    of their numbers, from ``first`` to before ``end``. Joints move over ``ranges`` (n, 2) in
-    ``samples``; ``rows`` are the curves that the chunk has a part of.
+    With ``kept.values`` also ``sigma_min`` and ``sigma_ratio`` (N,), of numbers ``first`` to before
+    ``end``. Joints move over ``ranges`` (n, 2) in ``samples``; ``rows`` are curves with a part in
+    it.
     """
     tally, pool = Tally(kept.worst), Pool(kept.candidates)
     sigma_min: list[Array] = []
@@ -653,47 +639,15 @@ def run_sweep(
     parallel: int | None = None,
     tell: Tell | None = None,
 ) -> SweepResult:
-    """Run a plan that was made for ``arm``.
+    """Run a plan made for ``arm``; after Ctrl-C ``complete`` is False. Options as of `sweep`.
 
-    The memory taken does not depend on the number of Jacobians: some 3 MB a thread, about 100
-    bytes for each of ``candidates``, and the curves if they are part of the result, which is
-    up to `KEEP_BYTES`. The result does not depend on ``chunk``, threads or executor, to the
-    last bit.
-
-    Parameters
-    ----------
-    arm, plan
-        What to do.
-    progress : callable, optional
-        As for `sweep`.
-    keep : bool, optional
-        Keep the curves. By default they are part of the result up to `KEEP_BYTES` (4 million
-        Jacobians), and not kept beyond. Larger ones can be kept in ``out`` alone:
-        `pinsing.sampling.sweep_run.kept_curves` reads them from there.
-    worst : int
-        How many of the worst configurations to keep.
-    candidates : int
-        How many dips of the curves to keep for `pinsing.sampling.singular_configurations`; if
-        there are more, a note says so, and `pinsing.sampling.curves` how they are chosen.
-    chunk : int, optional
-        Jacobians of a chunk, more or less.
-    out : path-like, optional
-        Folder that finished chunks are put in. A run that was stopped, or killed, goes on when
-        called again.
-    engine, threads, executor, parallel, tell
-        As in ``sigma_map``.
-
-    Returns
-    -------
-    SweepResult
-        After Ctrl-C, of what was done until then, with ``complete`` False.
-
-    Raises
-    ------
-    OptionError
-        If curves are to be kept that are too large for the memory, and there is no ``out``.
-    EngineError, OutputError, WorkerError
-        As `pinsing.sampling.sigma_map`.
+    The memory taken does not depend on the number of Jacobians: some 3 MB a thread, about 100 bytes
+    a candidate, and the curves, which are part of the result up to `KEEP_BYTES` unless ``keep``
+    says; larger ones are kept in the folder ``out`` alone, for `kept_curves`. ``worst``
+    configurations and ``candidates`` for `singular_configurations` are kept
+    (`pinsing.sampling.curves` says which). A stopped run in ``out`` goes on when called again. The
+    result does not depend on ``chunk`` (Jacobians, about), threads or executor, to the last bit.
+    OptionError if curves are too large without ``out``.
     """
     for name, number in (("worst", worst), ("candidates", candidates), ("chunk", chunk)):
         if number is not None and number < 1:
@@ -816,17 +770,12 @@ _NUMBERS = ("chunks", "pieces_of_a_chunk", "worst", "candidates")  # of a plan
 
 
 def save_npz(result: SweepResult, path: str | os.PathLike[str]) -> Path:
-    """Write a sweep to ``path`` (``.npz``), readable with ``numpy.load`` alone.
+    """Write a sweep to ``path`` (``.npz``), readable with ``numpy.load`` alone, or nothing.
 
     Arrays, for C curves of S samples of an arm of n joints: ``number`` (C,), ``level`` (C,),
-    ``moving`` (C,), ``forced`` (C,), ``fixed`` (C, n) with NaN where a joint is not at a
-    special value, ``x`` (n, S), ``sigma_min`` and ``sigma_ratio`` (C, S), ``header`` (JSON
-    text). If the curves are not part of the result, C and S are 0.
-
-    Raises
-    ------
-    OutputError
-        If the file cannot be written; nothing half-written is left.
+    ``moving`` (C,), ``forced`` (C,), ``fixed`` (C, n) with NaN where a joint is not at a special
+    value, ``x`` (n, S), ``sigma_min`` and ``sigma_ratio`` (C, S), ``header`` (JSON text). If the
+    curves are not part of the result, C and S are 0.
     """
     target = Path(path)
     if target.suffix != ".npz":
@@ -836,13 +785,7 @@ def save_npz(result: SweepResult, path: str | os.PathLike[str]) -> Path:
 
 
 def load_npz(path: str | os.PathLike[str]) -> SweepResult:
-    """Read what ``save_npz`` wrote.
-
-    Raises
-    ------
-    ResultError
-        If the file is missing, damaged, or something else.
-    """
+    """Return what ``save_npz`` wrote; ResultError if it is missing, damaged, or something else."""
     try:
         arrays: dict[str, Any] = dict(
             read_arrays(read_bounded(Path(path), _ROOM, follow=True), _ROOM)
@@ -861,13 +804,7 @@ def load_npz(path: str | os.PathLike[str]) -> SweepResult:
 
 
 def kept_curves(folder: str | os.PathLike[str]) -> Iterator[SweepCurve]:
-    """Go through the curves of a complete sweep that were kept in its folder, one at a time.
-
-    Raises
-    ------
-    ResultError
-        If there is no complete sweep, its curves were not kept, or some are damaged.
-    """
+    """Yield the curves in the folder of a complete sweep; ResultError if missing or damaged."""
     root = Path(folder)
     plan, identity = load_npz(root / CURVES).plan, recorded(root)
     if identity is None or identity.get("keep") is not True:

@@ -81,25 +81,11 @@ _ARRAYS = (
 class Tally:
     """Running summary of singular values, or of the bounds of a distance.
 
-    Parameters
-    ----------
-    worst : int
-        How many configurations of smallest ratio are kept.
-    prefix : str
-        What the names of its arrays begin with in a record.
-    ratios : bool
-        The second value is a ratio of at most 1; else both may be infinite.
-
-    Attributes
-    ----------
-    done, singular, near : int
-        Configurations seen, and how many of them are singular, near-singular.
-    histogram : (2, BINS) array of int
-        Of sigma_r, and of the ratio that verdicts stand on.
-    value, index : (2, 2) arrays
-        Smallest and largest value (columns) of both, and where.
-    worst_index, worst_sigma, worst_ratio : (k,) arrays
-        The worst few, smallest ratio first.
+    ``worst`` configurations are kept; ``prefix`` begins the names of arrays in a record; with
+    ``ratios`` the second value is a ratio of at most 1, else both may be infinite. Of ``done``
+    configurations so many are ``singular`` and ``near``. ``histogram`` (2, BINS) is of sigma_r, and
+    of the ratio that verdicts stand on; ``value`` and ``index`` (2, 2) have the least and largest
+    (columns) of both, and where; ``worst_*`` (k,) the worst few, smallest ratio first.
     """
 
     def __init__(self, worst: int, prefix: str = "", ratios: bool = True) -> None:
@@ -122,10 +108,7 @@ class Tally:
         return 24 * min(self.worst, count) + 2 * 16 * min(BINS, count) + 8192
 
     def add(self, start: int, last: Array, ratio: Array, numbers: Counts | None = None) -> None:
-        """Count sigma_r (N,) and the ratios (N,) of configurations from ``start`` on.
-
-        With ``numbers`` (N,), ascending, of those instead.
-        """
+        """Count sigma_r (N,) and ratios (N,) from ``start`` on, or of ascending ``numbers``."""
         if not len(last):
             return
         self.done += len(last)
@@ -194,12 +177,9 @@ class Tally:
         locate: Callable[[int], Array],
         measure: Callable[[Array], tuple[Array, Array]] | None,
     ) -> None:
-        """Judge the tally of ``count`` configurations with numbers from ``start`` to ``stop``.
-
-        The worst configurations and the extremes are computed again with ``measure``, which gives
-        of configurations (N, n) what stands for sigma_r (N,) and for the ratio (N,). A ValueError
-        says what is wrong.
-        """
+        """Judge a tally of ``count`` configurations; ValueError says what is wrong."""
+        # ``measure`` computes what stands for sigma_r and the ratio of the worst and the extremes
+        # again.
         part = {name: record[self.prefix + name] for name in _ARRAYS}
         done, singular, near = whole(part, "counts", (3,), 0, count + 1).tolist()
         if done != count or singular + near > done:
@@ -245,10 +225,7 @@ class Tally:
 def array_of(
     record: Record, name: str, shape: tuple[int | None, ...], whole: bool
 ) -> npt.NDArray[np.generic]:
-    """Array ``name`` of a record, if it has that shape and holds whole numbers, or finite ones.
-
-    None in the shape stands for any number.
-    """
+    """Return array ``name`` of a record; ValueError for another type or shape (None: any)."""
     array = record.get(name)
     if array is None:
         raise ValueError(f"it lacks {name}")
