@@ -145,6 +145,13 @@ DIALECTS = {
     "positions.csv": (table(["Zeit", *(f"{j}_pos" for j in UR5)], timed()), True),
     "achsen.csv": (table(["Zeit", *numbered("Achse {} [Grad]")], timed(DEG), ";"), True),
     "axis.csv": (table(["t", *numbered("Axis {} (deg)")], timed(DEG)), True),
+    "windows.csv": (table([f"{j} (degrés)" for j in UR5], DEG), False),
+    "J_pos.csv": (table(numbered("J{}_pos"), Q), False),
+    "angle.csv": (table(numbered("Joint {} angle [°]"), DEG), False),
+    "in_words.csv": (table(numbered("Gelenk{} in Grad"), DEG), False),
+    "AxisActual.csv": (table(numbered("AxisActual_A{}"), Q), False),
+    "theta.csv": ("% MATLAB\n" + table(numbered("θ{}°"), DEG), False),
+    "quoted.csv": (re.sub("[^,\n]+", r'"\g<0>"', table(["t", *UR5], timed())), True),
     "sep.csv": ("sep=;\n" + table(["t", *UR5], timed(), ";"), True),
     "semicolons.csv": (table(["t", *UR5], timed(), ";"), True),
     "tabs.tsv": (table(["t", *UR5], timed(), "\t"), True),
@@ -222,7 +229,7 @@ def test_a_table_for_a_fanuc_by_name_may_be_a_pendants(tmp_path):
 @pytest.mark.parametrize("name", DIALECTS)
 def test_files_as_people_have_them(tmp_path, arm, name):
     text, times = DIALECTS[name]
-    (tmp_path / name).write_text(text, encoding="utf-8")
+    (tmp_path / name).write_text(text, encoding="cp1252" if name == "windows.csv" else "utf-8")
     read = read_trajectory(tmp_path / name, arm)
     np.testing.assert_allclose(read.Q, Q, atol=1e-6)
     assert (read.t is not None) == times
@@ -303,6 +310,7 @@ def test_what_is_not_clear_is_not_guessed(tmp_path, arm, text, said):
         ("a.csv", f"# {UR5[::-1]}\n" + table([], Q)[1:], "a comment names the joints in another"),
         ("a.csv", "# t [s] J1 [deg]\n" + table([], Q)[1:], "speaks of degrees: say '--units deg'"),
         ("a.csv", "# J1_deg, J2_deg\n" + table([], Q)[1:], "speaks of degrees"),
+        ("a.csv", "# all in degrees\n" + table(["t", *UR5], timed()), "speaks of degrees"),
         ("a.csv", table(["sec", "nanosec", *UR5], np.column_stack([T, timed()])), "n 'nanosec'"),
         ("a.csv", table(["timestamp", *UR5], timed(t=T + 1.7e18)), "not in seconds"),
         ("a.csv", table([], timed(Q[::-1]))[1:], "last ascend.*--columns t=1,2,3,4,5,6,7"),

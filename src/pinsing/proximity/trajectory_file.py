@@ -27,10 +27,11 @@ from pinsing.robot.whole_model import WholeModel
 
 _UNIT = re.compile(
     r"(?i)[\s_]*[\[(]\s*([^\W\d_][^\[\]()]*?|°)\s*[\])]\s*$"
-    r"|_(deg|degrees|[mu]?rad|radians|mdeg|revs?|turns|gon|mm|cm|ms|us|ns)$"
+    r"|(?:[\s_]in)?[\s_](deg|degrees|[mu]?rad|radians|mdeg|revs?|turns|gon|mm|cm|ms|us|ns"
+    r"|(?<=\sin\s)grad)$|\s*(°)$"
 )
 _ANGLES = {
-    **dict.fromkeys(("deg", "degree", "degrees", "°", "grad"), math.radians(1)),
+    **dict.fromkeys("deg degree degrees ° grad degré degrés grados gradi".split(), math.radians(1)),
     **dict.fromkeys(("rad", "radian", "radians"), 1.0),
 }
 _LENGTHS = ("m", "meter", "metre", "mm")
@@ -43,8 +44,8 @@ _TIME = re.compile(
     r"(?i)[%_]*(t|times?|zeit|temps|tiempo|tempo|timestamp|seconds|secs?|time_from_start|elapsed)"
 )
 _NUMBERED = re.compile(
-    r"(?i)(actual_|field_|joint_)?(q|jt?|a|rax|joint|gelenk|axis|achse|axe|eje|asse|pos|positions?)"
-    r"[_ ]?(\d+)"
+    r"(?i)(?:(?:axis)?act(?:ual)?_|field_|joint_)?(?:q|jt?|a|rax|joint|gelenk|axis|achse|axe|eje|"
+    r"asse|theta|θ|pos|positions?)[_ ]?(\d+)(?:[_ ](?:pos|position|angle|winkel|value))*"
 )
 _PLACES = {"joint_states", "joint_state", "pos", "position", "positions", "actual", "field", "data"}
 """Parts of a column's name that tell where a position was written down, not of which joint."""
@@ -74,7 +75,7 @@ NO_TIMES = "no column of times"
 _ROWS = 100_000  # at a time
 _EPOCH = 1e8  # seconds: later times are dates, of which three years are left out
 _DEGREES = re.compile(r"(?i)(?:\b|_)deg(?:rees?)?\b(?!/)|°(?!/)")
-_UNITS_LINE = re.compile(r"(?i)\s*#\s*(?:angle[\s_]+)?units?\s*[:=]\s*(.*)")
+_UNITS_LINE = re.compile(r"(?i)\s*[#%]\s*(?:angle[\s_]+)?units?\s*[:=]\s*(.*)")
 _RAGGED = re.compile(
     r"the number of columns changed from \d+ to (\d+) at row (\d+);.*"
     r"|invalid column index -?\d+ at row (\d+) with (\d+) columns"
@@ -532,7 +533,7 @@ def _text(path: Path, arm: Arm, columns: Sequence[str], united: bool) -> Traject
         number, line, degrees, comments = 1, "", None, ""
         for number, words_of_it in enumerate(file, 1):
             line = words_of_it.strip()
-            if line and not line.startswith(("#", "sep=")):  # which spreadsheets write
+            if line and not line.startswith(("#", "% ", "sep=")):  # MATLAB, spreadsheets
                 break
             degrees = stated_unit(f"{path}:{number}", line, degrees)
             line, comments = "", f"{comments} {line}"
@@ -573,14 +574,15 @@ def _text(path: Path, arm: Arm, columns: Sequence[str], united: bool) -> Traject
                 f"{path}: a comment names the joints in another order than base to tip: write them "
                 f"as the line of names, without '#', or say which column is which with --columns"
             )
-        if not (named or united or degrees is not None) and _DEGREES.search(comments):
-            raise ConfigurationError(
-                f"{path}: a comment speaks of degrees: say '--units deg' or '--units rad', or "
-                "write the names and units as the first line, without '#'"
-            )
         read = None
         if named or columns:
             read = ColumnHeads(path, arm, heads, columns, units, cells, united)
+        unsaid = read is None or None in itertools.compress(read.scales, ~arm.prismatic)
+        if unsaid and not united and degrees is None and _DEGREES.search(comments):
+            raise ConfigurationError(
+                f"{path}: a comment speaks of degrees: say '--units deg' or '--units rad', or "
+                "write '# units: degrees'"
+            )
         if len(cells) > len(words) and all(map(is_number, cells)):
             raise ConfigurationError(
                 f"{path}: {len(cells)} numbers in the first sample, and {len(words)} names: where "
@@ -626,7 +628,14 @@ def _opened(path: Path) -> io.TextIOWrapper:
     if b"\0" in start and not utf_16:
         raw.close()
         raise ConfigurationError(f"{path}: is no UTF-8 but UTF-16 or binary: save it as UTF-8")
-    return io.TextIOWrapper(raw, encoding="utf-16" if utf_16 else "utf-8-sig", errors="replace")
+    head = raw.peek()[:MEBIBYTE].rstrip(bytes(range(128, 256)))  # a letter may be cut at its end
+    try:
+        head.decode()
+    except UnicodeDecodeError:  # spreadsheets of Windows; names are compared, whatever they read
+        encoding = "utf-16" if utf_16 else "cp1252"
+    else:
+        encoding = "utf-8-sig"
+    return io.TextIOWrapper(raw, encoding=encoding, errors="replace")
 
 
 class ColumnHeads:
@@ -656,7 +665,7 @@ class ColumnHeads:
             raise self._error(f"column {twice[0]!r:.80} is there twice")
         known = _others(arm)
         units = [_UNIT.search(w) for w in words]
-        marks = [(u.group(1) or u.group(2)).lower() if u else "" for u in units]
+        marks = [next(filter(None, u.groups())).lower() if u else "" for u in units]
         names = [
             w[: u.start()] if u and m in _SCALES else w
             for w, u, m in zip(words, units, marks, strict=True)
@@ -668,7 +677,7 @@ class ColumnHeads:
         for i, name in enumerate(names):
             number = _NUMBERED.fullmatch(_without_places(name))
             if number:
-                names[i] = self.labels.get(index.get(int(number[3]), -1)) or name
+                names[i] = self.labels.get(index.get(int(number[1]), -1)) or name
         exact, letters = {*arm.joints, *known}, _LETTERS.get(arm.n, "")
         if yaskawa := bool(letters) and {*letters} <= {*names} - exact and not columns:
             names = [arm.joints[letters.index(n)] if n in {*letters} else n for n in names]
@@ -763,7 +772,7 @@ class ColumnHeads:
         numbers = {i: m for i, n in short.items() if (m := _NUMBERED.fullmatch(n))}
         found = {i: _named(short[i], arm.joints) for i in names}
         if numbers and not all(found[i] for i in numbers):
-            count = {i: int(m.group(3)) for i, m in numbers.items()}
+            count = {i: int(m[1]) for i, m in numbers.items()}
             first = min(count.values())
             if sorted(count.values()) == list(range(first, first + arm.n)) and first in (0, 1):
                 found.update({i: arm.joints[k - first] for i, k in count.items()})
@@ -812,12 +821,12 @@ def _without_places(name: str) -> str:
 
 
 def _named(name: str, joints: Sequence[str]) -> str | None:
-    """The one joint of that name, or with another prefix, "_joint", "_pos" or case."""
+    """The one joint of that name, or with another prefix, "_joint", "_pos", "_angle" or case."""
     if name in joints:
         return name
 
     def plain(word: str) -> str:
-        return re.sub(r"([_-]joint)?(_pos(ition)?)?$", "", word.lower())
+        return re.sub(r"([_-]joint)?([_ ](pos(ition)?|angle))?$", "", word.lower())
 
     low = plain(name)
     close = [
@@ -876,7 +885,12 @@ class _NumberTable:
             warnings.simplefilter("ignore")  # an end of file is no surprise
             try:
                 table = np.loadtxt(
-                    lines, delimiter=self.separator, ndmin=2, comments="#", usecols=self.used
+                    lines,
+                    delimiter=self.separator,
+                    ndmin=2,
+                    comments="#",
+                    usecols=self.used,
+                    quotechar='"',
                 )
             except ValueError as error:
                 words = " ".join(str(error).split())
