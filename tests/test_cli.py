@@ -238,8 +238,8 @@ class TestAt:
     def test_a_plain_clearance_is_in_the_unit_of_the_command(self, tmp_path):
         file = tmp_path / "path.csv"
         file.write_text("0.1,-1.2,1.3,-1.6,-1.4,0.3\n0.1,-1.2,1.3,-1.6,-1.3,0.3\n")
-        done = run("check", "ur5", str(file), "--near", "5")
-        assert done.exit_code == 2
+        done = run("check", "ur5", str(file), "--near", "3")
+        assert (done.exit_code, "write 3deg or 3rad" in done.stderr) == (2, True)
         degrees = run("check", "ur5", str(file), "--near", "5", "--deg", "-o", "-")
         assert json.loads(degrees.stdout)["near"] == pytest.approx(np.radians(5))
 

@@ -23,6 +23,7 @@ from pinsing.cli.options import (
     once_option,
     parse_numbers,
     tip_speed_options,
+    told_degrees,
     typed_speeds,
 )
 from pinsing.cli.output import emit, emit_json, emit_json_data, emit_lines, say
@@ -272,7 +273,7 @@ def suggest_command(
         parse_numbers(near, "--near", deg)
     from pinsing.proximity.suggestion import REACH, suggest
 
-    radius = REACH if reach is None else angle(reach, "--reach", deg)
+    radius = REACH if reach is None else angle(reach, "--reach", told_degrees(deg))
     arm = request.load()
     start = None if near is None else joint_vector(arm, near, "--near", deg)
     with doing("searching for a configuration"):

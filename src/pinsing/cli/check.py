@@ -51,9 +51,8 @@ F = TypeVar("F", bound=Callable[..., Any])
 _ANGLE = re.compile(r"\s*([0-9.eE+-]+)\s*(deg|°|rad)?\s*")
 
 
-def angle(text: str, option: str, degrees: bool) -> float:
-    """Return radians of ``3deg``, ``0.05rad`` or a plain number; OptionError if not positive."""
-    # So is a plain number of radians above half a turn: it is in degrees.
+def angle(text: str, option: str, degrees: bool | None) -> float:
+    """Return radians of ``3deg``, ``0.05rad`` or a number; OptionError if in no unit, or <= 0."""
     match = _ANGLE.fullmatch(text)
     try:
         value = float(match.group(1)) if match else math.nan
@@ -62,8 +61,8 @@ def angle(text: str, option: str, degrees: bool) -> float:
     if not (value > 0 and math.isfinite(value)):
         raise OptionError(f"{option}: {text!r} is no positive angle such as 3deg or 0.05rad")
     unit = match.group(2) if match else None
-    if unit is None and not degrees and value > math.pi:
-        raise OptionError(f"{option} {text} is more than half a turn: write {text}deg or {text}rad")
+    if unit is None and degrees is None:
+        raise OptionError(f"{option} {text} is in no unit: write {text}deg or {text}rad")
     return math.radians(value) if unit in ("deg", "°") or (degrees and not unit) else value
 
 
@@ -148,8 +147,8 @@ def check_command(
 
     Example: pinsing check ur5 path.csv --deg --fail-within 3deg
     """
-    bound = angle(near, "--near", deg)
-    fail = None if fail_within is None else angle(fail_within, "--fail-within", deg)
+    bound = angle(near, "--near", told_degrees(deg))
+    fail = None if fail_within is None else angle(fail_within, "--fail-within", told_degrees(deg))
     if follow is not None and loops_at_hand(request.robot):
         raise OptionError(f"--follow judges serial arms alone: {request.robot} has closed loops")
     arm = request.load()

@@ -31,7 +31,8 @@ _UNIT = re.compile(
     r"|(?<=\sin\s)grad)$|\s*(°)$"
 )
 _ANGLES = {
-    **dict.fromkeys("deg degree degrees ° grad degré degrés grados gradi".split(), math.radians(1)),
+    **dict.fromkeys(("deg", "degree", "degrees", "°", "grad"), math.radians(1)),
+    **dict.fromkeys(("degré", "degrés", "grados", "gradi"), math.radians(1)),
     **dict.fromkeys(("rad", "radian", "radians"), 1.0),
 }
 _LENGTHS = ("m", "meter", "metre", "mm")
