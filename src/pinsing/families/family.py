@@ -18,7 +18,7 @@ import numpy.typing as npt
 from pinsing._types import Array, Bool
 from pinsing.algebra.components import Component
 from pinsing.algebra.conditions import Conditions
-from pinsing.algebra.equation import Equation, latex_symbol
+from pinsing.algebra.equation import PLAIN, Equation, latex_symbol
 from pinsing.algebra.nearest import BOXES, GAP, SearchOptions
 from pinsing.arguments import checked, columns_of, real_numbers, whole_number
 from pinsing.errors import ConfigurationError, OptionError, UnknownNameError
@@ -603,6 +603,8 @@ class Family(Members, JsonResult):
     def where(self, q: npt.ArrayLike | None = None) -> str:
         """Return its condition with the joints' own names, in degrees and metres.
 
+        Of a family within the joint limits, values outside them are left out.
+
         Parameters
         ----------
         q : (n,) or (nq,) array_like, optional
@@ -631,7 +633,7 @@ class Family(Members, JsonResult):
             if at.ndim != 1:
                 raise ConfigurationError(f"q is one configuration, got shape {at.shape}")
             return " and ".join(f"{names[j]} = {self._value(at, j)}" for j in sorted(fixed))
-        said = [m[1] if (m := _SOLVED.search(t)) else t for t in self.text.split(" and ")]
+        said = [self._reached(m) if (m := _VALUES.search(t)) else t for t in self._parts()]
         if equations and (len(self.text) > 72 or "φ" in self.text):
             others = listed([names[j] for j in names if j not in fixed])
             said = [*said[: len(fixed)], f"an equation in {others}"]
@@ -640,7 +642,29 @@ class Family(Members, JsonResult):
     def _value(self, q: Array, j: int) -> str:
         if self.prismatic[j]:
             return f"{q[j]:.4g} m"
-        return f"{round(math.degrees(-self.space.wrap(-q)[j]), 2) + 0.0:g}°"
+        value = self._copy(float(-self.space.wrap(-q)[j]), j)
+        return f"{round(math.degrees(value), 2) + 0.0:g}°"
+
+    def _parts(self) -> list[str]:
+        """Its conditions one by one, where they hold at once."""
+        return [self.text] if "; or " in self.text else self.text.split(" and ")
+
+    def _reached(self, said: re.Match[str]) -> str:
+        """``q3 = 5.3849°`` of ``q3 = 5.3849° or -174.6151°``, where limits exclude the other."""
+        j = int(said[2]) - 1
+        of = [v for v in self.value_reach if v.joint == j]
+        left = [self._copy(v.value, j) for v in of if v.reachability is not Reachability.OUTSIDE]
+        if self.prismatic[j] or not left:
+            return said[1]
+        return f"q{j + 1} = {PLAIN.angles(left)}"
+
+    def _copy(self, angle: float, j: int) -> float:
+        """The angle, by whole turns within the limits where one is."""
+        low, high = float(self.lower[j]) - ROUNDING, float(self.upper[j]) + ROUNDING
+        if low <= angle <= high or math.isinf(low):
+            return angle
+        moved = angle + math.tau * math.ceil((low - angle) / math.tau)
+        return moved if moved <= high else angle
 
     @property
     def equations(self) -> tuple[Equation, ...]:
@@ -676,7 +700,7 @@ class Family(Members, JsonResult):
 
 
 _NUMBERED = re.compile(r"\b[qd](\d+)\b")
-_SOLVED = re.compile(r"\(([qd]\d+ = [^()]*)\)$")
+_VALUES = re.compile(r"(?:\(|^)([qd](\d+) = (?:±|-?\d)[^();]*)\)?$")
 """``0.4 cos q3 + 0.02 sin q3 = 0 (q3 = 92.7°)``: what is left is in the last parentheses."""
 _PLACES = {"shoulder": "wrist center above the base axis"}
 """What is said of families that have a name and equations in several joints."""

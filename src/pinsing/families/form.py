@@ -310,6 +310,7 @@ PLACE = {
     "interior": "inside the workspace",
     "boundary": "edge of reach in this posture",
     "varies": "edge or inside",
+    "undecided": "edge or inside, undecided",
 }
 _MOST_ROWS = 5
 
@@ -341,7 +342,8 @@ def answer_text(
     ]
     if not any(row[0] for row in rows):
         rows = [row[1:] for row in rows]
-    short = [row for row in rows if sum(map(len, row)) + 2 * len(row) <= page.width]
+    room = page.width - max((len(row[-1]) for row in rows), default=0)
+    short = [row for row in rows if sum(map(len, row[:-1])) + 2 * len(row) <= room]
     for cells in rows:  # a long one takes two lines, and no part in the columns
         sizes = [max(len(row[k]) for row in short) if short else 0 for k in range(len(cells) - 1)]
         text = "  ".join(c.ljust(w) for c, w in zip(cells[:-1], sizes, strict=True))
