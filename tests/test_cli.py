@@ -243,6 +243,24 @@ class TestAt:
         degrees = run("check", "ur5", str(file), "--near", "5", "--deg", "-o", "-")
         assert json.loads(degrees.stdout)["near"] == pytest.approx(np.radians(5))
 
+    def test_first_lines_are_of_the_same_unit_and_can_be_pasted(self):
+        at = run("at", "irb120", "--q", "0,0,0,0,0,0").stdout.splitlines()
+        assert at[1] == "  Lost: cannot move in direction base y with the tool's orientation held"
+        turned = run("at", "gp7", "--rad", "--q", "9,0,0,0,0.5,0").stdout
+        assert "pinsing view gp7 --rad --q 9,0" in turned
+        assert "e.g. --deg --q" in run("families", "gp7", "-v").stdout
+        assert run("at", "gp7", "--suggest", "--deg", "--q", "0,0,0,0,-90,0").exit_code == 0
+
+    def test_swapped_arguments_are_named(self, tmp_path):
+        (tmp_path / "a.csv").write_text("1,2\n")
+        done = run("check", str(tmp_path / "a.csv"), "gp7")
+        assert done.stderr.rstrip().endswith("the robot comes first: pinsing check ROBOT FILE")
+
+    def test_no_posture_is_advised_where_none_is_within_the_limits(self, tmp_path):
+        (tmp_path / "a.csv").write_text("10,20,30,5,40,0\n40,0,60,-20,-35,10\n")
+        done = run("check", "irb120", str(tmp_path / "a.csv"), "--deg")
+        assert "  Move the path: no other posture of its start" in done.stdout
+
     def test_options_choose_the_arm(self):
         done = run(
             "at", "ur5", "--tip", "wrist_3_link", "--joints", "shoulder_pan_joint,elbow_joint",

@@ -265,7 +265,7 @@ def test_verdicts_are_coloured_on_a_terminal_alone():
 @pytest.mark.parametrize(("deg", "width"), [(False, 100), (True, 60)])
 def test_what_is_shown_of_a_family_can_be_pasted(robot, deg, width, monkeypatch):
     monkeypatch.setattr("pinsing.prose.WIDTH", width)
-    text = run("families", "-v", robot, *(["--deg"] if deg else []))
+    text = run("families", "-v", robot, "--deg" if deg else "--rad")
     text = re.split(r"\n\n\d+ families", text)[-1]
     examples = re.findall(r"e\.g\. (.*(?:\n {9,}.*)*)\n((?: {8}\w.*\n)+)", text)
     assert len(examples) == len(re.findall(r"(?m)^  F\d+  ", text)) > 0

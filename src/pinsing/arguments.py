@@ -488,7 +488,8 @@ def typed(
         _number(float(value), bool(slides[j]), degrees, 6 if j in loose else digits)
         for j, value in enumerate(np.asarray(q, dtype=float))
     ]
-    option = f"{'--deg ' if degrees else ''}--q "
+    turns = not degrees and bool((np.abs(np.asarray(q, dtype=float))[~slides] > math.tau).any())
+    option = f"{'--deg ' if degrees else '--rad ' * turns}--q "
     line = unbroken(option) + ",".join(words)
     if room is None:
         return line.replace("\u00a0", " ")

@@ -87,3 +87,9 @@ def test_speed_limits_that_only_stand_in_are_none():
     assert pinsing.at(arm, [0, 1, 0, 0], joint_speeds=[1, 1, 1, 1]).tip_speeds.linear > 0
     with pytest.raises(OptionError, match="needs 4 positive numbers"):
         tip_speeds(arm, [0, 1, 0, 0], joint_speeds=[1, 1])
+
+
+@pytest.mark.filterwarnings("error")
+def test_a_joint_without_a_speed_limit_is_no_warning():
+    found = tip_speeds(pinsing.load("ur5"), [0, -1, 1, 1, 0, 0], joint_speeds=[1] * 5 + [np.inf])
+    assert found.linear == 0

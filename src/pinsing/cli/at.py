@@ -34,6 +34,7 @@ from pinsing.prose import Page
 if TYPE_CHECKING:
     from pinsing._types import Array
     from pinsing.configuration.at import State
+    from pinsing.configuration.lost_motion import LostMotion
     from pinsing.families import ClosedForm
     from pinsing.proximity.clearance import Distances, FamilyDistance
     from pinsing.robot.arm import Arm
@@ -154,7 +155,7 @@ def _answer(
     said = [f"on {called}"] * bool(on) + [", ".join(posture)] * bool(posture)
     lines = [", ".join([f"{arm.name}: {status}", *said])]
     if state.singular:
-        lines += [f"  Lost: {motion.words}" for motion in state.lost[:2]]
+        lines += [f"  Lost: {_plain(motion)}" for motion in state.lost[:2]]
     others = [d for d in near if d.upper > ALIKE]
     d = None if found is None else _nearest(found[0], others, state)
     other = "other " * bool(on)
@@ -181,6 +182,14 @@ def _answer(
     word = "Other postures" if state.singular else "See it"
     lines.append(f"  {word}: pinsing {'postures' if state.singular else 'view'} {robot} {typed_q}")
     return "\n".join(lines)
+
+
+def _plain(motion: LostMotion) -> str:
+    """What cannot be done, of a line or a screw with the tool's orientation held."""
+    if motion.kind not in ("line", "screw"):
+        return motion.words
+    where = motion.words.rpartition(" in direction ")[2]
+    return f"cannot move in direction {where} with the tool's orientation held"
 
 
 def _nearest(form: ClosedForm, others: list[FamilyDistance], state: State) -> FamilyDistance | None:
@@ -236,6 +245,7 @@ def _distances(arm: Arm, q: Array) -> tuple[ClosedForm, Distances] | None:
 @arm_options
 @click.option(
     "--near",
+    "--q",
     metavar="Q1,Q2,...",
     help="A configuration that it should be near: radians (or --deg) and metres.",
 )

@@ -230,25 +230,28 @@ def with_aspects(
         skipped = "changes of aspect are left out: not all aspects are distinguished"
         return replace(check, notes=(*check.notes, skipped))
     # Of a robot with a design, no way in its aspect is known to be regular.
-    other = _posture_of_the_end(arm, Q, found) if form.tube is None else None
-    return replace(check, aspect_changes=aspect_changes(form, Q, t, of=found), other=other)
+    other, alone = _posture_of_the_end(arm, Q, found) if form.tube is None else (None, False)
+    changes = aspect_changes(form, Q, t, of=found)
+    return replace(check, aspect_changes=changes, other=other, alone=alone and not check.outside)
 
 
-def _posture_of_the_end(arm: Arm, Q: Array, found: Aspects) -> Array | None:
-    """Another posture of the first pose, in the aspect that the trajectory ends in."""
+def _posture_of_the_end(arm: Arm, Q: Array, found: Aspects) -> tuple[Array | None, bool]:
+    """Another posture of the first pose, in the aspect that the end is in; whether none is left."""
     from pinsing.kinematics.jacobian import tip_placement
     from pinsing.postures.inverse import inverse
 
     end = found.of(Q[-1])
     if end is None or arm.n > 6 or arm.coupling is not None:
-        return None
-    for s in inverse(arm, tip_placement(arm, Q[0]).homogeneous, near=Q[0]):
+        return None, False
+    postures = inverse(arm, tip_placement(arm, Q[0]).homogeneous, near=Q[0])
+    usable = [s for s in postures if s.regular and s.within_limits]
+    for s in usable:
         near = Q[-1] + arm.space.wrap(s.q - Q[-1])  # of its whole-turn copies the nearest
         near[arm.space.outside(near)] = s.q[arm.space.outside(near)]
         for q in (near, s.q):
-            if s.regular and s.within_limits and found.of(q) == end:
-                return q
-    return None
+            if found.of(q) == end:
+                return q, False
+    return None, len(usable) == 1
 
 
 def _followed(

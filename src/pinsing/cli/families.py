@@ -18,6 +18,7 @@ from pinsing.cli.options import (
     arm_options,
     deg_option,
     fail_option,
+    in_degrees,
     output_option,
     verbose_option,
 )
@@ -110,7 +111,7 @@ def families_command(
     def written(form: ClosedForm, undecided: bool = False) -> str:
         if latex:
             return form.latex(legend=True, exact=exact)
-        details = families_text(form, Page.of(), deg, exact=exact, undecided=undecided)
+        details = families_text(form, Page.of(), in_degrees(deg), exact=exact, undecided=undecided)
         if undecided:
             return details
         answer = answer_text(form, Page.of(), request.words)

@@ -479,7 +479,9 @@ def _number(word: str, what: str, degrees: bool) -> float:
     try:
         return float(word)
     except ValueError:
-        raise ConfigurationError(f"{what}: {word!r} is not a number") from None
+        said = f"{what}: {word!r} is not a number"
+        fix = "write 1.5,-90 with commas between numbers, and --deg where angles are in degrees"
+        raise ConfigurationError(f"{said}: {fix}") from None
 
 
 def joint_vector(arm: Arm, text: str, what: str, degrees: bool) -> Array:

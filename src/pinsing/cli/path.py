@@ -145,8 +145,8 @@ def path_command(
             say(f"wrote {csv}")
             if json_target != STDOUT:
                 file, page = (shlex.quote(str(f)) for f in (csv, Path(csv).with_suffix(".html")))
-                check = f"pinsing check {request.words} {file}{' --deg' * deg}"
-                emit_lines(f"  Next: {check} -o {page}, a page that plays the path")
+                check = f"pinsing check {request.words} {file} {'--deg' if deg else '--rad'}"
+                emit_lines(f"  Next, to play the path: {check} -o {page}")
     elif json_target != STDOUT:
         emit_lines("  Next: the same with -o joints.csv, which writes the joint values")
     if plot is not None:

@@ -164,9 +164,14 @@ def parse_xml(data: bytes, path: Path) -> Node:
     return roots[0]
 
 
+_TABLES = (".csv", ".tsv", ".txt", ".npy", ".npz", ".ls", ".script")
+
+
 def _syntax_error(error: expat.ExpatError, data: bytes, path: Path) -> RobotFileError:
     if not re.search(rb"<\0?[A-Za-z_]", data):
-        return RobotFileError("is not XML: no element found, so not a URDF", path)
+        order = "; the robot comes first: pinsing check ROBOT FILE"
+        said = "is not XML: no element found, so not a URDF"
+        return RobotFileError(said + order * (path.suffix.lower() in _TABLES), path)
     reason = expat.ErrorString(error.code)
     declared = _DECLARED.match(data[:200])
     if reason in (

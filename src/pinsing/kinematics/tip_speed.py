@@ -160,7 +160,7 @@ class SpeedJudge:
         y[np.abs(y) < SINGULAR_RTOL] = 0.0
         through = np.abs(y @ A)
         through[through < SINGULAR_RTOL * sigma[0]] = 0.0
-        h = np.where(through > 0, self.limits * through, 0.0).sum(axis=1)
+        h = (np.where(through > 0, self.limits, 0.0) * through).sum(axis=1)
         return y, h, through
 
     def shares(self, Q: Array, tip_speed: float, turn_speed: float) -> Array:

@@ -600,7 +600,7 @@ def line_summary(line: LineCheck, degrees: bool = True, robot: str = "", same: s
     faults = [
         *["joints leave their limits"] * bool(left),
         *[f"joints are too fast at {line.speed:g} m/s"] * bool(line.too_fast),
-        *[f"it comes within {angle_text(line.near, degrees)} of a family"]
+        *[f"it comes within {angle_text(line.near, degrees)} of a singularity"]
         * bool(line.stretches and not met),
     ]
     none = f" and meets no singularity{of}"

@@ -222,7 +222,7 @@ def _near(check: TrajectoryCheck, degrees: bool) -> str:
     share = f"{100 * part:.3g} %" if part < 0.9995 else "all"
     share += f" of the {'time' if check.timed else 'samples'}" if span > 0 else " of it"
     ends = {"toward": "ends moving toward", "away": "ends moving away from"}
-    end = f"; it {ends[check.trend]} the nearest family" if check.trend in ends else ""
+    end = f"; it {ends[check.trend]} the nearest one" if check.trend in ends else ""
     if not check.stretches:
         return ""
     return f"Within {angle_text(check.near)} of a singularity for {share}{end}"
@@ -260,6 +260,8 @@ def _advice(check: TrajectoryCheck, robot: str) -> str:
         if any(note.startswith("mimic joints of the chain follow") for note in check.arm.notes):
             away = f"Keep away from {_title(check, c.family)}, {_when(check, c.t)}"
             return f"{away}; other postures are not looked for where joints mimic others"
+        if check.alone:
+            return "Move the path: no other posture of its start was found within the joint limits"
         start, other = c.q if check.start is None else check.start, check.other
         beyond = " --ignore-limits" if check.outside else ""
         command = f"postures {robot}{beyond}" if other is None else f"at {robot}"
@@ -368,6 +370,8 @@ class TrajectoryCheck(JsonResult):
     other : (n,) array or None
         Another posture there, from which some motion reaches the end without a singularity, as
         `pinsing check` has it; not written to JSON.
+    alone : bool
+        Whether no other posture there was found within the joint limits; likewise.
     tube : str
         What is known of the arm where the families are of its design; else empty.
     nominal : bool
@@ -402,6 +406,7 @@ class TrajectoryCheck(JsonResult):
     aspect_changes: tuple[AspectChange, ...] = field(default=(), metadata={"optional": True})
     start: Array | None = field(default=None, metadata={"optional": True})
     other: Array | None = field(default=None, metadata={"json": False})
+    alone: bool = field(default=False, metadata={"json": False})
     speed_limits: bool = field(default=True, metadata={"optional": True})
     turn_speed: float = field(default=TURN_SPEED, metadata={"optional": True})
     tube: str = field(default="", metadata={"optional": True})
