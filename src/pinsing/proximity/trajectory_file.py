@@ -30,9 +30,9 @@ _UNIT = re.compile(
     r"|(?:[\s_]in)?[\s_](deg|degrees|[mu]?rad|radians|mdeg|revs?|turns|gon|mm|cm|ms|us|ns"
     r"|(?<=\sin\s)grad)$|\s*(°)$"
 )
+_DEGREE = ("deg", "degree", "degrees", "°", "grad", "degré", "degrés", "grados", "gradi")
 _ANGLES = {
-    **dict.fromkeys(("deg", "degree", "degrees", "°", "grad"), math.radians(1)),
-    **dict.fromkeys(("degré", "degrés", "grados", "gradi"), math.radians(1)),
+    **dict.fromkeys(_DEGREE, math.radians(1)),
     **dict.fromkeys(("rad", "radian", "radians"), 1.0),
 }
 _LENGTHS = ("m", "meter", "metre", "mm")
