@@ -252,6 +252,8 @@ def modules_after(code: str) -> tuple[str, set[str]]:
             "import pinsing, pinsing.cli; str(pinsing.at(pinsing.load('ur5'), [0.1] * 6))",
             "flint yaml http ssl email zipfile scipy matplotlib meshcat tornado",
         ),
+        # What the child of xacro imports: it starts for each xacro file and each DH table.
+        ("import pinsing.description.xacro_rules", "numpy pinocchio scipy"),
         (
             "import pinsing.cli",
             "numpy rich matplotlib meshcat pinocchio scipy yourdfpy xacro flint yaml ssl",

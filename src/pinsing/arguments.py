@@ -29,7 +29,6 @@ from pinsing.prose import unbroken
 F = TypeVar("F", bound=Callable[..., Any])
 
 MAX_SEED = int(np.iinfo(np.uint64).max)
-MEBIBYTE = 1 << 20
 
 _LONGEST = 40
 _NUMBERS = "numbers"

@@ -13,6 +13,8 @@ from pathlib import Path
 
 from pinsing.errors import OutputError, shown_path
 
+MEBIBYTE = 1 << 20
+
 TEMPORARY = ".part"
 """End of the name of a file that is being written; it begins with a dot."""
 

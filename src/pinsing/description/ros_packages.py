@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING
 from urllib.parse import unquote
 from xml.parsers import expat
 
-from pinsing.arguments import MEBIBYTE
+from pinsing.atomic_write import MEBIBYTE
 from pinsing.description.xml_tree import show
 
 if TYPE_CHECKING:

@@ -32,7 +32,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from pinsing.arguments import MEBIBYTE
+from pinsing.atomic_write import MEBIBYTE
 from pinsing.description import child_jail
 from pinsing.description.ros_packages import LARGEST, PackageIndex
 from pinsing.description.xml_tree import MAX_BYTES, Node

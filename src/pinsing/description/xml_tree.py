@@ -19,7 +19,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from xml.parsers import expat
 
-from pinsing.arguments import MEBIBYTE
+from pinsing.atomic_write import MEBIBYTE
 from pinsing.errors import RobotFileError, shown_path
 
 MAX_BYTES = 32 * MEBIBYTE

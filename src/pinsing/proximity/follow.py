@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from pinsing._types import Array
-from pinsing.arguments import MEBIBYTE
+from pinsing.atomic_write import MEBIBYTE
 from pinsing.errors import ConfigurationError
 from pinsing.families.form import ClosedForm
 from pinsing.proximity.clearance import NAMING, certified, quick

@@ -19,7 +19,7 @@ import numpy as np
 import numpy.typing as npt
 
 from pinsing._types import Array
-from pinsing.arguments import MEBIBYTE
+from pinsing.atomic_write import MEBIBYTE
 from pinsing.chunk_file import DamagedError, read_arrays, read_bounded
 from pinsing.errors import ConfigurationError
 from pinsing.robot.arm import Arm

@@ -26,8 +26,8 @@ import numpy as np
 import numpy.typing as npt
 
 from pinsing._types import Array, Ints
-from pinsing.arguments import MEBIBYTE, checked, typed, whole_number
-from pinsing.atomic_write import write_bytes
+from pinsing.arguments import checked, typed, whole_number
+from pinsing.atomic_write import MEBIBYTE, write_bytes
 from pinsing.chunk_file import DamagedError, Record, read_arrays, read_bounded
 from pinsing.errors import OptionError, ResultError, UnknownNameError
 from pinsing.kinematics.verdict import Evaluator, Status, run_identity, status_of
