@@ -13,8 +13,7 @@ from typing import Any
 class Package(ModuleType):
     """A package that shows its public names and no others.
 
-    A module of a package may have the name of the function that it holds: the package's attribute
-    is the function, whatever was imported before.
+    Its attribute is the function, not the module of the same name, whatever was imported before.
     """
 
     _homes: Mapping[str, str] = {}
@@ -80,19 +79,9 @@ def public(
 ) -> None:
     """Make a package import its names when they are first used.
 
-    Parameters
-    ----------
-    package : str
-        Its ``__name__``.
-    homes : mapping of str to str
-        For each module in the package, or elsewhere if there is a dot in it, the names that it
-        holds, separated by spaces.
-    packages : sequence of str
-        Public packages and modules within it.
-    advice : mapping of str to str, optional
-        For names that people guess: what to use instead.
-    called : str
-        What to use where the package is called like a function.
+    ``homes``: the names, separated by spaces, that each module holds, in the package or elsewhere
+    if there is a dot in it. ``packages``: public ones within it. ``advice``: what to use instead of
+    names that people guess. ``called``: the same where the package is called like a function.
     """
     module = sys.modules[package]
     found = {

@@ -54,30 +54,14 @@ _CONVERSIONS: dict[tuple[type, type], Callable[[Any], Any]] = {}
 
 
 def stands_for(given: type, wanted: type, convert: Callable[[Any], Any]) -> None:
-    """Let functions that are `checked` take one class of objects where they ask for another.
-
-    Parameters
-    ----------
-    given, wanted : type
-        The class of the argument, and the one that the function is annotated with.
-    convert : callable
-        From the one to the other.
-    """
+    """Let functions that are `checked` take class ``given`` for ``wanted``, by ``convert``."""
     _CONVERSIONS[given, wanted] = convert
 
 
 def checked(function: F) -> F:
-    """Make a function compare its arguments with their annotations before it runs.
-
-    Annotations that are not understood (``Any``, type variables) let everything pass.
-
-    Raises
-    ------
-    ArgumentError
-        On a call, if an argument is of another type, or NaN where one number belongs.
-    ConfigurationError
-        On a call, if an argument that should hold numbers holds something else.
-    """
+    """Make a function compare its arguments with their annotations before it runs."""
+    # ArgumentError for another type, or NaN as one number, ConfigurationError where numbers belong.
+    # ``Any`` and type variables let everything pass.
     parameters: list[tuple[str, int | None, bool, _Kind]] | None = None
 
     @functools.wraps(function)
@@ -116,37 +100,16 @@ def checked(function: F) -> F:
 
 
 def real_numbers(values: npt.ArrayLike, name: str, own: bool = True) -> Array:
-    """Return ``values`` as a new array of floats.
-
-    Parameters
-    ----------
-    values : array_like
-        Real numbers.
-    name : str
-        What the message calls them.
-    own : bool
-        Without it an array of floats is returned as it is, for who only reads it.
-
-    Raises
-    ------
-    ConfigurationError
-        If they are text, complex, masked, dates, ragged, or anything else that is no number.
-    """
+    """Return real numbers as floats, a copy if ``own``; ConfigurationError for anything else."""
     if not _are_numbers(values):
         raise _no_numbers(name, values)
     return np.array(values, dtype=float) if own else np.asarray(values, dtype=float)
 
 
 def columns_of(values: Any, names: Sequence[str], called: str) -> Any:
-    """Return the columns ``names`` of a table, or the entries of a row, in this order.
+    """Return columns ``names`` of a table (pandas, Polars, Arrow) or entries of a Series, in order.
 
-    A table is what has named columns: a DataFrame of pandas or Polars, a table of Arrow; a row is
-    a Series of pandas with names. All else is returned as it is.
-
-    Raises
-    ------
-    ConfigurationError
-        If a column is not there, there twice, or of another name.
+    All else is returned as it is. ConfigurationError if a column is missing, doubled, or another.
     """
     if type(values) in (np.ndarray, list, tuple):
         return values
@@ -168,13 +131,7 @@ def columns_of(values: Any, names: Sequence[str], called: str) -> Any:
 
 
 def whole_number(value: int, name: str, least: int, most: int) -> int:
-    """Return ``value`` if it is between ``least`` and ``most``, both included.
-
-    Raises
-    ------
-    OptionError
-        If it is not.
-    """
+    """Return ``value`` if it is from ``least`` to ``most``; else raise OptionError."""
     if not least <= value <= most:
         raise OptionError(f"{name} must lie between {least:,} and {most:,}, got {shown(value)}")
     return int(value)
@@ -268,10 +225,7 @@ def _cut(text: str) -> str:
 
 
 def _parameters(function: Callable[..., Any]) -> list[tuple[str, int | None, bool, _Kind]]:
-    """Return the parameters that are annotated with something to check.
-
-    Of each its name, its position if it has one, whether it takes several, and the kind.
-    """
+    """Return the name, position, if several, and kind of parameters annotated with a check."""
     numpy_typing = types.SimpleNamespace(ArrayLike=_ArrayLike, NDArray=npt.NDArray)
     names = {**sys.modules[function.__module__].__dict__, "npt": numpy_typing}
     found = []
@@ -464,24 +418,9 @@ def typed(
     loose: Collection[int] = (),
     room: int | None = None,
 ) -> str:
-    """A configuration as an option that can be pasted: ``--q 0.4,pi/2,-1.2``, ``--deg --q ...``.
-
-    Parameters
-    ----------
-    q : (n,) array_like
-        Radians and metres.
-    prismatic : (n,) array_like of bool
-        Which joints slide.
-    degrees : bool
-        Give revolute joints in degrees, and say so.
-    digits : int
-        Significant digits.
-    loose : collection of int
-        Joints that six digits do for.
-    room : int, optional
-        Columns that there are; if they are too few the numbers stand in quotes, so that a line may
-        end between two of them.
-    """
+    """Return a configuration as an option to paste: ``--q 0.4,pi/2,-1.2``, ``--deg --q ...``."""
+    # Six digits do for ``loose`` joints, else ``digits``. Beyond ``room`` columns the numbers stand
+    # in quotes, so that a line may end between two of them.
     slides = np.asarray(prismatic, dtype=bool)
     words = [
         _number(float(value), bool(slides[j]), degrees, 6 if j in loose else digits)

@@ -23,20 +23,8 @@ _NO_SYNC = frozenset({errno.EINVAL, errno.ENOTSUP, errno.EACCES, errno.EPERM})
 
 
 def check_writable(path: str | os.PathLike[str], *, inputs: tuple[str | Path, ...] = ()) -> Path:
-    """Return ``path`` if a file can be written there, before anything is computed.
-
-    Parameters
-    ----------
-    path : path-like
-        The file to write.
-    inputs : tuple of paths
-        Files that it must not replace.
-
-    Raises
-    ------
-    OutputError
-        If its folder does not exist or cannot be written to, it is a folder, or an input.
-    """
+    """Return ``path`` if a file can be written there, before anything is computed."""
+    # OutputError if not, or if it is one of ``inputs``.
     path = Path(path)
     shown = shown_path(path)
     try:
@@ -71,16 +59,9 @@ def check_writable(path: str | os.PathLike[str], *, inputs: tuple[str | Path, ..
 
 
 def write_bytes(path: str | os.PathLike[str], data: bytes) -> None:
-    """Write a file, the whole of it or nothing.
-
-    What a symbolic link stands for is replaced, not the link, and keeps its permissions. A
-    device or pipe is written to directly.
-
-    Raises
-    ------
-    OutputError
-        If the file cannot be written. What was there before is as it was.
-    """
+    """Write all of a file or nothing; OutputError leaves what was there before."""
+    # What a symbolic link stands for is replaced, not the link, and keeps its permissions. A device
+    # or pipe is written to directly.
     path = Path(path)
     try:
         if _special(path):
@@ -96,25 +77,13 @@ def write_bytes(path: str | os.PathLike[str], data: bytes) -> None:
 
 
 def write_text(path: str | os.PathLike[str], text: str) -> None:
-    """Write UTF-8 text, the whole file or none of it.
-
-    Raises
-    ------
-    OutputError
-        As `write_bytes`.
-    """
+    """Write UTF-8 text, all of a file or nothing, as `write_bytes`."""
     # What a file name may hold but UTF-8 may not (a lone surrogate) is written escaped.
     write_bytes(path, text.encode("utf-8", "backslashreplace"))
 
 
 def replace_file(target: Path, data: bytes) -> None:
-    """Put ``data`` in the place of ``target``, whatever it was: a link itself, not what it means.
-
-    Raises
-    ------
-    OSError
-        As the system has it; no temporary file is left.
-    """
+    """Put ``data`` in the place of ``target``, be it a link; OSError leaves no temporary file."""
     name = f".{target.name[:_LONGEST]}.{os.urandom(6).hex()}{TEMPORARY}"
     temporary = target.with_name(name)
     try:
@@ -138,13 +107,8 @@ def replace_file(target: Path, data: bytes) -> None:
 
 
 def sync_folder(folder: Path) -> None:
-    """Make what was renamed or made in ``folder`` last through a loss of power.
-
-    Raises
-    ------
-    OSError
-        If the disk fails; not where the file system or the permissions know no such thing.
-    """
+    """Make what was renamed or made in ``folder`` last through a loss of power."""
+    # OSError if the disk fails, not where the file system or the permissions know no such thing.
     try:
         handle = os.open(folder, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
     except PermissionError:  # a folder may be written to but not read

@@ -33,19 +33,9 @@ class DamagedError(Exception):
 
 
 def read_bounded(path: Path, limit: int, *, follow: bool = False) -> bytes:
-    """Content of a regular file of at most ``limit`` bytes; never waits for anybody.
+    """Return a regular file of at most ``limit`` bytes, without waiting; ``follow`` links or not.
 
-    Parameters
-    ----------
-    follow : bool
-        Whether the name may be that of a symbolic link.
-
-    Raises
-    ------
-    DamagedError
-        If it is a link, a device, a pipe, or larger.
-    OSError
-        If it is not there or cannot be read.
+    DamagedError if it is a link, a device, a pipe, or larger; OSError if it cannot be read.
     """
     if not follow and path.is_symlink():
         raise DamagedError("it is a link")
@@ -64,13 +54,7 @@ def read_bounded(path: Path, limit: int, *, follow: bool = False) -> bytes:
 
 
 def read_arrays(data: bytes, room: int) -> Record:
-    """Arrays of an ``.npz`` file that take ``room`` bytes at most, all together.
-
-    Raises
-    ------
-    DamagedError
-        If it is something else, or its sizes are not what it says.
-    """
+    """Return arrays of an ``.npz`` file of at most ``room`` bytes in all; else DamagedError."""
     try:
         with zipfile.ZipFile(io.BytesIO(data)) as archive:
             members = archive.infolist()
@@ -119,13 +103,7 @@ def pack(record: Record, run: str, index: int) -> bytes:
 
 
 def unpack(data: bytes, run: str, index: int, room: int) -> Record:
-    """Record of a chunk.
-
-    Raises
-    ------
-    DamagedError
-        If it is not whole, of another run or place, or takes more than ``room`` bytes.
-    """
+    """Return the record of a chunk; DamagedError if not whole, of another run, or over ``room``."""
     body, digest = data[:-_DIGEST], data[-_DIGEST:]
     if not body.endswith(_MARK) or hashlib.sha256(body).hexdigest().encode() != digest:
         raise DamagedError("it is not as it was written")

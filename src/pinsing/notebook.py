@@ -35,12 +35,9 @@ class _Unknown(ValueError):
 
 
 def mathml(latex: str) -> str:
-    """A formula as inline HTML: ``<math>`` elements that a line may end between.
-
-    Browsers break no line within a formula, so that a sum of twenty terms would widen the page:
-    each summand is an element of its own. Spaces stand between the parts, so that the text alone
-    can be read where a page takes the elements away.
-    """
+    """Return a formula as inline HTML: ``<math>`` elements that a line may end between."""
+    # Browsers break no line within a formula: each summand is an element of its own. Spaces between
+    # make the text readable where a page takes the elements away.
     try:
         pieces = list(_pieces(_Reader(latex).row(0)))
     except _Unknown:

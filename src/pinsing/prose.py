@@ -95,10 +95,7 @@ def measured(text: str) -> str:
 
 
 def formula(text: str) -> str:
-    """A condition that is broken between terms and conditions only, never inside of one.
-
-    What follows a colon is said in words, and broken like words.
-    """
+    """Return a condition that breaks between terms and conditions only, and after a colon."""
     condition, colon, words = text.partition(": ")
     loose = re.sub(r" (?=[-+=] |and |or |\()", "\n", condition)
     loose = re.sub(r"(?<=;) ", "\n", loose)
@@ -106,11 +103,9 @@ def formula(text: str) -> str:
 
 
 def safe(text: str, painted: bool = False) -> str:
-    """Show control characters, escape sequences and invisible marks in place of obeying them.
-
-    Names come out of files that anybody may have written. Newlines and tabs stay; so do the
-    few sequences of ``Tone`` if the text is ``painted``.
-    """
+    """Show control characters, escape sequences and invisible marks in place of obeying them."""
+    # Names come out of files that anybody may have written. Newlines and tabs stay; so do the few
+    # sequences of ``Tone`` if the text is ``painted``.
     if painted:
         plain, codes = _PAINT.split(text), [*_PAINT.findall(text), ""]
         return "".join(safe(p) + code for p, code in zip(plain, codes, strict=True))
@@ -145,26 +140,16 @@ def shows_colour(stream: TextIO) -> bool:
 
 @dataclass(frozen=True)
 class Page:
-    """What text is written on.
+    """What text is written on."""
 
-    Attributes
-    ----------
-    width : int
-        Columns.
-    colour : bool
-        Whether a few words are coloured.
-    """
-
-    width: int = WIDTH
-    colour: bool = False
+    width: int = WIDTH  # columns
+    colour: bool = False  # a few words are coloured
 
     @staticmethod
     def of(stream: TextIO | None = None) -> Page:
-        """The terminal behind ``stream`` (stdout), or a plain page of 100 columns.
-
-        COLUMNS counts only where a terminal does not tell its width: programs that use readline
-        leave it to their children, whatever these write to.
-        """
+        """Return the terminal behind ``stream`` (stdout), or a plain page of 100 columns."""
+        # COLUMNS counts only where a terminal does not tell its width: programs that use readline
+        # leave it to their children, whatever these write to.
         stream = sys.stdout if stream is None else stream
         if not stream.isatty():
             return Page(WIDTH)
@@ -186,17 +171,8 @@ class Page:
         return f"{span.tone.value}{text}{_END}" if self.colour and text else text
 
     def paragraph(self, *spans: Span, first: str = "", rest: str | None = None) -> str:
-        """Wrapped text: ``first`` before its first line, ``rest`` before the others.
-
-        Lines break at spaces only; a word longer than the page, such as a path, stays whole.
-
-        Parameters
-        ----------
-        *spans : str or Toned
-            The text, in pieces.
-        first, rest : str
-            Indents; ``rest`` is as many spaces as ``first`` is long by default.
-        """
+        """Return wrapped text, indented by ``first``, then ``rest`` (as many spaces by default)."""
+        # Lines break at spaces only; a word longer than the page, such as a path, stays whole.
         rest = " " * columns(first) if rest is None else rest
         lines: list[str] = []
         line, used, head = "", 0, first
@@ -226,10 +202,8 @@ class Page:
         return [word for word in words if word[0]]
 
     def fitted(self, text: str) -> str:
-        """Finished lines, the long ones wrapped under their beginning, with loud words in colour.
-
-        What is to be pasted, ``--q ...``, stays whole.
-        """
+        """Return finished lines, long ones wrapped under their beginning, loud words in colour."""
+        # What is to be pasted, ``--q ...``, stays whole.
         lines = []
         for line in text.split("\n"):
             head = _HEAD.match(line)
@@ -243,10 +217,8 @@ class Page:
         return "\n".join(lines)
 
     def fields(self, pairs: Iterable[tuple[str, Span | Sequence[Span]]], label: int = 0) -> str:
-        """Aligned ``label  text`` lines, long text wrapped under itself.
-
-        ``label`` is the least width of the first column.
-        """
+        """Return aligned ``label  text`` lines, long text wrapped under itself."""
+        # ``label`` is the least width of the first column.
         pairs = list(pairs)
         indent = max([label, *(columns(head) + 2 for head, _ in pairs)])
         return "\n".join(
@@ -302,21 +274,11 @@ PLAIN = Page()
 
 @dataclass(frozen=True)
 class Table:
-    """Rows of text under a header.
-
-    Attributes
-    ----------
-    header : tuple of str
-        One a column.
-    rows : tuple of tuples of str
-        Each as long as the header.
-    right : frozenset of int
-        Columns of numbers, aligned to the right.
-    """
+    """Rows of text under a header."""
 
     header: tuple[str, ...]
     rows: tuple[tuple[str, ...], ...]
-    right: frozenset[int] = frozenset()
+    right: frozenset[int] = frozenset()  # columns of numbers, aligned to the right
 
 
 def _narrowed(widths: Sequence[int], least: Sequence[int], room: int) -> list[int]:

@@ -26,22 +26,12 @@ if TYPE_CHECKING:
 
 
 class Written(NamedTuple):
-    """How a field stands in JSON, where not as it is: its metadata under "json".
+    """How a field stands in JSON, where not as it is: its metadata under "json"."""
 
-    Attributes
-    ----------
-    name : str
-        Its key.
-    encode, decode : callable
-        From the value to what JSON has, and back.
-    kind : type
-        What JSON has there.
-    """
-
-    name: str
-    encode: Callable[[Any], Any]
-    decode: Callable[[Any], Any]
-    kind: Any
+    name: str  # its key
+    encode: Callable[[Any], Any]  # to what JSON has
+    decode: Callable[[Any], Any]  # and back
+    kind: Any  # what JSON has there
 
 
 _GUESSES = {

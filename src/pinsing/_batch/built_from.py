@@ -23,11 +23,10 @@ def fingerprint(folder: Path) -> str | None:
 
 
 def why_stale(built: object, folder: Path) -> str | None:
-    """Why a kernel with fingerprint ``built`` is not used; None where it fits its sources.
+    """Return why a kernel with fingerprint ``built`` is not used; None where it fits its sources.
 
-    An installation without sources has nothing to compare: its kernel came with its Python. A
-    kernel without a fingerprint (None) was built before fingerprints were written, so beside
-    sources it is an old one.
+    Without sources there is nothing to compare: the kernel came with its Python. One without a
+    fingerprint (None), beside sources, is an old one.
     """
     try:
         here = fingerprint(folder)

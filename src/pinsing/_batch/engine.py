@@ -36,32 +36,17 @@ def _frozen(values: ArrayLike, dtype: type[np.generic], name: str) -> NDArray[np
 
 @dataclass(frozen=True, eq=False)
 class FlatChain:
-    """A serial chain whose every joint turns about, or slides along, its own z axis.
+    """A serial chain whose joints turn about, or slide along, their z axes; arrays are copies.
 
-    ``T(q) = C[0] M[0](q[0]) C[1] ... M[n-1](q[n-1]) C[n]`` with the constant placements
+    ``T(q) = C[0] M[0](q[0]) C[1] ... M[n-1](q[n-1]) C[n]`` places the tip in the base frame, with
     ``C[i] = [[R[i], t[i]], [0, 1]]`` and ``M[i]`` a rotation about z (revolute) or a translation
-    along z (prismatic). ``T`` places the tip in the base frame.
-
-    Attributes
-    ----------
-    R : ndarray, shape (n + 1, 3, 3)
-        Rotations of the constant placements.
-    t : ndarray, shape (n + 1, 3)
-        Their translations [m].
-    prismatic : ndarray of bool, shape (n,)
-        Which joints are prismatic.
-
-    All arrays are copied, C-contiguous, float64 (bool) and read-only.
-
-    Raises
-    ------
-    ValueError
-        For shapes that do not fit, values that are not finite, or an ``R[i]`` that is no rotation.
+    along z (prismatic). Arrays are C-contiguous and read-only; ValueError if they do not fit, are
+    not finite, or an ``R[i]`` is no rotation.
     """
 
-    R: NDArray[np.float64]
-    t: NDArray[np.float64]
-    prismatic: NDArray[np.bool_]
+    R: NDArray[np.float64]  # (n + 1, 3, 3)
+    t: NDArray[np.float64]  # (n + 1, 3), metres
+    prismatic: NDArray[np.bool_]  # (n,)
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "R", _frozen(self.R, np.float64, "R"))
@@ -120,32 +105,22 @@ def unavailable_reason() -> str | None:
 
 
 def module() -> Any:
-    """The compiled module itself.
-
-    Raises
-    ------
-    RuntimeError
-        Where it is not available.
-    """
+    """Return the compiled module; RuntimeError where it is not available."""
     if _missing is not None:
         raise RuntimeError(_missing)
     return _kernel
 
 
 def isa_names() -> tuple[str, ...]:
-    """Names of the instruction sets that this machine can run, best last.
-
-    Out of "baseline" (what every machine of this kind has, SSE2 on x86), "avx2" (with FMA) and
-    "avx512" (F, DQ, VL, BW). Empty where the kernel is not available.
-    """
+    """Return the instruction sets that this machine can run, best last; empty without a kernel."""
+    # "baseline" (what every machine of this kind has, SSE2 on x86), "avx2" (with FMA) and "avx512"
+    # (F, DQ, VL, BW).
     return _HERE
 
 
 def built_names() -> tuple[str, ...]:
-    """Names of the instruction sets that were compiled, best last, whether they run here or not.
-
-    `scripts/setup` without tests compiles the best one of its machine only; wheels have all.
-    """
+    """Return the instruction sets that were compiled, best last, run here or not."""
+    # `scripts/setup` without tests compiles the best one of its machine only; wheels have all.
     return () if _missing is not None else tuple(_kernel.built_names())
 
 
@@ -164,34 +139,11 @@ def jacobians(
     isa: str | None = None,
     out: Floats | None = None,
 ) -> Floats:
-    """Geometric Jacobians of the tip at many configurations.
+    """Return Jacobians (N, 6, n) of the tip at Q (N, n), LOCAL_WORLD_ALIGNED, translations first.
 
-    Parameters
-    ----------
-    chain : FlatChain
-        The chain, n joints.
-    Q : array_like, shape (N, n)
-        Joint values [rad or m]. Never modified.
-    threads : int, optional
-        Number of threads; None takes every processor that this process may use.
-    isa : str, optional
-        Instruction set; None takes the best.
-    out : ndarray, shape (N, 6, n), optional
-        C-contiguous float64 array to write to, which must not overlap Q. Its content is undefined
-        when an error is raised.
-
-    Returns
-    -------
-    ndarray, shape (N, 6, n)
-        Translation rows first, of the tip point, along the axes of the base frame
-        (LOCAL_WORLD_ALIGNED) [m/rad, rad/rad; 1, 0 for prismatic joints].
-
-    Raises
-    ------
-    ValueError
-        For shapes that do not fit, values that are not finite, or an unknown instruction set.
-    RuntimeError
-        Where the kernel is not available.
+    ``threads`` are by default all, ``isa`` the best instruction set. ``out``, C-contiguous, must
+    not overlap Q, and is undefined after an error. ValueError for bad arguments, RuntimeError
+    without the kernel.
     """
     isa, threads = _isa(isa), _threads(threads)
     Q = _configurations(Q, chain.n)
@@ -210,36 +162,10 @@ def singular_values(
     isa: str | None = None,
     out: Floats | None = None,
 ) -> Floats:
-    """Singular values of the task Jacobian at many configurations.
+    """Return singular values (N, min(m, n)), descending, of the ``rows`` of Jacobians at Q (N, n).
 
-    Parameters
-    ----------
-    chain : FlatChain
-        The chain, n joints.
-    Q : array_like, shape (N, n)
-        Joint values [rad or m]. Never modified.
-    rows : sequence of int
-        Rows of the Jacobian that make the task, in 0..5 (vx, vy, vz, wx, wy, wz), each at most
-        once; m of them.
-    length_scale : float
-        L [m]: the translation rows are divided by it.
-    threads, isa
-        As for :func:`jacobians`.
-    out : ndarray, shape (N, min(m, n)), optional
-        As for :func:`jacobians`.
-
-    Returns
-    -------
-    ndarray, shape (N, min(m, n))
-        Descending; as accurate as LAPACK's, small ones included.
-
-    Raises
-    ------
-    ValueError
-        For shapes that do not fit, values that are not finite, wrong rows, a length scale that is
-        not positive, or an unknown instruction set.
-    RuntimeError
-        Where the kernel is not available.
+    ``rows`` are m different ones of 0..5; translations are divided by ``length_scale`` (metres). As
+    accurate as LAPACK's, small ones included. Else as `jacobians`.
     """
     isa, threads = _isa(isa), _threads(threads)
     rows = [int(row) for row in rows]
@@ -272,31 +198,9 @@ def svdvals(
     max_sweeps: int = MAX_SWEEPS,
     by_roots: bool = True,
 ) -> Floats:
-    """Singular values of many small matrices.
-
-    Parameters
-    ----------
-    J : array_like, shape (N, m, n)
-        The matrices. Never modified.
-    threads, isa
-        As for :func:`jacobians`.
-    max_sweeps : int
-        Iterations for one value after which a matrix is left to LAPACK.
-    by_roots : bool
-        All values at once first, and dqds where they do not settle; else dqds alone.
-
-    Returns
-    -------
-    ndarray, shape (N, min(m, n))
-        Descending.
-
-    Raises
-    ------
-    ValueError
-        For a shape that does not fit, values that are not finite, or an unknown instruction set.
-    RuntimeError
-        Where the kernel is not available.
-    """
+    """Return singular values (N, min(m, n)), descending, of matrices J (N, m, n)."""
+    # A value that takes over ``max_sweeps`` leaves its matrix to LAPACK. ``by_roots``: all values
+    # at once first, dqds where they do not settle; else dqds alone. Else as `jacobians`.
     isa, threads = _isa(isa), _threads(threads)
     A = np.ascontiguousarray(J, dtype=np.float64)
     if A.ndim != 3 or 0 in A.shape[1:]:
@@ -377,10 +281,8 @@ _CONDITION_ARRAYS = (
 
 
 def condition_set(families: int, flat: Mapping[str, NDArray[Any]], largest: bool) -> Any | None:
-    """Conditions in the kernel; None where it is not available or has no room for the joints.
-
-    ``flat`` holds the arrays of `pinsing.algebra.conditions` by name, ``largest`` is the metric.
-    """
+    """Return conditions in the kernel; None where it is missing or has no room for the joints."""
+    # ``flat`` holds arrays of `pinsing.algebra.conditions` by name; ``largest`` is the metric.
     if _missing is not None or len(flat["turn"]) > _kernel.MAX_CONDITION_JOINTS:
         return None
     return _kernel.ConditionSet(families, *(flat[k] for k in _CONDITION_ARRAYS), largest)
@@ -391,20 +293,12 @@ Words = NDArray[np.uint64]
 
 
 class ValueCounts(NamedTuple):
-    """How values are distributed.
+    """How values are distributed."""
 
-    Attributes
-    ----------
-    low, high : int
-        How many are at most the lower, and the higher tolerance.
-    least, greatest : int
-        Where the first least, and the first greatest value are; -1 where there is no number.
-    """
-
-    low: int
-    high: int
-    least: int
-    greatest: int
+    low: int  # how many are at most the lower tolerance
+    high: int  # how many are at most the higher one
+    least: int  # where the first least is; -1 without a number
+    greatest: int  # where the first greatest is; -1 without a number
 
 
 def put_sobol(
@@ -418,23 +312,10 @@ def put_sobol(
 ) -> None:
     """Put points ``start``, ``start`` + 1, ... of a Sobol sequence into rows of ``out`` (N, n).
 
-    Parameters
-    ----------
-    out : (N, n) ndarray
-        C-contiguous; column ``columns[j]`` gets ``low[j]`` plus ``width[j]`` times coordinate j.
-    directions : (bits, k) ndarray
-        Direction numbers of ``bits`` digits.
-    words : (k,) ndarray
-        Digits of point 0, as those of floats from 1 to 2.
-    start : int
-        Number of the first point.
-    columns, low, width : (k,) ndarray
-        As above.
-
-    Raises
-    ------
-    ValueError
-        For shapes that do not fit, or points behind the end of the sequence.
+    ``out`` is C-contiguous; column ``columns[j]`` gets ``low[j]`` plus ``width[j]`` times
+    coordinate j, (k,) each. ``directions`` (bits, k) are direction numbers, ``words`` (k,) digits
+    of point 0, as those of floats from 1 to 2. ValueError for bad shapes, or points behind the end
+    of the sequence.
     """
     module().sobol_points(directions, words, start, columns, low, width, out)
 
@@ -442,47 +323,24 @@ def put_sobol(
 def count_values(
     values: Floats, shift: int, first: int, bins: Counts, tolerances: tuple[float, float]
 ) -> ValueCounts:
-    """Add ``values`` (N,), of any stride, to their ``bins`` (B,), and say what their extremes are.
-
-    The number of a bin is the float's bits without the last ``shift``, less ``first``; what is
-    below or above all bins goes to the first or the last.
-
-    Raises
-    ------
-    ValueError
-        For shapes that do not fit.
-    """
+    """Add ``values`` (N,), of any stride, to their ``bins`` (B,); return their extremes."""
+    # A bin is the float's bits without the last ``shift``, less ``first``; values beyond go to the
+    # first or the last one.
     low, high = tolerances
     return ValueCounts(*module().count_values(values, shift, first, bins, low, high))
 
 
 @dataclass(frozen=True, eq=False)
 class WalkRules:
-    """When walks end and how far their steps go: `pinsing.configuration.refine` has the reasons.
+    """When walks end and how far their steps go: `pinsing.configuration.refine` has the reasons."""
 
-    Attributes
-    ----------
-    floor, good : float
-        sigma_r / sigma_1 that only rounding is left of, and from which on a step that does not
-        improve is the end.
-    stationary, no_minimum : float
-        Square of the slope over sigma_1 sigma_r that counts as zero, and sigma_r / sigma_1 below
-        which that is no minimum.
-    longest : float
-        Length of a step.
-    most_damping : float
-        Damping at which a walk is given up.
-    stretch : float
-        Factor of the second step that is tried.
-    """
-
-    floor: float
-    good: float
-    stationary: float
-    no_minimum: float
-    longest: float
-    most_damping: float
-    stretch: float
+    floor: float  # sigma_r / sigma_1 that only rounding is left of
+    good: float  # the same from which on a step that does not improve is the end
+    stationary: float  # square of the slope over sigma_1 sigma_r that counts as zero
+    no_minimum: float  # sigma_r / sigma_1 below which that is no minimum
+    longest: float  # length of a step
+    most_damping: float  # at which a walk is given up
+    stretch: float  # factor of the second step that is tried
 
     def numbers(self) -> list[float]:
         """In the order of the kernel."""
@@ -513,44 +371,15 @@ def walks(
     threads: int | None = None,
     isa: str | None = None,
 ) -> tuple[Floats, NDArray[np.intp], NDArray[np.bool_]]:
-    """Walk from many configurations to nearby ones where the task Jacobian loses rank.
+    """Walk from Q (N, n) to nearby configurations where the task Jacobian loses rank.
 
-    Parameters
-    ----------
-    chain : FlatChain
-        The chain in the arm's own length, n joints.
-    Q : array_like, shape (N, n)
-        Starts: radians, and lengths of the arm. Never modified.
-    free : ndarray of bool, shape (N, n)
-        Joints that may move.
-    limits : pair of ndarrays, shape (n,)
-        Least and largest joint values, perhaps infinite.
-    rows : sequence of int
-        Rows of the Jacobian that make the task, m different ones of 0..5.
-    rank : int
-        The generic rank.
-    size : float
-        What sigma_1 counts as at least.
-    rules : WalkRules
-        When walks end.
-    max_iterations : int
-        Bound on the derivatives for one start.
-    threads, isa
-        As for `pinsing._batch.jacobians`.
+    Returned are ends (N, n), derivatives taken (N,), -1 where singular values did not converge and
+    the end means nothing, and (N,) whether a walk rests at a nonzero minimum, or at damping without
+    end.
 
-    Returns
-    -------
-    X : ndarray, shape (N, n)
-        Where walks end.
-    iterations : ndarray of int, shape (N,)
-        Derivatives taken; -1 where singular values did not converge: then X means nothing.
-    stationary : ndarray of bool, shape (N,)
-        Whether the walk came to rest at a minimum that is not zero, or at damping without end.
-
-    Raises
-    ------
-    ValueError
-        For shapes that do not fit, values that are not finite, or what is not `walks_covered`.
+    ``chain`` and Q are in the arm's own length; ``free`` (N, n) joints move within ``limits`` (n,).
+    ``rows`` are m different ones of 0..5, ``rank`` the generic rank, ``size`` the least that
+    sigma_1 counts as. ValueError for what does not fit, is not finite, or is not `walks_covered`.
     """
     kernel = module()
     Q = np.ascontiguousarray(Q, dtype=np.float64)
@@ -591,29 +420,12 @@ def second_orders(
     threads: int | None = None,
     isa: str | None = None,
 ) -> Floats:
-    """Return what is known to second order of configurations where one motion is lost.
+    """Return (N, 6) of what is known to second order at Q (N, n) where one motion is lost.
 
-    Parameters
-    ----------
-    chain : FlatChain
-        The chain in the arm's own length, n joints.
-    Q : array_like, shape (N, n)
-        Radians, and lengths of the arm. Never modified.
-    rows : sequence of int
-        Rows of the Jacobian that make the task, m different ones of 0..5; the generic rank is m.
-    zero : float
-        Share of sigma_1 up to which a singular value is zero.
-    size : float
-        What sigma_1 counts as at least.
-    threads, isa
-        As of `pinsing._batch.jacobians`.
-
-    Returns
-    -------
-    (N, 6) array
-        How many singular values are not zero. With the last left singular vector u, the last
-        n - m + 1 right ones N, and B_ij = u . dJ_i / dq_j: least and greatest eigenvalue of
-        Q = sym(N^T B N), its largest entry, the norm of B N, and the largest entry of dJ.
+    How many singular values are not zero (up to ``zero`` of sigma_1, at least ``size``). With the
+    last left singular vector u, the last n - m + 1 right ones N, and B_ij = u . dJ_i / dq_j: least
+    and greatest eigenvalue of Q = sym(N^T B N), its largest entry, the norm of B N, and the largest
+    entry of dJ. ``chain`` and Q are in the arm's own length; of m ``rows`` the generic rank is m.
     """
     Q = np.ascontiguousarray(Q, dtype=np.float64)
     out = np.empty((len(Q), 6))

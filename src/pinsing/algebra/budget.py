@@ -45,8 +45,7 @@ class _Meter:
 class Budget:
     """Work left, in ``seconds`` on the clock or other seconds' worth of ``work``.
 
-    It is asked before every step that can be long; factoring polynomials of ``long_to_factor``
-    terms can be.
+    Asked before every long step, such as factoring polynomials of ``long_to_factor`` terms.
     """
 
     # Terms from which on factoring may take long.
@@ -176,7 +175,7 @@ class _HandedOver(BaseException):
 
 
 class Apart:
-    """One computation, that may go on in a child once it is long; killed after ``seconds``.
+    """One computation that may go on in a child once it is long; killed after ``seconds``.
 
     ``hear`` is given what the child tells, as it does; else that is kept for the outcome.
     """

@@ -49,8 +49,8 @@ class Backing:
 class FoundComponents:
     """Components, as a search comes by them: some lie in others that are found later.
 
-    Everything that the search passes over because it lies in a component is remembered, and so is
-    every singular point that lies in one: what is kept in the end must account for all of it.
+    All that the search passes over because it lies in a component is remembered, and every singular
+    point in one: what is kept in the end must account for all of it.
     """
 
     def __init__(self, ring: Ring, tell: Callable[[Component], None]) -> None:
@@ -83,10 +83,8 @@ class FoundComponents:
         return list(self._components)
 
     def covers(self, values: Mapping[int, Value], relations: tuple[Poly, ...] = ()) -> bool:
-        """Return True if a set is a part of a component, as far as substitution and division tell.
-
-        If it is, it is passed over, and remembered.
-        """
+        """Return True if a set is part of a component, as far as substitution and division tell."""
+        # If it is, it is passed over, and remembered.
         here = Component(dict(values), relations, True, len(values) + len(relations))
         for c in self._components:
             if inside(here, c, self.ring):
@@ -104,11 +102,9 @@ class FoundComponents:
         return False
 
     def irredundant(self, time: Budget) -> list[Component]:
-        """Components that lie in no other one, by division or by all of their points.
-
-        Where a system has some of its points in common with others, it is stated again by the
-        rest of them. Only what is kept in the end justifies that another one is dropped.
-        """
+        """Return components that lie in no other one, by division or by all of their points."""
+        # A system that shares some points is stated again by the rest of them. Only what is kept in
+        # the end justifies that another one is dropped.
         order = sorted(
             range(len(self._components)),
             key=lambda i: (self._components[i].codimension, len(self._components[i].relations)),
@@ -200,10 +196,7 @@ def merged(known: Sequence[Component], found: Sequence[Component], ring: Ring) -
 
 
 def settled(c: Component, ring: Ring) -> Component:
-    """The same with every relation that fixes one joint as a value, put into the others.
-
-    What is put in may leave others that fix one joint.
-    """
+    """Return the component with relations that fix one joint put into the others, repeatedly."""
     values, left = dict(c.values), list(c.relations)
     while fixed := dict(f for r in left if (f := ring.joint_value(r))):
         values |= fixed
@@ -250,22 +243,12 @@ class Question:
 
 @dataclass(frozen=True)
 class RandomSteps:
-    """What of an answer rests on random points of finite fields.
+    """What of an answer rests on random points of finite fields."""
 
-    Attributes
-    ----------
-    systems : int
-        Systems of equations that were judged by random points; none: nothing rests on them.
-    primes, seeds : tuples of int
-        Modulo which primes, by which seeds.
-    gaps : tuple of str
-        What the second prime contradicted, or there was no time to ask it.
-    """
-
-    systems: int
+    systems: int  # judged by random points; 0: nothing rests on them
     primes: tuple[int, ...]
     seeds: tuple[int, ...]
-    gaps: tuple[str, ...] = ()
+    gaps: tuple[str, ...] = ()  # what the second prime contradicted, or had no time for
 
 
 def together(steps: Iterable[RandomSteps]) -> RandomSteps:
@@ -312,11 +295,8 @@ Part = tuple[tuple[Poly, ...], list[SlicePoint]]
 def restated(
     relations: Sequence[Poly], points: list[SlicePoint], count: int, ring: Ring, time: Budget
 ) -> list[Part]:
-    """The parts of a system, each with equations and the points that are on it.
-
-    ``points`` are generic ones of all of its parts that are meant, ``count`` its independent
-    equations.
-    """
+    """Return the parts of a system, each with equations and the points that are on it."""
+    # ``points`` are generic ones of all parts that are meant, ``count`` its independent equations.
     polys = _distinct(_expanded(relations, points, ring), ring)
     chosen: list[Poly] = []
     for p in polys:
@@ -343,10 +323,10 @@ def restated(
 
 
 def divided(relations: tuple[Poly, ...], ring: Ring) -> tuple[Poly, ...]:
-    """The system, with relations that are products but for multiples of shorter ones as these.
+    """Return the system, products as relations in place of shorter ones' multiples: it falls apart.
 
-    Their common zeros are the same: they fall into parts. Only products of what has fewer joints
-    are made: others are no simpler, and may have zeros more where x^2 + y^2 of a joint is zero.
+    Only products of what has fewer joints are made: others are no simpler, and may have zeros more
+    where x^2 + y^2 of a joint is zero.
     """
     if not ring.rational or len(relations) < 2:
         return relations

@@ -96,10 +96,8 @@ class Margin:
         return Margin(self.alone * factor, self.meeting * factor, self.near * factor)
 
     def take_off(self, Q: Array, each: Array) -> Array:
-        """Bounds (N, F) of the distance of Q to the points near each family.
-
-        Of those to families, (N, F, 2), lower and upper; at most the latter.
-        """
+        """Return bounds (N, F) of the distance of Q to the points near each family."""
+        # Of those to families, (N, F, 2), lower and upper; at most the latter.
         lower = each[..., 0]
         second = np.sort(lower, axis=1)[:, 1:2] if lower.shape[1] > 1 else np.inf
         # The second nearest of a family and the others is not nearer than these two.
@@ -160,11 +158,9 @@ class Conditions:
 
     @cached_property
     def flat(self) -> dict[str, Array | Ints | Bool]:
-        """All numbers as flat arrays, as the kernel and guards in C hold them.
-
-        ``x_start`` says where the values (equations, terms, rates, powers) of each branch
-        (branch, equation, term, term) start.
-        """
+        """Return all numbers as flat arrays, as the kernel and guards in C hold them."""
+        # ``x_start``: where values (equations, terms, rates, powers) of a branch (branch, equation,
+        # term, term) start.
         sums, n = self.sums, self.n
         rate, power = (
             np.concatenate([np.zeros((0, n)), *(getattr(s, k) for s in sums)])
@@ -277,10 +273,8 @@ class Zeros:
 
 
 def zeros_along(conditions: Conditions, pieces: Array, *, compiled: bool = True) -> Zeros:
-    """Every zero of every equation of conditions along polynomial pieces (m, degree + 1, n).
-
-    Joint values are ``sum_k pieces[i, k] s^k`` for s from 0 to 1.
-    """
+    """Return every zero of every equation along pieces (m, degree + 1, n)."""
+    # Joint values are ``sum_k pieces[i, k] s^k`` for s from 0 to 1.
     scaled = conditions.scaled(pieces)
     ends = np.empty((len(pieces), len(conditions.sums), 2))
     handle = conditions.compiled if compiled else None
@@ -364,10 +358,8 @@ def _expand(f: TrigSum, pieces: Array, s: Array, h: Array) -> tuple[Array, Array
 
 
 def _polynomial(a: Array, s: Array, h: Array) -> tuple[Array, Array, Array, Array]:
-    """Expand polynomials a (K, degree + 1, m) at s (K,): all results (K, m).
-
-    Returns value and slope, and bounds of value and second derivative on s - h to s + h.
-    """
+    """Expand polynomials a (K, degree + 1, m) at s (K,): all results (K, m)."""
+    # Value and slope, and bounds of value and second derivative on s - h to s + h.
     s, h = s[:, None], h[:, None]
     value, slope, second = (np.zeros((len(a), a.shape[2])) for _ in range(3))
     for i in range(a.shape[1] - 1, -1, -1):
@@ -386,7 +378,7 @@ _WINDOW = 1.0
 def contact_along(
     c: Conditions, family: int, x: Array, velocity: Array, horizon: float
 ) -> tuple[float, float]:
-    """Contact of ``x + t velocity`` with any condition, and the rate for one family.
+    """Return the contact of ``x + t velocity`` with any condition, and the rate for one family.
 
     ``x``, ``velocity`` (n,) are weighted coordinates, and per second. No condition is met before
     the first number, up to the horizon (seconds): proven; infinite for none. The second is how fast

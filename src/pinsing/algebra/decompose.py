@@ -72,10 +72,7 @@ class SearchPlace:
         return replace(self, matrix=matrix, rank=rank, reduced=False, whole=self.judge)
 
     def zeroed(self, relations: Sequence[Poly], ring: Ring) -> SearchPlace:
-        """The same place with entries that are multiples of some equations at zero.
-
-        They are, where these hold; minors fall into factors so.
-        """
+        """Return the place with entries that are multiples of equations at zero: minors factor."""
         matrix = [
             [
                 ring.zero
@@ -227,11 +224,9 @@ class Search:
             run()
 
     def confirm(self, place: SearchPlace, rank: int) -> None:
-        """Say so unless ``rank`` is the generic rank of the matrix before rows were used up.
-
-        A minor that is no zero polynomial shows that it is no less; that all larger ones are, that
-        it is no more.
-        """
+        """Note it unless ``rank`` is the generic rank of the matrix before rows were used up."""
+        # A nonzero minor shows that it is no less; that all larger ones are zero, that it is no
+        # more.
         rows, reduced = place.matrix, place.rank
         short = min(len(rows), len(rows[0])) if rows else 0
         less = reduced > 0 and (
@@ -359,11 +354,9 @@ class Search:
                     self._system(independent, reduced, minors, len(independent))
 
     def _independent(self, relations: Relations, values: Mapping[int, Value]) -> Relations:
-        """Some of the relations, of which each cuts the common zeros of those before it.
-
-        At values of joints several relations may have more common zeros than their number says:
-        then one that lets some part of them stand is left out, and more is searched.
-        """
+        """Return some relations, of which each cuts the common zeros of those before it."""
+        # At joint values several relations may have more common zeros than their number says: one
+        # that leaves a part of them is left out, and more is searched.
         ordered = sorted(relations, key=len)
         kept = ordered[:2]  # irreducible, none a multiple of the other
         for g in ordered[2:]:
@@ -376,7 +369,7 @@ class Search:
         return tuple(kept)
 
     def _system(self, relations: Relations, place: SearchPlace, minors: Minors, count: int) -> None:
-        """Components inside the common zeros, of codimension ``count``, of two equations or more.
+        """Find components inside common zeros of codimension ``count``, of two equations or more.
 
         Those that are such common zeros themselves are stated by as few joints as can be found.
         Where none is, one more minor cuts the rest down by one dimension.
@@ -509,11 +502,9 @@ class Search:
     # Statements ---------------------------------------------------------------------
 
     def _shortened(self, relations: Relations, count: int, place: SearchPlace) -> Relations:
-        """As few equations as the codimension, if some say the same.
-
-        Common zeros of so many equations have no parts of lower dimension: where generic points
-        of all parts are singular, and new, all is.
-        """
+        """Return as few equations as the codimension, if some say the same."""
+        # Their common zeros have no parts of lower dimension: where generic points of all parts are
+        # singular, and new, all is.
         slices: Slices = {}
         # Equations of a long system among which fewer that say the same are looked for.
         for few in itertools.combinations(relations[:5], count):
@@ -545,11 +536,11 @@ class Search:
         others: list[SlicePoint],
         minors: Minors,
     ) -> tuple[Poly, ...]:
-        """Equations of the singular part of the common zeros of some equations.
+        """Return equations of the singular part of the common zeros of some equations.
 
-        One factor of every minor, that all of the singular part shares, and of the rest as
-        little as can be: where these vanish all minors do, so that not even a part of lower
-        dimension is stated that is regular.
+        One factor of every minor, that all of the singular part shares, and of the rest as little
+        as can be: where these vanish all minors do, so that not even a regular part of lower
+        dimension is stated.
         """
         stated = list(relations)
         for minor in minors:
@@ -690,11 +681,8 @@ class Decomposition:
             self._apart.tell(_packed(component, self.ring))
 
     def _stop(self, told: Sequence[PackedComponent], reason: str) -> None:
-        """Return what is left of a stopped search: the components reported so far.
-
-        Points that some of them were found by are gone with the child: of these nothing but what
-        division shows is known to lie in another one.
-        """
+        """Return the components that a stopped search has reported."""
+        # Points that found some are gone with the child: only division shows which lie in others.
         found = self._found.all + [_unpacked(t, self.ring) for t in told]
         for c in sorted(found, key=lambda c: (c.codimension, len(c.relations))):
             if not any(inside(c, k, self.ring) for k in self.components):

@@ -142,10 +142,8 @@ Ints = npt.NDArray[np.int64]
 
 
 def fourier(poly: Poly, ring: Ring, quarters: Sequence[int]) -> dict[Key, tuple[Exact, Exact]]:
-    """Coefficients of cos(k.q/2) and sin(k.q/2), up to a common positive factor; none is (0, 0).
-
-    The ring's angle of each joint exceeds q by so many ``quarters`` of a turn.
-    """
+    """Return coefficients of cos(k.q/2), sin(k.q/2), up to a positive factor; none is (0, 0)."""
+    # The ring's angle of each joint exceeds q by so many ``quarters`` of a turn.
     terms = terms_of(poly)
     some = next(iter(terms))
     slides = np.array(ring.prismatic, dtype=bool)
@@ -186,10 +184,8 @@ def fourier(poly: Poly, ring: Ring, quarters: Sequence[int]) -> dict[Key, tuple[
 def _put_in(
     terms: Mapping[Any, Any], ring: Ring, degree: Sequence[int]
 ) -> tuple[Ints, list[tuple[int, int]], list[int]]:
-    """Powers of w and of sliders (N, n), whether times i and which root, and whole numbers.
-
-    Of each frequency and its opposite only the one whose first entry that is not 0 is positive.
-    """
+    """Return powers of w and of sliders (N, n), if times i and which root, and whole numbers."""
+    # Of each frequency and its opposite only the one whose first entry that is not 0 is positive.
     roots, count = tuple(getattr(ring, "roots", ())), ring.nvars
     turning = [j for j, d in enumerate(degree) if d]
     seconds = [ring.variables(j)[1] for j in turning]
@@ -225,11 +221,8 @@ def _put_in(
 def _transformed(
     block: Mapping[tuple[int, ...], int], shape: Sequence[int]
 ) -> tuple[Ints, list[int]]:
-    """Places (N, 1 + k) in a table and what is there, each x^a y^b as (w + 1)^a (w - 1)^b.
-
-    As much of each number at a time as a machine's numbers have room for. Only what is not zero,
-    and of two places that are opposite to each other only one.
-    """
+    """Return places (N, 1 + k) in a table and values, each x^a y^b as (w + 1)^a (w - 1)^b."""
+    # In parts that machine numbers have room for. Only nonzero ones, and of opposite places one.
     grown = sum(d - 1 for d in shape)  # a joint of degree d makes numbers 2^d times as large
     # Of a machine's whole number, and what is left of it for less than so many is not worth it.
     room = 62 - grown - 1
@@ -539,20 +532,10 @@ def _negated(number: str) -> str:
 
 
 def equation(poly: Poly, ring: Ring, joints: Sequence[str], offset: Array) -> Equation:
-    """Fourier form of a polynomial in half-angle coordinates, scaled to a largest term of 1.
+    """Return the Fourier form of a half-angle polynomial, scaled to a largest term of 1.
 
-    The coefficients are made exactly, and rounded once: no term is dropped, however small.
-
-    Parameters
-    ----------
-    poly : fmpq_mpoly
-        Homogeneous in each revolute joint's pair of variables.
-    ring : Ring
-        Its ring.
-    joints : sequence of str
-        Symbols of the joints.
-    offset : (n,) array
-        Radians between the arm's joint angles and the ring's.
+    Coefficients are exact, and rounded once: no term is dropped, however small. ``offset`` (n,) is
+    in radians, from the arm's joint angles to the ring's.
     """
     # Quarter turns of an offset only swap sines and cosines; the rest stays a shift.
     quarters = np.where(ring.prismatic, 0, np.round(offset / (np.pi / 2))).astype(int)
@@ -577,11 +560,8 @@ def equation(poly: Poly, ring: Ring, joints: Sequence[str], offset: Array) -> Eq
 
 
 def scale_to_lengths(equation: Equation, lengths: Sequence[float]) -> Equation:
-    """Scale an equation so that its coefficients are lengths of the arm, where they can be.
-
-    The factors of a determinant come without a natural scale. The one under which most
-    coefficients equal lengths of the geometry (or sums or differences of two) is taken.
-    """
+    """Scale an equation so that most coefficients are lengths of the arm, sums or differences."""
+    # The factors of a determinant come without a natural scale.
     found = np.concatenate([np.abs(equation.cos), np.abs(equation.sin)])
     found = found[found > _NOTHING]
     known = sorted({abs(x) for x in lengths if abs(x) > 0})

@@ -194,8 +194,7 @@ Slices = dict[object, "RandomSlice"]
 class RandomSlice:
     """Some joints free, the others at random values.
 
-    Every free joint's circle is turned by a random angle, so that no zero is at the infinity of
-    its half-angle tangent.
+    Free joints' circles are turned by random angles: no zero is at the infinity of its tangent.
     """
 
     residues: Residues  # images of polynomials
@@ -277,7 +276,7 @@ def slice_points(
     patient: bool = True,
     slices: Slices | None = None,
 ) -> Iterator[SlicePoint]:
-    """Common zeros of polynomials on a random slice for every k joints; all of codimension k.
+    """Yield common zeros of polynomials on a random slice for every k joints; all of codimension k.
 
     That is ``count``, or the number of the polynomials. Some joints are at ``values`` already (and
     occur in no polynomial). If not ``patient`` points are found one after the other, as they are

@@ -44,11 +44,8 @@ def _closed(rows: Sequence[int], first: int, axis: int) -> bool:
 
 
 def tip_axes(geometry: Nominal, task: Task) -> tuple[Rotation, bool]:
-    """Rotation of the tip's axes behind the last joint, and whether its turn is no matter.
-
-    Where only the direction of one axis counts, and it is the joint's, the others are as simple
-    as can be.
-    """
+    """Return the rotation of the tip's axes behind the last joint, and if its turn is no matter."""
+    # Where only the axis of that joint counts, the others are as simple as can be.
     rotation = geometry.tip_rotation
     for k in round_about(in_axes(task, True)):
         sign = _along_z(rotation, k, row=False)
@@ -183,10 +180,10 @@ class _Chain:
         )
 
     def screw(self, j: int, middle: int) -> list[Poly]:
-        """Screw of joint j, (v, w), in the frame of joint ``middle`` before its motion.
+        """Return the screw (v, w) of joint j, in the frame of joint ``middle`` before its motion.
 
-        Up to a factor that no real angle makes zero. Carried step by step: that is two vectors
-        to turn, where a pose has three columns and a position.
+        Up to a factor that no real angle makes zero. Carried step by step: that is two vectors to
+        turn, where a pose has three columns and a position.
         """
         slides = self.geometry.prismatic[j]
         axis = [self.ring.zero, self.ring.zero, self.ring.one]
@@ -313,15 +310,14 @@ def jacobian_matrix(
     time: Budget,
     leaders: Sequence[int] | None = None,
 ) -> Matrix:
-    """Task Jacobian as polynomials, up to nonzero row operations and column factors.
+    """Return the task Jacobian as polynomials, up to nonzero row operations and column factors.
 
     Columns are in the order of the ring's joints: ``leaders`` says which of these each joint of the
     chain is, where they do not stand there in the chain's order.
 
     The reference point is moved into the chain only for the full pose, and the axes only for all
-    translations or all rotations: elsewhere the rank depends on them. A joint with mimic joints in
-    the chain has the sum of their columns, by the chain rule. NotFollowed if one cannot be written
-    in polynomials.
+    translations or all rotations: elsewhere the rank depends on them. A joint with mimic joints has
+    the sum of their columns, by the chain rule; NotFollowed if one is no polynomial.
     """
     chain = _Chain(geometry, ring, time, leaders)
     of, dot = chain.products.of, chain.products.dot
@@ -379,11 +375,10 @@ def _summed(parts: Sequence[tuple[Drive, list[Poly], Poly]], products: _Products
 def neighbouring_screws(
     geometry: Nominal, ring: Ring, joints: Sequence[int], time: Budget
 ) -> Matrix:
-    """Screws of some of the arm's joints as columns (6, k), in the frame of a middle one.
+    """Return screws of some of the arm's joints as columns (6, k), in the frame of a middle one.
 
-    Up to row operations and column factors that are nowhere zero. Neighbours have short ones: only
-    what moves between the first and the last occurs, whatever the length of the chain. Mimic joints
-    are as of `jacobian_matrix`.
+    Up to row operations and column factors that are nowhere zero. Those of neighbours are short:
+    only what moves between the first and the last occurs. Mimic joints are as of `jacobian_matrix`.
     """
     chain = _Chain(geometry, ring, time)
     rows = [driven_by(chain.drives, a) for a in joints]

@@ -73,11 +73,9 @@ class Expression:
 def expressions(
     equation: Equation, joint: int, exact: bool = False
 ) -> dict[tuple[str, int], Expression] | None:
-    """Return the factor of each function of one joint: cos and sin of multiples, powers, or 1.
-
-    By function and multiple: ("cos", 1), ("sin", 1), ("pow", 1), ("one", 0), ("cos/2", 1).
-    ``exact`` coefficients are whole numbers for rational ones; None where they are not known.
-    """
+    """Return the factor of each function of one joint, by function and multiple."""
+    # ("cos", 1), ("sin", 1), ("pow", 1), ("one", 0), ("cos/2", 1). ``exact`` coefficients are whole
+    # numbers for rational ones; None where they are not known.
     if exact and not equation.exact:
         return None
     table, scale = equation.once(f"grouped by {joint}", lambda: _grouped(equation, joint))
@@ -100,10 +98,7 @@ def expressions(
 
 
 def _grouped(equation: Equation, joint: int) -> tuple[dict[Product, Number], float | None]:
-    """The equation multiplied out, in the shortest of some ways, and what its numbers are times.
-
-    With exact coefficients where they are known.
-    """
+    """Return the equation multiplied out, the shortest way, and a factor; exact where known."""
     rough = list(zip(equation.cos.tolist(), equation.sin.tolist(), strict=True))
     numbers: list[tuple[Number, Number]] = rough
     if equation.exact:  # so that what cancels does so
@@ -165,10 +160,8 @@ _Part = tuple[Product, int, int, int]
 
 
 def _products(equation: Equation) -> list[_Part]:
-    """Cosines and sines of sums of angles multiplied out, whatever they are times.
-
-    A joint with half-angles has odd multiples of half of it; they are left as they are.
-    """
+    """Return cosines and sines of sums of angles multiplied out, whatever they are times."""
+    # A joint with half-angles has odd multiples of half of it; they are left as they are.
     out: list[_Part] = []
     for t in range(len(equation.cos)):
         lengths = tuple((j, "pow", int(p)) for j, p in enumerate(equation.powers[t]) if p)
@@ -341,10 +334,8 @@ _Atoms = tuple[tuple[int, str, int], ...]
 def _brackets(
     products: tuple[_Atoms, ...],
 ) -> tuple[list[tuple[_Atoms, list[tuple[_Atoms, _Atoms]]]], list[_Atoms]]:
-    """What is put before brackets, with each product within and what is left of it; the others.
-
-    Found once for text and LaTeX, and for exact numbers as for floats.
-    """
+    """Return what is before brackets, with the products within and their rests; and the others."""
+    # Found once for text and LaTeX, and for exact numbers as for floats.
     found = []
     left = list(products)
     while left:
@@ -407,10 +398,8 @@ class JointForm:
         return 2 if self.kind in ("two", "opposite") else 1
 
     def solve(self, q: npt.ArrayLike) -> Array:
-        """Values of the joint, given the others of q (..., n): (..., solutions).
-
-        Angles in (-pi, pi]; NaN where there is none, or where every value does.
-        """
+        """Return values of the joint, (..., solutions), given the others of q (..., n)."""
+        # Angles in (-pi, pi]; NaN where there is none, or where every value does.
         q = np.asarray(q, dtype=float)
         a, b, c = (np.zeros(q.shape[:-1]) if x is None else x(q) for x in (self.a, self.b, self.c))
         if self.kind == "length":
@@ -494,11 +483,9 @@ class JointForm:
 def joint_form(
     equation: Equation, joint: int | None = None, exact: bool = False
 ) -> JointForm | None:
-    """The equation as one for a joint; None if it does not enter once, or has no others beside.
-
-    By default for one that has values for all others, else the first that enters once. None if
-    ``exact`` coefficients are not known.
-    """
+    """Return the equation as one for a joint that enters once, or None."""
+    # By default one that has values for all others, else the first. None, too, if no others are
+    # beside, or ``exact`` coefficients are not known.
     return equation.once(f"joint form {joint} {exact}", lambda: _joint_form(equation, joint, exact))
 
 

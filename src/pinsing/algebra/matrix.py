@@ -64,11 +64,9 @@ def independent_rows(matrix: Matrix, ring: Ring) -> Matrix:
 
 
 def _alike(matrix: Matrix, ring: Ring) -> set[int]:
-    """Rows that may be combinations of others, as far as their leading terms tell.
-
-    The one that begins before all others, or with a monomial before theirs, is in no combination
-    of zero; and so on with the rest, from either side. That is seen from a term or two of a row.
-    """
+    """Return rows that may be combinations of others, as far as their leading terms tell."""
+    # One that begins before all others, or with a monomial before theirs, is in no combination of
+    # zero; and so on from either side, by a term or two of a row.
     left = {i for i, row in enumerate(matrix) if any(x != 0 for x in row)}
     width = len(matrix[0]) if matrix else 0
     ways = (range(width), range(width - 1, -1, -1))
@@ -90,10 +88,7 @@ def _alike(matrix: Matrix, ring: Ring) -> set[int]:
 
 
 def _sharing(matrix: Matrix, among: set[int], ring: Ring) -> set[int]:
-    """Rows that may be combinations of others: all of their monomials occur in others of these.
-
-    A row with one that no other has is in no combination of zero.
-    """
+    """Return rows that may be combinations of others: these have all of their monomials."""
     places = {
         i: {(j, m) for j, x in enumerate(matrix[i]) if x != 0 for m in ring.monomials(x)}
         for i in among
@@ -109,10 +104,8 @@ def _sharing(matrix: Matrix, among: set[int], ring: Ring) -> set[int]:
 def reduce_matrix(
     matrix: Matrix, rank: int, ring: Ring, time: Budget, generic: bool = False
 ) -> tuple[Matrix, int]:
-    """Use up pivots that never vanish: what is left is below its rank exactly where the given is.
-
-    If the rank is ``generic``, that at almost every point, as many rows are independent.
-    """
+    """Use up pivots that never vanish: the rest is below its rank exactly where the given is."""
+    # If the rank is ``generic``, that at almost every point, as many rows are independent.
     rows = matrix
     if not (generic and len(rows) == rank):
         rows = independent_rows(matrix, ring)
@@ -155,10 +148,8 @@ def _without_zeros(rows: Matrix) -> Matrix:
 
 
 def _unit(rows: Matrix, ring: Ring, never: MadeOnce) -> tuple[int, int] | None:
-    """Position of an entry that vanishes nowhere, the one that disturbs the rest least.
-
-    What is known of entries, whether they vanish nowhere, is kept in ``never``.
-    """
+    """Return the position of an entry that vanishes nowhere, which disturbs the rest least."""
+    # What is known of entries is kept in ``never``.
     in_row = [sum(map(len, row)) for row in rows]
     in_column = [sum(map(len, column)) for column in zip(*rows, strict=True)]
     best: tuple[int, int, int] | None = None

@@ -41,10 +41,8 @@ class Drive:
 
 
 def drives(geometry: Nominal) -> tuple[tuple[Drive, ...], tuple[Snap, ...]]:
-    """Return how each joint of the chain is driven, and what was moved to say so exactly.
-
-    NotFollowed if a follower's multiple is not whole, too large, or mixes angles and lengths.
-    """
+    """Return how each joint of the chain is driven, and what was moved to say so exactly."""
+    # NotFollowed if a follower's multiple is not whole, too large, or mixes angles and lengths.
     coupling = geometry.arm.coupling
     if coupling is None:
         return tuple(Drive(j, Fraction(1)) for j in range(len(geometry.prismatic))), ()
@@ -113,11 +111,9 @@ def own_jacobian_modulo(
     draw: random.Random,
     values: Mapping[int, Sequence[Exact]],
 ) -> list[Vector]:
-    """As ``jacobian_modulo``, with one column for each of the arm's own joints.
-
-    A joint has the sum of its own column and of its followers', by the chain rule; these move with
-    it, by de Moivre's formula.
-    """
+    """Return ``jacobian_modulo`` with one column for each of the arm's own joints."""
+    # It is the sum of a joint's and its followers' columns, by the chain rule; these move with it,
+    # by de Moivre's formula.
     if geometry.arm.coupling is None:
         return jacobian_modulo(geometry, task, p, draw, values)
     driven = drives(geometry)[0]

@@ -200,10 +200,7 @@ class NearMinors:
         self._known: dict[object, Poly] = {}
 
     def minor(self, joints: Sequence[int], values: Mapping[int, Value]) -> Poly:
-        """The minor of the columns of ``joints``, without factors that are nowhere zero.
-
-        NotSquare if it is not one minor but several.
-        """
+        """Return the minor of columns ``joints``, without units; NotSquare if there are several."""
         joints = sorted(joints)
         inside = {j: v for j, v in values.items() if self._matters(j, joints)}
         key = (tuple(joints), frozenset(inside.items()))

@@ -44,10 +44,8 @@ def two_sided(
     threads: int | None = None,
     isa: str | None = None,
 ) -> Bounds:
-    """Bounds of the distance of Q (N, n), finite, from conditions; of ``each`` family if wanted.
-
-    ``isa`` is an instruction set of the compiled engine, for the same bits on every machine.
-    """
+    """Return distance bounds of finite Q (N, n) from conditions, or ``each`` family's."""
+    # ``isa`` is an instruction set of the compiled engine, for the same bits on every machine.
     X = conditions.scaled(Q)
     handle = conditions.compiled if compiled else None
     N, F = len(X), conditions.families
@@ -162,10 +160,8 @@ def nearest_points(
     *,
     compiled: bool = True,
 ) -> Nearest:
-    """Nearest points of conditions to Q (N, n), finite, by best-first branch and bound.
-
-    Joint limits are (n,), or (families, n), infinite where there are none.
-    """
+    """Return nearest points of conditions to finite Q (N, n), by best-first branch and bound."""
+    # Joint limits are (n,), or (families, n), infinite where there are none.
     margin = conditions.margin
     if margin is not None:
         # What is within the limits may be near to points of conditions that are not.
@@ -237,10 +233,8 @@ class _NearestSearch:
         return min(lower, upper), upper, family, point, looked
 
     def _put(self, branch: WeightedBranch, x: Array) -> Array | None:
-        """Put joints at their values, the nearest copies; None where the limits allow none.
-
-        Joints that do not matter are put within their limits.
-        """
+        """Put joints at their values, the nearest copies; None where the limits allow none."""
+        # Joints that do not matter are put within their limits.
         lower, upper, limited = *self.limits(branch), self.options.within_limits
         out = np.where(branch.used(self.c.n), x, np.clip(x, lower, upper)) if limited else x.copy()
         for j, value in zip(branch.joints, branch.values, strict=True):

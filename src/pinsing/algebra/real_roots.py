@@ -48,14 +48,14 @@ class AlgebraicValue:
 
 
 def real_roots(poly: Poly, joint: int, ring: Ring) -> list[AlgebraicValue]:
-    """All distinct real values of a joint at which a polynomial in it alone is zero.
+    """Return all distinct real values of a joint at which a polynomial in it alone is zero.
 
     The polynomial may be a product: a turning joint's infinite tangent, 180 degrees, is a root
     where its x divides.
 
-    Roots of a polynomial with square roots in it are among those of its norm, the product of
-    its images under all changes of the roots' signs. Ball arithmetic throws out those that are
-    not; what is left is right when it is no more than the polynomial has complex roots.
+    Roots of a polynomial with square roots in it are among those of its norm, the product of its
+    images under all changes of the roots' signs. Ball arithmetic throws out those that are not;
+    what is left is right when it is no more than the polynomial has complex roots.
     """
     first, last = ring.variables(joint)[0], ring.variables(joint)[-1]
     found = ring.terms(poly)
@@ -125,11 +125,9 @@ Solution = Mapping[int, AlgebraicValue]
 
 
 def real_solutions(polys: Sequence[Poly], ring: Ring, time: Budget) -> list[Solution]:
-    """All real common zeros of polynomials that have finitely many, in every joint that occurs.
-
-    Those of short systems are found however late it is: an answer must not depend on the load of a
-    machine where it costs nothing. NotFinite if there are infinitely many, or too many.
-    """
+    """Return all real common zeros of polynomials with finitely many, or raise NotFinite."""
+    # Those of short systems are found however late it is: an answer must not depend on the load of
+    # a machine where it costs nothing.
     joints = sorted({j for p in polys for j in ring.joints_of(p)})
     if _is_short(polys, joints, ring):
         time = Budget(math.inf)
@@ -308,10 +306,8 @@ def _standard_monomials(basis: Sequence[Any], bounds: Sequence[int]) -> int:
 
 
 def changes_sign(poly: Poly, ring: Ring) -> bool:
-    """Return True if a polynomial takes both signs, shown by its values at rational points.
-
-    One of odd degree in some revolute joint does: a whole turn changes its sign.
-    """
+    """Return True if a polynomial takes both signs, shown by its values at rational points."""
+    # One of odd degree in some revolute joint does: a whole turn changes its sign.
     lead = poly.monomial(0)  # it is homogeneous in both variables of a joint
     if any(
         (lead[s] + lead[s + 1]) % 2
@@ -347,10 +343,8 @@ def _sign(poly: Poly, point: Sequence[int], ring: Ring) -> int:
 
 
 def isolated_zeros(poly: Poly, ring: Ring, time: Budget) -> list[Solution] | None:
-    """All real zeros of a polynomial that is proven not to change its sign; else None.
-
-    NotFinite if these are not isolated.
-    """
+    """Return all real zeros of a polynomial proven not to change its sign; else None."""
+    # NotFinite if these are not isolated.
     if not ring.rational or any(ring.prismatic[j] for j in ring.joints_of(poly)):
         return None
     if (touching := _touching(poly, ring)) is not None:
@@ -368,9 +362,9 @@ def isolated_zeros(poly: Poly, ring: Ring, time: Budget) -> list[Solution] | Non
 def semidefinite(poly: Poly, ring: Ring, time: Budget) -> bool:
     """Return True if it is proven that a polynomial over the rationals never changes its sign.
 
-    Factors of odd multiplicity must not. One in a single joint has no real root then; one of
-    degree two in a joint, A x^2 + B x y + C y^2, has a discriminant B^2 - 4 A C that is nowhere
-    positive. Nor does a sum of cosines and sines whose constant is no less than all the rest.
+    Factors of odd multiplicity must not. One in a single joint has no real root then; one of degree
+    two in a joint, A x^2 + B x y + C y^2, has a discriminant B^2 - 4 A C that is nowhere positive.
+    Nor does a sum of cosines and sines whose constant is no less than all the rest.
     """
     for f, multiplicity in poly.factor()[1]:
         time.check()
@@ -395,11 +389,9 @@ _QUARTERS = [*(AlgebraicValue(arb(t), (-t, 1)) for t in (-1, 0, 1)), AlgebraicVa
 
 
 def _touching(poly: Poly, ring: Ring) -> list[Solution] | None:
-    """The one real zero where all terms together just reach the constant; else None.
-
-    There each cosine or sine is 1 or -1: linear equations modulo whole turns. With a minor of 1
-    they have one solution, which is made of right angles.
-    """
+    """Return the one real zero where all terms together just reach the constant; else None."""
+    # Each cosine or sine is 1 or -1: linear equations modulo whole turns. With a minor of 1 they
+    # have one solution, of right angles.
     joints = ring.joints_of(poly)
     constant, others = Fraction(0), Fraction(0)
     rows: list[tuple[list[int], Fraction, Fraction]] = []

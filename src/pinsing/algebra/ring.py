@@ -189,10 +189,7 @@ class Ring:
         return put
 
     def nowhere_zero(self, poly: Poly) -> bool:
-        """Return True if a polynomial is a constant times x^2 + y^2 of joints: never zero.
-
-        Not the zero polynomial.
-        """
+        """Return True if a polynomial is a nonzero constant times x^2 + y^2 of joints."""
         if self.is_constant(poly):
             return True
         if len(poly) == 1:
@@ -275,7 +272,7 @@ class Ring:
         return list(alike[-1][1])
 
     def long_to_factor(self, poly: Poly) -> int | None:
-        """Terms from which on a polynomial may take long to factor; None: as a budget says.
+        """Return terms from which on a polynomial may take long to factor; None: as a budget says.
 
         Low degrees in few joints bound what it can take: some 15 ms for a thousand terms.
         """
@@ -300,11 +297,8 @@ class Ring:
         return [f for f, _ in poly.factor()[1]]
 
     def _of_form(self, poly: Poly) -> list[Poly] | None:
-        """Irreducible factors of a form in each turning joint's variables; None if it is none.
-
-        Those that are no variable are forms in the tangents alone, which have half as many
-        variables, and fall apart as they do.
-        """
+        """Return irreducible factors of a form in each turning joint's variables, or None."""
+        # Those that are no variable are forms in the tangents alone, with half as many variables.
         gens, content = self.context.gens(), poly.term_content().degrees()
         least = [e if v < self.nvars else 0 for v, e in enumerate(content)]
         factors = [gens[v] for v, e in enumerate(least) if e]

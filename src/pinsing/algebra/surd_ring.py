@@ -227,11 +227,9 @@ class SurdRing(Ring):
         return found
 
     def _by_norm(self, poly: Poly, level: int) -> list[Poly]:
-        """Irreducible factors of a polynomial whose norm has no square in it.
-
-        The norm, poly times its image under s -> -s, is free of the last root s; each factor
-        of it shares one with the polynomial (Trager, 1976).
-        """
+        """Return irreducible factors of a polynomial whose norm has no square in it."""
+        # The norm, poly times its image under s -> -s, is free of the last root s; each factor of
+        # it shares one with the polynomial (Trager, 1976).
         if self.is_constant(poly):
             return []
         return [self.gcd(poly, f) for f in self._factor(self._norm(poly, level), level - 1)]
@@ -293,11 +291,11 @@ class SurdRing(Ring):
         return not reduced.gcd(slope).is_constant()
 
     def _bits_needed(self, poly: Poly) -> int:
-        """Length of a prime by which the coefficients of any factor are told for sure.
+        """Return the length of a prime by which the coefficients of any factor are told for sure.
 
-        A factor's integers are below 2^(sum of degrees) times those of the polynomial
-        (Gelfond, 1952); made monic, their parts are below that to the power of the field's
-        degree; the lattice has one dimension more than that.
+        A factor's integers are below 2^(sum of degrees) times those of the polynomial (Gelfond,
+        1952); made monic, their parts are below that to the power of the field's degree; the
+        lattice has one dimension more than that.
         """
         degree = len(self.basis)
         height = max(map(abs, whole_terms(poly).values()))
@@ -305,10 +303,8 @@ class SurdRing(Ring):
         return (degree + 1) * (degree * bits + degree + 1) + _SPARE_BITS
 
     def _lift(self, residues: Poly, prime: int) -> Poly | None:
-        """The polynomial with a leading coefficient of 1 that has these residues.
-
-        None if the prime is too short to tell; even what comes out is to be tried by division.
-        """
+        """Return the polynomial with a leading coefficient of 1 that has these residues."""
+        # None if the prime is too short to tell; even what comes out is to be tried by division.
         terms = {tuple(int(e) for e in m): int(c) for m, c in terms_of(residues).items()}
         inverse = pow(terms[max(terms)], -1, prime)
         lifted: dict[Monomial, Exact] = {}

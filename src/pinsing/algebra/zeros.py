@@ -115,10 +115,7 @@ def engine_polynomial(prime: int, terms: Mapping[Any, int]) -> Any:
 def engine_point(
     field: Any, count: int, fixed: Iterable[tuple[int, int]], free: Mapping[int, Any]
 ) -> Any:
-    """A point of the engine; None where it is not covered.
-
-    Variables are ``fixed`` at residues, or ``free`` at elements of the field.
-    """
+    """Return a point of the engine, variables ``fixed`` or ``free``; None where not covered."""
     prime, degree = int(field.characteristic()), int(field.degree())
     if not covered(prime) or len(free) > engine.module().MOST_FREE:
         return None
@@ -154,28 +151,12 @@ def zeros(
     check: Callable[[float], None],
     patient: bool = True,
 ) -> Iterable[Zero]:
-    """Find every common zero; one after the other, as they are asked for, unless ``patient``.
+    """Return every common zero of ``polys``; lazily, unless ``patient``, which tries other ways.
 
-    Parameters
-    ----------
-    polys : sequence of nmod_mpoly
-        As many as there are variables or more, of one ring modulo a prime of 62 bits, in which no
-        other variables than ``variables`` occur.
-    variables : sequence of int
-        Their indices.
-    nonzero : mapping of int to nmod_mpoly
-        Polynomials in one variable each; their zeros are not wanted.
-    rng : Generator
-        For combinations of the polynomials.
-    check : callable
-        Asked, with the number of term products, before each long step.
-    patient : bool
-        Whether to try other orders of elimination, and mixed equations, where one does not do.
-
-    Raises
-    ------
-    Undecided
-        If there are infinitely many, or an eliminant is too long.
+    There are as many ``polys`` as ``variables`` (indices) or more, in these alone, modulo a prime
+    of 62 bits. Zeros of ``nonzero`` polynomials, in one variable each, are not wanted. ``check`` is
+    asked, with the number of term products, before each long step. Undecided if there are
+    infinitely many, or an eliminant is too long.
     """
     prime = int(polys[0].context().modulus())
     if patient:
@@ -189,8 +170,7 @@ def zeros(
 class _Solver:
     """What all steps of an elimination share: parameters of ``zeros``, and the prime.
 
-    With ``orders`` other orders of elimination are tried where one does not do, with ``mixing``
-    combinations of the polynomials.
+    ``orders``: try other orders of elimination; ``mixing``: try combinations of the polynomials.
     """
 
     nonzero: Mapping[int, Any]
@@ -273,10 +253,8 @@ class _Solver:
         return self.solve([*free, *self._resultants(mixed, v)], rest)
 
     def _resultants(self, polys: Sequence[Any], v: int) -> list[Any]:
-        """Resultants with the first polynomial, and one more where there are three or more.
-
-        It rules out most of the zeros of the resultants' own making.
-        """
+        """Return resultants with the first polynomial, and of three or more one more."""
+        # It rules out most of the zeros of the resultants' own making.
         pairs = [(polys[0], f) for f in polys[1:]]
         if len(polys) > 2:
             pairs.append((polys[1], polys[2]))
@@ -330,10 +308,8 @@ def _above(zero: Zero, polys: Sequence[Any], v: int, compiled: Callable[[Any], A
 
 
 def _at(poly: Any, zero: Zero, v: int, over: Any, point: Any, made: Any) -> Any:
-    """A polynomial at a zero, as one in the variable v that is left.
-
-    By the compiled engine where it has both: the zero as a point, the polynomial as ``made``.
-    """
+    """Return a polynomial at a zero, as one in the variable v that is left."""
+    # By the compiled engine where it has both: the zero as a point, the polynomial as ``made``.
     field = zero.field
     if point is not None and made is not None:
         return over(field_elements(field, point.line(made, v)))
@@ -358,11 +334,11 @@ def _powers(x: Any, top: int) -> list[Any]:
 
 
 def _extended(zero: Zero, common: Any, v: int) -> list[Zero]:
-    """Roots that are not in a zero's field, in larger ones.
+    """Return roots that are not in a zero's field, in larger ones.
 
     The sum w of the root and of a multiple of the field's generator generates both: w has the
-    irreducible factors of a resultant as its minimal polynomials, and the generator is a
-    common root of two polynomials over the field of w.
+    irreducible factors of a resultant as its minimal polynomials, and the generator is a common
+    root of two polynomials over the field of w.
     """
     prime = int(zero.field.characteristic())
     if zero.field.degree() == 1:

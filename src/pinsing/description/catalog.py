@@ -28,13 +28,7 @@ from pinsing.errors import RobotFileError, UnknownNameError
 
 
 def urdf_folder() -> Path:
-    """Return the folder of DH tables, the xacro, and the URDFs made of them.
-
-    Raises
-    ------
-    RobotFileError
-        If neither the package nor the checkout around it has one.
-    """
+    """Return the folder of DH tables, xacro and their URDFs; RobotFileError if there is none."""
     package = Path(__file__).resolve().parents[1]
     packaged, checkout = package / "urdf", package.parents[1] / "urdf"
     for folder in (packaged, checkout):
@@ -51,10 +45,8 @@ _CLONE = "clone_to_directory"
 
 
 def described_robots() -> dict[str, tuple[str, str]]:
-    """Title and remark of each robot by its name, ``rd:`` included; none without the package.
-
-    Only those that are a URDF, a xacro or a MuJoCo model; most of them are.
-    """
+    """Return title and remark of each robot of the package, by name with ``rd:``; {} without it."""
+    # Only those that are a URDF, a xacro or a MuJoCo model; most of them are.
     if importlib.util.find_spec(PACKAGE) is None:
         return {}
     found = {}
@@ -66,15 +58,7 @@ def described_robots() -> dict[str, tuple[str, str]]:
 
 
 def described_robot(name: str) -> CatalogEntry:
-    """Find a robot that is on this computer.
-
-    Raises
-    ------
-    RobotFileError
-        If the package is not installed, the robot is not on this computer, or it is broken.
-    UnknownNameError
-        If the package knows no such robot.
-    """
+    """Return a robot of the package that is on this computer, or say what is missing."""
     if importlib.util.find_spec(PACKAGE) is None:
         raise RobotFileError(
             f"is a robot of the package {PACKAGE}, which is not installed: "
@@ -343,13 +327,7 @@ def described_entries() -> list[CatalogEntry]:
 
 
 def find_robot(name: str) -> CatalogEntry:
-    """Return the robot of a name; only letters and digits matter, not their case.
-
-    Raises
-    ------
-    UnknownNameError
-        With the names that resemble it.
-    """
+    """Return the robot of a name (letters and digits, any case); UnknownNameError if none."""
     at_once = _plain_hit(name)
     if at_once is not None:
         return at_once
@@ -380,10 +358,8 @@ def _plain_hit(name: str) -> CatalogEntry | None:
 
 
 def _titled(name: str, entries: Mapping[str, CatalogEntry]) -> list[CatalogEntry]:
-    """Return the robots of this title; with a digit, of this one without its maker, too.
-
-    After a comma a title has another name as sold, in capitals, or says more.
-    """
+    """Return the robots of this title; with a digit, of this one without its maker, too."""
+    # After a comma a title has another name as sold, in capitals, or says more.
     wanted, found = _canonical(name), []
     for entry in entries.values():
         maker, _, sold = entry.title.partition(" ")
@@ -426,16 +402,9 @@ def _families(known: Collection[str]) -> str:
 def locate_robot(robot: str | Path) -> CatalogEntry | Path:
     """Return what a user means by a robot: an existing file, a path, or a name.
 
-    ``rd:NAME`` is a robot of the package robot_descriptions. Else
-    an existing path wins; text with a path separator or the suffix .urdf, .xacro or .xml is a path
-    unless a robot has this title, and so is a `Path`; all else is a name.
-
-    Raises
-    ------
-    UnknownNameError
-        If it is a name that is not known, nor a file.
-    RobotFileError
-        If it is a path and there is no such file.
+    ``rd:NAME`` is a robot of robot_descriptions. Else an existing path wins; text with a path
+    separator or the suffix .urdf, .xacro or .xml is a path unless a robot has this title, and so is
+    a `Path`; all else is a name.
     """
     path = Path(robot)
     if isinstance(robot, str) and robot.startswith(PREFIX):

@@ -60,10 +60,8 @@ OUT_OF_TIME = [-int(s) for s in signal.Signals if s.name in ("SIGXCPU", "SIGPROF
 
 
 def limit_resources(seconds: int, memory: int) -> None:
-    """Limit processor time [s], memory [bytes] and written files (none), where that exists.
-
-    A process that has used up its time is ended by SIGXCPU.
-    """
+    """Limit processor time [s], memory [bytes] and written files (none), where that exists."""
+    # A process that has used up its time is ended by SIGXCPU.
     try:
         import resource
     except ImportError:
@@ -87,10 +85,7 @@ def begin_work(seconds: float) -> None:
 
 
 def watch(refuse: Callable[[str], BaseException]) -> None:
-    """Raise what ``refuse`` makes of any call of Python's that reaches outside, from now on.
-
-    Everything that is needed must have been imported.
-    """
+    """Raise ``refuse(call)`` for any Python call that reaches outside, once all is imported."""
 
     def hook(event: str, _details: object) -> None:
         if event.startswith(_WATCHED):
@@ -100,11 +95,9 @@ def watch(refuse: Callable[[str], BaseException]) -> None:
 
 
 def close_in(reading: bool = False) -> str:
-    """Let the kernel open nothing more for this process; say why not, or return "" when it is so.
-
-    Only the files that are open now can be read and written afterwards; with ``reading`` others can
-    be opened for reading, too. There is no way back.
-    """
+    """Let the kernel open nothing more for this process; return why not, or ""."""
+    # Only files that are open now can be used; with ``reading`` others can be read, too. No way
+    # back.
     machine = os.uname().machine if sys.platform.startswith("linux") else "any machine"
     if machine not in _MACHINES:
         return f"no filter of system calls is known for {sys.platform} on {machine}"
@@ -135,10 +128,8 @@ def close_in(reading: bool = False) -> str:
 
 
 def read_only_below(folders: Iterable[str]) -> str:
-    """Let the kernel open files below some folders only, for reading; say why not, or return "".
-
-    Landlock (Linux 5.13 and later, where it is switched on). There is no way back.
-    """
+    """Let the kernel open files below some folders only, for reading; return why not, or ""."""
+    # Landlock (Linux 5.13 and later, where it is switched on). There is no way back.
     if not sys.platform.startswith("linux") or os.uname().machine not in _MACHINES:
         return f"no Landlock is known for {sys.platform}"
     try:

@@ -59,9 +59,8 @@ def screw(
 ) -> Placement:
     """Return ``Rz(theta) Tz(d) Tx(a) Rx(alpha) Tz(beyond)``; angles [rad], lengths [m].
 
-    With ``beyond`` = 0 this is a row of a standard Denavit-Hartenberg table. Its rotation is
-    roll = alpha, yaw = theta, as given and without rounding, which no row of a modified table
-    (``Rx Tx Rz Tz``) offers.
+    A row of a standard Denavit-Hartenberg table, for ``beyond`` = 0. Its rotation is roll = alpha,
+    yaw = theta without rounding, which no row of a modified table (``Rx Tx Rz Tz``) offers.
     """
     c, s = cos_sin(theta)
     ca, sa = cos_sin(alpha)
@@ -79,11 +78,9 @@ def modified_row(alpha: float, a: float, d: float, theta: float) -> Placement:
 
 
 def roll_pitch_yaw(R: tuple[Vector, Vector, Vector]) -> Vector:
-    """Return the roll, pitch and yaw [rad] of a rotation matrix, given by rows.
-
-    Accurate to rounding everywhere, gimbal lock (pitch = ±pi/2) included: yaw is taken of the
-    matrix with the roll undone, so that an ill-determined roll cancels against it.
-    """
+    """Return the roll, pitch and yaw [rad] of a rotation matrix, given by rows."""
+    # To rounding, gimbal lock (pitch = ±pi/2) included: yaw is taken of the matrix with the roll
+    # undone, so that an ill-determined roll cancels against it.
     pitch = math.atan2(-R[2][0], math.hypot(R[0][0], R[1][0]))
     roll = math.atan2(R[2][1], R[2][2])
     c, s = cos_sin(roll)
@@ -156,30 +153,14 @@ class _Units:
 
 
 def read_dh(path: str | Path) -> DHTable:
-    """Read a DH table.
+    """Read a DH table of YAML, in its units, into radians and metres; angles may hold pi.
 
-    Angles and lengths are taken in the units that the table states. An angle in radians may be
-    written with pi: ``pi/2``, ``-pi/2``, ``2*pi/3``.
-
-    Parameters
-    ----------
-    path : str or Path
-        YAML file with the keys ``name``, ``convention``, ``units`` (``angle``: rad or deg,
-        ``length``: m or mm), ``rows``, and optionally ``source`` and ``tool`` (``xyz`` and
-        ``rpy``, or ``alpha``, ``a``, ``d``, ``theta``). Each row has ``alpha``, ``a``, ``d``,
-        ``theta``, ``type``, ``limits`` (``[lower, upper]``; not for a continuous joint), and
-        optionally ``name`` (q or d with the row's number), ``velocity``, ``effort``.
-
-    Returns
-    -------
-    DHTable
-        In radians and metres.
-
-    Raises
-    ------
-    RobotFileError
-        If the file cannot be read or anything in it is missing, unknown, doubled, or no finite
-        number; with the file, the line and the key.
+    Keys: ``name``, ``convention``, ``units`` (``angle``: rad or deg, ``length``: m or mm),
+    ``rows``, and optionally ``source`` and ``tool`` (``xyz`` and ``rpy``, or ``alpha``, ``a``,
+    ``d``, ``theta``). Each row has ``alpha``, ``a``, ``d``, ``theta``, ``type``, ``limits``
+    (``[lower, upper]``; not for a continuous joint), and optionally ``name`` (q or d with the row's
+    number), ``velocity``, ``effort``. RobotFileError, with line and key, if anything is missing,
+    unknown, doubled, or not finite.
     """
     keys = "name", "convention", "units", "rows"
     table = compose(path)
@@ -321,9 +302,9 @@ def joint_placements(table: DHTable) -> tuple[tuple[Placement, ...], Placement]:
 
     Each joint turns about, or slides along, the z axis of its placement. In a standard table that
     is z of the frame before, so joint i takes the fixed part of row i - 1. In a modified table it
-    is z of frame i itself; only the fixed theta, which commutes with the joint, is handed on to
-    the next placement, so that every rotation is ``Rz(theta) Rx(alpha)``: roll and yaw of a URDF,
-    digit for digit.
+    is z of frame i itself; only the fixed theta, which commutes with the joint, is handed on to the
+    next placement, so that every rotation is ``Rz(theta) Rx(alpha)``: roll and yaw of a URDF, digit
+    for digit.
     """
     rows = table.rows
     if table.convention == "standard":
@@ -341,8 +322,8 @@ def dh_to_urdf(table: DHTable) -> str:
     """Return the URDF of a table, made by ``urdf/dh_arm.xacro``.
 
     Links are ``base_link``, ``link1``, ... and ``tool0`` (after ``flange``, frame n, where the
-    table has a tool); joints have the names of the rows. Without a ``velocity`` or an ``effort``
-    in the table a joint gets 1 rad/s or m/s and 100 N·m or N, since a URDF must have them.
+    table has a tool); joints have the names of the rows. Without a ``velocity`` or an ``effort`` in
+    the table a joint gets 1 rad/s or m/s and 100 N·m or N, since a URDF must have them.
     """
     # xacro reads tables from files only, and only from folders that it is given.
     with _folder() as folder:
@@ -357,11 +338,11 @@ def dh_to_urdf(table: DHTable) -> str:
 
 
 def with_turns(table: DHTable, turning: Collection[int]) -> list[tuple[str, str, Placement]]:
-    """Joints base to tip with the axis of each, x, z or none, and where it sits.
+    """Return joints base to tip with the axis of each, x, z or none, and where it sits.
 
     Twists of the rows ``turning``, counted from 1, are joints of their own, about x; their names
-    begin with a digit, which those of rows never do. What ends the chain has no axis: frame n,
-    and the tool.
+    begin with a digit, which those of rows never do. What ends the chain has no axis: frame n, and
+    the tool.
     """
     joints, last = joint_placements(table)
     ends = [(row.name, "z", place) for row, place in zip(table.rows, joints, strict=True)]
@@ -381,11 +362,9 @@ def with_turns(table: DHTable, turning: Collection[int]) -> list[tuple[str, str,
 
 
 def bare_urdf(table: DHTable, turning: Collection[int] = ()) -> str:
-    """The URDF of a table without shapes: links and joints as in `dh_to_urdf`, written at once.
-
-    For chains that nobody looks at; no xacro runs and no file is written. Twists of the rows
-    ``turning`` are joints, as in `with_turns`.
-    """
+    """Return the URDF of a table without shapes, as `dh_to_urdf` but without xacro or files."""
+    # For chains that nobody looks at. Twists of the rows ``turning`` are joints, as in
+    # `with_turns`.
     names, joints = _chain(table)
     if turning:
         names, joints = _turned(table, turning, names, joints)
@@ -462,10 +441,8 @@ def _chain(table: DHTable) -> tuple[list[str], list[dict[str, Any]]]:
 
 
 def _arm(table: DHTable) -> dict[str, Any]:
-    """Return the numbers that the xacro reads: text of joints, shapes, and the arm's size [m].
-
-    Shapes, which only the eye judges, are rounded to a nanometre so that no libm shows in the file.
-    """
+    """Return the numbers that the xacro reads: text of joints, shapes, and the arm's size [m]."""
+    # Shapes are rounded to a nanometre so that no libm shows in the file.
     names, joints = _chain(table)
     placements, last = joint_placements(table)
     count = len(table.rows)

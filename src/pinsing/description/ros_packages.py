@@ -63,19 +63,11 @@ class MeshProblem(Exception):
 
 
 class PackageIndex:
-    """The packages and mesh files that one description file may use.
+    """The packages and mesh files that one description file (None: text) may use.
 
-    Parameters
-    ----------
-    file : Path or None
-        The description file; None for text that came without one, which has no folder.
-    packages : Mapping of str to path, optional
-        Folders of packages by name; they win over all else.
-    roots : tuple of Path
-        More folders that meshes may be in (those that the xacro of the file has used).
-    named : bool
-        Accept folders above the file, or beside these, only if their package.xml names the package:
-        any file in them can be read, not only meshes.
+    ``packages`` are folders by name, which win over all else; ``roots`` more folders of meshes,
+    used by its xacro. ``named``: folders above the file, or beside these, count only if their
+    package.xml names the package: any file in them can be read, not only meshes.
     """
 
     def __init__(
@@ -158,7 +150,7 @@ class PackageIndex:
 
     @cached_property
     def own_folder(self) -> Path | None:
-        """The folder that the description file and its meshes live in, if there is a file.
+        """Return the folder that the description file and its meshes live in, if there is a file.
 
         The package around the file, else the folder around ``urdf``, ``robots`` or ``xacro``, else
         the folder of the file.
@@ -261,10 +253,7 @@ class ColladaProblem(Exception):
 
 
 def image_references(path: Path) -> tuple[str, ...]:
-    """Return the text of every ``<init_from>`` in the library of images, as written.
-
-    Elsewhere the same tag holds no file but the name of an image.
-    """
+    """Return the text of every ``<init_from>`` in the library of images; elsewhere it is a name."""
     with path.open("rb") as stream:
         size = os.fstat(stream.fileno()).st_size
         if size > LARGEST:
@@ -329,9 +318,9 @@ class FoundMeshes:
 class Shapes:
     """What a robot looks like: shapes and materials, and meshes that are looked for once.
 
-    That is when ``found`` is first asked for: the addresses and the folders to look in are those
-    of the time of loading, the files those that are there by then. Later changes of the folder
-    are not seen. A copy that is pickled has found them, since addresses may mean nothing elsewhere.
+    That is when ``found`` is first asked for: the addresses and the folders to look in are those of
+    the time of loading, the files those that are there by then. Later changes of the folder are not
+    seen. A copy that is pickled has found them, since addresses may mean nothing elsewhere.
     """
 
     text: str  # plain URDF, with the addresses of meshes as in the file

@@ -203,11 +203,9 @@ def read_description(
     packages: Mapping[str, str | Path] | None = None,
     xacro_args: Mapping[str, str] | None = None,
 ) -> Description:
-    """Read and check a URDF or xacro file.
-
-    Whatever Pinocchio would refuse, crash on, or take silently for something else is an error with
-    file, line and joint. Joints that merely lack limits are left to `Description.require_usable`.
-    """
+    """Read and check a URDF or xacro file; errors have file, line and joint."""
+    # Whatever Pinocchio would refuse, crash on, or misread is one. Joints that merely lack limits
+    # are left to `Description.require_usable`.
     path = Path(path)
     _check_packages(packages)
     root = parse_xml(read_bytes(path), path)
@@ -226,11 +224,9 @@ def read_description(
 
 
 def parse_description(text: str, packages: Mapping[str, str | Path] | None = None) -> Description:
-    """Check the text of a URDF, as it comes from ``/robot_description``.
-
-    Its meshes are taken from the folders in ``packages`` and from packages that the environment
-    names; relative addresses have no folder to be looked for in.
-    """
+    """Check the text of a URDF, as it comes from ``/robot_description``."""
+    # Its meshes are those of ``packages`` and of the environment; relative addresses have no
+    # folder.
     _check_packages(packages)
     try:
         root = parse_text(text, _TEXT)

@@ -252,11 +252,9 @@ def _mimic(element: Node, source: UrdfSource, what: str) -> Mimic:
 def check_mimics(
     entries: Sequence[JointEntry], elements: Sequence[Node], source: UrdfSource
 ) -> tuple[JointEntry, ...]:
-    """Return the entries with every mimic resolved.
-
-    A joint that follows an unknown or immovable one keeps a ``problem`` and loses its mimic (two of
-    the robots in example-robot-data have such fingers).
-    """
+    """Return the entries with every mimic resolved."""
+    # One that follows an unknown or immovable joint keeps a ``problem`` and loses its mimic (two of
+    # the robots in example-robot-data have such fingers).
     by_name = {entry.name: entry for entry in entries}
     resolved = []
     for entry, element in zip(entries, elements, strict=True):
@@ -395,10 +393,7 @@ def _shape(node: Node, source: UrdfSource, what: str) -> list[Node]:
 def _capsule(
     radius: float, length: float, pose: tuple[list[float], list[float]], line: int
 ) -> list[tuple[Node, list[Node]]]:
-    """A capsule as a cylinder and two spheres: not every reader of URDF knows the shape.
-
-    ``length`` is that of the cylinder, between the centres of the spheres.
-    """
+    """Return a capsule as a cylinder of ``length`` and two spheres: some readers lack the shape."""
     xyz, rpy = pose
     (cr, cp, cy), (sr, sp, sy) = ([f(a) for a in rpy] for f in (math.cos, math.sin))
     z = (cy * sp * cr + sy * sr, sy * sp * cr - cy * sr, cp * cr)  # third column of Rz Ry Rx

@@ -63,15 +63,7 @@ def _variable(name: str) -> dict[str, Any]:
 
 
 class XacroFiles:
-    """Answers the questions of one xacro process.
-
-    Parameters
-    ----------
-    index : PackageIndex
-        Packages that may be used.
-    largest : int
-        Largest file that is read, bytes.
-    """
+    """Answers the questions of one xacro process, by files of at most ``largest`` bytes."""
 
     def __init__(self, index: PackageIndex, largest: int) -> None:
         self.index, self.largest = index, largest
@@ -189,11 +181,8 @@ class Expansion:
 
 
 def is_xacro(path: Path, root: Node) -> bool:
-    """Tell whether a file is still to be expanded.
-
-    The suffix says so, or an element does. The namespace alone does not: files that xacro wrote
-    keep it.
-    """
+    """Return True if the suffix or an element says that a file is to be expanded."""
+    # The namespace alone does not: files that xacro wrote keep it.
     return path.suffix.lower() == ".xacro" or any(
         node.tag.startswith("xacro:")
         for child in root.children
@@ -207,10 +196,7 @@ def expand_xacro(
     packages: Mapping[str, str | Path] | None = None,
     arguments: Mapping[str, str] | None = None,
 ) -> Expansion:
-    """Return the URDF that xacro makes of a file.
-
-    An error names the file, which may be an included one, and the line where it is known.
-    """
+    """Return the URDF that xacro makes of a file; errors name the file and, if known, line."""
     index = PackageIndex(path, packages, named=True)
     request = {
         "path": str(index.file),

@@ -235,11 +235,7 @@ _METHODS: Mapping[type, Mapping[str, Callable[..., Any]]] = {
 
 
 def evaluate(text: str, names: Mapping[str, Any], kinds: Kinds) -> Any:
-    """Return the value of an expression.
-
-    Where it fails, as `Refused` or as Python would; a KeyError of ``names`` says that there is no
-    such name.
-    """
+    """Return the value of an expression; `Refused`, an error of Python, or KeyError of a name."""
     return _Walk(names, kinds).value(_parsed(text.strip()))
 
 

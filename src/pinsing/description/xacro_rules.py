@@ -179,11 +179,9 @@ def _texts(message: str) -> list[str]:
 
 
 def locate(files: list[str], wanted: list[str], places: Places) -> tuple[str | None, int | None]:
-    """Return file and line of the first wanted text that stands on one line only.
-
-    A text that occurs twice is looked for in the element that was being expanded, the one that
-    occurs nowhere stands for that element.
-    """
+    """Return file and line of the first wanted text that stands on one line only."""
+    # A text that occurs twice is looked for in the element that was being expanded; one that occurs
+    # nowhere stands for that element.
     current = places.current
     for needle in wanted:
         for file in files:
@@ -206,11 +204,8 @@ _CHILDREN = frozenset(
 
 
 def replaces(slow: Callable[..., None]) -> Callable[..., None]:
-    """Return what does the same as xacro's ``replace_node``, in one step for all children.
-
-    xacro inserts children one by one, and each time minidom looks for the place from the first
-    child on: half of the time of a file with some hundred links.
-    """
+    """Return what does the same as xacro's ``replace_node``, in one step for all children."""
+    # Inserted one by one, minidom looks for each place from the first child on: half of the time.
 
     def replace_node(node: Any, by: Any, content_only: bool = False) -> None:
         parent = node.parentNode
@@ -304,19 +299,7 @@ class _Names(dict[str, Any]):
 
 
 class Rules:
-    """Replaces parts of xacro.
-
-    Parameters
-    ----------
-    xacro : module
-        The package, just imported.
-    ask : callable
-        Asks the parent: kind and text to an answer.
-    places : Places
-        Told where the expansion is.
-    arguments : Arguments
-        Values of ``$(arg ...)``.
-    """
+    """Replaces parts of xacro, the module: ``ask`` asks the parent, ``places`` says where it is."""
 
     def __init__(
         self, xacro: Any, ask: Callable[[str, str], dict[str, Any]], places: Places, arguments: Any

@@ -114,10 +114,7 @@ def parse_text(text: str, path: Path) -> Node:
 
 
 def parse_xml(data: bytes, path: Path) -> Node:
-    """Return the root element of an XML document.
-
-    The encoding is that of the XML declaration or the byte order mark, UTF-8 otherwise.
-    """
+    """Return the root of an XML document, encoded as declared or marked, UTF-8 otherwise."""
     parser = expat.ParserCreate()
     parser.buffer_text = True
     open_nodes: list[Node] = []
@@ -297,10 +294,8 @@ class UrdfSource:
     def numbers(
         self, node: Node, name: str, count: int, what: str, largest: float = LARGEST
     ) -> tuple[float, ...]:
-        """Return the numbers in an attribute, each finite and at most ``largest``.
-
-        The attribute is rewritten with single blanks between them, all that urdfdom can read.
-        """
+        """Return the numbers in an attribute, each finite and at most ``largest``."""
+        # It is rewritten with single blanks between them, all that urdfdom can read.
         text = node.attributes[name]
         words = text.split()
         at = f"{what}: <{node.tag} {name}={show(text)}>"

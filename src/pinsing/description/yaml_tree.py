@@ -73,10 +73,7 @@ class Number:
 
 
 def parse_number(text: str) -> Number | None:
-    """Read a decimal number, ``pi``, or a product and quotient of them (``-pi/2``, ``2*pi/3``).
-
-    Returns None where the text is nothing of the kind. Nothing is evaluated.
-    """
+    """Return a decimal number, ``pi``, or a product or quotient (``-pi/2``), or None; no eval."""
     text = text.strip()
     if len(text) > 80:
         return None

@@ -166,11 +166,8 @@ def _held(arm: ArmSummary, name: str, value: float, degrees: bool) -> str:
 
 
 def singular_values_of(curve: SweepCurve, result: SweepResult, arm: Arm | None = None) -> Array:
-    """Values of the moving joint at which a curve is singular: sampled, or zeros of ``arm``.
-
-    Samples step over a zero, since sigma_r falls to it like the absolute value of what it is the
-    distance to: each dip is closed in upon.
-    """
+    """Return values of the moving joint where a curve is singular: sampled, or zeros of ``arm``."""
+    # Samples step over a zero, where sigma_r falls like a distance: each dip is closed in upon.
     x, j, ratio = curve.x, curve.moving, np.pad(curve.sigma_ratio, 1, constant_values=np.inf)
     found = x[curve.sigma_ratio <= SINGULAR_RTOL]
     if curve.forced:  # the whole curve is
@@ -317,10 +314,7 @@ def _with_crossings(
 
 
 def _mark_crossings(ax: Axes, met: Sequence[Crossing], places: Array, length: float) -> int:
-    """Draw a line, and the family's name above it, wherever a family is met.
-
-    Names that would lie over one another stand in rows; returns how many rows there are.
-    """
+    """Draw a line and the family's name wherever one is met; return the rows of names."""
     ends: list[float] = []  # of the last name in each row
     for one, place in zip(met, places.tolist(), strict=True):
         ax.axvline(place, color=SINGULAR, linewidth=0.8, linestyle=":", zorder=1)
@@ -349,11 +343,9 @@ def clearance_along(
     *,
     families: Sequence[str] | None = None,
 ) -> Axes:
-    """Draw the proven clearance along a trajectory, one line a family, and where it is met.
-
-    Degrees on a logarithmic scale, markers at the bottom where a family is met; of very many
-    samples the lowest of each run are drawn.
-    """
+    """Draw the proven clearance along a trajectory, one line a family, and where it is met."""
+    # Degrees on a logarithmic scale, markers at the bottom where a family is met; of very many
+    # samples the lowest of each run are drawn.
     watched = watch(forms, families)
     motion = motion_of(watched, trajectory, times)
     count = len(motion.pieces) + 1

@@ -83,11 +83,9 @@ def draw_skeleton(ax: Any, bones: Skeleton, hot: tuple[int, ...] = ()) -> None:
 
 
 def draw_lost(ax: Any, state: State, size: float, center: Array) -> None:
-    """Draw each lost motion once, with its words in the legend; one far away is in words only.
-
-    A translation or a motion along a line is a line with arrows at both ends, a rotation has a
-    circle about it, a screw both.
-    """
+    """Draw each lost motion once, with its words in the legend; far ones in words only."""
+    # A translation or a motion along a line is a line with arrows at both ends, a rotation has a
+    # circle about it, a screw both.
     for lost in state.lost:
         through = center + (lost.point - state.tip_position)
         # Lost motions about lines farther from the tip than this, in sizes of the arm,
@@ -145,10 +143,8 @@ def show_whole(ax: Any, points: Array) -> None:
 
 
 def look_obliquely(ax: Any, normals: Array, bones: Array) -> None:
-    """Turn the camera so that what is flat, with these normals (k, 3), is seen from the side.
-
-    Of the directions that show the plates so, one that shows the arm, points (m, 3), widest.
-    """
+    """Turn the camera so that what is flat, of ``normals`` (k, 3), is seen from the side."""
+    # Of the directions that show the plates so, one that shows the arm, points (m, 3), widest.
     flat = bones - bones.mean(axis=0)
     size = float(np.linalg.norm(flat)) or 1.0
     best = (-np.inf, 22.0, -60.0)

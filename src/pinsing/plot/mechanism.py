@@ -81,11 +81,8 @@ def input_map(
 def _type_1(
     mechanism: Mechanism, dyad: Dyad, q: Array, closed: Bool
 ) -> Iterator[tuple[Array, str]]:
-    """Left sides of type 1 over the grid, NaN where the loops do not close, with their strokes.
-
-    Of an output that is the pin: of each leg, stretched and folded. Of another one the equations in
-    the joint angles.
-    """
+    """Yield left sides of type 1 over the grid, NaN where loops do not close, and strokes."""
+    # Of an output that is the pin: of each leg, stretched and folded; else equations in the angles.
     if not dyad.at_pin(mechanism):
         forms = joint_forms(mechanism)
         for k, locus in enumerate(forms.loci):
@@ -160,11 +157,9 @@ def draw_linkage(
     ax: Axes | None = None,
     ellipse: float = 0.25,
 ) -> Axes:
-    """The links of a planar mechanism, its joints, and the velocity ellipse of the output.
-
-    1 m per unit input speed is drawn as ``ellipse`` metres, 0 leaves the ellipse out. At a type 2
-    singularity the uncontrolled velocity is drawn as an arrow instead.
-    """
+    """Draw the links of a planar mechanism, its joints, and the output's velocity ellipse."""
+    # 1 m per unit input speed is drawn as ``ellipse`` metres, 0 leaves it out. At a type 2
+    # singularity the uncontrolled velocity is an arrow instead.
     ax = _axes(ax)
     q = mechanism.check(q)
     plane = list(drawing_plane(mechanism) or (0, 1))
@@ -285,10 +280,7 @@ def joint_points(mechanism: Mechanism, q: Array) -> Array:
 
 
 def drawing_plane(mechanism: Mechanism) -> tuple[int, int] | None:
-    """Axes of the base to draw a planar mechanism over, across and up; None of others.
-
-    0, 1, 2 for x, y, z.
-    """
+    """Return axes (0, 1, 2) of the base across and up for a planar mechanism; else None."""
     plane = plane_axes(mechanism)
     if plane is None:
         return None
@@ -377,10 +369,9 @@ def motion_curve(
 ) -> Axes:
     """Draw all the poses of a mechanism with one degree of freedom, as a curve.
 
-    Green is the assembly mode of home, brown the others; what is singular is marked.
-
-    ``over`` are two of the input and x, y, z, roll, pitch, yaw of the output; the input and what
-    the output moves most by default.
+    Green is the assembly mode of home, brown the others; what is singular is marked. ``over`` are
+    two of the input and x, y, z, roll, pitch, yaw of the output; by default the input and what
+    moves most.
     """
     from matplotlib import pyplot as plt
 
@@ -524,11 +515,9 @@ def mode_sheet(
     direct: Modes | None = None,
     inverse: Modes | None = None,
 ) -> Figure:
-    """Draw every mode that was found: first the direct problem, then the inverse one.
-
-    Assembly modes are those at ``inputs``; working modes those of the pose that the first of them
-    has. Each picture has its number in the text of ``analyze --loops``.
-    """
+    """Draw every mode that was found: first the direct problem, then the inverse one."""
+    # Assembly modes are those at ``inputs``; working modes those of the pose that the first of them
+    # has. Each picture has its number in the text of ``analyze --loops``.
     from matplotlib import pyplot as plt
     from matplotlib.layout_engine import ConstrainedLayoutEngine
 

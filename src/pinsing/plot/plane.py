@@ -234,11 +234,7 @@ def draw_family(
     color: str,
     dash: Any = "-",
 ) -> bool:
-    """Draw the part of a family that lies in a plane, under one name in the legend.
-
-    ``Q`` (k, k, n) is a grid of the ``plane``, its first joint along the second axis. True if the
-    family meets it.
-    """
+    """Draw a family in a plane of joints, Q (k, k, n), the first along axis 2; True if it meets."""
     line = {"color": color, "linestyle": dash, "linewidth": 1.3}
     drawn = [
         _draw_branch(ax, branch, family.prismatic, Q, plane, line) for branch in family.branches
@@ -576,12 +572,9 @@ def _named(numbers: Ints) -> tuple[list[int], int]:
 
 
 def _numbers(found: Aspects, Q: Array) -> Ints:
-    """Number of the aspect at each point of a grid (M, N, n); 0 where it could not be told.
-
-    Points that touch and have the same signs, between the same joint values, are of one aspect:
-    it is asked at the point of such a region that is farthest from its edge, and at others only
-    if it is not told there.
-    """
+    """Return the number of the aspect at each point of a grid (M, N, n); 0 where not told."""
+    # Touching points of the same signs, between the same joint values, are of one aspect: it is
+    # asked at the one farthest from the region's edge, at others only if it is not told there.
     chosen = found._map
     assert chosen is not None
     label = _regions(_keys(found, Q))

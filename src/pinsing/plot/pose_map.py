@@ -128,15 +128,12 @@ def pose_map(
     degrees: bool = True,
     start: Array | None = None,
 ) -> Axes:
-    """Draw a slice through the loci: two coordinates of the pose vary, the others stay as at home.
+    """Draw a slice through the loci: two coordinates of the pose vary, the others stay.
 
-    Coloured is where the mechanism gets to within the limits of all its joints, in the working
-    mode of home: each aspect, which no singular pose parts, in a colour of its own. Green and blue
-    ones are of the assembly mode of home, warm ones of the other. Lines are the loci, from their
-    exact equations.
-
-    ``start`` (n,) is a closed configuration whose pose and working mode are taken in place of
-    home's.
+    Coloured is where the mechanism gets to within the limits of all its joints, in the working mode
+    of home: each aspect in a colour of its own. Green and blue ones are of the assembly mode of
+    home, warm ones of the other. Lines are the loci, from their exact equations. ``start`` (n,),
+    closed, takes the place of home.
     """
     from matplotlib import pyplot as plt
 
@@ -252,10 +249,8 @@ def _names(mechanism: Mechanism, over: Sequence[str] | None) -> tuple[str, ...]:
 def _modes(
     mechanism: Mechanism, over: Sequence[str], start: Array | None
 ) -> list[tuple[str, Array]]:
-    """Working modes at one pose that look different, by name; that of the start first.
-
-    Of an output that keeps its axes those where it is turned belong to another slice.
-    """
+    """Return working modes at one pose that look different, by name, the start's first."""
+    # Of an output that keeps its axes those where it is turned belong to another slice.
     q = home(mechanism) if start is None else start
     place = output_pose(mechanism, q)
     found = list(working_modes(mechanism, place.homogeneous).modes)
@@ -354,7 +349,7 @@ def _bordered(panel: Panel) -> bool:
 
 
 def border_field(reached: Bool, ones: Sequence[Array]) -> Array:
-    """Over the grid (ny, nx), what is zero where the loops close no further; NaN away from there.
+    """Return, over the grid (ny, nx), what is zero where the loops close no further, else NaN.
 
     The left side of type 1 goes to zero there as the root of the distance does: its square, which
     is known inside, goes on in a straight line to the cells outside. Where it does not go to zero

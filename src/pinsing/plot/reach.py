@@ -59,10 +59,9 @@ class Reach:
 
 @dataclass(frozen=True, eq=False)
 class Section:
-    """The tip of the arm with its first joint at 0: each coordinate in products of functions.
+    """The tip with joint 1 at 0: ``tensor`` (a, b, 3), across the first axis, and along it last.
 
-    A joint that turns has the functions 1, cos and sin; one that slides 1 and its value. ``tensor``
-    (a, b, 3) has the coordinates across the first axis, and along it last.
+    In products of functions: 1, cos and sin of a joint that turns; 1 and the value of a slide.
     """
 
     slides: tuple[bool, bool]
@@ -132,10 +131,8 @@ class Section:
         )
 
     def tangent(self, x: Array) -> Array:
-        """(..., 2): along the direction that the map forgets, the slope of f; from r and from z.
-
-        Both are zero at a cusp; one alone may be where its own row of the map is.
-        """
+        """Return the slope of f along what the map forgets, from r and from z, (..., 2)."""
+        # Both are zero at a cusp; one alone may be where its own row of the map is.
         A, g = self.slopes(x), self.steepest(x)
         return np.asarray(A[..., 0] * g[..., 1, None] - A[..., 1] * g[..., 0, None])
 
@@ -187,11 +184,9 @@ def _alike(section: Section, x: Array, y: Array) -> bool:
 
 
 def nodes_of(section: Section, lines: list[Array], cusps: Array, size: float) -> Array:
-    """Places (D, 2) where images of curves (K, 2) of singular joint values cross at an angle.
-
-    Each crossing of the drawn images is solved for on the curves themselves: where two of them have
-    one image, as where a joint turns over, what is drawn crosses itself by rounding only.
-    """
+    """Return places (D, 2) where images of singular curves (K, 2) cross at an angle."""
+    # Each is solved for on the curves themselves: where two have one image, as where a joint turns
+    # over, the drawing crosses itself by rounding only.
     if not lines:
         return np.zeros((0, 2))
     images = [section.place(x) for x in lines]
@@ -226,11 +221,9 @@ def nodes_of(section: Section, lines: list[Array], cusps: Array, size: float) ->
 
 
 def _crossed(section: Section, both: Array, size: float, steep: float) -> Array | None:
-    """The place of a node by Newton, from two joint values (2, 2) near it; None if there is none.
-
-    Both are singular, and have one place: four equations, which are regular where the images cross
-    at an angle. At the first axis curves end against their mirror images: that is no node.
-    """
+    """Return the place of a node by Newton, from two joint values (2, 2) near it, or None."""
+    # Both are singular, and have one place: four equations, which are regular where the images
+    # cross at an angle. At the first axis curves end against their mirror images: that is no node.
     from scipy.optimize import root
 
     def value(y: Array) -> Array:
@@ -323,10 +316,8 @@ def _onto(section: Section, x: Array) -> Array:
 def count_of(at: Array, r: Array, z: Array) -> Ints:
     """Return the number of solutions in two joints for each (r, z), (N, M), by triangles.
 
-    ``at`` (K, L, 2) has the places of a grid of joint values.
-
-    The map is taken to be linear on small triangles; a place is told wrong only within a share of
-    about one in 10^5 of the size from where the count changes.
+    ``at`` (K, L, 2) has places of a grid of joint values, linear between: wrong only within about
+    1e-5 of the size from where the count changes.
     """
     # Places by cells; half a cell is added so that no place is on a side of a triangle.
     u = (at[..., 0] - r[0]) / (r[1] - r[0])

@@ -126,10 +126,7 @@ def legend_below(
     left: bool = False,
     title: str = "",
 ) -> None:
-    """Legend under the data and the label of the axis, or ``at`` shares of the axes.
-
-    A title, which says what holds for all curves, stands in its first lines.
-    """
+    """Draw a legend under the axis label, or ``at`` shares of the axes, below its ``title``."""
     from matplotlib.transforms import ScaledTranslation
 
     handles, labels = ax.get_legend_handles_labels()

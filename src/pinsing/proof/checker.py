@@ -238,11 +238,9 @@ class Ring:
         return found if all(tops) else self.times(found, sum(tops, self.zero))
 
     def codimension_at_least(self, least: int, forms: list[Poly]) -> bool:
-        """Return True if that is shown of all components of the common zeros of some forms.
-
-        A component of less has points at all values of all joints but least - 1, whichever these
-        are: to see one choice of values without a point is enough.
-        """
+        """Return True if that is shown of all components of the common zeros of some forms."""
+        # A component of less has points at all values of all joints but least - 1, whichever these
+        # are: one choice of values without a point is enough.
         forms = [f for f in forms if f != 0]
         if least <= 0 or self.has_gaps(least, forms):
             return True
@@ -457,10 +455,9 @@ class Certificate:
         need(ring.codimension_at_least(least, left), f"{name} may be larger")
 
     def check_place(self, number: int, place: dict[str, Any]) -> None:
-        """Components of the singular set inside a place have their real points in families.
+        """Check that components of the singular set in a place have their real points in families.
 
-        At a real place that is shown of all real singular points, since there may be components
-        that lie there in part.
+        At a real place that is shown of all real singular points: components may lie there in part.
         """
         ring, forms = self.ring, self.forms(place)
         total, found = self.sum(place["of_forms"], forms), ring.one

@@ -26,11 +26,9 @@ Squares = list[tuple[Fraction, Poly]]
 
 
 def squares(ring: Ring, p: Poly) -> tuple[Poly, Squares] | None:
-    """A form and a sum of squares that are the same: the form is a multiple of ``p``.
-
-    Where ``p`` is in one joint that is a multiple by 1 or -1; else the square is completed in
-    one joint, and what is left is a sum of squares in the others.
-    """
+    """Return a form, a multiple of ``p``, and a sum of squares that are the same."""
+    # Where ``p`` is in one joint that is a multiple by 1 or -1; else the square is completed in one
+    # joint, and what is left is a sum of squares in the others.
     joints = ring.joints(p)
     if len(joints) == 1:
         for sign in (1, -1):
@@ -107,11 +105,11 @@ def _form(ring: Ring, coefficients: Sequence[Fraction], j: int) -> Poly:
 
 
 def _of_positive(p: list[Fraction], part: int) -> list[tuple[Fraction, list[Fraction]]] | None:
-    """A polynomial in t as squares: A^2 + B^2 from its roots, and what rounding leaves.
+    """Return a polynomial in t as squares: A^2 + B^2 from its roots, and what rounding leaves.
 
-    From a p - e (1 + t^2 + ... + t^2m) without real roots, whose roots above the real axis give
-    A + iB. The rest is e t^2k and small odd terms, and d t^(2k+1) is half of
-    |d| (t^(k+1) +- t^k)^2 less that of t^(2k+2) and t^2k.
+    From a p - e (1 + t^2 + ... + t^2m) without real roots, whose roots above the real axis give A +
+    iB. The rest is e t^2k and small odd terms, and d t^(2k+1) is half of |d| (t^(k+1) +- t^k)^2
+    less that of t^(2k+2) and t^2k.
     """
     half = len(p) // 2
     if p[0] <= 0 or p[-1] <= 0:
@@ -181,7 +179,7 @@ def _rounded(value: arb, bits: int) -> Fraction:
 def divisions(
     ring: Ring, form: Poly, forms: Sequence[Poly]
 ) -> Iterator[tuple[Poly, Poly, list[Poly]]]:
-    """Ways to divide a form by others, from the last to the first, that leave nothing.
+    """Yield ways to divide a form by others, from the last to the first, that leave nothing.
 
     Each form is divided by in a joint that the ones before it do not have. Yielded are the product
     of the forms' leading coefficients, each once; the same to the powers that make it times the
@@ -219,10 +217,8 @@ def empty(ring: Ring, forms: Sequence[Poly]) -> bool:
 
 
 def shown(ring: Ring, question: Callable[[], bool], most: int = 10_000_000) -> bool:
-    """Return True if something is seen with so many products of terms; they are not counted.
-
-    By default these are a small part of what the checker spends in all.
-    """
+    """Return True if something is seen with so many products of terms; they are not counted."""
+    # By default these are a small part of what the checker spends in all.
     ring.work = MOST_WORK - most
     try:
         return question()
@@ -327,7 +323,7 @@ class Forms:
         return Place([*linear, *relations], self.ring.where(linear)[0], relations, points)
 
     def without_implied(self, place: Place) -> Place:
-        """A place without short relations that vanish where two of the shortest ones do.
+        """Return a place without short relations that vanish where two of the shortest ones do.
 
         They say nothing new, and with many relations little can be tried.
         """
@@ -358,10 +354,10 @@ class Forms:
         return poly / content(poly)
 
     def parts(self, forms: Sequence[Poly]) -> list[Place]:
-        """Common zeros of forms as the union of simpler ones: reduced by each other, factored.
+        """Return common zeros of forms as a union of simpler ones: reduced by each other, factored.
 
-        Where the longer of two relations is the sum of a multiple of the shorter one and a
-        product, each factor of that makes a part.
+        Where the longer of two relations is the sum of a multiple of the shorter one and a product,
+        each factor of that makes a part.
         """
         place = self.place_of(forms)
         if empty(self.ring, place.relations):

@@ -16,10 +16,8 @@ from pinsing.proof.skeleton import form_text
 
 
 def combination(ring: Ring, form: Poly, others: Sequence[Poly]) -> list[Poly] | None:
-    """Return factors of others whose sum is a form times units; None if none was found.
-
-    Unlike division it needs no order of the joints: the others may all have the same ones.
-    """
+    """Return factors of others whose sum is a form times units; None if none was found."""
+    # Unlike division it needs no order of the joints: the others may all have the same ones.
     if ring.squares:
         return None
     joints = sorted({j for p in others for j in ring.joints(p)})
@@ -90,10 +88,10 @@ class _Known:
 class _Minors:
     """Which minors are sums of multiples of a family's forms, but for units.
 
-    A row of the matrix with one more column than a minor has gives a sum that is zero: its
-    entries times the minors without their columns, with signs (Laplace). Where all but one of
-    these are known to be such sums, or their entry is zero, and that one's entry is a unit, so
-    is the last one.
+    A row of the matrix with one more column than a minor has gives a sum that is zero: its entries
+    times the minors without their columns, with signs (Laplace). Where all but one of these are
+    known to be such sums, or their entry is zero, and that one's entry is a unit, so is the last
+    one.
     """
 
     def __init__(
@@ -170,7 +168,7 @@ class _Minors:
         return _Known(dict(zip(total, left, strict=True)), units, depth)
 
     def _relations(self, lines: Lines) -> Iterator[tuple[int, int, list[tuple[int, _Known, Poly]]]]:
-        """Rows and columns by which a minor follows from known ones, with these and their factors.
+        """Yield rows and columns by which a minor follows from known ones, with these and factors.
 
         As the entry there times the minor is minus the others' sum, with the entry's own sign.
         """
@@ -289,7 +287,7 @@ def _lines(draft: Certificate, size: int) -> Iterable[Lines]:
 def _pivot(
     draft: Certificate, tidy: Forms, family: Place, plain: set[Lines], tried: set[Lines]
 ) -> Lines | None:
-    """A minor of one line less, zero on no component, that only plain ones have: the shortest.
+    """Return the shortest minor of one line less, zero on no component, that only plain ones have.
 
     Without lines where all are plain.
     """

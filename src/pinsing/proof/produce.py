@@ -107,10 +107,9 @@ class Splits:
                     yield Split([(self.ring.one, source)], self.ring.stripped(poly)[0])
 
     def _without_a_turn(self, place: Place, minors: list[Split]) -> Iterator[Split]:
-        """Of minors g cos a and g sin a, of the same columns, the sum that is g but for units.
-
-        Where some axes are parallel, rows of what the other joints do turn with the frame.
-        """
+        """Yield, of minors g cos a and g sin a, the sum that is g but for units."""
+        # They are of the same columns. Where some axes are parallel, rows of what the other joints
+        # do turn with the frame.
         ring, minor = self.ring, self.certificate.at(place.values)
         for first, second in itertools.combinations(minors, 2):
             f, g = first.form, second.form
@@ -379,10 +378,8 @@ class Tree:
         raise failure
 
     def _by_division(self, place: Place, number: int) -> bool:
-        """Split a place that lies in a family by a multiple of one of its forms, if it does.
-
-        Two equations leave what is too large for some families (Krull).
-        """
+        """Split a place that lies in a family by a multiple of one of its forms, if it does."""
+        # Two equations leave what is too large for some families (Krull).
         ring, relations, family = self.ring, place.relations, self.families[number]
         least = self.certificate.data["families"][number]["least_codimension"]
         if len(relations) < 2 or len(place.values) + 2 < least:
@@ -479,12 +476,9 @@ def certificate(
     progress: Callable[[str], None] | None = None,
     in_parts: bool = False,
 ) -> dict[str, Any]:
-    """A certificate that the singular set of an arm is the union of some components.
-
-    ``in_parts`` states each component as the union of simpler ones where its equations fall apart.
-    That finds proofs where the equations as they are do not, and the other way round. NotFound if
-    there is none, or time was over: with what is missing.
-    """
+    """Return a certificate that the singular set is the union of components, or raise NotFound."""
+    # ``in_parts`` states each component as the union of simpler ones where its equations fall
+    # apart: that finds proofs where the equations as they are do not, and the other way round.
     roots = roots_in(geometry)
     try:
         data = skeleton(geometry, rank, roots)
@@ -532,10 +526,9 @@ def _linear(draft: Certificate, values: Mapping[int, Value]) -> Iterator[Any]:
 
 
 def _without_implied(draft: Certificate, family: Place) -> list[Any]:
-    """Forms of a family without those that vanish wherever the shorter ones do.
-
-    Soundness is shown by division, a form and a joint at a time: more forms than needed hinder it.
-    """
+    """Return forms of a family without those that vanish wherever the shorter ones do."""
+    # Soundness is shown by division, a form and a joint at a time: more forms than needed hinder
+    # it.
     linear, rest = family.forms[: len(family.values)], family.relations
     kept: list[Any] = []
     for p in rest:

@@ -37,10 +37,9 @@ def number_text(value: Exact | int) -> str:
 
 
 def form_text(form: Poly) -> str:
-    """A polynomial as certificates write it: ``2 -1/3y1^2y3``.
-
-    Powers of x complete the degree in each joint, and are left out but where that of y is highest.
-    """
+    """Return a polynomial as certificates write it: ``2 -1/3y1^2y3``."""
+    # Powers of x complete the degree in each joint, and are left out but where that of y is
+    # highest.
     names, tops = form.context().names(), form.degrees()
     texts = []
     for m, c in zip(form.monoms(), form.coeffs(), strict=True):

@@ -690,27 +690,9 @@ def arm_report(
     way: Trajectory | None = None,
     zones: Zones | None = None,
 ) -> tuple[str, str | None]:
-    """The report of an arm, and the interactive page that belongs beside it.
-
-    Parameters
-    ----------
-    arm : Arm
-        The arm.
-    forms : ClosedForm or None
-        Its families; None to find them.
-    poses : mapping of str to (n,) array
-        More configurations to judge.
-    page : bool
-        Whether the interactive page stands inside.
-    beside : str or None
-        The name of the file that it stands in, if beside.
-    skeleton : bool
-        The page without meshes.
-    way : Trajectory, optional
-        A trajectory to judge.
-    zones : Zones, optional
-        How near is too near.
-    """
+    """Return the report of an arm, and the interactive page that belongs beside it."""
+    # ``forms`` are found if None; ``poses`` (n,) are judged. The page stands inside if ``page``,
+    # else in the file ``beside``; ``skeleton``: without meshes. ``zones``: how near is too near.
     quiet_backend()
     started = time.monotonic()
     content = gather(arm, forms, poses)

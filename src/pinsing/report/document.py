@@ -253,21 +253,8 @@ _INLINE = re.compile(r"<script>(.*?)</script>", re.DOTALL)
 def document(
     title: str, subtitle: str, sections: Sequence[Section], data: Any, page: str | None, foot: str
 ) -> str:
-    """A report as one file.
-
-    Parameters
-    ----------
-    title, subtitle : str
-        Plain words.
-    sections : sequence of Section
-        In order.
-    data : anything that JSON has
-        What programs read.
-    page : str or None
-        The interactive page that stands inside, whose scripts the policy then names one by one.
-    foot : str
-        Plain words at the end.
-    """
+    """Return a report as one file, with JSON ``data`` for programs."""
+    # The policy names the scripts of the interactive ``page``, if any, one by one.
     (_, _, answer), *rest = sections
     contents = "".join(f'<li><a href="#{key}">{text(name)}</a></li>' for key, name, _ in rest)
     body = "\n".join(part for _, _, part in rest)
@@ -424,10 +411,8 @@ def quiet_backend() -> None:
 
 
 def map_planes(arm: Arm, families: Sequence[Family]) -> list[tuple[int, int]]:
-    """Pairs of joints (indices) over which maps show the most: at most two.
-
-    The first pair shows the most families, the second the most curves that need both joints.
-    """
+    """Return up to two pairs of joints (indices) over which maps show the most."""
+    # The first pair shows the most families, the second the most curves that need both joints.
     pairs = list(combinations(range(arm.n), 2))
     if not pairs:
         return []

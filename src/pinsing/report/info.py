@@ -41,30 +41,14 @@ _SECONDS = 2.0
 
 @dataclass(frozen=True, eq=False)
 class SingularPose:
-    """A pose that people begin with and that is singular.
+    """A pose that people begin with and that is singular."""
 
-    Attributes
-    ----------
-    name : str
-        "zero", "neutral" (zero, moved into the limits) or what the model calls it.
-    q : (n,) array
-        Radians and metres.
-    within_limits : bool
-        Whether the joint limits allow it.
-    families : tuple of str
-        Those that it is on, where they were found in short time.
-    instead : (n,) array or None
-        A clear configuration near it; None where that would have taken long.
-    clearance : float
-        Proven clearance of ``instead``; 0 without it.
-    """
-
-    name: str
-    q: Array
+    name: str  # "zero", "neutral" (zero, moved into the limits) or the model's
+    q: Array  # (n,), radians and metres
     within_limits: bool
-    families: tuple[str, ...]
-    instead: Array | None
-    clearance: float
+    families: tuple[str, ...]  # those that it is on, if found in short time
+    instead: Array | None  # (n,), a clear configuration near it, unless that would take long
+    clearance: float  # proven, of ``instead``; 0 without it
 
     def text(
         self, robot: str, prismatic: Bool, degrees: bool = False, room: int | None = None
@@ -250,43 +234,21 @@ _LIBRARIES = ("numpy", "pin", "python-flint", "matplotlib", "meshcat")
 
 @dataclass(frozen=True, eq=False)
 class Special:
-    """A configuration that people ask about first.
+    """A configuration that people ask about first."""
 
-    Attributes
-    ----------
-    name : str
-        ``zero``, ``mid-range``, the name it has in the description, or ``given 1``.
-    state : State
-        All about it.
-    near : Clearance or None
-        How far the nearest family is; None where there is none with a real point.
-    """
-
-    name: str
+    name: str  # ``zero``, ``mid-range``, the description's, or ``given 1``
     state: State
-    near: Clearance | None
+    near: Clearance | None  # None where no family has a real point
 
 
 @dataclass(frozen=True, eq=False)
 class Made:
-    """When and by what a report was made.
+    """When and by what a report was made."""
 
-    Attributes
-    ----------
-    when : str
-        UTC.
-    seconds : float
-        What computing took.
-    versions : mapping of str to str
-        Programs and libraries.
-    machine : str
-        System and processor.
-    """
-
-    when: str
-    seconds: float
-    versions: Mapping[str, str]
-    machine: str
+    when: str  # UTC
+    seconds: float  # of computing
+    versions: Mapping[str, str]  # programs and libraries
+    machine: str  # system and processor
 
     @staticmethod
     def since(started: float) -> Made:
@@ -304,57 +266,27 @@ class Made:
 
 @dataclass(frozen=True, eq=False)
 class Content:
-    """All that a report of an arm says.
-
-    Attributes
-    ----------
-    arm : Arm
-        The arm.
-    info : ArmInfo
-        Chain, limits, geometry.
-    forms : ClosedForm
-        Its families, with what became of the search for a certificate.
-    poses : tuple of (Arm, State) or None
-        For each family a configuration that shows it well, on the geometry on which it is
-        singular; the first one of its page where the limits allow any.
-    special : tuple of Special
-        Configurations with verdicts.
-    clearest : Suggestion or None
-        The configuration of largest clearance that was found; None without families.
-    """
+    """All that a report of an arm says."""
 
     arm: Arm
     info: ArmInfo
-    forms: ClosedForm
+    forms: ClosedForm  # with what became of the search for a certificate
+    # one a family that shows it well, where it is singular; within limits if possible
     poses: tuple[tuple[Arm, State] | None, ...]
     special: tuple[Special, ...]
-    clearest: Suggestion | None
+    clearest: Suggestion | None  # None without families
 
 
 @dataclass(frozen=True, eq=False)
 class Trajectory:
-    """A trajectory that a report judges.
-
-    Attributes
-    ----------
-    check : TrajectoryCheck
-        What it meets.
-    Q : (N, n) array
-        Its samples, radians and metres.
-    t : (N,) array or None
-        Their times.
-    name, robot : str
-        How it is called, and how commands name the robot.
-    notes : tuple of str
-        How its file was read.
-    """
+    """A trajectory that a report judges."""
 
     check: TrajectoryCheck
-    Q: Array
-    t: Array | None
+    Q: Array  # (N, n), radians and metres
+    t: Array | None  # (N,)
     name: str = "path"
-    robot: str = "ROBOT"
-    notes: tuple[str, ...] = ()
+    robot: str = "ROBOT"  # how commands name it
+    notes: tuple[str, ...] = ()  # how its file was read
 
     @property
     def answer(self) -> tuple[str, str]:
@@ -366,17 +298,7 @@ class Trajectory:
 def gather(
     arm: Arm, forms: ClosedForm | None = None, poses: Mapping[str, Array] | None = None
 ) -> Content:
-    """Compute what a report says.
-
-    Parameters
-    ----------
-    arm : Arm
-        The arm.
-    forms : ClosedForm, optional
-        Its families; found with a certificate where a second is enough for that by default.
-    poses : mapping of str to (n,) array, optional
-        More configurations to judge.
-    """
+    """Compute what a report says; families, unless given, with a certificate if that is quick."""
     forms = closed_form(arm) if forms is None else forms
     clearest = _clearest(arm, forms)
     asked = {**special_poses(arm), **(poses or {})}

@@ -226,7 +226,7 @@ _TONES = {"regular": "good"}
 
 @dataclass(frozen=True, eq=False)
 class SpecialInputs:
-    """Inputs that people ask about first, and what each way to close the loops there is.
+    """Inputs that people ask about first, and each way to close the loops there.
 
     Where there is none, ``word`` and ``why`` say so.
     """
@@ -470,17 +470,7 @@ def mechanism_report(
     beside: str | None,
     skeleton: bool,
 ) -> tuple[str, str | None]:
-    """The report of a mechanism, and the interactive page that belongs beside it.
-
-    Parameters
-    ----------
-    mechanism : Mechanism
-        The mechanism.
-    poses : mapping of str to (n_a,) array
-        More inputs to judge.
-    page, beside, skeleton
-        As for the report of an arm.
-    """
+    """Return the report of a mechanism, judging ``poses`` (inputs (n_a,)); pages as of an arm."""
     quiet_backend()
     started = time.monotonic()
     found = analyze_mechanism(mechanism)
