@@ -10,7 +10,7 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parent.parent
 LIMITS: dict[str, tuple[int, int]] = {
     "Python in src: statements": (43_409, 30_000),
-    "Python in src: lines": (79_230, 56_000),
+    "Python in src: lines": (78_391, 56_000),
     "C++, JavaScript, templates, styles: lines": (12_581, 9_500),
     "modules": (219, 220),
     "packages directly under pinsing": (16, 16),

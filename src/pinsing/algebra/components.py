@@ -323,11 +323,9 @@ def restated(
 
 
 def divided(relations: tuple[Poly, ...], ring: Ring) -> tuple[Poly, ...]:
-    """Return the system, products as relations in place of shorter ones' multiples: it falls apart.
-
-    Only products of what has fewer joints are made: others are no simpler, and may have zeros more
-    where x^2 + y^2 of a joint is zero.
-    """
+    """Return the system with products for relations, up to multiples of shorter ones."""
+    # The common zeros are the same, and fall into parts. Only products of what has fewer joints are
+    # made: others are no simpler, and may have zeros more where x^2 + y^2 of a joint is zero.
     if not ring.rational or len(relations) < 2:
         return relations
     kept = list(relations)

@@ -225,8 +225,7 @@ class Search:
 
     def confirm(self, place: SearchPlace, rank: int) -> None:
         """Note it unless ``rank`` is the generic rank of the matrix before rows were used up."""
-        # A nonzero minor shows that it is no less; that all larger ones are zero, that it is no
-        # more.
+        # A nonzero minor shows that it is no less; zeros of all larger ones, that it is no more.
         rows, reduced = place.matrix, place.rank
         short = min(len(rows), len(rows[0])) if rows else 0
         less = reduced > 0 and (

@@ -268,7 +268,7 @@ def _most_definite(Q: Array) -> tuple[float, Array]:
 
 
 def _critical_along(arm: Arm, ways: Sequence[tuple[Array, Array, Array]]) -> list[bool]:
-    """Return if the tip can stay still, and u lost, along every direction of each kernel."""
+    """Tell if the tip can stay still, and u lost, along every direction of each kernel."""
     # A way is its configuration (n,), u (m,), and the kernel (n, p).
     columns = own_scale(arm).columns
     parts = []

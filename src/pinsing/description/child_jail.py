@@ -96,8 +96,7 @@ def watch(refuse: Callable[[str], BaseException]) -> None:
 
 def close_in(reading: bool = False) -> str:
     """Let the kernel open nothing more for this process; return why not, or ""."""
-    # Only files that are open now can be used; with ``reading`` others can be read, too. No way
-    # back.
+    # Files that are open now can be used; with ``reading`` others can be read, too. No way back.
     machine = os.uname().machine if sys.platform.startswith("linux") else "any machine"
     if machine not in _MACHINES:
         return f"no filter of system calls is known for {sys.platform} on {machine}"

@@ -363,8 +363,7 @@ def with_turns(table: DHTable, turning: Collection[int]) -> list[tuple[str, str,
 
 def bare_urdf(table: DHTable, turning: Collection[int] = ()) -> str:
     """Return the URDF of a table without shapes, as `dh_to_urdf` but without xacro or files."""
-    # For chains that nobody looks at. Twists of the rows ``turning`` are joints, as in
-    # `with_turns`.
+    # For chains that nobody looks at. Twists of rows ``turning`` are joints, as in `with_turns`.
     names, joints = _chain(table)
     if turning:
         names, joints = _turned(table, turning, names, joints)

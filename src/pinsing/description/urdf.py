@@ -225,8 +225,7 @@ def read_description(
 
 def parse_description(text: str, packages: Mapping[str, str | Path] | None = None) -> Description:
     """Check the text of a URDF, as it comes from ``/robot_description``."""
-    # Its meshes are those of ``packages`` and of the environment; relative addresses have no
-    # folder.
+    # Meshes are those of ``packages`` and the environment; relative addresses have no folder.
     _check_packages(packages)
     try:
         root = parse_text(text, _TEXT)

@@ -193,7 +193,7 @@ class Changes:
         return found
 
     def _irreducible(self, poly: Poly) -> bool:
-        """Return True if a polynomial is A s + B, coprime: faster than factoring."""
+        """Return True if a polynomial is A s + B in a length s, without a common factor."""
         degrees, gens = poly.degrees(), self.ring.context.gens()
         best: tuple[Poly, Poly] | None = None
         for s, slides in enumerate(self.ring.prismatic):

@@ -245,9 +245,8 @@ class _Exact:
                 yield from self._followed(left, at, known | {joint}, tol if sharp else BLUNT)
 
     def _roots(self, form: _Form, joint: int, q: Array) -> list[tuple[float, bool]]:
-        """Return values of a joint at which a form is zero, near q (n,), and if they are simple."""
-        # On the circle it is a polynomial in exp(i angle); a Fourier transform gives its
-        # coefficients.
+        """Return zeros of a form in a joint, the others as in q (n,), and which are simple."""
+        # On the circle it is a polynomial in exp(i angle), with coefficients by Fourier transform.
         variables = list(self.ring.variables(joint))
         degree = int(form.exponents[:, variables].sum(axis=1).max())
         angles = 2 * np.pi * np.arange(degree + 1) / (degree + 1)

@@ -174,9 +174,8 @@ class Slices:
         return any(x.numerator % prime == 0 or x.denominator % prime == 0 for x in lengths)
 
     def turn(self, prime: int, time: Budget) -> list[Slice]:
-        """Return one slice a choice of joints, within a time."""
-        # ValueError if the prime divides a denominator of the chain, or a length that its rank
-        # needs.
+        """Return one slice for each choice of joints, as many as there is time for."""
+        # ValueError if the prime divides a denominator of the chain, or a length its rank needs.
         if prime not in self._chains:
             pose = self.task.name == "pose"
             chain = (

@@ -74,7 +74,8 @@ class SliceSearch:
     are components if they have points that lie on no other. ``near`` is a search by neighbours,
     asked before all minors are. ``real`` configurations on no component lead on when slices no
     longer do. ``count``: slices against ``components``, without a field that alone contradicts.
-    ``enough``: times, and fields, after which nothing is open.
+    ``enough``: times, and fields, after which nothing is open. ``steps``: what else rests on
+    random points.
     """
 
     def __init__(

@@ -82,8 +82,7 @@ def unsolved_hint(systems: int) -> str:
 
 def by_rank_hint(families: Sequence[Family], rank: int) -> str | None:
     """Return a line on families that are equations and the rank; None if none is."""
-    # Equations of neighbouring axes, or of slices, need not be zero at singular configurations
-    # alone.
+    # Equations of neighbouring axes, or of slices, may be zero at regular configurations, too.
     asked = [f for f in families if f.confirm is not None and not f.confirm.touching]
     names = [f.name for f in asked if any(b.equations for b in f.branches)]
     if not names:

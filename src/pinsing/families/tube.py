@@ -556,7 +556,7 @@ def search(p: Product, x: Array) -> Array:
 
 
 def _two_sides(p: Product, width: Array) -> list[bool]:
-    """Return if configurations are outside of each family's tube on both sides; others are far."""
+    """Return which families have configurations outside of their tubes on both sides."""
     x = np.random.default_rng(3).uniform(0, 2 * np.pi, (20_000, len(p.joints)))
     away, found = _away(p, x), []
     for k in range(away.shape[1]):

@@ -392,6 +392,6 @@ def batch(arm: Arm, engine: str = "auto", threads: int | None = None) -> Batch:
 
 
 def scale_rows(arm: Arm, J: Array, Q: Array, R: Array | None = None) -> Array:
-    """Return task rows of J (..., 6, n) at Q, translations over the length scale; R as there."""
+    """Return task rows (..., m, n) of J (..., 6, n) at Q, translations over the length scale."""
     factor = np.where(np.array(arm.task.rows) < 3, 1.0 / arm.length_scale, 1.0)
     return np.asarray(task_rows(arm, J, Q, R) * factor[:, None])

@@ -48,7 +48,8 @@ class DampingOptions:
 
 
 def damped_gains(method: str, sigma: Array, options: DampingOptions) -> Array:
-    """Return gains (..., k) of singular values (..., k), descending; not "sdls", 0 for zeros."""
+    """Return gains (..., k) of singular values (..., k), descending; all methods but "sdls"."""
+    # A singular value that cannot be told from zero has gain zero with "pinv".
     o = options
     largest = sigma[..., :1]
     if method == "pinv":

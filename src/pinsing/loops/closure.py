@@ -147,8 +147,7 @@ class BatchLoops:
         rows: tuple[int, ...] = tuple(range(6)),
     ) -> tuple[Array, Array]:
         """Return the error (N, 6) of the output's pose against wanted ones, and its Jacobian."""
-        # With one turn not among the ``rows``, the others bring its axis into place, whatever the
-        # turn.
+        # With one turn not among the ``rows``, the others bring its axis into place.
         R, p, J = self.output(Q, placed)
         away = R @ np.swapaxes(rotation, -1, -2)
         free = [k for k in range(3) if k + 3 not in rows]

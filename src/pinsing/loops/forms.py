@@ -152,7 +152,7 @@ def _terms(poly: Any, odd: Sequence[int] = ()) -> list[tuple[tuple[int, ...], Fr
 def pose_equation(
     poly: Any, names: tuple[str, ...], odd: tuple[int, ...] = (), square: int = 1
 ) -> PoseEquation:
-    """Return the equation of a polynomial, scaled to 1; ``odd`` variables are over sqrt(square)."""
+    """Return a polynomial's equation, largest coefficient 1; ``odd`` in units of sqrt(square)."""
     terms = _terms(poly, odd)
     found = _equation(names, terms, square, int(all(k % 2 for _, _, k in terms)))
     size = np.abs(found.values)

@@ -501,9 +501,9 @@ def _loci(
 
 
 def _metric(dyad: Dyad, form: Equation, leg: int | None, sense: int) -> Equation:
-    """Return the equation in square metres: a squared distance minus a squared reach."""
+    """Return the equation in square metres, up to sign: squared distance minus squared reach."""
     # Type 2: |B1 B2|^2 - (d1 +- d2)^2. Type 1 of leg 1: |A1 + (l1 +- d1) e1 - B2|^2 - d2^2. The
-    # cosine rule gives the coefficient of the highest frequency, and with it the scale, up to sign.
+    # cosine rule gives the coefficient of the highest frequency, and with it the scale.
     reach = _arms(dyad, leg, sense)
     if len(form.joints) == 1:
         reach[reach.index(0.0)] = float(np.linalg.norm(dyad.sides[1].pivot - dyad.sides[0].pivot))

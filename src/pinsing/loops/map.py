@@ -34,8 +34,7 @@ from pinsing.serialization import JsonResult
 
 def cannot_close(mechanism: Mechanism, inputs: Array) -> Bool:
     """Return which inputs (N, n_a) leave the loops open, by the inequality of four distances."""
-    # True is proven, with 1e-9 to spare for rounding of lengths; False is open. Only for legs that
-    # are `rods`.
+    # Proven, with 1e-9 to spare for rounding; those not returned may close or not. Only for `rods`.
     out = np.zeros(len(inputs), dtype=bool)
     found = rods(mechanism)
     if found is None:

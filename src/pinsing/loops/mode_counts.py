@@ -288,7 +288,7 @@ def number_of_modes(
     target: tuple[Array, Array, tuple[int, ...]] | None,
     found: Sequence[Array],
 ) -> tuple[int | None, str]:
-    """Return how many poses inputs (n_a,) have, or values of inputs a target, and words on it."""
+    """Return how many poses inputs (n_a,) have, or inputs a target pose, and words on it."""
     # Limits left aside; None where algebra does not tell. ``found``: one configuration a pose.
     by_rod = count_one_rod(mechanism, found, target is None), "the quadratic equation of its rod"
     if target is None:

@@ -219,7 +219,7 @@ def pose_slice(
 
 
 def keeps_turn(mechanism: Mechanism, over: Sequence[str], start: Array) -> bool:
-    """Return if the output keeps its axes wherever led from ``start`` (n,), by position alone."""
+    """Return True if the output keeps its axes wherever it is led from ``start`` (n,)."""
     return PoseWay(mechanism, over, start).keep_turn([start])
 
 

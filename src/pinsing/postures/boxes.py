@@ -210,7 +210,7 @@ class Leaves:
 def is_regular(
     ground: Ground, known: Sequence[OnBoxes], open_: Sequence[int], x: Array, h: Array, side: Array
 ) -> Bool:
-    """Return if the product of all |f| grows somewhere for all signs of the open equations (K,)."""
+    """Return whether the product of all |f| grows somewhere, for all open equations' signs."""
     if len(open_) > ground.d:
         return np.zeros(len(x), dtype=bool)
     good = np.ones(len(x), dtype=bool)
@@ -311,7 +311,7 @@ def _by_gradient(
 
 
 def growing(terms: TrigSum, scale: Array, known: OnBoxes, x: Array, h: Array, side: Array) -> Bool:
-    """Return if one equation has no largest |f| of either sign on boxes, (K,)."""
+    """Return whether one equation has no largest |f| of either sign on boxes, (K,)."""
     # x, h, side (K, d): middles, half widths, and limits that the boxes touch; ``scale`` (d,) is
     # what counts as one radian.
     nothing = np.zeros(len(scale))

@@ -523,10 +523,8 @@ class _Search:
         return *both, float(guess[best]), c[best]
 
     def _may_hold(self, C: Array, R: Array, clear: Bool) -> Bool:
-        """Return if the region may have points of boxes; a posture ends where they are not clear.
-
-        A joint moves the tip no faster than it is far from its axis, by what follows it.
-        """
+        """Return whether the region may have points of boxes; a posture needs clear ones."""
+        # A joint moves the tip no faster than it is far from its axis, by what follows it.
         out = self.region.has_posture(C) | ~clear
         if self.region.moving.any():
             n = self.arm.n

@@ -100,7 +100,7 @@ class Watched:
         return np.array([low for low, _ in both]), np.array([high for _, high in both])
 
     def check(self, Q: npt.ArrayLike, name: str = "Q") -> Array:
-        """Return joint vectors (..., n) of such, or (..., nq) if ``arm`` is known, else raise."""
+        """Return joint vectors (..., n), given such or (..., nq); ConfigurationError for others."""
         if self.arm is not None:
             return self.arm.check(Q, name)
         array = real_numbers(columns_of(Q, self.joints, name), name)

@@ -17,7 +17,7 @@ from pinsing.robot.joints import axis_rotation, joint_axis
 
 @dataclass(frozen=True, eq=False)
 class Chain:
-    """Tip placement C_0 M_0(q_0) C_1 ... M_{k-1}(q_{k-1}) C_k; C_i is (R[i], t[i]), M_i along z."""
+    """Tip placement C_0 M_0(q_0) C_1 ... C_k; C_i is (R[i], t[i]), M_i turns about z or slides."""
 
     R: Array  # (k + 1, 3, 3)
     t: Array  # (k + 1, 3), metres
@@ -30,7 +30,7 @@ class Chain:
 
 
 def flatten(arm: Arm) -> Chain:
-    """Return the chain with every axis along z: a joint a velocity of the model; read-only."""
+    """Return the chain with every axis along z, a joint for each model velocity; read-only."""
     return arm.once("chain", lambda: _flatten(arm))
 
 
@@ -57,10 +57,7 @@ def _flatten(arm: Arm) -> Chain:
 def with_fixed_joints_put(
     arm: Arm, put: Callable[[int, Array], Array | None]
 ) -> tuple[Array, Array]:
-    """Return the placements (R, t), rotations of fixed joints replaced by ``put(i, R)`` (not None).
-
-    A fixed joint of 1.5708 tilts every length behind it, unless it is put before they multiply.
-    """
+    """Return placements (R, t), rotations of fixed joints by ``put(i, R)`` where it is not None."""
     raw, model = flatten(arm), arm.model
     R, t = raw.R.copy(), raw.t.copy()
     own = {f.parentJoint: f.parentFrame for f in model.frames if f.type == pin.FrameType.JOINT}

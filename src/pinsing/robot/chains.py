@@ -180,7 +180,7 @@ def _best_frame(model: pin.Model, joint: int, frames: list[pin.Frame]) -> str:
 def choose_chain(
     found: Sequence[Candidate], label: str, model: pin.Model
 ) -> tuple[Candidate, list[str]]:
-    """Return the only arm among candidates, and notes; if not one, ChainError with commands."""
+    """Return the only arm among candidates, and notes; ChainError with commands if not one."""
     if not found:
         raise ChainError(f"{label}: the robot has no movable joint, so there is nothing to analyse")
     arms = [c for c in found if c.length(model) >= ARM_JOINTS] or list(found)

@@ -123,8 +123,8 @@ def differences(robot: Arm, design: Arm | Chain) -> tuple[AxisDifference, ...]:
 
 def assumed_design(robot: Arm) -> Arm | None:
     """Return the design of a robot most of whose placements are off one, as after a calibration."""
-    # By 0.1 mrad, or by two offsets of 0.02 mm that the design has not: 1.57 for pi/2 alone is
-    # none.
+    # By 0.1 mrad, or by offsets of 0.02 mm that the design has not, of these two at least: angles
+    # alone are off where somebody wrote 1.57. Rounding is far less.
     if robot.coupling is not None:
         return None
     snaps = nominal(robot, ANGLE, LENGTH).snaps

@@ -62,7 +62,7 @@ class JointSpace:
     @cached_property
     def span(self) -> tuple[Array, Array]:
         """Return the range (lower, upper), each (n,), that joints are swept or drawn over."""
-        # Where a limit is infinite: a full turn, or one length scale to both sides.
+        # Without limits: a full turn, or one length scale to both sides; twice that beside one.
         reach = np.where(self.prismatic, self.length_scale, np.pi)
         high = np.where(np.isfinite(self.lower), self.lower + 2 * reach, reach)
         high = np.where(np.isfinite(self.upper), self.upper, high)
@@ -98,7 +98,7 @@ class JointSpace:
         return np.where(self.prismatic, q, turned)
 
     def fold(self, q: npt.ArrayLike) -> Array:
-        """Move angles of q (..., n) by whole turns into the limits, or near; else to [-pi, pi]."""
+        """Move angles of q (..., n) by whole turns to the limits, without them to [-pi, pi]."""
         q = np.array(q, dtype=float)
         low, high = self.span
         turn = 2 * np.pi

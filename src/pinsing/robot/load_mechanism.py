@@ -244,8 +244,8 @@ def _twice(tree: _SpanningTree, joint: int) -> bool:
 
 def _best(tree: _SpanningTree, run: tuple[int, int, int], near: Array, far: Array) -> int:
     """Return the hinge of a ball to hold."""
-    # The two others point the link: everywhere if it is across the second, and that across the
-    # first.
+    # The others point the link, everywhere if it is across the second and that across the first,
+    # and at home they should move it two ways.
     scores = []
     for k in range(3):
         a, b = (j for i, j in enumerate(run) if i != k)

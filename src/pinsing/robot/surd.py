@@ -22,7 +22,7 @@ _ROOTS = tuple(Fraction(math.isqrt(s << (2 * _BITS)), 1 << _BITS) for s in SQUAR
 
 @dataclass(frozen=True)
 class Surd:
-    """An irrational number of Q(sqrt 2, sqrt 3); make one by ``surd``. Arithmetic is exact."""
+    """An irrational number of Q(sqrt 2, sqrt 3), by ``surd``; rational results are Fractions."""
 
     # coefficients of 1, sqrt(2), sqrt(3), sqrt(6)
     parts: tuple[Fraction, Fraction, Fraction, Fraction]

@@ -61,7 +61,7 @@ class WholeModel:
         return q if q.shape[-1] == len(self.joints) else self.q_of(q)
 
     def chain_dq(self, dq: Array, called: str) -> Array:
-        """Return joint speeds (n,), given such or those of the whole model (nv,), its order."""
+        """Return joint speeds (n,), given such or (nv,); a joint that is held must not move."""
         whole = self.source.full_model
         if dq.shape == (len(self.joints),):
             return dq
