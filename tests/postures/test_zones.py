@@ -205,13 +205,13 @@ def test_zones_of_a_posture_and_of_a_box_of_the_workspace_hold_there(within, sai
     found = pinsing.zones(form, within=within, boxes=8000)
     assert set(said) <= set(found.within)
     region = Region(form, form.loaded, parts_of(within))
-    Q = np.random.default_rng(3).uniform(found.lower, found.upper, (100_000, 6))
+    Q = np.random.default_rng(3).uniform(found.lower, found.upper, (30_000, 6))
     Q = Q[_shares(SpeedJudge(form.loaded), Q, 0.25, 0.5) > 1]
     Q = Q[region.holds(Q)]
     assert len(Q)
     assert len(found.worst)
     assert region.holds(found.worst[None]).all()
-    Q = Q[:2000]
+    Q = Q[:500]
     for q in Q[pinsing.clearance(form, Q).upper > found.common]:  # an upper bound, not the distance
         assert min(family.distance(q).upper for family in form.families) <= found.common
     again = pinsing.proximity.Zones.from_json(found.to_json())

@@ -13,6 +13,7 @@ import pinocchio as pin
 
 from pinsing._types import Array
 from pinsing.errors import OptionError
+from pinsing.measures import FLOAT_NOISE
 from pinsing.robot.arm import Arm
 from pinsing.robot.chain import Chain, chain_model, flatten, keep_chain
 from pinsing.robot.exact_placements import Deviation
@@ -166,5 +167,7 @@ def alignment(to: tuple[Array, Array], lines: tuple[Array, Array]) -> tuple[Arra
             step = np.linalg.lstsq(np.array(rise).T, off, rcond=1e-9)[0]
             spin = pin.exp3(step[:3])
             R, b = spin @ R, spin @ b + step[3:]
+            if np.abs(step).max() < FLOAT_NOISE:
+                break
         found.append((float(np.abs(off).max()), R, middle + size * b - R @ origin))
     return min(found, key=lambda f: f[0])[1:]
