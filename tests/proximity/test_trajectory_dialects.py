@@ -300,6 +300,7 @@ def test_what_is_not_clear_is_not_guessed(tmp_path, arm, text, said):
         ("a.csv", table(numbered("q{}_mrad"), Q), "is in 'mrad', which is not known"),
         ("a.csv", table(["t [min]", *UR5], timed()), "'t .min.' is in 'min', .* ms, us or ns"),
         ("a.csv", '{"points": []}', "if it is JSON, name it .json"),
+        ("a.txt", states(), "a.txt:1: is no table: if it is YAML, name it .yaml"),
         ("a.dat", "DEFDAT P\nDECL E6AXIS XP1={A1 0,A2 -40}", "robot program"),
         (
             "a.csv",

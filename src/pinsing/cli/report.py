@@ -63,7 +63,9 @@ def _report_loops(
     given: dict[str, Array] = {}
     for k, text in enumerate(poses, 1):
         values = mechanism.check_inputs(parse_numbers(text, "--q", deg))
-        given[f"given {k}"] = np.where(sliding | (not deg), values, np.radians(values))
+        given[f"given configuration {k}"] = np.where(
+            sliding | (not deg), values, np.radians(values)
+        )
     _write(mechanism, html, pdf, page, skeleton, given, None)
 
 
@@ -138,7 +140,10 @@ def report_command(
     for text in poses:
         parse_numbers(text, "--q", deg)
     arm = request.load()
-    given = {f"given {k}": joint_vector(arm, text, "--q", deg) for k, text in enumerate(poses, 1)}
+    given = {
+        f"given configuration {k}": joint_vector(arm, text, "--q", deg)
+        for k, text in enumerate(poses, 1)
+    }
     from pinsing.families import closed_form
     from pinsing.proximity.trajectory import check_trajectory
     from pinsing.report.info import Trajectory

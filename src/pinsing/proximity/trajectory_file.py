@@ -547,6 +547,8 @@ def _text(path: Path, arm: Arm, columns: Sequence[str], united: bool) -> Traject
             )
         if line.startswith(("{", "[")):
             raise ConfigurationError(f"{path}:{number}: is no table: if it is JSON, name it .json")
+        if line == "---" or re.fullmatch(r"(header|joint_names|joint_trajectory|points):.*", line):
+            raise ConfigurationError(f"{path}:{number}: is no table: if it is YAML, name it .yaml")
         separator = next((s for s in (";", "\t", ",") if s in line), None)
         words = [w.strip().strip("\"'") for w in line.split(separator)]
         numbers = [w for w in words if is_number(w.replace(",", ".")) or _CLOCK.fullmatch(w)]
