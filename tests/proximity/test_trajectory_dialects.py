@@ -238,6 +238,13 @@ def test_files_as_people_have_them(tmp_path, arm, name):
         np.testing.assert_allclose(read.t, T, atol=1e-6)
 
 
+def test_a_quote_that_nothing_ends_takes_no_samples(tmp_path, arm):
+    rows = np.tile(np.column_stack([Q, T]), (2, 1))
+    text = table([*UR5, "note"], rows).replace(",0.25", ',"0.25', 1)
+    (tmp_path / "a.csv").write_text(text)
+    assert len(read_trajectory(tmp_path / "a.csv", arm, columns=UR5).Q) == 4
+
+
 @pytest.mark.parametrize(
     ("text", "said"),
     [

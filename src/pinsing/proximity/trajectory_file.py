@@ -82,6 +82,7 @@ _RAGGED = re.compile(
     r"|invalid column index -?\d+ at row (\d+) with (\d+) columns"
 )
 AROUND = " \t\r\n\"'[]()"
+_QUOTED = re.compile(r'"\s*([-+.\w]+)\s*"')
 _CELL = re.compile(r"could not convert string ('.*') to float64 at row (\d+), column (\d+)\.")
 _SAMPLES = ("q", "Q", "positions", "position", "samples")
 _TIMES = ("t", "time", "times")
@@ -883,6 +884,8 @@ class _NumberTable:
         if self.separator != "," and any("," in line for line in lines):
             self.commas = True
             lines = [line.replace(",", ".") for line in lines]
+        # One by one: for a quote that nothing ends, numpy takes all that follows as one cell.
+        lines = [_QUOTED.sub(r"\1", line) if '"' in line else line for line in lines]
         width = self.width if self.used is None else len(self.used)
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # an end of file is no surprise
@@ -893,7 +896,6 @@ class _NumberTable:
                     ndmin=2,
                     comments="#",
                     usecols=self.used,
-                    quotechar='"',
                 )
             except ValueError as error:
                 words = " ".join(str(error).split())
