@@ -85,6 +85,7 @@ MISTAKES = [
     ("pinsing.export(arm)", AttributeError, "use pinsing.export_guard(form)"),
     ("pinsing.list()", AttributeError, "use `pinsing list` in a terminal"),
     ("pinsing.verify('a.json')", AttributeError, "pinsing.proof.verify"),
+    ("pinsing.proof.verify(form)", pinsing.proof.Rejected, "no text of at most"),
     ("pinsing.Load('ur5')", AttributeError, "pinsing.load"),
     ("pinsing.postures.sweep(arm)", AttributeError, "no attribute 'sweep'"),
     ("pinsing.families(arm)", TypeError, "a module, not a function: use pinsing.closed_form"),

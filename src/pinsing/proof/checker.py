@@ -514,7 +514,8 @@ def unique(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
 
 def verify(text: str) -> dict[str, Any]:
     """Check a certificate and return it; `Rejected` says what is wrong with it."""
-    need(len(text) <= LONGEST_FILE, f"longer than {LONGEST_FILE} characters")
+    short = isinstance(text, str | bytes) and len(text) <= LONGEST_FILE
+    need(short, f"no text of at most {LONGEST_FILE} characters")
     try:
         data = json.loads(text, object_pairs_hook=unique)
         need(type(data) is dict, "no JSON object")
