@@ -294,6 +294,12 @@ def test_a_certified_gradient_is_the_slope_and_never_another() -> None:
 
 
 @needs_kernel
+def test_the_nearest_of_several_families_is_named() -> None:
+    form, q = closed("xarm7"), [-2.2465, -0.4046, -2.5878, 0.9495, -1.7471, 1.0961, 0.3496]
+    assert pinsing.clearance(form, q).nearest == pinsing.clearance(form, q, certify=True).nearest
+
+
+@needs_kernel
 def test_clearance_of_many() -> None:
     form = closed("ur5")
     rng = np.random.default_rng(11)

@@ -129,8 +129,8 @@ class Clearance(JsonResult):
     def nearest(self) -> npt.NDArray[np.str_]:
         """Name of the nearest family found (...); empty for none.
 
-        Where the bounds do not tell it, a short search does, as in `Monitor`. Within limits, and
-        of a result read from a file, the name of ``family``.
+        Where the bounds do not tell it, a search through 1000 boxes does. Within limits, and of a
+        result read from a file, the name of ``family``.
         """
         family = self.family
         if self.naming is not None and self.at is not None:
@@ -232,7 +232,9 @@ def clearance(
     return replace(
         found,
         bound=None if certify and norm == "max" else bound,
-        naming=None if certify or within_limits else partial(nearest_family, watched.conditions),
+        naming=None
+        if certify or within_limits
+        else partial(nearest_family, watched.conditions, work=replace(NAMING, boxes=1000)),
         at=array,
         lower=found.lower.reshape(shape),
         upper=found.upper.reshape(shape),
@@ -258,7 +260,9 @@ def quick(watched: Watched, Q: Array, within_limits: bool = False) -> Clearance:
     return _clearance(watched, Q, lower, upper, family, False, within_limits)
 
 
-def nearest_family(conditions: Conditions, Q: Array) -> tuple[Ints, Bounds]:
+def nearest_family(
+    conditions: Conditions, Q: Array, work: SearchOptions = NAMING
+) -> tuple[Ints, Bounds]:
     """Return the index (N,) of the nearest family found at Q (N, n), -1 for none, and bounds."""
     # Where these leave doubt, a search may lower the upper one.
     bounds = two_sided(conditions, Q, each=True)
@@ -269,7 +273,7 @@ def nearest_family(conditions: Conditions, Q: Array) -> tuple[Ints, Bounds]:
     doubtful = (bounds.each[..., 0] < reached[:, None]).sum(axis=1) > 1
     if doubtful.any():
         all_of_it = np.full(Q.shape[1], np.inf)
-        found = nearest_points(conditions, Q[doubtful], -all_of_it, all_of_it, NAMING)
+        found = nearest_points(conditions, Q[doubtful], -all_of_it, all_of_it, work)
         upper[doubtful] = np.minimum(upper[doubtful], found.upper)
         family[doubtful] = np.where(found.family < 0, family[doubtful], found.family)
     return family, bounds
