@@ -794,3 +794,40 @@ def test_the_bound_counts_long_motions():
         for s in (5, 5 / 8)
     ]
     assert plans[1].clearance <= plans[0].bound
+
+
+def planned(name, rows, free, steps, **options):
+    """Plans through poses (x, y, z, roll, pitch, yaw) at steps in degrees."""
+    arm = pinsing.load(name)
+    form = pinsing.closed_form(arm, prove=False)
+    T = [pin.SE3(pin.rpy.rpyToMatrix(*row[3:]), np.array(row[:3])).homogeneous for row in rows]
+    return [plan_path(form, T, free=free, step=np.radians(s), arm=arm, **options) for s in steps]
+
+
+def test_the_bound_counts_motions_that_are_long_at_both_ends():
+    """Another path, of short motions, has 8 degrees, and was the bound: a finer grid had 20."""
+    rows = [
+        [0.166, 0.205, 1.406, 1.475, -0.009, -0.093],
+        [0.106, 0.182, 1.340, 1.126, 0.121, 0.172],
+    ]
+    turn = pin.rpy.rpyToMatrix(0.701, -0.808, -0.369)
+    tool = pin.SE3(turn, np.array([-0.11, -0.088, 0.02])).homogeneous
+    coarse, fine = planned("kr10_r1100", rows, "roll", (10, 3), tool=tool)
+    assert min(coarse.clearance, fine.clearance) > np.radians(20)
+    assert max(coarse.clearance, fine.clearance) <= min(coarse.bound, fine.bound)
+
+
+def test_no_path_within_joint_speeds_is_no_error():
+    """Values were divided of poses that nothing leads to."""
+    rows = [
+        [0.22494, -0.73719, -0.78004, -3.14159, -1.3491, -1.97052],
+        [0.25465, -0.75033, -0.79629, 2.78169, -1.44361, -1.813],
+        [0.19979, -0.74037, -0.74761, 3.13976, -1.1354, -1.81738],
+        [0.25217, -0.75051, -0.84458, 0.74887, -1.31986, 0.21355],
+        [0.21563, -0.776, -0.70583, 2.82328, -0.77003, -1.58401],
+    ]
+    turn = pin.rpy.rpyToMatrix(0.09137, 0.12567, 0.21823)
+    tool = pin.SE3(turn, np.array([-0.07441, -0.04022, -0.0754])).homogeneous
+    t = [0.0, 0.04359, 0.13241, 0.26523, 0.44011]
+    (plan,) = planned("m1013", rows, "roll", [10], tool=tool, t=t)
+    assert "would exceed its speed limit between poses 0 and 1" in plan.reason

@@ -5,8 +5,8 @@ joint, or the branch alone) takes values on a grid; the path with the greatest l
 found by dynamic programming over poses, values and branches. An edge exists where the motion keeps
 joint limits and speeds and is proven clear: distance to the families changes no faster than joints
 move, so that it is at least (a + b - d) / 2 on a segment of length d between clearances a and b;
-segments too long for that are halved, those that are longer than twice the clearance at their end
-where no path is found without them. Joint values that differ by whole turns are one node, until
+segments too long for that are halved. Between poses far apart all nodes are looked at that may have
+more than a path on a part of the grid. Joint values that differ by whole turns are one node, until
 the best path winds a joint beyond its limits: then each turn of that joint is a branch.
 """
 
@@ -338,7 +338,7 @@ class _Planner:
         held = arm.joints.index(free) if free in arm.joints else None
         self.solver = InverseMany(arm, held)
         self.reached = self.relaxed = -np.inf
-        self.idle = self.long = False
+        self.idle = self.long = self.rough = False
         self.cyclic = free == "roll"
         self.grid: Array = np.zeros(1)
         if self.cyclic:
@@ -375,7 +375,7 @@ class _Planner:
         out.T, out.t = self.T[some], self.t[some]
         if len(self.grid) > 1:
             out.grid = self.grid[:: max(1, round(step / (self.grid[1] - self.grid[0])))]
-        out.progress = lambda *_: None
+        out.progress, out.rough = lambda *_: None, True
         return out
 
     def estimate(self) -> float:
@@ -590,6 +590,9 @@ class _Planner:
                     return path
                 self.long = True
                 continue
+            if self.crowded and self.reached > max(self.least, 0.0) + 2 * _MARGIN:
+                self.least = self.reached - _MARGIN  # from more nodes each, of fewer
+                continue
             found = self._certify(path, width)
             if found >= self.reached - BISECTED or width > self.clear.shape[1]:
                 return path
@@ -623,15 +626,14 @@ class _Planner:
 
     def _best_on_a_part(self) -> float:
         """The clearance of the best path on a part of the grid, -inf if there is none."""
-        columns = max(d for d in range(1, _THINNED + 1) if len(self.grid) % d == 0)
+        columns = _THINNED
+        if self.cyclic:
+            columns = max(d for d in range(1, _THINNED + 1) if len(self.grid) % d == 0)
         coarse = copy.copy(self)
+        rows = _THINNED if len(self.T) > _THINNED**2 else 1
         for name in ("Q", *_NODES):  # views: what is found out here is known there
-            setattr(coarse, name, getattr(self, name)[::_THINNED, ::columns])
-        coarse.grid, coarse.T, coarse.t = (
-            self.grid[::columns],
-            self.T[::_THINNED],
-            self.t[::_THINNED],
-        )
+            setattr(coarse, name, getattr(self, name)[::rows, ::columns])
+        coarse.grid, coarse.T, coarse.t = self.grid[::columns], self.T[::rows], self.t[::rows]
         if len(coarse.T) < 2 or coarse.clear.size * _THINNED > self.clear.size:
             return -np.inf
         coarse._link()
@@ -709,6 +711,7 @@ class _Planner:
         """
         N, G, S = self.clear.shape
         # The last state of each node is none: where turns lead beyond all that are counted.
+        self.crowded = False
         best = np.full((2, G * S, len(self.turns) + 1), -np.inf)
         nodes = np.stack([self.likely[0].ravel(), self._room(0)])[..., None]
         best[..., :-1] = np.where(self.first.reshape(-1, 1) & self._within(0), nodes, -np.inf)
@@ -719,33 +722,15 @@ class _Planner:
         for k in range(1, N):
             room = self._room(k)
             here = np.flatnonzero((room >= floor) & (room > -np.inf))
-            source, far = self._sources(k, here)
-            move = self.Q[k].reshape(G * S, -1)[here] - self.Q[k - 1].reshape(G * S, -1)[source]
-            edge = self._states(move, source)
-            nodes = np.stack([self.likely[k].ravel(), room])[:, here]
-            value = np.minimum(best.reshape(2, -1)[:, edge], nodes[:, None, :, None])
-            value = np.where(self._within(k)[:, None, here], value, -np.inf)
-            sure, loose, maybe, over = self._passable(k, here, source, move, room[here])
-            proven = np.where((sure & ~far)[..., None], value[0], -np.inf)
-            choice = proven.argmax(axis=0)[None]
-            new, from_ = (np.take_along_axis(x, choice, axis=0)[0] for x in (proven, edge))
-            doubtful = (maybe & ~far)[..., None] & (value[0] > new)
-            if self.long:  # those that lack the least, between values that are not all alike
-                if not self.edges:
-                    every = max(1, round(G * _COARSE[1] / (2 * np.pi)))
-                    some = (here // S % every == 0) & (source // S % every == 0)
-                    doubtful &= some[..., None]
-                over = np.where(doubtful.any(axis=-1), over, np.inf)
-                most = max(_LONG // N, S)
-                if over.size > most:
-                    doubtful &= (over <= np.partition(over, most, axis=None)[most])[..., None]
-            if doubtful.any():
-                self._prove_edges(k, here, np.where(doubtful, value[0], -np.inf), edge, new, from_)
+            self._pool(k, here, floor)
+            width = len(self._sources(k, here[:1])[0]) * best.shape[2]
+            parts = np.array_split(here, max(1, -(-len(here) * width // self.most)))
+            found = [self._onward(k, part, best, room, floor) for part in parts]
+            new, from_, other = (np.concatenate(x) for x in zip(*found, strict=True))
             if not (reason or np.isfinite(new).any()):
                 reason = "none" if self.edges else self._why(k, best[0])
             best = np.full(best.shape, -np.inf)
             best[0, here, :-1] = new
-            other = np.where(loose[..., None], value[1], -np.inf).max(axis=0)
             best[1, here, :-1] = np.maximum(other, new)
             self.through[k] = best[1].max(axis=-1)
             back.append((here, from_))
@@ -763,12 +748,89 @@ class _Planner:
         i, s, turns = np.unravel_index(path, (G, S, best.shape[2]))
         return i, s, turns
 
+    def _onward(
+        self, k: int, here: Ints, best: Array, room: Array, floor: float
+    ) -> tuple[Array, Ints, Array]:
+        """Return what paths to nodes ``here`` (M,) of pose k have, from where, and relaxed."""
+        # Each is (M, T); ``best`` (2, G S, T + 1) is what they have at the pose before.
+        n = self.arm.n
+        source, far = self._sources(k, here)
+        move = self.Q[k].reshape(-1, n)[here] - self.Q[k - 1].reshape(-1, n)[source]
+        edge = self._states(move, source)
+        nodes = np.stack([self.likely[k].ravel(), room])[:, here]
+        value = np.minimum(best.reshape(2, -1)[:, edge], nodes[:, None, :, None])
+        value = np.where(self._within(k)[:, None, here], value, -np.inf)
+        length, over, quick = self._edges(k, here, source, move)
+        # On a line distance falls by no more than length^2 / 8 over itself: little on a short one.
+        near = (length**2)[..., None] < 4 * _MARGIN * value[0]
+        near &= ((over < 0) & quick & ~far)[..., None]
+        proven = np.where(near, value[0], -np.inf)
+        choice = proven.argmax(axis=0)[None]
+        new, from_ = (np.take_along_axis(x, choice, axis=0)[0] for x in (proven, edge))
+        doubtful = (quick & ~far)[..., None] & ~near & (value[0] > np.maximum(new, floor))
+        long = (over >= 0) & (length >= 2 * room[here])
+        if self.long:  # between values that are not all alike
+            every = max(1, round(len(self.grid) * _COARSE[1] / (2 * np.pi)))
+            S = self.Q.shape[2]
+            some = (here // S % every == 0) & (source // S % every == 0)
+            doubtful &= (some | ~long | bool(self.edges))[..., None]
+        lacking = np.where(doubtful.any(axis=-1) & long, over, np.inf)
+        share = len(here) / (len(self.T) * max(1, int((room >= floor).sum())))
+        most = max(int(_LONG * share), self.Q.shape[2])
+        if lacking.size > most:  # those that lack the least
+            few = lacking <= np.partition(lacking, most, axis=None)[most]
+            doubtful &= (~long | few)[..., None]
+        if doubtful.any():
+            self._prove_edges(k, here, np.where(doubtful, value[0], -np.inf), edge, new, from_)
+        least = np.maximum(new, floor)
+        cap = self._cap(k, here, source, move, value[1], least)
+        return new, from_, np.minimum(value[1], cap[..., None]).max(axis=0)
+
+    def _pool(self, k: int, here: Ints, floor: float) -> None:
+        """Look at motions to nodes ``here`` (M,) of a pose far from the last from all, if few."""
+        self.pool[k] = None
+        if self.edges or self.rough or not len(here):
+            return
+        Q, n = self.Q.reshape(len(self.T), -1, self.arm.n), self.arm.n
+        move = Q[k, here] - Q[k - 1, self.before[k, here]]
+        source = np.flatnonzero(self.through[k - 1] > floor)
+        if len(source) and np.median(np.nan_to_num(self._length(move), nan=n)) > _COARSE[1]:
+            few = len(source) * len(here) <= self.motions // (4 * len(self.T))
+            self.pool[k] = source if few else None
+            self.crowded |= not few
+
+    def _cap(
+        self, k: int, here: Ints, source: Ints, move: Array, value: Array, least: Array
+    ) -> Array:
+        """Bound the clearance (D, M) on motions near those to nodes of pose k, -inf if too fast."""
+        # Only where ``value`` (D, M, T) is more than ``least`` (M, T), otherwise -inf.
+        slack = 0.55 * np.maximum(self.way[k][here], self.way[k - 1][source])
+        length, over, quick = self._edges(k, here, source, move, slack)
+        cap = np.where(quick & ((over < 0) | (length < 2 * self._room(k)[here])), np.inf, -np.inf)
+        known = np.maximum(np.minimum(value, cap[..., None]).max(axis=0), least)
+        at = np.nonzero(quick & (cap < 0) & np.isfinite(over) & (value > known).any(axis=-1))
+        if len(at[0]):
+            q = self.Q[k - 1].reshape(-1, self.arm.n)[source[at]]
+            cap[at] = self._least_seen(q, self._gap(move[at])) + slack[at]
+        return cap
+
+    def _least_seen(self, q: Array, move: Array, close: bool = False) -> Array:
+        """Return the least bound of the clearance (M,) at three places of motions (M, n)."""
+        every = np.concatenate([q + s * move for s in (1 / 4, 1 / 2, 3 / 4)])
+        if close and len(q):
+            found = nearest_points(self.watched.conditions, every, *self.watched.limits, _ROUGH)
+            return np.asarray(found.upper.reshape(3, -1).min(axis=0))
+        return np.asarray(clearance(self.form, every).upper.reshape(3, -1).min(axis=0))
+
     def _sources(self, k: int, here: Ints) -> tuple[Ints, Bool]:
         """Return nodes (D, M) before pose k at which motions to nodes ``here`` (M,) begin."""
         # Those of the same branch up to ``window`` values away, and the next ones, which are
         # ``far``: other paths are bounded by them.
         if self.edges:
             source = self.edges[k][:, here]
+            return source, self._apart(k, here, source) > self.reach + ROUNDING
+        if (pool := self.pool[k]) is not None:
+            source = np.broadcast_to(pool[:, None], (len(pool), len(here)))
             return source, self._apart(k, here, source) > self.reach + ROUNDING
         out, ends = [self.before[k][here]], [self.before[k][here]] * 2
         out += [self.before[k][link[here]] for link in self.beside[k]]
@@ -784,7 +846,8 @@ class _Planner:
 
     def _apart(self, k: int, here: Ints, source: Ints) -> Array:
         """How far the values of nodes (M,) are from those (D, M) of the pose before."""
-        off = self.values[k, here] - self.values[k - 1][source]
+        S = self.Q.shape[2]
+        off = self.values[k, here // S] - self.values[k - 1][source // S]
         off -= 2 * np.pi * np.rint(off / (2 * np.pi)) if self.cyclic else 0.0
         return np.asarray(np.abs(off))
 
@@ -838,6 +901,8 @@ class _Planner:
 
         while True:
             alive = self._passed(least)
+            if not alive.any(axis=1).all():
+                return None
             split = alive & (clear < bound) & (self.way > PRACTICAL)
             split[0] &= self.start is None
             if too_many():
@@ -970,9 +1035,10 @@ class _Planner:
             source = self._sources(k, here)[0]
             n = self.arm.n
             move = self.Q[k].reshape(-1, n)[here] - self.Q[k - 1].reshape(-1, n)[source]
-            loose = self._passable(k, here, source, move, self._room(k)[here])[1]
+            value = np.minimum(self.through[k - 1][source], self._room(k)[here])[..., None]
+            cap = self._cap(k, here, source, move, value, np.full((len(here), 1), least))
             linked = np.zeros(alive.shape[1], dtype=bool)
-            linked[source[loose]] = True
+            linked[source[np.minimum(value[..., 0], cap) > least]] = True
             alive[k - 1] &= linked
         return alive
 
@@ -981,13 +1047,15 @@ class _Planner:
         # ``beside`` (N, 2, G S) them both ways, and of their value at the pose ``before`` (N, G S).
         N, G, S = self.clear.shape
         self.beside, self.way = np.empty((N, 2, G * S), dtype=np.int32), np.zeros((N, G * S))
+        self.ended = np.zeros(self.beside.shape, dtype=bool)
         self.before = np.empty((N, G * S), dtype=np.int32)
         values: Ints = np.arange(G)
         self.window = 0 if G == 1 else min(G // 2, max(3, -(-_TURNS * G // N)))
         steps = np.diff(self.grid) if G > 1 else np.zeros(1)
         half = np.fmax(np.append(steps, steps[-1:]), np.append(steps[:1], steps))[:G] / 2
         self.half = np.broadcast_to(np.repeat(half, S), self.way.shape)
-        self.reach = self.window * steps.max()
+        self.reach = self.window * steps.max() if self.window < G // 2 else np.inf
+        self.pool: list[Ints | None] = [None] * N
         self.most = max(self.clear.size, 400_000) // 4
         self.motions = max(self.clear.size * 32, 8_000_000)
         last: Array | None = None
@@ -1008,8 +1076,9 @@ class _Planner:
             ends |= ~there.ravel()[link]
             ends &= np.repeat(near != values, S, axis=1)
             self.beside[k] = link = np.where(ends, other, link)
-            q = q.reshape(G * S, -1)
-            toward = self.arm.space.wrap(q[link] - q)
+            self.ended[k] = ends & (link != np.arange(G * S)) & (not self.cyclic)
+            to = self._neighbors(k, np.arange(G * S)).swapaxes(0, 1)
+            toward = self.arm.space.wrap(to - q.reshape(G * S, -1))
             toward[ends & (link == np.arange(G * S))] = np.nan
             if self.cyclic:  # where it turns back it is singular: no clearance, halfway
                 toward[ends] /= 2
@@ -1030,9 +1099,20 @@ class _Planner:
         """Return configurations (M, 2, n) on both sides of nodes (M,), two half widths away."""
         if self.edges:
             return np.asarray(self.near[k, at])
-        k = np.broadcast_to(k, at.shape)
-        Q = self.Q.reshape(len(self.Q), -1, self.arm.n)
-        return np.asarray(Q[k[:, None], self.beside[k, :, at]])
+        k = np.broadcast_to(k, at.shape)[:, None]
+        Q, link = self.Q.reshape(len(self.Q), -1, self.arm.n), self.beside[k[:, 0], :, at]
+        near, q = Q[k, link], Q[k, at[:, None]]
+        # A branch goes on beyond the value of a joint where it turns back, straight on from here
+        # as far as its middle moved between the last two values at most.
+        on = q - near[:, ::-1]
+        other = Q[k, link] - Q[k, self.beside[k, [1, 0], link]]
+        on, other, across = (self.arm.space.wrap(x) for x in (on, other, near - q))
+        size, far = self._length(on), self._length(across)
+        ended = self.ended[k[:, 0], :, at]
+        known = ended & ~ended[:, ::-1] & (far < size / 2)
+        far += np.minimum(self._length(on + other), size)
+        on = q + on * (far / np.where(known, size, 1.0))[..., None]
+        return np.where(known[..., None], on, near)
 
     def _beyond(self, Q: Array) -> Array:
         """How far nodes (..., n) are from within the limits at least; zero or less within."""
@@ -1055,11 +1135,17 @@ class _Planner:
             candidate = choice[at], *at
             q = self.Q[k - 1].reshape(-1, self.arm.n)[edge[candidate] // (len(self.turns) + 1)]
             to = self.Q[k].reshape(-1, self.arm.n)[here[at[0]]]
-            clear = self._is_clear(q, self._gap(to - q))
-            found = value[candidate]
+            move = self._gap(to - q)
+            found = np.minimum(value[candidate], self._least_seen(q, move))
             value[candidate] = -np.inf
-            at, edges = tuple(x[clear] for x in at), edge[candidate][clear]
-            new[at], from_[at] = found[clear], edges
+            better = found > new[at]
+            better[better] = self._is_clear(q[better], move[better])
+            found[~better] = -np.inf
+            close = self._least_seen(q[better], move[better], close=True)
+            found[better] = np.minimum(found[better], close)
+            better = found > new[at]
+            at, edges = tuple(x[better] for x in at), edge[candidate][better]
+            new[at], from_[at] = found[better], edges
 
     def _is_clear(self, q: Array, move: Array) -> Bool:
         """Which motions (M, n) from q (M, n) are proven clear, by halving them."""
@@ -1078,21 +1164,20 @@ class _Planner:
         out[edge[ends[0] + ends[1] <= np.linalg.norm(move * self.scale, axis=1)]] = False
         return out
 
-    def _passable(
-        self, k: int, here: Ints, source: Ints, move: Array, room: Array
-    ) -> tuple[Bool, Bool, Bool, Array]:
-        """Return edges (D, M) to nodes of pose k that are proven clear, relaxed, or possible."""
-        # And what their length has over the clearances at their ends.
+    def _edges(
+        self, k: int, here: Ints, source: Ints, move: Array, slack: npt.ArrayLike = 0.0
+    ) -> tuple[Array, Array, Bool]:
+        """Return lengths (D, M) of motions to pose k, what they lack to be clear, and if slow."""
+        # They lack what their length has over the clearances at their ends; the slow ones keep
+        # joint speeds, or do so when both ends move by ``slack`` (D, M).
         gap = self._gap(move) * self.scale
         length = np.sqrt((gap * gap).sum(axis=-1))
         clear = self.clear[k].ravel()[here] + self.clear[k - 1].ravel()[source]
         quick: Bool = np.ones(length.shape, dtype=bool)
         if self.timed:
-            most = limits_of(self.arm) * (self.t[k] - self.t[k - 1])
-            quick = (np.abs(gap) <= most * self.scale).all(axis=-1)
-        sure, short = clear > length, (length < 2 * room) | self.long
-        tried = short | (len(self.grid) == 1)
-        return sure & quick, sure | short, tried & quick & ~sure, length - clear
+            most = limits_of(self.arm) * (self.t[k] - self.t[k - 1]) * self.scale
+            quick = (np.abs(gap) <= most + 2 * np.asarray(slack)[..., None]).all(axis=-1)
+        return length, length - clear, quick
 
     def _shifted(self, i: Ints, d: int) -> Ints:
         """Neighbours of values i on the grid; the ends have none beyond them, and stay."""
@@ -1190,8 +1275,9 @@ class _Planner:
             turns = np.floor(ends / (2 * np.pi) + 1e-9)
             fits = (turns.sum(axis=0) if self.start is None else turns.min(axis=0)) >= 0
             node, from_ = i * S + near, i * S + at[None]
-            goes = self._passable(k, node, from_, move[None], out[:, k - 1])[0][0]
-            goes &= np.isfinite(out[:, k - 1] + way[rows, near]) & (fits | self.bounded).all(axis=1)
+            _, over, goes = (x[0] for x in self._edges(k, node, from_, move[None]))
+            goes = goes & (over < 0) & (fits | self.bounded).all(axis=1)
+            goes &= np.isfinite(out[:, k - 1] + way[rows, near])
             out[:, k] = np.where(goes, self.likely[k, i, near], np.nan)
             at = near
         return out
