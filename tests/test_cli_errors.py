@@ -51,6 +51,8 @@ def file(tmp_path):
         ("at gp25 --q 0,0,0,0,0,0 --deg --rad", "--deg and --rad exclude each other"),
         ("families gp25 --prove --no-prove", "--prove and --no-prove exclude each other"),
         ("at gp25 --q 0,-1e20,0,0,0,0", "--q: q2 is -1e.20; values beyond 1e.09"),
+        ("view gp25 --trajectory a.csv", "pinsing check ROBOT FILE judges one, and with --view"),
+        ("guard gp25", "type pinsing export ROBOT -o guard.h"),
         ("families arm", f"arm: is a folder: .* such as {Path('arm/six.urdf')}"),
     ],
 )

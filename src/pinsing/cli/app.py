@@ -67,6 +67,8 @@ RENAMED = {
     "aspects": "postures ROBOT --aspects",
     "cuspidal": "postures ROBOT --cuspidal",
     "dh": "export TABLE.dh.yaml -o ROBOT.urdf",
+    "guard": "export ROBOT -o guard.h",
+    "trajectory": "check ROBOT FILE",
 }
 """What to type instead of commands that there are no more."""
 

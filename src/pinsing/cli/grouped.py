@@ -33,6 +33,14 @@ REPLACED = {
 }  # fmt: skip
 """Options that ``-o FILE`` replaces, and an ending that it takes."""
 
+_OTHERS = {
+    "--tool": "--tool is an option of path: the task pose has the same singularities with any "
+    "tool; for other tasks name a frame of the robot's file with --tip",
+    "--trajectory": "--trajectory is an option of report; pinsing check ROBOT FILE judges one, and "
+    "with --view shows it",
+}
+"""Options that people give to other commands, and what to do instead."""
+
 _VECTORS = ("--q", "--near", "--nominal-q", "--to")
 _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)(e[+-]?\d+)?", re.IGNORECASE)
 
@@ -58,11 +66,8 @@ class GroupedCommand(click.Command):
                 file = file or following
                 meant = file if file == "-" or file.endswith(ending) else f"FILE{ending}"
                 raise OptionError(f"there is no {option}: did you mean -o {meant}?")
-            if option == "--tool" and not any(option in p.opts for p in self.params):
-                raise OptionError(
-                    "--tool is an option of path: the task pose has the same singularities with "
-                    "any tool; for other tasks name a frame of the robot's file with --tip"
-                )
+            if option in _OTHERS and not any(option in p.opts for p in self.params):
+                raise OptionError(_OTHERS[option])
         for p in self.params:
             if {*p.opts} & {*args} and {*p.secondary_opts} & {*args}:
                 raise OptionError(f"{p.opts[0]} and {p.secondary_opts[0]} exclude each other")
