@@ -362,6 +362,12 @@ def test_other_bad_files(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> 
         assert error.count("error:") == 1
 
 
+def test_a_stay_on_a_singularity_has_its_end():
+    Q = [[pan, -1, 1, 0, w, 0] for pan, w in enumerate((0.5, 0, 0, -0.5))]
+    said = check_trajectory(arm_of("ur5"), Q, np.arange(4.0)).text()
+    assert "on the wrist singularity (wrist_2_joint = 0°) from 1 s to 2 s" in " ".join(said.split())
+
+
 def test_the_first_line_says_the_worst():
     arm = arm_of("ur5")
     Q, t = path(51, (-1.4, -0.4))

@@ -170,7 +170,9 @@ def _met(check: TrajectoryCheck) -> str:
     also = [*more, *(words for words in faults if not words.startswith("comes"))]
     singular = f"{verb} {singularity(first.family, first.title, first.where)}"
     singular += " of the design" * bool(check.tube)
-    return f"{singular} {_when(check, first.t)}{'; also ' * bool(also)}{listed(also)}{left_out}"
+    end = first.t_end if first.kind == "along" else None
+    when = _when(check, first.t, end)
+    return f"{singular} {when}{'; also ' * bool(also)}{listed(also)}{left_out}"
 
 
 def singularity(family: str, title: str, where: str = "") -> str:
@@ -193,7 +195,7 @@ def _title(check: TrajectoryCheck, family: str) -> str:
 
 def _when(check: TrajectoryCheck, t: float, end: float | None = None) -> str:
     first = f"{t:.6g} s" if check.timed else f"sample {t:.6g}"
-    if end is None or end <= t:
+    if end is None or f"{end:.6g}" == f"{t:.6g}":
         return f"at t = {first}" if check.timed else f"at {first}"
     return f"from {first} to {end:.6g}{' s' * check.timed}"
 
