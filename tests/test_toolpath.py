@@ -380,8 +380,12 @@ def test_a_seventh_joint_is_free():
     reached(arm, plan, T, np.eye(4))
     np.testing.assert_allclose(plan.q[:, 6], plan.values, atol=1e-9)
     assert plan.clearance > 0
-    with pytest.raises(OptionError, match="7 free joints"):
-        plan_path(form, T, arm=arm)
+    with pytest.raises(OptionError, match=r"7 free joints .* may be one of panda_joint1, "):
+        plan_path(form, T, free="roll", arm=arm)
+    # With its elbow held an arm reaches poses of one distance from its shoulder alone.
+    iiwa = pinsing.load("iiwa7")
+    with pytest.raises(OptionError, match=r"q4 held do not move .* one of q1, q2, q3, q5, q6, q7"):
+        plan_path(pinsing.closed_form(iiwa, prove=False), T, free="q4")
     with pytest.raises(OptionError, match="neither branch, roll, nor a joint"):
         plan_path(form, T, free="elbow", arm=arm)
 

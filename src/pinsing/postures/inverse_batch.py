@@ -15,7 +15,7 @@ import numpy as np
 from pinsing._batch import engine
 from pinsing._types import Array, Bool, Ints
 from pinsing.errors import OptionError
-from pinsing.kinematics.jacobian import generic_rank
+from pinsing.kinematics.jacobian import generic_rank, task_jacobian
 from pinsing.kinematics.verdict import ROWS
 from pinsing.measures import PRACTICAL, ROUNDING
 from pinsing.postures.inverse import decomposed, inverse
@@ -36,12 +36,24 @@ class InverseMany:
     """All inverse solutions on a grid: poses times values of the ``held`` joint, if any."""
 
     def __init__(self, arm: Arm, held: int | None = None) -> None:
-        spare = arm.n - (held is not None)
-        if arm.task.name != "pose" or generic_rank(arm) != 6 or spare != 6:
-            with_it = "" if held is None else f" with {arm.joints[held]} held"
+        spare, reaches = arm.n - (held is not None), arm.task.name == "pose"
+        reaches = reaches and generic_rank(arm) == 6
+        names = _redundant(arm) if reaches and arm.n == 7 else list(arm.joints)
+        with_it = "" if held is None else f" with {arm.joints[held]} held"
+        if not reaches or spare != 6:
+            free = (
+                f"; free (--free) may be one of {', '.join(names)}"
+                if reaches and arm.n == 7
+                else ""
+            )
             raise OptionError(
                 f"{arm.name}{with_it} has {spare} free joints for the task {arm.task}: a path of "
-                "poses needs six and the task pose"
+                f"poses needs six and the task pose{free}"
+            )
+        if held is not None and arm.joints[held] not in names:
+            raise OptionError(
+                f"the other joints of {arm.name}{with_it} do not move the tip in all directions; "
+                f"free (--free) may be one of {', '.join(names)}"
             )
         self.arm, self.held = arm, held
         self.free = np.array([j for j in range(arm.n) if j != held])
@@ -215,6 +227,13 @@ class InverseMany:
         for k, axis in enumerate(axes):
             off = np.maximum(off, np.abs(axis.T - rotation[:, :, k]).max(axis=1))
         return np.asarray(off)
+
+
+def _redundant(arm: Arm) -> list[str]:
+    """Return the joints that may be held while the others move the tip in all directions."""
+    J = task_jacobian(arm, np.cos(1.0 + np.arange(arm.n)))
+    others = [np.linalg.svd(np.delete(J, j, axis=1), compute_uv=False) for j in range(arm.n)]
+    return [j for j, sigma in zip(arm.joints, others, strict=True) if sigma[-1] > PRACTICAL]
 
 
 def _sum(weights: Array, vectors: list[Array], start: Any) -> Any:
