@@ -835,3 +835,25 @@ def test_no_path_within_joint_speeds_is_no_error():
     t = [0.0, 0.04359, 0.13241, 0.26523, 0.44011]
     (plan,) = planned("m1013", rows, "roll", [10], tool=tool, t=t)
     assert "would exceed its speed limit between poses 0 and 1" in plan.reason
+
+
+def test_the_roll_of_the_poses_as_given_does_not_matter_where_it_is_free(ur5):
+    """Turned by up to 180 degrees from pose to pose they had no path."""
+    arm, form = ur5
+    T = circle(arm, 40)
+    rolls = 2 * np.pi * np.random.default_rng(2).random(40)
+    turned = np.array(
+        [
+            P @ pin.SE3(pin.utils.rotate("z", a), 0 * P[:3, 3]).homogeneous
+            for P, a in zip(T, rolls, strict=True)
+        ]
+    )
+    options = {"free": "roll", "step": np.radians(10), "arm": arm, "tool": TORCH}
+    plan = plan_path(form, turned, **options)
+    reached(arm, plan, turned, TORCH)
+    assert plan.clearance == pytest.approx(plan_path(form, T, **options).clearance, abs=0.01)
+    as_given = [s.q for s in pinsing.inverse(arm, turned[0] @ np.linalg.inv(TORCH))]
+    near = pinsing.clearance(form, np.array(as_given), certify=True).upper
+    assert np.abs(near - plan.kept[:, :1]).min(axis=1) == pytest.approx(0, abs=1e-2)
+    at = np.rint(plan.values / plan.grid[1]).astype(int) % len(plan.grid)
+    assert (plan.room[range(40), at] > plan.clearance - 0.1).all()

@@ -341,8 +341,15 @@ class _Planner:
         self.idle = self.long = self.rough = False
         self.cyclic = free == "roll"
         self.grid: Array = np.zeros(1)
+        self.rolled: Ints = np.zeros(len(T), dtype=int)
         if self.cyclic:
             self.grid = np.linspace(0, 2 * np.pi, max(3, round(2 * np.pi / step)), endpoint=False)
+            roll = _rolls(T)
+            if np.abs(np.diff(roll)).max() > _TURNS * np.pi / len(T):  # more than values looked at
+                self.rolled = -np.rint(roll / self.grid[1]).astype(int)
+                self.T = T.copy()
+                for pose, angle in zip(self.T, self.rolled * self.grid[1], strict=True):
+                    pose[:3, :3] = pose[:3, :3] @ pin.utils.rotate("z", angle)
         elif held is not None:
             low, high = (x[held] for x in arm.space.span)
             self.grid = np.linspace(low, high, max(2, 1 + round((high - low) / step)))
@@ -425,11 +432,11 @@ class _Planner:
         turned = self.arm.space.wrap(q)  # many turns would read as degrees
         notes += self._sunken(turned)
         near, kept = clearance(self.form, turned[round(where)]), self._kept(self.first)
-        family = str(near.nearest)
+        family, room = str(near.nearest), np.where(self.usable, self.likely, -np.inf).max(axis=2)
         return replace(
             self._none("", notes),
             q=q,
-            values=values,
+            values=values + self.rolled * (self.grid[1] if self.cyclic else 0.0),
             clearance=proven,
             where=where,
             family=family,
@@ -438,7 +445,7 @@ class _Planner:
             kept=kept,
             title=self.form[family].title if family else "",
             grid=self.grid,
-            room=np.where(self.usable, self.likely, -np.inf).max(axis=2),
+            room=np.array([np.roll(x, k) for x, k in zip(room, self.rolled, strict=True)]),
         )
 
     def _sunken(self, q: Array) -> list[str]:
@@ -1256,17 +1263,17 @@ class _Planner:
         NaN from where there is no solution, or no motion to the next pose that is clear, slow
         enough, and within the limits.
         """
-        i, S = self.kept, self.Q.shape[2]
-        at = np.flatnonzero(self.usable[0, i] & first[i])
+        i, S = (self.kept - self.rolled) % len(self.grid), self.Q.shape[2]
+        at = np.flatnonzero(self.usable[0, i[0]] & first[i[0]])
         out = np.full((len(at), len(self.T)), np.nan)
-        out[:, 0] = self.likely[0, i, at]
-        q = self.Q[0, i, at]
+        out[:, 0] = self.likely[0, i[0], at]
+        q = self.Q[0, i[0], at]
         if self.start is not None:
             q = q + self.turn * np.rint((self.start - q) / (2 * np.pi))
         low = high = q
         for k in range(1, len(self.T)):
-            gap = self._gap(self.Q[k, i] - self.Q[k - 1, i, at][:, None])
-            way = np.where(self.usable[k, i], self._length(gap), np.inf)
+            gap = self._gap(self.Q[k, i[k]] - self.Q[k - 1, i[k - 1], at][:, None])
+            way = np.where(self.usable[k, i[k]], self._length(gap), np.inf)
             near, rows = way.argmin(axis=1), np.arange(len(at))
             move = gap[rows, near]
             q = q + np.nan_to_num(move)
@@ -1274,11 +1281,11 @@ class _Planner:
             ends = np.stack([self.arm.upper - high, low - self.arm.lower])
             turns = np.floor(ends / (2 * np.pi) + 1e-9)
             fits = (turns.sum(axis=0) if self.start is None else turns.min(axis=0)) >= 0
-            node, from_ = i * S + near, i * S + at[None]
+            node, from_ = i[k] * S + near, i[k - 1] * S + at[None]
             _, over, goes = (x[0] for x in self._edges(k, node, from_, move[None]))
             goes = goes & (over < 0) & (fits | self.bounded).all(axis=1)
             goes &= np.isfinite(out[:, k - 1] + way[rows, near])
-            out[:, k] = np.where(goes, self.likely[k, i, near], np.nan)
+            out[:, k] = np.where(goes, self.likely[k, i[k], near], np.nan)
             at = near
         return out
 
@@ -1302,6 +1309,17 @@ class _Planner:
 
         lower = bounded(q)
         return least_along(q, lower, float(lower.min()), length, bounded)
+
+
+def _rolls(T: Array) -> Array:
+    """Return how far poses (N, 4, 4) have turned about z, beside what turns z: radians (N,)."""
+    R, z = T[:, :3, :3], T[:, :3, 2]
+    axis, both = np.cross(z[:-1], z[1:]), 1 + (z[:-1] * z[1:]).sum(axis=1)
+    K = np.stack([np.cross(axis, e) for e in np.eye(3)], axis=-1)
+    x = R[:-1, :, 0] + (K @ R[:-1, :, :1])[..., 0]
+    x += (K @ K @ R[:-1, :, :1])[..., 0] / np.maximum(both, PRACTICAL)[:, None]
+    x, y = (x * R[1:, :, 0]).sum(axis=1), -(x * R[1:, :, 1]).sum(axis=1)
+    return np.concatenate([[0.0], np.cumsum(np.arctan2(y, x))])
 
 
 def rigid_motions(poses: npt.ArrayLike, name: str) -> Array:
