@@ -186,6 +186,9 @@ def test_the_command(capsys: pytest.CaptureFixture[str]) -> None:
     code, out, _ = run("--to", "0.3,0.2,0.5")
     assert code == 0
     assert out.startswith("ur5: the line of 0.3479 m is followed to its end and meets no sing")
+    _, out, _ = run("--to", "0.3,0.2,0.5", "--rad")
+    assert "°" not in out
+    assert "--deg" not in out
     _, fast, _ = run("--to", "0.3,0.2,0.5", "--speed", "3")
     assert "to its end, but joints are too fast at 3 m/s" in fast.splitlines()[0]
     code, out, _ = run("--to", "3,0,0")

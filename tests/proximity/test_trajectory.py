@@ -279,6 +279,8 @@ def test_each_number_of_the_details_has_a_unit() -> None:
     )
     for degrees, turning in ((True, "deg"), (False, "rad")):
         text = details(check, degrees)
+        said = check.text(degrees) + text
+        assert ["°" in said, " rad at" in said] == [degrees, not degrees]
         lines = [line for line in text.splitlines() if "(limit " in line]
         assert any(f" {turning}/s at t" in line and f" {turning}/s)" in line for line in lines)
         for line in lines:

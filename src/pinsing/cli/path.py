@@ -259,7 +259,8 @@ def line_command(
     pose = parse_numbers(target, "--to", deg)
     if len(pose) not in (3, 6):
         raise OptionError(f"--to needs 3 numbers (x, y, z) or 6 (and roll, pitch, yaw): {target!r}")
-    shown = pose if deg else [*pose[:3], *map(math.degrees, pose[3:])]
+    degrees = in_degrees(deg)
+    shown = pose if deg or not degrees else [*pose[:3], *map(math.degrees, pose[3:])]
     if deg:
         pose = [*pose[:3], *map(math.radians, pose[3:])]
     arm = request.load()
@@ -282,7 +283,6 @@ def line_command(
             line = replace(line, postures=line_postures(arm, start, pose, forms=form))
     if not emit_json(line, json_target):
         same = f"--to {','.join(f'{x:.6g}' for x in shown)} --speed {speed:g}"
-        degrees = in_degrees(deg)
         answer = line_summary(line, degrees, request.words, same)
         emit_lines(f"{answer}\n\n{line_details(line, degrees)}")
     met = line.outcome == "singular" or bool(line.crossings)

@@ -439,9 +439,9 @@ def distance_words(found: Distances, degrees: bool, space: JointSpace) -> list[s
         moved = np.flatnonzero(np.abs(d.q - found.q) > 1e-9)
         slides, turns = bool(prismatic[moved].any()), not prismatic[moved].all()
         unit = 1.0 if turns else space.length_scale
-        far = _length(unit * d.upper, slides)
+        far = _length(unit * d.upper, slides, degrees)
         if d.upper - d.lower > 2 * GAP:
-            far = f"{_length(unit * d.lower, slides)} to {far}"
+            far = f"{_length(unit * d.lower, slides, degrees)} to {far}"
         if slides:
             far += " (rad, and metres over the length scale)" if turns else " m"
         moves = [
@@ -456,10 +456,10 @@ def distance_words(found: Distances, degrees: bool, space: JointSpace) -> list[s
     return lines
 
 
-def _length(x: float, slides: bool) -> str:
-    if slides or x == 0:
-        return f"{x:.4g}" if slides else "0°"
-    return f"{math.degrees(x):.4g}° ({x:.4g} rad)"
+def _length(x: float, slides: bool, degrees: bool) -> str:
+    if slides or not degrees:
+        return f"{x:.4g}{'' if slides else ' rad'}"
+    return f"{math.degrees(x):.4g}° ({x:.4g} rad)" if x else "0°"
 
 
 def _joint(x: float, degrees: bool, slides: bool) -> str:

@@ -629,7 +629,7 @@ def line_summary(line: LineCheck, degrees: bool = True, robot: str = "", same: s
     out.append(f"Joint speeds at {line.speed:g} m/s: {_line_speeds(line)}")
     good = _clear(line)
     if good:
-        start = typed(good[0].q, line.arm.prismatic, True, digits=6)
+        start = typed(good[0].q, line.arm.prismatic, degrees, digits=6)
         called = f" ({', '.join(good[0].names)})" * bool(good[0].names)
         works = "it reaches its end clear of singularities"
         out.append(f"From another posture{called} {works}: pinsing line {robot} {start} {same}")
@@ -641,7 +641,7 @@ def line_summary(line: LineCheck, degrees: bool = True, robot: str = "", same: s
             f"None of {count} of the start follows it to its end within the joint limits and "
             "clear of singularities" + f"; the farthest gets {most:.4g} m" * (most > line.s_end)
         )
-    last = typed(line.q_end, line.arm.prismatic, True, digits=6)
+    last = typed(line.q_end, line.arm.prismatic, degrees, digits=6)
     out.append(f"See its end: pinsing view {robot} {last}")
     return "\n".join([f"{line.arm.name}: {head}", "", *(f"  {words}" for words in out)])
 
@@ -670,7 +670,9 @@ def _line_speeds(line: LineCheck) -> str:
 def line_details(line: LineCheck, degrees: bool) -> str:
     """Return the end, every meeting, approach and excess, and the other postures."""
     q = ", ".join(
-        f"{round(math.degrees(x), 3) + 0.0:.3f}°" if degrees and not slides else f"{x:.6g}"
+        f"{round(math.degrees(x), 3) + 0.0:.3f}°"
+        if degrees and not slides
+        else f"{round(x, 9) + 0.0:.6g}"
         for x, slides in zip(line.q_end, line.arm.prismatic, strict=True)
     )
     out = [f"end, at {line.s_end:.6g} of {line.length:.6g} m:", f"  q = {q}"]

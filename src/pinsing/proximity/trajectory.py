@@ -38,12 +38,10 @@ def summary(
     robot: str = "",
 ) -> str:
     """Return at most six lines: what is met and when, what is near, speeds, and what to do."""
-    # ``degrees`` is the unit of speeds; distances from singularities are in degrees.
-    evidence = [check.tube, _nearest(check), _near(check, degrees), *_speeds(check, degrees)]
-    lines = [*evidence, _advice(check, robot or check.arm.typed)]
-    return "\n".join(
-        [f"{file or check.arm.name}: {_met(check)}", "", *(f"  {x}" for x in lines if x)]
-    )
+    near = [_nearest(check, degrees), _near(check, degrees)]
+    lines = [check.tube, *near, *_speeds(check), _advice(check, robot or check.arm.typed, degrees)]
+    said = _met(check, degrees)
+    return "\n".join([f"{file or check.arm.name}: {said}", "", *(f"  {x}" for x in lines if x)])
 
 
 def details(check: TrajectoryCheck, degrees: bool = True) -> str:
@@ -66,14 +64,15 @@ def details(check: TrajectoryCheck, degrees: bool = True) -> str:
         lines += _more(len(check.aspect_changes), False)
     lines += ["nearest approach to each family:"] * bool(check.approaches)
     for near in check.approaches:
+        far, least = (angle_text(x, degrees) for x in (near.upper, near.lower))
         lines.append(
-            f"  {_title(check, near.family)}: {angle_text(near.upper)} {_when(check, near.t)}, "
-            f"at least {angle_text(near.lower)} ({_proven(check)}){OUTSIDE[near.outside]}"
+            f"  {_title(check, near.family)}: {far} {_when(check, near.t)}, "
+            f"at least {least} ({_proven(check)}){OUTSIDE[near.outside]}"
         )
     if check.stretches:
-        lines.append(f"within {angle_text(check.near)}:")
+        lines.append(f"within {angle_text(check.near, degrees)}:")
         for s in check.stretches[:LISTED]:
-            least = f"{angle_text(s.clearance)} from {_title(check, s.family)}"
+            least = f"{angle_text(s.clearance, degrees)} from {_title(check, s.family)}"
             lines.append(f"  {_when(check, s.t, s.t_end)}: at least {least}")
         lines += _more(len(check.stretches), False)
     tip = f"{check.tip_speed:g} m/s and {check.turn_speed:g} rad/s of the tip"
@@ -104,7 +103,7 @@ def _called(number: int | None, names: tuple[str, ...]) -> str:
 def _joint(check: TrajectoryCheck, j: int, value: float, degrees: bool) -> str:
     if degrees and not check.arm.prismatic[j]:
         return f"{round(math.degrees(value), 2) + 0.0:.2f}°"  # no -0.00°
-    return f"{value:.5g}"
+    return f"{round(value, 9) + 0.0:.5g}"
 
 
 def _times(count: int, what: str) -> str:
@@ -137,7 +136,7 @@ def _excess(check: TrajectoryCheck, e: Excess, per: str, degrees: bool) -> str:
     return f"{e.joint}: {worst} {_when(check, e.t_worst)}{where} (limit {limit}){span}"
 
 
-def _met(check: TrajectoryCheck) -> str:
+def _met(check: TrajectoryCheck, degrees: bool) -> str:
     faults = [
         words
         for words, found in (
@@ -145,7 +144,7 @@ def _met(check: TrajectoryCheck) -> str:
             ("leaves joint limits", check.outside),
             ("exceeds joint speed limits", check.too_fast),
             ("exceeds joint acceleration limits", check.too_abrupt),
-            (f"comes within {angle_text(check.near)} of one", check.stretches),
+            (f"comes within {angle_text(check.near, degrees)} of one", check.stretches),
         )
         if found
     ]
@@ -204,15 +203,16 @@ def _proven(check: TrajectoryCheck) -> str:
     return "proven of the design" if check.nominal else "proven"
 
 
-def _nearest(check: TrajectoryCheck) -> str:
+def _nearest(check: TrajectoryCheck, degrees: bool) -> str:
     met = {c.family for c in check.crossings}
     others = (x for x in check.approaches if x.family not in met and x.upper > 0)
     a = next((x for x in others if x.outside != "family"), None)
     if a is None:
         return ""
-    where = "elsewhere" if met else f"(at least {angle_text(a.lower)}, {_proven(check)})"
+    least = angle_text(a.lower, degrees)
+    where = "elsewhere" if met else f"(at least {least}, {_proven(check)})"
     return (
-        f"Closest approach {where}: {_title(check, a.family)}, {angle_text(a.upper)} "
+        f"Closest approach {where}: {_title(check, a.family)}, {angle_text(a.upper, degrees)} "
         f"{_when(check, a.t)}{OUTSIDE[a.outside]}"
     )
 
@@ -227,10 +227,10 @@ def _near(check: TrajectoryCheck, degrees: bool) -> str:
     end = f"; it {ends[check.trend]} the nearest one" if check.trend in ends else ""
     if not check.stretches:
         return ""
-    return f"Within {angle_text(check.near)} of a singularity for {share}{end}"
+    return f"Within {angle_text(check.near, degrees)} of a singularity for {share}{end}"
 
 
-def _speeds(check: TrajectoryCheck, degrees: bool) -> list[str]:
+def _speeds(check: TrajectoryCheck) -> list[str]:
     """One line for each kind of excess, its first or worst."""
     out = []
     for what, found in (
@@ -251,7 +251,7 @@ def _speeds(check: TrajectoryCheck, degrees: bool) -> list[str]:
     return out
 
 
-def _advice(check: TrajectoryCheck, robot: str) -> str:
+def _advice(check: TrajectoryCheck, robot: str, degrees: bool) -> str:
     if check.jumps:
         e = check.jumps[0]
         return f"Look at the jump of {e.joint} {_when(check, e.t)}: " + (
@@ -267,7 +267,7 @@ def _advice(check: TrajectoryCheck, robot: str) -> str:
         start, other = c.q if check.start is None else check.start, check.other
         beyond = " --ignore-limits" if check.outside else ""
         command = f"postures {robot}{beyond}" if other is None else f"at {robot}"
-        q = typed(start if other is None else other, check.arm.prismatic, True, digits=6)
+        q = typed(start if other is None else other, check.arm.prismatic, degrees, digits=6)
         best = "Start in this posture, from which some motion reaches the end without a singularity"
         what = "Try another posture" if other is None else best
         return f"{what}: pinsing {command} {q}"
