@@ -86,6 +86,7 @@ MISTAKES = [
     ("pinsing.list()", AttributeError, "use `pinsing list` in a terminal"),
     ("pinsing.verify('a.json')", AttributeError, "pinsing.proof.verify"),
     ("pinsing.proof.verify(form)", pinsing.proof.Rejected, "no text of at most"),
+    ("pinsing.write_report(arm, 'a.docx')", PinsingError, "a report is .html or .pdf"),
     ("pinsing.Load('ur5')", AttributeError, "pinsing.load"),
     ("pinsing.postures.sweep(arm)", AttributeError, "no attribute 'sweep'"),
     ("pinsing.families(arm)", TypeError, "a module, not a function: use pinsing.closed_form"),

@@ -131,6 +131,8 @@ def write_report(
         path, pdf = None, path
     if path is None and pdf is None:
         raise OptionError("path is None and pdf is None: there is nothing to write")
+    if path is not None and Path(path).suffix.lower() not in ("", ".html", ".htm"):
+        raise OutputError(f"cannot write {path}: a report is .html or .pdf")
     html_file = None if path is None else check_writable(path)
     pdf_file = None if pdf is None else check_writable(pdf)
     if html_file is not None and pdf_file is not None and html_file.resolve() == pdf_file.resolve():
