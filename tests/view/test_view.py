@@ -114,6 +114,11 @@ def test_poses_are_on_their_family_inside_the_limits_and_the_same_every_time(nam
             np.testing.assert_array_equal(q, other)
 
 
+def test_the_nearest_family_is_said_in_words() -> None:
+    said = [e.where_branch(e.family.branches[0]) for e in entries_of("puma560")[1]]
+    assert said[1:] == ["wrist: q5 = 0°", "shoulder: wrist center above the base axis"]
+
+
 def test_findings_of_a_sweep_are_listed() -> None:
     from pinsing.sampling.analyze import singular_configurations
     from pinsing.sampling.sweep_run import sweep

@@ -82,8 +82,9 @@ class Entry:
 
     def where_branch(self, branch: Branch) -> str:
         """The part of the condition that a branch of the family is about."""
-        title = self.family.title if self.family is not None and branch.values else ""
-        words = self._words({v.joint: v.value for v in branch.values})
+        words, title = self._words({v.joint: v.value for v in branch.values}), ""
+        if self.family is not None and (title := self.family.title) and not branch.values:
+            words = self.family.where()
         return f"{title}: {words}" if title else words
 
     def _words(self, values: Mapping[int, float]) -> str:
