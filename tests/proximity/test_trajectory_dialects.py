@@ -168,6 +168,16 @@ DIALECTS = {
     "clock.csv": (clocked("9:59:59.9", "10:00:00.15"), True),
     "midnight.csv": (clocked("23:59:59.9", "00:00:00.15"), True),
     "bare_clock.csv": (clocked("9:59:59.9", "10:00:00.15").partition("\n")[2], True),
+    "stamps.csv": (
+        table(
+            ["Time", "header/stamp/sec", "header/stamp/nanosec", *UR5],
+            np.column_stack([T, T, T, Q]),
+        ),
+        True,
+    ),
+    "stamp.csv": (
+        table(["/stamp/sec", "/stamp/nanosec", *UR5], np.column_stack([0 * T, 1e9 * T, Q])), True,
+    ),
     "yaskawa.csv": (table(["t", *"SLURBT"], timed()), True),
     "yaskawa_deg.csv": (table([f"{a} (deg)" for a in "SLURBT"], DEG), False),
     "comment.csv": ("# units: deg, s\n" + table(["t", *UR5], timed(DEG)), True),
@@ -319,7 +329,9 @@ def test_what_is_not_clear_is_not_guessed(tmp_path, arm, text, said):
         ("a.csv", "# t [s] J1 [deg]\n" + table([], Q)[1:], "speaks of degrees: say '--units deg'"),
         ("a.csv", "# J1_deg, J2_deg\n" + table([], Q)[1:], "speaks of degrees"),
         ("a.csv", "# all in degrees\n" + table(["t", *UR5], timed()), "speaks of degrees"),
-        ("a.csv", table(["sec", "nanosec", *UR5], np.column_stack([T, timed()])), "n 'nanosec'"),
+        ("a.csv", below(table(UR5, Q), "# in degrees"), "speaks of degrees"),
+        ("a.csv", table(["sec", "nanosec", *UR5], np.column_stack([T, timed()])), "not whole"),
+        ("a.csv", "# radians\n" + table(numbered("J{} (deg)"), DEG), "of radians, the heads do"),
         ("a.csv", table(["timestamp", *UR5], timed(t=T + 1.7e18)), "not in seconds"),
         ("a.csv", table([], timed(Q[::-1]))[1:], "last ascend.*--columns t=1,2,3,4,5,6,7"),
         ("a.csv", table([], timed(t=T[::-1]))[1:], "first does not ascend"),

@@ -255,6 +255,8 @@ class Reader:
                 t = number(whole, "the time") + 1e-9 * number(parts, "the time")
         if t is not None:
             t = number(t, "the time") * scale
+            if heads is not None and heads.parts is not None:
+                t += 1e-9 * number(values[heads.parts], "the time")
             require_seconds("the stream", t)
         self.t = t
 

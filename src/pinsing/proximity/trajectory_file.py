@@ -44,6 +44,7 @@ _SCALES = {
 _TIME = re.compile(
     r"(?i)[%_]*(t|times?|zeit|temps|tiempo|tempo|timestamp|seconds|secs?|time_from_start|elapsed)"
 )
+_STAMP = re.compile(r"(?i)(|.*[\W_])(n|nano)?sec(?:s|onds)?")
 _NUMBERED = re.compile(
     r"(?i)(?:(?:axis)?act(?:ual)?_|field_|joint_)?(?:q|jt?|a|rax|joint|gelenk|axis|achse|axe|eje|"
     r"asse|theta|θ|pos|positions?)[_ ]?(\d+)(?:[_ ](?:pos|position|angle|winkel|value))*"
@@ -75,7 +76,8 @@ _LARGEST = 4096 * MEBIBYTE  # bytes
 NO_TIMES = "no column of times"
 _ROWS = 100_000  # at a time
 _EPOCH = 1e8  # seconds: later times are dates, of which three years are left out
-_DEGREES = re.compile(r"(?i)(?:\b|_)deg(?:rees?)?\b(?!/)|°(?!/)")
+_SPOKEN = re.compile(r"(?i)(?:((?:\b|_)(?:deg(?:rees?)?|grad)\b|°)|(?:\b|_)rad(?:ians?)?\b)(?!/)")
+"""A unit of angles in a comment, degrees as its first group."""
 _UNITS_LINE = re.compile(r"(?i)\s*[#%]\s*(?:angle[\s_]+)?units?\s*[:=]\s*(.*)")
 _RAGGED = re.compile(
     r"the number of columns changed from \d+ to (\d+) at row (\d+);.*"
@@ -111,7 +113,8 @@ def read_trajectory(
     A table as text has a head with the names of all joints, in any order, and perhaps a column of
     times. Names may lack the prefix of the robot's or have another's, be numbers (q1, J1, joint_1,
     actual_q_0) or Yaskawa's (S, L, U, R, B, T), stand in a path (/joint_states/NAME/position), and
-    end in a unit (deg, rad, m, mm; s, ms, ns), or a line of units follows. Times of day count from
+    end in a unit (deg, rad, m, mm; s, ms, ns), or a line of units follows. Two columns, ``sec`` and
+    ``nanosec``, are one time. Times of day count from
     the first. Velocities, modes and the like are passed over, as are joints of the whole model that
     the chain leaves out, unless one is locked on it and moves. Without a head there is one column a
     joint, base to tip, perhaps after one of times, which must be the first and strictly ascending
@@ -566,6 +569,7 @@ def _text(path: Path, arm: Arm, columns: Sequence[str], united: bool) -> Traject
         for below in file if named else ():
             lines.append(below)
             if not below.strip() or below.lstrip().startswith("#"):
+                comments += "" if _UNITS_LINE.match(below) else below
                 continue
             cells = [w.strip(AROUND) for w in below.split(separator)]
             numeric = any(map(is_number, cells))
@@ -581,12 +585,9 @@ def _text(path: Path, arm: Arm, columns: Sequence[str], united: bool) -> Traject
         read = None
         if named or columns:
             read = ColumnHeads(path, arm, heads, columns, units, cells, united)
-        unsaid = read is None or None in itertools.compress(read.scales, ~arm.prismatic)
-        if unsaid and not united and degrees is None and _DEGREES.search(comments):
-            raise ConfigurationError(
-                f"{path}: a comment speaks of degrees: say '--units deg' or '--units rad', or "
-                "write '# units: degrees'"
-            )
+        if degrees is None and not united:
+            angles = itertools.compress(read.scales, ~arm.prismatic) if read else [None]
+            _require_spoken(path, comments, {*angles})
         if len(cells) > len(words) and all(map(is_number, cells)):
             raise ConfigurationError(
                 f"{path}: {len(cells)} numbers in the first sample, and {len(words)} names: where "
@@ -615,10 +616,28 @@ def _text(path: Path, arm: Arm, columns: Sequence[str], united: bool) -> Traject
     at = {column: k for k, column in enumerate(used or range(len(words)))}
     others = {w: (values[:, at[i]], read.units[i]) for w, i in read.others.items()}
     t = None if read.time is None else values[:, at[read.time]] * read.time_scale
+    if t is not None and read.parts is not None:
+        part = values[:, at[read.parts]]
+        if (t % 1).any() or (part < 0).any() or (part >= 1e9).any():
+            two = f"{words[read.parts]!r:.80} and the column of seconds"
+            raise ConfigurationError(f"{path}: {two} are not whole seconds and nanoseconds of them")
+        t = t + 1e-9 * part
     Q = values[:, [at[i] for i in read.order]]
     scale = None if read.time is None else read.units[read.time]
-    known = bool(table.clock or scale or read.time_scale != 1)
+    known = bool(table.clock or scale or read.time_scale != 1 or read.parts is not None)
     return TrajectoryFile(Q, t, (*read.notes, *said), others, read.scales, table.degrees, known)
+
+
+def _require_spoken(path: Path, comments: str, heads: set[float | None]) -> None:
+    """Refuse comments that speak of another unit of angles than the heads; None names none."""
+    spoken = {math.radians(1) if m[1] else 1.0 for m in _SPOKEN.finditer(comments)}
+    if None in heads and spoken - {1.0}:
+        said = "degrees: say '--units deg' or '--units rad', or write '# units: degrees'"
+        raise ConfigurationError(f"{path}: a comment speaks of {said}")
+    if spoken and heads - {None} and not spoken & heads:
+        unit = "radians" if 1.0 in spoken else "degrees"
+        said = "the heads do not: correct one of them, or say '--units deg' or '--units rad'"
+        raise ConfigurationError(f"{path}: a comment speaks of {unit}, {said}")
 
 
 def _opened(path: Path) -> io.TextIOWrapper:
@@ -647,8 +666,9 @@ class ColumnHeads:
 
     By joint: ``order`` (columns), ``scales`` (factors of units, or None), ``called`` (names without
     unit and place). By column: ``units``, ``labels`` (those that name the joint of a numbered
-    position), and ``used``. ``time`` is a column in ``time_scale`` seconds. ``others`` are joints
-    of the whole model that the arm does not list, ``held`` those of them between base and tip.
+    position), and ``used``. ``time`` is a column in ``time_scale`` seconds, ``parts`` that of
+    nanoseconds beside it, or None. ``others`` are joints of the whole model that the arm does not
+    list, ``held`` those of them between base and tip.
     """
 
     def __init__(
@@ -691,7 +711,7 @@ class ColumnHeads:
             if marks[i] and unit.lower() not in ("", marks[i]):
                 raise self._error(f"column {words[i]!r:.80} says another unit than {unit!r:.40}")
             marks[i] = unit.lower().strip("-") or marks[i]
-        scales = [_SCALES.get(m) for m in marks]
+        scales, stamps = [_SCALES.get(m) for m in marks], _stamps(names)
         times = [i for i, w in enumerate(names) if w not in exact and _TIME.fullmatch(w)]
         if columns:
             times = [self._column(c[2:]) for c in columns if c.startswith("t=")]
@@ -704,8 +724,12 @@ class ColumnHeads:
             self.others, passed = {}, []
             united = {*times, *(() if angles_said else self.order)}
         else:
-            rest = {i: n for i, n in enumerate(names) if i not in {*times, *self.others.values()}}
-            passed = [i for i, n in rest.items() if n not in exact and _NO_POSITION.fullmatch(n)]
+            parts = {*stamps, *stamps.values()}
+            times = [i for i in times if i not in parts] or [*stamps] * (len(stamps) == 1)
+            known_as = {*times, *(stamps[i] for i in times if i in stamps), *self.others.values()}
+            rest = {i: n for i, n in enumerate(names) if i not in known_as}
+            aside = {i for i, n in rest.items() if n not in exact and _NO_POSITION.fullmatch(n)}
+            passed = sorted(aside | parts - known_as)
             rest = {i: n for i, n in rest.items() if i not in passed}
             stems = {i: _without_places(_UNIT.sub("", words[i])) for i in rest}
             united = {*times, *(i for i, n in stems.items() if _TIME.fullmatch(n))}
@@ -723,6 +747,7 @@ class ColumnHeads:
             pair = " and ".join(f"{words[i]!r:.80}" for i in times[:2])
             raise self._error(f"columns {pair} are both times")
         self.time = times[0] if times else None
+        self.parts = None if self.time is None else stamps.get(self.time)
         self.time_scale = (scales[times[0]] if times else None) or 1.0
         if times and scales[times[0]] is None and words[times[0]] == "%time":
             self.time_scale = 1e-9  # as rostopic writes it
@@ -733,6 +758,7 @@ class ColumnHeads:
         if len(angles) > 1:
             raise self._error("some angles have a unit in their head, others none")
         self.used = {*self.order, *times, *self.others.values()}
+        self.used |= set() if self.parts is None else {self.parts}
         self.notes: tuple[str, ...] = () if times else (NO_TIMES,)
         if below:
             self.notes += ("units are of the line below the head",)
@@ -813,6 +839,15 @@ class ColumnHeads:
             other += ": after a joint's name stands a unit, as _deg or (rad)" * bool(close)
             raise self._error(f"no column for joint {missing[0]!r}{other}")
         return [column[j] for j in arm.joints]
+
+
+def _stamps(names: Sequence[str]) -> dict[int, int]:
+    """Columns of whole seconds, as ROS writes them, each with that of its nanoseconds."""
+    found: dict[str, dict[bool, int]] = {}
+    for i, name in enumerate(names):
+        if said := _STAMP.fullmatch(name):
+            found.setdefault(said[1].lower(), {})[bool(said[2])] = i
+    return {two[False]: two[True] for two in found.values() if len(two) == 2}
 
 
 def _without_places(name: str) -> str:
