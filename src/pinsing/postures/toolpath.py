@@ -1106,20 +1106,20 @@ class _Planner:
         """Return configurations (M, 2, n) on both sides of nodes (M,), two half widths away."""
         if self.edges:
             return np.asarray(self.near[k, at])
-        k = np.broadcast_to(k, at.shape)[:, None]
-        Q, link = self.Q.reshape(len(self.Q), -1, self.arm.n), self.beside[k[:, 0], :, at]
-        near, q = Q[k, link], Q[k, at[:, None]]
+        k = np.broadcast_to(k, at.shape)
+        Q, link = self.Q.reshape(len(self.Q), -1, self.arm.n), self.beside[k, :, at]
+        near: Array = Q[k[:, None], link]
         # A branch goes on beyond the value of a joint where it turns back, straight on from here
         # as far as its middle moved between the last two values at most.
-        on = q - near[:, ::-1]
-        other = Q[k, link] - Q[k, self.beside[k, [1, 0], link]]
-        on, other, across = (self.arm.space.wrap(x) for x in (on, other, near - q))
+        ended = self.ended[k, :, at]
+        m, j = np.nonzero(ended & ~ended[:, ::-1])
+        q, to, k = Q[k[m], at[m]], near[m, j], k[m]
+        other = to - Q[k, self.beside[k, 1 - j, link[m, j]]]
+        on, other, across = (self.arm.space.wrap(x) for x in (q - near[m, 1 - j], other, to - q))
         size, far = self._length(on), self._length(across)
-        ended = self.ended[k[:, 0], :, at]
-        known = ended & ~ended[:, ::-1] & (far < size / 2)
-        far += np.minimum(self._length(on + other), size)
-        on = q + on * (far / np.where(known, size, 1.0))[..., None]
-        return np.where(known[..., None], on, near)
+        share = (far + np.minimum(self._length(on + other), size)) / np.where(size > 0, size, 1.0)
+        near[m, j] = np.where((far < size / 2)[:, None], q + on * share[:, None], to)
+        return near
 
     def _beyond(self, Q: Array) -> Array:
         """How far nodes (..., n) are from within the limits at least; zero or less within."""
