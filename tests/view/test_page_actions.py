@@ -197,6 +197,10 @@ def type_and_step(page: Any) -> None:
     field.press("Enter")
     until(page, "#playing", "half is not a number")
     assert field.input_value() == "-6.35"
+    slide = page.locator(".typed").nth(2)
+    slide.fill("45\u00b0")
+    slide.press("Enter")
+    until(page, "#playing", "45\u00b0 is not a number")
 
 
 def nearest_and_back(page: Any) -> None:

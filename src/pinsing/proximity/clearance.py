@@ -146,8 +146,8 @@ class Clearance(JsonResult):
         name = str(self.nearest.ravel()[least]) or "no family"
         name += " of the design" * self.nominal
         if self.lower.size > 1:
-            return f"{self.lower.size} clearances, the least {lower:.6g} from {name}{said}"
-        return f"{lower:.6g} to {upper:.6g} from {name}{said}"
+            return f"{self.lower.size} clearances, the least {lower:.6g} rad from {name}{said}"
+        return f"{lower:.6g} to {upper:.6g} rad from {name}{said}"
 
 
 @checked

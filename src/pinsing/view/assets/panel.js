@@ -257,7 +257,8 @@ class Panel {
     Object.assign(typed, { type: "text", inputMode: "decimal", autocomplete: "off" });
     typed.setAttribute("aria-label", `${joint.name}, ${joint.prismatic ? "millimetres" : "degrees"}`);
     typed.addEventListener("change", () => {
-      const text = typed.value.replace(",", ".").replace("\u2212", "-").replace(/\s*(mm|\u00b0|deg)?\s*$/, "").trim();
+      const units = joint.prismatic ? /\s*(mm)?\s*$/ : /\s*(\u00b0|deg)?\s*$/;
+      const text = typed.value.replace(",", ".").replace("\u2212", "-").replace(units, "").trim();
       const far = !NUMBER.test(text) || Math.abs(Number(text) * size) > HUGE;
       if (!far) slider.value = Number(text) * size;
       this.actions.typed(index, far ? null : Number(text) * size, typed.value);
