@@ -538,6 +538,8 @@ HEADS = {
     "semicolons": ("X;Y;Z;roll;pitch;yaw", "0,3;0,1;0,2;0;0;0"),
     "tabs and time": ("t\tx\ty\tz\troll\tpitch\tyaw", "{n}\t0.3\t0.1\t0.2\t0\t0\t0"),
     "direction": ("x,y,z,i,j,k", "0.3,0.1,0.2,0,0,-1"),
+    "units": ("X (mm);y_mm;z [m];roll (deg);pitch_deg;yaw°", "300;100;0.2;0;0;360"),
+    "units and time": ("time (ms),x [mm],y (mm),z_mm,i,j,k", "{n}000,300,100,200,0,0,-1"),
 }
 
 
@@ -550,7 +552,8 @@ def test_files_of_poses(tmp_path, head):
     np.testing.assert_allclose(read.poses[:, :3, 3], [[0.3, 0.1, 0.2]] * 3)
     np.testing.assert_allclose(read.poses[:, :3, 2], [[0, 0, 1]] * 3, atol=1e-12)
     assert (read.t is not None) == ("time" in head)
-    assert read.has_roll == (head != "direction")
+    assert read.t is None or read.t.tolist() == [0, 1, 2]
+    assert read.has_roll == (",i" not in first)
 
 
 @pytest.mark.parametrize(
@@ -571,6 +574,7 @@ def test_files_of_poses(tmp_path, head):
             "x,y,z,qx,qy,qz,qw,i,j,k\n" + "0,0,0,1,0,0,0,0,0,1\n" * 2,
             "rotation is given twice: qx, qy, qz, qw and also i, j, k; drop one",
         ),
+        ("x (mm),y,z,i,j,k\n" + "1,2,3,0,0,1\n" * 2, "read x .mm., y, z: give each a unit"),
         ("x,y,z,i,j,k,note\n1,2,3,0,0,1,weld\n", "drop column 'note', which is not needed"),
     ],
 )

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import csv
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -19,7 +19,8 @@ from pinsing._types import Array
 from pinsing.arguments import checked
 from pinsing.errors import OptionError, RobotFileError
 from pinsing.measures import SEED
-from pinsing.proximity.trajectory_file import LARGEST_TEXT
+from pinsing.proximity.trajectory_file import ANGLES as TURNS
+from pinsing.proximity.trajectory_file import LARGEST_TEXT, LENGTHS, SCALES, split_unit
 
 RANGES = ("x", "y", "z", "roll", "pitch", "yaw")
 """What may be placed: metres along the axes of the base, radians about them."""
@@ -159,7 +160,8 @@ def read_poses(path: Path, *, degrees: bool = False, millimetres: bool = False) 
 
     Columns x, y, z and one of: qx, qy, qz, qw; roll, pitch, yaw (about fixed axes x, y, z); or i,
     j, k, the direction from the cutter into the tool (its -z) as CAM systems write it, which leaves
-    the rotation about it open. A column t gives seconds. Separators are commas, semicolons or tabs.
+    the rotation about it open. A column t or time gives seconds. Heads may end in a unit, as
+    ``x (mm)``. Separators are commas, semicolons or tabs.
     """
     try:
         if path.stat().st_size > LARGEST_TEXT:
@@ -170,7 +172,8 @@ def read_poses(path: Path, *, degrees: bool = False, millimetres: bool = False) 
     lines = text.splitlines()
     first = lines[0] if lines else ""
     separator = max(",;\t", key=first.count)
-    names = [word.strip().lower() for word in first.split(separator)]
+    heads = [split_unit(word.strip().lower()) for word in first.split(separator)]
+    names, units = [name for name, _ in heads], dict(heads)
     kinds = [k for k in (QUATERNION, ANGLES, AXIS) if set(k) <= set(names)]
     if len(kinds) > 1:
         both = " and also ".join(", ".join(k) for k in kinds)
@@ -206,7 +209,8 @@ def read_poses(path: Path, *, degrees: bool = False, millimetres: bool = False) 
     if len(rows) < 2:
         raise RobotFileError("a path has two poses at least", path)
     column = dict(zip(names, np.array(rows).T, strict=True))
-    place = np.stack([column[k] for k in "xyz"], axis=1) * (1e-3 if millimetres else 1.0)
+    place = np.stack([column[k] for k in "xyz"], axis=1)
+    place *= _factors(path, units, "xyz", LENGTHS, 1e-3 if millimetres else 1.0)
     if np.abs(place).max() > _FAR:
         raise RobotFileError(
             f"x, y, z reach {np.abs(place).max():g} m: for millimetres add --mm", path
@@ -214,12 +218,30 @@ def read_poses(path: Path, *, degrees: bool = False, millimetres: bool = False) 
     poses = np.zeros((len(rows), 4, 4))
     poses[:, :3, 3], poses[:, 3, 3] = place, 1.0
     how = np.stack([column[k] for k in kind], axis=1)
-    if kind == ANGLES:
-        how = np.radians(how) if degrees else how
-        if np.abs(how).max() > 2 * math.pi:
-            raise RobotFileError("roll, pitch, yaw exceed a turn: for degrees add --deg", path)
+    turned = kind == ANGLES
+    asked = math.radians(1) if degrees and turned else 1.0
+    how *= _factors(path, units, kind, tuple(TURNS) if turned else (), asked)
+    if turned and np.abs(how).max() > 2 * math.pi:
+        raise RobotFileError("roll, pitch, yaw exceed a turn: for degrees add --deg", path)
     poses[:, :3, :3] = _rotations(how, kind, path)
-    return PoseFile(poses, column.get("t"), kind != AXIS)
+    times = next((k for k in ("t", "time") if k in column), None)
+    t = None if times is None else column[times] * SCALES.get(units[times], 1.0)
+    return PoseFile(poses, t, kind != AXIS)
+
+
+def _factors(
+    path: Path, units: Mapping[str, str], names: Sequence[str], known: Sequence[str], asked: float
+) -> Array:
+    """What columns are multiplied by: for the units in their heads, or as asked."""
+    said = [units[name] for name in names]
+    if any(said) and not all(unit in known for unit in said):
+        heads = ", ".join(f"{n} ({u})" if u else n for n, u in zip(names, said, strict=True))
+        raise RobotFileError(f"the heads read {heads}: give each a unit of its kind, or none", path)
+    factors = np.array([SCALES[unit] if unit else asked for unit in said])
+    if asked != 1 and (factors != asked).any():
+        option = "--deg" if asked > 1e-2 else "--mm"
+        raise RobotFileError(f"the head of {names[0]} says {said[0]}: leave out {option}", path)
+    return factors
 
 
 def _rotations(values: Array, kind: tuple[str, ...], path: Path) -> Array:

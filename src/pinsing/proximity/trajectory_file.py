@@ -31,13 +31,13 @@ _UNIT = re.compile(
     r"|(?<=\sin\s)grad)$|\s*(°)$"
 )
 _DEGREE = ("deg", "degree", "degrees", "°", "grad", "degré", "degrés", "grados", "gradi")
-_ANGLES = {
+ANGLES = {
     **dict.fromkeys(_DEGREE, math.radians(1)),
     **dict.fromkeys(("rad", "radian", "radians"), 1.0),
 }
-_LENGTHS = ("m", "meter", "metre", "mm")
-_SCALES = {
-    **_ANGLES, **dict.fromkeys((*_LENGTHS, "s", "sec", "second", "seconds"), 1.0),
+LENGTHS = ("m", "meter", "metre", "mm")
+SCALES = {
+    **ANGLES, **dict.fromkeys((*LENGTHS, "s", "sec", "second", "seconds"), 1.0),
     **dict.fromkeys(("mm", "ms"), 1e-3), "us": 1e-6, "ns": 1e-9,
 }  # fmt: skip
 """What a unit in the head of a column is multiplied by: radians, metres, seconds."""
@@ -113,15 +113,14 @@ def read_trajectory(
     A table as text has a head with the names of all joints, in any order, and perhaps a column of
     times. Names may lack the prefix of the robot's or have another's, be numbers (q1, J1, joint_1,
     actual_q_0) or Yaskawa's (S, L, U, R, B, T), stand in a path (/joint_states/NAME/position), and
-    end in a unit (deg, rad, m, mm; s, ms, ns), or a line of units follows. Two columns, ``sec`` and
-    ``nanosec``, are one time. Times of day count from
-    the first. Velocities, modes and the like are passed over, as are joints of the whole model that
-    the chain leaves out, unless one is locked on it and moves. Without a head there is one column a
-    joint, base to tip, perhaps after one of times, which must be the first and strictly ascending
-    while the last is not. A comment ``# units: degrees`` holds for all angles; ``degrees``
-    overrides the file. Commas, semicolons, tabs or blanks separate; decimal commas are read where
-    the comma does not separate. ``columns`` name, or number from 1, those of joints, and ``t=NAME``
-    of times.
+    end in a unit (deg, rad, m, mm; s, ms, ns), or a line of units follows. Columns ``sec`` and
+    ``nanosec`` are one time. Times of day count from the first. Velocities, modes and the like are
+    passed over, as are joints of the whole model that the chain leaves out, unless one is locked on
+    it and moves. Without a head there is one column a joint, base to tip, perhaps after one of
+    times, which must be the first and strictly ascending while the last is not. A comment
+    ``# units: degrees`` holds for all angles; ``degrees`` overrides the file. Commas, semicolons,
+    tabs or blanks separate; decimal commas are read where the comma does not separate. ``columns``
+    name, or number from 1, those of joints, and ``t=NAME`` of times.
 
     YAML or JSON holds a trajectory of ROS or MoveIt, or what ``ros2 topic echo`` prints of joint
     states; ``.ls`` the points of a Fanuc program, J3 as written, or J2 + J3 for a Fanuc arm of
@@ -394,13 +393,13 @@ def _fanuc(path: Path, arm: Arm, text: str) -> TrajectoryFile:
     units = [unit.lower() for _, _, unit in order[0]] if order else [""] * arm.n
     _require_kinds(path, arm, [f"J{k + 1}" for k in range(arm.n)], units)
     rows = [[float(x) for _, x, _ in cells] for cells in order]
-    return _moves(path, arm, rows, [_SCALES.get(unit) for unit in units])
+    return _moves(path, arm, rows, [SCALES.get(unit) for unit in units])
 
 
 def _require_kinds(path: Path | str, arm: Arm, heads: Sequence[str], units: Sequence[str]) -> None:
     """Refuse angles of a joint that slides, and lengths of one that turns."""
     for head, unit, joint, slides in zip(heads, units, arm.joints, arm.prismatic, strict=True):
-        if unit in (_ANGLES if slides else _LENGTHS):
+        if unit in (ANGLES if slides else LENGTHS):
             raise ConfigurationError(
                 f"{path}: {head!r:.80} is in {unit}, but is taken for joint {joint!r}, which "
                 f"{'slides' if slides else 'turns'}: correct the unit, or say with --columns "
@@ -510,7 +509,7 @@ def stated_unit(where: str, line: str, before: bool | None) -> bool | None:
     said = _UNITS_LINE.match(line)
     if said is None:
         return before
-    units = {w: _SCALES.get(w) for w in re.findall(r"[a-z°]+", said[1].lower()) if w != "and"}
+    units = {w: SCALES.get(w) for w in re.findall(r"[a-z°]+", said[1].lower()) if w != "and"}
     angles = {s for w, s in units.items() if w[:3] in ("deg", "rad", "°")}
     if len(angles) != 1 or any(s != 1 for w, s in units.items() if s not in angles):
         raise ConfigurationError(
@@ -573,7 +572,7 @@ def _text(path: Path, arm: Arm, columns: Sequence[str], united: bool) -> Traject
                 continue
             cells = [w.strip(AROUND) for w in below.split(separator)]
             numeric = any(map(is_number, cells))
-            if units or numeric or not any(c.lower() in _SCALES for c in cells):
+            if units or numeric or not any(c.lower() in SCALES for c in cells):
                 break
             units, cells, lines[-1] = cells, (), "\n"
         order = [j for w in _NAMES.findall(comments) if (j := _named(w, arm.joints))]
@@ -688,12 +687,7 @@ class ColumnHeads:
         if twice := [w for w in words if w and list(words).count(w) > 1 and not columns]:
             raise self._error(f"column {twice[0]!r:.80} is there twice")
         known = _others(arm)
-        units = [_UNIT.search(w) for w in words]
-        marks = [next(filter(None, u.groups())).lower() if u else "" for u in units]
-        names = [
-            w[: u.start()] if u and m in _SCALES else w
-            for w, u, m in zip(words, units, marks, strict=True)
-        ]
+        names, marks = map(list, zip(*map(split_unit, words), strict=True))
         named = {} if columns else {i: m for i, w in enumerate(words) if (m := _NAME.fullmatch(w))}
         index = {int(m[1] or m[2]): i for i, m in named.items()}
         cells = {i: word.strip(AROUND) for i, word in enumerate(first) if i in named}
@@ -711,7 +705,7 @@ class ColumnHeads:
             if marks[i] and unit.lower() not in ("", marks[i]):
                 raise self._error(f"column {words[i]!r:.80} says another unit than {unit!r:.40}")
             marks[i] = unit.lower().strip("-") or marks[i]
-        scales, stamps = [_SCALES.get(m) for m in marks], _stamps(names)
+        scales, stamps = [SCALES.get(m) for m in marks], _stamps(names)
         times = [i for i, w in enumerate(names) if w not in exact and _TIME.fullmatch(w)]
         if columns:
             times = [self._column(c[2:]) for c in columns if c.startswith("t=")]
@@ -839,6 +833,13 @@ class ColumnHeads:
             other += ": after a joint's name stands a unit, as _deg or (rad)" * bool(close)
             raise self._error(f"no column for joint {missing[0]!r}{other}")
         return [column[j] for j in arm.joints]
+
+
+def split_unit(word: str) -> tuple[str, str]:
+    """Return the name in a column's head and its unit, or all of the head if that is not known."""
+    found = _UNIT.search(word)
+    unit = next(filter(None, found.groups())).lower() if found else ""
+    return (word[: found.start()] if found and unit in SCALES else word), unit
 
 
 def _stamps(names: Sequence[str]) -> dict[int, int]:
