@@ -173,7 +173,7 @@ class TestAt:
         far = [f["upper"] for f in found["families"]]
         assert far == sorted(far)
         text = " ".join(run(*words).stdout.split())
-        assert "F1: 45.84° (0.8 rad), by elbow_joint -0.8 rad; the family is within" in text
+        assert "F1: 0.8 rad, by elbow_joint -0.8 rad; the family is within" in text
         assert "distance" not in run(*words, "--no-distances").stdout
         assert "distances" not in json.loads(run(*words, "--no-distances", "-o", "-").stdout)
         slides = " ".join(run("at", "stanford", "--q", "0,1,0.3,1,0.5,0").stdout.split())
@@ -234,6 +234,8 @@ class TestAt:
         assert done.exit_code == 0
         degrees = run("at", "ur5", "--q", "0,0,181,0,0,0", "--deg").stderr
         assert "elbow_joint = 181° is outside its limits, -180 to 180°" in degrees
+        radians = run("at", "ur5", "--q", "0,-1.57,1.57,0,0.5,0", "--deg", "--no-distances").stderr
+        assert "no angle of --q exceeds 6.3°: if they are in radians, leave out --deg" in radians
 
     def test_a_plain_clearance_is_in_the_unit_of_the_command(self, tmp_path):
         file = tmp_path / "path.csv"

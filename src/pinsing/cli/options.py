@@ -497,6 +497,8 @@ def joint_vector(arm: Arm, text: str, what: str, degrees: bool) -> Array:
             f"{what}: {arm.joints[j]} is {q[j]:g}; values beyond {FARTHEST:g} are no positions of "
             "a joint"
         )
+    if degrees and 0 < np.abs(q[~arm.prismatic]).max(initial=0.0) <= math.tau:
+        say(f"note: no angle of {what} exceeds 6.3°: if they are in radians, leave out --deg")
     return np.where(arm.prismatic, q, np.radians(q)) if degrees else q
 
 
