@@ -3,6 +3,7 @@
 import json
 import math
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -47,6 +48,8 @@ def elbow(table: Path) -> Family:
 def test_the_value_inside_is_named(elbow: Family) -> None:
     assert elbow.reachability is Reachability.INSIDE
     assert elbow.reach == SAID
+    turned = replace(elbow, lower=elbow.lower + math.tau, upper=elbow.upper + math.tau)
+    assert turned.reach == SAID.replace("0° (", "360° (", 1)
     assert [(v.joint, v.value, v.reachability) for v in elbow.value_reach] == [
         (1, 0.0, Reachability.INSIDE),
         (1, pytest.approx(math.pi), Reachability.OUTSIDE),

@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, ClassVar
 
@@ -592,7 +592,8 @@ class Family(Members, JsonResult):
     @property
     def reach(self) -> str:
         """Reachability in words, with the joint values that it is true of where not of all."""
-        return reach_words(self.reachability, self.value_reach, self.prismatic)
+        near = [replace(v, value=self._copy(v.value, v.joint)) for v in self.value_reach]
+        return reach_words(self.reachability, near, self.prismatic)
 
     @property
     def label(self) -> str:
@@ -661,7 +662,7 @@ class Family(Members, JsonResult):
     def _copy(self, angle: float, j: int) -> float:
         """The angle, by whole turns within the limits where one is."""
         low, high = float(self.lower[j]) - ROUNDING, float(self.upper[j]) + ROUNDING
-        if low <= angle <= high or math.isinf(low):
+        if low <= angle <= high or math.isinf(low) or self.prismatic[j]:
             return angle
         moved = angle + math.tau * math.ceil((low - angle) / math.tau)
         return moved if moved <= high else angle
