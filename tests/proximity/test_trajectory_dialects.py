@@ -146,6 +146,8 @@ DIALECTS = {
     "achsen.csv": (table(["Zeit", *numbered("Achse {} [Grad]")], timed(DEG), ";"), True),
     "axis.csv": (table(["t", *numbered("Axis {} (deg)")], timed(DEG)), True),
     "windows.csv": (table([f"{j} (degrés)" for j in UR5], DEG), False),
+    "joint_angle.csv": (table(numbered("Joint angle {}_degree"), DEG), False),
+    "J_actual.csv": (table(numbered("J{}_actual"), Q), False),
     "J_pos.csv": (table(numbered("J{}_pos"), Q), False),
     "angle.csv": (table(numbered("Joint {} angle [°]"), DEG), False),
     "in_words.csv": (table(numbered("Gelenk{} in Grad"), DEG), False),

@@ -27,7 +27,7 @@ from pinsing.robot.whole_model import WholeModel
 
 _UNIT = re.compile(
     r"(?i)[\s_]*[\[(]\s*([^\W\d_][^\[\]()]*?|°)\s*[\])]\s*$"
-    r"|(?:[\s_]in)?[\s_](deg|degrees|[mu]?rad|radians|mdeg|revs?|turns|gon|mm|cm|ms|us|ns"
+    r"|(?:[\s_]in)?[\s_](deg(?:rees?)?|[mu]?rad|radians|mdeg|revs?|turns|gon|mm|cm|ms|us|ns"
     r"|(?<=\sin\s)grad)$|\s*(°)$"
 )
 _DEGREE = ("deg", "degree", "degrees", "°", "grad", "degré", "degrés", "grados", "gradi")
@@ -47,7 +47,8 @@ _TIME = re.compile(
 _STAMP = re.compile(r"(?i)(|.*[\W_])(n|nano)?sec(?:s|onds)?")
 _NUMBERED = re.compile(
     r"(?i)(?:(?:axis)?act(?:ual)?_|field_|joint_)?(?:q|jt?|a|rax|joint|gelenk|axis|achse|axe|eje|"
-    r"asse|theta|θ|pos|positions?)[_ ]?(\d+)(?:[_ ](?:pos|position|angle|winkel|value))*"
+    r"asse|theta|θ|pos|(?:joint[_ ]?)?(?:angle|position)s?)[_ ]?(\d+)"
+    r"(?:[_ ](?:pos|position|angle|winkel|value|actual))*"
 )
 _PLACES = {"joint_states", "joint_state", "pos", "position", "positions", "actual", "field", "data"}
 """Parts of a column's name that tell where a position was written down, not of which joint."""
