@@ -202,7 +202,8 @@ def test_the_command(capsys: pytest.CaptureFixture[str]) -> None:
     code, out, _ = run("--to", "3,0,0", "--fail-if-singular", "-o", "-")
     assert code == 1
     assert json.loads(out)["outcome"] == "singular"
-    for wrong in (["--to", "1,2"], ["--to", "a,b,c"], ["--to", "0.3,0.2,0.5", "--speed", "0"]):
+    to = ("1,2", "a,b,c", "0.3,0.2,0.5,180,0,90")
+    for wrong in (*(["--to", x] for x in to), ["--to", "0.3,0.2,0.5", "--speed", "0"]):
         code, out, err = run(*wrong)
         assert (code, err.count("error:")) == (2, 1)
         assert not out

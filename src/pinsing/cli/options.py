@@ -6,7 +6,7 @@ import functools
 import math
 import re
 import shlex
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, TypeVar
@@ -424,10 +424,12 @@ def typed_speeds(arm: Arm, text: str | None, turn_speed: float, deg: bool) -> Ar
         return None
     speeds = np.array(parse_numbers(text, "--joint-speeds", deg))
     turning = speeds[~arm.prismatic] if len(speeds) == arm.n else speeds[:0]
-    if deg and turning.size and turning.max() < 2 * math.pi:
-        raise OptionError("--joint-speeds: below 6.3 deg/s all; for rad/s leave out --deg")
-    if not deg and turning.size and turning.min() > fast and told_degrees(deg) is None:
-        raise OptionError("--joint-speeds: over two turns a second all; for deg/s add --deg")
+    other = np.degrees if deg else np.radians
+    slow = deg and turning.size and turning.max() < 2 * math.pi
+    if slow or (turning.size and turning.min() > fast and told_degrees(deg) is None):
+        units = ("deg/s with --deg", "rad/s") if deg else ("rad/s without --deg", "deg/s")
+        typed = ",".join(f"{x:.4g}" for x in np.where(arm.prismatic, speeds, other(speeds)))
+        raise OptionError(f"--joint-speeds are in {units[0]}: for {units[1]} type {typed}")
     return np.where(arm.prismatic, speeds, np.radians(speeds)) if deg and turning.size else speeds
 
 
@@ -497,9 +499,15 @@ def joint_vector(arm: Arm, text: str, what: str, degrees: bool) -> Array:
             f"{what}: {arm.joints[j]} is {q[j]:g}; values beyond {FARTHEST:g} are no positions of "
             "a joint"
         )
-    if degrees and 0 < np.abs(q[~arm.prismatic]).max(initial=0.0) <= math.tau:
-        say(f"note: no angle of {what} exceeds 6.3°: if they are in radians, leave out --deg")
+    if degrees:
+        doubt_degrees(q[~arm.prismatic].tolist(), what)
     return np.where(arm.prismatic, q, np.radians(q)) if degrees else q
+
+
+def doubt_degrees(angles: Sequence[float], what: str) -> None:
+    """Say so if angles typed with ``--deg`` may be in radians."""
+    if 0 < max(map(abs, angles), default=0.0) <= math.tau:
+        say(f"note: no angle of {what} exceeds 6.3°: if they are in radians, leave out --deg")
 
 
 def joint_names(arm: Arm, text: str) -> tuple[str, ...]:

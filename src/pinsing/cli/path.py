@@ -18,6 +18,7 @@ from pinsing.cli.options import (
     RobotRequest,
     arm_options,
     deg_option,
+    doubt_degrees,
     fail_option,
     in_degrees,
     joint_names,
@@ -199,11 +200,7 @@ def _frame(text: str | None, option: str, degrees: bool) -> Array:
     T = np.eye(4)
     if text is None:
         return T
-    values = parse_numbers(text, option)
-    if len(values) not in (3, 6):
-        raise OptionError(
-            f"{option} needs 3 numbers (x, y, z) or 6 (and roll, pitch, yaw): {text!r}"
-        )
+    values = _pose(text, option, degrees)
     if max(map(abs, values[:3])) > 20:
         metres = ",".join(f"{x / 1000:g}" for x in values[:3])
         raise OptionError(
@@ -213,11 +210,22 @@ def _frame(text: str | None, option: str, degrees: bool) -> Array:
     if len(values) == 6:
         import pinocchio as pin
 
-        if not degrees and max(map(abs, values[3:])) > 2 * math.pi:
-            raise OptionError(f"{option} {text}: angles over a turn: for degrees add --deg")
-        angles = np.radians(values[3:]) if degrees else np.array(values[3:])
-        T[:3, :3] = pin.rpy.rpyToMatrix(angles)
+        T[:3, :3] = pin.rpy.rpyToMatrix(np.array(values[3:]))
     return T
+
+
+def _pose(text: str, option: str, degrees: bool) -> list[float]:
+    """Three numbers, or six with roll, pitch, yaw, in metres and radians."""
+    values = parse_numbers(text, option, degrees)
+    if len(values) not in (3, 6):
+        raise OptionError(
+            f"{option} needs 3 numbers (x, y, z) or 6 (and roll, pitch, yaw): {text!r}"
+        )
+    if degrees:
+        doubt_degrees(values[3:], option)
+    elif max(map(abs, values[3:]), default=0.0) > 2 * math.pi:
+        raise OptionError(f"{option} {text}: angles over a turn: for degrees add --deg")
+    return [*values[:3], *(map(math.radians, values[3:]) if degrees else values[3:])]
 
 
 @command("line")
@@ -256,13 +264,8 @@ def line_command(
     Example: pinsing line ur5 --q 10,-70,75,-90,-80,0 --deg --to 0.3,0.2,0.5
     """
     parse_numbers(q, "--q", deg)
-    pose = parse_numbers(target, "--to", deg)
-    if len(pose) not in (3, 6):
-        raise OptionError(f"--to needs 3 numbers (x, y, z) or 6 (and roll, pitch, yaw): {target!r}")
-    degrees = in_degrees(deg)
-    shown = pose if deg or not degrees else [*pose[:3], *map(math.degrees, pose[3:])]
-    if deg:
-        pose = [*pose[:3], *map(math.radians, pose[3:])]
+    pose, degrees = _pose(target, "--to", deg), in_degrees(deg)
+    shown = [*pose[:3], *map(math.degrees, pose[3:])] if degrees else pose
     arm = request.load()
     from pinsing.families.solve import form_to_measure
     from pinsing.postures.motions import line_postures
