@@ -9,8 +9,8 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
 LIMITS: dict[str, tuple[int, int]] = {
-    "Python in src: statements": (43_578, 30_000),
-    "Python in src: lines": (78_620, 56_000),
+    "Python in src: statements": (43_576, 30_000),
+    "Python in src: lines": (78_617, 56_000),
     "C++, JavaScript, templates, styles: lines": (12_582, 9_500),
     "modules": (219, 220),
     "packages directly under pinsing": (16, 16),

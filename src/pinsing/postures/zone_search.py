@@ -30,7 +30,6 @@ from pinsing.kinematics.tip_speed import TIP_SPEED, TURN_SPEED, speed_judge
 from pinsing.measures import ROUNDING
 from pinsing.postures.ladder import posture_names
 from pinsing.prose import listed
-from pinsing.proximity.trajectory import angle_text
 from pinsing.proximity.watched import Watched, metric_note, titled, watch
 from pinsing.proximity.zones import Zones
 from pinsing.robot.arm import Arm, summarize
@@ -299,15 +298,13 @@ class _Search:
             if least > common.reached:
                 common = _Answer(common.proven, float(least), lowered.q)
             if far[k] > (1 + GAP) * found[k] + self.sure:
-                near = (
-                    f"{angle_text(found[k])} exceeds a limit" if found[k] else "none found exceeds"
-                )
-                loose.append(f"{name} ({angle_text(far[k])}; {near})")
+                loose.append(name)
         sigma, condition = self._measures(far)
         if loose and math.isfinite(sigma):
             notes.append(
-                f"after {self.seen} boxes proven distances may be over {GAP:.0%} more than "
-                f"needed: {listed(loose)}: try more boxes, lower speeds or a smaller part (within)"
+                f"after {self.seen} boxes proven distances from {listed(loose)} may be over "
+                f"{GAP:.0%} more than needed: try more boxes, lower speeds or a smaller part "
+                "(within)"
             )
         if self.judge.rank < self.arm.n:
             notes.append("a motion counts as possible if any joint speeds that make it are")
