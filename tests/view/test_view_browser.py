@@ -50,7 +50,7 @@ def test_a_running_robot_is_followed(page: Any) -> None:
     run = [sys.executable, "-m", "pinsing", "view", "scara", "--skeleton", "--no-open"]
     pipes = dict.fromkeys(("stdin", "stdout", "stderr"), subprocess.PIPE)
     saying = "(t) => document.querySelector('#playing').textContent.includes(t)"
-    standing = "(t) => Math.abs(window.pinsing.view.frame.q[3] - t) < 1e-9"
+    standing = "(t) => Math.abs(window.pinsing?.view?.frame?.q[3] - t) < 1e-9"
     with subprocess.Popen([*run, "--follow", "-", "--deg"], **pipes, text=True) as robot:
         try:
             open_page(page, robot.stdout.readline().strip())
