@@ -575,3 +575,25 @@ def test_every_family_option_takes_names_and_titles(words, file, tmp_path):
         written += [out.exists()]
     assert written == [True, True, False]
     assert "unknown family 'foot'" in done.stderr
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (("families", "ur5", "-v"), "wrist_2_joint = 0 or pi  "),
+        (("at", "irb120", "--q", "0,0.2,0.3,0,0.05,0"), "0.05 rad away: q5 by -0.05 rad"),
+        (("line", "irb120", "--q", "0,0.2,0.3,0,0.05,0", "--to", "0.45,0,0.4"), "(q5 = 0)"),
+        (
+            ("zones", "irb120", "--within", "q3=0.5..1.2", "--boxes", "9000"),
+            "between 0.5 rad and 1",
+        ),
+        (("analyze", "puma560"), "q3 = -1.524 rad or 1.618 rad"),
+        (("postures", "irb120", "--q", "0,0.2,0.3,0,0.5,0"), "--q -pi,-1.99105,0.3,-pi"),
+    ],
+)
+def test_an_answer_in_radians_has_no_degree(words, said):
+    """Conditions of families, which are kept in degrees, too; columns stay in line."""
+    done = run(*words, "--rad")
+    assert done.exit_code == 0
+    assert "\N{DEGREE SIGN}" not in done.output
+    assert said in " ".join(done.stdout.split("\n"))

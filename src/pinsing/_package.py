@@ -69,6 +69,12 @@ class Package(ModuleType):
         return f"{refusal}: use {places[close[0]]}.{close[0]}" if close else refusal
 
 
+def advised(name: str) -> str:
+    """Return what the outermost package says to use for a name that it has not, or nothing."""
+    outermost = sys.modules[__name__.partition(".")[0]]
+    return outermost.advice(name) if isinstance(outermost, Package) else ""
+
+
 def public(
     package: str,
     homes: Mapping[str, str],

@@ -423,7 +423,7 @@ def typed(
     # in quotes, so that a line may end between two of them.
     slides = np.asarray(prismatic, dtype=bool)
     words = [
-        _number(float(value), bool(slides[j]), degrees, 6 if j in loose else digits)
+        number_text(float(value), bool(slides[j]), degrees, 6 if j in loose else digits)
         for j, value in enumerate(np.asarray(q, dtype=float))
     ]
     turns = not degrees and bool((np.abs(np.asarray(q, dtype=float))[~slides] > math.tau).any())
@@ -436,7 +436,8 @@ def typed(
     return f'{unbroken(option)}"{", ".join(words)}"'
 
 
-def _number(value: float, slides: bool, degrees: bool, digits: int) -> str:
+def number_text(value: float, slides: bool, degrees: bool, digits: int) -> str:
+    """A joint value as it is typed, radians or ``degrees``; quarter turns are exact."""
     quarters = round(value / (math.pi / 2))
     if not slides and quarters and abs(value - quarters * math.pi / 2) < 1e-14 * abs(value):
         return f"{90 * quarters}" if degrees else _quarter_turns(quarters)

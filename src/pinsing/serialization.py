@@ -5,7 +5,6 @@ from __future__ import annotations
 import dataclasses
 import difflib
 import json
-import sys
 import types
 import typing
 from collections.abc import Callable, Mapping
@@ -15,6 +14,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from pinsing._package import advised
 from pinsing.arguments import checked
 from pinsing.errors import PinsingError, ResultError
 from pinsing.notebook import one_line
@@ -75,8 +75,7 @@ def _hint(kind: Any, name: str) -> str:
     if guess.partition(" ")[0] in known:
         return guess
     close = difflib.get_close_matches(name, known, 3, 0.7)
-    package: Any = sys.modules["pinsing"]
-    return _ELSEWHERE.get(name) or package.advice(name) or " or ".join(close)
+    return _ELSEWHERE.get(name) or advised(name) or " or ".join(close)
 
 
 class JsonResult(Advised):

@@ -624,3 +624,9 @@ def test_every_robot_of_the_catalog_loads_or_says_why():
         assert 1 <= generic_rank(arm) <= 6
     assert loaded >= 25
     assert all(message and "\n" not in message for message in said)
+
+
+def test_whole_turns_are_taken_off_revolute_joints_alone():
+    space = pinsing.load("stanford").space
+    wrapped = space.wrap([0.1, 3.2, np.inf, -np.pi, 1 - 4 * np.pi, 0.0])
+    np.testing.assert_allclose(wrapped, [0.1, 3.2 - 2 * np.pi, np.inf, -np.pi, 1, 0], rtol=1e-14)

@@ -16,7 +16,7 @@ from click.core import ParameterSource
 
 from pinsing.atomic_write import check_writable
 from pinsing.cli import completion
-from pinsing.cli.output import STDOUT, say
+from pinsing.cli.output import STDOUT, in_radians, say
 from pinsing.errors import ConfigurationError, OptionError, OutputError, PinsingError
 
 
@@ -313,9 +313,7 @@ deg_option = click.option(
 
 def in_degrees(deg: bool) -> bool:
     """Return True if angles are printed in degrees: unless ``--rad`` was typed."""
-    context = click.get_current_context(silent=True)  # none where Python calls
-    typed = None if context is None else context.get_parameter_source("deg")
-    return deg or typed is not ParameterSource.COMMANDLINE
+    return deg or not in_radians()
 
 
 _STDOUT_TOO = ("json_target", "csv", "c", "python", "urdf")

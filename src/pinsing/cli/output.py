@@ -6,6 +6,7 @@ import contextlib
 import errno
 import io
 import json
+import math
 import os
 import re
 import select
@@ -17,6 +18,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
+from click.core import ParameterSource
 
 from pinsing.atomic_write import why, write_bytes, write_text
 from pinsing.errors import ConfigurationError, OutputError, shown_path
@@ -31,21 +33,48 @@ if TYPE_CHECKING:
 
 STDOUT = "-"
 _NOT_ASCII = re.compile(r"[^\x00-\x7e]")
+_DEGREES = re.compile(r"(-?\d+(?:\.\d+)?(?:e[-+]?\d+)?)°")
+_CELL = re.compile(r"([^\n]*?°[^\n]*?)(  +|$)", re.MULTILINE)  # and the room to the next column
+
+
+def in_radians() -> bool:
+    """Return True if ``--rad`` was typed: answers are in radians then, otherwise in degrees."""
+    context = click.get_current_context(silent=True)  # none where Python calls
+    if context is None or context.params.get("deg") is not False:
+        return False
+    return context.get_parameter_source("deg") is ParameterSource.COMMANDLINE
+
+
+def _in_unit(text: str) -> str:
+    """What is kept in degrees, as families' conditions are, in radians where they are asked for."""
+    if "°" not in text or not in_radians():
+        return text
+    from pinsing.arguments import number_text
+
+    def number(found: re.Match[str]) -> str:
+        new = number_text(math.radians(float(found[1])), False, False, 4)
+        return new if new == "0" or "pi" in new else f"{new} rad"
+
+    def cell(found: re.Match[str]) -> str:
+        new = _DEGREES.sub(number, found[1])
+        return new.ljust(len(found[0]) - 2) + "  " if found[2] else new
+
+    return _CELL.sub(cell, text)
 
 
 def emit(text: str) -> None:
     """Print a result; what it was painted with goes to terminals alone."""
-    print(safe(text, painted=shows_colour(sys.stdout)))
+    print(safe(_in_unit(text), painted=shows_colour(sys.stdout)))
 
 
 def emit_lines(text: str) -> None:
     """Print a result that is finished text, wrapped to the width of the terminal."""
-    emit(Page.of().fitted(text))
+    emit(Page.of().fitted(_in_unit(text)))
 
 
 def say(text: str) -> None:
     """Print a message that is no result."""
-    _tell(f"pinsing: {visible(text)}")
+    _tell(f"pinsing: {visible(_in_unit(text))}")
 
 
 def complain(text: str) -> None:

@@ -40,20 +40,16 @@ class InverseMany:
         reaches = reaches and generic_rank(arm) == 6
         names = _redundant(arm) if reaches and arm.n == 7 else list(arm.joints)
         with_it = "" if held is None else f" with {arm.joints[held]} held"
+        free = f"; free (--free) may be one of {', '.join(names)}" * (reaches and arm.n == 7)
         if not reaches or spare != 6:
-            free = (
-                f"; free (--free) may be one of {', '.join(names)}"
-                if reaches and arm.n == 7
-                else ""
-            )
             raise OptionError(
                 f"{arm.name}{with_it} has {spare} free joints for the task {arm.task}: a path of "
                 f"poses needs six and the task pose{free}"
             )
         if held is not None and arm.joints[held] not in names:
             raise OptionError(
-                f"the other joints of {arm.name}{with_it} do not move the tip in all directions; "
-                f"free (--free) may be one of {', '.join(names)}"
+                f"the other joints of {arm.name}{with_it} do not move the tip in all directions"
+                f"{free}"
             )
         self.arm, self.held = arm, held
         self.free = np.array([j for j in range(arm.n) if j != held])

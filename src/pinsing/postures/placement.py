@@ -239,7 +239,7 @@ def _factors(
         raise RobotFileError(f"the heads read {heads}: give each a unit of its kind, or none", path)
     factors = np.array([SCALES[unit] if unit else asked for unit in said])
     if asked != 1 and (factors != asked).any():
-        option = "--deg" if asked > 1e-2 else "--mm"
+        option = "--mm" if names == "xyz" else "--deg"
         raise RobotFileError(f"the head of {names[0]} says {said[0]}: leave out {option}", path)
     return factors
 

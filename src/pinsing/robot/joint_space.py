@@ -94,8 +94,8 @@ class JointSpace:
     def wrap(self, q: npt.ArrayLike) -> Array:
         """Revolute values, or differences of such, (..., n) within half a turn of zero."""
         q = np.asarray(q, dtype=float)
-        turns = np.floor((q + np.pi) / (2 * np.pi))
-        return np.asarray(q - np.where(self.prismatic, 0.0, 2 * np.pi) * turns)
+        turns = np.where(self.prismatic, 0.0, np.floor((q + np.pi) / (2 * np.pi)))
+        return np.asarray(q - 2 * np.pi * turns)
 
     def fold(self, q: npt.ArrayLike) -> Array:
         """Move angles of q (..., n) by whole turns to the limits, without them to [-pi, pi]."""
