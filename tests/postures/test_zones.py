@@ -264,6 +264,16 @@ def test_a_distance_that_may_be_larger_than_needed_is_named():
     assert "°" not in found.notes[0]
 
 
+def test_zones_name_values_outside_the_limits_since_what_is_within_may_be_near():
+    form = pinsing.closed_form(pinsing.load("a0509"))  # q3 ends at 160 degrees
+    assert form["elbow"].where() == "q3 = 0°"
+    q, far = np.radians([-115.1, 98.3, -155.1, 23.1, -111.1, 96]), np.radians(31)
+    assert SpeedJudge(form.loaded).shares(q[None], 0.25, 0.5).max() > 1
+    assert np.degrees(form["elbow"].distance(q).value) == pytest.approx(24.9)
+    assert min(form[name].distance(q).lower for name in ("wrist", "shoulder")) > far
+    assert pinsing.zones(form, boxes=1).titles["F1"] == "elbow (F1): q3 = 0° or 180°"
+
+
 def test_where_nothing_is_left_outside_no_distance_is_called_useful():
     done = run("zones", "ur5", "--boxes", "1", "--deg")
     assert done.exit_code == 0

@@ -601,15 +601,16 @@ class Family(Members, JsonResult):
         return f"{self.name} ({self.title})" if self.title else self.name
 
     @checked
-    def where(self, q: npt.ArrayLike | None = None) -> str:
+    def where(self, q: npt.ArrayLike | None = None, *, every: bool = False) -> str:
         """Return its condition with the joints' own names, in degrees and metres.
-
-        Of a family within the joint limits, values outside them are left out.
 
         Parameters
         ----------
         q : (n,) or (nq,) array_like, optional
             A configuration on it: then the joints at their values there.
+        every : bool
+            Values outside the joint limits, too: what is within them may be near to those. Without
+            it they are left out of a family that has others.
 
         Raises
         ------
@@ -634,7 +635,8 @@ class Family(Members, JsonResult):
             if at.ndim != 1:
                 raise ConfigurationError(f"q is one configuration, got shape {at.shape}")
             return " and ".join(f"{names[j]} = {self._value(at, j)}" for j in sorted(fixed))
-        said = [self._reached(m) if (m := _VALUES.search(t)) else t for t in self._parts()]
+        solved = [(t, _VALUES.search(t)) for t in self._parts()]
+        said = [t if m is None else m[1] if every else self._reached(m) for t, m in solved]
         if equations and (len(self.text) > 72 or "φ" in self.text):
             others = listed([names[j] for j in names if j not in fixed])
             said = [*said[: len(fixed)], f"an equation in {others}"]

@@ -635,4 +635,4 @@ def _called(family: Family) -> str:
     """Name of a family, with its condition unless that is a long equation."""
     name = titled(family.name, family.title)
     plain = family.title or not any(branch.equations for branch in family.branches)
-    return f"{name}: {family.where()}" if plain else name
+    return f"{name}: {family.where(every=True)}" if plain else name

@@ -112,7 +112,7 @@ class Zones(JsonResult):
         >>> import pinsing
         >>> form = pinsing.closed_form(pinsing.load("scara"))
         >>> print(pinsing.zones(form, joint_speeds=[5, 5, 1, 10]).text().splitlines()[0])
-        scara: keep 20.3° from F1: q2 = 0° (proven)
+        scara: keep 20.3° from F1: q2 = 0° or 180° (proven)
         """
 
         def far(x: float) -> str:
