@@ -61,11 +61,7 @@ ARMS: dict[str, dict[str, str]] = {
     "KUKA iiwa 14": {"robot": "iiwa14"},
     "Franka Panda": {"robot": "panda"},
     "UFACTORY xArm 7": {"robot": "xarm7"},
-    "PR2, right arm": {
-        "robot": "pr2",
-        "tip": "r_gripper_tool_frame",
-        "base": "torso_lift_link",
-    },
+    "PR2, right arm": {"robot": "pr2", "tip": "r_gripper_tool_frame", "base": "torso_lift_link"},
     "Romeo, left arm": {"robot": "romeo", "tip": "l_wrist", "base": "torso"},
     "iCub, left arm": {"robot": "icub", "tip": "l_hand", "base": "chest"},
     "iCub, right arm": {"robot": "icub", "tip": "r_hand", "base": "chest"},
@@ -81,11 +77,7 @@ ARMS: dict[str, dict[str, str]] = {
         "base": "torso_lift_link",
     },
     "Baxter, left arm": {"robot": "baxter", "tip": "left_gripper"},
-    "Unitree G1, left arm": {
-        "robot": "g1",
-        "tip": "left_rubber_hand",
-        "base": "torso_link",
-    },
+    "Unitree G1, left arm": {"robot": "g1", "tip": "left_rubber_hand", "base": "torso_link"},
 }
 
 

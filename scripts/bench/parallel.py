@@ -17,14 +17,7 @@ import pinocchio as pin
 import yaml
 
 import pinsing
-from pinsing.loops import (
-    home,
-    joint_forms,
-    loop_forms,
-    mechanism_at,
-    pose_forms,
-    ranks,
-)
+from pinsing.loops import home, joint_forms, loop_forms, mechanism_at, pose_forms, ranks
 from pinsing.loops.solve import feasible
 from pinsing.robot.mechanism import Mechanism
 

@@ -27,11 +27,7 @@ Row = tuple[str, Callable[[np.ndarray], object], Jacobians, int]
 
 def peers(chain: Chain, urdf: str, tip: str, values: bool) -> Iterator[Row]:
     """Rows of the peers that are installed."""
-    kinds = {
-        "jax": jax_row,
-        "roboticstoolbox-python": toolbox_row,
-        "pytorch-kinematics": torch_row,
-    }
+    kinds = {"jax": jax_row, "roboticstoolbox-python": toolbox_row, "pytorch-kinematics": torch_row}
     for package, rows in kinds.items():
         if package not in missing():
             yield rows(f"{package} {version(package)}", chain, urdf, tip, values)

@@ -38,11 +38,7 @@ def main() -> None:
     print(f"{plan}; planned in {time.perf_counter() - began:.1f} s, {peak()}")
     began, used = time.perf_counter(), time.process_time()
     result = run_sweep(
-        arm,
-        plan,
-        keep=True if options.keep else None,
-        threads=options.threads,
-        out=options.out,
+        arm, plan, keep=True if options.keep else None, threads=options.threads, out=options.out
     )
     seconds, cpu = time.perf_counter() - began, time.process_time() - used
     print(

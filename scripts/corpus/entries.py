@@ -272,10 +272,7 @@ def _mechanism(name: str, before: dict[str, Any] | None) -> dict[str, Any]:
             k: sorted(f"{x.kind}, {x.words}" for x in f.loci) if f is not None else []
             for k, f in forms.items()
         },
-        "modes": {
-            "assembly": len(found.assemblies),
-            "working": len(found.working),
-        },
+        "modes": {"assembly": len(found.assemblies), "working": len(found.working)},
         "statements": [found.direct, found.inverse],
         "checks": [sum(c.passed for c in found.checks), len(found.checks)],
         "missing": list(found.missing),

@@ -86,15 +86,12 @@ COMMANDS: dict[str, Command] = {
     "at .json": _json("at", "planar3r", "--q", "0,1,0"),
     "families .cert.json": Command(("families", "planar3r", "-o", "OUT"), "proof.cert.json"),
     "families --loops .cert.json": Command(
-        ("families", *_LOOPS, "-o", "OUT_LEGS"),
-        "proof_leg1.cert.json",
-        ("proof_leg2.cert.json",),
+        ("families", *_LOOPS, "-o", "OUT_LEGS"), "proof_leg1.cert.json", ("proof_leg2.cert.json",)
     ),
     "families .sing": Command(("families", "planar3r", "-o", "OUT"), "equations.sing"),
     "view .html": Command(("view", "planar3r", "-o", "OUT"), "page.html"),
     "plot .png": Command(
-        ("plot", "ellipsoids", "planar3r", "--q", "0,1,0", "--dpi", "30", "-o", "OUT"),
-        "figure.png",
+        ("plot", "ellipsoids", "planar3r", "--q", "0,1,0", "--dpi", "30", "-o", "OUT"), "figure.png"
     ),
     "dh": Command(("export", "--urdf", "TABLE", "-o", "OUT"), "arm.urdf"),
     "info .json": _json("list", "planar3r"),

@@ -152,12 +152,7 @@ def _undisturbed(
 
 
 def _problems(
-    disk: Disk,
-    place: Path,
-    meant: Command,
-    expected: dict[str, bytes],
-    code: int,
-    err: str,
+    disk: Disk, place: Path, meant: Command, expected: dict[str, bytes], code: int, err: str
 ) -> Iterator[str]:
     if disk.failed is None:
         yield "nothing failed"

@@ -65,10 +65,7 @@ def _numbers(entries: list[dict[str, Any]]) -> list[str]:
 
 def _words(done: list[dict[str, Any]]) -> list[str]:
     """How many chains of how many joints are proven, and what certificates cost."""
-    lines = [
-        "| joints | chains | proven | probable | not complete |",
-        "|---|---:|---:|---:|---:|",
-    ]
+    lines = ["| joints | chains | proven | probable | not complete |", "|---|---:|---:|---:|---:|"]
     groups = [("2 to 8", [e for e in done if e["joints"] <= 8])]
     groups += [(str(n), [e for e in done if e["joints"] == n]) for n in range(2, 10)]
     for name, chains in groups:

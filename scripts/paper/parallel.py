@@ -71,8 +71,7 @@ def make(folder: Path) -> list[Section]:
                     "from one to the other at the dotted lines. Circles: refined singular points.",
                 ),
                 Figure(
-                    "fig11_map",
-                    "Beyond the paper: all singular configurations over both inputs.",
+                    "fig11_map", "Beyond the paper: all singular configurations over both inputs."
                 ),
                 Figure(
                     "fig11_poses",
@@ -248,8 +247,7 @@ def _mode_of_paper(mechanism: Mechanism, q1: float, q2: float) -> str:
     P = np.array(printed.five_bar_point(q1, q2))
     found = assemblies(mechanism, [q1, q2])
     best = min(
-        found,
-        key=lambda s: float(np.linalg.norm(mechanism_at(mechanism, s.q).position[:2] - P)),
+        found, key=lambda s: float(np.linalg.norm(mechanism_at(mechanism, s.q).position[:2] - P))
     )
     return best.mode.removeprefix("assembly ")[0]
 

@@ -152,10 +152,7 @@ def five_bar_matrices(q1: float, q2: float) -> tuple[np.ndarray, np.ndarray]:
     """Equation (13): the matrices printed as J_x and J_q."""
     x, y = five_bar_point(q1, q2)
     J_x = R1 * np.diag(
-        [
-            y * np.cos(q1) - (x + R3) * np.sin(q1),
-            y * np.cos(q2) + (-x + R3) * np.sin(q2),
-        ]
+        [y * np.cos(q1) - (x + R3) * np.sin(q1), y * np.cos(q2) + (-x + R3) * np.sin(q2)]
     )
     J_q = np.array(
         [

@@ -143,10 +143,7 @@ def _analytic(wrist, Q: np.ndarray) -> list[Row]:
             "50 random configurations. It is the Jacobian of the wrist centre, without d6.",
         )
     ]
-    for what, value, formula in (
-        ("|J11|", det11, d3**2 * s2),
-        ("|J22|", det22, s5),
-    ):
+    for what, value, formula in (("|J11|", det11, d3**2 * s2), ("|J22|", det22, s5)):
         sign = float(np.sign((value * formula).sum()))
         error = float(np.abs(value - sign * formula).max())
         body = "d3² sin q2" if what == "|J11|" else "sin q5"

@@ -98,12 +98,7 @@ def _sigma(arm, result: SweepResult) -> list[Row]:
             sigma[1],
             f"{sigma[1] / float(printed.SURGICAL_HALF):.0f} times the printed value.",
         ),
-        Row(
-            "σ_min, all revolute 0 or ±π",
-            "0",
-            tiny(zero),
-            AGREES if zero < 1e-12 else DIFFERS,
-        ),
+        Row("σ_min, all revolute 0 or ±π", "0", tiny(zero), AGREES if zero < 1e-12 else DIFFERS),
         Row(
             "Figure 6: σ_min over d1 and over q7",
             "constant",

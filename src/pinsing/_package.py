@@ -97,9 +97,4 @@ def public(
     }
     module.__class__ = Package
     module.__dict__.setdefault("__all__", sorted(found))
-    module.__dict__.update(
-        _homes=found,
-        _packages=packages,
-        _advice=advice or {},
-        _called=called,
-    )
+    module.__dict__.update(_homes=found, _packages=packages, _advice=advice or {}, _called=called)

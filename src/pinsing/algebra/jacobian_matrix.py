@@ -119,11 +119,7 @@ class _Chain:
     """Poses along the nominal chain, as polynomials."""
 
     def __init__(
-        self,
-        geometry: Nominal,
-        ring: Ring,
-        time: Budget,
-        leaders: Sequence[int] | None = None,
+        self, geometry: Nominal, ring: Ring, time: Budget, leaders: Sequence[int] | None = None
     ) -> None:
         self.ring, self.geometry = ring, geometry
         self.products = _Products(ring, time)
@@ -304,11 +300,7 @@ def constants(geometry: Nominal, task: Task) -> list[Exact]:
 
 
 def jacobian_matrix(
-    geometry: Nominal,
-    ring: Ring,
-    task: Task,
-    time: Budget,
-    leaders: Sequence[int] | None = None,
+    geometry: Nominal, ring: Ring, task: Task, time: Budget, leaders: Sequence[int] | None = None
 ) -> Matrix:
     """Return the task Jacobian as polynomials, up to nonzero row operations and column factors.
 

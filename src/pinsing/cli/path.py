@@ -269,13 +269,7 @@ def line_command(
     arm = request.load()
     from pinsing.families.solve import form_to_measure
     from pinsing.postures.motions import line_postures
-    from pinsing.proximity.line import (
-        check_line,
-        left_limits,
-        line_details,
-        line_summary,
-        stopped,
-    )
+    from pinsing.proximity.line import check_line, left_limits, line_details, line_summary, stopped
 
     start = joint_vector(arm, q, "--q", deg)
     with doing("following the line"):

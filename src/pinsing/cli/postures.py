@@ -108,11 +108,7 @@ def postures_command(
 @deg_option
 @json_option
 def cuspidal_command(
-    request: RobotRequest,
-    poses: int,
-    seed: int,
-    deg: bool,
-    json_target: str | Path | None,
+    request: RobotRequest, poses: int, seed: int, deg: bool, json_target: str | Path | None
 ) -> None:
     """Test whether ROBOT is cuspidal: it can change posture without meeting a singularity.
 

@@ -11,10 +11,4 @@ if TYPE_CHECKING:
     from pinsing.configuration.refine import refine as refine
     from pinsing.configuration.refine import refine_many as refine_many
 
-public(
-    __name__,
-    {
-        "at": "State at",
-        "refine": "SingularConfiguration refine refine_many",
-    },
-)
+public(__name__, {"at": "State at", "refine": "SingularConfiguration refine refine_many"})

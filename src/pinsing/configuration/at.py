@@ -29,18 +29,8 @@ from pinsing.configuration.lost_motion import (
     vector,
 )
 from pinsing.kinematics.batch import in_base, own_scale, random_turns
-from pinsing.kinematics.jacobian import (
-    frame_jacobians,
-    scale_rows,
-    tip_and_jacobian,
-)
-from pinsing.kinematics.tip_speed import (
-    TIP_SPEED,
-    TURN_SPEED,
-    SpeedJudge,
-    TipSpeeds,
-    check_speeds,
-)
+from pinsing.kinematics.jacobian import frame_jacobians, scale_rows, tip_and_jacobian
+from pinsing.kinematics.tip_speed import TIP_SPEED, TURN_SPEED, SpeedJudge, TipSpeeds, check_speeds
 from pinsing.kinematics.verdict import (
     NEAR_RTOL,
     SINGULAR_RTOL,

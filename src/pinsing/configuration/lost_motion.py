@@ -397,10 +397,9 @@ class LostMotion:
     @property
     def free_wrench(self) -> str:
         """Wrench that needs no joint torque, in words that follow those of the motion."""
-        return {
-            "rotation": "a moment about it",
-            "screw": "a wrench on it",
-        }.get(self.kind, "a force along it")
+        return {"rotation": "a moment about it", "screw": "a wrench on it"}.get(
+            self.kind, "a force along it"
+        )
 
     def __str__(self) -> str:
         return self.words

@@ -151,9 +151,7 @@ def _axis(
     x, y, z = source.numbers(element, "xyz", 3, what)
     norm = math.hypot(x, y, z)
     source.refuse_if(
-        norm < ALIKE,
-        f'{what}: the axis is zero: give a direction, as xyz="0 0 1"',
-        element,
+        norm < ALIKE, f'{what}: the axis is zero: give a direction, as xyz="0 0 1"', element
     )
     if norm == 1.0:
         return (x, y, z), Node("axis", {"xyz": element.attributes["xyz"]}, 0)

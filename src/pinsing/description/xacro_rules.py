@@ -21,14 +21,7 @@ from xml.parsers import expat
 
 import yaml
 
-from pinsing.description.xacro_expression import (
-    FUNCTIONS,
-    MATH,
-    Function,
-    Kinds,
-    Refused,
-    evaluate,
-)
+from pinsing.description.xacro_expression import FUNCTIONS, MATH, Function, Kinds, Refused, evaluate
 from pinsing.description.xml_tree import LONGEST_NUMBER
 from pinsing.description.yaml_tree import Loader, yaml_problem
 

@@ -12,12 +12,7 @@ import numpy.typing as npt
 from pinsing import notebook
 from pinsing.algebra.components import Component, RandomSteps
 from pinsing.arguments import checked, shown, stands_for, typed
-from pinsing.errors import (
-    ArgumentError,
-    ConfigurationError,
-    OptionError,
-    UnknownNameError,
-)
+from pinsing.errors import ArgumentError, ConfigurationError, OptionError, UnknownNameError
 from pinsing.families.certainty import Proof, certainty
 from pinsing.families.describe import ORDER
 from pinsing.families.family import (

@@ -334,11 +334,7 @@ def independent(J: Columns, joints: Iterable[int], count: int) -> list[int]:
 
 
 def cutting(
-    minors: NearMinors,
-    J: Columns,
-    place: Mapping[int, Value],
-    regular: MetPoints,
-    most: int,
+    minors: NearMinors, J: Columns, place: Mapping[int, Value], regular: MetPoints, most: int
 ) -> list[Poly]:
     """Minors of near joints, few, of which each point has one that is not zero there."""
     n, width = len(J[0]), minors.rank + 1

@@ -123,11 +123,7 @@ def nearest(
 
 
 def own_nearest(
-    found: Distance,
-    branches: Sequence[Branch],
-    space: JointSpace,
-    q: Array,
-    confirm: Confirm,
+    found: Distance, branches: Sequence[Branch], space: JointSpace, q: Array, confirm: Confirm
 ) -> Distance:
     """Return the distance to a confirmed point; its lower bound holds, as families are subsets."""
     if not np.isfinite(found.q).all() or confirm(found.q[None])[0]:

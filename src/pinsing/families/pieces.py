@@ -25,14 +25,7 @@ from pinsing.algebra.real_roots import (
 from pinsing.algebra.ring import MadeOnce, Poly, Ring, Value
 from pinsing.families.nearness import Confirm
 from pinsing.families.parts import Branch, JointValue
-from pinsing.families.zero_set import (
-    ROUNDS,
-    fix_joint,
-    never_zero,
-    proven_empty,
-    search,
-    thrown,
-)
+from pinsing.families.zero_set import ROUNDS, fix_joint, never_zero, proven_empty, search, thrown
 from pinsing.kinematics.jacobian import task_jacobians
 from pinsing.kinematics.verdict import ratios
 from pinsing.robot.arm import Arm

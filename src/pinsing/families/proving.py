@@ -127,10 +127,7 @@ def _proof(form: ClosedForm, budget: Budget, progress: Callable[[str], None]) ->
 
 
 def _made(
-    form: ClosedForm,
-    budget: Budget,
-    progress: Callable[[str], None] | None,
-    in_parts: bool,
+    form: ClosedForm, budget: Budget, progress: Callable[[str], None] | None, in_parts: bool
 ) -> dict[str, Any]:
     geometry = form.geometry
     if geometry is None:

@@ -65,11 +65,7 @@ class OwnPoints:
 
 
 def _newton(
-    arm: Arm,
-    q: Array,
-    free: Bool,
-    steps: int = 8,
-    box: tuple[Array, Array] | None = None,
+    arm: Arm, q: Array, free: Bool, steps: int = 8, box: tuple[Array, Array] | None = None
 ) -> Array:
     """Solve J(q)^T u = 0 and u.u = 1 for q (N, n) and the lost direction u, near a solution."""
     # From elsewhere many starts end nowhere. Minimum-norm steps, sliders in the arm's own length as

@@ -38,11 +38,7 @@ def _signature(equation: Equation) -> tuple[tuple[tuple[int, ...], tuple[int, ..
     size = size / size.max()
     return tuple(
         sorted(
-            (
-                tuple(int(k) for k in np.abs(f)),
-                tuple(int(k) for k in p),
-                round(float(c), 8),
-            )
+            (tuple(int(k) for k in np.abs(f)), tuple(int(k) for k in p), round(float(c), 8))
             for f, p, c in zip(equation.frequencies, equation.powers, size, strict=True)
         )
     )

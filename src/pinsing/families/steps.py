@@ -185,11 +185,7 @@ def _stretches(
 
 
 def _direction(
-    stretch: _Stretch,
-    normal: Vector,
-    ring: Ring,
-    values: dict[int, Value],
-    relations: list[Poly],
+    stretch: _Stretch, normal: Vector, ring: Ring, values: dict[int, Value], relations: list[Poly]
 ) -> Vector | None:
     """Return the common direction of a stretch's columns, zero without any; None if never parallel.
 
@@ -219,12 +215,7 @@ def _direction(
 
 
 def _parallel(
-    v: Vector,
-    w: Vector,
-    between: Sequence[int],
-    signs: Sequence[int],
-    normal: Vector,
-    ring: Ring,
+    v: Vector, w: Vector, between: Sequence[int], signs: Sequence[int], normal: Vector, ring: Ring
 ) -> Poly:
     """That v is parallel to w, turned by the joints between: a polynomial in their half-angles."""
     gens = ring.context.gens()

@@ -343,11 +343,7 @@ class _Frame:
     @classmethod
     def of(cls, arm: Arm) -> _Frame | None:
         """The frame in which bends are least; None where nothing is known of the arm."""
-        parts = {
-            (0, 1, 2, 3, 4, 5): slice(0, 6),
-            (0, 1, 2): slice(0, 3),
-            (3, 4, 5): slice(3, 6),
-        }
+        parts = {(0, 1, 2, 3, 4, 5): slice(0, 6), (0, 1, 2): slice(0, 3), (3, 4, 5): slice(3, 6)}
         rows = parts.get(tuple(arm.task.rows))
         if rows is None or arm.coupling is not None:
             return None

@@ -281,10 +281,7 @@ class MechanismAnalysis(JsonResult):
 
 
 def analysis_answer(
-    a: MechanismAnalysis,
-    degrees: bool = False,
-    sliding: Collection[str] = (),
-    robot: str = "ROBOT",
+    a: MechanismAnalysis, degrees: bool = False, sliding: Collection[str] = (), robot: str = "ROBOT"
 ) -> str:
     """Return at most eight lines: how it is at home, what is nearest of each type, what to do."""
     values = Values(degrees, frozenset(sliding))

@@ -34,16 +34,7 @@ from pinsing.algebra.real_roots import real_roots
 from pinsing.algebra.ring import Poly, Ring, make_ring, rational
 from pinsing.errors import OptionError
 from pinsing.loops.closure import near_home, random_closed, ranks
-from pinsing.loops.exact import (
-    Hinge,
-    LegChain,
-    Row,
-    Turn,
-    cross,
-    dot,
-    leg_chain,
-    rational_turn,
-)
+from pinsing.loops.exact import Hinge, LegChain, Row, Turn, cross, dot, leg_chain, rational_turn
 from pinsing.loops.forms import JointForms, JointLocus, PoseEquation, trig_polynomial
 from pinsing.loops.legs import type1_alone
 from pinsing.loops.structure import (

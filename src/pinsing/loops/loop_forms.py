@@ -31,15 +31,7 @@ from pinsing.algebra.ring import Poly, Ring, make_ring, rational
 from pinsing.errors import OptionError
 from pinsing.loops.forms import JointForms
 from pinsing.loops.singular_points import SingularPoint, refine_point
-from pinsing.loops.structure import (
-    Sample,
-    at_zero,
-    closing,
-    once,
-    path_to,
-    plane_axes,
-    position_in,
-)
+from pinsing.loops.structure import Sample, at_zero, closing, once, path_to, plane_axes, position_in
 from pinsing.measures import ALIKE, NOISE
 from pinsing.robot.mechanism import Mechanism
 from pinsing.serialization import JsonResult

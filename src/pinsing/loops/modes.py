@@ -317,12 +317,7 @@ def leg_modes(
 
 
 def _solutions(
-    loops: BatchLoops,
-    leg: Leg,
-    reached: Array,
-    free: Bool,
-    rng: np.random.Generator,
-    count: int,
+    loops: BatchLoops, leg: Leg, reached: Array, free: Bool, rng: np.random.Generator, count: int
 ) -> list[list[LegMode]]:
     mechanism = loops.mechanism
     mine = np.isin(np.arange(mechanism.n), leg.joints) & free

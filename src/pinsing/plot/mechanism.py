@@ -152,10 +152,7 @@ def measure_curves(
 
 
 def draw_linkage(
-    mechanism: Mechanism,
-    q: npt.ArrayLike,
-    ax: Axes | None = None,
-    ellipse: float = 0.25,
+    mechanism: Mechanism, q: npt.ArrayLike, ax: Axes | None = None, ellipse: float = 0.25
 ) -> Axes:
     """Draw the links of a planar mechanism, its joints, and the output's velocity ellipse."""
     # 1 m per unit input speed is drawn as ``ellipse`` metres, 0 leaves it out. At a type 2
@@ -179,11 +176,7 @@ def draw_linkage(
         ax.plot(*ends.T, "o", color=_NODE, ms=4, zorder=3)
         first = body in driven
         ax.plot(
-            *points[0, plane],
-            "s" if first else "o",
-            color=_NODE,
-            ms=7 if first else 5,
-            zorder=3,
+            *points[0, plane], "s" if first else "o", color=_NODE, ms=7 if first else 5, zorder=3
         )
         if output is not None:
             stem = np.array([ends.mean(axis=0), output[plane]])

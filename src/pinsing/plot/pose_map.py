@@ -18,12 +18,7 @@ from pinsing.loops.joint_loci import joint_forms
 from pinsing.loops.modes import assembly_sign, home, mode_at
 from pinsing.loops.motion import COORDINATES
 from pinsing.loops.pose_loci import pose_forms
-from pinsing.loops.pose_slice import (
-    PoseSlice,
-    free_coordinates,
-    keeps_turn,
-    pose_slice,
-)
+from pinsing.loops.pose_slice import PoseSlice, free_coordinates, keeps_turn, pose_slice
 from pinsing.loops.problems import working_modes
 from pinsing.loops.structure import likeness, output_pose, same
 from pinsing.measures import ALIKE

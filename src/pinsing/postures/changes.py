@@ -74,13 +74,7 @@ class _Choice:
         return _Choice(self.doubts + other.doubts, self.far + other.far, values)
 
 
-def whole_turns(
-    chosen: Map,
-    q: Array,
-    start: Array,
-    *,
-    held: Collection[int] = (),
-) -> Copies:
+def whole_turns(chosen: Map, q: Array, start: Array, *, held: Collection[int] = ()) -> Copies:
     """Return the whole-turn copies of q (n,), and which are in the aspect of the start (n,)."""
     # Endless joints have none; ``held`` ones stay as in q, which is within the limits, perhaps by
     # turns.

@@ -135,11 +135,7 @@ class Cuspidality(JsonResult):
 
 @checked
 def cuspidality(
-    arm: Arm,
-    *,
-    forms: ClosedForm | None = None,
-    poses: int = POSES,
-    seed: int = 0,
+    arm: Arm, *, forms: ClosedForm | None = None, poses: int = POSES, seed: int = 0
 ) -> Cuspidality:
     """Look whether an arm is cuspidal: two regular inverse solutions of a pose in one aspect.
 

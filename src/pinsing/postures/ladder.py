@@ -286,10 +286,7 @@ class Measures:
         if self.slides:
             return self.constant + self.cosine * q, np.broadcast_to(self.cosine, (len(q), 3))
         c, s = np.cos(q), np.sin(q)
-        return (
-            self.constant + self.cosine * c + self.sine * s,
-            self.sine * c - self.cosine * s,
-        )
+        return (self.constant + self.cosine * c + self.sine * s, self.sine * c - self.cosine * s)
 
     def second(self, Q: Array, v: Array) -> Array:
         """The vector v turned about the second axis, (N, 3)."""

@@ -106,11 +106,7 @@ def _turned(arm: Arm, Q: Array) -> Array:
 
 @checked
 def aspect_changes(
-    forms: Forms,
-    Q: npt.ArrayLike,
-    t: npt.ArrayLike | None = None,
-    *,
-    of: Aspects | None = None,
+    forms: Forms, Q: npt.ArrayLike, t: npt.ArrayLike | None = None, *, of: Aspects | None = None
 ) -> tuple[AspectChange, ...]:
     """Find where a motion changes its aspect.
 

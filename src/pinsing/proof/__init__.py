@@ -8,10 +8,4 @@ if TYPE_CHECKING:
     from pinsing.proof.checker import Rejected as Rejected
     from pinsing.proof.checker import verify as verify
 
-public(
-    __name__,
-    {
-        "checker": "Rejected verify",
-    },
-    called="pinsing.proof.verify(text)",
-)
+public(__name__, {"checker": "Rejected verify"}, called="pinsing.proof.verify(text)")

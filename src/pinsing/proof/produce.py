@@ -277,11 +277,7 @@ _DENSE = 400
 class Tree:
     """Finds the tree, over a certificate that states chain, rank, reduction and families."""
 
-    def __init__(
-        self,
-        forms: Forms,
-        progress: Callable[[str], None] | None = None,
-    ) -> None:
+    def __init__(self, forms: Forms, progress: Callable[[str], None] | None = None) -> None:
         self.forms, self.certificate, self.ring = forms, forms.certificate, forms.ring
         self._progress = progress
         certificate = self.certificate

@@ -24,14 +24,7 @@ from pinsing.prose import LISTED, listed
 from pinsing.proximity.crossings import Crossing
 from pinsing.proximity.passage import Approach, NearStretch, Passage
 from pinsing.proximity.trajectory import NEAR, OUTSIDE, angle_text, singularity
-from pinsing.proximity.watched import (
-    Forms,
-    Watched,
-    metric_note,
-    require_forms_of,
-    titled,
-    watch,
-)
+from pinsing.proximity.watched import Forms, Watched, metric_note, require_forms_of, titled, watch
 from pinsing.robot.arm import Arm, ArmSummary, summarize
 from pinsing.serialization import JsonResult
 

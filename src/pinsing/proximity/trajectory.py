@@ -31,12 +31,7 @@ OUTSIDE = {
 """What is said of an approach, by where the family is."""
 
 
-def summary(
-    check: TrajectoryCheck,
-    degrees: bool = True,
-    file: str = "",
-    robot: str = "",
-) -> str:
+def summary(check: TrajectoryCheck, degrees: bool = True, file: str = "", robot: str = "") -> str:
     """Return at most six lines: what is met and when, what is near, speeds, and what to do."""
     near = [_nearest(check, degrees), _near(check, degrees)]
     lines = [check.tube, *near, *_speeds(check), _advice(check, robot or check.arm.typed, degrees)]

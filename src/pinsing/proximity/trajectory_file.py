@@ -928,11 +928,7 @@ class _NumberTable:
             warnings.simplefilter("ignore")  # an end of file is no surprise
             try:
                 table = np.loadtxt(
-                    lines,
-                    delimiter=self.separator,
-                    ndmin=2,
-                    comments="#",
-                    usecols=self.used,
+                    lines, delimiter=self.separator, ndmin=2, comments="#", usecols=self.used
                 )
             except ValueError as error:
                 words = " ".join(str(error).split())

@@ -717,11 +717,7 @@ def arm_report(
     ]
     made = Made.since(started)
     algebra = f"{content.forms.seconds:.2g} s of it for the families"
-    sections += [
-        computed(made, content.info.engine, [("", algebra)]),
-        words(),
-        data(SCHEMA),
-    ]
+    sections += [computed(made, content.info.engine, [("", algebra)]), words(), data(SCHEMA)]
     html = document(
         title=f"Singular configurations of {arm.name}",
         subtitle=f"{arm.base} to {arm.tip}, task {arm.task.name}; {made.when}",

@@ -464,11 +464,7 @@ def _interval(mechanism: Mechanism, key: str, found: Interval) -> str:
 
 
 def mechanism_report(
-    mechanism: Mechanism,
-    poses: Mapping[str, Array],
-    page: bool,
-    beside: str | None,
-    skeleton: bool,
+    mechanism: Mechanism, poses: Mapping[str, Array], page: bool, beside: str | None, skeleton: bool
 ) -> tuple[str, str | None]:
     """Return the report of a mechanism, judging ``poses`` (inputs (n_a,)); pages as of an arm."""
     quiet_backend()

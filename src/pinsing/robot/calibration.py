@@ -19,13 +19,7 @@ from pinsing.description.yaml_tree import YamlNode, compose
 from pinsing.errors import OptionError, RobotFileError
 from pinsing.robot.arm import Arm
 from pinsing.robot.chain import Chain, chain_model, flatten, keep_chain
-from pinsing.robot.design import (
-    AxisDifference,
-    alignment,
-    axes,
-    differences,
-    require_same,
-)
+from pinsing.robot.design import AxisDifference, alignment, axes, differences, require_same
 from pinsing.robot.load import load
 
 LINKS = ("shoulder", "upper_arm", "forearm", "wrist_1", "wrist_2", "wrist_3")

@@ -234,10 +234,7 @@ class Subchain:
 
 
 def all_chains(
-    model: pin.Model,
-    mimics: Collection[str] = (),
-    shortest: int = SHORTEST,
-    longest: int = LONGEST,
+    model: pin.Model, mimics: Collection[str] = (), shortest: int = SHORTEST, longest: int = LONGEST
 ) -> tuple[Subchain, ...]:
     """Return the chains of ``shortest`` to ``longest`` joints that end in a leaf or tool frame."""
     # Each starts at the root and at the last branching; where the root is too far, at all near

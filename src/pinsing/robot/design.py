@@ -46,10 +46,7 @@ class AxisDifference:
 
 
 def design_of(
-    robot: Arm,
-    design: Arm | bool,
-    angle_tol: float = ANGLE,
-    snap_length: float = LENGTH,
+    robot: Arm, design: Arm | bool, angle_tol: float = ANGLE, snap_length: float = LENGTH
 ) -> Arm:
     """Return the arm on the geometry of a design; OptionError if that is another robot."""
     if robot.coupling is not None:

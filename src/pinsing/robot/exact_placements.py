@@ -221,11 +221,7 @@ class ExactPlacements:
         self.rotation, self.offset, self.tip_turn = tuple(rotation), offset, tip_turn
 
     def _slid_to_common_normals(
-        self,
-        R: list[Array],
-        t: list[Array],
-        twist: list[Matrix | None],
-        rotation: Sequence[Matrix],
+        self, R: list[Array], t: list[Array], twist: list[Matrix | None], rotation: Sequence[Matrix]
     ) -> list[Array]:
         """Move the origins of tilted axes along them, to where the axes come closest.
 

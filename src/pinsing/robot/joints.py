@@ -74,11 +74,7 @@ def couple(
 
 
 def coupled_limits(
-    lower: Array,
-    upper: Array,
-    coupling: Coupling,
-    names: Sequence[str],
-    independent: Sequence[str],
+    lower: Array, upper: Array, coupling: Coupling, names: Sequence[str], independent: Sequence[str]
 ) -> tuple[Array, Array]:
     """Return limits of free joints that keep their followers in theirs; JointError if none do."""
     low = np.full(len(independent), -np.inf)
@@ -137,9 +133,7 @@ def chain_limits(model: pin.Model) -> tuple[Array, Array, np.ndarray, list[str]]
                 raise JointError(name, "its limits are not numbers; set lower and upper")
             if low > high:
                 raise JointError(
-                    name,
-                    f"lower limit {low:g} is above upper limit {high:g}",
-                    limits=(low, high),
+                    name, f"lower limit {low:g} is above upper limit {high:g}", limits=(low, high)
                 )
             if abs(low) > 1e300 or abs(high) > 1e300:  # Pinocchio's way of saying "no limit"
                 low = -np.inf if abs(low) > 1e300 else low

@@ -165,9 +165,7 @@ def load(
 
 
 def _read(
-    robot: Any,
-    packages: Mapping[str, str | Path] | None,
-    xacro_args: Mapping[str, str] | None,
+    robot: Any, packages: Mapping[str, str | Path] | None, xacro_args: Mapping[str, str] | None
 ) -> _Whole:
     model = given_model(robot)
     if model is not None:

@@ -214,12 +214,7 @@ def turned_round(
 
 
 def _add(
-    out: pin.Model,
-    parent: int,
-    joint: pin.JointModel,
-    place: pin.SE3,
-    model: pin.Model,
-    index: int,
+    out: pin.Model, parent: int, joint: pin.JointModel, place: pin.SE3, model: pin.Model, index: int
 ) -> int:
     """Add a joint with the name and limits that one of ``model`` has."""
     here = model.joints[index]

@@ -99,11 +99,7 @@ class Nominal:
 
 
 @checked
-def nominal(
-    arm: Arm,
-    angle_tol: float = ANGLE_TOL,
-    snap_length: float = 0.0,
-) -> Nominal:
+def nominal(arm: Arm, angle_tol: float = ANGLE_TOL, snap_length: float = 0.0) -> Nominal:
     """Make the geometry of ``arm`` exact. That of an arm made so stays.
 
     Parameters

@@ -455,11 +455,7 @@ def _steps(
 
 
 def _base(
-    arm: Arm,
-    q: npt.ArrayLike | None,
-    limits: Array,
-    moving: tuple[int, ...],
-    ignore_limits: bool,
+    arm: Arm, q: npt.ArrayLike | None, limits: Array, moving: tuple[int, ...], ignore_limits: bool
 ) -> Array:
     if q is None:
         return np.asarray(limits.mean(axis=1))

@@ -491,10 +491,7 @@ def _combinations(
 
 
 def _forced(
-    tester: ConditionTester,
-    joints: npt.NDArray[np.intp],
-    values: Array,
-    ask: npt.NDArray[np.bool_],
+    tester: ConditionTester, joints: npt.NDArray[np.intp], values: Array, ask: npt.NDArray[np.bool_]
 ) -> npt.NDArray[np.bool_]:
     """Which sets (S, k) are singular whatever the others; only those to ``ask`` of are tested."""
     forced = np.zeros(len(joints), dtype=bool)

@@ -11,10 +11,4 @@ from pinsing._package import public
 if TYPE_CHECKING:
     from pinsing.view.viewer import Viewer as Viewer
 
-public(
-    __name__,
-    {
-        "viewer": "Viewer",
-    },
-    called="pinsing.Viewer(arm)",
-)
+public(__name__, {"viewer": "Viewer"}, called="pinsing.Viewer(arm)")

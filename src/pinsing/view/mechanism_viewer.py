@@ -28,15 +28,7 @@ from pinsing.robot.source import Source
 from pinsing.view.entries import chain_data, frame_data, joint_data, numbers, sizes_data
 from pinsing.view.links import Links, Recorder, read_links
 from pinsing.view.links import geometry as mg
-from pinsing.view.scene import (
-    HOT,
-    ROTATION,
-    Sizes,
-    draw_scene,
-    ring_arrow,
-    straight_arrow,
-    torus,
-)
+from pinsing.view.scene import HOT, ROTATION, Sizes, draw_scene, ring_arrow, straight_arrow, torus
 from pinsing.view.tab import SIDE, Scenery, Tab
 
 SCHEMA = "pinsing/mechanism-engine/1"

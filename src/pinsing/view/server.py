@@ -97,8 +97,7 @@ class Door(HTTPServer):  # type: ignore[misc,unused-ignore]
         if stream is not None and not stream.closed():
             self._silent[stream] = None
         return _Request(
-            super().start_request(server_conn, request_conn),
-            lambda: self._silent.pop(stream, None),
+            super().start_request(server_conn, request_conn), lambda: self._silent.pop(stream, None)
         )
 
 
