@@ -539,7 +539,7 @@ HEADS = {
     "tabs and time": ("t\tx\ty\tz\troll\tpitch\tyaw", "{n}\t0.3\t0.1\t0.2\t0\t0\t0"),
     "direction": ("x,y,z,i,j,k", "0.3,0.1,0.2,0,0,-1"),
     "units": ("X (mm);y_mm;z [m];roll (deg);pitch_deg;yaw°", "300;100;0.2;0;0;360"),
-    "units and time": ("time (ms),x [mm],y (mm),z_mm,i,j,k", "{n}000,300,100,200,0,0,-1"),
+    "units and time": ("timestamp (ms),x [mm],y (mm),z_mm,i,j,k", "{n}000,300,100,200,0,0,-1"),
 }
 
 
@@ -575,6 +575,12 @@ def test_files_of_poses(tmp_path, head):
             "rotation is given twice: qx, qy, qz, qw and also i, j, k; drop one",
         ),
         ("x (mm),y,z,i,j,k\n" + "1,2,3,0,0,1\n" * 2, "read x .mm., y, z: give each a unit"),
+        ("x,y,z,w,p,r\n1,2,3,0,0,1\n", "reads 'x,y,z,w,p,r': FANUC's w, p, r are roll, pitch"),
+        ("x,y,z,rx,ry,rz\n1,2,3,0,0,1\n", "may be a rotation vector"),
+        (
+            "x,y,z,i,j,k,t [min]\n" + "1,2,3,0,0,1,0\n" * 2,
+            "times 't .min.' has to be s",
+        ),
         ("x,y,z,i,j,k,note\n1,2,3,0,0,1,weld\n", "drop column 'note', which is not needed"),
     ],
 )

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import csv
 import math
+import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -20,7 +21,7 @@ from pinsing.arguments import checked
 from pinsing.errors import OptionError, RobotFileError
 from pinsing.measures import SEED
 from pinsing.proximity.trajectory_file import ANGLES as TURNS
-from pinsing.proximity.trajectory_file import LARGEST_TEXT, LENGTHS, SCALES, split_unit
+from pinsing.proximity.trajectory_file import LARGEST_TEXT, LENGTHS, SCALES, TIME, split_unit
 
 RANGES = ("x", "y", "z", "roll", "pitch", "yaw")
 """What may be placed: metres along the axes of the base, radians about them."""
@@ -142,6 +143,11 @@ def search(
 
 
 QUATERNION, AXIS = ("qx", "qy", "qz", "qw"), ("i", "j", "k")
+_OTHER = {
+    "wpr": "FANUC's w, p, r are roll, pitch, yaw: rename them",
+    "abc": "KUKA's a, b, c are yaw, pitch, roll: rename them",
+    ("rx", "ry", "rz"): "rx, ry, rz may be a rotation vector (UR) or angles: write one of these",
+}
 _FAR = 20.0
 """Metres beyond which a pose is taken for one in millimetres."""
 
@@ -160,8 +166,8 @@ def read_poses(path: Path, *, degrees: bool = False, millimetres: bool = False) 
 
     Columns x, y, z and one of: qx, qy, qz, qw; roll, pitch, yaw (about fixed axes x, y, z); or i,
     j, k, the direction from the cutter into the tool (its -z) as CAM systems write it, which leaves
-    the rotation about it open. A column t or time gives seconds. Heads may end in a unit, as
-    ``x (mm)``. Separators are commas, semicolons or tabs.
+    the rotation about it open. A column t, time, timestamp or the like gives seconds. Heads may
+    end in a unit, as ``x (mm)``. Separators are commas, semicolons or tabs.
     """
     try:
         if path.stat().st_size > LARGEST_TEXT:
@@ -180,11 +186,14 @@ def read_poses(path: Path, *, degrees: bool = False, millimetres: bool = False) 
         raise RobotFileError(f"the tool's rotation is given twice: {both}; drop one", path)
     kind = kinds[0] if kinds else None
     if kind is None or not {"x", "y", "z"} <= set(names):
+        other = next((f": {how}" for kind, how in _OTHER.items() if set(kind) <= set(names)), "")
         raise RobotFileError(
             "the first line names the columns: x, y, z and qx, qy, qz, qw, or roll, pitch, yaw, or "
-            f"i, j, k (the tool's direction); it reads {first[:60]!r}",
+            f"i, j, k (the tool's direction); it reads {first[:60]!r}{other}",
             path,
         )
+    if odd := [name for name in names if re.match(TIME.pattern + r"\W", name)]:
+        raise RobotFileError(f"the unit of times {odd[0]!r} has to be s, ms, us or ns", path)
     if len(set(names)) < len(names):
         raise RobotFileError(f"a column is named twice in {first[:60]!r}", path)
     rows = []
@@ -224,7 +233,7 @@ def read_poses(path: Path, *, degrees: bool = False, millimetres: bool = False) 
     if turned and np.abs(how).max() > 2 * math.pi:
         raise RobotFileError("roll, pitch, yaw exceed a turn: for degrees add --deg", path)
     poses[:, :3, :3] = _rotations(how, kind, path)
-    times = next((k for k in ("t", "time") if k in column), None)
+    times = next(filter(TIME.fullmatch, names), None)
     t = None if times is None else column[times] * SCALES.get(units[times], 1.0)
     return PoseFile(poses, t, kind != AXIS)
 

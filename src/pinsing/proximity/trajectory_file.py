@@ -41,7 +41,7 @@ SCALES = {
     **dict.fromkeys(("mm", "ms"), 1e-3), "us": 1e-6, "ns": 1e-9,
 }  # fmt: skip
 """What a unit in the head of a column is multiplied by: radians, metres, seconds."""
-_TIME = re.compile(
+TIME = re.compile(
     r"(?i)[%_]*(t|times?|zeit|temps|tiempo|tempo|timestamp|seconds|secs?|time_from_start|elapsed)"
 )
 _STAMP = re.compile(r"(?i)(|.*[\W_])(n|nano)?sec(?:s|onds)?")
@@ -707,7 +707,7 @@ class ColumnHeads:
                 raise self._error(f"column {words[i]!r:.80} says another unit than {unit!r:.40}")
             marks[i] = unit.lower().strip("-") or marks[i]
         scales, stamps = [SCALES.get(m) for m in marks], _stamps(names)
-        times = [i for i, w in enumerate(names) if w not in exact and _TIME.fullmatch(w)]
+        times = [i for i, w in enumerate(names) if w not in exact and TIME.fullmatch(w)]
         if columns:
             times = [self._column(c[2:]) for c in columns if c.startswith("t=")]
             self.order = [self._column(c) for c in columns if not c.startswith("t=")]
@@ -727,7 +727,7 @@ class ColumnHeads:
             passed = sorted(aside | parts - known_as)
             rest = {i: n for i, n in rest.items() if i not in passed}
             stems = {i: _without_places(_UNIT.sub("", words[i])) for i in rest}
-            united = {*times, *(i for i, n in stems.items() if _TIME.fullmatch(n))}
+            united = {*times, *(i for i, n in stems.items() if TIME.fullmatch(n))}
             united |= {i for i, n in stems.items() if _NUMBERED.fullmatch(n)}
             united |= {i for i, n in stems.items() if _named(n, arm.joints)}
         for i in sorted(united):
