@@ -6,7 +6,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from tiers import tiered
-from urdf_texts import LIMIT, joint
+from urdf_texts import joint
 
 from pinsing import load
 from pinsing.description.catalog import find_robot
@@ -91,40 +91,6 @@ def test_too_many_joints_in_a_row_are_refused(tmp_path):
     joints = [joint(f"j{i}", "a", f"l{i}") for i in range(3000)]
     with pytest.raises(ChainError, match="3000 chains could be the arm"):
         load(write(tmp_path, joints, links))
-
-
-def test_fixed_joints_and_links_of_one_name(tmp_path, rng):
-    """Pinocchio cannot reduce such a model by itself."""
-    pose = '<origin xyz="0.1 0 0.3" rpy="0 0.4 0"/><axis xyz="0 1 0"/>' + LIMIT
-    fixed = joint("flange", "c", "flange", "fixed", '<origin xyz="0 0 0.2" rpy="1 0 0"/>')
-    joints = [joint("j1", "a", "b", inner=pose), joint("j2", "b", "c", inner=pose), fixed]
-    joints.append(joint("side", "a", "s", inner=pose))
-    path = write(tmp_path, joints, ["a", "b", "c", "flange", "s"])
-    arm = load(path, tip="flange")
-    whole = pin.buildModelFromUrdf(str(path))
-    data = whole.createData()
-    q = rng.uniform(-1, 1, 2)
-    full = pin.neutral(whole)
-    for name, value in zip(arm.joints, q, strict=True):
-        full[whole.joints[whole.getJointId(name)].idx_q] = value
-    pin.framesForwardKinematics(whole, data, full)
-    expected = data.oMf[whole.getFrameId("flange", pin.FrameType.BODY)]
-    ours = arm.model.createData()
-    pin.framesForwardKinematics(arm.model, ours, arm.model_q(q))
-    assert expected.isApprox(ours.oMf[arm.tip_id], 1e-12)
-    assert [f.name for f in arm.model.frames].count("flange") == 2
-
-
-@pytest.mark.parametrize("lower", [0.0, 0.5, -1.0])
-def test_a_joint_of_no_width_is_analysed_where_it_stands(lower, tmp_path):
-    limit = f'<limit lower="{lower}" upper="{lower}" effort="1" velocity="1"/>'
-    stuck = f'<origin xyz="0 0 0.4"/><axis xyz="0 1 0"/>{limit}'
-    free = '<origin xyz="0.3 0 0"/><axis xyz="0 1 0"/>' + LIMIT
-    joints = [joint("j1", "a", "b", inner=free), joint("j2", "b", "c", inner=stuck)]
-    joints.append(joint("j3", "c", "d", inner=free))
-    arm = load(write(tmp_path, joints, list("abcd")))
-    assert any("cannot move" in n.lower() for n in arm.notes)
-    assert arm.span[0][1] == arm.span[1][1] == lower
 
 
 def test_endless_prismatic_and_continuous_joints(tmp_path):
