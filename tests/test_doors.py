@@ -46,23 +46,6 @@ def test_a_wrapper_a_model_a_path_a_text_and_a_name_are_one_arm():
         assert np.allclose(pinsing.at(arm, q).J, expected.J, atol=1e-12)
 
 
-def test_a_closed_form_takes_the_whole_models_configuration(rng):
-    model = model_of("panda")
-    arm = pinsing.load(
-        model, tip="panda_hand", task="position", joints=[f"panda_joint{k}" for k in (1, 2, 4)]
-    )
-    form = pinsing.closed_form(arm)
-    assert form.family_of(arm.full_q(rng.uniform(0.3, 1.0, 3) * [1, 1, -1])) is None
-    on = arm.full_q(form.families[0].witness)
-    assert on.shape == (model.nq,)
-    assert form.family_of(on) is form.families[0]
-    # What was read from a file knows no model: it says which lengths would do.
-    again = pinsing.ClosedForm.from_json(form.to_json())
-    assert again.family_of(arm.q_of(on)).name == form.families[0].name
-    with pytest.raises(ConfigurationError, match="q needs 3 values"):
-        again.family_of(on)
-
-
 def test_any_object_with_a_model(write_urdf):
     arm = pinsing.load(SimpleNamespace(model=model_of("ur5")))
     assert arm.n == 6
@@ -76,20 +59,6 @@ def test_any_object_with_a_model(write_urdf):
     assert any("Mimic" in j.shortname() for j in model.joints)
     with pytest.raises(PinsingError, match="mimic=False"):
         pinsing.load(model)
-
-
-def test_a_script_with_a_wrapper():
-    """As people who use Pinocchio begin: the wrapper's own q goes into every function."""
-    robot = RobotWrapper(model_of("panda"))  # with its two fingers
-    arm = pinsing.load(robot)
-    q = pin.randomConfiguration(robot.model)
-    state = pinsing.at(arm, q)
-    robot.forwardKinematics(q)
-    tip = robot.framePlacement(q, robot.model.getFrameId(arm.tip))
-    assert np.allclose(state.tip_position, tip.translation, atol=1e-12)
-    form = pinsing.closed_form(arm)
-    assert pinsing.clearance(form, arm.q_of(q)).lower > 0
-    assert np.allclose(arm.full_q(arm.q_of(q), others=q), q)
 
 
 def test_a_script_with_pink():
@@ -239,78 +208,14 @@ def test_a_configuration_of_the_whole_model_is_one_of_the_arm(rng):
         model, data, full, model.getFrameId(arm.tip), pin.LOCAL_WORLD_ALIGNED
     )
     assert np.allclose(pinsing.frame_jacobian(arm, full), theirs[:, :7], atol=1e-12)
-    Q = np.stack([panda_q(rng, model) for _ in range(5)])
-    for function in (
-        pinsing.singular_values,
-        pinsing.kinematics.frame_jacobians,
-        pinsing.kinematics.task_jacobians,
-    ):
-        assert np.array_equal(function(arm, Q), function(arm, arm.q_of(Q)))
-    assert np.array_equal(pinsing.at(arm, full).sigma, pinsing.at(arm, q).sigma)
-    assert np.array_equal(
-        pinsing.configuration.refine(arm, full).q, pinsing.configuration.refine(arm, q).q
-    )
-    assert arm.q_of(Q[None]).shape == (1, 5, 7)
-
-
-def test_every_function_takes_it():
-    model = model_of("panda")
-    arm = pinsing.load(model)
-    full = np.append([0.1, 0.2, 0.3, -1.5, 0.5, 1.2, 0.4], [0.01, 0.02])
-    q = full[:7]
-    plan = pinsing.sampling.plan_sweep(arm, nominal=full, levels=1, samples=5)
-    assert np.array_equal(plan.nominal, q)
-    assert np.array_equal(pinsing.sampling.plan_map(arm, count=4, q=full).base, q)
-    assert np.array_equal(arm.fold(full), arm.fold(q))
-    assert np.array_equal(arm.within_limits(full), arm.within_limits(q))
-    assert np.array_equal(arm.model_q(full), q)
-    viewer = pinsing.Viewer(arm, families=(), poses=[full], skeleton=True)
-    viewer.show(full)
-    assert np.array_equal(viewer.q, q)
-    viewer.close()
 
 
 def test_a_wrong_length_names_those_that_would_do():
     arm = pinsing.load(model_of("panda"))
-    with pytest.raises(
-        ConfigurationError, match=r"q needs 7 values .*the whole model's 9; got 8"
-    ) as e:
-        pinsing.at(arm, np.zeros(8))
-    assert e.value.lengths == (7, 9)
-    with pytest.raises(ConfigurationError, match="got 3") as e:
-        pinsing.at(pinsing.load("ur5"), np.zeros(3))
-    assert e.value.lengths == (6,)
     with pytest.raises(ConfigurationError, match="the whole model's 9 values"):
         arm.q_of(np.zeros(7))
     with pytest.raises(ConfigurationError, match="others needs 9 finite values"):
         arm.full_q(np.zeros(7), others=np.zeros(7))
-    family = pinsing.closed_form(pinsing.load("ur5")).families[0]
-    with pytest.raises(ConfigurationError, match=r"q needs 6 values .*got 9"):
-        family.contains(np.zeros(9))
-
-
-def test_a_floating_base(rng):
-    """The arm is judged in the axes of its base, wherever that stands."""
-    model = model_of("ur5", pin.JointModelFreeFlyer())
-    arm, fixed = pinsing.load(model), pinsing.load("ur5")
-    assert any("floating base" in note for note in arm.notes)
-    full = pin.randomConfiguration(model, np.full(13, -1.0), np.full(13, 1.0))
-    assert full.shape == (13,)
-    q = full[7:]
-    assert np.allclose(arm.q_of(full), q)
-    ours = pinsing.frame_jacobian(arm, full)
-    assert np.allclose(ours, pinsing.frame_jacobian(fixed, q), atol=1e-12)
-    data = model.createData()
-    theirs = pin.computeFrameJacobian(
-        model, data, full, model.getFrameId(arm.tip), pin.LOCAL_WORLD_ALIGNED
-    )[:, 6:]
-    R = pin.XYZQUATToSE3(full[:7]).rotation
-    assert np.allclose(np.kron(np.eye(2), R) @ ours, theirs, atol=1e-9)
-    back = arm.full_q(q, others=full)
-    assert np.allclose(back, full)
-    assert [f.text for f in pinsing.closed_form(arm).families] == [
-        f.text for f in pinsing.closed_form(fixed).families
-    ]
 
 
 def test_continuous_joints_are_a_cosine_and_a_sine(make_model, rng):
@@ -360,21 +265,6 @@ def test_parts_of_the_whole_model(rng):
     exact = pinsing.robot.nominal(arm).arm
     assert np.array_equal(exact.q_of(full), full[1:7])
     assert pinsing.singular_values(exact, full[None]).shape == (1, 6)
-
-
-def test_joints_beside_the_chain_do_not_matter(rng):
-    model = model_of("baxter")
-    arm = pinsing.load(model, tip="left_gripper")
-    assert model.nq > arm.n
-    full = pin.neutral(model)
-    q = rng.uniform(-0.5, 0.5, arm.n)
-    full = arm.full_q(q, others=full)
-    assert np.allclose(arm.q_of(full), q)
-    other = full.copy()
-    index = [j.idx_q for j, n in zip(model.joints, model.names, strict=True) if "right" in n]
-    other[index] += 0.3
-    assert not np.array_equal(other, full)
-    assert np.array_equal(arm.q_of(other), arm.q_of(full))
 
 
 MIMIC = '<mimic joint="j1" multiplier="-2" offset="0.25"/>'

@@ -25,14 +25,9 @@ def folder(tmp_path_factory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def of_stanford(folder) -> list[Section]:
-    return list(stanford.make(folder))
-
-
-@pytest.fixture(scope="module")
-def made(folder, of_stanford) -> list[Section]:
+def made(folder) -> list[Section]:
     return [
-        *of_stanford,
+        *stanford.make(folder),
         *surgical.make(folder, readings=False),
         *parallel.make(folder),
         *claims.make(folder),
@@ -83,14 +78,6 @@ ROWS = [
 @pytest.mark.parametrize(("start", "verdict", "contains"), ROWS)
 def test_rows_of_the_page(made, start, verdict, contains):
     found = row(made, start)
-    assert found.verdict == verdict
-    assert contains in found.computed
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(("start", "verdict", "contains"), ROWS[:5])
-def test_rows_of_the_stanford_arm(of_stanford, start, verdict, contains):
-    found = row(of_stanford, start)
     assert found.verdict == verdict
     assert contains in found.computed
 

@@ -11,12 +11,10 @@ from types import SimpleNamespace
 import numpy as np
 import pinocchio as pin
 import pytest
-from public import documented
 from tiers import tiered
 
 import pinsing
 from pinsing.errors import PinsingError
-from pinsing.serialization import JsonResult
 
 PACKAGES = set(pinsing._packages)
 
@@ -214,26 +212,3 @@ def test_a_form_stands_for_its_arm_and_an_arm_for_its_form(names):
     assert len(pinsing.inverse(form, pinsing.at(arm, q).tip_position).q) > 0
     assert str(pinsing.Monitor(arm)) == str(pinsing.Monitor(form))
     assert pinsing.aspects(arm).word == "proven"
-
-
-def test_every_result_is_text_json_and_a_cell_of_a_notebook(names):
-    kinds = [value for value in documented().values() if isinstance(value, type)]
-    public = [kind for kind in kinds if issubclass(kind, JsonResult)]
-    assert len(public) > 20
-    for kind in public:
-        assert kind.__str__ is not object.__str__
-        assert callable(kind.to_json)
-        assert callable(kind._repr_html_)
-    form, q = names["form"], names["q"]
-    results = (
-        form["wrist"].distance(q),
-        pinsing.inverse(form, pinsing.at(form, q).tip_position)[0],
-        pinsing.Monitor(form).update(q),
-    )
-    for result in results:
-        assert str(result) in repr(result)
-        assert str(result) in result._repr_html_()
-        assert type(result).from_json(result.to_json()).to_dict() == result.to_dict()
-    speeds = pinsing.inverse_velocity(np.eye(2), [0.1, 0.2])
-    assert "dq: [0.1 0.2]" in str(speeds)
-    assert "dq: [0.1 0.2]" in speeds._repr_html_()
