@@ -50,6 +50,7 @@ SAID = {
     "02_view.py": r"shows P1, F1, F2, F3",
     "03_custom_model.py": r"F1: .*q2 = ±90°.*\n  at .*: singular",
     "04_trajectory.py": r"meets F2 at t = 1\.000 s\n.*different.*\n\d+ of its 20 samples",
+    "05_guard_loop.py": r"warn, 0\.[\s\S]*nearest 0\.0[5-9]",
     "08_closed_loop.py": r"2 assembly modes\n[\s\S]*inputs, in m², complete",
     "09_certificate.py": r"as it was: ACCEPTED: puma560[\s\S]*forged: REJECTED.*exit code 1",
     "10_posture_change.py": r"puma560: not cuspidal, proven[\s\S]*aspect: different",

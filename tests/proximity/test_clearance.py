@@ -145,19 +145,6 @@ def test_a_family_at_the_joint_limit_is_as_near_within_limits_as_its_points() ->
     assert repr(near) == "<Distance: 0.25 (exact), to q = 0, 1, 0.3, 1, 0, 0>"
 
 
-@needs_kernel
-@pytest.mark.parametrize("name", ["ur5", "puma560", "irb1400", "z1"])
-def test_the_gap_closes(name: str) -> None:
-    rng = np.random.default_rng(5)
-    for family in closed(name).families:
-        for q in rng.uniform(-3, 3, (20, family.n)):
-            found = family.distance(q, boxes=5_000_000)
-            assert found.upper - found.lower <= 1e-6
-            if not family.equations:
-                assert found.exact
-                assert found.lower == found.upper == found.value
-
-
 @pytest.mark.parametrize("name", ARMS)
 def test_quick_bounds_hold_the_certified_distance(name: str) -> None:
     form = closed(name)
@@ -189,22 +176,6 @@ def test_the_compiled_bounds_are_those_of_numpy(name: str) -> None:
         np.testing.assert_allclose(a.upper, a.each[..., 1].min(axis=1))
         picked = a.each[np.arange(len(Q)), a.family, 0]
         np.testing.assert_array_equal(picked, a.lower)
-
-
-@pytest.mark.slow
-@needs_kernel
-def test_both_searches_agree() -> None:
-    form = closed("ur5")
-    conditions = form.families[2].conditions()
-    Q = np.random.default_rng(8).uniform(-3, 3, (3, 6))
-    for limited in (False, True):
-        options = SearchOptions(gap=1e-3, boxes=5_000_000, within_limits=limited)
-        limits = form.arm.lower, form.arm.upper
-        a = nearest_points(conditions, Q, *limits, options)
-        b = nearest_points(conditions, Q, *limits, options, compiled=False)
-        assert (a.upper - a.lower <= 1e-3).all()
-        assert (b.upper - b.lower <= 1e-3).all()
-        np.testing.assert_allclose(a.upper, b.upper, atol=1e-3)
 
 
 def sliding() -> Family:
