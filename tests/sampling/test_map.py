@@ -10,8 +10,7 @@ import pickle
 import signal
 import subprocess
 import sys
-from concurrent.futures import Executor, Future, ProcessPoolExecutor, ThreadPoolExecutor
-from multiprocessing import get_context
+from concurrent.futures import Executor, Future, ThreadPoolExecutor
 
 import arms
 import numpy as np
@@ -186,15 +185,6 @@ def test_configurations_are_within_their_ranges() -> None:
     assert plan.steps == (54, 54)
     np.testing.assert_allclose(Q[1] - Q[0], [0, 0, Q[1, 2] - Q[0, 2], 0, 0, 0])  # d3, named last
     assert "54 x 54 = 2,916" in str(plan)
-
-
-def test_a_permuted_map_of_all_joints() -> None:
-    arm = arms.textbook("stanford")
-    names = arm.joints[::-1]
-    plan = plan_map(arm, "grid", steps={name: i + 1 for i, name in enumerate(names)}, joints=names)
-    Q = plan.configurations(0, plan.count)
-    assert [len(np.unique(Q[:, i])) for i in range(6)] == [6, 5, 4, 3, 2, 1]
-    assert plan.count == math.factorial(6)
 
 
 @pytest.mark.parametrize(
@@ -415,18 +405,6 @@ def test_chunks_and_threads_do_not_change_a_bit(engine: str, robot: str) -> None
     with ThreadPoolExecutor(3) as executor:
         assert text(executor=executor, chunk=BLOCK) == one
     assert text(executor=Backwards(), chunk=BLOCK, parallel=3) == one
-
-
-@pytest.mark.slow
-def test_processes_do_not_change_a_bit() -> None:
-    arm = arms.textbook("stanford")
-    one = sigma_map(arm, "random", count=N, chunk=BLOCK)
-    with local_processes(2) as (executor, parallel):
-        two = sigma_map(arm, "random", count=N, chunk=BLOCK, executor=executor, parallel=parallel)
-    assert one.to_json() == two.to_json()
-    with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as executor:
-        three = sigma_map(arm, "random", count=N, chunk=BLOCK, executor=executor)
-    assert one.to_json() == three.to_json()
 
 
 def test_a_worker_that_dies_is_an_error_that_says_so(tmp_path) -> None:

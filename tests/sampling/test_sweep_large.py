@@ -284,21 +284,6 @@ def test_a_flat_curve_in_pieces_has_no_dips(monkeypatch: pytest.MonkeyPatch) -> 
     assert flat.isdisjoint(result.candidates.curve.tolist())
 
 
-@pytest.mark.slow
-def test_findings_do_not_need_the_curves(surgical: SweepResult) -> None:
-    arm = arms.textbook("surgical7")
-    bare = run_sweep(arm, surgical.plan, keep=False)
-    assert bare.curves == ()
-    assert not bare.kept
-    one = singular_configurations(arm, surgical)
-    assert [f.to_json() for f in singular_configurations(arm, bare)] == [f.to_json() for f in one]
-    for f in one:
-        for number in f.curves:
-            assert surgical.curves[number].number == number
-    again = SweepResult.from_json(bare.to_json())
-    assert [f.to_json() for f in singular_configurations(arm, again)] == [f.to_json() for f in one]
-
-
 # ---- curves too large for a result
 
 
