@@ -289,11 +289,6 @@ def test_dependence_does_not_change_with_the_length_scale():
         assert axis_dependences(arm.with_task(length_scale=scale), q) == axis_dependences(arm, q)
 
 
-def test_frame_jacobian_is_what_the_words_are_about():
-    J = frame_jacobian(exact("puma560"), [0.1, 0.2, 0.3, 0.4, 0, 0.5])
-    np.testing.assert_allclose(J[:, 3], J[:, 5], atol=1e-12)
-
-
 # Ranks of all sets of columns ------------------------------------------------------------
 
 

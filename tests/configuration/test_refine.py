@@ -85,12 +85,6 @@ def test_equations_are_the_schur_complement(rng):
         assert singular_values(arm, q + 1e-4 * d)[0, -1] > 1e-6 * sigma[0, 0]
 
 
-def test_hundreds_are_refined(rng):
-    arm = arms.textbook("iiwa14")
-    Q = rng.uniform(-2, 2, (300, 7))
-    assert all(c.singular for c in refine_many(arm, Q))
-
-
 def test_stays_near_the_start():
     arm = arms.textbook("puma560")
     q = np.array([0.3, 0.4, -0.5, 0.7, 0.02, 0.9])
@@ -166,15 +160,6 @@ def test_whole_turns_come_back():
     assert found.singular
     assert found.within_limits
     assert (np.abs(found.q) <= arm.upper).all()
-
-
-def test_independent_of_the_batch(rng):
-    arm = arms.textbook("iiwa14")
-    Q = rng.uniform(-2, 2, (40, 7))
-    whole = approach(arm, Q)
-    parts = [approach(arm, Q[i : i + 7]) for i in range(0, 40, 7)]
-    np.testing.assert_array_equal(whole.q, np.concatenate([p.q for p in parts]))
-    np.testing.assert_array_equal(whole.iterations, np.concatenate([p.iterations for p in parts]))
 
 
 def test_json_round_trip(rng):

@@ -12,8 +12,8 @@ from hypothesis import strategies as st
 
 import pinsing
 from pinsing.configuration.at import State, _short, at, state_text
-from pinsing.configuration.lost_motion import JointAxes, Tool, lost_motions, nice_basis
-from pinsing.errors import ConfigurationError, OptionError, ResultError
+from pinsing.configuration.lost_motion import JointAxes, Tool, lost_motions
+from pinsing.errors import ResultError
 from pinsing.robot.arm import Arm
 from pinsing.robot.load import load
 from pinsing.robot.nominal import nominal
@@ -302,25 +302,6 @@ def test_text_has_units_and_degrees_only_where_asked():
     assert "regular: rank 6" in text
 
 
-def test_wrong_configurations_are_refused():
-    arm = arm_of("ur5")
-    with pytest.raises(ConfigurationError, match="needs 6 values"):
-        at(arm, [0.0] * 5)
-    with pytest.raises(ConfigurationError, match="elbow_joint"):
-        at(arm, [0, 0, np.nan, 0, 0, 0])
-
-
-def test_a_task_that_nothing_moves_is_refused():
-    model = pin.Model()
-    one = np.ones(1)
-    joint = model.addJoint(0, pin.JointModelRZ(), pin.SE3.Identity(), "j", one, one, -one, one)
-    frame = pin.Frame("tip", joint, 0, pin.SE3.Identity(), pin.FrameType.OP_FRAME)
-    model.addFrame(frame)
-    with pytest.raises(OptionError, match=r"no joint .* moves tip"):
-        at(load(model, task="position"), [0.1])
-    assert at(load(model), [0.1]).status == "regular"
-
-
 unit = st.floats(-1, 1, allow_nan=False)
 
 
@@ -338,24 +319,6 @@ def test_words_span_the_space_they_describe(numbers, d):
     inside = U @ (U.T @ W)
     # Directions within 0.1 degree of an axis are put on it.
     np.testing.assert_allclose(inside, W, atol=5e-3 * np.abs(W).max())
-
-
-@pytest.mark.parametrize("k", [1, 2, 3])
-def test_nice_basis_prefers_tool_axes_and_spans(k):
-    rng = np.random.default_rng(k)
-    rotation = np.linalg.qr(rng.normal(size=(3, 3)))[0]
-    span = rotation[:, :k] @ np.linalg.qr(rng.normal(size=(k, k)))[0]
-    basis = np.array(nice_basis(span, rotation)).T
-    np.testing.assert_allclose(np.abs(rotation[:, :k].T @ basis), np.eye(k), atol=1e-9)
-
-
-def test_a_task_that_vanishes_altogether_is_singular():
-    """One row: sigma_1 is sigma_r, and only the typical size says that it is zero."""
-    arm = load("planar3r", task="vx")
-    still = at(arm, [0.0, np.pi, 0.0])
-    assert still.status == "singular"
-    assert still.rank == 0
-    assert at(arm, [0.3, 0.2, 0.1]).status == "regular"
 
 
 @pytest.mark.parametrize("spread", [1.0, 1e-1, 1e-3])

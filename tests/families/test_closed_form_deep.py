@@ -55,14 +55,6 @@ def test_positions_are_complete(name):
 
 
 @pytest.mark.slow
-def test_positions_of_the_ur5_where_the_wrist_alone_brings_the_tip_to_a_line():
-    """All five axes meet it; three equations state that, which fall into two families."""
-    _, form = position("ur5")
-    assert form.fully_decomposed
-    assert sorted(len(f.branches) for f in form.families if f.codimension == 3) == [4, 4, 8]
-
-
-@pytest.mark.slow
 @pytest.mark.parametrize("name", CHAINS)
 def test_chains_of_eight_joints_are_complete(name):
     arm, form = chain(name)

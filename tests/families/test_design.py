@@ -92,20 +92,6 @@ def test_with_numbers_put_in_it_is_the_numeric_answer(name, rng):
         assert all(np.abs(form.residuals(f.name, q, lengths)).max() > 1e-9 for f in form.families)
 
 
-@pytest.mark.slow
-def test_a_wrist_offset_of_zero_splits_one_family_into_wrist_elbow_and_shoulder(rng):
-    form = form_of("irb1400 with a5")
-    assert len(form.families) == 1
-    split = next(c for c in form.changes if c.condition == "a5 = 0")
-    assert split.kind == "splits"
-    assert set(split.into) == {f.text for f in form_of("irb1400").families}
-    table = read_dh(TABLES["irb1400"])
-    lengths = random_lengths(form, rng)
-    for a5, count in ((lengths["a5"], 1), (0.0, 3)):
-        arm = with_numbers(table, {**lengths, "a5": a5})
-        assert len(pinsing.closed_form(arm, seconds=LONG).families) == count
-
-
 @pytest.mark.parametrize("name", tiered(["puma560", "ur", "scara"], ()))
 def test_what_is_singular_everywhere_is_so(name, rng):
     form = form_of(name)
@@ -279,19 +265,6 @@ def test_a_table_keeps_its_names_in_other_tasks(rng):
     table = read_dh(TABLES["planar3r"])
     numeric = pinsing.closed_form(with_numbers(table, {"a3": 0.0}).with_task("position"))
     assert [f.text for f in numeric.families] == ["q2 = 0° or 180°"]
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    ("condition", "into"), [("d5 = 0", "q5 = 0° or 180°"), ("a3 = 0", "q2+q3 = 0°")]
-)
-def test_families_that_appear_are_there_with_numbers(condition, into, rng):
-    form = form_of("surgical7")
-    assert [c for c in form.changes if c.condition == condition and c.kind == "appears"]
-    lengths = {**random_lengths(form, rng), condition[:2]: 0.0}
-    arm = with_numbers(read_dh(TABLES["surgical7"]), lengths)
-    numeric = pinsing.closed_form(arm, seconds=LONG)
-    assert any(into in f.text and f.codimension == 1 for f in numeric.families)
 
 
 def test_a_twist_that_makes_all_axes_parallel_brings_its_family_back():

@@ -241,22 +241,6 @@ def test_names_joints_and_text():
     assert by_name == {"ur5": [1, 1, 1], "iiwa14": [1, 2, 2, 2]}
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize(("name", "codimensions"), [("so101", {1, 2}), ("baxter", {2})])
-def test_families_of_more_than_one_equation(name: str, codimensions: set[int]) -> None:
-    assert {f.codimension for f in closed(name).families} == codimensions
-
-
-def test_json_round_trip_of_one_family() -> None:
-    family = closed("xarm7").families[3]
-    again = Family.from_json(family.to_json())
-    rng = np.random.default_rng(4)
-    Q = np.concatenate([family.points(5, rng), rng.uniform(-3, 3, (5, 7))])
-    np.testing.assert_array_equal(family.contains(Q), again.contains(Q))
-    np.testing.assert_array_equal(family.distance(Q[-1]).q, again.distance(Q[-1]).q)
-    assert (again.text, again.latex) == (family.text, family.latex)
-
-
 def test_a_family_without_real_points_says_so() -> None:
     family = shoulder((-3.0, 3.0))
     (branch,) = family.branches

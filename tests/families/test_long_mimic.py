@@ -7,7 +7,6 @@ import random
 import numpy as np
 import pytest
 from flint import nmod_mat
-from test_closed_form_mimic import finger, follows
 
 import pinsing
 from pinsing.algebra.budget import Budget
@@ -108,20 +107,6 @@ def test_ranks_modulo_a_prime_count_followers(tmp_path, slides):
             flat = [row[j] for row in rows for j in some]
             mine = nmod_mat(6, count, flat, PRIMES[0]).rank()
             assert mine == np.linalg.matrix_rank(J[:, some], tol=1e-9)
-
-
-def test_ranks_drop_where_a_finger_is_stretched(tmp_path):
-    arm = finger(tmp_path, mimic=follows(2, 1)).with_task("vx,vy")
-    geometry = nominal(arm)
-
-    def rank(values):
-        rows = own_jacobian_modulo(geometry, arm.task, PRIMES[0], random.Random(1), values)
-        return nmod_mat(2, 2, [x for row in rows for x in row], PRIMES[0]).rank()
-
-    assert rank({}) == 2
-    assert rank({1: (1, 0)}) == 1  # stretched
-    assert rank({1: (0, 1)}) == 1  # q2 = q3 = 180 degrees: folded
-    assert rank({1: (1, 1)}) == 2
 
 
 def test_newtons_steps_of_sliders_are_in_metres(tmp_path):

@@ -1,21 +1,17 @@
 """Jacobians and their derivatives against Pinocchio and finite differences."""
 
 import math
-import pickle
-from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pinocchio as pin
 import pytest
 from arms import CATALOGUE, draw
 from dh_arms import dh_arm
-from tiers import tiered
 
 from pinsing.errors import ConfigurationError, OptionError
 from pinsing.kinematics import jacobian as kinematics
 from pinsing.robot.arm import Arm
 from pinsing.robot.load import load
-from pinsing.robot.nominal import nominal
 
 
 @pytest.fixture(scope="module", params=CATALOGUE, ids=[name for name, _ in CATALOGUE])
@@ -62,19 +58,6 @@ def _angle(model: pin.Model, q: np.ndarray, name: str) -> float:
     return float(at[0] if joint.nq == 1 else math.atan2(at[1], at[0]))
 
 
-def test_columns_are_the_velocities_of_the_tip(arm, rng):
-    """Central differences of the tip placement: a check that leans on no Jacobian code."""
-    h = 1e-6
-    q = draw(arm, rng, 1)[0]
-    J = kinematics.frame_jacobian(arm, q)
-    for i in range(arm.n):
-        step = h * np.eye(arm.n)[i]
-        after, before = (kinematics.tip_placement(arm, q + s) for s in (step, -step))
-        v = (after.translation - before.translation) / (2 * h)
-        w = pin.log3(after.rotation @ before.rotation.T) / (2 * h)
-        np.testing.assert_allclose(J[:, i], np.concatenate([v, w]), atol=1e-8)
-
-
 @pytest.mark.parametrize(
     ("task", "rows"),
     [
@@ -114,23 +97,6 @@ def test_derivative_against_finite_differences(arm, rng):
     J = kinematics.frame_jacobians(arm, np.concatenate([q + steps, q - steps]))
     for j in range(arm.n):
         np.testing.assert_allclose(H[:, :, j], (J[j] - J[arm.n + j]) / (2 * h), atol=2e-9)
-
-
-@pytest.mark.skipif(not hasattr(pin, "computeJointKinematicHessians"), reason="Pinocchio 3")
-def test_derivative_equals_pinocchios_hessian(arm, rng):
-    """Pinocchio's tensor reaches NumPy mis-laid: its memory is column-major."""
-    q = draw(arm, rng, 1)[0]
-    model, data = arm.model, arm.model.createData()
-    pin.computeJointJacobians(model, data, arm.model_q(q))
-    pin.updateFramePlacements(model, data)
-    pin.computeJointKinematicHessians(model, data)
-    raw = pin.getFrameKinematicHessian(model, data, arm.tip_id, pin.LOCAL_WORLD_ALIGNED)
-    n = model.nv
-    H = np.reshape(raw.ravel(), (6, n, n), order="F")
-    np.testing.assert_allclose(
-        kinematics.jacobian_derivative(kinematics.frame_jacobian(arm, q)), H, atol=1e-12
-    )
-    assert not np.allclose(raw, H)  # taken at face value it is wrong: that is the trap
 
 
 def test_task_derivatives_are_scaled_like_the_task(rng):
@@ -212,69 +178,6 @@ def test_a_task_that_nothing_but_rounding_serves(rng):
     np.testing.assert_allclose(
         kinematics.frame_jacobian(arm, q + turn), kinematics.frame_jacobian(arm, q), atol=1e-13
     )
-
-
-def test_rank_of_the_pose_depends_on_neither_tip_nor_scale(rng):
-    """For the full pose; sigma itself does depend on them."""
-    singular = np.array([0.3, -1.0, 0.9, 0.4, 0.0, 1.0])  # UR5, sin q5 = 0
-    regular = np.array([0.3, -1.0, 0.9, 0.4, 0.7, 1.0])
-    values = set()
-    for tip in ("tool0", "wrist_3_link"):
-        for scale in (1.0, 0.1):
-            arm = nominal(load("ur5", tip=tip, length_scale=scale)).arm
-            bad, good = kinematics.singular_values(arm, [singular, regular])
-            assert bad[-1] / bad[0] < 1e-13
-            assert good[-1] / good[0] > 1e-3
-            values.add(round(float(good[-1]), 9))
-    assert len(values) == 4
-
-
-@pytest.mark.parametrize("robot", tiered(["panda", "kinova"], ("kinova",)))
-def test_threads_may_share_an_arm(robot, rng):
-    arm = load(robot)
-    batches = [draw(arm, rng, 50) for _ in range(16)]
-    alone = [kinematics.singular_values(load(robot), Q) for Q in batches]
-    shared = load(robot)
-    with ThreadPoolExecutor(8) as pool:
-        together = list(pool.map(lambda Q: kinematics.singular_values(shared, Q), batches))
-        ranks = list(pool.map(kinematics.generic_rank, [shared] * 16))
-    for a, b in zip(alone, together, strict=True):
-        np.testing.assert_array_equal(a, b)
-    assert set(ranks) == {6}
-
-
-def test_pickled_arm_is_the_same(arm, rng):
-    copy = pickle.loads(pickle.dumps(arm))
-    Q = draw(arm, rng, 3)
-    np.testing.assert_array_equal(
-        kinematics.frame_jacobians(copy, Q), kinematics.frame_jacobians(arm, Q)
-    )
-    assert (copy.joints, copy.tip, copy.task, copy.notes) == (
-        arm.joints, arm.tip, arm.task, arm.notes,
-    )  # fmt: skip
-    np.testing.assert_array_equal(copy.lower, arm.lower)
-    full = arm.full_q(Q)
-    np.testing.assert_array_equal(copy.full_q(Q), full)
-    np.testing.assert_array_equal(copy.q_of(full), arm.q_of(full))
-    with pytest.raises(ValueError, match="read-only"):
-        copy.lower[0] = 0.0
-
-
-def test_inputs_stay_as_they_are(rng):
-    arm = load("kinova")
-    Q = draw(arm, rng, 3)
-    before = Q.copy()
-    J = kinematics.frame_jacobians(arm, Q)
-    J_before = J.copy()
-    kinematics.own_jacobians_and_derivatives(arm, Q)
-    kinematics.scale_rows(arm, J, Q)
-    kinematics.jacobian_derivative(J)
-    arm.fold(Q)
-    arm.within_limits(Q)
-    np.testing.assert_array_equal(Q, before)
-    np.testing.assert_array_equal(J, J_before)
-    J[:] = 0.0  # results are the caller's own
-    np.testing.assert_array_equal(kinematics.frame_jacobians(arm, Q), J_before)
 
 
 @pytest.mark.parametrize(

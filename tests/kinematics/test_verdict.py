@@ -9,8 +9,7 @@ from tiers import tiered
 
 mpl.use("Agg")
 
-from pinsing import at, closed_form, plot
-from pinsing.configuration import refine
+from pinsing import at, plot
 from pinsing.configuration.refine import describe
 from pinsing.kinematics import generic_rank
 from pinsing.kinematics.batch import PINOCCHIO, own_scale
@@ -183,24 +182,6 @@ def test_an_axis_through_the_tip_gives_no_length() -> None:
     assert own_scale(wrist).length == 1.0
     assert at(wrist, [0.3, 0.0, 0.4]).singular
     assert not at(wrist, [0.3, 0.5, 0.4]).singular
-
-
-@pytest.mark.parametrize("length_scale", tiered(SCALES, SCALES[:1]))
-@pytest.mark.parametrize("name", ["stanford", "puma560"])
-def test_families_are_singular_at_any_length_scale(name: str, length_scale: float) -> None:
-    arm = arms.textbook(name, length_scale=length_scale)
-    forms = closed_form(arm)
-    assert {f.text for f in forms.families} == {
-        f.text for f in closed_form(arms.textbook(name)).families
-    }
-    rng = np.random.default_rng(2)
-    for family in forms.families:
-        for q in family.sample(5, rng):
-            assert at(arm, q).singular
-            assert ratios(arm, q[None])[0] <= 1e-9
-    found = refine(arm, np.full(arm.n, 0.5))
-    assert found.singular
-    assert at(arm, found.q).singular
 
 
 def test_a_task_that_can_vanish_is_singular_there_for_all():
