@@ -83,16 +83,6 @@ def test_singular_points_are_marked(stanford_sweep: SweepResult) -> None:
     np.testing.assert_array_equal(np.asarray(mark.get_ydata()), 0)
 
 
-def test_refined_points_between_samples_are_marked() -> None:
-    arm = textbook("puma560")
-    result = sweep(arm, levels=1, samples=61)
-    ax = plot.sigma_curves(result, moving=["q3"], arm=arm)
-    (mark,) = (line for line in ax.get_lines() if line.get_marker() == "o")
-    # PUMA 560, elbow: tan q3 = -d4 / a3, which no sample hits.
-    elbow = np.arctan2(-0.4318, 0.0203)
-    assert np.abs(np.asarray(mark.get_xdata()) - elbow).min() < 1e-6
-
-
 def test_singular_points_that_need_other_joints_are_not_marked() -> None:
     """sin q6 = -1/5 of the surgical arm is singular at q5 = ±90° only, off these curves."""
     arm = textbook("surgical7")

@@ -151,18 +151,6 @@ def test_an_end_on_a_limit_that_is_singular_is_said_to_be():
 
 
 class TestWhatCuspidalStandsOn:
-    def test_a_way_that_is_proven_needs_no_certificate(self):
-        found = pinsing.cuspidality(dh_arm(CRX), poses=4)
-        assert found.answer == "cuspidal"
-        assert found.proven
-        assert not any("certificate" in n for n in found.notes)
-        assert not any("practically singular" in n for n in found.notes)
-
-    def test_nor_does_an_arm_that_is_not(self):
-        found = pinsing.cuspidality(arm_of("ur5"), forms=form_of("ur5"), poses=1)
-        assert found.answer == "not cuspidal"
-        assert not any("certificate" in n for n in found.notes)
-
     @pytest.mark.slow
     def test_an_arm_that_rounding_made_cuspidal(self):
         found = pinsing.cuspidality(dh_arm(PUMA_LIKE), poses=5)

@@ -9,11 +9,10 @@ from pathlib import Path
 import numpy as np
 import pinocchio as pin
 import pytest
-from tiers import tiered
 from urdf_texts import LIMIT, joint
 
 from pinsing import load
-from pinsing.view import Viewer, meshes
+from pinsing.view import meshes
 from pinsing.view.links import read_links
 from pinsing.view.meshes import Mesh, read_meshes
 
@@ -207,20 +206,6 @@ def test_a_reader_that_dies_is_started_again(tmp_path, monkeypatch):
 
 
 @pytest.mark.slow
-def test_a_robot_is_drawn_without_its_bad_meshes(tmp_path):
-    for name, content in {**BAD, "good.stl": GOOD}.items():
-        (tmp_path / name).write_bytes(content)
-    file = tmp_path / "arm.urdf"
-    file.write_text(robot_with(*BAD, "good.stl"))
-    arm = load(file, task="wx,wz")
-    links = read_links(arm)
-    assert [Path(g.meshPath).name for g in links.geometry.geometryObjects] == ["good.stl"]
-    assert any("is not drawn" in note for note in links.notes)
-    with Viewer(arm) as viewer:
-        assert any("is not drawn" in note for note in viewer.notes)
-
-
-@pytest.mark.slow
 def test_nothing_is_said_on_stderr_but_by_us(tmp_path):
     for name, content in BAD.items():
         (tmp_path / name).write_bytes(content)
@@ -251,18 +236,6 @@ def test_geometry_is_that_of_pinocchio(tmp_path):
         np.testing.assert_array_equal(mine.meshColor, their.meshColor)
     part = read[tmp_path / "part.ply"]
     np.testing.assert_array_equal(part.vertices, [[0, 0, 0], [1, 0, 0], [0, 2, 0]])
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("name", tiered(["ur5", "panda"], ("ur5",)))
-def test_known_robots_keep_all_their_meshes(name):
-    source = load(name).source
-    ours, _, notes = meshes.read_geometry(source.full_model, source.xml)
-    theirs = pin.buildGeomFromUrdfString(source.full_model, source.xml, pin.VISUAL)
-    assert notes == ()
-    assert [(g.name, g.meshPath) for g in ours.geometryObjects] == [
-        (g.name, g.meshPath) for g in theirs.geometryObjects
-    ]
 
 
 def test_meshes_read_once_are_read_from_the_disk(tmp_path, monkeypatch):

@@ -13,10 +13,8 @@ from arms import textbook
 from node import needs_node, run
 from numpy.typing import NDArray
 from tiers import tiered
-from urdf_texts import three_joints
 
 from pinsing import at, closed_form, load, singular_values
-from pinsing.configuration.refine import refine
 from pinsing.kinematics.jacobian import frame_jacobian, tip_placement
 from pinsing.kinematics.verdict import ratios, status_of
 from pinsing.measures import pure_ellipsoids
@@ -118,7 +116,7 @@ def test_what_is_shown_is_what_python_shows(name: str, tmp_path: Path) -> None:
     arm = arm_of(name, tmp_path)
     rng = np.random.default_rng(8)
     data, entries = engine(arm)
-    Q = rng.uniform(*arm.span, (4, arm.n))
+    Q = np.concatenate([rng.uniform(*arm.span, (4, arm.n)), arm.span[1][None] + 0.5])
     for entry in entries:
         singular = entry.family.sample(1, rng)
         Q = np.concatenate([Q, singular, singular + rng.normal(0, 1e-3, singular.shape)])
@@ -432,30 +430,6 @@ def test_a_path_in_degrees_is_refused() -> None:
     assert run(TRIED, {"text": "7,400", "joints": joints}) == [[7, 400]]  # outside; without limits
 
 
-@pytest.mark.slow
-@needs_node
-def test_limits_are_judged_as_in_python() -> None:
-    arm = load("ur5")
-    data, _ = engine(arm)
-    for value in (9.0, 2 * np.pi, 2 * np.pi + 1e-6, -7.0, 0.3):
-        q = [value, -1.0, 1.0, 0.5, 1.0, 0.0]
-        frame = run("(m, {data, q}) => m.frameAt(data, q)", {"data": data, "q": q})
-        beyond = arm.joints[:1] if abs(value) > 6.283186 else ()
-        assert tuple(frame["outside"]) == at(arm, q).outside == beyond
-
-
-@pytest.mark.slow
-@needs_node
-def test_what_is_missing_everywhere_is_counted_as_in_python() -> None:
-    arm = load("so101")
-    data, _ = engine(arm)
-    q = refine(arm, [0.0, 0.3, 0.1, -0.2, 0.1]).q
-    here = run("(m, {data, q}) => m.frameAt(data, q)", {"data": data, "q": q.tolist()})
-    assert len(here["always"]) == at(arm, q).always_missing == 1
-    assert len(here["lost"]) + len(here["always"]) == len(at(arm, q).lost) == 2
-    assert here["mixed"] == 0
-
-
 FOUR = """name: four
 convention: modified
 units: {angle: deg, length: m}
@@ -533,20 +507,4 @@ def test_the_clearest_pose_is_no_worse_than_those_given() -> None:
     assert arm.within_limits(found["best"]["q"])
     assert found["best"]["lower"] >= max(found["all"]) - 1e-12
     assert found["best"]["lower"] <= found["best"]["upper"] + 1e-9
-
-
-ELBOW = three_joints("elbow", -1.5, 1.5)
-
-
-@pytest.mark.slow
-@needs_node
-def test_the_clearest_pose_is_as_clear_as_can_be(tmp_path: Path) -> None:
-    path = tmp_path / "elbow.urdf"
-    path.write_text(ELBOW)
-    arm = load(path, task="position")
-    data, entries = engine(arm)
-    found = run("(m, {data}) => m.clearestPose(data)", {"data": data})
-    assert arm.within_limits(found["q"])
-    there = [e.family.distance(found["q"]).lower for e in entries]
-    assert abs(found["lower"] - min(there)) < 3e-6
-    assert np.degrees(found["lower"]) > 89.5  # 90 is the most that the elbow allows
+    assert np.degrees(found["best"]["lower"]) > 89  # 90 is the most that the elbow allows

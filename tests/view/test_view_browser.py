@@ -18,7 +18,6 @@ import numpy as np
 import pytest
 from arms import textbook
 from chromium import BLUE, ORANGE, PINK, near, open_page, picture, require_browser, show_only, text
-from command_line import run
 from urdf_texts import three_joints
 
 from pinsing import Monitor, closed_form, zones
@@ -116,21 +115,6 @@ def test_a_page_whose_program_ends_at_once_says_so(browser: Any, missing: str) -
 
 
 @pytest.mark.slow
-def test_few_kinds_of_paint_come_before_the_first_picture(page: Any) -> None:
-    # Each is one more program for the graphics card, which a first picture waits for.
-    with Viewer(load("stanford"), skeleton=True) as viewer:
-        open_page(page, viewer.url)
-        programs = "() => window.pinsing.view.viewer.renderer.info.programs.map((p) => p.name)"
-        assert sorted(page.evaluate(programs)) == [
-            "LineBasicMaterial",
-            "MeshBasicMaterial",
-            "MeshPhongMaterial",  # outsides, and ellipsoids
-            "MeshPhongMaterial",  # ellipsoids from within
-            "ShaderMaterial",
-        ]
-
-
-@pytest.mark.slow
 def test_a_flat_ellipsoid_is_seen(page: Any, stanford: Viewer) -> None:
     open_page(page, stanford.url)
     frame = page.evaluate("() => window.pinsing.view.frame")
@@ -145,18 +129,6 @@ def test_a_flat_ellipsoid_is_seen(page: Any, stanford: Viewer) -> None:
     # Its thinnest direction has a size: without one, nothing would be drawn.
     scale = page.evaluate("() => window.pinsing.view.node('ellipsoid/translation').scale.toArray()")
     assert min(scale) > 0.01 * max(scale)
-
-
-@pytest.mark.slow
-def test_python_leads_the_page(page: Any, stanford: Viewer) -> None:
-    open_page(page, stanford.url)
-    stanford.show([0.2, 1.1, 0.35, 0.4, 0.9, 0.1])
-    page.wait_for_function("() => document.getElementById('status').textContent === 'Regular'")
-    assert page.locator(".chosen").count() == 0
-    stanford.show_family("F2", pose=1)
-    page.wait_for_function(
-        "() => document.getElementById('playing').textContent === 'F2, pose 2 of 3'"
-    )
 
 
 def test_names_are_text_and_never_markup(page: Any) -> None:
@@ -289,18 +261,6 @@ def test_a_picture_is_taken(tmp_path: Path) -> None:
     assert pixels.std() > 10
     assert near(pixels, BLUE) > 50
     assert sorted(p.name for p in tmp_path.iterdir()) == ["scara.png"]
-
-
-@pytest.mark.slow
-def test_a_mechanism_s_picture_is_taken(tmp_path: Path) -> None:
-    from pinsing.description.dh_table import urdf_folder
-
-    robot = urdf_folder() / "five_bar.urdf"
-    out = tmp_path / "five_bar.png"
-    loops = str(robot.with_suffix("")) + ".loops.yaml"
-    done = run("view", str(robot), "--loops", loops, "-o", str(out))
-    assert done.exit_code == 0, done.output
-    assert out.read_bytes()[:4] == b"\x89PNG"
 
 
 @pytest.mark.slow
