@@ -182,26 +182,3 @@ def test_the_real_package_is_understood(tmp_path, monkeypatch):
     with pytest.raises(UnknownNameError, match="rd:gen3_description"):
         pinsing.load("rd:gen3_descriptio")
     assert list(tmp_path.iterdir()) == []
-
-
-def test_a_mujoco_arm_loads(tmp_path):
-    file = tmp_path / "arm.xml"
-    file.write_text(MUJOCO)
-    arm = pinsing.load(file, task="vx,vy")
-    assert (arm.joints, arm.tip) == (("shoulder", "elbow"), "hand")
-    assert arm.upper == pytest.approx([2.96706, 2.61799], abs=1e-5)
-    assert [f.text for f in pinsing.closed_form(arm).families] == ["q2 = 0° or 180°"]
-    file.write_text(
-        MUJOCO.replace("</mujoco>", "<equality><joint joint1='elbow'/></equality></mujoco>")
-    )
-    assert any("equality" in note for note in pinsing.load(file).notes)
-
-
-@pytest.mark.parametrize(
-    "text", ["<mujoco/>", "<mujoco>", "<mujoco><worldbody><body><joint/></worldbody></mujoco>"]
-)
-def test_a_broken_mujoco_file_is_one_line(tmp_path, text):
-    file = tmp_path / "arm.xml"
-    file.write_text(text)
-    done = run("list", str(file))
-    assert (done.exit_code, len(done.stderr.strip().splitlines())) == (2, 1)
