@@ -384,29 +384,12 @@ def test_loci_that_shrink_to_a_point_are_stated(gap, links, lost, at, off):
             np.testing.assert_allclose(np.sin(turned / 2), 0, atol=1e-9)
 
 
-@pytest.mark.slow
-def test_an_isolated_point_is_found_along_its_lines_too():
-    mechanism = two_cranks([(-0.1, 0.0), (0.1, 0.0)], [0.2, 0.3, 0.2, 0.3])
-    found = analyze_mechanism(mechanism, [np.pi, 0.0])
-    assert found.state.input_ratio < 1e-12
-    assert [c.passed for c in found.checks] == [True, True]
-
-
 def test_cranks_on_one_axis_meet_along_a_line():
     """Ends that coincide at equal angles, whatever these are: no isolated points."""
     mechanism = two_cranks([(0.0, 0.0), (0.0, 0.0)], [0.2, 0.3, 0.2, 0.3])
     (meet,) = [x for x in loop_forms(mechanism).loci if "coincide" in x.words]
     assert not meet.points_only
     assert float(meet.equation([0.7, 0.7])) == pytest.approx(0, abs=1e-12)
-
-
-def test_regular_points_are_on_no_locus(rng):
-    mechanism = shipped("five_bar")
-    forms = loop_forms(mechanism)
-    for q in random_closed(mechanism, 20, rng):
-        state = mechanism_at(mechanism, q)
-        assert state.kind == "regular"
-        assert min(abs(float(x.equation(state.inputs))) for x in forms.loci) > 1e-6
 
 
 def test_no_closed_form_is_claimed_for_a_3rrr():
@@ -447,12 +430,6 @@ def test_all_modes_of_the_5r(rng):
             there = mechanism_at(mechanism, x)
             np.testing.assert_allclose(there.position, state.position, atol=1e-12)
         assert min(np.abs(mechanism.fold(x - q[0])).max() for x in working) < 1e-9
-
-
-def test_mode_of_the_papers_start():
-    state = mechanism_at(shipped("five_bar"), home(shipped("five_bar")))
-    assert state.mode == "assembly +, elbows -+"
-    np.testing.assert_allclose(state.position[:2], paper_point(THIRD, THIRD), atol=1e-12)
 
 
 @pytest.mark.slow
@@ -754,25 +731,6 @@ def test_analysis_prints_and_survives_json():
     assert all(c.passed for c in found.checks)
 
 
-@pytest.mark.slow
-def test_analysis_at_other_inputs():
-    found = analyze_mechanism(shipped("five_bar"), [0.9, 1.9])
-    np.testing.assert_allclose(found.state.inputs, [0.9, 1.9])
-    values = sorted(p.inputs[1] for p in found.points if p.moving == "q2" and p.kind == "type 1")
-    np.testing.assert_allclose(values, singular_q2_by_hand(0.9), atol=1e-9)
-
-
-@pytest.mark.slow
-def test_length_scale_changes_measures_and_no_finding():
-    plain = analyzed("five_bar")
-    scaled = analyze_mechanism(load_mechanism(URDF / "five_bar.urdf", length_scale=0.25))
-    assert plain.state.constraint_ratio > 0
-    for a, b in zip(plain.points, scaled.points, strict=True):
-        assert a.kind == b.kind
-        np.testing.assert_allclose(a.inputs, b.inputs, atol=1e-9)
-    np.testing.assert_allclose(plain.state.velocity, scaled.state.velocity, atol=1e-12)
-
-
 # -- side-car files ------------------------------------------------------------------------------
 
 GOOD = """closed_loop: [[P, P2]]
@@ -791,12 +749,6 @@ def write(tmp_path: Path, text: str) -> Path:
 def test_side_car_is_found_beside_the_urdf_and_by_the_robots_name():
     assert load_mechanism("five_bar").loops == shipped("five_bar").loops
     assert shipped("five_bar").inputs == ("q1", "q2")
-
-
-def test_a_plain_side_car_without_home_works(tmp_path):
-    mechanism = load_mechanism(URDF / "five_bar.urdf", write(tmp_path, GOOD))
-    assert ranks(mechanism).mobility == 2
-    assert np.abs(residual(mechanism, home(mechanism))).max() < 1e-10
 
 
 def test_files_of_example_parallel_robots_are_read_whole(tmp_path):
@@ -822,11 +774,6 @@ joint_type: ['SPHERICAL', 'FIXED']
     plain = load_mechanism(URDF / "rssr.urdf")
     q = np.array([0.3, 0.2, -0.4, 0.7])
     np.testing.assert_allclose(residual(cardan, q), residual(plain, q), atol=1e-12)
-
-
-def test_kinds_are_read_in_either_case(tmp_path):
-    path = write(tmp_path, GOOD.replace("3d", "3D"))
-    assert load_mechanism(URDF / "five_bar.urdf", path).loops[0].kind == "3d"
 
 
 @pytest.mark.parametrize(

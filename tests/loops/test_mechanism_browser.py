@@ -382,17 +382,6 @@ def test_two_tabs_do_not_disturb_each_other(
 
 
 @pytest.mark.slow
-def test_the_page_goes_on_when_the_program_has_ended(page: Any) -> None:
-    viewer = MechanismViewer(shipped("four_bar"), analyzed("four_bar"), skeleton=True)
-    open_page(page, viewer.url)
-    viewer.close()
-    page.locator("#program").wait_for(state="visible")
-    drag(page, 0, slider(page, 0) - 10)
-    settled(page)
-    assert "nearest" in text(page, "#nearest")
-
-
-@pytest.mark.slow
 @pytest.mark.parametrize("panel", [True, False])
 def test_a_picture_of_a_singular_pose_is_taken(panel: bool, tmp_path: Any) -> None:
     from mechanisms import URDF

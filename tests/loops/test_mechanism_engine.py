@@ -95,22 +95,11 @@ def closed(mechanism: Mechanism, count: int) -> list[np.ndarray]:
 
 
 @needs_node
-@pytest.mark.parametrize("name", tiered(["five_bar", "slider_crank"], {"five_bar"}))
+@pytest.mark.parametrize("name", tiered(EVERY, {"five_bar"}))
 def test_frames_measures_and_verdicts_agree(name: str) -> None:
-    agree(name, 100)
-
-
-@needs_node
-@pytest.mark.slow
-@pytest.mark.parametrize("name", EVERY)
-def test_frames_measures_and_verdicts_agree_at_1000_configurations(name: str) -> None:
     """Loops of all three kinds, sliding joints; what is singular is among them."""
-    agree(name, 1000)
-
-
-def agree(name: str, count: int) -> None:
     mechanism = mechanism_of(name)
-    Q = closed(mechanism, count)
+    Q = closed(mechanism, 100)
     if name in SHIPPED:
         Q += [p.q for p in analyzed(name).points]
     found = run(
@@ -456,23 +445,6 @@ def test_the_healthiest_pose_is_within_limits_and_regular(name: str) -> None:
     assert (q >= mechanism.lower - 1e-9).all()
     assert (q <= mechanism.upper + 1e-9).all()
     assert min(measures) > 0.05
-
-
-@needs_node
-@pytest.mark.slow
-def test_the_healthiest_pose_is_found_where_few_are_within_limits() -> None:
-    """A Stewart platform: at random none is; home is, and from there on it gets better."""
-    mechanism = mechanism_of("gough_stewart")
-    data = data_of(mechanism)
-    found, home = run(
-        "(m, data) => [m.healthiestPose(data, [], 40), m.healthOf(data, data.home)]", data
-    )
-    assert home > 0
-    assert found["measure"] > 1.05 * home
-    q = np.array(found["q"])
-    assert (q >= mechanism.lower - 1e-9).all()
-    assert (q <= mechanism.upper + 1e-9).all()
-    assert mechanism_at(mechanism, q).kind == "regular"
 
 
 @pytest.mark.slow

@@ -278,14 +278,6 @@ def test_the_command_draws_modes_and_one_freedom(tmp_path: Path) -> None:
         assert out.stat().st_size > 5_000, name
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("name", OVER)
-def test_the_command_draws_every_mechanism_of_the_shelf(name: str, tmp_path: Path) -> None:
-    out = tmp_path / "map.png"
-    run(name, out, "map", over=",".join(OVER[name]))
-    assert out.stat().st_size > 5_000
-
-
 def test_the_command_refuses_what_makes_no_sense(tmp_path: Path) -> None:
     out = tmp_path / "x.png"
     with pytest.raises(OptionError, match="--over goes with plot map"):

@@ -12,12 +12,11 @@ from mechanisms import URDF, from_model, planar_tree, shipped
 from urdf_text import J, frame, loop_text, written
 
 import pinsing
-from pinsing.loops import PoseForms, mechanism_at, pose_forms, refine, working_modes
+from pinsing.loops import PoseForms, mechanism_at, pose_forms, refine
 from pinsing.loops.closure import Loops, random_closed
 from pinsing.loops.legs import rods
 from pinsing.loops.pose_loci import PoseRing, _loci, _split, _type1, variables_at
-from pinsing.plot.mechanism import TYPE_2
-from pinsing.plot.pose_map import border_field, colors, pose_map, regions
+from pinsing.plot.pose_map import border_field, colors, regions
 from pinsing.robot.load_mechanism import Loop
 
 mpl.use("agg")
@@ -70,17 +69,6 @@ def test_fichters_turn_by_90_degrees_is_found_by_itself(rng):
             assert (values < 1e-12).all() == singular
     # Level, only the plane of the base is singular.
     assert [str(x.equation) for x in pose_forms(shipped("gough_stewart")).level] == ["z = 0"]
-
-
-@pytest.mark.slow
-def test_the_platform_itself_is_singular_there():
-    """By Pinocchio's Jacobians, at a pose that the family names."""
-    mechanism = shipped("gough_stewart").without_limits()
-    found = working_modes(mechanism, [0.1, -0.2, 0.9, 0, 0, np.pi / 2], starts=8)
-    assert found.modes
-    assert mechanism_at(mechanism, found.modes[0].q).kind == "type 2"
-    beside = working_modes(mechanism, [0.1, -0.2, 0.9, 0, 0, np.pi / 2 - 0.1], starts=8)
-    assert mechanism_at(mechanism, beside.modes[0].q).kind == "regular"
 
 
 def test_architecture_singularities_are_named():
@@ -386,37 +374,6 @@ def test_families_of_a_mechanism_at_the_command_line(command):
     assert (code, said) == (2, "")
     assert "no leg has a certificate of its own" in told
     assert run("planar_3rpr", "--latex")[0] == 2
-
-
-def contour(ax, color):
-    """Points of the lines of a colour."""
-    found = []
-    for c in ax.collections:
-        edge = c.get_edgecolor()
-        if len(edge) and np.allclose(edge[0][:3], mpl.colors.to_rgb(color)):
-            found += [p.vertices for p in c.get_paths() if len(p.vertices)]
-    return np.concatenate(found)
-
-
-@pytest.mark.slow
-def test_slices_over_the_pose_show_the_loci():
-    ax = pose_map(shipped("gough_stewart"), ("x", "yaw"), samples=41)
-    lines = contour(ax, TYPE_2)
-    # Between grid points the line is straight, the equation is not.
-    np.testing.assert_allclose(np.abs(lines[:, 1]), 90, atol=0.2)
-    assert set(np.sign(lines[:, 1])) == {-1, 1}
-    ax = pose_map(shipped("planar_3rpr"), ("x", "y"), samples=81)
-    forms = pose_forms(shipped("planar_3rpr"))
-    angle = np.radians(10)
-    rows = [
-        {"x": x, "y": y, "cos φ": np.cos(angle), "sin φ": np.sin(angle)}
-        for x, y in contour(ax, TYPE_2)
-    ]
-    assert np.abs(equation_values(forms, rows)).max() < 0.01
-    (legend,) = ax.figure.legends
-    labels = [t.get_text() for t in legend.get_texts()]
-    assert any(t.startswith("aspect 2: assembly") for t in labels)
-    plt.close("all")
 
 
 def test_regions_of_a_slice_are_parted_by_the_loci_alone():
