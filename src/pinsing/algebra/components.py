@@ -318,8 +318,7 @@ def restated(
                     *restated(relations, off, count, ring, time),
                 ]
         return [(tuple(relations), points)]  # a point on none of the factors: leave it
-    kept = _distinct(chosen, ring)
-    return [(_fewest(kept, count, ring), points)]
+    return [(_fewest(_distinct(chosen, ring), count, ring), points)]
 
 
 def divided(relations: tuple[Poly, ...], ring: Ring) -> tuple[Poly, ...]:
@@ -381,8 +380,7 @@ def _fewest(polys: list[Poly], count: int, ring: Ring) -> tuple[Poly, ...]:
     """The first ``count`` polynomials, if all others lie in their ideal; else all."""
     if len(polys) <= count or not ring.rational:
         return tuple(polys)
-    names = polys[0].context().names()
-    context = fmpz_mpoly_ctx.get(list(names), Ordering.degrevlex)
+    context = fmpz_mpoly_ctx.get(list(polys[0].context().names()), Ordering.degrevlex)
 
     few = fmpz_mpoly_vec([context.from_dict(whole_terms(p)) for p in polys[:count]], context)
     # Of a Groebner basis: polynomials, terms, bits of coefficients.

@@ -279,8 +279,7 @@ def zeros_along(conditions: Conditions, pieces: Array, *, compiled: bool = True)
     ends = np.empty((len(pieces), len(conditions.sums), 2))
     handle = conditions.compiled if compiled else None
     if handle is not None:
-        flat = handle.zeros(scaled, ends, engine.cpu_count())
-        rows = np.array(flat, dtype=float).reshape(-1, 5)
+        rows = np.array(handle.zeros(scaled, ends, engine.cpu_count()), dtype=float).reshape(-1, 5)
     else:
         found = [_zeros(f, e, scaled, ends) for e, f in enumerate(conditions.sums)]
         rows = np.concatenate(found) if found else np.zeros((0, 5))
@@ -300,8 +299,7 @@ def place(pieces: Array, index: Ints, s: Array) -> Array:
 def _zeros(f: TrigSum, e: int, pieces: Array, ends: Array) -> Array:
     every = np.arange(len(pieces))
     for side in (0, 1):
-        at = place(pieces, every, np.full(len(pieces), float(side)))
-        ends[:, e, side] = f.at(at).value
+        ends[:, e, side] = f.at(place(pieces, every, np.full(len(pieces), float(side)))).value
     index, s, h = every, np.full(len(every), 0.5), np.full(len(every), 0.5)
     looks = np.zeros(len(every), dtype=np.int64)
     rows = [np.zeros((0, 5))]
@@ -367,8 +365,7 @@ def _polynomial(a: Array, s: Array, h: Array) -> tuple[Array, Array, Array, Arra
         value = value * s + a[:, i]
     for i in range(a.shape[1] - 1, 1, -1):
         second = second * (s + h) + i * (i - 1) * np.abs(a[:, i])
-    most = np.abs(value) + (np.abs(slope) + second * h) * h
-    return value, slope, most, second
+    return value, slope, np.abs(value) + (np.abs(slope) + second * h) * h, second
 
 
 _WINDOW = 1.0
@@ -438,8 +435,7 @@ def _of_sum(s: TrigSum, x: Array, u: Array) -> float:
     slope = float(gradient @ u)
     falls = float(-slope if value > 0 else slope) + float(slope_error * np.abs(u).sum())
     swing = np.abs(s.rate @ u) + 1e-14 * (np.abs(s.rate) @ np.abs(u))
-    most = np.abs(x) + _WINDOW * np.abs(u)
-    bend = float(s.bend(most[None], swing, np.abs(u)[None])[0])
+    bend = float(s.bend((np.abs(x) + _WINDOW * np.abs(u))[None], swing, np.abs(u)[None])[0])
     root = math.sqrt(falls * falls + 2 * bend * left)
     step = math.inf
     if falls > 0:

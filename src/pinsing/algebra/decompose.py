@@ -458,8 +458,7 @@ class Search:
         # Largest product of term counts for which a symbolic resultant is tried.
         if not shared or len(p) * len(g) > 2_000:
             return
-        resultant = self.ring.strip(self.ring.eliminated(p, g, shared[0]))
-        for h in self._factors(resultant):
+        for h in self._factors(self.ring.strip(self.ring.eliminated(p, g, shared[0]))):
             fixed = self.ring.joint_value(h)
             if fixed is not None:
                 at = dict([fixed])

@@ -97,10 +97,8 @@ _SPECIAL = re.compile(r"[^A-Za-z0-9.]")
 
 def format_angle(radians: float, latex: bool = False) -> str:
     """Degrees with as many digits as tell anything: ``90°``, ``-11.537°``."""
-    degrees = math.degrees(radians)
-    shown = round(degrees, 4)
-    text = f"{shown:.10g}" if shown != 0 else "0"
-    return text + (r"^\circ" if latex else "°")
+    shown = round(math.degrees(radians), 4)
+    return (f"{shown:.10g}" if shown != 0 else "0") + (r"^\circ" if latex else "°")
 
 
 def joined(pieces: Iterable[tuple[bool, str]], gap: str = " ") -> str:
@@ -343,8 +341,7 @@ class Equation(Memory):
         q = np.asarray(q, dtype=float)
         phase, power = self._terms(q)
         c, s = np.cos(phase), np.sin(phase)
-        turned = power * (self.sin * c - self.cos * s)
-        out = turned @ (self.frequencies / 2)
+        out = (power * (self.sin * c - self.cos * s)) @ (self.frequencies / 2)
         value = self.cos * c + self.sin * s
         for j in np.flatnonzero(self.powers.any(axis=0)):
             exponents = self.powers.copy()

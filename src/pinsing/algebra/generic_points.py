@@ -136,8 +136,7 @@ class SlicePoint:
     @cached_property
     def _compiled(self) -> Any:
         """The point in the compiled engine; None where it is not covered."""
-        count = self.residues.ring.nvars
-        return engine_point(self.field, count, self._known.items(), self.free)
+        return engine_point(self.field, self.residues.ring.nvars, self._known.items(), self.free)
 
     def is_zero(self, poly: Poly) -> bool:
         """Return True if a polynomial vanishes there."""
@@ -216,8 +215,7 @@ class RandomSlice:
     def coordinates(self, i: int, t: Any) -> list[Any]:
         """Variables of the i-th free joint where its variable on the slice is t."""
         a, b = self.turns[i]
-        slides = self.residues.ring.prismatic[self.chosen[i]]
-        return [t] if slides else [a - b * t, b + a * t]
+        return [t] if self.residues.ring.prismatic[self.chosen[i]] else [a - b * t, b + a * t]
 
     @cached_property
     def circles(self) -> dict[int, Any]:

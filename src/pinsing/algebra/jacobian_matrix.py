@@ -272,8 +272,7 @@ class _Chain:
         if rows := in_axes(task, False):
             # Whether the first joint's turn leaves the rows in base axes the same set.
             rotation, about = self.geometry.rotation[0], round_about(in_axes(task, False))
-            alike = any(_along_z(rotation, k, row=True) for k in about)
-            before = first if alike else frames[0]
+            before = first if any(_along_z(rotation, k, row=True) for k in about) else frames[0]
             back = [
                 [number(x) for x in row] for row in zip(*self.geometry.rotation[0], strict=True)
             ]
@@ -332,8 +331,7 @@ def jacobian_matrix(
         else:
             scale = of(of(frame.d, frame.d), tip.d if at_tip else ring.one)
             if at_tip:  # lever from the joint to the tip, over frame.d * tip.d
-                pairs = zip(tip.p, frame.p, strict=True)
-                lever = [of(t, frame.d) - of(p, tip.d) for t, p in pairs]
+                lever = [of(t, frame.d) - of(p, tip.d) for t, p in zip(tip.p, frame.p, strict=True)]
                 w = [of(of(x, frame.d), tip.d) for x in z]
             else:
                 lever = [-p for p in frame.p]

@@ -295,8 +295,7 @@ class _Writer:
         """The size of a number, without its sign where it has one."""
         if isinstance(value, float | int):
             return f"{abs(value):.6g}"
-        parts = parts_of(value)
-        roots = [(p, s) for p, s in zip(parts, (1, 2, 3, 6), strict=True) if p]
+        roots = [(p, s) for p, s in zip(parts_of(value), (1, 2, 3, 6), strict=True) if p]
         said = ""
         for part, square in roots:
             sign = ("" if not said else " + ") if part > 0 or len(roots) == 1 else " - "
@@ -322,8 +321,7 @@ def _nested(terms: Mapping[tuple[tuple[int, str, int], ...], Number], writer: _W
         pieces.append((negative, f"{writer.factors(pull)} ({_nested(inner, writer)})"))
     for atoms in alone:
         number = terms[atoms]
-        shown = times(writer.number(number), writer.factors(atoms))
-        pieces.append((_is_negative(number), shown))
+        pieces.append((_is_negative(number), times(writer.number(number), writer.factors(atoms))))
     return joined(pieces)
 
 
@@ -408,8 +406,7 @@ class JointForm:
             return np.asarray(value[..., None])
         radius, phase = np.hypot(a, b), np.arctan2(b, a)
         with np.errstate(divide="ignore", invalid="ignore"):
-            cosine = np.where(radius == 0, np.nan, -c / radius)
-            turn = np.arccos(cosine)
+            turn = np.arccos(np.where(radius == 0, np.nan, -c / radius))
         if self.kind == "half":
             angles = 2 * (phase + np.pi / 2)[..., None]
             angles = np.where(radius[..., None] == 0, np.nan, angles)

@@ -108,8 +108,7 @@ def _reached(s: TrigSum, X: Array, at: At) -> Array:
     # The root of slope^2 - least^2: squares of huge slopes overflow.
     root = np.sqrt(np.maximum(slope - least, 0.0)) * np.sqrt(np.maximum(slope + least, 0.0))
     found = 2 * value / np.maximum(slope + root, TINY) * (1 + 8e-15)
-    good = (slope >= least) & (slope > 0) & (found <= within * (1 + 1e-9))
-    return np.where(good, found, np.inf)
+    return np.where((slope >= least) & (slope > 0) & (found <= within * (1 + 1e-9)), found, np.inf)
 
 
 GAP = 1e-6

@@ -223,8 +223,7 @@ class _Affine:
                 return None
             terms = terms_of(p)
             if all(not any(m[:-1]) for m in terms):
-                degree = max(int(m[-1]) for m in terms)
-                line = [0] * (degree + 1)
+                line = [0] * (max(int(m[-1]) for m in terms) + 1)
                 for m, c in terms.items():
                     line[int(m[-1])] = int(c)
                 out = fmpz_poly([1])
@@ -249,8 +248,7 @@ class _Affine:
             {self._power(i, k): int(c) for k, c in enumerate(e.coeffs()) if c}
             for i, e in enumerate(eliminants)
         ]
-        system = [*self.system, *lines]
-        basis, _ = self._basis(system, range(self.size))
+        basis, _ = self._basis([*self.system, *lines], range(self.size))
         count = _standard_monomials(basis, [e.degree() for e in eliminants])
         before = ctx.prec
         try:

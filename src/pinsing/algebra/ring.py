@@ -362,8 +362,7 @@ class Ring:
             return None
 
         def coefficient(v: int | None) -> Exact:
-            key = tuple(int(v == k) for k in range(self.nvars))
-            return terms.get(key, Fraction(0))
+            return terms.get(tuple(int(v == k) for k in range(self.nvars)), Fraction(0))
 
         if self.prismatic[j]:
             return j, (-coefficient(None) / coefficient(variables[0]),)

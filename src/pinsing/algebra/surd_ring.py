@@ -69,8 +69,7 @@ class SurdRing(Ring):
     def reduce(self, poly: Poly) -> Poly:
         """The form that has every root to the power of one at most."""
         gens = self.context.gens()[self.nvars :]
-        degrees = poly.degrees()[self.nvars :]
-        for s, d, degree in zip(gens, self.roots, degrees, strict=True):
+        for s, d, degree in zip(gens, self.roots, poly.degrees()[self.nvars :], strict=True):
             if degree > 1:
                 poly = divmod(poly, s * s - d)[1]
         return poly
@@ -287,8 +286,7 @@ class SurdRing(Ring):
     def _has_square(self, poly: Poly, joint: int) -> bool:
         """Return True if some factor with a joint in it is there more than once, modulo a prime."""
         reduced = image(poly, self, WORD_PRIME)
-        slope = reduced.derivative(self._variable(poly, joint))
-        return not reduced.gcd(slope).is_constant()
+        return not reduced.gcd(reduced.derivative(self._variable(poly, joint))).is_constant()
 
     def _bits_needed(self, poly: Poly) -> int:
         """Return the length of a prime by which the coefficients of any factor are told for sure.

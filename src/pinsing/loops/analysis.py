@@ -156,8 +156,7 @@ def joint_lines(forms: JointForms, whole: bool) -> Iterator[Line]:
     if not forms.complete:
         yield "", (f"Closed forms in the joint angles: {'; '.join(forms.notes)}",)
         return
-    title = "Closed forms in the joint angles, where the loops close, "
-    yield "", (title, good("complete"), ":")
+    yield "", ("Closed forms in the joint angles, where the loops close, ", good("complete"), ":")
     for locus in (x for x in forms.loci if x.kind != "passive"):
         yield "  ", (f"{locus.kind}: {locus.words}",)
         yield "    ", (formula(locus.statement()),)
@@ -314,8 +313,7 @@ def analysis_text(
     lines = [*_head(a, values), *_configurations(a, values, joints, page), *_points(a, values)]
     lines += [*_forms(a, values, page), ("", ())]
     for check in a.checks:
-        word = good("ok") if check.passed else alarm("DISAGREES")
-        lines.append(("", (word, f": {check.words}")))
+        lines.append(("", (good("ok") if check.passed else alarm("DISAGREES"), f": {check.words}")))
     lines += [("", (f"note: {note}",)) for note in a.notes]
     return _written(lines, page)
 
@@ -506,8 +504,7 @@ def analyze_mechanism(
     stages = Stages(seconds)
     generic = ranks(mechanism)
     q = home(mechanism)
-    at_home = q[list(mechanism.actuated)]
-    asked = at_home if inputs is None else mechanism.check_inputs(inputs)
+    asked = q[list(mechanism.actuated)] if inputs is None else mechanism.check_inputs(inputs)
     direct = assembly_modes(mechanism, inputs if inputs is None else asked)
     if not direct.modes:
         if inputs is None and home_outside(mechanism):
@@ -614,10 +611,11 @@ def independent_inputs(mechanism: Mechanism, generic: Ranks, q: Array) -> Mechan
     inputs = motions(mechanism, q).inputs
     chosen: list[int] = []
     for k in range(len(inputs)):
-        if len(chosen) < generic.mobility:
-            sigma = np.linalg.svd(inputs[[*chosen, k]], compute_uv=False)
-            if sigma[len(chosen)] > ROUNDING:
-                chosen.append(k)
+        if (
+            len(chosen) < generic.mobility
+            and np.linalg.svd(inputs[[*chosen, k]], compute_uv=False)[len(chosen)] > ROUNDING
+        ):
+            chosen.append(k)
     return mechanism.with_actuated([mechanism.inputs[k] for k in chosen])
 
 
@@ -667,8 +665,7 @@ def _checks(
         here = [p for p in points if p.moving == name]
         for locus in forms.loci:
             for value in roots(locus.equation, inputs, k):
-                at = np.where(np.arange(len(inputs)) == k, value, inputs)
-                if dyad.excess(at) > ROUNDING:
+                if dyad.excess(np.where(np.arange(len(inputs)) == k, value, inputs)) > ROUNDING:
                     continue
                 count += 1
                 if all(abs(np.sin((p.inputs[k] - value) / 2)) > ROUNDING for p in here):

@@ -135,8 +135,7 @@ class BatchLoops:
         placed = self.place(Q) if placed is None else placed
         R, p = self._frame(placed, self._output)
         linear, angular = self._velocity(placed, self._output[0], p)
-        J = np.concatenate([linear / self._scale, angular], axis=1)
-        return R, p, J * self.units
+        return R, p, np.concatenate([linear / self._scale, angular], axis=1) * self.units
 
     def reach(
         self,
@@ -201,8 +200,7 @@ def newton(
     for _ in range(steps + 1):
         if not len(active):
             break
-        X = Q[active]
-        error, J = _system(loops, X, which, target, active)
+        error, J = _system(loops, Q[active], which, target, active)
         size[active] = np.abs(error).max(axis=1, initial=0.0)
         active_now = size[active] > 1e-13
         J = J[:, :, columns]
@@ -261,8 +259,7 @@ def _cross(a: Array, b: Array) -> Array:
 
 def _swing(R: Array, k: int) -> Array:
     """The least turns (N, 3) that bring axis k to where R (N, 3, 3) has it."""
-    axis = np.eye(3)[k]
-    across = np.cross(axis, R[:, :, k])
+    across = np.cross(np.eye(3)[k], R[:, :, k])
     size = np.linalg.norm(across, axis=1)
     angle = np.arctan2(size, R[:, k, k])
     grown = np.where(size > NOISE, angle / np.where(size > NOISE, size, 1.0), 1.0)
@@ -301,8 +298,7 @@ def ball_jacobians(loops: BatchLoops, Q: Array) -> tuple[Array, Array]:
             axis[joint], pivot[joint + 1] = along, at
     whole = replace(placed, axis=axis, pivot=pivot)
     G = loops.closure(Q, placed=whole)[1]
-    J = loops.output(Q, whole)[2][:, list(mechanism.task.rows)]
-    return G, J
+    return G, loops.output(Q, whole)[2][:, list(mechanism.task.rows)]
 
 
 def hinge_rates(loops: BatchLoops, q: Array, basis: Array) -> Array:
@@ -418,8 +414,7 @@ class Loops:
         J = pin.computeFrameJacobian(
             model, data, self.model_q(q), self._output, pin.LOCAL_WORLD_ALIGNED
         )
-        placement = pin.updateFramePlacement(model, data, self._output)
-        return pin.SE3(placement), np.array(J)[self._task]
+        return pin.SE3(pin.updateFramePlacement(model, data, self._output)), np.array(J)[self._task]
 
     def output_scaled(self, q: Array) -> Array:
         """Output Jacobian without units (m, n)."""

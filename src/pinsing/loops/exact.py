@@ -172,8 +172,7 @@ class LegChain:
         if hinge.slides:
             return [scale * a for a in hinge.axis]
         grown = scale / hinge.scale
-        reach = [b - grown * o for b, o in zip(point, hinge.origin, strict=True)]
-        return cross(hinge.axis, reach)
+        return cross(hinge.axis, [b - grown * o for b, o in zip(point, hinge.origin, strict=True)])
 
     def in_base(self, row: Row) -> Row:
         """A vector in the axes of the base."""

@@ -60,8 +60,7 @@ class PoseEquation:
         x = np.asarray(at, dtype=float)
         if self.matrix:
             return np.asarray(np.linalg.det(self.entries(x)))
-        terms = np.prod(x[..., None, :] ** self.powers, axis=-1)
-        return np.asarray(terms @ self.values)
+        return np.asarray(np.prod(x[..., None, :] ** self.powers, axis=-1) @ self.values)
 
     def degree(self, names: tuple[str, ...]) -> int:
         """Return the degree in some variables together; of a determinant a bound of it."""

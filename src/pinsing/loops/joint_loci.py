@@ -189,8 +189,7 @@ def _leg(
     arms = [moved(h) for h in passive]
     if kind == SPHERE and end is not None:
         # A loop that closes in a point of the sphere leaves a turn about the radius there.
-        middle = chain.fixed(centre)
-        arms.append([b - chain.scale * m for b, m in zip(point, middle, strict=True)])
+        arms.append([b - chain.scale * m for b, m in zip(point, chain.fixed(centre), strict=True)])
     if kind == PLANE:
         # Normal of the plane in the frame of the chain.
         normal = [one * rational(v) for v in chain.base[2]]
@@ -236,8 +235,7 @@ def _spatial(
     if hinge.slides:
         raise NotThisKind("a passive slide is the only passive joint of a leg")
     grown = chain.scale / hinge.scale
-    reach = [b - grown * o for b, o in zip(point, hinge.origin, strict=True)]
-    return [hinge.axis, reach]
+    return [hinge.axis, [b - grown * o for b, o in zip(point, hinge.origin, strict=True)]]
 
 
 def _primitive(force: Row) -> tuple[Row, Poly]:
@@ -590,8 +588,7 @@ def _twists(legs: LegWrenches) -> list[tuple[Row, Row]]:
             out.append(([zero] * 3, axis))
             continue
         # Scales: both times that of the joint, squared in the velocity.
-        at = chain.placed(h.origin, h.scale)
-        out.append(([h.scale * a for a in axis], cross(at, axis)))
+        out.append(([h.scale * a for a in axis], cross(chain.placed(h.origin, h.scale), axis)))
     return out
 
 
@@ -609,8 +606,7 @@ def _output_row(legs: LegWrenches, k: int) -> Row:
         return in_room(legs.kind, whole)
     out = []
     for turning, velocity in _twists(legs):
-        shift = cross(turning, legs.output)
-        moved = [scale * v + c for v, c in zip(velocity, shift, strict=True)]
+        moved = [scale * v + c for v, c in zip(velocity, cross(turning, legs.output), strict=True)]
         out.append(dot(unit, turning if k >= 3 else moved, zero))
     return out
 

@@ -256,8 +256,7 @@ def carried(mechanism: Mechanism, sample: Sample, joint: int, C: Array, outer: A
     first = c * (arm - rest) - s * np.cross(axis, arm - rest)
     if np.linalg.norm(first) <= ROUNDING:
         return None
-    second = np.cross(axis, first)
-    return Rod("crank", joint, outer, at + rest, first=first, second=second)
+    return Rod("crank", joint, outer, at + rest, first=first, second=np.cross(axis, first))
 
 
 @dataclass(frozen=True, eq=False)
@@ -637,8 +636,7 @@ def squares_note(found: SphereLoci) -> str:
 def _zeros(poly: Poly, count: int) -> list[frozenset[int]]:
     """Least sets of variables that are zero on the real zeros of a sum of squares; else none."""
     terms = [(tuple(int(e) for e in m), c) for m, c in poly.to_dict().items()]
-    signs = {c > 0 for _, c in terms}
-    if len(signs) != 1 or any(e % 2 for m, _ in terms for e in m):
+    if len({c > 0 for _, c in terms}) != 1 or any(e % 2 for m, _ in terms for e in m):
         return []
     out: list[frozenset[int]] = []
     for size in range(1, count):
@@ -677,8 +675,7 @@ def _polynomials(
         moment = cross(v, w)
         rows.append(moment)
         ones.append(divided_by(dot(base, moment, zero), N))
-    type2 = dot(rows[0], cross(rows[1], rows[2]), zero)
-    return divided_by(type2, N), tuple(ones), off
+    return divided_by(dot(rows[0], cross(rows[1], rows[2]), zero), N), tuple(ones), off
 
 
 def _legs(mechanism: Mechanism) -> list[SphereLeg]:

@@ -234,8 +234,7 @@ def planar_dyad(mechanism: Mechanism) -> Dyad | None:
 def _side(
     mechanism: Mechanism, path: list[int], zero: Sample, senses: Array, basis: Array, end: Array
 ) -> Side | None:
-    driven = [j in mechanism.actuated for j in path]
-    if driven not in ([True, False], [False]):
+    if [j in mechanism.actuated for j in path] not in ([True, False], [False]):
         return None
     points = [basis @ zero.origins[j] for j in path]
     rod = basis @ end - points[-1]
@@ -459,8 +458,7 @@ def _type1_legs(dyad: Dyad) -> tuple[int, ...] | None:
     if len(cranked) == 2:
         return cranked if dyad.at_pin(mechanism) else None
     output = mechanism.model.frames[mechanism.output_id]
-    driven = dyad.sides[1 - cranked[0]]
-    return cranked if int(output.parentJoint) - 1 == driven.pin else None
+    return cranked if int(output.parentJoint) - 1 == dyad.sides[1 - cranked[0]].pin else None
 
 
 def _loci(
@@ -520,8 +518,7 @@ def _range(form: Equation, extremes: Array) -> tuple[float, float, Array]:
     values[np.abs(values) <= NOISE * form.size] = 0.0
     if n == 1 and len(roots(form, [0.0], 0)):
         values = np.append(values, 0.0)
-    touching = extremes[values[: len(extremes)] == 0]
-    return float(values.min()), float(values.max()), touching
+    return float(values.min()), float(values.max()), extremes[values[: len(extremes)] == 0]
 
 
 def _tried(n: int) -> Array:
@@ -555,8 +552,7 @@ def _extremes(dyad: Dyad, leg: int | None) -> Array:
     for sense in (1, -1):
         one, two = _arms(dyad, leg, sense)
         if far > 0 and one != 0 and abs(abs(one) - abs(two)) <= far <= abs(one) + abs(two):
-            cosine = (far**2 + one**2 - two**2) / (2 * far * one)
-            bend = float(np.arccos(np.clip(cosine, -1, 1)))
+            bend = float(np.arccos(np.clip((far**2 + one**2 - two**2) / (2 * far * one), -1, 1)))
             for turn in (bend, -bend):
                 away = one * np.array([np.cos(turn), np.sin(turn)]) - [far, 0.0]
                 away = away if two > 0 else -away

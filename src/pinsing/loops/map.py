@@ -138,8 +138,7 @@ def _nearest(
             np.concatenate([p / scale, R.reshape(-1, 9)], axis=1)
             for R, p in (loops.output(known)[:2], (target[0][left], target[1][left]))
         )
-    away = (have**2).sum(axis=1) - 2 * want @ have.T
-    return np.asarray(away.argmin(axis=1))
+    return np.asarray(((have**2).sum(axis=1) - 2 * want @ have.T).argmin(axis=1))
 
 
 def known_closed(loops: BatchLoops) -> Array:

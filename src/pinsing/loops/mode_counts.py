@@ -166,8 +166,7 @@ def _poses(
     # 2 w . d = right, for both: w = (wx, wy / sqrt(square)) over 2 square below and 2 below.
     wx = right[0] * away[1][1] - right[1] * away[0][1]
     wy = away[0][0] * right[1] - away[1][0] * right[0]
-    poly = square * wx**2 + wy**2 - 4 * square * squares[0] * below**2
-    return divided_by(poly, n), below
+    return divided_by(square * wx**2 + wy**2 - 4 * square * squares[0] * below**2, n), below
 
 
 def _univariate(poly: Poly) -> fmpq_poly:
@@ -176,8 +175,7 @@ def _univariate(poly: Poly) -> fmpq_poly:
 
 
 def _input_loci(mechanism: Mechanism, found: Rods) -> tuple[PoseEquation, ...]:
-    points = [p for rod in found.rods for p in (rod.outer, rod.inner)]
-    exact = exact_points(points)
+    exact = exact_points([p for rod in found.rods for p in (rod.outer, rod.inner)])
     # Up to that the coefficients stay of a length that is found in seconds.
     if max(v.denominator for p in exact.vectors for v in p[:2]) > 10**5:
         return ()

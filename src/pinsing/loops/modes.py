@@ -143,8 +143,7 @@ def elbow_sines(mechanism: Mechanism, q: npt.ArrayLike) -> Array:
         elif size <= ROUNDING:
             out.append(float(np.cross(axis, bent) @ second) / max(reach, ROUNDING))
         else:
-            bend = float(np.cross(first, second) @ axis)
-            out.append(bend / (size * reach) if reach > 0 else 0.0)
+            out.append(float(np.cross(first, second) @ axis) / (size * reach) if reach > 0 else 0.0)
     return np.array(out)
 
 

@@ -129,8 +129,7 @@ def input_output(mechanism: Mechanism, q: npt.ArrayLike) -> tuple[Array, Array]:
         A is singular at type 2, B at type 1; lengths are over the length scale.
     """
     found = motions(mechanism, q)
-    relation = np.vstack([found.outputs, found.inputs])
-    U, sigma, _ = np.linalg.svd(relation)
+    U, sigma, _ = np.linalg.svd(np.vstack([found.outputs, found.inputs]))
     rank = int((sigma > SINGULAR_RTOL * sigma[0]).sum())
     rows = U[:, rank:].T
     m = found.outputs.shape[0]
@@ -267,8 +266,7 @@ def mechanism_at(
     found = _motions(loops, q, rtol)
     generic = ranks(mechanism)
     U, sigma_out, _ = np.linalg.svd(found.outputs)
-    size = float(np.linalg.norm(loops.output_scaled(q), 2))
-    reached = int((sigma_out > rtol * size).sum())
+    reached = int((sigma_out > rtol * float(np.linalg.norm(loops.output_scaled(q), 2))).sum())
     _, sigma_in, Vt = np.linalg.svd(found.inputs)
     controlled = int((sigma_in > rtol).sum())
     velocity = None
@@ -402,8 +400,7 @@ def pose_of(placement: pin.SE3) -> Pose:
     turn = pin.Quaternion(np.array(placement.rotation))
     e = np.array([turn.w, turn.x, turn.y, turn.z])
     e /= np.linalg.norm(e)
-    lead = e[int(np.argmax(np.abs(e) > 1e-9))]
-    e = e * np.sign(lead) + 0.0
+    e = e * np.sign(e[int(np.argmax(np.abs(e) > 1e-9))]) + 0.0
     x, y, z = (float(v) for v in placement.translation)
     return Pose((x, y, z), (float(e[0]), float(e[1]), float(e[2]), float(e[3])))
 

@@ -258,8 +258,7 @@ class PoseRing:
         if self.rods.mechanism.prismatic[rod.joint]:
             arm = arm * self.variable(self.rods.mechanism.joints[rod.joint]) ** 2
         fixed = self.dot(away, away) + rational(own) + arm - 2 * self.dot(away, moved)
-        reach = [x - y for x, y in zip(away, moved, strict=True)]
-        return N * fixed + 2 * self.dot(reach, turned)
+        return N * fixed + 2 * self.dot([x - y for x, y in zip(away, moved, strict=True)], turned)
 
     def moment_arm(self, rod: Rod) -> Poly:
         """Force along C B in the direction in which the actuator moves C."""
@@ -421,12 +420,10 @@ def _words(vanish: tuple[str, ...], left: list[str], equations: tuple[PoseEquati
 def _ratios(equation: PoseEquation, left: list[str]) -> list[float]:
     """Real values of the second component over the first."""
     one, two = (equation.names.index(n) for n in left)
-    top = int(max(equation.powers[:, one] + equation.powers[:, two]))
-    line = np.zeros(top + 1)
+    line = np.zeros(int(max(equation.powers[:, one] + equation.powers[:, two])) + 1)
     for value, powers in zip(equation.values, equation.powers, strict=True):
         line[int(powers[two])] += value
-    found = np.roots(line[::-1])
-    return sorted(float(r.real) for r in found if abs(r.imag) <= 1e-9)
+    return sorted(float(r.real) for r in np.roots(line[::-1]) if abs(r.imag) <= 1e-9)
 
 
 def _listed(values: list[float]) -> str:
@@ -554,8 +551,7 @@ def _rows_notes(ring: PoseRing) -> Iterator[str]:
 
 def in_plane(found: Rods, turns: bool = True) -> Iterator[str]:
     """What x, y, and φ where the output ``turns``, are in a plane that is not that of the base."""
-    eye = np.eye(3)
-    if not found.tilted or (not turns and np.abs(found.axes - eye).max() <= 1e-9):
+    if not found.tilted or (not turns and np.abs(found.axes - np.eye(3)).max() <= 1e-9):
         return
     x, y, n = (written(a) for a in found.axes)
     if not turns:
@@ -648,8 +644,7 @@ def _relative(equation: PoseEquation, at: dict[str, float], reach: float) -> flo
 
 def _size(equation: PoseEquation, most: Array) -> float:
     """What its largest term can be."""
-    terms = np.prod(most**equation.powers, axis=1) * equation.values
-    return float(np.abs(terms).max(initial=0.0))
+    return float(np.abs(np.prod(most**equation.powers, axis=1) * equation.values).max(initial=0.0))
 
 
 def _least_ratio(matrix: Array, sizes: Array) -> float:
@@ -725,8 +720,7 @@ def _sphere_forms(mechanism: Mechanism, found: SphereLoci) -> PoseForms:
     for kind, words, factor, _ in _factors(parts):
         equation = pose_equation(factor, found.names, (), 1)
         # Sums of squares have real zeros too: turns by which an outer axis meets a base axis.
-        real = bool(squares) or has_real_points(equation)
-        loci.append(PoseLocus(kind, words, equation, real))
+        loci.append(PoseLocus(kind, words, equation, bool(squares) or has_real_points(equation)))
     notes = [squares] if squares else []
     if len(found.names) > 4:
         notes.append(with_inputs("orientation", "loops", "an"))
@@ -964,8 +958,7 @@ def _type1(ring: PoseRing) -> list[PoseLocus]:
         name = ring.rods.mechanism.joints[rod.joint]
         for words, reach in rod.type1(k, name, ring.rods.planar, ring.level):
             if reach is None:
-                arm = ring.without_norm(ring.moment_arm(rod))
-                parts += _factors([("type 1", words, arm)])
+                parts += _factors([("type 1", words, ring.without_norm(ring.moment_arm(rod)))])
             else:
                 # A circle, or its centre: real points, whatever its signs.
                 parts.append(("type 1", words, ring.length(rod, short_fraction(reach)), True))

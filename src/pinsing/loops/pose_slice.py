@@ -100,8 +100,7 @@ class PoseWay:
         ends = {self.mechanism.output_id}.union(*closing(self.mechanism))
         places = [*sample.joints, *(sample.frames[k] for k in ends)]
         points = np.array([m.translation for m in places])
-        gaps = np.linalg.norm(points[:, None] - points[None], axis=-1)
-        return max(float(gaps.max()), 1e-3)
+        return max(float(np.linalg.norm(points[:, None] - points[None], axis=-1).max()), 1e-3)
 
     def _turn(self, k: int, samples: int) -> Array:
         # Where yaw follows, pitch beyond a quarter of a turn is a pose that has been before.
@@ -246,8 +245,7 @@ class _Grid:
         i = int(np.argmin(np.abs(x - self.way.start(0))))
         j = int(np.argmin(np.abs(y - self.way.start(1))))
         self.marks = [self.way.signs(q[None])[0] for q in starts]
-        cells = np.array([(k, j, i) for k in range(self.modes)])
-        self._take(cells, np.array(starts), far=np.inf)
+        self._take(np.array([(k, j, i) for k in range(self.modes)]), np.array(starts), far=np.inf)
 
     def follow(self, coarse: _Grid) -> None:
         """Every cell from the nearest one of a coarser grid."""
@@ -277,8 +275,7 @@ class _Grid:
             for dj, di in ((0, 1), (0, -1), (1, 0), (-1, 0)):
                 moved = np.zeros_like(self.fresh)
                 to = (slice(None), _shifted(dj, True), _shifted(di, True))
-                at = (slice(None), _shifted(dj, False), _shifted(di, False))
-                moved[to] = self.fresh[at]
+                moved[to] = self.fresh[(slice(None), _shifted(dj, False), _shifted(di, False))]
                 new = moved & open_ & ~chosen
                 chosen |= new
                 source[new] = (-dj, -di)
@@ -335,8 +332,7 @@ class _Grid:
                 ok &= gap.max(axis=1) <= far
             if within:
                 ok &= ~way.mechanism.space.unreachable(Q).any(axis=1)
-            marks = np.array(self.marks)[here[ok, 0]]
-            ok[ok] &= (way.signs(Q[ok]) * marks >= 0).all(axis=1)
+            ok[ok] &= (way.signs(Q[ok]) * np.array(self.marks)[here[ok, 0]] >= 0).all(axis=1)
             at = tuple(here[ok].T)
             self.q[at] = Q[ok]
             self.solved[at] = self.fresh[at] = True

@@ -152,8 +152,7 @@ class Curve:
 
     def tangent(self, q: Array, along: Array | None) -> Array:
         """Unit tangent at q; to the side of ``along``, or of greater values of the moving joint."""
-        G = self.loops.scaled(q)[1]
-        t = np.linalg.svd(np.vstack([G, self.held]))[2][-1]
+        t = np.linalg.svd(np.vstack([self.loops.scaled(q)[1], self.held]))[2][-1]
         if along is None:
             return np.asarray(t if t[self.index] >= 0 else -t)
         return np.asarray(t if t @ along >= 0 else -t)
@@ -345,8 +344,7 @@ def find_singular(
     """
     found: list[SingularPoint] = []
     for t in traces:
-        index = mechanism.actuated[t.moving]
-        for kind, k in _candidates(t, index):
+        for kind, k in _candidates(t, mechanism.actuated[t.moving]):
             if over is not None and over():
                 break
             if (point := _refined(mechanism, t, kind, k, rtol)) is not None:
@@ -414,8 +412,7 @@ def _turns(t: Trace, index: int) -> list[int]:
     slope = t.direction[:, index]
     # An input that stays along a curve does not turn: the signs of its slope are rounding.
     found = [k for k in range(1, len(slope)) if slope[k - 1] * slope[k] <= 0]
-    still = np.abs(slope) <= ROUNDING
-    return _one_of_each_run(found, still)
+    return _one_of_each_run(found, np.abs(slope) <= ROUNDING)
 
 
 def _one_of_each_run(found: list[int], zero: Bool) -> list[int]:

@@ -262,8 +262,7 @@ def _run(
         after = [j for j in range(mechanism.n) if parents[j + 1] == here + 1]
         if len(after) != 1 or after[0] not in left:
             break
-        place = model.jointPlacements[after[0] + 1]
-        met = _meeting(place, axes[here], axes[after[0]], point, free)
+        met = _meeting(model.jointPlacements[after[0] + 1], axes[here], axes[after[0]], point, free)
         if met is None:
             break
         if free:
@@ -288,8 +287,7 @@ def _meeting(
         if size <= ROUNDING or abs(t @ normal) > ROUNDING * size:
             return None
         # t + s d = r a: the common point is r a.
-        r = float(np.cross(t, direction) @ normal) / size**2
-        point = r * axis
+        point = (float(np.cross(t, direction) @ normal) / size**2) * axis
     inside = R.T @ (point - t)
     if np.linalg.norm(np.cross(inside, following)) > ROUNDING:
         return None

@@ -21,13 +21,13 @@ from pinsing.plot.style import (
     DASHES,
     SINGULAR,
     SMALL,
+    held_label,
     joint_symbol,
     legend_below,
     new_axes,
     plain,
     ticks,
     unit,
-    value_label,
 )
 from pinsing.postures.toolpath import PathPlan
 from pinsing.proximity.clearance import clearance, quick
@@ -161,8 +161,7 @@ def _rest(result: SweepResult, fixed: Mapping[str, float], degrees: bool) -> str
 
 def _held(arm: ArmSummary, name: str, value: float, degrees: bool) -> str:
     index = arm.joints.index(name)
-    slides = bool(arm.prismatic[index])
-    return f"{joint_symbol(index, slides)} = {value_label(value, slides, degrees)}"
+    return held_label(index, bool(arm.prismatic[index]), value, degrees)
 
 
 def singular_values_of(curve: SweepCurve, result: SweepResult, arm: Arm | None = None) -> Array:

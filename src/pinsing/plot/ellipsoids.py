@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 import textwrap
 from dataclasses import dataclass
+from itertools import product
 from typing import Any, Literal
 
 import numpy as np
@@ -126,8 +127,7 @@ def _turn(ax: Any, lost: LostMotion, through: Array, radius: float) -> None:
 
 def _across(direction: Array) -> Array:
     """A unit vector across a direction (3,)."""
-    other = np.eye(3)[int(np.argmin(np.abs(direction)))]
-    found = np.cross(direction, other)
+    found = np.cross(direction, np.eye(3)[int(np.argmin(np.abs(direction)))])
     return np.asarray(found / np.linalg.norm(found))
 
 
@@ -147,20 +147,18 @@ def look_obliquely(ax: Any, normals: Array, bones: Array) -> None:
     # Of the directions that show the plates so, one that shows the arm, points (m, 3), widest.
     flat = bones - bones.mean(axis=0)
     size = float(np.linalg.norm(flat)) or 1.0
-    best = (-np.inf, 22.0, -60.0)
-    for elevation in (18.0, 28.0):
-        for azimuth in range(-175, 185, 10):
-            e, a = np.radians([elevation, azimuth])
-            view = np.array([np.cos(e) * np.cos(a), np.cos(e) * np.sin(a), np.sin(e)])
-            seen = np.linalg.norm(flat - np.outer(flat @ view, view)) / size
-            usual = abs(((azimuth + 60 + 180) % 360) - 180) / 180  # as plots are, if all is equal
-            # Of the angle between the line of sight and the normal of what is flat:
-            # 70 degrees
-            off = [abs(abs(float(view @ n)) - 0.34) for n in normals]
-            score = float(seen) - 3.0 * sum(off) / max(len(off), 1) - 0.1 * usual
-            if score > best[0]:
-                best = (score, elevation, float(azimuth))
-    ax.view_init(elev=best[1], azim=best[2])
+
+    def score(angles: tuple[float, float]) -> float:
+        e, a = np.radians(angles)
+        view = np.array([np.cos(e) * np.cos(a), np.cos(e) * np.sin(a), np.sin(e)])
+        seen = np.linalg.norm(flat - np.outer(flat @ view, view)) / size
+        usual = abs(((angles[1] + 60 + 180) % 360) - 180) / 180  # as plots are, if all is equal
+        # Of the angle between the line of sight and the normal of what is flat: 70 degrees
+        off = [abs(abs(float(view @ n)) - 0.34) for n in normals]
+        return float(seen) - 3.0 * sum(off) / max(len(off), 1) - 0.1 * usual
+
+    elevation, azimuth = max(product((18.0, 28.0), np.arange(-175.0, 185.0, 10.0)), key=score)
+    ax.view_init(elev=elevation, azim=azimuth)
 
 
 KINDS = ("translational", "rotational")
@@ -249,8 +247,7 @@ def ellipsoids(
     if ax is None:
         every = _new(len(kinds), arm is not None)
     for each, name in zip(every, kinds, strict=True):
-        title = f"{_WHICH[name, motions]} [{_UNIT[name]}]"
-        each.set_title(title, fontsize=SMALL)
+        each.set_title(f"{_WHICH[name, motions]} [{_UNIT[name]}]", fontsize=SMALL)
         if arm is None:
             _alone(each, state, name, found[name])
         else:
@@ -299,8 +296,7 @@ def _at_tip(ax: Any, state: State, name: str, e: Ellipsoid, arm: Arm, normals: A
     bones = skeleton(arm, state.q)
     # Largest semi-axis that is drawn, in sizes of the arm
     scale = _round_scale(0.4 * bones.size / max(float(e.radii[0]), 1e-9))
-    hot = tuple(sorted({i for d in state.dependences for i in d.indices}))
-    draw_skeleton(ax, bones, hot)
+    draw_skeleton(ax, bones, tuple(sorted({i for d in state.dependences for i in d.indices})))
     _surface(ax, e, scale, state.tip_position, name)
     _legend(ax, name, e, f"\n(1 {_UNIT[name]} is drawn {scale:g} m long)")
     draw_lost(ax, state, bones.size, state.tip_position)

@@ -59,8 +59,7 @@ def input_map(
     closed = np.asarray(np.isfinite(q).all(axis=-1))
     d = np.degrees if degrees else np.asarray
     ax.contourf(d(x), d(y), closed.astype(float), levels=[0.5, 1.5], colors=[_FEASIBLE])
-    gap = np.subtract(*dyad.ends(grid))
-    distance = np.linalg.norm(gap, axis=-1)
+    distance = np.linalg.norm(np.subtract(*dyad.ends(grid)), axis=-1)
     one, two = (side.rod_length for side in dyad.sides)
     for reach, style in ((one + two, "-"), (abs(one - two), "--")):
         if reach > 0:
@@ -178,10 +177,9 @@ def draw_linkage(
         ax.plot(
             *points[0, plane], "s" if first else "o", color=_NODE, ms=7 if first else 5, zorder=3
         )
-        if output is not None:
+        if output is not None and len(ends) > 2:
             stem = np.array([ends.mean(axis=0), output[plane]])
-            if len(ends) > 2:
-                ax.plot(*stem.T, color=shade, lw=1.4, zorder=2)
+            ax.plot(*stem.T, color=shade, lw=1.4, zorder=2)
     P = np.array(output_pose(mechanism, q).translation)[plane]
     ax.plot(*P, "o", color=_OUTPUT, ms=7, zorder=5)
     rows = list(mechanism.task.rows)
@@ -374,8 +372,7 @@ def motion_curve(
             f"{mechanism.name} has {freedoms} degrees of freedom: its poses are no curve"
         )
     names = _names(mechanism, over)
-    inputs = home(mechanism)[list(mechanism.actuated)]
-    found = curves(mechanism, inputs, 0)
+    found = curves(mechanism, home(mechanism)[list(mechanism.actuated)], 0)
     points = find_singular(mechanism, found)
     turn = np.array(
         [(360.0 if degrees else 2 * np.pi) if _turns(mechanism, n) else np.inf for n in names]
@@ -389,7 +386,7 @@ def motion_curve(
         if not told or max(float(np.ptp(v[:, k])) for _, v in told) <= ROUNDING:
             raise OptionError(
                 f"{mechanism.name}: {name} does not move; take two of "
-                f"{', '.join((*mechanism.inputs, *COORDINATES))}"
+                f"{', '.join(_coordinates(mechanism))}"
             )
     ax = plt.subplots(figsize=(6, 5))[1] if ax is None else ax
     shown: set[str] = set()
@@ -422,7 +419,7 @@ def _names(mechanism: Mechanism, over: Sequence[str] | None) -> tuple[str, str]:
     if over is None:
         return mechanism.inputs[0], COORDINATES[led_pose(mechanism)["rows"][0]]
     names = ["yaw" if n in ("phi", "φ") else n for n in over]
-    known = (*mechanism.inputs, *COORDINATES)
+    known = _coordinates(mechanism)
     if len(names) != 2 or names[0] == names[1] or not set(names) <= set(known):
         raise OptionError(
             f"a curve of poses goes over two of {', '.join(known)}; got {', '.join(over)}"
@@ -434,15 +431,14 @@ def _values(mechanism: Mechanism, q: Array, names: Sequence[str], degrees: bool)
     """The two coordinates (N, 2) along configurations (N, n), angles without jumps."""
     R, p, _ = BatchLoops(mechanism).output(q)
     angles = np.unwrap(np.array([pin.rpy.matrixToRpy(M) for M in R]), axis=0)
-    out = []
-    for name in names:
-        if name in mechanism.inputs:
-            value = q[:, mechanism.joints.index(name)]
-        else:
-            row = COORDINATES.index(name)
-            value = p[:, row] if row < 3 else angles[:, row - 3]
-        out.append(np.degrees(value) if degrees and _turns(mechanism, name) else value)
-    return np.stack(out, axis=1)
+    every = np.concatenate([q[:, list(mechanism.actuated)], p, angles], axis=1)
+    unit = [180 / np.pi if degrees and _turns(mechanism, name) else 1.0 for name in names]
+    return np.asarray(every[:, [_coordinates(mechanism).index(name) for name in names]] * unit)
+
+
+def _coordinates(mechanism: Mechanism) -> tuple[str, ...]:
+    """Names of the inputs, then of the output's coordinates."""
+    return (*mechanism.inputs, *COORDINATES)
 
 
 def _turns(mechanism: Mechanism, name: str) -> bool:
@@ -523,9 +519,9 @@ def mode_sheet(
     if inverse is None and generic.output >= generic.mobility:
         inverse = working_modes(mechanism, output_pose(mechanism, q).homogeneous)
     plane = drawing_plane(mechanism)
-    parts = [("At these inputs", direct, _pose_words)]
+    parts = [("At these inputs", direct, free_coordinates(mechanism))]
     if inverse is not None and inverse.modes:
-        parts.append(("At this pose", inverse, _input_words))
+        parts.append(("At this pose", inverse, mechanism.inputs))
     chosen = [looks_apart(mechanism, found.modes) for _, found, _ in parts]
     rows = [-(-len(which) // _ROW) for which in chosen]
     columns = min(_ROW, max(map(len, chosen)))
@@ -538,7 +534,7 @@ def mode_sheet(
         found.modes[k].q for (_, found, _), which in zip(parts, chosen, strict=True) for k in which
     ]
     box = _box(mechanism, every)
-    for block, (title, found, told), count, which in zip(blocks, parts, rows, chosen, strict=True):
+    for block, (title, found, names), count, which in zip(blocks, parts, rows, chosen, strict=True):
         more, those = "", "it" if len(which) == 1 else "these"
         if len(which) == _MOST < len(found.modes):
             more = f". The first {_MOST} that look different are drawn"
@@ -550,23 +546,21 @@ def mode_sheet(
             ax = block.add_subplot(count, columns, place, **({} if plane else {"projection": "3d"}))
             _draw(mechanism, mode.q, ax, plane, box)
             ways = f"; {mode.ways} ways" if mode.ways > 1 else ""
-            words = _wrapped(told(mechanism, mode, degrees), 1)
+            words = _wrapped(_words(mechanism, mode, names, degrees), 1)
             ax.set_title(f"{k + 1}: {mode.mode}{ways}\n{words}", fontsize=_SMALL)
     return figure
 
 
 def looks_apart(mechanism: Mechanism, modes: Sequence[Solution], most: int = _MOST) -> list[int]:
     """Places of modes that look different: legs that are turned round look as they did."""
-    kept: list[int] = []
-    clouds: list[Array] = []
+    kept: dict[int, Array] = {}
     # Of those that look alike the one whose legs are not turned round.
     slides = list(np.flatnonzero(mechanism.prismatic))
     turned = [int((mode.q[slides] < 0).sum()) for mode in modes]
     for k in np.argsort(turned, kind="stable").tolist():
         cloud = joint_points(mechanism, modes[k].q)
-        if all(np.abs(cloud - other).max() > 1e-6 for other in clouds):
-            kept.append(k)
-            clouds.append(cloud)
+        if all(np.abs(cloud - other).max() > 1e-6 for other in kept.values()):
+            kept[k] = cloud
         if len(kept) == most:
             break
     return sorted(kept)
@@ -599,22 +593,14 @@ def _box(mechanism: Mechanism, every: Sequence[Array]) -> Array:
     return np.array([low - more - thin, high + more + thin])
 
 
-def _pose_words(mechanism: Mechanism, mode: Solution, degrees: bool) -> str:
-    at = pose_of(output_pose(mechanism, mode.q))
-    pose = [*at.position, *at.angles]
+def _words(mechanism: Mechanism, mode: Solution, names: Sequence[str], degrees: bool) -> str:
+    """Values of the inputs or coordinates of these names."""
+    pose = pose_of(output_pose(mechanism, mode.q))
+    values = (*mode.inputs.tolist(), *pose.position, *pose.angles)
+    at = dict(zip(_coordinates(mechanism), values, strict=True))
     return ", ".join(
-        unbroken(
-            f"{name} {_number(pose[COORDINATES.index(name)], name in COORDINATES[3:], degrees)}"
-        )
-        for name in free_coordinates(mechanism)
-    )
-
-
-def _input_words(mechanism: Mechanism, mode: Solution, degrees: bool) -> str:
-    slides = mechanism.prismatic[list(mechanism.actuated)].tolist()
-    return ", ".join(
-        unbroken(f"{name} {_number(value, not slide, degrees)}")
-        for name, value, slide in zip(mechanism.inputs, mode.inputs.tolist(), slides, strict=True)
+        unbroken(f"{name} {_number(float(at[name]), _turns(mechanism, name), degrees)}")
+        for name in names
     )
 
 

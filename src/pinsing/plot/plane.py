@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
-from itertools import cycle
+from itertools import compress, cycle
 from typing import Any, Literal
 
 import numpy as np
@@ -19,7 +19,6 @@ from pinsing.algebra.nearest import two_sided
 from pinsing.arguments import checked, real_numbers, whole_number
 from pinsing.errors import OptionError
 from pinsing.families import Branch, ClosedForm, Equation, Family, closed_form
-from pinsing.families import closed_form as closed_form_of
 from pinsing.families.solve import form_to_measure
 from pinsing.kinematics.jacobian import singular_values, tip_poses
 from pinsing.kinematics.verdict import ratios
@@ -29,13 +28,13 @@ from pinsing.plot.style import (
     DASHES,
     SINGULAR,
     SMALL,
+    held_label,
     joint_label,
     joint_symbol,
     legend_below,
     new_axes,
     plain,
     ticks,
-    value_label,
 )
 from pinsing.postures.aspects import Aspects
 from pinsing.postures.aspects import aspects as aspects_of
@@ -196,13 +195,12 @@ def label_plane(
 
 def held_title(arm: Arm, q: Array, moving: Iterable[int], degrees: bool) -> str:
     """The arm's name, and where the joints stay that do not move."""
-    rest = ", ".join(
-        f"{joint_symbol(j, bool(arm.prismatic[j]))} = "
-        f"{value_label(float(q[j]), bool(arm.prismatic[j]), degrees)}"
+    rest = [
+        held_label(j, bool(arm.prismatic[j]), float(q[j]), degrees)
         for j in range(arm.n)
         if j not in tuple(moving)
-    )
-    return f"{plain(arm.name)}, {rest}" if rest else plain(arm.name)
+    ]
+    return ", ".join([plain(arm.name), *rest])
 
 
 def regular_configuration(arm: Arm) -> Array:
@@ -250,19 +248,19 @@ def _draw_branch(
     """Draw where a branch meets a plane: a curve, straight lines, or points; tell if it does."""
     a, b = plane
     x, y = Q[0, :, a], Q[:, 0, b]
-    free = _values_in_plane(branch, Q[0, 0], plane, prismatic)
-    equations = None if free is None else _in_plane(branch.equations, Q, plane)
-    if free is None or equations is None:
+    met = _in_plane(branch, Q, plane, prismatic)
+    if met is None:
         return False
+    free, equations = met
     xs, ys = (_copies(free.get(j), axis, bool(prismatic[j])) for j, axis in ((a, x), (b, y)))
     color, dash = line["color"], line["linestyle"]
     if xs is None and ys is None:
         # Everything, or points, is nothing that a line could show.
         level = equations[0](Q) if len(equations) == 1 else np.ones(1)
-        met = bool(level.min() * level.max() <= 0)
-        if met:
-            ax.contour(x, y, level, levels=[0.0], linewidths=1.3, colors=color, linestyles=[dash])
-        return met
+        if level.min() * level.max() > 0:
+            return False
+        ax.contour(x, y, level, levels=[0.0], linewidths=1.3, colors=color, linestyles=[dash])
+        return True
     points = np.zeros((0, 2))
     if xs is not None and ys is not None:
         if not equations:
@@ -284,43 +282,27 @@ def _draw_branch(
 
 def fills_plane(family: Family, Q: Array, plane: tuple[int, int]) -> bool:
     """Return True if every configuration of a plane, as for `draw_family`, is of the family."""
-    for branch in family.branches:
-        if _values_in_plane(branch, Q[0, 0], plane, family.prismatic) == {}:
-            equations = _in_plane(branch.equations, Q, plane)
-            if equations is not None and all(_vanishes(e, Q) for e in equations):
-                return True
-    return False
-
-
-def _vanishes(equation: Equation, Q: Array) -> bool:
-    return bool(np.abs(equation(Q)).max() <= ALIKE * equation.size)
-
-
-def _values_in_plane(
-    branch: Branch, q: Array, plane: tuple[int, int], prismatic: npt.NDArray[np.bool_]
-) -> dict[int, float] | None:
-    """Values that a branch gives the two joints, None if the other joints rule it out."""
-    free = {}
-    for v in branch.values:
-        if v.joint in plane:
-            free[v.joint] = v.value
-            continue
-        if apart(float(q[v.joint]), v.value, bool(prismatic[v.joint])) > ALIKE:
-            return None
-    return free
+    return any(
+        met is not None and not met[0] and all(np.abs(e(Q)).max() <= ALIKE * e.size for e in met[1])
+        for met in (_in_plane(branch, Q, plane, family.prismatic) for branch in family.branches)
+    )
 
 
 def _in_plane(
-    equations: Iterable[Equation], Q: Array, plane: tuple[int, int]
-) -> list[Equation] | None:
-    """Equations that speak of the two joints; None if another one is not fulfilled."""
-    out = []
-    for e in equations:
-        if set(e.involved) & set(plane):
-            out.append(e)
-        elif abs(float(e(Q[0, 0]))) > ALIKE * e.size:
-            return None
-    return out
+    branch: Branch, Q: Array, plane: tuple[int, int], prismatic: Bool
+) -> tuple[dict[int, float], list[Equation]] | None:
+    """Values and equations of a branch that speak of the two joints; None if it is not met."""
+    q = Q[0, 0]
+    values = {v.joint: v.value for v in branch.values}
+    off = [apart(float(q[j]), v, bool(prismatic[j])) for j, v in values.items() if j not in plane]
+    ours = [bool(set(e.involved) & set(plane)) for e in branch.equations]
+    rest = compress(branch.equations, (not our for our in ours))
+    if max(off, default=0.0) > ALIKE or any(abs(float(e(q))) > ALIKE * e.size for e in rest):
+        return None
+    return (
+        {j: v for j, v in values.items() if j in plane},
+        list(compress(branch.equations, ours)),
+    )
 
 
 def _copies(value: float | None, axis: Array, slides: bool) -> list[float] | None:
@@ -525,8 +507,7 @@ def aspect_plane(
     2
     """
     plane = a, b = two_joints(arm, joint_a, joint_b, samples)
-    form = closed_form_of(arm) if forms is None else forms
-    found = aspects_of(form, not ignore_limits)
+    found = aspects_of(closed_form(arm) if forms is None else forms, not ignore_limits)
     base = regular_configuration(arm) if q is None else arm.check_one(q)
     Q = plane_of(arm, plane, base, samples, ignore_limits)
     x, y = Q[0, :, a], Q[:, 0, b]
@@ -715,8 +696,7 @@ def locus(
         name = family_label(family)
         if c is not None:
             Q[..., c] = value
-            slides = bool(arm.prismatic[c])
-            name = f"{joint_symbol(c, slides)} = {value_label(float(value), slides, degrees)}"
+            name = held_label(c, bool(arm.prismatic[c]), float(value), degrees)
         if fills_plane(family, Q, (a, b)):
             whole = f"{name}: the whole plane"
             ax.axvspan(Q[0, 0, a], Q[0, -1, a], color=color, alpha=0.15, label=whole)
@@ -734,8 +714,7 @@ def locus(
 def _plane(arm: Arm, family: Family, first: str | None, second: str | None) -> tuple[int, int]:
     """The two joints, those not given taken from what the family speaks of, else in order."""
     given = [None if name is None else arm.space.index(name) for name in (first, second)]
-    mixed = [set(e.involved) for e in family.equations]
-    ordered = sorted({j for group in mixed for j in group})
+    ordered = sorted({j for group in [set(e.involved) for e in family.equations] for j in group})
     ordered += sorted({j for branch in family.branches for j in branch.involved})
     free = [j for j in dict.fromkeys([*ordered, *range(arm.n)]) if j not in given]
     a, b = (free.pop(0) if j is None and free else j for j in given)

@@ -213,8 +213,8 @@ def panels(mechanism: Mechanism, found: PoseSlice, titles: Sequence[str]) -> lis
             loci = enumerate(forms.loci)
             lefts = [(locus.kind, values[..., i]) for i, locus in loci if not locus.ball]
         lost = [kind != "passive" and _vanishes(v) for kind, v in lefts]
-        if any(lost):  # what is left of them is rounding
-            lefts = [x for x, zero in zip(lefts, lost, strict=True) if not zero]
+        # What is left of those is rounding.
+        lefts = [x for x, zero in zip(lefts, lost, strict=True) if not zero]
         parting = [np.nan_to_num(v) for kind, v in lefts if kind != "passive"]
         numbers, signs = regions(found.inside[k], parting, turns)
         positive = tuple(
@@ -271,8 +271,7 @@ def _modes(
 
 
 def _turned(mechanism: Mechanism, q: Array, place: pin.SE3) -> bool:
-    away = output_pose(mechanism, q).rotation - place.rotation
-    return bool(np.abs(away).max() > ALIKE)
+    return bool(np.abs(output_pose(mechanism, q).rotation - place.rotation).max() > ALIKE)
 
 
 def _title(mechanism: Mechanism, q: Array) -> str:
@@ -376,8 +375,7 @@ def border_field(reached: Bool, ones: Sequence[Array]) -> Array:
 
 def _border(mechanism: Mechanism) -> str:
     """Colour of where the loops close no further: type 1, where there is such a locus."""
-    ones = any(x.kind == "type 1" for x in joint_forms(mechanism).loci)
-    return TYPE_1 if ones else LIMIT
+    return TYPE_1 if any(x.kind == "type 1" for x in joint_forms(mechanism).loci) else LIMIT
 
 
 def _handles(mechanism: Mechanism, drawn: Sequence[Panel]) -> list[Any]:

@@ -92,8 +92,7 @@ class Section:
         foot = foot - axis * (axis @ foot)
         x = np.cross(axis, np.eye(3)[int(np.argmin(np.abs(axis)))])
         x /= np.linalg.norm(x)
-        frame_axes = np.stack([x, np.cross(axis, x), axis])
-        known = (np.array(tips) - foot) @ frame_axes.T
+        known = (np.array(tips) - foot) @ np.stack([x, np.cross(axis, x), axis]).T
         A, B = (basis(np.array(v), s) for v, s in zip(every, slides, strict=True))
         tensor = np.linalg.solve(np.kron(A, B), known).reshape(A.shape[1], B.shape[1], 3)
         return cls(slides, np.where(np.abs(tensor) < 1e-13 * np.abs(tensor).max(), 0.0, tensor))
@@ -178,8 +177,7 @@ def cusps_of(section: Section, curves: list[Array]) -> Array:
 
 def _alike(section: Section, x: Array, y: Array) -> bool:
     gap = x - y
-    turns = 2 * math.pi * np.round(gap / (2 * math.pi))
-    gap = gap - np.where(section.slides, 0.0, turns)
+    gap = gap - np.where(section.slides, 0.0, 2 * math.pi * np.round(gap / (2 * math.pi)))
     return bool(np.abs(gap).max() < 1e-4)
 
 
@@ -201,8 +199,7 @@ def nodes_of(section: Section, lines: list[Array], cusps: Array, size: float) ->
     found: list[Array] = []
     for i in range(len(p) - 1):
         rest = np.arange(i + 1, len(p))
-        near = (low[rest] <= high[i]).all(axis=1) & (high[rest] >= low[i]).all(axis=1)
-        j = rest[near]
+        j = rest[(low[rest] <= high[i]).all(axis=1) & (high[rest] >= low[i]).all(axis=1)]
         cross = u[i, 0] * u[j, 1] - u[i, 1] * u[j, 0]
         j = j[np.abs(cross) > _ANGLE * length[i] * length[j]]
         gap = p[j] - p[i]
@@ -214,8 +211,7 @@ def nodes_of(section: Section, lines: list[Array], cusps: Array, size: float) ->
             at = _crossed(section, both, size, steep)
             if at is None:
                 continue
-            every = [*cusps, *found]
-            if all(np.linalg.norm(at - f) > _NEAR * size for f in every):
+            if all(np.linalg.norm(at - f) > _NEAR * size for f in [*cusps, *found]):
                 found.append(at)
     return np.array(found).reshape(-1, 2)
 
@@ -253,27 +249,19 @@ def reach_of(arm: Arm, samples: int, limits: bool) -> Reach:
     """Count the solutions over the half plane, and find the curves, cusps and nodes."""
     section = Section.of(arm)
     ranges = np.stack(arm.space.range(not limits), axis=1)[1:]
-    turning = [
-        not s and b - a >= 2 * math.pi - 1e-9
-        for s, (a, b) in zip(section.slides, ranges, strict=True)
-    ]
-    for k, whole in enumerate(turning):
-        if whole and not limits:
-            ranges[k] = [-math.pi + _SHIFT, math.pi + _SHIFT]
+    if not limits:
+        whole = ~np.array(section.slides) & (np.ptp(ranges, axis=1) >= 2 * math.pi - 1e-9)
+        ranges[whole] = [-math.pi + _SHIFT, math.pi + _SHIFT]
     joints = [np.linspace(a, b, 300 + 1) for a, b in ranges]
     X = np.stack(np.meshgrid(*joints, indexing="ij"), axis=-1)
     places = section.place(X)
     f = section.singular(X)
     if np.abs(f).max() < _FLAT * np.abs(section.tensor).max() ** 3:
         raise OptionError("this arm is singular everywhere off its first axis")
-    figure = Figure()
-    drawn = figure.add_subplot().contour(joints[0], joints[1], f.T, levels=[0.0])
+    drawn = Figure().add_subplot().contour(joints[0], joints[1], f.T, levels=[0.0])
     lines = [_onto(section, np.asarray(line)) for line in drawn.allsegs[0] if len(line) > 2]
     size = float(np.ptp(places.reshape(-1, 2), axis=0).max())
-    images = [section.place(line) for line in lines]
-    spread = [float(np.ptp(i, axis=0).max()) > 1e-6 * size for i in images]
-    lines = [x for x, s in zip(lines, spread, strict=True) if s]
-    images = [x for x, s in zip(images, spread, strict=True) if s]
+    lines = [x for x in lines if np.ptp(section.place(x), axis=0).max() > 1e-6 * size]
     joints_at = cusps_of(section, lines)
     cusps = _distinct(section.place(joints_at), size)
     top = float(places[..., 0].max())
@@ -287,7 +275,7 @@ def reach_of(arm: Arm, samples: int, limits: bool) -> Reach:
         r=r,
         z=z,
         count=count_of(tiles, r, z),
-        curves=tuple(images),
+        curves=tuple(section.place(x) for x in lines),
         cusps=cusps,
         nodes=nodes_of(section, lines, cusps, size),
         cusp_joints=joints_at,
@@ -321,8 +309,7 @@ def count_of(at: Array, r: Array, z: Array) -> Ints:
     """
     # Places by cells; half a cell is added so that no place is on a side of a triangle.
     u = (at[..., 0] - r[0]) / (r[1] - r[0])
-    v = (at[..., 1] - z[0]) / (z[1] - z[0])
-    corners = np.stack([u, v], axis=-1)
+    corners = np.stack([u, (at[..., 1] - z[0]) / (z[1] - z[0])], axis=-1)
     a, b, c, d = (
         corners[i : len(u) - 1 + i, j : u.shape[1] - 1 + j].reshape(-1, 2)
         for i, j in ((0, 0), (1, 0), (0, 1), (1, 1))
@@ -338,16 +325,14 @@ def _mended(count: Ints) -> Ints:
     around = np.stack(
         [np.roll(count, s, (0, 1)) for s in product((-1, 0, 1), repeat=2) if s != (0, 0)]
     )
-    alone = (around != count).all(axis=0)
-    return np.where(alone, np.sort(around, axis=0)[4], count)
+    return np.where((around != count).all(axis=0), np.sort(around, axis=0)[4], count)
 
 
 def _add(count: Ints, corners: Array) -> None:
     """Add one to the places that are inside of each triangle (K, 3, 2)."""
-    first = np.ceil(corners.min(axis=1)).astype(np.int64)
-    last = np.floor(corners.max(axis=1)).astype(np.int64)
-    first = np.maximum(first, 0)
-    last = np.minimum(last, np.array(count.shape[::-1]) - 1)
+    first = np.maximum(np.ceil(corners.min(axis=1)), 0).astype(np.int64)
+    last = np.minimum(np.floor(corners.max(axis=1)), np.array(count.shape[::-1]) - 1)
+    last = last.astype(np.int64)
     wide = last - first + 1
     keep = (wide > 0).all(axis=1)
     corners, first, wide = corners[keep], first[keep], wide[keep]
@@ -356,13 +341,9 @@ def _add(count: Ints, corners: Array) -> None:
     place = np.arange(int(each.sum())) - np.repeat(np.cumsum(each) - each, each)
     x = first[which] + np.stack([place % wide[which, 0], place // wide[which, 0]], axis=1)
     p = corners[which]
-    sides = []
-    for k in range(3):
-        e = p[:, (k + 1) % 3] - p[:, k]
-        g = x - p[:, k]
-        sides.append(e[:, 0] * g[:, 1] - e[:, 1] * g[:, 0])
-    side = np.array(sides)
-    inside = (side > 0).all(axis=0) | (side < 0).all(axis=0)
+    e, g = np.roll(p, -1, axis=1) - p, x[:, None] - p
+    side = e[..., 0] * g[..., 1] - e[..., 1] * g[..., 0]
+    inside = (side > 0).all(axis=1) | (side < 0).all(axis=1)
     np.add.at(count, (x[inside, 1], x[inside, 0]), 1)
 
 

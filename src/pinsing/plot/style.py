@@ -58,6 +58,11 @@ def value_label(value: float, slides: bool, degrees: bool = False) -> str:
     return pi_text(value) or f"{value:.3g}"
 
 
+def held_label(index: int, slides: bool, value: float, degrees: bool = False) -> str:
+    """``$q_2$ = 30°`` of a joint counted from 0."""
+    return f"{joint_symbol(index, slides)} = {value_label(value, slides, degrees)}"
+
+
 def pi_text(value: float, *, limit: int = 12) -> str:
     """A multiple of pi in LaTeX, empty if the value is no simple one."""
     part = Fraction(value / math.pi).limit_denominator(limit)

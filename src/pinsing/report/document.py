@@ -315,8 +315,7 @@ def _policy(page: str | None) -> str:
 
 
 def _hash(code: str) -> str:
-    digest = hashlib.sha256(code.encode()).digest()
-    return f"'sha256-{base64.b64encode(digest).decode('ascii')}'"
+    return f"'sha256-{base64.b64encode(hashlib.sha256(code.encode()).digest()).decode('ascii')}'"
 
 
 def computed(made: Made, engine: str, more: list[tuple[str, str]]) -> Section:

@@ -86,8 +86,7 @@ def singular_poses(arm: Arm) -> tuple[SingularPose, ...]:
                 if found.lower > 0:
                     instead, clearance = found.q, found.lower
         on = tuple(f.name for f in form.families if f.real and bool(f.contains(q)))
-        inside = bool(arm.within_limits(q))
-        out.append(SingularPose(name, q, inside, on, instead, clearance))
+        out.append(SingularPose(name, q, bool(arm.within_limits(q)), on, instead, clearance))
     return tuple(out)
 
 

@@ -276,8 +276,7 @@ def _listed(a: MechanismAnalysis) -> tuple[list[tuple[str, ...]], tuple[str, ...
         )  # fmt: skip
         told = [(x.kind, x.words, "found" if x.witness else "none found") for x in a.forms.loci]
         return [(text(f"L{k}"), *map(text, words)) for k, words in enumerate(told, 1)], header
-    loci = a.pose_forms.loci if a.pose_forms is not None else ()
-    pairs = [(x.kind, x.words) for x in loci]
+    pairs = [(x.kind, x.words) for x in (a.pose_forms.loci if a.pose_forms is not None else ())]
     if a.pose_forms is not None:
         pairs += [(x.kind, str(x)) for x in a.pose_forms.everywhere if hasattr(x, "kind")]
     if not pairs and a.joint_forms is not None:

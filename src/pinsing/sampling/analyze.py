@@ -151,8 +151,7 @@ def _refined(exact: Arm, result: SweepResult, random_starts: int, until: float) 
     on = np.flatnonzero(ratio[: len(dips.curve)] <= SINGULAR_RTOL)
     at[on] = q[on, table.rows(dips.curve).moving[on]]
     # What stays blunt along its own curve may still be near a singularity of all joints.
-    blunt = np.flatnonzero(ratio > SINGULAR_RTOL)
-    for some in _batches(blunt):
+    for some in _batches(np.flatnonzero(ratio > SINGULAR_RTOL)):
         if time.monotonic() > until:
             break
         ends = walk(exact, q[some], relevant, plan.ignore_limits)
@@ -650,8 +649,7 @@ def leads_down(exact: Arm, forms: ClosedForm, q: Array) -> bool:
         if distance <= PRACTICAL:
             return True
         # Share of the way from a family that is left when a point is put back towards it
-        between = nearest + 0.7 * exact.space.wrap(q - nearest)
-        ends = approach(exact, between)
+        ends = approach(exact, nearest + 0.7 * exact.space.wrap(q - nearest))
         q, where = ends.q[0], _beside(forms, ends.q[0])
         # Share above which it has come back to where it was
         if not ends.singular[0] or where is None or where[0] > 0.85 * distance:

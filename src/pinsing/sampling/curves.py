@@ -129,8 +129,7 @@ class CurveTable:
         for level in self.plan.levels:
             for place in np.flatnonzero(level.forced).tolist():
                 joints = level.joints[place]
-                at = fixed[:, joints] & (base[:, joints] == level.values[place])
-                found |= at.all(axis=1)
+                found |= (fixed[:, joints] & (base[:, joints] == level.values[place])).all(axis=1)
         return found
 
 
@@ -220,8 +219,7 @@ class Pool:
 
     def check(self, record: Record, start: int, stop: int, regular: int) -> None:
         """Judge a pool of Jacobians from ``start`` to ``stop``, so many not of singular curves."""
-        found = int(whole(record, "dips_found", (), 0, regular + 1))
-        size = (min(found, self.most),)
+        size = (min(int(whole(record, "dips_found", (), 0, regular + 1)), self.most),)
         if (np.diff(whole(record, "dip_number", size, start, stop)) <= 0).any():
             raise ValueError("its dips are not in order")
         whole(record, "dip_kind", size, 0, 1 << 62)

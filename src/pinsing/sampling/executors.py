@@ -107,8 +107,7 @@ def dask_cluster(address: str, timeout: float = 10.0) -> Iterator[tuple[Executor
         raise WorkerError(f"no dask scheduler at {address}: {_first_line(error)}") from None
     executor = _Cluster(client, address)
     try:
-        count = _workers(distributed, client, address, timeout)
-        yield executor, count
+        yield executor, _workers(distributed, client, address, timeout)
     finally:
         executor.shutdown()
         # One that has died cannot say goodbye.

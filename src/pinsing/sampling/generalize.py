@@ -361,8 +361,7 @@ class ConditionTester:
             ]
             if not subsets:
                 break
-            repeated = np.repeat(q[None], len(subsets), axis=0)
-            screened = self.worst_ratios(subsets, repeated, _SCREEN)
+            screened = self.worst_ratios(subsets, np.repeat(q[None], len(subsets), axis=0), _SCREEN)
             loose = max(1e-6, self.rtol)  # ratio for candidates, before their values are polished
             for s in (s for s, worst in zip(subsets, screened, strict=True) if worst <= loose):
                 polished = next((v for v in self._polished(s, q) if self.forces(s, v)), None)
@@ -443,8 +442,7 @@ class ConditionTester:
         held = list(subset)
         Q = self.others[:_PUSHES].copy()
         Q[:, held] = values[held] + size * (self.pushes * self.metric)[:, held]
-        free = np.isin(np.arange(self.arm.n), held)
-        ends = approach(self.arm, Q, free)
+        ends = approach(self.arm, Q, np.isin(np.arange(self.arm.n), held))
         return np.asarray(ends.q[ends.ratio <= self.rtol])
 
     def _related(self, subset: tuple[int, ...], values: Array) -> frozenset[int]:

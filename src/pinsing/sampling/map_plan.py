@@ -327,8 +327,7 @@ def plan_map(
     notes = list(scale_notes(arm))
     moving = _moving(arm, joints, ranges, steps, notes)
     limits = _ranges(arm, ranges or {}, ignore_limits, notes)
-    names = [arm.joints[i] for i in moving]
-    sizes = _steps(names, steps, count) if sampling == "grid" else ()
+    sizes = _steps([arm.joints[i] for i in moving], steps, count) if sampling == "grid" else ()
     if sampling == "grid":
         if count is not None and steps is not None:
             raise OptionError("give either the steps of a grid or a count, not both")

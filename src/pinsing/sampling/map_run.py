@@ -244,8 +244,7 @@ class Nearness:
         """SHA-256 of the names and of every number of the families."""
         digest = hashlib.sha256(repr(self.names).encode())
         c = self.conditions
-        numbers = {"families": c.families, **c.flat, "norm": c.norm}
-        for name, value in numbers.items():
+        for name, value in {"families": c.families, **c.flat, "norm": c.norm}.items():
             data = value.tobytes() if isinstance(value, np.ndarray) else repr(value).encode()
             digest.update(f"{name}:{len(data)};".encode() + data)
         return digest.hexdigest()

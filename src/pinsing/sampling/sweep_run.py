@@ -282,8 +282,7 @@ def sweep_text(
     degrees: bool = False,
 ) -> str:
     """Return what was swept, what was found, and what was left out."""
-    room = page.width - 2
-    lines = [page.paragraph(*spans, rest="  ") for spans in _swept(result, degrees, room)]
+    lines = [page.paragraph(*spans, rest="  ") for spans in _swept(result, degrees, page.width - 2)]
     if findings is not None:
         title: Span = "Found, refined and generalised:" if findings else "Nothing singular found."
         lines += ["", page.paragraph(title)]
@@ -657,8 +656,7 @@ def run_sweep(
     kept = Kept(keep is not False and (inside or keep is True), int(worst), int(candidates))
     if chunk is None:
         most = _CHUNK_ON_DISK if kept.values else 524_288  # in 256 chunks, without the curves
-        least = _CHUNK if out is None else _CHUNK_ON_DISK
-        chunk = max(least, min(most, plan.n_jacobians // 256))
+        chunk = max(_CHUNK if out is None else _CHUNK_ON_DISK, min(most, plan.n_jacobians // 256))
     block = _curves_per_block(plan.samples)
     size = max(1, chunk // plan.samples // block) * block
     if plan.samples > PIECE:

@@ -123,11 +123,9 @@ class Tally:
         full = len(self.worst_ratio) == self.worst
         rows = np.flatnonzero(ratio <= self.worst_ratio[-1]) if full else np.arange(len(ratio))
         if len(rows) > self.worst:  # no sorting of what cannot be among them
-            limit = np.partition(ratio[rows], self.worst - 1)[self.worst - 1]
-            rows = rows[ratio[rows] <= limit]
+            rows = rows[ratio[rows] <= np.partition(ratio[rows], self.worst - 1)[self.worst - 1]]
         if len(rows):
-            places = start + rows if numbers is None else numbers[rows]
-            self._worst(places, last[rows], ratio[rows])
+            self._worst(start + rows if numbers is None else numbers[rows], last[rows], ratio[rows])
 
     def record(self) -> Record:
         """Everything as arrays, histograms without their empty bins."""
@@ -307,8 +305,7 @@ class Distribution:
         if p in (0, 1):
             return self.largest.value if p else self.smallest.value
         cumulated = np.cumsum(self.counts)
-        rank = max(1, math.ceil(p * int(cumulated[-1])))
-        k = int(np.searchsorted(cumulated, rank))
+        k = int(np.searchsorted(cumulated, max(1, math.ceil(p * int(cumulated[-1])))))
         low, high = float(self.lower[k]), float(self.upper[k])
         if math.isinf(high) and math.isinf(self.largest.value):
             return math.inf

@@ -64,8 +64,7 @@ class Painted:
         shown = np.zeros((len(vertices), 4), dtype=np.int8)
         shown[:, :3] = np.rint(127 * normals / np.where(length > 0, length, 1.0))
         kind = np.uint16 if len(steps) < 2**16 else np.uint32
-        middle = (float(x), float(y), float(z))
-        return cls(middle, step, steps, shown, faces.astype(kind), paint)
+        return cls((float(x), float(y), float(z)), step, steps, shown, faces.astype(kind), paint)
 
     @property
     def farthest(self) -> float:

@@ -109,11 +109,10 @@ def family_entries(arm: Arm, families: Iterable[Family], poses: int = 3) -> tupl
     for family in families:
         others = [f for f in families if f is not family and f.real]
         chosen = telling_poses(arm, family, poses, others)
-        kind = family.kind
-        if kind == "varies":
-            kind = "; ".join(str(part) for part in family.kinds)
-        elif kind == "undecided":
-            kind = "boundary or interior: undecided"
+        kinds = {
+            "varies": "; ".join(map(str, family.kinds)),
+            "undecided": "boundary or interior: undecided",
+        }
         out.append(
             Entry(
                 name=family.name,
@@ -122,7 +121,7 @@ def family_entries(arm: Arm, families: Iterable[Family], poses: int = 3) -> tupl
                 moved=tuple(i for i, name in enumerate(arm.joints) if name in family.joints),
                 symbols=symbols,
                 prismatic=arm.prismatic,
-                kind=kind,
+                kind=kinds.get(family.kind, family.kind),
                 reason=family.reason,
                 codimension=family.codimension,
                 lost=family.lost,
@@ -144,8 +143,7 @@ def pose_entries(arm: Arm, configurations: Iterable[npt.ArrayLike]) -> tuple[Ent
         text = ", ".join(
             f"{s} = {_value(x, bool(p))}" for s, x, p in zip(symbols, q, arm.prismatic, strict=True)
         )
-        everything = tuple(range(arm.n))
-        out.append(Entry(f"P{number}", text, (q,), everything, symbols, arm.prismatic))
+        out.append(Entry(f"P{number}", text, (q,), tuple(range(arm.n)), symbols, arm.prismatic))
     return tuple(out)
 
 
@@ -282,11 +280,9 @@ def engine_data(arm: Arm, entries: Sequence[Entry], sizes: Sizes) -> dict[str, A
     axes always meet, with a name); ``sizes``; ``design`` (families are of the design).
     """
     exact = nominal(arm)
-    never = np.zeros((0, 6))
     found = never_produced(arm)
-    if found.shape[1]:
-        never = np.zeros((found.shape[1], 6))
-        never[:, list(arm.task.rows)] = found.T
+    never = np.zeros((found.shape[1], 6))
+    never[:, list(arm.task.rows)] = found.T
     return {
         "schema": SCHEMA,
         "chain": arm_chain(arm),
@@ -345,9 +341,8 @@ def sizes_data(sizes: Sizes) -> dict[str, float]:
 
 def arm_chain(arm: Arm) -> dict[str, Any]:
     """`chain_data` of an arm's model, with its mimic joints."""
-    if arm.coupling is None:
-        return chain_data(arm.model, arm.tip_id)
-    return chain_data(arm.model, arm.tip_id, arm.coupling.matrix, arm.coupling.offset)
+    tied = arm.coupling
+    return chain_data(arm.model, arm.tip_id, *((tied.matrix, tied.offset) if tied else ()))
 
 
 def chain_data(

@@ -203,11 +203,8 @@ def _textures(file: Path) -> dict[str, str]:
     out = {}
     for name in image_references(file):
         image = (file.parent / name.removeprefix("file://")).resolve()
-        if not image.is_relative_to(home) or not image.is_file():
-            continue
-        if image.stat().st_size > 32 * 2**20:
-            continue
-        data = image.read_bytes()
+        known = image.is_relative_to(home) and image.is_file()
+        data = image.read_bytes() if known and image.stat().st_size <= 32 * 2**20 else b""
         kind = next((k for start, k in _IMAGES.items() if data.startswith(start)), None)
         if kind is not None:
             out[name] = f"data:{kind};base64,{base64.b64encode(data).decode('ascii')}"

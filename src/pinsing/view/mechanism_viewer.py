@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from itertools import chain
 from typing import Any
 
 import numpy as np
@@ -20,15 +21,23 @@ from pinsing.loops.motion import led_pose, mechanism_at
 from pinsing.loops.problems import assemblies
 from pinsing.loops.singular_points import SingularPoint
 from pinsing.loops.solve import drive
-from pinsing.loops.structure import structure
+from pinsing.loops.structure import Sample, at_zero, closing, plane_normal, structure
 from pinsing.measures import ALIKE, NEAR_RTOL, ROUNDING, SINGULAR_RTOL
-from pinsing.robot.chains import frame_index
 from pinsing.robot.mechanism import Mechanism
 from pinsing.robot.source import Source
 from pinsing.view.entries import chain_data, frame_data, joint_data, numbers, sizes_data
 from pinsing.view.links import Links, Recorder, read_links
 from pinsing.view.links import geometry as mg
-from pinsing.view.scene import HOT, ROTATION, Sizes, draw_scene, ring_arrow, straight_arrow, torus
+from pinsing.view.scene import (
+    HOT,
+    ROTATION,
+    Sizes,
+    draw_scene,
+    raised,
+    ring_arrow,
+    straight_arrow,
+    torus,
+)
 from pinsing.view.tab import SIDE, Scenery, Tab
 
 SCHEMA = "pinsing/mechanism-engine/1"
@@ -58,10 +67,10 @@ def mechanism_data(mechanism: Mechanism, sizes: Sizes, normal: Array | None) -> 
         "loops": [
             {
                 "kind": loop.kind,
-                "a": frame_data(model, frame_index(model, loop.frame_a)),
-                "b": frame_data(model, frame_index(model, loop.frame_b)),
+                "a": frame_data(model, a),
+                "b": frame_data(model, b),
             }
-            for loop in m.loops
+            for loop, a, b in zip(m.loops, *closing(m), strict=True)
         ],
         "task": {"rows": list(m.task.rows), "lengthScale": m.length_scale},
         "metric": numbers(m.space.metric),
@@ -129,11 +138,9 @@ class Linkage:
     @classmethod
     def of(cls, m: Mechanism) -> Linkage:
         """The tree of a mechanism."""
-        names = [name for loop in m.loops for name in (loop.frame_a, loop.frame_b)]
-        ends = dict.fromkeys([*(frame_index(m.model, n) for n in names), m.output_id])
-        known, source = m.known, m.source
+        ends = tuple(dict.fromkeys([*chain(*zip(*closing(m), strict=True)), m.output_id]))
         return cls(
-            m.model, m.joints, m.output_id, m.space.span, known, source, "universe", tuple(ends)
+            m.model, m.joints, m.output_id, m.space.span, m.known, m.source, "universe", ends
         )
 
 
@@ -169,36 +176,10 @@ def _usual(speeds: list[float]) -> float:
 
 def _extent(mechanism: Mechanism, q: Array) -> float:
     """Largest distance between points of the linkage at q (n,), metres."""
-    points = _points(mechanism, q)
-    gaps = np.linalg.norm(points[:, None] - points[None], axis=-1)
-    return max(float(gaps.max()), 1e-3)
-
-
-def _points(mechanism: Mechanism, q: Array) -> Array:
-    """Origins of the joints and of the frames that links end in, (N, 3)."""
-    model = mechanism.model
-    data = model.createData()
-    pin.framesForwardKinematics(model, data, mechanism.model_q(q))
-    ends = Linkage.of(mechanism).ends
-    places = [data.oMi[j] for j in range(1, model.njoints)] + [data.oMf[i] for i in ends]
-    return np.array([place.translation for place in places])
-
-
-def plane_normal(mechanism: Mechanism) -> Array | None:
-    """Normal (3,) of the plane that a mechanism moves in; None where it moves in space."""
-    model = mechanism.model
-    data = model.createData()
-    J = np.array(pin.computeJointJacobians(model, data, mechanism.model_q(home(mechanism))))
-    turning = ~mechanism.prismatic
-    if not turning.any():
-        return None
-    axes = J[3:, turning] / np.linalg.norm(J[3:, turning], axis=0)
-    normal = axes[:, 0]
-    slides = J[:3, mechanism.prismatic]
-    flat = np.abs(np.cross(normal, axes.T)).max() <= ALIKE
-    if not flat or np.abs(normal @ slides).max(initial=0.0) > ALIKE:
-        return None
-    return np.asarray(normal * (1 if normal[int(np.argmax(np.abs(normal)))] > 0 else -1))
+    sample = Sample(mechanism, q)
+    ends = [sample.frames[k].translation for k in Linkage.of(mechanism).ends]
+    points = np.array([*sample.origins, *ends])
+    return max(float(np.linalg.norm(points[:, None] - points[None], axis=-1).max()), 1e-3)
 
 
 def side(normal: Array | None) -> tuple[float, ...]:
@@ -221,7 +202,7 @@ def draw_linkage_marks(node: Any, mechanism: Mechanism, size: Sizes) -> None:
     """
     straight_arrow(node["free/translation"], size.reach, HOT)
     ring_arrow(node["free/rotation"], size.reach, HOT)
-    normal = plane_normal(mechanism)
+    normal = plane_normal(mechanism, at_zero(mechanism).axis)
     if normal is None:
         return
     turning = node["ellipsoid/rotation"]
@@ -229,9 +210,7 @@ def draw_linkage_marks(node: Any, mechanism: Mechanism, size: Sizes) -> None:
         turning[part].delete()
     turning["ring"].set_object(torus(1.0, 0.035), mg.MeshPhongMaterial(color=ROTATION))
     if abs(normal[2]) > 1 - 1e-9:
-        below = np.eye(4)
-        below[2, 3] = -0.06 * size.reach
-        node["floor"].set_transform(below)
+        node["floor"].set_transform(raised(-0.06 * size.reach))
 
 
 _MEANING = {
@@ -368,7 +347,7 @@ class MechanismStage(Scenery):
     normal: Array | None = field(init=False)
 
     def __post_init__(self) -> None:
-        self.normal = plane_normal(self.robot)
+        self.normal = plane_normal(self.robot, at_zero(self.robot).axis)
         self.q = home(self.robot)
 
     @property
@@ -500,8 +479,7 @@ class MechanismViewer(Tab):
         """
         inputs = self.mechanism.check_inputs(inputs)
         found = drive(self.mechanism, inputs, self.q)
-        q = found.q if found.converged else assemblies(self.mechanism, inputs)[0].q
-        self._move(q, None)
+        self._move(found.q if found.converged else assemblies(self.mechanism, inputs)[0].q, None)
 
     def show_group(self, group: str | int, pose: int = 0) -> None:
         """Move the mechanism to a pose of the list.

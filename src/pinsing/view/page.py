@@ -89,6 +89,15 @@ class _Quiet(RequestHandler):  # type: ignore[misc,unused-ignore]
             super().log_exception(*error)
 
 
+_HEADERS = {
+    "Cache-Control": "no-store",
+    "X-Content-Type-Options": "nosniff",
+    "Cross-Origin-Resource-Policy": "same-origin",
+    "Referrer-Policy": "no-referrer",
+    "Content-Security-Policy": "default-src 'none'; frame-ancestors 'none'",
+}
+
+
 class PagePart(_Quiet):
     """A file of the page, held in memory."""
 
@@ -99,11 +108,8 @@ class PagePart(_Quiet):
 
     def set_default_headers(self) -> None:
         """Keep the page out of caches, and its address to itself."""
-        self.set_header("Cache-Control", "no-store")
-        self.set_header("X-Content-Type-Options", "nosniff")
-        self.set_header("Cross-Origin-Resource-Policy", "same-origin")
-        self.set_header("Referrer-Policy", "no-referrer")
-        self.set_header("Content-Security-Policy", "default-src 'none'; frame-ancestors 'none'")
+        for name, value in _HEADERS.items():
+            self.set_header(name, value)
 
     def write_error(self, status_code: int, **kwargs: Any) -> None:
         """Say to whoever has an address without its token where the whole one is."""

@@ -128,8 +128,7 @@ def _taken(browser: str, url: str, size: tuple[int, int]) -> bytes:
             stderr=subprocess.PIPE,
         )
         try:
-            address = _debugging_address(process, Path(profile))
-            return _run(_capture(address, url, size))
+            return _run(_capture(_debugging_address(process, Path(profile)), url, size))
         except BaseException:
             process.kill()
             raise

@@ -140,16 +140,11 @@ def _ellipsoid(node: Any, color: int) -> None:
     skin = geometry.MeshPhongMaterial(color=color, opacity=0.38, transparent=True, depthWrite=False)
     node["skin"].set_object(_Sphere(1.0), skin)
     c, s, o = np.cos(_DISC), np.sin(_DISC), np.zeros_like(_DISC)
+    darker = sum(int(0.6 * (color >> part & 255)) << part for part in (0, 8, 16))
     for name, circle in (("xy", (c, s, o)), ("yz", (o, c, s)), ("zx", (s, o, c))):
         points = np.array(circle, dtype=np.float32)
-        material = geometry.LineBasicMaterial(color=_darker(color), side=OUTSIDE)
+        material = geometry.LineBasicMaterial(color=darker, side=OUTSIDE)
         node[name].set_object(geometry.Line(geometry.PointsGeometry(points), material))
-
-
-def _darker(color: int) -> int:
-    parts = ((color >> 16) & 255, (color >> 8) & 255, color & 255)
-    r, g, b = (int(0.6 * part) for part in parts)
-    return r << 16 | g << 8 | b
 
 
 def straight_arrow(node: Any, reach: float, color: int = LOST) -> None:
@@ -159,18 +154,16 @@ def straight_arrow(node: Any, reach: float, color: int = LOST) -> None:
     node["shaft"].set_object(DrawnRod(2 * half, 0.0045 * reach), material)
     for name, sign in (("up", 1.0), ("down", -1.0)):
         node[name].set_object(_cone(head, 0.014 * reach, sign), material)
-        node[name].set_transform(_shift([0, 0, sign * (half + head / 2)]))
+        node[name].set_transform(raised(sign * (half + head / 2)))
 
 
 def ring_arrow(node: Any, reach: float, color: int = LOST) -> None:
     """Axis along z with a ring around it: rotations about it."""
     material = geometry.MeshPhongMaterial(color=color, side=OUTSIDE)
     node["shaft"].set_object(DrawnRod(0.34 * reach, 0.0035 * reach), material)
-    ring = torus(0.085 * reach, 0.0045 * reach)
-    node["ring"].set_object(ring, material)
+    node["ring"].set_object(torus(0.085 * reach, 0.0045 * reach), material)
     for k in range(2):
-        angle = np.pi * k
-        spin = pin.SE3(pin.rpy.rpyToMatrix(0.0, 0.0, angle), np.zeros(3)).homogeneous
+        spin = pin.SE3(pin.rpy.rpyToMatrix(0.0, 0.0, np.pi * k), np.zeros(3)).homogeneous
         lie = pin.SE3(pin.rpy.rpyToMatrix(-np.pi / 2, 0.0, 0.0), np.array([0.085 * reach, 0, 0]))
         node[f"head{k}"].set_object(_cone(0.04 * reach, 0.014 * reach, 1.0), material)
         node[f"head{k}"].set_transform(spin @ lie.homogeneous)
@@ -210,14 +203,14 @@ def _axes(node: Any, arm: Body, reach: float) -> None:
             here["rod"].set_object(DrawnRod(length * reach, radius * reach), material)
             if slides:  # heads tell a sliding direction from a turning axis
                 for side, sign in (("up", 1.0), ("down", -1.0)):
-                    head = _cone(0.04 * reach, 0.014 * reach, sign)
-                    here[side].set_object(head, material)
-                    here[side].set_transform(_shift([0, 0, sign * length * reach / 2]))
+                    here[side].set_object(_cone(0.04 * reach, 0.014 * reach, sign), material)
+                    here[side].set_transform(raised(sign * length * reach / 2))
 
 
 def _skeleton(node: Any, arm: Body, reach: float, frames: Sequence[int]) -> None:
     """Drums at the joints, and bones from each to the next and to the frames."""
     model = arm.model
+    ranges = dict(zip(arm.joints, zip(*map(np.ndarray.tolist, arm.span), strict=True), strict=True))
     bone = geometry.MeshPhongMaterial(color=BONE, side=OUTSIDE)
     drum = geometry.MeshPhongMaterial(color=DRUM, side=OUTSIDE)
     ends = [(int(model.parents[j]), model.jointPlacements[j]) for j in range(1, model.njoints)]
@@ -243,7 +236,7 @@ def _skeleton(node: Any, arm: Body, reach: float, frames: Sequence[int]) -> None
         here.set_object(shape, drum)
         here.set_transform(_turn(axis))
         if slides:  # the rail that it runs on stays with the link before
-            lower, upper = _range(arm, j)
+            lower, upper = ranges.get(model.names[j], (0.0, 0.0))
             start = model.jointPlacements[j]
             rail = node[f"{int(model.parents[j])}/bone/rail{j}"]
             rail.set_object(DrawnRod(max(upper - lower, side), 0.012 * reach), bone)
@@ -251,22 +244,15 @@ def _skeleton(node: Any, arm: Body, reach: float, frames: Sequence[int]) -> None
             rail.set_transform((start * middle).homogeneous @ _turn(axis))
 
 
-def _range(arm: Body, joint: int) -> tuple[float, float]:
-    lower, upper = arm.span
-    name = arm.model.names[joint]
-    if name in arm.joints:
-        i = arm.joints.index(name)
-        return float(lower[i]), float(upper[i])
-    return 0.0, 0.0
-
-
 def _floor(node: Any, arm: Body, reach: float) -> None:
     """A square grid under the base, or under the feet of the robot that carries the arm."""
     half = 10
     step = float(f"{2.4 * reach / half:.1g}")
-    lines = []
-    for k in range(-half, half + 1):
-        lines += [[k, -half, 0], [k, half, 0], [-half, k, 0], [half, k, 0]]
+    lines = [
+        end
+        for k in range(-half, half + 1)
+        for end in ([k, -half, 0], [k, half, 0], [-half, k, 0], [half, k, 0])
+    ]
     points = (step * np.array(lines, dtype=np.float32)).T
     material = geometry.LineBasicMaterial(color=FLOOR, side=OUTSIDE)
     node.set_object(geometry.LineSegments(geometry.PointsGeometry(points), material))
@@ -281,20 +267,17 @@ def floor_placement(arm: Body) -> Array:
     fixed = [data.oMi[j].translation[2] for j in range(1, model.njoints)]
     chain = set(arm.model.names)
     others = [z for z, name in zip(fixed, list(model.names)[1:], strict=True) if name not in chain]
-    lowest = min([0.0, *others])
-    place = pin.SE3(np.eye(3), np.array([*(back.inverse().translation[:2]), lowest]))
+    place = pin.SE3(np.eye(3), np.array([*(back.inverse().translation[:2]), min([0.0, *others])]))
     return np.array((back * place).homogeneous)
 
 
 def _turn(axis: Array) -> Array:
-    quaternion = pin.Quaternion(*np.roll(turn_z_to(np.asarray(axis)), 1))
-    return np.array(pin.SE3(quaternion, np.zeros(3)).homogeneous)
+    return _place(np.zeros(3), turn_z_to(np.asarray(axis)))
 
 
-def _shift(offset: list[float]) -> Array:
-    out = np.eye(4)
-    out[:3, 3] = offset
-    return out
+def raised(height: float) -> Array:
+    """A transform (4, 4) along z, metres."""
+    return np.array(pin.SE3(np.eye(3), np.array([0.0, 0.0, height])).homogeneous)
 
 
 SYMBOLS = {
@@ -341,14 +324,13 @@ class Overlay:
             here["axis"].set_property("visible", arm.model.names[j] not in hot)
             here["hot"].set_property("visible", arm.model.names[j] in hot)
         node["tip"].set_transform(_place(state.tip_position, np.array([0, 0, 0, 1])))
-        shapes = [(e.axes, e.radii) for e in (state.translational, state.rotational)]
-        if mode == "pure":
-            shapes = [(e.axes, e.radii) for e in pure_ellipsoids(state.J)]
-        for kind, (axes, radii) in zip(("translation", "rotation"), shapes, strict=True):
-            drawn = drawn_radii(radii, getattr(self._size, kind), self._size.reach)
+        shapes: tuple[Any, ...] = (state.translational, state.rotational)
+        shapes = pure_ellipsoids(state.J) if mode == "pure" else shapes
+        for kind, shape in zip(("translation", "rotation"), shapes, strict=True):
+            drawn = drawn_radii(shape.radii, getattr(self._size, kind), self._size.reach)
             node[f"ellipsoid/{kind}"].set_property("visible", bool(drawn[0] > 0))
             if drawn[0] > 0:
-                pose = _place(state.tip_position, quaternion(axes)) @ np.diag([*drawn, 1.0])
+                pose = _place(state.tip_position, quaternion(shape.axes)) @ np.diag([*drawn, 1.0])
                 node[f"ellipsoid/{kind}"].set_transform(pose)
         for k in range(ARROWS):
             lost = state.lost[k] if k < len(state.lost) else None

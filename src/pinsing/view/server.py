@@ -273,8 +273,7 @@ class Server:
 
     @property
     def _origin(self) -> str:
-        everywhere = self.host in ("", "0.0.0.0", "::")
-        host = "127.0.0.1" if everywhere else self.host
+        host = "127.0.0.1" if self.host in ("", "0.0.0.0", "::") else self.host
         return f"http://{f'[{host}]' if ':' in host else host}:{self.port}"
 
     @property

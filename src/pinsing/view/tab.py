@@ -306,8 +306,7 @@ class Tab:
     def _place(self, wanted: str | int, pose: int) -> int:
         """Return the index of an entry, by name or index; errors if it or its pose is unknown."""
         names = [name for name, _ in self._shown.poses]
-        known = 0 <= wanted < len(names) if isinstance(wanted, int) else wanted in names
-        if not known:
+        if not (0 <= wanted < len(names) if isinstance(wanted, int) else wanted in names):
             raise UnknownNameError("family", str(wanted), names)
         index = wanted if isinstance(wanted, int) else names.index(wanted)
         name, poses = self._shown.poses[index]

@@ -40,12 +40,9 @@ def trajectory_data(
     # The approaches come nearest first.
     others = [a for a in check.approaches if a.family not in met and np.isfinite(a.upper)]
     judged += [(a.t, a.q, "nearest", titled(a.family, a.title)) for a in others[:1]]
-    moments = np.linspace(
-        first, last, max(FRAMES - len(times), 2) if len(times) < FRAMES else FRAMES
-    )
-    if len(times) < FRAMES:
-        moments = np.union1d(moments, times)
-    moments = np.union1d(moments, [at for at, *_ in judged])
+    few = len(times) < FRAMES
+    even = np.linspace(first, last, max(FRAMES - len(times), 2) if few else FRAMES)
+    moments = np.unique([*even, *(times if few else ()), *(at for at, *_ in judged)])
     rows = np.stack([np.interp(moments, times, column) for column in Q.T], axis=1)
     for at, q, *_ in judged:
         rows[np.searchsorted(moments, at)] = q
