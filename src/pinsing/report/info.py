@@ -148,10 +148,9 @@ class ArmInfo(JsonResult):
             rank += "; the joints are never independent in this task"
         elif arm.n > self.generic_rank:
             rank += f"; redundant by {arm.n - self.generic_rank}"
-        rows = [("robot", arm.name)]
-        if self.file:
-            rows.append(("file", self.file))
-        rows += [
+        rows = [
+            ("robot", arm.name),
+            ("file", self.file),
             ("base", arm.base),
             ("tip", arm.tip),
             ("task", arm.task),
@@ -159,25 +158,23 @@ class ArmInfo(JsonResult):
             ("generic rank", rank),
             ("geometry", self.geometry()),
             ("engine", self.engine),
+            ("second reader", str(self.second_reading or "")),
         ]
-        if self.second_reading is not None:
-            rows.append(("second reader", str(self.second_reading)))
-        return page.fields(rows)
+        return page.fields([row for row in rows if row[1]])
 
     def geometry(self) -> str:
         """One sentence on raw and nominal geometry."""
         if not any(snap.size > 1e-12 for snap in self.snaps):
             return "exact: every number of the file is taken as it is"
-        size = {"angle": 0.0, "length": 0.0, "twist": 0.0}
-        count = dict.fromkeys(size, 0)
-        for snap in self.snaps:
-            size[snap.what] = max(size[snap.what], snap.size)
-            count[snap.what] += 1
+        sizes = {
+            what: [snap.size for snap in self.snaps if snap.what == what]
+            for what in ("angle", "length", "twist")
+        }
         said = [
-            f"{count[what]} {what}{'s' if count[what] > 1 else ''} "
-            f"(at most {size[what]:.1e} {'m' if what == 'length' else 'rad'})"
-            for what in size
-            if count[what]
+            f"{len(each)} {what}{'s' if len(each) > 1 else ''} "
+            f"(at most {max(each):.1e} {'m' if what == 'length' else 'rad'})"
+            for what, each in sizes.items()
+            if each
         ]
         return (
             f"rounded in the file; made exact for closed forms by moving {', '.join(said)}; "
@@ -299,7 +296,9 @@ def gather(
 ) -> Content:
     """Compute what a report says; families, unless given, with a certificate if that is quick."""
     forms = closed_form(arm) if forms is None else forms
-    clearest = _clearest(arm, forms)
+    # Where to go, and how far it is, if there are any that a configuration can be on.
+    real = any(f.real for f in forms.families)
+    clearest = _clearest(arm, forms) if real else None
     asked = {**special_poses(arm), **(poses or {})}
     if clearest is not None:
         asked["clearest found"] = clearest.q
@@ -308,7 +307,10 @@ def gather(
         info=describe(arm),
         forms=forms,
         poses=tuple(_pose(arm, f, forms.families) for f in forms.families),
-        special=tuple(Special(name, at(arm, q), _near(forms, q)) for name, q in asked.items()),
+        special=tuple(
+            Special(name, at(arm, q), clearance(forms, q, certify=True) if real else None)
+            for name, q in asked.items()
+        ),
         clearest=clearest,
     )
 
@@ -332,9 +334,7 @@ def _named_poses(arm: Arm, **more: Array) -> Iterator[tuple[str, Array]]:
 
 
 def _clearest(arm: Arm, forms: ClosedForm) -> Suggestion | None:
-    """Where to go: far from all families, if there are any that a configuration can be on."""
-    if not any(f.real for f in forms.families):
-        return None
+    """Where to go: far from all families."""
     with contextlib.suppress(PinsingError):  # nothing clear within the limits
         return suggest(arm, forms=forms, work=2.0)
     return None
@@ -350,12 +350,6 @@ def _pose(arm: Arm, family: Family, families: tuple[Family, ...]) -> tuple[Arm, 
     rounded = family.raw_ratio is not None and family.raw_ratio > SINGULAR_RTOL
     shown = nominal(arm).arm if rounded else arm
     return shown, at(shown, q)
-
-
-def _near(forms: ClosedForm, q: Array) -> Clearance | None:
-    if not any(f.real for f in forms.families):
-        return None
-    return clearance(forms, q, certify=True)
 
 
 def _now() -> str:

@@ -299,19 +299,17 @@ def robot(mechanism: Mechanism, a: MechanismAnalysis) -> Section:
         ("output", f"{name(a.output)} {text(f'({a.task})')}"),
         ("length scale", text(f"{a.length_scale:g} m")),
     ]
-    rows = []
-    for i, joint in enumerate(mechanism.joints):
-        slides = bool(mechanism.prismatic[i])
-        low, high = float(mechanism.lower[i]), float(mechanism.upper[i])
-        rows.append(
-            (
-                name(joint),
-                text("prismatic" if slides else "revolute"),
-                text("driven" if i in mechanism.actuated else "passive"),
-                text(limit_text(low, slides)),
-                text(limit_text(high, slides)),
-            )
+    limits = (mechanism.prismatic.tolist(), mechanism.lower.tolist(), mechanism.upper.tolist())
+    rows = [
+        (
+            name(joint),
+            text("prismatic" if slides else "revolute"),
+            text("driven" if i in mechanism.actuated else "passive"),
+            text(limit_text(low, slides)),
+            text(limit_text(high, slides)),
         )
+        for i, (joint, slides, low, high) in enumerate(zip(mechanism.joints, *limits, strict=True))
+    ]
     header = ("joint", "type", "", "from", "to")
     ranges = [
         (name(key), text(" or ".join(_interval(mechanism, key, i) for i in found) or "nothing"))
