@@ -218,7 +218,7 @@ def test_a_long_common_divisor_may_be_handed_to_a_process_that_can_be_stopped():
     short = x1 * y2 + root * y1 * x2
     long = r.reduce(short * (x3 + root * y3) ** 4 * (x4 - root * y4 + y4) ** 4)
     asked = []
-    budget.when_long = lambda: asked.append(True)
+    budget.meter.when_long = lambda: asked.append(True)
     assert r.monic(short) == r.gcd(short, x3 * short)
     assert not asked
     assert len(long) > 60

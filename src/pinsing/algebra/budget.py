@@ -34,12 +34,13 @@ class BudgetExceeded(Exception):
     """What was allowed is over, or the next step would outlast it."""
 
 
-class _Meter:
-    """Work done by all parts of a budget together, and what to do when it becomes long."""
+@dataclass
+class Meter:
+    """What all parts of a budget have together."""
 
-    def __init__(self) -> None:
-        self.done = 0.0
-        self.when_long: Callable[[], None] | None = None
+    done: float = 0.0  # work
+    # called before a step when the computation has become long, or is about to
+    when_long: Callable[[], None] | None = None
 
 
 class Budget:
@@ -57,22 +58,13 @@ class Budget:
         self._deadline = self._began + (_CLOCK * seconds if work is None else seconds)
         # All parts together, those included that have a least share of the whole.
         self._end = self._began + (1.4 * seconds if work is None else seconds)
-        self._meter = _Meter()
+        self.meter = Meter()
         self._most = PER_SECOND * self.seconds
-
-    @property
-    def when_long(self) -> Callable[[], None] | None:
-        """Called before a step when the computation has become long, or is about to."""
-        return self._meter.when_long
-
-    @when_long.setter
-    def when_long(self, call: Callable[[], None] | None) -> None:
-        self._meter.when_long = call
 
     @property
     def left(self) -> float:
         """Seconds' worth of work left, 0 if there is none."""
-        return max(0.0, self._most - self._meter.done) / PER_SECOND
+        return max(0.0, self._most - self.meter.done) / PER_SECOND
 
     @property
     def on_clock(self) -> float:
@@ -80,14 +72,9 @@ class Budget:
         return max(0.0, self._deadline - time.monotonic())
 
     @property
-    def done(self) -> float:
-        """Work done so far, by all parts together."""
-        return self._meter.done
-
-    @property
     def over(self) -> bool:
         """True if work or time has run out."""
-        return self._meter.done > self._most or time.monotonic() > self._deadline
+        return self.meter.done > self._most or time.monotonic() > self._deadline
 
     @property
     def allowed(self) -> str:
@@ -101,7 +88,7 @@ class Budget:
         found = Budget(
             max(share * self.left, least * self.seconds), long_to_factor=self._long_to_factor
         )
-        found._meter, found._most = self._meter, self._meter.done + PER_SECOND * found.seconds
+        found.meter, found._most = self.meter, self.meter.done + PER_SECOND * found.seconds
         clock = max(share * self.on_clock, _CLOCK * least * self.seconds)
         found._end = self._end
         found._deadline = min(found._began + clock, self._end)
@@ -110,12 +97,12 @@ class Budget:
     def at_most(self, seconds: float) -> Budget:
         """Return what is left, if no more than some seconds' worth."""
         found = self.part(1.0)
-        found._most = min(found._most, self._meter.done + PER_SECOND * seconds)
+        found._most = min(found._most, self.meter.done + PER_SECOND * seconds)
         return found
 
     def spend(self, work: float) -> None:
         """Count work that was done."""
-        self._meter.done += work
+        self.meter.done += work
 
     def stop(self, work: float = 0.0) -> bool:
         """Count a step of so much work, and say whether the budget is over."""
@@ -132,19 +119,19 @@ class Budget:
                 else f"the time budget of {self._deadline - self._began:.3g} s ran out"
             )
         self.spend(_QUESTION + term_products)
-        if self._meter.done > self._most:
-            self._meter.done -= term_products  # it is not begun
+        if self.meter.done > self._most:
+            self.meter.done -= term_products  # it is not begun
             raise BudgetExceeded(f"the work budget of {self.seconds:.3g} s ran out")
         expected = term_products / PER_SECOND
-        if self.when_long is not None and max(now - self._began, expected) > _LONG:
-            self.when_long()
+        if self.meter.when_long is not None and max(now - self._began, expected) > _LONG:
+            self.meter.when_long()
 
     def check_factor(self, terms: int, long: int | None = None) -> None:
         """Raise BudgetExceeded if a polynomial is too long to factor or to take a gcd of."""
         # Work that factoring, or a gcd, takes per term and its logarithm.
         self.check(5.0 * terms * max(terms, 1).bit_length())
-        if self.when_long is not None and terms > (long or self._long_to_factor):
-            self.when_long()
+        if self.meter.when_long is not None and terms > (long or self._long_to_factor):
+            self.meter.when_long()
         if terms > 30_000:
             raise BudgetExceeded(f"a polynomial of {terms} terms was too long to factor")
 
@@ -198,12 +185,12 @@ class Apart:
     def tell(self, what: Any) -> None:
         """Tell the parent something that can be pickled; nothing where there is none."""
         if self._to_parent is not None:
-            self._to_parent.send(("told", what, self._budget.done))
+            self._to_parent.send(("told", what, self._budget.meter.done))
 
     def run(self, work: Callable[[], T], at_once: bool = False) -> Outcome[T]:
         """The result of ``work``, to be pickled if ``child``; forked first if ``at_once``."""
         if possible():
-            self._budget.when_long = self._fork
+            self._budget.meter.when_long = self._fork
         try:
             if at_once and possible():
                 self._fork()
@@ -216,7 +203,7 @@ class Apart:
             raise
         finally:
             if not self.child:
-                self._budget.when_long = None
+                self._budget.meter.when_long = None
         if self.child:
             self._leave("result", result)
         return Outcome(result)
@@ -224,7 +211,7 @@ class Apart:
     def _fork(self) -> None:
         from multiprocessing import Pipe  # most algebra is short, and does without
 
-        self._budget.when_long = None
+        self._budget.meter.when_long = None
         reading, writing = Pipe(duplex=False)
         with warnings.catch_warnings():  # other threads do not matter to what the child does
             warnings.simplefilter("ignore", DeprecationWarning)
@@ -244,7 +231,7 @@ class Apart:
         code = 0
         try:
             assert self._to_parent is not None
-            self._to_parent.send((kind, what, self._budget.done))
+            self._to_parent.send((kind, what, self._budget.meter.done))
         except BaseException:
             code = 1
         finally:
@@ -264,7 +251,7 @@ class Apart:
                 if not self._from_child.poll(min(left, 0.2)):
                     continue
                 kind, what, done = self._from_child.recv()
-                self._budget.spend(done - self._budget.done)
+                self._budget.spend(done - self._budget.meter.done)
                 if kind == "result":
                     return Outcome(what, told)
                 if kind == "problem":

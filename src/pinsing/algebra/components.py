@@ -8,6 +8,7 @@ makes all of the system's polynomials zero. That nothing of the part is lost its
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
@@ -115,13 +116,10 @@ class FoundComponents:
             earlier = [k for k, _ in kept]
             if any(inside(c, k, self.ring) for k in earlier):
                 continue
-            backing = self._backing.get(i)
-            if backing is None:
-                kept.append((c, []))
-                continue
+            backing = self._backing.get(i, Backing([], []))
             held = [s for s in backing.points if on_any(earlier, s)]
-            if len(held) < len(backing.points):
-                own = [s for s in backing.points if s not in held]
+            own = [s for s in backing.points if s not in held]
+            if own or not backing.points:
                 kept.append((_without(c, backing, own, held), own))
         # What could not be told apart from a part of it may hold one that came earlier.
         for entry in tuple(kept):
@@ -158,32 +156,26 @@ class FoundComponents:
 
     def _unaccounted(self, kept: Sequence[Component]) -> Component | None:
         """Something that was found, or passed over as a part of it, and is in none of these."""
+
+        def lies_in_one(c: Component) -> bool:
+            return any(inside(c, k, self.ring) for k in kept)
+
         for i, c in enumerate(self._components):
-            if any(inside(c, k, self.ring) for k in kept):
-                continue
             backing = self._backing.get(i)
-            if backing is None or not all(on_any(kept, s) for s in backing.points):
+            known = lies_in_one(c) or (backing and all(on_any(kept, s) for s in backing.points))
+            if not known:
                 return c
-        for c in self._passed:
-            if not any(inside(c, k, self.ring) for k in kept):
-                return c
-        for s, i in self._held:
-            if not on_any(kept, s):
-                return self._components[i]
-        return None
+        passed = (c for c in self._passed if not lies_in_one(c))
+        held = (self._components[i] for s, i in self._held if not on_any(kept, s))
+        return next(itertools.chain(passed, held), None)
 
 
 def inside(a: Component, b: Component, ring: Ring) -> bool:
     """Return True if a component lies in another one, as far as substitution and division tell."""
     if any(a.values.get(j) != v for j, v in b.values.items()):
         return False
-    for r in b.relations:
-        rest = ring.substitute(r, a.values)
-        if rest == 0:
-            continue
-        if not any(ring.divides(p, rest) for p in a.relations):
-            return False
-    return True
+    rests = (ring.substitute(r, a.values) for r in b.relations)
+    return all(rest == 0 or any(ring.divides(p, rest) for p in a.relations) for rest in rests)
 
 
 def merged(known: Sequence[Component], found: Sequence[Component], ring: Ring) -> list[Component]:
@@ -388,9 +380,7 @@ def _fewest(polys: list[Poly], count: int, ring: Ring) -> tuple[Poly, ...]:
     if not done:
         return tuple(polys)
     over_q = [polys[0].context().from_dict(dict(terms_of(g))) for g in basis]
-    if all(_reduced(p, over_q) == 0 for p in polys[count:]):
-        return tuple(polys[:count])
-    return tuple(polys)
+    return tuple(polys[:count] if all(_reduced(p, over_q) == 0 for p in polys[count:]) else polys)
 
 
 def _reduced(poly: Poly, basis: Sequence[Poly]) -> Poly:
@@ -400,6 +390,4 @@ def _reduced(poly: Poly, basis: Sequence[Poly]) -> Poly:
         before = poly
         for g in basis:
             poly = divmod(poly, g)[1]
-            if poly == 0:
-                break
     return poly

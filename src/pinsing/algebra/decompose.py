@@ -33,6 +33,7 @@ from pinsing.algebra.components import (
     Backing,
     Component,
     FoundComponents,
+    Part,
     Question,
     RandomSteps,
     ask_again,
@@ -137,9 +138,6 @@ class PlaceMatrices:
         return found
 
 
-Part = tuple[tuple[Poly, ...], list[SlicePoint]]
-
-
 def regular_parts(
     relations: Sequence[Poly],
     singular: Sequence[SlicePoint],
@@ -162,12 +160,11 @@ def regular_parts(
         groups.setdefault(on, []).append(s)
     parts: list[Part] = []
     for on, points in groups.items():
-        chosen: list[Poly] = []
-        values = [i for i in on if ring.joint_value(telling[i])]
-        if values:
-            parts.append(((telling[values[0]],), points))
+        value = next((telling[i] for i in on if ring.joint_value(telling[i])), None)
+        if value is not None:
+            parts.append(((value,), points))
             continue
-        left = list(singular)
+        chosen, left = list(relations), list(singular)
         while left:
             away = {i: sum(not s.is_zero(telling[i]) for s in left) for i in on}
             best = max(on, key=lambda i: (away[i], -len(telling[i])), default=None)
@@ -175,7 +172,7 @@ def regular_parts(
                 return []
             chosen.append(telling[best])
             left = [s for s in left if s.is_zero(telling[best])]
-        parts.append(((*relations, *chosen), points))
+        parts.append((tuple(chosen), points))
     return parts
 
 
@@ -304,14 +301,11 @@ class Search:
         self._seen.add(key)
         place, minors = self._zeroed((p,), place, minors)
         others = []
-        for minor in minors:
-            if not self.ring.divides(p, minor):
-                factors = self._factors(minor)
-                if not factors:
-                    return
-                others.append(factors)
-                if len(others) >= 6:
-                    break
+        proper = (minor for minor in minors if not self.ring.divides(p, minor))
+        for factors in map(self._factors, itertools.islice(proper, 6)):
+            if not factors:
+                return
+            others.append(factors)
         if not others:
             self._found.add(place.values, (p,), True)
             return
@@ -405,10 +399,7 @@ class Search:
                 known = [s for s in points if s not in missed]
                 state = functools.partial(self._statement, relations, minors=minors)
                 backing = Backing(missed, known, state)
-                if known:
-                    stated = self._shortened(state(missed, known), count, place)
-                else:
-                    stated = relations
+                stated = self._shortened(state(missed, known), count, place) if known else relations
                 self._found.add(place.values, stated, False, codimension, backing)
         # What is singular beside the part of the matrix that is looked at is searched by itself.
         regular = [s for s in points if s not in singular and not place.singular(s)]

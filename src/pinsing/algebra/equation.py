@@ -17,6 +17,7 @@ from __future__ import annotations
 import functools
 import math
 import re
+from collections import defaultdict
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
@@ -101,6 +102,11 @@ def format_angle(radians: float, latex: bool = False) -> str:
     return (f"{shown:.10g}" if shown != 0 else "0") + (r"^\circ" if latex else "°")
 
 
+def moved(name: str, radians: float, size: str) -> str:
+    """``q2 + 30°``: a name, and an angle that is added, whose ``size`` is written."""
+    return f"{name} {'+' if radians > 0 else '-'} {size}"
+
+
 def joined(pieces: Iterable[tuple[bool, str]], gap: str = " ") -> str:
     """Terms, some of which are negative, with their signs in between; 0 without any."""
     out = ""
@@ -158,11 +164,8 @@ def fourier(poly: Poly, ring: Ring, quarters: Sequence[int]) -> dict[Key, tuple[
     turns = (eighths // 2).tolist()
     varying = [any(f) for f in frequencies.tolist()]
     keys = zip(map(tuple, frequencies.tolist()), map(tuple, powers.tolist()), strict=True)
-    gathered: dict[Key, list[list[int]]] = {}
+    gathered: dict[Key, list[list[int]]] = defaultdict(lambda: [[0] * 4, [0] * 4])
     for i, key in enumerate(keys):
-        sums = gathered.get(key)
-        if sums is None:
-            sums = gathered[key] = [[0] * 4, [0] * 4]
         imaginary, square = kinds[i]
         # It is real: w^-k has the conjugate coefficient, and with it the same part of the sum.
         c = 2 * numbers[i] if varying[i] else numbers[i]
@@ -170,13 +173,12 @@ def fourier(poly: Poly, ring: Ring, quarters: Sequence[int]) -> dict[Key, tuple[
             quarter = (turn + turns[i]) % 4
             if quarter % 2 and not varying[i]:
                 continue  # a constant has no sine
-            sums[quarter % 2][square] += -c if quarter >= 2 else c
-    out = {}
-    for key, (real, imag) in gathered.items():
-        pair = surd(*map(Fraction, real)), -surd(*map(Fraction, imag))
-        if any(pair):  # a Surd is never zero
-            out[key] = pair
-    return out
+            gathered[key][quarter % 2][square] += -c if quarter >= 2 else c
+    pairs = (
+        (key, (surd(*map(Fraction, real)), -surd(*map(Fraction, imag))))
+        for key, (real, imag) in gathered.items()
+    )
+    return {key: pair for key, pair in pairs if any(pair)}  # a Surd is never zero
 
 
 def _put_in(
@@ -255,13 +257,9 @@ def _transformed(
 @functools.cache
 def _powers(degree: int) -> npt.NDArray[np.int64]:
     """Coefficients of w^k (columns) in (w + 1)^(degree - b) (w - 1)^b (rows)."""
-    rows = []
-    for b in range(degree + 1):
-        row = [1]
-        for factor in [1] * (degree - b) + [-1] * b:
-            row = [factor * low + high for low, high in zip([*row, 0], [0, *row], strict=True)]
-        rows.append(row)
-    return np.array(rows, dtype=np.int64)
+    factors = ([[1, 1]] * (degree - b) + [[-1, 1]] * b for b in range(degree + 1))
+    one = np.ones(1, dtype=np.int64)
+    return np.array([functools.reduce(np.convolve, row, one) for row in factors])
 
 
 _NOTHING = 1e-15
@@ -387,12 +385,12 @@ class Equation(Memory):
         if not self.exact or self._angle_sum(style):
             return ""
         numbers = [(exact_of(c), exact_of(s)) for c, s in self.exact]
-        pieces = []
-        for t in self._reading_order:
-            for value, body in self._bodies(t, style):
-                number = numbers[t][value]
-                if float(number):
-                    pieces.append((number, body))
+        pieces = [
+            (numbers[t][value], body)
+            for t in self._reading_order
+            for value, body in self._bodies(t, style)
+            if float(numbers[t][value])
+        ]
         pieces = pieces if len(pieces) > 1 else [(Fraction(1), body) for _, body in pieces]
         return f"{exact_sum(pieces, latex)} = 0"
 
@@ -429,21 +427,22 @@ class Equation(Memory):
 
     def _pieces(self, style: Style) -> list[tuple[float, str]]:
         """Signed coefficients and what they multiply, a good order for reading."""
-        pieces = []
-        for t in self._reading_order:
-            for value, body in self._bodies(t, style):
-                coefficient = float((self.cos, self.sin)[value][t])
-                if t in self._constants or abs(coefficient) > _NOTHING * self.size:
-                    pieces.append((coefficient, body))
+        pieces = [
+            (coefficient, body)
+            for t in self._reading_order
+            for value, body in self._bodies(t, style)
+            if self._tells(t, coefficient := float((self.cos, self.sin)[value][t]))
+        ]
         return pieces if len(pieces) > 1 else [(1.0, body) for _, body in pieces]
 
     def leading(self) -> float:
         """Return the coefficient that is read first."""
-        for t in self._reading_order:
-            for coefficient in (float(self.cos[t]), float(self.sin[t])):
-                if t in self._constants or abs(coefficient) > _NOTHING * self.size:
-                    return coefficient
-        return 0.0
+        every = ((t, float(x)) for t in self._reading_order for x in (self.cos[t], self.sin[t]))
+        return next((x for t, x in every if self._tells(t, x)), 0.0)
+
+    def _tells(self, t: int, coefficient: float) -> bool:
+        """Whether a coefficient of a term is more than rounding."""
+        return t in self._constants or abs(coefficient) > _NOTHING * self.size
 
     @cached_property
     def _constants(self) -> frozenset[int]:
@@ -459,20 +458,17 @@ class Equation(Memory):
         angle = self._angle(self.frequencies[t], style)
         if not angle:
             return [(0, power)]
-        bodies = []
-        for value, name in enumerate((style.cos, style.sin)):
-            body = f"{name}{angle}" if angle.startswith("(") else f"{name.strip()} {angle}"
-            bodies.append((value, f"{power} {body}".strip()))
-        return bodies
+        heads = [style.cos, style.sin]
+        if not angle.startswith("("):
+            heads = [f"{name.strip()} " for name in heads]
+        return [(value, f"{power} {head}{angle}".strip()) for value, head in enumerate(heads)]
 
     @cached_property
     def _reading_order(self) -> tuple[int, ...]:
         """Its terms: those of few joints first, the constant last."""
-        keys = []
-        for t, frequency in enumerate(self.frequencies.tolist()):
-            used = sum(1 for f in frequency if f)
-            keys.append((used == 0, used, [-abs(f) for f in frequency], t))
-        return tuple(key[-1] for key in sorted(keys))
+        size = np.abs(self.frequencies)
+        used = (size > 0).sum(axis=1)
+        return tuple(np.lexsort([*-size.T[::-1], used, used == 0]).tolist())
 
     def _angle(self, frequency: Array, style: Style, shift: bool = True) -> str:
         """``q2``, ``(q2+q3)``, ``(2 q4 - q5 + 12 deg)``, or nothing for the constant term."""
@@ -484,13 +480,11 @@ class Equation(Memory):
             parts = [(2 * k, s) for k, s in parts]
         text = signed_sum(parts, tight=True)
         offset = math.remainder(float(frequency @ self.shift) / (1 if halves else 2), 2 * math.pi)
+        single = len(parts) == 1 and parts[0][0] == 1
         if shift and abs(offset) > 1e-12:
-            text += f" {'+' if offset > 0 else '-'} {style.small_angle(abs(offset))}"
-        single = len(parts) == 1 and parts[0][0] == 1 and not (shift and abs(offset) > 1e-12)
-        if halves:
-            inner = text if single else f"({text})"
-            return f"({inner}/2)"
-        return text if single else f"({text})"
+            text, single = moved(text, offset, style.small_angle(abs(offset))), False
+        inner = text if single else f"({text})"
+        return f"({inner}/2)" if halves else inner
 
 
 def _whole(pairs: Sequence[tuple[Exact, Exact]]) -> tuple[tuple[str, str], ...]:

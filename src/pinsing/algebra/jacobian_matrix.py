@@ -8,7 +8,6 @@ real angle makes zero.
 from __future__ import annotations
 
 import functools
-from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
@@ -220,30 +219,15 @@ class _Chain:
 
     def summed(self, joints: Sequence[int], middle: int) -> list[Poly]:
         """Screw of a joint and its followers, moving together, in the frame of joint ``middle``."""
-        scales = [self._scale(j, middle) for j in joints]
-        common: Counter[int] = Counter()
-        for scale in scales:
-            common |= scale
-        total = [self.ring.zero] * 6
-        for j, scale in zip(joints, scales, strict=True):
-            factor = self.ring.number(self.drives[j].multiple)
-            for leader, power in (common - scale).items():
-                x, y = (self.ring.context.gens()[v] for v in self.ring.variables(leader))
-                factor = self.products.of(factor, (x * x + y * y) ** power)
-            total = [
-                self.ring.reduce(t + self.products.of(x, factor))
-                for t, x in zip(total, self.screw(j, middle), strict=True)
-            ]
-        return total
+        parts = [(self.drives[j], self.screw(j, middle), self._scale(j, middle)) for j in joints]
+        return _summed(parts, self.products)
 
-    def _scale(self, j: int, middle: int) -> Counter[int]:
-        """What ``screw`` is over: powers of x^2 + y^2, for each joint that moves on the way."""
-        way = range(j + 1, middle) if j < middle else range(middle, j)
-        powers: Counter[int] = Counter()
-        for k in way:
-            if not self.geometry.prismatic[k]:
-                powers[self.drives[k].leader] += abs(int(self.drives[k].multiple))
-        return powers
+    def _scale(self, j: int, middle: int) -> Poly:
+        """What ``screw`` is over: x^2 + y^2 of each joint that turns on the way."""
+        scale = self.ring.one
+        for k in range(j + 1, middle) if j < middle else range(middle, j):
+            scale = self.products.of(scale, self.moved(k).d)
+        return scale
 
     def joint_frames(self, middle: int) -> tuple[list[RigidMotion], RigidMotion, RigidMotion]:
         """Frames of all joints before they move, joint 1's after, and the tip, from ``middle``."""
@@ -374,10 +358,5 @@ def neighbouring_screws(
     rows = [driven_by(chain.drives, a) for a in joints]
     every = sorted(j for some in rows for j in some)
     middle = every[len(every) // 2]
-    columns = [
-        primitive(
-            chain.screw(some[0], middle) if len(some) == 1 else chain.summed(some, middle), ring
-        )
-        for some in rows
-    ]
+    columns = [primitive(chain.summed(some, middle), ring) for some in rows]
     return [list(row) for row in zip(*columns, strict=True)]

@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import functools
 import itertools
-import math
+from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
@@ -24,7 +24,7 @@ import numpy as np
 import numpy.typing as npt
 
 from pinsing._types import Array
-from pinsing.algebra.equation import Equation, format_angle, joined, latex_symbol, times
+from pinsing.algebra.equation import Equation, format_angle, joined, latex_symbol, moved, times
 from pinsing.prose import listed
 from pinsing.robot.surd import exact_of, parts_of
 
@@ -109,11 +109,8 @@ def _grouped(equation: Equation, joint: int) -> tuple[dict[Product, Number], flo
     doubled = sorted(
         {j for p in table for j, f, k in p if j != joint and f in ("cos", "sin") and k == 2}
     )
-    least, chosen = math.inf, ("",) * len(doubled)
-    for choice, found in itertools.islice(_ways(table, doubled), 243):
-        count = len(_kept(found, largest))
-        if count < least:
-            least, chosen = count, choice
+    ways = itertools.islice(_ways(table, doubled), 243)
+    chosen, _ = min(ways, key=lambda way: len(_kept(way[1], largest)))
     if numbers is not rough:
         table = _gathered(products, numbers)
     table = _rebased(table, dict(zip(doubled, chosen, strict=True)))
@@ -192,9 +189,8 @@ def _gathered(
     out: dict[Product, Number] = {}
     for product, t, which, sign in parts:
         number = numbers[t][which] * sign
-        if float(number) == 0:
-            continue
-        out[product] = out[product] + number if product in out else number
+        if float(number) != 0:
+            out[product] = out.get(product, 0) + number
     return out
 
 
@@ -283,13 +279,10 @@ class _Writer:
 
     def _angle(self, j: int, name: str, k: int, half: bool) -> str:
         body = name if k == 1 else f"{k} {name}"
-        if self.shift[j]:
-            sign = "+" if self.shift[j] > 0 else "-"
-            turn = format_angle(k * abs(self.shift[j]), self.latex)
-            body = f"{body} {sign} {turn}"
-        if half:
-            return f"({body if body == name else f'({body})'}/2)"
-        return body if body == name else f"({body})"
+        if shift := self.shift[j]:
+            body = moved(body, shift, format_angle(k * abs(shift), self.latex))
+        inner = body if body == name else f"({body})"
+        return f"({inner}/2)" if half else inner
 
     def number(self, value: Number) -> str:
         """The size of a number, without its sign where it has one."""
@@ -337,10 +330,7 @@ def _brackets(
     found = []
     left = list(products)
     while left:
-        counts: dict[tuple[int, str, int], int] = {}
-        for atoms in left:
-            for atom in dict.fromkeys(atoms):
-                counts[atom] = counts.get(atom, 0) + 1
+        counts = Counter(atom for atoms in left for atom in dict.fromkeys(atoms))
         shared = [a for a, count in counts.items() if count > 1]
         if not shared:
             break
@@ -436,22 +426,22 @@ class JointForm:
         phi = r"\varphi" if latex else "φ"
         cos = r"\cos " if latex else "cos"
         name = self._name(latex)
-        if self.kind == "length":
-            return f"A {name} = c"
-        if self.kind == "half":
-            return f"R {cos}({name}/2 - {phi}) = 0"
-        return f"R {cos}({name} - {phi}) = {'c' if self.kind == 'two' else '0'}"
+        return {
+            "length": f"A {name} = c",
+            "half": f"R {cos}({name}/2 - {phi}) = 0",
+            "opposite": f"R {cos}({name} - {phi}) = 0",
+            "two": f"R {cos}({name} - {phi}) = c",
+        }[self.kind]
 
     def solution(self) -> str:
         """``q2 = φ ± arccos(c/R) where |c| <= R``, and the like."""
-        name, given = self._name(False), self._given()
-        if self.kind == "length":
-            return f"{name} = c/A: one value given {given}"
-        if self.kind == "half":
-            return f"{name} = 2 φ + 180°: one value given {given}"
-        if self.kind == "opposite":
-            return f"{name} = φ ± 90°: one of two values, half a turn apart, given {given}"
-        return f"{name} = φ ± arccos(c/R) where |c| <= R: one of two values given {given}"
+        values = {
+            "length": "c/A: one value",
+            "half": "2 φ + 180°: one value",
+            "opposite": "φ ± 90°: one of two values, half a turn apart,",
+            "two": "φ ± arccos(c/R) where |c| <= R: one of two values",
+        }
+        return f"{self._name(False)} = {values[self.kind]} given {self._given()}"
 
     def text(self) -> str:
         """The condition in one line."""
@@ -472,8 +462,7 @@ class JointForm:
         shift = float(self.equation.shift[self.joint])
         if not shift:
             return name
-        sign = "+" if shift > 0 else "-"
-        shown = f"{name} {sign} {format_angle(abs(shift), latex)}"
+        shown = moved(name, shift, format_angle(abs(shift), latex))
         return f"({shown})" if self.kind == "half" else shown
 
 

@@ -9,6 +9,7 @@ points only, such as the stretched arm in 0.3 cos q2 + 0.2 cos(q2+q3) + 0.5 = 0.
 
 from __future__ import annotations
 
+import functools
 import itertools
 import math
 from collections.abc import Mapping, Sequence
@@ -68,16 +69,13 @@ def real_roots(poly: Poly, joint: int, ring: Ring) -> list[AlgebraicValue]:
             tuple(surd(p, q * a, r * b, s * a * b) for p, q, r, s in map(parts_of, own))
             for a, b in ((1, 1), (-1, 1), (1, -1), (-1, -1))
         }
-        norm = [Fraction(1)]
-        for row in images:
-            norm = _product(norm, row)
+        rows = [np.array(row, dtype=object) for row in images]
+        norm = functools.reduce(np.convolve, rows).tolist()
     plain = [parts_of(c)[0] for c in norm]  # the square roots cancel
     scale = math.lcm(*(c.denominator for c in plain))
     factors = [f for f, _ in fmpz_poly([int(c * scale) for c in plain]).factor()[1]]
-    before = ctx.prec
-    try:
-        for bits in (400, 1_600, 6_400):
-            ctx.prec = bits
+    for bits in (400, 1_600, 6_400):
+        with ctx.workprec(bits):
             met = [(z, f) for f in factors for z, _ in f.complex_roots()]
             if len(images) > 1:
                 met = [(z, f) for z, f in met if _may_vanish(own, acb(z))]
@@ -88,26 +86,17 @@ def real_roots(poly: Poly, joint: int, ring: Ring) -> list[AlgebraicValue]:
                     if z.imag == 0
                 ]
                 return real + [AlgebraicValue(None, ())] * infinite
-    finally:
-        ctx.prec = before
     raise ArithmeticError("roots of a polynomial with square roots in it were not told apart")
-
-
-def _product(a: list[Exact], b: tuple[Exact, ...]) -> list[Exact]:
-    out: list[Exact] = [Fraction(0)] * (len(a) + len(b) - 1)
-    for i, x in enumerate(a):
-        for k, y in enumerate(b):
-            out[i + k] = out[i + k] + x * y
-    return out
 
 
 def _may_vanish(coefficients: list[Exact], root: acb) -> bool:
     """Return True if zero is among the possible values at a root."""
     total = acb(0)
     for c in reversed(coefficients):
-        value = arb(0)
-        for square, part in zip(SQUARES, parts_of(c), strict=True):
-            value += arb(part.numerator) / arb(part.denominator) * arb(square).sqrt()
+        parts = zip(SQUARES, parts_of(c), strict=True)
+        value = sum(
+            (arb(p.numerator) / arb(p.denominator) * arb(k).sqrt() for k, p in parts), arb(0)
+        )
         total = total * root + acb(value)
     return bool(total.contains(0))
 
@@ -223,14 +212,12 @@ class _Affine:
                 return None
             terms = terms_of(p)
             if all(not any(m[:-1]) for m in terms):
-                line = [0] * (max(int(m[-1]) for m in terms) + 1)
-                for m, c in terms.items():
-                    line[int(m[-1])] = int(c)
-                out = fmpz_poly([1])
-                for f, _ in fmpz_poly(line).factor()[1]:
-                    if f != fmpz_poly([1, 0, 1]) or variable >= len(self.joints):
-                        out *= f
-                return out
+                powers = {int(m[-1]): int(c) for m, c in terms.items()}
+                line = fmpz_poly([powers.get(k, 0) for k in range(max(powers) + 1)])
+                factors = [f for f, _ in line.factor()[1]]
+                if variable < len(self.joints):
+                    factors = [f for f in factors if f != fmpz_poly([1, 0, 1])]
+                return math.prod(factors, start=fmpz_poly([1]))
         raise NotFinite
 
     def solutions(self) -> list[Solution]:
@@ -250,10 +237,8 @@ class _Affine:
         ]
         basis, _ = self._basis([*self.system, *lines], range(self.size))
         count = _standard_monomials(basis, [e.degree() for e in eliminants])
-        before = ctx.prec
-        try:
-            for bits in (128, 512, 2_048):
-                ctx.prec = bits
+        for bits in (128, 512, 2_048):
+            with ctx.workprec(bits):
                 roots = [
                     [(z, f) for f, _ in e.factor()[1] for z, _ in f.complex_roots()]
                     for e in eliminants
@@ -261,24 +246,17 @@ class _Affine:
                 met = [c for c in itertools.product(*roots) if self._may_vanish(c)]
                 if len(met) == count:
                     return [self._solution(c) for c in met if self._wanted(c)]
-        finally:
-            ctx.prec = before
         raise NotFinite
 
     def _may_vanish(self, combination: Sequence[tuple[Any, fmpz_poly]]) -> bool:
         self.time.check()
         values = [acb(z) for z, _ in combination]
-        for terms in self.system:
-            total = acb(0)
-            for m, c in terms.items():
-                term = acb(c)
-                for value, e in zip(values, m, strict=True):
-                    if e:
-                        term *= value**e
-                total += term
-            if not total.contains(0):
-                return False
-        return True
+
+        def term(powers: tuple[int, ...], c: int) -> acb:
+            return math.prod((x**e for x, e in zip(values, powers, strict=True) if e), start=acb(c))
+
+        sums = (sum(itertools.starmap(term, terms.items()), acb(0)) for terms in self.system)
+        return all(total.contains(0) for total in sums)
 
     def _wanted(self, combination: Sequence[tuple[Any, fmpz_poly]]) -> bool:
         """Return True if a solution is real, its square roots the positive ones."""
@@ -330,9 +308,7 @@ def _sign(poly: Poly, point: Sequence[int], ring: Ring) -> int:
     total: Fraction | Surd = Fraction(0)
     size = 0.0
     for m, c in ring.terms(poly).items():
-        factor = 1
-        for x, e in zip(point, m, strict=True):
-            factor *= x**e
+        factor = math.prod(x**e for x, e in zip(point, m, strict=True))
         total = total + c * factor
         size += sum(abs(float(p)) for p in parts_of(c)) * 2.5 * abs(factor)
     value = float(total)
@@ -369,15 +345,12 @@ def semidefinite(poly: Poly, ring: Ring, time: Budget) -> bool:
         joints = ring.joints_of(f)
         if multiplicity % 2 == 0 or not joints or _outweighed(f, ring):
             continue
-        if len(joints) == 1:
-            if real_roots(f, joints[0], ring):
-                return False
-            continue
-        if not any(
+        keeps_sign = not real_roots(f, joints[0], ring) if len(joints) == 1 else any(
             sum(f.monomial(0)[v] for v in ring.variables(j)) == 2
             and _never_positive(_discriminant(f, j, ring), ring, time)
             for j in joints
-        ):
+        )  # fmt: skip
+        if not keeps_sign:
             return False
     return True
 
@@ -407,10 +380,8 @@ def _touching(poly: Poly, ring: Ring) -> list[Solution] | None:
     minors = itertools.combinations([row for row, _, _ in rows], len(joints))
     if not any(abs(int(fmpz_mat([*map(list, m)]).det())) == 1 for m in minors):
         return None
-    wanted = []  # right angles that each term's phase is
-    for _, c, s in rows:
-        up = (c + s) * constant < 0
-        wanted.append((0 if up else 2) if c else (1 if up else 3))
+    # Right angles that each term's phase is.
+    wanted = [(0 if c else 1) + (0 if (c + s) * constant < 0 else 2) for _, c, s in rows]
     return [
         dict(zip(joints, (_QUARTERS[k + 1] for k in turns), strict=True))
         for turns in itertools.product(range(-1, 3), repeat=len(joints))

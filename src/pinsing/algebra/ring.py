@@ -197,9 +197,7 @@ class Ring:
         degrees = poly.degrees()
         for first, slides in zip(self.start, self.prismatic, strict=True):
             power = degrees[first]
-            if power and slides:
-                return False
-            if not slides and (power % 2 or power != degrees[first + 1]):
+            if power if slides else (power % 2 or power != degrees[first + 1]):
                 return False
         return self._is_of_norms(poly, degrees)
 
@@ -254,12 +252,9 @@ class Ring:
             return poly
         degrees = poly.degrees()
         for j, w in enumerate(self.w):
-            if w is None:
-                continue
-            x, y = self.variables(j)
-            if degrees[x] < 2 or degrees[y] < 2:  # w divides only what has both squares
-                continue
-            poly = divided_by(poly, w)
+            # Only what has both squares is divided.
+            if w is not None and min(degrees[v] for v in self.variables(j)) >= 2:
+                poly = divided_by(poly, w)
         return poly
 
     def factors(self, poly: Poly) -> list[Poly]:
@@ -277,9 +272,8 @@ class Ring:
         Low degrees in few joints bound what it can take: some 15 ms for a thousand terms.
         """
         degrees = poly.degrees()
-        size = 1
-        for v, slides in zip(self.start, self.prismatic, strict=True):
-            size *= degrees[v if slides else v + 1] + 1
+        joints = zip(self.start, self.prismatic, strict=True)
+        size = math.prod(degrees[v if slides else v + 1] + 1 for v, slides in joints)
         # Terms that a polynomial of some degrees can have in half-angle tangents, and has: up to so
         # many it is factored in milliseconds.
         return 1_000 if size <= 1_500 else None
@@ -333,12 +327,11 @@ class Ring:
     def _form(self, poly: Poly, tangents: Sequence[int]) -> Poly:
         """A polynomial in tangents y with as much of each x as makes it a form."""
         degrees = poly.degrees()
-        terms = {}
-        for m, c in terms_of(poly).items():
-            powers = list(m)
-            for x in tangents:
-                powers[x] = degrees[x + 1] - m[x + 1]
-            terms[tuple(powers)] = c
+        most = {x: degrees[x + 1] for x in tangents}
+        terms = {
+            tuple([most[v] - m[v + 1] if v in most else e for v, e in enumerate(m)]): c
+            for m, c in terms_of(poly).items()
+        }
         return self.context.from_dict(terms)
 
     def _place(self, factor: Poly) -> tuple[int, int, int]:

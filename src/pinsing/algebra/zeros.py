@@ -10,6 +10,8 @@ from __future__ import annotations
 
 import contextlib
 import functools
+import itertools
+import operator
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from dataclasses import field as dataclass_field
@@ -327,10 +329,7 @@ def _at(poly: Any, zero: Zero, v: int, over: Any, point: Any, made: Any) -> Any:
 
 
 def _powers(x: Any, top: int) -> list[Any]:
-    out = [x**0]
-    for _ in range(top):
-        out.append(out[-1] * x)
-    return out
+    return list(itertools.accumulate([x] * top, operator.mul, initial=x**0))
 
 
 def _extended(zero: Zero, common: Any, v: int) -> list[Zero]:
