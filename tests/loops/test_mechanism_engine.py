@@ -26,9 +26,9 @@ from pinsing.loops import (
 from pinsing.loops.closure import BatchLoops, Loops, newton, random_closed
 from pinsing.loops.loop_forms import planar_dyad
 from pinsing.loops.modes import assembly_sign
-from pinsing.loops.structure import output_pose
+from pinsing.loops.structure import at_zero, output_pose, plane_normal
 from pinsing.robot.load_mechanism import Loop, Mechanism
-from pinsing.view.mechanism_viewer import groups, linkage_sizes, mechanism_data, plane_normal
+from pinsing.view.mechanism_viewer import groups, linkage_sizes, mechanism_data
 
 SHIPPED = ["five_bar", "four_bar", "planar_3rrr"]
 WORDS = {
@@ -83,7 +83,9 @@ def mechanism_of(name: str) -> Mechanism:
 
 
 def data_of(mechanism: Mechanism) -> dict[str, Any]:
-    return mechanism_data(mechanism, linkage_sizes(mechanism), plane_normal(mechanism))
+    return mechanism_data(
+        mechanism, linkage_sizes(mechanism), plane_normal(mechanism, at_zero(mechanism).axis)
+    )
 
 
 def closed(mechanism: Mechanism, count: int) -> list[np.ndarray]:

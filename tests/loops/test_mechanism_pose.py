@@ -16,9 +16,9 @@ from pinsing.loops import home, mechanism_at, working_modes
 from pinsing.loops.closure import Loops
 from pinsing.loops.modes import elbows, mode_of
 from pinsing.loops.motion import led_pose, read_pose
-from pinsing.loops.structure import output_pose
+from pinsing.loops.structure import at_zero, output_pose, plane_normal
 from pinsing.robot.load_mechanism import Loop, Mechanism
-from pinsing.view.mechanism_viewer import linkage_sizes, mechanism_data, plane_normal
+from pinsing.view.mechanism_viewer import linkage_sizes, mechanism_data
 
 LED = {  # the coordinates that the outputs of the shelf can be led in
     "five_bar": "x y", "four_bar": "turn", "planar_3rrr": "x y turn", "planar_3rpr": "x y turn",
@@ -30,7 +30,9 @@ SHELF = [n if n in QUICK else pytest.param(n, marks=pytest.mark.slow) for n in L
 
 
 def data_of(mechanism: Mechanism) -> dict[str, Any]:
-    return mechanism_data(mechanism, linkage_sizes(mechanism), plane_normal(mechanism))
+    return mechanism_data(
+        mechanism, linkage_sizes(mechanism), plane_normal(mechanism, at_zero(mechanism).axis)
+    )
 
 
 def coordinates(mechanism: Mechanism, q: np.ndarray, rows: list[int]) -> np.ndarray:

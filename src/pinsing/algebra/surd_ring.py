@@ -139,9 +139,7 @@ class SurdRing(Ring):
         if not terms:
             return poly
         lead = terms[max(terms)]
-        if lead == 1:
-            return poly
-        return self.reduce(poly * self.number(1 / lead))
+        return poly if lead == 1 else self.reduce(poly * self.number(1 / lead))
 
     def divides(self, p: Poly, poly: Poly) -> bool:
         """Return True if ``poly`` is a multiple of ``p``, one of the ``factors`` of something."""

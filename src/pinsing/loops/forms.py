@@ -197,9 +197,8 @@ def trig_polynomial(poly: Poly, ring: Ring, joints: Sequence[str]) -> PoseEquati
     """Return the polynomial in cos q, sin q of joints that turn, q of slides; its scale is kept."""
     # Every degree in a pair of half-angle variables must be even.
     used = ring.joints_of(poly) if poly != 0 else ()
-    names: list[str] = []
-    for j in used:
-        names += [joints[j]] if ring.prismatic[j] else [f"cos {joints[j]}", f"sin {joints[j]}"]
+    heads = {True: ("",), False: ("cos ", "sin ")}
+    names = [f"{head}{joints[j]}" for j in used for head in heads[ring.prismatic[j]]]
     if not names:
         return _equation((), [((), c, 0) for _, c, _ in _terms(poly)])
     there = fmpq_mpoly_ctx.get([f"t{k}" for k in range(len(names))], Ordering.lex)

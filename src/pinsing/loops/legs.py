@@ -384,9 +384,8 @@ class _Recognizer:
         """A leg with one centre and one actuated joint before or behind it."""
         mechanism, sample = self.mechanism, self.samples[0]
         driven, passive, centre = self.parted(path)
-        if len(driven) != 1 or centre is None or len(passive) > self.ball:
-            return None
-        if end.centre is not None and len(end.centre.joints) != self.ball:
+        whole = end.centre is None or len(end.centre.joints) == self.ball
+        if len(driven) != 1 or centre is None or len(passive) > self.ball or not whole:
             return None
         (joint,) = driven
         hinge = len(passive) == 1 and not self.planar
@@ -412,9 +411,8 @@ class _Recognizer:
         # A hinge that a slide or a crank with the same axis carries (PRS, RRS): its point that is
         # straight across from the end of the rod.
         off = (B - C) @ axis
-        if np.abs([s.axis[passive[0]] - axis for s in self.samples]).max() > ROUNDING:
-            return None
-        if np.abs(off - off[0]).max() > ROUNDING:
+        turned = np.abs([s.axis[passive[0]] - axis for s in self.samples]).max()
+        if max(turned, np.abs(off - off[0]).max()) > ROUNDING:
             return None
         found = carried(mechanism, sample, joint, C[0] + off[0] * axis, outer)
         return None if found is None else replace(found, hinge=axis)
@@ -591,11 +589,10 @@ def sphere_loci(mechanism: Mechanism) -> SphereLoci | None:
     if len(legs) != 3:
         return None
     joints = () if all(leg.square for leg in legs) else tuple(leg.joint for leg in legs)
-    names = [*TURNS]
-    for j in joints:
-        names += [f"cos {mechanism.joints[j]}", f"sin {mechanism.joints[j]}"]
+    turned = (f"{f} {mechanism.joints[j]}" for j in joints for f in ("cos", "sin"))
+    names = (*TURNS, *turned)
     type2, type1, off = _polynomials(legs, names, joints)
-    return SphereLoci(tuple(names), type2, type1, tuple(legs), off)
+    return SphereLoci(names, type2, type1, tuple(legs), off)
 
 
 MOST_ASSEMBLIES = 8

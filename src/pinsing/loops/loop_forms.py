@@ -191,11 +191,11 @@ class Dyad:
             turns = [] if abs(cosine) > 1 + NOISE else [bend, -bend] if bend > 0 else [0.0]
             choices.append([(side.crank_sign * (away + turn),) for turn in turns])
         cranks = [side.crank for side in self.sides if side.crank is not None]
-        out = []
-        for one, two in itertools.product(*choices):
-            values = dict(zip(cranks, (*one, *two), strict=True))
-            out.append(self.reaching([values[j] for j in self.mechanism.actuated], point))
-        return tuple(out)
+        every = (
+            dict(zip(cranks, (*one, *two), strict=True)) for one, two in itertools.product(*choices)
+        )
+        actuated = self.mechanism.actuated
+        return tuple(self.reaching([values[j] for j in actuated], point) for values in every)
 
 
 @once
@@ -217,9 +217,7 @@ def planar_dyad(mechanism: Mechanism) -> Dyad | None:
         frame = model.frames[k]
         path = path_to(mechanism, int(frame.parentJoint))
         used += len(path)
-        end = np.zeros(3)
-        if path:
-            end = zero.joints[path[-1] + 1].act(frame.placement.translation)
+        end = zero.joints[path[-1] + 1].act(frame.placement.translation) if path else np.zeros(3)
         side = _side(mechanism, path, zero, zero.axis @ normal, basis, end)
         if side is None:
             return None
@@ -419,10 +417,8 @@ class _LoopEquations:
             # angle = sign q + crank_angle = sign (q + offset)
             self.offset[j] = side.crank_sign * side.crank_angle
             self.direction.append((x**2 - y**2, 2 * int(side.crank_sign) * x * y))
-        self.cranks, self.pivots = [], []
-        for side in dyad.sides:
-            self.cranks.append(self._exact(side.crank_length, "crank"))
-            self.pivots.append([self._exact(float(x), "pivot") for x in side.pivot])
+        self.cranks = [self._exact(side.crank_length, "crank") for side in dyad.sides]
+        self.pivots = [[self._exact(float(x), "pivot") for x in s.pivot] for s in dyad.sides]
         self.rods = tuple(self._exact(side.rod_length, "rod") for side in dyad.sides)
 
     def _exact(self, value: float, what: str) -> Any:

@@ -153,14 +153,13 @@ def _poses(
     # For a square of 3 the turn is none: its sine is over the root.
     a, b = (rational(Fraction(v)) for v in turn)
     c, s = a * c0 - square * b * s0, a * s0 + b * c0
-    away = []
+    away, right = [], []
     for k in (1, 2):
         bx, by = (outer[k][i] - outer[0][i] for i in range(2))
         ex, ey = (inner[k][i] - inner[0][i] for i in range(2))
-        away.append((c * bx - square * s * by - n * ex, s * bx + c * by - n * ey))
-    right = []
-    for k, (x, y) in enumerate(away, 1):
+        x, y = c * bx - square * s * by - n * ex, s * bx + c * by - n * ey
         size, _ = divmod(x**2 + square * y**2, n)
+        away.append((x, y))
         right.append(n * (squares[k] - squares[0]) - size)
     below = away[0][0] * away[1][1] - away[0][1] * away[1][0]
     # 2 w . d = right, for both: w = (wx, wy / sqrt(square)) over 2 square below and 2 below.
@@ -205,11 +204,8 @@ def _singular_squares(found: Rods) -> list[Array]:
         turned = [R @ rod.outer[:2] for rod in found.rods]
 
         def lines(x: complex, turned: list[Array] = turned, y: float = y) -> Array:
-            rows = []
-            for b, rod in zip(turned, found.rods, strict=True):
-                B, C = b + np.array([x, y]), rod.inner[:2]
-                rows.append([*(B - C), C[0] * B[1] - C[1] * B[0]])
-            return np.array(rows)
+            B, C = turned + np.array([x, y]), np.array([rod.inner[:2] for rod in found.rods])
+            return np.column_stack([B - C, C[:, 0] * B[:, 1] - C[:, 1] * B[:, 0]])
 
         # Quadratic in x.
         at = np.array([-1.0, 0.0, 1.0])
@@ -267,8 +263,7 @@ def _degrees(mechanism: Mechanism, found: Rods) -> dict[str, int]:
         parts = poly.discriminant("t").factor()[1]
         # Squared parts are poses of one orientation that do not coincide, and 1 + u^2.
         degrees.append(sum(int(f.degrees()[1]) for f, times in parts if times % 2))
-    names = (mechanism.joints[rod.joint] for rod in found.rods)
-    return dict(zip(names, degrees, strict=True))
+    return {mechanism.joints[r.joint]: d for r, d in zip(found.rods, degrees, strict=True)}
 
 
 def _simple(value: float) -> Any:
@@ -317,9 +312,8 @@ def count_working(mechanism: Mechanism, R: Array, p: Array) -> int | None:
         choices = [(leg.joint, leg.solutions(R)) for leg in legs]
         return count_inside(mechanism, choices) if choices else None
     every = {0, 1, 5} if found.planar else set(range(6))
-    if found.tilted or found.hinged or set(mechanism.task.rows) != every:
-        return None
-    if len({rod.joint for rod in found.rods}) < len(found.rods):
+    shared = len({rod.joint for rod in found.rods}) < len(found.rods)
+    if found.tilted or found.hinged or shared or set(mechanism.task.rows) != every:
         return None
     return _solutions(found, R, p)
 
@@ -366,9 +360,9 @@ def count_one_rod(mechanism: Mechanism, found: Sequence[Array], direct: bool) ->
 def count_hinged(mechanism: Mechanism, R: Array, p: Array) -> int | None:
     """Working modes of three legs on hinges within the limits of their slides; None of others."""
     made = rods(mechanism)
-    if made is None or made.planar or len(made.rods) != 3:
-        return None
-    if any(r.hinge is None or r.kind != "strut" for r in made.rods):
+    if made is None or made.planar or len(made.rods) != 3 or any(
+        r.hinge is None or r.kind != "strut" for r in made.rods
+    ):  # fmt: skip
         return None
     rows = set(mechanism.task.rows)
     moves, turns = [k for k in range(3) if k in rows], [k for k in range(3) if k + 3 in rows]
@@ -473,9 +467,8 @@ def _three_spheres(pairs: Rods, q: Array) -> int | None:
 
 def _one_rod(mechanism: Mechanism) -> tuple[int, int, tuple[int, ...]] | None:
     """The driven joint, the other one, and those of the rod's centre between; or None."""
-    if len(mechanism.loops) != 1 or mechanism.loops[0].kind == "6d":
-        return None
-    if len(mechanism.actuated) != 1 or len(mechanism.task.rows) != 1:
+    counts = [len(x) for x in (mechanism.loops, mechanism.actuated, mechanism.task.rows)]
+    if counts != [1, 1, 1] or mechanism.loops[0].kind == "6d":
         return None
     paths = [path_to(mechanism, body) for body in bodies(mechanism)[0]]
     long, short = sorted(paths, key=len, reverse=True)
@@ -507,11 +500,8 @@ def _ends(
 def _shown(mechanism: Mechanism, joint: int) -> bool:
     """Whether the one row of the output is the motion of this joint."""
     row = mechanism.task.rows[0]
-    zero = at_zero(mechanism)
-    turning = not mechanism.prismatic[joint]
-    if turning != (row >= 3):
-        return False
-    return bool(abs(abs(float(zero.axis[joint][row % 3])) - 1) <= ROUNDING)
+    along = abs(float(at_zero(mechanism).axis[joint][row % 3]))
+    return bool(mechanism.prismatic[joint] == (row < 3)) and abs(along - 1) <= ROUNDING
 
 
 def count_triangles(mechanism: Mechanism, found: Sequence[Array]) -> int | None:

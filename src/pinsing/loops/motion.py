@@ -321,11 +321,9 @@ def measure_many(loops: BatchLoops, Q: Array, rtol: float = SINGULAR_RTOL) -> Ma
     beside[beside] = locked(loops, Q[beside])
     if beside.any():  # a ball that is locked as written turns as a ball does
         ratios[:, beside] = _ratios(mechanism, *ball_jacobians(loops, Q[beside]))
-    lost = np.flatnonzero(ratios[2] <= rtol)
-    if len(lost):
-        for k in lost.tolist():  # more motions than the mobility; few are
-            found = motions(mechanism, Q[k], rtol)
-            ratios[:, k] = found.output_ratio, found.input_ratio, found.constraint_ratio
+    for k in np.flatnonzero(ratios[2] <= rtol).tolist():  # more motions than the mobility; few are
+        found = motions(mechanism, Q[k], rtol)
+        ratios[:, k] = found.output_ratio, found.input_ratio, found.constraint_ratio
     return ManyMeasures(*ratios)
 
 
@@ -553,10 +551,11 @@ def _lines(
     digits: int,
 ) -> list[str]:
     values = zip(*(c.shown(degrees) for c in numbers), strict=True)
-    rows = [["", *(c.title for c in numbers), *titles]]
-    for i, (row, extra) in enumerate(zip(values, more, strict=True), 1):
-        rows.append([str(i), *(_number(v, digits) for v in row), *extra])
-    return aligned(rows, len(numbers) + 2)
+    rows = [
+        [str(i), *(_number(v, digits) for v in row), *extra]
+        for i, (row, extra) in enumerate(zip(values, more, strict=True), 1)
+    ]
+    return aligned([["", *(c.title for c in numbers), *titles], *rows], len(numbers) + 2)
 
 
 def aligned(rows: Sequence[Sequence[str]], right: int) -> list[str]:

@@ -74,11 +74,13 @@ class PoseRing:
 
     @cached_property
     def _exact(self) -> ExactPoints:
-        points = []
-        for rod in self.rods.rods:
-            hinge = np.zeros(3) if rod.hinge is None else rod.hinge
-            points += [rod.outer, rod.inner, rod.first, rod.second, hinge, rod.across]
-        return exact_points(points)
+        none = np.zeros(3)
+        return exact_points([
+            point
+            for r in self.rods.rods
+            for point in (r.outer, r.inner, r.first, r.second,
+                          none if r.hinge is None else r.hinge, r.across)
+        ])  # fmt: skip
 
     @cached_property
     def _alike(self) -> tuple[tuple[Vector, ...], float]:
@@ -148,9 +150,7 @@ class PoseRing:
 
     def variable(self, name: str) -> Poly:
         """A variable; zero for one that this ring leaves out."""
-        if name in self.names:
-            return self.context.gens()[self.names.index(name)]
-        return self.number(0)
+        return self.context.gens()[self.names.index(name)] if name in self.names else self.number(0)
 
     def number(self, value: Any) -> Poly:
         """A constant."""
@@ -392,8 +392,7 @@ def _restricted(ring: PoseRing, poly: Any, zero: frozenset[int]) -> Any:
 def _family(ring: PoseRing, zero: frozenset[int], factor: Any) -> PoseFamily:
     names = ring.names
     vanish = tuple(names[k] for k in sorted(zero))
-    turn = [n for n in names if n in TURNS]
-    left = [n for n in turn if n not in vanish]
+    left = [n for n in names if n in TURNS and n not in vanish]
     equations = () if factor == 0 else (pose_equation(factor, names, ring.odd, ring.square),)
     return PoseFamily(_words(vanish, left, equations), vanish, equations)
 
@@ -693,14 +692,12 @@ Part = tuple[str, str, Any, bool]
 
 def _loci(ring: PoseRing, parts: Iterable[Part]) -> list[PoseLocus]:
     """Loci of polynomials that are taken as they are, each once."""
-    out: list[PoseLocus] = []
-    seen: list[Any] = []
-    for kind, words, poly, sure in parts:
-        if (kind, poly) not in seen:
-            seen.append((kind, poly))
-            found = ring.equation(poly)
-            out.append(PoseLocus(kind, words, found, sure or has_real_points(found)))
-    return out
+    seen: list[Part] = []
+    for part in parts:
+        if not any((kind, poly) == (part[0], part[2]) for kind, _, poly, _ in seen):
+            seen.append(part)
+    each = ((kind, words, ring.equation(poly), sure) for kind, words, poly, sure in seen)
+    return [PoseLocus(k, words, x, sure or has_real_points(x)) for k, words, x, sure in each]
 
 
 def _factors(parts: Iterable[tuple[str, str, Any]]) -> Iterator[Part]:

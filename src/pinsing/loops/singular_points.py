@@ -153,9 +153,8 @@ class Curve:
     def tangent(self, q: Array, along: Array | None) -> Array:
         """Unit tangent at q; to the side of ``along``, or of greater values of the moving joint."""
         t = np.linalg.svd(np.vstack([self.loops.scaled(q)[1], self.held]))[2][-1]
-        if along is None:
-            return np.asarray(t if t[self.index] >= 0 else -t)
-        return np.asarray(t if t @ along >= 0 else -t)
+        side = t[self.index] if along is None else t @ along
+        return np.asarray(t if side >= 0 else -t)
 
     def correct(self, guess: Array, along: Array | None = None) -> Array:
         """Nearest closed configuration with the same held inputs, across the tangent."""

@@ -237,8 +237,7 @@ def _legs(mechanism: Mechanism, output: int) -> tuple[Leg, ...]:
 
 
 def _centres(mechanism: Mechanism, axes: Array, output: int) -> list[Centre]:
-    loose = [j for j in mechanism.passive if not mechanism.prismatic[j]]
-    left, out = set(loose), []
+    left, out = {j for j in mechanism.passive if not mechanism.prismatic[j]}, []
     while left:
         # An axis may pass through two centres: joints that sit in the point go first.
         runs = [_run(mechanism, axes, output, j, left) for j in sorted(left)]
@@ -289,9 +288,7 @@ def _meeting(
         # t + s d = r a: the common point is r a.
         point = (float(np.cross(t, direction) @ normal) / size**2) * axis
     inside = R.T @ (point - t)
-    if np.linalg.norm(np.cross(inside, following)) > ROUNDING:
-        return None
-    return point, inside
+    return None if np.linalg.norm(np.cross(inside, following)) > ROUNDING else (point, inside)
 
 
 def likeness(

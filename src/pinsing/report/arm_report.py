@@ -486,9 +486,7 @@ def _equation(family: Family) -> str:
 def _kind(family: Family) -> str:
     if not family.real:
         return "no real point known"
-    if family.kind == "varies":
-        return "; ".join(str(part) for part in family.kinds)
-    return family.kind
+    return "; ".join(str(part) for part in family.kinds) if family.kind == "varies" else family.kind
 
 
 def _extent(dimension: int) -> str:

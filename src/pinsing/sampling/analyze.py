@@ -281,8 +281,7 @@ class _Collector:
         if len(met):
             return met[:_CANDIDATES], True
         related = [exact.joints.index(name) for name in condition.related]
-        bounded = inside
-        ends = approach(exact, Q, np.isin(np.arange(exact.n), related), bounded)
+        ends = approach(exact, Q, np.isin(np.arange(exact.n), related), inside)
         tried = exact.fold(ends.q[ends.singular])
         if inside and len(tried):
             return tried, True
@@ -659,8 +658,7 @@ def leads_down(exact: Arm, forms: ClosedForm, q: Array) -> bool:
 
 def _beside(forms: ClosedForm, q: Array) -> tuple[float, Array] | None:
     """The nearest family's distance, and its point (n,), if one is near."""
-    near = [f for f in forms.families if f.contains(q, 2 * _VALLEY)]
-    found = [f.distance(q) for f in near]
+    found = [f.distance(q) for f in forms.families if f.contains(q, 2 * _VALLEY)]
     best = min(found, key=lambda d: d.upper, default=None)
     return None if best is None else (best.upper, best.q)
 
