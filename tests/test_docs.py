@@ -9,8 +9,7 @@ import sys
 from pathlib import Path
 
 import pytest
-from pages import NOT_RUN, ROOT, Reader, blocks, commands, pattern
-from pages import reader as reader
+from pages import NOT_RUN, ROOT, Reader, blocks, commands, pattern, reader as reader
 from public import REFERENCE, documented
 from tiers import tiered
 

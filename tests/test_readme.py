@@ -6,8 +6,7 @@ import os
 import re
 
 import pytest
-from pages import ROOT, Reader, blocks, commands
-from pages import reader as reader
+from pages import ROOT, Reader, blocks, commands, reader as reader
 
 README = (ROOT / "README.md").read_text(encoding="utf-8")
 

@@ -8,50 +8,56 @@ from pinsing._package import public
 from pinsing._version import __version__ as __version__
 
 if TYPE_CHECKING:
-    from pinsing import configuration as configuration
-    from pinsing import errors as errors
-    from pinsing import families as families
-    from pinsing import kinematics as kinematics
-    from pinsing import loops as loops
-    from pinsing import plot as plot
-    from pinsing import postures as postures
-    from pinsing import proof as proof
-    from pinsing import proximity as proximity
-    from pinsing import report as report
-    from pinsing import robot as robot
-    from pinsing import sampling as sampling
-    from pinsing import view as view
-    from pinsing.configuration import State as State
-    from pinsing.configuration import at as at
+    from pinsing import (
+        configuration as configuration,
+        errors as errors,
+        families as families,
+        kinematics as kinematics,
+        loops as loops,
+        plot as plot,
+        postures as postures,
+        proof as proof,
+        proximity as proximity,
+        report as report,
+        robot as robot,
+        sampling as sampling,
+        view as view,
+    )
+    from pinsing.configuration import State as State, at as at
     from pinsing.errors import PinsingError as PinsingError
-    from pinsing.families import ClosedForm as ClosedForm
-    from pinsing.families import Family as Family
-    from pinsing.families import closed_form as closed_form
-    from pinsing.kinematics import frame_jacobian as frame_jacobian
-    from pinsing.kinematics import inverse_velocity as inverse_velocity
-    from pinsing.kinematics import singular_values as singular_values
-    from pinsing.postures import aspects as aspects
-    from pinsing.postures import connect as connect
-    from pinsing.postures import cuspidality as cuspidality
-    from pinsing.postures import inverse as inverse
-    from pinsing.postures import plan_path as plan_path
-    from pinsing.postures import posture_changes as posture_changes
-    from pinsing.postures import zones as zones
-    from pinsing.proximity import Clearance as Clearance
-    from pinsing.proximity import Monitor as Monitor
-    from pinsing.proximity import check_line as check_line
-    from pinsing.proximity import check_trajectory as check_trajectory
-    from pinsing.proximity import clearance as clearance
-    from pinsing.proximity import crossings as crossings
-    from pinsing.proximity import export_guard as export_guard
-    from pinsing.proximity import is_clear as is_clear
-    from pinsing.proximity import suggest as suggest
+    from pinsing.families import (
+        ClosedForm as ClosedForm,
+        Family as Family,
+        closed_form as closed_form,
+    )
+    from pinsing.kinematics import (
+        frame_jacobian as frame_jacobian,
+        inverse_velocity as inverse_velocity,
+        singular_values as singular_values,
+    )
+    from pinsing.postures import (
+        aspects as aspects,
+        connect as connect,
+        cuspidality as cuspidality,
+        inverse as inverse,
+        plan_path as plan_path,
+        posture_changes as posture_changes,
+        zones as zones,
+    )
+    from pinsing.proximity import (
+        Clearance as Clearance,
+        Monitor as Monitor,
+        check_line as check_line,
+        check_trajectory as check_trajectory,
+        clearance as clearance,
+        crossings as crossings,
+        export_guard as export_guard,
+        is_clear as is_clear,
+        suggest as suggest,
+    )
     from pinsing.report import write_report as write_report
-    from pinsing.robot import Arm as Arm
-    from pinsing.robot import load as load
-    from pinsing.robot import load_mechanism as load_mechanism
-    from pinsing.sampling import Analysis as Analysis
-    from pinsing.sampling import analyze as analyze
+    from pinsing.robot import Arm as Arm, load as load, load_mechanism as load_mechanism
+    from pinsing.sampling import Analysis as Analysis, analyze as analyze
     from pinsing.view import Viewer as Viewer
 
 _HOMES = {

@@ -17,8 +17,7 @@ import numpy.typing as npt
 from pinsing._package import advised
 from pinsing.arguments import checked
 from pinsing.errors import PinsingError, ResultError
-from pinsing.notebook import one_line
-from pinsing.notebook import text as notebook_text
+from pinsing.notebook import one_line, text as notebook_text
 from pinsing.prose import WIDTH
 
 if TYPE_CHECKING:

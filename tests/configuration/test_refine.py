@@ -8,8 +8,7 @@ import arms
 import numpy as np
 import pytest
 
-from pinsing._batch import engine as compiled
-from pinsing._batch import engine as kernel
+from pinsing._batch import engine as compiled, engine as kernel
 from pinsing.configuration.refine import (
     SingularConfiguration,
     approach,

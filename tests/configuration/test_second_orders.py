@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 
 from pinsing import closed_form, load
-from pinsing._batch import engine
-from pinsing._batch import engine as kernel
+from pinsing._batch import engine, engine as kernel
 from pinsing.configuration.refine import _told, clear_kinds, describe_many
 from pinsing.kinematics.batch import batch, own_scale
 from pinsing.kinematics.verdict import SINGULAR_RTOL, task_size

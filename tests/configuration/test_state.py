@@ -7,8 +7,7 @@ import functools
 import numpy as np
 import pinocchio as pin
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
 import pinsing
 from pinsing.configuration.at import State, _short, at, state_text

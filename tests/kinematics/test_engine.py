@@ -10,8 +10,7 @@ import pytest
 from pinsing._batch import engine as kernel
 from pinsing._batch.built_from import SUFFIXES, fingerprint, why_stale
 from pinsing.errors import EngineError, OptionError
-from pinsing.kinematics import batch
-from pinsing.kinematics import jacobian as kinematics
+from pinsing.kinematics import batch, jacobian as kinematics
 from pinsing.robot.load import load
 
 needs_kernel = pytest.mark.skipif(

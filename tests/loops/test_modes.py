@@ -11,8 +11,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from mechanisms import URDF, from_model, shipped
-from urdf_text import J as Joint
-from urdf_text import frame, loop_text, stewart, written
+from urdf_text import J as Joint, frame, loop_text, stewart, written
 
 import pinsing
 from pinsing.errors import ConfigurationError, OptionError

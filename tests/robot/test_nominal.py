@@ -8,8 +8,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from arms import CATALOGUE, draw
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
 from pinsing.errors import OptionError
 from pinsing.kinematics.jacobian import (

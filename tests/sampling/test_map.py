@@ -16,8 +16,7 @@ import arms
 import numpy as np
 import pytest
 from command_line import run
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 from scipy.stats import qmc
 from tiers import tiered
 

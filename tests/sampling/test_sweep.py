@@ -10,8 +10,13 @@ import numpy as np
 import pytest
 from tiers import tiered
 
-from pinsing.errors import ConfigurationError, OptionError, OutputError, ResultError
-from pinsing.errors import UnknownNameError as NoName
+from pinsing.errors import (
+    ConfigurationError,
+    OptionError,
+    OutputError,
+    ResultError,
+    UnknownNameError as NoName,
+)
 from pinsing.kinematics.jacobian import singular_values
 from pinsing.sampling.sweep_plan import SweepPlan, plan_sweep
 from pinsing.sampling.sweep_run import SweepResult, load_npz, run_sweep, save_npz, sweep

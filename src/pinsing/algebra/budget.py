@@ -35,7 +35,7 @@ class BudgetExceeded(Exception):
 
 
 @dataclass
-class Meter:
+class WorkMeter:
     """What all parts of a budget have together."""
 
     done: float = 0.0  # work
@@ -58,7 +58,7 @@ class Budget:
         self._deadline = self._began + (_CLOCK * seconds if work is None else seconds)
         # All parts together, those included that have a least share of the whole.
         self._end = self._began + (1.4 * seconds if work is None else seconds)
-        self.meter = Meter()
+        self.meter = WorkMeter()
         self._most = PER_SECOND * self.seconds
 
     @property

@@ -102,8 +102,7 @@ def families_command(
             )
         return _symbolic(request, symbolic, latex, algebra, json_target, fail_if_singular)
     arm = request.load()
-    from pinsing.families import closed_form
-    from pinsing.families import prove as add_proof
+    from pinsing.families import closed_form, prove as add_proof
     from pinsing.families.certainty import certainty
     from pinsing.families.form import answer_text, families_text
     from pinsing.families.proving import LONG

@@ -5,10 +5,11 @@ from typing import TYPE_CHECKING
 from pinsing._package import public
 
 if TYPE_CHECKING:
-    from pinsing.configuration.at import State as State
-    from pinsing.configuration.at import at as at
-    from pinsing.configuration.refine import SingularConfiguration as SingularConfiguration
-    from pinsing.configuration.refine import refine as refine
-    from pinsing.configuration.refine import refine_many as refine_many
+    from pinsing.configuration.at import State as State, at as at
+    from pinsing.configuration.refine import (
+        SingularConfiguration as SingularConfiguration,
+        refine as refine,
+        refine_many as refine_many,
+    )
 
 public(__name__, {"at": "State at", "refine": "SingularConfiguration refine refine_many"})

@@ -7,17 +7,17 @@ from pinsing._package import public
 if TYPE_CHECKING:
     from pinsing.algebra.equation import Equation as Equation
     from pinsing.families.certainty import Proof as Proof
-    from pinsing.families.design_form import DesignChange as DesignChange
-    from pinsing.families.design_form import DesignFamily as DesignFamily
-    from pinsing.families.design_form import DesignForm as DesignForm
+    from pinsing.families.design_form import (
+        DesignChange as DesignChange,
+        DesignFamily as DesignFamily,
+        DesignForm as DesignForm,
+    )
     from pinsing.families.family import Family as Family
     from pinsing.families.form import ClosedForm as ClosedForm
     from pinsing.families.nearness import Distance as Distance
-    from pinsing.families.parts import Branch as Branch
-    from pinsing.families.parts import JointValue as JointValue
+    from pinsing.families.parts import Branch as Branch, JointValue as JointValue
     from pinsing.families.proving import prove as prove
-    from pinsing.families.solve import closed_form as closed_form
-    from pinsing.families.solve import joint_symbols as joint_symbols
+    from pinsing.families.solve import closed_form as closed_form, joint_symbols as joint_symbols
 
 public(
     __name__,

@@ -24,8 +24,7 @@ from pinsing.families.faithful import disagreements
 from pinsing.families.family import Family
 from pinsing.families.form import ClosedForm
 from pinsing.families.pieces import SolvedPiece
-from pinsing.families.proving import LONG, prove_briefly
-from pinsing.families.proving import prove as add_proof
+from pinsing.families.proving import LONG, prove as add_proof, prove_briefly
 from pinsing.families.slice_count import SliceCount, count_on_slices
 from pinsing.families.statement import mirror_key
 from pinsing.families.steps import MAX_JOINTS, ComponentSearch

@@ -5,16 +5,19 @@ from typing import TYPE_CHECKING
 from pinsing._package import public
 
 if TYPE_CHECKING:
-    from pinsing.kinematics.inverse_velocity import InverseVelocity as InverseVelocity
-    from pinsing.kinematics.inverse_velocity import inverse_velocity as inverse_velocity
-    from pinsing.kinematics.jacobian import frame_jacobian as frame_jacobian
-    from pinsing.kinematics.jacobian import frame_jacobians as frame_jacobians
-    from pinsing.kinematics.jacobian import generic_rank as generic_rank
-    from pinsing.kinematics.jacobian import singular_values as singular_values
-    from pinsing.kinematics.jacobian import task_jacobian as task_jacobian
-    from pinsing.kinematics.jacobian import task_jacobians as task_jacobians
-    from pinsing.kinematics.tip_speed import TipSpeeds as TipSpeeds
-    from pinsing.kinematics.tip_speed import tip_speeds as tip_speeds
+    from pinsing.kinematics.inverse_velocity import (
+        InverseVelocity as InverseVelocity,
+        inverse_velocity as inverse_velocity,
+    )
+    from pinsing.kinematics.jacobian import (
+        frame_jacobian as frame_jacobian,
+        frame_jacobians as frame_jacobians,
+        generic_rank as generic_rank,
+        singular_values as singular_values,
+        task_jacobian as task_jacobian,
+        task_jacobians as task_jacobians,
+    )
+    from pinsing.kinematics.tip_speed import TipSpeeds as TipSpeeds, tip_speeds as tip_speeds
     from pinsing.kinematics.verdict import regular_radius as regular_radius
 
 public(

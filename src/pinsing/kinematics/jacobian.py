@@ -14,8 +14,13 @@ import pinocchio as pin
 from pinsing._types import Array
 from pinsing.arguments import checked
 from pinsing.errors import ConfigurationError
-from pinsing.kinematics.batch import batch, each_cross, own_scale, turned_slopes
-from pinsing.kinematics.batch import scale_rows as scale_rows
+from pinsing.kinematics.batch import (
+    batch,
+    each_cross,
+    own_scale,
+    scale_rows as scale_rows,
+    turned_slopes,
+)
 from pinsing.kinematics.verdict import generic_rank as generic_rank
 from pinsing.robot.arm import Arm
 

@@ -29,13 +29,22 @@ from pinsing._types import Array, Bool
 from pinsing._version import __version__
 from pinsing.arguments import checked
 from pinsing.errors import OptionError
-from pinsing.kinematics.batch import PINOCCHIO, Batch, batch, own_scale, random_turns
-from pinsing.kinematics.batch import fixed_engine as fixed_engine
-from pinsing.measures import ALIKE, sigma_ratio
-from pinsing.measures import NEAR_RTOL as NEAR_RTOL
-from pinsing.measures import SINGULAR_RTOL as SINGULAR_RTOL
-from pinsing.measures import Status as Status
-from pinsing.measures import status_of as status_of
+from pinsing.kinematics.batch import (
+    PINOCCHIO,
+    Batch,
+    batch,
+    fixed_engine as fixed_engine,
+    own_scale,
+    random_turns,
+)
+from pinsing.measures import (
+    ALIKE,
+    NEAR_RTOL as NEAR_RTOL,
+    SINGULAR_RTOL as SINGULAR_RTOL,
+    Status as Status,
+    sigma_ratio,
+    status_of as status_of,
+)
 from pinsing.robot.arm import Arm
 from pinsing.robot.chain import Chain, flatten
 from pinsing.robot.nominal import exact_generic_rank, nominal

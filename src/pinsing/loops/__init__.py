@@ -11,8 +11,13 @@ from pinsing.loops.modes import home, mode_of
 from pinsing.loops.motion import MechanismState, Pose, input_output, leg_form, mechanism_at, motions
 from pinsing.loops.pose_loci import pose_forms
 from pinsing.loops.problems import Modes, assemblies, assembly_modes, working_modes
-from pinsing.loops.singular_points import SingularPoint, Trace, find_singular, trace
-from pinsing.loops.singular_points import refine_point as refine
+from pinsing.loops.singular_points import (
+    SingularPoint,
+    Trace,
+    find_singular,
+    refine_point as refine,
+    trace,
+)
 from pinsing.loops.solve import InfeasibleError, Solution, curves, drive, feasible, follow, solve
 
 __all__ = [

@@ -9,13 +9,14 @@ from typing import TYPE_CHECKING
 from pinsing._package import public
 
 if TYPE_CHECKING:
-    from pinsing.plot.curves import sigma_along as sigma_along
-    from pinsing.plot.curves import sigma_curves as sigma_curves
+    from pinsing.plot.curves import sigma_along as sigma_along, sigma_curves as sigma_curves
     from pinsing.plot.ellipsoids import ellipsoids as ellipsoids
-    from pinsing.plot.plane import aspect_plane as aspect_plane
-    from pinsing.plot.plane import locus as locus
-    from pinsing.plot.plane import sigma_plane as sigma_plane
-    from pinsing.plot.plane import workspace as workspace
+    from pinsing.plot.plane import (
+        aspect_plane as aspect_plane,
+        locus as locus,
+        sigma_plane as sigma_plane,
+        workspace as workspace,
+    )
     from pinsing.plot.reach import inverse_count as inverse_count
 
 public(

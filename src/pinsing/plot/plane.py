@@ -36,8 +36,7 @@ from pinsing.plot.style import (
     plain,
     ticks,
 )
-from pinsing.postures.aspects import Aspects
-from pinsing.postures.aspects import aspects as aspects_of
+from pinsing.postures.aspects import Aspects, aspects as aspects_of
 from pinsing.robot.arm import Arm
 from pinsing.sampling.generalize import apart
 

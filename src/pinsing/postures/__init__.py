@@ -5,21 +5,20 @@ from typing import TYPE_CHECKING
 from pinsing._package import public
 
 if TYPE_CHECKING:
-    from pinsing.postures.aspects import Aspects as Aspects
-    from pinsing.postures.aspects import aspects as aspects
-    from pinsing.postures.changes import PostureChanges as PostureChanges
-    from pinsing.postures.changes import posture_changes as posture_changes
-    from pinsing.postures.connection import Connection as Connection
-    from pinsing.postures.connection import connect as connect
-    from pinsing.postures.cuspidal import Cuspidality as Cuspidality
-    from pinsing.postures.cuspidal import cuspidality as cuspidality
-    from pinsing.postures.inverse import InverseSolutions as InverseSolutions
-    from pinsing.postures.inverse import inverse as inverse
-    from pinsing.postures.motions import aspect_changes as aspect_changes
-    from pinsing.postures.motions import line_postures as line_postures
+    from pinsing.postures.aspects import Aspects as Aspects, aspects as aspects
+    from pinsing.postures.changes import (
+        PostureChanges as PostureChanges,
+        posture_changes as posture_changes,
+    )
+    from pinsing.postures.connection import Connection as Connection, connect as connect
+    from pinsing.postures.cuspidal import Cuspidality as Cuspidality, cuspidality as cuspidality
+    from pinsing.postures.inverse import InverseSolutions as InverseSolutions, inverse as inverse
+    from pinsing.postures.motions import (
+        aspect_changes as aspect_changes,
+        line_postures as line_postures,
+    )
     from pinsing.postures.placement import WorkpiecePlacement as WorkpiecePlacement
-    from pinsing.postures.toolpath import PathPlan as PathPlan
-    from pinsing.postures.toolpath import plan_path as plan_path
+    from pinsing.postures.toolpath import PathPlan as PathPlan, plan_path as plan_path
     from pinsing.postures.zone_search import zones as zones
 
 public(

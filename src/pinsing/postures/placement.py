@@ -20,8 +20,14 @@ from pinsing._types import Array
 from pinsing.arguments import checked
 from pinsing.errors import OptionError, RobotFileError
 from pinsing.measures import SEED
-from pinsing.proximity.trajectory_file import ANGLES as TURNS
-from pinsing.proximity.trajectory_file import LARGEST_TEXT, LENGTHS, SCALES, TIME, split_unit
+from pinsing.proximity.trajectory_file import (
+    ANGLES as TURNS,
+    LARGEST_TEXT,
+    LENGTHS,
+    SCALES,
+    TIME,
+    split_unit,
+)
 
 RANGES = ("x", "y", "z", "roll", "pitch", "yaw")
 """What may be placed: metres along the axes of the base, radians about them."""

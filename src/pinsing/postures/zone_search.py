@@ -17,8 +17,7 @@ import numpy.typing as npt
 
 from pinsing._types import Array, Bool
 from pinsing.algebra.conditions import Conditions
-from pinsing.algebra.nearest import BOXES as NEAREST
-from pinsing.algebra.nearest import SearchOptions, nearest_points, two_sided
+from pinsing.algebra.nearest import BOXES as NEAREST, SearchOptions, nearest_points, two_sided
 from pinsing.algebra.trig_sum import off_values
 from pinsing.arguments import checked
 from pinsing.errors import OptionError

@@ -5,7 +5,6 @@ from typing import TYPE_CHECKING
 from pinsing._package import public
 
 if TYPE_CHECKING:
-    from pinsing.proof.checker import Rejected as Rejected
-    from pinsing.proof.checker import verify as verify
+    from pinsing.proof.checker import Rejected as Rejected, verify as verify
 
 public(__name__, {"checker": "Rejected verify"}, called="pinsing.proof.verify(text)")

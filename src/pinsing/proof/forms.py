@@ -15,8 +15,7 @@ from typing import Any
 from flint import arb, ctx, fmpq, fmpz_poly
 
 from pinsing.algebra.budget import Budget
-from pinsing.algebra.ring import Ring as AlgebraRing
-from pinsing.algebra.ring import coefficients_by, fraction, rational
+from pinsing.algebra.ring import Ring as AlgebraRing, coefficients_by, fraction, rational
 from pinsing.algebra.surd_ring import SurdRing
 from pinsing.proof.checker import MOST_WORK, Certificate, Poly, Rejected, Ring
 from pinsing.proof.skeleton import form_text

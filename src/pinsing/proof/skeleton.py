@@ -11,8 +11,7 @@ import numpy as np
 
 from pinsing.algebra.budget import Budget
 from pinsing.algebra.mimic import drives
-from pinsing.algebra.ring import Ring as AlgebraRing
-from pinsing.algebra.ring import rational
+from pinsing.algebra.ring import Ring as AlgebraRing, rational
 from pinsing.proof.checker import SCHEMA, Certificate, Matrix, Poly, Ring, flipped
 from pinsing.robot.exact_placements import IDENTITY, Deviation
 from pinsing.robot.nominal import Nominal

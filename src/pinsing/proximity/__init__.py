@@ -5,21 +5,24 @@ from typing import TYPE_CHECKING
 from pinsing._package import public
 
 if TYPE_CHECKING:
-    from pinsing.proximity.clearance import Clearance as Clearance
-    from pinsing.proximity.clearance import clearance as clearance
-    from pinsing.proximity.clearance import is_clear as is_clear
-    from pinsing.proximity.crossings import Crossing as Crossing
-    from pinsing.proximity.crossings import Crossings as Crossings
-    from pinsing.proximity.crossings import crossings as crossings
+    from pinsing.proximity.clearance import (
+        Clearance as Clearance,
+        clearance as clearance,
+        is_clear as is_clear,
+    )
+    from pinsing.proximity.crossings import (
+        Crossing as Crossing,
+        Crossings as Crossings,
+        crossings as crossings,
+    )
     from pinsing.proximity.guard import export_guard as export_guard
-    from pinsing.proximity.line import LineCheck as LineCheck
-    from pinsing.proximity.line import check_line as check_line
-    from pinsing.proximity.monitor import Monitor as Monitor
-    from pinsing.proximity.monitor import Verdict as Verdict
-    from pinsing.proximity.suggestion import Suggestion as Suggestion
-    from pinsing.proximity.suggestion import suggest as suggest
-    from pinsing.proximity.trajectory import TrajectoryCheck as TrajectoryCheck
-    from pinsing.proximity.trajectory import check_trajectory as check_trajectory
+    from pinsing.proximity.line import LineCheck as LineCheck, check_line as check_line
+    from pinsing.proximity.monitor import Monitor as Monitor, Verdict as Verdict
+    from pinsing.proximity.suggestion import Suggestion as Suggestion, suggest as suggest
+    from pinsing.proximity.trajectory import (
+        TrajectoryCheck as TrajectoryCheck,
+        check_trajectory as check_trajectory,
+    )
     from pinsing.proximity.zones import Zones as Zones
 
 public(

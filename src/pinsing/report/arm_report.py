@@ -26,8 +26,7 @@ from pinsing.families.form import PLACE
 from pinsing.measures import Reachability
 from pinsing.proof.produce import text_of
 from pinsing.proximity.clearance import Clearance
-from pinsing.proximity.trajectory import check_trajectory, details
-from pinsing.proximity.trajectory import summary as said_of
+from pinsing.proximity.trajectory import check_trajectory, details, summary as said_of
 from pinsing.proximity.zones import Zones, require_zones_of
 from pinsing.report.document import (
     SCHEMA,
@@ -43,6 +42,7 @@ from pinsing.report.document import (
     limit_text,
     map_picture,
     map_planes,
+    math as formula,
     model,
     name,
     paragraph,
@@ -55,7 +55,6 @@ from pinsing.report.document import (
     text,
     workspace_pictures,
 )
-from pinsing.report.document import math as formula
 from pinsing.report.info import Content, Made, Trajectory, gather
 from pinsing.robot.arm import Arm, ArmSummary
 from pinsing.robot.mechanism import Mechanism

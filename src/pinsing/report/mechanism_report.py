@@ -29,6 +29,7 @@ from pinsing.report.document import (
     document,
     figure,
     limit_text,
+    math as formula,
     model,
     name,
     paragraph,
@@ -39,7 +40,6 @@ from pinsing.report.document import (
     terms,
     text,
 )
-from pinsing.report.document import math as formula
 from pinsing.report.info import Made
 from pinsing.robot.mechanism import Mechanism
 

@@ -7,10 +7,11 @@ from pinsing._package import public
 if TYPE_CHECKING:
     from pinsing.robot.arm import Arm as Arm
     from pinsing.robot.load import load as load
-    from pinsing.robot.load_mechanism import Mechanism as Mechanism
-    from pinsing.robot.load_mechanism import load_mechanism as load_mechanism
-    from pinsing.robot.nominal import Nominal as Nominal
-    from pinsing.robot.nominal import nominal as nominal
+    from pinsing.robot.load_mechanism import (
+        Mechanism as Mechanism,
+        load_mechanism as load_mechanism,
+    )
+    from pinsing.robot.nominal import Nominal as Nominal, nominal as nominal
 
 public(
     __name__,

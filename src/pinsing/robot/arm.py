@@ -15,8 +15,7 @@ import pinocchio as pin
 from pinsing._types import Array
 from pinsing.arguments import checked, columns_of, real_numbers
 from pinsing.errors import ConfigurationError
-from pinsing.notebook import one_line
-from pinsing.notebook import text as notebook_text
+from pinsing.notebook import one_line, text as notebook_text
 from pinsing.robot.chains import frame_index
 from pinsing.robot.joint_space import JointSpace, model_q, require_scale
 from pinsing.robot.source import Coupling, Memory, Source

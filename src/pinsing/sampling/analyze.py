@@ -29,8 +29,7 @@ from pinsing.measures import ALIKE, PRACTICAL, Reachability
 from pinsing.notebook import text, verdict
 from pinsing.prose import PLAIN, Page, Span, alarm, caution, unbroken
 from pinsing.robot.arm import Arm, ArmSummary, summarize
-from pinsing.robot.nominal import ANGLE_TOL, nominal
-from pinsing.robot.nominal import nominal as nominal_geometry
+from pinsing.robot.nominal import ANGLE_TOL, nominal, nominal as nominal_geometry
 from pinsing.sampling.curves import CurveTable
 from pinsing.sampling.execute import Stages
 from pinsing.sampling.generalize import (

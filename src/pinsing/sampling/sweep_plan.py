@@ -19,8 +19,7 @@ from pinsing.kinematics.jacobian import singular_values
 from pinsing.kinematics.verdict import NEAR_RTOL, SINGULAR_RTOL, generic_rank, ratios, scale_notes
 from pinsing.measures import ROUNDING
 from pinsing.robot.arm import Arm, ArmSummary, summarize
-from pinsing.robot.nominal import ANGLE_TOL
-from pinsing.robot.nominal import nominal as nominal_geometry
+from pinsing.robot.nominal import ANGLE_TOL, nominal as nominal_geometry
 from pinsing.sampling.generalize import ConditionTester, apart, value_text
 from pinsing.sampling.map_plan import BLOCK, moving_ranges
 from pinsing.serialization import JsonResult

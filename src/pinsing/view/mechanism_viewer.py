@@ -26,8 +26,7 @@ from pinsing.measures import ALIKE, NEAR_RTOL, ROUNDING, SINGULAR_RTOL
 from pinsing.robot.mechanism import Mechanism
 from pinsing.robot.source import Source
 from pinsing.view.entries import chain_data, frame_data, joint_data, numbers, sizes_data
-from pinsing.view.links import Links, Recorder, read_links
-from pinsing.view.links import geometry as mg
+from pinsing.view.links import Links, Recorder, geometry as mg, read_links
 from pinsing.view.scene import (
     HOT,
     ROTATION,
