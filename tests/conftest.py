@@ -1,7 +1,5 @@
 """What the tests share: reproducible property tests, and small robots written on the spot."""
 
-from __future__ import annotations
-
 import compileall
 import gc
 import os

@@ -1,7 +1,5 @@
 """Toolpaths: the best joint path, held against brute force, and files of poses."""
 
-from __future__ import annotations
-
 import json
 import re
 import sys

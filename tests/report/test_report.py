@@ -1,7 +1,5 @@
 """The report: one file, whole, readable without us, and safe whatever a robot is called."""
 
-from __future__ import annotations
-
 import base64
 import functools
 import json

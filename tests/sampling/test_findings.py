@@ -1,7 +1,5 @@
 """What a sweep has found: the families of arms whose determinants are known, and no others."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import arms
