@@ -1,5 +1,7 @@
 """Chains, matrices and independent references for the tests of the batch kernel."""
 
+from __future__ import annotations
+
 from collections.abc import Iterator
 from importlib.metadata import distribution
 

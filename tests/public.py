@@ -1,5 +1,7 @@
 """What is public: the names that the reference of the Python interface documents; scripts."""
 
+from __future__ import annotations
+
 import importlib
 import re
 import sys

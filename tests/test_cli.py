@@ -1,5 +1,7 @@
 """The command line as a user meets it."""
 
+from __future__ import annotations
+
 import errno
 import json
 import os

@@ -1,5 +1,7 @@
 """What the sources import is declared, and its oldest versions are those that are tested."""
 
+from __future__ import annotations
+
 import ast
 import re
 import sys

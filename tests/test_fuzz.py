@@ -1,5 +1,7 @@
 """A short, seeded run of scripts/fuzz, and proof that it would notice."""
 
+from __future__ import annotations
+
 import ast
 import importlib
 import sys

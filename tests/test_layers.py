@@ -3,6 +3,8 @@
 A new package is entered in ORDER, above all that it imports.
 """
 
+from __future__ import annotations
+
 import ast
 import subprocess
 import sys

@@ -1,5 +1,7 @@
 """The public names: few, complete, lazy, never shadowed by a module, with advice for mistakes."""
 
+from __future__ import annotations
+
 import importlib
 import pkgutil
 import subprocess

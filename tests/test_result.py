@@ -1,5 +1,7 @@
 """JSON both ways, and refusal of damaged data."""
 
+from __future__ import annotations
+
 import dataclasses
 import json
 import math

@@ -1,5 +1,7 @@
 """The compiled kernel under AddressSanitizer and UndefinedBehaviorSanitizer."""
 
+from __future__ import annotations
+
 import importlib
 import os
 import subprocess

@@ -1,5 +1,7 @@
 """The interface under stress: threads, processes, pickles, inputs that must stay as they are."""
 
+from __future__ import annotations
+
 import copy
 import os
 import pickle

@@ -1,5 +1,7 @@
 """Toolpaths: the best joint path, held against brute force, and files of poses."""
 
+from __future__ import annotations
+
 import json
 import re
 import sys

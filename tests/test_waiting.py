@@ -1,5 +1,7 @@
 """The line that says what a command does, where that takes longer than it should."""
 
+from __future__ import annotations
+
 import time
 
 import pytest

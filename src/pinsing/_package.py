@@ -47,8 +47,7 @@ class Package(ModuleType):
     def advice(self, name: str) -> str:
         """Return what to use for a name that is advised on, or the function of that name."""
         if name in self._packages:
-            module = importlib.import_module(f"{self.__name__}.{name}")
-            return str(getattr(module, "_called", ""))
+            return str(getattr(importlib.import_module(f"{self.__name__}.{name}"), "_called", ""))
         function = f"{self.__name__}.{name}" if name in self.__all__ else ""
         return function or self._advice.get(name, "")
 

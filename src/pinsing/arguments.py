@@ -86,8 +86,7 @@ def checked(function: F) -> F:
                     else:
                         kwargs[name] = value
                 if not kind.fits(value):
-                    convert = _conversion(kind, value)
-                    if convert is None:
+                    if (convert := _conversion(kind, value)) is None:
                         raise _refusal(name, kind, value)
                     bound = inspect.signature(function).bind(*args, **kwargs)
                     bound.arguments[name] = convert(value)
@@ -236,8 +235,7 @@ def _parameters(function: Callable[..., Any]) -> list[tuple[str, int | None, boo
             hint = eval(p.annotation, names) if isinstance(p.annotation, str) else p.annotation
         except NameError:  # imported for type checking only
             continue
-        kind = _kind_of(hint)
-        if kind is not None:
+        if (kind := _kind_of(hint)) is not None:
             by_position = p.kind is not p.KEYWORD_ONLY
             variadic = p.kind is p.VAR_POSITIONAL
             found.append((name, position if by_position else None, variadic, kind))
@@ -361,8 +359,7 @@ def _are_numbers(value: Any) -> bool:
     """Return True if NumPy would make floats of a value without losing anything."""
     if type(value) is np.ndarray and value.dtype.kind == "f":  # most often: not masked, as it is
         return True
-    array = _reals(value)
-    if array is None:
+    if (array := _reals(value)) is None:
         return False
     if array.dtype.kind == "O":  # integers of any size
         try:
@@ -374,9 +371,8 @@ def _are_numbers(value: Any) -> bool:
 
 def _reals(value: Any) -> npt.NDArray[Any] | None:
     """Return an array of real numbers of whatever size, None if a value is none."""
-    if isinstance(value, str | bytes | bytearray | Mapping | type(None)):
-        return None
-    if _holds(value, _is_masked, True):
+    plain = isinstance(value, str | bytes | bytearray | Mapping | type(None))
+    if plain or _holds(value, _is_masked, True):
         return None
     try:
         array = np.asarray(value)
@@ -431,9 +427,9 @@ def typed(
     line = unbroken(option) + ",".join(words)
     if room is None:
         return line.replace("\u00a0", " ")
-    if len(line) <= room or len(words) < 2:
-        return line
-    return f'{unbroken(option)}"{", ".join(words)}"'
+    return (
+        line if len(line) <= room or len(words) < 2 else f'{unbroken(option)}"{", ".join(words)}"'
+    )
 
 
 def number_text(value: float, slides: bool, degrees: bool, digits: int) -> str:

@@ -29,28 +29,34 @@ def check_writable(path: str | os.PathLike[str], *, inputs: tuple[str | Path, ..
     shown = shown_path(path)
     try:
         folder = path.parent
-        if not str(path) or "\0" in str(path):
-            raise OutputError("the name of the output file is empty or has a null character")
-        if not _is_name(path):
-            raise OutputError("the name of the output file holds half a character")
-        if not folder.is_dir():
-            raise OutputError(
-                f"cannot write {shown}: there is no folder {shown_path(folder)}; create it first"
-            )
-        if path.is_dir():
-            raise OutputError(f"cannot write {shown}: it is a folder; give the name of a file")
+        OutputError.refuse_if(
+            not str(path) or "\0" in str(path),
+            "the name of the output file is empty or has a null character",
+        )
+        OutputError.refuse_if(
+            not _is_name(path), "the name of the output file holds half a character"
+        )
+        OutputError.refuse_if(
+            not folder.is_dir(),
+            f"cannot write {shown}: there is no folder {shown_path(folder)}; create it first",
+        )
+        OutputError.refuse_if(
+            path.is_dir(), f"cannot write {shown}: it is a folder; give the name of a file"
+        )
         blocked = path if _special(path) else _target(path).parent
-        if not blocked.exists():
-            raise OutputError(
-                f"cannot write {shown}: it is a link into {shown_path(blocked)}, and "
-                "there is no such folder"
-            )
-        if not os.access(blocked, os.W_OK):
-            raise OutputError(
-                f"cannot write {shown}: no permission to write to {shown_path(blocked)}"
-            )
-        if any(Path(p).exists() and path.exists() and path.samefile(p) for p in inputs):
-            raise OutputError(f"cannot write {shown}: it is the input; give another name")
+        OutputError.refuse_if(
+            not blocked.exists(),
+            f"cannot write {shown}: it is a link into {shown_path(blocked)}, and "
+            "there is no such folder",
+        )
+        OutputError.refuse_if(
+            not os.access(blocked, os.W_OK),
+            f"cannot write {shown}: no permission to write to {shown_path(blocked)}",
+        )
+        OutputError.refuse_if(
+            any(Path(p).exists() and path.exists() and path.samefile(p) for p in inputs),
+            f"cannot write {shown}: it is the input; give another name",
+        )
     except OutputError:
         raise
     except OSError as error:
@@ -92,8 +98,7 @@ def replace_file(target: Path, data: bytes) -> None:
         handle = _made(temporary, flags)
         try:
             _write_all(handle, data)
-            mode = _mode(target)
-            if mode is not None:
+            if (mode := _mode(target)) is not None:
                 os.fchmod(handle, mode)
             os.fsync(handle)
         finally:

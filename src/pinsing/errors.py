@@ -60,6 +60,12 @@ class PinsingError(Exception):
     def __init__(self, message: str = "") -> None:
         super().__init__(_one_line(message))
 
+    @classmethod
+    def refuse_if(cls, wrong: object, *problem: Any) -> None:
+        """Raise the error that says what the problem is, if something is wrong."""
+        if wrong:
+            raise cls(*problem)
+
     def __reduce__(self) -> tuple[Any, ...]:
         # With message and data, whatever the constructor takes: workers send errors home.
         return _restore, (type(self), self.args, self.__dict__)

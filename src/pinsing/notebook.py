@@ -114,8 +114,7 @@ class _Reader:
             return [f"<mrow>{' '.join(self.row(depth + 1))}</mrow>"]
         if token[0] != "\\" and token not in "}^_":
             return [_operator("−" if token == "-" else token)]
-        command = token[1:]
-        if command == "text":
+        if (command := token[1:]) == "text":
             return [f"<mtext>{escaped(self._words())}</mtext>"]
         if command in ("mathrm", "operatorname"):
             upright = f'<mi mathvariant="normal">{escaped(self._words())}</mi>'

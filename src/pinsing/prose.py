@@ -177,8 +177,7 @@ class Page:
         lines: list[str] = []
         line, used, head = "", 0, first
         for word, size in self._words(spans):
-            room = max(self.width - columns(head), _LEAST)
-            if line and used + 1 + size > room:
+            if line and used + 1 + size > max(self.width - columns(head), _LEAST):
                 lines.append(head + line)
                 line, used, head = word, size, rest
             else:

@@ -155,8 +155,9 @@ class JsonResult(Advised):
         2
         """
         found = data.get("schema") if isinstance(data, Mapping) else None
-        if found != cls.schema:
-            raise ResultError(f"expected data of schema {cls.schema!r}, found {found!r:.80}")
+        ResultError.refuse_if(
+            found != cls.schema, f"expected data of schema {cls.schema!r}, found {found!r:.80}"
+        )
         try:
             made = _decode(cls, {k: v for k, v in data.items() if k != "schema"})
         except KeyError as error:
@@ -241,9 +242,7 @@ def encode(value: Any) -> Any:
         return [encode(v) for v in value]
     if isinstance(value, np.bool_ | np.integer):
         return value.item()
-    if isinstance(value, Enum):
-        return value.value
-    return value
+    return value.value if isinstance(value, Enum) else value
 
 
 def _decode(kind: Any, value: Any) -> Any:
@@ -281,9 +280,7 @@ def _decode(kind: Any, value: Any) -> Any:
         return float(value)
     if isinstance(kind, type) and issubclass(kind, Enum):
         return kind(value)
-    if kind in (int, bool, str):
-        return _expect(kind, value)
-    return value
+    return _expect(kind, value) if kind in (int, bool, str) else value
 
 
 def _whole(text: str) -> None:

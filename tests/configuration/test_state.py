@@ -1,5 +1,7 @@
 """One configuration: numbers against NumPy and Pinocchio, words against known geometry."""
 
+from __future__ import annotations
+
 import functools
 
 import numpy as np

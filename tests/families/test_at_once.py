@@ -10,8 +10,8 @@ import pinsing
 from pinsing.algebra.equation import Equation
 from pinsing.algebra.joint_form import joint_form
 from pinsing.families.at_once import AtOnce, at_once
+from pinsing.families.describe import statement
 from pinsing.families.parts import Branch
-from pinsing.families.statement import statement
 
 SYMBOLS = ("q1", "q2", "q3", "q4", "q5")
 

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from pinsing.algebra.equation import Equation
+from pinsing.families.describe import statement
 from pinsing.families.parts import Branch, JointValue
-from pinsing.families.statement import statement
 
 SYMBOLS = ("q1", "q2", "q3")
 

@@ -16,7 +16,7 @@ from pinsing.algebra.budget import PER_SECOND, Budget, BudgetExceeded, in_child
 from pinsing.algebra.equation import Equation
 from pinsing.families import zero_set
 from pinsing.families.zero_set import proven_empty, search, thrown
-from pinsing.postures import subdivision
+from pinsing.postures import joint_map
 from pinsing.postures.boxes import Leaves
 from pinsing.proof.checker import Ring
 from pinsing.proof.skeleton import roots_in, skeleton, without_dependent_lines
@@ -208,7 +208,7 @@ def test_halving_looks_at_the_budget_within_a_level() -> None:
         return SimpleNamespace(proven=False, leaves=leaves), np.zeros(len(leaves.level), dtype=bool)
 
     grid = SimpleNamespace(first=(128, 128), d=2, terms=())
-    found = subdivision.halved(grid, classify, count, budget.Budget(0.17))
+    found = joint_map.halved(grid, classify, count, budget.Budget(0.17))
     assert seen[0] == 128**2
     assert 0 < sum(seen[1:]) < 2 * 128**2  # the whole level: four times as many
     halves = found.leaves.level == 1

@@ -1,5 +1,7 @@
 """Robots that are imperfect copies of a design: the tube about its families, and what is told."""
 
+from __future__ import annotations
+
 import importlib.util
 import math
 from dataclasses import replace

@@ -1,5 +1,7 @@
 """Legs as arms: certificates that the checker accepts, and what they say of the whole."""
 
+from __future__ import annotations
+
 import json
 
 import numpy as np

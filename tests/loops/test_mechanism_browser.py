@@ -3,6 +3,8 @@
 Needs Chromium (or Chrome) and Playwright for Python; without them the tests are skipped.
 """
 
+from __future__ import annotations
+
 from collections.abc import Iterator
 from typing import Any
 

@@ -7,8 +7,7 @@ from tiers import tiered
 
 import pinsing
 from pinsing.kinematics.jacobian import tip_placement
-from pinsing.postures.exact_chain import ExactChain
-from pinsing.postures.ladder import Point, ladder_of, one_root_left, posture_names
+from pinsing.postures.ladder import ExactChain, Point, ladder_of, one_root_left, posture_names
 
 
 def share(arm, count=60):

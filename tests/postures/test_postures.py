@@ -14,10 +14,9 @@ from pinsing.algebra.equation import Equation
 from pinsing.errors import ConfigurationError, OptionError, PinsingError, UnknownNameError
 from pinsing.kinematics.jacobian import tip_placement
 from pinsing.postures.boxes import Ground, on_boxes, slope, sum_of
-from pinsing.postures.joint_map import Divided, Sectioned
+from pinsing.postures.joint_map import Divided, Sectioned, subdivide
 from pinsing.postures.newton import one_sheet, regular_way
 from pinsing.postures.partition import Wheel, partition
-from pinsing.postures.subdivision import subdivide
 from pinsing.proximity.watched import watch
 
 # Counts of the literature's method, on whole circles and within the limits.

@@ -13,9 +13,8 @@ from pinsing.algebra.budget import Budget
 from pinsing.algebra.equation import Equation
 from pinsing.algebra.trig_sum import TrigSum
 from pinsing.postures.boxes import Ground, growing, on_boxes, sum_of
-from pinsing.postures.joint_map import Sectioned
+from pinsing.postures.joint_map import Sectioned, across, cuts_of, section, sections, subdivide
 from pinsing.postures.partition import Arc, Part, Surface
-from pinsing.postures.subdivision import across, cuts_of, section, sections, subdivide
 
 
 def random_part(rng, d, low, high):

@@ -1,5 +1,7 @@
 """Zones: bounds of joint speeds in boxes, and the distances that rest on them."""
 
+from __future__ import annotations
+
 import re
 from dataclasses import replace
 

@@ -17,8 +17,7 @@ from pinsing import load
 from pinsing.families import closed_form, prove
 from pinsing.proof import checker
 from pinsing.proof.checker import Certificate, Ring
-from pinsing.proof.minors import combination
-from pinsing.proof.produce import text_of
+from pinsing.proof.produce import combination, text_of
 from pinsing.proof.skeleton import form_text
 
 CHECKER = Path(checker.__file__)

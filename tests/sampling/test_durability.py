@@ -1,5 +1,7 @@
 """Short runs of scripts/durability, and proof that it would notice."""
 
+from __future__ import annotations
+
 import importlib
 import os
 import subprocess

@@ -49,8 +49,7 @@ def program() -> NoReturn:
     try:
         from pinsing.cli.app import main as run
     except (MemoryError, ImportError) as error:
-        said = memory_problem(error)
-        if not said:
+        if not (said := memory_problem(error)):
             raise
         os.write(2, f"pinsing: error: {said}\n".encode())
         os._exit(2)

@@ -201,8 +201,7 @@ def _nearest(form: ClosedForm, others: list[FamilyDistance], state: State) -> Fa
     for d in others:
         if best is not None and d.lower >= best.upper:
             break
-        moved = abs(d.q - state.q) > ALIKE
-        if inside and (space.unreachable(d.q) & moved).any():
+        if inside and (space.unreachable(d.q) & (abs(d.q - state.q) > ALIKE)).any():
             family = form[d.family]
             if family.is_reachable is False:
                 continue

@@ -58,8 +58,10 @@ def angle(text: str, option: str, degrees: bool | None) -> float:
         value = float(match.group(1)) if match else math.nan
     except ValueError:
         value = math.nan
-    if not (value > 0 and math.isfinite(value)):
-        raise OptionError(f"{option}: {text!r} is no positive angle such as 3deg or 0.05rad")
+    OptionError.refuse_if(
+        not (value > 0 and math.isfinite(value)),
+        f"{option}: {text!r} is no positive angle such as 3deg or 0.05rad",
+    )
     unit = match.group(2) if match else None
     if unit is None and degrees is None:
         raise OptionError(f"{option} {text} is in no unit: write {text}deg or {text}rad")
@@ -149,8 +151,10 @@ def check_command(
     """
     bound = angle(near, "--near", told_degrees(deg))
     fail = None if fail_within is None else angle(fail_within, "--fail-within", told_degrees(deg))
-    if follow is not None and loops_at_hand(request.robot):
-        raise OptionError(f"--follow judges serial arms alone: {request.robot} has closed loops")
+    OptionError.refuse_if(
+        follow is not None and loops_at_hand(request.robot),
+        f"--follow judges serial arms alone: {request.robot} has closed loops",
+    )
     arm = request.load()
     from pinsing.families import closed_form
 
@@ -166,10 +170,8 @@ def check_command(
         }
         if all(source(name) is ParameterSource.DEFAULT for name in speeds):
             speeds = {}
-        more = speeds | {"zones": zones}
-        return _followed(arm, follow, _in_degrees(deg, units), bound, more)
-    if zones is not None:
-        raise OptionError("--zones is for --follow STREAM")
+        return _followed(arm, follow, _in_degrees(deg, units), bound, speeds | {"zones": zones})
+    OptionError.refuse_if(zones is not None, "--zones is for --follow STREAM")
     if file is None:
         raise OptionError("name the FILE of a trajectory, or --follow - for standard input")
     from pinsing.proximity.trajectory import check_trajectory, details, summary
@@ -270,8 +272,7 @@ def _followed(
         for said in follow(follower, lines, live):
             judged |= "level" in said
             click.echo(json.dumps(said))
-    if not judged:
-        raise ConfigurationError("the stream: no line could be judged")
+    ConfigurationError.refuse_if(not judged, "the stream: no line could be judged")
     return 0
 
 

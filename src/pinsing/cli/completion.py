@@ -120,9 +120,7 @@ def joints(ctx: click.Context, param: click.Parameter, incomplete: str) -> Offer
 @_quiet
 def joint_value(ctx: click.Context, param: click.Parameter, incomplete: str) -> Offered:
     """Joints of the robot, for JOINT=VALUE."""
-    if "=" in incomplete:
-        return []
-    return _starting(_joints(ctx), incomplete, suffix="=")
+    return [] if "=" in incomplete else _starting(_joints(ctx), incomplete, suffix="=")
 
 
 @_quiet

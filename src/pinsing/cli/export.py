@@ -52,8 +52,7 @@ def export_command(
 
     Example: pinsing export ur5 -o guard.h -o guard.py
     """
-    if c == python == STDOUT:
-        raise OptionError("-o -.h and -o -.py both go to standard output")
+    OptionError.refuse_if(c == python == STDOUT, "-o -.h and -o -.py both go to standard output")
     arm = request.load()
     from pinsing.families import closed_form
     from pinsing.proximity.guard import make_guard

@@ -23,7 +23,7 @@ from pinsing.cli.options import (
     verbose_option,
 )
 from pinsing.cli.output import emit, emit_json, say
-from pinsing.cli.running import REDRAW_SECONDS, waiting
+from pinsing.cli.running import REDRAW_SECONDS, redraw, waiting
 from pinsing.cli.singularities import algebra_options, prove_option
 from pinsing.errors import OptionError, RobotFileError
 from pinsing.prose import Page, is_terminal
@@ -91,15 +91,17 @@ def families_command(
 
     With --fail-if-singular, exits with 1 if any family is reachable within the joint limits.
     """
-    if certificate is not None and prove is False:
-        raise OptionError("-o FILE.cert.json and --no-prove exclude each other")
+    OptionError.refuse_if(
+        certificate is not None and prove is False,
+        "-o FILE.cert.json and --no-prove exclude each other",
+    )
     if chosen and system is None:
         raise OptionError("--family goes with -o FILE.sing: it says which equations are written")
     if symbolic is not None:
-        if certificate is not None or prove is True or system is not None:
-            raise OptionError(
-                "--symbolic has no --prove, certificate or file of equations: they need numbers"
-            )
+        OptionError.refuse_if(
+            certificate is not None or prove is True or system is not None,
+            "--symbolic has no --prove, certificate or file of equations: they need numbers",
+        )
         return _symbolic(request, symbolic, latex, algebra, json_target, fail_if_singular)
     arm = request.load()
     from pinsing.families import closed_form, prove as add_proof
@@ -239,12 +241,10 @@ def _progress() -> Iterator[Callable[[str], None]]:
         nonlocal drawn
         if time.monotonic() - drawn > REDRAW_SECONDS:
             drawn = time.monotonic()
-            sys.stderr.write(f"\r\x1b[Klooking for a certificate: {text}")
-            sys.stderr.flush()
+            redraw(f"looking for a certificate: {text}")
 
     try:
         yield show
     finally:
         if drawn:
-            sys.stderr.write("\r\x1b[K")
-            sys.stderr.flush()
+            redraw("")

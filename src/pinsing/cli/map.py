@@ -163,19 +163,20 @@ def _steps(text: str) -> int | dict[str, int]:
     found = {}
     for part in text.split(","):
         name, equals, number = part.partition("=")
-        if not equals or not name.strip():
-            raise OptionError(f"--steps {text!r} is not of the form 9 or A=9,B=5")
+        OptionError.refuse_if(
+            not equals or not name.strip(), f"--steps {text!r} is not of the form 9 or A=9,B=5"
+        )
         found[name.strip()] = whole_number(number, "--steps")
     return found
 
 
 def _range(text: str, deg: bool) -> tuple[str, float, float]:
     name, equals, values = text.rpartition("=")
-    if not equals or not name.strip():
-        raise OptionError(f"--range {text!r} is not of the form JOINT=LOW,HIGH")
+    OptionError.refuse_if(
+        not equals or not name.strip(), f"--range {text!r} is not of the form JOINT=LOW,HIGH"
+    )
     numbers = parse_numbers(values, "--range", deg)
-    if len(numbers) != 2:
-        raise OptionError(f"--range {text!r} needs two values: JOINT=LOW,HIGH")
+    OptionError.refuse_if(len(numbers) != 2, f"--range {text!r} needs two values: JOINT=LOW,HIGH")
     return name.strip(), numbers[0], numbers[1]
 
 

@@ -85,8 +85,9 @@ def joints_option(command: F) -> F:
     )
     @functools.wraps(command)
     def wrapper(*args: Any, all_joints: bool = False, **options: Any) -> Any:
-        if all_joints:
-            raise OptionError("--all-joints goes with --loops: a serial arm has no modes to list")
+        OptionError.refuse_if(
+            all_joints, "--all-joints goes with --loops: a serial arm has no modes to list"
+        )
         return command(*args, **options)
 
     return wrapper  # type: ignore[return-value]
@@ -102,8 +103,9 @@ def over_option(command: F) -> F:
     )
     @functools.wraps(command)
     def wrapper(*args: Any, over: str | None = None, **options: Any) -> Any:
-        if over is not None:
-            raise OptionError("--over goes with --loops: an arm is mapped over its joints")
+        OptionError.refuse_if(
+            over is not None, "--over goes with --loops: an arm is mapped over its joints"
+        )
         return command(*args, **options)
 
     return wrapper  # type: ignore[return-value]
@@ -173,9 +175,7 @@ def analyze_loops(
     for check in analysis.checks:
         if not check.passed:
             say(f"WARNING: {check.words}")
-    if analysis.missing:
-        return STOPPED
-    return int(fail_if_singular and bool(analysis.points))
+    return STOPPED if analysis.missing else int(fail_if_singular and bool(analysis.points))
 
 
 def _refuse_arm_only(options: dict[str, Any]) -> None:
@@ -208,12 +208,13 @@ def families_loops(
     from pinsing.loops.analysis import forms_text
     from pinsing.loops.legs import why_no_rods
 
-    if latex:
-        raise OptionError(
-            "--latex does not go with --loops: mechanisms have their equations as text"
-        )
-    if system is not None or chosen:
-        raise OptionError("equations of a mechanism go to -o FILE.json only, all families together")
+    OptionError.refuse_if(
+        latex, "--latex does not go with --loops: mechanisms have their equations as text"
+    )
+    OptionError.refuse_if(
+        system is not None or chosen,
+        "equations of a mechanism go to -o FILE.json only, all families together",
+    )
     mechanism = read(loops, options)
     forms = loop_forms(mechanism)
     found = pose_forms(mechanism) if forms is None else forms
@@ -239,8 +240,7 @@ def families_loops(
         say(f"note: no closed forms over the pose: {why_no_rods(mechanism)}")
     if not emit_json(whole, json_target):
         robot = _named(loops, options["robot"])
-        answer = _loci_answer(mechanism, joints if found is None else found, robot)
-        emit_lines(answer)
+        emit_lines(_loci_answer(mechanism, joints if found is None else found, robot))
         if verbose or exact:
             emit("\n" + forms_text(mechanism.inputs, found, Page.of(), deg, exact, joints))
     if proven:
@@ -317,8 +317,9 @@ def view_loops(
     from pinsing.cli.serving import picture_size, served_ahead, stay, write_files
 
     picture = picture_size(size)
-    if follow is not None:
-        raise OptionError("--follow shows serial arms alone: give --no-loops, or leave it out")
+    OptionError.refuse_if(
+        follow is not None, "--follow shows serial arms alone: give --no-loops, or leave it out"
+    )
     mechanism = read(loops, options)
     inputs = typed_inputs(mechanism, poses, deg)
     saved = None if analysis is None else _saved(analysis, mechanism)
@@ -409,8 +410,7 @@ def tell_of_limits(mechanism: Mechanism) -> None:
     """Say that home breaks limits where nothing else that is printed would."""
     from pinsing.loops.modes import home_outside
 
-    beyond = home_outside(mechanism)
-    if beyond:
+    if beyond := home_outside(mechanism):
         say(f"note: {beyond}")
 
 
@@ -422,8 +422,7 @@ def typed_inputs(mechanism: Mechanism, texts: Sequence[str], deg: bool) -> Array
 
     if not texts:
         return home(mechanism)[list(mechanism.actuated)]
-    if len(texts) > 1:
-        raise OptionError("give --q once: the values of the actuated joints")
+    OptionError.refuse_if(len(texts) > 1, "give --q once: the values of the actuated joints")
     values = np.array(parse_numbers(texts[0], "--q", False), dtype=float)
     if values.shape != (len(mechanism.inputs),):
         raise ConfigurationError(

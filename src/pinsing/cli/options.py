@@ -276,8 +276,7 @@ def arm_options(command: F) -> F:
         names = None
         if joints is not None:
             names = tuple(name.strip() for name in joints.split(",") if name.strip())
-            if not names:
-                raise OptionError("--joints names no joint")
+            OptionError.refuse_if(not names, "--joints names no joint")
         for value in rest.values():
             if isinstance(value, Path) and _same_file(value, robot):
                 raise OutputError(f"cannot write {value}: it is the robot itself")
@@ -461,19 +460,17 @@ def once_option(*names: str, **options: Any) -> Callable[[F], F]:
 def parse_numbers(text: str, what: str, degrees: bool = False) -> list[float]:
     """Return numbers between commas or spaces; without ``degrees`` also ``pi/2``, ``3pi/4``."""
     words = [word for word in re.split(r"[,\s]+", text.strip().strip("[]()")) if word]
-    if not words:
-        raise ConfigurationError(f"{what} has no number in it: {text!r}")
+    ConfigurationError.refuse_if(not words, f"{what} has no number in it: {text!r}")
     return [_number(word, what, degrees) for word in words]
 
 
 def _number(word: str, what: str, degrees: bool) -> float:
-    match = _PI.fullmatch(word.lower())
-    if match:
-        if degrees:
-            raise ConfigurationError(f"{what}: {word!r} is in radians, but --deg is given")
+    if match := _PI.fullmatch(word.lower()):
+        ConfigurationError.refuse_if(degrees, f"{what}: {word!r} is in radians, but --deg is given")
         sign, factor, divisor = match.groups()
-        if divisor is not None and float(divisor) == 0:
-            raise ConfigurationError(f"{what}: {word!r} divides by zero")
+        ConfigurationError.refuse_if(
+            divisor is not None and float(divisor) == 0, f"{what}: {word!r} divides by zero"
+        )
         value = float(factor or 1) * math.pi / float(divisor or 1)
         return -value if sign == "-" else value
     try:

@@ -122,8 +122,7 @@ class StdoutError(OutputError):
 
     def __init__(self, error: OSError) -> None:
         self.reader_gone = error.errno == errno.EPIPE
-        closed = error.errno == errno.EBADF
-        said = "it is closed" if closed else why(error)
+        said = "it is closed" if error.errno == errno.EBADF else why(error)
         super().__init__(f"cannot write to standard output: {said}")
 
 
@@ -213,8 +212,7 @@ def off_screen() -> None:
 
 def _leave_out_what_is_no_file() -> None:
     """Have matplotlib read no settings out of a device or pipe, which may have no end."""
-    named = os.environ.get("MATPLOTLIBRC")
-    if not named:
+    if not (named := os.environ.get("MATPLOTLIBRC")):
         return
     for path in (named, os.path.join(named, "matplotlibrc")):
         if os.path.exists(path) and not os.path.isdir(path):
@@ -230,8 +228,7 @@ def save_figure(figure: Figure, out: Path, **options: Any) -> None:
     from matplotlib import pyplot as plt
 
     # No date, and numbered marks.
-    stamp = {".svg": {"Date": None}, ".pdf": {"CreationDate": None}}
-    metadata = stamp.get(out.suffix.lower())
+    metadata = {".svg": {"Date": None}, ".pdf": {"CreationDate": None}}.get(out.suffix.lower())
     picture = io.BytesIO()
     with (
         matplotlib.rc_context({"svg.hashsalt": "pinsing"}),

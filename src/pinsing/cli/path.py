@@ -107,13 +107,17 @@ def path_command(
     from pinsing.postures.toolpath import plan_path
 
     read = read_poses(poses, degrees=deg, millimetres=mm)
-    if not read.has_roll and free != "roll":
-        raise OptionError(f"{poses} has no rotation about the tool: add --free roll")
+    OptionError.refuse_if(
+        not read.has_roll and free != "roll",
+        f"{poses} has no rotation about the tool: add --free roll",
+    )
     T, t = in_base @ read.poses, read.t
     if feed is not None:
         moved = np.linalg.norm(np.diff(T[:, :3, 3], axis=0), axis=1) / feed
-        if not (moved > 0).all():
-            raise OptionError("--feed needs poses at different positions: give times in a column t")
+        OptionError.refuse_if(
+            not (moved > 0).all(),
+            "--feed needs poses at different positions: give times in a column t",
+        )
         t = np.concatenate([[0.0], np.cumsum(moved)])
     q0: Array | str | None = start
     if start is not None and not re.search("[a-z]{3}", start):  # letters of numbers are pi at most
@@ -176,10 +180,14 @@ def _ranges(text: str, degrees: bool) -> dict[str, tuple[float, float]]:
         name, _, ends = (word.strip() for word in part.partition("="))
         turns = name in ANGLES
         values = parse_numbers(ends.replace("..", " "), f"--place {name}", degrees and turns)
-        if ends.count("..") != 1 or len(values) != 2 or name in out:
-            raise OptionError(f"--place {part!r}: write each range once, as in x=-0.1..0.1")
-        if turns and not degrees and max(map(abs, values)) > 2 * math.pi:
-            raise OptionError(f"--place {part} is over a turn: for degrees add --deg")
+        OptionError.refuse_if(
+            ends.count("..") != 1 or len(values) != 2 or name in out,
+            f"--place {part!r}: write each range once, as in x=-0.1..0.1",
+        )
+        OptionError.refuse_if(
+            turns and not degrees and max(map(abs, values)) > 2 * math.pi,
+            f"--place {part} is over a turn: for degrees add --deg",
+        )
         low, high = (math.radians(v) if degrees and turns else v for v in values)
         out[name] = (low, high)
     return out
@@ -217,10 +225,10 @@ def _frame(text: str | None, option: str, degrees: bool) -> Array:
 def _pose(text: str, option: str, degrees: bool) -> list[float]:
     """Three numbers, or six with roll, pitch, yaw, in metres and radians."""
     values = parse_numbers(text, option, degrees)
-    if len(values) not in (3, 6):
-        raise OptionError(
-            f"{option} needs 3 numbers (x, y, z) or 6 (and roll, pitch, yaw): {text!r}"
-        )
+    OptionError.refuse_if(
+        len(values) not in (3, 6),
+        f"{option} needs 3 numbers (x, y, z) or 6 (and roll, pitch, yaw): {text!r}",
+    )
     if degrees:
         doubt_degrees(values[3:], option)
     elif max(map(abs, values[3:]), default=0.0) > 2 * math.pi:
@@ -282,5 +290,4 @@ def line_command(
         same = f"--to {','.join(f'{x:.6g}' for x in shown)} --speed {speed:g}"
         answer = line_summary(line, degrees, request.words, same)
         emit_lines(f"{answer}\n\n{line_details(line, degrees)}")
-    met = line.outcome == "singular" or bool(line.crossings)
-    return int(fail_if_singular and met)
+    return int(fail_if_singular and (line.outcome == "singular" or bool(line.crossings)))

@@ -62,8 +62,9 @@ def plot_loops(
             f"there is no {kind} plot of mechanisms: use {', '.join(_LOOP_PLOTS[:-1])} or "
             f"{_LOOP_PLOTS[-1]}"
         )
-    if over is not None and kind != "map":
-        raise OptionError("--over goes with plot map --loops: --over x,y")
+    OptionError.refuse_if(
+        over is not None and kind != "map", "--over goes with plot map --loops: --over x,y"
+    )
     given = [name for name, usual in _ARM_PLOTS.items() if options.get(name, usual) != usual]
     if given:
         raise OptionError(
@@ -86,7 +87,12 @@ def _figure(
 
     from pinsing.loops import assemblies, curves, find_singular, ranks
     from pinsing.loops.loop_forms import planar_dyad
-    from pinsing.plot.mechanism import draw_linkage, input_map, map_legend, measure_curves
+    from pinsing.plot.mechanism import (
+        draw_linkage,
+        input_map,
+        map_legend,
+        measure_curves,
+    )
 
     names = None if over is None else [n.strip() for n in over.split(",")]
     if kind == "modes":
@@ -96,7 +102,7 @@ def _figure(
     if kind == "map" and ranks(mechanism).mobility == 1:
         from pinsing.plot.mechanism import motion_curve
 
-        _without_q(asked, "all poses are on one curve")
+        OptionError.refuse_if(asked, "--q does not go with this map: all poses are on one curve")
         return motion_curve(mechanism, names, None, deg).figure
     if kind == "map" and (names is not None or planar_dyad(mechanism) is None):
         from pinsing.plot.pose_map import pose_maps
@@ -104,7 +110,7 @@ def _figure(
         start = assemblies(mechanism, inputs)[0].q if asked else None
         return pose_maps(mechanism, names, None, deg, start)
     if kind == "map":
-        _without_q(asked, "this map is over all inputs")
+        OptionError.refuse_if(asked, "--q does not go with this map: this map is over all inputs")
         figure, axes = plt.subplots(1, 2, figsize=(11, 6.2))
         for ax, sign in zip(axes, "+-", strict=True):
             input_map(mechanism, sign, ax, degrees=deg)
@@ -123,11 +129,6 @@ def _figure(
             ax.set_title(mode.mode)
     figure.tight_layout()
     return figure
-
-
-def _without_q(asked: bool, why: str) -> None:
-    if asked:
-        raise OptionError(f"--q does not go with this map: {why}")
 
 
 KINDS = (
@@ -235,18 +236,24 @@ def plot_command(
     if kind in ("map", "aspects") and (given is None or len(given) != 2):
         what = "a map needs its" if kind == "map" else "aspects need their"
         raise OptionError(f"{what} two joints, such as --over q2,q3")
-    if families and kind not in ("map", "locus"):
-        raise OptionError(f"--family is for map and locus, not for {kind}")
-    if kind == "modes":
-        raise OptionError("modes are those of a mechanism: give its loops with --loops FILE.yaml")
-    if each is not None and kind != "locus":
-        raise OptionError(f"--each is for locus, not for {kind}")
-    if kind == "locus" and (len(families) != 1 or (given is not None and len(given) != 2)):
-        raise OptionError("a locus needs one family, such as --family F1, and two joints if any")
-    if kind == "along" and len(configurations) < 2:
-        raise OptionError("along needs two configurations or more: give --q twice")
-    if kind != "along" and len(configurations) > 1:
-        raise OptionError(f"{kind} takes one --q")
+    OptionError.refuse_if(
+        families and kind not in ("map", "locus"), f"--family is for map and locus, not for {kind}"
+    )
+    OptionError.refuse_if(
+        kind == "modes", "modes are those of a mechanism: give its loops with --loops FILE.yaml"
+    )
+    OptionError.refuse_if(
+        each is not None and kind != "locus", f"--each is for locus, not for {kind}"
+    )
+    OptionError.refuse_if(
+        kind == "locus" and (len(families) != 1 or (given is not None and len(given) != 2)),
+        "a locus needs one family, such as --family F1, and two joints if any",
+    )
+    OptionError.refuse_if(
+        kind == "along" and len(configurations) < 2,
+        "along needs two configurations or more: give --q twice",
+    )
+    OptionError.refuse_if(kind != "along" and len(configurations) > 1, f"{kind} takes one --q")
     arm = request.load()
     joints = None if over is None else list(joint_names(arm, over))
     off_screen()
@@ -318,14 +325,10 @@ def _draw(
         return plot.workspace(arm, measure=measure)
     from pinsing.sampling.sweep_run import sweep
 
-    levels = (max(len(held), 1),)
-    values = tuple(held.values())
-    special = {name: (value,) for name, value in held.items()} if values else None
-    chosen: dict[str, Any] = {"levels": levels, "prune": False, "ignore_limits": ignore_limits}
-    if special is not None:
-        chosen["special"] = special
-        chosen["joints"] = tuple(arm.joints)
-    result = sweep(arm, nominal=q, **chosen)
+    chosen: dict[str, Any] = {"levels": (max(len(held), 1),), "ignore_limits": ignore_limits}
+    if held:
+        chosen |= {"special": {name: (x,) for name, x in held.items()}, "joints": tuple(arm.joints)}
+    result = sweep(arm, nominal=q, prune=False, **chosen)
     return plot.sigma_curves(result, fixed=held, moving=joints, degrees=deg, arm=arm)
 
 
@@ -367,8 +370,7 @@ def _locus(
 
 def _fixed(arm: Arm, text: str, deg: bool) -> tuple[str, float]:
     name, values = _joint_values(arm, text, "--fixed", deg)
-    if len(values) != 1:
-        raise OptionError(f"--fixed {text!r} needs one value")
+    OptionError.refuse_if(len(values) != 1, f"--fixed {text!r} needs one value")
     return name, values[0]
 
 
@@ -377,8 +379,7 @@ def _joint_values(arm: Arm, text: str, option: str, deg: bool) -> tuple[str, lis
     import math
 
     name, equals, numbers = text.partition("=")
-    if not equals:
-        raise OptionError(f"{option} {text!r} is not of the form JOINT=VALUE")
+    OptionError.refuse_if(not equals, f"{option} {text!r} is not of the form JOINT=VALUE")
     (name,) = joint_names(arm, name) or ("",)
     values = parse_numbers(numbers, option, deg)
     turns = deg and not arm.prismatic[arm.joints.index(name)]

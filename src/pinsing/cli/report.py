@@ -53,11 +53,14 @@ def _report_loops(
     import numpy as np
 
     _check_pdf(pdf)
-    if prove != "auto":
-        raise OptionError("--prove does not go with --loops: there are certificates of arms only")
+    OptionError.refuse_if(
+        prove != "auto", "--prove does not go with --loops: there are certificates of arms only"
+    )
     for name in ("trajectory", "zones", "units", "columns"):
-        if options[name] is not None:
-            raise OptionError(f"--{name} is for arms: leave it out, or take one with --no-loops")
+        OptionError.refuse_if(
+            options[name] is not None,
+            f"--{name} is for arms: leave it out, or take one with --no-loops",
+        )
     mechanism = read(loops, options)
     sliding = mechanism.prismatic[list(mechanism.actuated)]
     given: dict[str, Array] = {}

@@ -151,8 +151,10 @@ def dh_command(table: str, urdf: str | Path) -> None:
         check_writable(urdf, inputs=(table,))
     found = locate_robot(table)
     path = found if isinstance(found, Path) else found.path
-    if path.suffix not in (".yaml", ".yml"):
-        raise OptionError(f"{table} is a description already: {shown_path(path)}")
+    OptionError.refuse_if(
+        path.suffix not in (".yaml", ".yml"),
+        f"{table} is a description already: {shown_path(path)}",
+    )
     named = not isinstance(found, Path) and path.name == "arms.yaml"
     text = dh_to_urdf(known_table(found.name) if named else read_dh(path))
     if urdf == STDOUT:

@@ -53,8 +53,7 @@ class RunPlace:
         chosen: dict[str, Any] = {"engine": self.engine}
         with contextlib.ExitStack() as stack:
             stack.enter_context(second_ctrl_c_ends_process())
-            pool = self._pool(stack)
-            if pool is None:
+            if (pool := self._pool(stack)) is None:
                 chosen["threads"] = self.threads
             else:
                 chosen["executor"], chosen["parallel"] = pool
@@ -193,15 +192,17 @@ class _Bar:
         line = f"{'━' * full}{'─' * (_BAR - full)} {100 * share:3.0f} %  {text}"
         while len(line) > width and ", " in line:  # no half of a number at the edge
             line = line.rpartition(", ")[0]
-        self._write(line[:width])
+        redraw(line[:width])
 
     def clear(self) -> None:
         if self._drawn > -math.inf:
-            self._write("")
+            redraw("")
 
-    def _write(self, line: str) -> None:
-        sys.stderr.write(f"\r\x1b[K{line}")
-        sys.stderr.flush()
+
+def redraw(line: str) -> None:
+    """Write a line of a terminal over again."""
+    sys.stderr.write(f"\r\x1b[K{line}")
+    sys.stderr.flush()
 
 
 def _lines(meter: Meter) -> Callable[[int, int], None]:
@@ -306,8 +307,7 @@ class _Line:
     def _show(self, taken: float) -> None:
         if self._redraws:
             text = f"pinsing: {self._text} \u2026 {taken:.0f} s {self._far}".rstrip()
-            sys.stderr.write(f"\r\x1b[K{text[: Page.of(sys.stderr).width - 1]}")
-            sys.stderr.flush()
+            redraw(text[: Page.of(sys.stderr).width - 1])
             self._drawn = True
         else:
             say(f"{self._text} \u2026")
@@ -315,6 +315,5 @@ class _Line:
 
     def _clear(self) -> None:
         if self._drawn:
-            sys.stderr.write("\r\x1b[K")
-            sys.stderr.flush()
+            redraw("")
             self._drawn = False

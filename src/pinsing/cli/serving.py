@@ -112,8 +112,10 @@ def _has_desktop() -> bool:
 def picture_size(text: str) -> tuple[int, int]:
     """Return width and height of ``1200x900``; OptionError for other text."""
     width, cross, height = text.lower().partition("x")
-    if not (cross and width.isdigit() and height.isdigit()):
-        raise OptionError(f"--size {text!r} is not of the form 1200x900")
+    OptionError.refuse_if(
+        not (cross and width.isdigit() and height.isdigit()),
+        f"--size {text!r} is not of the form 1200x900",
+    )
     return int(width), int(height)
 
 

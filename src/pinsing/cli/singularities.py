@@ -48,8 +48,7 @@ def geometry_options(command: F) -> F:
     )
     @functools.wraps(command)
     def wrapper(*args: Any, raw: bool, nominal: bool, **rest: Any) -> Any:
-        if raw and nominal:
-            raise OptionError("--raw and --nominal exclude each other")
+        OptionError.refuse_if(raw and nominal, "--raw and --nominal exclude each other")
         return command(*args, geometry="raw" if raw else "nominal" if nominal else "both", **rest)
 
     return wrapper  # type: ignore[return-value]
@@ -182,11 +181,12 @@ def _levels(text: str) -> tuple[int, ...]:
     found: set[int] = set()
     for part in text.split(","):
         low, dash, high = part.strip().partition("-")
-        if not low.isdigit() or (dash and not high.isdigit()):
-            raise OptionError(f"--levels {text!r} is not of the form 1,2 or 1-3")
+        OptionError.refuse_if(
+            not low.isdigit() or (dash and not high.isdigit()),
+            f"--levels {text!r} is not of the form 1,2 or 1-3",
+        )
         found.update(range(int(low), int(high if dash else low) + 1))
-    if not found:
-        raise OptionError(f"--levels {text!r} is empty; write it as 1,2 or 1-3")
+    OptionError.refuse_if(not found, f"--levels {text!r} is empty; write it as 1,2 or 1-3")
     return tuple(sorted(found))
 
 
@@ -229,8 +229,10 @@ def sweep_command(
     the sweep and keeps what is done. With --fail-if-singular, exits with 1 if any singularity was
     found within the joint limits.
     """
-    if npz is not None and folder is not None:
-        raise OptionError(f"-o {npz} and -o {folder}: the folder gets the curves already")
+    OptionError.refuse_if(
+        npz is not None and folder is not None,
+        f"-o {npz} and -o {folder}: the folder gets the curves already",
+    )
     if keep and npz is None and folder is None:
         raise OptionError("--keep needs a folder to keep the curves in: give -o FOLDER")
     from pinsing.robot.nominal import nominal

@@ -110,8 +110,9 @@ def view_command(
     for text in poses:
         parse_numbers(text, "--q", deg)
     picture = picture_size(size)
-    if follow is not None and (html or png):
-        raise OptionError("--follow needs a page that is served: leave out -o")
+    OptionError.refuse_if(
+        follow is not None and (html or png), "--follow needs a page that is served: leave out -o"
+    )
     arm = request.load()
     vectors = [joint_vector(arm, text, "--q", deg) for text in poses]
     saved = None if analysis is None else _read(analysis, arm)
@@ -173,8 +174,7 @@ def _lead(viewer: Viewer, file: Path, degrees: bool | None) -> None:
                 viewer.show(viewer.q, f"{silence}; {problem}" if problem else silence)
                 continue
             try:
-                found = reader.read(line)
-                if found is not None:
+                if (found := reader.read(line)) is not None:
                     q, due = found[1], None if live else found[0]
                     if due is not None:
                         if shown <= due < shown + _PICTURE / 2:

@@ -539,8 +539,7 @@ def _without(U: Array, other: Array) -> Array:
     """Orthonormal basis of what is left of the columns of U (m, d) beside those of ``other``."""
     if U.shape[1] == 1 and not other.shape[1]:
         return U
-    rest = U - other @ (other.T @ U)
-    left, sigma, _ = np.linalg.svd(rest, full_matrices=False)
+    left, sigma, _ = np.linalg.svd(U - other @ (other.T @ U), full_matrices=False)
     return np.asarray(left[:, sigma > 0.5])
 
 

@@ -73,8 +73,7 @@ class ColumnRanks:
         key = tuple(ids)
         if key not in self._generic:
             sigma = singular_values(self.generic[:, :, list(ids)])
-            above = sigma > SINGULAR_RTOL * sigma.max()
-            self._generic[key] = int(above.sum(axis=-1).max())
+            self._generic[key] = int((sigma > SINGULAR_RTOL * sigma.max()).sum(axis=-1).max())
         return self._generic[key]
 
     def deficient(self, ids: Sequence[int]) -> bool:
@@ -85,8 +84,7 @@ class ColumnRanks:
         """Sets that force the loss, one for each rank lost."""
         found: list[tuple[int, ...]] = []
         for ids in self._by_size(self.used, self.spare + 1):
-            union = sorted(set(chain(ids, *found)))
-            if self.nullity(union) - self.spare > len(found):
+            if self.nullity(sorted(set(chain(ids, *found)))) - self.spare > len(found):
                 found.append(ids)
             if len(found) == self.lost:
                 break
@@ -303,9 +301,7 @@ class _Reasons:
                 return f"all that joint {ids[0] + 1} moves is {self.nearly}{turn}"
             return f"{dependent(ids, self.nearly)}, but for {turn}"
         rows = ", ".join(task.row_names)
-        if len(ids) == 1:
-            return self._idle(ids)
-        return dependent(ids, self.nearly, rows, "at zero")
+        return self._idle(ids) if len(ids) == 1 else dependent(ids, self.nearly, rows, "at zero")
 
     def _idle(self, ids: Sequence[int]) -> str:
         """Return what is said of joints that move none of the rows of a task."""

@@ -78,8 +78,7 @@ class JointAxes:
             return None
         across = p - (p * z).sum(axis=1, keepdims=True) * z
         point = self.tip + np.linalg.solve(A, across.sum(axis=0))
-        near = all(self.distance(i, point) <= tol * self.size for i in ids)
-        return point if near else None
+        return point if all(self.distance(i, point) <= tol * self.size for i in ids) else None
 
     def in_one_plane(self, ids: Sequence[int], tol: float, *points: Array) -> bool:
         """Return True if these turning axes, and the given points (3,), lie in one plane."""
@@ -210,8 +209,7 @@ def _parallel_and_sliding(
     prismatic = _counted("prismatic joint", "prismatic joints", sliding)
     if len(turning) == 2 and len(sliding) == 1:
         apart = axes.point[turning[1]] - axes.point[turning[0]]
-        gap = apart - (apart @ z) * z
-        if abs(axes.direction[sliding[0]] @ gap) <= tol * axes.size:
+        if abs(axes.direction[sliding[0]] @ (apart - (apart @ z) * z)) <= tol * axes.size:
             return f"{prismatic} is {nearly}perpendicular to the plane of axes {numbers(turning)}"
         return None
     verb = "is" if len(sliding) == 1 else "are"
@@ -228,9 +226,8 @@ def _through_a_centre(
         point = axes.meeting_point(centre.ids, STRUCTURE_TOL)
         if not set(centre.ids) < set(ids) or point is None or len(rest) > 3:
             continue
-        if axes.velocity_rank(rest, point, tol) == len(rest):
-            continue
-        return _centre_words(axes, rest, point, centre.named(), tol, nearly)
+        if axes.velocity_rank(rest, point, tol) != len(rest):
+            return _centre_words(axes, rest, point, centre.named(), tol, nearly)
     return None
 
 
@@ -251,8 +248,7 @@ def _centre_words(
         if not turning or not axes.parallel(pair, tol) or axes.parallel((other, pair[0]), tol):
             continue
         normal = cross(axes.direction[other], axes.direction[pair[0]])
-        off = (point - axes.point[other]) @ normal / length(normal)
-        if abs(off) <= tol * axes.size:
+        if abs((point - axes.point[other]) @ normal / length(normal)) <= tol * axes.size:
             plane = f"the plane through axis {numbers((other,))} parallel to axes {numbers(pair)}"
             return f"{name} lies {nearly}in {plane}"
     if axes.velocity_rank(rest, point, tol) == 1:
@@ -520,11 +516,8 @@ def nice_basis(span: Array, rotation: Array) -> list[Array]:
         rest = inner.copy()
         for other in chosen:
             rest -= (rest @ other) * other
-        if np.linalg.norm(axis - inner) > ALIGNED or np.linalg.norm(rest) < 0.1:
-            continue
-        chosen.append(rest / np.linalg.norm(rest))
-        if len(chosen) == inside.shape[1]:
-            break
+        if np.linalg.norm(axis - inner) <= ALIGNED and np.linalg.norm(rest) >= 0.1:
+            chosen.append(rest / np.linalg.norm(rest))
     return chosen
 
 
@@ -541,8 +534,7 @@ def axis_name(direction: Array, rotation: Array) -> str:
 
 def _aligned(direction: Array) -> str:
     k = int(np.argmax(np.abs(direction)))
-    across = float(np.linalg.norm(np.delete(direction, k)))
-    return "xyz"[k] if across <= math.sin(ALIGNED) else ""
+    return "xyz"[k] if float(np.linalg.norm(np.delete(direction, k))) <= math.sin(ALIGNED) else ""
 
 
 def vector(components: Array, digits: int = 3) -> str:

@@ -130,8 +130,7 @@ def kinds_many(arm: Arm, Q: npt.ArrayLike, most: int | None = None) -> list[Kind
     Q = np.atleast_2d(arm.check(Q))
     count = len(Q) if generic_rank(arm) == len(arm.task.rows) else len(Q[:most])
     found = [*clear_kinds(arm, Q[:count]), *[None] * (len(Q) - count)]
-    rest = [i for i, kind in enumerate(found[:count]) if kind is None][:most]
-    if rest:
+    if rest := [i for i, kind in enumerate(found[:count]) if kind is None][:most]:
         J, H = own_jacobians_and_derivatives(arm, Q[rest])
         spaces = [_spaces(arm, *row) for row in zip(Q[rest], J, H, strict=True)]
         for i, kind in zip(rest, _decided(arm, Q[rest], spaces), strict=True):
@@ -204,9 +203,8 @@ def _kind(lost: Array, N: Array, H: Array) -> tuple[Kind | None, Array, Array]:
     for u in directions:
         eigenvalues, Z = np.linalg.eigh(np.tensordot(u, Q, 1))
         kernel = N @ Z[:, np.abs(eigenvalues) <= 10 * tol]
-        if np.abs(np.tensordot(u, B, 1) @ kernel).max(initial=0.0) > tol:
-            continue
-        return None, lost @ u, kernel
+        if np.abs(np.tensordot(u, B, 1) @ kernel).max(initial=0.0) <= tol:
+            return None, lost @ u, kernel
     return "interior", none, none
 
 
@@ -303,13 +301,10 @@ def _slide(arm: Arm, at: Array, u: Array, starts: Array) -> tuple[Array, npt.NDA
         moving = moving[left]
         if not len(moving):
             break
-        curved = np.einsum("kr,krij->kij", u[moving], H[left])
-        slope = np.concatenate([J[left], curved], axis=1)
+        slope = np.concatenate([J[left], np.einsum("kr,krij->kij", u[moving], H[left])], axis=1)
         step = np.linalg.pinv(slope, rcond=1e-6) @ F[left, :, None]
         now[moving] = Q[left] - step[:, :, 0] * scale.columns
-    arrived = np.ones(len(starts), dtype=bool)
-    arrived[moving] = False
-    return now, arrived
+    return now, ~np.isin(np.arange(len(starts)), moving)
 
 
 _RULES = engine.WalkRules(
@@ -357,13 +352,11 @@ def approach(
     N, n = Q.shape
     mask = np.broadcast_to(True if free is None else np.asarray(free, dtype=bool), (N, n))
     low, high = (arm.lower, arm.upper) if bounded else (np.full(n, -np.inf), np.full(n, np.inf))
-    found = _compiled(arm, Q, mask, (low, high), max_iterations)
-    if found is None:
+    if (found := _compiled(arm, Q, mask, (low, high), max_iterations)) is None:
         found = _in_numpy(arm, Q, mask, (low, high), max_iterations)
     Q, iterations, stationary = found
     sigma, ratio = measure(arm, Q)
-    converged = (ratio <= SINGULAR_RTOL) | stationary
-    return RankDrops(Q, sigma, ratio, iterations, converged)
+    return RankDrops(Q, sigma, ratio, iterations, (ratio <= SINGULAR_RTOL) | stationary)
 
 
 def _compiled(
@@ -421,8 +414,7 @@ def _in_numpy(
         improved = trial_sigma[:, -1] < sigma[active, -1]
         moved = active[improved]
         Q[moved], sigma[moved] = trial[improved], trial_sigma[improved]
-        damping[active] *= np.where(improved, 0.25, 16.0)
-        damping[active] = np.maximum(damping[active], 1.0)
+        damping[active] = np.maximum(damping[active] * np.where(improved, 0.25, 16.0), 1.0)
         ratio = ratio_of(arm, sigma[active])
         stationary[active] = flat | (damping[active] > _RULES.most_damping)
         done = (ratio <= _RULES.floor) | stationary[active]
@@ -463,10 +455,9 @@ def _steps(
     step = np.where(mask, step, 0.0)  # not even by rounding
     size = np.linalg.norm(step / metric, axis=1, keepdims=True)
     step *= np.minimum(1.0, _RULES.longest / np.maximum(size, 1e-300))
-    slope = np.linalg.norm(B[:, 0], axis=1)
     # Where sigma_r only touches zero its slope vanishes too, as the root of sigma_r; a slope
     # that is small even against that root means a minimum above zero.
-    flat = slope**2 <= _RULES.stationary * last * sigma[:, 0]
+    flat = np.linalg.norm(B[:, 0], axis=1) ** 2 <= _RULES.stationary * last * sigma[:, 0]
     flat &= last > _RULES.no_minimum * sigma[:, 0]
     return step, np.asarray(flat)
 
@@ -485,8 +476,7 @@ def _better_of(arm: Arm, Q: Array, step: Array, low: Array, high: Array) -> tupl
     """Of the full and the stretched step, the one that ends at the smaller sigma_r."""
     once = np.clip(Q + step, low, high)
     twice = np.clip(Q + _RULES.stretch * step, low, high)
-    both = _own_sigma(arm, np.concatenate([once, twice]))
-    first, second = both[: len(Q)], both[len(Q) :]
+    first, second = np.split(_own_sigma(arm, np.concatenate([once, twice])), 2)
     stretch = (second[:, -1] < first[:, -1])[:, None]
     return np.where(stretch, twice, once), np.where(stretch, second, first)
 
@@ -758,8 +748,7 @@ def _free(arm: Arm, fixed: Sequence[str] | npt.ArrayLike | None) -> Bool | None:
     """Mask of the joints that may move."""
     if fixed is None:
         return None
-    given = [fixed] if isinstance(fixed, str) else fixed
-    array = np.asarray(given)
+    array = np.asarray([fixed] if isinstance(fixed, str) else fixed)
     if array.dtype.kind == "U":
         return ~arm.space.mask(array.ravel().tolist())
     if array.dtype == bool and array.shape[-1:] == (arm.n,):

@@ -52,8 +52,7 @@ def described_robots() -> dict[str, tuple[str, str]]:
     found = {}
     for name, what in sorted(_descriptions().items()):
         title = f"{getattr(what, 'maker', '') or ''} {getattr(what, 'robot', name)}".strip()
-        missing = _missing(what)
-        found[PREFIX + name] = (title, "not on this computer" if missing else "")
+        found[PREFIX + name] = (title, "not on this computer" if _missing(what) else "")
     return found
 
 
@@ -70,8 +69,7 @@ def described_robot(name: str) -> CatalogEntry:
     if plain not in known:
         names = [PREFIX + n for n in known]
         raise UnknownNameError("robot", name, names, hint="pinsing list rd: shows all names")
-    missing = _missing(known[plain])
-    if missing:
+    if missing := _missing(known[plain]):
         raise RobotFileError(
             f"is not on this computer: {missing} would have to be downloaded, which pinsing does "
             f"not do; `robot_descriptions pull {plain}` does it",
@@ -81,16 +79,14 @@ def described_robot(name: str) -> CatalogEntry:
 
 
 def _descriptions() -> Mapping[str, Any]:
-    package = importlib.import_module(PACKAGE)
-    found: Mapping[str, Any] = getattr(package, "DESCRIPTIONS", {})
+    found: Mapping[str, Any] = getattr(importlib.import_module(PACKAGE), "DESCRIPTIONS", {})
     return found
 
 
 def _missing(what: Any) -> str:
     """Address of the repository of a robot that is not in the cache; empty where it is."""
     repositories = importlib.import_module(f"{PACKAGE}._repositories").REPOSITORIES
-    repository = repositories.get(getattr(what, "repository", None))
-    if repository is None:
+    if (repository := repositories.get(getattr(what, "repository", None))) is None:
         return "its repository"
     cache = os.path.expanduser(os.environ.get(_CACHE, "~/.cache/robot_descriptions"))
     return "" if Path(cache, repository.cache_path).is_dir() else str(repository.url)
@@ -132,8 +128,7 @@ def _without_git() -> Iterator[None]:
 
 def _paths(module: ModuleType, name: str) -> CatalogEntry:
     for key in ("URDF_PATH", "XACRO_PATH", "MJCF_PATH"):
-        path = getattr(module, key, None)
-        if path is not None:
+        if (path := getattr(module, key, None)) is not None:
             break
     else:
         raise RobotFileError("comes neither as a URDF, a xacro nor a MuJoCo model", Path(name))
@@ -328,8 +323,7 @@ def described_entries() -> list[CatalogEntry]:
 
 def find_robot(name: str) -> CatalogEntry:
     """Return the robot of a name (letters and digits, any case); UnknownNameError if none."""
-    at_once = _plain_hit(name)
-    if at_once is not None:
+    if (at_once := _plain_hit(name)) is not None:
         return at_once
     entries = known_robots()
     alike = [k for k in entries if k == name or _canonical(k) == _canonical(name)]
@@ -394,8 +388,7 @@ def _families(known: Collection[str]) -> str:
     groups: dict[str, list[str]] = {}
     for name in ("ur5", "panda", "iiwa14", *_TITLES):
         if name in known:
-            maker = re.split(r"[\d_]", name)[0]
-            groups.setdefault(maker, []).append(name)
+            groups.setdefault(re.split(r"[\d_]", name)[0], []).append(name)
     return ", ".join([names[0] for names in groups.values()][:12])
 
 
@@ -476,8 +469,7 @@ def data_folder() -> Path | None:
 
 
 def _data_robots() -> dict[str, CatalogEntry]:
-    folder = data_folder()
-    if folder is None:
+    if (folder := data_folder()) is None:
         return {}
     files = sorted(folder.rglob("*.urdf"))
     entries = {

@@ -147,9 +147,7 @@ class _Units:
     length: Fraction
 
     def value(self, node: YamlNode, quantity: str) -> float:
-        if quantity == "angle":
-            return node.number(self.angle, self.pi)
-        return node.number(self.length)
+        return node.number(self.angle, self.pi) if quantity == "angle" else node.number(self.length)
 
 
 def read_dh(path: str | Path) -> DHTable:
@@ -226,8 +224,10 @@ def _read_units(node: YamlNode) -> _Units:
 
 def _read_name(node: YamlNode) -> str:
     name = node.text()
-    if not _NAME.fullmatch(name):
-        raise node.error(f"{name[:60]!r} is no name: use letters, digits, '_', '-' and '.'")
+    node.refuse_if(
+        not _NAME.fullmatch(name),
+        f"{name[:60]!r} is no name: use letters, digits, '_', '-' and '.'",
+    )
     return name
 
 
@@ -506,8 +506,7 @@ def _bones(*points: Vector) -> list[dict[str, Any]]:
     bones = []
     for start, end in pairwise(points):
         x, y, z = (q - p for p, q in zip(start, end, strict=True))
-        length = round(math.hypot(x, y, z), 9)
-        if length > 0:
+        if (length := round(math.hypot(x, y, z), 9)) > 0:
             middle = (round((p + q) / 2, 9) + 0.0 for p, q in zip(start, end, strict=True))
             rpy = (round(angle, 9) + 0.0 for angle in pointing((x, y, z)))
             bones.append(

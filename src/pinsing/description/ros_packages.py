@@ -208,8 +208,7 @@ class PackageIndex:
         if scheme not in ("package", "model"):
             raise MeshProblem(f"{scheme}:// addresses are not opened", refused=True)
         name, _, inner = rest.lstrip("/").partition("/")
-        folder = self.find(name)
-        if folder is None:
+        if (folder := self.find(name)) is None:
             if not _NAME.fullmatch(name):
                 raise MeshProblem("is no package name", refused=True)
             raise MeshProblem(f"package {name!r} not found", refused=False)
@@ -263,8 +262,7 @@ def image_references(path: Path) -> tuple[str, ...]:
     if len(data) != size:
         raise ColladaProblem("changes while it is read")
     # Files are large: most are looked through twice and no more.
-    declares = b"<!" in data and (b"<!DOCTYPE" in data or b"<!ENTITY" in data)
-    if declares or b"\0" in data[:400]:
+    if (b"<!" in data and (b"<!DOCTYPE" in data or b"<!ENTITY" in data)) or b"\0" in data[:400]:
         raise ColladaProblem("has entities or an odd encoding")
     if b"init_from" not in data or (end_of_images := data.rfind(b"library_images")) < 0:
         return ()
@@ -345,10 +343,8 @@ def _found(text: str, index: PackageIndex) -> FoundMeshes:
     meshes = _Meshes(index)
     for link in root.iterfind("link"):
         for shape in [child for child in link if child.tag in ("visual", "collision")]:
-            mesh = shape.find("geometry/mesh")
-            if mesh is not None:
-                address = meshes.locate(mesh.get("filename", ""))
-                if address is None:
+            if (mesh := shape.find("geometry/mesh")) is not None:
+                if (address := meshes.locate(mesh.get("filename", ""))) is None:
                     link.remove(shape)
                     continue
                 mesh.set("filename", address)
@@ -367,11 +363,9 @@ def _found(text: str, index: PackageIndex) -> FoundMeshes:
 
 
 def _locate_texture(material: Element, meshes: _Meshes) -> None:
-    texture = material.find("texture")
-    if texture is None:
+    if (texture := material.find("texture")) is None:
         return
-    address = meshes.locate(texture.get("filename", ""))
-    if address is None:
+    if (address := meshes.locate(texture.get("filename", ""))) is None:
         material.remove(texture)
     else:
         texture.set("filename", address)

@@ -73,8 +73,7 @@ def check_tree(
             f"joint {show(joint.name)} joins link {show(joint.child)} to itself",
             node,
         )
-        other = parent_joint.get(joint.child)
-        if other is not None:
+        if (other := parent_joint.get(joint.child)) is not None:
             raise source.error(
                 f"link {show(joint.child)} has two parents, by joints {show(other.name)} and "
                 f"{show(joint.name)}: a URDF is a tree, so take one joint out (a closed loop is "
@@ -117,10 +116,10 @@ def _check_reach(
             f"{len(roots)} links have no parent ({named}): a URDF has one root, so join the others "
             "to it by joints, or remove them"
         )
-    if max(depth.values()) > MAX_DEPTH:
-        raise source.error(
-            f"{max(depth.values())} joints in a row: at most {MAX_DEPTH} are supported"
-        )
+    source.refuse_if(
+        max(depth.values()) > MAX_DEPTH,
+        f"{max(depth.values())} joints in a row: at most {MAX_DEPTH} are supported",
+    )
     return roots[0]
 
 
@@ -229,8 +228,9 @@ def parse_description(text: str, packages: Mapping[str, str | Path] | None = Non
     _check_packages(packages)
     try:
         root = parse_text(text, _TEXT)
-        if is_xacro(_TEXT, root):
-            raise RobotFileError("is xacro: give the path of the file, or expand it first", _TEXT)
+        RobotFileError.refuse_if(
+            is_xacro(_TEXT, root), "is xacro: give the path of the file, or expand it first", _TEXT
+        )
         return _describe(root, UrdfSource(_TEXT), PackageIndex(None, packages))
     except RobotFileError as error:
         error.path = None
@@ -239,8 +239,11 @@ def parse_description(text: str, packages: Mapping[str, str | Path] | None = Non
 
 def _check_packages(packages: Mapping[str, str | Path] | None) -> None:
     for name, folder in (packages or {}).items():
-        if not Path(folder).is_dir():
-            raise RobotFileError(f"the folder given for package {name!r} does not exist", folder)
+        RobotFileError.refuse_if(
+            not Path(folder).is_dir(),
+            f"the folder given for package {name!r} does not exist",
+            folder,
+        )
 
 
 def _describe(root: Node, source: UrdfSource, index: PackageIndex) -> Description:
@@ -258,8 +261,7 @@ def _describe(root: Node, source: UrdfSource, index: PackageIndex) -> Descriptio
         f"{len(joint_nodes)} joints: at most {MAX_IN_A_TREE} are supported",
         root,
     )
-    name = root.attributes.get("name", "").strip()
-    if not name:
+    if not (name := root.attributes.get("name", "").strip()):
         name = "robot" if source.path == _TEXT else source.path.name.partition(".")[0] or "robot"
         after = "" if source.path == _TEXT else " after its file"
         source.note(f"the robot has no name: called {name!r}{after}")

@@ -94,8 +94,7 @@ def check_joint(node: Node, source: UrdfSource) -> tuple[JointEntry, Node]:
         entry, limit = _limit(node, source, what, entry)
         clean.children += limit
     clean.children += _dynamics(node, source, what, name)
-    mimic = source.one(node, "mimic", what)
-    if mimic is not None:
+    if (mimic := source.one(node, "mimic", what)) is not None:
         entry = replace(entry, mimic=_mimic(mimic, source, what))
         clean.children.append(mimic)
     return entry, clean
@@ -135,8 +134,7 @@ def _kind(node: Node, source: UrdfSource, what: str) -> JointKind:
 
 
 def _end(node: Node, source: UrdfSource, what: str, tag: str) -> str:
-    element = source.one(node, tag, what)
-    if element is None:
+    if (element := source.one(node, tag, what)) is None:
         raise source.error(f'{what} has no <{tag} link="..."/>', node)
     return source.attribute(element, "link", what)
 
@@ -144,8 +142,7 @@ def _end(node: Node, source: UrdfSource, what: str, tag: str) -> str:
 def _axis(
     node: Node, source: UrdfSource, what: str, name: str
 ) -> tuple[tuple[float, float, float], Node]:
-    element = source.one(node, "axis", what)
-    if element is None:  # the default of URDF
+    if (element := source.one(node, "axis", what)) is None:  # the default of URDF
         return (1.0, 0.0, 0.0), Node("axis", {"xyz": "1 0 0"}, 0)
     source.attribute(element, "xyz", what)
     x, y, z = source.numbers(element, "xyz", 3, what)
@@ -225,8 +222,7 @@ def _effort_and_velocity(element: Node, source: UrdfSource, what: str, name: str
 
 def _dynamics(node: Node, source: UrdfSource, what: str, name: str) -> list[Node]:
     """Return the <dynamics> if it is sound; kinematics does not need it."""
-    element = node.first("dynamics")
-    if element is None:
+    if (element := node.first("dynamics")) is None:
         return []
     kept = {k: v for k, v in element.attributes.items() if k in ("damping", "friction")}
     clean = Node("dynamics", kept, element.line)
@@ -320,8 +316,7 @@ def check_link(node: Node, source: UrdfSource) -> tuple[str, Node]:
 
 
 def _inertial(node: Node, source: UrdfSource, what: str, name: str) -> list[Node]:
-    inertial = node.first("inertial")
-    if inertial is None:
+    if (inertial := node.first("inertial")) is None:
         return []
     mass, inertia = inertial.first("mass"), inertial.first("inertia")
     complete = (
@@ -410,8 +405,7 @@ def _capsule(
 
 def check_material(node: Node, source: UrdfSource) -> list[Node]:
     """Return a material with what is sound of its colour and texture; nothing if unnamed."""
-    name = node.attributes.get("name", "")
-    if not name:
+    if not (name := node.attributes.get("name", "")):
         return []
     clean = Node("material", {"name": name}, node.line)
     color, texture = node.first("color"), node.first("texture")

@@ -77,8 +77,7 @@ class XacroFiles:
         text = str(question.get("text", ""))
         if "\0" in text:
             return {"problem": "a file name holds a null character"}
-        kind = question.get("ask")
-        if kind == "env":
+        if (kind := question.get("ask")) == "env":
             return _variable(text)
         if kind == "find":
             folder = self.index.find(text)
@@ -127,8 +126,7 @@ class XacroFiles:
         return {"names": sorted(folders)}
 
     def _content(self, path: Path) -> dict[str, Any]:
-        real = self._real(path)
-        if real is None:
+        if (real := self._real(path)) is None:
             return {"problem": self._outside(str(path))}
         if real.exists() and not real.is_file():
             return {"problem": f"{path} is not a plain file"}
@@ -263,8 +261,7 @@ def _converse(path: Path, request: dict[str, Any], files: XacroFiles) -> dict[st
                 if not line.endswith(b"\n"):
                     break
                 message = json.loads(line)
-                answer = message.get("answer")
-                if answer is None:
+                if (answer := message.get("answer")) is None:
                     child.stdin.write(json.dumps(files.answer(message)).encode() + b"\n")
                     child.stdin.flush()
         if answer is None:
@@ -278,12 +275,12 @@ def _converse(path: Path, request: dict[str, Any], files: XacroFiles) -> dict[st
         code = child.wait()
     if answer is not None:
         return answer
-    if late.is_set() or code in child_jail.OUT_OF_TIME:
-        raise RobotFileError(
-            f"xacro does not end within {TIMEOUT_SECONDS} s: expand it by hand (xacro FILE) "
-            "and give the result",
-            path,
-        )
+    RobotFileError.refuse_if(
+        late.is_set() or code in child_jail.OUT_OF_TIME,
+        f"xacro does not end within {TIMEOUT_SECONDS} s: expand it by hand (xacro FILE) "
+        "and give the result",
+        path,
+    )
     raise RobotFileError(
         "xacro stopped, out of memory or time: expand it by hand (xacro FILE) and give the result",
         path,

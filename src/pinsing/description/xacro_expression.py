@@ -39,6 +39,12 @@ _SURROGATE = re.compile("[\ud800-\udfff]")
 class Refused(Exception):
     """Something that no expression may do."""
 
+    @classmethod
+    def refuse_if(cls, wrong: object, problem: str) -> None:
+        """Raise it if something is wrong."""
+        if wrong:
+            raise cls(problem)
+
 
 @dataclass(frozen=True, eq=False)
 class Function:
@@ -83,13 +89,13 @@ def bounded(value: Any) -> Any:
 
 
 def _check_bits(bits: int) -> None:
-    if bits > MOST_BITS:
-        raise Refused("an integer of thousands of digits is not accepted")
+    Refused.refuse_if(bits > MOST_BITS, "an integer of thousands of digits is not accepted")
 
 
 def _check_length(letters: int) -> None:
-    if letters > LONGEST_TEXT:
-        raise Refused(f"a text of more than {LONGEST_TEXT} characters is not accepted")
+    Refused.refuse_if(
+        letters > LONGEST_TEXT, f"a text of more than {LONGEST_TEXT} characters is not accepted"
+    )
 
 
 # Operators ----------------------------------------------------------------------------
@@ -114,8 +120,9 @@ def _times(left: Any, right: Any) -> Any:
     for values, count in ((left, right), (right, left)):
         if isinstance(values, str | list | tuple) and isinstance(count, int) and count > 0:
             most = LONGEST_TEXT if isinstance(values, str) else MOST_ITEMS
-            if len(values) * count > most:
-                raise Refused("a repetition of that many times needs too much memory")
+            Refused.refuse_if(
+                len(values) * count > most, "a repetition of that many times needs too much memory"
+            )
     if isinstance(left, int) and isinstance(right, int):
         _check_bits(left.bit_length() + right.bit_length() - 1)
     return operator.mul(left, right)
@@ -241,8 +248,10 @@ def evaluate(text: str, names: Mapping[str, Any], kinds: Kinds) -> Any:
 
 @functools.lru_cache(maxsize=2000)  # a macro evaluates the same text again and again
 def _parsed(text: str) -> ast.expr:
-    if len(text) > LONGEST_EXPRESSION:
-        raise Refused(f"an expression of more than {LONGEST_EXPRESSION} characters is not accepted")
+    Refused.refuse_if(
+        len(text) > LONGEST_EXPRESSION,
+        f"an expression of more than {LONGEST_EXPRESSION} characters is not accepted",
+    )
     try:
         return ast.parse(text, mode="eval").body
     except (RecursionError, MemoryError):
@@ -267,10 +276,10 @@ class _Walk:
         """Return the value of a node, which may be a namespace: something to take a name from."""
         self.steps += 1
         self.depth += 1
-        if self.steps > MOST_STEPS:
-            raise Refused("an expression with that many steps is not accepted")
-        if self.depth > DEEPEST:
-            raise Refused("an expression nested that deeply is not accepted")
+        Refused.refuse_if(
+            self.steps > MOST_STEPS, "an expression with that many steps is not accepted"
+        )
+        Refused.refuse_if(self.depth > DEEPEST, "an expression nested that deeply is not accepted")
         result = self.found(node)
         self.depth -= 1
         return result if type(result) is self.kinds.namespace else self.admit(result)
@@ -288,8 +297,10 @@ class _Walk:
             raise Refused(f"a value of type {type(value).__name__} is not accepted")
         if isinstance(value, _SIZED):
             self.volume += len(value)
-            if self.volume > MOST_VOLUME:
-                raise Refused("an expression that needs too much memory is not accepted")
+            Refused.refuse_if(
+                self.volume > MOST_VOLUME,
+                "an expression that needs too much memory is not accepted",
+            )
         return bounded(value)
 
     def found(self, node: ast.AST) -> Any:
@@ -332,8 +343,7 @@ class _Walk:
         for scope in reversed(self.scopes):
             if name in scope:
                 return scope[name]
-        if name.startswith("__"):
-            raise Refused(f"the name {name!r} is not accepted")
+        Refused.refuse_if(name.startswith("__"), f"the name {name!r} is not accepted")
         try:
             return self.names[name]
         except KeyError:
@@ -351,8 +361,7 @@ class _Walk:
         left, result = self.value(node.left), True
         for operation, part in zip(node.ops, node.comparators, strict=True):
             right = self.value(part)
-            result = _OPERATORS[type(operation)](left, right)
-            if not result:
+            if not (result := _OPERATORS[type(operation)](left, right)):
                 break
             left = right
         return result
@@ -372,8 +381,10 @@ class _Walk:
 
     def of_namespace(self, space: Any, name: str) -> Any:
         # Blocks of macros are kept beside the names; they start with a star.
-        if not name.isidentifier() or name.startswith("_"):
-            raise Refused(f"the name {name!r} of a namespace is not accepted")
+        Refused.refuse_if(
+            not name.isidentifier() or name.startswith("_"),
+            f"the name {name!r} of a namespace is not accepted",
+        )
         try:
             return space[name]
         except KeyError:
@@ -417,8 +428,7 @@ class _Walk:
             yield self.value(body)
             return
         first, *rest = generators
-        if first.is_async:
-            raise Refused("async is not accepted in an expression")
+        Refused.refuse_if(first.is_async, "async is not accepted in an expression")
         values = self.value(first.iter)
         self.scopes.append({})
         for value in values:

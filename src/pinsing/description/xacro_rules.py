@@ -246,8 +246,9 @@ def _known(name: str, known: Mapping[str, Any]) -> Any:
 
 def tokenize(text: str, sep: str = ",; ", skip_empty: Any = True) -> list[str]:
     """Split a text at any of some letters."""
-    if len(sep) > 100 or any(c in sep for c in "[]"):
-        raise Refused("separators of that kind are not accepted")
+    Refused.refuse_if(
+        len(sep) > 100 or any(c in sep for c in "[]"), "separators of that kind are not accepted"
+    )
     parts = re.split(f"[{sep}]", text_of(text))
     return [part for part in parts if part] if skip_empty else parts
 
@@ -275,8 +276,9 @@ class Arguments(dict[str, str]):
         return super().__contains__(name)
 
     def __getitem__(self, name: str) -> str:
-        if name not in self:
-            raise Refused(f"argument {name!r} has no value: give --xacro-arg {name}:=VALUE")
+        Refused.refuse_if(
+            name not in self, f"argument {name!r} has no value: give --xacro-arg {name}:=VALUE"
+        )
         return super().__getitem__(name)
 
 
@@ -457,15 +459,13 @@ class Rules:
 
     def find_package(self, name: str) -> str:
         """Return the folder of a package."""
-        folder = self.ask("find", text_of(name))["folder"]
-        if folder is None:
+        if (folder := self.ask("find", text_of(name))["folder"]) is None:
             raise Refused(f"package {name!r} not found: give its folder with --package {name}=DIR")
         return str(folder)
 
     def variable(self, name: str) -> str:
         """Return an environment variable, as far as the parent shows it."""
-        found = self.optional_variable(name, None)
-        if found is None:
+        if (found := self.optional_variable(name, None)) is None:
             raise Refused(f"environment variable {name!r} is not set")
         return str(found)
 
@@ -496,8 +496,7 @@ class Rules:
         self.xacro.filestack.append(filename)
         try:
             loader = _Placed(text, filename)
-            node = loader.get_single_node()
-            if node is None:
+            if (node := loader.get_single_node()) is None:
                 return None
             _count(node, filename)
             value = loader.construct_document(node)
@@ -525,8 +524,7 @@ class _Placed(Loader):
             raise
         except Exception as error:
             written = f"{node.value!r:.60}: " if isinstance(node, yaml.ScalarNode) else ""
-            line = node.start_mark.line + 1
-            raise RefusedAt(f"{written}{error}", self._file, line) from None
+            raise RefusedAt(f"{written}{error}", self._file, node.start_mark.line + 1) from None
 
 
 def _count(root: yaml.Node, file: str) -> None:
@@ -550,8 +548,7 @@ def _count(root: yaml.Node, file: str) -> None:
             parts = [part for pair in node.value for part in pair]
         total = 1 + sum(size(part) for part in parts)
         if total > _MOST_YAML_VALUES:
-            problem = f"this YAML holds more than {_MOST_YAML_VALUES} values"
-            raise RefusedAt(problem, file, line)
+            raise RefusedAt(f"this YAML holds more than {_MOST_YAML_VALUES} values", file, line)
         sizes[id(node)] = total
         return total
 

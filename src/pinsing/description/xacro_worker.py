@@ -73,8 +73,7 @@ def expand(parent: Parent) -> dict[str, Any]:
     noise = io.StringIO()
     try:
         with contextlib.redirect_stderr(noise), contextlib.redirect_stdout(noise):
-            document = xacro.process_file(request["path"], mappings=arguments)
-            text = document.toprettyxml(indent="  ")
+            text = xacro.process_file(request["path"], mappings=arguments).toprettyxml(indent="  ")
             text.encode()
     except Exception as error:  # a file may bring about any
         return explain(error, xacro, places)

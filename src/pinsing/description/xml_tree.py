@@ -75,10 +75,8 @@ def read_bytes(path: Path, most: int = 0, kind: str = "URDF or xacro file") -> b
             inside = sorted(f for ending in ("urdf", "xacro") for f in path.glob(f"*.{ending}"))
             which = f", such as {shown_path(inside[0])}" if inside else ""
             raise RobotFileError(f"is a folder: give the {kind} in it{which}", path)
-        if not path.exists():
-            raise RobotFileError("no such file", path)
-        if not path.is_file():
-            raise RobotFileError(f"is not a plain file: give a {kind}", path)
+        RobotFileError.refuse_if(not path.exists(), "no such file", path)
+        RobotFileError.refuse_if(not path.is_file(), f"is not a plain file: give a {kind}", path)
         with path.open("rb") as stream:
             most = most or MAX_BYTES
             data = stream.read(most + 1)
@@ -88,8 +86,7 @@ def read_bytes(path: Path, most: int = 0, kind: str = "URDF or xacro file") -> b
         reason = getattr(error, "strerror", None) or str(error)
         raise RobotFileError(f"cannot be read: {reason}", path) from error
     _require_size(data, most, path)
-    if not data.strip(b" \t\r\n\0"):
-        raise RobotFileError("the file is empty", path)
+    RobotFileError.refuse_if(not data.strip(b" \t\r\n\0"), "the file is empty", path)
     return data
 
 
@@ -232,8 +229,7 @@ def suggestion(name: str, known: Iterable[str]) -> str:
     """Say which of the known names was probably meant, or list them all."""
     known = tuple(known)
     # A name of thousands of characters resembles none, and takes minutes to compare.
-    close = difflib.get_close_matches(name[:200], known, n=2, cutoff=0.5)
-    if close:
+    if close := difflib.get_close_matches(name[:200], known, n=2, cutoff=0.5):
         return "did you mean " + " or ".join(repr(c) for c in close) + "?"
     return "known: " + ", ".join(known)
 
@@ -332,8 +328,7 @@ class UrdfSource:
 
     def origin(self, node: Node, what: str) -> list[Node]:
         """Return a checked copy of the <origin> of a node, as a list of none or one."""
-        origin = self.one(node, "origin", what)
-        if origin is None:
+        if (origin := self.one(node, "origin", what)) is None:
             return []
         kept = Node("origin", dict(origin.attributes), origin.line)
         for name in ("xyz", "rpy"):

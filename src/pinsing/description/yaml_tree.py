@@ -123,10 +123,10 @@ class YamlNode:
 
     def _child(self, node: yaml.Node, label: str) -> YamlNode:
         child = YamlNode(node, self.path, f"{self.label}: {label}" if self.label else label)
-        if not node.tag.startswith("tag:yaml.org,2002:"):
-            raise child.error(
-                f"the YAML tag {node.tag[:60]} is not understood: write the plain value"
-            )
+        child.refuse_if(
+            not node.tag.startswith("tag:yaml.org,2002:"),
+            f"the YAML tag {node.tag[:60]} is not understood: write the plain value",
+        )
         return child
 
     @property
@@ -215,11 +215,11 @@ class YamlNode:
             )
             hint = " (or such as pi/2)" if pi == 0 else ""
             raise self.error(f"expected a number{hint}, found {self._found}")
-        if number.pi and pi != 0:
-            raise self.error(
-                f"{show(text or '')} holds pi, which only an angle in radians may: "
-                "write a plain number in the unit of the table"
-            )
+        self.refuse_if(
+            number.pi and pi != 0,
+            f"{show(text or '')} holds pi, which only an angle in radians may: "
+            "write a plain number in the unit of the table",
+        )
         try:
             return Number(number.value, number.pi or pi == 1).times(factor)
         except OverflowError:

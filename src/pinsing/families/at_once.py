@@ -205,15 +205,14 @@ def _in_turn(
             later = [set(follow[k + 1 :]) for k in range(rank)]
             if any(set(e.involved) & later[k] for k, (e, _, _) in enumerate(some)):
                 continue
-            if not _regular(np.array([s for _, s, _ in some]), follow, rank):
-                continue
-            forms = [joint_form(e, j) for (e, _, _), j in zip(some, follow, strict=True)]
-            if None not in forms:
-                return follow, tuple(
-                    f"{f.condition()} [{len(f.equation.cos)} terms]: {f.solution()}"
-                    for f in forms
-                    if f is not None
-                )
+            if _regular(np.array([s for _, s, _ in some]), follow, rank):
+                forms = [joint_form(e, j) for (e, _, _), j in zip(some, follow, strict=True)]
+                if None not in forms:
+                    return follow, tuple(
+                        f"{f.condition()} [{len(f.equation.cos)} terms]: {f.solution()}"
+                        for f in forms
+                        if f is not None
+                    )
     return None
 
 
@@ -223,8 +222,7 @@ def _peeled(
     """The same of many equations: the simplest that are independent, if they can be so solved."""
     some: list[tuple[Equation, Array]] = []
     for e, slope in rows:
-        trial = np.array([*(s for _, s in some), slope])
-        sizes = np.linalg.svd(trial, compute_uv=False)
+        sizes = np.linalg.svd(np.array([*(s for _, s in some), slope]), compute_uv=False)
         if sizes[-1] > _INDEPENDENT * max(float(sizes[0]), 1e-300):
             some.append((e, slope))
         if len(some) == rank:
@@ -262,8 +260,7 @@ def _together(
     left, follow = slopes[:, list(moving)].copy(), list[int]()
     for _ in range(rank):
         k = int(np.argmax(np.linalg.norm(left, axis=0)))
-        size = float(np.linalg.norm(left[:, k]))
-        if size == 0.0:
+        if (size := float(np.linalg.norm(left[:, k]))) == 0.0:
             return None
         unit = left[:, k] / size
         left = left - np.outer(unit, unit @ left)

@@ -150,8 +150,7 @@ class _Exact:
         """Whether q (n,) is singular, which what is nearly zero may only seem, and on no branch."""
         if any(self._on(b, q, tol) for b in branches):
             return False
-        sharp = self.own.sharpened(q[None], np.ones(len(q), dtype=bool))
-        return bool(self.own(sharp)[0])
+        return bool(self.own(self.own.sharpened(q[None], np.ones(len(q), dtype=bool)))[0])
 
     def _on(self, branch: Branch, q: Array, tol: float) -> bool:
         at = q.copy()
@@ -223,8 +222,7 @@ class _Exact:
         left = []
         x = self._variables(q[None])
         for forms in conditions:
-            joints = frozenset().union(*(f.joints for f in forms)) - known
-            if joints:
+            if joints := frozenset().union(*(f.joints for f in forms)) - known:
                 left.append(forms)
                 unknown.append(joints)
             elif not any(abs(v[0]) <= tol * s for v, s in (f(x) for f in forms)):
@@ -258,8 +256,7 @@ class _Exact:
             x[:, variables] = np.stack([np.cos(angles / 2), np.sin(angles / 2)], axis=-1)
             values, size = form(x)
             values = values * np.exp(0.5j * degree * angles)
-        powers = np.arange(degree, -1, -1)[:, None]
-        line = (np.exp(-1j * powers * angles) * values).mean(axis=-1)
+        line = (np.exp(-1j * np.arange(degree, -1, -1)[:, None] * angles) * values).mean(axis=-1)
         if (np.abs(line) <= _ZERO * size).all():
             return [(float(q[joint]), True)]  # whatever it is
         line[np.abs(line) <= 1e-14 * size] = 0.0

@@ -186,8 +186,9 @@ class Members:
         0.25
         """
         q = self._check(q)
-        if q.ndim != 1:
-            raise ConfigurationError(f"distance takes one configuration, got shape {q.shape}")
+        ConfigurationError.refuse_if(
+            q.ndim != 1, f"distance takes one configuration, got shape {q.shape}"
+        )
         options = SearchOptions(gap, boxes, within_limits)
         exact = all(not b.equations for b in self.branches)
         found = nearest(self.conditions(weights, norm), q, self.limits, options, exact)
@@ -252,8 +253,9 @@ class Members:
         if weights is None and norm == "euclidean":
             return self._conditions
         weight = 1.0 / self.space.metric if weights is None else real_numbers(weights, "weights")
-        if weight.shape != (self.n,):
-            raise OptionError(f"weights needs {self.n} numbers, got shape {weight.shape}")
+        OptionError.refuse_if(
+            weight.shape != (self.n,), f"weights needs {self.n} numbers, got shape {weight.shape}"
+        )
         return Conditions.of([self.branches], self.prismatic, weight, norm)
 
     @cached_property
@@ -632,8 +634,9 @@ class Family(Members, JsonResult):
             return _PLACES[self.title]
         if q is not None and not equations:
             at = self._check(q)
-            if at.ndim != 1:
-                raise ConfigurationError(f"q is one configuration, got shape {at.shape}")
+            ConfigurationError.refuse_if(
+                at.ndim != 1, f"q is one configuration, got shape {at.shape}"
+            )
             return " and ".join(f"{names[j]} = {self._value(at, j)}" for j in sorted(fixed))
         solved = [(t, _VALUES.search(t)) for t in self._parts()]
         said = [t if m is None else m[1] if every else self._reached(m) for t, m in solved]
@@ -657,9 +660,7 @@ class Family(Members, JsonResult):
         j = int(said[2]) - 1
         of = [v for v in self.value_reach if v.joint == j]
         left = [self._copy(v.value, j) for v in of if v.reachability is not Reachability.OUTSIDE]
-        if self.prismatic[j] or not left:
-            return said[1]
-        return f"q{j + 1} = {PLAIN.angles(left)}"
+        return said[1] if self.prismatic[j] or not left else f"q{j + 1} = {PLAIN.angles(left)}"
 
     def _copy(self, angle: float, j: int) -> float:
         """The angle, by whole turns within the limits where one is."""
@@ -711,8 +712,7 @@ _PLACES = {"shoulder": "wrist center above the base axis"}
 
 def html_row(family: Family) -> tuple[str, ...]:
     """Its cells in a table of families."""
-    varies = family.kind == "varies"
-    kind = "; ".join(str(part) for part in family.kinds) if varies else family.kind
+    kind = "; ".join(str(part) for part in family.kinds) if family.kind == "varies" else family.kind
     short = family.text if family.solved or family.abridged else ""
     tone = _TONES.get(family.is_reachable)
     reach = marked(family.reach, tone) if tone else text(family.reach)
@@ -743,8 +743,7 @@ def exactly(family: Family, latex: bool = False) -> tuple[str, ...]:
         if latex:
             lines += [one.exact_latex] if one.exact_latex else []
         else:
-            parts = one.exact or one.where
-            lines += [one.solution, *(f"{a} = {b}" for a, b in parts)]
+            lines += [one.solution, *(f"{a} = {b}" for a, b in one.exact or one.where)]
             lines += [] if one.exact else ["(its coefficients are known as decimals only)"]
     short = [e for e in family.equations if not family.solved or long_form(e) is None]
     for e in short:
@@ -783,10 +782,8 @@ def meaning(family: Family) -> Iterator[str]:
     if not family.real:
         yield "no real point found in the time given, which does not prove that there is none"
         return
-    if family.kind == "varies":
-        kind = "; ".join(str(part) for part in family.kinds) + ", "
-    else:
-        kind = f"{family.kind}, " if family.kind != "undecided" else ""
+    kind = "; ".join(map(str, family.kinds)) if family.kind == "varies" else family.kind
+    kind = f"{kind}, " if kind != "undecided" else ""
     size = f"codimension {family.codimension} of {n}"
     proof = "" if family.proof == "algebra" else ", checked at generic points"
     yield f"{kind}{family.reach}; {size}{proof}"

@@ -316,9 +316,8 @@ def answer_text(
     """Return the summary of an arm's singularities, at most eight lines, with commands to type."""
     robot = robot or forms.arm.typed
     count = len(forms.families)
-    what = f"{count} famil{'y' if count == 1 else 'ies'} of singular configurations"
-    if not count and forms.complete:
-        what = "no singular configurations"
+    many = f"{count} famil{'y' if count == 1 else 'ies'} of"
+    what = f"{'no' if not count and forms.complete else many} singular configurations"
     lines = [page.paragraph(f"{forms.arm.name}: {what} (", _word(forms, " complete"), ")")]
     lines += _geometry(forms, page)
     if forms.gaps:

@@ -115,10 +115,7 @@ class ModularPoints:
     ) -> list[ModularPoint] | None:
         """Return up to ``count`` points with joints at values on which relations vanish."""
         # None where relations cannot be solved in turn, or have square roots unknown to the primes.
-        if not self.ring.rational:
-            return None
-        order = solving_order(relations, self.ring)
-        if order is None:
+        if not self.ring.rational or (order := solving_order(relations, self.ring)) is None:
             return None
         found: list[ModularPoint] = []
         for k in range(_TRIES * count):
@@ -126,9 +123,8 @@ class ModularPoints:
             at: At = {j: value_modulo(v, residues.prime) for j, v in place.items()}
             # Roots that are computed for one point.
             if self._solve(order, at, residues, [400], time):
-                for j in range(len(self.ring.prismatic)):
-                    if j not in at:
-                        at[j] = self._random(j, residues.prime)
+                unset = (j for j in range(len(self.ring.prismatic)) if j not in at)
+                at |= {j: self._random(j, residues.prime) for j in unset}
                 found.append(ModularPoint(at, self._rows(at, residues.prime), residues))
             if len(found) == count or (k >= _TRIES and not found):
                 break
@@ -184,8 +180,7 @@ class ModularPoints:
             total = 0
             for c, others in terms:
                 for one in others:
-                    factor = powers.get(one)
-                    if factor is None:
+                    if (factor := powers.get(one)) is None:
                         factor = powers[one] = pow(base[one[0]], one[1], prime)
                     c = c * factor % prime
                 total += c
@@ -267,17 +262,15 @@ class RealPoints:
     def full(self, columns: Sequence[int]) -> Bool:
         """At which of them (N,) some columns of the Jacobian, as many as the rank, have it."""
         sizes = np.linalg.svd(self.maker.jacobians(self.q)[..., list(columns)], compute_uv=False)
-        ratio = sizes[:, self.rank - 1] / np.maximum(sizes[:, 0], 1e-300)
-        return np.asarray(ratio >= 1e-5)
+        return np.asarray(sizes[:, self.rank - 1] / np.maximum(sizes[:, 0], 1e-300) >= 1e-5)
 
     def on(self, component: Component) -> bool:
         """Return True if all lie on a component."""
         branch = self.maker.branch_of(component.values, component.relations)
         if any((self.maker.away(self.q, v) > _ON).any() for v in branch.values):
             return False
-        if not branch.equations:
-            return True
-        return bool((np.abs(residuals(branch.equations, self.q)) < _ON).all())
+        off = residuals(branch.equations, self.q) if branch.equations else np.zeros(0)
+        return bool((np.abs(off) < _ON).all())
 
     def vanishes(self, poly: Poly) -> Bool:
         """At which of them (N,) a polynomial is zero."""
@@ -326,9 +319,7 @@ def independent(J: Columns, joints: Iterable[int], count: int) -> list[int]:
     """The first ``count`` of some joints whose columns are independent."""
     chosen: list[int] = []
     for j in joints:
-        if len(chosen) == count:
-            break
-        if rank(J, [*chosen, j]) > len(chosen):
+        if len(chosen) < count and rank(J, [*chosen, j]) > len(chosen):
             chosen.append(j)
     return chosen
 
@@ -338,13 +329,9 @@ def cutting(
 ) -> list[Poly]:
     """Minors of near joints, few, of which each point has one that is not zero there."""
     n, width = len(J[0]), minors.rank + 1
-    choices: list[tuple[tuple[int, ...], Bool]] = []
-    for first in range(n - width + 1):
-        window = range(first, first + width)
-        for skipped in window:
-            some = tuple(j for j in window if j != skipped)
-            if rank(J, some) == minors.rank:
-                choices.append((some, regular.full(some)))
+    windows = [range(first, first + width) for first in range(n - width + 1)]
+    near = [tuple(j for j in w if j != skipped) for w in windows for skipped in w]
+    choices = [(some, regular.full(some)) for some in near if rank(J, some) == minors.rank]
     left = np.ones(len(regular), dtype=bool)
     chosen: list[Poly] = []
     while left.any() and choices and len(chosen) < most:
@@ -370,8 +357,7 @@ def freedom(branch: Branch, q: Array) -> int:
     loose = np.eye(len(q))[free]
     if not branch.equations:
         return len(loose)
-    slopes = gradients(branch.equations, q[None])[0] @ loose.T
-    _, sizes, right = np.linalg.svd(slopes)
+    _, sizes, right = np.linalg.svd(gradients(branch.equations, q[None])[0] @ loose.T)
     rank = int((sizes > 1e-6 * max(float(sizes[0]), 1e-300)).sum())
     directions = right[rank:] @ loose
     if not len(directions):
@@ -440,9 +426,7 @@ class LongChain:
         self.geometry, self.task, self.rank, self.ring = geometry, task, rank, ring
         self.maker, self.time = maker, time
         self.n = len(ring.prismatic)
-        self.limit = (len(task.rows) - rank + 1) * (self.n - rank + 1)
-        if len(task.rows) > rank:  # rows that depend on others raise the bound for nothing
-            self.limit = self.n - rank + 1
+        self.limit = self.n - rank + 1  # rows that depend on others would raise it for nothing
         self.open_ends: Counter[str] = Counter()
         self.components: list[Component] = []
         self.unseen: list[Component] = []
@@ -456,16 +440,13 @@ class LongChain:
         self._asked: set[object] = set()
         self._combined: set[object] = set()
         self._push(dict(place or {}))
-        self._run(thorough)
-        self.components = self._irredundant()
-
-    def _run(self, thorough: bool) -> None:
         self._go_on(first=True)
         while thorough and self._later and not self.time.stop():
             self._by_real_points()
             self._go_on()
         self.open_ends["waiting"] += len(self._waiting)
         self.open_ends["too_long"] += len(self._later)
+        self.components = self._irredundant()
 
     def _by_real_points(self) -> None:
         """Judge the first of the systems that were left for later."""
@@ -494,9 +475,7 @@ class LongChain:
 
     def _go_on(self, first: bool = False) -> None:
         """Search at all places that wait."""
-        while self._waiting:
-            if self.time.stop():
-                break
+        while self._waiting and not self.time.stop():
             _, _, place = heapq.heappop(self._waiting)
             if self._found.covers(place):
                 continue
@@ -541,9 +520,8 @@ class LongChain:
         """Look for dependent joints, not neighbours, that fix a wrench; in part of the time."""
         J = self._columns(place)
         seen: set[tuple[int, ...]] = set()
-        choices = itertools.combinations(range(self.n), self.rank)
         # Choices of joints among which groups that depend on each other everywhere are looked for.
-        for some in itertools.islice(choices, 20_000):
+        for some in itertools.islice(itertools.combinations(range(self.n), self.rank), 20_000):
             self.time.check()
             if rank(J, some) != self.rank - 1 or any(
                 rank(J, [j for j in some if j != k]) < self.rank - 1 for k in some
@@ -560,13 +538,11 @@ class LongChain:
             return
         polys: list[Poly] = []
         within = list(base)
-        free = [j for j in range(self.n) if j not in base and rank(J, [*base, j]) < self.rank]
-        within += free
+        within += [j for j in range(self.n) if j not in base and rank(J, [*base, j]) < self.rank]
         middle = (min(base) + max(base)) / 2 if base else (self.n - 1) / 2  # none: a single row
         rest = [j for j in range(self.n) if j not in within]
         for j in sorted(rest, key=lambda j: abs(j - middle)):
-            nearest = sorted(within, key=lambda k: (abs(k - j), k))
-            near = independent(J, nearest, self.rank - 1)
+            near = independent(J, sorted(within, key=lambda k: (abs(k - j), k)), self.rank - 1)
             within.append(j)
             if rank(J, [*near, j]) < self.rank:
                 continue
@@ -601,8 +577,7 @@ class LongChain:
         # The largest set first: on it as many joints as can be take part in each equation.
         ordered = [sorted(o, key=lambda f: -len(self.ring.joints_of(f))) for o in others]
         for some in itertools.product(*ordered):
-            relations = tuple(sorted({str(f): f for f in some}.values(), key=len))
-            self._judge(place, relations)
+            self._judge(place, tuple(sorted({str(f): f for f in some}.values(), key=len)))
 
     # Systems of equations -------------------------------------------------------------
 
@@ -616,8 +591,7 @@ class LongChain:
         are those that are regular there: an equation may hold whatever its joint does.
         """
         key = (frozenset(place.items()), frozenset(map(str, (*relations, *more))))
-        codimension = len(place) + len(relations)
-        if key in self._combined or codimension > self.limit:
+        if key in self._combined or len(place) + len(relations) > self.limit:
             return
         self._combined.add(key)
         if self._found.covers(place, relations):
@@ -649,7 +623,12 @@ class LongChain:
         """The same by real points."""
         codimension = len(place) + len(relations)
         every = tuple(sorted((*relations, *more), key=len))
-        points, ratio = self._met(place, every)
+        # By drawing, and from random starts.
+        branch = self.maker.branch_of(place, every)
+        points = np.concatenate(
+            [self.maker.find(branch, _POINTS, rounds=3), self.maker.thrown(branch, _POINTS)]
+        )
+        ratio = self.maker.ratios(points) if len(points) else np.zeros(0)
         # sigma_r / sigma_1 of points on a set that are singular, or not; between, they do not
         # count.
         singular, regular = points[ratio <= 1e-8], points[ratio >= 1e-5]
@@ -706,18 +685,17 @@ class LongChain:
             self._judge(place, relations, (*more, *told), rounds + 1)
             return
         for some in itertools.product(*factors):
-            fixed = next((v for f in some if (v := self.ring.joint_value(f))), None)
-            if fixed is not None:
+            if fixed := next((v for f in some if (v := self.ring.joint_value(f))), None):
                 self._push({**place, fixed[0]: fixed[1]})
-                continue
-            also = {str(f): f for f in some}
-            self._judge(place, relations, (*more, *also.values()), rounds + 1)
+            else:
+                self._judge(
+                    place, relations, (*more, *{str(f): f for f in some}.values()), rounds + 1
+                )
 
     def _telling(self, place: Places, relations: Relations, regular: MetPoints) -> Relations:
         """Minors that are zero where all are, and not at regular points; none if these are long."""
-        longest = max(len(r) for r in relations)
         # Terms of equations to which others are added that tell regular parts apart, and of these.
-        if longest > 200:
+        if max(len(r) for r in relations) > 200:
             return ()
         known = set(map(str, relations))
         minors = cutting(self._minors, self._columns(place), place, regular, self.n)
@@ -731,19 +709,10 @@ class LongChain:
             self.open_ends["uncut"] += 1
             return
         for f in self._factors(minors[0]):
-            fixed = self.ring.joint_value(f)
-            if fixed:
+            if fixed := self.ring.joint_value(f):
                 self._push({**place, fixed[0]: fixed[1]})
             else:
                 self._judge(place, (*relations, f))
-
-    def _met(self, place: Places, relations: Relations) -> tuple[Array, Array]:
-        """Real points of a system (k, n), by drawing and from random starts, and their ratios."""
-        branch = self.maker.branch_of(place, relations)
-        parts = [self.maker.find(branch, _POINTS, rounds=3), self.maker.thrown(branch, _POINTS)]
-        points = np.concatenate(parts)
-        ratio = self.maker.ratios(points) if len(points) else np.zeros(0)
-        return points, ratio
 
     # What was found -------------------------------------------------------------------
 
@@ -759,9 +728,6 @@ class LongChain:
         every.sort(key=lambda e: (e[0].codimension, len(e[0].relations)))
         kept: list[Component] = []
         for c, points in every:
-            if any(inside(c, k, self.ring) for k in kept):
-                continue
-            if len(points) and any(points.on(k) for k in kept):
-                continue
-            kept.append(c)
+            if not any(inside(c, k, self.ring) or (len(points) and points.on(k)) for k in kept):
+                kept.append(c)
         return kept

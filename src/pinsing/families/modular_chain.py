@@ -135,8 +135,7 @@ class ModularChain:
         p = self.p
         wrenches: dict[int, tuple[list[int], list[Any]]] = {}
         for i, screws in enumerate(near.tolist()):
-            flat = [v for s in screws for v in s]
-            free, count = nmod_mat(len(screws), 6, flat, p).nullspace()
+            free, count = nmod_mat(len(screws), 6, [v for s in screws for v in s], p).nullspace()
             if count:
                 rows = [[int(free[r, c]) for r in range(6)] for c in range(int(count))]
                 index, found = wrenches.setdefault(int(count), ([], []))
@@ -239,9 +238,8 @@ class _Split:
         self.p = prime
         monomials = list(terms)
         width = len(monomials[0]) if monomials else 0
-        cuts = range(0, width + 1)
         self.cut = min(
-            cuts,
+            range(width + 1),
             key=lambda c: sum(
                 len({m[s] for m in monomials}) for s in (slice(None, c), slice(c, None))
             ),
@@ -321,8 +319,7 @@ class ModularRows(ModularChain):
             some = left[first : first + step]
             i, k = (a.ravel() for a in np.meshgrid(np.arange(len(before)), some, indexing="ij"))
             L = self._rows(base[i if len(base) > 1 else np.zeros_like(i)], tip_axes[k], tip[k])
-            J = self._columns(L, np.concatenate([before[i], behind[k]], axis=1))
-            singular = short(J, p)
+            singular = short(self._columns(L, np.concatenate([before[i], behind[k]], axis=1)), p)
             out.append(np.stack([i[singular], k[singular]], axis=1))
         return np.concatenate(out) if out else np.zeros((0, 2), dtype=np.intp)
 
@@ -348,12 +345,10 @@ class ModularRows(ModularChain):
             triple = set(range(r - r % 3, r - r % 3 + 3))
             axes = whole if triple <= set(self.task.rows) else tip_axes if at_tip else base
             along = _as_many(axes[:, r % 3], count)
-            none = np.zeros_like(along)
+            both = np.zeros_like(along), along
             if r < 3:  # along . (v + w x tip) = along . v + (tip x along) . w
-                turned = np.cross(_as_many(tip, count), along) % self.p
-                out.append(np.concatenate([along, turned], axis=1))
-            else:
-                out.append(np.concatenate([none, along], axis=1))
+                both = along, np.cross(_as_many(tip, count), along) % self.p
+            out.append(np.concatenate(both, axis=1))
         return np.stack(out, axis=1)
 
     def _columns(self, rows: Ints, screws: Ints) -> npt.NDArray[np.int16]:
@@ -376,8 +371,7 @@ def short_everywhere(chain: ModularChain, geometry: Nominal, task: Task) -> bool
             x, y = chain.every(j)
             k = draw.randrange(len(x))
             at[j] = (Fraction(int(x[k])),) if slides else (Fraction(int(x[k])), Fraction(int(y[k])))
-        J = jacobian_modulo(geometry, task, chain.p, draw, at)
-        flat = [v for row in J for v in row]
+        flat = [v for row in jacobian_modulo(geometry, task, chain.p, draw, at) for v in row]
         if nmod_mat(rows, len(geometry.prismatic), flat, chain.p).rank() == rows:
             return False
     return True

@@ -86,8 +86,7 @@ def near(
     found = np.zeros(len(q), dtype=bool)
     for branch in branches:
         todo = np.flatnonzero(~found)
-        off = branch.off(q[todo], space)
-        close = todo[np.linalg.norm(off, axis=-1) <= tol]
+        close = todo[np.linalg.norm(branch.off(q[todo], space), axis=-1) <= tol]
         if not branch.equations:
             found[close] = True
             continue

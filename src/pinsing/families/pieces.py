@@ -74,8 +74,7 @@ class PieceMaker:
         flat = [float(x) for row in geometry.translation for x in row]
         self.lengths = [abs(x) for x in flat if x != 0]
         # A family is as real outside the limits: sliders range over the size of the arm at least.
-        size = sum(self.lengths) or 1.0
-        reach = np.where(arm.prismatic, size, np.pi)
+        reach = np.where(arm.prismatic, sum(self.lengths) or 1.0, np.pi)
         slides = [arm.prismatic & np.isfinite(limit) for limit in (arm.lower, arm.upper)]
         self.lower = np.where(slides[0], np.minimum(arm.lower, -reach), -reach)
         self.upper = np.where(slides[1], np.maximum(arm.upper, reach), reach)
@@ -99,9 +98,7 @@ class PieceMaker:
             others += unsolved
             codimension = component.codimension
         equations = [self.equation_of(p) for p in others]
-        branches = []
-        for combination in combinations:
-            branches += self._branches(fixed, combination, equations)
+        branches = (b for c in combinations for b in self._branches(fixed, c, equations))
         alive = [b for b in branches if not self._empty(b)]
         if not alive:
             return []
@@ -202,8 +199,7 @@ class PieceMaker:
 
     def _algebraic(self, joint: int, value: AlgebraicValue) -> JointValue:
         slides = self.ring.prismatic[joint]
-        exact = value.exact(slides)
-        if exact is not None:
+        if (exact := value.exact(slides)) is not None:
             return replace(self._value(joint, exact), minimal=value.minimal)
         if slides:
             return JointValue(joint, float(value.ball), False, value.minimal)
@@ -216,7 +212,7 @@ class PieceMaker:
         try:
             found = isolated_zeros(poly, self.ring, self.time)
         except (NotFinite, BudgetExceeded):
-            found = None
+            return None
         if found is None:
             return None
         return [[self._algebraic(j, v) for j, v in s.items()] for s in found]
@@ -226,10 +222,10 @@ class PieceMaker:
         fixed, free = self._start(branch)
 
         def searched(some: int) -> Array:
-            box = self.lower, self.upper
-            left = self.rounds(rounds)
-            until = self.time
-            return search(branch.equations, *box, free, fixed, some, self.rng, left, until.stop)
+            return search(
+                branch.equations, self.lower, self.upper, free, fixed, some, self.rng,
+                self.rounds(rounds), self.time.stop,
+            )  # fmt: skip
 
         found = searched(count)
         if self.confirm is None:
@@ -322,11 +318,12 @@ class PieceMaker:
     def _empty(self, branch: Branch) -> bool:
         if any(never_zero(e) for e in branch.equations):
             return True
-        if not branch.equations or self._has_point(branch):
+        if not branch.equations or self._has_point(branch) or self.time.over:
             return False
-        if self.time.over or any(e.powers.any() for e in branch.equations):
-            return False  # no box holds all values of a slider
-        return proven_empty(branch.equations, self.lower, self.upper, self.time.stop)
+        # No box holds all values of a slider.
+        return not any(e.powers.any() for e in branch.equations) and proven_empty(
+            branch.equations, self.lower, self.upper, self.time.stop
+        )
 
 
 def _distinct(equations: Sequence[Equation]) -> list[Equation]:

@@ -78,8 +78,7 @@ def within(form: ClosedForm, budget: Budget, progress: Callable[[str], None] | N
         for x in np.ravel(np.asarray(part, dtype=object))
     )
     ended = search.run(lambda: _proof(form, budget, say), at_once=roots)
-    proof = ended.result
-    if proof is None:
+    if (proof := ended.result) is None:
         reason = f"none was found: {ended.reason}"
         proof = _none(form, reason, True, time.monotonic() - started)
     if not proof.accepted:
@@ -129,15 +128,13 @@ def _proof(form: ClosedForm, budget: Budget, progress: Callable[[str], None]) ->
 def _made(
     form: ClosedForm, budget: Budget, progress: Callable[[str], None] | None, in_parts: bool
 ) -> dict[str, Any]:
-    geometry = form.geometry
-    if geometry is None:
+    if (geometry := form.geometry) is None:
         raise NotFound("the closed form was read from a file: without its exact polynomials")
     try:
         numbers = constants(geometry, geometry.arm.task)
     except NotFollowed as reason:
         raise NotFound(f"the algebra does not follow a mimic joint: {reason}") from None
-    slides = tuple(bool(p) for p in geometry.arm.prismatic)
-    ring = ring_of(slides, numbers, budget)
+    ring = ring_of(tuple(bool(p) for p in geometry.arm.prismatic), numbers, budget)
     # The certificate is of the polynomials, not of what is stated: unless these are known to agree.
     if form.families is not form.faithful:
         for off in disagreements(form.families, (), ring, geometry, form.symbols):

@@ -244,8 +244,7 @@ class Slices:
             own = np.concatenate(self.held(slices, c)) if slices else np.zeros(0, dtype=bool)
             # Points of one field, and such fields, that a component must have been met at to be
             # told from others by them.
-            telling = [p for p in set(primes[own].tolist()) if (primes[own] == p).sum() >= 12]
-            if len(telling) < 2:
+            if len([p for p in set(primes[own].tolist()) if (primes[own] == p).sum() >= 12]) < 2:
                 continue
             for k in left:
                 if k is c or not np.concatenate(self.held(slices, k))[own].all():

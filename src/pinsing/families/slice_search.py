@@ -145,18 +145,16 @@ class SliceSearch:
         """Return True if slices were gone through often enough."""
         if not self._enough():
             return False
-        clean = [s for p in self._turns for s in self.kept[p]]
-        count = self.slices.count(clean, self.components)
+        count = self.slices.count([s for p in self._turns for s in self.kept[p]], self.components)
         # Times that all slices are gone through, each time over another field or with other values:
         # up to the second number while one of the components was met on none.
         return count.met == count.known or sum(self._turns.values()) >= 7
 
     def _enough(self) -> bool:
         """Return True if slices were gone through as often as must be, over as many fields."""
-        fields = len(+self._turns)
         # Times that all slices are gone through, each time over another field or with other values:
         # up to the second number while one of the components was met on none.
-        return sum(self._turns.values()) >= 5 and fields >= NEEDED + len(self._open)
+        return sum(self._turns.values()) >= 5 and len(+self._turns) >= NEEDED + len(self._open)
 
     def _follow(self, slices: Sequence[Slice]) -> bool:
         """Search where points on no family lead to; whether some are left."""
@@ -182,8 +180,7 @@ class SliceSearch:
             return
         off = self.real.missed(self.components)
         while len(off) and not self.time.stop():
-            at = self._next_real(off)
-            if at is None:
+            if (at := self._next_real(off)) is None:
                 return
             self._tried.add(at)
             before = self.components
@@ -195,13 +192,12 @@ class SliceSearch:
         """The value of a joint that most of some real points share, of those not tried."""
         assert self.real is not None
         shared = {
-            (j, value): int(self.real.at(off, j, value).sum())
+            (j, value): count
             for j, values in self._values().items()
             for value in values
-            if (j, value) not in self._tried
+            if (j, value) not in self._tried and (count := int(self.real.at(off, j, value).sum()))
         }
-        best = max(shared, key=lambda at: shared[at], default=None)
-        return best if best is not None and shared[best] else None
+        return max(shared, key=lambda at: shared[at], default=None)
 
     def _taken_in(self, off: list[Slice]) -> list[Slice]:
         """Return what is left of points when systems that have some of them are components, too."""
@@ -214,9 +210,9 @@ class SliceSearch:
             on = max(off, key=lambda s: int(self.slices.held([s], c)[0].sum()))
             if c.codimension < self.limit and self.slices.regular_too(on, c):
                 self._unseen += self._cut(c)  # what is singular of it is smaller
-                continue
-            self.components.append(c)
-            off = self._left(off)
+            else:
+                self.components.append(c)
+                off = self._left(off)
         return off
 
     def _cut(self, c: Component) -> list[Component]:
@@ -236,11 +232,9 @@ class SliceSearch:
                     found.append(self.ring.factors(minor))
         except (BudgetExceeded, NotSquare):
             pass
-        out = []
-        for f in min(found, key=lambda fs: max(map(len, fs), default=0), default=[]):
-            cut = Component(c.values, (*c.relations, f), False, c.codimension + 1)
-            out.append(settled(cut, self.ring))
-        return out
+        shortest = min(found, key=lambda fs: max(map(len, fs), default=0), default=[])
+        cuts = (Component(c.values, (*c.relations, f), False, c.codimension + 1) for f in shortest)
+        return [settled(cut, self.ring) for cut in cuts]
 
     def _left(self, slices: Sequence[Slice]) -> list[Slice]:
         """The points of slices that are on no family, where there are some."""
@@ -263,14 +257,11 @@ class SliceSearch:
                     if (j, value) not in self._tried:
                         shared[j, value] += int(on.sum())
 
-        def telling(item: tuple[At, int]) -> tuple[float, int]:
+        def telling(at: At) -> tuple[float, int]:
             """Return the joint at whose values all missing points are, first."""
-            j = item[0][0]
-            return at_one[j] / (of[j] + 1), item[1]
+            return at_one[at[0]] / (of[at[0]] + 1), shared[at]
 
-        left = {at: count for at, count in shared.items() if count}
-        best = max(left.items(), key=telling, default=None)
-        return best[0] if best is not None else None
+        return max(+shared, key=telling, default=None)
 
     def _values(self) -> dict[int, list[Value]]:
         """Values of each joint at which axes are special: quarter turns, and factors of minors."""
@@ -297,8 +288,7 @@ class SliceSearch:
             except (BudgetExceeded, NotSquare):
                 continue
             for f in factors:
-                fixed = self.ring.joint_value(f)
-                if fixed is not None:
+                if (fixed := self.ring.joint_value(f)) is not None:
                     found[fixed[0]][fixed[1]] = None
         self._special = {j: list(values) for j, values in found.items()}
         return self._special

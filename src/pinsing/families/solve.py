@@ -19,14 +19,13 @@ from pinsing.algebra.equation import Equation
 from pinsing.algebra.mimic import NotFollowed, drives
 from pinsing.arguments import checked
 from pinsing.errors import OptionError
-from pinsing.families.describe import describe, stated
+from pinsing.families.describe import describe, mirror_key, stated
 from pinsing.families.faithful import disagreements
 from pinsing.families.family import Family
 from pinsing.families.form import ClosedForm
 from pinsing.families.pieces import SolvedPiece
 from pinsing.families.proving import LONG, prove as add_proof, prove_briefly
 from pinsing.families.slice_count import SliceCount, count_on_slices
-from pinsing.families.statement import mirror_key
 from pinsing.families.steps import MAX_JOINTS, ComponentSearch
 from pinsing.families.tube import find_tube
 from pinsing.kinematics.jacobian import generic_rank
@@ -69,10 +68,8 @@ def snap_hint(offset: float, families: Sequence[Family] | None, complete: bool =
 
 def unsolved_hint(systems: int) -> str:
     """One line: equations that finitely many joint values would say better."""
-    if systems == 1:
-        many, they = "a system of equations was", "it stays"
-    else:
-        many, they = f"{systems} systems of equations were", "they stay"
+    one = ("a system of equations was", "it stays")
+    many, they = one if systems == 1 else (f"{systems} systems of equations were", "they stay")
     return (
         f"time was over before {many} solved for joint values: {they} as stated, which is as true; "
         "more time (--seconds) may give these"
@@ -84,12 +81,12 @@ def by_rank_hint(families: Sequence[Family], rank: int) -> str | None:
     # Equations of neighbouring axes, or of slices, may be zero at regular configurations, too.
     asked = [f for f in families if f.confirm is not None and not f.confirm.touching]
     names = [f.name for f in asked if any(b.equations for b in f.branches)]
-    if not names:
-        return None
     return (
         f"equations of {', '.join(names)}: they may hold at some regular configurations, too; "
         f"singular are those at which the rank drops below {rank}, for which `contains`, "
         "`distance` and `sample` ask"
+        if names
+        else None
     )
 
 
@@ -195,11 +192,12 @@ def closed_form(
     (True, 'proven')
     """
     given, seconds = seconds, SECONDS if seconds is None else seconds
-    if not seconds > 0:
-        raise OptionError(f"seconds must be positive, got {seconds!r}")
+    OptionError.refuse_if(not seconds > 0, f"seconds must be positive, got {seconds!r}")
     if symbols is not None and symbols is not False:
-        if prove is True or snap_length:
-            raise OptionError("symbols do not go with prove or snap_length: give numbers for these")
+        OptionError.refuse_if(
+            prove is True or snap_length,
+            "symbols do not go with prove or snap_length: give numbers for these",
+        )
         return _design(arm, symbols, seconds, angle_tol)
     arm = arm if isinstance(arm, Arm) else load(arm)
     design = arm.design if design is None else design
@@ -265,8 +263,7 @@ def _found(
         gaps.append(obstacle)
     elif arm.n > 0 and rank > 0:
         # Share of the time that there is for finding components; describing them needs some too.
-        given = geometry, arm, rank, symbols, whole.part(0.9), angle_tol
-        search = ComponentSearch(*given).run()
+        search = ComponentSearch(geometry, arm, rank, symbols, whole.part(0.9), angle_tol).run()
         maker = search.maker
         gaps += search.gaps
         steps = search.random
@@ -303,10 +300,10 @@ def _found(
         and (rank == len(arm.task.rows) and arm.n >= 6 and arm.coupling is None)
     ):
         # Share of the time that there is for counting on slices what a long chain's families miss.
-        left = whole.part(1.0, 0.05)
         counted = count_on_slices(
-            geometry, arm.task, maker.ring, search.components, arm.n - rank + 1, left
-        )
+            geometry, arm.task, maker.ring, search.components, arm.n - rank + 1,
+            whole.part(1.0, 0.05),
+        )  # fmt: skip
     if counted is not None and counted.off:
         gaps.append(f"{counted.sentence()}, and so it is over another: something is missing")
     hints: tuple[str, ...] = ()
@@ -355,8 +352,7 @@ def _design(
 ) -> DesignForm:
     """The closed form with some lengths as symbols."""
     # With the readers of files, only where symbols are asked for.
-    from pinsing.families.design import design_form
-    from pinsing.families.design_lengths import of_arm
+    from pinsing.families.design import design_form, of_arm
 
     chosen: Sequence[str] | None = None
     if isinstance(symbols, str):
@@ -364,13 +360,13 @@ def _design(
     elif not isinstance(symbols, bool):
         chosen = tuple(symbols)
     loaded = arm if isinstance(arm, Arm) else load(arm)
-    if loaded.coupling is not None:
-        raise OptionError("lengths stay symbols in chains without mimic joints")
-    if loaded.n > MAX_JOINTS:
-        raise OptionError(
-            f"lengths stay symbols in chains of at most {MAX_JOINTS} joints, and this has "
-            f"{loaded.n}"
-        )
+    OptionError.refuse_if(
+        loaded.coupling is not None, "lengths stay symbols in chains without mimic joints"
+    )
+    OptionError.refuse_if(
+        loaded.n > MAX_JOINTS,
+        f"lengths stay symbols in chains of at most {MAX_JOINTS} joints, and this has {loaded.n}",
+    )
     return design_form(of_arm(loaded, chosen, angle_tol), joint_symbols(loaded), seconds)
 
 

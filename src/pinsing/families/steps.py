@@ -76,9 +76,7 @@ def planar_chain(
     if not turning:
         return None
     normal = axes[turning[0]]
-    if any(_apart(axes[j], normal) for j in turning):
-        return None
-    if any(slides and axes[j] @ normal for j, slides in enumerate(prismatic)):
+    if any(axes[j] @ normal if s else _apart(axes[j], normal) for j, s in enumerate(prismatic)):
         return None
     counted = _counted(task, normal, tip_turn)
     if counted is None or rank != counted.directions + counted.turns:
@@ -88,8 +86,7 @@ def planar_chain(
     relations: list[Poly] = []
     directions: list[tuple[int, Vector]] = []
     for last, stretch in stretches:
-        found = _direction(stretch, normal, ring, values, relations)
-        if found is None:
+        if (found := _direction(stretch, normal, ring, values, relations)) is None:
             return ()
         directions += [(last, found)] if found.any() else []
     if not directions:
@@ -175,9 +172,8 @@ def _stretches(
     out = []
     for before, after in itertools.pairwise(ends):
         slides = tuple((j, axes[j]) for j in range(before + 1, after))
-        counts = before >= 0 and not (turns and after == len(prismatic))
         link = None
-        if counts:
+        if before >= 0 and not (turns and after == len(prismatic)):
             link = places[after] - places[before]
             link = link - (link @ normal) * normal
         out.append((before, _Stretch(link, slides)))
@@ -207,10 +203,8 @@ def _direction(
         values[j] = (-rest / share,)
     else:
         gens = ring.context.gens()
-        total = ring.number(rest)
-        for j, share in shares:
-            total = total + ring.number(share) * gens[ring.variables(j)[0]]
-        relations.append(total)
+        parts = (ring.number(share) * gens[ring.variables(j)[0]] for j, share in shares)
+        relations.append(sum(parts, ring.number(rest)))
     return d
 
 
@@ -333,8 +327,7 @@ class PlanarChainStep:
 
     def take(self, s: ComponentSearch) -> None:
         """Close the search if the task counts in the plane."""
-        found = planar_chain(s.geometry, s.task, s.rank, s.ring)
-        if found is not None:
+        if (found := planar_chain(s.geometry, s.task, s.rank, s.ring)) is not None:
             s.components, s.closed = list(found), True
             s.maker.products = True
 
@@ -354,8 +347,7 @@ class AllMinorsStep:
         found = s.all_minors(s.first)
         s.components, s.random = list(found.components), found.second
         s.gaps = list(dict.fromkeys(found.gaps))
-        more = s.arm.n >= _MANY or s.slices or not s.components
-        s.closed = not (found.gaps and more)
+        s.closed = not (found.gaps and (s.arm.n >= _MANY or s.slices or not s.components))
 
     @staticmethod
     def _share(s: ComponentSearch) -> float:
@@ -380,9 +372,8 @@ class NearMinorsStep:
 
     def take(self, s: ComponentSearch) -> None:
         """Add what is new, and drop what lies in it."""
-        share = 0.7  # where no slices follow
-        if s.slices:  # larger ones of ten joints and more
-            share = 0.4 if s.arm.n <= _MANY else 0.25
+        # Larger shares for slices of ten joints and more.
+        share = (0.4 if s.arm.n <= _MANY else 0.25) if s.slices else 0.7
         s.maker.time = time = s.rest(share)
         try:
             s.chain = LongChain(s.geometry, s.task, s.rank, s.ring, s.maker, time)

@@ -64,8 +64,7 @@ class _SystemMaker:
     def __init__(self, chosen: Sequence[Family], geometry: Nominal, symbols: Sequence[str]) -> None:
         self.symbols, self.chosen = symbols, chosen
         self.prismatic = tuple(bool(p) for p in geometry.arm.prismatic)
-        numbers = constants(geometry, geometry.arm.task)
-        self.ring = ring_of(self.prismatic, numbers, Budget(10.0))
+        self.ring = ring_of(self.prismatic, constants(geometry, geometry.arm.task), Budget(10.0))
         self.joints = sorted(
             {
                 j
@@ -79,8 +78,7 @@ class _SystemMaker:
         self.shift = [a - k * math.pi / 2 for a, k in zip(offset, self.quarters, strict=True)]
         roots = getattr(self.ring, "roots", ())
         named = [(f"r{d}", f"sqrt({d})") for d in roots]
-        for j in self.joints:
-            named += self._named(j)
+        named += [variable for j in self.joints for variable in self._named(j)]
         self.variables = tuple(named)
         self.context = fmpq_mpoly_ctx.get([name for name, _ in named], Ordering.degrevlex)
         gens = iter(self.context.gens())
@@ -124,10 +122,8 @@ class _SystemMaker:
     def _value(self, j: int, several: Sequence[Value]) -> list[Poly]:
         """That a joint has one of some exact values."""
         if self.prismatic[j]:
-            product = self.context.constant(1)
-            for (value,) in several:
-                product = product * (self.own[j][0] - self._number(value))
-            return [product]
+            factors = (self.own[j][0] - self._number(value) for (value,) in several)
+            return [math.prod(factors, start=self.context.constant(1))]
         if len(several) == 1:
             x, y = several[0]
             square = x * x + y * y
@@ -142,10 +138,8 @@ class _SystemMaker:
                 for k in range(len(form) + 1)
             ]
         degree = len(several)
-        total = self.context.constant(0)
-        for k, number in enumerate(form):
-            total = total + self._number(number) * self._power(j, degree - k, k)
-        return [total]
+        terms = (self._number(c) * self._power(j, degree - k, k) for k, c in enumerate(form))
+        return [sum(terms, start=self.context.constant(0))]
 
     def _even(self, terms: Mapping[tuple[int, ...], Exact]) -> list[Poly]:
         """A polynomial, times x and times y of each joint in which its degree is odd."""
@@ -160,12 +154,11 @@ class _SystemMaker:
                 term = self._number(number)
                 for j in self.joints:
                     exponents = [int(m[v]) for v in self.ring.variables(j)]
-                    if self.prismatic[j]:
-                        term = term * self.own[j][0] ** exponents[0]
-                        continue
                     if j in more:
                         exponents[more[j]] += 1
-                    if any(exponents):
+                    if self.prismatic[j]:
+                        term = term * self.own[j][0] ** exponents[0]
+                    elif any(exponents):
                         term = term * self._power(j, *exponents)
                 total = total + term
             polys.append(total)
@@ -208,8 +201,7 @@ def _joined(
         found.append(({j: (v,) for j, v in sorted(c.values.items())}, c.relations))
     while pair := _pair(found):
         (i, k, j) = pair
-        values = found[i][0] | {j: found[i][0][j] + found[k][0][j]}
-        found[i] = values, found[i][1]
+        found[i] = found[i][0] | {j: found[i][0][j] + found[k][0][j]}, found[i][1]
         del found[k]
     return found
 
@@ -254,8 +246,7 @@ _WHICH = "k"
 
 def language_of(path: Path) -> str:
     """The language that the suffix of a file's name stands for."""
-    found = SUFFIXES.get(path.suffix.lower())
-    if found is None:
+    if (found := SUFFIXES.get(path.suffix.lower())) is None:
         given = f"ends in {path.suffix!r}" if path.suffix else "has no suffix"
         raise OptionError(
             f"{visible(str(path))}: the name {given}; take .sing for Singular, .ms for "
@@ -273,8 +264,9 @@ def system_text(
     asked = asked_for({f.name: f for f in form.families}, names or ())
     chosen = [f for f in form.families if names is None or f.name in asked]
     arm = form.arm
-    if not chosen:
-        raise OptionError(f"{arm.name}, task {arm.task}: there is no family to write equations of")
+    OptionError.refuse_if(
+        not chosen, f"{arm.name}, task {arm.task}: there is no family to write equations of"
+    )
     if form.geometry is None or not all(f.components for f in chosen):
         raise OptionError(
             "the exact equations are not in a closed form that was read from a file: make it "

@@ -251,8 +251,7 @@ def system_of(equations: Sequence[Equation]) -> System:
     """The system of some equations, made once if short: the first keeps it, and it all of them."""
     if not equations or sum(len(e.cos) for e in equations) > _CHEAP:
         return System(equations)
-    name = f"system of {[id(e) for e in equations]}"
-    return equations[0].once(name, lambda: System(equations))
+    return equations[0].once(f"system of {[id(e) for e in equations]}", lambda: System(equations))
 
 
 def residuals(equations: Sequence[Equation], q: Array) -> Array:
@@ -474,8 +473,7 @@ def slopes(equation: Equation, lower: Array, upper: Array) -> Array:
     """Largest possible derivative by each joint within a box: (n,)."""
     size = np.hypot(equation.cos, equation.sin)
     bound = np.maximum(np.abs(lower), np.abs(upper))
-    power = np.prod(bound**equation.powers, axis=-1)
-    steep = (size * power) @ (np.abs(equation.frequencies) / 2)
+    steep = (size * np.prod(bound**equation.powers, axis=-1)) @ (np.abs(equation.frequencies) / 2)
     for j in np.flatnonzero(equation.powers.any(axis=0)):
         lowered = equation.powers.copy()
         factor = lowered[:, j].astype(float)
@@ -523,7 +521,6 @@ def proven_empty(
             return True
         axis = np.argmax(worst, axis=1)
         rows = np.arange(len(centers))
-        halves = halves.copy()
         halves[rows, axis] /= 2
         shift = np.zeros_like(centers)
         shift[rows, axis] = halves[rows, axis]

@@ -38,17 +38,16 @@ def batch_chain(arm: Arm, engine: str = "auto") -> FlatChain | None:
         raise OptionError(f"unknown engine {engine!r}: use one of {', '.join(ENGINES)}")
     if engine == PINOCCHIO:
         return None
-    reason = kernel.unavailable_reason()
-    if reason is not None:
-        if engine == "batch":
-            raise EngineError(reason)
-        return None
-    found = arm.once("batch_chain", lambda: _verified(arm))
-    if isinstance(found, FlatChain):
-        return found
-    if engine == "batch":
-        raise EngineError(str(found))
-    return None
+    found = _chain_or_reason(arm)
+    if engine == "batch" and not isinstance(found, FlatChain):
+        raise EngineError(found)
+    return found if isinstance(found, FlatChain) else None
+
+
+def _chain_or_reason(arm: Arm) -> FlatChain | str:
+    """The arm's chain for the kernel, or why there is none."""
+    found: FlatChain | str = arm.once("batch_chain", lambda: _verified(arm))
+    return kernel.unavailable_reason() or found
 
 
 def fixed_engine(arm: Arm, engine: str = "auto") -> str:
@@ -61,11 +60,11 @@ def fixed_engine(arm: Arm, engine: str = "auto") -> str:
     if engine not in ENGINES:
         if engine in INSTRUCTION_SETS:
             has = ", ".join(here) or "no compiled kernel"
-            if here and engine not in kernel.built_names():
-                raise EngineError(
-                    f"engine {engine} was not compiled here; this installation has {has} "
-                    "(pip install -e . in the clone compiles all)"
-                )
+            EngineError.refuse_if(
+                here and engine not in kernel.built_names(),
+                f"engine {engine} was not compiled here; this installation has {has} "
+                "(pip install -e . in the clone compiles all)",
+            )
             raise EngineError(f"engine {engine} does not run on this machine; it has {has}")
         names = dict.fromkeys((*ENGINES, *here))
         raise OptionError(f"unknown engine {engine!r}: use one of {', '.join(names)}")
@@ -74,17 +73,18 @@ def fixed_engine(arm: Arm, engine: str = "auto") -> str:
 
 def check_threads(threads: int | None) -> int | None:
     """Return ``threads``, or raise OptionError if it is below 1."""
-    if threads is not None and threads < 1:
-        raise OptionError(f"threads must be at least 1, got {threads}")
+    OptionError.refuse_if(
+        threads is not None and threads < 1, f"threads must be at least 1, got {threads}"
+    )
     return threads
 
 
 def engine_name(arm: Arm) -> str:
     """Say in a few words what computes batches for ``arm`` on this machine."""
-    if batch_chain(arm) is not None:
+    found = _chain_or_reason(arm)
+    if isinstance(found, FlatChain):
         return f"compiled batch kernel ({kernel.isa_names()[-1]}), checked against Pinocchio"
-    reason = kernel.unavailable_reason() or str(arm.once("batch_chain", lambda: _verified(arm)))
-    return f"Pinocchio and NumPy ({reason})"
+    return f"Pinocchio and NumPy ({found})"
 
 
 def model_values(arm: Arm, Q: Array) -> Array:
@@ -126,30 +126,31 @@ def tip_rotations(arm: Arm, Q: Array, engine: str = "auto", threads: int | None 
     """Rotations (N, 3, 3) of the tip in the base at Q (N, n): columns are its axes."""
     engine = fixed_engine(arm, engine)
     if engine == PINOCCHIO:
-        return _by_pinocchio(arm, Q)
+        data = arm.model.createData()
+        found = np.empty((len(Q), 3, 3))
+        for i, q in enumerate(arm.model_q(Q)):
+            pin.forwardKinematics(arm.model, data, q)
+            found[i] = pin.updateFramePlacement(arm.model, data, arm.tip_id).rotation
+        return found
     # Three slides along the tip's axes, behind it: their columns are those axes.
     chain = arm.once("chain_with_tip_axes", lambda: _with_tip_axes(arm))
     values = np.concatenate([model_values(arm, Q), np.zeros((len(Q), 3))], axis=1)
-    J = kernel.jacobians(chain, values, threads=threads, isa=engine)
-    return J[:, :3, -3:]
+    return kernel.jacobians(chain, values, threads=threads, isa=engine)[:, :3, -3:]
 
 
 def task_rows(arm: Arm, J: Array, Q: Array, R: Array | None = None) -> Array:
     """Return the task's rows (..., m, k) of J (..., 6, k), which is in base axes."""
     # ``Q`` (..., n), or ``R`` (..., 3, 3) where known, is where the tip's axes are taken.
-    rows = list(arm.task.rows)
-    if not arm.task.at_tip:
-        return np.asarray(J[..., rows, :])
-    if R is None:
+    if arm.task.at_tip and R is None:
         flat = np.asarray(Q, dtype=float).reshape(-1, arm.n)
         R = tip_rotations(arm, flat).reshape(*np.shape(Q)[:-1], 3, 3)
     return picked(arm.task, J, R)
 
 
-def picked(task: Task, J: Array, R: Array) -> Array:
-    """The same of a task alone, with the tip's rotation R (..., 3, 3)."""
+def picked(task: Task, J: Array, R: Array | None) -> Array:
+    """The same of a task alone, with the tip's rotation R (..., 3, 3) where it counts."""
     rows = list(task.rows)
-    if not task.at_tip:
+    if not task.at_tip or R is None:
         return np.asarray(J[..., rows, :])
     back = np.swapaxes(R, -1, -2)
     turned = np.concatenate([back @ J[..., :3, :], back @ J[..., 3:, :]], axis=-2)
@@ -173,13 +174,10 @@ def turned_slopes(arm: Arm, J: Array, H: Array, Q: Array) -> Array:
         return np.asarray(H[..., rows, :, :])
     back = np.swapaxes(tip_rotations(arm, Q), -1, -2)
     w = J[..., 3:, :]
-    parts = []
-    for first in (0, 3):
-        carried = H[..., first : first + 3, :, :] - each_cross(w, J[..., first : first + 3, :])
-        parts.append(np.einsum("...ab,...bij->...aij", back, carried))
-    turned = np.concatenate(parts, axis=-3)[..., rows, :, :]
-    at_tip = np.array(task.at_tip)[:, None, None]
-    return np.where(at_tip, turned, H[..., rows, :, :])
+    parts = (H[..., k : k + 3, :, :] - each_cross(w, J[..., k : k + 3, :]) for k in (0, 3))
+    both = [np.einsum("...ab,...bij->...aij", back, carried) for carried in parts]
+    turned = np.concatenate(both, axis=-3)[..., rows, :, :]
+    return np.where(np.array(task.at_tip)[:, None, None], turned, H[..., rows, :, :])
 
 
 def turn_left(task: Task, R: Array, goal: Array) -> Array:
@@ -192,8 +190,7 @@ def turn_left(task: Task, R: Array, goal: Array) -> Array:
     across = np.cross(here, there)
     sine = np.linalg.norm(across, axis=-1)
     angle = np.arctan2(sine, (here * there).sum(axis=-1))
-    factor = np.where(sine > 1e-9, angle / np.maximum(sine, 1e-300), 1.0)
-    out = across * factor[..., None]
+    out = across * np.where(sine > 1e-9, angle / np.maximum(sine, 1e-300), 1.0)[..., None]
     half = (sine <= 1e-9) & (angle > 1)  # any way out will do
     out[half] = math.pi * R[half][..., :, (axis + 1) % 3]
     return np.asarray(out)
@@ -237,15 +234,6 @@ def _with_tip_axes(arm: Arm) -> FlatChain:
         np.concatenate([chain.t, np.zeros((3, 3))]),
         np.concatenate([chain.prismatic, np.ones(3, dtype=bool)]),
     )
-
-
-def _by_pinocchio(arm: Arm, Q: Array) -> Array:
-    data = arm.model.createData()
-    found = np.empty((len(Q), 3, 3))
-    for i, q in enumerate(arm.model_q(Q)):
-        pin.forwardKinematics(arm.model, data, q)
-        found[i] = pin.updateFramePlacement(arm.model, data, arm.tip_id).rotation
-    return found
 
 
 _SAMPLES = 16
@@ -313,8 +301,7 @@ class Batch:
 
     def model_jacobians(self, Q: Array) -> Array:
         """Frame Jacobians (N, 6, nv) by every velocity of the model, mimic joints on their own."""
-        chain = self._chain()
-        if chain is None:
+        if (chain := self._chain()) is None:
             return pinocchio_jacobians(self.arm, Q)
         values = model_values(self.arm, Q)
         return kernel.jacobians(chain, values, threads=self.threads, isa=self.engine)
@@ -356,9 +343,9 @@ class Batch:
 
     def _tip(self, Q: Array) -> Array | None:
         """Rotations of the tip on this engine, where the task asks for its axes."""
-        if not self.arm.task.at_tip:
-            return None
-        return tip_rotations(self.arm, Q, self.engine, self.threads)
+        return (
+            tip_rotations(self.arm, Q, self.engine, self.threads) if self.arm.task.at_tip else None
+        )
 
     def own_chain(self) -> FlatChain:
         """The kernel's chain of the arm as it is in its own length."""

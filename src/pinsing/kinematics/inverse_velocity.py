@@ -39,12 +39,17 @@ class DampingOptions:
     def __post_init__(self) -> None:
         for name in ("damping", "threshold", "gamma_max", "manipulability"):
             value = getattr(self, name)
-            if value is not None and not 0 < value < _HUGE:
-                raise OptionError(f"{name} must be a positive number, got {value!r}")
-        if not 0 <= self.isotropic < _HUGE:
-            raise OptionError(f"isotropic must not be negative, got {self.isotropic!r}")
-        if not 0 < self.gamma < 1:
-            raise OptionError(f"gamma must be between 0 and 1, got {self.gamma!r}")
+            OptionError.refuse_if(
+                value is not None and not 0 < value < _HUGE,
+                f"{name} must be a positive number, got {value!r}",
+            )
+        OptionError.refuse_if(
+            not 0 <= self.isotropic < _HUGE,
+            f"isotropic must not be negative, got {self.isotropic!r}",
+        )
+        OptionError.refuse_if(
+            not 0 < self.gamma < 1, f"gamma must be between 0 and 1, got {self.gamma!r}"
+        )
 
 
 def damped_gains(method: str, sigma: Array, options: DampingOptions) -> Array:
@@ -63,8 +68,7 @@ def damped_gains(method: str, sigma: Array, options: DampingOptions) -> Array:
             share = sigma[..., -1:] / o.threshold
         else:
             share = np.prod(sigma, axis=-1, keepdims=True) / o.manipulability
-        square = (o.damping * np.maximum(1 - share, 0.0)) ** 2
-        return _over(sigma, square)
+        return _over(sigma, (o.damping * np.maximum(1 - share, 0.0)) ** 2)
     if method == "filter":
         # Maciejewski and Klein: J^T (J J^T + lambda^2 1 + beta^2 u_m u_m^T)^-1, u_m the direction
         # that is lost. Each direction below the threshold has a beta of its own, so that nothing
@@ -92,8 +96,7 @@ def selective_gains(J: Array, sigma: Array, V: Array, wanted: Array, gamma_max: 
     """
     lost = sigma <= NOISE * sigma[..., :1]
     inverse = np.where(lost, 0.0, 1 / np.where(lost, 1.0, sigma))
-    columns = np.linalg.norm(J, axis=-2)
-    M = inverse * np.einsum("...jk,...j->...k", np.abs(V), columns)
+    M = inverse * np.einsum("...jk,...j->...k", np.abs(V), np.linalg.norm(J, axis=-2))
     allowed = gamma_max * np.minimum(1.0, 1 / np.maximum(M, 1e-300))
     asked = np.abs(inverse * wanted) * np.abs(V).max(axis=-2)
     return np.asarray(inverse * np.minimum(1.0, allowed / np.maximum(asked, 1e-300)))
@@ -279,16 +282,19 @@ def _arrays(J: npt.ArrayLike, twist: npt.ArrayLike) -> tuple[Array, Array]:
         jacobians, twists = np.array(J, dtype=float), np.array(twist, dtype=float)
     except (TypeError, ValueError) as error:
         raise ConfigurationError(f"J and twist must be arrays of numbers: {error}") from None
-    if jacobians.ndim < 2 or 0 in jacobians.shape[-2:]:
-        raise ConfigurationError(f"J has shape (..., m, n), got {jacobians.shape}")
+    ConfigurationError.refuse_if(
+        jacobians.ndim < 2 or 0 in jacobians.shape[-2:],
+        f"J has shape (..., m, n), got {jacobians.shape}",
+    )
     m = jacobians.shape[-2]
-    if twists.ndim == 0 or twists.shape[-1] != m:
-        raise ConfigurationError(
-            f"twist needs {m} values, one a row of J {jacobians.shape}; got shape {twists.shape}"
-        )
+    ConfigurationError.refuse_if(
+        twists.ndim == 0 or twists.shape[-1] != m,
+        f"twist needs {m} values, one a row of J {jacobians.shape}; got shape {twists.shape}",
+    )
     for name, array in (("J", jacobians), ("twist", twists)):
-        if not np.isfinite(array).all():
-            raise ConfigurationError(f"{name} has a value that is not finite")
+        ConfigurationError.refuse_if(
+            not np.isfinite(array).all(), f"{name} has a value that is not finite"
+        )
     try:
         shape = np.broadcast_shapes(jacobians.shape[:-2], twists.shape[:-1])
     except ValueError:
@@ -301,12 +307,13 @@ def _arrays(J: npt.ArrayLike, twist: npt.ArrayLike) -> tuple[Array, Array]:
 
 def _rows(m: int, length_scale: float) -> Array:
     """Return what each row is divided by."""
-    if not 0 < length_scale < 1e100:
-        raise OptionError(f"length_scale must be positive, got {length_scale!r}")
-    if length_scale != 1.0 and m != 6:
-        raise OptionError(
-            f"length_scale is for Jacobians of 6 rows; scale the {m} rows of this one"
-        )
+    OptionError.refuse_if(
+        not 0 < length_scale < 1e100, f"length_scale must be positive, got {length_scale!r}"
+    )
+    OptionError.refuse_if(
+        length_scale != 1.0 and m != 6,
+        f"length_scale is for Jacobians of 6 rows; scale the {m} rows of this one",
+    )
     return np.array([length_scale] * 3 + [1.0] * 3) if m == 6 else np.ones(m)
 
 

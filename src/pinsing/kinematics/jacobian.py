@@ -245,8 +245,7 @@ def jacobian_derivative(J: npt.ArrayLike) -> Array:
     later = np.arange(n)[:, None] >= np.arange(n)[None, :]  # [i, j]: j <= i
     moved = each_cross(w, v)  # [i, j]: w_j x v_i
     dv = np.where(later, moved, np.swapaxes(moved, -1, -2))
-    dw = np.where(later, each_cross(w, w), 0.0)
-    return np.concatenate([dv, dw], axis=-3)
+    return np.concatenate([dv, np.where(later, each_cross(w, w), 0.0)], axis=-3)
 
 
 def jacobians_and_derivatives(arm: Arm, Q: npt.ArrayLike) -> tuple[Array, Array]:
@@ -272,8 +271,9 @@ def own_jacobians_and_derivatives(arm: Arm, Q: npt.ArrayLike) -> tuple[Array, Ar
 def read_pose(pose: npt.ArrayLike) -> tuple[Array, Array | None]:
     """Return position (3,), and rotation (3, 3) if given; ConfigurationError if it is no pose."""
     given = np.array(pose, dtype=float)
-    if not np.isfinite(given).all():
-        raise ConfigurationError("the pose has a value that is not finite")
+    ConfigurationError.refuse_if(
+        not np.isfinite(given).all(), "the pose has a value that is not finite"
+    )
     if (np.abs(given) > 1e9).any():  # squares of positions have to be floats
         raise ConfigurationError(
             "the pose has a value beyond 1e+09 (metres, radians), which no arm reaches"

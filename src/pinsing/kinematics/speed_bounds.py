@@ -55,8 +55,9 @@ class SpeedBounds:
         self.judge, arm = judge, judge.arm
         self.v, self.w = tip_speed, turn_speed
         chain, task = flatten(arm), arm.task
-        if arm.coupling is not None:
-            raise OptionError(f"{arm.name} has mimic joints: their speeds are not judged")
+        OptionError.refuse_if(
+            arm.coupling is not None, f"{arm.name} has mimic joints: their speeds are not judged"
+        )
         self.axis = task.tool_axis if task.at_tip else None
         if task.at_tip and (self.axis is None or len(task.translation) != 3):
             raise OptionError(f"task {task}: give one with rows in base axes, or tool-axis")
@@ -85,8 +86,10 @@ class SpeedBounds:
         axes = frame_jacobians(self.judge.arm, random_turns(self.judge.arm, 4))[:, 3:]
         for block in (self.rows[self.linear, :3], self.rows[~self.linear, 3:]):
             turned = np.cross(np.swapaxes(axes, 1, 2)[:, :, None], block)
-            if np.abs(turned - turned @ block.T @ block).max(initial=0.0) > NOISE:
-                raise OptionError(f"the rows of the task {task} turn with the arm: give pose")
+            OptionError.refuse_if(
+                np.abs(turned - turned @ block.T @ block).max(initial=0.0) > NOISE,
+                f"the rows of the task {task} turn with the arm: give pose",
+            )
 
     def jacobians(self, Q: Array) -> Array:
         """Jacobians (N, 6, k), the turn about the tool's axis as the last column."""
@@ -247,8 +250,7 @@ class SpeedBounds:
         """
         N, k = len(J), J.shape[2]
         r = np.concatenate([R * self.moving, np.zeros((N, k - R.shape[1]))], axis=1)
-        here = np.linalg.norm(J[:, :3], axis=1)
-        far = np.minimum(self.far, here + sums_behind(r * self.far))
+        far = np.minimum(self.far, np.linalg.norm(J[:, :3], axis=1) + sums_behind(r * self.far))
         before, turning = np.arange(k) <= self.middle, r * self.turns
         rp, rd = turning * before, turning * ~before
         p, d = sums_behind(rp), np.cumsum(rd, axis=1)
@@ -269,8 +271,7 @@ class SpeedBounds:
     def _norms(self, rhs: Array) -> Array:
         """Largest component (N, d) of rhs (N, d, m) times any of the twists."""
         v, w = rhs[..., self.linear], rhs[..., ~self.linear]
-        found = self.v * np.linalg.norm(v, axis=-1) + self.w * np.linalg.norm(w, axis=-1)
-        return np.asarray(found)
+        return np.asarray(self.v * np.linalg.norm(v, axis=-1) + self.w * np.linalg.norm(w, axis=-1))
 
     def _first_order(self, rhs: Array, G: Array, r: Array) -> tuple[Array, Array, Array]:
         """Largest (N, d) of (A - E1 A) x in a box, at its centre, and by joint (N, d, j)."""

@@ -109,11 +109,11 @@ def check_speeds(tip_speed: float, turn_speed: float) -> None:
             f"tip speeds are in m/s, and {tip_speed:g} m/s is faster than any arm: "
             f"{tip_speed:g} mm/s are {tip_speed / 1000:g}"
         )
-    if not (0 <= tip_speed <= 1e6 and 0 <= turn_speed <= 1e6 and tip_speed + turn_speed):
-        raise OptionError(
-            "tip_speed and turn_speed must be from 0 to 1e6, and not both zero: got "
-            f"{tip_speed:g} m/s and {turn_speed:g} rad/s"
-        )
+    OptionError.refuse_if(
+        not (0 <= tip_speed <= 1e6 and 0 <= turn_speed <= 1e6 and tip_speed + turn_speed),
+        "tip_speed and turn_speed must be from 0 to 1e6, and not both zero: got "
+        f"{tip_speed:g} m/s and {turn_speed:g} rad/s",
+    )
 
 
 class SpeedJudge:
@@ -155,13 +155,11 @@ class SpeedJudge:
         r = int((sigma > SINGULAR_RTOL * sigma[0]).sum())
         chosen = np.array(list(itertools.combinations(range(A.shape[1]), r - 1)), dtype=int)
         columns = np.moveaxis((U[:, :r].T @ A)[:, chosen], 0, 1)  # (F, r, r - 1)
-        inside = np.linalg.svd(columns)[0][..., -1] @ U[:, :r].T
-        y = np.concatenate([inside, U[:, r:].T])
+        y = np.concatenate([np.linalg.svd(columns)[0][..., -1] @ U[:, :r].T, U[:, r:].T])
         y[np.abs(y) < SINGULAR_RTOL] = 0.0
         through = np.abs(y @ A)
         through[through < SINGULAR_RTOL * sigma[0]] = 0.0
-        h = (np.where(through > 0, self.limits, 0.0) * through).sum(axis=1)
-        return y, h, through
+        return y, (np.where(through > 0, self.limits, 0.0) * through).sum(axis=1), through
 
     def shares(self, Q: Array, tip_speed: float, turn_speed: float) -> Array:
         """Shares (N, n) of the speed limits that the worst twists at Q (N, n) take of joints."""
@@ -258,8 +256,7 @@ def speed_judge(
     if arm is None:
         raise OptionError("a form that was read from JSON has no robot: make it with closed_form")
     judge = SpeedJudge(arm, joint_speeds)
-    if judge.reason:
-        raise OptionError(f"{arm.name}: {judge.reason}")
+    OptionError.refuse_if(judge.reason, f"{arm.name}: {judge.reason}")
     return judge
 
 

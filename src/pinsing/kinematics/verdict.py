@@ -150,8 +150,10 @@ def basis(arm: Arm) -> dict[str, object]:
 
 def check_tolerances(rtol: float, near_rtol: float) -> None:
     """Raise OptionError unless 0 <= rtol <= near_rtol < 1."""
-    if not 0 <= rtol <= near_rtol < 1:
-        raise OptionError(f"need 0 <= rtol <= near_rtol < 1, got {rtol:g} and {near_rtol:g}")
+    OptionError.refuse_if(
+        not 0 <= rtol <= near_rtol < 1,
+        f"need 0 <= rtol <= near_rtol < 1, got {rtol:g} and {near_rtol:g}",
+    )
 
 
 def scale_notes(arm: Arm) -> Iterator[str]:
@@ -174,11 +176,11 @@ def _generic_rank(arm: Arm) -> int:
         rank = _sampled_rank(geometry.arm)
     else:
         rank = exact_generic_rank(geometry, arm.task)
-    if rank == 0:
-        raise OptionError(
-            f"task {arm.task}: no joint of {arm.name} moves tip {arm.tip!r} in any of its "
-            "rows; choose other rows"
-        )
+    OptionError.refuse_if(
+        rank == 0,
+        f"task {arm.task}: no joint of {arm.name} moves tip {arm.tip!r} in any of its "
+        "rows; choose other rows",
+    )
     return rank
 
 
@@ -330,8 +332,7 @@ def regular_radius(arm: Arm, Q: npt.ArrayLike) -> Array:
     """
     array = arm.check(Q, "Q")
     flat, found = array.reshape(-1, arm.n), np.zeros(array.shape[:-1]).reshape(-1)
-    frame = arm.once("frame of a ball", lambda: _Frame.of(arm))
-    if frame is not None:
+    if (frame := arm.once("frame of a ball", lambda: _Frame.of(arm))) is not None:
         for first in range(0, len(flat), ROWS):
             part = slice(first, first + ROWS)
             found[part] = frame.radius(flat[part])

@@ -92,8 +92,7 @@ def nearly(arm: Arm, least: float) -> list[str]:
         return []
     # Lengths, in length scales, that rounding makes: no arm is built that exactly.
     small = 1e-6 * arm.length_scale
-    ladder = ladder_of(nominal(arm, snap_length=small))
-    if ladder is None:
+    if (ladder := ladder_of(nominal(arm, snap_length=small))) is None:
         found = "what the arm is without its tiny lengths is not known"
     else:
         found = f"with lengths under {small:.1g} m as zero the arm is not cuspidal: {ladder.reason}"
@@ -316,7 +315,7 @@ def aspects(forms: Forms, limits: bool = True, *, work: float = WORK) -> Aspects
 
     Only families of codimension 1 separate. Joint values cut their joint; equations are looked
     at over the joints that they share, by algebra where one joint turns endlessly and is in
-    every term once, else by certified subdivision (`pinsing.postures.subdivision`).
+    every term once, else by certified subdivision (`pinsing.postures.joint_map`).
 
     Parameters
     ----------
@@ -345,8 +344,7 @@ def aspects(forms: Forms, limits: bool = True, *, work: float = WORK) -> Aspects
     >>> pinsing.aspects(form).lower, pinsing.aspects(form, limits=False).lower
     (16, 8)
     """
-    if not work > 0:
-        raise OptionError(f"work must be positive, got {work!r}")
+    OptionError.refuse_if(not work > 0, f"work must be positive, got {work!r}")
     begin = time.monotonic()
     budget = Budget(math.inf, work)
     chosen = make_map(forms, limits, budget)

@@ -70,8 +70,7 @@ class _Choice:
         return self.doubts, self.far
 
     def __add__(self, other: _Choice) -> _Choice:
-        values = self.values + other.values
-        return _Choice(self.doubts + other.doubts, self.far + other.far, values)
+        return _Choice(self.doubts + other.doubts, self.far + other.far, self.values + other.values)
 
 
 def whole_turns(chosen: Map, q: Array, start: Array, *, held: Collection[int] = ()) -> Copies:
@@ -86,8 +85,7 @@ def whole_turns(chosen: Map, q: Array, start: Array, *, held: Collection[int] = 
         return Copies(total, 0, 0, nearest, (nearest,))
     joined, open_ = 1, 1
     best = [_Choice(0, 0.0, ())]
-    parts = zip(chosen.partition.parts, chosen.pieces, place, strict=True)
-    for part, pieces, target in parts:
+    for part, pieces, target in zip(chosen.partition.parts, chosen.pieces, place, strict=True):
         some, apart = _told(chosen, part, pieces, target, nearest, start, each)
         joined *= sum(not choice.doubts for choice in some)
         open_ *= math.prod(counts[j] for j in part.joints) - apart
@@ -199,8 +197,7 @@ class PostureChange:
         """As of `Connection`, of all whole-turn copies: "different" only if each of them is."""
         if self.connection is None:
             return None
-        left = self.copies_in_aspect + self.copies_undecided
-        if self.connection.answer == DIFFERENT and left:
+        if self.connection.answer == DIFFERENT and self.copies_in_aspect + self.copies_undecided:
             return UNDECIDED
         return self.connection.answer
 
@@ -278,8 +275,7 @@ class PostureChanges(JsonResult):
             lines.append(f"     {typed(other.solution.q, self.arm.prismatic, degrees, digits=6)}")
             way = other.connection
             if way is not None and way.answer == SAME and way.path is not None:
-                inner = way.path[1:-1]
-                for q in inner if len(way.path) <= 8 else ():
+                for q in way.path[1:-1] if len(way.path) <= 8 else ():
                     lines.append(f"       by {typed(q, self.arm.prismatic, degrees, digits=6)}")
         copies = max((o.copies for o in listed if o.answer == DIFFERENT), default=1)
         if copies > 1:
@@ -320,8 +316,7 @@ class PostureChanges(JsonResult):
 
     def _how(self, other: PostureChange) -> str:
         """Return how another posture is reached."""
-        way = other.connection
-        if way is None:
+        if (way := other.connection) is None:
             return "" if other.solution.within_limits else "outside the limits"
         if way.answer == SAME and way.path is not None:
             more = " (in the JSON)" if len(way.path) > 8 else ""
@@ -337,8 +332,7 @@ class PostureChanges(JsonResult):
 
 def _among(other: PostureChange) -> str:
     """Return what holds of the whole-turn copies, where there are several."""
-    count = other.copies
-    if count < 2:
+    if (count := other.copies) < 2:
         return ""
     also = f", {other.copies_undecided:,} undecided" if other.copies_undecided else ""
     inside = f"{other.copies_in_aspect:,} in the aspect of the start"
@@ -485,8 +479,7 @@ def _held(
 ) -> tuple[Mapping[str, float], list[str]]:
     if fixed is not None:
         return fixed, []
-    more = arm.n - generic_rank(arm)
-    if more <= 0:
+    if (more := arm.n - generic_rank(arm)) <= 0:
         return {}, []
     names = [arm.joints[j] for j in _spare(arm, q, more)]
     said = ", ".join(names)

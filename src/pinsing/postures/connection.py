@@ -103,8 +103,7 @@ def least(chosen: Map, path: Array) -> float:
     if len(begin):
         middle = (begin + end) / 2
         out.append(quick(chosen.watched, middle).lower - chosen.watched.length(end - begin) / 2)
-    low = min((float(x.min()) for x in out if len(x)), default=high)
-    return max(low, 0.0)
+    return max(min((float(x.min()) for x in out if len(x)), default=high), 0.0)
 
 
 def raised(chosen: Map, path: Array, lines: Iterator[int]) -> Array:
@@ -455,8 +454,7 @@ def _way(
         clear = chosen.clear_in(part, here)
         if np.array_equal(a, b):
             continue
-        route = piece.route(component, a, b, clear)
-        if route is None:
+        if (route := piece.route(component, a, b, clear)) is None:
             return None
         route = shortened(route, clear, partial(_room, chosen, columns, here), lines)
         for x in route[1:]:

@@ -180,11 +180,11 @@ def cuspidality(
     whole_number(poses, "poses", 1, 1_000_000)
     whole_number(seed, "seed", 0, MAX_SEED)
     rank = generic_rank(arm)
-    if arm.n != rank:
-        raise OptionError(
-            f"{arm.name} has {arm.n} joints and task {arm.task} {rank} conditions: whether an arm "
-            "is cuspidal is asked where they are as many: choose joints or a task of pinsing.load"
-        )
+    OptionError.refuse_if(
+        arm.n != rank,
+        f"{arm.name} has {arm.n} joints and task {arm.task} {rank} conditions: whether an arm "
+        "is cuspidal is asked where they are as many: choose joints or a task of pinsing.load",
+    )
     if forms is not None:
         require_forms_of(forms, arm)
     form = closed_form(arm) if forms is None else forms
@@ -193,8 +193,7 @@ def cuspidality(
     notes = missing(form)
     most, tried, crowded = 0, 0, ""
     for k, q in enumerate(arm.space.sample(poses, rng, True)):
-        pose = tip_placement(arm, q).homogeneous
-        known = inverse(arm, pose, seed=seed, near=q)
+        known = inverse(arm, tip_placement(arm, q).homogeneous, seed=seed, near=q)
         regular = [s for s in known if s.regular]
         most = max(most, len(regular))
         places = [found.of(s.q) for s in regular]
@@ -226,8 +225,7 @@ def cuspidality(
         sure = form.word == PROVEN
         said = [] if sure else notes
         return _answer(arm, found, CUSPIDAL, crowded, None, nan, nan, most, poses, said, sure)
-    ladder = ladder_of(nominal(arm))
-    if ladder is not None:
+    if (ladder := ladder_of(nominal(arm))) is not None:
         # This stands on the chain alone, and not on the closed form.
         said = [] if nominal(arm).exact else ["this is about the nominal geometry"]
         return _answer(arm, found, NOT_CUSPIDAL, ladder.reason, None, nan, nan, most, poses, said)

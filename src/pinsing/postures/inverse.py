@@ -23,8 +23,7 @@ from pinsing.errors import ConfigurationError, OptionError, UnknownNameError
 from pinsing.kinematics.jacobian import read_pose
 from pinsing.kinematics.verdict import generic_rank, ratios
 from pinsing.measures import ALIKE, ROUNDING
-from pinsing.postures.exact_chain import turns
-from pinsing.postures.ladder import ladder_of
+from pinsing.postures.ladder import ladder_of, turns
 from pinsing.postures.newton import Solver, Stalled, radii
 from pinsing.robot.arm import Arm, ArmSummary, summarize
 from pinsing.robot.chain import flatten
@@ -190,8 +189,7 @@ class InverseSolutions(JsonResult):
     @property
     def q(self) -> Array:
         """All of them, (K, n)."""
-        n = len(self.arm.joints)
-        return np.array([s.q for s in self.solutions]).reshape(-1, n)
+        return np.array([s.q for s in self.solutions]).reshape(-1, len(self.arm.joints))
 
     @checked
     def text(self, degrees: bool = False) -> str:
@@ -209,8 +207,7 @@ class InverseSolutions(JsonResult):
         >>> print(pinsing.inverse(arm, [9, 0, 0, 0, 0, 0]).text().splitlines()[0])
         no inverse solution was found from 256 starts: the pose seems out of reach
         """
-        count = len(self.solutions)
-        if not count:
+        if not (count := len(self.solutions)):
             head = f"no inverse solution was found from {self.starts} starts"
             lines = [head if self.doubt else f"{head}: the pose seems out of reach"]
         else:
@@ -276,8 +273,7 @@ class FoundSolutions:
         if len(self.solver.free) == self.arm.n or not len(Q):
             return own
         sizes = np.linalg.svd(self.solver.linear(Q)[1], compute_uv=False)
-        rank = generic_rank(self.arm)
-        others = sizes[:, rank - 1] / np.maximum(sizes[:, 0], 1e-300)
+        others = sizes[:, generic_rank(self.arm) - 1] / np.maximum(sizes[:, 0], 1e-300)
         return np.asarray(np.minimum(own, others))
 
     def follow(self, images: Callable[[Array], Array]) -> None:
@@ -316,9 +312,7 @@ class FoundSolutions:
         square = len(rows) == len(self.solver.free) and (rows == POSE or max(rows) < 3)
         if not self.q or not square or self.arm.prismatic[self.solver.free].any():
             return 0
-        if not all(self.sign):
-            return 0
-        return -round(sum(self.sign))
+        return -round(sum(self.sign)) if all(self.sign) else 0
 
     def settled(self) -> bool:
         """Return True if every regular solution was met several times, and none is missing."""
@@ -365,8 +359,7 @@ def drawn(
     Q = arm.space.sample(count * (4 if lacking else 1), rng, True)
     Q = np.where(np.isnan(held), Q, held)
     if lacking:
-        other = solver.signs(Q) * lacking <= 0
-        Q = Q[np.argsort(other, kind="stable")][:count]
+        Q = Q[np.argsort(solver.signs(Q) * lacking <= 0, kind="stable")][:count]
     return Q
 
 
@@ -416,8 +409,7 @@ def _mirrored_elbow(solver: Solver, Q: Array, j: int) -> Array:
     was, now = (inner + turns(x[:, j]) @ outer @ C.T for x in (Q, X))
     X[:, j - 1] += _angle(was) - _angle(now)
     before, after = (np.sign(solver.chain.R[k][2, 2]) for k in (j, j + 1))
-    bent = before * (X[:, j - 1] - Q[:, j - 1]) + X[:, j] - Q[:, j]
-    X[:, j + 1] -= after * bent
+    X[:, j + 1] -= after * (before * (X[:, j - 1] - Q[:, j - 1]) + X[:, j] - Q[:, j])
     return X
 
 
@@ -497,11 +489,11 @@ def inverse(
     held = _held(arm, fixed or {})
     free = np.flatnonzero(np.isnan(held))
     rank = generic_rank(arm)
-    if not arm.task.places:
-        raise OptionError(
-            f"task {arm.task} only says how the tip moves, not where it is: a pose needs all "
-            "rows of a translation or rotation, or base axes, or tool-axis"
-        )
+    OptionError.refuse_if(
+        not arm.task.places,
+        f"task {arm.task} only says how the tip moves, not where it is: a pose needs all "
+        "rows of a translation or rotation, or base axes, or tool-axis",
+    )
     if len(free) != rank:
         more = len(free) - rank
         need = f"hold {more} more with fixed={{...}}" if more > 0 else "hold fewer"
@@ -585,11 +577,11 @@ def _doubt(solutions: tuple[InverseSolution, ...], made: int, lacking: int) -> s
             f"one: of these {abs(lacking)} more are {'positive' if lacking < 0 else 'negative'}, "
             "so some were missed"
         )
-    if not rare:
-        return ""
     return (
         f"{len(rare)} of them {'was' if len(rare) == 1 else 'were'} met fewer than {ENOUGH} times "
         f"in {made} starts: others may have been missed"
+        if rare
+        else ""
     )
 
 

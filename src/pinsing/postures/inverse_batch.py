@@ -41,16 +41,15 @@ class InverseMany:
         names = _redundant(arm) if reaches and arm.n == 7 else list(arm.joints)
         with_it = "" if held is None else f" with {arm.joints[held]} held"
         free = f"; free (--free) may be one of {', '.join(names)}" * (reaches and arm.n == 7)
-        if not reaches or spare != 6:
-            raise OptionError(
-                f"{arm.name}{with_it} has {spare} free joints for the task {arm.task}: a path of "
-                f"poses needs six and the task pose{free}"
-            )
-        if held is not None and arm.joints[held] not in names:
-            raise OptionError(
-                f"the other joints of {arm.name}{with_it} do not move the tip in all directions"
-                f"{free}"
-            )
+        OptionError.refuse_if(
+            not reaches or spare != 6,
+            f"{arm.name}{with_it} has {spare} free joints for the task {arm.task}: a path of "
+            f"poses needs six and the task pose{free}",
+        )
+        OptionError.refuse_if(
+            held is not None and arm.joints[held] not in names,
+            f"the other joints of {arm.name}{with_it} do not move the tip in all directions{free}",
+        )
         self.arm, self.held = arm, held
         self.free = np.array([j for j in range(arm.n) if j != held])
         self.exact = decomposed(arm, held) is not None
@@ -256,13 +255,11 @@ def _distinct(Q: Array, arm: Arm) -> Array:
         there[..., a] &= ~((apart < PRACTICAL) & there[..., :a]).any(axis=-1)
     finite[alike] = there
     Q[~finite] = np.nan
-    order = np.argsort(~finite, axis=-1, kind="stable")
-    return np.take_along_axis(Q, order[..., None], axis=-2)
+    return np.take_along_axis(Q, np.argsort(~finite, axis=-1, kind="stable")[..., None], axis=-2)
 
 
 def _gaps(a: Array, b: Array, arm: Arm) -> Array:
     """Largest difference of joint values a and b (..., n), whole turns aside; inf beside NaN."""
     gap = a - b
     turns = np.where(arm.prismatic, 0.0, np.rint(gap / (2 * np.pi)))
-    apart = np.abs(gap - 2 * np.pi * turns).max(axis=-1)
-    return np.asarray(np.nan_to_num(apart, nan=np.inf))
+    return np.asarray(np.nan_to_num(np.abs(gap - 2 * np.pi * turns).max(axis=-1), nan=np.inf))

@@ -68,6 +68,8 @@ eliminated: with a the distance of the first two axes and s the sine of their an
 Where P' = 0 at a solution the arm is singular: S and Z are functions of q2 and q3 with P = 0
 throughout, so P_S dS + P_Z dZ = 0 for both joints; P_S and P_Z are both zero only where the point
 is on the second axis, where q2 does not move it.
+
+The exact chain of an arm, and how its axes lie: parallel, crossing, through one point.
 """
 
 from __future__ import annotations
@@ -82,10 +84,152 @@ import numpy as np
 from pinsing._types import Array
 from pinsing.algebra.trig_sum import TrigSum
 from pinsing.measures import ROUNDING
-from pinsing.postures.exact_chain import ExactChain, Vector, added, apply, transposed_apply
 from pinsing.robot.arm import Arm
+from pinsing.robot.exact_placements import Length3, Matrix
 from pinsing.robot.nominal import Nominal, exact_generic_rank
 from pinsing.robot.surd import Exact
+
+Vector = tuple[Exact, Exact, Exact]
+
+
+@dataclass(frozen=True, eq=False)
+class ExactChain:
+    """Placements between joints that turn about z, or slide along it, as exact numbers."""
+
+    # of placement i, which stands before joint i; the last before the tip
+    rotation: tuple[Matrix, ...]
+    translation: tuple[Length3 | Vector, ...]  # of the same, metres
+    prismatic: tuple[bool, ...]  # which joints slide
+    # by which joint values are multiplied: -1 for a chain that is read from tip to base
+    sign: float
+    order: tuple[int, ...]  # the arm's joint at each place
+    offset: Array  # (n,): added to the values of the arm's joints, radians
+
+    @classmethod
+    def of(cls, nominal: Nominal) -> ExactChain:
+        """The chain from base to tip."""
+        n = len(nominal.prismatic)
+        return cls(
+            nominal.rotation,
+            nominal.translation,
+            nominal.prismatic,
+            1.0,
+            tuple(range(n)),
+            nominal.offset,
+        )
+
+    @property
+    def n(self) -> int:
+        """Number of joints."""
+        return len(self.prismatic)
+
+    def backward(self) -> ExactChain:
+        """The chain from tip to base: the same arm, with its tip held and its base moved."""
+        turned = tuple(_transposed(R) for R in self.rotation[::-1])
+        moved = tuple(
+            _negated(apply(R, t)) for R, t in zip(turned, self.translation[::-1], strict=True)
+        )
+        return ExactChain(
+            turned, moved, self.prismatic[::-1], -self.sign, self.order[::-1], self.offset
+        )
+
+    def values(self, Q: Array) -> Array:
+        """Joint values (..., n) in the order and with the zeros of this chain."""
+        return self.sign * (Q + self.offset)[..., list(self.order)]
+
+    @cached_property
+    def numbers(self) -> tuple[Array, Array]:
+        """Rotations (n + 1, 3, 3) and translations (n + 1, 3) as floats."""
+        R = np.array([[[float(x) for x in row] for row in M] for M in self.rotation])
+        return R, np.array([[float(x) for x in t] for t in self.translation])
+
+    def frames(self, x: Array) -> tuple[Array, Array]:
+        """Return rotation (N, n, 3, 3) and origin (N, n, 3) of joint frames before they turn."""
+        C, c = self.numbers
+        N = len(x)
+        R, p = np.broadcast_to(np.eye(3), (N, 3, 3)), np.zeros((N, 3))
+        rotations, origins = np.empty((N, self.n, 3, 3)), np.empty((N, self.n, 3))
+        for j in range(self.n):
+            p = p + R @ c[j]
+            R = R @ C[j]
+            rotations[:, j], origins[:, j] = R, p
+            if self.prismatic[j]:
+                p = p + R[:, :, 2] * x[:, j, None]
+            else:
+                R = R @ turns(x[:, j])
+        return rotations, origins
+
+    def parallel(self, j: int) -> bool:
+        """Return True if axes j and j + 1 are parallel."""
+        R = self.rotation[j + 1]
+        return R[0][2] == 0 and R[1][2] == 0
+
+    def perpendicular(self, j: int) -> bool:
+        """Return True if axes j and j + 1 are at right angles."""
+        return self.rotation[j + 1][2][2] == 0
+
+    def crossing(self, j: int) -> tuple[Exact, Exact] | None:
+        """Heights along axes j and j + 1 of the point where they cross; None if they do not."""
+        R, t = self.rotation[j + 1], self.translation[j + 1]
+        x, y = R[0][2], R[1][2]
+        size = x * x + y * y
+        if size == 0 or t[0] * y - t[1] * x != 0:
+            return None
+        along = -(t[0] * x + t[1] * y) / size
+        return t[2] + along * R[2][2], along
+
+    def common_point(self, j: int) -> Vector | None:
+        """Return the point where axes j, j + 1 and j + 2 always meet, before joint j; else None."""
+        first, second = self.crossing(j), self.crossing(j + 1)
+        if first is None or second is None or first[1] != second[0]:
+            return None
+        zero = Fraction(0)
+        return zero, zero, first[0]
+
+    def seen_before(self, j: int, height: Exact) -> Vector:
+        """The point at a height along axis j, in the frame that joint j - 1 moves."""
+        C, c = self.rotation[j], self.translation[j]
+        return c[0] + C[0][2] * height, c[1] + C[1][2] * height, c[2] + C[2][2] * height
+
+    def planar_middle(self) -> float | None:
+        """Return the height along axis 4 of the last axis, if the three before are parallel."""
+        # The joints all turn, and the axes before and after these three are not parallel to them.
+        crossing = self.crossing(4)
+        if any(self.prismatic) or crossing is None or self.parallel(0) or self.parallel(3):
+            return None
+        return float(crossing[0]) if self.parallel(1) and self.parallel(2) else None
+
+
+def apply(R: Matrix, v: Sequence[Exact]) -> Vector:
+    """The exact vector R v."""
+    x, y, z = (row[0] * v[0] + row[1] * v[1] + row[2] * v[2] for row in R)
+    return x, y, z
+
+
+def added(a: Sequence[Exact], b: Sequence[Exact]) -> Vector:
+    """The exact vector a + b."""
+    return a[0] + b[0], a[1] + b[1], a[2] + b[2]
+
+
+def transposed_apply(R: Matrix, v: Sequence[Exact]) -> Vector:
+    """The exact vector R' v."""
+    return apply(_transposed(R), v)
+
+
+def turns(angle: Array) -> Array:
+    """Rotations (N, 3, 3) about z."""
+    c, s, zero = np.cos(angle), np.sin(angle), np.zeros(len(angle))
+    return np.moveaxis(np.array([[c, -s, zero], [s, c, zero], [zero, zero, zero + 1]]), -1, 0)
+
+
+def _transposed(R: Matrix) -> Matrix:
+    a, b, c = R
+    return (a[0], b[0], c[0]), (a[1], b[1], c[1]), (a[2], b[2], c[2])
+
+
+def _negated(v: Vector) -> Vector:
+    return -v[0], -v[1], -v[2]
+
 
 MOST = 800_000
 """Boxes after which a proof is given up."""
@@ -133,8 +277,7 @@ def one_root_left(cubic: Measures, most: int = MOST) -> bool:
         rest = (f.amplitude * steep) @ reach**2 / 2 + 4 * noise
         x = x[(top >= 0) & (size**2 <= h * change + size * rest)]
         width /= 2
-        corners = width / 2 * np.array([[-1, -1], [-1, 1], [1, -1], [1, 1]])
-        x = (x[:, None] + corners).reshape(-1, 2)
+        x = (x[:, None] + width / 2 * np.array([[-1, -1], [-1, 1], [1, -1], [1, 1]])).reshape(-1, 2)
     return True
 
 
@@ -177,8 +320,7 @@ class Point:
         C, c = chain.rotation[2], chain.translation[2]
         e: Vector = (R[2][0], R[2][1], R[2][2])
         tau = transposed_apply(R, t)
-        size = e[0] * e[0] + e[1] * e[1]
-        if size != 0:
+        if (size := e[0] * e[0] + e[1] * e[1]) != 0:
             shift = (tau[0] * e[0] + tau[1] * e[1]) / size
             tau = tau[0] - shift * e[0], tau[1] - shift * e[1], tau[2] - shift * e[2]
         nothing: Vector = (_ZERO, _ZERO, _ZERO)
@@ -250,12 +392,10 @@ class Point:
         first = [h, (ez * m[0], ez * m[1]), (free[0], free[1])]
         hh, mm = _squared(h), _squared(m)
         second = tuple(hh[k] / (8 * a2) + (1 + over) * mm[k] / 2 for k in (0, 1))
-        given = next((p for p in first if not _is_zero(p)), None)
-        if given is None:
+        if (given := next((p for p in first if not _is_zero(p)), None)) is None:
             return None
-        doubled = _squared(given)
         alike = all(_cross(given, p) == 0 for p in first)
-        return given if alike and _cross(doubled, (second[0], second[1])) == 0 else None
+        return given if alike and _cross(_squared(given), (second[0], second[1])) == 0 else None
 
     @cached_property
     def numbers(self) -> Measures:
@@ -392,8 +532,7 @@ def ways_of(chain: ExactChain, w: Vector) -> tuple[SolutionStage, ...] | None:
     """Return stages that tell apart all ways in which three joints bring w somewhere, or None."""
     # Two regular configurations that bring the point to the same place and agree in all signs are
     # the same but for whole turns.
-    point = Point.of(chain, w)
-    if point is None:
+    if (point := Point.of(chain, w)) is None:
         return None
     m, h, third, second = point.numbers, point.h, chain.order[2], chain.order[1]
     if point.parallel:
@@ -418,8 +557,7 @@ def ways_of(chain: ExactChain, w: Vector) -> tuple[SolutionStage, ...] | None:
             SolutionStage("elbow", third, m.h_by_third, first),
             SolutionStage("shoulder", second, m.by_second(m.e), high),
         )
-    mirror = point.mirror()
-    if mirror is not None:
+    if (mirror := point.mirror()) is not None:
         aside = m.from_mirror(mirror)
         first = (
             f"height and distance of the point are the same for two values of joint {third + 1} "
@@ -430,8 +568,7 @@ def ways_of(chain: ExactChain, w: Vector) -> tuple[SolutionStage, ...] | None:
 
         def steep(Q: Array) -> Array:
             side = aside(Q)
-            safe = np.where(side == 0, 1.0, side)
-            return np.where(side == 0, 0.0, m.slope(Q) / safe)
+            return np.where(side == 0, 0.0, m.slope(Q) / np.where(side == 0, 1.0, side))
 
         return SolutionStage("elbow", third, aside, first), SolutionStage(
             "shoulder", second, steep, far
@@ -497,9 +634,7 @@ class Ladder:
 def ladder_of(geometry: Nominal) -> Ladder | None:
     """The steps of an arm, or None where no theorem that is known here holds for it."""
     arm = geometry.arm
-    if arm.coupling is not None:
-        return None
-    return arm.once("ladder", lambda: _ladder(geometry))
+    return None if arm.coupling is not None else arm.once("ladder", lambda: _ladder(geometry))
 
 
 def _ladder(geometry: Nominal) -> Ladder | None:
@@ -510,27 +645,19 @@ def _ladder(geometry: Nominal) -> Ladder | None:
     if rows == (0, 1, 2) and n == 3:
         stages = ways_of(chain, chain.seen_before(3, Fraction(0)))
         return None if stages is None else Ladder(stages, "three joints move a point", chain, None)
-    if rows == tuple(range(6)) and n == 6 and not any(chain.prismatic[3:]):
-        found = _wrist(chain) or _planar_middle(chain)
-        if found is not None:
-            return found
     if rows == tuple(range(6)) and n == 6:
-        back = chain.backward()
-        if not any(back.prismatic[3:]):
-            return _wrist(back) or _planar_middle(back)
-        return None
+        ways = (read for read in (chain, chain.backward()) if not any(read.prismatic[3:]))
+        return next(filter(None, (_wrist(read) or _planar_middle(read) for read in ways)), None)
     if rows == tuple(range(6)) or (rows == (0, 1, 5) and _upright(chain)):
         return _planar(chain)
     return None
 
 
 def _wrist(chain: ExactChain) -> Ladder | None:
-    point = chain.common_point(3)
-    if point is None:
+    if (point := chain.common_point(3)) is None:
         return None
     height = point[2]
-    stages = ways_of(chain, chain.seen_before(3, height))
-    if stages is None:
+    if (stages := ways_of(chain, chain.seen_before(3, height))) is None:
         return None
     where = "wrist" if chain.sign > 0 else "shoulder"
     kind = f"three axes of the {where} meet in a point"
@@ -554,15 +681,13 @@ def _bent(chain: ExactChain, j: int, name: str) -> SolutionStage:
 
 
 def _planar_middle(chain: ExactChain) -> Ladder | None:
-    height = chain.planar_middle()
-    if height is None:
+    if (height := chain.planar_middle()) is None:
         return None
 
     def shoulder(Q: Array) -> Array:
         R, p = chain.frames(chain.values(Q))
         c = p[:, 4] + height * R[:, 4, :, 2]
-        across = np.cross(R[:, 0, :, 2], R[:, 1, :, 2])
-        return np.asarray((across * (c - p[:, 0])).sum(axis=1))
+        return np.asarray((np.cross(R[:, 0, :, 2], R[:, 1, :, 2]) * (c - p[:, 0])).sum(axis=1))
 
     axes = ", ".join(str(j + 1) for j in sorted(chain.order[1:4]))
     first = chain.order[0]
@@ -619,8 +744,7 @@ def _shoulder_and_elbow(arm: Arm, ladder: Ladder, Q: Array) -> list[list[str]]:
     chain = ladder.chain
     if any(chain.prismatic[:2]) or not chain.perpendicular(0):
         return []
-    middle = np.mean(arm.span, axis=0)
-    ahead, aside, out, bend = _seen(ladder, np.stack([middle, *Q]))
+    ahead, aside, out, bend = _seen(ladder, np.stack([np.mean(arm.span, axis=0), *Q]))
     if np.ptp(aside) > ROUNDING:
         return []
     words = []

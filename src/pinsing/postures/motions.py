@@ -151,10 +151,10 @@ def aspect_changes(
         raise OptionError("forms must be a ClosedForm, or several of one arm: see closed_form")
     arm = forms.arm if isinstance(forms, ClosedForm) else forms[0].arm
     samples = watch(forms).check(Q)
-    if samples.ndim != 2 or not len(samples):
-        raise ConfigurationError(
-            f"a trajectory has shape (N, {arm.n}), one column a joint; got {samples.shape}"
-        )
+    ConfigurationError.refuse_if(
+        samples.ndim != 2 or not len(samples),
+        f"a trajectory has shape (N, {arm.n}), one column a joint; got {samples.shape}",
+    )
     times = check_times(t, len(samples))
     if len(samples) == 1:
         return ()

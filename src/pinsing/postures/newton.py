@@ -60,8 +60,7 @@ class Stalled:
         """Keep the ends Q (N, n), at each of which ``left`` (N,) of the pose remains."""
         # What is left of the pose below which a start all but reached it: radians, or length
         # scales.
-        near = np.flatnonzero(left < 1e-5)
-        for k in near[: 512 - len(self.Q)]:
+        for k in np.flatnonzero(left < 1e-5)[: 512 - len(self.Q)]:
             self.Q.append(Q[k])
             self.left.append(float(left[k]))
 
@@ -103,11 +102,11 @@ class Solver:
         cls, arm: Arm, position: Array, rotation: Array | None, held: Array, free: Ints
     ) -> Solver:
         """The solver of one pose, some joints of which are held."""
-        if arm.coupling is not None:
-            raise OptionError(
-                f"{arm.name}: inverse solutions are found for arms whose joints are all "
-                "revolute or prismatic, none a mimic"
-            )
+        OptionError.refuse_if(
+            arm.coupling is not None,
+            f"{arm.name}: inverse solutions are found for arms whose joints are all "
+            "revolute or prismatic, none a mimic",
+        )
         plain = flatten(arm)
         chain = FlatChain(plain.R, plain.t, plain.prismatic)
         scale = arm.length_scale
@@ -137,8 +136,7 @@ class Solver:
                 break
             e, A = error[live], J[live]
             step = _damped(A, e, damping[live])
-            long = np.abs(step).max(axis=1)
-            step *= np.minimum(1.0, _STEP / np.maximum(long, 1e-300))[:, None]
+            step *= np.minimum(1.0, _STEP / np.maximum(np.abs(step).max(axis=1), 1e-300))[:, None]
             trial = Q[live].copy()
             trial[:, self.free] += step / self.weight
             new_error, new_J = self.linear(trial)
@@ -221,8 +219,7 @@ def radii(solver: Solver, Q: Array) -> Array:
     error, J = solver.linear(Q)
     reach = _reach(solver, Q)
     # Of F and F', relative to the size of the chain over the length scale; with room.
-    rounding = 1e-13 * (1 + reach.max(axis=1) / solver.scale)
-    left = np.linalg.norm(error, axis=1) + rounding
+    left = np.linalg.norm(error, axis=1) + 1e-13 * (1 + reach.max(axis=1) / solver.scale)
     least = np.linalg.svd(J, compute_uv=False)[:, -1] - 4 * left
     bend = _bend(solver, reach)
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -264,8 +261,7 @@ def _bend(solver: Solver, reach: Array) -> Array:
     size = np.where(both, np.hypot(lever, spin), np.where(one, 1 / solver.scale, 0.0))
     if solver.task.at_tip and not all(solver.task.at_tip):
         size *= np.sqrt(2.0)  # some rows of each
-    weight = np.outer(solver.weight, solver.weight)
-    return np.asarray(np.linalg.norm(size / weight, axis=(1, 2)))
+    return np.asarray(np.linalg.norm(size / np.outer(solver.weight, solver.weight), axis=(1, 2)))
 
 
 _MOST = 200_000
@@ -310,5 +306,4 @@ def columns(arm: Arm, Q: Array) -> Array:
 
 
 def _solver(arm: Arm) -> Solver:
-    nothing = np.full(arm.n, np.nan)
-    return Solver.of(arm, np.zeros(3), None, nothing, np.arange(arm.n))
+    return Solver.of(arm, np.zeros(3), None, np.full(arm.n, np.nan), np.arange(arm.n))

@@ -95,8 +95,7 @@ def partition(watched: Watched, limits: bool) -> Partition:
     n = watched.n
     low = watched.lower if limits else np.full(n, -np.inf)
     high = watched.upper if limits else np.full(n, np.inf)
-    turning = ~watched.prismatic
-    endless = tuple(bool(b) for b in turning & ~(np.isfinite(low) & np.isfinite(high)))
+    endless = tuple(bool(b) for b in ~watched.prismatic & ~(np.isfinite(low) & np.isfinite(high)))
     cuts: list[set[float]] = [set() for _ in range(n)]
     surfaces: list[Surface] = []
     notes: list[str] = []
@@ -237,8 +236,7 @@ class Piece(Protocol):
 
 def toward(a: Array, b: Array, circle: Bool) -> Array:
     """b, by whole turns of circles as near to a as can be."""
-    turns = np.round((a - b) / (2 * math.pi))
-    return np.where(circle, b + 2 * math.pi * turns, b)
+    return np.where(circle, b + 2 * math.pi * np.round((a - b) / (2 * math.pi)), b)
 
 
 @dataclass(frozen=True, eq=False)
@@ -333,8 +331,7 @@ class Wheel:
         inside = low + (high - low) * rng.uniform(0.05, 0.95, (512, len(low)))
         s = 1.0 if component == 0 else -1.0
         x = self._top(inside, s)
-        order = np.argsort(-np.abs(self._terms(x)))[:32]
-        return np.asarray(x[order])
+        return np.asarray(x[np.argsort(-np.abs(self._terms(x)))[:32]])
 
     def signs(self, component: int) -> tuple[int, ...]:
         """The sign of the equation."""
@@ -352,17 +349,14 @@ class Wheel:
 
     def route(self, component: int, a: Array, b: Array, clear: Clear) -> Array | None:
         """By way of the tops over a line in the other joints, or over lines round R = 0."""
-        if self._joined:
-            return self._half_turn(a, b, clear)
-        return self._along_tops(a, b, clear)
+        return self._half_turn(a, b, clear) if self._joined else self._along_tops(a, b, clear)
 
     def _half_turn(self, a: Array, b: Array, clear: Clear) -> Array | None:
         s = float(np.sign(self._terms(a)))
         goal = toward(a, b, self._circle)
         if float(self._terms(goal)) * s < 0:
             odd = (np.round(2 * self._terms.rate).astype(np.int64) % 2 != 0).any(axis=0)
-            j = int(np.flatnonzero(odd & self._circle)[0])
-            goal[j] += 2 * math.pi
+            goal[int(np.flatnonzero(odd & self._circle)[0])] += 2 * math.pi
         return self._along_tops(a, goal, clear, wrap=False)
 
     def _along_tops(self, a: Array, b: Array, clear: Clear, wrap: bool = True) -> Array | None:
@@ -377,8 +371,7 @@ class Wheel:
             for stop in stops[1:]:
                 there = stop.copy()
                 there[self.hub] = here[self.hub]
-                way = self._follow(here, there, s, clear, 0)
-                if way is None:
+                if (way := self._follow(here, there, s, clear, 0)) is None:
                     lost = True
                     break
                 points += way

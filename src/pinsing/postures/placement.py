@@ -213,16 +213,14 @@ def read_poses(path: Path, *, degrees: bool = False, millimetres: bool = False) 
         except ValueError:
             if len(row) == len(names) and (extra := names[len(values)]) not in ("t", *"xyz", *kind):
                 which = f" (drop column {extra!r}, which is not needed)"
-        whole = len(row) == len(values) == len(names)
-        if not whole or not all(map(math.isfinite, values)):
+        if not len(row) == len(values) == len(names) or not all(map(math.isfinite, values)):
             raise RobotFileError(
                 f"line {number}: {len(names)} numbers are needed, got {separator.join(row)[:60]!r}"
                 + which,
                 path,
             )
         rows.append(values)
-    if len(rows) < 2:
-        raise RobotFileError("a path has two poses at least", path)
+    RobotFileError.refuse_if(len(rows) < 2, "a path has two poses at least", path)
     column = dict(zip(names, np.array(rows).T, strict=True))
     place = np.stack([column[k] for k in "xyz"], axis=1)
     place *= _factors(path, units, "xyz", LENGTHS, 1e-3 if millimetres else 1.0)
@@ -236,8 +234,11 @@ def read_poses(path: Path, *, degrees: bool = False, millimetres: bool = False) 
     turned = kind == ANGLES
     asked = math.radians(1) if degrees and turned else 1.0
     how *= _factors(path, units, kind, tuple(TURNS) if turned else (), asked)
-    if turned and np.abs(how).max() > 2 * math.pi:
-        raise RobotFileError("roll, pitch, yaw exceed a turn: for degrees add --deg", path)
+    RobotFileError.refuse_if(
+        turned and np.abs(how).max() > 2 * math.pi,
+        "roll, pitch, yaw exceed a turn: for degrees add --deg",
+        path,
+    )
     poses[:, :3, :3] = _rotations(how, kind, path)
     times = next(filter(TIME.fullmatch, names), None)
     t = None if times is None else column[times] * SCALES.get(units[times], 1.0)

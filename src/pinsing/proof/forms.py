@@ -31,15 +31,11 @@ def squares(ring: Ring, p: Poly) -> tuple[Poly, Squares] | None:
     joints = ring.joints(p)
     if len(joints) == 1:
         for sign in (1, -1):
-            parts = _in_one_joint(ring, sign * p, joints[0])
-            if parts is not None:
+            if (parts := _in_one_joint(ring, sign * p, joints[0])) is not None:
                 return ring.one * sign, parts
         return None
     for j in joints:
-        if ring.degree(p, j) != 2:
-            continue
-        found = _completed(ring, p, j)
-        if found is not None:
+        if ring.degree(p, j) == 2 and (found := _completed(ring, p, j)) is not None:
             return found
     return None
 
@@ -49,8 +45,7 @@ def _completed(ring: Ring, p: Poly, j: int) -> tuple[Poly, Squares] | None:
     x, y = ring.pairs[j]
     parts = coefficients_by(p, (2 * j, 2 * j + 1))
     a, b, c = (parts.get((2 - k, k), ring.zero) for k in (2, 1, 0))
-    rest = 4 * a * c - b * b
-    if rest == 0:
+    if (rest := 4 * a * c - b * b) == 0:
         return 4 * a, [(Fraction(1), 2 * a * y + b * x)]
     if len(ring.joints(rest)) > 1:
         return None
@@ -59,8 +54,7 @@ def _completed(ring: Ring, p: Poly, j: int) -> tuple[Poly, Squares] | None:
         return (
             (4 * a, [(Fraction(1), 2 * a * y + b * x), (fraction(value), x)]) if value > 0 else None
         )
-    left = _in_one_joint(ring, rest, ring.joints(rest)[0])
-    if left is None:
+    if (left := _in_one_joint(ring, rest, ring.joints(rest)[0])) is None:
         return None
     return 4 * a, [(Fraction(1), 2 * a * y + b * x), *((w, g * x) for w, g in left)]
 
@@ -74,8 +68,7 @@ def _in_one_joint(ring: Ring, p: Poly, j: int) -> Squares | None:
     for f, times in factors:
         found = [(w, g * f ** (times // 2)) for w, g in found]
         if times % 2:
-            one = _positive(ring, f, j)
-            if one is None:
+            if (one := _positive(ring, f, j)) is None:
                 return None
             found = [(w * u, g * h) for w, g in found for u, h in one]
     return found
@@ -91,16 +84,14 @@ def _positive(ring: Ring, f: Poly, j: int) -> Squares | None:
         coefficients[m[2 * j + 1]] = fraction(c)
     # How small a part of a polynomial is set aside for rounding: 2 to the minus these.
     for part in (8, 16, 32, 64, 128):
-        parts = _of_positive(coefficients, part)
-        if parts is not None:
+        if (parts := _of_positive(coefficients, part)) is not None:
             return [(w, _form(ring, g, j)) for w, g in parts]
     return None
 
 
 def _form(ring: Ring, coefficients: Sequence[Fraction], j: int) -> Poly:
     (x, y), top = ring.pairs[j], len(coefficients) - 1
-    terms = (rational(c) * y**k * x ** (top - k) for k, c in enumerate(coefficients))
-    return sum(terms, ring.zero)
+    return sum((rational(c) * y**k * x ** (top - k) for k, c in enumerate(coefficients)), ring.zero)
 
 
 def _of_positive(p: list[Fraction], part: int) -> list[tuple[Fraction, list[Fraction]]] | None:
@@ -123,8 +114,7 @@ def _of_positive(p: list[Fraction], part: int) -> list[tuple[Fraction, list[Frac
         )
     small = min(p[0], p[-1]) / 2**part
     less = [c - (small if k % 2 == 0 else 0) for k, c in enumerate(p)]
-    parts = _from_roots(less, part + 16)
-    if parts is None:
+    if (parts := _from_roots(less, part + 16)) is None:
         return None
     lead = less[-1]
     left = list(p)
@@ -133,8 +123,7 @@ def _of_positive(p: list[Fraction], part: int) -> list[tuple[Fraction, list[Frac
             left[i + k] -= lead * g[i] * g[k]
     found = [(lead, g) for g in parts if any(g)]
     for k in range(half):
-        d = left[2 * k + 1]
-        if d:
+        if d := left[2 * k + 1]:
             sign = 1 if d > 0 else -1
             pair = [Fraction(0)] * (half + 1)
             pair[k], pair[k + 1] = Fraction(sign), Fraction(1)
@@ -301,8 +290,7 @@ class Forms:
         flat = tuple(False for _ in slides)
         start = tuple(range(0, 2 * len(slides), 2))
         norms = tuple(None if s else u for s, u in zip(slides, ring.unit, strict=True))
-        roots = tuple(self.certificate.data["square_roots"])
-        if not roots:
+        if not (roots := tuple(self.certificate.data["square_roots"])):
             return AlgebraRing(ring.context, flat, start, norms)
         return SurdRing(ring.context, flat, start, norms, roots, self._budget)
 
@@ -392,10 +380,9 @@ class Forms:
             # Products of terms that take as long as factoring a short form does, for each of its
             # terms.
             self._budget.spend(30 * len(left) + len(left) ** 2)
-            if isinstance(self._algebra, SurdRing):
-                self._factors[key] = self._with_roots(left)
-            else:
-                self._factors[key] = [(self.tidy(f), int(k)) for f, k in left.factor()[1]]
+            rooted = isinstance(self._algebra, SurdRing)
+            found = self._with_roots(left) if rooted else left.factor()[1]
+            self._factors[key] = [(f if rooted else self.tidy(f), int(k)) for f, k in found]
         return self._factors[key]
 
     def _with_roots(self, poly: Poly) -> list[tuple[Poly, int]]:
@@ -423,8 +410,7 @@ class Forms:
         )
 
     def _inverse(self, number: Poly) -> Poly:
-        terms = self._algebra.terms(number)
-        (value,) = terms.values()
+        (value,) = self._algebra.terms(number).values()
         return self._algebra.number(1 / value)
 
 

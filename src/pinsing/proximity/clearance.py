@@ -356,12 +356,12 @@ def is_clear(
     >>> pinsing.is_clear(form, [0, 1, 0.3, 1, 1, 0], 0.1)
     True
     """
-    if not radius >= 0:
-        raise OptionError(f"radius must not be negative, got {radius!r}")
+    OptionError.refuse_if(not radius >= 0, f"radius must not be negative, got {radius!r}")
     watched = watch(forms, families, weights, norm)
     array = watched.check(q)
-    if array.ndim != 1:
-        raise OptionError(f"is_clear takes one configuration, got shape {array.shape}")
+    OptionError.refuse_if(
+        array.ndim != 1, f"is_clear takes one configuration, got shape {array.shape}"
+    )
     if families is None and not watched.complete:
         return bool(watched.regular(array[None])[0] > radius)
     fast = quick(watched, array[None], within_limits)
@@ -416,15 +416,13 @@ def distances(forms: Forms, q: npt.ArrayLike, *, boxes: int = BOXES) -> Distance
     # ``boxes`` is how many the search may look at for each.
     watched = watch(forms)
     x = watched.check(q)
-    if x.ndim != 1:
-        raise OptionError(f"distances takes one configuration, got shape {x.shape}")
+    OptionError.refuse_if(x.ndim != 1, f"distances takes one configuration, got shape {x.shape}")
     found = []
     for name, family in zip(watched.names, watched.families, strict=True):
         d = family.distance(x, boxes=boxes)
         said = family.reach, family.title, family.where(d.q)
         found.append(FamilyDistance(name, d.lower, d.upper, d.q, *said))
-    margin = watched.conditions.margin
-    if margin is not None:
+    if (margin := watched.conditions.margin) is not None:
         both = np.array([[(d.lower, d.upper) for d in found]])
         least = margin.take_off(x[None], both)[0].tolist()
         found = [replace(d, lower=low) for d, low in zip(found, least, strict=True)]

@@ -56,14 +56,15 @@ class Motion:
 def motion_of(watched: Watched, motion: Any, t: npt.ArrayLike | None = None) -> Motion:
     """Return a motion from waypoints (N, n), or an object with ``c`` and ``x`` as SciPy's PPoly."""
     if hasattr(motion, "c") and hasattr(motion, "x"):
-        if t is not None:
-            raise OptionError("a piecewise polynomial contains its times: leave out t")
+        OptionError.refuse_if(
+            t is not None, "a piecewise polynomial contains its times: leave out t"
+        )
         return _polynomial(watched, motion)
     Q = watched.check(motion)
-    if Q.ndim != 2:
-        raise ConfigurationError(f"waypoints have shape (N, {watched.n}), got {Q.shape}")
-    if len(Q) == 0:
-        raise ConfigurationError("there is no waypoint")
+    ConfigurationError.refuse_if(
+        Q.ndim != 2, f"waypoints have shape (N, {watched.n}), got {Q.shape}"
+    )
+    ConfigurationError.refuse_if(len(Q) == 0, "there is no waypoint")
     check_reach(watched, Q)
     times = check_times(t, len(Q))
     if len(Q) == 1:  # a motion that rests
@@ -92,8 +93,9 @@ def check_times(t: npt.ArrayLike | None, count: int) -> Array:
         raise OptionError(f"t is not an array of numbers: {error}") from None
     except OverflowError:
         raise OptionError("t holds a number too large for a float") from None
-    if times.shape != (count,):
-        raise OptionError(f"t needs {count} times, one a sample; got shape {times.shape}")
+    OptionError.refuse_if(
+        times.shape != (count,), f"t needs {count} times, one a sample; got shape {times.shape}"
+    )
     wrong = np.flatnonzero(~np.isfinite(times))
     if wrong.size:
         raise OptionError(f"time of sample {wrong[0] + 1} is {times[wrong[0]]}")
@@ -109,15 +111,16 @@ def check_times(t: npt.ArrayLike | None, count: int) -> Array:
 
 def _polynomial(watched: Watched, motion: Any) -> Motion:
     c, x = real_numbers(motion.c, "c of the motion"), real_numbers(motion.x, "x of the motion")
-    if c.ndim != 3 or x.ndim != 1 or c.shape[1:] != (len(x) - 1, watched.n) or not c.size:
-        raise ConfigurationError(
-            f"a piecewise polynomial has coefficients c of shape (k, m, {watched.n}) and m + 1 "
-            f"breakpoints x; got {c.shape} and {x.shape}"
-        )
+    ConfigurationError.refuse_if(
+        c.ndim != 3 or x.ndim != 1 or c.shape[1:] != (len(x) - 1, watched.n) or not c.size,
+        f"a piecewise polynomial has coefficients c of shape (k, m, {watched.n}) and m + 1 "
+        f"breakpoints x; got {c.shape} and {x.shape}",
+    )
     if len(c) > _MOST_DEGREE + 1:
         raise OptionError(f"polynomials of degree {len(c) - 1}: at most {_MOST_DEGREE}")
-    if not np.isfinite(c).all():
-        raise ConfigurationError("a coefficient of the motion is not finite")
+    ConfigurationError.refuse_if(
+        not np.isfinite(c).all(), "a coefficient of the motion is not finite"
+    )
     times = check_times(x, len(x))
     rising = np.moveaxis(c[::-1], 0, 1)  # (m, degree + 1, n), powers of the local time
     width = np.diff(times)[:, None, None] ** np.arange(len(c))[None, :, None]
@@ -322,8 +325,7 @@ def crossings_of(watched: Watched, motion: Motion) -> Crossings:
         first = np.array([item[0] for item in found])
         last = np.array([item[1] for item in found])
         Q, begin, end = motion.at(first), motion.time(first), motion.time(last)
-        rows = zip(found, Q, begin, end, strict=True)
-        for (_, _, f, kind), q, b, e in rows:
+        for (_, _, f, kind), q, b, e in zip(found, Q, begin, end, strict=True):
             long = kind == "along" or (kind == "touch" and e > b)
             until = min(float(e), float(motion.t[-1])) if long else float(b)
             family = watched.families[f]
@@ -345,8 +347,7 @@ def _split(watched: Watched) -> tuple[Conditions, list[int], dict[int, list[Bran
             equations = branch.equations or (_as_equation(watched, branch.values[0]),)
             surfaces.append([Branch((), tuple(equations))])
             of_equation.append(f)
-    conditions = Conditions.of(surfaces, watched.prismatic, watched.weight)
-    return conditions, of_equation, thin
+    return Conditions.of(surfaces, watched.prismatic, watched.weight), of_equation, thin
 
 
 def _as_equation(watched: Watched, value: JointValue) -> Equation:
@@ -368,21 +369,19 @@ def _on_surfaces(
     conditions: Conditions, of_equation: list[int], motion: Motion
 ) -> list[tuple[float, float, int, str]]:
     zeros = _near_zeros(conditions, motion)
-    step = _lengths(conditions, motion)
     # Joint-space length within which events of one equation are one.
-    near = 1e-12 + 1e-9 / np.maximum(step, 1e-300)  # in s, of each piece
+    near = 1e-12 + 1e-9 / np.maximum(_lengths(conditions, motion), 1e-300)  # in s, of each piece
     out = []
     for e, f in enumerate(of_equation):
         starts, ends, simple = _intervals(conditions, e, zeros, motion)
         for first, last in _groups(starts, ends, np.minimum(near, 1e-3)):
             u, end = float(starts[first]), float(ends[first:last].max())
             kind = _kind(conditions, e, motion, u, end, simple[first:last])
-            if kind is None:
-                continue
-            Q = motion.at(np.linspace(u, end, 4)) * conditions.weight
-            # Joint-space length from which on an interval of zeros is called "along".
-            long = bool(np.linalg.norm(Q - Q[0], axis=1).max() > 1e-3)
-            out.append((u, end, f, "along" if long else kind))
+            if kind is not None:
+                Q = motion.at(np.linspace(u, end, 4)) * conditions.weight
+                # Joint-space length from which on an interval of zeros is called "along".
+                long = bool(np.linalg.norm(Q - Q[0], axis=1).max() > 1e-3)
+                out.append((u, end, f, "along" if long else kind))
     return out
 
 
@@ -435,8 +434,7 @@ def _groups(start: Array, end: Array, near: Array) -> list[tuple[int, int]]:
     groups: list[tuple[int, int]] = []
     reach = -np.inf
     for i in range(len(start)):
-        piece = min(int(start[i]), len(near) - 1)
-        if groups and start[i] - reach <= near[piece]:
+        if groups and start[i] - reach <= near[min(int(start[i]), len(near) - 1)]:
             groups[-1] = (groups[-1][0], i + 1)
         else:
             groups.append((i, i + 1))

@@ -147,8 +147,9 @@ class Reader:
         """Return time, q (n,) and speeds (n,); None for an empty line, names, or a comment."""
         # HeadError for a row after names that were not understood, ConfigurationError for other bad
         # lines.
-        if len(line) > MEBIBYTE:
-            raise ConfigurationError(f"the stream: a line of more than {MEBIBYTE:,} characters")
+        ConfigurationError.refuse_if(
+            len(line) > MEBIBYTE, f"the stream: a line of more than {MEBIBYTE:,} characters"
+        )
         text, self.t = line.removeprefix("\ufeff").strip(), None
         if text[:1] == "[" and text[-1] == "]":
             text = text[1:-1]
@@ -224,23 +225,24 @@ class Reader:
                 data.get("header"), None, [data.get("t", data.get("time", data.get("timestamp")))]
             )
             lists = isinstance(names, list) and isinstance(values, list)
-            if not lists or len(names) != len(values):
-                raise ConfigurationError("name and position must be lists of one length")
+            ConfigurationError.refuse_if(
+                not lists or len(names) != len(values),
+                "name and position must be lists of one length",
+            )
             heads, rates = self._heads(list(map(str, names))), data.get("velocity")
             q = self._values("q", heads, values)
             if rates is not None and rates != []:
                 if not isinstance(rates, list) or len(rates) != len(names):
                     raise ConfigurationError(f"velocity needs {len(names)} values, as position has")
-                unknown = (r is None or r != r or r in (np.inf, -np.inf) for r in rates)
-                if not any(unknown):
+                if not any(r is None or r != r or r in (np.inf, -np.inf) for r in rates):
                     speeds = self._values("velocity", heads, rates)
         self._called = self._called or heads.called
         for now, before in zip(heads.called, self._called, strict=True):
-            if now != before:
-                raise ConfigurationError(
-                    f"the stream: {now!r:.80} is {before!r:.80} in a line before: give the states "
-                    "of one robot"
-                )
+            ConfigurationError.refuse_if(
+                now != before,
+                f"the stream: {now!r:.80} is {before!r:.80} in a line before: give the states "
+                "of one robot",
+            )
         return q, speeds
 
     def _time(self, header: Any, heads: ColumnHeads | None, values: Sequence[Any]) -> None:
@@ -297,8 +299,9 @@ class Reader:
 
     def _heads(self, names: list[str]) -> ColumnHeads:
         if self._names is None or self._names[0] != names:
-            if len(names) > 10 * BACKLOG:
-                raise ConfigurationError(f"the stream: a line of {len(names):,} columns")
+            ConfigurationError.refuse_if(
+                len(names) > 10 * BACKLOG, f"the stream: a line of {len(names):,} columns"
+            )
             heads = ColumnHeads("the stream", self._arm, names)
             self._names = names, heads
             for note in heads.notes:
@@ -334,8 +337,9 @@ class Reader:
             self._columns = known = None, separator
         heads = known[0]
         width = self._arm.n if heads is None else len(heads.words)
-        if len(words) != width:
-            raise ConfigurationError(f"cannot read {text:.80}: {width} columns are needed")
+        ConfigurationError.refuse_if(
+            len(words) != width, f"cannot read {text:.80}: {width} columns are needed"
+        )
         if heads is not None:
             if not heads.first or any(words[i].strip(AROUND) != w for i, w in heads.labels.items()):
                 heads = ColumnHeads("the stream", self._arm, heads.words, first=words)
@@ -360,8 +364,9 @@ def number(value: Any, called: str) -> float:
         found = math.nan if isinstance(value, bool) else float(value)
     except (TypeError, ValueError, OverflowError):
         found = math.nan
-    if not math.isfinite(found):
-        raise ConfigurationError(f"{called} is {said:.40}; every value must be a finite number")
+    ConfigurationError.refuse_if(
+        not math.isfinite(found), f"{called} is {said:.40}; every value must be a finite number"
+    )
     return found
 
 
@@ -399,8 +404,7 @@ class Follower:
         """Return plain data of one line; None for a line without values."""
         # ``family`` is that of the nearest singular configuration found, ``lower`` holds for all.
         # ``move`` is the joint, and the sense, that leads away fastest within the limits.
-        found = self.reader.read(line)
-        if found is None:
+        if (found := self.reader.read(line)) is None:
             return None
         t, q, dq = found
         try:

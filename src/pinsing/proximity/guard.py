@@ -183,8 +183,7 @@ def _string(text: str) -> str:
 
 
 def _strings(name: str, values: Sequence[str]) -> str:
-    lines = [_string(v) for v in values] or ['""']
-    body = ",\n    ".join(lines)
+    body = ",\n    ".join([_string(v) for v in values] or ['""'])
     return f"static const char *const {name}[] = {{\n    {body}\n}};"
 
 
@@ -276,9 +275,7 @@ def _python_text(source: GuardSource) -> str:
 
 
 def _rows(values: Sequence[object]) -> str:
-    if not values:
-        return "()"
-    return "(\n" + "".join(f"    {_literal(v)},\n" for v in values) + ")"
+    return "(\n" + "".join(f"    {_literal(v)},\n" for v in values) + ")" if values else "()"
 
 
 def _literal(value: object) -> str:

@@ -46,27 +46,19 @@ class Line:
         here = tip(arm, q)
         position, rotation = target
         axis, task = np.zeros(3), arm.task
-        if not task.places:
-            raise OptionError(
-                f"task {task} only says how the tip moves, not where it is: a line needs all "
-                "rows of a translation or rotation, or base axes, or tool-axis"
-            )
+        OptionError.refuse_if(
+            not task.places,
+            f"task {task} only says how the tip moves, not where it is: a line needs all "
+            "rows of a translation or rotation, or base axes, or tool-axis",
+        )
         along = position - here.translation
         if rotation is not None:
             R = np.array(here.rotation)
             axis = turn_left(task, R[None], np.asarray(rotation, dtype=float))[0]
+        rows = np.isin(np.arange(6).reshape(2, 3), task.rows)
         if task.at_tip:  # it turns about no free axis, and by nothing that is not wanted
-            turns = any(r >= 3 for r in task.rows)
-            moves = any(r < 3 for r in task.rows)
-            return cls(
-                np.array(here.translation),
-                np.array(here.rotation),
-                along if moves else np.zeros(3),
-                axis if turns else np.zeros(3),
-            )
-        rows = set(task.rows)
-        along = np.where([r in rows for r in range(3)], along, 0.0)
-        axis = np.where([r in rows for r in range(3, 6)], axis, 0.0)
+            rows = np.any(rows, axis=1, keepdims=True)
+        along, axis = np.where(rows, [along, axis], 0.0)
         return cls(np.array(here.translation), np.array(here.rotation), along, axis)
 
     @property
@@ -104,14 +96,10 @@ class Tracked:
         """Return the same with an end at which joints that turn back have infinite rates."""
         # They move as the root of what is left of the line, the others in proportion to it.
         left = np.abs(q - self.q[-1])
-        folds = (left > 1e-15) & (left > 1e-3 * left.max())
-        rate = np.where(folds, np.inf, self.rate[-1])
-        if s <= self.s[-1]:
-            keep = self.s < s
-            base = Tracked(self.s[keep], self.q[keep], self.rate[keep])
-        else:
-            base = self
-        return Tracked(np.append(base.s, s), np.vstack([base.q, q]), np.vstack([base.rate, rate]))
+        rate = np.where((left > 1e-15) & (left > 1e-3 * left.max()), np.inf, self.rate[-1])
+        keep = self.s < s
+        Q, rates = np.vstack([self.q[keep], q]), np.vstack([self.rate[keep], rate])
+        return Tracked(np.append(self.s[keep], s), Q, rates)
 
 
 def tip(arm: Arm, q: Array) -> pin.SE3:
@@ -157,12 +145,10 @@ def track(arm: Arm, line: Line, q: Array) -> Tracked:
         rates.append(rate)
         if s >= 1.0 or len(S) >= 200_000:
             break
-        fastest = float(np.abs(rate).max())
-        step = min(2 * step, _LONGEST / max(fastest, _LONGEST * 20), 1.0 - s)
+        step = min(2 * step, _LONGEST / max(float(np.abs(rate).max()), _LONGEST * 20), 1.0 - s)
         found = None
         while step >= _SHORTEST:
-            found = _step(arm, line, scale, q, s + step, step * rate)
-            if found is not None:
+            if (found := _step(arm, line, scale, q, s + step, step * rate)) is not None:
                 break
             step /= 2
         if found is None:
@@ -183,8 +169,7 @@ def _step(arm: Arm, line: Line, scale: Array, q: Array, s: float, ahead: Array) 
         error = _rows(arm, line.error(arm, x, s), x)
         if np.abs(error / scale).max() < FLOAT_NOISE:
             return x
-        J = _rows(arm, frame_jacobian(arm, x), x)
-        x = x + np.linalg.lstsq(J, error, rcond=1e-12)[0]
+        x = x + np.linalg.lstsq(_rows(arm, frame_jacobian(arm, x), x), error, rcond=1e-12)[0]
         if not np.isfinite(x).all() or np.abs(x - q - ahead).max() > allowed:
             return None
     return (
@@ -196,9 +181,7 @@ def _step(arm: Arm, line: Line, scale: Array, q: Array, s: float, ahead: Array) 
 
 def _rows(arm: Arm, columns: Array, q: Array) -> Array:
     """Task rows (m,) or (m, k) of columns (6,) or (6, k) in base axes at q (n,)."""
-    if columns.ndim == 1:
-        return task_rows(arm, columns[:, None], q)[:, 0]
-    return task_rows(arm, columns, q)
+    return task_rows(arm, columns.reshape(6, -1), q).reshape(-1, *columns.shape[1:])
 
 
 def landing(arm: Arm, line: Line, branch: Branch, q: Array, s: float) -> tuple[Array, float] | None:
@@ -207,23 +190,19 @@ def landing(arm: Arm, line: Line, branch: Branch, q: Array, s: float) -> tuple[A
     # unknowns it is a regular zero of Newton's method.
     x, at = q.copy(), s
     for _ in range(30):
-        missing = _rows(arm, line.error(arm, x, at), x)
         values, slopes = _conditions(branch, x, arm)
-        residual = np.concatenate([missing, -values])
-        J = _rows(arm, frame_jacobian(arm, x), x)
-        top = np.column_stack([J, -_rows(arm, line.twist, x)])
-        A = np.vstack([top, np.column_stack([slopes, np.zeros(len(values))])])
+        residual = np.concatenate([_rows(arm, line.error(arm, x, at), x), -values])
         if np.abs(residual).max() < 1e-14:
             break
+        J, along = _rows(arm, frame_jacobian(arm, x), x), _rows(arm, line.twist, x)
+        A = np.block([[J, -along[:, None]], [slopes, np.zeros((len(values), 1))]])
         delta = np.linalg.lstsq(A, residual, rcond=1e-11)[0]
-        size = float(np.abs(delta[:-1]).max())
-        delta *= min(1.0, 0.2 / max(size, 1e-300))
+        delta *= min(1.0, 0.2 / max(float(np.abs(delta[:-1]).max()), 1e-300))
         x, at = x + delta[:-1], at + float(delta[-1])
         if not np.isfinite(x).all() or np.abs(x - q).max() > 0.5:
             return None
     good = np.abs(residual).max() < 1e-11 and -1e-9 <= at <= 1 + 1e-9
-    near = np.abs(x - q).max() < 0.3 and abs(at - s) < 0.02
-    return (x, at) if good and near else None
+    return (x, at) if good and np.abs(x - q).max() < 0.3 and abs(at - s) < 0.02 else None
 
 
 def _conditions(branch: Branch, q: Array, arm: Arm) -> tuple[Array, Array]:
@@ -439,14 +418,11 @@ def check_line(
     >>> line.outcome, line.family, round(line.s_end, 4), round(line.length, 4)
     ('singular', 'F1', 0.0875, 0.4265)
     """
-    if not 0 < speed < np.inf:
-        raise OptionError(f"speed must be a positive number, got {speed!r}")
+    OptionError.refuse_if(not 0 < speed < np.inf, f"speed must be a positive number, got {speed!r}")
     check_speeds(speed, 0.0)
-    if not near > 0:
-        raise OptionError(f"near must be positive, got {near!r}")
+    OptionError.refuse_if(not near > 0, f"near must be positive, got {near!r}")
     q = arm.check(q0)
-    if q.ndim != 1:
-        raise ConfigurationError(f"q0 is one configuration, got shape {q.shape}")
+    ConfigurationError.refuse_if(q.ndim != 1, f"q0 is one configuration, got shape {q.shape}")
     if forms is None:
         forms = form_to_measure(arm)
     require_forms_of(forms, arm)
@@ -460,8 +436,9 @@ def check_line(
             f"the target is {away:.4g} m from joint 1, and the links end to end are "
             f"{longest:.4g} m: it looks like millimetres: give metres, as {meant}"
         )
-    if line.length < 1e-9:
-        raise ConfigurationError("the line has no length: the tip is at the target already")
+    ConfigurationError.refuse_if(
+        line.length < 1e-9, "the line has no length: the tip is at the target already"
+    )
     if float(ratios(arm, q[None])[0]) <= SINGULAR_RTOL:
         on = [n for n, f in zip(watched.names, watched.families, strict=True) if f.contains(q)]
         where = f" (on {', '.join(on)})" if on else ""
@@ -510,8 +487,7 @@ def _end(watched: Watched, arm: Arm, line: Line, tracked: Tracked) -> tuple[Trac
             break
         branches: tuple[Branch, ...] = watched.families[i].branches
         for branch in branches:
-            end = landing(arm, line, branch, q, s)
-            if end is not None:
+            if (end := landing(arm, line, branch, q, s)) is not None:
                 return tracked.ended(*end), watched.names[i], True
     if found and found[0][0] < 1e-3:
         return tracked, watched.names[found[0][1]], False
@@ -550,8 +526,8 @@ def _edge(s: Array, allowed: Array, i: int, side: int, speed: float) -> float:
 
 def _from_joint_1(arm: Arm, line: Line) -> float:
     """Metres from joint 1 to the end of the line."""
-    root = np.array(arm.model.jointPlacements[1].translation)
-    return float(np.linalg.norm(line.start + line.along - root))
+    root = arm.model.jointPlacements[1].translation
+    return float(np.linalg.norm(line.start + line.along - np.array(root)))
 
 
 def _notes(
@@ -596,8 +572,7 @@ def line_summary(line: LineCheck, degrees: bool = True, robot: str = "", same: s
         *[f"it comes within {angle_text(line.near, degrees)} of a singularity"]
         * bool(line.stretches and not met),
     ]
-    none = f" and meets no singularity{of}"
-    but = f", but {listed(faults)}" if faults else none
+    but = f", but {listed(faults)}" if faults else f" and meets no singularity{of}"
     if met:
         but = f", but it meets {first}{'; also ' * bool(faults)}{listed(faults)}"
     whole, done = f"line of {line.length:.4g} m", f"{line.s_end:.6g} m"
@@ -620,8 +595,7 @@ def line_summary(line: LineCheck, degrees: bool = True, robot: str = "", same: s
         far = f"{angle_text(near.upper, degrees)} at {near.t:.4g} m{OUTSIDE[near.outside]}"
         out.append(f"Closest approach: {titled(near.family, near.title)}, {far}")
     out.append(f"Joint speeds at {line.speed:g} m/s: {_line_speeds(line)}")
-    good = _clear(line)
-    if good:
+    if good := _clear(line):
         start = typed(good[0].q, line.arm.prismatic, degrees, digits=6)
         called = f" ({', '.join(good[0].names)})" * bool(good[0].names)
         works = "it reaches its end clear of singularities"
@@ -669,12 +643,10 @@ def line_details(line: LineCheck, degrees: bool) -> str:
         for x, slides in zip(line.q_end, line.arm.prismatic, strict=True)
     )
     out = [f"end, at {line.s_end:.6g} of {line.length:.6g} m:", f"  q = {q}"]
-    if line.crossings:
-        out.append("meetings:")
-        out += [
-            f"  {c.kind} {titled(c.family, c.title)} at {c.t:.6g} m"
-            for c in line.crossings[:LISTED]
-        ]
+    out += ["meetings:"] * bool(line.crossings)
+    out += [
+        f"  {c.kind} {titled(c.family, c.title)} at {c.t:.6g} m" for c in line.crossings[:LISTED]
+    ]
     out += ["nearest approach to each family:"] * bool(line.approaches)
     out += [
         f"  {titled(a.family, a.title)}: {angle_text(a.upper, degrees)}, at {a.t:.6g} m"
@@ -707,8 +679,7 @@ def _unit(line: LineCheck, joint: str, degrees: bool) -> tuple[str, float]:
 def left_limits(line: LineCheck, degrees: bool = True) -> list[str]:
     """Return where joints leave their limits, in a line; none where they keep them."""
     space = line.arm.space
-    outside = space.outside(line.q).T
-    left = sorted((line.s[o.argmax()], j) for j, o in enumerate(outside) if o.any())
+    left = sorted((line.s[o.argmax()], j) for j, o in enumerate(space.outside(line.q).T) if o.any())
     if not left:
         return []
     (at, j), *later = left

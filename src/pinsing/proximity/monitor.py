@@ -173,12 +173,14 @@ class Monitor:
         turn_speed: float = TURN_SPEED,
         joint_speeds: npt.ArrayLike | None = None,
     ) -> None:
-        if not 0 <= stop <= warn < math.inf:
-            raise OptionError(f"need 0 <= stop <= warn, got stop {stop!r} and warn {warn!r}")
-        if not 0 <= hysteresis < math.inf:
-            raise OptionError(f"hysteresis must not be negative, got {hysteresis!r}")
-        if not horizon > 0:
-            raise OptionError(f"horizon must be positive, got {horizon!r}")
+        OptionError.refuse_if(
+            not 0 <= stop <= warn < math.inf,
+            f"need 0 <= stop <= warn, got stop {stop!r} and warn {warn!r}",
+        )
+        OptionError.refuse_if(
+            not 0 <= hysteresis < math.inf, f"hysteresis must not be negative, got {hysteresis!r}"
+        )
+        OptionError.refuse_if(not horizon > 0, f"horizon must be positive, got {horizon!r}")
         watched = watch(forms, every_name(forms) if families is None else families, weights)
         if weights is None:
             watched.require_angle(warn, "warn")
@@ -187,8 +189,9 @@ class Monitor:
         self.joints, self.names, self.complete = watched.joints, watched.names, watched.complete
         self._zones: Array | None = None
         if zones is not None:
-            if weights is not None:
-                raise OptionError("zones have their own metric: watch without weights")
+            OptionError.refuse_if(
+                weights is not None, "zones have their own metric: watch without weights"
+            )
             first = forms if isinstance(forms, ClosedForm) else forms[0]
             self._zones = zone_distances(zones, first.arm, self.names)
             self._range = (zones.lower + zones.upper) / 2, (zones.upper - zones.lower) / 2
@@ -278,8 +281,7 @@ class Monitor:
         if dq is not None:
             velocity = self._v
             self._take(dq, "dq", velocity)
-        handle = self._handle
-        if handle is not None:
+        if (handle := self._handle) is not None:
             work = self.horizon, NAMING.gap, NAMING.boxes
             family = handle.watch(self._x, velocity, *work, self._out, self._isa)
         else:
@@ -332,8 +334,7 @@ class Monitor:
         if (np.abs(self._watched.space.wrap(Q[0] - middle)) > half + ROUNDING).any():
             return None
         low = two_sided(self._watched.conditions.plain, Q, each=True).each[0, :, 0]
-        near = (low <= self._zones) & (self._zones > 0)
-        return tuple(np.array(self.names)[near].tolist())
+        return tuple(np.array(self.names)[(low <= self._zones) & (self._zones > 0)].tolist())
 
     def _take(self, values: npt.ArrayLike, name: str, into: Array) -> None:
         if type(values) is np.ndarray and values.dtype == _FLOAT and values.shape == self._shape:

@@ -106,13 +106,8 @@ class Speeds:
         limits = np.broadcast_to(self.limits, speed.shape)
         over = speed > limits * (1 + 1e-9)
         self._keep("speed", before, after, speed / limits, speed, limits, over)
-        if self.accelerations is not None and begin >= 1 and last - begin >= 1:
-            self._bend(t, Q, begin, last)
-
-    def _bend(self, t: Array, Q: Array, begin: int, last: int) -> None:
-        assert self.accelerations is not None
         begin = max(begin, 2)
-        if last <= begin:
+        if self.accelerations is None or last <= begin:
             return
         rate = np.diff(Q, axis=0) / np.diff(t)[:, None]
         middle = (t[1:] + t[:-1]) / 2
@@ -141,8 +136,7 @@ class Speeds:
         places: list[Crossing | Approach] = [*passage.crossings, *passage.approaches]
         if self.judge.reason or not places:
             return
-        Q = np.array([p.q for p in places])
-        share = self.judge.shares(Q, self.tip_speed, self.turn_speed)
+        share = self.judge.shares(np.array([p.q for p in places]), self.tip_speed, self.turn_speed)
         met = share[: len(passage.crossings)]
         if not passage.watched.tube:  # a meeting is singular but for rounding
             met[met > 1e5] = np.inf
@@ -386,9 +380,8 @@ class Passage:
         motion = Motion(t, np.stack([Q[:-1], np.diff(Q, axis=0)], axis=1))
         begin, stop = float(t[first]), float(t[min(last, len(t) - 1)])
         for c in crossings_of(self.watched, motion):
-            if c.t_end < begin or (c.t >= stop and not end):
-                continue
-            self._add(c)
+            if c.t_end >= begin and (c.t < stop or end):
+                self._add(c)
         self._look(motion, first, min(last, len(motion.pieces)), end)
 
     def _add(self, c: Crossing) -> None:
@@ -398,18 +391,18 @@ class Passage:
                 if c.t_end > other.t_end:  # goes on in the next part
                     self.crossings[k] = replace(other, t_end=c.t_end, kind=c.kind)
                 return
-        if len(self.crossings) >= 1000:
+        if len(self.crossings) < 1000:
+            self.crossings.append(c)
+        else:
             self.cut = True
-            return
-        self.crossings.append(c)
 
     def _look(self, motion: Motion, first: int, last: int, end: bool) -> None:
         """Clearance at samples and, where steps are long, in between."""
         steps = self.watched.length(motion.pieces[first:last, 1])
         # Longer steps are looked at in between, this far apart in joint space.
         counts = np.clip(np.ceil(steps / _APART), 1, 64).astype(np.int64)
-        u = np.concatenate([first + k + np.arange(m) / m for k, m in enumerate(counts)] or [[]])
-        u = np.append(u, float(last))
+        parts = (first + k + np.arange(m) / m for k, m in enumerate(counts))
+        u = np.concatenate([*parts, [float(last)]])
         Q = motion.at(u)
         length = self.watched.length(np.diff(Q, axis=0))
         if not self._families:
@@ -489,15 +482,11 @@ class Passage:
             if c.family == name:
                 return Approach(name, c.t, c.q, 0.0, 0.0, title)
         conditions = self._families[f]
-        best: tuple[float, float, Array] | None = None
-        for _, motion, u in self._candidates[f]:
-            found = _refined(conditions, watched, motion, u)
-            best = min(best or found, found, key=lambda x: (round(x[0], 9), x[1]))
-        if best is None:
+        found = [_refined(conditions, watched, m, u) for _, m, u in self._candidates[f]]
+        if not found:
             return None
-        upper, t, q = best
-        low, high = watched.families[f].limits
-        nearest = nearest_points(conditions, q[None], low, high, _SEARCH)
+        upper, t, q = min(found, key=lambda x: (round(x[0], 9), x[1]))
+        nearest = nearest_points(conditions, q[None], *watched.families[f].limits, _SEARCH)
         upper = min(upper, float(nearest.upper[0]))
         least = max(0.0, min(float(self._least[f]), upper))
         outside = "family" if watched.families[f].is_reachable is False else ""

@@ -69,8 +69,7 @@ class Sites:
     def _take(self, family: int, branch: Branch, X: Array) -> None:
         joints = branch.involved
         old = self._groups.get((family, joints), np.zeros((0, len(joints))))
-        points = self._folded(X)[:, list(joints)]
-        self._groups[family, joints] = np.concatenate([old, points])
+        self._groups[family, joints] = np.concatenate([old, self._folded(X)[:, list(joints)]])
 
     def add(self, X: Array, families: Ints) -> None:
         """Take points X (N, n) of families (N,), known by their number; -1 is none."""
@@ -93,8 +92,7 @@ class Sites:
                 off = np.abs(X[:, j, None] - points[:, k])
                 off = np.minimum(off, self.turn[j] - off) + half[:, j, None]
                 total += np.minimum(off, self.turn[j] / 2) ** 2
-            least = np.sqrt(total.min(axis=1, initial=np.inf))
-            out[:, family] = np.minimum(out[:, family], least)
+            out[:, family] = np.minimum(out[:, family], np.sqrt(total.min(axis=1, initial=np.inf)))
         return out
 
     def within(self, X: Array, half: Array | float = 0.0) -> Array:
@@ -404,10 +402,10 @@ def suggest(
     >>> found.lower > 1.4, found.lower <= found.upper <= found.most
     (True, True)
     """
-    if not (math.isfinite(reach) and reach > 0):
-        raise OptionError(f"reach must be a positive number, got {reach!r}")
-    if not work > 0:
-        raise OptionError(f"work must be positive, got {work!r}")
+    OptionError.refuse_if(
+        not (math.isfinite(reach) and reach > 0), f"reach must be a positive number, got {reach!r}"
+    )
+    OptionError.refuse_if(not work > 0, f"work must be positive, got {work!r}")
     whole_number(seed, "seed", 0, MAX_SEED)
     target = None if near is None else arm.check_one(near, "near")
     if forms is not None:
@@ -479,8 +477,7 @@ def _room(arm: Arm, watched: Watched, near: Array | None, reach: float, notes: l
     if near is None:
         # One turn is enough, about zero where that is within the limits.
         whole = ~arm.prismatic & (high - low >= 2 * np.pi)
-        middle = (low + high) / 2
-        center = np.where(whole, np.clip(0.0, low + np.pi, high - np.pi), middle)
+        center = np.where(whole, np.clip(0.0, low + np.pi, high - np.pi), (low + high) / 2)
         low, high = np.where(whole, center - np.pi, low), np.where(whole, center + np.pi, high)
         around, radius = center, np.inf
     else:
@@ -516,8 +513,7 @@ def _margin(arm: Arm, reach: float) -> float:
 
 def _rounded(arm: Arm, watched: Watched, room: Room, q: Array) -> Array:
     """The configuration with few digits, where these stay within the limits and the ball."""
-    angles = np.radians(np.round(np.degrees(q), 2))
-    short = np.where(arm.prismatic, np.round(q, 4), angles) + 0.0
+    short = np.where(arm.prismatic, np.round(q, 4), np.radians(np.round(np.degrees(q), 2))) + 0.0
     inside = (short >= arm.lower) & (short <= arm.upper)
     short = np.where(inside, short, np.clip(q, arm.lower, arm.upper))
     away = float(np.linalg.norm(short * watched.weight - room.around))

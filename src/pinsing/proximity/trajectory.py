@@ -201,8 +201,7 @@ def _proven(check: TrajectoryCheck) -> str:
 def _nearest(check: TrajectoryCheck, degrees: bool) -> str:
     met = {c.family for c in check.crossings}
     others = (x for x in check.approaches if x.family not in met and x.upper > 0)
-    a = next((x for x in others if x.outside != "family"), None)
-    if a is None:
+    if (a := next((x for x in others if x.outside != "family"), None)) is None:
         return ""
     least = angle_text(a.lower, degrees)
     where = "elsewhere" if met else f"(at least {least}, {_proven(check)})"
@@ -437,9 +436,7 @@ class TrajectoryCheck(JsonResult):
     @property
     def clearance(self) -> float:
         """Proven: the motion is nowhere nearer to a family; infinite without families."""
-        if self.crossings:
-            return 0.0
-        return min((a.lower for a in self.approaches), default=np.inf)
+        return 0.0 if self.crossings else min((a.lower for a in self.approaches), default=np.inf)
 
 
 @checked
@@ -504,14 +501,14 @@ def check_trajectory(
     >>> [(c.family, c.kind, round(c.t, 6)) for c in check.crossings]
     [('F1', 'crossing', 0.5)]
     """
-    if not near > 0:
-        raise OptionError(f"near must be positive, got {near!r}")
+    OptionError.refuse_if(not near > 0, f"near must be positive, got {near!r}")
     check_speeds(tip_speed, turn_speed)
     given = form_to_measure(arm) if forms is None else forms
     watched = watch(given, families)
     every = watched if families is None else watch(given)
-    if watched.joints != arm.joints:
-        raise OptionError("the closed form is of an arm with other joints")
+    OptionError.refuse_if(
+        watched.joints != arm.joints, "the closed form is of an arm with other joints"
+    )
     watched.require_angle(near, "near")
     table = columns_of(Q, arm.joints, "Q")
     samples = table if isinstance(table, np.ndarray) else np.asarray(table, dtype=float)
@@ -523,8 +520,7 @@ def check_trajectory(
             f"({', '.join(arm.joints)}); got {samples.shape}"
         )
     N = len(samples)
-    if N == 0:
-        raise ConfigurationError("the trajectory has no sample")
+    ConfigurationError.refuse_if(N == 0, "the trajectory has no sample")
     times = check_times(t, N)
     passage = Passage(watched, near)
     limits = _accelerations(arm, acceleration_limits)
@@ -588,8 +584,10 @@ def _accelerations(arm: Arm, given: npt.ArrayLike | None) -> Array | None:
     if given is None:
         return None
     limits = np.array(given, dtype=float)
-    if limits.shape != (arm.n,) or not (limits > 0).all():
-        raise OptionError(f"acceleration_limits needs {arm.n} positive numbers")
+    OptionError.refuse_if(
+        limits.shape != (arm.n,) or not (limits > 0).all(),
+        f"acceleration_limits needs {arm.n} positive numbers",
+    )
     return limits
 
 

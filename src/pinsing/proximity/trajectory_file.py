@@ -130,10 +130,13 @@ def read_trajectory(
     """
     try:
         kind = path.suffix.lower()
-        if path.is_char_device() or path.is_block_device():
-            raise ConfigurationError(f"{path}: is a device: give a file")
-        if path.is_fifo() and not os.fspath(path).startswith(_HANDED):
-            raise ConfigurationError(f"{path}: is a pipe, which nobody may write to: give a file")
+        ConfigurationError.refuse_if(
+            path.is_char_device() or path.is_block_device(), f"{path}: is a device: give a file"
+        )
+        ConfigurationError.refuse_if(
+            path.is_fifo() and not os.fspath(path).startswith(_HANDED),
+            f"{path}: is a pipe, which nobody may write to: give a file",
+        )
         if kind == ".npy":
             found = _npy(path, arm, columns)
         elif kind == ".npz":
@@ -154,15 +157,14 @@ def read_trajectory(
             raise
         reason = " ".join(str(error).split())
         raise ConfigurationError(f"cannot read {path}: {reason:.200}") from None
-    if not len(found.Q):
-        raise ConfigurationError(f"{path}: no sample in it")
+    ConfigurationError.refuse_if(not len(found.Q), f"{path}: no sample in it")
     if found.degrees is not None:
         unit = "degrees" if found.degrees else "radians"
-        if degrees not in (None, found.degrees):
-            raise ConfigurationError(
-                f"{path}: a comment says units: {unit}, the option the other: correct the comment, "
-                "or leave out --units, --deg and --rad"
-            )
+        ConfigurationError.refuse_if(
+            degrees not in (None, found.degrees),
+            f"{path}: a comment says units: {unit}, the option the other: correct the comment, "
+            "or leave out --units, --deg and --rad",
+        )
         degrees = found.degrees
         found = replace(found, notes=(*found.notes, f"a comment says that angles are in {unit}"))
     scales = np.where(arm.prismatic, 1.0, math.pi / 180 if degrees else 1.0)
@@ -246,8 +248,10 @@ def _columns(
     path: Path, arm: Arm, array: npt.NDArray[Any], columns: Sequence[str] = ()
 ) -> TrajectoryFile:
     """Columns without names: one a joint, perhaps after one of times."""
-    if array.dtype.names is not None or array.dtype.kind not in "fiu":
-        raise ConfigurationError(f"{path}: an array of numbers is needed, got {array.dtype}")
+    ConfigurationError.refuse_if(
+        array.dtype.names is not None or array.dtype.kind not in "fiu",
+        f"{path}: an array of numbers is needed, got {array.dtype}",
+    )
     if array.ndim == 1 and len(array):
         array = array[None]
     if columns and array.ndim == 2:
@@ -316,19 +320,19 @@ def _npz(path: Path, arm: Arm, columns: Sequence[str]) -> TrajectoryFile:
     array = np.asarray(arrays[samples])
     if names is not None and not columns:
         heads = [str(name) for name in np.ravel(arrays[names])]
-        if array.ndim != 2 or array.shape[1] != len(heads):
-            raise ConfigurationError(
-                f"{path}: {samples!r} needs a column for each of the {len(heads)} names in "
-                f"{names!r}; got shape {array.shape}"
-            )
+        ConfigurationError.refuse_if(
+            array.ndim != 2 or array.shape[1] != len(heads),
+            f"{path}: {samples!r} needs a column for each of the {len(heads)} names in "
+            f"{names!r}; got shape {array.shape}",
+        )
         columns = [str(i + 1) for i in ColumnHeads(path, arm, heads).order]
     found = _columns(path, arm, array, columns)
     if times is None:
         return found
-    if found.t is not None:
-        raise ConfigurationError(
-            f"{path}: times are in {times!r} and in a column of {samples!r}: leave one out"
-        )
+    ConfigurationError.refuse_if(
+        found.t is not None,
+        f"{path}: times are in {times!r} and in a column of {samples!r}: leave one out",
+    )
     if arrays[times].dtype.kind not in "fiu":
         kind = arrays[times].dtype
         raise ConfigurationError(f"{path}: times must be numbers, got an array of {kind}")
@@ -363,15 +367,18 @@ def _fanuc(path: Path, arm: Arm, text: str) -> TrajectoryFile:
     program, _, positions = text.partition("/POS")
     points: dict[str, list[tuple[str, str, str]]] = {}
     for number, body in re.findall(r"P\[(\d+)[^\]]*\]\s*\{(.*?)\}", positions, re.S):
-        if number in points:
-            raise ConfigurationError(f"{path}: P[{number}] is there twice")
+        ConfigurationError.refuse_if(number in points, f"{path}: P[{number}] is there twice")
         groups = re.split(r"(?=GP\d)", body)[1:] or [body]
-        if len(groups) > 1 or not re.match(r"GP1\b", groups[0]):
-            raise ConfigurationError(f"{path}: P[{number}] is of other groups than GP1 alone")
+        ConfigurationError.refuse_if(
+            len(groups) > 1 or not re.match(r"GP1\b", groups[0]),
+            f"{path}: P[{number}] is of other groups than GP1 alone",
+        )
         points[number] = _FANUC_JOINT.findall(body)
         if len(points[number]) != arm.n or re.search(r"\bE\d\s*=", body):
-            if not points[number] and re.search(r"\bX\s*=", body):
-                raise ConfigurationError(f"{path}: P[{number}] is a pose of the tool: {_POSES}")
+            ConfigurationError.refuse_if(
+                not points[number] and re.search(r"\bX\s*=", body),
+                f"{path}: P[{number}] is a pose of the tool: {_POSES}",
+            )
             raise ConfigurationError(
                 f"{path}: P[{number}] has {len(points[number])} joint values, and the arm has "
                 f"{arm.n}: give positions as joint angles, without more axes"
@@ -380,8 +387,7 @@ def _fanuc(path: Path, arm: Arm, text: str) -> TrajectoryFile:
     for number, line in enumerate(program.splitlines(), 1):
         if _FANUC_OTHER.match(line):
             raise ConfigurationError(f"{path}:{number}: {line.strip():.60} is not followed")
-        move = _FANUC_MOVE.match(line)
-        if move is None:
+        if (move := _FANUC_MOVE.match(line)) is None:
             continue
         if move[1] != "J" or move[2] != "P" or "offset" in move[4].lower():
             raise ConfigurationError(
@@ -433,10 +439,10 @@ def _moves(
     path: Path, arm: Arm, rows: list[list[float]], scales: Sequence[float | None]
 ) -> TrajectoryFile:
     for number, row in enumerate(rows, 1):
-        if len(row) != arm.n:
-            raise ConfigurationError(
-                f"{path}: move {number} has {len(row)} joint values, and the arm has {arm.n}"
-            )
+        ConfigurationError.refuse_if(
+            len(row) != arm.n,
+            f"{path}: move {number} has {len(row)} joint values, and the arm has {arm.n}",
+        )
     notes = (f"{len(rows)} joint moves, joints base to tip; no times",)
     return TrajectoryFile(np.array(rows).reshape(-1, arm.n), None, notes, scales=scales)
 
@@ -485,10 +491,10 @@ def _yaml(path: Path, arm: Arm) -> TrajectoryFile:
     for number, (joints, positions, time) in enumerate(rows, 1):
         if not (isinstance(joints, list) and isinstance(positions, list)):
             raise ConfigurationError(f"{path}: sample {number} lacks names or positions of joints")
-        if len(joints) != len(positions) or any(type(x) not in (int, float) for x in positions):
-            raise ConfigurationError(
-                f"{path}: sample {number} needs a number for each of its {len(joints)} joints"
-            )
+        ConfigurationError.refuse_if(
+            len(joints) != len(positions) or any(type(x) not in (int, float) for x in positions),
+            f"{path}: sample {number} needs a number for each of its {len(joints)} joints",
+        )
         if heads is None or joints != names:
             names, heads = joints, ColumnHeads(path, arm, [str(j) for j in joints], ())
         samples.append([float(positions[i]) for i in heads.order])
@@ -507,8 +513,7 @@ def _yaml(path: Path, arm: Arm) -> TrajectoryFile:
 
 def stated_unit(where: str, line: str, before: bool | None) -> bool | None:
     """Return True for degrees, False for radians, where a comment says so, else ``before``."""
-    said = _UNITS_LINE.match(line)
-    if said is None:
+    if (said := _UNITS_LINE.match(line)) is None:
         return before
     units = {w: SCALES.get(w) for w in re.findall(r"[a-z°]+", said[1].lower()) if w != "and"}
     angles = {s for w, s in units.items() if w[:3] in ("deg", "rad", "°")}
@@ -518,10 +523,10 @@ def stated_unit(where: str, line: str, before: bool | None) -> bool | None:
             "or '# units: radians', or name units in the head, as 'J1 (deg)'"
         )
     degrees = angles != {1.0}
-    if before not in (None, degrees):
-        raise ConfigurationError(
-            f"{where}: a comment says other units than one before, or --deg or --rad"
-        )
+    ConfigurationError.refuse_if(
+        before not in (None, degrees),
+        f"{where}: a comment says other units than one before, or --deg or --rad",
+    )
     return degrees
 
 
@@ -542,26 +547,29 @@ def _text(path: Path, arm: Arm, columns: Sequence[str], united: bool) -> Traject
                 break
             degrees = stated_unit(f"{path}:{number}", line, degrees)
             line, comments = "", f"{comments} {line}"
-        if not line:
-            raise ConfigurationError(f"{path}: no sample in it")
-        if _PROGRAM.match(line):
-            raise ConfigurationError(
-                f"{path}:{number}: is a robot program, of which only .ls of FANUC and .script of "
-                "UR are read: give a table of the joints' positions"
-            )
-        if line.startswith(("{", "[")):
-            raise ConfigurationError(f"{path}:{number}: is no table: if it is JSON, name it .json")
-        if line == "---" or re.fullmatch(r"(header|joint_names|joint_trajectory|points):.*", line):
-            raise ConfigurationError(f"{path}:{number}: is no table: if it is YAML, name it .yaml")
+        ConfigurationError.refuse_if(not line, f"{path}: no sample in it")
+        ConfigurationError.refuse_if(
+            _PROGRAM.match(line),
+            f"{path}:{number}: is a robot program, of which only .ls of FANUC and .script of "
+            "UR are read: give a table of the joints' positions",
+        )
+        ConfigurationError.refuse_if(
+            line.startswith(("{", "[")),
+            f"{path}:{number}: is no table: if it is JSON, name it .json",
+        )
+        ConfigurationError.refuse_if(
+            line == "---" or re.fullmatch(r"(header|joint_names|joint_trajectory|points):.*", line),
+            f"{path}:{number}: is no table: if it is YAML, name it .yaml",
+        )
         separator = next((s for s in (";", "\t", ",") if s in line), None)
         words = [w.strip().strip("\"'") for w in line.split(separator)]
         numbers = [w for w in words if is_number(w.replace(",", ".")) or _CLOCK.fullmatch(w)]
         named = len(numbers) < len(words) and all(w.isdecimal() for w in numbers)
-        if len(numbers) < len(words) and not (named or columns):
-            raise ConfigurationError(
-                f"{path}:{number}: there is no line of names before the first sample: add one, or "
-                "say with --columns the numbers of the joints' columns"
-            )
+        ConfigurationError.refuse_if(
+            len(numbers) < len(words) and not (named or columns),
+            f"{path}:{number}: there is no line of names before the first sample: add one, or "
+            "say with --columns the numbers of the joints' columns",
+        )
         heads = words if named else [str(k + 1) for k in range(len(words))]
         lines = [] if named else [line]
         cells: Sequence[str] = ()
@@ -572,27 +580,26 @@ def _text(path: Path, arm: Arm, columns: Sequence[str], united: bool) -> Traject
                 comments += "" if _UNITS_LINE.match(below) else below
                 continue
             cells = [w.strip(AROUND) for w in below.split(separator)]
-            numeric = any(map(is_number, cells))
-            if units or numeric or not any(c.lower() in SCALES for c in cells):
+            if units or any(map(is_number, cells)) or not any(c.lower() in SCALES for c in cells):
                 break
             units, cells, lines[-1] = cells, (), "\n"
         order = [j for w in _NAMES.findall(comments) if (j := _named(w, arm.joints))]
-        if not (named or columns) and {*order} == {*arm.joints} and order != list(arm.joints):
-            raise ConfigurationError(
-                f"{path}: a comment names the joints in another order than base to tip: write them "
-                f"as the line of names, without '#', or say which column is which with --columns"
-            )
+        ConfigurationError.refuse_if(
+            not (named or columns) and {*order} == {*arm.joints} and order != list(arm.joints),
+            f"{path}: a comment names the joints in another order than base to tip: write them "
+            f"as the line of names, without '#', or say which column is which with --columns",
+        )
         read = None
         if named or columns:
             read = ColumnHeads(path, arm, heads, columns, units, cells, united)
         if degrees is None and not united:
             angles = itertools.compress(read.scales, ~arm.prismatic) if read else [None]
             _require_spoken(path, comments, {*angles})
-        if len(cells) > len(words) and all(map(is_number, cells)):
-            raise ConfigurationError(
-                f"{path}: {len(cells)} numbers in the first sample, and {len(words)} names: where "
-                "commas are decimal, save it with semicolons between columns"
-            )
+        ConfigurationError.refuse_if(
+            len(cells) > len(words) and all(map(is_number, cells)),
+            f"{path}: {len(cells)} numbers in the first sample, and {len(words)} names: where "
+            "commas are decimal, save it with semicolons between columns",
+        )
         used = sorted(read.used) if read and len(read.used) < len(words) else None
         table = _NumberTable(path, separator, used, len(words), number - (not named), degrees)
         table.labels = read.labels if read else {}
@@ -607,8 +614,10 @@ def _text(path: Path, arm: Arm, columns: Sequence[str], united: bool) -> Traject
         said.append(f"times are counted from the first, {table.clock}")
         if table.days:
             said.append("times of day that start anew are of the next day")
-        if read and read.time_scale != 1:
-            raise ConfigurationError(f"{path}: times of day have no unit: take it from the head")
+        ConfigurationError.refuse_if(
+            read and read.time_scale != 1,
+            f"{path}: times of day have no unit: take it from the head",
+        )
     if read is None:
         found = _columns(path, arm, values)
         more = (*found.notes, *said)
@@ -643,8 +652,7 @@ def _require_spoken(path: Path, comments: str, heads: set[float | None]) -> None
 def _opened(path: Path) -> io.TextIOWrapper:
     """Return a text as UTF-8, or UTF-16 where its mark says so; spreadsheets write marks."""
     raw = path.open("rb")
-    start = raw.peek(4)[:4]
-    if start == b"PK\x03\x04":
+    if (start := raw.peek(4)[:4]) == b"PK\x03\x04":
         raw.close()
         raise ConfigurationError(f"{path}: is a workbook or an archive: save its table as CSV")
     utf_16 = start[:2] in (b"\xff\xfe", b"\xfe\xff")
@@ -694,14 +702,12 @@ class ColumnHeads:
         cells = {i: word.strip(AROUND) for i, word in enumerate(first) if i in named}
         self.first, self.labels = first, {i: c for i, c in cells.items() if not is_number(c)}
         for i, name in enumerate(names):
-            number = _NUMBERED.fullmatch(_without_places(name))
-            if number:
+            if number := _NUMBERED.fullmatch(_without_places(name)):
                 names[i] = self.labels.get(index.get(int(number[1]), -1)) or name
         exact, letters = {*arm.joints, *known}, _LETTERS.get(arm.n, "")
         if yaskawa := bool(letters) and {*letters} <= {*names} - exact and not columns:
             names = [arm.joints[letters.index(n)] if n in {*letters} else n for n in names]
-        plain = map(_without_places, names)
-        self.others = {n: i for i, n in enumerate(plain) if n in known}
+        self.others = {n: i for i, n in enumerate(map(_without_places, names)) if n in known}
         for i, unit in enumerate(below[: len(words)]):
             if marks[i] and unit.lower() not in ("", marks[i]):
                 raise self._error(f"column {words[i]!r:.80} says another unit than {unit!r:.40}")
@@ -749,8 +755,7 @@ class ColumnHeads:
         self.units, self.scales = scales, [scales[i] for i in self.order]
         self.called = [_without_places(names[i]) for i in self.order]
         _require_kinds(path, arm, [words[i] for i in self.order], [marks[i] for i in self.order])
-        angles = {s is None for s, p in zip(self.scales, arm.prismatic, strict=True) if not p}
-        if len(angles) > 1:
+        if len({s is None for s, p in zip(self.scales, arm.prismatic, strict=True) if not p}) > 1:
             raise self._error("some angles have a unit in their head, others none")
         self.used = {*self.order, *times, *self.others.values()}
         self.used |= set() if self.parts is None else {self.parts}

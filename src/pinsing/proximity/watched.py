@@ -74,8 +74,7 @@ class Watched:
 
     def regular(self, Q: Array) -> Array:
         """No singular configuration, of a family or not, is nearer to Q (N, n) than this (N,)."""
-        arm = self.arm
-        if arm is None:
+        if (arm := self.arm) is None:
             return np.zeros(len(Q))
         least = (self.weight * np.where(self.prismatic, arm.length_scale, 1.0)).min()
         norm = math.sqrt(self.n) if self.norm == "max" else 1.0
@@ -113,11 +112,11 @@ class Watched:
 
         Not for arms that only slide, or were loaded with ``units="rad"``.
         """
-        if value > np.pi and not (self.prismatic.all() or (self.arm and self.arm.units)):
-            raise OptionError(
-                f"{called} is {value:g} rad, more than half a turn: for {value:g} degrees give "
-                f"math.radians({value:g})"
-            )
+        OptionError.refuse_if(
+            value > np.pi and not (self.prismatic.all() or (self.arm and self.arm.units)),
+            f"{called} is {value:g} rad, more than half a turn: for {value:g} degrees give "
+            f"math.radians({value:g})",
+        )
 
     @property
     def gaps(self) -> list[str]:
@@ -156,25 +155,28 @@ def watch(
     if not every or not all(isinstance(f, ClosedForm) for f in every):
         raise OptionError("forms must be a ClosedForm, or several of one arm: see closed_form")
     first = every[0]
-    if any(f.arm.joints != first.arm.joints for f in every):
-        raise OptionError("the closed forms are of arms with different joints")
+    OptionError.refuse_if(
+        any(f.arm.joints != first.arm.joints for f in every),
+        "the closed forms are of arms with different joints",
+    )
     named = _named(every)
     if families is None:
         names = tuple(name for name, family in named.items() if family.real)
     else:
         asked = [families] if isinstance(families, str) else families
         names = asked_for(named, asked)
-        if named and not names:
-            raise OptionError(
-                "families is empty, so nothing would be watched: leave it out for all"
-            )
+        OptionError.refuse_if(
+            named and not names,
+            "families is empty, so nothing would be watched: leave it out for all",
+        )
     prismatic = np.array(first.arm.prismatic)
-    scale = first.arm.length_scale
-    weight = np.where(prismatic, 1 / scale, 1.0)
+    weight = np.where(prismatic, 1 / first.arm.length_scale, 1.0)
     if weights is not None:
         weight = real_numbers(weights, "weights")
-        if weight.shape != prismatic.shape:
-            raise OptionError(f"weights needs {len(prismatic)} numbers, got shape {weight.shape}")
+        OptionError.refuse_if(
+            weight.shape != prismatic.shape,
+            f"weights needs {len(prismatic)} numbers, got shape {weight.shape}",
+        )
     chosen = Watched(
         names=names,
         families=tuple(named[name] for name in names),
@@ -254,11 +256,11 @@ def require_forms_of(forms: Forms, arm: Arm) -> None:
         for what in ("joints", "prismatic", "base", "tip", "name", "lower", "upper"):
             a, b = getattr(there, what), getattr(here, what)
             same = np.array_equal(a, b) if isinstance(a, np.ndarray) else a == b
-            if not same:
-                raise OptionError(
-                    f"the closed form is of another arm: {what} of {there.name!r} and of "
-                    f"{here.name!r} differ; make one of this arm with closed_form(arm)"
-                )
+            OptionError.refuse_if(
+                not same,
+                f"the closed form is of another arm: {what} of {there.name!r} and of "
+                f"{here.name!r} differ; make one of this arm with closed_form(arm)",
+            )
 
 
 # `clearance` is called often.

@@ -182,8 +182,7 @@ class Arm(Advised, Memory):
         return self._radians(self._as_typed(q, name), name)
 
     def _as_typed(self, q: npt.ArrayLike, name: str = "q", own: bool = True) -> Array:
-        values = columns_of(q, self.joints, name)
-        return self._whole.chain_q(real_numbers(values, name, own), name)
+        return self._whole.chain_q(real_numbers(columns_of(q, self.joints, name), name, own), name)
 
     def _radians(self, q: Array, name: str) -> Array:
         if self.units is None:
@@ -212,10 +211,9 @@ class Arm(Advised, Memory):
         array([0., 1., 2.])
         """
         array = self.check(q, name)
-        if array.ndim != 1:
-            raise ConfigurationError(
-                f"{name} must be one joint vector ({self.n},), got shape {array.shape}"
-            )
+        ConfigurationError.refuse_if(
+            array.ndim != 1, f"{name} must be one joint vector ({self.n},), got shape {array.shape}"
+        )
         return array
 
     def check_many(self, q: npt.ArrayLike, name: str = "q", own: bool = True) -> Array:
@@ -243,10 +241,9 @@ class Arm(Advised, Memory):
         """
         array = self._radians(self._as_typed(q, name, own), name)
         array = array if array.ndim == 2 else np.atleast_2d(array)
-        if array.ndim != 2:
-            raise ConfigurationError(
-                f"{name} must be joint vectors (N, {self.n}), got shape {array.shape}"
-            )
+        ConfigurationError.refuse_if(
+            array.ndim != 2, f"{name} must be joint vectors (N, {self.n}), got shape {array.shape}"
+        )
         return array
 
     def q_of(self, full_q: npt.ArrayLike) -> Array:

@@ -30,8 +30,10 @@ def calibrated(arm: Arm, file: str | os.PathLike[str]) -> Arm:
     """Return a UR arm with the placements of a calibration; its design is the arm as it was."""
     # The YAML ``file`` has ``kinematics``, and there a link a key: ``{x, y, z, roll, pitch, yaw}``,
     # metres and radians. The axes of the base are those of the arm; the tip is the flange.
-    if arm.n != len(LINKS) or arm.prismatic.any() or arm.coupling is not None:
-        raise OptionError(f"--calibration is for a UR robot, and {arm.name!r} is none")
+    OptionError.refuse_if(
+        arm.n != len(LINKS) or arm.prismatic.any() or arm.coupling is not None,
+        f"--calibration is for a UR robot, and {arm.name!r} is none",
+    )
     root = compose(Path(file))
     top = root.mapping(("kinematics",), root.keys())
     links = top["kinematics"].mapping(LINKS, ("hash",))

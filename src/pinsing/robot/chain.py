@@ -176,5 +176,4 @@ def _product(a: Array | float, b: Array | float) -> Array:
 def rotation_angle(R: Array) -> float:
     """Angle (radians) of a rotation matrix, accurate near zero."""
     (xx, xy, xz), (yx, yy, yz), (zx, zy, zz) = R.tolist()
-    sine = math.hypot(zy - yz, xz - zx, yx - xy) / 2
-    return math.atan2(sine, (xx + yy + zz - 1) / 2)
+    return math.atan2(math.hypot(zy - yz, xz - zx, yx - xy) / 2, (xx + yy + zz - 1) / 2)

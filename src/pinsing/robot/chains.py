@@ -66,16 +66,13 @@ def joint_path(model: pin.Model, joint: int, start: int = 0) -> tuple[int, ...]:
     while joint not in (0, start):
         path.append(joint)
         joint = int(model.parents[joint])
-    if joint != start:
-        raise ChainError("the base is not between the root and the tip")
+    ChainError.refuse_if(joint != start, "the base is not between the root and the tip")
     return tuple(reversed(path))
 
 
 def candidates(model: pin.Model, mimics: Collection[str] = ()) -> list[Candidate]:
     """Return all chains that an arm could be, grippers left to what carries them."""
-    children: list[list[int]] = [[] for _ in range(model.njoints)]
-    for joint in range(1, model.njoints):
-        children[model.parents[joint]].append(joint)
+    children = _children(model)
     in_hand = _hand_joints(model, children, mimics)
     if len(in_hand) == model.njoints - 1:  # a hand on its own: its fingers are the chains
         in_hand = set()
@@ -120,20 +117,13 @@ def _hand_joints(model: pin.Model, children: list[list[int]], mimics: Collection
         named = bool(_HAND.search(name) or _FINGER.search(bodies.get(joint, "")))
         # Something called a hand that no arm carries, and with an arm's worth of joints in a
         # row, is an arm.
-        carried = rank[joint] > ARM_JOINTS
-        if inherited or joint in jaws or (named and (carried or depth[joint] < 6)):
+        if inherited or joint in jaws or (named and (rank[joint] > ARM_JOINTS or depth[joint] < 6)):
             hand.add(joint)
     return hand
 
 
 def _below(joint: int, children: list[list[int]]) -> list[int]:
-    below = []
-    todo = list(children[joint])
-    while todo:
-        j = todo.pop()
-        below.append(j)
-        todo.extend(children[j])
-    return sorted(below)
+    return sorted(j for child in children[joint] for j in (child, *_below(child, children)))
 
 
 def _depths(children: list[list[int]]) -> list[int]:
@@ -167,11 +157,8 @@ def _best_frame(model: pin.Model, joint: int, frames: list[pin.Frame]) -> str:
     frames = [f for f in frames if f.type in _LINK_KINDS] or frames
     if not frames:
         raise ChainError(f"joint {model.names[joint]!r} carries no frame: add one and name it")
-    for pattern in _TOOL_NAMES:
-        named = [f for f in frames if re.search(pattern, f.name, re.IGNORECASE)]
-        if named:
-            frames = named
-            break
+    ways = ([f for f in frames if re.search(p, f.name, re.IGNORECASE)] for p in _TOOL_NAMES)
+    frames = next(filter(None, ways), frames)
     distance = [float(np.linalg.norm(f.placement.translation)) for f in frames]
     best = max(range(len(frames)), key=lambda i: (round(distance[i], 9), -i))
     return str(frames[best].name)
@@ -181,8 +168,9 @@ def choose_chain(
     found: Sequence[Candidate], label: str, model: pin.Model
 ) -> tuple[Candidate, list[str]]:
     """Return the only arm among candidates, and notes; ChainError with commands if not one."""
-    if not found:
-        raise ChainError(f"{label}: the robot has no movable joint, so there is nothing to analyse")
+    ChainError.refuse_if(
+        not found, f"{label}: the robot has no movable joint, so there is nothing to analyse"
+    )
     arms = [c for c in found if c.length(model) >= ARM_JOINTS] or list(found)
     if len(arms) > 1:
         lines = ", ".join(f"--tip {quote(c.tip)} ({c.length(model)} joints)" for c in arms[:8])
@@ -263,8 +251,7 @@ def arm_chains(
     children = _children(model)
     found: list[Subchain] = []
     for candidate in candidates(model, mimics):
-        starts = [0, *_branchings(model, children, candidate.last)[-1:]]
-        for start in dict.fromkeys(starts):
+        for start in dict.fromkeys([0, *_branchings(model, children, candidate.last)[-1:]]):
             joints = _moving(model, joint_path(model, candidate.last, start))
             if start == 0 or len(joints) >= SHORTEST:
                 base = None if start == 0 else _link_of(model, start)
@@ -279,8 +266,7 @@ def long_chain_note(model: pin.Model, end: int, start: int = 0, longest: int = L
         return ""
     shorter = []
     for joint in _branchings(model, _children(model), end):
-        beyond = joint_path(model, end, joint)
-        left = len(_moving(model, beyond))
+        left = len(_moving(model, joint_path(model, end, joint)))
         if SHORTEST <= left < count and joint in joint_path(model, end, start):
             shorter.append(f"--base {_link_of(model, joint)} ({left} joints)")
     offer = f"; without joints shared with other chains: {', '.join(shorter)}" if shorter else ""
@@ -324,8 +310,7 @@ def _branches(
                     f"  (more than {LONGEST}: closed forms may not end in time; "
                     "rather without the shared joints)"
                 )
-            part = parts.get(chain.tip)
-            if part is not None:
+            if (part := parts.get(chain.tip)) is not None:
                 lines.append(deeper + _offer(part, robot, len(part.joints)))
             if chain.passed_over:
                 lines.append(f"{deeper}locked beyond it: {_run(chain.passed_over)}")
@@ -348,9 +333,7 @@ def _run(names: Sequence[str]) -> str:
     """Names of joints in a row, the middle ones left out."""
     if not names:
         return "(here)"
-    if len(names) <= 2:
-        return ", ".join(names)
-    return f"{names[0]} ... {names[-1]} ({len(names)})"
+    return ", ".join(names) if len(names) <= 2 else f"{names[0]} ... {names[-1]} ({len(names)})"
 
 
 def _children(model: pin.Model) -> list[list[int]]:

@@ -49,19 +49,20 @@ def design_of(
     robot: Arm, design: Arm | bool, angle_tol: float = ANGLE, snap_length: float = LENGTH
 ) -> Arm:
     """Return the arm on the geometry of a design; OptionError if that is another robot."""
-    if robot.coupling is not None:
-        raise OptionError("a design goes with arms without mimic joints in the chain")
+    OptionError.refuse_if(
+        robot.coupling is not None, "a design goes with arms without mimic joints in the chain"
+    )
     if isinstance(design, bool):
         geometry = nominal(robot, angle_tol, snap_length)
         chain = flatten(geometry.arm)
         if Deviation.of(geometry.snaps) is not None:
             chain = replace(chain, t=_with_equal_lengths(chain.t, snap_length))
         return _on(robot, chain)
-    if design.coupling is not None or list(design.prismatic) != list(robot.prismatic):
-        raise OptionError(
-            f"the design {design.name!r} has {design.n} joints of other kinds than the {robot.n} "
-            f"of {robot.name!r}: name the design of this robot"
-        )
+    OptionError.refuse_if(
+        design.coupling is not None or list(design.prismatic) != list(robot.prismatic),
+        f"the design {design.name!r} has {design.n} joints of other kinds than the {robot.n} "
+        f"of {robot.name!r}: name the design of this robot",
+    )
     made = _on(robot, flatten(nominal(design).arm))
     require_same(robot, made, f"the design {design.name!r}")
     return made
@@ -80,8 +81,7 @@ def _with_equal_lengths(t: Array, within: float) -> Array:
     left = left[np.argsort(np.abs(t.flat[left]), kind="stable")]
     while len(left):
         size = np.abs(t.flat[left])
-        count = int((size - size[0] < 2 * within).sum())
-        if count > 1:
+        if (count := int((size - size[0] < 2 * within).sum())) > 1:
             out.flat[left[:count]] = np.copysign(size[:count].mean().round(6), t.flat[left[:count]])
         left = left[count:]
     return np.asarray(out)
@@ -104,8 +104,7 @@ def is_odd(robot: Arm) -> bool:
     left = np.abs(flatten(robot.design or robot).t)
     if not ((left > 1e-9) & (left < 10 * LENGTH)).any():
         return False
-    turned = {s.where for s in nominal(robot, 0.0).snaps if s.what == "twist"}
-    return len(turned) > robot.n / 2
+    return len({s.where for s in nominal(robot, 0.0).snaps if s.what == "twist"}) > robot.n / 2
 
 
 def differences(robot: Arm, design: Arm | Chain) -> tuple[AxisDifference, ...]:
@@ -157,9 +156,11 @@ def alignment(to: tuple[Array, Array], lines: tuple[Array, Array]) -> tuple[Arra
             here, moment = d0 @ R.T, m0 @ R.T
             moment = moment + np.cross(b, here)
             off = np.concatenate([d - here, m - moment]).ravel()
-            turned, moved = (np.cross(np.eye(3)[:, None], x) for x in (here, moment))
-            rise = np.block([[[turned], [moved]], [[0 * turned], [turned]]])
-            step = np.linalg.lstsq(rise.reshape(6, -1).T, off, rcond=1e-9)[0]
+            rise = [
+                np.concatenate([np.cross(k, here), np.cross(k, moment)]).ravel() for k in np.eye(3)
+            ]
+            rise += [np.concatenate([0 * here, np.cross(k, here)]).ravel() for k in np.eye(3)]
+            step = np.linalg.lstsq(np.array(rise).T, off, rcond=1e-9)[0]
             spin = pin.exp3(step[:3])
             R, b = spin @ R, spin @ b + step[3:]
             if np.abs(step).max() < FLOAT_NOISE:

@@ -104,8 +104,7 @@ class JointSpace:
         turn = 2 * np.pi
         center = np.where(self.prismatic, 0.0, (low + high) / 2)
         folded = np.where(self.prismatic, q, q - turn * np.round((q - center) / turn))
-        inside = (q >= low) & (q <= high)
-        return np.where(inside, q, folded)
+        return np.where((q >= low) & (q <= high), q, folded)
 
     def outside(self, q: npt.ArrayLike, slack: float = ROUNDING) -> Bool:
         """Return which values of q (..., n) are beyond a limit as they are, no turn taken off."""
@@ -217,8 +216,10 @@ def require_values(values: Array, names: Sequence[str], called: str, whole: int 
 
 def require_scale(length_scale: float) -> None:
     """Raise an OptionError unless a length scale is a positive number."""
-    if not (np.isfinite(length_scale) and length_scale > 0):
-        raise OptionError(f"length_scale must be a positive number of metres, got {length_scale!r}")
+    OptionError.refuse_if(
+        not (np.isfinite(length_scale) and length_scale > 0),
+        f"length_scale must be a positive number of metres, got {length_scale!r}",
+    )
 
 
 def model_q(model: pin.Model, values: Array) -> Array:

@@ -16,16 +16,18 @@ _Z = np.eye(3)[2]
 
 def joint_axis(joint: pin.JointModel, name: str = "") -> tuple[Array, bool]:
     """Return a joint's unit axis (3,) and if it slides; JointError for screws and compounds."""
-    if "Composite" in joint.shortname():
-        raise JointError(name, "is several joints in one; write one joint for each")
+    JointError.refuse_if(
+        "Composite" in joint.shortname(), name, "is several joints in one; write one joint for each"
+    )
     data = joint.createData()
     q = np.zeros(joint.idx_q + joint.nq)  # of the whole model up to it: calc reads from idx_q on
     q[joint.idx_q] = 1.0 if joint.nq == 2 else 0.0
     joint.calc(data, q)
     motion = np.array(data.S).ravel()
     slide, turn = np.abs(motion[:3]).max(), np.abs(motion[3:]).max()
-    if min(slide, turn) > 0:
-        raise JointError(name, "is a screw; only revolute and prismatic joints can be analysed")
+    JointError.refuse_if(
+        min(slide, turn) > 0, name, "is a screw; only revolute and prismatic joints can be analysed"
+    )
     prismatic = bool(slide > turn)
     return (motion[:3] if prismatic else motion[3:]), prismatic
 
@@ -105,9 +107,7 @@ def locked_at(model: pin.Model, mimics: Mapping[str, Follow]) -> Array:
         leader, multiplier, shift = leader_of(name, mimics)
         here = model.joints[model.getJointId(name)]
         there = model.joints[model.getJointId(leader)]
-        angle = q[there.idx_q]
-        if there.nq == 2:
-            angle = np.arctan2(q[there.idx_q + 1], q[there.idx_q])
+        angle = np.arctan2(q[there.idx_q + 1], q[there.idx_q]) if there.nq == 2 else q[there.idx_q]
         value = multiplier * angle + shift
         q[here.idx_q : here.idx_q + here.nq] = (
             value if here.nq == 1 else (np.cos(value), np.sin(value))
@@ -123,14 +123,20 @@ def chain_limits(model: pin.Model) -> tuple[Array, Array, np.ndarray, list[str]]
         axis, slides = joint_axis(joint, name)
         if not np.isfinite(axis).all() or abs(np.linalg.norm(axis) - 1) > 1e-6:
             raise JointError(name, f"its axis {axis.tolist()} is not a direction")
-        if not np.isfinite(model.jointPlacements[index].homogeneous).all():
-            raise JointError(name, "its placement is not finite")
+        JointError.refuse_if(
+            not np.isfinite(model.jointPlacements[index].homogeneous).all(),
+            name,
+            "its placement is not finite",
+        )
         low, high = -np.inf, np.inf
         if joint.nq == 1:
             low = float(model.lowerPositionLimit[joint.idx_q])
             high = float(model.upperPositionLimit[joint.idx_q])
-            if np.isnan(low) or np.isnan(high):
-                raise JointError(name, "its limits are not numbers; set lower and upper")
+            JointError.refuse_if(
+                np.isnan(low) or np.isnan(high),
+                name,
+                "its limits are not numbers; set lower and upper",
+            )
             if low > high:
                 raise JointError(
                     name, f"lower limit {low:g} is above upper limit {high:g}", limits=(low, high)

@@ -147,8 +147,7 @@ def load(
         tip, base = whole.tip, whole.base
     base_joint, base_frame = 0, "universe"
     if base is not None:
-        frame = model.frames[frame_index(model, base)]
-        base_joint, base_frame = int(frame.parentJoint), base
+        base_joint, base_frame = int(model.frames[frame_index(model, base)].parentJoint), base
     tip, last, why = _choose_tip(whole, tip, joints, (base_frame, base_joint))
     notes += why
     way = way_between(model, base_joint, last)
@@ -158,8 +157,7 @@ def load(
     notes += [many] if many else []
     ends = (base_frame, tip)
     arm = _build(whole, ends, way, free, parsed_task, float(length_scale), tuple(notes))
-    design = assumed_design(arm)
-    if design is not None:
+    if (design := assumed_design(arm)) is not None:
         arm = replace(arm, design=design, notes=(*arm.notes, ASSUMED))
     return arm if units is None else replace(arm, units=units)
 
@@ -167,14 +165,12 @@ def load(
 def _read(
     robot: Any, packages: Mapping[str, str | Path] | None, xacro_args: Mapping[str, str] | None
 ) -> _Whole:
-    model = given_model(robot)
-    if model is not None:
+    if (model := given_model(robot)) is not None:
         return _Whole(model, model.name or "model", "pin.Model", {})
     from pinsing.robot.models import build_model
     from pinsing.robot.mujoco import given_mujoco
 
-    mujoco = given_mujoco(robot)
-    if mujoco is not None:
+    if (mujoco := given_mujoco(robot)) is not None:
         model, path, notes = mujoco
         return _Whole(model, model.name or path.stem, str(robot), {}, path=path, notes=notes)
     given = given_file(robot, packages, xacro_args)
@@ -267,8 +263,11 @@ def _free_joints(
                     joint=name,
                     joints=tuple(on_path),
                 )
-            if name in whole.mimics:
-                raise JointError(name, "follows another joint and cannot be chosen; name that one")
+            JointError.refuse_if(
+                name in whole.mimics,
+                name,
+                "follows another joint and cannot be chosen; name that one",
+            )
         asked = set(joints)
         follow = {
             n for n in on_path if n in whole.mimics and leader_of(n, whole.mimics)[0] in asked
@@ -295,8 +294,9 @@ def _free_joints(
                 f"is a {joint.shortname()} with {joint.nv} degrees of freedom in the middle of "
                 "the chain; choose a base beyond it",
             )
-    if not kept:
-        raise ChainError(f"{whole.label}: no joint with one degree of freedom on the chain")
+    ChainError.refuse_if(
+        not kept, f"{whole.label}: no joint with one degree of freedom on the chain"
+    )
     return kept
 
 
@@ -325,13 +325,14 @@ def _build(
             f"{', '.join(sorted(stuck))}",
         )
     kept = [j for j in free if model.names[j] not in stuck]
-    if len(kept) > MAX_IN_A_ROW:
-        raise ChainError(
-            f"{whole.label}: {len(kept)} joints in a row: at most {MAX_IN_A_ROW} can be analysed; "
-            "choose a base farther out, or name the joints to keep"
-        )
-    if not kept:
-        raise ChainError(f"{whole.label}: every joint of the chain follows one outside it")
+    ChainError.refuse_if(
+        len(kept) > MAX_IN_A_ROW,
+        f"{whole.label}: {len(kept)} joints in a row: at most {MAX_IN_A_ROW} can be analysed; "
+        "choose a base farther out, or name the joints to keep",
+    )
+    ChainError.refuse_if(
+        not kept, f"{whole.label}: every joint of the chain follows one outside it"
+    )
     if whole.description is not None:
         whole.description.require_usable(model.names[j] for j in kept)
     lock = [j for j in range(1, model.njoints) if j not in kept]
@@ -343,8 +344,7 @@ def _build(
         notes += (f"locked outside the chain, without effect on it: {joints}",)
     reduced = lock_joints(model, lock, reference)
     if any(j in way.up for j in kept):
-        at = [frame_index(reduced, name) for name in ends]
-        reduced, _ = turned_round(reduced, *at)
+        reduced, _ = turned_round(reduced, *[frame_index(reduced, name) for name in ends])
     elif base != "universe":
         reroot(reduced, base)
     names = list(reduced.names)[1:]
@@ -387,11 +387,8 @@ def _build(
 
 def root_name(model: pin.Model) -> str:
     """Name of the root link, which sits where Pinocchio's universe does."""
-    for frame in model.frames:
-        at_origin = frame.parentJoint == 0 and frame.placement.isIdentity(0.0)
-        if at_origin and frame.type == pin.FrameType.BODY:
-            return str(frame.name)
-    return "universe"
+    bodies = (f for f in model.frames if f.parentJoint == 0 and f.type == pin.FrameType.BODY)
+    return next((str(f.name) for f in bodies if f.placement.isIdentity(0.0)), "universe")
 
 
 def _known(kind: str, name: str, known: list[str]) -> str:

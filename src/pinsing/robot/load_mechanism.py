@@ -104,8 +104,7 @@ class _SpanningTree:
             a, b = (frame_index(model, name) for name in (loop.frame_a, loop.frame_b))
             for one, two in ((a, b), (b, a)):
                 self.cuts[int(model.frames[one].parentJoint)].append((one, two, loop.kind))
-        output = int(model.frames[mechanism.output_id].parentJoint)
-        self.output = output if keep_output else None
+        self.output = int(model.frames[mechanism.output_id].parentJoint) if keep_output else None
         rng = np.random.default_rng(2203)
         drawn = rng.uniform(0.3, 1.2, (2, n))
         # At home a slide may have no length yet.
@@ -172,11 +171,9 @@ class _SpanningTree:
         """Centre (samples, 3) of the next ball outwards from the body of a joint."""
         here: int | None = joint
         while here is not None:
-            held = self.end(here, "3d")
-            if held is not None:
+            if (held := self.end(here, "3d")) is not None:
                 return np.array([s.frames[held[0]].translation for s in self.samples])
-            welded = self.end(here, "6d")
-            if welded is not None:
+            if (welded := self.end(here, "6d")) is not None:
                 return self.across(*welded)
             here = self.next(here)
             if here is not None and (run := self.ball(here)) is not None:
@@ -209,12 +206,10 @@ def _idle(mechanism: Mechanism, keep_output: bool) -> int | None:
     """A hinge to hold, or None where no link spins idly."""
     tree = _SpanningTree(mechanism, keep_output)
     for first in range(mechanism.n):
-        run = tree.ball(first)
-        if run is None:
-            continue
-        far, near = tree.far(run[2]), tree.centre(run)
-        if far is not None and near is not None:
-            return _best(tree, run, near, far)
+        if (run := tree.ball(first)) is not None:
+            far, near = tree.far(run[2]), tree.centre(run)
+            if far is not None and near is not None:
+                return _best(tree, run, near, far)
     for joint in range(mechanism.n):
         if tree.hinge(joint) and (
             _on_line(tree, joint) or _back_on_line(tree, joint) or _twice(tree, joint)
@@ -263,16 +258,13 @@ def _on_line(tree: _SpanningTree, joint: int) -> bool:
     """Whether a hinge's axis passes through the ball at the end of its link, slides along it."""
     here: int | None = joint
     while here is not None:
-        held = tree.end(here, "3d")
-        if held is not None:
+        if (held := tree.end(here, "3d")) is not None:
             return _through(
                 tree, joint, np.array([s.frames[held[0]].translation for s in tree.samples])
             )
-        here = tree.next(here)
-        if here is None:
+        if (here := tree.next(here)) is None:
             return False
-        run = tree.ball(here)
-        if run is not None:
+        if (run := tree.ball(here)) is not None:
             centre = tree.centre(run)
             return centre is not None and _through(tree, joint, centre)
         if tree.hinge(here) or not tree.mechanism.prismatic[here]:
@@ -311,13 +303,11 @@ _TURNS = {
 def replaced_joints(model: pin.Model, keys: dict[str, YamlNode]) -> pin.Model:
     """Return the model with joints replaced as ``joint_name`` and ``joint_type`` list them."""
     for one, other in (("joint_name", "joint_type"), ("joint_type", "joint_name")):
-        if one not in keys:
-            raise keys[other].error(f"missing key {one!r}: {other} needs it beside it")
+        keys[other].refuse_if(one not in keys, f"missing key {one!r}: {other} needs it beside it")
     names, kinds = (_entries(keys[k]) for k in ("joint_name", "joint_type"))
-    if len(names) != len(kinds):
-        raise keys["joint_type"].error(
-            f"{len(names)} joints need {len(names)} types, found {len(kinds)}"
-        )
+    keys["joint_type"].refuse_if(
+        len(names) != len(kinds), f"{len(names)} joints need {len(names)} types, found {len(kinds)}"
+    )
     wanted: dict[str, str] = {}
     known = tuple(model.names)[1:]
     for name, kind in zip(names, kinds, strict=True):
@@ -375,8 +365,9 @@ def _rebuilt(model: pin.Model, wanted: dict[str, str], moved: pin.SE3 | None = N
     for frame in list(model.frames)[1:]:
         parent, at = where[int(frame.parentJoint)]
         out.addFrame(pin.Frame(frame.name, parent, 0, at * frame.placement, frame.type), False)
-    if out.njoints == 1:
-        raise PinsingError(f"{model.name}: all joints are FIXED in the loop file: nothing moves")
+    PinsingError.refuse_if(
+        out.njoints == 1, f"{model.name}: all joints are FIXED in the loop file: nothing moves"
+    )
     return out
 
 
@@ -422,8 +413,7 @@ def load_mechanism(
     >>> mechanism.n, mechanism.inputs
     (4, ('q1', 'q2'))
     """
-    tree = _tree(robot, packages)
-    model, source = tree.model, tree.source
+    model, source, name, notes, follow = _tree(robot, packages)
     if loops is None:
         if source.path is None:
             raise OptionError("a loop file is needed: give the path of a .loops.yaml file")
@@ -441,9 +431,9 @@ def load_mechanism(
     closed = _loops(keys["closed_loop"], keys["type"], model)
     _check_on_loop(model, frame, closed, keys.get("output", keys["closed_loop"]))
     actuated = _actuated(keys["name_mot"], joints)
-    _check_mimics(tree.follow, [joints[k] for k in actuated])
+    _check_mimics(follow, [joints[k] for k in actuated])
     made = Mechanism(
-        name=keys["name"].text() if "name" in keys else tree.name,
+        name=keys["name"].text() if "name" in keys else name,
         model=model,
         joints=joints,
         prismatic=prismatic,
@@ -455,7 +445,7 @@ def load_mechanism(
         task=rows,
         length_scale=float(length_scale),
         home=_home(keys.get("home"), joints),
-        notes=(*tree.notes, *said),
+        notes=(*notes, *said),
         source=source,
         loop_file=path,
     )
@@ -468,8 +458,7 @@ def _output(keys: dict[str, YamlNode], model: pin.Model) -> tuple[str, Task, tup
     if "output" in keys:
         output = keys["output"].mapping(("frame", "rows"))
         return _frame(output["frame"], model), _rows(output["rows"]), ()
-    first = keys["closed_loop"].items("loop")[0].items("frame", 2)[0]
-    name = _frame(first, model)
+    name = _frame(keys["closed_loop"].items("loop")[0].items("frame", 2)[0], model)
     note = (
         f"the loop file names no output: taken is {name}, the first frame of the first loop, with "
         "all six rows; add output: {frame: NAME, rows: [vx, vy, ...]}"
@@ -487,28 +476,21 @@ def _check_on_loop(model: pin.Model, output: str, loops: tuple[Loop, ...], node:
             joint = int(model.parents[joint])
         return found
 
-    carried = path(output)
-    if not carried:
-        raise node.error(f"the output {output!r} is fixed to the base: name a frame that moves")
-    if not any(carried & (path(x.frame_a) ^ path(x.frame_b)) for x in loops):
-        raise node.error(
-            f"the output {output!r} is on no loop: no joint that the loops hold carries it; name a "
-            "frame of a link between two ends of a loop"
-        )
+    node.refuse_if(
+        not (carried := path(output)),
+        f"the output {output!r} is fixed to the base: name a frame that moves",
+    )
+    node.refuse_if(
+        not any(carried & (path(x.frame_a) ^ path(x.frame_b)) for x in loops),
+        f"the output {output!r} is on no loop: no joint that the loops hold carries it; name a "
+        "frame of a link between two ends of a loop",
+    )
 
 
-@dataclass(frozen=True, eq=False)
-class _Described:
-    """What a robot's own description says; ``follow``: joints that mimic others there."""
-
-    model: pin.Model
-    source: Source
-    name: str
-    notes: tuple[str, ...]
-    follow: tuple[str, ...]
-
-
-def _tree(robot: Any, packages: Mapping[str, str | Path] | None) -> _Described:
+def _tree(
+    robot: Any, packages: Mapping[str, str | Path] | None
+) -> tuple[pin.Model, Source, str, tuple[str, ...], tuple[str, ...]]:
+    """What a robot's own description says; last its notes, and joints that mimic others there."""
     model = given_model(robot)
     follows: tuple[str, ...] = ()
     if model is not None:
@@ -523,7 +505,9 @@ def _tree(robot: Any, packages: Mapping[str, str | Path] | None) -> _Described:
         description.require_usable(j.name for j in moving if not j.endless)
         model = build_model(description)
         endless = tuple(j.name for j in moving if j.endless)
-        _without_end(model, endless)
+        for j in endless:  # Pinocchio was given [0, 0] for joints without any limits
+            index = model.joints[model.getJointId(j)].idx_q
+            model.lowerPositionLimit[index], model.upperPositionLimit[index] = -np.inf, np.inf
         follows = tuple(j.name for j in moving if j.mimic is not None)
         label, path, shapes = given.label, given.path, description.shapes
         name = description.name
@@ -541,14 +525,7 @@ def _tree(robot: Any, packages: Mapping[str, str | Path] | None) -> _Described:
         reference=np.array(pin.neutral(model)),
         base="universe",
     )
-    return _Described(model, source, name, notes, follows)
-
-
-def _without_end(model: pin.Model, names: tuple[str, ...]) -> None:
-    """Take away the limits [0, 0] that Pinocchio was given for joints without any."""
-    for name in names:
-        index = model.joints[model.getJointId(name)].idx_q
-        model.lowerPositionLimit[index], model.upperPositionLimit[index] = -np.inf, np.inf
+    return model, source, name, notes, follows
 
 
 def _check_mimics(follow: tuple[str, ...], inputs: list[str]) -> None:
@@ -599,14 +576,18 @@ def _loops(pairs: YamlNode, kinds: YamlNode, model: pin.Model) -> tuple[Loop, ..
         if word not in names:
             raise kind.error(f"unknown value {kind.text()[:60]!r}: {suggestion(word, names)}")
         words.append(word)
-    if len(words) != len(frames):
-        raise kinds.error(f"{len(frames)} loops need {len(frames)} types, found {len(words)}")
+    kinds.refuse_if(
+        len(words) != len(frames),
+        f"{len(frames)} loops need {len(frames)} types, found {len(words)}",
+    )
     found = []
     for (a, b), word in zip(frames, words, strict=True):
         loop = Loop(_frame(a, model), _frame(b, model), word)
         ids = [frame_index(model, name) for name in (loop.frame_a, loop.frame_b)]
-        if model.frames[ids[0]].parentJoint == model.frames[ids[1]].parentJoint:
-            raise a.error(f"{loop.frame_a!r} and {loop.frame_b!r} are fixed to the same link")
+        a.refuse_if(
+            model.frames[ids[0]].parentJoint == model.frames[ids[1]].parentJoint,
+            f"{loop.frame_a!r} and {loop.frame_b!r} are fixed to the same link",
+        )
         found.append(loop)
     return tuple(found)
 
@@ -620,15 +601,14 @@ def _actuated(node: YamlNode, joints: tuple[str, ...]) -> tuple[int, ...]:
         if joints.index(name) in found:
             raise entry.error(f"joint {name!r} is given twice: remove one")
         found.append(joints.index(name))
-    if len(found) == len(joints):
-        raise node.error("every joint is actuated: a closed loop needs passive joints")
+    node.refuse_if(
+        len(found) == len(joints), "every joint is actuated: a closed loop needs passive joints"
+    )
     return tuple(found)
 
 
 def _rows(node: YamlNode) -> Task:
-    names = []
-    for entry in node.items("row"):
-        names.append(entry.choice(ROW_NAMES))
+    names = [entry.choice(ROW_NAMES) for entry in node.items("row")]
     try:
         return parse_task(names)
     except PinsingError as error:

@@ -221,8 +221,7 @@ def _add(
     q, v = slice(here.idx_q, here.idx_q + here.nq), slice(here.idx_v, here.idx_v + here.nv)
     effort, speed = model.effortLimit[v], model.velocityLimit[v]
     low, high = model.lowerPositionLimit[q], model.upperPositionLimit[q]
-    name = model.names[index]
-    number = int(out.addJoint(parent, joint, place, name, effort, speed, low, high))
+    number = int(out.addJoint(parent, joint, place, model.names[index], effort, speed, low, high))
     out.addJointFrame(number)
     return number
 

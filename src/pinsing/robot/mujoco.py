@@ -275,8 +275,7 @@ class _MjcfReader:
         return name
 
     def _name(self, node: Node, kind: str) -> str:
-        name = node.attributes.get("name", "")
-        if not name:
+        if not (name := node.attributes.get("name", "")):
             number = len(self.names)
             while (name := f"{kind}_{number}") in self.given:
                 number += 1
@@ -342,8 +341,7 @@ class _MjcfReader:
         self._children(node, inner, f"body {show(name)}", moved)
 
     def _framed(self, name: str, at: _Carried, pose: pin.SE3, kind: pin.FrameType) -> int:
-        frame = pin.Frame(name, at.joint, at.frame, pose, kind)
-        return int(self.model.addFrame(frame, False))
+        return int(self.model.addFrame(pin.Frame(name, at.joint, at.frame, pose, kind), False))
 
     def _joints(
         self, node: Node, frame: pin.SE3, childclass: str

@@ -130,10 +130,14 @@ def nominal(arm: Arm, angle_tol: float = ANGLE_TOL, snap_length: float = 0.0) ->
     >>> exact.snaps[0].what, exact.snaps[0].nominal, exact.jacobian_change < 1e-10
     ('angle', 0.0, True)
     """
-    if not 0 <= angle_tol < math.pi / 4:
-        raise OptionError(f"angle_tol must lie in [0, pi/4) radians, got {angle_tol!r}")
-    if not 0 <= snap_length < math.inf:
-        raise OptionError(f"snap_length must be zero or a positive length, got {snap_length!r}")
+    OptionError.refuse_if(
+        not 0 <= angle_tol < math.pi / 4,
+        f"angle_tol must lie in [0, pi/4) radians, got {angle_tol!r}",
+    )
+    OptionError.refuse_if(
+        not 0 <= snap_length < math.inf,
+        f"snap_length must be zero or a positive length, got {snap_length!r}",
+    )
     key = (float(angle_tol), float(snap_length))
     if key == USUAL and _ITSELF in arm.known:  # made for each who asks: an arm holds not itself
         return Nominal(arm=arm, **arm.known[_ITSELF], snaps=(), jacobian_change=0.0)
@@ -141,8 +145,7 @@ def nominal(arm: Arm, angle_tol: float = ANGLE_TOL, snap_length: float = 0.0) ->
 
 
 def _on(arm: Arm, key: tuple[float, float]) -> Nominal:
-    names = list(arm.model.names)[1:]
-    ends = [arm.base, *names, arm.tip]
+    ends = [arm.base, *list(arm.model.names)[1:], arm.tip]
     places = [f"{a} to {b}" for a, b in itertools.pairwise(ends)]
     raw = flatten(arm)
     found = ExactPlacements(raw, places, *key, with_tip=bool(arm.task.at_tip), arm=arm)
@@ -154,15 +157,12 @@ def _on(arm: Arm, key: tuple[float, float]) -> Nominal:
     if exact_tip is not None:
         there = np.array([[float(x) for x in row] for row in exact_tip])
         tip_angle, tip_turn = rotation_angle(there.T @ tip_turn), there
-    at_zero = Chain(np.array(R), t, raw.prismatic)
-    change = jacobian_change(found.turned, at_zero, arm, tip_angle)
+    change = jacobian_change(found.turned, Chain(np.array(R), t, raw.prismatic), arm, tip_angle)
     if found.raw is not raw:
-        end = rotation_angle(raw.R[n].T @ found.raw.R[n])
-        change += jacobian_change(raw, found.raw, arm, end)
+        change += jacobian_change(raw, found.raw, arm, rotation_angle(raw.R[n].T @ found.raw.R[n]))
     for i in range(n):
         if offset[i] != 0.0:  # fold the offset back: the arm keeps the user's joint zero
-            turn = turn_about_z(float(offset[i]))
-            R[i] = R[i] @ turn
+            R[i] = R[i] @ turn_about_z(float(offset[i]))
     R[n] = R[n] @ tip_turn
     chain = Chain(np.array(R), t, raw.prismatic)
     on_it = replace(arm, model=chain_model(chain, arm))

@@ -38,10 +38,10 @@ class SecondReading:
     def __str__(self) -> str:
         if self.note:
             return f"{self.reader} cannot read the file: {self.note}"
-        if self.differences:
-            return f"{self.reader} DIFFERS: {'; '.join(self.differences)}"
         return (
-            f"{self.reader} agrees: joints, limits, and {len(self.links)} links at "
+            f"{self.reader} DIFFERS: {'; '.join(self.differences)}"
+            if self.differences
+            else f"{self.reader} agrees: joints, limits, and {len(self.links)} links at "
             f"{self.configurations} random configurations (seed {self.seed}) within "
             f"{self.translation:.0e} m and {self.rotation:.0e} rad"
         )
@@ -86,8 +86,7 @@ def _joints(arm: Arm, robot: URDF) -> list[str]:
     said = []
     for j in arm.source.kept:
         name, kind = model.names[j], model.joints[j].shortname()
-        other = robot.joint_map.get(name)
-        if other is None:
+        if (other := robot.joint_map.get(name)) is None:
             said.append(f"there is no joint {name}")
         elif (other.type == "prismatic") != kind.startswith("JointModelP"):
             said.append(f"joint {name} is {other.type}, not {kind}")

@@ -144,11 +144,11 @@ def given_model(robot: Any) -> pin.Model | None:
         from pinsing.arguments import shown
 
         raise ArgumentError("robot", _EXPECTED, shown(robot), 'pinsing.load("ur5") loads one')
-    if any("Mimic" in j.shortname() for j in model.joints):
-        raise PinsingError(
-            "the model has Pinocchio mimic joints: build it with mimic=False, "
-            "or give the URDF file, where pinsing reads the couplings itself"
-        )
+    PinsingError.refuse_if(
+        any("Mimic" in j.shortname() for j in model.joints),
+        "the model has Pinocchio mimic joints: build it with mimic=False, "
+        "or give the URDF file, where pinsing reads the couplings itself",
+    )
     for name in (model.name, *model.names, *(frame.name for frame in model.frames)):
         if has_control(name):
             raise PinsingError(
@@ -188,7 +188,6 @@ def _table(
     """A DH table, a file or an entry of ``arms.yaml``, by way of the URDF that is made of it."""
     from pinsing.description.dh_table import dh_to_urdf, known_table, read_dh
 
-    if xacro_args:
-        raise RobotFileError("is no xacro file, so it takes no xacro arguments", path)
+    RobotFileError.refuse_if(xacro_args, "is no xacro file, so it takes no xacro arguments", path)
     table = read_dh(path) if entry is None else known_table(entry.alias_of or entry.name)
     return GivenFile(parse_description(dh_to_urdf(table)), label, path, entry)

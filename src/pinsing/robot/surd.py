@@ -65,8 +65,7 @@ class Surd:
         half = surd(a, b, -c, -d)
         lower = parts_of(self * half)
         other = surd(lower[0], -lower[1], Fraction(0), Fraction(0))
-        norm = lower[0] ** 2 - 2 * lower[1] ** 2
-        return half * other * (1 / norm)
+        return half * other * (1 / (lower[0] ** 2 - 2 * lower[1] ** 2))
 
     def __float__(self) -> float:
         return float(sum((a * r for a, r in zip(self.parts, _ROOTS, strict=True)), Fraction(0)))
@@ -78,9 +77,7 @@ Exact: TypeAlias = Fraction | Surd
 
 def surd(one: Fraction, two: Fraction, three: Fraction, six: Fraction) -> Exact:
     """The number one + two sqrt(2) + three sqrt(3) + six sqrt(6)."""
-    if not (two or three or six):
-        return one
-    return Surd((one, two, three, six))
+    return one if not (two or three or six) else Surd((one, two, three, six))
 
 
 def parts_of(value: Exact | int) -> tuple[Fraction, Fraction, Fraction, Fraction]:
@@ -154,8 +151,7 @@ def residue(value: Exact, prime: int) -> int:
     total = 0
     for square, part in zip(SQUARES, parts_of(value), strict=True):
         if part:
-            scale = part.numerator * pow(part.denominator, -1, prime)
-            total += scale * root_modulo(square, prime)
+            total += part.numerator * pow(part.denominator, -1, prime) * root_modulo(square, prime)
     return total % prime
 
 

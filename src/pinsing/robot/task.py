@@ -99,15 +99,13 @@ def parse_task(task: str | Iterable[str] | Task, tool_axis: str | None = None) -
             f"or rows out of {', '.join(ROW_NAMES)}, such as vx,vy,wz, in the tip's axes with "
             f"{AT_TIP}, such as vx{AT_TIP},wy{AT_TIP}"
         )
-    if len(set(plain)) < len(plain):
-        raise OptionError(f"task {task!r} names a row twice")
+    OptionError.refuse_if(len(set(plain)) < len(plain), f"task {task!r} names a row twice")
     tip = {ROW_NAMES.index(p): n.endswith(AT_TIP) for n, p in zip(names, plain, strict=True)}
     return _task(tip)
 
 
 def _about(task: str | Iterable[str] | Task, axis: str) -> Task:
-    if axis not in TOOL_AXES:
-        raise OptionError(f"unknown tool axis {axis!r}: use x, y or z")
+    OptionError.refuse_if(axis not in TOOL_AXES, f"unknown tool axis {axis!r}: use x, y or z")
     if (task.name if isinstance(task, Task) else task) != TOOL_AXIS:
         raise OptionError(f"a tool axis is for task {TOOL_AXIS}, and the task is {task}")
     return _tool_axis(axis)

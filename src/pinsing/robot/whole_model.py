@@ -159,8 +159,7 @@ class WholeModel:
         if entry.nq == 1:
             return np.asarray(full_q[..., i])
         c, s = full_q[..., i], full_q[..., i + 1]
-        off = np.abs(np.hypot(c, s) - 1)
-        if not (off <= _UNIT).all():
+        if not (np.abs(np.hypot(c, s) - 1) <= _UNIT).all():
             name = whole.names[joint]
             raise ConfigurationError(
                 f"q of continuous joint {name!r} must be its cosine and sine "
