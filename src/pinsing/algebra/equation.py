@@ -360,9 +360,8 @@ class Equation(Memory):
 
     def scaled(self, factor: float) -> Equation:
         """Return the same equation with all coefficients multiplied."""
-        exact = self.exact
-        if factor < 0:
-            exact = tuple((_negated(c), _negated(s)) for c, s in exact)
+        turned = ((_negated(c), _negated(s)) for c, s in self.exact)
+        exact = tuple(turned) if factor < 0 else self.exact
         return replace(self, cos=self.cos * factor, sin=self.sin * factor, exact=exact)
 
     def text(self) -> str:

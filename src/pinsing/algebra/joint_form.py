@@ -294,8 +294,6 @@ class _Writer:
             sign = ("" if not said else " + ") if part > 0 or len(roots) == 1 else " - "
             size = abs(part)
             shown = str(size)
-            if self.latex and size.denominator != 1:
-                shown = f"{size.numerator}/{size.denominator}"
             root = "" if square == 1 else (rf"\sqrt{{{square}}}" if self.latex else f"√{square}")
             shown = root if root and size == 1 else f"{shown} {root}".strip()
             said += sign + shown

@@ -218,9 +218,8 @@ class _NearestSearch:
             elif not branch.sums:
                 lower, upper, family, point = min(lower, part), fixed, branch.family, target
             else:
-                room = upper
-                if np.isfinite(upper) and self.c.norm != "max":
-                    room = float(np.sqrt(max(upper**2 - fixed**2, 0.0)))
+                left = float(np.sqrt(max(upper**2 - fixed**2, 0.0)))
+                room = left if np.isfinite(upper) and self.c.norm != "max" else upper
                 boxes = _Boxes(self, branch, x, room)
                 looked += boxes.run(self.options.boxes - looked)
                 if boxes.point is not None:

@@ -672,9 +672,9 @@ def _checks(
                     missed.append(f"{name} = {value:.9g} ({locus.kind})")
     if not count:
         return out
-    words = f"the sweep found all {count} feasible roots of the loci along its curves"
-    if missed:
-        words = f"the sweep missed {len(missed)} of {count} roots: {', '.join(missed)}"
+    words = f"the sweep missed {len(missed)} of {count} roots: {', '.join(missed)}" if missed else (
+        f"the sweep found all {count} feasible roots of the loci along its curves"
+    )  # fmt: skip
     return [*out, Check(words, not missed)]
 
 

@@ -312,9 +312,9 @@ def _proofs(mechanism: Mechanism, ends: list[Way], seconds: float) -> Iterator[L
         if normal.max() >= 1 - ROUNDING:
             task = ",".join(r for k, r in enumerate(_ROWS) if k != int(np.argmax(normal)))
     for number, (path, place, _) in enumerate(ends, 1):
-        joints, end = path, place
-        if kind == SPHERE and end is None:
-            joints, end = path[:-1], centre + zero.axis[path[-1]]
+        joints, end = (path, place) if kind != SPHERE or place is not None else (
+            path[:-1], centre + zero.axis[path[-1]]
+        )  # fmt: skip
         driven = [j for j in joints if j in mechanism.actuated]
         if end is None or len(driven) != 1:
             continue
@@ -418,9 +418,8 @@ class ClosureForms:
         axes = self.zero.axis[joints] * np.array([float(sign) for _, sign in steps])[:, None]
         chain = leg_chain(self.ring, joints, axes, self.zero.origins[joints], turn)
         self.off = max(self.off, chain.off)
-        point, scale = chain.point(at), chain.scale
-        if rests:
-            point, scale = chain.fixed(at), self.ring.one
+        point = chain.fixed(at) if rests else chain.point(at)
+        scale = self.ring.one if rests else chain.scale
         times = rational(Fraction(side))
         for hinge in chain.hinges:
             reach = [hinge.scale * b for b in point] if rests else point

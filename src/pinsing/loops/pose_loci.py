@@ -915,9 +915,9 @@ def _split(ring: PoseRing, together: Any) -> Iterator[Part]:
     hinged = ring.rods.hinged
     *numbers, last = range(1, len(ring.rods.rods) + 1)
     names = f"the lines of legs {', '.join(map(str, numbers))} and {last}"
-    words = f"{names} and {_HINGED}" if hinged else f"the six leg lines {_COMPLEX}"
-    if ring.rods.planar:
-        words = f"{names} meet in one point or are parallel"
+    words = f"{names} meet in one point or are parallel" if ring.rods.planar else (
+        f"{names} and {_HINGED}" if hinged else f"the six leg lines {_COMPLEX}"
+    )  # fmt: skip
     parallel = _parallelograms(ring)
     plane = "the rods are parallel to a plane, or two pairs of them to each other"
     normals = "the normals of the three parallelograms are parallel to a plane: the output can turn"

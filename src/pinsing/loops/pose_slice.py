@@ -16,7 +16,7 @@ from pinsing.loops.closure import BatchLoops, newton
 from pinsing.loops.joint_loci import joint_forms
 from pinsing.loops.modes import home
 from pinsing.loops.motion import COORDINATES, led_pose
-from pinsing.loops.structure import Sample, closing, output_pose
+from pinsing.loops.structure import extent, output_pose
 from pinsing.measures import ROUNDING
 from pinsing.robot.mechanism import Mechanism
 from pinsing.sampling.map_plan import BLOCK
@@ -44,6 +44,7 @@ class PoseWay:
                 "poses is none; take pinsing map --loops --over poses"
             )
         self.targets_rows = tuple(led)
+        self.extent = extent(mechanism, home(mechanism))
         self.place = output_pose(mechanism, start)
         self.angles = pin.rpy.matrixToRpy(np.array(self.place.rotation))
         self.free = np.ones(mechanism.n, dtype=bool)
@@ -65,7 +66,7 @@ class PoseWay:
         """
         if set(self.targets_rows) & {3, 4, 5}:
             return False
-        around = 1e-3 * self._size() * np.array([[1.0, 0.3], [-0.3, 1.0], [-1.0, -0.7]])
+        around = 1e-3 * self.extent * np.array([[1.0, 0.3], [-0.3, 1.0], [-1.0, -0.7]])
         first, second = (np.tile(self.start(k) + around[:, k], len(starts)) for k in (0, 1))
         R, p = self.targets(first, second)
         Q, error = newton(
@@ -91,16 +92,8 @@ class PoseWay:
         """Values of a coordinate: a whole turn, or about as far as the linkage is large."""
         if self.rows[k] > 2:
             return self._turn(k, samples)
-        size = times * self._size()
+        size = times * self.extent
         return self.start(k) + np.linspace(-size, size, samples)
-
-    def _size(self) -> float:
-        """The greatest distance of two joints at home, or of a joint and an end of a link."""
-        sample = Sample(self.mechanism, home(self.mechanism))
-        ends = {self.mechanism.output_id}.union(*closing(self.mechanism))
-        places = [*sample.joints, *(sample.frames[k] for k in ends)]
-        points = np.array([m.translation for m in places])
-        return max(float(np.linalg.norm(points[:, None] - points[None], axis=-1).max()), 1e-3)
 
     def _turn(self, k: int, samples: int) -> Array:
         # Where yaw follows, pitch beyond a quarter of a turn is a pose that has been before.
@@ -252,15 +245,15 @@ class _Grid:
         from scipy.ndimage import distance_transform_edt
 
         self.marks = coarse.marks
-        places = []
-        for fine, rough in zip(self.sides, coarse.sides, strict=True):
-            step = float(rough[1] - rough[0])
-            places.append(np.clip(np.rint((fine - rough[0]) / step), 0, len(rough) - 1).astype(int))
+        places = [
+            np.clip(np.rint((fine - rough[0]) / (rough[1] - rough[0])), 0, len(rough) - 1)
+            for fine, rough in zip(self.sides, coarse.sides, strict=True)
+        ]
         for k in range(self.modes):
             if not coarse.solved[k].any():
                 continue
             away, (j, i) = distance_transform_edt(~coarse.solved[k], return_indices=True)
-            jj, ii = np.meshgrid(places[1], places[0], indexing="ij")
+            jj, ii = np.array(np.meshgrid(places[1], places[0], indexing="ij"), dtype=int)
             near = away[jj, ii] <= 2
             from_q = coarse.q[k, j[jj, ii], i[jj, ii]]
             self._take(np.insert(np.argwhere(near), 0, k, axis=1), from_q[near])

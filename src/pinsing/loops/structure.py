@@ -80,9 +80,8 @@ class Sample:
         self.q = q
         self.joints = [turn * m for m in data.oMi]
         self.frames = [turn * m for m in data.oMf]
-        self.output = self.frames[mechanism.output_id]
-        if own is not None:
-            self.output = self.output * pin.SE3(own, np.zeros(3))
+        along = pin.SE3(np.eye(3) if own is None else own, np.zeros(3))
+        self.output = self.frames[mechanism.output_id] * along
         built = structure(mechanism)
         self.axis = np.array([self.joints[j + 1].rotation @ built.axes[j] for j in joints])
         self.origins = np.array([self.joints[j + 1].translation for j in joints])
@@ -323,6 +322,15 @@ def likeness(
     if joints is None:
         out += [sample.frames[k].translation / scale for k in closing(mechanism)[0]]
     return np.concatenate(out) if out else np.zeros(0)
+
+
+def extent(mechanism: Mechanism, q: Array) -> float:
+    """Return the greatest distance of two of base, joints and ends of links at q (n,), metres."""
+    sample = Sample(mechanism, q)
+    ends = {mechanism.output_id}.union(*closing(mechanism))
+    places = [*sample.joints, *(sample.frames[k] for k in ends)]
+    points = np.array([place.translation for place in places])
+    return max(float(np.linalg.norm(points[:, None] - points[None], axis=-1).max()), 1e-3)
 
 
 def output_pose(mechanism: Mechanism, q: Array) -> pin.SE3:

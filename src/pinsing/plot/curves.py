@@ -348,9 +348,8 @@ def clearance_along(
     watched = watch(forms, families)
     motion = motion_of(watched, trajectory, times)
     count = len(motion.pieces) + 1
-    places = np.arange(count, dtype=float)
-    if count < 1000:  # a few waypoints: curves between them
-        places = np.linspace(0, count - 1, 1000)
+    # Of a few waypoints curves between them.
+    places = np.linspace(0, count - 1, 1000) if count < 1000 else np.arange(count, dtype=float)
     runs = np.array_split(places, min(4000, len(places)))
     ax = new_axes() if ax is None else ax
     for k, name in enumerate(watched.names):

@@ -14,6 +14,7 @@ from typing import Any, Literal
 
 import numpy as np
 import pinocchio as pin
+from matplotlib import pyplot as plt
 
 from pinsing._types import Array
 from pinsing.arguments import checked
@@ -269,8 +270,6 @@ def _new(count: int, tall: bool) -> tuple[Any, ...]:
     height = 4.0 if tall else 3.3
     if count == 1:
         return (new_axes(height, projection="3d"),)
-    from matplotlib import pyplot as plt
-
     figure = plt.figure(figsize=(count * COLUMN, height), layout="constrained")
     return tuple(figure.add_subplot(1, count, k + 1, projection="3d") for k in range(count))
 

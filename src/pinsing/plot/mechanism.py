@@ -2,13 +2,21 @@
 
 from __future__ import annotations
 
+import textwrap
 from collections.abc import Iterator, Sequence
 from itertools import chain, cycle
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 import pinocchio as pin
+from matplotlib import pyplot as plt
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.layout_engine import ConstrainedLayoutEngine
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
+from mpl_toolkits.mplot3d.art3d import Poly3DCollection  # type: ignore[import-untyped]
 
 from pinsing._types import Array, Bool
 from pinsing.errors import OptionError
@@ -26,10 +34,6 @@ from pinsing.measures import ROUNDING
 from pinsing.plot.style import DASHES, pi_ticks, plain, unit
 from pinsing.prose import unbroken
 from pinsing.robot.mechanism import Mechanism
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
 
 TYPE_1 = "#c0392b"
 TYPE_2 = "#1f5fa8"
@@ -101,9 +105,6 @@ def _type_1(
 def map_legend(ax: Axes, mechanism: Mechanism | None = None) -> None:
     """Say what the lines of ``input_map`` are: of this mechanism, or of one led at its pin."""
     dyad = None if mechanism is None else planar_dyad(mechanism)
-    from matplotlib.lines import Line2D
-    from matplotlib.patches import Patch
-
     handles: list[Any] = [
         Patch(color=_FEASIBLE, label="loops close"),
         Line2D([], [], color=TYPE_2, label="type 2: B1, P, B2 in line"),
@@ -260,8 +261,6 @@ def zero_line(ax: Axes, x: Array, y: Array, value: Array, color: str, style: str
 def _axes(ax: Axes | None) -> Axes:
     if ax is not None:
         return ax
-    import matplotlib.pyplot as plt
-
     return plt.subplots()[1]
 
 
@@ -284,8 +283,6 @@ def drawing_plane(mechanism: Mechanism) -> tuple[int, int] | None:
 
 def draw_space_linkage(mechanism: Mechanism, q: Array, ax: Any) -> None:
     """Draw a closed configuration q (n,) into 3D axes: what is driven in blue, the output red."""
-    from mpl_toolkits.mplot3d.art3d import Poly3DCollection  # type: ignore[import-untyped]
-
     driven = {j + 1 for j in mechanism.actuated}
     for body, points, output in bodies(mechanism, q):
         corners = points[[group[0] for group in groups(points, ROUNDING)]]
@@ -364,8 +361,6 @@ def motion_curve(
     two of the input and x, y, z, roll, pitch, yaw of the output; by default the input and what
     moves most.
     """
-    from matplotlib import pyplot as plt
-
     freedoms = ranks(mechanism).mobility
     if freedoms != 1:
         raise OptionError(
@@ -507,9 +502,6 @@ def mode_sheet(
     """Draw every mode that was found: first the direct problem, then the inverse one."""
     # Assembly modes are those at ``inputs``; working modes those of the pose that the first of them
     # has. Each picture has its number in the text of ``analyze --loops``.
-    from matplotlib import pyplot as plt
-    from matplotlib.layout_engine import ConstrainedLayoutEngine
-
     asked = home(mechanism)[list(mechanism.actuated)] if inputs is None else inputs
     direct = assembly_modes(mechanism, asked) if direct is None else direct
     if not direct.modes:
@@ -611,6 +603,4 @@ def _number(value: float, turns: bool, degrees: bool) -> str:
 
 
 def _wrapped(words: str, columns: int) -> str:
-    import textwrap
-
     return "\n".join(textwrap.wrap(words, 40 * columns + (0 if columns > 1 else 2)))

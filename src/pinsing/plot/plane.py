@@ -685,9 +685,8 @@ def locus(
     if family.n != arm.n or not set(family.joints) <= set(arm.joints):
         raise OptionError(f"family {family.name} is of another arm than {arm.name}")
     a, b = _plane(arm, family, joint_a, joint_b)
-    base = np.zeros(arm.n) if family.generic is None else np.array(family.generic)
-    if q is not None:
-        base = arm.check_one(q)
+    given = family.generic if q is None else arm.check_one(q)
+    base = np.zeros(arm.n) if given is None else np.array(given)
     c, steps = _third(arm, (a, b), third, values, base)
     Q = plane_of(arm, (a, b), base, samples, ignore_limits)
     ax = new_axes(3.6) if ax is None else ax

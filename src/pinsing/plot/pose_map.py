@@ -5,11 +5,17 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import cycle
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 import pinocchio as pin
+from matplotlib import pyplot as plt
+from matplotlib.axes import Axes
+from matplotlib.colors import BoundaryNorm, ListedColormap
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
 
 from pinsing._types import Array, Bool, Ints
 from pinsing.errors import OptionError
@@ -32,10 +38,6 @@ from pinsing.plot.mechanism import (
 )
 from pinsing.plot.plane import SAMPLES
 from pinsing.robot.mechanism import Mechanism
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
 
 _PALE = {
     True: ("#dfeadb", "#c4dcc9", "#d3e6e9", "#e9efcf"),
@@ -130,8 +132,6 @@ def pose_map(
     home, warm ones of the other. Lines are the loci, from their exact equations. ``start`` (n,),
     closed, takes the place of home.
     """
-    from matplotlib import pyplot as plt
-
     names = _names(mechanism, over)
     q = home(mechanism) if start is None else start
     found = pose_slice(mechanism, names, [q], samples or SAMPLES)
@@ -158,8 +158,6 @@ def pose_maps(
     start: Array | None = None,
 ) -> Figure:
     """The same for every working mode at the pose of home, side by side in one figure."""
-    from matplotlib import pyplot as plt
-
     names = _names(mechanism, over)
     modes = _modes(mechanism, names, start)
     shown = modes[:8]
@@ -307,7 +305,6 @@ def _what(mechanism: Mechanism) -> str:
 
 
 def _draw(ax: Axes, mechanism: Mechanism, found: PoseSlice, panel: Panel, degrees: bool) -> None:
-    from matplotlib.colors import BoundaryNorm, ListedColormap
     from scipy.ndimage import gaussian_filter
 
     rows = [COORDINATES.index(name) for name in found.names]
@@ -380,9 +377,6 @@ def _border(mechanism: Mechanism) -> str:
 
 def _handles(mechanism: Mechanism, drawn: Sequence[Panel]) -> list[Any]:
     """Return what lines and colours are, of those that occur."""
-    from matplotlib.lines import Line2D
-    from matplotlib.patches import Patch
-
     kinds = {kind for panel in drawn for kind, left in panel.lefts if crosses_zero(left)}
     bordered = any(map(_bordered, drawn))
     closes = "type 1" in kinds or (bordered and _border(mechanism) == TYPE_1)

@@ -5,13 +5,14 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from fractions import Fraction
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.axis import Axis
+from matplotlib import pyplot as plt
+from matplotlib.axes import Axes
+from matplotlib.axis import Axis
+from matplotlib.ticker import FixedLocator, FuncFormatter, MaxNLocator
+from matplotlib.transforms import ScaledTranslation
 
 COLUMN = 3.5
 """Width of a figure, inches: one column of a paper."""
@@ -27,8 +28,6 @@ SMALL = 8
 
 def new_axes(height: float = 2.7, **projection: Any) -> Axes:
     """Axes of a new figure, one column wide."""
-    from matplotlib import pyplot as plt
-
     figure = plt.figure(figsize=(COLUMN, height), layout="constrained")
     axes: Axes = figure.add_subplot(**projection)
     return axes
@@ -78,8 +77,6 @@ def pi_text(value: float, *, limit: int = 12) -> str:
 
 def pi_ticks(axis: Axis, low: float, high: float) -> None:
     """Ticks at multiples of pi, at most seven of them."""
-    from matplotlib.ticker import FixedLocator, FuncFormatter
-
     for part in (1 / 12, 1 / 6, 1 / 4, 1 / 2, 1, 2, 4, 8):
         step = part * math.pi
         first, last = math.ceil(low / step - 1e-9), math.floor(high / step + 1e-9)
@@ -91,8 +88,6 @@ def pi_ticks(axis: Axis, low: float, high: float) -> None:
 
 def degree_ticks(axis: Axis, low: float, high: float) -> None:
     """Ticks at round numbers of degrees on an axis in radians, at most six: they are wide."""
-    from matplotlib.ticker import FixedLocator, FuncFormatter, MaxNLocator
-
     span = math.degrees(high - low)
     step = next((s for s in (5, 10, 15, 30, 45, 60, 90, 180, 360) if span / s <= 5), 720)
     if span >= 15:
@@ -112,8 +107,6 @@ def degree_ticks(axis: Axis, low: float, high: float) -> None:
 
 def ticks(axis: Axis, low: float, high: float, slides: bool, degrees: bool = False) -> None:
     """Ticks of a joint: pi or degrees for angles, plain for prismatic joints; small letters."""
-    from matplotlib.ticker import MaxNLocator
-
     if degrees and not slides:
         degree_ticks(axis, low, high)
     elif not slides and high - low > 0.5:
@@ -132,8 +125,6 @@ def legend_below(
     title: str = "",
 ) -> None:
     """Draw a legend under the axis label, or ``at`` shares of the axes, below its ``title``."""
-    from matplotlib.transforms import ScaledTranslation
-
     handles, labels = ax.get_legend_handles_labels()
     if handles:
         # Half an inch, for ticks and label: of low axes a share of the height is less.

@@ -450,9 +450,8 @@ def _family(
         return
     shown, state = pose
     loose = set(range(n)).difference(*(b.involved for b in family.branches))
-    q = typed(state.q, family.prismatic, True, loose=loose)
-    if shown is not c.arm:
-        q = f"--nominal {q}"
+    exact = "--nominal " * (shown is not c.arm)
+    q = exact + typed(state.q, family.prismatic, True, loose=loose)
     yield paragraph(text("A configuration of it, degrees and metres, for"), name("pinsing at"), ":")
     yield f"<pre>{text(q)}</pre>"
 
@@ -731,11 +730,9 @@ def _page(content: Content, skeleton: bool, way: Trajectory | None, zones: Zones
     from pinsing.view.viewer import Viewer
 
     arm, forms = content.arm, content.forms
-    shown = None
-    if way is not None:
-        shown = trajectory_data(
-            arm, way.check, way.Q, way.t, name=way.name, robot=way.robot, notes=way.notes
-        )
+    shown = None if way is None else trajectory_data(
+        arm, way.check, way.Q, way.t, name=way.name, robot=way.robot, notes=way.notes
+    )  # fmt: skip
     with Viewer(
         arm,
         forms.families,

@@ -165,9 +165,9 @@ def finding_spans(finding: Finding) -> tuple[Span, ...]:
         return f"{condition}: ", verdict(finding.status), f", {ratio}{where}"
     kind = finding.configuration.kind
     said = f" ({kind})" if kind != "undecided" else ""
-    raw = ""
-    if finding.raw_ratio > SINGULAR_RTOL:
-        raw = f"; on the file as it is the ratio is {finding.raw_ratio:.1e}"
+    raw = "" if finding.raw_ratio <= SINGULAR_RTOL else (
+        f"; on the file as it is the ratio is {finding.raw_ratio:.1e}"
+    )  # fmt: skip
     return (f"{condition}{said}{where}{raw}",)
 
 

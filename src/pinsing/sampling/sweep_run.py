@@ -658,9 +658,8 @@ def run_sweep(
         most = _CHUNK_ON_DISK if kept.values else 524_288  # in 256 chunks, without the curves
         chunk = max(_CHUNK if out is None else _CHUNK_ON_DISK, min(most, plan.n_jacobians // 256))
     block = _curves_per_block(plan.samples)
-    size = max(1, chunk // plan.samples // block) * block
-    if plan.samples > PIECE:
-        size = max(1, chunk // PIECE)
+    whole = max(1, chunk // plan.samples // block) * block
+    size = max(1, chunk // PIECE) if plan.samples > PIECE else whole
     job = SweepJob(plan, planned_evaluator(arm, options), int(size), kept)
     return _run(job, options, inside, keep)
 
@@ -684,9 +683,9 @@ def _run(job: SweepJob, options: RunOptions, inside: bool, keep: bool | None) ->
         parts = [tally.join, pool.join, *([] if curves is None else [curves.join])]
         count = len(table) * plan.samples
         if not run.reduce(parts, len(uniform), plan.n_jacobians):
-            where = f"{run.done // plan.samples} of {len(table)} curves"
-            if run.done % plan.samples:
-                where = f"{run.done:,} of {count:,} Jacobians of the curves"
+            where = f"{run.done // plan.samples} of {len(table)} curves" if (
+                run.done % plan.samples == 0
+            ) else f"{run.done:,} of {count:,} Jacobians of the curves"  # fmt: skip
             notes.append(f"stopped after {where}")
         found = pool.candidates(plan.samples)
         if found.found > len(found):

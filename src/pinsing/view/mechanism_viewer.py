@@ -21,7 +21,7 @@ from pinsing.loops.motion import led_pose, mechanism_at
 from pinsing.loops.problems import assemblies
 from pinsing.loops.singular_points import SingularPoint
 from pinsing.loops.solve import drive
-from pinsing.loops.structure import Sample, at_zero, closing, plane_normal, structure
+from pinsing.loops.structure import at_zero, closing, extent, plane_normal, structure
 from pinsing.measures import ALIKE, NEAR_RTOL, ROUNDING, SINGULAR_RTOL
 from pinsing.robot.mechanism import Mechanism
 from pinsing.robot.source import Source
@@ -156,7 +156,7 @@ def linkage_sizes(mechanism: Mechanism, scale: float = 1.0) -> Sizes:
             part = (rows >= 3) == turns
             if state.velocity is not None and part.any():
                 fast[turns].append(float(np.linalg.norm(state.velocity[part], 2)))
-    reach = _extent(mechanism, samples[0])
+    reach = extent(mechanism, samples[0])
     fastest, turning = (_usual(fast[k]) for k in (False, True))
     return Sizes(
         reach=reach,
@@ -171,14 +171,6 @@ def _usual(speeds: list[float]) -> float:
         return 1.0
     middle = float(np.median(speeds))
     return min(middle, 2 * speeds[0]) if speeds[0] > 0 else middle
-
-
-def _extent(mechanism: Mechanism, q: Array) -> float:
-    """Largest distance between points of the linkage at q (n,), metres."""
-    sample = Sample(mechanism, q)
-    ends = [sample.frames[k].translation for k in Linkage.of(mechanism).ends]
-    points = np.array([*sample.origins, *ends])
-    return max(float(np.linalg.norm(points[:, None] - points[None], axis=-1).max()), 1e-3)
 
 
 def side(normal: Array | None) -> tuple[float, ...]:
