@@ -411,8 +411,8 @@ def mechanism_map(
             near[name] += int(number)
         parts.append(ratios)
         low = ratios.min(axis=1)
-        for i in np.argsort(low, kind="stable")[:worst].tolist():
-            least.append((float(low[i]), start + i, str(names[i]), Q[i]))
+        lowest = np.argsort(low, kind="stable")[:worst].tolist()
+        least += [(float(low[i]), start + i, str(names[i]), Q[i]) for i in lowest]
         least = sorted(least, key=lambda x: x[:2])[:worst]
     ratios = np.concatenate(parts) if parts else np.zeros((0, 3))
     told = (

@@ -370,10 +370,8 @@ def _flipped(mechanism: Mechanism, q: Array, mine: Bool) -> list[Array]:
             continue
         for middle in (-q[joints[1]], np.pi - q[joints[1]]):
             x = q.copy()
-            x[joints[0]] += np.pi
+            x[joints[:3:2]] += np.pi  # the first, and the third of a ball
             x[joints[1]] = middle
-            if len(joints) > 2:
-                x[joints[2]] += np.pi
             out.append(x)
     return out
 

@@ -157,9 +157,8 @@ def cusps_of(section: Section, curves: list[Array]) -> Array:
         row = np.argmax(np.linalg.norm(section.slopes(curve), axis=-1), axis=-1)
         for k in range(len(curve) - 1):
             a, b = t[k, row[k]], t[k + 1, row[k]]
-            if a * b >= 0 or min(abs(a), abs(b)) < _FLAT * size * size:
-                continue
-            if min(steep[k], steep[k + 1]) < _FLAT * size:
+            flat = min(steep[k], steep[k + 1]) < _FLAT * size
+            if a * b >= 0 or flat or min(abs(a), abs(b)) < _FLAT * size * size:
                 continue
             tangent = int(row[k])
             x = root(
@@ -209,9 +208,9 @@ def nodes_of(section: Section, lines: list[Array], cusps: Array, size: float) ->
         for k in np.flatnonzero((s >= 0) & (s < 1) & (t >= 0) & (t < 1)):
             both = np.stack([x[i] + s[k] * v[i], x[j[k]] + t[k] * v[j[k]]])
             at = _crossed(section, both, size, steep)
-            if at is None:
-                continue
-            if all(np.linalg.norm(at - f) > _NEAR * size for f in [*cusps, *found]):
+            if at is not None and all(
+                np.linalg.norm(at - f) > _NEAR * size for f in [*cusps, *found]
+            ):
                 found.append(at)
     return np.array(found).reshape(-1, 2)
 

@@ -683,10 +683,9 @@ def _run(job: SweepJob, options: RunOptions, inside: bool, keep: bool | None) ->
         parts = [tally.join, pool.join, *([] if curves is None else [curves.join])]
         count = len(table) * plan.samples
         if not run.reduce(parts, len(uniform), plan.n_jacobians):
-            where = f"{run.done // plan.samples} of {len(table)} curves" if (
-                run.done % plan.samples == 0
-            ) else f"{run.done:,} of {count:,} Jacobians of the curves"  # fmt: skip
-            notes.append(f"stopped after {where}")
+            whole, rest = divmod(run.done, plan.samples)
+            cut = f"{run.done:,} of {count:,} Jacobians of the curves"
+            notes.append(f"stopped after {cut if rest else f'{whole} of {len(table)} curves'}")
         found = pool.candidates(plan.samples)
         if found.found > len(found):
             notes.append(

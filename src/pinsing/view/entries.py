@@ -137,14 +137,16 @@ def family_entries(arm: Arm, families: Iterable[Family], poses: int = 3) -> tupl
 def pose_entries(arm: Arm, configurations: Iterable[npt.ArrayLike]) -> tuple[Entry, ...]:
     """List single configurations."""
     symbols = joint_symbols(arm)
-    out = []
-    for number, q in enumerate(configurations, 1):
-        q = arm.check_one(q, "poses")
-        text = ", ".join(
-            f"{s} = {_value(x, bool(p))}" for s, x, p in zip(symbols, q, arm.prismatic, strict=True)
-        )
-        out.append(Entry(f"P{number}", text, (q,), tuple(range(arm.n)), symbols, arm.prismatic))
-    return tuple(out)
+
+    def text(q: Array) -> str:
+        values = zip(symbols, q, arm.prismatic, strict=True)
+        return ", ".join(f"{s} = {_value(x, bool(p))}" for s, x, p in values)
+
+    every, given = tuple(range(arm.n)), (arm.check_one(q, "poses") for q in configurations)
+    return tuple(
+        Entry(f"P{number}", text(q), (q,), every, symbols, arm.prismatic)
+        for number, q in enumerate(given, 1)
+    )
 
 
 def _fixed_joints(name: str, text: str, arm: Arm, fixed: Mapping[str, float]) -> Family:

@@ -301,10 +301,7 @@ def draw_links(node: Any, links: Links) -> tuple[str, ...]:
     for number, g in enumerate(links.geometry.geometryObjects):
         # Names of the file stay out of paths.
         here = node[f"{int(g.parentJoint)}/visual/{number}"]
-        note = draw_shape(here, g, links.meshes.get(Path(g.meshPath)))
-        if note:
-            notes.append(note)
-            continue
-        place: Array = g.placement.homogeneous @ np.diag([*g.meshScale, 1.0])
-        here.set_transform(place)
-    return tuple(notes)
+        notes.append(draw_shape(here, g, links.meshes.get(Path(g.meshPath))))
+        if not notes[-1]:
+            here.set_transform(g.placement.homogeneous @ np.diag([*g.meshScale, 1.0]))
+    return tuple(filter(None, notes))
