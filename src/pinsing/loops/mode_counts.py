@@ -211,8 +211,7 @@ def _singular_squares(found: Rods) -> list[Array]:
         at = np.array([-1.0, 0.0, 1.0])
         values = [np.linalg.det(lines(complex(x))) for x in at]
         for x in np.roots(np.polyfit(at, values, 2)):
-            rows = lines(complex(x))
-            out.append((rows[:, :2] ** 2).sum(axis=1))
+            out.append((lines(complex(x))[:, :2] ** 2).sum(axis=1))
     return out
 
 

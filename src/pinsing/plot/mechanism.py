@@ -55,7 +55,7 @@ def input_map(
         raise OptionError("a map over the inputs needs a planar loop with two cranks (5R)")
     if assembly not in ("+", "-"):
         raise OptionError(f"assembly mode must be + or -, got {assembly!r}")
-    ax = _axes(ax)
+    ax = plt.subplots()[1] if ax is None else ax
     left = is_left(mechanism, dyad) == (assembly == "+")
     x = y = np.linspace(-np.pi, np.pi, samples)
     grid = np.stack(np.meshgrid(x, y), axis=-1)
@@ -128,7 +128,7 @@ def measure_curves(
     degrees: bool = True,
 ) -> Axes:
     """Type 1 and type 2 measures along solution curves, over the moving input."""
-    ax = _axes(ax)
+    ax = plt.subplots()[1] if ax is None else ax
     for t, style in zip(traces, cycle(DASHES), strict=False):
         joint = mechanism.actuated[t.moving]
         slides = bool(mechanism.prismatic[joint])
@@ -157,7 +157,7 @@ def draw_linkage(
     """Draw the links of a planar mechanism, its joints, and the output's velocity ellipse."""
     # 1 m per unit input speed is drawn as ``ellipse`` metres, 0 leaves it out. At a type 2
     # singularity the uncontrolled velocity is an arrow instead.
-    ax = _axes(ax)
+    ax = plt.subplots()[1] if ax is None else ax
     q = mechanism.check(q)
     plane = list(drawing_plane(mechanism) or (0, 1))
     driven = [j for j, parent in enumerate(mechanism.model.parents) if j and parent == 0]
@@ -179,8 +179,7 @@ def draw_linkage(
             *points[0, plane], "s" if first else "o", color=_NODE, ms=7 if first else 5, zorder=3
         )
         if output is not None and len(ends) > 2:
-            stem = np.array([ends.mean(axis=0), output[plane]])
-            ax.plot(*stem.T, color=shade, lw=1.4, zorder=2)
+            ax.plot(*np.array([ends.mean(axis=0), output[plane]]).T, color=shade, lw=1.4, zorder=2)
     P = np.array(output_pose(mechanism, q).translation)[plane]
     ax.plot(*P, "o", color=_OUTPUT, ms=7, zorder=5)
     rows = list(mechanism.task.rows)
@@ -256,12 +255,6 @@ def zero_line(ax: Axes, x: Array, y: Array, value: Array, color: str, style: str
     if crosses_zero(value):
         shown = np.ma.masked_invalid(value)
         ax.contour(x, y, shown, levels=[0.0], colors=[color], linestyles=[style], linewidths=1.5)
-
-
-def _axes(ax: Axes | None) -> Axes:
-    if ax is not None:
-        return ax
-    return plt.subplots()[1]
 
 
 def joint_points(mechanism: Mechanism, q: Array) -> Array:
