@@ -276,8 +276,7 @@ def suggest_command(
 
     Example: pinsing at --suggest ur5 --near 0,-90,90,0,0,0 --deg
     """
-    if reach is not None and near is None:
-        raise OptionError("--reach is for use with --near")
+    OptionError.refuse_if(reach is not None and near is None, "--reach is for use with --near")
     if near is not None:
         parse_numbers(near, "--near", deg)
     from pinsing.proximity.suggestion import REACH, suggest

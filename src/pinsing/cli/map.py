@@ -124,8 +124,9 @@ def map_command(
     pairs = [_range(text, deg) for text in ranges]
     if q is not None:
         parse_numbers(q, "--q", deg)
-    if keep_values and out is None:
-        raise OptionError("--keep-values needs a folder to keep them in: give -o FOLDER")
+    OptionError.refuse_if(
+        keep_values and out is None, "--keep-values needs a folder to keep them in: give -o FOLDER"
+    )
     arm = request.load()
     if q is not None:
         chosen["q"] = joint_vector(arm, q, "--q", deg)

@@ -366,11 +366,11 @@ def _saved(path: Path, mechanism: Mechanism) -> MechanismAnalysis:
         saved = MechanismAnalysis.from_dict(data)
     except ResultError as error:
         raise ResultError(f"{path}: {error}") from None
-    if saved.joints != mechanism.joints or saved.inputs != mechanism.inputs:
-        raise ResultError(
-            f"{path} is of {saved.name} with joints {', '.join(saved.joints)} driven by "
-            f"{', '.join(saved.inputs)}, not of this mechanism"
-        )
+    ResultError.refuse_if(
+        saved.joints != mechanism.joints or saved.inputs != mechanism.inputs,
+        f"{path} is of {saved.name} with joints {', '.join(saved.joints)} driven by "
+        f"{', '.join(saved.inputs)}, not of this mechanism",
+    )
     return saved
 
 
@@ -424,10 +424,10 @@ def typed_inputs(mechanism: Mechanism, texts: Sequence[str], deg: bool) -> Array
         return home(mechanism)[list(mechanism.actuated)]
     OptionError.refuse_if(len(texts) > 1, "give --q once: the values of the actuated joints")
     values = np.array(parse_numbers(texts[0], "--q", False), dtype=float)
-    if values.shape != (len(mechanism.inputs),):
-        raise ConfigurationError(
-            f"--q needs {len(mechanism.inputs)} values for the actuated joints "
-            f"{', '.join(mechanism.inputs)}; got {len(values)}"
-        )
+    ConfigurationError.refuse_if(
+        values.shape != (len(mechanism.inputs),),
+        f"--q needs {len(mechanism.inputs)} values for the actuated joints "
+        f"{', '.join(mechanism.inputs)}; got {len(values)}",
+    )
     sliding = mechanism.prismatic[list(mechanism.actuated)]
     return np.where(sliding | (not deg), values, np.radians(values))

@@ -278,8 +278,10 @@ def arm_options(command: F) -> F:
             names = tuple(name.strip() for name in joints.split(",") if name.strip())
             OptionError.refuse_if(not names, "--joints names no joint")
         for value in rest.values():
-            if isinstance(value, Path) and _same_file(value, robot):
-                raise OutputError(f"cannot write {value}: it is the robot itself")
+            OutputError.refuse_if(
+                isinstance(value, Path) and _same_file(value, robot),
+                f"cannot write {value}: it is the robot itself",
+            )
         source = click.get_current_context().get_parameter_source
         if tool_axis is not None and source("task") is ParameterSource.DEFAULT:
             task = "tool-axis"

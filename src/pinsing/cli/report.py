@@ -151,8 +151,9 @@ def report_command(
     from pinsing.proximity.trajectory import check_trajectory
     from pinsing.report.info import Trajectory
 
-    if trajectory is None and (units or columns):
-        raise OptionError("--units and --columns are of --trajectory FILE")
+    OptionError.refuse_if(
+        trajectory is None and (units or columns), "--units and --columns are of --trajectory FILE"
+    )
     way = None if trajectory is None else read_samples(trajectory, arm, deg, units, columns)
     forms = closed_form(arm, **algebra, prove=prove)
     judged = None

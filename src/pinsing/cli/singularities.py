@@ -233,8 +233,10 @@ def sweep_command(
         npz is not None and folder is not None,
         f"-o {npz} and -o {folder}: the folder gets the curves already",
     )
-    if keep and npz is None and folder is None:
-        raise OptionError("--keep needs a folder to keep the curves in: give -o FOLDER")
+    OptionError.refuse_if(
+        keep and npz is None and folder is None,
+        "--keep needs a folder to keep the curves in: give -o FOLDER",
+    )
     from pinsing.robot.nominal import nominal
     from pinsing.sampling.analyze import singular_configurations
     from pinsing.sampling.execute import ctrl_c_afterwards

@@ -230,11 +230,11 @@ def _read(path: Path, arm: Arm) -> _Listed:
         saved = (ClosedForm if schema == ClosedForm.schema else Analysis).from_dict(data)
     except ResultError as error:
         raise ResultError(f"{path}: {error}") from None
-    if saved.arm.joints != arm.joints:
-        raise ResultError(
-            f"{path} is of {saved.arm.name} with joints {', '.join(saved.arm.joints)}, "
-            f"not of this arm with {', '.join(arm.joints)}"
-        )
+    ResultError.refuse_if(
+        saved.arm.joints != arm.joints,
+        f"{path} is of {saved.arm.name} with joints {', '.join(saved.arm.joints)}, "
+        f"not of this arm with {', '.join(arm.joints)}",
+    )
     if isinstance(saved, ClosedForm):
         return saved.families, (), saved
     return *_parts(saved), saved.closed_form

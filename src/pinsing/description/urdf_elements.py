@@ -237,9 +237,8 @@ def _dynamics(node: Node, source: UrdfSource, what: str, name: str) -> list[Node
 
 def _mimic(element: Node, source: UrdfSource, what: str) -> Mimic:
     values = {"multiplier": 1.0, "offset": 0.0}
-    for attribute in values:
-        if attribute in element.attributes:
-            values[attribute] = source.numbers(element, attribute, 1, what)[0]
+    given = [attribute for attribute in values if attribute in element.attributes]
+    values |= {attribute: source.numbers(element, attribute, 1, what)[0] for attribute in given}
     return Mimic(source.attribute(element, "joint", what), **values)
 
 

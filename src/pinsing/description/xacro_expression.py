@@ -81,8 +81,10 @@ def bounded(value: Any) -> Any:
         _check_bits(value.bit_length())
     elif isinstance(value, str | bytes):
         _check_length(len(value))
-        if isinstance(value, str) and _SURROGATE.search(value):
-            raise Refused("half of a character (a surrogate) is not accepted")
+        Refused.refuse_if(
+            isinstance(value, str) and _SURROGATE.search(value),
+            "half of a character (a surrogate) is not accepted",
+        )
     elif isinstance(value, list | tuple | dict | set | range) and len(value) > MOST_ITEMS:
         raise Refused(f"more than {MOST_ITEMS} items are not accepted")
     return value
@@ -173,8 +175,10 @@ _OPERATORS: Mapping[type, Callable[..., Any]] = {
 
 
 def _round(number: Any, digits: Any = None) -> Any:
-    if isinstance(digits, int) and abs(digits) > 400:
-        raise Refused("rounding to hundreds of digits is not accepted")
+    Refused.refuse_if(
+        isinstance(digits, int) and abs(digits) > 400,
+        "rounding to hundreds of digits is not accepted",
+    )
     if type(number) not in NUMBERS:
         raise TypeError(f"type {type(number).__name__} doesn't define __round__ method")
     return round(number, digits)
@@ -287,14 +291,18 @@ class _Walk:
     def operand(self, node: ast.AST) -> Any:
         """Return the value of a node that is computed with."""
         value = self.value(node)
-        if type(value) not in self.computed:
-            raise Refused(f"computing with a {type(value).__name__} is not accepted")
+        Refused.refuse_if(
+            type(value) not in self.computed,
+            f"computing with a {type(value).__name__} is not accepted",
+        )
         return value
 
     def admit(self, value: Any) -> Any:
         """Return a value that is plain data; refuse any other."""
-        if type(value) not in self.accepted:
-            raise Refused(f"a value of type {type(value).__name__} is not accepted")
+        Refused.refuse_if(
+            type(value) not in self.accepted,
+            f"a value of type {type(value).__name__} is not accepted",
+        )
         if isinstance(value, _SIZED):
             self.volume += len(value)
             Refused.refuse_if(
@@ -417,8 +425,9 @@ class _Walk:
             call = function.call
         else:
             raise Refused(f"calling a {type(target).__name__} is not accepted")
-        if any(word.arg is None for word in node.keywords):
-            raise Refused("'**' is not accepted in an expression")
+        Refused.refuse_if(
+            any(word.arg is None for word in node.keywords), "'**' is not accepted in an expression"
+        )
         values = [self.value(part) for part in node.args]
         return call(*first, *values, **{str(w.arg): self.value(w.value) for w in node.keywords})
 

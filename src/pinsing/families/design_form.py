@@ -211,11 +211,11 @@ class DesignForm(JsonResult):
             if name not in self.symbols:
                 raise UnknownNameError("length", name, self.symbols)
         array = np.asarray(q, dtype=float)
-        if array.shape[-1:] != (len(self.joints),):
-            raise ConfigurationError(
-                f"q needs {len(self.joints)} values for {', '.join(self.joints)}, got shape "
-                f"{array.shape}"
-            )
+        ConfigurationError.refuse_if(
+            array.shape[-1:] != (len(self.joints),),
+            f"q needs {len(self.joints)} values for {', '.join(self.joints)}, got shape "
+            f"{array.shape}",
+        )
         numbers = [given.get(s, v) for s, v in zip(self.symbols, self.values, strict=True)]
         rest = np.broadcast_to(numbers, (*array.shape[:-1], len(numbers)))
         whole = np.concatenate([array, rest], axis=-1)

@@ -82,15 +82,12 @@ class Branch:
     def involved(self) -> tuple[int, ...]:
         """Indices of the joints that matter, ascending."""
         joints = {v.joint for v in self.values}
-        for e in self.equations:
-            joints.update(e.involved)
-        return tuple(sorted(joints))
+        return tuple(sorted(joints.union(*(e.involved for e in self.equations))))
 
     def free(self, n: int) -> Bool:
         """Return which of n joints its equations are about."""
         mask = np.zeros(n, dtype=bool)
-        for e in self.equations:
-            mask[list(e.involved)] = True
+        mask[[j for e in self.equations for j in e.involved]] = True
         return mask
 
     def off(self, q: Array, space: JointSpace) -> Array:

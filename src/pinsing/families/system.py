@@ -196,9 +196,9 @@ def _joined(
     components: Iterable[Component],
 ) -> list[tuple[dict[int, tuple[Value, ...]], tuple[Poly, ...]]]:
     """Return components as joint values and relations; two that differ in one value, as one."""
-    found: list[tuple[dict[int, tuple[Value, ...]], tuple[Poly, ...]]] = []
-    for c in components:
-        found.append(({j: (v,) for j, v in sorted(c.values.items())}, c.relations))
+    found: list[tuple[dict[int, tuple[Value, ...]], tuple[Poly, ...]]] = [
+        ({j: (v,) for j, v in sorted(c.values.items())}, c.relations) for c in components
+    ]
     while pair := _pair(found):
         (i, k, j) = pair
         found[i] = found[i][0] | {j: found[i][0][j] + found[k][0][j]}, found[i][1]
@@ -259,19 +259,20 @@ def system_text(
     form: Any, language: str, names: Sequence[str] | None = None
 ) -> tuple[str, tuple[str, ...]]:
     """Return families of a `ClosedForm`, all or some, as a file for a program, and its comments."""
-    if language not in LANGUAGES:
-        raise OptionError(f"no language {language!r}; there are {', '.join(LANGUAGES)}")
+    OptionError.refuse_if(
+        language not in LANGUAGES, f"no language {language!r}; there are {', '.join(LANGUAGES)}"
+    )
     asked = asked_for({f.name: f for f in form.families}, names or ())
     chosen = [f for f in form.families if names is None or f.name in asked]
     arm = form.arm
     OptionError.refuse_if(
         not chosen, f"{arm.name}, task {arm.task}: there is no family to write equations of"
     )
-    if form.geometry is None or not all(f.components for f in chosen):
-        raise OptionError(
-            "the exact equations are not in a closed form that was read from a file: make it "
-            "again with closed_form"
-        )
+    OptionError.refuse_if(
+        form.geometry is None or not all(f.components for f in chosen),
+        "the exact equations are not in a closed form that was read from a file: make it "
+        "again with closed_form",
+    )
     found = _SystemMaker(chosen, form.geometry, form.symbols).systems()
     remarks = tuple(_remarks(form, found, language))
     if language == "msolve":

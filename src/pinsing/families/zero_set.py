@@ -495,8 +495,7 @@ def proven_empty(
     Rounding: sums of thousands of terms are right to 1e-12 of their sizes, boxes to 1e-15.
     """
     used = np.zeros(len(lower), dtype=bool)
-    for e in equations:
-        used[list(e.involved)] = True
+    used[[j for e in equations for j in e.involved]] = True
     if not np.isfinite(lower[used]).all() or not np.isfinite(upper[used]).all():
         return False
     # Whole turns say nothing new about a trigonometric polynomial (up to its sign).

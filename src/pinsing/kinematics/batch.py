@@ -34,8 +34,9 @@ INSTRUCTION_SETS = ("baseline", "avx2", "avx512")
 def batch_chain(arm: Arm, engine: str = "auto") -> FlatChain | None:
     """Return the arm's chain for the compiled kernel ("auto", "batch"), or None for Pinocchio."""
     # EngineError if "batch" is not installed, or disagrees with Pinocchio.
-    if engine not in ENGINES:
-        raise OptionError(f"unknown engine {engine!r}: use one of {', '.join(ENGINES)}")
+    OptionError.refuse_if(
+        engine not in ENGINES, f"unknown engine {engine!r}: use one of {', '.join(ENGINES)}"
+    )
     if engine == PINOCCHIO:
         return None
     found = _chain_or_reason(arm)
@@ -360,11 +361,11 @@ class Batch:
         if self.engine == PINOCCHIO:
             return None
         chain, here = batch_chain(self.arm, "batch"), kernel.isa_names()
-        if self.engine not in here:
-            raise EngineError(
-                f"the run was planned for {self.engine}, but this machine runs "
-                f"{', '.join(here)}; start it with an engine that all machines have"
-            )
+        EngineError.refuse_if(
+            self.engine not in here,
+            f"the run was planned for {self.engine}, but this machine runs "
+            f"{', '.join(here)}; start it with an engine that all machines have",
+        )
         return chain
 
     def _svd(self, J: Array) -> Array:

@@ -236,8 +236,9 @@ def inverse_velocity(
     >>> bool(abs(found.dq).max() < 1), bool(found.damped > 0.9)
     (True, True)
     """
-    if method not in METHODS:
-        raise OptionError(f"method must be one of {', '.join(METHODS)}, got {method!r}")
+    OptionError.refuse_if(
+        method not in METHODS, f"method must be one of {', '.join(METHODS)}, got {method!r}"
+    )
     options = DampingOptions(damping, threshold, isotropic, manipulability, gamma, gamma_max)
     jacobians, twists = _arrays(J, twist)
     m, n = jacobians.shape[-2:]

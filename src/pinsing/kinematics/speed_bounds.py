@@ -59,8 +59,10 @@ class SpeedBounds:
             arm.coupling is not None, f"{arm.name} has mimic joints: their speeds are not judged"
         )
         self.axis = task.tool_axis if task.at_tip else None
-        if task.at_tip and (self.axis is None or len(task.translation) != 3):
-            raise OptionError(f"task {task}: give one with rows in base axes, or tool-axis")
+        OptionError.refuse_if(
+            task.at_tip and (self.axis is None or len(task.translation) != 3),
+            f"task {task}: give one with rows in base axes, or tool-axis",
+        )
         # Rows in base axes; a turn about the tool's axis is a joint of its own, without a limit.
         rows = np.zeros((6, len(task.rows)))
         rows[list(task.rows), range(len(task.rows))] = 1.0

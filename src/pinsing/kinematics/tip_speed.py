@@ -90,11 +90,11 @@ def joint_speeds_of(arm: Arm, given: npt.ArrayLike | None) -> Array:
         return limits_of(arm)
     limits: Array = np.array(given, dtype=float)
     real = (limits >= 1e-6) & ((limits <= 1e6) | np.isinf(limits))
-    if limits.shape != (arm.n,) or not real.all():
-        raise OptionError(
-            f"joint_speeds needs {arm.n} positive numbers ({', '.join(arm.joints)}), rad/s or m/s, "
-            "each from 1e-6 to 1e6"
-        )
+    OptionError.refuse_if(
+        limits.shape != (arm.n,) or not real.all(),
+        f"joint_speeds needs {arm.n} positive numbers ({', '.join(arm.joints)}), rad/s or m/s, "
+        "each from 1e-6 to 1e6",
+    )
     return limits
 
 

@@ -147,8 +147,10 @@ def aspect_changes(
     >>> round(change.t, 9), change.before, change.after
     (0.5, 1, 2)
     """
-    if not isinstance(forms, ClosedForm) and not len(forms):
-        raise OptionError("forms must be a ClosedForm, or several of one arm: see closed_form")
+    OptionError.refuse_if(
+        not isinstance(forms, ClosedForm) and not len(forms),
+        "forms must be a ClosedForm, or several of one arm: see closed_form",
+    )
     arm = forms.arm if isinstance(forms, ClosedForm) else forms[0].arm
     samples = watch(forms).check(Q)
     ConfigurationError.refuse_if(

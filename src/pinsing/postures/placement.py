@@ -94,11 +94,9 @@ class WorkpiecePlacement:
 
 def check_ranges(place: Mapping[str, tuple[float, float]]) -> None:
     """Refuse ranges that make no sense."""
-    if not place:
-        raise OptionError(f"place needs a range of {', '.join(RANGES)}")
+    OptionError.refuse_if(not place, f"place needs a range of {', '.join(RANGES)}")
     for name, ends in place.items():
-        if name not in RANGES:
-            raise OptionError(f"place: {name!r} is none of {', '.join(RANGES)}")
+        OptionError.refuse_if(name not in RANGES, f"place: {name!r} is none of {', '.join(RANGES)}")
         if not (np.isfinite(ends).all() and ends[0] < ends[1]):
             raise OptionError(
                 f"place: {name} needs two ascending values, got {ends[0]:g} and {ends[1]:g}"

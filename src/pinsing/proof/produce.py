@@ -100,10 +100,7 @@ def _monomials(ring: Ring, form: Poly, p: Poly) -> Iterator[Poly]:
             return
         parts.append([x ** (left - e) * y**e for e in range(left + 1)])
     for factors in itertools.product(*parts):
-        product = ring.one
-        for f in factors:
-            product = product * f
-        yield product
+        yield math.prod(factors, start=ring.one)
 
 
 Sum = list[list[Any]]

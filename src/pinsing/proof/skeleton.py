@@ -26,13 +26,8 @@ class NotStated(Exception):
 
 def number_text(value: Exact | int) -> str:
     """An exact number as certificates write it: ``1/2``, ``-1/4s2 1/4s2s3``."""
-    terms = []
-    for root, part in zip(_ROOTS, parts_of(value), strict=True):
-        if part and root:
-            terms.append(f"{part}{root}")
-        elif part:
-            terms.append(str(part))
-    return " ".join(terms) or "0"
+    parts = zip(_ROOTS, parts_of(value), strict=True)
+    return " ".join(f"{part}{root}" for root, part in parts if part) or "0"
 
 
 def form_text(form: Poly) -> str:
@@ -102,11 +97,10 @@ def _chain(geometry: Nominal) -> dict[str, Any]:
         elif not geometry.prismatic[i] and (drive.turn[0] != 1 or drive.turn[1] != 0):
             c, s = drive.turn
             placed.append(_motion([[c, -s, 0], [s, c, 0], [0, 0, 1]]))
-        if drive.multiple == 0:
-            continue
-        multiple = number_text(drive.multiple)
-        chain.append({**_placement(placed), "joint": drive.leader, "multiple": multiple})
-        placed = []
+        if drive.multiple != 0:
+            multiple = number_text(drive.multiple)
+            chain.append({**_placement(placed), "joint": drive.leader, "multiple": multiple})
+            placed = []
     placed.append(_motion(geometry.tip_rotation, geometry.translation[-1]))
     return {"chain": chain, "tip": _placement(placed)}
 

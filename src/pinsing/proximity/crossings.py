@@ -116,8 +116,9 @@ def _polynomial(watched: Watched, motion: Any) -> Motion:
         f"a piecewise polynomial has coefficients c of shape (k, m, {watched.n}) and m + 1 "
         f"breakpoints x; got {c.shape} and {x.shape}",
     )
-    if len(c) > _MOST_DEGREE + 1:
-        raise OptionError(f"polynomials of degree {len(c) - 1}: at most {_MOST_DEGREE}")
+    OptionError.refuse_if(
+        len(c) > _MOST_DEGREE + 1, f"polynomials of degree {len(c) - 1}: at most {_MOST_DEGREE}"
+    )
     ConfigurationError.refuse_if(
         not np.isfinite(c).all(), "a coefficient of the motion is not finite"
     )

@@ -209,11 +209,11 @@ class Reader:
                 f"cannot read {text:.80}: it is no JSON object, which must be on one line"
             ) from None
         for key, value in data.items():
-            if _MEANT.fullmatch(key) and isinstance(value, (str, list, dict, bool)):
-                raise ConfigurationError(
-                    f"the stream: {key!r} is not read: leave it out, with the joints in 'name' and "
-                    "angles in radians, or in degrees with --deg"
-                )
+            ConfigurationError.refuse_if(
+                _MEANT.fullmatch(key) and isinstance(value, (str, list, dict, bool)),
+                f"the stream: {key!r} is not read: leave it out, with the joints in 'name' and "
+                "angles in radians, or in degrees with --deg",
+            )
         arm, speeds = self._arm, None
         if "position" not in data:
             heads, values = self._heads(list(data)), list(data.values())
@@ -232,8 +232,10 @@ class Reader:
             heads, rates = self._heads(list(map(str, names))), data.get("velocity")
             q = self._values("q", heads, values)
             if rates is not None and rates != []:
-                if not isinstance(rates, list) or len(rates) != len(names):
-                    raise ConfigurationError(f"velocity needs {len(names)} values, as position has")
+                ConfigurationError.refuse_if(
+                    not isinstance(rates, list) or len(rates) != len(names),
+                    f"velocity needs {len(names)} values, as position has",
+                )
                 if not any(r is None or r != r or r in (np.inf, -np.inf) for r in rates):
                     speeds = self._values("velocity", heads, rates)
         self._called = self._called or heads.called
@@ -329,11 +331,11 @@ class Reader:
         if self._head is not None:
             raise self._head
         if known is None:
-            if len(words) != self._arm.n:
-                raise ConfigurationError(
-                    f"the stream: {len(words)} numbers without names for {self._arm.n} joints: "
-                    f"begin with a line of names, such as t,{','.join(self._arm.joints)}"
-                )
+            ConfigurationError.refuse_if(
+                len(words) != self._arm.n,
+                f"the stream: {len(words)} numbers without names for {self._arm.n} joints: "
+                f"begin with a line of names, such as t,{','.join(self._arm.joints)}",
+            )
             self._columns = known = None, separator
         heads = known[0]
         width = self._arm.n if heads is None else len(heads.words)

@@ -466,9 +466,7 @@ def _usable(arm: Arm, complete: bool) -> Callable[[Array], Bool]:
 def _involved(watched: Watched) -> Bool:
     """Joints that some family depends on; all where families are missing."""
     used = np.full(watched.n, not watched.complete)
-    for family in watched.families:
-        for branch in family.branches:
-            used[list(branch.involved)] = True
+    used[[j for family in watched.families for b in family.branches for j in b.involved]] = True
     return used
 
 

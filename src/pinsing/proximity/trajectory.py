@@ -514,11 +514,11 @@ def check_trajectory(
     samples = table if isinstance(table, np.ndarray) else np.asarray(table, dtype=float)
     if samples.ndim == 2 and samples.shape[1] != arm.n:
         samples = arm.check(samples, "Q")
-    if samples.ndim != 2:
-        raise ConfigurationError(
-            f"a trajectory has shape (N, {arm.n}), one column a joint "
-            f"({', '.join(arm.joints)}); got {samples.shape}"
-        )
+    ConfigurationError.refuse_if(
+        samples.ndim != 2,
+        f"a trajectory has shape (N, {arm.n}), one column a joint "
+        f"({', '.join(arm.joints)}); got {samples.shape}",
+    )
     N = len(samples)
     ConfigurationError.refuse_if(N == 0, "the trajectory has no sample")
     times = check_times(t, N)

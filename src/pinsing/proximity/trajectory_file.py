@@ -258,11 +258,11 @@ def _columns(
         read = ColumnHeads(path, arm, [str(k + 1) for k in range(array.shape[1])], columns)
         t = None if read.time is None else _floats(array[:, read.time])
         return TrajectoryFile(_floats(array[:, read.order]), t, read.notes)
-    if array.ndim != 2 or array.shape[1] not in (arm.n, arm.n + 1):
-        raise ConfigurationError(
-            f"{path}: {arm.n} columns are needed, one a joint ({', '.join(arm.joints)}), or one "
-            f"more with times first; got shape {array.shape}"
-        )
+    ConfigurationError.refuse_if(
+        array.ndim != 2 or array.shape[1] not in (arm.n, arm.n + 1),
+        f"{path}: {arm.n} columns are needed, one a joint ({', '.join(arm.joints)}), or one "
+        f"more with times first; got shape {array.shape}",
+    )
     if array.shape[1] == arm.n:
         return TrajectoryFile(
             _floats(array), None, ("columns are the joints, base to tip; no times",)
@@ -469,11 +469,10 @@ def _yaml(path: Path, arm: Arm) -> TrajectoryFile:
             keys = [k for k in ("joint_trajectory", "trajectory", "goal") if k in data]
             data = data[keys[0]] if keys else None
             data = data[0] if isinstance(data, list) and len(data) == 1 else data
-        if not isinstance(data, Mapping):
-            raise ConfigurationError(
-                f"{path}: neither a trajectory (joint_names, points) nor joint states (name, "
-                "position)"
-            )
+        ConfigurationError.refuse_if(
+            not isinstance(data, Mapping),
+            f"{path}: neither a trajectory (joint_names, points) nor joint states (name, position)",
+        )
         if "points" in data:
             points = data["points"] if isinstance(data["points"], list) else []
             rows += [
@@ -489,8 +488,10 @@ def _yaml(path: Path, arm: Arm) -> TrajectoryFile:
     heads: ColumnHeads | None = None
     names: Any = None
     for number, (joints, positions, time) in enumerate(rows, 1):
-        if not (isinstance(joints, list) and isinstance(positions, list)):
-            raise ConfigurationError(f"{path}: sample {number} lacks names or positions of joints")
+        ConfigurationError.refuse_if(
+            not (isinstance(joints, list) and isinstance(positions, list)),
+            f"{path}: sample {number} lacks names or positions of joints",
+        )
         ConfigurationError.refuse_if(
             len(joints) != len(positions) or any(type(x) not in (int, float) for x in positions),
             f"{path}: sample {number} needs a number for each of its {len(joints)} joints",

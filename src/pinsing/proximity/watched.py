@@ -152,8 +152,10 @@ def watch(
         if found is not None:
             return found
     every = [forms] if isinstance(forms, ClosedForm) else list(forms)
-    if not every or not all(isinstance(f, ClosedForm) for f in every):
-        raise OptionError("forms must be a ClosedForm, or several of one arm: see closed_form")
+    OptionError.refuse_if(
+        not every or not all(isinstance(f, ClosedForm) for f in every),
+        "forms must be a ClosedForm, or several of one arm: see closed_form",
+    )
     first = every[0]
     OptionError.refuse_if(
         any(f.arm.joints != first.arm.joints for f in every),

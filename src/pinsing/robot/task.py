@@ -93,12 +93,12 @@ def parse_task(task: str | Iterable[str] | Task, tool_axis: str | None = None) -
     else:
         names = [str(part).strip() for part in task]
     plain = [name.removesuffix(AT_TIP).strip() for name in names]
-    if not names or any(name not in ROW_NAMES for name in plain):
-        raise OptionError(
-            f"unknown task {task!r}: use pose, position, orientation, {TOOL_AXIS}, "
-            f"or rows out of {', '.join(ROW_NAMES)}, such as vx,vy,wz, in the tip's axes with "
-            f"{AT_TIP}, such as vx{AT_TIP},wy{AT_TIP}"
-        )
+    OptionError.refuse_if(
+        not names or any(name not in ROW_NAMES for name in plain),
+        f"unknown task {task!r}: use pose, position, orientation, {TOOL_AXIS}, "
+        f"or rows out of {', '.join(ROW_NAMES)}, such as vx,vy,wz, in the tip's axes with "
+        f"{AT_TIP}, such as vx{AT_TIP},wy{AT_TIP}",
+    )
     OptionError.refuse_if(len(set(plain)) < len(plain), f"task {task!r} names a row twice")
     tip = {ROW_NAMES.index(p): n.endswith(AT_TIP) for n, p in zip(names, plain, strict=True)}
     return _task(tip)
@@ -106,8 +106,10 @@ def parse_task(task: str | Iterable[str] | Task, tool_axis: str | None = None) -
 
 def _about(task: str | Iterable[str] | Task, axis: str) -> Task:
     OptionError.refuse_if(axis not in TOOL_AXES, f"unknown tool axis {axis!r}: use x, y or z")
-    if (task.name if isinstance(task, Task) else task) != TOOL_AXIS:
-        raise OptionError(f"a tool axis is for task {TOOL_AXIS}, and the task is {task}")
+    OptionError.refuse_if(
+        (task.name if isinstance(task, Task) else task) != TOOL_AXIS,
+        f"a tool axis is for task {TOOL_AXIS}, and the task is {task}",
+    )
     return _tool_axis(axis)
 
 
