@@ -62,7 +62,20 @@ class PinsingError(Exception):
 
     @classmethod
     def refuse_if(cls, wrong: object, *problem: Any) -> None:
-        """Raise the error that says what the problem is, if something is wrong."""
+        """Raise the error that says what the problem is, if something is wrong.
+
+        Parameters
+        ----------
+        wrong : object
+            Anything that counts as true where there is something wrong.
+        problem : tuple
+            What the class takes.
+
+        Examples
+        --------
+        >>> import pinsing
+        >>> pinsing.errors.OptionError.refuse_if(2 > 3, "two are too many")
+        """
         if wrong:
             raise cls(*problem)
 

@@ -81,7 +81,7 @@ def test_the_word_does_not_hang_on_the_clock(monkeypatch: pytest.MonkeyPatch) ->
             patch.setattr(budget, "time", clock)
             whole = Budget(1000.0, proving.SHORT)
             assert within(form, whole, None).word == "proven"
-            spent.append(whole.done)
+            spent.append(whole.meter.done)
     assert spent[0] == spent[1] > 1e4
     assert prove_briefly(form, 1e-9).proof.reason.startswith("none was found in")
 

@@ -170,7 +170,7 @@ def test_what_a_child_did_is_counted(monkeypatch):
         return 1
 
     assert in_child(work, whole, 30.0) == 1
-    assert whole.done == pytest.approx(30 * PER_SECOND, rel=0.01)
+    assert whole.meter.done == pytest.approx(30 * PER_SECOND, rel=0.01)
     monkeypatch.setattr(budget, "_MEMORY", 100_000_000)
     with pytest.raises(BudgetExceeded, match="memory"):
         in_child(lambda: len(bytes(400_000_000)), Budget(30.0), 30.0)
