@@ -10,7 +10,7 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parent.parent
 LIMITS: dict[str, tuple[int, int]] = {
     "Python in src: statements": (42_267, 30_000),
-    "Python in src: lines": (77_653, 56_000),
+    "Python in src: lines": (77_655, 56_000),
     "C++, JavaScript, templates, styles: lines": (12_582, 9_500),
     "modules": (214, 220),
     "packages directly under pinsing": (16, 16),

@@ -74,7 +74,9 @@ class PinsingError(Exception):
         Examples
         --------
         >>> import pinsing
-        >>> pinsing.errors.OptionError.refuse_if(2 > 3, "two are too many")
+        >>> pinsing.errors.OptionError.refuse_if(4 > 3, "four are too many")
+        Traceback (most recent call last):
+        pinsing.errors.OptionError: four are too many
         """
         if wrong:
             raise cls(*problem)
