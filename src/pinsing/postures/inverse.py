@@ -66,9 +66,9 @@ def decomposed(
     def solutions(T: Array) -> tuple[Ints, Array, Bool]:
         found = robot.IK_batched(T, min(len(T), engine.cpu_count()))
         rows = [x.Q for x in found]
-        Q = np.concatenate([np.empty((0, arm.n)), *(x for x in rows if len(x))])
+        Q = np.concatenate([np.empty((0, arm.n)), *filter(len, rows)])
         rough = np.concatenate([x.is_LS for x in found]).astype(bool)
-        return np.array([len(x) for x in rows]), signs * Q, rough
+        return np.array(list(map(len, rows))), signs * Q, rough
 
     return solutions
 

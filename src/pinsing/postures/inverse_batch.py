@@ -65,9 +65,7 @@ class InverseMany:
         # Positions (N, G, 3) and rotations (N, G, 3, 3) in the base frame; ``values`` (G,) of the
         # held joint. ``progress`` counts rows or columns.
         solve = self._decomposed if self.exact else self._continued
-        Q = solve(position, rotation, values, progress)
-        most = max(1, int(np.isfinite(Q[..., 0]).sum(axis=-1).max(initial=0)))
-        return Q[..., :most, :]
+        return np.ascontiguousarray(_filled(solve(position, rotation, values, progress)))
 
     def continued(self, Q: Array, position: Array, rotation: Array) -> Array:
         """Return the solutions at poses (M) beside configurations Q (M, n), all joints free."""
@@ -136,19 +134,19 @@ class InverseMany:
 
         def follow(to: tuple[Any, ...], source: Array) -> None:
             """Continue solutions (M, S, n) of neighbours to the nodes ``to`` that lack them."""
-            source = source.copy()
-            known = _gaps(source[:, :, None], Q[to][:, None], self.arm).min(axis=2) < _BESIDE
+            source, there = _filled(source).copy(), _filled(Q[to])
+            known = _gaps(source[:, :, None], there[:, None], self.arm).min(axis=2) < _BESIDE
             source[known] = np.nan
+            lacking = np.isfinite(source[..., 0]).any(axis=1)
+            to, source = tuple(x[lacking] for x in to), source[lacking]
             if values is not None:
                 here = np.broadcast_to(values, (N, G))[to]
                 source[..., self.held] = np.where(
                     np.isfinite(source[..., 0]), here[:, None], np.nan
                 )
-            M = len(source)
-            moved = self._polished(
-                source.reshape(M * slots, -1), position[to], rotation[to], slots, near=1.0
-            )
-            both = np.concatenate([Q[to], moved.reshape(M, slots, -1)], axis=1)
+            flat = source.reshape(-1, self.arm.n)
+            moved = self._polished(flat, position[to], rotation[to], source.shape[1], near=1.0)
+            both = np.concatenate([Q[to], moved.reshape(source.shape)], axis=1)
             Q[to] = _distinct(both, self.arm)[..., :slots, :]
 
         for sweep in (range(1, 2 * G), range(2 * G, 0, -1)):  # round the circle, both ways
@@ -183,13 +181,14 @@ class InverseMany:
             here = Q[start : start + _ROWS]
             rows = np.flatnonzero(np.isfinite(here[:, 0]))
             pose = (start + rows) // slots
-            q = here[rows]
+            q, most = here[rows], np.full(len(rows), near)
             here[:] = np.nan
-            for count in range(8):
-                off = self._residual(q, position[pose], rotation[pose])
+            for _ in range(8):
+                off = self._residual(q, position, rotation, pose)
                 here[rows[off < ROUNDING]] = q[off < ROUNDING]
-                more = (off >= ROUNDING) & (off < near if count == 0 else True)
-                q, rows, pose = q[more], rows[more], pose[more]
+                more = (off >= ROUNDING) & (off < most)
+                # Least squares near no solution stay where they are.
+                q, rows, pose, most = q[more], rows[more], pose[more], off[more] * near / _NEAR
                 if not len(rows):
                     break
                 solver = Solver.of(
@@ -203,8 +202,14 @@ class InverseMany:
                 q[:, free] += step / solver.weight
         return Q
 
-    def _residual(self, Q: Array, position: Array, rotation: Array) -> Array:
+    def _residual(self, Q: Array, position: Array, rotation: Array, pose: Ints) -> Array:
         """Return what is left (M,) of poses at Q (M, n), radians, or metres over length scale."""
+        few = _ROWS // 12  # whose placements fit into a processor's cache
+        if len(Q) > few:
+            parts = (slice(i, i + few) for i in range(0, len(Q), few))
+            found = [self._residual(Q[i], position, rotation, pose[i]) for i in parts]
+            return np.concatenate(found)
+        position, rotation = position[pose], rotation[pose]
         chain = flatten(self.arm)
         one = np.ones(len(Q))
         axes = [np.outer(column, one) for column in chain.R[0].T]
@@ -222,6 +227,11 @@ class InverseMany:
         for k, axis in enumerate(axes):
             off = np.maximum(off, np.abs(axis.T - rotation[:, :, k]).max(axis=1))
         return np.asarray(off)
+
+
+def _filled(Q: Array) -> Array:
+    """Return nodes (..., S, n) without the slots at the end that none of them needs."""
+    return Q[..., : max(1, int(np.isfinite(Q[..., 0]).sum(axis=-1).max(initial=0))), :]
 
 
 def _redundant(arm: Arm) -> list[str]:

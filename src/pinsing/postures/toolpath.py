@@ -112,10 +112,10 @@ class PathPlan(JsonResult):
         The values of what is free that were compared; not written to JSON.
     room : (N, G) array
         The greatest clearance over the branches there, -inf where the pose is not reached within
-        the joint limits; what is surely less than the path has counts by a lower bound. Not
+        the joint limits; what no better path can lead through counts by a lower bound. Not
         written to JSON.
     kept : (B, N) array
-        Clearance along the paths of ``fixed``, NaN from where one ends on; as of ``room``.
+        Clearance along the paths of ``fixed``, NaN from where one ends on.
     """
 
     schema: ClassVar[str] = "pinsing/path_plan/1"
@@ -367,6 +367,7 @@ class _Planner:
         self.counted: Bool = np.zeros(arm.n, dtype=bool)
         self.turns: Ints = np.zeros((1, 0), dtype=int)
         self.scale = np.where(arm.prismatic, 1 / arm.length_scale, 1.0)
+        self.whole = np.where(arm.prismatic, 0.0, 2 * np.pi)
 
     def moved(self, transform: Array) -> _Planner:
         """Return the planner of poses moved in the base frame."""
@@ -414,16 +415,22 @@ class _Planner:
         proven = where = reached = 0.0
         if not isinstance(chosen, str):
             (proven, where), reached = self._proven(chosen[1]), self.reached
-        bound, finer = max(self.relaxed, proven), self.finer
-        while bound > reached + _ENOUGH and (part := finer(reached, bound)) is not None:
-            better, finer, gap = part.path(), part.finer, bound - reached
+        bound, parts, idle = max(self.relaxed, proven), [self], 0
+        while bound > reached + _ENOUGH and parts:
+            if (part := parts[-1].finer(reached, bound)) is None:
+                parts.pop()
+                continue
+            better, gap = part.path(), bound - reached
+            if part.relaxed > part.floor:
+                parts.append(part)
             bound = max(min(bound, max(part.relaxed, part.floor)), proven)
             if not isinstance(better, str) and part.reached > reached:
                 reached = part.reached
                 least, at = self._proven(better[1])
                 if least > proven:
                     chosen, proven, where = better, least, at
-            if bound - reached > 0.9 * gap:
+            idle = idle + 1 if bound - reached > 0.9 * gap else 0
+            if idle > 1:
                 break
         if isinstance(chosen, str):
             return self._none(chosen, notes)
@@ -568,8 +575,10 @@ class _Planner:
         """Bound the clearance of all nodes: ``clear`` from below, ``highest`` from above."""
         self.clear, self.highest = np.full((2, *self.Q.shape[:-1]), -np.inf)
         self.between, self.off = np.full((2, *self.clear.shape), np.inf)
-        for k, q in enumerate(self.Q):
-            there = np.isfinite(q[..., 0])
+        rows = max(1, 50_000 // self.Q[0].size)  # some poses at a time, for all processors
+        for first in range(0, len(self.Q), rows):
+            k = slice(first, first + rows)
+            there, q = np.isfinite(self.Q[k, ..., 0]), self.Q[k]
             found = clearance(self.form, q[there])
             self.clear[k][there], self.highest[k][there] = found.lower, found.upper
             self.off[k] = self._beyond(q)
@@ -638,8 +647,9 @@ class _Planner:
             columns = max(d for d in range(1, _THINNED + 1) if len(self.grid) % d == 0)
         coarse = copy.copy(self)
         rows = _THINNED if len(self.T) > _THINNED**2 else 1
-        for name in ("Q", *_NODES):  # views: what is found out here is known there
+        for name in _NODES:  # views: what is found out here is known there
             setattr(coarse, name, getattr(self, name)[::rows, ::columns])
+        coarse.Q = np.ascontiguousarray(self.Q[::rows, ::columns])
         coarse.grid, coarse.T, coarse.t = self.grid[::columns], self.T[::rows], self.t[::rows]
         if len(coarse.T) < 2 or coarse.clear.size * _THINNED > self.clear.size:
             return -np.inf
@@ -653,15 +663,15 @@ class _Planner:
         """Estimate the clearance of nodes that may have ``least``."""
         # Steps may end beside the nearest point: ``likely``, the estimate, is an upper bound.
         # ``highest`` is what no node exceeds: the bound of other paths rests on it.
+        self.alive = self._linked(least)
         for k, q in enumerate(self.Q):
             if k:
-                source, to = self.before[k], q.reshape(-1, self.arm.n)
-                way = self._length(to - self.Q[k - 1].reshape(to.shape)[source])
-                most = (self.highest[k - 1].ravel()[source] + way).reshape(q.shape[:2])
+                most = self.highest[k - 1].ravel()[self.before[k]] + self.step[k]
+                most = most.reshape(q.shape[:2])
                 self.highest[k] = np.fmin(self.highest[k], most)
                 self.likely[k] = np.minimum(self.likely[k], self.highest[k])
             rows = self.highest[k] > np.maximum(self.clear[k] * (1 + _ALIKE), least)
-            rows &= ~self.seen[k] & (self._room(k).reshape(rows.shape) > -np.inf)
+            rows &= ~self.seen[k] & self.alive[k].reshape(rows.shape)
             if rows.any():
                 found = nearest_points(
                     self.watched.conditions, q[rows], *self.watched.limits, _ROUGH
@@ -671,11 +681,29 @@ class _Planner:
                 self.highest[k][rows] = most
                 self.seen[k][rows] = True
                 at, off = np.flatnonzero(rows), q[rows] - found.q
-                half = self.arm.space.wrap(self._neighbors(k, at).swapaxes(0, 1) - q[rows]) / 2
-                ends = np.linalg.norm((off + half) * self.scale, axis=-1).max(axis=0)
-                bent = np.linalg.norm(half.sum(axis=0) * self.scale, axis=-1) / 2
+                half = self._neighbors(k, at).swapaxes(0, 1) - q[rows]
+                half = _unturned(half, self.whole) / 2
+                ends, bent = self._size(off + half).max(axis=0), self._size(half.sum(axis=0)) / 2
                 most = np.maximum(ends, found.upper) + bent
                 self.between[k][rows] = np.where(2 * bent < self.way[k][at], most, np.inf)
+        self.alive &= self._linked(least)
+
+    def _linked(self, least: float) -> Bool:
+        """Which nodes (N, G S) others that may have ``least`` lead to and on from."""
+        rooms = map(self._room, range(len(self.Q)))
+        alive: Bool = np.array([(room > -np.inf) & (room >= least) for room in rooms])
+        if least == -np.inf:
+            return alive
+        alive[0] &= self.first.ravel()
+        for k in (*range(1, len(alive)), *range(len(alive) - 1, 0, -1)):
+            if not self._is_far(k):
+                here = np.flatnonzero(alive[k])
+                source = self._sources(k, here)[0]
+                came = alive[k - 1][source]
+                alive[k, here] = came.any(axis=0)
+                alive[k - 1] = False
+                alive[k - 1, source[came]] = True
+        return alive
 
     def _unreached(self) -> str | None:
         """The first pose without a usable node, in words."""
@@ -701,11 +729,17 @@ class _Planner:
 
     def _gap(self, difference: Array) -> Array:
         """Motions between nodes: whole turns aside for joints that have room for them."""
-        return np.asarray(difference - self.turn * np.rint(difference / (2 * np.pi)))
+        return _unturned(difference, self.turn)
 
     def _length(self, difference: Array) -> Array:
         """Lengths of motions between nodes: no clearance changes by more."""
-        return np.asarray(np.linalg.norm(self._gap(difference) * self.scale, axis=-1))
+        return self._size(self._gap(difference))
+
+    def _size(self, move: Array) -> Array:
+        """Lengths of motions (..., n)."""
+        if self.arm.prismatic.any():
+            move = move * self.scale
+        return np.asarray(np.sqrt(np.einsum("...j,...j", move, move)))
 
     # -- the path ---------------------------------------------------------------------------------
 
@@ -728,7 +762,7 @@ class _Planner:
         self.reached = self.relaxed = -np.inf
         for k in range(1, N):
             room = self._room(k)
-            here = np.flatnonzero((room >= floor) & (room > -np.inf))
+            here = np.flatnonzero(self.alive[k] & (room >= floor))
             self._pool(k, here, floor)
             width = len(self._sources(k, here[:1])[0]) * best.shape[2]
             parts = np.array_split(here, max(1, -(-len(here) * width // self.most)))
@@ -796,15 +830,18 @@ class _Planner:
     def _pool(self, k: int, here: Ints, floor: float) -> None:
         """Look at motions to nodes ``here`` (M,) of a pose far from the last from all, if few."""
         self.pool[k] = None
-        if self.edges or self.rough or not len(here):
-            return
-        Q, n = self.Q.reshape(len(self.T), -1, self.arm.n), self.arm.n
-        move = Q[k, here] - Q[k - 1, self.before[k, here]]
         source = np.flatnonzero(self.through[k - 1] > floor)
-        if len(source) and np.median(np.nan_to_num(self._length(move), nan=n)) > _COARSE[1]:
+        if len(here) and len(source) and self._is_far(k):
             few = len(source) * len(here) <= self.motions // (4 * len(self.T))
             self.pool[k] = source if few else None
             self.crowded |= not few
+
+    def _is_far(self, k: int) -> bool:
+        """Return True if pose k is so far from the last that all nodes there are looked at."""
+        if self.edges or self.rough:
+            return False
+        step = self.step[k][np.isfinite(self.clear[k].ravel())]
+        return bool(np.median(np.nan_to_num(step, nan=np.inf)) > _COARSE[1])
 
     def _cap(
         self, k: int, here: Ints, source: Ints, move: Array, value: Array, least: Array
@@ -899,7 +936,7 @@ class _Planner:
         N, n = len(self.T), self.arm.n
         if len(self.grid) < 2 or self.idle:
             return None
-        least, clear = reached + BISECTED, self.clear.reshape(N, -1)
+        least, clear = max(reached + BISECTED, self.floor), self.clear.reshape(N, -1)
         wide = np.array([len(self._sources(max(k, 1), np.arange(1))[0]) for k in range(N)])
         nodes = np.minimum(self.most // N, self.motions // (3 * wide * N))  # at each pose
 
@@ -984,7 +1021,7 @@ class _Planner:
             other = part[pose, self.beside[pose, j, at], 1 - to]
             other = np.where(other < 0, slot, other)
             out.beside[pose, j, slot] = np.where(new & (side != to), slot + to, other)
-        out.before, reach = np.zeros((N, most), dtype=np.int32), self.reach
+        out.before, out.step = np.zeros((N, most), dtype=np.int32), np.zeros((N, most))
         out.edges = [np.empty((0, 0), dtype=np.int32)]
         for k in range(1, N):
             here = np.flatnonzero(pose == k)
@@ -993,14 +1030,15 @@ class _Planner:
             source = np.moveaxis(part[k - 1][source], 2, 0).reshape(-1, len(here))
             ends = out.half[k, cells] + out.half[k - 1][source]
             apart = out._apart(k, cells, source)
-            source[(source < 0) | (apart > reach + ends + ROUNDING)] = most - 1
+            source[(source < 0) | (apart > self.reach + ends + ROUNDING)] = most - 1
             source = np.sort(source, axis=0)
             source[1:][source[1:] == source[:-1]] = most - 1
             source = np.sort(source, axis=0)
             source = source[: max(1, int((source < most - 1).sum(axis=0).max(initial=0)))]
             out.edges.append(source.astype(np.int32))
             near = np.where(source < most - 1, out._apart(k, cells, source), np.inf)
-            out.before[k, cells] = source[near.argmin(axis=0), cells]
+            out.before[k, cells] = before = source[near.argmin(axis=0), cells]
+            out.step[k, cells] = out._length(out.Q[k, cells, 0] - out.Q[k - 1, before, 0])
         return out
 
     def _thirds(self, pose: Ints, at: Ints) -> Array:
@@ -1031,8 +1069,9 @@ class _Planner:
 
     def _longer(self, ends: Array) -> Array:
         """Return the longer of the motions (M, 2, n) to a node's neighbors on its branch."""
-        way = np.linalg.norm(self.arm.space.wrap(ends) * self.scale, axis=-1)
-        return np.asarray(np.nan_to_num(way, nan=2 * np.pi).max(axis=-1))
+        way = self._size(_unturned(ends, self.whole))
+        way[np.isnan(way)] = 2 * np.pi
+        return np.asarray(np.maximum(way[..., 0], way[..., -1]))
 
     def _passed(self, least: float) -> Bool:
         """Which nodes (N, G S) a path with more room than ``least`` may pass."""
@@ -1055,7 +1094,8 @@ class _Planner:
         N, G, S = self.clear.shape
         self.beside, self.way = np.empty((N, 2, G * S), dtype=np.int32), np.zeros((N, G * S))
         self.ended = np.zeros(self.beside.shape, dtype=bool)
-        self.before = np.empty((N, G * S), dtype=np.int32)
+        self.before, self.step = np.empty((N, G * S), dtype=np.int32), np.zeros((N, G * S))
+        flat = self.Q.reshape(N, G * S, -1)
         values: Ints = np.arange(G)
         self.window = 0 if G == 1 else min(G // 2, max(3, -(-_TURNS * G // N)))
         steps = np.diff(self.grid) if G > 1 else np.zeros(1)
@@ -1073,19 +1113,24 @@ class _Planner:
             last = circle if last is None else last
             self.before[k] = (values[:, None] * S + self._nearest(circle, last)).ravel()
             last = circle
+            if k:
+                self.step[k] = self._length(q.reshape(G * S, -1) - flat[k - 1, self.before[k]])
             near = np.stack([self._shifted(values, -1), self._shifted(values, 1)])
             link = (near[..., None] * S + self._nearest(circle, circle[near])).reshape(2, -1)
-            # A branch that ends turns back into another one.
-            other = circle @ circle.swapaxes(1, 2) - 4 * self.arm.n * np.eye(S)
-            other -= 2 * self.arm.n * ~there.swapaxes(1, 2)
-            other = (values[:, None] * S + other.argmax(axis=-1)).ravel()
             ends = np.take_along_axis(link[::-1], link, axis=1) != np.arange(G * S)
             ends |= ~there.ravel()[link]
             ends &= np.repeat(near != values, S, axis=1)
-            self.beside[k] = link = np.where(ends, other, link)
+            if ends.any():  # a branch that ends turns back into another one
+                i = np.unique(np.nonzero(ends)[1] // S)
+                other = circle[i] @ circle[i].swapaxes(1, 2) - 4 * self.arm.n * np.eye(S)
+                other -= 2 * self.arm.n * ~there[i].swapaxes(1, 2)
+                back = np.zeros((G, S), dtype=int)
+                back[i] = i[:, None] * S + other.argmax(axis=-1)
+                link = np.where(ends, back.ravel(), link)
+            self.beside[k] = link
             self.ended[k] = ends & (link != np.arange(G * S)) & (not self.cyclic)
             to = self._neighbors(k, np.arange(G * S)).swapaxes(0, 1)
-            toward = self.arm.space.wrap(to - q.reshape(G * S, -1))
+            toward = _unturned(to - flat[k], self.whole)
             toward[ends & (link == np.arange(G * S))] = np.nan
             if self.cyclic:  # where it turns back it is singular: no clearance, halfway
                 toward[ends] /= 2
@@ -1106,8 +1151,11 @@ class _Planner:
         """Return configurations (M, 2, n) on both sides of nodes (M,), two half widths away."""
         if self.edges:
             return np.asarray(self.near[k, at])
+        Q = self.Q.reshape(len(self.Q), -1, self.arm.n)
+        if self.cyclic and isinstance(k, int):
+            return np.asarray(Q[k][self.beside[k][:, at].T])
         k = np.broadcast_to(k, at.shape)
-        Q, link = self.Q.reshape(len(self.Q), -1, self.arm.n), self.beside[k, :, at]
+        link = self.beside[k, :, at]
         near: Array = Q[k[:, None], link]
         # A branch goes on beyond the value of a joint where it turns back, straight on from here
         # as far as its middle moved between the last two values at most.
@@ -1123,8 +1171,10 @@ class _Planner:
 
     def _beyond(self, Q: Array) -> Array:
         """How far nodes (..., n) are from within the limits at least; zero or less within."""
-        limits = self.arm.lower - ROUNDING, self.arm.upper + ROUNDING
-        return np.asarray((np.maximum(limits[0] - Q, Q - limits[1]) * self.scale).max(axis=-1))
+        here, inside = self.bounded, Q[..., self.bounded]
+        low, high = self.arm.lower[here] - ROUNDING, self.arm.upper[here] + ROUNDING
+        off = np.maximum(low - inside, inside - high) * self.scale[here]
+        return np.asarray(off.max(axis=-1, initial=-np.inf) + 0 * Q[..., 0])
 
     def _nearest(self, a: Array, b: Array) -> Ints:
         """Slots (M, S) of nodes b (M, S, 2n) nearest to those of nodes a, by sums of cosines."""
@@ -1178,7 +1228,7 @@ class _Planner:
         # They lack what their length has over the clearances at their ends; the slow ones keep
         # joint speeds, or do so when both ends move by ``slack`` (D, M).
         gap = self._gap(move) * self.scale
-        length = np.sqrt((gap * gap).sum(axis=-1))
+        length = np.sqrt(np.einsum("...j,...j", gap, gap))
         clear = self.clear[k].ravel()[here] + self.clear[k - 1].ravel()[source]
         quick: Bool = np.ones(length.shape, dtype=bool)
         if self.timed:
@@ -1264,6 +1314,10 @@ class _Planner:
         enough, and within the limits.
         """
         i, S = (self.kept - self.rolled) % len(self.grid), self.Q.shape[2]
+        rows = np.zeros_like(self.seen)
+        rows[range(len(i)), i] = ~self.seen[range(len(i)), i]
+        found = nearest_points(self.watched.conditions, self.Q[rows], *self.watched.limits, _ROUGH)
+        self.likely[rows] = np.minimum(self.highest[rows], found.upper)
         at = np.flatnonzero(self.usable[0, i[0]] & first[i[0]])
         out = np.full((len(at), len(self.T)), np.nan)
         out[:, 0] = self.likely[0, i[0], at]
@@ -1309,6 +1363,13 @@ class _Planner:
 
         lower = bounded(q)
         return least_along(q, lower, float(lower.min()), length, bounded)
+
+
+def _unturned(difference: Array, turn: Array) -> Array:
+    """Take as many turns (n,) off joint values (..., n) as leave the least; of 0 none."""
+    turns: Array = np.rint(difference * (0.5 / np.pi))
+    turns *= turn
+    return np.asarray(np.subtract(difference, turns, out=turns))
 
 
 def _rolls(T: Array) -> Array:
