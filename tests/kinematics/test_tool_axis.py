@@ -10,6 +10,7 @@ import pytest
 from click.testing import CliRunner
 from node import needs_node, run
 from tiers import tiered
+from urdf_text import J, Y, Z, urdf
 
 import pinsing
 from pinsing._batch import engine
@@ -24,18 +25,12 @@ from pinsing.view.scene import sizes
 
 AXES = {"tool-axis": 2, "tool-axis-x": 0, "tool-axis-y": 1}
 
-ELBOW = """<robot name="odd"><link name="base"/><link name="a"/><link name="b"/><link name="c"/>
-  <joint name="one" type="revolute"><parent link="base"/><child link="a"/>
-    <origin xyz="0.1 0 0.2" rpy="0.3 0 0"/><axis xyz="0 0 1"/>
-    <limit lower="-3" upper="3" velocity="1" effort="1"/></joint>
-  <joint name="two" type="prismatic"><parent link="a"/><child link="b"/>
-    <origin xyz="0.5 0 0"/><axis xyz="0 1 0"/>
-    <limit lower="-1" upper="1" velocity="1" effort="1"/></joint>
-  <joint name="three" type="revolute"><parent link="b"/><child link="c"/>
-    <origin xyz="0.3 0 0.1"/><axis xyz="0 1 0"/>
-    <limit lower="-3" upper="3" velocity="1" effort="1"/></joint>
-  <link name="tool"/><joint name="end" type="fixed"><parent link="c"/><child link="tool"/>
-    <origin xyz="0.2 0.05 0" rpy="0.4 -1.1 0.7"/></joint></robot>"""
+ELBOW = urdf([
+    J("one", "base", "a", (0.1, 0, 0.2), Z, "revolute", (-3, 3), (0.3, 0, 0)),
+    J("two", "a", "b", (0.5, 0, 0), Y, "prismatic", (-1, 1)),
+    J("three", "b", "c", (0.3, 0, 0.1), Y, "revolute", (-3, 3)),
+    J("end", "c", "tool", (0.2, 0.05, 0), kind="fixed", rpy=(0.4, -1.1, 0.7)),
+])  # fmt: skip
 
 
 @pytest.fixture(scope="module")

@@ -8,14 +8,12 @@ import json
 import math
 import pickle
 import signal
-import subprocess
-import sys
 from concurrent.futures import Executor, Future, ThreadPoolExecutor
 
 import arms
 import numpy as np
 import pytest
-from command_line import run
+from command_line import and_peak, run
 from hypothesis import given, strategies as st
 from scipy.stats import qmc
 from tiers import tiered
@@ -459,24 +457,20 @@ def test_fingerprints_are_of_numbers_and_not_of_names() -> None:
 # ---- memory
 
 
-def peak_mebibytes(count: str, *words: str) -> float:
+def peak_of(count: str) -> float:
     """Peak resident memory of a child process that maps a Panda."""
     code = (
         "from pinsing.sampling import sigma_map\n"
         "from pinsing.robot.load import load\n"
         f"result = sigma_map(load('panda'), count={count}, threads=2)\n"
         "assert result.complete\n"
-        # Not ru_maxrss: that starts from the size of the parent, which is a whole test run.
-        "lines = open('/proc/self/status').read().splitlines()\n"
-        "print(next(int(x.split()[1]) for x in lines if x.startswith('VmHWM')) / 1024)"
     )
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    return float(done.stdout)
+    return and_peak(code)[1]
 
 
 @pytest.mark.slow
 def test_memory_does_not_grow_with_the_map() -> None:
-    small, large = peak_mebibytes("10**4"), peak_mebibytes("10**7")
+    small, large = peak_of("10**4"), peak_of("10**7")
     # All sigma_r of 10**7 configurations alone would be 76 MiB.
     assert large - small < 40
     assert large < 400
@@ -506,11 +500,6 @@ class TestCommand:
         assert data["plan"]["ranges"][1] == pytest.approx([-math.pi / 2, math.pi / 2])
         assert data["plan"]["base"][1] == pytest.approx(math.pi / 3)
         assert data["singular"] == 7  # q5 = 0 at three d3, d3 = 0 at five q5
-
-    def test_exit_code(self) -> None:
-        words = ["map", "ur5", "--sampling", "grid", "--steps", "4"]
-        assert run(*words).exit_code == 0
-        assert run(*words, "--fail-if-singular").exit_code == 1
 
     def test_threads_workers_engine(self) -> None:
         words = ["map", "puma560", "--count", "20000", "-o", "-"]

@@ -13,6 +13,7 @@ from arms import textbook
 from node import needs_node, run
 from numpy.typing import NDArray
 from tiers import tiered
+from urdf_text import J, Y, Z, frame, urdf
 
 from pinsing import at, closed_form, load, singular_values
 from pinsing.kinematics.jacobian import frame_jacobian, tip_placement
@@ -25,20 +26,13 @@ from pinsing.view.scene import sizes
 
 Floats = NDArray[np.float64]
 
-MIMIC = """<robot name="pair">
-  <link name="base"/><link name="a"/><link name="b"/><link name="c"/>
-  <joint name="one" type="revolute"><parent link="base"/><child link="a"/>
-    <origin xyz="0.1 0 0.2"/><axis xyz="0 0 1"/>
-    <limit lower="-3" upper="3" velocity="1" effort="1"/></joint>
-  <joint name="two" type="revolute"><parent link="a"/><child link="b"/>
-    <origin xyz="0.5 0 0"/><axis xyz="0 1 0"/>
-    <limit lower="-3" upper="3" velocity="1" effort="1"/></joint>
-  <joint name="three" type="revolute"><parent link="b"/><child link="c"/>
-    <origin xyz="0.3 0 0.1"/><axis xyz="0 1 0"/><mimic joint="two" multiplier="-2" offset="0.3"/>
-    <limit lower="-7" upper="7" velocity="1" effort="1"/></joint>
-  <link name="tool"/><joint name="end" type="fixed"><parent link="c"/><child link="tool"/>
-    <origin xyz="0.2 0.05 0"/></joint>
-</robot>"""
+MIMIC = urdf([
+    J("one", "base", "a", (0.1, 0, 0.2), Z, "revolute", (-3, 3)),
+    J("two", "a", "b", (0.5, 0, 0), Y, "revolute", (-3, 3)),
+    J("three", "b", "c", (0.3, 0, 0.1), Y, "revolute", (-7, 7),
+      more='<mimic joint="two" multiplier="-2" offset="0.3"/>'),
+    frame("tool", "c", (0.2, 0.05, 0)),
+])  # fmt: skip
 
 
 def engine(arm: Arm, poses: int = 1) -> tuple[dict[str, Any], tuple[Entry, ...]]:
