@@ -151,6 +151,7 @@ def joint_speeds(
     speeds: Sequence[float],
     middle: int,
     rounds: int,
+    still: bool,
     J: NDArray[np.float64],
     R: NDArray[np.float64],
     out: NDArray[np.float64],

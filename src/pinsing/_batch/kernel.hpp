@@ -56,6 +56,7 @@ struct SpeedTask {
     const bool* moving;    // (n,)
     double tip_speed, turn_speed;
     int middle, rounds;
+    bool still;  // twists are taken at a point of the link behind `middle`, else at the tip
 };
 
 struct Outcome {

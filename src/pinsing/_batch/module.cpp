@@ -240,7 +240,7 @@ void second_orders(const In& R, const In& t, const InFlags& prismatic,
 // `speeds`: those of the tip, m/s and rad/s.
 void joint_speeds(const In& rows, const InFlags& linear, const In& limits, const In& far,
                   const InFlags& turns, const InFlags& moving, const std::vector<double>& speeds,
-                  int middle, int rounds, const In& J, const In& R, Out out, const std::string& isa,
+                  int middle, int rounds, bool still, const In& J, const In& R, Out out, const std::string& isa,
                   int threads) {
     const Kernel& kernel = kernel_named(isa);
     const std::size_t n = limits.size(), k = far.size(), m = linear.size(), N = J.shape(0);
@@ -250,18 +250,18 @@ void joint_speeds(const In& rows, const InFlags& linear, const In& limits, const
             "rows must be (m, 6), turns (k,), moving (n,), and speeds two");
     require(J.ndim() == 3 && J.shape(1) == 6 && J.shape(2) == k, "J must have shape (N, 6, k)");
     require(R.ndim() == 2 && R.shape(0) == N && R.shape(1) == n, "R must have shape (N, n)");
-    require(out.ndim() == 2 && out.shape(0) == N && out.shape(1) == n + 2,
-            "out must have shape (N, n + 2)");
+    require(out.ndim() == 2 && out.shape(0) == N && out.shape(1) == n + 3,
+            "out must have shape (N, n + 3)");
     const pinsing::SpeedTask task{static_cast<int>(n), static_cast<int>(k), static_cast<int>(m),
                                   rows.data(), linear.data(), limits.data(), far.data(), turns.data(),
-                                  moving.data(), speeds[0], speeds[1], middle, rounds};
+                                  moving.data(), speeds[0], speeds[1], middle, rounds, still};
     const double *from = J.data(), *widths = R.data();
     double* to = out.data();
     const Outcome outcome = share_out(
         static_cast<std::int64_t>(N), threads, 1,
         [&](std::int64_t first, std::int64_t count, double*) {
             return kernel.speeds(task, from + first * 6 * task.k, widths + first * task.n, count,
-                                 to + first * (task.n + 2));
+                                 to + first * (task.n + 3));
         });
     refuse_not_finite(outcome, "J or R");
 }
@@ -318,8 +318,8 @@ NB_MODULE(_kernel, m) {
           "out"_a.noconvert(), "isa"_a, "threads"_a);
     m.def("joint_speeds", &joint_speeds, "rows"_a.noconvert(), "linear"_a.noconvert(),
           "limits"_a.noconvert(), "far"_a.noconvert(), "turns"_a.noconvert(),
-          "moving"_a.noconvert(), "speeds"_a, "middle"_a, "rounds"_a, "J"_a.noconvert(),
-          "R"_a.noconvert(), "out"_a.noconvert(), "isa"_a, "threads"_a);
+          "moving"_a.noconvert(), "speeds"_a, "middle"_a, "rounds"_a, "still"_a,
+          "J"_a.noconvert(), "R"_a.noconvert(), "out"_a.noconvert(), "isa"_a, "threads"_a);
     m.def("svdvals", &svdvals, "A"_a.noconvert(), "out"_a.noconvert(), "isa"_a, "threads"_a,
           "max_sweeps"_a, "by_roots"_a = true);
     pinsing::add_conditions(m);

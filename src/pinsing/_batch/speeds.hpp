@@ -5,15 +5,25 @@ constexpr double kSpeedRounding = 1.0e-12;
 constexpr double kLeastWeight = 0.1;  // how much less a joint may weigh in the next right inverse
 constexpr double kFreeTurn = 100.0;   // speed of a turn without a limit over the fastest joint's
 
-// C (a, c) += or -= A (a, b) B (b, c).
+struct Span {
+    int first, last;
+};
+
+// C (a, c) += or -= A (a, b) B (b, c), in columns; A has others than zero in these of its own.
 template <int sign>
-PINSING_INLINE void add_product(const One* A, const One* B, int a, int b, int c, One* C) {
+PINSING_INLINE void add_product(const One* A, const One* B, int a, int b, int c, One* C, Span own,
+                                Span columns) {
     for (int i = 0; i < a; i++)
-        for (int j = 0; j < c; j++) {
+        for (int j = columns.first; j < columns.last; j++) {
             One sum = C[i * c + j];
-            for (int l = 0; l < b; l++) sum += A[i * b + l] * B[l * c + j] * (1.0 * sign);
+            for (int l = own.first; l < own.last; l++)
+                sum += A[i * b + l] * B[l * c + j] * (1.0 * sign);
             C[i * c + j] = sum;
         }
+}
+template <int sign>
+PINSING_INLINE void add_product(const One* A, const One* B, int a, int b, int c, One* C) {
+    add_product<sign>(A, B, a, b, c, C, Span{0, b}, Span{0, c});
 }
 PINSING_INLINE void clear(One* x, int count) {
     for (int i = 0; i < count; i++) x[i] = spread(0.0);
@@ -39,7 +49,7 @@ struct BoxOfSpeeds {
     One G[kSpeedColumns][kSpeedColumns * kSpeedColumns], B[kSpeedColumns][6 * kSpeedColumns];
     One size[6 * kSpeedColumns];
     One E1[kSpeedColumns * kSpeedColumns], E2[kSpeedColumns * kSpeedColumns];
-    One E3[kSpeedColumns * kSpeedColumns];
+    One E3[kSpeedColumns * kSpeedColumns], Q[kSpeedColumns * kSpeedColumns], moved[3];
     One F[kSpeedColumns], center[kSpeedColumns], along[kSpeedColumns][kSpeedColumns];
     One pull[kSpeedColumns];
     int active[kSpeedColumns], joints;
@@ -68,10 +78,36 @@ struct BoxOfSpeeds {
             }
             return;
         }
-        for (int i = 0; i < j; i++) add_cross(K + 3 * k + i, k, v, k, out + i, k);
-        for (int i = j; i < k; i++) {
+        for (int i = 0; i < j && !task.still; i++) add_cross(K + 3 * k + i, k, v, k, out + i, k);
+        for (int i = task.still ? j + 1 : j; i < k; i++) {
             add_cross(w, k, K + i, k, out + i, k);
             if (i > j) add_cross(w, k, K + 3 * k + i, k, out + 3 * k + i, k);
+            if (task.still) add_cross(v, k, K + 3 * k + i, k, out + i, k);
+        }
+    }
+    bool behind(int j) const { return j > task.middle; }
+    // Columns that joint j changes.
+    Span changed(int j) const { return {behind(j) && task.still ? j + 1 : 0, behind(j) ? k : j}; }
+    // Columns that joints i <= j both change.
+    Span changed(int i, int j) const {
+        if (task.still && behind(i) != behind(j)) return {0, 0};
+        return changed(task.still && behind(j) ? j : i);
+    }
+
+    // Adds to or takes off the derivative (k, m) of A X by joint j, which moves the tip by v.
+    template <int sign>
+    void add_carried(int j, const One* v, int stride, One* out) const {
+        if (!task.still || !behind(j)) return;
+        for (int i = 0; i < k; i++) {
+            One a[3], turn[3];
+            clear(a, 3);
+            clear(turn, 3);
+            for (int b = 0; b < m; b++)
+                for (int c = 0; c < 3; c++) a[c] += A[i * m + b] * task.rows[6 * b + c];
+            add_cross(a, 1, v, stride, turn, 1);
+            for (int b = 0; b < m; b++)
+                for (int c = 0; c < 3; c++)
+                    out[i * m + b] += turn[c] * (sign * task.rows[6 * b + 3 + c]);
         }
     }
 
@@ -128,17 +164,20 @@ struct BoxOfSpeeds {
         }
     }
 
-    // E3, of what the third order and more of J adds, and its rounding: `_rest` in Python.
+    // E3, of what orders of J adds that are not looked at, and its rounding, and how far the tip
+    // moves: `_rest` in Python.
     void bound_rest() {
         One far[kSpeedColumns], rp[kSpeedColumns], rd[kSpeedColumns], behind[kSpeedColumns];
         One linear[kSpeedColumns], angular[kSpeedColumns];
         const One zero = spread(0.0);
         One beyond = zero, p = zero, arms = zero, slides = zero, all = zero;
+        double reach = 0.0;
         for (int j = k - 1; j >= 0; j--) {
             One here = zero;
             for (int a = 0; a < 3; a++) here += J[a * k + j] * J[a * k + j];
             far[j] = vmin(spread(task.far[j]), vsqrt(here) + beyond);
             beyond += r[j] * task.far[j];
+            reach = task.far[j] > reach ? task.far[j] : reach;
             const bool before = j <= task.middle;
             rp[j] = before && task.turns[j] ? r[j] : zero;
             rd[j] = !before && task.turns[j] ? r[j] : zero;
@@ -163,6 +202,13 @@ struct BoxOfSpeeds {
             p += rp[j];
             arms += rp[j] * far[j];
         }
+        clear(moved, 3);
+        if (task.still) bound_still(linear, angular);
+        if (task.still) {
+            moved[2] = triples * (1.0 / 6.0) + kSpeedRounding * (reach + 1.0);
+            moved[1] = moved[2] + pairs * 0.5;
+            moved[0] = moved[1] + all;
+        }
         for (int i = 0; i < k; i++) {
             One v = zero, w = zero;
             for (int a = 0; a < m; a++)
@@ -173,7 +219,25 @@ struct BoxOfSpeeds {
         }
     }
 
-    // F (k,): the largest of (A - E1 A) x in the box; at its centre; and by joint.
+    // The fourth order of columns, twists at the point that is still.
+    void bound_still(One* linear, One* angular) const {
+        for (int side = 0; side < 2; side++) {
+            One angle = spread(0.0), arms = angle;
+            for (int j = task.middle + side; side ? j < k : j >= 0; j += side ? 1 : -1) {
+                One here = spread(0.0);
+                for (int a = 0; a < 3; a++) here += J[a * k + j] * J[a * k + j];
+                const One lever = task.turns[j] ? vsqrt(here) + arms : vsqrt(here);
+                const One cube = angle * angle * angle;
+                linear[j] = (arms * 4.0 + lever * angle) * cube * (1.0 / 24.0) +
+                            (vsqrt(here) + (task.far[j] + 1.0)) * kSpeedRounding;
+                angular[j] = angle * cube * (1.0 / 24.0) + kSpeedRounding;
+                if (task.turns[j]) angle += r[j];
+                arms += r[j] * lever;
+            }
+        }
+    }
+
+    // F (k,): the largest of (A - E1 A) X x in the box; at its centre; and by joint.
     void first_order() {
         const One zero = spread(0.0);
         for (int i = 0; i < k; i++) {
@@ -214,26 +278,62 @@ struct BoxOfSpeeds {
         }
     }
 
-    // What second derivatives add to E2, to F (`bent`), and to what joints pull.
+    // What third derivatives by joints i <= h and those no farther from the middle add to E3.
+    void third_order(const One* both, int i, int h, One rr) {
+        const Span columns = changed(active[i], active[h]);
+        One slope[6 * kSpeedColumns], D[6 * kSpeedColumns], AD[kSpeedColumns * kSpeedColumns];
+        for (int o = behind(active[h]) ? 0 : h; o < joints; o++) {
+            if (behind(active[o]) != behind(active[h]) || (behind(active[h]) && o > i)) continue;
+            const One rrr = rr * r[active[o]] * (1.0 / (1.0 + (o == i) + (o == h)));
+            clear(slope, 6 * k);
+            clear(AD, k * k);
+            add_slope(both, J, active[o], slope);
+            rows_of(slope, D);
+            for (int a = 0; a < m * k; a++) size[a] += vabs(D[a]) * rrr;
+            add_product<1>(A, D, k, m, k, AD, Span{0, m}, columns);
+            for (int a = 0; a < k * k; a++) E3[a] += vabs(AD[a]) * rrr;
+        }
+    }
+
+    // What second derivatives add to E2, Q, F (`bent`), and to what joints pull; and third to E3.
     void second_order(One* bent) {
         One both[6 * kSpeedColumns], D[6 * kSpeedColumns], AD[kSpeedColumns * kSpeedColumns];
-        One turned[6 * kSpeedColumns], here[kSpeedColumns];
+        One turned[6 * kSpeedColumns], here[kSpeedColumns], twice[kSpeedColumns * kSpeedColumns];
         clear(E2, k * k);
+        clear(Q, k * k);
         clear(bent, k);
         for (int i = 0; i < joints; i++)
             for (int h = i; h < joints; h++) {
-                clear(both, 6 * k);
-                // Bilinear in columns, so that the rule of products gives its derivative.
-                add_slope(S[h], J, active[i], both);
-                add_slope(J, S[h], active[i], both);
-                rows_of(both, D);
+                const Span first = changed(active[i]), second = changed(active[h]);
+                const Span columns = changed(active[i], active[h]);
                 const One rr = r[active[i]] * r[active[h]] * (h > i ? 1.0 : 0.5);
-                for (int a = 0; a < m * k; a++) size[a] += vabs(D[a]) * rr;
-                product(A, D, k, m, k, AD);
-                for (int a = 0; a < k * k; a++) E2[a] += vabs(AD[a]) * rr;
-                product(G[i], B[h], k, k, m, turned);
-                add_product<1>(G[h], B[i], k, k, m, turned);  // the same again where h is i
-                add_product<-1>(AD, A, k, k, m, turned);
+                clear(AD, k * k);
+                clear(twice, k * k);
+                clear(turned, k * m);
+                if (columns.last > columns.first) {
+                    clear(both, 6 * k);
+                    // Bilinear in columns, so that the rule of products gives its derivative.
+                    add_slope(S[h], J, active[i], both);
+                    add_slope(J, S[h], active[i], both);
+                    rows_of(both, D);
+                    for (int a = 0; a < m * k; a++) size[a] += vabs(D[a]) * rr;
+                    add_product<1>(A, D, k, m, k, AD, Span{0, m}, columns);
+                    add_product<-1>(AD, A, k, k, m, turned, columns, Span{0, m});
+                    if (task.still) third_order(both, i, h, rr);
+                }
+                // The same again where h is i.
+                add_product<1>(G[i], G[h], k, k, k, twice, first, second);
+                add_product<1>(G[h], G[i], k, k, k, twice, second, first);
+                for (int a = 0; a < k * k; a++) {
+                    E2[a] += vabs(AD[a]) * rr;
+                    Q[a] += vabs(twice[a] - AD[a]) * rr;
+                }
+                add_product<1>(G[i], B[h], k, k, m, turned, first, Span{0, m});
+                add_product<1>(G[h], B[i], k, k, m, turned, second, Span{0, m});
+                One v[3];
+                clear(v, 3);
+                add_cross(J + 3 * k + active[i], k, J + active[h], k, v, 1);
+                add_carried<1>(active[i], v, 1, turned);
                 for (int a = 0; a < k; a++) {
                     here[a] = norm(turned + a * m) * rr;
                     bent[a] += here[a];
@@ -278,31 +378,41 @@ struct BoxOfSpeeds {
         for (int a = 0; a < k * k; a++) {
             e1[a] = E1[a] + slack[a];
             E2[a] += slack[a];
+            E3[a] += slack[a];
+            Q[a] += slack[a];
             E[a] = e1[a] + E2[a] + E3[a];
+            X[a] = E2[a] + E3[a];
         }
-        product(e1, E, k, k, k, X);
-        for (int a = 0; a < k * k; a++) X[a] += E2[a] + E3[a];
+        add_product<1>(slack, e1, k, k, k, Q);
+        add_product<1>(e1, slack, k, k, k, Q);
         product(e1, X, k, k, k, T);
-        add_product<1>(E2, E, k, k, k, T);
+        add_product<1>(Q, E, k, k, k, T);
         for (int a = 0; a < k * k; a++) T[a] += E3[a];
 
-        One f[kSpeedColumns], missed[kSpeedColumns], more[kSpeedColumns], twice[kSpeedColumns];
+        One f[kSpeedColumns], more[kSpeedColumns], twice[kSpeedColumns];
+        One first[kSpeedColumns], second[kSpeedColumns];
+        // Of A X x: all orders but the zeroth, but the first, and but the second.
         for (int i = 0; i < k; i++) {
-            z[i] = norm(A + i * m);
-            missed[i] = zero;
-            for (int a = 0; a < m; a++) missed[i] += vabs(A[i * m + a]);
-            missed[i] *= off * (2.0 * (task.tip_speed + task.turn_speed));
-            f[i] = (F[i] + bent[i]) * (1.0 + kSpeedRounding) + kSpeedRounding + missed[i];
+            One missed = zero, lever = zero;
+            for (int a = 0; a < m; a++) {
+                missed += vabs(A[i * m + a]);
+                if (task.linear[a]) lever += A[i * m + a] * A[i * m + a];
+            }
+            missed *= off * ((1.0 + moved[0]) * task.turn_speed + task.tip_speed) * 2.0;
+            lever = vsqrt(lever) * task.turn_speed;
+            first[i] = lever * moved[0] + missed;
+            second[i] = lever * moved[1] + missed;
+            z[i] = norm(A + i * m) + first[i];
+            f[i] = (F[i] + bent[i]) * (1.0 + kSpeedRounding) + kSpeedRounding +
+                   (lever * moved[2] + missed);
         }
         product(slack, z, k, k, 1, more);
         product(e1, z, k, k, 1, twice);
         for (int i = 0; i < k; i++) f[i] += more[i] * 3.0;
         add_product<1>(slack, twice, k, k, 1, f);
         add_product<1>(e1, more, k, k, 1, f);
-        product(e1, missed, k, k, 1, more);
-        for (int i = 0; i < k; i++) f[i] += more[i];
-        add_product<1>(e1, more, k, k, 1, f);
-        add_product<1>(E2, missed, k, k, 1, f);
+        add_product<1>(e1, second, k, k, 1, f);
+        add_product<1>(Q, first, k, k, 1, f);
 
         for (int a = 0; a < k * k; a++) X[a] = zero - vmin(T[a], spread(1e6));
         for (int i = 0; i < k; i++) {
@@ -328,7 +438,8 @@ struct BoxOfSpeeds {
         return good;
     }
 
-    // out[0], out[1]: the share at the centre, and a bound; out[2 + j]: what joint j pulls.
+    // out[0] to out[2]: the share at the centre, in the box by the first order, and a bound of it;
+    // out[3 + j]: what joint j pulls.
     void run(One* out) {
         const One zero = spread(0.0), infinite = spread(__builtin_inf());
         rows_of(J, M);
@@ -345,9 +456,12 @@ struct BoxOfSpeeds {
             add_slope(J, J, j, slope);
             rows_of(slope, D);
             for (int a = 0; a < m * k; a++) size[a] += vabs(D[a]) * r[j];
-            product(A, D, k, m, k, G[joints]);
+            clear(G[joints], k * k);
+            clear(B[joints], k * m);
+            add_product<1>(A, D, k, m, k, G[joints], Span{0, m}, changed(j));
             for (int a = 0; a < k * k; a++) E1[a] += vabs(G[joints][a]) * r[j];
-            product(G[joints], A, k, k, m, B[joints]);
+            add_product<1>(G[joints], A, k, k, m, B[joints], changed(j), Span{0, m});
+            add_carried<-1>(j, J + j, k, B[joints]);
             active[joints++] = j;
         }
         bound_rest();
@@ -392,7 +506,8 @@ struct BoxOfSpeeds {
         One taken = zero;  // no right inverse was found where A is zero
         for (int a = 0; a < k * m; a++) taken += vabs(A[a]);
         out[0] = select(taken > 0.0, share, infinite);
-        out[1] = select(taken > 0.0, most, infinite);
-        for (int j = 0; j < task.n; j++) out[2 + j] = pull[j];
+        out[1] = select(taken > 0.0, largest(F), infinite);
+        out[2] = select(taken > 0.0, most, infinite);
+        for (int j = 0; j < task.n; j++) out[3 + j] = pull[j];
     }
 };

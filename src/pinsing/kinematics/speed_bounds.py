@@ -1,26 +1,28 @@
 """Joint speeds that tip motions take anywhere in a box of configurations, bounded with proof.
 
 With the Jacobian J(q) = J + D, and A a right inverse of J, of a square one the inverse, joint
-velocities ``z = A x - A D z`` make the twist x: those of a redundant arm are no others than
-``A (J(q) A)^(-1) x``, so that limits which they keep can be kept. With ``A D = E1 + E2 + E3`` (the
-first order, the second, the rest), put into itself twice this is
-``z = (A - E1 A + (E1^2 - E2) A) x - E1^2 E z + E1 (E - E1) z + E2 E z - E3 z``. The first term is
-quadratic in q, and where ``F + T y <= y`` for a bound F of it and T the sizes of the others, all z
-are at most y, and J(q) A is nowhere singular (the theorem of Perron and Frobenius, as in
-Krawczyk's method).
-J is written in the axes of a link in the middle, in which it changes least; the twists do not mind.
+velocities ``z = A X x - A D z`` make the twist x, which X(q) takes to the point that J(q) is for:
+those of a redundant arm are no others than ``A (J(q) A)^(-1) X x``, so that limits which they keep
+can be kept. With ``A D = E = E1 + E2 + E3`` (the first order, the second, the rest), put into
+itself twice this is ``z = b - E1 b + P b - P E z + E1 (E2 + E3) z - E3 z`` where ``b = A X x`` and
+``P = E1^2 - E2``, of size Q. Its first and second order are looked at, and where ``F + T y <= y``
+for a bound F of what is known and T the sizes of the others, all z are at most y, and J(q) A is
+nowhere singular (the theorem of Perron and Frobenius, as in Krawczyk's method).
+J is written in the axes of a link in the middle and, where the task has all rotations that the arm
+makes, of twists at a point of that link: columns then change by the joints between alone.
 Each product of floats is charged with ``NOISE`` times the sum of the sizes of its terms, which
 covers a thousand operations, and A with twice what J A misses.
 """
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
 
 from pinsing._batch import engine
-from pinsing._types import Array, Bool
+from pinsing._types import Array, Bool, Ints
 from pinsing.errors import OptionError
 from pinsing.kinematics.batch import random_turns, tip_rotations
 from pinsing.kinematics.jacobian import frame_jacobians
@@ -38,6 +40,7 @@ class BoxSpeeds:
     """Shares of the joint speed limits in boxes."""
 
     center: Array  # (N,), above 1 a limit is exceeded
+    first: Array  # (N,), in all of the box by the first order
     most: Array  # (N,), proven for all of the box; infinite where not, or over 1
     pull: Array  # (N, n), how much of the bound is due to the width of each joint
 
@@ -70,7 +73,10 @@ class SpeedBounds:
             np.eye(6) if self.axis is not None else np.ascontiguousarray((rows @ judge.basis).T)
         )
         self.linear: Bool = np.asarray(self.rows[:, :3].any(axis=1))
-        self._require_turnable(task.name)
+        axes = frame_jacobians(arm, random_turns(arm, 4))[:, 3:]
+        self._require_turnable(task.name, axes)
+        angular = self.rows[~self.linear, 3:]
+        self.still = bool(np.abs(axes - angular.T @ (angular @ axes)).max(initial=0.0) <= NOISE)
         steps = np.linalg.norm(chain.t, axis=1) + np.append(0.0, np.where(arm.prismatic, travel, 0))
         reach = np.cumsum(steps[::-1])[::-1][1:]  # from each joint to the tip
         across = np.linalg.norm(chain.t[1:, :2], axis=1) + reach - steps[1:]
@@ -83,9 +89,8 @@ class SpeedBounds:
         alone = self.axis is None and (arm.prismatic[-1] or self.far[-1] <= NOISE / 10)
         self.moving[-1] &= not alone or count == 1
 
-    def _require_turnable(self, task: str) -> None:
+    def _require_turnable(self, task: str, axes: Array) -> None:
         """Raise unless rotations by the joints leave the rows of the task among themselves."""
-        axes = frame_jacobians(self.judge.arm, random_turns(self.judge.arm, 4))[:, 3:]
         for block in (self.rows[self.linear, :3], self.rows[~self.linear, 3:]):
             turned = np.cross(np.swapaxes(axes, 1, 2)[:, :, None], block)
             OptionError.refuse_if(
@@ -133,30 +138,32 @@ class SpeedBounds:
         J = self.jacobians(C)
         N, n = C.shape
         if compiled and engine.available() and len(self.far) <= engine.module().SPEED_COLUMNS:
-            out, speeds = np.empty((N, 2 + n)), [self.v, self.w]
+            out, speeds = np.empty((N, 3 + n)), [self.v, self.w]
             engine.module().joint_speeds(
                 *(self.rows, self.linear, self.judge.limits, self.far, self.turns, self.moving),
-                *(speeds, self.middle, _ROUNDS, J, R, out),
+                *(speeds, self.middle, _ROUNDS, self.still, J, R, out),
                 *(engine.isa_names()[-1], engine.cpu_count()),
             )
-            return BoxSpeeds(out[:, 0], out[:, 1], out[:, 2:])
+            return BoxSpeeds(out[:, 0], out[:, 1], out[:, 2], out[:, 3:])
         M = self.rows @ J
         A, k = self._inverses(M), M.shape[2]
         active = np.flatnonzero(self.moving)
         r, slopes = R[:, active], [self._slope(J, J, int(j)) for j in active]
         G, size = np.empty((N, len(active), k, k)), np.abs(M)
-        for i, slope in enumerate(slopes):
+        B = np.empty((N, len(active), *A.shape[1:]))
+        for i, (j, slope) in enumerate(zip(active, slopes, strict=True)):
             Mj = self.rows @ slope
             G[:, i] = A @ Mj
+            B[:, i] = G[:, i] @ A - self._carried(A, int(j), J[:, :3, j])
             size += np.abs(Mj) * r[:, i, None, None]
-        E1, E3 = np.einsum("nj,njab->nab", r, np.abs(G)), self._rest(A, J, R)
-        F, center, along = self._first_order(A, G, r)
+        E1, (E3, moved) = np.einsum("nj,njab->nab", r, np.abs(G)), self._rest(A, J, R)
+        F, center, along = self._first_order(A, B, r)
         # Where this is too much already, the second order is not looked at.
         more = _times(E1, _times(E1, _times(E1, F)) + _times(E3, F)) + _times(E3, F)
         some = np.flatnonzero(self._largest(F + more) <= 1)
         y, pull, limits = np.full(F.shape, np.inf), np.zeros((N, n)), self.judge.limits
         if len(some):
-            parts = (x[some] for x in (J, M, A, G, E1, E3, F, size, r))
+            parts = (x[some] for x in (J, M, A, G, B, E1, E3, F, moved, size, r))
             y[some], pull[some] = self._with_second_order([x[some] for x in slopes], *parts)
         good = np.isfinite(y).all(axis=1)
         most = np.where(good, self._largest(y) * (1 + NOISE), np.inf)
@@ -168,7 +175,7 @@ class SpeedBounds:
         third = u[:, None] @ (np.abs(G) @ (E1 @ (E1 @ x))[:, None])
         pull[:, active] += along[np.arange(N), worst] / limits[worst][:, None]
         pull[:, active] += 3 * r * third[..., 0, 0]
-        return BoxSpeeds(self._largest(center), most, pull)
+        return BoxSpeeds(self._largest(center), self._largest(F), most, pull)
 
     def _with_second_order(
         self,
@@ -177,43 +184,55 @@ class SpeedBounds:
         M: Array,
         A: Array,
         G: Array,
+        B: Array,
         E1: Array,
         E3: Array,
         F: Array,
+        moved: Array,
         size: Array,
         r: Array,
     ) -> tuple[Array, Array]:
         """Bounds y (N, d), infinite where nothing is proven, and what joints (N, n) add by it."""
         active = np.flatnonzero(self.moving)
-        E2, bent = np.zeros_like(E1), np.zeros(F.shape)
-        pull, along_rhs = np.zeros((len(J), len(self.moving))), G @ A[:, None]
+        E2, E3, Q, bent = np.zeros_like(E1), E3.copy(), np.zeros_like(E1), np.zeros(F.shape)
+        pull = np.zeros((len(J), len(self.moving)))
         for i, j in enumerate(active):
             for h in range(i, len(active)):
                 # Bilinear in columns, so that the rule of products gives its derivative.
                 both = self._slope(slopes[h], J, int(j)) + self._slope(J, slopes[h], int(j))
-                Mjl = self.rows @ both / (1 if h > i else 2)
-                rr = r[:, i] * r[:, h]
+                Mjl = self.rows @ both
+                rr = r[:, i] * r[:, h] / (1 if h > i else 2)
                 size += np.abs(Mjl) * rr[:, None, None]
                 second = A @ Mjl
                 E2 += np.abs(second) * rr[:, None, None]
-                turned = G[:, i] @ along_rhs[:, h] - second @ A
-                if h > i:
-                    turned += G[:, h] @ along_rhs[:, i]
+                squared = G[:, i] @ G[:, h] + G[:, h] @ G[:, i] - second
+                Q += np.abs(squared) * rr[:, None, None]
+                w, v = J[:, 3:, j], J[:, :3, active[h]]
+                turned = G[:, i] @ B[:, h] + G[:, h] @ B[:, i] - second @ A
+                turned += self._carried(A, int(j), np.cross(w, v))
                 here = self._norms(turned) * rr[:, None]
                 bent += here
                 pull[:, j] += self._largest(here)
                 pull[:, active[h]] += self._largest(here)
+                for o in self._nearer(active, i, h):
+                    third = self.rows @ self._slope(both, J, int(active[o]))
+                    rrr = rr * r[:, o] / (1 + (o == i) + (o == h))
+                    size += np.abs(third) * rrr[:, None, None]
+                    E3 += np.abs(A @ third) * rrr[:, None, None]
         # The exact right inverse near A is A (1 + d) with entries of d of at most ``off``.
         missed = np.abs(M @ A - np.eye(M.shape[1])) + NOISE * (np.abs(M) @ np.abs(A))
         off = 2 * missed.sum(axis=2).max(axis=1)[:, None]
         slack = np.abs(A) @ (NOISE * size + (off * size.sum(axis=1))[:, None])
-        E1, E2 = E1 + slack, E2 + slack
-        E = E1 + E2 + E3
-        T = E1 @ (E1 @ E + E2 + E3) + E2 @ E + E3
+        E1, E2, E3 = E1 + slack, E2 + slack, E3 + slack
+        E, Q = E1 + E2 + E3, Q + slack + slack @ E1 + E1 @ slack
+        T = Q @ E + E1 @ (E2 + E3) + E3
+        missed = off * 2 * (self.v + self.w * (1 + moved[:, :1])) * np.abs(A).sum(axis=2)
+        # Of A X x: all orders but the zeroth, but the first, and but the second.
+        lever = self.w * np.linalg.norm(A[..., self.linear], axis=-1)
+        first, second, third = (lever * moved[:, i, None] + missed for i in range(3))
         F = (F + bent) * (1 + NOISE) + NOISE
-        F += _times(3 * slack + slack @ E1 + E1 @ slack, self._norms(A))
-        missed = off * 2 * (self.v + self.w) * np.abs(A).sum(axis=2)
-        F += missed + _times(E1, missed + _times(E1, missed)) + _times(E2, missed)
+        F += _times(3 * slack + slack @ E1 + E1 @ slack, self._norms(A) + first)
+        F += third + _times(E1, second) + _times(Q, first)
         with np.errstate(all="ignore"):
             left = np.eye(T.shape[1]) - np.minimum(T, 1e6)
             y = np.asarray(np.linalg.solve(left, F[..., None])[..., 0], dtype=np.float64)
@@ -226,7 +245,8 @@ class SpeedBounds:
     def _slope(self, J: Array, K: Array, j: int) -> Array:
         """Return derivatives (N, 6, k) of Jacobians by joint j, axes of the link behind ``middle``.
 
-        In base axes it is w_a x v_b with a before b; the axes turn with the joints before them.
+        Of twists at its point where the tip is at the centre if ``still``; else at the tip: in base
+        axes it is w_a x v_b with a before b, and the axes turn with the joints before them.
         Column j is taken of K, the others of J: it is linear in both.
         """
         out = np.zeros_like(J)
@@ -237,47 +257,82 @@ class SpeedBounds:
             out[:, 3:, first] = _cross(J[:, 3:, first], w)
             return out
         after, later = slice(j, J.shape[2]), slice(j + 1, J.shape[2])
+        out[:, 3:, later] = _cross(w, J[:, 3:, later])
+        if self.still:
+            out[:, :3, later] = _cross(w, J[:, :3, later]) + _cross(v, J[:, 3:, later])
+            return out
         out[:, :3, after] = _cross(w, J[:, :3, after])
         out[:, :3, :j] = _cross(J[:, 3:, :j], v)
-        out[:, 3:, later] = _cross(w, J[:, 3:, later])
         return out
 
-    def _rest(self, A: Array, J: Array, R: Array) -> Array:
+    def _nearer(self, active: Ints, i: int, h: int) -> list[int]:
+        """Which of the active joints are third ones of i <= h, no farther from the middle."""
+        behind = active > self.middle
+        if not self.still or behind[i] != behind[h]:
+            return []
+        nearer = range(i + 1) if behind[h] else range(h, len(active))
+        return [o for o in nearer if behind[o] == behind[h]]
+
+    def _carried(self, A: Array, j: int, v: Array) -> Array:
+        """Derivative (N, k, m) of A X by joint j, which moves the tip by v (N, 3)."""
+        if not self.still or j <= self.middle:
+            return np.zeros_like(A)
+        linear = A @ self.rows[:, :3]
+        return np.asarray(np.cross(linear, v[:, None]) @ self.rows[:, 3:].T)
+
+    def _rest(self, A: Array, J: Array, R: Array) -> tuple[Array, Array]:
         """Bound (N, k, k) what the third order and more of J adds to A M, and its rounding.
 
         With V_b the length of column b: in the axes in the middle the third derivative of column k
-        by turning joints before them is at most the sum of V of the four, and 0 unless k is before
-        all; by joints behind them V_b of the last of the four; by some of each V of the last one
-        behind.
+        by turning joints between it and the middle is at most the sum of V of the four. Of twists
+        at the tip, by joints behind the middle V_b of the last of the four; by some of each V of
+        the last one behind. And bound (N, 3) how far the tip moves in these axes, by all orders,
+        all but the first, and all but the second.
         """
         N, k = len(J), J.shape[2]
         r = np.concatenate([R * self.moving, np.zeros((N, k - R.shape[1]))], axis=1)
         far = np.minimum(self.far, np.linalg.norm(J[:, :3], axis=1) + sums_behind(r * self.far))
         before, turning = np.arange(k) <= self.middle, r * self.turns
-        rp, rd = turning * before, turning * ~before
-        p, d = sums_behind(rp), np.cumsum(rd, axis=1)
-        slides = sums_behind(r * (before & ~self.turns))
+        rd = turning * ~before
+        d = np.cumsum(rd, axis=1)
         behind, others = r * ~before * far, d - rd
         # Behind the middle, of products of two and three the later one at each place.
         pairs = far * rd**2 + 2 * behind * others
         triples = far * (d**3 - others**3) + 3 * behind * ~self.turns * others**2
-        linear = 3 * p**2 * (sums_behind(rp * far) + slides) + far * (p**3 + d**3)
-        linear += sums_behind(triples) + 3 * p**2 * behind.sum(axis=1, keepdims=True)
-        linear += 3 * p * pairs.sum(axis=1, keepdims=True)
-        linear = linear / 6 + NOISE * (self.far + 1)
-        angular = (p**3 + others**3) / 6 + NOISE
+        p, linear, order = np.zeros_like(r), np.zeros_like(r), 4 if self.still else 3
+        for side in (range(self.middle, -1, -1), range(self.middle + 1, k)):
+            angle, arms = np.zeros(N), np.zeros(N)
+            for j in side:
+                lever = far[:, j]
+                if self.still:  # of the point, which the joints between move
+                    lever = here[:, j] + (arms if self.turns[j] else 0.0)
+                p[:, j], linear[:, j] = angle, (order * arms + lever * angle) * angle ** (order - 1)
+                angle, arms = angle + turning[:, j], arms + r[:, j] * lever
+        moved = np.zeros((N, 3))
+        if self.still:
+            moved = np.stack(
+                [behind.sum(axis=1), pairs.sum(axis=1) / 2, triples.sum(axis=1) / 6], 1
+            )
+            moved += NOISE * (self.far.max() + 1)
+            moved = np.cumsum(moved[:, ::-1], axis=1)[:, ::-1]
+        else:
+            linear = np.where(before, linear, 0.0) + far * d**3 + sums_behind(triples)
+            linear += 3 * p**2 * before * behind.sum(axis=1, keepdims=True)
+            linear += 3 * p * before * pairs.sum(axis=1, keepdims=True)
+        linear = linear / math.factorial(order) + NOISE * (self.far + here + 1)
+        angular = p**order / math.factorial(order) + NOISE
         av = np.linalg.norm(A[..., self.linear], axis=-1)[..., None]
         aw = np.linalg.norm(A[..., ~self.linear], axis=-1)[..., None]
-        return np.asarray(av * linear[:, None] + aw * angular[:, None])
+        return np.asarray(av * linear[:, None] + aw * angular[:, None]), moved
 
     def _norms(self, rhs: Array) -> Array:
         """Largest component (N, d) of rhs (N, d, m) times any of the twists."""
         v, w = rhs[..., self.linear], rhs[..., ~self.linear]
         return np.asarray(self.v * np.linalg.norm(v, axis=-1) + self.w * np.linalg.norm(w, axis=-1))
 
-    def _first_order(self, rhs: Array, G: Array, r: Array) -> tuple[Array, Array, Array]:
-        """Largest (N, d) of (A - E1 A) x in a box, at its centre, and by joint (N, d, j)."""
-        g = -(G @ rhs[:, None])  # (N, j, d, m)
+    def _first_order(self, rhs: Array, B: Array, r: Array) -> tuple[Array, Array, Array]:
+        """Largest (N, d) of (A - E1 A) X x in a box, at its centre, and by joint (N, d, j)."""
+        g = -B  # (N, j, d, m)
         center, extra = np.zeros(rhs.shape[:2]), np.zeros(rhs.shape[:2])
         along = np.zeros((len(rhs), g.shape[1], rhs.shape[1]))
         for speed, own in ((self.v, self.linear), (self.w, ~self.linear)):

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from pinsing._types import Array, Bool
+from pinsing._types import Array, Bool, Ints
 from pinsing.algebra.conditions import Conditions
 from pinsing.algebra.nearest import BOXES as NEAREST, SearchOptions, nearest_points, two_sided
 from pinsing.algebra.trig_sum import off_values
@@ -24,7 +24,7 @@ from pinsing.errors import OptionError
 from pinsing.families import ClosedForm, Family
 from pinsing.kinematics.batch import random_turns
 from pinsing.kinematics.jacobian import frame_jacobians, singular_values, tip_poses
-from pinsing.kinematics.speed_bounds import SpeedBounds, sums_behind
+from pinsing.kinematics.speed_bounds import BoxSpeeds, SpeedBounds, sums_behind
 from pinsing.kinematics.tip_speed import TIP_SPEED, TURN_SPEED, speed_judge
 from pinsing.measures import ROUNDING
 from pinsing.postures.ladder import posture_names
@@ -341,39 +341,50 @@ class _Search:
     def _distances(self, Q: Array) -> tuple[Array, Array]:
         """Lower and upper bounds (N, F) of the distances of Q (N, n) to the families."""
         each = two_sided(self.watched.conditions.plain, Q, each=True).each
-        return each[..., 0], self._reached(Q, each[..., 1])
+        return each[..., 0], self._reached(Q, each[..., 1])[0]
 
-    def _reached(self, Q: Array, up: Array) -> Array:
-        """Return upper bounds (N, F), of surfaces by a point near the nearest."""
-        # Steps to the tangent plane at the last point until its sum has another sign, or then what
-        # is proven to reach the surface from there.
-        conditions, up = self.watched.conditions.plain, up.copy()
+    def _reached(self, Q: Array, up: Array, R: Array | None = None) -> tuple[Array, Array, Array]:
+        """Upper bounds (N, F) at Q (N, n), in boxes of half widths R, and steps (N, F, n)."""
+        # Of surfaces by a point near the nearest: steps to the tangent plane at the last point
+        # until its sum has another sign, or then what is proven to reach the surface from there.
+        conditions = self.watched.conditions.plain
         X = conditions.scaled(Q)
+        r = np.zeros_like(X) if R is None else R * conditions.weight
+        over, steps = up + np.sqrt(r**2 @ self.used.T), np.zeros((*up.shape, X.shape[1]))
+        up = up.copy()
         for branch in conditions.branches:
-            if len(branch.sums) != 1:
+            if len(branch.sums) > 1:
                 continue
+            used = branch.used(self.arm.n)
             held = np.zeros(self.arm.n, dtype=bool)
             held[branch.joints] = True
             start = X.copy()
             off, _ = off_values(X[:, branch.joints], branch.values, conditions.turn[branch.joints])
             start[:, branch.joints] -= off
-            found, x, side = np.full(len(X), np.inf), start, np.zeros(len(X))
-            for k in range(self.steps + 1):
+            used[branch.joints] = True
+            most = np.full(len(X), np.inf)
+            best = most, most, np.zeros_like(X)
+            x, side = start, np.zeros(len(X))
+            if not branch.sums:
+                best = _closer(best, X, x, r * used, np.zeros(len(X)))
+            for k in range(self.steps + 1 if branch.sums else 0):
                 if k == self.steps:
                     near = two_sided(conditions, x / conditions.weight, each=True).each[..., 1]
-                    way = np.linalg.norm(x - X, axis=1) * (1 + ROUNDING) + near[:, branch.family]
-                    found, x = np.fmin(found, way), start + (x - start) * self.beyond
+                    best = _closer(best, X, x, r * used, near[:, branch.family])
+                    x = start + (x - start) * self.beyond
                 at = branch.sums[0].at(x)
                 sign = np.where(np.abs(at.value) > at.error, np.sign(at.value), 0.0)
                 side = sign if k == 0 else side
                 # A zero is on the way to where the sum has another sign.
-                way = np.linalg.norm(x - X, axis=1) * (1 + ROUNDING)
-                found = np.fmin(found, np.where(sign * side < 0, way, np.inf))
+                best = _closer(best, X, x, r * used, np.where(sign * side < 0, 0.0, np.inf))
                 g = np.where(held, 0.0, at.gradient)
                 along = (g * (x - start)).sum(axis=1) - at.value
                 x = start + g * (along / np.maximum((g * g).sum(axis=1), 1e-12))[:, None]
-            up[:, branch.family] = np.fmin(up[:, branch.family], found)
-        return up
+            f = branch.family
+            up[:, f] = np.fmin(up[:, f], best[0])
+            better = best[1] < over[:, f]
+            over[better, f], steps[better, f] = best[1][better], best[2][better]
+        return up, over, steps
 
     def _random(self, count: int) -> Array:
         spread = self.rng.uniform(self.low, self.high, (count, self.arm.n))
@@ -482,41 +493,61 @@ class _Search:
         c, r, top, low, up, reach = (x[alive] for x in (c, r, top, low, up, reach))
         found = self.bounds.of(c, r)
         open_ = found.most > 1
-        c, r, top, low, up, reach, center, pull = (
-            x[open_] for x in (c, r, top, low, up, reach, found.center, found.pull)
+        c, r, top, low, up, reach, center, first, pull = (
+            x[open_] for x in (c, r, top, low, up, reach, found.center, found.first, found.pull)
         )
         # Where the lower bounds decide nothing else, closer upper ones do not either.
+        over, steps = up + reach, np.zeros((*up.shape, self.arm.n))
         least = np.where(self.surfaces, low, up)
         closer = self._objective(k, far, least) < self._objective(k, far, up)
         closer |= self._objective(k, far, least + reach) < top
-        up[closer] = self._reached(c[closer], up[closer])
-        top = np.minimum(top, self._objective(k, far, up + reach))
+        up[closer], over[closer], steps[closer] = self._reached(c[closer], up[closer], r[closer])
+        top = np.minimum(top, self._objective(k, far, over))
         alive = top > target
-        c, r, top, low, up, reach, center, pull = (
-            x[alive] for x in (c, r, top, low, up, reach, center, pull)
+        c, r, top, low, up, over, steps, reach, center, first, pull = (
+            x[alive] for x in (c, r, top, low, up, over, steps, reach, center, first, pull)
         )
         if not len(c):
             return c, r, top, -np.inf, c
         # Steps may lead to a point that is not the nearest: such boxes could never be done.
         least = self._objective(k, far, low + reach)
         here = self._objective(k, far, up)
-        over = np.flatnonzero((here > target) & ((least <= target) | np.isinf(here)))
-        reach = reach[over]
+        some = np.flatnonzero((here > target) & ((least <= target) | np.isinf(here)))
+        reach = reach[some]
         gap = float(
             np.clip(reach.max(axis=1, initial=0.0).min(initial=np.inf) / 2, self.sure, 1e-2)
         )
-        up[over] = np.fmin(up[over], self._proven(c[over], gap, self.few)[1])
-        top[over] = np.minimum(top[over], self._objective(k, far, up[over] + reach))
+        up[some] = np.fmin(up[some], self._proven(c[some], gap, self.few)[1])
+        over[some] = np.fmin(over[some], up[some] + reach)
+        top[some] = np.minimum(top[some], self._objective(k, far, over[some]))
         open_ = top > target
         guess = np.where(center > 1, self._objective(k, far, up), -np.inf)
         farther = np.flatnonzero(guess > reached)
         guess[farther[~self.region.holds(c[farther])]] = -np.inf
         best = int(guess.argmax())
-        j = np.where(self.active, pull + 1e-3 * r, -1.0).argmax(axis=1)
+        kept = np.full(len(far), target) if k is None else kept
+        j = self._longest(r, up, over, steps, kept, BoxSpeeds(center, first, center, pull))
         half = np.eye(self.arm.n)[j] * r / 2
         a, b, s = (c - half)[open_], (c + half)[open_], (r - half)[open_]
         both = np.concatenate([a, b]), np.concatenate([s, s]), np.tile(top[open_], 2)
         return *both, float(guess[best]), c[best]
+
+    def _longest(
+        self, r: Array, up: Array, over: Array, steps: Array, kept: Array, speeds: BoxSpeeds
+    ) -> Ints:
+        """Return the joint along which each box is halved."""
+        # By what the first order says is sooner true of all of it: that speeds keep their limits,
+        # or that it is nearer than ``kept`` (F,) to a family; rather along what is wider, since one
+        # alone may never be true.
+        w, rows = r * self.watched.weight, np.arange(len(r))
+        j = np.where(self.active, speeds.pull + ROUNDING * w, -1.0).argmax(axis=1)
+        if not len(kept):
+            return np.asarray(j)
+        families = _times(over - np.where(np.isfinite(up), up, 0.0), kept - up)
+        f = families.argmin(axis=1)
+        i = (w * (steps[rows, f] + w) * self.used[f]).argmax(axis=1)
+        by_speeds = _times(speeds.first - speeds.center, 1 - speeds.center)
+        return np.asarray(np.where(families[rows, f] * w[rows, j] < by_speeds * w[rows, i], i, j))
 
     def _may_hold(self, C: Array, R: Array, clear: Bool) -> Bool:
         """Return whether the region may have points of boxes; a posture needs clear ones."""
@@ -635,3 +666,19 @@ def _called(family: Family) -> str:
     name = titled(family.name, family.title)
     plain = family.title or not any(branch.equations for branch in family.branches)
     return f"{name}: {family.where(every=True)}" if plain else name
+
+
+def _times(more: Array, room: Array) -> Array:
+    """Return more / room, infinite without room."""
+    return np.asarray(np.where(room > 0, more / np.maximum(room, ROUNDING), np.inf))
+
+
+def _closer(
+    best: tuple[Array, Array, Array], X: Array, x: Array, r: Array, more: Array
+) -> tuple[Array, Array, Array]:
+    """Return what is least of the best and x (N, n): how far from X, from its boxes, and steps."""
+    step = np.abs(x - X)
+    way, boxed = (np.linalg.norm(d, axis=1) * (1 + ROUNDING) + more for d in (step, step + r))
+    better = boxed < best[1]
+    steps = np.where(better[:, None], step, best[2])
+    return np.fmin(best[0], way), np.where(better, boxed, best[1]), steps
