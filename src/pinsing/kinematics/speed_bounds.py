@@ -291,7 +291,8 @@ class SpeedBounds:
         """
         N, k = len(J), J.shape[2]
         r = np.concatenate([R * self.moving, np.zeros((N, k - R.shape[1]))], axis=1)
-        far = np.minimum(self.far, np.linalg.norm(J[:, :3], axis=1) + sums_behind(r * self.far))
+        here = np.linalg.norm(J[:, :3], axis=1)
+        far = np.minimum(self.far, here + sums_behind(r * self.far))
         before, turning = np.arange(k) <= self.middle, r * self.turns
         rd = turning * ~before
         d = np.cumsum(rd, axis=1)

@@ -614,11 +614,13 @@ class _Search:
         # They are extreme where zones meet: many random starts are followed, along some joints each
         # time, since a zone may end at a value of a joint.
         begin = self._random(4 * self.samples)
-        begin = begin[self._outside(far, begin)]
+        some = self.most // 20
+        begin = begin[self._outside(far, begin, self.seen + some)]
         if not len(begin):
             return math.inf, math.nan
         found, n = [], self.arm.n
         for power in (0, 1):
+            last = self.seen + some
             value = self._measured(begin, power)
             best = np.argsort(-value, kind="stable")[: 6 * self.best]
             Q, value, step = begin[best], value[best], 0.3
@@ -627,8 +629,9 @@ class _Search:
                 moves = self.rng.normal(size=size) * (self.rng.random(size) < 0.5) * self.active
                 moved = np.clip(Q + moves * step, self.low, self.high).reshape(-1, n)
                 new = self._measured(moved, power)
-                some = np.flatnonzero(new > np.tile(value, 8))
-                new[np.delete(np.arange(len(new)), some[self._outside(far, moved[some])])] = 0.0
+                better = np.flatnonzero(new > np.tile(value, 8))
+                out = better[self._outside(far, moved[better], last)]
+                new[np.delete(np.arange(len(new)), out)] = 0.0
                 which = (new.reshape(8, -1).argmax(axis=0), np.arange(len(Q)))
                 better = new.reshape(8, -1)[which] > value
                 Q = np.where(better[:, None], moved.reshape(size)[which], Q)
@@ -641,13 +644,15 @@ class _Search:
         sigma = np.asarray(singular_values(self.arm, Q))[:, : self.judge.rank]
         return np.asarray(sigma[:, 0] ** power / np.maximum(sigma[:, -1], 1e-300))
 
-    def _outside(self, far: Array, Q: Array) -> Bool:
-        """Whether Q (N, n) are in the region and proven to be outside the zones."""
+    def _outside(self, far: Array, Q: Array, last: int) -> Bool:
+        """Whether Q (N, n) are in the region and proven outside the zones, by ``last`` boxes."""
         low, up = self._distances(Q)
         out = np.asarray((low > far).all(axis=1))
         # What only may be outside is looked at closely, some of it.
-        maybe = np.flatnonzero((up > far).all(axis=1) & ~out)[: self.chunk // 8]
-        out[maybe] = (self._proven(Q[maybe], self.finest, 16 * self.few)[0] > far).all(axis=1)
+        most = 16 * self.few
+        many = min(self.chunk // 8, max(0, last - self.seen) * self.cheap // most)
+        maybe = np.flatnonzero((up > far).all(axis=1) & ~out)[:many]
+        out[maybe] = (self._proven(Q[maybe], self.finest, most)[0] > far).all(axis=1)
         out[out] = self.region.holds(Q[out])
         return out
 
