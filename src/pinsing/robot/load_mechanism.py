@@ -303,7 +303,8 @@ _TURNS = {
 def replaced_joints(model: pin.Model, keys: dict[str, YamlNode]) -> pin.Model:
     """Return the model with joints replaced as ``joint_name`` and ``joint_type`` list them."""
     for one, other in (("joint_name", "joint_type"), ("joint_type", "joint_name")):
-        keys[other].refuse_if(one not in keys, f"missing key {one!r}: {other} needs it beside it")
+        if one not in keys:
+            raise keys[other].error(f"missing key {one!r}: {other} needs it beside it")
     names, kinds = (_entries(keys[k]) for k in ("joint_name", "joint_type"))
     keys["joint_type"].refuse_if(
         len(names) != len(kinds), f"{len(names)} joints need {len(names)} types, found {len(kinds)}"
