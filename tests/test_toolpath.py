@@ -540,6 +540,7 @@ HEADS = {
     "tabs and time": ("t\tx\ty\tz\troll\tpitch\tyaw", "{n}\t0.3\t0.1\t0.2\t0\t0\t0"),
     "direction": ("x,y,z,i,j,k", "0.3,0.1,0.2,0,0,-1"),
     "units": ("X (mm);y_mm;z [m];roll (deg);pitch_deg;yaw°", "300;100;0.2;0;0;360"),
+    "time in two": ("sec,nanosec,x,y,z,i,j,k", "{n},500000000,0.3,0.1,0.2,0,0,-1"),
     "units and time": ("timestamp (ms),x [mm],y (mm),z_mm,i,j,k", "{n}000,300,100,200,0,0,-1"),
 }
 
@@ -553,7 +554,7 @@ def test_files_of_poses(tmp_path, head):
     np.testing.assert_allclose(read.poses[:, :3, 3], [[0.3, 0.1, 0.2]] * 3)
     np.testing.assert_allclose(read.poses[:, :3, 2], [[0, 0, 1]] * 3, atol=1e-12)
     assert (read.t is not None) == ("time" in head)
-    assert read.t is None or read.t.tolist() == [0, 1, 2]
+    assert read.t is None or (read.t - 0.5 * ("nano" in first)).tolist() == [0, 1, 2]
     assert read.has_roll == (",i" not in first)
 
 
@@ -577,6 +578,7 @@ def test_files_of_poses(tmp_path, head):
         ),
         ("x (mm),y,z,i,j,k\n" + "1,2,3,0,0,1\n" * 2, "read x .mm., y, z: give each a unit"),
         ("x,y,z,w,p,r\n1,2,3,0,0,1\n", "reads 'x,y,z,w,p,r': FANUC's w, p, r are roll, pitch"),
+        ("x,y,z,a,b,c\n1,2,3,0,0,1\n", "KUKA's a, b, c are yaw, pitch, roll"),
         ("x,y,z,rx,ry,rz\n1,2,3,0,0,1\n", "may be a rotation vector"),
         (
             "x,y,z,i,j,k,t [min]\n" + "1,2,3,0,0,1,0\n" * 2,

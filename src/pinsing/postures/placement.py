@@ -26,6 +26,7 @@ from pinsing.proximity.trajectory_file import (
     LENGTHS,
     SCALES,
     TIME,
+    second_columns,
     split_unit,
 )
 
@@ -152,6 +153,7 @@ _OTHER = {
     "abc": "KUKA's a, b, c are yaw, pitch, roll: rename them",
     ("rx", "ry", "rz"): "rx, ry, rz may be a rotation vector (UR) or angles: write one of these",
 }
+"""Rotations as controllers write them: W, P, R about fixed x, y, z; A, B, C about moved z, y, x."""
 _FAR = 20.0
 """Metres beyond which a pose is taken for one in millimetres."""
 
@@ -240,6 +242,8 @@ def read_poses(path: Path, *, degrees: bool = False, millimetres: bool = False) 
     poses[:, :3, :3] = _rotations(how, kind, path)
     times = next(filter(TIME.fullmatch, names), None)
     t = None if times is None else column[times] * SCALES.get(units[times], 1.0)
+    if t is not None and (nano := second_columns(names).get(names.index(str(times)))) is not None:
+        t = t + 1e-9 * column[names[nano]]
     return PoseFile(poses, t, kind != AXIS)
 
 

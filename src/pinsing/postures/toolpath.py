@@ -95,9 +95,9 @@ class PathPlan(JsonResult):
         better is divided in thirds, arcs taken as chords and a tenth, or as twice as bent as three
         neighbouring values are; radians.
     fixed : tuple of float
-        Clearance at the poses of the paths along which what is free keeps its value (the start's;
-        else that of the poses as given, or the middle of a joint's range), one for each branch that
-        may begin; 0 where such a path ends early.
+        Distances to the nearest points found from the poses of the paths along which what is free
+        keeps its value (the start's; else that of the poses as given, or the middle of a joint's
+        range), radians, one for each branch that may begin; 0 where such a path ends early.
     reason : str
         Why there is no path; empty if there is one.
     nodes : int

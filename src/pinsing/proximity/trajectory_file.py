@@ -713,7 +713,7 @@ class ColumnHeads:
             if marks[i] and unit.lower() not in ("", marks[i]):
                 raise self._error(f"column {words[i]!r:.80} says another unit than {unit!r:.40}")
             marks[i] = unit.lower().strip("-") or marks[i]
-        scales, stamps = [SCALES.get(m) for m in marks], _stamps(names)
+        scales, stamps = [SCALES.get(m) for m in marks], second_columns(names)
         times = [i for i, w in enumerate(names) if w not in exact and TIME.fullmatch(w)]
         if columns:
             times = [self._column(c[2:]) for c in columns if c.startswith("t=")]
@@ -849,7 +849,7 @@ def split_unit(word: str) -> tuple[str, str]:
     return (word[: found.start()] if found and unit in SCALES else word), unit
 
 
-def _stamps(names: Sequence[str]) -> dict[int, int]:
+def second_columns(names: Sequence[str]) -> dict[int, int]:
     """Columns of whole seconds, as ROS writes them, each with that of its nanoseconds."""
     found: dict[str, dict[bool, int]] = {}
     for i, name in enumerate(names):
