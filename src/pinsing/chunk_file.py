@@ -20,6 +20,8 @@ import numpy as np
 import numpy.typing as npt
 from numpy.lib import format as npy
 
+from pinsing.errors import Refusal
+
 Record = dict[str, npt.NDArray[np.generic]]
 
 _DIGEST = 64  # hexadecimal digits
@@ -28,7 +30,7 @@ _HEADERS = 4096  # bytes that names and headers of an array take at most
 _KINDS = "biufSU"  # of numbers and texts; nothing that holds objects
 
 
-class DamagedError(Exception):
+class DamagedError(Refusal):
     """A file that does not hold what it must; the message says in which way."""
 
 
@@ -37,19 +39,19 @@ def read_bounded(path: Path, limit: int, *, follow: bool = False) -> bytes:
 
     DamagedError if it is a link, a device, a pipe, or larger; OSError if it cannot be read.
     """
-    if not follow and path.is_symlink():
-        raise DamagedError("it is a link")
+    DamagedError.refuse_if(not follow and path.is_symlink(), "it is a link")
     flags = os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC | (0 if follow else os.O_NOFOLLOW)
     handle = os.open(path, flags)
     with open(handle, "rb") as file:
         found = os.fstat(handle)
-        if stat.S_ISDIR(found.st_mode):
-            raise DamagedError("it is a folder")
-        if not stat.S_ISREG(found.st_mode):
-            raise DamagedError("it is no file but a device or pipe")
+        DamagedError.refuse_if(stat.S_ISDIR(found.st_mode), "it is a folder")
+        DamagedError.refuse_if(
+            not stat.S_ISREG(found.st_mode), "it is no file but a device or pipe"
+        )
         data = file.read(limit + 1)
-    if len(data) > limit:
-        raise DamagedError(f"it has more than the {limit:,} bytes that it may have")
+    DamagedError.refuse_if(
+        len(data) > limit, f"it has more than the {limit:,} bytes that it may have"
+    )
     return data
 
 
@@ -58,10 +60,12 @@ def read_arrays(data: bytes, room: int) -> Record:
     try:
         with zipfile.ZipFile(io.BytesIO(data)) as archive:
             members = archive.infolist()
-            if len(members) > 64:  # in a file at most
-                raise DamagedError(f"it holds {len(members)} arrays")
-            if sum(m.file_size for m in members) > room + _HEADERS * len(members):
-                raise DamagedError("its arrays are too large")
+            # in a file at most
+            DamagedError.refuse_if(len(members) > 64, f"it holds {len(members)} arrays")
+            DamagedError.refuse_if(
+                sum(m.file_size for m in members) > room + _HEADERS * len(members),
+                "its arrays are too large",
+            )
             record: Record = {}
             for member in members:
                 with archive.open(member) as file:  # no more than the size that was judged
@@ -86,8 +90,7 @@ def read_arrays(data: bytes, room: int) -> Record:
         zipfile.lzma.LZMAError,  # type: ignore[attr-defined]
     ) as error:
         raise DamagedError(f"its arrays cannot be read ({type(error).__name__})") from None
-    if len(record) < len(members):
-        raise DamagedError("an array is in it twice")
+    DamagedError.refuse_if(len(record) < len(members), "an array is in it twice")
     return record
 
 
@@ -105,14 +108,19 @@ def pack(record: Record, run: str, index: int) -> bytes:
 def unpack(data: bytes, run: str, index: int, room: int) -> Record:
     """Return the record of a chunk; DamagedError if not whole, of another run, or over ``room``."""
     body, digest = data[:-_DIGEST], data[-_DIGEST:]
-    if not body.endswith(_MARK) or hashlib.sha256(body).hexdigest().encode() != digest:
-        raise DamagedError("it is not as it was written")
+    DamagedError.refuse_if(
+        not body.endswith(_MARK) or hashlib.sha256(body).hexdigest().encode() != digest,
+        "it is not as it was written",
+    )
     record = read_arrays(data, room + _HEADERS)
     owner, place = record.pop("_run", None), record.pop("_chunk", None)
-    if owner is None or owner.shape or str(owner) != run:
-        raise DamagedError("it belongs to another run")
-    if place is None or place.shape or place.dtype.kind not in "iu" or int(place) != index:
-        raise DamagedError("it belongs to another place")
+    DamagedError.refuse_if(
+        owner is None or owner.shape or str(owner) != run, "it belongs to another run"
+    )
+    DamagedError.refuse_if(
+        place is None or place.shape or place.dtype.kind not in "iu" or int(place) != index,
+        "it belongs to another place",
+    )
     return record
 
 
@@ -120,17 +128,19 @@ def _array(content: bytes) -> npt.NDArray[np.generic]:
     """One .npy file, whose header is believed only as far as there are bytes."""
     file = io.BytesIO(content)
     version = npy.read_magic(file)
-    if version not in ((1, 0), (2, 0)):
-        raise DamagedError("an array has an unknown format")
+    DamagedError.refuse_if(version not in ((1, 0), (2, 0)), "an array has an unknown format")
     reader = npy.read_array_header_1_0 if version == (1, 0) else npy.read_array_header_2_0
     shape, fortran, dtype = reader(file)
-    if dtype.kind not in _KINDS or dtype.fields is not None:
-        raise DamagedError(f"an array has a content of kind {dtype.kind!r}")
+    DamagedError.refuse_if(
+        dtype.kind not in _KINDS or dtype.fields is not None,
+        f"an array has a content of kind {dtype.kind!r}",
+    )
     begin = file.tell()
-    if min(shape, default=0) < 0 or begin + math.prod(shape) * dtype.itemsize != len(content):
-        raise DamagedError("an array has another size than it says")
+    DamagedError.refuse_if(
+        min(shape, default=0) < 0 or begin + math.prod(shape) * dtype.itemsize != len(content),
+        "an array has another size than it says",
+    )
     flat = np.frombuffer(content, dtype, offset=begin) if dtype.itemsize else np.zeros(0, dtype)
-    if len(flat) != math.prod(shape):
-        raise DamagedError("an array has another size than it says")
+    DamagedError.refuse_if(len(flat) != math.prod(shape), "an array has another size than it says")
     array = flat.reshape(shape[::-1]).T if fortran else flat.reshape(shape)
     return cast("npt.NDArray[np.generic]", array.copy())

@@ -54,11 +54,8 @@ def _one_line(message: str) -> str:
     return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in line)
 
 
-class PinsingError(Exception):
-    """Base of every error that pinsing raises on purpose; its message is one line."""
-
-    def __init__(self, message: str = "") -> None:
-        super().__init__(_one_line(message))
+class Refusal(Exception):
+    """An error that is raised in one line, where something is wrong."""
 
     @classmethod
     def refuse_if(cls, wrong: object, *problem: Any) -> None:
@@ -80,6 +77,13 @@ class PinsingError(Exception):
         """
         if wrong:
             raise cls(*problem)
+
+
+class PinsingError(Refusal):
+    """Base of every error that pinsing raises on purpose; its message is one line."""
+
+    def __init__(self, message: str = "") -> None:
+        super().__init__(_one_line(message))
 
     def __reduce__(self) -> tuple[Any, ...]:
         # With message and data, whatever the constructor takes: workers send errors home.

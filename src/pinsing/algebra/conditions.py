@@ -214,15 +214,18 @@ class Conditions:
     ) -> Conditions:
         """Conditions of families, each a sequence of branches whose union it is."""
         weight = np.array(weight, dtype=float)
-        if not (np.isfinite(weight) & (weight > 0)).all():
-            raise OptionError(f"weights must be positive numbers, got {weight.tolist()}")
+        OptionError.refuse_if(
+            not (np.isfinite(weight) & (weight > 0)).all(),
+            f"weights must be positive numbers, got {weight.tolist()}",
+        )
         heaviest = 1e30  # squares and powers of weights have to be floats
-        if not ((weight >= 1 / heaviest) & (weight <= heaviest)).all():
-            raise OptionError(
-                f"weights must lie between {1 / heaviest:g} and {heaviest:g}, got {weight.tolist()}"
-            )
-        if norm not in NORMS:
-            raise OptionError(f"norm must be one of {', '.join(NORMS)}, got {norm!r}")
+        OptionError.refuse_if(
+            not ((weight >= 1 / heaviest) & (weight <= heaviest)).all(),
+            f"weights must lie between {1 / heaviest:g} and {heaviest:g}, got {weight.tolist()}",
+        )
+        OptionError.refuse_if(
+            norm not in NORMS, f"norm must be one of {', '.join(NORMS)}, got {norm!r}"
+        )
         turn = np.where(prismatic, 0.0, 2 * np.pi * weight)
         return cls(len(families), weight, turn, tuple(_weighted(families, weight, norm)), norm)
 

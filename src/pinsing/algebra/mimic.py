@@ -16,6 +16,7 @@ from fractions import Fraction
 import numpy as np
 
 from pinsing._types import Array
+from pinsing.errors import Refusal
 from pinsing.measures import NOISE
 from pinsing.robot.exact_placements import FIFTEEN, Snap
 from pinsing.robot.nominal import Motion, Nominal, Vector, jacobian_at, jacobian_modulo, turned
@@ -25,7 +26,7 @@ from pinsing.robot.task import Task
 _LARGEST_MULTIPLE = 6
 
 
-class NotFollowed(Exception):
+class NotFollowed(Refusal):
     """A mimic joint that polynomials in its leader's half-angle cannot follow."""
 
 
@@ -55,11 +56,15 @@ def drives(geometry: Nominal) -> tuple[tuple[Drive, ...], tuple[Snap, ...]]:
         leader = int(moved[0]) if len(moved) else 0
         factor = float(coupling.matrix[row, leader]) if len(moved) else 0.0
         multiple = Fraction(factor).limit_denominator(1000)
-        if abs(float(multiple) - factor) > NOISE:
-            raise NotFollowed(f"joint {name!r} follows by {factor!r}, which is no simple ratio")
+        NotFollowed.refuse_if(
+            abs(float(multiple) - factor) > NOISE,
+            f"joint {name!r} follows by {factor!r}, which is no simple ratio",
+        )
         slides, led_by_slide = geometry.prismatic[row], geometry.prismatic[own[leader]]
-        if multiple != 0 and slides != led_by_slide:
-            raise NotFollowed(f"joint {name!r} slides with a turn, or turns with a slide")
+        NotFollowed.refuse_if(
+            multiple != 0 and slides != led_by_slide,
+            f"joint {name!r} slides with a turn, or turns with a slide",
+        )
         added = float(coupling.offset[row])
         if slides:
             out.append(Drive(leader, multiple, shift=Fraction(repr(added))))

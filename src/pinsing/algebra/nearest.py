@@ -131,8 +131,7 @@ class SearchOptions:
     within_limits: bool = False
 
     def __post_init__(self) -> None:
-        if not self.gap > 0:
-            raise OptionError(f"gap must be positive, got {self.gap!r}")
+        OptionError.refuse_if(not self.gap > 0, f"gap must be positive, got {self.gap!r}")
         whole_number(self.boxes, "boxes", 1, 10**12)
 
 

@@ -23,6 +23,7 @@ from flint import Ordering, acb, arb, ctx, fmpq, fmpz_mat, fmpz_mpoly_ctx, fmpz_
 from pinsing.algebra.budget import Budget
 from pinsing.algebra.equation import fourier
 from pinsing.algebra.ring import Poly, Ring, Value, coefficients_by, terms_of
+from pinsing.errors import Refusal
 from pinsing.robot.surd import SQUARES, Exact, Surd, parts_of, surd
 
 
@@ -105,7 +106,7 @@ _SHORT = (2, 60, 16)
 """Joints, terms and product of degrees of a system that is solved at once, whatever its numbers."""
 
 
-class NotFinite(Exception):
+class NotFinite(Refusal):
     """The solutions are not finitely many, or too many to be told apart here."""
 
 
@@ -153,8 +154,7 @@ def _solve(polys: list[Poly], joints: list[int], ring: Ring, time: Budget) -> li
         x, y = (ring.context.names()[v] for v in ring.variables(j))
         there = [p.subs({x: 0, y: 1}) for p in polys]
         rest = [i for i in joints if i != j]
-        if all(p == 0 for p in there) and rest:
-            raise NotFinite
+        NotFinite.refuse_if(all(p == 0 for p in there) and rest)
         for s in _solve(there, rest, ring, time):
             if all(s[i].ball is not None for i in joints[:k]):  # else it was met before
                 out.append({**s, j: AlgebraicValue(None, ())})
@@ -198,8 +198,7 @@ class _Affine:
         ]
         # Of a Groebner basis: polynomials, terms, bits of coefficients.
         basis, done = fmpz_mpoly_vec(polys, context).buchberger_naive(limits=(120, 400, 20_000))
-        if not done:
-            raise NotFinite
+        NotFinite.refuse_if(not done)
         basis = fmpz_mpoly_vec(list(basis), context).autoreduction(groebner=True)
         return list(basis), context
 
@@ -229,8 +228,7 @@ class _Affine:
                 return []
             eliminants.append(e)
         # Combinations of roots that are tried.
-        if math.prod(e.degree() for e in eliminants) > 4_096:
-            raise NotFinite
+        NotFinite.refuse_if(math.prod(e.degree() for e in eliminants) > 4_096)
         lines = [
             {self._power(i, k): int(c) for k, c in enumerate(e.coeffs()) if c}
             for i, e in enumerate(eliminants)
@@ -328,8 +326,7 @@ def isolated_zeros(poly: Poly, ring: Ring, time: Budget) -> list[Solution] | Non
     used = [v for j in ring.joints_of(poly) for v in ring.variables(j)]
     slopes = [poly.derivative(v) for v in used]
     found = real_solutions([poly, *(s for s in slopes if s != 0)], ring, time)
-    if any(len(s) < len(ring.joints_of(poly)) for s in found):
-        raise NotFinite
+    NotFinite.refuse_if(any(len(s) < len(ring.joints_of(poly)) for s in found))
     return found
 
 

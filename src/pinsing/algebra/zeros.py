@@ -29,6 +29,7 @@ from flint import (
 
 from pinsing._batch import engine
 from pinsing.algebra.ring import MadeOnce, Poly, Ring, divided_by, terms_of
+from pinsing.errors import Refusal
 from pinsing.robot.nominal import PRIMES
 from pinsing.robot.surd import residue, root_modulo
 
@@ -132,7 +133,7 @@ def field_elements(field: Any, lines: Sequence[Sequence[int]]) -> list[Any]:
     return [field(list(line)) for line in lines]
 
 
-class Undecided(Exception):
+class Undecided(Refusal):
     """The zeros are not finitely many, or more than can be told apart."""
 
 
@@ -196,8 +197,7 @@ class _Solver:
 
     def each(self, polys: Sequence[Any], variables: Sequence[int]) -> Iterator[Zero]:
         """See ``zeros``: one after the other."""
-        if any(f == 0 for f in polys):
-            raise Undecided
+        Undecided.refuse_if(any(f == 0 for f in polys))
         if any(f.is_constant() for f in polys):
             return
         if not variables:
@@ -224,8 +224,7 @@ class _Solver:
         """Zeros, with one variable eliminated first."""
         rest = [u for u in variables if u != v]
         if not having:  # none, or as many as there are values of v
-            if self.solve(polys, rest):
-                raise Undecided
+            Undecided.refuse_if(self.solve(polys, rest))
             return
         if not rest:
             below = self.solve([], [])
@@ -266,8 +265,7 @@ class _Solver:
             terms = float(np.prod(into))
             # Of an eliminant; beyond, its factors take seconds.
             # Of a resultant.
-            if max(into, default=0) > 3_000 or terms > 10_000:
-                raise Undecided
+            Undecided.refuse_if(max(into, default=0) > 3_000 or terms > 10_000)
             # Term products that one of a resultant costs.
             self.check(8.0 * terms * (a[v] + b[v]) ** 2)
             out.append(self._without(pivot.resultant(f, pivot.context().names()[v])))
@@ -298,8 +296,8 @@ def _above(zero: Zero, polys: Sequence[Any], v: int, compiled: Callable[[Any], A
     for f in polys:
         line = _at(f, zero, v, over, point, None if point is None else compiled(f))
         common = line if common is None else common.gcd(line)
-    if common == 0:
-        raise Undecided  # a whole line of zeros
+    # a whole line of zeros
+    Undecided.refuse_if(common == 0)
     if common.degree() == 0:
         return []
     common = common.radical()
@@ -376,8 +374,7 @@ def _with_sum(
     for row in reversed(terms):
         above = above * y + over([field(c) for c in row])
     shared = over([field(c) for c in modulus]).gcd(above)
-    if shared.degree() != 1:
-        raise Undecided
+    Undecided.refuse_if(shared.degree() != 1)
     generator = -shared[0] * shared[1].inverse()
     at = {u: _moved(x, generator, field) for u, x in zero.at.items()}
     return Zero(field, {**at, v: w - field(multiple) * generator})

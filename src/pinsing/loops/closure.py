@@ -562,8 +562,7 @@ def _rank(M: Array, rtol: float, size: float | None = None) -> int:
 @once
 def _ranks(mechanism: Mechanism) -> Ranks:
     idle = idle_link(mechanism)
-    if idle:
-        raise PinsingError(f"{mechanism.name}: {idle}")
+    PinsingError.refuse_if(idle, f"{mechanism.name}: {idle}")
     samples = random_closed(mechanism, 12, np.random.default_rng(SEED))
     if len(samples) < 3:
         samples += near_home(mechanism)
@@ -586,11 +585,11 @@ def _ranks(mechanism: Mechanism) -> Ranks:
     found = [loops.scaled(q)[1] for q in around]
     known = [_rank(G, SINGULAR_RTOL) for G in found]
     rank, output = max(known), 0
-    if rank == mechanism.n:
-        raise PinsingError(
-            f"{mechanism.name}: the loops leave no motion ({mechanism.n} joints, "
-            f"{rank} independent constraints): check the kinds of the loops"
-        )
+    PinsingError.refuse_if(
+        rank == mechanism.n,
+        f"{mechanism.name}: the loops leave no motion ({mechanism.n} joints, "
+        f"{rank} independent constraints): check the kinds of the loops",
+    )
     for q, G, here in zip(around, found, known, strict=True):
         if here == rank:
             J = loops.output_scaled(q)

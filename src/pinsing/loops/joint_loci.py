@@ -107,8 +107,7 @@ def leg_wrenches(mechanism: Mechanism) -> LegWrenches:
     ring = make_ring(mechanism.prismatic.tolist())
     ways = leg_ways(mechanism)
     used = [j for joints, _, _ in ways for j in joints if j in mechanism.passive]
-    if len(used) > len(set(used)):
-        raise NotThisKind("legs share passive joints")
+    NotThisKind.refuse_if(len(used) > len(set(used)), "legs share passive joints")
     wrenches: list[LegWrench] = []
     passive: list[Passive] = []
     off = 0.0
@@ -145,8 +144,7 @@ def leg_ways(mechanism: Mechanism) -> list[Way]:
     """Return each way from the base to the output, that of the tree first."""
     # The first one's end is None where it has none of its own, and on the sphere.
     built, zero, kind = structure(mechanism), at_zero(mechanism), room_of(mechanism)[0]
-    if built.output == 0:
-        raise NotThisKind("the output is the base")
+    NotThisKind.refuse_if(built.output == 0, "the output is the base")
     path = path_to(mechanism, built.output)
     out: list[Way] = [(path, None, ())]
     last = next((c for c in built.centres if built.output - 1 in c.joints), None)
@@ -158,13 +156,18 @@ def leg_ways(mechanism: Mechanism) -> list[Way]:
     for loop, inner, outer in zip(mechanism.loops, *closing(mechanism), strict=True):
         if _body(mechanism, inner) == built.output:
             inner, outer = outer, inner
-        if _body(mechanism, outer) != built.output:
-            raise NotThisKind("a loop closes away from the output")
-        if loop.kind not in ("3d", "planar" if kind == PLANE else "3d"):
-            raise NotThisKind(f"a loop of type {loop.kind} leaves no ball, pin or hinge")
+        NotThisKind.refuse_if(
+            _body(mechanism, outer) != built.output, "a loop closes away from the output"
+        )
+        NotThisKind.refuse_if(
+            loop.kind not in ("3d", "planar" if kind == PLANE else "3d"),
+            f"a loop of type {loop.kind} leaves no ball, pin or hinge",
+        )
         joints = path_to(mechanism, _body(mechanism, inner))
-        if not joints or built.output - 1 in joints:
-            raise NotThisKind("a loop ties the output to the base or to itself")
+        NotThisKind.refuse_if(
+            not joints or built.output - 1 in joints,
+            "a loop ties the output to the base or to itself",
+        )
         out.append((joints, np.array(zero.frames[inner].translation), ()))
     return out
 
@@ -227,13 +230,13 @@ def _spatial(
     one, zero = chain.ring.one, chain.ring.zero
     if len(arms) == 2:
         return [cross(arms[0], arms[1])]
-    if kind == SPHERE or len(arms) > 2:
-        raise NotThisKind("a leg has other passive joints than its end leaves it")
+    NotThisKind.refuse_if(
+        kind == SPHERE or len(arms) > 2, "a leg has other passive joints than its end leaves it"
+    )
     if not arms:
         return [[one if i == k else zero for i in range(3)] for k in range(3)]
     hinge = passive[0]
-    if hinge.slides:
-        raise NotThisKind("a passive slide is the only passive joint of a leg")
+    NotThisKind.refuse_if(hinge.slides, "a passive slide is the only passive joint of a leg")
     grown = chain.scale / hinge.scale
     return [hinge.axis, [b - grown * o for b, o in zip(point, hinge.origin, strict=True)]]
 
@@ -241,8 +244,7 @@ def _spatial(
 def _primitive(force: Row) -> tuple[Row, Poly]:
     """A vector over what its entries share, and that."""
     parts = [x for x in force if x != 0]
-    if not parts:
-        raise NotThisKind("the passive joints of a leg are always dependent")
+    NotThisKind.refuse_if(not parts, "the passive joints of a leg are always dependent")
     content = functools.reduce(lambda a, b: a.gcd(b), parts)
     return [x / content for x in force], content
 
@@ -292,11 +294,11 @@ def leg_proofs(mechanism: Mechanism, seconds: float = 20.0) -> tuple[LegProof, .
     except NotThisKind as why:
         raise OptionError(f"{mechanism.name}: no leg has a certificate of its own: {why}") from None
     out = tuple(_proofs(mechanism, ends, seconds))
-    if not out:
-        raise OptionError(
-            f"{mechanism.name}: no leg has a certificate of its own: none has one actuator and "
-            "ends in a ball, a pin or a hinge at the output"
-        )
+    OptionError.refuse_if(
+        not out,
+        f"{mechanism.name}: no leg has a certificate of its own: none has one actuator and "
+        "ends in a ball, a pin or a hinge at the output",
+    )
     return out
 
 
@@ -459,11 +461,11 @@ def joint_forms(mechanism: Mechanism) -> JointForms:
         "a configuration that closes the loops is singular if and only if one of these is zero"
     ]
     try:
-        if room_of(mechanism)[0] == SPACE and generic.constraint < mechanism.rows:
-            raise NotThisKind(
-                f"of {mechanism.rows} closure equations {generic.constraint} are independent, and "
-                "that only where the loops close"
-            )
+        NotThisKind.refuse_if(
+            room_of(mechanism)[0] == SPACE and generic.constraint < mechanism.rows,
+            f"of {mechanism.rows} closure equations {generic.constraint} are independent, and "
+            "that only where the loops close",
+        )
         legs = leg_wrenches(mechanism)
         loci = [*_type2(mechanism, legs), *_type1(mechanism, legs), *_passive(mechanism, legs)]
         off = legs.off
@@ -517,12 +519,15 @@ def joint_forms(mechanism: Mechanism) -> JointForms:
 def _type2(mechanism: Mechanism, legs: LegWrenches) -> list[JointLocus]:
     loose = [h for h in legs.carrier.hinges if h.joint in mechanism.passive]
     unknowns = SIZE[legs.kind] if legs.ended else len(loose)
-    if len(legs.wrenches) != unknowns:
-        raise NotThisKind(
-            f"the legs pass {len(legs.wrenches)} forces where {unknowns} would fix the output: "
-            + ("more actuators than freedoms, or overconstrained loops"
-               if len(legs.wrenches) > unknowns else "too few")
-        )  # fmt: skip
+    NotThisKind.refuse_if(
+        len(legs.wrenches) != unknowns,
+        f"the legs pass {len(legs.wrenches)} forces where {unknowns} would fix the output: "
+        + (
+            "more actuators than freedoms, or overconstrained loops"
+            if len(legs.wrenches) > unknowns
+            else "too few"
+        ),
+    )
     rows = [_row(mechanism, legs, w, locked=True) for w in legs.wrenches]
     words = {
         SPACE: "the wrenches of the legs belong to one linear complex",
@@ -537,8 +542,10 @@ def _type1(mechanism: Mechanism, legs: LegWrenches) -> list[JointLocus]:
     """Where a motion leaves the output at rest."""
     generic = ranks(mechanism)
     task = mechanism.task.rows
-    if generic.output < generic.mobility or len(task) != generic.mobility:
-        raise NotThisKind("the output does not show each of the freedoms once")
+    NotThisKind.refuse_if(
+        generic.output < generic.mobility or len(task) != generic.mobility,
+        "the output does not show each of the freedoms once",
+    )
     whole = SIZE[legs.kind] == len(task)
     single = [tuple(w.arms) for w in legs.wrenches]
     if whole and legs.ended and sorted(single) == [(j,) for j in sorted(mechanism.actuated)]:
@@ -559,8 +566,9 @@ def _type1(mechanism: Mechanism, legs: LegWrenches) -> list[JointLocus]:
     ]
     rows += [[*_output_row(legs, k), *[zero] * len(drivers)] for k in task]
     rows = [_level(row, legs.ring) for row in rows]
-    if any(len(row) != len(rows) for row in rows):
-        raise NotThisKind("there are other equations than motions")
+    NotThisKind.refuse_if(
+        any(len(row) != len(rows) for row in rows), "there are other equations than motions"
+    )
     return _loci(legs.ring, mechanism, "type 1", _AT_REST, rows)
 
 

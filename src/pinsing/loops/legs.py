@@ -309,33 +309,33 @@ class _Recognizer:
             out += found
         forces = len(out) + sum(rod.hinge is not None for rod in out)
         needed = 3 if self.planar else 6
-        if forces != needed:
-            raise NotThisKind(
-                f"the legs pass {forces} force{'s' * (forces != 1)} where {needed} hold the output"
-            )
-        if {r.joint for r in out} != set(mechanism.actuated):
-            raise NotThisKind(
-                "there are actuated joints that are on no leg from the base to the output"
-            )
+        NotThisKind.refuse_if(
+            forces != needed,
+            f"the legs pass {forces} force{'s' * (forces != 1)} where {needed} hold the output",
+        )
+        NotThisKind.refuse_if(
+            {r.joint for r in out} != set(mechanism.actuated),
+            "there are actuated joints that are on no leg from the base to the output",
+        )
         return Rods(mechanism, tuple(out), self.planar, self.axes, self.own)
 
     def ends(self) -> list[tuple[list[int], _End]]:
         """For each leg's connection with the output, the joints from the base to it."""
         mechanism, output = self.mechanism, self.built.output
-        if output == 0:
-            raise NotThisKind(
-                f"the output {mechanism.output} is not on a link that moves between legs"
-            )
+        NotThisKind.refuse_if(
+            output == 0, f"the output {mechanism.output} is not on a link that moves between legs"
+        )
         frames = mechanism.model.frames
         out: list[tuple[list[int], _End]] = []
         for loop, a, b in zip(mechanism.loops, *closing(mechanism), strict=True):
-            if loop.kind == "6d":
-                raise NotThisKind(f"the loop {loop} is welded")
+            NotThisKind.refuse_if(loop.kind == "6d", f"the loop {loop} is welded")
             paths = [path_to(mechanism, int(frames[k].parentJoint)) for k in (a, b)]
             if output - 1 in paths[0]:
                 a, b, paths = b, a, paths[::-1]
-            if output - 1 not in paths[1] or output - 1 in paths[0]:
-                raise NotThisKind(f"the loop {loop} does not join a leg to the link of the output")
+            NotThisKind.refuse_if(
+                output - 1 not in paths[1] or output - 1 in paths[0],
+                f"the loop {loop} does not join a leg to the link of the output",
+            )
             hanging = tuple(paths[1][paths[1].index(output - 1) + 1 :])
             out.append((paths[0], _End(a, b, None, hanging)))
         path = path_to(mechanism, output)

@@ -399,8 +399,10 @@ class _LoopEquations:
         self.notes: list[str] = []
         actuated = dyad.mechanism.actuated
         cranks = [actuated.index(s.crank) for s in dyad.sides if s.crank is not None]
-        if sorted(cranks) != list(range(len(actuated))):
-            raise OptionError("every input must turn a crank of the loop")
+        OptionError.refuse_if(
+            sorted(cranks) != list(range(len(actuated))),
+            "every input must turn a crank of the loop",
+        )
         self.ring: Ring = make_ring([False] * len(actuated))
         self.offset = np.zeros(len(actuated))
         # Directions of the cranks times w; a fixed pivot has length zero and w = 1.

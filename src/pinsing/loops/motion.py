@@ -173,12 +173,12 @@ def leg_form(mechanism: Mechanism, q: npt.ArrayLike) -> tuple[Array, Array]:
         force = weight @ A
         size = float(np.linalg.norm(force))
         free = bool((sigma > SINGULAR_RTOL).all())
-        if A.shape[0] != n_a or not free or size <= SINGULAR_RTOL:
-            raise ConfigurationError(
-                f"{mechanism.name}: {mechanism.inputs[i]} has no output force of its own here "
-                f"(input ratio {found.input_ratio:.1e}, output ratio {found.output_ratio:.1e}): "
-                "use input_output"
-            )
+        ConfigurationError.refuse_if(
+            A.shape[0] != n_a or not free or size <= SINGULAR_RTOL,
+            f"{mechanism.name}: {mechanism.inputs[i]} has no output force of its own here "
+            f"(input ratio {found.input_ratio:.1e}, output ratio {found.output_ratio:.1e}): "
+            "use input_output",
+        )
         rows[i], arms[i] = force / size, weight @ B[:, i] / size
     return rows, np.diag(arms)
 
@@ -258,11 +258,12 @@ def mechanism_at(
     q = mechanism.check(q)
     loops = Loops(mechanism)
     closure = float(np.abs(loops.scaled(q)[0]).max())
-    if closure > 1e-6:  # over the length scale
-        raise ConfigurationError(
-            f"{mechanism.name}: the loops miss by {closure:.2g} at this configuration: "
-            "close them first (solve)"
-        )
+    # over the length scale
+    ConfigurationError.refuse_if(
+        closure > 1e-6,
+        f"{mechanism.name}: the loops miss by {closure:.2g} at this configuration: "
+        "close them first (solve)",
+    )
     found = _motions(loops, q, rtol)
     generic = ranks(mechanism)
     U, sigma_out, _ = np.linalg.svd(found.outputs)
@@ -412,15 +413,17 @@ def read_pose(mechanism: Mechanism, pose: npt.ArrayLike | None) -> pin.SE3:
         return pin.SE3(pose)
     values = real_numbers(pose, "pose")
     rows = mechanism.task.rows
-    if not np.isfinite(values).all():
-        raise ConfigurationError("pose holds a value that is not finite")
+    ConfigurationError.refuse_if(
+        not np.isfinite(values).all(), "pose holds a value that is not finite"
+    )
     if values.shape == (4, 4):
         return _matrix(values)
     if values.shape == (7,):
         e = values[3:]
         size = float(np.linalg.norm(e))
-        if size <= ALIKE:
-            raise ConfigurationError("the quaternion of the pose is zero: give e0, e1, e2, e3")
+        ConfigurationError.refuse_if(
+            size <= ALIKE, "the quaternion of the pose is zero: give e0, e1, e2, e3"
+        )
         return pin.SE3(pin.Quaternion(*(e / size)).matrix(), values[:3])
     if values.shape == (6,):
         return pin.SE3(pin.rpy.rpyToMatrix(*values[3:]), values[:3])
@@ -440,12 +443,12 @@ def read_pose(mechanism: Mechanism, pose: npt.ArrayLike | None) -> pin.SE3:
 
 def _matrix(values: Array) -> pin.SE3:
     R = values[:3, :3]
-    if (
+    ConfigurationError.refuse_if(
         np.abs(R @ R.T - np.eye(3)).max() > ALIKE
         or np.linalg.det(R) < 0
-        or not np.allclose(values[3], [0, 0, 0, 1], atol=ALIKE)
-    ):
-        raise ConfigurationError("the matrix (4, 4) is no pose: its rotation is not orthogonal")
+        or not np.allclose(values[3], [0, 0, 0, 1], atol=ALIKE),
+        "the matrix (4, 4) is no pose: its rotation is not orthogonal",
+    )
     U, _, Vt = np.linalg.svd(R)
     return pin.SE3(U @ Vt, values[:3, 3])
 

@@ -32,17 +32,17 @@ class PoseWay:
         led = self.led["rows"]
         free = tuple(COORDINATES[row] for row in led)
         names = ["yaw" if n in ("phi", "φ") else n for n in over]
-        if len(names) != 2 or names[0] == names[1] or not set(names) <= set(free):
-            raise OptionError(
-                f"a map over the pose goes over two of {', '.join(free)}; got {', '.join(over)}"
-            )
+        OptionError.refuse_if(
+            len(names) != 2 or names[0] == names[1] or not set(names) <= set(free),
+            f"a map over the pose goes over two of {', '.join(free)}; got {', '.join(over)}",
+        )
         self.rows = (COORDINATES.index(names[0]), COORDINATES.index(names[1]))
         self.turn = self.led["turn"] or {"kind": "none"}
-        if self.turn["kind"] == "angles" and {3, 4} - set(led):
-            raise OptionError(
-                f"{mechanism.name}: its turns are tied to each other, so that a slice through its "
-                "poses is none; take pinsing map --loops --over poses"
-            )
+        OptionError.refuse_if(
+            self.turn["kind"] == "angles" and {3, 4} - set(led),
+            f"{mechanism.name}: its turns are tied to each other, so that a slice through its "
+            "poses is none; take pinsing map --loops --over poses",
+        )
         self.targets_rows = tuple(led)
         self.extent = extent(mechanism, home(mechanism))
         self.place = output_pose(mechanism, start)

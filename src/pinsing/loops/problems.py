@@ -187,12 +187,12 @@ def working_modes(
     """
     generic = ranks(mechanism)
     _check_starts(starts)
-    if generic.output < generic.mobility:
-        raise OptionError(
-            f"{mechanism.name} has {generic.mobility} degrees of freedom, but the output "
-            f"{mechanism.output} ({mechanism.task}) shows {generic.output} of them: a pose leaves "
-            "the others open; name more rows of the output in the loop file"
-        )
+    OptionError.refuse_if(
+        generic.output < generic.mobility,
+        f"{mechanism.name} has {generic.mobility} degrees of freedom, but the output "
+        f"{mechanism.output} ({mechanism.task}) shows {generic.output} of them: a pose leaves "
+        "the others open; name more rows of the output in the loop file",
+    )
     wanted = read_pose(mechanism, pose)
     dyad = planar_dyad(mechanism)
     if dyad is not None and dyad.at_pin(mechanism):
@@ -224,8 +224,7 @@ def assemblies(
 
 
 def _check_starts(starts: int) -> None:
-    if starts < 1:
-        raise OptionError(f"starts must be 1 or more, got {starts}")
+    OptionError.refuse_if(starts < 1, f"starts must be 1 or more, got {starts}")
 
 
 def _exact(mechanism: Mechanism, problem: str, found: tuple[Array, ...], most: int) -> Modes:

@@ -181,8 +181,10 @@ class Curve:
         out = [(q, t)]
         step, travelled = self.step, 0.0
         while len(out) < _MOST:
-            if self.over is not None and self.over():
-                raise StoppedError(f"{self.mechanism.name}: no time is left to follow a curve")
+            StoppedError.refuse_if(
+                self.over is not None and self.over(),
+                f"{self.mechanism.name}: no time is left to follow a curve",
+            )
             try:
                 new = self.correct(q + step * t * self.units, t)
                 turn = self.tangent(new, t)
@@ -322,8 +324,10 @@ def refine_point(
     OptionError
         If the kind is none of ``type 1``, ``type 2``, ``type 3`` and ``constraint``.
     """
-    if kind not in (*KINDS, "type 3"):
-        raise OptionError(f"unknown kind {kind!r}: it is type 1, type 2, type 3 or constraint")
+    OptionError.refuse_if(
+        kind not in (*KINDS, "type 3"),
+        f"unknown kind {kind!r}: it is type 1, type 2, type 3 or constraint",
+    )
     q = mechanism.check(q)
     loops = Loops(mechanism)
     inner = Loops(to_its_size(mechanism))

@@ -11,6 +11,7 @@ import numpy as np
 import pinocchio as pin
 
 from pinsing._types import Array
+from pinsing.errors import Refusal
 from pinsing.loops.exact import Turn, rational_turn, turn_to
 from pinsing.measures import ALIKE, ROUNDING, SEED
 from pinsing.robot.joints import joint_axis
@@ -59,7 +60,7 @@ def once(compute: Callable[[Mechanism], T]) -> Callable[[Mechanism], T]:
     return known
 
 
-class NotThisKind(Exception):
+class NotThisKind(Refusal):
     """The legs are others; the message says in which way."""
 
 

@@ -94,12 +94,12 @@ def sigma_curves(
     if moving is None:
         there = {c.moving for c in result.curves if c.holds(fixed or {}, summary)}
         names = [n for j, n in enumerate(summary.joints) if j in there or not result.kept]
-        if not names:
-            raise OptionError(f"the sweep has no curve with {result.set_text(dict(fixed or {}))}")
+        OptionError.refuse_if(
+            not names, f"the sweep has no curve with {result.set_text(dict(fixed or {}))}"
+        )
     else:
         names = [moving] if isinstance(moving, str) else list(moving)
-        if not names:
-            raise OptionError("moving names no joint: leave it out for all")
+        OptionError.refuse_if(not names, "moving names no joint: leave it out for all")
     curves = [result.curve(fixed, name) for name in names]
     ax = new_axes() if ax is None else ax
     turning = [c for c in curves if not summary.prismatic[c.moving]]
@@ -238,20 +238,22 @@ def sigma_along(
     'log'
     """
     Q = arm.check(trajectory, "trajectory")
-    if Q.ndim != 2 or len(Q) < 2:
-        raise ConfigurationError(
-            f"a trajectory needs two configurations or more, (N, {arm.n}); got shape {Q.shape}"
-        )
+    ConfigurationError.refuse_if(
+        Q.ndim != 2 or len(Q) < 2,
+        f"a trajectory needs two configurations or more, (N, {arm.n}); got shape {Q.shape}",
+    )
     steps = np.linalg.norm(np.diff(Q, axis=0) / arm.space.metric, axis=1)
     t = np.append(0.0, np.cumsum(steps)) if times is None else real_numbers(times, "times")
-    if times is None and t[-1] == t[0]:
-        raise ConfigurationError("the trajectory stays at one configuration: it has no length")
-    if (
+    ConfigurationError.refuse_if(
+        times is None and t[-1] == t[0],
+        "the trajectory stays at one configuration: it has no length",
+    )
+    ConfigurationError.refuse_if(
         t.shape != (len(Q),)
         or not np.isfinite(t).all()
-        or (np.diff(t) < (1e-300 if times is not None else 0)).any()
-    ):
-        raise ConfigurationError(f"times must be {len(Q)} increasing numbers")
+        or (np.diff(t) < (1e-300 if times is not None else 0)).any(),
+        f"times must be {len(Q)} increasing numbers",
+    )
     if times is None and degrees:
         t = np.degrees(t)
     met = () if forms is None else tuple(crossings(forms, Q))

@@ -224,18 +224,21 @@ def ellipsoids(
     >>> axes.get_title()
     'translations, tool orientation held [m/s]'
     """
-    if kind not in (*KINDS, "both"):
-        raise OptionError(f"unknown kind {kind!r}: translational, rotational or both")
+    OptionError.refuse_if(
+        kind not in (*KINDS, "both"), f"unknown kind {kind!r}: translational, rotational or both"
+    )
     if arm is not None and arm.joints != state.arm.joints:
         raise OptionError(f"arm is {arm.name} with other joints than the state of {state.arm.name}")
     kinds = KINDS if kind == "both" else (kind,)
-    if ax is not None and getattr(ax, "name", "") != "3d":
-        raise OptionError("ellipsoids needs axes with projection='3d'")
-    if ax is not None and arm is None and len(kinds) > 1:
-        raise OptionError(
-            "one axis cannot carry m/s and rad/s: choose kind='translational' or 'rotational', "
-            "or leave ax out"
-        )
+    OptionError.refuse_if(
+        ax is not None and getattr(ax, "name", "") != "3d",
+        "ellipsoids needs axes with projection='3d'",
+    )
+    OptionError.refuse_if(
+        ax is not None and arm is None and len(kinds) > 1,
+        "one axis cannot carry m/s and rad/s: choose kind='translational' or 'rotational', "
+        "or leave ax out",
+    )
     if motions is None:
         motions = "pure" if pure_by_default(state.arm.task, state.generic_rank) else "all"
     if motions == "pure":

@@ -53,8 +53,9 @@ def input_map(
     dyad = planar_dyad(mechanism)
     if dyad is None or len(mechanism.inputs) != 2:
         raise OptionError("a map over the inputs needs a planar loop with two cranks (5R)")
-    if assembly not in ("+", "-"):
-        raise OptionError(f"assembly mode must be + or -, got {assembly!r}")
+    OptionError.refuse_if(
+        assembly not in ("+", "-"), f"assembly mode must be + or -, got {assembly!r}"
+    )
     ax = plt.subplots()[1] if ax is None else ax
     left = is_left(mechanism, dyad) == (assembly == "+")
     x = y = np.linspace(-np.pi, np.pi, samples)
@@ -355,10 +356,9 @@ def motion_curve(
     moves most.
     """
     freedoms = ranks(mechanism).mobility
-    if freedoms != 1:
-        raise OptionError(
-            f"{mechanism.name} has {freedoms} degrees of freedom: its poses are no curve"
-        )
+    OptionError.refuse_if(
+        freedoms != 1, f"{mechanism.name} has {freedoms} degrees of freedom: its poses are no curve"
+    )
     names = _names(mechanism, over)
     found = curves(mechanism, home(mechanism)[list(mechanism.actuated)], 0)
     points = find_singular(mechanism, found)
@@ -408,10 +408,10 @@ def _names(mechanism: Mechanism, over: Sequence[str] | None) -> tuple[str, str]:
         return mechanism.inputs[0], COORDINATES[led_pose(mechanism)["rows"][0]]
     names = ["yaw" if n in ("phi", "φ") else n for n in over]
     known = _coordinates(mechanism)
-    if len(names) != 2 or names[0] == names[1] or not set(names) <= set(known):
-        raise OptionError(
-            f"a curve of poses goes over two of {', '.join(known)}; got {', '.join(over)}"
-        )
+    OptionError.refuse_if(
+        len(names) != 2 or names[0] == names[1] or not set(names) <= set(known),
+        f"a curve of poses goes over two of {', '.join(known)}; got {', '.join(over)}",
+    )
     return names[0], names[1]
 
 
@@ -497,8 +497,9 @@ def mode_sheet(
     # has. Each picture has its number in the text of ``analyze --loops``.
     asked = home(mechanism)[list(mechanism.actuated)] if inputs is None else inputs
     direct = assembly_modes(mechanism, asked) if direct is None else direct
-    if not direct.modes:
-        raise OptionError(f"{mechanism.name}: there is no mode to draw: {direct.statement}")
+    OptionError.refuse_if(
+        not direct.modes, f"{mechanism.name}: there is no mode to draw: {direct.statement}"
+    )
     q = home(mechanism) if inputs is None else direct.modes[0].q
     generic = ranks(mechanism)
     if inverse is None and generic.output >= generic.mobility:

@@ -146,8 +146,9 @@ def _measured(
     if measure == "sigma":
         return singular_values(arm, Q)[:, -1], r"$\sigma_{\min}$", ""
     real = [family.branches for family in families if family.real]
-    if not real:
-        raise OptionError("clearance is infinite: no family of singular configurations is known")
+    OptionError.refuse_if(
+        not real, "clearance is infinite: no family of singular configurations is known"
+    )
     weight = np.where(arm.prismatic, 1 / arm.length_scale, 1.0)
     conditions = Conditions.of(real, np.asarray(arm.prismatic), weight)
     what = "clearance" if arm.design is None else "distance from families of the design"
@@ -157,8 +158,7 @@ def _measured(
 def two_joints(arm: Arm, joint_a: str, joint_b: str, samples: int) -> tuple[int, int]:
     """Indices of two joints, which must differ; a number of samples is checked as well."""
     a, b = arm.space.index(joint_a), arm.space.index(joint_b)
-    if a == b:
-        raise OptionError("a map needs two different joints")
+    OptionError.refuse_if(a == b, "a map needs two different joints")
     whole_number(samples, "samples", 2, 2000)
     return a, b
 
@@ -431,8 +431,10 @@ def _best(points: Array, values: Array, low: Array, size: float) -> tuple[Array,
 def _given(axes: Any) -> list[Axes]:
     every = list(axes.flat) if isinstance(axes, np.ndarray) else axes
     listed = isinstance(every, list | tuple) and len(every) == 3
-    if not listed or not all(isinstance(ax, Axes) for ax in every):
-        raise OptionError("axes must be three of matplotlib's, for the slices x-z, y-z and x-y")
+    OptionError.refuse_if(
+        not listed or not all(isinstance(ax, Axes) for ax in every),
+        "axes must be three of matplotlib's, for the slices x-z, y-z and x-y",
+    )
     return list(every)
 
 
@@ -682,8 +684,10 @@ def locus(
     '$q_{3}$ [rad]'
     """
     whole_number(samples, "samples", 2, 2000)
-    if family.n != arm.n or not set(family.joints) <= set(arm.joints):
-        raise OptionError(f"family {family.name} is of another arm than {arm.name}")
+    OptionError.refuse_if(
+        family.n != arm.n or not set(family.joints) <= set(arm.joints),
+        f"family {family.name} is of another arm than {arm.name}",
+    )
     a, b = _plane(arm, family, joint_a, joint_b)
     given = family.generic if q is None else arm.check_one(q)
     base = np.zeros(arm.n) if given is None else np.array(given)
@@ -729,11 +733,14 @@ def _third(
     if third is None or values is None:
         raise OptionError("third and values belong together: a joint, and where it is put")
     c = arm.space.index(third)
-    if c in plane:
-        raise OptionError(f"{third} is along an axis already: the third joint must be another")
+    OptionError.refuse_if(
+        c in plane, f"{third} is along an axis already: the third joint must be another"
+    )
     steps = np.atleast_1d(real_numbers(values, "values"))
     for value in steps.ravel():
         arm.check_one(np.where(np.arange(arm.n) == c, value, base))
-    if steps.ndim != 1 or not 1 <= len(steps) <= _MOST_CURVES:
-        raise OptionError(f"values must be a row of 1 to {_MOST_CURVES} numbers")
+    OptionError.refuse_if(
+        steps.ndim != 1 or not 1 <= len(steps) <= _MOST_CURVES,
+        f"values must be a row of 1 to {_MOST_CURVES} numbers",
+    )
     return c, steps.tolist()

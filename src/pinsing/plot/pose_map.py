@@ -226,16 +226,16 @@ def panels(mechanism: Mechanism, found: PoseSlice, titles: Sequence[str]) -> lis
 
 
 def _names(mechanism: Mechanism, over: Sequence[str] | None) -> tuple[str, ...]:
-    if ranks(mechanism).mobility < 2:
-        raise OptionError(
-            f"{mechanism.name} has one degree of freedom: its poses are a curve, which plot map "
-            "--loops shows without --over"
-        )
-    if not joint_forms(mechanism).complete:
-        raise OptionError(
-            f"{mechanism.name}: a map over the pose needs equations in the joint angles, and there "
-            f"are none: {'; '.join(joint_forms(mechanism).notes)}"
-        )
+    OptionError.refuse_if(
+        ranks(mechanism).mobility < 2,
+        f"{mechanism.name} has one degree of freedom: its poses are a curve, which plot map "
+        "--loops shows without --over",
+    )
+    OptionError.refuse_if(
+        not joint_forms(mechanism).complete,
+        f"{mechanism.name}: a map over the pose needs equations in the joint angles, and there "
+        f"are none: {'; '.join(joint_forms(mechanism).notes)}",
+    )
     return tuple(over) if over is not None else free_coordinates(mechanism)[:2]
 
 

@@ -75,12 +75,13 @@ class Section:
                 "inverse solutions by position are drawn for arms of 3 joints and task position: "
                 f"this one has {arm.n} joints and task {arm.task}, of rank {generic_rank(arm)}"
             )
-        if arm.task.rows != (0, 1, 2):
-            raise OptionError(f"the task must be position, not {arm.task}")
-        if arm.prismatic[0]:
-            raise OptionError(
-                "the first joint must be revolute: the workspace is then one of revolution"
-            )
+        OptionError.refuse_if(
+            arm.task.rows != (0, 1, 2), f"the task must be position, not {arm.task}"
+        )
+        OptionError.refuse_if(
+            arm.prismatic[0],
+            "the first joint must be revolute: the workspace is then one of revolution",
+        )
         slides = bool(arm.prismatic[1]), bool(arm.prismatic[2])
         every = [_FIT[:2] if s else _FIT for s in slides]
         tips, axis, foot = [], np.zeros(3), np.zeros(3)
@@ -255,8 +256,10 @@ def reach_of(arm: Arm, samples: int, limits: bool) -> Reach:
     X = np.stack(np.meshgrid(*joints, indexing="ij"), axis=-1)
     places = section.place(X)
     f = section.singular(X)
-    if np.abs(f).max() < _FLAT * np.abs(section.tensor).max() ** 3:
-        raise OptionError("this arm is singular everywhere off its first axis")
+    OptionError.refuse_if(
+        np.abs(f).max() < _FLAT * np.abs(section.tensor).max() ** 3,
+        "this arm is singular everywhere off its first axis",
+    )
     drawn = Figure().add_subplot().contour(joints[0], joints[1], f.T, levels=[0.0])
     lines = [_onto(section, np.asarray(line)) for line in drawn.allsegs[0] if len(line) > 2]
     size = float(np.ptp(places.reshape(-1, 2), axis=0).max())

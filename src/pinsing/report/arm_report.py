@@ -128,14 +128,21 @@ def write_report(
     """
     if path is not None and Path(path).suffix.lower() == ".pdf" and pdf is None:
         path, pdf = None, path
-    if path is None and pdf is None:
-        raise OptionError("path is None and pdf is None: there is nothing to write")
-    if path is not None and Path(path).suffix.lower() not in ("", ".html", ".htm"):
-        raise OutputError(f"cannot write {path}: a report is .html or .pdf")
+    OptionError.refuse_if(
+        path is None and pdf is None, "path is None and pdf is None: there is nothing to write"
+    )
+    OutputError.refuse_if(
+        path is not None and Path(path).suffix.lower() not in ("", ".html", ".htm"),
+        f"cannot write {path}: a report is .html or .pdf",
+    )
     html_file = None if path is None else check_writable(path)
     pdf_file = None if pdf is None else check_writable(pdf)
-    if html_file is not None and pdf_file is not None and html_file.resolve() == pdf_file.resolve():
-        raise OutputError(f"cannot write {pdf_file}: the HTML goes there")
+    OutputError.refuse_if(
+        html_file is not None
+        and pdf_file is not None
+        and html_file.resolve() == pdf_file.resolve(),
+        f"cannot write {pdf_file}: the HTML goes there",
+    )
     if pdf_file is not None:
         check_browser(pdf_file)
     beside = None
@@ -178,10 +185,10 @@ def _made(
             Q = robot.check(trajectory)
             trajectory = Trajectory(check_trajectory(robot, Q, forms=forms), Q, None)
         return arm_report(robot, forms, checked_poses, inside, name, skeleton, trajectory, zones)
-    if trajectory is not None or zones is not None:
-        raise OptionError("a trajectory and zones are of arms only")
-    if forms is not None:
-        raise OptionError("forms are of arms: a mechanism has none to give")
+    OptionError.refuse_if(
+        trajectory is not None or zones is not None, "a trajectory and zones are of arms only"
+    )
+    OptionError.refuse_if(forms is not None, "forms are of arms: a mechanism has none to give")
     from pinsing.report.mechanism_report import mechanism_report
 
     given = {key: robot.check_inputs(x) for key, x in poses.items()}

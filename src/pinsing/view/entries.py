@@ -223,8 +223,9 @@ class Posture:
 
 def listed_postures(arm: Arm, found: PostureChanges) -> tuple[Posture, ...]:
     """Return postures in the order of `posture_changes`, the current one first."""
-    if len(found.q) != arm.n:
-        raise OptionError(f"the postures are of {len(found.q)} joints; {arm.name} has {arm.n}")
+    OptionError.refuse_if(
+        len(found.q) != arm.n, f"the postures are of {len(found.q)} joints; {arm.name} has {arm.n}"
+    )
     here = "singular" if found.aspect is None else f"aspect {found.aspect}"
     out = [
         Posture(found.q, ", ".join(found.names) or "posture 1", f"{here}: where it starts", None)

@@ -426,8 +426,10 @@ class MechanismViewer(Tab):
         host: str = "127.0.0.1",
         port: int | None = None,
     ) -> None:
-        if not (np.isfinite(scale) and scale > 0):
-            raise OptionError(f"scale must be a positive number, got {scale!r}")
+        OptionError.refuse_if(
+            not (np.isfinite(scale) and scale > 0),
+            f"scale must be a positive number, got {scale!r}",
+        )
         self.mechanism = mechanism
         if analysis is None:
             analysis = analyze_mechanism(mechanism)

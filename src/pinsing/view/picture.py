@@ -47,8 +47,10 @@ def find_browser() -> str | None:
 
 def take_picture(url: str, path: str | os.PathLike[str], size: tuple[int, int]) -> None:
     """Write a page, once drawn, as PNG; OptionError for the size, OutputError for all else."""
-    if not all(16 <= side <= 8192 for side in size):
-        raise OptionError(f"the size of a picture must be within 16 and 8192 pixels, got {size}")
+    OptionError.refuse_if(
+        not all(16 <= side <= 8192 for side in size),
+        f"the size of a picture must be within 16 and 8192 pixels, got {size}",
+    )
     path = check_writable(path)
     browser = check_browser(path, "a picture", "-o FILE.html needs none")
     write_bytes(path, _taken(browser, url, size))
@@ -232,8 +234,9 @@ async def _capture(address: str, url: str, size: tuple[int, int]) -> bytes:
         value = found["result"].get("value")
         if value == "yes":
             break
-        if value == "failed" or time.monotonic() > limit:
-            raise OutputError("the page did not come up in the browser")
+        OutputError.refuse_if(
+            value == "failed" or time.monotonic() > limit, "the page did not come up in the browser"
+        )
         await asyncio.sleep(0.1)
     # Two frames later the last change is on the screen.
     settle = "new Promise(r => requestAnimationFrame(() => requestAnimationFrame(() => r(1))))"

@@ -297,10 +297,10 @@ class Overlay:
 
     def __init__(self, visualizer: Any, arm: Arm, size: Sizes) -> None:
         root = getattr(visualizer, "viewer", visualizer)
-        if not hasattr(root, "set_transform"):
-            raise OptionError(
-                "visualizer must be a meshcat.Visualizer, or a MeshcatVisualizer after initViewer()"
-            )
+        OptionError.refuse_if(
+            not hasattr(root, "set_transform"),
+            "visualizer must be a meshcat.Visualizer, or a MeshcatVisualizer after initViewer()",
+        )
         self._arm, self._size = arm, size
         self._display = getattr(visualizer, "display", None)
         self._model = getattr(visualizer, "model", None)

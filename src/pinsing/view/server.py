@@ -149,8 +149,9 @@ def _address(name: str) -> ipaddress.IPv4Address | ipaddress.IPv6Address | None:
 
 def bind(host: str, port: int | None) -> list[socket.socket]:
     """Return sockets on all addresses of ``host``, one port; OptionError if taken or unknown."""
-    if port is not None and not 0 <= port <= 65535:
-        raise OptionError(f"port must be between 0 and 65535, got {port}")
+    OptionError.refuse_if(
+        port is not None and not 0 <= port <= 65535, f"port must be between 0 and 65535, got {port}"
+    )
     problem: OSError | None = None
     for candidate in [*range(7000, 7100), 0] if port is None else [port]:
         try:

@@ -306,14 +306,18 @@ class Tab:
     def _place(self, wanted: str | int, pose: int) -> int:
         """Return the index of an entry, by name or index; errors if it or its pose is unknown."""
         names = [name for name, _ in self._shown.poses]
-        if not (0 <= wanted < len(names) if isinstance(wanted, int) else wanted in names):
-            raise UnknownNameError("family", str(wanted), names)
+        UnknownNameError.refuse_if(
+            not (0 <= wanted < len(names) if isinstance(wanted, int) else wanted in names),
+            "family",
+            str(wanted),
+            names,
+        )
         index = wanted if isinstance(wanted, int) else names.index(wanted)
         name, poses = self._shown.poses[index]
-        if not 0 <= pose < len(poses):
-            raise OptionError(
-                f"{name} has {len(poses)} poses within the limits; there is no pose {pose}"
-            )
+        OptionError.refuse_if(
+            not 0 <= pose < len(poses),
+            f"{name} has {len(poses)} poses within the limits; there is no pose {pose}",
+        )
         return index
 
     def _go(self, wanted: str | int, pose: int) -> None:
@@ -324,8 +328,9 @@ class Tab:
     def _play(self, wanted: str | int, kind: str, pose: int) -> None:
         """Play a motion in every open page."""
         index = self._place(wanted, pose)
-        if kind not in KINDS:
-            raise OptionError(f"unknown kind of path {kind!r}: {' or '.join(KINDS)}")
+        OptionError.refuse_if(
+            kind not in KINDS, f"unknown kind of path {kind!r}: {' or '.join(KINDS)}"
+        )
         self._send({"play": kind, "entry": index, "pose": pose})
 
     def _send(self, message: dict[str, Any]) -> None:

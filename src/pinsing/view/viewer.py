@@ -110,8 +110,9 @@ class Viewer(Tab):
         host: str = "127.0.0.1",
         port: int | None = None,
     ) -> None:
-        if not 0 < scale < 1e6:
-            raise OptionError(f"scale must be a positive number, got {scale!r}")
+        OptionError.refuse_if(
+            not 0 < scale < 1e6, f"scale must be a positive number, got {scale!r}"
+        )
         self.arm = arm
         if not skeleton:
             read_links_ahead(arm)
@@ -263,8 +264,7 @@ def _check_clearest(arm: Arm, clearest: Suggestion) -> None:
         raise ArgumentError(
             "clearest", "a Suggestion", shown(clearest), "pinsing.suggest(arm) gives one"
         )
-    if clearest.arm.joints != arm.joints:
-        raise OptionError("clearest is of another arm")
+    OptionError.refuse_if(clearest.arm.joints != arm.joints, "clearest is of another arm")
 
 
 def _listed(arm: Arm, postures: PostureChanges) -> tuple[Posture, ...]:
