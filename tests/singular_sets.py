@@ -273,8 +273,7 @@ def check_all(arm: Arm, form: ClosedForm, tol: float = 1e-8) -> int:
 
 def dips(values: np.ndarray) -> np.ndarray:
     """Local minima of a curve that is singular nowhere."""
-    end = np.full(1, np.inf)
-    return np.flatnonzero(minima(values[None], np.ones((1, len(values))), end, end)[0])
+    return np.flatnonzero(minima(values[None], np.ones((1, len(values))))[0])
 
 
 def sliding_equation(form: ClosedForm) -> Equation:

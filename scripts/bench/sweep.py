@@ -1,7 +1,7 @@
 """Time and memory of a large sweep of a Panda, and of what is found from it.
 
     python scripts/bench/sweep.py [--step 12] [--levels 3] [--samples 601] [--threads 2]
-                                  [--out DIR] [--keep]
+                                  [--out DIR]
 
 Joints are set to multiples of ``--step`` degrees, so many at a time as ``--levels`` says. With
 --out the time includes putting each chunk on the disk.
@@ -29,7 +29,6 @@ def main() -> None:
     parser.add_argument("--samples", type=int, default=601)
     parser.add_argument("--threads", type=int, default=engine.cpu_count())
     parser.add_argument("--out")
-    parser.add_argument("--keep", action="store_true")
     options = parser.parse_args()
     arm = load("panda")
     began = time.perf_counter()
@@ -37,9 +36,7 @@ def main() -> None:
     plan = plan_sweep(arm, special=special, levels=(options.levels,), samples=options.samples)
     print(f"{plan}; planned in {time.perf_counter() - began:.1f} s, {peak()}")
     began, used = time.perf_counter(), time.process_time()
-    result = run_sweep(
-        arm, plan, keep=True if options.keep else None, threads=options.threads, out=options.out
-    )
+    result = run_sweep(arm, plan, threads=options.threads, out=options.out)
     seconds, cpu = time.perf_counter() - began, time.process_time() - used
     print(
         f"{result.engine}, {options.threads} threads: {result.done:,} Jacobians in {seconds:.1f} s "

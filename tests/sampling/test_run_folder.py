@@ -20,7 +20,7 @@ from pinsing.sampling import sigma_map
 from pinsing.sampling.execute import RunFolder, recorded
 from pinsing.sampling.map_plan import BLOCK
 from pinsing.sampling.sweep_plan import plan_sweep
-from pinsing.sampling.sweep_run import kept_curves, load_npz, run_sweep
+from pinsing.sampling.sweep_run import load_npz, run_sweep
 
 COUNT = 4 * BLOCK
 
@@ -286,13 +286,6 @@ def test_contents_that_no_chunk_of_a_sweep_has(tmp_path: Path) -> None:
     for index, (name, change) in damaged.items():
         record = records[index]
         folder.save(index, {**record, name: change(record.get(name, record["first"]))})
-        message = rf"{index:06d}\.npz is missing or damaged: run the same"
-        with pytest.raises(ResultError, match=message):
-            list(kept_curves(out))
-        folder.save(index, record)
-    for index, (name, change) in damaged.items():
-        record = records[index]
-        folder.save(index, {**record, name: change(record.get(name, record["first"]))})
     told: list[str] = []
     again = run_sweep(arm, plan, keep=True, out=out, chunk=1, tell=told.append)
     assert told[0].startswith(f"{folder.chunks - len(wrong)} of {folder.chunks} chunks")
@@ -301,4 +294,3 @@ def test_contents_that_no_chunk_of_a_sweep_has(tmp_path: Path) -> None:
     assert {i: pack(folder.read(i), "", i) for i in records} == {
         i: pack(record, "", i) for i, record in records.items()
     }
-    assert len(list(kept_curves(out))) == plan.n_curves

@@ -194,12 +194,7 @@ def _levels(text: str) -> tuple[int, ...]:
 @arm_options
 @sweep_options()
 @geometry_options
-@click.option(
-    "--keep/--no-keep",
-    default=None,
-    help="Keep the curves in -o FOLDER however large they are, 16 bytes a Jacobian, or not at "
-    "all.  [default: up to 64 MiB]",
-)
+@click.option("--no-keep", is_flag=True, help="Leave the curves out.  [default: kept up to 64 MiB]")
 @click.option(
     "--chunk", type=click.IntRange(min=1), metavar="N", help="Jacobians of a chunk, more or less."
 )
@@ -214,7 +209,7 @@ def sweep_command(
     deg: bool,
     npz: Path | None,
     folder: Path | None,
-    keep: bool | None,
+    no_keep: bool,
     chunk: int | None,
     place: RunPlace,
     json_target: str | Path | None,
@@ -233,10 +228,6 @@ def sweep_command(
         npz is not None and folder is not None,
         f"-o {npz} and -o {folder}: the folder gets the curves already",
     )
-    OptionError.refuse_if(
-        keep and npz is None and folder is None,
-        "--keep needs a folder to keep the curves in: give -o FOLDER",
-    )
     from pinsing.robot.nominal import nominal
     from pinsing.sampling.analyze import singular_configurations
     from pinsing.sampling.execute import ctrl_c_afterwards
@@ -248,8 +239,9 @@ def sweep_command(
     swept = tests if geometry == "nominal" else arm
     plan = plan_sweep(swept, **chosen, geometry=tests)
     say(f"{plan.n_curves} curves, {plan.n_jacobians} Jacobians")
+    keep = False if no_keep else None
     if npz is not None:  # a file is asked for its curves
-        check_keep(plan, keep is not False, False)
+        check_keep(plan, not no_keep)
     result = None
     findings: tuple[Finding, ...] = ()
     told = False
@@ -263,9 +255,6 @@ def sweep_command(
             say(f"wrote {written}")
         if folder is not None and result.complete:
             say(f"wrote {folder / CURVES}")
-            if keep and not result.kept:
-                reader = "pinsing.sampling.sweep_run.kept_curves"
-                say(f"the curves are in {folder}: read them with {reader}")
         findings = singular_configurations(swept, result, geometry=tests)
         told = True
     except KeyboardInterrupt:  # what was swept is an answer without them

@@ -28,7 +28,7 @@ from pinsing.loops.structure import output_pose
 from pinsing.measures import NEAR_RTOL, ROUNDING, SINGULAR_RTOL
 from pinsing.prose import PLAIN, Page
 from pinsing.robot.mechanism import Mechanism
-from pinsing.sampling.sweep_plan import MAX_SAMPLES
+from pinsing.sampling.sweep_plan import MAX_STARTS
 from pinsing.serialization import JsonResult
 
 
@@ -363,23 +363,23 @@ def mechanism_map(
     >>> found.closed <= 200, sorted(found.kinds)[0]
     (True, 'constraint')
     """
-    if over not in OVER:
-        raise OptionError(f"a map of a mechanism goes over inputs or poses, not {over!r}")
+    OptionError.refuse_if(
+        over not in OVER, f"a map of a mechanism goes over inputs or poses, not {over!r}"
+    )
     for name, value in (("count", count), ("worst", worst)):
-        if value < 1:
-            raise OptionError(f"{name} must be 1 or more, got {value}")
-    if count > MAX_SAMPLES:
-        raise OptionError(f"count must be at most {MAX_SAMPLES}, got {count}: take several seeds")
-    if seed < 0:
-        raise OptionError(f"seed must be 0 or more, got {seed}")
+        OptionError.refuse_if(value < 1, f"{name} must be 1 or more, got {value}")
+    OptionError.refuse_if(
+        count > MAX_STARTS, f"count must be at most {MAX_STARTS}, got {count}: take several seeds"
+    )
+    OptionError.refuse_if(seed < 0, f"seed must be 0 or more, got {seed}")
     if ignore_limits:
         mechanism = mechanism.without_limits()
     generic = ranks(mechanism)
-    if over == "poses" and generic.output < generic.mobility:
-        raise OptionError(
-            f"{mechanism.name} has {generic.mobility} degrees of freedom, but its output shows "
-            f"{generic.output}: a pose leaves the others open; take a map over inputs"
-        )
+    OptionError.refuse_if(
+        over == "poses" and generic.output < generic.mobility,
+        f"{mechanism.name} has {generic.mobility} degrees of freedom, but its output shows "
+        f"{generic.output}: a pose leaves the others open; take a map over inputs",
+    )
     loops = BatchLoops(mechanism)
     # Of more actuators than freedoms those that are independent are drawn; the others follow.
     driven = list(independent_inputs(mechanism, generic, home(mechanism)).actuated)

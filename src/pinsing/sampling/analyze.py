@@ -40,7 +40,7 @@ from pinsing.sampling.generalize import (
     finding_spans,
 )
 from pinsing.sampling.map_plan import BLOCK
-from pinsing.sampling.sweep_plan import MAX_SAMPLES, SAMPLES, SPECIAL_ANGLES, Special
+from pinsing.sampling.sweep_plan import MAX_STARTS, SAMPLES, SPECIAL_ANGLES, Special
 from pinsing.sampling.sweep_run import SweepResult, sweep
 from pinsing.serialization import JsonResult
 
@@ -107,14 +107,14 @@ def singular_configurations(
     <Finding: q2 = 0, whatever the others (boundary)>
     """
     plan = result.plan
-    if plan.arm.joints != arm.joints:
-        raise OptionError(
-            f"the sweep is of {plan.arm.name} ({', '.join(plan.arm.joints)}), not of {arm.name} "
-            f"({', '.join(arm.joints)}): sweep the same arm"
-        )
+    OptionError.refuse_if(
+        plan.arm.joints != arm.joints,
+        f"the sweep is of {plan.arm.name} ({', '.join(plan.arm.joints)}), not of {arm.name} "
+        f"({', '.join(arm.joints)}): sweep the same arm",
+    )
     exact = nominal(arm).arm if geometry is None else geometry
     tester = ConditionTester(exact, plan.relevant, samples, SINGULAR_RTOL, plan.seed)
-    whole_number(random_starts, "random_starts", 0, MAX_SAMPLES)
+    whole_number(random_starts, "random_starts", 0, MAX_STARTS)
     points = _refined(exact, result, random_starts, until)
     sharp = points.ratio <= SINGULAR_RTOL
     collector = _Collector(arm, exact, result, tester, points.where(sharp))
@@ -723,9 +723,11 @@ def analyze(
     >>> [f.text for f in found.families], found.complete, found.agree
     (['q2 = 0° or 180°'], True, True)
     """
-    if geometry not in ("both", "raw", "nominal"):
-        raise OptionError(f"geometry must be 'both', 'raw' or 'nominal', got {geometry!r}")
-    whole_number(random_starts, "random_starts", 0, MAX_SAMPLES)
+    OptionError.refuse_if(
+        geometry not in ("both", "raw", "nominal"),
+        f"geometry must be 'both', 'raw' or 'nominal', got {geometry!r}",
+    )
+    whole_number(random_starts, "random_starts", 0, MAX_STARTS)
     whole_number(seed, "seed", 0, MAX_SEED)
     started = time.monotonic()
     if geometry == "raw":

@@ -22,7 +22,7 @@ import numpy as np
 import numpy.typing as npt
 
 from pinsing._types import Array, Bool, Ints
-from pinsing.chunk_file import Record
+from pinsing.chunk_file import DamagedError, Record
 from pinsing.kinematics.verdict import SINGULAR_RTOL
 from pinsing.measures import ROUNDING
 from pinsing.sampling.sweep_plan import NOT_ASKED, PlannedLevel, SweepPlan
@@ -164,15 +164,14 @@ class Candidates:
         return len(self.curve)
 
 
-def minima(sigma: Array, ratio: Array, before: Array, after: Array) -> Bool:
-    """Return which samples of curves, or of pieces of them, are candidates, (C, S).
+def minima(sigma: Array, ratio: Array) -> Bool:
+    """Return which samples of curves are candidates, (C, S).
 
-    Local minima of sigma_r and sigma_r / sigma_1 (C, S), with sigma_r (C,) beside them, infinite at
-    the ends of a curve; none of a flat curve. A singular stretch, which is rounding, has one, at a
-    third: its middle may be special.
+    Local minima of sigma_r and sigma_r / sigma_1 (C, S), none of a flat curve. A singular stretch,
+    which is rounding, has one, at a third: its middle may be special.
     """
-    left = np.concatenate([before[:, None], sigma[:, :-1]], axis=1)
-    right = np.concatenate([sigma[:, 1:], after[:, None]], axis=1)
+    beside = np.pad(sigma, ((0, 0), (1, 1)), constant_values=np.inf)
+    left, right = beside[:, :-2], beside[:, 2:]
     top = sigma.max(axis=1)
     bent = top - sigma.min(axis=1) > ROUNDING * top
     found: Bool = (sigma < left) & (sigma <= right) & bent[:, None]
@@ -220,8 +219,10 @@ class Pool:
     def check(self, record: Record, start: int, stop: int, regular: int) -> None:
         """Judge a pool of Jacobians from ``start`` to ``stop``, so many not of singular curves."""
         size = (min(int(whole(record, "dips_found", (), 0, regular + 1)), self.most),)
-        if (np.diff(whole(record, "dip_number", size, start, stop)) <= 0).any():
-            raise ValueError("its dips are not in order")
+        DamagedError.refuse_if(
+            (np.diff(whole(record, "dip_number", size, start, stop)) <= 0).any(),
+            "its dips are not in order",
+        )
         whole(record, "dip_kind", size, 0, 1 << 62)
         for name in ("dip_sigma", "dip_ratio"):
             finite(record, name, size)

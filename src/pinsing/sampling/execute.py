@@ -68,7 +68,7 @@ class RunFolder:
         check: Callable[[Record], None] | None = None,
         room: int = 256 << 20,
     ) -> Record:
-        """Return the record of a chunk; ``check`` raises ValueError for what it must not hold."""
+        """Return the record of a chunk; ``check`` raises DamagedError for what it must not hold."""
         path = self.chunk_path(index)
         try:
             # Arrays that cannot be compressed grow by less than a thousandth.
@@ -79,10 +79,7 @@ class RunFolder:
             raise OutputError(f"cannot read {path}: {why(error)}") from None
         record = unpack(data, self.digest, index, room)
         if check is not None:
-            try:
-                check(record)
-            except ValueError as error:
-                raise DamagedError(str(error)) from None
+            check(record)
         return record
 
     def kept(self) -> tuple[int, ...]:
@@ -157,8 +154,10 @@ def make_chunks(root: Path) -> None:
         with contextlib.suppress(FileExistsError):
             os.mkdir(chunks)
             sync_folder(root)
-        if not stat.S_ISDIR(os.lstat(chunks).st_mode):
-            raise OutputError(f"cannot use {chunks}: it is no folder; remove it, or give another")
+        OutputError.refuse_if(
+            not stat.S_ISDIR(os.lstat(chunks).st_mode),
+            f"cannot use {chunks}: it is no folder; remove it, or give another",
+        )
 
 
 @contextlib.contextmanager
@@ -200,8 +199,10 @@ def _locked(root: Path) -> Iterator[None]:
         flags = os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC
         handle = os.open(root / _LOCK, flags, 0o666)
     with open(handle, "rb"):
-        if not stat.S_ISREG(os.fstat(handle).st_mode):
-            raise OutputError(f"cannot use {root / _LOCK}: it is no file; remove it")
+        OutputError.refuse_if(
+            not stat.S_ISREG(os.fstat(handle).st_mode),
+            f"cannot use {root / _LOCK}: it is no file; remove it",
+        )
         with _reported(f"cannot lock {root}"):
             try:
                 fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
@@ -222,8 +223,10 @@ def _tidy(folder: RunFolder) -> None:
                         os.unlink(entry.path)
         for index in folder.kept():
             path = folder.chunk_path(index)
-            if stat.S_ISDIR(os.lstat(path).st_mode):
-                raise OutputError(f"cannot use {path}: it is a folder; remove it")
+            OutputError.refuse_if(
+                stat.S_ISDIR(os.lstat(path).st_mode),
+                f"cannot use {path}: it is a folder; remove it",
+            )
 
 
 def _difference(known: Mapping[str, Any], asked: Mapping[str, Any]) -> str:
@@ -414,8 +417,7 @@ def how_many(asked: int | None, what: str) -> int:
     """A number of workers that was asked for, or that of the processors."""
     if asked is None:
         return cpu_count()
-    if asked < 1:
-        raise OptionError(f"{what} must be at least 1, got {asked}")
+    OptionError.refuse_if(asked < 1, f"{what} must be at least 1, got {asked}")
     return int(asked)
 
 
@@ -439,7 +441,7 @@ class Job(Protocol):
         """Return what computes one chunk: small, able to be pickled, the same anywhere."""
 
     def check(self, index: int, record: Record) -> None:
-        """Raise a ValueError that says why ``record`` cannot be that of a chunk."""
+        """Raise a DamagedError that says why ``record`` cannot be that of a chunk."""
 
     def room(self, index: int) -> int:
         """Bytes that the arrays of a chunk take at most."""
@@ -559,8 +561,10 @@ class Run:
 def running(job: Job, options: RunOptions) -> Iterator[Run]:
     """Run ``job`` for as long as the block lasts; meanwhile Ctrl-C is as of `ctrl_c_to`."""
     executor, parallel, inbox = options.executor, options.parallel, Inbox()
-    if executor is not None and options.threads is not None:
-        raise OptionError("give either threads or an executor, not both")
+    OptionError.refuse_if(
+        executor is not None and options.threads is not None,
+        "give either threads or an executor, not both",
+    )
     with contextlib.ExitStack() as stack:
         stack.enter_context(ctrl_c_to(inbox))
         folder = None
@@ -586,7 +590,7 @@ def _outcome(future: Future[Record], job: Job, index: int) -> Record:
         record = future.result()
         try:
             job.check(index, record)
-        except (ValueError, TypeError, AttributeError) as wrong:
+        except (DamagedError, ValueError, TypeError, AttributeError) as wrong:
             raise WorkerError(
                 f"a worker returned something else for chunk {index}: {wrong} "
                 "(has it the same pinsing installed?)"

@@ -94,10 +94,10 @@ def dask_cluster(address: str, timeout: float = 10.0) -> Iterator[tuple[Executor
     import asyncio  # a tenth of a second of a start, and nobody else needs it
 
     port = _ADDRESS.fullmatch(address)
-    if port is None or not 0 < int(port[1]) < 65536:
-        raise WorkerError(
-            f"no dask scheduler at {address[:100]}: that is no address such as tcp://HOST:PORT"
-        )
+    WorkerError.refuse_if(
+        port is None or not 0 < int(port[1]) < 65536,
+        f"no dask scheduler at {address[:100]}: that is no address such as tcp://HOST:PORT",
+    )
     try:
         # A client that cannot connect is sometimes left half made, and ends 20 s later, loudly.
         with ThreadPoolExecutor(1) as aside:
@@ -117,8 +117,9 @@ def dask_cluster(address: str, timeout: float = 10.0) -> Iterator[tuple[Executor
 
 def call_there(version: str, fn: Callable[..., Any], *args: Any, **kwargs: Any) -> Any:
     """Return what a worker runs."""
-    if version != __version__:
-        raise WorkerError(_other_version("a dask worker", __version__, version))
+    WorkerError.refuse_if(
+        version != __version__, _other_version("a dask worker", __version__, version)
+    )
     return fn(*args, **kwargs)
 
 
@@ -142,8 +143,9 @@ def _workers(distributed: Any, client: Any, address: str, timeout: float) -> int
     except Exception as error:
         raise WorkerError(f"the dask scheduler at {address} fails: {_first_line(error)}") from None
     for worker, found in sorted(versions.items()):
-        if found != __version__:
-            raise WorkerError(_other_version(f"the dask worker {worker}", found, __version__))
+        WorkerError.refuse_if(
+            found != __version__, _other_version(f"the dask worker {worker}", found, __version__)
+        )
     return count
 
 

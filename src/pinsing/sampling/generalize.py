@@ -311,10 +311,10 @@ class ConditionTester:
         seed: int = 0,
     ) -> None:
         whole_number(samples, "samples", 1, 1_000_000)
-        if len(joints) > _MAX_IN_SUBSETS:
-            raise OptionError(
-                f"{len(joints)} joints have too many subsets; name at most {_MAX_IN_SUBSETS} joints"
-            )
+        OptionError.refuse_if(
+            len(joints) > _MAX_IN_SUBSETS,
+            f"{len(joints)} joints have too many subsets; name at most {_MAX_IN_SUBSETS} joints",
+        )
         self.arm, self.rtol, self.joints = arm, rtol, tuple(joints)
         rng = np.random.default_rng(seed)
         count = max(samples, _SCREEN, _PUSHES)

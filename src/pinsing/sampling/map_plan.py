@@ -233,10 +233,10 @@ class MapPlan(JsonResult):
         >>> plan.configurations(0, 3)[:, 1].round(2)
         array([-2.62,  0.  ,  2.62])
         """
-        if not 0 <= start <= stop <= self.count:
-            raise OptionError(
-                f"configurations {start} to {stop} are outside 0 to {self.count} of the map"
-            )
+        OptionError.refuse_if(
+            not 0 <= start <= stop <= self.count,
+            f"configurations {start} to {stop} are outside 0 to {self.count} of the map",
+        )
         return rows_of(self, start, stop)
 
     def configuration(self, index: int) -> Array:
@@ -322,30 +322,35 @@ def plan_map(
     >>> pinsing.sampling.plan_map(pinsing.load("planar3r"), "grid", steps=90).count
     8100
     """
-    if sampling not in SAMPLINGS:
-        raise UnknownNameError("sampling", sampling, SAMPLINGS)
+    UnknownNameError.refuse_if(sampling not in SAMPLINGS, "sampling", sampling, SAMPLINGS)
     notes = list(scale_notes(arm))
     moving = _moving(arm, joints, ranges, steps, notes)
     limits = _ranges(arm, ranges or {}, ignore_limits, notes)
     sizes = _steps([arm.joints[i] for i in moving], steps, count) if sampling == "grid" else ()
     if sampling == "grid":
-        if count is not None and steps is not None:
-            raise OptionError("give either the steps of a grid or a count, not both")
+        OptionError.refuse_if(
+            count is not None and steps is not None,
+            "give either the steps of a grid or a count, not both",
+        )
         count = math.prod(sizes)
     elif steps is not None:
         raise OptionError(f"steps belong to a grid, not to a {sampling} sample: give a count")
     count = COUNT if count is None else int(count)
-    if not 1 <= count <= _MAX_COUNT:
-        raise OptionError(f"a map has between 1 and {_MAX_COUNT:,} configurations, not {count:,}")
-    if sampling == "sobol" and len(moving) > MAX_DIMENSION:
-        raise OptionError(
-            f"a Sobol sample has at most {MAX_DIMENSION} joints, not {len(moving)}; "
-            "choose fewer joints, or a random sample"
-        )
-    if not 0 <= seed < 2**64:
-        raise OptionError(f"seed must lie between 0 and 2**64 - 1, got {seed}")
-    if not 1 <= worst <= _MAX_WORST:
-        raise OptionError(f"worst must lie between 1 and {_MAX_WORST:,}, got {worst}")
+    OptionError.refuse_if(
+        not 1 <= count <= _MAX_COUNT,
+        f"a map has between 1 and {_MAX_COUNT:,} configurations, not {count:,}",
+    )
+    OptionError.refuse_if(
+        sampling == "sobol" and len(moving) > MAX_DIMENSION,
+        f"a Sobol sample has at most {MAX_DIMENSION} joints, not {len(moving)}; "
+        "choose fewer joints, or a random sample",
+    )
+    OptionError.refuse_if(
+        not 0 <= seed < 2**64, f"seed must lie between 0 and 2**64 - 1, got {seed}"
+    )
+    OptionError.refuse_if(
+        not 1 <= worst <= _MAX_WORST, f"worst must lie between 1 and {_MAX_WORST:,}, got {worst}"
+    )
     if chunk is None:
         chunk = CHUNK_OF_VALUES if keep_values else CHUNK
     elif chunk < 1:
@@ -374,13 +379,10 @@ def _moving(
 ) -> tuple[int, ...]:
     named = [*(joints or ()), *(ranges or ()), *(steps if isinstance(steps, Mapping) else ())]
     for name in named:
-        if name not in arm.joints:
-            raise UnknownNameError("joint", name, arm.joints)
+        UnknownNameError.refuse_if(name not in arm.joints, "joint", name, arm.joints)
     if joints is not None:
-        if not joints:
-            raise OptionError("a map needs at least one joint")
-        if len(set(joints)) < len(joints):
-            raise OptionError("a joint is named twice")
+        OptionError.refuse_if(not joints, "a map needs at least one joint")
+        OptionError.refuse_if(len(set(joints)) < len(joints), "a joint is named twice")
         outside = [name for name in named if name not in joints]
         if outside:
             raise OptionError(f"joint {outside[0]} has a range or steps but is not mapped")
@@ -416,8 +418,10 @@ def _ranges(
     for name, pair in given.items():
         i = arm.joints.index(name)
         low, high = (float(x) for x in pair)
-        if not (math.isfinite(low) and math.isfinite(high) and low < high):
-            raise ConfigurationError(f"range [{low:g}, {high:g}] of {name} is empty or not finite")
+        ConfigurationError.refuse_if(
+            not (math.isfinite(low) and math.isfinite(high) and low < high),
+            f"range [{low:g}, {high:g}] of {name} is empty or not finite",
+        )
         within = arm.lower[i] - 1e-9 <= low and high <= arm.upper[i] + 1e-9
         if not within and not ignore_limits:
             raise ConfigurationError(
@@ -443,13 +447,14 @@ def _steps(
         found = [fit] * len(names)
     elif isinstance(steps, Mapping):
         missing = [name for name in names if name not in steps]
-        if missing:
-            raise OptionError(f"steps of {', '.join(missing)} are missing")
+        OptionError.refuse_if(missing, f"steps of {', '.join(missing)} are missing")
         found = [int(steps[name]) for name in names]
     else:
         found = [int(steps)] * len(names)
-    if min(found) < 1 or max(found) > _MAX_STEPS:
-        raise OptionError(f"steps of a joint must lie between 1 and {_MAX_STEPS:,}")
+    OptionError.refuse_if(
+        min(found) < 1 or max(found) > _MAX_STEPS,
+        f"steps of a joint must lie between 1 and {_MAX_STEPS:,}",
+    )
     return tuple(found)
 
 

@@ -233,11 +233,11 @@ class Nearness:
             forms = form_to_measure(arm)
         require_forms_of(forms, arm)
         watched = watch(forms)
-        if not watched.names:
-            raise OptionError(
-                f"{arm.name} has no known family of singular configurations, so that every "
-                "clearance is infinite: map sigma instead"
-            )
+        OptionError.refuse_if(
+            not watched.names,
+            f"{arm.name} has no known family of singular configurations, so that every "
+            "clearance is infinite: map sigma instead",
+        )
         return cls(watched.names, watched.complete, watched.conditions)
 
     def fingerprint(self) -> str:
@@ -326,7 +326,7 @@ class MapJob:
         return start, min(self.plan.count, start + self.plan.chunk)
 
     def check(self, index: int, record: Record) -> None:
-        """Raise a ValueError that says why ``record`` cannot be that of a chunk."""
+        """Raise a DamagedError that says why ``record`` cannot be that of a chunk."""
         start, stop = self.span(index)
         names = [name for tally in self.tallies() for name in tally.names]
         check_names(record, (*names, *(["sigma"] if self.keep_values else [])))
@@ -480,10 +480,11 @@ def sigma_map(
         keep_values=keep_values,
     )
     options = RunOptions(out, engine, threads, executor, parallel, progress, tell)
-    if measure not in MEASURES:
-        raise UnknownNameError("measure", measure, MEASURES)
-    if measure == "sigma" and forms is not None:
-        raise OptionError("forms belong to a map of the clearance: give measure='clearance'")
+    UnknownNameError.refuse_if(measure not in MEASURES, "measure", measure, MEASURES)
+    OptionError.refuse_if(
+        measure == "sigma" and forms is not None,
+        "forms belong to a map of the clearance: give measure='clearance'",
+    )
     near = Nearness.of(arm, forms) if measure == "clearance" else None
     return run_map(arm, plan, options, keep_values, near)
 
@@ -492,8 +493,9 @@ def run_map(
     arm: Arm, plan: MapPlan, options: RunOptions, keep_values: bool, near: Nearness | None
 ) -> MapResult:
     """Run a plan that was made for ``arm``; see `sigma_map`."""
-    if keep_values and options.out is None:
-        raise OptionError("keep_values needs a folder to keep them in: give out")
+    OptionError.refuse_if(
+        keep_values and options.out is None, "keep_values needs a folder to keep them in: give out"
+    )
     job = MapJob(plan, planned_evaluator(arm, options), keep_values, near)
     tally, *distances = tallies = job.tallies()
     notes = plan.notes

@@ -221,11 +221,11 @@ def choose_nominal(
                 limits=(float(arm.lower[bad[0]]), float(arm.upper[bad[0]])),
             )
         given_ratio = float(ratios(arm, q)[0])
-        if given_ratio <= SINGULAR_RTOL:
-            raise ConfigurationError(
-                f"the nominal configuration is singular (sigma_r/sigma_1 = {given_ratio:.1e}); "
-                "choose a regular one, or leave it out and one is found"
-            )
+        ConfigurationError.refuse_if(
+            given_ratio <= SINGULAR_RTOL,
+            f"the nominal configuration is singular (sigma_r/sigma_1 = {given_ratio:.1e}); "
+            "choose a regular one, or leave it out and one is found",
+        )
         return q, "given"
     low, high = arm.span
     # Four fifths of the range: the paper's 0.3 m for d3 of the Stanford arm in [-0.5, 0.5].
@@ -235,11 +235,11 @@ def choose_nominal(
         return paper, "pi/3"
     tries = arm.space.sample(200, rng, ignore_limits)
     ratio = ratios(arm, tries)
-    if ratio.max() <= SINGULAR_RTOL:
-        raise ConfigurationError(
-            f"{arm.name} is singular at every configuration within its limits; "
-            "widen them or sweep with ignore_limits"
-        )
+    ConfigurationError.refuse_if(
+        ratio.max() <= SINGULAR_RTOL,
+        f"{arm.name} is singular at every configuration within its limits; "
+        "widen them or sweep with ignore_limits",
+    )
     return tries[int(ratio.argmax())], "random"
 
 
@@ -250,8 +250,7 @@ def special_values(
     # A prismatic joint takes 0 and the middle of its range.
     by_joint = special if isinstance(special, Mapping) else {}
     for name in by_joint:
-        if name not in arm.joints:
-            raise UnknownNameError("joint", name, arm.joints)
+        UnknownNameError.refuse_if(name not in arm.joints, "joint", name, arm.joints)
     common = SPECIAL_ANGLES if isinstance(special, Mapping) else tuple(special)
     own = special is not SPECIAL_ANGLES
     result, left_out = [], []
@@ -262,8 +261,9 @@ def special_values(
         usual = (0.0, float(arm.span[0][i] + arm.span[1][i]) / 2) if slides else common
         kept: list[float] = []
         for value in by_joint.get(name, usual):
-            if not math.isfinite(value):
-                raise OptionError(f"special value {value} of {name} is not finite")
+            OptionError.refuse_if(
+                not math.isfinite(value), f"special value {value} of {name} is not finite"
+            )
             row = np.zeros(arm.n)
             row[i] = value
             arm.check(row, "special")
@@ -289,11 +289,11 @@ def special_values(
         result.append(np.array(kept, dtype=float))
     if own and not isinstance(special, Mapping) and not arm.prismatic.all():
         for value in common:
-            if value not in used:
-                raise ConfigurationError(
-                    f"special value {value:g} is outside the limits of every joint; "
-                    "change it, or sweep with ignore_limits"
-                )
+            ConfigurationError.refuse_if(
+                value not in used,
+                f"special value {value:g} is outside the limits of every joint; "
+                "change it, or sweep with ignore_limits",
+            )
     if merged:
         notes.append("special values a whole turn apart are swept once")
     if left_out:
@@ -308,7 +308,8 @@ LEVELS = (1, 2)
 
 _EFFECT_SAMPLES = 33
 _MAX_SETS = 500_000
-MAX_SAMPLES = 10_000_000  # finer, neighbours differ by rounding where a curve is level
+MAX_SAMPLES = 32_768  # a hundredth of a degree of a whole turn
+MAX_STARTS = 10_000_000
 
 
 @checked
@@ -352,10 +353,10 @@ def plan_sweep(
     >>> pinsing.sampling.plan_sweep(pinsing.load("planar3r"))
     <SweepPlan: 3 curves, 547 Jacobians; special values: 4 of 1 joint>
     """
-    if not 3 <= samples <= MAX_SAMPLES:
-        raise OptionError(
-            f"a curve needs at least 3 samples, and at most {MAX_SAMPLES:,}; got {samples}"
-        )
+    OptionError.refuse_if(
+        not 3 <= samples <= MAX_SAMPLES,
+        f"a curve needs at least 3 samples, and at most {MAX_SAMPLES:,}; got {samples}",
+    )
     exact = nominal_geometry(arm).arm if geometry is None else geometry
     asked = _levels(levels, arm.n)
     named = arm.joints if joints is None else joints
@@ -400,11 +401,11 @@ def _levels(levels: int | Iterable[int] | None, n: int) -> tuple[int, ...]:
     if isinstance(levels, int | np.integer):
         levels = range(1, min(int(levels), n) + 1)
     asked = tuple(sorted({int(level) for level in levels}))
-    if not asked or asked[0] < 1 or asked[-1] > n - 1:
-        raise OptionError(
-            f"levels must lie between 1 and {n - 1} for {n} joints, got "
-            f"{', '.join(map(str, asked)) or 'none'}"
-        )
+    OptionError.refuse_if(
+        not asked or asked[0] < 1 or asked[-1] > n - 1,
+        f"levels must lie between 1 and {n - 1} for {n} joints, got "
+        f"{', '.join(map(str, asked)) or 'none'}",
+    )
     return asked
 
 
@@ -464,11 +465,11 @@ def _combinations(
         counts = [a + k * b for a, b in zip([*counts, 0], [0, *counts], strict=True)]
     top = min(max(asked, default=0), len(swept))
     total = sum(counts[1 : top + 1])
-    if total > _MAX_SETS:
-        raise OptionError(
-            f"{total:,} sets of special values are too many (at most {_MAX_SETS:,}); "
-            "choose fewer levels or joints"
-        )
+    OptionError.refuse_if(
+        total > _MAX_SETS,
+        f"{total:,} sets of special values are too many (at most {_MAX_SETS:,}); "
+        "choose fewer levels or joints",
+    )
     tester = ConditionTester(exact, range(0), seed=seed)
     found: list[frozenset[tuple[int, float]]] = []
     planned = []

@@ -3,10 +3,8 @@
 One, two, three, ... joints at special values while each remaining joint runs over its range
 and the rest stay at the nominal configuration (paper, Section 3.2, steps (1) to (4)).
 
-The result is the same to the last bit however the curves are cut into chunks. A curve of more
-than `PIECE` samples is cut into pieces of that many. Each piece is computed with one sample more
-on either side, so that a minimum at its border is seen once and whole. Neither pieces nor the
-blocks that are computed at a time depend on the chunks.
+The result is the same to the last bit however the curves are shared out among chunks: the blocks
+that are computed at a time do not depend on them.
 """
 
 from __future__ import annotations
@@ -25,7 +23,7 @@ from typing import Any, ClassVar
 import numpy as np
 import numpy.typing as npt
 
-from pinsing._types import Array, Ints
+from pinsing._types import Array
 from pinsing.arguments import checked, typed, whole_number
 from pinsing.atomic_write import MEBIBYTE, write_bytes
 from pinsing.chunk_file import DamagedError, Record, read_arrays, read_bounded
@@ -45,11 +43,9 @@ from pinsing.sampling.curves import (
 )
 from pinsing.sampling.execute import (
     Progress,
-    RunFolder,
     RunOptions,
     Tell,
     planned_evaluator,
-    recorded,
     running,
 )
 from pinsing.sampling.generalize import Finding, apart, finding_spans, value_text
@@ -67,14 +63,8 @@ from pinsing.sampling.tally import (
 )
 from pinsing.serialization import JsonResult
 
-HOW_TO_KEEP = (
-    "sweep fewer of them, or keep them in a folder (keep=True with out=FOLDER, --keep -o FOLDER) "
-    "and read them one by one with pinsing.sampling.sweep_run.kept_curves(DIR)"
-)
-"""What is to be done where curves are needed and there are none."""
-
 CURVES = "sweep.npz"
-"""File of the folder of a complete sweep that holds its result, with the curves if kept in it."""
+"""File of the folder of a complete sweep that holds its result, with the curves if kept."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -232,11 +222,11 @@ class SweepResult(JsonResult):
         for curve in self.curves:
             if curve.moving == index and curve.holds(wanted, self.arm):
                 return curve
-        if not self.kept:
-            raise OptionError(
-                f"the curves of this sweep are not kept ({self.plan.n_jacobians:,} Jacobians); "
-                f"{HOW_TO_KEEP}"
-            )
+        OptionError.refuse_if(
+            not self.kept,
+            f"the curves of this sweep are not kept ({self.plan.n_jacobians:,} Jacobians); sweep "
+            "fewer of them",
+        )
         raise OptionError(
             f"there is no curve of {names[index]} with {self.set_text(wanted) or 'no joint fixed'}"
             ": outside the plan, or left out because a part of it is singular already"
@@ -268,8 +258,7 @@ class SweepResult(JsonResult):
 
     def _known(self, joints: Iterable[str]) -> None:
         for name in joints:
-            if name not in self.arm.joints:
-                raise UnknownNameError("joint", name, self.arm.joints)
+            UnknownNameError.refuse_if(name not in self.arm.joints, "joint", name, self.arm.joints)
 
     def __str__(self) -> str:
         return sweep_text(self)
@@ -367,9 +356,6 @@ def pack_sweep(result: SweepResult) -> bytes:
     return packed.getvalue()
 
 
-PIECE = 32_768
-"""Samples of a curve that are treated at a time, at most."""
-
 # Jacobians of a chunk at least, in memory and in a folder, where it is 1 MB with its curves.
 _CHUNK, _CHUNK_ON_DISK = 16_384, 65_536
 
@@ -384,19 +370,16 @@ class Kept:
 
 
 class SweepJob:
-    """The curves of a sweep, about ``size`` pieces in each chunk; ``table`` has all.
+    """The curves of a sweep, ``size`` in each chunk; ``table`` has all."""
 
-    ``evaluator`` is None if chunks are only read.
-    """
-
-    def __init__(self, plan: SweepPlan, evaluator: Evaluator | None, size: int, kept: Kept) -> None:
+    def __init__(self, plan: SweepPlan, evaluator: Evaluator, size: int, kept: Kept) -> None:
         self.plan, self.evaluator, self.kept, self.size = plan, evaluator, kept, size
         self.table = CurveTable(plan)
 
     @property
     def chunks(self) -> int:
         """Number of chunks."""
-        return -(-len(self.table) * _pieces(self.plan.samples) // self.size)
+        return -(-len(self.table) // self.size)
 
     def identity(self) -> Mapping[str, Any]:
         """Return what decides the numbers, as plain JSON values."""
@@ -407,14 +390,13 @@ class SweepJob:
             digest.update(level.joints.astype(np.int64).tobytes())
             digest.update(level.values.tobytes() + level.forced.tobytes())
         digest.update(repr([(e.swept, e.reason) for e in plan.effects]).encode())
-        assert self.evaluator is not None
         return run_identity("sweep", self.evaluator) | {
             "joints": list(plan.arm.joints),
             "nominal": plan.nominal.tolist(),
             "samples": plan.samples,
             "curves": len(self.table),
             "chunks": self.chunks,
-            "pieces_of_a_chunk": self.size,
+            "curves_of_a_chunk": self.size,
             "keep": self.kept.values,
             "worst": self.kept.worst,
             "candidates": self.kept.candidates,
@@ -423,37 +405,28 @@ class SweepJob:
 
     def span(self, index: int) -> tuple[int, int]:
         """Numbers of the Jacobians of one chunk: from, and to before."""
-        samples, pieces = self.plan.samples, _pieces(self.plan.samples)
-        start, stop = (
-            divmod(min(piece, len(self.table) * pieces), pieces)
-            for piece in (index * self.size, (index + 1) * self.size)
-        )
-        return start[0] * samples + start[1] * PIECE, stop[0] * samples + stop[1] * PIECE
+        start, stop = (min(k * self.size, len(self.table)) for k in (index, index + 1))
+        return start * self.plan.samples, stop * self.plan.samples
 
-    def _rows(self, start: int, stop: int) -> CurveRows:
-        samples = self.plan.samples
-        return self.table.rows(np.arange(start // samples, -(-stop // samples)))
+    def _rows(self, index: int) -> CurveRows:
+        start, stop = (number // self.plan.samples for number in self.span(index))
+        return self.table.rows(np.arange(start, stop))
 
     def part(self, index: int) -> Callable[[], Record]:
         """One chunk, with no more than it needs."""
-        (start, stop), samples = self.span(index), self.plan.samples
-        assert self.evaluator is not None
-        rows, ranges = self._rows(start, stop), self.table.ranges
         return functools.partial(
-            compute_curves, self.evaluator, self.kept, ranges, samples, rows, start, stop
-        )
+            compute_curves, self.evaluator, self.kept, self.table.ranges, self.plan.samples,
+            self._rows(index),
+        )  # fmt: skip
 
     def check(self, index: int, record: Record) -> None:
-        """Raise a ValueError that says why ``record`` cannot be that of a chunk."""
-        (start, stop), samples = self.span(index), self.plan.samples
+        """Raise a DamagedError that says why ``record`` cannot be that of a chunk."""
+        start, stop = self.span(index)
         tally, pool = Tally(self.kept.worst), Pool(self.kept.candidates)
         values = VALUES if self.kept.values else ()
         check_names(record, (*tally.names, *pool.names, "first", *values))
-        rows = self._rows(start, stop)
-        first = rows.numbers * samples
-        own = np.minimum(first + samples, stop) - np.maximum(first, start)
-        regular = int(own[~rows.singular].sum())
-        measure = None if self.evaluator is None else self.evaluator.last_and_ratio
+        regular = int((~self._rows(index).singular).sum()) * self.plan.samples
+        measure = self.evaluator.last_and_ratio
         tally.check(record, regular, start, stop, self.table.configuration, measure)
         whole(record, "first", (), start, start + 1)
         pool.check(record, start, stop, regular)
@@ -468,75 +441,46 @@ class SweepJob:
         return Tally(kept.worst).room(count) + dips + (16 * count if kept.values else 0)
 
 
-def _pieces(samples: int) -> int:
-    """Pieces of a curve."""
-    return -(-samples // PIECE)
-
-
 def compute_curves(
     evaluator: Evaluator,
     kept: Kept,
     ranges: Array,
     samples: int,
     rows: CurveRows,
-    first: int,
-    end: int,
 ) -> Record:
     """Return the tally and candidates of one chunk as arrays.
 
-    With ``kept.values`` also ``sigma_min`` and ``sigma_ratio`` (N,), of numbers ``first`` to before
-    ``end``. Joints move over ``ranges`` (n, 2) in ``samples``; ``rows`` are curves with a part in
-    it.
+    With ``kept.values`` also ``sigma_min`` and ``sigma_ratio`` (N,). Joints move over ``ranges``
+    (n, 2) in ``samples``; ``rows`` are its curves.
     """
     tally, pool = Tally(kept.worst), Pool(kept.candidates)
     sigma_min: list[Array] = []
     sigma_ratios: list[Array] = []
-    for some, start, stop in _blocks(samples, rows, first, end):
+    places, block = np.arange(samples)[None], _curves_per_block(samples)
+    for first in range(0, len(rows.numbers), block):
+        some = slice(first, first + block)
         moving = rows.moving[some]
-        before, after = start > 0, stop < samples
-        places = np.arange(start - before, stop + after)[None]
-        Q = np.repeat(rows.base[some, None], places.size, axis=1)
+        Q = np.repeat(rows.base[some, None], samples, axis=1)
         moved = axis_values(ranges[moving], samples, places)
         np.put_along_axis(Q, moving[:, None, None], moved[..., None], axis=2)
         found = evaluator.measure(Q.reshape(-1, Q.shape[2]))
-        wide = found.sigma[:, -1].reshape(Q.shape[:2])
-        last = wide[:, before : before + stop - start]
-        ratio = found.ratio.reshape(wide.shape)[:, before : before + stop - start]
-        numbers = rows.numbers[some, None] * samples + np.arange(start, stop)
+        last, ratio = (x.reshape(Q.shape[:2]) for x in (found.sigma[:, -1], found.ratio))
+        numbers = rows.numbers[some, None] * samples + places
         regular = ~rows.singular[some]
         tally.add(0, last[regular].ravel(), ratio[regular].ravel(), numbers[regular].ravel())
-
-        border = np.full(len(moving), np.inf)
-        beside = wide[:, 0] if before else border, wide[:, -1] if after else border
-        dip = minima(last, ratio, *beside) & regular[:, None]
+        dip = minima(last, ratio) & regular[:, None]
         row, column = np.nonzero(dip)
-        kind = kinds(rows, samples, row + some.start, column + start)
+        kind = kinds(rows, samples, row + first, column)
         pool.add(numbers[dip], kind, last[dip], ratio[dip])
         if kept.values:
             sigma_min.append(last.ravel())
             sigma_ratios.append(ratio.ravel())
-    record = tally.record() | pool.record() | {"first": np.array(first)}
+    start = rows.numbers[0] * samples
+    record = tally.record() | pool.record() | {"first": np.array(start)}
     if kept.values:
         for name, parts in zip(VALUES, (sigma_min, sigma_ratios), strict=True):
             record[name] = np.concatenate(parts)
     return record
-
-
-def _blocks(
-    samples: int, rows: CurveRows, number: int, end: int
-) -> Iterator[tuple[slice, int, int]]:
-    """Rows that are computed together, and which of their samples."""
-    first = int(rows.numbers[0])
-    if samples <= PIECE:
-        block, count = _curves_per_block(samples), len(rows.numbers)
-        for row in range(0, count, block):
-            yield slice(row, min(count, row + block)), 0, samples
-        return
-    while number < end:
-        curve, start = divmod(number, samples)
-        stop = min(samples, start + PIECE)
-        yield slice(curve - first, curve - first + 1), start, stop
-        number = curve * samples + stop
 
 
 def _curves_per_block(samples: int) -> int:
@@ -597,7 +541,7 @@ def sweep(
         Geometry for the tests whether a set is singular whatever the others, instead of the
         nominal geometry of ``arm``.
     keep : bool, optional
-        Keep the curves. By default they are part of the result up to 4 million Jacobians.
+        Keep the curves, of 4 million Jacobians at most; by default where they are no more.
 
     Returns
     -------
@@ -642,32 +586,29 @@ def run_sweep(
 
     The memory taken does not depend on the number of Jacobians: some 3 MB a thread, about 100 bytes
     a candidate, and the curves, which are part of the result up to `KEEP_BYTES` unless ``keep``
-    says; larger ones are kept in the folder ``out`` alone, for `kept_curves`. ``worst``
-    configurations and ``candidates`` for `singular_configurations` are kept
+    says. ``worst`` configurations and ``candidates`` for `singular_configurations` are kept
     (`pinsing.sampling.curves` says which). A stopped run in ``out`` goes on when called again. The
     result does not depend on ``chunk`` (Jacobians, about), threads or executor, to the last bit.
-    OptionError if curves are too large without ``out``.
+    OptionError if curves that are to be kept are larger.
     """
     for name, number in (("worst", worst), ("candidates", candidates), ("chunk", chunk)):
-        if number is not None and number < 1:
-            raise OptionError(f"{name} must be at least 1, got {number}")
+        OptionError.refuse_if(
+            number is not None and number < 1, f"{name} must be at least 1, got {number}"
+        )
     options = RunOptions(out, engine, threads, executor, parallel, progress, tell)
-    inside = check_keep(plan, keep, out is not None)
-    kept = Kept(keep is not False and (inside or keep is True), int(worst), int(candidates))
+    kept = Kept(keep is not False and check_keep(plan, keep), int(worst), int(candidates))
     if chunk is None:
         most = _CHUNK_ON_DISK if kept.values else 524_288  # in 256 chunks, without the curves
         chunk = max(_CHUNK if out is None else _CHUNK_ON_DISK, min(most, plan.n_jacobians // 256))
     block = _curves_per_block(plan.samples)
-    whole = max(1, chunk // plan.samples // block) * block
-    size = max(1, chunk // PIECE) if plan.samples > PIECE else whole
+    size = max(1, chunk // plan.samples // block) * block
     job = SweepJob(plan, planned_evaluator(arm, options), int(size), kept)
-    return _run(job, options, inside, keep)
+    return _run(job, options, keep)
 
 
-def _run(job: SweepJob, options: RunOptions, inside: bool, keep: bool | None) -> SweepResult:
-    """All chunks of a sweep, joined; the curves too if they fit ``inside`` the result."""
+def _run(job: SweepJob, options: RunOptions, keep: bool | None) -> SweepResult:
+    """All chunks of a sweep, joined; the curves too if they are kept."""
     plan, kept, table, evaluator = job.plan, job.kept, job.table, job.evaluator
-    assert evaluator is not None
     some = len(plan.uniform) > 0
     last, ratio = evaluator.last_and_ratio(plan.uniform) if some else (np.empty(0), np.empty(0))
     uniform = tuple(
@@ -677,15 +618,13 @@ def _run(job: SweepJob, options: RunOptions, inside: bool, keep: bool | None) ->
         )
     )
     tally, pool = Tally(kept.worst), Pool(kept.candidates)
-    curves = _Curves(table) if inside and kept.values else None
+    curves = _Curves(table) if kept.values else None
     notes = list(plan.notes)
     with running(job, options) as run:
         parts = [tally.join, pool.join, *([] if curves is None else [curves.join])]
         count = len(table) * plan.samples
         if not run.reduce(parts, len(uniform), plan.n_jacobians):
-            whole, rest = divmod(run.done, plan.samples)
-            cut = f"{run.done:,} of {count:,} Jacobians of the curves"
-            notes.append(f"stopped after {cut if rest else f'{whole} of {len(table)} curves'}")
+            notes.append(f"stopped after {run.done // plan.samples} of {len(table)} curves")
         found = pool.candidates(plan.samples)
         if found.found > len(found):
             notes.append(
@@ -717,14 +656,14 @@ def _run(job: SweepJob, options: RunOptions, inside: bool, keep: bool | None) ->
     return result
 
 
-def check_keep(plan: SweepPlan, keep: bool | None, folder: bool) -> bool:
+def check_keep(plan: SweepPlan, keep: bool | None) -> bool:
     """Return True if the curves of ``plan`` fit into a result."""
     need = 16 * plan.n_jacobians
-    if need > KEEP_BYTES and keep and not folder:
-        raise OptionError(
-            f"the curves of {plan.n_jacobians:,} Jacobians take {_size(need)}, and a result holds "
-            f"at most {_size(KEEP_BYTES)}; {HOW_TO_KEEP}"
-        )
+    OptionError.refuse_if(
+        need > KEEP_BYTES and keep,
+        f"the curves of {plan.n_jacobians:,} Jacobians take {_size(need)}, and a result holds "
+        f"at most {_size(KEEP_BYTES)}; sweep fewer of them",
+    )
     return need <= KEEP_BYTES
 
 
@@ -734,7 +673,7 @@ class _Curves:
     def __init__(self, table: CurveTable) -> None:
         self.table, samples = table, table.plan.samples
         self.values = np.empty((2, len(table) * samples))
-        self.seen: Ints = np.zeros(len(table), dtype=np.int64)
+        self.seen = np.zeros(len(table), dtype=bool)
 
     def join(self, record: Record) -> None:
         """Take the values of one chunk."""
@@ -742,14 +681,12 @@ class _Curves:
         stop, samples = start + len(record["sigma_min"]), self.table.plan.samples
         self.values[0, start:stop] = record["sigma_min"]
         self.values[1, start:stop] = record["sigma_ratio"]
-        curves = np.arange(start // samples, -(-stop // samples))
-        ends = np.minimum(stop, (curves + 1) * samples) - np.maximum(start, curves * samples)
-        self.seen[curves] += ends
+        self.seen[start // samples : stop // samples] = True
 
     def found(self) -> tuple[SweepCurve, ...]:
-        """Those that are whole, in the order of the plan."""
+        """Those that have come in, in the order of the plan."""
         samples = self.table.plan.samples
-        whole = np.flatnonzero(self.seen == samples)
+        whole = np.flatnonzero(self.seen)
         x = axis_values(self.table.ranges, samples, np.arange(samples)[None])
         last, ratio = self.values.reshape(2, -1, samples)
         return tuple(
@@ -762,7 +699,6 @@ def _size(need: int) -> str:
 
 
 _ROOM = 1024 * MEBIBYTE  # bytes that a saved sweep may take
-_NUMBERS = ("chunks", "pieces_of_a_chunk", "worst", "candidates")  # of a plan
 
 
 def save_npz(result: SweepResult, path: str | os.PathLike[str]) -> Path:
@@ -797,36 +733,3 @@ def load_npz(path: str | os.PathLike[str]) -> SweepResult:
             raise ResultError(f"{path}: {error}") from None
         raise ResultError(f"{path} is not a saved sweep, or is damaged: {error}") from None
     return replace(bare, curves=curves)
-
-
-def kept_curves(folder: str | os.PathLike[str]) -> Iterator[SweepCurve]:
-    """Yield the curves in the folder of a complete sweep; ResultError if missing or damaged."""
-    root = Path(folder)
-    plan, identity = load_npz(root / CURVES).plan, recorded(root)
-    if identity is None or identity.get("keep") is not True:
-        raise ResultError(f"the curves of the sweep in {root} were not kept: sweep with keep=True")
-    table, samples = CurveTable(plan), plan.samples
-    x = axis_values(table.ranges, samples, np.arange(samples)[None])
-    try:
-        chunks, size, *most = (int(identity[name]) for name in _NUMBERS)
-    except (KeyError, TypeError, ValueError):
-        raise ResultError(f"the folder {root} has no plan of a sweep") from None
-    job = SweepJob(plan, None, size, Kept(True, *most))
-    run = RunFolder(root, identity, chunks)
-    rest = np.empty((2, 0))
-    number = 0
-    for index in range(chunks):
-        try:
-            record = run.read(index, functools.partial(job.check, index), job.room(index))
-        except (FileNotFoundError, DamagedError) as error:
-            said = "it is missing" if isinstance(error, FileNotFoundError) else error
-            raise ResultError(
-                f"{run.chunk_path(index)} is missing or damaged: run the same sweep again, which "
-                f"computes it anew ({said})"
-            ) from None
-        new = np.array([record["sigma_min"], record["sigma_ratio"]], dtype=float)
-        rest = np.concatenate([rest, new], axis=1)
-        count = rest.shape[1] // samples
-        last, ratio = rest[:, : count * samples].reshape(2, count, samples)
-        yield from curves_of(table, np.arange(number, number + count), x, last, ratio)
-        number, rest = number + count, rest[:, count * samples :]

@@ -19,7 +19,7 @@ import numpy.typing as npt
 from pinsing._batch import engine
 from pinsing._batch.engine import ValueCounts
 from pinsing._types import Array
-from pinsing.chunk_file import Record
+from pinsing.chunk_file import DamagedError, Record
 from pinsing.errors import OptionError
 from pinsing.measures import NEAR_RTOL, SINGULAR_RTOL, Status, status_of
 
@@ -173,67 +173,84 @@ class Tally:
         start: int,
         stop: int,
         locate: Callable[[int], Array],
-        measure: Callable[[Array], tuple[Array, Array]] | None,
+        measure: Callable[[Array], tuple[Array, Array]],
     ) -> None:
-        """Judge a tally of ``count`` configurations; ValueError says what is wrong."""
+        """Judge a tally of ``count`` configurations; DamagedError says what is wrong."""
         # ``measure`` computes what stands for sigma_r and the ratio of the worst and the extremes
         # again.
         part = {name: record[self.prefix + name] for name in _ARRAYS}
         done, singular, near = whole(part, "counts", (3,), 0, count + 1).tolist()
-        if done != count or singular + near > done:
-            raise ValueError(f"it counts {done} configurations, not {count}")
+        DamagedError.refuse_if(
+            done != count or singular + near > done, f"it counts {done} configurations, not {count}"
+        )
         if not count:
             for name, empty in Tally(self.worst).record().items():
-                if part[name].dtype != empty.dtype or not np.array_equal(part[name], empty):
-                    raise ValueError("it counts nothing, but has extremes")
+                DamagedError.refuse_if(
+                    part[name].dtype != empty.dtype or not np.array_equal(part[name], empty),
+                    "it counts nothing, but has extremes",
+                )
             return
         value = finite(part, "value", (2, 2), self.ratios)
         whole(part, "index", (2, 2), start, stop)
         above = self.ratios and value[1, LARGEST] > 1 + 1e-9  # a ratio that is 1, but for rounding
-        if (value[:, SMALLEST] > value[:, LARGEST]).any() or above:
-            raise ValueError("its smallest and largest values contradict each other")
+        DamagedError.refuse_if(
+            (value[:, SMALLEST] > value[:, LARGEST]).any() or above,
+            "its smallest and largest values contradict each other",
+        )
         size = min(self.worst, count)
         index = whole(part, "worst_index", (size,), start, stop)
         sigma = finite(part, "worst_sigma", (size,), self.ratios)
         ratio = finite(part, "worst_ratio", (size,), self.ratios)
         ordered = np.lexsort((index, ratio))
-        if len(set(index.tolist())) < size or (ordered != np.arange(size)).any():
-            raise ValueError("its worst configurations are not in order")
-        if ratio[0] != value[1, SMALLEST] or sigma.min() < value[0, SMALLEST]:
-            raise ValueError("its worst configurations and its smallest values differ")
-        if np.count_nonzero(ratio <= SINGULAR_RTOL) != min(singular, self.worst):
-            raise ValueError("its worst configurations and its number of singular ones differ")
+        DamagedError.refuse_if(
+            len(set(index.tolist())) < size or (ordered != np.arange(size)).any(),
+            "its worst configurations are not in order",
+        )
+        DamagedError.refuse_if(
+            ratio[0] != value[1, SMALLEST] or sigma.min() < value[0, SMALLEST],
+            "its worst configurations and its smallest values differ",
+        )
+        DamagedError.refuse_if(
+            np.count_nonzero(ratio <= SINGULAR_RTOL) != min(singular, self.worst),
+            "its worst configurations and its number of singular ones differ",
+        )
         for ends, name in zip(value, MEASURES, strict=True):
             bins = whole(part, f"{name}_bins", (None,), 0, BINS)
             counts = whole(part, f"{name}_counts", bins.shape, 1, count + 1)
-            if not len(bins) or (np.diff(bins) <= 0).any() or int(counts.sum()) != count:
-                raise ValueError(f"the histogram of {name} does not count {count} configurations")
-            if bins[[0, -1]].tolist() != bin_numbers(ends).tolist():
-                raise ValueError(f"the histogram of {name} does not end where its values do")
-        if measure is not None:
-            numbers = [*index.tolist(), *part["index"].ravel().tolist()]
-            last, again = measure(np.stack([locate(number) for number in numbers]))
-            found = [last[:size], again[:size], last[size : size + 2], again[size + 2 :]]
-            said = np.concatenate([sigma, ratio, value.ravel()])
-            # Arrays of other lengths are added up in another order.
-            if not np.allclose(np.concatenate(found), said, rtol=1e-8, atol=1e-11):
-                raise ValueError("its worst configurations have other values than it says")
+            DamagedError.refuse_if(
+                not len(bins) or (np.diff(bins) <= 0).any() or int(counts.sum()) != count,
+                f"the histogram of {name} does not count {count} configurations",
+            )
+            DamagedError.refuse_if(
+                bins[[0, -1]].tolist() != bin_numbers(ends).tolist(),
+                f"the histogram of {name} does not end where its values do",
+            )
+        numbers = [*index.tolist(), *part["index"].ravel().tolist()]
+        last, again = measure(np.stack([locate(number) for number in numbers]))
+        found = [last[:size], again[:size], last[size : size + 2], again[size + 2 :]]
+        said = np.concatenate([sigma, ratio, value.ravel()])
+        # Arrays of other lengths are added up in another order.
+        DamagedError.refuse_if(
+            not np.allclose(np.concatenate(found), said, rtol=1e-8, atol=1e-11),
+            "its worst configurations have other values than it says",
+        )
 
 
 def array_of(
     record: Record, name: str, shape: tuple[int | None, ...], whole: bool
 ) -> npt.NDArray[np.generic]:
-    """Return array ``name`` of a record; ValueError for another type or shape (None: any)."""
+    """Return array ``name`` of a record; DamagedError for another type or shape (None: any)."""
     array = record.get(name)
     if array is None:
-        raise ValueError(f"it lacks {name}")
-    if array.dtype != (np.int64 if whole else np.float64):
-        raise ValueError(f"{name} has numbers of type {array.dtype}")
+        raise DamagedError(f"it lacks {name}")
+    DamagedError.refuse_if(
+        array.dtype != (np.int64 if whole else np.float64),
+        f"{name} has numbers of type {array.dtype}",
+    )
     fits = len(array.shape) == len(shape) and all(
         want in (None, have) for want, have in zip(shape, array.shape, strict=True)
     )
-    if not fits:
-        raise ValueError(f"{name} has the shape {array.shape}")
+    DamagedError.refuse_if(not fits, f"{name} has the shape {array.shape}")
     return array
 
 
@@ -242,8 +259,10 @@ def finite(
 ) -> npt.NDArray[np.float64]:
     """Finite numbers of at least 0, or infinite ones too if not ``bounded``; as `array_of`."""
     array = array_of(record, name, shape, whole=False).astype(np.float64, copy=False)
-    if not ((np.isfinite(array).all() or not bounded) and (array >= 0).all()):
-        raise ValueError(f"{name} is negative or not finite")
+    DamagedError.refuse_if(
+        not ((np.isfinite(array).all() or not bounded) and (array >= 0).all()),
+        f"{name} is negative or not finite",
+    )
     return array
 
 
@@ -252,16 +271,17 @@ def whole(
 ) -> npt.NDArray[np.int64]:
     """Whole numbers from ``low`` to before ``stop``; as `array_of`."""
     array = array_of(record, name, shape, whole=True).astype(np.int64, copy=False)
-    if ((array < low) | (array >= stop)).any():
-        raise ValueError(f"{name} is outside {low} to {stop - 1}")
+    DamagedError.refuse_if(
+        ((array < low) | (array >= stop)).any(), f"{name} is outside {low} to {stop - 1}"
+    )
     return array
 
 
 def check_names(record: Record, names: tuple[str, ...]) -> None:
     """Compare the names of the arrays."""
-    if set(record) != set(names):
-        other = sorted(set(record) ^ set(names))
-        raise ValueError(f"{other[0][:40]!r} is missing or does not belong there")
+    other = min(set(record) ^ set(names), default=None)
+    if other is not None:
+        raise DamagedError(f"{other[:40]!r} is missing or does not belong there")
 
 
 Locate = Callable[[int], Array]
@@ -300,8 +320,7 @@ class Distribution:
         OptionError
             If p is not between 0 and 1.
         """
-        if not 0 <= p <= 1:
-            raise OptionError(f"a quantile lies between 0 and 1, not at {p}")
+        OptionError.refuse_if(not 0 <= p <= 1, f"a quantile lies between 0 and 1, not at {p}")
         if p in (0, 1):
             return self.largest.value if p else self.smallest.value
         cumulated = np.cumsum(self.counts)
