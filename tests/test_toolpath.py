@@ -715,6 +715,18 @@ def test_no_placement_is_reached(ur5):
     assert not len(plan.q)
 
 
+def test_poses_far_apart_have_the_same_path_on_every_grid(ur5):
+    # The example of docs/how-to/toolpath.md, where estimates of nodes are 15 degrees too high.
+    arm, form = ur5
+    T = np.tile(np.diag([1.0, -1.0, -1.0, 1.0]), (4, 1, 1))
+    T[:, :3, 3] = [[0.4, -0.15, 0.1], [0.45, -0.05, 0.1], [0.45, 0.05, 0.1], [0.4, 0.15, 0.1]]
+    for step in (20, 7, 1):
+        plan = plan_path(form, T, free="roll", step=np.radians(step), tool=TORCH)
+        reached(arm, plan, T, TORCH)
+        assert np.degrees(plan.clearance) > 70.9
+        assert np.degrees(plan.bound) < 71.6
+
+
 @pytest.mark.slow
 def test_long_motions_are_found_on_a_fine_grid_as_on_a_coarse_one():
     arm = pinsing.load("uf850")

@@ -36,7 +36,7 @@ from pinsing.postures.ladder import posture_names
 from pinsing.postures.placement import TRIED, WorkpiecePlacement, check_ranges, place_at, search
 from pinsing.postures.zone_search import Region
 from pinsing.prose import listed
-from pinsing.proximity.clearance import CLOSE, clearance
+from pinsing.proximity.clearance import CLOSE, certified, clearance
 from pinsing.proximity.crossings import crossings
 from pinsing.proximity.passage import BISECTED, least_along
 from pinsing.proximity.watched import titled, watch
@@ -368,6 +368,11 @@ class _Planner:
         self.turns: Ints = np.zeros((1, 0), dtype=int)
         self.scale = np.where(arm.prismatic, 1 / arm.length_scale, 1.0)
         self.whole = np.where(arm.prismatic, 0.0, 2 * np.pi)
+        conditions = self.watched.conditions
+        self.used: Bool = np.zeros((conditions.families, arm.n), dtype=bool)  # by each family
+        for branch in conditions.branches:
+            self.used[branch.family] |= branch.used(arm.n)
+            self.used[branch.family, branch.joints] = True
 
     def moved(self, transform: Array) -> _Planner:
         """Return the planner of poses moved in the base frame."""
@@ -591,7 +596,7 @@ class _Planner:
         # all, is not refined.
         if self.least is None:
             self.least = self._best_on_a_part() - _MARGIN
-        lower, width = _MARGIN, _THINNED
+        lower = _MARGIN
         while True:
             self._estimate_all(self.least)
             path = self._best_path(self.least)
@@ -609,36 +614,28 @@ class _Planner:
             if self.crowded and self.reached > max(self.least, 0.0) + 2 * _MARGIN:
                 self.least = self.reached - _MARGIN  # from more nodes each, of fewer
                 continue
-            found = self._certify(path, width)
-            if found >= self.reached - BISECTED or width > self.clear.shape[1]:
+            found = self._certify(path)
+            if found >= self.reached - BISECTED:
                 return path
             self.least = max(self.least, found - BISECTED)
-            width *= 2
 
-    def _certify(self, path: tuple[Ints, Ints, Ints], width: int) -> float:
+    def _certify(self, path: tuple[Ints, Ints, Ints]) -> float:
         """Search at a path's nodes, and return the path's clearance."""
-        # Where they have less than it seemed, nodes up to ``width`` values away are searched, too.
-        poses, at = np.arange(len(self.T)), path[0] * self.Q.shape[2] + path[1]
-        found = self._search(poses, at)
-        poses = poses[found < self.reached - BISECTED]
-        for side in (0, 1):
-            near = at[poses]
-            for _ in range(min(width, self.clear.shape[1] - 1)):
-                near = self.beside[poses, side, near]
-                self._search(poses, near)
-        return float(found.min())
-
-    def _search(self, poses: Ints, at: Ints) -> Array:
-        """Search at nodes, one a pose (M,); their clearance."""
-        more: Bool = np.zeros((len(self.T), self.clear[0].size), dtype=bool)
-        more[poses, at] = True
-        more &= (self.usable & (self.highest > self.clear + CLOSE)).reshape(more.shape)
-        rows = more.reshape(self.clear.shape) & (self.highest >= self.least)
-        found = clearance(self.form, self.Q[rows], certify=True, gap=CLOSE)
-        self.clear[rows] = np.maximum(self.clear[rows], found.lower)
-        self.likely[rows] = self.highest[rows] = np.minimum(self.highest[rows], found.upper)
-        self.seen[rows] = True
-        return np.asarray(self.likely.reshape(more.shape)[poses, at])
+        # A singular configuration found from one of them is near to others of its pose, too.
+        at = (np.arange(len(self.T)), *path[:2])
+        more = self.usable[at] & (self.highest[at] > self.clear[at] + CLOSE)
+        node = tuple(x[more & (self.highest[at] >= self.least)] for x in at)
+        found, near = certified(self.watched, self.Q[node], SearchOptions(gap=CLOSE))
+        self.clear[node] = np.maximum(self.clear[node], found.lower)
+        self.seen[node] = True
+        less = found.upper < self.highest[node] - _ALIKE
+        self.highest[node] = np.minimum(self.highest[node], found.upper)
+        self.likely[node] = self.highest[node]
+        for k, q, family in zip(*(x[less] for x in (node[0], near, found.family)), strict=True):
+            off = self.arm.space.wrap(self.Q[k] - q) * self.used[family]
+            self.highest[k] = np.fmin(self.highest[k], self._size(off))
+        np.minimum(self.likely, self.highest, out=self.likely)
+        return float(self.likely[at].min())
 
     def _best_on_a_part(self) -> float:
         """The clearance of the best path on a part of the grid, -inf if there is none."""
@@ -654,10 +651,8 @@ class _Planner:
         if len(coarse.T) < 2 or coarse.clear.size * _THINNED > self.clear.size:
             return -np.inf
         coarse._link()
-        coarse.first = np.isfinite(coarse.clear[0])
-        coarse._estimate_all(-np.inf)
-        path = coarse._best_path(-np.inf)
-        return -np.inf if isinstance(path, str) else coarse.reached
+        coarse.first, coarse.least = np.isfinite(coarse.clear[0]), -np.inf
+        return -np.inf if isinstance(coarse._searched(), str) else coarse.reached
 
     def _estimate_all(self, least: float) -> None:
         """Estimate the clearance of nodes that may have ``least``."""
