@@ -22,7 +22,7 @@ from pinsing.cli.app import command
 from pinsing.errors import ConfigurationError, OptionError, RobotFileError
 from pinsing.kinematics.jacobian import tip_placement
 from pinsing.plot.curves import path_sheet
-from pinsing.postures import inverse_batch
+from pinsing.postures import inverse_batch, placement
 from pinsing.postures.inverse_batch import InverseMany
 from pinsing.postures.ladder import posture_names
 from pinsing.postures.placement import read_poses
@@ -153,9 +153,9 @@ def test_a_rotation_about_the_last_axis_cannot_help(ur5):
     arm, form = ur5
     T = np.tile(tip_placement(arm, START).homogeneous, (5, 1, 1))
     T[:, 0, 3] += np.linspace(0, 0.05, 5)
-    plan = plan_path(form, T, free="roll", step=np.radians(10), arm=arm)
+    plan = plan_path(form, T, free="roll", step=np.radians(30), arm=arm)
     assert any("changes no clearance, only whether that joint" in note for note in plan.notes)
-    torch = plan_path(form, circle(arm, 5), free="roll", step=np.radians(10), arm=arm, tool=TORCH)
+    torch = plan_path(form, circle(arm, 5), free="roll", step=np.radians(30), arm=arm, tool=TORCH)
     assert not any("changes no clearance" in note for note in torch.notes)
 
 
@@ -319,15 +319,15 @@ def test_joints_without_limits_make_as_many_turns_as_a_path_needs():
     arm = pinsing.load("gen3_6")
     form = pinsing.closed_form(arm, prove=False)
     tip = tip_placement(arm, np.array([0.2, 0.5, -1.2, 0.4, 0.9, 0.1])).homogeneous
-    T = np.tile(tip, (49, 1, 1))
-    for pose, a in zip(T, np.linspace(0, 8 * np.pi, 49), strict=True):
+    T = np.tile(tip, (25, 1, 1))
+    for pose, a in zip(T, np.linspace(0, 8 * np.pi, 25), strict=True):
         pose[:3, :3] = pose[:3, :3] @ pin.utils.rotate("z", a)
     plan = plan_path(form, T, arm=arm)
     reached(replace(arm, units="rad"), plan, T, np.eye(4))
     np.testing.assert_allclose(np.ptp(plan.q, axis=0), [0, 0, 0, 0, 0, 8 * np.pi], atol=1e-9)
     path_sheet(plan, form)
-    T = np.tile(np.eye(4), (13, 1, 1))
-    for pose, a in zip(T, np.linspace(0, 2 * np.pi, 13), strict=True):
+    T = np.tile(np.eye(4), (4, 1, 1))
+    for pose, a in zip(T, np.linspace(0, np.pi / 2, 4), strict=True):
         pose[:3, :3] = pin.utils.rotate("z", a) @ pin.utils.rotate("y", np.pi + 0.5)
         pose[:3, 3] = 0.4 + 0.15 * np.cos(a), 0.15 * np.sin(a), 0.2
     plan = plan_path(form, T, free="roll", step=np.radians(20), arm=arm, tool=TORCH)
@@ -448,38 +448,26 @@ def test_the_bound_is_near_where_the_branch_moves_fast_along_the_seventh_joint()
     assert not check.outside
 
 
-@pytest.mark.parametrize("count", tiered((3, 8), {3}))
+@pytest.mark.slow
+@pytest.mark.parametrize("count", [3, 8])
 def test_the_bound_counts_what_lies_between_a_value_and_where_its_branch_turns_back(count):
     """Steps of 10 degrees, and of 2: no finer path is better than the bound."""
     assert freed(count, 2).clearance <= freed(count, 10).bound
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
-    ("ends", "count", "step"),
+    ("begin", "end", "count", "step"),
     [
-        pytest.param(
-            [
-                [-1.03, -0.75, 0.67, 3.01, -0.13, 1.26, -1.9],
-                [-1.03, -0.67, 0.62, 2.95, -0.27, 0.88, -2.26],
-            ],
-            9,
-            5,
-            marks=pytest.mark.slow,
-        ),
-        (
-            [
-                [-2.32, 1.86, 2.27, 1.36, 1.63, 0.34, 0.22],
-                [-1.9, 1.79, 2.34, 1.58, 1.71, 0.12, 0.71],
-            ],
-            7,
-            20,
-        ),
+        ("-1.03 -.75 .67 3.01 -.13 1.26 -1.9", "-1.03 -.67 .62 2.95 -.27 .88 -2.26", 9, 5),
+        ("-2.32 1.86 2.27 1.36 1.63 .34 .22", "-1.9 1.79 2.34 1.58 1.71 .12 .71", 7, 20),
     ],
 )
-def test_the_bound_counts_solutions_that_are_far_from_those_at_the_next_value(ends, count, step):
+def test_the_bound_counts_solutions_that_are_far_from_those_at_the_next_value(begin, end, count, step):
     """Where branches end or a joint goes through half a turn finer paths had 0.4 degrees more."""
     arm = pinsing.load("xarm7")
     form = pinsing.closed_form(arm, prove=False)
+    ends = np.array([begin.split(), end.split()], dtype=float)
     T = np.array([tip_placement(arm, q).homogeneous for q in np.linspace(*ends, count)])
     plans = [
         plan_path(form, T, free=arm.joints[6], step=np.radians(s), arm=arm)
@@ -706,8 +694,9 @@ def test_ranges_that_make_no_sense_are_refused(ur5, place, said):
         plan_path(form, circle(arm, 3), arm=arm, place={"x": (0, 1)}, start=START)
 
 
-def test_no_placement_is_reached(ur5):
+def test_no_placement_is_reached(ur5, monkeypatch):
     arm, form = ur5
+    monkeypatch.setattr(placement, "TRIED", 140)
     plan = plan_path(form, circle(arm, 3), arm=arm, tool=TORCH, place={"x": (3, 4)})
     assert "placements tried has one; at the best of them pose" in plan.reason
     assert "out of reach" in plan.reason
@@ -752,13 +741,13 @@ def test_long_motions_are_found_on_a_fine_grid_as_on_a_coarse_one():
 
 def test_a_posture_named_as_start_is_kept_and_one_below_the_base_is_told(tmp_path):
     arm = pinsing.load("m1013")
-    form = pinsing.closed_form(arm)
-    lean, turn = np.radians(np.linspace(5, 35, 16)), np.linspace(0, 4 * np.pi, 16)
+    form = pinsing.closed_form(arm, prove=False)
+    lean, turn = np.radians(np.linspace(5, 35, 8)), np.linspace(0, 2 * np.pi, 8)
     out = np.stack([np.sin(lean) * np.cos(turn), np.sin(lean) * np.sin(turn), np.cos(lean)], 1)
     rows = np.hstack([[0.65, 0.1, 0.05] + 0.2 * out, -out])  # a spiral on a dome
     np.savetxt(tmp_path / "p.csv", rows, delimiter=",", header="x,y,z,i,j,k", comments="")
     T = read_poses(tmp_path / "p.csv").poses
-    options = {"free": "roll", "step": np.radians(10), "tool": TORCH}
+    options = {"free": "roll", "step": np.radians(20), "tool": TORCH}
     best = plan_path(form, T, **options)
     assert best.notes[-1].startswith("q3 is 0.")
     assert "m below the base at pose" in best.notes[-1]
@@ -772,10 +761,11 @@ def test_a_posture_named_as_start_is_kept_and_one_below_the_base_is_told(tmp_pat
             plan_path(form, T, start=wrong, **options)
 
 
-def test_the_command_places_a_workpiece(ur5, tmp_path):
+def test_the_command_places_a_workpiece(ur5, tmp_path, monkeypatch):
     arm, _ = ur5
+    monkeypatch.setattr(placement, "TRIED", 140)  # how good the best of all is slow tests say
     poses, out = tmp_path / "poses.csv", tmp_path / "joints.csv"
-    rows = [[*P[:3, 3], *pin.Quaternion(P[:3, :3]).coeffs()] for P in circle(arm, 4)]
+    rows = [[*P[:3, 3], *pin.Quaternion(P[:3, :3]).coeffs()] for P in circle(arm, 3)]
     np.savetxt(poses, rows, delimiter=",", header="x,y,z,qx,qy,qz,qw", comments="")
     options = ["--step", "30deg", "--tool", "0,0.05,0.15,45,0,0", "--deg"]
     frame = ["--base-frame", "0.02,0,0,0,0,5"]
@@ -865,8 +855,8 @@ def test_no_path_within_joint_speeds_is_no_error():
 def test_the_roll_of_the_poses_as_given_does_not_matter_where_it_is_free(ur5):
     """Turned by up to 180 degrees from pose to pose they had no path."""
     arm, form = ur5
-    T = circle(arm, 40)
-    rolls = 2 * np.pi * np.random.default_rng(2).random(40)
+    T = circle(arm, 16)
+    rolls = 2 * np.pi * np.random.default_rng(2).random(16)
     turned = np.array(
         [
             P @ pin.SE3(pin.utils.rotate("z", a), 0 * P[:3, 3]).homogeneous
@@ -881,4 +871,4 @@ def test_the_roll_of_the_poses_as_given_does_not_matter_where_it_is_free(ur5):
     near = pinsing.clearance(form, np.array(as_given), certify=True).upper
     assert np.abs(near - plan.kept[:, :1]).min(axis=1) == pytest.approx(0, abs=1e-2)
     at = np.rint(plan.values / plan.grid[1]).astype(int) % len(plan.grid)
-    assert (plan.room[range(40), at] > plan.clearance - 0.1).all()
+    assert (plan.room[range(16), at] > plan.clearance - 0.1).all()
