@@ -1,7 +1,5 @@
 """Arms that the tests share, read by Pinocchio itself: no other part of pinsing is needed."""
 
-from __future__ import annotations
-
 import functools
 from importlib.metadata import distribution
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Chains, matrices and independent references for the tests of the batch kernel."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from importlib.metadata import distribution
 

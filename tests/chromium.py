@@ -1,7 +1,5 @@
 """Eyes for the pages that tests open in Chromium: what is drawn, and what is said."""
 
-from __future__ import annotations
-
 import base64
 import io
 from typing import Any

@@ -1,9 +1,8 @@
 """What the tests share: reproducible property tests, and small robots written on the spot."""
 
-from __future__ import annotations
-
 import compileall
 import gc
+import importlib
 import os
 import signal
 import sys
@@ -59,6 +58,14 @@ def pytest_collection_finish() -> None:
 
 def pytest_sessionfinish() -> None:
     gc.unfreeze()
+
+
+@pytest.fixture
+def undrawn(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Reports whose pictures are empty: drawing takes most of the time of one."""
+    for name in ("arm_report", "document"):
+        module = importlib.import_module(f"pinsing.report.{name}")
+        monkeypatch.setattr(module, "png", lambda figure, only=(): bytes(24))
 
 
 # A shell that runs the tests in the background has them, and all they start, ignore Ctrl-C.

@@ -1,7 +1,5 @@
 """Arms written as rows of Denavit and Hartenberg, and what is made of named ones, once."""
 
-from __future__ import annotations
-
 import functools
 import tempfile
 from pathlib import Path

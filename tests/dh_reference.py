@@ -3,8 +3,6 @@
 It reads the YAML itself too, so that units, pi and joint types are compared as well.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from pathlib import Path
 

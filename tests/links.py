@@ -1,7 +1,5 @@
 """What a live page gets: its files, and messages over its link."""
 
-from __future__ import annotations
-
 import asyncio
 import json
 import urllib.error

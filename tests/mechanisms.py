@@ -1,7 +1,5 @@
 """Mechanisms that the tests share, and the paper's formulas of its 5R as an independent check."""
 
-from __future__ import annotations
-
 import functools
 from pathlib import Path
 

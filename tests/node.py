@@ -1,7 +1,5 @@
 """Runs functions of the page's engine under Node."""
 
-from __future__ import annotations
-
 import json
 import shutil
 import subprocess

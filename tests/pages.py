@@ -1,7 +1,5 @@
 """The blocks of a page in Markdown, run in its order as a reader would: commands, Python, files."""
 
-from __future__ import annotations
-
 import base64
 import contextlib
 import gzip

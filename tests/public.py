@@ -1,7 +1,5 @@
 """What is public: the names that the reference of the Python interface documents; scripts."""
 
-from __future__ import annotations
-
 import importlib
 import re
 import sys

@@ -5,8 +5,6 @@ does not rest on a slip of one of them. Where the page leaves a choice, such as 
 try, it takes its own. It looks for clarity first and speed second.
 """
 
-from __future__ import annotations
-
 import json
 import re
 import sys

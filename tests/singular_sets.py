@@ -5,8 +5,6 @@ value counts as zero relative to the largest one that the arm has anywhere, so t
 whose Jacobian vanishes altogether is judged rightly too.
 """
 
-from __future__ import annotations
-
 import functools
 import math
 from collections.abc import Sequence

@@ -1,7 +1,5 @@
 """Bad input at the command line leaves nothing half-written; what is said is in `words`."""
 
-from __future__ import annotations
-
 import importlib
 import re
 from pathlib import Path

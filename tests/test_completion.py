@@ -1,7 +1,5 @@
 """What Tab offers, by click's own interface and by that of the shell."""
 
-from __future__ import annotations
-
 import os
 import shutil
 import subprocess

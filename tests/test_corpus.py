@@ -1,7 +1,5 @@
 """scripts/corpus: what counts as lost when frozen answers are held against new ones."""
 
-from __future__ import annotations
-
 import copy
 import importlib.util
 import subprocess

@@ -1,7 +1,5 @@
 """What the sources import is declared, and its oldest versions are those that are tested."""
 
-from __future__ import annotations
-
 import ast
 import re
 import sys
@@ -10,8 +8,7 @@ from importlib import metadata
 from pathlib import Path
 
 import pytest
-
-import pinsing
+from test_layers import MODULES, tree_of
 
 ROOT = Path(__file__).parent.parent
 OLDEST = ROOT / ".github" / "oldest.txt"
@@ -66,8 +63,7 @@ def test_the_walk_sees_imports_within_functions_and_none_for_types():
 @pytest.mark.skipif(not OLDEST.exists(), reason="not a checkout of the repository")
 def test_all_that_the_sources_import_is_declared_and_nothing_else():
     """What comes only because something else needs it may stop to come."""
-    sources = Path(pinsing.__file__).parent.rglob("*.py")
-    names = {n for path in sources for n in imported(ast.parse(path.read_text(encoding="utf-8")))}
+    names = {name for module in MODULES for name in imported(tree_of(module))}
     names -= {*sys.stdlib_module_names, "pinsing"}
     used = {PROVIDER.get(name.lower(), name.lower()) for name in names}
     needed = [r for r in metadata.requires("pinsing") or () if "extra ==" not in r]

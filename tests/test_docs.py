@@ -1,7 +1,5 @@
 """The site: every block of every page does what it shows, and the pages hold together."""
 
-from __future__ import annotations
-
 import ast
 import re
 import subprocess

@@ -1,7 +1,5 @@
 """Sliders without limits: what they reach does not end at the range that points are drawn from."""
 
-from __future__ import annotations
-
 import numpy as np
 import pinocchio as pin
 import pytest

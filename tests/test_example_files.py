@@ -1,7 +1,5 @@
 """The files of examples/: short, and each run as a user would."""
 
-from __future__ import annotations
-
 import importlib.util
 import json
 import os

@@ -1,7 +1,5 @@
 """The notebook of examples/: run by a real kernel from its first cell to its last."""
 
-from __future__ import annotations
-
 import json
 import os
 import subprocess

@@ -1,7 +1,5 @@
 """Docstrings of the public API: every argument described, every function with a working example."""
 
-from __future__ import annotations
-
 import doctest
 import inspect
 import re

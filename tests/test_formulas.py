@@ -1,7 +1,5 @@
 """Formulas of the site in Chromium: what is written over a letter is seen."""
 
-from __future__ import annotations
-
 import io
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """A short, seeded run of scripts/fuzz, and proof that it would notice."""
 
-from __future__ import annotations
-
 import ast
 import importlib
 import sys

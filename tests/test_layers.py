@@ -3,8 +3,6 @@
 A new package is entered in ORDER, above all that it imports.
 """
 
-from __future__ import annotations
-
 import ast
 import subprocess
 import sys
@@ -62,7 +60,7 @@ MODULES = modules()
 
 @cache
 def tree_of(module: str) -> ast.Module:
-    return ast.parse(MODULES[module].read_text())
+    return ast.parse(MODULES[module].read_text(encoding="utf-8"))
 
 
 def imports_of(module: str) -> list[Import]:

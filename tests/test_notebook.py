@@ -1,7 +1,5 @@
 """Results that show themselves: one line as repr, HTML and LaTeX in notebooks."""
 
-from __future__ import annotations
-
 import html
 import re
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Results in a notebook's page, in a real browser: what a user sees, and what a file cannot do."""
 
-from __future__ import annotations
-
 import html
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """Odd places for output, and odd things in messages: one line that names the reason."""
 
-from __future__ import annotations
-
 import contextlib
 import os
 from pathlib import Path

@@ -4,8 +4,6 @@ scripts/oracle runs thousands of chains; here are sixty, the one that once was a
 wrongly, and proof that a wrong answer is noticed.
 """
 
-from __future__ import annotations
-
 import importlib
 import sys
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Where Linux's own modules and calls are missing, as on macOS, the work is the same."""
 
-from __future__ import annotations
-
 import json
 import subprocess
 import sys

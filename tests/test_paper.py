@@ -1,7 +1,5 @@
 """The page about the paper: its rows are computed, and say what they should."""
 
-from __future__ import annotations
-
 import sys
 from pathlib import Path
 

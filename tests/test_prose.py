@@ -1,7 +1,5 @@
 """Text for people: its width, its colours, and what can be pasted out of it."""
 
-from __future__ import annotations
-
 import fcntl
 import io
 import os

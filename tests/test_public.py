@@ -1,7 +1,5 @@
 """The public names: few, complete, lazy, never shadowed by a module, with advice for mistakes."""
 
-from __future__ import annotations
-
 import importlib
 import pkgutil
 import subprocess

@@ -1,7 +1,5 @@
 """The README's commands and code do what it shows."""
 
-from __future__ import annotations
-
 import os
 import re
 

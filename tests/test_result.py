@@ -1,7 +1,5 @@
 """JSON both ways, and refusal of damaged data."""
 
-from __future__ import annotations
-
 import dataclasses
 import json
 import math

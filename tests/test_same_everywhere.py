@@ -1,7 +1,5 @@
 """The same certificates, byte by byte, and closed forms, to eight decimals, everywhere."""
 
-from __future__ import annotations
-
 import hashlib
 import json
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The compiled kernel under AddressSanitizer and UndefinedBehaviorSanitizer."""
 
-from __future__ import annotations
-
 import importlib
 import os
 import subprocess

@@ -1,7 +1,5 @@
 """scripts/setup: installs once, and again when the environment does not use the sources."""
 
-from __future__ import annotations
-
 import shutil
 import subprocess
 import venv

@@ -1,7 +1,5 @@
 """The program when nobody can take what it says: one line, exit code 2, never a traceback."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys

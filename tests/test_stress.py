@@ -1,7 +1,5 @@
 """The interface under stress: threads, processes, pickles, inputs that must stay as they are."""
 
-from __future__ import annotations
-
 import copy
 import os
 import pickle

@@ -1,7 +1,5 @@
 """Toolpaths: the best joint path, held against brute force, and files of poses."""
 
-from __future__ import annotations
-
 import json
 import re
 import sys
@@ -463,7 +461,7 @@ def test_the_bound_counts_what_lies_between_a_value_and_where_its_branch_turns_b
         ("-2.32 1.86 2.27 1.36 1.63 .34 .22", "-1.9 1.79 2.34 1.58 1.71 .12 .71", 7, 20),
     ],
 )
-def test_the_bound_counts_solutions_that_are_far_from_those_at_the_next_value(begin, end, count, step):
+def test_the_bound_counts_solutions_far_from_those_at_the_next_value(begin, end, count, step):
     """Where branches end or a joint goes through half a turn finer paths had 0.4 degrees more."""
     arm = pinsing.load("xarm7")
     form = pinsing.closed_form(arm, prove=False)

@@ -1,7 +1,5 @@
 """Families whose equations touch zero, as 1 - sin q3 sin q4 does: their points have all digits."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from singular_sets import RIGHT, Joint, build, drop

@@ -1,7 +1,5 @@
 """The line that says what a command does, where that takes longer than it should."""
 
-from __future__ import annotations
-
 import time
 
 import pytest

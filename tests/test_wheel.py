@@ -3,8 +3,6 @@
 Needs the package index, for what pinsing depends on; skipped where there is none.
 """
 
-from __future__ import annotations
-
 import os
 import shutil
 import subprocess

@@ -4,8 +4,6 @@ A transcript is a list of commands, ``$ pinsing ...``, each with its first lines
 that it says on stderr, and its exit code where that is not 0. Add a command, write it anew.
 """
 
-from __future__ import annotations
-
 import os
 import re
 import shlex

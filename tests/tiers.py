@@ -1,7 +1,5 @@
 """Cases of a test in two tiers: some in the quick one, the others in the slow one."""
 
-from __future__ import annotations
-
 from collections.abc import Collection, Iterable
 from typing import Any
 

@@ -1,7 +1,5 @@
 """URDF and loop files of mechanisms, written from tables in the tests."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path

@@ -1,7 +1,5 @@
 """URDF texts for the tests: one good arm of three links, with one place to put a defect."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 LIMIT = '<limit lower="-1" upper="2" effort="1" velocity="1"/>'

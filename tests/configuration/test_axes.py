@@ -1,7 +1,5 @@
 """Which axes are dependent, and the words for it, on arms whose geometry is known."""
 
-from __future__ import annotations
-
 import functools
 import itertools
 

@@ -1,7 +1,5 @@
 """Walks to singular configurations: they arrive, stay near, keep what is fixed, and the limits."""
 
-from __future__ import annotations
-
 import sys
 
 import arms

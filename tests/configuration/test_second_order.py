@@ -1,7 +1,5 @@
 """What is lost, and boundary or interior, on arms where the answer is known."""
 
-from __future__ import annotations
-
 import arms
 import numpy as np
 import pytest

@@ -1,7 +1,5 @@
 """Kinds in the compiled kernel: what NumPy says, on each instruction set, lane by lane."""
 
-from __future__ import annotations
-
 import arms
 import numpy as np
 import pytest

@@ -1,7 +1,5 @@
 """One configuration: numbers against NumPy and Pinocchio, words against known geometry."""
 
-from __future__ import annotations
-
 import functools
 
 import numpy as np

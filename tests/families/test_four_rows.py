@@ -7,6 +7,7 @@ import pinocchio as pin
 import pytest
 from public import script
 from tiers import tiered
+from urdf_text import J, X, Y, Z, urdf
 
 import pinsing
 from pinsing.algebra.budget import Budget
@@ -40,25 +41,19 @@ def _name(source: str) -> str:
 
 def _urdf(rows):
     """A description of a chain that turns about axes of one frame when all joints are at zero."""
-    parts = ['<robot name="arm"><link name="l0"/>']
-    for i, (place, axis) in enumerate(rows, 1):
-        along = " ".join(str(int(axis == a)) for a in "xyz")
-        kind = "continuous" if axis else "fixed"
-        turns = f'<axis xyz="{along}"/>' if axis else ""
-        parts.append(
-            f'<link name="l{i}"/><joint name="j{i}" type="{kind}"><parent link="l{i - 1}"/>'
-            f'<child link="l{i}"/><origin xyz="{" ".join(map(str, place))}"/>{turns}</joint>'
-        )
-    return "".join([*parts, "</robot>"])
+    axes = {"x": X, "y": Y, "z": Z}
+    kinds = {True: "continuous", False: "fixed"}
+    return urdf([
+        J(f"j{i}", f"l{i - 1}", f"l{i}", place, axes.get(axis, Z), kinds[bool(axis)])
+        for i, (place, axis) in enumerate(rows, 1)
+    ])  # fmt: skip
 
 
 @pytest.fixture(scope="module", params=tiered(list(ARMS), ("stanford",)), ids=_name)
-def found(request, tmp_path_factory):
+def found(request):
     source = request.param
     if source in WITH_TOOLS:
-        path = tmp_path_factory.mktemp("arm") / "arm.urdf"
-        path.write_text(_urdf(WITH_TOOLS[source]), encoding="utf-8")
-        source = str(path)
+        source = _urdf(WITH_TOOLS[source])
     arm = pinsing.load(source, task=TASK)
     return arm, pinsing.closed_form(arm, seconds=SECONDS, prove=False)
 

@@ -7,6 +7,8 @@ import random
 import numpy as np
 import pytest
 from flint import nmod_mat
+from test_closed_form_mimic import finger, follows
+from urdf_text import J, Z, frame, urdf
 
 import pinsing
 from pinsing.algebra.budget import Budget
@@ -24,30 +26,19 @@ from pinsing.robot.nominal import PRIMES, nominal
 LENGTHS, OFFSETS, TWISTS = (0.2, 0.15, 0.25), (0.1, 0.05), (90, -90)
 
 
-def chain(folder, joints, follow, slides=(), limit=2.9):
+def chain(joints, follow, slides=(), limit=2.9):
     """A chain of perpendicular axes; ``follow``: joint to leader, multiplier, offset; from 1."""
-    body = ['<link name="l0"/>']
+    made = []
     for i in range(1, joints + 1):
         kind = "prismatic" if i in slides else "revolute"
-        turn = math.radians(TWISTS[i % 2]) if i > 1 else 0.0
-        along = LENGTHS[i % 3] if i > 1 else 0.0
+        at = (LENGTHS[i % 3] if i > 1 else 0, 0, OFFSETS[i % 2])
+        rpy = (math.radians(TWISTS[i % 2]) if i > 1 else 0, 0, 0)
         mimic = ""
         if i in follow:
-            leader, by, more = follow[i]
-            mimic = f'<mimic joint="j{leader}" multiplier="{by}" offset="{more}"/>'
-        body.append(
-            f'<link name="l{i}"/><joint name="j{i}" type="{kind}"><parent link="l{i - 1}"/>'
-            f'<child link="l{i}"/><origin xyz="{along} 0 {OFFSETS[i % 2]}" rpy="{turn!r} 0 0"/>'
-            f'<axis xyz="0 0 1"/><limit lower="-{limit}" upper="{limit}" effort="1" velocity="1"/>'
-            f"{mimic}</joint>"
-        )
-    body.append(
-        f'<link name="tip"/><joint name="end" type="fixed"><parent link="l{joints}"/>'
-        '<child link="tip"/><origin xyz="0.1 0 0.1"/></joint>'
-    )
-    path = folder / "chain.urdf"
-    path.write_text(f'<robot name="chain">{"".join(body)}</robot>')
-    return pinsing.load(path)
+            mimic = '<mimic joint="j{}" multiplier="{}" offset="{}"/>'.format(*follow[i])
+        ends = (-limit, limit)
+        made.append(J(f"j{i}", f"l{i - 1}", f"l{i}", at, Z, kind, ends, rpy, mimic))
+    return pinsing.load(urdf([*made, frame("tip", f"l{joints}", (0.1, 0, 0.1))], "chain"))
 
 
 def ring_for(arm, geometry):
@@ -63,8 +54,8 @@ def ring_for(arm, geometry):
         (8, {6: (3, 0.5, 0.1), 4: (2, 0, 0.4)}, (3, 6)),
     ],
 )
-def test_minors_of_own_joints_are_those_of_pinocchios_jacobian(tmp_path, joints, follow, slides):
-    arm = chain(tmp_path, joints, follow, slides)
+def test_minors_of_own_joints_are_those_of_pinocchios_jacobian(joints, follow, slides):
+    arm = chain(joints, follow, slides)
     geometry = nominal(arm)
     ring = ring_for(arm, geometry)
     maker = PieceMaker(geometry, ring, 6, joint_symbols(arm), 20, Budget(60), 2e-3)
@@ -81,8 +72,8 @@ def test_minors_of_own_joints_are_those_of_pinocchios_jacobian(tmp_path, joints,
         assert np.abs(theirs).min() > 1e-9  # regular: nothing is compared with zero
 
 
-def test_minors_at_a_value_of_a_leader_are_those_there(tmp_path):
-    arm = chain(tmp_path, 9, {5: (1, 1, 0.0)})
+def test_minors_at_a_value_of_a_leader_are_those_there():
+    arm = chain(9, {5: (1, 1, 0.0)})
     geometry = nominal(arm)
     ring = ring_for(arm, geometry)
     minors = NearMinors(geometry, ring, arm.task, 6, Budget(60))
@@ -95,8 +86,8 @@ def test_minors_at_a_value_of_a_leader_are_those_there(tmp_path):
 
 
 @pytest.mark.parametrize("slides", [(), (3, 4)])
-def test_ranks_modulo_a_prime_count_followers(tmp_path, slides):
-    arm = chain(tmp_path, 8, {4: (3, 1, 0.2), 7: (6, -1, 0.0)}, slides)
+def test_ranks_modulo_a_prime_count_followers(slides):
+    arm = chain(8, {4: (3, 1, 0.2), 7: (6, -1, 0.0)}, slides)
     geometry = nominal(arm)
     rows = own_jacobian_modulo(geometry, arm.task, PRIMES[0], random.Random(3), {})
     assert len(rows[0]) == arm.n == 6
@@ -109,9 +100,23 @@ def test_ranks_modulo_a_prime_count_followers(tmp_path, slides):
             assert mine == np.linalg.matrix_rank(J[:, some], tol=1e-9)
 
 
-def test_newtons_steps_of_sliders_are_in_metres(tmp_path):
+def test_ranks_drop_where_a_finger_is_stretched(tmp_path):
+    arm = finger(tmp_path, mimic=follows(2, 1)).with_task("vx,vy")
+    geometry = nominal(arm)
+
+    def rank(values):
+        rows = own_jacobian_modulo(geometry, arm.task, PRIMES[0], random.Random(1), values)
+        return nmod_mat(2, 2, [x for row in rows for x in row], PRIMES[0]).rank()
+
+    assert rank({}) == 2
+    assert rank({1: (1, 0)}) == 1  # stretched
+    assert rank({1: (0, 1)}) == 1  # q2 = q3 = 180 degrees: folded
+    assert rank({1: (1, 1)}) == 2
+
+
+def test_newtons_steps_of_sliders_are_in_metres():
     """The arm's own length is 10 m here: in its units they would be ten times as short."""
-    arm = chain(tmp_path, 9, {7: (4, 0.5, 0.1)}, (4, 7), limit=2.9)
+    arm = chain(9, {7: (4, 0.5, 0.1)}, (4, 7), limit=2.9)
     own = OwnPoints(arm)
     rng = np.random.default_rng(5)
     free = np.ones(arm.n, dtype=bool)
@@ -126,8 +131,8 @@ def test_newtons_steps_of_sliders_are_in_metres(tmp_path):
 
 
 @pytest.mark.slow
-def test_thirteen_joints_with_followers_are_stated(tmp_path):
-    arm = chain(tmp_path, 15, {6: (5, -1, 0.0), 10: (9, 1, 0.0)})
+def test_thirteen_joints_with_followers_are_stated():
+    arm = chain(15, {6: (5, -1, 0.0), 10: (9, 1, 0.0)})
     assert arm.n == 13
     form = pinsing.closed_form(arm, seconds=20)
     assert form.word == "not complete"

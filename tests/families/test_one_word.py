@@ -43,6 +43,7 @@ def written(*words: str | Path) -> Result:
     return result
 
 
+@pytest.mark.usefixtures("undrawn")
 @pytest.mark.parametrize("robot", tiered(EVERYWHERE, {"scara"}))
 def test_one_arm_has_one_word_everywhere(robot: str, tmp_path: Path) -> None:
     arm = pinsing.load(robot)

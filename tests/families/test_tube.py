@@ -1,7 +1,5 @@
 """Robots that are imperfect copies of a design: the tube about its families, and what is told."""
 
-from __future__ import annotations
-
 import importlib.util
 import math
 from dataclasses import replace
@@ -59,7 +57,7 @@ def form(tmp_path_factory: pytest.TempPathFactory) -> pinsing.ClosedForm:
     """A calibrated UR5e, with a tube from few boxes: wide, and as true."""
     file = write(tmp_path_factory.mktemp("calibration") / "c.yaml", UR5E)
     few = pytest.MonkeyPatch()
-    few.setattr(tubes, "MOST", 80_000)
+    few.setattr(tubes, "MOST", 40_000)
     made = pinsing.closed_form(calibrated(pinsing.load("ur5e"), file))
     few.undo()
     return made
@@ -236,7 +234,8 @@ def test_a_calibrated_file_has_the_families_of_its_design(
     assert (loops.exit_code, "--design" in loops.stderr) == (2, True)
 
 
-def test_calibrations_are_read_strictly(tmp_path: Path) -> None:
+def test_calibrations_are_read_strictly(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(tubes, "MOST", 5_000)
     ur5e = pinsing.load("ur5e")
     arm = calibrated(ur5e, write(tmp_path / "c.yaml", UR5E))
     assert arm.design is ur5e

@@ -1,7 +1,5 @@
 """Tip speeds that joint speed limits allow: against the inverse, and a linear program."""
 
-from __future__ import annotations
-
 import re
 
 import numpy as np

@@ -1,7 +1,5 @@
 """What the tests of mechanisms share."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import pytest

@@ -1,7 +1,5 @@
 """Driving a mechanism by its inputs: no mode is jumped, and its reach is known beforehand."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from mechanisms import analyzed, shipped

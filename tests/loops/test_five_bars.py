@@ -4,8 +4,6 @@ Held against circles and the cross products of their rods, cranks and rails, wri
 pinsing.
 """
 
-from __future__ import annotations
-
 import math
 from pathlib import Path
 

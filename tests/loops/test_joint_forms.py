@@ -1,7 +1,5 @@
 """Singular loci in the joint angles: against the Jacobians, and geometry written here."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 

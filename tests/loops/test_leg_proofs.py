@@ -1,7 +1,5 @@
 """Legs as arms: certificates that the checker accepts, and what they say of the whole."""
 
-from __future__ import annotations
-
 import json
 
 import numpy as np

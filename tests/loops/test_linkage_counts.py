@@ -1,7 +1,5 @@
 """Numbers of modes by algebra against counts of sign changes made here without pinsing."""
 
-from __future__ import annotations
-
 import numpy as np
 import pinocchio as pin
 import pytest

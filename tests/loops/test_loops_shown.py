@@ -1,7 +1,5 @@
 """Mechanisms in figures, on pages and at the command line."""
 
-from __future__ import annotations
-
 import matplotlib as mpl
 import numpy as np
 import pytest

@@ -3,8 +3,6 @@
 Needs Chromium (or Chrome) and Playwright for Python; without them the tests are skipped.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from typing import Any
 

@@ -1,7 +1,5 @@
 """The page computes of a mechanism what Python computes: measures, modes, words, ranges, paths."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Any
 

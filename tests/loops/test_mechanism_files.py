@@ -1,7 +1,5 @@
 """Mechanisms as people write them: links that spin, welds in the middle of rods, no limits."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from mechanisms import URDF

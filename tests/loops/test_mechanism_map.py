@@ -1,7 +1,5 @@
 """Maps over inputs and poses of a mechanism: the numbers of one configuration, many at a time."""
 
-from __future__ import annotations
-
 import json
 
 import numpy as np

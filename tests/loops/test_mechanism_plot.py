@@ -1,7 +1,5 @@
 """Pictures of mechanisms: slices through the workspace by mode, curves, modes side by side."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

@@ -1,7 +1,5 @@
 """The page leads the output of a mechanism: poses, closure, types and ends as Python has them."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Any
 

@@ -1,7 +1,5 @@
 """A mechanism's tab without a browser: list, scene, server, command."""
 
-from __future__ import annotations
-
 import asyncio
 import json
 import signal

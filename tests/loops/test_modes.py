@@ -1,7 +1,5 @@
 """Modes that count, the direct and the inverse problem, limits kept."""
 
-from __future__ import annotations
-
 import functools
 import itertools
 import re

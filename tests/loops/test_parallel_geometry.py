@@ -1,7 +1,5 @@
 """Platforms written in many ways, against lines and planes computed here without pinsing."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Singular loci over the pose in closed form, against geometry written here without pinsing."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import matplotlib as mpl

@@ -1,7 +1,5 @@
 """Slides that are counted from elsewhere than no length, and joints that the pose does not tell."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 from xml.etree import ElementTree

@@ -1,7 +1,5 @@
 """Loci over pose and inputs of legs on rails, cranks and driven feet, against lines of our own."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Spherical 3-RRR over the orientation, against geometry written here without pinsing."""
 
-from __future__ import annotations
-
 import numpy as np
 import pinocchio as pin
 import pytest

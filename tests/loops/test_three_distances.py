@@ -1,7 +1,5 @@
 """Inputs of 3-RPR and 3-RRR at which two poses meet, and how many there are: by plane geometry."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from mechanisms import shipped

@@ -1,7 +1,5 @@
 """A gimbal lock of three hinges that are written for a ball is no singularity of the mechanism."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from mechanisms import shipped

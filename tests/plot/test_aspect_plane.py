@@ -1,7 +1,5 @@
 """Aspects in colours over two joints."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from command_line import run

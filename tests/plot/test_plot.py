@@ -1,7 +1,5 @@
 """Plots, by what is in them: artists, their data, labels; and files that come out."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys

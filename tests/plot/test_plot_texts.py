@@ -1,7 +1,5 @@
 """No text of a figure lies over another: every kind of plot, drawn by the command."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from itertools import combinations
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Zones: bounds of joint speeds in boxes, and the distances that rest on them."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import replace
 

@@ -504,6 +504,7 @@ def test_the_example_in_c(tmp_path: Path) -> None:
 
 
 @needs_gcc
+@pytest.mark.usefixtures("undrawn")
 def test_guards_and_a_report_say_what_a_monitor_says(tmp_path):
     form = pinsing.closed_form(pinsing.load("scara"))
     words = "--joint-speeds 5,5,1,10 --within q3=0..0.1,q1=1..3 -o"

@@ -10,6 +10,7 @@ from command_line import run
 from kernel import needs_kernel
 from singular_sets import Joint, arm_of, build, closed
 from tiers import tiered
+from urdf_text import J, frame, urdf
 
 import pinsing
 from pinsing.errors import ConfigurationError, OptionError, PinsingError
@@ -117,18 +118,12 @@ def test_redundant_arms_and_several_equations() -> None:
 
 def endless(turns: tuple[float, ...]) -> Arm:
     """An arm of continuous joints, from a URDF."""
-    parts = ["<robot name='free'><link name='l0'/>"]
-    for i, turn in enumerate(turns, 1):
-        parts.append(
-            f"<joint name='j{i}' type='continuous'><parent link='l{i - 1}'/>"
-            f"<child link='l{i}'/><origin xyz='0.3 0 0.1' rpy='{turn} 0 0'/>"
-            f"<axis xyz='0 0 1'/></joint><link name='l{i}'/>"
-        )
-    parts.append(
-        f"<joint name='t' type='fixed'><parent link='l{len(turns)}'/><child link='tip'/>"
-        "<origin xyz='0.2 0 0'/></joint><link name='tip'/></robot>"
-    )
-    return pinsing.load("".join(parts), tip="tip", task="position")
+    joints = [
+        J(f"j{i}", f"l{i - 1}", f"l{i}", (0.3, 0, 0.1), rpy=(turn, 0, 0))
+        for i, turn in enumerate(turns, 1)
+    ]
+    tip = frame("tip", f"l{len(turns)}", (0.2, 0, 0))
+    return pinsing.load(urdf([*joints, tip]), tip="tip", task="position")
 
 
 def test_arms_without_limits_and_continuous_joints() -> None:

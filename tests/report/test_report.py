@@ -1,7 +1,5 @@
 """The report: one file, whole, readable without us, and safe whatever a robot is called."""
 
-from __future__ import annotations
-
 import base64
 import functools
 import json
@@ -168,6 +166,7 @@ def stanford() -> tuple[str, Any]:
     return html, form
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_what_is_lost_is_what_is_lost_at_the_configuration_that_stands_there() -> None:
     arm, html = textbook("stanford"), stanford()[0]
     parts = html.split('<h3 id="F')[1:]
@@ -184,6 +183,7 @@ def test_what_is_lost_is_what_is_lost_at_the_configuration_that_stands_there() -
             assert str(motion)[1:] in " ".join(said.split())
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_verdicts_are_those_of_at() -> None:
     arm, given = textbook("stanford"), {"bent": BENT}
     html, form = stanford()
@@ -193,12 +193,8 @@ def test_verdicts_are_those_of_at() -> None:
     assert states["bent"]["state"]["status"] == pinsing.at(arm, given["bent"]).status == "regular"
     near = float(pinsing.clearance(form, given["bent"], certify=True).upper)
     assert states["bent"]["clearance"]["upper"] == pytest.approx(near, abs=1e-6)
-    assert f"{np.degrees(near):.3g}°" in Outline(html).text
-
-
-def test_what_to_take_in_place_of_a_singular_zero() -> None:
-    arm = textbook("stanford")
-    page = Outline(stanford()[0])
+    page = Outline(html)
+    assert f"{np.degrees(near):.3g}°" in page.text
     said = re.search(r"The zero pose is singular.*?--deg --q ([-0-9.,e]+)", page.text)
     assert said
     q = np.array([float(x) for x in said[1].rstrip(".").split(",")])
@@ -209,6 +205,7 @@ def test_what_to_take_in_place_of_a_singular_zero() -> None:
 HOSTILE = '"><script>alert(1)</script><img src=x onerror=alert(2)>'
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_hostile_names_are_shown_not_obeyed(tmp_path: Path) -> None:
     text = (URDF / "planar3r.urdf").read_text()
     escaped = HOSTILE.replace("&", "&amp;").replace("<", "&lt;").replace('"', "&quot;")
@@ -243,6 +240,7 @@ def test_on_paper_only_long_tables_go_over_pages() -> None:
     assert 'class="wide"' in table("Many", ("a", "b"), (("1", "2") for _ in range(13)))
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_an_arm_without_singularities(tmp_path: Path) -> None:
     file = tmp_path / "a.html"
     write_report(pinsing.load("planar3r", task="wz"), file, page="none")
@@ -267,6 +265,7 @@ def test_a_trajectory_is_judged_and_pictures_have_their_size(tmp_path: Path) -> 
     assert all(100 < int(one["width"] or 0) <= 7.1 * 96 for one in pictures)
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_one_without_a_complete_answer_says_so() -> None:
     arm = textbook("surgical7")
     form = pinsing.closed_form(arm, seconds=1e-3)

@@ -1,7 +1,5 @@
 """analyze: closed forms, sweep and random search agree, and say so when they do not."""
 
-from __future__ import annotations
-
 import sys
 from dataclasses import replace
 

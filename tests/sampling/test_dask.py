@@ -1,7 +1,5 @@
 """The same runs on a dask.distributed cluster: a real scheduler and worker processes, here."""
 
-from __future__ import annotations
-
 import contextlib
 import json
 import os

@@ -1,7 +1,5 @@
 """Short runs of scripts/durability, and proof that it would notice."""
 
-from __future__ import annotations
-
 import importlib
 import os
 import subprocess

@@ -1,7 +1,5 @@
 """Runs in a folder: whatever happens to the process, the disk or the files, nothing is lost."""
 
-from __future__ import annotations
-
 import contextlib
 import errno
 import importlib

@@ -1,13 +1,12 @@
 """What a sweep has found: the families of arms whose determinants are known, and no others."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import arms
 import numpy as np
 import pinocchio as pin
 import pytest
+from singular_sets import dips
 
 from pinsing.errors import OptionError, ResultError, UnknownNameError
 from pinsing.families import closed_form
@@ -197,6 +196,13 @@ def test_another_arm_is_refused():
         singular_configurations(load("ur5"), result)
     with pytest.raises(UnknownNameError, match="unknown joint 'elbow_joint'"):
         result.set_text({"elbow_joint": 0.0})
+
+
+def test_dips():
+    assert dips(np.array([3.0, 1.0, 2.0, 0.5, 4.0])).tolist() == [1, 3]
+    assert dips(np.array([1.0, 2.0, 1.0])).tolist() == [0, 2]
+    assert dips(np.array([2.0, 1.0, 1.0, 2.0])).tolist() == [1]
+    assert dips(np.full(5, 0.3)).tolist() == []
 
 
 @pytest.mark.slow

@@ -1,7 +1,5 @@
 """Generalisations against the determinants that are known in closed form."""
 
-from __future__ import annotations
-
 import arms
 import numpy as np
 import pytest

@@ -1,7 +1,5 @@
 """Maps: where the configurations are, what is kept of them, and that nothing else decides it."""
 
-from __future__ import annotations
-
 import dataclasses
 import itertools
 import json

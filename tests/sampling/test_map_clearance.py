@@ -1,7 +1,5 @@
 """Maps of the clearance: the bounds of each configuration, reduced; resumed; refused."""
 
-from __future__ import annotations
-
 import dataclasses
 import math
 from concurrent.futures import ProcessPoolExecutor

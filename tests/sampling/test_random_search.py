@@ -1,7 +1,5 @@
 """What random starts meet: on a family, in a valley of one, or on none."""
 
-from __future__ import annotations
-
 import dataclasses
 
 import pytest

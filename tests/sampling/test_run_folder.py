@@ -1,7 +1,5 @@
 """Folders of runs that somebody has been in: what is strange is named, nothing is believed."""
 
-from __future__ import annotations
-
 import os
 import re
 import shutil

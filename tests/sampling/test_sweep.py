@@ -1,7 +1,5 @@
 """The paper's method: plan, levels, pruning, curves, interruption, files."""
 
-from __future__ import annotations
-
 import itertools
 import signal
 

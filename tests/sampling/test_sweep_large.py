@@ -1,7 +1,5 @@
 """Sweeps of any size: reduced as they go, cut anywhere, in bounded memory, nothing lost unsaid."""
 
-from __future__ import annotations
-
 import os
 import signal
 import subprocess

@@ -156,11 +156,9 @@ def alignment(to: tuple[Array, Array], lines: tuple[Array, Array]) -> tuple[Arra
             here, moment = d0 @ R.T, m0 @ R.T
             moment = moment + np.cross(b, here)
             off = np.concatenate([d - here, m - moment]).ravel()
-            rise = [
-                np.concatenate([np.cross(k, here), np.cross(k, moment)]).ravel() for k in np.eye(3)
-            ]
-            rise += [np.concatenate([0 * here, np.cross(k, here)]).ravel() for k in np.eye(3)]
-            step = np.linalg.lstsq(np.array(rise).T, off, rcond=1e-9)[0]
+            turned, moved = (np.cross(np.eye(3)[:, None], x) for x in (here, moment))
+            rise = np.block([[[turned], [moved]], [[0 * turned], [turned]]])
+            step = np.linalg.lstsq(rise.reshape(6, -1).T, off, rcond=1e-9)[0]
             spin = pin.exp3(step[:3])
             R, b = spin @ R, spin @ b + step[3:]
             if np.abs(step).max() < FLOAT_NOISE:
