@@ -63,8 +63,10 @@ def angle(text: str, option: str, degrees: bool | None) -> float:
         f"{option}: {text!r} is no positive angle such as 3deg or 0.05rad",
     )
     unit = match.group(2) if match else None
-    if unit is None and degrees is None:
-        raise OptionError(f"{option} {text} is in no unit: write {text}deg or {text}rad")
+    OptionError.refuse_if(
+        unit is None and degrees is None,
+        f"{option} {text} is in no unit: write {text}deg or {text}rad",
+    )
     return math.radians(value) if unit in ("deg", "°") or (degrees and not unit) else value
 
 

@@ -95,8 +95,10 @@ def families_command(
         certificate is not None and prove is False,
         "-o FILE.cert.json and --no-prove exclude each other",
     )
-    if chosen and system is None:
-        raise OptionError("--family goes with -o FILE.sing: it says which equations are written")
+    OptionError.refuse_if(
+        chosen and system is None,
+        "--family goes with -o FILE.sing: it says which equations are written",
+    )
     if symbolic is not None:
         OptionError.refuse_if(
             certificate is not None or prove is True or system is not None,

@@ -181,11 +181,11 @@ def analyze_loops(
 def _refuse_arm_only(options: dict[str, Any]) -> None:
     """Raise OptionError for an option of an arm's analysis that means nothing for a mechanism."""
     for name, usual in _ARM_ANALYSIS.items():
-        if options.get(name, usual) != usual:
-            raise OptionError(
-                f"--{name.replace('_', '-')} does not go with --loops: a mechanism has no sweep of "
-                "joints by level, and its lengths and angles are taken as they are written"
-            )
+        OptionError.refuse_if(
+            options.get(name, usual) != usual,
+            f"--{name.replace('_', '-')} does not go with --loops: a mechanism has no sweep of "
+            "joints by level, and its lengths and angles are taken as they are written",
+        )
 
 
 def families_loops(
@@ -390,11 +390,11 @@ def read(loops: Path, options: dict[str, Any]) -> Mechanism:
     """Return the mechanism that a command's options mean; OptionError for one of arms."""
     from pinsing.robot.load_mechanism import load_mechanism
 
-    if wrong := _of_arms(options):
-        raise OptionError(
-            f"{' and '.join(wrong)} does not go with --loops: the loop file names the output, "
-            "its rows and the actuated joints"
-        )
+    OptionError.refuse_if(
+        wrong := _of_arms(options),
+        f"{' and '.join(wrong)} does not go with --loops: the loop file names the output, "
+        "its rows and the actuated joints",
+    )
     mechanism = load_mechanism(
         options["robot"],
         loops,

@@ -354,10 +354,10 @@ def output_option(required: bool = False, **endings: str) -> Callable[[F], F]:
         files: dict[str, str | Path | None] = dict.fromkeys(endings)
         for value in values:
             name = argument(value)
-            if files[name] is not None:
-                raise OptionError(
-                    f"-o {files[name]} and -o {value} are files of one kind: give one of them"
-                )
+            OptionError.refuse_if(
+                files[name] is not None,
+                f"-o {files[name]} and -o {value} are files of one kind: give one of them",
+            )
             if value in (STDOUT, *(STDOUT + end for end in texts)):
                 files[name] = STDOUT
             else:
@@ -450,10 +450,9 @@ def once_option(*names: str, **options: Any) -> Callable[[F], F]:
     ) -> str | None:
         if not values:
             return None
-        if len(values) > 1:
-            raise OptionError(
-                f"{names[0]} was given {len(values)} times; {ctx.info_name} takes one"
-            )
+        OptionError.refuse_if(
+            len(values) > 1, f"{names[0]} was given {len(values)} times; {ctx.info_name} takes one"
+        )
         return values[0]
 
     return click.option(*names, multiple=True, callback=single, **options)

@@ -57,11 +57,11 @@ def plot_loops(
     freedom, else the first two coordinates. ``curves`` shows each input in turn, ``ellipsoids`` the
     linkage with its velocity ellipse in every assembly mode, ``modes`` all modes side by side.
     """
-    if kind not in _LOOP_PLOTS:
-        raise OptionError(
-            f"there is no {kind} plot of mechanisms: use {', '.join(_LOOP_PLOTS[:-1])} or "
-            f"{_LOOP_PLOTS[-1]}"
-        )
+    OptionError.refuse_if(
+        kind not in _LOOP_PLOTS,
+        f"there is no {kind} plot of mechanisms: use {', '.join(_LOOP_PLOTS[:-1])} or "
+        f"{_LOOP_PLOTS[-1]}",
+    )
     OptionError.refuse_if(
         over is not None and kind != "map", "--over goes with plot map --loops: --over x,y"
     )

@@ -103,8 +103,10 @@ def zones_command(
 
     parts = parts_of(",".join(within), number) if within else None
     for name, ends in (parts or {}).items():
-        if not deg and ends is not None and turns(name) and max(map(abs, ends)) > 2 * math.pi:
-            raise OptionError(f"--within {name}: over a turn in radians: for degrees add --deg")
+        OptionError.refuse_if(
+            not deg and ends is not None and turns(name) and max(map(abs, ends)) > 2 * math.pi,
+            f"--within {name}: over a turn in radians: for degrees add --deg",
+        )
     with waiting() as step_to:
         step_to("families")
         form = form_to_measure(arm)

@@ -58,23 +58,23 @@ def described_robots() -> dict[str, tuple[str, str]]:
 
 def described_robot(name: str) -> CatalogEntry:
     """Return a robot of the package that is on this computer, or say what is missing."""
-    if importlib.util.find_spec(PACKAGE) is None:
-        raise RobotFileError(
-            f"is a robot of the package {PACKAGE}, which is not installed: "
-            "pip install 'pinsing[descriptions]'",
-            Path(name),
-        )
+    RobotFileError.refuse_if(
+        importlib.util.find_spec(PACKAGE) is None,
+        f"is a robot of the package {PACKAGE}, which is not installed: "
+        "pip install 'pinsing[descriptions]'",
+        Path(name),
+    )
     known = _descriptions()
     plain = name.removeprefix(PREFIX)
     if plain not in known:
         names = [PREFIX + n for n in known]
         raise UnknownNameError("robot", name, names, hint="pinsing list rd: shows all names")
-    if missing := _missing(known[plain]):
-        raise RobotFileError(
-            f"is not on this computer: {missing} would have to be downloaded, which pinsing does "
-            f"not do; `robot_descriptions pull {plain}` does it",
-            Path(name),
-        )
+    RobotFileError.refuse_if(
+        missing := _missing(known[plain]),
+        f"is not on this computer: {missing} would have to be downloaded, which pinsing does "
+        f"not do; `robot_descriptions pull {plain}` does it",
+        Path(name),
+    )
     return _paths(_module(name, plain), name)
 
 
@@ -409,13 +409,17 @@ def locate_robot(robot: str | Path) -> CatalogEntry | Path:
         exists = False
     if exists:
         return path
-    if not _is_name(robot) and not (
-        isinstance(robot, str)
-        and not os.path.isdir(path.parent)
-        and (entries := known_robots())
-        and any("/" in entries[known].title for known in _meant(robot, entries))
-    ):
-        raise RobotFileError("no such file", path)
+    RobotFileError.refuse_if(
+        not _is_name(robot)
+        and not (
+            isinstance(robot, str)
+            and not os.path.isdir(path.parent)
+            and (entries := known_robots())
+            and any("/" in entries[known].title for known in _meant(robot, entries))
+        ),
+        "no such file",
+        path,
+    )
     try:
         return find_robot(str(robot))
     except UnknownNameError as error:

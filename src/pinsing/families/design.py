@@ -181,8 +181,9 @@ def _chosen(
     else:
         names = tuple(dict.fromkeys(n.strip() for n in chosen if n.strip()))
         for name in names:
-            if name not in known and name not in twists:
-                raise UnknownNameError("length", name, (*known, *twists))
+            UnknownNameError.refuse_if(
+                name not in known and name not in twists, "length", name, (*known, *twists)
+            )
     OptionError.refuse_if(not names, "no length is to be a symbol: all are zero, or none was named")
     return names
 

@@ -208,8 +208,7 @@ class DesignForm(JsonResult):
             raise UnknownNameError("family", family, tuple(f.name for f in self.families))
         given = dict(lengths or {})
         for name in given:
-            if name not in self.symbols:
-                raise UnknownNameError("length", name, self.symbols)
+            UnknownNameError.refuse_if(name not in self.symbols, "length", name, self.symbols)
         array = np.asarray(q, dtype=float)
         ConfigurationError.refuse_if(
             array.shape[-1:] != (len(self.joints),),

@@ -220,8 +220,9 @@ class ClosedForm(JsonResult):
         >>> form.family_of([0, 1, 0.3, 1, 0, 0])
         <Family: F3 (wrist): q5 = 0° or 180°>
         """
-        if np.ndim(q) != 1:
-            raise ConfigurationError(f"q must be one joint vector, got shape {np.shape(q)}")
+        ConfigurationError.refuse_if(
+            np.ndim(q) != 1, f"q must be one joint vector, got shape {np.shape(q)}"
+        )
         if self.geometry is not None:
             q = self.geometry.arm.check(q)
         return next((f for f in self.families if bool(f.contains(q, tol))), None)

@@ -244,8 +244,9 @@ def inverse_velocity(
     m, n = jacobians.shape[-2:]
     rows = _rows(m, length_scale)
     weight = _positive(weights, n, "weights", np.ones(n))
-    if not np.isfinite(weight).all():
-        raise OptionError(f"weights must be finite, got {weight.tolist()}")
+    OptionError.refuse_if(
+        not np.isfinite(weight).all(), f"weights must be finite, got {weight.tolist()}"
+    )
     scaled = jacobians / rows[:, None] / weight
     U, sigma, VT = np.linalg.svd(scaled, full_matrices=False)
     wanted = np.einsum("...mk,...m->...k", U, twists / rows)
@@ -325,6 +326,8 @@ def _positive(given: npt.ArrayLike | None, n: int, name: str, default: Array) ->
         array = np.array(given, dtype=float)
     except (TypeError, ValueError) as error:
         raise OptionError(f"{name} is not an array of numbers: {error}") from None
-    if array.shape != (n,) or not (array > 0).all():
-        raise OptionError(f"{name} needs {n} positive numbers, got {array.tolist()}")
+    OptionError.refuse_if(
+        array.shape != (n,) or not (array > 0).all(),
+        f"{name} needs {n} positive numbers, got {array.tolist()}",
+    )
     return array

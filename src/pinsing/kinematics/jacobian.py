@@ -274,10 +274,11 @@ def read_pose(pose: npt.ArrayLike) -> tuple[Array, Array | None]:
     ConfigurationError.refuse_if(
         not np.isfinite(given).all(), "the pose has a value that is not finite"
     )
-    if (np.abs(given) > 1e9).any():  # squares of positions have to be floats
-        raise ConfigurationError(
-            "the pose has a value beyond 1e+09 (metres, radians), which no arm reaches"
-        )
+    # squares of positions have to be floats
+    ConfigurationError.refuse_if(
+        (np.abs(given) > 1e9).any(),
+        "the pose has a value beyond 1e+09 (metres, radians), which no arm reaches",
+    )
     if given.shape == (3,):
         return given, None
     if given.shape == (6,):

@@ -104,11 +104,11 @@ _FASTEST = 50.0
 
 def check_speeds(tip_speed: float, turn_speed: float) -> None:
     """Raise OptionError unless speeds are from 0 to a million, not both zero, and none in mm/s."""
-    if _FASTEST < tip_speed <= 1e6:
-        raise OptionError(
-            f"tip speeds are in m/s, and {tip_speed:g} m/s is faster than any arm: "
-            f"{tip_speed:g} mm/s are {tip_speed / 1000:g}"
-        )
+    OptionError.refuse_if(
+        _FASTEST < tip_speed <= 1e6,
+        f"tip speeds are in m/s, and {tip_speed:g} m/s is faster than any arm: "
+        f"{tip_speed:g} mm/s are {tip_speed / 1000:g}",
+    )
     OptionError.refuse_if(
         not (0 <= tip_speed <= 1e6 and 0 <= turn_speed <= 1e6 and tip_speed + turn_speed),
         "tip_speed and turn_speed must be from 0 to 1e6, and not both zero: got "

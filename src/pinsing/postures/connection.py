@@ -353,12 +353,12 @@ def connect(
     'different'
     """
     found = aspects(forms, limits) if of is None else of
-    if found.within_limits != limits:
-        raise OptionError(
-            "the aspects given are "
-            + ("of " if found.within_limits else "not of ")
-            + "the space within the limits; limits says otherwise"
-        )
+    OptionError.refuse_if(
+        found.within_limits != limits,
+        "the aspects given are "
+        + ("of " if found.within_limits else "not of ")
+        + "the space within the limits; limits says otherwise",
+    )
     chosen = map_of(found, forms)
     start, end = chosen.check(qa), chosen.check(qb)
     places = [chosen.place(q) for q in (start, end)]

@@ -595,8 +595,7 @@ def _target(arm: Arm, pose: npt.ArrayLike) -> tuple[Array, Array | None]:
 def _held(arm: Arm, fixed: Mapping[str, float]) -> Array:
     held = np.full(arm.n, np.nan)
     for name, value in fixed.items():
-        if name not in arm.joints:
-            raise UnknownNameError("joint", str(name), arm.joints)
+        UnknownNameError.refuse_if(name not in arm.joints, "joint", str(name), arm.joints)
         number = float(value)
         if not math.isfinite(number):
             raise ConfigurationError(f"joint {name!r} is held at {number}", joint=name)

@@ -719,8 +719,10 @@ def require_same_families(asked: Watched, given: Watched) -> None:
     if asked is given:
         return
     for what in ("joints", "prismatic", "lower", "upper"):
-        if not np.array_equal(getattr(asked, what), getattr(given, what)):
-            raise OptionError(f"the aspects given are of another arm: {_PLURAL[what]} differ")
+        OptionError.refuse_if(
+            not np.array_equal(getattr(asked, what), getattr(given, what)),
+            f"the aspects given are of another arm: {_PLURAL[what]} differ",
+        )
     one, other = _numbers(asked), _numbers(given)
     OptionError.refuse_if(
         not all(

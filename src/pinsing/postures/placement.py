@@ -98,12 +98,14 @@ def check_ranges(place: Mapping[str, tuple[float, float]]) -> None:
     OptionError.refuse_if(not place, f"place needs a range of {', '.join(RANGES)}")
     for name, ends in place.items():
         OptionError.refuse_if(name not in RANGES, f"place: {name!r} is none of {', '.join(RANGES)}")
-        if not (np.isfinite(ends).all() and ends[0] < ends[1]):
-            raise OptionError(
-                f"place: {name} needs two ascending values, got {ends[0]:g} and {ends[1]:g}"
-            )
-        if name in ANGLES and ends[1] - ends[0] > 2 * np.pi + 1e-9:
-            raise OptionError(f"place: {name} from {ends[0]:g} to {ends[1]:g} rad is over a turn")
+        OptionError.refuse_if(
+            not (np.isfinite(ends).all() and ends[0] < ends[1]),
+            f"place: {name} needs two ascending values, got {ends[0]:g} and {ends[1]:g}",
+        )
+        OptionError.refuse_if(
+            name in ANGLES and ends[1] - ends[0] > 2 * np.pi + 1e-9,
+            f"place: {name} from {ends[0]:g} to {ends[1]:g} rad is over a turn",
+        )
 
 
 def place_at(
@@ -176,8 +178,9 @@ def read_poses(path: Path, *, degrees: bool = False, millimetres: bool = False) 
     end in a unit, as ``x (mm)``. Separators are commas, semicolons or tabs.
     """
     try:
-        if path.stat().st_size > LARGEST_TEXT:
-            raise RobotFileError(f"larger than {LARGEST_TEXT >> 20} MiB", path)
+        RobotFileError.refuse_if(
+            path.stat().st_size > LARGEST_TEXT, f"larger than {LARGEST_TEXT >> 20} MiB", path
+        )
         text = path.read_text(encoding="utf-8-sig")
     except (OSError, UnicodeDecodeError) as error:
         raise RobotFileError(f"cannot be read: {error}", path) from None
@@ -200,8 +203,9 @@ def read_poses(path: Path, *, degrees: bool = False, millimetres: bool = False) 
         )
     if odd := [name for name in names if re.match(TIME.pattern + r"\W", name)]:
         raise RobotFileError(f"the unit of times {odd[0]!r} has to be s, ms, us or ns", path)
-    if len(set(names)) < len(names):
-        raise RobotFileError(f"a column is named twice in {first[:60]!r}", path)
+    RobotFileError.refuse_if(
+        len(set(names)) < len(names), f"a column is named twice in {first[:60]!r}", path
+    )
     rows = []
     for number, row in enumerate(csv.reader(lines[1:], delimiter=separator), 2):
         if not any(word.strip() for word in row):
@@ -224,10 +228,11 @@ def read_poses(path: Path, *, degrees: bool = False, millimetres: bool = False) 
     column = dict(zip(names, np.array(rows).T, strict=True))
     place = np.stack([column[k] for k in "xyz"], axis=1)
     place *= _factors(path, units, "xyz", LENGTHS, 1e-3 if millimetres else 1.0)
-    if np.abs(place).max() > _FAR:
-        raise RobotFileError(
-            f"x, y, z reach {np.abs(place).max():g} m: for millimetres add --mm", path
-        )
+    RobotFileError.refuse_if(
+        np.abs(place).max() > _FAR,
+        f"x, y, z reach {np.abs(place).max():g} m: for millimetres add --mm",
+        path,
+    )
     poses = np.zeros((len(rows), 4, 4))
     poses[:, :3, 3], poses[:, 3, 3] = place, 1.0
     how = np.stack([column[k] for k in kind], axis=1)

@@ -294,8 +294,10 @@ def _floats(array: npt.NDArray[Any]) -> Array:
 
 
 def _npy(path: Path, arm: Arm, columns: Sequence[str]) -> TrajectoryFile:
-    if path.stat().st_size > _LARGEST:
-        raise ConfigurationError(f"{path}: has more than {_LARGEST >> 30} GiB: give a part of it")
+    ConfigurationError.refuse_if(
+        path.stat().st_size > _LARGEST,
+        f"{path}: has more than {_LARGEST >> 30} GiB: give a part of it",
+    )
     try:
         array = np.load(path, mmap_mode="r", allow_pickle=False)
     except (EOFError, ValueError, SyntaxError, tokenize.TokenError, RecursionError) as error:

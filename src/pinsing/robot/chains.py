@@ -155,8 +155,9 @@ def choose_tip(model: pin.Model, joint: int) -> str:
 def _best_frame(model: pin.Model, joint: int, frames: list[pin.Frame]) -> str:
     """Name of the frame to take of all that are fixed to a link."""
     frames = [f for f in frames if f.type in _LINK_KINDS] or frames
-    if not frames:
-        raise ChainError(f"joint {model.names[joint]!r} carries no frame: add one and name it")
+    ChainError.refuse_if(
+        not frames, f"joint {model.names[joint]!r} carries no frame: add one and name it"
+    )
     ways = ([f for f in frames if re.search(p, f.name, re.IGNORECASE)] for p in _TOOL_NAMES)
     frames = next(filter(None, ways), frames)
     distance = [float(np.linalg.norm(f.placement.translation)) for f in frames]

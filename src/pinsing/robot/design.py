@@ -91,12 +91,12 @@ def require_same(robot: Arm, design: Arm, called: str) -> None:
     """Raise OptionError if an axis is elsewhere by 0.1 rad, or a tenth of all links' length."""
     size = float(np.linalg.norm(flatten(design).t, axis=1).sum())
     worst = max(differences(robot, design), key=lambda d: max(d.angle, d.length / size))
-    if max(worst.angle, worst.length / size) > 0.1:
-        raise OptionError(
-            f"{called} is another robot, or has its joint zeros elsewhere: the axis of "
-            f"{worst.joint} differs by {np.degrees(worst.angle):.3g}° and "
-            f"{1e3 * worst.length:.3g} mm"
-        )
+    OptionError.refuse_if(
+        max(worst.angle, worst.length / size) > 0.1,
+        f"{called} is another robot, or has its joint zeros elsewhere: the axis of "
+        f"{worst.joint} differs by {np.degrees(worst.angle):.3g}° and "
+        f"{1e3 * worst.length:.3g} mm",
+    )
 
 
 def is_odd(robot: Arm) -> bool:

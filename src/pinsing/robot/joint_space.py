@@ -81,8 +81,7 @@ class JointSpace:
     def index(self, name: str) -> int:
         """Return the index of a joint, by name or as ``q1``; UnknownNameError if there is none."""
         found = named(name, self.names)
-        if found not in self.names:
-            raise UnknownNameError("joint", name, self.names)
+        UnknownNameError.refuse_if(found not in self.names, "joint", name, self.names)
         return self.names.index(found)
 
     def mask(self, names: Iterable[str]) -> Bool:

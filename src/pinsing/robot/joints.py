@@ -89,8 +89,11 @@ def coupled_limits(
         m, o = coupling.matrix[row, column], coupling.offset[row]
         ends = sorted(((lower[row] - o) / m, (upper[row] - o) / m))
         low[column], high[column] = max(low[column], ends[0]), min(high[column], ends[1])
-        if low[column] > high[column]:
-            raise JointError(name, f"cannot follow {independent[column]!r} within its own limits")
+        JointError.refuse_if(
+            low[column] > high[column],
+            name,
+            f"cannot follow {independent[column]!r} within its own limits",
+        )
     return low, high
 
 
@@ -121,8 +124,11 @@ def chain_limits(model: pin.Model) -> tuple[Array, Array, np.ndarray, list[str]]
     for index in range(1, model.njoints):
         joint, name = model.joints[index], model.names[index]
         axis, slides = joint_axis(joint, name)
-        if not np.isfinite(axis).all() or abs(np.linalg.norm(axis) - 1) > 1e-6:
-            raise JointError(name, f"its axis {axis.tolist()} is not a direction")
+        JointError.refuse_if(
+            not np.isfinite(axis).all() or abs(np.linalg.norm(axis) - 1) > 1e-6,
+            name,
+            f"its axis {axis.tolist()} is not a direction",
+        )
         JointError.refuse_if(
             not np.isfinite(model.jointPlacements[index].homogeneous).all(),
             name,

@@ -532,22 +532,23 @@ def _tree(
 def _check_mimics(follow: tuple[str, ...], inputs: list[str]) -> None:
     """Raise unless each joint that mimics another is driven by itself here."""
     for name in follow:
-        if name not in inputs:
-            raise JointError(
-                name, "mimics another joint, which loops do not support: model it as a loop, or "
-                "drive it (name_mot)"
-            )  # fmt: skip
+        JointError.refuse_if(
+            name not in inputs,
+            name,
+            "mimics another joint, which loops do not support: model it as a loop, or "
+            "drive it (name_mot)",
+        )
 
 
 def _limits(model: pin.Model) -> tuple[Array, Array, npt.NDArray[np.bool_]]:
     lower, upper, prismatic = [], [], []
     for index in range(1, model.njoints):
         joint, name = model.joints[index], model.names[index]
-        if joint.nv != 1:
-            raise JointError(
-                name,
-                f"is a {joint.shortname()}: joints of a mechanism must be revolute or prismatic",
-            )
+        JointError.refuse_if(
+            joint.nv != 1,
+            name,
+            f"is a {joint.shortname()}: joints of a mechanism must be revolute or prismatic",
+        )
         _, slides = joint_axis(joint, name)
         low, high = -np.inf, np.inf
         if joint.nq == 1:

@@ -150,10 +150,10 @@ def given_model(robot: Any) -> pin.Model | None:
         "or give the URDF file, where pinsing reads the couplings itself",
     )
     for name in (model.name, *model.names, *(frame.name for frame in model.frames)):
-        if has_control(name):
-            raise PinsingError(
-                f"the model has the name {name[:60]!r} with a control character: rename it"
-            )
+        PinsingError.refuse_if(
+            has_control(name),
+            f"the model has the name {name[:60]!r} with a control character: rename it",
+        )
     return model.copy()
 
 
