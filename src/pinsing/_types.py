@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import TypeAlias
 
 import numpy as np
-import numpy.typing as npt
+from numpy.typing import ArrayLike as ArrayLike, NDArray as NDArray
 
-Array: TypeAlias = npt.NDArray[np.float64]  # numbers, SI units
-Bool: TypeAlias = npt.NDArray[np.bool_]
-Ints: TypeAlias = npt.NDArray[np.int64]
+Array: TypeAlias = NDArray[np.float64]  # numbers, SI units
+Bool: TypeAlias = NDArray[np.bool_]
+Ints: TypeAlias = NDArray[np.int64]

@@ -20,9 +20,8 @@ from dataclasses import dataclass
 from typing import Any, Literal, TypeVar
 
 import numpy as np
-import numpy.typing as npt
 
-from pinsing._types import Array
+from pinsing._types import Array, ArrayLike, Bool, NDArray
 from pinsing.errors import ArgumentError, ConfigurationError, OptionError
 from pinsing.prose import unbroken
 
@@ -36,7 +35,7 @@ _MOST_BITS = 1024  # whole numbers beyond it are no floats either
 
 
 class _ArrayLike:
-    """Stands for ``npt.ArrayLike``, which is a union that dissolves in any other."""
+    """Stands for ``ArrayLike``, which is a union that dissolves in any other."""
 
 
 @dataclass(frozen=True)
@@ -98,7 +97,7 @@ def checked(function: F) -> F:
     return typing.cast(F, call)
 
 
-def real_numbers(values: npt.ArrayLike, name: str, own: bool = True) -> Array:
+def real_numbers(values: ArrayLike, name: str, own: bool = True) -> Array:
     """Return real numbers as floats, a copy if ``own``; ConfigurationError for anything else."""
     if not _are_numbers(values):
         raise _no_numbers(name, values)
@@ -227,8 +226,7 @@ def _cut(text: str) -> str:
 
 def _parameters(function: Callable[..., Any]) -> list[tuple[str, int | None, bool, _Kind]]:
     """Return the name, position, if several, and kind of parameters annotated with a check."""
-    numpy_typing = types.SimpleNamespace(ArrayLike=_ArrayLike, NDArray=npt.NDArray)
-    names = {**sys.modules[function.__module__].__dict__, "npt": numpy_typing}
+    names = {**sys.modules[function.__module__].__dict__, "ArrayLike": _ArrayLike}
     found = []
     for position, (name, p) in enumerate(inspect.signature(function).parameters.items()):
         if p.annotation is p.empty or p.kind is p.VAR_KEYWORD:
@@ -253,7 +251,7 @@ def _kind_of(hint: Any) -> _Kind | None:
         return _union([_kind_of(a) for a in args])
     if origin is Literal:
         return _Kind(" or ".join(map(repr, args)), lambda v: isinstance(v, str) and v in args)
-    if hint == npt.NDArray[np.bool_]:
+    if hint == Bool:
         return _Kind("a mask", _is_mask)
     if origin is np.ndarray:
         return _PLAIN[_ArrayLike]
@@ -371,7 +369,7 @@ def _are_numbers(value: Any) -> bool:
     return True
 
 
-def _reals(value: Any) -> npt.NDArray[Any] | None:
+def _reals(value: Any) -> NDArray[Any] | None:
     """Return an array of real numbers of whatever size, None if a value is none."""
     plain = isinstance(value, str | bytes | bytearray | Mapping | type(None))
     if plain or _holds(value, _is_masked, True):
@@ -408,8 +406,8 @@ _EXACT = 12
 
 
 def typed(
-    q: npt.ArrayLike,
-    prismatic: npt.ArrayLike,
+    q: ArrayLike,
+    prismatic: ArrayLike,
     degrees: bool = False,
     digits: int = _EXACT,
     *,

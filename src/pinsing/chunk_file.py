@@ -17,12 +17,12 @@ from pathlib import Path
 from typing import cast
 
 import numpy as np
-import numpy.typing as npt
 from numpy.lib import format as npy
 
+from pinsing._types import NDArray
 from pinsing.errors import Refusal
 
-Record = dict[str, npt.NDArray[np.generic]]
+Record = dict[str, NDArray[np.generic]]
 
 _DIGEST = 64  # hexadecimal digits
 _MARK = b"sha256:"
@@ -124,7 +124,7 @@ def unpack(data: bytes, run: str, index: int, room: int) -> Record:
     return record
 
 
-def _array(content: bytes) -> npt.NDArray[np.generic]:
+def _array(content: bytes) -> NDArray[np.generic]:
     """One .npy file, whose header is believed only as far as there are bytes."""
     file = io.BytesIO(content)
     version = npy.read_magic(file)
@@ -143,4 +143,4 @@ def _array(content: bytes) -> npt.NDArray[np.generic]:
     flat = np.frombuffer(content, dtype, offset=begin) if dtype.itemsize else np.zeros(0, dtype)
     DamagedError.refuse_if(len(flat) != math.prod(shape), "an array has another size than it says")
     array = flat.reshape(shape[::-1]).T if fortran else flat.reshape(shape)
-    return cast("npt.NDArray[np.generic]", array.copy())
+    return cast("NDArray[np.generic]", array.copy())

@@ -10,9 +10,8 @@ from enum import Enum
 from typing import Literal, NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
-from pinsing._types import Array
+from pinsing._types import Array, ArrayLike, NDArray
 
 SINGULAR_RTOL = 1e-9
 """sigma_r / sigma_1 at or below this is singular."""
@@ -99,18 +98,18 @@ class Ellipsoid(NamedTuple):
     radii: Array
 
 
-def singular_values(J: npt.ArrayLike) -> Array:
+def singular_values(J: ArrayLike) -> Array:
     """Singular values of J (..., m, n), largest first: (..., min(m, n))."""
     return np.linalg.svd(np.asarray(J, dtype=float), compute_uv=False)
 
 
-def rank(J: npt.ArrayLike, rtol: float = SINGULAR_RTOL) -> npt.NDArray[np.intp]:
+def rank(J: ArrayLike, rtol: float = SINGULAR_RTOL) -> NDArray[np.intp]:
     """Number of singular values of J (..., m, n) above ``rtol`` times the largest."""
     sigma = singular_values(J)
     return np.asarray((sigma > rtol * sigma[..., :1]).sum(axis=-1))
 
 
-def sigma_ratio(sigma: npt.ArrayLike, generic_rank: int | None = None, size: float = 0.0) -> Array:
+def sigma_ratio(sigma: ArrayLike, generic_rank: int | None = None, size: float = 0.0) -> Array:
     """sigma_r / sigma_1 from singular values (..., k), largest first; 0 for a zero Jacobian.
 
     Where all of J can vanish, sigma_1 says nothing of how small sigma_r is: it then counts
@@ -131,7 +130,7 @@ def status_of(ratio: float, rtol: float = SINGULAR_RTOL, near_rtol: float = NEAR
     return "near-singular" if ratio <= near_rtol else "regular"
 
 
-def manipulability(J: npt.ArrayLike, generic_rank: int | None = None) -> Array:
+def manipulability(J: ArrayLike, generic_rank: int | None = None) -> Array:
     """Yoshikawa's measure sqrt(det(J J^T)) of J (..., m, n), paper Eq. (14).
 
     Computed as the product of the first ``generic_rank`` singular values (all of them by
@@ -142,7 +141,7 @@ def manipulability(J: npt.ArrayLike, generic_rank: int | None = None) -> Array:
     return np.asarray(np.prod(sigma[..., :r], axis=-1))
 
 
-def condition_number(J: npt.ArrayLike, generic_rank: int | None = None) -> Array:
+def condition_number(J: ArrayLike, generic_rank: int | None = None) -> Array:
     """sigma_1 / sigma_r of J (..., m, n), paper Eq. (17); infinite where sigma_r is zero.
 
     A value that rounding alone has kept from zero (below max(m, n) eps sigma_1) counts as zero.
@@ -155,7 +154,7 @@ def condition_number(J: npt.ArrayLike, generic_rank: int | None = None) -> Array
     return np.divide(first, last, out=infinite, where=nonzero)
 
 
-def determinant(J: npt.ArrayLike) -> Array:
+def determinant(J: ArrayLike) -> Array:
     """det(J) where J (..., m, n) is square, det(J J^T) where it is wide (paper Eqs. (4), (5)).
 
     The latter is the squared product of the singular values; a tall J, whose J J^T is
@@ -167,7 +166,7 @@ def determinant(J: npt.ArrayLike) -> Array:
     return np.asarray(np.prod(singular_values(J), axis=-1) ** 2)
 
 
-def velocity_ellipsoid(J: npt.ArrayLike) -> Ellipsoid:
+def velocity_ellipsoid(J: ArrayLike) -> Ellipsoid:
     """Ellipsoid of tip velocities that unit joint speed reaches, paper Eqs. (15), (16).
 
     Parameters

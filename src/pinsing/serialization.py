@@ -12,9 +12,9 @@ from enum import Enum
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
 from pinsing._package import advised
+from pinsing._types import NDArray
 from pinsing.arguments import checked
 from pinsing.errors import PinsingError, ResultError
 from pinsing.notebook import one_line, text as notebook_text
@@ -271,8 +271,8 @@ def _decode(kind: Any, value: Any) -> Any:
         return tuple(_decode(a, v) for a, v in zip(args, items, strict=True))
     if origin in (dict, Mapping) or getattr(origin, "__name__", "") == "Mapping":
         return {_key(args[0], k): _decode(args[1], v) for k, v in _expect(dict, value).items()}
-    if origin in (np.ndarray, npt.NDArray):  # the latter is an alias with a name from NumPy 2.5 on
-        scalar = args[0] if origin is npt.NDArray else typing.get_args(args[1])[0]
+    if origin in (np.ndarray, NDArray):  # the latter is an alias with a name from NumPy 2.5 on
+        scalar = args[0] if origin is NDArray else typing.get_args(args[1])[0]
         return _array(scalar if isinstance(scalar, type) else np.float64, value)
     if kind is float:
         if isinstance(value, bool):

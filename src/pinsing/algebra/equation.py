@@ -27,7 +27,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from pinsing._types import Array
+from pinsing._types import Array, ArrayLike, Bool, Ints
 from pinsing.algebra.ring import Poly, Ring, terms_of
 from pinsing.robot.source import Memory
 from pinsing.robot.surd import SQUARES, Exact, Surd, exact_of, exact_text, parts_of, surd
@@ -142,7 +142,7 @@ def exact_sum(pieces: Sequence[tuple[Exact, str]], latex: bool) -> str:
 
 Key = tuple[tuple[int, ...], tuple[int, ...]]
 """Twice the multiple of each angle, the first one that is not 0 positive; powers of sliders."""
-Ints = npt.NDArray[np.int64]
+Ints = Ints
 
 
 def fourier(poly: Poly, ring: Ring, quarters: Sequence[int]) -> dict[Key, tuple[Exact, Exact]]:
@@ -255,7 +255,7 @@ def _transformed(
 
 
 @functools.cache
-def _powers(degree: int) -> npt.NDArray[np.int64]:
+def _powers(degree: int) -> Ints:
     """Coefficients of w^k (columns) in (w + 1)^(degree - b) (w - 1)^b (rows)."""
     factors = ([[1, 1]] * (degree - b) + [[-1, 1]] * b for b in range(degree + 1))
     one = np.ones(1, dtype=np.int64)
@@ -295,8 +295,8 @@ class Equation(Memory):
     """
 
     joints: tuple[str, ...]
-    frequencies: npt.NDArray[np.int64]
-    powers: npt.NDArray[np.int64]
+    frequencies: Ints
+    powers: Ints
     cos: Array
     sin: Array
     shift: Array
@@ -328,13 +328,13 @@ class Equation(Memory):
         """True if half-angles occur, so that q and q + 2 pi give opposite signs."""
         return bool((self.frequencies % 2 != 0).any())
 
-    def __call__(self, q: npt.ArrayLike) -> Array:
+    def __call__(self, q: ArrayLike) -> Array:
         """Value at q (..., n): (...)."""
         phase, power = self._terms(np.asarray(q, dtype=float))
         value = power * (self.cos * np.cos(phase) + self.sin * np.sin(phase))
         return np.asarray(value.sum(axis=-1))
 
-    def gradient(self, q: npt.ArrayLike) -> Array:
+    def gradient(self, q: ArrayLike) -> Array:
         """Return the derivatives by the joints at q (..., n): (..., n)."""
         q = np.asarray(q, dtype=float)
         phase, power = self._terms(q)
@@ -565,7 +565,7 @@ def scale_to_lengths(equation: Equation, lengths: Sequence[float]) -> Equation:
     factors = [length / c for c in largest for length in known]
     scaled = found * np.array(factors)[:, None]
 
-    def matches(targets: Array) -> npt.NDArray[np.bool_]:
+    def matches(targets: Array) -> Bool:
         """Return which of the values (factors, coefficients) are one of the targets, ascending."""
         place = np.searchsorted(targets, scaled)
         below, above = (

@@ -21,9 +21,8 @@ from fractions import Fraction
 from typing import Any, TypeAlias
 
 import numpy as np
-import numpy.typing as npt
 
-from pinsing._types import Array
+from pinsing._types import Array, ArrayLike
 from pinsing.algebra.equation import Equation, format_angle, joined, latex_symbol, moved, times
 from pinsing.prose import listed
 from pinsing.robot.surd import exact_of, parts_of
@@ -44,7 +43,7 @@ class Expression:
     joints: tuple[str, ...]  # symbols of all joints
     shift: tuple[float, ...]  # radians added to each angle
 
-    def __call__(self, q: npt.ArrayLike) -> Array:
+    def __call__(self, q: ArrayLike) -> Array:
         """Value at q (..., n): (...)."""
         q = np.asarray(q, dtype=float)
         total = np.zeros(q.shape[:-1])
@@ -383,7 +382,7 @@ class JointForm:
         """Largest number of values."""
         return 2 if self.kind in ("two", "opposite") else 1
 
-    def solve(self, q: npt.ArrayLike) -> Array:
+    def solve(self, q: ArrayLike) -> Array:
         """Return values of the joint, (..., solutions), given the others of q (..., n)."""
         # Angles in (-pi, pi]; NaN where there is none, or where every value does.
         q = np.asarray(q, dtype=float)

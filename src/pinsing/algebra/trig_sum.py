@@ -16,9 +16,8 @@ from functools import partial
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
-from pinsing._types import Array
+from pinsing._types import Array, ArrayLike
 
 TINY = 1e-300
 COMBINED = 12  # sums of a branch that are combined into one bound
@@ -42,10 +41,10 @@ class TrigSum:
 
     def __init__(
         self,
-        amplitude: npt.ArrayLike,
-        phase: npt.ArrayLike,
-        rate: npt.ArrayLike,
-        power: npt.ArrayLike,
+        amplitude: ArrayLike,
+        phase: ArrayLike,
+        rate: ArrayLike,
+        power: ArrayLike,
         noise: float,
         largest: bool = False,
     ) -> None:

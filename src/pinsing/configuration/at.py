@@ -9,10 +9,9 @@ from itertools import chain, repeat
 from typing import ClassVar
 
 import numpy as np
-import numpy.typing as npt
 
 from pinsing import measures, notebook
-from pinsing._types import Array
+from pinsing._types import Array, ArrayLike
 from pinsing.arguments import checked
 from pinsing.configuration.axis_dependence import (
     DEPENDENCE_RTOL,
@@ -390,13 +389,13 @@ def _short(value: float) -> str:
 @checked
 def at(
     arm: Arm,
-    q: npt.ArrayLike,
+    q: ArrayLike,
     rtol: float = SINGULAR_RTOL,
     near_rtol: float = NEAR_RTOL,
     *,
     tip_speed: float = TIP_SPEED,
     turn_speed: float = TURN_SPEED,
-    joint_speeds: npt.ArrayLike | None = None,
+    joint_speeds: ArrayLike | None = None,
 ) -> State:
     """Analyze one configuration q (n,) of an arm, radians and metres.
 

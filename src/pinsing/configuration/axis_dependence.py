@@ -9,10 +9,9 @@ from itertools import chain, combinations
 from math import comb
 
 import numpy as np
-import numpy.typing as npt
 
 from pinsing._batch import engine as kernel
-from pinsing._types import Array
+from pinsing._types import Array, NDArray
 from pinsing.configuration.lost_motion import (
     STRUCTURE_TOL,
     AxesCentre,
@@ -34,7 +33,7 @@ from pinsing.robot.arm import Arm
 from pinsing.robot.nominal import nominal
 from pinsing.robot.task import TOOL_AXES
 
-Ints = npt.NDArray[np.intp]
+Ints = NDArray[np.intp]
 
 
 class ColumnRanks:

@@ -14,9 +14,8 @@ from dataclasses import dataclass
 from itertools import combinations
 
 import numpy as np
-import numpy.typing as npt
 
-from pinsing._types import Array
+from pinsing._types import Array, Bool
 from pinsing.measures import PRACTICAL
 from pinsing.prose import listed
 
@@ -43,12 +42,12 @@ class JointAxes:
 
     direction: Array  # (n, 3), unit
     point: Array  # (n, 3), the point of each turning axis nearest to the tip
-    prismatic: npt.NDArray[np.bool_]  # (n,), those have a direction only
+    prismatic: Bool  # (n,), those have a direction only
     tip: Array  # (3,)
     size: float  # greatest distance of an axis from the tip, 1 without any
 
     @classmethod
-    def of(cls, J: Array, prismatic: npt.NDArray[np.bool_], tip: Array) -> JointAxes:
+    def of(cls, J: Array, prismatic: Bool, tip: Array) -> JointAxes:
         """Axes from a frame Jacobian (6, n): columns (z x (tip - p), z), or (z, 0)."""
         v, w = J[:3].T, J[3:].T
         direction = np.where(prismatic[:, None], v, w)

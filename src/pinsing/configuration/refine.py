@@ -7,10 +7,9 @@ from dataclasses import dataclass
 from typing import ClassVar, Literal
 
 import numpy as np
-import numpy.typing as npt
 
 from pinsing._batch import engine
-from pinsing._types import Array, Bool
+from pinsing._types import Array, ArrayLike, Bool, NDArray
 from pinsing.arguments import checked
 from pinsing.errors import OptionError
 from pinsing.kinematics.batch import PINOCCHIO, batch, own_scale, task_rows, turn_left
@@ -119,7 +118,7 @@ def _told(arm: Arm, Q: Array) -> Array:
 _SLIDE = 0.05  # length of the self-motion tried along a degenerate direction, as above
 
 
-def kinds_many(arm: Arm, Q: npt.ArrayLike, most: int | None = None) -> list[Kind | None]:
+def kinds_many(arm: Arm, Q: ArrayLike, most: int | None = None) -> list[Kind | None]:
     """Return the ``kind`` of ``describe_many`` for each row of Q (N, n), and nothing else.
 
     One lost direction needs no search for a definite combination: what is clear is decided for all
@@ -283,7 +282,7 @@ def _critical_along(arm: Arm, ways: Sequence[tuple[Array, Array, Array]]) -> lis
     return [bool((arrived & far)[of == i].all()) for i in range(len(ways))]
 
 
-def _slide(arm: Arm, at: Array, u: Array, starts: Array) -> tuple[Array, npt.NDArray[np.bool_]]:
+def _slide(arm: Arm, at: Array, u: Array, starts: Array) -> tuple[Array, Bool]:
     """Return configurations near ``starts`` (N, n), J^T u = 0, tip as ``at``; and which arrived."""
     scale = own_scale(arm)
     place, turned = tip_poses(arm, at)
@@ -318,7 +317,7 @@ _RULES = engine.WalkRules(
 )
 
 
-_Ends = tuple[Array, npt.NDArray[np.intp], Bool]  # configurations, derivatives taken, stationary
+_Ends = tuple[Array, NDArray[np.intp], Bool]  # configurations, derivatives taken, stationary
 
 
 @dataclass(frozen=True, eq=False)
@@ -328,7 +327,7 @@ class RankDrops:
     q: Array  # (N, n), radians or metres
     sigma: Array  # (N, r), of the task Jacobian, largest first
     ratio: Array  # (N,), verdicts stand on it (`pinsing.kinematics.verdict`)
-    iterations: npt.NDArray[np.intp]  # (N,), Jacobian derivatives evaluated
+    iterations: NDArray[np.intp]  # (N,), Jacobian derivatives evaluated
     # (N,), at rank below r to ``SINGULAR_RTOL``, or at a minimum of sigma_r that is not zero
     converged: Bool
 
@@ -340,8 +339,8 @@ class RankDrops:
 
 def approach(
     arm: Arm,
-    Q: npt.ArrayLike,
-    free: npt.ArrayLike | None = None,
+    Q: ArrayLike,
+    free: ArrayLike | None = None,
     bounded: bool = False,
     max_iterations: int = 60,
 ) -> RankDrops:
@@ -423,7 +422,7 @@ def _in_numpy(
     return Q, iterations, stationary
 
 
-def constraint_gradient(arm: Arm, Q: npt.ArrayLike) -> tuple[Array, Array]:
+def constraint_gradient(arm: Arm, Q: ArrayLike) -> tuple[Array, Array]:
     """Return equations U0^T dJ V0 of the rank drop in dq / columns, (N, K, n), and sigma (N, r)."""
     # At the arm's own scale (`pinsing.kinematics.batch`). K = (m-r+1)(n-r+1); the first row is the
     # gradient of sigma_r where that is simple: d sigma_r / d q_j = u_r^T (dJ/dq_j) v_r.
@@ -561,7 +560,7 @@ class SingularConfiguration(JsonResult):
 @checked
 def refine(
     arm: Arm,
-    q0: npt.ArrayLike,
+    q0: ArrayLike,
     *,
     fixed: Sequence[str] | Bool | Sequence[bool] | None = None,
     ignore_limits: bool = False,
@@ -616,7 +615,7 @@ def refine(
 @checked
 def refine_many(
     arm: Arm,
-    Q0: npt.ArrayLike,
+    Q0: ArrayLike,
     *,
     fixed: Sequence[str] | Bool | Sequence[bool] | None = None,
     ignore_limits: bool = False,
@@ -690,12 +689,12 @@ def walk(
     return RankDrops(arm.space.fold(q), sigma, ratio, iterations, converged)
 
 
-def describe(arm: Arm, q: npt.ArrayLike) -> SingularConfiguration:
+def describe(arm: Arm, q: ArrayLike) -> SingularConfiguration:
     """All that is known of the configuration q (n,) as it is, without moving it."""
     return describe_many(arm, arm.check_one(q)[None])[0]
 
 
-def describe_many(arm: Arm, Q: npt.ArrayLike) -> tuple[SingularConfiguration, ...]:
+def describe_many(arm: Arm, Q: ArrayLike) -> tuple[SingularConfiguration, ...]:
     """The same of each row of Q (N, n)."""
     Q = arm.check_many(Q)
     here = RankDrops(Q, *measure(arm, Q), np.zeros(len(Q), int), np.ones(len(Q), bool))
@@ -744,7 +743,7 @@ def _describe(arm: Arm, drops: RankDrops) -> tuple[SingularConfiguration, ...]:
     return tuple(found)
 
 
-def _free(arm: Arm, fixed: Sequence[str] | npt.ArrayLike | None) -> Bool | None:
+def _free(arm: Arm, fixed: Sequence[str] | ArrayLike | None) -> Bool | None:
     """Mask of the joints that may move."""
     if fixed is None:
         return None

@@ -7,9 +7,8 @@ from dataclasses import dataclass, field
 from typing import ClassVar
 
 import numpy as np
-import numpy.typing as npt
 
-from pinsing._types import Array
+from pinsing._types import Array, ArrayLike
 from pinsing.algebra.equation import Equation, equation, format_angle
 from pinsing.algebra.ring import Poly, Ring
 from pinsing.arguments import checked
@@ -169,7 +168,7 @@ class DesignForm(JsonResult):
 
     @checked
     def residuals(
-        self, family: str, q: npt.ArrayLike, lengths: Mapping[str, float] | None = None
+        self, family: str, q: ArrayLike, lengths: Mapping[str, float] | None = None
     ) -> Array:
         """Return the values of the equations of a family at q with numbers put in for its symbols.
 

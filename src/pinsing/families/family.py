@@ -13,9 +13,8 @@ from functools import cached_property
 from typing import Any, ClassVar
 
 import numpy as np
-import numpy.typing as npt
 
-from pinsing._types import Array, Bool
+from pinsing._types import Array, ArrayLike, Bool
 from pinsing.algebra.components import Component
 from pinsing.algebra.conditions import Conditions
 from pinsing.algebra.equation import PLAIN, Equation, latex_symbol
@@ -80,7 +79,7 @@ class Members:
     limit_tolerance: Array | None
     lower: Array
     upper: Array
-    prismatic: npt.NDArray[np.bool_]
+    prismatic: Bool
     length_scale: float
     arm: Arm | None  # the arm, where it is known
     confirm: Confirm | None
@@ -97,7 +96,7 @@ class Members:
         return JointSpace(names, self.prismatic, self.lower, self.upper, self.length_scale)
 
     @checked
-    def contains(self, q: npt.ArrayLike, tol: float = 1e-6) -> npt.NDArray[np.bool_]:
+    def contains(self, q: ArrayLike, tol: float = 1e-6) -> Bool:
         """Tell for q (..., n) whether a point of the family is within ``tol`` of it.
 
         Revolute joints count modulo whole turns; limits are not considered.
@@ -133,12 +132,12 @@ class Members:
     @checked
     def distance(
         self,
-        q: npt.ArrayLike,
+        q: ArrayLike,
         *,
         gap: float = GAP,
         boxes: int = BOXES,
         within_limits: bool = False,
-        weights: npt.ArrayLike | None = None,
+        weights: ArrayLike | None = None,
         norm: str = "euclidean",
     ) -> Distance:
         """Return the distance from q (n,) to the family, bounded on both sides, with its point.
@@ -199,7 +198,7 @@ class Members:
         return own_nearest(found, self.branches, self.space, q, self.confirm)
 
     @checked
-    def gradient(self, q: npt.ArrayLike) -> Array:
+    def gradient(self, q: ArrayLike) -> Array:
         """Return the gradient (n,) of the distance from q (n,) to the family.
 
         Parameters
@@ -230,9 +229,7 @@ class Members:
         return away / self.space.metric / size if size > ROUNDING else np.zeros(self.n)
 
     @checked
-    def conditions(
-        self, weights: npt.ArrayLike | None = None, norm: str = "euclidean"
-    ) -> Conditions:
+    def conditions(self, weights: ArrayLike | None = None, norm: str = "euclidean") -> Conditions:
         """Return what holds on the family, as flat arrays that bounds are computed with.
 
         Parameters
@@ -439,7 +436,7 @@ class Members:
             return self.lower, self.upper
         return self.lower - self.limit_tolerance, self.upper + self.limit_tolerance
 
-    def _check(self, q: npt.ArrayLike) -> Array:
+    def _check(self, q: ArrayLike) -> Array:
         if self.arm is not None:
             return self.arm.check(q)
         array = real_numbers(columns_of(q, self.space.names, "q"), "q")
@@ -568,7 +565,7 @@ class Family(Members, JsonResult):
     raw_ratio: float | None
     lower: Array
     upper: Array
-    prismatic: npt.NDArray[np.bool_]
+    prismatic: Bool
     length_scale: float
     kinds: tuple[KindPart, ...] = ()
     limit_tolerance: Array | None = None
@@ -603,7 +600,7 @@ class Family(Members, JsonResult):
         return f"{self.name} ({self.title})" if self.title else self.name
 
     @checked
-    def where(self, q: npt.ArrayLike | None = None, *, every: bool = False) -> str:
+    def where(self, q: ArrayLike | None = None, *, every: bool = False) -> str:
         """Return its condition with the joints' own names, in degrees and metres.
 
         Parameters

@@ -7,9 +7,9 @@ from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
 import numpy as np
-import numpy.typing as npt
 
 from pinsing import notebook
+from pinsing._types import ArrayLike
 from pinsing.algebra.components import Component, RandomSteps
 from pinsing.arguments import checked, shown, stands_for, typed
 from pinsing.errors import ArgumentError, ConfigurationError, OptionError, UnknownNameError
@@ -197,7 +197,7 @@ class ClosedForm(JsonResult):
         return iter(self.families)
 
     @checked
-    def family_of(self, q: npt.ArrayLike, tol: float = 1e-6) -> Family | None:
+    def family_of(self, q: ArrayLike, tol: float = 1e-6) -> Family | None:
         """Return the first family that has a point within ``tol`` of q (n,), if any.
 
         Parameters

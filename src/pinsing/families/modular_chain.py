@@ -14,9 +14,9 @@ from fractions import Fraction
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 from flint import nmod_mat
 
+from pinsing._types import Bool, Ints, NDArray
 from pinsing.algebra.components import SECOND_SEED, Component
 from pinsing.algebra.jacobian_matrix import in_axes
 from pinsing.algebra.ring import Poly, Ring, Value
@@ -27,10 +27,9 @@ from pinsing.robot.task import Task
 _CHECKED = 4_000
 """Singular points of one slice that are held against the families."""
 
-Ints = npt.NDArray[np.int64]
 Coordinates = tuple[Ints, Ints]
 """Half-angle coordinates (x, y) of a joint; of a slider its length and 0."""
-Pairs = npt.NDArray[np.intp]
+Pairs = NDArray[np.intp]
 
 
 class ModularChain:
@@ -168,7 +167,7 @@ def _stacked(screws: Sequence[Ints]) -> Ints:
     return np.stack([np.broadcast_to(s, (count, 6)) for s in screws], axis=1)
 
 
-def short(A: npt.NDArray[np.int16], p: int) -> npt.NDArray[np.bool_]:
+def short(A: NDArray[np.int16], p: int) -> Bool:
     """Return where matrices (m, k, ...) have a rank below m modulo a prime."""
     if len(A) == 1:
         return np.asarray(~A[0].any(axis=0))
@@ -198,7 +197,7 @@ def value_modulo(value: Value, prime: int) -> tuple[int, ...]:
     return (whole[0] * pow(bottom, -1, prime) % prime,) if bottom % prime else ()
 
 
-def at_value(x: Ints, y: Ints, value: tuple[int, ...], prime: int) -> npt.NDArray[np.bool_]:
+def at_value(x: Ints, y: Ints, value: tuple[int, ...], prime: int) -> Bool:
     """Return which coordinates (N,) of a joint are at a value of it in the field."""
     if not value:
         return np.zeros(x.shape, dtype=bool)
@@ -217,7 +216,7 @@ class ModularSet:
             (j, k) for j in range(len(ring.prismatic)) for k in range(len(ring.variables(j)))
         ]
 
-    def holds(self, x: Ints, y: Ints) -> npt.NDArray[np.bool_]:
+    def holds(self, x: Ints, y: Ints) -> Bool:
         """Return which of some points (n, N) lie on it."""
         on = np.ones(x.shape[1], dtype=bool)
         for j, v in self.values.items():
@@ -351,7 +350,7 @@ class ModularRows(ModularChain):
             out.append(np.concatenate(both, axis=1))
         return np.stack(out, axis=1)
 
-    def _columns(self, rows: Ints, screws: Ints) -> npt.NDArray[np.int16]:
+    def _columns(self, rows: Ints, screws: Ints) -> NDArray[np.int16]:
         """Rows of the Jacobian (rows, columns, N): sums of six products are exact in floats."""
         J = rows.astype(np.float32) @ screws.astype(np.float32).transpose(0, 2, 1)
         return np.asarray((J % self.p).astype(np.int16).transpose(1, 2, 0))

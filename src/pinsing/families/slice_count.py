@@ -15,14 +15,13 @@ from dataclasses import dataclass, field
 from fractions import Fraction
 
 import numpy as np
-import numpy.typing as npt
 from flint import fmpz
 
+from pinsing._types import Bool, Ints
 from pinsing.algebra.budget import Budget
 from pinsing.algebra.components import Component
 from pinsing.algebra.ring import Ring
 from pinsing.families.modular_chain import (
-    Ints,
     ModularChain,
     ModularRows,
     ModularSet,
@@ -47,7 +46,7 @@ NEEDED = 3
 _FEW_JOINTS = 3
 """Slices of so few joints are small: in larger fields less is special by chance."""
 
-Bools = npt.NDArray[np.bool_]
+Bools = Bool
 
 
 @dataclass(frozen=True)

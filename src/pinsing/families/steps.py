@@ -31,8 +31,8 @@ from dataclasses import dataclass, replace
 from typing import Protocol
 
 import numpy as np
-import numpy.typing as npt
 
+from pinsing._types import NDArray
 from pinsing.algebra.budget import Budget, BudgetExceeded
 from pinsing.algebra.components import Component, RandomSteps, merged, together
 from pinsing.algebra.decompose import Decomposition
@@ -49,7 +49,7 @@ from pinsing.robot.exact_placements import IDENTITY
 from pinsing.robot.nominal import Nominal
 from pinsing.robot.task import Task
 
-Vector = npt.NDArray[np.object_]
+Vector = NDArray[np.object_]
 """Exact numbers: (3,), or (3, 3) for a rotation."""
 _EYE: Vector = np.array(IDENTITY)
 

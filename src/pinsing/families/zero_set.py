@@ -14,7 +14,6 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 
 from pinsing._types import Array, Bool
 from pinsing.algebra.equation import Equation
@@ -36,7 +35,7 @@ class Step:
 Order = tuple[Step, ...]
 
 
-def orders(equations: Sequence[Equation], free: npt.NDArray[np.bool_]) -> list[Order]:
+def orders(equations: Sequence[Equation], free: Bool) -> list[Order]:
     """Ways to solve equations one by one, each for a ``free`` joint of its own; or none."""
     if len(equations) > MOST_ORDERED:
         return _many(equations, free)
@@ -63,7 +62,7 @@ def orders(equations: Sequence[Equation], free: npt.NDArray[np.bool_]) -> list[O
     return found[:3]
 
 
-def _many(equations: Sequence[Equation], free: npt.NDArray[np.bool_]) -> list[Order]:
+def _many(equations: Sequence[Equation], free: Bool) -> list[Order]:
     """Ways for many equations: as many of the simplest as can be solved one after the other."""
     ordered = sorted(equations, key=lambda e: (len(e.involved), len(e.cos)))
     for count in range(len(ordered), 1, -1):
@@ -74,9 +73,7 @@ def _many(equations: Sequence[Equation], free: npt.NDArray[np.bool_]) -> list[Or
     return []
 
 
-def peeled(
-    equations: Sequence[Equation], free: npt.NDArray[np.bool_], prefer: int = 0
-) -> Order | None:
+def peeled(equations: Sequence[Equation], free: Bool, prefer: int = 0) -> Order | None:
     """Return an order to solve equations in: a joint that only one has comes last."""
     # ``prefer`` 1: joints near the base are solved for last; -1: those near the tip; 0: by turns.
     left = list(equations)
@@ -105,7 +102,7 @@ def draw(
     order: Order,
     lower: Array,
     upper: Array,
-    free: npt.NDArray[np.bool_],
+    free: Bool,
     fixed: Array,
     count: int,
     rng: np.random.Generator,
@@ -267,10 +264,10 @@ def gradients(equations: Sequence[Equation], q: Array) -> Array:
 def project(
     equations: Sequence[Equation] | System,
     start: Array,
-    free: npt.NDArray[np.bool_],
+    free: Bool,
     iterations: int = 60,
     stop: Stop | None = None,
-) -> tuple[Array, npt.NDArray[np.bool_]]:
+) -> tuple[Array, Bool]:
     """Move points (N, n) onto zeros of equations, along ``free`` joints; return which got there."""
     # Gauss-Newton with minimum-norm steps, also where gradients vanish or depend on each other.
     q = np.array(start, dtype=float)
@@ -308,7 +305,7 @@ def search(
     equations: Sequence[Equation],
     lower: Array,
     upper: Array,
-    free: npt.NDArray[np.bool_],
+    free: Bool,
     fixed: Array,
     count: int,
     rng: np.random.Generator,
@@ -360,9 +357,7 @@ def search(
     return np.concatenate(found) if found else np.zeros((0, len(lower)))
 
 
-def _nothing_in(
-    equations: Sequence[Equation], lower: Array, upper: Array, free: npt.NDArray[np.bool_]
-) -> bool:
+def _nothing_in(equations: Sequence[Equation], lower: Array, upper: Array, free: Bool) -> bool:
     """Whether a short look shows that a box, and what counts as in it, has no point of the set."""
     if any(not free[list(e.involved)].all() for e in equations):
         return False
@@ -374,7 +369,7 @@ def thrown(
     equations: Sequence[Equation],
     lower: Array,
     upper: Array,
-    free: npt.NDArray[np.bool_],
+    free: Bool,
     fixed: Array,
     count: int,
     rng: np.random.Generator,
@@ -393,7 +388,7 @@ def _from_random(
     q: Array,
     lower: Array,
     upper: Array,
-    free: npt.NDArray[np.bool_],
+    free: Bool,
     stop: Stop | None,
 ) -> Array:
     """Those of the points q (N, n) that projections bring onto the zero set within the box."""

@@ -11,9 +11,8 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
-import numpy.typing as npt
 
-from pinsing._types import Array
+from pinsing._types import Array, ArrayLike, Ints
 from pinsing.arguments import checked
 from pinsing.errors import ConfigurationError, OptionError
 from pinsing.measures import NOISE
@@ -145,7 +144,7 @@ class InverseVelocity(JsonResult):
     directions: Array
     kept: Array
     damped: Array
-    lost: npt.NDArray[np.int64]
+    lost: Ints
     speed_scale: Array
     method: str
     length_scale: float
@@ -153,8 +152,8 @@ class InverseVelocity(JsonResult):
 
 @checked
 def inverse_velocity(
-    J: npt.ArrayLike,
-    twist: npt.ArrayLike,
+    J: ArrayLike,
+    twist: ArrayLike,
     method: str = "dls",
     *,
     damping: float = 0.05,
@@ -164,8 +163,8 @@ def inverse_velocity(
     gamma: float = 0.1,
     gamma_max: float = np.pi / 4,
     length_scale: float = 1.0,
-    weights: npt.ArrayLike | None = None,
-    speed_limits: npt.ArrayLike | None = None,
+    weights: ArrayLike | None = None,
+    speed_limits: ArrayLike | None = None,
 ) -> InverseVelocity:
     """Compute joint speeds for a twist of the tip, by a method that handles singularities.
 
@@ -279,7 +278,7 @@ def inverse_velocity(
     )
 
 
-def _arrays(J: npt.ArrayLike, twist: npt.ArrayLike) -> tuple[Array, Array]:
+def _arrays(J: ArrayLike, twist: ArrayLike) -> tuple[Array, Array]:
     try:
         jacobians, twists = np.array(J, dtype=float), np.array(twist, dtype=float)
     except (TypeError, ValueError) as error:
@@ -319,7 +318,7 @@ def _rows(m: int, length_scale: float) -> Array:
     return np.array([length_scale] * 3 + [1.0] * 3) if m == 6 else np.ones(m)
 
 
-def _positive(given: npt.ArrayLike | None, n: int, name: str, default: Array) -> Array:
+def _positive(given: ArrayLike | None, n: int, name: str, default: Array) -> Array:
     if given is None:
         return default
     try:

@@ -8,10 +8,9 @@ Jacobian has the rows of the arm's task, translation rows divided by its length 
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 import pinocchio as pin
 
-from pinsing._types import Array
+from pinsing._types import Array, ArrayLike
 from pinsing.arguments import checked
 from pinsing.errors import ConfigurationError
 from pinsing.kinematics.batch import (
@@ -26,7 +25,7 @@ from pinsing.robot.arm import Arm
 
 
 @checked
-def tip_placement(arm: Arm, q: npt.ArrayLike) -> pin.SE3:
+def tip_placement(arm: Arm, q: ArrayLike) -> pin.SE3:
     """Placement of the tip in the base at q (n,)."""
     data = arm.model.createData()
     pin.forwardKinematics(arm.model, data, arm.model_q(arm.check_one(q)))
@@ -56,7 +55,7 @@ def tip_poses(arm: Arm, Q: Array) -> tuple[Array, Array]:
 
 
 @checked
-def frame_jacobian(arm: Arm, q: npt.ArrayLike) -> Array:
+def frame_jacobian(arm: Arm, q: ArrayLike) -> Array:
     """Return the frame Jacobian of the tip at one configuration.
 
     Parameters
@@ -91,7 +90,7 @@ def frame_jacobian(arm: Arm, q: npt.ArrayLike) -> Array:
 
 @checked
 def frame_jacobians(
-    arm: Arm, Q: npt.ArrayLike, *, engine: str = "auto", threads: int | None = None
+    arm: Arm, Q: ArrayLike, *, engine: str = "auto", threads: int | None = None
 ) -> Array:
     """Return the frame Jacobians of the tip at many configurations.
 
@@ -131,7 +130,7 @@ def frame_jacobians(
 
 
 @checked
-def task_jacobian(arm: Arm, q: npt.ArrayLike) -> Array:
+def task_jacobian(arm: Arm, q: ArrayLike) -> Array:
     """Return the task Jacobian at one configuration: the rows of the task, translation rows scaled.
 
     Parameters
@@ -166,7 +165,7 @@ def task_jacobian(arm: Arm, q: npt.ArrayLike) -> Array:
 
 @checked
 def task_jacobians(
-    arm: Arm, Q: npt.ArrayLike, *, engine: str = "auto", threads: int | None = None
+    arm: Arm, Q: ArrayLike, *, engine: str = "auto", threads: int | None = None
 ) -> Array:
     """Return the task Jacobians at many configurations.
 
@@ -198,7 +197,7 @@ def task_jacobians(
 
 @checked
 def singular_values(
-    arm: Arm, Q: npt.ArrayLike, *, engine: str = "auto", threads: int | None = None
+    arm: Arm, Q: ArrayLike, *, engine: str = "auto", threads: int | None = None
 ) -> Array:
     """Return the singular values of the task Jacobian at many configurations, largest first.
 
@@ -231,7 +230,7 @@ def singular_values(
     return np.asarray(sigma[:, : generic_rank(arm)])
 
 
-def jacobian_derivative(J: npt.ArrayLike) -> Array:
+def jacobian_derivative(J: ArrayLike) -> Array:
     """Return derivatives (..., 6, n, n), [row, i, j] by q_j, of frame Jacobians (..., 6, n).
 
     With columns (v_i, w_i) of a serial chain, base to tip, LOCAL_WORLD_ALIGNED, for j <= i: d v_i /
@@ -248,7 +247,7 @@ def jacobian_derivative(J: npt.ArrayLike) -> Array:
     return np.concatenate([dv, np.where(later, each_cross(w, w), 0.0)], axis=-3)
 
 
-def jacobians_and_derivatives(arm: Arm, Q: npt.ArrayLike) -> tuple[Array, Array]:
+def jacobians_and_derivatives(arm: Arm, Q: ArrayLike) -> tuple[Array, Array]:
     """Frame Jacobians (N, 6, n) and their derivatives (N, 6, n, n) by the joints at Q (N, n)."""
     J = batch(arm).model_jacobians(arm.check_many(Q, "Q", own=False))
     H = jacobian_derivative(J)
@@ -259,7 +258,7 @@ def jacobians_and_derivatives(arm: Arm, Q: npt.ArrayLike) -> tuple[Array, Array]
     return J, H
 
 
-def own_jacobians_and_derivatives(arm: Arm, Q: npt.ArrayLike) -> tuple[Array, Array]:
+def own_jacobians_and_derivatives(arm: Arm, Q: ArrayLike) -> tuple[Array, Array]:
     """Return task Jacobians (N, m, n) and derivatives (N, m, n, n) at Q, at `OwnScale`."""
     Q = arm.check_many(Q, "Q", own=False)
     J, H = jacobians_and_derivatives(arm, Q)
@@ -268,7 +267,7 @@ def own_jacobians_and_derivatives(arm: Arm, Q: npt.ArrayLike) -> tuple[Array, Ar
     return scale.apply(arm, J, Q), H * scale.columns[:, None] * scale.columns
 
 
-def read_pose(pose: npt.ArrayLike) -> tuple[Array, Array | None]:
+def read_pose(pose: ArrayLike) -> tuple[Array, Array | None]:
     """Return position (3,), and rotation (3, 3) if given; ConfigurationError if it is no pose."""
     given = np.array(pose, dtype=float)
     ConfigurationError.refuse_if(

@@ -16,9 +16,8 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
-from pinsing._types import Array, Bool
+from pinsing._types import Array, ArrayLike, Bool
 from pinsing.arguments import checked
 from pinsing.description.urdf_elements import DEFAULT_EFFORT, DEFAULT_VELOCITY
 from pinsing.errors import OptionError
@@ -84,7 +83,7 @@ def limits_of(arm: Arm) -> Array:
     return np.where((limits > 0) & (limits < 1e6), limits, np.inf)
 
 
-def joint_speeds_of(arm: Arm, given: npt.ArrayLike | None) -> Array:
+def joint_speeds_of(arm: Arm, given: ArrayLike | None) -> Array:
     """Return speed limits (n,), given (1e-6 to 1e6, or infinite) or of the description."""
     if given is None:
         return limits_of(arm)
@@ -123,7 +122,7 @@ class SpeedJudge:
     translations (``linear``, (r,)) and rotations apart.
     """
 
-    def __init__(self, arm: Arm, joint_speeds: npt.ArrayLike | None = None) -> None:
+    def __init__(self, arm: Arm, joint_speeds: ArrayLike | None = None) -> None:
         self.arm, self.limits = arm, joint_speeds_of(arm, joint_speeds)
         self.basis, self.linear = arm.once("tip_speed_rows", lambda: _produced(arm))
         self.rank = generic_rank(arm)
@@ -249,7 +248,7 @@ class SpeedJudge:
 
 
 def speed_judge(
-    arm: Arm | None, tip_speed: float, turn_speed: float, joint_speeds: npt.ArrayLike | None
+    arm: Arm | None, tip_speed: float, turn_speed: float, joint_speeds: ArrayLike | None
 ) -> SpeedJudge:
     """Return a judge of an arm; OptionError for bad speeds, or if nothing can be said of it."""
     check_speeds(tip_speed, turn_speed)
@@ -294,11 +293,11 @@ def _produced(arm: Arm) -> tuple[Array, Bool]:
 @checked
 def tip_speeds(
     arm: Arm,
-    q: npt.ArrayLike,
+    q: ArrayLike,
     tip_speed: float = TIP_SPEED,
     turn_speed: float = TURN_SPEED,
     *,
-    joint_speeds: npt.ArrayLike | None = None,
+    joint_speeds: ArrayLike | None = None,
 ) -> TipSpeeds:
     """Return the tip speeds that the joint speed limits allow in every direction at q.
 

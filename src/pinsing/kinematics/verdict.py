@@ -22,10 +22,9 @@ from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 import pinocchio as pin
 
-from pinsing._types import Array, Bool
+from pinsing._types import Array, ArrayLike, Bool
 from pinsing._version import __version__
 from pinsing.arguments import checked
 from pinsing.errors import OptionError
@@ -98,7 +97,7 @@ def task_size(arm: Arm) -> float:
     return arm.once("task_size", lambda: _task_size(arm))
 
 
-def ratio_of(arm: Arm, own_sigma: npt.ArrayLike) -> Array:
+def ratio_of(arm: Arm, own_sigma: ArrayLike) -> Array:
     """Measure of verdicts (...,) from singular values (..., k >= r) at the arm's own scale."""
     return sigma_ratio(own_sigma, generic_rank(arm), task_size(arm))
 
@@ -113,7 +112,7 @@ def zero_of(arm: Arm, own_sigma: Array, rtol: float = SINGULAR_RTOL) -> float:
     return rtol * max(float(own_sigma[0]), task_size(arm))
 
 
-def own_shares(arm: Arm, Q: npt.ArrayLike) -> Array:
+def own_shares(arm: Arm, Q: ArrayLike) -> Array:
     """sigma_k / sigma_1 for k = 1 ... r at the arm's own scale, (N, r); the last are the ratios."""
     own = batch(arm).own_sigma(np.atleast_2d(arm.check(Q)))
     count = range(1, generic_rank(arm) + 1)
@@ -128,12 +127,12 @@ def measured(on: Batch, Q: Array) -> Measured:
     return Measured(np.asarray(sigma[:, : generic_rank(on.arm)]), ratio)
 
 
-def measure(arm: Arm, Q: npt.ArrayLike, engine: str = "auto") -> Measured:
+def measure(arm: Arm, Q: ArrayLike, engine: str = "auto") -> Measured:
     """Singular values and ratios at Q (N, n), radians and metres."""
     return measured(batch(arm, engine), np.atleast_2d(arm.check(Q)))
 
 
-def ratios(arm: Arm, Q: npt.ArrayLike, engine: str = "auto") -> Array:
+def ratios(arm: Arm, Q: ArrayLike, engine: str = "auto") -> Array:
     """Measure of verdicts (N,) at Q (N, n), radians and metres, however many turns away."""
     Q = np.atleast_2d(arm.fold(Q))
     return ratio_of(arm, batch(arm, engine).own_sigma(Q)) if len(Q) else np.zeros(0)
@@ -297,7 +296,7 @@ ROWS = 2000
 
 
 @checked
-def regular_radius(arm: Arm, Q: npt.ArrayLike) -> Array:
+def regular_radius(arm: Arm, Q: ArrayLike) -> Array:
     """Return how far around configurations no other one is singular, proven.
 
     Of the geometry of the file, whatever is known of its singular configurations. The true

@@ -10,9 +10,8 @@ from dataclasses import dataclass, field, replace
 from typing import ClassVar
 
 import numpy as np
-import numpy.typing as npt
 
-from pinsing._types import Array
+from pinsing._types import Array, ArrayLike
 from pinsing.arguments import checked, typed
 from pinsing.errors import OptionError
 from pinsing.loops.closure import Ranks, ranks
@@ -452,7 +451,7 @@ def _forms(a: MechanismAnalysis, values: Values, page: Page) -> Iterator[Line]:
 @checked
 def analyze_mechanism(
     mechanism: Mechanism,
-    inputs: npt.ArrayLike | None = None,
+    inputs: ArrayLike | None = None,
     *,
     ignore_limits: bool = False,
     seconds: float | None = None,

@@ -12,10 +12,9 @@ import itertools
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 import pinocchio as pin
 
-from pinsing._types import Array, Bool
+from pinsing._types import Array, ArrayLike, Bool, NDArray
 from pinsing.errors import OptionError, PinsingError
 from pinsing.loops.structure import Centre, closing, idle_link, once, structure
 from pinsing.measures import NOISE, SEED, SINGULAR_RTOL, SOLVED
@@ -222,7 +221,7 @@ def _system(
     X: Array,
     which: tuple[int, ...] | None,
     target: tuple[Array, Array, tuple[int, ...]] | None,
-    active: npt.NDArray[np.intp],
+    active: NDArray[np.intp],
 ) -> tuple[Array, Array]:
     placed = loops.place(X)
     error, J = loops.closure(X, which, placed)
@@ -432,12 +431,12 @@ class Ranks:
     output: int  # of the output velocity over all motions
 
 
-def residual(mechanism: Mechanism, q: npt.ArrayLike) -> Array:
+def residual(mechanism: Mechanism, q: ArrayLike) -> Array:
     """Return the loop-closure error at q (n,): (k,), metres and radians."""
     return Loops(mechanism).at(mechanism.check(q))[0]
 
 
-def constraint_jacobian(mechanism: Mechanism, q: npt.ArrayLike) -> Array:
+def constraint_jacobian(mechanism: Mechanism, q: ArrayLike) -> Array:
     """Return the constraint Jacobian of all loops at q (n,): (k, n), metres and radians."""
     return Loops(mechanism).at(mechanism.check(q))[1]
 
@@ -447,7 +446,7 @@ def split(mechanism: Mechanism, J: Array) -> tuple[Array, Array]:
     return J[..., list(mechanism.actuated)], J[..., list(mechanism.passive)]
 
 
-def output_jacobian(mechanism: Mechanism, q: npt.ArrayLike) -> Array:
+def output_jacobian(mechanism: Mechanism, q: ArrayLike) -> Array:
     """Return task rows of the output frame at q (n,): (m, n), LOCAL_WORLD_ALIGNED."""
     return Loops(mechanism).output(mechanism.check(q))[1]
 

@@ -9,10 +9,9 @@ from fractions import Fraction
 from typing import Any, ClassVar
 
 import numpy as np
-import numpy.typing as npt
 from flint import Ordering, fmpq_mpoly_ctx
 
-from pinsing._types import Array
+from pinsing._types import Array, ArrayLike, NDArray
 from pinsing.algebra.equation import Equation, signed_sum
 from pinsing.algebra.ring import Poly, Ring, fraction, rational
 from pinsing.measures import ALIKE
@@ -45,17 +44,17 @@ class PoseEquation:
     """
 
     names: tuple[str, ...]
-    powers: npt.NDArray[np.int_]
+    powers: NDArray[np.int_]
     coefficients: tuple[str, ...]
     values: Array
     matrix: tuple[tuple[PoseEquation, ...], ...] = field(default=(), metadata={"optional": True})
 
-    def entries(self, at: npt.ArrayLike) -> Array:
+    def entries(self, at: ArrayLike) -> Array:
         """Return the matrix (..., k, k) at values (..., V) of the variables."""
         x = np.asarray(at, dtype=float)
         return np.stack([np.stack([e(x) for e in row], axis=-1) for row in self.matrix], axis=-2)
 
-    def __call__(self, at: npt.ArrayLike) -> Array:
+    def __call__(self, at: ArrayLike) -> Array:
         """Left side (...) at values (..., V) of the variables."""
         x = np.asarray(at, dtype=float)
         if self.matrix:
@@ -258,7 +257,7 @@ class JointLocus:
     matrix: tuple[tuple[PoseEquation, ...], ...] = field(default=(), metadata={"optional": True})
     ball: bool = field(default=False, metadata={"optional": True})
 
-    def entries(self, q: npt.ArrayLike, joints: Sequence[str]) -> Array:
+    def entries(self, q: ArrayLike, joints: Sequence[str]) -> Array:
         """Return the matrix (..., k, m) at configurations q (..., n) of joints with these names."""
         q = np.asarray(q, dtype=float)
         at = {}
@@ -283,7 +282,7 @@ class JointLocus:
         size = np.maximum(np.linalg.norm(M, axis=-1), ALIKE * whole)
         return np.asarray(M / np.where(size > 0, size, 1.0)[..., None])
 
-    def value(self, q: npt.ArrayLike, joints: Sequence[str]) -> Array:
+    def value(self, q: ArrayLike, joints: Sequence[str]) -> Array:
         """Return the left side (...) at q (..., n), over its size; see `JointForms.values`."""
         if self.equation is not None:
             return np.asarray(self.equation(q) / self.equation.size)
@@ -292,7 +291,7 @@ class JointLocus:
             return np.asarray(np.prod(np.linalg.svd(M, compute_uv=False), axis=-1))
         return np.asarray(np.linalg.det(M))
 
-    def ratio(self, q: npt.ArrayLike, joints: Sequence[str]) -> Array:
+    def ratio(self, q: ArrayLike, joints: Sequence[str]) -> Array:
         """Return a value over its size, or the least singular value, (...) at q (..., n).
 
         Zero on the locus, 1 at most.
@@ -345,7 +344,7 @@ class JointForms(JsonResult):
     notes: tuple[str, ...]
     always: tuple[str, ...] = field(default=(), metadata={"optional": True})
 
-    def values(self, q: npt.ArrayLike) -> Array:
+    def values(self, q: ArrayLike) -> Array:
         """Return left sides (..., number of loci) at configurations q (..., n), radians and metres.
 
         Those of determinants have their rows scaled to unit length first, rows of rounding aside.

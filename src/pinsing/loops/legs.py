@@ -26,11 +26,10 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import pinocchio as pin
 from flint import Ordering, fmpq_mpoly_ctx
 
-from pinsing._types import Array
+from pinsing._types import Array, ArrayLike
 from pinsing.algebra.ring import Poly, divided_by, rational
 from pinsing.loops.exact import away, cross, dot, quaternion_turn, vector
 from pinsing.loops.forms import TURNS, pose_equation
@@ -87,7 +86,7 @@ class Rod:
         """Whether C moves with the actuated joint."""
         return self.kind in ("crank", "rail")
 
-    def foot(self, values: npt.ArrayLike) -> Array:
+    def foot(self, values: ArrayLike) -> Array:
         """C (..., 3) at values (...) of the joint."""
         x = np.asarray(values, dtype=float)[..., None]
         c, s = (np.cos(x), np.sin(x)) if self.kind == "crank" else (x, 0 * x)

@@ -23,9 +23,8 @@ from fractions import Fraction
 from typing import Any, ClassVar
 
 import numpy as np
-import numpy.typing as npt
 
-from pinsing._types import Array
+from pinsing._types import Array, ArrayLike
 from pinsing.algebra.equation import Equation, equation
 from pinsing.algebra.ring import Poly, Ring, make_ring, rational
 from pinsing.errors import OptionError
@@ -54,7 +53,7 @@ class Side:
     rod_length: float
     rod_angle: float
 
-    def end(self, turn: npt.ArrayLike) -> Array:
+    def end(self, turn: ArrayLike) -> Array:
         """B (..., 2), metres, with the crank turned by angles (...) in the plane."""
         return self.pivot + self.crank_length * _unit(np.asarray(turn) + self.crank_angle)
 
@@ -71,14 +70,14 @@ class Dyad:
     sides: tuple[Side, Side]  # the first as in the loop's first frame
     basis: Array  # (2, 3): axes of the plane, in those of the root
 
-    def ends(self, inputs: npt.ArrayLike) -> tuple[Array, Array]:
+    def ends(self, inputs: ArrayLike) -> tuple[Array, Array]:
         """Points B1 and B2 that the dyad hangs on, each (..., 2), at inputs (..., n_a)."""
         q = np.zeros((*np.shape(inputs)[:-1], self.mechanism.n))
         q[..., list(self.mechanism.actuated)] = inputs
         one, two = (side.end(side.turned(q)) for side in self.sides)
         return one, two
 
-    def pin(self, inputs: npt.ArrayLike, left: bool) -> Array:
+    def pin(self, inputs: ArrayLike, left: bool) -> Array:
         """P (..., 2) at inputs (..., n_a), to the left or right of B1 -> B2; NaN if infeasible."""
         first, second = self.ends(inputs)
         gap = second - first
@@ -93,11 +92,11 @@ class Dyad:
         across = np.stack([-unit[..., 1], unit[..., 0]], axis=-1)
         return np.asarray(first + along[..., None] * unit + height[..., None] * across)
 
-    def configuration(self, inputs: npt.ArrayLike, left: bool) -> Array:
+    def configuration(self, inputs: ArrayLike, left: bool) -> Array:
         """All joints (..., n) of one assembly mode at inputs (..., n_a); NaN if infeasible."""
         return self.reaching(inputs, self.pin(inputs, left))
 
-    def reaching(self, inputs: npt.ArrayLike, P: Array) -> Array:
+    def reaching(self, inputs: ArrayLike, P: Array) -> Array:
         """All joints (..., n) at inputs (..., n_a) whose rods reach for P (..., 2)."""
         inputs = np.asarray(inputs, dtype=float)
         q = np.zeros((*inputs.shape[:-1], self.mechanism.n))
@@ -108,7 +107,7 @@ class Dyad:
             q[..., side.pin] = side.pin_sign * angle
         return self.mechanism.space.wrap(q)
 
-    def link_directions(self, q: npt.ArrayLike, side: int) -> tuple[Array, Array]:
+    def link_directions(self, q: ArrayLike, side: int) -> tuple[Array, Array]:
         """Unit vectors (..., 2) along the crank and the rod of a side at q (..., n)."""
         q = np.asarray(q, dtype=float)
         this = self.sides[side]
@@ -116,12 +115,12 @@ class Dyad:
         rod = turned + this.pin_sign * q[..., this.pin] + this.rod_angle
         return _unit(turned + this.crank_angle), _unit(rod)
 
-    def elbow_sine(self, q: npt.ArrayLike, side: int) -> Array:
+    def elbow_sine(self, q: ArrayLike, side: int) -> Array:
         """Sine (...) of the angle from crank to rod at q (..., n), zero if straight."""
         crank, rod = self.link_directions(q, side)
         return np.asarray(crank[..., 0] * rod[..., 1] - crank[..., 1] * rod[..., 0])
 
-    def point(self, q: npt.ArrayLike) -> Array:
+    def point(self, q: ArrayLike) -> Array:
         """P (..., 2) at closed configurations q (..., n), along the first side."""
         q = np.asarray(q, dtype=float)
         side = self.sides[0]
@@ -140,7 +139,7 @@ class Dyad:
         )
         return meets and position_in(self.basis, mechanism.task.rows)
 
-    def close(self, inputs: npt.ArrayLike) -> tuple[Array, ...]:
+    def close(self, inputs: ArrayLike) -> tuple[Array, ...]:
         """Return all configurations (n,) at inputs (n_a,): two, one at type 2, or none."""
         # Two of many where both links are equally long and their ends coincide: P is free on a
         # circle.
@@ -175,7 +174,7 @@ class Dyad:
         along = np.sign(gap**2 + d1**2 - self.sides[1].rod_length ** 2) * d1
         return (self.reaching(inputs, first + along * (second - first) / gap),)
 
-    def working_modes(self, point: npt.ArrayLike) -> tuple[Array, ...]:
+    def working_modes(self, point: ArrayLike) -> tuple[Array, ...]:
         """All configurations (n,) that put the pin at a point (2,) of the plane: up to four."""
         point = np.asarray(point, dtype=float)
         choices: list[list[tuple[float, ...]]] = []
@@ -254,11 +253,11 @@ def _side(
     )
 
 
-def _unit(angle: npt.ArrayLike) -> Array:
+def _unit(angle: ArrayLike) -> Array:
     return np.stack([np.cos(angle), np.sin(angle)], axis=-1)
 
 
-def roots(equation: Equation, inputs: npt.ArrayLike, free: int) -> Array:
+def roots(equation: Equation, inputs: ArrayLike, free: int) -> Array:
     """Return all real values, in (-pi, pi], of one input that solve an equation."""
     # The trigonometric polynomial becomes an algebraic one in exp(i q / 2), whose companion matrix
     # has the roots; Newton steps on the equation itself sharpen them.

@@ -14,9 +14,8 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
-import numpy.typing as npt
 
-from pinsing._types import Array, Bool
+from pinsing._types import Array, Bool, NDArray
 from pinsing.arguments import checked
 from pinsing.errors import OptionError
 from pinsing.loops.analysis import independent_inputs
@@ -126,8 +125,8 @@ def _nearest(
     actuated: list[int],
     held: Array,
     target: tuple[Array, Array] | None,
-    left: npt.NDArray[np.intp],
-) -> npt.NDArray[np.intp]:
+    left: NDArray[np.intp],
+) -> NDArray[np.intp]:
     """Which of the known configurations has the nearest inputs, or pose of the output."""
     if target is None:
         units = loops.units[actuated]

@@ -13,10 +13,9 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 import pinocchio as pin
 
-from pinsing._types import Array, Bool
+from pinsing._types import Array, ArrayLike, Bool
 from pinsing.errors import ConfigurationError
 from pinsing.loops.closure import (
     BatchLoops,
@@ -124,7 +123,7 @@ def _meets(model: pin.Model, joint: int) -> bool:
     return bool(np.linalg.norm(model.jointPlacements[joint].translation) <= ROUNDING)
 
 
-def elbow_sines(mechanism: Mechanism, q: npt.ArrayLike) -> Array:
+def elbow_sines(mechanism: Mechanism, q: ArrayLike) -> Array:
     """Return the sine of each elbow angle at q (n,): positive to the left about the crank's axis.
 
     In space it is the volume of crank, rod and axis, over the lengths of the two. Of a leg whose
@@ -147,7 +146,7 @@ def elbow_sines(mechanism: Mechanism, q: npt.ArrayLike) -> Array:
     return np.array(out)
 
 
-def passive_determinant(mechanism: Mechanism, q: npt.ArrayLike) -> float | None:
+def passive_determinant(mechanism: Mechanism, q: ArrayLike) -> float | None:
     """Return the determinant of the passive constraint columns, positive at home, or None."""
     # It has a sign where as many closure equations as passive joints do not vanish identically
     # (planar loops); elsewhere the rows that count change.
@@ -172,13 +171,13 @@ def assembly_rows(mechanism: Mechanism) -> tuple[list[int] | None, float]:
     return rows, 1.0 if at_home >= 0 else -1.0
 
 
-def assembly_sign(mechanism: Mechanism, q: npt.ArrayLike) -> str:
+def assembly_sign(mechanism: Mechanism, q: ArrayLike) -> str:
     """``+`` (as at home), ``-``, ``0`` at a type 2 singularity, ``?`` where there is no sign."""
     value = passive_determinant(mechanism, q)
     return "?" if value is None else _sign(value)
 
 
-def mode_at(mechanism: Mechanism, q: npt.ArrayLike) -> ModeSigns:
+def mode_at(mechanism: Mechanism, q: ArrayLike) -> ModeSigns:
     """Assembly and working mode at a closed configuration q (n,)."""
     sines = elbow_sines(mechanism, q).tolist()
     signs = {e.crank - 1: _sign(s) for e, s in zip(elbows(mechanism), sines, strict=True)}
@@ -190,7 +189,7 @@ def _sign(value: float) -> str:
     return "0" if abs(value) <= ROUNDING else "+" if value > 0 else "-"
 
 
-def mode_of(mechanism: Mechanism, q: npt.ArrayLike) -> str:
+def mode_of(mechanism: Mechanism, q: ArrayLike) -> str:
     """Name of the mode at a closed configuration: ``assembly +, elbows -+``."""
     return str(mode_at(mechanism, q))
 

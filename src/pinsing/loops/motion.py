@@ -28,10 +28,9 @@ from dataclasses import dataclass, replace
 from typing import Any, ClassVar
 
 import numpy as np
-import numpy.typing as npt
 import pinocchio as pin
 
-from pinsing._types import Array
+from pinsing._types import Array, ArrayLike, NDArray
 from pinsing.arguments import real_numbers
 from pinsing.errors import ConfigurationError
 from pinsing.loops.closure import (
@@ -72,14 +71,14 @@ class Motions:
         return str(_kinds(self.output_ratio, self.input_ratio, self.constraint_ratio, rtol))
 
 
-def _kinds(one: npt.ArrayLike, two: npt.ArrayLike, constraint: npt.ArrayLike, rtol: float) -> Any:
+def _kinds(one: ArrayLike, two: ArrayLike, constraint: ArrayLike, rtol: float) -> Any:
     """Kinds (...) by the measures (...) of type 1, type 2 and constraint singularities."""
     low = [np.asarray(x) <= rtol for x in (constraint, one, two)]
     names = ["constraint", "type 3", "type 1", "type 2"]
     return np.select([low[0], low[1] & low[2], low[1], low[2]], names, "regular")
 
 
-def motions(mechanism: Mechanism, q: npt.ArrayLike, rtol: float = SINGULAR_RTOL) -> Motions:
+def motions(mechanism: Mechanism, q: ArrayLike, rtol: float = SINGULAR_RTOL) -> Motions:
     """Return the motions at a closed configuration q (n,), with the measures of singularity."""
     return _motions(Loops(mechanism), mechanism.check(q), rtol)
 
@@ -119,7 +118,7 @@ def _measured(mechanism: Mechanism, G: Array, J: Array, rtol: float) -> Motions:
     )
 
 
-def input_output(mechanism: Mechanism, q: npt.ArrayLike) -> tuple[Array, Array]:
+def input_output(mechanism: Mechanism, q: ArrayLike) -> tuple[Array, Array]:
     """Return A, B of A x' = B q' without passive velocities; rows of [A, -B] are orthonormal.
 
     Returns
@@ -136,7 +135,7 @@ def input_output(mechanism: Mechanism, q: npt.ArrayLike) -> tuple[Array, Array]:
     return rows[:, :m], -rows[:, m:]
 
 
-def leg_form(mechanism: Mechanism, q: npt.ArrayLike) -> tuple[Array, Array]:
+def leg_form(mechanism: Mechanism, q: ArrayLike) -> tuple[Array, Array]:
     """Return A x' = B q' with one row per actuator: unit forces over diagonal moment arms.
 
     Row i is the unit force (wrench) at the output that only actuator i feels, and B[i, i] the
@@ -245,9 +244,7 @@ class MechanismState(JsonResult):
         )
 
 
-def mechanism_at(
-    mechanism: Mechanism, q: npt.ArrayLike, rtol: float = SINGULAR_RTOL
-) -> MechanismState:
+def mechanism_at(mechanism: Mechanism, q: ArrayLike, rtol: float = SINGULAR_RTOL) -> MechanismState:
     """State of a mechanism at a closed configuration q (n,).
 
     Raises
@@ -305,7 +302,7 @@ class ManyMeasures:
     input_ratio: Array
     constraint_ratio: Array
 
-    def kinds(self, rtol: float = SINGULAR_RTOL) -> npt.NDArray[np.str_]:
+    def kinds(self, rtol: float = SINGULAR_RTOL) -> NDArray[np.str_]:
         """``regular``, ``near``, ``type 1``, ``type 2``, ``type 3`` or ``constraint``, each."""
         least = np.minimum(np.minimum(self.output_ratio, self.input_ratio), self.constraint_ratio)
         found = _kinds(self.output_ratio, self.input_ratio, self.constraint_ratio, rtol)
@@ -404,7 +401,7 @@ def pose_of(placement: pin.SE3) -> Pose:
     return Pose((x, y, z), (float(e[0]), float(e[1]), float(e[2]), float(e[3])))
 
 
-def read_pose(mechanism: Mechanism, pose: npt.ArrayLike | None) -> pin.SE3:
+def read_pose(mechanism: Mechanism, pose: ArrayLike | None) -> pin.SE3:
     """What a user means by a pose (see `working_modes`)."""
     at_home = output_pose(mechanism, home(mechanism))
     if pose is None:

@@ -7,10 +7,9 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import pinocchio as pin
 
-from pinsing._types import Array, Bool
+from pinsing._types import Array, ArrayLike, Bool
 from pinsing.errors import OptionError
 from pinsing.loops.closure import BatchLoops, newton
 from pinsing.loops.joint_loci import joint_forms
@@ -101,7 +100,7 @@ class PoseWay:
         most = np.radians(89.5) if tied else np.pi
         return np.linspace(-most, most, samples)
 
-    def cropped(self, k: int, side: Array, there: npt.ArrayLike, samples: int) -> Array:
+    def cropped(self, k: int, side: Array, there: ArrayLike, samples: int) -> Array:
         """From a little before the first value that is reached to a little after the last."""
         if self.rows[k] > 2:
             return self._turn(k, samples)

@@ -11,9 +11,8 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
-import numpy.typing as npt
 
-from pinsing._types import Array, Bool
+from pinsing._types import Array, ArrayLike, Bool
 from pinsing.arguments import checked
 from pinsing.errors import ConfigurationError, OptionError
 from pinsing.loops.closure import BatchLoops, Loops, gauss_newton, ranks
@@ -91,7 +90,7 @@ class Modes(JsonResult):
 @checked
 def assembly_modes(
     mechanism: Mechanism,
-    inputs: npt.ArrayLike | None = None,
+    inputs: ArrayLike | None = None,
     starts: int = STARTS,
     seed: int = SEED,
 ) -> Modes:
@@ -149,7 +148,7 @@ def assembly_modes(
 
 @checked
 def working_modes(
-    mechanism: Mechanism, pose: npt.ArrayLike | None = None, starts: int = STARTS, seed: int = SEED
+    mechanism: Mechanism, pose: ArrayLike | None = None, starts: int = STARTS, seed: int = SEED
 ) -> Modes:
     """Solve the inverse problem: every way to reach a pose of the output that was found.
 
@@ -204,7 +203,7 @@ def working_modes(
 
 
 def assemblies(
-    mechanism: Mechanism, inputs: npt.ArrayLike, starts: int = STARTS, seed: int = SEED
+    mechanism: Mechanism, inputs: ArrayLike, starts: int = STARTS, seed: int = SEED
 ) -> tuple[Solution, ...]:
     """Return all assembly modes found at given inputs (n_a,), each with one configuration.
 

@@ -20,9 +20,8 @@ from dataclasses import dataclass, field, replace
 from typing import ClassVar
 
 import numpy as np
-import numpy.typing as npt
 
-from pinsing._types import Array, Bool
+from pinsing._types import Array, ArrayLike, Bool
 from pinsing.errors import OptionError, PinsingError
 from pinsing.loops.closure import Loops, ranks, to_its_size
 from pinsing.loops.modes import mode_of
@@ -309,7 +308,7 @@ class SingularPoint(JsonResult):
 
 def refine_point(
     mechanism: Mechanism,
-    q: npt.ArrayLike,
+    q: ArrayLike,
     kind: str,
     held: Sequence[int] = (),
     rtol: float = SINGULAR_RTOL,

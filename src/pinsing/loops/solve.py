@@ -7,9 +7,8 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
-import numpy.typing as npt
 
-from pinsing._types import Array, Bool
+from pinsing._types import Array, ArrayLike, Bool
 from pinsing.errors import ConfigurationError
 from pinsing.loops.closure import BatchLoops, Loops, gauss_newton, ranks
 from pinsing.loops.modes import assembly_sign, closed_from_random, home, leg_modes, mode_of
@@ -94,9 +93,7 @@ class Solution(JsonResult):
     ways: int = 1
 
 
-def solve(
-    mechanism: Mechanism, inputs: npt.ArrayLike, start: npt.ArrayLike | None = None
-) -> Solution:
+def solve(mechanism: Mechanism, inputs: ArrayLike, start: ArrayLike | None = None) -> Solution:
     """Follow the passive joints from ``start`` (home by default) to new inputs (n_a,).
 
     Newton with continuation on the straight path of the inputs, in steps of at most 0.05 rad,
@@ -108,7 +105,7 @@ def solve(
 
 
 def follow(
-    mechanism: Mechanism, path: npt.ArrayLike, start: npt.ArrayLike | None = None
+    mechanism: Mechanism, path: ArrayLike, start: ArrayLike | None = None
 ) -> tuple[Solution, ...]:
     """Close the loops along a path of inputs (N, n_a), each from the one before.
 
@@ -198,7 +195,7 @@ class Interval:
 
 def curves(
     mechanism: Mechanism,
-    inputs: npt.ArrayLike,
+    inputs: ArrayLike,
     moving: int,
     starts: int = 160,
     seed: int = SEED,
@@ -258,7 +255,7 @@ def _on_line(marks: Array, mark: Array) -> bool:
     return False
 
 
-def feasible(mechanism: Mechanism, inputs: npt.ArrayLike) -> dict[str, tuple[Interval, ...]]:
+def feasible(mechanism: Mechanism, inputs: ArrayLike) -> dict[str, tuple[Interval, ...]]:
     """Find the values of each input that close the loops, the others held at ``inputs`` (n_a,)."""
     inputs = mechanism.check_inputs(inputs)
     return {
@@ -303,7 +300,7 @@ def _near(value: Array, ends: Array, prismatic: bool) -> Array:
     return np.asarray(ends + 2 * np.pi * np.round((nearest - ends) / (2 * np.pi)))
 
 
-def drive(mechanism: Mechanism, inputs: npt.ArrayLike, start: npt.ArrayLike) -> Solution:
+def drive(mechanism: Mechanism, inputs: ArrayLike, start: ArrayLike) -> Solution:
     """Follow the passive joints from a closed ``start`` (n,) to new inputs (n_a,), as ``solve``.
 
     A start at a type 2 singularity, where two assembly modes meet, is left into the one that

@@ -6,11 +6,10 @@ from collections.abc import Mapping, Sequence
 from itertools import cycle
 
 import numpy as np
-import numpy.typing as npt
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from pinsing._types import Array
+from pinsing._types import Array, ArrayLike
 from pinsing.arguments import checked, real_numbers
 from pinsing.configuration.refine import approach
 from pinsing.errors import ConfigurationError, OptionError
@@ -189,10 +188,10 @@ def singular_values_of(curve: SweepCurve, result: SweepResult, arm: Arm | None =
 @checked
 def sigma_along(
     arm: Arm,
-    trajectory: npt.ArrayLike,
+    trajectory: ArrayLike,
     ax: Axes | None = None,
     *,
-    times: npt.ArrayLike | None = None,
+    times: ArrayLike | None = None,
     forms: ClosedForm | None = None,
     near_rtol: float = NEAR_RTOL,
     degrees: bool = False,
@@ -338,8 +337,8 @@ _LOWEST_CLEARANCE = 1e-3  # degrees
 
 def clearance_along(
     forms: Forms,
-    trajectory: npt.ArrayLike,
-    times: npt.ArrayLike | None = None,
+    trajectory: ArrayLike,
+    times: ArrayLike | None = None,
     ax: Axes | None = None,
     *,
     families: Sequence[str] | None = None,

@@ -8,7 +8,6 @@ from itertools import chain, cycle
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import pinocchio as pin
 from matplotlib import pyplot as plt
 from matplotlib.axes import Axes
@@ -18,7 +17,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from mpl_toolkits.mplot3d.art3d import Poly3DCollection  # type: ignore[import-untyped]
 
-from pinsing._types import Array, Bool
+from pinsing._types import Array, ArrayLike, Bool
 from pinsing.errors import OptionError
 from pinsing.loops.closure import BatchLoops, ranks
 from pinsing.loops.joint_loci import joint_forms
@@ -153,7 +152,7 @@ def measure_curves(
 
 
 def draw_linkage(
-    mechanism: Mechanism, q: npt.ArrayLike, ax: Axes | None = None, ellipse: float = 0.25
+    mechanism: Mechanism, q: ArrayLike, ax: Axes | None = None, ellipse: float = 0.25
 ) -> Axes:
     """Draw the links of a planar mechanism, its joints, and the output's velocity ellipse."""
     # 1 m per unit input speed is drawn as ``ellipse`` metres, 0 leaves it out. At a type 2
@@ -487,7 +486,7 @@ _SMALL = 7.5
 
 def mode_sheet(
     mechanism: Mechanism,
-    inputs: npt.ArrayLike | None = None,
+    inputs: ArrayLike | None = None,
     degrees: bool = True,
     direct: Modes | None = None,
     inverse: Modes | None = None,

@@ -8,12 +8,11 @@ from itertools import compress, cycle
 from typing import Any, Literal
 
 import numpy as np
-import numpy.typing as npt
 from matplotlib import pyplot as plt
 from matplotlib.axes import Axes
 from matplotlib.colors import ListedColormap
 
-from pinsing._types import Array, Bool, Ints
+from pinsing._types import Array, ArrayLike, Bool, Ints
 from pinsing.algebra.conditions import Conditions
 from pinsing.algebra.nearest import two_sided
 from pinsing.arguments import checked, real_numbers, whole_number
@@ -54,7 +53,7 @@ def sigma_plane(
     joint_b: str,
     ax: Axes | None = None,
     *,
-    q: npt.ArrayLike | None = None,
+    q: ArrayLike | None = None,
     measure: Literal["sigma", "clearance"] = "sigma",
     families: Iterable[Family] | None = None,
     samples: int = SAMPLES,
@@ -454,7 +453,7 @@ def aspect_plane(
     joint_b: str,
     ax: Axes | None = None,
     *,
-    q: npt.ArrayLike | None = None,
+    q: ArrayLike | None = None,
     forms: ClosedForm | None = None,
     samples: int = FINE,
     ignore_limits: bool = False,
@@ -624,9 +623,9 @@ def locus(
     joint_b: str | None = None,
     ax: Axes | None = None,
     *,
-    q: npt.ArrayLike | None = None,
+    q: ArrayLike | None = None,
     third: str | None = None,
-    values: npt.ArrayLike | None = None,
+    values: ArrayLike | None = None,
     samples: int = FINE,
     ignore_limits: bool = False,
     degrees: bool = False,
@@ -726,7 +725,7 @@ def _plane(arm: Arm, family: Family, first: str | None, second: str | None) -> t
 
 
 def _third(
-    arm: Arm, plane: tuple[int, int], third: str | None, values: npt.ArrayLike | None, base: Array
+    arm: Arm, plane: tuple[int, int], third: str | None, values: ArrayLike | None, base: Array
 ) -> tuple[int | None, Sequence[float]]:
     if third is None and values is None:
         return None, (0.0,)

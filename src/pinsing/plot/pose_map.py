@@ -8,7 +8,6 @@ from itertools import cycle
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import pinocchio as pin
 from matplotlib import pyplot as plt
 from matplotlib.axes import Axes
@@ -17,7 +16,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
-from pinsing._types import Array, Bool, Ints
+from pinsing._types import Array, Bool, Ints, NDArray
 from pinsing.errors import OptionError
 from pinsing.loops.closure import ranks
 from pinsing.loops.joint_loci import joint_forms
@@ -49,7 +48,7 @@ LEAST = 12
 
 def regions(
     inside: Bool, left_sides: Sequence[Array], turns: tuple[bool, bool] = (False, False)
-) -> tuple[npt.NDArray[np.int_], list[bool]]:
+) -> tuple[NDArray[np.int_], list[bool]]:
     """Number the connected regions of a grid in which no left side changes its sign.
 
     ``inside`` (k, k) is where poses are reached; columns (the abscissa) and rows go round a whole
@@ -77,7 +76,7 @@ def regions(
     return out, [even for _, _, even in found]
 
 
-def _joined(numbers: npt.NDArray[np.int_], count: int, turns: tuple[bool, bool]) -> list[Ints]:
+def _joined(numbers: NDArray[np.int_], count: int, turns: tuple[bool, bool]) -> list[Ints]:
     """Numbers of regions, those together that meet across a whole turn."""
     from scipy.sparse import coo_matrix
     from scipy.sparse.csgraph import connected_components
@@ -108,7 +107,7 @@ class Panel:
 
     title: str  # its name
     # (ny, nx) of int: the aspect that each pose is in, largest first, from 1 on; 0 outside
-    numbers: npt.NDArray[np.int_]
+    numbers: NDArray[np.int_]
     positive: tuple[bool, ...]  # of each aspect, whether it is the assembly mode of home
     lefts: tuple[tuple[str, Array], ...]  # kind and left side of each equation
     reached: Bool  # (ny, nx) of bool: where the loops close, limits aside

@@ -10,9 +10,8 @@ from itertools import islice
 from typing import ClassVar
 
 import numpy as np
-import numpy.typing as npt
 
-from pinsing._types import Array
+from pinsing._types import Array, ArrayLike
 from pinsing.algebra.budget import Budget
 from pinsing.arguments import checked, typed
 from pinsing.errors import OptionError
@@ -228,7 +227,7 @@ class Aspects(JsonResult):
         return self.listed[index]
 
     @checked
-    def of(self, q: npt.ArrayLike) -> int | None:
+    def of(self, q: ArrayLike) -> int | None:
         """Return the number of the aspect that a configuration is in.
 
         Parameters

@@ -16,9 +16,8 @@ from itertools import combinations, islice, product
 from typing import ClassVar
 
 import numpy as np
-import numpy.typing as npt
 
-from pinsing._types import Array
+from pinsing._types import Array, ArrayLike
 from pinsing.arguments import checked, typed
 from pinsing.families import ClosedForm, closed_form
 from pinsing.kinematics.jacobian import tip_placement
@@ -342,7 +341,7 @@ def _among(other: PostureChange) -> str:
 @checked
 def posture_changes(
     arm: Arm,
-    q: npt.ArrayLike,
+    q: ArrayLike,
     *,
     forms: ClosedForm | None = None,
     limits: bool = True,

@@ -14,9 +14,8 @@ from itertools import pairwise
 from typing import ClassVar
 
 import numpy as np
-import numpy.typing as npt
 
-from pinsing._types import Array
+from pinsing._types import Array, ArrayLike
 from pinsing.arguments import checked, typed
 from pinsing.errors import OptionError
 from pinsing.postures.aspects import (
@@ -313,8 +312,8 @@ class Connection(JsonResult):
 @checked
 def connect(
     forms: Forms,
-    qa: npt.ArrayLike,
-    qb: npt.ArrayLike,
+    qa: ArrayLike,
+    qb: ArrayLike,
     *,
     limits: bool = True,
     of: Aspects | None = None,

@@ -14,10 +14,9 @@ from dataclasses import dataclass, field
 from typing import ClassVar
 
 import numpy as np
-import numpy.typing as npt
 
 from pinsing._batch import engine
-from pinsing._types import Array, Bool, Ints
+from pinsing._types import Array, ArrayLike, Bool, Ints
 from pinsing.arguments import MAX_SEED, checked, typed, whole_number
 from pinsing.errors import ConfigurationError, OptionError, UnknownNameError
 from pinsing.kinematics.jacobian import read_pose
@@ -420,12 +419,12 @@ MOST_STARTS = 4096
 @checked
 def inverse(
     arm: Arm,
-    pose: npt.ArrayLike,
+    pose: ArrayLike,
     *,
     fixed: Mapping[str, float] | None = None,
     starts: int = STARTS,
     seed: int = 0,
-    near: npt.ArrayLike | None = None,
+    near: ArrayLike | None = None,
 ) -> InverseSolutions:
     """Find all inverse solutions of a pose.
 
@@ -585,7 +584,7 @@ def _doubt(solutions: tuple[InverseSolution, ...], made: int, lacking: int) -> s
     )
 
 
-def _target(arm: Arm, pose: npt.ArrayLike) -> tuple[Array, Array | None]:
+def _target(arm: Arm, pose: ArrayLike) -> tuple[Array, Array | None]:
     position, rotation = read_pose(pose)
     if not any(r >= 3 for r in arm.task.rows):
         return position, None

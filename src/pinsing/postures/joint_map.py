@@ -40,9 +40,8 @@ from itertools import product
 from typing import Any, TypeVar
 
 import numpy as np
-import numpy.typing as npt
 
-from pinsing._types import Array, Bool, Ints
+from pinsing._types import Array, ArrayLike, Bool, Ints, NDArray
 from pinsing.algebra.budget import Budget
 from pinsing.algebra.conditions import Conditions
 from pinsing.algebra.trig_sum import TrigSum
@@ -741,7 +740,7 @@ _PLURAL = {
 }
 
 
-def _numbers(watched: Watched) -> dict[str, npt.NDArray[Any]]:
+def _numbers(watched: Watched) -> dict[str, NDArray[Any]]:
     """What separates, number by number."""
     branches = [f.branches for f in watched.families if f.real and f.codimension == 1]
     flat = Conditions.of(branches, watched.prismatic, watched.weight).flat
@@ -772,7 +771,7 @@ class Map:
         """Components of each part."""
         return tuple(sum(p.found.upper for p in pieces) for pieces in self.pieces)
 
-    def check(self, q: npt.ArrayLike) -> Array:
+    def check(self, q: ArrayLike) -> Array:
         """A configuration (n,) within the limits that count."""
         found = self.watched.check(q, "q")
         ConfigurationError.refuse_if(

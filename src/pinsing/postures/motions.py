@@ -5,9 +5,8 @@ from __future__ import annotations
 import math
 
 import numpy as np
-import numpy.typing as npt
 
-from pinsing._types import Array
+from pinsing._types import Array, ArrayLike
 from pinsing.arguments import checked
 from pinsing.errors import ConfigurationError, OptionError
 from pinsing.families import ClosedForm
@@ -28,7 +27,7 @@ from pinsing.robot.nominal import nominal
 
 @checked
 def line_postures(
-    arm: Arm, q0: npt.ArrayLike, pose: npt.ArrayLike, *, forms: ClosedForm | None = None
+    arm: Arm, q0: ArrayLike, pose: ArrayLike, *, forms: ClosedForm | None = None
 ) -> tuple[LinePosture, ...]:
     """Try a straight line of the tip in all other postures of the pose at which it starts.
 
@@ -106,7 +105,7 @@ def _turned(arm: Arm, Q: Array) -> Array:
 
 @checked
 def aspect_changes(
-    forms: Forms, Q: npt.ArrayLike, t: npt.ArrayLike | None = None, *, of: Aspects | None = None
+    forms: Forms, Q: ArrayLike, t: ArrayLike | None = None, *, of: Aspects | None = None
 ) -> tuple[AspectChange, ...]:
     """Find where a motion changes its aspect.
 

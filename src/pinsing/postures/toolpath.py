@@ -19,10 +19,9 @@ from itertools import product
 from typing import ClassVar
 
 import numpy as np
-import numpy.typing as npt
 import pinocchio as pin
 
-from pinsing._types import Array, Bool, Ints
+from pinsing._types import Array, ArrayLike, Bool, Ints
 from pinsing.algebra.nearest import SearchOptions, nearest_points
 from pinsing.arguments import checked
 from pinsing.errors import ConfigurationError, OptionError
@@ -197,14 +196,14 @@ class PathPlan(JsonResult):
 @checked
 def plan_path(
     form: ClosedForm,
-    poses: npt.ArrayLike,
+    poses: ArrayLike,
     *,
     free: str = "branch",
     step: float = STEP,
-    start: npt.ArrayLike | str | None = None,
-    t: npt.ArrayLike | None = None,
+    start: ArrayLike | str | None = None,
+    t: ArrayLike | None = None,
     arm: Arm | None = None,
-    tool: npt.ArrayLike | None = None,
+    tool: ArrayLike | None = None,
     place: Mapping[str, tuple[float, float]] | None = None,
     progress: Callable[[str, int, int], None] | None = None,
 ) -> PathPlan:
@@ -320,7 +319,7 @@ class _Planner:
         back: Array,
         free: str,
         step: float,
-        t: npt.ArrayLike | None,
+        t: ArrayLike | None,
         progress: Callable[[str, int, int], None],
     ) -> None:
         if not step > 0:
@@ -399,7 +398,7 @@ class _Planner:
             return float(self.usable.any(axis=(1, 2)).mean()) - 1
         return self._proven(found[1])[0]
 
-    def plan(self, start: npt.ArrayLike | str | None) -> PathPlan:
+    def plan(self, start: ArrayLike | str | None) -> PathPlan:
         """Solve the grid, find the best path on it, prove its clearance, and bound all others."""
         if isinstance(start, str):
             words = dict.fromkeys(word.strip() for word in start.split(","))
@@ -1217,7 +1216,7 @@ class _Planner:
         return out
 
     def _edges(
-        self, k: int, here: Ints, source: Ints, move: Array, slack: npt.ArrayLike = 0.0
+        self, k: int, here: Ints, source: Ints, move: Array, slack: ArrayLike = 0.0
     ) -> tuple[Array, Array, Bool]:
         """Return lengths (D, M) of motions to pose k, what they lack to be clear, and if slow."""
         # They lack what their length has over the clearances at their ends; the slow ones keep
@@ -1378,7 +1377,7 @@ def _rolls(T: Array) -> Array:
     return np.concatenate([[0.0], np.cumsum(np.arctan2(y, x))])
 
 
-def rigid_motions(poses: npt.ArrayLike, name: str) -> Array:
+def rigid_motions(poses: ArrayLike, name: str) -> Array:
     """Return poses as an array (N, 4, 4); ConfigurationError with ``name`` if they are none."""
     T: Array = np.asarray(poses, dtype=float)
     if T.ndim != 3 or T.shape[1:] != (4, 4):

@@ -13,9 +13,8 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
-from pinsing._types import Array, Bool, Ints
+from pinsing._types import Array, ArrayLike, Bool, Ints
 from pinsing.algebra.conditions import Conditions
 from pinsing.algebra.nearest import BOXES as NEAREST, SearchOptions, nearest_points, two_sided
 from pinsing.algebra.trig_sum import off_values
@@ -45,7 +44,7 @@ def zones(
     linear: float = TIP_SPEED,
     angular: float = TURN_SPEED,
     *,
-    joint_speeds: npt.ArrayLike | None = None,
+    joint_speeds: ArrayLike | None = None,
     within: Mapping[str, tuple[float, float] | None] | str | None = None,
     boxes: int = BOXES,
     progress: Callable[[str, int, int], None] | None = None,
@@ -102,7 +101,7 @@ def zones(
 
 
 def bounds_of(
-    arm: Arm | None, linear: float, angular: float, joint_speeds: npt.ArrayLike | None
+    arm: Arm | None, linear: float, angular: float, joint_speeds: ArrayLike | None
 ) -> SpeedBounds:
     """Return what bounds the joint speeds of an arm, or raise OptionError if nothing does."""
     judge = speed_judge(arm, linear, angular, joint_speeds)

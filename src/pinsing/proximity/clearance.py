@@ -13,9 +13,8 @@ from functools import cached_property, partial
 from typing import Any, ClassVar
 
 import numpy as np
-import numpy.typing as npt
 
-from pinsing._types import Array, Ints
+from pinsing._types import Array, ArrayLike, Ints, NDArray
 from pinsing.algebra.conditions import Conditions
 from pinsing.algebra.nearest import BOXES, GAP, Bounds, SearchOptions, nearest_points, two_sided
 from pinsing.arguments import checked
@@ -126,7 +125,7 @@ class Clearance(JsonResult):
         return np.stack(slopes, axis=-1)
 
     @cached_property
-    def nearest(self) -> npt.NDArray[np.str_]:
+    def nearest(self) -> NDArray[np.str_]:
         """Name of the nearest family found (...); empty for none.
 
         Where the bounds do not tell it, a search through 1000 boxes does. Within limits, and of a
@@ -153,14 +152,14 @@ class Clearance(JsonResult):
 @checked
 def clearance(
     forms: Forms,
-    Q: npt.ArrayLike,
+    Q: ArrayLike,
     *,
     families: Sequence[str] | None = None,
     certify: bool = False,
     gap: float = GAP,
     boxes: int = BOXES,
     within_limits: bool = False,
-    weights: npt.ArrayLike | None = None,
+    weights: ArrayLike | None = None,
     norm: str = "euclidean",
 ) -> Clearance:
     """Return how far configurations are from the nearest family of singular ones.
@@ -314,12 +313,12 @@ def _clearance(
 @checked
 def is_clear(
     forms: Forms,
-    q: npt.ArrayLike,
+    q: ArrayLike,
     radius: float,
     *,
     families: Sequence[str] | None = None,
     within_limits: bool = False,
-    weights: npt.ArrayLike | None = None,
+    weights: ArrayLike | None = None,
     norm: str = "euclidean",
 ) -> bool:
     """Return True if it is proven that no family has a point within ``radius`` of q (n,).
@@ -411,7 +410,7 @@ class Distances(JsonResult):
     notes: tuple[str, ...] = field(default=(), metadata={"optional": True})
 
 
-def distances(forms: Forms, q: npt.ArrayLike, *, boxes: int = BOXES) -> Distances:
+def distances(forms: Forms, q: ArrayLike, *, boxes: int = BOXES) -> Distances:
     """Return certified distances from q (n,) to each family, nearest first."""
     # ``boxes`` is how many the search may look at for each.
     watched = watch(forms)

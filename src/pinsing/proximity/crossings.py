@@ -13,9 +13,8 @@ from dataclasses import dataclass, field, replace
 from typing import Any, ClassVar
 
 import numpy as np
-import numpy.typing as npt
 
-from pinsing._types import Array, Ints
+from pinsing._types import Array, ArrayLike, Bool, Ints
 from pinsing.algebra.conditions import SIMPLE, Conditions, Zeros, place, zeros_along
 from pinsing.algebra.equation import Equation
 from pinsing.algebra.nearest import two_sided
@@ -53,7 +52,7 @@ class Motion:
         return index, u - index
 
 
-def motion_of(watched: Watched, motion: Any, t: npt.ArrayLike | None = None) -> Motion:
+def motion_of(watched: Watched, motion: Any, t: ArrayLike | None = None) -> Motion:
     """Return a motion from waypoints (N, n), or an object with ``c`` and ``x`` as SciPy's PPoly."""
     if hasattr(motion, "c") and hasattr(motion, "x"):
         OptionError.refuse_if(
@@ -83,7 +82,7 @@ def check_reach(watched: Watched, Q: Array, what: str = "sample", first: int = 1
         )
 
 
-def check_times(t: npt.ArrayLike | None, count: int) -> Array:
+def check_times(t: ArrayLike | None, count: int) -> Array:
     """Return ascending times of ``count`` samples, by default 0, 1, 2, ...; else OptionError."""
     if t is None:
         return np.arange(count, dtype=float)
@@ -274,7 +273,7 @@ class Crossings(JsonResult):
 def crossings(
     forms: Forms,
     motion: Any,
-    t: npt.ArrayLike | None = None,
+    t: ArrayLike | None = None,
     *,
     families: Sequence[str] | None = None,
 ) -> Crossings:
@@ -404,9 +403,7 @@ def _near_zeros(c: Conditions, motion: Motion) -> Zeros:
     return replace(found, piece=near[found.piece], ends=ends)
 
 
-def _intervals(
-    c: Conditions, e: int, zeros: Zeros, motion: Motion
-) -> tuple[Array, Array, npt.NDArray[np.bool_]]:
+def _intervals(c: Conditions, e: int, zeros: Zeros, motion: Motion) -> tuple[Array, Array, Bool]:
     """Events of one equation as intervals of places, in order, and which are simple zeros."""
     mine = zeros.equation == e
     at = zeros.piece[mine] + zeros.s[mine]
@@ -444,9 +441,7 @@ def _groups(start: Array, end: Array, near: Array) -> list[tuple[int, int]]:
     return groups
 
 
-def _kind(
-    c: Conditions, e: int, motion: Motion, u: float, end: float, simple: npt.NDArray[np.bool_]
-) -> str | None:
+def _kind(c: Conditions, e: int, motion: Motion, u: float, end: float, simple: Bool) -> str | None:
     """Return whether the sign differs before and after an event."""
     if len(simple) == 1 and simple[0]:
         return "crossing"

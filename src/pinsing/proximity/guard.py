@@ -11,9 +11,8 @@ from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
-import numpy.typing as npt
 
-from pinsing._types import Array
+from pinsing._types import Array, NDArray
 from pinsing._version import __version__
 from pinsing.algebra import trig_sum
 from pinsing.algebra.conditions import Conditions
@@ -187,7 +186,7 @@ def _strings(name: str, values: Sequence[str]) -> str:
     return f"static const char *const {name}[] = {{\n    {body}\n}};"
 
 
-def _table(name: str, values: npt.NDArray[Any]) -> str:
+def _table(name: str, values: NDArray[Any]) -> str:
     """An array of C; an empty one holds a zero."""
     if values.dtype.kind != "f":
         kind, words = "int", [str(int(v)) for v in values]

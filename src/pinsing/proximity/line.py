@@ -7,10 +7,9 @@ from dataclasses import dataclass, field
 from typing import ClassVar
 
 import numpy as np
-import numpy.typing as npt
 import pinocchio as pin
 
-from pinsing._types import Array
+from pinsing._types import Array, ArrayLike
 from pinsing.arguments import checked, typed
 from pinsing.errors import ConfigurationError, OptionError
 from pinsing.families import Branch
@@ -370,8 +369,8 @@ class LineCheck(JsonResult):
 @checked
 def check_line(
     arm: Arm,
-    q0: npt.ArrayLike,
-    pose: npt.ArrayLike,
+    q0: ArrayLike,
+    pose: ArrayLike,
     speed: float = 0.25,  # Metres per second: the usual limit beside people
     *,
     forms: Forms | None = None,

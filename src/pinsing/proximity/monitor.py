@@ -8,10 +8,9 @@ from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import numpy as np
-import numpy.typing as npt
 
 from pinsing._batch import engine
-from pinsing._types import Array
+from pinsing._types import Array, ArrayLike
 from pinsing.algebra.conditions import contact_along
 from pinsing.algebra.nearest import two_sided
 from pinsing.arguments import checked, columns_of, real_numbers
@@ -167,11 +166,11 @@ class Monitor:
         hysteresis: float = 0.1,
         horizon: float = 10.0,
         families: Sequence[str] | None = None,
-        weights: npt.ArrayLike | None = None,
+        weights: ArrayLike | None = None,
         zones: Zones | None = None,
         tip_speed: float | None = None,
         turn_speed: float = TURN_SPEED,
-        joint_speeds: npt.ArrayLike | None = None,
+        joint_speeds: ArrayLike | None = None,
     ) -> None:
         OptionError.refuse_if(
             not 0 <= stop <= warn < math.inf,
@@ -244,7 +243,7 @@ class Monitor:
         """
         self.level, self._shape, self._moving = CLEAR, (), False
 
-    def update(self, q: npt.ArrayLike, dq: npt.ArrayLike | None = None) -> Verdict:
+    def update(self, q: ArrayLike, dq: ArrayLike | None = None) -> Verdict:
         """Judge a configuration; a wrong one raises, and leaves the level as it was.
 
         Parameters
@@ -336,7 +335,7 @@ class Monitor:
         low = two_sided(self._watched.conditions.plain, Q, each=True).each[0, :, 0]
         return tuple(np.array(self.names)[(low <= self._zones) & (self._zones > 0)].tolist())
 
-    def _take(self, values: npt.ArrayLike, name: str, into: Array) -> None:
+    def _take(self, values: ArrayLike, name: str, into: Array) -> None:
         if type(values) is np.ndarray and values.dtype == _FLOAT and values.shape == self._shape:
             into[:] = values
         elif not self._plain(values, into):
@@ -358,7 +357,7 @@ class Monitor:
         if self._weight is not None:
             into *= self._weight
 
-    def _plain(self, values: npt.ArrayLike, into: Array) -> bool:
+    def _plain(self, values: ArrayLike, into: Array) -> bool:
         """Take a list or tuple of floats without further ado."""
         if not isinstance(values, list | tuple) or (len(values),) != self._shape:
             return False

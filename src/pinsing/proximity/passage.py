@@ -15,9 +15,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-import numpy.typing as npt
 
-from pinsing._types import Array, Bool
+from pinsing._types import Array, ArrayLike, Bool
 from pinsing.algebra.conditions import Conditions
 from pinsing.algebra.nearest import BOXES, SearchOptions, nearest_points, two_sided
 from pinsing.kinematics.jacobian import singular_values
@@ -65,7 +64,7 @@ class Speeds:
         arm: Arm,
         tip_speed: float,
         turn_speed: float,
-        joint_speeds: npt.ArrayLike | None,
+        joint_speeds: ArrayLike | None,
         accelerations: Array | None,
         timed: bool,
     ) -> None:

@@ -8,9 +8,8 @@ from dataclasses import dataclass, field, replace
 from typing import ClassVar
 
 import numpy as np
-import numpy.typing as npt
 
-from pinsing._types import Array, Bool, Ints
+from pinsing._types import Array, ArrayLike, Bool, Ints
 from pinsing.algebra.budget import PER_SECOND, Budget
 from pinsing.algebra.nearest import BOXES, SearchOptions, nearest_points
 from pinsing.arguments import MAX_SEED, checked, typed, whole_number
@@ -351,7 +350,7 @@ def _far(x: float, degrees: bool, to: Callable[[float], float]) -> str:
 def suggest(
     arm: Arm,
     *,
-    near: npt.ArrayLike | None = None,
+    near: ArrayLike | None = None,
     reach: float = REACH,
     forms: Forms | None = None,
     families: Sequence[str] | None = None,

@@ -8,9 +8,8 @@ from dataclasses import dataclass, field
 from typing import ClassVar
 
 import numpy as np
-import numpy.typing as npt
 
-from pinsing._types import Array
+from pinsing._types import Array, ArrayLike
 from pinsing.arguments import checked, columns_of, typed
 from pinsing.errors import ConfigurationError, OptionError
 from pinsing.families.solve import form_to_measure
@@ -442,16 +441,16 @@ class TrajectoryCheck(JsonResult):
 @checked
 def check_trajectory(
     arm: Arm,
-    Q: npt.ArrayLike,
-    t: npt.ArrayLike | None = None,
+    Q: ArrayLike,
+    t: ArrayLike | None = None,
     *,
     forms: Forms | None = None,
     families: Sequence[str] | None = None,
     near: float = NEAR,
     tip_speed: float = TIP_SPEED,
     turn_speed: float = TURN_SPEED,
-    joint_speeds: npt.ArrayLike | None = None,
-    acceleration_limits: npt.ArrayLike | None = None,
+    joint_speeds: ArrayLike | None = None,
+    acceleration_limits: ArrayLike | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> TrajectoryCheck:
     """Check a trajectory: what it meets, how near it comes, and where joints would be too fast.
@@ -580,7 +579,7 @@ def check_trajectory(
     )
 
 
-def _accelerations(arm: Arm, given: npt.ArrayLike | None) -> Array | None:
+def _accelerations(arm: Arm, given: ArrayLike | None) -> Array | None:
     if given is None:
         return None
     limits = np.array(given, dtype=float)

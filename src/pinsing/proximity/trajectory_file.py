@@ -16,9 +16,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
-from pinsing._types import Array
+from pinsing._types import Array, NDArray
 from pinsing.atomic_write import MEBIBYTE
 from pinsing.chunk_file import DamagedError, read_arrays, read_bounded
 from pinsing.errors import ConfigurationError
@@ -245,7 +244,7 @@ def _require_others(path: Path, arm: Arm, found: TrajectoryFile, degrees: bool) 
 
 
 def _columns(
-    path: Path, arm: Arm, array: npt.NDArray[Any], columns: Sequence[str] = ()
+    path: Path, arm: Arm, array: NDArray[Any], columns: Sequence[str] = ()
 ) -> TrajectoryFile:
     """Columns without names: one a joint, perhaps after one of times."""
     ConfigurationError.refuse_if(
@@ -288,7 +287,7 @@ def _columns(
     return TrajectoryFile(_floats(array[:, 1:]), _floats(array[:, 0]), notes)
 
 
-def _floats(array: npt.NDArray[Any]) -> Array:
+def _floats(array: NDArray[Any]) -> Array:
     with np.errstate(all="ignore"):  # what longer floats hold may be infinite, which is told later
         return np.asarray(array, dtype=float)
 

@@ -10,9 +10,8 @@ from typing import TypeAlias
 from weakref import WeakKeyDictionary
 
 import numpy as np
-import numpy.typing as npt
 
-from pinsing._types import Array, Bool
+from pinsing._types import Array, ArrayLike, Bool
 from pinsing.algebra.conditions import Conditions, Margin
 from pinsing.arguments import columns_of, real_numbers, stands_for
 from pinsing.errors import OptionError
@@ -98,7 +97,7 @@ class Watched:
         both = [f.limits for f in self.families]
         return np.array([low for low, _ in both]), np.array([high for _, high in both])
 
-    def check(self, Q: npt.ArrayLike, name: str = "Q") -> Array:
+    def check(self, Q: ArrayLike, name: str = "Q") -> Array:
         """Return joint vectors (..., n), given such or (..., nq); ConfigurationError for others."""
         if self.arm is not None:
             return self.arm.check(Q, name)
@@ -141,7 +140,7 @@ class Watched:
 def watch(
     forms: Forms,
     families: Sequence[str] | None = None,
-    weights: npt.ArrayLike | None = None,
+    weights: ArrayLike | None = None,
     norm: str = "euclidean",
 ) -> Watched:
     """Choose families of one arm's forms by name or title, by default all that have real points."""

@@ -10,9 +10,8 @@ from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
-import numpy.typing as npt
 
-from pinsing._types import Array
+from pinsing._types import Array, ArrayLike
 from pinsing._version import __version__
 from pinsing.algebra.equation import latex_symbol
 from pinsing.arguments import checked, typed
@@ -67,8 +66,8 @@ def write_report(
     path: str | os.PathLike[str] | None,
     *,
     forms: ClosedForm | None = None,
-    poses: Mapping[str, npt.ArrayLike] | None = None,
-    trajectory: npt.ArrayLike | Trajectory | None = None,
+    poses: Mapping[str, ArrayLike] | None = None,
+    trajectory: ArrayLike | Trajectory | None = None,
     zones: Zones | None = None,
     page: Literal["inside", "beside", "none"] = "inside",
     skeleton: bool = False,
@@ -164,7 +163,7 @@ def write_report(
 def _made(
     robot: Arm | Mechanism,
     forms: ClosedForm | None,
-    poses: Mapping[str, npt.ArrayLike],
+    poses: Mapping[str, ArrayLike],
     page: str,
     beside: Path | None,
     skeleton: bool,

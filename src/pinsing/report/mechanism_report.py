@@ -13,8 +13,9 @@ from pinsing._version import __version__
 from pinsing.loops import MechanismAnalysis, MechanismState, analyze_mechanism, mechanism_at
 from pinsing.loops.analysis import Line, joint_lines, pose_lines
 from pinsing.loops.loop_forms import planar_dyad
-from pinsing.loops.pose_slice import free_coordinates
-from pinsing.loops.problems import assemblies
+from pinsing.loops.modes import home
+from pinsing.loops.pose_slice import COARSE, free_coordinates, pose_slice
+from pinsing.loops.problems import Modes, assemblies
 from pinsing.loops.solve import InfeasibleError, Interval
 from pinsing.measures import ROUNDING
 from pinsing.prose import Page
@@ -76,7 +77,6 @@ def loci(mechanism: Mechanism, a: MechanismAnalysis) -> Section:
 
 def modes(mechanism: Mechanism, a: MechanismAnalysis) -> Section:
     """All modes side by side."""
-    from pinsing.loops.problems import Modes
     from pinsing.plot.mechanism import mode_sheet
 
     def found(problem: str, solutions: object, statement: str) -> Modes:
@@ -127,8 +127,6 @@ def aspects(mechanism: Mechanism, a: MechanismAnalysis) -> Section | None:
 
 def _telling(mechanism: Mechanism) -> tuple[str, str]:
     """Two coordinates over which the slice at home shows more than one aspect; else the first."""
-    from pinsing.loops.modes import home
-    from pinsing.loops.pose_slice import COARSE, pose_slice
     from pinsing.plot.pose_map import panels
 
     free = free_coordinates(mechanism)

@@ -9,10 +9,9 @@ from functools import cached_property
 from typing import Any, ClassVar
 
 import numpy as np
-import numpy.typing as npt
 import pinocchio as pin
 
-from pinsing._types import Array
+from pinsing._types import Array, ArrayLike, Bool
 from pinsing.arguments import checked, columns_of, real_numbers
 from pinsing.errors import ConfigurationError
 from pinsing.notebook import one_line, text as notebook_text
@@ -70,7 +69,7 @@ class Arm(Advised, Memory):
     tip: str
     base: str
     joints: tuple[str, ...]
-    prismatic: npt.NDArray[np.bool_]
+    prismatic: Bool
     lower: Array
     upper: Array
     task: Task
@@ -155,7 +154,7 @@ class Arm(Advised, Memory):
             length_scale=self.length_scale if length_scale is None else float(length_scale),
         )
 
-    def check(self, q: npt.ArrayLike, name: str = "q") -> Array:
+    def check(self, q: ArrayLike, name: str = "q") -> Array:
         """Return ``q`` as a float array of shape (..., n), or say what is wrong with it.
 
         Parameters
@@ -181,7 +180,7 @@ class Arm(Advised, Memory):
         """
         return self._radians(self._as_typed(q, name), name)
 
-    def _as_typed(self, q: npt.ArrayLike, name: str = "q", own: bool = True) -> Array:
+    def _as_typed(self, q: ArrayLike, name: str = "q", own: bool = True) -> Array:
         return self._whole.chain_q(real_numbers(columns_of(q, self.joints, name), name, own), name)
 
     def _radians(self, q: Array, name: str) -> Array:
@@ -189,7 +188,7 @@ class Arm(Advised, Memory):
             self.space.require_radians(q, name)
         return q
 
-    def check_one(self, q: npt.ArrayLike, name: str = "q") -> Array:
+    def check_one(self, q: ArrayLike, name: str = "q") -> Array:
         """Check one joint vector (n,), as `check`.
 
         Parameters
@@ -216,7 +215,7 @@ class Arm(Advised, Memory):
         )
         return array
 
-    def check_many(self, q: npt.ArrayLike, name: str = "q", own: bool = True) -> Array:
+    def check_many(self, q: ArrayLike, name: str = "q", own: bool = True) -> Array:
         """Check joint vectors (N, n), as `check`; one (n,) becomes (1, n).
 
         Parameters
@@ -246,7 +245,7 @@ class Arm(Advised, Memory):
         )
         return array
 
-    def q_of(self, full_q: npt.ArrayLike) -> Array:
+    def q_of(self, full_q: ArrayLike) -> Array:
         """Return joint vector(s) of the arm in configuration(s) of the whole model.
 
         All functions that take ``q`` do this by themselves: they tell the two by their lengths. Of
@@ -285,7 +284,7 @@ class Arm(Advised, Memory):
         # Of the same length, it is still in the order of the whole model.
         return self._whole.q_of(array) if array.shape[-1] == self.n else own
 
-    def full_q(self, q: npt.ArrayLike, others: npt.ArrayLike | None = None) -> Array:
+    def full_q(self, q: ArrayLike, others: ArrayLike | None = None) -> Array:
         """Return configuration(s) of the whole model with the arm at q: the inverse of ``q_of``.
 
         Parameters
@@ -322,7 +321,7 @@ class Arm(Advised, Memory):
         return self._whole.full_q(self.check(q), rest)
 
     @checked
-    def within_limits(self, q: npt.ArrayLike, slack: float = 1e-9) -> npt.NDArray[np.bool_]:
+    def within_limits(self, q: ArrayLike, slack: float = 1e-9) -> Bool:
         """Tell for q (..., n) whether all joints are within their limits.
 
         Values count as they are; ``fold`` takes off whole turns first.
@@ -353,7 +352,7 @@ class Arm(Advised, Memory):
         return np.asarray(~self.space.outside(self._as_typed(q), slack).any(axis=-1))
 
     @checked
-    def fold(self, q: npt.ArrayLike) -> Array:
+    def fold(self, q: ArrayLike) -> Array:
         """Move revolute values of q (..., n) by whole turns, into the limits where possible.
 
         A value that cannot be brought inside ends as near to the limits as whole turns allow.
@@ -383,7 +382,7 @@ class Arm(Advised, Memory):
         return self.space.fold(self._as_typed(q))
 
     @checked
-    def model_q(self, q: npt.ArrayLike) -> Array:
+    def model_q(self, q: ArrayLike) -> Array:
         """Return the configuration(s) of ``model``, the chain alone, at q.
 
         Parameters
@@ -451,7 +450,7 @@ class ArmSummary:
     base: str
     task: str
     joints: tuple[str, ...]
-    prismatic: npt.NDArray[np.bool_]
+    prismatic: Bool
     lower: Array
     upper: Array
     length_scale: float

@@ -7,10 +7,9 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 import pinocchio as pin
 
-from pinsing._types import Array
+from pinsing._types import Array, Bool
 from pinsing.robot.arm import Arm
 from pinsing.robot.joints import axis_rotation, joint_axis
 
@@ -21,7 +20,7 @@ class Chain:
 
     R: Array  # (k + 1, 3, 3)
     t: Array  # (k + 1, 3), metres
-    prismatic: npt.NDArray[np.bool_]  # (k,)
+    prismatic: Bool  # (k,)
 
     @property
     def n(self) -> int:

@@ -11,10 +11,9 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-import numpy.typing as npt
 import pinocchio as pin
 
-from pinsing._types import Array, Bool
+from pinsing._types import Array, ArrayLike, Bool
 from pinsing.errors import ConfigurationError, OptionError, UnknownNameError
 from pinsing.measures import ROUNDING
 
@@ -90,13 +89,13 @@ class JointSpace:
         found[[self.index(name) for name in names]] = True
         return found
 
-    def wrap(self, q: npt.ArrayLike) -> Array:
+    def wrap(self, q: ArrayLike) -> Array:
         """Revolute values, or differences of such, (..., n) within half a turn of zero."""
         q = np.asarray(q, dtype=float)
         turns = np.where(self.prismatic, 0.0, np.floor((q + np.pi) / (2 * np.pi)))
         return np.asarray(q - 2 * np.pi * turns)
 
-    def fold(self, q: npt.ArrayLike) -> Array:
+    def fold(self, q: ArrayLike) -> Array:
         """Move angles of q (..., n) by whole turns to the limits, without them to [-pi, pi]."""
         q = np.array(q, dtype=float)
         low, high = self.span
@@ -105,12 +104,12 @@ class JointSpace:
         folded = np.where(self.prismatic, q, q - turn * np.round((q - center) / turn))
         return np.where((q >= low) & (q <= high), q, folded)
 
-    def outside(self, q: npt.ArrayLike, slack: float = ROUNDING) -> Bool:
+    def outside(self, q: ArrayLike, slack: float = ROUNDING) -> Bool:
         """Return which values of q (..., n) are beyond a limit as they are, no turn taken off."""
         q = np.asarray(q, dtype=float)
         return np.asarray((q < self.lower - slack) | (q > self.upper + slack))
 
-    def unreachable(self, q: npt.ArrayLike, slack: float = ROUNDING) -> Bool:
+    def unreachable(self, q: ArrayLike, slack: float = ROUNDING) -> Bool:
         """Return which values of q (..., n) are beyond a limit, whatever whole turns are added."""
         return self.outside(self.fold(q), slack)
 

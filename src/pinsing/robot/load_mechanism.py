@@ -27,10 +27,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import pinocchio as pin
 
-from pinsing._types import Array
+from pinsing._types import Array, Bool
 from pinsing.arguments import checked
 from pinsing.description.urdf_elements import NO_LIMITS
 from pinsing.description.xml_tree import suggestion
@@ -540,7 +539,7 @@ def _check_mimics(follow: tuple[str, ...], inputs: list[str]) -> None:
         )
 
 
-def _limits(model: pin.Model) -> tuple[Array, Array, npt.NDArray[np.bool_]]:
+def _limits(model: pin.Model) -> tuple[Array, Array, Bool]:
     lower, upper, prismatic = [], [], []
     for index in range(1, model.njoints):
         joint, name = model.joints[index], model.names[index]

@@ -8,10 +8,9 @@ from pathlib import Path
 from typing import ClassVar
 
 import numpy as np
-import numpy.typing as npt
 import pinocchio as pin
 
-from pinsing._types import Array
+from pinsing._types import Array, ArrayLike, Bool
 from pinsing.arguments import checked, columns_of, real_numbers
 from pinsing.notebook import one_line
 from pinsing.robot.chains import frame_index
@@ -91,7 +90,7 @@ class Mechanism(Memory):
     name: str
     model: pin.Model
     joints: tuple[str, ...]
-    prismatic: npt.NDArray[np.bool_]
+    prismatic: Bool
     lower: Array
     upper: Array
     actuated: tuple[int, ...]
@@ -176,7 +175,7 @@ class Mechanism(Memory):
         endless = np.full(self.n, np.inf)
         return replace(self, lower=-endless, upper=endless)
 
-    def check(self, q: npt.ArrayLike, name: str = "q") -> Array:
+    def check(self, q: ArrayLike, name: str = "q") -> Array:
         """Return ``q`` as a float array of shape (..., n), or say what is wrong with it.
 
         Parameters
@@ -199,7 +198,7 @@ class Mechanism(Memory):
         """
         return _numbers(q, self.joints, name)
 
-    def check_inputs(self, inputs: npt.ArrayLike) -> Array:
+    def check_inputs(self, inputs: ArrayLike) -> Array:
         """Return values of the actuated joints as a float array (..., n_a).
 
         Parameters
@@ -220,7 +219,7 @@ class Mechanism(Memory):
         """
         return _numbers(inputs, self.inputs, "inputs")
 
-    def model_q(self, q: npt.ArrayLike) -> Array:
+    def model_q(self, q: ArrayLike) -> Array:
         """Return Pinocchio's configuration(s) for joint vector(s) q.
 
         Parameters
@@ -247,7 +246,7 @@ class Mechanism(Memory):
         """
         return model_q(self.model, self.check(q))
 
-    def fold(self, q: npt.ArrayLike) -> Array:
+    def fold(self, q: ArrayLike) -> Array:
         """Move revolute values of q (..., n) by whole turns to within half a turn of zero.
 
         Parameters
@@ -284,7 +283,7 @@ class Mechanism(Memory):
         )
 
 
-def _numbers(values: npt.ArrayLike, names: tuple[str, ...], what: str) -> Array:
+def _numbers(values: ArrayLike, names: tuple[str, ...], what: str) -> Array:
     array = real_numbers(columns_of(values, names, what), what)
     require_values(array, names, what)
     return array

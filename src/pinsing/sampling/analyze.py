@@ -10,9 +10,8 @@ from dataclasses import dataclass, field
 from typing import ClassVar
 
 import numpy as np
-import numpy.typing as npt
 
-from pinsing._types import Array, Bool
+from pinsing._types import Array, ArrayLike, Bool, NDArray
 from pinsing.arguments import MAX_SEED, checked, whole_number
 from pinsing.configuration.refine import (
     SingularConfiguration,
@@ -54,7 +53,7 @@ class _Points:
 
     q: Array  # (P, n)
     ratio: Array  # (P,), sigma_r / sigma_1
-    curve: npt.NDArray[np.intp]  # (P,), index or -1
+    curve: NDArray[np.intp]  # (P,), index or -1
     at: Array  # (P,), the curve's moving joint where the curve itself is zero, else NaN
 
     def where(self, mask: Bool) -> _Points:
@@ -170,7 +169,7 @@ def _along(exact: Arm, starts: Array, moving: Bool, ignore_limits: bool, until: 
     return found
 
 
-def _batches(rows: npt.NDArray[np.intp]) -> Iterator[npt.NDArray[np.intp]]:
+def _batches(rows: NDArray[np.intp]) -> Iterator[NDArray[np.intp]]:
     """Rows, some at a time: the derivatives of many would fill the memory."""
     for start in range(0, len(rows), BLOCK):
         yield rows[start : start + BLOCK]
@@ -187,7 +186,7 @@ class _Collector:
         self.explained = np.zeros(len(points.q), dtype=bool)
         self.conditions: list[JointCondition] = []
         self.curves: list[list[int]] = []
-        self.members: list[npt.NDArray[np.intp]] = []
+        self.members: list[NDArray[np.intp]] = []
 
     def add(self, condition: JointCondition, curves: Iterable[int] = ()) -> None:
         """Record a condition, unless it is known, and all points that lie on it."""
@@ -262,7 +261,7 @@ class _Collector:
         return sorted(found, key=lambda f: _order(self.arm, f))
 
     def _candidates(
-        self, condition: JointCondition, rows: npt.NDArray[np.intp]
+        self, condition: JointCondition, rows: NDArray[np.intp]
     ) -> tuple[Array, bool | None]:
         """Members of a condition, within the limits if there are any; and whether there are."""
         exact, rng = self.exact, np.random.default_rng(self.result.plan.seed)
@@ -294,9 +293,7 @@ class _Collector:
         return elsewhere, None if inside else False
 
 
-def on_condition(
-    arm: Arm, condition: JointCondition, Q: Array, tol: float = ALIKE
-) -> npt.NDArray[np.bool_]:
+def on_condition(arm: Arm, condition: JointCondition, Q: Array, tol: float = ALIKE) -> Bool:
     """Tell for Q (P, n) whether the fixed joints have their values, whole turns aside."""
     joints = [arm.joints.index(name) for name in condition.fixed]
     wanted = np.zeros(arm.n)
@@ -669,7 +666,7 @@ SECONDS = 60.0
 @checked
 def analyze(
     arm: Arm,
-    nominal: npt.ArrayLike | None = None,
+    nominal: ArrayLike | None = None,
     *,
     special: Special = SPECIAL_ANGLES,
     levels: int | Iterable[int] | None = None,

@@ -19,9 +19,8 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
-from pinsing._types import Array, Bool, Ints
+from pinsing._types import Array, ArrayLike, Bool, Ints
 from pinsing.chunk_file import DamagedError, Record
 from pinsing.kinematics.verdict import SINGULAR_RTOL
 from pinsing.measures import ROUNDING
@@ -65,7 +64,7 @@ class CurveTable:
     def __len__(self) -> int:
         return self._length
 
-    def rows(self, numbers: npt.ArrayLike) -> CurveRows:
+    def rows(self, numbers: ArrayLike) -> CurveRows:
         """Look up the curves ``numbers`` (C,)."""
         found = np.asarray(numbers, dtype=np.int64)
         count, n = len(found), len(self.plan.nominal)
@@ -109,7 +108,7 @@ class CurveTable:
                     return range(begin, begin + each)
         return range(0)
 
-    def configurations(self, curves: npt.ArrayLike, samples: npt.ArrayLike) -> Array:
+    def configurations(self, curves: ArrayLike, samples: ArrayLike) -> Array:
         """Joint vectors (P, n) of samples (P,) of curves (P,)."""
         rows = self.rows(curves)
         places = np.asarray(samples, dtype=np.int64)[:, None]

@@ -15,9 +15,8 @@ from dataclasses import dataclass, field
 from typing import ClassVar
 
 import numpy as np
-import numpy.typing as npt
 
-from pinsing._types import Array
+from pinsing._types import Array, ArrayLike
 from pinsing.arguments import MAX_SEED, checked, whole_number
 from pinsing.configuration.refine import SingularConfiguration, approach
 from pinsing.errors import ConfigurationError, OptionError
@@ -222,7 +221,7 @@ class Generalization(JsonResult):
 @checked
 def generalize(
     arm: Arm,
-    configuration: SingularConfiguration | npt.ArrayLike,
+    configuration: SingularConfiguration | ArrayLike,
     *,
     samples: int = DRAWS,
     rtol: float = SINGULAR_RTOL,

@@ -11,10 +11,9 @@ from pathlib import Path
 from typing import Any, ClassVar
 
 import numpy as np
-import numpy.typing as npt
 
 from pinsing._batch import engine
-from pinsing._types import Array
+from pinsing._types import Array, ArrayLike, Bool, NDArray
 from pinsing.arguments import checked
 from pinsing.errors import ConfigurationError, OptionError, UnknownNameError
 from pinsing.kinematics.batch import batch, own_scale
@@ -22,7 +21,7 @@ from pinsing.kinematics.verdict import scale_notes
 from pinsing.robot.arm import Arm, ArmSummary, summarize
 from pinsing.serialization import JsonResult
 
-Words = npt.NDArray[np.uint64]
+Words = NDArray[np.uint64]
 
 SAMPLINGS = ("grid", "sobol", "random")
 
@@ -288,7 +287,7 @@ def plan_map(
     steps: int | Mapping[str, int] | None = None,
     joints: Sequence[str] | None = None,
     ranges: Mapping[str, tuple[float, float]] | None = None,
-    q: npt.ArrayLike | None = None,
+    q: ArrayLike | None = None,
     ignore_limits: bool = False,
     seed: int = 0,
     worst: int = WORST,
@@ -397,7 +396,7 @@ def _moving(
     return chosen
 
 
-def _effective(arm: Arm) -> npt.NDArray[np.bool_]:
+def _effective(arm: Arm) -> Bool:
     """Return which joints (n,) change any singular value, by several turns from random places."""
     rng = np.random.default_rng(0)
     reach = np.where(arm.prismatic, own_scale(arm).length, np.pi)
@@ -459,7 +458,7 @@ def _steps(
 
 
 def _base(
-    arm: Arm, q: npt.ArrayLike | None, limits: Array, moving: tuple[int, ...], ignore_limits: bool
+    arm: Arm, q: ArrayLike | None, limits: Array, moving: tuple[int, ...], ignore_limits: bool
 ) -> Array:
     if q is None:
         return np.asarray(limits.mean(axis=1))

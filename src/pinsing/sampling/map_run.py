@@ -12,9 +12,8 @@ from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
 import numpy as np
-import numpy.typing as npt
 
-from pinsing._types import Array
+from pinsing._types import Array, ArrayLike
 from pinsing.algebra.conditions import Conditions
 from pinsing.algebra.nearest import two_sided
 from pinsing.arguments import checked, typed
@@ -372,7 +371,7 @@ def sigma_map(
     steps: int | Mapping[str, int] | None = None,
     joints: Sequence[str] | None = None,
     ranges: Mapping[str, tuple[float, float]] | None = None,
-    q: npt.ArrayLike | None = None,
+    q: ArrayLike | None = None,
     ignore_limits: bool = False,
     seed: int = 0,
     worst: int = WORST,

@@ -9,9 +9,8 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
-import numpy.typing as npt
 
-from pinsing._types import Array
+from pinsing._types import Array, ArrayLike, Bool, NDArray
 from pinsing.arguments import MAX_SEED, checked, whole_number
 from pinsing.errors import ConfigurationError, OptionError, UnknownNameError
 from pinsing.kinematics.batch import batch
@@ -58,11 +57,11 @@ class PlannedLevel:
     """All sets of special values of one size."""
 
     level: int  # number of joints at special values
-    joints: npt.NDArray[np.intp]  # (S, level) of int: which joints, ascending
+    joints: NDArray[np.intp]  # (S, level) of int: which joints, ascending
     values: Array  # (S, level): at which values, radians or metres
     # (S,) of bool: singular whatever the others, while none of its subsets among the special values
     # is
-    forced: npt.NDArray[np.bool_]
+    forced: Bool
     swept: bool  # false if only the test for ``forced`` is asked of this level, and no curves
 
 
@@ -203,7 +202,7 @@ def uniform_configurations(
 
 
 def choose_nominal(
-    arm: Arm, given: npt.ArrayLike | None, ignore_limits: bool, rng: np.random.Generator
+    arm: Arm, given: ArrayLike | None, ignore_limits: bool, rng: np.random.Generator
 ) -> tuple[Array, str]:
     """Return a regular configuration (n,), given or found, and its origin: step (1)."""
     # All revolute joints at pi/3, as in the paper, if within the limits and well conditioned; else
@@ -315,7 +314,7 @@ MAX_STARTS = 10_000_000
 @checked
 def plan_sweep(
     arm: Arm,
-    nominal: npt.ArrayLike | None = None,
+    nominal: ArrayLike | None = None,
     special: Special = SPECIAL_ANGLES,
     levels: int | Iterable[int] | None = None,
     samples: int = SAMPLES,
@@ -490,9 +489,7 @@ def _combinations(
     return tuple(planned)
 
 
-def _forced(
-    tester: ConditionTester, joints: npt.NDArray[np.intp], values: Array, ask: npt.NDArray[np.bool_]
-) -> npt.NDArray[np.bool_]:
+def _forced(tester: ConditionTester, joints: NDArray[np.intp], values: Array, ask: Bool) -> Bool:
     """Which sets (S, k) are singular whatever the others; only those to ``ask`` of are tested."""
     forced = np.zeros(len(joints), dtype=bool)
     rows = np.flatnonzero(ask)

@@ -21,9 +21,8 @@ from pathlib import Path
 from typing import Any, ClassVar
 
 import numpy as np
-import numpy.typing as npt
 
-from pinsing._types import Array
+from pinsing._types import Array, ArrayLike
 from pinsing.arguments import checked, typed, whole_number
 from pinsing.atomic_write import MEBIBYTE, write_bytes
 from pinsing.chunk_file import DamagedError, Record, read_arrays, read_bounded
@@ -308,7 +307,7 @@ def _swept(result: SweepResult, degrees: bool, room: int) -> Iterator[tuple[Span
 
 def curves_of(
     table: CurveTable,
-    numbers: npt.ArrayLike,
+    numbers: ArrayLike,
     x: Array,
     sigma_min: Iterable[Array],
     sigma_ratio: Iterable[Array],
@@ -497,7 +496,7 @@ VALUES = ("sigma_min", "sigma_ratio")
 @checked
 def sweep(
     arm: Arm,
-    nominal: npt.ArrayLike | None = None,
+    nominal: ArrayLike | None = None,
     special: Special = SPECIAL_ANGLES,
     levels: int | Iterable[int] | None = None,
     samples: int = SAMPLES,

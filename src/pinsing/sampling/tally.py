@@ -14,16 +14,15 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from pinsing._batch import engine
 from pinsing._batch.engine import ValueCounts
-from pinsing._types import Array
+from pinsing._types import Array, Ints, NDArray
 from pinsing.chunk_file import DamagedError, Record
 from pinsing.errors import OptionError
 from pinsing.measures import NEAR_RTOL, SINGULAR_RTOL, Status, status_of
 
-Counts = npt.NDArray[np.int64]
+Counts = Ints
 
 # A bin is a stretch of floats with the same exponent and leading digits: each octave in equal
 # parts. Its number is read off the bits of the float, without a logarithm or rounding.
@@ -238,7 +237,7 @@ class Tally:
 
 def array_of(
     record: Record, name: str, shape: tuple[int | None, ...], whole: bool
-) -> npt.NDArray[np.generic]:
+) -> NDArray[np.generic]:
     """Return array ``name`` of a record; DamagedError for another type or shape (None: any)."""
     array = record.get(name)
     if array is None:
@@ -254,9 +253,7 @@ def array_of(
     return array
 
 
-def finite(
-    record: Record, name: str, shape: tuple[int | None, ...], bounded: bool = True
-) -> npt.NDArray[np.float64]:
+def finite(record: Record, name: str, shape: tuple[int | None, ...], bounded: bool = True) -> Array:
     """Finite numbers of at least 0, or infinite ones too if not ``bounded``; as `array_of`."""
     array = array_of(record, name, shape, whole=False).astype(np.float64, copy=False)
     DamagedError.refuse_if(
@@ -266,9 +263,7 @@ def finite(
     return array
 
 
-def whole(
-    record: Record, name: str, shape: tuple[int | None, ...], low: int, stop: int
-) -> npt.NDArray[np.int64]:
+def whole(record: Record, name: str, shape: tuple[int | None, ...], low: int, stop: int) -> Ints:
     """Whole numbers from ``low`` to before ``stop``; as `array_of`."""
     array = array_of(record, name, shape, whole=True).astype(np.int64, copy=False)
     DamagedError.refuse_if(
@@ -307,7 +302,7 @@ class Distribution:
     # lower and upper: (B,): edges of the bins that are not empty, ascending: lower <= value < upper
     lower: Array
     upper: Array
-    counts: npt.NDArray[np.int64]  # (B,) of int: configurations in them
+    counts: Ints  # (B,) of int: configurations in them
 
     def quantile(self, p: float) -> float:
         """Value that a share ``p`` of the configurations does not exceed.

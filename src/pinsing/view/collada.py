@@ -16,9 +16,8 @@ from typing import Any
 from uuid import uuid1
 
 import numpy as np
-import numpy.typing as npt
 
-from pinsing._types import Array
+from pinsing._types import Array, NDArray
 
 _STEPS = 32767  # of the longest side, in each direction
 _TYPES = {"Int8Array": 17, "Int16Array": 19, "Uint16Array": 20, "Uint32Array": 22}
@@ -45,13 +44,13 @@ class Painted:
 
     middle: tuple[float, float, float]  # where the steps count from, unit of the file
     step: float  # length of a step
-    vertices: npt.NDArray[np.int16]  # (n, 4), in steps; the last column pads
-    normals: npt.NDArray[np.int8]  # (n, 4), 127 long; the last column pads
-    faces: npt.NDArray[Any]  # (m, 3), vertices
+    vertices: NDArray[np.int16]  # (n, 4), in steps; the last column pads
+    normals: NDArray[np.int8]  # (n, 4), 127 long; the last column pads
+    faces: NDArray[Any]  # (m, 3), vertices
     paint: Paint
 
     @classmethod
-    def of(cls, vertices: Array, normals: Array, faces: npt.NDArray[Any], paint: Paint) -> Painted:
+    def of(cls, vertices: Array, normals: Array, faces: NDArray[Any], paint: Paint) -> Painted:
         """Round: a link of a metre to 0.015 mm."""
         if not (np.isfinite(vertices).all() and np.isfinite(normals).all()):
             raise NotPlainError("a number is not finite")
@@ -122,7 +121,7 @@ def _triangles(primitive: Any) -> Iterator[tuple[Paint, Any]]:
     )
 
 
-def _joined(shapes: Sequence[Any]) -> tuple[Array, Array, npt.NDArray[Any]]:
+def _joined(shapes: Sequence[Any]) -> tuple[Array, Array, NDArray[Any]]:
     vertices, normals, faces = zip(*shapes, strict=True)
     starts = np.cumsum([0, *(len(v) for v in vertices[:-1])])
     moved = [f + start for f, start in zip(faces, starts, strict=True)]
@@ -179,7 +178,7 @@ def unpacked(head: bytes, body: bytes) -> tuple[Painted, ...] | None:
     """Return the parts that `packed` was given; None if that is something else."""
     parts, at = [], 0
 
-    def take(kind: type[np.generic], rows: int, columns: int) -> npt.NDArray[Any]:
+    def take(kind: type[np.generic], rows: int, columns: int) -> NDArray[Any]:
         nonlocal at
         found = np.frombuffer(body, kind, rows * columns, at).reshape(rows, columns)
         at += found.nbytes
@@ -248,7 +247,7 @@ def as_object(parts: Sequence[Painted]) -> dict[str, Any]:
     }
 
 
-def _array(kind: str, values: npt.NDArray[Any], columns: int) -> dict[str, Any]:
+def _array(kind: str, values: NDArray[Any], columns: int) -> dict[str, Any]:
     from umsgpack import Ext  # the child process that makes the parts can do without
 
     little = values.astype(values.dtype.newbyteorder("<"), copy=False)

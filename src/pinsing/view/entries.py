@@ -8,10 +8,9 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import numpy.typing as npt
 import pinocchio as pin
 
-from pinsing._types import Array, Bool
+from pinsing._types import Array, ArrayLike, Bool
 from pinsing.configuration.at import never_produced
 from pinsing.configuration.axis_dependence import arm_centres, moving_columns
 from pinsing.errors import OptionError
@@ -71,7 +70,7 @@ class Entry:
     poses: tuple[Array, ...]
     moved: tuple[int, ...]
     symbols: tuple[str, ...]
-    prismatic: npt.NDArray[np.bool_]
+    prismatic: Bool
     kind: str = ""
     reason: str = ""
     codimension: int | None = None
@@ -134,7 +133,7 @@ def family_entries(arm: Arm, families: Iterable[Family], poses: int = 3) -> tupl
     return tuple(out)
 
 
-def pose_entries(arm: Arm, configurations: Iterable[npt.ArrayLike]) -> tuple[Entry, ...]:
+def pose_entries(arm: Arm, configurations: Iterable[ArrayLike]) -> tuple[Entry, ...]:
     """List single configurations."""
     symbols = joint_symbols(arm)
 

@@ -8,10 +8,9 @@ from itertools import chain
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import pinocchio as pin
 
-from pinsing._types import Array
+from pinsing._types import Array, ArrayLike
 from pinsing.errors import OptionError
 from pinsing.loops.analysis import MechanismAnalysis, analyze_mechanism
 from pinsing.loops.closure import hinged_balls, random_closed, ranks
@@ -451,7 +450,7 @@ class MechanismViewer(Tab):
         """What the page lists."""
         return self._stage.groups
 
-    def show(self, q: npt.ArrayLike) -> None:
+    def show(self, q: ArrayLike) -> None:
         """Move the mechanism, in every open tab, to the closed configuration q (n,).
 
         Raises
@@ -462,7 +461,7 @@ class MechanismViewer(Tab):
         q = mechanism_at(self.mechanism, q).q  # refuses open loops
         self._move(q, None)
 
-    def show_inputs(self, inputs: npt.ArrayLike) -> None:
+    def show_inputs(self, inputs: ArrayLike) -> None:
         """Drive the mechanism to inputs (n_a,) in its mode, or put it together there in another.
 
         Raises

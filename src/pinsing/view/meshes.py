@@ -17,10 +17,9 @@ from pathlib import Path
 from typing import BinaryIO
 
 import numpy as np
-import numpy.typing as npt
 import pinocchio as pin
 
-from pinsing._types import Array
+from pinsing._types import Array, NDArray
 from pinsing.atomic_write import write_bytes
 from pinsing.description import child_jail
 from pinsing.description.xacro import MEMORY
@@ -38,7 +37,7 @@ class Mesh:
     """The triangles of a mesh file; empty where the file itself goes into the page."""
 
     vertices: Array  # (n, 3), unit of the file
-    faces: npt.NDArray[np.int32]  # (m, 3), indices from 0
+    faces: NDArray[np.int32]  # (m, 3), indices from 0
     painted: tuple[Painted, ...] = ()  # of a plain painted Collada file, by paint
 
 

@@ -6,9 +6,8 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import numpy.typing as npt
 
-from pinsing._types import Array
+from pinsing._types import Array, ArrayLike
 from pinsing.arguments import checked, shown
 from pinsing.errors import ArgumentError, OptionError
 from pinsing.families import Family
@@ -94,11 +93,11 @@ class Viewer(Tab):
         self,
         arm: Arm,
         families: Iterable[Family] | None = None,
-        poses: Iterable[npt.ArrayLike] | None = None,
+        poses: Iterable[ArrayLike] | None = None,
         findings: Iterable[Finding] | None = None,
         *,
-        path: npt.ArrayLike | None = None,
-        times: npt.ArrayLike | None = None,
+        path: ArrayLike | None = None,
+        times: ArrayLike | None = None,
         shown: Mapping[str, Any] | None = None,
         postures: PostureChanges | None = None,
         coverage: str = "",
@@ -161,7 +160,7 @@ class Viewer(Tab):
         return self._stage.entries
 
     @checked
-    def show(self, q: npt.ArrayLike, words: str = "") -> None:
+    def show(self, q: ArrayLike, words: str = "") -> None:
         """Move the arm, in every open tab.
 
         Parameters
