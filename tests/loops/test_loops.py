@@ -31,7 +31,6 @@ from pinsing.loops import (
     MechanismAnalysis,
     analyze_mechanism,
     assemblies,
-    constraint_jacobian,
     curves,
     feasible,
     find_singular,
@@ -42,12 +41,10 @@ from pinsing.loops import (
     loop_forms,
     mechanism_at,
     motions,
-    output_jacobian,
     ranks,
     refine,
     residual,
     solve,
-    split,
 )
 from pinsing.loops.closure import Loops, gauss_newton, random_closed
 from pinsing.loops.loop_forms import planar_dyad, roots
@@ -113,7 +110,7 @@ def differences(f, q, step=1e-6):
 def test_constraint_jacobians_equal_finite_differences_of_the_closure(rng):
     for mechanism in every():
         for q in random_closed(mechanism, 4, rng):
-            G = constraint_jacobian(mechanism, q)
+            G = Loops(mechanism).at(q)[1]
             numeric = differences(lambda x, m=mechanism: residual(m, x), q)
             np.testing.assert_allclose(G, numeric, atol=1e-8)
             assert np.abs(G).max() > 0.1
@@ -125,16 +122,7 @@ def test_output_jacobian_equals_finite_differences_of_the_position(rng, name):
     q = random_closed(mechanism, 3, rng)[0]
     loops = Loops(mechanism)
     numeric = differences(lambda x: np.array(loops.output(x)[0].translation)[:2], q)
-    np.testing.assert_allclose(output_jacobian(mechanism, q)[:2], numeric, atol=1e-8)
-
-
-def test_split_keeps_every_column_once():
-    mechanism = shipped("planar_3rrr")
-    G = constraint_jacobian(mechanism, home(mechanism))
-    actuated, passive = split(mechanism, G)
-    assert actuated.shape == (6, 3)
-    assert passive.shape == (6, 4)
-    np.testing.assert_array_equal(passive, G[:, [1, 2, 4, 6]])
+    np.testing.assert_allclose(Loops(mechanism).output(q)[1][:2], numeric, atol=1e-8)
 
 
 def test_motions_keep_the_loops_closed(rng):

@@ -2,7 +2,7 @@
 
 from pinsing._package import public
 from pinsing.loops.analysis import MechanismAnalysis, analyze_mechanism
-from pinsing.loops.closure import constraint_jacobian, output_jacobian, ranks, residual, split
+from pinsing.loops.closure import ranks, residual
 from pinsing.loops.forms import JointForms, JointLocus, PoseEquation, PoseForms, PoseLocus
 from pinsing.loops.joint_loci import joint_forms
 from pinsing.loops.loop_forms import Locus, LoopForms, loop_forms
@@ -41,7 +41,6 @@ __all__ = [
     "analyze_mechanism",
     "assemblies",
     "assembly_modes",
-    "constraint_jacobian",
     "curves",
     "drive",
     "feasible",
@@ -56,13 +55,11 @@ __all__ = [
     "mechanism_map",
     "mode_of",
     "motions",
-    "output_jacobian",
     "pose_forms",
     "ranks",
     "refine",
     "residual",
     "solve",
-    "split",
     "trace",
     "working_modes",
 ]

@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pinocchio as pin
 
-from pinsing._types import Array, ArrayLike, Bool, NDArray
+from pinsing._types import Array, Bool, NDArray
 from pinsing.errors import OptionError, PinsingError
 from pinsing.loops.structure import Centre, closing, idle_link, once, structure
 from pinsing.measures import NOISE, SEED, SINGULAR_RTOL, SOLVED
@@ -434,21 +434,6 @@ class Ranks:
 def residual(mechanism: Mechanism, q: ArrayLike) -> Array:
     """Return the loop-closure error at q (n,): (k,), metres and radians."""
     return Loops(mechanism).at(mechanism.check(q))[0]
-
-
-def constraint_jacobian(mechanism: Mechanism, q: ArrayLike) -> Array:
-    """Return the constraint Jacobian of all loops at q (n,): (k, n), metres and radians."""
-    return Loops(mechanism).at(mechanism.check(q))[1]
-
-
-def split(mechanism: Mechanism, J: Array) -> tuple[Array, Array]:
-    """Return the columns of the actuated and of the passive joints of J (..., k, n)."""
-    return J[..., list(mechanism.actuated)], J[..., list(mechanism.passive)]
-
-
-def output_jacobian(mechanism: Mechanism, q: ArrayLike) -> Array:
-    """Return task rows of the output frame at q (n,): (m, n), LOCAL_WORLD_ALIGNED."""
-    return Loops(mechanism).output(mechanism.check(q))[1]
 
 
 def gauss_newton(

@@ -17,7 +17,6 @@ solutions for the direct kinematic problem of planar three-degree-of-freedom par
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from fractions import Fraction
@@ -102,30 +101,14 @@ def input_loci(mechanism: Mechanism) -> tuple[PoseEquation, ...]:
     return mechanism.once("input_loci", lambda: _input_loci(mechanism, found))
 
 
-def input_degrees(mechanism: Mechanism) -> dict[str, int]:
-    """Return degrees of type 2 in the tangent of half of each crank's angle; empty if unknown."""
-    found = planar_rods(mechanism)
-    if found is None or not all(r.kind == "crank" for r in found.rods):
-        return {}
-    return mechanism.once("input_degrees", lambda: _degrees(mechanism, found))
-
-
 def degree_notes(mechanism: Mechanism) -> Iterator[str]:
-    """The same in words, and why a locus over three distances is left out."""
+    """Why a locus over three distances is left out."""
     slid = planar_rods(mechanism)
     if slid is not None and all(r.kind == "strut" for r in slid.rods) and not input_loci(mechanism):
         yield (
             "the inputs alone: eliminating the pose leaves a polynomial, in general of degree 12 "
             "in the squares of the inputs; not written out where coordinates have more than five "
             "decimals"
-        )
-    if found := input_degrees(mechanism):
-        each = ", ".join(f"{d} in tan({n}/2)" for n, d in found.items())
-        most = math.prod(d + 1 for d in found.values())
-        yield (
-            f"the inputs alone: eliminating the pose leaves a polynomial of up to {most} terms, of "
-            f"degree up to {each} (counted exactly, lengths rounded to simple fractions); not "
-            "written out"
         )
 
 
@@ -225,48 +208,6 @@ def _vanishes(factor: Poly, at: Array) -> bool:
             term *= complex(value) ** int(power)
         total, size = total + term, size + abs(term)
     return abs(total) <= 1e-7 * size
-
-
-def _degrees(mechanism: Mechanism, found: Rods) -> dict[str, int]:
-    """Each input in turn is free, the others are at random rational points of their circles."""
-    context = fmpq_mpoly_ctx.get(["t", "u"], Ordering.degrevlex)
-    u = context.gens()[1]
-    rng = np.random.default_rng(SEED)
-    lengths = [Fraction(found.length(r)).limit_denominator(1000) for r in found.rods]
-    degrees = []
-    for moving in range(3):
-        inner: list[Point] = []
-        below = []
-        for k, rod in enumerate(found.rods):
-            h = u if k == moving else context.constant(int(rng.integers(2, 9)))
-            n, c, s = 1 + h**2, 1 - h**2, 2 * h
-            inner.append(
-                tuple(
-                    n * _simple(at) + c * _simple(first) + s * _simple(second)
-                    for at, first, second in zip(
-                        rod.inner[:2], rod.first[:2], rod.second[:2], strict=True
-                    )
-                )
-            )
-            below.append(n)
-        # All lengths times the product of the denominators.
-        whole = math.prod(below)
-        grown = [tuple(v * (whole / n) for v in p) for p, n in zip(inner, below, strict=True)]
-        outer = [tuple(whole * _simple(v) for v in r.outer[:2]) for r in found.rods]
-        squares = [whole**2 * rational(x**2) for x in lengths]
-        poly, _ = _poses(context, grown, outer, squares, 1, (1, 0))
-        factors = (f for f, _ in poly.factor()[1] if int(f.degrees()[0]) > 0)
-        poly = math.prod(factors, start=context.constant(1))
-        if int(poly.degrees()[0]) != 6:
-            return {}
-        parts = poly.discriminant("t").factor()[1]
-        # Squared parts are poses of one orientation that do not coincide, and 1 + u^2.
-        degrees.append(sum(int(f.degrees()[1]) for f, times in parts if times % 2))
-    return {mechanism.joints[r.joint]: d for r, d in zip(found.rods, degrees, strict=True)}
-
-
-def _simple(value: float) -> Any:
-    return rational(Fraction(float(value)).limit_denominator(1000))
 
 
 LOOP = -1
