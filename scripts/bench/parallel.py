@@ -118,8 +118,7 @@ def pictures(mechanism: Mechanism, name: str) -> list[str]:
     import matplotlib as mpl
 
     mpl.use("agg")
-    from pinsing.plot.mechanism import mode_sheet, motion_curve
-    from pinsing.plot.pose_map import pose_maps
+    from pinsing.plot.mechanism import mode_sheet, motion_curve, pose_maps
     from pinsing.report.document import png
 
     over = SLICES[name]

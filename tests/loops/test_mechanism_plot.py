@@ -23,14 +23,17 @@ from pinsing.plot.mechanism import (
     MINUS,
     PLUS,
     TYPE_1,
+    _modes,
     draw_linkage,
     input_map,
     is_left,
     map_legend,
     mode_sheet,
     motion_curve,
+    panels,
+    pose_map,
+    pose_maps,
 )
-from pinsing.plot.pose_map import _modes, panels, pose_map, pose_maps
 from pinsing.robot.load_mechanism import load_mechanism
 
 mpl.use("agg")

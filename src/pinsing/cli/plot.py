@@ -105,7 +105,7 @@ def _figure(
         OptionError.refuse_if(asked, "--q does not go with this map: all poses are on one curve")
         return motion_curve(mechanism, names, None, deg).figure
     if kind == "map" and (names is not None or planar_dyad(mechanism) is None):
-        from pinsing.plot.pose_map import pose_maps
+        from pinsing.plot.mechanism import pose_maps
 
         start = assemblies(mechanism, inputs)[0].q if asked else None
         return pose_maps(mechanism, names, None, deg, start)

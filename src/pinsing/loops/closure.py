@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pinocchio as pin
 
-from pinsing._types import Array, Bool, NDArray
+from pinsing._types import Array, ArrayLike, Bool, NDArray
 from pinsing.errors import OptionError, PinsingError
 from pinsing.loops.structure import Centre, closing, idle_link, once, structure
 from pinsing.measures import NOISE, SEED, SINGULAR_RTOL, SOLVED

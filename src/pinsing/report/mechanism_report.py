@@ -110,7 +110,7 @@ def aspects(mechanism: Mechanism, a: MechanismAnalysis) -> Section | None:
         )
     if a.joint_forms is None or not a.joint_forms.complete:
         return None
-    from pinsing.plot.pose_map import pose_maps
+    from pinsing.plot.mechanism import pose_maps
 
     over = _telling(mechanism)
     names = " and ".join(over)
@@ -127,7 +127,7 @@ def aspects(mechanism: Mechanism, a: MechanismAnalysis) -> Section | None:
 
 def _telling(mechanism: Mechanism) -> tuple[str, str]:
     """Two coordinates over which the slice at home shows more than one aspect; else the first."""
-    from pinsing.plot.pose_map import panels
+    from pinsing.plot.mechanism import panels
 
     free = free_coordinates(mechanism)
     pairs = [(a, b) for k, a in enumerate(free) for b in free[k + 1 :]]
