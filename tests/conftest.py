@@ -30,9 +30,15 @@ settings.register_profile(
     suppress_health_check=[HealthCheck.too_slow, HealthCheck.function_scoped_fixture],
 )
 settings.load_profile("pinsing")
+settings.register_profile("quick", settings.get_profile("pinsing"), max_examples=40)
 
 # What a test reads it reads itself, and nothing of it stays on the user's disk.
 os.environ["PINSING_CACHE"] = ""
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """The quick tier draws fewer examples, the first of those that all tiers draw."""
+    settings.load_profile("quick" if "not slow" in config.option.markexpr else "pinsing")
 
 
 @pytest.hookimpl(tryfirst=True)

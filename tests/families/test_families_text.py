@@ -42,6 +42,7 @@ def test_half_angles_are_explained_where_they_are_printed(equal_links):
     assert there == pytest.approx(-here)
 
 
+@pytest.mark.slow
 def test_a_single_term_has_no_number():
     form = pinsing.closed_form(pinsing.load("panda", task="position"), prove=False)
     assert " and sin(q3+q5) = 0" in " ".join(str(form).split())
