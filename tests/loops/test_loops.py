@@ -16,6 +16,7 @@ from mechanisms import (
     planar_tree,
     shipped,
 )
+from tiers import tiered
 from urdf_text import J, frame, loop_text, written
 
 from pinsing.errors import (
