@@ -362,6 +362,7 @@ class _Planner:
         self.floor = -np.inf
         self.edges: list[Ints] = []
         self.near: Array = np.empty(0)
+        self.passing: Array | None = None
         self.least: float | None = None
         self.counted: Bool = np.zeros(arm.n, dtype=bool)
         self.turns: Ints = np.zeros((1, 0), dtype=int)
@@ -937,19 +938,21 @@ class _Planner:
         def too_many() -> bool:
             return bool(((alive + 2 * split).sum(axis=1) > nodes).any())
 
+        passing, low, high = self._passed(least), least, bound
         while True:
-            alive = self._passed(least)
-            if not alive.any(axis=1).all():
-                return None
+            alive = passing > least
             split = alive & (clear < bound) & (self.way > PRACTICAL)
             split[0] &= self.start is None
             if too_many():
                 split[np.where(alive, clear, 0.0).max(axis=1) >= bound] = False
-            if not split.any() or bound - least < PRACTICAL:
-                return None
-            if not too_many():
+            if not (many := too_many()) and least - low <= _MARGIN:
                 break
-            least = (least + bound) / 2
+            low, high = (least, high) if many else (low, least)
+            if high - low < PRACTICAL:
+                return None
+            least = (low + high) / 2
+        if not split.any() or not alive.any(axis=1).all():
+            return None
         pose, at = np.nonzero(alive)
         split = split[pose, at]
         pieces = self._thirds(pose[split], at[split])
@@ -988,7 +991,7 @@ class _Planner:
             return rows
 
         out = copy.copy(self)
-        out.floor = out.least = least
+        out.floor, out.least, out.passing = least, least, None
         out.values, out.half, out.near = laid(value, 0.0), laid(half, 0.0), laid(near, np.nan)
         out.way = laid(np.where(new, self._longer(near - q[:, None]), self.way[pose, at]), 0.0)
         out.Q = laid(q, np.nan)[:, :, None]
@@ -1067,20 +1070,25 @@ class _Planner:
         way[np.isnan(way)] = 2 * np.pi
         return np.asarray(np.maximum(way[..., 0], way[..., -1]))
 
-    def _passed(self, least: float) -> Bool:
-        """Which nodes (N, G S) a path with more room than ``least`` may pass."""
-        alive: Bool = self.through > least
-        for k in range(len(self.T) - 1, 0, -1):
-            here = np.flatnonzero(alive[k])
-            source = self._sources(k, here)[0]
-            n = self.arm.n
-            move = self.Q[k].reshape(-1, n)[here] - self.Q[k - 1].reshape(-1, n)[source]
-            value = np.minimum(self.through[k - 1][source], self._room(k)[here])[..., None]
-            cap = self._cap(k, here, source, move, value, np.full((len(here), 1), least))
-            linked = np.zeros(alive.shape[1], dtype=bool)
-            linked[source[np.minimum(value[..., 0], cap) > least]] = True
-            alive[k - 1] &= linked
-        return alive
+    def _passed(self, least: float) -> Array:
+        """Return the most room (N, G S) of paths through nodes, where that is more than ``least``.
+
+        Found once, with the first ``least`` asked for.
+        """
+        if self.passing is None:
+            passing, n = self.through.copy(), self.arm.n
+            for k in range(len(self.T) - 1, 0, -1):
+                here = np.flatnonzero(passing[k] > least)
+                source = self._sources(k, here)[0]
+                move = self.Q[k].reshape(-1, n)[here] - self.Q[k - 1].reshape(-1, n)[source]
+                value = np.minimum(self.through[k - 1][source], passing[k][here])
+                floor = np.full((len(here), 1), least)
+                cap = self._cap(k, here, source, move, value[..., None], floor)
+                onward = np.full(passing.shape[1], -np.inf)
+                np.maximum.at(onward, source, np.minimum(value, cap))
+                passing[k - 1] = np.minimum(passing[k - 1], onward)
+            self.passing = passing
+        return self.passing
 
     def _link(self) -> None:
         """Find the neighbours of all nodes, and the longer ``way`` (N, G S) along the grid."""
