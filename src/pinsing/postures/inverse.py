@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -33,12 +33,11 @@ from pinsing.serialization import JsonResult
 
 def decomposed(
     arm: Arm, held: int | None = None, value: float = 1.0
-) -> Callable[[Array], tuple[Ints, Array, Bool]] | None:
+) -> Callable[[Array], tuple[Ints, Array, list[Any]]] | None:
     """Return EAIK's inverse kinematics of an arm, a joint held at a value; None if it has none.
 
     For poses (M, 4, 4) it returns solution counts (M,), all of them (K, n), the held joint
-    included, and which are least squares only (K,). At 0 arms may decompose that do at no other
-    value.
+    included, and EAIK's answers (M,). At 0 arms may decompose that do at no other value.
     """
     try:
         from eaik.IK_Homogeneous import HomogeneousRobot
@@ -62,12 +61,11 @@ def decomposed(
     if not robot.hasKnownDecomposition():
         return None
 
-    def solutions(T: Array) -> tuple[Ints, Array, Bool]:
+    def solutions(T: Array) -> tuple[Ints, Array, list[Any]]:
         found = robot.IK_batched(T, min(len(T), engine.cpu_count()))
         rows = [x.Q for x in found]
         Q = np.concatenate([np.empty((0, arm.n)), *filter(len, rows)])
-        rough = np.concatenate([x.is_LS for x in found]).astype(bool)
-        return np.array(list(map(len, rows))), signs * Q, rough
+        return np.array(list(map(len, rows))), signs * Q, found
 
     return solutions
 
@@ -510,8 +508,9 @@ def inverse(
     if robot is not None:
         pose = np.eye(4)
         pose[:3, :3], pose[:3, 3] = (np.eye(3) if rotation is None else rotation), position
-        _, said, rough = robot(pose[None])
-        found.add(*solver.solve(said[~rough]))
+        _, said, (answer,) = robot(pose[None])
+        said = said[~np.array(answer.is_LS, dtype=bool)]  # in the sense of least squares only
+        found.add(*solver.solve(said))
         if len(said) == len(found.q) and found.clear():
             # Share of the random starts that check solutions by EAIK: one in so many.
             known, first = len(found.q), max(1, starts // 8)

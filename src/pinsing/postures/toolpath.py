@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
 from itertools import product
 from typing import ClassVar
@@ -21,6 +22,7 @@ from typing import ClassVar
 import numpy as np
 import pinocchio as pin
 
+from pinsing._batch import engine
 from pinsing._types import Array, ArrayLike, Bool, Ints
 from pinsing.algebra.nearest import SearchOptions, nearest_points
 from pinsing.arguments import checked
@@ -691,7 +693,7 @@ class _Planner:
             return alive
         alive[0] &= self.first.ravel()
         for k in (*range(1, len(alive)), *range(len(alive) - 1, 0, -1)):
-            if not self._is_far(k):
+            if not self.far[k]:
                 here = np.flatnonzero(alive[k])
                 source = self._sources(k, here)[0]
                 came = alive[k - 1][source]
@@ -826,17 +828,10 @@ class _Planner:
         """Look at motions to nodes ``here`` (M,) of a pose far from the last from all, if few."""
         self.pool[k] = None
         source = np.flatnonzero(self.through[k - 1] > floor)
-        if len(here) and len(source) and self._is_far(k):
+        if len(here) and len(source) and self.far[k]:
             few = len(source) * len(here) <= self.motions // (4 * len(self.T))
             self.pool[k] = source if few else None
             self.crowded |= not few
-
-    def _is_far(self, k: int) -> bool:
-        """Return True if pose k is so far from the last that all nodes there are looked at."""
-        if self.edges or self.rough:
-            return False
-        step = self.step[k][np.isfinite(self.clear[k].ravel())]
-        return bool(np.median(np.nan_to_num(step, nan=np.inf)) > _COARSE[1])
 
     def _cap(
         self, k: int, here: Ints, source: Ints, move: Array, value: Array, least: Array
@@ -991,7 +986,7 @@ class _Planner:
             return rows
 
         out = copy.copy(self)
-        out.floor, out.least, out.passing = least, least, None
+        out.floor, out.least, out.passing, out.far = least, least, None, np.zeros(N, dtype=bool)
         out.values, out.half, out.near = laid(value, 0.0), laid(half, 0.0), laid(near, np.nan)
         out.way = laid(np.where(new, self._longer(near - q[:, None]), self.way[pose, at]), 0.0)
         out.Q = laid(q, np.nan)[:, :, None]
@@ -1093,6 +1088,7 @@ class _Planner:
     def _link(self) -> None:
         """Find the neighbours of all nodes, and the longer ``way`` (N, G S) along the grid."""
         # ``beside`` (N, 2, G S) them both ways, and of their value at the pose ``before`` (N, G S).
+        # From all nodes of poses ``far`` (N,) from the one before motions are looked at.
         N, G, S = self.clear.shape
         self.beside, self.way = np.empty((N, 2, G * S), dtype=np.int32), np.zeros((N, G * S))
         self.ended = np.zeros(self.beside.shape, dtype=bool)
@@ -1107,36 +1103,47 @@ class _Planner:
         self.pool: list[Ints | None] = [None] * N
         self.most = max(self.clear.size, 400_000) // 4
         self.motions = max(self.clear.size * 32, 8_000_000)
-        last: Array | None = None
-        for k, q in enumerate(self.Q):
-            there = np.isfinite(q[..., :1])
-            turned = np.where(there, q, 0.0).astype(np.float32)
-            circle = np.concatenate([np.cos(turned), np.sin(turned)], axis=-1) * there
-            last = circle if last is None else last
-            self.before[k] = (values[:, None] * S + self._nearest(circle, last)).ravel()
-            last = circle
-            if k:
-                self.step[k] = self._length(q.reshape(G * S, -1) - flat[k - 1, self.before[k]])
-            near = np.stack([self._shifted(values, -1), self._shifted(values, 1)])
-            link = (near[..., None] * S + self._nearest(circle, circle[near])).reshape(2, -1)
-            ends = np.take_along_axis(link[::-1], link, axis=1) != np.arange(G * S)
-            ends |= ~there.ravel()[link]
-            ends &= np.repeat(near != values, S, axis=1)
-            if ends.any():  # a branch that ends turns back into another one
-                i = np.unique(np.nonzero(ends)[1] // S)
-                other = circle[i] @ circle[i].swapaxes(1, 2) - 4 * self.arm.n * np.eye(S)
-                other -= 2 * self.arm.n * ~there[i].swapaxes(1, 2)
-                back = np.zeros((G, S), dtype=int)
-                back[i] = i[:, None] * S + other.argmax(axis=-1)
-                link = np.where(ends, back.ravel(), link)
-            self.beside[k] = link
-            self.ended[k] = ends & (link != np.arange(G * S)) & (not self.cyclic)
-            to = self._neighbors(k, np.arange(G * S)).swapaxes(0, 1)
-            toward = _unturned(to - flat[k], self.whole)
-            toward[ends & (link == np.arange(G * S))] = np.nan
-            if self.cyclic:  # where it turns back it is singular: no clearance, halfway
-                toward[ends] /= 2
-            self.way[k] = self._longer(toward.swapaxes(0, 1))
+
+        def circled(k: int) -> tuple[Bool, Array]:
+            there = np.isfinite(self.Q[k, ..., :1])
+            turned = np.where(there, self.Q[k], 0.0).astype(np.float32)
+            return there, np.concatenate([np.cos(turned), np.sin(turned)], axis=-1) * there
+
+        def link_poses(poses: Ints) -> None:
+            last = circled(max(0, poses[0] - 1))[1]
+            for k in poses.tolist():
+                there, circle = circled(k)
+                self.before[k] = (values[:, None] * S + self._nearest(circle, last)).ravel()
+                last = circle
+                if k:
+                    self.step[k] = self._length(flat[k] - flat[k - 1, self.before[k]])
+                near = np.stack([self._shifted(values, -1), self._shifted(values, 1)])
+                link = (near[..., None] * S + self._nearest(circle, circle[near])).reshape(2, -1)
+                ends = np.take_along_axis(link[::-1], link, axis=1) != np.arange(G * S)
+                ends |= ~there.ravel()[link]
+                ends &= np.repeat(near != values, S, axis=1)
+                if ends.any():  # a branch that ends turns back into another one
+                    i = np.unique(np.nonzero(ends)[1] // S)
+                    other = circle[i] @ circle[i].swapaxes(1, 2) - 4 * self.arm.n * np.eye(S)
+                    other -= 2 * self.arm.n * ~there[i].swapaxes(1, 2)
+                    back = np.zeros((G, S), dtype=int)
+                    back[i] = i[:, None] * S + other.argmax(axis=-1)
+                    link = np.where(ends, back.ravel(), link)
+                self.beside[k] = link
+                self.ended[k] = ends & (link != np.arange(G * S)) & (not self.cyclic)
+                to = self._neighbors(k, np.arange(G * S)).swapaxes(0, 1)
+                toward = _unturned(to - flat[k], self.whole)
+                toward[ends & (link == np.arange(G * S))] = np.nan
+                if self.cyclic:  # where it turns back it is singular: no clearance, halfway
+                    toward[ends] /= 2
+                self.way[k] = self._longer(toward.swapaxes(0, 1))
+
+        parts = np.array_split(np.arange(N), min(N, engine.cpu_count()))
+        with ThreadPoolExecutor(len(parts)) as pool:
+            list(pool.map(link_poses, parts))
+        nodes = np.isfinite(self.clear).reshape(self.step.shape)
+        far = (nodes & ~(self.step <= _COARSE[1])).sum(axis=1) > nodes.sum(axis=1) / 2
+        self.far = far & (not self.rough)
         if self.start is not None:
             self.way[0] = 0.0
 
