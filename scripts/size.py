@@ -9,8 +9,8 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
 LIMITS: dict[str, tuple[int, int]] = {
-    "Python in src: statements": (42_014, 30_000),
-    "Python in src: lines": (77_653, 56_000),
+    "Python in src: statements": (42_024, 30_000),
+    "Python in src: lines": (77_667, 56_000),
     "C++, JavaScript, templates, styles: lines": (12_698, 9_500),
     "modules": (213, 220),
     "packages directly under pinsing": (16, 16),
