@@ -23,7 +23,7 @@ from pinsing.robot.load import load
 from pinsing.robot.task import parse_task
 
 SCRIPTS = Path(__file__).parent.parent / "scripts"
-GROUPS, CHAINS = 6, 10
+GROUPS, CHAINS = 12, 5
 
 
 @pytest.fixture(scope="module")

@@ -55,7 +55,7 @@ def test_threads_share_an_arm(robot):
     arm = load(robot)
     alone = work(arm)
     with ThreadPoolExecutor(8) as pool:
-        for together in pool.map(work, [arm] * 16):
+        for together in pool.map(work, [arm] * 8):
             assert same(alone, together)
 
 

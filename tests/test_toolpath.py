@@ -692,6 +692,18 @@ def test_ranges_that_make_no_sense_are_refused(ur5, place, said):
         plan_path(form, circle(arm, 3), arm=arm, place={"x": (0, 1)}, start=START)
 
 
+def test_the_best_of_the_placements_that_are_tried_is_taken():
+    tried = {}
+
+    def value(at):
+        tried[tuple(at.values())] = -abs(at["x"] - 0.04) - abs(at["yaw"] - 0.2)
+        return tried[tuple(at.values())]
+
+    best, count = placement.search(value, {"x": (-0.1, 0.1), "yaw": (-0.5, 0.5)})
+    assert tried[tuple(best.values())] == max(tried.values()) > -0.02
+    assert len(tried) <= count <= placement.TRIED
+
+
 def test_no_placement_is_reached(ur5, monkeypatch):
     arm, form = ur5
     monkeypatch.setattr(placement, "TRIED", 140)

@@ -211,7 +211,7 @@ def test_the_command_says_what_to_keep_and_where():
 )  # fmt: skip
 def test_zones_of_a_posture_and_of_a_box_of_the_workspace_hold_there(within, said):
     form = pinsing.closed_form(pinsing.load("ur5"))
-    found = pinsing.zones(form, within=within, boxes=8000)
+    found = pinsing.zones(form, within=within, boxes=4000)
     assert set(said) <= set(found.within)
     region = Region(form, form.loaded, parts_of(within))
     Q = np.random.default_rng(3).uniform(found.lower, found.upper, (30_000, 6))

@@ -13,7 +13,6 @@ import numpy as np
 import pytest
 from command_line import and_peak, run
 from hypothesis import given, strategies as st
-from scipy.stats import qmc
 from tiers import tiered
 
 from pinsing import singular_values
@@ -45,6 +44,8 @@ N = 5 * BLOCK + 77
 @pytest.mark.filterwarnings("ignore:The balance properties")
 @pytest.mark.parametrize("dimension", [1, 2, 3, 7, 21, map_plan.MAX_DIMENSION])
 def test_sobol_points_are_those_of_scipy(dimension: int) -> None:
+    from scipy.stats import qmc  # 1 s, which not every worker need spend
+
     expected = qmc.Sobol(dimension, scramble=False, bits=map_plan.BITS).random(5000)
     words = map_plan.sobol(0, 5000, dimension)
     np.testing.assert_array_equal(words * 2.0**-map_plan.BITS, expected)
