@@ -10,6 +10,7 @@ from command_line import run
 from tiers import tiered, tiered_rows
 
 import pinsing
+from pinsing.algebra.nearest import two_sided
 from pinsing.errors import OptionError
 from pinsing.kinematics.jacobian import frame_jacobians, tip_poses
 from pinsing.kinematics.speed_bounds import SpeedBounds
@@ -40,6 +41,12 @@ def _shares(judge, Q, v, w):
         np.linalg.norm(z[..., own], axis=-1) for own in (judge.linear, ~judge.linear)
     )
     return ((v * linear + w * angular) / judge.limits).max(axis=1)
+
+
+def _search(monkeypatch, form, **options):
+    """The search that answers, before it begins."""
+    monkeypatch.setattr(zone_search._Search, "zones", lambda search: search)
+    return pinsing.zones(form, **options)
 
 
 @pytest.mark.parametrize(
@@ -230,22 +237,56 @@ def test_zones_of_a_posture_and_of_a_box_of_the_workspace_hold_there(within, sai
 
 def test_a_slide_is_bounded_where_zones_are_asked_for(monkeypatch):
     """Also beyond its limits, of 0.5 m: how far the tip is from the axes before it."""
-    monkeypatch.setattr(zone_search._Search, "zones", lambda search: search.bounds.far)
     form = pinsing.closed_form(pinsing.load("stanford"))
-    far = pinsing.zones(form, joint_speeds=np.ones(6), within={"d3": (0.5, 9.0)})
-    assert (far[:2] > 9).all()
+    search = _search(monkeypatch, form, joint_speeds=np.ones(6), within={"d3": (0.5, 9.0)})
+    assert (search.bounds.far[:2] > 9).all()
 
 
 def test_long_equations_are_reached_and_never_too_near(monkeypatch):
     form = pinsing.closed_form(pinsing.load("gofa5"), prove=False)
     Q = np.random.default_rng(8).uniform(-np.pi, np.pi, (4000, 6))
-    monkeypatch.setattr(zone_search._Search, "zones", lambda search: search._distances(Q))
-    low, up = pinsing.zones(form)
+    low, up = _search(monkeypatch, form)._distances(Q)
     assert np.isfinite(up).mean() > 0.97
     true = pinsing.clearance(form, Q[:400], certify=True, boxes=2000)
     assert (true.lower <= up[:400, 0] * (1 + 1e-9)).all()
     assert (low[:400, 0] <= true.upper).all()
-    assert np.mean(up[:400, 0] <= 1.1 * true.upper) > 0.9
+    assert np.mean(up[:400, 0] <= 1.1 * true.upper) > 0.95
+
+
+@pytest.mark.parametrize("name", ["panda", "ur5", "gofa5"])
+def test_points_are_as_near_to_families_as_bounds_say(name):
+    form = pinsing.closed_form(pinsing.load(name), prove=False)
+    conditions = watch(form).conditions.plain
+    Q = np.random.default_rng(9).uniform(-np.pi, np.pi, (300, form.loaded.n))
+    found = two_sided(conditions, Q, each=True, points=True)
+    assert (found.each <= two_sided(conditions, Q, each=True).each + 1e-12).all()
+    left = found.each[..., 1] - np.linalg.norm(found.points - Q[:, None], axis=2)
+    for k in range(conditions.families):
+        at = two_sided(conditions, found.points[:, k], each=True).each[:, k, 0]
+        assert (at <= left[:, k] + 1e-8).all()
+
+
+@pytest.mark.parametrize(
+    ("name", "within", "most"),
+    [("panda", "limits", 2), ("panda", None, 8), ("iiwa14", None, 32), ("ur5", None, 4),
+     ("crx10ia", "limits", 4), ("ur5", "elbow up", 1), ("ur5", {"z": (0.1, 0.4)}, 1)],
+)  # fmt: skip
+def test_what_boxes_leave_out_is_like_what_they_cover(monkeypatch, name, within, most):
+    form = pinsing.closed_form(pinsing.load(name), prove=False)
+    search = _search(monkeypatch, form, within=within)
+    maps, middle = search._symmetries(), (search.low + search.high) / 2
+    assert len(maps) == most
+    Q = np.random.default_rng(4).uniform(search.low, search.high, (40, form.loaded.n))
+    alike = middle + maps[:, None, 0] * (Q - middle) + maps[:, None, 1]
+    shares = [search.judge.shares(q, 0.25, 0.5).max(axis=1) for q in alike]
+    np.testing.assert_allclose(shares, np.broadcast_to(shares[0], np.shape(shares)), rtol=1e-6)
+    for family in watch(form).families:
+        far = [[family.distance(q).value for q in like] for like in alike[:, :5]]
+        np.testing.assert_allclose(far, np.broadcast_to(far[0], np.shape(far)), atol=1e-6)
+    C, R = search._first_boxes()
+    off = (alike[:, :, None] - C + np.pi) % (2 * np.pi) - np.pi
+    covered = ((np.abs(off) <= R + 1e-9) | ~search.active).all(axis=3)
+    assert covered.any(axis=(0, 2)).all()
 
 
 @pytest.mark.slow
@@ -265,7 +306,7 @@ def test_outside_the_zones_what_thresholds_mean_is_looked_for_where_zones_meet()
 
 @pytest.mark.slow
 def test_a_distance_that_may_be_larger_than_needed_is_named():
-    found = pinsing.zones(pinsing.closed_form(pinsing.load("irb1200")), boxes=60_000)
+    found = pinsing.zones(pinsing.closed_form(pinsing.load("irb1200")), boxes=6000)
     over = [n for n, d in found.distances.items() if d > 1.05 * found.exceeding[n] + 1e-8]
     assert over
     assert f"distances from {listed(over)} may be over 5% more than needed" in found.notes[0]

@@ -25,6 +25,7 @@ class ConditionSet:
         upper: NDArray[np.float64],
         family: NDArray[np.int64],
         each: NDArray[np.float64],
+        points: NDArray[np.float64],
         isa: str,
         threads: int,
     ) -> None: ...

@@ -184,20 +184,22 @@ static Both bounds_of_branch(const Conditions& c, std::int64_t first, std::int64
     return best;
 }
 
+// x, a joint's value, less the nearest copy of a value of a branch.
+PINSING_INLINE V off_value(const Conditions& c, std::int64_t i, V x) {
+    const double turn = c.turn[c.value_joint[i]], magic = 6755399441055744.0;
+    const V off = x - c.value[i];
+    if (turn == 0.0) return off;
+    return off - ((vmin(vmax(off * (1.0 / turn), -1e15), 1e15) + magic) - magic) * turn;
+}
+
 // Distance of the joints of a branch from their values.
 static Both bounds_of_values(const Conditions& c, std::int64_t first, std::int64_t last,
                              const V* x) {
     V total = broadcast(0.0), slack = broadcast(0.0);
     for (std::int64_t i = first; i < last; i++) {
         const std::int64_t j = c.value_joint[i];
-        V off = x[j] - c.value[i];
+        const V off = off_value(c, i, x[j]);
         const double turn = c.turn[j];
-        if (turn > 0.0) {
-            const double magic = 6755399441055744.0;
-            V turns = off * (1.0 / turn);
-            turns = (vmin(vmax(turns, -1e15), 1e15) + magic) - magic;
-            off -= turns * turn;
-        }
         slack = vmax(slack, (vabs(x[j]) + (fabs(c.value[i]) + turn)) * 4.5e-16);
         total = c.largest ? vmax(total, vabs(off)) : total + off * off;
     }
@@ -227,5 +229,53 @@ static void bounds_of_families(const Conditions& c, const V* x, V* bound, V* mem
         const std::int64_t f = c.family[b];
         bound[2 * f] = vmin(bound[2 * f], at.lower);
         bound[2 * f + 1] = vmin(bound[2 * f + 1], at.upper);
+    }
+}
+
+constexpr int kSteps = 12;        // to the nearest point of a surface
+constexpr double kShare = 0.6;    // of the way to where the last tangent plane is nearest
+constexpr double kLongest = 0.6;  // of a step
+
+// Upper bounds that are closer, with points (families, n) that they rest on: families are no farther
+// from these than a bound is longer than the way to its point. Of surfaces they are on the way to a
+// nearest one.
+static void reach_families(const Conditions& c, const V* x, V* bound, V* points, V* memory) {
+    const int n = c.n;
+    V *start = memory, *p = start + n, *g = p + n;
+    for (int i = 0; i < c.families * n; i++) points[i] = x[i % n];
+    for (int b = 0; b < c.branches; b++) {
+        const std::int64_t e = c.equation_start[b], sums = c.equation_start[b + 1] - e;
+        const std::int64_t first = c.value_start[b], last = c.value_start[b + 1];
+        V &upper = bound[2 * c.family[b] + 1], *point = points + c.family[b] * n;
+        for (int j = 0; j < n; j++) start[j] = x[j];
+        for (auto i = first; i < last; i++)
+            start[c.value_joint[i]] -= off_value(c, i, x[c.value_joint[i]]);
+        for (int j = 0; j < n; j++) p[j] = start[j];
+        for (int k = 0; sums < 2 && k <= sums * kSteps; k++) {
+            V way = broadcast(0.0), more = way;
+            for (int j = 0; j < n; j++) {
+                way += (p[j] - x[j]) * (p[j] - x[j]);
+                g[j] = broadcast(0.0);
+            }
+            const SumAt at = sums == 0 ? SumAt{more, more, more} : sum_at(c, e, p, g);
+            if (sums > 0) more = bounds_of_equation(c, e, p, at, g).upper;
+            way = (vsqrt(way) + more) * (1.0 + 1e-9);
+            // Bounds of values have no points yet.
+            const Mask closer = way <= upper * (sums == 0 ? 1.0 + 1e-8 : 1.0);
+            for (int j = 0; j < n; j++) point[j] = select(closer, p[j], point[j]);
+            upper = vmin(way, upper);
+            for (auto i = first; i < last; i++) g[c.value_joint[i]] = broadcast(0.0);
+            V along = broadcast(0.0) - at.value, square = broadcast(1e-12), far = square;
+            for (int j = 0; j < n; j++) {
+                along += g[j] * (p[j] - start[j]);
+                square += g[j] * g[j];
+            }
+            for (int j = 0; j < n; j++) {
+                g[j] = start[j] + g[j] * along / square - p[j];
+                far += g[j] * g[j];
+            }
+            const V share = vmin(kLongest / vsqrt(far), kShare);
+            for (int j = 0; j < n; j++) p[j] += g[j] * share;
+        }
     }
 }

@@ -92,9 +92,11 @@ struct Kernel {
     // Doubles of scratch that the next one needs.
     std::size_t (*condition_scratch)(const Conditions&);
     // X (N, n) -> least lower and upper bounds over the families (N,), the family of the lower one
-    // (N,), and the bounds of each family (N, families, 2) unless each is null
+    // (N,), the bounds of each family (N, families, 2) unless each is null, and unless points is
+    // null closer upper ones (Euclidean), with points (N, families, n) that they rest on
     Outcome (*clearances)(const Conditions&, const double* X, std::int64_t N, double* lower,
-                          double* upper, std::int64_t* family, double* each, double* scratch);
+                          double* upper, std::int64_t* family, double* each, double* points,
+                          double* scratch);
 };
 
 #if PINSING_HAVE_BASELINE

@@ -97,8 +97,8 @@ public:
     ConditionSet(const ConditionSet&) = delete;
     ConditionSet& operator=(const ConditionSet&) = delete;
 
-    // Bounds of the clearance; `each` (N, families, 2) may be empty.
-    void clearances(const In& X, Out lower, Out upper, OutWhole family, Out each,
+    // Bounds of the clearance; `each` (N, families, 2) may be empty, and `points` (N, families, n).
+    void clearances(const In& X, Out lower, Out upper, OutWhole family, Out each, Out points,
                     const std::string& isa, int threads) const {
         const Kernel& kernel = kernel_named(isa);
         const std::int64_t N = rows(X);
@@ -109,14 +109,18 @@ public:
         const std::size_t width = 2 * static_cast<std::size_t>(c_.families);
         require(each.size() == 0 || each.size() == X.shape(0) * width,
                 "each must have shape (N, families, 2)");
+        const std::size_t near = static_cast<std::size_t>(c_.families * c_.n);
+        require(points.size() == 0 || (points.size() == X.shape(0) * near && !c_.largest),
+                "points must have shape (N, families, n), and the norm be Euclidean");
         double* all = each.size() == 0 ? nullptr : each.data();
+        double* every = points.size() == 0 ? nullptr : points.data();
         const double* x = X.data();
         double *low = lower.data(), *high = upper.data();
         std::int64_t* of = family.data();
         auto work = [&](std::int64_t first, std::int64_t count, double* scratch) {
             return kernel.clearances(c_, x + first * c_.n, count, low + first, high + first,
                                      of + first, all == nullptr ? all : all + first * width,
-                                     scratch);
+                                     every == nullptr ? every : every + first * near, scratch);
         };
         const Outcome outcome = share_out(N, threads, kernel.condition_scratch(c_), work);
         if (outcome.not_finite >= 0)
@@ -142,7 +146,7 @@ public:
             if (!std::isfinite(velocity.data()[j])) return -2;
         Real each(2 * static_cast<std::size_t>(c_.families));
         const Outcome outcome = kernel.clearances(c_, x.data(), 1, result, result + 1, &family,
-                                                  each.data(), scratch.get());
+                                                  each.data(), nullptr, scratch.get());
         if (outcome.not_finite >= 0) return -2;
         int nearer = 0;  // families that may be nearer than a point of this one
         for (int f = 0; family >= 0 && f < c_.families; f++)
@@ -285,8 +289,8 @@ void add_conditions(nb::module_& m) {
                       const InWhole&, const In&, const InWhole&, const InWhole&, const InWhole&,
                       bool>())
         .def("clearances", &ConditionSet::clearances, "X"_a.noconvert(), "lower"_a.noconvert(),
-             "upper"_a.noconvert(), "family"_a.noconvert(), "each"_a.noconvert(), "isa"_a,
-             "threads"_a)
+             "upper"_a.noconvert(), "family"_a.noconvert(), "each"_a.noconvert(),
+             "points"_a.noconvert(), "isa"_a, "threads"_a)
         .def("nearest", &ConditionSet::nearest, "X"_a.noconvert(), "lower_limit"_a.noconvert(),
              "upper_limit"_a.noconvert(), "limited"_a, "far"_a, "gap"_a, "boxes"_a,
              "lower"_a.noconvert(), "upper"_a.noconvert(), "family"_a.noconvert(),

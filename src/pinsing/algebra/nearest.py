@@ -33,6 +33,9 @@ class Bounds:
     # (N,): the one of the least lower bound, before a margin is taken off; -1 without any
     family: Ints
     each: Array  # (N, F, 2): lower and upper bound of each family; (0, 0, 2) unless asked for
+    # (N, F, n): weighted coordinates of points; families are no farther from them than upper bounds
+    # are longer than the ways there. (0, F, n) unless asked for
+    points: Array
 
 
 def two_sided(
@@ -43,14 +46,19 @@ def two_sided(
     compiled: bool = True,
     threads: int | None = None,
     isa: str | None = None,
+    points: bool = False,
 ) -> Bounds:
-    """Return distance bounds of finite Q (N, n) from conditions, or ``each`` family's."""
+    """Return distance bounds of finite Q (N, n) from conditions, or ``each`` family's.
+
+    With ``points`` upper ones are closer where the engine is compiled.
+    """
     # ``isa`` is an instruction set of the compiled engine, for the same bits on every machine.
     X = conditions.scaled(Q)
     handle = conditions.compiled if compiled else None
     N, F = len(X), conditions.families
     every = np.empty((N, F, 2) if each or handle is None else (0, 0, 2))
     lower, upper, family = np.empty(N), np.empty(N), np.empty(N, dtype=np.int64)
+    near = np.repeat(X[: N if points else 0, None], F, axis=1)
     margin = conditions.margin
     if margin is not None:
         found = two_sided(
@@ -61,12 +69,14 @@ def two_sided(
         return replace(found, lower=found.each[..., 0].min(axis=1, initial=np.inf), family=family)
     if handle is not None:
         count = 1 if N < 4096 else threads or engine.cpu_count()
-        handle.clearances(X, lower, upper, family, every, isa or engine.isa_names()[-1], count)
-        return Bounds(lower, upper, family, every)
+        handle.clearances(
+            X, lower, upper, family, every, near, isa or engine.isa_names()[-1], count
+        )
+        return Bounds(lower, upper, family, every, near)
     rows = max(1, 2_000_000 // max((len(s.amplitude) for s in conditions.sums), default=1))
     for first in range(0, N, rows):
         every[first : first + rows] = _each(conditions, X[first : first + rows])
-    return Bounds(*_nearest(every), every)
+    return Bounds(*_nearest(every), every, near)
 
 
 def _nearest(each: Array) -> tuple[Array, Array, Ints]:

@@ -8,6 +8,7 @@ that it depends on move. A configuration that does exceed a limit bounds the ans
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -17,7 +18,6 @@ import numpy as np
 from pinsing._types import Array, ArrayLike, Bool, Ints
 from pinsing.algebra.conditions import Conditions
 from pinsing.algebra.nearest import BOXES as NEAREST, SearchOptions, nearest_points, two_sided
-from pinsing.algebra.trig_sum import off_values
 from pinsing.arguments import checked
 from pinsing.errors import OptionError
 from pinsing.families import ClosedForm, Family
@@ -244,13 +244,12 @@ class _Search:
 
     Boxes of width ``wide`` (radians, or metres over the length scale) at first, ``chunk`` in one
     call. ``best`` of ``samples`` configurations are followed by steps to ``finest``, ``certified``
-    of them proven to ``sure`` (radians). ``steps`` to the nearest point of a surface, the last one
-    ``beyond`` times as long; ``few`` boxes for what is proven of many, ``cheap`` of them as much
-    work as one of joint speeds.
+    of them proven to ``sure`` (radians). ``few`` boxes for what is proven of many, ``cheap`` of
+    them as much work as one of joint speeds.
     """
 
     chunk, wide, finest, sure = 8192, 0.8, 3e-3, 1e-8
-    steps, beyond, few, cheap = 5, 1.02, 60, 8
+    few, cheap = 60, 8
     samples, best, certified = 4096, 20, 3
 
     def __init__(
@@ -339,51 +338,8 @@ class _Search:
 
     def _distances(self, Q: Array) -> tuple[Array, Array]:
         """Lower and upper bounds (N, F) of the distances of Q (N, n) to the families."""
-        each = two_sided(self.watched.conditions.plain, Q, each=True).each
-        return each[..., 0], self._reached(Q, each[..., 1])[0]
-
-    def _reached(self, Q: Array, up: Array, R: Array | None = None) -> tuple[Array, Array, Array]:
-        """Upper bounds (N, F) at Q (N, n), in boxes of half widths R, and steps (N, F, n)."""
-        # Of surfaces by a point near the nearest: steps to the tangent plane at the last point
-        # until its sum has another sign, or then what is proven to reach the surface from there.
-        conditions = self.watched.conditions.plain
-        X = conditions.scaled(Q)
-        r = np.zeros_like(X) if R is None else R * conditions.weight
-        over, steps = up + np.sqrt(r**2 @ self.used.T), np.zeros((*up.shape, X.shape[1]))
-        up = up.copy()
-        for branch in conditions.branches:
-            if len(branch.sums) > 1:
-                continue
-            used = branch.used(self.arm.n)
-            held = np.zeros(self.arm.n, dtype=bool)
-            held[branch.joints] = True
-            start = X.copy()
-            off, _ = off_values(X[:, branch.joints], branch.values, conditions.turn[branch.joints])
-            start[:, branch.joints] -= off
-            used[branch.joints] = True
-            most = np.full(len(X), np.inf)
-            best = most, most, np.zeros_like(X)
-            x, side = start, np.zeros(len(X))
-            if not branch.sums:
-                best = _closer(best, X, x, r * used, np.zeros(len(X)))
-            for k in range(self.steps + 1 if branch.sums else 0):
-                if k == self.steps:
-                    near = two_sided(conditions, x / conditions.weight, each=True).each[..., 1]
-                    best = _closer(best, X, x, r * used, near[:, branch.family])
-                    x = start + (x - start) * self.beyond
-                at = branch.sums[0].at(x)
-                sign = np.where(np.abs(at.value) > at.error, np.sign(at.value), 0.0)
-                side = sign if k == 0 else side
-                # A zero is on the way to where the sum has another sign.
-                best = _closer(best, X, x, r * used, np.where(sign * side < 0, 0.0, np.inf))
-                g = np.where(held, 0.0, at.gradient)
-                along = (g * (x - start)).sum(axis=1) - at.value
-                x = start + g * (along / np.maximum((g * g).sum(axis=1), 1e-12))[:, None]
-            f = branch.family
-            up[:, f] = np.fmin(up[:, f], best[0])
-            better = best[1] < over[:, f]
-            over[better, f], steps[better, f] = best[1][better], best[2][better]
-        return up, over, steps
+        each = two_sided(self.watched.conditions.plain, Q, each=True, points=True).each
+        return each[..., 0], each[..., 1]
 
     def _random(self, count: int) -> Array:
         spread = self.rng.uniform(self.low, self.high, (count, self.arm.n))
@@ -500,7 +456,12 @@ class _Search:
         least = np.where(self.surfaces, low, up)
         closer = self._objective(k, far, least) < self._objective(k, far, up)
         closer |= self._objective(k, far, least + reach) < top
-        up[closer], over[closer], steps[closer] = self._reached(c[closer], up[closer], r[closer])
+        near = two_sided(self.watched.conditions.plain, c[closer], each=True, points=True)
+        up[closer] = near.each[..., 1]
+        steps[closer] = np.abs(near.points - (c[closer] * self.watched.weight)[:, None])
+        ends = steps[closer] + (r[closer] * self.watched.weight)[:, None] * self.used
+        way, end = (np.linalg.norm(x, axis=2) for x in (steps[closer], ends))
+        over[closer] = (np.maximum(up[closer] - way, 0.0) + end) * (1 + ROUNDING)
         top = np.minimum(top, self._objective(k, far, over))
         alive = top > target
         c, r, top, low, up, over, steps, reach, center, first, pull = (
@@ -594,10 +555,16 @@ class _Search:
         return np.asarray((value + turn * np.arange(-1, 2)) / self.watched.weight[j])
 
     def _first_boxes(self) -> tuple[Array, Array]:
-        """Centres and half widths (N, n) of boxes that cover the ranges."""
+        """Centres and half widths (N, n) of boxes that cover the ranges, up to symmetries."""
         C, R = ((self.low + self.high) / 2)[None], ((self.high - self.low) / 2)[None]
-        R = np.where(self.active, R, 0.0)
+        R, alike = np.where(self.active, R, 0.0), self._symmetries()
         for j in np.flatnonzero(self.active):
+            moves = np.unique(alike[:, :, j], axis=0)
+            if len(moves) > 1:
+                R[0, j] /= len(moves) // 2 * 2
+                C[:, j] += R[0, j] - moves[0, 1] / 2
+            # What moves this joint needs all of the ranges of others.
+            alike = alike[(alike[:, :, j] == [1, 0]).all(axis=1)]
             parts = max(1, math.ceil(2 * R[0, j] * self.watched.weight[j] / self.wide))
             if len(C) * parts > self.chunk:
                 continue
@@ -607,6 +574,37 @@ class _Search:
             C[:, j] += np.tile(offsets, len(C) // parts)
             R[:, j] = half * (1 + 1e-12) + 1e-15
         return C, R
+
+    def _symmetries(self) -> Array:
+        """Maps (s, 2, n) of configurations to others of the same speeds and distances.
+
+        Signs of joints, about the middle of their ranges, and shifts. They hold of a few random
+        configurations, so that they hold of all: both sides are analytic.
+        """
+        middle, slides = (self.low + self.high) / 2, self.arm.prismatic
+        whole = ~slides & (self.high - self.low >= 2 * np.pi)
+        moves = [(1, 0), (-1, 0), (1, np.pi), (-1, np.pi)]
+        each = [
+            moves[: (4 if w else 2) if a else 1] for a, w in zip(self.active, whole, strict=True)
+        ]
+        all_of_it = not self.region.posture and np.isinf(self.region.tip).all()
+        if not all_of_it or math.prod(map(len, each)) > self.samples:
+            each = [moves[:1]] * self.arm.n
+        maps = np.swapaxes(np.array(list(itertools.product(*each)), dtype=float), 1, 2)
+        for q in random_turns(self.arm, 8):
+            moved = middle + maps[:, 0] * (q - middle) + maps[:, 1]
+            same = np.isclose(self._unmoved(moved), self._unmoved(q[None]), rtol=0, atol=ROUNDING)
+            maps = maps[same.all(axis=1)]
+        return maps
+
+    def _unmoved(self, Q: Array) -> Array:
+        """What speeds and distances of Q (N, n) rest on, whatever the axes and signs of joints."""
+        M = self.bounds.rows @ self.bounds.jacobians(Q)
+        v, w = (
+            np.swapaxes(x, 1, 2) @ x for x in (M[:, self.bounds.linear], M[:, ~self.bounds.linear])
+        )
+        each = two_sided(self.watched.conditions.plain, Q, each=True).each
+        return np.concatenate([x.reshape(len(Q), -1) for x in (v * v, w * w, v * w, each)], axis=1)
 
     def _measures(self, far: Array) -> tuple[float, float]:
         """Return the least sigma and largest condition number found outside the zones."""
@@ -675,14 +673,3 @@ def _called(family: Family) -> str:
 def _times(more: Array, room: Array) -> Array:
     """Return more / room, infinite without room."""
     return np.asarray(np.where(room > 0, more / np.maximum(room, ROUNDING), np.inf))
-
-
-def _closer(
-    best: tuple[Array, Array, Array], X: Array, x: Array, r: Array, more: Array
-) -> tuple[Array, Array, Array]:
-    """Return what is least of the best and x (N, n): how far from X, from its boxes, and steps."""
-    step = np.abs(x - X)
-    way, boxed = (np.linalg.norm(d, axis=1) * (1 + ROUNDING) + more for d in (step, step + r))
-    better = boxed < best[1]
-    steps = np.where(better[:, None], step, best[2])
-    return np.fmin(best[0], way), np.where(better, boxed, best[1]), steps
