@@ -242,6 +242,22 @@ def test_a_slide_is_bounded_where_zones_are_asked_for(monkeypatch):
     assert (search.bounds.far[:2] > 9).all()
 
 
+@pytest.mark.parametrize("name", ["iiwa14", "panda", "ur5"])
+def test_what_is_cut_off_boxes_is_within_zones(monkeypatch, name):
+    """Of families of one joint value and of several."""
+    search = _search(monkeypatch, pinsing.closed_form(pinsing.load(name), prove=False))
+    rng = np.random.default_rng(6)
+    C = rng.uniform(-np.pi, np.pi, (4000, search.arm.n))
+    R = rng.uniform(0, 1, C.shape) * rng.choice([0.1, 0.5], (4000, 1))
+    kept = rng.uniform(0.3, 1.2, len(search.each))
+    c, r = search._trimmed(C, R, kept)
+    Q = C + R * rng.uniform(-1, 1, C.shape)
+    cut = (np.abs(Q - c) > r).any(axis=1)
+    assert cut.any()
+    near = two_sided(search.watched.conditions.plain, Q[cut], each=True).each[..., 0]
+    assert (near <= kept + 1e-9).any(axis=1).all()
+
+
 def test_long_equations_are_reached_and_never_too_near(monkeypatch):
     form = pinsing.closed_form(pinsing.load("gofa5"), prove=False)
     Q = np.random.default_rng(8).uniform(-np.pi, np.pi, (4000, 6))

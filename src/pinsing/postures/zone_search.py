@@ -18,6 +18,7 @@ import numpy as np
 from pinsing._types import Array, ArrayLike, Bool, Ints
 from pinsing.algebra.conditions import Conditions
 from pinsing.algebra.nearest import BOXES as NEAREST, SearchOptions, nearest_points, two_sided
+from pinsing.algebra.trig_sum import off_values
 from pinsing.arguments import checked
 from pinsing.errors import OptionError
 from pinsing.families import ClosedForm, Family
@@ -437,7 +438,7 @@ class _Search:
         """What is left of boxes, in halves with ceilings; and the farthest centre that exceeds."""
         target = self._target(reached)
         kept = np.where(np.arange(len(far)) == k, target, np.minimum(far, 1e9))
-        c, r = self._trimmed(C, R, np.full(len(far), target) if k is None else kept, k, cap)
+        c, r = self._trimmed(C, R, np.full(len(far), target) if k is None else kept)
         reach: Array = np.sqrt((r * self.watched.weight) ** 2 @ self.used.T)
         each = two_sided(self.watched.conditions.plain, c, each=True).each
         low, up = each[..., 0], each[..., 1]
@@ -521,38 +522,29 @@ class _Search:
             out &= (self.region.outside(C) <= slack).all(axis=1)
         return np.asarray(out)
 
-    def _trimmed(
-        self, C: Array, R: Array, kept: Array, k: int | None, cap: float
-    ) -> tuple[Array, Array]:
-        """Return boxes without what is nearer than ``kept`` (F,) to families of one joint value."""
-        # And without what is farther than ``cap`` from family k.
-        low, high = C - R, C + R
-        plain = [b for b in self.watched.conditions.branches if len(b.joints) == 1 and not b.sums]
-        for branch in plain:
-            j, t = int(branch.joints[0]), float(kept[branch.family])
-            for v in self._values(branch.values[0], j):
-                a, b = v - t / self.watched.weight[j], v + t / self.watched.weight[j]
+    def _trimmed(self, C: Array, R: Array, kept: Array) -> tuple[Array, Array]:
+        """Return boxes without what is nearer than ``kept`` (F,) to families of joint values."""
+        low, high, weight = C - R, C + R, self.watched.weight
+        turn = self.watched.conditions.turn
+        for branch in self.watched.conditions.branches:
+            js = branch.joints
+            if branch.sums or not len(js):
+                continue
+            value = (
+                C[:, js]
+                - off_values(C[:, js] * weight[js], branch.values, turn[js])[0] / weight[js]
+            )
+            for i, j in enumerate(js):
+                # How far others are at most from their values leaves this one a part of the zone.
+                most = np.maximum(value - low[:, js], high[:, js] - value) * weight[js]
+                most[:, i] = 0.0
+                room = np.maximum(kept[branch.family] ** 2 - (most**2).sum(axis=1), 0.0)
+                part = np.sqrt(room) / weight[j]
+                a, b = value[:, i] - part, value[:, i] + part
                 lower = (low[:, j] >= a) & (low[:, j] < b) & (high[:, j] > b)
                 upper = (high[:, j] <= b) & (high[:, j] > a) & (low[:, j] < a)
-                low[lower, j], high[upper, j] = b, a
-        mine = [b for b in self.watched.conditions.branches if b.family == k]
-        if k is not None and mine and all(b in plain for b in mine):
-            j = int(mine[0].joints[0])
-            if all(b.joints[0] == j for b in mine):
-                near = np.array([v for b in mine for v in self._values(b.values[0], j)])
-                d = cap / self.watched.weight[j]
-                a = np.maximum(low[:, j, None], near - d)
-                b = np.minimum(high[:, j, None], near + d)
-                lo = np.where(a <= b, a, np.inf).min(axis=1)
-                hi = np.where(a <= b, b, -np.inf).max(axis=1)
-                some = lo <= hi
-                low[some, j], high[some, j] = lo[some], hi[some]
+                low[lower, j], high[upper, j] = b[lower], a[upper]
         return (low + high) / 2, (high - low) / 2 * (1 + 1e-12)
-
-    def _values(self, value: float, j: int) -> Array:
-        """The value of a joint, and its copies a turn away."""
-        turn = self.watched.conditions.turn[j]
-        return np.asarray((value + turn * np.arange(-1, 2)) / self.watched.weight[j])
 
     def _first_boxes(self) -> tuple[Array, Array]:
         """Centres and half widths (N, n) of boxes that cover the ranges, up to symmetries."""
