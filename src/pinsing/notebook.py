@@ -13,6 +13,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Iterator, Sequence
 
+from pinsing.errors import Refusal
 from pinsing.prose import WIDTH, visible
 
 _TOKENS = re.compile(r"\\[A-Za-z]+|\\.|\d+(?:\.\d+)?|[A-Za-z]+|[-+=(){}^_/,.<>|:;]|\s+")
@@ -30,7 +31,7 @@ def escaped(words: str) -> str:
     return html.escape(words)
 
 
-class _Unknown(ValueError):
+class _Unknown(Refusal, ValueError):
     """LaTeX beyond what pinsing writes."""
 
 
@@ -71,19 +72,16 @@ class _Reader:
 
     def __init__(self, latex: str) -> None:
         tokens = _TOKENS.findall(latex)
-        if "".join(tokens) != latex:
-            raise _Unknown(latex)
+        _Unknown.refuse_if("".join(tokens) != latex, latex)
         self._left = [token if token.strip() else " " for token in reversed(tokens)]
 
     def _next(self) -> str:
-        if not self._left:
-            raise _Unknown("it ends too early")
+        _Unknown.refuse_if(not self._left, "it ends too early")
         return self._left.pop()
 
     def row(self, depth: int) -> list[str]:
         """Elements up to the brace that closes, or the end."""
-        if depth > 12:
-            raise _Unknown("too deep")
+        _Unknown.refuse_if(depth > 12, "too deep")
         out: list[str] = []
         while self._left or depth:
             token = self._next()
@@ -149,18 +147,15 @@ class _Reader:
             token = self._next()
         if token == "{":
             return self.row(depth + 1)
-        if not (token.isalnum() or token[0] == "\\" or "." in token[1:]):
-            raise _Unknown(token)
+        _Unknown.refuse_if(not (token.isalnum() or token[0] == "\\" or "." in token[1:]), token)
         return self._element(token, depth + 1)
 
     def _words(self) -> str:
         """The plain words in the braces of a text."""
         words = ""
-        if self._next() != "{":
-            raise _Unknown("a text without braces")
+        _Unknown.refuse_if(self._next() != "{", "a text without braces")
         while (token := self._next()) != "}":
-            if token == "{" or token[0] == "\\":
-                raise _Unknown(token)
+            _Unknown.refuse_if(token == "{" or token[0] == "\\", token)
             words += token
         return words
 

@@ -21,6 +21,7 @@ from xml.parsers import expat
 
 from pinsing.atomic_write import MEBIBYTE
 from pinsing.description.xml_tree import show
+from pinsing.errors import Refusal
 
 if TYPE_CHECKING:
     from xml.etree.ElementTree import Element
@@ -247,7 +248,7 @@ LARGEST = 256 * MEBIBYTE
 _END = re.compile(rb"</(?:[\w.-]+:)?COLLADA\s*>\s*\Z")
 
 
-class ColladaProblem(Exception):
+class ColladaProblem(Refusal):
     """A file that cannot be judged."""
 
 
@@ -255,15 +256,15 @@ def image_references(path: Path) -> tuple[str, ...]:
     """Return the text of every ``<init_from>`` in the library of images; elsewhere it is a name."""
     with path.open("rb") as stream:
         size = os.fstat(stream.fileno()).st_size
-        if size > LARGEST:
-            raise ColladaProblem("is too large")
+        ColladaProblem.refuse_if(size > LARGEST, "is too large")
         # Not the most that is allowed: room for that would be made first, in milliseconds.
         data = stream.read(size + 1)
-    if len(data) != size:
-        raise ColladaProblem("changes while it is read")
+    ColladaProblem.refuse_if(len(data) != size, "changes while it is read")
     # Files are large: most are looked through twice and no more.
-    if (b"<!" in data and (b"<!DOCTYPE" in data or b"<!ENTITY" in data)) or b"\0" in data[:400]:
-        raise ColladaProblem("has entities or an odd encoding")
+    ColladaProblem.refuse_if(
+        (b"<!" in data and (b"<!DOCTYPE" in data or b"<!ENTITY" in data)) or b"\0" in data[:400],
+        "has entities or an odd encoding",
+    )
     if b"init_from" not in data or (end_of_images := data.rfind(b"library_images")) < 0:
         return ()
     found: list[str] = []

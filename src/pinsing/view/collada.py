@@ -18,12 +18,13 @@ from uuid import uuid1
 import numpy as np
 
 from pinsing._types import Array, NDArray
+from pinsing.errors import Refusal
 
 _STEPS = 32767  # of the longest side, in each direction
 _TYPES = {"Int8Array": 17, "Int16Array": 19, "Uint16Array": 20, "Uint32Array": 22}
 
 
-class NotPlainError(ValueError):
+class NotPlainError(Refusal, ValueError):
     """The file holds something else than plain painted triangles."""
 
 
@@ -52,8 +53,10 @@ class Painted:
     @classmethod
     def of(cls, vertices: Array, normals: Array, faces: NDArray[Any], paint: Paint) -> Painted:
         """Round: a link of a metre to 0.015 mm."""
-        if not (np.isfinite(vertices).all() and np.isfinite(normals).all()):
-            raise NotPlainError("a number is not finite")
+        NotPlainError.refuse_if(
+            not (np.isfinite(vertices).all() and np.isfinite(normals).all()),
+            "a number is not finite",
+        )
         low, high = vertices.min(axis=0), vertices.max(axis=0)
         x, y, z = (low + high) / 2
         step = float(max((high - low).max() / 2, 1e-12) / _STEPS)
@@ -80,24 +83,27 @@ def read_collada(data: bytes) -> tuple[Painted, ...]:
     corners = 0
     try:
         file = Collada(io.BytesIO(data))
-        if next(file.xmlnode.iter("{*}texture", "{*}instance_controller"), None) is not None:
-            raise NotPlainError("it has textures, or bones")
-        if any("nan" in (e.text or "").lower() for e in file.xmlnode.iter("{*}float_array")):
-            raise NotPlainError("a number is not finite")  # pycollada takes it for zero
+        NotPlainError.refuse_if(
+            next(file.xmlnode.iter("{*}texture", "{*}instance_controller"), None) is not None,
+            "it has textures, or bones",
+        )
+        # pycollada takes it for zero
+        NotPlainError.refuse_if(
+            any("nan" in (e.text or "").lower() for e in file.xmlnode.iter("{*}float_array")),
+            "a number is not finite",
+        )
         for geometry in file.scene.objects("geometry"):
             for primitive in geometry.primitives():
                 for paint, shape in _triangles(primitive):
                     corners += len(shape[0]) + shape[2].size
-                    if corners > 20_000_000:
-                        raise NotPlainError("it is too large")
+                    NotPlainError.refuse_if(corners > 20_000_000, "it is too large")
                     by_paint.setdefault(paint, []).append(shape)
     except (
         *(DaeError, ValueError, KeyError, IndexError, AttributeError, TypeError),
         *(RecursionError, OverflowError, np.linalg.LinAlgError),
     ) as error:
         raise NotPlainError(" ".join(str(error).split())) from None
-    if not by_paint:
-        raise NotPlainError("it has no triangles")
+    NotPlainError.refuse_if(not by_paint, "it has no triangles")
     return tuple(Painted.of(*_joined(shapes), paint) for paint, shapes in by_paint.items())
 
 
@@ -107,11 +113,14 @@ def _triangles(primitive: Any) -> Iterator[tuple[Paint, Any]]:
         primitive = primitive.triangleset()  # a polygon is a fan, as three.js takes it
     if not hasattr(primitive, "ntriangles") or not primitive.ntriangles:
         return  # lines
-    if primitive.original.sources.get("COLOR") or primitive.normal is None:
-        raise NotPlainError("its vertices are painted, or have no normals")
+    NotPlainError.refuse_if(
+        primitive.original.sources.get("COLOR") or primitive.normal is None,
+        "its vertices are painted, or have no normals",
+    )
     at_vertex, at_normal = primitive.vertex_index.ravel(), primitive.normal_index.ravel()
-    if min(at_vertex.min(), at_normal.min()) < 0:
-        raise NotPlainError("a corner is none of its vertices")
+    NotPlainError.refuse_if(
+        min(at_vertex.min(), at_normal.min()) < 0, "a corner is none of its vertices"
+    )
     many = len(primitive.normal)
     used, corners = np.unique(at_vertex.astype(np.int64) * many + at_normal, return_inverse=True)
     vertex, normal = np.divmod(used, many)
@@ -131,16 +140,14 @@ def _joined(shapes: Sequence[Any]) -> tuple[Array, Array, NDArray[Any]]:
 def _paint(effect: Any) -> Paint:
     from collada.material import OPAQUE_MODE
 
-    if effect.shadingtype == "constant":
-        raise NotPlainError("it has another shading")
+    NotPlainError.refuse_if(effect.shadingtype == "constant", "it has another shading")
     # By the table of the specification; a share that is not given is the whole.
     r, _, _, a = effect.transparent or (1.0, 1.0, 1.0, 1.0)
     opacity = float(effect.transparency * a)
     if effect.transparent and effect.opaque_mode == OPAQUE_MODE.RGB_ZERO:
         opacity = 1.0 - float((effect.transparency or 1.0) * r)
     shininess = 30.0 if effect.shininess is None else float(effect.shininess)
-    if not np.isfinite([opacity, shininess]).all():
-        raise NotPlainError("a number is not finite")
+    NotPlainError.refuse_if(not np.isfinite([opacity, shininess]).all(), "a number is not finite")
     return Paint(
         _hex(effect.diffuse),
         _hex(effect.specular),
