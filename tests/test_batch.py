@@ -197,23 +197,6 @@ def test_input_of_any_layout_is_read_and_left_alone(isa: str) -> None:
     assert np.array_equal(engine.svdvals(np.asfortranarray(J), isa=isa), engine.svdvals(J, isa=isa))
 
 
-def test_out_is_written_or_refused(isa: str) -> None:
-    chain = random_chain(6, "revolute", seed=11)
-    Q = np.random.default_rng(11).uniform(-3, 3, (10, 6))
-    out = np.full((10, 6, 6), np.nan)
-    assert engine.jacobians(chain, Q, isa=isa, out=out) is out
-    assert np.array_equal(out, engine.jacobians(chain, Q, isa=isa))
-    values = np.empty((10, 6))
-    assert engine.singular_values(chain, Q, isa=isa, out=values) is values
-    assert np.array_equal(values, engine.singular_values(chain, Q, isa=isa))
-    locked = np.empty((10, 6))
-    locked.flags.writeable = False
-    wrong = [np.empty((9, 6)), np.empty((10, 6), np.float32), np.empty((6, 10)).T, locked, Q]
-    for bad in wrong:
-        with pytest.raises(ValueError, match="out"):
-            engine.singular_values(chain, Q, isa=isa, out=bad)
-
-
 @pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf])
 @pytest.mark.parametrize("at", [0, 5, 2047, 2048, 6999])
 def test_values_that_are_not_finite_are_refused(isa: str, bad: float, at: int) -> None:

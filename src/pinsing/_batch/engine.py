@@ -137,17 +137,15 @@ def jacobians(
     *,
     threads: int | None = None,
     isa: str | None = None,
-    out: Floats | None = None,
 ) -> Floats:
     """Return Jacobians (N, 6, n) of the tip at Q (N, n), LOCAL_WORLD_ALIGNED, translations first.
 
-    ``threads`` are by default all, ``isa`` the best instruction set. ``out``, C-contiguous, must
-    not overlap Q, and is undefined after an error. ValueError for bad arguments, RuntimeError
-    without the kernel.
+    ``threads`` are by default all, ``isa`` the best instruction set. ValueError for bad arguments,
+    RuntimeError without the kernel.
     """
     isa, threads = _isa(isa), _threads(threads)
     Q = _configurations(Q, chain.n)
-    out = _output(out, (len(Q), 6, chain.n), Q)
+    out = np.empty((len(Q), 6, chain.n))
     _kernel.jacobians(chain.R, chain.t, chain.prismatic, Q, out, isa, threads)
     return out
 
@@ -160,7 +158,6 @@ def singular_values(
     length_scale: float = 1.0,
     threads: int | None = None,
     isa: str | None = None,
-    out: Floats | None = None,
 ) -> Floats:
     """Return singular values (N, min(m, n)), descending, of the ``rows`` of Jacobians at Q (N, n).
 
@@ -174,7 +171,7 @@ def singular_values(
     if not (math.isfinite(length_scale) and length_scale > 0):
         raise ValueError(f"length_scale: {length_scale}, not a positive length")
     Q = _configurations(Q, chain.n)
-    out = _output(out, (len(Q), min(len(rows), chain.n)), Q)
+    out = np.empty((len(Q), min(len(rows), chain.n)))
     scale = [1.0 / length_scale if row < 3 else 1.0 for row in rows]
     if chain.n > _kernel.MAX_COLUMNS:
         J = jacobians(chain, Q, threads=threads, isa=isa)[:, rows] * np.array(scale)[:, None]
@@ -241,18 +238,6 @@ def _configurations(Q: ArrayLike, n: int) -> Floats:
     if array.ndim != 2 or array.shape[1] != n:
         raise ValueError(f"Q: shape {array.shape}, not (N, {n})")
     return array if array.flags.aligned else array.copy()
-
-
-def _output(out: Floats | None, shape: tuple[int, ...], Q: Floats) -> Floats:
-    if out is None:
-        return np.empty(shape)
-    if out.shape != shape or out.dtype != np.float64:
-        raise ValueError(f"out: {out.dtype} of shape {out.shape}, not float64 of shape {shape}")
-    if not (out.flags.c_contiguous and out.flags.writeable):
-        raise ValueError("out: must be C-contiguous and writeable")
-    if np.may_share_memory(out, Q):
-        raise ValueError("out: overlaps Q")
-    return out
 
 
 _CONDITION_ARRAYS = (

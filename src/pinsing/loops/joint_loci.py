@@ -46,6 +46,7 @@ from pinsing.loops.structure import (
     at_zero,
     closing,
     in_room,
+    loop_ends,
     once,
     path_to,
     room_of,
@@ -153,27 +154,20 @@ def leg_ways(mechanism: Mechanism) -> list[Way]:
     if kind != SPHERE and last is not None and centred and len(path) > size == len(last.joints):
         end = np.array(zero.joints[path[-size] + 1].act(last.point))
         out = [(path[:-size], end, last.joints if kind == SPACE else ())]
-    for loop, inner, outer in zip(mechanism.loops, *closing(mechanism), strict=True):
-        if _body(mechanism, inner) == built.output:
-            inner, outer = outer, inner
+    for loop, inner, _, joints, outside in loop_ends(mechanism):
         NotThisKind.refuse_if(
-            _body(mechanism, outer) != built.output, "a loop closes away from the output"
+            outside[-1:] != [built.output - 1], "a loop closes away from the output"
         )
         NotThisKind.refuse_if(
             loop.kind not in ("3d", "planar" if kind == PLANE else "3d"),
             f"a loop of type {loop.kind} leaves no ball, pin or hinge",
         )
-        joints = path_to(mechanism, _body(mechanism, inner))
         NotThisKind.refuse_if(
             not joints or built.output - 1 in joints,
             "a loop ties the output to the base or to itself",
         )
         out.append((joints, np.array(zero.frames[inner].translation), ()))
     return out
-
-
-def _body(mechanism: Mechanism, frame: int) -> int:
-    return int(mechanism.model.frames[frame].parentJoint)
 
 
 def _leg(

@@ -40,7 +40,7 @@ from pinsing.loops.structure import (
     NotThisKind,
     Sample,
     at_zero,
-    closing,
+    loop_ends,
     once,
     output_pose,
     path_to,
@@ -324,19 +324,15 @@ class _Recognizer:
         NotThisKind.refuse_if(
             output == 0, f"the output {mechanism.output} is not on a link that moves between legs"
         )
-        frames = mechanism.model.frames
         out: list[tuple[list[int], _End]] = []
-        for loop, a, b in zip(mechanism.loops, *closing(mechanism), strict=True):
+        for loop, a, b, inside, outside in loop_ends(mechanism):
             NotThisKind.refuse_if(loop.kind == "6d", f"the loop {loop} is welded")
-            paths = [path_to(mechanism, int(frames[k].parentJoint)) for k in (a, b)]
-            if output - 1 in paths[0]:
-                a, b, paths = b, a, paths[::-1]
             NotThisKind.refuse_if(
-                output - 1 not in paths[1] or output - 1 in paths[0],
+                output - 1 not in outside or output - 1 in inside,
                 f"the loop {loop} does not join a leg to the link of the output",
             )
-            hanging = tuple(paths[1][paths[1].index(output - 1) + 1 :])
-            out.append((paths[0], _End(a, b, None, hanging)))
+            hanging = tuple(outside[outside.index(output - 1) + 1 :])
+            out.append((inside, _End(a, b, None, hanging)))
         path = path_to(mechanism, output)
         last = next((c for c in self.built.centres if output - 1 in c.joints), None)
         if last is None or path[-len(last.joints) :] != list(last.joints):
@@ -682,16 +678,13 @@ def _legs(mechanism: Mechanism) -> list[SphereLeg]:
     whole, last = path_to(mechanism, built.output), zero.axis[built.output - 1]
     # Of each way: its joints, the outer axis by the link before it, and by the output.
     ways = [(whole[:-1], last, last)]
-    for loop, inner, outer in zip(mechanism.loops, *closing(mechanism), strict=True):
-        if int(mechanism.model.frames[inner].parentJoint) == built.output:
-            inner, outer = outer, inner
-        if loop.kind == "6d" or int(mechanism.model.frames[outer].parentJoint) != built.output:
+    for loop, inner, outer, joints, outside in loop_ends(mechanism):
+        if loop.kind == "6d" or outside[-1:] != [built.output - 1]:
             return []
         radii = [np.array(zero.frames[k].translation) - centre for k in (inner, outer)]
         sizes = [float(np.linalg.norm(r)) for r in radii]
         if min(sizes) <= ROUNDING:
             return []
-        joints = path_to(mechanism, int(mechanism.model.frames[inner].parentJoint))
         ways.append((joints, radii[0] / sizes[0], radii[1] / sizes[1]))
     out = []
     for joints, before, after in ways:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import functools
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any, TypeVar
 
@@ -15,7 +15,7 @@ from pinsing.errors import Refusal
 from pinsing.loops.exact import Turn, rational_turn, turn_to
 from pinsing.measures import ALIKE, ROUNDING, SEED
 from pinsing.robot.joints import joint_axis
-from pinsing.robot.mechanism import Mechanism
+from pinsing.robot.mechanism import Loop, Mechanism
 
 
 @dataclass(frozen=True)
@@ -155,6 +155,14 @@ def closing(mechanism: Mechanism) -> tuple[list[int], list[int]]:
     numbers = {f.name: k for k, f in enumerate(mechanism.model.frames)}
     first = [numbers[x.frame_a] for x in mechanism.loops]
     return first, [numbers[x.frame_b] for x in mechanism.loops]
+
+
+def loop_ends(mechanism: Mechanism) -> Iterator[tuple[Loop, int, int, list[int], list[int]]]:
+    """Yield each loop, its frames, and the tree's ways to them; what leads to the output last."""
+    frames, output = mechanism.model.frames, structure(mechanism).output
+    for loop, a, b in zip(mechanism.loops, *closing(mechanism), strict=True):
+        one, two = (path_to(mechanism, int(frames[k].parentJoint)) for k in (a, b))
+        yield (loop, b, a, two, one) if output - 1 in one else (loop, a, b, one, two)
 
 
 def idle_link(mechanism: Mechanism) -> str:
