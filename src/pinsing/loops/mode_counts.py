@@ -232,10 +232,15 @@ def number_of_modes(
         ]
     else:
         R, p, _ = target
-        each = "the two solutions of each leg"
+        each, pin_legs = "the two solutions of each leg", point_legs(mechanism)
         counts = [
             by_rod,
-            (count_of_point(mechanism, p), each),
+            (
+                None
+                if pin_legs is None
+                else _solutions(pin_legs, np.eye(3), np.asarray(pin_legs.axes @ p)),
+                each,
+            ),
             (count_hinged(mechanism, R, p), f"the planes of its hinges and {each}"),
             (count_working(mechanism, R, p), each),
         ]
@@ -462,13 +467,6 @@ def count_triangles(mechanism: Mechanism, found: Sequence[Array]) -> int | None:
     height = abs(sides[0][0] * sides[1][1] - sides[0][1] * sides[1][0]) / lengths.max()
     # Height of a triangle, of its longest side, at which both of its places are one.
     return 1 if height <= 1e-5 * lengths.max() else 2
-
-
-def count_of_point(mechanism: Mechanism, p: Array) -> int | None:
-    """Return how many inputs within limits bring the middle pin to p (3,), the output."""
-    # None of other mechanisms, or where two solutions meet.
-    legs = point_legs(mechanism)
-    return None if legs is None else _solutions(legs, np.eye(3), np.asarray(legs.axes @ p))
 
 
 @once

@@ -327,13 +327,6 @@ def about_output(ring: PoseRing, rod: Rod, force: Row) -> Row:
     return [x for k, x in enumerate(whole) if k not in ring.rods.mechanism.task.rows]
 
 
-def hinged_type1(ring: PoseRing) -> Poly:
-    """The determinant of both; a constant where the output does not show each of the freedoms."""
-    legs = [rod for rod in ring.rods.rods if rod.hinge is not None]
-    value = ring.multiplied_out([about_output(ring, rod, ring.hinge(rod)) for rod in legs])
-    return ring.number(1) if value == 0 else ring.without_norm(value)
-
-
 _AXES = {"e1": "x", "e2": "y", "e3": "z"}
 
 
@@ -821,7 +814,9 @@ def _turning_forms(mechanism: Mechanism, found: Rods) -> PoseForms:
         always += ": singular at every pose"
         return PoseForms(ring.names, always, (), (), (), True, tuple(notes), (), closing)
     kind = "type 2 or constraint" if found.hinged or len(mechanism.task.rows) < 6 else "type 2"
-    loci = [PoseLocus(kind, _complex(found), two, has_real_points(two))]
+    which = "forces that the legs pass" if any(rod.side for rod in found.rods) else "rod lines"
+    words = f"the {which} and {_HINGED}" if found.hinged else f"the six {which} {_COMPLEX}"
+    loci = [PoseLocus(kind, words, two, has_real_points(two))]
     ones = _turning_type1(ring)
     if ones is None:
         notes.append(
@@ -862,11 +857,6 @@ def _dependent(found: PoseEquation) -> bool:
 
 _COMPLEX = "belong to one linear complex"
 _HINGED = f"the forces along the hinges through the same points {_COMPLEX}"
-
-
-def _complex(found: Rods) -> str:
-    which = "forces that the legs pass" if any(rod.side for rod in found.rods) else "rod lines"
-    return f"the {which} and {_HINGED}" if found.hinged else f"the six {which} {_COMPLEX}"
 
 
 def _turning_type1(ring: PoseRing) -> list[PoseLocus] | None:
@@ -948,9 +938,13 @@ def _parallelograms(ring: PoseRing) -> tuple[Any, Any] | None:
 
 def _type1(ring: PoseRing) -> list[PoseLocus]:
     """Where a motion that the hinges allow, or a leg's own, leaves the output at rest."""
-    words = "a motion that the hinges allow leaves the rows of the output at rest"
-    hinged = [("type 1", words, hinged_type1(ring))] if counts_hinges(ring) else []
     parts: list[Part] = []
+    if counts_hinges(ring):
+        legs = [rod for rod in ring.rods.rods if rod.hinge is not None]
+        value = ring.multiplied_out([about_output(ring, rod, ring.hinge(rod)) for rod in legs])
+        if value != 0:  # the output shows each of the freedoms
+            words = "a motion that the hinges allow leaves the rows of the output at rest"
+            parts += _factors([("type 1", words, ring.without_norm(value))])
     for k, rod in enumerate(ring.rods.rods, 1):
         name = ring.rods.mechanism.joints[rod.joint]
         for words, reach in rod.type1(k, name, ring.rods.planar, ring.level):
@@ -959,7 +953,7 @@ def _type1(ring: PoseRing) -> list[PoseLocus]:
             else:
                 # A circle, or its centre: real points, whatever its signs.
                 parts.append(("type 1", words, ring.length(rod, short_fraction(reach)), True))
-    return _loci(ring, [*_factors(hinged), *parts])
+    return _loci(ring, parts)
 
 
 def _at_home(mechanism: Mechanism, ring: PoseRing, together: Any) -> Iterator[PoseLocus]:

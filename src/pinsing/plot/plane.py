@@ -188,17 +188,12 @@ def label_plane(
         ticks(axis, low, high, slides, degrees)
         (ax.set_xlim if axis is ax.xaxis else ax.set_ylim)(low, high)
         axis.set_label_text(joint_label(j, slides, degrees), fontsize=SMALL + 1)
-    ax.set_title(before + held_title(arm, Q[0, 0], moving, degrees), fontsize=SMALL - 1)
-
-
-def held_title(arm: Arm, q: Array, moving: Iterable[int], degrees: bool) -> str:
-    """The arm's name, and where the joints stay that do not move."""
     rest = [
-        held_label(j, bool(arm.prismatic[j]), float(q[j]), degrees)
+        held_label(j, bool(arm.prismatic[j]), float(Q[0, 0, j]), degrees)
         for j in range(arm.n)
         if j not in tuple(moving)
     ]
-    return ", ".join([plain(arm.name), *rest])
+    ax.set_title(before + ", ".join([plain(arm.name), *rest]), fontsize=SMALL - 1)
 
 
 def regular_configuration(arm: Arm) -> Array:

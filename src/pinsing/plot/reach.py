@@ -248,11 +248,7 @@ def count_of(at: Array, r: Array, z: Array) -> Ints:
     count = np.zeros((len(z), len(r)), dtype=np.int64)
     for triangle in ((a, b, c), (d, c, b)):
         _add(count, np.stack(triangle, axis=1))
-    return _mended(count)
-
-
-def _mended(count: Ints) -> Ints:
-    """The same with what differs from all places around taken from them: next to the curves."""
+    # What differs from all places around, next to the curves, is taken from them.
     around = np.stack(
         [np.roll(count, s, (0, 1)) for s in product((-1, 0, 1), repeat=2) if s != (0, 0)]
     )

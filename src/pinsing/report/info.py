@@ -255,9 +255,12 @@ class Made:
                 versions[library] = metadata.version(library)
             except metadata.PackageNotFoundError:
                 continue
-        return Made(
-            _now(), time.monotonic() - started, versions, f"{sys.platform}, {platform.machine()}"
-        )
+        # SOURCE_DATE_EPOCH, of reproducible builds, says another time.
+        given = os.environ.get("SOURCE_DATE_EPOCH", "")
+        stamp = int(given) if given.isdecimal() else time.time()
+        now = datetime.fromtimestamp(stamp, timezone.utc).strftime("%Y-%m-%d %H:%M UTC")
+        seconds, machine = time.monotonic() - started, f"{sys.platform}, {platform.machine()}"
+        return Made(now, seconds, versions, machine)
 
 
 @dataclass(frozen=True, eq=False)
@@ -350,10 +353,3 @@ def _pose(arm: Arm, family: Family, families: tuple[Family, ...]) -> tuple[Arm, 
     rounded = family.raw_ratio is not None and family.raw_ratio > SINGULAR_RTOL
     shown = nominal(arm).arm if rounded else arm
     return shown, at(shown, q)
-
-
-def _now() -> str:
-    """Now in UTC; SOURCE_DATE_EPOCH, of reproducible builds, says another time."""
-    given = os.environ.get("SOURCE_DATE_EPOCH", "")
-    stamp = int(given) if given.isdecimal() else time.time()
-    return datetime.fromtimestamp(stamp, timezone.utc).strftime("%Y-%m-%d %H:%M UTC")
