@@ -4,7 +4,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from mechanisms import shipped
-from test_pose_forms import rps
+from test_pose_forms import hinged, rps
 from tiers import tiered
 from urdf_text import J, X, Y, frame, loop_text, written
 
@@ -80,10 +80,7 @@ def test_one_rod_between_two_joints(ends, seed, tmp_path):
 @pytest.mark.parametrize("seed", tiered(range(4), (1,)))
 def test_working_modes_of_three_legs_on_hinges(seed, tmp_path):
     rng = np.random.default_rng(seed)
-    turns = np.array([0.0, 2.0, 4.2]) + rng.uniform(-0.2, 0.2, 3)
-    hinges = np.stack([-np.sin(turns), np.cos(turns), 0 * turns], axis=1).round(2)
-    base = np.stack([np.cos(turns), np.sin(turns), 0 * turns], axis=1).round(2)
-    platform = 0.5 * base + np.round(rng.uniform(-0.1, 0.1, (3, 3)), 2)
+    base, hinges, platform = hinged(rng)
     mechanism = rps(tmp_path, base, hinges, platform).without_limits()
     tilt = rng.uniform(-0.3, 0.3, 2)
     found = pinsing.loops.working_modes(mechanism, [0.9, *tilt])

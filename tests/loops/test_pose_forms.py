@@ -269,6 +269,15 @@ def test_loci_agree_with_the_measures_of_3rps(rng):
         assert np.abs(loops.scaled(q)[0]).max() < 1e-10
 
 
+def hinged(rng):
+    """Corners of the base, axes there and corners of the platform of a 3-RPS at random."""
+    turns = np.array([0.0, 2.0, 4.2]) + rng.uniform(-0.2, 0.2, 3)
+    hinges = np.stack([-np.sin(turns), np.cos(turns), 0 * turns], axis=1).round(2)
+    base = np.stack([np.cos(turns), np.sin(turns), 0 * turns], axis=1).round(2)
+    platform = 0.5 * base + np.round(rng.uniform(-0.1, 0.1, (3, 3)), 2)
+    return base, hinges, platform
+
+
 def rps(folder, base, hinges, platform, rows="vz, wx, wy"):
     """A general 3-RPS: feet, hinge axes (level) and platform points."""
     joints, loops = [], []
@@ -292,10 +301,7 @@ def rps(folder, base, hinges, platform, rows="vz, wx, wy"):
 @pytest.mark.parametrize("seed", range(4))
 def test_type_1_of_random_3rps_is_in_the_motions_that_the_hinges_allow(seed, tmp_path):
     rng = np.random.default_rng(seed)
-    turns = np.array([0.0, 2.0, 4.2]) + rng.uniform(-0.2, 0.2, 3)
-    hinges = np.stack([-np.sin(turns), np.cos(turns), 0 * turns], axis=1).round(2)
-    base = np.stack([np.cos(turns), np.sin(turns), 0 * turns], axis=1).round(2)
-    platform = 0.5 * base + np.round(rng.uniform(-0.1, 0.1, (3, 3)), 2)
+    base, hinges, platform = hinged(rng)
     mechanism = rps(tmp_path, base, hinges, platform).without_limits()
     forms = pose_forms(mechanism)
     assert forms.complete

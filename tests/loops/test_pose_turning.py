@@ -6,6 +6,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from mechanisms import URDF, shipped
+from test_three_distances import three_rpr
 from tiers import tiered, tiered_rows
 from urdf_text import J, X, Y, Z, ball, frame, loop_text, written
 
@@ -288,18 +289,7 @@ def test_a_platform_in_the_plane_that_is_driven_at_its_feet(tmp_path, rng):
     """3-RPR with its first joints driven: the forces are across the legs."""
     base = np.array([[0, 0], [1, 0.1], [0.4, 0.9]])
     platform = np.array([[-0.2, -0.1], [0.25, -0.1], [0, 0.3]])
-    joints, loops = [], []
-    for k in range(3):
-        joints.append(J(f"r{k}", "base", f"c{k}", (*base[k], 0)))
-        joints.append(J(f"p{k}", f"c{k}", f"e{k}", axis=X, kind="prismatic", limits=(-3, 3)))
-        if k == 0:
-            joints.append(J("turn", "e0", "platform"))
-        else:
-            joints.append(frame(f"b{k}", "platform", (*(platform[k] - platform[0]), 0)))
-            loops.append((f"e{k}", f"b{k}"))
-    joints.append(frame("out", "platform", (*-platform[0], 0)))
-    text = loop_text(loops, ["r0", "r1", "r2"], "out", "vx, vy, wz", home={"p0": 0.6})
-    mechanism = pinsing.load_mechanism(written(tmp_path, joints, text)).without_limits()
+    mechanism = three_rpr(tmp_path, base, platform, driven="r", least=-9).without_limits()
     forms = pose_forms(mechanism)
     assert forms.complete
     assert any("where a leg has no length" in x for x in forms.notes)

@@ -15,19 +15,21 @@ def turned(angle):
     return np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
 
 
-def three_rpr(folder, base, platform, name="rpr"):
+def three_rpr(folder, base, platform, name="rpr", driven="p", least=0.05):
     """Slides between pins of the base and of the platform, whose frame is ``out``."""
     joints, loops = [], []
     for k in range(3):
         joints.append(J(f"r{k}", "base", f"cross{k}", (*base[k], 0)))
-        joints.append(J(f"p{k}", f"cross{k}", f"rod{k}", (0, 0, 0), X, "prismatic", (0.05, 9)))
+        joints.append(J(f"p{k}", f"cross{k}", f"rod{k}", (0, 0, 0), X, "prismatic", (least, 9)))
         if k == 0:
             joints.append(J("turn", "rod0", "platform"))
         else:
             joints.append(frame(f"b{k}", "platform", (*(platform[k] - platform[0]), 0)))
             loops.append((f"rod{k}", f"b{k}"))
     joints.append(frame("out", "platform", (*-platform[0], 0)))
-    text = loop_text(loops, ["p0", "p1", "p2"], "out", "vx, vy, wz", home={"p0": 1.0})
+    text = loop_text(
+        loops, [f"{driven}{k}" for k in range(3)], "out", "vx, vy, wz", home={"p0": 1.0}
+    )
     return pinsing.load_mechanism(written(folder, joints, text, name))
 
 
