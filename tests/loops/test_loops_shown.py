@@ -93,8 +93,8 @@ def test_linkage_is_drawn_closed():
 
 
 def test_measures_touch_zero_at_the_points():
-    mechanism = shipped("five_bar")
-    found = curves(mechanism, [np.pi / 3] * 2, 1)
+    mechanism = shipped("four_bar")
+    found = curves(mechanism, home(mechanism)[list(mechanism.actuated)], 0)
     points = find_singular(mechanism, found)
     ax = measure_curves(mechanism, found, points)
     dots = np.array([line.get_xydata()[0] for line in ax.lines if len(line.get_xydata()) == 1])
@@ -222,7 +222,7 @@ def test_ctrl_c_keeps_what_an_analysis_has_done(monkeypatch, capsys, tmp_path):
 
 
 def test_the_time_ends_the_curves_with_those_that_are_followed():
-    mechanism = shipped("five_bar")
+    mechanism = shipped("four_bar")
     q = home(mechanism)[list(mechanism.actuated)]
     calls = iter(range(10_000))
     assert curves(mechanism, q, 0, over=lambda: next(calls) > 5) == ()
