@@ -81,26 +81,29 @@ def test_tube_is_proven_and_holds_every_singular_configuration(
     assert 0.001 < far < form.tube.width
 
 
-def test_sums_fall_as_told_along_the_gradient_and_the_axes_of_curvature() -> None:
-    arm, rng = pinsing.load("xarm6"), np.random.default_rng(2)
-    (family,) = pinsing.closed_form(arm, prove=False).families
-    factor = tubes._factor(0, family.branches[0], (1, 2, 3, 4))
-    f, x, step = factor.sum, rng.uniform(0, 6, (400, 4)), 1e-5
-    half = rng.uniform(0.005, 0.06, x.shape)
-    at = tubes._Condition.on(factor, x, half)
-    moved = [f.at(x + step * e).gradient - f.at(x - step * e).gradient for e in np.eye(4)]
-    axes = np.linalg.eigh(np.stack(moved, axis=1) / (2 * step))[1]
-    down = f.at(x).gradient / np.linalg.norm(f.at(x).gradient, axis=1)[:, None]
-    t = np.full(len(x), 0.06)
-    falls = [tubes._fall(*fall, t) for fall in at.falls]
-    assert [int((fall > 1e-3).sum()) > 100 for fall in falls] == [True] * 3
-    y = x + half * rng.uniform(-1, 1, x.shape)
-    for fall, e, up in zip(falls, (down, axes[..., 0], axes[..., -1]), (0, 0, 1), strict=True):
-        ends = np.stack([f(y + s * e) for s in np.linspace(-0.06, 0.06, 41)])
-        change = ends.max(axis=0) - f(y) if up else f(y) - ends.min(axis=0)
-        assert (change >= fall - 1e-9).all()
-    least = np.maximum(falls[0], np.minimum(*falls[1:]))
-    assert at.below(t) == pytest.approx(np.maximum(least, at.least), abs=1e-9)
+@pytest.mark.parametrize("name", ["ur5e", "crx10ia", "xarm6"])
+def test_boxes_keep_their_zeros_and_none_is_farther_than_told(
+    name: str, attack: ModuleType
+) -> None:
+    arm, rng = pinsing.load(name), np.random.default_rng(2)
+    families = pinsing.closed_form(arm, prove=False).families
+    product, F = tubes.factorize(attack.perturb(arm, rng), arm, families), len(families)
+    zeros = tubes.search(product, rng.uniform(0, 6, (2000, 4)))
+    far = tubes._of_families(product, zeros, lambda s, at: tubes._sure(s, zeros))
+    near = tubes._away(product, zeros).min(axis=1)
+    assert (near <= far.min(axis=1) * 1.1 + 1e-3).all()
+    for size in (0.3, 0.03, 0.003):
+        half = rng.uniform(0.1, 1, zeros.shape) * size
+        boxes = np.full((len(zeros), 10 + F), 1e9)
+        boxes[:, :4], boxes[:, 4:8] = zeros + half * rng.uniform(-1, 1, half.shape), half
+        boxes[:, -1] = split = rng.integers(0, 4, len(zeros))
+        side = np.take_along_axis(zeros > boxes[:, :4], split[:, None], axis=1)[:, 0]
+        found = tubes.halve(product, boxes).reshape(-1, 2, 10 + F)[range(len(zeros)), side * 1]
+        assert (abs(zeros - found[:, :4]) <= found[:, 4:8] + 1e-12).all()
+        assert (far.min(axis=1) <= found[:, 8 + F] + 1e-12).all()
+        for k in range(F):
+            alone = (np.delete(far, k, axis=1) > tubes.NEAR).all(axis=1)
+            assert (far[alone, k] <= found[alone, 8 + k] + 1e-12).all()
 
 
 def test_bounds_are_about_the_robot(form: pinsing.ClosedForm, attack: ModuleType) -> None:

@@ -159,6 +159,17 @@ def joint_speeds(
     isa: str,
     threads: int,
 ) -> None: ...
+def tubes(
+    terms: NDArray[np.float64],
+    start: Sequence[int],
+    about: NDArray[np.float64],
+    families: int,
+    near: float,
+    boxes: NDArray[np.float64],
+    out: NDArray[np.float64],
+    isa: str,
+    threads: int,
+) -> None: ...
 def sobol_points(
     directions: NDArray[np.uint64],
     words: NDArray[np.uint64],

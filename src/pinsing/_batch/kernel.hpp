@@ -18,6 +18,9 @@ constexpr int kMaxJoints = 1024;  // bounds the scratch memory; no arm comes nea
 constexpr int kWalkJoints = 16;     // of walks to rank drops
 constexpr int kWalkEquations = 24;  // (m - rank + 1) (n - rank + 1)
 constexpr int kSpeedColumns = 8;    // of Jacobians whose joint speeds are bounded
+constexpr int kTubeTerms = 320;     // of the sums of a tube, each in four joints
+constexpr int kTubeSums = 16;
+constexpr int kTubeColumns = 88;
 constexpr int kScratchAlign = 64;
 
 // T(q) = C_0 M_0(q_0) C_1 ... M_{n-1}(q_{n-1}) C_n with C_i = [R_i t_i; 0 1], M_i = Rz or Tz.
@@ -59,6 +62,22 @@ struct SpeedTask {
     bool still;  // twists are taken at a point of the link behind `middle`, else at the tip
 };
 
+// A sum of cosines: see tube.hpp.
+struct TubeSum {
+    int terms;
+    const double *term, *table;  // (terms, 6), (terms, kTubeColumns)
+    double noise, size, reach;
+    bool uses[4], is_value;
+    int family, power;
+};
+
+// The determinant of a robot, what it is beside h prod f^m, h, and the factors f: families/tube.py.
+struct Tube {
+    int factors, families;
+    double near;
+    TubeSum sums[kTubeSums];
+};
+
 struct Outcome {
     std::int64_t not_finite;  // index of the first input item that is not finite, or -1
     std::int64_t unfinished;  // items whose singular values did not converge: set to NaN
@@ -89,6 +108,10 @@ struct Kernel {
     // J (N, 6, k) at centres, half widths R (N, n) -> out (N, 2 + n): the share of the limits there, a
     // bound in the box, and what each joint's width has in it. At most kSpeedColumns columns.
     Outcome (*speeds)(const SpeedTask&, const double* J, const double* R, std::int64_t N, double* out);
+    // Boxes (N, 10 + families) -> their halves (N, 2, 10 + families): middles and half widths (4,) of
+    // the parts that may hold singular configurations; how far these are from families at most, from
+    // each if all others are far, and from the nearest; the joint to halve.
+    Outcome (*tubes)(const Tube&, const double* boxes, std::int64_t N, double* out);
     // Doubles of scratch that the next one needs.
     std::size_t (*condition_scratch)(const Conditions&);
     // X (N, n) -> least lower and upper bounds over the families (N,), the family of the lower one

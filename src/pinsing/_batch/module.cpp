@@ -8,6 +8,7 @@
 #include <nanobind/stl/vector.h>
 
 #include <algorithm>
+#include <cmath>
 #include <string>
 #include <vector>
 
@@ -266,6 +267,71 @@ void joint_speeds(const In& rows, const InFlags& linear, const In& limits, const
     refuse_not_finite(outcome, "J or R");
 }
 
+// The sums of kernel.hpp's Tube: terms (T, 6), where each begins (S + 1,), about them (S, 4) noise,
+// family, whether it is of a joint value, and power.
+void tubes(const In& terms, const std::vector<int>& start, const In& about, int families,
+           double near, const In& boxes, Out out, const std::string& isa, int threads) {
+    const Kernel& kernel = kernel_named(isa);
+    require(terms.ndim() == 2 && about.ndim() == 2 && boxes.ndim() == 2 && out.ndim() == 2,
+            "terms, about, boxes and out must have two axes");
+    const std::size_t S = about.shape(0), T = terms.shape(0), N = boxes.shape(0), row = 10 + families;
+    require(terms.shape(1) == 6 && about.shape(1) == 4 && S >= 3 && S <= pinsing::kTubeSums &&
+                start.size() == S + 1 && start[0] == 0 && start[S] == static_cast<int>(T),
+            "terms must be (T, 6), about (S, 4), with S + 1 starts");
+    require(families >= 1 && families < pinsing::kTubeSums && boxes.shape(1) == row &&
+                out.shape(0) == 2 * N && out.shape(1) == row,
+            "boxes must be (N, 10 + families), out twice as many");
+    std::vector<double> table;
+    table.reserve(T * pinsing::kTubeColumns);
+    pinsing::Tube tube{static_cast<int>(S) - 3, families, near, {}};
+    for (std::size_t i = 0; i < S; i++) {
+        require(start[i] < start[i + 1] && start[i + 1] - start[i] <= pinsing::kTubeTerms,
+                "a sum has too many terms, or none");
+        const double *a = about.data() + 4 * i, *from = terms.data() + 6 * start[i];
+        pinsing::TubeSum s{start[i + 1] - start[i], from, table.data() + table.size(), a[0], 0.0, 1.0,
+                           {}, a[2] > 0.0, static_cast<int>(a[1]), static_cast<int>(a[3])};
+        require(i < 3 || (s.family >= 0 && s.family < families), "no such family");
+        for (int t = 0; t < s.terms; t++) {
+            const double *term = from + 6 * t, *r = term + 2, A = term[0];
+            double sum = 0.0, second[10], third[20], fourth[35], *two = second, *three = third,
+                   *four = fourth;
+            require(A >= 0.0, "amplitudes must not be negative");
+            for (int j = 0; j < 4; j++) {
+                s.uses[j] = s.uses[j] || r[j] != 0.0;
+                sum += std::fabs(r[j]);
+                for (int k = 0; k <= j; k++) {
+                    *two++ = -A * r[j] * r[k];
+                    for (int l = 0; l <= k; l++) {
+                        *three++ = A * r[j] * r[k] * r[l];
+                        for (int m = 0; m <= l; m++) *four++ = A * r[j] * r[k] * r[l] * r[m];
+                    }
+                }
+            }
+            table.push_back(A);
+            table.insert(table.end(), second, two);
+            table.insert(table.end(), 5, 0.0);
+            for (int j = 0; j < 4; j++) table.push_back(-A * r[j]);
+            table.insert(table.end(), third, three);
+            for (int j = 0; j < 4; j++) table.push_back(A * std::fabs(r[j]));
+            table.insert(table.end(), 4, 0.0);
+            table.insert(table.end(), fourth, four);
+            table.insert(table.end(), 5, 0.0);
+            s.size += A;
+            s.reach = std::max(s.reach, 1.0 + sum);
+        }
+        tube.sums[i] = s;
+    }
+    const double* from = boxes.data();
+    double* to = out.data();
+    const Outcome outcome = share_out(
+        static_cast<std::int64_t>(N), threads, 1,
+        [&](std::int64_t first, std::int64_t count, double*) {
+            const std::int64_t at = first * static_cast<std::int64_t>(row);
+            return kernel.tubes(tube, from + at, count, to + 2 * at);
+        });
+    refuse_not_finite(outcome, "boxes");
+}
+
 std::vector<std::string> isa_names() {
     std::vector<std::string> names;
     for (const Kernel* k : kernels()) names.emplace_back(k->name);
@@ -320,6 +386,8 @@ NB_MODULE(_kernel, m) {
           "limits"_a.noconvert(), "far"_a.noconvert(), "turns"_a.noconvert(),
           "moving"_a.noconvert(), "speeds"_a, "middle"_a, "rounds"_a, "still"_a,
           "J"_a.noconvert(), "R"_a.noconvert(), "out"_a.noconvert(), "isa"_a, "threads"_a);
+    m.def("tubes", &tubes, "terms"_a.noconvert(), "start"_a, "about"_a.noconvert(), "families"_a,
+          "near"_a, "boxes"_a.noconvert(), "out"_a.noconvert(), "isa"_a, "threads"_a);
     m.def("svdvals", &svdvals, "A"_a.noconvert(), "out"_a.noconvert(), "isa"_a, "threads"_a,
           "max_sweeps"_a, "by_roots"_a = true);
     pinsing::add_conditions(m);

@@ -4,12 +4,12 @@ With D the determinant of the robot's task Jacobian, and ``P = h f1 f2 ...`` a p
 conditions of the design's families and a factor h, D = P + E with a small E: at a singular
 configuration ``|P| = |E|``. In a box of joint values, let ``phi_k(t)`` be a bound that |f_k| is
 not below at a point farther than t from family k: ``sin(t/2)`` for a joint value, and
-``G t - M t^2/2`` for an equation of slope G at least and curvature M at most, along the gradient
-or, where it is small, the axes in which a value of either sign goes to zero fastest. Where
+``G t - M t^2/2`` for an equation of slope G at least and curvature M at most, with terms up to
+``t^5``, along the line on which a value of its sign is zero first. Where
 ``|h| prod max(phi_k(t), min |f_k|) > |E|`` all over the box, no singular configuration in it is
-farther than t from all families. Boxes are halved until that is near the largest distance that a
-search finds. Outside of the tube D has the sign of P: a path from one side of a family to the
-other meets a singular configuration of the robot.
+farther than t from all families. Boxes in which D may be zero are halved until that is near the
+largest distance that a search finds. Outside of the tube D has the sign of P: a path from one side
+of a family to the other meets a singular configuration of the robot.
 
 E is a trigonometric polynomial, of degree 2 in each joint for the pose: the sixth exterior power of
 a turn of screws has no higher frequency. For other tasks the degree is at most that of the rows.
@@ -21,10 +21,10 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 
+from pinsing._batch import engine
 from pinsing._types import Array, Ints
 from pinsing.algebra.conditions import Margin, weighted_sum
 from pinsing.algebra.nearest import SearchOptions, nearest_points
@@ -205,6 +205,7 @@ class Product:
     joints: tuple[int, ...]
     factors: tuple[Factor, ...]
     h: TrigSum
+    plain: TrigSum  # of the design's determinant
     rest: TrigSum
 
 
@@ -221,7 +222,9 @@ def factorize(robot: Arm, design: Arm, families: Sequence[Family]) -> Product:
         raise Unproven("a joint is prismatic, or rows of the task are in the tip's axes")
     pose = robot.task.name == "pose"
     joints = tuple(range(1, n - 1) if pose else range(n))
-    if len(joints) > 4:
+    if not engine.available():
+        raise Unproven(str(engine.unavailable_reason()))
+    if len(joints) > (4 if pose else 3):
         raise Unproven(f"the determinant depends on {len(joints)} joints")
     factors = [_factor(k, b, joints) for k, f in enumerate(families) for b in f.branches]
     size, degree = float(np.linalg.norm(flatten(design).t, axis=1).sum()), 2 if pose else n
@@ -256,7 +259,8 @@ def factorize(robot: Arm, design: Arm, families: Sequence[Family]) -> Product:
         raise Unproven(
             "the design differs too much from the robot, or has its joint zeros elsewhere"
         )
-    return Product(joints, tuple(factors), h, rest)
+    plain = grid.sum(at.value * P, start, float(off.max()))
+    return Product(joints, tuple(factors), h, plain, rest)
 
 
 def _factor(family: int, branch: object, joints: tuple[int, ...]) -> Factor:
@@ -345,211 +349,41 @@ class _TorusGrid:
         return TrigSum(amplitude[kept], phase, kept_rate, np.zeros(kept_rate.shape), noise)
 
 
-@dataclass(frozen=True)
-class _Taylor:
-    """Bounds of a sum on N boxes, by Taylor's theorem to the third order."""
+def halve(p: Product, boxes: Array) -> Array:
+    """Return the halves (2N, 10 + F) of boxes (N, 10 + F), and what is proven of them.
 
-    sum: TrigSum
-    half: Array
-    value: Array  # (N,), in the middle
-    swing: Array  # (N,), by how much it differs on the box, rounding included
-    gradient: Array  # (N, d), in the middle
-    second: Array  # (N, d, d), in the middle
-    reach: Array  # (N, T), by how much the angle of each term differs
-    noise: Array  # (N,), bounds of errors of the derivatives
-    parts: Array  # (N, d), a joint's share of ``swing``, about
-
-    @classmethod
-    def of(cls, s: TrigSum, x: Array, h: Array) -> _Taylor:
-        """On boxes of middles x and half widths h, (N, d)."""
-        d, rate, size = x.shape[1], np.abs(s.rate), float(s.amplitude.sum())
-        angle, reach = x @ s.rate.T + s.phase, h @ rate.T
-        cosine, sine = s.amplitude * np.cos(angle), s.amplitude * np.sin(angle)
-        squares = (s.rate[:, :, None] * s.rate[:, None, :]).reshape(-1, d * d)
-        second = -(cosine @ squares).reshape(-1, d, d)
-        gradient = -sine @ s.rate
-        bent = (np.abs(second) @ h[..., None])[..., 0]
-        parts = h * (np.abs(gradient) + bent / 2 + (reach**2 * s.amplitude) @ rate / 6)
-        # Errors of cosines, and of derivatives by as many units as the largest rate.
-        noise = size * (s.noise + 4.5e-16 * s.reach * np.maximum(4.0, np.abs(x).max(axis=1)))
-        noise *= s.reach**2
-        swing = parts.sum(axis=1) * _MORE + noise
-        return cls(s, h, cosine.sum(axis=1), swing, gradient, second, reach, noise, parts)
-
-    def along(self, e: Array) -> tuple[Array, Array, Array, Array, Array]:
-        """Return what bounds the derivatives along unit directions e (N, d)."""
-        # The least slope against the middle's, the curvature in the middle, by how much it differs
-        # on the box, its derivative at most, and what each joint takes off the slope (N, d).
-        s = self.sum
-        rates = np.abs(e @ s.rate.T)
-        slope, bend = (self.gradient * e).sum(axis=1), (e[:, None] @ self.second)[:, 0]
-        third = s.amplitude * rates * self.reach
-        turns = self.half * (np.abs(bend) + third @ np.abs(s.rate) / 2)
-        least = slope - turns.sum(axis=1) * _MORE - self.noise
-        differs = (rates * third).sum(axis=1) * _MORE + self.noise
-        return least, (bend * e).sum(axis=1), differs, rates**3 @ s.amplitude * _MORE, turns
-
-
-def _fall(slope: Array, curve: Array, jerk: Array, t: Array) -> Array:
-    """Return the least fall of a sum by a step up to t (N,), slopes falling ``curve + jerk s``."""
-    root = np.sqrt(np.maximum(curve**2 + 2 * jerk * slope, 0.0))
-    least = np.maximum(jerk, TINY)
-    top = np.where(curve > 0, 2 * slope / np.maximum(curve + root, TINY), (root - curve) / least)
-    step = np.minimum(t, top)
-    return np.asarray(step * (slope - step * (curve / 2 + step * jerk / 6)))
-
-
-@dataclass(frozen=True)
-class Boxes:
-    """Boxes and what is proven on each.
-
-    ``far``: no singular configuration in the box that is farther than ``NEAR`` from all families
-    but one is farther than this from that one; last, none at all is farther from the nearest.
+    A row is a middle and half widths of four joints, ``far`` (F + 1,), and the joint to halve. No
+    singular configuration in the box that is farther than ``NEAR`` from all families but one is
+    farther than ``far`` from that one; last, none at all is farther from the nearest. Half boxes
+    are cut down to where the determinant may be zero.
     """
-
-    x: Array  # (N, d), middles
-    h: Array  # (N, d), half widths
-    far: Array  # (N, F + 1)
-    split: Ints  # (N,), the joint along which to halve
-
-    def take(self, rows: Any) -> Boxes:
-        """Some of them."""
-        return Boxes(self.x[rows], self.h[rows], self.far[rows], self.split[rows])
-
-    @classmethod
-    def joined(cls, parts: Sequence[Boxes]) -> Boxes:
-        """All of some."""
-        return cls(
-            *(np.concatenate([getattr(p, k) for p in parts]) for k in cls.__dataclass_fields__)
-        )
-
-
-def bound(p: Product, x: Array, h: Array) -> Boxes:
-    """What is proven on boxes of middles x and half widths h, (N, d)."""
-    few = 1 << 11
-    if len(x) > few:  # as many as fit into a processor's cache
-        return Boxes.joined(
-            [bound(p, x[i : i + few], h[i : i + few]) for i in range(0, len(x), few)]
-        )
-    wide = h * _MORE
-    rest, whole = _Taylor.of(p.rest, x, wide), _Taylor.of(p.h, x, wide)
-    most = (np.abs(rest.value) + rest.swing) * _MORE
-    room = np.maximum(np.abs(whole.value) - whole.swing, 0.0)
-    conditions = [_Condition.on(f, x, wide) for f in p.factors]
-    near = [c.below(np.full(len(x), NEAR)) for c in conditions]
-
-    def none_beyond(family: int, t: Array) -> Array:
-        product = room
-        for f, c, other in zip(p.factors, conditions, near, strict=True):
-            product = product * (c.below(t) if family in (-1, f.family) else other) ** f.power
-        return np.asarray(product > most)
-
-    def nearest(family: int, at_most: Array) -> Array:
-        """The distance beyond which none is: from a family if all others are far, -1 from all."""
-        low, high = np.zeros(len(x)), np.minimum(at_most, np.pi)
-        some, few = none_beyond(family, low), none_beyond(family, high)
-        if some.all():
-            return low
-        for _ in range(12):
-            middle = (low + high) / 2
-            good = none_beyond(family, middle)
-            low, high = np.where(good, low, middle), np.where(good, middle, high)
-        return np.where(some, 0.0, np.where(few, high, at_most))
-
-    far = np.empty((len(x), 2 + max(f.family for f in p.factors)))
-    within = np.full((len(x), far.shape[1] - 1), np.inf)
-    for f, c in zip(p.factors, conditions, strict=True):
-        within[:, f.family] = np.minimum(within[:, f.family], c.within)
-    far[:, -1] = nearest(-1, within.min(axis=1))
-    for k in range(far.shape[1] - 1):
-        found = nearest(k, np.minimum(far[:, -1], within[:, k]))
-        others = np.delete(within, k, axis=1).min(axis=1, initial=np.inf)
-        far[:, k] = np.where(others < NEAR, 0.0, found)
-    # What halving a joint's range gains: E, and conditions that stay off zero, vary less; slopes of
-    # those that do not are bounded better.
-    score = rest.parts / np.maximum(most, TINY)[:, None]
-    for f, c in zip(p.factors, conditions, strict=True):
-        zero = c.least < c.below(np.minimum(far[:, -1], np.pi)) * 1.001
-        varies = c.parts / np.maximum(c.least, TINY)[:, None]
-        score += f.power * np.where(zero[:, None], c.sway, varies)
-    return Boxes(x, h, far, np.argmax(score, axis=1))
-
-
-@dataclass(frozen=True)
-class _Condition:
-    """A condition on boxes: its least size, and bounds of how it goes to zero.
-
-    ``falls`` are the slopes, curvatures and their derivatives of `_fall`, along the gradient, and
-    along the axes in which a positive value falls fastest and a negative one rises fastest.
-    """
-
-    is_value: bool
-    least: Array
-    falls: Sequence[tuple[Array, Array, Array]]
-    noise: float
-    parts: Array
-    sway: Array  # by how much of the slope each joint changes it
-    within: Array  # how far zeros are at most from points of the boxes
-
-    @classmethod
-    def on(cls, f: Factor, x: Array, h: Array) -> _Condition:
-        """Of a factor."""
-        at = _Taylor.of(f.sum, x, h)
-        least = np.maximum(np.abs(at.value) - at.swing, 0.0)
-        noise = f.sum.noise * float(f.sum.amplitude.sum())
-        if f.is_value:
-            within = 2 * np.arcsin(np.minimum(np.abs(at.value) + noise + at.swing, 1.0))
-            return cls(True, least, (), noise, at.parts, 0 * h, within * _MORE)
-        size = np.linalg.norm(at.gradient, axis=1)
-        u = at.gradient / np.maximum(size, TINY)[:, None]
-        slope, curve, differs, jerk, turns = at.along(u)
-        falls = [(np.maximum(slope, 0.0), np.abs(curve) + differs, jerk)]
-        axes = np.linalg.eigh(at.second)[1]
-        for k, sign in ((0, 1), (-1, -1)):
-            _, curve, differs, jerk, _ = at.along(axes[:, :, k])
-            falls.append((0 * slope, np.minimum(sign * curve + differs, 0.0), jerk))
-        radius = np.linalg.norm(h * (f.sum.rate != 0).any(axis=0), axis=1)
-        within = radius + _one_joint(f.sum, x, at.gradient)
-        sway = turns / np.maximum(size, 1e-2)[:, None]
-        return cls(False, least, falls, noise, at.parts, sway, within * _MORE)
-
-    def below(self, t: Array) -> Array:
-        """What its size is not below at points of the boxes farther than t (N,) from its zeros."""
-        if self.is_value:
-            far = np.sin(np.minimum(t, np.pi) / 2)
-        else:
-            down, *both = (_fall(*fall, t) for fall in self.falls)
-            far = np.maximum(down, np.minimum(*both))
-        return np.maximum(far / _MORE - self.noise, self.least)
-
-
-def _one_joint(s: TrigSum, x: Array, gradient: Array) -> Array:
-    """Return how far (N,) a zero is at most: a step along one joint changes the sign."""
-    # ``f(x + t) = f(x) - b (1 - cos t) + g sin t`` is exact if the joint has no rates but 1 and 0.
-    value, found = s.at(x), np.full(len(x), np.inf)
-    cosine = np.cos(x @ s.rate.T + s.phase) * s.amplitude
-    for j in s.used.tolist():
-        rate = float(np.abs(s.rate[:, j]).max())
-        b, g = cosine @ s.rate[:, j] ** 2 / rate**2, gradient[:, j] / rate
-        top = np.arctan2(g, b)
-        off = np.arccos(np.clip((b - value.value) / np.maximum(np.hypot(b, g), TINY), -1, 1))
-        step = np.stack([top - off, top + off])
-        step = np.mod(step + np.pi, 2 * np.pi) - np.pi
-        step = 1.001 / rate * step[np.abs(step).argmin(axis=0), np.arange(len(x))]
-        end = x.copy()
-        end[:, j] += step
-        there = s.at(end)
-        sure = (np.abs(there.value) > there.error) & (np.abs(value.value) > value.error)
-        crossed = sure & (value.value * there.value < 0)
-        found = np.minimum(found, np.where(crossed, np.abs(step), np.inf))
-    return found
+    out = np.empty((2 * len(boxes), boxes.shape[1]))
+    sums = [p.plain, p.rest, p.h, *(f.sum for f in p.factors)]
+    rates = [np.pad(s.rate, ((0, 0), (0, 4 - s.rate.shape[1]))) for s in sums]
+    terms = [np.column_stack([s.amplitude, s.phase, r]) for s, r in zip(sums, rates, strict=True)]
+    about = [(s.noise, 0, 0, 1) for s in sums[:3]]
+    about += [(f.sum.noise, f.family, f.is_value, f.power) for f in p.factors]
+    engine.module().tubes(
+        np.concatenate(terms),
+        np.cumsum([0, *map(len, terms)]).tolist(),
+        np.array(about, float),
+        boxes.shape[1] - 10,
+        NEAR,
+        boxes,
+        out,
+        engine.isa_names()[-1],
+        engine.cpu_count(),
+    )
+    return out
 
 
 def search(p: Product, x: Array) -> Array:
     """Singular configurations (K, d) near starts (N, d)."""
     for _ in range(12):
-        value, slope = _determinant(p, x)
-        step = value[:, None] * slope / np.maximum((slope**2).sum(axis=1), TINY)[:, None]
+        plain, rest = p.plain.at(x), p.rest.at(x)
+        slope = plain.gradient + rest.gradient
+        least = np.maximum((slope**2).sum(axis=1), TINY)
+        step = ((plain.value + rest.value) / least)[:, None] * slope
         size = np.linalg.norm(step, axis=1, keepdims=True)
         x = x - step * np.minimum(1.0, 0.2 / np.maximum(size, TINY))
     return np.asarray(x[size[:, 0] < 1e-9])
@@ -576,6 +410,31 @@ def _estimates(p: Product, x: Array) -> Array:
     return _of_families(p, x, lambda s, at: np.abs(at.value) / s.dual(at.gradient))
 
 
+def _sure(s: TrigSum, x: Array) -> Array:
+    """How far (N,) points (N, d) are from zeros of a sum at least, up to half a radian."""
+    side = 0.5
+    zero = TrigSum([0.0], [0.0], np.zeros((1, x.shape[1])), np.zeros((1, x.shape[1])), 0.0)
+    alone, d = Product((), (), zero, s, zero), x.shape[1]
+    of, boxes = np.arange(len(x)), np.zeros((len(x), 11))
+    boxes[:, :d], boxes[:, 4 + s.used], boxes[:, 8:10] = x, side, _NONE
+    boxes[:, 10] = s.used[0]
+    for _ in range(60):
+        gap = np.maximum(np.abs(boxes[:, :d] - x[of]) - boxes[:, 4 : 4 + d], 0.0)
+        away = np.linalg.norm(gap, axis=1)
+        least = np.full(len(x), side)
+        np.minimum.at(least, of, away)
+        wide = np.linalg.norm(boxes[:, 4:8], axis=1)
+        now = (away <= 1.02 * least[of]) & (wide > 0.05 * np.maximum(away, 1e-3))
+        if not now.any():
+            break
+        fresh = halve(alone, boxes[now])
+        fresh[:, 10] = fresh[:, 4:8].argmax(axis=1)
+        some = fresh[:, 9] > 0
+        boxes = np.concatenate([boxes[~now], fresh[some]])
+        of = np.concatenate([of[~now], np.repeat(of[now], 2)[some]])
+    return least / _MORE
+
+
 def _of_families(p: Product, x: Array, far: Callable[[TrigSum, At], Array]) -> Array:
     away = np.full((len(x), 1 + max(f.family for f in p.factors)), np.inf)
     for f in p.factors:
@@ -585,97 +444,90 @@ def _of_families(p: Product, x: Array, far: Callable[[TrigSum, At], Array]) -> A
     return away
 
 
-def _determinant(p: Product, x: Array) -> tuple[Array, Array]:
-    """Values (N,) and gradients (N, d) of ``h prod f^m + E``."""
-    rest, h = p.rest.at(x), p.h.at(x)
-    at = [f.sum.at(x) for f in p.factors]
-    total, slope = h.value, h.gradient
-    for f, a in zip(p.factors, at, strict=True):
-        power = a.value**f.power
-        rise = f.power * a.value ** (f.power - 1)
-        slope = slope * power[:, None] + (total * rise)[:, None] * a.gradient
-        total = total * power
-    return total + rest.value, slope + rest.gradient
-
-
-MOST = 600_000
+MOST = 4_000_000
 """Boxes after which the width is what has been proven till then."""
 SLACK = 1.5
-"""A width that is this much larger than the largest distance found is good enough."""
-_FIRST = 6
+"""A width this much larger than the largest distance found is good enough; in the end twice it."""
+_NONE = 1e9
+"""A distance where none is known, as in the kernel."""
 
 
-def _first(p: Product) -> tuple[Array, Array]:
-    """Boxes (N, d) to begin with: thin where a family is a joint value, as the tube is there."""
+def _first(p: Product, families: int) -> Array:
+    """Boxes (N, 10 + F) to begin with: thin where a family is a joint value, as the tube is."""
     sides = []
     for j in range(len(p.joints)):
         values = [-2 * f.sum.phase[0] - np.pi for f in p.factors if f.is_value and f.sum.rate[0, j]]
         parts = NEAR * np.array([-4, -1.5, -0.5, 0.5, 1.5, 4])
-        at = np.add.outer(values, parts) if values else np.linspace(0, 2 * np.pi, _FIRST + 1)
+        at = np.add.outer(values, parts) if values else np.linspace(0, 2 * np.pi, 7)
         at = np.unique(np.mod(at, 2 * np.pi).round(12))
         sides.append(np.append(at, at[0] + 2 * np.pi))
-    both = [[(e[1:] + e[:-1]) / 2 for e in sides], [(e[1:] - e[:-1]) / 2 for e in sides]]
+    both = [[(e[1:] + e[:-1]) / 2 for e in sides], [(e[1:] - e[:-1]) / 2 * _MORE for e in sides]]
     x, h = (np.stack(np.meshgrid(*s, indexing="ij"), axis=-1).reshape(-1, len(s)) for s in both)
-    return x, h
+    boxes = np.zeros((len(x), 10 + families))
+    boxes[:, : len(sides)], boxes[:, 4 : 4 + len(sides)] = x, h
+    boxes[:, 8:-1], boxes[:, -1] = _NONE, h.argmax(axis=1)
+    return boxes
 
 
 def find_widths(p: Product, families: Sequence[Family]) -> tuple[Array, Array, int]:
-    """Proven widths (F + 1,) as in ``Boxes.far``, the largest distances found, number of boxes."""
-    boxes = bound(p, *_first(p))
-    count, last = len(boxes.x), boxes.far.shape[1] - 1
-    found, done = np.zeros(last + 1), np.zeros(last + 1)
-
-    rng, best = np.random.default_rng(2), np.empty((0, len(p.joints)))
-
-    def columns(away: Array) -> tuple[Array, Ints]:
-        """The distance from the nearest family, and which it is: -1 where several are near."""
-        order = np.sort(np.append(away, np.full((len(away), 1), np.inf), axis=1), axis=1)
-        return order[:, 0], np.where(order[:, 1] > NEAR, away.argmin(axis=1), last)
+    """Proven widths (F + 1,) as in `halve`, the largest distances found, number of boxes."""
+    last, rng = len(families), np.random.default_rng(2)
+    found, done, tried = np.zeros(last + 1), np.zeros(last + 1), np.zeros(last + 1)
+    free, few = np.full(families[0].n, np.inf), SearchOptions(gap=1e-3, boxes=500)
 
     def farthest(away: Array, many: int) -> Ints:
+        """The farthest from the nearest family: of those near each one alone, and near several."""
         far, column = columns(away)
         order = np.argsort(-far, kind="stable")
         return np.concatenate([order[column[order] == k][:many] for k in range(last + 1)])
+
+    def columns(away: Array) -> tuple[Array, Ints]:
+        order = np.sort(np.append(away, np.full((len(away), 1), np.inf), axis=1), axis=1)
+        return order[:, 0], np.where(order[:, 1] > NEAR, away.argmin(axis=1), last)
 
     def look(starts: Array, best: Array) -> Array:
         """Search from starts, and up from the points that are farthest from the families."""
         size = 10 ** rng.uniform(-3, -0.5, (len(best), 1))
         beside = best + size * rng.normal(size=best.shape)
         x = search(p, np.concatenate([starts, best, beside]))
-        x = x[farthest(_estimates(p, x), 60)]
+        x = x[farthest(_estimates(p, x), 30)]
         Q = np.zeros((len(x), families[0].n))
         Q[:, list(p.joints)] = x
-        free, few = np.full(Q.shape[1], np.inf), SearchOptions(gap=1e-3, boxes=500)
-        sure = [nearest_points(f.conditions(), Q, -free, free, few).lower for f in families]
-        away = np.stack(sure, axis=1)
+        near = [nearest_points(f.conditions(), Q, -free, free, few).upper for f in families]
+        away = np.nan_to_num(np.stack(near, axis=1), posinf=0.0)
+        # What seems to be farther than all before is proven to be far.
         far, column = columns(away)
+        top = farthest(away, 2)
+        top = top[far[top] > 1.01 * tried[column[top]]]
+        np.maximum.at(tried, column[top], far[top])
+        far, column = columns(_of_families(p, x[top], lambda s, at: _sure(s, x[top])))
         np.maximum.at(found, column, far)
         found[last] = found.max()
         return np.asarray(x[farthest(away, 20)])
 
-    best = look(rng.uniform(0, 2 * np.pi, (2000, len(p.joints))), best)
-    for _ in range(20):
+    best = look(rng.uniform(0, 2 * np.pi, (2000, len(p.joints))), np.empty((0, len(p.joints))))
+    for _ in range(12):
         best = look(best[:0], np.tile(best, (4, 1)))
+    boxes, level = halve(p, _first(p, last)), 64.0
+    count = len(boxes)
     while True:
-        goal = SLACK * np.append(np.full(last, found[:last].max()), found[last])
-        worth = boxes.far / np.maximum(goal, TINY)
-        # Where families meet comes first: what is known there bounds the rest.
-        meets = worth[:, last] > 1
-        worth = np.where(meets, 1e6 * worth[:, last], worth.max(axis=1))
+        slack = SLACK if 5 * count < MOST else 2.0
+        goal = slack * np.append(np.full(last, found[:last].max()), found[last])
+        worth = (boxes[:, 8:-1] / np.maximum(goal, TINY)).max(axis=1)
         good = worth <= 1
-        done = np.maximum(done, boxes.far[good].max(axis=0, initial=0.0))
-        boxes, worth = boxes.take(~good), worth[~good]
+        done = np.maximum(done, boxes[good, 8:-1].max(axis=0, initial=0.0))
+        boxes, worth = boxes[~good], worth[~good]
         if not len(worth) or count > MOST:
-            return np.maximum(done, boxes.far.max(axis=0, initial=0.0)), found, count
-        order = np.argsort(-worth, kind="stable")
-        few = min(20000, int(meets.sum()) or len(order))
-        now, later = boxes.take(order[:few]), boxes.take(order[few:])
-        some = now.take(slice(0, 400))
-        best = look(some.x + rng.uniform(-1, 1, some.x.shape) * some.h, best)
-        rows, h, move = np.arange(len(now.x)), now.h.copy(), np.zeros_like(now.h)
-        h[rows, now.split] /= 2
-        move[rows, now.split] = h[rows, now.split]
-        fresh = bound(p, np.concatenate([now.x - move, now.x + move]), np.tile(h, (2, 1)))
-        np.minimum(fresh.far, np.tile(now.far, (2, 1)), out=fresh.far)
-        count += len(fresh.x)
-        boxes = Boxes.joined([later, fresh])
+            width = np.maximum(done, boxes[:, 8:-1].max(axis=0, initial=0.0))
+            return np.where(width < _NONE, width, np.inf), found, count
+        now = worth > level
+        if now.any():
+            fresh = halve(p, boxes[now])
+            count += len(fresh)
+            boxes = np.concatenate([boxes[~now], fresh])
+            continue
+        # The worst boxes are as good as may be at this level: what is in them may be far.
+        level = max(1.0, level / 1.5)
+        worst = boxes[np.argsort(-worth, kind="stable")[:400]]
+        d = len(p.joints)
+        best = look(worst[:, :d] + rng.uniform(-1, 1, (len(worst), d)) * worst[:, 4 : 4 + d], best)
