@@ -364,12 +364,12 @@ def halve(p: Product, boxes: Array) -> Array:
     about = [(s.noise, 0, 0, 1) for s in sums[:3]]
     about += [(f.sum.noise, f.family, f.is_value, f.power) for f in p.factors]
     engine.module().tubes(
-        np.concatenate(terms),
+        np.ascontiguousarray(np.concatenate(terms)),
         np.cumsum([0, *map(len, terms)]).tolist(),
         np.array(about, float),
         boxes.shape[1] - 10,
         NEAR,
-        boxes,
+        np.ascontiguousarray(boxes),
         out,
         engine.isa_names()[-1],
         engine.cpu_count(),
