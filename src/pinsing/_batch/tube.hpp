@@ -364,7 +364,7 @@ struct Condition {
             const One over = select(drop < kFar, f.swing, spread(1e-3));
             shortest(f, v, w, way, kAim * vmin(drop, vabs(f.value) + over), e);
             fall[k] = f.along(e, way, &D);
-            reached = vmin(reached, f.within(e));
+            reached = select(other, reached, vmin(reached, f.within(e)));
             One slope = zero;
             for (int j = 0; j < 4; j++) slope += f.gradient[j] * e[j];
             slope = vmax(vabs(slope), 1e-2);
@@ -414,7 +414,7 @@ inline void tube_box(const Tube& p, One* x, One* h, One* far, One& split) {
         const One other = (D.swing - vabs(slope) * h[j]) * kMore + D.noise;
         const One to = select(slope > 0.0, -1.0 * D.value, D.value);
         const One low = vmax((to - other) / size, -1.0 * h[j]), high = vmin((to + other) / size, h[j]);
-        const auto less = (low < high) & (high - low < 1.9 * h[j]);
+        const auto less = (low < high) & (high - low < 1.9 * h[j]) & ~clear;
         middle[j] = select(less, x[j] + 0.5 * (low + high), x[j]);
         wide[j] = select(less, 0.5 * kMore * (high - low) + 1e-13, h[j]);
         h[j] = select(less, kMore * vmax(high, -1.0 * low) + 1e-13, h[j]);
@@ -478,7 +478,7 @@ inline void tube_box(const Tube& p, One* x, One* h, One* far, One& split) {
     }
     One best = score[0];
     for (int j = 1; j < 4; j++) {
-        split = select(score[j] > best, spread(j), split);
+        split = select((score[j] > best) & ~clear, spread(j), split);
         best = vmax(best, score[j]);
     }
     for (int j = 0; j < 4; j++) {
