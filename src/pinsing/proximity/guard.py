@@ -254,7 +254,7 @@ def _python_text(source: GuardSource) -> str:
     code = Path(trig_sum.__file__).read_text(encoding="ascii")
     parts = {
         "constants": "\n".join(lines),
-        "code": code.partition("import Array\n")[2].strip(),
+        "code": code.partition("import Array, ArrayLike\n")[2].strip(),
         "branches": _rows(branches),
         "sums": _rows(parameters),
         "zones": source.zones_filled(
