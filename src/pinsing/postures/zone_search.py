@@ -583,9 +583,14 @@ class _Search:
         if not all_of_it or math.prod(map(len, each)) > self.samples:
             each = [moves[:1]] * self.arm.n
         maps = np.swapaxes(np.array(list(itertools.product(*each)), dtype=float), 1, 2)
-        for q in random_turns(self.arm, 8):
+
+        def shares(Q: Array) -> Array:
+            return self.judge.shares(Q, *self.speeds)
+
+        # Squares leave signs open that the shares of speed limits tell.
+        for q, what in itertools.product(random_turns(self.arm, 8), (self._unmoved, shares)):
             moved = middle + maps[:, 0] * (q - middle) + maps[:, 1]
-            same = np.isclose(self._unmoved(moved), self._unmoved(q[None]), rtol=0, atol=ROUNDING)
+            same = np.isclose(what(moved), what(q[None]), rtol=ROUNDING, atol=ROUNDING)
             maps = maps[same.all(axis=1)]
         return maps
 
