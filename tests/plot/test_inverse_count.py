@@ -1,4 +1,4 @@
-"""Workspaces of 3-joint arms: counts against the inverse solutions, and cusps."""
+"""Workspaces of 3-joint arms: counts against the inverse solutions, cusps and nodes."""
 
 import math
 
@@ -31,18 +31,21 @@ def orthogonal(folder, d2, d3, d4, r2, r3=0.0):
 
 
 LITERATURE = [
-    ((1, 2, 1.5, 1), 4, {0, 2, 4}), ((1, 2, 0.2, 1), 0, {0, 2}),
-    ((1, 2, 1.5, 0), 0, {0, 2, 4}), ((1, 1.5, 0.6, 0.3), 4, {0, 2, 4}),
-    ((1, 0.5, 0.7, 0.2), 0, {0, 2, 4}),
+    ((1, 2, 1.5, 1), 4, 0, {0, 2, 4}), ((1, 2, 0.2, 1), 0, 0, {0, 2}),
+    ((1, 2, 1.5, 0), 0, None, {0, 2, 4}), ((1, 1.5, 0.6, 0.3), 4, 2, {0, 2, 4}),
+    ((1, 0.5, 0.7, 0.2), 0, 0, {0, 2, 4}),
 ]  # fmt: skip
-"""Lengths d2, d3, d4, r2; cusps, numbers of solutions."""
+"""Lengths d2, d3, d4, r2; cusps, nodes (None: not said), numbers of solutions."""
 
 
-@pytest.mark.parametrize(("lengths", "cusps", "counts"), tiered_rows(LITERATURE, [LITERATURE[3]]))
-def test_orthogonal_arms_are_as_in_the_literature(tmp_path, lengths, cusps, counts):
+@pytest.mark.parametrize(
+    ("lengths", "cusps", "nodes", "counts"), tiered_rows(LITERATURE, [LITERATURE[3]])
+)
+def test_orthogonal_arms_are_as_in_the_literature(tmp_path, lengths, cusps, nodes, counts):
     arm = orthogonal(tmp_path, *lengths)
     found = reach_of(arm, 100, False)
     assert len(found.cusps) == cusps
+    assert nodes is None or len(found.nodes) == nodes
     assert set(np.unique(found.count)) == counts
     for q in found.cusp_joints:
         J = task_jacobian(arm, [0.3, *q])
@@ -51,6 +54,20 @@ def test_orthogonal_arms_are_as_in_the_literature(tmp_path, lengths, cusps, coun
     for r, z in found.cusps:
         near = np.hypot(found.r[None, :] - r, found.z[:, None] - z) < 0.4
         assert {2, 4} <= set(np.unique(found.count[near]))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("rows", "nodes"),
+    [(((-90, 0, 0), (90, 1, 0), (0, 1.5, 0.5)), 0), (((-90, 0, 0), (90, 1, 1), (0, 1.5, 0)), 2)],
+    ids=["curves on each other", "a curve of one place"],
+)
+def test_what_only_rounding_crosses_is_no_node(tmp_path, rows, nodes):
+    arm = table(tmp_path, *(TURN.format(*row) for row in rows))
+    places = reach_of(arm, 40, False).nodes
+    assert len(places) == nodes
+    if nodes:
+        assert np.sort(places[:, 1]) == pytest.approx([-math.sqrt(1 / 8), math.sqrt(1 / 8)])
 
 
 @pytest.mark.slow

@@ -1,12 +1,12 @@
-"""How many inverse solutions a 3-joint position arm has at each place, with cusps.
+"""How many inverse solutions a 3-joint position arm has at each place, with cusps and nodes.
 
 The first joint turns, so the workspace is one of revolution: r, the distance of the tip from the
 first axis, and z along it are functions of the other two joints. A place (r, z) has as many
 solutions as the map of those joints has points there. The count changes only across the images of
 singular configurations (Wenger, 2007: "Cuspidal and noncuspidal robot manipulators"); these have
-*cusps*, where three solutions meet. With R = r^2 / 2 the map is smooth, and singular where
-f = R_2 z_3 - R_3 z_2 = 0; a cusp is where the direction that the map forgets is tangent to that
-curve.
+*cusps*, where three solutions meet, and *nodes*, where two pairs meet at one place. With
+R = r^2 / 2 the map is smooth, and singular where f = R_2 z_3 - R_3 z_2 = 0; a cusp is where the
+direction that the map forgets is tangent to that curve.
 """
 
 from __future__ import annotations
@@ -33,6 +33,10 @@ _FIT = (0.0, 2.0, 4.0)
 _FLAT = 1e-7
 _CROSS = 1e-3
 """Where f is so much flatter than along its curve, two curves of singular joint values cross."""
+_ANGLE = 0.03
+"""Curves that touch at a smaller angle, radians, do not cross there."""
+_NEAR = 5e-3
+"""Nodes are farther from cusps and from each other than this share of the size."""
 _SHIFT = 0.1234
 """Whole circles begin at no round angle: special lines are then not on a line of the grid."""
 
@@ -46,7 +50,9 @@ class Reach:
     z: Array
     count: Ints  # (N, M) of int: inverse solutions there
     curves: tuple[Array, ...]  # images (r, z) of singular configurations
-    cusps: Array  # (C, 2): places (r, z) of the cusps of these
+    # cusps and nodes: (C, 2): places (r, z) of the cusps and nodes of these
+    cusps: Array
+    nodes: Array
     cusp_joints: Array  # (C, 2): values of the second and third joint at the cusps
     within_limits: bool  # whether the second and third joint end at their limits
 
@@ -175,8 +181,72 @@ def _alike(section: Section, x: Array, y: Array) -> bool:
     return bool(np.abs(gap).max() < 1e-4)
 
 
+def nodes_of(section: Section, lines: list[Array], cusps: Array, size: float) -> Array:
+    """Return places (D, 2) where images of singular curves (K, 2) cross at an angle."""
+    # Each is solved for on the curves themselves: where two have one image, as where a joint turns
+    # over, the drawing crosses itself by rounding only.
+    if not lines:
+        return np.zeros((0, 2))
+    images = [section.place(x) for x in lines]
+    x, p = (np.concatenate([c[:-1] for c in each]) for each in (lines, images))
+    v, u = (np.concatenate([np.diff(c, axis=0) for c in each]) for each in (lines, images))
+    length = np.linalg.norm(u, axis=1)
+    # Pieces of curves whose images are shorter than this share of the size are one place
+    drawn = length > 1e-7 * size
+    x, p, v, u, length = (each[drawn] for each in (x, p, v, u, length))
+    low, high = np.minimum(p, p + u), np.maximum(p, p + u)
+    steep = _CROSS * float(np.median(np.linalg.norm(section.steepest(x), axis=-1)))
+    found: list[Array] = []
+    for i in range(len(p) - 1):
+        rest = np.arange(i + 1, len(p))
+        j = rest[(low[rest] <= high[i]).all(axis=1) & (high[rest] >= low[i]).all(axis=1)]
+        cross = u[i, 0] * u[j, 1] - u[i, 1] * u[j, 0]
+        j = j[np.abs(cross) > _ANGLE * length[i] * length[j]]
+        gap = p[j] - p[i]
+        cross = u[i, 0] * u[j, 1] - u[i, 1] * u[j, 0]
+        s = (gap[:, 0] * u[j, 1] - gap[:, 1] * u[j, 0]) / cross
+        t = (gap[:, 0] * u[i, 1] - gap[:, 1] * u[i, 0]) / cross
+        for k in np.flatnonzero((s >= 0) & (s < 1) & (t >= 0) & (t < 1)):
+            both = np.stack([x[i] + s[k] * v[i], x[j[k]] + t[k] * v[j[k]]])
+            at = _crossed(section, both, size, steep)
+            if at is not None and all(
+                np.linalg.norm(at - f) > _NEAR * size for f in [*cusps, *found]
+            ):
+                found.append(at)
+    return np.array(found).reshape(-1, 2)
+
+
+def _crossed(section: Section, both: Array, size: float, steep: float) -> Array | None:
+    """Return the place of a node by Newton, from two joint values (2, 2) near it, or None."""
+    # Both are singular, and have one place: four equations, which are regular where the images
+    # cross at an angle. At the first axis curves end against their mirror images: that is no node.
+    from scipy.optimize import root
+
+    def value(y: Array) -> Array:
+        places = section.place(y.reshape(2, 2))
+        f = section.singular(y.reshape(2, 2)) / size**3
+        return np.concatenate([f, (places[0] - places[1]) / size])
+
+    y = np.asarray(root(value, both.ravel(), tol=1e-12).x).reshape(2, 2)
+    # A node is nearer than this to where drawn curves cross, radians or metres.
+    if np.abs(y - both).max() > 0.1:
+        return None
+    at = np.asarray(section.place(y)[0])
+    if np.abs(value(y.ravel())).max() > 1e-9 or at[0] < _NEAR * size:
+        return None
+    g = section.steepest(y)
+    if _alike(section, y[0], y[1]) or np.linalg.norm(g, axis=-1).min() < steep:
+        return None
+    along = np.stack([-g[:, 1], g[:, 0]], axis=-1)
+    along /= np.maximum(np.linalg.norm(along, axis=-1, keepdims=True), 1e-300)
+    w = (section.place(y + 1e-6 * along) - section.place(y - 1e-6 * along)) / 2e-6
+    turn = abs(float(w[0, 0] * w[1, 1] - w[0, 1] * w[1, 0]))
+    crossed = turn > _ANGLE * float(np.linalg.norm(w[0]) * np.linalg.norm(w[1]))
+    return at if crossed and np.linalg.norm(w, axis=1).min() > 1e-6 * size else None
+
+
 def reach_of(arm: Arm, samples: int, limits: bool) -> Reach:
-    """Count the solutions over the half plane, and find the curves and cusps."""
+    """Count the solutions over the half plane, and find the curves, cusps and nodes."""
     section = Section.of(arm)
     ranges = np.stack(arm.space.range(not limits), axis=1)[1:]
     if not limits:
@@ -209,6 +279,7 @@ def reach_of(arm: Arm, samples: int, limits: bool) -> Reach:
         count=count_of(tiles, r, z),
         curves=tuple(section.place(x) for x in lines),
         cusps=cusps,
+        nodes=nodes_of(section, lines, cusps, size),
         cusp_joints=joints_at,
         within_limits=limits,
     )
@@ -285,8 +356,8 @@ def inverse_count(
     """Draw the workspace of a 3-joint position arm, coloured by how many inverse solutions it has.
 
     The first joint turns and is taken to turn endlessly: half a plane through its axis shows all.
-    Lines are where the arm is singular; cusps of these are marked. An arm with a cusp can change
-    its posture without meeting a singularity (Omri and Wenger, 1995).
+    Lines are where the arm is singular; cusps and nodes of these are marked. An arm with a cusp
+    can change its posture without meeting a singularity (Omri and Wenger, 1995).
 
     Parameters
     ----------
@@ -303,7 +374,7 @@ def inverse_count(
     -------
     Axes
         r, the distance from the first axis, along x; z along y, metres. The legend says the
-        number of cusps.
+        number of cusps and nodes.
 
     Raises
     ------
@@ -334,12 +405,16 @@ def inverse_count(
     for k in np.unique(found.count[found.count > 0]).tolist():
         said = f"{k} solution{'s' * (k != 1)}"
         ax.plot([], [], "s", color=colours[k], markeredgecolor="#888888", label=said)
-    if len(found.cusps):
-        said = f"{len(found.cusps)} cusp{'s' * (len(found.cusps) != 1)}"
-        ax.plot(
-            *found.cusps.T, "o", color="#D55E00", markersize=4.5, zorder=3,
-            markeredgecolor="white", markeredgewidth=0.6, label=said,
-        )  # fmt: skip
+    for points, mark, colour, word in (
+        (found.cusps, "o", "#D55E00", "cusp"),
+        (found.nodes, "D", "#009E73", "node"),
+    ):
+        if len(points):
+            said = f"{len(points)} {word}{'s' * (len(points) != 1)}"
+            ax.plot(
+                points[:, 0], points[:, 1], mark, color=colour, markersize=4.5, zorder=3,
+                markeredgecolor="white", markeredgewidth=0.6, label=said,
+            )  # fmt: skip
     ax.set(aspect="equal", xlim=(0, float(found.r[-1])))
     ax.set_xlabel("distance from the first axis, r [m]", fontsize=SMALL + 1)
     ax.set_ylabel("along it, z [m]", fontsize=SMALL + 1)
