@@ -724,6 +724,12 @@ def test_poses_far_apart_have_the_same_path_on_every_grid(ur5):
         reached(arm, plan, T, TORCH)
         assert np.degrees(plan.clearance) > 70.9
         assert np.degrees(plan.bound) < 71.6
+    # The picture has what the best branch has at each value, along the path and away from it.
+    for k, i in ((0, 30), (1, 200), (3, 300)):
+        turn = pin.SE3(pin.utils.rotate("z", plan.grid[i]), np.zeros(3)).homogeneous
+        every = pinsing.inverse(arm, T[k] @ turn @ np.linalg.inv(TORCH))
+        most = max(pinsing.clearance(form, s.q, certify=True).upper for s in every)
+        assert most - 1e-6 < plan.room[k, i] < most + np.radians(16)
 
 
 @pytest.mark.slow

@@ -64,6 +64,8 @@ _HALVED = 6
 """Times that a motion between poses is halved to prove it clear."""
 _LONG = 20_000
 """Motions that are halved at most, of those looked at where there is no path without them."""
+_SHOWN = 100_000
+"""Nodes at most whose clearance is estimated for pictures alone: half a second."""
 _COARSE = 40, np.radians(10.0)
 """Poses, and the distance of values of what is free, at which placements are compared."""
 
@@ -112,9 +114,8 @@ class PathPlan(JsonResult):
     grid : (G,) array
         The values of what is free that were compared; not written to JSON.
     room : (N, G) array
-        The greatest clearance over the branches there, -inf where the pose is not reached within
-        the joint limits; what no better path can lead through counts by a lower bound. Not
-        written to JSON.
+        The greatest clearance over the branches there, estimated, of a long path at every few
+        poses; -inf where the pose is not reached within the joint limits. Not written to JSON.
     kept : (B, N) array
         Clearance along the paths of ``fixed``, NaN from where one ends on.
     """
@@ -446,7 +447,7 @@ class _Planner:
         turned = self.arm.space.wrap(q)  # many turns would read as degrees
         notes += self._sunken(turned)
         near, kept = clearance(self.form, turned[round(where)]), self._kept(self.first)
-        family, room = str(near.nearest), np.where(self.usable, self.likely, -np.inf).max(axis=2)
+        family = str(near.nearest)
         return replace(
             self._none("", notes),
             q=q,
@@ -459,8 +460,22 @@ class _Planner:
             kept=kept,
             title=self.form[family].title if family else "",
             grid=self.grid,
-            room=np.array([np.roll(x, k) for x, k in zip(room, self.rolled, strict=True)]),
+            room=self._shown(),
         )
+
+    def _shown(self) -> Array:
+        """Return the greatest clearance (N, G) over the branches, of poses with room for one."""
+        # Of long paths estimated at some poses, and taken over for those behind them.
+        likely = np.where(self.usable, self.likely, -np.inf)
+        more = self.usable & ~self.seen & (self.highest > likely.max(axis=2, keepdims=True))
+        every = 1 + int(more.sum()) // _SHOWN
+        likely, more = likely[::every], more[::every]
+        found = nearest_points(
+            self.watched.conditions, self.Q[::every][more], *self.watched.limits, _ROUGH
+        )
+        likely[more] = np.minimum(self.highest[::every][more], found.upper)
+        rolled = zip(likely.max(axis=2), self.rolled[::every], strict=True)
+        return np.repeat([np.roll(x, k) for x, k in rolled], every, axis=0)[: len(self.T)]
 
     def _sunken(self, q: Array) -> list[str]:
         """Say that joints go below the base and the tip, where the floor may be."""
