@@ -3,7 +3,7 @@
 constexpr double kMore = 1.0 + 1e-9;  // for the rounding of the few operations that a bound is made of
 constexpr double kLeast = 1e-300;
 // Lines aim at this many times what a value has to fall: from a box one that just does proves nothing.
-constexpr double kAim = 2.5;
+constexpr double kAims[] = {2.5, 6.0};
 constexpr double kFar = 1e9;  // no distance
 constexpr double kPi = 3.14159265358979;  // not more than it
 
@@ -327,7 +327,7 @@ struct Condition {
     One least, noise, within;  // its least size; how far its zeros are at most from points of the box
     One off;                   // of a joint value: how far it is at least
     One signs;                 // of values where the determinant is zero; 0 where both may be
-    Fall fall[2];              // of values > 0 and < 0
+    Fall fall[4];              // of values > 0 and < 0, and by the second aim
     One parts[4], sway[4];
 
     void set(const TubeSum& sum, const SumOnBox& D, const One* x, const One* h, One drop, One sign) {
@@ -357,14 +357,15 @@ struct Condition {
         for (int j = 0; j < 4; j++)
             if (sum.uses[j]) within += h[j] * h[j];
         One reached = spread(kFar);
-        for (int k = 0; k < 2; k++) {
-            const One way = spread(k ? -1.0 : 1.0);
+        for (int k = 0; k < 4; k++) {
+            const One way = spread(k % 2 ? -1.0 : 1.0);
             const auto other = way * signs < 0.0;
             if (!any(~other)) continue;
             const One over = select(drop < kFar, f.swing, spread(1e-3));
-            shortest(f, v, w, way, kAim * vmin(drop, vabs(f.value) + over), e);
+            shortest(f, v, w, way, kAims[k / 2] * vmin(drop, vabs(f.value) + over), e);
             fall[k] = f.along(e, way, &D);
             reached = select(other, reached, vmin(reached, f.within(e)));
+            if (k > 1) continue;
             One slope = zero;
             for (int j = 0; j < 4; j++) slope += f.gradient[j] * e[j];
             slope = vmax(vabs(slope), 1e-2);
@@ -381,9 +382,10 @@ struct Condition {
             const One u = 0.5 * vmin(vmax(t, off), spread(kPi)), z = u * u;
             far = u * (1.0 - z * (1.0 / 6.0) * (1.0 - z * (1.0 / 20.0) * (1.0 - z * (1.0 / 42.0))));
         } else {
-            far = select(signs < 0.0, fall[1].at(t), fall[0].at(t));
+            const auto falls = [&](int k) { return vmax(fall[k].at(t), fall[k + 2].at(t)); };
+            far = select(signs < 0.0, falls(1), falls(0));
             if (any(~((signs < 0.0) | (signs > 0.0))))
-                far = select(vabs(signs) > 0.0, far, vmin(fall[0].at(t), fall[1].at(t)));
+                far = select(vabs(signs) > 0.0, far, vmin(falls(0), falls(1)));
         }
         return vmax(far * (1.0 / kMore) - noise, least);
     }

@@ -511,8 +511,8 @@ def find_widths(p: Product, families: Sequence[Family]) -> tuple[Array, Array, i
     boxes, level = halve(p, _first(p, last)), 64.0
     count = len(boxes)
     while True:
-        slack = SLACK if 5 * count < MOST else 2.0
-        goal = slack * np.append(np.full(last, found[:last].max()), found[last])
+        slack, alone = (SLACK, found[:last]) if 5 * count < MOST else (2.0, found)
+        goal = slack * np.append(np.full(last, alone.max()), found[last])
         worth = (boxes[:, 8:-1] / np.maximum(goal, TINY)).max(axis=1)
         good = worth <= 1
         done = np.maximum(done, boxes[good, 8:-1].max(axis=0, initial=0.0))
