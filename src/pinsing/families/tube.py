@@ -490,7 +490,8 @@ def find_widths(p: Product, families: Sequence[Family]) -> tuple[Array, Array, i
         size = 10 ** rng.uniform(-3, -0.5, (len(best), 1))
         beside = best + size * rng.normal(size=best.shape)
         x = search(p, np.concatenate([starts, best, beside]))
-        x = x[farthest(_estimates(p, x), 30)]
+        # Where slopes are large across a family its zeros may be far along it all the same.
+        x = np.concatenate([x[:40], x[farthest(_estimates(p, x), 20)]])
         Q = np.zeros((len(x), families[0].n))
         Q[:, list(p.joints)] = x
         near = [nearest_points(f.conditions(), Q, -free, free, few).upper for f in families]
