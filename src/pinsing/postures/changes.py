@@ -118,7 +118,7 @@ def _values(
         if first < last:
             values = [min(max(v, float(low)), float(high)) for v in values]
         counts.append(last - first + 1)
-        each.append(sorted(values, key=lambda v, j=j: abs(v - start[j])))  # type: ignore[misc]
+        each.append(sorted(values, key=lambda v, j=j: (round(abs(v - start[j]), 9), v)))  # type: ignore[misc]
     return counts, each
 
 
@@ -148,7 +148,7 @@ def _told(
         if at is not None and chosen.apart(pieces, target, at):
             apart += 1
             continue
-        gap = float(np.sum((copy[joints] - start[joints]) ** 2))
+        gap = round(float(np.sum((copy[joints] - start[joints]) ** 2)), 9)  # ties alike everywhere
         some.append(_Choice(int(at != target), gap, tuple(zip(joints, values, strict=True))))
     return some, apart
 

@@ -241,7 +241,7 @@ class FoundSolutions:
         # singularity solutions come in such pairs.
         if not len(Q):
             return
-        Q = self.arm.space.wrap(Q + ROUNDING) - ROUNDING  # half a turn is -pi, however rounded
+        Q = self.arm.space.wrap(Q)
         for q, e, sign in zip(Q, left, self._signs(Q), strict=True):
             if self.q:
                 gap = np.abs(self.arm.space.wrap(np.array(self.q) - q)).max(axis=1)

@@ -90,9 +90,12 @@ class JointSpace:
         return found
 
     def wrap(self, q: ArrayLike) -> Array:
-        """Revolute values, or differences of such, (..., n) within half a turn of zero."""
+        """Revolute values, or differences of such, (..., n) within half a turn of zero.
+
+        Half a turn is -pi, however it was rounded.
+        """
         q = np.asarray(q, dtype=float)
-        turns = np.where(self.prismatic, 0.0, np.floor((q + np.pi) / (2 * np.pi)))
+        turns = np.where(self.prismatic, 0.0, np.floor((q + np.pi + ROUNDING) / (2 * np.pi)))
         return np.asarray(q - 2 * np.pi * turns)
 
     def fold(self, q: ArrayLike) -> Array:
