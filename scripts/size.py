@@ -10,8 +10,8 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parent.parent
 LIMITS: dict[str, tuple[int, int]] = {
     "Python in src: statements": (41_870, 30_000),
-    "Python in src: lines": (77_490, 56_000),
-    "C++, JavaScript, templates, styles: lines": (13_368, 9_500),
+    "Python in src: lines": (77_494, 56_000),
+    "C++, JavaScript, templates, styles: lines": (13_370, 9_500),
     "modules": (213, 220),
     "packages directly under pinsing": (16, 16),
     "numbers in module constants": (496, 500),
