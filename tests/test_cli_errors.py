@@ -8,7 +8,6 @@ import pytest
 from command_line import run
 
 URDF = Path(__file__).parent.parent / "urdf"
-FIVE_BAR = str(URDF / "five_bar.urdf")
 LIMIT = '<limit lower="-1" upper="1" effort="1" velocity="1"/>'
 AXIS = '<axis xyz="0 0 1"/>'
 GOOD = AXIS + LIMIT

@@ -67,10 +67,6 @@ def test_a_determinant_ends_with_its_time():
         determinant(matrix, PLAIN, Budget(0.0))
 
 
-def coefficients(row, ring: Ring):
-    return {(j, m): c for j, x in enumerate(row) for m, c in ring.coefficients(x).items()}
-
-
 @pytest.mark.parametrize("ring", [PLAIN, ROOTS], ids=["rational", "with roots"])
 def test_rows_that_are_combinations_of_others_are_dropped_and_no_others(ring):
     draw = random.Random(7)

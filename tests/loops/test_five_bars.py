@@ -195,19 +195,6 @@ def test_a_rod_across_its_slide_is_singular_and_beside_it_not(tmp_path: Path, cu
         assert (value <= 1e-8) == singular
 
 
-def test_working_modes_of_an_upright_five_bar_are_counted(tmp_path: Path) -> None:
-    """The output in x and z: the intersection of circles, as in the level plane."""
-    level = FiveBar(tmp_path, "RR", "pin", "level", 5)
-    (tmp_path / "up").mkdir()
-    upright = FiveBar(tmp_path / "up", "RR", "pin", "upright", 5)
-    found = [pinsing.loops.working_modes(x.mechanism) for x in (level, upright)]
-    for modes in found:
-        assert modes.complete
-        assert modes.statement == "4 working modes: all there are, by the intersection of circles"
-    for one, two in zip(*(sorted(tuple(m.q) for m in x.modes) for x in found), strict=True):
-        np.testing.assert_allclose(one, two, atol=1e-9)
-
-
 def two_slides(folder: Path, limits: tuple[float, float] = (-9, 9)) -> pinsing.robot.Mechanism:
     """Slides along x, the second at y = 0.3; rods of 0.5 and 0.6."""
     joints = [

@@ -1,16 +1,12 @@
 """Singular loci in the joint angles: against the Jacobians, and geometry written here."""
 
 import json
-from dataclasses import replace
 
 import numpy as np
 import pinocchio as pin
 import pytest
-from mechanisms import URDF, analyzed, shipped
-from test_five_bars import FiveBar
-from test_mechanism_pose import slides_in_the_plane
+from mechanisms import URDF, shipped
 from test_parallel_geometry import Way, planar
-from test_pose_forms import pluecker
 from tiers import tiered
 from urdf_text import J, frame, loop_text, stewart, written
 
@@ -26,7 +22,6 @@ from pinsing.loops import (
 )
 from pinsing.loops.closure import Loops, random_closed
 from pinsing.loops.joint_loci import ClosureForms, _matrix
-from pinsing.loops.structure import room_of
 
 SHELF = ["five_bar", "four_bar", "planar_3rrr", "planar_3rpr", "gough_stewart", "delta", "rps3",
          "rssr"]  # fmt: skip
@@ -87,26 +82,6 @@ def test_the_forms_are_the_determinants_of_the_jacobians(name, rng):
     assert (np.ptp(np.log(found), axis=0) < 1e-7).all()
 
 
-@pytest.mark.parametrize("kind", ["type 1", "type 2"])
-@pytest.mark.parametrize(
-    "name", tiered(["planar_3rrr", "agile_eye", "delta", "rssr"], ("planar_3rrr", "agile_eye"))
-)
-def test_singular_points_are_on_them_and_others_are_not(name, kind, rng):
-    mechanism = shipped(name).without_limits()
-    forms = joint_forms(mechanism)
-    met = 0
-    for q in random_closed(mechanism, 6, rng):
-        state = mechanism_at(mechanism, q)
-        if min(state.output_ratio, state.input_ratio, state.constraint_ratio) > 1e-3:
-            assert np.abs(forms.values(q)).min() > 1e-9
-        point = refine(mechanism, q, kind)
-        if point.converged and point.kind == kind:
-            met += 1
-            # A verdict of 1e-9 in the Jacobian may be its square root in a factor of a product.
-            assert np.abs(forms.values(point.q)).min() < 1e-5
-    assert met or (name, kind) in {("rssr", "type 2"), ("agile_eye", "type 2")}
-
-
 def test_the_agile_eye_is_of_type_1_where_a_middle_joint_is_at_a_right_angle(rng):
     forms = joint_forms(shipped("agile_eye"))
     ones = [x for x in forms.loci if x.kind == "type 1"]
@@ -128,50 +103,6 @@ def test_the_agile_eye_is_of_type_1_where_a_middle_joint_is_at_a_right_angle(rng
                                                  zip(middle[1:], radii, strict=True))]  # fmt: skip
         found.append(abs(np.linalg.det(moments)) / abs(left_side(two, mechanism, q)))
     assert np.ptp(np.log(found)) < 1e-8
-
-
-@pytest.mark.parametrize("seed", range(2))
-def test_random_stewart_platforms_against_their_leg_lines(seed, tmp_path):
-    rng = np.random.default_rng(seed)
-    base, platform = rng.normal(size=(6, 3)), 0.5 * rng.normal(size=(6, 3))
-    made = written(tmp_path, *stewart(base, platform))
-    mechanism = pinsing.load_mechanism(made).without_limits()
-    forms = joint_forms(mechanism)
-    two = [x for x in forms.loci if x.kind == "type 2"]
-    assert len(two) == 1
-    assert not [x for x in forms.loci if x.kind == "type 1"]
-    found = []
-    for q in random_closed(mechanism, 6, rng):
-        data = mechanism.model.createData()
-        pin.framesForwardKinematics(mechanism.model, data, mechanism.model_q(q))
-        names = ["rod0", *(f"b{k}" for k in range(1, 6))]
-        ends = [data.oMf[mechanism.model.getFrameId(n)].translation for n in names]
-        lines = [pluecker(a, b) for a, b in zip(base, ends, strict=True)]
-        lines = [x / np.linalg.norm(x[:3]) for x in lines]
-        found.append(abs(np.linalg.det(lines)) / abs(left_side(two[0], mechanism, q)))
-    assert np.ptp(np.log(found)) < 1e-7
-
-
-def test_a_five_bar_in_a_slanted_plane_is_a_five_bar(tmp_path, rng):
-    (tmp_path / "level").mkdir()
-    slanted = FiveBar(tmp_path, "RR", "pin", "oblique", 5).mechanism
-    level = FiveBar(tmp_path / "level", "RR", "pin", "level", 5).mechanism
-    assert room_of(slanted)[0] == room_of(level)[0] == "plane"
-    two = [next(x for x in joint_forms(m).loci if x.kind == "type 2") for m in (slanted, level)]
-    Q = random_closed(slanted, 6, rng)
-    left = [[left_side(x, slanted, q) for x in two] for q in Q]
-    # One is the other times a constant.
-    assert np.ptp(np.log(np.abs(left)) @ [1, -1]) < 1e-7
-    square = replace(slanted, task=level.task)
-    ones = [ratios(square, q)[1] for q in Q]
-    assert np.ptp(np.log(ones)) < 1e-6
-
-
-def test_slides_before_the_rods(rng):
-    made = slides_in_the_plane().without_limits()
-    found = np.array([ratios(made, q) for q in random_closed(made, 6, rng)])
-    assert (np.ptp(np.log(found), axis=0) < 1e-7).all()
-    assert sum(x.kind == "type 1" for x in joint_forms(made).loci) == 3
 
 
 CLOSURES = ["bennett", "five_bar", "planar_3rpr", "rps3", "agile_eye", "rssr"]
@@ -300,10 +231,3 @@ def test_json_of_the_command_has_both(name, kind, command):
         return
     assert found.joint_forms is not None
     assert str(found.joint_forms) == str(joint_forms(shipped(name)))
-
-
-@pytest.mark.slow
-def test_the_analysis_has_them():
-    found = analyzed("four_bar")
-    assert [x.kind for x in found.joint_forms.loci] == ["type 2", "type 1"]
-    assert "Closed forms in the joint angles" in str(found)

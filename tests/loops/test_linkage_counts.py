@@ -96,17 +96,6 @@ def test_working_modes_of_three_legs_on_hinges(seed, tmp_path):
     assert "by the planes of its hinges and the two solutions of each leg" in found.statement
 
 
-def test_the_shelfs_hinged_platform_turned_round_is_found():
-    """At yaw 180° the hinges allow the pose of home, too: the tilt is the same."""
-    found = pinsing.loops.working_modes(shipped("rps3").without_limits())
-    assert len(found.modes) == 16
-    assert found.complete
-    yaws = {round(abs(m.pose.angles[2]), 6) for m in found.modes}
-    assert yaws == {0.0, round(np.pi, 6)}
-    within = pinsing.loops.working_modes(shipped("rps3"))
-    assert "at most 2 within the limits of the actuators" in within.statement
-
-
 @pytest.mark.slow
 def test_level_modes_of_a_delta_are_counted():
     mechanism = shipped("delta").without_limits()
@@ -118,23 +107,6 @@ def test_level_modes_of_a_delta_are_counted():
     level = [m for m in inverse.modes if abs(m.pose.quaternion[0]) > 1 - 1e-9]
     assert len(level) == 8
     assert not inverse.complete
-
-
-def test_limits_of_the_rocker_leave_one_assembly_of_those_that_there_are(tmp_path):
-    joints = [
-        J("crank", "base", "arm", (0, 0, 0), X),
-        J("ux", "arm", "cross", (0, 0.3, 0), X),
-        J("uy", "cross", "rod", axis=Y),
-        frame("tip", "rod", (0, 0, 1.0)),
-        J("other", "base", "rocker", (0.2, 1.0, 0), X, "revolute", (0, 3)),
-        frame("pin", "rocker", (0, 0, 0.5)),
-    ]
-    text = loop_text([("tip", "pin")], ["crank"], "rocker", "wx")
-    mechanism = pinsing.load_mechanism(written(tmp_path, joints, text))
-    found = pinsing.loops.assembly_modes(mechanism)
-    assert found.statement.startswith("1 assembly mode: all there are, by the quadratic equation")
-    assert "1 more pose beyond the joint limits" in found.statement
-    assert len(pinsing.loops.assembly_modes(mechanism.without_limits()).modes) == 2
 
 
 @pytest.mark.slow

@@ -11,19 +11,18 @@ import click
 import matplotlib.pyplot as plt
 from click.testing import CliRunner
 
-from pinsing.cli.mechanism import analyze_loops, loops_option, read, view_loops
+from pinsing.cli.mechanism import analyze_loops, loops_option, view_loops
 from pinsing.cli.plot import plot_loops
-from pinsing.errors import ConfigurationError, OptionError, PinsingError
+from pinsing.errors import OptionError, PinsingError
 from pinsing.loops import (
     MechanismAnalysis,
     analyze_mechanism,
-    assemblies,
     curves,
     find_singular,
     home,
     loop_forms,
 )
-from pinsing.plot.mechanism import draw_linkage, input_map, measure_curves
+from pinsing.plot.mechanism import input_map
 
 FIVE_BAR = {"robot": str(URDF / "five_bar.urdf")}
 LOOPS = URDF / "five_bar.loops.yaml"
@@ -83,27 +82,6 @@ def test_map_refuses_what_has_none():
         input_map(shipped("five_bar"), "left")
 
 
-def test_linkage_is_drawn_closed():
-    mechanism = shipped("five_bar")
-    q = home(mechanism)
-    ax = draw_linkage(mechanism, q)
-    points = np.array([line.get_xydata()[0] for line in ax.lines if len(line.get_xydata()) == 1])
-    for expected in ((-0.8, 0), (0.8, 0), (-0.2, 1.2 * np.sin(np.pi / 3)), (0.6, 1.6392304845)):
-        assert np.abs(points - expected).sum(axis=1).min() < 1e-9
-
-
-def test_measures_touch_zero_at_the_points():
-    mechanism = shipped("four_bar")
-    found = curves(mechanism, home(mechanism)[list(mechanism.actuated)], 0)
-    points = find_singular(mechanism, found)
-    ax = measure_curves(mechanism, found, points)
-    dots = np.array([line.get_xydata()[0] for line in ax.lines if len(line.get_xydata()) == 1])
-    assert len(dots) == len(points)
-    assert (dots[:, 1] == 0).all()
-    low, high = ax.get_xlim()
-    assert ((dots[:, 0] >= low) & (dots[:, 0] <= high)).all()
-
-
 @pytest.mark.slow
 def test_analyze_prints_json_and_tells_by_its_exit_code(capsys):
     assert analyze_loops(LOOPS, **FIVE_BAR) == 0
@@ -118,36 +96,6 @@ def test_plots_are_written(kind, tmp_path):
     asked = [] if kind == "map" else ["60,60"]
     plot_loops(LOOPS, kind=kind, out=out, configurations=asked, deg=True, dpi=50, **FIVE_BAR)
     assert out.stat().st_size > 5_000
-
-
-@pytest.mark.slow
-def test_page_is_written(tmp_path):
-    out = tmp_path / "page.html"
-    view_loops(LOOPS, html=out, **FIVE_BAR)
-    assert 'id="baked-page"' in out.read_text(encoding="utf-8")
-
-
-def test_options_of_arms_are_refused(tmp_path):
-    with pytest.raises(OptionError, match="--tip and --task does not go with --loops"):
-        read(LOOPS, {**FIVE_BAR, "tip": "P", "task": "position"})
-    with pytest.raises(OptionError, match="--follow shows serial arms alone"):
-        view_loops(LOOPS, follow=LOOPS, **FIVE_BAR)
-    with pytest.raises(OptionError, match="plot of mechanisms"):
-        plot_loops(LOOPS, kind="along", out=tmp_path / "x.png", **FIVE_BAR)
-    with pytest.raises(ConfigurationError, match="--q needs 2 values"):
-        view_loops(LOOPS, html=tmp_path / "x.html", poses=["1,2,3"], **FIVE_BAR)
-
-
-def test_loops_option_turns_a_command_over():
-    @click.command()
-    @loops_option(lambda loops, **options: click.echo(f"{loops} {options['robot']}"))
-    @click.argument("robot")
-    def command(robot: str) -> None:
-        click.echo(f"arm {robot}")
-
-    runner = CliRunner()
-    assert runner.invoke(command, ["x.urdf"]).output == "arm x.urdf\n"
-    assert runner.invoke(command, ["x.urdf", "--loops", "y.yaml"]).output == "y.yaml x.urdf\n"
 
 
 def test_loops_alone_means_the_file_beside_and_its_absence_is_said():
@@ -173,15 +121,6 @@ def test_loops_alone_means_the_file_beside_and_its_absence_is_said():
         assert runner.invoke(command, [robot]).output == f"arm {robot}\n"
         refused = runner.invoke(command, [robot, "--loops"]).exception
         assert isinstance(refused, PinsingError)
-
-
-def test_modes_are_drawn_apart():
-    mechanism = shipped("five_bar")
-    ends = []
-    for mode in assemblies(mechanism, [np.pi / 3] * 2):
-        ax = draw_linkage(mechanism, mode.q, plt.subplots()[1], ellipse=0)
-        ends.append(ax.lines[-1].get_xydata()[0])
-    assert np.linalg.norm(ends[0] - ends[1]) > 0.5
 
 
 def test_what_the_time_of_an_analysis_leaves_out_is_said_and_the_rest_kept(capsys):
@@ -227,10 +166,3 @@ def test_the_time_ends_the_curves_with_those_that_are_followed():
     calls = iter(range(10_000))
     assert curves(mechanism, q, 0, over=lambda: next(calls) > 5) == ()
     assert find_singular(mechanism, curves(mechanism, q, 0), over=lambda: True) == ()
-
-
-@pytest.mark.parametrize("option", [{"levels": "1"}, {"nominal": True}, {"random_starts": 3}])
-def test_options_of_the_sweep_of_arms_are_refused(option):
-    (name,) = option
-    with pytest.raises(OptionError, match=f"--{name.replace('_', '-')} does not go with --loops"):
-        analyze_loops(LOOPS, **option, **FIVE_BAR)

@@ -7,12 +7,11 @@ from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
-import pinocchio as pin
 import pytest
 from chromium import BLUE, HOT, PINK, near, open_page, picture, require_browser, show_only, text
 from mechanisms import analyzed, shipped
 
-from pinsing.loops import home, mechanism_at, residual
+from pinsing.loops import home, residual
 from pinsing.view.mechanism_viewer import MechanismViewer
 
 require_browser()
@@ -110,39 +109,6 @@ def test_the_page_loads_and_shows_a_mechanism(
              l[0], l[2], -l[1]).project(window.pinsing.view.viewer.camera).toArray())"""
     )
     assert np.abs(np.array(where)[:, :2]).max() < 1
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("name", [FIRST[0], FIRST[2]])
-def test_a_slider_moves_the_mechanism_and_the_readings(
-    page: Any, viewers: dict[str, MechanismViewer], name: str
-) -> None:
-    viewer = viewers[name]
-    mechanism = viewer.mechanism
-    open_at_home(page, viewer)
-    before, numbers, drawn = shown(page), text(page, "#numbers"), picture(page)
-    joint = mechanism.actuated[1]
-    goal = slider(page, joint) + 15
-    drag(page, joint, goal)
-    after = shown(page)
-    assert np.sin(after[joint] - np.radians(goal)) == pytest.approx(0, abs=1e-9)
-    others = [j for j in mechanism.actuated if j != joint]
-    np.testing.assert_allclose(after[others], before[others], atol=1e-9)
-    assert np.abs(after - before)[list(mechanism.passive)].max() > 0.05
-    assert np.abs(residual(mechanism, after)).max() < 1e-9
-    assert text(page, "#numbers") != numbers
-    assert text(page, "#refused") == ""
-    assert np.abs(picture(page) - drawn).mean() > 0.5
-    # The links of the scene stand where the solution has them.
-    last = page.evaluate("() => window.pinsing.view.frame.links.length")
-    where = page.evaluate("(k) => window.pinsing.view.node(`arm/${k}`).position.toArray()", last)
-    work = mechanism.model.createData()
-    pin.forwardKinematics(mechanism.model, work, mechanism.model_q(after))
-    np.testing.assert_allclose(where, work.oMi[last].translation, atol=1e-9)
-    # What is shown is what an independent look at the solution says.
-    assert text(page, "#two") == f"{mechanism_at(mechanism, after).input_ratio:.3g}"
-    settled(page)
-    assert "is nearest" in text(page, "#nearest")
 
 
 def lead(page: Any, k: int, value: float) -> None:
@@ -306,51 +272,6 @@ def test_the_ellipse_and_what_is_lost_or_not_held_are_seen(
 
 
 @pytest.mark.slow
-def test_motions_into_and_along_are_played(page: Any, viewers: dict[str, MechanismViewer]) -> None:
-    viewer = viewers["planar_3rrr"]
-    open_at_home(page, viewer)
-    page.locator(".entry").nth(3).click()
-    page.wait_for_function("() => window.pinsing.view.frame.kind === 'type 2'")
-    page.locator(".chosen .into").click()
-    page.wait_for_function("() => window.pinsing.path?.kind === 'into'")
-    page.evaluate("() => { window.pinsing.pause(); window.pinsing.at(0); }")
-    assert text(page, "#status") == "Regular"
-    page.evaluate("() => window.pinsing.at(1e9)")
-    assert text(page, "#status") == "Type 2 singularity"
-    page.locator(".chosen .along").click()
-    page.wait_for_function("() => window.pinsing.path?.kind === 'along'")
-    kinds = page.evaluate("() => window.pinsing.path.frames.map((f) => f.kind)")
-    assert set(kinds) == {"type 2"}
-    page.wait_for_function("() => window.pinsing.drawn > 3")
-    # On a slow machine it may have come to its end, where the key would start it again.
-    if page.evaluate("() => window.pinsing.running"):
-        page.keyboard.press("Space")
-    page.wait_for_function("() => !window.pinsing.running")
-
-
-@pytest.mark.slow
-def test_keys_step_through_the_poses_and_reset_goes_back(
-    page: Any, five_bar: MechanismViewer
-) -> None:
-    open_at_home(page, five_bar)
-
-    first, second = (p.q for p in five_bar.groups[0].points[:2])
-    page.keyboard.press("ArrowRight")
-    reached(page, first)
-    assert text(page, "#playing") == "L1, pose 1 of 4"
-    page.keyboard.press("n")
-    reached(page, second)
-    page.keyboard.press("ArrowLeft")
-    reached(page, first)
-    # Out of the type 2 singularity by its slider, and back.
-    drag(page, 0, slider(page, 0) - 10)
-    assert text(page, "#status") == "Regular"
-    page.locator("#reset").click()
-    reached(page, first)
-    assert text(page, "#status") == "Type 2 singularity"
-
-
-@pytest.mark.slow
 def test_beyond_half_a_turn_the_slider_goes_on(page: Any, five_bar: MechanismViewer) -> None:
     open_at_home(page, five_bar)
     joint = five_bar.mechanism.actuated[1]
@@ -360,42 +281,3 @@ def test_beyond_half_a_turn_the_slider_goes_on(page: Any, five_bar: MechanismVie
     assert text(page, "#refused") == ""
     typed = "() => [...document.querySelectorAll('.typed')].map((field) => field.value)"
     assert "225.00" in page.evaluate(typed)
-
-
-@pytest.mark.slow
-def test_two_tabs_do_not_disturb_each_other(
-    page: Any, browser: Any, five_bar: MechanismViewer
-) -> None:
-    open_at_home(page, five_bar)
-    other = browser.new_page()
-    try:
-        open_page(other, five_bar.url)
-        drag(page, 0, 70)
-        assert slider(other, 0) == pytest.approx(60, abs=1e-6)
-        five_bar.show_group("L4")
-        for tab in (page, other):
-            tab.wait_for_function("() => window.pinsing.view.frame.kind === 'type 1'")
-    finally:
-        other.close()
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("panel", [True, False])
-def test_a_picture_of_a_singular_pose_is_taken(panel: bool, tmp_path: Any) -> None:
-    from mechanisms import URDF
-    from PIL import Image
-
-    from pinsing.cli.mechanism import view_loops
-
-    out = tmp_path / "panel.png"
-    view_loops(
-        URDF / "four_bar.loops.yaml",
-        png=out,
-        panel=panel,
-        family="L1",
-        size="900x600",
-        robot=str(URDF / "four_bar.urdf"),
-    )
-    pixels = np.asarray(Image.open(out).convert("RGB"), dtype=float)
-    assert pixels.shape[:2] == (600, 900)
-    assert near(pixels, HOT) > 100

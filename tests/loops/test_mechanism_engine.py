@@ -6,14 +6,13 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 import pytest
-from mechanisms import analyzed, four_bar, from_model, planar_tree, shipped
+from mechanisms import analyzed, from_model, planar_tree, shipped
 from node import needs_node, run
 from tiers import tiered
 
 from pinsing.loops import (
     assemblies,
     drive,
-    feasible,
     home,
     mechanism_at,
     motions,
@@ -268,47 +267,6 @@ def test_a_range_ends_where_driving_does(name: str) -> None:
         assert set(np.round(ends, 9)) <= set(np.round([here["lower"], here["upper"]], 9))
 
 
-@pytest.mark.slow
-@needs_node
-def test_ranges_of_the_five_bar_are_its_feasible_ones() -> None:
-    mechanism = shipped("five_bar")
-    q = home(mechanism)
-    found = ranges(mechanism, q)
-    for here, (interval,) in zip(found, feasible(mechanism, [np.pi / 3] * 2).values(), strict=True):
-        ends = [here["lower"], here["upper"]]
-        assert ends == pytest.approx([interval.lower, interval.upper], abs=1e-9)
-    one, two = found
-    assert [p["kind"] for p in one["points"]] == ["type 2", "type 1", "type 2"]
-    assert [p["kind"] for p in two["points"]] == ["type 2", *["type 1"] * 3, "type 2"]
-    # The three of the paper's assembly mode; 2.70536 is in the other one.
-    values = [p["q"][mechanism.actuated[1]] for p in two["points"]]
-    assert values[1:4] == pytest.approx([1.4092167, 1.9685594, 2.2456653], abs=1e-7)
-    assert two["upper"] > np.pi  # in the turn of the range
-    ahead = run(
-        """(m, {data, q}) => m.aheadOf(data, q, [0, 1].map((k) => m.stretch(data, q, k))).text""",
-        {"data": data_of(mechanism), "q": q.tolist()},
-    )
-    assert ahead == "type 1 is nearest: q1 − 10.5°"
-
-
-@pytest.mark.slow
-@needs_node
-def test_a_crank_that_turns_round_has_no_ends_and_limits_end_a_range() -> None:
-    mechanism = four_bar(0.4, 0.1, 0.4, 0.3)  # Grashof: the shortest link turns round
-    q = home(mechanism)
-    (found,) = ranges(mechanism, q)
-    assert found["whole"]
-    # Where crank and coupler are in line the rocker turns back: twice a turn.
-    assert [p["kind"] for p in found["points"]] == ["type 1", "type 1"]
-    assert drive(mechanism, q[[0]] + 2 * np.pi, q).converged
-    whole = shipped("five_bar")
-    low, high = whole.lower.copy(), whole.upper.copy()
-    low[whole.actuated[0]], high[whole.actuated[0]] = 0.5, 1.2
-    found = ranges(replace(whole, lower=low, upper=high), home(whole))[0]
-    assert [found["lower"], found["upper"]] == [0.5, 1.2]
-    assert {p["kind"] for p in found["points"]} == {"type 1"}
-
-
 @needs_node
 @pytest.mark.parametrize("name", tiered(EVERY, FEW[:1]))
 def test_modes_agree(name: str) -> None:
@@ -339,22 +297,6 @@ def test_modes_agree(name: str) -> None:
     for mode in found["working"]:
         reached = mechanism_at(mechanism, mode["q"]).position
         np.testing.assert_allclose(reached, place, atol=1e-9)
-
-
-@pytest.mark.slow
-@needs_node
-def test_a_singular_pose_is_its_own_mode_and_nothing_is_ahead() -> None:
-    mechanism = shipped("five_bar")
-    q = next(p.q for p in analyzed("five_bar").points if p.kind == "type 2")
-    ahead, modes = run(
-        """(m, {data, q}) => [m.aheadOf(data, q, [0, 1].map((k) => m.stretch(data, q, k))),
-             m.modesAt(data, q)]""",
-        {"data": data_of(mechanism), "q": q.tolist()},
-    )
-    assert ahead is None
-    (here,) = [mode for mode in modes["assemblies"] if mode["here"]]
-    assert "assembly 0" in here["name"]
-    np.testing.assert_allclose(mechanism.fold(np.array(here["q"]) - q), 0, atol=1e-9)
 
 
 @needs_node
@@ -422,17 +364,6 @@ def test_paths_lead_into_singularities_and_along_them(name: str) -> None:
 
 
 @needs_node
-def test_open_loops_are_not_shown_as_closed() -> None:
-    mechanism = four_bar(0.4, 0.1, 0.4, 0.3)
-    said = run(
-        """(m, {data, q}) => { try { m.mechanismFrame(data, q); return "shown"; }
-             catch (error) { return error.message; } }""",
-        {"data": data_of(mechanism), "q": [0.1, 0.2, 0.3]},
-    )
-    assert "close them first" in said
-
-
-@needs_node
 @pytest.mark.parametrize("name", tiered(EVERY, FEW[1:]))
 def test_the_healthiest_pose_is_within_limits_and_regular(name: str) -> None:
     mechanism = mechanism_of(name)
@@ -445,47 +376,6 @@ def test_the_healthiest_pose_is_within_limits_and_regular(name: str) -> None:
     assert (q >= mechanism.lower - 1e-9).all()
     assert (q <= mechanism.upper + 1e-9).all()
     assert min(measures) > 0.05
-
-
-@pytest.mark.slow
-@needs_node
-@pytest.mark.parametrize("name", ["gough_stewart", *tiered(("delta", "rps3"), ())])
-def test_a_clear_pose_is_found_within_narrow_limits(name: str) -> None:
-    """Of 400 closed configurations at random of the platform none was within all 21 limits."""
-    mechanism = shipped(name)
-    at_home = mechanism_at(mechanism, home(mechanism))
-    given = min(at_home.output_ratio, at_home.input_ratio, at_home.constraint_ratio)
-    found = run("(m, data) => m.healthiestPose(data, [], 20, 20)", data_of(mechanism))
-    state = mechanism_at(mechanism, found["q"])
-    assert state.kind == "regular"
-    assert not mechanism.space.outside(found["q"]).any()
-    assert found["measure"] >= given - 1e-9
-    # A pose that is given is not lost, were it the only one.
-    best = run("(m, { data, q }) => m.healthiestPose(data, [q], 0, 0)", {
-        "data": data_of(mechanism), "q": found["q"]
-    })  # fmt: skip
-    assert best["measure"] == pytest.approx(found["measure"], abs=1e-9)
-
-
-@needs_node
-def test_rows_of_inputs_are_followed_to_the_first_that_cannot_be() -> None:
-    mechanism = shipped("planar_3rpr")
-    moves = np.array([[0, 0, 0], [0.02, 0, 0], [0.04, 0.01, 0], [9.0, 0, 0], [0, 0, 0]])
-    rows = (home(mechanism)[list(mechanism.actuated)] + moves).tolist()
-    found = run(
-        """(m, { data, rows }) => {
-             const found = m.followInputs(data, data.home, rows), { beyond, row } = found;
-             return { ...found, words: beyond && m.beyondWords(data, rows[row], beyond) };
-           }""",
-        {"data": data_of(mechanism), "rows": rows},
-    )
-    assert found["row"] == 3
-    assert found["words"].startswith("p1 = ")
-    assert "mm is beyond its limit, " in found["words"]
-    for q, row in zip(found["path"], rows, strict=False):
-        assert np.abs(Loops(mechanism).scaled(np.array(q))[0]).max() <= 1e-10
-        np.testing.assert_allclose(np.array(q)[list(mechanism.actuated)], row, atol=1e-12)
-    assert len(found["path"]) == 3
 
 
 @needs_node

@@ -8,7 +8,6 @@ import yaml
 from mechanisms import URDF, shipped
 
 import pinsing
-from pinsing.errors import OptionError
 from pinsing.loops import MechanismMap, mechanism_at, refine
 from pinsing.loops.closure import BatchLoops, random_closed
 from pinsing.loops.map import cannot_close
@@ -33,25 +32,6 @@ def test_many_at_once_equal_one_by_one(name, rng):
     assert {"type 1", "type 2", "type 3"} & set(kinds.tolist()) or name == "gough_stewart"
 
 
-@pytest.mark.parametrize("over", ["inputs", "poses"])
-def test_a_map_keeps_loops_and_limits(over):
-    mechanism = shipped("gough_stewart")
-    found = pinsing.loops.mechanism_map(mechanism, over, 128, seed=3)
-    assert 0 < found.closed <= found.count == 128
-    assert sum(found.kinds.values()) == found.closed - found.beyond > 0
-    low, high = mechanism.lower[list(mechanism.actuated)], mechanism.upper[list(mechanism.actuated)]
-    for w in found.worst:
-        state = mechanism_at(mechanism, w.q)
-        least = min(state.output_ratio, state.input_ratio, state.constraint_ratio)
-        assert w.measure == pytest.approx(least, rel=1e-7)
-        assert not mechanism.space.outside(w.q).any()
-        assert ((low <= w.inputs) & (w.inputs <= high)).all()
-    assert [w.measure for w in found.worst] == sorted(w.measure for w in found.worst)
-    table = np.array([found.output_ratio, found.input_ratio, found.constraint_ratio])
-    assert (np.diff(table, axis=1) >= 0).all()
-    assert table[:, 0].min() == pytest.approx(found.worst[0].measure, rel=1e-9)
-
-
 def test_the_same_seed_gives_the_same_map_and_json_keeps_it():
     mechanism = shipped("planar_3rrr")
     one, two = (pinsing.loops.mechanism_map(mechanism, count=100, seed=5) for _ in range(2))
@@ -70,19 +50,6 @@ def test_more_actuators_than_freedoms_are_mapped_as_such():
     assert (more.input_ratio >= one.input_ratio - 1e-12).all()
 
 
-def test_what_cannot_be_mapped_is_said():
-    five = shipped("five_bar")
-    for options, words in (
-        ({"over": "joints"}, "inputs or poses"),
-        ({"count": 0}, "count must be 1 or more"),
-        ({"count": 10**9}, "count must be at most 10000000"),
-        ({"worst": 0}, "worst must be 1 or more"),
-        ({"seed": -1}, "seed must be 0 or more"),
-    ):
-        with pytest.raises(OptionError, match=words):
-            pinsing.loops.mechanism_map(five, **options)
-
-
 @pytest.mark.parametrize(
     ("more", "code", "words"),
     [
@@ -96,12 +63,6 @@ def test_the_command(more, code, words, command):
     found, *told = command("map", URDF / "planar_3rpr.urdf", "--loops", *more)
     assert found == code
     assert words in " ".join("".join(told).split())
-
-
-def test_over_is_an_option_of_mechanisms(command):
-    code, _, told = command("map", "ur5", "--over", "poses")
-    assert code == 2
-    assert "--over goes with --loops" in told
 
 
 @pytest.mark.parametrize(
@@ -138,20 +99,6 @@ def test_impossible_inputs_of_a_platform_are_those_of_the_triangle(rng):
             open_ |= 2 * sides.max(axis=1) > sides.sum(axis=1) + 1e-9
     assert 100 < open_.sum() < 300
     assert (cannot_close(mechanism, inputs) == open_).all()
-
-
-@pytest.mark.slow
-def test_a_map_over_inputs_says_why_few_of_them_close():
-    found = pinsing.loops.mechanism_map(shipped("gough_stewart"), "inputs", 200)
-    assert 0 < found.closed < 40
-    assert found.impossible > 100
-    assert not found.thin
-    told = " ".join(str(found).split())
-    assert f"at {found.impossible} they cannot" in told
-    assert f"at {200 - found.closed - found.impossible} others none of 4 starts" in told
-    similar = pinsing.loops.mechanism_map(shipped("griffis_duffy"), "inputs", 50)
-    assert (similar.closed, similar.thin) == (0, True)
-    assert "a set without volume" in " ".join(str(similar).split())
 
 
 def test_poses_are_drawn_where_the_limits_let_the_platform_go():

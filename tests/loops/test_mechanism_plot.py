@@ -32,7 +32,6 @@ from pinsing.plot.mechanism import (
     motion_curve,
     panels,
     pose_map,
-    pose_maps,
 )
 from pinsing.robot.load_mechanism import load_mechanism
 
@@ -73,23 +72,6 @@ def test_each_pose_of_a_slice_is_closed_and_has_its_coordinates(name: str) -> No
         outside = mechanism.space.outside(q).any()
         assert found.inside[0, j, i] == (not outside)
         assert (found.margin[0, j, i] >= -1e-9) == (not outside)
-
-
-@pytest.mark.slow
-def test_a_delta_that_is_led_does_not_turn() -> None:
-    """Past its constraint singularities, where it could; other turns are other slices."""
-    mechanism = shipped("delta")
-    q = home(mechanism)
-    modes = _modes(mechanism, ("x", "y"), None)
-    assert len(modes) < len(working_modes(mechanism).modes)
-    found = pose_slice(mechanism, ("x", "y"), [x for _, x in modes], samples=31)
-    kept = output_pose(mechanism, q).rotation
-    reached = np.isfinite(found.q).all(axis=-1)
-    assert reached[0].sum() > 300
-    for x in found.q[reached][::7]:
-        np.testing.assert_allclose(output_pose(mechanism, x).rotation, kept, atol=1e-9)
-    left = next(v for kind, v in panels(mechanism, found, ["home"])[0].lefts if kind == "type 2")
-    assert np.nanmin(left) * np.nanmax(left) > 0
 
 
 @pytest.mark.slow
@@ -169,41 +151,6 @@ def test_a_leg_is_not_pushed_through_its_own_foot() -> None:
     assert there[1:-1, 1:-1].mean() > 0.98
 
 
-@pytest.mark.slow
-def test_every_working_mode_has_a_panel() -> None:
-    figure = pose_maps(shipped("five_bar"), samples=41)
-    titles = [ax.get_title() for ax in figure.axes]
-    assert len(titles) == 4
-    assert titles[0].startswith("elbows -+ (home): ")
-    assert {t.split(":")[0].removesuffix(" (home)") for t in titles} == {
-        "elbows ++", "elbows +-", "elbows -+", "elbows --"
-    }  # fmt: skip
-    said = [t.get_text() for t in figure.legends[0].get_texts()]
-    assert "aspects of assembly +, as at home" in said
-
-
-@pytest.mark.slow
-def test_a_slice_may_begin_elsewhere() -> None:
-    mechanism = shipped("planar_3rpr")
-    start = home(mechanism)
-    turned = working_modes(mechanism, [0.6, 0.5, 0.6]).modes[0].q
-    one, other = (pose_map(mechanism, ("x", "y"), samples=31, start=q) for q in (start, turned))
-    assert one.get_xlim() != other.get_xlim()
-    found = pose_slice(mechanism, ("x", "y"), [turned], samples=15)
-    q = found.q[0][np.isfinite(found.q[0]).all(axis=-1)]
-    angles = [pose_of(output_pose(mechanism, x)).angles[2] for x in q]
-    np.testing.assert_allclose(angles, 0.6, atol=1e-8)
-
-
-@pytest.mark.slow
-def test_a_platform_that_is_always_singular_has_no_lines() -> None:
-    ax = pose_map(shipped("griffis_duffy"), ("x", "y"), samples=15)
-    assert "every pose is singular" in ax.get_title()
-    said = [t.get_text() for t in ax.figure.legends[0].get_texts()]
-    assert "type 2" not in said
-    assert any("singular everywhere" in t for t in said)
-
-
 def test_what_cannot_be_sliced_is_said() -> None:
     with pytest.raises(OptionError, match="goes over two of x, y, yaw; got x, z"):
         pose_map(shipped("planar_3rpr"), ("x", "z"))
@@ -251,32 +198,12 @@ def test_modes_are_drawn_side_by_side() -> None:
     assert figure.subfigs[0].get_suptitle().startswith("At these inputs: 2 assembly modes")
 
 
-@pytest.mark.slow
-def test_legs_that_are_turned_round_are_not_drawn_again() -> None:
-    figure = mode_sheet(shipped("gough_stewart").without_limits())
-    assert [len(block.axes) for block in figure.subfigs] == [8, 1]
-    words = " ".join(figure.subfigs[1].get_suptitle().split())
-    assert "64 working modes" in words
-    assert "the others look like it, legs turned round" in words
-
-
 # Command ------------------------------------------------------------------------------
 
 
 def run(name: str, out: Path, kind: str, **options: Any) -> None:
     robot = {"robot": str(URDF / f"{name}.urdf")}
     plot_loops(URDF / f"{name}.loops.yaml", kind=kind, out=out, dpi=50, **robot, **options)
-
-
-@pytest.mark.slow
-def test_the_command_draws_modes_and_one_freedom(tmp_path: Path) -> None:
-    for name, kind, options in [
-        ("five_bar", "modes", {"configurations": ["1.0,1.2"]}),
-        ("rssr", "map", {"over": "crank,roll"}),
-    ]:
-        out = tmp_path / f"{name}.png"
-        run(name, out, kind, **options)
-        assert out.stat().st_size > 5_000, name
 
 
 def test_the_command_refuses_what_makes_no_sense(tmp_path: Path) -> None:

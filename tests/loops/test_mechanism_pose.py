@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 import pytest
-from mechanisms import analyzed, from_model, planar_tree, shipped
+from mechanisms import from_model, planar_tree, shipped
 from node import needs_node, run
 from tiers import tiered
 
@@ -147,31 +147,6 @@ def test_a_driven_elbow_is_told_like_another() -> None:
     assert len({s.mode for s in found}) == len(found) == 4
 
 
-@pytest.mark.slow
-@needs_node
-def test_types_on_the_way_are_those_of_python() -> None:
-    """Fichter's quarter turn about z is met where the platform is led, and passed."""
-    mechanism = shipped("gough_stewart")
-    found = run(
-        """(m, {data}) => { const start = m.poseOf(data, m.placeOf(data, data.home));
-             const to = (yaw) => m.posed(data, [...start.slice(0, 5), yaw], data.home);
-             return { at: [1.0, Math.PI / 2, 1.6].map(to).map(({q}) => (
-                        { q, kind: m.stateAt(data, q).kind, mode: m.modeOf(data, q) })),
-                      reach: m.poseStretch(data, data.home, 5, data.sizes.reach) }; }""",
-        {"data": data_of(mechanism)},
-    )
-    kinds = []
-    for here in found["at"]:
-        state = mechanism_at(mechanism, here["q"])
-        assert (here["kind"], here["mode"]) == (state.kind, state.mode)
-        kinds.append((state.kind, state.mode))
-    assert kinds == [("regular", "assembly +"), ("type 2", "assembly 0"), ("regular", "assembly -")]
-    marks = [point["value"] for point in found["reach"]["points"]]
-    np.testing.assert_allclose(marks, [-np.pi / 2, np.pi / 2], atol=1e-7)
-    for point in found["reach"]["points"]:
-        assert mechanism_at(mechanism, point["q"]).input_ratio < 1e-6
-
-
 @needs_node
 @pytest.mark.parametrize("name", tiered(["planar_3rpr", "rps3", "five_bar"], {"five_bar"}))
 def test_where_a_pose_ends_a_limit_or_a_singularity_is_met(name: str) -> None:
@@ -220,79 +195,6 @@ def test_where_a_pose_ends_a_limit_or_a_singularity_is_met(name: str) -> None:
     assert kinds == {"planar_3rpr": {"limit"}, "rps3": {"limit"}, "five_bar": {"type 1"}}[name]
 
 
-@needs_node
-def test_a_passive_limit_stops_an_input_and_is_named() -> None:
-    mechanism = shipped("gough_stewart")
-    lower, upper = mechanism.lower.copy(), mechanism.upper.copy()
-    j = mechanism.joints.index("u1x")
-    at = home(mechanism)[j]
-    lower[j], upper[j] = at - 0.02, at + 0.02
-    narrow = replace(mechanism, lower=lower, upper=upper)
-    inputs = home(mechanism)[list(mechanism.actuated)]
-    inputs[0] += 0.4
-    found = run(
-        """(m, {data, inputs}) => { const f = m.driven(data, inputs, data.home);
-             return { ...f, words: m.stopWords(data, f.stop) }; }""",
-        {"data": data_of(narrow), "inputs": inputs.tolist()},
-    )
-    q = np.array(found["q"])
-    assert 0.01 < found["reached"] < 1
-    assert not narrow.space.outside(q).any()
-    assert abs(abs(q[j] - at) - 0.02) < 1e-5
-    assert found["words"].startswith("u1x is at its limit")
-    assert np.abs(Loops(narrow).scaled(q)[0]).max() <= 1e-10
-
-
-def redundant() -> Mechanism:
-    """A five-bar whose left elbow is driven as well: three actuators, two freedoms."""
-    made = shipped("five_bar")
-    return replace(made, actuated=(*made.actuated, made.joints.index("b1")))
-
-
-@needs_node
-def test_with_more_actuators_than_freedoms_one_leads_and_the_others_follow() -> None:
-    mechanism = redundant()
-    q0 = home(mechanism)
-    inputs = q0[list(mechanism.actuated)]
-    inputs[0] += 0.15
-    found = run(
-        "(m, {data, inputs}) => m.driven(data, inputs, data.home)",
-        {"data": data_of(mechanism), "inputs": inputs.tolist()},
-    )
-    q = np.array(found["q"])
-    assert (found["reached"], found["stop"]) == (1, None)
-    assert q[mechanism.actuated[0]] == pytest.approx(inputs[0], abs=1e-10)
-    assert np.abs(Loops(mechanism).scaled(q)[0]).max() <= 1e-10
-    others = list(mechanism.actuated[1:])
-    assert np.abs(q[others] - q0[others]).max() > 1e-3  # they had to give way
-
-
-@pytest.mark.slow
-@needs_node
-def test_a_point_size_range_leaves_the_mechanism_where_it_is() -> None:
-    """A rigid triangle but for nothing: limits of no length, and an input that cannot move."""
-    mechanism = shipped("planar_3rpr")
-    q0 = home(mechanism)
-    j = mechanism.actuated[0]
-    lower, upper = mechanism.lower.copy(), mechanism.upper.copy()
-    lower[j] = upper[j] = q0[j]
-    stuck = replace(mechanism, lower=lower, upper=upper)
-    data = data_of(stuck)
-    found = run(
-        """(m, {data, inputs}) => ({ driven: m.driven(data, inputs, data.home),
-             reach: data.pose.rows.map((_, k) =>
-               m.poseStretch(data, data.home, k, data.sizes.reach)) })""",
-        {"data": data, "inputs": (q0[list(mechanism.actuated)] + [0.1, 0, 0]).tolist()},
-    )
-    driven = found["driven"]
-    assert driven["reached"] < 1e-6
-    assert driven["stop"]["why"] == "limit"
-    np.testing.assert_allclose(driven["q"], q0, atol=1e-6)
-    for reach in found["reach"]:
-        assert reach["lower"] == pytest.approx(reach["upper"], abs=1e-4)
-        assert {reach["below"]["why"], reach["above"]["why"]} == {"limit"}
-
-
 def test_only_what_the_output_can_do_is_led() -> None:
     """A turn about one axis is an angle; of what is coupled, as many rows as there are freedoms."""
     assert led_pose(shipped("delta")) == {"rows": [0, 1, 2], "turn": None}
@@ -306,23 +208,6 @@ def test_only_what_the_output_can_do_is_led() -> None:
     model = planar_tree(legs)
     four = from_model(model, [Loop("one_end", "two_end", "3d")], ["crank"], "one_end", "vx,vy,wz")
     assert len(led_pose(four)["rows"]) == 1
-
-
-@needs_node
-def test_singular_poses_of_the_list_can_be_led_away_from() -> None:
-    """At a type 2 singularity the output is led out of it, whatever the actuators hold."""
-    mechanism = shipped("five_bar")
-    point = next(p for p in analyzed("five_bar").points if p.kind == "type 2")
-    data = data_of(mechanism)
-    found = run(
-        """(m, {data, q}) => { const p = m.poseOf(data, m.placeOf(data, q));
-             return [0.02, -0.02].map((d) => m.posed(data, [p[0], p[1] + d], q))
-               .map((f) => ({ ...f, kind: m.stateAt(data, f.q).kind })); }""",
-        {"data": data, "q": point.q.tolist()},
-    )
-    assert [f["reached"] for f in found] == [1, 1]
-    for f in found:
-        assert f["kind"] == mechanism_at(mechanism, f["q"]).kind
 
 
 @needs_node

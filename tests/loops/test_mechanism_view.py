@@ -10,7 +10,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-import umsgpack
 from links import get, heard
 from mechanisms import URDF, analyzed, four_bar, shipped
 from tiers import tiered
@@ -19,15 +18,11 @@ from pinsing.cli.mechanism import view_loops
 from pinsing.errors import ConfigurationError, OptionError, ResultError, UnknownNameError
 from pinsing.loops import home, mechanism_at
 from pinsing.loops.structure import at_zero, plane_normal
-from pinsing.view.links import Recorder, read_links
 from pinsing.view.mechanism_viewer import (
-    Linkage,
     MechanismViewer,
     groups,
-    linkage_sizes,
     side,
 )
-from pinsing.view.scene import draw_scene
 from pinsing.view.tab import SIDE
 
 NAMES = ["five_bar", "four_bar", "planar_3rrr"]
@@ -43,10 +38,6 @@ def viewer(request: pytest.FixtureRequest) -> Any:
 def five_bar() -> Any:
     with MechanismViewer(shipped("five_bar"), analyzed("five_bar")) as opened:
         yield opened
-
-
-def singular(name: str, kind: str) -> np.ndarray:
-    return next(p.q for p in analyzed(name).points if p.kind == kind)
 
 
 # List ---------------------------------------------------------------------
@@ -95,31 +86,6 @@ def test_a_page_has_what_its_program_asks_for(viewer: MechanismViewer) -> None:
         assert entry["along"] <= (len(page["inputs"]) > 1)
 
 
-def test_the_scene_has_every_node_that_frames_place(viewer: MechanismViewer) -> None:
-    paths, at, drawn = set(), 0, viewer._scene + viewer._links
-    while at < len(drawn):
-        size = int.from_bytes(drawn[at : at + 4], "little")
-        paths.add(umsgpack.unpackb(drawn[at + 4 : at + 4 + size])["path"])
-        at += 4 + size
-    for j in range(1, viewer.mechanism.model.njoints):
-        for part in ("visual", "bone", "axis", "hot"):
-            assert any(p.startswith(f"/pinsing/arm/{j}/{part}") for p in paths), (j, part)
-    for node in ("ellipsoid/translation", "ellipsoid/rotation/ring", "free/rotation"):
-        assert any(p.startswith(f"/pinsing/{node}") for p in paths)
-
-
-def test_bones_lead_to_the_frames_that_close_the_loops() -> None:
-    mechanism = shipped("five_bar")
-    linkage = Linkage.of(mechanism)
-    recorder = Recorder()
-    sizes = linkage_sizes(mechanism)
-    draw_scene(recorder.visualizer(), linkage, read_links(linkage), sizes, linkage.ends)
-    bones = {umsgpack.unpackb(c)["path"] for _, c in recorder.commands}
-    last = {p.split("/")[3] for p in bones if "/bone/link" in p}
-    names = list(mechanism.model.names)
-    assert {str(names.index("b1")), str(names.index("b2"))} <= last
-
-
 def test_a_plane_is_looked_at_from_above_and_space_from_the_side() -> None:
     mechanism = shipped("planar_3rrr")
     assert plane_normal(mechanism, at_zero(mechanism).axis) == pytest.approx([0, 0, 1])
@@ -153,14 +119,6 @@ def test_python_leads(five_bar: MechanismViewer) -> None:
 def test_a_model_without_a_file_is_shown_as_a_skeleton() -> None:
     with MechanismViewer(four_bar(0.4, 0.1, 0.4, 0.3)) as viewer:
         assert not viewer._stage.page(live=True)["settings"]["shapes"]
-
-
-def test_the_link_answers(five_bar: MechanismViewer) -> None:
-    for part in ("", "page.js", "page.json", "scene"):
-        assert get(five_bar.url + part)[0] == 200
-    start, *_ = asyncio.run(heard(five_bar.url))
-    assert len(start["q"]) == five_bar.mechanism.n
-    assert start["pose"] == 0
 
 
 # The command ------------------------------------------------------------------------

@@ -1,15 +1,13 @@
 """Modes that count, the direct and the inverse problem, limits kept."""
 
-import functools
 import itertools
-import re
 from dataclasses import replace
 
 import numpy as np
 import pinocchio as pin
 import pytest
 from mechanisms import URDF, from_model, shipped
-from urdf_text import J as Joint, frame, loop_text, stewart, written
+from urdf_text import stewart, written
 
 import pinsing
 from pinsing.errors import ConfigurationError, OptionError
@@ -24,12 +22,10 @@ from pinsing.loops import (
     residual,
     working_modes,
 )
-from pinsing.loops.analysis import Values
 from pinsing.loops.closure import BatchLoops, Loops, random_closed
-from pinsing.loops.motion import Column, pose_table
 from pinsing.loops.problems import Modes
 from pinsing.loops.solve import intervals
-from pinsing.loops.structure import likeness, same, structure
+from pinsing.loops.structure import likeness, same
 from pinsing.robot.load_mechanism import Loop
 
 SHELF = {
@@ -68,16 +64,6 @@ def test_mobility_of_the_shelf(name):
     assert np.abs(residual(mechanism, home(mechanism))).max() < 1e-11
 
 
-def test_one_length_of_the_bennett_linkage_changed_and_it_cannot_move():
-    mechanism = shipped("bennett")
-    model = mechanism.model.copy()
-    place = model.jointPlacements[2]
-    place.translation = place.translation * 1.01
-    model.jointPlacements[2] = place
-    with pytest.raises(pinsing.PinsingError, match=r"close nowhere|leave no motion"):
-        ranks(replace(mechanism, model=model))
-
-
 @pytest.mark.parametrize("name", ["gough_stewart", "delta", "agile_eye", "planar_3rrr"])
 def test_batches_equal_pinocchio(name, rng):
     mechanism = shipped(name)
@@ -98,20 +84,6 @@ def test_a_batch_closes_a_weld_as_pinocchio_does(rng):
     _, jacobians = BatchLoops(mechanism).closure(home(mechanism)[None])
     G = Loops(mechanism).scaled(home(mechanism))[1]
     np.testing.assert_allclose(np.abs(jacobians[0]), np.abs(G), atol=1e-9)
-
-
-def test_legs_balls_and_universal_joints_are_seen(platform):
-    built = structure(platform)
-    assert len(built.legs) == 6
-    named = [tuple(platform.joints[j] for j in c.joints) for c in built.centres]
-    assert ("s1x", "s1y", "s1z") in named
-    assert named.count(("u3x", "u3y")) == 1
-    delta = shipped("delta")
-    assert len(structure(delta).legs) == 3
-    # The ball's first axis passes through the universal joint as well; it belongs to the ball.
-    assert ("s1x", "s1y", "s1z") in [
-        tuple(delta.joints[j] for j in c.joints) for c in structure(delta).centres
-    ]
 
 
 def test_assembly_modes_of_the_platform_have_the_legs_asked_for(platform, without_limits):
@@ -209,21 +181,6 @@ def test_ranges_have_a_length_and_end_at_limits(platform):
         assert max(abs(t.q[0, k] - home(tight)[k]), abs(t.q[-1, k] - home(tight)[k])) > 0.019
 
 
-@pytest.mark.slow
-def test_more_actuators_than_freedoms_are_analysed_as_such():
-    mechanism = shipped("five_bar").with_actuated(["q1", "q2", "b1"])
-    assert ranks(mechanism).mobility == 2
-    found = analyze_mechanism(mechanism)
-    assert any("redundantly actuated: 3 actuators for 2" in note for note in found.notes)
-    assert found.state.kind == "regular"
-    # With b1 held as well the end cannot give way where the rods are in line.
-    assert not [p for p in found.points if p.kind == "type 2"]
-    plain = shipped("five_bar")
-    assert [
-        p for p in find_singular(plain, curves(plain, [np.pi / 3] * 2, 1)) if p.kind == "type 2"
-    ]
-
-
 @pytest.mark.parametrize(
     ("pose", "message"),
     [
@@ -261,64 +218,6 @@ def within(folder, name, joint, old, new):
 
 
 @pytest.mark.slow
-def test_limits_that_leave_nothing_are_said_by_each_command(tmp_path, command):
-    path = within(tmp_path, "planar_3rpr", "p1", 'lower="0.2" upper="2.5"', 'lower="9" upper="9.5"')
-    words = r"home is beyond the joint limits \(p1 = 0.553232 is not in \[9, 9.5\]\): the loops"
-    for wanted, name, *more in ((0, "families"), (2, "analyze"), (0, "map", "--count", "5")):
-        code, _, told = command(name, path, "--loops", *more)
-        assert code == wanted
-        assert re.search(words, " ".join(told.split()))
-    assert command("map", path, "--loops", "--count", "5", "--ignore-limits")[2] == ""
-
-
-def test_working_modes_are_told_apart_by_their_inputs():
-    """Legs turned by half and pushed back have one pose and one mode by name."""
-    found = working_modes(shipped("rps3").without_limits())
-    assert len({m.mode for m in found.modes}) < len(found.modes)
-    inputs = [
-        Column(n, [float(m.inputs[k]) for m in found.modes], False) for k, n in enumerate("abc")
-    ]
-    poses, more = [m.pose for m in found.modes], [(m.mode,) for m in found.modes]
-    for width in (100, 50):
-        lines = pose_table(poses, more, ("mode",), columns=inputs, width=width)
-        told = [line.split(maxsplit=1)[1] for line in lines if line.split()[0].isdigit()]
-        assert len(told) == len(set(told)) == len(found.modes)
-        assert max(map(len, lines)) <= width
-        assert (lines[0] == "each at z = 1.00000") == (width == 50)
-        # A half turn is one value, not two signs.
-        assert not any("-3.14" in line for line in lines)
-
-
-def test_inputs_without_elbows_have_a_place_in_the_name(tmp_path):
-    joints = [
-        Joint("s0", "base", "c0", (0, 0, 0), (1, 0, 0), "prismatic", (-3, 3)),
-        Joint("b0", "c0", "r0"),
-        frame("e0", "r0", (0.9, 0, 0)),
-        Joint("turn", "e0", "platform"),
-    ]
-    loops = []
-    for k, foot in ((1, (2, 0, 0)), (2, (1, 2, 0))):
-        joints.append(Joint(f"r{k}", "base", f"t{k}", foot))
-        joints.append(
-            Joint(f"p{k}", f"t{k}", f"e{k}", axis=(1, 0, 0), kind="prismatic", limits=(0.1, 3))
-        )
-        joints.append(frame(f"v{k}", "platform", (0.3, 0.2 * k, 0)))
-        loops.append((f"e{k}", f"v{k}"))
-    text = loop_text(
-        loops, ["p1", "s0", "p2"], "platform", "vx, vy, wz", home={"b0": 1.0, "p1": 1.0, "p2": 1.0}
-    )
-    mechanism = pinsing.load_mechanism(written(tmp_path, joints, text))
-    found = working_modes(mechanism)
-    assert {m.mode.partition("elbows ")[2] for m in found.modes} == {".+.", ".-."}
-
-
-def test_rounding_is_no_value():
-    values = Values(False, frozenset(["s"]))
-    assert values.value("s", 5e-14) == values.value("q", -3e-16) == "0"
-    assert values.value("s", 5e-9) == "5e-09"
-
-
-@pytest.mark.slow
 def test_home_is_found_within_narrow_limits(tmp_path):
     """Few of the configurations that close the loops keep the limits of all joints."""
     rng = np.random.default_rng(0)
@@ -350,32 +249,6 @@ def test_the_platform_is_analysed_once_over(platform):
     text = str(found)
     assert "u1x =" not in text  # values of joints; determinants may name some
     assert "s1z" in found.to_json() or "s1z" in found.joints
-
-
-@pytest.mark.parametrize(
-    ("name", "pose", "joint"), [("planar_3rpr", "yaw", "c1 ="), ("rps3", "pitch", "s1y =")]
-)
-@pytest.mark.slow
-def test_all_joints_on_request_only(name, pose, joint, command, monkeypatch):
-    more = []
-    if name == "planar_3rpr":  # it has so few joints that all are listed unasked
-        monkeypatch.setattr("pinsing.loops.analysis._FEW", 3)
-        more = ["--ignore-limits"]
-    else:  # whose analysis takes long: the same for both
-        once = functools.cache(lambda *_: analyze_mechanism(shipped(name)))
-        monkeypatch.setattr("pinsing.loops.analyze_mechanism", lambda *_, **__: once())
-    given = ["analyze", URDF / f"{name}.urdf", "--loops"]
-    code, said, _ = command(*given)
-    assert code == 0
-    assert pose in said
-    listed = re.compile(rf"(?<!cos )(?<!sin ){joint}")  # a value of it, not an equation
-    assert not listed.search(said)
-    code, said, _ = command(*given, "--all-joints", *more)
-    assert code == 0
-    assert listed.search(said)
-    code, _, told = command("analyze", "planar3r", "--all-joints")
-    assert code == 2
-    assert "goes with --loops" in told
 
 
 @pytest.mark.slow

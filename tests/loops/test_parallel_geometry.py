@@ -283,10 +283,3 @@ def test_a_rod_without_length_is_an_error(tmp_path, monkeypatch):
     ):
         with pytest.raises(pinsing.PinsingError, match="b0 and turn turn about one axis"):
             run(mechanism)
-
-
-def test_loops_that_cannot_close_are_said(tmp_path):
-    """Legs in layers, held as points in space: never at one height."""
-    for run in (pose_forms, pinsing.loops.analyze_mechanism, pinsing.loops.assembly_modes):
-        with pytest.raises(pinsing.PinsingError, match="close nowhere, as far as was looked"):
-            run(planar(tmp_path, Way("rpr", layers=0.1, kind="3d")))

@@ -1,6 +1,6 @@
 """Loci over pose and inputs of legs on rails, cranks and driven feet, against lines of our own."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 import pinocchio as pin
@@ -311,23 +311,6 @@ def test_a_platform_in_the_plane_that_is_driven_at_its_feet(tmp_path, rng):
                 assert locus_distance(mechanism, forms, start) < 1e-7
     assert met
     np.testing.assert_allclose(ratios, ratios[0], rtol=1e-6)
-
-
-@pytest.mark.slow
-def test_designs_that_never_hold_the_platform_are_named(tmp_path):
-    t = six("rus", 0)
-    line = np.outer(np.linspace(-0.4, 0.4, 6), [1.0, 0.5, 0.0]).round(3)
-    # All rods meet one line of the platform: it spins about that.
-    rods = np.linalg.norm(line + np.array([0, 0, 1]) - t.base - t.arms, axis=1).round(3)
-    spun = made(tmp_path, replace(t, platform=line, rods=rods)).without_limits()
-    forms = pose_forms(spun)
-    assert forms.architecture.startswith("architecture singularity")
-    assert not forms.loci
-    assert not pose_forms(made(tmp_path, t).without_limits()).architecture
-    # Every force is across the axes of the feet, which are parallel.
-    legs = driven_feet(tmp_path, t.base, t.platform, [["ux"]] * 6).without_limits()
-    assert pose_forms(legs).architecture
-    assert mechanism_at(legs, random_closed(legs, 1, np.random.default_rng(0))[0]).kind == "type 2"
 
 
 @pytest.mark.slow

@@ -7,7 +7,6 @@ from tiers import tiered
 from urdf_text import J, X, frame, loop_text, written
 
 import pinsing
-from pinsing.loops import PoseForms, pose_forms
 from pinsing.loops.mode_counts import count_poses, input_loci
 
 
@@ -151,12 +150,3 @@ def test_the_modes_say_that_they_are_all():
     few = pinsing.loops.assembly_modes(shipped("planar_3rrr"), starts=1)
     assert (len(few.modes), few.complete) == (1, False)
     assert "there are 2, by the real roots" in few.statement
-
-
-def test_the_3rpr_has_an_equation_over_its_inputs():
-    assert not pose_forms(shipped("planar_3rrr")).inputs
-    rpr = pose_forms(shipped("planar_3rpr"))
-    assert [x.equation.names for x in rpr.inputs] == [("p1", "p2", "p3")]
-    again = PoseForms.from_dict(rpr.to_dict())
-    assert str(again) == str(rpr)
-    assert "over the inputs, where two assembly modes meet" in str(rpr)

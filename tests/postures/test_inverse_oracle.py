@@ -84,7 +84,6 @@ PUMA = (
     (0, 0, 90), (0, 0.4318, 0), (0.15005, 0.0203, -90), (0.4318, 0, 90), (0, 0, -90), (0, 0, 0),
 )  # fmt: skip
 CRX = tuple((d, a, alpha) for alpha, a, d, *_ in dh_arms.CRX)
-GOFA = tuple((d, a, alpha) for alpha, a, d, *_ in dh_arms.GOFA)
 
 
 def dh(theta, d, a, alpha):
