@@ -170,6 +170,20 @@ def tubes(
     isa: str,
     threads: int,
 ) -> None: ...
+def to_poses(
+    R: NDArray[np.float64],
+    t: NDArray[np.float64],
+    prismatic: NDArray[np.bool_],
+    free: NDArray[np.bool_],
+    position: NDArray[np.float64],
+    rotation: NDArray[np.float64],
+    scale: float,
+    small: float,
+    near: float,
+    slower: float,
+    Q: NDArray[np.float64],
+    threads: int,
+) -> None: ...
 def sobol_points(
     directions: NDArray[np.uint64],
     words: NDArray[np.uint64],

@@ -66,8 +66,20 @@ void pinsing::require(bool condition, const char* what) {
     if (!condition) throw nb::value_error(what);
 }
 
+pinsing::Chain pinsing::chain_of(const In& R, const In& t, const InFlags& prismatic) {
+    require(prismatic.ndim() == 1, "prismatic must have shape (n,)");
+    const std::size_t n = prismatic.shape(0);
+    require(n >= 1 && n <= kMaxJoints, "the number of joints is out of range");
+    require(R.ndim() == 3 && R.shape(0) == n + 1 && R.shape(1) == 3 && R.shape(2) == 3,
+            "R must have shape (n + 1, 3, 3)");
+    require(t.ndim() == 2 && t.shape(0) == n + 1 && t.shape(1) == 3,
+            "t must have shape (n + 1, 3)");
+    return Chain{static_cast<int>(n), R.data(), t.data(), prismatic.data()};
+}
+
 namespace {
 
+using pinsing::chain_of;
 using pinsing::kernel_named;
 
 void refuse_not_finite(const Outcome& outcome, const char* name) {
@@ -75,17 +87,6 @@ void refuse_not_finite(const Outcome& outcome, const char* name) {
     throw nb::value_error((std::string(name) + "[" + std::to_string(outcome.not_finite) +
                            "] holds a value that is not finite")
                               .c_str());
-}
-
-Chain chain_of(const In& R, const In& t, const InFlags& prismatic) {
-    require(prismatic.ndim() == 1, "prismatic must have shape (n,)");
-    const std::size_t n = prismatic.shape(0);
-    require(n >= 1 && n <= pinsing::kMaxJoints, "the number of joints is out of range");
-    require(R.ndim() == 3 && R.shape(0) == n + 1 && R.shape(1) == 3 && R.shape(2) == 3,
-            "R must have shape (n + 1, 3, 3)");
-    require(t.ndim() == 2 && t.shape(0) == n + 1 && t.shape(1) == 3,
-            "t must have shape (n + 1, 3)");
-    return Chain{static_cast<int>(n), R.data(), t.data(), prismatic.data()};
 }
 
 void jacobians(const In& R, const In& t, const InFlags& prismatic, const In& Q, Out out,
@@ -393,4 +394,5 @@ NB_MODULE(_kernel, m) {
     pinsing::add_conditions(m);
     pinsing::add_residues(m);
     pinsing::add_samples(m);
+    pinsing::add_poses(m);
 }

@@ -17,9 +17,11 @@ using Out = nanobind::ndarray<double, nanobind::c_contig, nanobind::device::cpu>
 using OutWhole = nanobind::ndarray<std::int64_t, nanobind::c_contig, nanobind::device::cpu>;
 
 const Kernel& kernel_named(const std::string& isa);
+Chain chain_of(const In& R, const In& t, const InFlags& prismatic);
 void require(bool condition, const char* what);
 void add_conditions(nanobind::module_& m);
 void add_residues(nanobind::module_& m);
 void add_samples(nanobind::module_& m);
+void add_poses(nanobind::module_& m);
 
 }  // namespace pinsing

@@ -27,8 +27,8 @@ _NEAR = 1e-2
 """Residual from which a few Newton steps lead to a solution, if there is one."""
 _BESIDE = 0.05
 """Radians within which a solution continues that of a neighbouring pose."""
-_ROWS = 50_000
-"""Configurations in one call of the solver: some tens of megabytes."""
+_ROWS = 5_000
+"""Poses in one call of EAIK: some megabytes."""
 Progress = Callable[[int, int], None]
 
 
@@ -70,11 +70,11 @@ class InverseMany:
     def continued(self, Q: Array, position: Array, rotation: Array) -> Array:
         """Return the solutions at poses (M) beside configurations Q (M, n), all joints free."""
         # NaN where Newton's steps lead to none.
-        return self._polished(Q.copy(), position, rotation, 1, 1.0, np.arange(self.arm.n))
+        return self._polished(Q.copy(), position, rotation, 1.0, np.arange(self.arm.n))
 
     def _verified(self, Q: Array, position: Array, rotation: Array) -> Array:
         """Solutions Q (M, S, n) brought to the poses (M), each once; NaN behind them."""
-        flat = self._polished(Q.reshape(-1, self.arm.n), position, rotation, Q.shape[1])
+        flat = self._polished(Q.reshape(-1, self.arm.n), position, rotation)
         return _distinct(flat.reshape(Q.shape), self.arm)
 
     def _decomposed(
@@ -145,7 +145,7 @@ class InverseMany:
                     np.isfinite(source[..., 0]), here[:, None], np.nan
                 )
             flat = source.reshape(-1, self.arm.n)
-            moved = self._polished(flat, position[to], rotation[to], source.shape[1], near=1.0)
+            moved = self._polished(flat, position[to], rotation[to], near=1.0)
             both = np.concatenate([Q[to], moved.reshape(source.shape)], axis=1)
             Q[to] = _distinct(both, self.arm)[..., :slots, :]
 
@@ -171,62 +171,36 @@ class InverseMany:
         Q: Array,
         position: Array,
         rotation: Array,
-        slots: int,
         near: float = _NEAR,
         free: Ints | None = None,
     ) -> Array:
         """Move Q (M S, n) to the poses (M), in place, by Newton steps; NaN where that fails."""
-        free = self.free if free is None else free
-        for start in range(0, len(Q), _ROWS):
-            here = Q[start : start + _ROWS]
-            rows = np.flatnonzero(np.isfinite(here[:, 0]))
-            pose = (start + rows) // slots
-            q, most = here[rows], np.full(len(rows), near)
-            here[:] = np.nan
-            for _ in range(8):
-                off = self._residual(q, position, rotation, pose)
-                here[rows[off < ROUNDING]] = q[off < ROUNDING]
-                more = (off >= ROUNDING) & (off < most)
-                # Least squares near no solution stay where they are.
-                q, rows, pose, most = q[more], rows[more], pose[more], off[more] * near / _NEAR
-                if not len(rows):
-                    break
-                solver = Solver.of(
-                    self.arm, position[pose], rotation[pose], np.full(self.arm.n, np.nan), free
-                )
-                error, J = solver.linear(q)
-                # Damped, so that a singular configuration beside the way is no end of it.
-                A = J.swapaxes(1, 2) @ J + 1e-12 * np.eye(J.shape[2])
-                step = np.linalg.solve(A, J.swapaxes(1, 2) @ error[..., None])[..., 0]
-                step *= np.minimum(1.0, 0.3 / np.maximum(np.abs(step).max(axis=1), 1e-300))[:, None]
-                q[:, free] += step / solver.weight
+        # Least squares near no solution stay where they are, and are none.
+        arm, free, slower = self.arm, self.free if free is None else free, near / _NEAR
+        if engine.available():
+            chain, moving = flatten(arm), np.isin(np.arange(arm.n), free)
+            poses = map(np.ascontiguousarray, (position, rotation))
+            how = arm.length_scale, ROUNDING, near, slower, Q, engine.cpu_count()
+            engine.module().to_poses(chain.R, chain.t, chain.prismatic, moving, *poses, *how)
+            return Q
+        rows = np.flatnonzero(np.isfinite(Q[:, 0]))
+        pose, q, most = rows * len(position) // len(Q), Q[rows], np.full(len(rows), near)
+        Q[:] = np.nan
+        for _ in range(8):
+            here = position[pose], rotation[pose], np.full(arm.n, np.nan), free
+            solver = Solver.of(arm, *here)
+            error, J = solver.linear(q)
+            off = np.abs(error).max(axis=1)
+            Q[rows[off < ROUNDING]] = q[off < ROUNDING]
+            more = (off >= ROUNDING) & (off < most)
+            q, rows, pose, most = q[more], rows[more], pose[more], off[more] * slower
+            # Damped, so that a singular configuration beside the way is no end of it.
+            error, J, turned = error[more], J[more], J[more].swapaxes(1, 2)
+            A = turned @ J + 1e-12 * np.eye(J.shape[2])
+            step = np.linalg.solve(A, turned @ error[..., None])[..., 0]
+            step *= np.minimum(1.0, 0.3 / np.maximum(np.abs(step).max(axis=1), 1e-300))[:, None]
+            q[:, free] += step / solver.weight
         return Q
-
-    def _residual(self, Q: Array, position: Array, rotation: Array, pose: Ints) -> Array:
-        """Return what is left (M,) of poses at Q (M, n), radians, or metres over length scale."""
-        few = _ROWS // 12  # whose placements fit into a processor's cache
-        if len(Q) > few:
-            parts = (slice(i, i + few) for i in range(0, len(Q), few))
-            found = [self._residual(Q[i], position, rotation, pose[i]) for i in parts]
-            return np.concatenate(found)
-        position, rotation = position[pose], rotation[pose]
-        chain = flatten(self.arm)
-        one = np.ones(len(Q))
-        axes = [np.outer(column, one) for column in chain.R[0].T]
-        p = np.outer(chain.t[0], one)
-        for j, slides in enumerate(chain.prismatic):
-            if slides:
-                p = p + axes[2] * Q[:, j]
-            else:
-                c, s = np.cos(Q[:, j]), np.sin(Q[:, j])
-                x, y, _ = axes
-                axes[:2] = x * c + y * s, y * c - x * s
-            p = _sum(chain.t[j + 1], axes, p)
-            axes = [_sum(column, axes, 0.0) for column in chain.R[j + 1].T]
-        off = np.abs(p.T - position).max(axis=1) / self.arm.length_scale
-        for k, axis in enumerate(axes):
-            off = np.maximum(off, np.abs(axis.T - rotation[:, :, k]).max(axis=1))
-        return np.asarray(off)
 
 
 def _filled(Q: Array) -> Array:
@@ -239,14 +213,6 @@ def _redundant(arm: Arm) -> list[str]:
     J = task_jacobian(arm, np.cos(1.0 + np.arange(arm.n)))
     others = [np.linalg.svd(np.delete(J, j, axis=1), compute_uv=False) for j in range(arm.n)]
     return [j for j, sigma in zip(arm.joints, others, strict=True) if sigma[-1] > PRACTICAL]
-
-
-def _sum(weights: Array, vectors: list[Array], start: Any) -> Any:
-    """Sum of vectors (3, M) times constants, most of which are zero."""
-    for w, v in zip(weights, vectors, strict=True):
-        if w != 0.0:
-            start = start + w * v
-    return start
 
 
 def _distinct(Q: Array, arm: Arm) -> Array:

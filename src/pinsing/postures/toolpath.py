@@ -24,7 +24,7 @@ import pinocchio as pin
 
 from pinsing._batch import engine
 from pinsing._types import Array, ArrayLike, Bool, Ints
-from pinsing.algebra.nearest import SearchOptions, nearest_points
+from pinsing.algebra.nearest import SearchOptions, two_sided
 from pinsing.arguments import checked
 from pinsing.errors import ConfigurationError, OptionError
 from pinsing.families import ClosedForm
@@ -52,8 +52,6 @@ _ALIKE = 1e-3
 """Relative difference of bounds that are as good as an estimate."""
 _MARGIN = 0.01
 """Radians below the path on a part of the grid at which that on the whole is looked for first."""
-_ROUGH = SearchOptions(gap=_MARGIN, boxes=1)
-"""Work where configurations are only compared: the steps to the nearest point, without proof."""
 _THINNED = 6
 """One value and one pose in so many are looked at first."""
 _ENOUGH = np.radians(0.5)
@@ -470,10 +468,9 @@ class _Planner:
         more = self.usable & ~self.seen & (self.highest > likely.max(axis=2, keepdims=True))
         every = 1 + int(more.sum()) // _SHOWN
         likely, more = likely[::every], more[::every]
-        found = nearest_points(
-            self.watched.conditions, self.Q[::every][more], *self.watched.limits, _ROUGH
+        likely[more] = np.minimum(
+            self.highest[::every][more], self._closest(self.Q[::every][more])[0]
         )
-        likely[more] = np.minimum(self.highest[::every][more], found.upper)
         rolled = zip(likely.max(axis=2), self.rolled[::every], strict=True)
         return np.repeat([np.roll(x, k) for x, k in rolled], every, axis=0)[: len(self.T)]
 
@@ -685,18 +682,17 @@ class _Planner:
             rows = self.highest[k] > np.maximum(self.clear[k] * (1 + _ALIKE), least)
             rows &= ~self.seen[k] & self.alive[k].reshape(rows.shape)
             if rows.any():
-                found = nearest_points(
-                    self.watched.conditions, q[rows], *self.watched.limits, _ROUGH
-                )
-                most = np.maximum(self.clear[k][rows], found.upper)
+                upper, near = self._closest(q[rows])
+                most = np.maximum(self.clear[k][rows], upper)
                 most = self.likely[k][rows] = np.minimum(self.highest[k][rows], most)
                 self.highest[k][rows] = most
                 self.seen[k][rows] = True
-                at, off = np.flatnonzero(rows), q[rows] - found.q
+                at, off = np.flatnonzero(rows), q[rows] - near
                 half = self._neighbors(k, at).swapaxes(0, 1) - q[rows]
                 half = _unturned(half, self.whole) / 2
-                ends, bent = self._size(off + half).max(axis=0), self._size(half.sum(axis=0)) / 2
-                most = np.maximum(ends, found.upper) + bent
+                ends = self._size(off + half).max(axis=0) - self._size(off)
+                bent = self._size(half.sum(axis=0)) / 2
+                most = upper + np.maximum(ends, 0.0) + bent
                 self.between[k][rows] = np.where(2 * bent < self.way[k][at], most, np.inf)
         self.alive &= self._linked(least)
 
@@ -867,9 +863,15 @@ class _Planner:
         """Return the least bound of the clearance (M,) at three places of motions (M, n)."""
         every = np.concatenate([q + s * move for s in (1 / 4, 1 / 2, 3 / 4)])
         if close and len(q):
-            found = nearest_points(self.watched.conditions, every, *self.watched.limits, _ROUGH)
-            return np.asarray(found.upper.reshape(3, -1).min(axis=0))
+            return np.asarray(self._closest(every)[0].reshape(3, -1).min(axis=0))
         return np.asarray(clearance(self.form, every).upper.reshape(3, -1).min(axis=0))
+
+    def _closest(self, Q: Array) -> tuple[Array, Array]:
+        """Bound the clearance of Q (N, n) from above, without a search, from points (N, n)."""
+        # Families are no farther from these than the bounds are longer than the ways there.
+        found = two_sided(self.watched.conditions.plain, Q, each=True, points=True)
+        points = found.points / self.watched.conditions.weight
+        return found.upper, points[np.arange(len(Q)), found.each[..., 1].argmin(axis=1)]
 
     def _sources(self, k: int, here: Ints) -> tuple[Ints, Bool]:
         """Return nodes (D, M) before pose k at which motions to nodes ``here`` (M,) begin."""
@@ -1340,8 +1342,7 @@ class _Planner:
         i, S = (self.kept - self.rolled) % len(self.grid), self.Q.shape[2]
         rows = np.zeros_like(self.seen)
         rows[range(len(i)), i] = ~self.seen[range(len(i)), i]
-        found = nearest_points(self.watched.conditions, self.Q[rows], *self.watched.limits, _ROUGH)
-        self.likely[rows] = np.minimum(self.highest[rows], found.upper)
+        self.likely[rows] = np.minimum(self.highest[rows], self._closest(self.Q[rows])[0])
         at = np.flatnonzero(self.usable[0, i[0]] & first[i[0]])
         out = np.full((len(at), len(self.T)), np.nan)
         out[:, 0] = self.likely[0, i[0], at]
