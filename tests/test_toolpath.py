@@ -354,6 +354,16 @@ def test_eaik_misses_nothing_that_ours_finds(name, monkeypatch):
             assert np.abs(arm.space.wrap(here - s.q)).max(axis=1).min() < 1e-5
 
 
+def test_without_the_kernel_nodes_and_their_neighbours_are_the_same(ur5, monkeypatch):
+    arm, form = ur5
+    T, plans = circle(arm, 8), []
+    for compiled in (True, False):
+        monkeypatch.setattr(inverse_batch.engine, "available", lambda here=compiled: here)
+        plans.append(plan_path(form, T, free="roll", step=np.radians(30), arm=arm, tool=TORCH))
+    for name in ("q", "bound", "room", "kept"):
+        np.testing.assert_allclose(*(getattr(x, name) for x in plans), atol=1e-9)
+
+
 @pytest.mark.slow
 def test_an_arm_that_has_no_decomposition_is_followed(ur5, monkeypatch):
     arm, form = ur5

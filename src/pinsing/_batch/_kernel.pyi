@@ -184,6 +184,19 @@ def to_poses(
     Q: NDArray[np.float64],
     threads: int,
 ) -> None: ...
+def link_nodes(
+    Q: NDArray[np.float64],
+    turn: NDArray[np.float64],
+    whole: NDArray[np.float64],
+    scale: NDArray[np.float64],
+    cyclic: bool,
+    before: NDArray[np.int32],
+    step: NDArray[np.float64],
+    beside: NDArray[np.int32],
+    ends: NDArray[np.bool_],
+    way: NDArray[np.float64],
+    threads: int,
+) -> None: ...
 def sobol_points(
     directions: NDArray[np.uint64],
     words: NDArray[np.uint64],

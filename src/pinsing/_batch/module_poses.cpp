@@ -1,5 +1,7 @@
-// Configurations brought to poses by Newton's method, one at a time.
+// Configurations brought to poses by Newton's method, one at a time, and neighbours among them.
+#include <algorithm>
 #include <cmath>
+#include <vector>
 
 #include "module.hpp"
 #include "share_out.hpp"
@@ -134,12 +136,116 @@ void to_poses(const In& R, const In& t, const InFlags& prismatic, const InFlags&
     share_out(static_cast<std::int64_t>(M * slots), threads, 1, work);
 }
 
+// How far apart configurations are, less those turns that leave the least.
+double apart(const double* a, const double* b, const double* turn, const double* scale, int n) {
+    double total = 0.0;
+    for (int j = 0; j < n; j++) {
+        const double off = a[j] - b[j], left = (off - turn[j] * std::rint(off * (0.5 / M_PI))) * scale[j];
+        total += left * left;
+    }
+    return std::sqrt(total);
+}
+
+using OutInt = nb::ndarray<std::int32_t, nb::c_contig, nb::device::cpu>;
+using OutFlags = nb::ndarray<bool, nb::c_contig, nb::device::cpu>;
+
+// The nodes of one pose as points of circles, slot by slot for each number: zero where there is none.
+struct Circles {
+    int S, width;
+    std::vector<float> at;
+    mutable std::vector<float> sum;
+
+    Circles(const double* Q, int G, int S, int n)
+        : S(S), width(2 * n), at(static_cast<std::size_t>(G * S * 2 * n)), sum(S) {
+        for (int x = 0; x < G * S; x++)
+            for (int j = 0; j < n && std::isfinite(Q[x * n]); j++) {
+                const float q = static_cast<float>(Q[x * n + j]);
+                float* here = at.data() + (x / S) * width * S + x % S;
+                here[j * S] = std::cos(q), here[(n + j) * S] = std::sin(q);
+            }
+    }
+
+    // The slot of value i, less what `less` takes off, nearest to node x of another pose or this.
+    template <class Less>
+    int nearest(const Circles& from, int x, int i, Less less) const {
+        const float* a = from.at.data() + (x / S) * width * S + x % S;
+        const float* b = at.data() + i * width * S;
+        for (int s = 0; s < S; s++) sum[s] = -less(i * S + s);
+        for (int j = 0; j < width; j++, b += S)
+            for (int s = 0; s < S; s++) sum[s] += a[j * S] * b[s];
+        return i * S + static_cast<int>(std::max_element(sum.begin(), sum.end()) - sum.begin());
+    }
+};
+
+// Neighbours of nodes Q (N, G, S, n), by sums of cosines: `before` (N, G S) of their value at the
+// pose before, and `beside` (N, 2, G S) at the values on both sides, or where a branch `ends` and
+// turns back another one of their own value; how long the `step` (N, G S) from there is, and the
+// longer `way` (N, G S) to those beside, 2 pi to none. With `cyclic` values it is half as long
+// where a branch turns back: there it is singular, halfway.
+void link_nodes(const In& Q, const In& turn, const In& whole, const In& scale, bool cyclic,
+                OutInt before, Out step, OutInt beside, OutFlags ends, Out way, int threads) {
+    require(Q.ndim() == 4 && turn.size() == Q.shape(3) && whole.size() == Q.shape(3) &&
+                scale.size() == Q.shape(3),
+            "Q must have shape (N, G, S, n), joints n numbers");
+    const int G = static_cast<int>(Q.shape(1)), S = static_cast<int>(Q.shape(2)), W = G * S;
+    const int n = static_cast<int>(Q.shape(3));
+    const std::size_t size = Q.shape(0) * Q.shape(1) * Q.shape(2);
+    require(before.size() == size && step.size() == size && beside.size() == 2 * size &&
+                ends.size() == 2 * size && way.size() == size,
+            "an output has the wrong shape");
+    const auto work = [&](std::int64_t first, std::int64_t count, double*) {
+        const double* q = Q.data() + first * W * n;
+        Circles last(first > 0 ? q - W * n : q, G, S, n);
+        std::vector<int> link(static_cast<std::size_t>(2 * W));
+        const auto none = [](int) { return 0.0f; };
+        for (std::int64_t k = first; k < first + count; k++, q += W * n) {
+            const Circles here(q, G, S, n);
+            const auto there = [&](int x) { return std::isfinite(q[x * n]); };
+            for (int x = 0; x < W; x++) {
+                const int i = x / S, from = last.nearest(here, x, i, none);
+                before.data()[k * W + x] = from;
+                step.data()[k * W + x] =
+                    k > 0 ? apart(q + x * n, q + (from - W) * n, turn.data(), scale.data(), n) : 0.0;
+                for (int side = 0; side < 2; side++) {
+                    int to = i + 2 * side - 1;
+                    to = cyclic ? (to + G) % G : std::min(std::max(to, 0), G - 1);
+                    link[side * W + x] = here.nearest(here, x, to, none);
+                }
+            }
+            for (int x = 0; x < W; x++) {
+                double farther = 0.0;
+                for (int side = 0; side < 2; side++) {
+                    int to = link[side * W + x];
+                    const bool end = to / S != x / S && (link[(1 - side) * W + to] != x || !there(to));
+                    if (end)
+                        to = here.nearest(here, x, x / S, [&](int y) {
+                            return (y == x ? 4.0f : 0.0f) * n + (there(y) ? 0.0f : 2.0f) * n;
+                        });
+                    double length = apart(q + to * n, q + x * n, whole.data(), scale.data(), n);
+                    if (end && cyclic) length /= 2;
+                    if (!(length >= 0.0) || (end && to == x)) length = 2 * M_PI;
+                    farther = std::max(farther, length);
+                    beside.data()[(2 * k + side) * W + x] = to;
+                    ends.data()[(2 * k + side) * W + x] = end;
+                }
+                way.data()[k * W + x] = farther;
+            }
+            last = here;
+        }
+        return Outcome{-1, 0};
+    };
+    share_out(static_cast<std::int64_t>(Q.shape(0)), threads, 1, work, 50);
+}
+
 }  // namespace
 
 void add_poses(nb::module_& m) {
     m.def("to_poses", &to_poses, "R"_a.noconvert(), "t"_a.noconvert(), "prismatic"_a.noconvert(),
           "free"_a.noconvert(), "position"_a.noconvert(), "rotation"_a.noconvert(), "scale"_a,
           "small"_a, "near"_a, "slower"_a, "Q"_a.noconvert(), "threads"_a);
+    m.def("link_nodes", &link_nodes, "Q"_a.noconvert(), "turn"_a.noconvert(), "whole"_a.noconvert(),
+          "scale"_a.noconvert(), "cyclic"_a, "before"_a.noconvert(), "step"_a.noconvert(),
+          "beside"_a.noconvert(), "ends"_a.noconvert(), "way"_a.noconvert(), "threads"_a);
 }
 
 }  // namespace pinsing

@@ -35,8 +35,9 @@ inline Scratch allocate(std::size_t doubles) {
 // Runs item ranges on up to `threads` threads, without the GIL.
 // work(first, count, scratch) -> Outcome with indices relative to first.
 template <class Work>
-Outcome share_out(std::int64_t N, int threads, std::size_t scratch, Work work) {
-    const std::int64_t chunks = (N + kChunk - 1) / kChunk;
+Outcome share_out(std::int64_t N, int threads, std::size_t scratch, Work work,
+                  std::int64_t chunk = kChunk) {
+    const std::int64_t chunks = (N + chunk - 1) / chunk;
     const int most = static_cast<int>(std::clamp<std::int64_t>(chunks, 1, kMaxThreads));
     const int workers = std::clamp(threads, 1, most);
     std::vector<Scratch> memory;
@@ -52,9 +53,9 @@ Outcome share_out(std::int64_t N, int threads, std::size_t scratch, Work work) {
     // whichever thread is faster.
     auto run = [&](int worker) noexcept {
         while (!stop.load(std::memory_order_relaxed)) {
-            const std::int64_t first = next.fetch_add(kChunk);
+            const std::int64_t first = next.fetch_add(chunk);
             if (first >= N) break;
-            const Outcome part = work(first, std::min(kChunk, N - first), memory[worker].get());
+            const Outcome part = work(first, std::min(chunk, N - first), memory[worker].get());
             if (part.not_finite < 0 && part.unfinished == 0) continue;
             const std::lock_guard<std::mutex> guard(lock);
             total.unfinished += part.unfinished;

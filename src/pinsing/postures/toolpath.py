@@ -14,7 +14,6 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
 from itertools import product
 from typing import ClassVar
@@ -1111,7 +1110,6 @@ class _Planner:
         self.ended = np.zeros(self.beside.shape, dtype=bool)
         self.before, self.step = np.empty((N, G * S), dtype=np.int32), np.zeros((N, G * S))
         flat = self.Q.reshape(N, G * S, -1)
-        values: Ints = np.arange(G)
         self.window = 0 if G == 1 else min(G // 2, max(3, -(-_TURNS * G // N)))
         steps = np.diff(self.grid) if G > 1 else np.zeros(1)
         half = np.fmax(np.append(steps, steps[-1:]), np.append(steps[:1], steps))[:G] / 2
@@ -1121,48 +1119,50 @@ class _Planner:
         self.most = max(self.clear.size, 400_000) // 4
         self.motions = max(self.clear.size * 32, 8_000_000)
 
-        def circled(k: int) -> tuple[Bool, Array]:
-            there = np.isfinite(self.Q[k, ..., :1])
-            turned = np.where(there, self.Q[k], 0.0).astype(np.float32)
-            return there, np.concatenate([np.cos(turned), np.sin(turned)], axis=-1) * there
-
-        def link_poses(poses: Ints) -> None:
-            last = circled(max(0, poses[0] - 1))[1]
-            for k in poses.tolist():
-                there, circle = circled(k)
-                self.before[k] = (values[:, None] * S + self._nearest(circle, last)).ravel()
-                last = circle
-                if k:
-                    self.step[k] = self._length(flat[k] - flat[k - 1, self.before[k]])
-                near = np.stack([self._shifted(values, -1), self._shifted(values, 1)])
-                link = (near[..., None] * S + self._nearest(circle, circle[near])).reshape(2, -1)
-                ends = np.take_along_axis(link[::-1], link, axis=1) != np.arange(G * S)
-                ends |= ~there.ravel()[link]
-                ends &= np.repeat(near != values, S, axis=1)
-                if ends.any():  # a branch that ends turns back into another one
-                    i = np.unique(np.nonzero(ends)[1] // S)
-                    other = circle[i] @ circle[i].swapaxes(1, 2) - 4 * self.arm.n * np.eye(S)
-                    other -= 2 * self.arm.n * ~there[i].swapaxes(1, 2)
-                    back = np.zeros((G, S), dtype=int)
-                    back[i] = i[:, None] * S + other.argmax(axis=-1)
-                    link = np.where(ends, back.ravel(), link)
-                self.beside[k] = link
-                self.ended[k] = ends & (link != np.arange(G * S)) & (not self.cyclic)
-                to = self._neighbors(k, np.arange(G * S)).swapaxes(0, 1)
-                toward = _unturned(to - flat[k], self.whole)
-                toward[ends & (link == np.arange(G * S))] = np.nan
-                if self.cyclic:  # where it turns back it is singular: no clearance, halfway
-                    toward[ends] /= 2
-                self.way[k] = self._longer(toward.swapaxes(0, 1))
-
-        parts = np.array_split(np.arange(N), min(N, engine.cpu_count()))
-        with ThreadPoolExecutor(len(parts)) as pool:
-            list(pool.map(link_poses, parts))
+        ends = self.ended.copy()
+        if engine.available():
+            found = self.before, self.step, self.beside, ends, self.way, engine.cpu_count()
+            how = self.turn, self.whole, self.scale, self.cyclic
+            engine.module().link_nodes(self.Q, *how, *found)
+        else:
+            self._link_plainly(ends)
+        self.ended = ends & (self.beside != np.arange(G * S)) & (not self.cyclic)
+        k, at = np.nonzero(self.ended.any(axis=1))
+        near = self._neighbors(k, at) - flat[k, at][:, None]
+        near[(ends & ~self.ended)[k, :, at]] = np.nan
+        self.way[k, at] = self._longer(near)
         nodes = np.isfinite(self.clear).reshape(self.step.shape)
         far = (nodes & ~(self.step <= _COARSE[1])).sum(axis=1) > nodes.sum(axis=1) / 2
         self.far = far & (not self.rough)
         if self.start is not None:
             self.way[0] = 0.0
+
+    def _link_plainly(self, ends: Bool) -> None:
+        """What the kernel does: neighbours by sums of cosines, and where branches end."""
+        N, G, S, n = self.Q.shape
+        flat, values, own = self.Q.reshape(N, G * S, n), np.arange(G), np.arange(G * S)
+        there = np.isfinite(self.Q[..., :1])
+        turned = np.where(there, self.Q, 0.0)
+        circle = np.concatenate([np.cos(turned), np.sin(turned)], axis=-1) * there
+        before = values[:, None] * S + self._nearest(circle, circle[[0, *range(N - 1)]])
+        self.before[:] = before.reshape(N, -1)
+        rows = np.arange(N)[:, None, None]
+        self.step[1:] = self._length(flat[1:] - flat[rows[:-1, 0], self.before[1:]])
+        near = np.stack([self._shifted(values, -1), self._shifted(values, 1)])
+        link = near[..., None] * S + self._nearest(circle[:, None], circle[:, near])
+        link = link.reshape(N, 2, -1)
+        ends[:] = np.take_along_axis(link[:, ::-1], link, axis=2) != own
+        ends |= ~there.reshape(N, -1)[rows, link]
+        ends &= np.repeat(near != values, S, axis=1)
+        # A branch that ends turns back into another one.
+        other = circle @ circle.swapaxes(2, 3) - 4 * n * np.eye(S) - 2 * n * ~there.swapaxes(2, 3)
+        back = values[:, None] * S + other.argmax(axis=-1)
+        self.beside[:] = np.where(ends, back.reshape(N, 1, -1), link)
+        toward = _unturned(flat[rows, self.beside] - flat[:, None], self.whole)
+        toward[ends & (self.beside == own)] = np.nan
+        if self.cyclic:  # where it turns back it is singular: no clearance, halfway
+            toward[ends] /= 2
+        self.way[:] = self._longer(toward.swapaxes(1, 2))
 
     def _room(self, k: int) -> Array:
         """Return the most clearance (G S,) that there may be up to halfway to a neighbouring value.
