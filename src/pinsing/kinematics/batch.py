@@ -47,8 +47,8 @@ def batch_chain(arm: Arm, engine: str = "auto") -> FlatChain | None:
 
 def _chain_or_reason(arm: Arm) -> FlatChain | str:
     """The arm's chain for the kernel, or why there is none."""
-    found: FlatChain | str = arm.once("batch_chain", lambda: _verified(arm))
-    return kernel.unavailable_reason() or found
+    # A kernel that does not match the sources cannot be verified.
+    return kernel.unavailable_reason() or arm.once("batch_chain", lambda: _verified(arm))
 
 
 def fixed_engine(arm: Arm, engine: str = "auto") -> str:
