@@ -17,7 +17,7 @@ constexpr int kMaxColumns = 32;   // its larger side
 constexpr int kMaxJoints = 1024;  // bounds the scratch memory; no arm comes near
 constexpr int kWalkJoints = 16;     // of walks to rank drops
 constexpr int kWalkEquations = 24;  // (m - rank + 1) (n - rank + 1)
-constexpr int kSpeedColumns = 8;    // of Jacobians whose joint speeds are bounded
+constexpr int kSpeedColumns = 12;   // of Jacobians whose joint speeds are bounded
 constexpr int kTubeTerms = 320;     // of the sums of a tube, each in four joints
 constexpr int kTubeSums = 16;
 constexpr int kTubeColumns = 88;
@@ -58,7 +58,7 @@ struct SpeedTask {
     const bool* turns;     // (k,)
     const bool* moving;    // (n,)
     double tip_speed, turn_speed;
-    int middle, rounds;
+    int middle, rounds;  // 0 rounds: of one joint to spare the best right inverse
     bool still;  // twists are taken at a point of the link behind `middle`, else at the tip
 };
 

@@ -2,7 +2,8 @@
 // pinsing/kinematics/speed_bounds.py, which says what they rest on and what the letters are. One
 // machine vector at a time, so that what belongs to a box stays in the first caches.
 constexpr double kSpeedRounding = 1.0e-12;
-constexpr double kLeastWeight = 0.1;  // how much less a joint may weigh in the next right inverse
+constexpr double kLeastWeight = 0.3;  // of a share, by which joints weigh in the next right inverse
+constexpr int kPairSteps = 5;
 constexpr double kFreeTurn = 100.0;   // speed of a turn without a limit over the fastest joint's
 
 struct Span {
@@ -124,7 +125,8 @@ struct BoxOfSpeeds {
         return most;
     }
 
-    // A: with the weights that make the largest share least, of those that are looked at.
+    // A: a least square, with the weights that make the largest share least of those that are looked
+    // at. Joints weigh more that take more (C. L. Lawson, 1961: to the power 1; 3/2 is sooner there).
     void take_inverse() {
         double fastest = 0.0;
         for (int j = 0; j < task.n; j++) fastest = task.limits[j] > fastest ? task.limits[j] : fastest;
@@ -135,7 +137,7 @@ struct BoxOfSpeeds {
         }
         One least = spread(__builtin_inf());
         clear(A, k * m);
-        for (int round = 0; round < (k == m ? 1 : task.rounds); round++) {
+        for (int round = 0; round < (k == m || !task.rounds ? 1 : task.rounds); round++) {
             for (int j = 0; j < k; j++)
                 for (int i = 0; i < m; i++) eased[j * m + i] = M[i * k + j] * ease[j];
             product(M, eased, m, k, m, N);
@@ -159,13 +161,78 @@ struct BoxOfSpeeds {
             const OneMask better = most < least;
             least = select(better, most, least);
             for (int i = 0; i < k * m; i++) A[i] = select(better, eased[i], A[i]);
-            for (int j = 0; j < task.n; j++)
-                ease[j] = ease[j] / vmax(z[j] * (1.0 / task.limits[j]) / most, kLeastWeight);
+            for (int j = 0; j < task.n; j++) {
+                const One share = vmax(z[j] * (1.0 / task.limits[j]) / most, kLeastWeight);
+                ease[j] = ease[j] / (share * vsqrt(share));
+            }
         }
+        if (k == m + 1 && !task.rounds) take_pair(least);
     }
 
-    // E3, of what orders of J adds that are not looked at, and its rounding, and how far the tip
-    // moves: `_rest` in Python.
+    // With one joint to spare the right inverses are A + s w for any row w (m,). What the worst twists
+    // take of a joint's limit and of another's together is least where both take as much: w is of the
+    // two that take most, and goes some steps to where the one that takes most of all is at rest.
+    void take_pair(One least) {
+        One still[kSpeedColumns], s[kSpeedColumns], w[6], at[kSpeedColumns * 6], pair[6], best[6];
+        double shares[kSpeedColumns];
+        for (int j = 0; j < k; j++) shares[j] = j < task.n ? 1.0 / task.limits[j] : 0.0;
+        clear(still, k);
+        clear(w, m);
+        One longest = spread(-1.0), most = longest;
+        for (int j = 0; j < k; j++) {  // s, of the columns of 1 - A M the largest on its diagonal
+            One column[kSpeedColumns];
+            for (int i = 0; i < k; i++) {
+                column[i] = spread(i == j ? 1.0 : 0.0);
+                for (int a = 0; a < m; a++) column[i] -= A[i * m + a] * M[a * k + j];
+            }
+            const OneMask better = column[j] > longest;
+            longest = select(better, column[j], longest);
+            for (int i = 0; i < k; i++) still[i] = select(better, column[i], still[i]);
+        }
+        clear(best, m);
+        for (int i = 0; i < k; i++) {
+            s[i] = still[i] * shares[i];
+            for (int a = 0; a < m; a++) at[i * m + a] = A[i * m + a] * shares[i];
+            for (int j = 0; j < i; j++) {
+                const One side = select(s[i] * s[j] < 0.0, spread(1.0), spread(-1.0));
+                One both = s[i] - side * s[j];
+                both = select(vabs(both) < kSpeedRounding, spread(1.0), both);
+                for (int a = 0; a < m; a++) {
+                    pair[a] = (side * at[j * m + a] - at[i * m + a]) / both;
+                    F[a] = at[i * m + a] + s[i] * pair[a];
+                }
+                const One share = norm(F);
+                const OneMask more = share > most;
+                most = select(more, share, most);
+                for (int a = 0; a < m; a++) w[a] = select(more, pair[a], w[a]);
+            }
+        }
+        for (int step = 0; step < kPairSteps; step++) {
+            One worst = spread(0.0);
+            for (int i = 0; i < task.n; i++) {
+                for (int a = 0; a < m; a++) F[a] = at[i * m + a] + s[i] * w[a];
+                const One share = norm(F), none = select(vabs(s[i]) < kSpeedRounding, spread(1.0), s[i]);
+                const OneMask more = share > worst;
+                worst = select(more, share, worst);
+                for (int a = 0; a < m; a++) pair[a] = select(more, -1.0 * at[i * m + a] / none, pair[a]);
+            }
+            const OneMask better = worst < least;
+            least = select(better, worst, least);
+            const One way = vmax((worst - most) / vmax(worst, spread(kSpeedRounding)), spread(0.0));
+            for (int a = 0; a < m; a++) {
+                best[a] = select(better, w[a], best[a]);
+                w[a] += way * (pair[a] - w[a]);
+            }
+        }
+        for (int i = 0; i < k; i++)
+            for (int a = 0; a < m; a++) A[i * m + a] += still[i] * best[a];
+    }
+
+    // E3: what orders of J add that are not looked at, and its rounding. With V_b the length of column
+    // b, in the axes in the middle the third derivative of column k by turning joints between it and
+    // the middle is at most the sum of V of the four. Of twists at the tip, by joints behind the
+    // middle V_b of the last of the four; by some of each V of the last one behind. And how far the
+    // tip moves in these axes: by all orders, all but the first, and all but the second.
     void bound_rest() {
         One far[kSpeedColumns], rp[kSpeedColumns], rd[kSpeedColumns], behind[kSpeedColumns];
         One linear[kSpeedColumns], angular[kSpeedColumns];
@@ -483,7 +550,7 @@ struct BoxOfSpeeds {
             most = select(good, largest(y) * (1.0 + kSpeedRounding), infinite);
             for (int j = 0; j < k; j++) pull[j] = select(some, pull[j], zero);
         }
-        for (int i = 0; i < k; i++) x[i] = select(good, y[i], center[i]);
+        for (int i = 0; i < k; i++) x[i] = select(good, y[i], F[i]);
         product(E1, x, k, k, 1, y);
         product(E1, y, k, k, 1, rest);
         One worst = spread(-1.0), by[kSpeedColumns];

@@ -16,23 +16,22 @@ covers a thousand operations, and A with twice what J A misses.
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 
 import numpy as np
 
 from pinsing._batch import engine
-from pinsing._types import Array, Bool, Ints
-from pinsing.errors import OptionError
+from pinsing._types import Array, Bool
+from pinsing.errors import EngineError, OptionError
 from pinsing.kinematics.batch import random_turns, tip_rotations
 from pinsing.kinematics.jacobian import frame_jacobians
 from pinsing.kinematics.tip_speed import SpeedJudge
 from pinsing.measures import NOISE
 from pinsing.robot.chain import flatten
 
-_ROUNDS, _LEAST_WEIGHT, _FREE = 6, 0.1, 100.0
-"""Choices of a right inverse that are looked at, how much less a joint may weigh each time, and the
-speed of a turn about the tool's axis over that of the fastest joint: it has no limit."""
+_ROUNDS, _MORE_ROUNDS, _CLOSE = 2, 13, 0.9
+"""Choices of a right inverse that are looked at, and how many where a share is above the last; of
+one joint to spare the best one is known there."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,6 +54,9 @@ class SpeedBounds:
     def __init__(
         self, judge: SpeedJudge, tip_speed: float, turn_speed: float, travel: Array
     ) -> None:
+        EngineError.refuse_if(
+            not engine.available(), f"zones need the compiled kernel: {engine.unavailable_reason()}"
+        )
         self.judge, arm = judge, judge.arm
         self.v, self.w = tip_speed, turn_speed
         chain, task = flatten(arm), arm.task
@@ -81,7 +83,8 @@ class SpeedBounds:
         reach = np.cumsum(steps[::-1])[::-1][1:]  # from each joint to the tip
         across = np.linalg.norm(chain.t[1:, :2], axis=1) + reach - steps[1:]
         self.far = np.append(np.where(arm.prismatic, 1.0, across), [0.0] * (self.axis is not None))
-        count = len(self.far)
+        count, most = len(self.far), engine.module().SPEED_COLUMNS
+        OptionError.refuse_if(count > most, f"zones: an arm may have {most} joints, not {count}")
         self.turns: Bool = np.append(~arm.prismatic, np.ones(int(self.axis is not None), bool))
         self.middle = (count - 1) // 2
         self.moving: Bool = np.ones(arm.n, dtype=bool)
@@ -106,278 +109,28 @@ class SpeedBounds:
         spin = tip_rotations(self.judge.arm, Q)[:, :, self.axis]
         return np.concatenate([J, np.concatenate([0 * spin, spin], axis=1)[:, :, None]], axis=2)
 
-    def _inverses(self, M: Array) -> Array:
-        """Return right inverses (N, k, m) of M (N, m, k), of which the limits' shares are small."""
-        # A least square with weights; where there is a choice, those joints weigh more that take
-        # more (C. L. Lawson, 1961).
-        spin = np.full(M.shape[2] - len(self.judge.limits), _FREE * self.judge.limits.max())
-        ease = np.tile(np.append(self.judge.limits, spin) ** 2, (len(M), 1))
-        best, least = np.zeros((len(M), M.shape[2], M.shape[1])), np.full(len(M), np.inf)
-        for _ in range(1 if M.shape[1] == M.shape[2] else _ROUNDS):
-            eased = np.swapaxes(M * ease[:, None], 1, 2)
-            A = eased @ _inverse(M @ eased)
-            A = 2 * A - A @ (M @ A)
-            z = self._norms(A)
-            most = self._largest(z)
-            best[most < least], least = A[most < least], np.minimum(least, most)
-            share = (
-                z[:, : len(self.judge.limits)]
-                / self.judge.limits
-                / np.maximum(most, 1e-300)[:, None]
-            )
-            ease[:, : len(self.judge.limits)] /= np.maximum(share, _LEAST_WEIGHT)
-        return best
-
-    def _largest(self, z: Array) -> Array:
-        """Shares (N,) of the limits that joint speeds (N, k) are."""
-        limits = self.judge.limits
-        return np.asarray((z[:, : len(limits)] / limits).max(axis=1))
-
-    def of(self, C: Array, R: Array, *, compiled: bool = True) -> BoxSpeeds:
+    def of(self, C: Array, R: Array) -> BoxSpeeds:
         """Shares in boxes of centres C (N, n) and half widths R (N, n)."""
-        J = self.jacobians(C)
-        N, n = C.shape
-        if compiled and engine.available() and len(self.far) <= engine.module().SPEED_COLUMNS:
-            out, speeds = np.empty((N, 3 + n)), [self.v, self.w]
-            engine.module().joint_speeds(
-                *(self.rows, self.linear, self.judge.limits, self.far, self.turns, self.moving),
-                *(speeds, self.middle, _ROUNDS, self.still, J, R, out),
-                *(engine.isa_names()[-1], engine.cpu_count()),
-            )
-            return BoxSpeeds(out[:, 0], out[:, 1], out[:, 2], out[:, 3:])
-        M = self.rows @ J
-        A, k = self._inverses(M), M.shape[2]
-        active = np.flatnonzero(self.moving)
-        r, slopes = R[:, active], [self._slope(J, J, int(j)) for j in active]
-        G, size = np.empty((N, len(active), k, k)), np.abs(M)
-        B = np.empty((N, len(active), *A.shape[1:]))
-        for i, (j, slope) in enumerate(zip(active, slopes, strict=True)):
-            Mj = self.rows @ slope
-            G[:, i] = A @ Mj
-            B[:, i] = G[:, i] @ A - self._carried(A, int(j), J[:, :3, j])
-            size += np.abs(Mj) * r[:, i, None, None]
-        E1, (E3, moved) = np.einsum("nj,njab->nab", r, np.abs(G)), self._rest(A, J, R)
-        F, center, along = self._first_order(A, B, r)
-        # Where this is too much already, the second order is not looked at.
-        more = _times(E1, _times(E1, _times(E1, F)) + _times(E3, F)) + _times(E3, F)
-        some = np.flatnonzero(self._largest(F + more) <= 1)
-        y, pull, limits = np.full(F.shape, np.inf), np.zeros((N, n)), self.judge.limits
-        if len(some):
-            parts = (x[some] for x in (J, M, A, G, B, E1, E3, F, moved, size, r))
-            y[some], pull[some] = self._with_second_order([x[some] for x in slopes], *parts)
-        good = np.isfinite(y).all(axis=1)
-        most = np.where(good, self._largest(y) * (1 + NOISE), np.inf)
-        x = np.where(good[:, None], y, center)[..., None]
-        worst = (x[:, :n, 0] / limits).argmax(axis=1)
-        # What each joint adds to the first order of the worst row, and to the third of all.
-        u = np.zeros((N, 1, k))
-        u[:, 0, :n] = 1 / limits
-        third = u[:, None] @ (np.abs(G) @ (E1 @ (E1 @ x))[:, None])
-        pull[:, active] += along[np.arange(N), worst] / limits[worst][:, None]
-        pull[:, active] += 3 * r * third[..., 0, 0]
-        return BoxSpeeds(self._largest(center), self._largest(F), most, pull)
+        found = self._of(C, R, _ROUNDS)
+        # Speeds that are least at the centre change more than others do in all of a wide box.
+        close = np.flatnonzero((found.most > 1) & (found.center > _CLOSE))
+        spare = len(self.far) - len(self.rows)
+        if spare and len(close):
+            closer = self._of(C[close], R[close], _MORE_ROUNDS if spare > 1 else 0)
+            for was, now in zip(vars(found).values(), vars(closer).values(), strict=True):
+                was[close] = now
+        return found
 
-    def _with_second_order(
-        self,
-        slopes: list[Array],
-        J: Array,
-        M: Array,
-        A: Array,
-        G: Array,
-        B: Array,
-        E1: Array,
-        E3: Array,
-        F: Array,
-        moved: Array,
-        size: Array,
-        r: Array,
-    ) -> tuple[Array, Array]:
-        """Bounds y (N, d), infinite where nothing is proven, and what joints (N, n) add by it."""
-        active = np.flatnonzero(self.moving)
-        E2, E3, Q, bent = np.zeros_like(E1), E3.copy(), np.zeros_like(E1), np.zeros(F.shape)
-        pull = np.zeros((len(J), len(self.moving)))
-        for i, j in enumerate(active):
-            for h in range(i, len(active)):
-                # Bilinear in columns, so that the rule of products gives its derivative.
-                both = self._slope(slopes[h], J, int(j)) + self._slope(J, slopes[h], int(j))
-                Mjl = self.rows @ both
-                rr = r[:, i] * r[:, h] / (1 if h > i else 2)
-                size += np.abs(Mjl) * rr[:, None, None]
-                second = A @ Mjl
-                E2 += np.abs(second) * rr[:, None, None]
-                squared = G[:, i] @ G[:, h] + G[:, h] @ G[:, i] - second
-                Q += np.abs(squared) * rr[:, None, None]
-                w, v = J[:, 3:, j], J[:, :3, active[h]]
-                turned = G[:, i] @ B[:, h] + G[:, h] @ B[:, i] - second @ A
-                turned += self._carried(A, int(j), np.cross(w, v))
-                here = self._norms(turned) * rr[:, None]
-                bent += here
-                pull[:, j] += self._largest(here)
-                pull[:, active[h]] += self._largest(here)
-                for o in self._nearer(active, i, h):
-                    third = self.rows @ self._slope(both, J, int(active[o]))
-                    rrr = rr * r[:, o] / (1 + (o == i) + (o == h))
-                    size += np.abs(third) * rrr[:, None, None]
-                    E3 += np.abs(A @ third) * rrr[:, None, None]
-        # The exact right inverse near A is A (1 + d) with entries of d of at most ``off``.
-        missed = np.abs(M @ A - np.eye(M.shape[1])) + NOISE * (np.abs(M) @ np.abs(A))
-        off = 2 * missed.sum(axis=2).max(axis=1)[:, None]
-        slack = np.abs(A) @ (NOISE * size + (off * size.sum(axis=1))[:, None])
-        E1, E2, E3 = E1 + slack, E2 + slack, E3 + slack
-        E, Q = E1 + E2 + E3, Q + slack + slack @ E1 + E1 @ slack
-        T = Q @ E + E1 @ (E2 + E3) + E3
-        missed = off * 2 * (self.v + self.w * (1 + moved[:, :1])) * np.abs(A).sum(axis=2)
-        # Of A X x: all orders but the zeroth, but the first, and but the second.
-        lever = self.w * np.linalg.norm(A[..., self.linear], axis=-1)
-        first, second, third = (lever * moved[:, i, None] + missed for i in range(3))
-        F = (F + bent) * (1 + NOISE) + NOISE
-        F += _times(3 * slack + slack @ E1 + E1 @ slack, self._norms(A) + first)
-        F += third + _times(E1, second) + _times(Q, first)
-        with np.errstate(all="ignore"):
-            left = np.eye(T.shape[1]) - np.minimum(T, 1e6)
-            y = np.asarray(np.linalg.solve(left, F[..., None])[..., 0], dtype=np.float64)
-            y = y * (1 + 1e-9)
-            holds = (y > 0) & ((F + _times(T, y)) * (1 + NOISE) <= y)
-            good: Bool = np.all(holds, axis=1, keepdims=True)
-            good &= off < 1e-3
-        return np.where(good, y, np.inf), pull
-
-    def _slope(self, J: Array, K: Array, j: int) -> Array:
-        """Return derivatives (N, 6, k) of Jacobians by joint j, axes of the link behind ``middle``.
-
-        Of twists at its point where the tip is at the centre if ``still``; else at the tip: in base
-        axes it is w_a x v_b with a before b, and the axes turn with the joints before them.
-        Column j is taken of K, the others of J: it is linear in both.
-        """
-        out = np.zeros_like(J)
-        w, v = K[:, 3:, j, None], K[:, :3, j, None]
-        if j <= self.middle:
-            first = slice(0, j)
-            out[:, :3, first] = _cross(J[:, :3, first], w) + _cross(J[:, 3:, first], v)
-            out[:, 3:, first] = _cross(J[:, 3:, first], w)
-            return out
-        after, later = slice(j, J.shape[2]), slice(j + 1, J.shape[2])
-        out[:, 3:, later] = _cross(w, J[:, 3:, later])
-        if self.still:
-            out[:, :3, later] = _cross(w, J[:, :3, later]) + _cross(v, J[:, 3:, later])
-            return out
-        out[:, :3, after] = _cross(w, J[:, :3, after])
-        out[:, :3, :j] = _cross(J[:, 3:, :j], v)
-        return out
-
-    def _nearer(self, active: Ints, i: int, h: int) -> list[int]:
-        """Which of the active joints are third ones of i <= h, no farther from the middle."""
-        behind = active > self.middle
-        if not self.still or behind[i] != behind[h]:
-            return []
-        nearer = range(i + 1) if behind[h] else range(h, len(active))
-        return [o for o in nearer if behind[o] == behind[h]]
-
-    def _carried(self, A: Array, j: int, v: Array) -> Array:
-        """Derivative (N, k, m) of A X by joint j, which moves the tip by v (N, 3)."""
-        if not self.still or j <= self.middle:
-            return np.zeros_like(A)
-        linear = A @ self.rows[:, :3]
-        return np.asarray(np.cross(linear, v[:, None]) @ self.rows[:, 3:].T)
-
-    def _rest(self, A: Array, J: Array, R: Array) -> tuple[Array, Array]:
-        """Bound (N, k, k) what the third order and more of J adds to A M, and its rounding.
-
-        With V_b the length of column b: in the axes in the middle the third derivative of column k
-        by turning joints between it and the middle is at most the sum of V of the four. Of twists
-        at the tip, by joints behind the middle V_b of the last of the four; by some of each V of
-        the last one behind. And bound (N, 3) how far the tip moves in these axes, by all orders,
-        all but the first, and all but the second.
-        """
-        N, k = len(J), J.shape[2]
-        r = np.concatenate([R * self.moving, np.zeros((N, k - R.shape[1]))], axis=1)
-        here = np.linalg.norm(J[:, :3], axis=1)
-        far = np.minimum(self.far, here + sums_behind(r * self.far))
-        before, turning = np.arange(k) <= self.middle, r * self.turns
-        rd = turning * ~before
-        d = np.cumsum(rd, axis=1)
-        behind, others = r * ~before * far, d - rd
-        # Behind the middle, of products of two and three the later one at each place.
-        pairs = far * rd**2 + 2 * behind * others
-        triples = far * (d**3 - others**3) + 3 * behind * ~self.turns * others**2
-        p, linear, order = np.zeros_like(r), np.zeros_like(r), 4 if self.still else 3
-        for side in (range(self.middle, -1, -1), range(self.middle + 1, k)):
-            angle, arms = np.zeros(N), np.zeros(N)
-            for j in side:
-                lever = far[:, j]
-                if self.still:  # of the point, which the joints between move
-                    lever = here[:, j] + (arms if self.turns[j] else 0.0)
-                p[:, j], linear[:, j] = angle, (order * arms + lever * angle) * angle ** (order - 1)
-                angle, arms = angle + turning[:, j], arms + r[:, j] * lever
-        moved = np.zeros((N, 3))
-        if self.still:
-            moved = np.stack(
-                [behind.sum(axis=1), pairs.sum(axis=1) / 2, triples.sum(axis=1) / 6], 1
-            )
-            moved += NOISE * (self.far.max() + 1)
-            moved = np.cumsum(moved[:, ::-1], axis=1)[:, ::-1]
-        else:
-            linear = np.where(before, linear, 0.0) + far * d**3 + sums_behind(triples)
-            linear += 3 * p**2 * before * behind.sum(axis=1, keepdims=True)
-            linear += 3 * p * before * pairs.sum(axis=1, keepdims=True)
-        linear = linear / math.factorial(order) + NOISE * (self.far + here + 1)
-        angular = p**order / math.factorial(order) + NOISE
-        av = np.linalg.norm(A[..., self.linear], axis=-1)[..., None]
-        aw = np.linalg.norm(A[..., ~self.linear], axis=-1)[..., None]
-        return np.asarray(av * linear[:, None] + aw * angular[:, None]), moved
-
-    def _norms(self, rhs: Array) -> Array:
-        """Largest component (N, d) of rhs (N, d, m) times any of the twists."""
-        v, w = rhs[..., self.linear], rhs[..., ~self.linear]
-        return np.asarray(self.v * np.linalg.norm(v, axis=-1) + self.w * np.linalg.norm(w, axis=-1))
-
-    def _first_order(self, rhs: Array, B: Array, r: Array) -> tuple[Array, Array, Array]:
-        """Largest (N, d) of (A - E1 A) X x in a box, at its centre, and by joint (N, d, j)."""
-        g = -B  # (N, j, d, m)
-        center, extra = np.zeros(rhs.shape[:2]), np.zeros(rhs.shape[:2])
-        along = np.zeros((len(rhs), g.shape[1], rhs.shape[1]))
-        for speed, own in ((self.v, self.linear), (self.w, ~self.linear)):
-            if not speed or not own.any():
-                continue
-            a, da = rhs[..., own], g[..., own]
-            length = np.linalg.norm(a, axis=-1)
-            unit = a / np.maximum(length, 1e-300)[..., None]
-            with_it = np.einsum("njdm,ndm->njd", da, unit)
-            off = np.linalg.norm(da - with_it[..., None] * unit[:, None], axis=-1)
-            across = np.einsum("nj,njd->nd", r, off)
-            least = length - np.einsum("nj,njd->nd", r, np.abs(with_it))
-            bent = np.where(
-                least > 0,
-                np.minimum(across, across**2 / (2 * np.maximum(least, 1e-100))),
-                across - 2 * least,
-            )
-            center += speed * length
-            extra += speed * bent
-            along += speed * with_it
-        along = np.abs(along) * r[..., None]
-        return center + along.sum(axis=1) + extra, center, np.swapaxes(along, 1, 2)
-
-
-def _inverse(M: Array) -> Array:
-    """Inverses (N, d, d); pseudoinverses at singular centres, where nothing is proven."""
-    try:
-        return np.asarray(np.linalg.inv(M), dtype=float)
-    except np.linalg.LinAlgError:
-        return np.asarray(np.linalg.pinv(M), dtype=float)
+    def _of(self, C: Array, R: Array, rounds: int) -> BoxSpeeds:
+        out, speeds = np.empty((len(C), 3 + C.shape[1])), [self.v, self.w]
+        engine.module().joint_speeds(
+            *(self.rows, self.linear, self.judge.limits, self.far, self.turns, self.moving),
+            *(speeds, self.middle, rounds, self.still, self.jacobians(C), R, out),
+            *(engine.isa_names()[-1], engine.cpu_count()),
+        )
+        return BoxSpeeds(out[:, 0], out[:, 1], out[:, 2], out[:, 3:])
 
 
 def sums_behind(x: Array) -> Array:
     """Sums (N, k) of what stands behind each place of x (N, k)."""
     return np.asarray(np.cumsum(x[:, ::-1], axis=1)[:, ::-1] - x)
-
-
-def _cross(a: Array, b: Array) -> Array:
-    """Cross products (N, 3, k) along the second axis."""
-    ax, ay, az = (a[:, i] for i in range(3))
-    bx, by, bz = (b[:, i] for i in range(3))
-    return np.stack([ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx], axis=1)
-
-
-def _times(M: Array, x: Array) -> Array:
-    """Products (N, d) of M (N, d, d) and x (N, d)."""
-    return np.asarray((M @ x[..., None])[..., 0])

@@ -18,7 +18,7 @@ import numpy as np
 from pinsing._types import Array, ArrayLike, Bool, Ints
 from pinsing.algebra.conditions import Conditions
 from pinsing.algebra.nearest import BOXES as NEAREST, SearchOptions, nearest_points, two_sided
-from pinsing.algebra.trig_sum import off_values
+from pinsing.algebra.trig_sum import TINY, off_values
 from pinsing.arguments import checked
 from pinsing.errors import OptionError
 from pinsing.families import ClosedForm, Family
@@ -419,9 +419,10 @@ class _Search:
             for part in np.array_split(pick[:count], math.ceil(count / self.chunk)):
                 found = self._halves(k, far, cap, C[part], R[part], ceiling[part], reached)
                 made.append(found[:3])
-                guess, center = found[3:]
-                if guess > (1 + GAP / 5) * reached:
-                    better, where = self._climb(k, far, center[None], 0.05)
+                guess, centers = found[3:]
+                ahead = centers[guess > (1 + GAP / 5) * reached]
+                if len(ahead):
+                    better, where = self._climb(k, far, ahead, 0.05)
                     reached, q = (better, where) if better > reached else (reached, q)
             self.seen += count
             self.progress(what, min(self.seen - begin, most), most)
@@ -434,8 +435,8 @@ class _Search:
 
     def _halves(
         self, k: int | None, far: Array, cap: float, C: Array, R: Array, top: Array, reached: float
-    ) -> tuple[Array, Array, Array, float, Array]:
-        """What is left of boxes, in halves with ceilings; and the farthest centre that exceeds."""
+    ) -> tuple[Array, Array, Array, Array, Array]:
+        """What is left of boxes, in halves with ceilings; and the farthest centres that exceed."""
         target = self._target(reached)
         kept = np.where(np.arange(len(far)) == k, target, np.minimum(far, 1e9))
         c, r = self._trimmed(C, R, np.full(len(far), target) if k is None else kept)
@@ -469,7 +470,7 @@ class _Search:
             x[alive] for x in (c, r, top, low, up, over, steps, reach, center, first, pull)
         )
         if not len(c):
-            return c, r, top, -np.inf, c
+            return c, r, top, top, c
         # Steps may lead to a point that is not the nearest: such boxes could never be done.
         least = self._objective(k, far, low + reach)
         here = self._objective(k, far, up)
@@ -485,13 +486,13 @@ class _Search:
         guess = np.where(center > 1, self._objective(k, far, up), -np.inf)
         farther = np.flatnonzero(guess > reached)
         guess[farther[~self.region.holds(c[farther])]] = -np.inf
-        best = int(guess.argmax())
+        best = np.argsort(-guess, kind="stable")[: self.best]
         kept = np.full(len(far), target) if k is None else kept
         j = self._longest(r, up, over, steps, kept, BoxSpeeds(center, first, center, pull))
         half = np.eye(self.arm.n)[j] * r / 2
         a, b, s = (c - half)[open_], (c + half)[open_], (r - half)[open_]
         both = np.concatenate([a, b]), np.concatenate([s, s]), np.tile(top[open_], 2)
-        return *both, float(guess[best]), c[best]
+        return *both, guess[best], c[best]
 
     def _longest(
         self, r: Array, up: Array, over: Array, steps: Array, kept: Array, speeds: BoxSpeeds
@@ -505,10 +506,12 @@ class _Search:
         if not len(kept):
             return np.asarray(j)
         families = _times(over - np.where(np.isfinite(up), up, 0.0), kept - up)
+        i = (w[:, None] * (steps + w[:, None]) * self.used).argmax(axis=2)
+        families = families / np.maximum(w[rows[:, None], i], TINY)
         f = families.argmin(axis=1)
-        i = (w * (steps[rows, f] + w) * self.used[f]).argmax(axis=1)
         by_speeds = _times(speeds.first - speeds.center, 1 - speeds.center)
-        return np.asarray(np.where(families[rows, f] * w[rows, j] < by_speeds * w[rows, i], i, j))
+        sooner = families[rows, f] < by_speeds / np.maximum(w[rows, j], TINY)
+        return np.asarray(np.where(sooner, i[rows, f], j))
 
     def _may_hold(self, C: Array, R: Array, clear: Bool) -> Bool:
         """Return whether the region may have points of boxes; a posture needs clear ones."""
