@@ -36,7 +36,7 @@ from pinsing.postures.ladder import posture_names
 from pinsing.postures.placement import TRIED, WorkpiecePlacement, check_ranges, place_at, search
 from pinsing.postures.zone_search import Region
 from pinsing.prose import listed
-from pinsing.proximity.clearance import CLOSE, certified, clearance
+from pinsing.proximity.clearance import CLOSE, certified, clearance, quick
 from pinsing.proximity.crossings import crossings
 from pinsing.proximity.passage import BISECTED, least_along
 from pinsing.proximity.watched import titled, watch
@@ -597,7 +597,7 @@ class _Planner:
         for first in range(0, len(self.Q), rows):
             k = slice(first, first + rows)
             there, q = np.isfinite(self.Q[k, ..., 0]), self.Q[k]
-            found = clearance(self.form, q[there])
+            found = quick(self.watched, q[there])
             self.clear[k][there], self.highest[k][there] = found.lower, found.upper
             self.off[k] = self._beyond(q)
         self.usable = self.off <= 0
@@ -624,9 +624,13 @@ class _Planner:
                     return path
                 self.long = True
                 continue
-            if self.crowded and self.reached > max(self.least, 0.0) + 2 * _MARGIN:
-                self.least = self.reached - _MARGIN  # from more nodes each, of fewer
-                continue
+            least = self.reached - _MARGIN
+            if least > max(self.least, 0.0) + _MARGIN:
+                left = (self.through > least).sum(axis=1)
+                few = left[1:] * left[:-1] <= self.motions // (4 * len(left))
+                if (few & self.crowded[1:]).any():  # from more nodes each, of fewer
+                    self.least = least
+                    continue
             found = self._certify(path)
             if found >= self.reached - BISECTED:
                 return path
@@ -759,7 +763,7 @@ class _Planner:
         """
         N, G, S = self.clear.shape
         # The last state of each node is none: where turns lead beyond all that are counted.
-        self.crowded = False
+        self.crowded: Bool = np.zeros(N, dtype=bool)
         best = np.full((2, G * S, len(self.turns) + 1), -np.inf)
         nodes = np.stack([self.likely[0].ravel(), self._room(0)])[..., None]
         best[..., :-1] = np.where(self.first.reshape(-1, 1) & self._within(0), nodes, -np.inf)
@@ -841,7 +845,7 @@ class _Planner:
         if len(here) and len(source) and self.far[k]:
             few = len(source) * len(here) <= self.motions // (4 * len(self.T))
             self.pool[k] = source if few else None
-            self.crowded |= not few
+            self.crowded[k] = not few
 
     def _cap(
         self, k: int, here: Ints, source: Ints, move: Array, value: Array, least: Array
@@ -863,7 +867,7 @@ class _Planner:
         every = np.concatenate([q + s * move for s in (1 / 4, 1 / 2, 3 / 4)])
         if close and len(q):
             return np.asarray(self._closest(every)[0].reshape(3, -1).min(axis=0))
-        return np.asarray(clearance(self.form, every).upper.reshape(3, -1).min(axis=0))
+        return np.asarray(quick(self.watched, every).upper.reshape(3, -1).min(axis=0))
 
     def _closest(self, Q: Array) -> tuple[Array, Array]:
         """Bound the clearance of Q (N, n) from above, without a search, from points (N, n)."""
@@ -1008,7 +1012,7 @@ class _Planner:
         out.Q = laid(q, np.nan)[:, :, None]
         of = {name: getattr(self, name).reshape(alive.shape)[pose, at] for name in _NODES}
         aside = moved > 0
-        found = clearance(self.form, q[aside])
+        found = quick(self.watched, q[aside])
         of["clear"][aside] = np.maximum(found.lower, (of["clear"] - moved)[aside])
         of["highest"][aside] = np.minimum(found.upper, (of["highest"] + moved)[aside])
         of["likely"][aside] = of["clear"][aside]
@@ -1233,7 +1237,7 @@ class _Planner:
     def _is_clear(self, q: Array, move: Array) -> Bool:
         """Which motions (M, n) from q (M, n) are proven clear, by halving them."""
         out: Bool = np.ones(len(q), dtype=bool)
-        edge, ends = np.arange(len(q)), [clearance(self.form, x).lower for x in (q, q + move)]
+        edge, ends = np.arange(len(q)), [quick(self.watched, x).lower for x in (q, q + move)]
         for _ in range(_HALVED):
             left = ends[0] + ends[1] <= np.linalg.norm(move * self.scale, axis=1)
             out[edge[left & (np.minimum(*ends) <= 0)]] = False
@@ -1241,7 +1245,7 @@ class _Planner:
             if not left.any():
                 return out
             edge, q, move, (a, b) = edge[left], q[left], move[left] / 2, (x[left] for x in ends)
-            middle = clearance(self.form, q + move).lower
+            middle = quick(self.watched, q + move).lower
             edge, q, move = np.tile(edge, 2), np.concatenate([q, q + move]), np.tile(move, (2, 1))
             ends = [np.concatenate([a, middle]), np.concatenate([middle, b])]
         out[edge[ends[0] + ends[1] <= np.linalg.norm(move * self.scale, axis=1)]] = False
