@@ -675,7 +675,6 @@ class _Planner:
         """Estimate the clearance of nodes that may have ``least``."""
         # Steps may end beside the nearest point: ``likely``, the estimate, is an upper bound.
         # ``highest`` is what no node exceeds: the bound of other paths rests on it.
-        self.alive = self._linked(least)
         for k, q in enumerate(self.Q):
             if k:
                 most = self.highest[k - 1].ravel()[self.before[k]] + self.step[k]
@@ -683,7 +682,7 @@ class _Planner:
                 self.highest[k] = np.fmin(self.highest[k], most)
                 self.likely[k] = np.minimum(self.likely[k], self.highest[k])
             rows = self.highest[k] > np.maximum(self.clear[k] * (1 + _ALIKE), least)
-            rows &= ~self.seen[k] & self.alive[k].reshape(rows.shape)
+            rows &= ~self.seen[k]
             if rows.any():
                 upper, near = self._closest(q[rows])
                 most = np.maximum(self.clear[k][rows], upper)
@@ -697,7 +696,7 @@ class _Planner:
                 bent = self._size(half.sum(axis=0)) / 2
                 most = upper + np.maximum(ends, 0.0) + bent
                 self.between[k][rows] = np.where(2 * bent < self.way[k][at], most, np.inf)
-        self.alive &= self._linked(least)
+        self.alive = self._linked(least)
 
     def _linked(self, least: float) -> Bool:
         """Which nodes (N, G S) others that may have ``least`` lead to and on from."""
