@@ -593,7 +593,7 @@ class _Planner:
         """Bound the clearance of all nodes: ``clear`` from below, ``highest`` from above."""
         self.clear, self.highest = np.full((2, *self.Q.shape[:-1]), -np.inf)
         self.between, self.off = np.full((2, *self.clear.shape), np.inf)
-        rows = max(1, 50_000 // self.Q[0].size)  # some poses at a time, for all processors
+        rows = max(1, 50_000 // self.clear[0].size)  # some poses at a time, for all processors
         for first in range(0, len(self.Q), rows):
             k = slice(first, first + rows)
             there, q = np.isfinite(self.Q[k, ..., 0]), self.Q[k]
@@ -675,28 +675,35 @@ class _Planner:
         """Estimate the clearance of nodes that may have ``least``."""
         # Steps may end beside the nearest point: ``likely``, the estimate, is an upper bound.
         # ``highest`` is what no node exceeds: the bound of other paths rests on it.
-        for k, q in enumerate(self.Q):
-            if k:
-                most = self.highest[k - 1].ravel()[self.before[k]] + self.step[k]
-                most = most.reshape(q.shape[:2])
-                self.highest[k] = np.fmin(self.highest[k], most)
-                self.likely[k] = np.minimum(self.likely[k], self.highest[k])
-            rows = self.highest[k] > np.maximum(self.clear[k] * (1 + _ALIKE), least)
-            rows &= ~self.seen[k]
+        together = max(1, 50_000 // self.clear[0].size)
+        for first in range(0, len(self.Q), together):
+            part = slice(first, first + together)
+            self._carry(part)
+            rows = self.highest[part] > np.maximum(self.clear[part] * (1 + _ALIKE), least)
+            rows &= ~self.seen[part]
             if rows.any():
-                upper, near = self._closest(q[rows])
-                most = np.maximum(self.clear[k][rows], upper)
-                most = self.likely[k][rows] = np.minimum(self.highest[k][rows], most)
-                self.highest[k][rows] = most
-                self.seen[k][rows] = True
-                at, off = np.flatnonzero(rows), q[rows] - near
-                half = self._neighbors(k, at).swapaxes(0, 1) - q[rows]
+                k, at = np.nonzero(rows.reshape(len(rows), -1))
+                k, q = k + first, self.Q[part][rows]
+                upper, near = self._closest(q)
+                most = np.maximum(self.clear[part][rows], upper)
+                most = self.likely[part][rows] = np.minimum(self.highest[part][rows], most)
+                self.highest[part][rows] = most
+                self.seen[part][rows] = True
+                off, half = q - near, self._neighbors(k, at).swapaxes(0, 1) - q
                 half = _unturned(half, self.whole) / 2
                 ends = self._size(off + half).max(axis=0) - self._size(off)
                 bent = self._size(half.sum(axis=0)) / 2
                 most = upper + np.maximum(ends, 0.0) + bent
-                self.between[k][rows] = np.where(2 * bent < self.way[k][at], most, np.inf)
+                self.between[part][rows] = np.where(2 * bent < self.way[k, at], most, np.inf)
+            self._carry(part)
+            np.minimum(self.likely[part], self.highest[part], out=self.likely[part])
         self.alive = self._linked(least)
+
+    def _carry(self, poses: slice) -> None:
+        """Bound the clearance of nodes of poses by that of those they are a step away from."""
+        for k in range(max(1, poses.start), min(poses.stop, len(self.Q))):
+            most = self.highest[k - 1].ravel()[self.before[k]] + self.step[k]
+            self.highest[k] = np.fmin(self.highest[k], most.reshape(self.highest[k].shape))
 
     def _linked(self, least: float) -> Bool:
         """Which nodes (N, G S) others that may have ``least`` lead to and on from."""
@@ -765,7 +772,9 @@ class _Planner:
         self.crowded: Bool = np.zeros(N, dtype=bool)
         best = np.full((2, G * S, len(self.turns) + 1), -np.inf)
         nodes = np.stack([self.likely[0].ravel(), self._room(0)])[..., None]
-        best[..., :-1] = np.where(self.first.reshape(-1, 1) & self._within(0), nodes, -np.inf)
+        best[..., :-1] = np.where(
+            self.first.reshape(-1, 1) & self._within(0, np.arange(G * S)), nodes, -np.inf
+        )
         back: list[tuple[Ints, Ints]] = []
         self.through, reason = np.full((N, G * S), -np.inf), ""
         self.through[0] = best[1].max(axis=-1)
@@ -810,8 +819,9 @@ class _Planner:
         edge = self._states(move, source)
         nodes = np.stack([self.likely[k].ravel(), room])[:, here]
         value = np.minimum(best.reshape(2, -1)[:, edge], nodes[:, None, :, None])
-        value = np.where(self._within(k)[:, None, here], value, -np.inf)
-        length, over, quick = self._edges(k, here, source, move)
+        value = np.where(self._within(k, here)[:, None], value, -np.inf)
+        length, over, gap = edges = self._edges(k, here, source, move)
+        quick = self._quick(k, gap)
         # On a line distance falls by no more than length^2 / 8 over itself: little on a short one.
         near = (length**2)[..., None] < 4 * _MARGIN * value[0]
         near &= ((over < 0) & quick & ~far)[..., None]
@@ -834,7 +844,7 @@ class _Planner:
         if doubtful.any():
             self._prove_edges(k, here, np.where(doubtful, value[0], -np.inf), edge, new, from_)
         least = np.maximum(new, floor)
-        cap = self._cap(k, here, source, move, value[1], least)
+        cap = self._cap(k, here, source, edges, value[1], least)
         return new, from_, np.minimum(value[1], cap[..., None]).max(axis=0)
 
     def _pool(self, k: int, here: Ints, floor: float) -> None:
@@ -847,18 +857,25 @@ class _Planner:
             self.crowded[k] = not few
 
     def _cap(
-        self, k: int, here: Ints, source: Ints, move: Array, value: Array, least: Array
+        self,
+        k: int,
+        here: Ints,
+        source: Ints,
+        edges: tuple[Array, Array, Array],
+        value: Array,
+        least: Array,
     ) -> Array:
         """Bound the clearance (D, M) on motions near those to nodes of pose k, -inf if too fast."""
         # Only where ``value`` (D, M, T) is more than ``least`` (M, T), otherwise -inf.
         slack = 0.55 * np.maximum(self.way[k][here], self.way[k - 1][source])
-        length, over, quick = self._edges(k, here, source, move, slack)
+        length, over, gap = edges
+        quick = self._quick(k, gap, slack)
         cap = np.where(quick & ((over < 0) | (length < 2 * self._room(k)[here])), np.inf, -np.inf)
         known = np.maximum(np.minimum(value, cap[..., None]).max(axis=0), least)
         at = np.nonzero(quick & (cap < 0) & np.isfinite(over) & (value > known).any(axis=-1))
         if len(at[0]):
             q = self.Q[k - 1].reshape(-1, self.arm.n)[source[at]]
-            cap[at] = self._least_seen(q, self._gap(move[at])) + slack[at]
+            cap[at] = self._least_seen(q, gap[at] / self.scale) + slack[at]
         return cap
 
     def _least_seen(self, q: Array, move: Array, close: bool = False) -> Array:
@@ -904,16 +921,17 @@ class _Planner:
         off -= 2 * np.pi * np.rint(off / (2 * np.pi)) if self.cyclic else 0.0
         return np.asarray(np.abs(off))
 
-    def _within(self, k: int) -> Bool:
-        """Which turns of which nodes of pose k a path may have, and one between (2, G S, T)."""
-        q = self.Q[k].reshape(-1, 1, self.arm.n)[..., self.counted] + 2 * np.pi * self.turns
+    def _within(self, k: int, here: Ints) -> Bool:
+        """Which turns of nodes (M,) of pose k a path may have, and one between (2, M, T)."""
+        q = self.Q[k].reshape(-1, 1, self.arm.n)[here][..., self.counted] + 2 * np.pi * self.turns
         low, high = (
             x[self.counted] for x in (self.arm.lower - ROUNDING, self.arm.upper + ROUNDING)
         )
         off = np.maximum(low - q, q - high).max(axis=-1, initial=-np.inf)
+        room = 0.55 * self.way[k, here]
         out = (
-            np.maximum(off, self.off[k].reshape(-1, 1))
-            <= np.stack([0 * self.way[k], 0.55 * self.way[k]])[..., None]
+            np.maximum(off, self.off[k].reshape(-1, 1)[here])
+            <= np.stack([0 * room, room])[..., None]
         )
         if k == 0 and self.start is not None:
             out &= (np.abs(q - self.start[self.counted]) < np.pi).all(axis=-1)
@@ -921,6 +939,8 @@ class _Planner:
 
     def _states(self, move: Array, source: Ints) -> Ints:
         """Numbers (D, M, T) of the states, of nodes of the pose before, that motions begin at."""
+        if not self.counted.any():
+            return source[..., None] * 2
         count, most = len(self.turns) + 1, -self.turns[0]
         off = np.rint(np.nan_to_num(move[..., self.counted]) / (2 * np.pi)).astype(int)
         before = self.turns + off[..., None, :]
@@ -1097,7 +1117,8 @@ class _Planner:
                 move = self.Q[k].reshape(-1, n)[here] - self.Q[k - 1].reshape(-1, n)[source]
                 value = np.minimum(self.through[k - 1][source], passing[k][here])
                 floor = np.full((len(here), 1), least)
-                cap = self._cap(k, here, source, move, value[..., None], floor)
+                edges = self._edges(k, here, source, move)
+                cap = self._cap(k, here, source, edges, value[..., None], floor)
                 onward = np.full(passing.shape[1], -np.inf)
                 np.maximum.at(onward, source, np.minimum(value, cap))
                 passing[k - 1] = np.minimum(passing[k - 1], onward)
@@ -1250,20 +1271,20 @@ class _Planner:
         out[edge[ends[0] + ends[1] <= np.linalg.norm(move * self.scale, axis=1)]] = False
         return out
 
-    def _edges(
-        self, k: int, here: Ints, source: Ints, move: Array, slack: ArrayLike = 0.0
-    ) -> tuple[Array, Array, Bool]:
-        """Return lengths (D, M) of motions to pose k, what they lack to be clear, and if slow."""
-        # They lack what their length has over the clearances at their ends; the slow ones keep
-        # joint speeds, or do so when both ends move by ``slack`` (D, M).
+    def _edges(self, k: int, here: Ints, source: Ints, move: Array) -> tuple[Array, Array, Array]:
+        """Return lengths (D, M) of motions to pose k, what they lack to be clear, and motions."""
+        # They lack what their length has over the clearances at their ends.
         gap = self._gap(move) * self.scale
         length = np.sqrt(np.einsum("...j,...j", gap, gap))
         clear = self.clear[k].ravel()[here] + self.clear[k - 1].ravel()[source]
-        quick: Bool = np.ones(length.shape, dtype=bool)
-        if self.timed:
-            most = limits_of(self.arm) * (self.t[k] - self.t[k - 1]) * self.scale
-            quick = (np.abs(gap) <= most + 2 * np.asarray(slack)[..., None]).all(axis=-1)
-        return length, length - clear, quick
+        return length, length - clear, gap
+
+    def _quick(self, k: int, gap: Array, slack: ArrayLike = 0.0) -> Bool:
+        """Which motions to pose k keep joint speeds, both ends moved by ``slack`` if need be."""
+        if not self.timed:
+            return np.ones(gap.shape[:-1], dtype=bool)
+        most = limits_of(self.arm) * (self.t[k] - self.t[k - 1]) * self.scale
+        return np.asarray((np.abs(gap) <= most + 2 * np.asarray(slack)[..., None]).all(axis=-1))
 
     def _shifted(self, i: Ints, d: int) -> Ints:
         """Neighbours of values i on the grid; the ends have none beyond them, and stay."""
@@ -1364,8 +1385,8 @@ class _Planner:
             turns = np.floor(ends / (2 * np.pi) + 1e-9)
             fits = (turns.sum(axis=0) if self.start is None else turns.min(axis=0)) >= 0
             node, from_ = i[k] * S + near, i[k - 1] * S + at[None]
-            _, over, goes = (x[0] for x in self._edges(k, node, from_, move[None]))
-            goes = goes & (over < 0) & (fits | self.bounded).all(axis=1)
+            _, over, gap = (x[0] for x in self._edges(k, node, from_, move[None]))
+            goes = self._quick(k, gap) & (over < 0) & (fits | self.bounded).all(axis=1)
             goes &= np.isfinite(out[:, k - 1] + way[rows, near])
             out[:, k] = np.where(goes, self.likely[k, i[k], near], np.nan)
             at = near
