@@ -9,8 +9,8 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
 LIMITS: dict[str, tuple[int, int]] = {
-    "Python in src: statements": (41_668, 30_000),
-    "Python in src: lines": (77_217, 56_000),
+    "Python in src: statements": (41_683, 30_000),
+    "Python in src: lines": (77_241, 56_000),
     "C++, JavaScript, templates, styles: lines": (13_693, 9_500),
     "modules": (213, 220),
     "packages directly under pinsing": (16, 16),
