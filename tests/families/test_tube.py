@@ -81,29 +81,30 @@ def test_tube_is_proven_and_holds_every_singular_configuration(
     assert 0.001 < far < form.tube.width
 
 
-@pytest.mark.parametrize("name", ["ur5e", "crx10ia", "xarm6"])
+@pytest.mark.parametrize("name", ["ur5e", "crx10ia", "xarm6", "iiwa14", "panda"])
 def test_boxes_keep_their_zeros_and_none_is_farther_than_told(
     name: str, attack: ModuleType
 ) -> None:
     arm, rng = pinsing.load(name), np.random.default_rng(2)
     families = pinsing.closed_form(arm, prove=False).families
     product, F = tubes.factorize(attack.perturb(arm, rng), arm, families), len(families)
-    zeros = tubes.search(product, rng.uniform(0, 6, (2000, 4)))
+    d = len(product.joints)
+    zeros = tubes.search(product, rng.uniform(0, 6, (2000 // (d - 3) ** 3, d)))
     far = tubes._of_families(product, zeros, lambda s, at: tubes._sure(s, zeros))
     near = tubes._away(product, zeros).min(axis=1)
     assert (near <= far.min(axis=1) * 1.1 + 1e-3).mean() > 0.8
     for size in (0.3, 0.03, 0.003):
         half = rng.uniform(0.1, 1, zeros.shape) * size
-        boxes = np.full((len(zeros), 10 + F), 1e9)
-        boxes[:, :4], boxes[:, 4:8] = zeros + half * rng.uniform(-1, 1, half.shape), half
-        boxes[:, -1] = split = rng.integers(0, 4, len(zeros))
-        side = np.take_along_axis(zeros > boxes[:, :4], split[:, None], axis=1)[:, 0]
-        found = tubes.halve(product, boxes).reshape(-1, 2, 10 + F)[range(len(zeros)), side * 1]
-        assert (abs(zeros - found[:, :4]) <= found[:, 4:8] + 1e-12).all()
-        assert (far.min(axis=1) <= found[:, 8 + F] + 1e-12).all()
+        boxes = np.zeros((len(zeros), 12 + F))
+        boxes[:, :d], boxes[:, 5 : 5 + d] = zeros + half * rng.uniform(-1, 1, half.shape), half
+        boxes[:, 10:-1], boxes[:, -1] = 1e9, (split := rng.integers(0, d, len(zeros)))
+        side = np.take_along_axis(zeros > boxes[:, :d], split[:, None], axis=1)[:, 0]
+        found = tubes.halve(product, boxes).reshape(-1, 2, 12 + F)[range(len(zeros)), side * 1]
+        assert (abs(zeros - found[:, :d]) <= found[:, 5 : 5 + d] + 1e-12).all()
+        assert (far.min(axis=1) <= found[:, 10 + F] + 1e-12).all()
         for k in range(F):
             alone = (np.delete(far, k, axis=1) > tubes.NEAR).all(axis=1)
-            assert (far[alone, k] <= found[alone, 8 + k] + 1e-12).all()
+            assert (far[alone, k] <= found[alone, 10 + k] + 1e-12).all()
 
 
 def test_bounds_are_about_the_robot(form: pinsing.ClosedForm, attack: ModuleType) -> None:

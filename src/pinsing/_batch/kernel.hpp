@@ -19,7 +19,9 @@ constexpr int kWalkJoints = 16;     // of walks to rank drops
 constexpr int kWalkEquations = 24;  // (m - rank + 1) (n - rank + 1)
 constexpr int kSpeedColumns = 12;   // of Jacobians whose joint speeds are bounded
 constexpr int kTubeTerms = 320;     // of the sums of a tube, each in four joints
-constexpr int kTubeSums = 16;
+constexpr int kTubeSums = 64;
+constexpr int kTubeJoints = 5;
+constexpr int kTubeTerm = 2 + kTubeJoints;  // an amplitude, a phase, rates
 constexpr int kTubeColumns = 88;
 constexpr int kScratchAlign = 64;
 
@@ -65,15 +67,16 @@ struct SpeedTask {
 // A sum of cosines: see tube.hpp.
 struct TubeSum {
     int terms;
-    const double *term, *table;  // (terms, 6), (terms, kTubeColumns)
+    const double *term, *table;  // (terms, kTubeTerm), (terms, kTubeColumns)
     double noise, size, reach;
     bool uses[4], is_value;
-    int family, power;
+    int family, power, branch, joint[4];  // and which of the joints of boxes its own are
 };
 
 // The determinant of a robot, what it is beside h prod f^m, h, and the factors f: families/tube.py.
+// For an arm of seven joints the conditions of each branch in turn, and minors, each of two sums.
 struct Tube {
-    int factors, families;
+    int factors, families, count;
     double near;
     TubeSum sums[kTubeSums];
 };
@@ -108,7 +111,7 @@ struct Kernel {
     // J (N, 6, k) at centres, half widths R (N, n) -> out (N, 2 + n): the share of the limits there, a
     // bound in the box, and what each joint's width has in it. At most kSpeedColumns columns.
     Outcome (*speeds)(const SpeedTask&, const double* J, const double* R, std::int64_t N, double* out);
-    // Boxes (N, 10 + families) -> their halves (N, 2, 10 + families): middles and half widths (4,) of
+    // Boxes (N, 12 + families) -> their halves (N, 2, 12 + families): middles and half widths (5,) of
     // the parts that may hold singular configurations; how far these are from families at most, from
     // each if all others are far, and from the nearest; the joint to halve.
     Outcome (*tubes)(const Tube&, const double* boxes, std::int64_t N, double* out);

@@ -268,32 +268,39 @@ void joint_speeds(const In& rows, const InFlags& linear, const In& limits, const
     refuse_not_finite(outcome, "J or R");
 }
 
-// The sums of kernel.hpp's Tube: terms (T, 6), where each begins (S + 1,), about them (S, 4) noise,
-// family, whether it is of a joint value, and power.
+// The sums of kernel.hpp's Tube: terms (T, 7), where each begins (S + 1,), about them (S, 9) noise,
+// family (-1 of a minor, last), whether it is of a joint value, power, branch, and its joints.
 void tubes(const In& terms, const std::vector<int>& start, const In& about, int families,
            double near, const In& boxes, Out out, const std::string& isa, int threads) {
     const Kernel& kernel = kernel_named(isa);
     require(terms.ndim() == 2 && about.ndim() == 2 && boxes.ndim() == 2 && out.ndim() == 2,
             "terms, about, boxes and out must have two axes");
-    const std::size_t S = about.shape(0), T = terms.shape(0), N = boxes.shape(0), row = 10 + families;
-    require(terms.shape(1) == 6 && about.shape(1) == 4 && S >= 3 && S <= pinsing::kTubeSums &&
-                start.size() == S + 1 && start[0] == 0 && start[S] == static_cast<int>(T),
-            "terms must be (T, 6), about (S, 4), with S + 1 starts");
+    const std::size_t S = about.shape(0), T = terms.shape(0), N = boxes.shape(0);
+    const std::size_t row = 2 * pinsing::kTubeJoints + 2 + families;
+    require(terms.shape(1) == pinsing::kTubeTerm && about.shape(1) == 9 && S >= 3 &&
+                S <= pinsing::kTubeSums && start.size() == S + 1 && start[0] == 0 && start[S] == static_cast<int>(T),
+            "terms must be (T, 7), about (S, 9), with S + 1 starts");
     require(families >= 1 && families < pinsing::kTubeSums && boxes.shape(1) == row &&
                 out.shape(0) == 2 * N && out.shape(1) == row,
-            "boxes must be (N, 10 + families), out twice as many");
+            "boxes must be (N, 12 + families), out twice as many");
     std::vector<double> table;
     table.reserve(T * pinsing::kTubeColumns);
-    pinsing::Tube tube{static_cast<int>(S) - 3, families, near, {}};
+    pinsing::Tube tube{0, families, static_cast<int>(S), near, {}};
     for (std::size_t i = 0; i < S; i++) {
         require(start[i] < start[i + 1] && start[i + 1] - start[i] <= pinsing::kTubeTerms,
                 "a sum has too many terms, or none");
-        const double *a = about.data() + 4 * i, *from = terms.data() + 6 * start[i];
+        const double *a = about.data() + 9 * i, *from = terms.data() + pinsing::kTubeTerm * start[i];
         pinsing::TubeSum s{start[i + 1] - start[i], from, table.data() + table.size(), a[0], 0.0, 1.0,
-                           {}, a[2] > 0.0, static_cast<int>(a[1]), static_cast<int>(a[3])};
-        require(i < 3 || (s.family >= 0 && s.family < families), "no such family");
+                           {}, a[2] > 0.0, static_cast<int>(a[1]), static_cast<int>(a[3]),
+                           static_cast<int>(a[4]), {}};
+        for (int j = 0; j < 4; j++) {
+            s.joint[j] = static_cast<int>(a[5 + j]);
+            require(s.joint[j] >= 0 && s.joint[j] < pinsing::kTubeJoints, "no such joint");
+        }
+        tube.factors += s.family >= 0;
+        require(s.family < families, "no such family");
         for (int t = 0; t < s.terms; t++) {
-            const double *term = from + 6 * t, *r = term + 2, A = term[0];
+            const double *term = from + pinsing::kTubeTerm * t, *r = term + 2, A = term[0];
             double sum = 0.0, second[10], third[20], fourth[35], *two = second, *three = third,
                    *four = fourth;
             require(A >= 0.0, "amplitudes must not be negative");

@@ -89,7 +89,7 @@ struct SumOnBox {
         One cosine[kTubeTerms], sine[kTubeTerms], farthest = spread(4.0);
         for (int j = 0; j < 4; j++) farthest = vmax(farthest, vabs(x[j]));
         for (int t = 0; t < s->terms; t++) {
-            const double *term = s->term + 6 * t, *rate = term + 2;
+            const double *term = s->term + kTubeTerm * t, *rate = term + 2;
             One angle = spread(term[1]);
             reach[t] = spread(0.0);
             for (int j = 0; j < 4; j++) {
@@ -144,6 +144,16 @@ struct SumOnBox {
         finish();
     }
 
+    // Where it is zero each joint is near the value that the others leave to it: whether that is less.
+    auto zeros(int j, One& low, One& high) const {
+        const One slope = gradient[j], size = vmax(vabs(slope), kLeast);
+        const One other = (swing - vabs(slope) * h[j]) * kMore + noise;
+        const One to = select(slope > 0.0, -1.0 * value, value);
+        low = vmax((to - other) / size, -1.0 * h[j]);
+        high = vmin((to + other) / size, h[j]);
+        return (low < high) & (high - low < 1.9 * h[j]);
+    }
+
     // The least size on the box. A square that only adds to it is completed, of one joint or none.
     One least() const {
         const One sign = select(value > 0.0, spread(1.0), spread(-1.0));
@@ -165,15 +175,15 @@ struct SumOnBox {
         return vmax(vabs(value) - off, 0.0);
     }
 
-    // Along a unit direction or its opposite, of values of a sign: from the middle, or from all points
-    // where another sum D is zero, whose gradient's multiple tells of the slope there.
-    Fall along(const One* e, One sign, const SumOnBox* D) const {
+    // Along a unit direction or its opposite, of values of a sign: from the middle, or from all points,
+    // or those where another sum D is zero, whose gradient's multiple tells of the slope there.
+    Fall along(const One* e, One sign, bool all_points, const SumOnBox* D) const {
         const One zero = spread(0.0);
         Fall f;
         One bends[4], curve = zero, jerk = zero, snap = zero, off[5] = {zero, zero, zero, zero, zero};
         f.slope = f.last = zero;
         for (int t = 0; t < s->terms; t++) {
-            const double* rate = s->term + 6 * t + 2;
+            const double* rate = s->term + kTubeTerm * t + 2;
             One r = zero;
             for (int j = 0; j < 4; j++) r += e[j] * rate[j];
             r = vabs(r);
@@ -211,7 +221,7 @@ struct SumOnBox {
             off[2] += 6.0 * vabs(twist) * h[j];
             off[3] += 2.0 * vabs(more) * h[j];
         }
-        const double per = D ? kMore : 0.0, n = s->reach;
+        const double per = all_points ? kMore : 0.0, n = s->reach;
         const One all = off[1] * (per / 24.0) + n * noise;
         One least = vabs(f.slope) - all;
         if (D) {
@@ -249,7 +259,7 @@ struct SumOnBox {
 
     // How far a zero is along a direction at most from the middle; far where none is proven.
     One within(const One* e) const {
-        const Fall f = along(e, select(value > 0.0, spread(1.0), spread(-1.0)), nullptr);
+        const Fall f = along(e, select(value > 0.0, spread(1.0), spread(-1.0)), false, nullptr);
         const One left = vabs(value) + noise;
         One step = spread(0.0);
         for (int i = 0; i < 4; i++) {
@@ -263,16 +273,14 @@ struct SumOnBox {
     }
 };
 
-// Eigenvectors (columns of v) and eigenvalues (w) of second derivatives, about.
-PINSING_INLINE void eigen(const One* second, One v[4][4], One* w) {
-    One a[4][4];
-    for (int i = 0; i < 4; i++)
-        for (int j = 0; j < 4; j++) {
-            a[i][j] = second[kPlaces.second[i][j]];
-            v[i][j] = spread(i == j);
-        }
-    for (int i = 0; i < 18; i++) {
-        const int p = "000112"[i % 6] - '0', q = "123233"[i % 6] - '0';
+// Eigenvectors (columns of v) and eigenvalues (w) of a symmetric matrix, about; it is lost.
+template <int n>
+PINSING_INLINE void eigen(One a[n][n], One v[n][n], One* w, int rounds) {
+    for (int i = 0; i < n; i++)
+        for (int j = 0; j < n; j++) v[i][j] = spread(i == j);
+    for (int i = 0; i < rounds * n * n; i++) {
+        const int p = i % (n * n) / n, q = i % n;
+        if (q <= p) continue;
         const One d = (a[q][q] - a[p][p]) * 0.5, b = a[p][q], r = vsqrt(d * d + b * b);
         const One t = select(d > 0.0, b, -1.0 * b) / vmax(vabs(d) + r, kLeast);
         const One c = 1.0 / vsqrt(1.0 + t * t), s = t * c;
@@ -281,11 +289,11 @@ PINSING_INLINE void eigen(const One* second, One v[4][4], One* w) {
             y = s * x + c * y;
             x = z;
         };
-        for (int k = 0; k < 4; k++) turn(a[k][p], a[k][q]);
-        for (int k = 0; k < 4; k++) turn(a[p][k], a[q][k]);
-        for (int k = 0; k < 4; k++) turn(v[k][p], v[k][q]);
+        for (int k = 0; k < n; k++) turn(a[k][p], a[k][q]);
+        for (int k = 0; k < n; k++) turn(a[p][k], a[q][k]);
+        for (int k = 0; k < n; k++) turn(v[k][p], v[k][q]);
     }
-    for (int i = 0; i < 4; i++) w[i] = a[i][i];
+    for (int i = 0; i < n; i++) w[i] = a[i][i];
 }
 
 // The unit direction e in which a value of a sign has fallen by `drop` first, to second order:
@@ -321,6 +329,20 @@ PINSING_INLINE void shortest(const SumOnBox& f, const One v[4][4], const One* w,
     for (int j = 0; j < 4; j++) e[j] = e[j] / vsqrt(size);
 }
 
+// How far points of a box are from a joint value at most and at least.
+PINSING_INLINE void of_value(const TubeSum& sum, const One* x, const One* h, One& most, One& least) {
+    One angle = spread(sum.term[1] - 1.5707963267948966), wide = spread(0.0);
+    for (int j = 0; j < 4; j++) {
+        angle += x[j] * sum.term[2 + j];
+        wide += h[j] * (2.0 * __builtin_fabs(sum.term[2 + j]));
+    }
+    const double magic = 6755399441055744.0;  // as in sincos.hpp
+    const One turns = (angle * 0.31830988618379067 + magic) - magic;
+    const One middle = 2.0 * vabs(angle - turns * 3.141592653589793);
+    most = (middle + wide) * kMore + 1e-12;
+    least = vmax(middle - wide * kMore - 1e-12, 0.0);
+}
+
 // A condition on a box.
 struct Condition {
     const TubeSum* s;
@@ -328,32 +350,26 @@ struct Condition {
     One off;                   // of a joint value: how far it is at least
     One signs;                 // of values where the determinant is zero; 0 where both may be
     Fall fall[4];              // of values > 0 and < 0, and by the second aim
-    One parts[4], sway[4];
+    One parts[4], sway[4], most;  // most: its largest size
 
-    void set(const TubeSum& sum, const SumOnBox& D, const One* x, const One* h, One drop, One sign) {
+    void set(const TubeSum& sum, const SumOnBox* D, const One* x, const One* h, One drop, One sign) {
         const One zero = spread(0.0);
         const SumOnBox f(sum, x, h, true);
         s = &sum;
         signs = sign;
         least = f.least();
         noise = f.noise;
+        most = vabs(f.value) + f.swing;
         within = off = zero;
         for (int j = 0; j < 4; j++) {
             parts[j] = f.parts[j];
             sway[j] = zero;
         }
-        if (sum.is_value) {
-            One angle = spread(sum.term[1] - 1.5707963267948966);
-            for (int j = 0; j < 4; j++) angle += x[j] * sum.term[2 + j];
-            const double magic = 6755399441055744.0;  // as in sincos.hpp
-            const One turns = (angle * 0.31830988618379067 + magic) - magic;
-            const One middle = 2.0 * vabs(angle - turns * 3.141592653589793), wide = 2.0 * f.reach[0];
-            within = (middle + wide) * kMore + 1e-12;
-            off = vmax(middle - wide * kMore - 1e-12, 0.0);
-            return;
-        }
-        One v[4][4], w[4], e[4];
-        eigen(f.second, v, w);
+        if (sum.is_value) return of_value(sum, x, h, within, off);
+        One a[4][4], v[4][4], w[4], e[4];
+        for (int j = 0; j < 4; j++)
+            for (int k = 0; k < 4; k++) a[j][k] = f.second[kPlaces.second[j][k]];
+        eigen<4>(a, v, w, 3);
         for (int j = 0; j < 4; j++)
             if (sum.uses[j]) within += h[j] * h[j];
         One reached = spread(kFar);
@@ -363,7 +379,7 @@ struct Condition {
             if (!any(~other)) continue;
             const One over = select(drop < kFar, f.swing, spread(1e-3));
             shortest(f, v, w, way, kAims[k / 2] * vmin(drop, vabs(f.value) + over), e);
-            fall[k] = f.along(e, way, &D);
+            fall[k] = f.along(e, way, true, D);
             reached = select(other, reached, vmin(reached, f.within(e)));
             if (k > 1) continue;
             One slope = zero;
@@ -409,14 +425,10 @@ inline void tube_box(const Tube& p, One* x, One* h, One* far, One& split) {
     split = zero;
     for (int k = 0; k <= F; k++) far[k] = zero;
     if (!any(~clear)) return;
-    // Where the determinant is zero each joint is near the value that the others leave to it.
     One middle[4], wide[4];
     for (int j = 0; j < 4; j++) {
-        const One slope = D.gradient[j], size = vmax(vabs(slope), kLeast);
-        const One other = (D.swing - vabs(slope) * h[j]) * kMore + D.noise;
-        const One to = select(slope > 0.0, -1.0 * D.value, D.value);
-        const One low = vmax((to - other) / size, -1.0 * h[j]), high = vmin((to + other) / size, h[j]);
-        const auto less = (low < high) & (high - low < 1.9 * h[j]) & ~clear;
+        One low, high;
+        const auto less = D.zeros(j, low, high) & ~clear;
         middle[j] = select(less, x[j] + 0.5 * (low + high), x[j]);
         wide[j] = select(less, 0.5 * kMore * (high - low) + 1e-13, h[j]);
         h[j] = select(less, kMore * vmax(high, -1.0 * low) + 1e-13, h[j]);
@@ -436,7 +448,7 @@ inline void tube_box(const Tube& p, One* x, One* h, One* far, One& split) {
     for (int k = 0; k < F; k++) within[k] = nearest;
     for (int i = 0; i < p.factors; i++) {
         const TubeSum& s = p.sums[3 + i];
-        all[i].set(s, D, x, h, drop, sign);
+        all[i].set(s, &D, x, h, drop, sign);
         within[s.family] = vmin(within[s.family], all[i].within);
         nearest = vmin(nearest, all[i].within);
     }
@@ -486,5 +498,105 @@ inline void tube_box(const Tube& p, One* x, One* h, One* far, One& split) {
     for (int j = 0; j < 4; j++) {
         x[j] = middle[j];
         h[j] = wide[j];
+    }
+}
+
+// What a sum's own joints are on a box.
+PINSING_INLINE void own(const TubeSum& s, const One* x, const One* h, One* at, One* wide) {
+    for (int j = 0; j < 4; j++) {
+        at[j] = x[s.joint[j]];
+        wide[j] = h[s.joint[j]];
+    }
+}
+
+// As tube_box, of an arm of seven joints: its Jacobian has full rank where a minor is not zero. That is a
+// sum in four joints and one in all five that varies little, bounded by its value in the middle.
+inline void rank_box(const Tube& p, One* x, One* h, One* far, One& split) {
+    constexpr int n = kTubeJoints;
+    const int F = p.families;
+    const One zero = spread(0.0);
+    for (int k = 0; k <= F; k++) far[k] = zero;
+    split = zero;
+    One scores[n] = {zero, zero, zero, zero, zero};
+    auto clear = zero > 0.0;
+    for (int i = 3 + p.factors; i < p.count && any(~clear); i += 2) {
+        const TubeSum &s = p.sums[i], &more = p.sums[i + 1];
+        One at[4], wide[4];
+        own(s, x, h, at, wide);
+        SumOnBox minor(s, at, wide, false);
+        const One least = minor.least();
+        // Whether the second sum matters: else it is less than its terms.
+        clear = clear | (least > kMore * more.size);
+        const bool matters = any((least > 0.0) & ~clear);
+        if (!matters) minor.noise += spread(more.size * kMore);
+        for (int t = 0; t < more.terms * matters; t++) {
+            const double* term = more.term + kTubeTerm * t;
+            One angle = spread(term[1]), reach = zero, sine, cosine;
+            for (int j = 0; j < n; j++) {
+                angle += x[j] * term[2 + j];
+                reach += h[j] * __builtin_fabs(term[2 + j]);
+            }
+            sincos(angle, sine, cosine);
+            minor.columns[0] += cosine * term[0];
+            minor.noise += vmin(reach, spread(2.0)) * (term[0] * kMore);
+        }
+        minor.noise += spread(more.size * (more.noise + 1e-13));
+        minor.finish();
+        clear = clear | (minor.least() > 0.0);
+        const One varies = vmin(minor.swing, spread(s.size)), part = varies / minor.swing;
+        for (int j = 0; j < 4; j++)
+            scores[s.joint[j]] += (vabs(minor.value) + 0.3 * varies) * part * minor.parts[j];
+        for (int j = 0; j < 4; j++) {
+            One low, high, &at_j = x[s.joint[j]], &wide_j = h[s.joint[j]];
+            const auto less = minor.zeros(j, low, high) & ~clear;
+            at_j = select(less, at_j + 0.5 * (low + high), at_j);
+            wide_j = select(less, 0.5 * kMore * (high - low) + 1e-13, wide_j);
+        }
+    }
+    One share = zero;
+    for (int j = 0; j < n; j++) {
+        split = select((scores[j] > share) & ~clear, spread(j), split);
+        share = vmax(share, scores[j]);
+    }
+    if (!any(~clear)) return;
+    One within[kTubeSums], nearest = spread(kFar);
+    for (int k = 0; k < F; k++) within[k] = nearest;
+    for (int i = 0; i < p.factors;) {
+        const int first = p.sums[3 + i].branch, k = p.sums[3 + i].family;
+        One square = zero;
+        for (; i < p.factors && p.sums[3 + i].branch == first; i++) {
+            const TubeSum& s = p.sums[3 + i];
+            if (!s.is_value && !any(~clear & (square < 9.0 * p.near * p.near))) {
+                square = spread(kFar * kFar);
+                continue;
+            }
+            One at[4], wide[4];
+            own(s, x, h, at, wide);
+            One low = zero, high;
+            if (s.is_value) {
+                of_value(s, at, wide, high, low);
+                square += high * high;
+                continue;
+            }
+            Condition c;
+            c.set(s, nullptr, at, wide, spread(1e8), zero);
+            high = c.within;
+            for (int j = 0; j < 12; j++) {
+                const One middle = 0.5 * (low + vmin(high, spread(2.0)));
+                const auto enough = c.below(middle) > c.most;
+                high = select(enough, middle, high);
+                low = select(enough, low, middle);
+            }
+            square += high * high;
+        }
+        within[k] = vmin(within[k], vsqrt(square) * kMore);
+        nearest = vmin(nearest, within[k]);
+    }
+    far[F] = select(clear, zero, nearest);
+    for (int k = 0; k < F; k++) {
+        One others = spread(kFar);
+        for (int o = 0; o < F; o++)
+            if (o != k) others = vmin(others, within[o]);
+        far[k] = select(clear | (others < p.near), zero, within[k]);
     }
 }

@@ -11,6 +11,10 @@ farther than t from all families. Boxes in which D may be zero are halved until 
 largest distance that a search finds. Outside of the tube D has the sign of P: a path from one side
 of a family to the other meets a singular configuration of the robot.
 
+The Jacobian of an arm of seven joints has full rank where one of its minors is not zero. Each is a
+trigonometric polynomial of the five inner joints; boxes are halved, and cut down to where all may
+be zero, until their points are near enough to a family. Nothing separates there: no wall persists.
+
 E is a trigonometric polynomial, of degree 2 in each joint for the pose: the sixth exterior power of
 a turn of screws has no higher frequency. For other tasks the degree is at most that of the rows.
 It is found from its values on a grid; bounds of their rounding are counted to E.
@@ -29,7 +33,9 @@ from pinsing._types import Array, Ints
 from pinsing.algebra.conditions import Margin, weighted_sum
 from pinsing.algebra.nearest import SearchOptions, nearest_points
 from pinsing.algebra.trig_sum import TINY, At, TrigSum, to_zeros
+from pinsing.configuration.refine import approach
 from pinsing.families.family import Family
+from pinsing.families.parts import Branch
 from pinsing.kinematics.jacobian import frame_jacobians
 from pinsing.measures import ROUNDING
 from pinsing.robot.arm import Arm
@@ -167,12 +173,16 @@ def find_tube(robot: Arm, design: Arm, families: Sequence[Family]) -> Tube:
         product = factorize(robot, design, families)
         width, found, count = find_widths(product, families)
         powers = [[f.power % 2 for f in product.factors if f.family == k] for k in range(F)]
-        both = _two_sides(product, width)
-        persists = [all(odd) and two for odd, two in zip(powers, both, strict=True)]
+        if product.redundant is None:
+            both = _two_sides(product, width)
+            persists = [all(odd) and two for odd, two in zip(powers, both, strict=True)]
     except Unproven as why:
         reason = str(why)
-    if not reason and not np.isfinite(width[-1]):
+    if not reason and not np.isfinite(width).all():
         reason = f"{count} boxes of joint values did not suffice"
+        if not count:
+            far = _degrees(found[-1])
+            reason = f"one was found {far} from all of them, too far for a width to help"
     if reason:
         width, persists = np.full(F + 1, np.inf), [False] * F
     rows = zip(families, width[:F].tolist(), found[:F].tolist(), persists, strict=True)
@@ -195,18 +205,21 @@ class Factor:
     family: int
     sum: TrigSum
     is_value: bool
+    branch: int
     power: int = 1
 
 
 @dataclass(frozen=True)
 class Product:
-    """The determinant of a robot as ``h prod f^m + E``."""
+    """The determinant of a robot as ``h prod f^m + E``, or conditions of a redundant design."""
 
     joints: tuple[int, ...]
     factors: tuple[Factor, ...]
     h: TrigSum
     plain: TrigSum  # of the design's determinant
     rest: TrigSum
+    redundant: Arm | None = None  # the robot, where it has no determinant
+    minors: tuple[TrigSum, ...] = ()
 
 
 class Unproven(Exception):
@@ -216,17 +229,27 @@ class Unproven(Exception):
 def factorize(robot: Arm, design: Arm, families: Sequence[Family]) -> Product:
     """Write the determinant of a robot by the conditions of its design's families."""
     rows, n = robot.task.rows, robot.n
-    if len(rows) != n:
+    pose = robot.task.name == "pose"
+    redundant = pose and n == 7
+    if len(rows) != n and not redundant:
         raise Unproven(f"{n} joints have no determinant for the {len(rows)} rows of the task")
     if robot.prismatic.any() or robot.task.at_tip:
         raise Unproven("a joint is prismatic, or rows of the task are in the tip's axes")
-    pose = robot.task.name == "pose"
     joints = tuple(range(1, n - 1) if pose else range(n))
     if not engine.available():
         raise Unproven(str(engine.unavailable_reason()))
+    branches = [(k, b) for k, f in enumerate(families) for b in f.branches]
+    factors = [f for i, (k, b) in enumerate(branches) for f in _factors(k, i, b, joints)]
+    if redundant:
+        if len(factors) > 54 or max(len(f.sum.used) for f in factors) > 4:
+            raise Unproven("the design has too many conditions, or one of five joints")
+        minors = tuple(_minors(robot, joints))
+        none = _nothing(5)
+        return Product(joints, tuple(factors), none, none, none, robot, minors)
+    if len(factors) > len(branches):
+        raise Unproven("a family is of several conditions, which separate nothing")
     if len(joints) > (4 if pose else 3):
         raise Unproven(f"the determinant depends on {len(joints)} joints")
-    factors = [_factor(k, b, joints) for k, f in enumerate(families) for b in f.branches]
     size, degree = float(np.linalg.norm(flatten(design).t, axis=1).sum()), 2 if pose else n
     grid = _TorusGrid(joints, n, 2 * degree + 1)
     rng = np.random.default_rng(1)
@@ -238,10 +261,7 @@ def factorize(robot: Arm, design: Arm, families: Sequence[Family]) -> Product:
     D0, error = _determinants(design, Q, joints, size)
     logs = np.log(np.abs(np.stack([f.sum(Q) for f in factors] + [np.full(len(Q), np.e)], axis=1)))
     powers = np.rint(np.linalg.lstsq(logs, np.log(np.abs(D0) + TINY), rcond=None)[0][:-1])
-    factors = [
-        Factor(f.family, f.sum, f.is_value, max(int(m), 1))
-        for f, m in zip(factors, powers, strict=True)
-    ]
+    factors = [replace(f, power=max(int(m), 1)) for f, m in zip(factors, powers, strict=True)]
     P, spread = _product(factors, Q)
     h = grid.sum(D0 / P, start, 0.0)
     kept = h.amplitude > 1e-7 * h.amplitude.max()
@@ -263,17 +283,27 @@ def factorize(robot: Arm, design: Arm, families: Sequence[Family]) -> Product:
     return Product(joints, tuple(factors), h, plain, rest)
 
 
-def _factor(family: int, branch: object, joints: tuple[int, ...]) -> Factor:
-    values, equations = branch.values, branch.equations  # type: ignore[attr-defined]
-    if len(values) + len(equations) != 1:
-        raise Unproven(f"F{family + 1} is of several conditions, which separate nothing")
-    if equations:
-        s = weighted_sum(equations[0], np.ones(equations[0].frequencies.shape[1]))
+def _factors(family: int, index: int, branch: Branch, joints: tuple[int, ...]) -> list[Factor]:
+    """Return the conditions of a branch: of different joints, where there are several."""
+    out = []
+    for e in branch.equations:
+        s = weighted_sum(e, np.ones(e.frequencies.shape[1]))
         rate, power = s.rate[:, list(joints)], s.power[:, list(joints)]
-        return Factor(family, TrigSum(s.amplitude, s.phase, rate, power, s.noise), False)
-    rate = np.array([[0.5 * (j == values[0].joint) for j in joints]])
-    phase = -values[0].value / 2 - np.pi / 2
-    return Factor(family, TrigSum([1.0], [phase], rate, np.zeros(rate.shape), 1e-12), True)
+        made = TrigSum(s.amplitude, s.phase, rate, power, s.noise)
+        out.append(Factor(family, made, False, index))
+    for v in branch.values:
+        rate = np.array([[0.5 * (j == v.joint) for j in joints]])
+        made = TrigSum([1.0], [-v.value / 2 - np.pi / 2], rate, np.zeros(rate.shape), 1e-12)
+        out.append(Factor(family, made, True, index))
+    used = np.concatenate([f.sum.used for f in out])
+    if len(set(used)) < len(used):
+        raise Unproven(f"two conditions of F{family + 1} are of one joint")
+    # Values are bounded fastest.
+    return out[::-1]
+
+
+def _nothing(d: int) -> TrigSum:
+    return TrigSum([0.0], [0.0], np.zeros((1, d)), np.zeros((1, d)), 0.0)
 
 
 def _least(factors: Sequence[Factor], Q: Array) -> float:
@@ -292,8 +322,37 @@ def _product(factors: Sequence[Factor], x: Array) -> tuple[Array, Array]:
     return value, largest * _MORE - np.abs(value) + 1e-14 * largest
 
 
-def _determinants(arm: Arm, x: Array, joints: tuple[int, ...], size: float) -> tuple[Array, float]:
+def _minors(arm: Arm, joints: tuple[int, ...]) -> list[TrigSum]:
+    """Minors of a redundant arm, each a sum over four joints and what there is besides."""
+    grid, start = _TorusGrid(joints, arm.n, 5), np.zeros(len(joints))
+    size, out = float(np.linalg.norm(flatten(arm).t, axis=1).sum()) / 4, []
+    for less in [0, arm.n - 1, *range(1, arm.n - 1)]:
+        values, error = _determinants(arm, grid.at(start), joints, size, less)
+        s = grid.sum(values, start, error)
+        # The first has no terms of the joint that matters least, and no small ones.
+        shares = ((s.rate != 0) * s.amplitude[:, None]).sum(axis=0)
+        own = s.amplitude * (s.rate[:, shares.argmin()] == 0)
+        small = np.cumsum(np.sort(own)) <= 1e-6 * own.sum() + 2 * shares.min()
+        main = np.argsort(own)[max(small.sum(), 1) :]
+        rest = np.setdiff1d(np.argsort(-s.amplitude), main, assume_unique=True)
+        if s.amplitude[rest].sum() < 0.2 * s.amplitude.sum():
+            every = s.amplitude[main].sum(), s.amplitude[rest[:300]].sum()
+            noise = s.noise * sum(every) + s.amplitude[rest[300:]].sum()
+            out.append(_part(s, main, 1e-12))
+            out.append(_part(s, rest[:300], noise / every[1] * _MORE))
+    return out
+
+
+def _part(s: TrigSum, kept: Ints, noise: float) -> TrigSum:
+    return TrigSum(s.amplitude[kept], s.phase[kept], s.rate[kept], s.power[kept], noise)
+
+
+def _determinants(
+    arm: Arm, x: Array, joints: tuple[int, ...], size: float, less: int | None = None
+) -> tuple[Array, float]:
     """Return determinants (N,) of task Jacobians in units of ``size``, and a bound of their errors.
+
+    The column ``less`` is left out.
 
     64 n units in the last place bound the error of an entry, a sum of products of at most 2n + 2
     rotations. Elimination with pivots is exact for a matrix that differs by n^3 2^(n-1) units
@@ -303,6 +362,7 @@ def _determinants(arm: Arm, x: Array, joints: tuple[int, ...], size: float) -> t
     Q = np.zeros((len(x), n))
     Q[:, list(joints)] = x
     J = frame_jacobians(arm, Q)[:, rows] / np.where(np.array(rows) < 3, size, 1.0)[:, None]
+    J = J if less is None else np.delete(J, less, axis=2)
     column = float(np.linalg.norm(J, axis=1).max()) * _MORE
     change = (64 * n + n**4 * 2 ** (n - 1)) * _UNIT * max(column, 1.0)
     return np.linalg.det(J), n * column ** (n - 1) * change * _MORE
@@ -350,24 +410,30 @@ class _TorusGrid:
 
 
 def halve(p: Product, boxes: Array) -> Array:
-    """Return the halves (2N, 10 + F) of boxes (N, 10 + F), and what is proven of them.
+    """Return the halves (2N, 12 + F) of boxes (N, 12 + F), and what is proven of them.
 
-    A row is a middle and half widths of four joints, ``far`` (F + 1,), and the joint to halve. No
+    A row is a middle and half widths of five joints, ``far`` (F + 1,), and the joint to halve. No
     singular configuration in the box that is farther than ``NEAR`` from all families but one is
     farther than ``far`` from that one; last, none at all is farther from the nearest. Half boxes
     are cut down to where the determinant may be zero.
     """
     out = np.empty((2 * len(boxes), boxes.shape[1]))
-    sums = [p.plain, p.rest, p.h, *(f.sum for f in p.factors)]
-    rates = [np.pad(s.rate, ((0, 0), (0, 4 - s.rate.shape[1]))) for s in sums]
-    terms = [np.column_stack([s.amplitude, s.phase, r]) for s, r in zip(sums, rates, strict=True)]
-    about = [(s.noise, 0, 0, 1) for s in sums[:3]]
-    about += [(f.sum.noise, f.family, f.is_value, f.power) for f in p.factors]
+    minors = [Factor(-1, s, False, 0) for s in p.minors]
+    every = [*(Factor(-1, s, False, 0) for s in (p.plain, p.rest, p.h)), *p.factors, *minors]
+    terms, about = [], []
+    for f in every:
+        s = f.sum
+        d = s.rate.shape[1]
+        own = s.used if p.redundant is not None and len(s.used) < 5 else np.arange(d)
+        rate = np.zeros((len(s.amplitude), 5))
+        rate[:, : len(own)] = s.rate[:, own]
+        terms.append(np.column_stack([s.amplitude, s.phase, rate]))
+        about.append((s.noise, f.family, f.is_value, f.power, f.branch, *np.resize(own, 4)))
     engine.module().tubes(
         np.ascontiguousarray(np.concatenate(terms)),
         np.cumsum([0, *map(len, terms)]).tolist(),
         np.array(about, float),
-        boxes.shape[1] - 10,
+        boxes.shape[1] - 12,
         NEAR,
         np.ascontiguousarray(boxes),
         out,
@@ -379,6 +445,11 @@ def halve(p: Product, boxes: Array) -> Array:
 
 def search(p: Product, x: Array) -> Array:
     """Singular configurations (K, d) near starts (N, d)."""
+    if p.redundant is not None:
+        Q = np.zeros((len(x), p.redundant.n))
+        Q[:, list(p.joints)] = x
+        drops = approach(p.redundant, Q, np.isin(np.arange(p.redundant.n), p.joints))
+        return np.asarray(drops.q[drops.sigma[:, -1] < 1e-9 * drops.sigma[:, 0]][:, list(p.joints)])
     for _ in range(12):
         plain, rest = p.plain.at(x), p.rest.at(x)
         slope = plain.gradient + rest.gradient
@@ -412,24 +483,24 @@ def _estimates(p: Product, x: Array) -> Array:
 
 def _sure(s: TrigSum, x: Array) -> Array:
     """How far (N,) points (N, d) are from zeros of a sum at least, up to half a radian."""
-    side = 0.5
-    zero = TrigSum([0.0], [0.0], np.zeros((1, x.shape[1])), np.zeros((1, x.shape[1])), 0.0)
-    alone, d = Product((), (), zero, s, zero), x.shape[1]
-    of, boxes = np.arange(len(x)), np.zeros((len(x), 11))
-    boxes[:, :d], boxes[:, 4 + s.used], boxes[:, 8:10] = x, side, _NONE
-    boxes[:, 10] = s.used[0]
+    side, x = 0.5, x[:, s.used]
+    d = len(s.used)
+    own = TrigSum(s.amplitude, s.phase, s.rate[:, s.used], s.power[:, s.used], s.noise)
+    alone = Product((), (), _nothing(d), own, _nothing(d))
+    of, boxes = np.arange(len(x)), np.zeros((len(x), 13))
+    boxes[:, :d], boxes[:, 5 : 5 + d], boxes[:, 10:12] = x, side, _NONE
     for _ in range(60):
-        gap = np.maximum(np.abs(boxes[:, :d] - x[of]) - boxes[:, 4 : 4 + d], 0.0)
+        gap = np.maximum(np.abs(boxes[:, :d] - x[of]) - boxes[:, 5 : 5 + d], 0.0)
         away = np.linalg.norm(gap, axis=1)
         least = np.full(len(x), side)
         np.minimum.at(least, of, away)
-        wide = np.linalg.norm(boxes[:, 4:8], axis=1)
+        wide = np.linalg.norm(boxes[:, 5:10], axis=1)
         now = (away <= 1.02 * least[of]) & (wide > 0.05 * np.maximum(away, 1e-3))
         if not now.any():
             break
         fresh = halve(alone, boxes[now])
-        fresh[:, 10] = fresh[:, 4:8].argmax(axis=1)
-        some = fresh[:, 9] > 0
+        fresh[:, 12] = fresh[:, 5:10].argmax(axis=1)
+        some = fresh[:, 11] > 0
         boxes = np.concatenate([boxes[~now], fresh[some]])
         of = np.concatenate([of[~now], np.repeat(of[now], 2)[some]])
     return least / _MORE
@@ -437,10 +508,13 @@ def _sure(s: TrigSum, x: Array) -> Array:
 
 def _of_families(p: Product, x: Array, far: Callable[[TrigSum, At], Array]) -> Array:
     away = np.full((len(x), 1 + max(f.family for f in p.factors)), np.inf)
-    for f in p.factors:
-        at = f.sum.at(x)
-        found = 2 * np.arcsin(np.minimum(np.abs(at.value), 1)) if f.is_value else far(f.sum, at)
-        away[:, f.family] = np.minimum(away[:, f.family], found)
+    for of in {f.branch for f in p.factors}:
+        whole = np.zeros(len(x))
+        for f in (f for f in p.factors if f.branch == of):
+            at, k = f.sum.at(x), f.family
+            off = 2 * np.arcsin(np.minimum(np.abs(at.value), 1)) if f.is_value else far(f.sum, at)
+            whole = np.hypot(whole, off)
+        away[:, k] = np.minimum(away[:, k], whole)
     return away
 
 
@@ -453,9 +527,10 @@ _NONE = 1e9
 
 
 def _first(p: Product, families: int) -> Array:
-    """Boxes (N, 10 + F) to begin with: thin where a family is a joint value, as the tube is."""
-    sides = []
-    for j in range(len(p.joints)):
+    """Boxes (N, 12 + F) to begin with: thin where a family is a joint value, as the tube is."""
+    # One where minors tell; halves of it are cut off the usual values.
+    sides = [np.array([1 - np.pi, 1 + np.pi])] * (5 * bool(p.minors))
+    for j in range(len(sides), len(p.joints)):
         values = [-2 * f.sum.phase[0] - np.pi for f in p.factors if f.is_value and f.sum.rate[0, j]]
         parts = NEAR * np.array([-4, -1.5, -0.5, 0.5, 1.5, 4])
         at = np.add.outer(values, parts) if values else np.linspace(0, 2 * np.pi, 7)
@@ -463,9 +538,9 @@ def _first(p: Product, families: int) -> Array:
         sides.append(np.append(at, at[0] + 2 * np.pi))
     both = [[(e[1:] + e[:-1]) / 2 for e in sides], [(e[1:] - e[:-1]) / 2 * _MORE for e in sides]]
     x, h = (np.stack(np.meshgrid(*s, indexing="ij"), axis=-1).reshape(-1, len(s)) for s in both)
-    boxes = np.zeros((len(x), 10 + families))
-    boxes[:, : len(sides)], boxes[:, 4 : 4 + len(sides)] = x, h
-    boxes[:, 8:-1], boxes[:, -1] = _NONE, h.argmax(axis=1)
+    boxes = np.zeros((len(x), 12 + families))
+    boxes[:, : len(sides)], boxes[:, 5 : 5 + len(sides)] = x, h
+    boxes[:, 10:-1], boxes[:, -1] = _NONE, h.argmax(axis=1)
     return boxes
 
 
@@ -509,26 +584,28 @@ def find_widths(p: Product, families: Sequence[Family]) -> tuple[Array, Array, i
     best = look(rng.uniform(0, 2 * np.pi, (2000, len(p.joints))), np.empty((0, len(p.joints))))
     for _ in range(12):
         best = look(best[:0], np.tile(best, (4, 1)))
-    boxes, level = halve(p, _first(p, last)), 64.0
+    if p.minors and found[last] > NEAR:
+        return np.full(last + 1, np.inf), found, 0
+    boxes, level, most = halve(p, _first(p, last)), 64.0, 4 * MOST if p.minors else MOST
     count = len(boxes)
     while True:
-        slack, alone = (SLACK, found[:last]) if 5 * count < MOST else (2.0, found)
+        slack, alone = (SLACK, found[:last]) if 5 * count < most else (2.0, found)
         goal = slack * np.append(np.full(last, alone.max()), found[last])
-        worth = (boxes[:, 8:-1] / np.maximum(goal, TINY)).max(axis=1)
+        worth = (boxes[:, 10:-1] / np.maximum(goal, TINY)).max(axis=1)
         good = worth <= 1
-        done = np.maximum(done, boxes[good, 8:-1].max(axis=0, initial=0.0))
+        done = np.maximum(done, boxes[good, 10:-1].max(axis=0, initial=0.0))
         boxes, worth = boxes[~good], worth[~good]
-        if not len(worth) or count > MOST:
-            width = np.maximum(done, boxes[:, 8:-1].max(axis=0, initial=0.0))
+        if not len(worth) or count > most:
+            width = np.maximum(done, boxes[:, 10:-1].max(axis=0, initial=0.0))
             return np.where(width < _NONE, width, np.inf), found, count
-        now = worth > level
-        if now.any():
+        now = np.flatnonzero(worth > level)[-50_000:]
+        if len(now):
             fresh = halve(p, boxes[now])
             count += len(fresh)
-            boxes = np.concatenate([boxes[~now], fresh])
+            boxes = np.concatenate([np.delete(boxes, now, axis=0), fresh])
             continue
         # The worst boxes are as good as may be at this level: what is in them may be far.
         level = max(1.0, level / 1.5)
         worst = boxes[np.argsort(-worth, kind="stable")[:400]]
         d = len(p.joints)
-        best = look(worst[:, :d] + rng.uniform(-1, 1, (len(worst), d)) * worst[:, 4 : 4 + d], best)
+        best = look(worst[:, :d] + rng.uniform(-1, 1, (len(worst), d)) * worst[:, 5 : 5 + d], best)
