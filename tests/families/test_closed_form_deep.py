@@ -107,16 +107,6 @@ def test_nine_joints_end_in_time_and_say_what_stopped_them():
 
 
 @pytest.mark.slow
-def test_describing_keeps_to_the_time_as_well():
-    arm = load("talos_full_v2", tip="gripper_left_base_link", base="torso_2_link", task="position")
-    form = closed_form(arm, seconds=1)
-    assert not form.complete
-    # Which step it is that does not end in time, the machine's load decides.
-    why = ("simultaneous equations or more", "budget of", "algebra was stopped", "told apart")
-    assert any(reason in gap for gap in form.gaps for reason in why), form.gaps
-
-
-@pytest.mark.slow
 @pytest.mark.parametrize(
     ("file", "tip", "base"),
     [

@@ -87,10 +87,3 @@ def test_budget_is_kept_and_said(monkeypatch: pytest.MonkeyPatch) -> None:
     assert not form.complete
     assert any("time" in gap for gap in form.gaps)
     assert next(looks) < 3 * 50
-
-
-def test_budget_that_suffices_for_nothing() -> None:
-    form = closed_form(arm_of("baxter"), seconds=1e-9)
-    assert not form.complete
-    assert not form.families
-    assert "NOT complete" in str(form)

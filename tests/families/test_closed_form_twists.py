@@ -11,7 +11,6 @@ from tiers import tiered
 from pinsing.families import ClosedForm, closed_form, prove
 from pinsing.families.certainty import coverage_words
 from pinsing.robot.load import load
-from pinsing.robot.surd import Surd
 
 DHRows = list[tuple[float, float, float]]
 """a, alpha in degrees, d."""
@@ -79,17 +78,6 @@ def test_three_axes_that_meet():
     found = closed_form(arm)
     assert [f.text for f in found.families] == ["q2 = 0° or 180°"]
     assert check_all(arm, found, 1e-10) > 100
-
-
-MANY = [(0.25, -60, 0.3), (0.25, 15, 0.2), (0.1, -90, 0), (0.1, 90, 0), (0.25, 75, 0), (0.1, 0, 0)]
-
-
-def test_many_twists_are_searched_in_their_own_numbers():
-    found = closed_form(arm_of(MANY))
-    assert (found.complete, found.snaps, found.deviation) == (True, (), None)
-    found = closed_form(arm_of(MANY), seconds=0.02)
-    assert (found.word, found.snaps) == ("not complete", ())
-    assert any(isinstance(x, Surd) for R in found.geometry.rotation for row in R for x in row)
 
 
 @pytest.mark.slow

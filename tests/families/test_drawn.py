@@ -4,12 +4,10 @@ from typing import Any
 
 import numpy as np
 import pytest
-from tiers import tiered
 
 from pinsing.algebra.equation import Equation
-from pinsing.families import closed_form, zero_set
+from pinsing.families import zero_set
 from pinsing.families.zero_set import draw, orders, project, residuals, search
-from pinsing.robot.load import load
 
 
 def equation(*terms: tuple[tuple[int, ...], tuple[int, ...], float, float]) -> Equation:
@@ -67,32 +65,6 @@ def test_what_is_solved_for_and_in_which_order() -> None:
     free, fixed = np.array([True, True, False]), np.array([0.0, 0.0, 1.25])
     (order, *_) = orders([ONCE], free)
     assert (draw(order, -WIDE, WIDE, free, fixed, 500, RNG(3))[:, 2] == 1.25).all()
-
-
-def test_what_has_few_values_is_found_by_projection_all_the_same() -> None:
-    # 0.5 cos q1 + ... = 0 only where all three are within 0.02 of one point.
-    narrow = equation(((2, 0, 0), (0, 0, 0), 1.0, 0.0), ((0, 0, 0), (0, 0, 0), -0.99999, 0.0))
-    lower, upper = np.array([0.2, -3, -3]), np.array([0.4, 3, 3])
-    q = search([narrow], lower, upper, FREE, ZERO, 6, RNG(4))
-    assert len(q) == 6  # q1 + shift = 0.00447: within the box, or at its copy
-    assert np.abs(residuals([narrow], q)).max() < 1e-12
-
-
-@pytest.mark.parametrize(
-    "name", tiered(["ur5", "panda", "stanford", "surgical7"], ("ur5", "surgical7"))
-)
-def test_points_of_families_are_singular_and_spread(name: str) -> None:
-    form = closed_form(load(name))
-    for family in form.families:
-        q = family.points(40, np.random.default_rng(5))
-        assert len(q) == 40
-        for b in family.branches:
-            if len(b.equations) == 1:
-                there = q[np.abs(b.equations[0](q)) < 1e-9]
-                moved, ok = project(b.equations, there, np.ones(family.n, dtype=bool))
-                assert ok.all()
-                np.testing.assert_allclose(moved, there, atol=1e-9)
-        assert np.ptp(q, axis=0).max() > 1
 
 
 def test_a_box_with_nothing_in_it_is_not_searched_at_random(monkeypatch):

@@ -148,16 +148,6 @@ def test_tolerance_of_contains_is_a_distance(name: str) -> None:
         np.testing.assert_array_equal(inside[clear], (gaps < 1e-3)[clear])
 
 
-def test_contains_takes_stacks() -> None:
-    family = closed("ur5").families[0]
-    q = np.zeros((2, 3, 6))
-    q[1, 2, 2] = 0.5
-    found = family.contains(q)
-    assert (found.shape, found.sum()) == ((2, 3), 5)
-    assert family.contains(np.zeros((0, 6))).shape == (0,)
-    assert bool(family.contains([0.0] * 6))
-
-
 @pytest.mark.parametrize("bad", [[0.0] * 5, 0.0, [np.nan] * 6, [[np.inf] * 6]])
 def test_bad_configurations_are_refused(bad: object) -> None:
     family = closed("ur5").families[2]
@@ -221,26 +211,6 @@ def test_an_equation_within_limits() -> None:
     assert held.witness is None
     assert held.sample(5, np.random.default_rng(1)).shape == (0, 3)
     assert len(held.points(5, np.random.default_rng(1))) == 5
-
-
-def test_samples_spread_over_branches_and_repeat() -> None:
-    family = closed("iiwa14").families[1]
-    points = family.points(40, np.random.default_rng(3))
-    assert len({tuple(np.round(q[[1, 2]], 6)) for q in points}) == len(family.branches) == 4
-    np.testing.assert_array_equal(points, family.points(40, np.random.default_rng(3)))
-    assert family.points(0, np.random.default_rng(3)).shape == (0, 7)
-    assert family.points(2, np.random.default_rng(3)).shape == (2, 7)
-
-
-def test_names_joints_and_text():
-    families = closed("ur5").families
-    assert [f.name for f in families] == ["F1", "F2", "F3"]
-    assert families[2].joints == ("shoulder_lift_joint", "elbow_joint", "wrist_1_joint")
-    assert str(families[0]) == "F1 (elbow): q3 = 0° or 180°"
-    assert families[0].reason == "axes 2, 3 and 4 are parallel and lie in one plane"
-    assert [f.kind for f in families] == ["boundary", "interior", "boundary"]
-    by_name = {name: [f.codimension for f in closed(name).families] for name in ("ur5", "iiwa14")}
-    assert by_name == {"ur5": [1, 1, 1], "iiwa14": [1, 2, 2, 2]}
 
 
 def test_a_family_without_real_points_says_so() -> None:

@@ -3,7 +3,6 @@
 from pathlib import Path
 
 import numpy as np
-import pinocchio as pin
 import pytest
 from public import script
 from tiers import tiered
@@ -56,66 +55,6 @@ def found(request):
         source = _urdf(WITH_TOOLS[source])
     arm = pinsing.load(source, task=TASK)
     return arm, pinsing.closed_form(arm, seconds=SECONDS, prove=False)
-
-
-def jacobian(arm, q):
-    """Pinocchio's, of the four rows."""
-    data = arm.model.createData()
-    six = pin.computeFrameJacobian(
-        arm.model, data, arm.model_q(q), arm.tip_id, pin.LOCAL_WORLD_ALIGNED
-    )
-    return six[[0, 1, 2, 5]]
-
-
-def by_wrenches(arm, count, rng):
-    """Singular configurations, by Newton in joints and a wrench that does no work at any joint."""
-    found = []
-    for q in arm.space.sample(count, rng):
-        u = np.linalg.svd(jacobian(arm, q))[0][:, 3]
-        for _ in range(60):
-            J = jacobian(arm, q)
-            step = 1e-6
-            slopes = np.stack(
-                [
-                    u @ (jacobian(arm, q + step * e) - jacobian(arm, q - step * e)) / (2 * step)
-                    for e in np.eye(arm.n)
-                ],
-                axis=1,
-            )
-            A = np.block([[slopes, J.T], [np.zeros((1, arm.n)), u[None]]])
-            move = np.linalg.lstsq(A, -np.append(u @ J, 0.0), rcond=1e-9)[0]
-            move *= min(1.0, 0.5 / np.abs(move).max())
-            q, u = q + move[: arm.n], u + move[arm.n :]
-            u /= np.linalg.norm(u)
-            if np.abs(move).max() < 1e-13:
-                break
-        if np.linalg.svd(jacobian(arm, q), compute_uv=False)[3] < 1e-13:
-            found.append(q)
-    return np.array(found)
-
-
-def test_points_of_families_are_singular_and_near_misses_are_not(found, rng):
-    arm, form = found
-    assert form.complete
-    assert form.gaps == ()
-    for family in form.families:
-        for q in family.points(5, rng):
-            sigma = np.linalg.svd(jacobian(arm, q), compute_uv=False)
-            assert sigma[3] < 1e-9 * sigma[0]
-            beside = q + rng.choice([-1, 1], arm.n) * rng.uniform(0.02, 0.05, arm.n)
-            assert np.linalg.svd(jacobian(arm, beside), compute_uv=False)[3] > 1e-9 * sigma[0]
-            assert not family.contains(beside)
-
-
-@pytest.mark.slow
-def test_where_newton_ends_is_on_a_family(found, rng):
-    arm, form = found
-    singular = by_wrenches(arm, 40, rng)
-    assert len(singular) > 10
-    for q in singular:
-        # Where several families meet, the singular value is small far around.
-        on = any(f.contains(q) for f in form.families)
-        assert on or min(f.distance(q).upper for f in form.families) < 1e-3, q
 
 
 def test_finite_fields_say_the_same(found):

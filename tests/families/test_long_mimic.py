@@ -72,19 +72,6 @@ def test_minors_of_own_joints_are_those_of_pinocchios_jacobian(joints, follow, s
         assert np.abs(theirs).min() > 1e-9  # regular: nothing is compared with zero
 
 
-def test_minors_at_a_value_of_a_leader_are_those_there():
-    arm = chain(9, {5: (1, 1, 0.0)})
-    geometry = nominal(arm)
-    ring = ring_for(arm, geometry)
-    minors = NearMinors(geometry, ring, arm.task, 6, Budget(60))
-    some = (2, 3, 4, 5, 6, 7)  # the second own joint is not among them, nor is the first
-    assert 0 in ring.joints_of(minors.minor(some, {}))
-    at = {0: (1, 1)}
-    put = minors.minor(some, at)
-    assert 0 not in ring.joints_of(put)
-    assert ring.strip(ring.substitute(minors.minor(some, {}), at)) in (put, -put)
-
-
 @pytest.mark.parametrize("slides", [(), (3, 4)])
 def test_ranks_modulo_a_prime_count_followers(slides):
     arm = chain(8, {4: (3, 1, 0.2), 7: (6, -1, 0.0)}, slides)

@@ -15,13 +15,11 @@ from tiers import tiered
 
 import pinsing
 from pinsing.algebra import budget
-from pinsing.algebra.budget import Budget, BudgetExceeded
+from pinsing.algebra.budget import Budget
 from pinsing.families import proving
 from pinsing.families.certainty import certainty
-from pinsing.families.form import families_text
 from pinsing.families.proving import prove_briefly, within
 from pinsing.proof import produce
-from pinsing.proof.forms import Forms
 from pinsing.proximity.guard import make_guard
 
 
@@ -99,21 +97,6 @@ def test_what_took_longer_has_one_headline() -> None:
     assert "no certificate" not in done.stdout
 
 
-@pytest.mark.slow
-def test_the_end_says_what_is_missing_where_no_proof_mends_it() -> None:
-    done = run("families", "panda", "-v", "--seconds", "0.02", "--prove")
-    assert done.exit_code == 0, done.stderr
-    assert "probable" not in done.stdout
-    assert "proven" not in done.stdout
-    form = pinsing.closed_form(arm_of("panda"), seconds=0.02)
-    undecided = families_text(form, undecided=True).lower()
-    assert ("complete" in undecided, "probable" in undecided) == (False, False)
-    head, *lines = done.stdout.split("\n  not complete: ")
-    assert "whether these are all stands at the end" in " ".join(head.split())
-    assert lines
-    assert not any(line.startswith("  F") for line in "\n".join(lines).splitlines())
-
-
 @pytest.mark.usefixtures("slow")
 def test_without_time_it_says_how_much_there_was_and_what_to_do() -> None:
     done = run("families", "puma560", "-v")
@@ -122,14 +105,6 @@ def test_without_time_it_says_how_much_there_was_and_what_to_do() -> None:
     assert "no certificate: none was found in the 0 s of work allowed" in text
     assert "--prove, or prove=True, looks for one for 60 s" in text
     assert text.startswith("puma560: 3 families of singular configurations (probably complete)")
-
-
-def test_whether_work_or_time_ran_out_is_said() -> None:
-    form = pinsing.closed_form(arm_of("puma560"))
-    for given, allowed in ((Budget(0.0, 100.0), "on the clock"), (Budget(100.0, 1e-6), "of work")):
-        proof = within(form, given, None).proof
-        assert proof.out_of_time
-        assert f"{allowed} allowed" in proof.reason or "time budget" in proof.reason
 
 
 def test_a_search_that_failed_is_not_called_out_of_time(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -141,17 +116,3 @@ def test_a_search_that_failed_is_not_called_out_of_time(monkeypatch: pytest.Monk
     assert form.proof.reason == "a place could not be split"
     assert not form.proof.out_of_time
     assert "no certificate: a place could not be split" in " ".join(certainty(form).split())
-
-
-def test_the_proof_of_each_family_asks_for_the_time(monkeypatch: pytest.MonkeyPatch) -> None:
-    asked: list[int] = []
-
-    def out_of_time(self: Forms) -> None:
-        asked.append(1)
-        if len(asked) > 1:
-            raise BudgetExceeded("no time")
-
-    monkeypatch.setattr(Forms, "require_time", out_of_time)
-    form = within(pinsing.closed_form(arm_of("puma560")), Budget(60.0), None)
-    assert form.word == "probable"
-    assert form.proof.out_of_time

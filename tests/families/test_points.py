@@ -11,7 +11,7 @@ from pinsing.algebra.ring import make_ring
 from pinsing.families import closed_form
 from pinsing.families.nearness import Starts
 from pinsing.families.parts import Branch
-from pinsing.families.zero_set import System, fix_joint, project, search, system_of
+from pinsing.families.zero_set import System, fix_joint, project, search
 from pinsing.robot.joint_space import JointSpace
 from pinsing.robot.load import load
 
@@ -64,23 +64,6 @@ def test_an_equation_that_all_but_cancels_says_how_accurate_it_is(rng):
     again, ok = project(equations, Q, free)
     assert ok.all()
     assert np.abs(again - Q).max() < 1e-9
-
-
-def test_the_system_of_short_equations_is_made_once_for_each_order(rng):
-    form = closed_form(load("panda"), seconds=30)
-    branches = [b for f in form.families for b in f.branches if len(b.equations) == 1]
-    equations = tuple({id(e): e for b in branches for e in b.equations}.values())[:2]
-    kept = system_of(equations)
-    assert system_of(list(equations)) is kept
-    assert system_of(equations[::-1]) is not kept
-    assert system_of(equations[:1]) is not kept
-    Q = rng.uniform(-3, 3, (5, 7))
-    for some in (equations, equations[::-1], equations[:1], equations[1:]):
-        fresh = System(some)
-        assert (system_of(some).values(Q) == fresh.values(Q)).all()
-        assert (system_of(some).gradients(Q) == fresh.gradients(Q)).all()
-    many = [equations[0]] * (500 // len(equations[0].cos) + 1)
-    assert system_of(many) is not system_of(many)
 
 
 def test_a_small_residual_is_not_yet_on_the_set(rng):

@@ -8,9 +8,7 @@ import pytest
 from singular_sets import Joint, build, iiwa_with_offset
 from tiers import tiered
 
-from pinsing.algebra import real_roots
 from pinsing.algebra.budget import Budget
-from pinsing.algebra.components import FoundComponents
 from pinsing.algebra.real_roots import (
     NotFinite,
     changes_sign,
@@ -22,7 +20,6 @@ from pinsing.algebra.ring import make_ring
 from pinsing.algebra.surd_ring import ring_of
 from pinsing.families import closed_form
 from pinsing.families.form import families_text
-from pinsing.families.pieces import PieceMaker
 from pinsing.kinematics.verdict import ratios
 from pinsing.plot.curves import singular_values_of
 from pinsing.robot.load import load
@@ -53,35 +50,6 @@ def test_joint_values_that_depend_on_each_other_are_stated_exactly():
         q[:, 1], q[:, 3] = math.radians(q2), math.radians(q4)
         assert ratios(form.geometry.arm, q).min() > 1e-9
     assert any("snap-length 0.001" in line for line in form.hints)
-
-
-@pytest.mark.slow
-def test_joint_values_are_stated_however_late_it_is(monkeypatch):
-    plain = closed_form(iiwa_with_offset())
-    irredundant, over = FoundComponents.irredundant, Budget(1e-9)
-    monkeypatch.setattr(FoundComponents, "irredundant", lambda self, time: irredundant(self, over))
-    monkeypatch.setattr(PieceMaker, "_solutions", _late(PieceMaker._solutions))
-    late = closed_form(iiwa_with_offset())
-    assert [f.text for f in late.families] == [f.text for f in plain.families]
-    assert late.hints == plain.hints
-
-
-def _late(method):
-    def when_time_is_over(self, polys):
-        self.time = Budget(1e-9)
-        return method(self, polys)
-
-    return when_time_is_over
-
-
-@pytest.mark.slow
-def test_systems_that_time_did_not_allow_to_solve_are_told_of(monkeypatch):
-    monkeypatch.setattr(real_roots, "_SHORT", (0, 0, 0))
-    monkeypatch.setattr(PieceMaker, "_solutions", _late(PieceMaker._solutions))
-    form = closed_form(iiwa_with_offset())
-    assert any("time was over before a system of equations was solved" in h for h in form.hints)
-    pairs = next(f for f in form.families if set(f.joints) == {"joint_a2", "joint_a4"})
-    assert all(b.equations for b in pairs.branches)
 
 
 @pytest.mark.slow

@@ -14,8 +14,6 @@ from test_closed_form_twists import HOLLOW, arm_of
 from tiers import tiered
 
 import pinsing
-from pinsing.errors import OptionError, UnknownNameError
-from pinsing.families import ClosedForm
 
 EXACT = {"xtol": 1e-15, "ftol": 1e-15, "gtol": 1e-15}
 
@@ -195,18 +193,6 @@ def test_half_angles_followers_and_square_roots(tmp_path):
     assert "r3" in names
     assert "meant are solutions with r3 > 0 alone" in form.system()
     assert all(any(str(p) == "r3**2 - 3" for p in polys) for polys in systems.values())
-
-
-def test_what_cannot_be_written_is_said(forms):
-    form = forms["ur5"]
-    with pytest.raises(UnknownNameError, match="unknown family 'F9'"):
-        form.system(families=["F9"])
-    with pytest.raises(OptionError, match="no language 'mathematica'; there are singular"):
-        form.system("mathematica")
-    with pytest.raises(OptionError, match="read from a file"):
-        ClosedForm.from_json(form.to_json()).system()
-    with pytest.raises(OptionError, match="planar1r, task wz: there is no family to write"):
-        pinsing.closed_form(planar((0.3,), task="wz")).system()
 
 
 def test_names_with_line_breaks_stay_within_their_comment(forms):

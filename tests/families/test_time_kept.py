@@ -16,8 +16,6 @@ from pinsing.algebra.budget import PER_SECOND, Budget, BudgetExceeded, in_child
 from pinsing.algebra.equation import Equation
 from pinsing.families import zero_set
 from pinsing.families.zero_set import proven_empty, search, thrown
-from pinsing.postures import joint_map
-from pinsing.postures.boxes import Leaves
 from pinsing.proof.checker import Ring
 from pinsing.proof.skeleton import roots_in, skeleton, without_dependent_lines
 from pinsing.robot.nominal import nominal
@@ -81,33 +79,6 @@ def test_a_long_system_without_points_is_left_when_time_is_over(patience, steps)
     assert len(steps) > 100
 
 
-def test_a_short_system_is_looked_at_once_though_time_is_over(steps: list[int]) -> None:
-    short = [made(30, 0.0)]
-    rng = np.random.default_rng(0)
-    found = search(short, _LOW, _HIGH, _FREE, _FIXED, 8, rng, stop=lambda: True)
-    assert len(found) == 8
-    assert np.abs(short[0](found)).max() < 1e-10
-    nowhere = [made(30, 2.0)]
-    steps.clear()
-    assert len(search(nowhere, _LOW, _HIGH, _FREE, _FIXED, 8, rng, stop=lambda: True)) == 0
-    once = len(steps)
-    steps.clear()
-    assert len(search(nowhere, _LOW, _HIGH, _FREE, _FIXED, 8, rng)) == 0
-    assert once < len(steps)
-
-
-def test_points_that_were_reached_are_kept() -> None:
-    long = [made(600, 0.0)]
-    rng = np.random.default_rng(0)
-    counts = []
-    for patience in (2, 40, 10_000):
-        found = search(long, _LOW, _HIGH, _FREE, _FIXED, 50, rng, stop=Patience(patience))
-        assert np.abs(long[0](found)).max(initial=0.0) < 1e-10
-        counts.append(len(found))
-    assert counts[-1] == 50
-    assert counts[0] <= counts[-1]
-
-
 def test_a_proof_of_emptiness_ends_with_the_time() -> None:
     away, small = [made(30, 2.0)], np.full(_JOINTS, 0.1)
     assert proven_empty(away, -small, small)
@@ -150,18 +121,6 @@ def test_parts_of_a_budget_count_together_and_take_shares_of_work() -> None:
     assert whole.at_most(3.0).left == pytest.approx(3.0)
 
 
-def test_least_shares_of_parts_do_not_add_up_on_the_clock(monkeypatch: pytest.MonkeyPatch) -> None:
-    now = [0.0]
-    monkeypatch.setattr("pinsing.algebra.budget.time.monotonic", lambda: now[0])
-    whole = Budget(10.0)
-    now[0] = 13.0
-    assert whole.over
-    assert not whole.part(0.0, least=0.5).over
-    now[0] = 14.1  # a slow machine: each part would have its least share once more
-    assert whole.part(0.0, least=0.5).over
-    assert whole.part(0.0, least=0.5).part(1.0, least=1.0).over
-
-
 def test_what_a_child_did_is_counted(monkeypatch):
     whole = Budget(100.0)
 
@@ -194,27 +153,6 @@ def slowed(rate: float) -> Callable[[], float]:
     """A clock that goes slower than the time."""
     began = time.monotonic()
     return lambda: began + rate * (time.monotonic() - began)
-
-
-def test_halving_looks_at_the_budget_within_a_level() -> None:
-    seen: list[int] = []
-
-    def classify(_: object, level: np.ndarray, index: np.ndarray) -> Leaves:
-        seen.append(len(level))
-        none = np.zeros(len(level), dtype=bool)
-        return Leaves(level, index, np.zeros((len(level), 1), dtype=np.int64), none)
-
-    def count(leaves: Leaves) -> tuple[SimpleNamespace, np.ndarray]:
-        return SimpleNamespace(proven=False, leaves=leaves), np.zeros(len(leaves.level), dtype=bool)
-
-    grid = SimpleNamespace(first=(128, 128), d=2, terms=())
-    found = joint_map.halved(grid, classify, count, budget.Budget(0.17))
-    assert seen[0] == 128**2
-    assert 0 < sum(seen[1:]) < 2 * 128**2  # the whole level: four times as many
-    halves = found.leaves.level == 1
-    assert (4.0**-found.leaves.level).sum() == 128**2  # none is lost
-    assert halves.any()
-    assert not halves.all()
 
 
 _LONG_PROOF = [

@@ -1,6 +1,5 @@
 """Of values that the limits do not allow nobody says that the family is within them."""
 
-import json
 import math
 import re
 from dataclasses import replace
@@ -8,7 +7,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from command_line import run
 from singular_sets import arm_of, closed
 
 import pinsing
@@ -16,8 +14,6 @@ from pinsing.families import Branch, Family
 from pinsing.families.parts import JointValue, reach_words, values_reached
 from pinsing.measures import Reachability
 from pinsing.proximity.clearance import distance_words, distances
-from pinsing.view.entries import family_entries
-from pinsing.view.tab import _more
 
 SCARA = """
 name: short_elbow
@@ -56,38 +52,6 @@ def test_the_value_inside_is_named(elbow: Family) -> None:
     ]
 
 
-@pytest.mark.slow
-def test_in_text_at_page_notebook_and_report(table: Path, elbow: Family, tmp_path: Path) -> None:
-    path = tmp_path / "report.html"
-    done = run("report", str(table), "-o", str(path))
-    assert done.exit_code == 0, done.stderr
-    first, _, others = path.read_text(encoding="utf-8").partition("Map of two joints")
-    assert SAID in first
-    assert SAID in others
-    done = run("families", "-v", str(table), "--no-prove")
-    assert f"boundary, {SAID}; codimension 1 of 4" in done.stdout
-    words = ["at", str(table), "--deg", "--q", "0,180,-0.1,0"]
-    done = run(*words)
-    assert f"F1: 0°, on it; the family is {SAID}" in " ".join(done.stdout.split())
-    words[-1] = "0,141,-0.1,0"
-    said = " ".join(run(*words).stdout.split())
-    assert "F1, 141° away" in said
-    assert f"by q2 +39°, outside the limits of q2; the family is {SAID}" in said
-    arm = pinsing.load(table)
-    (entry,) = family_entries(arm, [elbow])
-    assert SAID in [*_more(entry)]
-    assert SAID in elbow._repr_html_()
-
-
-def test_in_json_and_back(elbow: Family) -> None:
-    data = json.loads(elbow.to_json())
-    assert [v["reachability"] for v in data["value_reach"]] == ["reachable", "not reachable"]
-    again = Family.from_json(elbow.to_json())
-    assert again.reach == SAID
-    del data["value_reach"]  # what was saved before
-    assert Family.from_json(json.dumps(data)).reach == "within the joint limits"
-
-
 def test_where_all_values_are_inside_nothing_is_added() -> None:
     for family in closed("ur5").families:
         assert family.reach == "within the joint limits"
@@ -112,20 +76,3 @@ def within(values, low, high, slides=False, met=lambda b: True, equations=()):
     return reach_words(Reachability.INSIDE, found, prismatic).removeprefix(
         "within the joint limits "
     )
-
-
-def test_words_about_values() -> None:
-    # A whole turn more is within.
-    low, high = math.radians(190), math.radians(370)
-    turns = within([{0: 0.0}, {0: math.pi}, {0: -math.pi / 2}, {0: 1.0}], low, high)
-    assert turns == "with q1 = 0° or -90° (not 57.2958° or 180°)"
-    # A value goes with the others of its branch: q1 = 0 only occurs with q2 = 180°.
-    pairs = within([{0: 0.0, 1: math.pi}, {0: 1.0, 1: 0.0}], -3.0, 3.0)
-    assert pairs == "with q1 = 57.2958° (not 0°) and q2 = 0° (not 180°)"
-    # Where no point was met, that is said; slides are metres.
-    equations = closed("ur5").families[2].branches[0].equations
-    some = {"met": lambda b: b.values[0].value == 0, "equations": equations}
-    assert (
-        within([{4: 0.0}, {4: 1.0}], -3.0, 3.0, **some) == "with q5 = 0° (none found with 57.2958°)"
-    )
-    assert within([{0: 0.0}, {0: 0.5}], -0.1, 0.1, True) == "with d1 = 0 (not 0.5 m)"

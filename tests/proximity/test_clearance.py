@@ -1,12 +1,11 @@
 """Distances with a proof: bounds against dense searches, both engines, metrics, bad input."""
 
 import dataclasses
-import re
 
 import numpy as np
 import pytest
 from kernel import needs_kernel
-from singular_sets import RIGHT, Joint, arm_of, build, closed
+from singular_sets import RIGHT, Joint, build, closed
 from tiers import tiered
 
 import pinsing
@@ -15,7 +14,7 @@ from pinsing.algebra.conditions import Conditions
 from pinsing.algebra.equation import Equation
 from pinsing.algebra.nearest import SearchOptions, nearest_points, two_sided
 from pinsing.errors import ConfigurationError, OptionError, ResultError, UnknownNameError
-from pinsing.families import Branch, Family, JointValue
+from pinsing.families import Branch, Family
 from pinsing.proximity.guard import make_guard
 
 ARMS = [
@@ -78,34 +77,6 @@ def test_bounds_against_points_of_each_family(name: str, count: int) -> None:
                         quick = two_sided(part.conditions(weights, norm), q[None])
                         assert quick.lower[0] <= found.upper + 1e-12
                         assert quick.upper[0] >= found.lower - 1e-12
-
-
-@needs_kernel
-def test_the_nearest_point_at_a_joint_limit() -> None:
-    """q6 rests at its limit; q2 and q7 do not matter to the family, but are outside theirs."""
-    family = closed("panda").families[3]
-    q = np.array([1.443, -2.038, 2.282, 0.261, -1.258, -0.486, -2.964])
-    found = family.distance(q, within_limits=True)
-    assert re.fullmatch(r"<Distance: [\d.]+ \(to \d+e-\d+\), to q = [-\d., ]+>", repr(found))
-    assert found.upper - found.lower <= 1e-6
-    low, high = family.limits
-    np.testing.assert_allclose(found.q[[1, 6]], np.clip(q, low, high)[[1, 6]])
-    assert found.q[5] == low[5]
-    # One free joint is left: q4 on a fine grid where q6 is at its limit, refined by a secant.
-    equation = family.branches[0].equations[0]
-    line = np.repeat(found.q[None], 200001, axis=0)
-    line[:, 3] = np.linspace(low[3], high[3], 200001)
-    values = equation(line)
-    roots = [
-        line[i, 3] - values[i] * (line[i + 1, 3] - line[i, 3]) / (values[i + 1] - values[i])
-        for i in np.flatnonzero(values[:-1] * values[1:] < 0)
-    ]
-    edge = np.array([found.q - q] * len(roots))
-    edge[:, 3] = np.array(roots) - q[3]
-    assert np.linalg.norm(edge, axis=1).min() == pytest.approx(found.upper, abs=1e-8)
-    # Without q2 and q7, what the other joints have to move.
-    inner = np.sqrt(found.upper**2 - (q[1] - low[1]) ** 2 - (q[6] - low[6]) ** 2)
-    assert inner == pytest.approx(0.7523, abs=1e-4)
 
 
 @pytest.mark.parametrize("compiled", [True, False])
@@ -265,12 +236,6 @@ def test_a_certified_gradient_is_the_slope_and_never_another() -> None:
 
 
 @needs_kernel
-def test_the_nearest_of_several_families_is_named() -> None:
-    form, q = closed("xarm7"), [-2.2465, -0.4046, -2.5878, 0.9495, -1.7471, 1.0961, 0.3496]
-    assert pinsing.clearance(form, q).nearest == pinsing.clearance(form, q, certify=True).nearest
-
-
-@needs_kernel
 def test_clearance_of_many() -> None:
     form = closed("ur5")
     rng = np.random.default_rng(11)
@@ -319,10 +284,6 @@ def test_a_form_that_is_not_complete_calls_nothing_clear() -> None:
     assert "not complete" in pinsing.proximity.crossings(poor, [q, q]).text()
 
 
-def test_families_are_watched_by_title() -> None:
-    assert pinsing.Monitor(closed("ur5"), families=["wrist"]).names == ("F2",)
-
-
 def test_what_is_of_the_nominal_design_says_so() -> None:
     rows = [(0, 0, 0), (RIGHT, 0, 0), (0.0015, 0.3, 0), (0, 0.3, 0), (RIGHT, 0, 0.1), (RIGHT, 0, 0)]
     arm = build([Joint(*row) for row in rows], tip=(0, 0, 0.1))
@@ -350,31 +311,6 @@ def test_what_is_of_the_nominal_design_says_so() -> None:
     assert found.notes[0] in said[2]
 
 
-def test_is_clear() -> None:
-    form = closed("ur5")
-    rng = np.random.default_rng(12)
-    for q in rng.uniform(-3, 3, (20, 6)):
-        true = float(pinsing.clearance(form, q, certify=True).upper)
-        assert pinsing.is_clear(form, q, 0.999 * true - 1e-5)
-        assert not pinsing.is_clear(form, q, 1.001 * true + 1e-5)
-    assert not pinsing.is_clear(form, np.zeros(6), 0.0)
-
-
-def test_several_closed_forms():
-    arm = arm_of("planar3r")
-    forms = [pinsing.closed_form(arm.with_task(t)) for t in ("position", "vx")]
-    q = np.array([0.3, 0.5, 0.4])
-    found = pinsing.clearance(forms, q)
-    assert all(name.split()[0] in ("position", "vx") for name in found.names)
-    assert len(found.names) == sum(len(f.families) for f in forms)
-    with pytest.raises(OptionError, match="different joints"):
-        pinsing.clearance([closed("ur5"), closed("panda")], np.zeros(6))
-    with pytest.raises(OptionError, match="closed_form"):
-        pinsing.clearance([], np.zeros(6))
-    with pytest.raises(OptionError, match="closed_form"):
-        pinsing.clearance(["ur5"], np.zeros(6))
-
-
 @pytest.mark.parametrize(
     ("options", "error"),
     [
@@ -394,14 +330,3 @@ def test_wrong_options(options: dict[str, object], error: type[Exception]) -> No
 def test_wrong_configurations(bad: object) -> None:
     with pytest.raises(ConfigurationError):
         pinsing.clearance(closed("ur5"), bad)
-
-
-def test_values_that_join_an_equation_do_not_move_it() -> None:
-    family = closed("surgical7").families[3]
-    assert any(b.values and b.equations for b in family.branches)
-    q = family.points(1, np.random.default_rng(14))[0]
-    value: JointValue = family.branches[0].values[0]
-    near = q.copy()
-    near[value.joint] += 0.2
-    found = family.distance(near)
-    assert found.upper <= 0.2 + 1e-9

@@ -4,19 +4,16 @@ import json
 import signal
 import subprocess
 import sys
-import threading
 import time
 from pathlib import Path
 
 import numpy as np
 import pytest
 from command_line import run
-from tiers import tiered
 from urdf_texts import LIMIT
 
 import pinsing
 from pinsing.kinematics import tip_speeds
-from pinsing.proximity.clearance import distances
 from pinsing.proximity.follow import BACKLOG, Follower, HeadError, Reader, follow, latest, lines_of
 
 Q = np.array([0.0, -1.2, 1.3, -1.0, 0.15, 0.0])
@@ -84,20 +81,6 @@ def test_numbers_without_names_are_joints_and_never_times(form):
     assert bare["lower"] == named["lower"]
     (wrong,) = said(form, [row(0, Q)])
     assert "7 numbers without names for 6 joints: begin with a line of names" in wrong["error"]
-
-
-@pytest.mark.parametrize(
-    "head",
-    ["t,a,q2,q3,q4,q5,q6", "q1,q1,q3,q4,q5,q6", "\ufeffhello,world", "4,q3,q2,q1", "robot ready"],
-)
-def test_a_row_after_names_that_are_not_understood_ends_the_stream(form, head):
-    follower = Follower(form, form.loaded, False, 0.1)
-    answers = follow(follower, [head, row(0, Q)[2:]], False)
-    assert (next(answers)["line"], next(answers)["line"]) == (1, 2)
-    with pytest.raises(HeadError, match="give a line of names"):
-        next(answers)
-    with pytest.raises(HeadError):
-        list(follow(Follower(form, form.loaded, False, 0.1), [head, of(), row(0, Q)[2:]], False))
 
 
 @pytest.mark.parametrize("torn", [0, 3, 9, 40, 130, 150, 160, 170, 177, "robot ready", "a,b", "{"])
@@ -243,37 +226,6 @@ def test_joints_that_contradict_the_description_are_noted(write_urdf, head, unit
     ]
 
 
-def test_the_family_is_the_nearest_and_the_move_leads_away_from_it(form):
-    q = np.array([-2.37857, 0.01086, 2.68182, 2.54359, 0.57455, -1.68125])
-    for x in (q, *np.random.default_rng(5).uniform(-3, 3, (20, 6))):
-        (one,) = said(form, [of(x)])
-        far = distances(form, x).families
-        named = next(f for f in far if f.family == one["family"])
-        assert named.upper <= far[0].upper + 2e-4
-        y = x + 1e-3 * one["move"]["direction"] * (np.array(NAMES) == one["move"]["joint"])
-        after = pinsing.clearance(form, y, families=[one["family"]], certify=True)
-        assert after.upper > named.upper
-
-
-@pytest.mark.parametrize("text", tiered(["", "\n\n", "{\n"], ("{\n",)))
-def test_nothing_judged_is_code_2(text):
-    done = subprocess.run(
-        [*COMMAND, "--follow", "-"], input=text, capture_output=True, text=True, timeout=60
-    )
-    assert done.returncode == 2
-    assert "no line could be judged" in done.stderr
-
-
-def test_names_in_the_columns_of_a_stream_are_the_joints(form):
-    joints = form.arm.joints
-    lines = [",".join([*(f"field.{w}{k}" for w in ("name", "position") for k in range(6))])]
-    for order in (range(6), (2, 1, 0, 3, 5, 4)):
-        lines.append(",".join([*(joints[k] for k in order), *(str(k / 10) for k in order)]))
-    reader = Reader(form.loaded, False)
-    read = [reader.read(line) for line in lines]
-    np.testing.assert_allclose([r[1] for r in read[1:]], [np.arange(6) / 10] * 2)
-
-
 def test_a_fast_producer_is_thinned_and_counted():
     lines = [f"{k}" for k in range(1000)]
     kept = []
@@ -323,18 +275,6 @@ def test_the_move_leads_away_also_from_the_singularity_itself_and_within_limits(
         assert sign == (1 if q is arm.lower else -1)
     (elbow,) = said(form, [json.dumps({"position": edge.tolist()})])
     assert (elbow["title"], elbow["move"]["joint"]) == ("elbow", "elbow_joint")
-
-
-def test_ctrl_c_ends_it_while_it_waits_for_a_line():
-    with subprocess.Popen(
-        [*COMMAND, "--follow", "-"], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
-    ) as robot:
-        for k in range(3):
-            robot.stdin.write(line(k, Q) + "\n")
-            robot.stdin.flush()
-            assert json.loads(robot.stdout.readline())["t"] == k
-        robot.send_signal(signal.SIGINT)
-        assert robot.wait(20) == 130
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
@@ -405,27 +345,6 @@ def test_a_second_head_is_taken_or_ends_the_stream(form):
     assert two["upper"] == pytest.approx(0.03)
     with pytest.raises(HeadError, match="give a line of names"):
         said(form, [f"t,{','.join(NAMES)}", rows[0], "t,a,b,c,d,e,f", rows[0]])
-
-
-@pytest.mark.parametrize("backlog", [1, BACKLOG])
-def test_names_are_not_dropped_where_rows_are(backlog):
-    told = threading.Event()
-
-    def lines():
-        yield "t,q1"
-        yield from (f"{k},1" for k in range(500))
-        yield "q1,t"
-        yield from (f"{k},2" for k in range(500))
-        told.set()
-
-    stream = latest(lines(), backlog=backlog)
-    kept = [next(stream)[0]]
-    told.wait()
-    kept += [line for line, _ in stream]
-    later = kept[kept.index("q1,t") + 1 :]
-    assert kept[0] == "t,q1"
-    assert all(line.endswith(",2") for line in later)
-    assert backlog == 1 or later[-1] == "499,2"
 
 
 @pytest.mark.parametrize(

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 import pytest
 from command_line import run
-from singular_sets import ROBOTS, Joint, arm_of, build, closed, sliding_equation
+from singular_sets import ROBOTS, arm_of, closed, sliding_equation
 from tiers import tiered, tiered_rows
 
 import pinsing
@@ -300,42 +300,6 @@ def test_names_that_want_to_be_code(name: str, tmp_path: Path) -> None:
     np.testing.assert_allclose(c.ask(Q)[0], python.clearance(Q), rtol=1e-9, atol=1e-12)
 
 
-def test_prefixes() -> None:
-    arm, form = arm_of("planar3r"), closed("planar3r")
-    for name, expected in {
-        "UR-5e": "ur_5e",
-        "5bar": "robot_5bar",
-        "робот": "robot",
-        "": "robot",
-        "_x_": "x",
-        "a" * 99: "a" * 31,
-        "for": "for",
-    }.items():
-        odd = replace(arm, name=name)
-        named = replace(form, arm=replace(form.arm, name=name))
-        assert make_guard(odd, "c", forms=named).prefix == expected
-    assert "left_arm_clearance(" in pinsing.export_guard(arm, forms=form, prefix="left_arm")
-    for bad in ("", "1a", "a-b", "a b", "a_", "_a", "a" * 32, 'a"', "ä"):
-        with pytest.raises(OptionError, match="prefix must be"):
-            pinsing.export_guard(arm, forms=form, prefix=bad)
-
-
-@needs_gcc
-def test_two_guards_in_one_program(tmp_path: Path) -> None:
-    for name in ("ur5", "panda"):
-        (tmp_path / f"{name}.h").write_text(pinsing.export_guard(arm_of(name), forms=closed(name)))
-    (tmp_path / "both.c").write_text(
-        '#include "ur5.h"\n#include "panda.h"\n#include "ur5.h"\n'
-        "int main(void) { const double q[7] = {0}; int f = -2;\n"
-        "return (ur5_clearance(q, &f) <= 0.0 && panda_clearance(q, NULL) >= 0.0) ? 0 : 1; }\n"
-    )
-    out = tmp_path / "both"
-    subprocess.run(
-        ["gcc", "-std=c99", *WARNINGS, str(tmp_path / "both.c"), "-o", str(out), "-lm"], check=True
-    )
-    assert subprocess.run([str(out)]).returncode == 0
-
-
 @needs_gcc
 def test_where_families_are_missing_nothing_is_clear(tmp_path: Path) -> None:
     arm = arm_of("panda")
@@ -369,17 +333,6 @@ def test_an_equation_too_large_for_a_file_is_left_out(monkeypatch: pytest.Monkey
     assert "#define UR5_FAMILIES 2" in made.text
 
 
-@needs_gcc
-def test_an_arm_that_is_never_singular(tmp_path: Path) -> None:
-    arm = build([Joint(d=0.2)])
-    form = pinsing.closed_form(arm)
-    c = compiled(pinsing.export_guard(arm, forms=form), tmp_path)
-    assert c.ask(np.zeros((1, 1)))[0][0] == np.inf
-    assert c.clear(np.zeros(1), 1e9)
-    python = module(pinsing.export_guard(arm, "python", forms=form), tmp_path)
-    assert (python.clearance([0.3]), python.nearest([0.3])) == (np.inf, -1)
-
-
 def test_what_a_guard_promises():
     form = closed("stanford")
     unsure = replace(form.families[2], real=False)
@@ -397,18 +350,6 @@ def test_what_a_guard_promises():
     assert made.word == "probable"
     assert made.complete
     assert any("no certificate was looked for" in note for note in made.notes)
-
-
-def test_the_hash_is_that_of_the_numbers() -> None:
-    def hash_of(arm: Arm, form: ClosedForm) -> str:
-        found = re.search(r'_ROBOT_HASH "(sha256:\w{64})"', pinsing.export_guard(arm, forms=form))
-        return found[1]
-
-    arm, form = arm_of("ur5"), closed("ur5")
-    again = pinsing.load("ur5")
-    assert hash_of(arm, form) == hash_of(again, form)
-    assert hash_of(arm, form) != hash_of(arm_of("ur10"), closed("ur10"))
-    assert pinsing.export_guard(arm, forms=form) == pinsing.export_guard(again, forms=form)
 
 
 def test_forms_of_two_tasks_and_of_another_arm() -> None:
@@ -449,12 +390,6 @@ class TestCommand:
         assert '#define UR5_WORD "proven"' in h.read_text()
         assert module(py.read_text(), tmp_path).WORD == "proven"
 
-    def test_to_stdout(self) -> None:
-        done = run("export", "scara", "-o", "-.h")
-        assert done.exit_code == 0
-        assert done.stdout.startswith("/*\n")
-        assert done.stdout.endswith("#endif\n")
-
     def test_what_is_missing_is_said(self, tmp_path: Path) -> None:
         done = run("export", "panda", "--seconds", "0.02", "-o", str(tmp_path / "g.h"))
         assert done.exit_code == 0
@@ -473,13 +408,6 @@ class TestCommand:
         done = run("export", *words)
         assert (done.exit_code, done.stdout) == (2, "")
         assert sum("error: " in line for line in done.stderr.splitlines()) == 1
-
-    def test_the_robot_is_not_overwritten(self, tmp_path: Path) -> None:
-        robot = tmp_path / "arm.urdf"
-        shutil.copy(Path(__file__).parents[2] / "urdf" / "scara.urdf", robot)
-        before = robot.read_bytes()
-        assert run("export", str(robot), "-o", str(robot)).exit_code == 2
-        assert robot.read_bytes() == before
 
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
@@ -547,14 +475,3 @@ def test_guards_and_a_report_say_what_a_monitor_says(tmp_path):
     loops = Path(__file__).parents[2] / "urdf" / "five_bar.urdf", "--loops"
     bad = run("view", *loops, "--zones", tmp_path / "zones.json", "-o", tmp_path / "r.html")
     assert "--zones does not go with --loops" in bad.stderr
-
-
-def test_degrees_are_refused_in_python(tmp_path: Path) -> None:
-    q = [0, -70, 75, -90, -80, 0]
-    arm, form = pinsing.load("ur5"), closed("ur5")
-    guard = module(pinsing.export_guard(arm, "python", forms=form), tmp_path)
-    with pytest.raises(ValueError, match=r"shoulder_lift_joint = -70 rad is -11\.1 turns \(limits"):
-        guard.clearance([[0.1] * 6, q])
-    assert guard.clearance(np.radians(q)) > 0.5
-    guard.RADIANS = True
-    assert guard.clearance(q) == pytest.approx(pinsing.clearance(form, np.mod(q, 2 * np.pi)).lower)

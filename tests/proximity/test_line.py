@@ -1,17 +1,14 @@
 """Straight lines of the tip: ends, against a quadratic; speeds, against differences."""
 
-import json
 from dataclasses import replace
 
 import numpy as np
 import pinocchio as pin
 import pytest
-from kernel import needs_kernel
 from singular_sets import arm_of, closed
 
 import pinsing
 from pinsing._types import Array
-from pinsing.cli.app import command
 from pinsing.errors import ConfigurationError, OptionError
 from pinsing.postures import line_postures
 from pinsing.proximity.line import LineCheck, check_line, tip
@@ -172,41 +169,6 @@ def test_other_bad_input() -> None:
             ConfigurationError, match=r"starts at a singular configuration \(on F1, F2"
         ):
             check_line(arm, np.zeros(6), pose, forms=form)
-
-
-@pytest.mark.slow
-@needs_kernel
-def test_the_command(capsys: pytest.CaptureFixture[str]) -> None:
-    def run(*args: str) -> tuple[int, str, str]:
-        with pytest.raises(SystemExit) as ended:
-            command.main(["line", "ur5", "--q", "0.1,-1.2,1.3,-1.6,-1.4,0.3", *args])
-        said = capsys.readouterr()
-        return int(ended.value.code or 0), said.out, said.err
-
-    code, out, _ = run("--to", "0.3,0.2,0.5")
-    assert code == 0
-    assert out.startswith("ur5: the line of 0.3479 m is followed to its end and meets no sing")
-    _, out, _ = run("--to", "0.3,0.2,0.5", "--rad")
-    assert "°" not in out
-    assert "--deg" not in out
-    _, fast, _ = run("--to", "0.3,0.2,0.5", "--speed", "3")
-    assert "to its end, but joints are too fast at 3 m/s" in fast.splitlines()[0]
-    code, out, _ = run("--to", "3,0,0")
-    out = " ".join(out.split())
-    assert code == 0
-    assert out.startswith("ur5: SINGULAR, the line of 2.416 m ends at the elbow singularity")
-    for words in ("no speed is slow enough", "out of reach in any posture: it is 3.001 m from"):
-        assert words in out
-    assert "inf" not in out
-    assert " 0 m/s" not in out
-    code, out, _ = run("--to", "3,0,0", "--fail-if-singular", "-o", "-")
-    assert code == 1
-    assert json.loads(out)["outcome"] == "singular"
-    to = ("1,2", "a,b,c", "0.3,0.2,0.5,180,0,90")
-    for wrong in (*(["--to", x] for x in to), ["--to", "0.3,0.2,0.5", "--speed", "0"]):
-        code, out, err = run(*wrong)
-        assert (code, err.count("error:")) == (2, 1)
-        assert not out
 
 
 @pytest.mark.parametrize(

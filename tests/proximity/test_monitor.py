@@ -109,30 +109,6 @@ def test_no_contact_before_it_is_said(name: str) -> None:
         assert upper.min() > 0  # an upper bound of zero is a contact
 
 
-@pytest.mark.parametrize("name", ["ur5", "stanford", "panda"])
-def test_trend_is_that_of_the_distance(name: str) -> None:
-    form = closed(name)
-    monitor = pinsing.Monitor(form)
-    Q, V = states(name, 40, 3)
-    seen = set()
-    for q, v in zip(Q, V, strict=True):
-        verdict = monitor.update(q, v)
-        seen.add(verdict.trend)
-        if not 1e-3 < verdict.lower < 0.5:
-            continue
-        family = next(f for f in form.families if f.name == verdict.family)
-        # `upper` may be of another family; first order holds where the family's own gap is small.
-        if family.distance(q, gap=1e-9).upper - verdict.lower > 0.02:
-            continue
-        h = 1e-4
-        before, after = (family.distance(q + s * h * v, gap=1e-9).upper for s in (-1, 1))
-        rate = (after - before) / (2 * h)
-        if abs(rate) > 0.2 * np.linalg.norm(v):
-            assert verdict.trend == ("away" if rate > 0 else "toward")
-            assert verdict.rate == pytest.approx(rate, rel=0.15)
-    assert {"toward", "away"} <= seen
-
-
 @needs_kernel
 @pytest.mark.parametrize("name", ARMS)
 def test_the_same_without_the_compiled_engine(name: str) -> None:
@@ -243,30 +219,6 @@ def test_huge_joint_values_are_never_said_to_be_clear_wrongly(compiled: bool) ->
         assert not np.isnan(verdict.lower)
         if size > 1e16:
             assert verdict.level == "stop"
-
-
-@pytest.mark.slow
-def test_weights_and_two_forms() -> None:
-    weights = np.array([1, 1, 1, 1, 3.0, 1])
-    monitor = pinsing.Monitor(closed("ur5"), weights=weights, families=["F2"])
-    verdict = monitor.update([0, -1.2, 1.3, -1, 0.1, 0], [0, 0, 0, 0, -0.1, 0])
-    assert (verdict.lower, verdict.time_to_contact) == (pytest.approx(0.3), pytest.approx(1.0))
-    assert verdict.rate == pytest.approx(-0.3)
-    both = pinsing.Monitor(
-        [closed("ur5"), pinsing.closed_form(arm_of("ur5").with_task("position"))]
-    )
-    assert {name.split()[0] for name in both.names} == {"pose", "position"}
-    with pytest.raises(OptionError, match="different joints"):
-        pinsing.Monitor([closed("ur5"), closed("stanford")])
-
-
-def test_tip_speeds_are_those_of_the_configuration() -> None:
-    q = [0, -1.2, 1.3, -1, 0.15, 0]
-    said = pinsing.Monitor(closed("ur5"), tip_speed=0.1, turn_speed=0.3).update(q).tip_speeds
-    expected = pinsing.at(arm_of("ur5"), q, tip_speed=0.1, turn_speed=0.3).tip_speeds
-    assert (said.linear, said.share) == (expected.linear, expected.share)
-    with pytest.raises(OptionError, match="has no joint speed limits"):
-        pinsing.Monitor(closed("scara"), tip_speed=0.1)
 
 
 def test_what_is_missing_is_said():

@@ -13,8 +13,7 @@ from tiers import tiered
 from urdf_text import J, frame, urdf
 
 import pinsing
-from pinsing.errors import ConfigurationError, OptionError, PinsingError
-from pinsing.report.info import singular_poses
+from pinsing.errors import PinsingError
 from pinsing.robot.arm import Arm
 
 pytestmark = needs_kernel  # without it a suggestion takes minutes
@@ -83,29 +82,6 @@ def test_near_a_given_one(name: str) -> None:
         if not any(j in b.involved for f in form.families for b in f.branches)
     ]
     assert (found.q[idle] == 0).all()  # what does not matter stays
-
-
-def test_it_is_the_same_each_time_for_one_seed() -> None:
-    arm, form = arm_of("ur5"), closed("ur5")
-    first = pinsing.suggest(arm, forms=form, seed=3)
-    again = pinsing.suggest(arm, forms=form, seed=3)
-    assert (first.q == again.q).all()
-    assert first.to_json() == again.to_json()
-    back = pinsing.proximity.Suggestion.from_json(first.to_json())
-    assert (back.q == first.q).all()
-    assert str(back) == str(first)
-
-
-@pytest.mark.slow
-def test_forms_of_two_tasks_and_of_another_arm() -> None:
-    arm = arm_of("ur5")
-    both = [closed("ur5"), pinsing.closed_form(arm.with_task("position"))]
-    found = pinsing.suggest(arm, forms=both)
-    holds(arm, found, both)
-    assert any(name.startswith("position ") for name in found.families)
-    for other in ("ur10", "puma560", "panda"):
-        with pytest.raises(OptionError, match="another arm"):
-            pinsing.suggest(arm, forms=closed(other))
 
 
 @pytest.mark.slow
@@ -190,13 +166,6 @@ def test_bad_input(options: dict[str, object], said: str) -> None:
         pinsing.suggest(arm_of("ur5"), **options)
 
 
-def test_a_configuration_far_outside_the_limits_is_refused() -> None:
-    with pytest.raises(ConfigurationError, match="nothing within the limits"):
-        pinsing.suggest(arm_of("scara"), near=[0, 0, 5.0, 0])
-    near = pinsing.suggest(arm_of("scara"), near=[0, 0, -0.1, 0])
-    assert any("outside the joint limits" in n for n in near.notes)
-
-
 class TestCommand:
     def test_what_is_printed_can_be_pasted(self) -> None:
         for deg in ([], ["--rad"]):
@@ -214,56 +183,3 @@ class TestCommand:
             true = pinsing.clearance(closed("puma560"), q if deg else np.radians(q), certify=True)
             told = float(said[1])
             assert (told if deg else np.radians(told)) <= float(true.upper)
-
-    def test_near_and_json(self) -> None:
-        words = ("at", "--suggest", "ur5", "--deg", "--near", "0,0,0,0,0,0")
-        done = run(*words, "--reach", "20deg", "-o", "-")
-        data = json.loads(done.stdout)
-        assert data["schema"] == "pinsing/suggestion/1"
-        assert data["reach"] == pytest.approx(np.radians(20))
-        assert np.linalg.norm(data["q"]) <= np.radians(20) + 1e-9
-
-    @pytest.mark.parametrize(
-        "words",
-        [
-            ("ur5", "--near", "1,2"), ("ur5", "--reach", "3deg"),
-            ("ur5", "--near", "0,0,0,0,0,0", "--reach", "-3deg"), ("ur5", "--near", "0,0,0,0,0,x"),
-            ("ur5", "--family", "F77"), ("nobody",),
-        ],
-    )  # fmt: skip
-    def test_bad_input_is_one_line(self, words: tuple[str, ...]) -> None:
-        done = run("at", "--suggest", *words)
-        assert (done.exit_code, done.stdout) == (2, "")
-        assert sum("error: " in line for line in done.stderr.splitlines()) == 1
-
-    def test_a_mechanism_is_no_arm(self) -> None:
-        with pytest.raises(OptionError, match="arm must be"):
-            pinsing.suggest(pinsing.load_mechanism("urdf/five_bar.urdf"))
-
-
-class TestInfo:
-    def test_a_singular_zero_pose_is_said_with_a_clear_one(self) -> None:
-        done = run("list", "ur5")
-        (line,) = [x for x in done.stdout.replace("\n  ", " ").splitlines() if "pose: " in x]
-        assert "the zero pose is singular (on F1, F2)" in line
-        q = [float(x) for x in line.split("--q ")[1].strip('"').split(",")]
-        assert float(
-            pinsing.clearance(closed("ur5"), np.radians(q), certify=True).lower
-        ) > np.radians(15)
-
-    def test_one_that_is_not_singular_is_not(self) -> None:
-        model = arm_of("ur5").source.full_model.copy()
-        model.referenceConfigurations["home"] = np.array([0.0, -1.5, 1.5, -1.0, -1.5, 0.0])
-        model.referenceConfigurations["tucked"] = np.array([0.0, -1.5, 0.0, -1.0, -1.5, 0.0])
-        found = singular_poses(pinsing.load(model, tip="tool0"))
-        assert [p.name for p in found] == ["zero", "tucked"]
-        assert found[1].families == ("F1",)
-
-    def test_where_families_take_long_the_command_is_named(self, monkeypatch) -> None:
-        from pinsing.report import info as home_pose
-
-        monkeypatch.setattr(home_pose, "_SECONDS", 1e-3)
-        (pose,) = singular_poses(pinsing.load("surgical7"))
-        assert pose.instead is None
-        text = pose.text("surgical7", np.zeros(7, dtype=bool), False)
-        assert "pinsing at --suggest surgical7" in text

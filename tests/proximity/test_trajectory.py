@@ -16,8 +16,7 @@ import pinsing
 from pinsing._types import Array
 from pinsing.cli.app import command
 from pinsing.errors import ConfigurationError, OptionError
-from pinsing.proximity import passage, trajectory
-from pinsing.proximity.line import check_line
+from pinsing.proximity import trajectory
 from pinsing.proximity.trajectory import check_trajectory, details, summary
 from pinsing.proximity.trajectory_file import read_trajectory
 
@@ -188,18 +187,6 @@ def test_what_is_proven_is_close_to_what_is_found_also_of_a_long_recording() -> 
             assert near.upper - np.radians(0.11) <= near.lower <= near.upper, near.family
 
 
-def test_families_without_a_distance_from_above_count_as_well(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    arm = pinsing.load("panda")
-    Q = np.array([[0.0, -0.3, 0.2, -1.5, 0.4, 1.9, 0.3], [0.1, -0.4, 0.1, -1.6, 0.5, 1.8, 0.4]])
-    close = check_trajectory(arm, Q)
-    monkeypatch.setattr(passage, "_PROVEN", 0)
-    rough = check_trajectory(arm, Q)
-    assert {a.family for a in rough.approaches} == {a.family for a in close.approaches}
-    assert 0 < rough.clearance <= close.clearance < np.inf
-
-
 def test_families_that_were_not_looked_at_are_named() -> None:
     arm = pinsing.load("h2515")
     Q = np.radians([[10, -80, 90, 0, -12, 0], [30, -70, 90, 5, 13, 30]])
@@ -207,26 +194,6 @@ def test_families_that_were_not_looked_at_are_named() -> None:
     said = check_trajectory(arm, Q, families=["elbow"]).text().splitlines()[0]
     assert said.startswith("h2515: meets no elbow (F1) (proven")
     assert said.endswith("wrist (F2) and shoulder (F3) not looked at")
-
-
-def test_speeds_in_millimetres_are_refused() -> None:
-    with pytest.raises(OptionError, match=r"250 mm/s are 0\.25"):
-        check_trajectory(arm_of("ur5"), CLEAR[None], tip_speed=250)
-    with pytest.raises(OptionError, match=r"250 mm/s are 0\.25"):
-        check_line(arm_of("ur5"), CLEAR, [0.3, 0.2, 0.4], speed=250)
-
-
-def test_one_sample_and_a_rest() -> None:
-    for Q in (CLEAR[None], np.tile(CLEAR, (5, 1))):
-        check = check_trajectory(arm_of("ur5"), Q, forms=closed("ur5"))
-        assert not check.crossings
-        assert check.trend == "steady"
-        true = pinsing.clearance(closed("ur5"), CLEAR, certify=True)
-        assert check.clearance <= float(true.upper)
-        assert check.approaches[0].upper == pytest.approx(float(true.upper), abs=1e-6)
-    singular = CLEAR * [1, 1, 1, 1, 0, 1]
-    check = check_trajectory(arm_of("ur5"), singular[None], forms=closed("ur5"))
-    assert [c.family for c in check.crossings] == ["F2"]
 
 
 def test_bad_arrays() -> None:
@@ -243,57 +210,8 @@ def test_bad_arrays() -> None:
         check_trajectory(arm, np.zeros((2, 6)), forms=form, near=-1.0)
 
 
-def test_arrays_and_bare_rows_read_alike(tmp_path: Path) -> None:
-    arm = arm_of("ur5")
-    Q, t = path(30, (-1.0, 1.0))
-    np.savetxt(tmp_path / "spaced.txt", Q, header="a comment", fmt="%.17g")
-    np.save(tmp_path / "a.npy", Q)
-    np.savez(tmp_path / "b.npz", q=Q, t=t)
-    for name, times in (("spaced.txt", None), ("a.npy", None), ("b.npz", t)):
-        read = read_trajectory(tmp_path / name, arm)
-        np.testing.assert_array_equal(read.Q, Q)
-        np.testing.assert_array_equal(read.t, times)
-    degrees = read_trajectory(tmp_path / "a.npy", arm, degrees=True)
-    np.testing.assert_allclose(degrees.Q, np.radians(Q))
-
-
-def test_each_number_of_the_details_has_a_unit() -> None:
-    arm = arm_of("stanford")
-    step = np.array([0.5, 0.1, 0.9, 0, 0, 0])
-    Q = np.array([[0, 1, 0.3, 1, 1, 0]]) + np.arange(4)[:, None] * step
-    check = pinsing.check_trajectory(
-        arm, Q, np.arange(4) * 0.01, forms=closed("stanford"), joint_speeds=[1] * 6
-    )
-    for degrees, turning in ((True, "deg"), (False, "rad")):
-        text = details(check, degrees)
-        said = check.text(degrees) + text
-        assert ["°" in said, " rad at" in said] == [degrees, not degrees]
-        lines = [line for line in text.splitlines() if "(limit " in line]
-        assert any(f" {turning}/s at t" in line and f" {turning}/s)" in line for line in lines)
-        for line in lines:
-            slides = line.split(":")[0].strip() == arm.joints[2]
-            unit = "m" if slides else turning
-            assert re.search(rf"(-?[0-9.e+]+) {unit}(/s)? at t = .* {unit}(/s)?\)(,|$)", line), line
-        assert any(line.split(":")[0].strip() == arm.joints[2] for line in lines)
-    assert "0.25 m/s and 0.5 rad/s of the tip" in details(check)
-
-
 class TestTheWholeRobotsColumns:
     """A log of all joint states has columns of joints that are not on the chain."""
-
-    def test_joints_before_the_base_are_passed_over_and_named(self, tmp_path: Path) -> None:
-        arm = pinsing.load("ur5", base="upper_arm_link")
-        whole = arm_of("ur5").joints
-        table = np.degrees(np.random.default_rng(3).uniform(-1, 1, (5, 6)))
-        path = tmp_path / "log.csv"
-        np.savetxt(path, table, delimiter=",", header=",".join(whole), comments="")
-        read = read_trajectory(path, arm, degrees=True)
-        left = [name for name in whole if name not in arm.joints]
-        assert left
-        columns = [whole.index(name) for name in arm.joints]
-        np.testing.assert_allclose(read.Q, np.radians(table[:, columns]))
-        said = ", ".join(f"{name!r}" for name in left)
-        assert f"the chain leaves out {said}: not used" in read.notes
 
     def test_a_joint_that_is_locked_on_the_chain_has_to_stay_there(self, tmp_path: Path) -> None:
         whole = arm_of("ur5")
@@ -312,15 +230,6 @@ class TestTheWholeRobotsColumns:
                     ConfigurationError, match=f"log.csv: joint '{locked}' is locked"
                 ):
                     read_trajectory(path, arm, True)
-
-
-@pytest.mark.slow
-def test_a_long_file_is_read_whole(tmp_path: Path) -> None:
-    arm = arm_of("ur5")
-    Q = np.round(np.random.default_rng(0).uniform(-1, 1, (250_001, 6)), 3)
-    for header in ("", ",".join(arm.joints)):
-        np.savetxt(tmp_path / "long.csv", Q, delimiter=",", fmt="%.3f", header=header, comments="")
-        np.testing.assert_array_equal(read_trajectory(tmp_path / "long.csv", arm).Q, Q)
 
 
 def test_other_bad_files(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -415,19 +324,6 @@ def test_the_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None
     assert picture.read_bytes().startswith(b"\x89PNG")
     np.savez(file, q=np.degrees(Q), t=t)
     assert run("check", "ur5", file, "--deg", "--fail-within", "3deg") == 0
-
-
-@pytest.mark.parametrize(
-    "options",
-    [
-        ["--near", "wide"], ["--near", "-3deg"], ["--fail-within", "0"], ["--family", "F9"],
-        ["--tip-speed", "-1"], ["-o", "picture.txt"],
-    ],
-)  # fmt: skip
-def test_bad_options(options, tmp_path, capsys):
-    np.save(tmp_path / "a.npy", path(5, (-1.0, 1.0))[0])
-    assert run("check", "ur5", tmp_path / "a.npy", *options) == 2
-    assert "error" in capsys.readouterr().err
 
 
 class TestStretches:

@@ -372,17 +372,6 @@ def test_broken_ones_are_refused_in_one_line(tmp_path, arm, name, text, said):
     assert "\n" not in str(raised.value)
 
 
-def test_what_was_assumed_of_a_table_is_said(tmp_path, arm):
-    for name, said in (
-        ("below.csv", "units are of the line below the head"),
-        ("midnight.csv", "times of day that start anew are of the next day"),
-        ("dates.csv", "times are counted from the first, 2024-02-29 23:59:59.9"),
-        ("yaskawa.csv", "S, L, U, R, B, T are taken for the joints base to tip, with the signs"),
-    ):
-        (tmp_path / name).write_text(DIALECTS[name][0])
-        assert any(note.startswith(said) for note in read_trajectory(tmp_path / name, arm).notes)
-
-
 def test_columns_and_units_can_be_said(tmp_path, arm):
     heads = ["when", *"abcdef"]
     (tmp_path / "a.csv").write_text(table(heads, timed(DEG)))
@@ -429,16 +418,6 @@ def test_columns_and_units_can_be_said(tmp_path, arm):
     assert "elbow_joint = 'c'" in done.stderr
     plain = run("check", "ur5", str(tmp_path / "deg.csv"))
     assert plain.exit_code == 0, plain.stderr
-
-
-def test_a_unit_that_is_not_known_is_no_radian_with_columns(tmp_path, arm):
-    heads = numbered("q{} (rev)")
-    (tmp_path / "a.csv").write_text(table(["t (min)", *heads], timed()))
-    with pytest.raises(ConfigurationError, match="is in 'rev', which is not known"):
-        read_trajectory(tmp_path / "a.csv", arm, None, heads)
-    np.testing.assert_allclose(read_trajectory(tmp_path / "a.csv", arm, False, heads).Q, Q)
-    with pytest.raises(ConfigurationError, match="is in 'min', which is not known"):
-        read_trajectory(tmp_path / "a.csv", arm, False, ["t=t (min)", *heads])
 
 
 @pytest.mark.parametrize(
