@@ -12,7 +12,6 @@ from pinsing.view.picture import find_browser
 FLAGS = ["--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
 SIZE = {"width": 1000, "height": 700}
 BLUE, ORANGE, PINK = (0x00, 0x72, 0xB2), (0xE6, 0x9F, 0x00), (0xC4, 0x18, 0x7C)
-HOT = (0xD5, 0x5E, 0x00)
 
 
 def require_browser() -> None:

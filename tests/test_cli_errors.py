@@ -7,7 +7,6 @@ from pathlib import Path
 import pytest
 from command_line import run
 
-URDF = Path(__file__).parent.parent / "urdf"
 LIMIT = '<limit lower="-1" upper="1" effort="1" velocity="1"/>'
 AXIS = '<axis xyz="0 0 1"/>'
 GOOD = AXIS + LIMIT
@@ -60,31 +59,7 @@ def test_what_cannot_be_meant_is_refused(words, said, tmp_path, monkeypatch):
     assert re.search(said, refused(*words.split()))
 
 
-def test_help_all_is_help_where_all_is_shown():
-    assert run("--help-all").output == run("--help").output
-
-
-def test_a_missing_mesh_never_stops(write_urdf):
-    mesh = '<visual><geometry><mesh filename="package://none/a.stl"/></geometry></visual>'
-    path = write_urdf([("revolute", GOOD)])
-    path.write_text(path.read_text().replace('<link name="l1"/>', f'<link name="l1">{mesh}</link>'))
-    done = run("at", str(path), "--q", "0.1")
-    assert (done.exit_code, "mesh file" in done.output) == (0, False)
-    done = run("list", str(path))
-    assert (done.exit_code, "1 of 1 mesh files" in done.output) == (0, True)
-
-
 class TestTables:
-    def test_nothing_is_written_of_a_bad_table(self, file, tmp_path):
-        out = tmp_path / "out.urdf"
-        refused("export", "--urdf", file(DH.replace("a: 0.4", "b: 1"), "t.yaml"), "-o", str(out))
-        assert not out.exists()
-
-    def test_the_table_itself_is_not_replaced(self, file):
-        table = file(DH, "t.urdf")
-        assert "input" in refused("export", "--urdf", table, "-o", table)
-        assert Path(table).read_text() == DH
-
     def test_a_good_table(self, file, tmp_path):
         assert (
             run("export", "--urdf", file(DH, "t.dh.yaml"), "-o", str(tmp_path / "o.urdf")).exit_code
@@ -107,18 +82,6 @@ class TestOutput:
         if "sweep" in name:
             bad = tmp_path / "none" / "x.npz"
             assert "cannot write" in refused(*name.split(), "planar3r", "-o", str(bad))
-        assert list(tmp_path.iterdir()) == []
-
-    @pytest.mark.parametrize("name", ["figure.xyz", "figure", "-"])
-    @pytest.mark.parametrize(
-        "robot",
-        [["ur5"], [str(URDF / "five_bar.urdf"), "--loops", str(URDF / "five_bar.loops.yaml")]],
-        ids=["arm", "mechanism"],
-    )
-    def test_figures_are_png_svg_or_pdf(self, robot, name, tmp_path, monkeypatch):
-        monkeypatch.chdir(tmp_path)
-        said = refused("plot", "ellipsoids", *robot, "-o", name)
-        assert (".png, .svg, .pdf" in said) or (name == "-" and "the name of a file" in said)
         assert list(tmp_path.iterdir()) == []
 
     def test_the_robot_itself_is_not_replaced(self, write_urdf):

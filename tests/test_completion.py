@@ -108,21 +108,6 @@ done
     assert "= puma560\n" in done.stdout
 
 
-@pytest.mark.parametrize("shell", ["zsh", "fish"])
-def test_other_shells_get_their_script_and_what_they_ask(shell):
-    def ask(**env: str) -> str:
-        words = [sys.executable, "-m", "pinsing"]
-        return subprocess.run(
-            words, capture_output=True, text=True, env={**os.environ, **env}, check=False
-        ).stdout
-
-    assert "pinsing" in ask(_PINSING_COMPLETE=f"{shell}_source")
-    words = {"zsh": ("pinsing families pum", "2"), "fish": ("pinsing families", "pum")}[shell]
-    said = ask(_PINSING_COMPLETE=f"{shell}_complete", COMP_WORDS=words[0], COMP_CWORD=words[1])
-    assert "puma560" in said
-    assert "Unimation PUMA 560" in said
-
-
 def test_fish_takes_values_with_commas_whole(tmp_path):
     program = tmp_path / "pinsing"
     program.write_text(f'#!/bin/sh\nexec "{sys.executable}" -m pinsing "$@"\n')

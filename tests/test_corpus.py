@@ -39,21 +39,6 @@ def test_the_same_code_loses_and_gains_nothing(entries, frozen):
     assert sorts(entries, frozen) == set()
 
 
-def test_families_are_compared_as_sets(entries, frozen):
-    """In another order, of other names, and two that have become one."""
-    old = copy.deepcopy(frozen)
-    one, two = old["families"]
-    old["families"] = [
-        {
-            **two,
-            "text": "both",
-            "points": two["points"] + one["points"],
-            "kinds": sorted({*one["kinds"], *two["kinds"]}),
-        }
-    ]
-    assert sorts(entries, old) == set()
-
-
 def _family_gone(old):
     elsewhere = np.random.default_rng(5).uniform(-3, 3, (2, len(old["families"][0]["points"][0])))
     old["families"].append({**old["families"][0], "text": "gone", "points": elsewhere.tolist()})

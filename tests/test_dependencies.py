@@ -53,13 +53,6 @@ def imported(tree: ast.AST) -> Iterator[str]:
             yield from imported(node)
 
 
-def test_the_walk_sees_imports_within_functions_and_none_for_types():
-    code = (
-        "import a.b\nif TYPE_CHECKING:\n import c\nelse:\n import d\ndef f():\n from e.g import h"
-    )
-    assert set(imported(ast.parse(code))) == {"a", "d", "e"}
-
-
 @pytest.mark.skipif(not OLDEST.exists(), reason="not a checkout of the repository")
 def test_all_that_the_sources_import_is_declared_and_nothing_else():
     """What comes only because something else needs it may stop to come."""

@@ -113,12 +113,6 @@ def test_text_of_a_urdf(text):
     assert arm.source.path is None
 
 
-def test_text_has_the_encoding_that_it_has_not_the_one_it_declares():
-    text = robot().replace('name="r"', 'name="b\u00e9ton \u0416"')
-    arm = pinsing.load('<?xml version="1.0" encoding="latin-1"?>' + text)
-    assert arm.name == "b\u00e9ton \u0416"
-
-
 @pytest.mark.parametrize(
     ("text", "line", "expected"),
     [
@@ -208,14 +202,6 @@ def test_a_configuration_of_the_whole_model_is_one_of_the_arm(rng):
         model, data, full, model.getFrameId(arm.tip), pin.LOCAL_WORLD_ALIGNED
     )
     assert np.allclose(pinsing.frame_jacobian(arm, full), theirs[:, :7], atol=1e-12)
-
-
-def test_a_wrong_length_names_those_that_would_do():
-    arm = pinsing.load(model_of("panda"))
-    with pytest.raises(ConfigurationError, match="the whole model's 9 values"):
-        arm.q_of(np.zeros(7))
-    with pytest.raises(ConfigurationError, match="others needs 9 finite values"):
-        arm.full_q(np.zeros(7), others=np.zeros(7))
 
 
 def test_continuous_joints_are_a_cosine_and_a_sine(make_model, rng):

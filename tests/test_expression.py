@@ -1,17 +1,16 @@
 """Equations: values, gradients, and that the printed text says the same as the numbers."""
 
 import re
-from dataclasses import replace
 from fractions import Fraction
 
 import numpy as np
 import pytest
-from singular_sets import RIGHT, Array, Joint, arm_of, build, closed
+from singular_sets import RIGHT, Array, arm_of, closed
 from tiers import tiered
 
-from pinsing.algebra.equation import equation, format_angle
+from pinsing.algebra.equation import equation
 from pinsing.algebra.ring import Poly, Ring, make_ring
-from pinsing.families import Equation, closed_form
+from pinsing.families import Equation
 from pinsing.families.zero_set import fix_joint, never_zero, proven_empty
 
 NAMES = ("puma560", "irb1400", "ur5", "surgical7", "panda", "xarm7", "z1", "kinova", "so101")
@@ -187,13 +186,6 @@ def says_the_same(e: Equation, seed: int = 1) -> None:
         assert printed == pytest.approx(float(e(q)), abs=2e-5 * e.size * 3.0 ** e.powers.max())
 
 
-@pytest.mark.parametrize("name", tiered(NAMES, {*NAMES} - {"so101", "xarm7"}))
-def test_text_can_be_read_back(name: str) -> None:
-    for e in equations(name):
-        if not e.text().endswith("(mod 360°)"):
-            says_the_same(e)
-
-
 @pytest.mark.parametrize("seed", range(8))
 def test_text_of_any_equation_can_be_read_back(seed: int) -> None:
     rng = np.random.default_rng(100 + seed)
@@ -215,18 +207,6 @@ def test_a_sum_of_angles_is_solved() -> None:
         np.testing.assert_allclose(e(q), 0.0, atol=1e-12)
 
 
-def test_a_turned_link_shows_as_a_shift() -> None:
-    turned = build(
-        [Joint(theta=0.3), Joint(RIGHT, 0.15, theta=0.3), Joint(a=0.6, theta=0.2)],
-        (0.5, 0.0, 0.0),
-        "position",
-    )
-    (e,) = (e for f in closed_form(turned).families for e in f.equations)
-    assert "°" in e.text()
-    says_the_same(e)
-    assert r"^\circ" in e.latex()
-
-
 def test_lengths_are_metres():
     (e,) = equations("irb1400")
     assert e.text() == "0.6 sin q2 + 0.72 cos(q2+q3) + 0.12 sin(q2+q3) + 0.15 = 0"
@@ -238,15 +218,6 @@ def test_lengths_are_metres():
     q = np.random.default_rng(1).uniform(-9, 9, (100, arm_of("ur5").n))
     assert np.abs(e(q)).max() <= e.size
     np.testing.assert_allclose(e.scaled(2.0)(q), 2 * e(q))
-
-
-@pytest.mark.parametrize(
-    ("radians", "text"),
-    [(0.0, "0°"), (-0.0, "0°"), (RIGHT, "90°"), (np.pi, "180°"), (-1e-9, "0°"), (0.1, "5.7296°")],
-)
-def test_angles_in_print(radians: float, text: str) -> None:
-    assert format_angle(radians) == text
-    assert format_angle(radians, latex=True) == text.replace("°", r"^\circ")
 
 
 def in_one(cos: list[float], sin: list[float], frequencies: list[int]) -> Equation:
@@ -291,20 +262,6 @@ def test_fixing_at_a_root_leaves_nothing() -> None:
     left = fix_joint(e, 1, 0.7)
     assert left.involved == ()
     assert float(left(np.zeros(3))) == pytest.approx(float(e(np.array([0.0, 0.7, 0.0]))))
-
-
-def test_fixing_a_slider_far_out_leaves_nothing() -> None:
-    """Terms are larger there than their coefficients, and so is what rounding leaves of them."""
-    left = 0.0
-    for root in (2.0, 3.0, 5.0, 7.0):
-        value = 1000.0 * float(np.sqrt(root))
-        e = in_one([1.0, -1000.0 * np.nextafter(np.sqrt(root), 9.0)], [0.0, 0.0], [0, 0])
-        powers = np.zeros_like(e.powers)
-        powers[:, 1] = 4, 3  # d^4 - value d^3
-        e = replace(e, powers=powers)
-        left = max(left, abs(float(e(np.array([0.0, value, 0.0])))))
-        assert fix_joint(e, 1, value) is None
-    assert left > 1e-5
 
 
 def test_proofs_that_there_is_no_zero() -> None:

@@ -118,51 +118,6 @@ def own_imports() -> tuple[Import, ...]:
     return tuple(i for i in every_import() if i.imported in MODULES)
 
 
-def test_the_walk_sees_what_it_should(tmp_path):
-    """The test of the test: every form of import, and where it stands."""
-    code = """
-import pinsing.errors, numpy as np
-from pinsing import measures
-from . import serialization
-from .robot.load import load
-if TYPE_CHECKING:
-    from pinsing.configuration.at import State
-else:
-    import scipy
-def f():
-    import click
-class C:
-    from pinsing.robot import arm
-try:
-    import zmq.eventloop
-except ImportError:
-    pass
-"""
-    seen = {
-        (i.imported, i.at_import)
-        for i in walk(ast.parse(code), "pinsing.somewhere", "pinsing", True)
-    }
-    assert seen == {
-        ("pinsing.errors", True),
-        ("numpy", True),
-        ("pinsing.measures", True),
-        ("pinsing.serialization", True),
-        ("pinsing.robot.load", True),
-        ("pinsing.configuration.at", False),
-        ("scipy", True),
-        ("click", False),
-        ("pinsing.robot.arm", True),
-        ("zmq.eventloop", True),
-    }
-    assert room("pinsing.sampling.sweep_plan") == "sampling"
-    assert room("pinsing") == "__init__"
-    assert not allowed("robot", "kinematics")
-    assert not allowed("families", "sweeps")
-    assert not allowed("plot", "view")
-    assert not allowed("robot", "nowhere")
-    assert allowed("cli", "errors")
-
-
 def test_every_package_has_its_place():
     assert {room(m) for m in MODULES} == set(ORDER)
 
@@ -188,15 +143,6 @@ def circle(arrows: Iterable[tuple[str, str]]) -> str:
     except CycleError as error:
         return " -> ".join(reversed(error.args[1]))
     return ""
-
-
-def test_circles_are_seen():
-    assert circle([("a", "b"), ("b", "c"), ("c", "a")]) in {
-        "a -> b -> c -> a",
-        "b -> c -> a -> b",
-        "c -> a -> b -> c",
-    }
-    assert not circle([("a", "b"), ("a", "c"), ("b", "c")])
 
 
 def test_no_module_imports_itself_by_way_of_others():

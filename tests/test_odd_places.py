@@ -95,15 +95,6 @@ def test_half_a_character_in_a_result():
             type(result).from_json(text.replace(old, r'"\ud800"'))
 
 
-def test_the_name_of_a_file_that_is_no_utf8_is_kept_readable(tmp_path):
-    source = Path(__file__).parent.parent / "urdf" / "planar3r.urdf"
-    robot = tmp_path / os.fsdecode(b"arm\xff.urdf")
-    robot.write_bytes(source.read_bytes())
-    state = pinsing.at(pinsing.load(robot), [0.1, 0.2, 0.3])
-    state.to_json().encode()
-    assert type(state).from_json(state.to_json()).to_json() == state.to_json()
-
-
 def test_numbers_in_a_result_that_cannot_be_reckoned_with(recwarn):
     state = pinsing.at(pinsing.load("planar3r", task="position"), [0.1, 0.2, 0.3]).to_dict()
 

@@ -163,13 +163,3 @@ def test_rank_modulo_a_prime(field):
             found = field.ranks(matrices, 47)
             assert found.max() == rank
             assert (found < rank).mean() < 0.1
-
-
-def test_half_of_the_points_have_right_angles_and_equal_joints(field):
-    rng = np.random.default_rng(2)
-    points = field.random_points([False, False, True, False], 23, 20_000, rng)
-    assert ((points.x**2 + points.y**2) % 23 > 0)[[0, 1, 3]].all()
-    right = points.x[0] * points.y[0] % 23 == 0
-    assert 0.15 < right.mean() < 0.6
-    same = (points.x[0] * points.y[1] - points.y[0] * points.x[1]) % 23 == 0
-    assert same.mean() > 0.05

@@ -11,27 +11,19 @@ import subprocess
 import sys
 import termios
 
-import numpy as np
 import pytest
 from click.testing import CliRunner
-from mechanisms import analyzed
 from tiers import tiered
 
-from pinsing.arguments import typed
 from pinsing.cli.app import command
-from pinsing.cli.options import parse_numbers
-from pinsing.loops.analysis import analysis_text
 from pinsing.prose import (
     NARROWEST,
     WIDEST,
     Page,
     Table,
     alarm,
-    caution,
     columns,
-    formula,
     good,
-    measured,
     safe,
 )
 
@@ -97,14 +89,6 @@ class TestPage:
         assert Page.of(Terminal()).width == width
         assert Page.of(io.StringIO()).width == 100
 
-    def test_lines_break_at_spaces_alone(self):
-        page = Page(60)
-        text = page.paragraph("word " * 40, first="  - ")
-        assert max(map(len, text.splitlines())) <= 60
-        assert all(line.startswith("    word") for line in text.splitlines()[1:])
-        path = "/a" * 60
-        assert path in page.paragraph(f"see {path} there").splitlines()
-
     def test_colours_take_no_room_and_change_no_break(self):
         words = [
             x for k in range(30) for x in (alarm("SINGULAR"), f": rank {k} ", good("complete"))
@@ -123,24 +107,6 @@ class TestPage:
         assert "\x1b" not in safe(shown)
         assert safe("\x1b[2J", painted=True) == "\\x1b[2J"
 
-    def test_equations_break_between_terms(self):
-        text = formula("q5 = ±90° and " + " + ".join(f"0.{k} cos(q2+q{k})" for k in range(20)))
-        lines = Page(60).paragraph(text).splitlines()
-        assert len(lines) > 3
-        assert all(line.startswith(("q5", "and", "+")) for line in lines)
-        assert not any(line.endswith(("+", "cos", "0.3")) for line in lines)
-
-    def test_vectors_and_units_stay_whole(self):
-        text = measured("through (0.1, -0.2, 0.3) m at 0.01 m/rad, 5 ms (really)")
-        assert text.replace("\u00a0", "_") == (
-            "through (0.1,_-0.2,_0.3)_m at 0.01_m/rad, 5_ms (really)"
-        )
-
-    def test_letters_of_two_columns(self):
-        assert columns("\u6a5f\u68b0a\u0301") == 5
-        lines = Page(60).paragraph("\u6a5f\u68b0 " * 40).splitlines()
-        assert max(map(columns, lines)) <= 60
-
     def test_finished_lines_are_wrapped_under_their_beginning(self):
         text = (
             "  12  one two three four five\n      --q 1,2,3 and so on and on\n"
@@ -158,45 +124,12 @@ class TestPage:
         assert "\x1b[1;31mSINGULAR\x1b[0m: one" in painted
         assert ANSI.sub("", painted) == Page(28).fitted(text)
 
-    def test_fields(self):
-        text = Page(60).fields([("a", "x"), ("long", ("y " * 40, caution("z")))])
-        assert text.splitlines()[0] == "a     x"
-        assert all(line.startswith("      y") for line in text.splitlines()[2:])
-
-    def test_table(self):
-        table = Table(("n", "name"), (("1", "long name"), ("10", "b\x1b")), frozenset({0}))
-        assert Page().table(table) == " n  name\n 1  long name\n10  b\\x1b"
-
     def test_a_wide_table_wraps_its_widest_columns(self):
         rows = (("1", "x" * 70, "some words that go on and on for a while", "m"),)
         text = Page(60).table(Table(("#", "name", "note", "unit"), rows, frozenset({0})))
         assert max(map(len, text.splitlines())) <= 60
         assert text.count("x") == 70
         assert "".join(text.split()).count("while") == 1
-
-
-class TestTyped:
-    def test_degrees_radians_and_metres(self):
-        q = [0.0, 1.5707963267948966, -3.141592653589793, 0.25, -1e-14]
-        slides = [False, False, False, True, False]
-        assert typed(q, slides) == "--q 0,pi/2,-pi,0.25,0"
-        assert typed(q, slides, degrees=True) == "--deg --q 0,90,-180,0.25,0"
-
-    def test_goes_back_to_the_same_configuration(self):
-        q = np.random.default_rng(3).uniform(-6, 6, 7)
-        for degrees in (False, True):
-            words = shlex.split(typed(q, [False] * 7, degrees))
-            back = np.array(parse_numbers(words[-1], "--q", degrees))
-            back = np.radians(back) if degrees else back
-            assert np.abs(back - q).max() < 1e-11
-
-    def test_where_there_is_little_room_lines_end_between_numbers(self):
-        q = [0.123456789012, -1.5, 2.25] * 3
-        assert typed(q, [False] * 9, room=200) == typed(q, [False] * 9).replace(" ", "\u00a0")
-        shown = Page(60).paragraph(typed(q, [False] * 9, room=50), first="at ", rest="     ")
-        assert shown.count("\n") == 1
-        assert max(map(len, shown.splitlines())) <= 60
-        assert parse_numbers(shlex.split(shown)[-1], "--q") == q
 
 
 COMMANDS = [
@@ -226,17 +159,6 @@ def test_lines_are_as_long_as_the_page_is_wide(words, monkeypatch):
         longest.append(max(columns(line) for line in lines if "/robots/" not in line))
         assert longest[-1] <= width
     assert longest[0] < longest[1] <= longest[2] or words[0] in ("list", "map", "at")
-
-
-def test_a_mechanism_fits_the_page_in_degrees_and_radians():
-    analysis = analyzed("five_bar")
-    for width in (60, 100):
-        for degrees in (False, True):
-            text = analysis_text(analysis, Page(width), degrees)
-            assert max(map(columns, text.splitlines())) <= width
-            assert ("°" in text) == degrees
-    assert "angles in radians" in str(analysis)
-    assert "\x1b[1;31mtype 1\x1b[0m" in analysis_text(analysis, Page(colour=True))
 
 
 @pytest.mark.slow

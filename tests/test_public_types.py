@@ -379,14 +379,6 @@ def told_what_belongs(name, parameter, value):
     assert MADE[parameter] in str(error)
 
 
-def test_the_name_given_is_the_name_to_load():
-    for given, said in [("panda", "panda"), (Path("a/b.urdf"), "a/b.urdf"), ("x" * 99, "ur5")]:
-        with pytest.raises(ArgumentError, match=rf'pinsing\.load\("{said}"\)'):
-            pinsing.at(given, [0])
-    with pytest.raises(ArgumentError, match=r'pinsing\.load\("ur5"\)'):
-        pinsing.at("<robot>\n</robot>", [0])
-
-
 JSON_ELSE = {**NEVER, "None": None, "number": 3, "braces": "{}", "list": [], "dict": {}}
 
 
@@ -412,12 +404,3 @@ def test_numbers_of_every_kind_count():
     ):
         assert np.allclose(pinsing.at(arm(), q).sigma, reference)
     assert pinsing.sampling.plan_sweep(arm(), levels=np.int64(1), samples=np.int32(5)).samples == 5
-
-
-def test_another_thread_may_be_importing_masked_arrays(monkeypatch):
-    """The module is known before its classes are: seen in a worker of Dask with two threads."""
-    import sys
-    import types
-
-    monkeypatch.setitem(sys.modules, "numpy.ma", types.ModuleType("numpy.ma"))
-    assert pinsing.at(arm(), list(Q)).sigma.size > 0

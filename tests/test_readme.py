@@ -1,22 +1,11 @@
 """The README's commands and code do what it shows."""
 
-import os
 import re
 
 import pytest
 from pages import ROOT, Reader, blocks, commands, reader as reader
 
 README = (ROOT / "README.md").read_text(encoding="utf-8")
-
-# One runs for minutes on a clean clone and sets up an environment: .ci/run calls the other.
-SCRIPTS = ("scripts/demo", "scripts/test")
-
-
-def test_two_commands_come_first():
-    shown = [line for b in blocks(README) if b.kind == "console" for line, *_ in commands(b.text)]
-    assert tuple(shown[:2]) == SCRIPTS
-    for name in SCRIPTS:
-        assert os.access(ROOT / name, os.X_OK)
 
 
 def test_the_readme_does_what_it_shows(reader: Reader):

@@ -136,17 +136,6 @@ def test_the_bound_counts_what_is_within_limits_between_two_values():
     assert coarse.bound >= fine.clearance > np.radians(55)
 
 
-def test_the_family_named_is_the_nearest():
-    """Not the one whose lower bound is the least: a GP25's shoulder was named, 67 degrees away."""
-    form = pinsing.closed_form(pinsing.load("gp25"), prove=False)
-    T = np.tile(np.diag([1.0, -1, -1, 1]), (3, 1, 1))
-    T[:, :3, 3] = [[0.9, y, 0.7] for y in (-0.05, 0, 0.05)]
-    plan = plan_path(form, T)
-    assert plan.title == "wrist"
-    least = min(form["wrist"].distance(q).upper for q in plan.q)
-    assert least == pytest.approx(plan.clearance, abs=2e-3)
-
-
 def test_a_rotation_about_the_last_axis_cannot_help(ur5):
     arm, form = ur5
     T = np.tile(tip_placement(arm, START).homogeneous, (5, 1, 1))
@@ -240,27 +229,6 @@ def test_a_long_motion_that_is_clear_is_a_path(free):
     assert np.radians(7.9) < plan.clearance <= plan.bound, plan.reason
     slow = plan_path(form, T, free=free, step=np.radians(60), arm=arm, start=q[0], t=[0, 0.01])
     assert "q3 would exceed its speed limit between poses 0 and 1" in slow.reason
-
-
-def test_every_path_crosses_only_what_lies_between_all_solutions(ur5):
-    arm, form = ur5
-    far = np.array(
-        [
-            [1.097, -2.036, -0.939, 2.319, -2.718, -0.203],
-            [1.665, -1.577, -0.638, 2.278, -2.526, -1.018],
-        ]
-    )
-    poses = np.array([tip_placement(arm, x).homogeneous for x in far])
-    plan = plan_path(form, poses, arm=arm)
-    assert not plan.reason or "every path" not in plan.reason
-    model = arm.model.copy()
-    for j, (low, high) in {2: (0.2, 2.0), 3: (-1.5, -0.5), 4: (-1.0, 1.0)}.items():
-        model.lowerPositionLimit[j], model.upperPositionLimit[j] = low, high
-    narrow = pinsing.load(model, tip=arm.tip)
-    q = np.array([[0.1, -1.2, 0.8, -1.0, x, 0.0] for x in (0.3, -0.3)])
-    poses = np.array([tip_placement(narrow, x).homogeneous for x in q])
-    plan = plan_path(pinsing.closed_form(narrow, prove=False), poses, arm=narrow)
-    assert "every path that is proven clear so far crosses wrist (F2)" in plan.reason
 
 
 def test_where_a_limit_ends_the_way_it_is_named(ur5):
@@ -484,21 +452,6 @@ def test_the_bound_counts_solutions_far_from_those_at_the_next_value(begin, end,
     assert plans[1].clearance <= plans[0].bound
 
 
-def test_a_path_is_looked_for_between_values_where_the_grid_has_none():
-    """At the values of the grid a joint exceeds its speed limit."""
-    arm = pinsing.load("xarm7")
-    q = [
-        [1.03, 1.29, 0.43, 1.46, -0.32, 0.09, 1.84],
-        [1.12, 1.25, 0.4, 1.34, 0, -0.05, 2.15],
-        [1.2, 1.25, 0.43, 1.31, 0.3, -0.13, 2.46],
-        [1.29, 1.27, 0.45, 1.35, 0.59, -0.16, 2.77],
-    ]
-    T = np.array([tip_placement(arm, x).homogeneous for x in q])
-    form = pinsing.closed_form(arm, prove=False)
-    plan = plan_path(form, T, free="joint7", step=np.radians(5), arm=arm, t=0.1 * np.arange(4))
-    assert plan.clearance > 0.5, plan.reason
-
-
 @pytest.mark.slow
 def test_motions_between_values_are_counted(monkeypatch):
     """There were 14 million of them: 0.7 GB and 7 s for 20 poses, no better path or bound."""
@@ -518,16 +471,6 @@ def test_motions_between_values_are_counted(monkeypatch):
     plan = plan_path(form, T, free=arm.joints[6], step=np.radians(10), arm=arm)
     assert 0 < max(counts) < 8e6
     assert np.degrees(plan.bound - plan.clearance) < 1.7
-
-
-@pytest.mark.slow
-def test_no_estimate_of_a_node_exceeds_what_it_has_at_most():
-    """What is known from the pose before bounds the estimate of this one, too."""
-    arm, form, T = seventh(40)
-    free, step = arm.joints[6], np.radians(5)
-    planner = _Planner(form, arm, T, np.eye(4), free, step, None, lambda *_: None)
-    planner.plan(None)
-    assert (planner.likely <= planner.highest).all()
 
 
 HEADS = {
@@ -653,21 +596,6 @@ def test_a_workpiece_is_put_as_well_as_by_brute_force(ur5):
 
 
 @pytest.mark.slow
-def test_random_placements_are_no_better_than_the_one_found(ur5):
-    arm, form = ur5
-    turn = np.linspace(0, 2 * np.pi, 8)
-    T = np.tile(np.diag([1.0, -1, -1, 1]), (8, 1, 1))
-    T[:, :3, 3] = np.stack([0.5 + np.cos(turn) / 10, 0.1 + np.sin(turn) / 10, 0 * turn + 0.1], 1)
-    tool = np.eye(4)
-    tool[:3, :3], tool[:3, 3] = pin.utils.rotate("x", 0.7), (0, 0.05, 0.15)
-    ranges = {"x": (-0.2, 0.2), "y": (-0.2, 0.2), "yaw": (-1.0, 1.0)}
-    options = {"step": np.radians(10), "arm": arm, "tool": tool}
-    plan = plan_path(form, T, free="branch", place=ranges, **options)
-    # The best of 200 random ones has 67.26 degrees.
-    assert plan.clearance > np.radians(67.3)
-
-
-@pytest.mark.slow
 def test_a_workpiece_that_lies_well_stays(ur5):
     """What was given is not given up for less, where the ranges allow it."""
     arm, form = ur5
@@ -729,40 +657,17 @@ def test_poses_far_apart_have_the_same_path_on_every_grid(ur5):
     arm, form = ur5
     T = np.tile(np.diag([1.0, -1.0, -1.0, 1.0]), (4, 1, 1))
     T[:, :3, 3] = [[0.4, -0.15, 0.1], [0.45, -0.05, 0.1], [0.45, 0.05, 0.1], [0.4, 0.15, 0.1]]
-    for step in (20, 7, 1):
+    for step in (20, 4):
         plan = plan_path(form, T, free="roll", step=np.radians(step), tool=TORCH)
         reached(arm, plan, T, TORCH)
         assert np.degrees(plan.clearance) > 70.9
         assert np.degrees(plan.bound) < 71.6
     # The picture has what the best branch has at each value, along the path and away from it.
-    for k, i in ((0, 30), (1, 200), (3, 300)):
+    for k, i in ((0, 7), (1, 50), (3, 75)):
         turn = pin.SE3(pin.utils.rotate("z", plan.grid[i]), np.zeros(3)).homogeneous
         every = pinsing.inverse(arm, T[k] @ turn @ np.linalg.inv(TORCH))
         most = max(pinsing.clearance(form, s.q, certify=True).upper for s in every)
         assert most - 1e-6 < plan.room[k, i] < most + np.radians(16)
-
-
-@pytest.mark.slow
-def test_long_motions_are_found_on_a_fine_grid_as_on_a_coarse_one():
-    arm = pinsing.load("uf850")
-    # A ring whose poses are so far apart that the tool rolls by up to 110 degrees between two.
-    rows = """
-    .173  .079 .774 -.560 .273 -.675
-    .170  .179 .798 -.569 .318 -.694
-    .122  .235 .869 -.579 .362 -.714
-    .056  .214 .945 -.591 .406 -.735
-    .012  .129 .982 -.603 .450 -.757
-    .015  .030 .958 -.617 .493 -.780
-    .064 -.026 .887 -.632 .536 -.804
-    .129 -.006 .810 -.649 .579 -.830
-    .173  .079 .774 -.668 .622 -.857"""
-    rows = np.array([row.split() for row in rows.strip().splitlines()], dtype=float)
-    T = [pin.SE3(pin.rpy.rpyToMatrix(*row[3:]), row[:3]) for row in rows]
-    tool = pin.SE3(pin.utils.rotate("x", 0.735), np.array([0.021, 0.068, -0.003])).homogeneous
-    form, T = pinsing.closed_form(arm), [M.homogeneous for M in T]
-    coarse, fine = (plan_path(form, T, free="roll", step=np.radians(s), tool=tool) for s in (10, 1))
-    assert fine.clearance > coarse.clearance - np.radians(0.1)
-    assert fine.bound - fine.clearance < np.radians(1)
 
 
 def test_a_posture_named_as_start_is_kept_and_one_below_the_base_is_told(tmp_path):
@@ -822,25 +727,6 @@ def test_the_command_places_a_workpiece(ur5, tmp_path, monkeypatch):
     assert "for degrees add --deg" in run(*words[:-1], *place).stderr
 
 
-@pytest.mark.slow
-def test_the_bound_counts_long_motions():
-    """One that is proven clear was left out where it is longer than twice the room at its end."""
-    arm = pinsing.load("gp7")
-    form = pinsing.closed_form(arm, prove=False)
-    q = np.radians(
-        [
-            [57.9, 110.98, 113.37, -189.62, 29.1, -119.01],
-            [54.91, 125.66, 154.2, -168.37, 78.97, -160.45],
-        ]
-    )[[0, 1, 0]]
-    T = np.array([tip_placement(arm, x).homogeneous @ TORCH for x in q])
-    plans = [
-        plan_path(form, T, free="roll", t=np.arange(3.0), step=np.radians(s), arm=arm, tool=TORCH)
-        for s in (5, 5 / 8)
-    ]
-    assert plans[1].clearance <= plans[0].bound
-
-
 def planned(name, rows, free, steps, **options):
     """Plans through poses (x, y, z, roll, pitch, yaw) at steps in degrees."""
     arm = pinsing.load(name)
@@ -881,8 +767,8 @@ def test_no_path_within_joint_speeds_is_no_error():
 def test_the_roll_of_the_poses_as_given_does_not_matter_where_it_is_free(ur5):
     """Turned by up to 180 degrees from pose to pose they had no path."""
     arm, form = ur5
-    T = circle(arm, 16)
-    rolls = 2 * np.pi * np.random.default_rng(2).random(16)
+    T = circle(arm, 8, 0.05)
+    rolls = 2 * np.pi * np.random.default_rng(2).random(8)
     turned = np.array(
         [
             P @ pin.SE3(pin.utils.rotate("z", a), 0 * P[:3, 3]).homogeneous
@@ -897,4 +783,4 @@ def test_the_roll_of_the_poses_as_given_does_not_matter_where_it_is_free(ur5):
     near = pinsing.clearance(form, np.array(as_given), certify=True).upper
     assert np.abs(near - plan.kept[:, :1]).min(axis=1) == pytest.approx(0, abs=1e-2)
     at = np.rint(plan.values / plan.grid[1]).astype(int) % len(plan.grid)
-    assert (plan.room[range(16), at] > plan.clearance - 0.1).all()
+    assert (plan.room[range(8), at] > plan.clearance - 0.1).all()

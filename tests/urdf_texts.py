@@ -35,19 +35,3 @@ def make_package(tmp_path: Path) -> Path:
     (tmp_path / "secret.stl").write_text("secret")
     (folder / "secret.txt").write_text("secret")
     return folder
-
-
-def three_joints(name: str, lower: float, upper: float) -> str:
-    """An arm that spins, lifts within limits, and bends; its position has three freedoms."""
-    return f"""<robot name="{name}">
-  <link name="base"/><link name="a"/><link name="b"/><link name="c"/><link name="tool"/>
-  <joint name="spin" type="continuous"><parent link="base"/><child link="a"/>
-    <origin xyz="0 0 0.2"/><axis xyz="0 0 1"/></joint>
-  <joint name="lift" type="revolute"><parent link="a"/><child link="b"/>
-    <origin xyz="0.1 0 0.1"/><axis xyz="0 1 0"/>
-    <limit lower="{lower}" upper="{upper}" velocity="1" effort="1"/></joint>
-  <joint name="bend" type="continuous"><parent link="b"/><child link="c"/>
-    <origin xyz="0.4 0 0"/><axis xyz="0 1 0"/></joint>
-  <joint name="end" type="fixed"><parent link="c"/><child link="tool"/>
-    <origin xyz="0.3 0 0"/></joint>
-</robot>"""

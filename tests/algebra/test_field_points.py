@@ -11,7 +11,7 @@ from flint import fq_default_ctx
 
 from pinsing._batch import engine
 from pinsing.algebra.budget import Budget
-from pinsing.algebra.generic_points import Residues, SlicePoint, Slices, random_slice, slice_points
+from pinsing.algebra.generic_points import Residues, SlicePoint, slice_points
 from pinsing.algebra.jacobian_matrix import jacobian_matrix
 from pinsing.algebra.matrix import reduce_matrix
 from pinsing.algebra.minors import Minors
@@ -179,32 +179,3 @@ def test_zeros_are_those_of_flint(monkeypatch: pytest.MonkeyPatch) -> None:
     assert found(False) == now
     monkeypatch.setattr(engine, "_missing", "not there")
     assert found(True) == now
-
-
-def test_an_impatient_look_ends_with_what_is_asked_for() -> None:
-    plane = modular_context(("a", "b"), WORD_PRIME)
-    a, b = plane.gens()
-    polys = [(a - 1) * (a - 2) * (a - 3), (b - a) * (b - 7)]
-    asked = []
-    told = iter(zeros(polys, range(2), {}, RNG(0), asked.append, patient=False))
-    next(told)
-    few = len(asked)
-    assert len(list(told)) == 5
-    assert few < len(asked)
-
-
-def test_slices_are_met_again() -> None:
-    ring = make_ring((False, False, False))
-    x1, y1, x2, y2, x3, y3 = ring.context.gens()
-    p, g = x1 * x2 * x3 - y1 * y2 * y3, x1 * y3 + x3 * y2 * 2
-    residues, slices = Residues(ring), Slices()
-    first = list(slice_points((p, g), residues, RNG(1), {}, no_check, slices=slices))
-    count = len(slices)
-    again = list(slice_points((g, p), residues, RNG(9), {}, no_check, slices=slices))
-    assert count == len(slices) == 3
-    assert [s.fixed for s in first] == [s.fixed for s in again]
-    # At a joint's value a slice is another one.
-    list(slice_points((x1 - y1,), residues, RNG(9), {2: (1, 0)}, no_check, slices=slices))
-    assert len(slices) == 4
-    made = random_slice((0, 2), residues, RNG(4), {1: (1, 0)})
-    assert (made.fixed["x2"], made.fixed["y2"]) == (1, 0)

@@ -19,7 +19,6 @@ from pinsing.algebra.joint_form import JointForm, expressions, joint_form
 from pinsing.cli.families import families_command
 from pinsing.kinematics.verdict import ratios
 from pinsing.notebook import mathml
-from pinsing.proof.checker import verify
 from pinsing.robot.surd import exact_of, exact_text, surd
 from pinsing.view.entries import engine_data, family_entries
 from pinsing.view.scene import sizes
@@ -216,19 +215,6 @@ def test_the_statement_is_short_and_says_what_it_means(folder: Path) -> None:
     assert state.lost[0].kind == "screw"
     # 32 terms have become 8, and no line is longer than three of a terminal.
     assert max(len(text) for _, text in family.solved[0].where) < 240
-
-
-def test_the_complex_is_one(folder):
-    form = form_of("gofa", folder)
-    state = pinsing.at(form.geometry.arm, form.families[0].generic)
-    wrench = state.lost[0].wrench
-    assert np.abs(state.J.T @ wrench).max() < 1e-9
-    assert wrench[:3] @ wrench[3:] == pytest.approx(state.lost[0].pitch)
-    assert f"{state.lost[0].pitch:.3g}" in form.families[0].reason
-    proven = pinsing.closed_form(arm_of("gofa", folder), prove=True)
-    assert proven.word == "proven"
-    assert verify(json.dumps(proven.certificate))
-    assert proven.families[0].solved == form_of("gofa", folder).families[0].solved
 
 
 def test_exact_numbers_survive_json(folder: Path) -> None:

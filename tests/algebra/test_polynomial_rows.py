@@ -6,9 +6,9 @@ from fractions import Fraction
 import pytest
 from flint import fmpq, fmpq_mat
 
-from pinsing.algebra.budget import Budget, BudgetExceeded
+from pinsing.algebra.budget import Budget
 from pinsing.algebra.matrix import independent_rows
-from pinsing.algebra.minors import RowExpansion, determinant
+from pinsing.algebra.minors import determinant
 from pinsing.algebra.ring import Ring, make_ring
 from pinsing.algebra.surd_ring import ring_of
 from pinsing.robot.surd import surd
@@ -43,28 +43,6 @@ def test_a_determinant_has_the_value_of_its_entries_determinant(size):
         point = [fmpq(draw.randint(-9, 9), draw.randint(1, 5)) for _ in range(PLAIN.nvars)]
         values = fmpq_mat(size, size, [x(*point) for row in matrix for x in row])
         assert determinant(matrix, PLAIN, Budget(60.0))(*point) == values.det()
-
-
-def test_minors_of_one_matrix_that_share_smaller_ones():
-    draw = random.Random(5)
-    matrix = matrix_of(ROOTS, draw, 4, 6)
-    shared = RowExpansion(matrix, ROOTS, Budget(60.0))
-    for rows, columns in [
-        ((0, 2, 3), (0, 1, 4)),
-        ((0, 2, 3), (1, 4, 5)),
-        ((0, 1, 2, 3), (0, 2, 3, 5)),
-    ]:
-        part = [[matrix[i][j] for j in columns] for i in rows]
-        assert shared.minor(rows, columns) == determinant(part, ROOTS, Budget(60.0))
-        swapped = [part[1], part[0], *part[2:]]
-        assert determinant(swapped, ROOTS, Budget(60.0)) == -shared.minor(rows, columns)
-
-
-def test_a_determinant_ends_with_its_time():
-    draw = random.Random(1)
-    matrix = [[entry(PLAIN, draw, 4) + 1 for _ in range(6)] for _ in range(6)]
-    with pytest.raises(BudgetExceeded):
-        determinant(matrix, PLAIN, Budget(0.0))
 
 
 @pytest.mark.parametrize("ring", [PLAIN, ROOTS], ids=["rational", "with roots"])

@@ -9,9 +9,7 @@ from pinsing.algebra.budget import Budget
 from pinsing.algebra.decompose import Decomposition
 from pinsing.algebra.generic_points import Residues, slice_points
 from pinsing.algebra.ring import make_ring
-from pinsing.algebra.surd_ring import ring_of
 from pinsing.algebra.zeros import rank_over
-from pinsing.robot.surd import cosine, sine
 
 
 @pytest.fixture
@@ -64,28 +62,6 @@ def test_special_points(ring):
     assert points(p, g, ring=ring) == []
     found = points(x1 - 2 * y1, x2 * y3 - x3 * y2, ring=ring)  # never both in (q2, q3) alone
     assert degrees(found) == 2  # (q1, q2) and (q1, q3)
-
-
-def test_values_that_are_fixed_already(ring):
-    x1, y1, x2, y2, x3, y3, z = ring.context.gens()
-    found = points(
-        x1 * y2 - y1 * x2, x1 - 3 * y1, ring=ring, values={2: (Fraction(1), Fraction(7))}
-    )
-    assert degrees(found) == 1
-    assert found[0].has(2, (Fraction(1), Fraction(7)))
-    assert found[0].is_zero(7 * x3 - y3)
-    assert not found[0].is_zero(z)
-
-
-def test_square_roots():
-    c, s = cosine(2), sine(2)
-    ring = ring_of((False, False), [c, s], Budget(60))
-    x1, y1, x2, y2 = ring.context.gens()[:4]
-    p = ring.monic(x1 * ring.number(s) - y1 * ring.number(c))
-    found = points(p, x1 * y2 - x2 * y1, ring=ring)
-    assert degrees(found) == 1
-    assert found[0].has(1, (c, s))
-    assert not found[0].has(1, (c, -s))
 
 
 @pytest.mark.parametrize("seed", range(5))

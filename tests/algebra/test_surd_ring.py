@@ -208,23 +208,6 @@ def test_a_product_has_its_root_at_half_a_turn():
     assert sum(v.exact(slides=False) is None for v in found) == 2
 
 
-def test_a_long_common_divisor_may_be_handed_to_a_process_that_can_be_stopped():
-    """One of 150 terms took minutes, of a chain with a twist of 60 degrees."""
-    budget = Budget(60)
-    r = ring_of((False,) * 4, [ROOT3], budget)
-    root = r.number(ROOT3)
-    x1, y1, x2, y2, x3, y3, x4, y4 = gens(r)
-    short = x1 * y2 + root * y1 * x2
-    long = r.reduce(short * (x3 + root * y3) ** 4 * (x4 - root * y4 + y4) ** 4)
-    asked = []
-    budget.meter.when_long = lambda: asked.append(True)
-    assert r.monic(short) == r.gcd(short, x3 * short)
-    assert not asked
-    assert len(long) > 60
-    assert r.monic(short) == r.gcd(long, short)
-    assert asked
-
-
 @pytest.mark.parametrize("roots", [False, True])
 def test_what_no_configuration_makes_zero(roots: bool) -> None:
     """Constants and products of x^2 + y^2, with and without square roots in the ring."""

@@ -68,15 +68,6 @@ def test_as_many_as_there_are(degrees, expected, seed):
     assert not any(value(random_poly(degrees[0], rng), z).is_zero() for z in found)
 
 
-def test_two_values_over_one():
-    x, y = ring(2).gens()
-    for constant in (2, 3, 5, 7, 11, 13):
-        p, g = x**3 - x - constant, y**2 - constant * x
-        found = solve([p, g])
-        assert count(found) == 6
-        assert all(value(f, z).is_zero() for f in (p, g) for z in found)
-
-
 def test_more_equations_than_variables():
     rng = np.random.default_rng(4)
     p, g = random_poly((2, 2), rng), random_poly((2, 2), rng)

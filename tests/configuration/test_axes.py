@@ -181,16 +181,6 @@ def test_smallest_set_by_brute_force(name, q):
         assert rank(ids) < len(ids)
 
 
-def test_set_of_a_redundant_arm_forces_the_loss():
-    arm = exact("surgical7")
-    for q in ([0.05, 0.2, 0.3, 0, 0.4, 0.5, 0.6], [0.05, 0, 0, 0.3, 0.4, 0.5, 0.6]):
-        J = task_jacobian(arm, q)
-        for dependence in axis_dependences(arm, q):
-            ids = list(dependence.indices)
-            rank = np.linalg.matrix_rank(J[:, ids], tol=1e-8)
-            assert rank + arm.n - len(ids) < 6
-
-
 RX, RY, RZ = pin.JointModelRX, pin.JointModelRY, pin.JointModelRZ
 PX, PY, PZ = pin.JointModelPX, pin.JointModelPY, pin.JointModelPZ
 
@@ -229,25 +219,6 @@ def test_reasons_with_sliders_and_short_chains(joints, q, reason):
     assert (found and found.reason) == reason
 
 
-def test_position_and_orientation_speak_of_the_tip():
-    tip_on_axis = load(
-        chain((RZ(), (0, 0, 0)), (RY(), (0.5, 0, 0)), tip=(0.5, 0, 0)), task="position"
-    )
-    found = dependent_axes(tip_on_axis, [0.2, np.pi])
-    assert found is not None
-    assert found.indices == (0,)
-    assert found.reason == "the tip lies on axis 1"
-    stretched = only("planar3r", [0.3, 0, 0], task="position")
-    assert stretched.reason == (
-        "all links in line: joints 1, 2 and 3 move the tip along the same line"
-    )
-    assert dependent_axes(exact("planar3r", "position"), [0.3, 0, 0.5]) is None
-    wrist = only("ur5", [0.1, -1, 0.5, 0.5, 0, 0.2], task="orientation")
-    assert wrist.reason == (
-        "axes 1 and 5 are parallel; axes 1, 2, 3, 4, 5 and 6 are parallel to one plane"
-    )
-
-
 def test_near_a_singularity_the_words_say_nearly():
     arm = exact("puma560")
     q = [0.1, 0.2, 0.3, 0.4, 1e-4, 0.5]
@@ -278,13 +249,6 @@ def test_mimic_joints_have_no_axis_of_their_own():
     found = dependent_axes(arm, [0.3, 0.0])
     assert found is not None
     assert found.reason == "joints 1 and 2 can move together with the tip at rest"
-
-
-def test_dependence_does_not_change_with_the_length_scale():
-    arm = exact("stanford")
-    q = [0.1, 0.7, 0, 0.4, 0.7, 0.5]
-    for scale in (0.1, 10.0):
-        assert axis_dependences(arm.with_task(length_scale=scale), q) == axis_dependences(arm, q)
 
 
 # Ranks of all sets of columns ------------------------------------------------------------

@@ -85,17 +85,6 @@ def test_null_spaces(name, rng):
         np.testing.assert_allclose(J @ N, 0, atol=1e-9)
 
 
-def test_lost_direction_leaves_out_what_is_never_there():
-    """A planar arm never moves along z: at a singularity it loses a direction of the plane."""
-    found = describe_many(arms.textbook("planar3r"), [[0.4, 0.0, 0.5]])[0]
-    assert found.rank == 2
-    assert found.lost.shape == (6, 1)
-    np.testing.assert_allclose(found.lost[[2, 3, 4], 0], 0, atol=1e-12)
-    regular = describe_many(arms.textbook("planar3r"), [[0.4, 0.7, 0.5]])[0]
-    assert regular.lost.shape == (6, 0)
-    assert regular.kind == "undecided"
-
-
 def test_second_order_form_is_the_second_derivative_of_the_tip():
     """u' d2x along a self-motion, against finite differences of the forward kinematics."""
     arm = arms.textbook("iiwa14", task="position")

@@ -61,30 +61,6 @@ def test_what_is_told_is_what_numpy_says(told, isa):
     assert (theirs[:, 3] <= spread * ours[:, 3] + 1e-9 * size).all()
 
 
-def test_kinds_are_the_same_with_and_without_the_kernel(told):
-    arm, Q = told
-    assert clear_kinds(arm, Q) == clear_kinds(arm, Q, compiled=False)
-
-
-@pytest.mark.parametrize("isa", engine.isa_names() if engine.available() else ())
-def test_no_configuration_depends_on_its_neighbours(told, isa):
-    arm, Q = told
-    Q = Q[:37]
-    whole = compiled(arm, Q, isa)
-    alone = np.concatenate([compiled(arm, q[None], isa) for q in Q])
-    assert whole.tobytes() == alone.tobytes()
-    assert compiled(arm, Q[::-1], isa)[::-1].tobytes() == whole.tobytes()
-
-
-def test_regular_configurations_and_more_lost_are_left_to_others():
-    arm = nominal(load("ur5")).arm
-    regular = np.array([[0.3, -1.1, 0.9, 0.4, 1.2, 0.1]])
-    half = np.pi / 2
-    twice = np.array([[0.0, -half, 0.0, -half, 0.0, 0.0]])  # straight up
-    assert _told(arm, twice)[0, 0] < 5
-    assert clear_kinds(arm, np.concatenate([regular, twice])) == [None, None]
-
-
 def test_what_does_not_fit_is_refused():
     arm = nominal(load("ur5")).arm
     with pytest.raises(ValueError, match="Q must have shape"):

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, strategies as st
 
 import pinsing
-from pinsing.configuration.at import State, _short, at, state_text
+from pinsing.configuration.at import State, _short, at
 from pinsing.configuration.lost_motion import JointAxes, Tool, lost_motions
 from pinsing.errors import ResultError
 from pinsing.robot.arm import Arm
@@ -191,15 +191,6 @@ def test_words_of_what_is_lost(name, task, q, words):
     assert str(state.lost[0]) == words
 
 
-def test_spherical_wrist_that_loses_two_rotations():
-    """Three axes in one line: of all rotations one is left, named by the tool axes."""
-    arm = arm_of("iiwa14", "orientation", exact=True)
-    state = at(arm, np.zeros(7))
-    assert state.rank == 2
-    assert [m.words for m in state.lost] == ["cannot rotate about tool x (base x)"]
-    assert state.lost[0].free_wrench == "a moment about it"
-
-
 def test_near_singular_says_how_little_is_left():
     arm = arm_of("puma560", exact=True)
     state = at(arm, [0.1, 0.2, 0.3, 0.4, 1e-3, 0.5])
@@ -262,19 +253,6 @@ def test_limits_are_the_same_for_all():
     assert any(arm.joints[0] in note for note in line.notes)
 
 
-def test_rounded_file_is_told_apart_from_the_exact_geometry():
-    arm = arm_of("xarm7")
-    q = [0.2, 0.0, np.pi / 2, 0.9, np.pi / 2, 0.0, 0.1]
-    raw, exact = at(arm, q), at(nominal(arm).arm, q)
-    assert exact.singular
-    assert not raw.singular
-    assert raw.notes[0].startswith("singular if the rounded numbers of the file are made exact")
-    assert exact.notes == ()
-    head = str(raw).split("nearly lost")[0]
-    assert "singular but for the rounding of the file" in " ".join(head.split())
-    assert "but for" not in str(exact)
-
-
 @pytest.mark.parametrize(("name", "q", "task"), SINGULAR_Q[:6])
 def test_json_both_ways(name, q, task):
     state = at(arm_of(name, task), q)
@@ -284,19 +262,6 @@ def test_json_both_ways(name, q, task):
     assert state.to_dict()["schema"] == "pinsing/state/1"
     with pytest.raises(ResultError):
         State.from_json(state.to_json().replace("state/1", "state/99"))
-
-
-def test_text_has_units_and_degrees_only_where_asked():
-    state = at(arm_of("stanford"), [0.1, 0.7, 0.3, 0.4, 0.7, np.pi / 4])
-    text = str(state)
-    assert text == state_text(state)
-    assert " deg" not in text
-    assert "0.3 m\n" in text
-    in_degrees = state_text(state, degrees=True)
-    assert "45 deg" in in_degrees
-    assert "0.3 m\n" in in_degrees
-    assert all(len(line) <= 102 for line in text.splitlines())
-    assert "regular: rank 6" in text
 
 
 unit = st.floats(-1, 1, allow_nan=False)

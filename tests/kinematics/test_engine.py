@@ -60,22 +60,6 @@ def test_results_do_not_depend_on_threads_or_chunks():
 
 
 @needs_kernel
-def test_configurations_may_lie_anyhow_in_memory_and_stay_as_they_are():
-    arm = load("ur5")
-    Q = configurations(arm, 50)
-    expected = kinematics.singular_values(arm, Q.tolist())
-    kept = Q.copy()
-    kept.flags.writeable = False
-    unaligned = np.frombuffer(b"." + Q.tobytes(), np.uint8)[1:].view(float).reshape(Q.shape)
-    assert not unaligned.flags.aligned
-    for same in (Q, kept, unaligned, np.asfortranarray(Q), Q.astype(">f8")):
-        found = kinematics.singular_values(arm, same)
-        np.testing.assert_array_equal(found, expected)
-        assert type(found) is np.ndarray
-        np.testing.assert_array_equal(same, kept)
-
-
-@needs_kernel
 def test_a_kernel_that_differs_is_refused(monkeypatch):
     arm = load("ur5")
     honest = kernel.jacobians

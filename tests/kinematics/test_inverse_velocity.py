@@ -125,15 +125,6 @@ def test_two_lost_directions_that_change_places_make_no_jump(method: str) -> Non
     assert np.abs(np.diff(found.dq, axis=0)).max() < 0.01
 
 
-def test_what_is_lost_is_said() -> None:
-    found = pinsing.inverse_velocity(wrist(1e-7), [0, 0, 0, 0.1, 0.2, 0.3], "jparse", gamma=0.01)
-    assert (found.lost, found.damped) == (5, pytest.approx(1.0, abs=1e-9))
-    # What is missed is along the lost direction alone.
-    lost = found.directions[:, 5]
-    np.testing.assert_allclose(found.missed, lost * (lost @ found.missed), atol=1e-9)
-    assert str(pinsing.kinematics.InverseVelocity.from_json(found.to_json()).method) == "jparse"
-
-
 def test_joint_speed_limits_keep_the_direction() -> None:
     J, x = wrist(0.05), np.array([0.3, 0, 0.2, 0, 0.5, 0.1])
     free = pinsing.inverse_velocity(J, x, "pinv")
@@ -143,34 +134,6 @@ def test_joint_speed_limits_keep_the_direction() -> None:
     assert (np.abs(held.dq) / limits).max() == pytest.approx(1)
     np.testing.assert_allclose(held.dq, free.dq * held.speed_scale)
     np.testing.assert_allclose(held.achieved, held.speed_scale * x, atol=1e-12)
-
-
-def test_length_scale_and_weights() -> None:
-    J, x = wrist(0.03), rng.normal(size=6)
-    rows = np.array([1000.0] * 3 + [1] * 3)
-    one = pinsing.inverse_velocity(J, x, "dls", length_scale=0.5)
-    other = pinsing.inverse_velocity(J * rows[:, None], x * rows, "dls", length_scale=500.0)
-    np.testing.assert_allclose(one.dq, other.dq)
-    np.testing.assert_allclose(other.achieved, J @ one.dq * rows)
-    redundant = rng.normal(size=(6, 7))
-    weights = np.array([1, 2, 3, 1, 1, 0.5, 1.0])
-    found = pinsing.inverse_velocity(redundant, x, "pinv", weights=weights)
-    np.testing.assert_allclose(
-        found.dq, np.linalg.pinv(redundant / weights) @ x / weights, atol=1e-12
-    )
-
-
-def test_arrays_of_many() -> None:
-    J, x = rng.normal(size=(2, 5, 6, 7)), rng.normal(size=(5, 6))
-    for method in METHODS:
-        found = pinsing.inverse_velocity(J, x, method)
-        assert (found.dq.shape, found.directions.shape) == ((2, 5, 7), (2, 5, 6, 6))
-        assert found.damped.shape == found.lost.shape == found.speed_scale.shape == (2, 5)
-        one = pinsing.inverse_velocity(J[1, 3], x[3], method)
-        np.testing.assert_allclose(found.dq[1, 3], one.dq)
-    empty = pinsing.inverse_velocity(np.zeros((0, 6, 6)), np.zeros(6))
-    assert empty.dq.shape == (0, 6)
-    assert (pinsing.inverse_velocity(np.zeros((6, 6)), np.ones(6), "jparse").dq == 0).all()
 
 
 @pytest.mark.parametrize(

@@ -8,9 +8,8 @@ from scipy.optimize import linprog
 from tiers import tiered
 
 import pinsing
-from pinsing.errors import OptionError
 from pinsing.kinematics import frame_jacobian, tip_speeds
-from pinsing.kinematics.tip_speed import SpeedJudge, limits_of
+from pinsing.kinematics.tip_speed import SpeedJudge
 
 
 def _longest(J, c, x):
@@ -65,29 +64,3 @@ def test_at_a_singularity_some_direction_is_lost():
     assert pinsing.State.from_json(state.to_json()).tip_speeds.share == np.inf
     near = str(pinsing.at(arm, [0, -1.5, 1.5, 0, 1e-3, 0]))
     assert re.search(r"at most \d+,\d+ % of the limit", " ".join(near.split()))
-
-
-def test_what_an_arm_never_produces_does_not_count():
-    arm = pinsing.load("planar3r")
-    found = tip_speeds(arm, [0, 0.5, 1], joint_speeds=[1, 1, 1])
-    J = frame_jacobian(arm, [0, 0.5, 1])[[0, 1, 5]]
-    lengths = np.linalg.norm(np.linalg.inv(J)[:, :2], axis=1)
-    assert found.linear == pytest.approx(1 / lengths.max())
-    assert found.linear_direction[2] == 0
-
-
-def test_speed_limits_that_only_stand_in_are_none():
-    arm = pinsing.load("scara")
-    assert np.isinf(limits_of(arm)).all()
-    with pytest.raises(OptionError, match="no joint speed limits"):
-        tip_speeds(arm, [0, 1, 0, 0])
-    assert pinsing.at(arm, [0, 1, 0, 0]).tip_speeds is None
-    assert pinsing.at(arm, [0, 1, 0, 0], joint_speeds=[1, 1, 1, 1]).tip_speeds.linear > 0
-    with pytest.raises(OptionError, match="needs 4 positive numbers"):
-        tip_speeds(arm, [0, 1, 0, 0], joint_speeds=[1, 1])
-
-
-@pytest.mark.filterwarnings("error")
-def test_a_joint_without_a_speed_limit_is_no_warning():
-    found = tip_speeds(pinsing.load("ur5"), [0, -1, 1, 1, 0, 0], joint_speeds=[1] * 5 + [np.inf])
-    assert found.linear == 0

@@ -16,7 +16,7 @@ import pinsing
 from pinsing._batch import engine
 from pinsing.cli.app import command as app
 from pinsing.errors import OptionError
-from pinsing.kinematics.batch import PINOCCHIO, tip_rotations, turn_left
+from pinsing.kinematics.batch import PINOCCHIO, tip_rotations
 from pinsing.kinematics.jacobian import own_jacobians_and_derivatives, tip_placement
 from pinsing.proof.checker import Rejected, verify
 from pinsing.robot.task import parse_task
@@ -67,29 +67,6 @@ def test_a_task_has_one_name(given, name, rows, at_tip):
     task = parse_task(given)
     assert (task.name, task.rows, task.at_tip) == (name, rows, at_tip)
     assert parse_task(task.name) == task == parse_task(task.row_names)
-
-
-@pytest.mark.parametrize("bad", ["vx@tool", "vx,vx@tip", "tool-axis-w", "@tip", "", "vx@tip,"])
-def test_what_is_no_task_is_refused_in_one_line(bad):
-    with pytest.raises(OptionError) as refused:
-        parse_task(bad)
-    assert "\n" not in str(refused.value)
-
-
-def test_the_free_axis_is_chosen_by_name():
-    assert parse_task("tool-axis", "x").name == "tool-axis-x"
-    assert pinsing.load("ur5", task="tool-axis", tool_axis="y").task.name == "tool-axis-y"
-    assert pinsing.load("ur5").with_task("tool-axis", tool_axis="x").task.tool_axis == 0
-    with pytest.raises(OptionError, match="for task tool-axis"):
-        pinsing.load("ur5", tool_axis="x")
-    with pytest.raises(OptionError, match="use x, y or z"):
-        pinsing.load("ur5", task="tool-axis", tool_axis="w")
-    task = parse_task("tool-axis")
-    R = np.array([np.eye(3), np.eye(3), pin.exp3(np.array([0.0, 0.3, 0.0]))])
-    for goal in (np.diag([1.0, -1.0, -1.0]), np.eye(3)):
-        turns = turn_left(task, R, goal)
-        ends = np.array([pin.exp3(t) @ r for t, r in zip(turns, R, strict=True)])
-        np.testing.assert_allclose(ends[:, :, 2], [goal[:, 2]] * 3, atol=1e-12)
 
 
 @pytest.mark.parametrize("name", ["ur5", "stanford", "odd"])
@@ -187,18 +164,6 @@ def test_rows_of_both_axes_have_no_certificate_and_say_so(rng):
     assert found.word != "proven"
     assert not found.proof.accepted
     assert "all in the tip's" in found.proof.reason
-
-
-def test_what_is_lost_is_a_wrench_without_torque(ur5, form, rng):
-    for family in form.families:
-        state = pinsing.at(ur5, family.sample(1, rng)[0])
-        assert state.status == "singular"
-        assert state.lost
-        axis = state.tip_rotation[:, 2]
-        for motion in state.lost:
-            np.testing.assert_allclose(state.J.T @ motion.wrench, 0, atol=1e-8)
-            assert abs(motion.wrench[3:] @ axis) < 1e-9  # the free turn is no loss
-        assert "rows" in str(state) or "tool's own z axis" in str(state) or "axes" in str(state)
 
 
 @needs_node

@@ -9,7 +9,7 @@ from tiers import tiered
 
 mpl.use("Agg")
 
-from pinsing import at, plot
+from pinsing import at
 from pinsing.configuration.refine import describe
 from pinsing.kinematics import generic_rank
 from pinsing.kinematics.batch import PINOCCHIO, own_scale
@@ -87,20 +87,8 @@ def test_all_that_judge_agree(make, length_scale: float) -> None:
         assert bool(state.dependences) or not state.singular
 
 
-@pytest.mark.parametrize("task", ["position", "vx"])
-def test_a_plot_marks_what_at_calls_singular(task: str) -> None:
-    arm = planar3r(task).with_task(length_scale=3e8)
-    Q = questions(arm)
-    expected = [at(arm, q).status for q in Q]
-    axes = plot.sigma_along(arm, Q, times=np.arange(float(len(Q))))
-    marked = next((x for x in axes.get_lines() if x.get_label() == "singular"), None)
-    found = [] if marked is None else marked.get_xdata()
-    assert list(found) == [i for i, s in enumerate(expected) if s == "singular"]
-    mpl.pyplot.close("all")
-
-
 @pytest.mark.parametrize("length_scale", tiered([1e-10, 3e8], {3e8}))
-@pytest.mark.parametrize("make", CASES[:2] + CASES[4:7] + CASES[-2:])
+@pytest.mark.parametrize("make", [CASES[1], CASES[4], CASES[-1]])
 def test_maps_and_sweeps_count_what_at_says(make, length_scale: float) -> None:
     arm = make().with_task(length_scale=length_scale)
     plan = plan_map(arm, "grid", steps=3, joints=arm.joints[-3:], ignore_limits=True)
@@ -158,30 +146,6 @@ def test_the_unit_of_the_file_changes_no_verdict(name: str, power: int) -> None:
     there = Q * np.where(plain.prismatic, 10.0**power, 1.0)
     np.testing.assert_allclose(ratios(other, there), ratios(plain, Q), rtol=1e-6, atol=1e-14)
     assert generic_rank(other) == generic_rank(plain)
-
-
-def test_the_scale_of_ordinary_arms_is_the_metre_so_one_decomposition_does() -> None:
-    for arm in (arms.ur5(), arms.textbook("stanford"), arms.textbook("irb1400")):
-        assert (own_scale(arm).length, own_scale(arm).of_sigma) == (1.0, 1.0)
-        assert not any("own length" in note for note in at(arm, np.zeros(arm.n)).notes)
-    small = arms.textbook("surgical7")
-    assert own_scale(small).length == 0.1
-    assert own_scale(small).of_sigma is None
-    assert any("own length of 0.1 m" in note for note in at(small, np.full(7, 0.1)).notes)
-
-
-def test_an_axis_through_the_tip_gives_no_length() -> None:
-    """Three axes that meet in the tip, as a file with rounding places them: any length will do."""
-    model, parent = pin.Model(), 0
-    for i, kind in enumerate((pin.JointModelRZ(), pin.JointModelRY(), pin.JointModelRZ())):
-        place = pin.SE3(np.eye(3), np.array([0, 0, 0.5 if i == 0 else 1e-17]))
-        big = np.full(1, 3.0)
-        parent = model.addJoint(parent, kind, place, f"q{i + 1}", big, big, -big, big)
-    model.addFrame(pin.Frame("tip", parent, 0, pin.SE3.Identity(), pin.FrameType.OP_FRAME))
-    wrist = load(model, tip="tip", task="orientation")
-    assert own_scale(wrist).length == 1.0
-    assert at(wrist, [0.3, 0.0, 0.4]).singular
-    assert not at(wrist, [0.3, 0.5, 0.4]).singular
 
 
 def test_a_task_that_can_vanish_is_singular_there_for_all():

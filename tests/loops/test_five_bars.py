@@ -14,9 +14,8 @@ from tiers import tiered_rows
 from urdf_text import J, X, frame, loop_text, written
 
 import pinsing
-from pinsing.loops import home, mechanism_at, pose_forms
+from pinsing.loops import mechanism_at, pose_forms
 from pinsing.loops.pose_loci import variables_at
-from pinsing.loops.pose_slice import pose_slice
 
 PLANES = {
     "level": ((0.0, 0.0, 0.0), "vx, vy"),
@@ -227,17 +226,3 @@ def test_a_double_solution_is_one_mode(tmp_path: Path) -> None:
     assert found.complete
     near = pinsing.loops.assembly_modes(mechanism, [0.0, far - 1e-6])  # two of them, 0.8 mm apart
     assert len(near.modes) == 2
-
-
-@pytest.mark.slow
-def test_a_slice_holds_all_that_the_rods_reach(tmp_path: Path) -> None:
-    """Joints that are close to each other at home do not make a robot small."""
-    mechanism = two_slides(tmp_path, (-1, 1))
-    found = pose_slice(mechanism, ("x", "y"), [home(mechanism)], samples=41)
-    assert found.y[0] < -0.3 < 0.5 < found.y[-1]  # |y| <= 0.5 and |y - 0.3| <= 0.6
-    y = found.y[found.inside[0].any(axis=1)]
-    assert y.min() < -0.25
-    assert y.max() > 0.45
-    x = found.x[found.inside[0].any(axis=0)]
-    assert x.min() < -0.3
-    assert x.max() > 1.3

@@ -97,19 +97,6 @@ def test_working_modes_of_three_legs_on_hinges(seed, tmp_path):
 
 
 @pytest.mark.slow
-def test_level_modes_of_a_delta_are_counted():
-    mechanism = shipped("delta").without_limits()
-    direct = pinsing.loops.assembly_modes(mechanism, starts=60)
-    assert "2 with the output not turned: all there are, by three spheres" in direct.statement
-    inverse = pinsing.loops.working_modes(mechanism, [0.05, -0.02, -0.5], starts=60)
-    words = "8 with the output not turned: all there are, by the two solutions of each crank"
-    assert words in inverse.statement
-    level = [m for m in inverse.modes if abs(m.pose.quaternion[0]) > 1 - 1e-9]
-    assert len(level) == 8
-    assert not inverse.complete
-
-
-@pytest.mark.slow
 def test_elbows_of_cranks_with_rods_that_leave_their_plane():
     """Each of the 64 working modes has a name of its own: the sign of crank, rod and axis."""
     mechanism = shipped("rus6").without_limits()

@@ -82,14 +82,6 @@ def test_map_refuses_what_has_none():
         input_map(shipped("five_bar"), "left")
 
 
-@pytest.mark.slow
-def test_analyze_prints_json_and_tells_by_its_exit_code(capsys):
-    assert analyze_loops(LOOPS, **FIVE_BAR) == 0
-    assert "type 2: B1, P, B2 in line" in capsys.readouterr().out
-    assert analyze_loops(LOOPS, json_target="-", fail_if_singular=True, **FIVE_BAR) == 1
-    assert '"schema": "pinsing/mechanism-analysis/2"' in capsys.readouterr().out
-
-
 @pytest.mark.parametrize("kind", tiered(["map", "curves", "ellipsoids"], {"ellipsoids"}))
 def test_plots_are_written(kind, tmp_path):
     out = tmp_path / f"{kind}.png"

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from chromium import BLUE, HOT, PINK, near, open_page, picture, require_browser, show_only, text
+from chromium import open_page, picture, require_browser, text
 from mechanisms import analyzed, shipped
 
 from pinsing.loops import home, residual
@@ -248,27 +248,6 @@ def test_modes_are_chosen_from_the_menu(page: Any, five_bar: MechanismViewer) ->
     )
     np.testing.assert_allclose(page.evaluate("() => window.pinsing.view.frame.tip"), tip, atol=1e-4)
     assert np.abs(shown(page) - after)[[0, 2]].max() > 0.1
-
-
-@pytest.mark.slow
-def test_the_ellipse_and_what_is_lost_or_not_held_are_seen(
-    page: Any, five_bar: MechanismViewer
-) -> None:
-    open_at_home(page, five_bar)
-    show_only(page, "translation", "lost")
-    assert near(picture(page), BLUE) > 1000
-    assert near(picture(page), PINK) == 0
-    five_bar.show_group("L3")  # type 1
-    page.wait_for_function("() => window.pinsing.view.frame.kind === 'type 1'")
-    assert 30 < near(picture(page), BLUE) < 1000
-    assert near(picture(page), PINK) > 100
-    assert text(page, "#label-lost") == "lost"
-    five_bar.show_group("L1")  # type 2
-    page.wait_for_function("() => window.pinsing.view.frame.kind === 'type 2'")
-    pixels = picture(page)
-    assert near(pixels, BLUE) == near(pixels, PINK) == 0
-    assert near(pixels, HOT) > 100
-    assert text(page, "#label-lost") == "not held"
 
 
 @pytest.mark.slow

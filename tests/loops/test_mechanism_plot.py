@@ -23,7 +23,6 @@ from pinsing.plot.mechanism import (
     MINUS,
     PLUS,
     TYPE_1,
-    _modes,
     draw_linkage,
     input_map,
     is_left,
@@ -72,20 +71,6 @@ def test_each_pose_of_a_slice_is_closed_and_has_its_coordinates(name: str) -> No
         outside = mechanism.space.outside(q).any()
         assert found.inside[0, j, i] == (not outside)
         assert (found.margin[0, j, i] >= -1e-9) == (not outside)
-
-
-@pytest.mark.slow
-def test_a_mode_that_is_singular_at_every_pose_of_a_slice_says_so() -> None:
-    """Rods of a hexaglide whose elbows are alike are parallel in pairs while it does not turn."""
-    mechanism = shipped("hexaglide")
-    modes = _modes(mechanism, ("x", "y"), None)[:4]
-    found = pose_slice(mechanism, ("x", "y"), [x for _, x in modes], samples=21)
-    drawn = panels(mechanism, found, [title for title, _ in modes])
-    assert {p.everywhere for p in drawn} == {True, False}
-    for k, panel in enumerate(drawn):
-        for q in found.q[k][found.inside[k]][::15]:
-            state = mechanism_at(mechanism, q)
-            assert panel.everywhere == (state.input_ratio <= 1e-9)
 
 
 @pytest.mark.slow
@@ -138,17 +123,6 @@ def test_an_aspect_has_one_sign_of_type_2_and_the_lines_are_singular() -> None:
         at = output_pose(mechanism, point.q).translation[:2]
         away = np.linalg.norm(at - [found.x[i], found.y[j]])
         assert away < 2 * np.hypot(found.x[1] - found.x[0], found.y[1] - found.y[0])
-
-
-@pytest.mark.slow
-def test_a_leg_is_not_pushed_through_its_own_foot() -> None:
-    """Beyond length zero Newton goes on with a negative one: that is another mode."""
-    mechanism = shipped("planar_3rpr")
-    found = pose_slice(mechanism, ("x", "y"), [home(mechanism)], samples=61)
-    slides = list(mechanism.actuated)
-    there = np.isfinite(found.q[0]).all(axis=-1)
-    assert (found.q[0][there][:, slides] > 0).all()
-    assert there[1:-1, 1:-1].mean() > 0.98
 
 
 def test_what_cannot_be_sliced_is_said() -> None:

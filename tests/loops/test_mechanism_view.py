@@ -57,20 +57,6 @@ def test_points_are_listed_by_locus_and_none_is_forgotten() -> None:
         assert all(group.text.startswith(p.kind) for p in group.points)
 
 
-@pytest.mark.slow
-def test_points_are_listed_by_the_leg_that_is_in_line_and_by_the_lines_of_all() -> None:
-    mechanism = shipped("planar_3rrr")
-    listed = groups(mechanism, analyzed("planar_3rrr"))
-    assert [g.text for g in listed] == [
-        "type 1: the leg of a1 in line",
-        "type 1: the leg of a2 in line",
-        "type 1: the leg of a3 in line",
-        "type 2: the lines of legs 1, 2 and 3 meet in one point or are parallel",
-    ]
-    away = [np.linalg.norm(mechanism.fold(p.q - home(mechanism))) for p in listed[3].points]
-    assert away == sorted(away)
-
-
 # Stage, scene, viewer ---------------------------------------------------------------
 
 

@@ -146,18 +146,6 @@ def test_a_planar_platform_is_the_same_however_it_is_written(way, tmp_path, rng)
     assert found
 
 
-@pytest.mark.slow
-def test_the_analysis_of_actuated_elbows_agrees_with_itself(tmp_path):
-    found = pinsing.loops.analyze_mechanism(planar(tmp_path, Way("rrr", driven="b")))
-    assert all(check.passed for check in found.checks)
-    words = [x.words for x in found.pose_forms.loci if x.kind == "type 1"]
-    assert words == [
-        f"leg {k} is {shape} at its actuated elbow b{k - 1}"
-        for k in (1, 2, 3)
-        for shape in ("stretched", "folded")
-    ]
-
-
 @pytest.mark.parametrize("seed", tiered(range(7), (6,)))
 def test_random_stewart_platforms_are_singular_where_their_lines_are_dependent(seed, tmp_path):
     """Level ones and others; some of the legs written from the platform."""

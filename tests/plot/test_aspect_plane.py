@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 from command_line import run
-from matplotlib.colors import to_hex
 from tiers import tiered_rows
 
 import pinsing
@@ -37,39 +36,6 @@ def test_the_legend_has_numbers_and_names():
     said = [t.get_text() for t in axes.get_legend().get_texts()]
     assert len(said) == 6
     assert all("shoulder" in s for s in said)
-
-
-def colours_and_lines(axes):
-    legend = axes.get_legend()
-    shades = [to_hex(handle.get_color()) for handle in legend.legend_handles]
-    return shades, [t.get_text() for t in legend.get_texts()]
-
-
-@pytest.mark.slow
-def test_each_colour_has_a_name_and_the_legend_is_clear_of_the_label():
-    arm = pinsing.load("ur5")
-    form = pinsing.closed_form(arm)
-    axes = plot.aspect_plane(arm, "elbow_joint", "wrist_2_joint", forms=form, samples=61)
-    shades, said = colours_and_lines(axes)
-    assert len(said) == len(set(said)) == len(set(shades)) == 16
-    figure = axes.figure
-    figure.draw_without_rendering()
-    label = axes.xaxis.label.get_window_extent()
-    legend = axes.get_legend().get_window_extent()
-    assert label.y0 > legend.y1
-    assert legend.y0 >= 0
-    assert axes.get_window_extent().height > 1.5 * figure.dpi
-
-
-@pytest.mark.slow
-def test_of_many_aspects_the_largest_are_named_and_the_others_are_one_colour():
-    arm = pinsing.load("solo12", tip="FL_FOOT", task="position")
-    axes = plot.aspect_plane(arm, "FL_HFE", "FL_KFE", samples=121)
-    shades, said = colours_and_lines(axes)
-    drawn = axes.collections[0].get_array()
-    assert len(said) == len(set(shades)) == 21
-    assert said[-1] == "and 44 more"
-    assert set(np.unique(drawn.compressed()).tolist()) == set(range(21))
 
 
 def test_bad_input(tmp_path):

@@ -109,19 +109,6 @@ def test_the_section_is_the_arm(tmp_path):
     assert np.ptp(np.abs(shares)) < 1e-9 * np.abs(shares[0])
 
 
-@pytest.mark.slow
-def test_the_picture_and_its_command(tmp_path):
-    arm = orthogonal(tmp_path, 1, 2, 1.5, 1)
-    axes = plot.inverse_count(arm, samples=60)
-    said = {t.get_text() for t in axes.get_legend().get_texts()}
-    assert said == {"2 solutions", "4 solutions", "4 cusps"}
-    out = tmp_path / "a.png"
-    words = ["plot", "solutions", str(tmp_path / "arm.dh.yaml"), "--task", "position"]
-    done = run(*words, "--ignore-limits", "-o", str(out))
-    assert done.exit_code == 0, done.output
-    assert out.stat().st_size > 5000
-
-
 @pytest.mark.parametrize("name", ["ur5", "planar3r", "scara"])
 def test_other_arms_are_refused(name, tmp_path):
     with pytest.raises(OptionError):

@@ -23,7 +23,7 @@ from tiers import tiered_rows
 import pinsing
 from pinsing import plot
 from pinsing.configuration.at import at
-from pinsing.errors import ConfigurationError, OptionError, OutputError, UnknownNameError
+from pinsing.errors import ConfigurationError, OptionError, UnknownNameError
 from pinsing.families import closed_form
 from pinsing.kinematics.jacobian import frame_jacobian, singular_values
 from pinsing.plot.style import pi_text, pi_ticks
@@ -63,24 +63,6 @@ def test_curves_carry_the_data_of_the_sweep(stanford_sweep: SweepResult) -> None
     assert ax.figure.get_size_inches()[0] == pytest.approx(3.5)
 
 
-def test_a_slider_has_an_axis_of_its_own_in_metres(stanford_sweep: SweepResult) -> None:
-    ax = plot.sigma_curves(stanford_sweep)
-    (top,) = (other for other in ax.figure.axes if other is not ax)
-    assert top.get_xlabel() == "joint position [m]"
-    assert top.get_xlim() == pytest.approx((-0.5, 0.5))
-    assert any("d_{3}" in text for text in labels(ax))
-    alone = plot.sigma_curves(stanford_sweep, moving=["d3"])
-    assert alone.get_xlabel() == "joint position [m]"
-    assert len(alone.figure.axes) == 1
-
-
-def test_singular_points_are_marked(stanford_sweep: SweepResult) -> None:
-    ax = plot.sigma_curves(stanford_sweep, moving=["q5"])
-    (mark,) = (line for line in ax.get_lines() if line.get_marker() == "o")
-    np.testing.assert_allclose(np.asarray(mark.get_xdata()), [-np.pi, 0, np.pi], atol=1e-8)
-    np.testing.assert_array_equal(np.asarray(mark.get_ydata()), 0)
-
-
 def test_singular_points_that_need_other_joints_are_not_marked() -> None:
     """sin q6 = -1/5 of the surgical arm is singular at q5 = ±90° only, off these curves."""
     arm = textbook("surgical7")
@@ -89,24 +71,6 @@ def test_singular_points_that_need_other_joints_are_not_marked() -> None:
     marks = [line for line in ax.get_lines() if line.get_marker() == "o" and len(line.get_xdata())]
     x = np.concatenate([np.asarray(line.get_xdata()) for line in marks])
     np.testing.assert_allclose(np.unique(np.round(x, 6)), [-3.141593, 0, 3.141593], atol=1e-6)
-
-
-def test_curves_with_a_joint_held(stanford_sweep: SweepResult) -> None:
-    ax = plot.sigma_curves(stanford_sweep, fixed={"q4": 0.0})
-    assert "$q_{4}$ = 0" in ax.get_title()
-    assert len([t for t in labels(ax) if "q_" in t or "d_" in t]) >= 2
-    with pytest.raises(UnknownNameError):
-        plot.sigma_curves(stanford_sweep, moving=["q9"])
-    with pytest.raises(OptionError):
-        plot.sigma_curves(stanford_sweep, fixed={"q4": 0.123})
-
-
-def test_curves_go_where_they_are_told(stanford_sweep: SweepResult) -> None:
-    _, (left, right) = plt.subplots(1, 2)
-    assert plot.sigma_curves(stanford_sweep, right, moving=["q5"]) is right
-    assert right.get_lines()
-    assert not left.get_lines()
-    assert len(plt.get_fignums()) == 1
 
 
 def test_every_true_zero_is_marked_with_the_arm_alone() -> None:
@@ -133,14 +97,6 @@ def test_every_true_zero_is_marked_with_the_arm_alone() -> None:
 
 
 # Map --------------------------------------------------------------------------------
-
-
-def test_long_conditions_have_short_labels() -> None:
-    arm = ur5()
-    ax = plot.sigma_plane(arm, arm.joints[1], arm.joints[2], samples=21)
-    assert "F3 (shoulder), of $q_{2}$, $q_{3}$, $q_{4}$" in labels(ax)
-    assert max(map(len, labels(ax))) < 50  # braces and dollar signs among them
-    assert is_outside(ax)
 
 
 def contours(ax: Axes) -> np.ndarray:
@@ -206,24 +162,6 @@ def test_a_family_of_two_values_is_a_set_of_points() -> None:
         probe = q.copy()
         probe[[1, 5]] = point
         assert singular_values(arm, probe[None])[0, -1] < 1e-9
-
-
-def test_what_does_not_meet_the_plane_is_not_drawn() -> None:
-    arm = textbook("iiwa14")
-    q = np.array([0.3, 0.5, 0.4, 1.0, 0.6, 0.7, 0.2])
-    ax = plot.sigma_plane(arm, "q1", "q7", q=q, samples=11)
-    assert labels(ax) == []
-    assert not ax.get_lines()
-
-
-def test_a_map_refuses_what_makes_no_sense() -> None:
-    arm = textbook("stanford")
-    with pytest.raises(UnknownNameError, match="q7"):
-        plot.sigma_plane(arm, "q1", "q7")
-    with pytest.raises(OptionError, match="different"):
-        plot.sigma_plane(arm, "q1", "q1")
-    with pytest.raises(ConfigurationError):
-        plot.sigma_plane(arm, "q1", "q2", q=[0, 1])
 
 
 # Ellipsoids -------------------------------------------------------------------------
@@ -311,14 +249,6 @@ def test_an_ellipsoid_has_the_radii_of_the_state(monkeypatch: pytest.MonkeyPatch
     np.testing.assert_allclose(np.einsum("ni,ij,nj->n", drawn[0], inverse, drawn[0]), 1.0)
 
 
-def test_metres_and_radians_a_second_never_share_an_axis() -> None:
-    state = at(textbook("puma560"), [0.3, 0.4, 0.5, 0.6, 0.7, 0.8])
-    both = plot.ellipsoids(state).figure.axes
-    assert [ax.get_xlabel() for ax in both] == ["$v_x$ [m/s]", r"$\omega_x$ [rad/s]"]
-    with pytest.raises(OptionError, match="m/s and rad/s"):
-        plot.ellipsoids(state, plt.figure().add_subplot(projection="3d"))
-
-
 def test_the_arm_stands_in_the_picture_with_what_is_lost() -> None:
     arm = textbook("stanford")
     state = at(arm, [0.2, 1.0, 0.3, 0.4, 0.0, 0.6])
@@ -354,14 +284,6 @@ def test_a_flat_ellipsoid_is_a_plate_with_its_lost_direction() -> None:
     along = (ends[:, 1] - ends[:, 0]) / np.linalg.norm(ends[:, 1] - ends[:, 0])
     assert abs(along @ [np.sin(0.5), 0, np.cos(0.5)]) == pytest.approx(1)  # it gets no longer
     assert "translational: lost direction" in labels(ax)
-
-
-def test_ellipsoids_refuse_what_they_cannot_draw() -> None:
-    state = at(textbook("scara"), [0, 1, 0.1, 0])
-    with pytest.raises(OptionError, match="kind"):
-        plot.ellipsoids(state, kind="angular")
-    with pytest.raises(OptionError, match="3d"):
-        plot.ellipsoids(state, plt.figure().add_subplot())
 
 
 # Along ------------------------------------------------------------------------------
@@ -428,14 +350,6 @@ def test_a_slice_holds_the_best_of_each_place() -> None:
         plot.workspace(arm, [ax], samples=500)
 
 
-def test_a_way_must_be_one() -> None:
-    arm = ur5()
-    with pytest.raises(ConfigurationError, match="two"):
-        plot.sigma_along(arm, np.zeros(6))
-    with pytest.raises(ConfigurationError, match="times"):
-        plot.sigma_along(arm, np.zeros((3, 6)), times=[0, 2, 1])
-
-
 # Ticks, and the command -------------------------------------------------------------
 
 
@@ -480,27 +394,6 @@ def test_the_command_writes_figures(tmp_path: Path, words: str, suffix: str) -> 
     assert first.read_bytes().startswith(heads[suffix])
     assert first.stat().st_size > 3000
     assert first.read_bytes() == second.read_bytes()
-
-
-@pytest.mark.slow
-def test_a_figure_is_closed_whether_or_not_it_could_be_written(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Else matplotlib warns of the twenty-first on stderr."""
-    from pinsing.cli.check import check_command
-
-    plt.close("all")
-    (tmp_path / "path.csv").write_text("0,0.5,0.7\n0.2,0.6,0.9\n")
-    words = ["planar3r", str(tmp_path / "path.csv"), "-o", str(tmp_path / "a.png")]
-    assert CliRunner().invoke(check_command, words).exit_code == 0
-    assert not plt.get_fignums()
-
-    def full(*_: object) -> None:
-        raise OutputError("no space")
-
-    monkeypatch.setattr("pinsing.cli.output.write_bytes", full)
-    assert isinstance(CliRunner().invoke(check_command, words).exception, OutputError)
-    assert not plt.get_fignums()
 
 
 @pytest.mark.slow

@@ -97,22 +97,11 @@ class TestNames:
     def names(self, name, q):
         return posture_names(pinsing.robot.nominal(pinsing.load(name)), np.array([q]))[0]
 
-    def test_a_usual_posture_of_ur5(self):
-        # The elbow above the line from shoulder to wrist, as in its drawings; then mirrored.
-        up = self.names("ur5", np.radians([0, -70, 75, -90, -80, 0]))
-        assert "elbow up" in up
-        down = self.names("ur5", np.radians([0, -10, -75, -5, -80, 0]))
-        assert "elbow down" in down
-        assert "wrist flip" in up
-        assert "wrist no-flip" in self.names("ur5", np.radians([0, -70, 75, -90, 80, 0]))
-
     @pytest.mark.parametrize(
         ("name", "q"),
         [
-            ("rs007n", (0, 20, -80, 0, -80, 0)), ("vs060", (0, 20, 70, 0, 80, 0)),
-            ("rv7frl", (0, 20, 90, 0, 70, 0)), ("a0509", (0, 20, 90, 0, 70, 0)),
+            ("rs007n", (0, 20, -80, 0, -80, 0)), ("a0509", (0, 20, 90, 0, 70, 0)),
             ("z1", (0, 90, -90, 0, 30, 0)), ("uf850", (0, -20, -90, 0, 70, 0)),
-            ("meca500", (0, 20, 0, 0, 70, 0)), ("irb120", (0, 20, 20, 0, 50, 0)),
         ],
     )  # fmt: skip
     def test_an_arm_at_work_has_its_shoulder_in_front(self, name, q):
@@ -177,7 +166,3 @@ class TestNames:
         down = [0, -0.2, -0.3, 0, -np.pi / 2, 0]
         (said,) = posture_names(geometry, np.array([down]))
         assert said == ("shoulder front", "elbow up", "wrist no-flip")
-
-    def test_none_where_the_field_has_none(self):
-        geometry = pinsing.robot.nominal(pinsing.load("so101"))
-        assert posture_names(geometry, np.zeros((2, 5))) == [(), ()]

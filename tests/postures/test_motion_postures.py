@@ -121,38 +121,8 @@ def test_a_line_that_needs_another_posture():
     assert len({p.names for p in others}) == 7
 
 
-@pytest.mark.slow
-def test_line_lists_them():
-    arguments = ["line", "ur5", f"--q={','.join(map(str, START))}"]
-    arguments += [f"--to={','.join(map(str, GOAL))}"]
-    done = run(*arguments)
-    assert (done.exit_code, done.output.count("away from every family")) == (0, 4)
-
-
 def leaves(arm, q):
     return bool(((q < arm.lower - 1e-9) | (q > arm.upper + 1e-9)).any())
-
-
-# PUMA follows this line with q4 and q6 beyond their limits; one other posture stays within.
-BEYOND = [0.7649, 0.4859, -3.7339, -1.8391, 1.0935, 3.8325], [0.658, 0.347, 0.27]
-
-
-@pytest.mark.slow
-def test_a_line_that_leaves_the_limits_has_postures_too(puma):
-    arm, form = puma
-    (q0, goal) = BEYOND
-    line = pinsing.check_line(arm, q0, goal, forms=form)
-    assert line.outcome == "reached"
-    assert leaves(arm, line.q)
-    good = [p for p in pinsing.postures.line_postures(arm, q0, goal, forms=form) if p.within_limits]
-    (best,) = [p for p in good if p.outcome == "reached"]
-    other = pinsing.check_line(arm, best.q, goal, forms=form)
-    assert other.outcome == "reached"
-    assert not leaves(arm, other.q)
-    arguments = ["line", "puma560", f"--q={','.join(map(str, q0))}"]
-    done = run(*arguments, f"--to={','.join(map(str, goal))}")
-    assert "Outside: q4 leaves its limits, " in done.output
-    assert done.output.count("away from every family") == 1
 
 
 def test_the_same_posture_whole_turns_away_would_do():

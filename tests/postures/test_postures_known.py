@@ -8,7 +8,6 @@ import pytest
 from dh_arms import arm_of, aspects_of, form_of
 
 import pinsing
-from pinsing.kinematics.jacobian import tip_placement
 from pinsing.kinematics.verdict import ratios
 from pinsing.postures.newton import columns, regular_way
 
@@ -129,11 +128,6 @@ class TestFamiliesThatLack:
         assert ": 0 reached without" in found.text()
         assert "a family that is missing may cut more" in found.text()
 
-    @pytest.mark.slow
-    def test_and_the_arm_is_not_called_cuspidal(self):
-        found = pinsing.cuspidality(arm_of("puma560"), forms=lacking("puma560", *EVERY), poses=2)
-        assert found.answer == "not cuspidal"
-
 
 def test_what_an_answer_rests_on_is_of_that_answer():
     form, of = replace(form_of("ur5"), proof=None), aspects_of("ur5")
@@ -155,11 +149,3 @@ class TestJointsThatAreHeld:
         assert not found.doubt
         (said,) = [n for n in found.notes if "held" in n]
         assert "wrist_3_joint" in said
-
-    def test_solutions_on_a_curve_are_examples(self):
-        arm = pinsing.load("ur5", task="position")
-        q = np.array([0.3, -1.0, 1.2, 0.4, 0.9, 0.2])
-        fixed = {arm.joints[j]: float(q[j]) for j in (2, 3, 4)}
-        found = pinsing.inverse(arm, tip_placement(arm, q).homogeneous, fixed=fixed, near=q)
-        assert not any(s.regular for s in found)
-        assert "infinitely many" in found.doubt

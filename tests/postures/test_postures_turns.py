@@ -142,13 +142,6 @@ def test_what_was_not_looked_at_is_not_proven(wide, monkeypatch):
     assert replace(other, copies_undecided=0).answer == "different"
 
 
-def test_without_limits_there_are_no_copies(wide):
-    arm, form, _ = wide
-    found = pinsing.posture_changes(arm, START, forms=form, limits=False)
-    assert {other.copies for other in found.others} == {1}
-    assert "copies" not in found.text()
-
-
 def test_a_way_from_what_is_singular_is_not_looked_for():
     form = pinsing.closed_form(pinsing.load("scara"))
     at, fine = [0.1, 0.0, 0.1, 0.2], [0.1, 1.0, 0.1, 0.2]

@@ -13,7 +13,7 @@ from pinsing.algebra.budget import Budget
 from pinsing.algebra.equation import Equation
 from pinsing.algebra.trig_sum import TrigSum
 from pinsing.postures.boxes import Ground, growing, on_boxes, sum_of
-from pinsing.postures.joint_map import Sectioned, across, cuts_of, section, sections, subdivide
+from pinsing.postures.joint_map import Sectioned, across, sections, subdivide
 from pinsing.postures.partition import Arc, Part, Surface
 
 
@@ -104,29 +104,6 @@ def test_a_component_has_points_of_its_sign_and_ways_between_them():
             assert np.array_equal(way[0], a)
             assert np.allclose(way[-1], b)
             assert ((low - 1e-9 <= way) & (way <= high + 1e-9)).all()
-
-
-def test_sections_are_nearer_than_half_a_turn_and_hold_the_equation():
-    for width in (0.1, 2.4, math.pi, 6.283, 12.6, 40.0):
-        cuts = cuts_of(Arc(0, -1.0, width - 1.0))
-        assert (cuts[0], cuts[-1]) == (-1.0, width - 1.0)
-        assert (np.diff(cuts) > 0).all()
-        assert np.diff(cuts).max() < 3.0
-    part, _ = random_part(np.random.default_rng(1), 3, -np.ones(3), np.ones(3))
-    terms = sum_of(part.surfaces[0].equation, part.joints)
-    x = np.random.default_rng(2).uniform(-3, 3, (50, 2))
-    whole = terms(np.insert(x, 0, 0.7, axis=1))
-    assert np.allclose(section(terms, 0, 0.7)(x), whole, atol=1e-12)
-
-
-def test_no_hub_where_a_joint_is_not_in_every_term():
-    e = Equation(
-        ("q1", "q2"), np.array([[2, 0], [0, 2]]), np.zeros((2, 2), dtype=np.int64),
-        np.ones(2), np.zeros(2), np.zeros(2),
-    )  # fmt: skip
-    arcs = (Arc(0, -1.0, 1.0), Arc(1, -1.0, 1.0))
-    part = Part((0, 1), tuple((a,) for a in arcs), (Surface("F1", e, True),))
-    assert across(part, arcs) is None
 
 
 def test_a_saddle_on_a_limit_has_no_largest_value_and_a_hill_has_one():

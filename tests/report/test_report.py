@@ -22,7 +22,6 @@ from pinsing.errors import ConfigurationError, OptionError, OutputError
 from pinsing.proof.checker import verify
 from pinsing.proximity.trajectory import summary
 from pinsing.report.arm_report import arm_report, write_report
-from pinsing.report.document import data_block, table
 
 URDF = Path(__file__).parents[2] / "urdf"
 _VOID = {"meta", "link", "img", "br", "input", "hr"}
@@ -225,21 +224,6 @@ def test_hostile_names_are_shown_not_obeyed(tmp_path: Path) -> None:
     assert HOSTILE in inside(html)["robot"]["arm"]["joints"]
 
 
-def test_the_pieces_escape() -> None:
-    assert "<b>" not in table("<b>", ("<b>",), [])
-    assert json.loads(re.findall(r">(.*)<", data_block("x", {"a": "</script><!--"}))[0]) == {
-        "a": "</script><!--"
-    }
-    assert data_block("x", "</script>").count("</script>") == 1
-
-
-def test_on_paper_only_long_tables_go_over_pages() -> None:
-    short = table("Few", ("a", "b"), [("1", "2")] * 12)
-    assert 'class="wide short"' in short
-    assert short.count("<tr>") == 13
-    assert 'class="wide"' in table("Many", ("a", "b"), (("1", "2") for _ in range(13)))
-
-
 @pytest.mark.usefixtures("undrawn")
 def test_an_arm_without_singularities(tmp_path: Path) -> None:
     file = tmp_path / "a.html"
@@ -294,17 +278,6 @@ def test_a_mechanism(tmp_path: Path) -> None:
     assert names == ["home", "zero", "far", "asked"]  # joints without limits have no middle
 
 
-@pytest.mark.slow
-def test_a_platform_whose_limits_exclude_zero(tmp_path: Path) -> None:
-    file = tmp_path / "platform.html"
-    write_report(pinsing.load_mechanism("gough_stewart"), file, page="none")
-    page = Outline(file.read_text())
-    assert "outside the limits" in page.text
-    assert "the six leg lines belong to one linear complex" in page.text
-    assert "No closed form" not in page.text
-    assert len(page.all("img")) == 2  # the modes and the workspace
-
-
 # Files ------------------------------------------------------------------------------
 
 
@@ -326,16 +299,6 @@ def test_the_command_writes_one_file(tmp_path: Path, monkeypatch: pytest.MonkeyP
     (frame,) = page.all("iframe")
     assert (frame["srcdoc"] or "").startswith("<!DOCTYPE html>")
     assert frame["title"]
-
-
-@pytest.mark.slow
-def test_the_model_may_stand_beside(tmp_path: Path) -> None:
-    arm = textbook("planar3r", task="position")
-    write_report(arm, tmp_path / "r.html", page="beside", skeleton=True)
-    assert sorted(p.name for p in tmp_path.iterdir()) == ["r-model.html", "r.html"]
-    page = Outline((tmp_path / "r.html").read_text())
-    assert "r-model.html" in [a.get("href") for a in page.all("a")]
-    assert not page.all("iframe")
 
 
 @pytest.mark.parametrize(

@@ -7,10 +7,8 @@ from importlib.metadata import distribution
 import numpy as np
 import pinocchio as pin
 import pytest
-from click.testing import CliRunner
 
 import pinsing
-from pinsing.cli.app import command
 from pinsing.errors import ChainError, JointError
 from pinsing.kinematics.jacobian import tip_placement
 from pinsing.view.links import read_links
@@ -212,24 +210,6 @@ def test_links_are_drawn_where_they_are(rng):
         np.testing.assert_allclose(found.homogeneous, expected.homogeneous, atol=1e-12)
         carriers.add(int(g.parentJoint))
     assert carriers == set(range(8))
-
-
-def test_the_text_says_which_joints_are_backwards(tmp_path):
-    arm = chain("tree", "foot", "hand")
-    assert any(
-        note.startswith(
-            "from the base towards the root, so traversed backwards: ankle, knee, hip, then waist"
-        )
-        for note in arm.notes
-    )
-    assert not any("backwards" in note for note in pinsing.load("ur5").notes)
-    file = tmp_path / "tree.urdf"
-    file.write_text(TOWARDS["tree"])
-    done = CliRunner().invoke(
-        command, ["list", str(file), "--base", "foot", "--tip", "hand"], prog_name="pinsing"
-    )
-    assert done.exit_code == 0
-    assert "traversed backwards: ankle, knee, hip" in done.stdout + done.stderr
 
 
 @pytest.mark.parametrize(

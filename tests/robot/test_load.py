@@ -16,9 +16,8 @@ from pinsing.errors import (
     UnknownNameError,
 )
 from pinsing.kinematics.jacobian import frame_jacobian, generic_rank, tip_placement
-from pinsing.robot.arm import Arm, summarize
+from pinsing.robot.arm import Arm
 from pinsing.robot.load import load
-from pinsing.robot.task import Task, parse_task
 
 STEP = pin.SE3(np.eye(3), np.array([0.3, 0.0, 0.0]))
 LIMIT = '<limit lower="-2" upper="2" effort="1" velocity="1"/>'
@@ -137,15 +136,6 @@ def test_unknown_names_come_with_those_that_resemble_them():
         load("ur5", joints=["elbow_jont"])
     with pytest.raises(UnknownNameError, match="did you mean 'panda'"):
         load("pnda")
-
-
-def test_notes():
-    arm = load("tiago", base="torso_lift_link", tip="wrist_ft_tool_link")
-    assert "torso_lift_joint" not in arm.joints
-    assert noted(arm, "before the base", "torso_lift_joint")
-    notes = load("romeo", tip="LFinger13Link", base="l_wrist").notes
-    told = next(note for note in notes if note.startswith("mimic joints of the chain follow"))
-    assert told.index("LFinger12 =") < told.index("LFinger13 =")
 
 
 def test_bases():
@@ -299,16 +289,6 @@ def test_link_and_joint_of_one_name(write_urdf, rng):
     np.testing.assert_allclose(frame_jacobian(part, q), expected, atol=1e-12)
 
 
-@pytest.mark.parametrize("limit", ["", '<limit effort="1" velocity="1"/>'])
-def test_a_missing_limit_is_refused_in_the_chain_only(write_urdf, limit):
-    joints = [("revolute", turning()), ("revolute", turning(limit=limit)), ("revolute", turning())]
-    path = write_urdf(joints)
-    with pytest.raises(RobotFileError, match=r"robot.urdf:4: joint 'j2'.*make it type=") as caught:
-        load(path)
-    assert (caught.value.line, load(path, base="l2").joints) == (4, ("j3",))
-    assert load(path, tip="l3", joints=["j1", "j3"]).joints == ("j1", "j3")
-
-
 def palletizer(write_urdf) -> object:
     """The hand stays level: its joint undoes those of shoulder and elbow, by way of another."""
     joints = [
@@ -365,27 +345,6 @@ def test_limits_of_a_leader_keep_its_followers_inside(write_urdf):
     joints[1] = ("revolute", turning(limit=apart, more='<mimic joint="j1" multiplier="0.1"/>'))
     with pytest.raises(JointError, match="'j2': cannot follow 'j1'"):
         load(write_urdf(joints))
-
-
-def test_a_last_joint_that_follows_is_no_finger(write_urdf):
-    joints = [("revolute", turning())] * 2
-    joints.append(("revolute", turning(more='<mimic joint="j2" multiplier="-1"/>')))
-    arm = load(write_urdf(joints))
-    assert (arm.tip, arm.joints) == ("l3", ("j1", "j2"))
-    assert arm.model.nv == 3
-
-
-def test_leaves_that_move_together_are_jaws(write_urdf):
-    def slide(name: str, more: str = "") -> str:
-        return (
-            f'<link name="{name}"/><joint name="{name}_joint" type="prismatic">'
-            f'<parent link="l5"/><child link="{name}"/><axis xyz="0 1 0"/>{LIMIT}{more}</joint>'
-        )
-
-    more = slide("left") + slide("right", '<mimic joint="left_joint" multiplier="-1"/>')
-    arm = load(write_urdf([("revolute", turning())] * 5, more=more))
-    assert (arm.tip, arm.n) == ("l5", 5)
-    assert noted(arm, "left_joint", "right_joint", "locked")
 
 
 def test_a_follower_whose_leader_is_locked_stays(write_urdf):
@@ -565,29 +524,3 @@ def test_joints_without_limits_count_as_limited_to_a_turn():
                 arm.check(q)
         else:
             arm.check(q)
-
-
-def test_plain_data():
-    arm = load("ur5")
-    with pytest.raises(ValueError, match="read-only"):
-        arm.lower[0] = 0.0
-    with pytest.raises(AttributeError):
-        arm.tip = "elsewhere"
-    arm = load("surgical7", task="vx,vy,wz", length_scale=0.5)
-    summary = summarize(arm)
-    assert (summary.n, summary.source) == (7, "surgical7")
-    assert parse_task(summary.task) == arm.task
-    for name in ("name", "tip", "base", "joints", "length_scale", "notes"):
-        assert getattr(summary, name) == getattr(arm, name)
-    np.testing.assert_array_equal(summary.prismatic, arm.prismatic)
-    assert parse_task("pose").rows == (0, 1, 2, 3, 4, 5)
-    assert parse_task("wz, vx") == Task("vx,wz", (0, 5)) == parse_task(["vx", "wz"])
-    assert parse_task("vz,vx,vy").name == "position"
-    assert parse_task("vy,wx").translation == (0,)
-    assert parse_task("vy,wx").row_names == ("vy", "wx")
-
-
-def test_whole_turns_are_taken_off_revolute_joints_alone():
-    space = pinsing.load("stanford").space
-    wrapped = space.wrap([0.1, 3.2, np.inf, -np.pi, 1 - 4 * np.pi, 0.0])
-    np.testing.assert_allclose(wrapped, [0.1, 3.2 - 2 * np.pi, np.inf, -np.pi, 1, 0], rtol=1e-14)

@@ -25,8 +25,6 @@ from pinsing.robot.load import load
 from pinsing.sampling import sigma_map
 from pinsing.sampling.executors import call_there, dask_cluster
 from pinsing.sampling.map_plan import BLOCK
-from pinsing.sampling.sweep_plan import plan_sweep
-from pinsing.sampling.sweep_run import run_sweep
 
 distributed = pytest.importorskip("distributed", reason="the extra 'cluster' is not installed")
 
@@ -86,15 +84,6 @@ def test_a_cluster_gives_the_same_bits(shared: Cluster) -> None:
     with dask_cluster(shared.address, timeout=SECONDS) as (executor, parallel):
         result = sigma_map(arm, **options, executor=executor, parallel=parallel)
     assert result.to_json() == sigma_map(arm, **options).to_json()
-
-
-@pytest.mark.slow
-def test_a_sweep_on_a_cluster(shared: Cluster) -> None:
-    arm = arms.textbook("puma560")
-    plan = plan_sweep(arm, samples=41)
-    with dask_cluster(shared.address, timeout=SECONDS) as (executor, parallel):
-        result = run_sweep(arm, plan, executor=executor, parallel=parallel)
-    assert result.to_json() == run_sweep(arm, plan).to_json()
 
 
 @pytest.mark.slow

@@ -22,7 +22,7 @@ from tiers import tiered
 
 from pinsing import singular_values
 from pinsing._batch import engine as kernel
-from pinsing.chunk_file import DamagedError, Record, pack
+from pinsing.chunk_file import DamagedError, pack
 from pinsing.errors import EngineError, OutputError
 from pinsing.sampling import plan_map, sigma_map
 from pinsing.sampling.execute import RunFolder, ctrl_c_afterwards, open_run, recorded
@@ -381,31 +381,6 @@ def test_a_sweep_in_a_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) ->
         run_sweep(arm, plan_sweep(arm, samples=62, levels=3), out=out)
 
 
-@pytest.mark.parametrize("kind", ["map", "sweep"])
-def test_ctrl_c_in_the_middle_of_a_write_raises_nothing_there(
-    kind: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """An exception in the middle of NumPy's writer would be another one at the end."""
-    arm, out = arms.textbook("stanford"), tmp_path / "run"
-    whole: list[int] = []
-
-    def interrupted(record: Record, run: str, index: int) -> bytes:
-        data = pack(record, run, index)
-        if not whole:
-            signal.raise_signal(signal.SIGINT)  # an exception of it would come at the next line
-        whole.append(index)
-        return data
-
-    monkeypatch.setattr("pinsing.sampling.execute.pack", interrupted)
-    if kind == "map":
-        assert not sigma_map(arm, count=9 * BLOCK, chunk=BLOCK, threads=1, out=out).complete
-    else:
-        plan = plan_sweep(arm, samples=2001, levels=1)
-        assert not run_sweep(arm, plan, chunk=1, threads=1, out=out).complete
-    assert whole
-    assert len(list((out / "chunks").iterdir())) == len(whole)
-
-
 def _ctrl_c_before(function: Callable[..., Any]) -> Callable[..., Any]:
     def interrupted(*args: Any, **kwargs: Any) -> Any:
         signal.raise_signal(signal.SIGINT)
@@ -469,16 +444,6 @@ def test_a_run_hears_of_ctrl_c_that_came_before_it() -> None:
     assert [result.complete for result in results] == [False]
     with ctrl_c_afterwards():
         assert run_sweep(arm, plan, threads=1).complete
-
-
-def test_sweep_on_any_engine_and_threads() -> None:
-    arm = arms.textbook("stanford")
-    plan = plan_sweep(arm, levels=1, samples=41)
-    one = run_sweep(arm, plan, threads=1)
-    assert run_sweep(arm, plan, threads=5).to_json() == one.to_json()
-    slow = run_sweep(arm, plan, engine="pinocchio")
-    for a, b in zip(one.curves, slow.curves, strict=True):
-        np.testing.assert_allclose(a.sigma_min, b.sigma_min, rtol=0, atol=1e-14)
 
 
 def test_sweep_command_in_a_folder(tmp_path: Path) -> None:

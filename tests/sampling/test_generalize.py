@@ -134,12 +134,6 @@ def refine_on_nominal(arm, q):
     return refine(nominal(arm).arm, q)
 
 
-def test_only_named_joints_can_matter():
-    arm = arms.textbook("stanford")
-    q = [0.3, 0.0, 0.0, 0.7, 0.9, 0.2]
-    assert texts(arm, q, joints=["d3", "q5"]) == {"d3 = 0"}
-
-
 def test_same_seed_same_answer_and_json():
     arm = arms.textbook("surgical7")
     q = refine(arm, [0.05, 0.1, 1.3, 0.7, 1.2, 0.3, 0.2], fixed=["q3"]).q

@@ -2,21 +2,17 @@
 
 import dataclasses
 import math
-from concurrent.futures import ProcessPoolExecutor
-from multiprocessing import get_context
 from pathlib import Path
 
 import arms
 import numpy as np
 import pytest
 
-from pinsing import Viewer, check_trajectory, clearance, closed_form, plot
-from pinsing.errors import OptionError, OutputError, UnknownNameError
-from pinsing.proximity.trajectory import summary
+from pinsing import clearance, closed_form, plot
+from pinsing.errors import OptionError, OutputError
 from pinsing.robot.load import load
 from pinsing.sampling import MapResult, sigma_map
 from pinsing.sampling.map_plan import BLOCK
-from pinsing.view.trajectory import FRAMES
 
 
 def test_a_map_of_the_clearance_is_that_of_each_configuration() -> None:
@@ -68,15 +64,6 @@ def test_a_map_of_the_clearance_goes_on_in_its_folder(tmp_path: Path) -> None:
         sigma_map(arm, count=5 * BLOCK, chunk=1, out=tmp_path / "run")
 
 
-@pytest.mark.slow
-def test_a_map_of_the_clearance_in_processes_has_the_same_bits() -> None:
-    arm = arms.textbook("stanford")
-    options: dict[str, object] = {"measure": "clearance", "count": 3 * BLOCK, "chunk": 1}
-    with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as pool:
-        far = sigma_map(arm, **options, executor=pool)
-    assert far.to_json() == sigma_map(arm, **options).to_json()
-
-
 def test_unknown_bounds_are_said_and_not_counted_as_numbers() -> None:
     form = closed_form(
         load("puma560")
@@ -89,16 +76,6 @@ def test_unknown_bounds_are_said_and_not_counted_as_numbers() -> None:
     assert spread.upper.quantile(1.0) == np.inf
     row = next(line for line in str(result).splitlines() if line.split()[:1] == ["largest"])
     assert row.split()[-1] == "-"
-
-
-def test_measures_of_a_map_are_refused_in_one_line() -> None:
-    arm = arms.ur5()
-    with pytest.raises(UnknownNameError, match=r"clearnce.*did you mean 'clearance'"):
-        sigma_map(arm, measure="clearnce", count=10)
-    with pytest.raises(OptionError, match="measure='clearance'"):
-        sigma_map(arm, forms=closed_form(arm), count=10)
-    with pytest.raises(OptionError, match="another arm"):
-        sigma_map(arm, measure="clearance", forms=closed_form(arms.textbook("stanford")), count=10)
 
 
 def test_a_plane_shows_the_proven_bound_of_each_configuration() -> None:
@@ -119,26 +96,3 @@ def test_a_plane_shows_the_proven_bound_of_each_configuration() -> None:
 
 
 # ---- a trajectory on the page
-
-
-@pytest.mark.slow
-def test_a_long_trajectory_keeps_the_pose_where_it_crosses() -> None:
-    arm = arms.ur5()
-    s = np.linspace(-1, 1, 20_001)
-    Q = np.array([0.1, -1.2, 1.3, -1.6, 0.0, 0.3]) + 0.1 * np.outer(s, np.ones(6))
-    Q[:, 4] = s + 0.00003  # between two samples
-    for given, frames in [(Q, FRAMES), (Q[[0, -1]], FRAMES), (Q[:1], 1)]:
-        with Viewer(arm, closed_form(arm).families, path=given, skeleton=True) as viewer:
-            way = viewer._stage.page(live=True)["way"]
-        rows = np.array(way["rows"])
-        assert frames - 2 <= len(rows) <= frames + 3
-        assert len(way["times"]) == len(rows)
-        assert (rows[0] == given[0]).all()
-        assert (rows[-1] == given[-1]).all()
-        met = [stop["t"] for stop in way["stops"] if stop["kind"] == "meets"]
-        assert len(met) == (len(given) > 1)
-        assert [abs(rows[way["times"].index(t), 4]) < 1e-12 for t in met] == [True] * len(met)
-        assert (
-            way["verdict"]
-            == summary(check_trajectory(arm, given), file="path", robot=arm.name).splitlines()[0]
-        )

@@ -118,13 +118,6 @@ def test_counts_without_pruning():
     assert f"{plan.n_jacobians:,} Jacobians" in str(plan)
 
 
-def test_plan_counts_what_is_run(stanford):
-    assert len(stanford.curves) == stanford.plan.n_curves
-    samples = sum(len(c.sigma_min) for c in stanford.curves)
-    assert samples + len(stanford.uniform) == stanford.plan.n_jacobians
-    assert stanford.complete
-
-
 def test_curves_are_sigma_min_along_the_joint(stanford, rng):
     arm = arms.textbook("stanford")
     for curve in rng.choice(np.array(stanford.curves, dtype=object), 8, replace=False):
@@ -138,11 +131,6 @@ def test_curves_are_sigma_min_along_the_joint(stanford, rng):
         assert curve.level == len(curve.fixed)
         low, high = arm.span[0][curve.moving], arm.span[1][curve.moving]
         assert (curve.x[0], curve.x[-1]) == (low, high)
-
-
-def test_forced_curves_are_flat_and_no_others(stanford):
-    for curve in stanford.curves:
-        assert (curve.sigma_ratio.max() <= 1e-9) == curve.forced
 
 
 def test_curve_look_up(stanford):
@@ -178,46 +166,6 @@ def test_iiwa_forced_sets_and_negatives():
             assert result.curve(fixed, moving).sigma_ratio.max() > 1e-3
     assert "outside the joint limits" in " ".join(result.notes)  # 180 deg of every joint
     assert not any(abs(v) > 3 for c in result.curves for v in c.fixed.values())
-
-
-def test_joint_ranges_and_limits():
-    arm = arms.textbook("puma560")
-    inside, whole = plan_sweep(arm), plan_sweep(arm, ignore_limits=True)
-    assert inside.nominal_origin == "random"  # pi/3 is outside the limits of q3
-    assert arm.within_limits(inside.nominal)
-    for effect, low, high in zip(inside.effects, arm.lower, arm.upper, strict=True):
-        assert effect.range[0] >= low - 1e-12
-        assert effect.range[1] <= high + 1e-12
-        assert ((effect.special >= low) & (effect.special <= high)).all()
-        assert effect.range[1] - effect.range[0] <= 2 * PI + 1e-12
-    assert whole.nominal_origin == "pi/3"
-    assert all(np.ptp(e.range) == pytest.approx(2 * PI) for e in whole.effects)
-    assert inside.effects[2].special.tolist() == [0.0, PI / 2 - PI, -PI]  # q3 in [-225, 45] deg
-
-
-def test_prismatic_joints_have_their_own_values():
-    plan = plan_sweep(arms.textbook("scara"))
-    assert plan.effects[2].special.tolist() == [0.0, 0.105]
-    assert plan.effects[2].reason == "does not change sigma_min"
-    assert plan_sweep(arms.textbook("stanford")).effects[2].special.tolist() == [0.0]
-
-
-def test_last_joint_of_a_bent_tool_is_left_out_for_the_pose_only():
-    """It changes sigma_min, but never the rank."""
-    pose = plan_sweep(arms.textbook("planar3r"))
-    assert pose.effects[2].change > 0.01
-    assert not pose.effects[2].swept
-    assert plan_sweep(arms.planar((1.0, 0.8, 0.5))).effects[2].swept
-
-
-def test_special_values_by_joint_and_subsets():
-    arm = arms.textbook("iiwa14")
-    plan = plan_sweep(arm, special={"q2": [0.5], "q4": [0.0, 1.0]}, joints=["q2", "q4"], levels=2)
-    assert [e.joint for e in plan.effects if e.swept] == ["q2", "q4"]
-    assert [len(p.values) for p in plan.levels] == [3, 1]  # {q2, q4 = 0} is pruned
-    assert plan.forced == ({"q4": 0.0},)
-    small = sweep(arm, special=(0.0, PI / 2), levels=[1], samples=11)
-    assert {v for c in small.curves for v in c.fixed.values()} == {0.0, PI / 2}
 
 
 def test_progress_and_interruption():
@@ -289,26 +237,3 @@ def test_damaged_files_and_missing_folders(stanford, tmp_path):
 def test_wrong_input(options, error, words):
     with pytest.raises(error, match=words):
         sweep(arms.textbook("surgical7"), **options)
-
-
-def test_special_value_outside_every_joint():
-    with pytest.raises(ConfigurationError, match="outside the limits of every joint"):
-        plan_sweep(arms.planar((1.0, 0.8), limit=1.0), special=(0.0, 2.0))
-    plan = plan_sweep(arms.planar((1.0, 0.8), limit=1.0))  # the usual ones are only left out
-    assert any("left out" in note for note in plan.notes)
-
-
-def test_arms_without_combinations():
-    """One joint, or none that matters: nothing to combine, and no error."""
-    single = sweep(arms.planar((1.0,)))
-    assert len(single.curves) == 1
-    assert single.plan.forced == ()
-    assert "with no joint at a special value" in str(single.plan)
-
-
-def test_text(stanford):
-    text = str(stanford)
-    assert "nominal configuration (60 degrees, as in the paper)" in text
-    assert "all joints at 90 deg: sigma_min = 0.209, regular" in text
-    assert "q5 = 180 deg: singular whatever the others" in text
-    assert "not swept: q1, q6 (do not change sigma_min)" in text

@@ -5,7 +5,6 @@ import signal
 import subprocess
 import sys
 import time
-from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import arms
@@ -14,13 +13,10 @@ import pytest
 from command_line import and_peak, run
 from singular_sets import dips
 
-from pinsing.errors import OptionError, ResultError
-from pinsing.kinematics.jacobian import singular_values
-from pinsing.kinematics.verdict import ratios
+from pinsing.errors import OptionError
 from pinsing.plot import sigma_curves
 from pinsing.sampling.analyze import singular_configurations
-from pinsing.sampling.curves import CurveTable, Pool, axis_values, minima
-from pinsing.sampling.executors import local_processes
+from pinsing.sampling.curves import CurveTable, Pool, minima
 from pinsing.sampling.sweep_plan import plan_sweep
 from pinsing.sampling.sweep_run import SweepResult, load_npz, run_sweep, sweep
 
@@ -71,16 +67,6 @@ def test_curves_by_number_are_those_of_the_plan(prune: bool) -> None:
         assert all(fixed == table.fixed_values(table.rows([c]), 0) for c in of_set)
         assert len(of_set) == (4 - len(fixed) if len(fixed) in (1, 3) else 0)
     assert rows.forced.sum() == sum(len(table.of_set(fixed)) for fixed in plan.forced)
-
-
-def test_values_of_a_joint_are_those_of_linspace(rng: np.random.Generator) -> None:
-    for samples in (3, 181, 1000):
-        ranges = np.sort(rng.uniform(-4, 4, (50, 2)), axis=1)
-        whole = np.array([np.linspace(low, high, samples) for low, high in ranges])
-        places = np.arange(samples)
-        np.testing.assert_array_equal(axis_values(ranges, samples, places[None]), whole)
-        part = axis_values(ranges, samples, places[None, samples // 3 :])
-        np.testing.assert_array_equal(part, whole[:, samples // 3 :])
 
 
 # ---- minima
@@ -199,28 +185,6 @@ def test_summary_and_candidates_are_those_of_the_curves(surgical: SweepResult) -
     assert surgical.done == surgical.plan.n_jacobians
 
 
-def test_candidates_are_where_they_say(surgical: SweepResult) -> None:
-    found = surgical.candidates
-    Q = CurveTable(surgical.plan).configurations(found.curve, found.sample)
-    sigma = singular_values(arms.textbook("surgical7"), Q)
-    np.testing.assert_array_equal(sigma[:, -1], found.sigma_min)
-    np.testing.assert_array_equal(ratios(arms.textbook("surgical7"), Q), found.sigma_ratio)
-
-
-@pytest.mark.slow
-def test_the_same_however_it_is_cut(tmp_path: Path, surgical: SweepResult) -> None:
-    arm, plan = arms.textbook("surgical7"), surgical.plan
-    one = surgical.to_json()
-    for chunk in (1, 5000, 10**6):
-        assert run_sweep(arm, plan, chunk=chunk).to_json() == one
-    assert run_sweep(arm, plan, chunk=1, threads=1, out=tmp_path / "a").to_json() == one
-    with ThreadPoolExecutor(3) as pool:
-        assert run_sweep(arm, plan, executor=pool, out=tmp_path / "b").to_json() == one
-    with local_processes(2) as (processes, parallel):
-        again = run_sweep(arm, plan, chunk=20_000, executor=processes, parallel=parallel)
-    assert again.to_json() == one
-
-
 def test_few_candidates_are_the_same_however_it_is_cut(tmp_path: Path) -> None:
     arm = arms.textbook("puma560")
     plan = plan_sweep(arm, samples=61)
@@ -235,14 +199,6 @@ def test_few_candidates_are_the_same_however_it_is_cut(tmp_path: Path) -> None:
     whole = {str(f.condition) for f in singular_configurations(arm, run_sweep(arm, plan))}
     found = {str(f.condition) for f in singular_configurations(arm, one)}
     assert {"q5 = 0", "a relation between q2 and q3"} <= found <= whole
-
-
-def test_a_flat_curve_has_no_dips() -> None:
-    arm = arms.textbook("stanford")
-    result = run_sweep(arm, plan_sweep(arm, levels=1, samples=700))
-    flat = {c.number for c in result.curves if np.ptp(c.sigma_min) < 1e-12 and not c.forced}
-    assert flat
-    assert flat.isdisjoint(result.candidates.curve.tolist())
 
 
 # ---- curves too large for a result
@@ -265,37 +221,7 @@ def test_curves_that_are_not_kept(tmp_path: Path) -> None:
     assert load_npz(tmp_path / "run" / "sweep.npz").to_json() == result.to_json()
 
 
-def test_a_sweep_without_curves_in_a_folder_is_not_there_before_its_end(tmp_path: Path) -> None:
-    arm = arms.textbook("stanford")
-
-    def stop(done: int, total: int) -> None:
-        raise KeyboardInterrupt
-
-    run_sweep(arm, plan_sweep(arm, levels=1), stop, out=tmp_path / "run", chunk=1)
-    with pytest.raises(ResultError, match="cannot read"):
-        load_npz(tmp_path / "run" / "sweep.npz")
-
-
-@pytest.mark.parametrize("name", ["worst", "candidates", "chunk"])
-def test_numbers_that_make_no_sense(name: str) -> None:
-    arm = arms.textbook("stanford")
-    with pytest.raises(OptionError, match=f"{name} must be at least 1"):
-        run_sweep(arm, plan_sweep(arm, levels=1), **{name: 0})
-    with pytest.raises(OptionError, match="at most 32,768"):
-        plan_sweep(arm, samples=10**5)
-
-
 # ---- the command line
-
-
-def test_keep_on_the_command_line(tmp_path: Path, small_keep: None) -> None:
-    words = ["analyze", "--sweep", "planar3r", "--levels", "1", "--samples", "41"]
-    refused = run(*words, "-o", str(tmp_path / "curves.npz"))
-    assert refused.exit_code == 2
-    assert "sweep fewer of them" in refused.stderr
-    bare = run(*words, "--no-keep", "-o", str(tmp_path / "bare.npz"))
-    assert bare.exit_code == 0
-    assert load_npz(tmp_path / "bare.npz").curves == ()
 
 
 @pytest.mark.slow

@@ -140,19 +140,6 @@ def read_painted(file: Path) -> tuple[Painted, ...]:
     return mesh.painted
 
 
-@pytest.mark.slow
-def test_the_cache_keeps_the_shape(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("PINSING_CACHE", str(tmp_path))
-    file = dae_files("panda")[0]
-    fresh = read_painted(file)
-    monkeypatch.setattr(meshes, "_ask_child", lambda *_: pytest.fail("it was kept"))
-    for kept, part in zip(read_painted(file), fresh, strict=True):
-        assert (kept.middle, kept.step, kept.paint) == (part.middle, part.step, part.paint)
-        assert np.array_equal(kept.vertices, part.vertices)
-        assert np.array_equal(kept.faces, part.faces)
-        assert kept.faces.dtype == part.faces.dtype
-
-
 def test_a_cache_of_something_else_is_not_taken(tmp_path, monkeypatch):
     monkeypatch.setenv("PINSING_CACHE", str(tmp_path / "cache"))
     file = tmp_path / "square.dae"

@@ -104,14 +104,6 @@ def test_meshes_that_fail_are_named_and_the_others_are_read(names, tmp_path):
     np.testing.assert_array_equal(last.faces, [[0, 1, 2]])
 
 
-def test_a_good_file_of_the_bombs_format_is_read(tmp_path):
-    path = tmp_path / "a.glb"
-    path.write_bytes(glb())
-    found = read_meshes([path])[path]
-    assert isinstance(found, Mesh), found
-    assert sorted(map(tuple, found.vertices)) == [(0, 0, 0), (0, 1, 0), (1, 0, 0)]
-
-
 def test_a_bomb_finds_no_memory_and_what_is_no_file_no_reader(tmp_path):
     (tmp_path / "a.glb").write_bytes(BOMB)
     (tmp_path / "folder.stl").mkdir()

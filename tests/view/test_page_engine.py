@@ -2,7 +2,6 @@
 
 import re
 from collections.abc import Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -89,19 +88,6 @@ def test_frames_singular_values_and_verdicts_agree(name: str, tmp_path: Path) ->
     statuses = [h["status"] for h in found]
     assert statuses == [status_of(float(x)) for x in ratios(arm, Q)]
     assert {"singular", "regular"} <= set(statuses)
-
-
-@needs_node
-def test_families_of_a_design_are_called_so() -> None:
-    arm, said = load("ur5"), []
-    entries = family_entries(arm, closed_form(arm).families, 1)
-    for robot in (arm, replace(arm, design=arm)):
-        data = engine_data(robot, entries, sizes(arm))
-        found = run("(m, data) => m.frameAt(data, [0, -1, 1, 0, 0, 0])", data)
-        said.append((found["verdict"]["text"].split(": ")[0], found["why"]))
-    assert said[0] == ("on F2", [entries[1].reason])
-    assert said[1][0] == "on F2 of the design"
-    assert said[1][1] != said[0][1]  # the axes of this robot are not those of its design
 
 
 @needs_node
@@ -196,33 +182,6 @@ def test_a_path_is_read_as_it_stands() -> None:
     assert run(read, {"texts": texts, "joints": JOINTS}) == [[[1, 2], [3, 4]]] * len(texts)
     texts = ["# units: rad\n0,1,2\n0.1,3,2"]
     assert run(read, {"texts": texts, "joints": JOINTS}) == [[[1, 2], [3, 2]]]
-
-
-NO_PATHS = {
-    "": "the file is empty", "a,b\n": "the file has no samples",
-    "1\n": "1 columns for 2 joints", "a,b\n1,2\n\n1\n": "line 4: 1 values for 2 columns",
-    "a,b\n1,2,3\n": "line 2: 3 values for 2 columns",
-    "a;b\n0;0,5\n": "line 2: 0,5 is not a number",
-    "a,b\n0x10,1\n": "line 2: 0x10 is not a number",
-    "a,b\n1,\n": "line 2: nothing is not a number",
-    "nan,1\n": "line 1: nan is not a number", "1,1e400\n": "line 1: 1e400 is not a number",
-    "a,c\n1,2\n": "no column for b", "a,b,a\n1,2,3\n": "two columns for a",
-    "\x89PNG\x00": "the file is no text",
-    "time,a,b\n1,0,0\n\n0.5,0,0\n": "line 4: time runs backwards, from 1 to 0.5",
-    "1,0,0\n1,0,0\n0,0,0\n": "3 columns without names for 2 joints: which is time is unclear",
-    "1,0,0\n2,0,1\n": "3 columns without names for 2 joints: which is time is unclear",
-    "# units: degrees\na,b\n1,2\n": "line 1: units other than radians",
-    "# a [deg], b [deg]\n1,2\n": "line 1: units other than radians",
-    "a (deg),b (deg)\n1,2\n": "no column for a, b",
-    "1,2\n1,-1e308\n": "line 2: -1e308 is too large (radians and metres, up to 1e6)",
-}  # fmt: skip
-
-
-@needs_node
-def test_a_path_that_is_none_is_told() -> None:
-    tried = run(f"(m, {{texts, joints}}) => texts.map((text) => ({TRIED})(m, {{text, joints}}))",
-                {"texts": [*NO_PATHS], "joints": JOINTS})  # fmt: skip
-    assert dict(zip(NO_PATHS, tried, strict=True)) == NO_PATHS
 
 
 @needs_node
@@ -486,19 +445,3 @@ def test_the_nearest_singular_pose_is_singular_and_within_the_limits() -> None:
         assert arm.within_limits(here["q"])
         assert at(arm, here["q"]).singular
         assert here["least"] <= nearest(entries, q) + 1e-9
-
-
-@needs_node
-def test_the_clearest_pose_is_no_worse_than_those_given() -> None:
-    arm = load("scara")
-    data, _ = engine(arm)
-    given = np.random.default_rng(2).uniform(*arm.span, (3, arm.n)).tolist()
-    found = run(
-        """(m, {data, given}) => ({ best: m.clearestPose(data, given, 20),
-             all: given.map((q) => m.nearestFamily(data, q).least) })""",
-        {"data": data, "given": given},
-    )
-    assert arm.within_limits(found["best"]["q"])
-    assert found["best"]["lower"] >= max(found["all"]) - 1e-12
-    assert found["best"]["lower"] <= found["best"]["upper"] + 1e-9
-    assert np.degrees(found["best"]["lower"]) > 89  # 90 is the most that the elbow allows

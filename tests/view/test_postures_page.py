@@ -12,7 +12,6 @@ from chromium import open_page, text
 from command_line import run
 
 import pinsing
-from pinsing.errors import OptionError
 
 ROWS = """name: wenger
 convention: standard
@@ -57,12 +56,6 @@ def test_ways_of_the_page_are_those_found(cuspidal):
         assert "without a singularity" in shown["more"]
         assert np.min(pinsing.clearance(form, way).lower) > 0
     assert sum("only by way of a singularity, proven" in p["more"] for p in listed) == 2
-
-
-def test_postures_of_another_arm_are_refused(cuspidal):
-    found = cuspidal[3]
-    with pytest.raises(OptionError, match="3 joints"):
-        pinsing.Viewer(pinsing.load("scara"), postures=found, skeleton=True)
 
 
 @pytest.mark.slow

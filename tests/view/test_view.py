@@ -1,8 +1,6 @@
 """The viewer without a browser: scene, frames, paths, pages, server, and how it ends."""
 
-import asyncio
 import html
-import json
 import os
 import re
 import signal
@@ -19,14 +17,13 @@ import numpy as np
 import pinocchio as pin
 import pytest
 import umsgpack
-from arms import planar, textbook, ur5
+from arms import textbook, ur5
 from command_line import run
-from links import get, heard
+from links import get
 from pages import baked
 from tiers import tiered
 
 from pinsing.errors import (
-    ArgumentError,
     ConfigurationError,
     OptionError,
     OutputError,
@@ -112,11 +109,6 @@ def test_poses_are_on_their_family_inside_the_limits_and_the_same_every_time(nam
             assert bool(entry.family.contains(q))
             assert bool(arm.within_limits(q))
             np.testing.assert_array_equal(q, other)
-
-
-def test_the_nearest_family_is_said_in_words() -> None:
-    said = [e.where_branch(e.family.branches[0]) for e in entries_of("puma560")[1]]
-    assert said[1:] == ["wrist: q5 = 0°", "shoulder: wrist center above the base axis"]
 
 
 def test_findings_of_a_sweep_are_listed() -> None:
@@ -218,17 +210,6 @@ def test_show_and_show_family():
             Viewer(textbook("scara"), scale=scale)
 
 
-def test_a_model_without_a_file_is_shown_as_a_skeleton():
-    arm = planar((1.0, 0.8, 0.5))
-    with Viewer(arm) as viewer:
-        settings = viewer._stage.page(live=False)["settings"]
-        assert settings["shapes"] is False
-        assert settings["mode"] == "all"  # a position task: all translations are what counts
-    arm = load("ur5")
-    with pytest.raises(ArgumentError, match=r"postures must be a PostureChanges, got 3: pinsing"):
-        Viewer(arm, postures=3, skeleton=True)
-
-
 def test_the_static_page_is_whole_and_escapes_names() -> None:
     arm = textbook("stanford")
     evil = replace(arm, name="</script><script>alert(1)</script><b>")
@@ -242,20 +223,6 @@ def test_the_static_page_is_whole_and_escapes_names() -> None:
     assert page["live"] is False
     assert page["entries"][0]["q"] == [[0, 1, 0.3, 0, 0.5, 0]]
     assert page["start"]["q"] == [0, 1, 0.3, 0, 0.5, 0]
-
-
-def test_a_static_page_has_all_that_it_computes_from() -> None:
-    arm = textbook("scara")
-    with Viewer(arm, skeleton=True) as viewer:
-        page = viewer._stage.page(live=False)
-    json.dumps(page, allow_nan=False)
-    assert len(page["engine"]["chain"]["joints"]) == arm.n
-    families = {f["entry"]: f for f in page["engine"]["families"]}
-    for index, entry in enumerate(page["entries"]):
-        assert entry["into"]
-        assert entry["along"]
-        assert len(entry["q"]) == entry["poses"] > 0
-        assert families[index]["branches"]
 
 
 def test_next_to_a_users_own_visualizer() -> None:
@@ -329,19 +296,6 @@ def test_a_viewer_brings_nothing_that_a_browser_would_wait_for_in_vain() -> None
     root = Path(__file__).parents[2]
     done = subprocess.run([sys.executable, "-c", code], cwd=root, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
-
-
-def test_shown_configurations_reach_open_pages(live: Viewer) -> None:
-    start = live.q.tolist()
-
-    def act() -> None:
-        live.show_family("F3", 1)
-        live._server.send({"play": "into"})
-
-    first, shown, played = asyncio.run(heard(live.url, act))
-    assert (first["entry"], first["q"]) == (0, start)
-    assert (shown["entry"], shown["pose"], shown["q"]) == (2, 1, live.q.tolist())
-    assert played == {"play": "into"}
 
 
 def test_a_taken_port_is_passed_over_or_told() -> None:

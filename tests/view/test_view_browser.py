@@ -17,8 +17,7 @@ from typing import Any
 import numpy as np
 import pytest
 from arms import textbook
-from chromium import BLUE, ORANGE, PINK, near, open_page, picture, require_browser, show_only, text
-from urdf_texts import three_joints
+from chromium import BLUE, PINK, near, open_page, picture, require_browser, show_only, text
 
 from pinsing import Monitor, closed_form, zones
 from pinsing.families.tube import Tube, TubeWidth
@@ -114,23 +113,6 @@ def test_a_page_whose_program_ends_at_once_says_so(browser: Any, missing: str) -
     server.close()
 
 
-@pytest.mark.slow
-def test_a_flat_ellipsoid_is_seen(page: Any, stanford: Viewer) -> None:
-    open_page(page, stanford.url)
-    frame = page.evaluate("() => window.pinsing.view.frame")
-    assert frame["ellipsoids"]["pure"]["translation"]["radii"][2] < 1e-9
-    show_only(page, "translation", "lost")
-    assert near(picture(page), BLUE) > 400
-    assert near(picture(page), PINK) > 60  # and the arrow of what is lost
-    show_only(page, "rotation")
-    assert near(picture(page), BLUE) == 0
-    show_only(page)
-    assert near(picture(page), ORANGE) == near(picture(page), PINK) == 0
-    # Its thinnest direction has a size: without one, nothing would be drawn.
-    scale = page.evaluate("() => window.pinsing.view.node('ellipsoid/translation').scale.toArray()")
-    assert min(scale) > 0.01 * max(scale)
-
-
 def test_names_are_text_and_never_markup(page: Any) -> None:
     from dataclasses import replace
 
@@ -171,28 +153,6 @@ def test_the_static_page_opens_from_a_file(page: Any, static: Path) -> None:
 
 
 @pytest.mark.slow
-def test_an_address_that_is_no_pose_is_told(page: Any, static: Path) -> None:
-    for asked, said in [
-        ("NaN,0,0,0", "value 1 of the address is not a number: NaN"),
-        (",,,", "value 1 of the address is not a number: nothing"),
-        ("0,1e308,0,0", "value 2 of the address is too large: 1e308"),
-        ("1,2", "the address holds 2 values; this robot has 4 joints"),
-    ]:
-        if said.endswith("NaN"):
-            open_page(page, static.as_uri() + f"#q={asked}")
-        else:
-            page.evaluate("(q) => { location.hash = `q=${q}`; }", asked)
-        page.wait_for_function(
-            "(w) => document.getElementById('refused').textContent.includes(w)", arg=said
-        )
-        assert page.locator("#refused").is_visible()
-    page.evaluate("() => { location.hash = 'q=6.5,0.5,0.1,0.2'; }")
-    page.wait_for_function("() => document.getElementById('refused').hidden")
-    assert "outside the limits" in text(page, "#outside")
-    assert page.locator(".joint.beyond").count() == 1
-
-
-@pytest.mark.slow
 def test_meshes_are_drawn_whole(page: Any) -> None:
     with Viewer(load("ur5"), poses=[[0, -1.2, 1.4, 0.3, 0.8, 0]]) as viewer:
         open_page(page, viewer.url)
@@ -209,17 +169,6 @@ def test_meshes_are_drawn_whole(page: Any) -> None:
         with_meshes = picture(page)
         show_only(page)
         assert (np.abs(picture(page) - with_meshes).sum(axis=-1) > 30).mean() > 0.02
-
-
-@pytest.mark.slow
-def test_the_page_goes_on_when_the_program_has_ended(page: Any) -> None:
-    viewer = Viewer(load("scara"), skeleton=True)
-    open_page(page, viewer.url)
-    viewer.close()
-    page.locator("#program").wait_for(state="visible")
-    page.locator("#next").click()
-    page.wait_for_function("() => window.pinsing.pose === 1")
-    assert text(page, "#status") == "Singular"
 
 
 def test_another_site_cannot_reach_the_link(page: Any, stanford: Viewer) -> None:
@@ -249,21 +198,6 @@ def test_another_site_cannot_reach_the_link(page: Any, stanford: Viewer) -> None
 
 
 @pytest.mark.slow
-def test_a_picture_is_taken(tmp_path: Path) -> None:
-    from PIL import Image
-
-    file = tmp_path / "scara.png"
-    with Viewer(load("scara")) as viewer:
-        viewer.save_png(file, size=(480, 360))
-    image = Image.open(file)
-    assert image.size == (480, 360)
-    pixels = np.asarray(image.convert("RGB"), dtype=float)
-    assert pixels.std() > 10
-    assert near(pixels, BLUE) > 50
-    assert sorted(p.name for p in tmp_path.iterdir()) == ["scara.png"]
-
-
-@pytest.mark.slow
 def test_the_nearest_of_listed_poses_where_no_family_is_known(page: Any, static: Path) -> None:
     """A search that finds single poses, and no condition, leaves entries without a family."""
     open_page(page, static.as_uri() + "#q=0.3,0.4,0.05,0.5")
@@ -285,48 +219,6 @@ def test_the_nearest_of_listed_poses_where_no_family_is_known(page: Any, static:
 
 
 @pytest.mark.slow
-def test_ticks_stand_where_a_joint_meets_a_family(page: Any, static: Path) -> None:
-    open_page(page, static.as_uri() + "#q=0.3,0.4,0.05,0.5")
-    page.wait_for_selector(".joint .mark")
-    marks = page.evaluate(
-        """() => [...document.querySelectorAll(".joint")].map((row) =>
-             [...row.querySelectorAll(".mark")].map((m) => parseFloat(m.style.left)))"""
-    )
-    assert [len(m) for m in marks] == [0, 1, 0, 0]
-    assert marks[1][0] == pytest.approx(50, abs=1)  # q2 = 0, in the middle of its range
-
-
-@pytest.mark.slow
-def test_sliders_are_above_the_fold(page: Any) -> None:
-    page.set_viewport_size({"width": 1280, "height": 800})
-    with Viewer(load("panda"), skeleton=True) as viewer:
-        open_page(page, viewer.url)
-        bottom = page.evaluate(
-            """() => Math.max(...[...document.querySelectorAll(".joint")]
-                 .map((j) => j.getBoundingClientRect().bottom))"""
-        )
-    assert bottom <= 800
-
-
-@pytest.mark.slow
-def test_the_legend_stands_where_it_covers_less(page: Any, stanford: Viewer) -> None:
-    page.set_viewport_size({"width": 1280, "height": 800})
-    open_page(page, stanford.url)
-    corner = """(x) => {
-        const { view } = window.pinsing, { Vector3 } = MeshCat.THREE, { camera } = view.viewer;
-        camera.updateMatrixWorld();
-        const points = x.map((v) => new Vector3(v, 0.9, 0.5).unproject(camera));
-        view.putLegend(points);
-        const box = document.getElementById("legend").getBoundingClientRect();
-        return (box.left + box.right) / 2 < view.element.clientWidth / 2 ? "left" : "right";
-    }"""
-    assert page.evaluate(corner, [-0.9, -0.8]) == "right"
-    assert page.evaluate(corner, [0.9, 0.8]) == "left"
-    assert page.evaluate(corner, [-0.9, -0.8, 0.9, 0.8]) == "left"
-    assert page.evaluate(corner, []) == "left"
-
-
-@pytest.mark.slow
 def test_the_legend_never_covers_the_label(page: Any, stanford: Viewer) -> None:
     for size in ((1280, 800), (400, 800)):
         page.set_viewport_size({"width": size[0], "height": size[1]})
@@ -342,66 +234,6 @@ def test_the_legend_never_covers_the_label(page: Any, stanford: Viewer) -> None:
             (left, top, right, bottom), (x0, y0, x1, y1) = boxes
             if right > left:
                 assert right <= x0 or left >= x1 or bottom <= y0 or top >= y1
-
-
-@pytest.mark.slow
-def test_a_narrow_page_shows_its_legend_while_it_loads(page: Any, static: Path) -> None:
-    page.set_viewport_size({"width": 400, "height": 800})
-    open_page(page, static.as_uri())
-    busy, *others = page.evaluate(
-        """() => {
-             const busy = document.getElementById("busy");
-             busy.hidden = false;
-             busy.textContent = "loading the shapes of links…";
-             busy.classList.add("aside");
-             return ["busy", "legend", "player", "panel"].map((id) => {
-               const b = document.getElementById(id).getBoundingClientRect();
-               return [b.left, b.top, b.right, b.bottom]; }); }"""
-    )
-    assert busy[2] > busy[0]
-    for x0, y0, x1, y1 in others:
-        assert busy[2] <= x0 or busy[0] >= x1 or busy[3] <= y0 or busy[1] >= y1
-
-
-@pytest.mark.slow
-def test_rounding_that_hides_a_singularity_is_said_at_the_verdict(page, tmp_path):
-    q = [0.2, 0.0, np.pi / 2, 0.9, np.pi / 2, 0.0, 0.1]
-    with Viewer(load("xarm7"), skeleton=True) as viewer:
-        viewer.show(q)
-        open_page(page, viewer.url)
-        assert text(page, "#status") == "Near-singular"
-        assert "singular but for the rounding of the file" in text(page, "#rank")
-        viewer.save_html(tmp_path / "page.html")
-    # and without Python, as soon as a joint is moved there
-    open_page(page, (tmp_path / "page.html").as_uri())
-    page.evaluate("(q) => window.pinsing.go(q)", q)
-    assert "singular but for the rounding of the file" in text(page, "#rank")
-
-
-STUCK = three_joints("stuck", 0.5, 0.5)
-
-
-@pytest.mark.slow
-def test_what_is_not_there_is_said(page: Any, tmp_path: Path) -> None:
-    path, out = tmp_path / "stuck.urdf", tmp_path / "stuck.html"
-    path.write_text(STUCK)
-    with Viewer(load(path), skeleton=True) as viewer:
-        viewer.save_html(out)
-    open_page(page, out.as_uri() + "#q=0.3,0.5,1.2")
-    listed = text(page, "#entries")
-    assert text(page, "#status") == "Regular"
-    if text(page, "#coverage").startswith("Proven"):
-        assert listed == "None: this arm has no singular configuration for this task."
-    else:
-        assert listed == "None was found, and nothing is known to be missing."
-    assert text(page, "#always").startswith("3 motions are missing at every configuration; here: ")
-    seen = "() => window.pinsing.view.node('lost/0/arrow').visible"
-    assert page.evaluate(seen) is False
-    assert "WARNING: joint lift cannot move" in text(page, "#notes")
-    page.evaluate(
-        """() => { const { panel } = window.pinsing; panel.page.coverage = ""; panel.entries(); }"""
-    )
-    assert "that there are none is not said" in text(page, "#entries")
 
 
 @pytest.mark.slow
