@@ -195,24 +195,6 @@ def shoulder(limits: tuple[float, float]) -> Family:
     return next(f for f in closed_form(arm).families if f.equations)
 
 
-def test_an_equation_within_limits() -> None:
-    reached = shoulder((-3.0, 3.0))
-    assert reached.is_reachable
-    assert reached.witness is not None
-    inside = reached.sample(50, np.random.default_rng(1))
-    assert len(inside) == 50
-    assert np.abs(inside[:, 1:]).max() <= 3.0 + 1e-9
-    value = 0.15 + 0.6 * np.cos(inside[:, 1]) + 0.5 * np.cos(inside[:, 1] + inside[:, 2])
-    np.testing.assert_allclose(value, 0.0, atol=1e-9)
-    # Both links point away from the axis: proven to be out of reach.
-    held = shoulder((-0.5, 0.5))
-    assert held.reachability == "not reachable"
-    assert held.is_reachable is False
-    assert held.witness is None
-    assert held.sample(5, np.random.default_rng(1)).shape == (0, 3)
-    assert len(held.points(5, np.random.default_rng(1))) == 5
-
-
 def test_a_family_without_real_points_says_so() -> None:
     family = shoulder((-3.0, 3.0))
     (branch,) = family.branches

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from kernel import needs_kernel
 from singular_sets import RIGHT, Joint, build, closed
-from tiers import tiered
 
 import pinsing
 from pinsing._batch import engine
@@ -168,59 +167,6 @@ def sliding() -> Family:
         prismatic=np.array([True, False]),
         length_scale=0.5,
     )
-
-
-@pytest.mark.parametrize("norm", ["euclidean", "max"])
-@pytest.mark.parametrize("compiled", tiered([True, False], {True}))
-@needs_kernel
-def test_prismatic_joints_in_equations(norm: str, compiled: bool) -> None:
-    family = sliding()
-    angle = np.linspace(-2, 2, 40001)
-    root = 0.5 * (-0.5 * np.cos(angle) + np.sqrt(0.25 * np.cos(angle) ** 2 + 1.2))
-    other = -0.5 * np.cos(angle) - root
-    rng = np.random.default_rng(9)
-    conditions = family.conditions(norm=norm)
-    Q = np.stack([rng.uniform(-1, 2, 40), rng.uniform(-1.5, 1.5, 40)], axis=1)
-    quick = two_sided(conditions, Q, compiled=compiled)
-    options = SearchOptions(within_limits=True, gap=1e-5, boxes=5_000_000 if compiled else 20_000)
-    for i, q in enumerate(Q):
-        off = np.abs([np.append(root, other) - q[0], np.tile(angle, 2) - q[1]])
-        off[0] /= 0.5
-        true = (off.max(axis=0) if norm == "max" else np.hypot(*off)).min()
-        assert quick.lower[i] <= true + 1e-6
-        assert quick.upper[i] >= true - 1e-3
-        if compiled or i < 2:
-            inside = (root >= 0.2) & (root <= 0.9)
-            off = np.abs([root[inside] - q[0], angle[inside] - q[1]])
-            off[0] /= 0.5
-            true = (off.max(axis=0) if norm == "max" else np.hypot(*off)).min()
-            found = nearest_points(
-                conditions, q[None], family.lower, family.upper, options, compiled=compiled
-            )
-            assert found.lower[0] <= true + 1e-9
-            if compiled and engine.available():
-                assert found.upper[0] == pytest.approx(true, abs=1e-3)
-                assert found.upper[0] - found.lower[0] <= 1e-5
-
-
-def test_the_maximum_norm_and_weights() -> None:
-    family = closed("ur5").families[2]
-    rng = np.random.default_rng(10)
-    points = family.points(20000, rng)
-    weights = np.array([1, 2.0, 0.5, 1.5, 1, 1])
-    for q in rng.uniform(-3, 3, (3, 6)):
-        d = points - q
-        d = np.abs(d - 2 * np.pi * np.round(d / (2 * np.pi)))[:, list(family.branches[0].involved)]
-        w = weights[list(family.branches[0].involved)]
-        for scale, given in ((np.ones(3), None), (w, weights)):
-            largest = family.distance(q, norm="max", weights=given)
-            round_ = family.distance(q, weights=given)
-            assert largest.lower <= (d * scale).max(axis=1).min() + 1e-9
-            assert largest.upper <= round_.upper + 1e-9
-            assert largest.lower >= round_.lower / np.sqrt(3) - 1e-9
-            assert round_.lower <= np.linalg.norm(d * scale, axis=1).min()
-            if engine.available():
-                assert largest.upper - largest.lower < 1e-5
 
 
 @needs_kernel
