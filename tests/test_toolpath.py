@@ -142,6 +142,8 @@ def test_a_rotation_about_the_last_axis_cannot_help(ur5):
     T[:, 0, 3] += np.linspace(0, 0.05, 5)
     plan = plan_path(form, T, free="roll", step=np.radians(30), arm=arm)
     assert any("changes no clearance, only whether that joint" in note for note in plan.notes)
+    assert plan.bound == pytest.approx(plan_path(form, T, arm=arm).bound, abs=1e-3)
+    assert max(plan.fixed) == pytest.approx(plan.clearance, abs=1e-3)
     torch = plan_path(form, circle(arm, 5), free="roll", step=np.radians(30), arm=arm, tool=TORCH)
     assert not any("changes no clearance" in note for note in torch.notes)
 

@@ -1194,7 +1194,8 @@ class _Planner:
         As far as the ends are from the point that was found, and twice how far the branch bends; a
         tenth more than half of the chord where no point was looked for.
         """
-        room = np.minimum(self.highest[k].ravel() + 0.55 * self.way[k], self.between[k].ravel())
+        way = 0.55 * self.way[k] * (not self.idle)  # the last joint changes no clearance
+        room = np.minimum(self.highest[k].ravel() + way, self.between[k].ravel())
         return np.where(self.off[k].ravel() <= 0.55 * self.way[k], room, -np.inf)
 
     def _neighbors(self, k: int | Ints, at: Ints) -> Array:
@@ -1386,8 +1387,10 @@ class _Planner:
             fits = (turns.sum(axis=0) if self.start is None else turns.min(axis=0)) >= 0
             node, from_ = i[k] * S + near, i[k - 1] * S + at[None]
             _, over, gap = (x[0] for x in self._edges(k, node, from_, move[None]))
-            goes = self._quick(k, gap) & (over < 0) & (fits | self.bounded).all(axis=1)
+            goes = self._quick(k, gap) & (fits | self.bounded).all(axis=1)
             goes &= np.isfinite(out[:, k - 1] + way[rows, near])
+            long = goes & (over >= 0)
+            goes[long] = self._is_clear(self.Q[k - 1, i[k - 1], at[long]], move[long])
             out[:, k] = np.where(goes, self.likely[k, i[k], near], np.nan)
             at = near
         return out
