@@ -10,10 +10,12 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
+from scipy.spatial import KDTree
 
 from pinsing._types import Array, ArrayLike, Bool, Ints
 from pinsing.algebra.conditions import Conditions
@@ -240,6 +242,43 @@ class _Answer:
     q: Array
 
 
+@dataclass(frozen=True, eq=False)
+class _Boxes:
+    """Boxes, how far from the families any of it may be, and a point near each family."""
+
+    C: Array  # (N, n) centres
+    R: Array  # (N, n) half widths
+    ceiling: Array  # (N,)
+    points: Array  # (N, F, n), weighted coordinates; infinite where none is known
+    slack: Array  # (N, F), how far the family may be from there
+
+    @classmethod
+    def first(cls, C: Array, R: Array, families: int) -> _Boxes:
+        """Boxes of which nothing is known."""
+        shape = len(C), families
+        points = np.full((*shape, C.shape[1]), np.inf)
+        return cls(C, R, np.full(len(C), np.inf), points, np.zeros(shape))
+
+    @classmethod
+    def joined(cls, parts: Iterable[_Boxes]) -> _Boxes:
+        """All of them."""
+        return cls(*map(np.concatenate, zip(*(vars(x).values() for x in parts), strict=True)))
+
+    def __getitem__(self, rows: Any) -> _Boxes:
+        return _Boxes(*(x[rows] for x in vars(self).values()))
+
+    def moved(self, C: Array, R: Array) -> _Boxes:
+        """The same of other centres and half widths."""
+        return _Boxes(C, R, self.ceiling.copy(), self.points.copy(), self.slack.copy())
+
+    def take(self, family: int, points: Array, slack: Array, scale: Array) -> None:
+        """Take points (N, n), ``slack`` (N,) off a family, that are nearer than the ones there."""
+        was = np.linalg.norm((self.points[:, family] - self.C * scale)[:, scale > 0], axis=1)
+        now = np.linalg.norm((points - self.C * scale)[:, scale > 0], axis=1)
+        nearer = now + slack < was + self.slack[:, family]
+        self.points[nearer, family], self.slack[nearer, family] = points[nearer], slack[nearer]
+
+
 class _Search:
     """Branch and bound for one arm.
 
@@ -250,7 +289,7 @@ class _Search:
     """
 
     chunk, wide, finest, sure = 8192, 0.8, 3e-3, 1e-8
-    few, cheap = 60, 8
+    few, cheap, cloud = 60, 8, 20_000
     samples, best, certified = 4096, 20, 3
 
     def __init__(
@@ -277,6 +316,18 @@ class _Search:
         )
         self.rng = np.random.default_rng(36)
         self.seen = 0
+        # Points of surfaces, to begin steps near the nearest ones.
+        self.clouds: dict[int, tuple[KDTree, _Boxes]] = {}
+        Q = random_turns(self.arm, self.cloud)
+        cloud = _Boxes.first(Q, 0 * Q, len(self.each))
+        self._follow(cloud)
+        for f in np.flatnonzero(self.surfaces).tolist():
+            some = cloud[np.isfinite(cloud.points[:, f]).all(axis=1)]
+            if len(some.C):
+                turn = self.watched.conditions.turn[self.used[f]]
+                points = some.points[:, f, self.used[f]]
+                points = np.where(turn > 0, points % np.maximum(turn, 1.0), points)
+                self.clouds[f] = KDTree(points, boxsize=turn), some
 
     def zones(self) -> Zones:
         """Solve for the common distance, then for each."""
@@ -339,8 +390,11 @@ class _Search:
 
     def _distances(self, Q: Array) -> tuple[Array, Array]:
         """Lower and upper bounds (N, F) of the distances of Q (N, n) to the families."""
-        each = two_sided(self.watched.conditions.plain, Q, each=True, points=True).each
-        return each[..., 0], each[..., 1]
+        x = _Boxes.first(Q, 0 * Q, len(self.each))
+        self._follow(x)
+        self._begin_elsewhere(x)
+        each = two_sided(self.watched.conditions.plain, Q, each=True).each
+        return each[..., 0], np.fmin(each[..., 1], self._upper(x)[0])
 
     def _random(self, count: int) -> Array:
         spread = self.rng.uniform(self.low, self.high, (count, self.arm.n))
@@ -376,13 +430,15 @@ class _Search:
         order = np.argsort(-value, kind="stable")[: (value > -np.inf).sum()]
         good, proven = Q[:0], value[:0]
         for part in np.split(order, range(self.best, len(order), self.best)):
-            some = Q[part[self.region.holds(Q[part])]]
-            value = self._objective(k, far, self._proven(some, gap, self.few)[1])
-            good, proven = np.concatenate([good, some]), np.concatenate([proven, value])
-            if np.isfinite(proven).sum() >= self.best:
+            # Steps may end beside the nearest point: those behind may be farther in truth.
+            if len(proven) >= self.best and value[part].max() <= proven[self.best - 1]:
                 break
-        best = np.argsort(-proven, kind="stable")[: min(self.best, np.isfinite(proven).sum())]
-        return np.asarray(good[best])
+            some = Q[part[self.region.holds(Q[part])]]
+            found = self._objective(k, far, self._proven(some, gap, self.few)[1])
+            good, proven = np.concatenate([good, some]), np.concatenate([proven, found])
+            first = np.argsort(-proven, kind="stable")[: np.isfinite(proven).sum()]
+            good, proven = good[first], proven[first]
+        return np.asarray(good[: self.best])
 
     def _proven(self, Q: Array, gap: float, boxes: int) -> tuple[Array, Array]:
         """Lower and upper bounds (N, F) of the distances of Q (N, n), mostly within ``gap``."""
@@ -406,93 +462,117 @@ class _Search:
         cap = np.inf if k is None else float(far[k])
         reached, q = self._climb(k, far, self._random(self.samples), 0.3)
         C, R = self._first_boxes()
-        ceiling, begin, most = np.full(len(C), np.inf), self.seen, max(most, len(C))
+        boxes = _Boxes.first(C, R, len(far))
+        begin, most = self.seen, max(most, len(C))
         while True:
-            keep = ceiling > self._target(reached)
-            C, R, ceiling = C[keep], R[keep], ceiling[keep]
-            if not len(C) or self.seen - begin >= most:
+            boxes = boxes[boxes.ceiling > self._target(reached)]
+            if not len(boxes.C) or self.seen - begin >= most:
                 break
             # Those that may be farthest first; an eighth at once, since all are copied each time.
-            count = min(max(self.chunk, len(C) // 8), len(C), begin + most - self.seen)
-            pick = np.argpartition(-ceiling, count - 1)
-            made = [(C[pick[count:]], R[pick[count:]], ceiling[pick[count:]])]
+            left = len(boxes.C)
+            count = min(max(self.chunk, left // 8), left, begin + most - self.seen)
+            pick = np.argpartition(-boxes.ceiling, count - 1)
+            made = [boxes[pick[count:]]]
             for part in np.array_split(pick[:count], math.ceil(count / self.chunk)):
-                found = self._halves(k, far, cap, C[part], R[part], ceiling[part], reached)
-                made.append(found[:3])
-                guess, centers = found[3:]
+                halves, guess, centers = self._halves(k, far, cap, boxes[part], reached)
+                made.append(halves)
                 ahead = centers[guess > (1 + GAP / 5) * reached]
                 if len(ahead):
                     better, where = self._climb(k, far, ahead, 0.05)
                     reached, q = (better, where) if better > reached else (reached, q)
             self.seen += count
             self.progress(what, min(self.seen - begin, most), most)
-            C, R, ceiling = (np.concatenate(x) for x in zip(*made, strict=True))
-        proven = max((1 + GAP) * reached, float(ceiling.max(initial=0.0)))
+            boxes = _Boxes(
+                *map(np.concatenate, zip(*(vars(x).values() for x in made), strict=True))
+            )
+        proven = max((1 + GAP) * reached, float(boxes.ceiling.max(initial=0.0)))
         return _Answer(proven + ROUNDING if proven else 0.0, reached, q)
 
     def _target(self, reached: float) -> float:
         return max((1 + GAP) * reached, ROUNDING)
 
     def _halves(
-        self, k: int | None, far: Array, cap: float, C: Array, R: Array, top: Array, reached: float
-    ) -> tuple[Array, Array, Array, Array, Array]:
-        """What is left of boxes, in halves with ceilings; and the farthest centres that exceed."""
-        target = self._target(reached)
+        self, k: int | None, far: Array, cap: float, boxes: _Boxes, reached: float
+    ) -> tuple[_Boxes, Array, Array]:
+        """What is left of boxes, in halves; centres that exceed, farthest first, and how far."""
+        target, weight = self._target(reached), self.watched.weight
         kept = np.where(np.arange(len(far)) == k, target, np.minimum(far, 1e9))
-        c, r = self._trimmed(C, R, np.full(len(far), target) if k is None else kept)
-        reach: Array = np.sqrt((r * self.watched.weight) ** 2 @ self.used.T)
+        kept = np.full(len(far), target) if k is None else kept
+        c, r = self._trimmed(boxes.C, boxes.R, kept)
+        x = boxes.moved(c, r)
+        reach: Array = np.sqrt((r * weight) ** 2 @ self.used.T)
         each = two_sided(self.watched.conditions.plain, c, each=True).each
-        low, up = each[..., 0], each[..., 1]
-        top = np.minimum(np.minimum(top, cap), self._objective(k, far, up + reach))
-        alive = (top > target) & self._may_hold(c, r, np.all(low > reach, axis=1))
+        low, known = each[..., 0], each[..., 1]
+        up, over, steps = self._upper(x)
+        over = np.fmin(over, known + reach)
+        x.ceiling[:] = np.minimum(np.minimum(x.ceiling, cap), self._objective(k, far, over))
+        alive = (x.ceiling > target) & self._may_hold(c, r, np.all(low > reach, axis=1))
         if k is not None:
             alive &= low[:, k] - reach[:, k] <= cap
-        c, r, top, low, up, reach = (x[alive] for x in (c, r, top, low, up, reach))
-        found = self.bounds.of(c, r)
+        x, low, known, reach = x[alive], low[alive], known[alive], reach[alive]
+        found = self.bounds.of(x.C, x.R)
         open_ = found.most > 1
-        c, r, top, low, up, reach, center, first, pull = (
-            x[open_] for x in (c, r, top, low, up, reach, found.center, found.first, found.pull)
+        x, low, known, reach, center, first, pull = (
+            x[open_],
+            *(y[open_] for y in (low, known, reach, found.center, found.first, found.pull)),
         )
         # Where the lower bounds decide nothing else, closer upper ones do not either.
-        over, steps = up + reach, np.zeros((*up.shape, self.arm.n))
+        up, over, steps = self._upper(x)
+        up, over = np.fmin(up, known), np.fmin(over, known + reach)
         least = np.where(self.surfaces, low, up)
         closer = self._objective(k, far, least) < self._objective(k, far, up)
-        closer |= self._objective(k, far, least + reach) < top
-        near = two_sided(self.watched.conditions.plain, c[closer], each=True, points=True)
-        up[closer] = near.each[..., 1]
-        steps[closer] = np.abs(near.points - (c[closer] * self.watched.weight)[:, None])
-        ends = steps[closer] + (r[closer] * self.watched.weight)[:, None] * self.used
-        way, end = (np.linalg.norm(x, axis=2) for x in (steps[closer], ends))
-        over[closer] = (np.maximum(up[closer] - way, 0.0) + end) * (1 + ROUNDING)
-        top = np.minimum(top, self._objective(k, far, over))
-        alive = top > target
-        c, r, top, low, up, over, steps, reach, center, first, pull = (
-            x[alive] for x in (c, r, top, low, up, over, steps, reach, center, first, pull)
-        )
-        if not len(c):
-            return c, r, top, top, c
-        # Steps may lead to a point that is not the nearest: such boxes could never be done.
-        least = self._objective(k, far, low + reach)
-        here = self._objective(k, far, up)
-        some = np.flatnonzero((here > target) & ((least <= target) | np.isinf(here)))
-        reach = reach[some]
-        gap = float(
-            np.clip(reach.max(axis=1, initial=0.0).min(initial=np.inf) / 2, self.sure, 1e-2)
-        )
-        up[some] = np.fmin(up[some], self._proven(c[some], gap, self.few)[1])
-        over[some] = np.fmin(over[some], up[some] + reach)
-        top[some] = np.minimum(top[some], self._objective(k, far, over[some]))
-        open_ = top > target
+        closer |= self._objective(k, far, least + reach) < x.ceiling
+        for look in (self._follow, self._begin_elsewhere):
+            rows = np.flatnonzero(closer)
+            near = x[rows]
+            look(near)
+            x.points[rows], x.slack[rows] = near.points, near.slack
+            up[rows], over[rows], steps[rows] = self._upper(near)
+            up, over = np.fmin(up, known), np.fmin(over, known + reach)
+            x.ceiling[:] = np.minimum(x.ceiling, self._objective(k, far, over))
+            closer &= x.ceiling > target
         guess = np.where(center > 1, self._objective(k, far, up), -np.inf)
         farther = np.flatnonzero(guess > reached)
-        guess[farther[~self.region.holds(c[farther])]] = -np.inf
-        best = np.argsort(-guess, kind="stable")[: self.best]
-        kept = np.full(len(far), target) if k is None else kept
-        j = self._longest(r, up, over, steps, kept, BoxSpeeds(center, first, center, pull))
-        half = np.eye(self.arm.n)[j] * r / 2
-        a, b, s = (c - half)[open_], (c + half)[open_], (r - half)[open_]
-        both = np.concatenate([a, b]), np.concatenate([s, s]), np.tile(top[open_], 2)
-        return *both, guess[best], c[best]
+        guess[farther[~self.region.holds(x.C[farther])]] = -np.inf
+        best = np.argsort(-guess, kind="stable")[: 10 * self.best]
+        j = self._longest(x.R, up, over, steps, kept, BoxSpeeds(center, first, center, pull))
+        half, open_ = np.eye(self.arm.n)[j] * x.R / 2, x.ceiling > target
+        both = (x.moved(c, x.R - half)[open_] for c in (x.C - half, x.C + half))
+        return _Boxes.joined(both), guess[best], x.C[best]
+
+    def _upper(self, x: _Boxes) -> tuple[Array, Array, Array]:
+        """Upper bounds (N, F) of distances of centres, and of all of boxes; the ways to points."""
+        weight = self.watched.weight
+        steps = np.where(self.used, np.abs(x.points - (x.C * weight)[:, None]), 0.0)
+        ends = steps + (x.R * weight)[:, None] * self.used
+        way, end = (np.linalg.norm(y, axis=2) for y in (steps, ends))
+        return way + x.slack, (end + x.slack) * (1 + ROUNDING), steps
+
+    def _follow(self, x: _Boxes, only: int | None = None) -> None:
+        """Step from centres, or from most of the way to points of a family, to nearer ones."""
+        scale = self.watched.weight * self.used
+        at = X = x.C * self.watched.weight
+        if only is not None:
+            at = np.where(self.used[only], X + 0.7 * (x.points[:, only] - X), X)
+        found = two_sided(
+            self.watched.conditions.plain, at / self.watched.weight, each=True, points=True
+        )
+        for f in range(len(scale)) if only is None else [only]:
+            points = found.points[:, f]
+            way = np.linalg.norm((points - at)[:, self.used[f]], axis=1)
+            x.take(f, points, np.maximum(found.each[:, f, 1] - way, 0.0), scale[f])
+
+    def _begin_elsewhere(self, x: _Boxes) -> None:
+        """Step near the nearest of the points that are known of each surface."""
+        # Steps from the centre may lead to a point that is not the nearest.
+        X, turn = x.C * self.watched.weight, self.watched.conditions.turn
+        for f, (tree, cloud) in self.clouds.items():
+            whole = np.maximum(turn, 1.0)
+            i = tree.query(np.where(turn > 0, X % whole, X)[:, self.used[f]])[1]
+            points = cloud.points[i, f]
+            points += turn * np.round((X - points) / whole)
+            x.take(f, points, cloud.slack[i, f], self.watched.weight * self.used[f])
+            self._follow(x, f)
 
     def _longest(
         self, r: Array, up: Array, over: Array, steps: Array, kept: Array, speeds: BoxSpeeds
@@ -506,6 +586,7 @@ class _Search:
         if not len(kept):
             return np.asarray(j)
         families = _times(over - np.where(np.isfinite(up), up, 0.0), kept - up)
+        steps = np.where(np.isfinite(steps), steps, 0.0)
         i = (w[:, None] * (steps + w[:, None]) * self.used).argmax(axis=2)
         families = families / np.maximum(w[rows[:, None], i], TINY)
         f = families.argmin(axis=1)
