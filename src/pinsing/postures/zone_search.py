@@ -12,10 +12,9 @@ import itertools
 import math
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from scipy.spatial import KDTree
 
 from pinsing._types import Array, ArrayLike, Bool, Ints
 from pinsing.algebra.conditions import Conditions
@@ -34,6 +33,9 @@ from pinsing.prose import listed
 from pinsing.proximity.watched import Watched, metric_note, titled, watch
 from pinsing.proximity.zones import Zones
 from pinsing.robot.arm import Arm, summarize
+
+if TYPE_CHECKING:
+    from scipy.spatial import KDTree
 
 GAP = 0.05
 """Share of a distance within which a configuration that exceeds a limit is looked for."""
@@ -316,6 +318,8 @@ class _Search:
         )
         self.rng = np.random.default_rng(36)
         self.seen = 0
+        from scipy.spatial import KDTree
+
         # Points of surfaces, to begin steps near the nearest ones.
         self.clouds: dict[int, tuple[KDTree, _Boxes]] = {}
         Q = random_turns(self.arm, self.cloud)
