@@ -9,8 +9,8 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
 LIMITS: dict[str, tuple[int, int]] = {
-    "Python in src: statements": (41_803, 30_000),
-    "Python in src: lines": (77_402, 56_000),
+    "Python in src: statements": (41_805, 30_000),
+    "Python in src: lines": (77_406, 56_000),
     "C++, JavaScript, templates, styles: lines": (13_816, 9_500),
     "modules": (213, 220),
     "packages directly under pinsing": (16, 16),
