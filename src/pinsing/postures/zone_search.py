@@ -245,7 +245,7 @@ class _Answer:
 
 
 @dataclass(frozen=True, eq=False)
-class _Boxes:
+class _Cells:
     """Boxes, how far from the families any of it may be, and a point near each family."""
 
     C: Array  # (N, n) centres
@@ -255,23 +255,23 @@ class _Boxes:
     slack: Array  # (N, F), how far the family may be from there
 
     @classmethod
-    def first(cls, C: Array, R: Array, families: int) -> _Boxes:
+    def first(cls, C: Array, R: Array, families: int) -> _Cells:
         """Boxes of which nothing is known."""
         shape = len(C), families
         points = np.full((*shape, C.shape[1]), np.inf)
         return cls(C, R, np.full(len(C), np.inf), points, np.zeros(shape))
 
     @classmethod
-    def joined(cls, parts: Iterable[_Boxes]) -> _Boxes:
+    def joined(cls, parts: Iterable[_Cells]) -> _Cells:
         """All of them."""
         return cls(*map(np.concatenate, zip(*(vars(x).values() for x in parts), strict=True)))
 
-    def __getitem__(self, rows: Any) -> _Boxes:
-        return _Boxes(*(x[rows] for x in vars(self).values()))
+    def __getitem__(self, rows: Any) -> _Cells:
+        return _Cells(*(x[rows] for x in vars(self).values()))
 
-    def moved(self, C: Array, R: Array) -> _Boxes:
+    def moved(self, C: Array, R: Array) -> _Cells:
         """The same of other centres and half widths."""
-        return _Boxes(C, R, self.ceiling.copy(), self.points.copy(), self.slack.copy())
+        return _Cells(C, R, self.ceiling.copy(), self.points.copy(), self.slack.copy())
 
     def take(self, family: int, points: Array, slack: Array, scale: Array) -> None:
         """Take points (N, n), ``slack`` (N,) off a family, that are nearer than the ones there."""
@@ -321,9 +321,9 @@ class _Search:
         from scipy.spatial import KDTree
 
         # Points of surfaces, to begin steps near the nearest ones.
-        self.clouds: dict[int, tuple[KDTree, _Boxes]] = {}
+        self.clouds: dict[int, tuple[KDTree, _Cells]] = {}
         Q = random_turns(self.arm, self.cloud)
-        cloud = _Boxes.first(Q, 0 * Q, len(self.each))
+        cloud = _Cells.first(Q, 0 * Q, len(self.each))
         self._follow(cloud)
         for f in np.flatnonzero(self.surfaces).tolist():
             some = cloud[np.isfinite(cloud.points[:, f]).all(axis=1)]
@@ -394,7 +394,7 @@ class _Search:
 
     def _distances(self, Q: Array) -> tuple[Array, Array]:
         """Lower and upper bounds (N, F) of the distances of Q (N, n) to the families."""
-        x = _Boxes.first(Q, 0 * Q, len(self.each))
+        x = _Cells.first(Q, 0 * Q, len(self.each))
         self._follow(x)
         self._begin_elsewhere(x)
         each = two_sided(self.watched.conditions.plain, Q, each=True).each
@@ -466,7 +466,7 @@ class _Search:
         cap = np.inf if k is None else float(far[k])
         reached, q = self._climb(k, far, self._random(self.samples), 0.3)
         C, R = self._first_boxes()
-        boxes = _Boxes.first(C, R, len(far))
+        boxes = _Cells.first(C, R, len(far))
         begin, most = self.seen, max(most, len(C))
         while True:
             boxes = boxes[boxes.ceiling > self._target(reached)]
@@ -486,7 +486,7 @@ class _Search:
                     reached, q = (better, where) if better > reached else (reached, q)
             self.seen += count
             self.progress(what, min(self.seen - begin, most), most)
-            boxes = _Boxes(
+            boxes = _Cells(
                 *map(np.concatenate, zip(*(vars(x).values() for x in made), strict=True))
             )
         proven = max((1 + GAP) * reached, float(boxes.ceiling.max(initial=0.0)))
@@ -496,8 +496,8 @@ class _Search:
         return max((1 + GAP) * reached, ROUNDING)
 
     def _halves(
-        self, k: int | None, far: Array, cap: float, boxes: _Boxes, reached: float
-    ) -> tuple[_Boxes, Array, Array]:
+        self, k: int | None, far: Array, cap: float, boxes: _Cells, reached: float
+    ) -> tuple[_Cells, Array, Array]:
         """What is left of boxes, in halves; centres that exceed, farthest first, and how far."""
         target, weight = self._target(reached), self.watched.weight
         kept = np.where(np.arange(len(far)) == k, target, np.minimum(far, 1e9))
@@ -542,9 +542,9 @@ class _Search:
         j = self._longest(x.R, up, over, steps, kept, BoxSpeeds(center, first, center, pull))
         half, open_ = np.eye(self.arm.n)[j] * x.R / 2, x.ceiling > target
         both = (x.moved(c, x.R - half)[open_] for c in (x.C - half, x.C + half))
-        return _Boxes.joined(both), guess[best], x.C[best]
+        return _Cells.joined(both), guess[best], x.C[best]
 
-    def _upper(self, x: _Boxes) -> tuple[Array, Array, Array]:
+    def _upper(self, x: _Cells) -> tuple[Array, Array, Array]:
         """Upper bounds (N, F) of distances of centres, and of all of boxes; the ways to points."""
         weight = self.watched.weight
         steps = np.where(self.used, np.abs(x.points - (x.C * weight)[:, None]), 0.0)
@@ -552,7 +552,7 @@ class _Search:
         way, end = (np.linalg.norm(y, axis=2) for y in (steps, ends))
         return way + x.slack, (end + x.slack) * (1 + ROUNDING), steps
 
-    def _follow(self, x: _Boxes, only: int | None = None) -> None:
+    def _follow(self, x: _Cells, only: int | None = None) -> None:
         """Step from centres, or from most of the way to points of a family, to nearer ones."""
         scale = self.watched.weight * self.used
         at = X = x.C * self.watched.weight
@@ -566,7 +566,7 @@ class _Search:
             way = np.linalg.norm((points - at)[:, self.used[f]], axis=1)
             x.take(f, points, np.maximum(found.each[:, f, 1] - way, 0.0), scale[f])
 
-    def _begin_elsewhere(self, x: _Boxes) -> None:
+    def _begin_elsewhere(self, x: _Cells) -> None:
         """Step near the nearest of the points that are known of each surface."""
         # Steps from the centre may lead to a point that is not the nearest.
         X, turn = x.C * self.watched.weight, self.watched.conditions.turn
