@@ -253,13 +253,14 @@ class _Cells:
     ceiling: Array  # (N,)
     points: Array  # (N, F, n), weighted coordinates; infinite where none is known
     slack: Array  # (N, F), how far the family may be from there
+    asked: Array  # (N,), size of the box when points were last looked for elsewhere
 
     @classmethod
     def first(cls, C: Array, R: Array, families: int) -> _Cells:
         """Boxes of which nothing is known."""
         shape = len(C), families
         points = np.full((*shape, C.shape[1]), np.inf)
-        return cls(C, R, np.full(len(C), np.inf), points, np.zeros(shape))
+        return cls(C, R, np.full(len(C), np.inf), points, np.zeros(shape), np.full(len(C), np.inf))
 
     @classmethod
     def joined(cls, parts: Iterable[_Cells]) -> _Cells:
@@ -271,7 +272,9 @@ class _Cells:
 
     def moved(self, C: Array, R: Array) -> _Cells:
         """The same of other centres and half widths."""
-        return _Cells(C, R, self.ceiling.copy(), self.points.copy(), self.slack.copy())
+        return _Cells(
+            C, R, *(x.copy() for x in (self.ceiling, self.points, self.slack, self.asked))
+        )
 
     def take(self, family: int, points: Array, slack: Array, scale: Array) -> None:
         """Take points (N, n), ``slack`` (N,) off a family, that are nearer than the ones there."""
@@ -392,14 +395,6 @@ class _Search:
             notes=tuple(notes),
         )
 
-    def _distances(self, Q: Array) -> tuple[Array, Array]:
-        """Lower and upper bounds (N, F) of the distances of Q (N, n) to the families."""
-        x = _Cells.first(Q, 0 * Q, len(self.each))
-        self._follow(x)
-        self._begin_elsewhere(x)
-        each = two_sided(self.watched.conditions.plain, Q, each=True).each
-        return each[..., 0], np.fmin(each[..., 1], self._upper(x)[0])
-
     def _random(self, count: int) -> Array:
         spread = self.rng.uniform(self.low, self.high, (count, self.arm.n))
         return np.where(self.active, spread, (self.low + self.high) / 2)
@@ -430,7 +425,10 @@ class _Search:
 
     def _best(self, k: int | None, far: Array, Q: Array, gap: float) -> Array:
         """Those of Q (N, n) with the largest objective, which is proven of them within ``gap``."""
-        value = self._objective(k, far, self._distances(Q)[1])
+        x = _Cells.first(Q, 0 * Q, len(far))
+        self._follow(x)
+        self._begin_elsewhere(x)
+        value = self._objective(k, far, self._upper(x)[0])
         order = np.argsort(-value, kind="stable")[: (value > -np.inf).sum()]
         good, proven = Q[:0], value[:0]
         for part in np.split(order, range(self.best, len(order), self.best)):
@@ -530,7 +528,7 @@ class _Search:
             rows = np.flatnonzero(closer)
             near = x[rows]
             look(near)
-            x.points[rows], x.slack[rows] = near.points, near.slack
+            x.points[rows], x.slack[rows], x.asked[rows] = near.points, near.slack, near.asked
             up[rows], over[rows], steps[rows] = self._upper(near)
             up, over = np.fmin(up, known), np.fmin(over, known + reach)
             x.ceiling[:] = np.minimum(x.ceiling, self._objective(k, far, over))
@@ -568,14 +566,20 @@ class _Search:
 
     def _begin_elsewhere(self, x: _Cells) -> None:
         """Step near the nearest of the points that are known of each surface."""
-        # Steps from the centre may lead to a point that is not the nearest.
+        # Steps from the centre may lead to a point that is not the nearest. Halves know it, until
+        # they are much smaller.
         X, turn = x.C * self.watched.weight, self.watched.conditions.turn
+        size = np.linalg.norm(x.R * self.watched.weight, axis=1)
+        some = np.flatnonzero(size < x.asked / 4)
+        x.asked[some] = size[some]
         for f, (tree, cloud) in self.clouds.items():
-            whole = np.maximum(turn, 1.0)
-            i = tree.query(np.where(turn > 0, X % whole, X)[:, self.used[f]])[1]
+            own, whole, at = self.used[f], np.maximum(turn, 1.0), X[some]
+            i = tree.query(np.where(turn > 0, at % whole, at)[:, own], workers=-1)[1]
             points = cloud.points[i, f]
-            points += turn * np.round((X - points) / whole)
-            x.take(f, points, cloud.slack[i, f], self.watched.weight * self.used[f])
+            points += turn * np.round((at - points) / whole)
+            near = x[some]
+            near.take(f, points, cloud.slack[i, f], self.watched.weight * own)
+            x.points[some], x.slack[some] = near.points, near.slack
             self._follow(x, f)
 
     def _longest(
@@ -728,7 +732,8 @@ class _Search:
 
     def _outside(self, far: Array, Q: Array, last: int) -> Bool:
         """Whether Q (N, n) are in the region and proven outside the zones, by ``last`` boxes."""
-        low, up = self._distances(Q)
+        each = two_sided(self.watched.conditions.plain, Q, each=True, points=True).each
+        low, up = each[..., 0], each[..., 1]
         out = np.asarray((low > far).all(axis=1))
         # What only may be outside is looked at closely, some of it.
         most = 16 * self.few
