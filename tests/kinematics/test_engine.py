@@ -7,6 +7,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
+import pinsing
 from pinsing._batch import engine as kernel
 from pinsing._batch.built_from import SUFFIXES, fingerprint, why_stale
 from pinsing.errors import EngineError, OptionError
@@ -94,6 +95,22 @@ def test_a_kernel_of_other_sources_is_not_used(tmp_path):
         file.unlink()
     assert why_stale(built, tmp_path) is None  # a wheel without sources
     assert why_stale(None, tmp_path) is None
+
+
+def test_a_kernel_of_other_sources_is_left_aside_and_zones_say_so(monkeypatch):
+    monkeypatch.setattr(kernel, "_missing", "it is older than the sources")
+    arm = load("scara")
+    assert pinsing.at(arm, [0, 0.5, 0.1, 0]).q[1] == 0.5
+    assert "older than the sources" in batch.engine_name(arm)
+    form = pinsing.closed_form(arm)
+    with pytest.raises(EngineError, match="zones need the compiled kernel: it is older"):
+        pinsing.zones(form, joint_speeds=[5, 5, 1, 10])
+
+
+@pytest.mark.parametrize("rounded", [-1e-12, 0.0, 1e-12])
+def test_half_a_turn_is_negative_however_it_is_rounded(rounded):
+    near = load("ur5").space.wrap(np.full(6, np.pi + rounded))
+    np.testing.assert_allclose(near, -np.pi, atol=1e-9)
 
 
 def test_without_the_kernel_pinocchio_runs(monkeypatch):

@@ -60,7 +60,8 @@ class TubeWidth:
     persists : bool
         Whether every path across the tube that is far from the other families meets a singular
         configuration; False where no configuration was found outside of the tube on either side,
-        as of a wide one. Where two walls meet a path may pass between them, as a hyperbola opens.
+        as of a wide one, and of redundant arms, where nothing separates. Where two walls meet a
+        path may pass between them, as a hyperbola opens.
     """
 
     family: str

@@ -89,6 +89,8 @@ def zones(
     OptionError, UnknownNameError
         If speeds or ranges make no sense, speed limits are not known, the arm has a task that
         is not covered, or its postures have no such names.
+    EngineError
+        Without the compiled kernel.
 
     Examples
     --------
@@ -290,7 +292,7 @@ class _Search:
     Boxes of width ``wide`` (radians, or metres over the length scale) at first, ``chunk`` in one
     call. ``best`` of ``samples`` configurations are followed by steps to ``finest``, ``certified``
     of them proven to ``sure`` (radians). ``few`` boxes for what is proven of many, ``cheap`` of
-    them as much work as one of joint speeds.
+    them as much work as one of joint speeds. ``cloud`` points of each surface are known.
     """
 
     chunk, wide, finest, sure = 8192, 0.8, 3e-3, 1e-8
