@@ -6,6 +6,7 @@ A new package is entered in ORDER, above all that it imports.
 import ast
 import subprocess
 import sys
+from collections import Counter
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from functools import cache
@@ -274,6 +275,15 @@ def test_a_class_name_has_one_meaning():
             if isinstance(node, ast.ClassDef):
                 places.setdefault(node.name, []).append(room(module))
     assert {name: sorted(rooms) for name, rooms in places.items() if len(rooms) > 1} == TWICE
+
+
+def test_no_package_is_larger_than_a_tenth_of_the_whole():
+    """But families, mechanisms and the page."""
+    statements = Counter()
+    for module in MODULES:
+        statements[room(module)] += sum(isinstance(n, ast.stmt) for n in ast.walk(tree_of(module)))
+    large = {name for name, n in statements.items() if n > statements.total() / 10}
+    assert large <= {"families", "loops", "view"}
 
 
 def test_no_size_is_over_its_limit():

@@ -17,12 +17,13 @@ from tiers import tiered
 
 import pinsing
 from pinsing.cli.app import command
+from pinsing.configuration import inverse_batch
+from pinsing.configuration.inverse_batch import InverseMany
+from pinsing.configuration.ladder import posture_names
 from pinsing.errors import ConfigurationError, OptionError, RobotFileError
 from pinsing.kinematics.jacobian import tip_placement
 from pinsing.plot.curves import path_sheet
-from pinsing.postures import inverse_batch, placement
-from pinsing.postures.inverse_batch import InverseMany
-from pinsing.postures.ladder import posture_names
+from pinsing.postures import placement
 from pinsing.postures.placement import read_poses
 from pinsing.postures.toolpath import PathPlan, _Planner, plan_path
 
@@ -306,7 +307,9 @@ def test_joints_without_limits_make_as_many_turns_as_a_path_needs():
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["ur5", "puma560", "z1", "aubo_i5"])
 def test_eaik_misses_nothing_that_ours_finds(name, monkeypatch):
-    monkeypatch.setattr(sys.modules["pinsing.postures.inverse"], "decomposed", lambda arm: None)
+    monkeypatch.setattr(
+        sys.modules["pinsing.configuration.inverse"], "decomposed", lambda arm: None
+    )
     arm = pinsing.load(name)
     many = InverseMany(arm)
     assert many.exact

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
         sampling as sampling,
         view as view,
     )
-    from pinsing.configuration import State as State, at as at
+    from pinsing.configuration import State as State, at as at, inverse as inverse
     from pinsing.errors import PinsingError as PinsingError
     from pinsing.families import (
         ClosedForm as ClosedForm,
@@ -39,7 +39,6 @@ if TYPE_CHECKING:
         aspects as aspects,
         connect as connect,
         cuspidality as cuspidality,
-        inverse as inverse,
         plan_path as plan_path,
         posture_changes as posture_changes,
         zones as zones,
@@ -61,11 +60,11 @@ if TYPE_CHECKING:
     from pinsing.view import Viewer as Viewer
 
 _HOMES = {
-    "pinsing.configuration": "State at",
+    "pinsing.configuration": "State at inverse",
     "pinsing.errors": "PinsingError",
     "pinsing.families": "ClosedForm Family closed_form",
     "pinsing.kinematics": "frame_jacobian inverse_velocity singular_values",
-    "pinsing.postures": "aspects connect cuspidality inverse plan_path posture_changes zones",
+    "pinsing.postures": "aspects connect cuspidality plan_path posture_changes zones",
     "pinsing.proximity": "Clearance Monitor check_line check_trajectory clearance crossings "
     "export_guard is_clear suggest",
     "pinsing.report": "write_report",

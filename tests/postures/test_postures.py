@@ -11,11 +11,11 @@ from tiers import tiered
 import pinsing
 from pinsing.algebra.budget import Budget
 from pinsing.algebra.equation import Equation
+from pinsing.configuration.newton import one_sheet, regular_way
 from pinsing.errors import ConfigurationError, OptionError, PinsingError, UnknownNameError
 from pinsing.kinematics.jacobian import tip_placement
 from pinsing.postures.boxes import Ground, on_boxes, slope, sum_of
 from pinsing.postures.joint_map import Divided, Sectioned, subdivide
-from pinsing.postures.newton import one_sheet, regular_way
 from pinsing.postures.partition import Wheel, partition
 from pinsing.proximity.watched import watch
 

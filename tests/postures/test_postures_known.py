@@ -8,8 +8,8 @@ import pytest
 from dh_arms import arm_of, aspects_of, form_of
 
 import pinsing
+from pinsing.configuration.newton import columns, regular_way
 from pinsing.kinematics.verdict import ratios
-from pinsing.postures.newton import columns, regular_way
 
 EVERY = ("F1", "F2", "F3")
 

@@ -8,9 +8,9 @@ from dh_arms import arm_of, aspects_of, dh_arm, form_of
 from tiers import tiered
 
 import pinsing
+from pinsing.configuration.inverse import inverse
 from pinsing.errors import ConfigurationError, OptionError
 from pinsing.kinematics.jacobian import tip_placement
-from pinsing.postures.inverse import inverse
 
 # The upper arm and the forearm of PUMA 560 are of almost one length: its elbow folded, the wrist
 # is half a millimetre from the axis of joint 2, and the pose tells little about two joints.

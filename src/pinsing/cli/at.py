@@ -141,8 +141,8 @@ def _answer(
 ) -> str:
     """Return what is wrong there, if anything, what is near, and what to do: five lines at most."""
     from pinsing.arguments import typed
+    from pinsing.configuration.ladder import posture_names
     from pinsing.measures import ALIKE
-    from pinsing.postures.ladder import posture_names
     from pinsing.proximity.trajectory import singularity
     from pinsing.proximity.watched import titled, watch
 

@@ -241,8 +241,8 @@ def with_aspects(
 
 def _posture_of_the_end(arm: Arm, Q: Array, found: Aspects) -> tuple[Array | None, bool]:
     """Another posture of the first pose, in the aspect that the end is in; whether none is left."""
+    from pinsing.configuration.inverse import inverse
     from pinsing.kinematics.jacobian import tip_placement
-    from pinsing.postures.inverse import inverse
 
     end = found.of(Q[-1])
     if end is None or arm.n > 6 or arm.coupling is not None:

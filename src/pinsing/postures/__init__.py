@@ -12,7 +12,6 @@ if TYPE_CHECKING:
     )
     from pinsing.postures.connection import Connection as Connection, connect as connect
     from pinsing.postures.cuspidal import Cuspidality as Cuspidality, cuspidality as cuspidality
-    from pinsing.postures.inverse import InverseSolutions as InverseSolutions, inverse as inverse
     from pinsing.postures.motions import (
         aspect_changes as aspect_changes,
         line_postures as line_postures,
@@ -28,7 +27,6 @@ public(
         "changes": "PostureChanges posture_changes",
         "connection": "Connection connect",
         "cuspidal": "Cuspidality cuspidality",
-        "inverse": "InverseSolutions inverse",
         "motions": "aspect_changes line_postures",
         "placement": "WorkpiecePlacement",
         "toolpath": "PathPlan plan_path",

@@ -14,12 +14,12 @@ import numpy as np
 from pinsing._types import Array, ArrayLike
 from pinsing.algebra.budget import Budget
 from pinsing.arguments import checked, typed
+from pinsing.configuration.ladder import ladder_of, posture_names
+from pinsing.configuration.newton import columns, regular_way
 from pinsing.errors import OptionError
 from pinsing.families import ClosedForm
 from pinsing.measures import PRACTICAL, ROUNDING
 from pinsing.postures.joint_map import Map, make_map, require_same_families
-from pinsing.postures.ladder import ladder_of, posture_names
-from pinsing.postures.newton import columns, regular_way
 from pinsing.postures.partition import Part, Piece
 from pinsing.proximity.clearance import quick
 from pinsing.proximity.watched import Forms, watch
@@ -125,7 +125,7 @@ class Aspect:
         Sign of each equation that separates, by family; 0 where it takes both.
     names : tuple of str
         Words of the field, such as "elbow up", where it has some for this arm
-        (`pinsing.postures.ladder`).
+        (`pinsing.configuration.ladder`).
     """
 
     number: int

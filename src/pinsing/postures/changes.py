@@ -19,16 +19,16 @@ import numpy as np
 
 from pinsing._types import Array, ArrayLike
 from pinsing.arguments import checked, typed
+from pinsing.configuration.inverse import InverseSolution, inverse
+from pinsing.configuration.ladder import posture_names
+from pinsing.configuration.newton import columns
 from pinsing.families import ClosedForm, closed_form
 from pinsing.kinematics.jacobian import tip_placement
 from pinsing.kinematics.verdict import generic_rank
 from pinsing.measures import ROUNDING
 from pinsing.postures.aspects import NOT_COMPLETE, aspects, map_of, missing, opposite
 from pinsing.postures.connection import DIFFERENT, SAME, UNDECIDED, Connection, connect
-from pinsing.postures.inverse import InverseSolution, inverse
 from pinsing.postures.joint_map import Map
-from pinsing.postures.ladder import posture_names
-from pinsing.postures.newton import columns
 from pinsing.postures.partition import Part, Piece
 from pinsing.proximity.watched import require_forms_of
 from pinsing.robot.arm import Arm, ArmSummary, summarize

@@ -8,6 +8,8 @@ import numpy as np
 
 from pinsing._types import Array, ArrayLike
 from pinsing.arguments import checked
+from pinsing.configuration.inverse import inverse
+from pinsing.configuration.ladder import posture_names
 from pinsing.errors import ConfigurationError, OptionError
 from pinsing.families import ClosedForm
 from pinsing.families.solve import form_to_measure
@@ -15,8 +17,6 @@ from pinsing.kinematics.jacobian import tip_placement
 from pinsing.kinematics.verdict import generic_rank
 from pinsing.measures import ALIKE
 from pinsing.postures.aspects import Aspects, aspects, map_of
-from pinsing.postures.inverse import inverse
-from pinsing.postures.ladder import posture_names
 from pinsing.proximity.crossings import check_times, crossings_of, motion_of
 from pinsing.proximity.line import LinePosture, check_line
 from pinsing.proximity.trajectory import AspectChange

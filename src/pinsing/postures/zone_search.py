@@ -21,6 +21,7 @@ from pinsing.algebra.conditions import Conditions
 from pinsing.algebra.nearest import BOXES as NEAREST, SearchOptions, nearest_points, two_sided
 from pinsing.algebra.trig_sum import TINY, off_values
 from pinsing.arguments import checked
+from pinsing.configuration.ladder import posture_names
 from pinsing.errors import OptionError
 from pinsing.families import ClosedForm, Family
 from pinsing.kinematics.batch import random_turns
@@ -28,7 +29,6 @@ from pinsing.kinematics.jacobian import frame_jacobians, singular_values, tip_po
 from pinsing.kinematics.speed_bounds import BoxSpeeds, SpeedBounds, sums_behind
 from pinsing.kinematics.tip_speed import TIP_SPEED, TURN_SPEED, speed_judge
 from pinsing.measures import ROUNDING
-from pinsing.postures.ladder import posture_names
 from pinsing.prose import listed
 from pinsing.proximity.watched import Watched, metric_note, titled, watch
 from pinsing.proximity.zones import Zones

@@ -14,12 +14,12 @@ import numpy as np
 
 from pinsing._batch import engine
 from pinsing._types import Array, Bool, Ints
+from pinsing.configuration.inverse import decomposed, inverse
+from pinsing.configuration.newton import Solver
 from pinsing.errors import OptionError
 from pinsing.kinematics.jacobian import generic_rank, task_jacobian
 from pinsing.kinematics.verdict import ROWS
 from pinsing.measures import PRACTICAL, ROUNDING
-from pinsing.postures.inverse import decomposed, inverse
-from pinsing.postures.newton import Solver
 from pinsing.robot.arm import Arm
 from pinsing.robot.chain import flatten
 

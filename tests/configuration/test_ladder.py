@@ -6,8 +6,8 @@ from dh_arms import dh_arm
 from tiers import tiered
 
 import pinsing
+from pinsing.configuration.ladder import ExactChain, Point, ladder_of, one_root_left, posture_names
 from pinsing.kinematics.jacobian import tip_placement
-from pinsing.postures.ladder import ExactChain, Point, ladder_of, one_root_left, posture_names
 
 
 def share(arm, count=60):

@@ -16,7 +16,7 @@ axis, R by no more than one; by a turn and a slide the position by no more than 
 That no configuration on a way is singular: proven from the Jacobian of the arm itself.
 
 The singular values of a matrix change by no more than its norm does (Weyl, 1912). With K a bound
-of the second derivatives (`pinsing.postures.newton`), the Jacobian has rank r within h of a
+of the second derivatives (`pinsing.configuration.newton`), the Jacobian has rank r within h of a
 configuration where ``sigma_r > K h``. Straight pieces are halved until that holds for each from
 its middle. No closed form is needed, and families of every codimension count.
 """
