@@ -8,6 +8,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from batch_cases import PANDA, UR5, close, flat, lapack, random_chain, reference_jacobian, robot
+from tiers import tiered
 
 from pinsing._batch import engine
 from pinsing._batch.engine import FlatChain
@@ -24,7 +25,7 @@ pytestmark = pytest.mark.parametrize("isa", engine.isa_names())
 
 
 @pytest.mark.parametrize("kind", ["revolute", "prismatic", "mixed"])
-@pytest.mark.parametrize("n", [1, 2, 4, 5, 6, 7, 8, 9, 20])
+@pytest.mark.parametrize("n", tiered([1, 2, 4, 5, 6, 7, 8, 9, 20], [1, 6, 7, 20]))
 def test_jacobians_of_random_chains(isa: str, n: int, kind: str) -> None:
     chain = random_chain(n, kind, seed=n)
     Q = np.random.default_rng(n + 1).uniform(-4, 4, (37, n))
@@ -69,7 +70,7 @@ def test_sine_and_cosine_at_any_angle(isa: str) -> None:
 
 
 @pytest.mark.parametrize("kind", ["revolute", "prismatic", "mixed"])
-@pytest.mark.parametrize("n", [1, 2, 3, 4, 5, 6, 7, 8, 9, 12, 33])
+@pytest.mark.parametrize("n", tiered([1, 2, 3, 4, 5, 6, 7, 8, 9, 12, 33], [1, 3, 6, 7, 33]))
 def test_singular_values_of_random_chains(isa: str, n: int, kind: str) -> None:
     chain = random_chain(n, kind, seed=50 + n)
     Q = np.random.default_rng(n).uniform(-4, 4, (37, n))

@@ -184,6 +184,7 @@ class TestAt:
         assert insisted.exit_code == 0
         assert State.from_json(insisted.stdout).q[1] == -90
 
+    @pytest.mark.slow
     def test_first_lines_are_of_the_same_unit_and_can_be_pasted(self):
         at = run("at", "irb120", "--q", "0,0,0,0,0,0").stdout.splitlines()
         assert at[1] == "  Lost: cannot move in direction base y with the tool's orientation held"
@@ -192,6 +193,7 @@ class TestAt:
         assert "e.g. --deg --q" in run("families", "gp7", "-v").stdout
         assert run("at", "gp7", "--suggest", "--deg", "--q", "0,0,0,0,-90,0").exit_code == 0
 
+    @pytest.mark.slow
     def test_no_posture_is_advised_where_none_is_within_the_limits(self, tmp_path):
         (tmp_path / "a.csv").write_text("10,20,30,5,40,0\n40,0,60,-20,-35,10\n")
         done = run("check", "irb120", str(tmp_path / "a.csv"), "--deg")
@@ -255,6 +257,7 @@ class TestFamilies:
 
 
 class TestInfo:
+    @pytest.mark.slow
     def test_chain_limits_rank_and_notes(self):
         done = run("list", "panda")
         assert done.exit_code == 0
@@ -321,6 +324,7 @@ class TestList:
 
 
 class TestDh:
+    @pytest.mark.slow
     def test_urdf_is_that_of_the_library(self, tmp_path):
         out = tmp_path / "arm.urdf"
         done = run("export", "--urdf", str(URDF / "stanford.dh.yaml"), "-o", str(out))
@@ -432,9 +436,9 @@ class TestFiles:
     [
         pytest.param("plot locus gp25", "a.png", marks=pytest.mark.slow),
         pytest.param("plot map gp25 --over q2,q3", "a.png", marks=pytest.mark.slow),
-        ("view gp25 --skeleton", "a.html"),
+        pytest.param("view gp25 --skeleton", "a.html", marks=pytest.mark.slow),
         ("families gp25 --no-prove", "a.sing"),
-        ("export gp25", "a.py"),
+        pytest.param("export gp25", "a.py", marks=pytest.mark.slow),
     ],
 )
 def test_every_family_option_takes_names_and_titles(words, file, tmp_path):
@@ -460,7 +464,9 @@ def test_every_family_option_takes_names_and_titles(words, file, tmp_path):
             ("zones", "irb120", "--within", "q3=0.5..1.2", "--boxes", "9000"),
             "between 0.5 rad and 1",
         ),
-        (("analyze", "puma560"), "q3 = -1.524 rad or 1.618 rad"),
+        pytest.param(
+            ("analyze", "puma560"), "q3 = -1.524 rad or 1.618 rad", marks=pytest.mark.slow
+        ),
         (("postures", "irb120", "--q", "0,0.2,0.3,0,0.5,0"), "--q -pi,-1.99105,0.3,-pi"),
     ],
 )

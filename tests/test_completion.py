@@ -86,6 +86,7 @@ def test_names_from_a_file_do_not_reach_the_shell(tmp_path):
     assert set(offered(f"families {path} --tip ")) <= {"base", "ok_link"}
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(shutil.which("bash") is None, reason="no bash")
 def test_bash(tmp_path):
     """The script that README has people put into ~/.bashrc, in a real bash."""

@@ -195,6 +195,7 @@ def test_text_of_any_equation_can_be_read_back(seed: int) -> None:
     says_the_same(equation(poly, ring, ("q1", "d2" if seed % 2 == 0 else "q2", "q3"), offset))
 
 
+@pytest.mark.slow
 def test_a_sum_of_angles_is_solved() -> None:
     """so101: its half-angle equation is printed as what the sum of three angles is."""
     halves = [e for e in equations("so101") if e.half_angle]

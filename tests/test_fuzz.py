@@ -48,6 +48,7 @@ MORE = {"expression": 1000, "result": 120, "certificate": 120, "table": 60}
 FEWER = {"expression": 100, "result": 15, "certificate": 40, "table": 20}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "counts",
     [

@@ -89,6 +89,7 @@ def test_commands_answer_without_what_only_linux_has(tmp_path, system):
         assert answer in said, asked
 
 
+@pytest.mark.slow
 def test_a_folder_that_cannot_be_locked_is_refused(tmp_path):
     assert run(tmp_path, "map", "planar3r", "--count", "64").returncode == 0
     done = run(tmp_path, "map", "planar3r", "--count", "64", "-o", "runs")

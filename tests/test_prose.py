@@ -170,6 +170,7 @@ def test_a_terminal_is_filled_and_not_overrun(width):
     assert "Assumed:" in shown
 
 
+@pytest.mark.slow
 def test_verdicts_are_coloured_on_a_terminal_alone():
     singular = ("at", "puma560", "--q", "0.1,0.2,0.3,0.4,0,0.5")
     shown = in_terminal(100, *singular)

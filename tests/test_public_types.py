@@ -305,6 +305,7 @@ def test_every_public_function_is_here():
     assert sorted(PUBLIC) == sorted(CALLS)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", [name for name in CALLS if name not in SLOW])
 def test_the_calls_work(name):
     call(name, **CALLS[name]())

@@ -31,6 +31,7 @@ def errors(done: subprocess.CompletedProcess[str]) -> list[str]:
     return [x for x in done.stderr.splitlines() if not x.startswith("pinsing: note")]
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not FULL.exists(), reason="there is no /dev/full here")
 @pytest.mark.parametrize("name", tiered(COMMANDS, {"json"}))
 def test_full(name: str) -> None:
@@ -59,6 +60,7 @@ def test_a_reader_that_has_gone() -> None:
     assert errors(done) == []
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("ending", tiered(["2>&-", "2> /dev/full"], {"2>&-"}))
 def test_nobody_hears_the_messages(ending: str) -> None:
     done = shell(COMMANDS["at"], ending)

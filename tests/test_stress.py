@@ -50,6 +50,7 @@ def work(arm: Arm) -> dict[str, Any]:
     }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("robot", tiered(["ur5", "stanford", "panda"], ("stanford",)))
 def test_threads_share_an_arm(robot):
     arm = load(robot)

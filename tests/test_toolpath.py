@@ -56,6 +56,7 @@ def reached(arm, plan, T, tool):
         np.testing.assert_allclose(tip_placement(arm, q).homogeneous @ tool, pose @ turn, atol=1e-7)
 
 
+@pytest.mark.slow
 def test_a_torch_on_a_circle(ur5):
     arm, form = ur5
     T = circle(arm, 60)
@@ -122,6 +123,7 @@ def test_the_optimum_is_that_of_brute_force(ur5, seed):
     assert best - 2e-2 < at_poses <= plan.bound + 1e-3
 
 
+@pytest.mark.slow
 def test_the_bound_counts_what_is_within_limits_between_two_values():
     """A value on the grid is beyond a limit, and part of the way from it to the next is not."""
     arm = pinsing.load("irb120")
@@ -137,6 +139,7 @@ def test_the_bound_counts_what_is_within_limits_between_two_values():
     assert coarse.bound >= fine.clearance > np.radians(55)
 
 
+@pytest.mark.slow
 def test_a_rotation_about_the_last_axis_cannot_help(ur5):
     arm, form = ur5
     T = np.tile(tip_placement(arm, START).homogeneous, (5, 1, 1))
@@ -218,6 +221,7 @@ def test_a_path_with_the_roll_kept_is_one_of_those_that_the_bound_is_of(began):
     assert "with roll kept: no path" in replace(late, fixed=(0.0,)).text()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("free", ["branch", "roll"])
 def test_a_long_motion_that_is_clear_is_a_path(free):
     """Of 29 degrees, where the clearances at the ends add up to less than 20."""
@@ -283,6 +287,7 @@ def test_poses_of_opposite_axes_and_of_joints_that_line_up_at_zero_are_reached(n
         assert np.nanmin(np.abs(arm.space.wrap(found - q)).max(axis=1)) < 1e-6
 
 
+@pytest.mark.slow
 def test_joints_without_limits_make_as_many_turns_as_a_path_needs():
     """Four turns of the tool were called degrees, and so were turns that nothing needed."""
     arm = pinsing.load("gen3_6")
@@ -351,6 +356,7 @@ def test_an_arm_that_has_no_decomposition_is_followed(ur5, monkeypatch):
     assert plan.clearance == pytest.approx(exact.clearance, abs=0.02)
 
 
+@pytest.mark.slow
 def test_a_seventh_joint_is_free():
     arm = pinsing.load("panda")
     form = pinsing.closed_form(arm, prove=False)
@@ -657,6 +663,7 @@ def test_no_placement_is_reached(ur5, monkeypatch):
     assert not len(plan.q)
 
 
+@pytest.mark.slow
 def test_poses_far_apart_have_the_same_path_on_every_grid(ur5):
     # The example of docs/how-to/toolpath.md, where estimates of nodes are 15 degrees too high.
     arm, form = ur5
@@ -740,6 +747,7 @@ def planned(name, rows, free, steps, **options):
     return [plan_path(form, T, free=free, step=np.radians(s), arm=arm, **options) for s in steps]
 
 
+@pytest.mark.slow
 def test_the_bound_counts_motions_that_are_long_at_both_ends():
     """Another path, of short motions, has 8 degrees, and was the bound: a finer grid had 20."""
     rows = [

@@ -78,6 +78,7 @@ def test_what_was_told_before_the_end_is_kept():
     assert outcome.reason
 
 
+@pytest.mark.slow
 def test_the_families_are_the_same_in_a_child(monkeypatch):
     arm = pinsing.load("surgical7")
     here = closed_form(arm)

@@ -83,6 +83,7 @@ def long_ones(form: pinsing.ClosedForm) -> list[tuple[pinsing.Family, JointForm]
 ARMS = ["crx", "gofa", "odd", "panda", "xarm7"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", tiered(ARMS, {"odd"}))
 def test_solved_values_are_singular_and_others_are_not(name: str, folder: Path) -> None:
     form = form_of(name, folder)
@@ -112,6 +113,7 @@ def test_solved_values_are_singular_and_others_are_not(name: str, folder: Path) 
         assert left.min() > 1e-9
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["crx", "panda"])
 def test_there_are_no_other_values(name: str, folder: Path) -> None:
     _, solved = long_ones(form_of(name, folder))[0]

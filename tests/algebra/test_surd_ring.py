@@ -129,6 +129,7 @@ def test_factors_divide_and_multiply_up(data, numbers):
     assert all(r.factors(f) == [f] for f in found)
 
 
+@pytest.mark.slow
 @settings(max_examples=40, deadline=None)
 @given(st.data())
 def test_common_divisors(data):

@@ -476,6 +476,7 @@ def mutant(rng: random.Random, text: str) -> bytes:
     return rng.choice([data] * 10 + [data[:cut], data[:cut] + b"\xff" + data[cut + 1 :]])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", tiered(MUTANT_FILES, ("z1.urdf",)))
 def test_mutants_end_in_a_model_or_in_one_clear_line(name, read, capfd):
     text = next(file for file in ALL_URDFS if file.name == name).read_text()

@@ -282,6 +282,7 @@ def run_generate(monkeypatch, capsys):
     return run
 
 
+@pytest.mark.slow
 def test_shipped_urdfs_are_fresh(run_generate) -> None:
     """Bit for bit what the generator writes: chain, limits and shapes."""
     assert run_generate("--check") == (0, "", "")

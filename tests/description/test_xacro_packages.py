@@ -100,6 +100,7 @@ def test_a_package_is_a_name_and_no_path(name, tmp_path):
     assert "not found" in str(caught.value) or "find" in str(caught.value)
 
 
+@pytest.mark.slow
 def test_a_folder_above_needs_a_package_xml_that_names_it(tmp_path):
     """Else a file could read whatever lies beside any folder above it."""
     for name in ("secret", "secret/robots", "other"):
@@ -122,6 +123,7 @@ def test_a_folder_above_needs_a_package_xml_that_names_it(tmp_path):
         manifest.unlink()
 
 
+@pytest.mark.slow
 def test_wildcards_are_bounded_whatever_links_there_are(tmp_path):
     """Ten links to the folder itself: ten times as many names at every step."""
     for k in range(10):

@@ -241,6 +241,7 @@ def test_limits_of_a_slider_hide_no_family(low: float, high: float, word: str) -
     assert (inside[:, 1] <= high + 1e-9).all()
 
 
+@pytest.mark.slow
 def test_components_without_real_points_are_dropped() -> None:
     form = closed("panda")
     assert form.dropped == 1

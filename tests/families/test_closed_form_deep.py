@@ -35,6 +35,7 @@ def chain(name):
     return arm, closed_form(arm, seconds=60)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "name", tiered(["ur5", "z1", "irb1400", "so101", "surgical7"], ("irb1400",))
 )

@@ -69,6 +69,7 @@ def test_a_planar_finger(tmp_path, multiplier, offset):
         assert np.abs(np.interp(r, a, area)) < 1e-3
 
 
+@pytest.mark.slow
 def test_a_wrist_that_is_driven_from_the_elbow(tmp_path):
     """Axes in space, a placement that turns about the axis, and an offset of a quarter turn."""
     arm = robot(

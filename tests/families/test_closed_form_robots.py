@@ -67,6 +67,7 @@ def test_near_misses_are_regular(name: str) -> None:
     check_beside(arm_of(name), closed(name), 20)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", tiered(["xarm7", "icub_left", "so101", "g1"], ("xarm7",)))
 def test_raw_ratio_is_told_where_the_file_is_not_exact(name: str) -> None:
     form = closed(name)

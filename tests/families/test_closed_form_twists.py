@@ -39,6 +39,7 @@ def swapped(rows: DHRows, new: float) -> DHRows:
     return [(a, math.copysign(new, al) if abs(al) == 60 else al, d) for a, al, d in rows]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("twist", tiered([15, 30, 45, 60, 75], (15,)))
 def test_hollow_wrists(twist):
     """Three wrist axes through one point, at any twist: the families of a PUMA."""

@@ -48,6 +48,7 @@ def test_a_rational_value_lies_only_where_it_is(turned):
     assert on_no_family(form, arm, q3=180) == (0, 40)
 
 
+@pytest.mark.slow
 def test_what_is_nearly_zero_is_no_error():
     """An equation is 1e-11 of its terms at a joint value without singular configurations."""
     a, d = (0, 0, 0.0825, -0.0835, 0, 0.088, 0), (0.333, 0, 0.316, 0, 0.384, 0, 0.107)

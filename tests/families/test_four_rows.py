@@ -57,6 +57,7 @@ def found(request):
     return arm, pinsing.closed_form(arm, seconds=SECONDS, prove=False)
 
 
+@pytest.mark.slow
 def test_finite_fields_say_the_same(found):
     arm, form = found
     field = script("oracle.field")

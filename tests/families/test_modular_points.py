@@ -25,6 +25,7 @@ def _snake():
     return arm, geometry, ring, [minors.minor(range(i, i + 6), {}) for i in range(5)]
 
 
+@pytest.mark.slow
 def test_points_are_singular_where_all_minors_of_neighbours_vanish(snake):
     arm, geometry, ring, minors = snake
     points = ModularPoints(geometry, arm.task, ring, 1).points({}, minors, 4, Budget(60))

@@ -25,6 +25,7 @@ def system(name, **options):
 CASES = [("g1", {"tip": "left_rubber_hand", "base": "torso_link"}), ("so101", {})]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("name", "options"), tiered_rows(CASES, CASES[1:]))
 def test_values_and_slopes(name, options, rng):
     equations = system(name, **options)

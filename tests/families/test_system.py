@@ -127,6 +127,7 @@ def solved(form, name, polys, names, at, rng):
     return None
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", tiered(["ur5", "stanford", "panda"], ("stanford", "panda")))
 def test_equations_vanish_on_the_families_and_nowhere_else(forms, name):
     form = forms[name]

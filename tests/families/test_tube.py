@@ -82,6 +82,7 @@ def test_tube_is_proven_and_holds_every_singular_configuration(
     assert 0.001 < far < form.tube.width
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "name", tiered(["ur5e", "crx10ia", "xarm6", "iiwa14", "panda"], {"ur5e", "iiwa14"})
 )
@@ -146,6 +147,7 @@ def test_paths_across_walls_meet_a_singular_configuration(
     assert (wrong, tried > 30) == (0, True)
 
 
+@pytest.mark.slow
 def test_without_a_tube_the_robots_jacobian_bounds_its_clearance(attack: ModuleType) -> None:
     panda = pinsing.load("panda")
     rng = np.random.default_rng(3)
@@ -182,6 +184,7 @@ def test_lengths_that_may_be_one_are_in_a_found_design() -> None:
     assert _with_equal_lengths(t, 1e-3)[:, 0].tolist() == [0.0826, -0.0826]
 
 
+@pytest.mark.slow
 def test_the_design_is_found_or_refused() -> None:
     ur5e = pinsing.load("ur5e")
     assert pinsing.closed_form(ur5e, design=True, prove=False).tube is None
@@ -226,6 +229,7 @@ def test_a_calibrated_file_has_the_families_of_its_design(
     assert (loops.exit_code, "--design" in loops.stderr) == (2, True)
 
 
+@pytest.mark.slow
 def test_calibrations_are_read_strictly(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(tubes, "MOST", 5_000)
     ur5e = pinsing.load("ur5e")
@@ -266,6 +270,7 @@ def test_calibrations_are_read_strictly(tmp_path: Path, monkeypatch: pytest.Monk
         calibrated(replace(pinsing.load("panda")), tmp_path / "c.yaml")
 
 
+@pytest.mark.slow
 def test_two_walls_may_be_passed_where_they_meet(form: pinsing.ClosedForm) -> None:
     assert "across one of them by more than that, away from the others" in str(form.tube)
     ends = [0.9, -0.5, 0.2, 1.1, -0.2, -0.9], [0.9, -0.5, -0.2, 1.1, 0.2, -0.9]

@@ -128,6 +128,7 @@ def test_the_families_are_where_the_turn_makes_up_for_nothing(name, task, rng):
         assert with_the_turn(exact, q, AXES[task]) == 5
 
 
+@pytest.mark.slow
 def test_it_is_proven_and_a_changed_tip_is_rejected(form):
     assert form.word == "proven"
     data = form.certificate
@@ -166,6 +167,7 @@ def test_rows_of_both_axes_have_no_certificate_and_say_so(rng):
     assert "all in the tip's" in found.proof.reason
 
 
+@pytest.mark.slow
 @needs_node
 @pytest.mark.parametrize("task", tiered(["tool-axis", "vz,wx@tip,wy@tip"], {"tool-axis"}))
 def test_the_page_computes_the_same(task, rng):
@@ -229,6 +231,7 @@ def test_sweep_map_and_guard_take_it(ur5, form):
     assert "tool-axis" in text
 
 
+@pytest.mark.slow
 def test_the_command_line_takes_it(tmp_path: Path):
     call = CliRunner().invoke
     for words in (

@@ -148,6 +148,7 @@ def test_the_unit_of_the_file_changes_no_verdict(name: str, power: int) -> None:
     assert generic_rank(other) == generic_rank(plain)
 
 
+@pytest.mark.slow
 def test_a_task_that_can_vanish_is_singular_there_for_all():
     """Planar 3R, vx alone: J is zero where the tip is on the y axis; rounding has no ratio."""
     arm = planar3r("vx")

@@ -118,6 +118,7 @@ CASES = [
 ]  # fmt: skip
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("kinds", "cut", "plane"), tiered_rows(CASES, CASES[:1]))
 def test_loci_and_modes(tmp_path: Path, kinds: str, cut: str, plane: str) -> None:
     bar = FiveBar(tmp_path, kinds, cut, plane, 5)

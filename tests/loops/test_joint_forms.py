@@ -149,6 +149,7 @@ POINTS = np.round(np.random.default_rng(8).uniform(-1, 1, (2, 6, 3)) * [1, 1, 0.
 ]  # fmt: skip
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("case", tiered(ODD, ("overconstrained", "cut at the elbow")))
 def test_however_a_mechanism_is_written_and_driven(case, tmp_path, rng):
     """Zero at singular configurations, found by the Jacobians, and at no other."""

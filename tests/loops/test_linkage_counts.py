@@ -53,6 +53,7 @@ def one_rod(folder, rng, ends):
     return pinsing.load_mechanism(written(folder, joints, text)), axes, arms, foot, length
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("ends", tiered(["crank", "slide"], {"crank"}))
 @pytest.mark.parametrize("seed", tiered(range(4), (0,)))
 def test_one_rod_between_two_joints(ends, seed, tmp_path):

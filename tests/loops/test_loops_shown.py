@@ -152,6 +152,7 @@ def test_ctrl_c_keeps_what_an_analysis_has_done(monkeypatch, capsys, tmp_path):
     assert not (tmp_path / "page.html").exists()
 
 
+@pytest.mark.slow
 def test_the_time_ends_the_curves_with_those_that_are_followed():
     mechanism = shipped("four_bar")
     q = home(mechanism)[list(mechanism.actuated)]

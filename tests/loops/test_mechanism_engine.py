@@ -209,6 +209,7 @@ def test_lost_wrenches_do_no_work_and_free_motions_need_no_motor(name: str) -> N
         np.testing.assert_allclose(rest, 0, atol=1e-9)
 
 
+@pytest.mark.slow
 @needs_node
 @pytest.mark.parametrize("name", tiered(EVERY, FEW[:1]))
 def test_driving_follows_the_same_mode_as_far(name: str) -> None:
@@ -299,6 +300,7 @@ def test_modes_agree(name: str) -> None:
         np.testing.assert_allclose(reached, place, atol=1e-9)
 
 
+@pytest.mark.slow
 @needs_node
 @pytest.mark.parametrize("name", tiered(SHIPPED, ("five_bar",)))
 def test_singular_points_are_refined_to_the_same_place(name: str) -> None:
@@ -328,6 +330,7 @@ def test_singular_points_are_refined_to_the_same_place(name: str) -> None:
     assert converged >= len(cases) // 2
 
 
+@pytest.mark.slow
 @needs_node
 @pytest.mark.parametrize("name", tiered(SHIPPED, ("four_bar",)))
 def test_paths_lead_into_singularities_and_along_them(name: str) -> None:
@@ -363,6 +366,7 @@ def test_paths_lead_into_singularities_and_along_them(name: str) -> None:
     assert played >= (3 if len(mechanism.inputs) > 1 else 0)
 
 
+@pytest.mark.slow
 @needs_node
 @pytest.mark.parametrize("name", tiered(EVERY, FEW[1:]))
 def test_the_healthiest_pose_is_within_limits_and_regular(name: str) -> None:

@@ -42,6 +42,7 @@ def turned(gap: np.ndarray, rows: list[int]) -> np.ndarray:
     return np.where(np.array(rows) > 2, np.sin(gap), gap)
 
 
+@pytest.mark.slow
 @needs_node
 @pytest.mark.parametrize("name", SHELF)
 def test_an_output_is_led_to_a_pose_and_the_loops_stay_closed(name: str) -> None:
@@ -111,6 +112,7 @@ def slides_in_the_plane() -> Mechanism:
     return replace(made, prismatic=slides, lower=np.where(slides, -3.0, made.lower), upper=wide)
 
 
+@pytest.mark.slow
 @needs_node
 def test_ways_of_driven_slides_have_names_of_their_own_alike_on_the_page() -> None:
     mechanism = slides_in_the_plane()
@@ -147,6 +149,7 @@ def test_a_driven_elbow_is_told_like_another() -> None:
     assert len({s.mode for s in found}) == len(found) == 4
 
 
+@pytest.mark.slow
 @needs_node
 @pytest.mark.parametrize("name", tiered(["planar_3rpr", "rps3", "five_bar"], {"five_bar"}))
 def test_where_a_pose_ends_a_limit_or_a_singularity_is_met(name: str) -> None:

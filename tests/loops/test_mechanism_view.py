@@ -81,6 +81,7 @@ def test_a_plane_is_looked_at_from_above_and_space_from_the_side() -> None:
     assert plane_normal(bar, at_zero(bar).axis) == pytest.approx([0, 0, 1])
 
 
+@pytest.mark.slow
 def test_python_leads(five_bar: MechanismViewer) -> None:
     five_bar.show_group("L3", pose=1)
     assert mechanism_at(five_bar.mechanism, five_bar.q).kind == "type 1"

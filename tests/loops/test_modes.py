@@ -86,6 +86,7 @@ def test_a_batch_closes_a_weld_as_pinocchio_does(rng):
     np.testing.assert_allclose(np.abs(jacobians[0]), np.abs(G), atol=1e-9)
 
 
+@pytest.mark.slow
 def test_assembly_modes_of_the_platform_have_the_legs_asked_for(platform, without_limits):
     """Leg lengths from the pose of the output alone, by subtraction of points."""
     asked = home(platform)[list(platform.actuated)]
@@ -117,6 +118,7 @@ def test_limits_leave_modes_out_and_say_so(platform):
     assert Modes.from_json(found.to_json()).statement == found.statement
 
 
+@pytest.mark.slow
 def test_working_modes_of_the_platform(platform):
     pose = np.array([0.05, -0.02, 1.05, 0.1, -0.05, 0.2])
     found = working_modes(platform, pose, starts=20)

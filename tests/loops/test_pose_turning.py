@@ -200,6 +200,7 @@ def test_random_platforms_are_singular_where_their_lines_are_dependent(legs, see
     assert met["type 1"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["hexaglide", "rus6"])
 def test_the_shelfs_platforms_on_rods(name):
     """Their matrices, with square roots of 3 in one of them, against placements by Pinocchio."""

@@ -39,6 +39,7 @@ def placed(mechanism, q):
     return data.oMf[mechanism.output_id].rotation, arms
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", tiered(range(4), (1,)))
 def test_random_spherical_legs_against_their_moments(seed, tmp_path):
     rng = np.random.default_rng(seed)

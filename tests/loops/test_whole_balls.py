@@ -25,6 +25,7 @@ def _locked(name, middle, rng):
     return mechanism, loops, found[error <= 1e-11]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", tiered(["rps3", "delta", "gough_stewart"], {"rps3"}))
 def test_a_gimbal_lock_is_singular_only_where_the_pose_is(name, rng):
     mechanism, loops, Q = _locked(name, "s1y", rng)

@@ -105,6 +105,7 @@ def contours(ax: Axes) -> np.ndarray:
     return np.concatenate([p.vertices for p in paths if len(p.vertices)])
 
 
+@pytest.mark.slow
 def test_the_curve_of_the_puma_lies_in_the_valley() -> None:
     arm = textbook("puma560")
     q = np.array([0.0, 0.0, 0.0, 0.4, 1.0, 0.0])

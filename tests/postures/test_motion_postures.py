@@ -19,6 +19,7 @@ def puma():
     return arm, pinsing.closed_form(arm)
 
 
+@pytest.mark.slow
 def test_changes_are_where_the_signs_of_det_change(puma):
     arm, form = puma
     found = pinsing.aspects(form)
@@ -125,6 +126,7 @@ def leaves(arm, q):
     return bool(((q < arm.lower - 1e-9) | (q > arm.upper + 1e-9)).any())
 
 
+@pytest.mark.slow
 def test_the_same_posture_whole_turns_away_would_do():
     """The last joint turns past its end; UR5 can begin a turn before that."""
     arm = pinsing.load("ur5")

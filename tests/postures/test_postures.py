@@ -134,6 +134,7 @@ def test_an_offset_wrist_has_two_aspects_by_algebra():
 
 
 class TestConnect:
+    @pytest.mark.slow
     @pytest.mark.parametrize("name", ["puma560", _slow("ur5"), _slow("kinova")])
     @pytest.mark.parametrize("limits", [True, False])
     def test_every_pair_is_decided(self, name, limits):
@@ -150,6 +151,7 @@ class TestConnect:
                 self.check(arm, way, a, b, limits)
         assert "different" in answers
 
+    @pytest.mark.slow
     @pytest.mark.parametrize(
         ("name", "limits"), [_slow("ur5", True), _slow("z1", False), ("puma560", True)]
     )
@@ -337,6 +339,7 @@ class TestCuspidality:
         assert "from the Jacobian of the arm itself" in said
         assert "no certificate" not in said
 
+    @pytest.mark.slow
     def test_a_way_is_regular_only_where_no_family_is_met(self):
         arm = arm_of("ur5")
         q = np.array([0.1, -1.0, 1.2, 0.3, 0.9, 0.2])

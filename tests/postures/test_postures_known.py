@@ -129,6 +129,7 @@ class TestFamiliesThatLack:
         assert "a family that is missing may cut more" in found.text()
 
 
+@pytest.mark.slow
 def test_what_an_answer_rests_on_is_of_that_answer():
     form, of = replace(form_of("ur5"), proof=None), aspects_of("ur5")
     apart = pinsing.connect(form, [0, -1, 1, 0.3, 1, 0], [0, -1, 1, 0.3, -1, 0], of=of)

@@ -53,6 +53,7 @@ class TestInverseThatStalls:
         again = pinsing.inverse(arm, pose_of(arm, q), near=q)
         assert nearest(arm, again, q) < 1e-6
 
+    @pytest.mark.slow
     def test_huge_poses_overflow_nothing(self):
         with warnings.catch_warnings():
             warnings.simplefilter("error")

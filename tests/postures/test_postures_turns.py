@@ -98,6 +98,7 @@ def test_what_is_said_holds_of_each_copy(wide):
     assert answers == {"same", "different"}
 
 
+@pytest.mark.slow
 def test_parts_of_joint_space_are_told_apart_one_by_one():
     """UR5 has up to 64 copies of a configuration in four parts of joint space."""
     arm = pinsing.load("ur5")

@@ -84,6 +84,7 @@ def test_no_configuration_of_a_box_takes_more_than_its_bound(name, options, spee
             assert np.percentile(found.center / at_centre, 90) < 1.05
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "name", tiered(["ur5", "panda", "stanford", "crx10ia"], ("ur5", "stanford"))
 )
@@ -199,6 +200,7 @@ def test_the_command_says_what_to_keep_and_where():
     assert "with d3 between 0 m and 0.1 m, keep 20.3° from" in done.stdout
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("within", "said"),
     [
@@ -253,6 +255,7 @@ def test_what_is_cut_off_boxes_is_within_zones(monkeypatch, name):
     assert (near <= kept + 1e-9).any(axis=1).all()
 
 
+@pytest.mark.slow
 def test_long_equations_are_reached_and_never_too_near(monkeypatch):
     form = pinsing.closed_form(pinsing.load("gofa5"), prove=False)
     Q = np.random.default_rng(8).uniform(-np.pi, np.pi, (4000, 6))
@@ -286,8 +289,11 @@ def test_points_are_as_near_to_families_as_bounds_say(name):
 
 @pytest.mark.parametrize(
     ("name", "within", "most"),
-    [("panda", "limits", 2), ("panda", None, 8), ("iiwa14", None, 32), ("ur5", None, 4),
-     ("crx10ia", "limits", 4), ("ur5", "elbow up", 1), ("ur5", {"z": (0.1, 0.4)}, 1)],
+    tiered_rows(
+        [("panda", "limits", 2), ("panda", None, 8), ("iiwa14", None, 32), ("ur5", None, 4),
+         ("crx10ia", "limits", 4), ("ur5", "elbow up", 1), ("ur5", {"z": (0.1, 0.4)}, 1)],
+        [("panda", "limits", 2), ("ur5", None, 4), ("ur5", {"z": (0.1, 0.4)}, 1)],
+    ),
 )  # fmt: skip
 def test_what_boxes_leave_out_is_like_what_they_cover(monkeypatch, name, within, most):
     form = pinsing.closed_form(pinsing.load(name), prove=False)

@@ -358,6 +358,7 @@ def test_a_certificate_is_written_and_verified(tmp_path):
         )
 
 
+@pytest.mark.slow
 def test_what_cannot_be_verified_is_said_in_one_line(tmp_path):
     for nothing in (tmp_path / "none.json", tmp_path):
         run = pinsing_command("verify", nothing)

@@ -68,6 +68,7 @@ def family_of(name, forms, least, pivot=([], []), apart=(), multiples=()):
 WHOLE = ["1", [[*range(6)], [*range(6)]], []]
 
 
+@pytest.mark.slow
 def test_what_is_true_stays_true(ur5, panda):
     assert (verdict(ur5), verdict(panda)) == ("", "")
     # One more family that is part of another one, and a split that is not needed, are no lies.

@@ -263,6 +263,7 @@ def test_silence_is_said_once_and_a_file_is_read_whole(form, tmp_path: Path):
     assert "dropped" not in out[-1]
 
 
+@pytest.mark.slow
 def test_the_move_leads_away_also_from_the_singularity_itself_and_within_limits(form):
     at, edge = Q * [1, 1, 1, 1, 0, 1], Q * [1, 1, 0, 1, 1, 1]
     (wrist,) = said(form, [json.dumps({"position": at.tolist()})])
@@ -277,6 +278,7 @@ def test_the_move_leads_away_also_from_the_singularity_itself_and_within_limits(
     assert (elbow["title"], elbow["move"]["joint"]) == ("elbow", "elbow_joint")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_a_signal_ends_it_also_where_nobody_takes_its_verdicts(number):
     with subprocess.Popen(

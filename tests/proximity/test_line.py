@@ -193,6 +193,7 @@ def test_the_closest_approach_of_a_line_is_that_of_dense_samples(name, q, to) ->
         assert near.upper <= every.min() + 1e-4
 
 
+@pytest.mark.slow
 def test_a_start_that_meets_a_singularity_is_not_suggested_and_all_that_is_met_is_named() -> None:
     arm, target = pinsing.load("gp25"), [0.9, 0.0, 1.2]
     q = np.radians([0, -40, 60, 0, 40, 0])

@@ -62,6 +62,7 @@ def test_lower_is_never_above_the_distance(name: str) -> None:
             assert far.lower <= true.upper[i // 5] + 1e-4  # no other family is nearer
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "name",
     tiered(["ur5", "stanford", "surgical7", "puma560", "z1", "irb1400"], {"ur5", "stanford"}),

@@ -158,6 +158,7 @@ def test_where_tip_speeds_cost_too_much() -> None:
         assert not told[~over[:, j] & (np.abs(Q[:, 4]) > 1e-6)].any()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("count", tiered([2, 4, 5], (4, 5)))
 def test_tip_speeds_without_bound_are_told_at_each_meeting_whatever_the_samples(count: int) -> None:
     ends = np.radians([[0, -20, -20, 0, -40, 0], [20, 20, 90, 10, 40, 0]])
@@ -174,6 +175,7 @@ def test_tip_speeds_without_bound_are_told_at_each_meeting_whatever_the_samples(
     assert {e.joint for e in beside.costly if np.isfinite(e.worst)} == {"q4", "q6"}
 
 
+@pytest.mark.slow
 def test_what_is_proven_is_close_to_what_is_found_also_of_a_long_recording() -> None:
     arm = pinsing.load("h2515")
     for count, turns in ((101, 0.0), (60_000, 0.05)):

@@ -231,6 +231,7 @@ def test_a_program_for_a_fanuc_by_name_counts_j3_from_the_horizontal(tmp_path):
     assert "J2 + J3 is taken" in read.notes[0]
 
 
+@pytest.mark.slow
 def test_a_table_for_a_fanuc_by_name_may_be_a_pendants(tmp_path):
     (tmp_path / "p.csv").write_text("J1,J2,J3,J4,J5,J6\n0,0.1,0.2,0.3,0.4,0.5\n")
     said = {n: read_trajectory(tmp_path / "p.csv", load(n)).notes for n in ("lrmate200id", "gp7")}

@@ -165,6 +165,7 @@ def stanford() -> tuple[str, Any]:
     return html, form
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("undrawn")
 def test_what_is_lost_is_what_is_lost_at_the_configuration_that_stands_there() -> None:
     arm, html = textbook("stanford"), stanford()[0]
@@ -204,6 +205,7 @@ def test_verdicts_are_those_of_at() -> None:
 HOSTILE = '"><script>alert(1)</script><img src=x onerror=alert(2)>'
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("undrawn")
 def test_hostile_names_are_shown_not_obeyed(tmp_path: Path) -> None:
     text = (URDF / "planar3r.urdf").read_text()

@@ -75,6 +75,7 @@ def test_a_file_that_it_cannot_read_is_a_note(capfd: pytest.CaptureFixture[str])
     assert capfd.readouterr().err == ""
 
 
+@pytest.mark.slow
 def test_info_says_what_it_found_and_only_of_urdf(tmp_path) -> None:
     said = run("list", "stanford").stdout
     assert "second reader" in said

@@ -22,6 +22,7 @@ def test_multiples_of_fifteen_degrees(steps):
         assert isinstance(cosine(steps), Fraction)  # what is rational is no Surd
 
 
+@pytest.mark.slow
 @given(numbers, numbers, numbers)
 def test_the_field(a, b, c):
     assert a + b == b + a

@@ -190,6 +190,7 @@ def test_every_function_with_joint_values_is_tried():
 DEAR = {("write_report", "poses"), ("write_report", "trajectory")}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "names",
     [TAKES.keys() - DEAR, pytest.param(DEAR, marks=pytest.mark.slow)],

@@ -230,6 +230,7 @@ def test_a_full_disk_is_an_error_and_loses_nothing(
 # ---- killed
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("where", tiered(["--threads", "--workers"], ("--threads",)))
 def test_ctrl_c_at_a_terminal(tmp_path: Path, where: str) -> None:
     out = tmp_path / "run"
@@ -351,6 +352,7 @@ def test_all_values_are_kept_on_request(tmp_path: Path) -> None:
     assert result.plan.chunk == BLOCK
 
 
+@pytest.mark.slow
 def test_a_sweep_in_a_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(sys.modules[run_sweep.__module__], "_CHUNK_ON_DISK", 1000)
     arm = arms.textbook("puma560")

@@ -77,6 +77,7 @@ def test_every_finding_holds_on_its_representative():
                 assert arm.within_limits(c.q)
 
 
+@pytest.mark.slow
 def test_raw_geometry_is_said():
     arm = arms.data_robot("xarm_description/urdf/xarm7.urdf", tip="link7")
     findings, _ = found(arm)

@@ -15,6 +15,7 @@ from pinsing.sampling import MapResult, sigma_map
 from pinsing.sampling.map_plan import BLOCK
 
 
+@pytest.mark.slow
 def test_a_map_of_the_clearance_is_that_of_each_configuration() -> None:
     arm = arms.ur5()
     form = closed_form(arm)

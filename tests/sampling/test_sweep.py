@@ -188,6 +188,7 @@ def test_progress_and_interruption():
         np.testing.assert_array_equal(curve.sigma_min, same.sigma_min)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", tiered(["stanford", "surgical"], {"stanford"}))
 def test_json_and_npz_round_trips(name, tmp_path, request):
     result = request.getfixturevalue(name)

@@ -176,6 +176,7 @@ def test_one_geometry_used_very_often_is_refused() -> None:
     assert time.process_time() - begun < 30
 
 
+@pytest.mark.slow
 def test_no_collada_file_is_parsed_in_this_process(tmp_path, monkeypatch):
     """A stranger's file may be made to take any time: a child with limits reads it."""
     monkeypatch.setenv("PINSING_CACHE", "")

@@ -184,6 +184,7 @@ def test_a_path_is_read_as_it_stands() -> None:
     assert run(read, {"texts": texts, "joints": JOINTS}) == [[[1, 2], [3, 2]]]
 
 
+@pytest.mark.slow
 @needs_node
 def test_what_a_path_crosses_between_its_samples_is_said() -> None:
     data, _ = engine(load("stanford"))
@@ -350,6 +351,7 @@ def test_the_distance_is_that_which_the_program_proves(name: str) -> None:
         assert abs(here["value"] - min(d.upper for d in there)) < 3e-6
 
 
+@pytest.mark.slow
 @needs_node
 def test_only_singular_poses_count_where_equations_hold_at_others_too() -> None:
     """sin(q1) sin(q5) = 0 holds at q1 = 0, where the arm is regular."""

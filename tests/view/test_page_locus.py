@@ -18,6 +18,7 @@ CURVE = """(m, {data, entry, q}) => {
 }"""
 
 
+@pytest.mark.slow
 @needs_node
 @pytest.mark.parametrize(
     ("robot", "name"), tiered_rows([("ur5", "F3"), ("panda", "F5")], [("ur5", "F3")])
@@ -53,6 +54,7 @@ def test_every_end_of_the_curve_is_singular(robot: str, name: str) -> None:
             assert np.linalg.norm(ends - [across[k], v], axis=1).min() < 0.12
 
 
+@pytest.mark.slow
 def test_the_page_has_the_statement_of_a_long_equation() -> None:
     arm = load("panda")
     page = Viewer(arm, skeleton=True)._stage.page(live=False)

@@ -40,6 +40,7 @@ def cuspidal(tmp_path_factory):
     raise AssertionError("no pose with four solutions was drawn")
 
 
+@pytest.mark.slow
 def test_ways_of_the_page_are_those_found(cuspidal):
     _, arm, form, found = cuspidal
     with pinsing.Viewer(arm, form.families, postures=found, skeleton=True) as viewer:

@@ -371,6 +371,7 @@ def command() -> Iterator[tuple[subprocess.Popen[str], SimpleNamespace]]:
     process.communicate()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("how", [signal.SIGINT, signal.SIGTERM])
 def test_a_signal_ends_a_page_with_tabs_open(command, how: signal.Signals) -> None:
     """Tabs that stay, and a request that never ends, do not hold it: it waits for none of them."""

@@ -350,6 +350,7 @@ def is_free(url: str) -> bool:
         return probe.connect_ex(("127.0.0.1", int(url.split(":")[2].split("/")[0]))) != 0
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(sys.platform == "win32", reason="POSIX signals")
 @pytest.mark.parametrize(
     "kill", tiered([signal.SIGTERM, signal.SIGKILL, signal.SIGINT], (signal.SIGTERM,))

@@ -306,6 +306,7 @@ def test_where_a_monitor_sees_a_zone_the_slider_is_red(page: Any, tmp_path: Path
     page.wait_for_function("() => document.querySelectorAll('.band .zone').length === 5")
 
 
+@pytest.mark.slow
 def test_near_families_of_a_design_the_slider_is_red(page: Any, tmp_path: Path) -> None:
     form = closed_form(load("scara"))
     (family,) = form.families
