@@ -16,11 +16,12 @@ from kernel import needs_kernel
 from tiers import tiered
 
 import pinsing
+from pinsing._batch import engine
 from pinsing.cli.app import command
 from pinsing.configuration import inverse_batch
 from pinsing.configuration.inverse_batch import InverseMany
 from pinsing.configuration.ladder import posture_names
-from pinsing.errors import ConfigurationError, OptionError, RobotFileError
+from pinsing.errors import ConfigurationError, EngineError, OptionError, RobotFileError
 from pinsing.kinematics.jacobian import tip_placement
 from pinsing.plot.curves import path_sheet
 from pinsing.postures import placement
@@ -332,14 +333,47 @@ def test_eaik_misses_nothing_that_ours_finds(name, monkeypatch):
             assert np.abs(arm.space.wrap(here - s.q)).max(axis=1).min() < 1e-5
 
 
-def test_without_the_kernel_nodes_and_their_neighbours_are_the_same(ur5, monkeypatch):
-    arm, form = ur5
-    T, plans = circle(arm, 3, 0.03), []
-    for compiled in (True, False):
-        monkeypatch.setattr(inverse_batch.engine, "available", lambda here=compiled: here)
-        plans.append(plan_path(form, T, free="roll", step=np.radians(40), arm=arm, tool=TORCH))
-    for name in ("q", "bound", "room", "kept"):
-        np.testing.assert_allclose(*(getattr(x, name) for x in plans), atol=1e-9)
+def test_toolpaths_say_that_they_need_the_kernel(ur5, monkeypatch):
+    monkeypatch.setattr(inverse_batch.engine, "available", lambda: False)
+    with pytest.raises(EngineError, match="toolpaths need the compiled kernel"):
+        plan_path(ur5[1], np.tile(np.eye(4), (2, 1, 1)), arm=ur5[0])
+
+
+@pytest.mark.parametrize("cyclic", [True, False])
+def test_neighbours_are_those_of_the_largest_sum_of_cosines(cyclic):
+    """Beside another value a branch that ends turns back, to the nearest other of its own value."""
+    rng = np.random.default_rng(2)
+    N, G, S, n = 3, 7, 4, 6
+    Q = rng.uniform(-0.4, 0.4, (N, 1, 1, n)) + rng.uniform(-3, 3, (S, n))
+    Q = Q + 0.2 * np.arange(G)[:, None, None]
+    Q[rng.random(Q.shape[:3]) < 0.3] = np.nan
+    before, beside = np.empty((N, G * S), np.int32), np.empty((N, 2, G * S), np.int32)
+    step, way, ends = np.empty((N, G * S)), np.empty((N, G * S)), np.empty(beside.shape, bool)
+    whole, found = np.full(n, 2 * np.pi), (before, step, beside, ends, way)
+    engine.module().link_nodes(Q, whole, whole, np.ones(n), cyclic, *found, 1)
+    flat, there = Q.reshape(N, G * S, n), np.isfinite(Q[..., 0])
+
+    def nearest(q, k, i, less=0.0):
+        alike = np.where(there[k, i], np.cos(Q[k, i] - q).sum(axis=1), less)
+        return i * S + int(np.argmax(np.nan_to_num(alike, nan=less)))
+
+    for k, x in zip(*np.nonzero(there.reshape(N, -1)), strict=True):
+        i, q, last = x // S, flat[k, x], max(k - 1, 0)
+        assert before[k, x] == nearest(q, last, i)
+        if k and there[last].ravel()[before[k, x]]:
+            off = (q - flat[last, before[k, x]] + np.pi) % (2 * np.pi) - np.pi
+            assert step[k, x] == pytest.approx(np.linalg.norm(off))
+        for side, to in enumerate((i - 1, i + 1)):
+            to = to % G if cyclic else min(max(to, 0), G - 1)
+            y = nearest(q, k, to)
+            back = there[k].ravel()[y] and nearest(flat[k, y], k, i) == x
+            assert ends[k, side, x] == (to != i and not back)
+            if not ends[k, side, x]:
+                assert beside[k, side, x] == y
+            else:
+                others = [z for z in range(i * S, i * S + S) if z != x and there[k].ravel()[z]]
+                best = max(others, key=lambda z: np.cos(flat[k, z] - q).sum(), default=None)
+                assert best is None or beside[k, side, x] == best
 
 
 @pytest.mark.slow

@@ -80,6 +80,45 @@ class FieldPoint:
     def along(self, x: int, y: int, a: int, b: int) -> bool: ...
     def equals(self, x: int, a: int) -> bool: ...
 
+class Motions:
+    def __init__(
+        self,
+        q: NDArray[np.float64],
+        to: NDArray[np.float64],
+        clear: NDArray[np.float64],
+        clear_to: NDArray[np.float64],
+        reach: NDArray[np.float64],
+        reach_to: NDArray[np.float64],
+        turn: NDArray[np.float64],
+        scale: NDArray[np.float64],
+        most: NDArray[np.float64],
+        counted: NDArray[np.int64],
+        turns: NDArray[np.int64],
+    ) -> None: ...
+    def onward(
+        self,
+        source: NDArray[np.int64],
+        far: NDArray[np.bool_],
+        best: NDArray[np.float64],
+        value: NDArray[np.float64],
+        room: NDArray[np.float64],
+        within: NDArray[np.bool_],
+        floor: float,
+        margin: float,
+        found: NDArray[np.float64],
+        origin: NDArray[np.int64],
+        relaxed: NDArray[np.float64],
+    ) -> tuple[tuple[NDArray[Any], ...], tuple[NDArray[Any], ...]]: ...
+    def onward_back(
+        self,
+        source: NDArray[np.int64],
+        through: NDArray[np.float64],
+        passing: NDArray[np.float64],
+        room: NDArray[np.float64],
+        least: float,
+        back: NDArray[np.float64],
+    ) -> tuple[NDArray[Any], ...]: ...
+
 def isa_names() -> list[str]: ...
 def built_names() -> list[str]: ...
 def jacobians(
@@ -183,6 +222,23 @@ def to_poses(
     slower: float,
     Q: NDArray[np.float64],
     threads: int,
+) -> None: ...
+def distinct(
+    Q: NDArray[np.float64],
+    prismatic: NDArray[np.bool_],
+    low: NDArray[np.float64],
+    high: NDArray[np.float64],
+    rounding: float,
+    small: float,
+    threads: int,
+) -> None: ...
+def sources(
+    before: NDArray[np.int32],
+    beside: NDArray[np.int32],
+    last: NDArray[np.int32],
+    here: NDArray[np.int64],
+    whole: int,
+    out: NDArray[np.int64],
 ) -> None: ...
 def link_nodes(
     Q: NDArray[np.float64],

@@ -402,4 +402,5 @@ NB_MODULE(_kernel, m) {
     pinsing::add_residues(m);
     pinsing::add_samples(m);
     pinsing::add_poses(m);
+    pinsing::add_motions(m);
 }

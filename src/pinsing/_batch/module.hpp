@@ -23,5 +23,6 @@ void add_conditions(nanobind::module_& m);
 void add_residues(nanobind::module_& m);
 void add_samples(nanobind::module_& m);
 void add_poses(nanobind::module_& m);
+void add_motions(nanobind::module_& m);
 
 }  // namespace pinsing

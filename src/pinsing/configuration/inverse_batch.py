@@ -13,10 +13,9 @@ from typing import Any
 import numpy as np
 
 from pinsing._batch import engine
-from pinsing._types import Array, Bool, Ints
+from pinsing._types import Array, Ints
 from pinsing.configuration.inverse import decomposed, inverse
-from pinsing.configuration.newton import Solver
-from pinsing.errors import OptionError
+from pinsing.errors import EngineError, OptionError
 from pinsing.kinematics.jacobian import generic_rank, task_jacobian
 from pinsing.kinematics.verdict import ROWS
 from pinsing.measures import PRACTICAL, ROUNDING
@@ -36,6 +35,10 @@ class InverseMany:
     """All inverse solutions on a grid: poses times values of the ``held`` joint, if any."""
 
     def __init__(self, arm: Arm, held: int | None = None) -> None:
+        EngineError.refuse_if(
+            not engine.available(),
+            f"toolpaths need the compiled kernel: {engine.unavailable_reason()}",
+        )
         spare, reaches = arm.n - (held is not None), arm.task.name == "pose"
         reaches = reaches and generic_rank(arm) == 6
         names = _redundant(arm) if reaches and arm.n == 7 else list(arm.joints)
@@ -177,29 +180,10 @@ class InverseMany:
         """Move Q (M S, n) to the poses (M), in place, by Newton steps; NaN where that fails."""
         # Least squares near no solution stay where they are, and are none.
         arm, free, slower = self.arm, self.free if free is None else free, near / _NEAR
-        if engine.available():
-            chain, moving = flatten(arm), np.isin(np.arange(arm.n), free)
-            poses = map(np.ascontiguousarray, (position, rotation))
-            how = arm.length_scale, ROUNDING, near, slower, Q, engine.cpu_count()
-            engine.module().to_poses(chain.R, chain.t, chain.prismatic, moving, *poses, *how)
-            return Q
-        rows = np.flatnonzero(np.isfinite(Q[:, 0]))
-        pose, q, most = rows * len(position) // len(Q), Q[rows], np.full(len(rows), near)
-        Q[:] = np.nan
-        for _ in range(8):
-            here = position[pose], rotation[pose], np.full(arm.n, np.nan), free
-            solver = Solver.of(arm, *here)
-            error, J = solver.linear(q)
-            off = np.abs(error).max(axis=1)
-            Q[rows[off < ROUNDING]] = q[off < ROUNDING]
-            more = (off >= ROUNDING) & (off < most)
-            q, rows, pose, most = q[more], rows[more], pose[more], off[more] * slower
-            # Damped, so that a singular configuration beside the way is no end of it.
-            error, J, turned = error[more], J[more], J[more].swapaxes(1, 2)
-            A = turned @ J + 1e-12 * np.eye(J.shape[2])
-            step = np.linalg.solve(A, turned @ error[..., None])[..., 0]
-            step *= np.minimum(1.0, 0.3 / np.maximum(np.abs(step).max(axis=1), 1e-300))[:, None]
-            q[:, free] += step / solver.weight
+        chain, moving = flatten(arm), np.isin(np.arange(arm.n), free)
+        poses = map(np.ascontiguousarray, (position, rotation))
+        how = arm.length_scale, ROUNDING, near, slower, Q, engine.cpu_count()
+        engine.module().to_poses(chain.R, chain.t, chain.prismatic, moving, *poses, *how)
         return Q
 
 
@@ -216,22 +200,10 @@ def _redundant(arm: Arm) -> list[str]:
 
 
 def _distinct(Q: Array, arm: Arm) -> Array:
-    """Solutions (..., S, n) within limits where whole turns allow it, each once, NaN behind."""
-    finite: Bool = np.isfinite(Q[..., 0])
-    Q[~finite] = 0.0
-    Q = arm.space.wrap(Q)
-    # Any function of joint values that whole turns leave alone tells most solutions apart.
-    weights = np.sqrt(1.0 + np.arange(arm.n))
-    key = np.sort(np.where(finite, np.abs(Q) @ weights, np.inf), axis=-1)
-    with np.errstate(invalid="ignore"):
-        alike = (np.diff(key) <= PRACTICAL * weights.sum()).any(axis=-1)
-    Q, both, there = arm.space.fold(Q), Q[alike], finite[alike]
-    for a in range(1, Q.shape[-2]):
-        apart = _gaps(both[..., :a, :], both[..., a, None, :], arm)
-        there[..., a] &= ~((apart < PRACTICAL) & there[..., :a]).any(axis=-1)
-    finite[alike] = there
-    Q[~finite] = np.nan
-    return np.take_along_axis(Q, np.argsort(~finite, axis=-1, kind="stable")[..., None], axis=-2)
+    """Solutions Q (M, S, n), in place, within limits where whole turns allow it, each once."""
+    how = *arm.space.span, ROUNDING, PRACTICAL, engine.cpu_count()
+    engine.module().distinct(Q, arm.space.prismatic, *how)
+    return Q
 
 
 def _gaps(a: Array, b: Array, arm: Arm) -> Array:

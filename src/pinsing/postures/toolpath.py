@@ -16,7 +16,7 @@ import copy
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import product
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 import pinocchio as pin
@@ -248,6 +248,8 @@ def plan_path(
     ------
     ConfigurationError
         If the poses are no rigid motions, or ``start`` does not reach the first.
+    EngineError
+        Without the compiled kernel.
     OptionError
         If ``free`` names nothing that can be free, the arm has another number of joints, a range of
         ``place`` has no such name or is empty, or ``start`` is given along with it.
@@ -768,13 +770,10 @@ class _Planner:
         out.
         """
         N, G, S = self.clear.shape
-        # The last state of each node is none: where turns lead beyond all that are counted.
         self.crowded: Bool = np.zeros(N, dtype=bool)
-        best = np.full((2, G * S, len(self.turns) + 1), -np.inf)
         nodes = np.stack([self.likely[0].ravel(), self._room(0)])[..., None]
-        best[..., :-1] = np.where(
-            self.first.reshape(-1, 1) & self._within(0, np.arange(G * S)), nodes, -np.inf
-        )
+        begin = self.first.reshape(-1, 1) & self._within(0, np.arange(G * S))
+        best = np.where(begin, nodes, -np.inf)
         back: list[tuple[Ints, Ints]] = []
         self.through, reason = np.full((N, G * S), -np.inf), ""
         self.through[0] = best[1].max(axis=-1)
@@ -783,15 +782,12 @@ class _Planner:
             room = self._room(k)
             here = np.flatnonzero(self.alive[k] & (room >= floor))
             self._pool(k, here, floor)
-            width = len(self._sources(k, here[:1])[0]) * best.shape[2]
-            parts = np.array_split(here, max(1, -(-len(here) * width // self.most)))
-            found = [self._onward(k, part, best, room, floor) for part in parts]
-            new, from_, other = (np.concatenate(x) for x in zip(*found, strict=True))
+            new, from_, other = self._onward(k, here, best, room, floor)
             if not (reason or np.isfinite(new).any()):
                 reason = "none" if self.edges else self._why(k, best[0])
             best = np.full(best.shape, -np.inf)
-            best[0, here, :-1] = new
-            best[1, here, :-1] = np.maximum(other, new)
+            best[0, here] = new
+            best[1, here] = np.maximum(other, new)
             self.through[k] = best[1].max(axis=-1)
             back.append((here, from_))
             if k % 20 == 0:
@@ -812,40 +808,41 @@ class _Planner:
         self, k: int, here: Ints, best: Array, room: Array, floor: float
     ) -> tuple[Array, Ints, Array]:
         """Return what paths to nodes ``here`` (M,) of pose k have, from where, and relaxed."""
-        # Each is (M, T); ``best`` (2, G S, T + 1) is what they have at the pose before.
-        n = self.arm.n
+        # Each is (M, T); ``best`` (2, G S, T) is what they have at the pose before.
         source, far = self._sources(k, here)
-        move = self.Q[k].reshape(-1, n)[here] - self.Q[k - 1].reshape(-1, n)[source]
-        edge = self._states(move, source)
-        nodes = np.stack([self.likely[k].ravel(), room])[:, here]
-        value = np.minimum(best.reshape(2, -1)[:, edge], nodes[:, None, :, None])
-        value = np.where(self._within(k, here)[:, None], value, -np.inf)
-        length, over, gap = edges = self._edges(k, here, source, move)
-        quick = self._quick(k, gap)
-        # On a line distance falls by no more than length^2 / 8 over itself: little on a short one.
-        near = (length**2)[..., None] < 4 * _MARGIN * value[0]
-        near &= ((over < 0) & quick & ~far)[..., None]
-        proven = np.where(near, value[0], -np.inf)
-        choice = proven.argmax(axis=0)[None]
-        new, from_ = (np.take_along_axis(x, choice, axis=0)[0] for x in (proven, edge))
-        doubtful = (quick & ~far)[..., None] & ~near & (value[0] > np.maximum(new, floor))
-        long = (over >= 0) & (length >= 2 * room[here])
-        if self.long:  # between values that are not all alike
+        new, other = np.empty((2, len(here), len(self.turns)))
+        from_ = np.empty(new.shape, dtype=np.int64)
+        nodes = self.likely[k].ravel()[here], room[here], self._within(k, here)
+        states = best, *nodes, floor, _MARGIN, new, from_, other
+        proofs, bounds = self._motions(k, here).onward(source, far, *states)
+        long = proofs[3] >= 0
+        keep = np.ones(len(long), dtype=bool)
+        if self.long and not self.edges:  # between values that are not all alike
             every = max(1, round(len(self.grid) * _COARSE[1] / (2 * np.pi)))
-            S = self.Q.shape[2]
-            some = (here // S % every == 0) & (source // S % every == 0)
-            doubtful &= (some | ~long | bool(self.edges))[..., None]
-        lacking = np.where(doubtful.any(axis=-1) & long, over, np.inf)
+            T, S = len(self.turns), self.Q.shape[2]
+            ends = np.stack([here[proofs[0] // T], proofs[2] // T]) // S
+            keep = ~long | (ends % every == 0).all(axis=0)
         share = len(here) / (len(self.T) * max(1, int((room >= floor).sum())))
         most = max(int(_LONG * share), self.Q.shape[2])
-        if lacking.size > most:  # those that lack the least
-            few = lacking <= np.partition(lacking, most, axis=None)[most]
-            doubtful &= (~long | few)[..., None]
-        if doubtful.any():
-            self._prove_edges(k, here, np.where(doubtful, value[0], -np.inf), edge, new, from_)
-        least = np.maximum(new, floor)
-        cap = self._cap(k, here, source, edges, value[1], least)
-        return new, from_, np.minimum(value[1], cap[..., None]).max(axis=0)
+        if (long & keep).sum() > most:  # those that lack the least
+            keep &= ~long | (proofs[3] <= np.partition(proofs[3][long & keep], most)[most])
+        cell, held, edge = (x[keep] for x in proofs[:3])
+        self._prove_edges(k, here, cell, held, edge, new.ravel(), from_.ravel())
+        value = bounds[3].reshape(-1, len(self.turns))
+        more = (value > np.maximum(np.maximum(other, new), floor)[bounds[0]]).any(axis=1)
+        near = [x[more] for x in bounds[:3]]
+        cap = self._cap(k, here, *near)[:, None]
+        np.maximum.at(other, near[0], np.minimum(value[more], cap))
+        return new, from_, other
+
+    def _motions(self, k: int, here: Ints) -> Any:
+        """Return motions to nodes ``here`` (M,) of a pose for the kernel."""
+        n = self.arm.n
+        Q = self.Q[k - 1].reshape(-1, n), self.Q[k].reshape(-1, n)[here]
+        clear = self.clear[k - 1].ravel(), self.clear[k].ravel()[here]
+        reach = 0.55 * self.way[k - 1], 0.55 * self.way[k, here]
+        joints = self.turn, self.scale, self._farthest(k), np.flatnonzero(self.counted), self.turns
+        return engine.module().Motions(*Q, *clear, *reach, *joints)
 
     def _pool(self, k: int, here: Ints, floor: float) -> None:
         """Look at motions to nodes ``here`` (M,) of a pose far from the last from all, if few."""
@@ -856,32 +853,18 @@ class _Planner:
             self.pool[k] = source if few else None
             self.crowded[k] = not few
 
-    def _cap(
-        self,
-        k: int,
-        here: Ints,
-        source: Ints,
-        edges: tuple[Array, Array, Array],
-        value: Array,
-        least: Array,
-    ) -> Array:
-        """Bound the clearance (D, M) on motions near those to nodes of pose k, -inf if too fast."""
-        # Only where ``value`` (D, M, T) is more than ``least`` (M, T), otherwise -inf.
-        slack = 0.55 * np.maximum(self.way[k][here], self.way[k - 1][source])
-        length, over, gap = edges
-        quick = self._quick(k, gap, slack)
-        cap = np.where(quick & ((over < 0) | (length < 2 * self._room(k)[here])), np.inf, -np.inf)
-        known = np.maximum(np.minimum(value, cap[..., None]).max(axis=0), least)
-        at = np.nonzero(quick & (cap < 0) & np.isfinite(over) & (value > known).any(axis=-1))
-        if len(at[0]):
-            q = self.Q[k - 1].reshape(-1, self.arm.n)[source[at]]
-            cap[at] = self._least_seen(q, gap[at] / self.scale) + slack[at]
-        return cap
+    def _cap(self, k: int, here: Ints, node: Ints, source: Ints, slack: Array) -> Array:
+        """Bound the clearance (K,) on motions near those from sources to nodes of ``here``."""
+        Q = (x.reshape(-1, self.arm.n) for x in (self.Q[k - 1], self.Q[k]))
+        q, to = (x[at] for x, at in zip(Q, (source, here[node]), strict=True))
+        return self._least_seen(q, self._gap(to - q)) + slack
 
     def _least_seen(self, q: Array, move: Array, close: bool = False) -> Array:
         """Return the least bound of the clearance (M,) at three places of motions (M, n)."""
+        if not len(q):
+            return np.empty(0)
         every = np.concatenate([q + s * move for s in (1 / 4, 1 / 2, 3 / 4)])
-        if close and len(q):
+        if close:
             return np.asarray(self._closest(every)[0].reshape(3, -1).min(axis=0))
         return np.asarray(quick(self.watched, every).upper.reshape(3, -1).min(axis=0))
 
@@ -897,22 +880,19 @@ class _Planner:
         # Those of the same branch up to ``window`` values away, and the next ones, which are
         # ``far``: other paths are bounded by them.
         if self.edges:
-            source = self.edges[k][:, here]
+            source = self.edges[k][:, here].astype(np.int64, order="C")
             return source, self._apart(k, here, source) > self.reach + ROUNDING
         if (pool := self.pool[k]) is not None:
-            source = np.broadcast_to(pool[:, None], (len(pool), len(here)))
+            source = np.repeat(pool[:, None], len(here), axis=1)
             return source, self._apart(k, here, source) > self.reach + ROUNDING
-        out, ends = [self.before[k][here]], [self.before[k][here]] * 2
-        out += [self.before[k][link[here]] for link in self.beside[k]]
-        if self.long:
-            S = self.Q.shape[2]
-            out += [here // S * S + s for s in range(S)]
-        nearer = len(out) + 2 * self.window
-        for _ in range(self.window + 1 if len(self.grid) > 1 else 0):
-            ends = [link[at] for link, at in zip(self.beside[k - 1], ends, strict=True)]
-            out += ends
-        far = np.arange(len(out)) >= nearer
-        return np.stack(out), np.broadcast_to(far[:, None], (len(out), len(here)))
+        nearer = 3 + self.Q.shape[2] * self.long
+        steps = self.window + 1 if len(self.grid) > 1 else 0
+        source = np.empty((nearer + 2 * steps, len(here)), dtype=np.int64)
+        links = self.before[k], self.beside[k], self.beside[k - 1]
+        engine.module().sources(*links, here, self.Q.shape[2] * self.long, source)
+        far = np.zeros(source.shape, dtype=bool)
+        far[nearer + 2 * self.window :] = True
+        return source, far
 
     def _apart(self, k: int, here: Ints, source: Ints) -> Array:
         """How far the values of nodes (M,) are from those (D, M) of the pose before."""
@@ -936,19 +916,6 @@ class _Planner:
         if k == 0 and self.start is not None:
             out &= (np.abs(q - self.start[self.counted]) < np.pi).all(axis=-1)
         return np.asarray(out)
-
-    def _states(self, move: Array, source: Ints) -> Ints:
-        """Numbers (D, M, T) of the states, of nodes of the pose before, that motions begin at."""
-        if not self.counted.any():
-            return source[..., None] * 2
-        count, most = len(self.turns) + 1, -self.turns[0]
-        off = np.rint(np.nan_to_num(move[..., self.counted]) / (2 * np.pi)).astype(int)
-        before = self.turns + off[..., None, :]
-        number = np.zeros(before.shape[:-1], dtype=int)
-        for j, m in enumerate(most):
-            number = number * (2 * m + 1) + before[..., j] + m
-        state = np.where((np.abs(before) <= most).all(axis=-1), number, count - 1)
-        return np.asarray(source[..., None] * count + state)
 
     def _count_turns(self, joints: Bool) -> None:
         """Tell the turns of joints apart, which the best path winds beyond their limits."""
@@ -1110,17 +1077,14 @@ class _Planner:
         Found once, with the first ``least`` asked for.
         """
         if self.passing is None:
-            passing, n = self.through.copy(), self.arm.n
+            passing = self.through.copy()
             for k in range(len(self.T) - 1, 0, -1):
                 here = np.flatnonzero(passing[k] > least)
-                source = self._sources(k, here)[0]
-                move = self.Q[k].reshape(-1, n)[here] - self.Q[k - 1].reshape(-1, n)[source]
-                value = np.minimum(self.through[k - 1][source], passing[k][here])
-                floor = np.full((len(here), 1), least)
-                edges = self._edges(k, here, source, move)
-                cap = self._cap(k, here, source, edges, value[..., None], floor)
                 onward = np.full(passing.shape[1], -np.inf)
-                np.maximum.at(onward, source, np.minimum(value, cap))
+                ends = self.through[k - 1], passing[k, here], self._room(k)[here]
+                motions, source = self._motions(k, here), self._sources(k, here)[0]
+                *near, value = motions.onward_back(source, *ends, least, onward)
+                np.maximum.at(onward, near[1], np.minimum(value, self._cap(k, here, *near)))
                 passing[k - 1] = np.minimum(passing[k - 1], onward)
             self.passing = passing
         return self.passing
@@ -1144,12 +1108,9 @@ class _Planner:
         self.motions = max(self.clear.size * 32, 8_000_000)
 
         ends = self.ended.copy()
-        if engine.available():
-            found = self.before, self.step, self.beside, ends, self.way, engine.cpu_count()
-            how = self.turn, self.whole, self.scale, self.cyclic
-            engine.module().link_nodes(self.Q, *how, *found)
-        else:
-            self._link_plainly(ends)
+        found = self.before, self.step, self.beside, ends, self.way, engine.cpu_count()
+        how = self.turn, self.whole, self.scale, self.cyclic
+        engine.module().link_nodes(self.Q, *how, *found)
         self.ended = ends & (self.beside != np.arange(G * S)) & (not self.cyclic)
         k, at = np.nonzero(self.ended.any(axis=1))
         near = self._neighbors(k, at) - flat[k, at][:, None]
@@ -1160,33 +1121,6 @@ class _Planner:
         self.far = far & (not self.rough)
         if self.start is not None:
             self.way[0] = 0.0
-
-    def _link_plainly(self, ends: Bool) -> None:
-        """What the kernel does: neighbours by sums of cosines, and where branches end."""
-        N, G, S, n = self.Q.shape
-        flat, values, own = self.Q.reshape(N, G * S, n), np.arange(G), np.arange(G * S)
-        there = np.isfinite(self.Q[..., :1])
-        turned = np.where(there, self.Q, 0.0)
-        circle = np.concatenate([np.cos(turned), np.sin(turned)], axis=-1) * there
-        before = values[:, None] * S + self._nearest(circle, circle[[0, *range(N - 1)]])
-        self.before[:] = before.reshape(N, -1)
-        rows = np.arange(N)[:, None, None]
-        self.step[1:] = self._length(flat[1:] - flat[rows[:-1, 0], self.before[1:]])
-        near = np.stack([self._shifted(values, -1), self._shifted(values, 1)])
-        link = near[..., None] * S + self._nearest(circle[:, None], circle[:, near])
-        link = link.reshape(N, 2, -1)
-        ends[:] = np.take_along_axis(link[:, ::-1], link, axis=2) != own
-        ends |= ~there.reshape(N, -1)[rows, link]
-        ends &= np.repeat(near != values, S, axis=1)
-        # A branch that ends turns back into another one.
-        other = circle @ circle.swapaxes(2, 3) - 4 * n * np.eye(S) - 2 * n * ~there.swapaxes(2, 3)
-        back = values[:, None] * S + other.argmax(axis=-1)
-        self.beside[:] = np.where(ends, back.reshape(N, 1, -1), link)
-        toward = _unturned(flat[rows, self.beside] - flat[:, None], self.whole)
-        toward[ends & (self.beside == own)] = np.nan
-        if self.cyclic:  # where it turns back it is singular: no clearance, halfway
-            toward[ends] /= 2
-        self.way[:] = self._longer(toward.swapaxes(1, 2))
 
     def _room(self, k: int) -> Array:
         """Return the most clearance (G S,) that there may be up to halfway to a neighbouring value.
@@ -1227,33 +1161,26 @@ class _Planner:
         off = np.maximum(low - inside, inside - high) * self.scale[here]
         return np.asarray(off.max(axis=-1, initial=-np.inf) + 0 * Q[..., 0])
 
-    def _nearest(self, a: Array, b: Array) -> Ints:
-        """Slots (M, S) of nodes b (M, S, 2n) nearest to those of nodes a, by sums of cosines."""
-        return np.asarray((a @ b.swapaxes(-1, -2)).argmax(axis=-1))
-
     def _prove_edges(
-        self, k: int, here: Ints, value: Array, edge: Ints, new: Array, from_: Ints
+        self, k: int, here: Ints, cell: Ints, value: Array, edge: Ints, new: Array, from_: Ints
     ) -> None:
         """Take those edges to pose k that halving proves clear: values and numbers of states."""
-        while True:  # each state's best candidate first
-            choice = value.argmax(axis=0)
-            at = np.nonzero(value.max(axis=0) > new)
-            if not len(at[0]):
-                return
-            candidate = choice[at], *at
-            q = self.Q[k - 1].reshape(-1, self.arm.n)[edge[candidate] // (len(self.turns) + 1)]
-            to = self.Q[k].reshape(-1, self.arm.n)[here[at[0]]]
-            move = self._gap(to - q)
-            found = np.minimum(value[candidate], self._least_seen(q, move))
-            value[candidate] = -np.inf
-            better = found > new[at]
+        T, order = len(self.turns), np.lexsort((-value, cell))
+        cell, value, edge = cell[order], value[order], edge[order]
+        while len(more := np.flatnonzero(value > new[cell])):  # each state's best candidate first
+            cell, value, edge = cell[more], value[more], edge[more]
+            at = np.unique(cell, return_index=True)[1]
+            q = self.Q[k - 1].reshape(-1, self.arm.n)[edge[at] // T]
+            move = self._gap(self.Q[k].reshape(-1, self.arm.n)[here[cell[at] // T]] - q)
+            found = np.minimum(value[at], self._least_seen(q, move))
+            value[at] = -np.inf
+            better = found > new[cell[at]]
             better[better] = self._is_clear(q[better], move[better])
-            found[~better] = -np.inf
             close = self._least_seen(q[better], move[better], close=True)
             found[better] = np.minimum(found[better], close)
-            better = found > new[at]
-            at, edges = tuple(x[better] for x in at), edge[candidate][better]
-            new[at], from_[at] = found[better], edges
+            better &= found > new[cell[at]]
+            at, found = at[better], found[better]
+            new[cell[at]], from_[cell[at]] = found, edge[at]
 
     def _is_clear(self, q: Array, move: Array) -> Bool:
         """Which motions (M, n) from q (M, n) are proven clear, by halving them."""
@@ -1272,25 +1199,12 @@ class _Planner:
         out[edge[ends[0] + ends[1] <= np.linalg.norm(move * self.scale, axis=1)]] = False
         return out
 
-    def _edges(self, k: int, here: Ints, source: Ints, move: Array) -> tuple[Array, Array, Array]:
-        """Return lengths (D, M) of motions to pose k, what they lack to be clear, and motions."""
-        # They lack what their length has over the clearances at their ends.
-        gap = self._gap(move) * self.scale
-        length = np.sqrt(np.einsum("...j,...j", gap, gap))
-        clear = self.clear[k].ravel()[here] + self.clear[k - 1].ravel()[source]
-        return length, length - clear, gap
-
-    def _quick(self, k: int, gap: Array, slack: ArrayLike = 0.0) -> Bool:
-        """Which motions to pose k keep joint speeds, both ends moved by ``slack`` if need be."""
+    def _farthest(self, k: int) -> Array:
+        """How far joints (n,) may move to pose k within their speed limits."""
         if not self.timed:
-            return np.ones(gap.shape[:-1], dtype=bool)
-        most = limits_of(self.arm) * (self.t[k] - self.t[k - 1]) * self.scale
-        return np.asarray((np.abs(gap) <= most + 2 * np.asarray(slack)[..., None]).all(axis=-1))
-
-    def _shifted(self, i: Ints, d: int) -> Ints:
-        """Neighbours of values i on the grid; the ends have none beyond them, and stay."""
-        G = len(self.grid)
-        return (i + d) % G if self.cyclic else np.clip(i + d, 0, G - 1)
+            return np.full(self.arm.n, np.inf)
+        most: Array = limits_of(self.arm) * (self.t[k] - self.t[k - 1]) * self.scale
+        return most
 
     def _why(self, k: int, best: Array) -> str:
         """Why no node of pose k is reached from those of the pose before."""
@@ -1364,7 +1278,7 @@ class _Planner:
         NaN from where there is no solution, or no motion to the next pose that is clear, slow
         enough, and within the limits.
         """
-        i, S = (self.kept - self.rolled) % len(self.grid), self.Q.shape[2]
+        i = (self.kept - self.rolled) % len(self.grid)
         rows = np.zeros_like(self.seen)
         rows[range(len(i)), i] = ~self.seen[range(len(i)), i]
         self.likely[rows] = np.minimum(self.highest[rows], self._closest(self.Q[rows])[0])
@@ -1385,10 +1299,9 @@ class _Planner:
             ends = np.stack([self.arm.upper - high, low - self.arm.lower])
             turns = np.floor(ends / (2 * np.pi) + 1e-9)
             fits = (turns.sum(axis=0) if self.start is None else turns.min(axis=0)) >= 0
-            node, from_ = i[k] * S + near, i[k - 1] * S + at[None]
-            _, over, gap = (x[0] for x in self._edges(k, node, from_, move[None]))
-            goes = self._quick(k, gap) & (fits | self.bounded).all(axis=1)
-            goes &= np.isfinite(out[:, k - 1] + way[rows, near])
+            fits = (fits | self.bounded) & (np.abs(move * self.scale) <= self._farthest(k))
+            goes = fits.all(axis=1) & np.isfinite(out[:, k - 1] + way[rows, near])
+            over = way[rows, near] - (self.clear[k, i[k], near] + self.clear[k - 1, i[k - 1], at])
             long = goes & (over >= 0)
             goes[long] = self._is_clear(self.Q[k - 1, i[k - 1], at[long]], move[long])
             out[:, k] = np.where(goes, self.likely[k, i[k], near], np.nan)

@@ -1,0 +1,243 @@
+// Motions between the nodes of two poses of a toolpath: pinsing/postures/toolpath.py.
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <utility>
+#include <vector>
+
+#include "module.hpp"
+
+namespace nb = nanobind;
+using nb::literals::operator""_a;
+
+namespace pinsing {
+
+namespace {
+
+using InLinks = nb::ndarray<const std::int32_t, nb::c_contig, nb::device::cpu>;
+constexpr double kNever = -std::numeric_limits<double>::infinity();
+
+template <class Number>
+nb::ndarray<nb::numpy, Number> handed_over(std::vector<Number> numbers) {
+    auto* own = new std::vector<Number>(std::move(numbers));
+    nb::capsule owner(own, [](void* p) noexcept { delete static_cast<std::vector<Number>*>(p); });
+    return nb::ndarray<nb::numpy, Number>(own->data(), {own->size()}, owner);
+}
+
+// Nodes (D, M) of the pose before at which motions to nodes `here` (M,) begin: those of the same
+// branch, of the same value and the next ones, `whole` nodes of each value if that is not zero; then
+// `steps` values farther on, both ways. `before` (W,), `beside` (2, W), and `last` (2, W) those of
+// the pose before, are neighbours as link_nodes finds them.
+void sources(const InLinks& before, const InLinks& beside, const InLinks& last, const InWhole& here,
+             int whole, OutWhole out) {
+    const std::size_t M = here.size(), W = before.size(), D = M ? out.size() / M : 0;
+    require(beside.size() == 2 * W && last.size() == 2 * W && out.size() == D * M &&
+                (M == 0 || D >= static_cast<std::size_t>(3 + whole)),
+            "nodes and neighbours do not fit");
+    for (std::size_t m = 0; m < M; m++) {
+        const std::int64_t x = here.data()[m];
+        require(x >= 0 && x < static_cast<std::int64_t>(W), "no such node");
+        std::int64_t* to = out.data() + m;
+        const auto put = [&](std::int64_t node) { *to = node, to += M; };
+        std::int32_t ends[2] = {before.data()[x], before.data()[x]};
+        put(ends[0]);
+        for (int side = 0; side < 2; side++) put(before.data()[beside.data()[side * W + x]]);
+        for (int s = 0; s < whole; s++) put(x / whole * whole + s);
+        for (std::size_t d = 3 + whole; d + 1 < D; d += 2)
+            for (int side = 0; side < 2; side++)
+                put(ends[side] = last.data()[side * W + ends[side]]);
+    }
+}
+
+// Nodes of two poses, `q` (W, n) and `to` (M, n), what clearance there is proven, and how far a
+// value reaches. States are nodes with one of the `turns` (T, C) of the `counted` joints each.
+struct Motions {
+    In q, to, clear, clear_to, reach, reach_to, turn, scale, most;
+    InWhole counted, turns;
+    int n, M, C, T;
+    std::vector<std::int64_t> begin;  // (T,): the states that a motion begins at; -1 is none
+    double length = 0.0, lacks = 0.0, slack = 0.0;
+    bool quick = false, nearly = false;  // whether joint speeds are kept, or are at ends that moved by `slack`
+
+    Motions(const In& q, const In& to, const In& clear, const In& clear_to, const In& reach,
+            const In& reach_to, const In& turn, const In& scale, const In& most,
+            const InWhole& counted, const InWhole& turns)
+        : q(q), to(to), clear(clear), clear_to(clear_to), reach(reach), reach_to(reach_to),
+          turn(turn), scale(scale), most(most), counted(counted), turns(turns),
+          n(static_cast<int>(turn.size())), M(static_cast<int>(reach_to.size())),
+          C(static_cast<int>(counted.size())), T(static_cast<int>(turns.shape(0))), begin(T) {
+        require(q.size() == clear.size() * n && to.size() == clear_to.size() * n &&
+                    reach.size() == clear.size() && reach_to.size() == clear_to.size() &&
+                    scale.size() == turn.size() && most.size() == turn.size() &&
+                    turns.size() == static_cast<std::size_t>(T) * C,
+                "nodes and joints do not fit");
+    }
+
+    void states(std::int64_t from, int m) {
+        require(from >= 0 && from < static_cast<std::int64_t>(clear.size()), "no such node");
+        const double *a = q.data() + from * n, *b = to.data() + m * n;
+        for (int t = 0; t < T; t++) {
+            std::int64_t number = 0;
+            for (int c = 0; c < C && number >= 0; c++) {
+                const std::int64_t j = counted.data()[c], end = -turns.data()[c];  // the least is first
+                const double off = std::rint((b[j] - a[j]) / (2 * M_PI));
+                const double turned = static_cast<double>(turns.data()[t * C + c]) + off;
+                if (!(std::fabs(turned) <= static_cast<double>(end))) number = -1;
+                else number = number * (2 * end + 1) + static_cast<std::int64_t>(turned) + end;
+            }
+            begin[t] = number < 0 ? -1 : from * T + number;
+        }
+    }
+
+    void measure(std::int64_t from, int m) {
+        const double *a = q.data() + from * n, *b = to.data() + m * n;
+        double square = 0.0;
+        slack = std::max(reach_to.data()[m], reach.data()[from]);
+        quick = nearly = true;
+        for (int j = 0; j < n; j++) {
+            double gap = b[j] - a[j];
+            gap = (gap - turn.data()[j] * std::rint(gap * (0.5 / M_PI))) * scale.data()[j];
+            square += gap * gap;
+            quick &= std::fabs(gap) <= most.data()[j];
+            nearly &= std::fabs(gap) <= most.data()[j] + 2 * slack;
+        }
+        length = std::sqrt(square);
+        lacks = length - (clear_to.data()[m] + clear.data()[from]);
+    }
+};
+
+// The best states of the pose before for each state of nodes `to`, and bounds of all others. `best`
+// (2, W, T) is what paths have there, the second one relaxed; `value` and `room` (M,) what nodes
+// have, within limits (2, M, T) or not; `source` (D, M) where motions begin, and whether that is `far`.
+// `found` (M, T) is what short motions surely leave, `from` the state, `relaxed` (M, T) what all do
+// that are clear or short. Returned are motions to be proved: state, value, state before, and what
+// long ones lack (else -inf); and motions whose clearance is to be bounded: node, node before, slack
+// and relaxed values (T,).
+nb::tuple onward(Motions& motion, const InWhole& source, const InFlags& far, const In& best,
+                 const In& value, const In& room, const InFlags& within, double floor, double margin,
+                 Out found, OutWhole from, Out relaxed) {
+    const int M = motion.M, T = motion.T;
+    const std::size_t states = static_cast<std::size_t>(M) * T;
+    const int D = M ? static_cast<int>(source.size() / M) : 0;
+    const std::size_t all = motion.clear.size() * T;
+    require(far.size() == source.size() && best.size() == 2 * all && value.size() == room.size() &&
+                static_cast<int>(room.size()) == M && within.size() == 2 * states &&
+                found.size() == states && from.size() == states && relaxed.size() == states,
+            "nodes and motions do not fit");
+    std::vector<std::int64_t> cell, before, node, last;
+    std::vector<double> held, lack, slack, may;
+    struct Edge {
+        std::int64_t from;
+        double lacks, slack;
+        bool usable, open;
+    };
+    struct Way {
+        std::int64_t state;
+        double value, relaxed;
+        bool near;
+    };
+    std::vector<Edge> edges(D);
+    std::vector<Way> ways(static_cast<std::size_t>(D) * T);
+    for (int m = 0; m < M; m++) {
+        double* sure = found.data() + m * T;
+        double* loose = relaxed.data() + m * T;
+        std::fill(sure, sure + T, kNever);
+        std::fill(loose, loose + T, kNever);
+        std::fill(from.data() + m * T, from.data() + (m + 1) * T, 0);
+        for (int d = 0; d < D; d++) {
+            const std::int64_t x = source.data()[static_cast<std::size_t>(d) * M + m];
+            motion.states(x, m);
+            bool any = false;
+            for (int t = 0; t < T; t++) {
+                const std::int64_t state = motion.begin[t];
+                Way& way = ways[d * T + t] = {state, kNever, kNever, false};
+                if (state < 0) continue;
+                if (within.data()[m * T + t])
+                    way.value = std::min(best.data()[state], value.data()[m]);
+                if (within.data()[states + m * T + t])
+                    way.relaxed = std::min(best.data()[all + state], room.data()[m]);
+                any |= std::max(way.value, way.relaxed) > kNever;
+            }
+            Edge& edge = edges[d] = {x, 0.0, 0.0, false, false};
+            if (!any) continue;
+            motion.measure(x, m);
+            const bool is_short = motion.length < 2 * room.data()[m];
+            const bool passes = motion.lacks < 0 || is_short;
+            edge = {x, motion.lacks >= 0 && !is_short ? motion.lacks : kNever, motion.slack,
+                    motion.quick && !far.data()[static_cast<std::size_t>(d) * M + m],
+                    motion.nearly && !passes && std::isfinite(motion.lacks)};
+            for (int t = 0; t < T; t++) {
+                Way& way = ways[d * T + t];
+                // On a line distance falls by no more than length^2 / 8 over itself.
+                way.near = edge.usable && motion.lacks < 0 &&
+                           motion.length * motion.length < 4 * margin * way.value;
+                if (way.near && way.value > sure[t])
+                    sure[t] = way.value, from.data()[m * T + t] = way.state;
+                if (motion.nearly && passes) loose[t] = std::max(loose[t], way.relaxed);
+            }
+        }
+        for (int d = 0; d < D; d++) {
+            bool more = false;
+            for (int t = 0; t < T; t++) {
+                const Way& way = ways[d * T + t];
+                more |= way.relaxed > std::max({loose[t], sure[t], floor});
+                if (!edges[d].usable || way.near || !(way.value > std::max(sure[t], floor))) continue;
+                cell.push_back(m * T + t), before.push_back(way.state);
+                held.push_back(way.value), lack.push_back(edges[d].lacks);
+            }
+            if (!edges[d].open || !more) continue;
+            node.push_back(m), last.push_back(edges[d].from), slack.push_back(edges[d].slack);
+            for (int t = 0; t < T; t++) may.push_back(ways[d * T + t].relaxed);
+        }
+    }
+    return nb::make_tuple(
+        nb::make_tuple(handed_over(std::move(cell)), handed_over(std::move(held)),
+                       handed_over(std::move(before)), handed_over(std::move(lack))),
+        nb::make_tuple(handed_over(std::move(node)), handed_over(std::move(last)),
+                       handed_over(std::move(slack)), handed_over(std::move(may))));
+}
+
+// As `onward`, toward the pose before: `through` (W,) and `passing` (M,) are what paths to and on
+// from nodes have. `back` (W,) is raised to what motions that are clear or short leave; returned are
+// the others that may leave more than `least`.
+nb::tuple onward_back(Motions& motion, const InWhole& source, const In& through,
+                      const In& passing, const In& room, double least, Out back) {
+    const int M = motion.M, D = M ? static_cast<int>(source.size() / M) : 0;
+    require(through.size() == motion.clear.size() && back.size() == through.size() &&
+                static_cast<int>(passing.size()) == M && static_cast<int>(room.size()) == M,
+            "nodes and motions do not fit");
+    std::vector<std::int64_t> node, last;
+    std::vector<double> slack, may;
+    for (int d = 0; d < D; d++)
+        for (int m = 0; m < M; m++) {
+            const std::int64_t x = source.data()[static_cast<std::size_t>(d) * M + m];
+            require(x >= 0 && x < static_cast<std::int64_t>(back.size()), "no such node");
+            const double value = std::min(through.data()[x], passing.data()[m]);
+            if (!(value > std::max(least, back.data()[x]))) continue;
+            motion.measure(x, m);
+            if (!motion.nearly) continue;
+            if (motion.lacks < 0 || motion.length < 2 * room.data()[m]) back.data()[x] = value;
+            else if (std::isfinite(motion.lacks))
+                node.push_back(m), last.push_back(x), slack.push_back(motion.slack),
+                    may.push_back(value);
+        }
+    return nb::make_tuple(handed_over(std::move(node)), handed_over(std::move(last)),
+                          handed_over(std::move(slack)), handed_over(std::move(may)));
+}
+
+}  // namespace
+
+void add_motions(nb::module_& m) {
+    m.def("sources", &sources, "before"_a.noconvert(), "beside"_a.noconvert(), "last"_a.noconvert(),
+          "here"_a.noconvert(), "whole"_a, "out"_a.noconvert());
+    nb::class_<Motions>(m, "Motions")
+        .def(nb::init<const In&, const In&, const In&, const In&, const In&, const In&, const In&,
+                      const In&, const In&, const InWhole&, const InWhole&>())
+        .def("onward", &onward, "source"_a.noconvert(), "far"_a.noconvert(), "best"_a.noconvert(),
+             "value"_a.noconvert(), "room"_a.noconvert(), "within"_a.noconvert(), "floor"_a,
+             "margin"_a, "found"_a.noconvert(), "origin"_a.noconvert(), "relaxed"_a.noconvert())
+        .def("onward_back", &onward_back, "source"_a.noconvert(), "through"_a.noconvert(),
+             "passing"_a.noconvert(), "room"_a.noconvert(), "least"_a, "back"_a.noconvert());
+}
+
+}  // namespace pinsing
