@@ -11,7 +11,7 @@ import pinsing
 from pinsing.loops import MechanismMap, mechanism_at, refine
 from pinsing.loops.closure import BatchLoops, random_closed
 from pinsing.loops.map import cannot_close
-from pinsing.loops.motion import measure_many
+from pinsing.loops.motion import kinds_of, measure_many
 
 
 @pytest.mark.parametrize("name", ["five_bar", "planar_3rrr", "gough_stewart", "agile_eye", "rssr"])
@@ -22,12 +22,11 @@ def test_many_at_once_equal_one_by_one(name, rng):
         point = refine(mechanism, Q[0], kind)
         Q += [point.q] if point.converged else []
     found = measure_many(BatchLoops(mechanism), np.array(Q))
-    kinds = found.kinds()
+    kinds = kinds_of(found)
     for k, q in enumerate(Q):
         state = mechanism_at(mechanism, q)
         one = (state.output_ratio, state.input_ratio, state.constraint_ratio)
-        many = (found.output_ratio[k], found.input_ratio[k], found.constraint_ratio[k])
-        assert many == pytest.approx(one, rel=1e-7, abs=1e-11)
+        assert found[:, k] == pytest.approx(one, rel=1e-7, abs=1e-11)
         assert kinds[k] == ("near" if state.near else state.kind)
     assert {"type 1", "type 2", "type 3"} & set(kinds.tolist()) or name == "gough_stewart"
 

@@ -8,7 +8,7 @@ from tiers import tiered
 from pinsing.loops import mechanism_at, pose_forms
 from pinsing.loops.analysis import locus_distance
 from pinsing.loops.closure import BatchLoops, newton
-from pinsing.loops.motion import measure_many, motions
+from pinsing.loops.motion import kinds_of, measure_many, motions
 
 
 def _locked(name, middle, rng):
@@ -34,7 +34,7 @@ def test_a_gimbal_lock_is_singular_only_where_the_pose_is(name, rng):
     forms = pose_forms(mechanism)
     many = measure_many(loops, Q)
     told = set()
-    for q, kind, two in zip(Q, many.kinds(), many.input_ratio, strict=True):
+    for q, kind, two in zip(Q, kinds_of(many), many[1], strict=True):
         # The hinges turn idly, the loops closed: as written this would be of type 2.
         columns = loops.closure(q[None])[1][0][:, ball]
         assert np.linalg.svd(columns, compute_uv=False)[-1] < 1e-9

@@ -73,16 +73,6 @@ class LegWrench:
 
 
 @dataclass(frozen=True, eq=False)
-class Passive:
-    """Where the passive joints of a leg are dependent themselves."""
-
-    leg: int  # number of the leg
-    joints: tuple[int, ...]  # the joints
-    value: Poly  # zero there
-    ball: bool  # whether they are the three hinges that a file writes for a ball
-
-
-@dataclass(frozen=True, eq=False)
 class LegWrenches:
     """All legs of a mechanism."""
 
@@ -96,7 +86,9 @@ class LegWrenches:
     ended: bool
     # of all ways; of the others alone where the carrier has no such end
     wrenches: tuple[LegWrench, ...]
-    passive: tuple[Passive, ...]  # what else is singular
+    # what is zero where passive joints of a leg are dependent themselves: by its number, these, and
+    # whether they are the three hinges that a file writes for a ball
+    passive: dict[tuple[int, tuple[int, ...], bool], Poly]
     off: float  # by how much numbers of the file were changed to be exact
 
 
@@ -110,7 +102,7 @@ def leg_wrenches(mechanism: Mechanism) -> LegWrenches:
     used = [j for joints, _, _ in ways for j in joints if j in mechanism.passive]
     NotThisKind.refuse_if(len(used) > len(set(used)), "legs share passive joints")
     wrenches: list[LegWrench] = []
-    passive: list[Passive] = []
+    passive: dict[tuple[int, tuple[int, ...], bool], Poly] = {}
     off = 0.0
     path = path_to(mechanism, structure(mechanism).output)
     carrier = leg_chain(ring, path, zero.axis[path], zero.origins[path], turn)
@@ -123,18 +115,20 @@ def leg_wrenches(mechanism: Mechanism) -> LegWrenches:
         ended = ended or number == 1
         chain = leg_chain(ring, joints, zero.axis[joints], zero.origins[joints], turn)
         off = max(off, chain.off)
-        found, own = _leg(mechanism, chain, number, kind, end, centre)
-        wrenches += found
-        passive += own
+        loose = number, tuple(j for j in joints if j in mechanism.passive), False
+        for wrench, content in _leg(mechanism, chain, number, kind, end, centre):
+            wrenches.append(wrench)
+            if not ring.nowhere_zero(content):
+                passive[loose] = passive.get(loose, ring.one) * content
         if ball:
             # Where the three hinges that are written for a ball lie in a plane.
             axes = [h.axis for h in carrier.hinges if h.joint in ball]
             flat = dot(axes[0], cross(axes[1], axes[2]), ring.zero)
-            passive.append(Passive(number, ball, flat, True))
+            if not ring.nowhere_zero(flat):
+                passive[number, ball, True] = flat
     return LegWrenches(
-        kind, ring, turn, carrier, output, ended, tuple(wrenches),
-        tuple(p for p in passive if not ring.nowhere_zero(p.value)), max(off, carrier.off),
-    )  # fmt: skip
+        kind, ring, turn, carrier, output, ended, tuple(wrenches), passive, max(off, carrier.off)
+    )
 
 
 Way = tuple[list[int], Array | None, tuple[int, ...]]
@@ -172,9 +166,9 @@ def leg_ways(mechanism: Mechanism) -> list[Way]:
 
 def _leg(
     mechanism: Mechanism, chain: LegChain, number: int, kind: str, end: Array | None, centre: Array
-) -> tuple[list[LegWrench], list[Passive]]:
-    """The wrenches of one way, and where its passive joints are dependent."""
-    zero, one = chain.ring.zero, chain.ring.one
+) -> Iterator[tuple[LegWrench, Poly]]:
+    """The wrenches of one way, each with what is zero where its passive joints are dependent."""
+    zero = chain.ring.zero
     point = chain.position if end is None else chain.point(end)
     passive = [h for h in chain.hinges if h.joint in mechanism.passive]
     driven = [h for h in chain.hinges if h.joint in mechanism.actuated]
@@ -187,48 +181,35 @@ def _leg(
     if kind == SPHERE and end is not None:
         # A loop that closes in a point of the sphere leaves a turn about the radius there.
         arms.append([b - chain.scale * m for b, m in zip(point, chain.fixed(centre), strict=True)])
-    if kind == PLANE:
-        # Normal of the plane in the frame of the chain.
-        normal = [one * rational(v) for v in chain.base[2]]
-        choices = _planar(arms, normal, one, zero)
-    else:
-        choices = _spatial(chain, passive, arms, point, kind)
-    found: list[LegWrench] = []
-    own: list[Passive] = []
-    for force in choices:
+    for force in _forces(chain, passive, arms, point, kind):
         plain, content = _primitive(force)
-        own.append(Passive(number, tuple(h.joint for h in passive), content, False))
         felt = {
             h.joint: arm
             for h in driven
             if (arm := dot(plain, moved(h), zero)) != 0
         }  # fmt: skip
-        found.append(LegWrench(number, _line(chain, plain, point, kind), felt))
-    return found, own
+        yield LegWrench(number, _line(chain, plain, point, kind), felt), content
 
 
-def _planar(arms: list[Row], normal: Row, one: Poly, zero: Poly) -> list[Row]:
-    if not arms:
-        # Any two forces in the plane.
-        axes = [[one if i == k else zero for i in range(3)] for k in range(3)]
-        crossed = [cross(normal, a) for a in axes]
-        return [c for c in crossed if any(x != 0 for x in c)][:2]
-    if len(arms) == 1:
-        return [cross(normal, arms[0])]
-    raise NotThisKind("a leg has more passive joints than its end leaves it")
-
-
-def _spatial(
+def _forces(
     chain: LegChain, passive: list[Hinge], arms: list[Row], point: Row, kind: str
 ) -> list[Row]:
+    """Forces through the end of a leg that do no work on its passive joints, which move it so."""
     one, zero = chain.ring.one, chain.ring.zero
+    every = [[one if i == k else zero for i in range(3)] for k in range(3)]
+    if kind == PLANE:
+        NotThisKind.refuse_if(len(arms) > 1, "a leg has more passive joints than its end leaves it")
+        normal = [one * rational(v) for v in chain.base[2]]  # in the frame of the chain
+        crossed = [cross(normal, a) for a in arms or every]
+        # Of the three axes any two that are not the normal.
+        return crossed if arms else [c for c in crossed if any(x != 0 for x in c)][:2]
     if len(arms) == 2:
         return [cross(arms[0], arms[1])]
     NotThisKind.refuse_if(
         kind == SPHERE or len(arms) > 2, "a leg has other passive joints than its end leaves it"
     )
     if not arms:
-        return [[one if i == k else zero for i in range(3)] for k in range(3)]
+        return every
     hinge = passive[0]
     NotThisKind.refuse_if(hinge.slides, "a passive slide is the only passive joint of a leg")
     grown = chain.scale / hinge.scale
@@ -463,7 +444,7 @@ def joint_forms(mechanism: Mechanism) -> JointForms:
         legs = leg_wrenches(mechanism)
         loci = [*_type2(mechanism, legs), *_type1(mechanism, legs), *_passive(mechanism, legs)]
         off = legs.off
-        if any(p.ball for p in legs.passive):
+        if any(ball for *_, ball in legs.passive):
             notes[0] += "; three hinges in a plane lock the angles of the file, not the ball"
         if type1_alone(mechanism):
             ones = " or ".join(str(x.equation) for x in loci if x.kind == "type 1")
@@ -710,13 +691,8 @@ def _together(ring: Ring, factors: Sequence[Poly]) -> list[Poly]:
 
 
 def _passive(mechanism: Mechanism, legs: LegWrenches) -> list[JointLocus]:
-    groups: dict[tuple[int, tuple[int, ...], bool], Poly] = {}
-    for p in legs.passive:
-        key = (p.leg, p.joints, p.ball)
-        for factor in legs.ring.factors(p.value):
-            groups[key] = groups.get(key, legs.ring.one) * factor
     out: list[JointLocus] = []
-    for (leg, joints, ball), factor in groups.items():
+    for (leg, joints, ball), value in legs.passive.items():
         names = ", ".join(mechanism.joints[j] for j in joints)
         if ball:
             words = f"the three hinges {names} that stand for a ball lie in a plane"
@@ -724,6 +700,6 @@ def _passive(mechanism: Mechanism, legs: LegWrenches) -> list[JointLocus]:
             words = f"leg {leg}: the end of the leg is on the axis of {names}"
         else:
             words = f"leg {leg}: {names} move its end the same way"
-        found = _factored(legs.ring, mechanism, "passive", words, factor)
+        found = _factored(legs.ring, mechanism, "passive", words, value)
         out += [replace(x, ball=ball) for x in found]
     return out

@@ -22,7 +22,7 @@ from pinsing.loops.analysis import independent_inputs
 from pinsing.loops.closure import BatchLoops, near_home, newton, random_closed, ranks
 from pinsing.loops.legs import Rods, rods
 from pinsing.loops.modes import closed_from_random, home, mode_of
-from pinsing.loops.motion import Pose, aligned, measure_many, pose_of, pose_table
+from pinsing.loops.motion import Pose, aligned, kinds_of, measure_many, pose_of, pose_table
 from pinsing.loops.structure import output_pose
 from pinsing.measures import NEAR_RTOL, ROUNDING, SINGULAR_RTOL
 from pinsing.prose import PLAIN, Page
@@ -383,9 +383,7 @@ def mechanism_map(
     # Of more actuators than freedoms those that are independent are drawn; the others follow.
     driven = list(independent_inputs(mechanism, generic, home(mechanism)).actuated)
     known = known_closed(loops)
-    thin = bool(len(known)) and bool(
-        (measure_many(loops, known).input_ratio <= SINGULAR_RTOL).all()
-    )
+    thin = bool(len(known)) and bool((measure_many(loops, known)[1] <= SINGULAR_RTOL).all())
     closed = beyond = impossible = 0
     near = dict.fromkeys(_NEAR, 0)
     parts: list[Array] = []
@@ -402,23 +400,19 @@ def mechanism_map(
         if not len(Q):
             continue
         found = measure_many(loops, Q)
-        ratios = np.stack([found.output_ratio, found.input_ratio, found.constraint_ratio], axis=1)
-        names = found.kinds()
+        names = kinds_of(found)
         for name, number in zip(*np.unique(names, return_counts=True), strict=True):
             kinds[str(name)] += int(number)
-        for name, number in zip(_NEAR, (ratios <= NEAR_RTOL).sum(axis=0), strict=True):
+        for name, number in zip(_NEAR, (found <= NEAR_RTOL).sum(axis=1), strict=True):
             near[name] += int(number)
-        parts.append(ratios)
-        low = ratios.min(axis=1)
+        parts.append(found)
+        low = found.min(axis=0)
         lowest = np.argsort(low, kind="stable")[:worst].tolist()
         least += [(float(low[i]), start + i, str(names[i]), Q[i]) for i in lowest]
         least = sorted(least, key=lambda x: x[:2])[:worst]
-    ratios = np.concatenate(parts) if parts else np.zeros((0, 3))
-    told = (
-        np.quantile(ratios, _QUANTILES, axis=0, method="inverted_cdf")
-        if len(ratios)
-        else np.full((len(_QUANTILES), 3), math.nan)
-    )
+    told = np.full((len(_QUANTILES), 3), math.nan)
+    if parts:
+        told = np.quantile(np.concatenate(parts, axis=1), _QUANTILES, axis=1, method="inverted_cdf")
     listed = tuple(
         WorstConfiguration(
             low, kind, q, q[list(mechanism.actuated)], pose_of(output_pose(mechanism, q)),

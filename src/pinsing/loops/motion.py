@@ -292,25 +292,14 @@ def mechanism_at(mechanism: Mechanism, q: ArrayLike, rtol: float = SINGULAR_RTOL
     )
 
 
-@dataclass(frozen=True, eq=False)
-class ManyMeasures:
-    """Measures of N configurations, without units."""
-
-    # output_ratio, input_ratio and constraint_ratio: (N,): zero at type 1, type 2 and constraint
-    # singularities, as of `Motions`
-    output_ratio: Array
-    input_ratio: Array
-    constraint_ratio: Array
-
-    def kinds(self, rtol: float = SINGULAR_RTOL) -> NDArray[np.str_]:
-        """``regular``, ``near``, ``type 1``, ``type 2``, ``type 3`` or ``constraint``, each."""
-        least = np.minimum(np.minimum(self.output_ratio, self.input_ratio), self.constraint_ratio)
-        found = _kinds(self.output_ratio, self.input_ratio, self.constraint_ratio, rtol)
-        return np.where((found == "regular") & (least <= NEAR_RTOL), "near", found)
+def kinds_of(ratios: Array) -> NDArray[np.str_]:
+    """Kinds (N,) by measures (3, N): those of `Motions.kind`, and ``near``."""
+    found = _kinds(ratios[0], ratios[1], ratios[2], SINGULAR_RTOL)
+    return np.where((found == "regular") & (ratios.min(axis=0) <= NEAR_RTOL), "near", found)
 
 
-def measure_many(loops: BatchLoops, Q: Array, rtol: float = SINGULAR_RTOL) -> ManyMeasures:
-    """Measures at closed configurations Q (N, n)."""
+def measure_many(loops: BatchLoops, Q: Array, rtol: float = SINGULAR_RTOL) -> Array:
+    """Return measures (3, N) at closed configurations Q (N, n): type 1, type 2, constraint."""
     mechanism = loops.mechanism
     placed = loops.place(Q)
     J = loops.output(Q, placed)[2][:, list(mechanism.task.rows)]
@@ -322,7 +311,7 @@ def measure_many(loops: BatchLoops, Q: Array, rtol: float = SINGULAR_RTOL) -> Ma
     for k in np.flatnonzero(ratios[2] <= rtol).tolist():  # more motions than the mobility; few are
         found = motions(mechanism, Q[k], rtol)
         ratios[:, k] = found.output_ratio, found.input_ratio, found.constraint_ratio
-    return ManyMeasures(*ratios)
+    return ratios
 
 
 def _ratios(mechanism: Mechanism, G: Array, J: Array) -> Array:

@@ -299,17 +299,16 @@ def _meeting(
     return None if np.linalg.norm(np.cross(inside, following)) > ROUNDING else (point, inside)
 
 
-def likeness(
-    mechanism: Mechanism, q: Array, joints: Sequence[int] | None = None, pose: bool = True
-) -> Array:
+def likeness(mechanism: Mechanism, q: Array, joints: Sequence[int] | None = None) -> Array:
     """Return numbers (k,) that two configurations q (n,) of one mode share."""
-    # Only of ``joints`` (a leg's) where some are given; with the ``pose`` of the output, or
-    # without.
+    # Only of ``joints`` (a leg's) where some are given.
     sample, scale = Sample(mechanism, q), mechanism.length_scale
     chosen = range(mechanism.n) if joints is None else joints
     out: list[Array] = []
-    if pose:
-        out += [sample.output.translation / scale, np.array(sample.output.rotation).ravel()]
+    if joints is None:
+        places = [sample.output, *(sample.frames[k] for k in closing(mechanism)[0])]
+        out += [place.translation / scale for place in places]
+        out.append(np.array(sample.output.rotation).ravel())
     for j in chosen:
         if j in mechanism.actuated:
             slides = mechanism.prismatic[j]
@@ -328,8 +327,6 @@ def likeness(
             out.append(np.outer(axis, axis).ravel())
             if len(centre.joints) == 1:
                 out.append((at - (at @ axis) * axis) / scale)
-    if joints is None:
-        out += [sample.frames[k].translation / scale for k in closing(mechanism)[0]]
     return np.concatenate(out) if out else np.zeros(0)
 
 

@@ -46,17 +46,11 @@ class Entry:
         Configurations, none where nothing is within reach.
     moved : tuple of int
         Joints that the condition is about.
-    symbols : tuple of str
-        Symbols of all joints, base to tip.
-    prismatic : (n,) array of bool
-        Which joints slide.
     kind, reason : str
         boundary, interior or undecided, of each piece where they differ; which axes line up.
         Empty where not known.
     codimension : int or None
         Number of independent conditions.
-    lost : tuple of str
-        Motions lost at a generic point.
     reachable : bool or None
         Whether the limits allow it; None where that is not known.
     reach : str
@@ -69,32 +63,12 @@ class Entry:
     text: str
     poses: tuple[Array, ...]
     moved: tuple[int, ...]
-    symbols: tuple[str, ...]
-    prismatic: Bool
     kind: str = ""
     reason: str = ""
     codimension: int | None = None
-    lost: tuple[str, ...] = ()
     reachable: bool | None = True
     reach: str = ""
     family: Family | None = None
-
-    def where_branch(self, branch: Branch) -> str:
-        """The part of the condition that a branch of the family is about."""
-        words, title = self._words({v.joint: v.value for v in branch.values}), ""
-        if self.family is not None and (title := self.family.title) and not branch.values:
-            words = self.family.where()
-        return f"{title}: {words}" if title else words
-
-    def _words(self, values: Mapping[int, float]) -> str:
-        if not values:
-            long = len(self.text) > _LONGEST
-            return f"{self.text[: _LONGEST - 2].rstrip()} …" if long else self.text
-        words = " and ".join(
-            f"{self.symbols[j]} = {_value(v, bool(self.prismatic[j]))}" for j, v in values.items()
-        )
-        # The rest is an equation, which the list has in full.
-        return words if set(values) == set(self.moved) else f"{words} and …"
 
 
 def _value(value: float, slides: bool) -> str:
@@ -103,7 +77,6 @@ def _value(value: float, slides: bool) -> str:
 
 def family_entries(arm: Arm, families: Iterable[Family], poses: int = 3) -> tuple[Entry, ...]:
     """List families of an arm, with up to ``poses`` telling configurations of each."""
-    symbols = joint_symbols(arm)
     families, out = tuple(families), []
     for family in families:
         others = [f for f in families if f is not family and f.real]
@@ -118,12 +91,9 @@ def family_entries(arm: Arm, families: Iterable[Family], poses: int = 3) -> tupl
                 text=f"{family.title}: {family.text}" if family.title else family.text,
                 poses=chosen,
                 moved=tuple(i for i, name in enumerate(arm.joints) if name in family.joints),
-                symbols=symbols,
-                prismatic=arm.prismatic,
                 kind=kinds.get(family.kind, family.kind),
                 reason=family.reason,
                 codimension=family.codimension,
-                lost=family.lost,
                 reachable=True if chosen else family.is_reachable,
                 # What there is to say of the limits beside that they allow it, or do not.
                 reach="" if family.reach == family.reachability.words else family.reach,
@@ -142,10 +112,7 @@ def pose_entries(arm: Arm, configurations: Iterable[ArrayLike]) -> tuple[Entry, 
         return ", ".join(f"{s} = {_value(x, bool(p))}" for s, x, p in values)
 
     every, given = tuple(range(arm.n)), (arm.check_one(q, "poses") for q in configurations)
-    return tuple(
-        Entry(f"P{number}", text(q), (q,), every, symbols, arm.prismatic)
-        for number, q in enumerate(given, 1)
-    )
+    return tuple(Entry(f"P{number}", text(q), (q,), every) for number, q in enumerate(given, 1))
 
 
 def _fixed_joints(name: str, text: str, arm: Arm, fixed: Mapping[str, float]) -> Family:
@@ -177,7 +144,6 @@ def _fixed_joints(name: str, text: str, arm: Arm, fixed: Mapping[str, float]) ->
 
 def finding_entries(arm: Arm, findings: Iterable[Finding]) -> tuple[Entry, ...]:
     """List singular findings of a sweep, named S1, S2, ..."""
-    symbols = joint_symbols(arm)
     out = []
     singular = [f for f in findings if f.status == "singular"]
     for number, finding in enumerate(singular, 1):
@@ -195,8 +161,6 @@ def finding_entries(arm: Arm, findings: Iterable[Finding]) -> tuple[Entry, ...]:
                 moved=tuple(
                     i for i, joint in enumerate(arm.joints) if joint in condition.depends_on
                 ),
-                symbols=symbols,
-                prismatic=arm.prismatic,
                 kind=finding.configuration.kind,
                 codimension=len(condition.fixed) if condition.minimal else None,
                 reachable=True if poses else finding.reachable,
@@ -210,25 +174,18 @@ FRAMES = 160
 """Poses of a way between two postures."""
 
 
-@dataclass(frozen=True, eq=False)
-class Posture:
-    """An inverse solution of the pose that a page was opened at."""
+def listed_postures(arm: Arm, found: PostureChanges) -> tuple[dict[str, Any], ...]:
+    """Return postures in the order of `posture_changes`, the current one first, ready for JSON.
 
-    q: Array  # (n,), radians and metres
-    name: str  # words of the field, or its number
-    more: str  # its aspect, and if it can be reached without a singularity
-    way: Array | None  # (K, n), from the first posture on no family
-
-
-def listed_postures(arm: Arm, found: PostureChanges) -> tuple[Posture, ...]:
-    """Return postures in the order of `posture_changes`, the current one first."""
+    Each has ``q`` (n,), radians and metres, a ``name`` (words of the field, or its number), what
+    ``more`` there is to say (its aspect, and if it can be reached without a singularity), and the
+    ``way`` (K, n) to it from the first posture that is on no family, or None.
+    """
     OptionError.refuse_if(
         len(found.q) != arm.n, f"the postures are of {len(found.q)} joints; {arm.name} has {arm.n}"
     )
     here = "singular" if found.aspect is None else f"aspect {found.aspect}"
-    out = [
-        Posture(found.q, ", ".join(found.names) or "posture 1", f"{here}: where it starts", None)
-    ]
+    out = [_posture(found.q, found.names, 1, f"{here}: where it starts", None)]
     for number, other in enumerate(found.others, 2):
         s, way = other.solution, other.connection
         path = None
@@ -244,8 +201,19 @@ def listed_postures(arm: Arm, found: PostureChanges) -> tuple[Posture, ...]:
             said = f"aspect {other.aspect}: only by way of a singularity, proven"
         else:
             said = "undecided"
-        out.append(Posture(s.q, ", ".join(other.names) or f"posture {number}", said, path))
+        out.append(_posture(s.q, other.names, number, said, path))
     return tuple(out)
+
+
+def _posture(
+    q: Array, names: Sequence[str], number: int, more: str, way: Array | None
+) -> dict[str, Any]:
+    return {
+        "q": q.tolist(),
+        "name": ", ".join(names) or f"posture {number}",
+        "more": more,
+        "way": None if way is None else way.tolist(),
+    }
 
 
 def fine(path: Array, arm: Arm) -> Array:
@@ -254,16 +222,6 @@ def fine(path: Array, arm: Arm) -> Array:
     along = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(path, axis=0) * weight, axis=1)))
     at = np.union1d(np.linspace(0.0, along[-1], FRAMES), along)
     return np.stack([np.interp(at, along, column) for column in path.T], axis=1)
-
-
-def posture_data(posture: Posture) -> dict[str, Any]:
-    """A posture ready for JSON."""
-    return {
-        "q": posture.q.tolist(),
-        "name": posture.name,
-        "more": posture.more,
-        "way": None if posture.way is None else posture.way.tolist(),
-    }
 
 
 SCHEMA = "pinsing/engine/1"
@@ -307,7 +265,7 @@ def engine_data(arm: Arm, entries: Sequence[Entry], sizes: Sizes) -> dict[str, A
         "joints": joint_data(arm.joints, arm.prismatic, arm.lower, arm.upper),
         "speeds": _speeds(SpeedJudge(arm)),
         "families": [
-            _family(index, entry)
+            _family(index, entry, entry.family, joint_symbols(arm))
             for index, entry in enumerate(entries)
             if entry.family is not None and entry.family.branches
         ],
@@ -400,9 +358,7 @@ def joint_data(
     ]
 
 
-def _family(index: int, entry: Entry) -> dict[str, Any]:
-    family = entry.family
-    assert family is not None
+def _family(index: int, entry: Entry, family: Family, symbols: Sequence[str]) -> dict[str, Any]:
     branches = family.branches
     # Families that were read from a file do not say that their equations are not enough.
     confirm = family.confirm is not None or any(len(b.equations) > 1 for b in branches)
@@ -415,7 +371,7 @@ def _family(index: int, entry: Entry) -> dict[str, Any]:
         "moved": list(entry.moved),
         "confirm": confirm,
         "points": [pose.tolist() for pose in entry.poses] if confirm else [],
-        "where": [entry.where_branch(b) for b in branches],
+        "where": [_where(entry, family, b, symbols) for b in branches],
         "branches": [
             {
                 "values": [{"joint": v.joint, "value": v.value} for v in b.values],
@@ -434,6 +390,23 @@ def _family(index: int, entry: Entry) -> dict[str, Any]:
             for b in branches
         ],
     }
+
+
+def _where(entry: Entry, family: Family, branch: Branch, symbols: Sequence[str]) -> str:
+    """The part of the condition that a branch of the family is about."""
+    if branch.values:
+        words = " and ".join(
+            f"{symbols[v.joint]} = {_value(v.value, bool(family.prismatic[v.joint]))}"
+            for v in branch.values
+        )
+        # The rest is an equation, which the list has in full.
+        words += "" if {v.joint for v in branch.values} == set(entry.moved) else " and …"
+    elif family.title:
+        words = family.where()
+    else:
+        long = len(entry.text) > _LONGEST
+        words = f"{entry.text[: _LONGEST - 2].rstrip()} …" if long else entry.text
+    return f"{family.title}: {words}" if family.title else words
 
 
 def rows_of(matrix: Array) -> list[list[float]]:

@@ -30,11 +30,11 @@ from pinsing.view.scene import (
     HOT,
     ROTATION,
     Sizes,
+    Torus,
     draw_scene,
     raised,
     ring_arrow,
     straight_arrow,
-    torus,
 )
 from pinsing.view.tab import SIDE, Scenery, Tab
 
@@ -198,7 +198,7 @@ def draw_linkage_marks(node: Any, mechanism: Mechanism, size: Sizes) -> None:
     turning = node["ellipsoid/rotation"]
     for part in ("skin", "xy", "yz", "zx"):
         turning[part].delete()
-    turning["ring"].set_object(torus(1.0, 0.035), mg.MeshPhongMaterial(color=ROTATION))
+    turning["ring"].set_object(Torus(1.0, 0.035), mg.MeshPhongMaterial(color=ROTATION))
     if abs(normal[2]) > 1 - 1e-9:
         node["floor"].set_transform(raised(-0.06 * size.reach))
 

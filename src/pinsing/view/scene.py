@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from pinsing._types import Array
+from pinsing._types import Array, ArrayLike
 from pinsing.configuration.at import at
 from pinsing.errors import OptionError
 from pinsing.kinematics.jacobian import frame_jacobians
@@ -78,14 +78,10 @@ def drawn_radii(radii: Array, scale: float, reach: float) -> Array:
     return np.asarray(np.maximum(scale * radii, thinnest))
 
 
-def quaternion(rotation: Array) -> Array:
-    """Quaternion (x, y, z, w) of a rotation matrix (3, 3)."""
-    return np.array(pin.Quaternion(rotation).coeffs())
-
-
-def turn_z_to(direction: Array) -> Array:
-    """Quaternion (x, y, z, w) of the shortest turn from z to a unit vector (3,)."""
-    return np.array(pin.Quaternion.FromTwoVectors(np.array([0.0, 0.0, 1.0]), direction).coeffs())
+def along(direction: Array, position: ArrayLike = (0.0, 0.0, 0.0)) -> Array:
+    """A transform (4, 4) to a position, with the shortest turn from z to a unit vector (3,)."""
+    turn = pin.Quaternion.FromTwoVectors(np.array([0.0, 0.0, 1.0]), np.asarray(direction))
+    return np.array(pin.SE3(turn.matrix(), np.array(position, dtype=float)).homogeneous)
 
 
 # Okabe and Ito's palette: told apart with any colour vision.
@@ -161,7 +157,7 @@ def ring_arrow(node: Any, reach: float, color: int = LOST) -> None:
     """Axis along z with a ring around it: rotations about it."""
     material = geometry.MeshPhongMaterial(color=color, side=OUTSIDE)
     node["shaft"].set_object(DrawnRod(0.34 * reach, 0.0035 * reach), material)
-    node["ring"].set_object(torus(0.085 * reach, 0.0045 * reach), material)
+    node["ring"].set_object(Torus(0.085 * reach, 0.0045 * reach), material)
     for k in range(2):
         spin = pin.SE3(pin.rpy.rpyToMatrix(0.0, 0.0, np.pi * k), np.zeros(3)).homogeneous
         lie = pin.SE3(pin.rpy.rpyToMatrix(-np.pi / 2, 0.0, 0.0), np.array([0.085 * reach, 0, 0]))
@@ -174,25 +170,24 @@ def _cone(height: float, radius: float, sign: float) -> DrawnRod:
     return DrawnRod(height, radiusTop=top, radiusBottom=bottom)
 
 
-def torus(radius: float, thickness: float, around: int = 64, across: int = 12) -> Any:
-    """A ring about z, metres."""
-    u = np.linspace(0, 2 * np.pi, around, endpoint=False)
-    v = np.linspace(0, 2 * np.pi, across, endpoint=False)
-    u, v = (x.ravel() for x in np.meshgrid(u, v, indexing="ij"))
-    width = radius + thickness * np.cos(v)
-    vertices = np.stack([width * np.cos(u), width * np.sin(u), thickness * np.sin(v)], axis=1)
-    i, j = (x.ravel() for x in np.meshgrid(np.arange(around), np.arange(across), indexing="ij"))
-    a, b = i * across + j, ((i + 1) % around) * across + j
-    c, d = ((i + 1) % around) * across + (j + 1) % across, i * across + (j + 1) % across
-    faces = np.concatenate([np.stack([a, b, c], axis=1), np.stack([a, c, d], axis=1)])
-    return geometry.TriangularMeshGeometry(vertices.astype(np.float32), faces.astype(np.uint32))
+class Torus(geometry.Geometry):  # type: ignore[misc]
+    """A ring about z, metres, which three.js makes."""
+
+    def __init__(self, radius: float, tube: float) -> None:
+        super().__init__()
+        self.size = {"radius": radius, "tube": tube}
+
+    def lower(self, object_data: Any) -> dict[str, Any]:
+        """What three.js reads."""
+        segments = {"radialSegments": 12, "tubularSegments": 64}
+        return {"uuid": self.uuid, "type": "TorusGeometry", **self.size, **segments}
 
 
 def _axes(node: Any, arm: Body, reach: float) -> None:
     """Each joint axis twice: plain, and highlighted for when it is dependent."""
     for j in range(1, arm.model.njoints):
         axis, slides = joint_axis(arm.model.joints[j], arm.model.names[j])
-        turn = _turn(axis)
+        turn = along(axis)
         for name, color, length, radius in (
             ("axis", AXIS, 0.15, 0.002),
             ("hot", HOT, 0.42, 0.0025),
@@ -221,9 +216,7 @@ def _skeleton(node: Any, arm: Body, reach: float, frames: Sequence[int]) -> None
         if length > 1e-3 * reach:
             here = node[f"{parent}/bone/link{number}"]
             here.set_object(DrawnRod(length, 0.018 * reach), bone)
-            pose = _turn(place.translation / length)
-            pose[:3, 3] = place.translation / 2
-            here.set_transform(pose)
+            here.set_transform(along(place.translation / length, place.translation / 2))
     for j in range(1, model.njoints):
         axis, slides = joint_axis(model.joints[j], model.names[j])
         here = node[f"{j}/bone/drum"]
@@ -234,14 +227,13 @@ def _skeleton(node: Any, arm: Body, reach: float, frames: Sequence[int]) -> None
             else DrawnRod(0.075 * reach, 0.03 * reach)
         )
         here.set_object(shape, drum)
-        here.set_transform(_turn(axis))
+        here.set_transform(along(axis))
         if slides:  # the rail that it runs on stays with the link before
             lower, upper = ranges.get(model.names[j], (0.0, 0.0))
             start = model.jointPlacements[j]
             rail = node[f"{int(model.parents[j])}/bone/rail{j}"]
             rail.set_object(DrawnRod(max(upper - lower, side), 0.012 * reach), bone)
-            middle = pin.SE3(np.eye(3), axis * (upper + lower) / 2)
-            rail.set_transform((start * middle).homogeneous @ _turn(axis))
+            rail.set_transform(start.homogeneous @ along(axis, axis * (upper + lower) / 2))
 
 
 def _floor(node: Any, arm: Body, reach: float) -> None:
@@ -271,13 +263,9 @@ def floor_placement(arm: Body) -> Array:
     return np.array((back * place).homogeneous)
 
 
-def _turn(axis: Array) -> Array:
-    return _place(np.zeros(3), turn_z_to(np.asarray(axis)))
-
-
 def raised(height: float) -> Array:
     """A transform (4, 4) along z, metres."""
-    return np.array(pin.SE3(np.eye(3), np.array([0.0, 0.0, height])).homogeneous)
+    return along(np.array([0.0, 0.0, 1.0]), (0.0, 0.0, height))
 
 
 SYMBOLS = {
@@ -323,25 +311,26 @@ class Overlay:
             here.set_transform(data.oMi[j].homogeneous)
             here["axis"].set_property("visible", arm.model.names[j] not in hot)
             here["hot"].set_property("visible", arm.model.names[j] in hot)
-        node["tip"].set_transform(_place(state.tip_position, np.array([0, 0, 0, 1])))
+        tip = state.tip_position
+        node["tip"].set_transform(pin.SE3(np.eye(3), tip).homogeneous)
         shapes: tuple[Any, ...] = (state.translational, state.rotational)
         shapes = pure_ellipsoids(state.J) if mode == "pure" else shapes
         for kind, shape in zip(("translation", "rotation"), shapes, strict=True):
             drawn = drawn_radii(shape.radii, getattr(self._size, kind), self._size.reach)
             node[f"ellipsoid/{kind}"].set_property("visible", bool(drawn[0] > 0))
             if drawn[0] > 0:
-                pose = _place(state.tip_position, quaternion(shape.axes)) @ np.diag([*drawn, 1.0])
+                pose = pin.SE3(shape.axes, tip).homogeneous @ np.diag([*drawn, 1.0])
                 node[f"ellipsoid/{kind}"].set_transform(pose)
         for k in range(ARROWS):
             lost = state.lost[k] if k < len(state.lost) else None
             close = lost is not None and (
-                np.linalg.norm(lost.point - state.tip_position) <= 1.5 * self._size.reach
+                np.linalg.norm(lost.point - tip) <= 1.5 * self._size.reach
             )
             for part, kinds in SYMBOLS.items():
                 seen = lost is not None and bool(close) and lost.kind in kinds
                 node[f"lost/{k}/{part}"].set_property("visible", seen)
             if lost is not None:
-                node[f"lost/{k}"].set_transform(_place(lost.point, turn_z_to(lost.direction)))
+                node[f"lost/{k}"].set_transform(along(lost.direction, lost.point))
 
     def _move_robot(self, q: Array) -> None:
         if self._display is None or self._model is None:
@@ -364,7 +353,3 @@ def full_configuration(arm: Arm, q: Array) -> Array:
         there = full.joints[full.getJointId(arm.model.names[j])]
         out[there.idx_q : there.idx_q + there.nq] = values[here.idx_q : here.idx_q + here.nq]
     return out
-
-
-def _place(position: Array, turn: Array) -> Array:
-    return np.array(pin.XYZQUATToSE3(np.array([*position, *turn])).homogeneous)

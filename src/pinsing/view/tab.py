@@ -22,7 +22,7 @@ from pinsing.kinematics.jacobian import frame_jacobians
 from pinsing.measures import SINGULAR_RTOL, pure_ellipsoids
 from pinsing.robot.arm import Arm
 from pinsing.robot.mechanism import Mechanism
-from pinsing.view.entries import Entry, Posture, engine_data, posture_data
+from pinsing.view.entries import Entry, engine_data
 from pinsing.view.links import Body, Links
 from pinsing.view.page import static_html
 from pinsing.view.scene import ARROWS, LEAST, Sizes
@@ -114,7 +114,7 @@ class Stage(Scenery):
     robot: Arm
     entries: tuple[Entry, ...] = ()
     way: Mapping[str, Any] | None = None  # a motion that pages show first, from `trajectory_data`
-    postures: tuple[Posture, ...] = ()  # of one pose, and ways to them
+    postures: tuple[dict[str, Any], ...] = ()  # of one pose, and ways to them
     coverage: str = ""  # how sure it is that the list holds all, if known
     clearest: Suggestion | None = None
     zones: dict[str, Any] | None = None  # bands at the sliders: joint ranges, distances, and why
@@ -144,7 +144,7 @@ class Stage(Scenery):
         return {
             "live": live,
             "way": self.way,
-            "postures": [posture_data(p) for p in self.postures],
+            "postures": list(self.postures),
             "robot": {
                 "name": arm.name,
                 "base": arm.base,

@@ -18,7 +18,6 @@ from pinsing.robot.arm import Arm, summarize
 from pinsing.sampling.generalize import Finding
 from pinsing.view.entries import (
     Entry,
-    Posture,
     family_entries,
     finding_entries,
     listed_postures,
@@ -266,7 +265,7 @@ def _check_clearest(arm: Arm, clearest: Suggestion) -> None:
     OptionError.refuse_if(clearest.arm.joints != arm.joints, "clearest is of another arm")
 
 
-def _listed(arm: Arm, postures: PostureChanges) -> tuple[Posture, ...]:
+def _listed(arm: Arm, postures: PostureChanges) -> tuple[dict[str, Any], ...]:
     # Few pages have any, and a browser would wait for an import as long as that of the families.
     from pinsing.postures.changes import PostureChanges
 
