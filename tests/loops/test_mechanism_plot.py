@@ -17,7 +17,7 @@ from pinsing.loops.closure import Loops
 from pinsing.loops.loop_forms import planar_dyad
 from pinsing.loops.motion import COORDINATES, pose_of
 from pinsing.loops.pose_slice import pose_slice
-from pinsing.loops.problems import working_modes
+from pinsing.loops.solve import working_modes
 from pinsing.loops.structure import output_pose
 from pinsing.plot.mechanism import (
     MINUS,

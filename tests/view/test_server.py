@@ -232,7 +232,7 @@ def test_tabs_that_do_not_read_harm_nobody_else(server: Server) -> None:
 
 
 def test_more_tabs_than_anyone_opens_are_refused(server: Server, monkeypatch: Any) -> None:
-    monkeypatch.setattr("pinsing.view.page.MOST_PAGES", 3)
+    monkeypatch.setattr("pinsing.view.server.MOST_PAGES", 3)
     tabs = [Tab(server) for _ in range(3)]
     assert upgrade(server, f"/{token(server)}/live") == 503
     for tab in tabs:

@@ -10,7 +10,6 @@ from pinsing.loops.map import MechanismMap, WorstConfiguration, mechanism_map
 from pinsing.loops.modes import home, mode_of
 from pinsing.loops.motion import MechanismState, Pose, input_output, leg_form, mechanism_at, motions
 from pinsing.loops.pose_loci import pose_forms
-from pinsing.loops.problems import Modes, assemblies, assembly_modes, working_modes
 from pinsing.loops.singular_points import (
     SingularPoint,
     Trace,
@@ -18,7 +17,19 @@ from pinsing.loops.singular_points import (
     refine_point as refine,
     trace,
 )
-from pinsing.loops.solve import InfeasibleError, Solution, curves, drive, feasible, follow, solve
+from pinsing.loops.solve import (
+    InfeasibleError,
+    Modes,
+    Solution,
+    assemblies,
+    assembly_modes,
+    curves,
+    drive,
+    feasible,
+    follow,
+    solve,
+    working_modes,
+)
 
 __all__ = [
     "InfeasibleError",

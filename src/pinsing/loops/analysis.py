@@ -22,16 +22,18 @@ from pinsing.loops.loop_forms import LoopForms, loop_forms, planar_dyad, roots
 from pinsing.loops.modes import home, home_error, home_outside
 from pinsing.loops.motion import Column, MechanismState, mechanism_at, motions, pose_of, pose_table
 from pinsing.loops.pose_loci import locus_distance, pose_forms
-from pinsing.loops.problems import Modes, assembly_modes, working_modes
 from pinsing.loops.singular_points import SingularPoint, Trace, find_singular
 from pinsing.loops.solve import (
     MOST_CURVES,
     InfeasibleError,
     Interval,
+    Modes,
     Solution,
+    assembly_modes,
     curves,
     feasible,
     intervals,
+    working_modes,
 )
 from pinsing.loops.structure import output_pose, without_length
 from pinsing.measures import ROUNDING

@@ -239,13 +239,13 @@ def _frame(axes: Array) -> Array:
     e2 = second - (second @ e1) * e1
     e2 /= np.linalg.norm(e2)
     triad = np.array([e1, e2, np.cross(e1, e2)]).T
-    best, most = triad, -np.inf
-    for order in itertools.permutations(range(3)):
-        for signs in itertools.product((1.0, -1.0), repeat=3):
-            R = triad[:, order] * signs
-            if np.linalg.det(R) > 0 and np.trace(R) > most + 1e-9:
-                best, most = R, float(np.trace(R))
-    return best
+    every = (
+        triad[:, order] * signs
+        for order in itertools.permutations(range(3))
+        for signs in itertools.product((1.0, -1.0), repeat=3)
+    )
+    # Of those that are as near but for rounding the first.
+    return max((R for R in every if np.linalg.det(R) > 0), key=lambda R: round(np.trace(R), 9))
 
 
 def _turned(unit: Sequence[Fraction], x: Poly, y: Poly, ring: Ring) -> list[Row]:

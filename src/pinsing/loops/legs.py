@@ -235,7 +235,10 @@ def why_no_rods(mechanism: Mechanism) -> str:
 def most_assemblies(mechanism: Mechanism) -> int | None:
     """Return how many poses given inputs can have at most; None where no number is known."""
     # Three distances of a body in a plane: 6 (Gosselin and Sefrioui 1991); six in space: 40
-    # (Raghavan 1991, Lazard 1992); 3-RPS: 16 (Nanua, Waldron and Murthy 1990).
+    # (Raghavan 1991, Lazard 1992); 3-RPS: 16 (Nanua, Waldron and Murthy 1990). On the sphere three
+    # equations of degree 2 in the quaternion: 8, where they are finite in number.
+    if sphere_loci(mechanism) is not None:
+        return 8
     found = rods(mechanism)
     if found is None or any(rod.side for rod in found.rods):
         return None
@@ -299,12 +302,12 @@ class _Recognizer:
         mechanism = self.mechanism
         out: list[Rod] = []
         for path, end in self.ends():
-            found = self.foot_driven(path, end)
+            if end.hanging:
+                found = self.hanging(path, end)
+            else:
+                found = self.foot_driven(path, end) or self.along(path, end)
             if not found:
-                rod = self.hanging(path, end) if end.hanging else self.along(path, end)
-                if rod is None:
-                    raise NotThisKind(self.reason(path, end))
-                found = [rod]
+                raise NotThisKind(self.reason(path, end))
             out += found
         forces = len(out) + sum(rod.hinge is not None for rod in out)
         needed = 3 if self.planar else 6
@@ -375,13 +378,27 @@ class _Recognizer:
         passive = tuple(j for j in joints if j not in driven)
         return driven, passive, next((c for c in self.built.centres if c.joints == passive), None)
 
-    def along(self, path: list[int], end: _End) -> Rod | None:
-        """A leg with one centre and one actuated joint before or behind it."""
+    def strut(
+        self, joint: int, outer: Array, C: Array, reach: Array, hinge: Array | None = None
+    ) -> list[Rod]:
+        """The force along a slide whose length is that of reach (N, 3); none where it is not."""
+        offset = self.offset(joint, reach)
+        if offset is None:
+            return []
+        return [Rod("strut", joint, outer, C, hinge, sliding=joint, offset=offset)]
+
+    def carried(self, joint: int, C: Array, outer: Array) -> list[Rod]:
+        """The force of a rod on a crank or slide; none where C is on the crank's axis."""
+        found = carried(self.mechanism, self.samples[0], joint, C, outer)
+        return [] if found is None else [found]
+
+    def along(self, path: list[int], end: _End) -> list[Rod]:
+        """The force of a leg with one centre and one actuated joint before or behind it."""
         mechanism, sample = self.mechanism, self.samples[0]
         driven, passive, centre = self.parted(path)
         whole = end.centre is None or len(end.centre.joints) == self.ball
         if len(driven) != 1 or centre is None or len(passive) > self.ball or not whole:
-            return None
+            return []
         (joint,) = driven
         hinge = len(passive) == 1 and not self.planar
         axis = sample.axis[passive[0]]
@@ -390,51 +407,40 @@ class _Recognizer:
             if self.planar and not mechanism.prismatic[joint]:
                 elbow = sample.joints[joint + 1].translation
                 one, two = (float(np.linalg.norm((elbow - p[0])[:2])) for p in (C, B))
-                return Rod("elbow", joint, outer, C[0], links=(one, two))
-            offset = self.offset(joint, B - C)
-            if offset is None:
-                return None
+                return [Rod("elbow", joint, outer, C[0], links=(one, two))]
             if hinge and max(abs(s.axis[joint] @ axis) for s in self.samples) > ROUNDING:
-                return None
-            return Rod(
-                "strut", joint, outer, C[0], axis if hinge else None, sliding=joint, offset=offset
-            )
+                return []
+            return self.strut(joint, outer, C[0], B - C, axis if hinge else None)
         if path != [joint, *passive]:
-            return None
+            return []
         if not hinge:
-            return carried(mechanism, sample, joint, C[0], outer)
+            return self.carried(joint, C[0], outer)
         # A hinge that a slide or a crank with the same axis carries (PRS, RRS): its point that is
         # straight across from the end of the rod.
         off = (B - C) @ axis
         turned = np.abs([s.axis[passive[0]] - axis for s in self.samples]).max()
         if max(turned, np.abs(off - off[0]).max()) > ROUNDING:
-            return None
-        found = carried(mechanism, sample, joint, C[0] + off[0] * axis, outer)
-        return None if found is None else replace(found, hinge=axis)
+            return []
+        return [replace(x, hinge=axis) for x in self.carried(joint, C[0] + off[0] * axis, outer)]
 
-    def hanging(self, path: list[int], end: _End) -> Rod | None:
-        """A leg written from the output towards the base, the loop at its foot or at the crank."""
-        mechanism, sample = self.mechanism, self.samples[0]
+    def hanging(self, path: list[int], end: _End) -> list[Rod]:
+        """The force of a leg written from the output: the loop is at its foot, or at the crank."""
         driven, passive, centre = self.parted(end.hanging)
         if centre is None or len(passive) not in ((1,) if self.planar else (2, 3)):
-            return None
-        B = self.points(centre)
-        C = np.array([s.frames[end.frame].translation for s in self.samples])
-        outer = np.array(sample.output.actInv(B[0]))
-        if not driven and len(path) == 1 and path[0] in mechanism.actuated:
-            return carried(mechanism, sample, path[0], C[0], outer)
+            return []
+        B, C = self.points(centre), self.outer_points(end)
+        outer = np.array(self.samples[0].output.actInv(B[0]))
+        if not driven and len(path) == 1 and path[0] in self.mechanism.actuated:
+            return self.carried(path[0], C[0], outer)
         if len(driven) != 1 or path or end.hanging != (*passive, *driven):
-            return None
-        E = np.array([s.frames[end.other].translation for s in self.samples])
-        offset = self.offset(driven[0], E - B)
-        if offset is None:
-            return None
-        return Rod("strut", driven[0], outer, C[0], sliding=driven[0], offset=offset)
+            return []
+        foot = np.array([s.frames[end.other].translation for s in self.samples])
+        return self.strut(driven[0], outer, C[0], foot - B)
 
     def foot_driven(self, path: list[int], end: _End) -> list[Rod]:
         """The forces of one leg that is driven at its foot; empty for another one."""
         mechanism, sample = self.mechanism, self.samples[0]
-        if end.hanging or (end.centre is not None and len(end.centre.joints) != self.ball):
+        if end.centre is not None and len(end.centre.joints) != self.ball:
             return []
         slides = mechanism.prismatic[path]
         if not 2 <= len(path) <= (2 if self.planar else 3) or slides[:-1].any() or not slides[-1]:
@@ -588,16 +594,6 @@ def sphere_loci(mechanism: Mechanism) -> SphereLoci | None:
     names = (*TURNS, *turned)
     type2, type1, off = _polynomials(legs, names, joints)
     return SphereLoci(names, type2, type1, tuple(legs), off)
-
-
-MOST_ASSEMBLIES = 8
-"""Three equations of degree 2 in the quaternion: no more, where they are finite in number."""
-
-
-def type1_alone(mechanism: Mechanism) -> bool:
-    """Whether type 2 is shown to need type 1 of a leg."""
-    found = sphere_loci(mechanism)
-    return found is not None and bool(squares_note(found))
 
 
 def squares_note(found: SphereLoci) -> str:

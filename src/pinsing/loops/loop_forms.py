@@ -120,13 +120,6 @@ class Dyad:
         crank, rod = self.link_directions(q, side)
         return np.asarray(crank[..., 0] * rod[..., 1] - crank[..., 1] * rod[..., 0])
 
-    def point(self, q: ArrayLike) -> Array:
-        """P (..., 2) at closed configurations q (..., n), along the first side."""
-        q = np.asarray(q, dtype=float)
-        side = self.sides[0]
-        B = side.end(side.turned(q))
-        return np.asarray(B + side.rod_length * self.link_directions(q, 0)[1])
-
     def at_pin(self, mechanism: Mechanism) -> bool:
         """Whether the output is the position of the pin, in the plane."""
         frames = mechanism.model.frames

@@ -146,17 +146,6 @@ def elbow_sines(mechanism: Mechanism, q: ArrayLike) -> Array:
     return np.array(out)
 
 
-def passive_determinant(mechanism: Mechanism, q: ArrayLike) -> float | None:
-    """Return the determinant of the passive constraint columns, positive at home, or None."""
-    # It has a sign where as many closure equations as passive joints do not vanish identically
-    # (planar loops); elsewhere the rows that count change.
-    rows, sign = assembly_rows(mechanism)
-    if rows is None:
-        return None
-    G = Loops(mechanism).scaled(mechanism.check(q))[1]
-    return sign * float(np.linalg.det(G[np.ix_(rows, list(mechanism.passive))]))
-
-
 @once
 def assembly_rows(mechanism: Mechanism) -> tuple[list[int] | None, float]:
     """Return closure rows whose determinant tells assemblies apart (or None), and its home sign."""
@@ -173,8 +162,13 @@ def assembly_rows(mechanism: Mechanism) -> tuple[list[int] | None, float]:
 
 def assembly_sign(mechanism: Mechanism, q: ArrayLike) -> str:
     """``+`` (as at home), ``-``, ``0`` at a type 2 singularity, ``?`` where there is no sign."""
-    value = passive_determinant(mechanism, q)
-    return "?" if value is None else _sign(value)
+    # The determinant of the passive constraint columns has one where as many closure equations as
+    # passive joints do not vanish identically (planar loops); elsewhere the rows that count change.
+    rows, sign = assembly_rows(mechanism)
+    if rows is None:
+        return "?"
+    G = Loops(mechanism).scaled(mechanism.check(q))[1]
+    return _sign(sign * float(np.linalg.det(G[np.ix_(rows, list(mechanism.passive))])))
 
 
 def mode_at(mechanism: Mechanism, q: ArrayLike) -> ModeSigns:

@@ -73,7 +73,8 @@ class PoseRing:
     unit: bool = False  # the quaternion is of length 1: N = 1, and nothing is homogeneous
 
     @cached_property
-    def _exact(self) -> ExactPoints:
+    def exact(self) -> ExactPoints:
+        """Points of all rods before parallel ones of one crank are made exactly so."""
         none = np.zeros(3)
         return exact_points([
             point
@@ -83,9 +84,9 @@ class PoseRing:
         ])  # fmt: skip
 
     @cached_property
-    def _alike(self) -> tuple[tuple[Vector, ...], float]:
-        """The exact vectors, parallel rods of one crank exactly so, and what that changed."""
-        vectors, rods = list(self._exact.vectors), self.rods.rods
+    def alike(self) -> tuple[tuple[Vector, ...], float]:
+        """The exact vectors, parallel rods of one crank exactly so; what that changed, metres."""
+        vectors, rods = list(self.exact.vectors), self.rods.rods
         off = 0.0
         pairs = [
             (i, k)
@@ -110,19 +111,9 @@ class PoseRing:
         return tuple(vectors), off
 
     @property
-    def snapped(self) -> float:
-        """By how much points were changed to make rods of one crank parallel, metres."""
-        return self._alike[1]
-
-    @property
     def square(self) -> int:
         """y, e1 and e3 are in units of its root."""
-        return self._exact.square
-
-    @property
-    def off(self) -> float:
-        """By how much coordinates were changed to be exact, metres."""
-        return self._exact.off
+        return self.exact.square
 
     @cached_property
     def drivers(self) -> tuple[int, ...]:
@@ -173,7 +164,7 @@ class PoseRing:
     def _vectors(self, rod: Rod) -> tuple[Vector, ...]:
         # Rods are told apart as objects: two may be alike.
         k = next(i for i, r in enumerate(self.rods.rods) if r is rod)
-        return self._alike[0][6 * k : 6 * k + 6]
+        return self.alike[0][6 * k : 6 * k + 6]
 
     def outer(self, rod: Rod) -> Row:
         """B times N."""
@@ -440,8 +431,8 @@ def with_inputs(pose: str, loops: str, article: str) -> str:
 
 def made_exact(ring: PoseRing) -> Iterator[str]:
     """By how much coordinates were changed."""
-    if ring.off > 1e-12:
-        yield f"coordinates were made exact, by at most {ring.off:.1e} m"
+    if ring.exact.off > 1e-12:
+        yield f"coordinates were made exact, by at most {ring.exact.off:.1e} m"
 
 
 def inputs_notes(ring: PoseRing) -> Iterator[str]:
@@ -624,12 +615,18 @@ def _rods(mechanism: Mechanism) -> Rods | None:
 
 
 def _relative(equation: PoseEquation, at: dict[str, float], reach: float) -> float:
+    """Its value, or a determinant's least singular value over the largest, by what they can be."""
     x = np.array([at[n] for n in equation.names])
     turning = [n in TURNS or n.startswith(("cos ", "sin ")) for n in equation.names]
     most = np.where(turning, 1.0, np.maximum(np.abs(x), reach))
     if equation.matrix:
         sizes = np.array([[_size(e, most) for e in row] for row in equation.matrix])
-        return _least_ratio(equation.entries(x), sizes)
+        columns = sizes.max(axis=0)
+        columns = np.where(columns > 0, columns, 1.0)
+        rows = (sizes / columns).max(axis=1)
+        level = equation.entries(x) / columns / np.where(rows > 0, rows, 1.0)[:, None]
+        sigma = np.linalg.svd(level, compute_uv=False)
+        return float(sigma[-1] / sigma[0]) if sigma[0] > 0 else 0.0
     size = _size(equation, most)
     return abs(float(equation(x))) / size if size > 0 else 0.0
 
@@ -637,16 +634,6 @@ def _relative(equation: PoseEquation, at: dict[str, float], reach: float) -> flo
 def _size(equation: PoseEquation, most: Array) -> float:
     """What its largest term can be."""
     return float(np.abs(np.prod(most**equation.powers, axis=1) * equation.values).max(initial=0.0))
-
-
-def _least_ratio(matrix: Array, sizes: Array) -> float:
-    """The least singular value over the largest, columns and rows by what they can be."""
-    columns = sizes.max(axis=0)
-    columns = np.where(columns > 0, columns, 1.0)
-    rows = (sizes / columns).max(axis=1)
-    level = matrix / columns / np.where(rows > 0, rows, 1.0)[:, None]
-    sigma = np.linalg.svd(level, compute_uv=False)
-    return float(sigma[-1] / sigma[0]) if sigma[0] > 0 else 0.0
 
 
 @once
@@ -755,10 +742,11 @@ def _forms(mechanism: Mechanism, found: Rods) -> PoseForms:
         )
     ring = PoseRing(found, level)
     notes += made_exact(ring)
-    if ring.snapped > 0:
+    snapped = ring.alike[1]
+    if snapped > 0:
         notes.append(
             f"rods of one crank that are parallel to {ROUNDING:g} m were taken as parallel (their "
-            f"ends were moved by at most {ring.snapped:.1e} m)"
+            f"ends were moved by at most {snapped:.1e} m)"
         )
     lines = ring.lines()
     # Zero as a polynomial where every pose is singular.

@@ -1,7 +1,12 @@
-"""Closing the loops: passive joints from actuated ones, along a path."""
+"""Closing the loops: along a path of the inputs, and in all modes at inputs or a pose.
+
+With the pose of the output given, legs do not know of each other: each is solved alone, and what
+the whole can do is the product.
+"""
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import ClassVar
@@ -9,13 +14,26 @@ from typing import ClassVar
 import numpy as np
 
 from pinsing._types import Array, ArrayLike, Bool
-from pinsing.errors import ConfigurationError
+from pinsing.arguments import checked
+from pinsing.errors import ConfigurationError, OptionError
 from pinsing.loops.closure import BatchLoops, Loops, gauss_newton, ranks
-from pinsing.loops.modes import assembly_sign, closed_from_random, home, leg_modes, mode_of
-from pinsing.loops.motion import Pose, motions
+from pinsing.loops.legs import most_assemblies
+from pinsing.loops.loop_forms import planar_dyad
+from pinsing.loops.mode_counts import found_words, level_words, noun, number_of_modes
+from pinsing.loops.modes import (
+    MANY,
+    assembly_sign,
+    closed_from_random,
+    home,
+    home_error,
+    leg_modes,
+    mode_at,
+    mode_of,
+)
+from pinsing.loops.motion import Pose, motions, pose_of, read_pose
 from pinsing.loops.singular_points import StoppedError, Trace, trace, turning_points
-from pinsing.loops.structure import likeness, structure
-from pinsing.measures import SEED, SOLVED
+from pinsing.loops.structure import groups, likeness, output_pose, structure
+from pinsing.measures import ALIKE, SEED, SOLVED
 from pinsing.robot.mechanism import Mechanism
 from pinsing.serialization import JsonResult
 
@@ -316,3 +334,327 @@ def drive(mechanism: Mechanism, inputs: ArrayLike, start: ArrayLike) -> Solution
     sides = [gauss_newton(loops, q + side * 0.02 * along, everything)[0] for side in (1, -1)]
     found = [solve(mechanism, inputs, way) for way in sides]
     return max(found, key=lambda s: (round(s.reached, 3), assembly_sign(mechanism, s.q) == "+"))
+
+
+STARTS = 400
+_MOST = 4096
+
+
+@dataclass(frozen=True, eq=False)
+class Modes(JsonResult):
+    """The modes of a mechanism at given inputs (direct problem) or for a pose (inverse problem).
+
+    Attributes
+    ----------
+    problem : str
+        ``direct`` (assembly modes) or ``inverse`` (working modes).
+    modes : tuple of Solution
+        One configuration of each, with the number of ways to assemble it.
+    starts : int
+        Random starts from which poses were sought; 0 where a closed form gives them all.
+    hits : tuple of int
+        For each mode, how many starts led to its pose; empty with a closed form.
+    beyond : int
+        Poses of the output found that need a joint beyond its limits.
+    loose : int
+        Poses found at which the output moves with the inputs held. Where they are points of one
+        curve they are not counted: a single one is among the modes.
+    bound : int or None
+        No more can exist, by algebra, limits left aside; None where no such number is known.
+    complete : bool
+        Whether these are all: by a closed form, or since as many were found as algebra gives.
+    statement : str
+        All of this in words.
+    """
+
+    schema: ClassVar[str] = "pinsing/mechanism-modes/1"
+
+    problem: str
+    modes: tuple[Solution, ...]
+    starts: int
+    hits: tuple[int, ...]
+    beyond: int
+    loose: int
+    bound: int | None
+    complete: bool
+    statement: str
+
+    def __str__(self) -> str:
+        lines = [self.statement]
+        lines += [
+            f"  {k}: {s.pose}; {s.mode}; {s.ways} way{'s' * (s.ways != 1)} to assemble it"
+            for k, s in enumerate(self.modes, 1)
+        ]
+        return "\n".join(lines)
+
+
+@checked
+def assembly_modes(
+    mechanism: Mechanism,
+    inputs: ArrayLike | None = None,
+    starts: int = STARTS,
+    seed: int = SEED,
+) -> Modes:
+    """Solve the direct problem: every pose of the output that was found at given inputs.
+
+    Parameters
+    ----------
+    mechanism : Mechanism
+        From ``load_mechanism``. Limits are kept; ``mechanism.without_limits()`` has none.
+    inputs : (n_a,) array_like, optional
+        Values of the actuated joints, radians and metres; home by default.
+    starts : int
+        Random starts.
+    seed : int
+        Seed of the starts.
+
+    Returns
+    -------
+    Modes
+        None in it where the loops do not close.
+
+    Raises
+    ------
+    ConfigurationError
+        If an input is beyond its limits.
+
+    Examples
+    --------
+    >>> import pinsing
+    >>> found = pinsing.loops.assembly_modes(pinsing.load_mechanism("five_bar"))
+    >>> len(found.modes), found.complete
+    (2, True)
+    """
+    ranks(mechanism)
+    actuated = list(mechanism.actuated)
+    asked = home(mechanism)[actuated] if inputs is None else mechanism.check_inputs(inputs)
+    _check_starts(starts)
+    dyad = planar_dyad(mechanism)
+    if dyad is not None:
+        return _exact(mechanism, "direct", dyad.close(asked), 2)
+    begin = mechanism.home.copy()
+    begin[actuated] = asked
+    outside = mechanism.space.outside(begin)[actuated]
+    if outside.any():
+        if inputs is None:
+            raise home_error(mechanism)
+        k = int(np.argmax(outside))
+        raise ConfigurationError(
+            f"{mechanism.name}: {mechanism.inputs[k]} = {asked[k]:.6g} is outside its limits: take "
+            "another value, or ignore the limits (--ignore-limits, without_limits())"
+        )
+    passive = np.isin(np.arange(mechanism.n), mechanism.passive)
+    return _sought(mechanism, "direct", begin, passive, None, starts, seed)
+
+
+@checked
+def working_modes(
+    mechanism: Mechanism, pose: ArrayLike | None = None, starts: int = STARTS, seed: int = SEED
+) -> Modes:
+    """Solve the inverse problem: every way to reach a pose of the output that was found.
+
+    Parameters
+    ----------
+    mechanism : Mechanism
+        From ``load_mechanism``. Limits are kept; ``mechanism.without_limits()`` has none.
+    pose : array_like, optional
+        Of the output, metres and radians, base axes; home by default. Either a matrix (4, 4); or
+        x, y, z and a quaternion, scalar first (7,); or x, y, z and roll, pitch, yaw (6,); or
+        x, y and the turn about z (3,) of an output with the rows vx, vy, wz; else the coordinates
+        that the rows of the output name: x, y, z for translations, roll, pitch, yaw for
+        rotations.
+    starts : int
+        Random starts.
+    seed : int
+        Seed of the starts.
+
+    Returns
+    -------
+    Modes
+        Empty where the output does not reach the pose.
+
+    Raises
+    ------
+    OptionError
+        If the pose leaves a freedom open: fewer rows than degrees of freedom.
+
+    Examples
+    --------
+    >>> import pinsing
+    >>> found = pinsing.loops.working_modes(pinsing.load_mechanism("five_bar"))
+    >>> len(found.modes), found.complete
+    (4, True)
+    """
+    generic = ranks(mechanism)
+    _check_starts(starts)
+    OptionError.refuse_if(
+        generic.output < generic.mobility,
+        f"{mechanism.name} has {generic.mobility} degrees of freedom, but the output "
+        f"{mechanism.output} ({mechanism.task}) shows {generic.output} of them: a pose leaves "
+        "the others open; name more rows of the output in the loop file",
+    )
+    wanted = read_pose(mechanism, pose)
+    dyad = planar_dyad(mechanism)
+    if dyad is not None and dyad.at_pin(mechanism):
+        at = dyad.basis @ np.array(wanted.translation)
+        return _exact(mechanism, "inverse", dyad.working_modes(at), 4)
+    free = np.ones(mechanism.n, dtype=bool)
+    target = (np.array(wanted.rotation), np.array(wanted.translation), mechanism.task.rows)
+    return _sought(mechanism, "inverse", mechanism.home.copy(), free, target, starts, seed)
+
+
+def assemblies(
+    mechanism: Mechanism, inputs: ArrayLike, starts: int = STARTS, seed: int = SEED
+) -> tuple[Solution, ...]:
+    """Return all assembly modes found at given inputs (n_a,), each with one configuration.
+
+    From the closed form where the mechanism has one (planar RR-RR loops: exactly two), else by
+    Newton from ``starts`` random positions of the passive joints.
+
+    Raises
+    ------
+    InfeasibleError
+        If there is none; it carries the feasible range of each input.
+    """
+    found = assembly_modes(mechanism, inputs, starts, seed)
+    if not found.modes:
+        inputs = mechanism.check_inputs(inputs)
+        raise InfeasibleError(mechanism, inputs, feasible(mechanism, inputs), found.beyond)
+    return found.modes
+
+
+def _check_starts(starts: int) -> None:
+    OptionError.refuse_if(starts < 1, f"starts must be 1 or more, got {starts}")
+
+
+def _exact(mechanism: Mechanism, problem: str, found: tuple[Array, ...], most: int) -> Modes:
+    inside = [q for q in found if not mechanism.space.unreachable(q).any()]
+    beyond = len(found) - len(inside)
+    solved = (_solution(mechanism, q, 1) for q in inside)
+    modes = tuple(sorted(solved, key=lambda s: _order(s, mechanism)))
+    words = f"{noun(problem, len(modes))}: all there are, by the intersection of circles"
+    words = f"{len(modes)} {words}" + f"; {beyond} more beyond the joint limits" * (beyond > 0)
+    return Modes(problem, modes, 0, (), beyond, 0, most, True, words)
+
+
+def _sought(
+    mechanism: Mechanism,
+    problem: str,
+    begin: Array,
+    free: Bool,
+    target: tuple[Array, Array, tuple[int, ...]] | None,
+    starts: int,
+    seed: int,
+) -> Modes:
+    rng = np.random.default_rng(seed)
+    loops = BatchLoops(mechanism)
+    poses, hits = _poses(loops, closed_from_random(loops, begin, free, starts, rng, target))
+    loose = [motions(mechanism, q).input_ratio <= ALIKE for q in poses]
+    # All but the first of the poses at which the output is loose, where there are many.
+    spare = set(np.flatnonzero(loose)[1:].tolist()) if sum(loose) > MANY else set()
+    kept = [k for k in range(len(poses)) if k not in spare]
+    reached = np.array([poses[k] for k in kept]).reshape(-1, mechanism.n)
+    pairs: list[tuple[Solution, int]] = []
+    beyond, moving = 0, 0
+    for k, legs in zip(kept, leg_modes(mechanism, reached, free, rng, 24), strict=True):
+        beyond += not all(legs)
+        for choice in itertools.islice(itertools.product(*legs), _MOST + 1 - len(pairs)):
+            q = poses[k].copy()
+            for leg, one in zip(structure(mechanism).legs, choice, strict=True):
+                q[list(leg.joints)] = one.q[list(leg.joints)]
+            ways = int(np.prod([one.ways for one in choice]))
+            pairs.append((_solution(mechanism, q, ways, free), hits[k]))
+            moving += any(one.loose for one in choice)
+    cut = len(pairs) > _MOST
+    pairs = sorted(pairs[:_MOST], key=lambda x: _order(x[0], mechanism))
+    modes = [m for m, _ in pairs]
+    bound = most_assemblies(mechanism) if problem == "direct" else None
+    number, by = number_of_modes(mechanism, begin[list(mechanism.actuated)], target, poses)
+    reached_all = number == (len(poses) if problem == "direct" else len(modes)) and not spare
+    complete = reached_all or (bound is not None and len(poses) >= bound and not spare)
+    words = found_words(
+        problem, len(modes), starts, [hits[k] for k in kept], beyond, bound, complete
+    )
+    if reached_all and not cut:
+        words = f"{len(modes)} {noun(problem, len(modes))}: all there are, by {by}"
+        if beyond:
+            words += f"; {beyond} more pose{'s' * (beyond != 1)} beyond the joint limits"
+    elif number is not None and target is None:
+        words += f"; there are {number}, by {by}"
+    elif number is not None and number > len(modes) and not cut:
+        words += f"; at most {number} within the limits of the actuators, by {by}"
+    if not complete and not spare and not cut:
+        found = poses if problem == "direct" else [m.q for m in modes]
+        at = np.zeros(3) if target is None else target[1]
+        words += level_words(mechanism, found, problem == "direct", at)
+    if moving:
+        words += (
+            f"; at {moving} of them a leg moves by itself, the output at rest and the inputs held: "
+            "one point stands for a curve of configurations"
+        )
+    if spare:
+        words = (
+            f"the inputs do not fix the pose: at {len(spare) + 1} of {len(poses)} poses found from "
+            f"{starts} starts the output moves with the inputs held. They are points of curves of "
+            "poses, of which one is given"
+        )
+    if cut:
+        words += f"; the list ends after {_MOST}"
+    return Modes(
+        problem, tuple(modes), starts, tuple(c for _, c in pairs), beyond,
+        len(spare) + bool(spare), bound, complete, words,
+    )  # fmt: skip
+
+
+def _poses(loops: BatchLoops, Q: Array) -> tuple[list[Array], list[int]]:
+    """Return configurations with different poses of the output, and how often each was found."""
+    # At a double solution (type 2) Newton's method has half of the digits, and one looks like
+    # several: poses that lie close are brought nearer first.
+    if not len(Q):
+        return [], []
+    mechanism = loops.mechanism
+    poses, hits = _apart(loops, Q, [1] * len(Q))
+    marks = _marks(loops, np.array(poses))
+    gaps = np.abs(marks[:, None] - marks[None]).max(axis=-1) + np.eye(len(poses))
+    close = np.flatnonzero(gaps.min(axis=1) <= 1e-3)
+    if not len(close):
+        return poses, hits
+    passive = np.isin(np.arange(mechanism.n), mechanism.passive)
+    for k in close.tolist():
+        poses[k], _ = gauss_newton(Loops(mechanism), poses[k], passive)
+    return _apart(loops, np.array(poses), hits)
+
+
+def _apart(loops: BatchLoops, Q: Array, times: list[int]) -> tuple[list[Array], list[int]]:
+    alike = groups(_marks(loops, Q), 10 * ALIKE)
+    return [Q[group[0]] for group in alike], [sum(times[k] for k in group) for group in alike]
+
+
+def _marks(loops: BatchLoops, Q: Array) -> Array:
+    R, p, _ = loops.output(Q)
+    return np.concatenate([p / loops.mechanism.length_scale, R.reshape(-1, 9)], axis=1)
+
+
+def _solution(mechanism: Mechanism, q: Array, ways: int, free: Bool | None = None) -> Solution:
+    loops = Loops(mechanism)
+    if free is not None:
+        passive = np.isin(np.arange(mechanism.n), mechanism.passive)
+        q, error = gauss_newton(loops, q, passive if passive.any() else free, steps=8)
+        if error > SOLVED:
+            q, _ = gauss_newton(loops, q, np.ones(mechanism.n, dtype=bool), steps=8)
+    q = mechanism.space.fold(q)
+    return Solution(
+        inputs=q[list(mechanism.actuated)],
+        q=q,
+        residual=float(np.abs(loops.scaled(q)[0]).max()),
+        converged=True,
+        mode=mode_of(mechanism, q),
+        reached=1.0,
+        note="",
+        pose=pose_of(output_pose(mechanism, q)),
+        ways=ways,
+    )
+
+
+def _order(s: Solution, mechanism: Mechanism) -> tuple[tuple[int, ...], list[float]]:
+    return mode_at(mechanism, s.q).order, np.round(mechanism.space.wrap(s.q), 6).tolist()

@@ -95,11 +95,7 @@ def at_zero(mechanism: Mechanism) -> Sample:
 
 def path_to(mechanism: Mechanism, body: int) -> list[int]:
     """The joints on the tree's way from the base to a body (a joint of the model)."""
-    path: list[int] = []
-    while body:
-        path.insert(0, body - 1)
-        body = int(mechanism.model.parents[body])
-    return path
+    return [int(j) - 1 for j in mechanism.model.supports[body] if j]
 
 
 def plane_normal(mechanism: Mechanism, axes: Array) -> Array | None:
@@ -344,13 +340,16 @@ def output_pose(mechanism: Mechanism, q: Array) -> pin.SE3:
     return Sample(mechanism, q).output
 
 
-def groups(marks: Iterable[Array], within: float = ALIKE) -> list[list[int]]:
+def groups(
+    marks: Iterable[Array], within: float = ALIKE, wrap: Callable[[Array], Array] = np.asarray
+) -> list[list[int]]:
     """Numbers of marks (k,) that are alike; each group by its first one, in their order."""
+    # ``wrap`` makes of a difference what counts of it.
     firsts: list[Array] = []
     out: list[list[int]] = []
     for k, mark in enumerate(marks):
-        near = (i for i, x in enumerate(firsts) if np.abs(x - mark).max(initial=0.0) <= within)
-        i = next(near, len(out))
+        gaps = (np.abs(wrap(x - mark)).max(initial=0.0) for x in firsts)
+        i = next((i for i, gap in enumerate(gaps) if gap <= within), len(out))
         if i == len(out):
             firsts.append(mark)
             out.append([])

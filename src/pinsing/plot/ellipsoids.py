@@ -52,17 +52,12 @@ def skeleton(arm: Arm, q: Array) -> Skeleton:
     model = arm.model
     data = model.createData()
     pin.framesForwardKinematics(model, data, arm.model_q(q))
-    chain = []
-    joint = int(model.frames[arm.tip_id].parentJoint)
-    while joint > 0:
-        chain.append(joint)
-        joint = int(model.parents[joint])
+    chain = list(model.supports[model.frames[arm.tip_id].parentJoint])
     names = {str(name): j for j, name in enumerate(model.names)}
     named = [(name, names[name]) for name in arm.joints]
-    places = [np.array(data.oMi[j].translation) for j in reversed(chain)]
-    tip = np.array(data.oMf[arm.tip_id].translation)
+    places = [data.oMi[j].translation for j in chain]  # the first is the base
     return Skeleton(
-        points=np.array([np.zeros(3), *places, tip]),
+        points=np.array([*places, data.oMf[arm.tip_id].translation]),
         joints=np.array([data.oMi[j].translation for _, j in named]),
         axes=np.array([data.oMi[j].rotation @ joint_axis(model.joints[j], n)[0] for n, j in named]),
         prismatic=np.array(arm.prismatic),

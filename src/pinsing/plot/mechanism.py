@@ -28,9 +28,14 @@ from pinsing.loops.modes import assembly_sign, home, mode_at
 from pinsing.loops.motion import COORDINATES, led_pose, mechanism_at, pose_of
 from pinsing.loops.pose_loci import pose_forms
 from pinsing.loops.pose_slice import PoseSlice, free_coordinates, keeps_turn, pose_slice
-from pinsing.loops.problems import Modes, assembly_modes, working_modes
 from pinsing.loops.singular_points import SingularPoint, Trace, find_singular
-from pinsing.loops.solve import Solution, curves
+from pinsing.loops.solve import (
+    Modes,
+    Solution,
+    assembly_modes,
+    curves,
+    working_modes,
+)
 from pinsing.loops.structure import Sample, closing, groups, likeness, output_pose, plane_axes, same
 from pinsing.measures import ALIKE, ROUNDING
 from pinsing.plot.style import DASHES, pi_ticks, plain, unit
@@ -170,10 +175,7 @@ def draw_linkage(
         shade = _DRIVEN if body in driven else _LINK
         ends = points[[group[0] for group in groups(points, ROUNDING)]][:, plane]
         if len(ends) > 2:
-            around = np.arctan2(*(ends - ends.mean(axis=0)).T[::-1])
-            ax.fill(
-                *ends[np.argsort(around)].T, facecolor=_PLATE, edgecolor=shade, lw=3.2, zorder=2
-            )
+            ax.fill(*_around(ends).T, facecolor=_PLATE, edgecolor=shade, lw=3.2, zorder=2)
         else:
             ax.plot(*ends.T, color=shade, lw=3.2, zorder=2)
         ax.plot(*ends.T, "o", color=_NODE, ms=4, zorder=3)
@@ -541,17 +543,11 @@ def mode_sheet(
 
 def looks_apart(mechanism: Mechanism, modes: Sequence[Solution], most: int = _MOST) -> list[int]:
     """Places of modes that look different: legs that are turned round look as they did."""
-    kept: dict[int, Array] = {}
     # Of those that look alike the one whose legs are not turned round.
-    slides = list(np.flatnonzero(mechanism.prismatic))
-    turned = [int((mode.q[slides] < 0).sum()) for mode in modes]
-    for k in np.argsort(turned, kind="stable").tolist():
-        cloud = joint_points(mechanism, modes[k].q)
-        if all(np.abs(cloud - other).max() > 1e-6 for other in kept.values()):
-            kept[k] = cloud
-        if len(kept) == most:
-            break
-    return sorted(kept)
+    turned = [int((mode.q[mechanism.prismatic] < 0).sum()) for mode in modes]
+    order = np.argsort(turned, kind="stable").tolist()
+    alike = groups((joint_points(mechanism, modes[k].q) for k in order), 1e-6)
+    return sorted(order[group[0]] for group in alike[:most])
 
 
 def _draw(

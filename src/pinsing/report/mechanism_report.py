@@ -15,8 +15,12 @@ from pinsing.loops.analysis import Line, joint_lines, pose_lines
 from pinsing.loops.loop_forms import planar_dyad
 from pinsing.loops.modes import home
 from pinsing.loops.pose_slice import COARSE, free_coordinates, pose_slice
-from pinsing.loops.problems import Modes, assemblies
-from pinsing.loops.solve import InfeasibleError, Interval
+from pinsing.loops.solve import (
+    InfeasibleError,
+    Interval,
+    Modes,
+    assemblies,
+)
 from pinsing.measures import ROUNDING
 from pinsing.prose import Page
 from pinsing.report.document import (

@@ -17,10 +17,19 @@ from pinsing.loops.closure import hinged_balls, random_closed, ranks
 from pinsing.loops.loop_forms import Locus, planar_dyad
 from pinsing.loops.modes import assembly_rows, elbow_sines, elbows, home
 from pinsing.loops.motion import led_pose, mechanism_at
-from pinsing.loops.problems import assemblies
 from pinsing.loops.singular_points import SingularPoint
-from pinsing.loops.solve import drive
-from pinsing.loops.structure import at_zero, closing, extent, plane_normal, structure
+from pinsing.loops.solve import (
+    assemblies,
+    drive,
+)
+from pinsing.loops.structure import (
+    at_zero,
+    closing,
+    extent,
+    groups as alike_groups,
+    plane_normal,
+    structure,
+)
 from pinsing.measures import ALIKE, NEAR_RTOL, ROUNDING, SINGULAR_RTOL
 from pinsing.robot.mechanism import Mechanism
 from pinsing.robot.source import Source
@@ -249,7 +258,9 @@ def groups(mechanism: Mechanism, analysis: MechanismAnalysis) -> tuple[Group, ..
     out = []
     for number, (text, more, mine) in enumerate(found, 1):
         many = (f"{len(mine)} poses",) if len(mine) > 1 else ()
-        out.append(Group(f"L{number}", text, (*more, *many), _distinct(mechanism, mine)))
+        apart = alike_groups((p.q for p in mine), wrap=mechanism.space.wrap)
+        shown = tuple(mine[alike[0]] for alike in apart)
+        out.append(Group(f"L{number}", text, (*more, *many), shown))
     return tuple(out)
 
 
@@ -318,14 +329,6 @@ def _words(mechanism: Mechanism, point: SingularPoint) -> str:
         if here
     ]
     return f"type 1: {' and '.join(said)}"
-
-
-def _distinct(mechanism: Mechanism, points: list[SingularPoint]) -> tuple[SingularPoint, ...]:
-    out: list[SingularPoint] = []
-    for p in points:
-        if all(np.abs(mechanism.space.wrap(p.q - x.q)).max() > ALIKE for x in out):
-            out.append(p)
-    return tuple(out)
 
 
 @dataclass
