@@ -19,11 +19,7 @@ from mechanisms import (
 from tiers import tiered
 from urdf_text import J, frame, loop_text, written
 
-from pinsing.errors import (
-    OptionError,
-    PinsingError,
-    RobotFileError,
-)
+from pinsing.errors import OptionError, PinsingError, RobotFileError
 from pinsing.loops import (
     InfeasibleError,
     MechanismAnalysis,

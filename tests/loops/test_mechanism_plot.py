@@ -30,7 +30,7 @@ from pinsing.plot.mechanism import (
     mode_sheet,
     motion_curve,
     panels,
-    pose_map,
+    pose_maps,
 )
 from pinsing.robot.load_mechanism import load_mechanism
 
@@ -127,11 +127,11 @@ def test_an_aspect_has_one_sign_of_type_2_and_the_lines_are_singular() -> None:
 
 def test_what_cannot_be_sliced_is_said() -> None:
     with pytest.raises(OptionError, match="goes over two of x, y, yaw; got x, z"):
-        pose_map(shipped("planar_3rpr"), ("x", "z"))
+        pose_maps(shipped("planar_3rpr"), ("x", "z"))
     with pytest.raises(OptionError, match="goes over two of z, roll, pitch; got x, y"):
-        pose_map(shipped("rps3"), ("x", "y"))
+        pose_maps(shipped("rps3"), ("x", "y"))
     with pytest.raises(OptionError, match="one degree of freedom: its poses are a curve"):
-        pose_map(shipped("bennett"), ("x", "y"))
+        pose_maps(shipped("bennett"), ("x", "y"))
 
 
 # One freedom, and modes ---------------------------------------------------------------

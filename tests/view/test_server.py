@@ -94,7 +94,7 @@ def test_only_our_page_gives_a_file(server: Server) -> None:
         given.append((name, len(content)))
         return {"error": "x" if degrees is None else degrees}
 
-    server._site.read = read
+    server.read = read
     ours = f"http://127.0.0.1:{server.port}"
 
     def post(origin: str, key: str, size: int) -> int:
@@ -323,7 +323,7 @@ def test_half_open_links_lock_nobody_out_and_are_dropped(monkeypatch: Any, kind:
 
 def test_the_viewer_comes_with_the_licences_of_what_is_in_it(server: Server) -> None:
     static = static_html("page", {}, b"", b"")
-    for text in (static, server._site.texts["meshcat.js"][1]):
+    for text in (static, server.texts["meshcat.js"][1]):
         for words in ("2010-2021 three.js authors", "Robin Deits", "Apache License", "AS IS"):
             assert words in text
     script = Path(meshcat.__file__).parent / "viewer/dist/main.js"  # as the page's, with its parts

@@ -130,7 +130,7 @@ def test_the_scene_has_every_node_that_frames_place() -> None:
     arm = textbook("surgical7")
     recorder = Recorder()
     links = read_links(load("surgical7"))
-    notes = draw_scene(recorder.visualizer(), arm, links, sizes(arm))
+    notes = draw_scene(recorder.visualizer(), arm, links, sizes(arm), [arm.tip_id])
     assert notes == ()
     paths = {c["path"] for c in commands(recorder)}
     for j in range(1, arm.model.njoints):

@@ -103,12 +103,12 @@ def _figure(
         from pinsing.plot.mechanism import motion_curve
 
         OptionError.refuse_if(asked, "--q does not go with this map: all poses are on one curve")
-        return motion_curve(mechanism, names, None, deg).figure
+        return motion_curve(mechanism, names, deg).figure
     if kind == "map" and (names is not None or planar_dyad(mechanism) is None):
         from pinsing.plot.mechanism import pose_maps
 
         start = assemblies(mechanism, inputs)[0].q if asked else None
-        return pose_maps(mechanism, names, None, deg, start)
+        return pose_maps(mechanism, names, deg, start)
     if kind == "map":
         OptionError.refuse_if(asked, "--q does not go with this map: this map is over all inputs")
         figure, axes = plt.subplots(1, 2, figsize=(11, 6.2))

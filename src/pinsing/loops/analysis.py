@@ -185,7 +185,6 @@ _MEANING = {
 FORMS = "closed forms over the "
 """What the stages of an analysis are called that look for them."""
 
-_WHY = "why was not kept in this file"
 _FEW = 7
 """Joints up to which a text lists the values of all of them."""
 
@@ -274,7 +273,7 @@ class MechanismAnalysis(JsonResult):
     notes: tuple[str, ...]
     joint_forms: JointForms | None = field(default=None, metadata={"optional": True})
     missing: tuple[str, ...] = field(default=(), metadata={"optional": True})
-    why_none: str = field(default=_WHY, metadata={"optional": True})
+    why_none: str = field(default="why was not kept in this file", metadata={"optional": True})
 
     def __str__(self) -> str:
         return analysis_text(self)

@@ -149,7 +149,6 @@ class PoseWay:
 
 
 COARSE = 41
-_NEAR_STEPS, _FAR_STEPS = 10, 30
 _SIZE = 1.3
 _WIDER = 3
 
@@ -207,11 +206,6 @@ def pose_slice(
             break
     names = (COORDINATES[way.rows[0]], COORDINATES[way.rows[1]])
     return PoseSlice(names, grid.sides[0], grid.sides[1], grid.q, inside, margin)
-
-
-def keeps_turn(mechanism: Mechanism, over: Sequence[str], start: Array) -> bool:
-    """Return True if the output keeps its axes wherever it is led from ``start`` (n,)."""
-    return PoseWay(mechanism, over, start).keep_turn([start])
 
 
 def free_coordinates(mechanism: Mechanism) -> tuple[str, ...]:
@@ -316,7 +310,7 @@ class _Grid:
         for k in range(0, len(cells), BLOCK):
             here, Q0 = cells[k : k + BLOCK], begin[k : k + BLOCK]
             R, p = way.targets(x[here[:, 2]], y[here[:, 1]])
-            steps = _NEAR_STEPS if np.isfinite(far) else _FAR_STEPS
+            steps = 10 if np.isfinite(far) else 30
             Q, error = newton(way.loops, Q0, way.free, None, (R, p, way.targets_rows), steps)
             ok = error <= ROUNDING
             if np.isfinite(far):

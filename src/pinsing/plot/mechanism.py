@@ -5,7 +5,7 @@ from __future__ import annotations
 import textwrap
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from itertools import chain, cycle
+from itertools import chain, cycle, zip_longest
 from typing import Any
 
 import numpy as np
@@ -27,7 +27,7 @@ from pinsing.loops.loop_forms import Dyad, LoopForms, loop_forms, planar_dyad
 from pinsing.loops.modes import assembly_sign, home, mode_at
 from pinsing.loops.motion import COORDINATES, led_pose, mechanism_at, pose_of
 from pinsing.loops.pose_loci import pose_forms
-from pinsing.loops.pose_slice import PoseSlice, free_coordinates, keeps_turn, pose_slice
+from pinsing.loops.pose_slice import PoseSlice, PoseWay, free_coordinates, pose_slice
 from pinsing.loops.singular_points import SingularPoint, Trace, find_singular
 from pinsing.loops.solve import (
     Modes,
@@ -131,12 +131,11 @@ def map_legend(ax: Axes, mechanism: Mechanism | None = None) -> None:
 def measure_curves(
     mechanism: Mechanism,
     traces: Sequence[Trace],
-    points: Sequence[SingularPoint] = (),
-    ax: Axes | None = None,
-    degrees: bool = True,
-) -> Axes:
+    points: Sequence[SingularPoint],
+    ax: Axes,
+    degrees: bool,
+) -> None:
     """Type 1 and type 2 measures along solution curves, over the moving input."""
-    ax = plt.subplots()[1] if ax is None else ax
     for t, style in zip(traces, cycle(DASHES), strict=False):
         joint = mechanism.actuated[t.moving]
         slides = bool(mechanism.prismatic[joint])
@@ -156,7 +155,6 @@ def measure_curves(
     ax.plot([], [], color=TYPE_2, label="type 2 measure")
     ax.set_ylim(bottom=0)
     ax.legend(loc="upper center", bbox_to_anchor=(0.5, -0.16), ncols=2, fontsize=8)
-    return ax
 
 
 def draw_linkage(
@@ -350,7 +348,6 @@ _MODES = {
 def motion_curve(
     mechanism: Mechanism,
     over: Sequence[str] | None = None,
-    ax: Axes | None = None,
     degrees: bool = True,
 ) -> Axes:
     """Draw all the poses of a mechanism with one degree of freedom, as a curve.
@@ -380,7 +377,7 @@ def motion_curve(
                 f"{mechanism.name}: {name} does not move; take two of "
                 f"{', '.join(_coordinates(mechanism))}"
             )
-    ax = plt.subplots(figsize=(6, 5))[1] if ax is None else ax
+    _, ax = plt.subplots(figsize=(6, 5))
     shown: set[str] = set()
     signs = [[assembly_sign(mechanism, x) for x in q] for q, _ in told]
     part = any({"+", "-"} <= set(x) for x in signs)
@@ -677,81 +674,57 @@ class Panel:
     everywhere: bool
 
 
-def pose_map(
-    mechanism: Mechanism,
-    over: Sequence[str] | None = None,
-    ax: Axes | None = None,
-    samples: int | None = None,
-    degrees: bool = True,
-    start: Array | None = None,
-) -> Axes:
-    """Draw a slice through the loci: two coordinates of the pose vary, the others stay.
-
-    Coloured is where the mechanism gets to within the limits of all its joints, in the working mode
-    of home: each aspect in a colour of its own. Green and blue ones are of the assembly mode of
-    home, warm ones of the other. Lines are the loci, from their exact equations. ``start`` (n,),
-    closed, takes the place of home.
-    """
-    names = _slice_names(mechanism, over)
-    q = home(mechanism) if start is None else start
-    found = pose_slice(mechanism, names, [q], samples or _SAMPLES)
-    panel = panels(mechanism, found, [""])[0]
-    handles = _handles(mechanism, [panel])
-    if ax is None:
-        figure, ax = plt.subplots(figsize=(6, 5.4), layout="constrained")
-        figure.legend(handles=handles, loc="outside lower center", ncols=2, fontsize=8)
-    else:
-        ax.legend(
-            handles=handles, loc="upper center", bbox_to_anchor=(0.5, -0.11), ncols=2, fontsize=8
-        )
-    _draw_slice(ax, mechanism, found, panel, degrees)
-    told = "every pose of this slice is singular" if panel.everywhere else _what(mechanism)
-    ax.set_title(f"{mechanism.name}: {told}", fontsize=10)
-    return ax
-
-
 def pose_maps(
     mechanism: Mechanism,
     over: Sequence[str] | None = None,
-    samples: int | None = None,
     degrees: bool = True,
     start: Array | None = None,
 ) -> Figure:
-    """The same for every working mode at the pose of home, side by side in one figure."""
+    """Draw a slice through the loci: two coordinates of the pose vary, the others stay.
+
+    Coloured is where the mechanism gets to within the limits of all its joints, each aspect in a
+    colour of its own, side by side for every working mode at the pose of home. Green and blue
+    aspects are of the assembly mode of home, warm ones of the other. Lines are the loci, from their
+    exact equations. ``start`` (n,), closed, takes the place of home.
+    """
     names = _slice_names(mechanism, over)
     modes = _modes(mechanism, names, start)
     shown = modes[:8]
-    if len(shown) == 1:
-        alone = pose_map(mechanism, names, None, samples, degrees, start)
-        return alone.figure  # type: ignore[return-value]
     count = round(_SAMPLES / len(shown) ** (1 / 3)) | 1  # odd: home is one of the points
-    found = pose_slice(mechanism, names, [q for _, q in shown], samples or count)
+    found = pose_slice(mechanism, names, [q for _, q in shown], count)
     drawn = panels(mechanism, found, [title for title, _ in shown])
-    columns = 2 if len(shown) <= 4 else 4
+    alone = len(shown) == 1
+    columns = 1 if alone else 2 if len(shown) <= 4 else 4
     rows = -(-len(shown) // columns)
     height = 3.25
     if all(COORDINATES.index(name) < 3 for name in found.names):  # with room for its title
         height *= min(1.0, 0.85 * float(np.ptp(found.y) / np.ptp(found.x)) + 0.2)
     figure, grid = plt.subplots(
-        rows, columns, figsize=(3.3 * columns, height * rows + 0.9), squeeze=False, sharex=True,
-        sharey=True, layout="constrained",
+        rows, columns, figsize=(6, 5.4) if alone else (3.3 * columns, height * rows + 0.9),
+        squeeze=False, sharex=True, sharey=True, layout="constrained",
     )  # fmt: skip
-    for k, ax in enumerate(grid.ravel()):
-        if k >= len(drawn):
+    for panel, ax in zip_longest(drawn, grid.ravel()):
+        if panel is None:
             ax.axis("off")
             continue
-        _draw_slice(ax, mechanism, found, drawn[k], degrees)
-        count = len(drawn[k].positive)
-        told = (
-            "every pose singular" if drawn[k].everywhere else f"{count} aspect{'s' * (count != 1)}"
+        _draw_slice(ax, mechanism, found, panel, degrees)
+        count = len(panel.positive)
+        told = f"{count} aspect{'s' * (count != 1)}"
+        ax.set_title(
+            f"{panel.title}: {'every pose singular' if panel.everywhere else told}", fontsize=9
         )
-        ax.set_title(f"{drawn[k].title}: {told}", fontsize=9)
         ax.label_outer()
-    more = "" if len(modes) == len(shown) else f" ({len(shown)} of {len(modes)})"
-    figure.suptitle(f"{mechanism.name}: {_what(mechanism)}, by working mode{more}", fontsize=11)
+    what = "every pose is singular" if _everywhere(mechanism) else "aspects of the workspace"
+    if alone:
+        what = "every pose of this slice is singular" if drawn[0].everywhere else what
+        grid[0, 0].set_title(f"{mechanism.name}: {what}", fontsize=10)
+    else:
+        more = "" if len(modes) == len(shown) else f" ({len(shown)} of {len(modes)})"
+        figure.suptitle(f"{mechanism.name}: {what}, by working mode{more}", fontsize=11)
     figure.legend(
-        handles=_handles(mechanism, drawn), loc="outside lower center", ncols=3, fontsize=8
-    )
+        handles=_handles(mechanism, drawn), loc="outside lower center", ncols=2 if alone else 3,
+        fontsize=8,
+    )  # fmt: skip
     return figure
 
 
@@ -807,8 +780,12 @@ def _modes(
     q = home(mechanism) if start is None else start
     place = output_pose(mechanism, q)
     found = list(working_modes(mechanism, place.homogeneous).modes)
-    if keeps_turn(mechanism, over, q):
-        found = [mode for mode in found if not _turned(mechanism, mode.q, place)]
+    if PoseWay(mechanism, over, q).keep_turn([q]):
+        found = [
+            mode
+            for mode in found
+            if np.abs(output_pose(mechanism, mode.q).rotation - place.rotation).max() <= ALIKE
+        ]
     kept = [found[k].q for k in looks_apart(mechanism, found, len(found) or 1)]
     mark = likeness(mechanism, q)
     cloud = joint_points(mechanism, q)
@@ -826,10 +803,6 @@ def _modes(
         which = f" {names[: k + 1].count(name)}" if names.count(name) > 1 else ""
         out.append((f"{name}{which}{' (home)' if at_home and k == 0 else ''}", x))
     return out
-
-
-def _turned(mechanism: Mechanism, q: Array, place: pin.SE3) -> bool:
-    return bool(np.abs(output_pose(mechanism, q).rotation - place.rotation).max() > ALIKE)
 
 
 def _title(mechanism: Mechanism, q: Array) -> str:
@@ -858,10 +831,6 @@ def _of_home(mechanism: Mechanism, Q: Array, there: Bool, sign: bool) -> bool:
     deepest = np.unravel_index(int(np.argmax(distance_transform_edt(there))), there.shape)
     told = assembly_sign(mechanism, Q[deepest])
     return told == "+" if told in "+-" else sign
-
-
-def _what(mechanism: Mechanism) -> str:
-    return "every pose is singular" if _everywhere(mechanism) else "aspects of the workspace"
 
 
 def _draw_slice(

@@ -11,7 +11,7 @@ from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import ModuleType
-from typing import Any, Protocol
+from typing import Any
 
 import coal
 import numpy as np
@@ -20,9 +20,10 @@ import umsgpack
 
 from pinsing._types import Array
 from pinsing.description.ros_packages import ColladaProblem, image_references
+from pinsing.robot.arm import Arm
 from pinsing.robot.chains import frame_index
+from pinsing.robot.mechanism import Mechanism
 from pinsing.robot.models import make_names_unique, turned_round
-from pinsing.robot.source import Source
 from pinsing.view.collada import Painted, as_object
 from pinsing.view.meshes import Mesh, read_geometry
 
@@ -73,38 +74,6 @@ class Recorder:
             later = _SHAPES.search(path) is not None
             parts[later].extend(len(command).to_bytes(4, "little") + command)
         return bytes(parts[0]), bytes(parts[1])
-
-
-class Body(Protocol):
-    """The part of an arm that drawing needs; a mechanism fulfils it by way of `Linkage`."""
-
-    @property
-    def model(self) -> pin.Model:
-        """The tree of joints, from the base on."""
-
-    @property
-    def joints(self) -> tuple[str, ...]:
-        """Names of the joints that can be moved."""
-
-    @property
-    def tip_id(self) -> int:
-        """Index, in ``model.frames``, of the frame whose motion counts."""
-
-    @property
-    def span(self) -> tuple[Array, Array]:
-        """Finite limits, lower and upper (n,), radians and metres."""
-
-    @property
-    def known(self) -> dict[str, Any]:
-        """What was computed of it before."""
-
-    @property
-    def source(self) -> Source:
-        """Where it comes from."""
-
-    @property
-    def base(self) -> str:
-        """Frame that it is seen from; ``universe`` for the root."""
 
 
 _IMAGES = {b"\x89PNG\r\n\x1a\n": "image/png", b"\xff\xd8\xff": "image/jpeg"}
@@ -223,7 +192,7 @@ class Links:
     notes: tuple[str, ...] = ()  # what is missing, forbidden, or cannot be read
     meshes: dict[Path, Mesh] = field(default_factory=dict)
 
-    def bare(self, arm: Body) -> tuple[int, ...]:
+    def bare(self, arm: Arm | Mechanism) -> tuple[int, ...]:
         """Joints of the model that nothing is attached to."""
         if self.geometry is None:
             return tuple(range(1, arm.model.njoints))
@@ -231,7 +200,7 @@ class Links:
         return tuple(j for j in range(1, arm.model.njoints) if j not in dressed)
 
 
-def read_links_ahead(arm: Body) -> None:
+def read_links_ahead(arm: Arm | Mechanism) -> None:
     """Begin `read_links` in a thread, while something else is computed."""
     if _AHEAD not in arm.known:
         pool = ThreadPoolExecutor(1, thread_name_prefix="pinsing meshes")
@@ -239,13 +208,13 @@ def read_links_ahead(arm: Body) -> None:
         pool.shutdown(wait=False)
 
 
-def read_links(arm: Body) -> Links:
+def read_links(arm: Arm | Mechanism) -> Links:
     """Visual geometry of the robot that an arm was taken from; never fails for its sake."""
     begun: Future[Links] | None = arm.known.pop(_AHEAD, None)
     return _read_links(arm) if begun is None else begun.result()
 
 
-def _read_links(arm: Body) -> Links:
+def _read_links(arm: Arm | Mechanism) -> Links:
     source = arm.source
     if source.xml is None:
         return Links(None)
@@ -280,12 +249,12 @@ def _read_links(arm: Body) -> Links:
     return Links(geometry, notes, meshes)
 
 
-def base_placement(arm: Body, full_q: Array | None = None) -> pin.SE3:
+def base_placement(arm: Arm | Mechanism, full_q: Array | None = None) -> pin.SE3:
     """Return the base of the arm in the full model's world, at ``full_q`` (nq,) or the reference.
 
-    Joints that are traversed backwards move it.
+    Joints that are traversed backwards move it. That of a mechanism is the root of its tree.
     """
-    if arm.base == "universe":
+    if isinstance(arm, Mechanism) or arm.base == "universe":
         return pin.SE3.Identity()
     model = arm.source.full_model
     data = model.createData()

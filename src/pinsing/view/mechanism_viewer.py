@@ -8,7 +8,6 @@ from itertools import chain
 from typing import Any
 
 import numpy as np
-import pinocchio as pin
 
 from pinsing._types import Array, ArrayLike
 from pinsing.errors import OptionError
@@ -32,12 +31,12 @@ from pinsing.loops.structure import (
 )
 from pinsing.measures import ALIKE, NEAR_RTOL, ROUNDING, SINGULAR_RTOL
 from pinsing.robot.mechanism import Mechanism
-from pinsing.robot.source import Source
 from pinsing.view.entries import chain_data, frame_data, joint_data, numbers, sizes_data
 from pinsing.view.links import Links, Recorder, geometry as mg, read_links
 from pinsing.view.scene import (
     HOT,
     ROTATION,
+    Scenery,
     Sizes,
     Torus,
     draw_scene,
@@ -45,7 +44,7 @@ from pinsing.view.scene import (
     ring_arrow,
     straight_arrow,
 )
-from pinsing.view.tab import SIDE, Scenery, Tab
+from pinsing.view.tab import SIDE, Tab
 
 SCHEMA = "pinsing/mechanism-engine/1"
 
@@ -127,28 +126,6 @@ def mechanism_data(mechanism: Mechanism, sizes: Sizes, normal: Array | None) -> 
         "normal": None if normal is None else numbers(np.asarray(normal)),
         "sizes": sizes_data(sizes),
     }
-
-
-@dataclass(frozen=True, eq=False)
-class Linkage:
-    """The spanning tree of a mechanism, as a `Body`: the tip is the output, the base the root."""
-
-    model: pin.Model
-    joints: tuple[str, ...]
-    tip_id: int
-    span: tuple[Array, Array]
-    known: dict[str, Any]
-    source: Source
-    base: str
-    ends: tuple[int, ...]  # frames that links end in: those that close loops, and the output
-
-    @classmethod
-    def of(cls, m: Mechanism) -> Linkage:
-        """The tree of a mechanism."""
-        ends = tuple(dict.fromkeys([*chain(*zip(*closing(m), strict=True)), m.output_id]))
-        return cls(
-            m.model, m.joints, m.output_id, m.space.span, m.known, m.source, "universe", ends
-        )
 
 
 def linkage_sizes(mechanism: Mechanism, scale: float = 1.0) -> Sizes:
@@ -354,7 +331,7 @@ class MechanismStage(Scenery):
         turns = any(row >= 3 for row in m.task.rows)
         moves = any(row < 3 for row in m.task.rows)
         mode = "pure" if moves and turns else "all"
-        settings = self.settings(Linkage.of(m), mode, side(self.normal))
+        settings = self.settings(mode, side(self.normal))
         none = dict.fromkeys(["translation"] * (not moves) + ["rotation"] * (not turns))
         return {
             "live": live,
@@ -439,11 +416,13 @@ class MechanismViewer(Tab):
                 raise KeyboardInterrupt
         listed = groups(mechanism, analysis)
         size = linkage_sizes(mechanism, scale)
-        linkage = Linkage.of(mechanism)
-        links = Links(None) if skeleton else read_links(linkage)
+        links = Links(None) if skeleton else read_links(mechanism)
         recorder = Recorder()
         root = recorder.visualizer()
-        notes = draw_scene(root, linkage, links, size, linkage.ends)
+        # Links end where they close loops, and at the output.
+        pairs = zip(*closing(mechanism), strict=True)
+        ends = list(dict.fromkeys([*chain(*pairs), mechanism.output_id]))
+        notes = draw_scene(root, mechanism, links, size, ends)
         draw_linkage_marks(root["pinsing"], mechanism, size)
         self._stage = MechanismStage(mechanism, links, size, skeleton, notes, listed)
         super().__init__(self._stage, *recorder.parts(), host, port)

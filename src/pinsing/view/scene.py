@@ -8,7 +8,7 @@ Paths: ``pinsing/arm/<joint of the model>/{visual,bone,axis,hot}``, ``pinsing/ti
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -21,7 +21,8 @@ from pinsing.kinematics.jacobian import frame_jacobians
 from pinsing.measures import pure_ellipsoids
 from pinsing.robot.arm import Arm
 from pinsing.robot.joints import joint_axis
-from pinsing.view.links import Body, DrawnRod, Links, base_placement, draw_links, geometry
+from pinsing.robot.mechanism import Mechanism
+from pinsing.view.links import DrawnRod, Links, base_placement, draw_links, geometry
 
 ARROWS = 3
 """Lost motions drawn at most."""
@@ -110,12 +111,12 @@ class _Sphere(geometry.Sphere):  # type: ignore[misc]
 
 
 def draw_scene(
-    root: Any, arm: Body, links: Links, size: Sizes, ends: Sequence[int] | None = None
+    root: Any, arm: Arm | Mechanism, links: Links, size: Sizes, ends: Sequence[int]
 ) -> tuple[str, ...]:
-    """Draw all below meshcat's ``root``, bones to ``ends`` (frames; the tip) too; return notes."""
+    """Draw all below meshcat's ``root``, bones to ``ends`` (frames) too; return notes."""
     node = root["pinsing"]
     notes = draw_links(node["arm"], links)
-    _skeleton(node["arm"], arm, size.reach, [arm.tip_id] if ends is None else ends)
+    _skeleton(node["arm"], arm, size.reach, ends)
     _axes(node["arm"], arm, size.reach)
     _ellipsoid(node["ellipsoid/translation"], TRANSLATION)
     _ellipsoid(node["ellipsoid/rotation"], ROTATION)
@@ -183,7 +184,7 @@ class Torus(geometry.Geometry):  # type: ignore[misc]
         return {"uuid": self.uuid, "type": "TorusGeometry", **self.size, **segments}
 
 
-def _axes(node: Any, arm: Body, reach: float) -> None:
+def _axes(node: Any, arm: Arm | Mechanism, reach: float) -> None:
     """Each joint axis twice: plain, and highlighted for when it is dependent."""
     for j in range(1, arm.model.njoints):
         axis, slides = joint_axis(arm.model.joints[j], arm.model.names[j])
@@ -202,16 +203,17 @@ def _axes(node: Any, arm: Body, reach: float) -> None:
                     here[side].set_transform(raised(sign * length * reach / 2))
 
 
-def _skeleton(node: Any, arm: Body, reach: float, frames: Sequence[int]) -> None:
+def _skeleton(node: Any, arm: Arm | Mechanism, reach: float, frames: Sequence[int]) -> None:
     """Drums at the joints, and bones from each to the next and to the frames."""
     model = arm.model
-    ranges = dict(zip(arm.joints, zip(*map(np.ndarray.tolist, arm.span), strict=True), strict=True))
+    ends = zip(*map(np.ndarray.tolist, arm.space.span), strict=True)
+    ranges = dict(zip(arm.joints, ends, strict=True))
     bone = geometry.MeshPhongMaterial(color=BONE, side=OUTSIDE)
     drum = geometry.MeshPhongMaterial(color=DRUM, side=OUTSIDE)
-    ends = [(int(model.parents[j]), model.jointPlacements[j]) for j in range(1, model.njoints)]
+    bones = [(int(model.parents[j]), model.jointPlacements[j]) for j in range(1, model.njoints)]
     last = [model.frames[i] for i in frames]
-    ends += [(int(frame.parentJoint), frame.placement) for frame in last]
-    for number, (parent, place) in enumerate(ends):
+    bones += [(int(frame.parentJoint), frame.placement) for frame in last]
+    for number, (parent, place) in enumerate(bones):
         length = float(np.linalg.norm(place.translation))
         if length > 1e-3 * reach:
             here = node[f"{parent}/bone/link{number}"]
@@ -236,7 +238,7 @@ def _skeleton(node: Any, arm: Body, reach: float, frames: Sequence[int]) -> None
             rail.set_transform(start.homogeneous @ along(axis, axis * (upper + lower) / 2))
 
 
-def _floor(node: Any, arm: Body, reach: float) -> None:
+def _floor(node: Any, arm: Arm | Mechanism, reach: float) -> None:
     """A square grid under the base, or under the feet of the robot that carries the arm."""
     half = 10
     step = float(f"{2.4 * reach / half:.1g}")
@@ -251,7 +253,7 @@ def _floor(node: Any, arm: Body, reach: float) -> None:
     node.set_transform(floor_placement(arm))
 
 
-def floor_placement(arm: Body) -> Array:
+def floor_placement(arm: Arm | Mechanism) -> Array:
     """Where the ground is, (4, 4) in the base: the world's z = 0, or lower where links are."""
     model, back = arm.source.full_model, base_placement(arm).inverse()
     data = model.createData()
@@ -266,6 +268,74 @@ def floor_placement(arm: Body) -> Array:
 def raised(height: float) -> Array:
     """A transform (4, 4) along z, metres."""
     return along(np.array([0.0, 0.0, 1.0]), (0.0, 0.0, height))
+
+
+@dataclass
+class Scenery:
+    """A robot, drawn, at a configuration that can be set."""
+
+    robot: Arm | Mechanism
+    links: Links
+    sizes: Sizes
+    skeleton: bool  # leave shapes out
+    notes: tuple[str, ...]  # what could not be drawn
+    q: Array = field(init=False)  # (n,), shown
+    # (entry, pose) of the list, if ``q`` is one
+    chosen: tuple[int, int] | None = field(init=False, default=None)
+    words: str = field(init=False, default="")  # what the page says of it
+
+    @property
+    def name(self) -> str:
+        """Name of the robot."""
+        return self.robot.name
+
+    @property
+    def poses(self) -> list[tuple[str, Sequence[Array]]]:
+        """Name and configurations of each entry of the list."""
+        raise NotImplementedError
+
+    def page(self, live: bool) -> dict[str, Any]:
+        """The fixed part of a page."""
+        raise NotImplementedError
+
+    def start(self) -> dict[str, Any]:
+        """What a page shows first."""
+        entry, pose = self.chosen if self.chosen is not None else (None, 0)
+        said = {"words": self.words} if self.words else {}
+        return {"q": self.q.tolist(), "entry": entry, "pose": pose} | said
+
+    def joints(self, symbols: Sequence[str]) -> list[dict[str, Any]]:
+        """The joints as a page has them: sliders end somewhere, limits or not."""
+        robot = self.robot
+        limited = np.isfinite(robot.lower) & np.isfinite(robot.upper)
+        columns = (robot.joints, symbols, robot.prismatic, *robot.space.span, limited)
+        return [
+            {
+                "name": name,
+                "symbol": symbol,
+                "prismatic": bool(slides),
+                "lower": float(low),
+                "upper": float(high),
+                "limited": bool(ends),
+            }
+            for name, symbol, slides, low, high, ends in zip(*columns, strict=True)
+        ]
+
+    def settings(self, mode: str, side: Sequence[float]) -> dict[str, Any]:
+        """How a page draws."""
+        sizes, names, model = self.sizes, self.robot.joints, self.robot.model
+        return {
+            "reach": sizes.reach,
+            "translation": float(f"{sizes.translation:.3g}"),
+            "rotation": float(f"{sizes.rotation:.3g}"),
+            "thickness": 2 * LEAST * sizes.reach,
+            "mode": mode,
+            "shapes": self.links.geometry is not None and not self.skeleton,
+            "bare": list(self.links.bare(self.robot)),
+            "jointOf": [names.index(n) if n in names else -1 for n in list(model.names)[1:]],
+            "lines": ARROWS,
+            "side": list(side),
+        }
 
 
 SYMBOLS = {
@@ -292,7 +362,7 @@ class Overlay:
         self._arm, self._size = arm, size
         self._display = getattr(visualizer, "display", None)
         self._model = getattr(visualizer, "model", None)
-        draw_scene(root, arm, Links(None), size)
+        draw_scene(root, arm, Links(None), size, [arm.tip_id])
         self._node = root["pinsing"]
         self._node.set_transform(base_placement(arm).homogeneous)
         self._node["floor"].set_property("visible", False)

@@ -18,10 +18,9 @@ import secrets
 import socket
 import threading
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from concurrent.futures import Future
-from dataclasses import dataclass, field
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any
 from urllib.parse import urlsplit
 
 from tornado.httpserver import HTTPServer
@@ -34,52 +33,19 @@ from pinsing.errors import OptionError
 from pinsing.proximity.trajectory_file import LARGEST_TEXT
 from pinsing.view.page import LIVE_POLICY, asset, live_html, meshcat_script, script
 
+if TYPE_CHECKING:
+    from pinsing.view.scene import Scenery
+
 MOST_PAGES = 64
 
 Content = str | bytes
 """Of a file of the page."""
 
 
-class Served(Protocol):
-    """What a server needs to know of what it serves."""
-
-    @property
-    def name(self) -> str:
-        """Name of the robot, for the title of the page."""
-
-    def page(self, live: bool) -> dict[str, Any]:
-        """The fixed part of a page, ready for JSON."""
-
-    def start(self) -> dict[str, Any]:
-        """What a page shows first: a configuration ``q``, and its place in the list."""
-
-
-@dataclass
-class Site:
-    """What all requests share."""
-
-    stage: Served | None  # None until it is there
-    # type and content of the page's files, by name
-    texts: Mapping[str, tuple[str, Content | Future[Content]]]
-    policies: Mapping[str, str]  # content security policies, by the token in the address
-    is_ours: Callable[[str], bool]  # tells if a Host header names this server
-    clients: set[Live] = field(default_factory=set)  # open links
-    # page data of a trajectory file: its name, content, and if in degrees
-    read: Callable[[str, bytes, bool | None], dict[str, Any]] | None = None
-
-    def policy(self, host: str, token: str) -> str:
-        """Return the policy for a request; HTTPError 403 for a wrong host or token."""
-        if self.is_ours(host):
-            for known, policy in self.policies.items():
-                if hmac.compare_digest(known.encode(), token.encode()):
-                    return policy
-        raise HTTPError(403)
-
-
 class _Quiet(RequestHandler):  # type: ignore[misc,unused-ignore]
     """Says nothing of a request that is refused: anyone may send one."""
 
-    def initialize(self, site: Site) -> None:
+    def initialize(self, site: Server) -> None:
         """Take what all requests share."""
         self.site, self.unread = site, 0
 
@@ -394,7 +360,7 @@ class Server:
 
     def __init__(
         self,
-        stage: Served | str,
+        stage: Scenery | str,
         scene: bytes = b"",
         host: str = "127.0.0.1",
         port: int | None = None,
@@ -405,13 +371,14 @@ class Server:
         self._sockets = bind(host, port)
         self.port = int(self._sockets[0].getsockname()[1])
         self._token, self._framed = secrets.token_urlsafe(24), secrets.token_urlsafe(24)
-        policies = {
+        self._policies = {
             self._token: f"{LIVE_POLICY}; frame-ancestors 'none'",
             self._framed: LIVE_POLICY,
         }
         self._later: dict[str, Future[Content]] = {name: Future() for name in _LATER}
         name = stage if isinstance(stage, str) else stage.name
-        texts: dict[str, tuple[str, Content | Future[Content]]] = {
+        # type and content of the page's files, by name
+        self.texts: dict[str, tuple[str, Content | Future[Content]]] = {
             "": ("text/html", live_html(f"pinsing: {name}")),
             "begin.js": ("text/javascript", asset("begin.js")),
             "page.css": ("text/css", asset("page.css")),
@@ -421,17 +388,20 @@ class Server:
             "scene": ("application/octet-stream", self._later["scene"]),
             "links": ("application/octet-stream", self._later["links"]),
         }
-        self._site = Site(None, texts, policies, self._is_ours)
+        self.stage: Scenery | None = None  # until it is there
+        self.clients: set[Live] = set()  # open links
+        # page data of a trajectory file: its name, content, and if in degrees
+        self.read: Callable[[str, bytes, bool | None], dict[str, Any]] | None = None
         self._loop = asyncio.new_event_loop()
         if not isinstance(stage, str):
             self.fill(stage, scene, links)
         self._http: Door | None = None
         self._app = Application(
             [
-                (r"/([^/]+)/live", Live, {"site": self._site}),
-                (r"/([^/]+)/trajectory", Dropped, {"site": self._site}),
-                (r"/([^/]+)/([^/]*)", PagePart, {"site": self._site}),
-                (r".*", Nothing, {"site": self._site}),
+                (r"/([^/]+)/live", Live, {"site": self}),
+                (r"/([^/]+)/trajectory", Dropped, {"site": self}),
+                (r"/([^/]+)/([^/]*)", PagePart, {"site": self}),
+                (r".*", Nothing, {"site": self}),
             ],
             log_function=lambda handler: None,
             websocket_max_message_size=1024,  # pages say nothing
@@ -443,14 +413,14 @@ class Server:
         self._thread.start()
         ready.wait()
 
-    def fill(self, stage: Served, scene: bytes, links: bytes) -> None:
+    def fill(self, stage: Scenery, scene: bytes, links: bytes) -> None:
         """Give what is shown to the pages that wait for it."""
         page = json.dumps(stage.page(live=True), allow_nan=False)
         contents: tuple[Content, ...] = (page, scene, links)
         for name, content in zip(_LATER, contents, strict=True):
             self._later[name].set_result(content)
-        self._site.stage = stage
-        self._site.read = getattr(stage, "trajectory", None)  # of an arm
+        self.stage = stage
+        self.read = getattr(stage, "trajectory", None)  # of an arm
         self.send(stage.start())  # to pages that wait
 
     @property
@@ -471,14 +441,14 @@ class Server:
     @property
     def pages(self) -> int:
         """How many pages are open."""
-        return len(self._site.clients)
+        return len(self.clients)
 
     def send(self, message: dict[str, Any]) -> None:
         """Send a message to every open page."""
         text = json.dumps(message, allow_nan=False)
 
         def broadcast() -> None:
-            for client in list(self._site.clients):
+            for client in list(self.clients):
                 client.tell(text)
 
         self._loop.call_soon_threadsafe(broadcast)
@@ -510,7 +480,7 @@ class Server:
         self._http.stop()
         for content in self._later.values():
             content.cancel()  # a page may wait for it
-        for client in list(self._site.clients):
+        for client in list(self.clients):
             client.close()
         self._loop.create_task(self._finish())
 
@@ -518,13 +488,21 @@ class Server:
         assert self._http is not None
         with contextlib.suppress(asyncio.TimeoutError):
             await asyncio.wait_for(self._http.close_all_connections(), timeout=_FAREWELL)
-        for client in list(self._site.clients):
+        for client in list(self.clients):
             client.drop()
         # What waits for a link to take an answer ends with the link.
         others = asyncio.all_tasks() - {asyncio.current_task()}
         if others:
             await asyncio.wait(others, timeout=_FAREWELL)
         self._loop.stop()
+
+    def policy(self, host: str, token: str) -> str:
+        """Return the content security policy for a request; HTTPError 403 for a wrong one."""
+        if self._is_ours(host):
+            for known, policy in self._policies.items():
+                if hmac.compare_digest(known.encode(), token.encode()):
+                    return policy
+        raise HTTPError(403)
 
     def _is_ours(self, host: str) -> bool:
         """Whether a Host header names this server: other names may be another site's trick."""

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import html
 import webbrowser
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from types import TracebackType
@@ -21,11 +21,9 @@ from pinsing.families import joint_symbols
 from pinsing.kinematics.jacobian import frame_jacobians
 from pinsing.measures import SINGULAR_RTOL, pure_ellipsoids
 from pinsing.robot.arm import Arm
-from pinsing.robot.mechanism import Mechanism
 from pinsing.view.entries import Entry, engine_data
-from pinsing.view.links import Body, Links
 from pinsing.view.page import static_html
-from pinsing.view.scene import ARROWS, LEAST, Sizes
+from pinsing.view.scene import Scenery
 from pinsing.view.server import Server
 
 if TYPE_CHECKING:
@@ -37,74 +35,6 @@ KINDS = ("into", "along")
 
 SIDE = (0.74, 0.36, 0.57)
 """Where the camera looks from: three.js axes, y up."""
-
-
-@dataclass
-class Scenery:
-    """A robot, drawn, at a configuration that can be set."""
-
-    robot: Arm | Mechanism
-    links: Links
-    sizes: Sizes
-    skeleton: bool  # leave shapes out
-    notes: tuple[str, ...]  # what could not be drawn
-    q: Array = field(init=False)  # (n,), shown
-    # (entry, pose) of the list, if ``q`` is one
-    chosen: tuple[int, int] | None = field(init=False, default=None)
-    words: str = field(init=False, default="")  # what the page says of it
-
-    @property
-    def name(self) -> str:
-        """Name of the robot."""
-        return self.robot.name
-
-    @property
-    def poses(self) -> list[tuple[str, Sequence[Array]]]:
-        """Name and configurations of each entry of the list."""
-        raise NotImplementedError
-
-    def page(self, live: bool) -> dict[str, Any]:
-        """The fixed part of a page."""
-        raise NotImplementedError
-
-    def start(self) -> dict[str, Any]:
-        """What a page shows first."""
-        entry, pose = self.chosen if self.chosen is not None else (None, 0)
-        said = {"words": self.words} if self.words else {}
-        return {"q": self.q.tolist(), "entry": entry, "pose": pose} | said
-
-    def joints(self, symbols: Sequence[str]) -> list[dict[str, Any]]:
-        """The joints as a page has them: sliders end somewhere, limits or not."""
-        robot = self.robot
-        limited = np.isfinite(robot.lower) & np.isfinite(robot.upper)
-        columns = (robot.joints, symbols, robot.prismatic, *robot.space.span, limited)
-        return [
-            {
-                "name": name,
-                "symbol": symbol,
-                "prismatic": bool(slides),
-                "lower": float(low),
-                "upper": float(high),
-                "limited": bool(ends),
-            }
-            for name, symbol, slides, low, high, ends in zip(*columns, strict=True)
-        ]
-
-    def settings(self, body: Body, mode: str, side: Sequence[float]) -> dict[str, Any]:
-        """How a page draws."""
-        sizes, names = self.sizes, self.robot.joints
-        return {
-            "reach": sizes.reach,
-            "translation": float(f"{sizes.translation:.3g}"),
-            "rotation": float(f"{sizes.rotation:.3g}"),
-            "thickness": 2 * LEAST * sizes.reach,
-            "mode": mode,
-            "shapes": self.links.geometry is not None and not self.skeleton,
-            "bare": list(self.links.bare(body)),
-            "jointOf": [names.index(n) if n in names else -1 for n in list(body.model.names)[1:]],
-            "lines": ARROWS,
-            "side": list(side),
-        }
 
 
 @dataclass
@@ -153,7 +83,7 @@ class Stage(Scenery):
                 "lengthScale": arm.length_scale,
             },
             "joints": self.joints(joint_symbols(arm)),
-            "settings": self.settings(arm, self.mode, SIDE),
+            "settings": self.settings(self.mode, SIDE),
             "entries": [_entry(e, arm.n) for e in self.entries],
             "engine": engine_data(arm, self.entries, self.sizes),
             "notes": [*arm.notes, *self.notes],
@@ -178,17 +108,15 @@ class Stage(Scenery):
         return "all"
 
 
-def _more(entry: Entry) -> Iterator[str]:
-    if entry.kind:
-        yield entry.kind
-    if entry.codimension:
-        yield f"codimension {entry.codimension}"
-    if entry.reach:
-        yield entry.reach
-    if entry.reachable is False:
-        yield "out of reach of the limits"
-    if entry.reachable is None:
-        yield "no configuration found within the limits"
+def _more(entry: Entry) -> list[str]:
+    told = (
+        (entry.kind, entry.kind),
+        (entry.codimension, f"codimension {entry.codimension}"),
+        (entry.reach, entry.reach),
+        (entry.reachable is False, "out of reach of the limits"),
+        (entry.reachable is None, "no configuration found within the limits"),
+    )
+    return [words for there, words in told if there]
 
 
 def _solved(entry: Entry) -> list[dict[str, Any]]:
@@ -207,7 +135,7 @@ def _entry(entry: Entry, n: int) -> dict[str, Any]:
         "name": entry.name,
         "text": entry.text,
         "given": entry.name.startswith("P"),
-        "more": [*_more(entry)],
+        "more": _more(entry),
         "reason": entry.reason,
         "solved": _solved(entry),
         "poses": len(entry.poses),

@@ -130,7 +130,7 @@ class Viewer(Tab):
         listed = () if postures is None else _listed(arm, postures)
         links = Links(None) if skeleton else read_links(arm)
         recorder = Recorder()
-        notes = draw_scene(recorder.visualizer(), arm, links, size)
+        notes = draw_scene(recorder.visualizer(), arm, links, size, [arm.tip_id])
         if path is not None:
             from pinsing.proximity.trajectory import check_trajectory
             from pinsing.view.trajectory import trajectory_data
