@@ -8,7 +8,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from batch_cases import PANDA, UR5, close, flat, lapack, random_chain, reference_jacobian, robot
-from tiers import tiered
+from tiers import sampled, tiered
 
 from pinsing._batch import engine
 from pinsing._batch.engine import FlatChain
@@ -24,7 +24,7 @@ pytestmark = pytest.mark.parametrize("isa", engine.isa_names())
 # ---- Jacobians
 
 
-@pytest.mark.parametrize("kind", ["revolute", "prismatic", "mixed"])
+@pytest.mark.parametrize("kind", sampled(["revolute", "prismatic", "mixed"]))
 @pytest.mark.parametrize("n", tiered([1, 2, 4, 5, 6, 7, 8, 9, 20], [1, 6, 7, 20]))
 def test_jacobians_of_random_chains(isa: str, n: int, kind: str) -> None:
     chain = random_chain(n, kind, seed=n)

@@ -5,6 +5,7 @@ import os
 import numpy as np
 import pytest
 from batch_cases import PANDA, UR5, flat, lapack, matrices, random_chain, robot, with_values
+from tiers import sampled
 
 from pinsing._batch import engine
 from pinsing._batch.engine import FlatChain
@@ -33,7 +34,7 @@ def hard(m: int, n: int, N: int) -> np.ndarray:
     return np.asarray(A[rng.permutation(len(A))])
 
 
-@pytest.mark.parametrize(("m", "n"), [(6, 7), (6, 6), (6, 5), (4, 6), (6, 12)])
+@pytest.mark.parametrize(("m", "n"), sampled([(6, 7), (6, 6), (6, 5), (4, 6), (6, 12)]))
 def test_roots_are_the_values_of_dqds(isa: str, m: int, n: int) -> None:
     for name, A, _ in matrices(m, n, 150):
         expected = engine.svdvals(A, isa=isa, by_roots=False)

@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 from command_line import run
 from kernel import needs_kernel
+from tiers import sampled
 
 import pinsing
 from pinsing.atomic_write import check_writable, write_bytes, write_text
@@ -456,19 +457,21 @@ def test_every_family_option_takes_names_and_titles(words, file, tmp_path):
 
 @pytest.mark.parametrize(
     ("words", "said"),
-    [
-        (("families", "ur5", "-v"), "wrist_2_joint = 0 or pi  "),
-        (("at", "irb120", "--q", "0,0.2,0.3,0,0.05,0"), "0.05 rad away: q5 by -0.05 rad"),
-        (("line", "irb120", "--q", "0,0.2,0.3,0,0.05,0", "--to", "0.45,0,0.4"), "(q5 = 0)"),
-        (
-            ("zones", "irb120", "--within", "q3=0.5..1.2", "--boxes", "9000"),
-            "between 0.5 rad and 1",
-        ),
-        pytest.param(
-            ("analyze", "puma560"), "q3 = -1.524 rad or 1.618 rad", marks=pytest.mark.slow
-        ),
-        (("postures", "irb120", "--q", "0,0.2,0.3,0,0.5,0"), "--q -pi,-1.99105,0.3,-pi"),
-    ],
+    sampled(
+        [
+            (("families", "ur5", "-v"), "wrist_2_joint = 0 or pi  "),
+            (("at", "irb120", "--q", "0,0.2,0.3,0,0.05,0"), "0.05 rad away: q5 by -0.05 rad"),
+            (("line", "irb120", "--q", "0,0.2,0.3,0,0.05,0", "--to", "0.45,0,0.4"), "(q5 = 0)"),
+            (
+                ("zones", "irb120", "--within", "q3=0.5..1.2", "--boxes", "9000"),
+                "between 0.5 rad and 1",
+            ),
+            pytest.param(
+                ("analyze", "puma560"), "q3 = -1.524 rad or 1.618 rad", marks=pytest.mark.slow
+            ),
+            (("postures", "irb120", "--q", "0,0.2,0.3,0,0.5,0"), "--q -pi,-1.99105,0.3,-pi"),
+        ]
+    ),
 )
 def test_an_answer_in_radians_has_no_degree(words, said):
     """Conditions of families, which are kept in degrees, too; columns stay in line."""

@@ -18,7 +18,7 @@ import numpy as np
 import pytest
 from matplotlib import pyplot
 from public import documented
-from tiers import tiered
+from tiers import sampled, tiered
 
 import pinsing
 import pinsing.plot
@@ -327,7 +327,7 @@ def wrong(name: str, parameter: str, value: Any) -> PinsingError | None:
     return raised
 
 
-@pytest.mark.parametrize("name", OF)
+@pytest.mark.parametrize("name", sampled(OF))
 def test_what_never_fits_is_refused_by_name(name):
     for parameter in OF[name]:
         for what, value in NEVER.items():
@@ -343,7 +343,7 @@ LONG = {
 }  # fmt: skip
 
 
-@pytest.mark.parametrize("name", tiered(FITTED, set(FITTED) - LONG))
+@pytest.mark.parametrize("name", sampled(tiered(FITTED, set(FITTED) - LONG)))
 def test_what_may_fit_is_taken_or_refused(name):
     for parameter in OF[name]:
         default = inspect.signature(PUBLIC[name]).parameters[parameter].default

@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 from click.testing import CliRunner
-from tiers import tiered
+from tiers import sampled, tiered
 
 from pinsing.cli import app
 from pinsing.cli.app import VARIANTS
@@ -169,7 +169,7 @@ def test_no_command_ends_with_1_where_nobody_takes_its_output(
             assert all(x.startswith("pinsing: ") for x in done.stderr.splitlines())
 
 
-@pytest.mark.parametrize("limit", [30_000, 60_000, 150_000, 300_000, 500_000])
+@pytest.mark.parametrize("limit", sampled([30_000, 60_000, 150_000, 300_000, 500_000]))
 def test_a_memory_limit_is_said_in_one_line(limit: int) -> None:
     line = f'ulimit -v {limit}; "$0" -m pinsing "$@"'
     words = [sys.executable, "list", "planar3r"]

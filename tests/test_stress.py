@@ -60,6 +60,7 @@ def test_threads_share_an_arm(robot):
             assert same(alone, together)
 
 
+@pytest.mark.slow
 def test_threads_load_robots_side_by_side(capfd):
     """Loading catches what C++ prints to file descriptor 2, which all threads share."""
     with ThreadPoolExecutor(8) as pool:
@@ -137,6 +138,7 @@ def test_inputs_are_never_modified():
     assert options == given
 
 
+@pytest.mark.slow
 def test_the_same_seed_gives_the_same_analysis():
     arm = load("stanford")
     first, second = (analyze(arm, random_starts=40, seed=5) for _ in range(2))
@@ -172,6 +174,7 @@ str(analysis), analysis.to_json(), pinsing.sampling.sweep(arm, samples=9, levels
     assert done.stdout == "3 6\n"
 
 
+@pytest.mark.slow
 def test_sweeps_of_many_threads_are_equal():
     arm = load("stanford")
     alone = sweep(arm, samples=21, levels=(1, 2)).curves

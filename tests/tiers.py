@@ -18,3 +18,17 @@ def tiered_rows(cases: Iterable[tuple[Any, ...]], quick: Collection[tuple[Any, .
     cases = list(cases)
     assert all(q in cases for q in quick)
     return [c if c in quick else pytest.param(*c, marks=pytest.mark.slow) for c in cases]
+
+
+def sampled(cases: Iterable[Any]) -> list[Any]:
+    """Every third case in the quick tier, beginning with the first; rows are tuples."""
+    rows = [case if isinstance(case, type(pytest.param())) else _row(case) for case in cases]
+    quick = [row for row in rows if not row.marks][::3]
+    return [
+        row if row in quick else pytest.param(*row.values, id=row.id, marks=pytest.mark.slow)
+        for row in rows
+    ]
+
+
+def _row(case: Any) -> Any:
+    return pytest.param(*case if isinstance(case, tuple) else (case,))

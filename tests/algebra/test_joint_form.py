@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 from node import needs_node, run
-from tiers import tiered
+from tiers import sampled, tiered
 
 import pinsing
 from pinsing.algebra.equation import Equation
@@ -131,7 +131,7 @@ def test_there_are_no_other_values(name: str, folder: Path) -> None:
             assert near < np.sin(0.01)
 
 
-@pytest.mark.parametrize("name", ["crx", "gofa", "odd", "panda", "ur5", "z1"])
+@pytest.mark.parametrize("name", sampled(["crx", "gofa", "odd", "panda", "ur5", "z1"]))
 @pytest.mark.parametrize("exact", [False, True])
 def test_grouping_changes_nothing(name: str, exact: bool, folder: Path) -> None:
     rng = np.random.default_rng(2)
@@ -322,6 +322,7 @@ def test_what_enters_twice_is_not_solved() -> None:
     assert np.isnan(solved.solve(np.zeros(3))).all()
 
 
+@pytest.mark.slow
 @needs_node
 def test_the_page_says_the_pitch_of_the_pose_shown(folder: Path) -> None:
     form = form_of("crx", folder)

@@ -5,6 +5,7 @@ import sys
 import arms
 import numpy as np
 import pytest
+from tiers import sampled
 
 from pinsing._batch import engine as compiled, engine as kernel
 from pinsing.configuration.refine import (
@@ -147,7 +148,7 @@ def in_numpy(monkeypatch):
 
 
 @pytest.mark.skipif(not kernel.available(), reason="no compiled kernel")
-@pytest.mark.parametrize("name", ARMS)
+@pytest.mark.parametrize("name", sampled(ARMS))
 def test_compiled_walks_are_those_in_numpy(name, rng, monkeypatch):
     """Joints held at random, with and without limits: the same ends, and as exact."""
     arm = ARMS[name]()

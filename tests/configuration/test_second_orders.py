@@ -3,6 +3,7 @@
 import arms
 import numpy as np
 import pytest
+from tiers import sampled
 
 from pinsing import closed_form, load
 from pinsing._batch import engine, engine as kernel
@@ -41,7 +42,7 @@ def compiled(arm, Q, isa):
     )
 
 
-@pytest.mark.parametrize("isa", engine.isa_names() if engine.available() else ())
+@pytest.mark.parametrize("isa", sampled(engine.isa_names() if engine.available() else ()))
 def test_what_is_told_is_what_numpy_says(told, isa):
     arm, Q = told
     ours, theirs = compiled(arm, Q, isa), _told(arm, Q)
@@ -88,7 +89,7 @@ FEWER = {
 }
 
 
-@pytest.mark.parametrize("case", FEWER, ids=str)
+@pytest.mark.parametrize("case", sampled(FEWER), ids=str)
 def test_kinds_of_arms_that_miss_motions_are_those_of_one_at_a_time(case):
     loaded = load(**FEWER[case])
     arm = nominal(loaded).arm

@@ -107,6 +107,7 @@ def test_a_described_robot_loads_by_name(package, capsys):
     )
 
 
+@pytest.mark.slow
 def test_its_other_robots(package):
     arm = pinsing.load("rd:xacro_description", task="vy")
     assert pinsing.kinematics.task_jacobian(arm, [0.0])[0, 0] == pytest.approx(0.7)

@@ -10,7 +10,7 @@ import dh_reference as reference
 import numpy as np
 import pinocchio as pin
 import pytest
-from tiers import tiered
+from tiers import sampled, tiered
 
 import pinsing
 from pinsing.description.dh_table import DHRow, dh_to_urdf, read_dh, urdf_folder
@@ -48,7 +48,7 @@ def assert_same_kinematics(table, model, rng, count):
         np.testing.assert_allclose(J, reference.jacobian(table, v), rtol=0, atol=1e-12)
 
 
-@pytest.mark.parametrize("name", ROBOTS)
+@pytest.mark.parametrize("name", sampled(ROBOTS))
 def test_shipped_urdf_equals_dh(name: str) -> None:
     table, model = reference.read(table_path(name)), shipped(name)
     assert_same_kinematics(table, model, np.random.default_rng(1), 150)
@@ -94,6 +94,7 @@ def random_table(rng: np.random.Generator) -> str:
     return "\n".join(lines) + "\n"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", tiered(range(60), range(2)))
 def test_random_tables_equal_dh(seed: int, tmp_path: Path) -> None:
     rng = np.random.default_rng(seed)
@@ -309,6 +310,7 @@ def test_the_script_lists_what_differs_and_says_what_is_wrong(tmp_path: Path, ru
     assert "Traceback" not in said
 
 
+@pytest.mark.slow
 def test_a_table_is_a_robot(tmp_path):
     import pickle
 

@@ -46,6 +46,7 @@ def test_other_errors_point_to_where_they_are(read):
         read(robot(), xacro_args={"scale": "2"})
 
 
+@pytest.mark.slow
 def test_xacro_find(read, tmp_path):
     package = make_package(tmp_path)
     (package / "urdf" / "part.xacro").write_text(XACRO.format(ARM))

@@ -77,6 +77,7 @@ def test_the_option_wins(package, elsewhere, tmp_path, monkeypatch):
     assert arm.model.jointPlacements[2].translation[2] == 0.9
 
 
+@pytest.mark.slow
 def test_errors_name_the_file_and_the_line_they_are_in(package, elsewhere):
     part = package / "urdf" / "arm.macro.xacro"
     part.write_text(PART.replace("${length}", "${lenght}"))
@@ -90,6 +91,7 @@ def test_errors_name_the_file_and_the_line_they_are_in(package, elsewhere):
     assert (caught.value.path, caught.value.line) == (elsewhere, 4)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["../arm_description", "/etc"])
 def test_a_package_is_a_name_and_no_path(name, tmp_path):
     path = tmp_path / "robot.xacro"

@@ -68,12 +68,14 @@ def package_folder(name: str) -> Path:
     return Path(spec.origin).parent
 
 
+@pytest.mark.slow
 def test_example_robot_data():
     folder = data_folder()
     assert folder is not None
     assert compare(folder) == (2, 1)  # the other includes package://..., xacro fails
 
 
+@pytest.mark.slow
 def test_ours(tmp_path):
     table = tmp_path / "urdf" / "arm.yaml"
     (tmp_path / "urdf").mkdir()

@@ -47,6 +47,7 @@ FOLLOWING = [
 ]  # fmt: skip
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("multiplier", "offset"), tiered_rows(FOLLOWING, FOLLOWING[1:5:3]))
 def test_a_planar_finger(tmp_path, multiplier, offset):
     """The last of three parallel axes is a multiple of the second."""

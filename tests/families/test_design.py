@@ -67,6 +67,7 @@ def random_lengths(form, rng):
     return dict(zip(form.symbols, (float(v) for v in values), strict=True))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", tiered(ARMS, ("stanford",)))
 def test_with_numbers_put_in_it_is_the_numeric_answer(name, rng):
     form = form_of(name)
@@ -118,6 +119,7 @@ rows:
 )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", tiered(["planar 4R", "stanford", "puma560"], {"stanford"}))
 def test_lengths_that_are_zero_at_once(name, tmp_path, rng):
     path, task = tmp_path / "planar4.dh.yaml", "vx,vy"

@@ -68,6 +68,7 @@ def test_no_order_no_points(snake):
     assert ModularPoints(geometry, arm.task, ring, 3).points({}, many, 2, Budget(60)) is None
 
 
+@pytest.mark.slow
 def test_a_chain_is_stated_by_them_alone(snake, monkeypatch):
     """No real point is looked for: the general family of ten joints has five equations."""
     arm, geometry, ring, _ = snake

@@ -71,6 +71,7 @@ def test_position_of_nr(n, rng):
     assert all(f"  s{j},\n" in told for j in range(2, n + 1))
 
 
+@pytest.mark.slow
 def test_other_links_in_line(rng):
     """By pose; words of a short one; a tip on the last axis; links of no length join angles."""
     for task in ("vx,vy,wz", "pose"):

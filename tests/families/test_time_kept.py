@@ -63,6 +63,7 @@ def steps(monkeypatch: pytest.MonkeyPatch) -> list[int]:
     return seen
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("patience", tiered([0, 3, 20], {3}))
 def test_a_long_system_without_points_is_left_when_time_is_over(patience, steps):
     nowhere = [made(400, 2.0), made(401, 2.0)]  # the constant outweighs all cosines

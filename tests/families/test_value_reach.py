@@ -41,6 +41,7 @@ def elbow(table: Path) -> Family:
     return family
 
 
+@pytest.mark.slow
 def test_the_value_inside_is_named(elbow: Family) -> None:
     assert elbow.reachability is Reachability.INSIDE
     assert elbow.reach == SAID

@@ -7,6 +7,7 @@ import pinocchio as pin
 import pytest
 from arms import CATALOGUE, draw
 from dh_arms import dh_arm
+from tiers import sampled
 
 from pinsing.errors import ConfigurationError, OptionError
 from pinsing.kinematics import jacobian as kinematics
@@ -87,6 +88,7 @@ def test_derivative_against_finite_differences(arm, rng):
         np.testing.assert_allclose(H[:, :, j], (J[j] - J[arm.n + j]) / (2 * h), atol=2e-9)
 
 
+@pytest.mark.slow
 def test_task_derivatives_are_scaled_like_the_task(rng):
     rows = [(90, 0, 20), (90, 20, 0), (0, 0, 20, 0, "prismatic"), (90, 0, 10)]
     arm, size = dh_arm(rows).with_task("vx,vz,wy", length_scale=0.5), 100.0
@@ -113,14 +115,14 @@ def test_task_derivatives_are_scaled_like_the_task(rng):
 
 @pytest.mark.parametrize(
     ("robot", "task", "r"),
-    [
+    sampled([
         ("ur5", "pose", 6), ("ur5", "position", 3), ("ur5", "orientation", 3),
         ("stanford", "pose", 6), ("puma560", "pose", 6), ("irb1400", "pose", 6),
         ("panda", "pose", 6), ("iiwa14", "pose", 6), ("surgical7", "pose", 6), ("xarm7", "pose", 6),
         ("tiago", "pose", 6), ("so100", "pose", 5), ("so101", "pose", 5), ("so101", "position", 3),
         ("scara", "pose", 4), ("scara", "position", 3), ("scara", "vx,vy,wz", 3),
         ("scara", "orientation", 1), ("planar3r", "pose", 3), ("planar3r", "position", 2),
-    ],
+    ]),
 )  # fmt: skip
 def test_generic_rank(robot, task, r):
     arm = load(robot, task=task)
@@ -141,6 +143,7 @@ def test_generic_rank_is_of_the_nominal_geometry(make_model):
     assert raw == 4
 
 
+@pytest.mark.slow
 def test_a_task_that_nothing_but_rounding_serves(rng):
     rows = [(-90, 0, 0, -90, "prismatic"), (0, 0, 0, 180), (-90, 0.25, 0, 0), (180, 0, 0.4, -90)]
     arm = dh_arm(rows, task="vx")

@@ -5,7 +5,7 @@ import matplotlib as mpl
 import numpy as np
 import pinocchio as pin
 import pytest
-from tiers import tiered
+from tiers import sampled, tiered
 
 mpl.use("Agg")
 
@@ -68,7 +68,7 @@ CASES = [
 
 
 @pytest.mark.parametrize("length_scale", tiered(SCALES, (1.0,)))
-@pytest.mark.parametrize("make", CASES)
+@pytest.mark.parametrize("make", sampled(CASES))
 def test_all_that_judge_agree(make, length_scale: float) -> None:
     arm = make().with_task(length_scale=length_scale)
     Q = questions(arm)
@@ -114,7 +114,7 @@ def test_maps_and_sweeps_count_what_at_says(make, length_scale: float) -> None:
         assert point.status == at(arm, point.q).status
 
 
-@pytest.mark.parametrize("task", TASKS)
+@pytest.mark.parametrize("task", sampled(TASKS))
 @pytest.mark.parametrize("name", ["planar3r", "stanford", "puma560", "surgical7"])
 def test_the_length_scale_changes_sigma_and_no_verdict(name: str, task: str) -> None:
     if name == "planar3r" and task == "vz,wx":

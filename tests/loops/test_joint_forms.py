@@ -7,7 +7,7 @@ import pinocchio as pin
 import pytest
 from mechanisms import URDF, shipped
 from test_parallel_geometry import Way, planar
-from tiers import tiered
+from tiers import sampled, tiered
 from urdf_text import J, frame, loop_text, stewart, written
 
 import pinsing
@@ -108,7 +108,9 @@ def test_the_agile_eye_is_of_type_1_where_a_middle_joint_is_at_a_right_angle(rng
 CLOSURES = ["bennett", "five_bar", "planar_3rpr", "rps3", "agile_eye", "rssr"]
 
 
-@pytest.mark.parametrize("name", [*CLOSURES, pytest.param("delta", marks=pytest.mark.slow)])
+@pytest.mark.parametrize(
+    "name", sampled([*CLOSURES, pytest.param("delta", marks=pytest.mark.slow)])
+)
 def test_closure_equations_of_any_legs_are_those_of_pinocchio(name, rng):
     """The exact matrices have the ranks of the Jacobians; without a change of point the values."""
     mechanism = shipped(name).without_limits()

@@ -45,6 +45,7 @@ def paths(ax, color: str) -> list[np.ndarray]:
     return out
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("sign", tiered("+-", "+"))
 def test_lines_of_the_map_lie_on_the_closed_forms(sign):
     from pinsing.plot.mechanism import TYPE_1, TYPE_2

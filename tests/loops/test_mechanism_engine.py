@@ -139,6 +139,7 @@ def test_frames_measures_and_verdicts_agree(name: str) -> None:
         assert {"regular", "type 1", "type 2"} <= kinds
 
 
+@pytest.mark.slow
 @needs_node
 @pytest.mark.parametrize("name", tiered(SHIPPED, ("five_bar",)))
 def test_what_is_shown_is_what_python_says(name: str) -> None:
@@ -175,6 +176,7 @@ def test_what_is_shown_is_what_python_says(name: str) -> None:
         np.testing.assert_allclose(drawn, expected, atol=3e-4 * sizes.translation**2)
 
 
+@pytest.mark.slow
 @needs_node
 @pytest.mark.parametrize("name", tiered(SHIPPED, {"five_bar"}))
 def test_lost_wrenches_do_no_work_and_free_motions_need_no_motor(name: str) -> None:
@@ -384,6 +386,7 @@ def test_the_healthiest_pose_is_within_limits_and_regular(name: str) -> None:
     assert min(measures) > 0.05
 
 
+@pytest.mark.slow
 @needs_node
 def test_whole_turns_are_left_out_and_what_is_too_far_is_refused() -> None:
     """A link that asks for a million radians once took minutes of steps."""

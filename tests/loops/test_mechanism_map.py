@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 import yaml
 from mechanisms import URDF, shipped
+from tiers import sampled
 
 import pinsing
 from pinsing.loops import MechanismMap, mechanism_at, refine
@@ -14,7 +15,9 @@ from pinsing.loops.map import cannot_close
 from pinsing.loops.motion import kinds_of, measure_many
 
 
-@pytest.mark.parametrize("name", ["five_bar", "planar_3rrr", "gough_stewart", "agile_eye", "rssr"])
+@pytest.mark.parametrize(
+    "name", sampled(["five_bar", "planar_3rrr", "gough_stewart", "agile_eye", "rssr"])
+)
 def test_many_at_once_equal_one_by_one(name, rng):
     mechanism = shipped(name).without_limits()
     Q = random_closed(mechanism, 6, rng)
@@ -65,7 +68,8 @@ def test_the_command(more, code, words, command):
 
 
 @pytest.mark.parametrize(
-    "name", ["gough_stewart", "stewart_6_3", "planar_3rrr", "planar_3rpr", "hexaglide", "delta"]
+    "name",
+    sampled(["gough_stewart", "stewart_6_3", "planar_3rrr", "planar_3rpr", "hexaglide", "delta"]),
 )
 def test_what_closes_is_never_said_to_be_impossible(name, rng):
     mechanism = shipped(name).without_limits()
@@ -100,6 +104,7 @@ def test_impossible_inputs_of_a_platform_are_those_of_the_triangle(rng):
     assert (cannot_close(mechanism, inputs) == open_).all()
 
 
+@pytest.mark.slow
 def test_poses_are_drawn_where_the_limits_let_the_platform_go():
     found = pinsing.loops.mechanism_map(shipped("gough_stewart"), "poses", 300)
     assert found.closed - found.beyond > 100

@@ -7,6 +7,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from mechanisms import URDF, from_model, shipped
+from tiers import sampled
 from urdf_text import stewart, written
 
 import pinsing
@@ -56,7 +57,7 @@ def without_limits(platform):
     return assembly_modes(platform.without_limits(), starts=120)
 
 
-@pytest.mark.parametrize("name", SHELF)
+@pytest.mark.parametrize("name", sampled(SHELF))
 def test_mobility_of_the_shelf(name):
     mechanism = shipped(name)
     joints, rows, rank, mobility = SHELF[name]

@@ -54,6 +54,7 @@ def named(at, e):
     return {**dict(zip("xyz", at, strict=True)), **{f"e{k}": v for k, v in enumerate(e)}}
 
 
+@pytest.mark.slow
 def test_fichters_turn_by_90_degrees_is_found_by_itself(rng):
     for name in ("gough_stewart", "stewart_6_3"):
         forms = pose_forms(shipped(name))
@@ -209,6 +210,7 @@ def test_rods_of_a_crank_that_rounding_tells_apart_are_parallel(rng):
     np.testing.assert_allclose(ratio, ratio[0], rtol=1e-6)
 
 
+@pytest.mark.slow
 def test_rods_that_are_not_parallel_stay_so():
     ring = irregular_delta(1e-6)
     loci = type2(ring)

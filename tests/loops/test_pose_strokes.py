@@ -56,6 +56,7 @@ def test_the_loci_do_not_depend_on_where_slides_are_counted_from(name, most, tmp
     assert excluded == [True, True]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", tiered(["planar_3rpr", "rps3"], {"rps3"}))
 def test_modes_of_slides_from_mid_stroke_are_counted_as_before(name, tmp_path):
     plain, moved = shipped(name), counted_from_mid_stroke(tmp_path, name)
@@ -65,6 +66,7 @@ def test_modes_of_slides_from_mid_stroke_are_counted_as_before(name, tmp_path):
         assert "degree 6" in assembly_modes(moved).statement
 
 
+@pytest.mark.slow
 def test_a_locus_over_the_lengths_names_them_by_the_inputs(tmp_path):
     plain = pose_forms(shipped("planar_3rpr")).inputs[0].equation
     moved = pose_forms(counted_from_mid_stroke(tmp_path, "planar_3rpr")).inputs[0].equation

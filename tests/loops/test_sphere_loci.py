@@ -76,6 +76,7 @@ def test_random_spherical_legs_against_their_moments(seed, tmp_path):
     np.testing.assert_allclose(ones, ones[0], rtol=1e-6)
 
 
+@pytest.mark.slow
 def test_the_agile_eye_is_singular_where_a_middle_joint_is_at_a_right_angle(tmp_path, rng):
     """Type 2 over the orientation is a sum of squares: it has no zeros of its own."""
     mechanism = shipped("agile_eye")

@@ -51,6 +51,7 @@ def is_outside(ax: Axes) -> bool:
 # Curves -----------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_curves_carry_the_data_of_the_sweep(stanford_sweep: SweepResult) -> None:
     ax = plot.sigma_curves(stanford_sweep)
     q5 = next(line for line in ax.get_lines() if line.get_label() == "$q_{5}$")
@@ -220,6 +221,7 @@ def test_a_locus_refuses_what_makes_no_sense(given: dict[str, Any], words: str) 
         plot.locus(arm, **options)
 
 
+@pytest.mark.slow
 def test_an_ellipsoid_has_the_radii_of_the_state(monkeypatch: pytest.MonkeyPatch) -> None:
     arm = textbook("puma560")
     q = np.array([0.3, 0.4, 0.5, 0.6, 0.7, 0.8])
@@ -270,6 +272,7 @@ def test_the_arm_stands_in_the_picture_with_what_is_lost() -> None:
         plot.ellipsoids(state, arm=textbook("planar3r"))
 
 
+@pytest.mark.slow
 def test_a_flat_ellipsoid_is_a_plate_with_its_lost_direction() -> None:
     state = at(textbook("planar3r", task="position"), [0.3, 0.0, 0.0])
     ax = plot.ellipsoids(state)
@@ -290,6 +293,7 @@ def test_a_flat_ellipsoid_is_a_plate_with_its_lost_direction() -> None:
 # Along ------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_singular_values_along_a_way() -> None:
     arm = ur5()
     way = np.zeros((41, 6))

@@ -6,7 +6,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 from dh_arms import CRX, GOFA, arm_of, aspects_of, dh_arm, form_of
-from tiers import tiered
+from tiers import sampled, tiered
 
 import pinsing
 from pinsing.algebra.budget import Budget
@@ -42,7 +42,7 @@ def signs_of_det(arm, path, count=60):
     return np.sign(np.linalg.det(J))
 
 
-@pytest.mark.parametrize("name", tiered(COUNTS, {"ur5", "puma560", "stanford", "kinova"}))
+@pytest.mark.parametrize("name", sampled(tiered(COUNTS, {"ur5", "puma560", "stanford", "kinova"})))
 def test_counts(name):
     for limits, count in zip((False, True), COUNTS[name], strict=True):
         found = aspects_of(name, limits)
@@ -313,6 +313,7 @@ class TestCuspidality:
         assert found.most_solutions == 8
         assert found.witness is None
 
+    @pytest.mark.slow
     def test_where_no_theorem_is_known_nothing_is_claimed(self):
         found = pinsing.cuspidality(arm_of("so101"), forms=form_of("so101"), poses=2)
         assert found.answer == "no evidence"

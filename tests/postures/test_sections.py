@@ -120,6 +120,7 @@ def test_a_saddle_on_a_limit_has_no_largest_value_and_a_hill_has_one():
     assert not growing(crossing, np.ones(2), on_boxes(crossing, x, h), x, h, side + 1).any()
 
 
+@pytest.mark.slow
 def test_every_regular_configuration_has_an_aspect_though_a_section_lies_on_a_family():
     """The elbow of this arm is singular at joint values of its own, where boxes end."""
     arm = dh_arm([(-90, 0.971, 0), (90, 0.798, 0.84), (0, 1.372, 0)], "position")

@@ -187,6 +187,7 @@ def test_stamps_of_ros_and_speeds_that_are_not_measured(form, stamp, t, unknown)
     assert (one["t"], one["time_to_contact"]) == (t, None)
 
 
+@pytest.mark.slow
 def test_what_is_no_joint_is_passed_over_once(form):
     notes = []
     follower = Follower(form, form.loaded, False, 0.1, notes.append)
@@ -297,6 +298,7 @@ def test_a_signal_ends_it_also_where_nobody_takes_its_verdicts(number):
     assert len(set(times)) == len(times)
 
 
+@pytest.mark.slow
 def test_each_verdict_says_which_zones_it_is_in(form, tmp_path):
     file, zones = tmp_path / "run.jsonl", tmp_path / "zones.json"
     made = ["zones", "scara", "--joint-speeds", "5,5,1,10", "--within", "q1=-1..1"]

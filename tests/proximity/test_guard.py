@@ -261,6 +261,7 @@ def test_values_that_are_not_finite_are_never_clear(tmp_path: Path) -> None:
     assert not c.clear(good, np.nan)
 
 
+@pytest.mark.slow
 @needs_gcc
 def test_limits(tmp_path: Path) -> None:
     arm, form = arm_of("scara"), closed("scara")

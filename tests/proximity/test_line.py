@@ -171,6 +171,7 @@ def test_other_bad_input() -> None:
             check_line(arm, np.zeros(6), pose, forms=form)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "q", "to"),
     [

@@ -128,6 +128,7 @@ def test_the_same_without_the_compiled_engine(name: str) -> None:
             assert a.rate == pytest.approx(b.rate, rel=1e-2 if name == "baxter" else 1e-5, abs=1e-6)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("compiled", [True, False])
 def test_prismatic_joints_in_equations(compiled: bool) -> None:
     """d3^2 + 0.5 d3 cos q2 - 0.3 = 0, made up, in place of the families of the Stanford arm."""

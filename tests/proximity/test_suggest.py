@@ -167,6 +167,7 @@ def test_bad_input(options: dict[str, object], said: str) -> None:
 
 
 class TestCommand:
+    @pytest.mark.slow
     def test_what_is_printed_can_be_pasted(self) -> None:
         for deg in ([], ["--rad"]):
             done = run("at", "--suggest", "puma560", *deg)

@@ -82,6 +82,7 @@ def test_a_clear_path_is_proven_clear() -> None:
     assert "meets no singular configuration (proven between samples)" in summary(check)
 
 
+@pytest.mark.slow
 def test_pieces_of_any_size_say_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
     t = np.linspace(0, 10, 901)
     Q = np.stack([np.sin((i + 1) * 0.6 * t + i) * 2 for i in range(6)], axis=1)
@@ -107,6 +108,7 @@ def test_pieces_of_any_size_say_the_same(monkeypatch: pytest.MonkeyPatch) -> Non
     assert len(whole.stretches) <= 1000
 
 
+@pytest.mark.slow
 @needs_kernel
 def test_speeds_jumps_and_limits() -> None:
     arm = arm_of("ur5")
@@ -189,6 +191,7 @@ def test_what_is_proven_is_close_to_what_is_found_also_of_a_long_recording() -> 
             assert near.upper - np.radians(0.11) <= near.lower <= near.upper, near.family
 
 
+@pytest.mark.slow
 def test_families_that_were_not_looked_at_are_named() -> None:
     arm = pinsing.load("h2515")
     Q = np.radians([[10, -80, 90, 0, -12, 0], [30, -70, 90, 5, 13, 30]])

@@ -224,6 +224,7 @@ def arm():
     return load("ur5")
 
 
+@pytest.mark.slow
 def test_a_program_for_a_fanuc_by_name_counts_j3_from_the_horizontal(tmp_path):
     (tmp_path / "p.ls").write_text(fanuc())
     read = read_trajectory(tmp_path / "p.ls", load("m10id"))

@@ -251,6 +251,7 @@ def test_a_trajectory_is_judged_and_pictures_have_their_size(tmp_path: Path) -> 
     assert all(100 < int(one["width"] or 0) <= 7.1 * 96 for one in pictures)
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("undrawn")
 def test_one_without_a_complete_answer_says_so() -> None:
     arm = textbook("surgical7")

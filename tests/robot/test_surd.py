@@ -37,6 +37,7 @@ def test_the_field(a, b, c):
     assert hash(a + b) == hash(b + a)
 
 
+@pytest.mark.slow
 @given(numbers)
 def test_floats_do_not_cancel(a):
     """A number close to zero keeps all its digits."""

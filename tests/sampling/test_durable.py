@@ -254,6 +254,7 @@ def test_ctrl_c_at_a_terminal(tmp_path: Path, where: str) -> None:
     assert "Traceback" not in error
 
 
+@pytest.mark.slow
 def test_workers_do_not_outlive_a_killed_parent(tmp_path: Path) -> None:
     code = (
         "import os, time\n"

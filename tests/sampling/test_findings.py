@@ -63,6 +63,7 @@ def test_puma_and_ur5():
     assert sigma_ratio(singular_values(nominal(arms.ur5()).arm, q))[0] <= 1e-9
 
 
+@pytest.mark.slow
 def test_every_finding_holds_on_its_representative():
     for make in (arms.ur5, lambda: arms.textbook("irb1400"), lambda: arms.textbook("iiwa14")):
         arm = make()

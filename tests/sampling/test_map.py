@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from command_line import and_peak, run
 from hypothesis import given, strategies as st
-from tiers import tiered
+from tiers import sampled, tiered
 
 from pinsing import singular_values
 from pinsing._batch import engine as kernel
@@ -40,7 +40,7 @@ N = 5 * BLOCK + 77
 
 
 @pytest.mark.filterwarnings("ignore:The balance properties")
-@pytest.mark.parametrize("dimension", [1, 2, 3, 7, 21, map_plan.MAX_DIMENSION])
+@pytest.mark.parametrize("dimension", sampled([1, 2, 3, 7, 21, map_plan.MAX_DIMENSION]))
 def test_sobol_points_are_those_of_scipy(dimension: int) -> None:
     from scipy.stats import qmc  # 1 s, which not every worker need spend
 
@@ -268,6 +268,7 @@ def brute_force(sigma: np.ndarray, worst: int) -> dict[str, object]:
     }
 
 
+@pytest.mark.slow
 @given(
     data=st.lists(
         st.sampled_from([0.0, 1e-12, 1e-5, 0.25, 0.5, 1.0, 3.0]), min_size=1, max_size=60

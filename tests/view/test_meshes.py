@@ -85,6 +85,7 @@ def robot_with(*names: str, scale: str = "1 1 1") -> str:
     return ROBOT.format(links + joint("j1", "a", "b") + end)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("names", [BAD, *(pytest.param([n], marks=pytest.mark.slow) for n in BAD)])
 def test_meshes_that_fail_are_named_and_the_others_are_read(names, tmp_path):
     """One in bad company, and all of them in one reading."""
@@ -211,6 +212,7 @@ def test_nothing_is_said_on_stderr_but_by_us(tmp_path):
     assert done.stderr.count("is not drawn") >= 3
 
 
+@pytest.mark.slow
 def test_geometry_is_that_of_pinocchio(tmp_path):
     (tmp_path / "good.stl").write_bytes(GOOD)
     (tmp_path / "part.ply").write_bytes(PLY)

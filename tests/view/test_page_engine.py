@@ -90,6 +90,7 @@ def test_frames_singular_values_and_verdicts_agree(name: str, tmp_path: Path) ->
     assert {"singular", "regular"} <= set(statuses)
 
 
+@pytest.mark.slow
 @needs_node
 @pytest.mark.parametrize("name", tiered(ARMS, ("stanford",)))
 def test_what_is_shown_is_what_python_shows(name: str, tmp_path: Path) -> None:
@@ -169,6 +170,7 @@ TRIED = """(m, {text, joints}) => {
 }"""
 
 
+@pytest.mark.slow
 @needs_node
 def test_a_path_is_read_as_it_stands() -> None:
     texts = [
@@ -218,6 +220,7 @@ def test_what_a_path_crosses_between_its_samples_is_said() -> None:
         np.testing.assert_allclose(np.cos(angles), 0, atol=1e-9)
 
 
+@pytest.mark.slow
 @needs_node
 @pytest.mark.parametrize("name", tiered(["ur5", "stanford", "panda", "scara"], ("scara",)))
 def test_paths_lead_in_and_along(name: str) -> None:
@@ -244,6 +247,7 @@ def test_paths_lead_in_and_along(name: str) -> None:
         assert np.ptp(paths["along"], axis=0).max() > 0.05
 
 
+@pytest.mark.slow
 @needs_node
 def test_ticks_are_where_a_family_is_met_by_one_joint() -> None:
     arm = textbook("puma560")
@@ -300,6 +304,7 @@ def test_the_bundle_is_the_modules(page: Any) -> None:
     assert sigma == [4, 3]
 
 
+@pytest.mark.slow
 @needs_node
 def test_what_is_said_of_the_distance_is_no_more_than_is_known() -> None:
     """Several equations: what is found is an upper bound, which the words call one."""
@@ -334,6 +339,7 @@ def test_what_is_said_of_the_distance_is_no_more_than_is_known() -> None:
     assert found[3]["text"] == "17.2° from F1: here"
 
 
+@pytest.mark.slow
 @needs_node
 @pytest.mark.parametrize("name", tiered(["ur5", "puma560", "surgical7", "panda"], ("puma560",)))
 def test_the_distance_is_that_which_the_program_proves(name: str) -> None:
@@ -376,6 +382,7 @@ def test_only_singular_poses_count_where_equations_hold_at_others_too() -> None:
     assert own["text"] == "between 11.5° and 40° from F1: here"
 
 
+@pytest.mark.slow
 @needs_node
 def test_a_path_in_degrees_is_refused() -> None:
     limits = {"prismatic": False, "lower": -3.0, "upper": 3.0}

@@ -99,6 +99,7 @@ def test_sizes_of_what_is_drawn():
     assert 0.5 < one.reach < 2.5
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", tiered(ARMS, ARMS[:2]))
 def test_poses_are_on_their_family_inside_the_limits_and_the_same_every_time(name: str) -> None:
     arm, entries = entries_of(name)
@@ -168,6 +169,7 @@ def test_links_stand_where_the_whole_robot_has_them(robot: str | dict[str, str])
         assert (back * there).isApprox(geometry.oMg[i], 1e-9)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("file", ["package://nowhere/a.dae", "bad.stl"])
 def test_a_mesh_that_is_missing_or_broken_is_told_and_bones_stand_for_it(
     file, write_urdf, tmp_path
