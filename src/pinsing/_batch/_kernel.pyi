@@ -240,6 +240,18 @@ def sources(
     whole: int,
     out: NDArray[np.int64],
 ) -> None: ...
+def divided(
+    source: NDArray[np.int64],
+    part: NDArray[np.int64],
+    value: NDArray[np.float64],
+    half: NDArray[np.float64],
+    last_value: NDArray[np.float64],
+    last_half: NDArray[np.float64],
+    reach: float,
+    cyclic: bool,
+    none: int,
+    before: NDArray[np.int32],
+) -> NDArray[np.int32]: ...
 def link_nodes(
     Q: NDArray[np.float64],
     turn: NDArray[np.float64],

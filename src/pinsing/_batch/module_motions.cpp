@@ -49,6 +49,51 @@ void sources(const InLinks& before, const InLinks& beside, const InLinks& last, 
     }
 }
 
+// Motions to parts of nodes, from parts of the nodes `source` (D, M) where theirs began: `part`
+// (W, 3), -1 is none. Returned are those at most `reach` and both `half` widths away (D', M), each
+// once and in order, `none` behind; `before` (M,) are the nearest ones.
+nb::ndarray<nb::numpy, std::int32_t> divided(
+    const InWhole& source, const InWhole& part, const In& value, const In& half,
+    const In& last_value, const In& last_half, double reach, bool cyclic, int none,
+    nb::ndarray<std::int32_t, nb::c_contig, nb::device::cpu> before) {
+    const std::size_t M = value.size(), D = M ? source.size() / M : 0, L = last_value.size();
+    require(half.size() == M && source.size() == D * M && last_half.size() == L &&
+                before.size() >= M,
+            "nodes and values do not fit");
+    std::vector<std::int32_t> found;
+    std::vector<std::size_t> end(M + 1, 0);
+    std::vector<std::int64_t> begin(D);
+    std::size_t most = 1;
+    for (std::size_t m = 0; m < M; m++) {
+        for (std::size_t d = 0; d < D; d++) begin[d] = source.data()[d * M + m];
+        std::sort(begin.begin(), begin.end());  // parts are numbered in the order of their nodes
+        double nearest = std::numeric_limits<double>::infinity();
+        before.data()[m] = none;
+        std::int64_t last = -1;
+        for (const std::int64_t node : begin) {
+            require(3 * static_cast<std::size_t>(node) + 2 < part.size(), "no such node");
+            for (int j = 0; j < 3; j++) {
+                const std::int64_t x = part.data()[3 * node + j];
+                if (x <= last) continue;
+                require(x < static_cast<std::int64_t>(L), "no such part");
+                last = x;
+                double off = value.data()[m] - last_value.data()[x];
+                if (cyclic) off -= 2 * M_PI * std::rint(off / (2 * M_PI));
+                off = std::fabs(off);
+                if (off > reach + half.data()[m] + last_half.data()[x]) continue;
+                found.push_back(static_cast<std::int32_t>(x));
+                if (off < nearest) nearest = off, before.data()[m] = found.back();
+            }
+        }
+        end[m + 1] = found.size();
+        most = std::max(most, end[m + 1] - end[m]);
+    }
+    std::vector<std::int32_t> out(most * M, none);
+    for (std::size_t m = 0; m < M; m++)
+        for (std::size_t d = end[m]; d < end[m + 1]; d++) out[(d - end[m]) * M + m] = found[d];
+    return handed_over(std::move(out));
+}
+
 // Nodes of two poses, `q` (W, n) and `to` (M, n), what clearance there is proven, and how far a
 // value reaches. States are nodes with one of the `turns` (T, C) of the `counted` joints each.
 struct Motions {
@@ -156,7 +201,7 @@ nb::tuple onward(Motions& motion, const InWhole& source, const InFlags& far, con
                     way.value = std::min(best.data()[state], value.data()[m]);
                 if (within.data()[states + m * T + t])
                     way.relaxed = std::min(best.data()[all + state], room.data()[m]);
-                any |= std::max(way.value, way.relaxed) > kNever;
+                any |= way.value > sure[t] || way.relaxed > loose[t];
             }
             Edge& edge = edges[d] = {x, 0.0, 0.0, false, false};
             if (!any) continue;
@@ -230,6 +275,9 @@ nb::tuple onward_back(Motions& motion, const InWhole& source, const In& through,
 void add_motions(nb::module_& m) {
     m.def("sources", &sources, "before"_a.noconvert(), "beside"_a.noconvert(), "last"_a.noconvert(),
           "here"_a.noconvert(), "whole"_a, "out"_a.noconvert());
+    m.def("divided", &divided, "source"_a.noconvert(), "part"_a.noconvert(), "value"_a.noconvert(),
+          "half"_a.noconvert(), "last_value"_a.noconvert(), "last_half"_a.noconvert(), "reach"_a,
+          "cyclic"_a, "none"_a, "before"_a.noconvert());
     nb::class_<Motions>(m, "Motions")
         .def(nb::init<const In&, const In&, const In&, const In&, const In&, const In&, const In&,
                       const In&, const In&, const InWhole&, const InWhole&>())

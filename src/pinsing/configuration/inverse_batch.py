@@ -102,15 +102,17 @@ class InverseMany:
             Q[np.arange(Q.shape[1]) < counts[:, None]] = every
             return self._verified(Q, position[part], rotation[part])
 
-        found = []
+        done, whole = 0, np.empty((nodes.size, 0, self.arm.n))
         with ThreadPoolExecutor(engine.cpu_count()) as pool:
-            for q in pool.map(solutions, parts, [0.0] * len(parts) if values is None else values):
-                found.append(q)
+            every = [0.0] * len(parts) if values is None else values
+            for part, q in zip(parts, pool.map(solutions, parts, every), strict=True):
+                if (slots := q.shape[1]) > whole.shape[1]:
+                    wider = np.full((nodes.size, slots, self.arm.n), np.nan)
+                    wider[:, : whole.shape[1]], whole = whole, wider
+                whole[part, :slots] = q
+                done += 1
                 if progress is not None:
-                    progress(len(found), len(parts))
-        whole = np.full((nodes.size, max(q.shape[1] for q in found), self.arm.n), np.nan)
-        for part, q in zip(parts, found, strict=True):
-            whole[part, : q.shape[1]] = q
+                    progress(done, len(parts))
         return whole.reshape(N, G, *whole.shape[1:])
 
     def _continued(

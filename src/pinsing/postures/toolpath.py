@@ -717,7 +717,7 @@ class _Planner:
         for k in (*range(1, len(alive)), *range(len(alive) - 1, 0, -1)):
             if not self.far[k]:
                 here = np.flatnonzero(alive[k])
-                source = self._sources(k, here)[0]
+                source = self._sources(k, here)
                 came = alive[k - 1][source]
                 alive[k, here] = came.any(axis=0)
                 alive[k - 1] = False
@@ -809,12 +809,14 @@ class _Planner:
     ) -> tuple[Array, Ints, Array]:
         """Return what paths to nodes ``here`` (M,) of pose k have, from where, and relaxed."""
         # Each is (M, T); ``best`` (2, G S, T) is what they have at the pose before.
-        source, far = self._sources(k, here)
+        source = self._sources(k, here)
         new, other = np.empty((2, len(here), len(self.turns)))
         from_ = np.empty(new.shape, dtype=np.int64)
         nodes = self.likely[k].ravel()[here], room[here], self._within(k, here)
         states = best, *nodes, floor, _MARGIN, new, from_, other
-        proofs, bounds = self._motions(k, here).onward(source, far, *states)
+        proofs, bounds = self._motions(k, here).onward(
+            source, self._is_far(k, here, source), *states
+        )
         long = proofs[3] >= 0
         keep = np.ones(len(long), dtype=bool)
         if self.long and not self.edges:  # between values that are not all alike
@@ -875,31 +877,30 @@ class _Planner:
         points = found.points / self.watched.conditions.weight
         return found.upper, points[np.arange(len(Q)), found.each[..., 1].argmin(axis=1)]
 
-    def _sources(self, k: int, here: Ints) -> tuple[Ints, Bool]:
+    def _sources(self, k: int, here: Ints) -> Ints:
         """Return nodes (D, M) before pose k at which motions to nodes ``here`` (M,) begin."""
-        # Those of the same branch up to ``window`` values away, and the next ones, which are
-        # ``far``: other paths are bounded by them.
+        # Those of the same branch up to ``window`` values away, and last the next ones.
         if self.edges:
-            source = self.edges[k][:, here].astype(np.int64, order="C")
-            return source, self._apart(k, here, source) > self.reach + ROUNDING
+            return self.edges[k][:, here].astype(np.int64, order="C")
         if (pool := self.pool[k]) is not None:
-            source = np.repeat(pool[:, None], len(here), axis=1)
-            return source, self._apart(k, here, source) > self.reach + ROUNDING
-        nearer = 3 + self.Q.shape[2] * self.long
+            return np.repeat(pool[:, None], len(here), axis=1)
+        whole = self.Q.shape[2] * self.long
         steps = self.window + 1 if len(self.grid) > 1 else 0
-        source = np.empty((nearer + 2 * steps, len(here)), dtype=np.int64)
+        source = np.empty((3 + whole + 2 * steps, len(here)), dtype=np.int64)
         links = self.before[k], self.beside[k], self.beside[k - 1]
-        engine.module().sources(*links, here, self.Q.shape[2] * self.long, source)
-        far = np.zeros(source.shape, dtype=bool)
-        far[nearer + 2 * self.window :] = True
-        return source, far
+        engine.module().sources(*links, here, whole, source)
+        return source
 
-    def _apart(self, k: int, here: Ints, source: Ints) -> Array:
-        """How far the values of nodes (M,) are from those (D, M) of the pose before."""
+    def _is_far(self, k: int, here: Ints, source: Ints) -> Bool:
+        """Which motions only bound other paths: beyond ``window`` values."""
+        if not self.edges and self.pool[k] is None:
+            far = np.zeros(source.shape, dtype=bool)
+            far[len(far) - 2 * (len(self.grid) > 1) :] = True
+            return far
         S = self.Q.shape[2]
         off = self.values[k, here // S] - self.values[k - 1][source // S]
         off -= 2 * np.pi * np.rint(off / (2 * np.pi)) if self.cyclic else 0.0
-        return np.asarray(np.abs(off))
+        return np.asarray(np.abs(off) > self.reach + ROUNDING)
 
     def _within(self, k: int, here: Ints) -> Bool:
         """Which turns of nodes (M,) of pose k a path may have, and one between (2, M, T)."""
@@ -933,7 +934,7 @@ class _Planner:
         if len(self.grid) < 2 or self.idle:
             return None
         least, clear = max(reached + BISECTED, self.floor), self.clear.reshape(N, -1)
-        wide = np.array([len(self._sources(max(k, 1), np.arange(1))[0]) for k in range(N)])
+        wide = np.array([len(self._sources(max(k, 1), np.arange(1))) for k in range(N)])
         nodes = np.minimum(self.most // N, self.motions // (3 * wide * N))  # at each pose
 
         def too_many() -> bool:
@@ -1021,22 +1022,15 @@ class _Planner:
             out.beside[pose, j, slot] = np.where(new & (side != to), slot + to, other)
         out.before, out.step = np.zeros((N, most), dtype=np.int32), np.zeros((N, most))
         out.edges = [np.empty((0, 0), dtype=np.int32)]
+        start = np.searchsorted(pose, np.arange(N + 1))
         for k in range(1, N):
-            here = np.flatnonzero(pose == k)
-            cells: Ints = np.arange(len(here))
-            source = self._sources(k, at[here])[0]
-            source = np.moveaxis(part[k - 1][source], 2, 0).reshape(-1, len(here))
-            ends = out.half[k, cells] + out.half[k - 1][source]
-            apart = out._apart(k, cells, source)
-            source[(source < 0) | (apart > self.reach + ends + ROUNDING)] = most - 1
-            source = np.sort(source, axis=0)
-            source[1:][source[1:] == source[:-1]] = most - 1
-            source = np.sort(source, axis=0)
-            source = source[: max(1, int((source < most - 1).sum(axis=0).max(initial=0)))]
-            out.edges.append(source.astype(np.int32))
-            near = np.where(source < most - 1, out._apart(k, cells, source), np.inf)
-            out.before[k, cells] = before = source[near.argmin(axis=0), cells]
-            out.step[k, cells] = out._length(out.Q[k, cells, 0] - out.Q[k - 1, before, 0])
+            here = at[start[k] : start[k + 1]]
+            spans = out.values[k, : len(here)], out.half[k, : len(here)], out.values[k - 1]
+            how = out.half[k - 1], self.reach + ROUNDING, self.cyclic, most - 1, out.before[k]
+            edges = engine.module().divided(self._sources(k, here), part[k - 1], *spans, *how)
+            out.edges.append(edges.reshape(-1, len(here)))
+        last = out.Q[np.arange(N - 1)[:, None], out.before[1:], 0]
+        out.step[1:] = out._length(out.Q[1:, :, 0] - last)
         return out
 
     def _thirds(self, pose: Ints, at: Ints) -> Array:
@@ -1082,7 +1076,7 @@ class _Planner:
                 here = np.flatnonzero(passing[k] > least)
                 onward = np.full(passing.shape[1], -np.inf)
                 ends = self.through[k - 1], passing[k, here], self._room(k)[here]
-                motions, source = self._motions(k, here), self._sources(k, here)[0]
+                motions, source = self._motions(k, here), self._sources(k, here)
                 *near, value = motions.onward_back(source, *ends, least, onward)
                 np.maximum.at(onward, near[1], np.minimum(value, self._cap(k, here, *near)))
                 passing[k - 1] = np.minimum(passing[k - 1], onward)
@@ -1142,6 +1136,8 @@ class _Planner:
         k = np.broadcast_to(k, at.shape)
         link = self.beside[k, :, at]
         near: Array = Q[k[:, None], link]
+        if self.cyclic:
+            return near
         # A branch goes on beyond the value of a joint where it turns back, straight on from here
         # as far as its middle moved between the last two values at most.
         ended = self.ended[k, :, at]
