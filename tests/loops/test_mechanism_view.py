@@ -23,7 +23,7 @@ from pinsing.view.mechanism_viewer import (
     groups,
     side,
 )
-from pinsing.view.tab import SIDE
+from pinsing.view.scene import SIDE
 
 NAMES = ["five_bar", "four_bar", "planar_3rrr"]
 

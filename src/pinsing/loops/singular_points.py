@@ -106,12 +106,11 @@ def trace(
     """
     held = tuple(j for k, j in enumerate(mechanism.actuated) if k != moving)
     path = Curve(mechanism, mechanism.actuated[moving], held, step, over)
-    try:
-        q = path.correct(mechanism.space.fold(start))
-    except LostError:
+    q = path.correct(mechanism.space.fold(start))
+    if q is None:
         raise PinsingError(
             f"{mechanism.name}: no curve begins here: the loops do not close at the start"
-        ) from None
+        )
     points, closed = path.run(q, None)
     if not closed:
         behind, _ = path.run(q, -points[0][1])
@@ -155,8 +154,8 @@ class Curve:
         side = t[self.index] if along is None else t @ along
         return np.asarray(t if side >= 0 else -t)
 
-    def correct(self, guess: Array, along: Array | None = None) -> Array:
-        """Nearest closed configuration with the same held inputs, across the tangent."""
+    def correct(self, guess: Array, along: Array | None = None) -> Array | None:
+        """Nearest closed configuration with the same held inputs, across the tangent; or None."""
         q = guess.copy()
         best = np.inf
         for _ in range(20):
@@ -170,9 +169,7 @@ class Curve:
             q = q + np.linalg.lstsq(rows, target, rcond=1e-11)[0] * self.units
             if not np.isfinite(q).all() or np.abs(q - guess).max() > 1.0:
                 break
-        if float(np.abs(self.loops.scaled(q)[0]).max()) <= SOLVED:
-            return q
-        raise LostError
+        return q if float(np.abs(self.loops.scaled(q)[0]).max()) <= SOLVED else None
 
     def run(self, start: Array, along: Array | None) -> tuple[list[tuple[Array, Array]], bool]:
         """Points and tangents from ``start`` on, and whether the curve came back to it."""
@@ -184,16 +181,13 @@ class Curve:
                 self.over is not None and self.over(),
                 f"{self.mechanism.name}: no time is left to follow a curve",
             )
-            try:
-                new = self.correct(q + step * t * self.units, t)
-                turn = self.tangent(new, t)
-            except LostError:
-                turn = -t
+            new = self.correct(q + step * t * self.units, t)
+            turn = -t if new is None else self.tangent(new, t)
             # The next tangent must be close: a sharp bend wants smaller steps.
             if turn @ t < 0.98 and step > 1e-4:
                 step /= 2
                 continue
-            if turn @ t < 0.5:
+            if new is None or turn @ t < 0.5:
                 return out, False
             travelled += step
             if travelled > 2 * self.step and self._back(start, out[0][1], q, t, step):
@@ -221,9 +215,8 @@ class Curve:
         good, short, long = q, 0.0, step
         while long - short > ROUNDING / 4:
             middle = (short + long) / 2
-            try:
-                new = self.correct(q + middle * t * self.units, t)
-            except LostError:
+            new = self.correct(q + middle * t * self.units, t)
+            if new is None:
                 break
             if self._inside(new):
                 good, short = new, middle
@@ -241,10 +234,6 @@ class Curve:
 
 class StoppedError(PinsingError):
     """The time was up before a curve had an end."""
-
-
-class LostError(Exception):
-    """The corrector did not converge."""
 
 
 KINDS = ("type 1", "type 2", "constraint")
@@ -592,8 +581,7 @@ def _turns_back(loops: Loops, q: Array, index: int, held: Sequence[int]) -> bool
     """Whether the input has an extremum on its curve: steps to both sides move it the same way."""
     curve = Curve(loops.mechanism, index, held)
     t = curve.tangent(q, None)
-    try:
-        ends = [curve.correct(q + side * 1e-3 * t * curve.units, t) for side in (1, -1)]
-    except LostError:
+    one, two = (curve.correct(q + side * 1e-3 * t * curve.units, t) for side in (1, -1))
+    if one is None or two is None:
         return False
-    return float(np.prod([end[index] - q[index] for end in ends])) > 0
+    return bool((one[index] - q[index]) * (two[index] - q[index]) > 0)

@@ -36,6 +36,7 @@ from pinsing.view.links import Links, Recorder, geometry as mg, read_links
 from pinsing.view.scene import (
     HOT,
     ROTATION,
+    SIDE,
     Scenery,
     Sizes,
     Torus,
@@ -44,7 +45,7 @@ from pinsing.view.scene import (
     ring_arrow,
     straight_arrow,
 )
-from pinsing.view.tab import SIDE, Tab
+from pinsing.view.tab import Tab
 
 SCHEMA = "pinsing/mechanism-engine/1"
 

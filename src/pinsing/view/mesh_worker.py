@@ -1,6 +1,6 @@
 """The child process that reads mesh files: Assimp trusts them more than one may.
 
-It is started by path (see `pinsing.view.meshes`), gets the paths of meshes as a line of JSON, and
+It is started by path (see `pinsing.view.links`), gets the paths of meshes as a line of JSON, and
 answers for each, in order, with a line of JSON: ``problem``, or the sizes of two pieces of bytes
 that follow: vertices as doubles and triangles as 32-bit integers, or what `packed` makes of a
 Collada file; both empty where the page gets the file itself. Memory is limited, nothing can be
@@ -12,7 +12,6 @@ the line before the answers.
 from __future__ import annotations
 
 import contextlib
-import importlib.util
 import json
 import os
 import sys
@@ -79,22 +78,17 @@ def main() -> None:
     sys.path[:] = request["sys_path"]
     import coal
 
-    here = Path(__file__).resolve().parent
-    for name, folder in (("pinsing", here.parent), ("pinsing.view", here)):
+    root = Path(__file__).resolve().parent.parent
+    for name in ("pinsing", "pinsing.view", "pinsing.description"):
         package = types.ModuleType(name)  # the packages themselves import more than is wanted
-        package.__path__ = [str(folder)]
+        package.__path__ = [str(root.joinpath(*name.split(".")[1:]))]
         sys.modules[name] = package
+    from pinsing.description import child_jail
+
     if any(wanted == "paint" for _, wanted in request["paths"]):
         import collada  # noqa: F401 (before files are out of reach)
 
         import pinsing.view.collada  # noqa: F401 (with NumPy)
-
-    name = "child_jail"
-    spec = importlib.util.spec_from_file_location(name, request["jail"])
-    assert spec is not None
-    assert spec.loader is not None
-    child_jail = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(child_jail)
 
     loader = coal.MeshLoader()
     child_jail.limit_resources(request["seconds"], request["memory"])

@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import base64
 import contextlib
+import itertools
 import json
 import os
 import re
@@ -183,39 +184,31 @@ def _run(work: Any) -> bytes:
         return bytes(pool.submit(asyncio.run, asyncio.wait_for(work, _SECONDS)).result())
 
 
-class _Browser:
-    """A conversation with the browser: numbered questions, answers by number."""
-
-    def __init__(self, socket: Any) -> None:
-        self._socket, self._number = socket, 0
-
-    async def ask(self, method: str, session: str | None = None, **parameters: Any) -> Any:
-        self._number += 1
-        message: dict[str, Any] = {"id": self._number, "method": method, "params": parameters}
-        if session is not None:
-            message["sessionId"] = session
-        await self._socket.write_message(json.dumps(message))
-        while True:
-            text = await self._socket.read_message()
-            if text is None:
-                raise OutputError("the browser ended before the picture was taken")
-            answer = json.loads(text)
-            if answer.get("id") == self._number:
-                if "error" in answer:
-                    raise OutputError(f"the browser refused {method}: {answer['error']}")
-                return answer["result"]
-
-
 async def _capture(address: str, url: str, size: tuple[int, int]) -> bytes:
     from tornado.websocket import websocket_connect
 
     socket = await websocket_connect(address, max_message_size=256 * 1024 * 1024)
-    browser = _Browser(socket)
-    target = (await browser.ask("Target.createTarget", url="about:blank"))["targetId"]
-    session = (await browser.ask("Target.attachToTarget", targetId=target, flatten=True))[
-        "sessionId"
-    ]
-    await browser.ask(
+    numbers = itertools.count(1)
+
+    async def ask(method: str, session: str | None = None, **parameters: Any) -> Any:
+        """Ask a numbered question, and wait for the answer of that number."""
+        message = {"id": next(numbers), "method": method, "params": parameters}
+        if session is not None:
+            message["sessionId"] = session
+        await socket.write_message(json.dumps(message))
+        while True:
+            text = await socket.read_message()
+            if text is None:
+                raise OutputError("the browser ended before the picture was taken")
+            answer = json.loads(text)
+            if answer.get("id") == message["id"]:
+                if "error" in answer:
+                    raise OutputError(f"the browser refused {method}: {answer['error']}")
+                return answer["result"]
+
+    target = (await ask("Target.createTarget", url="about:blank"))["targetId"]
+    session = (await ask("Target.attachToTarget", targetId=target, flatten=True))["sessionId"]
+    await ask(
         "Emulation.setDeviceMetricsOverride",
         session,
         width=size[0],
@@ -223,14 +216,14 @@ async def _capture(address: str, url: str, size: tuple[int, int]) -> bytes:
         deviceScaleFactor=1,
         mobile=False,
     )
-    await browser.ask("Page.navigate", session, url=url)
+    await ask("Page.navigate", session, url=url)
     limit = time.monotonic() + _SECONDS - 10
     ready = (
         "document.body && (document.body.dataset.ready || "
         "(document.getElementById('busy')?.textContent.startsWith('The page cannot') && 'failed'))"
     )
     while True:
-        found = await browser.ask("Runtime.evaluate", session, expression=ready)
+        found = await ask("Runtime.evaluate", session, expression=ready)
         value = found["result"].get("value")
         if value == "yes":
             break
@@ -240,8 +233,8 @@ async def _capture(address: str, url: str, size: tuple[int, int]) -> bytes:
         await asyncio.sleep(0.1)
     # Two frames later the last change is on the screen.
     settle = "new Promise(r => requestAnimationFrame(() => requestAnimationFrame(() => r(1))))"
-    await browser.ask("Runtime.evaluate", session, expression=settle, awaitPromise=True)
-    shot = await browser.ask("Page.captureScreenshot", session, format="png")
+    await ask("Runtime.evaluate", session, expression=settle, awaitPromise=True)
+    shot = await ask("Page.captureScreenshot", session, format="png")
     # Asked to, the browser ends its own children as well.
     await socket.write_message(json.dumps({"id": 0, "method": "Browser.close"}))
     while await socket.read_message() is not None:

@@ -270,6 +270,10 @@ def raised(height: float) -> Array:
     return along(np.array([0.0, 0.0, 1.0]), (0.0, 0.0, height))
 
 
+SIDE = (0.74, 0.36, 0.57)
+"""Where the camera looks from: three.js axes, y up."""
+
+
 @dataclass
 class Scenery:
     """A robot, drawn, at a configuration that can be set."""

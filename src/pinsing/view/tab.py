@@ -4,24 +4,14 @@ from __future__ import annotations
 
 import html
 import webbrowser
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from functools import cached_property
 from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING, Any
-
-import numpy as np
 
 from pinsing._types import Array
 from pinsing.arguments import checked
 from pinsing.atomic_write import write_text
 from pinsing.errors import OptionError, UnknownNameError
-from pinsing.families import joint_symbols
-from pinsing.kinematics.jacobian import frame_jacobians
-from pinsing.measures import SINGULAR_RTOL, pure_ellipsoids
-from pinsing.robot.arm import Arm
-from pinsing.view.entries import Entry, engine_data
 from pinsing.view.page import static_html
 from pinsing.view.scene import Scenery
 from pinsing.view.server import Server
@@ -29,123 +19,8 @@ from pinsing.view.server import Server
 if TYPE_CHECKING:
     from typing_extensions import Self
 
-    from pinsing.proximity.suggestion import Suggestion
 
 KINDS = ("into", "along")
-
-SIDE = (0.74, 0.36, 0.57)
-"""Where the camera looks from: three.js axes, y up."""
-
-
-@dataclass
-class Stage(Scenery):
-    """An arm with its list."""
-
-    robot: Arm
-    entries: tuple[Entry, ...] = ()
-    way: Mapping[str, Any] | None = None  # a motion that pages show first, from `trajectory_data`
-    postures: tuple[dict[str, Any], ...] = ()  # of one pose, and ways to them
-    coverage: str = ""  # how sure it is that the list holds all, if known
-    clearest: Suggestion | None = None
-    zones: dict[str, Any] | None = None  # bands at the sliders: joint ranges, distances, and why
-
-    def __post_init__(self) -> None:
-        self.chosen = next(((i, 0) for i, e in enumerate(self.entries) if e.poses), None)
-        if self.chosen is not None:
-            self.q = self.entries[self.chosen[0]].poses[0]
-        else:
-            lower, upper = self.robot.span
-            self.q = (lower + upper) / 2
-
-    @property
-    def poses(self) -> list[tuple[str, Sequence[Array]]]:
-        """Name and configurations of each entry of the list."""
-        return [(e.name, e.poses) for e in self.entries]
-
-    def trajectory(self, name: str, content: bytes, degrees: bool | None) -> dict[str, Any]:
-        """What a page shows of a file that was dropped onto it."""
-        from pinsing.view.trajectory import dropped
-
-        return dropped(self.robot, name, content, degrees)
-
-    def page(self, live: bool) -> dict[str, Any]:
-        """The fixed part of a page."""
-        arm = self.robot
-        return {
-            "live": live,
-            "way": self.way,
-            "postures": list(self.postures),
-            "robot": {
-                "name": arm.name,
-                "base": arm.base,
-                "tip": arm.tip,
-                "task": str(arm.task),
-                "lengthScale": arm.length_scale,
-            },
-            "joints": self.joints(joint_symbols(arm)),
-            "settings": self.settings(self.mode, SIDE),
-            "entries": [_entry(e, arm.n) for e in self.entries],
-            "engine": engine_data(arm, self.entries, self.sizes),
-            "notes": [*arm.notes, *self.notes],
-            "coverage": self.coverage,
-            "zones": self.zones,
-            "clearest": None
-            if self.clearest is None
-            else {"q": self.clearest.q.tolist(), "lower": float(self.clearest.lower)},
-        }
-
-    @cached_property
-    def mode(self) -> str:
-        """Return pure motions of a pose task where regular ones fill a plane or more."""
-        # They go flat, or to a line, where a motion is lost; those of an arm of three or four
-        # joints are lines or points everywhere.
-        arm, rng = self.robot, np.random.default_rng(0)
-        if arm.task.name != "pose":
-            return "all"
-        for J in frame_jacobians(arm, rng.uniform(*arm.span, (4, arm.n))):
-            if all(e.radii[1] > SINGULAR_RTOL * max(e.radii[0], 1e-9) for e in pure_ellipsoids(J)):
-                return "pure"
-        return "all"
-
-
-def _more(entry: Entry) -> list[str]:
-    told = (
-        (entry.kind, entry.kind),
-        (entry.codimension, f"codimension {entry.codimension}"),
-        (entry.reach, entry.reach),
-        (entry.reachable is False, "out of reach of the limits"),
-        (entry.reachable is None, "no configuration found within the limits"),
-    )
-    return [words for there, words in told if there]
-
-
-def _solved(entry: Entry) -> list[dict[str, Any]]:
-    """Long equations, each as one for a joint: texts."""
-    if entry.family is None:
-        return []
-    lines = [line for one in entry.family.at_once for line in one.lines()]
-    together = [{"condition": x, "solution": "", "where": [], "exact": []} for x in lines]
-    names = ("condition", "solution", "where", "exact")
-    return together + [{k: getattr(one, k) for k in names} for one in entry.family.solved]
-
-
-def _entry(entry: Entry, n: int) -> dict[str, Any]:
-    moves = bool(entry.poses) and not entry.name.startswith("P")
-    return {
-        "name": entry.name,
-        "text": entry.text,
-        "given": entry.name.startswith("P"),
-        "more": _more(entry),
-        "reason": entry.reason,
-        "solved": _solved(entry),
-        "poses": len(entry.poses),
-        "q": [pose.tolist() for pose in entry.poses],
-        "moved": list(entry.moved),
-        "into": moves,
-        "along": moves
-        and entry.family is not None
-        and (entry.codimension is None or entry.codimension < n),
-    }
 
 
 class Tab:
