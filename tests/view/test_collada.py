@@ -10,7 +10,7 @@ import pytest
 
 import pinsing
 from pinsing.description import ros_packages as references
-from pinsing.view import collada as collada_reader, meshes
+from pinsing.view import collada as collada_reader, links as meshes
 from pinsing.view.collada import NotPlainError, Painted, as_object, read_collada
 from pinsing.view.links import Mesh, Recorder, draw_links, read_links, read_meshes
 

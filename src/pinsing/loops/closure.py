@@ -8,7 +8,6 @@ translations before rotations.
 
 from __future__ import annotations
 
-import itertools
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -311,22 +310,9 @@ def hinge_rates(loops: BatchLoops, q: Array, basis: Array) -> Array:
     return out
 
 
-@once
 def hinged_balls(mechanism: Mechanism) -> tuple[Centre, ...]:
     """Balls of three hinges that carry nothing between them, with their centres."""
-    model = mechanism.model
-    ends = [*itertools.chain(*closing(mechanism)), mechanism.output_id]
-    held = {int(model.frames[k].parentJoint) - 1 for k in ends}
-    out = []
-    for centre in structure(mechanism).centres:
-        ball = centre.joints
-        if len(ball) != 3 or mechanism.prismatic[list(ball)].any():
-            continue
-        carried = {j for j in range(mechanism.n) if int(model.parents[j + 1]) - 1 in ball[:2]}
-        in_line = all(int(model.parents[b + 1]) - 1 == a for a, b in itertools.pairwise(ball))
-        if in_line and not held & set(ball[:2]) and carried == set(ball[1:]):
-            out.append(centre)
-    return tuple(out)
+    return tuple(c for c in structure(mechanism).centres if len(c.joints) == 3)
 
 
 _STEP = 0.03

@@ -262,17 +262,14 @@ def carried(mechanism: Mechanism, sample: Sample, joint: int, C: Array, outer: A
 
 
 @dataclass(frozen=True, eq=False)
-class _End:
-    """Where a leg meets the output: a loop's two frames, or joints of the tree at a centre.
+class _Way:
+    """A leg from the base to the output, which it meets in a loop or in joints of the tree."""
 
-    With a centre the frames mean nothing. ``hanging``: joints between the output and the loop, of a
-    leg that is written from there.
-    """
-
-    frame: int
-    other: int
-    centre: Centre | None
-    hanging: tuple[int, ...] = ()
+    path: list[int]  # joints from the base to where it meets the output, or to the loop
+    end: Array  # (N, 3): its last point there, at the samples
+    other: Array  # (N, 3): the point that this is to meet; of joints of the tree the same
+    joints: tuple[int, ...] = ()  # those of the tree at the output
+    hanging: tuple[int, ...] = ()  # from the output to the loop, where it is written from there
 
 
 @once
@@ -301,13 +298,13 @@ class _Recognizer:
     def rods(self) -> Rods:
         mechanism = self.mechanism
         out: list[Rod] = []
-        for path, end in self.ends():
-            if end.hanging:
-                found = self.hanging(path, end)
+        for way in self.ways():
+            if way.hanging:
+                found = self.hanging(way)
             else:
-                found = self.foot_driven(path, end) or self.along(path, end)
+                found = self.foot_driven(way) or self.along(way)
             if not found:
-                raise NotThisKind(self.reason(path, end))
+                raise NotThisKind(self.reason(way))
             out += found
         forces = len(out) + sum(rod.hinge is not None for rod in out)
         needed = 3 if self.planar else 6
@@ -321,13 +318,13 @@ class _Recognizer:
         )
         return Rods(mechanism, tuple(out), self.planar, self.axes, self.own)
 
-    def ends(self) -> list[tuple[list[int], _End]]:
-        """For each leg's connection with the output, the joints from the base to it."""
+    def ways(self) -> list[_Way]:
+        """All legs, that of the tree first."""
         mechanism, output = self.mechanism, self.built.output
         NotThisKind.refuse_if(
             output == 0, f"the output {mechanism.output} is not on a link that moves between legs"
         )
-        out: list[tuple[list[int], _End]] = []
+        out = []
         for loop, a, b, inside, outside in loop_ends(mechanism):
             NotThisKind.refuse_if(loop.kind == "6d", f"the loop {loop} is welded")
             NotThisKind.refuse_if(
@@ -335,28 +332,22 @@ class _Recognizer:
                 f"the loop {loop} does not join a leg to the link of the output",
             )
             hanging = tuple(outside[outside.index(output - 1) + 1 :])
-            out.append((inside, _End(a, b, None, hanging)))
+            one, two = (np.array([s.frames[k].translation for s in self.samples]) for k in (a, b))
+            out.append(_Way(inside, one, two, hanging=hanging))
         path = path_to(mechanism, output)
         last = next((c for c in self.built.centres if output - 1 in c.joints), None)
         if last is None or path[-len(last.joints) :] != list(last.joints):
             raise NotThisKind(self.tree_reason(path))
-        return [(path[: -len(last.joints)], _End(0, 0, last)), *out]
-
-    def outer_points(self, end: _End) -> Array:
-        """B (N, 3) of a leg."""
-        if end.centre is not None:
-            return self.points(end.centre)
-        return np.array([s.frames[end.frame].translation for s in self.samples])
+        at = self.points(last)
+        return [_Way(path[: -len(last.joints)], at, at, last.joints), *out]
 
     def points(self, centre: Centre) -> Array:
         """A centre (N, 3)."""
         return np.array([s.joints[centre.joints[0] + 1].act(centre.point) for s in self.samples])
 
-    def in_output(self, end: _End) -> Array:
-        """B in the frame of the output; the same at all configurations."""
-        sample = self.samples[0]
-        at = self.points(end.centre)[0] if end.centre else sample.frames[end.other].translation
-        return np.array(sample.output.actInv(at))
+    def in_output(self, points: Array) -> Array:
+        """Points (N, 3) in the frame of the output, where they are the same at all samples."""
+        return np.array(self.samples[0].output.actInv(points[0]))
 
     def offset(self, joint: int, reach: Array) -> float | None:
         """Return what a slide's value lacks of its length (N, 3), as from mid-stroke; or None."""
@@ -392,17 +383,17 @@ class _Recognizer:
         found = carried(self.mechanism, self.samples[0], joint, C, outer)
         return [] if found is None else [found]
 
-    def along(self, path: list[int], end: _End) -> list[Rod]:
+    def along(self, way: _Way) -> list[Rod]:
         """The force of a leg with one centre and one actuated joint before or behind it."""
-        mechanism, sample = self.mechanism, self.samples[0]
+        mechanism, sample, path = self.mechanism, self.samples[0], way.path
         driven, passive, centre = self.parted(path)
-        whole = end.centre is None or len(end.centre.joints) == self.ball
+        whole = len(way.joints) in (0, self.ball)
         if len(driven) != 1 or centre is None or len(passive) > self.ball or not whole:
             return []
         (joint,) = driven
         hinge = len(passive) == 1 and not self.planar
         axis = sample.axis[passive[0]]
-        C, B, outer = self.points(centre), self.outer_points(end), self.in_output(end)
+        C, B, outer = self.points(centre), way.end, self.in_output(way.other)
         if path.index(joint) > path.index(passive[-1]):
             if self.planar and not mechanism.prismatic[joint]:
                 elbow = sample.joints[joint + 1].translation
@@ -423,24 +414,23 @@ class _Recognizer:
             return []
         return [replace(x, hinge=axis) for x in self.carried(joint, C[0] + off[0] * axis, outer)]
 
-    def hanging(self, path: list[int], end: _End) -> list[Rod]:
+    def hanging(self, way: _Way) -> list[Rod]:
         """The force of a leg written from the output: the loop is at its foot, or at the crank."""
-        driven, passive, centre = self.parted(end.hanging)
+        driven, passive, centre = self.parted(way.hanging)
         if centre is None or len(passive) not in ((1,) if self.planar else (2, 3)):
             return []
-        B, C = self.points(centre), self.outer_points(end)
-        outer = np.array(self.samples[0].output.actInv(B[0]))
-        if not driven and len(path) == 1 and path[0] in self.mechanism.actuated:
-            return self.carried(path[0], C[0], outer)
-        if len(driven) != 1 or path or end.hanging != (*passive, *driven):
+        B = self.points(centre)
+        outer = self.in_output(B)
+        if not driven and len(way.path) == 1 and way.path[0] in self.mechanism.actuated:
+            return self.carried(way.path[0], way.end[0], outer)
+        if len(driven) != 1 or way.path or way.hanging != (*passive, *driven):
             return []
-        foot = np.array([s.frames[end.other].translation for s in self.samples])
-        return self.strut(driven[0], outer, C[0], foot - B)
+        return self.strut(driven[0], outer, way.end[0], way.other - B)
 
-    def foot_driven(self, path: list[int], end: _End) -> list[Rod]:
+    def foot_driven(self, way: _Way) -> list[Rod]:
         """The forces of one leg that is driven at its foot; empty for another one."""
-        mechanism, sample = self.mechanism, self.samples[0]
-        if end.centre is not None and len(end.centre.joints) != self.ball:
+        mechanism, sample, path = self.mechanism, self.samples[0], way.path
+        if len(way.joints) not in (0, self.ball):
             return []
         slides = mechanism.prismatic[path]
         if not 2 <= len(path) <= (2 if self.planar else 3) or slides[:-1].any() or not slides[-1]:
@@ -449,7 +439,7 @@ class _Recognizer:
         if not set(path[:-1]) & set(mechanism.actuated):
             return []
         axis = sample.axis[first]
-        foot, B = np.array(sample.joints[first + 1].translation), self.outer_points(end)
+        foot, B = np.array(sample.joints[first + 1].translation), way.end
         if len(path) == 3:
             met = self.universal(path)
             if met is None:
@@ -465,7 +455,7 @@ class _Recognizer:
         offset = self.offset(slide, B - foot)
         if offset is None:
             return []
-        outer = self.in_output(end)
+        outer = self.in_output(way.other)
         hinge = axis if len(path) == 2 and not self.planar else None
         out: list[Rod] = []
         for side, joint in ((0, slide), *enumerate(path[:-1], 1)):
@@ -491,11 +481,10 @@ class _Recognizer:
             found.append(float(gap @ a))
         return found[0]
 
-    def reason(self, path: Sequence[int], end: _End) -> str:
+    def reason(self, way: _Way) -> str:
         """Of a leg that is of another kind than those with a wrench over the pose."""
         mechanism = self.mechanism
-        at_end = () if end.centre is None else end.centre.joints
-        joints = [*path, *at_end, *reversed(end.hanging)]
+        joints = [*way.path, *way.joints, *reversed(way.hanging)]
         name = f"the leg of {', '.join(mechanism.joints[j] for j in joints) or 'no joints'}"
         driven = [j for j in joints if j in mechanism.actuated]
         slides = [j for j in joints if mechanism.prismatic[j]]
@@ -503,13 +492,13 @@ class _Recognizer:
         if not driven:
             return f"{name} has no actuated joint, which {where}"
         told = " and ".join(mechanism.joints[j] for j in driven)
-        if end.hanging:
+        if way.hanging:
             return f"{name}, written from the output and driven at {told}, {where}"
         loose = [j for j in slides if j not in driven]
-        if self.askew(path, end, slides):
+        if self.askew(way, slides):
             beside = mechanism.joints[slides[0]]
             what = f" slides ({beside}) beside the line from its foot to its end"
-        elif loose[:1] == list(path[:1]) and loose:
+        elif loose[:1] == way.path[:1] and loose:
             what = f" is driven at {told} behind the passive slide {mechanism.joints[loose[0]]}"
         elif len(driven) > 1:
             what = f" has {len(driven)} actuated joints ({told})"
@@ -517,14 +506,14 @@ class _Recognizer:
             return f"{name}, driven at {told}, {where}"
         return f"{name}{what}, which {where}"
 
-    def askew(self, path: Sequence[int], end: _End, slides: Sequence[int]) -> bool:
+    def askew(self, way: _Way, slides: Sequence[int]) -> bool:
         """Whether a slide after turning joints is not along the line through the leg's ends."""
-        turning = [j for j in path if not self.mechanism.prismatic[j]]
-        if len(slides) != 1 or slides[0] not in path or not turning or path[-1] != slides[0]:
+        turning = [j for j in way.path if not self.mechanism.prismatic[j]]
+        if len(slides) != 1 or not turning or way.path[-1] != slides[0]:
             return False
         centre = next((c for c in self.built.centres if c.joints[0] == turning[0]), None)
         feet = self.points(centre or Centre((turning[0],), np.zeros(3)))
-        return self.beside(slides[0], self.outer_points(end) - feet)
+        return self.beside(slides[0], way.end - feet)
 
     def beside(self, joint: int, reach: Array) -> bool:
         """Whether a joint's axis has another direction than reach (N, 3)."""

@@ -78,24 +78,23 @@ class ModeSigns:
 def elbows(mechanism: Mechanism) -> tuple[Elbow, ...]:
     """Elbows of a mechanism, in the order of its inputs."""
     model = mechanism.model
-    parents = [int(p) for p in model.parents]
     out = []
     for a in mechanism.actuated:
         crank = a + 1
-        after = [j for j in range(1, model.njoints) if parents[j] == crank]
+        after = [int(j) for j in model.children[crank]]
         if len(after) != 1 or mechanism.prismatic[after[0] - 1]:
             continue
         elbow = after[0]
         slides = bool(mechanism.prismatic[a])
         if slides and not set(path_to(mechanism, crank)) <= set(mechanism.actuated):
             continue
-        beyond = [j for j in range(1, model.njoints) if parents[j] == elbow]
+        beyond = [int(j) for j in model.children[elbow]]
         last = elbow
         # After a slide, or at the end of a crank, a rod may turn about several crossed axes.
         carried = slides or not _meets(model, elbow)
         while carried and len(beyond) == 1 and _meets(model, beyond[0]):
             last = beyond[0]
-            beyond = [j for j in range(1, model.njoints) if parents[j] == last]
+            beyond = [int(j) for j in model.children[last]]
         if beyond:
             end = model.jointPlacements[beyond[0]].translation
             if np.linalg.norm(end) <= ROUNDING:

@@ -798,9 +798,9 @@ def _turning_forms(mechanism: Mechanism, found: Rods) -> PoseForms:
     notes = list(inputs_notes(ring))
     two, closing = ring.determinant(ring.lines()), _closing(ring)
     if _dependent(two):
-        always = "architecture singularity: the leg lines are dependent whatever the pose"
-        always += ": singular at every pose"
-        return PoseForms(ring.names, always, (), (), (), True, tuple(notes), (), closing)
+        return PoseForms(
+            ring.names, _architecture(found), (), (), (), True, tuple(notes), (), closing
+        )
     kind = "type 2 or constraint" if found.hinged or len(mechanism.task.rows) < 6 else "type 2"
     which = "forces that the legs pass" if any(rod.side for rod in found.rods) else "rod lines"
     words = f"the {which} and {_HINGED}" if found.hinged else f"the six {which} {_COMPLEX}"

@@ -256,13 +256,12 @@ def _run(
 ) -> tuple[Centre, int]:
     """Joints from ``first`` on whose axes share a point, and how many sit in it."""
     model = mechanism.model
-    parents = [int(p) for p in model.parents]
     busy = {b for pair in bodies(mechanism) for b in pair}
     chain, point, start, sitting = [first], np.zeros(3), np.zeros(3), 1
     free = True  # along the first axis, until a second one crosses it
     here = first
     while here + 1 != output and here + 1 not in busy:
-        after = [j for j in range(mechanism.n) if parents[j + 1] == here + 1]
+        after = [int(j) - 1 for j in model.children[here + 1]]
         if len(after) != 1 or after[0] not in left:
             break
         met = _meeting(model.jointPlacements[after[0] + 1], axes[here], axes[after[0]], point, free)

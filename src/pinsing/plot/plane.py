@@ -597,14 +597,17 @@ def _regions(key: Ints) -> Ints:
 
 def _depth(label: Ints) -> Ints:
     """Steps from each point to another label or the edge of the grid."""
-    from scipy.ndimage import distance_transform_cdt
+    from scipy.ndimage import (
+        distance_transform_cdt,
+        generate_binary_structure,
+        grey_dilation,
+        grey_erosion,
+    )
 
-    inside = np.ones(label.shape, dtype=bool)
-    inside[[0, -1]] = inside[:, [0, -1]] = False
-    for axis in (0, 1):
-        for step in (-1, 1):
-            inside &= np.roll(label, step, axis) == label
-    return np.asarray(distance_transform_cdt(inside, "taxicab"))
+    # Inside is where a point and its four neighbours have one label; beyond the grid is none.
+    padded, cross = np.pad(label, 1, constant_values=-1), generate_binary_structure(2, 1)
+    alike = grey_dilation(padded, footprint=cross) == grey_erosion(padded, footprint=cross)
+    return np.asarray(distance_transform_cdt(alike[1:-1, 1:-1], "taxicab"))
 
 
 _MOST_CURVES = 12
