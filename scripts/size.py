@@ -9,14 +9,14 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
 LIMITS: dict[str, tuple[int, int]] = {
-    "Python in src: statements": (41_540, 30_000),
-    "Python in src: lines": (77_047, 56_000),
+    "Python in src: statements": (41_484, 30_000),
+    "Python in src: lines": (76_981, 56_000),
     "C++, JavaScript, templates, styles: lines": (14_154, 9_500),
-    "modules": (212, 220),
+    "modules": (211, 220),
     "packages directly under pinsing": (16, 16),
     "numbers in module constants": (492, 500),
     "names exported by pinsing": (32, 32),
-    "lines of tests": (39_687, 28_000),
+    "lines of tests": (39_684, 28_000),
     "words of Markdown, changelog excluded": (39_999, 40_000),
     "CHANGELOG.md: lines": (150, 150),
 }
