@@ -552,19 +552,18 @@ class _Search:
         way, end = (np.linalg.norm(y, axis=2) for y in (steps, ends))
         return way + x.slack, (end + x.slack) * (1 + ROUNDING), steps
 
-    def _follow(self, x: _Cells, only: int | None = None) -> None:
-        """Step from centres, or from most of the way to points of a family, to nearer ones."""
-        scale = self.watched.weight * self.used
-        at = X = x.C * self.watched.weight
+    def _follow(self, x: _Cells, only: int | None = None, share: float = 0.0) -> None:
+        """Step from centres, or from a share of the way to points of a family, to nearer ones."""
+        conditions, families = self.watched.conditions.plain, range(len(self.each))
+        at = X = x.C * (weight := self.watched.weight)
         if only is not None:
-            at = np.where(self.used[only], X + 0.7 * (x.points[:, only] - X), X)
-        found = two_sided(
-            self.watched.conditions.plain, at / self.watched.weight, each=True, points=True
-        )
-        for f in range(len(scale)) if only is None else [only]:
-            points = found.points[:, f]
+            conditions, families = self.each[only], range(only, only + 1)
+            at = np.where(self.used[only], X + share * (x.points[:, only] - X), X)
+        found = two_sided(conditions, at / weight, each=True, points=True)
+        for i, f in enumerate(families):
+            points = found.points[:, i]
             way = np.linalg.norm((points - at)[:, self.used[f]], axis=1)
-            x.take(f, points, np.maximum(found.each[:, f, 1] - way, 0.0), scale[f])
+            x.take(f, points, np.maximum(found.each[:, i, 1] - way, 0.0), weight * self.used[f])
 
     def _begin_elsewhere(self, x: _Cells) -> None:
         """Step near the nearest of the points that are known of each surface."""
@@ -572,17 +571,20 @@ class _Search:
         # they are much smaller.
         X, turn = x.C * self.watched.weight, self.watched.conditions.turn
         size = np.linalg.norm(x.R * self.watched.weight, axis=1)
-        some = np.flatnonzero(size < x.asked / 4)
+        some = np.flatnonzero(size < x.asked / 2)
         x.asked[some] = size[some]
         for f, (tree, cloud) in self.clouds.items():
             own, whole, at = self.used[f], np.maximum(turn, 1.0), X[some]
             i = tree.query(np.where(turn > 0, at % whole, at)[:, own], workers=-1)[1]
             points = cloud.points[i, f]
             points += turn * np.round((at - points) / whole)
-            near = x[some]
-            near.take(f, points, cloud.slack[i, f], self.watched.weight * own)
+            near, found = x[some], x[some]
+            found.points[:, f], found.slack[:, f] = points, cloud.slack[i, f]
+            # Near a centre of curvature steps gain little from near the point, and miss from afar.
+            for share in (0.7, 0.5, 0.3, 0.3, 0.3):
+                self._follow(found, f, share)
+            near.take(f, found.points[:, f], found.slack[:, f], self.watched.weight * own)
             x.points[some], x.slack[some] = near.points, near.slack
-            self._follow(x, f)
 
     def _longest(
         self, r: Array, up: Array, over: Array, steps: Array, kept: Array, speeds: BoxSpeeds
