@@ -9,8 +9,8 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
 LIMITS: dict[str, tuple[int, int]] = {
-    "Python in src: statements": (41_484, 30_000),
-    "Python in src: lines": (76_981, 56_000),
+    "Python in src: statements": (41_487, 30_000),
+    "Python in src: lines": (76_983, 56_000),
     "C++, JavaScript, templates, styles: lines": (14_154, 9_500),
     "modules": (211, 220),
     "packages directly under pinsing": (16, 16),
