@@ -240,6 +240,17 @@ def sources(
     whole: int,
     out: NDArray[np.int64],
 ) -> None: ...
+def between(
+    q: NDArray[np.float64],
+    near: NDArray[np.float64],
+    sides: NDArray[np.float64],
+    upper: NDArray[np.float64],
+    way: NDArray[np.float64],
+    turn: NDArray[np.float64],
+    scale: NDArray[np.float64],
+    out: NDArray[np.float64],
+    threads: int,
+) -> None: ...
 def divided(
     source: NDArray[np.int64],
     part: NDArray[np.int64],

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "module.hpp"
+#include "share_out.hpp"
 
 namespace nb = nanobind;
 using nb::literals::operator""_a;
@@ -47,6 +48,42 @@ void sources(const InLinks& before, const InLinks& beside, const InLinks& last, 
             for (int side = 0; side < 2; side++)
                 put(ends[side] = last.data()[side * W + ends[side]]);
     }
+}
+
+// The most clearance `out` (M,) that there may be halfway from q (M, n) to its neighbours `sides`
+// (M, 2, n), `upper` (M,) being found at points `near` (M, n): as far as the ends are from there, and
+// half as far as the branch bends; infinite if that is as much as it is long, its `way` (M,).
+void between(const In& q, const In& near, const In& sides, const In& upper, const In& way,
+             const In& turn, const In& scale, Out out, int threads) {
+    const std::size_t M = out.size(), n = turn.size();
+    require(q.size() == M * n && near.size() == M * n && sides.size() == 2 * M * n &&
+                upper.size() == M && way.size() == M && scale.size() == n,
+            "nodes and neighbours do not fit");
+    const auto work = [&](std::int64_t first, std::int64_t count, double*) {
+        for (std::int64_t i = first; i < first + count; i++) {
+            double here = 0.0, ends[2] = {0.0, 0.0}, bent = 0.0;
+            for (std::size_t j = 0; j < n; j++) {
+                const double at = q.data()[i * n + j], off = at - near.data()[i * n + j];
+                const double by = scale.data()[j];
+                double both = 0.0;
+                for (int side = 0; side < 2; side++) {
+                    double half = sides.data()[(2 * i + side) * n + j] - at;
+                    half -= turn.data()[j] * std::rint(half * (0.5 / M_PI));
+                    both += half / 2;
+                    ends[side] += (off + half / 2) * by * ((off + half / 2) * by);
+                }
+                here += off * by * (off * by);
+                bent += both * by * (both * by);
+            }
+            const double farther = std::sqrt(std::max(ends[0], ends[1])) - std::sqrt(here);
+            const double bend = std::sqrt(bent) / 2;
+            out.data()[i] = 2 * bend < way.data()[i]
+                                ? upper.data()[i] + std::max(farther, 0.0) + bend
+                                : std::numeric_limits<double>::infinity();
+        }
+        return Outcome{-1, 0};
+    };
+    share_out(static_cast<std::int64_t>(M), threads, 1, work);
 }
 
 // Motions to parts of nodes, from parts of the nodes `source` (D, M) where theirs began: `part`
@@ -275,6 +312,9 @@ nb::tuple onward_back(Motions& motion, const InWhole& source, const In& through,
 void add_motions(nb::module_& m) {
     m.def("sources", &sources, "before"_a.noconvert(), "beside"_a.noconvert(), "last"_a.noconvert(),
           "here"_a.noconvert(), "whole"_a, "out"_a.noconvert());
+    m.def("between", &between, "q"_a.noconvert(), "near"_a.noconvert(), "sides"_a.noconvert(),
+          "upper"_a.noconvert(), "way"_a.noconvert(), "turn"_a.noconvert(), "scale"_a.noconvert(),
+          "out"_a.noconvert(), "threads"_a);
     m.def("divided", &divided, "source"_a.noconvert(), "part"_a.noconvert(), "value"_a.noconvert(),
           "half"_a.noconvert(), "last_value"_a.noconvert(), "last_half"_a.noconvert(), "reach"_a,
           "cyclic"_a, "none"_a, "before"_a.noconvert());

@@ -688,15 +688,12 @@ class _Planner:
                 k, q = k + first, self.Q[part][rows]
                 upper, near = self._closest(q)
                 most = np.maximum(self.clear[part][rows], upper)
-                most = self.likely[part][rows] = np.minimum(self.highest[part][rows], most)
-                self.highest[part][rows] = most
+                most = np.minimum(self.highest[part][rows], most)
+                self.likely[part][rows] = self.highest[part][rows] = most
                 self.seen[part][rows] = True
-                off, half = q - near, self._neighbors(k, at).swapaxes(0, 1) - q
-                half = _unturned(half, self.whole) / 2
-                ends = self._size(off + half).max(axis=0) - self._size(off)
-                bent = self._size(half.sum(axis=0)) / 2
-                most = upper + np.maximum(ends, 0.0) + bent
-                self.between[part][rows] = np.where(2 * bent < self.way[k, at], most, np.inf)
+                how = upper, self.way[k, at], self.whole, self.scale, most, engine.cpu_count()
+                engine.module().between(q, near, self._neighbors(k, at), *how)
+                self.between[part][rows] = most
             self._carry(part)
             np.minimum(self.likely[part], self.highest[part], out=self.likely[part])
         self.alive = self._linked(least)
@@ -824,10 +821,11 @@ class _Planner:
             T, S = len(self.turns), self.Q.shape[2]
             ends = np.stack([here[proofs[0] // T], proofs[2] // T]) // S
             keep = ~long | (ends % every == 0).all(axis=0)
-        share = len(here) / (len(self.T) * max(1, int((room >= floor).sum())))
-        most = max(int(_LONG * share), self.Q.shape[2])
-        if (long & keep).sum() > most:  # those that lack the least
-            keep &= ~long | (proofs[3] <= np.partition(proofs[3][long & keep], most)[most])
+        if long.any():
+            share = len(here) / (len(self.T) * max(1, int((room >= floor).sum())))
+            most = max(int(_LONG * share), self.Q.shape[2])
+            if (long & keep).sum() > most:  # those that lack the least
+                keep &= ~long | (proofs[3] <= np.partition(proofs[3][long & keep], most)[most])
         cell, held, edge = (x[keep] for x in proofs[:3])
         self._prove_edges(k, here, cell, held, edge, new.ravel(), from_.ravel())
         value = bounds[3].reshape(-1, len(self.turns))
@@ -1166,22 +1164,24 @@ class _Planner:
         while len(more := np.flatnonzero(value > new[cell])):  # each state's best candidate first
             cell, value, edge = cell[more], value[more], edge[more]
             at = np.unique(cell, return_index=True)[1]
-            q = self.Q[k - 1].reshape(-1, self.arm.n)[edge[at] // T]
-            move = self._gap(self.Q[k].reshape(-1, self.arm.n)[here[cell[at] // T]] - q)
+            pairs = (k - 1, edge[at] // T), (k, here[cell[at] // T])
+            q, to = (self.Q[i].reshape(-1, self.arm.n)[x] for i, x in pairs)
+            clear, move = [self.clear[i].ravel()[x] for i, x in pairs], self._gap(to - q)
             found = np.minimum(value[at], self._least_seen(q, move))
             value[at] = -np.inf
             better = found > new[cell[at]]
-            better[better] = self._is_clear(q[better], move[better])
+            ends = (x[better] for x in clear)
+            better[better] = self._is_clear(q[better], move[better], *ends)
             close = self._least_seen(q[better], move[better], close=True)
             found[better] = np.minimum(found[better], close)
             better &= found > new[cell[at]]
             at, found = at[better], found[better]
             new[cell[at]], from_[cell[at]] = found, edge[at]
 
-    def _is_clear(self, q: Array, move: Array) -> Bool:
-        """Which motions (M, n) from q (M, n) are proven clear, by halving them."""
+    def _is_clear(self, q: Array, move: Array, *ends: Array) -> Bool:
+        """Which motions (M, n) from q (M, n), clear at both ends, are proven so by halving."""
         out: Bool = np.ones(len(q), dtype=bool)
-        edge, ends = np.arange(len(q)), [quick(self.watched, x).lower for x in (q, q + move)]
+        edge = np.arange(len(q))
         for _ in range(_HALVED):
             left = ends[0] + ends[1] <= np.linalg.norm(move * self.scale, axis=1)
             out[edge[left & (np.minimum(*ends) <= 0)]] = False
@@ -1191,7 +1191,7 @@ class _Planner:
             edge, q, move, (a, b) = edge[left], q[left], move[left] / 2, (x[left] for x in ends)
             middle = quick(self.watched, q + move).lower
             edge, q, move = np.tile(edge, 2), np.concatenate([q, q + move]), np.tile(move, (2, 1))
-            ends = [np.concatenate([a, middle]), np.concatenate([middle, b])]
+            ends = np.concatenate([a, middle]), np.concatenate([middle, b])
         out[edge[ends[0] + ends[1] <= np.linalg.norm(move * self.scale, axis=1)]] = False
         return out
 
@@ -1297,9 +1297,10 @@ class _Planner:
             fits = (turns.sum(axis=0) if self.start is None else turns.min(axis=0)) >= 0
             fits = (fits | self.bounded) & (np.abs(move * self.scale) <= self._farthest(k))
             goes = fits.all(axis=1) & np.isfinite(out[:, k - 1] + way[rows, near])
-            over = way[rows, near] - (self.clear[k, i[k], near] + self.clear[k - 1, i[k - 1], at])
-            long = goes & (over >= 0)
-            goes[long] = self._is_clear(self.Q[k - 1, i[k - 1], at[long]], move[long])
+            clear = self.clear[k - 1, i[k - 1], at], self.clear[k, i[k], near]
+            long = goes & (way[rows, near] >= clear[0] + clear[1])
+            begin = self.Q[k - 1, i[k - 1], at[long]], move[long]
+            goes[long] = self._is_clear(*begin, *(x[long] for x in clear))
             out[:, k] = np.where(goes, self.likely[k, i[k], near], np.nan)
             at = near
         return out
