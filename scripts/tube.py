@@ -67,6 +67,24 @@ def distances(form: pinsing.ClosedForm, Q: np.ndarray) -> np.ndarray:
     return np.stack(each, axis=1)
 
 
+def counted(form: pinsing.ClosedForm, Q: np.ndarray) -> np.ndarray:
+    """Those of Q that the tube is about: within the joint limits, if it is of these."""
+    assert form.tube is not None
+    if not form.tube.within_limits:
+        return Q
+    low, high = ranges(form)
+    Q = low + np.mod(Q - low, 2 * np.pi)
+    return Q[(high >= Q).all(axis=1)]
+
+
+def ranges(form: pinsing.ClosedForm) -> tuple[np.ndarray, np.ndarray]:
+    """Joint values to begin at: a circle, or the limits that the tube is within."""
+    assert form.tube is not None
+    limited = form.tube.within_limits & np.isfinite(form.arm.lower)
+    low = np.where(limited, form.arm.lower, -np.pi)
+    return low, np.where(limited, np.minimum(form.arm.upper, low + 2 * np.pi), np.pi)
+
+
 def climb(
     form: pinsing.ClosedForm, Q: np.ndarray, rounds: int, rng: np.random.Generator
 ) -> np.ndarray:
@@ -76,8 +94,9 @@ def climb(
     """
     assert form.loaded is not None
     assert form.tube is not None
+    Q = counted(form, Q)
     every = [Q]
-    for _ in range(rounds):
+    for _ in range(rounds if len(Q) else 0):
         each = distances(form, Q)
         order = np.sort(each, axis=1)
         alone = (order[:, 1:2] > form.tube.near).all(axis=1)
@@ -86,7 +105,8 @@ def climb(
         best = Q[np.concatenate([far[kind[far] == k][:20] for k in np.unique(kind)])]
         starts = np.repeat(best, 4, axis=0)
         size = 10 ** rng.uniform(-3, -0.5, (len(starts), 1))
-        fresh = find_singular(form.loaded, starts + size * rng.normal(size=starts.shape))
+        beside = starts + size * rng.normal(size=starts.shape)
+        fresh = counted(form, find_singular(form.loaded, beside))
         every.append(fresh)
         Q = np.concatenate([best, fresh])
     return np.concatenate(every)
@@ -126,7 +146,9 @@ def unmet(form: pinsing.ClosedForm, paths: int, rng: np.random.Generator) -> tup
         ends = np.stack([middle - away, middle + away])
         flat = ends.reshape(-1, arm.n)
         design_each = two_sided(watch(form).conditions.plain, flat, each=True).each
-        beyond = form.tube.margin.take_off(flat, design_each).min(axis=1) > 0
+        margin = watch(form).margin
+        assert margin is not None
+        beyond = margin.take_off(flat, design_each).min(axis=1) > 0
         clear = beyond.reshape(2, -1).all(axis=0)
         D = np.linalg.det(frame_jacobians(arm, flat)).reshape(2, -1)
         design = form.geometry.arm  # type: ignore[union-attr]
@@ -151,7 +173,7 @@ def attack(name: str, robots: int, searches: int, paths: int, rounds: int) -> in
         assert tube is not None
         out, most, found, near = 0, np.zeros(2), 0, 0
         for first in range(0, searches, 10_000):
-            starts = rng.uniform(-np.pi, np.pi, (min(10_000, searches - first), robot.n))
+            starts = rng.uniform(*ranges(form), (min(10_000, searches - first), robot.n))
             Q = climb(form, find_singular(robot, starts), rounds, rng)
             wrong, far = outside(form, Q)
             out, most, found = out + wrong, np.maximum(most, far), found + len(Q)
@@ -161,7 +183,8 @@ def attack(name: str, robots: int, searches: int, paths: int, rounds: int) -> in
         alone, wide, by_one, far = np.degrees([tube.alone, tube.width, *most])
         widths = f"{alone:.2f}° alone, {by_one:.2f}° found; {wide:.2f}° where two meet, "
         print(
-            f"{name} {i}: {widths * tube.proven}{far:.2f}° found; {out} of {found} outside, "
+            f"{name} {i}: {'within limits ' * tube.within_limits}{widths * tube.proven}"
+            f"{far:.2f}° found; {out} of {found} outside, "
             f"{near} beside them too clear, {missed} of {tried} paths unmet; {took:.1f} s",
             flush=True,
         )

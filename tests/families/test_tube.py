@@ -4,7 +4,7 @@ import importlib.util
 import math
 from dataclasses import replace
 from pathlib import Path
-from types import ModuleType
+from types import ModuleType, SimpleNamespace
 
 import numpy as np
 import pytest
@@ -93,7 +93,7 @@ def test_boxes_keep_their_zeros_and_none_is_farther_than_told(
     families = pinsing.closed_form(arm, prove=False).families
     product, F = tubes.factorize(attack.perturb(arm, rng), arm, families), len(families)
     d = len(product.joints)
-    zeros = tubes.search(product, rng.uniform(0, 6, (2000 // (d - 3) ** 3, d)))
+    zeros = product.search(rng.uniform(0, 6, (2000 // (d - 3) ** 3, d)))
     far = tubes._of_families(product, zeros, lambda s, at: tubes._sure(s, zeros))
     near = tubes._away(product, zeros).min(axis=1)
     assert (near <= far.min(axis=1) * 1.1 + 1e-3).mean() > 0.8
@@ -147,8 +147,12 @@ def test_paths_across_walls_meet_a_singular_configuration(
     assert (wrong, tried > 30) == (0, True)
 
 
-@pytest.mark.slow
-def test_without_a_tube_the_robots_jacobian_bounds_its_clearance(attack: ModuleType) -> None:
+def test_without_a_tube_the_robots_jacobian_bounds_its_clearance(
+    attack: ModuleType, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    # As where nothing is compiled.
+    nothing = SimpleNamespace(available=lambda: False, unavailable_reason=lambda: "no compiler")
+    monkeypatch.setattr(tubes, "engine", nothing)
     panda = pinsing.load("panda")
     rng = np.random.default_rng(3)
     robot = attack.perturb(panda, rng)
@@ -164,7 +168,7 @@ def test_without_a_tube_the_robots_jacobian_bounds_its_clearance(attack: ModuleT
     assert each[0] == each[1]
     assert form.tube is not None
     assert not form.tube.proven
-    assert "NOT proven" in str(form.tube)
+    assert "from these is NOT proven: no compiler." in str(form.tube)
     q = [0, -0.5, 0.3, -2, 0.4, 1.5, 0]
     radius = pinsing.kinematics.regular_radius(form.loaded, q)
     assert radius > 0.1
@@ -177,6 +181,35 @@ def test_without_a_tube_the_robots_jacobian_bounds_its_clearance(attack: ModuleT
     lower = pinsing.clearance(form, found + steps).lower
     assert (lower <= np.linalg.norm(steps, axis=1)).all()
     assert (len(found) > 20, np.median(lower) > 0.02) == (True, True)
+
+
+def test_a_tube_within_the_limits_is_not_taken_off_beyond_them(form: pinsing.ClosedForm) -> None:
+    assert form.tube is not None
+    assert form.loaded is not None
+    of = replace(form, tube=replace(form.tube, within_limits=True, reason="it was too wide"))
+    assert "of this robot within its joint limits lies within" in str(of.tube)
+    assert "beyond the limits: on full circles it was too wide." in str(of.tube)
+    assert type(of).from_json(of.to_json()).tube == of.tube
+    half = np.array([0.0, -1.2, np.pi, -1.0, -1.5, 0.0])  # the elbow at its limit
+    ways = np.stack([half - d * np.eye(6)[2] for d in (1.0, 0.5, 1e-6, -1e-6, -0.1)])
+    lower, whole = pinsing.clearance(of, ways).lower, pinsing.clearance(form, ways).lower
+    assert lower[:3] == pytest.approx(whole[:3])
+    radius = pinsing.kinematics.regular_radius(form.loaded, ways)
+    upper = pinsing.clearance(of, ways).upper
+    assert lower[3:] == pytest.approx(np.minimum(radius, upper)[3:])
+    near = half - 0.8 * np.eye(6)[2]
+    assert pinsing.clearance(of, near, certify=True).lower > radius[0]
+    assert pinsing.Monitor(of, warn=0.2, stop=0).update(ways[4]).lower == lower[4]
+    guard: dict[str, object] = {}
+    exec(pinsing.export_guard(form.loaded, "python", forms=of), guard)
+    assert guard["clearance"](ways)[3:].tolist() == [0.0, 0.0]  # type: ignore[operator]
+    assert guard["clearance"](ways)[0] > 0.4  # type: ignore[operator]
+    aside = ways + np.array([0.0, 0.0, 0.2, 0.0, 0.0, 0.0])  # ends 0.3 rad beyond
+    for way, proven in ((ways[:2], True), (aside[[1, 4]], False)):
+        checks = (pinsing.check_trajectory(f, way) for f in (form, of))
+        plain, limited = (min(a.lower for a in c.approaches) for c in checks)
+        assert (limited == plain > 0) == proven
+        assert proven or limited == 0
 
 
 def test_lengths_that_may_be_one_are_in_a_found_design() -> None:

@@ -543,9 +543,9 @@ inline void rank_box(const Tube& p, One* x, One* h, One* far, One& split) {
         minor.noise += spread(more.size * (more.noise + 1e-13));
         minor.finish();
         clear = clear | (minor.least() > 0.0);
-        const One varies = vmin(minor.swing, spread(s.size)), part = varies / minor.swing;
+        const One ratio = 0.2 + vabs(minor.value) / minor.swing, part = 1.0 / minor.swing;
         for (int j = 0; j < 4; j++)
-            scores[s.joint[j]] += (vabs(minor.value) + 0.3 * varies) * part * minor.parts[j];
+            scores[s.joint[j]] += ratio * ratio * part * minor.parts[j];
         for (int j = 0; j < 4; j++) {
             One low, high, &at_j = x[s.joint[j]], &wide_j = h[s.joint[j]];
             const auto less = minor.zeros(j, low, high) & ~clear;
@@ -559,15 +559,15 @@ inline void rank_box(const Tube& p, One* x, One* h, One* far, One& split) {
         share = vmax(share, scores[j]);
     }
     if (!any(~clear)) return;
-    One within[kTubeSums], nearest = spread(kFar);
+    One within[kTubeSums], nearest = spread(kFar), inside = nearest;
     for (int k = 0; k < F; k++) within[k] = nearest;
     for (int i = 0; i < p.factors;) {
         const int first = p.sums[3 + i].branch, k = p.sums[3 + i].family;
-        One square = zero;
+        One square = zero, middle_square = zero, parts[n] = {zero, zero, zero, zero, zero};
         for (; i < p.factors && p.sums[3 + i].branch == first; i++) {
             const TubeSum& s = p.sums[3 + i];
             if (!s.is_value && !any(~clear & (square < 9.0 * p.near * p.near))) {
-                square = spread(kFar * kFar);
+                square = middle_square = spread(kFar * kFar);
                 continue;
             }
             One at[4], wide[4];
@@ -576,6 +576,8 @@ inline void rank_box(const Tube& p, One* x, One* h, One* far, One& split) {
             if (s.is_value) {
                 of_value(s, at, wide, high, low);
                 square += high * high;
+                parts[s.joint[0]] += wide[0];
+                middle_square += (high - wide[0]) * (high - wide[0]);
                 continue;
             }
             Condition c;
@@ -588,9 +590,27 @@ inline void rank_box(const Tube& p, One* x, One* h, One* far, One& split) {
                 low = select(enough, low, middle);
             }
             square += high * high;
+            One left = c.most;
+            for (int j = 0; j < 4; j++) {
+                if (!s.uses[j]) continue;
+                left -= c.parts[j];
+                parts[s.joint[j]] += high * (c.parts[j] / vmax(c.most, kLeast) + vmin(c.sway[j], spread(1.0)));
+            }
+            const One middle = high * left / vmax(c.most, kLeast);
+            middle_square += middle * middle;
         }
+        const auto nearer = square < nearest * nearest;
+        inside = select(nearer, middle_square, inside);
+        for (int j = 0; j < n; j++) scores[j] = select(nearer, parts[j], scores[j]);
         within[k] = vmin(within[k], vsqrt(square) * kMore);
         nearest = vmin(nearest, within[k]);
+    }
+    // Near a family, that its distance varies less.
+    const auto beside = ~clear & (4.0 * inside < nearest * nearest);
+    share = zero;
+    for (int j = 0; j < n; j++) {
+        split = select((scores[j] > share) & beside, spread(j), split);
+        share = vmax(share, scores[j]);
     }
     far[F] = select(clear, zero, nearest);
     for (int k = 0; k < F; k++) {

@@ -31,6 +31,7 @@ from pinsing._types import Array, Bool, Ints
 from pinsing.algebra.equation import Equation
 from pinsing.algebra.trig_sum import COMBINED, TrigSum
 from pinsing.errors import OptionError
+from pinsing.measures import ROUNDING
 
 NORMS = ("euclidean", "max")
 
@@ -90,10 +91,24 @@ class Margin:
     near: float
     # what no point of it is nearer than to Q (N, n), joint values: (N,), weighted coordinates
     own: Callable[[Array], Array] | None = None
+    # (2, n): joint values of the points that are meant, where it is not all; bounds beyond are 0
+    limits: Array | None = None
 
     def times(self, factor: float) -> Margin:
         """The same in coordinates in which no distance is longer than this many times."""
-        return Margin(self.alone * factor, self.meeting * factor, self.near * factor)
+        return replace(
+            self,
+            alone=self.alone * factor,
+            meeting=self.meeting * factor,
+            near=self.near * factor,
+        )
+
+    def holds(self, Q: Array) -> Bool:
+        """Return which configurations (N,) bounds are of: those within the limits."""
+        if self.limits is None:
+            return np.ones(len(Q), dtype=bool)
+        low, high = self.limits
+        return np.asarray(((low - ROUNDING <= Q) & (high + ROUNDING >= Q)).all(axis=1))
 
     def take_off(self, Q: Array, each: Array) -> Array:
         """Return bounds (N, F) of the distance of Q to the points near each family."""
@@ -105,6 +120,7 @@ class Margin:
         with np.errstate(invalid="ignore"):
             off = np.minimum(lower - self.alone, there)
         found = np.where(np.isfinite(self.meeting), np.maximum(off, 0.0), 0.0)
+        found = np.where(self.holds(Q)[:, None], found, 0.0)
         if self.own is not None:
             found = np.maximum(found, np.minimum(self.own(Q)[:, None], each[..., 1]))
         return found

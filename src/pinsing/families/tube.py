@@ -24,7 +24,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
+from typing import TypeAlias
 
 import numpy as np
 
@@ -60,8 +61,9 @@ class TubeWidth:
     persists : bool
         Whether every path across the tube that is far from the other families meets a singular
         configuration; False where no configuration was found outside of the tube on either side,
-        as of a wide one, and of redundant arms, where nothing separates. Where two walls meet a
-        path may pass between them, as a hyperbola opens.
+        as of a wide one. Of redundant arms always False: their singular configurations are of
+        codimension 2 but for special designs, so that paths go round them. Where two walls meet
+        a path may pass between them, as a hyperbola opens.
     """
 
     family: str
@@ -88,11 +90,13 @@ class Tube:
     near : float
         Radians; what is farther from a family than this is far.
     reason : str
-        Why there is no proof; empty where there is one.
+        Why there is no proof, of all configurations; empty where there is one.
     assumed : tuple of AxisDifference
         How far each axis of the robot is from where the design has it.
     boxes : int
         How many boxes of joint values were looked at.
+    within_limits : bool
+        Whether the widths are proven of configurations within the joint limits alone.
     """
 
     width: float
@@ -103,6 +107,7 @@ class Tube:
     reason: str
     assumed: tuple[AxisDifference, ...]
     boxes: int
+    within_limits: bool = field(default=False, metadata={"optional": True})
 
     @property
     def deviation(self) -> Deviation:
@@ -137,10 +142,14 @@ class Tube:
             f" {which}: any path across one of them by more than that, away from the others, meets "
             "a singular configuration."
         )
-        every = (
-            f"{count} of the design. Every singular configuration of this robot lies {self.where}."
-        )
-        return every + persist * bool(walls)
+        every = f"{count} of the design. Every singular configuration of {self.whose} lies "
+        beyond = f" Nothing is proven beyond the limits: on full circles {self.reason}."
+        return f"{every}{self.where}.{beyond * self.within_limits}{persist * bool(walls)}"
+
+    @property
+    def whose(self) -> str:
+        """Whose singular configurations are near to the families, in words."""
+        return "this robot" + " within its joint limits" * self.within_limits
 
     @property
     def where(self) -> str:
@@ -168,32 +177,58 @@ def _degrees(x: float) -> str:
 def find_tube(robot: Arm, design: Arm, families: Sequence[Family]) -> Tube:
     """Find how far the singular configurations of a robot are from families of its design."""
     assumed, F = differences(robot, design), len(families)
-    reason, persists = "", [False] * F
+    reason, persists, limited = "", [False] * F, False
     width, found, count = np.full(F + 1, np.inf), np.zeros(F + 1), 0
+
+    def why() -> str:
+        if np.isfinite(width).all():
+            return ""
+        far = f"one was found {_degrees(found[-1])} from all of them, too far for a narrow width"
+        return f"{count} boxes of joint values did not suffice" if count else far
+
     try:
-        product = factorize(robot, design, families)
-        width, found, count = find_widths(product, families)
-        powers = [[f.power % 2 for f in product.factors if f.family == k] for k in range(F)]
-        if product.redundant is None:
-            both = _two_sides(product, width)
+        of = factorize(robot, design, families)
+        ranges = _limits(robot, of)
+        has_limits = bool((ranges != of.ranges).any())
+        width, found, count = find_widths(of, families, narrow=has_limits)
+        reason = why()
+        limited = bool(reason) and has_limits
+        if limited:
+            of = replace(of, ranges=ranges)
+            width, found, count = find_widths(of, families)
+            again = why()
+            reason += f"; within the joint limits {again}" * bool(again)
+        if isinstance(of, Determinant):
+            powers = [[f.power % 2 for f in of.factors if f.family == k] for k in range(F)]
+            both = _two_sides(of, width)
             persists = [all(odd) and two for odd, two in zip(powers, both, strict=True)]
-    except Unproven as why:
-        reason = str(why)
-    if not reason and not np.isfinite(width).all():
-        reason = f"{count} boxes of joint values did not suffice"
-        if not count:
-            far = _degrees(found[-1])
-            reason = f"one was found {far} from all of them, too far for a width to help"
-    if reason:
+    except Unproven as unproven:
+        reason = str(unproven)
+    proven = bool(np.isfinite(width).all())
+    if not proven:
         width, persists = np.full(F + 1, np.inf), [False] * F
     rows = zip(families, width[:F].tolist(), found[:F].tolist(), persists, strict=True)
     parts = tuple(TubeWidth(f.name, w, low, p) for f, w, low, p in rows)
-    whole = float(width[-1]), float(found[-1])
-    return Tube(*whole, not reason, parts, NEAR, reason, assumed, count)
+    whole, near = (float(width[-1]), float(found[-1])), _near(width)
+    return Tube(*whole, proven, parts, near, reason, assumed, count, proven and limited)
+
+
+def _limits(robot: Arm, of: Equations) -> Array:
+    """Limits (d, 2) of the joints that matter; of those that turn all around, a circle."""
+    inner = list(of.joints)
+    ranges = np.stack([robot.lower[inner] - ROUNDING, robot.upper[inner] + ROUNDING], axis=1)
+    return np.where(np.diff(ranges) < 2 * np.pi, ranges, _CIRCLE)
 
 
 NEAR = math.radians(10)
 """Radians; a configuration this near to two families is where they meet."""
+
+
+def _near(width: Array) -> float:
+    """Return ``Tube.near`` of widths: what a wide tube of one family reaches is not far from it."""
+    return max(NEAR, float(width[-1])) if np.isfinite(width).all() else NEAR
+
+
 _UNIT = float(np.finfo(float).epsneg)
 _MORE = 1 + ROUNDING
 """What bounds grow by, for the rounding of the few operations that they are made of."""
@@ -211,23 +246,65 @@ class Factor:
 
 
 @dataclass(frozen=True)
-class Product:
-    """The determinant of a robot as ``h prod f^m + E``, or conditions of a redundant design."""
+class Determinant:
+    """The determinant of a robot as ``h prod f^m + E``, a sum over the joints that matter."""
 
     joints: tuple[int, ...]
     factors: tuple[Factor, ...]
+    ranges: Array  # (d, 2): of these joints; a circle from any value
     h: TrigSum
     plain: TrigSum  # of the design's determinant
     rest: TrigSum
-    redundant: Arm | None = None  # the robot, where it has no determinant
-    minors: tuple[TrigSum, ...] = ()
+
+    @property
+    def sums(self) -> tuple[TrigSum, ...]:
+        """The kernel's sums beside the factors: before and after these."""
+        return self.plain, self.rest, self.h
+
+    def search(self, x: Array) -> Array:
+        """Singular configurations (K, d) near starts (N, d)."""
+        for _ in range(12):
+            plain, rest = self.plain.at(x), self.rest.at(x)
+            slope = plain.gradient + rest.gradient
+            least = np.maximum((slope**2).sum(axis=1), TINY)
+            step = ((plain.value + rest.value) / least)[:, None] * slope
+            size = np.linalg.norm(step, axis=1, keepdims=True)
+            x = x - step * np.minimum(1.0, 0.2 / np.maximum(size, TINY))
+        return np.asarray(x[size[:, 0] < 1e-9])
+
+
+@dataclass(frozen=True)
+class Minors:
+    """Minors of the Jacobian of a redundant robot, and the conditions of its design's families."""
+
+    joints: tuple[int, ...]
+    factors: tuple[Factor, ...]
+    ranges: Array  # as of a determinant
+    arm: Arm
+    minors: tuple[TrigSum, ...]
+
+    @property
+    def sums(self) -> tuple[TrigSum, ...]:
+        """The kernel's sums beside the factors: three that stand for none, and the minors."""
+        return (*[_nothing(5)] * 3, *self.minors)
+
+    def search(self, x: Array) -> Array:
+        """Singular configurations (K, d) near starts (N, d)."""
+        Q, inner = np.zeros((len(x), self.arm.n)), list(self.joints)
+        Q[:, inner] = x
+        drops = approach(self.arm, Q, np.isin(np.arange(self.arm.n), inner))
+        return np.asarray(drops.q[drops.sigma[:, -1] < 1e-9 * drops.sigma[:, 0]][:, inner])
+
+
+Equations: TypeAlias = Determinant | Minors
+"""What is zero at the singular configurations of a robot, beside conditions of its design."""
 
 
 class Unproven(Exception):
     """There is no proof: why, in words."""
 
 
-def factorize(robot: Arm, design: Arm, families: Sequence[Family]) -> Product:
+def factorize(robot: Arm, design: Arm, families: Sequence[Family]) -> Equations:
     """Write the determinant of a robot by the conditions of its design's families."""
     rows, n = robot.task.rows, robot.n
     pose = robot.task.name == "pose"
@@ -241,12 +318,11 @@ def factorize(robot: Arm, design: Arm, families: Sequence[Family]) -> Product:
         raise Unproven(str(engine.unavailable_reason()))
     branches = [(k, b) for k, f in enumerate(families) for b in f.branches]
     factors = [f for i, (k, b) in enumerate(branches) for f in _factors(k, i, b, joints)]
+    ranges = np.tile(_CIRCLE, (len(joints), 1))
     if redundant:
         if len(factors) > 54 or max(len(f.sum.used) for f in factors) > 4:
             raise Unproven("the design has too many conditions, or one of five joints")
-        minors = tuple(_minors(robot, joints))
-        none = _nothing(5)
-        return Product(joints, tuple(factors), none, none, none, robot, minors)
+        return Minors(joints, tuple(factors), ranges, robot, tuple(_minors(robot, joints)))
     if len(factors) > len(branches):
         raise Unproven("a family is of several conditions, which separate nothing")
     if len(joints) > (4 if pose else 3):
@@ -281,7 +357,7 @@ def factorize(robot: Arm, design: Arm, families: Sequence[Family]) -> Product:
             "the design differs too much from the robot, or has its joint zeros elsewhere"
         )
     plain = grid.sum(at.value * P, start, float(off.max()))
-    return Product(joints, tuple(factors), h, plain, rest)
+    return Determinant(joints, tuple(factors), ranges, h, plain, rest)
 
 
 def _factors(family: int, index: int, branch: Branch, joints: tuple[int, ...]) -> list[Factor]:
@@ -410,7 +486,7 @@ class _TorusGrid:
         return TrigSum(amplitude[kept], phase, kept_rate, np.zeros(kept_rate.shape), noise)
 
 
-def halve(p: Product, boxes: Array) -> Array:
+def halve(p: Equations, boxes: Array) -> Array:
     """Return the halves (2N, 12 + F) of boxes (N, 12 + F), and what is proven of them.
 
     A row is a middle and half widths of five joints, ``far`` (F + 1,), and the joint to halve. No
@@ -419,13 +495,13 @@ def halve(p: Product, boxes: Array) -> Array:
     are cut down to where the determinant may be zero.
     """
     out = np.empty((2 * len(boxes), boxes.shape[1]))
-    minors = [Factor(-1, s, False, 0) for s in p.minors]
-    every = [*(Factor(-1, s, False, 0) for s in (p.plain, p.rest, p.h)), *p.factors, *minors]
+    sums = [Factor(-1, s, False, 0) for s in p.sums]
+    every = [*sums[:3], *p.factors, *sums[3:]]
     terms, about = [], []
     for f in every:
         s = f.sum
         d = s.rate.shape[1]
-        own = s.used if p.redundant is not None and len(s.used) < 5 else np.arange(d)
+        own = s.used if isinstance(p, Minors) and len(s.used) < 5 else np.arange(d)
         rate = np.zeros((len(s.amplitude), 5))
         rate[:, : len(own)] = s.rate[:, own]
         terms.append(np.column_stack([s.amplitude, s.phase, rate]))
@@ -444,40 +520,24 @@ def halve(p: Product, boxes: Array) -> Array:
     return out
 
 
-def search(p: Product, x: Array) -> Array:
-    """Singular configurations (K, d) near starts (N, d)."""
-    if p.redundant is not None:
-        Q = np.zeros((len(x), p.redundant.n))
-        Q[:, list(p.joints)] = x
-        drops = approach(p.redundant, Q, np.isin(np.arange(p.redundant.n), p.joints))
-        return np.asarray(drops.q[drops.sigma[:, -1] < 1e-9 * drops.sigma[:, 0]][:, list(p.joints)])
-    for _ in range(12):
-        plain, rest = p.plain.at(x), p.rest.at(x)
-        slope = plain.gradient + rest.gradient
-        least = np.maximum((slope**2).sum(axis=1), TINY)
-        step = ((plain.value + rest.value) / least)[:, None] * slope
-        size = np.linalg.norm(step, axis=1, keepdims=True)
-        x = x - step * np.minimum(1.0, 0.2 / np.maximum(size, TINY))
-    return np.asarray(x[size[:, 0] < 1e-9])
-
-
-def _two_sides(p: Product, width: Array) -> list[bool]:
+def _two_sides(p: Equations, width: Array) -> list[bool]:
     """Return which families have configurations outside of their tubes on both sides."""
-    x = np.random.default_rng(3).uniform(0, 2 * np.pi, (20_000, len(p.joints)))
+    low, high = p.ranges.T
+    x = np.random.default_rng(3).uniform(low, high, (20_000, len(low)))
     away, found = _away(p, x), []
     for k in range(away.shape[1]):
-        out = (away[:, k] > width[k]) & (np.delete(away, k, axis=1) > NEAR).all(axis=1)
+        out = (away[:, k] > width[k]) & (np.delete(away, k, axis=1) > _near(width)).all(axis=1)
         side = _product([replace(f, power=1) for f in p.factors if f.family == k], x[out])[0] > 0
         found.append(bool(side.any() and not side.all()))
     return found
 
 
-def _away(p: Product, x: Array) -> Array:
+def _away(p: Equations, x: Array) -> Array:
     """How far (N, F) configurations (N, d) are from families at least."""
     return _of_families(p, x, lambda s, at: to_zeros([s], [at], x))
 
 
-def _estimates(p: Product, x: Array) -> Array:
+def _estimates(p: Equations, x: Array) -> Array:
     """How far (N, F) configurations (N, d) are from families, as the slopes there say."""
     return _of_families(p, x, lambda s, at: np.abs(at.value) / s.dual(at.gradient))
 
@@ -487,7 +547,7 @@ def _sure(s: TrigSum, x: Array) -> Array:
     side, x = 0.5, x[:, s.used]
     d = len(s.used)
     own = TrigSum(s.amplitude, s.phase, s.rate[:, s.used], s.power[:, s.used], s.noise)
-    alone = Product((), (), _nothing(d), own, _nothing(d))
+    alone = Determinant((), (), np.empty((0, 2)), _nothing(d), own, _nothing(d))
     of, boxes = np.arange(len(x)), np.zeros((len(x), 13))
     boxes[:, :d], boxes[:, 5 : 5 + d], boxes[:, 10:12] = x, side, _NONE
     for _ in range(60):
@@ -507,7 +567,7 @@ def _sure(s: TrigSum, x: Array) -> Array:
     return least / _MORE
 
 
-def _of_families(p: Product, x: Array, far: Callable[[TrigSum, At], Array]) -> Array:
+def _of_families(p: Equations, x: Array, far: Callable[[TrigSum, At], Array]) -> Array:
     away = np.full((len(x), 1 + max(f.family for f in p.factors)), np.inf)
     for of in {f.branch for f in p.factors}:
         whole = np.zeros(len(x))
@@ -523,20 +583,25 @@ MOST = 4_000_000
 """Boxes after which the width is what has been proven till then."""
 SLACK = 1.5
 """A width this much larger than the largest distance found is good enough; in the end twice it."""
+_CIRCLE = 1 - np.pi, 1 + np.pi
+"""The range of a joint that turns all around; halves of it are cut off the usual values."""
 _NONE = 1e9
 """A distance where none is known, as in the kernel."""
 
 
-def _first(p: Product, families: int) -> Array:
+def _first(p: Equations, families: int) -> Array:
     """Boxes (N, 12 + F) to begin with: thin where a family is a joint value, as the tube is."""
-    # One where minors tell; halves of it are cut off the usual values.
-    sides = [np.array([1 - np.pi, 1 + np.pi])] * (5 * bool(p.minors))
-    for j in range(len(sides), len(p.joints)):
+    sides = []
+    for j, (low, high) in enumerate(p.ranges):
         values = [-2 * f.sum.phase[0] - np.pi for f in p.factors if f.is_value and f.sum.rate[0, j]]
         parts = NEAR * np.array([-4, -1.5, -0.5, 0.5, 1.5, 4])
         at = np.add.outer(values, parts) if values else np.linspace(0, 2 * np.pi, 7)
-        at = np.unique(np.mod(at, 2 * np.pi).round(12))
-        sides.append(np.append(at, at[0] + 2 * np.pi))
+        # One box where minors tell.
+        at = np.array([low]) if isinstance(p, Minors) else at
+        at = np.unique((low + np.mod(at - low, 2 * np.pi)).round(12))
+        is_circle = high - low >= 2 * np.pi
+        cut = [low, *at[(at > low) & (at < high)], high]
+        sides.append(np.append(at, at[0] + 2 * np.pi) if is_circle else np.array(cut))
     both = [[(e[1:] + e[:-1]) / 2 for e in sides], [(e[1:] - e[:-1]) / 2 * _MORE for e in sides]]
     x, h = (np.stack(np.meshgrid(*s, indexing="ij"), axis=-1).reshape(-1, len(s)) for s in both)
     boxes = np.zeros((len(x), 12 + families))
@@ -545,10 +610,17 @@ def _first(p: Product, families: int) -> Array:
     return boxes
 
 
-def find_widths(p: Product, families: Sequence[Family]) -> tuple[Array, Array, int]:
-    """Proven widths (F + 1,) as in `halve`, the largest distances found, number of boxes."""
+def find_widths(
+    p: Equations, families: Sequence[Family], narrow: bool = False
+) -> tuple[Array, Array, int]:
+    """Proven widths (F + 1,) as in `halve`, the largest distances found, number of boxes.
+
+    By minors ``narrow`` ones alone; boxes know no distance of more than three times ``NEAR`` from
+    an equation.
+    """
     last, rng = len(families), np.random.default_rng(2)
     found, done, tried = np.zeros(last + 1), np.zeros(last + 1), np.zeros(last + 1)
+    (low, high), minors = p.ranges.T, isinstance(p, Minors)
     free, few = np.full(families[0].n, np.inf), SearchOptions(gap=1e-3, boxes=500)
 
     def farthest(away: Array, many: int) -> Ints:
@@ -565,7 +637,8 @@ def find_widths(p: Product, families: Sequence[Family]) -> tuple[Array, Array, i
         """Search from starts, and up from the points that are farthest from the families."""
         size = 10 ** rng.uniform(-3, -0.5, (len(best), 1))
         beside = best + size * rng.normal(size=best.shape)
-        x = search(p, np.concatenate([starts, best, beside]))
+        x = low + np.mod(p.search(np.concatenate([starts, best, beside])) - low, 2 * np.pi)
+        x = x[(x <= high).all(axis=1)]
         # Where slopes are large across a family its zeros may be far along it all the same.
         x = np.concatenate([x[:40], x[farthest(_estimates(p, x), 20)]])
         Q = np.zeros((len(x), families[0].n))
@@ -582,31 +655,49 @@ def find_widths(p: Product, families: Sequence[Family]) -> tuple[Array, Array, i
         found[last] = found.max()
         return np.asarray(x[farthest(away, 20)])
 
-    best = look(rng.uniform(0, 2 * np.pi, (2000, len(p.joints))), np.empty((0, len(p.joints))))
+    def is_wide() -> bool:
+        """Return True if widths get larger than ``NEAR``: then they are of all families at once."""
+        return 2 * float(found[:last].max()) > NEAR
+
+    best = look(rng.uniform(low, high, (2000, len(low))), np.empty((0, len(low))))
     for _ in range(12):
+        if minors and ((is_wide() and narrow) or found[last] > 1.5 * NEAR):
+            return np.full(last + 1, np.inf), found, 0
         best = look(best[:0], np.tile(best, (4, 1)))
-    if p.minors and found[last] > NEAR:
-        return np.full(last + 1, np.inf), found, 0
-    boxes, level, most = halve(p, _first(p, last)), 64.0, 4 * MOST if p.minors else MOST
+    boxes, level, most = halve(p, _first(p, last)), 64.0, 3 * MOST if minors else MOST
     count = len(boxes)
-    while True:
-        slack, alone = (SLACK, found[:last]) if 5 * count < most else (2.0, found)
+
+    def left(boxes: Array) -> tuple[Array, Array]:
+        """Return boxes that are not good enough, and how many times what is they are."""
+        nonlocal done
+        slack = SLACK if 5 * count < most else 2.0
+        alone = found[:last] if 4 * count < 3 * most else found
         goal = slack * np.append(np.full(last, alone.max()), found[last])
+        if is_wide():
+            boxes[:, 10 : 10 + last] = 0.0
         worth = (boxes[:, 10:-1] / np.maximum(goal, TINY)).max(axis=1)
-        good = worth <= 1
-        done = np.maximum(done, boxes[good, 10:-1].max(axis=0, initial=0.0))
-        boxes, worth = boxes[~good], worth[~good]
-        if not len(worth) or count > most:
-            width = np.maximum(done, boxes[:, 10:-1].max(axis=0, initial=0.0))
-            return np.where(width < _NONE, width, np.inf), found, count
-        now = np.flatnonzero(worth > level)[-50_000:]
-        if len(now):
-            fresh = halve(p, boxes[now])
+        bad = worth > 1
+        done = np.maximum(done, boxes[~bad, 10:-1].max(axis=0, initial=0.0))
+        return boxes[bad], worth[bad]
+
+    while True:
+        kept, todo = [], np.array_split(boxes, 1 + len(boxes) // 50_000)
+        while todo and count <= most:
+            now = [todo.pop()]
+            while todo and sum(map(len, now)) < 50_000:
+                now.append(todo.pop())
+            boxes, worth = left(np.concatenate(now))
+            kept.append(boxes[worth <= level])
+            fresh = halve(p, boxes[worth > level])
             count += len(fresh)
-            boxes = np.concatenate([np.delete(boxes, now, axis=0), fresh])
-            continue
+            todo += np.array_split(fresh, 2) if len(fresh) else []
+        boxes, worth = left(np.concatenate([*kept, *todo]))
+        if not len(boxes) or count > most:
+            width = np.maximum(done, boxes[:, 10:-1].max(axis=0, initial=0.0))
+            width[:last] = width[last] if is_wide() else width[:last]
+            return np.where(width < _NONE, width, np.inf), found, count
         # The worst boxes are as good as may be at this level: what is in them may be far.
         level = max(1.0, level / 1.5)
         worst = boxes[np.argsort(-worth, kind="stable")[:400]]
-        d = len(p.joints)
+        d = len(low)
         best = look(worst[:, :d] + rng.uniform(-1, 1, (len(worst), d)) * worst[:, 5 : 5 + d], best)

@@ -885,6 +885,10 @@ def _meets_none(watched: Watched, Q: Array) -> bool:
 def make_map(forms: Forms, limits: bool, budget: Budget) -> Map:
     """The pieces of every part of joint space."""
     watched = watch(forms)
+    margin = watched.margin
+    if margin is not None and margin.limits is not None and not limits:
+        # Beyond the limits nothing is proven of a way, and balls reach from within.
+        watched = replace(watched, margin=replace(margin, meeting=np.inf))
     cut = partition(watched, limits)
     scale = 1 / watched.weight
     pieces = tuple(

@@ -40,9 +40,10 @@ class Clearance(JsonResult):
     ----------
     lower : (...) array
         Proven, rounding included: no configuration of a family is nearer, nor of a robot within a
-        tube of its design; of a design alone with ``nominal``. Radians, or what the
-        weights make of it; infinite where there is no family at all, or as far as the Jacobian
-        tells (``regular_radius``) if the closed form is then not complete.
+        tube of its design; of a design alone with ``nominal``. Where the tube is within the joint
+        limits, none within them is nearer, and beyond them the Jacobian alone tells
+        (``regular_radius``). Radians, or what the weights make of it; infinite where there is no
+        family at all, or as far as the Jacobian tells if the closed form is then not complete.
     upper : (...) array
         A configuration of a family, of the design where there is one, is as near as this; infinite
         where that was not found out.
@@ -326,7 +327,8 @@ def is_clear(
     The quick bounds decide where they can, a search where they cannot. False is the answer as
     well where the search ran out of boxes. Where the closed form is not complete, and no
     ``families`` are named, the Jacobian alone decides (``regular_radius``).
-    Where the file's numbers differ from the nominal design (`ClosedForm.deviation`) and no tube
+    Where a tube holds within the joint limits, singular configurations within them count. Where
+    the file's numbers differ from the nominal design (`ClosedForm.deviation`) and no tube
     is proven, True is said of the design alone, as `Clearance.nominal` tells.
 
     Parameters

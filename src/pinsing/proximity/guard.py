@@ -47,7 +47,7 @@ class GuardSource:
     upper: Array
     families: tuple[tuple[str, str], ...]
     conditions: Conditions
-    margin: tuple[float, float, float]
+    margin: tuple[float, float, float, float]
     complete: bool
     word: str
     notes: tuple[str, ...]
@@ -235,7 +235,7 @@ def _python_text(source: GuardSource) -> str:
         "TURN": "a whole turn, weighted; 0 for joints that slide",
         "RADIANS": "True: values that make sense in degrees only are not refused",
         "LOWER": "radians and metres; infinite where there is no limit",
-        "MARGIN": "taken off distances: alone, where two families are near, and what near is",
+        "MARGIN": "taken off distances: alone, where families meet, near is, 1: within limits",
     }
     lines = []
     for key, value in constants.items():
@@ -428,11 +428,12 @@ def make_guard(
             f"the description is rounded; made exact this changes no column of the Jacobian by "
             f"more than {change:.1e}"
         )
-    margin = (0.0, 0.0, 0.0)
+    margin = (0.0, 0.0, 0.0, 0.0)
     if taken is not None:
         notes += [watched.tube] * math.isfinite(taken.meeting)
         whole = len(kept) == len(watched.names)
-        margin = (float(taken.alone.max()) if whole else taken.meeting, taken.meeting, taken.near)
+        alone = float(taken.alone.max()) if whole else taken.meeting
+        margin = (alone, taken.meeting, taken.near, float(taken.limits is not None))
     if zones is not None:
         zone_distances(zones, every[0].arm, [name for name, _ in kept])
     geometries = [form.geometry or nominal(arm) for form in every]

@@ -234,7 +234,7 @@ class Stretches:
             there = motion.at(middle)
             found = two_sided(watched.conditions, there).lower
             u, Q = np.insert(u, k + 1, middle), np.insert(Q, k + 1, there, axis=0)
-            least = np.insert(least, k + 1, found)
+            least = np.insert(least, k + 1, found) * watched.known_along(Q)
         t = motion.time(u)
         for start, end in runs:
             lowest = start + int(np.argmin(least[start : end + 1]))
@@ -449,7 +449,9 @@ class Passage:
                 np.maximum(low, np.maximum.accumulate(low + way) - way - lost, out=low)
                 back = np.maximum.accumulate((low - way)[::-1])[::-1] + way - lost
                 np.maximum(low, back, out=low)
-        return each[..., 0] if margin is None else margin.take_off(Q, each), each[..., 1]
+        if margin is None:
+            return each[..., 0], each[..., 1]
+        return margin.take_off(Q, each) * self.watched.known_along(Q)[:, None], each[..., 1]
 
     def _candidate(self, f: int, motion: Motion, u: Array, way: Array, upper: Array) -> None:
         """Keep the lowest local minima of distances to family f, of places u (M,)."""

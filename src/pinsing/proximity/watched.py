@@ -106,6 +106,14 @@ class Watched:
         self.space.require_radians(array, name)
         return array
 
+    def known_along(self, Q: Array) -> Bool:
+        """Return samples (N,) of a motion Q whose bounds hold on the way to their neighbours."""
+        if self.margin is None:
+            return np.ones(len(Q), dtype=bool)
+        # Between a sample beyond the limits and one within there are others beyond.
+        holds = self.margin.holds(Q)
+        return np.asarray(holds & np.append(holds[1:], True) & np.append(True, holds[:-1]))
+
     def require_angle(self, value: float, called: str) -> None:
         """Raise OptionError if a clearance is over half a turn: nothing is so far, it is degrees.
 
@@ -189,7 +197,7 @@ def watch(
         norm=norm,
         complete=all(f.complete for f in every),
         arm=next((f.loaded for f in every if f.loaded is not None), None),
-        margin=_margin(every, names, weight),
+        margin=_margin(every, names, weight, np.stack([first.arm.lower, first.arm.upper])),
         tube="; ".join(dict.fromkeys(of for f in every if (of := _geometry(f)))),
     )
     _ = chosen.conditions  # says what is wrong with weights and norm
@@ -210,7 +218,9 @@ def _geometry(form: ClosedForm) -> str:
     return f"The families, and bounds of distances from them, are of {moved}"
 
 
-def _margin(forms: Sequence[ClosedForm], names: Sequence[str], weight: Array) -> Margin | None:
+def _margin(
+    forms: Sequence[ClosedForm], names: Sequence[str], weight: Array, limits: Array
+) -> Margin | None:
     tubes = [f.tube for f in forms if f.tube is not None]
     if not tubes:
         return None
@@ -218,6 +228,8 @@ def _margin(forms: Sequence[ClosedForm], names: Sequence[str], weight: Array) ->
     if len(forms) > 1 or len(names) < len(margin.alone):  # which others are near is not known
         widest = max(t.width for t in tubes)
         margin = Margin(np.full(len(names), widest), widest, margin.near)
+    if any(t.within_limits for t in tubes):
+        margin = replace(margin, limits=limits)
     return margin.times(longest)
 
 

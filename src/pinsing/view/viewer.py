@@ -400,7 +400,8 @@ def _bands(of: Zones | Tube, arm: Arm, names: Sequence[str]) -> dict[str, Any] |
             "middle": [0.0] * arm.n,
             "half": [1e9] * arm.n,
             "far": {f.family: of.alone for f in of.families if f.family in names},
-            "why": f"near the design's families; singular configurations lie {of.where}",
+            "why": f"near the design's families; singular configurations of {of.whose} lie "
+            f"{of.where}",
         }
     zone_distances(of, summarize(arm), names)
     return {
