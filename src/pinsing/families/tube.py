@@ -274,7 +274,7 @@ class Determinant:
 
 
 @dataclass(frozen=True)
-class Minors:
+class JacobianMinors:
     """Minors of the Jacobian of a redundant robot, and the conditions of its design's families."""
 
     joints: tuple[int, ...]
@@ -296,7 +296,7 @@ class Minors:
         return np.asarray(drops.q[drops.sigma[:, -1] < 1e-9 * drops.sigma[:, 0]][:, inner])
 
 
-Equations: TypeAlias = Determinant | Minors
+Equations: TypeAlias = Determinant | JacobianMinors
 """What is zero at the singular configurations of a robot, beside conditions of its design."""
 
 
@@ -322,7 +322,7 @@ def factorize(robot: Arm, design: Arm, families: Sequence[Family]) -> Equations:
     if redundant:
         if len(factors) > 54 or max(len(f.sum.used) for f in factors) > 4:
             raise Unproven("the design has too many conditions, or one of five joints")
-        return Minors(joints, tuple(factors), ranges, robot, tuple(_minors(robot, joints)))
+        return JacobianMinors(joints, tuple(factors), ranges, robot, tuple(_minors(robot, joints)))
     if len(factors) > len(branches):
         raise Unproven("a family is of several conditions, which separate nothing")
     if len(joints) > (4 if pose else 3):
@@ -501,7 +501,7 @@ def halve(p: Equations, boxes: Array) -> Array:
     for f in every:
         s = f.sum
         d = s.rate.shape[1]
-        own = s.used if isinstance(p, Minors) and len(s.used) < 5 else np.arange(d)
+        own = s.used if isinstance(p, JacobianMinors) and len(s.used) < 5 else np.arange(d)
         rate = np.zeros((len(s.amplitude), 5))
         rate[:, : len(own)] = s.rate[:, own]
         terms.append(np.column_stack([s.amplitude, s.phase, rate]))
@@ -597,7 +597,7 @@ def _first(p: Equations, families: int) -> Array:
         parts = NEAR * np.array([-4, -1.5, -0.5, 0.5, 1.5, 4])
         at = np.add.outer(values, parts) if values else np.linspace(0, 2 * np.pi, 7)
         # One box where minors tell.
-        at = np.array([low]) if isinstance(p, Minors) else at
+        at = np.array([low]) if isinstance(p, JacobianMinors) else at
         at = np.unique((low + np.mod(at - low, 2 * np.pi)).round(12))
         is_circle = high - low >= 2 * np.pi
         cut = [low, *at[(at > low) & (at < high)], high]
@@ -620,7 +620,7 @@ def find_widths(
     """
     last, rng = len(families), np.random.default_rng(2)
     found, done, tried = np.zeros(last + 1), np.zeros(last + 1), np.zeros(last + 1)
-    (low, high), minors = p.ranges.T, isinstance(p, Minors)
+    (low, high), minors = p.ranges.T, isinstance(p, JacobianMinors)
     free, few = np.full(families[0].n, np.inf), SearchOptions(gap=1e-3, boxes=500)
 
     def farthest(away: Array, many: int) -> Ints:
