@@ -308,9 +308,10 @@ struct BoxOfSpeeds {
     void first_order() {
         const One zero = spread(0.0);
         for (int i = 0; i < k; i++) {
-            One extra = zero;
+            One extra = zero, aside[kSpeedColumns], ways[kSpeedColumns];
             center[i] = zero;
-            for (int h = 0; h < joints; h++) along[i][h] = zero;
+            clear(along[i], joints);
+            clear(aside, joints);
             for (int kind = 0; kind < 2; kind++) {
                 const double speed = kind == 0 ? task.tip_speed : task.turn_speed;
                 One square = zero;
@@ -329,18 +330,21 @@ struct BoxOfSpeeds {
                             whole += off * off;
                         }
                     const One by = r[active[h]];
-                    across += by * vsqrt(whole);
+                    across += ways[h] = by * vsqrt(whole);
                     least -= by * vabs(with);
                     along[i][h] += with * speed;
                 }
-                const One bent = vmin(across, across * across / (vmax(least, 1e-100) * 2.0));
-                extra += select(least > 0.0, bent, across - least * 2.0) * speed;
+                One bent = vmin(across, across * across / (vmax(least, 1e-100) * 2.0));
+                bent = select(least > 0.0, bent, across - least * 2.0) * speed;
+                extra += bent;
+                for (int h = 0; h < joints; h++) aside[h] += bent * ways[h] / vmax(across, 1e-100);
                 center[i] += length * speed;
             }
             F[i] = center[i] + extra;
             for (int h = 0; h < joints; h++) {
                 along[i][h] = vabs(along[i][h]) * r[active[h]];
                 F[i] += along[i][h];
+                along[i][h] += aside[h];
             }
         }
     }
