@@ -14,6 +14,8 @@ of a family to the other meets a singular configuration of the robot.
 The Jacobian of an arm of seven joints has full rank where one of its minors is not zero. Each is a
 trigonometric polynomial of the five inner joints; boxes are halved, and cut down to where all may
 be zero, until their points are near enough to a family. Nothing separates there: no wall persists.
+Many such arms have singular configurations far from every family, though not within their joint
+limits: where full circles give no narrow width, boxes of these alone are looked at.
 
 E is a trigonometric polynomial, of degree 2 in each joint for the pose: the sixth exterior power of
 a turn of screws has no higher frequency. For other tasks the degree is at most that of the rows.

@@ -32,7 +32,8 @@ def calibrated(arm: Arm, file: str | os.PathLike[str]) -> Arm:
     # metres and radians. The axes of the base are those of the arm; the tip is the flange.
     OptionError.refuse_if(
         arm.n != len(LINKS) or arm.prismatic.any() or arm.coupling is not None,
-        f"--calibration is for a UR robot, and {arm.name!r} is none",
+        f"--calibration is for a UR robot, and {arm.name!r} is none: give the calibrated robot's "
+        "own URDF, and its design with --design",
     )
     root = compose(Path(file))
     top = root.mapping(("kinematics",), root.keys())
