@@ -144,8 +144,7 @@ def leg_ways(mechanism: Mechanism) -> list[Way]:
     out: list[Way] = [(path, None, ())]
     last = next((c for c in built.centres if built.output - 1 in c.joints), None)
     size = 3 if kind == SPACE else 1
-    centred = last is not None and path[-size:] == list(last.joints)
-    if kind != SPHERE and last is not None and centred and len(path) > size == len(last.joints):
+    if kind != SPHERE and last is not None and len(path) > size == len(last.joints):
         end = np.array(zero.joints[path[-size] + 1].act(last.point))
         out = [(path[:-size], end, last.joints if kind == SPACE else ())]
     for loop, inner, _, joints, outside in loop_ends(mechanism):
@@ -675,8 +674,6 @@ def _together(ring: Ring, factors: Sequence[Poly]) -> list[Poly]:
     out: list[Poly] = []
     halves: dict[int, Poly] = {}
     for factor in factors:
-        if factor.is_constant():
-            continue
         joints = ring.joints_of(factor)
         if len(joints) != 1 or ring.prismatic[joints[0]]:
             out.append(factor)

@@ -336,7 +336,7 @@ class _Recognizer:
             out.append(_Way(inside, one, two, hanging=hanging))
         path = path_to(mechanism, output)
         last = next((c for c in self.built.centres if output - 1 in c.joints), None)
-        if last is None or path[-len(last.joints) :] != list(last.joints):
+        if last is None:
             raise NotThisKind(self.tree_reason(path))
         at = self.points(last)
         return [_Way(path[: -len(last.joints)], at, at, last.joints), *out]

@@ -29,7 +29,7 @@ from pinsing.view.entries import (
     pose_entries,
 )
 from pinsing.view.links import Links, Recorder, read_links, read_links_ahead
-from pinsing.view.scene import SIDE, Scenery, draw_scene, sizes
+from pinsing.view.scene import SIDE, Overlay, Scenery, draw_scene, sizes
 from pinsing.view.tab import Tab
 
 if TYPE_CHECKING:
@@ -254,17 +254,14 @@ class Viewer(Tab):
             Q = np.atleast_2d(arm.check(path))
             t = None if times is None else np.asarray(times, dtype=float)
             shown = trajectory_data(arm, check_trajectory(arm, Q, t), Q, t)
-        self._stage = Stage(arm, links, size, skeleton, notes, entries, shown, listed)
-        self._stage.coverage, self._stage.clearest = coverage, clearest
+        self._stage = Stage(
+            arm, links, size, skeleton, notes, entries, shown, listed, coverage, clearest
+        )
         if zones is not None:
             self._stage.zones = _bands(zones, arm, [e.name for e in entries])
         if postures is not None:
             self._stage.q, self._stage.chosen = postures.q, None
-        self._overlay = None
-        if visualizer is not None:
-            from pinsing.view.scene import Overlay
-
-            self._overlay = Overlay(visualizer, arm, size)
+        self._overlay = None if visualizer is None else Overlay(visualizer, arm, size)
         super().__init__(self._stage, *recorder.parts(), host, port)
         if self._overlay is not None:
             self._overlay.show(self._stage.q, self._stage.mode)
