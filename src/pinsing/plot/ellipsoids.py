@@ -23,7 +23,7 @@ from pinsing.configuration.lost_motion import LostMotion
 from pinsing.errors import OptionError
 from pinsing.kinematics.verdict import SINGULAR_RTOL
 from pinsing.measures import PRACTICAL, Ellipsoid, pure_by_default, pure_ellipsoids
-from pinsing.plot.style import COLORS, COLUMN, SMALL, legend_below, legend_of_all, new_axes, plain
+from pinsing.plot.style import COLORS, COLUMN, SMALL, legend_below, legend_of_all, plain
 from pinsing.robot.arm import Arm
 from pinsing.robot.joints import joint_axis
 
@@ -265,10 +265,7 @@ def ellipsoids(
 
 def _new(count: int, tall: bool) -> tuple[Any, ...]:
     """As many 3D axes side by side, each a column wide."""
-    height = 4.0 if tall else 3.3
-    if count == 1:
-        return (new_axes(height, projection="3d"),)
-    figure = plt.figure(figsize=(count * COLUMN, height), layout="constrained")
+    figure = plt.figure(figsize=(count * COLUMN, 4.0 if tall else 3.3), layout="constrained")
     return tuple(figure.add_subplot(1, count, k + 1, projection="3d") for k in range(count))
 
 

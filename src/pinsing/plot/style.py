@@ -26,11 +26,9 @@ SMALL = 8
 """Size of the letters, points."""
 
 
-def new_axes(height: float = 2.7, **projection: Any) -> Axes:
+def new_axes(height: float = 2.7) -> Axes:
     """Axes of a new figure, one column wide."""
-    figure = plt.figure(figsize=(COLUMN, height), layout="constrained")
-    axes: Axes = figure.add_subplot(**projection)
-    return axes
+    return plt.figure(figsize=(COLUMN, height), layout="constrained").add_subplot()
 
 
 def joint_symbol(index: int, slides: bool) -> str:
