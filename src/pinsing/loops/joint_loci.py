@@ -690,7 +690,8 @@ def _together(ring: Ring, factors: Sequence[Poly]) -> list[Poly]:
 
 def _passive(mechanism: Mechanism, legs: LegWrenches) -> list[JointLocus]:
     out: list[JointLocus] = []
-    for (leg, joints, ball), value in legs.passive.items():
+    for (leg, joints, ball), whole in legs.passive.items():
+        value = math.prod(legs.ring.factors(whole), start=legs.ring.one)
         names = ", ".join(mechanism.joints[j] for j in joints)
         if ball:
             words = f"the three hinges {names} that stand for a ball lie in a plane"
