@@ -635,7 +635,8 @@ def test_a_workpiece_is_put_as_well_as_by_brute_force(ur5):
     np.testing.assert_allclose(at.transform[:3] @ [*middle, 1], middle + np.array([at.x, at.y, 0]))
     assert (at.z, at.roll, at.pitch) == (0, 0, 0)
     reached(arm, plan, at.transform @ T, TORCH)
-    assert plan_path(form, at.transform @ T, **options).clearance == plan.clearance
+    again = plan_path(form, at.transform @ T, **options)
+    assert (plan.clearance, plan.bound) == (again.clearance, again.bound)
     assert PathPlan.from_json(plan.to_json()).placement.yaw == at.yaw
     for value in (at.x / 1e-3, at.y / 1e-3, at.yaw / np.radians(0.1)):
         assert value == pytest.approx(round(value), abs=1e-6)

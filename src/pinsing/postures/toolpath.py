@@ -296,7 +296,7 @@ def _placed(planner: _Planner, ranges: Mapping[str, tuple[float, float]]) -> Pat
         planner.progress("placements", min(count, TRIED), TRIED)
         return coarse.moved(place_at(values, about).transform).estimate()
 
-    given = planner.plan(None)
+    given = planner.moved(np.eye(4)).plan(None)  # a planner keeps what it found: each has its own
     values, tried = search(value, ranges)
     at = place_at(values, about, given.clearance, tried)
     plan = planner.moved(at.transform).plan(None)
