@@ -363,6 +363,8 @@ class _Planner:
         self.posture: Region | None = None
         self.floor = -np.inf
         self.edges: list[Ints] = []
+        self.known: list[tuple[int, Array, int]] = []  # pose, near singular configuration, family
+        self.every = 1  # of the given poses
         self.near: Array = np.empty(0)
         self.passing: Array | None = None
         self.least: float | None = None
@@ -379,7 +381,7 @@ class _Planner:
     def moved(self, transform: Array) -> _Planner:
         """Return the planner of poses moved in the base frame."""
         out = copy.copy(self)
-        out.T = transform @ self.T
+        out.T, out.known = transform @ self.T, []
         return out
 
     def thinned(self) -> _Planner:
@@ -611,6 +613,8 @@ class _Planner:
         # all, is not refined.
         if self.least is None:
             self.least = self._best_on_a_part() - _MARGIN
+            for near in self.known:
+                self._lower(*near)
         lower = _MARGIN
         while True:
             self._estimate_all(self.least)
@@ -651,10 +655,15 @@ class _Planner:
         self.highest[node] = np.minimum(self.highest[node], found.upper)
         self.likely[node] = self.highest[node]
         for k, q, family in zip(*(x[less] for x in (node[0], near, found.family)), strict=True):
-            off = self.arm.space.wrap(self.Q[k] - q) * self.used[family]
-            self.highest[k] = np.fmin(self.highest[k], self._size(off))
+            self._lower(k, q, family)
+            self.known.append((k * self.every, q, family))
         np.minimum(self.likely, self.highest, out=self.likely)
         return float(self.likely[at].min())
+
+    def _lower(self, k: int, q: Array, family: int) -> None:
+        """Bound the clearance of a pose's nodes by a singular configuration (n,) of a family."""
+        off = self.arm.space.wrap(self.Q[k] - q) * self.used[family]
+        self.highest[k] = np.fmin(self.highest[k], self._size(off))
 
     def _best_on_a_part(self) -> float:
         """The clearance of the best path on a part of the grid, -inf if there is none."""
@@ -667,6 +676,7 @@ class _Planner:
             setattr(coarse, name, getattr(self, name)[::rows, ::columns])
         coarse.Q = np.ascontiguousarray(self.Q[::rows, ::columns])
         coarse.grid, coarse.T, coarse.t = self.grid[::columns], self.T[::rows], self.t[::rows]
+        coarse.every = rows
         if len(coarse.T) < 2 or coarse.clear.size * _THINNED > self.clear.size:
             return -np.inf
         coarse._link()
