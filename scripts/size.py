@@ -9,8 +9,8 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
 LIMITS: dict[str, tuple[int, int]] = {
-    "Python in src: statements": (41_548, 30_000),
-    "Python in src: lines": (77_106, 56_000),
+    "Python in src: statements": (41_556, 30_000),
+    "Python in src: lines": (77_116, 56_000),
     "C++, JavaScript, templates, styles: lines": (14_229, 9_500),
     "modules": (211, 220),
     "packages directly under pinsing": (16, 16),
