@@ -78,7 +78,6 @@ def test_no_reading_without_offsets_gives_the_printed_values():
     assert plain.third == pytest.approx(0.061141, abs=1e-6)
 
 
-@pytest.mark.slow
 def test_the_bound_on_omega_k_holds(rng):
     arm = load("surgical7")
     bound = table3.bound(arm)

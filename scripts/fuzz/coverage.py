@@ -17,7 +17,7 @@ from typing import Any
 _READERS = (
     "description", "proof/checker.py", "sampling", "serialization.py", "chunk_file.py",
     "proximity/trajectory_file.py", "robot/load.py", "robot/load_mechanism.py",
-    "view/links.py", "view/mesh_worker.py",
+    "view/meshes.py", "view/mesh_worker.py",
 )  # fmt: skip
 
 

@@ -57,7 +57,7 @@ def mesh(rngs: list[random.Random], folder: Path) -> Ended:
     """Every file of a case is read, or named with what is wrong with it."""
     import numpy as np
 
-    from pinsing.view.links import read_meshes
+    from pinsing.view.meshes import read_meshes
 
     rng, goods = rngs[0], sorted(_meshes().items())
     paths = []

@@ -159,7 +159,6 @@ READS = (
 )
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("text", tiered(READS, READS[:1]))
 def test_a_file_reads_no_environment_variable_that_is_not_for_it(read, tmp_path, monkeypatch, text):
     monkeypatch.delenv("NOT_SET", raising=False)
@@ -239,7 +238,6 @@ def test_the_wall_is_there_and_its_absence_is_said(read, monkeypatch):
     assert any("white list alone" in note for note in read(XACRO.format(ARM), name="a.xacro").notes)
 
 
-@pytest.mark.slow
 def test_xacro_leaves_this_process_alone(read):
     code = (
         "import sys; from pinsing.description.urdf import read_description as r; r(sys.argv[1]);"

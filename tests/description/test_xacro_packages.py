@@ -91,7 +91,6 @@ def test_errors_name_the_file_and_the_line_they_are_in(package, elsewhere):
     assert (caught.value.path, caught.value.line) == (elsewhere, 4)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("name", ["../arm_description", "/etc"])
 def test_a_package_is_a_name_and_no_path(name, tmp_path):
     path = tmp_path / "robot.xacro"
@@ -102,7 +101,6 @@ def test_a_package_is_a_name_and_no_path(name, tmp_path):
     assert "not found" in str(caught.value) or "find" in str(caught.value)
 
 
-@pytest.mark.slow
 def test_a_folder_above_needs_a_package_xml_that_names_it(tmp_path):
     """Else a file could read whatever lies beside any folder above it."""
     for name in ("secret", "secret/robots", "other"):
@@ -125,7 +123,6 @@ def test_a_folder_above_needs_a_package_xml_that_names_it(tmp_path):
         manifest.unlink()
 
 
-@pytest.mark.slow
 def test_wildcards_are_bounded_whatever_links_there_are(tmp_path):
     """Ten links to the folder itself: ten times as many names at every step."""
     for k in range(10):

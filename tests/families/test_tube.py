@@ -82,7 +82,6 @@ def test_tube_is_proven_and_holds_every_singular_configuration(
     assert 0.001 < far < form.tube.width
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
     "name", tiered(["ur5e", "crx10ia", "xarm6", "iiwa14", "panda"], {"ur5e", "iiwa14"})
 )

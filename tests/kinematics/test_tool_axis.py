@@ -128,7 +128,6 @@ def test_the_families_are_where_the_turn_makes_up_for_nothing(name, task, rng):
         assert with_the_turn(exact, q, AXES[task]) == 5
 
 
-@pytest.mark.slow
 def test_it_is_proven_and_a_changed_tip_is_rejected(form):
     assert form.word == "proven"
     data = form.certificate

@@ -134,7 +134,6 @@ def test_an_offset_wrist_has_two_aspects_by_algebra():
 
 
 class TestConnect:
-    @pytest.mark.slow
     @pytest.mark.parametrize("name", ["puma560", _slow("ur5"), _slow("kinova")])
     @pytest.mark.parametrize("limits", [True, False])
     def test_every_pair_is_decided(self, name, limits):
@@ -313,7 +312,6 @@ class TestCuspidality:
         assert found.most_solutions == 8
         assert found.witness is None
 
-    @pytest.mark.slow
     def test_where_no_theorem_is_known_nothing_is_claimed(self):
         found = pinsing.cuspidality(arm_of("so101"), forms=form_of("so101"), poses=2)
         assert found.answer == "no evidence"

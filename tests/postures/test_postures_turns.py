@@ -123,7 +123,6 @@ def test_parts_of_joint_space_are_told_apart_one_by_one():
     assert (held.total, held.joined, held.apart) == (2, 2, 0)
 
 
-@pytest.mark.slow
 def test_what_was_not_looked_at_is_not_proven(wide, monkeypatch):
     arm, form, of = wide
     q = pinsing.posture_changes(arm, START, forms=form).others[1].solution.q

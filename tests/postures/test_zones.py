@@ -84,7 +84,6 @@ def test_no_configuration_of_a_box_takes_more_than_its_bound(name, options, spee
             assert np.percentile(found.center / at_centre, 90) < 1.05
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
     "name", tiered(["ur5", "panda", "stanford", "crx10ia"], ("ur5", "stanford"))
 )
@@ -255,7 +254,6 @@ def test_what_is_cut_off_boxes_is_within_zones(monkeypatch, name):
     assert (near <= kept + 1e-9).any(axis=1).all()
 
 
-@pytest.mark.slow
 def test_long_equations_are_reached_and_never_too_near(monkeypatch):
     form = pinsing.closed_form(pinsing.load("gofa5"), prove=False)
     Q = np.random.default_rng(8).uniform(-np.pi, np.pi, (4000, 6))

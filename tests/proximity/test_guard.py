@@ -261,7 +261,6 @@ def test_values_that_are_not_finite_are_never_clear(tmp_path: Path) -> None:
     assert not c.clear(good, np.nan)
 
 
-@pytest.mark.slow
 @needs_gcc
 def test_limits(tmp_path: Path) -> None:
     arm, form = arm_of("scara"), closed("scara")
@@ -301,7 +300,6 @@ def test_names_that_want_to_be_code(name: str, tmp_path: Path) -> None:
     np.testing.assert_allclose(c.ask(Q)[0], python.clearance(Q), rtol=1e-9, atol=1e-12)
 
 
-@pytest.mark.slow
 @needs_gcc
 def test_where_families_are_missing_nothing_is_clear(tmp_path: Path) -> None:
     arm = arm_of("panda")
@@ -335,7 +333,6 @@ def test_an_equation_too_large_for_a_file_is_left_out(monkeypatch: pytest.Monkey
     assert "#define UR5_FAMILIES 2" in made.text
 
 
-@pytest.mark.slow
 def test_what_a_guard_promises():
     form = closed("stanford")
     unsure = replace(form.families[2], real=False)

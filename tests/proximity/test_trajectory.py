@@ -191,7 +191,6 @@ def test_what_is_proven_is_close_to_what_is_found_also_of_a_long_recording() -> 
             assert near.upper - np.radians(0.11) <= near.lower <= near.upper, near.family
 
 
-@pytest.mark.slow
 def test_families_that_were_not_looked_at_are_named() -> None:
     arm = pinsing.load("h2515")
     Q = np.radians([[10, -80, 90, 0, -12, 0], [30, -70, 90, 5, 13, 30]])

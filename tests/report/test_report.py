@@ -205,7 +205,6 @@ def test_verdicts_are_those_of_at() -> None:
 HOSTILE = '"><script>alert(1)</script><img src=x onerror=alert(2)>'
 
 
-@pytest.mark.slow
 @pytest.mark.usefixtures("undrawn")
 def test_hostile_names_are_shown_not_obeyed(tmp_path: Path) -> None:
     text = (URDF / "planar3r.urdf").read_text()

@@ -12,7 +12,8 @@ from tiers import sampled
 import pinsing
 from pinsing.errors import ChainError, JointError
 from pinsing.kinematics.jacobian import tip_placement
-from pinsing.view.links import read_geometry, read_links
+from pinsing.view.links import read_links
+from pinsing.view.meshes import read_geometry
 
 TREE = """<robot name="tree">
 <link name="pelvis"/><link name="thigh"/><link name="shank"/><link name="foot"/>

@@ -370,7 +370,6 @@ def chains(draw_from):
     return joints, tip
 
 
-@pytest.mark.slow
 @given(chains(), st.integers(0, 2**32 - 1))
 def test_any_chain_is_within_its_stated_bound(make_model, chain, seed):
     joints, tip = chain

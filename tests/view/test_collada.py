@@ -10,9 +10,10 @@ import pytest
 
 import pinsing
 from pinsing.description import ros_packages as references
-from pinsing.view import collada as collada_reader, links as meshes
+from pinsing.view import collada as collada_reader, meshes
 from pinsing.view.collada import NotPlainError, Painted, as_object, read_collada
-from pinsing.view.links import Mesh, Recorder, draw_links, read_links, read_meshes
+from pinsing.view.links import Recorder, draw_links, read_links
+from pinsing.view.meshes import Mesh, read_meshes
 
 pytestmark = pytest.mark.filterwarnings("ignore:the matrix subclass")  # pycollada's
 
@@ -175,7 +176,6 @@ def test_one_geometry_used_very_often_is_refused() -> None:
     assert time.process_time() - begun < 30
 
 
-@pytest.mark.slow
 def test_no_collada_file_is_parsed_in_this_process(tmp_path, monkeypatch):
     """A stranger's file may be made to take any time: a child with limits reads it."""
     monkeypatch.setenv("PINSING_CACHE", "")

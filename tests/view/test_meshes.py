@@ -12,8 +12,9 @@ import pytest
 from urdf_texts import LIMIT, joint
 
 from pinsing import load
-from pinsing.view import links as meshes
-from pinsing.view.links import Mesh, read_links, read_meshes
+from pinsing.view import meshes
+from pinsing.view.links import read_links
+from pinsing.view.meshes import Mesh, read_meshes
 
 NAN, INF = float("nan"), float("inf")
 ROBOT = '<robot name="r">{}</robot>'
@@ -255,7 +256,7 @@ def test_meshes_read_once_are_read_from_the_disk(tmp_path, monkeypatch):
 
 
 def test_a_cache_that_others_may_write_is_not_used(tmp_path, monkeypatch):
-    from pinsing.view.links import cache_folder
+    from pinsing.view.meshes import cache_folder
 
     monkeypatch.setenv("PINSING_CACHE", str(tmp_path))
     folder = cache_folder()

@@ -304,7 +304,6 @@ def test_the_bundle_is_the_modules(page: Any) -> None:
     assert sigma == [4, 3]
 
 
-@pytest.mark.slow
 @needs_node
 def test_what_is_said_of_the_distance_is_no_more_than_is_known() -> None:
     """Several equations: what is found is an upper bound, which the words call one."""
@@ -339,7 +338,6 @@ def test_what_is_said_of_the_distance_is_no_more_than_is_known() -> None:
     assert found[3]["text"] == "17.2° from F1: here"
 
 
-@pytest.mark.slow
 @needs_node
 @pytest.mark.parametrize("name", tiered(["ur5", "puma560", "surgical7", "panda"], ("puma560",)))
 def test_the_distance_is_that_which_the_program_proves(name: str) -> None:

@@ -171,7 +171,6 @@ def test_meshes_are_drawn_whole(page: Any) -> None:
         assert (np.abs(picture(page) - with_meshes).sum(axis=-1) > 30).mean() > 0.02
 
 
-@pytest.mark.slow
 def test_another_site_cannot_reach_the_link(page: Any, stanford: Viewer) -> None:
     class Quiet(http.server.BaseHTTPRequestHandler):
         def do_GET(self) -> None:

@@ -296,7 +296,7 @@ def _placed(planner: _Planner, ranges: Mapping[str, tuple[float, float]]) -> Pat
         planner.progress("placements", min(count, TRIED), TRIED)
         return coarse.moved(place_at(values, about).transform).estimate()
 
-    given = planner.moved(np.eye(4)).plan(None)  # a planner keeps what it found: each has its own
+    given = planner.plan(None)
     values, tried = search(value, ranges)
     at = place_at(values, about, given.clearance, tried)
     plan = planner.moved(at.transform).plan(None)
@@ -338,8 +338,7 @@ class _Planner:
         self.timed = t is not None
         held = arm.joints.index(free) if free in arm.joints else None
         self.solver = InverseMany(arm, held)
-        self.reached = self.relaxed = -np.inf
-        self.idle = self.long = self.rough = False
+        self.rough = False
         self.cyclic = free == "roll"
         self.grid: Array = np.zeros(1)
         self.rolled: Ints = np.zeros(len(T), dtype=int)
@@ -363,13 +362,8 @@ class _Planner:
         self.posture: Region | None = None
         self.floor = -np.inf
         self.edges: list[Ints] = []
-        self.known: list[tuple[int, Array, int]] = []  # pose, near singular configuration, family
         self.every = 1  # of the given poses
         self.near: Array = np.empty(0)
-        self.passing: Array | None = None
-        self.least: float | None = None
-        self.counted: Bool = np.zeros(arm.n, dtype=bool)
-        self.turns: Ints = np.zeros((1, 0), dtype=int)
         self.scale = np.where(arm.prismatic, 1 / arm.length_scale, 1.0)
         self.whole = np.where(arm.prismatic, 0.0, 2 * np.pi)
         conditions = self.watched.conditions
@@ -381,7 +375,7 @@ class _Planner:
     def moved(self, transform: Array) -> _Planner:
         """Return the planner of poses moved in the base frame."""
         out = copy.copy(self)
-        out.T, out.known = transform @ self.T, []
+        out.T = transform @ self.T
         return out
 
     def thinned(self) -> _Planner:
@@ -518,6 +512,14 @@ class _Planner:
 
     def _chosen(self) -> tuple[Array, Array] | str:
         """Solve the grid: values (N,) and configurations (N, n) of its best path; else a reason."""
+        # Nothing is known yet of these poses, whatever this planner, or that of others, found out.
+        self.known: list[tuple[int, Array, int]] = []  # pose, near singular configuration, family
+        self.passing: Array | None = None
+        self.least: float | None = None
+        self.counted: Bool = np.zeros(self.arm.n, dtype=bool)
+        self.turns: Ints = np.zeros((1, 0), dtype=int)
+        self.reached = self.relaxed = -np.inf
+        self.long = False
         self.values = np.broadcast_to(self.grid, (len(self.T), len(self.grid)))
         position, rotation = self._targets(self.T, self.grid)
         self.Q = self.solver.solve(

@@ -1,45 +1,31 @@
-"""The robot itself: its meshes and shapes, joint by joint of the reduced model.
-
-Mesh files are read in a child process with limits; one that fails is left out and named.
-"""
+"""The robot itself: its meshes and shapes, joint by joint of the reduced model."""
 
 from __future__ import annotations
 
 import base64
-import contextlib
-import hashlib
 import importlib
-import io
-import json
-import os
 import re
-import stat
-import subprocess
 import sys
-import xml.etree.ElementTree as ET
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import ModuleType
-from typing import Any, BinaryIO
+from typing import Any
 
 import coal
 import numpy as np
 import pinocchio as pin
 import umsgpack
 
-from pinsing._types import Array, NDArray
-from pinsing.atomic_write import write_bytes
-from pinsing.description import child_jail
+from pinsing._types import Array
 from pinsing.description.ros_packages import ColladaProblem, image_references
-from pinsing.description.xacro import MEMORY
-from pinsing.errors import PinsingError
 from pinsing.robot.arm import Arm
 from pinsing.robot.chains import frame_index
 from pinsing.robot.mechanism import Mechanism
 from pinsing.robot.models import make_names_unique, turned_round
-from pinsing.view.collada import Painted, as_object, unpacked
+from pinsing.view.collada import Painted, as_object
+from pinsing.view.meshes import Mesh, read_geometry
 
 
 def _import_meshcat() -> Any:
@@ -88,247 +74,6 @@ class Recorder:
             later = _SHAPES.search(path) is not None
             parts[later].extend(len(command).to_bytes(4, "little") + command)
         return bytes(parts[0]), bytes(parts[1])
-
-
-SECONDS_EACH = 20.0
-"""Processor time for one mesh, which a busy machine does not use up."""
-_WORKER = Path(__file__).with_name("mesh_worker.py")
-_WANTED = {".dae": "paint", ".obj": "judge", ".stl": "judge"}  # go into the page as they are
-
-
-@dataclass(frozen=True)
-class Mesh:
-    """The triangles of a mesh file; empty where the file itself goes into the page."""
-
-    vertices: Array  # (n, 3), unit of the file
-    faces: NDArray[np.int32]  # (m, 3), indices from 0
-    painted: tuple[Painted, ...] = ()  # of a plain painted Collada file, by paint
-
-
-def read_geometry(
-    model: pin.Model, xml: str
-) -> tuple[pin.GeometryModel, dict[Path, Mesh], tuple[str, ...]]:
-    """Return the visual geometry of a checked URDF, its meshes, and notes on what was left out."""
-    # A mesh stands as a sphere in the geometry, with its path and scale. ValueError or RuntimeError
-    # if Pinocchio cannot read the URDF.
-    root = ET.fromstring(xml)
-    wanted: dict[str, tuple[Path, Array]] = {}
-    for link in root.iter("link"):
-        for number, visual in enumerate(link.findall("visual")):
-            for shape in visual.findall("geometry"):
-                mesh = shape.find("mesh")
-                if mesh is None:
-                    continue
-                scale = np.array([float(x) for x in mesh.get("scale", "1 1 1").split()])
-                path = Path(mesh.get("filename", "").removeprefix("file://"))
-                wanted[f"{link.get('name')}_{number}"] = (path, scale)
-                # Pinocchio builds everything around it.
-                shape.remove(mesh)
-                ET.SubElement(shape, "sphere", radius="1")
-    geometry = pin.buildGeomFromUrdfString(model, ET.tostring(root, "unicode"), pin.VISUAL)
-    if not wanted:
-        return geometry, {}, ()
-    paths = tuple(dict.fromkeys(path for path, _ in wanted.values()))
-    said: list[str] = []
-    found = read_meshes(paths, said.append)
-    for name in [g.name for g in geometry.geometryObjects if g.name in wanted]:
-        path, scale = wanted[name]
-        if isinstance(found[path], str):
-            geometry.removeGeometryObject(name)
-            continue
-        held = geometry.geometryObjects[geometry.getGeometryId(name)]
-        held.meshPath, held.meshScale = str(path), scale
-    meshes = {path: mesh for path, mesh in found.items() if isinstance(mesh, Mesh)}
-    return geometry, meshes, (*_notes(found), *said)
-
-
-def _notes(found: Mapping[Path, Mesh | str]) -> tuple[str, ...]:
-    failed = [(path, problem) for path, problem in found.items() if isinstance(problem, str)]
-    notes = [f"mesh {path} is not drawn: {problem}" for path, problem in failed[:3]]
-    if len(failed) > 3:
-        notes.append(f"{len(failed) - 3} more meshes are not drawn")
-    return tuple("".join(c if c.isprintable() else "?" for c in note) for note in notes)
-
-
-def read_meshes(
-    paths: Sequence[Path], tell: Callable[[str], object] = lambda _: None
-) -> dict[Path, Mesh | str]:
-    """Return the mesh of each file, by a child process or `mesh_cache`, or what is wrong with it.
-
-    ``tell`` gets a line on which of the kernel's walls around the child is missing.
-    """
-    found: dict[Path, Mesh | str] = {}
-    left = []
-    for path in paths:
-        try:
-            large = path.stat().st_size > 256 * 2**20
-            if large or not path.is_file():
-                found[path] = "is too large" if large else "is not a plain file"
-            else:
-                left.append(path)
-        except OSError as error:
-            found[path] = f"cannot be read: {error.strerror}"
-    folder = cache_folder() if left else None
-    keys = {path: key for path in left if folder and (key := content_key(path))}
-    for path, key in keys.items():
-        assert folder is not None
-        before = kept(folder, key)
-        if before is not None and (mesh := _mesh(path, *before)) is not None:
-            found[path] = mesh
-    left = [path for path in left if path not in found]
-    missing: list[str] = []
-    while left:
-        done = _ask_child(left, missing)
-        if len(done) == 0:  # the child did not even start
-            found.update(dict.fromkeys(left, "the reader of meshes cannot be started"))
-            break
-        left = left[len(done) :]
-        for path, answered in done.items():
-            if isinstance(answered, str):
-                found[path] = answered
-                continue
-            found[path] = _mesh(path, *answered) or "breaks its reader"
-            if folder is not None and path in keys:
-                keep(folder, keys[path], *answered)
-    if missing:
-        walls = "; ".join(dict.fromkeys(missing))
-        tell(f"meshes were read without all of the kernel's walls: {walls}")
-    return {path: found[path] for path in paths}
-
-
-def _mesh(path: Path, first: bytes, second: bytes) -> Mesh | None:
-    """A mesh of the two pieces that the child sent; None if they are something else."""
-    parts: tuple[Painted, ...] | None = ()
-    if path.suffix.lower() == ".dae":
-        parts = unpacked(first, second) if first else ()
-        first = second = b""
-    if len(first) % 24 or len(second) % 12 or parts is None:
-        return None
-    return Mesh(
-        np.frombuffer(first, dtype=np.float64).reshape(-1, 3),
-        np.frombuffer(second, dtype=np.int32).reshape(-1, 3),
-        parts,
-    )
-
-
-def _ask_child(paths: Sequence[Path], missing: list[str]) -> dict[Path, tuple[bytes, bytes] | str]:
-    """Return a child's answers on the first files, the one at which it ended last."""
-    # Walls that are not there are added to ``missing``.
-    request = {
-        "paths": [(str(path), _WANTED.get(path.suffix.lower(), "content")) for path in paths],
-        "sys_path": [os.path.abspath(entry) for entry in sys.path],
-        "seconds_each": SECONDS_EACH,
-        "seconds": int(SECONDS_EACH) * len(paths) + 10,
-        "memory": MEMORY,
-    }
-    try:
-        child = subprocess.run(
-            [sys.executable, "-I", "-B", str(_WORKER)],
-            input=json.dumps(request).encode() + b"\n",
-            stdout=subprocess.PIPE,
-            stderr=subprocess.DEVNULL,
-            timeout=5 * SECONDS_EACH * len(paths),  # on the clock, whatever else runs
-            check=False,
-        )
-        said, slow = child.stdout, child.returncode in child_jail.OUT_OF_TIME
-    except subprocess.TimeoutExpired as late:
-        said, slow = late.stdout or b"", True
-    except OSError:
-        return {}
-    answers = io.BytesIO(said)
-    line = answers.readline()
-    if line.endswith(b"\n"):
-        missing += map(str, json.loads(line)["no_wall"])
-    done: dict[Path, tuple[bytes, bytes] | str] = {}
-    for path in paths:
-        result = _receive(answers)
-        done[path] = result or (
-            f"is not read within {SECONDS_EACH:g} s"
-            if slow
-            else "needs too much memory, or breaks its reader"
-        )
-        if result is None:
-            break
-    return done
-
-
-def _receive(answers: BinaryIO) -> tuple[bytes, bytes] | str | None:
-    """Return one answer of the child, None where there is none."""
-    line = answers.readline(10_000)
-    if not line.endswith(b"\n"):
-        return None
-    message = json.loads(line)
-    if "problem" in message:
-        return str(message["problem"])
-    sizes = [int(size) for size in message["bytes"]]
-    first, second = (answers.read(size) for size in sizes)
-    return (first, second) if [len(first), len(second)] == sizes else None
-
-
-def cache_folder() -> Path | None:
-    """Return this user's folder of meshes, or ``PINSING_CACHE``; None if empty or impossible."""
-    named = os.environ.get("PINSING_CACHE")
-    if named == "":
-        return None
-    if named is not None:
-        base = Path(named)
-    elif sys.platform == "win32":
-        base = Path(os.environ.get("LOCALAPPDATA", "~")).expanduser() / "pinsing" / "cache"
-    else:
-        base = Path(os.environ.get("XDG_CACHE_HOME") or "~/.cache").expanduser() / "pinsing"
-    folder = base / "meshes"
-    try:
-        folder.mkdir(mode=0o700, parents=True, exist_ok=True)
-        found = folder.lstat()
-    except (OSError, RuntimeError):
-        return None
-    # What others may write is not believed.
-    mine = not hasattr(os, "getuid") or found.st_uid == os.getuid()
-    shared = os.name != "nt" and bool(found.st_mode & (stat.S_IWGRP | stat.S_IWOTH))
-    return folder if stat.S_ISDIR(found.st_mode) and mine and not shared else None
-
-
-def content_key(path: Path) -> str:
-    """Name under which a mesh file's answer is kept: of its bytes and its kind; empty for none."""
-    digest = hashlib.sha256(f"4\0{path.suffix.lower()}\0".encode())  # the version of answers
-    try:
-        with path.open("rb") as file:
-            while part := file.read(1 << 20):
-                digest.update(part)
-    except OSError:  # the child says what is wrong with it
-        return ""
-    return digest.hexdigest()
-
-
-def kept(folder: Path, key: str) -> tuple[bytes, bytes] | None:
-    """The two pieces of an answer that were kept; None where nothing whole is there."""
-    try:
-        data = (folder / key).read_bytes()
-    except OSError:
-        return None
-    digest, body = data[:32], data[32:]
-    if hashlib.sha256(body).digest() != digest:
-        return None
-    with contextlib.suppress(OSError):
-        os.utime(folder / key)  # the longest unused go first
-    count = 8 + int.from_bytes(body[:8], "little")
-    return body[8:count], body[count:]
-
-
-def keep(folder: Path, key: str, first: bytes, second: bytes) -> None:
-    """Keep an answer; a full disk, or one that cannot be written, is no error."""
-    body = len(first).to_bytes(8, "little") + first + second
-    if len(body) > 64 * 2**20:
-        return
-    with contextlib.suppress(OSError, PinsingError):
-        write_bytes(folder / key, hashlib.sha256(body).digest() + body)
-        files = [(path, path.stat()) for path in folder.iterdir() if path.is_file()]
-        total = sum(found.st_size for _, found in files)
-        for path, found in sorted(files, key=lambda f: f[1].st_mtime):
-            if total <= 512 * 2**20:
-                break
-            path.unlink(missing_ok=True)
-            total -= found.st_size
 
 
 _IMAGES = {b"\x89PNG\r\n\x1a\n": "image/png", b"\xff\xd8\xff": "image/jpeg"}
@@ -393,7 +138,7 @@ def draw_shape(node: Any, shape: pin.GeometryObject, mesh: Mesh | None) -> str:
 def _made(shape: pin.GeometryObject, mesh: Mesh | None) -> Any:
     form = shape.geometry
     if mesh is not None:
-        return _as_drawn(Path(shape.meshPath), mesh)
+        return _mesh(Path(shape.meshPath), mesh)
     if isinstance(form, coal.Box):
         return geometry.Box([2.0 * float(x) for x in form.halfSide])
     if isinstance(form, coal.Sphere):
@@ -403,7 +148,7 @@ def _made(shape: pin.GeometryObject, mesh: Mesh | None) -> Any:
     return None
 
 
-def _as_drawn(file: Path, mesh: Mesh) -> Any:
+def _mesh(file: Path, mesh: Mesh) -> Any:
     kind = file.suffix.lower()
     if kind == ".dae":
         return _Collada(file, mesh.painted)

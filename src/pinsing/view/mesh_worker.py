@@ -1,6 +1,6 @@
 """The child process that reads mesh files: Assimp trusts them more than one may.
 
-It is started by path (see `pinsing.view.links`), gets the paths of meshes as a line of JSON, and
+It is started by path (see `pinsing.view.meshes`), gets the paths of meshes as a line of JSON, and
 answers for each, in order, with a line of JSON: ``problem``, or the sizes of two pieces of bytes
 that follow: vertices as doubles and triangles as 32-bit integers, or what `packed` makes of a
 Collada file; both empty where the page gets the file itself. Memory is limited, nothing can be

@@ -7,6 +7,7 @@ Paths: ``pinsing/arm/<joint of the model>/{visual,bone,axis,hot}``, ``pinsing/ti
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
@@ -275,7 +276,7 @@ SIDE = (0.74, 0.36, 0.57)
 
 
 @dataclass
-class Scenery:
+class Scenery(ABC):
     """A robot, drawn, at a configuration that can be set."""
 
     robot: Arm | Mechanism
@@ -294,13 +295,13 @@ class Scenery:
         return self.robot.name
 
     @property
+    @abstractmethod
     def poses(self) -> list[tuple[str, Sequence[Array]]]:
         """Name and configurations of each entry of the list."""
-        raise NotImplementedError
 
+    @abstractmethod
     def page(self, live: bool) -> dict[str, Any]:
         """The fixed part of a page."""
-        raise NotImplementedError
 
     def start(self) -> dict[str, Any]:
         """What a page shows first."""
