@@ -77,13 +77,15 @@ def _failures(found: dict[str, Any]) -> str:
         "| command | operations that fail | cases | as it must be |",
         "|---|---|---:|---:|",
     ]
-    commands: dict[str, list[dict[str, Any]]] = defaultdict(list)
+    commands: dict[str, set[str]] = defaultdict(set)
     for row in rows:
-        commands[row["command"]].append(row)
-    for command, of in commands.items():
-        names = ", ".join(sorted({row["operation"] for row in of}))
+        commands[row["command"]].add(row["operation"])
+    for names in dict.fromkeys(map(frozenset, commands.values())):
+        alike = [command for command in commands if commands[command] == names]
+        of = [row for row in rows if row["command"] in alike]
         cases, good = (sum(row[key] for row in of) for key in ("cases", "good"))
-        lines.append(f"| `{command}` | {names} | {cases} | {good} |")
+        told = ", ".join(f"`{command}`" for command in alike)
+        lines.append(f"| {told} | {', '.join(sorted(names))} | {cases} | {good} |")
     count: dict[str, int] = defaultdict(int)
     for row in rows:
         count["cases"] += row["cases"]
