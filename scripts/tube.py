@@ -6,7 +6,7 @@
 Of each arm N robots with lengths off by 0.5 mm and axes off by 3 mrad; a singular configuration
 outside of the tube, a clearance beside one that is larger than its distance, or a path across a
 wall without one, ends it with exit code 1. From the farthest ones that are found searches climb
-on, for as many rounds. Where no width is proven the largest distance that was found is printed.
+on, for as many rounds. Where no width is proven the reason is printed.
 """
 
 from __future__ import annotations
@@ -181,9 +181,10 @@ def attack(name: str, robots: int, searches: int, paths: int, rounds: int) -> in
         missed, tried = unmet(form, paths, rng) if tube.proven else (0, 0)
         faults += out + missed + near
         alone, wide, by_one, far = np.degrees([tube.alone, tube.width, *most])
-        widths = f"{alone:.2f}° alone, {by_one:.2f}° found; {wide:.2f}° where two meet, "
+        told = f"{alone:.2f}° alone, {by_one:.2f}° found; {wide:.2f}° where two meet"
+        widths = told if tube.proven else f"no width ({tube.reason})"
         print(
-            f"{name} {i}: {'within limits ' * tube.within_limits}{widths * tube.proven}"
+            f"{name} {i}: {'within limits ' * tube.within_limits}{widths}, "
             f"{far:.2f}° found; {out} of {found} outside, "
             f"{near} beside them too clear, {missed} of {tried} paths unmet; {took:.1f} s",
             flush=True,

@@ -308,13 +308,15 @@ def test_where_a_monitor_sees_a_zone_the_slider_is_red(page: Any, tmp_path: Path
 
 @pytest.mark.slow
 def test_near_families_of_a_design_the_slider_is_red(page: Any, tmp_path: Path) -> None:
-    form = closed_form(load("scara"))
-    (family,) = form.families
-    tube = Tube(0.1, 0.05, True, (TubeWidth(family.name, 0.1, 0.05, True),), 0.2, "", (), 1)
+    form = closed_form(load("ur5e"))
+    parts = tuple(TubeWidth(f.name, 0.1, 0.05, True) for f in form.families)
+    tube = Tube(0.3, 0.05, True, parts, 0.2, "", (), 1)
     with Viewer(form.loaded, form.families, zones=tube, skeleton=True) as viewer:
         viewer.save_html(tmp_path / "tube.html")
     open_page(page, (tmp_path / "tube.html").as_uri())
-    assert "singular configurations lie within 5.8° of the family" in text(page, "#joints-note")
-    red = page.evaluate("(q) => window.pinsing.source.zones(q)", [0.3, 1.0, 0.1, 0.2])
-    assert [len(bands) for bands in red] == [0, 1, 0, 0]
-    assert red[1][0] == pytest.approx([-0.1, 0.1], abs=0.03)
+    assert "lie within 5.8° of one of them (17.2° where two" in text(page, "#joints-note")
+    for wrist, wide in ((0.5, 0.1), (0.15, 0.2)):  # far from it, and where it and the elbow meet
+        q = [0, -1.2, 1, -1, wrist, 0]
+        red = page.evaluate("(q) => window.pinsing.source.zones(q)", q)[2]
+        (elbow,) = [b for b in red if b[0] < 0 < b[1]]
+        assert elbow == pytest.approx([-wide, wide], abs=0.03)

@@ -14,28 +14,18 @@ constexpr int place(int j, int k, int l, int m) {
 struct Places {
     int second[4][4]{}, third[4][4][4]{}, fourth[4][4][4][4]{};
     constexpr Places() {
-        for (int j = 0; j < 4; j++)
-            for (int k = 0; k <= j; k++) {
-                second[j][k] = second[k][j] = place(0, 0, j, k);
-                for (int l = 0; l <= k; l++) {
-                    third[j][k][l] = third[j][l][k] = third[k][j][l] = third[k][l][j] =
-                        third[l][j][k] = third[l][k][j] = place(0, j, k, l);
+        for (int j = 3; j >= 0; j--)
+            for (int k = 3; k >= 0; k--) {
+                second[j][k] = j < k ? second[k][j] : place(0, 0, j, k);
+                for (int l = 3; l >= 0; l--) {
+                    third[j][k][l] = j < k ? third[k][j][l] : k < l ? third[j][l][k] : place(0, j, k, l);
+                    for (int m = 3; m >= 0; m--)
+                        fourth[j][k][l][m] = j < k   ? fourth[k][j][l][m]
+                                             : k < l ? fourth[j][l][k][m]
+                                             : l < m ? fourth[j][k][m][l]
+                                                     : place(j, k, l, m);
                 }
             }
-        for (int j = 0; j < 4; j++)
-            for (int k = 0; k < 4; k++)
-                for (int l = 0; l < 4; l++)
-                    for (int m = 0; m < 4; m++) {
-                        int s[4] = {j, k, l, m};
-                        for (int a = 0; a < 4; a++)
-                            for (int b = a + 1; b < 4; b++)
-                                if (s[b] > s[a]) {
-                                    const int c = s[a];
-                                    s[a] = s[b];
-                                    s[b] = c;
-                                }
-                        fourth[j][k][l][m] = place(s[0], s[1], s[2], s[3]);
-                    }
     }
 };
 constexpr Places kPlaces;

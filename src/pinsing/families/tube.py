@@ -334,7 +334,7 @@ def factorize(robot: Arm, design: Arm, families: Sequence[Family]) -> Equations:
     rng = np.random.default_rng(1)
     # A start at which no condition is small on the grid, so that they can be divided by.
     starts = rng.uniform(0, 2 * np.pi / grid.count, (30, len(joints)))
-    values = [_least(factors, grid.at(s)) for s in starts]
+    values = [float(np.abs(_product(factors, grid.at(s))[0]).min()) for s in starts]
     start = starts[int(np.argmax(values))]
     Q = grid.at(start)
     D0, error = _determinants(design, Q, joints, size)
@@ -385,19 +385,13 @@ def _nothing(d: int) -> TrigSum:
     return TrigSum([0.0], [0.0], np.zeros((1, d)), np.zeros((1, d)), 0.0)
 
 
-def _least(factors: Sequence[Factor], Q: Array) -> float:
-    return float(np.abs(_product(factors, Q)[0]).min())
-
-
 def _product(factors: Sequence[Factor], x: Array) -> tuple[Array, Array]:
     """``prod f^m`` at x (N, d), and bounds of its errors."""
     value, largest = np.ones(len(x)), np.ones(len(x))
     for f in factors:
         at = f.sum.at(x)
-        value, largest = (
-            value * at.value**f.power,
-            largest * (np.abs(at.value) + at.error) ** f.power,
-        )
+        size = np.abs(at.value) + at.error
+        value, largest = value * at.value**f.power, largest * size**f.power
     return value, largest * _MORE - np.abs(value) + 1e-14 * largest
 
 

@@ -397,6 +397,7 @@ def _bands(of: Zones | Tube, arm: Arm, names: Sequence[str]) -> dict[str, Any] |
             "middle": [0.0] * arm.n,
             "half": [1e9] * arm.n,
             "far": {f.family: of.alone for f in of.families if f.family in names},
+            "meeting": {"more": of.width - of.alone, "near": of.near - of.alone},
             "why": f"near the design's families; singular configurations of {of.whose} lie "
             f"{of.where}",
         }

@@ -28,13 +28,18 @@ function glance(branch, q, joints, weight) {
 
 const CELLS = 240; // of a slider
 
-// Pieces [a, b] of the slider of joint j, the others held at q, at which it is not proven that the arm is
-// outside of zones { middle, half, far }: joint ranges, and distances by name of family.
-export function zonesAlong(data, { middle, half, far }, q, j, low, high) {
+// Pieces [a, b] of the slider of joint j, the others held at q, at which it is not proven that the arm is outside of
+// zones { middle, half, far, meeting }: joint ranges, distances by name of family, and by how much more than that the
+// nearest family has to be away unless the second is by `near` more.
+export function zonesAlong(data, { middle, half, far, meeting }, q, j, low, high) {
   const { joints, task } = data, weight = weightsOf(joints, task.lengthScale), x = q.slice(), step = (high - low) / CELLS, out = [];
   let before = null;
-  const clear = () => x.every((v, i) => Math.abs(apart(v, middle[i], joints[i].prismatic)) <= half[i] + 1e-9) &&
-    data.families.every((f) => !(far[f.name] > 0) || f.branches.every((b) => glance(b, x, joints, weight).under > far[f.name]));
+  const away = (f) => Math.min(...f.branches.map((b) => glance(b, x, joints, weight).under)) - far[f.name];
+  const clear = () => {
+    if (!x.every((v, i) => Math.abs(apart(v, middle[i], joints[i].prismatic)) <= half[i] + 1e-9)) return false;
+    const off = data.families.filter((f) => far[f.name] > 0).map(away).sort((a, b) => a - b);
+    return !(off[0] <= 0 || (off[0] <= meeting?.more && off[1] <= meeting.near));
+  };
   for (let k = 0; k < CELLS; k++) {
     x[j] = low + (k + 0.5) * step;
     if (clear()) before = null;
