@@ -45,8 +45,9 @@ from pinsing.serialization import JsonResult
 
 STEP = np.radians(1.0)
 """Default distance of two values of what is free, radians."""
-_TURNS = 3
-"""Turns of what is free that a path of any number of poses may take in all."""
+_TURNS = 8
+"""Turns of what is free that a path may take in all: no more work than three steps of 1 degree
+at each of 1,000 poses."""
 _ALIKE = 1e-3
 """Relative difference of bounds that are as good as an estimate."""
 _MARGIN = 0.01
