@@ -74,8 +74,8 @@ def zones(
         name, ``{"elbow_joint": (0.7, 2.4)}``, and None for a word. Prismatic joints always keep
         their limits.
     boxes : int
-        Most work, half of it for the common distance: boxes looked at, and an eighth of those
-        that distances take. The answer is proven with less, but larger.
+        Most work, half of it for the common distance of several families: boxes looked at, and an
+        eighth of those that distances take. The answer is proven with less, but larger.
     progress : callable
         Told what is done, how far it is, and how far that goes.
 
@@ -290,9 +290,10 @@ class _Search:
     """Branch and bound for one arm.
 
     Boxes of width ``wide`` (radians, or metres over the length scale) at first, ``chunk`` in one
-    call. ``best`` of ``samples`` configurations are followed by steps to ``finest``, ``certified``
-    of them proven to ``sure`` (radians). ``few`` boxes for what is proven of many, ``cheap`` of
-    them as much work as one of joint speeds. ``cloud`` points of each surface are known.
+    call. ``best`` of ``samples`` configurations are followed by steps to ``finest``, at most
+    ``certified`` of them proven to ``sure`` (radians). ``few`` boxes for what is proven of many,
+    ``cheap`` of them as much work as one of joint speeds. ``cloud`` points of each surface are
+    known at first.
     """
 
     chunk, wide, finest, sure = 8192, 0.8, 3e-3, 1e-8
@@ -323,15 +324,19 @@ class _Search:
         )
         self.rng = np.random.default_rng(36)
         self.seen = 0
+        # Points of surfaces, to begin steps near the nearest ones.
+        self.points = _Cells.first(self.low[None][:0], self.low[None][:0], len(self.each))
+        self.clouds: dict[int, tuple[KDTree, _Cells]] = {}
+        self._learn(random_turns(self.arm, self.cloud))
+
+    def _learn(self, Q: Array) -> None:
+        """Keep the points of surfaces that steps from Q (N, n) lead to."""
         from scipy.spatial import KDTree
 
-        # Points of surfaces, to begin steps near the nearest ones.
-        self.clouds: dict[int, tuple[KDTree, _Cells]] = {}
-        Q = random_turns(self.arm, self.cloud)
-        cloud = _Cells.first(Q, 0 * Q, len(self.each))
-        self._follow(cloud)
+        self._follow(found := _Cells.first(Q, 0 * Q, len(self.each)))
+        self.points = _Cells.joined([self.points, found])
         for f in np.flatnonzero(self.surfaces).tolist():
-            some = cloud[np.isfinite(cloud.points[:, f]).all(axis=1)]
+            some = self.points[np.isfinite(self.points.points[:, f]).all(axis=1)]
             if len(some.C):
                 turn = self.watched.conditions.turn[self.used[f]]
                 points = some.points[:, f, self.used[f]]
@@ -343,14 +348,15 @@ class _Search:
         names, count = self.watched.names, len(self.each)
         notes: list[str] = []
         loose: list[str] = []
-        half = self.most // (2 if count else 1)
+        half = self.most // (2 if count > 1 else 1)
         common = self._least(None, np.full(count, np.inf), "one distance from all families", half)
         far = np.full(count, common.proven)
         found = np.zeros(count)
         for k, name in enumerate(names):
             # The first zone to be lowered is mostly the one that takes the most boxes.
             share = (self.most - self.seen) // (2 if k < count - 1 else 1)
-            lowered = self._least(k, far, f"{name}, {k + 1} of {count} families", share)
+            title = f"{name}, {k + 1} of {count} families"
+            lowered = common if count == 1 else self._least(k, far, title, share)
             far[k], found[k] = min(far[k], lowered.proven), lowered.reached
             least = min(found[k], np.delete(far, k).min(initial=np.inf))
             if least > common.reached:
@@ -409,62 +415,56 @@ class _Search:
         outside = (distances[:, others] > far[others]).all(axis=1)
         return np.where(outside, distances[:, k], -np.inf)
 
-    def _climb(self, k: int | None, far: Array, Q: Array, step: float) -> tuple[float, Array]:
-        """The largest objective found near Q (N, n) at a configuration that exceeds a limit."""
+    def _climb(
+        self, k: int | None, far: Array, Q: Array, step: float, best: tuple[float, Array]
+    ) -> tuple[float, Array]:
+        """The largest objective proven where a limit is exceeded: ``best``, or near Q (N, n)."""
         aim = far + 2 * self.sure  # what is found must hold of proven distances, too
         while True:
             Q = Q[self.bounds.of(Q, np.zeros_like(Q)).center > 1]
             if self.judge.rank < self.arm.n:  # perhaps with other joint speeds it does not
                 Q = Q[self.judge.shares(Q, *self.speeds).max(axis=1) > 1]
-            good = self._best(k, aim, Q, step)
-            if not len(good):
-                return 0.0, np.empty(0)
-            if step < self.finest:
-                return self._certified(k, far, good[: self.certified])
+            value = self._guessed(k, aim, Q)
+            first = np.argsort(-value, kind="stable")[: min(self.best, (value > -np.inf).sum())]
+            good = Q[first]
+            if not len(good) or step < self.finest:
+                break
             moves = self.rng.normal(size=(10, *good.shape)) * self.active * step
             moved = np.clip(good + moves, self.low, self.high).reshape(-1, self.arm.n)
             Q, step = np.concatenate([good, moved]), step * 0.8
+        for _ in range(self.certified if len(good) else 0):
+            value = self._guessed(k, aim, good)
+            q = good[value.argmax()]
+            # A proof takes as long as thousands of boxes; guesses nearby learn from it.
+            if value.max() <= best[0]:
+                break
+            lower, points = self._nearest(q[None], self.sure, NEAREST)
+            proven = float(self._objective(k, far, lower)[0])
+            best = (proven, q) if proven > best[0] else best
+            self._learn(points[np.isfinite(points).all(axis=1)])
+        return best
 
-    def _best(self, k: int | None, far: Array, Q: Array, gap: float) -> Array:
-        """Those of Q (N, n) with the largest objective, which is proven of them within ``gap``."""
+    def _guessed(self, k: int | None, far: Array, Q: Array) -> Array:
+        """The objective of Q (N, n) by the nearest points that are found."""
         x = _Cells.first(Q, 0 * Q, len(far))
         self._follow(x)
         self._begin_elsewhere(x)
         value = self._objective(k, far, self._upper(x)[0])
-        order = np.argsort(-value, kind="stable")[: (value > -np.inf).sum()]
-        good, proven = Q[:0], value[:0]
-        for part in np.split(order, range(self.best, len(order), self.best)):
-            # Steps may end beside the nearest point: those behind may be farther in truth.
-            if len(proven) >= self.best and value[part].max() <= proven[self.best - 1]:
-                break
-            some = Q[part[self.region.holds(Q[part])]]
-            found = self._objective(k, far, self._proven(some, gap, self.few)[1])
-            good, proven = np.concatenate([good, some]), np.concatenate([proven, found])
-            first = np.argsort(-proven, kind="stable")[: np.isfinite(proven).sum()]
-            good, proven = good[first], proven[first]
-        return np.asarray(good[: self.best])
+        return np.where(self.region.holds(Q), value, -np.inf)
 
-    def _proven(self, Q: Array, gap: float, boxes: int) -> tuple[Array, Array]:
-        """Lower and upper bounds (N, F) of the distances of Q (N, n), mostly within ``gap``."""
+    def _nearest(self, Q: Array, gap: float, boxes: int) -> tuple[Array, Array]:
+        """Lower bounds (N, F) of distances of Q (N, n), mostly within ``gap``; points (F N, n)."""
         limits, search = (self.watched.lower, self.watched.upper), SearchOptions(gap, boxes)
         found = [nearest_points(c, Q, *limits, search) for c in self.each]
         self.seen += sum(int(near.boxes.sum()) for near in found) // self.cheap
-        both = np.array([(near.lower, near.upper) for near in found]).reshape(
-            len(self.each), 2, len(Q)
-        )
-        return both[:, 0].T, both[:, 1].T
-
-    def _certified(self, k: int | None, far: Array, Q: Array) -> tuple[float, Array]:
-        """The largest objective that is proven of configurations Q (N, n), and its one."""
-        value = self._objective(k, far, self._proven(Q, self.sure, NEAREST)[0])
-        best = int(value.argmax())
-        return max(0.0, float(value[best])), Q[best]
+        lower = np.reshape([near.lower for near in found], (len(found), len(Q))).T
+        return lower, np.reshape([near.q for near in found], (-1, self.arm.n))
 
     def _least(self, k: int | None, far: Array, what: str, most: int) -> _Answer:
         """Return the least distance of family k (of all), those of the others being ``far``."""
         # Farther than ``far`` from family k and the others nothing exceeds a limit.
         cap = np.inf if k is None else float(far[k])
-        reached, q = self._climb(k, far, self._random(self.samples), 0.3)
+        reached, q = self._climb(k, far, self._random(self.samples), 0.3, (0.0, np.empty(0)))
         C, R = self._first_boxes()
         boxes = _Cells.first(C, R, len(far))
         begin, most = self.seen, max(most, len(C))
@@ -482,8 +482,7 @@ class _Search:
                 made.append(halves)
                 ahead = centers[guess > (1 + GAP / 5) * reached]
                 if len(ahead):
-                    better, where = self._climb(k, far, ahead, 0.05)
-                    reached, q = (better, where) if better > reached else (reached, q)
+                    reached, q = self._climb(k, far, ahead, 0.05, (reached, q))
             self.seen += count
             self.progress(what, min(self.seen - begin, most), most)
             boxes = _Cells(
@@ -743,7 +742,7 @@ class _Search:
         most = 16 * self.few
         many = min(self.chunk // 8, max(0, last - self.seen) * self.cheap // most)
         maybe = np.flatnonzero((up > far).all(axis=1) & ~out)[:many]
-        out[maybe] = (self._proven(Q[maybe], self.finest, most)[0] > far).all(axis=1)
+        out[maybe] = (self._nearest(Q[maybe], self.finest, most)[0] > far).all(axis=1)
         out[out] = self.region.holds(Q[out])
         return out
 
