@@ -68,7 +68,7 @@ void between(const In& q, const In& near, const In& sides, const In& upper, cons
                 double both = 0.0;
                 for (int side = 0; side < 2; side++) {
                     double half = sides.data()[(2 * i + side) * n + j] - at;
-                    half -= turn.data()[j] * std::rint(half * (0.5 / M_PI));
+                    half -= turn.data()[j] * nearest_whole(half * (0.5 / M_PI));
                     both += half / 2;
                     ends[side] += (off + half / 2) * by * ((off + half / 2) * by);
                 }
@@ -115,7 +115,7 @@ nb::ndarray<nb::numpy, std::int32_t> divided(
                 require(x < static_cast<std::int64_t>(L), "no such part");
                 last = x;
                 double off = value.data()[m] - last_value.data()[x];
-                if (cyclic) off -= 2 * M_PI * std::rint(off / (2 * M_PI));
+                if (cyclic) off -= 2 * M_PI * nearest_whole(off / (2 * M_PI));
                 off = std::fabs(off);
                 if (off > reach + half.data()[m] + last_half.data()[x]) continue;
                 found.push_back(static_cast<std::int32_t>(x));
@@ -162,7 +162,7 @@ struct Motions {
             std::int64_t number = 0;
             for (int c = 0; c < C && number >= 0; c++) {
                 const std::int64_t j = counted.data()[c], end = -turns.data()[c];  // the least is first
-                const double off = std::rint((b[j] - a[j]) / (2 * M_PI));
+                const double off = nearest_whole((b[j] - a[j]) / (2 * M_PI));
                 const double turned = static_cast<double>(turns.data()[t * C + c]) + off;
                 if (!(std::fabs(turned) <= static_cast<double>(end))) number = -1;
                 else number = number * (2 * end + 1) + static_cast<std::int64_t>(turned) + end;
@@ -178,7 +178,7 @@ struct Motions {
         quick = nearly = true;
         for (int j = 0; j < n; j++) {
             double gap = b[j] - a[j];
-            gap = (gap - turn.data()[j] * std::rint(gap * (0.5 / M_PI))) * scale.data()[j];
+            gap = (gap - turn.data()[j] * nearest_whole(gap * (0.5 / M_PI))) * scale.data()[j];
             square += gap * gap;
             quick &= std::fabs(gap) <= most.data()[j];
             nearly &= std::fabs(gap) <= most.data()[j] + 2 * slack;

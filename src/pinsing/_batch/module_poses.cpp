@@ -1,6 +1,8 @@
 // Configurations brought to poses by Newton's method, one at a time, and neighbours among them.
 #include <algorithm>
 #include <cmath>
+#include <limits>
+#include <utility>
 #include <vector>
 
 #include "module.hpp"
@@ -160,13 +162,13 @@ void distinct(Out Q, const InFlags& prismatic, const In& low, const In& high, do
                     q[j] -= 2 * M_PI * std::floor((q[j] + M_PI + rounding) / (2 * M_PI));
                     const double middle = (low.data()[j] + high.data()[j]) / 2;
                     if (!(q[j] >= low.data()[j] && q[j] <= high.data()[j]))
-                        q[j] -= 2 * M_PI * std::rint((q[j] - middle) / (2 * M_PI));
+                        q[j] -= 2 * M_PI * nearest_whole((q[j] - middle) / (2 * M_PI));
                 }
                 for (int other = 0; other < kept && fresh; other++) {
                     fresh = false;
                     for (int j = 0; j < n && !fresh; j++) {
                         const double off = q[j] - pose[other * n + j];
-                        const double turns = slides[j] ? 0.0 : std::rint(off / (2 * M_PI));
+                        const double turns = slides[j] ? 0.0 : nearest_whole(off / (2 * M_PI));
                         fresh = !(std::fabs(off - 2 * M_PI * turns) < small);
                     }
                 }
@@ -183,7 +185,7 @@ void distinct(Out Q, const InFlags& prismatic, const In& low, const In& high, do
 double apart(const double* a, const double* b, const double* turn, const double* scale, int n) {
     double total = 0.0;
     for (int j = 0; j < n; j++) {
-        const double off = a[j] - b[j], left = (off - turn[j] * std::rint(off * (0.5 / M_PI))) * scale[j];
+        const double off = a[j] - b[j], left = (off - turn[j] * nearest_whole(off * (0.5 / M_PI))) * scale[j];
         total += left * left;
     }
     return std::sqrt(total);
@@ -192,31 +194,42 @@ double apart(const double* a, const double* b, const double* turn, const double*
 using OutInt = nb::ndarray<std::int32_t, nb::c_contig, nb::device::cpu>;
 using OutFlags = nb::ndarray<bool, nb::c_contig, nb::device::cpu>;
 
-// The nodes of one pose as points of circles, slot by slot for each number: zero where there is none.
+// The nodes of one pose as points of circles, `kSlots` by `kSlots` for each number: zero where there
+// is none.
 struct Circles {
-    int S, width;
+    static constexpr int kSlots = 8;
+    int S, blocks, width;
     std::vector<float> at;
-    mutable std::vector<float> sum;
 
     Circles(const double* Q, int G, int S, int n)
-        : S(S), width(2 * n), at(static_cast<std::size_t>(G * S * 2 * n)), sum(S) {
+        : S(S), blocks((S + kSlots - 1) / kSlots), width(2 * n),
+          at(static_cast<std::size_t>(G * blocks * width * kSlots)) {
         for (int x = 0; x < G * S; x++)
             for (int j = 0; j < n && std::isfinite(Q[x * n]); j++) {
                 const float q = static_cast<float>(Q[x * n + j]);
-                float* here = at.data() + (x / S) * width * S + x % S;
-                here[j * S] = std::cos(q), here[(n + j) * S] = std::sin(q);
+                float* here = of(x);
+                here[j * kSlots] = std::cos(q), here[(n + j) * kSlots] = std::sin(q);
             }
     }
 
+    float* of(int x) { return at.data() + (x / S * blocks + x % S / kSlots) * width * kSlots + x % S % kSlots; }
+
     // The slot of value i, less what `less` takes off, nearest to node x of another pose or this.
     template <class Less>
-    int nearest(const Circles& from, int x, int i, Less less) const {
-        const float* a = from.at.data() + (x / S) * width * S + x % S;
-        const float* b = at.data() + i * width * S;
-        for (int s = 0; s < S; s++) sum[s] = -less(i * S + s);
-        for (int j = 0; j < width; j++, b += S)
-            for (int s = 0; s < S; s++) sum[s] += a[j * S] * b[s];
-        return i * S + static_cast<int>(std::max_element(sum.begin(), sum.end()) - sum.begin());
+    int nearest(Circles& from, int x, int i, Less less) {
+        const float* a = from.of(x);
+        const float* b = of(i * S);
+        int best = i * S;
+        float most = -std::numeric_limits<float>::infinity();
+        for (int first = 0; first < S; first += kSlots) {
+            float sum[kSlots];
+            for (int s = 0; s < kSlots; s++) sum[s] = first + s < S ? -less(i * S + first + s) : 0.0f;
+            for (int j = 0; j < width; j++, b += kSlots)
+                for (int s = 0; s < kSlots; s++) sum[s] += a[j * kSlots] * b[s];
+            for (int s = 0; s < std::min(kSlots, S - first); s++)
+                if (sum[s] > most) most = sum[s], best = i * S + first + s;
+        }
+        return best;
     }
 };
 
@@ -242,7 +255,7 @@ void link_nodes(const In& Q, const In& turn, const In& whole, const In& scale, b
         std::vector<int> link(static_cast<std::size_t>(2 * W));
         const auto none = [](int) { return 0.0f; };
         for (std::int64_t k = first; k < first + count; k++, q += W * n) {
-            const Circles here(q, G, S, n);
+            Circles here(q, G, S, n);
             const auto there = [&](int x) { return std::isfinite(q[x * n]); };
             for (int x = 0; x < W; x++) {
                 const int i = x / S, from = last.nearest(here, x, i, none);
@@ -273,7 +286,7 @@ void link_nodes(const In& Q, const In& turn, const In& whole, const In& scale, b
                 }
                 way.data()[k * W + x] = farther;
             }
-            last = here;
+            last = std::move(here);
         }
         return Outcome{-1, 0};
     };

@@ -1006,7 +1006,9 @@ class _Planner:
         out = copy.copy(self)
         out.floor, out.least, out.passing, out.far = least, least, None, np.zeros(N, dtype=bool)
         out.values, out.half, out.near = laid(value, 0.0), laid(half, 0.0), laid(near, np.nan)
-        out.way = laid(np.where(new, self._longer(near - q[:, None]), self.way[pose, at]), 0.0)
+        way = self.way[pose, at]
+        way[new] = self._longer(near[new] - q[new, None])
+        out.way = laid(way, 0.0)
         out.Q = laid(q, np.nan)[:, :, None]
         of = {name: getattr(self, name).reshape(alive.shape)[pose, at] for name in _NODES}
         aside = moved > 0
@@ -1031,7 +1033,7 @@ class _Planner:
             other = part[pose, self.beside[pose, j, at], 1 - to]
             other = np.where(other < 0, slot, other)
             out.beside[pose, j, slot] = np.where(new & (side != to), slot + to, other)
-        out.before, out.step = np.zeros((N, most), dtype=np.int32), np.zeros((N, most))
+        out.before = np.zeros((N, most), dtype=np.int32)
         out.edges = [np.empty((0, 0), dtype=np.int32)]
         start = np.searchsorted(pose, np.arange(N + 1))
         for k in range(1, N):
@@ -1040,8 +1042,7 @@ class _Planner:
             how = out.half[k - 1], self.reach + ROUNDING, self.cyclic, most - 1, out.before[k]
             edges = engine.module().divided(self._sources(k, here), part[k - 1], *spans, *how)
             out.edges.append(edges.reshape(-1, len(here)))
-        last = out.Q[np.arange(N - 1)[:, None], out.before[1:], 0]
-        out.step[1:] = out._length(out.Q[1:, :, 0] - last)
+        out.step = laid(self._length(q - out.Q[pose - 1, out.before[pose, slot], 0]), 0.0)
         return out
 
     def _thirds(self, pose: Ints, at: Ints) -> Array:
