@@ -28,13 +28,10 @@ struct Placed {
         const double old[3][3] = {{R[0][0], R[0][1], R[0][2]},
                                   {R[1][0], R[1][1], R[1][2]},
                                   {R[2][0], R[2][1], R[2][2]}};
-        const bool about_x = C[0] == 1 && C[1] == 0 && C[2] == 0 && C[3] == 0 && C[6] == 0;
         for (int r = 0; r < 3; r++) {
             p[r] += old[0][r] * t[0] + old[1][r] * t[1] + old[2][r] * t[2];
-            for (int k = about_x; k < 3; k++) {
-                const double x = about_x ? 0.0 : old[0][r] * C[k];
-                R[k][r] = x + old[1][r] * C[3 + k] + old[2][r] * C[6 + k];
-            }
+            for (int k = 0; k < 3; k++)
+                R[k][r] = old[0][r] * C[k] + old[1][r] * C[3 + k] + old[2][r] * C[6 + k];
         }
     }
 
