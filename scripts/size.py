@@ -11,7 +11,7 @@ ROOT = Path(__file__).resolve().parent.parent
 LIMITS: dict[str, tuple[int, int]] = {
     "Python in src: statements": (41_565, 30_000),
     "Python in src: lines": (77_127, 56_000),
-    "C++, JavaScript, templates, styles: lines": (14_243, 9_500),
+    "C++, JavaScript, templates, styles: lines": (14_240, 9_500),
     "modules": (212, 220),
     "packages directly under pinsing": (16, 16),
     "numbers in module constants": (494, 500),
