@@ -146,7 +146,7 @@ def test_outside_the_zones_no_limit_is_exceeded(name, speeds, within):
 @pytest.mark.parametrize(
     ("name", "within"),
     [("irb120", None), ("ur5", None), ("ur10e", None), ("rs007n", None),
-     ("hc10", "limits"), ("gofa5", "limits"), ("crx5ia", "limits")],
+     ("hc10", "limits"), ("gofa5", "limits"), ("crx5ia", "limits"), ("meca500", "limits")],
 )  # fmt: skip
 def test_each_distance_is_within_a_twentieth_of_one_that_is_too_near(name, within):
     # Where zones meet, what exceeds a limit is a sliver: neither boxes nor random steps find it

@@ -255,14 +255,14 @@ class _Cells:
     ceiling: Array  # (N,)
     points: Array  # (N, F, n), weighted coordinates; infinite where none is known
     slack: Array  # (N, F), how far the family may be from there
-    asked: Array  # (N,), size of the box when points were last looked for elsewhere
+    asked: Array  # (N, F), size of the box when points were last looked for elsewhere
 
     @classmethod
     def first(cls, C: Array, R: Array, families: int) -> _Cells:
         """Boxes of which nothing is known."""
         shape = len(C), families
         points = np.full((*shape, C.shape[1]), np.inf)
-        return cls(C, R, np.full(len(C), np.inf), points, np.zeros(shape), np.full(len(C), np.inf))
+        return cls(C, R, np.full(len(C), np.inf), points, np.zeros(shape), np.full(shape, np.inf))
 
     @classmethod
     def joined(cls, parts: Iterable[_Cells]) -> _Cells:
@@ -569,11 +569,11 @@ class _Search:
         # Steps from the centre may lead to a point that is not the nearest. Halves know it, until
         # they are much smaller.
         X, turn = x.C * self.watched.weight, self.watched.conditions.turn
-        size = np.linalg.norm(x.R * self.watched.weight, axis=1)
-        some = np.flatnonzero(size < x.asked / 2)
-        x.asked[some] = size[some]
         for f, (tree, cloud) in self.clouds.items():
-            own, whole, at = self.used[f], np.maximum(turn, 1.0), X[some]
+            own, whole = self.used[f], np.maximum(turn, 1.0)
+            size = np.linalg.norm((x.R * self.watched.weight)[:, own], axis=1)
+            some = np.flatnonzero(size < x.asked[:, f] / 2)
+            x.asked[some, f], at = size[some], X[some]
             i = tree.query(np.where(turn > 0, at % whole, at)[:, own], workers=-1)[1]
             points = cloud.points[i, f]
             points += turn * np.round((at - points) / whole)
