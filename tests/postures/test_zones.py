@@ -358,3 +358,19 @@ def test_a_monitor_tells_in_which_zones_a_configuration_is():
         pinsing.Monitor(pinsing.closed_form(pinsing.load("planar3r")), zones=found)
     with pytest.raises(OptionError, match="without weights"):
         pinsing.Monitor(form, zones=found, weights=[1, 2, 1, 1])
+
+
+@pytest.mark.parametrize("speed", [0.5, 3.0])
+def test_an_arm_without_families_is_not_told_that_no_limit_is_exceeded(tmp_path, speed):
+    table = tmp_path / "gantry.dh.yaml"
+    row = "  - {alpha: %g, a: 0, d: 0, theta: %g, type: prismatic, limits: [0, 1]}\n"
+    rows = "".join(row % turns for turns in ((-90, 0), (90, 90), (0, 0)))
+    table.write_text(
+        f"name: gantry\nconvention: standard\nunits: {{angle: deg, length: m}}\nrows:\n{rows}"
+    )
+    form = pinsing.closed_form(pinsing.load(table, task="position"))
+    if speed < 1:
+        assert pinsing.zones(form, linear=speed, joint_speeds=[1, 1, 1]).common == 0
+    else:
+        with pytest.raises(OptionError, match="may exceed a joint speed limit"):
+            pinsing.zones(form, linear=speed, joint_speeds=[1, 1, 1])

@@ -350,6 +350,12 @@ class _Search:
         loose: list[str] = []
         half = self.most // (2 if count > 1 else 1)
         common = self._least(None, np.full(count, np.inf), "one distance from all families", half)
+        OptionError.refuse_if(
+            not count and common.proven > 0,
+            f"{self.arm.name} has no family to keep away from, and {self.speeds[0]:g} m/s and "
+            f"{self.speeds[1]:g} rad/s of the tip may exceed a joint speed limit: lower them, or "
+            "give a smaller part (within)",
+        )
         far = np.full(count, common.proven)
         found = np.zeros(count)
         for k, name in enumerate(names):
