@@ -801,20 +801,34 @@ def test_a_planner_begins_anew_where_the_poses_are_moved(ur5):
     assert "out of reach" in beyond.reason
 
 
-def test_the_map_of_a_short_path_has_no_stripes(tmp_path):
-    """A value that is searched more often than its neighbours does not stand out from both."""
-    seam = tmp_path / "seam.csv"
+def seam(folder):
+    """Poses of a file with five lines, whose tool leans."""
+    file = folder / "seam.csv"
     seam_of = {-0.2: (0.5, 0.2, 0.98), -0.1: (0.55, 0.2, 0.995), 0.0: (0.55, 0.25, 1)}
     rows = []
     for y in (-0.2, -0.1, 0.0, 0.1, 0.2):
         x, z, k = seam_of[-abs(y)]
         rows.append(f"{x},{y},{z},{-y},0,{k}\n")
-    seam.write_text("x,y,z,i,j,k\n" + "".join(rows))
+    file.write_text("x,y,z,i,j,k\n" + "".join(rows))
+    return read_poses(file).poses
+
+
+def test_the_map_of_a_short_path_has_no_stripes(tmp_path):
+    """A value that is searched more often than its neighbours does not stand out from both."""
     form = pinsing.closed_form(pinsing.load("ur15"))
-    plan = plan_path(form, read_poses(seam).poses, free="roll", tool=TORCH)
+    plan = plan_path(form, seam(tmp_path), free="roll", tool=TORCH)
     beside = np.stack([np.roll(plan.room, turn, axis=1) for turn in (1, -1)])
     assert np.degrees(plan.room - beside.max(axis=0)).max() < 1
     assert np.degrees(beside.min(axis=0) - plan.room).max() < 1
+
+
+def test_no_joint_jumps_from_pose_to_pose(tmp_path):
+    """A path of greater clearance led q1, between -170 and 170 degrees, all the way round."""
+    arm = pinsing.load("kr10_r1100_2")
+    form = pinsing.closed_form(arm, prove=False)
+    plan = plan_path(form, seam(tmp_path), free="roll", arm=arm, tool=TORCH)
+    assert np.degrees(plan.clearance) > 66
+    assert not pinsing.check_trajectory(arm, plan.q, forms=form).jumps
 
 
 def planned(name, rows, free, steps, **options):

@@ -1210,10 +1210,11 @@ class _Planner:
         return out
 
     def _farthest(self, k: int) -> Array:
-        """How far joints (n,) may move to pose k within their speed limits."""
-        if not self.timed:
-            return np.full(self.arm.n, np.inf)
-        most: Array = limits_of(self.arm) * (self.t[k] - self.t[k - 1]) * self.scale
+        """How far joints (n,) may move to pose k: half a turn, within their speed limits."""
+        most: Array = np.where(self.arm.prismatic, np.inf, np.pi)  # `check` calls more a jump
+        if self.timed:
+            fast = limits_of(self.arm) * (self.t[k] - self.t[k - 1]) * self.scale
+            most = np.minimum(most, fast)
         return most
 
     def _why(self, k: int, best: Array) -> str:
@@ -1259,9 +1260,12 @@ class _Planner:
                     f"{k - 1} and {k}"
                 )
             between = f", with {family} between them"
-        if self.timed and (np.abs(move) > limits_of(self.arm) * (self.t[k] - self.t[k - 1])).any():
-            j = int((np.abs(move) / limits_of(self.arm)).argmax())
-            return f"{names[j]} would exceed its speed limit between poses {k - 1} and {k}"
+        share = np.abs(move) * self.scale / self._farthest(k)
+        if share.max() > 1:
+            j = int(share.argmax())
+            turned = not self.arm.prismatic[j] and abs(move[j]) > np.pi
+            how = "turn by over half a turn" if turned else "exceed its speed limit"
+            return f"{names[j]} would {how} between poses {k - 1} and {k}"
         return (
             f"no motion between poses {k - 1} and {k} is proven clear: the nearest solutions are "
             f"{apart} apart{between}"
