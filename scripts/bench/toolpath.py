@@ -88,7 +88,7 @@ def main() -> None:
             spent = time.process_time() - start
             check = pinsing.check_trajectory(arm, Q, forms=form)
             least = f"{np.degrees(pinsing.clearance(form, Q).lower.min()):.1f}°"
-            cells += ["crosses" if check.crossings else least, f"{spent:.1f} s"]
+            cells += ["singular" if check.crossings else least, f"{spent:.1f} s"]
         for step in (20.0, 1.0):
             start = time.process_time()
             plan = pinsing.plan_path(
