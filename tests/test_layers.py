@@ -23,8 +23,8 @@ SOURCE = Path(pinsing.__file__).parent
 ORDER = (
     "_types", "_version", "_package", "errors", "prose", "arguments", "measures", "notebook",
     "serialization", "atomic_write", "chunk_file", "description", "robot",
-    "_batch", "kinematics", "algebra", "proof", "configuration", "families", "proximity",
-    "postures", "sampling", "loops", "plot", "view", "report", "cli", "__init__", "__main__",
+    "_batch", "kinematics", "algebra", "proof", "configuration", "families", "loops", "proximity",
+    "postures", "sampling", "plot", "view", "report", "cli", "__init__", "__main__",
 )  # fmt: skip
 
 # Arrows upward that are allowed, importer and imported; one that nothing uses is an error.

@@ -28,6 +28,7 @@ from pinsing.prose import unbroken
 F = TypeVar("F", bound=Callable[..., Any])
 
 MAX_SEED = int(np.iinfo(np.uint64).max)
+MAX_STARTS = 10_000_000  # that one call draws
 
 _LONGEST = 40
 _NUMBERS = "numbers"

@@ -8,7 +8,7 @@ import pytest
 from singular_sets import Joint, build, iiwa_with_offset
 from tiers import tiered
 
-from pinsing.algebra.budget import Budget
+from pinsing.algebra.budget import Budget, Stages
 from pinsing.algebra.real_roots import (
     NotFinite,
     changes_sign,
@@ -26,7 +26,6 @@ from pinsing.robot.load import load
 from pinsing.robot.nominal import nominal
 from pinsing.robot.surd import cosine
 from pinsing.sampling.analyze import analysis_text, analyze
-from pinsing.sampling.execute import Stages
 from pinsing.sampling.sweep_run import sweep
 
 RIGHT = math.pi / 2

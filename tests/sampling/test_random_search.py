@@ -5,9 +5,9 @@ import dataclasses
 import pytest
 
 from pinsing import load
+from pinsing.algebra.budget import Stages
 from pinsing.families import closed_form
 from pinsing.sampling.analyze import leads_down, random_search
-from pinsing.sampling.execute import Stages
 
 FLAT = """
 name: flat

@@ -2,11 +2,13 @@
 
 Work is counted in products of terms, which every step says before it begins, and the time on the
 clock is a cap beyond that: it strikes on slow or busy machines only, and for what was not foreseen.
+`Stages` of an analysis, which sample too, have the clock alone.
 """
 
 from __future__ import annotations
 
 import contextlib
+import math
 import os
 import signal
 import sys
@@ -297,3 +299,50 @@ def in_child(work: Callable[[], T], budget: Budget, seconds: float) -> T:
     if outcome.result is None:
         raise BudgetExceeded(outcome.reason)
     return outcome.result
+
+
+class Stages:
+    """Runs stages for ``seconds`` (None: no limit), or until Ctrl-C; lists what is missing."""
+
+    def __init__(self, seconds: float | None) -> None:
+        self.seconds = math.inf if seconds is None else seconds
+        self.until = time.monotonic() + self.seconds
+        self.missing: list[str] = []
+        self.interrupted = False
+
+    @property
+    def over(self) -> bool:
+        """True if nothing more should be begun."""
+        return self.interrupted or time.monotonic() > self.until
+
+    @property
+    def why(self) -> str:
+        """Reason for the end."""
+        return "stopped" if self.interrupted else f"the time of {self.seconds:g} s was up"
+
+    def run(self, name: str, stage: Callable[[], T], otherwise: T, whole: bool = False) -> T:
+        """Return the result of a stage, or ``otherwise`` and a line on what is missing."""
+        # A ``whole`` stage looks at no clock: its result has all of it, however late.
+        if self.over:
+            self.missing.append(f"{name}: not begun, {self.why}")
+            return otherwise
+        try:
+            result = stage()
+        except KeyboardInterrupt:
+            self.interrupted = True
+            self.missing.append(f"{name}: stopped before its end")
+            return otherwise
+        if self.over and not whole:
+            self.missing.append(f"{name}: perhaps not all of it, {self.why}")
+        return result
+
+    def watched(self, progress: Callable[[int, int], None] | None) -> Callable[[int, int], None]:
+        """A callback for a sweep that ends it, as Ctrl-C would, when the time is up."""
+
+        def tell(done: int, count: int) -> None:
+            if progress is not None:
+                progress(done, count)
+            if time.monotonic() > self.until and done < count:
+                raise KeyboardInterrupt
+
+        return tell

@@ -12,6 +12,7 @@ from typing import ClassVar
 import numpy as np
 
 from pinsing._types import Array, ArrayLike
+from pinsing.algebra.budget import Stages
 from pinsing.arguments import checked, typed
 from pinsing.errors import OptionError
 from pinsing.loops.closure import Ranks, ranks
@@ -39,7 +40,6 @@ from pinsing.loops.structure import output_pose, without_length
 from pinsing.measures import ROUNDING
 from pinsing.prose import PLAIN, Page, Span, alarm, caution, formula, good, unbroken
 from pinsing.robot.mechanism import Mechanism
-from pinsing.sampling.execute import Stages
 from pinsing.serialization import JsonResult
 
 Line = tuple[str, tuple[Span, ...]]

@@ -16,7 +16,7 @@ from typing import ClassVar
 import numpy as np
 
 from pinsing._types import Array, Bool, NDArray
-from pinsing.arguments import checked
+from pinsing.arguments import MAX_STARTS, checked
 from pinsing.errors import OptionError
 from pinsing.loops.analysis import independent_inputs
 from pinsing.loops.closure import BatchLoops, near_home, newton, random_closed, ranks
@@ -27,7 +27,6 @@ from pinsing.loops.structure import output_pose
 from pinsing.measures import NEAR_RTOL, ROUNDING, SINGULAR_RTOL
 from pinsing.prose import PLAIN, Page
 from pinsing.robot.mechanism import Mechanism
-from pinsing.sampling.sweep_plan import MAX_STARTS
 from pinsing.serialization import JsonResult
 
 

@@ -18,7 +18,6 @@ from pinsing.loops.motion import COORDINATES, led_pose
 from pinsing.loops.structure import extent, output_pose
 from pinsing.measures import ROUNDING
 from pinsing.robot.mechanism import Mechanism
-from pinsing.sampling.map_plan import BLOCK
 
 
 class PoseWay:
@@ -307,8 +306,9 @@ class _Grid:
         """Solve cells (N, 3) from configurations (N, n), and keep what is of the same mode."""
         way = self.way
         x, y = self.sides
-        for k in range(0, len(cells), BLOCK):
-            here, Q0 = cells[k : k + BLOCK], begin[k : k + BLOCK]
+        block = 4096  # cells that are treated at a time
+        for k in range(0, len(cells), block):
+            here, Q0 = cells[k : k + block], begin[k : k + block]
             R, p = way.targets(x[here[:, 2]], y[here[:, 1]])
             steps = 10 if np.isfinite(far) else 30
             Q, error = newton(way.loops, Q0, way.free, None, (R, p, way.targets_rows), steps)

@@ -12,7 +12,8 @@ from typing import ClassVar
 import numpy as np
 
 from pinsing._types import Array, ArrayLike, Bool, NDArray
-from pinsing.arguments import MAX_SEED, checked, whole_number
+from pinsing.algebra.budget import Stages
+from pinsing.arguments import MAX_SEED, MAX_STARTS, checked, whole_number
 from pinsing.configuration.refine import (
     SingularConfiguration,
     approach,
@@ -30,7 +31,6 @@ from pinsing.prose import PLAIN, Page, Span, alarm, caution, unbroken
 from pinsing.robot.arm import Arm, ArmSummary, summarize
 from pinsing.robot.nominal import ANGLE_TOL, nominal, nominal as nominal_geometry
 from pinsing.sampling.curves import CurveTable
-from pinsing.sampling.execute import Stages
 from pinsing.sampling.generalize import (
     DRAWS,
     ConditionTester,
@@ -39,7 +39,7 @@ from pinsing.sampling.generalize import (
     finding_spans,
 )
 from pinsing.sampling.map_plan import BLOCK
-from pinsing.sampling.sweep_plan import MAX_STARTS, SAMPLES, SPECIAL_ANGLES, Special
+from pinsing.sampling.sweep_plan import SAMPLES, SPECIAL_ANGLES, Special
 from pinsing.sampling.sweep_run import SweepResult, sweep
 from pinsing.serialization import JsonResult
 

@@ -10,20 +10,18 @@ import errno
 import functools
 import hashlib
 import json
-import math
 import os
 import re
 import signal
 import stat
 import threading
-import time
 from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
 from concurrent.futures import BrokenExecutor, CancelledError, Executor, Future, ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 from queue import SimpleQueue
 from types import FrameType
-from typing import Any, Protocol, TypeVar
+from typing import Any, Protocol
 
 from pinsing._batch.engine import cpu_count
 from pinsing.atomic_write import is_temporary, replace_file, sync_folder, why
@@ -332,56 +330,6 @@ def second_ctrl_c_ends_process() -> Iterator[None]:
         yield
     finally:
         _ends_process = before
-
-
-T = TypeVar("T")
-
-
-class Stages:
-    """Runs stages for ``seconds`` (None: no limit), or until Ctrl-C; lists what is missing."""
-
-    def __init__(self, seconds: float | None) -> None:
-        self.seconds = math.inf if seconds is None else seconds
-        self.until = time.monotonic() + self.seconds
-        self.missing: list[str] = []
-        self.interrupted = False
-
-    @property
-    def over(self) -> bool:
-        """True if nothing more should be begun."""
-        return self.interrupted or time.monotonic() > self.until
-
-    @property
-    def why(self) -> str:
-        """Reason for the end."""
-        return "stopped" if self.interrupted else f"the time of {self.seconds:g} s was up"
-
-    def run(self, name: str, stage: Callable[[], T], otherwise: T, whole: bool = False) -> T:
-        """Return the result of a stage, or ``otherwise`` and a line on what is missing."""
-        # A ``whole`` stage looks at no clock: its result has all of it, however late.
-        if self.over:
-            self.missing.append(f"{name}: not begun, {self.why}")
-            return otherwise
-        try:
-            result = stage()
-        except KeyboardInterrupt:
-            self.interrupted = True
-            self.missing.append(f"{name}: stopped before its end")
-            return otherwise
-        if self.over and not whole:
-            self.missing.append(f"{name}: perhaps not all of it, {self.why}")
-        return result
-
-    def watched(self, progress: Callable[[int, int], None] | None) -> Callable[[int, int], None]:
-        """A callback for a sweep that ends it, as Ctrl-C would, when the time is up."""
-
-        def tell(done: int, count: int) -> None:
-            if progress is not None:
-                progress(done, count)
-            if time.monotonic() > self.until and done < count:
-                raise KeyboardInterrupt
-
-        return tell
 
 
 Folder = str | os.PathLike[str]

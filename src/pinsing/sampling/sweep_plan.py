@@ -308,7 +308,6 @@ LEVELS = (1, 2)
 _EFFECT_SAMPLES = 33
 _MAX_SETS = 500_000
 MAX_SAMPLES = 32_768  # a hundredth of a degree of a whole turn
-MAX_STARTS = 10_000_000
 
 
 @checked
