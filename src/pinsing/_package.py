@@ -7,7 +7,7 @@ import importlib.util
 import sys
 from collections.abc import Mapping, Sequence
 from types import ModuleType
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 
 class Package(ModuleType):
@@ -97,3 +97,49 @@ def public(
     module.__class__ = Package
     module.__dict__.setdefault("__all__", sorted(found))
     module.__dict__.update(_homes=found, _packages=packages, _advice=advice or {}, _called=called)
+
+
+_GUESSES = {
+    "jacobian": "J",
+    "singular_values": "sigma",
+    "is_singular": "singular",
+    "limits": "lower and upper",
+    "count": "lower and upper",
+    "joint_names": "joints",
+    "tool": "tip",
+    **dict.fromkeys(("dof", "nq", "nv"), "n"),
+    **dict.fromkeys(("equations", "keys", "names"), "families"),
+}
+_ELSEWHERE = {
+    "plot": "the functions of pinsing.plot",
+    "save": "to_json()",
+    "show": "pinsing.Viewer",
+    **{name: f"form[{name!r}]" for name in ("wrist", "elbow", "shoulder", "F1", "F2", "F3")},
+}
+
+
+class Advised:
+    """Mixin of classes that say what to use where they are asked for what they have not."""
+
+    if not TYPE_CHECKING:  # which would take every name for an attribute
+
+        def __getattr__(self, name: str) -> Any:
+            kind = type(self)
+            refusal = f"{kind.__name__} has no attribute {name!r}"
+            if not name.startswith("_"):
+                hint = _hint(kind, name)
+                refusal += f": use {hint}" if hint else ""
+            raise AttributeError(refusal)
+
+
+def _hint(kind: Any, name: str) -> str:
+    """Say what stands for an attribute that a class has not; empty for no idea."""
+    import dataclasses  # `import pinsing` takes no time
+
+    known = [n for n in dir(kind) if not n.startswith("_")]
+    known += [f.name for f in dataclasses.fields(kind)]
+    guess = _GUESSES.get(name, "")
+    if guess.partition(" ")[0] in known:
+        return guess
+    close = difflib.get_close_matches(name, known, 3, 0.7)
+    return _ELSEWHERE.get(name) or advised(name) or " or ".join(close)

@@ -11,7 +11,7 @@ import errno
 import os
 from pathlib import Path
 
-from pinsing.errors import OutputError, shown_path
+from pinsing.errors import OutputError, shown_path, why
 
 MEBIBYTE = 1 << 20
 
@@ -130,13 +130,6 @@ def sync_folder(folder: Path) -> None:
 def is_temporary(name: str) -> bool:
     """Return True if a file of that name may be what a killed process left of a write."""
     return name.startswith(".") and name.endswith(TEMPORARY)
-
-
-def why(error: Exception) -> str:
-    """Return what the system says of a failure, without numbers and paths."""
-    if isinstance(error, UnicodeEncodeError):
-        return "the name holds half a character"
-    return str(getattr(error, "strerror", None) or error)
 
 
 def _made(temporary: Path, flags: int) -> int:

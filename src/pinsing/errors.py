@@ -42,6 +42,13 @@ def shown_path(path: object) -> str:
     return "".join(c if c.isprintable() else repr(c)[1:-1] for c in path)
 
 
+def why(error: Exception) -> str:
+    """Return what the system says of a failure, without numbers and paths."""
+    if isinstance(error, UnicodeEncodeError):
+        return "the name holds half a character"
+    return str(getattr(error, "strerror", None) or error)
+
+
 def _one_line(message: str) -> str:
     """A message in one line that any terminal and file can hold, whatever a parser had to say."""
     if len(message) > _LONGEST_PATH:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import difflib
 import json
 import types
 import typing
@@ -13,7 +12,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
 import numpy as np
 
-from pinsing._package import advised
+from pinsing._package import Advised
 from pinsing._types import NDArray
 from pinsing.arguments import checked
 from pinsing.errors import PinsingError, ResultError
@@ -31,50 +30,6 @@ class Written(NamedTuple):
     encode: Callable[[Any], Any]  # to what JSON has
     decode: Callable[[Any], Any]  # and back
     kind: Any  # what JSON has there
-
-
-_GUESSES = {
-    "jacobian": "J",
-    "singular_values": "sigma",
-    "is_singular": "singular",
-    "limits": "lower and upper",
-    "count": "lower and upper",
-    "joint_names": "joints",
-    "tool": "tip",
-    **dict.fromkeys(("dof", "nq", "nv"), "n"),
-    **dict.fromkeys(("equations", "keys", "names"), "families"),
-}
-_ELSEWHERE = {
-    "plot": "the functions of pinsing.plot",
-    "save": "to_json()",
-    "show": "pinsing.Viewer",
-    **{name: f"form[{name!r}]" for name in ("wrist", "elbow", "shoulder", "F1", "F2", "F3")},
-}
-
-
-class Advised:
-    """Mixin of classes that say what to use where they are asked for what they have not."""
-
-    if not TYPE_CHECKING:  # which would take every name for an attribute
-
-        def __getattr__(self, name: str) -> Any:
-            kind = type(self)
-            refusal = f"{kind.__name__} has no attribute {name!r}"
-            if not name.startswith("_"):
-                hint = _hint(kind, name)
-                refusal += f": use {hint}" if hint else ""
-            raise AttributeError(refusal)
-
-
-def _hint(kind: Any, name: str) -> str:
-    """Say what stands for an attribute that a class has not; empty for no idea."""
-    known = [n for n in dir(kind) if not n.startswith("_")]
-    known += [f.name for f in dataclasses.fields(kind)]
-    guess = _GUESSES.get(name, "")
-    if guess.partition(" ")[0] in known:
-        return guess
-    close = difflib.get_close_matches(name, known, 3, 0.7)
-    return _ELSEWHERE.get(name) or advised(name) or " or ".join(close)
 
 
 class JsonResult(Advised):

@@ -17,7 +17,6 @@ from typing import Any, NoReturn
 import click
 
 from pinsing._version import __version__
-from pinsing.atomic_write import why
 from pinsing.cli import STOPPED, memory_problem, memory_refusal
 from pinsing.cli.grouped import placeholder, values_named
 from pinsing.cli.output import (
@@ -29,7 +28,7 @@ from pinsing.cli.output import (
     say,
 )
 from pinsing.cli.running import WORDS
-from pinsing.errors import OptionError, PinsingError, UnknownNameError, shown_path
+from pinsing.errors import OptionError, PinsingError, UnknownNameError, shown_path, why
 
 COMMANDS: dict[str, tuple[str, str]] = {
     "families": ("families", "Find all families of singular configurations."),

@@ -20,8 +20,8 @@ from typing import TYPE_CHECKING, Any
 import click
 from click.core import ParameterSource
 
-from pinsing.atomic_write import why, write_bytes, write_text
-from pinsing.errors import ConfigurationError, OutputError, shown_path
+from pinsing.atomic_write import write_bytes, write_text
+from pinsing.errors import ConfigurationError, OutputError, shown_path, why
 from pinsing.prose import Page, is_terminal, safe, shows_colour, visible
 
 if TYPE_CHECKING:

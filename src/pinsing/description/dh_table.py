@@ -28,12 +28,11 @@ from xml.etree.ElementTree import Element, SubElement, tostring
 
 import yaml
 
-from pinsing.atomic_write import why, write_text
 from pinsing.description.catalog import known_arms, urdf_folder
 from pinsing.description.urdf_elements import DEFAULT_EFFORT, DEFAULT_VELOCITY
 from pinsing.description.xacro import expand_xacro
 from pinsing.description.yaml_tree import Number, YamlNode, compose
-from pinsing.errors import OutputError
+from pinsing.errors import OutputError, why
 
 Vector = tuple[float, float, float]
 
@@ -326,11 +325,15 @@ def dh_to_urdf(table: DHTable) -> str:
     the table a joint gets 1 rad/s or m/s and 100 N·m or N, since a URDF must have them.
     """
     # xacro reads tables from files only, and only from folders that it is given.
-    with _folder() as folder:
-        numbers = Path(folder, "arm.yaml")
-        write_text(numbers, yaml.safe_dump(_arm(table)))
+    try:
+        folder = tempfile.TemporaryDirectory(prefix="pinsing-")
+        numbers = Path(folder.name, "arm.yaml")
+        numbers.write_text(yaml.safe_dump(_arm(table)), encoding="utf-8")
+    except OSError as error:
+        raise OutputError(f"cannot make a folder for temporary files: {why(error)}") from None
+    with folder as name:
         made = expand_xacro(
-            urdf_folder() / "dh_arm.xacro", {"arm": folder}, {"arm": str(numbers)}
+            urdf_folder() / "dh_arm.xacro", {"arm": name}, {"arm": str(numbers)}
         ).xml
     head, start, robot = made.partition("\n<robot ")
     declaration = head.split("\n", 1)[0]  # after it come comments of xacro, which hold the path
@@ -398,13 +401,6 @@ def _turned(
             links.append(joint["child"])
         out.append({**joint, **_origin(place), "parent": links[-2], "child": links[-1]})
     return links, out
-
-
-def _folder() -> tempfile.TemporaryDirectory[str]:
-    try:
-        return tempfile.TemporaryDirectory(prefix="pinsing-")
-    except OSError as error:
-        raise OutputError(f"cannot make a folder for temporary files: {why(error)}") from None
 
 
 def _banner(table: DHTable) -> str:

@@ -19,7 +19,6 @@ from typing import TYPE_CHECKING
 from urllib.parse import unquote
 from xml.parsers import expat
 
-from pinsing.atomic_write import MEBIBYTE
 from pinsing.description.xml_tree import show
 from pinsing.errors import Refusal
 
@@ -244,7 +243,7 @@ def _is_package(folder: Path, name: str) -> bool:
     return found is not None and found[1] == name
 
 
-LARGEST = 256 * MEBIBYTE
+LARGEST = 256 << 20
 _END = re.compile(rb"</(?:[\w.-]+:)?COLLADA\s*>\s*\Z")
 
 

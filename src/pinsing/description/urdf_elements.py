@@ -21,7 +21,6 @@ from pinsing.description.xml_tree import (
     suggestion,
 )
 from pinsing.errors import RobotFileError
-from pinsing.measures import ALIKE
 
 JointKind = Literal["revolute", "continuous", "prismatic", "fixed", "floating", "planar"]
 KINDS: tuple[str, ...] = get_args(JointKind)
@@ -148,7 +147,7 @@ def _axis(
     x, y, z = source.numbers(element, "xyz", 3, what)
     norm = math.hypot(x, y, z)
     source.refuse_if(
-        norm < ALIKE, f'{what}: the axis is zero: give a direction, as xyz="0 0 1"', element
+        norm < 1e-6, f'{what}: the axis is zero: give a direction, as xyz="0 0 1"', element
     )
     if norm == 1.0:
         return (x, y, z), Node("axis", {"xyz": element.attributes["xyz"]}, 0)

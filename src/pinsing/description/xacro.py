@@ -32,13 +32,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from pinsing.atomic_write import MEBIBYTE
 from pinsing.description import child_jail
 from pinsing.description.ros_packages import LARGEST, PackageIndex
 from pinsing.description.xml_tree import MAX_BYTES, Node
 from pinsing.errors import RobotFileError
 
-_MOST_BYTES = 64 * MEBIBYTE
+_MOST_BYTES = 2 * MAX_BYTES
 _MOST_FILES = 5000
 _MOST_STEPS = 20_000
 
@@ -136,7 +135,7 @@ class XacroFiles:
             return {"problem": f"{path} is larger than {self.largest // 2**20} MiB"}
         self._left -= len(data)
         if self._left < 0:
-            return {"problem": f"more than {_MOST_BYTES // MEBIBYTE} MiB of files are asked for"}
+            return {"problem": f"more than {_MOST_BYTES // 2**20} MiB of files are asked for"}
         try:
             return {"text": data.decode("utf-8")}
         except UnicodeDecodeError:
@@ -164,7 +163,7 @@ TIMEOUT_SECONDS = 12
 """Processor time of the child, which a busy machine does not use up."""
 _PATIENCE = 10  # times that on the clock, whatever else runs
 _FAREWELL = 1.0
-MEMORY = 2048 * MEBIBYTE
+MEMORY = 64 * MAX_BYTES
 _WALL = True  # tests leave it out, to see that nothing depends on it
 _WORKER = Path(__file__).with_name("xacro_worker.py")
 

@@ -19,13 +19,11 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from xml.parsers import expat
 
-from pinsing.atomic_write import MEBIBYTE
 from pinsing.errors import RobotFileError, shown_path
 
-MAX_BYTES = 32 * MEBIBYTE
-MAX_DEPTH = 100
+MAX_BYTES = 32 << 20
+MAX_DEPTH = MAX_ATTRIBUTES = 100
 MAX_ELEMENTS = 500_000
-MAX_ATTRIBUTES = 100
 
 _DECLARATION = re.compile(r"\ufeff?\s*(?:<\?xml\s[^>]*\?>)?")
 _DECLARED = re.compile(rb"^\s*<\?xml[^>]*?encoding\s*=\s*[\"']([A-Za-z0-9._-]+)[\"']")

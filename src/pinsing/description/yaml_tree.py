@@ -52,7 +52,7 @@ class QuickLoader(getattr(yaml, "CSafeLoader", yaml.SafeLoader)):  # type: ignor
         return super().construct_mapping(node, deep)
 
 
-MAX_BYTES = 64 << 10
+MAX_BYTES = 65536
 """The YAML reader takes up to 3 s for this much, and no table comes near it."""
 
 _NUMBER = re.compile(r"(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d{1,3})?")

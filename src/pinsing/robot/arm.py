@@ -11,6 +11,7 @@ from typing import Any, ClassVar
 import numpy as np
 import pinocchio as pin
 
+from pinsing._package import Advised
 from pinsing._types import Array, ArrayLike, Bool
 from pinsing.arguments import checked, columns_of, real_numbers
 from pinsing.errors import ConfigurationError
@@ -20,7 +21,6 @@ from pinsing.robot.joint_space import JointSpace, model_q, require_scale
 from pinsing.robot.source import Coupling, Memory, Source
 from pinsing.robot.task import Task, parse_task
 from pinsing.robot.whole_model import WholeModel
-from pinsing.serialization import Advised
 
 
 @dataclass(frozen=True, eq=False)

@@ -24,9 +24,9 @@ from types import FrameType
 from typing import Any, Protocol
 
 from pinsing._batch.engine import cpu_count
-from pinsing.atomic_write import is_temporary, replace_file, sync_folder, why
+from pinsing.atomic_write import is_temporary, replace_file, sync_folder
 from pinsing.chunk_file import DamagedError, Record, pack, read_bounded, unpack
-from pinsing.errors import OptionError, OutputError, PinsingError, WorkerError
+from pinsing.errors import OptionError, OutputError, PinsingError, WorkerError, why
 from pinsing.kinematics.verdict import Evaluator, evaluator, recorded_engine
 from pinsing.prose import LISTED
 from pinsing.robot.arm import Arm
