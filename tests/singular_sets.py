@@ -15,9 +15,9 @@ import pinocchio as pin
 
 from pinsing._types import Array
 from pinsing.algebra.equation import Equation
-from pinsing.configuration.refine import approach, walk
 from pinsing.families import ClosedForm, closed_form
 from pinsing.kinematics.jacobian import generic_rank, task_jacobians
+from pinsing.kinematics.refine import approach, walk
 from pinsing.kinematics.verdict import ratios
 from pinsing.robot.arm import Arm
 from pinsing.robot.load import load

@@ -19,9 +19,9 @@ from tiers import sampled
 import pinsing
 from pinsing.atomic_write import check_writable, write_bytes, write_text
 from pinsing.cli.options import parse_numbers
-from pinsing.configuration.at import State, at
 from pinsing.errors import ConfigurationError, OutputError
 from pinsing.families import ClosedForm
+from pinsing.kinematics.at import State, at
 from pinsing.kinematics.jacobian import task_jacobian
 from pinsing.report.info import ArmInfo
 from pinsing.robot.load import load

@@ -12,7 +12,7 @@ from public import REFERENCE, documented
 from tiers import tiered
 
 import pinsing
-from pinsing import configuration, kinematics, plot, postures, proximity, robot, sampling
+from pinsing import kinematics, plot, postures, proximity, robot, sampling
 
 DOCS = ROOT / "docs"
 # Reports, written by programs: what they quote is what those ran.
@@ -55,7 +55,7 @@ def test_reports_are_those_of_the_list():
 
 def test_every_public_name_is_in_the_reference():
     text = REFERENCE.read_text(encoding="utf-8")
-    for module in (pinsing, configuration, kinematics, postures, proximity, robot, sampling):
+    for module in (pinsing, kinematics, postures, proximity, robot, sampling):
         assert set(module.__all__) <= documented().keys()
     members = re.search(r"pinsing\.plot\n   :members: (.*)", text)
     assert members is not None

@@ -23,7 +23,7 @@ SOURCE = Path(pinsing.__file__).parent
 ORDER = (
     "_types", "_version", "_package", "errors", "prose", "description", "arguments", "measures",
     "notebook", "robot", "serialization", "atomic_write", "chunk_file",
-    "_batch", "kinematics", "algebra", "proof", "configuration", "families", "loops", "proximity",
+    "_batch", "kinematics", "algebra", "proof", "families", "loops", "proximity",
     "postures", "sampling", "plot", "view", "report", "cli", "__init__", "__main__",
 )  # fmt: skip
 

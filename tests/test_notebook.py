@@ -23,7 +23,7 @@ def results():
     swept = pinsing.sampling.sweep(arm, levels=1, samples=9)
     analysis = pinsing.analyze(arm, levels=1, samples=9, random_starts=5)
     state = pinsing.at(arm, [0.1, 0.2, 0.3, 0.4, 0.0, 0.6])
-    refined = pinsing.configuration.refine(arm, state.q)
+    refined = pinsing.kinematics.refine(arm, state.q)
     return [arm, form, form.families[0], swept, analysis, state, refined, swept.plan]
 
 

@@ -39,20 +39,20 @@ def test_every_public_name_is_there(package):
 @pytest.mark.parametrize(
     "first",
     tiered(
-        ["pinsing.sampling.analyze", "pinsing.configuration.refine", "pinsing.families"],
-        ("pinsing.configuration.refine",),
+        ["pinsing.sampling.analyze", "pinsing.kinematics.refine", "pinsing.families"],
+        ("pinsing.kinematics.refine",),
     ),
 )
 def test_modules_do_not_shadow_functions(first):
-    """Whatever was imported before: pinsing.configuration.refine is the function."""
+    """Whatever was imported before: pinsing.kinematics.refine is the function."""
     code = (
         f"import importlib, pinsing; importlib.import_module({first!r})\n"
-        "from pinsing.configuration import at, refine\n"
+        "from pinsing.kinematics import at, refine\n"
         "from pinsing.sampling import analyze, generalize\n"
         "assert all(map(callable, (at, refine, analyze, generalize, pinsing.robot.load)))\n"
         "arm = pinsing.load('planar3r')\n"
         "assert pinsing.closed_form(arm).families and pinsing.sampling.sweep(arm).curves\n"
-        "from pinsing.configuration.refine import SingularConfiguration\n"
+        "from pinsing.kinematics.refine import SingularConfiguration\n"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
@@ -64,7 +64,7 @@ MISTAKES = [
     # Names that moved, that people guess, or that are modules.
     ("pinsing.sweep(arm)", AttributeError, "pinsing.sampling.sweep"),
     ("pinsing.sweeep(arm)", AttributeError, "pinsing.sampling.sweep"),
-    ("pinsing.refine(arm, q)", AttributeError, "pinsing.configuration.refine"),
+    ("pinsing.refine(arm, q)", AttributeError, "pinsing.kinematics.refine"),
     ("pinsing.task_jacobian(arm, q)", AttributeError, "pinsing.kinematics.task_jacobian"),
     ("pinsing.Mechanism", AttributeError, "pinsing.robot.Mechanism"),
     ("pinsing.assembly_modes(arm)", AttributeError, "pinsing.loops.assembly_modes"),

@@ -22,7 +22,7 @@ def test_the_kernel_under_two_sanitizers(monkeypatch: pytest.MonkeyPatch) -> Non
             sys.executable,
             str(SCRIPTS / "fuzz" / "sanitize.py"),
             "--", "-m", "not slow", "tests/test_batch.py", "tests/test_batch_roots.py",
-            "tests/configuration/test_refine.py",
+            "tests/kinematics/test_refine.py",
         ],
         capture_output=True,
         text=True,

@@ -14,7 +14,7 @@ import pytest
 from tiers import tiered
 
 from pinsing import Arm, analyze, at, closed_form, load, singular_values
-from pinsing.configuration import refine
+from pinsing.kinematics import refine
 from pinsing.sampling import sweep
 from pinsing.serialization import JsonResult
 

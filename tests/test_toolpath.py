@@ -19,11 +19,11 @@ from tiers import tiered
 import pinsing
 from pinsing._batch import engine
 from pinsing.cli.app import command
-from pinsing.configuration import inverse_batch
-from pinsing.configuration.inverse_batch import InverseMany
-from pinsing.configuration.ladder import posture_names
 from pinsing.errors import ConfigurationError, EngineError, OptionError, RobotFileError
+from pinsing.kinematics import inverse_batch
+from pinsing.kinematics.inverse_batch import InverseMany
 from pinsing.kinematics.jacobian import tip_placement
+from pinsing.kinematics.ladder import posture_names
 from pinsing.plot.curves import path_sheet
 from pinsing.postures import placement
 from pinsing.postures.placement import read_poses
@@ -313,9 +313,7 @@ def test_joints_without_limits_make_as_many_turns_as_a_path_needs():
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["ur5", "puma560", "z1", "aubo_i5"])
 def test_eaik_misses_nothing_that_ours_finds(name, monkeypatch):
-    monkeypatch.setattr(
-        sys.modules["pinsing.configuration.inverse"], "decomposed", lambda arm: None
-    )
+    monkeypatch.setattr(sys.modules["pinsing.kinematics.inverse"], "decomposed", lambda arm: None)
     arm = pinsing.load(name)
     many = InverseMany(arm)
     assert many.exact

@@ -13,7 +13,7 @@ PLACES = {
     name: f"{module.__name__}.{name}"
     for module in (
         *(pinsing.sampling, pinsing.loops, pinsing.families, pinsing.robot, pinsing.proximity),
-        *(pinsing.postures, pinsing.kinematics, pinsing.configuration, pinsing),
+        *(pinsing.postures, pinsing.kinematics, pinsing),
     )
     for name in module.__all__
 }

@@ -10,7 +10,7 @@ import numpy as np
 
 import pinsing
 from pinsing._types import Array, Bool
-from pinsing.configuration.inverse_batch import InverseMany
+from pinsing.kinematics.inverse_batch import InverseMany
 from pinsing.kinematics.jacobian import tip_placement
 
 
@@ -41,7 +41,7 @@ def main() -> None:
     )
     print(f"({used:.1f} us of processors); of {args.poses} known ones missed:", end=" ")
     print(int(missed(arm, found, Q).sum()), flush=True)
-    sys.modules["pinsing.configuration.inverse"].decomposed = lambda *_: None  # type: ignore[attr-defined]
+    sys.modules["pinsing.kinematics.inverse"].decomposed = lambda *_: None  # type: ignore[attr-defined]
     rows, ours = [], []
     for k in range(args.ours):
         here = [s.q for s in pinsing.inverse(arm, T[k]) if s.regular]

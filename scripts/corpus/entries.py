@@ -195,7 +195,7 @@ def _found_singular(arm: Any, form: Any, Q: np.ndarray) -> list[dict[str, Any]]:
     """Singular configurations found from random starts, without the families; codimension there."""
     import pinsing
 
-    found = pinsing.configuration.refine_many(arm, Q, ignore_limits=True)
+    found = pinsing.kinematics.refine_many(arm, Q, ignore_limits=True)
     points = [s.q for s in found if s.status == "singular"]
     return [{"q": _rounded(q), "codimension": _least(form, np.array(q))} for q in points]
 

@@ -36,10 +36,10 @@ ISA = {
 }
 TESTS = (
     *("tests/test_batch.py", "tests/test_batch_svd.py", "tests/algebra/test_zeros.py"),
-    "tests/configuration/test_refine.py",  # the walks
+    "tests/kinematics/test_refine.py",  # the walks
     *(
         "tests/algebra/test_field_points.py",
-        "tests/configuration/test_second_orders.py",
+        "tests/kinematics/test_second_orders.py",
         "tests/test_batch_roots.py",
     ),
 )

@@ -100,7 +100,7 @@ def _results() -> list[tuple[type[Any], str]]:
     made: list[Any] = [
         form,
         pinsing.at(arm, [0.1, 0.0, 0.2]),
-        pinsing.configuration.refine(arm, [0.1, 0.0, 0.1]),
+        pinsing.kinematics.refine(arm, [0.1, 0.0, 0.1]),
     ]
     made += [pinsing.clearance(form, path), pinsing.crossings(form, path)]
     made += [pinsing.check_trajectory(arm, path), pinsing.sampling.sigma_map(arm, count=500)]

@@ -12,7 +12,7 @@ import numpy as np
 mpl.use("Agg")
 import matplotlib.pyplot as plt
 
-from pinsing.configuration.at import State
+from pinsing.kinematics.at import State
 from pinsing.robot.arm import Arm
 from pinsing.sampling.sweep_run import SweepResult
 

@@ -12,8 +12,8 @@ from paper.charts import Panel, ellipsoid_pairs, sigma_panels
 from paper.printed import surgical_configuration as configuration
 from paper.readings import search
 from paper.rows import AGREES, DIFFERS, INCOMPLETE, Figure, Row, Section, Table, judged, tiny
-from pinsing.configuration.at import State, at
 from pinsing.families import closed_form
+from pinsing.kinematics.at import State, at
 from pinsing.kinematics.jacobian import frame_jacobian, singular_values, tip_placement
 from pinsing.measures import SINGULAR_RTOL
 from pinsing.robot.load import load

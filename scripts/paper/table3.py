@@ -9,7 +9,7 @@ import numpy as np
 from paper import printed
 from paper.printed import surgical_configuration as configuration
 from paper.rows import AGREES, DIFFERS, Row, Section
-from pinsing.configuration.at import at
+from pinsing.kinematics.at import at
 
 
 def _all(row: printed.Table3Row) -> list[np.ndarray]:

@@ -9,7 +9,6 @@ from pinsing._version import __version__ as __version__
 
 if TYPE_CHECKING:
     from pinsing import (
-        configuration as configuration,
         errors as errors,
         families as families,
         kinematics as kinematics,
@@ -23,7 +22,6 @@ if TYPE_CHECKING:
         sampling as sampling,
         view as view,
     )
-    from pinsing.configuration import State as State, at as at, inverse as inverse
     from pinsing.errors import PinsingError as PinsingError
     from pinsing.families import (
         ClosedForm as ClosedForm,
@@ -31,7 +29,10 @@ if TYPE_CHECKING:
         closed_form as closed_form,
     )
     from pinsing.kinematics import (
+        State as State,
+        at as at,
         frame_jacobian as frame_jacobian,
+        inverse as inverse,
         inverse_velocity as inverse_velocity,
         singular_values as singular_values,
     )
@@ -60,10 +61,9 @@ if TYPE_CHECKING:
     from pinsing.view import Viewer as Viewer
 
 _HOMES = {
-    "pinsing.configuration": "State at inverse",
     "pinsing.errors": "PinsingError",
     "pinsing.families": "ClosedForm Family closed_form",
-    "pinsing.kinematics": "frame_jacobian inverse_velocity singular_values",
+    "pinsing.kinematics": "State at frame_jacobian inverse inverse_velocity singular_values",
     "pinsing.postures": "aspects connect cuspidality plan_path posture_changes zones",
     "pinsing.proximity": "Clearance Monitor check_line check_trajectory clearance crossings "
     "export_guard is_clear suggest",
@@ -122,7 +122,6 @@ public(
     __name__,
     _HOMES,
     packages=(
-        "configuration",
         "errors",
         "families",
         "kinematics",

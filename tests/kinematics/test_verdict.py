@@ -10,9 +10,9 @@ from tiers import sampled, tiered
 mpl.use("Agg")
 
 from pinsing import at
-from pinsing.configuration.refine import describe
 from pinsing.kinematics import generic_rank
 from pinsing.kinematics.batch import PINOCCHIO, own_scale
+from pinsing.kinematics.refine import describe
 from pinsing.kinematics.verdict import evaluator, measure, own_shares, ratios, status_of
 from pinsing.robot.arm import Arm
 from pinsing.robot.load import load

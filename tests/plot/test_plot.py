@@ -22,9 +22,9 @@ from tiers import tiered_rows
 
 import pinsing
 from pinsing import plot
-from pinsing.configuration.at import at
 from pinsing.errors import ConfigurationError, OptionError, UnknownNameError
 from pinsing.families import closed_form
+from pinsing.kinematics.at import at
 from pinsing.kinematics.jacobian import frame_jacobian, singular_values
 from pinsing.plot.style import pi_text, pi_ticks
 from pinsing.sampling.sweep_run import SweepResult, sweep

@@ -11,9 +11,9 @@ from tiers import sampled, tiered
 import pinsing
 from pinsing.algebra.budget import Budget
 from pinsing.algebra.equation import Equation
-from pinsing.configuration.newton import one_sheet, regular_way
 from pinsing.errors import ConfigurationError, OptionError, PinsingError, UnknownNameError
 from pinsing.kinematics.jacobian import tip_placement
+from pinsing.kinematics.newton import one_sheet, regular_way
 from pinsing.postures.boxes import Ground, on_boxes, slope, sum_of
 from pinsing.postures.joint_map import Divided, Sectioned, subdivide
 from pinsing.postures.partition import Wheel, partition

@@ -8,7 +8,7 @@ import pytest
 from dh_arms import arm_of, aspects_of, form_of
 
 import pinsing
-from pinsing.configuration.newton import columns, regular_way
+from pinsing.kinematics.newton import columns, regular_way
 from pinsing.kinematics.verdict import ratios
 
 EVERY = ("F1", "F2", "F3")

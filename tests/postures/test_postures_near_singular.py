@@ -8,8 +8,8 @@ from dh_arms import arm_of, aspects_of, dh_arm, form_of
 from tiers import sampled, tiered
 
 import pinsing
-from pinsing.configuration.inverse import inverse
 from pinsing.errors import ConfigurationError, OptionError
+from pinsing.kinematics.inverse import inverse
 from pinsing.kinematics.jacobian import tip_placement
 
 # The upper arm and the forearm of PUMA 560 are of almost one length: its elbow folded, the wrist

@@ -84,9 +84,9 @@ TAKES: dict[tuple[str, str], Of] = {
     ("sweep", "nominal"): lambda arm, form, a, b: (
         pinsing.sampling.sweep(arm, **SMALL, nominal=a).plan.nominal
     ),
-    ("refine", "q0"): lambda arm, form, a, b: pinsing.configuration.refine(arm, a).q,
+    ("refine", "q0"): lambda arm, form, a, b: pinsing.kinematics.refine(arm, a).q,
     ("refine_many", "Q0"): lambda arm, form, a, b: [
-        r.q for r in pinsing.configuration.refine_many(arm, [a, b])
+        r.q for r in pinsing.kinematics.refine_many(arm, [a, b])
     ],
     ("sigma_map", "q"): lambda arm, form, a, b: (
         pinsing.sampling.sigma_map(arm, joints=["q2"], count=8, q=a).sigma_min.smallest.value

@@ -4,9 +4,9 @@ import arms
 import numpy as np
 import pytest
 
-from pinsing.configuration.refine import refine, refine_many
 from pinsing.errors import ConfigurationError, OptionError
 from pinsing.kinematics.jacobian import singular_values
+from pinsing.kinematics.refine import refine, refine_many
 from pinsing.measures import sigma_ratio
 from pinsing.robot.load import load
 from pinsing.sampling.generalize import Generalization, generalize, value_text

@@ -317,7 +317,7 @@ def count_values(
 
 @dataclass(frozen=True, eq=False)
 class WalkRules:
-    """When walks end and how far their steps go: `pinsing.configuration.refine` has the reasons."""
+    """When walks end and how far their steps go: `pinsing.kinematics.refine` has the reasons."""
 
     floor: float  # sigma_r / sigma_1 that only rounding is left of
     good: float  # the same from which on a step that does not improve is the end

@@ -33,9 +33,9 @@ from pinsing.prose import Page
 
 if TYPE_CHECKING:
     from pinsing._types import Array
-    from pinsing.configuration.at import State
-    from pinsing.configuration.lost_motion import LostMotion
     from pinsing.families import ClosedForm
+    from pinsing.kinematics.at import State
+    from pinsing.kinematics.lost_motion import LostMotion
     from pinsing.proximity.clearance import Distances, FamilyDistance
     from pinsing.robot.arm import Arm
 
@@ -101,7 +101,7 @@ def at_command(
     """
     parse_numbers(q, "--q", deg)  # a slip of the pen, before the robot is read
     arm = request.load()
-    from pinsing.configuration.at import LABEL, at, state_text
+    from pinsing.kinematics.at import LABEL, at, state_text
     from pinsing.measures import NEAR_RTOL, SINGULAR_RTOL
     from pinsing.proximity.clearance import distance_words
     from pinsing.robot.nominal import nominal
@@ -141,7 +141,7 @@ def _answer(
 ) -> str:
     """Return what is wrong there, if anything, what is near, and what to do: five lines at most."""
     from pinsing.arguments import typed
-    from pinsing.configuration.ladder import posture_names
+    from pinsing.kinematics.ladder import posture_names
     from pinsing.measures import ALIKE
     from pinsing.proximity.trajectory import singularity
     from pinsing.proximity.watched import titled, watch

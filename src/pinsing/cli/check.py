@@ -241,7 +241,7 @@ def with_aspects(
 
 def _posture_of_the_end(arm: Arm, Q: Array, found: Aspects) -> tuple[Array | None, bool]:
     """Another posture of the first pose, in the aspect that the end is in; whether none is left."""
-    from pinsing.configuration.inverse import inverse
+    from pinsing.kinematics.inverse import inverse
     from pinsing.kinematics.jacobian import tip_placement
 
     end = found.of(Q[-1])

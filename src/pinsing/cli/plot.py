@@ -307,7 +307,7 @@ def _draw(
     if kind == "solutions":
         return plot.inverse_count(arm, limits=not ignore_limits)
     if kind == "ellipsoids":
-        from pinsing.configuration.at import at
+        from pinsing.kinematics.at import at
         from pinsing.plot.plane import regular_configuration
 
         return plot.ellipsoids(

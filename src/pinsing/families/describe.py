@@ -39,10 +39,6 @@ from pinsing._types import Array, Bool
 from pinsing.algebra.conditions import Conditions
 from pinsing.algebra.equation import LATEX, PLAIN, Equation, latex_symbol
 from pinsing.algebra.nearest import two_sided
-from pinsing.configuration.at import Loss, State, loss_at
-from pinsing.configuration.axis_dependence import generic_axes
-from pinsing.configuration.lost_motion import STRUCTURE_TOL, JointAxes
-from pinsing.configuration.refine import kinds_many
 from pinsing.families.at_once import LONG, at_once, long_form, long_ones, solved_for
 from pinsing.families.family import Family
 from pinsing.families.nearness import near
@@ -50,8 +46,12 @@ from pinsing.families.parts import Branch, KindPart, ValueReach, values_reached
 from pinsing.families.pieces import PieceMaker, SolvedPiece
 from pinsing.families.real_control import OwnPoints
 from pinsing.families.zero_set import Stop, gradients, project, proven_empty, residuals
+from pinsing.kinematics.at import Loss, State, loss_at
+from pinsing.kinematics.axis_dependence import generic_axes
 from pinsing.kinematics.batch import batch
 from pinsing.kinematics.jacobian import frame_jacobians
+from pinsing.kinematics.lost_motion import STRUCTURE_TOL, JointAxes
+from pinsing.kinematics.refine import kinds_many
 from pinsing.kinematics.verdict import generic_rank, own_shares, ratios
 from pinsing.measures import ALIKE, SEED, Reachability
 from pinsing.prose import listed

@@ -18,9 +18,9 @@ from matplotlib import pyplot as plt
 
 from pinsing._types import Array
 from pinsing.arguments import checked
-from pinsing.configuration.at import REGULAR, State
-from pinsing.configuration.lost_motion import LostMotion
 from pinsing.errors import OptionError
+from pinsing.kinematics.at import REGULAR, State
+from pinsing.kinematics.lost_motion import LostMotion
 from pinsing.kinematics.verdict import SINGULAR_RTOL
 from pinsing.measures import PRACTICAL, Ellipsoid, pure_by_default, pure_ellipsoids
 from pinsing.plot.style import COLORS, COLUMN, SMALL, legend_below, legend_of_all, plain

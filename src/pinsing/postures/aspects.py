@@ -14,10 +14,10 @@ import numpy as np
 from pinsing._types import Array, ArrayLike
 from pinsing.algebra.budget import Budget
 from pinsing.arguments import checked, typed
-from pinsing.configuration.ladder import ladder_of, posture_names
-from pinsing.configuration.newton import columns, regular_way
 from pinsing.errors import OptionError
 from pinsing.families import ClosedForm
+from pinsing.kinematics.ladder import ladder_of, posture_names
+from pinsing.kinematics.newton import columns, regular_way
 from pinsing.measures import PRACTICAL, ROUNDING
 from pinsing.postures.joint_map import Map, make_map, require_same_families
 from pinsing.postures.partition import Part, Piece
@@ -125,7 +125,7 @@ class Aspect:
         Sign of each equation that separates, by family; 0 where it takes both.
     names : tuple of str
         Words of the field, such as "elbow up", where it has some for this arm
-        (`pinsing.configuration.ladder`).
+        (`pinsing.kinematics.ladder`).
     """
 
     number: int

@@ -19,11 +19,11 @@ import numpy as np
 
 from pinsing._types import Array, ArrayLike
 from pinsing.arguments import checked, typed
-from pinsing.configuration.inverse import InverseSolution, inverse
-from pinsing.configuration.ladder import posture_names
-from pinsing.configuration.newton import columns
 from pinsing.families import ClosedForm, closed_form
+from pinsing.kinematics.inverse import InverseSolution, inverse
 from pinsing.kinematics.jacobian import tip_placement
+from pinsing.kinematics.ladder import posture_names
+from pinsing.kinematics.newton import columns
 from pinsing.kinematics.verdict import generic_rank
 from pinsing.measures import ROUNDING
 from pinsing.postures.aspects import NOT_COMPLETE, aspects, map_of, missing, opposite

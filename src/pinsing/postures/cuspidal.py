@@ -10,13 +10,13 @@ import numpy as np
 
 from pinsing._types import Array
 from pinsing.arguments import MAX_SEED, checked, typed, whole_number
-from pinsing.configuration.inverse import inverse
-from pinsing.configuration.ladder import ladder_of
-from pinsing.configuration.newton import one_sheet, regular_way
 from pinsing.errors import OptionError
 from pinsing.families import ClosedForm, closed_form
 from pinsing.kinematics.batch import picked, turn_left
+from pinsing.kinematics.inverse import inverse
 from pinsing.kinematics.jacobian import tip_placement
+from pinsing.kinematics.ladder import ladder_of
+from pinsing.kinematics.newton import one_sheet, regular_way
 from pinsing.kinematics.verdict import generic_rank, ratios
 from pinsing.measures import PRACTICAL, ROUNDING
 from pinsing.postures.aspects import PROVEN, Aspects, aspects, missing, nearly
@@ -141,10 +141,10 @@ def cuspidality(
 
     Joint limits do not count (Wenger, 1992). That an arm is not cuspidal is proven where its
     inverse solution goes step by step, each with two answers that a sign tells apart
-    (`pinsing.configuration.ladder`), or where no point has more than two solutions.
+    (`pinsing.kinematics.ladder`), or where no point has more than two solutions.
     Poses are those of random configurations; of each
     all inverse solutions are found and told apart by their aspects. Where two share one, a way
-    is found and proven to be regular throughout (`pinsing.configuration.newton`); that is a
+    is found and proven to be regular throughout (`pinsing.kinematics.newton`); that is a
     witness. With fewer joints than a pose has conditions regular means that the rank is the number
     of joints; the tip must then be able to leave in the same directions from both ends. Where a
     pose has more regular solutions than there are aspects, two must share one; that is a reason

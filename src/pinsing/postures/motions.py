@@ -8,12 +8,12 @@ import numpy as np
 
 from pinsing._types import Array, ArrayLike
 from pinsing.arguments import checked
-from pinsing.configuration.inverse import inverse
-from pinsing.configuration.ladder import posture_names
 from pinsing.errors import ConfigurationError, OptionError
 from pinsing.families import ClosedForm
 from pinsing.families.solve import form_to_measure
+from pinsing.kinematics.inverse import inverse
 from pinsing.kinematics.jacobian import tip_placement
+from pinsing.kinematics.ladder import posture_names
 from pinsing.kinematics.verdict import generic_rank
 from pinsing.measures import ALIKE
 from pinsing.postures.aspects import Aspects, aspects, map_of

@@ -25,11 +25,11 @@ from pinsing._batch import engine
 from pinsing._types import Array, ArrayLike, Bool, Ints
 from pinsing.algebra.nearest import SearchOptions, two_sided
 from pinsing.arguments import checked
-from pinsing.configuration.inverse_batch import InverseMany
-from pinsing.configuration.ladder import posture_names
 from pinsing.errors import ConfigurationError, OptionError
 from pinsing.families import ClosedForm
+from pinsing.kinematics.inverse_batch import InverseMany
 from pinsing.kinematics.jacobian import tip_placement
+from pinsing.kinematics.ladder import posture_names
 from pinsing.kinematics.tip_speed import limits_of
 from pinsing.measures import PRACTICAL, ROUNDING
 from pinsing.notebook import one_line

@@ -21,11 +21,11 @@ from pinsing.algebra.conditions import Conditions
 from pinsing.algebra.nearest import BOXES as NEAREST, SearchOptions, nearest_points, two_sided
 from pinsing.algebra.trig_sum import TINY, off_values
 from pinsing.arguments import checked
-from pinsing.configuration.ladder import posture_names
 from pinsing.errors import OptionError
 from pinsing.families import ClosedForm, Family
 from pinsing.kinematics.batch import random_turns
 from pinsing.kinematics.jacobian import frame_jacobians, singular_values, tip_poses
+from pinsing.kinematics.ladder import posture_names
 from pinsing.kinematics.speed_bounds import BoxSpeeds, SpeedBounds, sums_behind
 from pinsing.kinematics.tip_speed import TIP_SPEED, TURN_SPEED, speed_judge
 from pinsing.measures import ROUNDING

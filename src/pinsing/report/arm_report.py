@@ -16,12 +16,12 @@ from pinsing._version import __version__
 from pinsing.algebra.equation import latex_symbol
 from pinsing.arguments import checked, typed
 from pinsing.atomic_write import check_writable, write_bytes, write_text
-from pinsing.configuration.at import SINGULAR, State
 from pinsing.errors import OptionError, OutputError
 from pinsing.families import ClosedForm, Family
 from pinsing.families.certainty import coverage_words
 from pinsing.families.describe import ORDER, missing_everywhere
 from pinsing.families.form import PLACE
+from pinsing.kinematics.at import SINGULAR, State
 from pinsing.measures import Reachability
 from pinsing.proof.produce import text_of
 from pinsing.proximity.clearance import Clearance

@@ -18,10 +18,10 @@ import numpy as np
 from pinsing._types import Array, Bool
 from pinsing._version import __version__
 from pinsing.arguments import typed
-from pinsing.configuration.at import State, at
 from pinsing.errors import PinsingError
 from pinsing.families import ClosedForm, Family, closed_form
 from pinsing.families.describe import telling_poses
+from pinsing.kinematics.at import State, at
 from pinsing.kinematics.batch import engine_name
 from pinsing.kinematics.jacobian import generic_rank
 from pinsing.kinematics.verdict import SINGULAR_RTOL, ratios

@@ -14,16 +14,16 @@ import numpy as np
 from pinsing._types import Array, ArrayLike, Bool, NDArray
 from pinsing.algebra.budget import Stages
 from pinsing.arguments import MAX_SEED, MAX_STARTS, checked, whole_number
-from pinsing.configuration.refine import (
+from pinsing.errors import OptionError
+from pinsing.families import ClosedForm, Family, closed_form
+from pinsing.families.form import answer_text, families_text
+from pinsing.kinematics.refine import (
     SingularConfiguration,
     approach,
     describe,
     describe_many,
     walk,
 )
-from pinsing.errors import OptionError
-from pinsing.families import ClosedForm, Family, closed_form
-from pinsing.families.form import answer_text, families_text
 from pinsing.kinematics.verdict import NEAR_RTOL, SINGULAR_RTOL, measure, ratios
 from pinsing.measures import ALIKE, PRACTICAL, Reachability
 from pinsing.notebook import text, verdict

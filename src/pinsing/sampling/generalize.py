@@ -18,9 +18,9 @@ import numpy as np
 
 from pinsing._types import Array, ArrayLike
 from pinsing.arguments import MAX_SEED, checked, whole_number
-from pinsing.configuration.refine import SingularConfiguration, approach
 from pinsing.errors import ConfigurationError, OptionError
 from pinsing.kinematics.batch import own_scale
+from pinsing.kinematics.refine import SingularConfiguration, approach
 from pinsing.kinematics.verdict import SINGULAR_RTOL, Status, ratios
 from pinsing.measures import Reachability
 from pinsing.prose import Span, listed, unbroken, verdict

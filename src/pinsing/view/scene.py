@@ -16,8 +16,8 @@ import numpy as np
 import pinocchio as pin
 
 from pinsing._types import Array, ArrayLike
-from pinsing.configuration.at import at
 from pinsing.errors import OptionError
+from pinsing.kinematics.at import at
 from pinsing.kinematics.jacobian import frame_jacobians
 from pinsing.measures import pure_ellipsoids
 from pinsing.robot.arm import Arm

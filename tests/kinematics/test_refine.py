@@ -8,15 +8,15 @@ import pytest
 from tiers import sampled
 
 from pinsing._batch import engine as compiled, engine as kernel
-from pinsing.configuration.refine import (
+from pinsing.errors import ConfigurationError, OptionError, UnknownNameError
+from pinsing.kinematics.batch import batch, own_scale
+from pinsing.kinematics.jacobian import generic_rank, singular_values
+from pinsing.kinematics.refine import (
     approach,
     constraint_gradient,
     refine,
     refine_many,
 )
-from pinsing.errors import ConfigurationError, OptionError, UnknownNameError
-from pinsing.kinematics.batch import batch, own_scale
-from pinsing.kinematics.jacobian import generic_rank, singular_values
 
 ARMS = {
     "stanford": lambda: arms.textbook("stanford"),
@@ -142,9 +142,7 @@ def test_wrong_input():
 
 
 def in_numpy(monkeypatch):
-    monkeypatch.setattr(
-        sys.modules["pinsing.configuration.refine"], "_compiled", lambda *given: None
-    )
+    monkeypatch.setattr(sys.modules["pinsing.kinematics.refine"], "_compiled", lambda *given: None)
 
 
 @pytest.mark.skipif(not kernel.available(), reason="no compiled kernel")
@@ -181,7 +179,7 @@ def test_compiled_walks_refuse_what_does_not_fit():
         "rows": range(6),
         "rank": 6,
         "size": 0.0,
-        "rules": sys.modules["pinsing.configuration.refine"]._RULES,
+        "rules": sys.modules["pinsing.kinematics.refine"]._RULES,
         "max_iterations": 3,
     }
     compiled.walks(chain, **ok)

@@ -18,10 +18,10 @@ import numpy as np
 from pinsing._batch import engine
 from pinsing._types import Array, ArrayLike, Bool, Ints
 from pinsing.arguments import MAX_SEED, checked, typed, whole_number
-from pinsing.configuration.ladder import ladder_of, turns
-from pinsing.configuration.newton import Solver, Stalled, radii
 from pinsing.errors import ConfigurationError, OptionError, UnknownNameError
 from pinsing.kinematics.jacobian import read_pose
+from pinsing.kinematics.ladder import ladder_of, turns
+from pinsing.kinematics.newton import Solver, Stalled, radii
 from pinsing.kinematics.verdict import generic_rank, ratios
 from pinsing.measures import ALIKE, ROUNDING
 from pinsing.robot.arm import Arm, ArmSummary, summarize
@@ -92,7 +92,7 @@ class InverseSolution(JsonResult):
         What is left of the pose, radians and metres over the length scale.
     radius : float
         A true solution of the pose, regular and the only one, is proven to be within this distance
-        of q in joint space (`pinsing.configuration.newton`); infinite where that is not proven.
+        of q in joint space (`pinsing.kinematics.newton`); infinite where that is not proven.
     """
 
     schema: ClassVar[str] = "pinsing/inverse_solution/1"
@@ -426,7 +426,7 @@ def inverse(
 ) -> InverseSolutions:
     """Find all inverse solutions of a pose.
 
-    Arms that EAIK knows are solved by it (`pinsing.configuration.inverse`); random starts then only
+    Arms that EAIK knows are solved by it (`pinsing.kinematics.inverse`); random starts then only
     check that.
 
     Otherwise, damped Newton steps (Levenberg, 1944; Marquardt, 1963) from random starts, all at

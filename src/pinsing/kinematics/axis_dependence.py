@@ -12,7 +12,9 @@ import numpy as np
 
 from pinsing._batch import engine as kernel
 from pinsing._types import Array, NDArray
-from pinsing.configuration.lost_motion import (
+from pinsing.kinematics.batch import own_scale, random_turns
+from pinsing.kinematics.jacobian import frame_jacobians
+from pinsing.kinematics.lost_motion import (
     STRUCTURE_TOL,
     AxesCentre,
     JointAxes,
@@ -25,8 +27,6 @@ from pinsing.configuration.lost_motion import (
     position_reason,
     reciprocal_reason,
 )
-from pinsing.kinematics.batch import own_scale, random_turns
-from pinsing.kinematics.jacobian import frame_jacobians
 from pinsing.kinematics.verdict import SINGULAR_RTOL, generic_rank, zero_of
 from pinsing.measures import SEED
 from pinsing.robot.arm import Arm

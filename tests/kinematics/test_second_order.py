@@ -6,7 +6,6 @@ import pytest
 from dh_arms import dh_arm
 
 from pinsing import closed_form, load
-from pinsing.configuration.refine import describe_many, kinds_many, refine
 from pinsing.kinematics.jacobian import (
     frame_jacobian,
     generic_rank,
@@ -14,6 +13,7 @@ from pinsing.kinematics.jacobian import (
     task_jacobian,
     tip_placement,
 )
+from pinsing.kinematics.refine import describe_many, kinds_many, refine
 
 PI = np.pi
 

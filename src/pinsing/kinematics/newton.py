@@ -16,7 +16,7 @@ axis, R by no more than one; by a turn and a slide the position by no more than 
 That no configuration on a way is singular: proven from the Jacobian of the arm itself.
 
 The singular values of a matrix change by no more than its norm does (Weyl, 1912). With K a bound
-of the second derivatives (`pinsing.configuration.newton`), the Jacobian has rank r within h of a
+of the second derivatives (`pinsing.kinematics.newton`), the Jacobian has rank r within h of a
 configuration where ``sigma_r > K h``. Straight pieces are halved until that holds for each from
 its middle. No closed form is needed, and families of every codimension count.
 """
@@ -30,7 +30,6 @@ import numpy as np
 
 from pinsing._batch.engine import FlatChain
 from pinsing._types import Array, Ints
-from pinsing.algebra.trig_sum import TINY
 from pinsing.errors import OptionError
 from pinsing.kinematics.batch import picked, turn_left
 from pinsing.kinematics.verdict import generic_rank
@@ -205,7 +204,7 @@ def _damped(J: Array, e: Array, damping: Array) -> Array:
     if len(rest):
         u, s, v = np.linalg.svd(J[rest], full_matrices=False)
         along = (u.transpose(0, 2, 1) @ e[rest][..., None])[..., 0]
-        along *= s / np.maximum(s * s + damping[rest][:, None], TINY)
+        along *= s / np.maximum(s * s + damping[rest][:, None], 1e-300)
         step[rest] = (v.transpose(0, 2, 1) @ along[..., None])[..., 0]
     return step
 

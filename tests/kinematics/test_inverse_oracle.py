@@ -9,9 +9,9 @@ import pytest
 from tiers import tiered_rows
 
 import pinsing
-from pinsing.configuration.inverse import FoundSolutions, drawn, mirrored
-from pinsing.configuration.newton import Solver
+from pinsing.kinematics.inverse import FoundSolutions, drawn, mirrored
 from pinsing.kinematics.jacobian import tip_placement
+from pinsing.kinematics.newton import Solver
 
 
 def ur5_inverse(T):
@@ -256,12 +256,12 @@ def test_a_full_set_is_known_to_be_full():
     assert len(found) == 8
     assert (found.certified, found.doubt) == (8, "")
     assert any("no more regular ones" in n for n in found.notes)
-    assert pinsing.configuration.InverseSolutions.from_dict(found.to_dict()).certified == 8
+    assert pinsing.kinematics.InverseSolutions.from_dict(found.to_dict()).certified == 8
 
 
 class TestRadius:
     def test_the_true_solution_is_within(self):
-        from pinsing.configuration.newton import radii
+        from pinsing.kinematics.newton import radii
 
         for name in ("ur5", "stanford", "kinova"):
             arm = pinsing.load(name)

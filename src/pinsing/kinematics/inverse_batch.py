@@ -14,8 +14,8 @@ import numpy as np
 
 from pinsing._batch import engine
 from pinsing._types import Array, Ints
-from pinsing.configuration.inverse import decomposed, inverse
 from pinsing.errors import EngineError, OptionError
+from pinsing.kinematics.inverse import decomposed, inverse
 from pinsing.kinematics.jacobian import generic_rank, task_jacobian
 from pinsing.kinematics.verdict import ROWS
 from pinsing.measures import PRACTICAL, ROUNDING

@@ -7,8 +7,8 @@ from tiers import sampled
 
 from pinsing import closed_form, load
 from pinsing._batch import engine, engine as kernel
-from pinsing.configuration.refine import _told, clear_kinds, describe_many
 from pinsing.kinematics.batch import batch, own_scale
+from pinsing.kinematics.refine import _told, clear_kinds, describe_many
 from pinsing.kinematics.verdict import SINGULAR_RTOL, task_size
 from pinsing.robot.nominal import nominal
 

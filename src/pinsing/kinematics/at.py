@@ -13,13 +13,15 @@ import numpy as np
 from pinsing import measures, notebook
 from pinsing._types import Array, ArrayLike
 from pinsing.arguments import checked
-from pinsing.configuration.axis_dependence import (
+from pinsing.kinematics.axis_dependence import (
     DEPENDENCE_RTOL,
     AxisDependence,
     dependences_of,
     landmarks,
 )
-from pinsing.configuration.lost_motion import (
+from pinsing.kinematics.batch import in_base, own_scale, random_turns
+from pinsing.kinematics.jacobian import frame_jacobians, scale_rows, tip_and_jacobian
+from pinsing.kinematics.lost_motion import (
     JointAxes,
     LostMotion,
     Tool,
@@ -27,8 +29,6 @@ from pinsing.configuration.lost_motion import (
     lost_motions,
     vector,
 )
-from pinsing.kinematics.batch import in_base, own_scale, random_turns
-from pinsing.kinematics.jacobian import frame_jacobians, scale_rows, tip_and_jacobian
 from pinsing.kinematics.tip_speed import TIP_SPEED, TURN_SPEED, SpeedJudge, TipSpeeds, check_speeds
 from pinsing.kinematics.verdict import (
     NEAR_RTOL,

@@ -6,8 +6,8 @@ from dh_arms import dh_arm
 from tiers import tiered
 
 import pinsing
-from pinsing.configuration.ladder import ExactChain, Point, ladder_of, one_root_left, posture_names
 from pinsing.kinematics.jacobian import tip_placement
+from pinsing.kinematics.ladder import ExactChain, Point, ladder_of, one_root_left, posture_names
 
 
 def share(arm, count=60):
@@ -84,8 +84,8 @@ def test_the_discriminant_is_the_sum_that_stands_for_it():
     )
     cubic = Point.of(chain, chain.translation[3]).numbers
     x = np.random.default_rng(0).uniform(-4, 4, (2000, 2))
-    value = cubic.discriminant(x)
-    assert np.abs(cubic.expanded()(x) - value).max() < 12 * cubic.rounding
+    value, (amplitude, phase, rate) = cubic.discriminant(x), cubic.expanded()
+    assert np.abs(np.cos(x @ rate.T + phase) @ amplitude - value).max() < 12 * cubic.rounding
     assert cubic.rounding < 1e-8 * np.abs(value).max()
     cuspidal = dh_arm([(-90, 1, 0), (90, 2, 1), (0, 1.5, 0)], "position")
     assert ladder_of(pinsing.robot.nominal(cuspidal)) is None

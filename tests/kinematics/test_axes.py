@@ -8,10 +8,10 @@ import pinocchio as pin
 import pytest
 from scipy.optimize import brentq
 
-from pinsing.configuration.axis_dependence import DEPENDENCE_RTOL, ColumnRanks, dependences_of
-from pinsing.configuration.lost_motion import JointAxes
+from pinsing.kinematics.axis_dependence import DEPENDENCE_RTOL, ColumnRanks, dependences_of
 from pinsing.kinematics.batch import own_scale
 from pinsing.kinematics.jacobian import frame_jacobian, task_jacobian, tip_placement
+from pinsing.kinematics.lost_motion import JointAxes
 from pinsing.robot.arm import Arm
 from pinsing.robot.load import load
 from pinsing.robot.nominal import nominal

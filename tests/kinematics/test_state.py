@@ -8,9 +8,9 @@ import pytest
 from hypothesis import given, strategies as st
 
 import pinsing
-from pinsing.configuration.at import State, _short, at
-from pinsing.configuration.lost_motion import JointAxes, Tool, lost_motions
 from pinsing.errors import ResultError
+from pinsing.kinematics.at import State, _short, at
+from pinsing.kinematics.lost_motion import JointAxes, Tool, lost_motions
 from pinsing.robot.arm import Arm
 from pinsing.robot.load import load
 from pinsing.robot.nominal import nominal
@@ -211,7 +211,7 @@ def test_near_singular_says_how_little_is_left():
 
 
 def test_five_joints_always_miss_one_direction():
-    from pinsing.configuration.refine import refine
+    from pinsing.kinematics.refine import refine
 
     arm = arm_of("so101")
     found = refine(arm, [0.0, 0.3, 0.1, -0.2, 0.1])

@@ -524,7 +524,7 @@ class SingularConfiguration(JsonResult):
     """
 
     schema: ClassVar[str] = "pinsing/singular-configuration/1"
-    made_by: ClassVar[str] = "pinsing.configuration.refine(arm, q)"
+    made_by: ClassVar[str] = "pinsing.kinematics.refine(arm, q)"
 
     joints: tuple[str, ...]
     q: Array
@@ -602,7 +602,7 @@ def refine(
     Examples
     --------
     >>> import pinsing
-    >>> found = pinsing.configuration.refine(pinsing.load("planar3r"), [0.3, 0.1, 1])
+    >>> found = pinsing.kinematics.refine(pinsing.load("planar3r"), [0.3, 0.1, 1])
     >>> found.status, found.kind, bool(abs(found.q[1]) < 1e-9)
     ('singular', 'boundary', True)
     """
@@ -652,7 +652,7 @@ def refine_many(
     --------
     >>> import pinsing
     >>> arm = pinsing.load("planar3r")
-    >>> found = pinsing.configuration.refine_many(arm, [[0.3, 0.1, 1], [0, 3, 1]])
+    >>> found = pinsing.kinematics.refine_many(arm, [[0.3, 0.1, 1], [0, 3, 1]])
     >>> [c.q[1].round(3).item() + 0 for c in found]
     [0.0, 3.142]
     """

@@ -14,7 +14,7 @@ that keeps the joints found before: on all of them, if the arm is regular. In ea
 is not zero unless the arm is singular for a reason that the step names.
 
 - *Spherical wrist* (the last three axes meet in a point; or the first three, the chain then read
-  from tip to base): the point is moved by three joints alone (`pinsing.configuration.ladder`);
+  from tip to base): the point is moved by three joints alone (`pinsing.kinematics.ladder`);
   then the rotation of the wrist is known, and with it the angle of its outer axes, which leaves
   two values of the middle one, of opposite signs of the derivative; the outer ones are then known
   unless their axes are parallel, where the arm is singular.
@@ -41,7 +41,7 @@ whose second axis is at right angles to the first, with a point C that is known 
   360 degrees, counted from where axes 4 and 6 are nearest to having one direction. FANUC counts
   joint 5 the other way: its pendant shows N at J5 = -90 degrees.
 
-Each changes only at a singular configuration, since signs of `pinsing.configuration.ladder` do.
+Each changes only at a singular configuration, since signs of `pinsing.kinematics.ladder` do.
 
 Where an equation of one joint has one real root beside the known one: proven on a torus.
 
@@ -82,7 +82,6 @@ from functools import cached_property
 import numpy as np
 
 from pinsing._types import Array
-from pinsing.algebra.trig_sum import TrigSum
 from pinsing.measures import ROUNDING
 from pinsing.robot.arm import Arm
 from pinsing.robot.exact_placements import Length3, Matrix
@@ -249,12 +248,12 @@ def _discriminant(c0: Array, c1: Array, c2: Array, c3: Array, sign: float = 1.0)
 def one_root_left(cubic: Measures, most: int = MOST) -> bool:
     """Return True if the discriminant is proven negative all over the torus of q2 and q3."""
     # It is largest somewhere: where no box around shows growth in some direction.
-    f, made = cubic.expanded(), 0
-    squares = f.rate[:, [0, 0, 1, 1]] * f.rate[:, [0, 1, 0, 1]]
-    steep = np.linalg.norm(f.rate, axis=1)
+    (amplitude, phase, rate), made = cubic.expanded(), 0
+    squares = rate[:, [0, 0, 1, 1]] * rate[:, [0, 1, 0, 1]]
+    steep = np.linalg.norm(rate, axis=1)
     # Errors of a gradient. The sum of the squares of the coefficients' errors is the mean of the
     # squares of the values' (Parseval); two of each term count.
-    noise = np.sqrt(2 * len(steep)) * cubic.rounding + 1e-13 * f.amplitude.sum()
+    noise = np.sqrt(2 * len(steep)) * cubic.rounding + 1e-13 * amplitude.sum()
     noise *= steep.max()
     width = 2 * np.pi / 32
     at = width * (np.arange(32) + 0.5) - np.pi
@@ -265,16 +264,16 @@ def one_root_left(cubic: Measures, most: int = MOST) -> bool:
         value = cubic.discriminant(x) + cubic.rounding
         if made > most or (value >= 0).any():
             return False
-        angle = x @ f.rate.T + f.phase
-        gradient = -(f.amplitude * np.sin(angle)) @ f.rate
-        bend = -(f.amplitude * np.cos(angle)) @ squares
-        reach = h * np.abs(f.rate).sum(axis=1)
+        angle = x @ rate.T + phase
+        gradient = -(amplitude * np.sin(angle)) @ rate
+        bend = -(amplitude * np.cos(angle)) @ squares
+        reach = h * np.abs(rate).sum(axis=1)
         swing = h * np.abs(gradient).sum(axis=1) + h**2 / 2 * np.abs(bend).sum(axis=1)
-        top = value + swing + f.amplitude @ reach**3 / 6 + 4 * h * noise
+        top = value + swing + amplitude @ reach**3 / 6 + 4 * h * noise
         # The derivative along the gradient, less how much it changes in the box.
         size = np.linalg.norm(gradient, axis=1)
         change = np.abs(np.einsum("nij,nj->ni", bend.reshape(-1, 2, 2), gradient)).sum(axis=1)
-        rest = (f.amplitude * steep) @ reach**2 / 2 + 4 * noise
+        rest = (amplitude * steep) @ reach**2 / 2 + 4 * noise
         x = x[(top >= 0) & (size**2 <= h * change + size * rest)]
         width /= 2
         x = (x[:, None] + width / 2 * np.array([[-1, -1], [-1, 1], [1, -1], [1, 1]])).reshape(-1, 2)
@@ -513,8 +512,8 @@ class Measures:
         ones = np.ones((2, 1))
         return 2e-14 * float(_discriminant(*self._cubic(ones, ones, -1.0), sign=-1.0)[0])
 
-    def expanded(self) -> TrigSum:
-        """The discriminant as a sum in q2 and q3."""
+    def expanded(self) -> tuple[Array, Array, Array]:
+        """The discriminant as a sum of cosines in q2 and q3: amplitudes, phases, rates (T, 2)."""
         shape = tuple(4 * d for d in _DEGREES)
         grid = np.stack(np.meshgrid(*(2 * np.pi / m * np.arange(m) for m in shape), indexing="ij"))
         values = self.discriminant(grid.reshape(2, -1).T).reshape(shape)
@@ -525,7 +524,7 @@ class Measures:
                 if (i, j) > (0, 0):
                     rates.append([i, j])
                     terms.append(2 * waves[i, j])
-        return TrigSum(np.abs(terms), np.angle(terms), rates, np.zeros_like(rates), 1e-12)
+        return np.abs(terms), np.angle(terms), np.array(rates, float)
 
 
 def ways_of(chain: ExactChain, w: Vector) -> tuple[SolutionStage, ...] | None:
