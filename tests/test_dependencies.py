@@ -8,7 +8,7 @@ from importlib import metadata
 from pathlib import Path
 
 import pytest
-from test_layers import MODULES, tree_of
+from test_layers import MODULES, SIZE
 
 ROOT = Path(__file__).parent.parent
 OLDEST = ROOT / ".github" / "oldest.txt"
@@ -56,7 +56,7 @@ def imported(tree: ast.AST) -> Iterator[str]:
 @pytest.mark.skipif(not OLDEST.exists(), reason="not a checkout of the repository")
 def test_all_that_the_sources_import_is_declared_and_nothing_else():
     """What comes only because something else needs it may stop to come."""
-    names = {name for module in MODULES for name in imported(tree_of(module))}
+    names = {name for path in MODULES.values() for name in imported(SIZE.tree_of(path))}
     names -= {*sys.stdlib_module_names, "pinsing"}
     used = {PROVIDER.get(name.lower(), name.lower()) for name in names}
     needed = [r for r in metadata.requires("pinsing") or () if "extra ==" not in r]

@@ -139,7 +139,7 @@ def search(
         X = np.clip(np.round(X / unit) * unit, low, high)
         return X, np.array([value(dict(zip(ranges, x.tolist(), strict=True))) for x in X])
 
-    X, known = put(low + (high - low) * qmc.Sobol(len(ranges), seed=SEED).random(128))
+    X, known = put(low + (high - low) * qmc.Sobol(len(ranges), seed=SEED).random(min(128, TRIED)))
     tried, step, best = len(X), 0.15, np.argsort(-known, kind="stable")[:4]
     X, known, rng = X[best], known[best], np.random.default_rng(SEED)
     while tried + len(X) <= TRIED:
