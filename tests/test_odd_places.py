@@ -66,7 +66,7 @@ def test_no_room_for_what_a_dh_table_needs_in_between(tmp_path, monkeypatch):
     table = dh_table.read_dh(Path(__file__).parent.parent / "urdf" / "planar3r.dh.yaml")
     monkeypatch.setattr(dh_table.tempfile, "tempdir", str(tmp_path / "gone"))
     with pytest.raises(OutputError, match="temporary"):
-        dh_table.dh_to_urdf(table)
+        dh_table.dh_to_urdf.__wrapped__(table)
 
 
 def test_settings_of_figures_are_read_from_files_alone(tmp_path, monkeypatch, capsys):

@@ -260,7 +260,7 @@ def test_what_is_cut_off_boxes_is_within_zones(monkeypatch, name):
 
 def test_long_equations_are_reached_and_never_too_near(monkeypatch):
     form = pinsing.closed_form(pinsing.load("gofa5"), prove=False)
-    Q = np.random.default_rng(8).uniform(-np.pi, np.pi, (4000, 6))
+    Q = np.random.default_rng(8).uniform(-np.pi, np.pi, (1000, 6))
     search = _search(monkeypatch, form)
     cells = zone_search._Cells.first(Q, 0 * Q, len(search.each))
     search._follow(cells)
@@ -270,10 +270,10 @@ def test_long_equations_are_reached_and_never_too_near(monkeypatch):
         search._upper(cells)[0],
     )
     assert np.isfinite(up).all()
-    true = pinsing.clearance(form, Q[:400], certify=True, boxes=2000)
-    assert (true.lower <= up[:400, 0] * (1 + 1e-9)).all()
-    assert (low[:400, 0] <= true.upper).all()
-    assert np.mean(up[:400, 0] <= 1.02 * true.upper) > 0.96
+    true = pinsing.clearance(form, Q[:300], certify=True, boxes=2000)
+    assert (true.lower <= up[:300, 0] * (1 + 1e-9)).all()
+    assert (low[:300, 0] <= true.upper).all()
+    assert np.mean(up[:300, 0] <= 1.02 * true.upper) > 0.96
 
 
 @pytest.mark.parametrize("name", ["panda", "ur5", "gofa5"])

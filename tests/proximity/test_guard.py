@@ -246,7 +246,7 @@ def test_a_python_guard_says_what_pinsing_says(name: str, tmp_path: Path) -> Non
 @needs_gcc
 def test_values_that_are_not_finite_are_never_clear(tmp_path: Path) -> None:
     arm, form = arm_of("ur5"), closed("ur5")
-    c = compiled(pinsing.export_guard(arm, forms=form), tmp_path)
+    c = compiled(pinsing.export_guard(arm, forms=form), tmp_path, "-O0")
     python = module(pinsing.export_guard(arm, "python", forms=form), tmp_path)
     good = np.array([0, -1.2, 1.3, -1, -1.4, 0])
     assert c.clear(good, 0.05)
@@ -264,7 +264,7 @@ def test_values_that_are_not_finite_are_never_clear(tmp_path: Path) -> None:
 @needs_gcc
 def test_limits(tmp_path: Path) -> None:
     arm, form = arm_of("scara"), closed("scara")
-    c = compiled(pinsing.export_guard(arm, forms=form), tmp_path)
+    c = compiled(pinsing.export_guard(arm, forms=form), tmp_path, "-O0")
     python = module(pinsing.export_guard(arm, "python", forms=form), tmp_path)
     for q in ([0, 1, 0.1, 0], [0, 3, 0.1, 0], [0, 1, -0.1, 0], arm.lower, arm.upper):
         expected = bool(((np.array(q) >= arm.lower) & (np.array(q) <= arm.upper)).all())
@@ -290,7 +290,7 @@ def test_names_that_want_to_be_code(name: str, tmp_path: Path) -> None:
     form = replace(form, families=(replace(form.families[0], text=name),))
     header = pinsing.export_guard(odd, forms=form)
     assert header.isascii()
-    c = compiled(header, tmp_path)
+    c = compiled(header, tmp_path, "-O0")
     assert c.text("joint_name", 1) == f"x{name}".encode("utf-8", "backslashreplace").split(b"\0")[0]
     assert c.text("family_text", 0) == name.encode("utf-8", "backslashreplace").split(b"\0")[0]
     python = module(pinsing.export_guard(odd, "python", forms=form), tmp_path)
@@ -310,7 +310,7 @@ def test_where_families_are_missing_nothing_is_clear(tmp_path: Path) -> None:
         made = make_guard(arm, "c", forms=form, families=families)
         assert not made.complete
         assert made.notes
-        c = compiled(made.text, tmp_path)
+        c = compiled(made.text, tmp_path, "-O0")
         python = module(make_guard(arm, "python", forms=form, families=families).text, tmp_path)
         rng = np.random.default_rng(0)
         for q in rng.uniform(-2, 2, (20, 7)):

@@ -15,6 +15,7 @@ is the frame n; ``tool0`` is that frame, or the tool fixed to it (and then ``fla
 
 from __future__ import annotations
 
+import functools
 import math
 import re
 import tempfile
@@ -317,6 +318,7 @@ def joint_placements(table: DHTable) -> tuple[tuple[Placement, ...], Placement]:
     return joints, screw(thetas[-1])
 
 
+@functools.lru_cache  # xacro is a process of its own: a sixth of a second
 def dh_to_urdf(table: DHTable) -> str:
     """Return the URDF of a table, made by ``urdf/dh_arm.xacro``.
 

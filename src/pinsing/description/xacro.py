@@ -232,7 +232,7 @@ def _converse(path: Path, request: dict[str, Any], files: XacroFiles) -> dict[st
 
     try:
         child = subprocess.Popen(
-            [sys.executable, "-I", "-B", str(_WORKER)],
+            [sys.executable, "-ISB", str(_WORKER)],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             stderr=subprocess.DEVNULL,

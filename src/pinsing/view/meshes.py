@@ -159,7 +159,7 @@ def _ask_child(paths: Sequence[Path], missing: list[str]) -> dict[Path, tuple[by
     }
     try:
         child = subprocess.run(
-            [sys.executable, "-I", "-B", str(_WORKER)],
+            [sys.executable, "-ISB", str(_WORKER)],
             input=json.dumps(request).encode() + b"\n",
             stdout=subprocess.PIPE,
             stderr=subprocess.DEVNULL,
