@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pinsing
 from pinsing.description.catalog import known_arms
-from pinsing.proof.produce import text_of
+from pinsing.families.certificate import text_of
 
 PAGE = Path(__file__).resolve().parents[1] / "docs" / "arms.md"
 ARCHIVE = PAGE.with_name("certificates.zip")

@@ -39,8 +39,8 @@ from pinsing.algebra.jacobian_matrix import jacobian_matrix
 from pinsing.algebra.matrix import independent_rows
 from pinsing.algebra.ring import make_ring
 from pinsing.families import ClosedForm, closed_form, prove
+from pinsing.families.certificate import text_of
 from pinsing.proof.checker import verify
-from pinsing.proof.produce import text_of
 from pinsing.robot.arm import Arm
 from pinsing.robot.load import load
 from pinsing.robot.nominal import Nominal, nominal

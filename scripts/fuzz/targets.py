@@ -132,7 +132,7 @@ def result(rngs: list[random.Random], folder: Path) -> Ended:
 def _certificates() -> list[str]:
     import pinsing
     from pinsing.families import closed_form
-    from pinsing.proof.produce import text_of
+    from pinsing.families.certificate import text_of
 
     forms = [closed_form(pinsing.load(name)) for name in ("planar3r", "stanford", "scara")]
     return [text_of(form.certificate) for form in forms if form.certificate is not None]

@@ -16,10 +16,9 @@ from tiers import tiered
 import pinsing
 from pinsing.algebra import budget
 from pinsing.algebra.budget import Budget
-from pinsing.families import proving
+from pinsing.families import certificate, proving
 from pinsing.families.certainty import certainty
 from pinsing.families.proving import prove_briefly, within
-from pinsing.proof import produce
 from pinsing.proximity.guard import make_guard
 
 
@@ -109,7 +108,7 @@ def test_without_time_it_says_how_much_there_was_and_what_to_do() -> None:
 
 def test_a_search_that_failed_is_not_called_out_of_time(monkeypatch: pytest.MonkeyPatch) -> None:
     def fail(*_: object, **__: object) -> None:
-        raise produce.NotFound("a place could not be split")
+        raise certificate.NotFound("a place could not be split")
 
     monkeypatch.setattr(proving, "certificate", fail)
     form = prove_briefly(pinsing.closed_form(arm_of("puma560")), 100.0)

@@ -6,8 +6,8 @@ import re
 
 from pinsing import load
 from pinsing.families import closed_form
+from pinsing.families.certificate import text_of
 from pinsing.proof.checker import Rejected, verify
-from pinsing.proof.produce import text_of
 
 ARMS = {
     "planar3r position": {"robot": "planar3r", "task": "position"},

@@ -15,10 +15,10 @@ from tiers import tiered
 import pinsing
 from pinsing import load
 from pinsing.families import closed_form, prove
+from pinsing.families.certificate import combination, text_of
+from pinsing.families.skeleton import form_text
 from pinsing.proof import checker
 from pinsing.proof.checker import Certificate, Ring
-from pinsing.proof.produce import combination, text_of
-from pinsing.proof.skeleton import form_text
 
 CHECKER = Path(checker.__file__)
 

@@ -5,7 +5,7 @@ from certificates import certificate, mutants, verdict
 from second_checker import second_verdict
 from tiers import tiered
 
-from pinsing.proof.produce import text_of
+from pinsing.families.certificate import text_of
 
 QUICK = ["ur5", "stanford", "scara", "planar3r position", "planar3r one row", "ur5 orientation"]
 QUICK += ["ur5 tool axis", "planar3r tip"]

@@ -174,7 +174,7 @@ def _write_system(form: ClosedForm, chosen: tuple[str, ...], path: Path) -> None
 
 def _write(data: dict[str, Any] | None, reason: str, path: Path) -> None:
     from pinsing.atomic_write import write_text
-    from pinsing.proof.produce import text_of
+    from pinsing.families.certificate import text_of
 
     if data is None:
         raise OptionError(f"no certificate to write: {reason}")

@@ -272,7 +272,7 @@ def _named(loops: Path, robot: str) -> str:
 def _tell_legs(found: Sequence[LegProof], certificate: Path | None, shown: bool) -> None:
     """The legs as arms, each with its certificate, and a file for each."""
     from pinsing.atomic_write import write_text
-    from pinsing.proof.produce import text_of
+    from pinsing.families.certificate import text_of
 
     write = emit if shown else say
     write(

@@ -1,4 +1,4 @@
-"""Certificates of completeness: made by `produce`, accepted or rejected by `checker` alone."""
+"""Certificates of completeness, accepted or rejected by one file that knows nothing of the rest."""
 
 from typing import TYPE_CHECKING
 

@@ -17,8 +17,8 @@ from flint import arb, ctx, fmpq, fmpz_poly
 from pinsing.algebra.budget import Budget
 from pinsing.algebra.ring import Ring as AlgebraRing, coefficients_by, fraction, rational
 from pinsing.algebra.surd_ring import SurdRing
+from pinsing.families.skeleton import form_text
 from pinsing.proof.checker import MOST_WORK, Certificate, Poly, Rejected, Ring
-from pinsing.proof.skeleton import form_text
 
 Squares = list[tuple[Fraction, Poly]]
 """Positive factors, and forms that are squared."""

@@ -25,8 +25,7 @@ from pinsing.algebra import ring as algebra_ring
 from pinsing.algebra.budget import Budget, BudgetExceeded
 from pinsing.algebra.components import Component
 from pinsing.algebra.ring import Value
-from pinsing.proof.checker import MOST_WORK, Certificate, Poly, Rejected, Ring
-from pinsing.proof.forms import (
+from pinsing.families.proof_forms import (
     Forms,
     NotFound,
     Place,
@@ -40,7 +39,7 @@ from pinsing.proof.forms import (
     top_of,
     vanishes,
 )
-from pinsing.proof.skeleton import (
+from pinsing.families.skeleton import (
     Draft,
     NotStated,
     form_of,
@@ -50,6 +49,7 @@ from pinsing.proof.skeleton import (
     skeleton,
     without_dependent_lines,
 )
+from pinsing.proof.checker import MOST_WORK, Certificate, Poly, Rejected, Ring
 from pinsing.robot.nominal import Nominal
 
 
