@@ -326,7 +326,7 @@ class _Search:
         self.seen = 0
         # Points of surfaces, to begin steps near the nearest ones.
         self.points = _Cells.first(self.low[None][:0], self.low[None][:0], len(self.each))
-        self.clouds: dict[int, tuple[KDTree, _Cells]] = {}
+        self.clouds: dict[int, tuple[KDTree, Ints]] = {}
         self._learn(random_turns(self.arm, self.cloud))
 
     def _learn(self, Q: Array) -> None:
@@ -336,12 +336,13 @@ class _Search:
         self._follow(found := _Cells.first(Q, 0 * Q, len(self.each)))
         self.points = _Cells.joined([self.points, found])
         for f in np.flatnonzero(self.surfaces).tolist():
-            some = self.points[np.isfinite(self.points.points[:, f]).all(axis=1)]
-            if len(some.C):
+            rows = np.flatnonzero(np.isfinite(self.points.points[:, f]).all(axis=1))
+            if len(rows):
                 turn = self.watched.conditions.turn[self.used[f]]
-                points = some.points[:, f, self.used[f]]
+                points = self.points.points[:, f, self.used[f]][rows]
                 points = np.where(turn > 0, points % np.maximum(turn, 1.0), points)
-                self.clouds[f] = KDTree(points, boxsize=turn), some
+                tree = KDTree(points, boxsize=turn, balanced_tree=False, compact_nodes=False)
+                self.clouds[f] = tree, rows
 
     def zones(self) -> Zones:
         """Solve for the common distance, then for each."""
@@ -437,7 +438,7 @@ class _Search:
                 break
             moves = self.rng.normal(size=(10, *good.shape)) * self.active * step
             moved = np.clip(good + moves, self.low, self.high).reshape(-1, self.arm.n)
-            Q, step = np.concatenate([good, moved]), step * 0.8
+            Q, step = np.concatenate([good, moved]), step * 0.7
         for _ in range(self.certified if len(good) else 0):
             value = self._guessed(k, aim, good)
             q = good[value.argmax()]
@@ -575,16 +576,16 @@ class _Search:
         # Steps from the centre may lead to a point that is not the nearest. Halves know it, until
         # they are much smaller.
         X, turn = x.C * self.watched.weight, self.watched.conditions.turn
-        for f, (tree, cloud) in self.clouds.items():
+        for f, (tree, rows) in self.clouds.items():
             own, whole = self.used[f], np.maximum(turn, 1.0)
             size = np.linalg.norm((x.R * self.watched.weight)[:, own], axis=1)
             some = np.flatnonzero(size < x.asked[:, f] / 2)
             x.asked[some, f], at = size[some], X[some]
-            i = tree.query(np.where(turn > 0, at % whole, at)[:, own], workers=-1)[1]
-            points = cloud.points[i, f]
+            i = rows[tree.query(np.where(turn > 0, at % whole, at)[:, own])[1]]
+            points = self.points.points[i, f]
             points += turn * np.round((at - points) / whole)
             near, found = x[some], x[some]
-            found.points[:, f], found.slack[:, f] = points, cloud.slack[i, f]
+            found.points[:, f], found.slack[:, f] = points, self.points.slack[i, f]
             # Near a centre of curvature steps gain little from near the point, and miss from afar.
             for share in (0.7, 0.5, 0.3, 0.3, 0.3):
                 self._follow(found, f, share)
