@@ -1,6 +1,7 @@
 """What the tests share: reproducible property tests, and small robots written on the spot."""
 
 import compileall
+import functools
 import gc
 import importlib
 import os
@@ -37,8 +38,44 @@ os.environ["PINSING_CACHE"] = ""
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """The quick tier draws fewer examples, the first of those that all tiers draw."""
-    settings.load_profile("quick" if "not slow" in config.option.markexpr else "pinsing")
+    """The quick tier draws fewer examples, and takes what tests found before for granted."""
+    quick = "not slow" in config.option.markexpr
+    settings.load_profile("quick" if quick else "pinsing")
+    if quick and getattr(config.option, "dist", "no") == "no":  # not what hands out tests alone
+        _share("pinsing.robot.load", "load")
+        _share("pinsing.families.solve", "closed_form")
+
+
+_sharing = True
+
+
+def pytest_runtest_setup(item: pytest.Function) -> None:
+    """A test that changes the program shares nothing with others."""
+    global _sharing
+    _sharing = "monkeypatch" not in item.fixturenames
+
+
+def _share(home: str, name: str) -> None:
+    """Keep what a function says of the name of a robot, or of an arm, in one process of tests."""
+    module, known = importlib.import_module(home), {}
+    compute = getattr(module, name)
+
+    @functools.wraps(compute)
+    def shared(*args: Any, **options: Any) -> Any:
+        told = {k: v for k, v in options.items() if k != "progress"}
+        key = tuple((k, type(v), v) for k, v in [*enumerate(args), *sorted(told.items())])
+        try:
+            there = key in known
+        except TypeError:  # a list, say
+            return compute(*args, **options)
+        given = next(iter([*args, *options.values()]), None)
+        if not _sharing or (isinstance(given, str) and not given.isidentifier()):  # a file
+            return compute(*args, **options)
+        if not there:
+            known[key] = compute(*args, **options)
+        return known[key]
+
+    setattr(module, name, shared)
 
 
 @pytest.hookimpl(tryfirst=True)

@@ -116,9 +116,11 @@ def _check_spelling(node: Node, source: UrdfSource, what: str) -> None:
         known = _PARTS.get(child.tag)
         names = [child.tag] if known is None else [*child.attributes]
         for name in names:
+            if name in (known or _PARTS):
+                continue
             meant = difflib.get_close_matches(name[:50].lower(), known or _PARTS, 1, 0.66)
             near = meant and abs(len(meant[0]) - len(name)) <= 2  # "gear_velocity" is no slip
-            if near and name not in (known or _PARTS):
+            if near:
                 sort = "element" if known is None else f"attribute of <{child.tag}>"
                 said = f"{what}: unknown {sort} {show(name)}: did you mean {show(meant[0])}?"
                 raise source.error(said, child)
