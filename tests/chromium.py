@@ -2,6 +2,7 @@
 
 import base64
 import io
+from importlib.util import find_spec
 from typing import Any
 
 import numpy as np
@@ -16,9 +17,8 @@ BLUE, ORANGE, PINK = (0x00, 0x72, 0xB2), (0xE6, 0x9F, 0x00), (0xC4, 0x18, 0x7C)
 
 def require_browser() -> None:
     """Skip a module of tests where there is no browser, or nothing to drive it."""
-    pytest.importorskip("playwright.sync_api", reason="needs Playwright for Python")
-    if find_browser() is None:
-        pytest.skip("needs Chromium or Chrome", allow_module_level=True)
+    if find_browser() is None or find_spec("playwright") is None:
+        pytest.skip("needs Chromium or Chrome, and Playwright", allow_module_level=True)
 
 
 def open_page(page: Any, url: str) -> None:

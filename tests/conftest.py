@@ -44,15 +44,25 @@ def pytest_configure(config: pytest.Config) -> None:
     if quick and getattr(config.option, "dist", "no") == "no":  # not what hands out tests alone
         _share("pinsing.robot.load", "load")
         _share("pinsing.families.solve", "closed_form")
+        _share("pinsing.robot.load_mechanism", "load_mechanism")
+        _share("pinsing.loops.analysis", "analyze_mechanism")
 
 
 _sharing = True
+_URDF = str(Path(__file__).resolve().parents[1] / "urdf")
 
 
 def pytest_runtest_setup(item: pytest.Function) -> None:
     """A test that changes the program shares nothing with others."""
     global _sharing
     _sharing = "monkeypatch" not in item.fixturenames
+
+
+def _lasts(given: Any) -> bool:
+    """Whether it is an arm or what comes with pinsing, no text, file or model of a test's own."""
+    if not isinstance(given, str | Path):
+        return type(given).__name__ in ("Arm", "Mechanism")
+    return str(given).isidentifier() or os.path.dirname(os.path.abspath(given)) == _URDF
 
 
 def _share(home: str, name: str) -> None:
@@ -69,7 +79,7 @@ def _share(home: str, name: str) -> None:
         except TypeError:  # a list, say
             return compute(*args, **options)
         given = next(iter([*args, *options.values()]), None)
-        if not _sharing or (isinstance(given, str) and not given.isidentifier()):  # a file
+        if not _sharing or not _lasts(given):
             return compute(*args, **options)
         if not there:
             known[key] = compute(*args, **options)

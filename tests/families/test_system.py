@@ -6,7 +6,6 @@ import re
 import numpy as np
 import pinocchio as pin
 import pytest
-import sympy
 from arms import planar
 from command_line import run
 from test_closed_form_mimic import finger, follows
@@ -14,6 +13,14 @@ from test_closed_form_twists import HOLLOW, arm_of
 from tiers import tiered
 
 import pinsing
+
+
+@pytest.fixture(autouse=True, scope="module")
+def _sympy():
+    """Most of a second, for these tests alone."""
+    global sympy
+    import sympy
+
 
 EXACT = {"xtol": 1e-15, "ftol": 1e-15, "gtol": 1e-15}
 

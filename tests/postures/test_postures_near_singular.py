@@ -1,6 +1,7 @@
 """Postures next to singular configurations, of nearly singular arms, and what was asked wrongly."""
 
 import warnings
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -88,7 +89,7 @@ class TestAspectsOfAnotherArm:
             pinsing.postures.aspect_changes(
                 form_of("puma560"), [[0.1] * 6, [0.2] * 6], of=aspects_of("ur5")
             )
-        again = pinsing.closed_form(arm_of("ur5"))
+        again = pinsing.closed_form(replace(arm_of("ur5")))
         assert again is not ur5
         way = pinsing.connect(again, [0.1] * 6, [0.2] * 6, of=aspects_of("ur5"))
         assert way.answer == "same"

@@ -26,7 +26,13 @@ from pinsing.sampling import sigma_map
 from pinsing.sampling.executors import call_there, dask_cluster
 from pinsing.sampling.map_plan import BLOCK
 
-distributed = pytest.importorskip("distributed", reason="the extra 'cluster' is not installed")
+
+@pytest.fixture(autouse=True, scope="module")
+def _distributed() -> None:
+    """Half a second, for these tests alone."""
+    global distributed
+    distributed = pytest.importorskip("distributed", reason="the extra 'cluster' is not installed")
+
 
 SECONDS = 60
 

@@ -74,18 +74,19 @@ class Sample:
     def __init__(
         self, mechanism: Mechanism, q: Array, axes: Array | None = None, own: Array | None = None
     ) -> None:
-        data, joints = mechanism.model.createData(), range(mechanism.n)
+        data = mechanism.model.createData()
         pin.forwardKinematics(mechanism.model, data, mechanism.model_q(q))
         pin.updateFramePlacements(mechanism.model, data)
-        turn = pin.SE3(np.eye(3) if axes is None else axes, np.zeros(3))
-        self.q = q
-        self.joints = [turn * m for m in data.oMi]
-        self.frames = [turn * m for m in data.oMf]
-        along = pin.SE3(np.eye(3) if own is None else own, np.zeros(3))
-        self.output = self.frames[mechanism.output_id] * along
-        built = structure(mechanism)
-        self.axis = np.array([self.joints[j + 1].rotation @ built.axes[j] for j in joints])
-        self.origins = np.array([self.joints[j + 1].translation for j in joints])
+        self.q, self.joints, self.frames = q, list(data.oMi), list(data.oMf)
+        if axes is not None:
+            turn = pin.SE3(axes, np.zeros(3))
+            self.joints, self.frames = ([turn * m for m in x] for x in (self.joints, self.frames))
+        self.output = self.frames[mechanism.output_id]
+        if own is not None:
+            self.output = self.output * pin.SE3(own, np.zeros(3))
+        along = zip(self.joints[1:], structure(mechanism).axes, strict=True)
+        self.axis = np.array([place.rotation @ axis for place, axis in along])
+        self.origins = np.array([place.translation for place in self.joints[1:]])
 
 
 def at_zero(mechanism: Mechanism) -> Sample:
@@ -146,6 +147,7 @@ def bodies(mechanism: Mechanism) -> tuple[tuple[int, int], ...]:
     return tuple(zip(a, b, strict=True))
 
 
+@once
 def closing(mechanism: Mechanism) -> tuple[list[int], list[int]]:
     """Indices of the first frames of all loops, and of the second ones."""
     numbers = {f.name: k for k, f in enumerate(mechanism.model.frames)}

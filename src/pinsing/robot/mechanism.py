@@ -138,7 +138,7 @@ class Mechanism(Memory):
     @property
     def output_id(self) -> int:
         """Index of the output frame in ``model.frames``."""
-        return frame_index(self.model, self.output)
+        return self.once("output_id", lambda: frame_index(self.model, self.output))
 
     @checked
     def with_actuated(self, names: tuple[str, ...] | list[str]) -> Mechanism:
