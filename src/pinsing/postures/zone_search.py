@@ -325,8 +325,7 @@ class _Search:
         self.rng = np.random.default_rng(36)
         self.seen = 0
         # Points of surfaces, to begin steps near the nearest ones.
-        self.points = _Cells.first(self.low[None][:0], self.low[None][:0], len(self.each))
-        self.clouds: dict[int, tuple[KDTree, Ints]] = {}
+        self.clouds: dict[int, tuple[KDTree, Array, Array]] = {}
         self._learn(random_turns(self.arm, self.cloud))
 
     def _learn(self, Q: Array) -> None:
@@ -334,15 +333,21 @@ class _Search:
         from scipy.spatial import KDTree
 
         self._follow(found := _Cells.first(Q, 0 * Q, len(self.each)))
-        self.points = _Cells.joined([self.points, found])
         for f in np.flatnonzero(self.surfaces).tolist():
-            rows = np.flatnonzero(np.isfinite(self.points.points[:, f]).all(axis=1))
-            if len(rows):
+            some = found[np.isfinite(found.points[:, f]).all(axis=1)]
+            self._follow(some, f, 1.0)
+            # One that is far off the surface would stand for others.
+            some = some[some.slack[:, f] < self.finest]
+            points, slack = some.points[:, f], some.slack[:, f]
+            if f in self.clouds:
+                _, *known = self.clouds[f]
+                points, slack = map(np.concatenate, zip(known, (points, slack), strict=True))
+            if len(points):
                 turn = self.watched.conditions.turn[self.used[f]]
-                points = self.points.points[:, f, self.used[f]][rows]
-                points = np.where(turn > 0, points % np.maximum(turn, 1.0), points)
-                tree = KDTree(points, boxsize=turn, balanced_tree=False, compact_nodes=False)
-                self.clouds[f] = tree, rows
+                places = points[:, self.used[f]]
+                places = np.where(turn > 0, places % np.maximum(turn, 1.0), places)
+                tree = KDTree(places, boxsize=turn, balanced_tree=False, compact_nodes=False)
+                self.clouds[f] = tree, points, slack
 
     def zones(self) -> Zones:
         """Solve for the common distance, then for each."""
@@ -576,16 +581,15 @@ class _Search:
         # Steps from the centre may lead to a point that is not the nearest. Halves know it, until
         # they are much smaller.
         X, turn = x.C * self.watched.weight, self.watched.conditions.turn
-        for f, (tree, rows) in self.clouds.items():
+        for f, (tree, points, slack) in self.clouds.items():
             own, whole = self.used[f], np.maximum(turn, 1.0)
-            size = np.linalg.norm((x.R * self.watched.weight)[:, own], axis=1)
-            some = np.flatnonzero(size < x.asked[:, f] / 2)
+            size = np.prod((x.R * self.watched.weight)[:, own] + ROUNDING, axis=1)
+            some = np.flatnonzero(size < x.asked[:, f] / 2 ** own.sum())
             x.asked[some, f], at = size[some], X[some]
-            i = rows[tree.query(np.where(turn > 0, at % whole, at)[:, own])[1]]
-            points = self.points.points[i, f]
-            points += turn * np.round((at - points) / whole)
+            i = tree.query(np.where(turn > 0, at % whole, at)[:, own])[1]
+            begin = points[i] + turn * np.round((at - points[i]) / whole)
             near, found = x[some], x[some]
-            found.points[:, f], found.slack[:, f] = points, self.points.slack[i, f]
+            found.points[:, f], found.slack[:, f] = begin, slack[i]
             # Near a centre of curvature steps gain little from near the point, and miss from afar.
             for share in (0.7, 0.5, 0.3, 0.3, 0.3):
                 self._follow(found, f, share)
