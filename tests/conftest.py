@@ -4,6 +4,7 @@ import compileall
 import functools
 import gc
 import importlib
+import inspect
 import os
 import signal
 import sys
@@ -52,34 +53,55 @@ _sharing = True
 _URDF = str(Path(__file__).resolve().parents[1] / "urdf")
 
 
-def pytest_runtest_setup(item: pytest.Function) -> None:
-    """A test that changes the program shares nothing with others."""
+class _Changes(pytest.MonkeyPatch):
+    """A test that changes the program, not only folder or environment, shares nothing from then."""
+
+    def setattr(self, *args: Any, **options: Any) -> None:
+        global _sharing
+        _sharing = False
+        super().setattr(*args, **options)
+
+    def setitem(self, dic: Any, name: Any, value: Any) -> None:
+        global _sharing
+        _sharing &= dic is os.environ
+        super().setitem(dic, name, value)
+
+
+@pytest.fixture
+def monkeypatch() -> Iterator[pytest.MonkeyPatch]:
     global _sharing
-    _sharing = "monkeypatch" not in item.fixturenames
+    yield (patch := _Changes())
+    patch.undo()
+    _sharing = True
 
 
-def _lasts(given: Any) -> bool:
-    """Whether it is an arm or what comes with pinsing, no text, file or model of a test's own."""
+def _kept(given: Any) -> Any:
+    """An arm, or what comes with pinsing by its name; no text, file or model of a test's own."""
     if not isinstance(given, str | Path):
-        return type(given).__name__ in ("Arm", "Mechanism")
-    return str(given).isidentifier() or os.path.dirname(os.path.abspath(given)) == _URDF
+        return given if type(given).__name__ in ("Arm", "Mechanism") else None
+    ours = str(given).isidentifier() or os.path.dirname(os.path.abspath(given)) == _URDF
+    return str(given) if ours else None
 
 
 def _share(home: str, name: str) -> None:
     """Keep what a function says of the name of a robot, or of an arm, in one process of tests."""
     module, known = importlib.import_module(home), {}
     compute = getattr(module, name)
+    signature = inspect.signature(compute)
 
     @functools.wraps(compute)
     def shared(*args: Any, **options: Any) -> Any:
-        told = {k: v for k, v in options.items() if k != "progress"}
-        key = tuple((k, type(v), v) for k, v in [*enumerate(args), *sorted(told.items())])
         try:
+            told = signature.bind(*args, **options)
+            told.apply_defaults()
+            if callable(told.arguments.get("progress")):
+                told.arguments["progress"] = None
+            given, *rest = told.arguments.values()
+            key = (_kept(given), *((type(v), v) for v in rest))
             there = key in known
         except TypeError:  # a list, say
             return compute(*args, **options)
-        given = next(iter([*args, *options.values()]), None)
-        if not _sharing or not _lasts(given):
+        if not _sharing or key[0] is None:
             return compute(*args, **options)
         if not there:
             known[key] = compute(*args, **options)
@@ -124,8 +146,8 @@ def undrawn(monkeypatch: pytest.MonkeyPatch) -> None:
 # A shell that runs the tests in the background has them, and all they start, ignore Ctrl-C.
 signal.signal(signal.SIGINT, signal.default_int_handler)
 
-# Syntax trees of all modules are looked through for garbage a tenth as often: 3 s less.
-gc.set_threshold(10_000)
+# Syntax trees of all modules are looked through for garbage a hundredth as often: 4 s less.
+gc.set_threshold(70_000)
 
 if version("click").startswith("8.1."):  # later ones always keep standard error apart
 

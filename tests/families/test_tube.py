@@ -92,7 +92,7 @@ def test_boxes_keep_their_zeros_and_none_is_farther_than_told(
     families = pinsing.closed_form(arm, prove=False).families
     product, F = tubes.factorize(attack.perturb(arm, rng), arm, families), len(families)
     d = len(product.joints)
-    zeros = product.search(rng.uniform(0, 6, (2000 // (d - 3) ** 3, d)))
+    zeros = product.search(rng.uniform(0, 6, (800 // (d - 3) ** 2, d)))
     far = tubes._of_families(product, zeros, lambda s, at: tubes._sure(s, zeros))
     near = tubes._away(product, zeros).min(axis=1)
     assert (near <= far.min(axis=1) * 1.1 + 1e-3).mean() > 0.8

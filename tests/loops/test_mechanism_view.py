@@ -16,7 +16,7 @@ from tiers import tiered
 
 from pinsing.cli.mechanism import view_loops
 from pinsing.errors import ConfigurationError, OptionError, ResultError, UnknownNameError
-from pinsing.loops import home, mechanism_at
+from pinsing.loops import analyze_mechanism, home, mechanism_at
 from pinsing.loops.structure import at_zero, plane_normal
 from pinsing.view.mechanism_viewer import (
     MechanismViewer,
@@ -104,7 +104,8 @@ def test_python_leads(five_bar: MechanismViewer) -> None:
 
 
 def test_a_model_without_a_file_is_shown_as_a_skeleton() -> None:
-    with MechanismViewer(four_bar(0.4, 0.1, 0.4, 0.3)) as viewer:
+    made = four_bar(0.4, 0.1, 0.4, 0.3)
+    with MechanismViewer(made, analyze_mechanism(made, seconds=1e-3)) as viewer:
         assert not viewer._stage.page(live=True)["settings"]["shapes"]
 
 
