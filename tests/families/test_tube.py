@@ -73,8 +73,8 @@ def test_tube_is_proven_and_holds_every_singular_configuration(
     assert form.geometry is not None
     product = tubes.factorize(form.loaded, form.geometry.arm, form.families)
     # None is claimed of tubes that hold every configuration.
-    assert tubes._two_sides(product, np.full(4, 0.1)) == [True] * 3
-    assert tubes._two_sides(product, np.full(4, np.pi)) == [False] * 3
+    assert tubes._two_sides(product, np.full(4, 0.1), 0.2) == [True] * 3
+    assert tubes._two_sides(product, np.full(4, np.pi), np.pi) == [False] * 3
     assert form.loaded is not None
     found = attack.find_singular(form.loaded, np.random.default_rng(5).uniform(-3, 3, (150, 6)))
     wrong, (_, far) = attack.outside(form, found)
@@ -106,7 +106,7 @@ def test_boxes_keep_their_zeros_and_none_is_farther_than_told(
         assert (abs(zeros - found[:, :d]) <= found[:, 5 : 5 + d] + 1e-12).all()
         assert (far.min(axis=1) <= found[:, 10 + F] + 1e-12).all()
         for k in range(F):
-            alone = (np.delete(far, k, axis=1) > tubes.NEAR).all(axis=1)
+            alone = (np.delete(far, k, axis=1) > np.maximum(far[:, [k]], tubes.NEAR)).all(axis=1)
             assert (far[alone, k] <= found[alone, 10 + k] + 1e-12).all()
 
 

@@ -607,6 +607,6 @@ inline void rank_box(const Tube& p, One* x, One* h, One* far, One& split) {
         One others = spread(kFar);
         for (int o = 0; o < F; o++)
             if (o != k) others = vmin(others, within[o]);
-        far[k] = select(clear | (others < p.near), zero, within[k]);
+        far[k] = select(clear | (others < p.near), zero, vmin(within[k], nearest));
     }
 }

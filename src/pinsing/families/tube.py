@@ -180,7 +180,7 @@ def find_tube(robot: Arm, design: Arm, families: Sequence[Family]) -> Tube:
     """Find how far the singular configurations of a robot are from families of its design."""
     assumed, F = differences(robot, design), len(families)
     reason, persists, limited = "", [False] * F, False
-    width, found, count = np.full(F + 1, np.inf), np.zeros(F + 1), 0
+    width, found, near, count = np.full(F + 1, np.inf), np.zeros(F + 1), NEAR, 0
 
     def why() -> str:
         if np.isfinite(width).all():
@@ -192,26 +192,26 @@ def find_tube(robot: Arm, design: Arm, families: Sequence[Family]) -> Tube:
         of = factorize(robot, design, families)
         ranges = _limits(robot, of)
         has_limits = bool((ranges != of.ranges).any())
-        width, found, count = find_widths(of, families, narrow=has_limits)
+        width, found, near, count = find_widths(of, families, narrow=has_limits)
         reason = why()
         limited = bool(reason) and has_limits
         if limited:
             of = replace(of, ranges=ranges)
-            width, found, count = find_widths(of, families)
+            width, found, near, count = find_widths(of, families)
             again = why()
             reason += f"; within the joint limits {again}" * bool(again)
         if isinstance(of, Determinant):
             powers = [[f.power % 2 for f in of.factors if f.family == k] for k in range(F)]
-            both = _two_sides(of, width)
+            both = _two_sides(of, width, near)
             persists = [all(odd) and two for odd, two in zip(powers, both, strict=True)]
     except Unproven as unproven:
         reason = str(unproven)
     proven = bool(np.isfinite(width).all())
     if not proven:
-        width, persists = np.full(F + 1, np.inf), [False] * F
+        width, persists, near = np.full(F + 1, np.inf), [False] * F, NEAR
     rows = zip(families, width[:F].tolist(), found[:F].tolist(), persists, strict=True)
     parts = tuple(TubeWidth(f.name, w, low, p) for f, w, low, p in rows)
-    whole, near = (float(width[-1]), float(found[-1])), _near(width)
+    whole = float(width[-1]), float(found[-1])
     return Tube(*whole, proven, parts, near, reason, assumed, count, proven and limited)
 
 
@@ -223,13 +223,7 @@ def _limits(robot: Arm, of: Equations) -> Array:
 
 
 NEAR = math.radians(10)
-"""Radians; a configuration this near to two families is where they meet."""
-
-
-def _near(width: Array) -> float:
-    """Return ``Tube.near`` of widths: what a wide tube of one family reaches is not far from it."""
-    return max(NEAR, float(width[-1])) if np.isfinite(width).all() else NEAR
-
+"""Radians; a configuration this near to two families is where they meet, unless widths are larger."""
 
 _UNIT = float(np.finfo(float).epsneg)
 _MORE = 1 + ROUNDING
@@ -482,13 +476,13 @@ class _TorusGrid:
         return TrigSum(amplitude[kept], phase, kept_rate, np.zeros(kept_rate.shape), noise)
 
 
-def halve(p: Equations, boxes: Array) -> Array:
+def halve(p: Equations, boxes: Array, near: float = NEAR) -> Array:
     """Return the halves (2N, 12 + F) of boxes (N, 12 + F), and what is proven of them.
 
     A row is a middle and half widths of five joints, ``far`` (F + 1,), and the joint to halve. No
-    singular configuration in the box that is farther than ``NEAR`` from all families but one is
-    farther than ``far`` from that one; last, none at all is farther from the nearest. Half boxes
-    are cut down to where the determinant may be zero.
+    singular configuration in the box that is farther than ``near`` from all families but its
+    nearest is farther than ``far`` from that one; last, none at all is farther from the nearest.
+    Half boxes are cut down to where the determinant may be zero.
     """
     out = np.empty((2 * len(boxes), boxes.shape[1]))
     sums = [Factor(-1, s, False, 0) for s in p.sums]
@@ -507,7 +501,7 @@ def halve(p: Equations, boxes: Array) -> Array:
         np.cumsum([0, *map(len, terms)]).tolist(),
         np.array(about, float),
         boxes.shape[1] - 12,
-        NEAR,
+        near,
         np.ascontiguousarray(boxes),
         out,
         engine.isa_names()[-1],
@@ -516,13 +510,13 @@ def halve(p: Equations, boxes: Array) -> Array:
     return out
 
 
-def _two_sides(p: Equations, width: Array) -> list[bool]:
+def _two_sides(p: Equations, width: Array, near: float) -> list[bool]:
     """Return which families have configurations outside of their tubes on both sides."""
     low, high = p.ranges.T
     x = np.random.default_rng(3).uniform(low, high, (20_000, len(low)))
     away, found = _away(p, x), []
     for k in range(away.shape[1]):
-        out = (away[:, k] > width[k]) & (np.delete(away, k, axis=1) > _near(width)).all(axis=1)
+        out = (away[:, k] > width[k]) & (np.delete(away, k, axis=1) > near).all(axis=1)
         side = _product([replace(f, power=1) for f in p.factors if f.family == k], x[out])[0] > 0
         found.append(bool(side.any() and not side.all()))
     return found
@@ -608,16 +602,16 @@ def _first(p: Equations, families: int) -> Array:
 
 def find_widths(
     p: Equations, families: Sequence[Family], narrow: bool = False
-) -> tuple[Array, Array, int]:
-    """Proven widths (F + 1,) as in `halve`, the largest distances found, number of boxes.
+) -> tuple[Array, Array, float, int]:
+    """Proven widths (F + 1,) as in `halve`, the largest distances found, near, number of boxes.
 
-    By minors ``narrow`` ones alone; boxes know no distance of more than three times ``NEAR`` from
-    an equation.
+    By minors ``narrow`` ones alone; boxes know no distance of more than three times ``near`` from
+    an equation. Else, where widths of families alone would be larger than ``near``, it is more.
     """
     last, rng = len(families), np.random.default_rng(2)
     found, done, tried = np.zeros(last + 1), np.zeros(last + 1), np.zeros(last + 1)
-    (low, high), minors = p.ranges.T, isinstance(p, JacobianMinors)
-    free, few = np.full(families[0].n, np.inf), SearchOptions(gap=1e-3, boxes=500)
+    (low, high), minors, near = p.ranges.T, isinstance(p, JacobianMinors), NEAR
+    free, few = np.full(families[0].n, np.inf), SearchOptions(gap=1e-3, boxes=100)
 
     def farthest(away: Array, many: int) -> Ints:
         """The farthest from the nearest family: of those near each one alone, and near several."""
@@ -627,7 +621,7 @@ def find_widths(
 
     def columns(away: Array) -> tuple[Array, Ints]:
         order = np.sort(np.append(away, np.full((len(away), 1), np.inf), axis=1), axis=1)
-        return order[:, 0], np.where(order[:, 1] > NEAR, away.argmin(axis=1), last)
+        return order[:, 0], np.where(order[:, 1] > near, away.argmin(axis=1), last)
 
     def look(starts: Array, best: Array) -> Array:
         """Search from starts, and up from the points that are farthest from the families."""
@@ -636,64 +630,71 @@ def find_widths(
         x = low + np.mod(p.search(np.concatenate([starts, best, beside])) - low, 2 * np.pi)
         x = x[(x <= high).all(axis=1)]
         # Where slopes are large across a family its zeros may be far along it all the same.
-        x = np.concatenate([x[:40], x[farthest(_estimates(p, x), 20)]])
+        x = np.concatenate([x[:40], x[farthest(_estimates(p, x), 20 if minors else len(x))]])
         Q = np.zeros((len(x), families[0].n))
         Q[:, list(p.joints)] = x
-        near = [nearest_points(f.conditions(), Q, -free, free, few).upper for f in families]
-        away = np.nan_to_num(np.stack(near, axis=1), posinf=0.0)
-        # What seems to be farther than all before is proven to be far.
-        far, column = columns(away)
-        top = farthest(away, 2)
-        top = top[far[top] > 1.01 * tried[column[top]]]
+        each = [nearest_points(f.conditions(), Q, -free, free, few) for f in families]
+        away = np.stack([f.lower for f in each], axis=1)
+        most = np.nan_to_num(np.stack([f.upper for f in each], axis=1), posinf=0.0)
+        # Where bounds are far apart what seems to be farther than all before is proven to be far.
+        far, column = columns(most)
+        top = np.array([i for i in farthest(most, 2) if far[i] > 1.01 * tried[column[i]]], int)
         np.maximum.at(tried, column[top], far[top])
-        far, column = columns(_of_families(p, x[top], lambda s, at: _sure(s, x[top])))
+        far, column = columns(
+            np.concatenate([away, _of_families(p, x[top], lambda s, at: _sure(s, x[top]))])
+        )
         np.maximum.at(found, column, far)
         found[last] = found.max()
         return np.asarray(x[farthest(away, 20)])
 
-    def is_wide() -> bool:
-        """Return True if widths get larger than ``NEAR``: then they are of all families at once."""
-        return 2 * float(found[:last].max()) > NEAR
-
-    best = look(rng.uniform(low, high, (2000, len(low))), np.empty((0, len(low))))
-    for _ in range(12):
-        if minors and ((is_wide() and narrow) or found[last] > 1.5 * NEAR):
-            return np.full(last + 1, np.inf), found, 0
-        best = look(best[:0], np.tile(best, (4, 1)))
-    boxes, level, most = halve(p, _first(p, last)), 64.0, 3 * MOST if minors else MOST
+    while True:
+        best = look(rng.uniform(low, high, (2000, len(low))), np.empty((0, len(low))))
+        for _ in range(12):
+            best = look(best[:0], np.tile(best, (4, 1)))
+        wide = last > 1 and 2 * found[:last].max() > near
+        if wide and minors and narrow:
+            return np.full(last + 1, np.inf), found, near, 0
+        if not wide or minors or near > 2 * NEAR:
+            break
+        near, found[:last], tried[:last] = 1.5 * near, 0.0, 0.0
+    boxes, level, most = halve(p, _first(p, last), near), 64.0, 3 * MOST if minors else MOST
     count = len(boxes)
 
     def left(boxes: Array) -> tuple[Array, Array]:
         """Return boxes that are not good enough, and how many times what is they are."""
         nonlocal done
-        slack = SLACK if 5 * count < most else 2.0
+        slack, each = (SLACK, not minors) if 5 * count < most else (2.0, False)
         alone = found[:last] if 4 * count < 3 * most else found
-        goal = slack * np.append(np.full(last, alone.max()), found[last])
-        if is_wide():
-            boxes[:, 10 : 10 + last] = 0.0
+        # Some calibrations leave a family where it is.
+        least = alone.max() * (0.03 if each else 1.0)
+        goal = slack * np.append(np.maximum(alone, least)[:last], found[last])
         worth = (boxes[:, 10:-1] / np.maximum(goal, TINY)).max(axis=1)
         bad = worth > 1
         done = np.maximum(done, boxes[~bad, 10:-1].max(axis=0, initial=0.0))
         return boxes[bad], worth[bad]
 
     while True:
-        kept, todo = [], np.array_split(boxes, 1 + len(boxes) // 50_000)
-        while todo and count <= most:
+        kept, todo, enough = (
+            [],
+            np.array_split(boxes, 1 + len(boxes) // 50_000),
+            count * 1.5 + 50_000,
+        )
+        while todo and count <= min(most, enough):
             now = [todo.pop()]
             while todo and sum(map(len, now)) < 50_000:
                 now.append(todo.pop())
             boxes, worth = left(np.concatenate(now))
             kept.append(boxes[worth <= level])
-            fresh = halve(p, boxes[worth > level])
+            fresh = halve(p, boxes[worth > level], near)
             count += len(fresh)
             todo += np.array_split(fresh, 2) if len(fresh) else []
         boxes, worth = left(np.concatenate([*kept, *todo]))
+        level = level if todo else max(1.0, level / 1.5)
         if not len(boxes) or count > most:
             width = np.maximum(done, boxes[:, 10:-1].max(axis=0, initial=0.0))
-            width[:last] = width[last] if is_wide() else width[:last]
-            return np.where(width < _NONE, width, np.inf), found, count
+            width = np.where(width < _NONE, width, np.inf)
+            return width, found, max(near, float(width[:last].max())), count
         # The worst boxes are as good as may be at this level: what is in them may be far.
-        level = max(1.0, level / 1.5)
         worst = boxes[np.argsort(-worth, kind="stable")[:400]]
         d = len(low)
         best = look(worst[:, :d] + rng.uniform(-1, 1, (len(worst), d)) * worst[:, 5 : 5 + d], best)
