@@ -223,7 +223,7 @@ def _limits(robot: Arm, of: Equations) -> Array:
 
 
 NEAR = math.radians(10)
-"""Radians; a configuration this near to two families is where they meet, unless widths are larger."""
+"""Radians; a configuration this near to two families is where they meet, unless widths are more."""
 
 _UNIT = float(np.finfo(float).epsneg)
 _MORE = 1 + ROUNDING
