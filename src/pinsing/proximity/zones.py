@@ -59,7 +59,8 @@ class Zones(JsonResult):
     complete : bool
         Whether the closed form is: it does not matter to the proof.
     boxes : int
-        Work: boxes that were looked at, and an eighth of those that distances took.
+        Work: boxes that were looked at, two for each configuration that was tried, and an eighth of
+        those that distances took.
     notes : tuple of str
         What was assumed, and where the search ended before the gap was reached.
     """
