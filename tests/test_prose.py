@@ -16,16 +16,7 @@ from click.testing import CliRunner
 from tiers import tiered
 
 from pinsing.cli.app import command
-from pinsing.prose import (
-    NARROWEST,
-    WIDEST,
-    Page,
-    Table,
-    alarm,
-    columns,
-    good,
-    safe,
-)
+from pinsing.prose import NARROWEST, WIDEST, Page, Table, alarm, columns, good, safe
 
 ANSI = re.compile(r"\x1b\[[0-9;]*m")
 
@@ -147,9 +138,7 @@ def run(*words: str) -> str:
 
 
 @pytest.mark.parametrize(
-    "words",
-    tiered(COMMANDS, (COMMANDS[0], COMMANDS[2])),
-    ids=lambda words: words[0],
+    "words", tiered(COMMANDS, (COMMANDS[0], COMMANDS[2])), ids=lambda words: words[0]
 )
 def test_lines_are_as_long_as_the_page_is_wide(words, monkeypatch):
     longest = []

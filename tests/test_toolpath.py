@@ -564,10 +564,7 @@ def test_files_of_poses(tmp_path, head):
         ("x,y,z,w,p,r\n1,2,3,0,0,1\n", "reads 'x,y,z,w,p,r': FANUC's w, p, r are roll, pitch"),
         ("x,y,z,a,b,c\n1,2,3,0,0,1\n", "KUKA's a, b, c are yaw, pitch, roll"),
         ("x,y,z,rx,ry,rz\n1,2,3,0,0,1\n", "may be a rotation vector"),
-        (
-            "x,y,z,i,j,k,t [min]\n" + "1,2,3,0,0,1,0\n" * 2,
-            "times 't .min.' has to be s",
-        ),
+        ("x,y,z,i,j,k,t [min]\n" + "1,2,3,0,0,1,0\n" * 2, "times 't .min.' has to be s"),
         ("x,y,z,i,j,k,note\n1,2,3,0,0,1,weld\n", "drop column 'note', which is not needed"),
     ],
 )

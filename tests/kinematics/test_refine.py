@@ -11,12 +11,7 @@ from pinsing._batch import engine as compiled, engine as kernel
 from pinsing.errors import ConfigurationError, OptionError, UnknownNameError
 from pinsing.kinematics.batch import batch, own_scale
 from pinsing.kinematics.jacobian import generic_rank, singular_values
-from pinsing.kinematics.refine import (
-    approach,
-    constraint_gradient,
-    refine,
-    refine_many,
-)
+from pinsing.kinematics.refine import approach, constraint_gradient, refine, refine_many
 
 ARMS = {
     "stanford": lambda: arms.textbook("stanford"),

@@ -18,11 +18,7 @@ from pinsing.cli.mechanism import view_loops
 from pinsing.errors import ConfigurationError, OptionError, ResultError, UnknownNameError
 from pinsing.loops import analyze_mechanism, home, mechanism_at
 from pinsing.loops.structure import at_zero, plane_normal
-from pinsing.view.mechanism_viewer import (
-    MechanismViewer,
-    groups,
-    side,
-)
+from pinsing.view.mechanism_viewer import MechanismViewer, groups, side
 from pinsing.view.scene import SIDE
 
 NAMES = ["five_bar", "four_bar", "planar_3rrr"]

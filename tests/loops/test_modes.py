@@ -24,10 +24,7 @@ from pinsing.loops import (
     working_modes,
 )
 from pinsing.loops.closure import BatchLoops, Loops, random_closed
-from pinsing.loops.solve import (
-    Modes,
-    intervals,
-)
+from pinsing.loops.solve import Modes, intervals
 from pinsing.loops.structure import likeness, same
 from pinsing.robot.load_mechanism import Loop
 

@@ -74,21 +74,7 @@ class PlainBounds(SpeedBounds):
         pull[:, active] += 3 * r * third[..., 0, 0]
         return BoxSpeeds(self._largest(center), self._largest(F), most, pull)
 
-    def _with_second_order(
-        self,
-        slopes,
-        J,
-        M,
-        A,
-        G,
-        B,
-        E1,
-        E3,
-        F,
-        moved,
-        size,
-        r,
-    ):
+    def _with_second_order(self, slopes, J, M, A, G, B, E1, E3, F, moved, size, r):
         """Bounds y (N, d), infinite where nothing is proven, and what joints (N, n) add by it."""
         active = np.flatnonzero(self.moving)
         E2, E3, Q, bent = np.zeros_like(E1), E3.copy(), np.zeros_like(E1), np.zeros(F.shape)

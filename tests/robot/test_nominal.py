@@ -11,11 +11,7 @@ from arms import CATALOGUE, draw
 from hypothesis import given, strategies as st
 from tiers import sampled, tiered_rows
 
-from pinsing.kinematics.jacobian import (
-    frame_jacobian,
-    frame_jacobians,
-    tip_placement,
-)
+from pinsing.kinematics.jacobian import frame_jacobian, frame_jacobians, tip_placement
 from pinsing.kinematics.verdict import generic_rank
 from pinsing.robot.arm import Arm
 from pinsing.robot.chain import flatten

@@ -23,12 +23,7 @@ from links import get
 from pages import baked
 from tiers import tiered
 
-from pinsing.errors import (
-    ConfigurationError,
-    OptionError,
-    OutputError,
-    UnknownNameError,
-)
+from pinsing.errors import ConfigurationError, OptionError, OutputError, UnknownNameError
 from pinsing.families import closed_form
 from pinsing.families.certainty import coverage_words
 from pinsing.kinematics.jacobian import frame_jacobian, singular_values, tip_placement
