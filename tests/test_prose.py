@@ -1,5 +1,6 @@
 """Text for people: its width, its colours, and what can be pasted out of it."""
 
+import contextlib
 import fcntl
 import io
 import os
@@ -10,6 +11,7 @@ import struct
 import subprocess
 import sys
 import termios
+from collections.abc import Iterator
 
 import pytest
 from click.testing import CliRunner
@@ -131,6 +133,13 @@ COMMANDS = [
 ]  # fmt: skip
 
 
+@contextlib.contextmanager
+def at_width(width: int) -> Iterator[None]:
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("pinsing.prose.WIDTH", width)
+        yield
+
+
 def run(*words: str) -> str:
     done = CliRunner().invoke(command, list(words), prog_name="pinsing")
     assert done.exit_code == 0, done.output
@@ -140,11 +149,11 @@ def run(*words: str) -> str:
 @pytest.mark.parametrize(
     "words", tiered(COMMANDS, (COMMANDS[0], COMMANDS[2])), ids=lambda words: words[0]
 )
-def test_lines_are_as_long_as_the_page_is_wide(words, monkeypatch):
+def test_lines_are_as_long_as_the_page_is_wide(words):
     longest = []
     for width in (60, 100, 200):
-        monkeypatch.setattr("pinsing.prose.WIDTH", width)
-        lines = run(*words).splitlines()
+        with at_width(width):
+            lines = run(*words).splitlines()
         assert len(lines) >= 2
         # Paths stay whole, to be copied.
         longest.append(max(columns(line) for line in lines if "/robots/" not in line))
@@ -175,9 +184,9 @@ def test_verdicts_are_coloured_on_a_terminal_alone():
 
 @pytest.mark.parametrize("robot", tiered(["ur5", "stanford", "xarm7"], ("ur5", "stanford")))
 @pytest.mark.parametrize(("deg", "width"), [(False, 100), (True, 60)])
-def test_what_is_shown_of_a_family_can_be_pasted(robot, deg, width, monkeypatch):
-    monkeypatch.setattr("pinsing.prose.WIDTH", width)
-    text = run("families", "-v", robot, "--deg" if deg else "--rad")
+def test_what_is_shown_of_a_family_can_be_pasted(robot, deg, width):
+    with at_width(width):
+        text = run("families", "-v", robot, "--deg" if deg else "--rad")
     text = re.split(r"\n\n\d+ families", text)[-1]
     examples = re.findall(r"e\.g\. (.*(?:\n {9,}.*)*)\n((?: {8}\w.*\n)+)", text)
     assert len(examples) == len(re.findall(r"(?m)^  F\d+  ", text)) > 0

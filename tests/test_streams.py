@@ -15,7 +15,7 @@ from pinsing.cli import app
 from pinsing.cli.app import VARIANTS
 
 COMMANDS = {
-    "at": ["at", "planar3r", "--q", "0,0,0", "--fail-if-singular"],
+    "at": ["at", "planar3r", "--q", "0,0,0", "--fail-if-singular", "--no-distances"],
     "json": ["map", "planar3r", "--count", "5000", "-o", "-"], "help": ["--help"], "nothing": [],
 }  # fmt: skip
 FULL = Path("/dev/full")

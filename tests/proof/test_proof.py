@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 from certificates import certificate, mutants, verdict
+from command_line import run as pinsing_command
 from singular_sets import iiwa_with_offset
 from tiers import tiered
 
@@ -335,36 +336,29 @@ def test_what_is_missing_is_not_proven():
         assert tried.proof.reason
 
 
-def pinsing_command(*args):
-    command = [sys.executable, "-m", "pinsing", *map(str, args)]
-    return subprocess.run(command, capture_output=True, text=True, check=False)
-
-
 def test_a_certificate_is_written_and_verified(tmp_path):
     path = tmp_path / "ur5.cert.json"
     run = pinsing_command("families", "ur5", "-o", path)
-    assert run.returncode == 0, run
+    assert run.exit_code == 0, run
     assert "(proven complete)" in run.stdout
     run = pinsing_command("verify", path)
-    assert (run.returncode, run.stdout[:8]) == (0, "proven ("), run
+    assert (run.exit_code, run.stdout[:8]) == (0, "proven ("), run
     data = json.loads(path.read_text(encoding="utf-8"))
     data["families"].pop()
     path.write_text(json.dumps(data), encoding="utf-8")
     (tmp_path / "bytes.json").write_bytes(b"\xff\xfe\x00")
     for bad in (path, tmp_path / "bytes.json"):
         run = pinsing_command("verify", bad)
-        assert (run.returncode, run.stdout[:10], run.stdout.count("\n")) == (1, "rejected: ", 1), (
-            run
-        )
+        assert (run.exit_code, run.stdout[:10], run.stdout.count("\n")) == (1, "rejected: ", 1), run
 
 
 @pytest.mark.slow
 def test_what_cannot_be_verified_is_said_in_one_line(tmp_path):
     for nothing in (tmp_path / "none.json", tmp_path):
         run = pinsing_command("verify", nothing)
-        assert (run.returncode, run.stderr.count("\n")) == (2, 1), run
+        assert (run.exit_code, run.stderr.count("\n")) == (2, 1), run
     run = pinsing_command("families", "ur5", "--no-prove", "-o", tmp_path / "x.cert.json")
-    assert run.returncode == 2
+    assert run.exit_code == 2
     assert not (tmp_path / "x.cert.json").exists()
 
 
@@ -376,10 +370,10 @@ def test_several_certificates_are_verified_at_once(tmp_path):
     short.write_text(text[:-50], encoding="utf-8")
     long.write_text(text + " " * 5_000_000, encoding="utf-8")
     run = pinsing_command("verify", good, good)
-    assert run.returncode == 0, run
+    assert run.exit_code == 0, run
     assert run.stdout.count("proven (") == 2
     run = pinsing_command("verify", good, short, long)
-    assert run.returncode == 1, run
+    assert run.exit_code == 1, run
     assert [": rejected: " in line for line in run.stdout.splitlines()] == [False, True, True]
-    assert pinsing_command("verify").returncode == 2
-    assert pinsing_command("verify", good, tmp_path).returncode == 2
+    assert pinsing_command("verify").exit_code == 2
+    assert pinsing_command("verify", good, tmp_path).exit_code == 2
