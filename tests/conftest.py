@@ -101,7 +101,7 @@ def _share(home: str, name: str) -> None:
             there = key in known
         except TypeError:  # a list, say
             return compute(*args, **options)
-        if not _sharing or key[0] is None:
+        if not _sharing or key[0] is None or any(os.sep in str(x) for x in rest):
             return compute(*args, **options)
         if not there:
             known[key] = compute(*args, **options)

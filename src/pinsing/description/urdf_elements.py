@@ -115,9 +115,7 @@ def _check_spelling(node: Node, source: UrdfSource, what: str) -> None:
     for child in node.children:
         known = _PARTS.get(child.tag)
         names = [child.tag] if known is None else [*child.attributes]
-        for name in names:
-            if name in (known or _PARTS):
-                continue
+        for name in (n for n in names if n not in (known or _PARTS)):
             meant = difflib.get_close_matches(name[:50].lower(), known or _PARTS, 1, 0.66)
             near = meant and abs(len(meant[0]) - len(name)) <= 2  # "gear_velocity" is no slip
             if near:

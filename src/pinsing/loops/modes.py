@@ -371,5 +371,9 @@ def _flipped(mechanism: Mechanism, q: Array, mine: Bool) -> list[Array]:
 def _grouped(mechanism: Mechanism, leg: Leg, mine: Bool, solutions: list[Array]) -> list[LegMode]:
     folded = [mechanism.space.fold(q) for q in solutions]
     inside = [q for q in folded if not mechanism.space.unreachable(q)[mine].any()]
-    alike = groups([likeness(mechanism, q, leg.joints) for q in inside])
+    alike = (
+        groups([likeness(mechanism, q, leg.joints) for q in inside])
+        if len(inside) > 1  # rarely
+        else [[0]] * len(inside)
+    )
     return [LegMode(inside[group[0]], len(group)) for group in alike]

@@ -247,8 +247,10 @@ def curves(
                 q[list(leg.joints)] = modes[0].q[list(leg.joints)]
             if mechanism.space.unreachable(mechanism.space.fold(q)).any():
                 continue
-            mark = likeness(mechanism, q)
-            if any(t.passes(mechanism, q) for t in out) or any(_on_line(m, mark) for m in marks):
+            if any(t.passes(mechanism, q) for t in out):
+                continue
+            marks += [np.array([likeness(mechanism, x) for x in t.q]) for t in out[len(marks) :]]
+            if any(_on_line(m, likeness(mechanism, q)) for m in marks):
                 continue
             if len(out) == MOST_CURVES:
                 return tuple(out)
@@ -256,7 +258,6 @@ def curves(
                 out.append(trace(mechanism, q, moving, over=over))
             except StoppedError:
                 return tuple(out)
-            marks.append(np.array([likeness(mechanism, x) for x in out[-1].q]))
     return tuple(out)
 
 

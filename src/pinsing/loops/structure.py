@@ -81,9 +81,8 @@ class Sample:
         if axes is not None:
             turn = pin.SE3(axes, np.zeros(3))
             self.joints, self.frames = ([turn * m for m in x] for x in (self.joints, self.frames))
-        self.output = self.frames[mechanism.output_id]
-        if own is not None:
-            self.output = self.output * pin.SE3(own, np.zeros(3))
+        output = self.frames[mechanism.output_id]
+        self.output = output if own is None else output * pin.SE3(own, np.zeros(3))
         along = zip(self.joints[1:], structure(mechanism).axes, strict=True)
         self.axis = np.array([place.rotation @ axis for place, axis in along])
         self.origins = np.array([place.translation for place in self.joints[1:]])
