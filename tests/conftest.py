@@ -53,26 +53,17 @@ _sharing = True
 _URDF = str(Path(__file__).resolve().parents[1] / "urdf")
 
 
-class _Changes(pytest.MonkeyPatch):
-    """A test that changes the program, not only folder or environment, shares nothing from then."""
-
-    def setattr(self, *args: Any, **options: Any) -> None:
-        global _sharing
-        _sharing = False
-        super().setattr(*args, **options)
-
-    def setitem(self, dic: Any, name: Any, value: Any) -> None:
-        global _sharing
-        _sharing &= dic is os.environ
-        super().setitem(dic, name, value)
+def pytest_runtest_setup(item: pytest.Function) -> None:
+    """A test that changes the program shares nothing with others."""
+    global _sharing
+    _sharing = "monkeypatch" not in item.fixturenames
 
 
 @pytest.fixture
-def monkeypatch() -> Iterator[pytest.MonkeyPatch]:
-    global _sharing
-    yield (patch := _Changes())
-    patch.undo()
-    _sharing = True
+def there() -> Iterator[pytest.MonkeyPatch]:
+    """As monkeypatch, for folder and environment alone: the program stays what it is."""
+    with pytest.MonkeyPatch.context() as patch:
+        yield patch
 
 
 def _kept(given: Any) -> Any:
@@ -101,7 +92,8 @@ def _share(home: str, name: str) -> None:
             there = key in known
         except TypeError:  # a list, say
             return compute(*args, **options)
-        if not _sharing or key[0] is None or any(os.sep in str(x) for x in rest):
+        files = any(isinstance(x, str | Path) and os.sep in str(x) for x in rest)
+        if not _sharing or key[0] is None or files:
             return compute(*args, **options)
         if not there:
             known[key] = compute(*args, **options)

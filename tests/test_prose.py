@@ -29,10 +29,10 @@ class Terminal(io.StringIO):
 
 
 @pytest.fixture(autouse=True)
-def _own_terminal(monkeypatch):
+def _own_terminal(there):
     for name in ("NO_COLOR", "COLUMNS"):
-        monkeypatch.delenv(name, raising=False)
-    monkeypatch.setenv("TERM", "xterm")
+        there.delenv(name, raising=False)
+    there.setenv("TERM", "xterm")
 
 
 def in_terminal(width: int, *words: str, **environment: str) -> str:
