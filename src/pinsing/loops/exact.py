@@ -8,7 +8,7 @@ point of each orbit is rounded, the others follow exactly.
 from __future__ import annotations
 
 import itertools
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from typing import Any
@@ -33,9 +33,8 @@ class ExactPoints:
 
 def exact_points(points: Sequence[Array]) -> ExactPoints:
     """Exact vectors near the given ones, each (3,)."""
-    found = [_snapped(points, square) for square in (1, 3)]
     # As many exact turns as possible; without any, plain coordinates.
-    (plain, few), (turned, many) = found
+    (plain, few), (turned, many) = (_snapped(points, square) for square in (1, 3))
     return turned if many > few else plain
 
 
@@ -64,12 +63,10 @@ def _images(v: Vector, square: int) -> list[Vector]:
     """The vector turned about z by the angles that are rational here, and mirrored."""
     x, y, z = v
     out = [(-x, -y, z), (x, -y, z), (-x, y, z)]
-    if square == 3:
-        for _ in range(2):
-            x, y = -x / 2 - 3 * y / 2, x / 2 - y / 2
-            out += [(x, y, z), (-x, -y, z)]
-    else:
-        out += [(-y, x, z), (y, -x, z)]
+    turns = [(-y, x)] if square == 1 else [
+        (-x / 2 - 3 * y / 2, x / 2 - y / 2), (-x / 2 + 3 * y / 2, -x / 2 - y / 2)
+    ]  # fmt: skip
+    out += [w for a, b in turns for w in ((a, b, z), (-a, -b, z))]
     return [w for w in out if w != v]
 
 
@@ -158,7 +155,8 @@ class LegChain:
     def point(self, place: Array) -> Row:
         """A point of the last body, times ``scale``: where it is (3,) with all joints at zero."""
         away = vector(self._local(place) - np.array([float(v) for v in self.last]))
-        return [self.position[i] + _dot(self.rotation[i], away, self.ring.zero) for i in range(3)]
+        turned = (dot(row, map(rational, away), self.ring.zero) for row in self.rotation)
+        return [p + x for p, x in zip(self.position, turned, strict=True)]
 
     def fixed(self, place: Array) -> Row:
         """A point of the base (3,), in the frame of the chain."""
@@ -176,10 +174,7 @@ class LegChain:
 
     def in_base(self, row: Row) -> Row:
         """A vector in the axes of the base."""
-        return [
-            sum((row[k] * rational(self.base[i][k]) for k in range(3)), self.ring.zero)
-            for i in range(3)
-        ]
+        return [dot(row, map(rational, along), self.ring.zero) for along in self.base]
 
     def placed(self, point: Row, scale: Poly) -> Row:
         """A point (times ``scale``) in the base."""
@@ -207,8 +202,8 @@ def leg_chain(
         off = max(off, away((here, unit), [origin0, axis0]))
         step = [a - b for a, b in zip(here, before, strict=True)]
         before = here
-        p = [p[i] + _dot(R[i], step, zero) for i in range(3)]
-        axis = [_dot(R[i], unit, zero) for i in range(3)]
+        p = [p[i] + dot(R[i], map(rational, step), zero) for i in range(3)]
+        axis = [dot(R[i], map(rational, unit), zero) for i in range(3)]
         slides = bool(ring.prismatic[joint])
         hinges.append(Hinge(joint, slides, axis, p, scale))
         if slides:
@@ -276,13 +271,9 @@ def cross(a: Row, b: Row) -> Row:
     return [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
 
 
-def dot(a: Row, b: Row, zero: Poly) -> Poly:
+def dot(a: Iterable[Poly], b: Iterable[Poly], zero: Poly) -> Poly:
     """Scalar product."""
     return sum((x * y for x, y in zip(a, b, strict=True)), zero)
-
-
-def _dot(row: Row, values: Sequence[Fraction], zero: Poly) -> Poly:
-    return sum((x * rational(v) for x, v in zip(row, values, strict=True) if v), zero)
 
 
 def away(found: Any, meant: Any) -> float:

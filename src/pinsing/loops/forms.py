@@ -13,7 +13,7 @@ from flint import Ordering, fmpq_mpoly_ctx
 
 from pinsing._types import Array, ArrayLike, NDArray
 from pinsing.algebra.equation import Equation, signed_sum
-from pinsing.algebra.ring import Poly, Ring, fraction, rational
+from pinsing.algebra.ring import Poly, Ring, coefficients_by, fraction, rational
 from pinsing.measures import ALIKE
 from pinsing.serialization import JsonResult
 
@@ -90,12 +90,10 @@ class PoseEquation:
         """Return the left side, with exact coefficients or numbers; rows of a determinant."""
         if self.matrix:
             return f"det[{', '.join(self.rows(exact))}]"
+        bodies = [" ".join(_factors(self.names, p)) for p in self.powers.tolist()]
         if exact:
-            terms = zip(self.coefficients, self.powers.tolist(), strict=True)
-            return (
-                " + ".join(" ".join([f"({c})", *_factors(self.names, p)]) for c, p in terms) or "0"
-            )
-        bodies = (" ".join(_factors(self.names, p)) for p in self.powers.tolist())
+            terms = zip(self.coefficients, bodies, strict=True)
+            return " + ".join(f"({c}) {body}".rstrip() for c, body in terms) or "0"
         return signed_sum(list(zip(self.values.tolist(), bodies, strict=True)))
 
     def exact(self) -> str:
@@ -158,18 +156,17 @@ def pose_equation(
     return replace(found, values=found.values / lead)
 
 
-def entry(
-    poly: Any, names: tuple[str, ...], odd: tuple[int, ...], square: int, roots: int
-) -> PoseEquation:
-    """A polynomial times so many roots of ``square`` as it is, an entry of a matrix."""
-    return _equation(names, _terms(poly, odd), square, roots)
-
-
 def determinant_equation(
-    names: tuple[str, ...], matrix: tuple[tuple[PoseEquation, ...], ...]
+    rows: Sequence[Sequence[Poly]],
+    names: tuple[str, ...],
+    odd: tuple[int, ...],
+    square: int,
+    roots: Sequence[int],
 ) -> PoseEquation:
-    """The equation of a determinant that is not multiplied out."""
-    return replace(_equation(names, ()), matrix=matrix)
+    """Return a determinant that is not multiplied out, with ``roots`` of ``square`` a column."""
+    made = [[_equation(names, _terms(x, odd), square, r) for x, r in zip(row, roots, strict=True)]
+            for row in rows]  # fmt: skip
+    return replace(_equation(names, ()), matrix=tuple(map(tuple, made)))
 
 
 def planar_equation(
@@ -177,18 +174,15 @@ def planar_equation(
 ) -> PoseEquation:
     """Return a `pose_equation` with half-angle variables e0, e3 (``half``) as cos φ, sin φ."""
     # Where the degree in them is odd, they stay.
-    a, b = half
-    if any((m[a] + m[b]) % 2 for m in poly.monoms()):
+    parts, total = coefficients_by(poly, half), 0 * poly
+    if any(sum(powers) % 2 for powers in parts):
         return pose_equation(poly, names, odd, square)
-    context, total = poly.context(), 0 * poly
-    cos, sin = context.gens()[a], context.gens()[b]
-    for monomial, c in poly.to_dict().items():
-        rest = [0 if k in half else int(e) for k, e in enumerate(monomial)]
-        i, j = int(monomial[a]), int(monomial[b])
+    cos, sin = (poly.context().gens()[k] for k in half)
+    for (i, j), rest in parts.items():
         # 3 f3^2 = e3^2, and sin φ is in units of the root as e3 is.
-        scale = c * rational(Fraction(1, square ** (j // 2)))
-        total += context.from_dict({tuple(rest): scale}) * _pair(i, j, cos, sin)
-    renamed = tuple({a: _ANGLE[0], b: _ANGLE[1]}.get(k, n) for k, n in enumerate(names))
+        total += rest * rational(Fraction(1, square ** (j // 2))) * _pair(i, j, cos, sin)
+    angle = dict(zip(half, _ANGLE, strict=True))
+    renamed = tuple(angle.get(k, n) for k, n in enumerate(names))
     return pose_equation(total, renamed, odd, square)
 
 
@@ -198,8 +192,6 @@ def trig_polynomial(poly: Poly, ring: Ring, joints: Sequence[str]) -> PoseEquati
     used = ring.joints_of(poly) if poly != 0 else ()
     heads = {True: ("",), False: ("cos ", "sin ")}
     names = [f"{head}{joints[j]}" for j in used for head in heads[ring.prismatic[j]]]
-    if not names:
-        return _equation((), [((), c, 0) for _, c, _ in _terms(poly)])
     there = fmpq_mpoly_ctx.get([f"t{k}" for k in range(len(names))], Ordering.lex)
     gens = iter(there.gens())
     places = {j: [next(gens) for _ in ring.variables(j)] for j in used}
@@ -260,17 +252,12 @@ class JointLocus:
     def entries(self, q: ArrayLike, joints: Sequence[str]) -> Array:
         """Return the matrix (..., k, m) at configurations q (..., n) of joints with these names."""
         q = np.asarray(q, dtype=float)
-        at = {}
-        for k, name in enumerate(joints):
-            at[name], at[f"cos {name}"], at[f"sin {name}"] = (
-                q[..., k], np.cos(q[..., k]), np.sin(q[..., k])
-            )  # fmt: skip
+        names = [f"{head}{name}" for head in ("", "cos ", "sin ") for name in joints]
+        place = {name: k for k, name in enumerate(names)}
+        values = np.concatenate([q, np.cos(q), np.sin(q)], axis=-1)
 
         def entry(x: PoseEquation) -> Array:
-            values = np.empty((*q.shape[:-1], len(x.names)))
-            for k, name in enumerate(x.names):
-                values[..., k] = at[name]
-            return x(values)
+            return x(np.take(values, np.array([place[n] for n in x.names], dtype=int), axis=-1))
 
         rows = [np.stack([entry(x) for x in row], axis=-1) for row in self.matrix]
         return np.stack(rows, axis=-2)
@@ -287,9 +274,10 @@ class JointLocus:
         if self.equation is not None:
             return np.asarray(self.equation(q) / self.equation.size)
         M = self.scaled(self.entries(q, joints))
-        if M.shape[-2] > M.shape[-1]:
-            return np.asarray(np.prod(np.linalg.svd(M, compute_uv=False), axis=-1))
-        return np.asarray(np.linalg.det(M))
+        tall = M.shape[-2] > M.shape[-1]
+        return np.asarray(
+            np.prod(np.linalg.svd(M, compute_uv=False), axis=-1) if tall else np.linalg.det(M)
+        )
 
     def ratio(self, q: ArrayLike, joints: Sequence[str]) -> Array:
         """Return a value over its size, or the least singular value, (...) at q (..., n).

@@ -103,16 +103,15 @@ def leg_wrenches(mechanism: Mechanism) -> LegWrenches:
     NotThisKind.refuse_if(len(used) > len(set(used)), "legs share passive joints")
     wrenches: list[LegWrench] = []
     passive: dict[tuple[int, tuple[int, ...], bool], Poly] = {}
-    off = 0.0
     path = path_to(mechanism, structure(mechanism).output)
     carrier = leg_chain(ring, path, zero.axis[path], zero.origins[path], turn)
+    off = carrier.off
     at = np.array(zero.frames[mechanism.output_id].translation)
     output = carrier.placed(carrier.point(at), carrier.scale)
-    ended = False
+    ended = ways[0][1] is not None or kind == SPHERE
     for number, (joints, end, ball) in enumerate(ways, 1):
-        if end is None and kind != SPHERE:
+        if number == 1 and not ended:
             continue
-        ended = ended or number == 1
         chain = leg_chain(ring, joints, zero.axis[joints], zero.origins[joints], turn)
         off = max(off, chain.off)
         loose = number, tuple(j for j in joints if j in mechanism.passive), False
@@ -126,9 +125,7 @@ def leg_wrenches(mechanism: Mechanism) -> LegWrenches:
             flat = dot(axes[0], cross(axes[1], axes[2]), ring.zero)
             if not ring.nowhere_zero(flat):
                 passive[number, ball, True] = flat
-    return LegWrenches(
-        kind, ring, turn, carrier, output, ended, tuple(wrenches), passive, max(off, carrier.off)
-    )
+    return LegWrenches(kind, ring, turn, carrier, output, ended, tuple(wrenches), passive, off)
 
 
 Way = tuple[list[int], Array | None, tuple[int, ...]]
@@ -560,18 +557,15 @@ def _row(mechanism: Mechanism, legs: LegWrenches, wrench: LegWrench, locked: boo
     return _level(out, legs.ring)
 
 
-def _twists(legs: LegWrenches) -> list[tuple[Row, Row]]:
+def _twists(legs: LegWrenches) -> Iterator[tuple[Row, Row]]:
     """Turning and velocity of the base's origin by each of the carrier's joints."""
     chain, zero = legs.carrier, legs.ring.zero
-    out = []
     for h in chain.hinges:
         axis = chain.in_base(h.axis)
         if h.slides:
-            out.append(([zero] * 3, axis))
-            continue
-        # Scales: both times that of the joint, squared in the velocity.
-        out.append(([h.scale * a for a in axis], cross(chain.placed(h.origin, h.scale), axis)))
-    return out
+            yield [zero] * 3, axis
+        else:  # scales: both times that of the joint, squared in the velocity
+            yield [h.scale * a for a in axis], cross(chain.placed(h.origin, h.scale), axis)
 
 
 def _output_row(legs: LegWrenches, k: int) -> Row:
@@ -581,10 +575,9 @@ def _output_row(legs: LegWrenches, k: int) -> Row:
     # Rows of the file are in the base; a plane may have been turned to lie level.
     unit = [ring.one * rational(legs.turn[i][k % 3]) for i in range(3)]
     if legs.ended:
-        p = legs.output
         grown = [scale * u for u in unit]
-        # u . (v + w x p) = u . v + w . (p x u)
-        whole = [*([zero] * 3), *grown] if k >= 3 else [*grown, *cross(p, unit)]
+        # With p the output, u . (v + w x p) = u . v + w . (p x u).
+        whole = [*([zero] * 3), *grown] if k >= 3 else [*grown, *cross(legs.output, unit)]
         return in_room(legs.kind, whole)
     out = []
     for turning, velocity in _twists(legs):
@@ -598,9 +591,9 @@ def _level(row: Row, ring: Ring) -> Row:
     for j, w in enumerate(ring.w):
         if w is not None:
             x, y = ring.variables(j)
-            degrees = [m[x] + m[y] for e in row if e != 0 for m in [e.monomial(0)]]
-            places = iter(degrees)
-            row = [e * w ** ((max(degrees) - next(places)) // 2) if e != 0 else e for e in row]
+            leads = (e.monomial(0) if e != 0 else ring.one.monomial(0) for e in row)
+            degrees = [m[x] + m[y] for m in leads]
+            row = [e * w ** ((max(degrees) - d) // 2) for e, d in zip(row, degrees, strict=True)]
     return row
 
 
@@ -693,12 +686,10 @@ def _passive(mechanism: Mechanism, legs: LegWrenches) -> list[JointLocus]:
     for (leg, joints, ball), whole in legs.passive.items():
         value = math.prod(legs.ring.factors(whole), start=legs.ring.one)
         names = ", ".join(mechanism.joints[j] for j in joints)
-        if ball:
-            words = f"the three hinges {names} that stand for a ball lie in a plane"
-        elif len(joints) == 1:
-            words = f"leg {leg}: the end of the leg is on the axis of {names}"
-        else:
-            words = f"leg {leg}: {names} move its end the same way"
+        what = f"the end of the leg is on the axis of {names}"
+        what = what if len(joints) == 1 else f"{names} move its end the same way"
+        flat = f"the three hinges {names} that stand for a ball lie in a plane"
+        words = flat if ball else f"leg {leg}: {what}"
         found = _factored(legs.ring, mechanism, "passive", words, value)
         out += [replace(x, ball=ball) for x in found]
     return out

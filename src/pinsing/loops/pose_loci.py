@@ -48,7 +48,6 @@ from pinsing.loops.forms import (
     PoseForms,
     PoseLocus,
     determinant_equation,
-    entry,
     has_real_points,
     planar_equation,
     pose_equation,
@@ -84,31 +83,23 @@ class PoseRing:
         ])  # fmt: skip
 
     @cached_property
-    def alike(self) -> tuple[tuple[Vector, ...], float]:
-        """The exact vectors, parallel rods of one crank exactly so; what that changed, metres."""
-        vectors, rods = list(self.exact.vectors), self.rods.rods
-        off = 0.0
-        pairs = [
-            (i, k)
-            for k, rod in enumerate(rods)
-            for i in range(k)
-            if self.level and rod.moved and rods[i].joint == rod.joint
-        ]
-        for i, k in pairs:
-            outer, inner, first, second, *_ = vectors[6 * i : 6 * i + 6]
-            start = vectors[6 * k + 1]
-            across = (o + s - c for o, s, c in zip(outer, start, inner, strict=True))
-            x, y, z = across
-            wanted = ((x, y, z), start, first, second)
-            gap = max(
-                abs(float(a - b)) * (self.square**0.5 if axis == 1 else 1.0)
-                for new, old in zip(wanted, vectors[6 * k : 6 * k + 4], strict=True)
-                for axis, (a, b) in enumerate(zip(new, old, strict=True))
-            )
+    def alike(self) -> tuple[list[list[Vector]], float]:
+        """Exact vectors by rods, parallel ones of a crank exactly so; what that changed, metres."""
+        rods, every, off = self.rods.rods, self.exact.vectors, 0.0
+        vectors = [list(every[k : k + 6]) for k in range(0, len(every), 6)]
+        for k, i in itertools.product(range(len(rods)), repeat=2):
+            if i >= k or not self.level or not rods[k].moved or rods[i].joint != rods[k].joint:
+                continue
+            (outer, inner, first, second), start = vectors[i][:4], vectors[k][1]
+            x, y, z = (o + s - c for o, s, c in zip(outer, start, inner, strict=True))
+            wanted = [(x, y, z), start, first, second]
+            away = [[float(a - b) for a, b in zip(new, old, strict=True)]
+                    for new, old in zip(wanted, vectors[k][:4], strict=True)]  # fmt: skip
+            gap = float(np.abs(np.array(away) * [1.0, self.square**0.5, 1.0]).max())
             if gap <= ROUNDING:
-                vectors[6 * k : 6 * k + 4] = wanted
+                vectors[k][:4] = wanted
                 off = max(off, gap)
-        return tuple(vectors), off
+        return vectors, off
 
     @property
     def square(self) -> int:
@@ -161,10 +152,9 @@ class PoseRing:
         R, N = quaternion_turn([self.variable(f"e{i}") for i in range(4)], self.square)
         return R, one if self.unit else N
 
-    def _vectors(self, rod: Rod) -> tuple[Vector, ...]:
+    def _vectors(self, rod: Rod) -> list[Vector]:
         # Rods are told apart as objects: two may be alike.
-        k = next(i for i, r in enumerate(self.rods.rods) if r is rod)
-        return self.alike[0][6 * k : 6 * k + 6]
+        return self.alike[0][self.rods.rods.index(rod)]
 
     def outer(self, rod: Rod) -> Row:
         """B times N."""
@@ -253,14 +243,11 @@ class PoseRing:
 
     def moment_arm(self, rod: Rod) -> Poly:
         """Force along C B in the direction in which the actuator moves C."""
-        start = self._vectors(rod)[1]
-        _, N = self.turn
-        if self.rods.mechanism.prismatic[rod.joint]:
-            return self.dot(self.direction(rod), self.motion(rod))
-        along = self.motion(rod)
-        # (cos first + sin second) is across the motion of C.
-        reach = [b - N * rational(o) for b, o in zip(self.outer(rod), start, strict=True)]
-        return self.dot(reach, along)
+        # Of a crank (cos first + sin second) is across the motion of C: from its middle will do.
+        slides = self.rods.mechanism.prismatic[rod.joint]
+        C = self.inner(rod) if slides else [self.number(v) for v in self._vectors(rod)[1]]
+        away = [b - self.turn[1] * c for b, c in zip(self.outer(rod), C, strict=True)]
+        return self.dot(away, self.motion(rod))
 
     def dot(self, a: Row, b: Row) -> Poly:
         """Scalar product of vectors with y in units of the root."""
@@ -283,14 +270,7 @@ class PoseRing:
         """Return the determinant of rows, unexpanded, with ``roots`` of `square` a column."""
         # Without ``roots`` those of wrenches: forces, then moments.
         roots = roots or ((0, 1, 1) if self.rods.planar else (0, 1, 0, 1, 0, 1))
-        made = tuple(
-            tuple(
-                entry(x, self.names, self.odd, self.square, r)
-                for x, r in zip(row, roots, strict=True)
-            )
-            for row in rows
-        )
-        return determinant_equation(self.names, made)
+        return determinant_equation(rows, self.names, self.odd, self.square, roots)
 
     def multiplied_out(self, rows: list[Row]) -> Poly:
         """The determinant of rows, multiplied out."""
@@ -326,8 +306,6 @@ def every_position(ring: PoseRing, poly: Any) -> tuple[PoseFamily, ...]:
     names = ring.names
     turn = [k for k, n in enumerate(names) if n in TURNS]
     others = [k for k in range(len(names)) if k not in turn]
-    if not turn:
-        return ()
     coefficients = list(coefficients_by(poly, others).values())
     found: list[tuple[frozenset[int], Any]] = []
     for count in range(len(turn)):
@@ -346,25 +324,19 @@ def _within(
     """Conditions that the coefficients share where the quaternion's ``zero`` parts are zero."""
     rest = [c for c in (_restricted(ring, c, zero) for c in coefficients) if c != 0]
     left = [k for k in turn if k not in zero]
+    there = [_restricted(ring, f, zero) for z, f in known if z <= zero]
     if not rest:
         # All of the subspace.
-        if any(z <= zero and _restricted(ring, f, zero) == 0 for z, f in known):
-            return []
-        return [(zero, ring.number(0))]
+        return [] if 0 in there else [(zero, ring.number(0))]
     common = functools.reduce(lambda a, b: a.gcd(b), rest)
     out = []
     for factor, _ in common.factor()[1]:
         # A single component that vanishes is a smaller subspace, seen there.
-        if factor.is_constant() or len(factor) == 1:
-            continue
-        used = sum(factor.degrees()[k] > 0 for k in left)
+        used = sum(factor.degrees()[k] > 0 for k in left) if len(factor) > 1 else 0
         plain = pose_equation(factor, ring.names, ring.odd, ring.square)
-        if not (has_real_points(plain) if used > 1 else used):
-            continue
-        there = (_restricted(ring, f, zero) for z, f in known if z <= zero)
-        if any(f == 0 or divmod(f, factor)[1] == 0 for f in there):
-            continue
-        out.append((zero, factor))
+        said = any(f == 0 or divmod(f, factor)[1] == 0 for f in there)
+        if not said and (has_real_points(plain) if used > 1 else used):
+            out.append((zero, factor))
     return out
 
 
@@ -402,10 +374,7 @@ def _words(vanish: tuple[str, ...], left: list[str], equations: tuple[PoseEquati
 
 def _ratios(equation: PoseEquation, left: list[str]) -> list[float]:
     """Real values of the second component over the first."""
-    one, two = (equation.names.index(n) for n in left)
-    line = np.zeros(int(max(equation.powers[:, one] + equation.powers[:, two])) + 1)
-    for value, powers in zip(equation.values, equation.powers, strict=True):
-        line[int(powers[two])] += value
+    line = np.bincount(equation.powers[:, equation.names.index(left[1])], equation.values)
     return sorted(float(r.real) for r in np.roots(line[::-1]) if abs(r.imag) <= 1e-9)
 
 
@@ -672,11 +641,10 @@ Part = tuple[str, str, Any, bool]
 
 def _loci(ring: PoseRing, parts: Iterable[Part]) -> list[PoseLocus]:
     """Loci of polynomials that are taken as they are, each once."""
-    seen: list[Part] = []
+    seen: dict[tuple[str, str], Part] = {}
     for part in parts:
-        if not any((kind, poly) == (part[0], part[2]) for kind, _, poly, _ in seen):
-            seen.append(part)
-    each = ((kind, words, ring.equation(poly), sure) for kind, words, poly, sure in seen)
+        seen.setdefault((part[0], str(part[2])), part)
+    each = ((kind, words, ring.equation(poly), sure) for kind, words, poly, sure in seen.values())
     return [PoseLocus(k, words, x, sure or has_real_points(x)) for k, words, x, sure in each]
 
 
@@ -688,28 +656,27 @@ def _factors(parts: Iterable[tuple[str, str, Any]]) -> Iterator[Part]:
 
 def _sphere_forms(mechanism: Mechanism, found: SphereLoci) -> PoseForms:
     """Over the orientation, and the inputs where they do not drop out."""
-    parts = [("type 2", "the planes of the outer links meet in one line", found.type2)]
-    for k, (leg, poly) in enumerate(zip(found.legs, found.type1, strict=True), 1):
-        words = f"leg {k} is folded or stretched: {mechanism.joints[leg.joint]} turns nothing"
-        parts.append(("type 1", words, poly))
+    folded = (
+        f"leg {k} is folded or stretched: {mechanism.joints[leg.joint]} turns nothing"
+        for k, leg in enumerate(found.legs, 1)
+    )
+    parts = [
+        ("type 2", "the planes of the outer links meet in one line", found.type2),
+        *(("type 1", words, poly) for words, poly in zip(folded, found.type1, strict=True)),
+    ]
     squares = squares_note(found)
-    loci = []
-    for kind, words, factor, _ in _factors(parts):
-        equation = pose_equation(factor, found.names, (), 1)
-        # Sums of squares have real zeros too: turns by which an outer axis meets a base axis.
-        loci.append(PoseLocus(kind, words, equation, bool(squares) or has_real_points(equation)))
-    notes = [squares] if squares else []
+    each = ((k, words, pose_equation(poly, found.names)) for k, words, poly, _ in _factors(parts))
+    # Sums of squares have real zeros too: turns by which an outer axis meets a base axis.
+    loci = (PoseLocus(k, words, x, bool(squares) or has_real_points(x)) for k, words, x in each)
+    inputs = "both links of each leg are quarter circles: the inputs drop out"
     if len(found.names) > 4:
-        notes.append(with_inputs("orientation", "loops", "an"))
-    else:
-        notes.append("both links of each leg are quarter circles: the inputs drop out")
-    if found.off > 1e-12:
-        notes.append(f"axes were made exact, by at most {found.off:.1e}")
-    notes.append(PROOFS)
+        inputs = with_inputs("orientation", "loops", "an")
+    exact = f"axes were made exact, by at most {found.off:.1e}" * (found.off > 1e-12)
+    notes = (*filter(None, (squares, inputs, exact)), PROOFS)
     always = "" if found.type2 != 0 else (
         "architecture singularity: the moments of the legs lie in a plane at every orientation"
     )  # fmt: skip
-    return PoseForms(found.names, always, tuple(loci), (), (), True, tuple(notes))
+    return PoseForms(found.names, always, tuple(loci), (), (), True, notes)
 
 
 def _point_forms(mechanism: Mechanism) -> PoseForms | None:
@@ -882,10 +849,9 @@ def _wrenches(ring: PoseRing) -> Iterator[tuple[Rod, Row, Poly]]:
 
 def _upright(mechanism: Mechanism, found: Rods) -> bool:
     """Whether the output moves along the axes of the base and is not turned at home."""
-    if any(rod.side or rod.hinge is not None for rod in found.rods):
-        return False
+    plain = not any(rod.side or rod.hinge is not None for rod in found.rods)
     away = np.abs(output_pose(mechanism, home(mechanism)).rotation - np.eye(3)).max()
-    return bool(away < 1e-9) and set(mechanism.task.rows) == {0, 1, 2}
+    return plain and bool(away < 1e-9) and set(mechanism.task.rows) == {0, 1, 2}
 
 
 def _split(ring: PoseRing, together: Any) -> Iterator[Part]:
@@ -896,32 +862,30 @@ def _split(ring: PoseRing, together: Any) -> Iterator[Part]:
     words = f"{names} meet in one point or are parallel" if ring.rods.planar else (
         f"{names} and {_HINGED}" if hinged else f"the six leg lines {_COMPLEX}"
     )  # fmt: skip
-    parallel = _parallelograms(ring)
-    plane = "the rods are parallel to a plane, or two pairs of them to each other"
-    normals = "the normals of the three parallelograms are parallel to a plane: the output can turn"
-    known = [] if parallel is None else [
-        ("type 2", plane, parallel[0]), ("constraint", normals, parallel[1])
-    ]  # fmt: skip
-    known.append(("type 2 or constraint" if hinged else "type 2", words, together))
+    whole = ("type 2 or constraint" if hinged else "type 2", words, together)
+    known = [*_parallelograms(ring), whole]
     for factor, _ in together.factor()[1]:
         kind, what, _ = next(x for x in known if divmod(x[2], factor)[1] == 0)
         yield kind, what, factor, False
 
 
-def _parallelograms(ring: PoseRing) -> tuple[Any, Any] | None:
+def _parallelograms(ring: PoseRing) -> list[tuple[str, str, Any]]:
     """With the output level and two rods a crank: determinants of directions and of normals."""
     mine = [[r for r in ring.rods.rods if r.joint == joint] for joint in ring.drivers]
     if not ring.level or [len(pair) for pair in mine] != [2, 2, 2]:
-        return None
-    directions, normals = [], []
-    for one, two in mine:
-        d, other = ring.direction(one), ring.direction(two)
-        if any(a != b for a, b in zip(d, other, strict=True)):
-            return None
-        apart = [b - a for a, b in zip(ring.outer(one), ring.outer(two), strict=True)]
-        directions.append(d)
-        normals.append(cross(apart, d))
-    return ring.multiplied_out(directions), ring.multiplied_out(normals)
+        return []
+    directions, others = ([ring.direction(pair[k]) for pair in mine] for k in (0, 1))
+    if not all(d == e for d, e in zip(directions, others, strict=True)):
+        return []
+    ends = ((ring.outer(one), ring.outer(two)) for one, two in mine)
+    apart = ([b - a for a, b in zip(B1, B2, strict=True)] for B1, B2 in ends)
+    normals = [cross(gap, d) for gap, d in zip(apart, directions, strict=True)]
+    plane = "the rods are parallel to a plane, or two pairs of them to each other"
+    turns = "the normals of the three parallelograms are parallel to a plane: the output can turn"
+    return [
+        ("type 2", plane, ring.multiplied_out(directions)),
+        ("constraint", turns, ring.multiplied_out(normals)),
+    ]
 
 
 def _type1(ring: PoseRing) -> list[PoseLocus]:
@@ -956,11 +920,6 @@ def _at_home(mechanism: Mechanism, ring: PoseRing, together: Any) -> Iterator[Po
         gens[k]: int(n == "e0") for k, n in enumerate(ring.names) if n[0] == "e" and n[1:].isdigit()
     }
     left = together.subs(values)
-    if left == 0:
-        return
-    for factor, _ in left.factor()[1]:
-        if not factor.is_constant():
-            found = pose_equation(factor, ring.names, ring.odd, ring.square)
-            yield PoseLocus(
-                "type 2", "with the output turned as at home", found, has_real_points(found)
-            )
+    for kind, words, factor, _ in _factors([("type 2", "with the output turned as at home", left)]):
+        found = pose_equation(factor, ring.names, ring.odd, ring.square)
+        yield PoseLocus(kind, words, found, has_real_points(found))
