@@ -22,6 +22,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Iterable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -98,24 +99,23 @@ class Rod:
             return np.asarray(np.abs(values + self.offset))
         return np.full(len(values), length) if self.moved else None
 
-    def solutions(self, B: Array, planar: bool, length: float) -> tuple[float, ...] | None:
-        """Values of the joint with the end at B (3,); None where two meet, or it is not told."""
+    def solutions(self, B: Array, planar: bool, length: float) -> tuple[float, ...]:
+        """Values of the joint with the end at B (3,); NotThisKind where two meet, or not told."""
         e, first, second = np.array([B - self.inner, self.first, self.second])[
             :, : 2 if planar else 3
         ]
         if self.kind == "strut":
             reach = float(np.linalg.norm(e))
-            return None if reach <= ROUNDING else (reach - self.offset, -reach - self.offset)
-        if not self.moved:
-            return None
+            NotThisKind.refuse_if(reach <= ROUNDING)
+            return reach - self.offset, -reach - self.offset
+        NotThisKind.refuse_if(not self.moved)
         along, size, known = float(e @ first), float(first @ first), float(e @ e) - length**2
         if self.kind == "crank":
             return angles_of(along, float(e @ second), (known + size) / 2)
         # |e - q first| = length.
         middle = along / size
         left = middle**2 - known / size
-        if abs(left) <= ROUNDING:
-            return None
+        NotThisKind.refuse_if(abs(left) <= ROUNDING)
         return () if left < 0 else (middle + float(np.sqrt(left)), middle - float(np.sqrt(left)))
 
     def variables(self, name: str) -> tuple[str, ...]:
@@ -131,16 +131,13 @@ class Rod:
                 (f"leg {number} is stretched {where}", one + two),
                 (f"leg {number} is folded {where}", abs(one - two)),
             ]
-        if self.kind == "rail":
-            return [(f"rod {number} is across the slide {name}", None)]
-        if self.kind != "crank":
-            return []
         words = f"rod {number} is in a plane with the axis of crank {name} and its pin"
         if planar:
             words = f"crank {name} and its rod are in line"
         elif level:
             words = f"the rods of crank {name} are in line with it, or meet its axis"
-        return [(words, None)]
+        slide = f"rod {number} is across the slide {name}"
+        return [(slide if self.kind == "rail" else words, None)] if self.moved else []
 
     def foot_text(self, name: str) -> str:
         """C for people, with the joint's name."""
@@ -189,35 +186,23 @@ def written(axis: Array) -> str:
     return f"({', '.join(f'{round(float(v), 12) + 0.0:.6g}' for v in axis)})"
 
 
-def angles_of(a: float, b: float, known: float) -> tuple[float, ...] | None:
-    """Both angles with a cos + b sin = known; none where there are none, None where they meet."""
+def angles_of(a: float, b: float, known: float) -> tuple[float, ...]:
+    """Both angles with a cos + b sin = known, or none; NotThisKind where they meet."""
     size = float(np.hypot(a, b))
-    if abs(size - abs(known)) <= ROUNDING:
-        return None
+    NotThisKind.refuse_if(abs(size - abs(known)) <= ROUNDING)
     if size < abs(known):
         return ()
     middle, spread = float(np.arctan2(b, a)), float(np.arccos(known / size))
     return middle + spread, middle - spread
 
 
-def count_inside(
-    mechanism: Mechanism, choices: Iterable[tuple[int, tuple[float, ...] | None]]
-) -> int | None:
-    """Combinations of values of joints within their limits; None where values of one are None."""
-    count = 1
-    for joint, values in choices:
-        if values is None:
-            return None
-        count *= sum(inside(mechanism, joint, v) for v in values)
-    return count
-
-
-def inside(mechanism: Mechanism, joint: int, value: float) -> bool:
-    """Whether a value of a joint is within its limits, whole turns aside."""
+def inside(mechanism: Mechanism, joint: int, values: Iterable[float]) -> int:
+    """How many values of a joint are within its limits, whole turns aside."""
     low, high = float(mechanism.lower[joint]), float(mechanism.upper[joint])
     if mechanism.prismatic[joint]:
-        return low <= value <= high
-    return not np.isfinite([low, high]).all() or (value - low) % (2 * np.pi) <= high - low
+        return sum(low <= v <= high for v in values)
+    endless = not np.isfinite([low, high]).all()
+    return sum(bool(endless or (v - low) % (2 * np.pi) <= high - low) for v in values)
 
 
 def rods(mechanism: Mechanism) -> Rods | None:
@@ -242,13 +227,12 @@ def most_assemblies(mechanism: Mechanism) -> int | None:
     found = rods(mechanism)
     if found is None or any(rod.side for rod in found.rods):
         return None
-    if found.hinged:
-        return 16 if len(found.rods) == 3 and not found.planar else None
-    return {(True, 3): 6, (False, 6): 40}.get((found.planar, len(found.rods)))
+    known = {(True, 3, False): 6, (False, 6, False): 40, (False, 3, True): 16}
+    return known.get((found.planar, len(found.rods), found.hinged))
 
 
-def carried(mechanism: Mechanism, sample: Sample, joint: int, C: Array, outer: Array) -> Rod | None:
-    """Return the rod whose inner end C (3,) moves with one joint; None if C is on its axis."""
+def carried(mechanism: Mechanism, sample: Sample, joint: int, C: Array, outer: Array) -> Rod:
+    """Return the rod whose inner end C (3,) moves with one joint; none of C on its axis."""
     axis, at = sample.axis[joint], np.array(sample.joints[joint + 1].translation)
     if mechanism.prismatic[joint]:
         return Rod("rail", joint, outer, C - sample.q[joint] * axis, first=axis)
@@ -256,8 +240,7 @@ def carried(mechanism: Mechanism, sample: Sample, joint: int, C: Array, outer: A
     rest = (arm @ axis) * axis
     c, s = np.cos(sample.q[joint]), np.sin(sample.q[joint])
     first = c * (arm - rest) - s * np.cross(axis, arm - rest)
-    if np.linalg.norm(first) <= ROUNDING:
-        return None
+    NotThisKind.refuse_if(np.linalg.norm(first) <= ROUNDING)
     return Rod("crank", joint, outer, at + rest, first=first, second=np.cross(axis, first))
 
 
@@ -299,13 +282,12 @@ class _Recognizer:
         mechanism = self.mechanism
         out: list[Rod] = []
         for way in self.ways():
-            if way.hanging:
-                found = self.hanging(way)
+            for kind in (self.hanging,) if way.hanging else (self.foot_driven, self.along):
+                with suppress(NotThisKind):
+                    out += kind(way)
+                    break
             else:
-                found = self.foot_driven(way) or self.along(way)
-            if not found:
                 raise NotThisKind(self.reason(way))
-            out += found
         forces = len(out) + sum(rod.hinge is not None for rod in out)
         needed = 3 if self.planar else 6
         NotThisKind.refuse_if(
@@ -349,47 +331,38 @@ class _Recognizer:
         """Points (N, 3) in the frame of the output, where they are the same at all samples."""
         return np.array(self.samples[0].output.actInv(points[0]))
 
-    def offset(self, joint: int, reach: Array) -> float | None:
-        """Return what a slide's value lacks of its length (N, 3), as from mid-stroke; or None."""
+    def offset(self, joint: int, reach: Array) -> float:
+        """Return what a slide's value lacks of its length (N, 3), as from mid-stroke."""
         along = np.array([s.axis[joint] for s in self.samples])
-        if not self.mechanism.prismatic[joint] or self.beside(joint, reach):
-            return None
+        NotThisKind.refuse_if(not self.mechanism.prismatic[joint] or self.beside(joint, reach))
         lengths = (reach * self.flat * along).sum(axis=1)
         values = np.array([s.q[joint] for s in self.samples])
         for off in (lengths - values, -lengths - values):
             if np.abs(off - off[0]).max() <= ROUNDING:
                 return 0.0 if abs(off[0]) <= ROUNDING else round(float(off[0]), 12)
-        return None
+        raise NotThisKind
 
-    def parted(
-        self, joints: Sequence[int]
-    ) -> tuple[tuple[int, ...], tuple[int, ...], Centre | None]:
+    def parted(self, joints: Sequence[int]) -> tuple[tuple[int, ...], tuple[int, ...], Centre]:
         """The driven joints, the passive ones, and the centre that these have in common."""
         driven = tuple(j for j in joints if j in self.mechanism.actuated)
         passive = tuple(j for j in joints if j not in driven)
-        return driven, passive, next((c for c in self.built.centres if c.joints == passive), None)
+        found = [c for c in self.built.centres if c.joints == passive]
+        NotThisKind.refuse_if(not found)
+        return driven, passive, found[0]
 
     def strut(
         self, joint: int, outer: Array, C: Array, reach: Array, hinge: Array | None = None
     ) -> list[Rod]:
-        """The force along a slide whose length is that of reach (N, 3); none where it is not."""
-        offset = self.offset(joint, reach)
-        if offset is None:
-            return []
-        return [Rod("strut", joint, outer, C, hinge, sliding=joint, offset=offset)]
-
-    def carried(self, joint: int, C: Array, outer: Array) -> list[Rod]:
-        """The force of a rod on a crank or slide; none where C is on the crank's axis."""
-        found = carried(self.mechanism, self.samples[0], joint, C, outer)
-        return [] if found is None else [found]
+        """The force along a slide whose length is that of reach (N, 3)."""
+        off = self.offset(joint, reach)
+        return [Rod("strut", joint, outer, C, hinge, sliding=joint, offset=off)]
 
     def along(self, way: _Way) -> list[Rod]:
         """The force of a leg with one centre and one actuated joint before or behind it."""
         mechanism, sample, path = self.mechanism, self.samples[0], way.path
         driven, passive, centre = self.parted(path)
         whole = len(way.joints) in (0, self.ball)
-        if len(driven) != 1 or centre is None or len(passive) > self.ball or not whole:
-            return []
+        NotThisKind.refuse_if(len(driven) != 1 or len(passive) > self.ball or not whole)
         (joint,) = driven
         hinge = len(passive) == 1 and not self.planar
         axis = sample.axis[passive[0]]
@@ -399,87 +372,66 @@ class _Recognizer:
                 elbow = sample.joints[joint + 1].translation
                 one, two = (float(np.linalg.norm((elbow - p[0])[:2])) for p in (C, B))
                 return [Rod("elbow", joint, outer, C[0], links=(one, two))]
-            if hinge and max(abs(s.axis[joint] @ axis) for s in self.samples) > ROUNDING:
-                return []
+            tilts = max(abs(s.axis[joint] @ axis) for s in self.samples)
+            NotThisKind.refuse_if(hinge and tilts > ROUNDING)
             return self.strut(joint, outer, C[0], B - C, axis if hinge else None)
-        if path != [joint, *passive]:
-            return []
+        NotThisKind.refuse_if(path != [joint, *passive])
         if not hinge:
-            return self.carried(joint, C[0], outer)
+            return [carried(mechanism, sample, joint, C[0], outer)]
         # A hinge that a slide or a crank with the same axis carries (PRS, RRS): its point that is
         # straight across from the end of the rod.
         off = (B - C) @ axis
         turned = np.abs([s.axis[passive[0]] - axis for s in self.samples]).max()
-        if max(turned, np.abs(off - off[0]).max()) > ROUNDING:
-            return []
-        return [replace(x, hinge=axis) for x in self.carried(joint, C[0] + off[0] * axis, outer)]
+        NotThisKind.refuse_if(max(turned, np.abs(off - off[0]).max()) > ROUNDING)
+        return [replace(carried(mechanism, sample, joint, C[0] + off[0] * axis, outer), hinge=axis)]
 
     def hanging(self, way: _Way) -> list[Rod]:
         """The force of a leg written from the output: the loop is at its foot, or at the crank."""
         driven, passive, centre = self.parted(way.hanging)
-        if centre is None or len(passive) not in ((1,) if self.planar else (2, 3)):
-            return []
+        NotThisKind.refuse_if(len(passive) not in ((1,) if self.planar else (2, 3)))
         B = self.points(centre)
         outer = self.in_output(B)
         if not driven and len(way.path) == 1 and way.path[0] in self.mechanism.actuated:
-            return self.carried(way.path[0], way.end[0], outer)
-        if len(driven) != 1 or way.path or way.hanging != (*passive, *driven):
-            return []
+            return [carried(self.mechanism, self.samples[0], way.path[0], way.end[0], outer)]
+        NotThisKind.refuse_if(len(driven) != 1 or way.path or way.hanging != (*passive, *driven))
         return self.strut(driven[0], outer, way.end[0], way.other - B)
 
     def foot_driven(self, way: _Way) -> list[Rod]:
-        """The forces of one leg that is driven at its foot; empty for another one."""
+        """The forces of one leg that is driven at its foot."""
         mechanism, sample, path = self.mechanism, self.samples[0], way.path
-        if len(way.joints) not in (0, self.ball):
-            return []
-        slides = mechanism.prismatic[path]
-        if not 2 <= len(path) <= (2 if self.planar else 3) or slides[:-1].any() or not slides[-1]:
-            return []
+        slides = mechanism.prismatic[path].tolist()
+        known = slides == [False, True] or (slides == [False, False, True] and not self.planar)
+        at_foot = set(path[:-1]) & set(mechanism.actuated)
+        NotThisKind.refuse_if(not known or not at_foot or len(way.joints) not in (0, self.ball))
         first, slide = path[0], path[-1]
-        if not set(path[:-1]) & set(mechanism.actuated):
-            return []
         axis = sample.axis[first]
         foot, B = np.array(sample.joints[first + 1].translation), way.end
         if len(path) == 3:
             met = self.universal(path)
-            if met is None:
-                return []
         else:
             # Straight across from the end.
             off = (B - foot) @ axis
             met = float(off[0])
             along = max(abs(s.axis[slide] @ axis) for s in self.samples)
-            if max(along, np.abs(off - met).max()) > ROUNDING:
-                return []
+            NotThisKind.refuse_if(max(along, np.abs(off - met).max()) > ROUNDING)
         foot = foot + met * axis
-        offset = self.offset(slide, B - foot)
-        if offset is None:
-            return []
-        outer = self.in_output(way.other)
+        offset, outer = self.offset(slide, B - foot), self.in_output(way.other)
         hinge = axis if len(path) == 2 and not self.planar else None
-        out: list[Rod] = []
-        for side, joint in ((0, slide), *enumerate(path[:-1], 1)):
-            if joint in mechanism.actuated:
-                kind = "foot" if side else "strut"
-                out.append(
-                    Rod(
-                        kind, joint, outer, foot, hinge, across=axis if side else _NONE,
-                        side=side, sliding=slide, offset=offset,
-                    )
-                )  # fmt: skip
-                hinge = None
-        return out
+        driven = [x for x in ((0, slide), *enumerate(path[:-1], 1)) if x[1] in mechanism.actuated]
+        return [
+            Rod(
+                "foot" if side else "strut", joint, outer, foot, None if k else hinge,
+                across=axis if side else _NONE, side=side, sliding=slide, offset=offset,
+            )
+            for k, (side, joint) in enumerate(driven)
+        ]  # fmt: skip
 
-    def universal(self, path: list[int]) -> float | None:
+    def universal(self, path: list[int]) -> float:
         """Where along the first axis the second one meets it, all crossed at right angles."""
-        found = []
-        for s in self.samples:
-            a, b, slide = (s.axis[j] for j in path)
-            gap = s.joints[path[1] + 1].translation - s.joints[path[0] + 1].translation
-            if max(abs(a @ b), abs(b @ slide), abs(gap @ np.cross(a, b))) > ROUNDING:
-                return None
-            found.append(float(gap @ a))
-        return found[0]
+        at = [(*s.axis[path], s.origins[path[1]] - s.origins[path[0]]) for s in self.samples]
+        off = max(abs(x) for a, b, c, gap in at for x in (a @ b, b @ c, gap @ np.cross(a, b)))
+        NotThisKind.refuse_if(off > ROUNDING)
+        return float(at[0][3] @ at[0][0])
 
     def reason(self, way: _Way) -> str:
         """Of a leg that is of another kind than those with a wrench over the pose."""
@@ -494,17 +446,16 @@ class _Recognizer:
         told = " and ".join(mechanism.joints[j] for j in driven)
         if way.hanging:
             return f"{name}, written from the output and driven at {told}, {where}"
-        loose = [j for j in slides if j not in driven]
+        loose = [mechanism.joints[j] for j in way.path[:1] if j in slides and j not in driven]
+        what = f", driven at {told},"
         if self.askew(way, slides):
             beside = mechanism.joints[slides[0]]
-            what = f" slides ({beside}) beside the line from its foot to its end"
-        elif loose[:1] == way.path[:1] and loose:
-            what = f" is driven at {told} behind the passive slide {mechanism.joints[loose[0]]}"
+            what = f" slides ({beside}) beside the line from its foot to its end, which"
+        elif loose:
+            what = f" is driven at {told} behind the passive slide {loose[0]}, which"
         elif len(driven) > 1:
-            what = f" has {len(driven)} actuated joints ({told})"
-        else:
-            return f"{name}, driven at {told}, {where}"
-        return f"{name}{what}, which {where}"
+            what = f" has {len(driven)} actuated joints ({told}), which"
+        return f"{name}{what} {where}"
 
     def askew(self, way: _Way, slides: Sequence[int]) -> bool:
         """Whether a slide after turning joints is not along the line through the leg's ends."""
@@ -523,15 +474,15 @@ class _Recognizer:
     def tree_reason(self, path: Sequence[int]) -> str:
         """Of the leg that carries the output in the tree, where it ends in no pin or ball."""
         mechanism, last = self.mechanism, path[-1]
-        name = mechanism.joints[last]
-        if last in mechanism.actuated:
-            how = f"is driven at its joint with the output ({name})"
-        elif mechanism.prismatic[last]:
-            how = f"ends in a slide at the output ({name})"
-        else:
-            how = f"does not end in a pin or a ball at the output ({name})"
+        how = (
+            "ends in a slide at"
+            if mechanism.prismatic[last]
+            else "does not end in a pin or a ball at"
+        )
+        how = "is driven at its joint with" if last in mechanism.actuated else how
         names = ", ".join(mechanism.joints[j] for j in path)
-        return f"the leg of {names} {how}, which is not supported over the pose"
+        end = f"the output ({mechanism.joints[last]})"
+        return f"the leg of {names} {how} {end}, which is not supported over the pose"
 
 
 @dataclass(frozen=True, eq=False)
@@ -544,8 +495,8 @@ class SphereLeg:
     outer: Array  # (3,): w, in the output
     cosine: float  # of the angle between v and w
 
-    def solutions(self, R: Array) -> tuple[float, ...] | None:
-        """Return values of the joint for an orientation R (3, 3); None where two meet."""
+    def solutions(self, R: Array) -> tuple[float, ...]:
+        """Return values of the joint for an orientation R (3, 3); NotThisKind where two meet."""
         # v . w is the cosine of the outer link, linear in cosine and sine of the joint's angle.
         w, u = R @ self.outer, self.driven
         rest = float(u @ self.middle) * u
@@ -573,16 +524,16 @@ class SphereLoci:
 @once
 def sphere_loci(mechanism: Mechanism) -> SphereLoci | None:
     """Loci of a spherical mechanism of three legs of three joints; None for another one."""
-    if room_of(mechanism)[0] != SPHERE or set(mechanism.task.rows) != {3, 4, 5}:
-        return None
-    legs = _legs(mechanism)
-    if len(legs) != 3:
-        return None
-    joints = () if all(leg.square for leg in legs) else tuple(leg.joint for leg in legs)
-    turned = (f"{f} {mechanism.joints[j]}" for j in joints for f in ("cos", "sin"))
-    names = (*TURNS, *turned)
-    type2, type1, off = _polynomials(legs, names, joints)
-    return SphereLoci(names, type2, type1, tuple(legs), off)
+    with suppress(NotThisKind):
+        turning = set(mechanism.task.rows) == {3, 4, 5}
+        NotThisKind.refuse_if(room_of(mechanism)[0] != SPHERE or not turning)
+        legs = _legs(mechanism)
+        joints = () if all(leg.square for leg in legs) else tuple(leg.joint for leg in legs)
+        turned = (f"{f} {mechanism.joints[j]}" for j in joints for f in ("cos", "sin"))
+        names = (*TURNS, *turned)
+        type2, type1, off = _polynomials(legs, names, joints)
+        return SphereLoci(names, type2, type1, tuple(legs), off)
+    return None
 
 
 def squares_note(found: SphereLoci) -> str:
@@ -637,7 +588,7 @@ def _polynomials(
         u, w0 = vector(leg.driven), vector(leg.outer)
         off = max(off, away((u, w0), (leg.driven, leg.outer)))
         base = [context.constant(rational(x)) for x in u]
-        w = [sum((R[i][j] * rational(w0[j]) for j in range(3)), zero) for i in range(3)]
+        w = [dot(row, map(rational, w0), zero) for row in R]
         v = cross(base, w)
         if joints:
             c, s = gens[4 + 2 * k : 6 + 2 * k]
@@ -656,7 +607,7 @@ def _polynomials(
 
 
 def _legs(mechanism: Mechanism) -> list[SphereLeg]:
-    """The legs; none of them where one is of another kind."""
+    """The three legs."""
     built, zero = structure(mechanism), at_zero(mechanism)
     centre = room_of(mechanism)[2]
     turn = np.array(zero.frames[mechanism.output_id].rotation)
@@ -664,17 +615,16 @@ def _legs(mechanism: Mechanism) -> list[SphereLeg]:
     # Of each way: its joints, the outer axis by the link before it, and by the output.
     ways = [(whole[:-1], last, last)]
     for loop, inner, outer, joints, outside in loop_ends(mechanism):
-        if loop.kind == "6d" or outside[-1:] != [built.output - 1]:
-            return []
         radii = [np.array(zero.frames[k].translation) - centre for k in (inner, outer)]
         sizes = [float(np.linalg.norm(r)) for r in radii]
-        if min(sizes) <= ROUNDING:
-            return []
+        away = loop.kind == "6d" or outside[-1:] != [built.output - 1]
+        NotThisKind.refuse_if(away or min(sizes) <= ROUNDING)
         ways.append((joints, radii[0] / sizes[0], radii[1] / sizes[1]))
     out = []
     for joints, before, after in ways:
-        if [j in mechanism.actuated for j in joints] != [True, False]:
-            return []
-        u, v = zero.axis[joints[0]], zero.axis[joints[1]]
+        NotThisKind.refuse_if([j in mechanism.actuated for j in joints] != [True, False])
+        u, v = zero.axis[joints]
         out.append(SphereLeg(joints[0], u, v, turn.T @ after, float(v @ before)))
-    return out if {leg.joint for leg in out} == set(mechanism.actuated) else []
+    driven = {leg.joint for leg in out} == set(mechanism.actuated)
+    NotThisKind.refuse_if(len(out) != 3 or not driven)
+    return out

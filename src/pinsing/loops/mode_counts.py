@@ -17,9 +17,12 @@ solutions for the direct kinematic problem of planar three-degree-of-freedom par
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+import math
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from fractions import Fraction
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -30,9 +33,10 @@ from pinsing._types import Array
 from pinsing.algebra.ring import Poly, divided_by, fraction, rational
 from pinsing.loops.exact import exact_points
 from pinsing.loops.forms import PoseEquation, pose_equation
-from pinsing.loops.legs import Rod, Rods, carried, count_inside, inside, rods, sphere_loci
+from pinsing.loops.legs import Rod, Rods, carried, inside, rods, sphere_loci
 from pinsing.loops.modes import home
 from pinsing.loops.structure import (
+    NotThisKind,
     Sample,
     at_zero,
     bodies,
@@ -53,41 +57,32 @@ Point = tuple[Any, Any]
 def planar_rods(mechanism: Mechanism) -> Rods | None:
     """The three forces of a planar mechanism; None for another one."""
     found = rods(mechanism)
-    if found is None or not found.planar or len(found.rods) != 3:
-        return None
-    return None if any(rod.kind in ("elbow", "foot") for rod in found.rods) else found
+    kinds = [rod.kind for rod in found.rods] if found is not None and found.planar else []
+    return found if len(kinds) == 3 and not {"elbow", "foot"} & set(kinds) else None
 
 
-def count_poses(mechanism: Mechanism, inputs: Array) -> int | None:
-    """How many real poses given inputs (n_a,) have, by algebra; None where it does not tell."""
+def count_poses(mechanism: Mechanism, inputs: Array) -> int:
+    """How many real poses given inputs (n_a,) have, by algebra; NotThisKind where not told."""
     found = planar_rods(mechanism)
     if found is None:
-        return None
-    context = fmpq_mpoly_ctx.get(["t"], Ordering.lex)
+        raise NotThisKind
     at = dict(zip(mechanism.actuated, inputs.tolist(), strict=True))
-    inner: list[Point] = []
+    inner: list[Any] = []
+    outer: list[Any] = []
     squares: list[Any] = []
-    outer: list[Point] = []
     for rod in found.rods:
         value = np.array([at[rod.joint]])
         distance = rod.distance(value, found.length(rod))
         assert distance is not None  # such rods are left out
         for points, place in ((inner, rod.foot(value)[0]), (outer, rod.outer)):
-            points.append(
-                tuple(context.constant(rational(Fraction(v))) for v in place[:2].tolist())
-            )
-        squares.append(context.constant(rational(Fraction(float(distance[0])) ** 2)))
-    # The angle is counted from a rational turn: a pose half a turn from it has no t.
-    for turn in ((1, 0), (Fraction(4, 5), Fraction(3, 5)), (Fraction(5, 13), Fraction(12, 13))):
-        poly, denominator = _poses(context, inner, outer, squares, 1, turn)
-        line, common = _univariate(poly), _univariate(denominator)
-        if line.degree() == 6:
-            break
-    else:
-        return None
-    if line.gcd(common).degree() > 0 or line.gcd(line.derivative()).degree() > 0:
-        # Two poses with one orientation, or two that coincide.
-        return None
+            points.append([rational(Fraction(float(v))) for v in place[:2]])
+        squares.append(rational(Fraction(float(distance[0])) ** 2))
+    # The angle is counted from a turn that no mechanism has: a pose half a turn from it has no t.
+    turn = Fraction(5, 13), Fraction(12, 13)
+    line, common = _poses(fmpq_poly([0, 1]), inner, outer, squares, 1, turn)
+    # Two poses with one orientation, or two that coincide, are told by common roots.
+    shared = max(line.gcd(common).degree(), line.gcd(line.derivative()).degree())
+    NotThisKind.refuse_if(line.degree() != 6 or shared > 0)
     return sum(bool(root.imag == 0) for root, _ in line.numer().complex_roots())
 
 
@@ -115,13 +110,12 @@ def degree_notes(mechanism: Mechanism) -> Iterator[str]:
 def length_name(mechanism: Mechanism, rod: Rod, digits: int = 12) -> str:
     """The length of a rod that slides, by the value of its slide."""
     name = mechanism.joints[rod.sliding]
-    if rod.offset == 0:
-        return name
-    return f"({name} {'+' if rod.offset > 0 else '-'} {abs(rod.offset):.{digits}g})"
+    longer = f"({name} {'+' if rod.offset > 0 else '-'} {abs(rod.offset):.{digits}g})"
+    return longer if rod.offset else name
 
 
 def _poses(
-    context: Any,
+    t: Poly,
     inner: Sequence[Point],
     outer: Sequence[Point],
     squares: Sequence[Any],
@@ -131,7 +125,6 @@ def _poses(
     """Return the polynomial in t of all poses, and what divides the position."""
     # The angle is 2 atan(sqrt(square) t), counted from that whose cosine and sine are ``turn``; y
     # is in units of sqrt(square).
-    t = context.gens()[0]
     n, c0, s0 = 1 + square * t**2, 1 - square * t**2, 2 * t
     # For a square of 3 the turn is none: its sine is over the root.
     a, b = (rational(Fraction(v)) for v in turn)
@@ -151,20 +144,15 @@ def _poses(
     return divided_by(square * wx**2 + wy**2 - 4 * square * squares[0] * below**2, n), below
 
 
-def _univariate(poly: Poly) -> fmpq_poly:
-    terms = {int(m[0]): c for m, c in poly.to_dict().items()}
-    return fmpq_poly([terms.get(k, 0) for k in range(max(terms, default=0) + 1)])
-
-
 def _input_loci(mechanism: Mechanism, found: Rods) -> tuple[PoseEquation, ...]:
     exact = exact_points([p for rod in found.rods for p in (rod.outer, rod.inner)])
     # Up to that the coefficients stay of a length that is found in seconds.
     if max(v.denominator for p in exact.vectors for v in p[:2]) > 10**5:
         return ()
     context = fmpq_mpoly_ctx.get(["t", "r0", "r1", "r2"], Ordering.degrevlex)
-    plane = [tuple(context.constant(rational(v)) for v in p[:2]) for p in exact.vectors]
-    squares = list(context.gens()[1:])
-    poly, _ = _poses(context, plane[1::2], plane[::2], squares, exact.square, (1, 0))
+    plane = [(rational(x), rational(y)) for x, y, _ in exact.vectors]
+    t, *squares = context.gens()
+    poly, _ = _poses(t, plane[1::2], plane[::2], squares, exact.square, (1, 0))
     whole: Any = poly.discriminant("t") if int(poly.degrees()[0]) == 6 else 0
     if whole == 0:
         return ()
@@ -199,15 +187,10 @@ def _singular_squares(found: Rods) -> list[Array]:
 
 
 def _vanishes(factor: Poly, at: Array) -> bool:
-    total, size = 0j, 0.0
-    terms = {m: fraction(c) for m, c in factor.to_dict().items()}
-    lead = max(terms.values(), key=abs)
-    for monomial, c in terms.items():
-        term = complex(float(c / lead))
-        for value, power in zip(at, tuple(monomial)[1:], strict=True):
-            term *= complex(value) ** int(power)
-        total, size = total + term, size + abs(term)
-    return abs(total) <= 1e-7 * size
+    terms = [([int(e) for e in m][1:], fraction(c)) for m, c in factor.to_dict().items()]
+    lead = max(abs(c) for _, c in terms)
+    values = np.array([float(c / lead) * np.prod(at**powers) for powers, c in terms])
+    return bool(abs(values.sum()) <= 1e-7 * np.abs(values).sum())
 
 
 LOOP = -1
@@ -223,106 +206,86 @@ def number_of_modes(
 ) -> tuple[int | None, str]:
     """Return how many poses inputs (n_a,) have, or inputs a target pose, and words on it."""
     # Limits left aside; None where algebra does not tell. ``found``: one configuration a pose.
-    by_rod = count_one_rod(mechanism, found, target is None), "the quadratic equation of its rod"
+    each = "the two solutions of each leg"
+    one_rod = partial(count_one_rod, mechanism, found, target is None)
+    ways: list[tuple[Callable[[], int], str]] = [(one_rod, "the quadratic equation of its rod")]
     if target is None:
-        counts = [
-            by_rod,
-            (count_triangles(mechanism, found), "the triangle of its three pins"),
-            (count_poses(mechanism, inputs), "the real roots of a polynomial of degree 6"),
+        ways += [
+            (partial(count_triangles, mechanism, found), "the triangle of its three pins"),
+            (partial(count_poses, mechanism, inputs), "the real roots of a polynomial of degree 6"),
         ]
     else:
-        R, p, _ = target
-        each, pin_legs = "the two solutions of each leg", point_legs(mechanism)
-        counts = [
-            by_rod,
-            (
-                None
-                if pin_legs is None
-                else _solutions(pin_legs, np.eye(3), np.asarray(pin_legs.axes @ p)),
-                each,
-            ),
-            (count_hinged(mechanism, R, p), f"the planes of its hinges and {each}"),
-            (count_working(mechanism, R, p), each),
+        ways += [
+            (partial(count_hinged, mechanism, *target[:2]), f"the planes of its hinges and {each}"),
+            (partial(count_inputs, mechanism, *target[:2]), each),
         ]
-    return next((known for known in counts if known[0] is not None), counts[-1])
+    for count, by in ways:
+        with suppress(NotThisKind):
+            return count(), by
+    return None, by
 
 
-def count_working(mechanism: Mechanism, R: Array, p: Array) -> int | None:
-    """Return how many inputs within their limits give a pose R (3, 3), p (3,); None: not told."""
+def count_inputs(mechanism: Mechanism, R: Array, p: Array) -> int:
+    """Return how many inputs within their limits give a pose R (3, 3), p (3,)."""
     # Passive joints have limits of their own, which may leave fewer.
-    found = rods(mechanism)
-    if found is None:
-        sphere = sphere_loci(mechanism)
-        legs = () if sphere is None else sphere.legs
-        choices = [(leg.joint, leg.solutions(R)) for leg in legs]
-        return count_inside(mechanism, choices) if choices else None
-    every = {0, 1, 5} if found.planar else set(range(6))
-    shared = len({rod.joint for rod in found.rods}) < len(found.rods)
-    if found.tilted or found.hinged or shared or set(mechanism.task.rows) != every:
-        return None
-    return _solutions(found, R, p)
+    pins, found, sphere = point_legs(mechanism), rods(mechanism), sphere_loci(mechanism)
+    if pins is not None:
+        return _solutions(pins, np.eye(3), np.asarray(pins.axes @ p))
+    if found is not None:
+        every = {0, 1, 5} if found.planar else set(range(6))
+        shared = len({rod.joint for rod in found.rods}) < len(found.rods)
+        whole = set(mechanism.task.rows) == every
+        NotThisKind.refuse_if(found.tilted or found.hinged or shared or not whole)
+        return _solutions(found, R, p)
+    if sphere is None:
+        raise NotThisKind
+    return math.prod(inside(mechanism, leg.joint, leg.solutions(R)) for leg in sphere.legs)
 
 
-def _solutions(found: Rods, R: Array, p: Array) -> int | None:
+def _solutions(found: Rods, R: Array, p: Array) -> int:
     """Values of the joints of legs, within their limits, at a pose R (3, 3), p (3,)."""
-    return count_inside(
-        found.mechanism,
-        (
-            (r.joint, r.solutions(p + R @ r.outer, found.planar, found.length(r)))
-            for r in found.rods
-        ),
+    return math.prod(
+        inside(
+            found.mechanism, r.joint, r.solutions(p + R @ r.outer, found.planar, found.length(r))
+        )
+        for r in found.rods
     )
 
 
-def count_one_rod(mechanism: Mechanism, found: Sequence[Array], direct: bool) -> int | None:
-    """Return how many poses (direct), or working modes, one rod between two joints has, or None."""
+def count_one_rod(mechanism: Mechanism, found: Sequence[Array], direct: bool) -> int:
+    """Return how many poses (direct), or working modes, one rod between two joints has."""
     # Configurations ``found`` are to agree in the joint that is given.
-    sides = _one_rod(mechanism)
-    if sides is None or not found:
-        return None
-    driven, other, _ = sides
-    carries = structure(mechanism).output - 1
-    if carries != other or not (direct or _shown(mechanism, other)):
-        return None
+    driven, other, centre = _one_rod(mechanism)
+    shown = direct or _shown(mechanism, other)
+    NotThisKind.refuse_if(not found or structure(mechanism).output - 1 != other or not shown)
     given, sought = (driven, other) if direct else (other, driven)
-    at = np.array([q[given] for q in found])
-    if np.abs(mechanism.space.wrap(np.array(found) - found[0])[:, given]).max() > ROUNDING:
-        return None
+    apart = mechanism.space.wrap(np.array(found) - found[0])[:, given]
+    NotThisKind.refuse_if(np.abs(apart).max() > ROUNDING)
     zero, start = at_zero(mechanism), Sample(mechanism, home(mechanism))
-    points = _ends(mechanism, zero, *sides)
-    C, B = _ends(mechanism, start, *sides).values()
-    length = float(np.linalg.norm(C - B))
-    held = carried(mechanism, zero, given, points[given], np.zeros(3))
-    moving = carried(mechanism, zero, sought, points[sought], np.zeros(3))
-    if held is None or moving is None:
-        return None
-    roots = moving.solutions(held.foot(float(at[0])), False, length)
-    if roots is None or direct:
-        return None if roots is None else len(roots)
-    return sum(inside(mechanism, sought, v) for v in roots)
+    points, there = (_ends(mechanism, x, driven, other, centre) for x in (zero, start))
+    length = float(np.linalg.norm(there[given] - there[sought]))
+    held, moving = (carried(mechanism, zero, j, points[j], np.zeros(3)) for j in (given, sought))
+    roots = moving.solutions(held.foot(float(found[0][given])), False, length)
+    return len(roots) if direct else inside(mechanism, sought, roots)
 
 
-def count_hinged(mechanism: Mechanism, R: Array, p: Array) -> int | None:
-    """Working modes of three legs on hinges within the limits of their slides; None of others."""
+def count_hinged(mechanism: Mechanism, R: Array, p: Array) -> int:
+    """Working modes of three legs on hinges within the limits of their slides."""
     made = rods(mechanism)
     if made is None or made.planar or len(made.rods) != 3 or any(
         r.hinge is None or r.kind != "strut" for r in made.rods
     ):  # fmt: skip
-        return None
+        raise NotThisKind
     rows = set(mechanism.task.rows)
     moves, turns = [k for k in range(3) if k in rows], [k for k in range(3) if k + 3 in rows]
-    if (len(moves), len(turns)) != (1, 2):
-        return None
+    NotThisKind.refuse_if((len(moves), len(turns)) != (1, 2))
     poses = _hinged_poses(made.rods, R, p, moves[0], 3 - sum(turns))
-    if poses is None:
-        return None
-    counts = [_solutions(made, turned, at) for turned, at in poses]
-    return None if None in counts else sum(filter(None, counts))
+    return sum(_solutions(made, turned, at) for turned, at in poses)
 
 
 def _hinged_poses(
     legs: Sequence[Rod], R: Array, p: Array, move: int, turn: int
-) -> list[tuple[Array, Array]] | None:
+) -> Iterator[tuple[Array, Array]]:
     """Poses at this height and tilt that keep each leg's end in the plane across its hinge."""
     axis, across = np.eye(3)[turn], [k for k in range(3) if k != move]
     height = p[move] * np.eye(3)[move]
@@ -334,65 +297,55 @@ def _hinged_poses(
         rows.append([*(n[k] for k in across), n @ (v - along), n @ np.cross(axis, v)])
         right.append(n @ (rod.inner - along - height))
     U, sigma, Vt = np.linalg.svd(np.array(rows))
-    if sigma[-1] <= 1e-9 * sigma[0]:
-        return None
+    NotThisKind.refuse_if(sigma[-1] <= 1e-9 * sigma[0])
     x = Vt[:3].T @ ((U.T @ np.array(right)) / sigma)
     v = Vt[3]
     # cos^2 + sin^2 = 1 along the line x + t v.
     a, b, c = v[2:] @ v[2:], 2 * x[2:] @ v[2:], x[2:] @ x[2:] - 1
     left = b * b - 4 * a * c
-    if a <= ROUNDING or abs(left) <= ROUNDING:
-        return None
-    out = []
+    NotThisKind.refuse_if(a <= ROUNDING or abs(left) <= ROUNDING)
     for root in () if left < 0 else (np.sqrt(left), -np.sqrt(left)):
         y = x + (root - b) / (2 * a) * v
         at = height.copy()
         at[across] = y[:2]
-        out.append((pin.exp3(np.arctan2(y[3], y[2]) * axis) @ R, at))
-    return out
+        yield pin.exp3(np.arctan2(y[3], y[2]) * axis) @ R, at
 
 
 def level_words(mechanism: Mechanism, found: Sequence[Array], direct: bool, p: Array) -> str:
     """Return how many configurations keep the output's axes, against algebra's number; or ""."""
     # ``found``: those within the limits; ``p`` (3,) is the position of the inverse problem.
-    pairs = _level_pairs(mechanism)
-    if pairs is None:
-        return ""
-    mine = [q for q in found
-            if np.abs(output_pose(mechanism, q).rotation - np.eye(3)).max() <= _LEVEL]  # fmt: skip
-    if direct:
+    with suppress(NotThisKind):
+        pairs = _level_pairs(mechanism)
+        turned = [output_pose(mechanism, q).rotation - np.eye(3) for q in found]
+        level = sum(bool(np.abs(x).max() <= _LEVEL) for x in turned)
         q = found[0] if len(found) else home(mechanism)
-        number, by = _three_spheres(pairs, q), "three spheres"
-    else:
-        number = _solutions(pairs, np.eye(3), p)
-        by = "the two solutions of each crank"
-    if number is None:
-        return ""
-    all_ = "all there are" if number == len(mine) else f"of {number} that there are"
-    return f"; {len(mine)} with the output not turned: {all_}, by {by}"
+        number = _three_spheres(pairs, q) if direct else _solutions(pairs, np.eye(3), p)
+        by = "three spheres" if direct else "the two solutions of each crank"
+        all_ = "all there are" if number == level else f"of {number} that there are"
+        return f"; {level} with the output not turned: {all_}, by {by}"
+    return ""
 
 
-def _level_pairs(mechanism: Mechanism) -> Rods | None:
+def _level_pairs(mechanism: Mechanism) -> Rods:
     """One rod of each crank, where the others of the crank do the same for a level output."""
     made = rods(mechanism)
     if made is None or made.planar or set(mechanism.task.rows) != {0, 1, 2}:
-        return None
+        raise NotThisKind
     out: dict[int, Rod] = {}
     for rod in made.rods:
-        if not rod.moved or rod.hinge is not None:
-            return None
         first = out.setdefault(rod.joint, rod)
         gap = (rod.inner - rod.outer) - (first.inner - first.outer)
         unlike = abs(made.length(rod) - made.length(first))
         one, two = ((r.first, r.second, r.across) for r in (rod, first))
         moved = np.abs(np.subtract(one, two)).max()
-        if max(float(np.abs(gap).max()), unlike, float(moved)) > _LEVEL:
-            return None
+        off = max(float(np.abs(gap).max()), unlike, float(moved))
+        NotThisKind.refuse_if(off > _LEVEL or not rod.moved or rod.hinge is not None)
     away = np.abs(output_pose(mechanism, home(mechanism)).rotation - np.eye(3)).max()
-    return replace(made, rods=tuple(out.values())) if len(out) == 3 and away <= _LEVEL else None
+    NotThisKind.refuse_if(len(out) != 3 or away > _LEVEL)
+    return replace(made, rods=tuple(out.values()))
 
 
-def _three_spheres(pairs: Rods, q: Array) -> int | None:
+def _three_spheres(pairs: Rods, q: Array) -> int:
     """Positions of the output at the inputs of q, limits of passive joints left aside."""
     centres = np.array([r.foot(float(q[r.joint])) - r.outer for r in pairs.rods])
     sizes = np.array([pairs.length(r) for r in pairs.rods])
@@ -401,30 +354,27 @@ def _three_spheres(pairs: Rods, q: Array) -> int | None:
     right = right + sizes[0] ** 2
     normal = np.cross(*rows)
     size = float(np.linalg.norm(normal))
-    if size <= ROUNDING:
-        return None
+    NotThisKind.refuse_if(size <= ROUNDING)
     x = np.linalg.lstsq(rows, right, rcond=None)[0] - centres[0]
     n = normal / size
     foot = x - (x @ n) * n
     left = float(sizes[0] ** 2 - foot @ foot)
-    return None if abs(left) <= ROUNDING else 2 * (left > 0)
+    NotThisKind.refuse_if(abs(left) <= ROUNDING)
+    return 2 * (left > 0)
 
 
-def _one_rod(mechanism: Mechanism) -> tuple[int, int, tuple[int, ...]] | None:
-    """The driven joint, the other one, and those of the rod's centre between; or None."""
+def _one_rod(mechanism: Mechanism) -> tuple[int, int, tuple[int, ...]]:
+    """The driven joint, the other one, and those of the rod's centre between."""
     counts = [len(x) for x in (mechanism.loops, mechanism.actuated, mechanism.task.rows)]
-    if counts != [1, 1, 1] or mechanism.loops[0].kind == "6d":
-        return None
+    NotThisKind.refuse_if(counts != [1, 1, 1] or mechanism.loops[0].kind == "6d")
     paths = [path_to(mechanism, body) for body in bodies(mechanism)[0]]
     long, short = sorted(paths, key=len, reverse=True)
-    if len(short) != 1 or len(long) < 2 or set(long) & set(short):
-        return None
+    NotThisKind.refuse_if(len(short) != 1 or len(long) < 2 or set(long) & set(short))
     centre, ends = tuple(long[1:]), (long[0], short[0])
-    if len(long) + 1 != mechanism.n or mechanism.actuated[0] not in ends:
-        return None
     flat = mechanism.loops[0].kind == "planar" and len(centre) != 1
-    if flat or not any(c.joints == centre for c in structure(mechanism).centres):
-        return None
+    known = any(c.joints == centre for c in structure(mechanism).centres)
+    whole = len(long) + 1 == mechanism.n and mechanism.actuated[0] in ends
+    NotThisKind.refuse_if(flat or not known or not whole)
     driven, other = ends if mechanism.actuated[0] == ends[0] else ends[::-1]
     return driven, other, centre
 
@@ -449,21 +399,16 @@ def _shown(mechanism: Mechanism, joint: int) -> bool:
     return bool(mechanism.prismatic[joint] == (row < 3)) and abs(along - 1) <= ROUNDING
 
 
-def count_triangles(mechanism: Mechanism, found: Sequence[Array]) -> int | None:
-    """Poses at the inputs of closed configurations (n,), limits left aside; None of other loops."""
+def count_triangles(mechanism: Mechanism, found: Sequence[Array]) -> int:
+    """Poses at the inputs of closed configurations (n,), limits left aside."""
     ring = _ring(mechanism)
-    if ring is None or not found:
-        return None
     moving = {j for j in ring if j in mechanism.passive}
-    if not moving & set(path_to(mechanism, structure(mechanism).output)):
-        return None
+    on_way = moving & set(path_to(mechanism, structure(mechanism).output))
+    NotThisKind.refuse_if(not found or not on_way)
     corners = _corners(mechanism, ring, found[0])
-    if corners is None:
-        return None
     sides = corners - np.roll(corners, 1, axis=0)
     lengths = np.linalg.norm(sides, axis=1)
-    if lengths.min() <= ROUNDING * max(lengths.max(), ROUNDING):
-        return None
+    NotThisKind.refuse_if(lengths.min() <= ROUNDING * max(lengths.max(), ROUNDING))
     height = abs(sides[0][0] * sides[1][1] - sides[0][1] * sides[1][0]) / lengths.max()
     # Height of a triangle, of its longest side, at which both of its places are one.
     return 1 if height <= 1e-5 * lengths.max() else 2
@@ -473,24 +418,22 @@ def count_triangles(mechanism: Mechanism, found: Sequence[Array]) -> int | None:
 def point_legs(mechanism: Mechanism) -> Rods | None:
     """Return both rods, on cranks or slides, of a five-bar that places its middle pin; or None."""
     ring, plane = _ring(mechanism), plane_axes(mechanism)
-    if ring is None or plane is None or not position_in(plane[0], mechanism.task.rows):
-        return None
     driven = [j in mechanism.actuated for j in ring]
-    if driven != [True, False, False, False, True] or len(ring) != mechanism.n + (LOOP in ring):
+    whole = driven == [True, False, False, False, True] and len(ring) == mechanism.n + (
+        LOOP in ring
+    )
+    if plane is None or not whole or not position_in(plane[0], mechanism.task.rows):
         return None
-    start = Sample(mechanism, home(mechanism), *plane)
-    zero = Sample(mechanism, np.zeros(mechanism.n), *plane)
-    if not _at_pin(mechanism, ring[2], start):
-        return None
-    found = []
-    for act, middle, (own,) in zip(
-        (ring[0], ring[4]), (ring[1], ring[3]), closing(mechanism), strict=True
-    ):
-        rod = carried(mechanism, zero, act, _place(zero, middle, own), np.zeros(3))
-        if rod is None:
-            return None
-        found.append(rod)
-    return Rods(mechanism, tuple(found), True, *plane)
+    start, zero = (Sample(mechanism, q, *plane) for q in (home(mechanism), np.zeros(mechanism.n)))
+    sides = zip((ring[0], ring[4]), (ring[1], ring[3]), closing(mechanism), strict=True)
+    with suppress(NotThisKind):
+        NotThisKind.refuse_if(not _at_pin(mechanism, ring[2], start))
+        legs = [
+            carried(mechanism, zero, act, _place(zero, middle, own), np.zeros(3))
+            for act, middle, (own,) in sides
+        ]
+        return Rods(mechanism, tuple(legs), True, *plane)
+    return None
 
 
 def _place(sample: Sample, pin: int, own: int) -> Array:
@@ -499,28 +442,26 @@ def _place(sample: Sample, pin: int, own: int) -> Array:
     return np.array(there.translation)
 
 
-def _ring(mechanism: Mechanism) -> list[int] | None:
-    """Joints around the one loop from base to base, of which three are passive pins; or None."""
+def _ring(mechanism: Mechanism) -> list[int]:
+    """Joints around the one loop from base to base, of which three are passive pins; or none."""
     if len(mechanism.loops) != 1 or mechanism.prismatic[list(mechanism.passive)].any():
-        return None
+        return []
     first, second = (path_to(mechanism, body) for body in bodies(mechanism)[0])
-    if set(first) & set(second):
-        return None
     ring = [*first, *([] if mechanism.loops[0].kind == "6d" else [LOOP]), *reversed(second)]
     pins = [j for j in ring if j not in mechanism.actuated]
-    return ring if len(pins) == 3 and set(mechanism.passive) <= set(pins) else None
+    whole = len(pins) == 3 and set(mechanism.passive) <= set(pins)
+    return ring if whole and not set(first) & set(second) else []
 
 
-def _corners(mechanism: Mechanism, ring: Sequence[int], q: Array) -> Array | None:
-    """The three pins (3, 2) in their plane; None where they are not parallel."""
+def _corners(mechanism: Mechanism, ring: Sequence[int], q: Array) -> Array:
+    """The three pins (3, 2) in their plane; NotThisKind where they are not parallel."""
     sample = Sample(mechanism, q)
     pins = [j for j in ring if j not in mechanism.actuated]
     axes = np.array([sample.axis[j] for j in pins if j != LOOP])
     frame = sample.frames[closing(mechanism)[0][0]]
     if mechanism.loops[0].kind == "planar":
         axes = np.concatenate([axes, np.array(frame.rotation)[None, :, 2]])
-    if np.abs(np.cross(axes, axes[0])).max() > ROUNDING:
-        return None
+    NotThisKind.refuse_if(np.abs(np.cross(axes, axes[0])).max() > ROUNDING)
     points = np.array(
         [frame.translation if j == LOOP else sample.joints[j + 1].translation for j in pins]
     )
