@@ -15,7 +15,7 @@ import pinocchio as pin
 
 from pinsing._types import Array, ArrayLike, Bool, NDArray
 from pinsing.errors import OptionError, PinsingError
-from pinsing.loops.structure import Centre, closing, idle_link, once, structure
+from pinsing.loops.structure import Centre, closing, idle_link, once, path_to, structure
 from pinsing.measures import NOISE, SEED, SINGULAR_RTOL, SOLVED
 from pinsing.robot.mechanism import Mechanism
 
@@ -38,9 +38,8 @@ class BatchLoops:
     def __init__(self, mechanism: Mechanism) -> None:
         self.mechanism = mechanism
         model = mechanism.model
-        built = structure(mechanism)
-        self._parents = [int(model.parents[j + 1]) for j in range(mechanism.n)]
-        self._own = built.axes
+        self._parents = [int(parent) for parent in list(model.parents)[1:]]
+        self._own = structure(mechanism).axes
         # None for no turn, and for no shift: most have one of them at most.
         self._place = [
             (
@@ -50,9 +49,8 @@ class BatchLoops:
             for m in model.jointPlacements[1:]
         ]
         self._above = np.zeros((mechanism.n + 1, mechanism.n), dtype=bool)
-        for j, parent in enumerate(self._parents):
-            self._above[j + 1] = self._above[parent]
-            self._above[j + 1, j] = True
+        for body in range(1, mechanism.n + 1):
+            self._above[body, path_to(mechanism, body)] = True
         fixed = [
             (int(f.parentJoint), np.array(f.placement.rotation), np.array(f.placement.translation))
             for f in model.frames
@@ -94,8 +92,6 @@ class BatchLoops:
         count, n = point.shape[0], self.mechanism.n
         linear, angular = np.zeros((count, 3, n)), np.zeros((count, 3, n))
         above = np.flatnonzero(self._above[body])
-        if not len(above):
-            return linear, angular
         axis = placed.axis[above]
         slides = self.mechanism.prismatic[above]
         moved = _cross(axis, point - placed.pivot[above + 1])
@@ -124,8 +120,7 @@ class BatchLoops:
             if kind == "6d":
                 errors.append(_log(back @ Rb))
                 rows.append(back @ (turn_b - turn_a))
-        J = np.concatenate(rows, axis=1)
-        return np.concatenate(errors, axis=1), J * self.units
+        return np.concatenate(errors, axis=1), np.concatenate(rows, axis=1) * self.units
 
     def output(self, Q: Array, placed: Placed | None = None) -> tuple[Array, Array, Array]:
         """Return rotation (N, 3, 3), position (N, 3) and Jacobian (N, 6, n) of the output."""
@@ -193,22 +188,17 @@ def newton(
     """
     Q = Q.copy()
     columns = np.flatnonzero(free)
-    size = np.full(len(Q), np.inf)
     active = np.arange(len(Q))
     for _ in range(steps + 1):
         if not len(active):
             break
         error, J = _system(loops, Q[active], which, target, active)
-        size[active] = np.abs(error).max(axis=1, initial=0.0)
-        active_now = size[active] > 1e-13
-        J = J[:, :, columns]
-        step = _step(J[active_now], error[active_now])
+        moving = np.abs(error).max(axis=1, initial=0.0) > 1e-13
+        step = _step(J[:, :, columns][moving], error[moving])
         longest = np.abs(step).max(axis=1, initial=0.0)
         step *= np.minimum(1.0, 0.5 / np.maximum(longest, 1e-300))[:, None]
-        active = active[active_now]
-        moved = Q[active]
-        moved[:, columns] += step * loops.units[columns]
-        Q[active] = moved
+        active = active[moving]
+        Q[np.ix_(active, columns)] += step * loops.units[columns]
         # What has stopped moving without having arrived is at a minimum that is not zero.
         active = active[longest > 1e-12]
     error, _ = _system(loops, Q, which, target, np.arange(len(Q)))
@@ -243,15 +233,15 @@ def _step(J: Array, error: Array) -> Array:
     # Of long links the products are so large that this would be rounded away.
     damping = np.maximum(damping, 1e-15 * np.trace(A, axis1=1, axis2=2))
     A = A + damping[:, None, None] * np.eye(A.shape[-1])
-    if wide:
-        return np.asarray(-(Jt @ np.linalg.solve(A, error[:, :, None]))[:, :, 0])
-    return np.asarray(-np.linalg.solve(A, Jt @ error[:, :, None])[:, :, 0])
+    e = error[:, :, None]
+    return np.asarray(
+        -(Jt @ np.linalg.solve(A, e) if wide else np.linalg.solve(A, Jt @ e))[:, :, 0]
+    )
 
 
 def _cross(a: Array, b: Array) -> Array:
     """Vector products over the last axis; NumPy's own takes many times as long for few."""
-    x, y, z = a[..., 0], a[..., 1], a[..., 2]
-    u, v, w = b[..., 0], b[..., 1], b[..., 2]
+    (x, y, z), (u, v, w) = np.moveaxis(a, -1, 0), np.moveaxis(b, -1, 0)
     return np.stack([y * w - z * v, z * u - x * w, x * v - y * u], axis=-1)
 
 
@@ -326,9 +316,8 @@ def to_its_size(mechanism: Mechanism) -> Mechanism:
     # turning.
     ends = np.array([mechanism.lower, mechanism.upper])[:, mechanism.prismatic]
     size = max(_longest(mechanism), float(np.abs(ends[np.isfinite(ends)]).max(initial=0.0)))
-    if size == 0 or 1 / _FAR <= size / mechanism.length_scale <= _FAR:
-        return mechanism
-    return replace(mechanism, length_scale=size)
+    near = size == 0 or 1 / _FAR <= size / mechanism.length_scale <= _FAR
+    return mechanism if near else replace(mechanism, length_scale=size)
 
 
 def _longest(mechanism: Mechanism) -> float:
@@ -489,21 +478,17 @@ def near_home(mechanism: Mechanism) -> list[Array]:
     """Closed configurations from home and from starts around it."""
     away = np.array([0.0, *np.repeat((0.05, 0.2), 4)])[:, None]
     drawn = np.random.default_rng(SEED).uniform(-1, 1, (len(away), mechanism.n))
-    starts = mechanism.home + away * drawn * mechanism.space.metric
-    return _closed_from(mechanism, starts)
+    return _closed_from(mechanism, mechanism.home + away * drawn * mechanism.space.metric)
 
 
 def _beside_home(mechanism: Mechanism, loops: Loops) -> list[Array]:
     """Return a few closed configurations beside a closed home, on its branch, or none."""
     # Only where fewer constraints are independent there than elsewhere, and motions of a finite
     # length show that this is no single point.
-    q = mechanism.home.copy()
-    if np.abs(loops.scaled(q)[0]).max() > 1e-6:
+    everything = np.ones(mechanism.n, dtype=bool)
+    q, error = gauss_newton(loops, mechanism.home, everything)
+    if error > SOLVED or np.abs(loops.scaled(mechanism.home)[0]).max() > 1e-6:
         return []
-    q, error = gauss_newton(loops, q, np.ones(mechanism.n, dtype=bool))
-    if error > SOLVED:
-        return []
-    counted = {_rank(loops.scaled(q)[1], 1e-7)}
     out = [q]
     for away in (_STEP, -_STEP):
         at = q
@@ -514,12 +499,12 @@ def _beside_home(mechanism: Mechanism, loops: Loops) -> list[Array]:
                 return []
             drawn = np.random.default_rng(SEED).normal(size=len(free)) @ free
             start = at + away * drawn / np.linalg.norm(drawn) * loops.column_scale
-            at, error = gauss_newton(loops, start, np.ones(mechanism.n, dtype=bool))
+            at, error = gauss_newton(loops, start, everything)
             if error > SOLVED or np.abs((at - start) / loops.column_scale).max() > _STEP / 2:
                 return []
-            counted.add(_rank(loops.scaled(at)[1], 1e-7))
             out.append(at)
     # A rank that changes at once is that of a singular point: the others tell what is generic.
+    counted = {_rank(loops.scaled(x)[1], 1e-7) for x in out}
     return out if len(counted) == 1 else []
 
 
@@ -533,10 +518,13 @@ def _rank(M: Array, rtol: float, size: float | None = None) -> int:
 def _ranks(mechanism: Mechanism) -> Ranks:
     idle = idle_link(mechanism)
     PinsingError.refuse_if(idle, f"{mechanism.name}: {idle}")
-    samples = random_closed(mechanism, 12, np.random.default_rng(SEED))
-    if len(samples) < 3:
-        samples += near_home(mechanism)
-    if not samples:
+    loops = Loops(mechanism)
+    # Branches may differ in their mobility: that of home is meant, where home closes the loops.
+    around = _beside_home(mechanism, loops)
+    around = around or random_closed(mechanism, 12, np.random.default_rng(SEED))
+    if len(around) < 3:
+        around += near_home(mechanism)
+    if not around:
         size = _longest(mechanism)
         advice = "check the frames, the lengths and the kinds of the loops"
         if size > 20.0 * mechanism.length_scale:
@@ -549,9 +537,6 @@ def _ranks(mechanism: Mechanism) -> Ranks:
             f"{mechanism.name}: the loops {', '.join(str(x) for x in mechanism.loops)} close "
             f"nowhere, as far as was looked: {advice}"
         )
-    loops = Loops(mechanism)
-    # Branches may differ in their mobility: that of home is meant, where home closes the loops.
-    around = _beside_home(mechanism, loops) or samples
     found = [loops.scaled(q)[1] for q in around]
     known = [_rank(G, SINGULAR_RTOL) for G in found]
     rank, output = max(known), 0

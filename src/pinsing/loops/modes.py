@@ -95,23 +95,19 @@ def elbows(mechanism: Mechanism) -> tuple[Elbow, ...]:
         while carried and len(beyond) == 1 and _meets(model, beyond[0]):
             last = beyond[0]
             beyond = [int(j) for j in model.children[last]]
-        if beyond:
-            end = model.jointPlacements[beyond[0]].translation
-            if np.linalg.norm(end) <= ROUNDING:
-                # Two axes through one point: a ball has no elbow, a leg on a sphere has.
-                if slides or not _meets(model, elbow):
-                    continue
-                end = (
-                    model.jointPlacements[beyond[0]].rotation
-                    @ structure(mechanism).axes[beyond[0] - 1]
-                )
-        else:
-            pairs = zip(*closing(mechanism), strict=True)
-            ends = (model.frames[k] for k in itertools.chain(*pairs))
-            here = [f for f in ends if f.parentJoint == last]
-            if not here or (slides and np.linalg.norm(here[0].placement.translation) <= ROUNDING):
+        pairs = zip(*closing(mechanism), strict=True)
+        ends = (model.frames[k] for k in itertools.chain(*pairs))
+        here = [model.jointPlacements[j] for j in beyond[:1]] or [
+            f.placement for f in ends if f.parentJoint == last
+        ]
+        if not here:
+            continue
+        end = here[0].translation
+        if np.linalg.norm(end) <= ROUNDING and (slides or beyond):
+            # Two axes through one point: a ball has no elbow, a leg on a sphere has.
+            if slides or not _meets(model, elbow):
                 continue
-            end = here[0].placement.translation
+            end = here[0].rotation @ structure(mechanism).axes[beyond[0] - 1]
         x, y, z = (float(v) for v in end)
         out.append(Elbow(crank, elbow, last, (x, y, z), slides))
     return tuple(out)
@@ -233,7 +229,7 @@ def closed_from_random(
     """Return closed configurations (N, n) from home, first, and random starts."""
     # Joints that are not ``free`` stay as in begin; ``target`` and ``steps`` are those of `newton`.
     mechanism = loops.mechanism
-    drawn = rng.uniform(*mechanism.space.span, (count, mechanism.n))
+    drawn = mechanism.space.sample(count, rng)
     drawn[0] = home(mechanism)
     Q, size = newton(loops, np.where(free, drawn, begin), free, target=target, steps=steps)
     return Q[size <= ROUNDING]
@@ -246,11 +242,9 @@ def _home_starts(mechanism: Mechanism) -> Iterator[tuple[Array, Bool]]:
     yield mechanism.home, np.isin(np.arange(mechanism.n), mechanism.passive)
     yield mechanism.home, everything
     rng = np.random.default_rng(SEED)
-    for start in rng.uniform(*space.span, (_HOME_STARTS, mechanism.n)):
-        yield start, everything
+    yield from ((start, everything) for start in space.sample(_HOME_STARTS, rng))
     # Where few of the poses are within the limits: many starts, all at once.
-    drawn = rng.uniform(*space.span, (_MORE_STARTS, mechanism.n))
-    Q, size = newton(BatchLoops(mechanism), drawn, everything)
+    Q, size = newton(BatchLoops(mechanism), space.sample(_MORE_STARTS, rng), everything)
     for q in Q[size <= ROUNDING]:
         if not space.unreachable(space.fold(q)).any():
             yield q, everything
@@ -268,8 +262,7 @@ def _home(mechanism: Mechanism) -> Array:
                 return found
             if start is mechanism.home:
                 spare.append(found)
-    if not spare:
-        spare = random_closed(mechanism, 30, np.random.default_rng(SEED))
+    spare = spare or random_closed(mechanism, 30, np.random.default_rng(SEED))
     if not spare:
         # The reason is said there; where ranks are known, loops close near home.
         ranks(mechanism)
@@ -313,8 +306,7 @@ def _solutions(
     mechanism = loops.mechanism
     mine = np.isin(np.arange(mechanism.n), leg.joints) & free
     starts = np.repeat(reached, count, axis=0)
-    low, high = mechanism.space.span
-    drawn = rng.uniform(low, high, starts.shape)
+    drawn = mechanism.space.sample(len(starts), rng)
     drawn[::count] = reached
     starts[:, mine] = drawn[:, mine]
     R, p, _ = loops.output(reached)
@@ -348,24 +340,19 @@ def _without_curves(mechanism: Mechanism, mine: Bool, modes: list[LegMode]) -> l
         return len(sigma) < mine.sum() or bool(sigma[-1] <= ALIKE * sigma[0])
 
     loose = [mode for mode in modes if is_loose(mode)]
-    if len(loose) <= MANY:
-        return modes
-    return [replace(loose[0], loose=True), *(mode for mode in modes if mode not in loose)]
+    one = [replace(mode, loose=True) for mode in loose[:1]]
+    return modes if len(loose) <= MANY else [*one, *(mode for mode in modes if mode not in loose)]
 
 
-def _flipped(mechanism: Mechanism, q: Array, mine: Bool) -> list[Array]:
+def _flipped(mechanism: Mechanism, q: Array, mine: Bool) -> Iterator[Array]:
     """Starts near the other solutions of balls and universal joints with crossed axes."""
-    out = []
-    for centre in structure(mechanism).centres:
-        joints = [j for j in centre.joints if mine[j]]
-        if len(joints) < 2:
-            continue
-        for middle in (-q[joints[1]], np.pi - q[joints[1]]):
+    crossed = ([j for j in c.joints if mine[j]] for c in structure(mechanism).centres)
+    for first, second, *others in (joints for joints in crossed if len(joints) > 1):
+        for middle in (-q[second], np.pi - q[second]):
             x = q.copy()
-            x[joints[:3:2]] += np.pi  # the first, and the third of a ball
-            x[joints[1]] = middle
-            out.append(x)
-    return out
+            x[[first, *others[:1]]] += np.pi  # the first, and the third of a ball
+            x[second] = middle
+            yield x
 
 
 def _grouped(mechanism: Mechanism, leg: Leg, mine: Bool, solutions: list[Array]) -> list[LegMode]:

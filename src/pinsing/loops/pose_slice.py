@@ -81,10 +81,9 @@ class PoseWay:
 
     def start(self, k: int) -> float:
         """Value of a coordinate (0 or 1) at the start."""
-        row = self.rows[k]
-        if row < 3:
-            return float(self.place.translation[row])
-        return float(self.turn["at"] if self.turn["kind"] == "axis" else self.angles[row - 3])
+        at = np.array([*self.place.translation, *self.angles])[self.rows[k]]
+        turned = self.rows[k] > 2 and self.turn["kind"] == "axis"
+        return float(self.turn["at"] if turned else at)
 
     def side(self, k: int, samples: int, times: float) -> Array:
         """Values of a coordinate: a whole turn, or about as far as the linkage is large."""
@@ -253,17 +252,16 @@ class _Grid:
 
     def flood(self, layers: int) -> None:
         """Go on from what is solved to its neighbours."""
+        _, ny, nx = self.solved.shape
         for _ in range(layers):
             source = np.full((*self.solved.shape, 2), -1)
             open_ = ~self.solved & (self.tried < 3)
             chosen = np.zeros_like(self.solved)
-            for dj, di in ((0, 1), (0, -1), (1, 0), (-1, 0)):
-                moved = np.zeros_like(self.fresh)
-                to = (slice(None), _shifted(dj, True), _shifted(di, True))
-                moved[to] = self.fresh[(slice(None), _shifted(dj, False), _shifted(di, False))]
-                new = moved & open_ & ~chosen
+            fresh = np.pad(self.fresh, ((0, 0), (1, 1), (1, 1)))
+            for j, i in ((0, -1), (0, 1), (-1, 0), (1, 0)):
+                new = fresh[:, 1 + j : 1 + j + ny, 1 + i : 1 + i + nx] & open_ & ~chosen
                 chosen |= new
-                source[new] = (-dj, -di)
+                source[new] = (j, i)
             cells = np.argwhere(chosen)
             if not len(cells):
                 return
@@ -322,10 +320,3 @@ class _Grid:
             at = tuple(here[ok].T)
             self.q[at] = Q[ok]
             self.solved[at] = self.fresh[at] = True
-
-
-def _shifted(by: int, to: bool) -> slice:
-    """The part of an axis that a shift by -1, 0 or 1 leads to, or from."""
-    if by == 0:
-        return slice(None)
-    return slice(1, None) if (by > 0) == to else slice(None, -1)

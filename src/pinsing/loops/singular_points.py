@@ -402,21 +402,18 @@ def _add(mechanism: Mechanism, found: list[SingularPoint], point: SingularPoint)
 def _turns(t: Trace, index: int) -> list[int]:
     slope = t.direction[:, index]
     # An input that stays along a curve does not turn: the signs of its slope are rounding.
-    found = [k for k in range(1, len(slope)) if slope[k - 1] * slope[k] <= 0]
-    return _one_of_each_run(found, np.abs(slope) <= ROUNDING)
+    found = np.flatnonzero(slope[:-1] * slope[1:] <= 0) + 1
+    return _one_of_each_run(found.tolist(), np.abs(slope) <= ROUNDING)
 
 
 def _one_of_each_run(found: list[int], zero: Bool) -> list[int]:
     """Of points in a run of samples that are zero throughout only that in the middle."""
-    starts = np.flatnonzero(zero & ~np.concatenate([[False], zero[:-1]]))
-    ends = np.flatnonzero(zero & ~np.concatenate([zero[1:], [False]]))
     out = [k for k in found if not zero[k]]
-    for a, b in zip(starts.tolist(), ends.tolist(), strict=True):
+    steps = np.diff(np.pad(zero.astype(int), 1))
+    for a, b in zip(np.flatnonzero(steps > 0), np.flatnonzero(steps < 0) - 1, strict=True):
         inside = [k for k in found if a <= k <= b]
-        if b - a < 3:
-            out += inside
-        elif inside:
-            out.append(min(inside, key=lambda k: abs(k - (a + b) / 2)))
+        middle = sorted(inside, key=lambda k: abs(k - (a + b) / 2))[:1]
+        out += inside if b - a < 3 else middle
     return sorted(out)
 
 
@@ -426,14 +423,13 @@ def _candidates(t: Trace, index: int) -> list[tuple[str, int]]:
         if len(ratio) < 3:
             continue
         # The last point of a closed curve is its first again.
-        left = np.roll(ratio, 1) if not t.closed else np.concatenate([ratio[-2:-1], ratio[:-1]])
-        right = np.roll(ratio, -1) if not t.closed else np.concatenate([ratio[1:], ratio[1:2]])
-        if not t.closed:
-            left[0] = right[-1] = np.inf
+        before, after = (ratio[-2], ratio[1]) if t.closed else (np.inf, np.inf)
+        around = np.array([before, *ratio, after])
+        left, right = around[:-2], around[2:]
         low = (ratio <= left) & (ratio <= right) & (ratio < 0.3)
         # Beside a zero the measure grows by its own size within a step; not so a flat minimum.
         if not t.closed:
-            left[0], right[-1] = ratio[2], ratio[-3]
+            around[0], around[-1] = ratio[2], ratio[-3]
         low &= np.maximum(left, right) >= 1.3 * ratio
         if low.all():
             continue
@@ -528,8 +524,8 @@ def _solve(system: _System, q: Array) -> Array:
             value_new = system.residual(x_new, Z_new)
             size_new = float(np.linalg.norm(value_new))
             # Where joints are nearly locked the equations bend: the step that is left tells more.
-            left = float(np.linalg.norm(inverse @ value_new))
-            left /= max(float(np.linalg.norm(step)), 1e-300)
+            ahead, behind = (float(np.linalg.norm(x)) for x in (inverse @ value_new, step))
+            left = ahead / max(behind, 1e-300)
             if size_new < size or left < 0.5:
                 break
             factor /= 3
@@ -581,7 +577,6 @@ def _turns_back(loops: Loops, q: Array, index: int, held: Sequence[int]) -> bool
     """Whether the input has an extremum on its curve: steps to both sides move it the same way."""
     curve = Curve(loops.mechanism, index, held)
     t = curve.tangent(q, None)
-    one, two = (curve.correct(q + side * 1e-3 * t * curve.units, t) for side in (1, -1))
-    if one is None or two is None:
-        return False
-    return bool((one[index] - q[index]) * (two[index] - q[index]) > 0)
+    ways = [curve.correct(q + side * 1e-3 * t * curve.units, t) for side in (1, -1)]
+    moved = [float(way[index] - q[index]) for way in ways if way is not None]
+    return len(moved) == 2 and moved[0] * moved[1] > 0

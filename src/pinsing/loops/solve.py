@@ -118,8 +118,7 @@ def solve(mechanism: Mechanism, inputs: ArrayLike, start: ArrayLike | None = Non
     halved where Newton would leave the assembly mode. It stops at the type 2 singularity where
     the mode ends.
     """
-    inputs = mechanism.check_inputs(inputs)
-    return follow(mechanism, inputs[None, :], start)[0]
+    return follow(mechanism, mechanism.check_inputs(inputs)[None, :], start)[0]
 
 
 def follow(
@@ -264,14 +263,13 @@ def curves(
 def _on_line(marks: Array, mark: Array) -> bool:
     """Whether a line through marks (N, k) runs through one (k,): of flipped joints, say."""
     near = int(np.argmin(np.linalg.norm(marks - mark, axis=1)))
-    for k in range(max(near - 1, 0), min(near + 1, len(marks) - 1)):
-        start, step = marks[k], marks[k + 1] - marks[k]
-        size = float(step @ step)
-        along = float(np.clip((mark - start) @ step / size, 0, 1)) if size > 0 else 0.0
-        # Beside a step by its curvature only.
-        if np.linalg.norm(mark - start - along * step) <= 0.05 * np.sqrt(size):
-            return True
-    return False
+    beside = marks[max(near - 1, 0) : near + 2]
+    steps, away = np.diff(beside, axis=0), mark - beside[:-1]
+    size = (steps**2).sum(axis=1)
+    along = np.clip((away * steps).sum(axis=1) / np.where(size > 0, size, 1.0), 0, 1)
+    # Beside a step by its curvature only.
+    off = np.linalg.norm(away - along[:, None] * steps, axis=1)
+    return bool((off <= 0.05 * np.sqrt(size)).any())
 
 
 def feasible(mechanism: Mechanism, inputs: ArrayLike) -> dict[str, tuple[Interval, ...]]:
@@ -617,11 +615,8 @@ def _poses(loops: BatchLoops, Q: Array) -> tuple[list[Array], list[int]]:
     poses, hits = _apart(loops, Q, [1] * len(Q))
     marks = _marks(loops, np.array(poses))
     gaps = np.abs(marks[:, None] - marks[None]).max(axis=-1) + np.eye(len(poses))
-    close = np.flatnonzero(gaps.min(axis=1) <= 1e-3)
-    if not len(close):
-        return poses, hits
     passive = np.isin(np.arange(mechanism.n), mechanism.passive)
-    for k in close.tolist():
+    for k in np.flatnonzero(gaps.min(axis=1) <= 1e-3).tolist():
         poses[k], _ = gauss_newton(Loops(mechanism), poses[k], passive)
     return _apart(loops, np.array(poses), hits)
 

@@ -201,12 +201,11 @@ def without_length(mechanism: Mechanism) -> str:
         for parent, j in _coaxial(mechanism)
         if (j in mechanism.actuated) != (parent in mechanism.actuated)
     ]
-    if not pairs:
-        return ""
-    return (
+    words = (
         f"{', '.join(pairs)} turn about one axis: the link between them has no length, and the "
         "driven one moves nothing; give the link its length"
     )
+    return words if pairs else ""
 
 
 @once
@@ -259,21 +258,19 @@ def _run(
     model = mechanism.model
     busy = {b for pair in bodies(mechanism) for b in pair}
     chain, point, start, sitting = [first], np.zeros(3), np.zeros(3), 1
-    free = True  # along the first axis, until a second one crosses it
-    here = first
-    while here + 1 != output and here + 1 not in busy:
+    while (here := chain[-1]) + 1 != output and here + 1 not in busy:
         after = [int(j) - 1 for j in model.children[here + 1]]
         if len(after) != 1 or after[0] not in left:
             break
+        free = len(chain) == 1  # along the first axis, until a second one crosses it
         met = _meeting(model.jointPlacements[after[0] + 1], axes[here], axes[after[0]], point, free)
         if met is None:
             break
         if free:
-            start = met[0]
-            sitting = int(np.linalg.norm(start) <= ROUNDING)
-        point, free, here = met[1], False, after[0]
+            start, sitting = met[0], int(np.linalg.norm(met[0]) <= ROUNDING)
+        point = met[1]
         sitting += int(np.linalg.norm(point) <= ROUNDING)
-        chain.append(here)
+        chain.append(after[0])
     return Centre(tuple(chain), start), sitting
 
 
@@ -311,14 +308,10 @@ def likeness(mechanism: Mechanism, q: Array, joints: Sequence[int] | None = None
             out.append(np.array([q[j] / scale] if slides else [np.cos(q[j]), np.sin(q[j])]))
         elif mechanism.prismatic[j]:
             out += [np.outer(sample.axis[j], sample.axis[j]).ravel(), sample.origins[j] / scale]
-    for centre in structure(mechanism).centres:
-        if not set(chosen) & set(centre.joints):
-            continue
+    for centre in (c for c in structure(mechanism).centres if set(chosen) & set(c.joints)):
         if len(centre.joints) > 1:
             out.append(np.array(sample.joints[centre.joints[0] + 1].act(centre.point)) / scale)
-        if len(centre.joints) > 2:
-            continue
-        for j in centre.joints:
+        for j in centre.joints if len(centre.joints) <= 2 else ():
             axis, at = sample.axis[j], sample.origins[j]
             out.append(np.outer(axis, axis).ravel())
             if len(centre.joints) == 1:
@@ -330,7 +323,7 @@ def extent(mechanism: Mechanism, q: Array) -> float:
     """Return the greatest distance of two of base, joints and ends of links at q (n,), metres."""
     sample = Sample(mechanism, q)
     ends = {mechanism.output_id}.union(*closing(mechanism))
-    places = [*sample.joints, *(sample.frames[k] for k in ends)]
+    places = (*sample.joints, *(sample.frames[k] for k in ends))
     points = np.array([place.translation for place in places])
     return max(float(np.linalg.norm(points[:, None] - points[None], axis=-1).max()), 1e-3)
 
