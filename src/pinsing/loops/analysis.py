@@ -587,21 +587,19 @@ def _along(
 
 def _inverse(mechanism: Mechanism, generic: Ranks, q: Array) -> Modes | None:
     """Working modes at the pose of q; None where a pose leaves a freedom open."""
-    if generic.output < generic.mobility:
-        return None
-    return working_modes(mechanism, output_pose(mechanism, q).homogeneous)
+    told = generic.output >= generic.mobility
+    return working_modes(mechanism, output_pose(mechanism, q).homogeneous) if told else None
 
 
 def _notes(mechanism: Mechanism, generic: Ranks) -> list[str]:
-    out = []
     count = len(mechanism.actuated)
-    if count > generic.mobility:
-        out.append(
-            f"redundantly actuated: {count} actuators for {generic.mobility} degrees of freedom; "
-            "type 2 means that the output moves with all of them held. They are moved as far as "
-            "they are independent, and the others follow"
-        )
-    return [*out, *filter(None, (without_length(mechanism), home_outside(mechanism)))]
+    spare = (
+        f"redundantly actuated: {count} actuators for {generic.mobility} degrees of freedom; "
+        "type 2 means that the output moves with all of them held. They are moved as far as "
+        "they are independent, and the others follow"
+    )
+    said = (without_length(mechanism), home_outside(mechanism))
+    return [*[spare] * (count > generic.mobility), *filter(None, said)]
 
 
 def independent_inputs(mechanism: Mechanism, generic: Ranks, q: Array) -> Mechanism:
@@ -649,33 +647,33 @@ def _checks(
     known = {locus.kind for locus in forms.loci}
     # Of a curve that is singular throughout no equation over the inputs tells; the notes do.
     judged = [p for p in points if (p.kind in known or p.kind == "type 3") and not p.whole_curve]
+    worst = max(
+        (min(abs(float(x.equation(p.inputs))) / x.equation.size for x in forms.loci)
+         for p in judged),
+        default=0.0,
+    )  # fmt: skip
+    words = f"{_lie(judged)} on a locus (largest relative value {worst:.1e})"
     # Of nothing, nothing is said.
-    out = []
-    if judged:
-        worst = max(
-            min(abs(float(x.equation(p.inputs))) / x.equation.size for x in forms.loci)
-            for p in judged
-        )
-        words = f"{_lie(judged)} on a locus (largest relative value {worst:.1e})"
-        out.append(Check(words, worst <= ROUNDING))
-    missed, count = [], 0
-    for k, name in enumerate(mechanism.inputs):
-        if name not in swept:
-            continue
-        here = [p for p in points if p.moving == name]
-        for locus in forms.loci:
-            for value in roots(locus.equation, inputs, k):
-                if dyad.excess(np.where(np.arange(len(inputs)) == k, value, inputs)) > ROUNDING:
-                    continue
-                count += 1
-                if all(abs(np.sin((p.inputs[k] - value) / 2)) > ROUNDING for p in here):
-                    missed.append(f"{name} = {value:.9g} ({locus.kind})")
-    if not count:
-        return out
+    out = [Check(words, worst <= ROUNDING)] if judged else []
+    asked = [
+        (k, name, locus.kind, value)
+        for k, name in enumerate(mechanism.inputs)
+        if name in swept
+        for locus in forms.loci
+        for value in roots(locus.equation, inputs, k)
+        if dyad.excess(np.where(np.arange(len(inputs)) == k, value, inputs)) <= ROUNDING
+    ]
+    met = [(p.moving, p.inputs) for p in points]
+    missed = [
+        f"{name} = {value:.9g} ({kind})"
+        for k, name, kind, value in asked
+        if all(m != name or abs(np.sin((at[k] - value) / 2)) > ROUNDING for m, at in met)
+    ]
+    count = len(asked)
     words = f"the sweep missed {len(missed)} of {count} roots: {', '.join(missed)}" if missed else (
         f"the sweep found all {count} feasible roots of the loci along its curves"
     )  # fmt: skip
-    return [*out, Check(words, not missed)]
+    return [*out, Check(words, not missed)] if asked else out
 
 
 def _pose_checks(

@@ -30,7 +30,17 @@ from pinsing.algebra.ring import Poly, Ring, make_ring, rational
 from pinsing.errors import OptionError
 from pinsing.loops.forms import JointForms
 from pinsing.loops.singular_points import SingularPoint, refine_point
-from pinsing.loops.structure import Sample, at_zero, closing, once, path_to, plane_axes, position_in
+from pinsing.loops.structure import (
+    Sample,
+    at_zero,
+    bodies,
+    closing,
+    groups,
+    once,
+    path_to,
+    plane_axes,
+    position_in,
+)
 from pinsing.measures import ALIKE, NOISE
 from pinsing.robot.mechanism import Mechanism
 from pinsing.serialization import JsonResult
@@ -143,14 +153,9 @@ class Dyad:
         ):
             around = [first + self.sides[0].rod_length * _unit(turn) for turn in (0.0, np.pi)]
             return tuple(self.reaching(inputs, P) for P in around)
-        found = [self.configuration(inputs, left) for left in (True, False)]
-        found = [q for q in found if np.isfinite(q).all()]
-        if (
-            len(found) == 2
-            and np.abs(self.mechanism.space.wrap(found[0] - found[1])).max() <= 1e-12
-        ):
-            found.pop()
-        return tuple(found)
+        ways = [self.configuration(inputs, left) for left in (True, False)]
+        found = [q for q in ways if np.isfinite(q).all()]
+        return tuple(found[k] for k, *_ in groups(found, 1e-12, self.mechanism.space.wrap))
 
     def excess(self, inputs: Array) -> float:
         """By how much the ends are too far apart for the rods or too near, metres; or negative."""
@@ -195,30 +200,22 @@ def planar_dyad(mechanism: Mechanism) -> Dyad | None:
     """Return the dyad that closes a single planar loop; None if the mechanism is another."""
     # Asked for: one loop; each of its frames at the end of an actuated crank and a passive link, or
     # of a passive link alone; all axes parallel; both frames in one plane; no other joint.
-    model = mechanism.model
-    if len(mechanism.loops) != 1 or mechanism.prismatic.any() or mechanism.loops[0].kind == "6d":
-        return None
-    loop = mechanism.loops[0]
-    zero = at_zero(mechanism)
-    plane = plane_axes(mechanism)
-    if plane is None:
+    zero, plane = at_zero(mechanism), plane_axes(mechanism)
+    kinds = [loop.kind for loop in mechanism.loops]
+    if kinds not in (["planar"], ["3d"]) or mechanism.prismatic.any() or plane is None:
         return None
     basis, normal = plane[0][:2], plane[0][2]
-    sides, used, heights = [], 0, []
-    for (k,) in closing(mechanism):
-        frame = model.frames[k]
-        path = path_to(mechanism, int(frame.parentJoint))
-        used += len(path)
-        end = zero.joints[path[-1] + 1].act(frame.placement.translation) if path else np.zeros(3)
-        side = _side(mechanism, path, zero, zero.axis @ normal, basis, end)
-        if side is None:
-            return None
-        sides.append(side)
-        heights.append(float(end @ normal))
+    paths = [path_to(mechanism, body) for body in bodies(mechanism)[0]]
+    ends = [np.array(zero.frames[k].translation) for (k,) in closing(mechanism)]
+    one, two = (
+        _side(mechanism, path, zero, zero.axis @ normal, basis, end)
+        for path, end in zip(paths, ends, strict=True)
+    )
     # Ends that miss each other along the axes never close as points in space.
-    if used != mechanism.n or (loop.kind == "3d" and abs(heights[0] - heights[1]) > 1e-9):
+    apart = kinds == ["3d"] and abs(float((ends[0] - ends[1]) @ normal)) > 1e-9
+    if one is None or two is None or apart or sum(map(len, paths)) != mechanism.n:
         return None
-    return Dyad(mechanism, (sides[0], sides[1]), basis)
+    return Dyad(mechanism, (one, two), basis)
 
 
 def _side(
@@ -238,7 +235,7 @@ def _side(
         crank=path[0] if len(path) == 2 else None,
         crank_sign=float(np.sign(senses[path[0]])) if len(path) == 2 else 1.0,
         crank_length=crank_length,
-        crank_angle=float(np.arctan2(crank[1], crank[0])) if len(path) == 2 else 0.0,
+        crank_angle=float(np.arctan2(crank[1], crank[0])),
         pin=path[-1],
         pin_sign=float(np.sign(senses[path[-1]])),
         rod_length=length,
@@ -564,16 +561,13 @@ def _witness(
     sense: int,
 ) -> SingularPoint | None:
     mechanism = dyad.mechanism
-    for inputs in candidates:
-        for q in dyad.close(inputs) or dyad.touching(inputs):
-            if leg is not None and abs(float(dyad.elbow_sine(q, leg))) > 1e-6:
-                continue
-            # Unit vectors that agree where a leg, or both rods, are stretched.
-            links = [dyad.link_directions(q, k) for k in (0, 1)]
-            first, second = (links[0][1], -links[1][1]) if leg is None else links[leg]
-            if sense * float(first @ second) < 0:
-                continue
-            held = [] if points_only else list(mechanism.actuated[:-1])
+    held = [] if points_only else list(mechanism.actuated[:-1])
+    for q in itertools.chain.from_iterable(dyad.close(x) or dyad.touching(x) for x in candidates):
+        straight = leg is None or abs(float(dyad.elbow_sine(q, leg))) <= 1e-6
+        # Unit vectors that agree where a leg, or both rods, are stretched.
+        links = [dyad.link_directions(q, k) for k in (0, 1)]
+        first, second = (links[0][1], -links[1][1]) if leg is None else links[leg]
+        if straight and sense * float(first @ second) >= 0:
             point = refine_point(mechanism, q, kind, held)
             if point.converged and np.abs(mechanism.space.wrap(point.q - q)).max() < 1e-3:
                 return point

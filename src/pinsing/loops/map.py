@@ -37,14 +37,10 @@ def cannot_close(mechanism: Mechanism, inputs: Array) -> Bool:
     found = rods(mechanism)
     if found is None:
         return out
-    column = {j: k for k, j in enumerate(mechanism.actuated)}
+    values = dict(zip(mechanism.actuated, inputs.T, strict=True))
     # Driven at the foot or at the elbow C B has another length, that is not among the inputs.
-    known = []
-    for rod in found.rods:
-        values = inputs[:, column[rod.joint]]
-        length = rod.distance(values, found.length(rod))
-        if length is not None:
-            known.append((rod, rod.foot(values), length))
+    lengths = ((rod, rod.distance(values[rod.joint], found.length(rod))) for rod in found.rods)
+    known = [(rod, rod.foot(values[rod.joint]), x) for rod, x in lengths if x is not None]
     for (one, C, length), (two, D, other) in itertools.combinations(known, 2):
         between = np.full(len(inputs), _norm(found, one.outer - two.outer))
         sides = np.stack([_norm(found, C - D), between, length, other])
@@ -78,8 +74,7 @@ def draw_closed(
     low, high = mechanism.space.span
     free = np.ones(mechanism.n, dtype=bool)
     target = None
-    held = np.zeros((count, 0))
-    left = np.arange(count)
+    held, left = np.zeros((count, 0)), np.arange(count)
     if over == "inputs":
         free[actuated] = False
         held = rng.uniform(low[actuated], high[actuated], (count, len(actuated)))
@@ -94,20 +89,17 @@ def draw_closed(
     out = np.zeros((count, mechanism.n))
     kept = np.zeros(count, dtype=bool)
     for k in range(TRIES):
-        # Drawn for all, so that a start does not depend on what others came to.
-        drawn = rng.uniform(low, high, (count, mechanism.n)) if k > 1 else None
-        if not len(left):
-            break
         # From home first, so that most are in its mode; then from near by; then from anywhere.
-        if drawn is not None:
-            Q = drawn[left]
+        if k > 1:
+            # Drawn for all, so that a start does not depend on what others came to.
+            Q = mechanism.space.sample(count, rng)[left]
         elif k and len(known):
             Q = known[_nearest(loops, known, actuated, held[left], target, left)]
         else:
             Q = np.tile(home(mechanism), (len(left), 1))
         if over == "inputs":
             Q[:, actuated] = held[left]
-        here = None if target is None else (target[0][left], target[1][left], mechanism.task.rows)
+        here = target and (target[0][left], target[1][left], mechanism.task.rows)
         Q, size = newton(loops, Q, free, target=here, steps=_STEPS)
         done = size <= ROUNDING
         Q = mechanism.space.fold(Q)
@@ -383,43 +375,37 @@ def mechanism_map(
     driven = list(independent_inputs(mechanism, generic, home(mechanism)).actuated)
     known = known_closed(loops)
     thin = bool(len(known)) and bool((measure_many(loops, known)[1] <= SINGULAR_RTOL).all())
-    closed = beyond = impossible = 0
-    near = dict.fromkeys(_NEAR, 0)
-    parts: list[Array] = []
-    kinds = dict.fromkeys(_KINDS, 0)
-    least: list[tuple[float, int, str, Array]] = []
+    closed = impossible = 0
+    parts = [np.zeros((3, 0))]
+    least: list[tuple[float, int, Array, Array]] = []
     for k, start in enumerate(range(0, count, _CHUNK)):
         rng = np.random.default_rng([seed, k])
         Q, ruled_out = draw_closed(loops, driven, over, min(_CHUNK, count - start), rng, known)
         closed += len(Q)
         impossible += ruled_out
-        outside = mechanism.space.unreachable(Q).any(axis=1)
-        beyond += int(outside.sum())
-        Q = Q[~outside]
-        if not len(Q):
-            continue
-        found = measure_many(loops, Q)
-        names = kinds_of(found)
-        for name, number in zip(*np.unique(names, return_counts=True), strict=True):
-            kinds[str(name)] += int(number)
-        for name, number in zip(_NEAR, (found <= NEAR_RTOL).sum(axis=1), strict=True):
-            near[name] += int(number)
-        parts.append(found)
-        low = found.min(axis=0)
-        lowest = np.argsort(low, kind="stable")[:worst].tolist()
-        least += [(float(low[i]), start + i, str(names[i]), Q[i]) for i in lowest]
-        least = sorted(least, key=lambda x: x[:2])[:worst]
+        Q = Q[~mechanism.space.unreachable(Q).any(axis=1)]
+        if len(Q):
+            found = measure_many(loops, Q)
+            parts.append(found)
+            low = found.min(axis=0)
+            lowest = np.argsort(low, kind="stable")[:worst].tolist()
+            least += [(float(low[i]), start + i, found[:, [i]], Q[i]) for i in lowest]
+            least = sorted(least, key=lambda x: x[:2])[:worst]
+    every = np.concatenate(parts, axis=1)
+    names, kept = kinds_of(every), every.shape[1]
+    kinds = {kind: int((names == kind).sum()) for kind in _KINDS}
+    near = dict(zip(_NEAR, (every <= NEAR_RTOL).sum(axis=1).tolist(), strict=True))
     told = np.full((len(_QUANTILES), 3), math.nan)
-    if parts:
-        told = np.quantile(np.concatenate(parts, axis=1), _QUANTILES, axis=1, method="inverted_cdf")
+    if kept:
+        told = np.quantile(every, _QUANTILES, axis=1, method="inverted_cdf")
     listed = tuple(
         WorstConfiguration(
-            low, kind, q, q[list(mechanism.actuated)], pose_of(output_pose(mechanism, q)),
-            mode_of(mechanism, q),
+            low, str(kinds_of(at)[0]), q, q[list(mechanism.actuated)],
+            pose_of(output_pose(mechanism, q)), mode_of(mechanism, q),
         )
-        for low, _, kind, q in least
+        for low, _, at, q in least
     )  # fmt: skip
     return MechanismMap(
-        mechanism.name, over, count, seed, TRIES, closed, impossible, thin, beyond, kinds, near,
-        _QUANTILES, told[:, 0], told[:, 1], told[:, 2], listed,
+        mechanism.name, over, count, seed, TRIES, closed, impossible, thin, closed - kept, kinds,
+        near, _QUANTILES, told[:, 0], told[:, 1], told[:, 2], listed,
     )  # fmt: skip

@@ -129,8 +129,7 @@ def input_output(mechanism: Mechanism, q: ArrayLike) -> tuple[Array, Array]:
     """
     found = motions(mechanism, q)
     U, sigma, _ = np.linalg.svd(np.vstack([found.outputs, found.inputs]))
-    rank = int((sigma > SINGULAR_RTOL * sigma[0]).sum())
-    rows = U[:, rank:].T
+    rows = U[:, int((sigma > SINGULAR_RTOL * sigma[0]).sum()) :].T
     m = found.outputs.shape[0]
     return rows[:, :m], -rows[:, m:]
 
