@@ -202,21 +202,15 @@ def _velocity(
     if state.velocity is None:
         free = state.uncontrolled[plane, 0] * scale
         free = free / max(float(np.linalg.norm(free)), 1e-12) * 1.4 * scale
-        ax.plot(*np.stack([P - free, P + free], axis=1), alpha=0)  # so that the arrows fit
-        for sign in (1, -1):
-            ax.annotate(
-                "",
-                tuple(P + sign * free),
-                tuple(P),
-                arrowprops={"arrowstyle": "-|>", "color": TYPE_2, "lw": 2},
-                zorder=6,
-            )
+        ends = np.array([P - free, P + free])
+        ax.plot(*ends.T, alpha=0)  # so that the arrows fit
+        arrow = {"arrowstyle": "-|>", "color": TYPE_2, "lw": 2}
+        for end in ends[::-1]:
+            ax.annotate("", tuple(end), tuple(P), arrowprops=arrow, zorder=6)
         return
     U, sigma, _ = np.linalg.svd(state.velocity[plane])
     t = np.linspace(0, 2 * np.pi, 181)
-    size = np.zeros(2)
-    size[: len(sigma)] = sigma
-    shown = np.minimum(size, 4.0) * scale
+    shown = np.minimum(np.pad(sigma, (0, 2 - len(sigma))), 4.0) * scale
     curve = P[:, None] + U @ (shown[:, None] * np.stack([np.cos(t), np.sin(t)]))
     ax.plot(*curve, color=TYPE_1, lw=1.6, zorder=4)
     ax.fill(*curve, color=TYPE_1, alpha=0.12, zorder=1)
@@ -236,13 +230,13 @@ def _isolated(mechanism: Mechanism, dyad: Dyad) -> list[tuple[str, Array]]:
     # Mirrored about the line of the pivots it is another, or itself where all is in line.
     gap = dyad.sides[1].pivot - dyad.sides[0].pivot
     axis = float(np.arctan2(gap[1], gap[0]))
+    cranks = {side.crank: side for side in dyad.sides}
+    sides = [cranks[j] for j in mechanism.actuated]
     for kind, p in list(out):
-        mirrored = np.zeros(2)
-        for side in dyad.sides:
-            assert side.crank is not None  # two inputs, two cranks
-            i = mechanism.actuated.index(side.crank)
-            angle = side.crank_sign * p[i] + side.crank_angle
-            mirrored[i] = side.crank_sign * (2 * axis - angle - side.crank_angle)
+        mirrored = np.array([
+            s.crank_sign * (2 * axis - (s.crank_sign * x + s.crank_angle) - s.crank_angle)
+            for s, x in zip(sides, p, strict=True)
+        ])  # fmt: skip
         out.append((kind, (mirrored + np.pi) % (2 * np.pi) - np.pi))
     return out
 
@@ -268,13 +262,9 @@ def joint_points(mechanism: Mechanism, q: Array) -> Array:
 def drawing_plane(mechanism: Mechanism) -> tuple[int, int] | None:
     """Return axes (0, 1, 2) of the base across and up for a planar mechanism; else None."""
     plane = plane_axes(mechanism)
-    if plane is None:
-        return None
-    found = np.abs(plane[0][2])
-    k = int(np.argmax(found))
-    if found[k] < 1 - 1e-6:
-        return None
-    return ((1, 2), (0, 2), (0, 1))[k]
+    across = np.zeros(3) if plane is None else np.abs(plane[0][2])
+    drawn = ((1, 2), (0, 2), (0, 1))[int(np.argmax(across))]
+    return drawn if across.max() >= 1 - 1e-6 else None
 
 
 def draw_space_linkage(mechanism: Mechanism, q: Array, ax: Any) -> None:
@@ -367,16 +357,15 @@ def motion_curve(
         [(360.0 if degrees else 2 * np.pi) if _turns(mechanism, n) else np.inf for n in names]
     )
     told = _apart([(t.q, _values(mechanism, t.q, names, degrees)) for t in found], turn)
-    centre = np.zeros(2)
-    if told:  # what angles are shown about: the middle of a curve, if it is less than a whole turn
-        low, high = told[0][1].min(axis=0), told[0][1].max(axis=0)
-        centre = np.where(np.isfinite(turn) & (high - low < turn), (low + high) / 2, 0.0)
     for k, name in enumerate(names):
-        if not told or max(float(np.ptp(v[:, k])) for _, v in told) <= ROUNDING:
-            raise OptionError(
-                f"{mechanism.name}: {name} does not move; take two of "
-                f"{', '.join(_coordinates(mechanism))}"
-            )
+        OptionError.refuse_if(
+            max((float(np.ptp(v[:, k])) for _, v in told), default=0.0) <= ROUNDING,
+            f"{mechanism.name}: {name} does not move; take two of "
+            f"{', '.join(_coordinates(mechanism))}",
+        )
+    # Angles are shown about the middle of a curve, if it is less than a whole turn.
+    low, high = told[0][1].min(axis=0), told[0][1].max(axis=0)
+    centre = np.where(np.isfinite(turn) & (high - low < turn), (low + high) / 2, 0.0)
     _, ax = plt.subplots(figsize=(6, 5))
     shown: set[str] = set()
     signs = [[assembly_sign(mechanism, x) for x in q] for q, _ in told]
@@ -431,9 +420,8 @@ def _coordinates(mechanism: Mechanism) -> tuple[str, ...]:
 
 
 def _turns(mechanism: Mechanism, name: str) -> bool:
-    if name in mechanism.inputs:
-        return not mechanism.prismatic[mechanism.joints.index(name)]
-    return name in COORDINATES[3:]
+    slides = dict(zip(mechanism.joints, mechanism.prismatic.tolist(), strict=True))
+    return not slides[name] if name in mechanism.inputs else name in COORDINATES[3:]
 
 
 def _unit(mechanism: Mechanism, name: str, degrees: bool) -> str:
@@ -586,9 +574,8 @@ def _words(mechanism: Mechanism, mode: Solution, names: Sequence[str], degrees: 
 
 
 def _number(value: float, turns: bool, degrees: bool) -> str:
-    if turns and degrees:
-        return f"{round(float(np.degrees(value))) + 0:d}°"
-    return f"{round(value, 2) + 0.0:.2f}" + (" rad" if turns else "")
+    plain = f"{round(value, 2) + 0.0:.2f}" + " rad" * turns
+    return f"{round(float(np.degrees(value))) + 0:d}°" if turns and degrees else plain
 
 
 def _wrapped(words: str, columns: int) -> str:
@@ -798,11 +785,10 @@ def _modes(
     ]
     names = [_title(mechanism, x) for x in (q, *others)]
     at_home = same(mark, likeness(mechanism, home(mechanism)))
-    out = []
-    for k, (name, x) in enumerate(zip(names, (q, *others), strict=True)):
-        which = f" {names[: k + 1].count(name)}" if names.count(name) > 1 else ""
-        out.append((f"{name}{which}{' (home)' if at_home and k == 0 else ''}", x))
-    return out
+    numbers = [f" {names[: k + 1].count(x)}" * (names.count(x) > 1) for k, x in enumerate(names)]
+    ends = [" (home)" * at_home, *[""] * len(others)]
+    titles = ["".join(parts) for parts in zip(names, numbers, ends, strict=True)]
+    return list(zip(titles, (q, *others), strict=True))
 
 
 def _title(mechanism: Mechanism, q: Array) -> str:
@@ -819,9 +805,8 @@ def _vanishes(left: Array) -> bool:
 def _everywhere(mechanism: Mechanism) -> bool:
     """Return True if every pose is of type 2: there are no lines then, only rounding."""
     forms = pose_forms(mechanism)
-    if forms is not None and forms.architecture:
-        return True
-    return "type 2" in joint_forms(mechanism).always
+    always = forms is not None and bool(forms.architecture)
+    return always or "type 2" in joint_forms(mechanism).always
 
 
 def _of_home(mechanism: Mechanism, Q: Array, there: Bool, sign: bool) -> bool:

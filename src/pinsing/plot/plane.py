@@ -198,8 +198,7 @@ def label_plane(
 
 def regular_configuration(arm: Arm) -> Array:
     """The most regular of some configurations within the limits; the same every time."""
-    rng = np.random.default_rng(3)
-    Q = arm.space.sample(256, rng)
+    Q = arm.space.sample(256, np.random.default_rng(3))
     chosen = Q[int(np.argmax(ratios(arm, Q)))]
     # Round numbers are easier to read in a title, and as good.
     return np.asarray(np.clip(np.round(chosen, 2), *arm.span))
@@ -250,14 +249,13 @@ def _draw_branch(
     if xs is None and ys is None:
         # Everything, or points, is nothing that a line could show.
         level = equations[0](Q) if len(equations) == 1 else np.ones(1)
-        if level.min() * level.max() > 0:
-            return False
-        ax.contour(x, y, level, levels=[0.0], linewidths=1.3, colors=color, linestyles=[dash])
-        return True
+        crossed = bool(level.min() * level.max() <= 0)
+        if crossed:
+            ax.contour(x, y, level, levels=[0.0], linewidths=1.3, colors=color, linestyles=[dash])
+        return crossed
     points = np.zeros((0, 2))
     if xs is not None and ys is not None:
-        if not equations:
-            points = np.array([(u, v) for u in xs for v in ys]).reshape(-1, 2)
+        points = np.array([(u, v) for u in xs for v in ys if not equations]).reshape(-1, 2)
     elif not equations:
         for value in xs or ys or ():
             (ax.axhline if xs is None else ax.axvline)(value, **line)
@@ -508,10 +506,8 @@ def aspect_plane(
     x, y = Q[0, :, a], Q[:, 0, b]
     numbers = _numbers(found, Q)
     named, others = _named(numbers)
-    lines = []
-    for number in named:
-        names = found[number - 1].names if number <= len(found) else ()
-        lines.append(f"aspect {number}" + (f": {', '.join(names)}" if names else ""))
+    names = [", ".join(found[k - 1].names) if k <= len(found) else "" for k in named]
+    lines = [f"aspect {k}" + f": {x}" * bool(x) for k, x in zip(named, names, strict=True)]
     lines += [f"and {others} more"] * (others > 0)
     untold = float(np.mean(numbers <= 0)) > 0.005  # what can be seen of the picture
     lines += ["aspect undecided"] * untold
@@ -551,8 +547,6 @@ def _numbers(found: Aspects, Q: Array) -> Ints:
     """Return the number of the aspect at each point of a grid (M, N, n); 0 where not told."""
     # Touching points of the same signs, between the same joint values, are of one aspect: it is
     # asked at the one farthest from the region's edge, at others only if it is not told there.
-    chosen = found._map
-    assert chosen is not None
     label = _regions(_keys(found, Q))
     numbers = np.zeros(label.shape, dtype=np.int64)
     order = np.lexsort((-_depth(label).ravel(), label.ravel()))
@@ -561,8 +555,7 @@ def _numbers(found: Aspects, Q: Array) -> Ints:
         # A thin region may have nothing but edge: points of it may be singular.
         some = np.unique(np.linspace(0, len(points) - 1, 12).astype(np.int64))
         told = (found.of(q) for q in Q.reshape(-1, Q.shape[-1])[points[some]])
-        number = next((n for n in told if n is not None), 0)
-        numbers.ravel()[points] = number
+        numbers.ravel()[points] = next((n for n in told if n is not None), 0)
     return numbers
 
 
@@ -591,7 +584,7 @@ def _regions(key: Ints) -> Ints:
     out = np.zeros(key.shape, dtype=np.int64)
     for value in np.unique(key):
         numbers, _ = label(key == value)
-        out[numbers > 0] = numbers[numbers > 0] + out.max()
+        out += np.where(numbers > 0, numbers + out.max(), 0)
     return out
 
 
