@@ -87,7 +87,7 @@ class TestSubdivision:
     def test_a_crossing_of_sheets_is_not_proven(self):
         # cos q1 = cos q2, as one equation: two lines that cross.
         e = made([[2, 0], [0, 2]], [1.0, -1.0])
-        found = subdivide(self.box(e, [-1.0, -1.0], [1.1, 1.2]), Budget(1.0))
+        found = subdivide(self.box(e, [-1.0, -1.0], [1.1, 1.2]), Budget(0.3))
         assert not found.proven
         assert found.lower <= 4
 

@@ -65,7 +65,7 @@ def test_no_configuration_of_a_box_takes_more_than_its_bound(name, options, spee
         R = np.full(C.shape, radius) * np.where(turns, 1.0, 0.3)
         found = bounds._of(C, R, rounds)
         assert np.isfinite(found.most).mean() > (0.5 if radius < 0.1 else -1)
-        for _ in range(10):
+        for _ in range(5):
             Q = C + R * rng.choice([-1.0, 1.0, 0.3], C.shape)
             away = rng.uniform(-1, 1, C.shape) * np.where(turns, np.pi, 0.3)
             Q = np.where(bounds.moving, Q, away)
@@ -93,7 +93,7 @@ def test_the_fourth_order_is_no_more_than_its_bound(name):
     bounds = PlainBounds(SpeedJudge(arm, np.ones(arm.n)), 0.25, 0.5, 1.0 * arm.prismatic)
     assert bounds.still
     every = np.arange(arm.n)
-    for _ in range(60):
+    for _ in range(25):
         C = rng.uniform(-1, 1, arm.n) * np.where(arm.prismatic, 0.3, np.pi)
         R = rng.uniform(0, 0.3, arm.n) * bounds.moving
         d, link = R * rng.choice([-1, 1], arm.n), pin.SE3.Identity()

@@ -288,24 +288,6 @@ def alive(pid: int) -> bool:
 # ---- what a map and a sweep keep
 
 
-def test_a_damaged_chunk_is_done_again(tmp_path: Path) -> None:
-    arm, out = arms.ur5(), tmp_path / "run"
-    whole = sigma_map(arm, count=5 * BLOCK, chunk=1, out=out).to_json()
-    paths = sorted((out / "chunks").iterdir())
-    data = bytearray(paths[1].read_bytes())
-    data[200] ^= 4
-    paths[1].write_bytes(data)
-    paths[3].unlink()
-    told: list[str] = []
-    assert sigma_map(arm, count=5 * BLOCK, chunk=1, out=out, tell=told.append).to_json() == whole
-    assert told == [
-        "3 of 5 chunks were done before",
-        "damaged and done again: chunks 1 (it is not as it was written)",
-    ]
-    assert sigma_map(arm, count=5 * BLOCK, chunk=1, out=out, tell=told.append).to_json() == whole
-    assert told[-1] == "5 of 5 chunks were done before"
-
-
 def test_a_changed_robot_or_plan_or_engine_is_refused(tmp_path: Path) -> None:
     arm = arms.ur5()
     sigma_map(arm, count=BLOCK, out=tmp_path / "run")
