@@ -140,8 +140,7 @@ def pose_lines(forms: PoseForms, exact: bool = False) -> Iterator[Line]:
     closing = [x for x in forms.closing if exact or len(x.values) <= SHORT]
     if closing:
         yield "  ", ("the loops close where",)
-    for equation in closing:
-        yield "    ", (formula(equation.exact() if exact else str(equation)),)
+    yield from (("    ", (formula(x.exact() if exact else str(x)),)) for x in closing)
     yield from (("  ", (f"{family}",)) for family in forms.everywhere)
     for locus in forms.inputs:
         none = "" if locus.real else " (no real points found)"
@@ -168,8 +167,7 @@ def joint_lines(forms: JointForms, whole: bool) -> Iterator[Line]:
             own.setdefault(locus.words, []).append(locus.statement())
     if own:
         yield "  ", ("passive joints move by themselves, the output at rest:",)
-    for words, statements in own.items():
-        yield "    ", (f"{words}: ", formula(" or ".join(statements)))
+    yield from (("    ", (f"{words}: ", formula(" or ".join(x)))) for words, x in own.items())
     if not whole and any(x.matrix for x in forms.loci):
         yield "  ", ("families --loops writes the determinants out",)
     yield from (("  ", (note,)) for note in forms.notes)
@@ -406,24 +404,24 @@ def _points(a: MechanismAnalysis, values: Values) -> Iterator[Line]:
         yield "", ()
         title = f" ({_MEANING[kind]}), along the curves through these inputs:"
         yield "", (alarm(unbroken(kind)), title)
-        told: Counter[tuple[str, str]] = Counter()
-        for p in here:
-            rest = f": {p.mode}" if p.mode else ""
-            if p.whole_curve or p.range_end:
-                rest += " (the whole curve through it)" if p.whole_curve else " (end of the range)"
-            names, where = a.inputs, p.inputs
-            if len(names) <= 3:
-                where = where.round(12)
-            else:
-                if p.moving:
-                    names, where = (p.moving,), where[[names.index(p.moving)]]
-                at = ", ".join(f"{x + 0.0:.6g}" for x in p.position.round(12))
-                rest += f"; output at {unbroken(f'({at})')} m"
-            told[values.named(names, where, 10), rest] += 1
+        told = Counter(_place(a.inputs, p, values) for p in here)
         for (shown, rest), alike in told.items():
             # Inputs and mode alike: told apart by the pose and the passive joints alone.
             count = f" [{alike} configurations]" if alike > 1 else ""
             yield "  ", (f"{shown}{rest}{count}",)
+
+
+def _place(inputs: tuple[str, ...], p: SingularPoint, values: Values) -> tuple[str, str]:
+    """Inputs of a singular point, and what else tells it from others."""
+    rest = f": {p.mode}" * bool(p.mode)
+    end = " (end of the range)" * p.range_end
+    rest += " (the whole curve through it)" if p.whole_curve else end
+    if len(inputs) <= 3:
+        return values.named(inputs, p.inputs.round(12), 10), rest
+    names = (p.moving,) if p.moving else inputs
+    at = ", ".join(f"{x + 0.0:.6g}" for x in p.position.round(12))
+    shown = values.named(names, p.inputs[[inputs.index(n) for n in names]], 10)
+    return shown, f"{rest}; output at {unbroken(f'({at})')} m"
 
 
 def _forms(a: MechanismAnalysis, values: Values, page: Page) -> Iterator[Line]:

@@ -472,20 +472,18 @@ def joint_forms(mechanism: Mechanism) -> JointForms:
     notes += [f"{k}: nowhere{else_}" for k in ("type 1", "type 2") if k not in kinds]
     if off > 1e-12:
         notes.append(f"coordinates were made exact, by at most {off:.1e}")
-    found = JointForms(mechanism.joints, tuple(loci), True, tuple(notes))
     tried = near_home(mechanism) + random_closed(mechanism, 6, np.random.default_rng(6203))
     always = tuple(
         dict.fromkeys(
-            x.kind for x in loci if x.ratio(np.array(tried), found.joints).max() <= 1e-10
+            x.kind for x in loci if x.ratio(np.array(tried), mechanism.joints).max() <= 1e-10
         )
     ) if len(tried) >= 4 else ()  # fmt: skip
-    if not always:
-        return found
-    notes.append(
-        f"at each of the {len(tried)} closed configurations tried the condition of "
-        f"{' and '.join(always)} holds: taken for singular everywhere"
-    )
-    return replace(found, notes=tuple(notes), always=always)
+    if always:
+        notes.append(
+            f"at each of the {len(tried)} closed configurations tried the condition of "
+            f"{' and '.join(always)} holds: taken for singular everywhere"
+        )
+    return JointForms(mechanism.joints, tuple(loci), True, tuple(notes), always)
 
 
 def _type2(mechanism: Mechanism, legs: LegWrenches) -> list[JointLocus]:

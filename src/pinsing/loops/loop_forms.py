@@ -370,13 +370,13 @@ def loop_forms(mechanism: Mechanism) -> LoopForms | None:
             inputs = system.ring.strip(system.in_line(leg, sense))
             if inputs != 0:
                 loci += _loci(system, kind, leg, inputs, sense)
-                continue
-            always = True
-            where = "" if leg is None else (
-                f", of which no equation over the inputs tells: leg {leg + 1} is {word} there with "
-                "its end at rest; the equations in the joint angles have it"
-            )  # fmt: skip
-            notes.append(f"{kind}: at all inputs in one assembly mode{where}")
+            else:
+                always = True
+                where = "" if leg is None else (
+                    f", of which no equation over the inputs tells: leg {leg + 1} is {word} there "
+                    "with its end at rest; the equations in the joint angles have it"
+                )  # fmt: skip
+                notes.append(f"{kind}: at all inputs in one assembly mode{where}")
     return LoopForms(tuple(loci), legs is not None and not always, tuple(notes))
 
 
@@ -394,19 +394,17 @@ class _LoopEquations:
         )
         self.ring: Ring = make_ring([False] * len(actuated))
         self.offset = np.zeros(len(actuated))
-        # Directions of the cranks times w; a fixed pivot has length zero and w = 1.
+        # Directions of the cranks times w; a fixed pivot is one of length zero that stays.
         self.w: list[Poly] = []
         self.direction: list[tuple[Poly, Poly]] = []
         for side in dyad.sides:
-            if side.crank is None:
-                self.w.append(self.ring.one)
-                self.direction.append((self.ring.zero, self.ring.zero))
-                continue
-            j, gens = actuated.index(side.crank), self.ring.context.gens()
-            x, y = (gens[k] for k in self.ring.variables(j))
+            x, y = self.ring.one, self.ring.zero
+            if side.crank is not None:
+                j = actuated.index(side.crank)
+                x, y = (self.ring.context.gens()[k] for k in self.ring.variables(j))
+                # angle = sign q + crank_angle = sign (q + offset)
+                self.offset[j] = side.crank_sign * side.crank_angle
             self.w.append(x**2 + y**2)
-            # angle = sign q + crank_angle = sign (q + offset)
-            self.offset[j] = side.crank_sign * side.crank_angle
             self.direction.append((x**2 - y**2, 2 * int(side.crank_sign) * x * y))
         self.cranks = [self._exact(side.crank_length, "crank") for side in dyad.sides]
         self.pivots = [[self._exact(float(x), "pivot") for x in s.pivot] for s in dyad.sides]

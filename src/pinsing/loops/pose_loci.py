@@ -37,6 +37,7 @@ from pinsing.loops.exact import (
     Row,
     Vector,
     cross,
+    dot,
     exact_points,
     quaternion_turn,
     short_fraction,
@@ -146,11 +147,10 @@ class PoseRing:
     @cached_property
     def turn(self) -> tuple[list[Row], Poly]:
         """Rotation matrix times N, and N."""
-        one, zero = self.number(1), self.number(0)
-        if self.level:
-            return [[one if i == j else zero for j in range(3)] for i in range(3)], one
-        R, N = quaternion_turn([self.variable(f"e{i}") for i in range(4)], self.square)
-        return R, one if self.unit else N
+        still = [self.number(v) for v in (1, 0, 0, 0)]
+        e = still if self.level else [self.variable(f"e{i}") for i in range(4)]
+        R, N = quaternion_turn(e, self.square)
+        return R, self.number(1) if self.unit else N
 
     def _vectors(self, rod: Rod) -> list[Vector]:
         # Rods are told apart as objects: two may be alike.
@@ -159,9 +159,8 @@ class PoseRing:
     def outer(self, rod: Rod) -> Row:
         """B times N."""
         R, N = self.turn
-        b = self._vectors(rod)[0]
-        at = [self.variable(n) for n in "xyz"]
-        return [N * at[i] + sum(R[i][j] * rational(b[j]) for j in range(3)) for i in range(3)]
+        turned = (dot(row, map(rational, self._vectors(rod)[0]), self.number(0)) for row in R)
+        return [N * self.variable(n) + x for n, x in zip("xyz", turned, strict=True)]
 
     def inner(self, rod: Rod) -> Row:
         """C."""
@@ -229,8 +228,7 @@ class PoseRing:
         k = self.square
         away = [self.variable(n) - rational(v) for n, v in zip("xyz", start, strict=True)]
         moved = [c - rational(v) for c, v in zip(self.inner(rod), start, strict=True)]
-        turned = [sum((R[i][j] * rational(b[j]) for j in range(3)), self.number(0))
-                  for i in range(3)]  # fmt: skip
+        turned = [dot(row, map(rational, b), self.number(0)) for row in R]
         if self.rods.planar:
             away[2] = moved[2] = turned[2] = self.number(0)
             b, first = (b[0], b[1], Fraction(0)), (first[0], first[1], Fraction(0))
@@ -783,12 +781,12 @@ def _turning_forms(mechanism: Mechanism, found: Rods) -> PoseForms:
     )
     tried = near_home(mechanism) + random_closed(mechanism, 6, np.random.default_rng(2719))
     alone = replace(made, loci=made.loci[:1])
-    if len(tried) < 4 or max(locus_distance(mechanism, alone, q) for q in tried) > 1e-10:
-        return made
-    return replace(
-        made, architecture=f"{kind} at each of the {len(tried)} closed configurations tried: taken "
-        "for singular at every pose",
-    )  # fmt: skip
+    always = len(tried) >= 4 and max(locus_distance(mechanism, alone, q) for q in tried) <= 1e-10
+    words = (
+        f"{kind} at each of the {len(tried)} closed configurations tried: taken for singular at "
+        "every pose"
+    )
+    return replace(made, architecture=words) if always else made
 
 
 def _closing(ring: PoseRing) -> tuple[PoseEquation, ...]:

@@ -277,13 +277,10 @@ class _Grid:
         """Seek the same modes at poses that no way of neighbours has led to."""
         way = self.way
         rng = np.random.default_rng(1201)
-        low, high = way.mechanism.space.span
         for k in range(self.modes):
             left = np.argwhere(~self.solved[k])
-            if not len(left):
-                continue
             cells = np.insert(left[rng.permutation(len(left))[:120]], 0, k, axis=1)
-            drawn = rng.uniform(low, high, (len(cells), way.mechanism.n))
+            drawn = way.mechanism.space.sample(len(cells), rng)
             self._take(cells, drawn, far=np.inf, within=True)
         self.fresh = self.solved.copy()
         self.tried[:] = 0

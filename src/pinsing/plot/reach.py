@@ -330,8 +330,7 @@ def _add(count: Ints, corners: Array) -> None:
     """Add one to the places that are inside of each triangle (K, 3, 2)."""
     first = np.maximum(np.ceil(corners.min(axis=1)), 0).astype(np.int64)
     last = np.minimum(np.floor(corners.max(axis=1)), np.array(count.shape[::-1]) - 1)
-    last = last.astype(np.int64)
-    wide = last - first + 1
+    wide = last.astype(np.int64) - first + 1
     keep = (wide > 0).all(axis=1)
     corners, first, wide = corners[keep], first[keep], wide[keep]
     each = wide.prod(axis=1)
