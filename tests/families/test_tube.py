@@ -12,6 +12,7 @@ from command_line import run
 from tiers import tiered
 
 import pinsing
+from pinsing.algebra.trig_sum import TrigSum
 from pinsing.errors import OptionError, RobotFileError
 from pinsing.families import tube as tubes
 from pinsing.proximity.clearance import distances
@@ -75,6 +76,11 @@ def test_tube_is_proven_and_holds_every_singular_configuration(
     # None is claimed of tubes that hold every configuration.
     assert tubes._two_sides(product, np.full(4, 0.1), 0.2) == [True] * 3
     assert tubes._two_sides(product, np.full(4, np.pi), np.pi) == [False] * 3
+    # Nor where the determinant has the other sign than the design's.
+    p = product.plain
+    less = TrigSum(-2 * p.amplitude, p.phase, p.rate, p.power, p.noise)
+    other = replace(product, rest=less)
+    assert tubes._two_sides(other, np.full(4, 0.1), 0.2) == [False] * 3
     assert form.loaded is not None
     found = attack.find_singular(form.loaded, np.random.default_rng(5).uniform(-3, 3, (150, 6)))
     wrong, (_, far) = attack.outside(form, found)

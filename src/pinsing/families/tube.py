@@ -8,8 +8,9 @@ not below at a point farther than t from family k: ``sin(t/2)`` for a joint valu
 ``t^5``, along the line on which a value of its sign is zero first. Where
 ``|h| prod max(phi_k(t), min |f_k|) > |E|`` all over the box, no singular configuration in it is
 farther than t from all families. Boxes in which D may be zero are halved until that is near the
-largest distance that a search finds. Outside of the tube D has the sign of P: a path from one side
-of a family to the other meets a singular configuration of the robot.
+largest distance that a search finds. Outside of the tube neither is zero, so that D has the sign of
+P all over a connected part, or nowhere there; it has it at 20,000 configurations. Then a path from
+one side of a family to the other meets a singular configuration of the robot.
 
 The Jacobian of an arm of seven joints has full rank where one of its minors is not zero. Each is a
 trigonometric polynomial of the five inner joints; boxes are halved, and cut down to where all may
@@ -510,15 +511,16 @@ def halve(p: Equations, boxes: Array, near: float = NEAR) -> Array:
     return out
 
 
-def _two_sides(p: Equations, width: Array, near: float) -> list[bool]:
-    """Return which families have configurations outside of their tubes on both sides."""
+def _two_sides(p: Determinant, width: Array, near: float) -> list[bool]:
+    """Return which families have both sides outside of the tubes, where D has the sign of P."""
     low, high = p.ranges.T
     x = np.random.default_rng(3).uniform(low, high, (20_000, len(low)))
-    away, found = _away(p, x), []
+    away, found, plain = _away(p, x), [], p.plain.at(x).value
+    alike = plain * (plain + p.rest.at(x).value) > 0
     for k in range(away.shape[1]):
         out = (away[:, k] > width[k]) & (np.delete(away, k, axis=1) > near).all(axis=1)
         side = _product([replace(f, power=1) for f in p.factors if f.family == k], x[out])[0] > 0
-        found.append(bool(side.any() and not side.all()))
+        found.append(bool(alike[out].all() and side.any() and not side.all()))
     return found
 
 
