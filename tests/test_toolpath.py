@@ -5,6 +5,7 @@ import re
 import runpy
 import sys
 from dataclasses import replace
+from functools import partial
 from itertools import product
 from pathlib import Path
 
@@ -778,6 +779,21 @@ def test_the_command_places_a_workpiece(ur5, tmp_path, monkeypatch):
         assert bad.exit_code == 2
         assert why in bad.stderr
     assert "for degrees add --deg" in run(*words[:-1], *place).stderr
+
+
+def test_turns_of_two_joints_are_told_apart(ur5, monkeypatch):
+    """The kernel refused how they lay in memory: a seam of a CRX ended in a TypeError."""
+    arm, form = ur5
+    best = partial(plan_path, form, circle(arm, 3), free="roll", step=np.radians(20), arm=arm)
+    plain, link = best(), _Planner._link
+
+    def counted(self):
+        link(self)
+        self._count_turns(np.arange(arm.n) > 3)
+
+    monkeypatch.setattr(_Planner, "_link", counted)
+    plan = best()
+    assert (plan.clearance, plan.bound) == pytest.approx((plain.clearance, plain.bound))
 
 
 def test_a_planner_begins_anew_where_the_poses_are_moved(ur5):

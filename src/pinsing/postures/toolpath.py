@@ -927,7 +927,7 @@ class _Planner:
         )
         if k == 0 and self.start is not None:
             out &= (np.abs(q - self.start[self.counted]) < np.pi).all(axis=-1)
-        return np.asarray(out)
+        return np.ascontiguousarray(out)  # which joints are counted decides how it lies
 
     def _count_turns(self, joints: Bool) -> None:
         """Tell the turns of joints apart, which the best path winds beyond their limits."""
