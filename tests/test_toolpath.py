@@ -601,6 +601,9 @@ def test_the_command_writes_a_path_that_check_takes(ur5, tmp_path):
     assert "No path: pose 3 at (" in none.stdout
     bad = run("path", "ur5", str(Path("nothere.csv")))
     assert bad.exit_code == 2
+    poses.write_text("x,y,z,i,j,k,t\n0.4,0,0.2,0,0,1,0\n0.4,0.1,0.2,0,0,1,1\n")
+    both = run("path", "ur5", str(poses), "--free", "roll", "--feed", "0.1")
+    assert (both.exit_code, "column t" in both.stderr) == (2, True)
 
 
 RANGES = {"x": (-0.15, 0.15), "y": (-0.2, 0.1), "yaw": (-0.5, 0.5)}
@@ -779,6 +782,18 @@ def test_the_command_places_a_workpiece(ur5, tmp_path, monkeypatch):
         assert bad.exit_code == 2
         assert why in bad.stderr
     assert "for degrees add --deg" in run(*words[:-1], *place).stderr
+
+
+def test_how_far_the_tool_leaves_the_line_between_poses_is_told(ur5):
+    arm, form = ur5
+    T = circle(arm, 9)
+    plan = plan_path(form, T, arm=arm, tool=TORCH)
+    middles = (plan.q[:-1] + plan.q[1:]) / 2
+    at = np.array([(tip_placement(arm, q).homogeneous @ TORCH)[:3, 3] for q in middles])
+    off = 1e3 * np.linalg.norm(at - (T[:-1, :3, 3] + T[1:, :3, 3]) / 2, axis=1)
+    k = off.argmax()
+    assert any(f"poses {k} and {k + 1}" in n and f"by {off[k]:.1f} mm" in n for n in plan.notes)
+    assert not any("mm" in n for n in plan_path(form, circle(arm, 99), arm=arm, tool=TORCH).notes)
 
 
 def test_turns_of_two_joints_are_told_apart(ur5, monkeypatch):

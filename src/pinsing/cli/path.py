@@ -118,6 +118,9 @@ def path_command(
             not (moved > 0).all(),
             "--feed needs poses at different positions: give times in a column t",
         )
+        OptionError.refuse_if(
+            t is not None, f"{poses} has times in a column t: leave out --feed, or the column"
+        )
         t = np.concatenate([[0.0], np.cumsum(moved)])
     q0: Array | str | None = start
     if start is not None and not re.search("[a-z]{3}", start):  # letters of numbers are pi at most

@@ -28,7 +28,7 @@ from pinsing.arguments import checked
 from pinsing.errors import ConfigurationError, OptionError
 from pinsing.families import ClosedForm
 from pinsing.kinematics.inverse_batch import InverseMany
-from pinsing.kinematics.jacobian import tip_placement
+from pinsing.kinematics.jacobian import tip_placement, tip_poses
 from pinsing.kinematics.ladder import posture_names
 from pinsing.kinematics.tip_speed import limits_of
 from pinsing.measures import PRACTICAL, ROUNDING
@@ -441,7 +441,7 @@ class _Planner:
         values, q = chosen
         bound = max(bound, proven)
         turned = self.arm.space.wrap(q)  # many turns would read as degrees
-        notes += self._sunken(turned)
+        notes += self._strayed(q) + self._sunken(turned)
         near, kept = clearance(self.form, turned[round(where)]), self._kept(self.first)
         family = str(near.nearest)
         return replace(
@@ -471,6 +471,17 @@ class _Planner:
         )
         rolled = zip(likely.max(axis=2), self.rolled[::every], strict=True)
         return np.repeat([np.roll(x, k) for x, k in rolled], every, axis=0)[: len(self.T)]
+
+    def _strayed(self, q: Array) -> list[str]:
+        """Say how far halfway between poses the tool is from their middle, if by over 1 mm."""
+        position, rotation = tip_poses(self.arm, (q[:-1] + q[1:]) / 2)
+        at, off = self.T[:, :3, 3], np.linalg.inv(self.back)[:3, 3]
+        far = np.linalg.norm(position + rotation @ off - (at[:-1] + at[1:]) / 2, axis=1)
+        k, most = int(far.argmax()), 1e3 * far.max()
+        return [
+            f"between poses {k} and {k + 1} the tool leaves the straight line by {most:.1f} mm, "
+            "since joints are taken to move linearly there: give poses closer together"
+        ] * bool(most > 1)
 
     def _sunken(self, q: Array) -> list[str]:
         """Say that joints go below the base and the tip, where the floor may be."""
