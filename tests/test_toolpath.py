@@ -792,7 +792,7 @@ def test_how_far_the_tool_leaves_the_line_between_poses_is_told(ur5):
     at = np.array([(tip_placement(arm, q).homogeneous @ TORCH)[:3, 3] for q in middles])
     off = 1e3 * np.linalg.norm(at - (T[:-1, :3, 3] + T[1:, :3, 3]) / 2, axis=1)
     k = off.argmax()
-    assert any(f"poses {k} and {k + 1}" in n and f"by {off[k]:.1f} mm" in n for n in plan.notes)
+    assert any(f"poses {k} and {k + 1}" in n and f"is {off[k]:.1f} mm" in n for n in plan.notes)
     assert not any("mm" in n for n in plan_path(form, circle(arm, 99), arm=arm, tool=TORCH).notes)
 
 

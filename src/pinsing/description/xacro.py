@@ -37,7 +37,7 @@ from pinsing.description.ros_packages import LARGEST, PackageIndex
 from pinsing.description.xml_tree import MAX_BYTES, Node
 from pinsing.errors import RobotFileError
 
-_MOST_BYTES = 2 * MAX_BYTES
+_MOST_BYTES = 64 << 20
 _MOST_FILES = 5000
 _MOST_STEPS = 20_000
 
@@ -163,7 +163,7 @@ TIMEOUT_SECONDS = 12
 """Processor time of the child, which a busy machine does not use up."""
 _PATIENCE = 10  # times that on the clock, whatever else runs
 _FAREWELL = 1.0
-MEMORY = 64 * MAX_BYTES
+MEMORY = 2 << 30
 _WALL = True  # tests leave it out, to see that nothing depends on it
 _WORKER = Path(__file__).with_name("xacro_worker.py")
 

@@ -22,7 +22,8 @@ from xml.parsers import expat
 from pinsing.errors import RobotFileError, shown_path
 
 MAX_BYTES = 32 << 20
-MAX_DEPTH = MAX_ATTRIBUTES = 100
+MAX_DEPTH = 100
+MAX_ATTRIBUTES = 100
 MAX_ELEMENTS = 500_000
 
 _DECLARATION = re.compile(r"\ufeff?\s*(?:<\?xml\s[^>]*\?>)?")

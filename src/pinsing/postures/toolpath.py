@@ -479,8 +479,8 @@ class _Planner:
         far = np.linalg.norm(position + rotation @ off - (at[:-1] + at[1:]) / 2, axis=1)
         k, most = int(far.argmax()), 1e3 * far.max()
         return [
-            f"between poses {k} and {k + 1} the tool leaves the straight line by {most:.1f} mm, "
-            "since joints are taken to move linearly there: give poses closer together"
+            f"halfway between poses {k} and {k + 1} the tool is {most:.1f} mm off the straight "
+            "line, since joints are taken to move linearly there: give poses closer together"
         ] * bool(most > 1)
 
     def _sunken(self, q: Array) -> list[str]:
