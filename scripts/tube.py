@@ -39,26 +39,47 @@ def perturb(arm: pinsing.Arm, rng: np.random.Generator) -> pinsing.Arm:
 
 
 def find_singular(arm: pinsing.Arm, Q: np.ndarray) -> np.ndarray:
-    """Singular configurations (K, n) near starts (N, n): Newton on the least singular value.
+    """Singular configurations (K, n) near starts (N, n): Newton's method on a bordered Jacobian.
 
-    With u and the null vectors v of the nearest Jacobian of lower rank, ``u J v = 0``: an equation
-    for as many joints as rows, two for one joint more.
+    With singular vectors of J about zero, ``J V + u g = 0`` and ``W V = 1`` have a solution V, g;
+    J has lower rank where g is zero: one number for as many joints as rows, two for one joint more.
     """
-    step = 1e-6
+    n, found = arm.n, [Q[:0]]
+    left, _, right = np.linalg.svd(frame_jacobians(arm, Q))
+    bordered = np.zeros((len(Q), n + 1, n + 1))
+    bordered[:, :6, n:], bordered[:, 6:, :n] = left[:, :, 5:], right[:, 5:]
     for _ in range(40):
-        u, s, vt = np.linalg.svd(frame_jacobians(arm, Q))
-        last = s.shape[1] - 1
-        slope = np.empty((len(Q), arm.n - last, arm.n))
-        for j, e in enumerate(step * np.eye(arm.n)):
-            change = frame_jacobians(arm, Q + e) - frame_jacobians(arm, Q - e)
-            slope[:, :, j] = np.einsum("ni,nij,nkj->nk", u[:, :, last], change, vt[:, last:])
-        value = np.zeros((len(Q), arm.n - last))
-        value[:, 0] = s[:, last]
-        move = np.einsum("njk,nk->nj", np.linalg.pinv(slope / (2 * step), rcond=1e-9), value)
-        size = np.linalg.norm(move, axis=1, keepdims=True)
-        Q = Q - move * np.minimum(1, 0.3 / np.maximum(size, 1e-300))
+        bordered[:, :6, :n] = J = frame_jacobians(arm, Q)
+        solved = np.linalg.inv(bordered)
+        u, V, g = solved[:, n, :6], solved[:, :n, 6:], solved[:, n, 6:, None]
+        slope = slopes(J, u, V)
+        square = slope @ np.swapaxes(slope, 1, 2)
+        # Where walls meet slopes vanish, or are alike.
+        least = np.maximum(1e-18 * np.trace(square, axis1=1, axis2=2), 1e-300)
+        square += least[:, None, None] * np.eye(n - 5)
+        move = (np.swapaxes(slope, 1, 2) @ np.linalg.solve(square, g))[:, :, 0]
+        size = np.linalg.norm(move, axis=1)
+        Q = Q + move * np.minimum(1, 0.3 / np.maximum(size, 1e-300))[:, None]
+        bordered[:, :6, n] = u / np.linalg.norm(u, axis=1, keepdims=True)
+        bordered[:, 6:, :n] = np.swapaxes(np.linalg.qr(V).Q, 1, 2)
+        moving = size > 1e-12
+        found.append(Q[~moving])
+        Q, bordered = Q[moving], bordered[moving]
+    Q = np.concatenate([*found, Q])
     s = np.linalg.svd(frame_jacobians(arm, Q), compute_uv=False)
     return Q[s[:, -1] < 1e-11 * s[:, 0]]
+
+
+def slopes(J: np.ndarray, u: np.ndarray, V: np.ndarray) -> np.ndarray:
+    """Derivatives (N, K, n) of u J V by the joints, for u (N, 6) and V (N, n, K)."""
+    speeds = J[:, :, :, None] * V[:, None]
+    # A joint turns the columns from its own on, and moves the tip about the axes before it.
+    after = np.cumsum(speeds[:, :, ::-1], axis=2)[:, :, ::-1]
+    before = np.cumsum(speeds[:, 3:], axis=2) - speeds[:, 3:]
+    move, turn = J[:, :3, :, None], J[:, 3:, :, None]
+    line = np.cross(turn, after[:, :3], axis=1) + np.cross(before, move, axis=1)
+    angle = np.cross(turn, after[:, 3:], axis=1)
+    return np.einsum("na,najk->nkj", u, np.concatenate([line, angle], axis=1))
 
 
 def distances(form: pinsing.ClosedForm, Q: np.ndarray) -> np.ndarray:
@@ -165,8 +186,9 @@ def attack(name: str, robots: int, searches: int, paths: int, rounds: int, seed:
 
     ``rounds`` is how often each 10,000 searches climb on from the farthest that they found.
     """
-    rng, design, faults = np.random.default_rng(seed), pinsing.load(name), 0
+    design, faults = pinsing.load(name), 0
     for i in range(robots):
+        rng = np.random.default_rng([seed, i])
         robot = perturb(design, rng)
         began = time.process_time()
         form = pinsing.closed_form(robot, design=design)
