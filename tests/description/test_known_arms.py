@@ -19,6 +19,7 @@ from pinsing.description.catalog import (
 from pinsing.description.dh_table import bare_urdf, known_table
 from pinsing.errors import UnknownNameError
 from pinsing.proof.checker import verify
+from pinsing.robot.chain import chain_model, flatten
 
 SECOND = yaml.load(
     (Path(__file__).parent / "arms_second_source.yaml").read_text(), Loader=yaml.CSafeLoader
@@ -102,6 +103,17 @@ def test_entries_are_whole():
             np.hypot(*end.translation[:2]) for end in placements(name, configurations(name, 300))
         ]
         assert 0.5 * reach < max(far) < reach + 0.001, name
+
+
+def test_a_rebuilt_chain_keeps_names_limits_and_speeds():
+    """As that of a calibrated robot, whose speeds are then judged; names are those of its driver."""
+    arm = pinsing.load("ur5e")
+    made = chain_model(flatten(arm), arm)
+    assert list(made.names)[1:] == list(arm.joints)
+    assert made.names[5] == "wrist_2_joint"
+    for limit in ("lowerPositionLimit", "upperPositionLimit", "velocityLimit"):
+        assert np.array_equal(getattr(made, limit), getattr(arm.model, limit)), limit
+    assert (made.velocityLimit == np.pi).all()
 
 
 @pytest.mark.parametrize(

@@ -203,6 +203,7 @@ def known_table(name: str) -> DHTable:
         unit, joint = radians, f"q{number}"
         if "prismatic" in rest:
             kind, unit, joint = "prismatic", metres, f"d{number}"
+        joint = entry["names"][number - 1] if "names" in entry else joint
         limits = [None if value is None else unit(value) for value in rest[:3]]
         frame = radians(alpha), metres(a), metres(d), radians(theta)
         rows.append(DHRow(*frame, kind, joint, *limits))

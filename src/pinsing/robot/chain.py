@@ -113,8 +113,9 @@ def chain_model(chain: Chain, arm: Arm) -> pin.Model:
             high = source.upperPositionLimit[joint.idx_q : joint.idx_q + 1]
         else:
             low, high = np.array([-np.inf]), np.array([np.inf])
-        big = np.array([np.finfo(float).max])
-        parent = model.addJoint(parent, kind, placement, name, big, big, low, high)
+        effort = source.effortLimit[joint.idx_v : joint.idx_v + 1]
+        speed = source.velocityLimit[joint.idx_v : joint.idx_v + 1]
+        parent = model.addJoint(parent, kind, placement, name, effort, speed, low, high)
         model.addJointFrame(parent)
     tip = pin.SE3(chain.R[-1], chain.t[-1])
     model.addFrame(pin.Frame(arm.tip, parent, 0, tip, pin.FrameType.OP_FRAME))
