@@ -106,7 +106,7 @@ def test_entries_are_whole():
 
 
 def test_a_rebuilt_chain_keeps_names_limits_and_speeds():
-    """As that of a calibrated robot, whose speeds are then judged; names are those of its driver."""
+    """As that of a calibrated robot, whose speeds are judged; names are those of its driver."""
     arm = pinsing.load("ur5e")
     made = chain_model(flatten(arm), arm)
     assert list(made.names)[1:] == list(arm.joints)
