@@ -100,7 +100,7 @@ def require_same(robot: Arm, design: Arm, called: str) -> None:
 
 
 def is_odd(robot: Arm) -> bool:
-    """Return True if most axes are off, as after a calibration, and no simple design was found."""
+    """Return True if most axes are off, as after a calibration, and small offsets are left."""
     left = np.abs(flatten(robot.design or robot).t)
     if not ((left > 1e-9) & (left < 10 * LENGTH)).any():
         return False
