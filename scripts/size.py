@@ -10,8 +10,8 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
 LIMITS: dict[str, tuple[int, int]] = {
-    "Python in src: statements": (41_296, 30_000),
-    "Python in src: lines": (76_854, 56_000),
+    "Python in src: statements": (41_297, 30_000),
+    "Python in src: lines": (76_855, 56_000),
     "C++, JavaScript, templates, styles: lines": (14_240, 9_500),
     "modules": (211, 220),
     "packages directly under pinsing": (16, 16),
