@@ -3,9 +3,11 @@
     python scripts/bench/closed_form.py [ARM ...] [--sympy-limit 20] [--no-sympy]
     python scripts/bench/closed_form.py --write docs/closed_forms.md
     python scripts/bench/closed_form.py --check docs/closed_forms.md
+    python scripts/bench/closed_form.py --functions ur5
 
 ``--write`` puts the table of arms and families into a file, ``--check`` fails if the file
-says anything but what comes out now (times aside).
+says anything but what comes out now (times aside). ``--functions`` counts what a reader of one
+closed form has to read: the named functions of pinsing that it passes through, module by module.
 
 Sympy gets two tasks, each in a process of its own that is ended at the limit:
 
@@ -28,12 +30,15 @@ import platform
 import resource
 import sys
 import time
+from collections import Counter
 from collections.abc import Callable, Sequence
 from fractions import Fraction
 from pathlib import Path
 from queue import Empty
+from types import CodeType, FrameType
 from typing import Any, NamedTuple
 
+import pinsing
 from pinsing.algebra.budget import Budget
 from pinsing.algebra.jacobian_matrix import jacobian_matrix
 from pinsing.algebra.matrix import independent_rows
@@ -289,6 +294,22 @@ file's numbers to exact ones makes (length scale 1 m).
 """
 
 
+def passed_through(robot: str) -> Counter[str]:
+    """Named functions of pinsing that one closed form of a loaded robot calls, by module."""
+    closed_form(load("stanford"))  # what is done once a process is not the robot's
+    arm, package, met = load(robot), str(Path(pinsing.__file__).parent), set[CodeType]()
+
+    def meet(frame: FrameType, event: str, _: object) -> None:
+        if event == "call":
+            met.add(frame.f_code)
+
+    sys.setprofile(meet)
+    closed_form(arm)
+    sys.setprofile(None)
+    named = [c for c in met if c.co_filename.startswith(package) and c.co_name[0] != "<"]
+    return Counter(str(Path(c.co_filename).relative_to(package)) for c in named)
+
+
 def compare(old: str, new: str) -> list[str]:
     """Lines of the table that differ, times aside."""
 
@@ -308,7 +329,13 @@ def main() -> None:
     parser.add_argument("--no-sympy", action="store_true")
     parser.add_argument("--write", type=Path, metavar="FILE")
     parser.add_argument("--check", type=Path, metavar="FILE")
+    parser.add_argument("--functions", metavar="ROBOT")
     options = parser.parse_args()
+    if options.functions:
+        found = passed_through(options.functions)
+        print(*(f"{count:4} {module}" for module, count in sorted(found.items())), sep="\n")
+        print(f"{found.total()} functions in {len(found)} modules")
+        return
     chosen = {
         name: spec
         for name, spec in ARMS.items()
