@@ -9,7 +9,7 @@ from singular_sets import check_all
 from tiers import tiered
 
 from pinsing.families import ClosedForm, closed_form, prove
-from pinsing.families.certainty import coverage_words
+from pinsing.families.form import coverage_words
 from pinsing.robot.load import load
 
 DHRows = list[tuple[float, float, float]]

@@ -16,8 +16,8 @@ from pinsing.algebra.jacobian_matrix import constants
 from pinsing.algebra.mimic import own_jacobian_modulo
 from pinsing.algebra.minors import NearMinors
 from pinsing.algebra.surd_ring import ring_of
+from pinsing.families.nearness import OwnPoints
 from pinsing.families.pieces import PieceMaker
-from pinsing.families.real_control import OwnPoints
 from pinsing.families.solve import joint_symbols
 from pinsing.kinematics.jacobian import task_jacobians
 from pinsing.kinematics.verdict import ratios

@@ -17,7 +17,7 @@ import pinsing
 from pinsing.algebra import budget
 from pinsing.algebra.budget import Budget
 from pinsing.families import certificate, proving
-from pinsing.families.certainty import certainty
+from pinsing.families.form import certainty
 from pinsing.families.proving import prove_briefly, within
 from pinsing.proximity.guard import make_guard
 

@@ -9,7 +9,7 @@ import pytest
 import pinsing
 from pinsing.algebra.budget import Budget
 from pinsing.families.describe import describe
-from pinsing.families.real_control import OwnPoints
+from pinsing.families.nearness import OwnPoints
 from pinsing.families.solve import joint_symbols
 from pinsing.families.steps import ComponentSearch
 from pinsing.kinematics.jacobian import generic_rank

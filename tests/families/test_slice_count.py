@@ -13,9 +13,8 @@ from pinsing.algebra.budget import Budget
 from pinsing.algebra.components import Component
 from pinsing.families.form import families_html, families_text
 from pinsing.families.modular_chain import ModularChain
-from pinsing.families.real_control import OwnPoints, RandomSingular, real_points
 from pinsing.families.slice_count import Slice, SliceCount, Slices, count_on_slices
-from pinsing.families.slice_search import SliceSearch
+from pinsing.families.slice_search import RandomSingular, SliceSearch
 from pinsing.families.steps import ComponentSearch
 
 
@@ -139,9 +138,8 @@ def test_with_little_known_and_no_time_nothing_is_said(kept, panda):
 @pytest.mark.slow
 def test_real_points_lead_where_no_slice_does(kept, monkeypatch):
     n = len(kept.ring.prismatic)
-    own = OwnPoints(kept.maker.geometry.arm)
-    real = RandomSingular(kept.maker, real_points(kept.maker, own, Budget(60)))
-    assert not len(real.missed(kept.components))
+    real = RandomSingular.of(kept.maker, Budget(60))
+    assert not real.off(kept.components).any()
 
     def none(self, prime, time):
         raise ValueError
@@ -150,7 +148,7 @@ def test_real_points_lead_where_no_slice_does(kept, monkeypatch):
     tried = 0
     for out in kept.components:
         others = [c for c in kept.components if c is not out]
-        if not out.values or not len(real.missed(others)):
+        if not out.values or not real.off(others).any():
             continue
         tried += 1
         task = kept.maker.geometry.arm.task
@@ -158,7 +156,7 @@ def test_real_points_lead_where_no_slice_does(kept, monkeypatch):
             kept.maker.geometry, task, kept.ring, others, n - 5, Budget(60), real=real
         )
         found.run()
-        assert not len(real.missed(found.components))
+        assert not real.off(found.components).any()
         assert not found.enough  # no slice was asked
     assert tried
 
@@ -190,8 +188,8 @@ def test_values_that_are_the_same_over_one_field_alone_stay_apart():
     told = Told(small={7: every, 11: every}, large={7: every, 11: most})
     assert told.without_parts(slices, known) == [small]
 
-    def real(component):
-        return np.array([component is small, component is large])
+    def off(components):  # one real point on each alone
+        return ~np.array([small in components, large in components])
 
     told = Told(small={7: every, 11: every}, large={7: every, 11: every})
-    assert told.without_parts(slices, known, real) == known
+    assert told.without_parts(slices, known, off) == known

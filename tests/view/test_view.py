@@ -25,7 +25,7 @@ from tiers import tiered
 
 from pinsing.errors import ConfigurationError, OptionError, OutputError, UnknownNameError
 from pinsing.families import closed_form
-from pinsing.families.certainty import coverage_words
+from pinsing.families.form import coverage_words
 from pinsing.kinematics.jacobian import frame_jacobian, singular_values, tip_placement
 from pinsing.measures import pure_ellipsoids, velocity_ellipsoid
 from pinsing.robot.arm import Arm

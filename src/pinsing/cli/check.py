@@ -206,7 +206,7 @@ def check_command(
         answer = summary(check, degrees, file.name, request.words)
         emit_lines(f"{answer}\n\n{details(check, degrees)}")
     if view or html is not None:
-        from pinsing.families.certainty import coverage_words
+        from pinsing.families.form import coverage_words
         from pinsing.view.trajectory import trajectory_data
         from pinsing.view.viewer import Viewer
 

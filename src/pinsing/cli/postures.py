@@ -91,7 +91,7 @@ def postures_command(
     if not emit_json(found, json_target):
         emit_lines(found.text(in_degrees(deg)))
     if view or html is not None:
-        from pinsing.families.certainty import coverage_words
+        from pinsing.families.form import coverage_words
         from pinsing.view.viewer import Viewer
 
         said = coverage_words(form)

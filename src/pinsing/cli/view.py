@@ -127,7 +127,7 @@ def view_command(
 
         if not skeleton:
             read_links_ahead(arm)  # a child process reads them meanwhile
-        from pinsing.families.certainty import coverage_words
+        from pinsing.families.form import coverage_words
         from pinsing.view.viewer import Viewer
 
         with waiting() as at:

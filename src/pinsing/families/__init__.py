@@ -6,14 +6,13 @@ from pinsing._package import public
 
 if TYPE_CHECKING:
     from pinsing.algebra.equation import Equation as Equation
-    from pinsing.families.certainty import Proof as Proof
     from pinsing.families.design_form import (
         DesignChange as DesignChange,
         DesignFamily as DesignFamily,
         DesignForm as DesignForm,
     )
     from pinsing.families.family import Family as Family
-    from pinsing.families.form import ClosedForm as ClosedForm
+    from pinsing.families.form import ClosedForm as ClosedForm, Proof as Proof
     from pinsing.families.nearness import Distance as Distance
     from pinsing.families.parts import Branch as Branch, JointValue as JointValue
     from pinsing.families.proving import prove as prove
@@ -23,10 +22,9 @@ public(
     __name__,
     {
         "pinsing.algebra.equation": "Equation",
-        "certainty": "Proof",
         "design_form": "DesignChange DesignFamily DesignForm",
         "family": "Family",
-        "form": "ClosedForm",
+        "form": "ClosedForm Proof",
         "nearness": "Distance",
         "parts": "Branch JointValue",
         "proving": "prove",

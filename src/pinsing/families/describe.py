@@ -41,10 +41,9 @@ from pinsing.algebra.equation import LATEX, PLAIN, Equation, latex_symbol
 from pinsing.algebra.nearest import two_sided
 from pinsing.families.at_once import LONG, at_once, long_form, long_ones, solved_for
 from pinsing.families.family import Family
-from pinsing.families.nearness import near
+from pinsing.families.nearness import OwnPoints, near
 from pinsing.families.parts import Branch, KindPart, ValueReach, values_reached
 from pinsing.families.pieces import PieceMaker, SolvedPiece
-from pinsing.families.real_control import OwnPoints
 from pinsing.families.zero_set import Stop, gradients, project, proven_empty, residuals
 from pinsing.kinematics.at import Loss, State, loss_at
 from pinsing.kinematics.axis_dependence import generic_axes

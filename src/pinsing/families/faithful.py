@@ -22,8 +22,8 @@ from pinsing.algebra.ring import MadeOnce, Poly, Ring, terms_of
 from pinsing.algebra.trig_sum import TINY
 from pinsing.arguments import typed
 from pinsing.families.family import Family
+from pinsing.families.nearness import BLUNT, OwnPoints
 from pinsing.families.parts import Branch
-from pinsing.families.real_control import BLUNT, OwnPoints
 from pinsing.families.zero_set import thrown
 from pinsing.measures import ALIKE, FLOAT_NOISE
 from pinsing.robot.nominal import Nominal

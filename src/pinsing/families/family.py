@@ -22,7 +22,7 @@ from pinsing.algebra.nearest import BOXES, GAP, SearchOptions
 from pinsing.arguments import checked, columns_of, real_numbers, whole_number
 from pinsing.errors import ConfigurationError, OptionError, UnknownNameError
 from pinsing.families.at_once import LONG, AtOnce, SolvedFor, long_form, long_ones
-from pinsing.families.nearness import Confirm, Distance, Starts, near, nearest, own_nearest
+from pinsing.families.nearness import Distance, OwnPoints, Starts, near, nearest, own_nearest
 from pinsing.families.parts import Branch, KindPart, ValueReach, reach_words
 from pinsing.families.zero_set import ROUNDS, Stop, search
 from pinsing.measures import ROUNDING, Reachability
@@ -82,7 +82,7 @@ class Members:
     prismatic: Bool
     length_scale: float
     arm: Arm | None  # the arm, where it is known
-    confirm: Confirm | None
+    confirm: OwnPoints | None
 
     @property
     def n(self) -> int:
@@ -571,7 +571,7 @@ class Family(Members, JsonResult):
     limit_tolerance: Array | None = None
     limits_met: tuple[str, ...] = ()
     components: tuple[Component, ...] = field(default=(), repr=False, metadata={"json": False})
-    confirm: Confirm | None = field(default=None, repr=False, metadata={"json": False})
+    confirm: OwnPoints | None = field(default=None, repr=False, metadata={"json": False})
     solved: tuple[SolvedFor, ...] = field(default=(), metadata={"optional": True})
     at_once: tuple[AtOnce, ...] = field(default=(), metadata={"optional": True})
     arm: Arm | None = field(default=None, repr=False, metadata={"json": False})

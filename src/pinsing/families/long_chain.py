@@ -272,11 +272,6 @@ class RealPoints:
         off = residuals(branch.equations, self.q) if branch.equations else np.zeros(0)
         return bool((np.abs(off) < _ON).all())
 
-    def vanishes(self, poly: Poly) -> Bool:
-        """At which of them (N,) a polynomial is zero."""
-        off = residuals([self.maker.equation_of(poly)], self.q)
-        return np.asarray(np.abs(off)[:, 0] < _ON)
-
 
 @dataclass(frozen=True, eq=False)
 class PrimePoints:
@@ -299,10 +294,6 @@ class PrimePoints:
             and all(p.is_zero(r) for r in component.relations)
             for p in self.points
         )
-
-    def vanishes(self, poly: Poly) -> Bool:
-        """See ``RealPoints``."""
-        return np.array([p.is_zero(poly) for p in self.points], dtype=bool)
 
 
 MetPoints: TypeAlias = RealPoints | PrimePoints

@@ -1,10 +1,10 @@
-"""How near a family is."""
+"""How near a family is, and which points of its equations are its own: singular ones."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import ClassVar, Protocol
+from typing import ClassVar
 
 import numpy as np
 
@@ -13,7 +13,11 @@ from pinsing.algebra.conditions import Conditions
 from pinsing.algebra.nearest import SearchOptions, nearest_points
 from pinsing.families.parts import Branch
 from pinsing.families.zero_set import Stop, project, thrown
-from pinsing.measures import ROUNDING
+from pinsing.kinematics.batch import own_scale
+from pinsing.kinematics.jacobian import own_jacobians_and_derivatives
+from pinsing.kinematics.verdict import ratios
+from pinsing.measures import NOISE, ROUNDING
+from pinsing.robot.arm import Arm
 from pinsing.robot.joint_space import JointSpace
 from pinsing.serialization import JsonResult
 
@@ -58,21 +62,78 @@ class Distance(JsonResult):
         return f"{self.value:.6g} ({kind}), to q = {at}"
 
 
-class Confirm(Protocol):
-    """Which points (N, n) of a family's equations are its own: see ``Family.confirm``."""
+BLUNT = 1e-4
+"""Radians, metres, or shares of an equation's coefficients: up to here a point that Newton's method
+found is on a branch where it is a multiple root, of which half of the digits or less hold."""
 
-    @property
-    def touching(self) -> bool:
-        """True if all of them are, but for digits: equations touch zero there."""
+
+@dataclass(frozen=True, eq=False)
+class OwnPoints:
+    """The singular ones among the points of equations."""
+
+    arm: Arm  # the exact one
+    # whether the equations are known to be zero at singular points only: they touch zero there,
+    # which leaves their points half of the digits
+    touching: bool = False
 
     def __call__(self, points: Array) -> Bool:
-        """Return which of some points (N, n) are."""
+        """Return which of some points (N, n) are singular."""
+        # sigma_r / sigma_1 of what is singular among the points of equations.
+        return ratios(self.arm, points) <= 1e-6
 
     def drawn(self, starts: Array, free: Bool, box: tuple[Array, Array]) -> Array:
-        """Own points (k, n) of a box that starts (N, n) in it lead to, along ``free`` joints."""
+        """Singular points (k, n) of a box that starts (N, n) in it lead to; see ``OwnPoints``."""
+        if not len(starts):
+            return starts
+        # Steps from random starts.
+        q = _newton(self.arm, starts, free, 30, box)
+        q = q[np.isfinite(q).all(axis=-1)]
+        return q[ratios(self.arm, q) <= NOISE] if len(q) else q
 
     def sharpened(self, points: Array, free: Bool) -> Array:
-        """Own points (N, n) to all digits, moved along ``free`` joints (n,)."""
+        """Return points (N, n) made singular to all digits along ``free`` joints, if possible."""
+        before = ratios(self.arm, points)
+        blunt = np.flatnonzero(before > NOISE)
+        if not len(blunt):
+            return points
+        moved = _newton(self.arm, points[blunt], free)
+        near = np.isfinite(moved).all(axis=-1)
+        # Radians or metres: what is this far away is another point.
+        near &= np.abs(np.where(np.isfinite(moved), moved, 0.0) - points[blunt]).max(axis=-1) < 1e-3
+        moved = np.where(near[:, None], moved, points[blunt])
+        better = ratios(self.arm, moved) < before[blunt]
+        sharp = points.copy()
+        sharp[blunt[better]] = moved[better]
+        return sharp
+
+
+def _newton(
+    arm: Arm, q: Array, free: Bool, steps: int = 8, box: tuple[Array, Array] | None = None
+) -> Array:
+    """Solve J(q)^T u = 0 and u.u = 1 for q (N, n) and the lost direction u, near a solution."""
+    # From elsewhere many starts end nowhere. Minimum-norm steps, sliders in the arm's own length as
+    # in H: the solutions are a set of some dimension.
+    J, H = own_jacobians_and_derivatives(arm, q)
+    u = np.linalg.svd(J)[0][..., -1]
+    n, columns = q.shape[-1], own_scale(arm).columns
+    for _ in range(steps):
+        residual = np.concatenate(
+            [np.einsum("kr,krj->kj", u, J), (u * u).sum(axis=-1, keepdims=True) - 1], axis=-1
+        )
+        A = np.zeros((len(q), n + 1, n + u.shape[-1]))
+        A[:, :n, :n] = np.einsum("kr,krij->kij", u, H) * free
+        A[:, :n, n:] = np.swapaxes(J, -1, -2)
+        A[:, n, n:] = 2 * u
+        # Singular values of Newton's matrix that count, relative to the largest.
+        step = -np.einsum("kij,kj->ki", np.linalg.pinv(A, rcond=1e-10), residual)
+        long = np.linalg.norm(step[:, :n], axis=-1, keepdims=True)
+        # Radians or metres of a step.
+        step *= np.minimum(1.0, 1.0 / np.maximum(long, 1e-300))
+        q = q + np.where(free, step[:, :n] * columns, 0.0)
+        q = q if box is None else np.clip(q, *box)  # sliders would go on without end
+        u = u + step[:, n:]
+        J, H = own_jacobians_and_derivatives(arm, q)
+    return q
 
 
 def near(
@@ -80,7 +141,7 @@ def near(
     space: JointSpace,
     q: Array,
     tol: float,
-    confirm: Confirm | None = None,
+    confirm: OwnPoints | None = None,
 ) -> Bool:
     """Return which of q (N, n) have a point of some branch within ``tol``, limits aside."""
     found = np.zeros(len(q), dtype=bool)
@@ -122,7 +183,7 @@ def nearest(
 
 
 def own_nearest(
-    found: Distance, branches: Sequence[Branch], space: JointSpace, q: Array, confirm: Confirm
+    found: Distance, branches: Sequence[Branch], space: JointSpace, q: Array, confirm: OwnPoints
 ) -> Distance:
     """Return the distance to a confirmed point; its lower bound holds, as families are subsets."""
     if not np.isfinite(found.q).all() or confirm(found.q[None])[0]:
@@ -160,7 +221,7 @@ class Starts:
     upper: Array
     within: bool  # whether points outside of it do not count
 
-    def own(self, confirm: Confirm, n: int, rng: np.random.Generator, stop: Stop | None) -> Array:
+    def own(self, confirm: OwnPoints, n: int, rng: np.random.Generator, stop: Stop | None) -> Array:
         """Return up to n own points (k, n), about as many a branch, by rank, then by equations."""
         found = [np.zeros((0, self.space.n))]
         share, box = -(-n // max(1, len(self.held))), (self.lower, self.upper)

@@ -23,7 +23,7 @@ from pinsing.algebra.real_roots import (
     real_solutions,
 )
 from pinsing.algebra.ring import MadeOnce, Poly, Ring, Value
-from pinsing.families.nearness import Confirm
+from pinsing.families.nearness import OwnPoints
 from pinsing.families.parts import Branch, JointValue
 from pinsing.families.zero_set import ROUNDS, fix_joint, never_zero, proven_empty, search, thrown
 from pinsing.kinematics.jacobian import task_jacobians
@@ -65,7 +65,7 @@ class PieceMaker:
         self.rng = np.random.default_rng(seed)
         self.unsolved = 0
         """Systems that stay equations because time was over."""
-        self.confirm: Confirm | None = None
+        self.confirm: OwnPoints | None = None
         """Which points of equations are singular, where that is to be asked; see ``Family``."""
         self.products = False
         """Whether relations may be products, whose roots are not to be listed."""

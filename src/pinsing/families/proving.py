@@ -13,10 +13,9 @@ from pinsing.algebra.budget import Apart, Budget, BudgetExceeded
 from pinsing.algebra.jacobian_matrix import constants
 from pinsing.algebra.mimic import NotFollowed
 from pinsing.algebra.surd_ring import ring_of
-from pinsing.families.certainty import Proof
 from pinsing.families.certificate import Stated, certificate, text_of
 from pinsing.families.faithful import disagreements
-from pinsing.families.form import ClosedForm
+from pinsing.families.form import ClosedForm, Proof
 from pinsing.families.proof_forms import NotFound
 from pinsing.proof.checker import Rejected, verify
 from pinsing.robot.surd import Surd

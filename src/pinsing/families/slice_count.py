@@ -231,11 +231,11 @@ class Slices:
         self,
         slices: Sequence[Slice],
         components: Sequence[Component],
-        real: Callable[[Component], Bools] | None = None,
+        off: Callable[[list[Component]], Bools] | None = None,
     ) -> list[Component]:
         """Return components but for those of whose points, which are many, one other has all."""
         # Two searches state one set in two ways: the shorter is kept. Values that differ may agree
-        # over one small field: points over two must say it, and ``real`` ones.
+        # over one small field: points over two must say it, and real ones, of those ``off`` tells.
         left = sorted(components, key=lambda c: (c.codimension, sum(map(len, c.relations))))
         of = [np.full(s.x.shape[1], s.prime) for s in slices]
         primes = np.concatenate(of) if of else np.zeros(0, dtype=np.int64)
@@ -248,7 +248,7 @@ class Slices:
             for k in left:
                 if k is c or not np.concatenate(self.held(slices, k))[own].all():
                     continue
-                if real is None or not (real(c) & ~real(k)).any():
+                if off is None or not (~off([c]) & off([k])).any():
                     left = [x for x in left if x is not c]
                     break
         return [c for c in components if any(c is k for k in left)]

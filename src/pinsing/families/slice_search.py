@@ -7,19 +7,22 @@ minor: 0, 90 or 180 degrees, or where an axis passes through a wrist. At that va
 all minors takes seconds, where in general it would take hours.
 
 Slices are gone through until nothing new turns up over several fields. A component that has points
-over none of these may have real ones: those on no family lead on in the same way.
+over none of these may have real ones: those on no family lead on in the same way. A component whose
+joint values are roots of an equation has points over the fields only that have these roots; over
+the real numbers random starts meet it where it has real points at all.
 """
 
 from __future__ import annotations
 
 from collections import Counter, defaultdict
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from fractions import Fraction
 from itertools import combinations
 
 import numpy as np
 
-from pinsing._types import Array
+from pinsing._types import Array, Bool
 from pinsing.algebra.budget import Budget, BudgetExceeded
 from pinsing.algebra.components import Component, RandomSteps, merged, on_any, settled
 from pinsing.algebra.decompose import Decomposition, Within
@@ -30,8 +33,10 @@ from pinsing.algebra.minors import NearMinors, NotSquare
 from pinsing.algebra.ring import Poly, Ring, Value
 from pinsing.algebra.zeros import Undecided
 from pinsing.families.modular_chain import at_value, value_modulo
-from pinsing.families.real_control import RandomSingular
+from pinsing.families.nearness import BLUNT, OwnPoints
+from pinsing.families.pieces import PieceMaker
 from pinsing.families.slice_count import NEEDED, Slice, SliceCount, Slices
+from pinsing.families.zero_set import residuals
 from pinsing.robot.nominal import Nominal
 from pinsing.robot.task import Task
 
@@ -58,6 +63,57 @@ def without_inner(
         if points and all(points):
             left = others
     return left
+
+
+@dataclass(frozen=True, eq=False)
+class RandomSingular:
+    """Singular configurations that random starts led to."""
+
+    maker: PieceMaker  # of the chain
+    q: Array  # (k, n): the configurations
+
+    @classmethod
+    def of(cls, maker: PieceMaker, time: Budget) -> RandomSingular:
+        """Those that random starts over whole circles lead to."""
+        own, rng = OwnPoints(maker.geometry.arm), np.random.default_rng(37)
+        box, n = (maker.lower, maker.upper), len(maker.symbols)
+        found = []
+        for _ in range(4):
+            # Random starts at once.
+            starts = rng.uniform(*box, (100, n))
+            found.append(own.drawn(starts, np.ones(n, dtype=bool), box))
+            # Work of a batch of starts, in products of terms.
+            if time.stop(1e6):
+                break
+        return cls(maker, np.concatenate(found))
+
+    def off(self, components: Sequence[Component]) -> Bool:
+        """Return which of them are clearly on none of some components: (k,)."""
+        left = np.ones(len(self.q), dtype=bool)
+        for c in components:
+            q = self.q[left]
+            if not len(q):
+                break
+            branch = self.maker.branch_of(c.values, c.relations)
+            off = np.zeros(len(q))
+            for v in branch.values:
+                off = np.maximum(off, self.maker.away(q, v))
+            if branch.equations:
+                off = np.maximum(off, np.abs(residuals(branch.equations, q)).max(axis=-1))
+            left[left] = off > BLUNT
+        return left
+
+    def gap(self, missed: Bool) -> list[str]:
+        """Return what missed ones say, with one of them; nothing where none was missed."""
+        if not missed.any():
+            return []
+        q = self.q[int(np.argmax(missed))]
+        turned = np.remainder(q + np.pi, 2 * np.pi) - np.pi
+        shown = ", ".join(f"{x:.4g}" for x in np.where(self.maker.ring.prismatic, q, turned))
+        return [
+            f"{int(missed.sum())} of {len(self.q)} singular configurations that random starts led "
+            f"to lie on no family, such as q = {shown}: something is missing"
+        ]
 
 
 _FOR_VALUES = 0.1
@@ -130,12 +186,13 @@ class SliceSearch:
         counted = [s for p in (clean or self.kept) for s in self.kept[p]]
         if not counted or (self._open and not clean and len(self._open) < NEEDED):
             return
-        on = None if self.real is None else self.real.on
         unmet = [c for c in self.components if not any(map(np.any, self.slices.held(counted, c)))]
         # Share of the time for whether components that were not met are parts of others.
         time = self.time.part(1.0, 0.03)
         self.components = without_inner(self.components, unmet, self.ring, time)
-        self.components = self.slices.without_parts(counted, self.components, on)
+        self.components = self.slices.without_parts(
+            counted, self.components, None if self.real is None else self.real.off
+        )
         self.count = count = self.slices.count(counted, self.components)
         # Share of the components that must have been met: of those not known, as many may have
         # been.
@@ -178,7 +235,7 @@ class SliceSearch:
         """Search at the joint values of real points on no family, the most frequent first."""
         if self.real is None or self.time.over:
             return
-        off = self.real.missed(self.components)
+        off = self.real.q[self.real.off(self.components)]
         while len(off) and not self.time.stop():
             if (at := self._next_real(off)) is None:
                 return
@@ -186,7 +243,7 @@ class SliceSearch:
             before = self.components
             self._search(dict([at]))
             if self.components != before:
-                off = self.real.missed(self.components)
+                off = self.real.q[self.real.off(self.components)]
 
     def _next_real(self, off: Array) -> At | None:
         """The value of a joint that most of some real points share, of those not tried."""
@@ -195,9 +252,16 @@ class SliceSearch:
             (j, value): count
             for j, values in self._values().items()
             for value in values
-            if (j, value) not in self._tried and (count := int(self.real.at(off, j, value).sum()))
+            if (j, value) not in self._tried and (count := self._at(off, j, value))
         }
         return max(shared, key=lambda at: shared[at], default=None)
+
+    def _at(self, q: Array, joint: int, value: Value) -> int:
+        """Return how many of some configurations (m, n) have a joint at a value."""
+        assert self.real is not None
+        maker = self.real.maker
+        held = maker.branch_of({joint: value}, ()).values[0]
+        return int((maker.away(q, held) < BLUNT).sum())
 
     def _taken_in(self, off: list[Slice]) -> list[Slice]:
         """Return what is left of points when systems that have some of them are components, too."""

@@ -39,10 +39,10 @@ from pinsing.algebra.jacobian_matrix import constants, jacobian_matrix
 from pinsing.algebra.ring import Poly, Ring, Value
 from pinsing.algebra.surd_ring import ring_of
 from pinsing.families.long_chain import LongChain, gaps
+from pinsing.families.nearness import OwnPoints
 from pinsing.families.pieces import PieceMaker
-from pinsing.families.real_control import OwnPoints, RandomSingular, gap, on_none, real_points
 from pinsing.families.slice_count import SliceCount
-from pinsing.families.slice_search import SliceSearch
+from pinsing.families.slice_search import RandomSingular, SliceSearch
 from pinsing.robot.arm import Arm
 from pinsing.robot.exact_placements import IDENTITY
 from pinsing.robot.nominal import Nominal
@@ -295,7 +295,6 @@ def slices(s: ComponentSearch) -> bool:
     """
     if not s.slices or s.chain is None:
         return False
-    own = OwnPoints(s.geometry.arm)
 
     def near(values: Mapping[int, Value], time: Budget) -> Sequence[Component]:
         s.maker.time = time
@@ -304,7 +303,7 @@ def slices(s: ComponentSearch) -> bool:
 
     near_at = near if s.arm.n > _MANY else None  # of nine joints all minors take seconds there
     # No random starts are made after a tenth of the time that is left.
-    real = RandomSingular(s.maker, real_points(s.maker, own, s.rest(0.1)))
+    real = RandomSingular.of(s.maker, s.rest(0.1))
     # Of many joints families take long to describe: that has the rest of the time.
     time, largest = s.rest(0.7), s.arm.n - s.rank + 1
     given = s.geometry, s.task, s.ring, s.components, largest, time
@@ -313,12 +312,12 @@ def slices(s: ComponentSearch) -> bool:
     s.components, s.count = found.components, found.count
     s.gaps = [] if found.enough else s.gaps
     s.random = together([s.random, *found.steps] if s.gaps else found.steps)
-    missed = on_none(s.maker, real.q, s.components)
+    missed = real.off(s.components)
     s.closed = found.enough and not missed.any()
     if s.count is not None:
-        s.gaps = gap(real.q, missed, s.arm.prismatic) + s.gaps
+        s.gaps = real.gap(missed) + s.gaps
         s.count = replace(s.count, real=len(real.q), real_off=int(missed.sum()))
-    s.maker.confirm = own
+    s.maker.confirm = OwnPoints(s.geometry.arm)
     return True
 
 

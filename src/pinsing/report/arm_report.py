@@ -18,10 +18,9 @@ from pinsing.arguments import checked, typed
 from pinsing.atomic_write import check_writable, write_bytes, write_text
 from pinsing.errors import OptionError, OutputError
 from pinsing.families import ClosedForm, Family
-from pinsing.families.certainty import coverage_words
 from pinsing.families.certificate import text_of
 from pinsing.families.describe import ORDER, missing_everywhere
-from pinsing.families.form import PLACE
+from pinsing.families.form import PLACE, coverage_words
 from pinsing.kinematics.at import SINGULAR, State
 from pinsing.measures import Reachability
 from pinsing.proximity.clearance import Clearance

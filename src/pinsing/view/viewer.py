@@ -13,7 +13,7 @@ from pinsing._types import Array, ArrayLike
 from pinsing.arguments import checked, shown
 from pinsing.errors import ArgumentError, OptionError
 from pinsing.families import Family, joint_symbols
-from pinsing.families.certainty import coverage_words
+from pinsing.families.form import coverage_words
 from pinsing.families.tube import Tube
 from pinsing.kinematics.jacobian import frame_jacobians
 from pinsing.measures import SINGULAR_RTOL, pure_ellipsoids
