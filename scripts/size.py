@@ -10,14 +10,14 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
 LIMITS: dict[str, tuple[int, int]] = {
-    "Python in src: statements": (41_214, 30_000),
-    "Python in src: lines": (76_683, 56_000),
+    "Python in src: statements": (41_119, 30_000),
+    "Python in src: lines": (76_474, 56_000),
     "C++, JavaScript, templates, styles: lines": (14_240, 9_500),
-    "modules": (211, 220),
+    "modules": (209, 220),
     "packages directly under pinsing": (16, 16),
     "numbers in module constants": (499, 500),
     "names exported by pinsing": (32, 32),
-    "lines of tests": (39_791, 28_000),
+    "lines of tests": (39_789, 28_000),
     "words of Markdown, changelog excluded": (39_999, 40_000),
     "CHANGELOG.md: lines": (150, 150),
 }
