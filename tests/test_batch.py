@@ -252,7 +252,7 @@ def test_the_kernel_itself_checks_shapes(isa: str) -> None:
             1,
         )
     with pytest.raises(ValueError, match="not covered"):
-        engine._kernel.svdvals(np.zeros((3, 7, 7)), np.empty((3, 7)), isa, 1, 50)
+        engine._kernel.svdvals(np.zeros((3, 7, 7)), np.empty((3, 7)), isa, 1, 50, True)
 
 
 def test_flat_chain_is_checked_and_frozen(isa: str) -> None:

@@ -17,7 +17,7 @@ MOST_EXPONENT: int
 MOST_FREE: int
 
 class ConditionSet:
-    def __init__(self, families: int, *arrays_and_norm: Any) -> None: ...
+    def __init__(self, families: int, flat: dict[str, NDArray[Any]], largest: bool) -> None: ...
     def clearances(
         self,
         X: NDArray[np.float64],
@@ -148,7 +148,7 @@ def svdvals(
     isa: str,
     threads: int,
     max_sweeps: int,
-    by_roots: bool = True,
+    by_roots: bool,
 ) -> int: ...
 def walks(
     R: NDArray[np.float64],

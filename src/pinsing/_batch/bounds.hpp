@@ -98,29 +98,6 @@ static Both bounds_of_equation(const Conditions& c, std::int64_t e, const V* x, 
     return Both{lower, upper};
 }
 
-// Solves (A + ridge) y = b for a symmetric A (k, k) in place; b becomes y. Any y will do for the
-// bound that is made of it, so there are no pivots.
-static void solve_spd(V* A, V* b, int k) {
-    V trace = broadcast(1e-300);
-    for (int i = 0; i < k; i++) trace += A[i * k + i];
-    for (int i = 0; i < k; i++) A[i * k + i] += trace * 1e-13;
-    for (int i = 0; i < k; i++) {
-        for (int j = 0; j <= i; j++) {
-            V sum = A[i * k + j];
-            for (int m = 0; m < j; m++) sum -= A[i * k + m] * A[j * k + m];
-            A[i * k + j] = i == j ? vsqrt(vmax(sum, trace * 1e-15)) : sum / A[j * k + j];
-        }
-    }
-    for (int i = 0; i < k; i++) {
-        for (int m = 0; m < i; m++) b[i] -= A[i * k + m] * b[m];
-        b[i] = b[i] / A[i * k + i];
-    }
-    for (int i = k - 1; i >= 0; i--) {
-        for (int m = i + 1; m < k; m++) b[i] -= A[m * k + i] * b[m];
-        b[i] = b[i] / A[i * k + i];
-    }
-}
-
 // Scratch of bounds_of_branch, in blocks.
 static std::size_t branch_blocks(int n) {
     const int k = kMaxCombined;
@@ -162,7 +139,7 @@ static Both bounds_of_branch(const Conditions& c, std::int64_t first, std::int64
             gram[i * k + m] = sum;
         }
     }
-    solve_spd(gram, multiple, k);
+    solve_spd(gram, multiple, k, 1e-13, 1e-15);
     V v = broadcast(0.0), err = broadcast(0.0), slope = broadcast(0.0), sizes = broadcast(0.0);
     for (int j = 0; j < n; j++) both[j] = broadcast(0.0);
     for (int i = 0; i < k; i++) {

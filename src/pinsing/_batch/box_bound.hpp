@@ -39,15 +39,14 @@ public:
         box.low = std::max(known, norm_of(off, n, largest_) * (1.0 - 4e-15));
         std::copy(near, near + n, box.near);
         double bend[kJoints] = {};
-        for (std::size_t i = 0; i < b_.sums.size(); i++) {
-            Sum::At& one = b_.at[i];
-            b_.sums[i].at(box.c, box.h, n, one);
+        for (std::size_t i = 0; i < b_.at.size(); i++) {
+            const SumAt& one = b_.look(i, box.c, box.h);
             if (!of_slab(q, box, lo, hi, near, one.value, one.g, one.rest)) return false;
             double steep = 1e-300;
             for (int j = 0; j < n; j++) steep += std::fabs(one.g[j]) * box.h[j] + one.bend[j];
             for (int j = 0; j < n; j++) bend[j] = std::max(bend[j], one.bend[j] / steep);
         }
-        if (b_.sums.size() > 1 && !of_combination(q, box, lo, hi, near)) return false;
+        if (b_.at.size() > 1 && !of_combination(q, box, lo, hi, near)) return false;
         box.widest = 0;
         double top = -1.0;
         for (int j = 0; j < n; j++) {
@@ -99,9 +98,9 @@ private:
     bool of_combination(const double* q, Box& box, const double* lo, const double* hi,
                         const double* near) const {
         const int n = b_.d();
-        const int k = std::min<int>(static_cast<int>(b_.sums.size()), kMaxCombined);
-        const std::vector<Sum::At>& at = b_.at;
-        double A[kMaxCombined * kMaxCombined], y[kMaxCombined], trace = 1e-300;
+        const int k = std::min<int>(static_cast<int>(b_.at.size()), kMaxCombined);
+        const std::vector<SumAt>& at = b_.at;
+        double A[kMaxCombined * kMaxCombined], y[kMaxCombined];
         for (int i = 0; i < k; i++) {
             y[i] = at[i].value;
             for (int j = 0; j < n; j++) y[i] += at[i].g[j] * (near[j] - box.c[j]);
@@ -110,24 +109,8 @@ private:
                 for (int j = 0; j < n; j++) sum += at[i].g[j] * at[m].g[j];
                 A[i * k + m] = sum;
             }
-            trace += A[i * k + i];
         }
-        for (int i = 0; i < k; i++) A[i * k + i] += 1e-13 * trace;
-        for (int i = 0; i < k; i++) {  // Cholesky; any multiples will do for a bound
-            for (int j = 0; j <= i; j++) {
-                double sum = A[i * k + j];
-                for (int m = 0; m < j; m++) sum -= A[i * k + m] * A[j * k + m];
-                A[i * k + j] = i == j ? std::sqrt(std::max(sum, 1e-15 * trace)) : sum / A[j * k + j];
-            }
-        }
-        for (int i = 0; i < k; i++) {
-            for (int m = 0; m < i; m++) y[i] -= A[i * k + m] * y[m];
-            y[i] /= A[i * k + i];
-        }
-        for (int i = k - 1; i >= 0; i--) {
-            for (int m = i + 1; m < k; m++) y[i] -= A[m * k + i] * y[m];
-            y[i] /= A[i * k + i];
-        }
+        solve_spd(A, y, k, 1e-13, 1e-15);
         double value = 0.0, rest = 0.0, size = 0.0, g[kJoints] = {};
         for (int i = 0; i < k; i++) {
             value += y[i] * at[i].value;
@@ -143,7 +126,7 @@ private:
     // leave; false where that is nothing.
     bool shrink(const double* q, double most, double* lo, double* hi, Box& box) const {
         const int n = b_.d();
-        for (const Sum::At& one : b_.at) {
+        for (const SumAt& one : b_.at) {
             double reach = 0.0;
             for (int j = 0; j < n; j++) reach += std::fabs(one.g[j]) * box.h[j];
             const double slack = one.rest + 4e-16 * (n + 4) * (std::fabs(one.value) + reach);

@@ -31,92 +31,81 @@ inline double part_of(double whole, double fixed, bool largest) {
     return fixed < whole ? std::sqrt((whole - fixed) * (whole + fixed)) : -1.0;
 }
 
-// Value, gradient and bounds of one equation, its joints numbered as in a branch.
-struct Sum {
-    struct Term {
-        double amplitude, phase;
-        int rates, powers;  // how many follow in the lists below
-    };
-    std::vector<Term> terms;
-    std::vector<int> rate_joint, power_joint, power;
-    std::vector<double> rate;
-    double noise = 0.0, reach = 0.0, curvature = 0.0;
-    double unit = 1.0;  // residuals are relative to this times the size
-    bool sliding = false;
+inline double vsqrt(double x) { return std::sqrt(x); }
+inline double vmax(double x, double y) { return std::max(x, y); }
+#include "cholesky.hpp"
 
-    struct At {
-        double value, error, rest, size;
-        double g[kJoints];
-        double bend[kJoints];  // with half-widths: how much each joint adds to the rest
-    };
-
-    // At x; with half-widths h also the rest of the linear approximation within the box.
-    void at(const double* x, const double* h, int d, At& out) const {
-        double value = 0.0, rest = 0.0, size = 0.0, farthest = 4.0;
-        double* bend = out.bend;
-        std::fill(out.g, out.g + d, 0.0);
-        if (h != nullptr) std::fill(bend, bend + d, 0.0);
-        const int* rj = rate_joint.data();
-        const double* r = rate.data();
-        const int* pj = power_joint.data();
-        const int* p = power.data();
-        for (const Term& term : terms) {
-            double angle = term.phase, swing = 0.0;
-            for (int k = 0; k < term.rates; k++) {
-                angle += r[k] * x[rj[k]];
-                farthest = std::max(farthest, std::fabs(x[rj[k]]));
-                if (h != nullptr) swing += std::fabs(r[k]) * h[rj[k]];
-            }
-            const double s = std::sin(angle), c = std::cos(angle);
-            double power_now = term.amplitude;
-            for (int k = 0; k < term.powers; k++)
-                for (int i = 0; i < p[k]; i++) power_now *= x[pj[k]];
-            value += power_now * c;
-            const double turned = power_now * s;
-            for (int k = 0; k < term.rates; k++) out.g[rj[k]] -= turned * r[k];
-            double largest = std::fabs(power_now), first = 0.0, squares = 0.0;
-            double magnitude = std::fabs(term.amplitude);
-            if (term.powers > 0) {
-                largest = std::fabs(term.amplitude);
-                for (int k = 0; k < term.powers; k++) {
-                    double lowered = term.amplitude * p[k];
-                    for (int m = 0; m < term.powers; m++)
-                        for (int i = m == k ? 1 : 0; i < p[m]; i++) lowered *= x[pj[m]];
-                    out.g[pj[k]] += lowered * c;
-                    const double half = h != nullptr ? h[pj[k]] : 0.0;
-                    const double a = std::max(std::fabs(x[pj[k]]) + half, 1e-150);
-                    for (int i = 0; i < p[k]; i++) largest *= a, magnitude *= std::max(a, 1.0);
-                    first += p[k] * (half / a);
-                    squares += p[k] * (half / a) * (half / a);
-                }
-            }
-            size += magnitude;
-            if (h != nullptr) {
-                // Second derivatives of p cos: p'' cos - 2 p' sin - p cos; the angle is within
-                // `swing` of its value at the middle, so |cos| and |sin| are within `swing` too.
-                const double even = std::min(std::fabs(c) + swing, 1.0);
-                const double odd = std::min(std::fabs(s) + swing, 1.0);
-                rest += 0.5 * largest *
-                        (even * (swing * swing + std::max(first * first - squares, 0.0)) +
-                         odd * 2.0 * swing * first);
-                for (int k = 0; k < term.rates; k++)
-                    bend[rj[k]] += largest * std::fabs(r[k]) * h[rj[k]] * (even * swing + odd * first);
-                for (int k = 0; k < term.powers; k++) {
-                    const double a = std::max(std::fabs(x[pj[k]]) + h[pj[k]], 1e-150);
-                    bend[pj[k]] += largest * p[k] * (h[pj[k]] / a) * (odd * swing + even * first);
-                }
-            }
-            rj += term.rates;
-            r += term.rates;
-            pj += term.powers;
-            p += term.powers;
-        }
-        out.value = value;
-        out.size = size;
-        out.error = size * (noise + 4.5e-16 * reach * farthest);
-        out.rest = rest * (1.0 + 1e-12) + 2.0 * out.error;
-    }
+// Value, gradient and bounds of one equation.
+struct SumAt {
+    double value, error, rest, size;
+    double g[kJoints];
+    double bend[kJoints];  // with half-widths: how much each joint adds to the rest
 };
+
+// Equation e at x (d,), where rj and pj say which joints its rates and powers are of; with half-widths h
+// also the rest of the linear approximation within the box.
+template <class Joint>
+void look_at_sum(const Conditions& c, std::int64_t e, const Joint* rj, const Joint* pj, const double* x,
+                 const double* h, int d, SumAt& out) {
+    double value = 0.0, rest = 0.0, size = 0.0, farthest = 4.0;
+    double* bend = out.bend;
+    std::fill(out.g, out.g + d, 0.0);
+    if (h != nullptr) std::fill(bend, bend + d, 0.0);
+    const double* r = c.rate + c.rate_start[c.term_start[e]];
+    const std::int64_t* p = c.power + c.power_start[c.term_start[e]];
+    for (std::int64_t t = c.term_start[e]; t < c.term_start[e + 1]; t++) {
+        const int rates = static_cast<int>(c.rate_start[t + 1] - c.rate_start[t]);
+        const int powers = static_cast<int>(c.power_start[t + 1] - c.power_start[t]);
+        double angle = c.phase[t], swing = 0.0;
+        for (int k = 0; k < rates; k++) {
+            angle += r[k] * x[rj[k]];
+            farthest = std::max(farthest, std::fabs(x[rj[k]]));
+            if (h != nullptr) swing += std::fabs(r[k]) * h[rj[k]];
+        }
+        const double sine = std::sin(angle), cosine = std::cos(angle);
+        double power = c.amplitude[t];
+        for (int k = 0; k < powers; k++)
+            for (int i = 0; i < p[k]; i++) power *= x[pj[k]];
+        value += power * cosine;
+        const double turned = power * sine;
+        for (int k = 0; k < rates; k++) out.g[rj[k]] -= turned * r[k];
+        double magnitude = std::fabs(c.amplitude[t]), first = 0.0, squares = 0.0;
+        double largest = powers > 0 ? magnitude : std::fabs(power);
+        for (int k = 0; k < powers; k++) {
+            double lowered = c.amplitude[t] * static_cast<double>(p[k]);
+            for (int m = 0; m < powers; m++)
+                for (int i = m == k ? 1 : 0; i < p[m]; i++) lowered *= x[pj[m]];
+            out.g[pj[k]] += lowered * cosine;
+            const double half = h != nullptr ? h[pj[k]] : 0.0;
+            const double a = std::max(std::fabs(x[pj[k]]) + half, 1e-150);
+            for (int i = 0; i < p[k]; i++) largest *= a, magnitude *= std::max(a, 1.0);
+            first += static_cast<double>(p[k]) * (half / a);
+            squares += static_cast<double>(p[k]) * (half / a) * (half / a);
+        }
+        size += magnitude;
+        if (h != nullptr) {
+            // Second derivatives of p cos: p'' cos - 2 p' sin - p cos; the angle is within
+            // `swing` of its value at the middle, so |cos| and |sin| are within `swing` too.
+            const double even = std::min(std::fabs(cosine) + swing, 1.0);
+            const double odd = std::min(std::fabs(sine) + swing, 1.0);
+            rest += 0.5 * largest *
+                    (even * (swing * swing + std::max(first * first - squares, 0.0)) +
+                     odd * 2.0 * swing * first);
+            for (int k = 0; k < rates; k++)
+                bend[rj[k]] += largest * std::fabs(r[k]) * h[rj[k]] * (even * swing + odd * first);
+            for (int k = 0; k < powers; k++) {
+                const double a = std::max(std::fabs(x[pj[k]]) + h[pj[k]], 1e-150);
+                bend[pj[k]] += largest * static_cast<double>(p[k]) * (h[pj[k]] / a) *
+                               (odd * swing + even * first);
+            }
+        }
+        rj += rates, r += rates, pj += powers, p += powers;
+    }
+    out.value = value;
+    out.size = size;
+    out.error = size * (c.noise[e] + 4.5e-16 * c.reach[e] * farthest);
+    out.rest = rest * (1.0 + 1e-12) + 2.0 * out.error;
+}
 
 // A bound of the distance from q to {x in the box: a0 + g x = target}, infinite where that is empty.
 //

@@ -18,53 +18,49 @@ constexpr double kOn = 1e-12;  // residual, relative to an equation's size, of a
 // The equations of one branch, in the joints that occur in them.
 class Branch {
 public:
-    Branch(const Conditions& c, int branch) : largest_(c.largest) {
+    Branch(const Conditions& c, int branch)
+        : first(c.equation_start[branch]),
+          at(static_cast<std::size_t>(c.equation_start[branch + 1] - first)), c_(c),
+          largest_(c.largest) {
         int number[kJoints];
         std::fill(number, number + kJoints, -1);
-        const std::int64_t first = c.equation_start[branch], last = c.equation_start[branch + 1];
-        auto named = [&](std::int64_t joint) {
+        const auto numbered = [&](std::int64_t joint) {
             if (number[joint] < 0) {
-                number[joint] = static_cast<int>(joints.size());
+                number[joint] = d();
                 joints.push_back(static_cast<int>(joint));
             }
             return number[joint];
         };
-        for (std::int64_t e = first; e < last; e++) {
-            Sum sum;
-            sum.noise = c.noise[e];
-            sum.reach = c.reach[e];
-            sum.curvature = c.curvature[e];
-            sum.sliding = c.sliding[e];
-            sum.unit = std::max(1.0, sum.noise * 1e13);
-            for (std::int64_t t = c.term_start[e]; t < c.term_start[e + 1]; t++) {
-                sum.terms.push_back({c.amplitude[t], c.phase[t],
-                                     static_cast<int>(c.rate_start[t + 1] - c.rate_start[t]),
-                                     static_cast<int>(c.power_start[t + 1] - c.power_start[t])});
-                for (std::int64_t k = c.rate_start[t]; k < c.rate_start[t + 1]; k++) {
-                    sum.rate_joint.push_back(named(c.rate_joint[k]));
-                    sum.rate.push_back(c.rate[k]);
-                }
-                for (std::int64_t k = c.power_start[t]; k < c.power_start[t + 1]; k++) {
-                    sum.power_joint.push_back(named(c.power_joint[k]));
-                    sum.power.push_back(static_cast<int>(c.power[k]));
-                }
-            }
-            sums.push_back(std::move(sum));
+        for (std::int64_t t = c.term_start[first]; t < c.term_start[c.equation_start[branch + 1]]; t++) {
+            for (auto k = c.rate_start[t]; k < c.rate_start[t + 1]; k++)
+                rate_joint_.push_back(numbered(c.rate_joint[k]));
+            for (auto k = c.power_start[t]; k < c.power_start[t + 1]; k++)
+                power_joint_.push_back(numbered(c.power_joint[k]));
         }
-        at.resize(sums.size());
     }
 
+    const std::int64_t first;  // of its equations
+    std::vector<SumAt> at;     // what was evaluated last
     std::vector<int> joints;
-    std::vector<Sum> sums;
 
     int d() const { return static_cast<int>(joints.size()); }
+
+    // Equation i at x, within half-widths h unless that is null.
+    const SumAt& look(std::size_t i, const double* x, const double* h) {
+        const std::int64_t e = first + static_cast<std::int64_t>(i);
+        const std::int64_t begin = c_.term_start[first], t = c_.term_start[e];
+        look_at_sum(c_, e, rate_joint_.data() + (c_.rate_start[t] - c_.rate_start[begin]),
+                    power_joint_.data() + (c_.power_start[t] - c_.power_start[begin]), x, h, d(), at[i]);
+        return at[i];
+    }
 
     // Values and gradients at x; the largest value over its equation's size.
     double evaluate(const double* x) {
         double residual = 0.0;
-        for (std::size_t i = 0; i < sums.size(); i++) {
-            sums[i].at(x, nullptr, d(), at[i]);
-            residual = std::max(residual, std::fabs(at[i].value) / (at[i].size * sums[i].unit));
+        for (std::size_t i = 0; i < at.size(); i++) {
+            const double value = std::fabs(look(i, x, nullptr).value);
+            const double unit = std::max(1.0, c_.noise[first + static_cast<std::int64_t>(i)] * 1e13);
+            residual = std::max(residual, value / (at[i].size * unit));
         }
         return residual;
     }
@@ -73,10 +69,10 @@ public:
     // joints, and what of `delta` lies along them.
     void steps(const bool* free, const double* delta, double* onto, double* along) {
         const int n = d();
-        for (Sum::At& one : at)
+        for (SumAt& one : at)
             for (int j = 0; j < n; j++)
                 if (!free[j]) one.g[j] = 0.0;
-        if (sums.size() == 1) {
+        if (at.size() == 1) {
             const double* g = at[0].g;
             double square = 0.0, product = 0.0;
             for (int j = 0; j < n; j++) square += g[j] * g[j], product += g[j] * delta[j];
@@ -88,7 +84,7 @@ public:
             return;
         }
         double A[kJoints * kJoints] = {}, V[kJoints * kJoints], values[kJoints], right[kJoints] = {};
-        for (const Sum::At& one : at) {
+        for (const SumAt& one : at) {
             const double scale = 1.0 / one.size;
             for (int i = 0; i < n; i++) {
                 right[i] -= one.g[i] * one.value * scale * scale;
@@ -169,7 +165,7 @@ public:
             for (int j = 0; j < n; j++) delta[j] = settling ? 0.0 : q[j] - x[j];
             const double residual = evaluate(x);
             held_step(x, lo, hi, delta, relax, step, along);
-            if (largest_ && sums.size() == 1 && !settling)
+            if (largest_ && at.size() == 1 && !settling)
                 cube_step(q, lo, hi, x, relax, step, along);
             double turned = 0.0, size = 0.0;
             for (int j = 0; j < n; j++) turned += along[j] * before[j], before[j] = along[j];
@@ -190,10 +186,10 @@ public:
         return norm_of(off, n, largest_);
     }
 
-    std::vector<Sum::At> at;  // what was evaluated last
-
 private:
+    const Conditions& c_;
     bool largest_;
+    std::vector<int> rate_joint_, power_joint_;  // of rates and powers, as numbered in `joints`
 
     // In the maximum norm: to where the least cube around q meets the linearised equation at x,
     // whose value and gradient are in `at`.

@@ -9,18 +9,16 @@
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
-#include <limits>
 
-#include "conditions.hpp"
+#include "boxes.hpp"
 #include "proximity.hpp"
 
 namespace pinsing {
 namespace {
 
-constexpr double kInfinite = std::numeric_limits<double>::infinity();
 constexpr double kWindow = 1.0;  // how far ahead second derivatives are bounded where lengths occur
 constexpr int kMostSteps = 64;
-constexpr double kRidge = 1e-9;
+constexpr double kRidge = 1e-9;  // damps what more equations than directions contradict each other in
 
 // An equation along u: h(0), h'(0), a bound of |h''| up to kWindow, and errors.
 struct AlongLine {
@@ -74,7 +72,7 @@ double step_of_equation(const Conditions& c, std::int64_t e, const double* x, co
     if (!(left > 0.0)) return 0.0;
     const double falls = (h.value > 0.0 ? -h.slope : h.slope) + h.slope_error;
     const double root = std::sqrt(falls * falls + 2.0 * (h.bend * left));
-    double step = kInfinite;
+    double step = kInfinity;
     if (falls > 0.0) {
         step = 2.0 * left / (falls + root);
     } else if (h.bend > 0.0) {
@@ -92,72 +90,25 @@ double step_of_value(const Conditions& c, std::int64_t i, const double* x, const
     const double slack = 1e-15 * (std::fabs(x[j]) + std::fabs(c.value[i]) + turn);
     const double off = turn > 0.0 ? ahead - turn * std::floor(ahead / turn + 0.5) : ahead;
     if (std::fabs(off) <= slack) return 0.0;
-    if (u[j] == 0.0) return kInfinite;
+    if (u[j] == 0.0) return kInfinity;
     if (u[j] < 0.0) ahead = -ahead;
     if (turn > 0.0) ahead -= turn * std::floor(ahead / turn);
-    if (ahead < 0.0) return kInfinite;
+    if (ahead < 0.0) return kInfinity;
     return std::max(ahead - slack, 0.0) / std::fabs(u[j]) * (1.0 - 1e-15);
 }
 
 double step_of_branch(const Conditions& c, std::int64_t b, const double* x, const double* u,
                       std::int64_t& work) {
     double step = 0.0;
-    for (std::int64_t i = c.value_start[b]; i < c.value_start[b + 1] && step < kInfinite; i++) {
+    for (std::int64_t i = c.value_start[b]; i < c.value_start[b + 1] && step < kInfinity; i++) {
         step = std::max(step, step_of_value(c, i, x, u));
         work--;
     }
-    for (std::int64_t e = c.equation_start[b]; e < c.equation_start[b + 1] && step < kInfinite; e++) {
+    for (std::int64_t e = c.equation_start[b]; e < c.equation_start[b + 1] && step < kInfinity; e++) {
         step = std::max(step, step_of_equation(c, e, x, u));
         work -= c.term_start[e + 1] - c.term_start[e];
     }
     return step;
-}
-
-// Solves A y = b for a symmetric A (k, k) by Cholesky's method; b becomes y. The ridge damps what
-// more equations than directions contradict each other in.
-void solve(double* A, double* b, int k) {
-    double trace = 1e-300;
-    for (int i = 0; i < k; i++) trace += A[i * k + i];
-    for (int i = 0; i < k; i++) A[i * k + i] += kRidge * trace;
-    for (int i = 0; i < k; i++) {
-        for (int j = 0; j <= i; j++) {
-            double sum = A[i * k + j];
-            for (int m = 0; m < j; m++) sum -= A[i * k + m] * A[j * k + m];
-            A[i * k + j] = i == j ? std::sqrt(std::max(sum, 0.1 * kRidge * trace)) : sum / A[j * k + j];
-        }
-    }
-    for (int i = 0; i < k; i++) {
-        for (int m = 0; m < i; m++) b[i] -= A[i * k + m] * b[m];
-        b[i] /= A[i * k + i];
-    }
-    for (int i = k - 1; i >= 0; i--) {
-        for (int m = i + 1; m < k; m++) b[i] -= A[m * k + i] * b[m];
-        b[i] /= A[i * k + i];
-    }
-}
-
-// The gradient of an equation at x, added to g (n,); returns its value.
-double gradient(const Conditions& c, std::int64_t e, const double* x, double* g) {
-    double value = 0.0;
-    for (std::int64_t t = c.term_start[e]; t < c.term_start[e + 1]; t++) {
-        double angle = c.phase[t], power = c.amplitude[t];
-        for (std::int64_t k = c.rate_start[t]; k < c.rate_start[t + 1]; k++)
-            angle += c.rate[k] * x[c.rate_joint[k]];
-        for (std::int64_t k = c.power_start[t]; k < c.power_start[t + 1]; k++)
-            for (std::int64_t p = 0; p < c.power[k]; p++) power *= x[c.power_joint[k]];
-        const double cosine = std::cos(angle), turned = power * std::sin(angle);
-        value += power * cosine;
-        for (std::int64_t k = c.rate_start[t]; k < c.rate_start[t + 1]; k++)
-            g[c.rate_joint[k]] -= turned * c.rate[k];
-        for (std::int64_t k = c.power_start[t]; k < c.power_start[t + 1]; k++) {
-            double less = c.amplitude[t] * static_cast<double>(c.power[k]);
-            for (std::int64_t i = c.power_start[t]; i < c.power_start[t + 1]; i++)
-                for (std::int64_t p = i == k ? 1 : 0; p < c.power[i]; p++)
-                    less *= x[c.power_joint[i]];
-            g[c.power_joint[k]] += less * cosine;
-        }
-    }
-    return value;
 }
 
 // First-order distance from a branch, and how it changes along u.
@@ -172,26 +123,30 @@ void approach(const Conditions& c, std::int64_t b, const double* x, const double
     }
     const std::int64_t first = c.equation_start[b], all = c.equation_start[b + 1] - first;
     const int k = static_cast<int>(std::min<std::int64_t>(all, kMaxCombined));
-    double g[kMaxCombined * kMaxConditionJoints] = {}, gram[kMaxCombined * kMaxCombined];
-    double y[kMaxCombined], z[kMaxCombined], moves[kMaxCombined], copy[kMaxCombined * kMaxCombined];
+    SumAt at[kMaxCombined];
+    double gram[kMaxCombined * kMaxCombined], copy[kMaxCombined * kMaxCombined];
+    double y[kMaxCombined], z[kMaxCombined], moves[kMaxCombined];
     for (int i = 0; i < k; i++) {
-        y[i] = gradient(c, first + i, x, g + i * c.n);
+        const std::int64_t e = first + i, t = c.term_start[e];
+        look_at_sum(c, e, c.rate_joint + c.rate_start[t], c.power_joint + c.power_start[t], x, nullptr,
+                    c.n, at[i]);
+        y[i] = at[i].value;
         moves[i] = 0.0;
-        for (int j = 0; j < c.n; j++) moves[i] += g[i * c.n + j] * u[j];
+        for (int j = 0; j < c.n; j++) moves[i] += at[i].g[j] * u[j];
         for (int m = 0; m <= i; m++) {
             double sum = 0.0;
-            for (int j = 0; j < c.n; j++) sum += g[i * c.n + j] * g[m * c.n + j];
+            for (int j = 0; j < c.n; j++) sum += at[i].g[j] * at[m].g[j];
             gram[i * k + m] = gram[m * k + i] = sum;
         }
     }
     if (k > 0) {
         std::copy(gram, gram + k * k, copy);
         std::copy(moves, moves + k, z);
-        solve(gram, y, k);
-        solve(copy, z, k);
+        solve_spd(gram, y, k, kRidge, 0.1 * kRidge);
+        solve_spd(copy, z, k, kRidge, 0.1 * kRidge);
         for (int i = 0; i < k; i++) {
             across += moves[i] * z[i];
-            for (int j = 0; j < c.n; j++) off[j] += g[i * c.n + j] * y[i];
+            for (int j = 0; j < c.n; j++) off[j] += at[i].g[j] * y[i];
         }
     }
     double square = 0.0, product = 0.0;
@@ -210,10 +165,10 @@ Contact contact_along(const Conditions& c, std::int64_t family, const double* x,
                       const double* velocity, double horizon) {
     double speed = 0.0, u[kMaxConditionJoints], at[kMaxConditionJoints];
     for (int j = 0; j < c.n; j++) speed = std::max(speed, std::fabs(velocity[j]));
-    if (!(speed > 0.0)) return Contact{kInfinite, 0.0};
+    if (!(speed > 0.0)) return Contact{kInfinity, 0.0};
     for (int j = 0; j < c.n; j++) u[j] = velocity[j] / speed;
-    Contact out{kInfinite, 0.0};
-    double nearest = kInfinite, rate = 0.0;
+    Contact out{kInfinity, 0.0};
+    double nearest = kInfinity, rate = 0.0;
     for (int b = 0; b < c.branches; b++) {
         if (c.family[b] != family) continue;
         double distance, change;

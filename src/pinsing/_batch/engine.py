@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -240,37 +240,12 @@ def _configurations(Q: ArrayLike, n: int) -> Floats:
     return array if array.flags.aligned else array.copy()
 
 
-_CONDITION_ARRAYS = (
-    "family",
-    "turn",
-    "value_start",
-    "value_joint",
-    "value",
-    "equation_start",
-    "term_start",
-    "noise",
-    "reach",
-    "curvature",
-    "steepness",
-    "sliding",
-    "amplitude",
-    "phase",
-    "rate_norm",
-    "rate_start",
-    "rate_joint",
-    "rate",
-    "power_start",
-    "power_joint",
-    "power",
-)
-
-
-def condition_set(families: int, flat: Mapping[str, NDArray[Any]], largest: bool) -> Any | None:
+def condition_set(families: int, flat: dict[str, NDArray[Any]], largest: bool) -> Any | None:
     """Return conditions in the kernel; None where it is missing or has no room for the joints."""
     # ``flat`` holds arrays of `pinsing.algebra.conditions` by name; ``largest`` is the metric.
     if _missing is not None or len(flat["turn"]) > _kernel.MAX_CONDITION_JOINTS:
         return None
-    return _kernel.ConditionSet(families, *(flat[k] for k in _CONDITION_ARRAYS), largest)
+    return _kernel.ConditionSet(families, flat, largest)
 
 
 Counts = NDArray[np.int64]

@@ -40,7 +40,7 @@ struct Task {
     double factor[6];
 };
 
-// How walks to rank drops go: see pinsing/configuration/rank_drop.py for each of the numbers.
+// How walks to rank drops go: see pinsing/kinematics/refine.py for each of the numbers.
 struct Walk {
     int rank;             // the generic one
     double size;          // what sigma_1 counts as at least

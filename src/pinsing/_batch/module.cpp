@@ -17,20 +17,19 @@
 #include "share_out.hpp"
 
 namespace nb = nanobind;
-using nb::literals::operator""_a;
 
 namespace {
 
 using pinsing::Chain;
-using pinsing::Kernel;
-using pinsing::Outcome;
-
+using pinsing::define;
 using pinsing::In;
 using pinsing::InFlags;
-using pinsing::kChunk;
+using pinsing::Kernel;
 using pinsing::Out;
 using pinsing::require;
-using pinsing::share_out;
+using pinsing::require_shape;
+using pinsing::rows_of;
+using pinsing::share_finite;
 
 // The kernels that this machine can run, best last.
 const std::vector<const Kernel*>& kernels() {
@@ -67,13 +66,10 @@ void pinsing::require(bool condition, const char* what) {
 }
 
 pinsing::Chain pinsing::chain_of(const In& R, const In& t, const InFlags& prismatic) {
-    require(prismatic.ndim() == 1, "prismatic must have shape (n,)");
-    const std::size_t n = prismatic.shape(0);
+    const std::size_t n = prismatic.size();
     require(n >= 1 && n <= kMaxJoints, "the number of joints is out of range");
-    require(R.ndim() == 3 && R.shape(0) == n + 1 && R.shape(1) == 3 && R.shape(2) == 3,
-            "R must have shape (n + 1, 3, 3)");
-    require(t.ndim() == 2 && t.shape(0) == n + 1 && t.shape(1) == 3,
-            "t must have shape (n + 1, 3)");
+    require_shape(R, "R", {n + 1, 3, 3});
+    require_shape(t, "t", {n + 1, 3});
     return Chain{static_cast<int>(n), R.data(), t.data(), prismatic.data()};
 }
 
@@ -82,40 +78,21 @@ namespace {
 using pinsing::chain_of;
 using pinsing::kernel_named;
 
-void refuse_not_finite(const Outcome& outcome, const char* name) {
-    if (outcome.not_finite < 0) return;
-    throw nb::value_error((std::string(name) + "[" + std::to_string(outcome.not_finite) +
-                           "] holds a value that is not finite")
-                              .c_str());
-}
-
 void jacobians(const In& R, const In& t, const InFlags& prismatic, const In& Q, Out out,
                const std::string& isa, int threads) {
     const Kernel& kernel = kernel_named(isa);
     const Chain chain = chain_of(R, t, prismatic);
-    const std::size_t n = static_cast<std::size_t>(chain.n);
-    require(Q.ndim() == 2 && Q.shape(1) == n, "Q must have shape (N, n)");
-    require(out.ndim() == 3 && out.shape(0) == Q.shape(0) && out.shape(1) == 6 && out.shape(2) == n,
-            "out must have shape (N, 6, n)");
-    const double* from = Q.data();
-    double* to = out.data();
-    const Outcome outcome = share_out(
-        static_cast<std::int64_t>(Q.shape(0)), threads, kernel.scratch(chain.n),
-        [&](std::int64_t first, std::int64_t count, double* scratch) {
-            return kernel.jacobians(chain, from + first * chain.n, count, to + first * 6 * chain.n,
-                                    scratch);
-        });
-    refuse_not_finite(outcome, "Q");
+    const std::size_t n = static_cast<std::size_t>(chain.n), N = rows_of(Q, n);
+    require_shape(out, "out", {N, 6, n});
+    share_finite("Q", N, threads, kernel.scratch(chain.n),
+                 [&](std::int64_t first, std::int64_t count, double* scratch) {
+                     return kernel.jacobians(chain, Q.data() + first * chain.n, count,
+                                             out.data() + first * 6 * chain.n, scratch);
+                 });
 }
 
-std::int64_t singular_values(const In& R, const In& t, const InFlags& prismatic,
-                             const std::vector<int>& rows, const std::vector<double>& factors,
-                             const In& Q, Out out, const std::string& isa, int threads,
-                             int max_sweeps) {
-    const Kernel& kernel = kernel_named(isa);
-    const Chain chain = chain_of(R, t, prismatic);
-    const std::size_t n = static_cast<std::size_t>(chain.n);
-    require(n <= pinsing::kMaxColumns, "too many joints for the compiled singular values");
+// The task of these rows times their factors.
+pinsing::Task task_of(const std::vector<int>& rows, const std::vector<double>& factors) {
     require(!rows.empty() && rows.size() <= 6 && rows.size() == factors.size(),
             "rows and factors must have the same length, 1 to 6");
     pinsing::Task task{};
@@ -125,57 +102,47 @@ std::int64_t singular_values(const In& R, const In& t, const InFlags& prismatic,
         task.row[i] = rows[i];
         task.factor[i] = factors[i];
     }
-    const std::size_t rank = std::min(rows.size(), n);
-    require(Q.ndim() == 2 && Q.shape(1) == n, "Q must have shape (N, n)");
-    require(out.ndim() == 2 && out.shape(0) == Q.shape(0) && out.shape(1) == rank,
-            "out must have shape (N, min(m, n))");
-    const double* from = Q.data();
-    double* to = out.data();
-    const Outcome outcome = share_out(
-        static_cast<std::int64_t>(Q.shape(0)), threads, kernel.scratch(chain.n),
-        [&](std::int64_t first, std::int64_t count, double* scratch) {
-            return kernel.singular_values(chain, task, from + first * chain.n, count,
-                                          to + first * static_cast<std::int64_t>(rank), max_sweeps,
-                                          scratch);
-        });
-    refuse_not_finite(outcome, "Q");
-    return outcome.unfinished;
+    return task;
+}
+
+pinsing::Task plain_task(const std::vector<int>& rows) {
+    return task_of(rows, std::vector<double>(rows.size(), 1.0));
+}
+
+std::int64_t singular_values(const In& R, const In& t, const InFlags& prismatic,
+                             const std::vector<int>& rows, const std::vector<double>& factors,
+                             const In& Q, Out out, const std::string& isa, int threads,
+                             int max_sweeps) {
+    const Kernel& kernel = kernel_named(isa);
+    const Chain chain = chain_of(R, t, prismatic);
+    const pinsing::Task task = task_of(rows, factors);
+    require(chain.n <= pinsing::kMaxColumns, "too many joints for the compiled singular values");
+    const std::size_t n = static_cast<std::size_t>(chain.n), N = rows_of(Q, n);
+    const int rank = std::min(task.m, chain.n);
+    require_shape(out, "out", {N, static_cast<std::size_t>(rank)});
+    return share_finite("Q", N, threads, kernel.scratch(chain.n),
+                        [&](std::int64_t first, std::int64_t count, double* scratch) {
+                            return kernel.singular_values(chain, task, Q.data() + first * chain.n,
+                                                          count, out.data() + first * rank,
+                                                          max_sweeps, scratch);
+                        });
 }
 
 std::int64_t svdvals(const In& A, Out out, const std::string& isa, int threads, int max_sweeps,
                      bool by_roots) {
     const Kernel& kernel = kernel_named(isa);
     require(A.ndim() == 3, "the matrices must have shape (N, m, n)");
-    const std::size_t m = A.shape(1), n = A.shape(2), rank = std::min(m, n);
+    const int m = static_cast<int>(A.shape(1)), n = static_cast<int>(A.shape(2));
+    const int rank = std::min(m, n);
     require(rank >= 1 && rank <= pinsing::kMaxRank && std::max(m, n) <= pinsing::kMaxColumns,
             "matrices of this size are not covered");
-    require(out.ndim() == 2 && out.shape(0) == A.shape(0) && out.shape(1) == rank,
-            "out must have shape (N, min(m, n))");
-    const double* from = A.data();
-    double* to = out.data();
-    const Outcome outcome =
-        share_out(static_cast<std::int64_t>(A.shape(0)), threads, kernel.scratch(1),
-                  [&](std::int64_t first, std::int64_t count, double* scratch) {
-                      return kernel.svdvals(from + first * static_cast<std::int64_t>(m * n),
-                                            static_cast<int>(m), static_cast<int>(n), count,
-                                            to + first * static_cast<std::int64_t>(rank),
-                                            max_sweeps, by_roots, scratch);
-                  });
-    refuse_not_finite(outcome, "the matrix");
-    return outcome.unfinished;
-}
-
-// The task of these rows, without factors.
-pinsing::Task plain_task(const std::vector<int>& rows) {
-    require(!rows.empty() && rows.size() <= 6, "rows must be 1 to 6");
-    pinsing::Task task{};
-    task.m = static_cast<int>(rows.size());
-    for (std::size_t i = 0; i < rows.size(); i++) {
-        require(rows[i] >= 0 && rows[i] < 6, "rows must be in 0..5");
-        task.row[i] = rows[i];
-        task.factor[i] = 1.0;
-    }
-    return task;
+    require_shape(out, "out", {A.shape(0), static_cast<std::size_t>(rank)});
+    return share_finite("the matrix", A.shape(0), threads, kernel.scratch(1),
+                        [&](std::int64_t first, std::int64_t count, double* scratch) {
+                            return kernel.svdvals(A.data() + first * m * n, m, n, count,
+                                                  out.data() + first * rank, max_sweeps, by_roots,
+                                                  scratch);
+                        });
 }
 
 // `rules`: floor, good, stationary, no_minimum, longest, most_damping, stretch of Walk.
@@ -185,36 +152,24 @@ void walks(const In& R, const In& t, const InFlags& prismatic, const std::vector
            const std::string& isa, int threads, int max_iterations, int max_sweeps) {
     const Kernel& kernel = kernel_named(isa);
     const Chain chain = chain_of(R, t, prismatic);
-    const std::size_t n = static_cast<std::size_t>(chain.n), m = rows.size();
+    const std::size_t n = static_cast<std::size_t>(chain.n), N = rows_of(Q, n);
     require(n <= pinsing::kWalkJoints, "too many joints for compiled walks");
     const pinsing::Task task = plain_task(rows);
-    require(rank >= 1 && rank <= static_cast<int>(std::min(m, n)), "impossible rank");
-    const std::size_t r = static_cast<std::size_t>(rank);
-    require((m - r + 1) * (n - r + 1) <= pinsing::kWalkEquations, "too many equations");
-    require(lower.ndim() == 1 && lower.shape(0) == n && upper.ndim() == 1 && upper.shape(0) == n,
-            "limits must have shape (n,)");
+    require(rank >= 1 && rank <= std::min(task.m, chain.n), "impossible rank");
+    require((task.m - rank + 1) * (chain.n - rank + 1) <= pinsing::kWalkEquations, "too many equations");
+    require_shape(lower, "lower", {n});
+    require_shape(upper, "upper", {n});
     require(rules.size() == 7, "there are seven rules");
-    require(Q.ndim() == 2 && Q.shape(1) == n, "Q must have shape (N, n)");
-    const std::size_t N = Q.shape(0);
-    require(free.ndim() == 2 && free.shape(0) == N && free.shape(1) == n && X.ndim() == 2 &&
-                X.shape(0) == N && X.shape(1) == n,
-            "free and X must have the shape of Q");
-    require(ends.ndim() == 2 && ends.shape(0) == N && ends.shape(1) == 2,
-            "ends must have shape (N, 2)");
+    require_shape(free, "free", {N, n});
+    require_shape(X, "X", {N, n});
+    require_shape(ends, "ends", {N, 2});
     const pinsing::Walk walk{rank, size, lower.data(), upper.data(), max_iterations, rules[0],
                              rules[1], rules[2], rules[3], rules[4], rules[5], rules[6]};
-    const double* from = Q.data();
-    const double* may = free.data();
-    double* to = X.data();
-    double* told = ends.data();
-    const Outcome outcome = share_out(
-        static_cast<std::int64_t>(N), threads, 1,
-        [&](std::int64_t first, std::int64_t count, double*) {
-            const std::int64_t at = first * chain.n;
-            return kernel.walks(chain, task, walk, from + at, may + at, count, to + at,
-                                told + 2 * first, max_sweeps);
-        });
-    refuse_not_finite(outcome, "Q");
+    share_finite("Q", N, threads, 1, [&](std::int64_t first, std::int64_t count, double*) {
+        const std::int64_t at = first * chain.n;
+        return kernel.walks(chain, task, walk, Q.data() + at, free.data() + at, count, X.data() + at,
+                            ends.data() + 2 * first, max_sweeps);
+    });
 }
 
 void second_orders(const In& R, const In& t, const InFlags& prismatic,
@@ -222,21 +177,14 @@ void second_orders(const In& R, const In& t, const InFlags& prismatic,
                    const std::string& isa, int threads) {
     const Kernel& kernel = kernel_named(isa);
     const Chain chain = chain_of(R, t, prismatic);
-    const std::size_t n = static_cast<std::size_t>(chain.n);
     const pinsing::Task task = plain_task(rows);
-    require(n <= pinsing::kWalkJoints && rows.size() <= n, "too many joints, or rows, for this");
-    require(Q.ndim() == 2 && Q.shape(1) == n, "Q must have shape (N, n)");
-    require(out.ndim() == 2 && out.shape(0) == Q.shape(0) && out.shape(1) == 6,
-            "out must have shape (N, 6)");
-    const double* from = Q.data();
-    double* to = out.data();
-    const Outcome outcome =
-        share_out(static_cast<std::int64_t>(Q.shape(0)), threads, 1,
-                  [&](std::int64_t first, std::int64_t count, double*) {
-                      return kernel.second_orders(chain, task, zero, size, from + first * chain.n,
-                                                  count, to + first * 6);
-                  });
-    refuse_not_finite(outcome, "Q");
+    require(chain.n <= pinsing::kWalkJoints && task.m <= chain.n, "too many joints, or rows, for this");
+    const std::size_t N = rows_of(Q, static_cast<std::size_t>(chain.n));
+    require_shape(out, "out", {N, 6});
+    share_finite("Q", N, threads, 1, [&](std::int64_t first, std::int64_t count, double*) {
+        return kernel.second_orders(chain, task, zero, size, Q.data() + first * chain.n, count,
+                                    out.data() + first * 6);
+    });
 }
 
 // `speeds`: those of the tip, m/s and rad/s.
@@ -245,27 +193,21 @@ void joint_speeds(const In& rows, const InFlags& linear, const In& limits, const
                   int middle, int rounds, bool still, const In& J, const In& R, Out out, const std::string& isa,
                   int threads) {
     const Kernel& kernel = kernel_named(isa);
-    const std::size_t n = limits.size(), k = far.size(), m = linear.size(), N = J.shape(0);
+    const std::size_t n = limits.size(), k = far.size(), m = linear.size();
     require(1 <= n && n <= k && k <= pinsing::kSpeedColumns && 1 <= m && m <= 6 && m <= k,
             "too many joints, or rows, for this");
     require(rows.size() == 6 * m && turns.size() == k && moving.size() == n && speeds.size() == 2,
             "rows must be (m, 6), turns (k,), moving (n,), and speeds two");
-    require(J.ndim() == 3 && J.shape(1) == 6 && J.shape(2) == k, "J must have shape (N, 6, k)");
-    require(R.ndim() == 2 && R.shape(0) == N && R.shape(1) == n, "R must have shape (N, n)");
-    require(out.ndim() == 2 && out.shape(0) == N && out.shape(1) == n + 3,
-            "out must have shape (N, n + 3)");
+    const std::size_t N = rows_of(R, n);
+    require_shape(J, "J", {N, 6, k});
+    require_shape(out, "out", {N, n + 3});
     const pinsing::SpeedTask task{static_cast<int>(n), static_cast<int>(k), static_cast<int>(m),
                                   rows.data(), linear.data(), limits.data(), far.data(), turns.data(),
                                   moving.data(), speeds[0], speeds[1], middle, rounds, still};
-    const double *from = J.data(), *widths = R.data();
-    double* to = out.data();
-    const Outcome outcome = share_out(
-        static_cast<std::int64_t>(N), threads, 1,
-        [&](std::int64_t first, std::int64_t count, double*) {
-            return kernel.speeds(task, from + first * 6 * task.k, widths + first * task.n, count,
-                                 to + first * (task.n + 3));
-        });
-    refuse_not_finite(outcome, "J or R");
+    share_finite("J or R", N, threads, 1, [&](std::int64_t first, std::int64_t count, double*) {
+        return kernel.speeds(task, J.data() + first * 6 * task.k, R.data() + first * task.n, count,
+                             out.data() + first * (task.n + 3));
+    });
 }
 
 // The sums of kernel.hpp's Tube: terms (T, 7), where each begins (S + 1,), about them (S, 9) noise,
@@ -329,15 +271,10 @@ void tubes(const In& terms, const std::vector<int>& start, const In& about, int 
         }
         tube.sums[i] = s;
     }
-    const double* from = boxes.data();
-    double* to = out.data();
-    const Outcome outcome = share_out(
-        static_cast<std::int64_t>(N), threads, 1,
-        [&](std::int64_t first, std::int64_t count, double*) {
-            const std::int64_t at = first * static_cast<std::int64_t>(row);
-            return kernel.tubes(tube, from + at, count, to + 2 * at);
-        });
-    refuse_not_finite(outcome, "boxes");
+    share_finite("boxes", N, threads, 1, [&](std::int64_t first, std::int64_t count, double*) {
+        const std::int64_t at = first * static_cast<std::int64_t>(row);
+        return kernel.tubes(tube, boxes.data() + at, count, out.data() + 2 * at);
+    });
 }
 
 std::vector<std::string> isa_names() {
@@ -371,33 +308,20 @@ NB_MODULE(_kernel, m) {
     m.attr("MAX_RANK") = pinsing::kMaxRank;
     m.attr("MAX_COLUMNS") = pinsing::kMaxColumns;
     m.attr("MAX_JOINTS") = pinsing::kMaxJoints;
-    m.attr("CHUNK") = kChunk;
+    m.attr("CHUNK") = pinsing::kChunk;
     m.attr("WALK_JOINTS") = pinsing::kWalkJoints;
     m.attr("SPEED_COLUMNS") = pinsing::kSpeedColumns;
     m.attr("WALK_EQUATIONS") = pinsing::kWalkEquations;
     m.attr("SOURCES") = PINSING_SOURCES;  // of built_from.py
-    m.def("isa_names", &isa_names);
-    m.def("built_names", &built_names);
-    m.def("jacobians", &jacobians, "R"_a.noconvert(), "t"_a.noconvert(), "prismatic"_a.noconvert(),
-          "Q"_a.noconvert(), "out"_a.noconvert(), "isa"_a, "threads"_a);
-    m.def("singular_values", &singular_values, "R"_a.noconvert(), "t"_a.noconvert(),
-          "prismatic"_a.noconvert(), "rows"_a, "factors"_a, "Q"_a.noconvert(), "out"_a.noconvert(),
-          "isa"_a, "threads"_a, "max_sweeps"_a);
-    m.def("walks", &walks, "R"_a.noconvert(), "t"_a.noconvert(), "prismatic"_a.noconvert(),
-          "rows"_a, "rank"_a, "size"_a, "lower"_a.noconvert(), "upper"_a.noconvert(), "rules"_a,
-          "Q"_a.noconvert(), "free"_a.noconvert(), "X"_a.noconvert(), "ends"_a.noconvert(),
-          "isa"_a, "threads"_a, "max_iterations"_a, "max_sweeps"_a);
-    m.def("second_orders", &second_orders, "R"_a.noconvert(), "t"_a.noconvert(),
-          "prismatic"_a.noconvert(), "rows"_a, "zero"_a, "size"_a, "Q"_a.noconvert(),
-          "out"_a.noconvert(), "isa"_a, "threads"_a);
-    m.def("joint_speeds", &joint_speeds, "rows"_a.noconvert(), "linear"_a.noconvert(),
-          "limits"_a.noconvert(), "far"_a.noconvert(), "turns"_a.noconvert(),
-          "moving"_a.noconvert(), "speeds"_a, "middle"_a, "rounds"_a, "still"_a,
-          "J"_a.noconvert(), "R"_a.noconvert(), "out"_a.noconvert(), "isa"_a, "threads"_a);
-    m.def("tubes", &tubes, "terms"_a.noconvert(), "start"_a, "about"_a.noconvert(), "families"_a,
-          "near"_a, "boxes"_a.noconvert(), "out"_a.noconvert(), "isa"_a, "threads"_a);
-    m.def("svdvals", &svdvals, "A"_a.noconvert(), "out"_a.noconvert(), "isa"_a, "threads"_a,
-          "max_sweeps"_a, "by_roots"_a = true);
+    define(m, "isa_names", &isa_names);
+    define(m, "built_names", &built_names);
+    define(m, "jacobians", &jacobians);
+    define(m, "singular_values", &singular_values);
+    define(m, "walks", &walks);
+    define(m, "second_orders", &second_orders);
+    define(m, "joint_speeds", &joint_speeds);
+    define(m, "tubes", &tubes);
+    define(m, "svdvals", &svdvals);
     pinsing::add_conditions(m);
     pinsing::add_residues(m);
     pinsing::add_samples(m);

@@ -9,7 +9,6 @@
 #include "share_out.hpp"
 
 namespace nb = nanobind;
-using nb::literals::operator""_a;
 
 namespace pinsing {
 
@@ -59,31 +58,27 @@ void between(const In& q, const In& near, const In& sides, const In& upper, cons
     require(q.size() == M * n && near.size() == M * n && sides.size() == 2 * M * n &&
                 upper.size() == M && way.size() == M && scale.size() == n,
             "nodes and neighbours do not fit");
-    const auto work = [&](std::int64_t first, std::int64_t count, double*) {
-        for (std::int64_t i = first; i < first + count; i++) {
-            double here = 0.0, ends[2] = {0.0, 0.0}, bent = 0.0;
-            for (std::size_t j = 0; j < n; j++) {
-                const double at = q.data()[i * n + j], off = at - near.data()[i * n + j];
-                const double by = scale.data()[j];
-                double both = 0.0;
-                for (int side = 0; side < 2; side++) {
-                    double half = sides.data()[(2 * i + side) * n + j] - at;
-                    half -= turn.data()[j] * nearest_whole(half * (0.5 / M_PI));
-                    both += half / 2;
-                    ends[side] += (off + half / 2) * by * ((off + half / 2) * by);
-                }
-                here += off * by * (off * by);
-                bent += both * by * (both * by);
+    share_each(M, threads, [&](std::int64_t i) {
+        double here = 0.0, ends[2] = {0.0, 0.0}, bent = 0.0;
+        for (std::size_t j = 0; j < n; j++) {
+            const double at = q.data()[i * n + j], off = at - near.data()[i * n + j];
+            const double by = scale.data()[j];
+            double both = 0.0;
+            for (int side = 0; side < 2; side++) {
+                double half = sides.data()[(2 * i + side) * n + j] - at;
+                half -= turn.data()[j] * nearest_whole(half * (0.5 / M_PI));
+                both += half / 2;
+                ends[side] += (off + half / 2) * by * ((off + half / 2) * by);
             }
-            const double farther = std::sqrt(std::max(ends[0], ends[1])) - std::sqrt(here);
-            const double bend = std::sqrt(bent) / 2;
-            out.data()[i] = 2 * bend < way.data()[i]
-                                ? upper.data()[i] + std::max(farther, 0.0) + bend
-                                : std::numeric_limits<double>::infinity();
+            here += off * by * (off * by);
+            bent += both * by * (both * by);
         }
-        return Outcome{-1, 0};
-    };
-    share_out(static_cast<std::int64_t>(M), threads, 1, work);
+        const double farther = std::sqrt(std::max(ends[0], ends[1])) - std::sqrt(here);
+        const double bend = std::sqrt(bent) / 2;
+        out.data()[i] = 2 * bend < way.data()[i]
+                            ? upper.data()[i] + std::max(farther, 0.0) + bend
+                            : std::numeric_limits<double>::infinity();
+    });
 }
 
 // Motions to parts of nodes, from parts of the nodes `source` (D, M) where theirs began: `part`
@@ -310,22 +305,14 @@ nb::tuple onward_back(Motions& motion, const InWhole& source, const In& through,
 }  // namespace
 
 void add_motions(nb::module_& m) {
-    m.def("sources", &sources, "before"_a.noconvert(), "beside"_a.noconvert(), "last"_a.noconvert(),
-          "here"_a.noconvert(), "whole"_a, "out"_a.noconvert());
-    m.def("between", &between, "q"_a.noconvert(), "near"_a.noconvert(), "sides"_a.noconvert(),
-          "upper"_a.noconvert(), "way"_a.noconvert(), "turn"_a.noconvert(), "scale"_a.noconvert(),
-          "out"_a.noconvert(), "threads"_a);
-    m.def("divided", &divided, "source"_a.noconvert(), "part"_a.noconvert(), "value"_a.noconvert(),
-          "half"_a.noconvert(), "last_value"_a.noconvert(), "last_half"_a.noconvert(), "reach"_a,
-          "cyclic"_a, "none"_a, "before"_a.noconvert());
-    nb::class_<Motions>(m, "Motions")
-        .def(nb::init<const In&, const In&, const In&, const In&, const In&, const In&, const In&,
-                      const In&, const In&, const InWhole&, const InWhole&>())
-        .def("onward", &onward, "source"_a.noconvert(), "far"_a.noconvert(), "best"_a.noconvert(),
-             "value"_a.noconvert(), "room"_a.noconvert(), "within"_a.noconvert(), "floor"_a,
-             "margin"_a, "found"_a.noconvert(), "origin"_a.noconvert(), "relaxed"_a.noconvert())
-        .def("onward_back", &onward_back, "source"_a.noconvert(), "through"_a.noconvert(),
-             "passing"_a.noconvert(), "room"_a.noconvert(), "least"_a, "back"_a.noconvert());
+    define(m, "sources", &sources);
+    define(m, "between", &between);
+    define(m, "divided", &divided);
+    nb::class_<Motions> motions(m, "Motions");
+    motions.def(nb::init<const In&, const In&, const In&, const In&, const In&, const In&, const In&,
+                         const In&, const In&, const InWhole&, const InWhole&>());
+    define(motions, "onward", &onward);
+    define(motions, "onward_back", &onward_back);
 }
 
 }  // namespace pinsing

@@ -9,7 +9,6 @@
 #include "share_out.hpp"
 
 namespace nb = nanobind;
-using nb::literals::operator""_a;
 
 namespace pinsing {
 
@@ -124,18 +123,14 @@ void to_poses(const In& R, const In& t, const InFlags& prismatic, const InFlags&
     const std::size_t slots = M == 0 ? 0 : Q.size() / (M * n);
     require(position.size() == 3 * M && rotation.size() == 9 * M && Q.size() == M * slots * n,
             "poses and configurations do not fit");
-    const auto work = [&](std::int64_t first, std::int64_t count, double*) {
-        for (std::int64_t i = first; i < first + count; i++) {
-            double* q = Q.data() + i * chain.n;
-            const std::int64_t pose = i / static_cast<std::int64_t>(slots);
-            if (!std::isfinite(q[0]) ||
-                !bring(chain, free.data(), position.data() + 3 * pose, rotation.data() + 9 * pose,
-                       scale, small, near, slower, q))
-                std::fill(q, q + n, std::nan(""));
-        }
-        return Outcome{-1, 0};
-    };
-    share_out(static_cast<std::int64_t>(M * slots), threads, 1, work);
+    share_each(M * slots, threads, [&](std::int64_t i) {
+        double* q = Q.data() + i * chain.n;
+        const std::int64_t pose = i / static_cast<std::int64_t>(slots);
+        if (!std::isfinite(q[0]) ||
+            !bring(chain, free.data(), position.data() + 3 * pose, rotation.data() + 9 * pose,
+                   scale, small, near, slower, q))
+            std::fill(q, q + n, std::nan(""));
+    });
 }
 
 // Each configuration of Q (M, S, n) once, in place: angles within half a turn of zero, moved by whole
@@ -148,37 +143,33 @@ void distinct(Out Q, const InFlags& prismatic, const In& low, const In& high, do
             "Q must have shape (M, S, n), joints n numbers");
     const int S = static_cast<int>(Q.shape(1)), n = static_cast<int>(Q.shape(2));
     const bool* slides = prismatic.data();
-    const auto work = [&](std::int64_t first, std::int64_t count, double*) {
-        for (std::int64_t k = first; k < first + count; k++) {
-            double* const pose = Q.data() + k * S * n;
-            int kept = 0;
-            for (int s = 0; s < S; s++) {
-                const double* from = pose + s * n;
-                double* q = pose + kept * n;
-                bool fresh = std::isfinite(from[0]);
-                for (int j = 0; j < n && fresh; j++) {
-                    q[j] = from[j];
-                    if (slides[j]) continue;
-                    q[j] -= 2 * M_PI * std::floor((q[j] + M_PI + rounding) / (2 * M_PI));
-                    const double middle = (low.data()[j] + high.data()[j]) / 2;
-                    if (!(q[j] >= low.data()[j] && q[j] <= high.data()[j]))
-                        q[j] -= 2 * M_PI * nearest_whole((q[j] - middle) / (2 * M_PI));
-                }
-                for (int other = 0; other < kept && fresh; other++) {
-                    fresh = false;
-                    for (int j = 0; j < n && !fresh; j++) {
-                        const double off = q[j] - pose[other * n + j];
-                        const double turns = slides[j] ? 0.0 : nearest_whole(off / (2 * M_PI));
-                        fresh = !(std::fabs(off - 2 * M_PI * turns) < small);
-                    }
-                }
-                kept += fresh;
+    share_each(Q.shape(0), threads, [&](std::int64_t k) {
+        double* const pose = Q.data() + k * S * n;
+        int kept = 0;
+        for (int s = 0; s < S; s++) {
+            const double* from = pose + s * n;
+            double* q = pose + kept * n;
+            bool fresh = std::isfinite(from[0]);
+            for (int j = 0; j < n && fresh; j++) {
+                q[j] = from[j];
+                if (slides[j]) continue;
+                q[j] -= 2 * M_PI * std::floor((q[j] + M_PI + rounding) / (2 * M_PI));
+                const double middle = (low.data()[j] + high.data()[j]) / 2;
+                if (!(q[j] >= low.data()[j] && q[j] <= high.data()[j]))
+                    q[j] -= 2 * M_PI * nearest_whole((q[j] - middle) / (2 * M_PI));
             }
-            std::fill(pose + kept * n, pose + S * n, std::nan(""));
+            for (int other = 0; other < kept && fresh; other++) {
+                fresh = false;
+                for (int j = 0; j < n && !fresh; j++) {
+                    const double off = q[j] - pose[other * n + j];
+                    const double turns = slides[j] ? 0.0 : nearest_whole(off / (2 * M_PI));
+                    fresh = !(std::fabs(off - 2 * M_PI * turns) < small);
+                }
+            }
+            kept += fresh;
         }
-        return Outcome{-1, 0};
-    };
-    share_out(static_cast<std::int64_t>(Q.shape(0)), threads, 1, work);
+        std::fill(pose + kept * n, pose + S * n, std::nan(""));
+    });
 }
 
 // How far apart configurations are, less those turns that leave the least.
@@ -296,14 +287,9 @@ void link_nodes(const In& Q, const In& turn, const In& whole, const In& scale, b
 }  // namespace
 
 void add_poses(nb::module_& m) {
-    m.def("to_poses", &to_poses, "R"_a.noconvert(), "t"_a.noconvert(), "prismatic"_a.noconvert(),
-          "free"_a.noconvert(), "position"_a.noconvert(), "rotation"_a.noconvert(), "scale"_a,
-          "small"_a, "near"_a, "slower"_a, "Q"_a.noconvert(), "threads"_a);
-    m.def("distinct", &distinct, "Q"_a.noconvert(), "prismatic"_a.noconvert(), "low"_a.noconvert(),
-          "high"_a.noconvert(), "rounding"_a, "small"_a, "threads"_a);
-    m.def("link_nodes", &link_nodes, "Q"_a.noconvert(), "turn"_a.noconvert(), "whole"_a.noconvert(),
-          "scale"_a.noconvert(), "cyclic"_a, "before"_a.noconvert(), "step"_a.noconvert(),
-          "beside"_a.noconvert(), "ends"_a.noconvert(), "way"_a.noconvert(), "threads"_a);
+    define(m, "to_poses", &to_poses);
+    define(m, "distinct", &distinct);
+    define(m, "link_nodes", &link_nodes);
 }
 
 }  // namespace pinsing

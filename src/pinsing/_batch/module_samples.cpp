@@ -14,7 +14,6 @@
 #include "module.hpp"
 
 namespace nb = nanobind;
-using nb::literals::operator""_a;
 
 namespace pinsing {
 
@@ -142,11 +141,8 @@ std::tuple<std::int64_t, std::int64_t, std::int64_t, std::int64_t> count_values(
 }  // namespace
 
 void add_samples(nb::module_& m) {
-    m.def("sobol_points", &sobol_points, "directions"_a.noconvert(), "words"_a.noconvert(),
-          "start"_a, "columns"_a.noconvert(), "low"_a.noconvert(), "width"_a.noconvert(),
-          "out"_a.noconvert());
-    m.def("count_values", &count_values, "values"_a.noconvert(), "shift"_a, "first"_a,
-          "bins"_a.noconvert(), "low"_a, "high"_a);
+    define(m, "sobol_points", &sobol_points);
+    define(m, "count_values", &count_values);
 }
 
 }  // namespace pinsing

@@ -246,12 +246,13 @@ private:
 
     // How much farther than a point that is on the set to rounding a zero surely is at most.
     double missing(Branch& branch, const double* x, double length) const {
-        if (branch.sums.size() != 1 || branch.sums[0].sliding || length <= 0.0) return 0.0;
+        const std::int64_t e = branch.first;
+        if (branch.at.size() != 1 || c_.sliding[e] || length <= 0.0) return 0.0;
         branch.evaluate(x);
-        const Sum::At& at = branch.at[0];
-        const double m = norm_of(at.g, branch.d(), false) - at.error * (1.0 + branch.sums[0].reach);
+        const SumAt& at = branch.at[0];
+        const double m = norm_of(at.g, branch.d(), false) - at.error * (1.0 + c_.reach[e]);
         const double off = std::fabs(at.value) + at.error;
-        const bool sure = m > 0.0 && m * m > 8.0 * branch.sums[0].curvature * off;
+        const bool sure = m > 0.0 && m * m > 8.0 * c_.curvature[e] * off;
         return sure ? 2.0 * off / m : 0.0;
     }
 };

@@ -1,6 +1,6 @@
 // Second order where one motion is lost, a block at a time: which way the tip can go to second order.
 //
-// The quantities are those of pinsing/configuration/second_order.py, which says what they mean: with u
+// The quantities are those of pinsing/kinematics/refine.py, which says what they mean: with u
 // the lost direction, N the self-motions and B_ij = u . dJ_i / dq_j, the form Q = sym(N^T B N). The
 // spaces come from one-sided Jacobi rotations, as those of walks do; eigenvalues of the few rows of Q
 // from two-sided ones (Jacobi 1846; Golub and Van Loan, "Matrix Computations", 8.5). A lane that needs
@@ -56,14 +56,7 @@ static void second_order_block(const Chain& chain, const Task& task, double zero
     const V none_at_all = broadcast(0.0), one = broadcast(1.0);
     V J[6 * kWalkJoints], columns[kWalkJoints * (6 + kWalkJoints)], rows[6 * (kWalkJoints + 6)];
     jacobian_block(chain, q, J);
-    for (int j = 0; j < n; j++) {
-        for (int i = 0; i < m; i++) columns[j * column + i] = J[task.row[i] * n + j];
-        for (int k = 0; k < n; k++) columns[j * column + m + k] = broadcast(j == k ? 1.0 : 0.0);
-    }
-    for (int i = 0; i < m; i++) {
-        for (int j = 0; j < n; j++) rows[i * column + j] = columns[j * column + i];
-        for (int k = 0; k < m; k++) rows[i * column + n + k] = broadcast(i == k ? 1.0 : 0.0);
-    }
+    bordered(task, n, J, columns, rows);
     orthogonalise(columns, n, m, n, column);
     orthogonalise(rows, m, n, m, column);
     V above = none_at_all, first = none_at_all;

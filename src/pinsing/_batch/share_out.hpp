@@ -10,6 +10,7 @@
 #include <memory>
 #include <mutex>
 #include <new>
+#include <string>
 #include <thread>
 #include <vector>
 
@@ -78,6 +79,25 @@ Outcome share_out(std::int64_t N, int threads, std::size_t scratch, Work work,
     run(0);
     for (std::thread& thread : team) thread.join();
     return total;
+}
+
+// The same of an array `name` that has to be finite; returns how many items are unfinished.
+template <class Work>
+std::int64_t share_finite(const char* name, std::size_t N, int threads, std::size_t scratch, Work work) {
+    const Outcome outcome = share_out(static_cast<std::int64_t>(N), threads, scratch, work);
+    if (outcome.not_finite < 0) return outcome.unfinished;
+    const std::string item = std::string(name) + "[" + std::to_string(outcome.not_finite) + "]";
+    throw nanobind::value_error((item + " holds a value that is not finite").c_str());
+}
+
+// Calls each(i) for the items 0..N-1, `chunk` of them at a time.
+template <class Each>
+void share_each(std::size_t N, int threads, Each each, std::int64_t chunk = kChunk) {
+    const auto work = [&](std::int64_t first, std::int64_t count, double*) {
+        for (std::int64_t i = first; i < first + count; i++) each(i);
+        return Outcome{-1, 0};
+    };
+    share_out(static_cast<std::int64_t>(N), threads, 1, work, chunk);
 }
 
 }  // namespace pinsing

@@ -63,14 +63,30 @@ static Svd svd_of_rank(int columns, bool by_roots) {
     return Svd{K, columns, b, values};
 }
 
-static Svd svd_of(int rank, int columns, bool by_roots) {
-    switch (rank) {
+// Of an m x n matrix, taken with its smaller side first.
+static Svd svd_of(int m, int n, bool by_roots) {
+    const int columns = m < n ? n : m;
+    switch (m < n ? m : n) {
         case 1: return svd_of_rank<1>(columns, by_roots);
         case 2: return svd_of_rank<2>(columns, by_roots);
         case 3: return svd_of_rank<3>(columns, by_roots);
         case 4: return svd_of_rank<4>(columns, by_roots);
         case 5: return svd_of_rank<5>(columns, by_roots);
         default: return svd_of_rank<6>(columns, by_roots);
+    }
+}
+
+// Rows of the task, each times its factor, as such a matrix.
+PINSING_INLINE void task_matrix(const Task& task, int n, const V* J, V* A) {
+    const int m = task.m;
+    for (int i = 0; i < m; i++) {
+        const V* row = J + task.row[i] * n;
+        const double factor = task.factor[i];
+        if (m <= n) {
+            for (int j = 0; j < n; j++) A[i * n + j] = row[j] * factor;
+        } else {
+            for (int j = 0; j < n; j++) A[j * m + i] = row[j] * factor;
+        }
     }
 }
 

@@ -1,6 +1,6 @@
 // Walks from configurations to nearby ones where the task Jacobian loses rank, a block at a time.
 //
-// The method, and its reasons, are those of pinsing/configuration/rank_drop.py, which is the same in
+// The method, and its reasons, are those of pinsing/kinematics/refine.py, which is the same in
 // NumPy: U0^T (J + sum_j dJ/dq_j dq_j) V0 = 0 by damped least-norm steps. Here the spaces U0 and V0
 // come from one-sided Jacobi rotations (Hestenes 1958; de Rijk 1989 for the order of columns), which
 // find small singular vectors as exactly as large ones; the derivative from partial sums of columns.
@@ -70,19 +70,27 @@ struct WalkTask {
     int equations() const { return (m() - walk.rank + 1) * (n() - walk.rank + 1); }
 };
 
+// Columns (n, m + n) of the rows of a Jacobian over a unit matrix, and rows (m, n + m) beside one, to be
+// made orthogonal.
+static void bordered(const Task& task, int n, const V* J, V* columns, V* rows) {
+    const int m = task.m, length = m + n;
+    for (int j = 0; j < n; j++) {
+        for (int i = 0; i < m; i++) columns[j * length + i] = J[task.row[i] * n + j];
+        for (int k = 0; k < n; k++) columns[j * length + m + k] = broadcast(j == k ? 1.0 : 0.0);
+    }
+    for (int i = 0; i < m; i++) {
+        for (int j = 0; j < n; j++) rows[i * length + j] = columns[j * length + i];
+        for (int k = 0; k < m; k++) rows[i * length + n + k] = broadcast(i == k ? 1.0 : 0.0);
+    }
+}
+
 // sigma_1 and sigma_r at q.
 static void ends_of_spectrum(const WalkTask& w, const V* q, V* J, V& first, V& last) {
     const int n = w.n(), m = w.m();
     V A[6 * kWalkJoints], S[kMaxRank];
     jacobian_block(w.chain, q, J);
-    for (int i = 0; i < m; i++) {
-        for (int j = 0; j < n; j++) {
-            const V entry = J[w.task.row[i] * n + j];
-            (m <= n ? A[i * n + j] : A[j * m + i]) = entry;
-        }
-    }
-    const Svd svd = m <= n ? svd_of(m, n, true) : svd_of(n, m, true);
-    svd(A, S, w.max_sweeps);
+    task_matrix(w.task, n, J, A);
+    svd_of(m, n, true)(A, S, w.max_sweeps);
     first = S[0];
     last = S[w.walk.rank - 1];
 }
@@ -123,15 +131,8 @@ static void derivative_along(const V* J, int n, const V* u, const V* v, V* out) 
 static void equations_at(const WalkTask& w, const V* J, V* B) {
     const int n = w.n(), m = w.m(), r = w.walk.rank;
     V columns[kWalkJoints * (6 + kWalkJoints)], rows[6 * (kWalkJoints + 6)];
-    const int column = m + n, row = n + m;
-    for (int j = 0; j < n; j++) {
-        for (int i = 0; i < m; i++) columns[j * column + i] = J[w.task.row[i] * n + j];
-        for (int k = 0; k < n; k++) columns[j * column + m + k] = broadcast(j == k ? 1.0 : 0.0);
-    }
-    for (int i = 0; i < m; i++) {
-        for (int j = 0; j < n; j++) rows[i * row + j] = columns[j * column + i];
-        for (int k = 0; k < m; k++) rows[i * row + n + k] = broadcast(i == k ? 1.0 : 0.0);
-    }
+    const int column = m + n, row = column;
+    bordered(w.task, n, J, columns, rows);
     orthogonalise(columns, n, m, n, column);
     // u_r is J v_r / sigma_r, which belongs to v_r where singular values are equal, too.
     V first = broadcast(0.0), last = first;
