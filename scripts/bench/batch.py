@@ -98,10 +98,9 @@ def rows_of(name: str, count: int, values: bool, with_peers: bool) -> Rows:
             run(some)  # compiled, and warm
             rows[label] = (functools.partial(run, some), len(some))
     run_engine = engine.singular_values if values else engine.jacobians
-    out = np.empty((count, min(6, arm.n)) if values else (count, 6, arm.n))
     for isa in engine.isa_names():
         for threads in (1, 2):
-            task = functools.partial(run_engine, chain, Q, threads=threads, isa=isa, out=out)
+            task = functools.partial(run_engine, chain, Q, threads=threads, isa=isa)
             rows[f"pinsing, {isa}, {threads} thread{'s' * (threads > 1)}"] = (task, count)
     if values:
         plan = plan_map(arm, count=count, joints=arm.joints)
