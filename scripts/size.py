@@ -10,9 +10,9 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
 LIMITS: dict[str, tuple[int, int]] = {
-    "Python in src: statements": (41_119, 30_000),
-    "Python in src: lines": (76_474, 56_000),
-    "C++, JavaScript, templates, styles: lines": (14_240, 9_500),
+    "Python in src: statements": (41_118, 30_000),
+    "Python in src: lines": (76_449, 56_000),
+    "C++, JavaScript, templates, styles: lines": (14_064, 9_500),
     "modules": (209, 220),
     "packages directly under pinsing": (16, 16),
     "numbers in module constants": (499, 500),
