@@ -23,6 +23,7 @@ import numpy as np  # noqa: E402
 import pinocchio as pin  # noqa: E402
 import pytest  # noqa: E402
 from hypothesis import HealthCheck, settings  # noqa: E402
+from hypothesis.internal.conjecture import providers  # noqa: E402
 
 settings.register_profile(
     "pinsing",
@@ -33,6 +34,9 @@ settings.register_profile(
 )
 settings.load_profile("pinsing")
 settings.register_profile("quick", settings.get_profile("pinsing"), max_examples=40)
+# Examples are the same whatever has been imported: numbers that stand in our own modules, which
+# would be among them, take 3 s to collect.
+providers._get_local_constants = lambda: providers._local_constants
 
 # What a test reads it reads itself, and nothing of it stays on the user's disk.
 os.environ["PINSING_CACHE"] = ""

@@ -1,14 +1,12 @@
 """What the sources import is declared, and its oldest versions are those that are tested."""
 
-import ast
 import re
 import sys
-from collections.abc import Iterator
 from importlib import metadata
 from pathlib import Path
 
 import pytest
-from test_layers import MODULES, SIZE
+from test_layers import every_import
 
 ROOT = Path(__file__).parent.parent
 OLDEST = ROOT / ".github" / "oldest.txt"
@@ -40,23 +38,10 @@ PROVIDER = {
 BY_NAME = {"example-robot-data": "files alone", "meshcat": "pinsing.view.links"}
 
 
-def imported(tree: ast.AST) -> Iterator[str]:
-    """Packages that code imports when it runs, within functions too."""
-    for node in ast.iter_child_nodes(tree):
-        if isinstance(node, ast.If) and getattr(node.test, "id", "") == "TYPE_CHECKING":
-            yield from imported(ast.Module(node.orelse, []))
-        elif isinstance(node, ast.Import):
-            yield from (alias.name.partition(".")[0] for alias in node.names)
-        elif isinstance(node, ast.ImportFrom) and not node.level:
-            yield str(node.module).partition(".")[0]
-        elif not isinstance(node, ast.expr):
-            yield from imported(node)
-
-
 @pytest.mark.skipif(not OLDEST.exists(), reason="not a checkout of the repository")
 def test_all_that_the_sources_import_is_declared_and_nothing_else():
     """What comes only because something else needs it may stop to come."""
-    names = {name for path in MODULES.values() for name in imported(SIZE.tree_of(path))}
+    names = {i.imported.partition(".")[0] for i in every_import() if i.runs}
     names -= {*sys.stdlib_module_names, "pinsing"}
     used = {PROVIDER.get(name.lower(), name.lower()) for name in names}
     needed = [r for r in metadata.requires("pinsing") or () if "extra ==" not in r]

@@ -41,6 +41,7 @@ class Import:
     imported: str
     line: int
     at_import: bool  # neither in a function nor for type checking only
+    runs: bool = True  # not for type checking only
 
     def __str__(self) -> str:
         return f"{self.importer}, line {self.line}: imports {self.imported}"
@@ -63,20 +64,22 @@ def imports_of(module: str) -> list[Import]:
     return list(walk(SIZE.tree_of(MODULES[module]), module, package, True))
 
 
-def walk(node: ast.AST, module: str, package: str, at_import: bool) -> Iterator[Import]:
+def walk(
+    node: ast.AST, module: str, package: str, at_import: bool, runs: bool = True
+) -> Iterator[Import]:
     for child in ast.iter_child_nodes(node):
         now = at_import
         if isinstance(child, ast.FunctionDef | ast.AsyncFunctionDef | ast.Lambda):
             now = False
         if isinstance(child, ast.If) and getattr(child.test, "id", "") == "TYPE_CHECKING":
             for part in child.body:
-                yield from walk(ast.Module([part], []), module, package, False)
+                yield from walk(ast.Module([part], []), module, package, False, False)
             for part in child.orelse:
-                yield from walk(ast.Module([part], []), module, package, at_import)
+                yield from walk(ast.Module([part], []), module, package, at_import, runs)
             continue
         if isinstance(child, ast.Import):
             for alias in child.names:
-                yield Import(module, alias.name, child.lineno, now)
+                yield Import(module, alias.name, child.lineno, now, runs)
         elif isinstance(child, ast.ImportFrom):
             base = child.module or ""
             if child.level:
@@ -85,9 +88,9 @@ def walk(node: ast.AST, module: str, package: str, at_import: bool) -> Iterator[
             for alias in child.names:
                 inner = f"{base}.{alias.name}"
                 inner = inner if inner in MODULES else base
-                yield Import(module, inner, child.lineno, now)
+                yield Import(module, inner, child.lineno, now, runs)
         elif not isinstance(child, ast.expr):
-            yield from walk(child, module, package, now)
+            yield from walk(child, module, package, now, runs)
 
 
 def room(module: str) -> str:
