@@ -8,15 +8,13 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from batch_cases import PANDA, UR5, close, flat, lapack, random_chain, reference_jacobian, robot
+from kernel import require_kernel
 from tiers import sampled, tiered
 
 from pinsing._batch import engine
 from pinsing._batch.engine import FlatChain
 
-if not engine.available():
-    if os.environ.get("PINSING_REQUIRE_ENGINE"):
-        raise RuntimeError(engine.unavailable_reason())
-    pytest.skip(f"{engine.unavailable_reason()}", allow_module_level=True)
+require_kernel()
 
 pytestmark = pytest.mark.parametrize("isa", engine.isa_names())
 

@@ -1,19 +1,15 @@
 """Singular values by roots, all at once: beside those of dqds, and independent of neighbours."""
 
-import os
-
 import numpy as np
 import pytest
 from batch_cases import PANDA, UR5, flat, lapack, matrices, random_chain, robot, with_values
+from kernel import require_kernel
 from tiers import sampled
 
 from pinsing._batch import engine
 from pinsing._batch.engine import FlatChain
 
-if not engine.available():
-    if os.environ.get("PINSING_REQUIRE_ENGINE"):
-        raise RuntimeError(engine.unavailable_reason())
-    pytest.skip(f"{engine.unavailable_reason()}", allow_module_level=True)
+require_kernel()
 
 pytestmark = pytest.mark.parametrize("isa", engine.isa_names())
 

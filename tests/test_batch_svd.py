@@ -1,18 +1,14 @@
 """Singular values of the batch kernel against LAPACK, on every instruction set here."""
 
-import os
-
 import numpy as np
 import pytest
 from batch_cases import close, lapack, matrices
+from kernel import require_kernel
 from tiers import sampled, tiered_rows
 
 from pinsing._batch import engine
 
-if not engine.available():
-    if os.environ.get("PINSING_REQUIRE_ENGINE"):
-        raise RuntimeError(engine.unavailable_reason())
-    pytest.skip(f"{engine.unavailable_reason()}", allow_module_level=True)
+require_kernel()
 
 pytestmark = pytest.mark.parametrize("isa", engine.isa_names())
 

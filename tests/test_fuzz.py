@@ -1,38 +1,20 @@
 """A short, seeded run of scripts/fuzz, and proof that it would notice."""
 
 import ast
-import importlib
-import sys
+import operator
 from collections import Counter
 from pathlib import Path
-from types import ModuleType, SimpleNamespace
-from typing import Any
 
 import pytest
+from public import script
 
-SCRIPTS = Path(__file__).parent.parent / "scripts"
+from pinsing.description import xacro_expression
 
-
-@pytest.fixture(scope="module")
-def fuzz() -> ModuleType:
-    sys.path.insert(0, str(SCRIPTS))
-    try:
-        return importlib.import_module("fuzz.run")
-    finally:
-        sys.path.remove(str(SCRIPTS))
-
-
-@pytest.fixture(scope="module")
-def mutants(fuzz: ModuleType) -> SimpleNamespace:
-    """Names out of the fuzzer's other modules."""
-    found: dict[str, Any] = {}
-    for name in ("fuzz.mutants", "fuzz.commands", "fuzz.coverage", "fuzz.report"):
-        found |= vars(sys.modules[name])
-    return SimpleNamespace(**{k: v for k, v in found.items() if k[0] != "_"})
+fuzz = script("fuzz.run")
 
 
 @pytest.mark.slow
-def test_broken_files_end_in_a_result_or_in_one_clear_line(fuzz):
+def test_broken_files_end_in_a_result_or_in_one_clear_line():
     share = {"urdf": 70, "xacro": 25, "dh": 40, "loops": 45}
     cases = [(kind, 70_000 + i) for kind, count in share.items() for i in range(count)]
     outcomes = list(fuzz.fuzz(cases, workers=2))
@@ -59,7 +41,7 @@ FEWER = {"expression": 100, "result": 15, "certificate": 40, "table": 20}
     ],
     ids=" ".join,
 )
-def test_other_broken_input_ends_so_too(fuzz, counts):
+def test_other_broken_input_ends_so_too(counts):
     cases = [(kind, 70_000 + i) for kind, count in counts.items() for i in range(count)]
     outcomes = list(fuzz.fuzz(cases, workers=1))
     assert len(outcomes) == len(cases)
@@ -69,11 +51,7 @@ def test_other_broken_input_ends_so_too(fuzz, counts):
         assert ended == set(fuzz.GOOD) or kind == "mesh", kind
 
 
-def test_an_expression_with_another_value_is_noticed(fuzz, monkeypatch):
-    import operator
-
-    from pinsing.description import xacro_expression
-
+def test_an_expression_with_another_value_is_noticed(monkeypatch):
     other = {**xacro_expression._OPERATORS, ast.FloorDiv: operator.truediv}
     monkeypatch.setattr(xacro_expression, "_OPERATORS", other)
     outcomes = [fuzz.run_case("expression", (seed,), {}, Path()) for seed in range(400)]

@@ -4,16 +4,13 @@ scripts/oracle runs thousands of chains; here are sixty, the one that once was a
 wrongly, and proof that a wrong answer is noticed.
 """
 
-import importlib
-import sys
 from dataclasses import replace
 from fractions import Fraction
-from pathlib import Path
-from types import ModuleType
 
 import numpy as np
 import pinocchio as pin
 import pytest
+from public import script
 
 from pinsing.algebra.budget import Budget
 from pinsing.algebra.decompose import Decomposition
@@ -22,41 +19,22 @@ from pinsing.families import closed_form
 from pinsing.robot.load import load
 from pinsing.robot.task import parse_task
 
-SCRIPTS = Path(__file__).parent.parent / "scripts"
 GROUPS, CHAINS = 12, 5
-
-
-@pytest.fixture(scope="module")
-def oracle() -> ModuleType:
-    sys.path.insert(0, str(SCRIPTS))
-    try:
-        return importlib.import_module("oracle.run")
-    finally:
-        sys.path.remove(str(SCRIPTS))
-
-
-@pytest.fixture(scope="module")
-def field(oracle) -> ModuleType:
-    return sys.modules["oracle.field"]
-
-
-@pytest.fixture(scope="module")
-def chains(oracle) -> ModuleType:
-    return sys.modules["oracle.chains"]
+oracle, field, chains = (script(f"oracle.{name}") for name in ("run", "field", "chains"))
 
 
 @pytest.mark.parametrize(
     "group", [0, *(pytest.param(k, marks=pytest.mark.slow) for k in range(1, GROUPS))]
 )
-def test_random_structured_chains_have_no_false_claim(oracle, chains, group):
+def test_random_structured_chains_have_no_false_claim(group):
     for seed in range(group, GROUPS * CHAINS, GROUPS):
         outcome = oracle.judged(chains.random_spec(seed), seed, seconds=1.0, points=2_000)
         assert outcome.verdict in ("complete", "not complete", "unconfirmed", "no motion"), outcome
 
 
-def test_the_oracle_of_real_points_moves_as_pinocchio_does(oracle, chains):
+def test_the_oracle_of_real_points_moves_as_pinocchio_does():
     """Its Jacobians, of every task, and singular points of a chain with a known family."""
-    points = sys.modules["oracle.points"]
+    points = script("oracle.points")
     rng = np.random.default_rng(0)
     for seed in range(30):
         spec = chains.strange_spec(seed)
@@ -77,13 +55,13 @@ def _rows(task: str) -> list[int]:
 @pytest.mark.parametrize(
     "seed", [0, *(pytest.param(k, marks=pytest.mark.slow) for k in range(1, 20))]
 )
-def test_singular_points_that_newton_finds_are_on_families(oracle, chains, seed):
+def test_singular_points_that_newton_finds_are_on_families(seed):
     outcome = oracle.judged(chains.strange_spec(seed), seed, seconds=2.0, real=True)
     assert outcome.verdict in ("complete", "not complete", "no motion"), outcome
 
 
 @pytest.mark.slow
-def test_a_family_that_is_dropped_is_noticed_by_real_points(oracle, chains):
+def test_a_family_that_is_dropped_is_noticed_by_real_points():
     rows = [chains.Row(0, 0, 0.2, 0), chains.Row(0, 0, 0.3, 90), chains.Row(0, 0, 0.2, 0)]
     spec = chains.Spec(tuple(rows), "position")
     form = closed_form(chains.arm_of(spec))
@@ -94,7 +72,7 @@ def test_a_family_that_is_dropped_is_noticed_by_real_points(oracle, chains):
 
 
 @pytest.mark.slow
-def test_a_chain_once_answered_with_four_components_missing(oracle, field, chains):
+def test_a_chain_once_answered_with_four_components_missing():
     """Each of two systems was dropped for the other's sake: q4 = -q3, q6 = q5 was on neither."""
     rows = [
         (90, 0.25, 0.07, 0), (180, 0.12, 0, 90), (0, 0, 0.07, 0), (180, 0, 0, 90),
@@ -113,7 +91,7 @@ def test_a_chain_once_answered_with_four_components_missing(oracle, field, chain
 
 
 @pytest.mark.parametrize("name", ["puma560", pytest.param("iiwa14", marks=pytest.mark.slow)])
-def test_a_family_that_is_dropped_or_too_large_is_noticed(oracle, field, name):
+def test_a_family_that_is_dropped_or_too_large_is_noticed(name):
     arm = load(name)
     form = closed_form(arm)
     parts, by_rank = oracle.components(form)
@@ -153,7 +131,7 @@ def test_a_place_that_is_singular_without_a_zero_matrix_is_found():
     assert any(part.values == {0: zero, 1: zero} for part in found.components)
 
 
-def test_rank_modulo_a_prime(field):
+def test_rank_modulo_a_prime():
     rng = np.random.default_rng(1)
     for m, n in ((6, 6), (6, 8), (3, 5), (5, 3)):
         for rank in range(min(m, n) + 1):

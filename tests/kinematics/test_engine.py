@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pinocchio as pin
 import pytest
+from kernel import needs_kernel
 
 import pinsing
 from pinsing._batch import engine as kernel
@@ -13,10 +14,6 @@ from pinsing._batch.built_from import SUFFIXES, fingerprint, why_stale
 from pinsing.errors import EngineError, OptionError
 from pinsing.kinematics import batch, jacobian as kinematics
 from pinsing.robot.load import load
-
-needs_kernel = pytest.mark.skipif(
-    not kernel.available(), reason=f"no compiled kernel: {kernel.unavailable_reason()}"
-)
 
 
 def configurations(arm, n=200):
