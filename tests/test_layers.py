@@ -238,13 +238,17 @@ def test_a_command_pulls_in_no_browser_no_processes_no_log_and_no_meshes(words, 
 
 
 @pytest.mark.slow
-def test_an_analysis_pulls_in_no_event_loop_no_pool_of_processes_and_no_masked_arrays():
-    """They are for clusters, for --workers, and for nobody: a tenth of a second of a short one."""
+def test_an_analysis_pulls_in_no_plot_no_viewer_no_event_loop_and_no_masked_arrays():
+    """They are for pictures, pages, commands, clusters: a tenth of a second of a short one."""
     _, loaded = modules_after(
         "import pinsing; arm = pinsing.load('planar3r'); "
-        "str(pinsing.analyze(arm, random_starts=50))"
+        "analysis = pinsing.analyze(arm, random_starts=50); str(analysis), analysis.to_json(); "
+        "pinsing.sampling.sweep(arm, samples=9, levels=1)"
     )
-    heavy = "asyncio concurrent.futures.process numpy.ma yaml ssl http email scipy matplotlib"
+    heavy = (
+        "asyncio concurrent.futures.process numpy.ma yaml ssl http email scipy "
+        "matplotlib meshcat yourdfpy xacro rich click tornado zmq"
+    )
     assert loaded.isdisjoint(heavy.split())
 
 

@@ -149,31 +149,6 @@ def test_the_same_seed_gives_the_same_analysis():
     np.testing.assert_array_equal(np.random.get_state()[1], state)  # noqa: NPY002
 
 
-BLOCKED = ("matplotlib", "meshcat", "yourdfpy", "xacro", "rich", "click", "tornado", "zmq")
-
-
-@pytest.mark.slow
-def test_the_core_needs_neither_plots_nor_viewers():
-    code = f"""
-import sys
-
-class Block:
-    def find_spec(self, name, path=None, target=None):
-        if name.partition(".")[0] in {BLOCKED!r}:
-            raise ImportError(f"{{name}} is blocked")
-
-sys.meta_path.insert(0, Block())
-import pinsing
-arm = pinsing.load("ur5")
-analysis = pinsing.analyze(arm, samples=9, levels=1, random_starts=5)
-print(len(analysis.families), pinsing.at(arm, [0.1] * 6).rank)
-str(analysis), analysis.to_json(), pinsing.sampling.sweep(arm, samples=9, levels=1)
-"""
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stderr
-    assert done.stdout == "3 6\n"
-
-
 @pytest.mark.slow
 def test_sweeps_of_many_threads_are_equal():
     arm = load("stanford")
