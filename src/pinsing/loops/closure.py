@@ -255,10 +255,17 @@ def _swing(R: Array, k: int) -> Array:
 
 
 def _log(R: Array) -> Array:
-    """Rotation vectors (N, 3) of rotations (N, 3, 3)."""
-    from scipy.spatial.transform import Rotation
-
-    return np.asarray(Rotation.from_matrix(R).as_rotvec()) if len(R) else np.zeros((0, 3))
+    """Rotation vectors (N, 3) of rotations (N, 3, 3), of half a turn too."""
+    # Rows are multiples of the quaternion (w, x, y, z); the longest of them has all digits.
+    trace, back = np.trace(R, axis1=1, axis2=2)[:, None, None], np.swapaxes(R, 1, 2)
+    across = np.cross(np.eye(3), R, axisb=1).sum(axis=1)[:, None]
+    inside = R + back + (1 - trace) * np.eye(3)
+    rows = np.block([[1 + trace, across], [np.swapaxes(across, 1, 2), inside]])
+    q = rows[np.arange(len(R)), np.einsum("nii->ni", rows).argmax(axis=1)]
+    w, v = q[:, :1], q[:, 1:]
+    sine = np.linalg.norm(v, axis=1, keepdims=True)
+    angle = 2 * np.arctan2(sine, np.abs(w))
+    return np.asarray(angle * np.copysign(v, v * w) / np.maximum(sine, 1e-300))
 
 
 def locked(loops: BatchLoops, Q: Array) -> Bool:

@@ -15,6 +15,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+import pinocchio as pin
 
 from pinsing._types import Array
 from pinsing.arguments import checked
@@ -112,12 +113,10 @@ def place_at(
     values: Mapping[str, float], about: Array, before: float = 0.0, tried: int = 0
 ) -> WorkpiecePlacement:
     """Return the placement with these values, rotated about a point (3,); others are zero."""
-    from scipy.spatial.transform import Rotation
-
     turn = [values.get(name, 0.0) for name in ANGLES]
     shift = [values.get(name, 0.0) for name in RANGES[:3]]
     moved = np.eye(4)
-    moved[:3, :3] = Rotation.from_euler("xyz", turn).as_matrix()
+    moved[:3, :3] = pin.rpy.rpyToMatrix(*turn)
     moved[:3, 3] = about + shift - moved[:3, :3] @ about
     x, y, z = shift
     roll, pitch, yaw = turn
@@ -268,10 +267,8 @@ def _factors(
 
 
 def _rotations(values: Array, kind: tuple[str, ...], path: Path) -> Array:
-    from scipy.spatial.transform import Rotation
-
     if kind == ANGLES:
-        return np.asarray(Rotation.from_euler("xyz", values).as_matrix())
+        return np.array([pin.rpy.rpyToMatrix(*turns) for turns in values])
     size = np.linalg.norm(values, axis=1)
     bad = np.abs(size - 1) > 1e-2
     if bad.any():
@@ -280,7 +277,9 @@ def _rotations(values: Array, kind: tuple[str, ...], path: Path) -> Array:
             path,
         )
     if kind == QUATERNION:
-        return np.asarray(Rotation.from_quat(values).as_matrix())
+        return np.array(
+            [pin.Quaternion(*q).matrix() for q in np.roll(values, 1, 1) / size[:, None]]
+        )
     z = -values / size[:, None]
     # Any rotation about the tool will do, changing little: x is carried on from pose to pose.
     out, x = np.empty((len(z), 3, 3)), np.eye(3)[np.abs(z[0]).argmin()]
