@@ -463,7 +463,7 @@ def test_every_family_option_takes_names_and_titles(words, file, tmp_path):
             (("at", "irb120", "--q", "0,0.2,0.3,0,0.05,0"), "0.05 rad away: q5 by -0.05 rad"),
             (("line", "irb120", "--q", "0,0.2,0.3,0,0.05,0", "--to", "0.45,0,0.4"), "(q5 = 0)"),
             (
-                ("zones", "irb120", "--within", "q3=0.5..1.2", "--boxes", "9000"),
+                ("zones", "irb120", "--within", "q3=0.5..1.2", "--boxes", "2000"),
                 "between 0.5 rad and 1",
             ),
             pytest.param(

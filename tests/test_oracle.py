@@ -19,7 +19,7 @@ from pinsing.families import closed_form
 from pinsing.robot.load import load
 from pinsing.robot.task import parse_task
 
-GROUPS, CHAINS = 12, 5
+GROUPS, CHAINS = 30, 2
 oracle, field, chains = (script(f"oracle.{name}") for name in ("run", "field", "chains"))
 
 

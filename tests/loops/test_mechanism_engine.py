@@ -98,7 +98,7 @@ def closed(mechanism: Mechanism, count: int) -> list[np.ndarray]:
 def test_frames_measures_and_verdicts_agree(name: str) -> None:
     """Loops of all three kinds, sliding joints; what is singular is among them."""
     mechanism = mechanism_of(name)
-    Q = closed(mechanism, 100)
+    Q = closed(mechanism, 40)
     if name in SHIPPED:
         Q += [p.q for p in analyzed(name).points]
     found = run(

@@ -260,7 +260,7 @@ def test_what_is_cut_off_boxes_is_within_zones(monkeypatch, name):
 
 def test_long_equations_are_reached_and_never_too_near(monkeypatch):
     form = pinsing.closed_form(pinsing.load("gofa5"), prove=False)
-    Q = np.random.default_rng(8).uniform(-np.pi, np.pi, (1000, 6))
+    Q = np.random.default_rng(8).uniform(-np.pi, np.pi, (400, 6))
     search = _search(monkeypatch, form)
     cells = zone_search._Cells.first(Q, 0 * Q, len(search.each))
     search._follow(cells)
@@ -270,10 +270,10 @@ def test_long_equations_are_reached_and_never_too_near(monkeypatch):
         search._upper(cells)[0],
     )
     assert np.isfinite(up).all()
-    true = pinsing.clearance(form, Q[:300], certify=True, boxes=2000)
-    assert (true.lower <= up[:300, 0] * (1 + 1e-9)).all()
-    assert (low[:300, 0] <= true.upper).all()
-    assert np.mean(up[:300, 0] <= 1.02 * true.upper) > 0.96
+    true = pinsing.clearance(form, Q[:100], certify=True, boxes=2000)
+    assert (true.lower <= up[:100, 0] * (1 + 1e-9)).all()
+    assert (low[:100, 0] <= true.upper).all()
+    assert np.mean(up[:100, 0] <= 1.02 * true.upper) > 0.96
 
 
 @pytest.mark.parametrize("name", ["panda", "ur5", "gofa5"])
@@ -294,7 +294,7 @@ def test_points_are_as_near_to_families_as_bounds_say(name):
     tiered_rows(
         [("panda", "limits", 2), ("panda", None, 8), ("iiwa14", None, 32), ("ur5", None, 4),
          ("crx10ia", "limits", 4), ("ur5", "elbow up", 1), ("ur5", {"z": (0.1, 0.4)}, 1)],
-        [("panda", "limits", 2), ("ur5", None, 4), ("ur5", {"z": (0.1, 0.4)}, 1)],
+        [("ur5", None, 4), ("ur5", {"z": (0.1, 0.4)}, 1)],
     ),
 )  # fmt: skip
 def test_what_boxes_leave_out_is_like_what_they_cover(monkeypatch, name, within, most):
