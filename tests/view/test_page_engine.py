@@ -15,11 +15,12 @@ from tiers import tiered
 from urdf_text import J, Y, Z, frame, urdf
 
 from pinsing import at, closed_form, load, singular_values
+from pinsing.algebra.equation import Equation
 from pinsing.kinematics.jacobian import frame_jacobian, tip_placement
 from pinsing.kinematics.verdict import ratios, status_of
 from pinsing.measures import pure_ellipsoids
 from pinsing.robot.arm import Arm
-from pinsing.view.entries import Entry, engine_data, family_entries
+from pinsing.view.entries import Entry, engine_data, equation_data, family_entries
 from pinsing.view.page import engine_script
 from pinsing.view.scene import sizes
 
@@ -37,6 +38,24 @@ MIMIC = urdf([
 def engine(arm: Arm, poses: int = 1) -> tuple[dict[str, Any], tuple[Entry, ...]]:
     entries = family_entries(arm, closed_form(arm).families, poses)
     return engine_data(arm, entries, sizes(arm)), entries
+
+
+def wave(
+    frequencies: list[list[int]],
+    cos: list[float],
+    sin: list[float],
+    powers: list[list[int]] | None = None,
+) -> dict[str, Any]:
+    """An equation of the page; frequencies are doubled, as in an Equation."""
+    table, n = np.array(frequencies), len(frequencies[0])
+    given = {
+        "frequencies": table,
+        "powers": np.zeros_like(table) if powers is None else np.array(powers),
+        "cos": np.array(cos, dtype=float),
+        "sin": np.array(sin, dtype=float),
+    }
+    joints = tuple(f"q{j + 1}" for j in range(n))
+    return equation_data(Equation(**given, shift=np.zeros(n), joints=joints))
 
 
 def arm_of(name: str, tmp_path: Path) -> Arm:
@@ -210,8 +229,7 @@ def test_what_a_path_crosses_between_its_samples_is_said() -> None:
         found = [f["at"] for f in crossed(*values)]
         assert found == ([] if spots is None else [pytest.approx(spots)])
     # By the sign of an equation, also where it changes twice.
-    equation = {"frequencies": [[2]], "cos": [1.0], "sin": [0.0], "shift": [0.0], "powers": None}
-    family = {"name": "E", "branches": [{"values": [], "equations": [equation]}]}
+    family = {"name": "E", "branches": [{"values": [], "equations": [wave([[2]], [1], [0])]}]}
     call = "(m, {f, rows}) => m.crossings([f], rows, [{prismatic: false}], 1)"
     for rows, spots in [([[0.1], [3.1], [2.9]], [0.5]), ([[0.1], [6.2]], None)]:
         found = run(call, {"f": family, "rows": rows})[0]["at"]
@@ -314,11 +332,9 @@ def test_what_is_said_of_the_distance_is_no_more_than_is_known() -> None:
         found = {"entry": entry, "name": f"F{entry + 1}", "text": "here", "where": ["here"]}
         return {**found, "moved": [0, 1], "branches": [branch]}
 
-    wave = {"frequencies": [[2, 2], [2, 0]], "powers": None}
-    wave |= {"cos": [0, 0], "sin": [1, 0.4], "shift": [0, 0]}
-    slide = {"frequencies": [[2, 0]], "powers": [[0, 1]], "cos": [0], "sin": [1], "shift": [0, 0]}
+    both, slide = wave([[2, 2], [2, 0]], [0, 0], [1, 0.4]), wave([[2, 0]], [0], [1], [[0, 1]])
     lone = family(0, {"values": [{"joint": 0, "value": 0}], "equations": []})
-    bent = family(0, {"values": [], "equations": [wave]})
+    bent = family(0, {"values": [], "equations": [both]})
     free = family(1, {"values": [], "equations": [slide]})
     asked = [[lone], [bent], [free], [lone, free]]
     call = "(m, {data, asked, q, terms}) => asked.map((f) => m.nearestFamily(data, q, f, terms))"
@@ -364,10 +380,9 @@ def test_only_singular_poses_count_where_equations_hold_at_others_too() -> None:
     data, _ = engine(arm)
     q = [0.2, -1.2, 1.1, -0.4, 0.7, 0.3]
     waves = [[2, 0, 0, 0, -2, 0], [2, 0, 0, 0, 2, 0]]
-    equation = {"frequencies": waves, "cos": [0.5, -0.5], "sin": [0, 0], "shift": [0] * 6}
     family = {
         "entry": 0, "name": "F1", "text": "here", "where": ["here"], "moved": [0, 4],
-        "branches": [{"values": [], "equations": [{**equation, "powers": None}]}],
+        "branches": [{"values": [], "equations": [wave(waves, [0.5, -0.5], [0, 0])]}],
     }  # fmt: skip
     asked = [[family], [{**family, "confirm": True}]]
     either, own = run(

@@ -11,6 +11,8 @@ import numpy as np
 import pinocchio as pin
 
 from pinsing._types import Array, ArrayLike, Bool
+from pinsing.algebra.conditions import weighted_sum
+from pinsing.algebra.equation import Equation
 from pinsing.errors import OptionError
 from pinsing.families import Branch, Family, JointValue, joint_symbols
 from pinsing.families.describe import telling_poses
@@ -235,7 +237,7 @@ def engine_data(arm: Arm, entries: Sequence[Entry], sizes: Sizes) -> dict[str, A
     frame Jacobian, which are in the tip's axes, length scale, generic rank, joints that ever move
     it, task directions never produced, (k, 6)); ``judge`` (tolerances of the verdict, and the arm's
     own scale); ``joints`` (limits, None where infinite); ``speeds`` (of `SpeedJudge`, and what is
-    asked); ``families`` (branches: joint values and equations as in `Equation`; ``confirm``: only
+    asked); ``families`` (branches: joint values and equations as `equation_data`; ``confirm``: only
     zeros at which the arm is singular count, and ``points`` are some); ``centres`` (joints whose
     axes always meet, with a name); ``sizes``; ``design`` (families are of the design).
     """
@@ -375,21 +377,20 @@ def _family(index: int, entry: Entry, family: Family, symbols: Sequence[str]) ->
         "branches": [
             {
                 "values": [{"joint": v.joint, "value": v.value} for v in b.values],
-                "equations": [
-                    {
-                        "frequencies": e.frequencies.tolist(),
-                        "powers": e.powers.tolist() if e.powers.any() else None,
-                        "cos": numbers(e.cos),
-                        "sin": numbers(e.sin),
-                        "shift": numbers(e.shift),
-                        "accuracy": float(e.accuracy),
-                    }
-                    for e in b.equations
-                ],
+                "equations": [equation_data(e) for e in b.equations],
             }
             for b in branches
         ],
     }
+
+
+def equation_data(equation: Equation) -> dict[str, Any]:
+    """An equation as a `TrigSum` of joint values, ready for JSON."""
+    s = weighted_sum(equation, np.ones(len(equation.shift)))
+    found = {k: getattr(s, k) for k in ("noise", "reach", "curvature")}
+    rows = {k: getattr(s, k).tolist() for k in ("amplitude", "phase", "rate")}
+    power = s.power.tolist() if len(s.slides) else None
+    return {**rows, "power": power, **found, "size": float(s.amplitude.sum())}
 
 
 def _where(entry: Entry, family: Family, branch: Branch, symbols: Sequence[str]) -> str:

@@ -26,17 +26,15 @@ class Drag {
     this.hold = app.hold(frame.q);
     // In the plane through the tip that faces the camera.
     const normal = viewer.camera.getWorldDirection(new MeshCat.THREE.Vector3());
-    this.plane = new MeshCat.THREE.Plane().setFromNormalAndCoplanarPoint(normal, this.world(frame.tip));
+    this.plane = new MeshCat.THREE.Plane().setFromNormalAndCoplanarPoint(normal, yUp(frame.tip));
     const [x, y] = this.pixels(frame.tip, viewer.camera);
     this.off = [event.clientX - x, event.clientY - y];
     this.goal = frame.tip;
     this.step();
   }
 
-  world([x, y, z]) { return new MeshCat.THREE.Vector3(x, z, -y); }
-
   pixels(point, camera) {
-    const p = this.world(point).project(camera), box = this.app.view.element.getBoundingClientRect();
+    const p = yUp(point).project(camera), box = this.app.view.element.getBoundingClientRect();
     return [box.left + ((p.x + 1) / 2) * box.width, box.top + ((1 - p.y) / 2) * box.height, p.z];
   }
 

@@ -3,6 +3,9 @@
 
 const GAP = 8; // px between a point and its label
 
+// A point of the base, z up, in the axes of three.js.
+const yUp = ([x, y, z]) => new MeshCat.THREE.Vector3(x, z, -y);
+
 class Labels {
   constructor(element) {
     this.element = element;
@@ -33,7 +36,7 @@ class Labels {
     const { clientWidth: wide, clientHeight: high } = this.element, here = this.element.getBoundingClientRect();
     const legend = document.getElementById("legend").getBoundingClientRect();
     const taken = [{ left: legend.left - here.left, right: legend.right - here.left, top: legend.top - here.top, bottom: legend.bottom - here.top }];
-    const seen = ([x, y, z]) => new MeshCat.THREE.Vector3(x, z, -y).project(camera);
+    const seen = (point) => yUp(point).project(camera);
     const pixels = (p) => [((p.x + 1) / 2) * wide, ((1 - p.y) / 2) * high];
     const [tx, ty] = this.tip ? pixels(seen(this.tip)) : [-1e6, -1e6];
     this.marks.forEach(({ at }, k) => {

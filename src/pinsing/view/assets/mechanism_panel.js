@@ -143,16 +143,10 @@ class MechanismPanel extends Panel {
     slider.value = shown;
     const shift = shown - frame.q[index];
     const place = (v) => Math.min(100, Math.max(0, (100 * (v + shift - low)) / (high - low)));
-    const reach = make("span", "reach");
-    const [begin, end] = whole ? [0, 100] : [place(lower), place(upper)];
-    reach.style.left = `${begin}%`;
-    reach.style.width = `${end - begin}%`;
-    band.replaceChildren(reach, ...points.map((point) => {
-      const node = make("span", `mark ${point.kind.replace(" ", "-")}`), at = point.q[index];
-      node.title = `${point.kind} at ${this.shown(index, at)}`;
-      const value = whole ? low + ((((at + shift - low) % TURN) + TURN) % TURN) - shift : at;
-      node.style.left = `${place(value)}%`;
-      return node;
+    const reach = whole ? [0, 100] : [place(lower), place(upper)];
+    band.replaceChildren(onBand("reach", ...reach), ...points.map((point) => {
+      const at = point.q[index], value = whole ? low + ((((at + shift - low) % TURN) + TURN) % TURN) - shift : at;
+      return onBand(`mark ${point.kind.replace(" ", "-")}`, place(value), null, `${point.kind} at ${this.shown(index, at)}`);
     }));
   }
 }

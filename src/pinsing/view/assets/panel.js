@@ -10,6 +10,15 @@ function make(tag, className, text) {
   return node;
 }
 
+// Something on the band of a slider, from one percentage of its length to another, or at one.
+function onBand(className, from, to = null, title = "") {
+  const node = make("span", className);
+  node.style.left = `${from}%`;
+  if (to !== null) node.style.width = `${to - from}%`;
+  node.title = title;
+  return node;
+}
+
 // "q5 = 0" with the 5 set low.
 function formula(node, text) {
   node.replaceChildren();
@@ -223,18 +232,9 @@ class Panel {
   // Where each slider alone would meet a family.
   ticks(marks, zones) {
     marks.forEach((found, i) => {
-      const { lower, upper } = this.page.joints[i], part = (value) => `${(100 * (value - lower)) / (upper - lower)}%`;
-      const inside = (zones[i] ?? []).map(([a, b]) => {
-        const node = make("span", "zone");
-        Object.assign(node.style, { left: part(a), width: part(lower + b - a) });
-        return node;
-      });
-      this.rows[i].band?.replaceChildren(...inside, ...found.map(({ value, name, text }) => {
-        const node = make("span", "mark");
-        node.title = `${name}: ${text}`;
-        node.style.left = part(value);
-        return node;
-      }));
+      const { lower, upper } = this.page.joints[i], part = (value) => (100 * (value - lower)) / (upper - lower);
+      const inside = (zones[i] ?? []).map(([a, b]) => onBand("zone", part(a), part(b)));
+      this.rows[i].band?.replaceChildren(...inside, ...found.map(({ value, name, text }) => onBand("mark", part(value), null, `${name}: ${text}`)));
     });
   }
 

@@ -33,12 +33,7 @@ class Player {
   // Where on the bar something is: [[from, to, class], ...].
   spans(found) {
     const { times } = this.path, place = (t) => (100 * (t - times[0])) / (times.at(-1) - times[0] || 1);
-    $("spans").replaceChildren(...found.map(([from, to, kind]) => {
-      const node = make("span", kind);
-      node.style.left = `${place(from)}%`;
-      node.style.width = `${place(to) - place(from)}%`;
-      return node;
-    }));
+    $("spans").replaceChildren(...found.map(([from, to, kind]) => onBand(kind, place(from), place(to))));
   }
 
   at(place) {

@@ -58,16 +58,9 @@ class PoseSliders {
     const low = Number(slider.min), high = Number(slider.max), part = (v) => (100 * (v - low)) / (high - low);
     const pieces = whole ? [[low, high]] : turns ? around(lower + shift, upper + shift, low, high) : [[lower, upper]];
     const why = (end, stop) => `${Engine.poseText(engine, k, end + shift)}${stop ? `: ${Engine.stopWords(engine, stop)}` : ""}`;
-    band.replaceChildren(...pieces.map(([a, b]) => {
-      const node = make("span", "reach");
-      node.style.left = `${part(a)}%`;
-      node.style.width = `${Math.max(0.6, part(b) - part(a))}%`;
-      return node;
-    }), ...points.map(({ kind, value }) => {
-      const node = make("span", `mark ${kind.replace(" ", "-")}`), at = this.value(k, value);
-      node.title = `${kind} at ${Engine.poseText(engine, k, at)}`;
-      node.style.left = `${part(at)}%`;
-      return node;
+    band.replaceChildren(...pieces.map(([a, b]) => onBand("reach", part(a), Math.max(part(a) + 0.6, part(b)))), ...points.map(({ kind, value }) => {
+      const at = this.value(k, value);
+      return onBand(`mark ${kind.replace(" ", "-")}`, part(at), null, `${kind} at ${Engine.poseText(engine, k, at)}`);
     }));
     this.rows[k].row.title = whole ? "all the way round" : `from ${why(lower, below)}\nto ${why(upper, above)}`;
   }

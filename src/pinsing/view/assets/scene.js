@@ -240,11 +240,10 @@ class SceneView {
   // Points, in the axes of three.js (y up), that a picture of a frame should have in it.
   outline(frame) {
     const { Vector3, Quaternion } = MeshCat.THREE;
-    const yUp = (v) => new Vector3(v.x, v.z, -v.y);
     const tip = new Vector3(...frame.tip);
     this.show(frame);
     this.viewer.scene.updateMatrixWorld(true);
-    const out = [new Vector3(), yUp(tip), ...frame.links.map((p) => yUp(new Vector3(...p.slice(0, 3))))];
+    const out = [new Vector3(), yUp(frame.tip), ...frame.links.map(yUp)];
     const part = this.part;
     for (let j = 1; j <= frame.links.length; j++) this.node(`arm/${j}/${part}`).traverse((o) => {
       if (!o.isMesh) return;
@@ -256,7 +255,7 @@ class SceneView {
     });
     const along = (turn, k, length) => {
       const v = new Vector3().setComponent(k, length).applyQuaternion(new Quaternion(...turn));
-      out.push(yUp(tip.clone().add(v)), yUp(tip.clone().sub(v)));
+      for (const end of [tip.clone().add(v), tip.clone().sub(v)]) out.push(yUp(end.toArray()));
     };
     for (const kind of ["translation", "rotation"]) {
       const e = frame.ellipsoids[this.options.mode][kind];
@@ -265,7 +264,7 @@ class SceneView {
     for (const m of this.symbols(frame)) {
       const end = new Vector3(0, 0, 0.27 * this.settings.reach).applyQuaternion(new Quaternion(...m.turn));
       const middle = new Vector3(...m.at);
-      out.push(yUp(middle.clone().add(end)), yUp(middle.sub(end)));
+      for (const at of [middle.clone().add(end), middle.clone().sub(end)]) out.push(yUp(at.toArray()));
     }
     return out;
   }
@@ -327,8 +326,7 @@ class SceneView {
     const flats = frame.free ? [] : ["translation", "rotation"].flatMap((kind) =>
       (this.options[kind] && chosen[kind].flat !== null ? [new Vector3(0, 0, 1).applyQuaternion(new Quaternion(...chosen[kind].flat))] : []));
     if (!flats.length) return usual;
-    const normals = flats.map((v) => new Vector3(v.x, v.z, -v.y));
-    const tip = new Vector3(frame.tip[0], frame.tip[2], -frame.tip[1]);
+    const normals = flats.map((v) => yUp(v.toArray())), tip = yUp(frame.tip);
     const middle = points.reduce((sum, p) => sum.add(p), new Vector3()).multiplyScalar(1 / points.length);
     const out = tip.clone().sub(middle).divideScalar(this.settings.reach);
     const sides = [];

@@ -5,7 +5,7 @@
 // theorem. The distance to box and slab is a bound, and the box shrinks to what the slabs, and the ball
 // of the best point known, leave of it. The box of the least bound is looked at first, and halved.
 
-import { leastNorm } from "./linear.mjs";
+import { dot, leastNorm } from "./linear.mjs";
 import { sumAt } from "./sums.mjs";
 
 const GAP = 1e-6, FAR = 100, ON = 1e-12, TINY = 1e-300; // GAP: of what is found and what is certain
@@ -20,9 +20,15 @@ export function nearestZero(made, q, turns, best, fixed, work, improve) {
   const s = { made, d, q, lo: row(), hi: row(), near: row(), point: row(), sum: row(), bend: row(), most: part.upper };
   const far = FAR + Math.max(...q.map(Math.abs));
   const goal = () => part.upper - 0.5 * GAP * Math.min(1, 100 * Math.hypot(part.upper, fixed));
-  const heap = new Heap();
+  const boxes = []; // the least bound last
   let proven = Infinity, beyond = Infinity;
-  const add = (box) => { if (box.low >= goal()) proven = Math.min(proven, box.low); else heap.push(box); };
+  const add = (box) => {
+    let low = 0, high = boxes.length;
+    while (low < high) { const middle = (low + high) >> 1; if (boxes[middle].low > box.low) low = middle + 1; else high = middle; }
+    if (box.low >= goal()) proven = Math.min(proven, box.low);
+    else boxes.splice(low, 0, box);
+  };
+  const least = () => (boxes.length ? boxes[boxes.length - 1].low : Infinity);
   const first = { c: row(), h: row(), near: row(), low: 0, widest: 0 };
   for (let j = 0; j < d; j++) {
     let reach = turns[j] ? Math.PI : far;
@@ -32,8 +38,8 @@ export function nearestZero(made, q, turns, best, fixed, work, improve) {
     first.h[j] = reach * (1 + 1e-15) + 4.6e-16 * (Math.abs(q[j]) + reach);
   }
   if (looked(s, first, 0, work)) add(first);
-  for (let turn = 0; heap.size && heap.least() < goal() && work.left > 0; turn++) {
-    const parent = heap.pop();
+  for (let turn = 0; boxes.length && least() < goal() && work.left > 0; turn++) {
+    const parent = boxes.pop();
     let zero = landed(s, parent.near, work);
     if (!zero && turn % 64 === 63) zero = landed(s, parent.c, work);
     if (zero) {
@@ -51,8 +57,8 @@ export function nearestZero(made, q, turns, best, fixed, work, improve) {
       if (looked(s, box, parent.low, work)) add(box);
     }
   }
-  const closed = !heap.size || heap.least() >= goal();
-  if (heap.size) proven = Math.min(proven, heap.least());
+  const closed = !boxes.length || least() >= goal();
+  proven = Math.min(proven, least());
   return { ...part, lower: Math.min(proven, part.upper, beyond) * (1 - 4e-15), closed };
 }
 
@@ -156,9 +162,9 @@ function toPlane(q, lo, hi, g, origin, target, d, point) {
 // The slab of a sum of multiples of the equations: those of the step of least norm from `near`.
 function cutByCombination(s, box) {
   const { d, near, sum, made: { at } } = s, k = at.length;
-  const rows = at.map(({ g }) => Array.from(g));
+  const rows = at.map(({ g }) => Array.from(g)), products = rows.map((a) => rows.map((b) => dot(a, b)));
   const values = at.map(({ value, g }) => { let v = value; for (let j = 0; j < d; j++) v += g[j] * (near[j] - box.c[j]); return v; });
-  const multiples = multipliers(rows, values);
+  const multiples = leastNorm(products, values, 1e-13); // any will do for a bound
   let value = 0, rest = 0, size = 0;
   sum.fill(0);
   for (let i = 0; i < k; i++) {
@@ -169,28 +175,6 @@ function cutByCombination(s, box) {
     for (let j = 0; j < d; j++) sum[j] += m * at[i].g[j];
   }
   return !(size < 1e300) || cutBySlab(s, box, value, sum, rest);
-}
-
-// y with G G^T y = values, by Cholesky; any multiples will do for a bound.
-function multipliers(G, values) {
-  const k = G.length, y = values.slice();
-  const A = G.map((a) => G.map((b) => a.reduce((t, v, j) => t + v * b[j], 0)));
-  const trace = A.reduce((t, row, i) => t + row[i], TINY);
-  for (let i = 0; i < k; i++) A[i][i] += 1e-13 * trace;
-  for (let i = 0; i < k; i++) for (let j = 0; j <= i; j++) {
-    let t = A[i][j];
-    for (let m = 0; m < j; m++) t -= A[i][m] * A[j][m];
-    A[i][j] = i === j ? Math.sqrt(Math.max(t, 1e-15 * trace)) : t / A[j][j];
-  }
-  for (let i = 0; i < k; i++) {
-    for (let m = 0; m < i; m++) y[i] -= A[i][m] * y[m];
-    y[i] /= A[i][i];
-  }
-  for (let i = k - 1; i >= 0; i--) {
-    for (let m = i + 1; m < k; m++) y[i] -= A[m][i] * y[m];
-    y[i] /= A[i][i];
-  }
-  return y;
 }
 
 // Shrinks a box to what the slab of each equation and the ball of the best point leave; false: nothing.
@@ -251,53 +235,8 @@ function landed(s, start, work) {
     if (residual <= ON) return x;
     if (residual > 0.7 * before) return null;
     before = residual;
-    const step = sums.length === 1 ? newton(at[0], d)
-      : leastNorm(at.map(({ g, size }) => Array.from(g, (v) => v / size)), at.map(({ value, size }) => -value / size), 1e-7);
+    const step = leastNorm(at.map(({ g, size }) => Array.from(g, (v) => v / size)), at.map(({ value, size }) => -value / size), 1e-7);
     for (let j = 0; j < d; j++) x[j] += step[j];
   }
   return null;
-}
-
-function newton({ value, g, size }, d) {
-  let square = 0;
-  for (let j = 0; j < d; j++) square += g[j] * g[j];
-  const along = Math.sqrt(square) > 1e-10 * size ? -value / square : 0;
-  return Array.from(g, (v) => along * v);
-}
-
-// Boxes by their bounds, the least first.
-class Heap {
-  constructor() { this.boxes = []; }
-
-  get size() { return this.boxes.length; }
-
-  least() { return this.boxes[0].low; }
-
-  push(box) {
-    const { boxes } = this;
-    let i = boxes.push(box) - 1;
-    while (i > 0) {
-      const up = (i - 1) >> 1;
-      if (boxes[up].low <= box.low) break;
-      boxes[i] = boxes[up];
-      i = up;
-    }
-    boxes[i] = box;
-  }
-
-  pop() {
-    const { boxes } = this, top = boxes[0], last = boxes.pop();
-    if (!boxes.length) return top;
-    let i = 0;
-    for (;;) {
-      let down = 2 * i + 1;
-      if (down >= boxes.length) break;
-      if (down + 1 < boxes.length && boxes[down + 1].low < boxes[down].low) down++;
-      if (boxes[down].low >= last.low) break;
-      boxes[i] = boxes[down];
-      i = down;
-    }
-    boxes[i] = last;
-    return top;
-  }
 }

@@ -1,8 +1,9 @@
 // The pose that a search finds clearest of all families.
 
 import { nearestOf } from "./distance.mjs";
-import { apart, freeOf, generator } from "./families.mjs";
+import { apart, generator } from "./families.mjs";
 import { outside, spanOf } from "./limits.mjs";
+import { freeOf } from "./sums.mjs";
 
 const within = (data) => data.families.filter((f) => f.reachable !== false);
 
@@ -28,7 +29,7 @@ export function clearestPose(data, given = [], tries = 400) {
   const draw = () => limits.map(([low, high]) => low + random() * (high - low));
   let top = null;
   for (const q of given.filter((q) => !outside(data, q).length)) top = better(top, looked(q.slice(), LOOK));
-  const terms = families.reduce((sum, f) => sum + f.branches.reduce((t, b) => t + b.equations.reduce((s, e) => s + e.cos.length, 0), 0), 0);
+  const terms = families.reduce((sum, f) => sum + f.branches.reduce((t, b) => t + b.equations.reduce((s, e) => s + e.phase.length, 0), 0), 0);
   const rounds = terms ? Math.min(ROUNDS, Math.max(10, Math.floor(WORK / terms))) : 3;
   for (let round = 0; round < rounds; round++) {
     const starts = Array.from({ length: tries }, () => { const q = draw(); return { q, promise: sites.promise(q) }; });

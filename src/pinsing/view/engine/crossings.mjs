@@ -1,6 +1,6 @@
 // Families that a motion crosses between its samples, which no sample tells.
 
-import { evaluate } from "./families.mjs";
+import { evaluate } from "./sums.mjs";
 
 const STEP = 0.05, MOST = 64, FULL = 2 * Math.PI; // radians, or length scales, between two looks
 

@@ -2,10 +2,10 @@
 // upper bound, and what is certain a lower one.
 
 import { nearestZero } from "./boxes.mjs";
-import { apart, evaluate, freeOf, generator, lowerBound, project, sizeOf } from "./families.mjs";
+import { apart, generator, lowerBound, project } from "./families.mjs";
 import { dot, leastNorm, norm } from "./linear.mjs";
 import { measure } from "./measured.mjs";
-import { sumsOf } from "./sums.mjs";
+import { evaluate, freeOf, sumsOf } from "./sums.mjs";
 
 const LONG = 200, MOST = 200; // terms of a branch from which on few starts are taken; the most of them
 const CONFIRMED = 1e-6; // singular values: as in the program
@@ -123,7 +123,7 @@ function nearestOn(branch, { placed, fixed, under }, joints, weight, most, work,
     ({ closed } = found);
   }
   // No other start can end nearer than `close`.
-  const nearest = () => (own ? mine : best), terms = equations.reduce((sum, e) => sum + e.cos.length, 0);
+  const nearest = () => (own ? mine : best), terms = equations.reduce((sum, e) => sum + e.phase.length, 0);
   const few = terms > LONG ? 1 : 8, count = own ? Math.min(MOST, Math.max(few, Math.floor(given / (100 * terms)))) : closed ? 0 : few;
   for (const start of [...(own ? own.near.slice(0, count) : []), ...starts(placed, free, weight, Math.max(0, count - (own?.near.length ?? 0)))]) {
     if (whole(nearest().upper) <= close) break;
@@ -137,8 +137,8 @@ function settle(equations, x, q, free, weight) {
   let relax = 1, before = null;
   for (let k = 0; k < 60; k++) {
     const found = equations.map((e) => evaluate(e, x));
-    const A = found.map((r, i) => free.map((on, j) => (on ? r.gradient[j] / sizeOf(equations[i]) / weight[j] : 0)));
-    const f = found.map((r, i) => r.value / sizeOf(equations[i]));
+    const A = found.map((r, i) => free.map((on, j) => (on ? r.gradient[j] / equations[i].size / weight[j] : 0)));
+    const f = found.map((r, i) => r.value / equations[i].size);
     const delta = x.map((v, j) => (free[j] ? (v - q[j]) * weight[j] : 0));
     const along = leastNorm(A, A.map((row) => dot(row, delta)), 1e-9);
     const pull = along.map((v, j) => v - delta[j]);

@@ -1,81 +1,19 @@
 // Families of singular configurations: equations, and points on them.
 //
-// A family is { branches: [{ values: [{ joint, value }], equations }] }; an equation holds
-// frequencies (T x n, twice the multiple of each angle), powers (T x n, of prismatic joints),
-// cos, sin (T) and shift (n): sum of prod q^powers (cos cos phi + sin sin phi), phi =
-// frequencies . (q + shift) / 2.
+// A family is { branches: [{ values: [{ joint, value }], equations }] }, its equations those of `sums.mjs`.
 
-import { dot, leastNorm, norm } from "./linear.mjs";
+import { leastNorm, norm } from "./linear.mjs";
+import { evaluate } from "./sums.mjs";
 
 const ON = 1e-13, TOUCHING = 1e-12, FULL = 2 * Math.PI;
 
-// Value and gradient of an equation at q (n).
-export function evaluate(equation, q) {
-  const n = q.length, gradient = new Array(n).fill(0);
-  let value = 0;
-  // Which angles each term has: most have few.
-  const turning = (equation.turning ??= equation.frequencies.map((k) => k.flatMap((x, j) => (x ? [j] : []))));
-  for (let t = 0; t < equation.cos.length; t++) {
-    const k = equation.frequencies[t], p = equation.powers ? equation.powers[t] : null;
-    const used = turning[t];
-    let phase = 0, power = 1;
-    for (const j of used) phase += 0.5 * k[j] * (q[j] + equation.shift[j]);
-    if (p) for (let j = 0; j < n; j++) if (p[j]) power *= q[j] ** p[j];
-    const c = Math.cos(phase), s = Math.sin(phase);
-    const wave = equation.cos[t] * c + equation.sin[t] * s;
-    const slope = power * (equation.sin[t] * c - equation.cos[t] * s);
-    value += power * wave;
-    for (const j of used) gradient[j] += 0.5 * k[j] * slope;
-    for (let j = 0; p && j < n; j++) {
-      if (p[j]) {
-        let lowered = p[j] * q[j] ** (p[j] - 1);
-        for (let i = 0; i < n; i++) if (i !== j && p[i]) lowered *= q[i] ** p[i];
-        gradient[j] += lowered * wave;
-      }
-    }
-  }
-  return { value, gradient };
-}
-
 // No zero of the equation is nearer to q than this, Euclidean in its angles; 0 says nothing.
 //
-// Along any straight line |f''| <= M = lambda_max(sum |c_t| k_t k_t^T), so f has no zero before
-// the first root of |f| - |g| s - M s^2 / 2 = 0.
+// Along any straight line |f''| <= M, so f has no zero before the first root of |f| - |g| s - M s^2 / 2 = 0.
 export function lowerBound(equation, q) {
-  if (equation.powers) return 0;
-  const { value, gradient } = evaluate(equation, q);
-  const f = Math.max(0, Math.abs(value) - 1e-14 * sizeOf(equation)), g = norm(gradient);
-  if (f === 0) return 0;
-  const found = (2 * f) / (g + Math.sqrt(g * g + 2 * curvature(equation) * f));
-  return found * (1 - 1e-12);
-}
-
-export function sizeOf(equation) {
-  equation.size ??= equation.cos.reduce((sum, c, t) => sum + Math.hypot(c, equation.sin[t]), 0);
-  return equation.size;
-}
-
-// Largest eigenvalue of sum |c_t| k_t k_t^T, from above: Gershgorin's bound after a few squarings.
-export function curvature(equation) {
-  if (equation.curvature !== undefined) return equation.curvature;
-  const n = equation.shift.length;
-  let A = Array.from({ length: n }, () => new Array(n).fill(0));
-  equation.cos.forEach((c, t) => {
-    const size = Math.hypot(c, equation.sin[t]), k = equation.frequencies[t];
-    for (let i = 0; i < n; i++) for (let j = 0; j < n; j++) A[i][j] += 0.25 * size * k[i] * k[j];
-  });
-  // lambda_max(A) = lambda_max(A^(2^s))^(1/2^s); the row sums bound it from above.
-  let logarithm = 0;
-  const rows = () => Math.max(...A.map((row) => row.reduce((s, x) => s + Math.abs(x), 0)));
-  const squarings = 6;
-  for (let s = 0; s < squarings; s++) {
-    const scale = rows() || 1;
-    A = A.map((row) => row.map((x) => x / scale));
-    logarithm = 2 * (logarithm + Math.log(scale));
-    A = A.map((row) => A.map((other) => dot(row, other)));
-  }
-  const found = Math.exp((logarithm + Math.log(rows() || 1e-300)) / 2 ** squarings) * (1 + 1e-9);
-  return (equation.curvature = found);
+  if (equation.power) return 0;
+  const { value, gradient, error } = evaluate(equation, q), f = Math.max(0, Math.abs(value) - error), g = norm(gradient);
+  return f && (2 * f) / (g + Math.sqrt(g * g + 2 * equation.curvature * f)) * (1 - 1e-12);
 }
 
 // Point of the branch's equations near q, moved along `free` joints, or null: Gauss-Newton with
@@ -85,11 +23,11 @@ export function project(equations, q, free, iterations = 60) {
   const x = q.slice();
   for (let k = 0; k <= iterations; k++) {
     const found = equations.map((e) => evaluate(e, x));
-    const f = found.map((r, i) => r.value / sizeOf(equations[i]));
+    const f = found.map((r, i) => r.value / equations[i].size);
     const worst = Math.max(...f.map(Math.abs));
     if (worst < least) { least = worst; best = x.slice(); }
     if (worst <= ON || k === iterations) break;
-    const A = found.map((r, i) => free.map((on, j) => (on ? r.gradient[j] / sizeOf(equations[i]) : 0)));
+    const A = found.map((r, i) => free.map((on, j) => (on ? r.gradient[j] / equations[i].size : 0)));
     const step = leastNorm(A, f.map((v) => -v), worst < 1e-10 ? 1e-6 : 1e-10);
     const cut = Math.min(1, 0.7 / Math.max(norm(step), 1e-300));
     for (let j = 0; j < x.length; j++) if (free[j]) x[j] += cut * step[j];
@@ -100,14 +38,6 @@ export function project(equations, q, free, iterations = 60) {
 // What a joint is away from a value: whole turns aside for a revolute one.
 export const apart = (q, value, prismatic) =>
   (prismatic ? q - value : q - value - FULL * Math.round((q - value) / FULL));
-
-export const freeOf = (branch, n) => {
-  const free = new Array(n).fill(false);
-  for (const e of branch.equations) for (let j = 0; j < n; j++) {
-    if (e.frequencies.some((k) => k[j]) || (e.powers && e.powers.some((p) => p[j]))) free[j] = true;
-  }
-  return free;
-};
 
 // Numbers in [0, 1) that are the same everywhere (mulberry32).
 export function generator(seed) {
@@ -141,12 +71,11 @@ export function meetings(family, q, j, low, high, prismatic) {
 // Zeros of an equation as joint j alone goes from low to high: split where the curvature bound
 // leaves room, so that none that crosses is passed over.
 export function zerosAlong(equation, q, j, low, high) {
-  const degree = Math.max(0, ...equation.frequencies.map((k) => Math.abs(k[j])),
-    ...(equation.powers ?? []).map((p) => 2 * p[j]));
+  const degree = 2 * Math.max(0, ...equation.rate.map((r) => Math.abs(r[j])), ...(equation.power ?? []).map((p) => p[j]));
   if (!degree) return [];
   const x = q.slice(), at = (v) => { x[j] = v; return evaluate(equation, x).value; };
   const pieces = Math.max(16, Math.ceil(8 * degree * Math.max(1, (high - low) / Math.PI)));
-  const out = [], flat = 1e-12 * sizeOf(equation);
+  const out = [], flat = 1e-12 * equation.size;
   let a = low, fa = at(a), zero = Math.abs(fa) <= flat;
   const everywhere = [0.11, 0.37, 0.71, 0.93].every((s) => Math.abs(at(low + s * (high - low))) <= flat);
   if (everywhere) return [];

@@ -1,8 +1,8 @@
 // The pose of a mechanism that is clearest of singular ones, as far as a search finds it.
 
 import { generator } from "./families.mjs";
-import { outside, spanOf } from "./limits.mjs";
-import { CLOSED, closure, everyJoint, gaussNewton, worst, wrap } from "./loops.mjs";
+import { outside, spanOf, turnedInto } from "./limits.mjs";
+import { CLOSED, closure, everyJoint, gaussNewton, worst } from "./loops.mjs";
 import { motions } from "./mechanism.mjs";
 
 const CLIMBED = 3, FIRST = 0.4, LAST = 0.01, AROUND = [0.05, 0.2, 0.5];
@@ -23,8 +23,9 @@ export function healthiestPose(data, given = [], tries = 160, steps = 60) {
   const around = (q, size) => q.map((v, j) => v + size * data.metric[j] * (2 * random() - 1));
   const found = [];
   const tried = (start) => {
-    const { q, error } = gaussNewton(data, start, everyJoint(data)), measure = error <= CLOSED ? healthOf(data, folded(data, q, spans)) : 0;
-    if (measure > 0) found.push({ q: folded(data, q, spans), measure });
+    const { q: closed, error } = gaussNewton(data, start, everyJoint(data));
+    const q = closed.map((v, j) => turnedInto(spans[j], v, data.joints[j].prismatic)), measure = error <= CLOSED ? healthOf(data, q) : 0;
+    if (measure > 0) found.push({ q, measure });
     return measure;
   };
   [data.home, ...given].forEach(tried);
@@ -40,13 +41,4 @@ export function healthiestPose(data, given = [], tries = 160, steps = 60) {
     }
   }
   return found.reduce((a, b) => (b.measure > a.measure ? b : a), { q: null, measure: 0 });
-}
-
-// Values by whole turns into their limits, where they have some.
-function folded(data, q, spans) {
-  const turned = wrap(data, q);
-  return turned.map((v, j) => {
-    const { prismatic } = data.joints[j], middle = (spans[j][0] + spans[j][1]) / 2;
-    return prismatic ? v : v - 2 * Math.PI * Math.round((v - middle) / (2 * Math.PI));
-  });
 }

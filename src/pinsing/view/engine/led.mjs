@@ -2,7 +2,7 @@
 // inverse kinematic solutions based on vector formulations and damped least-squares methods", 1986).
 
 import { jacobian, placements, tipOf } from "./chain.mjs";
-import { dot, product, scaled, subtract, svd, transpose } from "./linear.mjs";
+import { dot, product, rotationVector, scaled, subtract, svd, transpose } from "./linear.mjs";
 import { taskRows } from "./measures.mjs";
 
 const DAMPING = 0.03; // share of the largest singular value: below it a direction lags
@@ -20,7 +20,7 @@ export function ledTip(data, q, goal, R) {
   let here = q.slice(), stuck = [];
   for (let round = 0; round < ROUNDS; round++) {
     const places = placements(data.chain, here), tip = tipOf(data.chain, places);
-    const off = taskRows([...subtract(goal, tip.t), ...turned(product(R, transpose(tip.R)))].map((v) => [v]), task, tip.R).map(([v]) => v);
+    const off = taskRows([...subtract(goal, tip.t), ...rotationVector(product(R, transpose(tip.R)))].map((v) => [v]), task, tip.R).map(([v]) => v);
     const size = Math.sqrt(dot(off, off));
     if (size < 1e-9) break;
     const A = taskRows(jacobian(data.chain, places), task, tip.R), wanted = scaled(off, Math.min(1, STEP / size));
@@ -52,11 +52,4 @@ function damped(A, wanted, held, { joints }, length) {
   });
   const most = Math.max(...out.map((v, j) => Math.abs(v) / (unit[j] || 1)));
   return scaled(out, Math.min(1, STEP / (most || 1)));
-}
-
-// Rotation vector of a matrix.
-function turned(R) {
-  const axis = [R[2][1] - R[1][2], R[0][2] - R[2][0], R[1][0] - R[0][1]], sine = Math.sqrt(dot(axis, axis)) / 2;
-  const angle = Math.atan2(sine, (R[0][0] + R[1][1] + R[2][2] - 1) / 2);
-  return scaled(axis, sine > 1e-12 ? angle / (2 * sine) : 0.5);
 }

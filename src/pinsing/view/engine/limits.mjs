@@ -2,6 +2,16 @@
 
 const TURN = 2 * Math.PI, SLACK = 1e-9;
 
+// A value of a joint, degrees or millimetres.
+export const valueText = (prismatic, value, digits = 1) =>
+  (prismatic ? `${(1000 * value).toFixed(digits)} mm` : `${((value * 180) / Math.PI + 0).toFixed(digits)}\u00b0`);
+
+// A value moved by whole turns into where it may be, if it is not there and that has two ends.
+export function turnedInto([low, high], value, prismatic) {
+  if (prismatic || (value >= low && value <= high) || !Number.isFinite(high - low)) return value;
+  return value - TURN * Math.round((value - (low + high) / 2) / TURN);
+}
+
 // Names of the joints outside their limits, as their values are: no whole turn is taken off.
 export function outside(data, q) {
   return data.joints.filter(({ lower, upper }, i) => q[i] < (lower ?? -Infinity) - SLACK || q[i] > (upper ?? Infinity) + SLACK).map((joint) => joint.name);

@@ -50,6 +50,12 @@ export function quaternion(R) {
   return q;
 }
 
+// Rotation vector of a rotation matrix.
+export function rotationVector(R) {
+  const [x, y, z, w] = quaternion(R), size = norm([x, y, z]), angle = 2 * Math.atan2(size, Math.abs(w)) * (w < 0 ? -1 : 1);
+  return size > 0 ? scaled([x, y, z], angle / size) : [0, 0, 0];
+}
+
 // Quaternion of the shortest turn from z to a unit vector.
 export function turnZTo(d) {
   if (d[2] < -1 + 1e-12) return [1, 0, 0, 0];

@@ -1,6 +1,7 @@
 // Where an equation is zero over two joints, the others held.
 
-import { apart, evaluate } from "./families.mjs";
+import { apart } from "./families.mjs";
+import { evaluate, freeOf } from "./sums.mjs";
 
 // The branch of a family that q is nearest to by its joint values, with the joints of its equation;
 // null where none has a single equation in two joints or more.
@@ -8,10 +9,9 @@ export function curveBranch(family, q, joints) {
   let best = null, least = Infinity;
   for (const branch of family.branches) {
     if (branch.equations.length !== 1) continue;
-    const e = branch.equations[0], involved = q.flatMap((_, j) =>
-      (e.frequencies.some((k) => k[j]) || e.powers?.some((p) => p[j]) ? [j] : []));
+    const involved = freeOf(branch, q.length).flatMap((on, j) => (on ? [j] : []));
     const off = branch.values.reduce((sum, v) => sum + Math.abs(apart(q[v.joint], v.value, joints[v.joint].prismatic)), 0);
-    if (involved.length >= 2 && off < least) { least = off; best = { equation: e, involved, values: branch.values }; }
+    if (involved.length >= 2 && off < least) { least = off; best = { equation: branch.equations[0], involved, values: branch.values }; }
   }
   return best;
 }

@@ -7,7 +7,7 @@
 
 import { frameOf, jacobianOf, placements } from "./chain.mjs";
 import { generator } from "./families.mjs";
-import { dot, norm, product, quaternion, scaled, subtract, times, transpose } from "./linear.mjs";
+import { dot, product, rotationVector, scaled, subtract, times, transpose } from "./linear.mjs";
 import { leastSquares } from "./orthogonal.mjs";
 
 export const CLOSED = 1e-11; // a residual up to this counts as closed
@@ -21,7 +21,7 @@ export function closure(data, q, columns = jacobianOf) {
     const A = frameOf(a, places), B = frameOf(b, places), inA = transpose(A.R);
     const Ja = columns(data.chain, places, a), Jb = columns(data.chain, places, b);
     const gap = scaled(times(inA, subtract(B.t, A.t)), 1 / L);
-    if (kind === "6d") gap.push(...turning(product(inA, B.R)));
+    if (kind === "6d") gap.push(...rotationVector(product(inA, B.R)));
     for (let i = 0; i < ROWS[kind]; i++) {
       const part = i < 3 ? 0 : 3, axis = inA[i - part], unit = i < 3 ? 1 / L : 1;
       residual.push(gap[i]);
@@ -33,13 +33,6 @@ export function closure(data, q, columns = jacobianOf) {
     }
   }
   return { residual, G, places };
-}
-
-// Rotation vector of a rotation matrix.
-function turning(R) {
-  const [x, y, z, w] = quaternion(R), size = norm([x, y, z]);
-  const angle = 2 * Math.atan2(size, Math.abs(w)) * (w < 0 ? -1 : 1);
-  return size > 0 ? scaled([x, y, z], angle / size) : [0, 0, 0];
 }
 
 export const worst = (values) => values.reduce((most, v) => Math.max(most, Math.abs(v)), 0);
@@ -62,25 +55,29 @@ export const passiveOf = (data) => data.joints.map((_, j) => !data.actuated.incl
 export const everyJoint = (data) => data.joints.map(() => true);
 
 // Close the loops by moving the `free` joints (mask) least: { q, error }.
-//
-// Steps are cut at half a radian: far from closure Newton's own would jump between assembly modes.
 export function gaussNewton(data, start, free, steps = 60, reach = Infinity) {
   const used = free.flatMap((on, j) => (on ? [j] : []));
+  const system = (q) => { const { residual, G } = closure(data, q); return { values: residual, rows: G.map((row) => used.map((j) => row[j])) }; };
+  return newton(data, start, used, system, steps, reach);
+}
+
+// Newton's method by the joints `used`, none further than `reach` from the start: the best { q, error } of what
+// `system(q)` says is to vanish, { values, rows (slopes by these joints) }.
+//
+// Steps are cut at half a radian: far from closure Newton's own would jump between assembly modes.
+export function newton(data, start, used, system, steps, reach = Infinity) {
   let q = start.slice(), kept = q, best = Infinity;
-  for (let k = 0; k < steps; k++) {
-    const { residual, G } = closure(data, q), size = worst(residual);
+  for (let k = 0; k <= steps; k++) {
+    const { values, rows } = system(q), size = worst(values);
     if (size >= best && best <= CLOSED) break;
-    best = size;
-    kept = q;
-    const step = leastSquares(G.map((row) => used.map((j) => row[j])), residual.map((v) => -v), 1e-11);
-    const longest = worst(step), cut = longest > 0.5 ? 0.5 / longest : 1;
+    if (size < best) { best = size; kept = q; }
+    if (size <= 1e-15) break;
+    const step = leastSquares(rows, values.map((v) => -v), 1e-11), longest = worst(step), cut = longest > 0.5 ? 0.5 / longest : 1;
     q = q.slice();
     used.forEach((j, i) => { q[j] += cut * step[i] * data.metric[j]; });
-    if (!q.every(Number.isFinite) || worst(subtract(q, start)) > reach) return { q: kept, error: best };
-    if (size <= 1e-15) break;
+    if (!q.every(Number.isFinite) || worst(subtract(q, start)) > reach) break;
   }
-  const last = worst(closure(data, q).residual);
-  return last <= best ? { q, error: last } : { q: kept, error: best };
+  return { q: kept, error: best };
 }
 
 // Closed configurations that random starts lead to; joints that are not `free` stay at `start`.

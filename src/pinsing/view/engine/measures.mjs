@@ -1,6 +1,6 @@
 // What is read off a Jacobian: singular values, verdict, velocity ellipsoids.
 
-import { cross, dot, norm, scaled, svd, transpose } from "./linear.mjs";
+import { cross, dot, scaled, svd, transpose } from "./linear.mjs";
 
 // Rows of the task, translations over the length scale; R is the rotation of the tip, whose axes
 // some of the rows may be along (`task.atTip`).
@@ -91,6 +91,3 @@ export function rankOf(columns, zero) {
   const A = columns.length < columns[0].length ? columns : transpose(columns);
   return svd(A).sigma.filter((s) => s > zero).length;
 }
-
-export const product = (values) => values.reduce((a, b) => a * b, 1);
-export const length = norm;

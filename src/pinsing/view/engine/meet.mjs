@@ -1,10 +1,11 @@
 // Poses where two families meet; often, not always, the arm loses more there than on either of them.
 
-import { apart, freeOf, generator, project } from "./families.mjs";
-import { spanOf } from "./limits.mjs";
+import { apart, generator, project } from "./families.mjs";
+import { spanOf, turnedInto } from "./limits.mjs";
 import { norm } from "./linear.mjs";
+import { freeOf } from "./sums.mjs";
 
-const FULL = 2 * Math.PI, SAME = 1e-3, SLACK = 1e-9;
+const SAME = 1e-3, SLACK = 1e-9;
 
 // Up to `count` configurations within the limits that are on both families, those near `start` first;
 // [] where none is found.
@@ -43,11 +44,7 @@ function placed(branch, q, joints, span) {
 }
 
 // Moved by whole turns into the limits where that can be.
-const folded = (q, joints, span) => q.map((v, j) => {
-  const [low, high] = span[j];
-  if (joints[j].prismatic || (v >= low && v <= high)) return v;
-  return v - FULL * Math.round((v - (low + high) / 2) / FULL);
-});
+const folded = (q, joints, span) => q.map((v, j) => turnedInto(span[j], v, joints[j].prismatic));
 
 const apartFrom = (a, b, joints) => norm(a.map((v, j) => apart(v, b[j], joints[j].prismatic)));
 

@@ -2,8 +2,9 @@
 
 import { measure } from "./measured.mjs";
 import { distance, farFrom } from "./distance.mjs";
-import { apart, freeOf, project } from "./families.mjs";
-import { outside } from "./limits.mjs";
+import { project } from "./families.mjs";
+import { outside, turnedInto } from "./limits.mjs";
+import { freeOf } from "./sums.mjs";
 
 const SLACK = 1e-9, ROUNDS = 4, LISTED = 12, LOOK = 200000; // LOOK: terms of each family
 
@@ -32,7 +33,7 @@ const singularAt = (data, q) => measure(data, q).status === "singular" ||
 
 // A point of the branch within the limits: whole turns first, then joints at their limits are held.
 function settled({ joints }, branch, start) {
-  let q = start.map((v, j) => turned(v, joints[j]));
+  let q = start.map((v, j) => turnedInto(ends(joints[j]), v, joints[j].prismatic));
   const free = freeOf(branch, q.length);
   for (let round = 0; round < ROUNDS; round++) {
     const beyond = joints.map((joint, j) => {
@@ -48,12 +49,4 @@ function settled({ joints }, branch, start) {
     if (!q) return null;
   }
   return null;
-}
-
-// The same angle within the limits, where there is one.
-function turned(v, joint) {
-  const [low, high] = ends(joint);
-  if (joint.prismatic || (v >= low && v <= high) || !Number.isFinite(low) || !Number.isFinite(high)) return v;
-  const middle = (low + high) / 2;
-  return middle + apart(v, middle, false);
 }

@@ -2,10 +2,11 @@
 
 import { frameAt } from "./arm.mjs";
 import { distance } from "./distance.mjs";
-import { apart, freeOf, generator, project } from "./families.mjs";
+import { apart, generator, project } from "./families.mjs";
 import { spanOf } from "./limits.mjs";
 import { norm } from "./linear.mjs";
 import { measure } from "./measured.mjs";
+import { freeOf } from "./sums.mjs";
 
 const SWING = 0.6, LONGEST_STEP = 0.35;
 

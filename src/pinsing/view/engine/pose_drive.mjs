@@ -6,8 +6,9 @@
 // `at`, its value at the rotation `zero`. R = Rz(yaw) Ry(pitch) Rx(roll).
 
 import { frameOf, jacobianOf } from "./chain.mjs";
-import { dot, norm, product, quaternion, scaled, subtract, transpose } from "./linear.mjs";
-import { CLOSED, closure, worst } from "./loops.mjs";
+import { valueText } from "./limits.mjs";
+import { dot, product, rotationVector, subtract, transpose } from "./linear.mjs";
+import { CLOSED, closure, newton, worst } from "./loops.mjs";
 import { drive } from "./drive.mjs";
 import { assemblyValue, elbowSines, motions } from "./mechanism.mjs";
 import { leastSquares } from "./orthogonal.mjs";
@@ -30,11 +31,6 @@ export function rotationOf([r, p, y]) {
   const [a, b] = [Math.cos(r), Math.sin(r)], [c, d] = [Math.cos(p), Math.sin(p)], [e, f] = [Math.cos(y), Math.sin(y)];
   return [[e * c, e * d * b - f * a, e * d * a + f * b], [f * c, f * d * b + e * a, f * d * a - e * b], [-d, c * b, c * a]];
 }
-
-const turningOf = (R) => {
-  const [x, y, z, w] = quaternion(R), size = norm([x, y, z]), angle = 2 * Math.atan2(size, Math.abs(w)) * (w < 0 ? -1 : 1);
-  return size > 0 ? scaled([x, y, z], angle / size) : [0, 0, 0];
-};
 
 // The led coordinates, in their order, of a placement of the output.
 export function poseOf({ pose }, { R, t }) {
@@ -66,7 +62,7 @@ function system(data, q, goal) {
     }
   });
   if (pose.turn?.kind === "full") {
-    const left = turningOf(product(place.R, transpose(rotationOf(goal.slice(-3)))));
+    const left = rotationVector(product(place.R, transpose(rotationOf(goal.slice(-3)))));
     left.forEach((v, k) => { errors.push(v); rows.push(slopes(full[3 + k], 1)); });
   }
   return { values: [...residual, ...errors], rows: [...G, ...rows] };
@@ -175,9 +171,6 @@ export function stopWords(data, { why, joint, q }) {
   return `${why} singularity${name && `: ${way}`}`;
 }
 
-const valueText = (slides, value, digits = 1) =>
-  (slides ? `${(1000 * value).toFixed(digits)} mm` : `${((value * 180) / Math.PI + 0).toFixed(digits)}\u00b0`);
-
 // Coordinate k of the pose by its name, and a value of it in words.
 export const poseName = ({ pose, normal }, k) => (pose.rows[k] > 2 && normal ? "turn" : COORDINATES[pose.rows[k]]);
 export const poseText = ({ pose }, k, value, digits = 1) => valueText(pose.rows[k] < 3, value, digits);
@@ -261,19 +254,8 @@ function crossing(data, goal, { q, value, sign }, beyond) {
   return { value: (low + high) / 2, q };
 }
 
-// Newton from anywhere to the pose, steps cut at half a radian: { q, error }.
-export function heldPose(data, goal, start) {
-  let q = start, best = Infinity, kept = start;
-  for (let k = 0; k < 40; k++) {
-    const found = system(data, q, goal), size = worst(found.values);
-    if (!Number.isFinite(size) || (size >= best && best <= CLOSED)) break;
-    if (size < best) { best = size; kept = q; }
-    if (size <= 1e-15) break;
-    const step = leastSquares(found.rows, found.values.map((v) => -v), 1e-11), longest = worst(step), cut = longest > 0.5 ? 0.5 / longest : 1;
-    q = q.map((v, j) => v + cut * step[j] * data.metric[j]);
-  }
-  return { q: kept, error: best };
-}
+// Newton from anywhere to the pose: { q, error }.
+export const heldPose = (data, goal, start) => newton(data, start, start.map((_, j) => j), (q) => system(data, q, goal), 40);
 
 // Greatest difference of the led coordinates of two configurations, without units.
 export function poseGap(data, a, b) {

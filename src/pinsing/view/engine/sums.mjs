@@ -1,45 +1,48 @@
-// The equations of one branch on boxes: values, gradients, and how far each can be off its linear part.
+// Equations of families: values, gradients, and on boxes how far they can be off their linear part.
 //
-// In weighted coordinates x = w q, in which distances are plain norms, an equation is
-// sum of amplitude prod x^power cos(phase + rate . x).
+// An equation holds amplitude, phase (T), rate, power (T x n, power null where no joint in it slides), noise,
+// reach, curvature and size as the program's `TrigSum`: sum of amplitude prod q^power cos(phase + rate . q).
 
-import { freeOf } from "./families.mjs";
+const known = new WeakMap(), plain = new WeakMap(); // of a branch, of an equation: made once
 
-const EPS = 2.3e-16;
-const known = new WeakMap(); // of a branch, made once
+// Joints (mask) that occur in the equations of a branch.
+export const freeOf = ({ equations }, n) => Array.from({ length: n }, (_, j) =>
+  equations.some((e) => e.rate.some((r) => r[j]) || e.power?.some((p) => p[j])));
 
-// { joints, sums, at }: the joints that occur, and the equations with joints numbered as in `joints`.
+// Value and gradient of an equation at q (n), and the error of the value.
+export function evaluate(equation, q) {
+  if (!plain.has(equation)) plain.set(equation, [sumOf(equation, q.map((_, j) => j), q.map(() => 1)), room(q.length)]);
+  const [sum, at] = plain.get(equation);
+  sumAt(sum, q, null, at);
+  return { value: at.value, gradient: Array.from(at.g), error: at.error };
+}
+
+// { joints, sums, at }: the joints that occur, and the equations with joints numbered as in `joints`, in
+// weighted coordinates x = w q, in which distances are plain norms.
 export function sumsOf(branch, weight) {
   const before = known.get(branch);
   if (before && before.weight.every((w, j) => w === weight[j])) return before;
   const joints = freeOf(branch, weight.length).flatMap((on, j) => (on ? [j] : []));
-  const sums = branch.equations.map((e) => sumOf(e, joints, weight)), d = joints.length;
-  const at = sums.map(() => ({ value: 0, error: 0, rest: 0, size: 0, g: new Float64Array(d), bend: new Float64Array(d) }));
+  const sums = branch.equations.map((e) => sumOf(e, joints, weight)), at = sums.map(() => room(joints.length));
   const made = { joints, sums, at, weight: weight.slice(), terms: sums.reduce((n, s) => n + s.amplitude.length, 0) };
   known.set(branch, made);
   return made;
 }
 
-function sumOf(e, joints, weight) {
-  const terms = e.cos.length, rateStart = [0], rateJoint = [], rate = [], powerStart = [0], powerJoint = [], power = [];
-  const amplitude = new Float64Array(terms), phase = new Float64Array(terms);
-  let reach = 0;
-  for (let t = 0; t < terms; t++) {
-    let size = Math.hypot(e.cos[t], e.sin[t]), turned = Math.atan2(-e.sin[t], e.cos[t]), total = 0;
+const room = (d) => ({ value: 0, error: 0, rest: 0, size: 0, g: new Float64Array(d), bend: new Float64Array(d) });
+
+function sumOf({ amplitude: sizes, phase, rate: rates, power: powers, noise, reach }, joints, weight) {
+  const amplitude = sizes.slice(), rateStart = [0], rateJoint = [], rate = [], powerStart = [0], powerJoint = [], power = [];
+  rates.forEach((row, t) => {
     joints.forEach((j, k) => {
-      const half = 0.5 * e.frequencies[t][j], p = e.powers ? e.powers[t][j] : 0;
-      turned += half * e.shift[j];
-      if (half) { rateJoint.push(k); rate.push(half / weight[j]); total += Math.abs(half / weight[j]); }
-      if (p) { powerJoint.push(k); power.push(p); size /= weight[j] ** p; }
+      const p = powers ? powers[t][j] : 0;
+      if (row[j]) { rateJoint.push(k); rate.push(row[j] / weight[j]); }
+      if (p) { powerJoint.push(k); power.push(p); amplitude[t] /= weight[j] ** p; }
     });
-    amplitude[t] = size;
-    phase[t] = turned;
-    reach = Math.max(reach, total);
     rateStart.push(rate.length);
     powerStart.push(power.length);
-  }
-  return { amplitude, phase, rateStart, rateJoint, rate: Float64Array.from(rate), powerStart, powerJoint, power,
-           noise: Math.max(e.accuracy ?? 0, 1e-15) + EPS * (2 * terms + 16), reach: reach + 1 };
+  });
+  return { amplitude, phase, rateStart, rateJoint, rate, powerStart, powerJoint, power, noise, reach };
 }
 
 // A sum at x (d), into `out`; with half-widths h (d), else null, also the rest of its linear part in the box

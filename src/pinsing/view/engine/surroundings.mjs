@@ -3,7 +3,7 @@
 import { trace, STEP } from "./curve.mjs";
 import { AT_TYPE_2 } from "./drive.mjs";
 import { dyadAssemblies, workingModes } from "./dyad.mjs";
-import { outside } from "./limits.mjs";
+import { outside, valueText } from "./limits.mjs";
 import { add, scaled, subtract } from "./linear.mjs";
 import { gapOf, passiveOf, randomClosed, worst, wrap } from "./loops.mjs";
 import { assemblySign, modeOf, modeOrder, motions } from "./mechanism.mjs";
@@ -69,10 +69,7 @@ function untilTurn(slope, start, last, step, atEnd) {
 }
 
 // A value of input k in words, degrees or millimetres.
-export function inputText(data, k, value, digits = 1) {
-  const slides = data.joints[data.actuated[k]].prismatic;
-  return slides ? `${(1000 * value).toFixed(digits)} mm` : `${((value * 180) / Math.PI + 0).toFixed(digits)}\u00b0`;
-}
+export const inputText = (data, k, value, digits = 1) => valueText(data.joints[data.actuated[k]].prismatic, value, digits);
 
 // The singular pose that the least move of one input leads to, among stretches of all inputs:
 // { q, kind, text }, null if there is none, or q is one.
