@@ -61,9 +61,7 @@ def show(tab: Tab, html: Path | None, view: bool, no_open: bool) -> None:
     with tab:
         for note in tab.notes:
             say(f"note: {note}")
-        if html is not None:
-            tab.save_html(html)
-            say(f"wrote {html}")
+        write_files(tab, html)
         if view:
             with served_ahead(tab.name, "127.0.0.1", None, no_open) as server:
                 stay(tab, server)
@@ -84,10 +82,10 @@ def stay(tab: Tab, server: Server, lead: Callable[[], None] | None = None) -> No
 def write_files(
     tab: Tab,
     html: Path | None,
-    png: Path | None,
-    size: tuple[int, int],
-    panel: bool,
-    at: Callable[[str], None],
+    png: Path | None = None,
+    size: tuple[int, int] = (1200, 900),
+    panel: bool = False,
+    at: Callable[[str], object] = str,
 ) -> None:
     """Write the page, a picture of it, or both; ``at`` is told what is being done."""
     if html is not None:

@@ -273,9 +273,9 @@ def _free_joints(
             n for n in on_path if n in whole.mimics and leader_of(n, whole.mimics)[0] in asked
         }
         free = [j for j in path if model.names[j] in asked | follow]
-        left = [j for j in path if j not in free]
+        left = [model.names[j] for j in path if j not in free]
         if left:
-            notes.append(f"joints of the chain not asked for are locked: {_names(model, left)}")
+            notes.append(f"joints of the chain not asked for are locked: {', '.join(left)}")
     else:
         free = list(path)
     kept = []
@@ -396,7 +396,3 @@ def _known(kind: str, name: str, known: list[str]) -> str:
         meant = [named(name, known)] if kind == "joint" else []
         raise UnknownNameError(kind, name, known, meant=[x for x in meant if x != name])
     return name
-
-
-def _names(model: pin.Model, joints: Iterable[int]) -> str:
-    return ", ".join(model.names[j] for j in joints)

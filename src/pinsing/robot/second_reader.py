@@ -69,7 +69,9 @@ def second_reading(arm: Arm) -> SecondReading | None:
             robot = yourdfpy.URDF.load(BytesIO(shapes.text.encode()), load_meshes=False)
         differences = [*_joints(arm, robot), *_limits(arm, robot)]
         if not differences:
-            links = _links(arm, robot)
+            names = [robot.joint_map[arm.source.full_model.names[j]].child for j in arm.source.kept]
+            # What the joints of the chain move, and the tip if it is a link.
+            links = tuple(dict.fromkeys(n for n in (*names, arm.tip) if n in robot.link_map))
             moved, turned = _placements(arm, robot, links)
             if max(moved, turned) > ROUNDING:
                 differences.append(f"links are up to {moved:.3g} m and {turned:.3g} rad apart")
@@ -109,12 +111,6 @@ def _limits(arm: Arm, robot: URDF) -> list[str]:
                 f"limits of {other.name} are {their[0]} to {their[1]}, not {own[0]} to {own[1]}"
             )
     return said
-
-
-def _links(arm: Arm, robot: URDF) -> tuple[str, ...]:
-    """Links that the joints of the chain move, and the tip if it is a link."""
-    names = [robot.joint_map[arm.source.full_model.names[j]].child for j in arm.source.kept]
-    return tuple(dict.fromkeys(n for n in (*names, arm.tip) if n in robot.link_map))
 
 
 def _placements(arm: Arm, robot: URDF, links: tuple[str, ...]) -> tuple[float, float]:

@@ -387,10 +387,12 @@ def _family(index: int, entry: Entry, family: Family, symbols: Sequence[str]) ->
 def equation_data(equation: Equation) -> dict[str, Any]:
     """An equation as a `TrigSum` of joint values, ready for JSON."""
     s = weighted_sum(equation, np.ones(len(equation.shift)))
-    found = {k: getattr(s, k) for k in ("noise", "reach", "curvature")}
-    rows = {k: getattr(s, k).tolist() for k in ("amplitude", "phase", "rate")}
-    power = s.power.tolist() if len(s.slides) else None
-    return {**rows, "power": power, **found, "size": float(s.amplitude.sum())}
+    return {
+        **{k: getattr(s, k).tolist() for k in ("amplitude", "phase", "rate")},
+        "power": s.power.tolist() if len(s.slides) else None,
+        **{k: getattr(s, k) for k in ("noise", "reach", "curvature")},
+        "size": float(s.amplitude.sum()),
+    }
 
 
 def _where(entry: Entry, family: Family, branch: Branch, symbols: Sequence[str]) -> str:

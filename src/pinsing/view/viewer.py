@@ -108,17 +108,6 @@ class Stage(Scenery):
         return "all"
 
 
-def _more(entry: Entry) -> list[str]:
-    told = (
-        (entry.kind, entry.kind),
-        (entry.codimension, f"codimension {entry.codimension}"),
-        (entry.reach, entry.reach),
-        (entry.reachable is False, "out of reach of the limits"),
-        (entry.reachable is None, "no configuration found within the limits"),
-    )
-    return [words for there, words in told if there]
-
-
 def _solved(entry: Entry) -> list[dict[str, Any]]:
     """Long equations, each as one for a joint: texts."""
     if entry.family is None:
@@ -131,11 +120,18 @@ def _solved(entry: Entry) -> list[dict[str, Any]]:
 
 def _entry(entry: Entry, n: int) -> dict[str, Any]:
     moves = bool(entry.poses) and not entry.name.startswith("P")
+    told = (
+        (entry.kind, entry.kind),
+        (entry.codimension, f"codimension {entry.codimension}"),
+        (entry.reach, entry.reach),
+        (entry.reachable is False, "out of reach of the limits"),
+        (entry.reachable is None, "no configuration found within the limits"),
+    )
     return {
         "name": entry.name,
         "text": entry.text,
         "given": entry.name.startswith("P"),
-        "more": _more(entry),
+        "more": [words for there, words in told if there],
         "reason": entry.reason,
         "solved": _solved(entry),
         "poses": len(entry.poses),
