@@ -40,22 +40,12 @@ def engine(arm: Arm, poses: int = 1) -> tuple[dict[str, Any], tuple[Entry, ...]]
     return engine_data(arm, entries, sizes(arm)), entries
 
 
-def wave(
-    frequencies: list[list[int]],
-    cos: list[float],
-    sin: list[float],
-    powers: list[list[int]] | None = None,
-) -> dict[str, Any]:
+def wave(frequencies: Any, cos: Any, sin: Any, powers: Any = 0) -> dict[str, Any]:
     """An equation of the page; frequencies are doubled, as in an Equation."""
-    table, n = np.array(frequencies), len(frequencies[0])
-    given = {
-        "frequencies": table,
-        "powers": np.zeros_like(table) if powers is None else np.array(powers),
-        "cos": np.array(cos, dtype=float),
-        "sin": np.array(sin, dtype=float),
-    }
-    joints = tuple(f"q{j + 1}" for j in range(n))
-    return equation_data(Equation(**given, shift=np.zeros(n), joints=joints))
+    table, waves = np.array(frequencies), np.array([cos, sin], dtype=float)
+    joints = tuple(f"q{j + 1}" for j in range(table.shape[1]))
+    given = {"frequencies": table, "powers": 0 * table + powers, "cos": waves[0], "sin": waves[1]}
+    return equation_data(Equation(**given, shift=np.zeros(len(joints)), joints=joints))
 
 
 def arm_of(name: str, tmp_path: Path) -> Arm:
