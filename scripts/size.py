@@ -10,14 +10,14 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
 LIMITS: dict[str, tuple[int, int]] = {
-    "Python in src: statements": (41_124, 30_000),
-    "Python in src: lines": (76_455, 56_000),
-    "C++, JavaScript, templates, styles: lines": (14_064, 9_500),
+    "Python in src: statements": (41_121, 30_000),
+    "Python in src: lines": (76_444, 56_000),
+    "C++, JavaScript, templates, styles: lines": (13_876, 9_500),
     "modules": (209, 220),
     "packages directly under pinsing": (16, 16),
     "numbers in module constants": (499, 500),
     "names exported by pinsing": (32, 32),
-    "lines of tests": (39_696, 28_000),
+    "lines of tests": (39_701, 28_000),
     "words of Markdown, changelog excluded": (39_999, 40_000),
     "CHANGELOG.md: lines": (150, 150),
 }
