@@ -15,9 +15,9 @@ import pinocchio as pin
 
 from pinsing._types import Array, ArrayLike, Bool, NDArray
 from pinsing.errors import OptionError, PinsingError
-from pinsing.loops.structure import Centre, closing, idle_link, once, path_to, structure
+from pinsing.loops.structure import Centre, idle_link, structure
 from pinsing.measures import NOISE, SEED, SINGULAR_RTOL, SOLVED
-from pinsing.robot.mechanism import Mechanism
+from pinsing.robot.mechanism import Mechanism, closing, joint_axes, once, path_to
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,7 +39,7 @@ class BatchLoops:
         self.mechanism = mechanism
         model = mechanism.model
         self._parents = [int(parent) for parent in list(model.parents)[1:]]
-        self._own = structure(mechanism).axes
+        self._own = joint_axes(mechanism)
         # None for no turn, and for no shift: most have one of them at most.
         self._place = [
             (

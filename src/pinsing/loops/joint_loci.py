@@ -44,17 +44,14 @@ from pinsing.loops.structure import (
     SPHERE,
     NotThisKind,
     at_zero,
-    closing,
     in_room,
     loop_ends,
-    once,
-    path_to,
     room_of,
     structure,
     without_length,
 )
 from pinsing.measures import NOISE, ROUNDING
-from pinsing.robot.mechanism import Mechanism
+from pinsing.robot.mechanism import Mechanism, closing, once, path_to
 
 if TYPE_CHECKING:
     from pinsing.families import ClosedForm

@@ -39,18 +39,15 @@ from pinsing.loops.structure import (
     SPHERE,
     Centre,
     NotThisKind,
-    Sample,
     at_zero,
     loop_ends,
-    once,
     output_pose,
-    path_to,
     plane_axes,
     room_of,
     structure,
 )
 from pinsing.measures import ROUNDING
-from pinsing.robot.mechanism import Mechanism
+from pinsing.robot.mechanism import Mechanism, Sample, once, path_to
 
 Condition = tuple[str, float | None]
 """Words, and the distance of C and B there; None: the force does not work on the motion of C."""

@@ -30,19 +30,9 @@ from pinsing.algebra.ring import Poly, Ring, make_ring, rational
 from pinsing.errors import OptionError
 from pinsing.loops.forms import JointForms
 from pinsing.loops.singular_points import SingularPoint, refine_point
-from pinsing.loops.structure import (
-    Sample,
-    at_zero,
-    bodies,
-    closing,
-    groups,
-    once,
-    path_to,
-    plane_axes,
-    position_in,
-)
-from pinsing.measures import ALIKE, NOISE
-from pinsing.robot.mechanism import Mechanism
+from pinsing.loops.structure import at_zero, bodies, groups, plane_axes, position_in
+from pinsing.measures import NOISE
+from pinsing.robot.mechanism import Mechanism, Sample, closing, once, path_to
 from pinsing.serialization import JsonResult
 
 
@@ -249,44 +239,23 @@ def _unit(angle: ArrayLike) -> Array:
 
 def roots(equation: Equation, inputs: ArrayLike, free: int) -> Array:
     """Return all real values, in (-pi, pi], of one input that solve an equation."""
-    # The trigonometric polynomial becomes an algebraic one in exp(i q / 2), whose companion matrix
-    # has the roots; Newton steps on the equation itself sharpen them.
-    base = np.array(inputs, dtype=float)
-    frequency = equation.frequencies[:, free]
-    held = base.copy()
-    held[free] = 0.0
-    phase = (held + equation.shift) @ (equation.frequencies.T / 2)
-    c = (equation.cos - 1j * equation.sin) * np.exp(1j * phase) / 2
-    top = int(np.abs(frequency).max())
-    coefficients = np.zeros(2 * top + 1, dtype=complex)
-    np.add.at(coefficients, top + frequency, c)
-    np.add.at(coefficients, top - frequency, np.conj(c))
-    if np.abs(coefficients).max() <= NOISE * equation.size or top == 0:
+    # Along it the equation is rest + a cos u + b sin u, u being the angle or half of it.
+    turns = equation.frequencies[:, free]
+    q = np.array(inputs, dtype=float)
+    q[free] = -equation.shift[free]
+    phase = (q + equation.shift) @ (equation.frequencies.T / 2)
+    cos, sin = np.cos(phase), np.sin(phase)
+    even = equation.cos * cos + equation.sin * sin
+    odd = np.sign(turns) * (equation.sin * cos - equation.cos * sin)
+    a, b, rest = even[turns != 0].sum(), odd.sum(), even[turns == 0].sum()
+    most = float(np.hypot(a, b))
+    if most <= NOISE * equation.size or abs(rest) > most + 1e-12 * equation.size:
         return np.zeros(0)
-    found = np.roots(coefficients[::-1])
-    angles = 2 * np.angle(found[np.abs(np.abs(found) - 1) < 1e-5])
-    turn = frequency / 2
-    for k in range(23):
-        at = phase + np.multiply.outer(angles, turn)
-        cos, sin = np.cos(at), np.sin(at)
-        value = cos @ equation.cos + sin @ equation.sin
-        slope = cos @ (equation.sin * turn) - sin @ (equation.cos * turn)
-        going = (value != 0) & (np.abs(slope) > 1e-14 * equation.size)
-        if k >= 20:
-            # Newton stalls at half the digits of a double root, which is a single one of the slope.
-            going = np.abs(slope) <= ALIKE * equation.size
-            bend = -cos @ (equation.cos * turn**2) - sin @ (equation.sin * turn**2)
-            going &= np.abs(bend) > ALIKE * equation.size
-            value, slope = slope, bend
-        angles[going] -= value[going] / slope[going]
-    angles = np.pi - np.mod(np.pi - angles, 2 * np.pi)
-    Q = np.tile(base, (len(angles), 1))
-    Q[:, free] = angles
-    out: list[float] = []
-    for angle in angles[np.abs(equation(Q)) <= 1e-12 * equation.size].tolist():
-        if all(abs(np.sin((angle - other) / 2)) > 1e-7 for other in out):
-            out.append(angle)
-    return np.sort(np.array(out))
+    # Of half an angle both are one value; and where it is met at one value alone.
+    single = np.abs(turns).max() == 1 or abs(rest) >= most - 1e-14 * equation.size
+    spread = np.arccos(np.clip(-rest / most, -1, 1)) * np.array([1.0] if single else [1.0, -1.0])
+    value = 2 * (np.arctan2(b, a) + spread) / np.abs(turns).max() - equation.shift[free]
+    return np.sort(np.pi - np.mod(np.pi - value, 2 * np.pi))
 
 
 @dataclass(frozen=True, eq=False)

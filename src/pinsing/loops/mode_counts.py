@@ -37,19 +37,15 @@ from pinsing.loops.legs import Rod, Rods, carried, inside, rods, sphere_loci
 from pinsing.loops.modes import home
 from pinsing.loops.structure import (
     NotThisKind,
-    Sample,
     at_zero,
     bodies,
-    closing,
-    once,
     output_pose,
-    path_to,
     plane_axes,
     position_in,
     structure,
 )
 from pinsing.measures import ROUNDING, SEED
-from pinsing.robot.mechanism import Mechanism
+from pinsing.robot.mechanism import Mechanism, Sample, closing, once, path_to
 
 Point = tuple[Any, Any]
 

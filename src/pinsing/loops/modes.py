@@ -26,9 +26,9 @@ from pinsing.loops.closure import (
     random_closed,
     ranks,
 )
-from pinsing.loops.structure import Leg, Sample, closing, groups, likeness, once, path_to, structure
+from pinsing.loops.structure import Leg, groups, likeness, structure
 from pinsing.measures import ALIKE, ROUNDING, SEED, SOLVED
-from pinsing.robot.mechanism import Mechanism
+from pinsing.robot.mechanism import Mechanism, Sample, closing, joint_axes, once, path_to
 
 _HOME_STARTS = 60
 _MORE_STARTS = 4000
@@ -107,7 +107,7 @@ def elbows(mechanism: Mechanism) -> tuple[Elbow, ...]:
             # Two axes through one point: a ball has no elbow, a leg on a sphere has.
             if slides or not _meets(model, elbow):
                 continue
-            end = here[0].rotation @ structure(mechanism).axes[beyond[0] - 1]
+            end = here[0].rotation @ joint_axes(mechanism)[beyond[0] - 1]
         x, y, z = (float(v) for v in end)
         out.append(Elbow(crank, elbow, last, (x, y, z), slides))
     return tuple(out)

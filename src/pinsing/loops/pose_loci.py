@@ -59,9 +59,8 @@ from pinsing.loops.loop_forms import planar_dyad
 from pinsing.loops.mode_counts import degree_notes, input_loci, length_name, point_legs
 from pinsing.loops.modes import home
 from pinsing.loops.motion import pose_of
-from pinsing.loops.structure import once, output_pose, structure
-from pinsing.measures import ROUNDING
-from pinsing.robot.mechanism import Mechanism
+from pinsing.loops.structure import output_pose, structure
+from pinsing.robot.mechanism import Mechanism, once
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,33 +73,14 @@ class PoseRing:
 
     @cached_property
     def exact(self) -> ExactPoints:
-        """Points of all rods before parallel ones of one crank are made exactly so."""
+        """Points of all rods; of a level output B as seen from C: parallel rods are exactly so."""
         none = np.zeros(3)
         return exact_points([
             point
             for r in self.rods.rods
-            for point in (r.outer, r.inner, r.first, r.second,
+            for point in (r.outer - r.inner if self.level else r.outer, r.inner, r.first, r.second,
                           none if r.hinge is None else r.hinge, r.across)
         ])  # fmt: skip
-
-    @cached_property
-    def alike(self) -> tuple[list[list[Vector]], float]:
-        """Exact vectors by rods, parallel ones of a crank exactly so; what that changed, metres."""
-        rods, every, off = self.rods.rods, self.exact.vectors, 0.0
-        vectors = [list(every[k : k + 6]) for k in range(0, len(every), 6)]
-        for k, i in itertools.product(range(len(rods)), repeat=2):
-            if i >= k or not self.level or not rods[k].moved or rods[i].joint != rods[k].joint:
-                continue
-            (outer, inner, first, second), start = vectors[i][:4], vectors[k][1]
-            x, y, z = (o + s - c for o, s, c in zip(outer, start, inner, strict=True))
-            wanted = [(x, y, z), start, first, second]
-            away = [[float(a - b) for a, b in zip(new, old, strict=True)]
-                    for new, old in zip(wanted, vectors[k][:4], strict=True)]  # fmt: skip
-            gap = float(np.abs(np.array(away) * [1.0, self.square**0.5, 1.0]).max())
-            if gap <= ROUNDING:
-                vectors[k][:4] = wanted
-                off = max(off, gap)
-        return vectors, off
 
     @property
     def square(self) -> int:
@@ -154,7 +134,12 @@ class PoseRing:
 
     def _vectors(self, rod: Rod) -> list[Vector]:
         # Rods are told apart as objects: two may be alike.
-        return self.alike[0][self.rods.rods.index(rod)]
+        first = 6 * self.rods.rods.index(rod)
+        outer, inner, *others = self.exact.vectors[first : first + 6]
+        if self.level:
+            (x, y, z), (u, v, w) = outer, inner
+            outer = x + u, y + v, z + w
+        return [outer, inner, *others]
 
     def outer(self, rod: Rod) -> Row:
         """B times N."""
@@ -707,12 +692,6 @@ def _forms(mechanism: Mechanism, found: Rods) -> PoseForms:
         )
     ring = PoseRing(found, level)
     notes += made_exact(ring)
-    snapped = ring.alike[1]
-    if snapped > 0:
-        notes.append(
-            f"rods of one crank that are parallel to {ROUNDING:g} m were taken as parallel (their "
-            f"ends were moved by at most {snapped:.1e} m)"
-        )
     lines = ring.lines()
     # Zero as a polynomial where every pose is singular.
     together = ring.without_norm(ring.multiplied_out(lines))

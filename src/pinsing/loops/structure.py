@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import functools
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
@@ -14,8 +13,7 @@ from pinsing._types import Array
 from pinsing.errors import Refusal
 from pinsing.loops.exact import Turn, rational_turn, turn_to
 from pinsing.measures import ALIKE, ROUNDING, SEED
-from pinsing.robot.joints import joint_axis
-from pinsing.robot.mechanism import Loop, Mechanism
+from pinsing.robot.mechanism import Loop, Mechanism, Sample, closing, joint_axes, once, path_to
 
 
 @dataclass(frozen=True)
@@ -38,64 +36,20 @@ class Centre:
 
 @dataclass(frozen=True, eq=False)
 class Structure:
-    """Legs and centres of a mechanism, and the axes that both stand on."""
+    """Legs and centres of a mechanism."""
 
     output: int  # joint of the model that carries the output; 0 for the base itself
     legs: tuple[Leg, ...]  # in the order of their first joints
     centres: tuple[Centre, ...]  # all passive turning joints, each in one
-    axes: Array  # (n, 3): axis of each joint in its own frame
-
-
-T = TypeVar("T")
-
-
-def once(compute: Callable[[Mechanism], T]) -> Callable[[Mechanism], T]:
-    """Keep what a function finds of a mechanism with that mechanism."""
-    key = f"{compute.__module__}.{compute.__name__}"
-
-    @functools.wraps(compute)
-    def known(mechanism: Mechanism) -> T:
-        return mechanism.once(key, lambda: compute(mechanism))
-
-    return known
 
 
 class NotThisKind(Refusal):
     """The legs are others; the message says in which way."""
 
 
-class Sample:
-    """Placements at q (n,) of the tree, closed or not, in axes (rows) of the base.
-
-    ``joints`` and ``frames`` are as in Pinocchio's data, ``output`` in axes ``own`` (columns) of
-    it; ``axis`` and ``origins`` (n, 3): the joints' axes, and points on them, metres.
-    """
-
-    def __init__(
-        self, mechanism: Mechanism, q: Array, axes: Array | None = None, own: Array | None = None
-    ) -> None:
-        data = mechanism.model.createData()
-        pin.forwardKinematics(mechanism.model, data, mechanism.model_q(q))
-        pin.updateFramePlacements(mechanism.model, data)
-        self.q, self.joints, self.frames = q, list(data.oMi), list(data.oMf)
-        if axes is not None:
-            turn = pin.SE3(axes, np.zeros(3))
-            self.joints, self.frames = ([turn * m for m in x] for x in (self.joints, self.frames))
-        output = self.frames[mechanism.output_id]
-        self.output = output if own is None else output * pin.SE3(own, np.zeros(3))
-        along = zip(self.joints[1:], structure(mechanism).axes, strict=True)
-        self.axis = np.array([place.rotation @ axis for place, axis in along])
-        self.origins = np.array([place.translation for place in self.joints[1:]])
-
-
 def at_zero(mechanism: Mechanism) -> Sample:
     """Everything with all joints at zero, in the base."""
     return Sample(mechanism, np.zeros(mechanism.n))
-
-
-def path_to(mechanism: Mechanism, body: int) -> list[int]:
-    """The joints on the tree's way from the base to a body (a joint of the model)."""
-    return [int(j) - 1 for j in mechanism.model.supports[body] if j]
 
 
 def plane_normal(mechanism: Mechanism, axes: Array) -> Array | None:
@@ -146,14 +100,6 @@ def bodies(mechanism: Mechanism) -> tuple[tuple[int, int], ...]:
     return tuple(zip(a, b, strict=True))
 
 
-@once
-def closing(mechanism: Mechanism) -> tuple[list[int], list[int]]:
-    """Indices of the first frames of all loops, and of the second ones."""
-    numbers = {f.name: k for k, f in enumerate(mechanism.model.frames)}
-    first = [numbers[x.frame_a] for x in mechanism.loops]
-    return first, [numbers[x.frame_b] for x in mechanism.loops]
-
-
 def loop_ends(mechanism: Mechanism) -> Iterator[tuple[Loop, int, int, list[int], list[int]]]:
     """Yield each loop, its frames, and the tree's ways to them; what leads to the output last."""
     frames, output = mechanism.model.frames, structure(mechanism).output
@@ -180,7 +126,7 @@ def idle_link(mechanism: Mechanism) -> str:
 
 def _coaxial(mechanism: Mechanism) -> list[tuple[int, int]]:
     """Joints that turn about the axis of the joint before them: that one, and they."""
-    model, axes = mechanism.model, structure(mechanism).axes
+    model, axes = mechanism.model, joint_axes(mechanism)
     out = []
     for j in range(mechanism.n):
         parent = int(model.parents[j + 1]) - 1
@@ -212,11 +158,7 @@ def without_length(mechanism: Mechanism) -> str:
 def structure(mechanism: Mechanism) -> Structure:
     """Legs and centres of a mechanism."""
     output = int(mechanism.model.frames[mechanism.output_id].parentJoint)
-    pairs = zip(list(mechanism.model.joints)[1:], mechanism.joints, strict=True)
-    axes = np.array([joint_axis(joint, name)[0] for joint, name in pairs])
-    return Structure(
-        output, _legs(mechanism, output), tuple(_centres(mechanism, axes, output)), axes
-    )
+    return Structure(output, _legs(mechanism, output), tuple(_centres(mechanism, output)))
 
 
 def _legs(mechanism: Mechanism, output: int) -> tuple[Leg, ...]:
@@ -240,22 +182,20 @@ def _legs(mechanism: Mechanism, output: int) -> tuple[Leg, ...]:
     return tuple(sorted(found, key=lambda leg: leg.joints or (mechanism.n,)))
 
 
-def _centres(mechanism: Mechanism, axes: Array, output: int) -> list[Centre]:
+def _centres(mechanism: Mechanism, output: int) -> list[Centre]:
     left, out = {j for j in mechanism.passive if not mechanism.prismatic[j]}, []
     while left:
         # An axis may pass through two centres: joints that sit in the point go first.
-        runs = [_run(mechanism, axes, output, j, left) for j in sorted(left)]
+        runs = [_run(mechanism, output, j, left) for j in sorted(left)]
         best = max(runs, key=lambda run: (run[1], len(run[0].joints), -run[0].joints[0]))[0]
         out.append(best)
         left -= set(best.joints)
     return sorted(out, key=lambda c: c.joints)
 
 
-def _run(
-    mechanism: Mechanism, axes: Array, output: int, first: int, left: set[int]
-) -> tuple[Centre, int]:
+def _run(mechanism: Mechanism, output: int, first: int, left: set[int]) -> tuple[Centre, int]:
     """Joints from ``first`` on whose axes share a point, and how many sit in it."""
-    model = mechanism.model
+    model, axes = mechanism.model, joint_axes(mechanism)
     busy = {b for pair in bodies(mechanism) for b in pair}
     chain, point, start, sitting = [first], np.zeros(3), np.zeros(3), 1
     while (here := chain[-1]) + 1 != output and here + 1 not in busy:

@@ -36,11 +36,11 @@ from pinsing.loops.solve import (
     curves,
     working_modes,
 )
-from pinsing.loops.structure import Sample, closing, groups, likeness, output_pose, plane_axes, same
+from pinsing.loops.structure import groups, likeness, output_pose, plane_axes, same
 from pinsing.measures import ALIKE, ROUNDING
 from pinsing.plot.style import DASHES, pi_ticks, plain, unit
 from pinsing.prose import unbroken
-from pinsing.robot.mechanism import Mechanism
+from pinsing.robot.mechanism import Mechanism, Sample, closing
 
 TYPE_1 = "#c0392b"
 TYPE_2 = "#1f5fa8"

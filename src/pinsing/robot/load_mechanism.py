@@ -22,7 +22,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -37,9 +37,8 @@ from pinsing.description.yaml_tree import YamlNode, compose
 from pinsing.errors import JointError, OptionError, PinsingError
 from pinsing.measures import ALIKE, ROUNDING
 from pinsing.robot.chains import frame_index
-from pinsing.robot.joint_space import model_q
 from pinsing.robot.joints import joint_axis
-from pinsing.robot.mechanism import LOOP_KINDS, Loop, Mechanism
+from pinsing.robot.mechanism import LOOP_KINDS, Loop, Mechanism, Sample, closing
 from pinsing.robot.source import HasModel, Source, given_file, given_model
 from pinsing.robot.task import ROW_NAMES, Task, parse_task
 
@@ -62,8 +61,9 @@ def without_idle_spins(mechanism: Mechanism, keep_output: bool = True) -> Mechan
 
 def _holding(mechanism: Mechanism, joint: int) -> Mechanism:
     """The mechanism with a joint fixed where it is at home."""
-    model = without_joint(mechanism.model, joint + 1, float(mechanism.home[joint]))
     kept = np.arange(mechanism.n) != joint
+    at = mechanism.model_q(np.where(kept, 0.0, mechanism.home))
+    model = pin.buildReducedModel(mechanism.model, [joint + 1], at)
     number = np.cumsum(kept) - 1
     return replace(
         mechanism,
@@ -77,30 +77,17 @@ def _holding(mechanism: Mechanism, joint: int) -> Mechanism:
     )
 
 
-@dataclass(frozen=True, eq=False)
-class _Sampled:
-    """Axes (n, 3) and places (n, 3) of the joints, and the frames, at some q."""
-
-    axes: Array
-    places: Array
-    frames: list[pin.SE3]
-
-
 class _SpanningTree:
     """The spanning tree: what hangs on each body, and what loops hold there."""
 
     def __init__(self, mechanism: Mechanism, keep_output: bool) -> None:
         self.mechanism, model = mechanism, mechanism.model
         n = mechanism.n
-        self.own = np.array(
-            [joint_axis(model.joints[j + 1], mechanism.joints[j])[0] for j in range(n)]
-        )
         self.after: list[list[int]] = [[] for _ in range(n + 1)]
         for j in range(n):
             self.after[int(model.parents[j + 1])].append(j)
         self.cuts: list[list[tuple[int, int, str]]] = [[] for _ in range(n + 1)]
-        for loop in mechanism.loops:
-            a, b = (frame_index(model, name) for name in (loop.frame_a, loop.frame_b))
+        for loop, a, b in zip(mechanism.loops, *closing(mechanism), strict=True):
             for one, two in ((a, b), (b, a)):
                 self.cuts[int(model.frames[one].parentJoint)].append((one, two, loop.kind))
         self.output = int(model.frames[mechanism.output_id].parentJoint) if keep_output else None
@@ -108,17 +95,7 @@ class _SpanningTree:
         drawn = rng.uniform(0.3, 1.2, (2, n))
         # At home a slide may have no length yet.
         home = np.where(mechanism.prismatic & (mechanism.home == 0), 1.0, mechanism.home)
-        self.samples = [self.at(q) for q in (*drawn, home)]
-
-    def at(self, q: Array) -> _Sampled:
-        model, data = self.mechanism.model, self.mechanism.model.createData()
-        pin.forwardKinematics(model, data, model_q(model, q))
-        pin.updateFramePlacements(model, data)
-        return _Sampled(
-            np.array([data.oMi[j + 1].rotation @ a for j, a in enumerate(self.own)]),
-            np.array([data.oMi[j + 1].translation for j in range(len(self.own))]),
-            [pin.SE3(m) for m in data.oMf],
-        )
+        self.samples = [Sample(mechanism, q) for q in (*drawn, home)]
 
     def hinge(self, joint: int) -> bool:
         """Return True if it is passive and turns."""
@@ -147,7 +124,7 @@ class _SpanningTree:
         """The point (samples, 3) in which three axes meet."""
         out, apart = [], 0.0
         for s in self.samples:
-            axes, places = s.axes[list(run)], s.places[list(run)]
+            axes, places = s.axis[list(run)], s.origins[list(run)]
             rows = np.concatenate([np.eye(3) - np.outer(a, a) for a in axes])
             right = np.concatenate([p - (a @ p) * a for a, p in zip(axes, places, strict=True)])
             point, _, rank, _ = np.linalg.lstsq(rows, right, rcond=None)
@@ -229,8 +206,8 @@ def _twice(tree: _SpanningTree, joint: int) -> bool:
         lines = []
         for frame, one in ((a, joint), (b, other)):
             place, s = tree.samples[0].frames[frame], tree.samples[0]
-            axis = place.rotation.T @ s.axes[one]
-            lines.append(np.concatenate([axis, np.cross(place.actInv(s.places[one]), axis)]))
+            axis = place.rotation.T @ s.axis[one]
+            lines.append(np.concatenate([axis, np.cross(place.actInv(s.origins[one]), axis)]))
         if min(np.abs(lines[0] - lines[1]).max(), np.abs(lines[0] + lines[1]).max()) <= ROUNDING:
             return True
     return False
@@ -246,9 +223,9 @@ def _best(tree: _SpanningTree, run: tuple[int, int, int], near: Array, far: Arra
         square, spread = True, 0.0
         for s, away in zip(tree.samples, far - near, strict=True):
             along = away / max(float(np.linalg.norm(away)), ROUNDING)
-            square &= max(abs(s.axes[b] @ along), abs(s.axes[a] @ s.axes[b])) <= ALIKE
+            square &= max(abs(s.axis[b] @ along), abs(s.axis[a] @ s.axis[b])) <= ALIKE
             # The last sample is home.
-            spread = abs(float(np.linalg.det([s.axes[a], s.axes[b], along])))
+            spread = abs(float(np.linalg.det([s.axis[a], s.axis[b], along])))
         scores.append((square, round(spread, 6), k))
     return run[max(scores)[2]]
 
@@ -285,7 +262,7 @@ def _back_on_line(tree: _SpanningTree, joint: int) -> bool:
 
 def _through(tree: _SpanningTree, joint: int, points: Array) -> bool:
     return all(
-        float(np.linalg.norm(np.cross(p - s.places[joint], s.axes[joint])))
+        float(np.linalg.norm(np.cross(p - s.origins[joint], s.axis[joint])))
         <= ROUNDING * max(1.0, float(np.abs(p).max()))
         for s, p in zip(tree.samples, points, strict=True)
     )
@@ -327,17 +304,8 @@ def _entries(node: YamlNode) -> list[YamlNode]:
     return [] if node.empty_list else node.items("joint")
 
 
-def without_joint(model: pin.Model, index: int, value: float) -> pin.Model:
-    """The model with a joint fixed at a value, radians or metres."""
-    data, q = model.createData(), np.zeros(model.nv)
-    q[model.joints[index].idx_v] = value
-    pin.forwardKinematics(model, data, model_q(model, q))
-    moved = model.jointPlacements[index].inverse() * data.liMi[index]
-    return _rebuilt(model, {model.names[index]: ""}, moved)
-
-
-def _rebuilt(model: pin.Model, wanted: dict[str, str], moved: pin.SE3 | None = None) -> pin.Model:
-    """Joints made others; one that is fixed stays ``moved`` from its place."""
+def _rebuilt(model: pin.Model, wanted: dict[str, str]) -> pin.Model:
+    """The model with joints made others."""
     out = pin.Model()
     out.name = model.name
     # Where a joint of the old model is carried now: joint, and the place of its frame there.
@@ -361,7 +329,7 @@ def _rebuilt(model: pin.Model, wanted: dict[str, str], moved: pin.SE3 | None = N
             parent = out.addJoint(parent, turn, place, f"{name}_{axis}")
             place = pin.SE3.Identity()
         # A fixed joint leaves its place to what it carries.
-        where.append((parent, place if moved is None else place * moved))
+        where.append((parent, place))
     for frame in list(model.frames)[1:]:
         parent, at = where[int(frame.parentJoint)]
         out.addFrame(pin.Frame(frame.name, parent, 0, at * frame.placement, frame.type), False)
@@ -470,11 +438,7 @@ def _check_on_loop(model: pin.Model, output: str, loops: tuple[Loop, ...], node:
     """Raise unless a joint of some loop carries the output."""
 
     def path(frame: str) -> set[int]:
-        joint, found = int(model.frames[frame_index(model, frame)].parentJoint), set()
-        while joint:
-            found.add(joint)
-            joint = int(model.parents[joint])
-        return found
+        return {*model.supports[model.frames[frame_index(model, frame)].parentJoint]} - {0}
 
     node.refuse_if(
         not (carried := path(output)),

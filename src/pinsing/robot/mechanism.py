@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, wraps
 from pathlib import Path
-from typing import ClassVar
+from typing import ClassVar, TypeVar
 
 import numpy as np
 import pinocchio as pin
@@ -15,6 +16,7 @@ from pinsing.arguments import checked, columns_of, real_numbers
 from pinsing.notebook import one_line
 from pinsing.robot.chains import frame_index
 from pinsing.robot.joint_space import JointSpace, model_q, require_scale, require_values
+from pinsing.robot.joints import joint_axis
 from pinsing.robot.source import Memory, Source
 from pinsing.robot.task import Task
 
@@ -287,3 +289,61 @@ def _numbers(values: ArrayLike, names: tuple[str, ...], what: str) -> Array:
     array = real_numbers(columns_of(values, names, what), what)
     require_values(array, names, what)
     return array
+
+
+T = TypeVar("T")
+
+
+def once(compute: Callable[[Mechanism], T]) -> Callable[[Mechanism], T]:
+    """Keep what a function finds of a mechanism with that mechanism."""
+    key = f"{compute.__module__}.{compute.__name__}"
+
+    @wraps(compute)
+    def known(mechanism: Mechanism) -> T:
+        return mechanism.once(key, lambda: compute(mechanism))
+
+    return known
+
+
+@once
+def joint_axes(mechanism: Mechanism) -> Array:
+    """Axis (n, 3) of each joint in its own frame."""
+    pairs = zip(list(mechanism.model.joints)[1:], mechanism.joints, strict=True)
+    return np.array([joint_axis(joint, name)[0] for joint, name in pairs])
+
+
+class Sample:
+    """Placements at q (n,) of the tree, closed or not, in axes (rows) of the base.
+
+    ``joints`` and ``frames`` are as in Pinocchio's data, ``output`` in axes ``own`` (columns) of
+    it; ``axis`` and ``origins`` (n, 3): the joints' axes, and points on them, metres.
+    """
+
+    def __init__(
+        self, mechanism: Mechanism, q: Array, axes: Array | None = None, own: Array | None = None
+    ) -> None:
+        data = mechanism.model.createData()
+        pin.forwardKinematics(mechanism.model, data, mechanism.model_q(q))
+        pin.updateFramePlacements(mechanism.model, data)
+        self.q, self.joints, self.frames = q, list(data.oMi), list(data.oMf)
+        if axes is not None:
+            turn = pin.SE3(axes, np.zeros(3))
+            self.joints, self.frames = ([turn * m for m in x] for x in (self.joints, self.frames))
+        output = self.frames[mechanism.output_id]
+        self.output = output if own is None else output * pin.SE3(own, np.zeros(3))
+        along = zip(self.joints[1:], joint_axes(mechanism), strict=True)
+        self.axis = np.array([place.rotation @ axis for place, axis in along])
+        self.origins = np.array([place.translation for place in self.joints[1:]])
+
+
+def path_to(mechanism: Mechanism, body: int) -> list[int]:
+    """The joints on the tree's way from the base to a body (a joint of the model)."""
+    return [int(j) - 1 for j in mechanism.model.supports[body] if j]
+
+
+@once
+def closing(mechanism: Mechanism) -> tuple[list[int], list[int]]:
+    """Indices of the first frames of all loops, and of the second ones."""
+    numbers = {f.name: k for k, f in enumerate(mechanism.model.frames)}
+    first = [numbers[x.frame_a] for x in mechanism.loops]
+    return first, [numbers[x.frame_b] for x in mechanism.loops]

@@ -23,14 +23,13 @@ from pinsing.loops.solve import (
 )
 from pinsing.loops.structure import (
     at_zero,
-    closing,
     extent,
     groups as alike_groups,
     plane_normal,
     structure,
 )
 from pinsing.measures import ALIKE, NEAR_RTOL, ROUNDING, SINGULAR_RTOL
-from pinsing.robot.mechanism import Mechanism
+from pinsing.robot.mechanism import Mechanism, closing
 from pinsing.view.entries import chain_data, frame_data, joint_data, numbers, sizes_data
 from pinsing.view.links import Links, Recorder, geometry as mg, read_links
 from pinsing.view.scene import (
