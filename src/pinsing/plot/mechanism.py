@@ -356,7 +356,7 @@ def motion_curve(
     turn = np.array(
         [(360.0 if degrees else 2 * np.pi) if _turns(mechanism, n) else np.inf for n in names]
     )
-    told = _apart([(t.q, _values(mechanism, t.q, names, degrees)) for t in found], turn)
+    told = [(t.q, _values(mechanism, t.q, names, degrees)) for t in found]
     for k, name in enumerate(names):
         OptionError.refuse_if(
             max((float(np.ptp(v[:, k])) for _, v in told), default=0.0) <= ROUNDING,
@@ -428,7 +428,7 @@ def _unit(mechanism: Mechanism, name: str, degrees: bool) -> str:
     return ("°" if degrees else "rad") if _turns(mechanism, name) else "m"
 
 
-def _folded(values: Array, turn: Array, centre: Array | float = 0.0) -> Array:
+def _folded(values: Array, turn: Array, centre: Array) -> Array:
     """Values (..., 2), angles within half a turn of the centre."""
     whole = np.where(np.isfinite(turn), turn, 1.0)
     folded = values - whole * np.round((values - centre) / whole)
@@ -440,22 +440,6 @@ def _broken(values: Array, turn: Array, centre: Array) -> Array:
     out = _folded(values, turn, centre)
     jumps = np.flatnonzero((np.abs(np.diff(out, axis=0)) > turn / 2).any(axis=1)) + 1
     return np.insert(out, jumps, np.nan, axis=0)
-
-
-def _apart(found: Sequence[tuple[Array, Array]], turn: Array) -> list[tuple[Array, Array]]:
-    """Curves that are not one that is there already: balls that are flipped give the same."""
-    kept: list[tuple[Array, Array]] = []
-    for q, values in found:
-        mine = _folded(values, turn)
-        for _, other in kept:
-            there = _folded(other, turn)
-            step = np.abs(_folded(np.diff(other, axis=0), turn)).max(axis=0) + ROUNDING
-            gap = np.abs(_folded(mine[::7, None] - there[None], turn))
-            if ((gap <= step).all(axis=2)).any(axis=1).all():
-                break
-        else:
-            kept.append((q, values))
-    return kept
 
 
 def _runs(signs: Sequence[str]) -> list[tuple[int, int, str]]:

@@ -146,50 +146,34 @@ def contacts(
 
 
 def _of_family(c: Conditions, motion: Motion) -> list[tuple[float, float]]:
-    nodes = np.arange(len(motion.pieces) + 1, dtype=float)
-    at = two_sided(c, motion.at(nodes)).lower
-    index = np.arange(len(motion.pieces))
-    low, high = nodes[:-1], nodes[1:]
-    before, after = at[:-1], at[1:]
-    rested: list[tuple[Array, Array]] = []
-    seen = 0
-    while len(index):
-        length = _length(c, motion.pieces[index], low - index, high - index)
+    u = np.arange(len(motion.pieces) + 1.0)
+    least = two_sided(c, motion.at(u)).lower
+    while True:
+        length = _lengths(c, motion, u)
         # As near as this, in joint space, is on the family
-        left = before + after <= length + 2 * 1e-6
-        index, low, high, length = index[left], low[left], high[left], length[left]
-        before, after = before[left], after[left]
-        seen += len(index)
-        done = length <= _SHORT
-        if seen > 400_000:
-            done[:] = True
-        rested.append((low[done], high[done]))
-        index, low, high = index[~done], low[~done], high[~done]
-        before, after = before[~done], after[~done]
-        if not len(index):
-            break
-        middle = (low + high) / 2
-        there = two_sided(c, motion.at(middle)).lower
-        index = np.repeat(index, 2)
-        low, high = _pairs(low, middle), _pairs(middle, high)
-        before, after = _pairs(before, there), _pairs(there, after)
-    lows, highs = (np.concatenate([r[k] for r in rested] or [np.zeros(0)]) for k in (0, 1))
-    order = np.argsort(lows)
-    lows, highs = lows[order], highs[order]
-    groups = _groups(lows, highs, np.full(len(motion.pieces), 1e-12))
-    return [(float(lows[a]), float(highs[a:b].max())) for a, b in groups]
+        left = least[:-1] + least[1:] <= length + 2 * 1e-6
+        k = np.flatnonzero(left & (length > _SHORT))
+        if not len(k) or len(u) > 400_000:
+            return [(float(u[a]), float(u[b])) for a, b in runs(left)]
+        middle = (u[k] + u[k + 1]) / 2
+        least = np.insert(least, k + 1, two_sided(c, motion.at(middle)).lower)
+        u = np.insert(u, k + 1, middle)
 
 
-def _pairs(a: Array, b: Array) -> Array:
-    return np.stack([a, b], axis=1).ravel()
+def runs(inside: Bool) -> list[tuple[int, int]]:
+    """Begin and end of each run of True."""
+    change = np.diff(inside.astype(np.int8), prepend=0, append=0)
+    ends = np.flatnonzero(change == 1).tolist(), np.flatnonzero(change == -1).tolist()
+    return list(zip(*ends, strict=True))
 
 
-def _length(c: Conditions, pieces: Array, low: Array, high: Array) -> Array:
-    """Bound of the length of parts of pieces, in weighted coordinates."""
-    norms = np.linalg.norm(pieces[:, 1:] * c.weight, axis=2)
-    k = np.arange(1, pieces.shape[1])
-    powers = high[:, None] ** k - low[:, None] ** k  # each term moves one way
-    return np.asarray((norms * powers).sum(axis=1) * (1 + 1e-12))
+def _lengths(c: Conditions, motion: Motion, u: Array) -> Array:
+    """Bounds (K,) of the lengths from each place u (K + 1,) to the next, none beyond its piece."""
+    index = u[:-1].astype(np.int64)
+    norms = np.linalg.norm(motion.pieces[index, 1:] * c.weight, axis=2)
+    k = np.arange(1, motion.pieces.shape[1])
+    low, high = (x[:, None] - index[:, None] for x in (u[:-1], u[1:]))
+    return np.asarray((norms * (high**k - low**k)).sum(axis=1) * (1 + 1e-12))
 
 
 @dataclass(frozen=True, eq=False)
@@ -370,7 +354,8 @@ def _on_surfaces(
 ) -> list[tuple[float, float, int, str]]:
     zeros = _near_zeros(conditions, motion)
     # Joint-space length within which events of one equation are one.
-    near = 1e-12 + 1e-9 / np.maximum(_lengths(conditions, motion), 1e-300)  # in s, of each piece
+    length = _lengths(conditions, motion, np.arange(len(motion.pieces) + 1.0))
+    near = 1e-12 + 1e-9 / np.maximum(length, 1e-300)  # in s, of each piece
     out = []
     for e, f in enumerate(of_equation):
         starts, ends, simple = _intervals(conditions, e, zeros, motion)
@@ -385,16 +370,10 @@ def _on_surfaces(
     return out
 
 
-def _lengths(c: Conditions, motion: Motion) -> Array:
-    """Bounds (m,) of the lengths of pieces."""
-    scaled = c.scaled(motion.pieces[:, 1:])
-    return np.asarray(np.sqrt(np.einsum("mkn,mkn->mk", scaled, scaled)).sum(axis=1))
-
-
 def _near_zeros(c: Conditions, motion: Motion) -> Zeros:
     """Zeros along the pieces that the bounds at their ends do not rule out."""
-    lower = two_sided(c, motion.at(np.arange(len(motion.pieces) + 1.0)), each=True).each
-    length = _lengths(c, motion)
+    nodes = np.arange(len(motion.pieces) + 1.0)
+    lower, length = two_sided(c, motion.at(nodes), each=True).each, _lengths(c, motion, nodes)
     both = (lower[:-1, :, 0] + lower[1:, :, 0]).min(axis=1, initial=np.inf)
     near = np.flatnonzero(both <= length * (1 + 1e-9) + 1e-9)
     found = zeros_along(c, np.ascontiguousarray(motion.pieces[near]))

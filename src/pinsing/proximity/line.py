@@ -20,7 +20,7 @@ from pinsing.kinematics.tip_speed import check_speeds, limits_of
 from pinsing.kinematics.verdict import SINGULAR_RTOL, ratios
 from pinsing.measures import ALIKE, FLOAT_NOISE
 from pinsing.prose import LISTED, listed
-from pinsing.proximity.crossings import Crossing
+from pinsing.proximity.crossings import Crossing, runs
 from pinsing.proximity.passage import Approach, NearStretch, Passage
 from pinsing.proximity.trajectory import NEAR, OUTSIDE, angle_text, singularity
 from pinsing.proximity.watched import Forms, Watched, metric_note, require_forms_of, titled, watch
@@ -504,11 +504,11 @@ def _speeds(
     allowed = np.nan_to_num(allowed, nan=np.inf, posinf=np.inf)
     out = []
     for j in range(arm.n):
-        rows = np.flatnonzero(allowed[:, j] < speed * (1 - 1e-12))
-        for run in np.split(rows, np.flatnonzero(np.diff(rows) > 1) + 1) if len(rows) else []:
-            a = _edge(s, allowed[:, j], int(run[0]), -1, speed)
-            b = _edge(s, allowed[:, j], int(run[-1]), 1, speed)
-            worst, least = float(finite[run, j].max()) * speed, float(allowed[run, j].min())
+        for first, end in runs(allowed[:, j] < speed * (1 - 1e-12)):
+            a = _edge(s, allowed[:, j], first, -1, speed)
+            b = _edge(s, allowed[:, j], end - 1, 1, speed)
+            worst = float(finite[first:end, j].max()) * speed
+            least = float(allowed[first:end, j].min())
             out.append(Overspeed(arm.joints[j], a, b, worst, float(limits[j]), least))
     out.sort(key=lambda o: (o.s, o.joint))
     return tuple(out), float(allowed.min())

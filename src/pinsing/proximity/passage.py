@@ -23,7 +23,7 @@ from pinsing.kinematics.jacobian import singular_values
 from pinsing.kinematics.tip_speed import SpeedJudge
 from pinsing.measures import PRACTICAL, ROUNDING
 from pinsing.proximity.clearance import CLOSE, nearest_family
-from pinsing.proximity.crossings import Crossing, Motion, crossings_of
+from pinsing.proximity.crossings import Crossing, Motion, crossings_of, runs
 from pinsing.proximity.watched import Watched
 from pinsing.robot.arm import Arm
 
@@ -158,15 +158,12 @@ class Speeds:
         listed = self._found.setdefault(kind, [])
         for j in range(self.arm.n):
             was = self._open.pop((kind, j), None)
-            rows = np.flatnonzero(bad[:, j])
-            if not len(rows):
-                continue
-            for run in np.split(rows, np.flatnonzero(np.diff(rows) > 1) + 1):
-                k = int(run[np.argmax(size[run, j])])
-                times = float(t[run[0]]), float(t_end[run[-1]])
+            for first, end in runs(bad[:, j]):
+                k = first + int(np.argmax(size[first:end, j]))
+                times = float(t[first]), float(t_end[end - 1])
                 worst = float(value[k, j]), float(t[k]), float(limit[k, j])
                 new = Excess(self.arm.joints[j], *times, *worst)
-                if run[0] == 0 and was is not None:
+                if first == 0 and was is not None:
                     old = listed[was]
                     larger = abs(new.worst - new.limit) > abs(old.worst - old.limit)
                     listed[was] = replace(new if larger else old, t=old.t, t_end=new.t_end)
@@ -176,7 +173,7 @@ class Speeds:
                     index = len(listed) - 1
                 else:
                     continue
-                if run[-1] == len(bad) - 1:
+                if end == len(bad):
                     self._open[kind, j] = index
 
 
@@ -217,12 +214,12 @@ class Stretches:
             # A lower bound of the clearance on each step.
             bound = np.maximum((least[:-1] + least[1:] - length) / 2, 0.0)
             inside = bound < near
-            runs = _runs(inside)
+            near_runs = runs(inside)
             outside = least >= near
             again = inside & (outside[:-1] | outside[1:])
             # Steps of a stretch on which it may be a good deal nearer than is known so far.
             known = np.full(len(inside), np.inf)
-            for start, end in runs:
+            for start, end in near_runs:
                 known[start:end] = least[start : end + 1].min()
             again |= inside & (bound < 0.95 * known - 0.01 * near)
             # Steps of this length are not halved any more.
@@ -236,7 +233,7 @@ class Stretches:
             u, Q = np.insert(u, k + 1, middle), np.insert(Q, k + 1, there, axis=0)
             least = np.insert(least, k + 1, found) * watched.known_along(Q)
         t = motion.time(u)
-        for start, end in runs:
+        for start, end in near_runs:
             lowest = start + int(np.argmin(least[start : end + 1]))
             nearest = nearest_family(watched.conditions, Q[lowest : lowest + 1])[0]
             new = NearStretch(
@@ -262,13 +259,6 @@ class Stretches:
             met = next((c for c in crossings if c.t <= s.t_end and c.t_end >= s.t), None)
             out.append(s if met is None else NearStretch(s.t, s.t_end, met.family, 0.0))
         return tuple(out)
-
-
-def _runs(inside: Bool) -> list[tuple[int, int]]:
-    """Begin and end of each run of True."""
-    change = np.diff(inside.astype(np.int8), prepend=0, append=0)
-    ends = np.flatnonzero(change == 1).tolist(), np.flatnonzero(change == -1).tolist()
-    return list(zip(*ends, strict=True))
 
 
 def least_along(
