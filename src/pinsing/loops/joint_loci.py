@@ -36,7 +36,8 @@ from pinsing.errors import OptionError
 from pinsing.loops.closure import near_home, random_closed, ranks
 from pinsing.loops.exact import Hinge, LegChain, Row, Turn, cross, dot, leg_chain, rational_turn
 from pinsing.loops.forms import JointForms, JointLocus, PoseEquation, trig_polynomial
-from pinsing.loops.legs import sphere_loci, squares_note
+from pinsing.loops.legs import sphere_rods
+from pinsing.loops.pose_loci import squares_note
 from pinsing.loops.structure import (
     PLANE,
     SIZE,
@@ -439,7 +440,7 @@ def joint_forms(mechanism: Mechanism) -> JointForms:
         off = legs.off
         if any(ball for *_, ball in legs.passive):
             notes[0] += "; three hinges in a plane lock the angles of the file, not the ball"
-        sphere = sphere_loci(mechanism)
+        sphere = sphere_rods(mechanism)
         if sphere is not None and squares_note(sphere):
             ones = " or ".join(str(x.equation) for x in loci if x.kind == "type 1")
             notes.append(

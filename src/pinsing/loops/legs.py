@@ -20,22 +20,18 @@ Bonev and Gosselin, "Singularity loci of spherical parallel mechanisms" (2005).
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Iterable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
-from typing import Any
 
 import numpy as np
 import pinocchio as pin
-from flint import Ordering, fmpq_mpoly_ctx
 
 from pinsing._types import Array, ArrayLike
-from pinsing.algebra.ring import Poly, divided_by, rational
-from pinsing.loops.exact import away, cross, dot, quaternion_turn, vector
-from pinsing.loops.forms import TURNS, pose_equation
 from pinsing.loops.modes import home
 from pinsing.loops.structure import (
+    PLANE,
+    SPACE,
     SPHERE,
     Centre,
     NotThisKind,
@@ -150,10 +146,17 @@ class Rods:
 
     mechanism: Mechanism  # the mechanism
     rods: tuple[Rod, ...]  # in the order of the legs; several may share a crank
-    planar: bool  # whether everything moves in parallel planes
+    # ``plane``: everything moves in parallel planes; ``sphere``: about one centre, C and B are on
+    # the unit sphere about it, and what counts of a force is its moment; else ``space``
+    kind: str
     # (3, 3): rows: axes of the base in which all of this is; in the plane the third is its normal
     axes: Array
     own: Array  # (3, 3): columns: axes of the output that are along those when it is not turned
+
+    @property
+    def planar(self) -> bool:
+        """Whether everything moves in parallel planes."""
+        return self.kind == PLANE
 
     @property
     def tilted(self) -> bool:
@@ -168,7 +171,8 @@ class Rods:
 
     def placed(self, pose: pin.SE3) -> pin.SE3:
         """A pose of the output in these axes: in the plane a turn about the third."""
-        return pin.SE3(self.axes @ pose.rotation @ self.own, self.axes @ pose.translation)
+        there = np.zeros(3) if self.kind == SPHERE else pose.translation
+        return pin.SE3(self.axes @ pose.rotation @ self.own, self.axes @ there)
 
     def length(self, rod: Rod) -> float:
         """Distance of C and B at home, metres; in the plane if that is level."""
@@ -219,13 +223,12 @@ def most_assemblies(mechanism: Mechanism) -> int | None:
     # Three distances of a body in a plane: 6 (Gosselin and Sefrioui 1991); six in space: 40
     # (Raghavan 1991, Lazard 1992); 3-RPS: 16 (Nanua, Waldron and Murthy 1990). On the sphere three
     # equations of degree 2 in the quaternion: 8, where they are finite in number.
-    if sphere_loci(mechanism) is not None:
-        return 8
-    found = rods(mechanism)
+    found = rods(mechanism) or sphere_rods(mechanism)
     if found is None or any(rod.side for rod in found.rods):
         return None
-    known = {(True, 3, False): 6, (False, 6, False): 40, (False, 3, True): 16}
-    return known.get((found.planar, len(found.rods), found.hinged))
+    six, hinged, sphere = (SPACE, 6, False), (SPACE, 3, True), (SPHERE, 3, False)
+    known = {(PLANE, 3, False): 6, six: 40, hinged: 16, sphere: 8}
+    return known.get((found.kind, len(found.rods), found.hinged))
 
 
 def carried(mechanism: Mechanism, sample: Sample, joint: int, C: Array, outer: Array) -> Rod:
@@ -295,7 +298,8 @@ class _Recognizer:
             {r.joint for r in out} != set(mechanism.actuated),
             "there are actuated joints that are on no leg from the base to the output",
         )
-        return Rods(mechanism, tuple(out), self.planar, self.axes, self.own)
+        room = PLANE if self.planar else SPACE
+        return Rods(mechanism, tuple(out), room, self.axes, self.own)
 
     def ways(self) -> list[_Way]:
         """All legs, that of the tree first."""
@@ -482,146 +486,43 @@ class _Recognizer:
         return f"the leg of {names} {how} {end}, which is not supported over the pose"
 
 
-@dataclass(frozen=True, eq=False)
-class SphereLeg:
-    """One leg's axes."""
-
-    joint: int  # the actuated joint
-    driven: Array  # (3,): u, in the base
-    middle: Array  # (3,): v in the base with the actuated joint at zero
-    outer: Array  # (3,): w, in the output
-    cosine: float  # of the angle between v and w
-
-    def solutions(self, R: Array) -> tuple[float, ...]:
-        """Return values of the joint for an orientation R (3, 3); NotThisKind where two meet."""
-        # v . w is the cosine of the outer link, linear in cosine and sine of the joint's angle.
-        w, u = R @ self.outer, self.driven
-        rest = float(u @ self.middle) * u
-        a, b = float(w @ (self.middle - rest)), float(w @ np.cross(u, self.middle))
-        return angles_of(a, b, self.cosine - float(w @ rest))
-
-    @property
-    def square(self) -> bool:
-        """Whether both links are quarter circles."""
-        return bool(max(abs(float(self.driven @ self.middle)), abs(self.cosine)) <= ROUNDING)
-
-
-@dataclass(frozen=True, eq=False)
-class SphereLoci:
-    """The equations, as polynomials."""
-
-    # e0, e1, e2, e3, and cosine and sine of the actuated joints where they occur
-    names: tuple[str, ...]
-    type2: Poly  # determinant of the moments
-    type1: tuple[Poly, ...]  # for each leg
-    legs: tuple[SphereLeg, ...]  # the legs
-    off: float  # by how much numbers of the file were changed to be exact
-
-
 @once
-def sphere_loci(mechanism: Mechanism) -> SphereLoci | None:
-    """Loci of a spherical mechanism of three legs of three joints; None for another one."""
+def sphere_rods(mechanism: Mechanism) -> Rods | None:
+    """Return the rods of a spherical mechanism of three legs of three joints; None for another."""
     with suppress(NotThisKind):
         turning = set(mechanism.task.rows) == {3, 4, 5}
         NotThisKind.refuse_if(room_of(mechanism)[0] != SPHERE or not turning)
-        legs = _legs(mechanism)
-        joints = () if all(leg.square for leg in legs) else tuple(leg.joint for leg in legs)
-        turned = (f"{f} {mechanism.joints[j]}" for j in joints for f in ("cos", "sin"))
-        names = (*TURNS, *turned)
-        type2, type1, off = _polynomials(legs, names, joints)
-        return SphereLoci(names, type2, type1, tuple(legs), off)
+        return Rods(mechanism, tuple(_legs(mechanism)), SPHERE, np.eye(3), np.eye(3))
     return None
 
 
-def squares_note(found: SphereLoci) -> str:
-    """Return what a sum of squares says; empty where type 2 is none."""
-    # With the base in the axes u and the output in the axes w, both at right angles, the moments'
-    # determinant has squares only: it is zero where some components of the quaternion are.
-    U = np.array([leg.driven for leg in found.legs]).T
-    W = np.array([leg.outer for leg in found.legs]).T
-    right = max(float(np.abs(A.T @ A - np.eye(3)).max()) for A in (U, W)) <= ROUNDING
-    if not right or not all(leg.square for leg in found.legs):
-        return ""
-    unit = np.eye(3)
-    straight = [replace(leg, driven=e, outer=e) for leg, e in zip(found.legs, unit, strict=True)]
-    type2, type1, _ = _polynomials(straight, TURNS, ())
-    names = type2.context().names()
-    zeros = _zeros(type2, len(TURNS))
-    at_zeros = [[p.subs({names[k]: 0 for k in zero}) for p in type1] for zero in zeros]
-    if not zeros or not all(0 in values for values in at_zeros):
-        return ""
-    written = pose_equation(type2, ("f0", "f1", "f2", "f3"), (), 1)
-    return (
-        "counted from where the outer axes are along those of the base, by f0, f1, f2, f3, type 2 "
-        f"is a sum of squares, {written}: zero only where two of them are, and there a leg is of "
-        "type 1 (proven)"
-    )
+def quarter_circles(found: Rods) -> bool:
+    """Whether both links of each leg of a spherical mechanism are quarter circles."""
+    off = (max(float(np.abs(r.inner).max()), abs(found.length(r) ** 2 - 2)) for r in found.rods)
+    return max(off) <= ROUNDING
 
 
-def _zeros(poly: Poly, count: int) -> list[frozenset[int]]:
-    """Least sets of variables that are zero on the real zeros of a sum of squares; else none."""
-    terms = [(tuple(int(e) for e in m), c) for m, c in poly.to_dict().items()]
-    if len({c > 0 for _, c in terms}) != 1 or any(e % 2 for m, _ in terms for e in m):
-        return []
-    out: list[frozenset[int]] = []
-    for size in range(1, count):
-        for chosen in itertools.combinations(range(count), size):
-            hit = all(any(m[k] for k in chosen) for m, _ in terms)
-            if hit and not any(known <= set(chosen) for known in out):
-                out.append(frozenset(chosen))
-    return out
-
-
-def _polynomials(
-    legs: Sequence[SphereLeg], names: Sequence[str], joints: Sequence[int]
-) -> tuple[Poly, tuple[Poly, ...], float]:
-    """Type 2, type 1 of each leg, and what was changed; v is u x w where no joints are given."""
-    context: Any = fmpq_mpoly_ctx.get([f"v{k}" for k in range(len(names))], Ordering.degrevlex)
-    gens = context.gens()
-    R, N = quaternion_turn(gens[:4])
-    zero = context.constant(0)
-    off, rows, ones = 0.0, [], []
-    for k, leg in enumerate(legs):
-        u, w0 = vector(leg.driven), vector(leg.outer)
-        off = max(off, away((u, w0), (leg.driven, leg.outer)))
-        base = [context.constant(rational(x)) for x in u]
-        w = [dot(row, map(rational, w0), zero) for row in R]
-        v = cross(base, w)
-        if joints:
-            c, s = gens[4 + 2 * k : 6 + 2 * k]
-            rest = (leg.driven @ leg.middle) * leg.driven
-            parts = [leg.middle - rest, np.cross(leg.driven, leg.middle), rest]
-            exact = [vector(p) for p in parts]
-            off = max(off, away(exact, parts))
-            v = [
-                c * rational(exact[0][i]) + s * rational(exact[1][i]) + rational(exact[2][i])
-                for i in range(3)
-            ]
-        moment = cross(v, w)
-        rows.append(moment)
-        ones.append(divided_by(dot(base, moment, zero), N))
-    return divided_by(dot(rows[0], cross(rows[1], rows[2]), zero), N), tuple(ones), off
-
-
-def _legs(mechanism: Mechanism) -> list[SphereLeg]:
-    """The three legs."""
+def _legs(mechanism: Mechanism) -> list[Rod]:
+    """Rods from middle axes, which the actuated ones carry as cranks, to outer axes."""
     built, zero = structure(mechanism), at_zero(mechanism)
     centre = room_of(mechanism)[2]
     turn = np.array(zero.frames[mechanism.output_id].rotation)
     whole, last = path_to(mechanism, built.output), zero.axis[built.output - 1]
-    # Of each way: its joints, the outer axis by the link before it, and by the output.
-    ways = [(whole[:-1], last, last)]
+    # Of each way: its joints, and the outer axis by the output.
+    ways = [(whole[:-1], last)]
     for loop, inner, outer, joints, outside in loop_ends(mechanism):
         radii = [np.array(zero.frames[k].translation) - centre for k in (inner, outer)]
         sizes = [float(np.linalg.norm(r)) for r in radii]
         away = loop.kind == "6d" or outside[-1:] != [built.output - 1]
         NotThisKind.refuse_if(away or min(sizes) <= ROUNDING)
-        ways.append((joints, radii[0] / sizes[0], radii[1] / sizes[1]))
+        ways.append((joints, radii[1] / sizes[1]))
     out = []
-    for joints, before, after in ways:
+    for joints, after in ways:
         NotThisKind.refuse_if([j in mechanism.actuated for j in joints] != [True, False])
         u, v = zero.axis[joints]
-        out.append(SphereLeg(joints[0], u, v, turn.T @ after, float(v @ before)))
+        rest = float(u @ v) * u
+        turned = {"first": v - rest, "second": np.cross(u, v), "across": u}
+        out.append(Rod("crank", joints[0], turn.T @ after, rest, **turned))
     driven = {leg.joint for leg in out} == set(mechanism.actuated)
     NotThisKind.refuse_if(len(out) != 3 or not driven)
     return out

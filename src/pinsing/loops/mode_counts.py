@@ -33,9 +33,10 @@ from pinsing._types import Array
 from pinsing.algebra.ring import Poly, divided_by, fraction, rational
 from pinsing.loops.exact import exact_points
 from pinsing.loops.forms import PoseEquation, pose_equation
-from pinsing.loops.legs import Rod, Rods, carried, inside, rods, sphere_loci
+from pinsing.loops.legs import Rod, Rods, carried, inside, rods, sphere_rods
 from pinsing.loops.modes import home
 from pinsing.loops.structure import (
+    PLANE,
     NotThisKind,
     at_zero,
     bodies,
@@ -224,7 +225,7 @@ def number_of_modes(
 def count_inputs(mechanism: Mechanism, R: Array, p: Array) -> int:
     """Return how many inputs within their limits give a pose R (3, 3), p (3,)."""
     # Passive joints have limits of their own, which may leave fewer.
-    pins, found, sphere = point_legs(mechanism), rods(mechanism), sphere_loci(mechanism)
+    pins, found, sphere = point_legs(mechanism), rods(mechanism), sphere_rods(mechanism)
     if pins is not None:
         return _solutions(pins, np.eye(3), np.asarray(pins.axes @ p))
     if found is not None:
@@ -235,7 +236,7 @@ def count_inputs(mechanism: Mechanism, R: Array, p: Array) -> int:
         return _solutions(found, R, p)
     if sphere is None:
         raise NotThisKind
-    return math.prod(inside(mechanism, leg.joint, leg.solutions(R)) for leg in sphere.legs)
+    return _solutions(sphere, R, np.zeros(3))
 
 
 def _solutions(found: Rods, R: Array, p: Array) -> int:
@@ -428,7 +429,7 @@ def point_legs(mechanism: Mechanism) -> Rods | None:
             carried(mechanism, zero, act, _place(zero, middle, own), np.zeros(3))
             for act, middle, (own,) in sides
         ]
-        return Rods(mechanism, tuple(legs), True, *plane)
+        return Rods(mechanism, tuple(legs), PLANE, *plane)
     return None
 
 

@@ -54,12 +54,13 @@ from pinsing.loops.forms import (
     pose_equation,
     random_variables,
 )
-from pinsing.loops.legs import Rod, Rods, SphereLoci, rods, sphere_loci, squares_note, written
+from pinsing.loops.legs import Rod, Rods, quarter_circles, rods, sphere_rods, written
 from pinsing.loops.loop_forms import planar_dyad
 from pinsing.loops.mode_counts import degree_notes, input_loci, length_name, point_legs
 from pinsing.loops.modes import home
 from pinsing.loops.motion import pose_of
-from pinsing.loops.structure import output_pose, structure
+from pinsing.loops.structure import PLANE, SPACE, SPHERE, in_room, output_pose, structure
+from pinsing.measures import ROUNDING
 from pinsing.robot.mechanism import Mechanism, once
 
 
@@ -70,6 +71,9 @@ class PoseRing:
     rods: Rods  # what passes forces
     level: bool  # the output keeps the orientation of the base axes: its rotation is left out
     unit: bool = False  # the quaternion is of length 1: N = 1, and nothing is homogeneous
+    # links on the sphere are quarter circles: C is across the actuated axis and B, whatever the
+    # inputs, which are left out
+    quarter: bool = False
 
     @cached_property
     def exact(self) -> ExactPoints:
@@ -95,10 +99,11 @@ class PoseRing:
     @cached_property
     def names(self) -> tuple[str, ...]:
         """Names of the variables for people."""
-        position = ("x", "y") if self.rods.planar else ("x", "y", "z")
+        position = {SPACE: ("x", "y", "z"), PLANE: ("x", "y"), SPHERE: ()}[self.rods.kind]
         turn = ("e0", "e3") if self.rods.planar else ("e0", "e1", "e2", "e3")
         joints = self.rods.mechanism.joints
         inputs = [n for rod in self.rods.rods for n in rod.variables(joints[rod.joint])]
+        inputs *= not self.quarter
         return (*position, *(() if self.level else turn), *dict.fromkeys(inputs))
 
     @cached_property
@@ -150,6 +155,8 @@ class PoseRing:
     def inner(self, rod: Rod) -> Row:
         """C."""
         _, start, first, second, *_ = self._vectors(rod)
+        if self.quarter:
+            return self.product(self.axis(rod), self.outer(rod))
         c, s = self.driver(rod)
         return [
             self.number(start[i]) + c * rational(first[i]) + s * rational(second[i])
@@ -173,14 +180,14 @@ class PoseRing:
             return self.wrench(self.force(rod), self.outer(rod))
         d = self.direction(rod)
         m = cross(self.inner(rod), self.outer(rod))
-        return [d[0], d[1], m[2]] if self.rods.planar else [*d, *m]
+        return in_room(self.rods.kind, [*d, *m])
 
     def force(self, rod: Rod) -> Row:
         """Direction of the force; of one across C B times the root."""
         d = self.direction(rod)
         if not rod.side:
             return d
-        f = self.product([self.number(v) for v in self._vectors(rod)[5]], d)
+        f = self.product(self.axis(rod), d)
         return f if rod.side == 1 else self.product(f, d)
 
     def product(self, a: Row, b: Row) -> Row:
@@ -192,11 +199,15 @@ class PoseRing:
         """A force through a point that is given times N; three numbers in the plane."""
         _, N = self.turn
         f, m = [N * v for v in force], cross(at, force)
-        return [f[0], f[1], m[2]] if self.rods.planar else [*f, *m]
+        return in_room(self.rods.kind, [*f, *m])
 
     def hinge(self, rod: Rod) -> Row:
         """Direction of the hinge at C."""
         return [self.number(v) for v in self._vectors(rod)[4]]
+
+    def axis(self, rod: Rod) -> Row:
+        """Direction of the first joint of a foot, of a crank on the sphere."""
+        return [self.number(v) for v in self._vectors(rod)[5]]
 
     def motion(self, rod: Rod) -> Row:
         """Velocity of C by the actuator."""
@@ -614,7 +625,7 @@ def pose_forms(mechanism: Mechanism) -> PoseForms | None:
     found = rods(mechanism)
     if found is not None:
         return _forms(mechanism, found)
-    sphere = sphere_loci(mechanism)
+    sphere = sphere_rods(mechanism)
     return _point_forms(mechanism) if sphere is None else _sphere_forms(mechanism, sphere)
 
 
@@ -637,29 +648,70 @@ def _factors(parts: Iterable[tuple[str, str, Any]]) -> Iterator[Part]:
             yield kind, words, factor, False
 
 
-def _sphere_forms(mechanism: Mechanism, found: SphereLoci) -> PoseForms:
+def _sphere_forms(mechanism: Mechanism, found: Rods) -> PoseForms:
     """Over the orientation, and the inputs where they do not drop out."""
-    folded = (
-        f"leg {k} is folded or stretched: {mechanism.joints[leg.joint]} turns nothing"
-        for k, leg in enumerate(found.legs, 1)
-    )
-    parts = [
-        ("type 2", "the planes of the outer links meet in one line", found.type2),
-        *(("type 1", words, poly) for words, poly in zip(folded, found.type1, strict=True)),
-    ]
+    ring = PoseRing(found, level=False, quarter=quarter_circles(found))
+    two, ones = _moments(ring)
+    parts = [("type 2", "the planes of the outer links meet in one line", two)]
+    for k, (rod, one) in enumerate(zip(found.rods, ones, strict=True), 1):
+        words = f"leg {k} is folded or stretched: {mechanism.joints[rod.joint]} turns nothing"
+        parts.append(("type 1", words, one))
     squares = squares_note(found)
-    each = ((k, words, pose_equation(poly, found.names)) for k, words, poly, _ in _factors(parts))
+    each = ((k, words, ring.equation(poly)) for k, words, poly, _ in _factors(parts))
     # Sums of squares have real zeros too: turns by which an outer axis meets a base axis.
     loci = (PoseLocus(k, words, x, bool(squares) or has_real_points(x)) for k, words, x in each)
     inputs = "both links of each leg are quarter circles: the inputs drop out"
-    if len(found.names) > 4:
+    if not ring.quarter:
         inputs = with_inputs("orientation", "loops", "an")
-    exact = f"axes were made exact, by at most {found.off:.1e}" * (found.off > 1e-12)
+    exact = f"axes were made exact, by at most {ring.exact.off:.1e}" * (ring.exact.off > 1e-12)
     notes = (*filter(None, (squares, inputs, exact)), PROOFS)
-    always = "" if found.type2 != 0 else (
+    always = "" if two != 0 else (
         "architecture singularity: the moments of the legs lie in a plane at every orientation"
     )  # fmt: skip
-    return PoseForms(found.names, always, tuple(loci), (), (), True, notes)
+    return PoseForms(ring.names, always, tuple(loci), (), (), True, notes)
+
+
+def _moments(ring: PoseRing) -> tuple[Poly, list[Poly]]:
+    """Zero where the moments of legs on the sphere lie in a plane; and where none works by each."""
+    ones = [ring.dot(ring.axis(rod), ring.line(rod)) for rod in ring.rods.rods]
+    return ring.without_norm(ring.multiplied_out(ring.lines())), [*map(ring.without_norm, ones)]
+
+
+def squares_note(found: Rods) -> str:
+    """Return what a sum of squares says; empty where type 2 is none."""
+    # With the base in the axes u and the output in the axes w, both at right angles, the moments'
+    # determinant has squares only: it is zero where some components of the quaternion are.
+    U, W = (np.array([getattr(r, name) for r in found.rods]) for name in ("across", "outer"))
+    right = max(float(np.abs(A @ A.T - np.eye(3)).max()) for A in (U, W)) <= ROUNDING
+    if not right or not quarter_circles(found):
+        return ""
+    unit = zip(found.rods, np.eye(3), strict=True)
+    straight = replace(found, rods=tuple(replace(r, outer=e, across=e) for r, e in unit))
+    type2, type1 = _moments(ring := PoseRing(straight, level=False, quarter=True))
+    zeros = _zeros(type2, len(TURNS))
+    at_zeros = [[_restricted(ring, p, zero) for p in type1] for zero in zeros]
+    if not zeros or not all(0 in values for values in at_zeros):
+        return ""
+    squares = pose_equation(type2, ("f0", "f1", "f2", "f3"))
+    return (
+        "counted from where the outer axes are along those of the base, by f0, f1, f2, f3, type 2 "
+        f"is a sum of squares, {squares}: zero only where two of them are, and there a leg is of "
+        "type 1 (proven)"
+    )
+
+
+def _zeros(poly: Poly, count: int) -> list[frozenset[int]]:
+    """Least sets of variables that are zero on the real zeros of a sum of squares; else none."""
+    terms = [(tuple(int(e) for e in m), c) for m, c in poly.to_dict().items()]
+    if len({c > 0 for _, c in terms}) != 1 or any(e % 2 for m, _ in terms for e in m):
+        return []
+    out: list[frozenset[int]] = []
+    for size in range(1, count):
+        for chosen in itertools.combinations(range(count), size):
+            hit = all(any(m[k] for k in chosen) for m, _ in terms)
+            if hit and not any(known <= set(chosen) for known in out):
+                out.append(frozenset(chosen))
+    return out
 
 
 def _point_forms(mechanism: Mechanism) -> PoseForms | None:
