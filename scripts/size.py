@@ -10,8 +10,8 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
 LIMITS: dict[str, tuple[int, int]] = {
-    "Python in src: statements": (41_121, 30_000),
-    "Python in src: lines": (76_444, 56_000),
+    "Python in src: statements": (40_996, 30_000),
+    "Python in src: lines": (76_253, 56_000),
     "C++, JavaScript, templates, styles: lines": (13_876, 9_500),
     "modules": (209, 220),
     "packages directly under pinsing": (16, 16),
