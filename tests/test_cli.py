@@ -58,6 +58,7 @@ class TestProcess:
         assert json.loads(done.stdout)["schema"] == "pinsing/state/1"
         assert "note: tip tool0 (" in done.stderr
 
+    @pytest.mark.slow
     def test_bad_input_is_one_line_without_traceback(self):
         done = process("at", "no_such_robot", "--q", "0")
         assert done.returncode == 2
@@ -461,11 +462,11 @@ def test_every_family_option_takes_names_and_titles(words, file, tmp_path):
         [
             (("families", "ur5", "-v"), "wrist_2_joint = 0 or pi  "),
             (("at", "irb120", "--q", "0,0.2,0.3,0,0.05,0"), "0.05 rad away: q5 by -0.05 rad"),
-            (("line", "irb120", "--q", "0,0.2,0.3,0,0.05,0", "--to", "0.45,0,0.4"), "(q5 = 0)"),
             (
                 ("zones", "irb120", "--within", "q3=0.5..1.2", "--boxes", "2000"),
                 "between 0.5 rad and 1",
             ),
+            (("line", "irb120", "--q", "0,0.2,0.3,0,0.05,0", "--to", "0.45,0,0.4"), "(q5 = 0)"),
             pytest.param(
                 ("analyze", "puma560"), "q3 = -1.524 rad or 1.618 rad", marks=pytest.mark.slow
             ),

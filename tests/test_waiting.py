@@ -13,9 +13,9 @@ def test_a_long_step_is_said_once_and_a_short_one_never(capsys: pytest.CaptureFi
         at("short")
         time.sleep(0.01)
         at("long")
-        time.sleep(1.0)
-        at("")
         time.sleep(0.5)
+        at("")
+        time.sleep(0.3)
     told = capsys.readouterr()
     assert told.out == ""
     assert told.err == "pinsing: long \u2026\n"

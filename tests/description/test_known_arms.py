@@ -27,7 +27,7 @@ SECOND = yaml.load(
 TABLES = sorted(name for name, arm in known_arms().items() if "rows" in arm)
 DOCS = Path(__file__).parents[2] / "docs"
 PAGE = (DOCS / "arms.md").read_text()
-QUICK = ("ur5e", "crx10ia_l", "epson_gx4")
+QUICK = ("crx10ia_l", "epson_gx4")
 
 
 def motions(q: np.ndarray, prismatic: list[bool], axes: np.ndarray) -> pin.SE3:

@@ -181,7 +181,8 @@ def test_a_file_reads_no_environment_variable_that_is_not_for_it(read, tmp_path,
         assert 'name="p4ssw0rd"' in expand_xacro(file).xml
 
 
-@pytest.mark.parametrize("deep", ["[" * 5000, pytest.param("{a: " * 3000, marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("deep", ["[" * 5000, "{a: " * 3000])
 def test_yaml_without_end_is_refused(read, tmp_path, deep):
     (tmp_path / "deep.yaml").write_text(deep)
     with pytest.raises(RobotFileError, match=r"not valid YAML: nested too deeply"):

@@ -38,6 +38,12 @@ def wide(tmp_path_factory):
     return orthogonal(tmp_path_factory.mktemp("arm"), [-360, 360])
 
 
+@pytest.fixture(scope="module")
+def found(wide):
+    arm, form, _ = wide
+    return pinsing.posture_changes(arm, START, forms=form)
+
+
 def copies_of(arm, q):
     """Every whole-turn copy within the limits, the plain way."""
     turns = 2 * np.pi * np.arange(-4, 5)
@@ -50,9 +56,8 @@ def numbers(found, arm, q):
     return [found.of(copy) for copy in copies_of(arm, q)]
 
 
-def test_a_posture_that_is_reached_a_turn_away(wide):
-    arm, form, _ = wide
-    found = pinsing.posture_changes(arm, START, forms=form)
+def test_a_posture_that_is_reached_a_turn_away(wide, found):
+    arm = wide[0]
     first, *rest = found.others
     assert first.answer == "same"
     assert first.solution.q == pytest.approx([2.43303, -0.831081, 2.21324 - 2 * np.pi], abs=1e-4)
@@ -123,9 +128,10 @@ def test_parts_of_joint_space_are_told_apart_one_by_one():
     assert (held.total, held.joined, held.apart) == (2, 2, 0)
 
 
-def test_what_was_not_looked_at_is_not_proven(wide, monkeypatch):
+def test_what_was_not_looked_at_is_not_proven(wide, found, monkeypatch):
     arm, form, of = wide
-    q = pinsing.posture_changes(arm, START, forms=form).others[1].solution.q
+    solution = found.others[1].solution
+    q = solution.q
     chosen = map_of(of, form)
     known = whole_turns(chosen, q, np.array(START))
     assert (known.total, known.apart, known.likely) == (4, 4, ())
@@ -137,7 +143,6 @@ def test_what_was_not_looked_at_is_not_proven(wide, monkeypatch):
         assert (first.answer, first.copies, first.copies_in_aspect) == ("same", 4, 1)
     far = pinsing.connect(form, START, q, of=of)
     assert far.answer == "different"
-    solution = pinsing.posture_changes(arm, START, forms=form).others[1].solution
     other = PostureChange(solution, 5, far, (), copies=4, copies_undecided=1)
     assert other.answer == "undecided"
     assert replace(other, copies_undecided=0).answer == "different"
