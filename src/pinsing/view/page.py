@@ -40,7 +40,6 @@ ENGINE = (
     "locus",
     "loops",
     "mechanism",
-    "drive",
     "pose_drive",
     "curve",
     "singular_points",

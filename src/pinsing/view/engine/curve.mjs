@@ -44,10 +44,10 @@ function tangent({ data, index, held }, q, along) {
   return (along ? dot(t, along) : t[index]) >= 0 ? t : scaled(t, -1);
 }
 
-const moved = (data, q, step) => q.map((v, j) => v + step[j] * data.metric[j]);
+export const moved = (data, q, step) => q.map((v, j) => v + step[j] * data.metric[j]);
 
 // Nearest closed configuration with the same held inputs, across the tangent; null if there is none.
-function correct({ data, held }, guess, along = null) {
+export function correct({ data, held }, guess, along = null) {
   const rest = along ? [...held, along] : held;
   let q = guess.slice(), best = Infinity;
   for (let k = 0; k < 20; k++) {

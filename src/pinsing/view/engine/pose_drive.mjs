@@ -1,4 +1,4 @@
-// The other way round: the output is led, and all joints follow.
+// A mechanism is led by its output or its inputs, and all joints follow; no mode is jumped.
 //
 // `data.pose` is { rows, turn }: the coordinates in which the output can be led (0 to 2: x, y, z; 3 to 5:
 // roll, pitch, yaw), and what the turning ones are: { kind: "full" } a rotation, led as one; "angles"
@@ -7,15 +7,15 @@
 
 import { frameOf, jacobianOf } from "./chain.mjs";
 import { valueText } from "./limits.mjs";
-import { dot, product, rotationVector, subtract, transpose } from "./linear.mjs";
-import { CLOSED, closure, newton, worst } from "./loops.mjs";
-import { drive } from "./drive.mjs";
-import { assemblyValue, elbowSines, motions } from "./mechanism.mjs";
+import { dot, product, rotationVector, subtract, svd, transpose } from "./linear.mjs";
+import { CLOSED, closure, combined, everyJoint, gaussNewton, newton, worst } from "./loops.mjs";
+import { assemblySign, assemblyValue, elbowSines, motions } from "./mechanism.mjs";
 import { leastSquares } from "./orthogonal.mjs";
 
 const STEP = 0.05, SMALLEST = 1e-7, TURN = 2 * Math.PI, INSIDE = 1e-9, RUN = 12, FAR = 0.2;
 const MOST_ANGLE = 1e6, MOST_WAY = 1000; // radians; radians or length scales
-const IN_LINE = 0.02, WEAK = 0.02;
+const IN_LINE = 0.02, WEAK = 0.02, LEAVE = 0.02;
+export const AT_TYPE_2 = 1e-6;
 
 const COORDINATES = ["x", "y", "z", "roll", "pitch", "yaw"];
 const shortest = (angle) => angle - TURN * Math.round(angle / TURN);
@@ -102,33 +102,50 @@ export function posed(data, goal, q) {
     (x, part) => system(data, x, start.map((v, k) => v + part * way[k])));
 }
 
-// Lead one joint alone, the others as they least must: for more actuators than freedoms.
-export function ledJoint(data, joint, value, q) {
-  const begin = q[joint], unit = data.metric[joint];
-  return led(data, q, Math.abs(value - begin) / unit, (x, part) => {
+// Lead some joints to values, the others as they least must.
+function ledTo(data, joints, values, q, limits = bounds(data, q)) {
+  const begin = joints.map((j) => q[j]), gap = (value, k) => (value - begin[k]) / data.metric[joints[k]];
+  return led(data, q, worst(values.map(gap)), (x, part) => {
     const { residual, G } = closure(data, x);
-    return { values: [...residual, (x[joint] - begin - part * (value - begin)) / unit],
-             rows: [...G, x.map((_, j) => (j === joint ? 1 : 0))] };
-  });
+    return { values: [...residual, ...joints.map((j, k) => gap(x[j], k) - part * gap(values[k], k))],
+             rows: [...G, ...joints.map((j) => x.map((_, i) => (i === j ? 1 : 0)))] };
+  }, limits);
+}
+
+// Inputs driven from a closed q (n) as far as it goes; limits only if given.
+//
+// A start at a type 2 singularity, where two assembly modes meet, is left into the one that leads further
+// towards the inputs; where both do, into the one of home.
+export function drive(data, inputs, q, limits = data.joints.map(() => [-Infinity, Infinity])) {
+  const still = inputs.every((v, k) => v === q[data.actuated[k]]), ways = still ? [] : waysOut(data, q);
+  const found = (ways.length ? ways : [q]).map((way) => ledTo(data, data.actuated, inputs, way, limits));
+  const worth = ({ q: end, reached }) => Math.round(1000 * reached) + (assemblySign(data, end) === "+" ? 0.5 : 0);
+  return found.reduce((a, b) => (worth(b) > worth(a) ? b : a));
+}
+
+function waysOut(data, q) {
+  const { basis, inputs, two } = motions(data, q);
+  if (two > AT_TYPE_2) return [];
+  const { left } = svd(transpose(inputs)), along = combined(basis, left[left.length - 1]);
+  return [1, -1].map((side) => gaussNewton(data, q.map((v, j) => v + side * LEAVE * along[j] * data.metric[j]), everyJoint(data)).q);
 }
 
 // Steps on the straight way of what is led, cut where Newton would run off or a joint would pass its limit.
-function led(data, q, distance, values) {
-  const begin = solved((x) => values(x, 0), data, q), least = bounds(data, q);
+function led(data, q, distance, values, least = bounds(data, q)) {
+  const begin = solved((x) => values(x, 0), data, q);
   if (begin.error > CLOSED) return { q: q.slice(), reached: 0, stop: reason(data, q, least) };
   if (distance === 0) return { q: begin.q, reached: 1, stop: null };
   const smallest = Math.min(1, SMALLEST / distance);
-  let at = begin.q, part = 0, step = Math.min(1, STEP / distance), cut = false;
+  let at = begin.q, part = 0, step = Math.min(1, STEP / distance);
   while (part < 1) {
     const ahead = Math.min(1, part + step), found = solved((x) => values(x, ahead), data, at);
     const share = found.error <= CLOSED ? inside(least, at, found.q) : 0;
     if (share >= 1) {
       at = found.q;
       part = ahead;
-      if (!cut) step = Math.min(2 * step, STEP / distance);
+      step = Math.min(2 * step, STEP / distance);
       continue;
     }
-    cut = true;
     step = (ahead - part) * (found.error <= CLOSED ? Math.min(0.9, Math.max(0.02, share)) : 0.5);
     if (step < smallest) break;
   }
@@ -187,17 +204,9 @@ export function driven(data, wanted, q) {
   if (far >= 0) return { q: q.slice(), reached: 0, stop: { why: "far", joint: actuated[far], q: q.slice() } };
   if (actuated.length > data.ranks.mobility) {
     const away = actuated.map((j, k) => Math.abs(inputs[k] - q[j]) / metric[j]), k = away.indexOf(Math.max(...away));
-    return ledJoint(data, actuated[k], inputs[k], q);
+    return ledTo(data, [actuated[k]], [inputs[k]], q);
   }
-  const limits = bounds(data, q), found = drive(data, inputs, q);
-  if (inside(limits, q, found.q) >= 1) return { ...found, stop: found.reached < 1 ? reason(data, found.q, limits) : null };
-  const begin = actuated.map((j) => q[j]), end = actuated.map((j) => found.q[j]);
-  let low = 0, high = 1, best = q;
-  for (let k = 0; k < 26; k++) {
-    const middle = (low + high) / 2, tried = drive(data, begin.map((v, i) => v + middle * (end[i] - v)), best);
-    if (tried.reached === 1 && inside(limits, q, tried.q) >= 1) { low = middle; best = tried.q; } else high = middle;
-  }
-  return { q: best, reached: low * found.reached, stop: reason(data, best, limits) };
+  return drive(data, inputs, q, bounds(data, q));
 }
 
 // The same inputs with less than a turn to go, and which of them is too far (-1: none): of an angle beyond

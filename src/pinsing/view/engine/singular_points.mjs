@@ -8,7 +8,7 @@ import { norm, scaled, subtract, svd, transpose } from "./linear.mjs";
 import { closure, gapOf, output, worst, wrap } from "./loops.mjs";
 import { kindOf, motions } from "./mechanism.mjs";
 import { leastSquares, nullVector } from "./orthogonal.mjs";
-import { STEP } from "./curve.mjs";
+import { correct, moved, STEP } from "./curve.mjs";
 
 const MEASURE = { "type 1": "one", "type 2": "two", constraint: "constraint" };
 const WORTH = 0.3, STEPS = 40, SAME = 1e-6;
@@ -130,13 +130,8 @@ function turnsBack(data, q, index, held) {
   const rows = held.map((j) => q.map((_, i) => (i === j ? 1 : 0)));
   const t = nullVector([...closure(data, q).G, ...rows]);
   const sides = [1, -1].map((sign) => {
-    let x = q.map((v, j) => v + sign * 1e-3 * t[j] * data.metric[j]);
-    for (let k = 0; k < 6; k++) {
-      const { residual, G } = closure(data, x), rest = [...rows, t];
-      const step = leastSquares([...G, ...rest], [...residual.map((v) => -v), ...rest.map(() => 0)], 1e-11);
-      x = x.map((v, j) => v + step[j] * data.metric[j]);
-    }
-    return x[index] - q[index];
+    const x = correct({ data, held: rows }, moved(data, q, scaled(t, sign * 1e-3)), t);
+    return x ? x[index] - q[index] : 0;
   });
   return sides[0] * sides[1] > 0;
 }

@@ -1,12 +1,12 @@
 // What surrounds a pose of a mechanism: how far each input can go, and the other modes.
 
 import { trace, STEP } from "./curve.mjs";
-import { AT_TYPE_2 } from "./drive.mjs";
 import { dyadAssemblies, workingModes } from "./dyad.mjs";
 import { outside, valueText } from "./limits.mjs";
 import { add, scaled, subtract } from "./linear.mjs";
 import { gapOf, passiveOf, randomClosed, worst, wrap } from "./loops.mjs";
 import { assemblySign, modeOf, modeOrder, motions } from "./mechanism.mjs";
+import { AT_TYPE_2 } from "./pose_drive.mjs";
 import { singularAlong } from "./singular_points.mjs";
 import { workingByLegs } from "./working_modes.mjs";
 
