@@ -55,10 +55,10 @@ export const passiveOf = (data) => data.joints.map((_, j) => !data.actuated.incl
 export const everyJoint = (data) => data.joints.map(() => true);
 
 // Close the loops by moving the `free` joints (mask) least: { q, error }.
-export function gaussNewton(data, start, free, steps = 60, reach = Infinity) {
+export function gaussNewton(data, start, free) {
   const used = free.flatMap((on, j) => (on ? [j] : []));
   const system = (q) => { const { residual, G } = closure(data, q); return { values: residual, rows: G.map((row) => used.map((j) => row[j])) }; };
-  return newton(data, start, used, system, steps, reach);
+  return newton(data, start, used, system, 60);
 }
 
 // Newton's method by the joints `used`, none further than `reach` from the start: the best { q, error } of what
@@ -75,7 +75,7 @@ export function newton(data, start, used, system, steps, reach = Infinity) {
     const step = leastSquares(rows, values.map((v) => -v), 1e-11), longest = worst(step), cut = longest > 0.5 ? 0.5 / longest : 1;
     q = q.slice();
     used.forEach((j, i) => { q[j] += cut * step[i] * data.metric[j]; });
-    if (!q.every(Number.isFinite) || worst(subtract(q, start)) > reach) break;
+    if (!q.every(Number.isFinite) || worst(subtract(q, start).map((v, j) => v / data.metric[j])) > reach) break;
   }
   return { q: kept, error: best };
 }

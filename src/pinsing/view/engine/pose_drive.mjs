@@ -7,12 +7,11 @@
 
 import { frameOf, jacobianOf } from "./chain.mjs";
 import { valueText } from "./limits.mjs";
-import { dot, product, rotationVector, subtract, svd, transpose } from "./linear.mjs";
+import { dot, product, rotationVector, svd, transpose } from "./linear.mjs";
 import { CLOSED, closure, combined, everyJoint, gaussNewton, newton, worst } from "./loops.mjs";
 import { assemblySign, assemblyValue, elbowSines, motions } from "./mechanism.mjs";
-import { leastSquares } from "./orthogonal.mjs";
 
-const STEP = 0.05, SMALLEST = 1e-7, TURN = 2 * Math.PI, INSIDE = 1e-9, RUN = 12, FAR = 0.2;
+const STEP = 0.05, SMALLEST = 1e-6, TURN = 2 * Math.PI, INSIDE = 1e-9, RUN = 12, FAR = 0.2;
 const MOST_ANGLE = 1e6, MOST_WAY = 1000; // radians; radians or length scales
 const IN_LINE = 0.02, WEAK = 0.02, LEAVE = 0.02;
 export const AT_TYPE_2 = 1e-6;
@@ -74,24 +73,6 @@ function rates([, p, y]) {
   return [[e / c, f / c, 0], [-f, e, 0], [(e * s) / c, (f * s) / c, 1]];
 }
 
-// Newton from q, no joint further than FAR from there: { q, error }.
-function solved(values, data, start) {
-  let q = start, best = Infinity, kept = start;
-  for (let k = 0; k < RUN; k++) {
-    const found = values(q), size = worst(found.values);
-    if (!(size < best)) break;
-    best = size;
-    kept = q;
-    if (size <= 1e-15) break;
-    const step = leastSquares(found.rows, found.values.map((v) => -v), 1e-11), before = q;
-    q = before.map((v, j) => v + step[j] * data.metric[j]);
-    if (!q.every(Number.isFinite) || far(data, q, start) > FAR) break;
-  }
-  return { q: kept, error: best };
-}
-
-const far = (data, a, b) => worst(subtract(a, b).map((v, j) => v / data.metric[j]));
-
 // Lead the output from a closed q (n) to a pose, coordinate by coordinate as `poseOf`: { q, reached, stop },
 // reached from 0 to 1; `stop` says why it ends before: { why, joint }.
 export function posed(data, goal, q) {
@@ -132,13 +113,13 @@ function waysOut(data, q) {
 
 // Steps on the straight way of what is led, cut where Newton would run off or a joint would pass its limit.
 function led(data, q, distance, values, least = bounds(data, q)) {
-  const begin = solved((x) => values(x, 0), data, q);
+  const every = q.map((_, j) => j), solved = (from, part) => newton(data, from, every, (x) => values(x, part), RUN, FAR), begin = solved(q, 0);
   if (begin.error > CLOSED) return { q: q.slice(), reached: 0, stop: reason(data, q, least) };
   if (distance === 0) return { q: begin.q, reached: 1, stop: null };
   const smallest = Math.min(1, SMALLEST / distance);
   let at = begin.q, part = 0, step = Math.min(1, STEP / distance);
   while (part < 1) {
-    const ahead = Math.min(1, part + step), found = solved((x) => values(x, ahead), data, at);
+    const ahead = Math.min(1, part + step), found = solved(at, ahead);
     const share = found.error <= CLOSED ? inside(least, at, found.q) : 0;
     if (share >= 1) {
       at = found.q;
