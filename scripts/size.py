@@ -11,8 +11,8 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parent.parent
 LIMITS: dict[str, tuple[int, int]] = {
     "Python in src: statements": (40_996, 30_000),
-    "Python in src: lines": (76_253, 56_000),
-    "C++, JavaScript, templates, styles: lines": (13_876, 9_500),
+    "Python in src: lines": (76_252, 56_000),
+    "C++, JavaScript, templates, styles: lines": (13_795, 9_500),
     "modules": (209, 220),
     "packages directly under pinsing": (16, 16),
     "numbers in module constants": (499, 500),
