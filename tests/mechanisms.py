@@ -2,12 +2,15 @@
 
 import functools
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
 
 from pinsing.loops import MechanismAnalysis, analyze_mechanism
+from pinsing.loops.structure import at_zero, plane_normal
 from pinsing.robot.load_mechanism import Loop, Mechanism, load_mechanism
+from pinsing.view.mechanism_viewer import linkage_sizes, mechanism_data
 
 URDF = Path(__file__).parent.parent / "urdf"
 R1, R2, R3 = 1.2, 1.0, 0.8
@@ -23,6 +26,13 @@ def shipped(name: str) -> Mechanism:
 def analyzed(name: str) -> MechanismAnalysis:
     """Its analysis at home."""
     return analyze_mechanism(shipped(name))
+
+
+def data_of(mechanism: Mechanism) -> dict[str, Any]:
+    """What its page computes with."""
+    return mechanism_data(
+        mechanism, linkage_sizes(mechanism), plane_normal(mechanism, at_zero(mechanism).axis)
+    )
 
 
 def planar_tree(

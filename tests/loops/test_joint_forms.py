@@ -5,6 +5,7 @@ import json
 import numpy as np
 import pinocchio as pin
 import pytest
+from command_line import run
 from mechanisms import URDF, shipped
 from test_parallel_geometry import Way, planar
 from tiers import sampled, tiered
@@ -203,17 +204,17 @@ def test_what_is_left_of_rounded_axes_is_no_term(tmp_path):
         assert size[size > 0].min() > 1e-9 * size.max()
 
 
-def test_they_survive_json_and_the_command_line(command):
+def test_they_survive_json_and_the_command_line():
     forms = joint_forms(shipped("gough_stewart"))
     again = JointForms.from_dict(json.loads(forms.to_json()))
     q = np.linspace(0.1, 0.9, 21)
     assert np.array_equal(again.values(q), forms.values(q))
     assert str(again) == str(forms)
-    code, text, _ = command("families", "-v", URDF / "agile_eye.urdf", "--loops")
-    assert code == 0
-    assert "determinant of 3 x 3 entries" in text
-    assert "(-cos v1, -sin a1 sin v1, cos a1 sin v1)" in text
-    assert "cos v2 = 0" in text
+    done = run("families", "-v", URDF / "agile_eye.urdf", "--loops")
+    assert done.exit_code == 0
+    assert "determinant of 3 x 3 entries" in done.stdout
+    assert "(-cos v1, -sin a1 sin v1, cos a1 sin v1)" in done.stdout
+    assert "cos v2 = 0" in done.stdout
 
 
 @pytest.mark.parametrize(
@@ -224,10 +225,10 @@ def test_they_survive_json_and_the_command_line(command):
         ("bennett", JointForms),
     ],
 )
-def test_json_of_the_command_has_both(name, kind, command):
-    code, text, _ = command("families", URDF / f"{name}.urdf", "--loops", "-o", "-")
-    assert code == 0
-    found = kind.from_json(text)
+def test_json_of_the_command_has_both(name, kind):
+    done = run("families", URDF / f"{name}.urdf", "--loops", "-o", "-")
+    assert done.exit_code == 0
+    found = kind.from_json(done.stdout)
     assert found.complete
     if kind is JointForms:
         assert str(found) == str(joint_forms(shipped(name)))

@@ -4,6 +4,7 @@ import json
 
 import numpy as np
 import pytest
+from command_line import run
 from mechanisms import URDF, shipped
 from test_parallel_geometry import Way, planar
 from tiers import tiered
@@ -69,11 +70,11 @@ def test_why_there_is_none_is_said():
         leg_proofs(shipped("bennett"))
 
 
-def test_files_of_the_legs_are_checked_by_the_command(tmp_path, command):
+def test_files_of_the_legs_are_checked_by_the_command(tmp_path):
     tree, target = URDF / "planar_3rrr.urdf", tmp_path / "c.cert.json"
-    code, said, _ = command("families", "-v", tree, "--loops", "-o", target)
-    assert code == 0
-    assert "leg 2: a2, b2 up to its end (vx,vy) singular if and only if b2 = 0" in said
-    assert command("verify", *(tmp_path / f"c_leg{k}.cert.json" for k in (1, 2, 3)))[0] == 0
+    done = run("families", "-v", tree, "--loops", "-o", target)
+    assert done.exit_code == 0
+    assert "leg 2: a2, b2 up to its end (vx,vy) singular if and only if b2 = 0" in done.stdout
+    assert run("verify", *(tmp_path / f"c_leg{k}.cert.json" for k in (1, 2, 3))).exit_code == 0
     assert not target.exists()
     assert pinsing.load_mechanism(tree).n == 7

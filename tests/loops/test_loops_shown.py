@@ -8,7 +8,6 @@ from tiers import tiered
 
 mpl.use("agg")
 import click
-import matplotlib.pyplot as plt
 from click.testing import CliRunner
 
 from pinsing.cli.mechanism import analyze_loops, loops_option, view_loops
@@ -26,12 +25,6 @@ from pinsing.plot.mechanism import input_map
 
 FIVE_BAR = {"robot": str(URDF / "five_bar.urdf")}
 LOOPS = URDF / "five_bar.loops.yaml"
-
-
-@pytest.fixture(autouse=True)
-def _close_figures():
-    yield
-    plt.close("all")
 
 
 def paths(ax, color: str) -> list[np.ndarray]:

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 import pytest
-from mechanisms import analyzed, from_model, planar_tree, shipped
+from mechanisms import analyzed, data_of, from_model, planar_tree, shipped
 from node import needs_node, run
 from tiers import tiered
 
@@ -23,9 +23,9 @@ from pinsing.loops import (
 from pinsing.loops.closure import BatchLoops, Loops, newton, random_closed
 from pinsing.loops.loop_forms import planar_dyad
 from pinsing.loops.modes import assembly_sign
-from pinsing.loops.structure import at_zero, output_pose, plane_normal
+from pinsing.loops.structure import output_pose
 from pinsing.robot.load_mechanism import Loop, Mechanism
-from pinsing.view.mechanism_viewer import groups, linkage_sizes, mechanism_data
+from pinsing.view.mechanism_viewer import groups, linkage_sizes
 
 SHIPPED = ["five_bar", "four_bar", "planar_3rrr"]
 WORDS = {
@@ -77,12 +77,6 @@ FEW = ("five_bar", "slider_crank")
 
 def mechanism_of(name: str) -> Mechanism:
     return MADE[name]() if name in MADE else shipped(name)
-
-
-def data_of(mechanism: Mechanism) -> dict[str, Any]:
-    return mechanism_data(
-        mechanism, linkage_sizes(mechanism), plane_normal(mechanism, at_zero(mechanism).axis)
-    )
 
 
 def closed(mechanism: Mechanism, count: int) -> list[np.ndarray]:

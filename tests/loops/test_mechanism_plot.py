@@ -35,13 +35,6 @@ from pinsing.plot.mechanism import (
 from pinsing.robot.load_mechanism import load_mechanism
 
 mpl.use("agg")
-from matplotlib import pyplot as plt
-
-
-@pytest.fixture(autouse=True)
-def no_figures_left() -> Any:
-    yield
-    plt.close("all")
 
 
 OVER = {

@@ -1,12 +1,11 @@
 """The page leads the output of a mechanism: poses, closure, types and ends as Python has them."""
 
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 import pinocchio as pin
 import pytest
-from mechanisms import from_model, planar_tree, shipped
+from mechanisms import data_of, from_model, planar_tree, shipped
 from node import needs_node, run
 from tiers import tiered
 
@@ -14,9 +13,8 @@ from pinsing.loops import home, mechanism_at, working_modes
 from pinsing.loops.closure import Loops
 from pinsing.loops.modes import elbows, mode_of
 from pinsing.loops.motion import led_pose, read_pose
-from pinsing.loops.structure import at_zero, output_pose, plane_normal
+from pinsing.loops.structure import output_pose
 from pinsing.robot.load_mechanism import Loop, Mechanism
-from pinsing.view.mechanism_viewer import linkage_sizes, mechanism_data
 
 LED = {  # the coordinates that the outputs of the shelf can be led in
     "five_bar": "x y", "four_bar": "turn", "planar_3rrr": "x y turn", "planar_3rpr": "x y turn",
@@ -25,12 +23,6 @@ LED = {  # the coordinates that the outputs of the shelf can be led in
 }  # fmt: skip
 QUICK = ("five_bar", "planar_3rpr")
 SHELF = [n if n in QUICK else pytest.param(n, marks=pytest.mark.slow) for n in LED]
-
-
-def data_of(mechanism: Mechanism) -> dict[str, Any]:
-    return mechanism_data(
-        mechanism, linkage_sizes(mechanism), plane_normal(mechanism, at_zero(mechanism).axis)
-    )
 
 
 def coordinates(mechanism: Mechanism, q: np.ndarray, rows: list[int]) -> np.ndarray:

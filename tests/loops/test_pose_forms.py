@@ -6,6 +6,7 @@ import matplotlib as mpl
 import numpy as np
 import pinocchio as pin
 import pytest
+from command_line import run
 from mechanisms import URDF, from_model, planar_tree, shipped
 from urdf_text import J, frame, loop_text, written
 
@@ -363,23 +364,23 @@ def test_forms_survive_json():
 
 
 @pytest.mark.slow
-def test_families_of_a_mechanism_at_the_command_line(command):
-    def run(name, *more):
-        return command("families", "-v", URDF / f"{name}.urdf", "--loops", *more)
+def test_families_of_a_mechanism_at_the_command_line():
+    def families(name, *more):
+        return run("families", "-v", URDF / f"{name}.urdf", "--loops", *more)
 
-    code, said, _ = run("gough_stewart", "--fail-if-singular")
-    assert code == 1
-    assert "turned by ±90° about z" in said
-    assert "x^2" in run("planar_3rpr", "--exact")[1]
-    assert PoseForms.from_json(run("planar_3rpr", "-o", "-")[1]).complete
-    assert "B1, P, B2 in line" in run("five_bar")[1]
-    code, said, _ = run("bennett")
-    assert code == 0
-    assert "rank of 9 x 4 entries below 4" in said
-    code, said, told = run("bennett", "--prove")
-    assert (code, said) == (2, "")
-    assert "no leg has a certificate of its own" in told
-    assert run("planar_3rpr", "--latex")[0] == 2
+    done = families("gough_stewart", "--fail-if-singular")
+    assert done.exit_code == 1
+    assert "turned by ±90° about z" in done.stdout
+    assert "x^2" in families("planar_3rpr", "--exact").stdout
+    assert PoseForms.from_json(families("planar_3rpr", "-o", "-").stdout).complete
+    assert "B1, P, B2 in line" in families("five_bar").stdout
+    done = families("bennett")
+    assert done.exit_code == 0
+    assert "rank of 9 x 4 entries below 4" in done.stdout
+    done = families("bennett", "--prove")
+    assert (done.exit_code, done.stdout) == (2, "")
+    assert "no leg has a certificate of its own" in done.stderr
+    assert families("planar_3rpr", "--latex").exit_code == 2
 
 
 def test_regions_of_a_slice_are_parted_by_the_loci_alone():

@@ -6,6 +6,7 @@ from xml.etree import ElementTree
 
 import numpy as np
 import pytest
+from command_line import run
 from mechanisms import shipped
 from tiers import tiered, tiered_rows
 from urdf_text import J, X, frame, loop_text, written
@@ -144,7 +145,7 @@ REASONS = {
 
 
 @pytest.mark.parametrize("kind", REASONS)
-def test_why_there_are_no_loci_over_the_pose_names_the_leg(kind, tmp_path, command):
+def test_why_there_are_no_loci_over_the_pose_names_the_leg(kind, tmp_path):
     """Each leg passes one force, but one is of a kind that is not written over the pose."""
     base, end = np.array(BASE), np.array(ENDS)
     joints, loops, inputs = [], [], []
@@ -173,6 +174,6 @@ def test_why_there_are_no_loci_over_the_pose_names_the_leg(kind, tmp_path, comma
     reason = f"{REASONS[kind]}, which is not supported over the pose"
     assert why_no_rods(mechanism) == reason
     assert why_no_rods(shipped("planar_3rpr")) == ""
-    code, _, told = command("families", "-v", path, "--loops")
-    assert code == 0
-    assert reason in " ".join(told.split())
+    done = run("families", "-v", path, "--loops")
+    assert done.exit_code == 0
+    assert reason in " ".join(done.stderr.split())

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 import pinocchio as pin
 import pytest
+from command_line import run
 from mechanisms import URDF, shipped
 from test_three_distances import three_rpr
 from tiers import tiered, tiered_rows
@@ -315,7 +316,7 @@ def test_a_platform_in_the_plane_that_is_driven_at_its_feet(tmp_path, rng):
 
 
 @pytest.mark.slow
-def test_what_is_written_of_determinants(tmp_path, command):
+def test_what_is_written_of_determinants(tmp_path):
     t = six("pus", 0, parallel=True)
     mechanism = made(tmp_path, t)
     forms = pose_forms(mechanism)
@@ -330,9 +331,9 @@ def test_what_is_written_of_determinants(tmp_path, command):
     assert "the six rod lines belong to one linear complex" in str(forms)
     assert "rod 3 is across the slide q2" in str(forms)
     for more, rows in (([], 0), (["--exact"], 6)):
-        code, said, _ = command("families", "-v", tmp_path / "made.urdf", "--loops", *more)
-        assert code == 0
-        over_pose = said.partition("Closed forms in the joint angles")[0]
+        done = run("families", "-v", tmp_path / "made.urdf", "--loops", *more)
+        assert done.exit_code == 0
+        over_pose = done.stdout.partition("Closed forms in the joint angles")[0]
         assert "determinant of 6 x 6 entries" in over_pose
         assert ("(1) x " in over_pose) == bool(rows)
         assert "it closes where |B - C| = " in " ".join(over_pose.split())
