@@ -54,5 +54,5 @@ def test_other_broken_input_ends_so_too(counts):
 def test_an_expression_with_another_value_is_noticed(monkeypatch):
     other = {**xacro_expression._OPERATORS, ast.FloorDiv: operator.truediv}
     monkeypatch.setattr(xacro_expression, "_OPERATORS", other)
-    outcomes = [fuzz.run_case("expression", (seed,), {}, Path()) for seed in range(400)]
+    outcomes = [fuzz.run_case("expression", (seed,), {}, Path()) for seed in range(200, 300)]
     assert any("Python says" in said for outcome, said, _ in outcomes if outcome == "unclear")

@@ -387,7 +387,7 @@ WRITTEN = [
 ]  # fmt: skip
 
 
-@pytest.mark.parametrize(("words", "suffix"), tiered_rows(WRITTEN, WRITTEN[1:2]))
+@pytest.mark.parametrize(("words", "suffix"), tiered_rows(WRITTEN, WRITTEN[4:5]))
 def test_the_command_writes_figures(tmp_path: Path, words: str, suffix: str) -> None:
     from pinsing.cli.plot import plot_command
 

@@ -1,6 +1,7 @@
 """Exported guards: compiled and compared with pinsing, never clear where they must not be."""
 
 import ctypes
+import functools
 import importlib.util
 import re
 import shutil
@@ -333,6 +334,11 @@ def test_an_equation_too_large_for_a_file_is_left_out(monkeypatch: pytest.Monkey
     assert "#define UR5_FAMILIES 2" in made.text
 
 
+@functools.cache
+def of_positions() -> pinsing.ClosedForm:
+    return pinsing.closed_form(arm_of("ur5").with_task("position"), prove=False)
+
+
 def test_what_a_guard_promises():
     form = closed("stanford")
     unsure = replace(form.families[2], real=False)
@@ -345,8 +351,7 @@ def test_what_a_guard_promises():
     arm = arm_of("ur5")
     proven = pinsing.closed_form(arm)
     assert make_guard(arm, "c", forms=proven).word == "proven"
-    probable = pinsing.closed_form(arm.with_task("position"), prove=False)
-    made = make_guard(arm, "c", forms=[proven, probable])
+    made = make_guard(arm, "c", forms=[proven, of_positions()])
     assert made.word == "probable"
     assert made.complete
     assert any("no certificate was looked for" in note for note in made.notes)
@@ -354,7 +359,7 @@ def test_what_a_guard_promises():
 
 def test_forms_of_two_tasks_and_of_another_arm() -> None:
     arm = arm_of("ur5")
-    both = [closed("ur5"), pinsing.closed_form(arm.with_task("position"), prove=False)]
+    both = [closed("ur5"), of_positions()]
     text = pinsing.export_guard(arm, "python", forms=both)
     assert "'pose F1'" in text
     assert "'position F1'" in text
