@@ -102,8 +102,7 @@ def run(job: Job, done: Collection[str], budget: Budget, analyse: bool) -> dict[
     import pinsing
     from pinsing.algebra.budget import Budget as Time
     from pinsing.description.catalog import data_folder
-    from pinsing.families.certificate import text_of
-    from pinsing.families.proving import within
+    from pinsing.families.certificate import text_of, within
     from pinsing.proof.checker import verify
 
     folder = data_folder()
@@ -155,7 +154,7 @@ def run(job: Job, done: Collection[str], budget: Budget, analyse: bool) -> dict[
 
 def identity(arm: Any) -> str:
     """What two chains share for which the same certificate holds: all it states, names aside."""
-    from pinsing.families.skeleton import roots_in, skeleton
+    from pinsing.families.proof_forms import roots_in, skeleton
     from pinsing.robot.nominal import nominal
 
     geometry = nominal(arm)

@@ -14,8 +14,8 @@ from pinsing.algebra.jacobian_matrix import constants
 from pinsing.algebra.ring import make_ring
 from pinsing.algebra.surd_ring import ring_of
 from pinsing.families import pieces
+from pinsing.families.certificate import prove
 from pinsing.families.faithful import disagreements
-from pinsing.families.proving import prove
 
 EVEN = [(0, 0, 0.2, 0), (0, 0, 0.2, -90), (0, 0, 0.2, 90), (0, 0, 0, 0)]
 """Links alike: all of q3 = 180° is singular, and of q3 = 0 what has q2 = 0 or 180°."""

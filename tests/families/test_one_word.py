@@ -16,16 +16,16 @@ from tiers import tiered
 import pinsing
 from pinsing.algebra import budget
 from pinsing.algebra.budget import Budget
-from pinsing.families import certificate, proving
+from pinsing.families import certificate
+from pinsing.families.certificate import prove_briefly, within
 from pinsing.families.form import certainty
-from pinsing.families.proving import prove_briefly, within
 from pinsing.proximity.guard import make_guard
 
 
 @pytest.fixture
 def slow(monkeypatch: pytest.MonkeyPatch) -> None:
     """The search that nobody asked for never has the time."""
-    monkeypatch.setattr(proving, "SHORT", 0.0)
+    monkeypatch.setattr(certificate, "SHORT", 0.0)
 
 
 # The arms of the gallery, as its pages are made (`docs/_ext/gallery.py`), and some whose families
@@ -77,7 +77,7 @@ def test_the_word_does_not_hang_on_the_clock(monkeypatch: pytest.MonkeyPatch) ->
         clock = SimpleNamespace(monotonic=itertools.count(0.0, tick).__next__)
         with monkeypatch.context() as patch:
             patch.setattr(budget, "time", clock)
-            whole = Budget(1000.0, proving.SHORT)
+            whole = Budget(1000.0, certificate.SHORT)
             assert within(form, whole, None).word == "proven"
             spent.append(whole.meter.done)
     assert spent[0] == spent[1] > 1e4
@@ -110,7 +110,7 @@ def test_a_search_that_failed_is_not_called_out_of_time(monkeypatch: pytest.Monk
     def fail(*_: object, **__: object) -> None:
         raise certificate.NotFound("a place could not be split")
 
-    monkeypatch.setattr(proving, "certificate", fail)
+    monkeypatch.setattr(certificate, "certificate", fail)
     form = prove_briefly(pinsing.closed_form(arm_of("puma560")), 100.0)
     assert form.proof.reason == "a place could not be split"
     assert not form.proof.out_of_time

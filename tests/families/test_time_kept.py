@@ -15,7 +15,7 @@ from pinsing.algebra import budget
 from pinsing.algebra.budget import PER_SECOND, Budget, BudgetExceeded, in_child
 from pinsing.algebra.equation import Equation
 from pinsing.families import zero_set
-from pinsing.families.skeleton import roots_in, skeleton, without_dependent_lines
+from pinsing.families.proof_forms import roots_in, skeleton, without_dependent_lines
 from pinsing.families.zero_set import proven_empty, search, thrown
 from pinsing.proof.checker import Ring
 from pinsing.robot.nominal import nominal

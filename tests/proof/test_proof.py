@@ -17,7 +17,7 @@ import pinsing
 from pinsing import load
 from pinsing.families import closed_form, prove
 from pinsing.families.certificate import combination, text_of
-from pinsing.families.skeleton import form_text
+from pinsing.families.proof_forms import form_text
 from pinsing.proof import checker
 from pinsing.proof.checker import Certificate, Ring
 

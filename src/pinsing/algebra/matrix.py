@@ -7,6 +7,7 @@ where that of the given one does.
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Callable, Sequence
 from typing import Any
 
 from pinsing.algebra.budget import Budget
@@ -41,26 +42,37 @@ def independent_rows(matrix: Matrix, ring: Ring) -> Matrix:
     doubtful = _alike(matrix, ring)
     if len(doubtful) > 1:
         doubtful = _sharing(matrix, doubtful, ring)
-    basis: list[tuple[_Place, dict[_Place, Any]]] = []
-    kept = []
-    for i, row in enumerate(matrix):
-        if i not in doubtful:
-            if any(x != 0 for x in row):
-                kept.append(row)
-            continue
+    own = sorted(doubtful)
+    gone = {own[i] for i in dependent([matrix[i] for i in own], ring)}
+    return [row for i, row in enumerate(matrix) if i not in gone and any(x != 0 for x in row)]
+
+
+def dependent(
+    lines: Sequence[Sequence[Poly]], ring: Ring, check: Callable[[], None] = lambda: None
+) -> dict[int, dict[int, Any]]:
+    """Return lines that are sums of multiples of earlier ones that stay, and these multiples."""
+    basis: list[tuple[_Place, dict[_Place, Any], dict[int, Any]]] = []
+    found: dict[int, dict[int, Any]] = {}
+    for i, line in enumerate(lines):
+        check()
         vector: dict[_Place, Any] = {
-            (j, m): c for j, x in enumerate(row) for m, c in ring.coefficients(x).items()
+            (j, m): c for j, x in enumerate(line) for m, c in ring.coefficients(x).items()
         }
-        for lead, other in basis:
+        terms: dict[int, Any] = {}
+        for lead, other, its_terms in basis:
             if lead in vector:
+                check()
                 ratio = vector[lead] / other[lead]
-                for key, value in other.items():
-                    vector[key] = vector.get(key, 0) - ratio * value
+                for place, value in other.items():
+                    vector[place] = vector.get(place, 0) - ratio * value
                 vector = {k: v for k, v in vector.items() if v != 0}
+                for k, value in its_terms.items():
+                    terms[k] = terms.get(k, 0) - ratio * value
         if vector:
-            basis.append((next(iter(vector)), vector))
-            kept.append(row)
-    return kept
+            basis.append((next(iter(vector)), vector, {i: 1, **terms}))
+        else:
+            found[i] = {k: -c for k, c in terms.items() if c != 0}
+    return found
 
 
 def _alike(matrix: Matrix, ring: Ring) -> set[int]:

@@ -107,8 +107,8 @@ def families_command(
         return _symbolic(request, symbolic, latex, algebra, json_target, fail_if_singular)
     arm = request.load()
     from pinsing.families import closed_form, prove as add_proof
+    from pinsing.families.certificate import LONG
     from pinsing.families.form import answer_text, certainty, families_text
-    from pinsing.families.proving import LONG
 
     def written(form: ClosedForm, undecided: bool = False) -> str:
         if latex:

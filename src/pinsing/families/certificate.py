@@ -7,6 +7,8 @@ a family, where it is too small for a component, or where it has no real point; 
 that vanishes on all its components is factored, and every factor leads to another place.
 
 Why a family is singular: minors that are multiples of its forms, and others by these.
+
+The search is begun with every closed form, ends with a budget, and says what became of it.
 """
 
 from __future__ import annotations
@@ -15,42 +17,41 @@ import functools
 import itertools
 import json
 import math
+import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
+import numpy as np
 from flint import fmpq_mat
 
-from pinsing.algebra import ring as algebra_ring
-from pinsing.algebra.budget import Budget, BudgetExceeded
-from pinsing.algebra.components import Component
-from pinsing.algebra.ring import Value
+from pinsing.algebra.budget import Apart, Budget, BudgetExceeded
+from pinsing.algebra.jacobian_matrix import constants
+from pinsing.algebra.mimic import NotFollowed
+from pinsing.algebra.surd_ring import ring_of
+from pinsing.families.faithful import disagreements
+from pinsing.families.form import ClosedForm, Proof
 from pinsing.families.proof_forms import (
-    Forms,
+    Draft,
     NotFound,
     Place,
     Split,
     content,
     divisions,
     empty,
+    form_of,
+    form_text,
     place_text,
+    roots_in,
     shown,
+    skeleton,
     squares,
     top_of,
     vanishes,
-)
-from pinsing.families.skeleton import (
-    Draft,
-    NotStated,
-    form_of,
-    form_text,
-    number_text,
-    roots_in,
-    skeleton,
     without_dependent_lines,
 )
-from pinsing.proof.checker import MOST_WORK, Certificate, Poly, Rejected, Ring
-from pinsing.robot.nominal import Nominal
+from pinsing.proof.checker import MOST_WORK, Poly, Rejected, Ring, verify
+from pinsing.robot.surd import Surd
 
 
 def combination(ring: Ring, form: Poly, others: Sequence[Poly]) -> list[Poly] | None:
@@ -127,11 +128,8 @@ class _Minors:
     one.
     """
 
-    def __init__(
-        self, draft: Certificate, tidy: Forms, family: Place, minors: Mapping[Lines, Poly]
-    ) -> None:
-        self.tidy, self.minors = tidy, minors
-        self.draft, self.ring, self.family = draft, draft.ring, family
+    def __init__(self, draft: Draft, family: Place, minors: Mapping[Lines, Poly]) -> None:
+        self.draft, self.ring, self.family, self.minors = draft, draft.ring, family, minors
         values = family.values
         self.entries = [[self.ring.put(x, values) for x in row] for row in draft.matrix]
         self.constant = [
@@ -156,7 +154,7 @@ class _Minors:
         found: list[Sum] = []
         totals: list[Poly] = []
         for lines, known in sorted(self.known.items(), key=lambda item: item[1].depth):
-            self.tidy.require_time()
+            self.draft.require_time()
             minor = self.minors[lines]
             if known.depth == 0 or any(self.ring.divides(p, minor) for p in totals):
                 continue
@@ -177,7 +175,7 @@ class _Minors:
 
     def _sum(self, lines: Lines) -> _Known | None:
         """The shortest of the sums that a minor is by what is known."""
-        self.tidy.require_time()
+        self.draft.require_time()
         ways = [
             (sum(len(c) for _, known, _ in terms for c in known.terms.values()), n, i, extra, terms)
             for n, (i, extra, terms) in enumerate(self._relations(lines))
@@ -245,13 +243,13 @@ class Soundness:
     multiples: list[Sum] = field(default_factory=list)
 
 
-def soundness(draft: Certificate, tidy: Forms, family: Place, codimension: int) -> Soundness:
+def soundness(draft: Draft, family: Place, codimension: int) -> Soundness:
     """Why all minors vanish on a family, of a codimension; NotFound if that was not seen."""
     minors, at = dict[Lines, Poly](), draft.at(family.values)
     place = (family.values, family.relations)
     plain: set[Lines] = set()
     for lines in _lines(draft, draft.rank):
-        tidy.require_time()
+        draft.require_time()
         minors[lines] = minor = at(*lines)
         if draft.ring.vanishes(minor, place):
             plain.add(lines)
@@ -260,19 +258,19 @@ def soundness(draft: Certificate, tidy: Forms, family: Place, codimension: int) 
     # Only of as many forms as its codimension is a family known to have nothing smaller.
     exact = codimension == len(family.forms)
     tried: set[Lines] = set()
-    pivot = _pivot(draft, tidy, family, plain, tried) if exact else None
+    pivot = _pivot(draft, family, plain, tried) if exact else None
     if pivot is not None:
         return Soundness(pivot)
     found = Soundness()
     for lines, minor in sorted(minors.items(), key=lambda item: len(item[1])) if exact else ():
-        if lines not in plain and _by_division(draft, tidy, family, minor, found):
+        if lines not in plain and _by_division(draft, family, minor, found):
             plain.add(lines)
-            if (pivot := _pivot(draft, tidy, family, plain, tried)) is not None:
+            if (pivot := _pivot(draft, family, plain, tried)) is not None:
                 found.pivot = pivot
                 return found
-    multiples, totals = _Minors(draft, tidy, family, minors).sums()
+    multiples, totals = _Minors(draft, family, minors).sums()
     for minor in minors.values():
-        tidy.require_time()
+        draft.require_time()
         place = (family.values, [*family.relations, *totals])
         if draft.ring.vanishes(minor, place):
             continue
@@ -286,39 +284,35 @@ def soundness(draft: Certificate, tidy: Forms, family: Place, codimension: int) 
     raise NotFound(f"{place_text(family)} is not shown to be singular")
 
 
-def _by_division(
-    draft: Certificate, tidy: Forms, family: Place, minor: Poly, found: Soundness
-) -> bool:
+def _by_division(draft: Draft, family: Place, minor: Poly, found: Soundness) -> bool:
     """Add a sum that a minor is a multiple of, but for what is zero on no component."""
     ring = draft.ring
-    for f, _ in tidy.factors(minor):
-        tidy.require_time()
+    for f, _ in draft.factors(minor):
+        draft.require_time()
         for tops, times, multiples in divisions(ring, f, family.relations):
             if not _is_apart(draft, family, tops):
                 continue
             found.multiples.append(sum_of(len(family.values), dict(enumerate(multiples))))
-            for factor, power in tidy.factors(times):
+            for factor, power in draft.factors(times):
                 found.apart += [factor] * (power - found.apart.count(factor))
             return True
     return False
 
 
-def _is_apart(draft: Certificate, family: Place, form: Poly) -> bool:
+def _is_apart(draft: Draft, family: Place, form: Poly) -> bool:
     """Return True if a form is seen to be zero on no component of a family."""
     count = len(family.relations) + 1
     forms = [*family.relations, *draft.ring.stripped(form)]
     return shown(draft.ring, lambda: draft.ring.codimension_at_least(count, forms), most=MOST_WORK)
 
 
-def _lines(draft: Certificate, size: int) -> Iterable[Lines]:
+def _lines(draft: Draft, size: int) -> Iterable[Lines]:
     """Rows and columns of all minors of a size."""
     rows, columns = (itertools.combinations(range(side), size) for side in draft.sides)
     return itertools.product(rows, columns)
 
 
-def _pivot(
-    draft: Certificate, tidy: Forms, family: Place, plain: set[Lines], tried: set[Lines]
-) -> Lines | None:
+def _pivot(draft: Draft, family: Place, plain: set[Lines], tried: set[Lines]) -> Lines | None:
     """Return the shortest minor of one line less, zero on no component, that only plain ones have.
 
     Without lines where all are plain.
@@ -328,7 +322,7 @@ def _pivot(
     found: list[tuple[int, Lines]] = []
     minor = draft.at(family.values)
     for lines in _lines(draft, draft.rank - 1):
-        tidy.require_time()
+        draft.require_time()
         wider = (
             [tuple(sorted((*part, k))) for k in range(count) if k not in part]
             for part, count in zip(lines, draft.sides, strict=True)
@@ -339,7 +333,7 @@ def _pivot(
             found.append((len(draft.ring.stripped(form)[0]), lines))
     # Pivots that are tried, the shortest first.
     for _, lines in sorted(found)[:12]:
-        tidy.require_time()
+        draft.require_time()
         tried.add(lines)
         if _is_apart(draft, family, minor(*lines)):
             return lines
@@ -350,22 +344,177 @@ _MANY = 3
 """Relations beyond which no more are made of them."""
 _LONG = 2000
 """Product of terms beyond which two relations are not combined."""
+_DENSE = 400
+"""Terms of all relations beyond which nothing long is tried with them."""
 
 
-class Splits:
-    """Finds them, the simplest first; factors of what is to be shown, the families', cost nothing.
+class Tree:
+    """Finds the tree, over a certificate that states chain, rank, reduction and families."""
 
-    ``tick`` is called at every step; it raises where time is over.
-    """
+    def __init__(self, draft: Draft, progress: Callable[[str], None] | None = None) -> None:
+        self.draft, self.ring, self._progress = draft, draft.ring, progress
+        self.families = [draft.forms(f) for f in draft.data["families"]]
+        # Relations, if no family has more, beyond which a place is not split: splits that say
+        # nothing new go on for ever.
+        self._most = max([8, *map(len, self.families)])
+        self._places: dict[tuple[Any, ...], Place | NotFound | None] = {}
 
-    def __init__(
-        self, forms: Forms, families: Sequence[list[Poly]], tick: Callable[[], None]
-    ) -> None:
-        self.forms, self.families, self._tick = forms, families, tick
-        self.certificate, self.ring = forms.certificate, forms.ring
+    def root(self) -> Place:
+        """The place that is everywhere; NotFound if one could not be closed, or time was over."""
+        place = self._place([])
+        assert place is not None
+        return place
 
-    def of(self, place: Place) -> Iterator[Split]:
-        """Polynomials that vanish on all components of a place, the simplest first."""
+    def _place(self, forms: Sequence[Poly], points: bool = False) -> Place | None:
+        """The place where forms vanish, closed or split; None where it is empty."""
+        place = self.draft.without_implied(self.draft.place_of(forms, points))
+        if empty(self.ring, place.relations):
+            return None
+        texts = [str(f) for f in place.forms]
+        key = (points, *texts)
+        if key in self._places:
+            known = self._places[key]
+            if known is None:
+                raise NotFound("a place leads to itself")
+            if isinstance(known, NotFound):
+                raise known
+            return known
+        # One that is closed and has some of these forms only holds this one.
+        wider = next(
+            (
+                other
+                for known, other in self._places.items()
+                if isinstance(other, Place)
+                and other.points == points
+                and {*texts}.issuperset(known[1:])
+            ),
+            None,
+        )
+        if wider is not None:
+            return wider
+        self._places[key] = None
+        try:
+            self.draft.require_time()
+            if self._progress is not None:
+                self._progress(f"{len(self._places)} places looked at")
+            self._close(place)
+        except (NotFound, BudgetExceeded, Rejected) as reason:
+            self._places[key] = failure = NotFound(str(reason))
+            raise failure from None
+        self._places[key] = place
+        return place
+
+    def _shown(self, question: Callable[[], bool]) -> bool:
+        """Return True if something is seen, and not only after long."""
+        self.draft.require_time()
+        return shown(self.ring, question)
+
+    def _close(self, place: Place) -> None:
+        relations = place.relations
+        for k, family in enumerate(self.families):
+            if all(self.ring.vanishes(f, (place.values, place.relations)) for f in family):
+                place.family = k
+                return
+        if any(self._by_division(place, k) for k in range(len(self.families))):
+            return
+        least = self.draft.bound + 1 - len(place.values)
+        enough = not place.points and least <= len(relations)
+        if (
+            enough
+            and sum(map(len, relations)) <= _DENSE
+            and self._shown(lambda: self.ring.codimension_at_least(least, relations))
+        ):
+            self._leave(place)
+            return
+        for k, p in enumerate(relations):
+            if [times for _, times in self.draft.factors(p)] != [1]:
+                self._split(place, Split([(self.ring.one, len(place.values) + k)], p))
+                return
+        if self._by_squares(place):
+            return
+        if len(relations) > self._most:
+            raise NotFound(f"more and more relations at {place_text(place)}")
+        failure = NotFound(f"nothing to split {place_text(place)} by")
+        # Polynomials to split by that are tried at a place before it is given up, and how many
+        # relations are so many that fewer are tried.
+        tried = 8 if len(relations) <= 5 else 3
+        for split in itertools.islice(self._splits(place), tried):
+            try:
+                self._split(place, split)
+            except NotFound as reason:
+                failure = reason
+                continue
+            return
+        raise failure
+
+    def _by_division(self, place: Place, number: int) -> bool:
+        """Split a place that lies in a family by a multiple of one of its forms, if it does."""
+        # Two equations leave what is too large for some families (Krull).
+        ring, relations, family = self.ring, place.relations, self.families[number]
+        least = self.draft.data["families"][number]["least_codimension"]
+        short = len(relations) > 1 and sum(map(len, relations)) <= _DENSE
+        if not short or len(place.values) + 2 < least:
+            return False
+        # Relations, the shortest, of which two are tried alone.
+        few = [relations] if len(relations) == 2 else itertools.combinations(relations[:4], 2)
+        images = [f for p in family for f in ring.stripped(ring.put(p, place.values))]
+        for some in map(list, few):
+            if self._shown(lambda some=some: all(vanishes(ring, f, some) for f in images)):  # type: ignore[misc]
+                f = next(f for f in images if not ring.vanishes(f, ({}, relations)))
+                sources = [
+                    len(place.values) + next(i for i, p in enumerate(relations) if p is r)
+                    for r in some
+                ]
+                for _, times, multiples in divisions(ring, f, some):
+                    terms = [(c, k) for c, k in zip(multiples, sources, strict=True) if c != 0]
+                    try:
+                        self._split(place, Split(list(terms), ring.times(times, f)))
+                    except NotFound:
+                        continue
+                    return True
+        return False
+
+    def _split(self, place: Place, split: Split) -> None:
+        """Follow each factor of a form that vanishes."""
+        factors = self.draft.factors(split.form)
+        place.cases = [
+            (f, times, self._place([*place.forms, f], place.points)) for f, times in factors
+        ]
+        product = self.ring.one
+        for f, times in factors:
+            product = self.ring.reduced(product * f**times)
+        place.sum = self.draft.scaled(split.sum, split.form, product)
+
+    def _by_squares(self, place: Place) -> bool:
+        """Close a place where a relation is a sum of squares, and where all of these vanish."""
+        for k, p in enumerate(place.relations):
+            if self.draft.fixes(p):
+                continue
+            found = squares(self.ring, p)
+            if found is None:
+                continue
+            times, parts = found
+            try:
+                place.then = self._place([*place.forms, *(g for _, g in parts)], True)
+            except NotFound:
+                continue
+            place.squares = parts
+            total = self.ring.times(times, p)
+            place.sum = self.draft.scaled([(times, len(place.values) + k)], total, total)
+            return True
+        return False
+
+    def _leave(self, place: Place) -> None:
+        """Close a place that is too small for a component."""
+        place.sum, place.cases = [("1", 0)], [(place.forms[0], 1, None)]
+
+    # Splits ---------------------------------------------------------------------------
+
+    def _splits(self, place: Place) -> Iterator[Split]:
+        """Polynomials that vanish on all components of a place, the simplest first.
+
+        Factors of what is to be shown, the families', cost nothing.
+        """
         values, relations = place.values, place.relations
         if len(relations) > _MANY:
             # Product of terms of two relations whose resultant is looked at among many, and how
@@ -373,11 +522,11 @@ class Splits:
             yield from self._plain_resultants(place)[:2]
         minors = list(self._minors(place))
         alone, minors = minors, [*minors, *self._without_a_turn(place, minors)]
-        toward = {str(self.forms.tidy(p)) for family in self.families for p in family}
-        minors.sort(key=lambda m: self._effort(self.forms.factors(m.form), toward))
-        easy = [m for m in minors if self._effort(self.forms.factors(m.form), toward)[0] == 0]
+        toward = {str(self.draft.tidy(p)) for family in self.families for p in family}
+        minors.sort(key=lambda m: self._effort(self.draft.factors(m.form), toward))
+        easy = [m for m in minors if self._effort(self.draft.factors(m.form), toward)[0] == 0]
         yield from easy
-        whole = self.certificate.bound - len(values)
+        whole = self.draft.bound - len(values)
         if relations and whole <= len(relations):
             if not place.points and self.ring.codimension_at_least(whole, relations):
                 yield from self._at_points(place, alone)
@@ -388,18 +537,17 @@ class Splits:
                 yield from self._toward_families(place)
             if len(relations) <= _MANY:
                 yield from self._resultants(place)
-                yield from self._sums(place)
         yield from (m for m in minors if m not in easy)
         if 1 < len(relations) < min(whole, _MANY + 1):
             yield from self._remainders(place)
             yield from self._resultants(place)
 
     def _minors(self, place: Place) -> Iterator[Split]:
-        sides, size = self.certificate.sides, self.certificate.rank
-        minor = self.certificate.at(place.values)
+        sides, size = self.draft.sides, self.draft.rank
+        minor = self.draft.at(place.values)
         for rows in itertools.combinations(range(sides[0]), size):
             for columns in itertools.combinations(range(sides[1]), size):
-                self._tick()
+                self.draft.require_time()
                 poly = minor(rows, columns)
                 if poly != 0 and not any(self.ring.divides(p, poly) for p in place.relations):
                     source = {"minor": [list(rows), list(columns)]}
@@ -409,7 +557,7 @@ class Splits:
         """Yield, of minors g cos a and g sin a, the sum that is g but for units."""
         # They are of the same columns. Where some axes are parallel, rows of what the other joints
         # do turn with the frame.
-        ring, minor = self.ring, self.certificate.at(place.values)
+        ring, minor = self.ring, self.draft.at(place.values)
         for first, second in itertools.combinations(minors, 2):
             f, g = first.form, second.form
             ((_, a),), ((_, b),) = first.sum, second.sum
@@ -426,7 +574,7 @@ class Splits:
                 yield Split([(p * v, a), (q * u, b)], ring.times(ones, common))
 
     def _effort(self, factors: list[tuple[Poly, int]], toward: set[str]) -> tuple[int, int]:
-        long = [len(f) for f, _ in factors if not self.forms.fixes(f) and str(f) not in toward]
+        long = [len(f) for f, _ in factors if not self.draft.fixes(f) and str(f) not in toward]
         return sum(long), len(factors)
 
     def _at_points(self, place: Place, minors: list[Split]) -> Iterator[Split]:
@@ -439,28 +587,28 @@ class Splits:
             choices = itertools.product(range(4), repeat=len(free)) if free else ()
             # Points of free joints that a minor is looked at.
             for choice in itertools.islice(choices, 16):
-                self._tick()
+                self.draft.require_time()
                 at = [
-                    self.forms.linear(j, self._point(k)) for j, k in zip(free, choice, strict=True)
+                    self.draft.linear(j, self._point(k)) for j, k in zip(free, choice, strict=True)
                 ]
                 poly = self.ring.put(split.form, self.ring.where(at)[0])
                 if poly != 0 and not any(self.ring.divides(p, poly) for p in place.relations):
                     (poly,) = self.ring.stripped(poly)
                     found.setdefault(
-                        str(self.forms.tidy(poly)),
+                        str(self.draft.tidy(poly)),
                         Split([(self.ring.one, {**source, "at": at})], poly),
                     )
         for split in sorted(found.values(), key=lambda s: len(s.form)):
             if not self._vanishes(split.form, place.relations):
                 # Units are numbers where free joints are at points: the checker has them, too.
                 ((_, source),) = split.sum
-                minor = self.certificate.at(place.values)(*map(tuple, source["minor"]))
+                minor = self.draft.at(place.values)(*map(tuple, source["minor"]))
                 poly = self.ring.put(minor, self.ring.where(source["at"])[0])
                 yield Split(split.sum, self.ring.stripped(poly)[0])
 
     def _vanishes(self, form: Poly, relations: Sequence[Poly]) -> bool:
         """Return True if a form is soon seen to vanish where relations do."""
-        self._tick()
+        self.draft.require_time()
         return shown(self.ring, functools.partial(vanishes, self.ring, form, relations))
 
     def _point(self, k: int) -> tuple[Poly, Poly]:
@@ -483,11 +631,11 @@ class Splits:
         # Product of terms of two relations whose resultant is looked at among many, and how many of
         # the simplest are tried.
         for split in self._resultants(place, 1000):
-            self._tick()
+            self.draft.require_time()
             ((_, source),) = split.sum
             first = len(place.values)
             both = [len(place.relations[k - first]) for k in source["resultant"][:2]]
-            lengths = [len(f) for f, _ in self.forms.factors(split.form)]
+            lengths = [len(f) for f, _ in self.draft.factors(split.form)]
             known = any(self.ring.divides(p, split.form) for p in place.relations)
             if not known and max(lengths, default=0) < min(both):
                 found.append((sum(lengths), len(found), split))
@@ -500,7 +648,7 @@ class Splits:
             for a, r in enumerate(place.relations[:b]):
                 quotient, rest = divmod(p, r)
                 (rest,) = ring.stripped(ring.reduced(rest))
-                if rest != 0 and quotient != 0 and self.forms.is_simpler(rest, p):
+                if rest != 0 and quotient != 0 and self.draft.is_simpler(rest, p):
                     yield Split([(ring.one, first + b), (ring.reduced(-quotient), first + a)], rest)
 
     def _toward_families(self, place: Place) -> Iterator[Split]:
@@ -550,261 +698,51 @@ class Splits:
             rest = self.ring.reduced(rest * lead - more)
         return times, product, rest
 
-    def _sums(self, place: Place) -> Iterator[Split]:
-        """Two relations times polynomials, so that the highest powers of some y cancel."""
-        ring, first = self.ring, len(place.values)
-        for (a, p), (b, g) in itertools.permutations(enumerate(place.relations), 2):
-            if len(p) * len(g) > _LONG:
-                continue
-            for j in set(ring.joints(p)) & set(ring.joints(g)):
-                more, tops = (
-                    ring.degree(p, j) - ring.degree(g, j),
-                    (top_of(ring, p, j), top_of(ring, g, j)),
-                )
-                if more < 0 or not all(tops):
-                    continue
-                factors = tops[1], -tops[0] * ring.pairs[j][1] ** more
-                (poly,) = ring.stripped(ring.reduced(p * factors[0] + g * factors[1]))
-                if poly != 0 and not any(ring.divides(q, poly) for q in place.relations):
-                    yield Split([(factors[0], first + a), (factors[1], first + b)], poly)
-
-
-_DENSE = 400
-"""Terms of all relations beyond which nothing long is tried with them."""
-
-
-class Tree:
-    """Finds the tree, over a certificate that states chain, rank, reduction and families."""
-
-    def __init__(self, forms: Forms, progress: Callable[[str], None] | None = None) -> None:
-        self.forms, self.certificate, self.ring = forms, forms.certificate, forms.ring
-        self._progress = progress
-        certificate = self.certificate
-        self.families = [certificate.forms(f) for f in certificate.data["families"]]
-        # Relations, if no family has more, beyond which a place is not split: splits that say
-        # nothing new go on for ever.
-        self._most = max([8, *map(len, self.families)])
-        self._splits = Splits(self.forms, self.families, forms.require_time)
-        self._places: dict[tuple[Any, ...], Place | NotFound | None] = {}
-
-    def root(self) -> Place:
-        """The place that is everywhere; NotFound if one could not be closed, or time was over."""
-        place = self._place([])
-        assert place is not None
-        return place
-
-    def _place(self, forms: Sequence[Poly], points: bool = False) -> Place | None:
-        """The place where forms vanish, closed or split; None where it is empty."""
-        place = self.forms.without_implied(self.forms.place_of(forms, points))
-        if empty(self.ring, place.relations):
-            return None
-        texts = [str(f) for f in place.forms]
-        key = (points, *texts)
-        if key in self._places:
-            known = self._places[key]
-            if known is None:
-                raise NotFound("a place leads to itself")
-            if isinstance(known, NotFound):
-                raise known
-            return known
-        # One that is closed and has some of these forms only holds this one.
-        wider = next(
-            (
-                other
-                for known, other in self._places.items()
-                if isinstance(other, Place)
-                and other.points == points
-                and {*texts}.issuperset(known[1:])
-            ),
-            None,
-        )
-        if wider is not None:
-            return wider
-        self._places[key] = None
-        try:
-            self.forms.require_time()
-            if self._progress is not None:
-                self._progress(f"{len(self._places)} places looked at")
-            self._close(place)
-        except (NotFound, BudgetExceeded, Rejected) as reason:
-            self._places[key] = failure = NotFound(str(reason))
-            raise failure from None
-        self._places[key] = place
-        return place
-
-    def _shown(self, question: Callable[[], bool]) -> bool:
-        """Return True if something is seen, and not only after long."""
-        self.forms.require_time()
-        return shown(self.ring, question)
-
-    def _close(self, place: Place) -> None:
-        relations = place.relations
-        for k, family in enumerate(self.families):
-            if all(self.ring.vanishes(f, (place.values, place.relations)) for f in family):
-                place.family = k
-                return
-        if any(self._by_division(place, k) for k in range(len(self.families))):
-            return
-        least = self.certificate.bound + 1 - len(place.values)
-        enough = not place.points and least <= len(relations)
-        if (
-            enough
-            and sum(map(len, relations)) <= _DENSE
-            and self._shown(lambda: self.ring.codimension_at_least(least, relations))
-        ):
-            self._leave(place)
-            return
-        for k, p in enumerate(relations):
-            if [times for _, times in self.forms.factors(p)] != [1]:
-                self._split(place, Split([(self.ring.one, len(place.values) + k)], p))
-                return
-        if self._by_squares(place) or self._too_small_in_part(place, least):
-            return
-        if len(relations) > self._most:
-            raise NotFound(f"more and more relations at {place_text(place)}")
-        failure = NotFound(f"nothing to split {place_text(place)} by")
-        # Polynomials to split by that are tried at a place before it is given up, and how many
-        # relations are so many that fewer are tried.
-        tried = 8 if len(relations) <= 5 else 3
-        for split in itertools.islice(self._splits.of(place), tried):
-            try:
-                self._split(place, split)
-            except NotFound as reason:
-                failure = reason
-                continue
-            return
-        raise failure
-
-    def _by_division(self, place: Place, number: int) -> bool:
-        """Split a place that lies in a family by a multiple of one of its forms, if it does."""
-        # Two equations leave what is too large for some families (Krull).
-        ring, relations, family = self.ring, place.relations, self.families[number]
-        least = self.certificate.data["families"][number]["least_codimension"]
-        short = len(relations) > 1 and sum(map(len, relations)) <= _DENSE
-        if not short or len(place.values) + 2 < least:
-            return False
-        # Relations, the shortest, of which two are tried alone.
-        few = [relations] if len(relations) == 2 else itertools.combinations(relations[:4], 2)
-        images = [f for p in family for f in ring.stripped(ring.put(p, place.values))]
-        for some in map(list, few):
-            if self._shown(lambda some=some: all(vanishes(ring, f, some) for f in images)):  # type: ignore[misc]
-                f = next(f for f in images if not ring.vanishes(f, ({}, relations)))
-                sources = [
-                    len(place.values) + next(i for i, p in enumerate(relations) if p is r)
-                    for r in some
-                ]
-                for _, times, multiples in divisions(ring, f, some):
-                    terms = [(c, k) for c, k in zip(multiples, sources, strict=True) if c != 0]
-                    try:
-                        self._split(place, Split(list(terms), ring.times(times, f)))
-                    except NotFound:
-                        continue
-                    return True
-        return False
-
-    def _split(self, place: Place, split: Split) -> None:
-        """Follow each factor of a form that vanishes."""
-        factors = self.forms.factors(split.form)
-        place.cases = [
-            (f, times, self._place([*place.forms, f], place.points)) for f, times in factors
-        ]
-        product = self.ring.one
-        for f, times in factors:
-            product = self.ring.reduced(product * f**times)
-        place.sum = self.forms.sum(split.sum, split.form, product)
-
-    def _by_squares(self, place: Place) -> bool:
-        """Close a place where a relation is a sum of squares, and where all of these vanish."""
-        for k, p in enumerate(place.relations):
-            if self.forms.fixes(p):
-                continue
-            found = squares(self.ring, p)
-            if found is None:
-                continue
-            times, parts = found
-            try:
-                place.then = self._place([*place.forms, *(g for _, g in parts)], True)
-            except NotFound:
-                continue
-            place.squares = parts
-            total = self.ring.times(times, p)
-            place.sum = self.forms.sum([(times, len(place.values) + k)], total, total)
-            return True
-        return False
-
-    def _too_small_in_part(self, place: Place, least: int) -> bool:
-        """Close a place where the shortest of its relations are too many alone, if they are."""
-        relations = place.relations
-        if place.points:
-            return False
-        for count in range(max(least, 1), min(least + 2, len(relations))):
-            part = relations[:count]
-            # Terms of the shortest relations that are tried alone for being too many.
-            if sum(map(len, part)) > 60:
-                return False
-            if self._shown(functools.partial(self.ring.codimension_at_least, least, part)):
-                linear = place.forms[: len(place.values)]
-                then = self.forms.place_of([*linear, *part])
-                self._leave(then)
-                place.sum = [("1", len(place.values))]
-                place.cases = [(part[0], 1, then)]
-                return True
-        return False
-
-    def _leave(self, place: Place) -> None:
-        """Close a place that is too small for a component."""
-        place.sum, place.cases = [("1", 0)], [(place.forms[0], 1, None)]
-
-
-@dataclass(frozen=True)
-class Stated:
-    """A component that is stated, and the name of the family it is a part of."""
-
-    name: str
-    component: Component
-
 
 def certificate(
-    geometry: Nominal,
-    ring: algebra_ring.Ring,
-    rank: int,
-    stated: Sequence[Stated],
-    budget: Budget,
-    progress: Callable[[str], None] | None = None,
-    in_parts: bool = False,
+    form: ClosedForm, budget: Budget, progress: Callable[[str], None], in_parts: bool
 ) -> dict[str, Any]:
-    """Return a certificate that the singular set is the union of components, or raise NotFound."""
+    """Return a certificate that the singular set is the union of families, or raise NotFound."""
     # ``in_parts`` states each component as the union of simpler ones where its equations fall
     # apart: that finds proofs where the equations as they are do not, and the other way round.
+    if (geometry := form.geometry) is None:
+        raise NotFound("the closed form was read from a file: without its exact polynomials")
+    try:
+        numbers = constants(geometry, geometry.arm.task)
+    except NotFollowed as reason:
+        raise NotFound(f"the algebra does not follow a mimic joint: {reason}") from None
+    ring = ring_of(tuple(bool(p) for p in geometry.arm.prismatic), numbers, budget)
+    # It is of the polynomials, not of what is stated: unless these are known to agree.
+    if form.families is not form.faithful:
+        for off in disagreements(form.families, (), ring, geometry, form.symbols):
+            raise NotFound(off)
     roots = roots_in(geometry)
     try:
-        data = skeleton(geometry, rank, roots)
-    except NotStated as reason:
-        raise NotFound(str(reason)) from None
-    try:
-        data, jacobian = without_dependent_lines(data, budget)
+        data, jacobian = without_dependent_lines(
+            skeleton(geometry, form.generic_rank, roots), budget
+        )
         budget.check()
         draft = Draft(data, budget, jacobian)
-        polynomials, tidy = dict[str, int](), Forms(draft, budget)
-        for s in stated:
-            tidy.require_time()
-            forms = [*_linear(draft, s.component.values)]
-            forms += [form_of(p, ring, draft.ring.context, roots) for p in s.component.relations]
-            forms = _without_implied(draft, tidy.place_of(forms))
-            for part in tidy.parts(forms) if in_parts else [tidy.place_of(forms)]:
-                why = soundness(draft, tidy, part, s.component.codimension)
+        polynomials = dict[str, int]()
+        for name, c in [(f.name, c) for f in form.families for c in f.components]:
+            draft.require_time()
+            forms = [draft.at_value(j, value) for j, value in c.values.items()]
+            forms += [form_of(p, ring, draft.ring.context, roots) for p in c.relations]
+            forms = _without_implied(draft, draft.place_of(forms))
+            for part in draft.parts(forms) if in_parts else [draft.place_of(forms)]:
+                why = soundness(draft, part, c.codimension)
                 data["families"].append(
                     {
-                        "name": s.name,
+                        "name": name,
                         "forms": [_number(polynomials, f) for f in part.forms],
-                        "least_codimension": s.component.codimension,
+                        "least_codimension": c.codimension,
                         "pivot": [list(lines) for lines in why.pivot],
                         "apart": [_number(polynomials, f) for f in why.apart],
                         "multiples": why.multiples,
                     }
                 )
         draft.polys = [draft.ring.parse(text) for text in polynomials]
-        root = Tree(tidy, progress).root()
+        root = Tree(draft, progress).root()
     except Rejected as reason:
         raise NotFound(str(reason)) from None
     order = _ordered(root)
@@ -813,15 +751,7 @@ def certificate(
     return data | {"polynomials": list(polynomials), "places": places}
 
 
-def _linear(draft: Certificate, values: Mapping[int, Value]) -> Iterator[Any]:
-    """Joint values as forms."""
-    for j, v in values.items():
-        (x, y), point = draft.ring.pairs[j], v if len(v) == 2 else (1, v[0])
-        a, b = (draft.ring.number(number_text(c)) for c in point)
-        yield draft.ring.reduced(b * x - a * y)
-
-
-def _without_implied(draft: Certificate, family: Place) -> list[Any]:
+def _without_implied(draft: Draft, family: Place) -> list[Any]:
     """Return forms of a family without those that vanish wherever the shorter ones do."""
     # Soundness is shown by division, a form and a joint at a time: more forms than needed hinder
     # it.
@@ -894,3 +824,112 @@ def _ordered(root: Place) -> list[Place]:
 def text_of(data: Mapping[str, Any]) -> str:
     """A certificate as the text that is written and checked."""
     return json.dumps(data, ensure_ascii=True, separators=(",", ":"))
+
+
+SHORT = 10.0
+"""Seconds of work for a search where nobody asked for one; as a rule they take three."""
+LONG = 60.0
+"""Seconds of work for one that was asked for."""
+
+
+def prove(
+    form: ClosedForm, seconds: float = LONG, progress: Callable[[str], None] | None = None
+) -> ClosedForm:
+    """Look for a certificate that a closed form is the whole singular set, and have it checked.
+
+    Parameters
+    ----------
+    form : ClosedForm
+        As `closed_form` gave it.
+    seconds : float
+        Time for the search; the check comes on top.
+    progress : callable
+        Told now and then how far the search is.
+
+    Returns
+    -------
+    ClosedForm
+        The same, with ``proof``; complete and without gaps if the certificate was accepted.
+    """
+    return within(form, Budget(seconds), progress)
+
+
+def prove_briefly(
+    form: ClosedForm, seconds: float, progress: Callable[[str], None] | None = None
+) -> ClosedForm:
+    """The same where nobody asked for it: for `SHORT` seconds of work, and so many on the clock."""
+    found = within(form, Budget(max(seconds, 0.0), SHORT), progress)
+    if found.proof is None or found.proof.accepted or not found.proof.out_of_time:
+        return found
+    said = f"{found.proof.reason}; --prove, or prove=True, looks for one for {LONG:g} s"
+    return replace(found, proof=replace(found.proof, reason=said))
+
+
+def within(form: ClosedForm, budget: Budget, progress: Callable[[str], None] | None) -> ClosedForm:
+    """The same, within a budget; what becomes long goes on in a child, which can be stopped."""
+    search = Apart(budget, budget.on_clock, progress or (lambda text: None))
+
+    def say(text: str) -> None:
+        if search.child:
+            search.tell(text)
+        elif progress is not None:
+            progress(text)
+
+    started = time.monotonic()
+    # With square roots one resultant of few terms may take minutes, of which no count warns.
+    roots = form.geometry is not None and any(
+        isinstance(x, Surd)
+        for part in (*form.geometry.rotation, *form.geometry.translation)
+        for x in np.ravel(np.asarray(part, dtype=object))
+    )
+    ended = search.run(lambda: _proof(form, budget, say), at_once=roots)
+    if (proof := ended.result) is None:
+        reason = f"none was found: {ended.reason}"
+        proof = _none(form, reason, True, time.monotonic() - started)
+    if not proof.accepted:
+        return replace(form, proof=proof)
+    return replace(form, proof=proof, complete=True, gaps=())
+
+
+def _proof(form: ClosedForm, budget: Budget, progress: Callable[[str], None]) -> Proof:
+    """Return what becomes of the search: first of families as stated, then of these in parts."""
+    started = time.monotonic()
+    reason, stopped = "", False
+    for in_parts in (False, True):
+        if budget.over:
+            stopped = True
+            break
+        try:
+            # Half of the work for the first way, so that some is left for the second.
+            share = budget.part(1.0 if in_parts else 0.5)
+            data = certificate(form, share, progress, in_parts)
+            found = time.monotonic()
+            text = text_of(data)
+            verify(text)
+        except NotFound as problem:
+            reason, stopped = str(problem), stopped or share.over
+        except Rejected as problem:
+            reason = f"the checker says: {problem}"
+        except BudgetExceeded:
+            stopped = True
+        except (OverflowError, RecursionError) as problem:
+            reason = f"the search for one was given up: {problem}"
+        else:
+            return Proof(
+                accepted=True,
+                reason="",
+                size=len(text),
+                places=len(data["places"]),
+                seconds=found - started,
+                check_seconds=time.monotonic() - found,
+                primes=(),
+                certificate=data,
+            )
+    if stopped:
+        reason = f"none was found in the {budget.allowed} allowed"
+    return _none(form, reason, stopped, time.monotonic() - started)
+
+
+def _none(form: ClosedForm, reason: str, stopped: bool, seconds: float) -> Proof:
+    primes = () if form.random_steps is None else form.random_steps.primes
+    return Proof(False, reason, 0, 0, seconds, 0.0, primes, out_of_time=stopped)

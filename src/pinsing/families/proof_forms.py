@@ -1,24 +1,157 @@
-"""Forms as a proof writes them: one multiple of each, factors, places by their forms.
+"""What certificates are written in: the arm's chain in exact numbers, forms, places by their forms.
 
 Sums of squares say why a form is nowhere negative, or has few real zeros.
 """
 
 from __future__ import annotations
 
+import functools
 import itertools
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from fractions import Fraction
 from typing import Any
 
+import numpy as np
 from flint import arb, ctx, fmpq, fmpz_poly
 
 from pinsing.algebra.budget import Budget
-from pinsing.algebra.ring import Ring as AlgebraRing, coefficients_by, fraction, rational
+from pinsing.algebra.matrix import dependent
+from pinsing.algebra.mimic import drives
+from pinsing.algebra.ring import Ring as AlgebraRing, Value, coefficients_by, fraction, rational
 from pinsing.algebra.surd_ring import SurdRing
-from pinsing.families.skeleton import form_text
-from pinsing.proof.checker import MOST_WORK, Certificate, Poly, Rejected, Ring
+from pinsing.proof.checker import (
+    MOST_WORK,
+    SCHEMA,
+    Certificate,
+    Matrix,
+    Poly,
+    Rejected,
+    Ring,
+    flipped,
+)
+from pinsing.robot.exact_placements import IDENTITY, Deviation
+from pinsing.robot.nominal import Nominal
+from pinsing.robot.surd import SQUARES, Exact, parts_of
+
+_ROOTS = ("", "s2", "s3", "s2s3")
+
+
+class NotFound(Exception):
+    """No certificate was found, or there are no words for it; says where."""
+
+
+def number_text(value: Exact | int) -> str:
+    """An exact number as certificates write it: ``1/2``, ``-1/4s2 1/4s2s3``."""
+    parts = zip(_ROOTS, parts_of(value), strict=True)
+    return " ".join(f"{part}{root}" for root, part in parts if part) or "0"
+
+
+def form_text(form: Poly) -> str:
+    """Return a polynomial as certificates write it: ``2 -1/3y1^2y3``."""
+    # Powers of x complete the degree in each joint, and are left out but where that of y is
+    # highest.
+    names, tops = form.context().names(), form.degrees()
+    texts = []
+    for m, c in zip(form.monoms(), form.coeffs(), strict=True):
+        text = str(c)
+        for k, power in enumerate(m):
+            if power and (names[k][0] != "x" or m[k + 1] == tops[k + 1]):
+                text += f"{names[k]}^{power}" if power > 1 else names[k]
+        texts.append(text)
+    return " ".join(texts) or "0"
+
+
+def roots_in(geometry: Nominal) -> tuple[int, ...]:
+    """Return what the numbers of a chain have square roots of: 2 or 3, both or none."""
+    numbers = [x for R in geometry.rotation for row in R for x in row]
+    numbers += [x for row in geometry.tip_rotation for x in row]
+    numbers += [x for drive in drives(geometry)[0] for x in drive.turn]
+    used = {k for x in numbers for k, part in enumerate(parts_of(x)) if part}
+    return tuple(d for d in (2, 3) if any(SQUARES[k] % d == 0 for k in used))
+
+
+def skeleton(geometry: Nominal, rank: int, roots: Sequence[int]) -> dict[str, Any]:
+    """A certificate of an arm that states no family, proves nothing and reduces nothing."""
+    arm, task = geometry.arm, geometry.arm.task
+    if task.at_tip and not all(task.at_tip):
+        raise NotFound("certificates have all rows in the base's axes or all in the tip's")
+    # Placements and motions; constant motions become part of a placement.
+    driven, snaps = drives(geometry)
+    chain: list[dict[str, Any]] = []
+    placed: list[Any] = []
+    for i, drive in enumerate(driven):
+        placed.append(_motion(geometry.rotation[i], geometry.translation[i]))
+        if geometry.prismatic[i] and drive.shift != 0:
+            placed.append(_motion(shift=(0, 0, drive.shift)))
+        elif not geometry.prismatic[i] and (drive.turn[0] != 1 or drive.turn[1] != 0):
+            c, s = drive.turn
+            placed.append(_motion([[c, -s, 0], [s, c, 0], [0, 0, 1]]))
+        if drive.multiple != 0:
+            multiple = number_text(drive.multiple)
+            chain.append({**_placement(placed), "joint": drive.leader, "multiple": multiple})
+            placed = []
+    placed.append(_motion(geometry.tip_rotation, geometry.translation[-1]))
+    links = len(chain)
+    invariant = list(task.rows) in ([*range(6)], [0, 1, 2], [3, 4, 5])
+    deviation = Deviation.of((*geometry.snaps, *snaps))
+    return {
+        "schema": SCHEMA,
+        "robot": arm.name if deviation is None else f"{arm.name}, {deviation}",
+        "base": arm.base,
+        "tip_frame": arm.tip,
+        "task": str(task),
+        "joints": [
+            {"name": name, "kind": "prismatic" if slides else "revolute"}
+            for name, slides in zip(arm.joints, arm.prismatic, strict=True)
+        ],
+        "square_roots": list(roots),
+        "chain": chain,
+        "tip": _placement(placed),
+        "rows": list(task.rows),
+        "axes": links // 2 if invariant else links + 1 if task.at_tip else 0,
+        "rank": rank,
+        "row_steps": [],
+        "column_steps": [],
+        "polynomials": [],
+        "families": [],
+        "places": [],
+    }
+
+
+def _motion(turn: Sequence[Sequence[Any]] = IDENTITY, shift: Sequence[Any] = (0, 0, 0)) -> Any:
+    """A rigid motion in exact numbers, (4, 4)."""
+    rows = [[*row, x] for row, x in zip(turn, shift, strict=True)]
+    return np.array([*rows, [0, 0, 0, 1]], dtype=object)
+
+
+def _placement(motions: Sequence[Any]) -> dict[str, Any]:
+    """Motions one after the other."""
+    whole = functools.reduce(np.matmul, motions)
+    rows = [[number_text(x) for x in row] for row in whole[:3].tolist()]
+    return {"rotation": [row[:3] for row in rows], "translation": [row[3] for row in rows]}
+
+
+def form_of(poly: Poly, own: AlgebraRing, context: Any, roots: Sequence[int]) -> Poly:
+    """A polynomial of an arm's ring as a form of a certificate's, z of sliders as y over x."""
+    terms: Mapping[tuple[int, ...], Exact] = own.terms(poly)
+    degrees = poly.degrees()
+    found: dict[tuple[int, ...], Any] = {}
+    for monomial, c in terms.items():
+        powers: list[int] = []
+        for j, slides in enumerate(own.prismatic):
+            first = own.start[j]
+            if slides:
+                powers += [int(degrees[first]) - monomial[first], monomial[first]]
+            else:
+                powers += monomial[first : first + 2]
+        for square, part in zip(SQUARES, parts_of(c), strict=True):
+            if part:
+                key = (*powers, *(int(square % d == 0) for d in roots))
+                found[key] = rational(part)
+    return context.from_dict(found)
+
 
 Squares = list[tuple[Fraction, Poly]]
 """Positive factors, and forms that are squared."""
@@ -233,10 +366,6 @@ Values = dict[int, tuple[Poly, Poly]]
 """Joints at points (x : y)."""
 
 
-class NotFound(Exception):
-    """No tree of cases was found; says where."""
-
-
 @dataclass(eq=False)
 class Place:
     """One place of the tree, with how it is closed or split."""
@@ -276,23 +405,63 @@ Term = tuple[str, Any]
 """A form as text, and the source that it is times."""
 
 
-class Forms:
-    """Forms of a certificate's ring; the budget is for what is factored, and for `require_time`."""
+_ASKED_AFTER = 100_000
+"""Products of terms, some milliseconds, between two questions to the budget."""
 
-    def __init__(self, certificate: Certificate, budget: Budget) -> None:
-        self.certificate, self.ring = certificate, certificate.ring
+
+class Draft(Certificate):
+    """A certificate in the making: its chain, and forms, in the one way that each is written.
+
+    The Jacobian of the chain is found once for all drafts. All that its ring does is counted, and
+    ends with a budget.
+    """
+
+    def __init__(
+        self, data: dict[str, Any], budget: Budget, jacobian: Matrix | None = None
+    ) -> None:
+        self.known_jacobian = jacobian
         self._budget = budget
+        self._unasked = _ASKED_AFTER  # the first product asks: there may be no time at all
+        super().__init__(data)
+        self._resultants: dict[tuple[str, str, int], Poly] = {}
+        self._kept = 0
         self._factors: dict[str, list[tuple[Poly, int]]] = {}
-        self._algebra = self._ring_to_factor_in()
+        # The forms' own ring once more, to factor in.
+        flat = tuple(False for _ in self.slides)
+        start = tuple(range(0, 2 * len(self.slides), 2))
+        norms = tuple(None if s else u for s, u in zip(self.slides, self.ring.unit, strict=True))
+        ring = self.ring.context, flat, start, norms
+        roots = tuple(data["square_roots"])
+        self.algebra = SurdRing(*ring, roots, budget) if roots else AlgebraRing(*ring)
+        self._resultant, self.ring.resultant = self.ring.resultant, self._known_resultant  # type: ignore[method-assign]
 
-    def _ring_to_factor_in(self) -> AlgebraRing:
-        ring, slides = self.ring, self.certificate.slides
-        flat = tuple(False for _ in slides)
-        start = tuple(range(0, 2 * len(slides), 2))
-        norms = tuple(None if s else u for s, u in zip(slides, ring.unit, strict=True))
-        if not (roots := tuple(self.certificate.data["square_roots"])):
-            return AlgebraRing(ring.context, flat, start, norms)
-        return SurdRing(ring.context, flat, start, norms, roots, self._budget)
+    def _known_resultant(self, p: Poly, g: Poly, joint: int) -> Poly:
+        """As the checker finds it; a search asks for the same ones again and again."""
+        # Terms of resultants that are kept: some hundred megabytes.
+        if self._kept > 1_000_000:
+            return self._resultant(p, g, joint)
+        key = (str(p), str(g), joint)
+        self.ring.spend(1000)  # finding it again takes time, too
+        if key not in self._resultants:
+            self._resultants[key] = self._resultant(p, g, joint)
+            self._kept += len(p) + len(g) + len(self._resultants[key])
+        return self._resultants[key]
+
+    def jacobian(self) -> Matrix:
+        """As the checker finds it, which does so by itself in the end."""
+        self.ring.spend = self._in_time  # type: ignore[method-assign]
+        if self.known_jacobian is None:
+            self.known_jacobian = super().jacobian()
+        return self.known_jacobian
+
+    def _in_time(self, work: int) -> None:
+        """Count as the checker does, unless the budget has no room for so many products."""
+        # Products of terms that take as long as what else a step does, some microseconds.
+        self._unasked += work + 30
+        if self._unasked > _ASKED_AFTER:
+            self._budget.check(self._unasked)
+            self._unasked = 0
+        Ring.spend(self.ring, work)
 
     def require_time(self) -> None:
         """Raise BudgetExceeded once the time is over; begin to count the work of one step."""
@@ -327,6 +496,12 @@ class Forms:
             return place
         return self.place_of([*place.forms[: len(place.values)], *kept], place.points)
 
+    def at_value(self, j: int, value: Value) -> Poly:
+        """The form that puts joint ``j`` at an exact value, not tidied."""
+        (x, y), point = self.ring.pairs[j], value if len(value) == 2 else (1, value[0])
+        a, b = (self.ring.number(number_text(c)) for c in point)
+        return self.ring.reduced(b * x - a * y)
+
     def linear(self, j: int, point: tuple[Poly, Poly]) -> Poly:
         """The form that puts joint ``j`` at a point."""
         (x, y), (a, b) = self.ring.pairs[j], point
@@ -336,8 +511,8 @@ class Forms:
         """A multiple by a constant: whole coefficients without a common factor, or monic."""
         if poly == 0:
             return poly
-        if isinstance(self._algebra, SurdRing):
-            return self._algebra.monic(poly)
+        if isinstance(self.algebra, SurdRing):
+            return self.algebra.monic(poly)
         return poly / content(poly)
 
     def parts(self, forms: Sequence[Poly]) -> list[Place]:
@@ -380,22 +555,22 @@ class Forms:
             # Products of terms that take as long as factoring a short form does, for each of its
             # terms.
             self._budget.spend(30 * len(left) + len(left) ** 2)
-            rooted = isinstance(self._algebra, SurdRing)
+            rooted = isinstance(self.algebra, SurdRing)
             found = self._with_roots(left) if rooted else left.factor()[1]
             self._factors[key] = [(f if rooted else self.tidy(f), int(k)) for f, k in found]
         return self._factors[key]
 
     def _with_roots(self, poly: Poly) -> list[tuple[Poly, int]]:
         found = []
-        for f in self._algebra.factors(poly):
+        for f in self.algebra.factors(poly):
             times = 0
             while self.ring.divides(f, poly):
-                poly = self._algebra.quotient(poly, f)
+                poly = self.algebra.quotient(poly, f)
                 times += 1
             found.append((f, times))
         return found
 
-    def sum(self, terms: list[tuple[Poly, Any]], form: Poly, product: Poly) -> list[Term]:
+    def scaled(self, terms: list[tuple[Poly, Any]], form: Poly, product: Poly) -> list[Term]:
         """A sum as it is written: scaled so that it is the product, units aside."""
         (form,) = self.ring.stripped(form)
         scale = self._leading(product) * self._inverse(self._leading(form))
@@ -410,8 +585,25 @@ class Forms:
         )
 
     def _inverse(self, number: Poly) -> Poly:
-        (value,) = self._algebra.terms(number).values()
-        return self._algebra.number(1 / value)
+        (value,) = self.algebra.terms(number).values()
+        return self.algebra.number(1 / value)
+
+
+def without_dependent_lines(
+    data: Mapping[str, Any], budget: Budget
+) -> tuple[dict[str, Any], Matrix]:
+    """The certificate with the steps that make dependent lines zero, and its whole Jacobian."""
+    whole = Draft({**data, "rank": 1, "row_steps": [], "column_steps": []}, budget)
+    text = number_text if data["square_roots"] else str
+
+    def steps(lines: Matrix) -> list[list[Any]]:
+        """Which multiple of which line is taken from which."""
+        found = dependent(lines, whole.algebra, budget.check)
+        return [[i, k, text(c)] for i, terms in found.items() for k, c in terms.items()]
+
+    rows = steps(whole.jacobian())
+    columns = steps(flipped(whole.without_dependent(whole.jacobian(), rows)))
+    return {**data, "row_steps": rows, "column_steps": columns}, whole.jacobian()
 
 
 def content(*polys: Poly) -> Any:

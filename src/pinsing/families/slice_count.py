@@ -28,7 +28,7 @@ from pinsing.families.modular_chain import (
     joints_that_matter,
     short_everywhere,
 )
-from pinsing.families.skeleton import roots_in
+from pinsing.families.proof_forms import roots_in
 from pinsing.robot.nominal import Nominal
 from pinsing.robot.surd import root_modulo
 from pinsing.robot.task import Task

@@ -2,7 +2,7 @@
 
 The exact geometry (`nominal`), the search for components of the singular set (`steps`), their real
 parts (`pieces`) as families in words (`describe`), whether these are the components (`faithful`),
-a count on slices where that is open, and then the proof (`proving`), by a tree of its own.
+a count on slices where that is open, and then the proof (`certificate`), by a tree of its own.
 """
 
 from __future__ import annotations
@@ -19,12 +19,12 @@ from pinsing.algebra.equation import Equation
 from pinsing.algebra.mimic import NotFollowed, drives
 from pinsing.arguments import checked
 from pinsing.errors import OptionError
+from pinsing.families.certificate import LONG, prove as add_proof, prove_briefly
 from pinsing.families.describe import describe, mirror_key, stated
 from pinsing.families.faithful import disagreements
 from pinsing.families.family import Family
 from pinsing.families.form import ClosedForm
 from pinsing.families.pieces import SolvedPiece
-from pinsing.families.proving import LONG, prove as add_proof, prove_briefly
 from pinsing.families.slice_count import SliceCount, count_on_slices
 from pinsing.families.steps import MAX_JOINTS, ComponentSearch
 from pinsing.families.tube import find_tube
