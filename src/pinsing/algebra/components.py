@@ -294,9 +294,7 @@ def restated(
     for p in polys:
         # Terms up to which a polynomial is factored however late it is: the statement must not
         # depend on the load of a machine where it costs nothing.
-        if len(p) > 100:
-            time.check_factor(len(p), ring.long_to_factor(p))
-        factors = ring.factors(p)
+        factors = ring.factors(p, time if len(p) > 100 else None)
         whole = [f for f in factors if all(s.is_zero(f) for s in points)]
         if whole:
             chosen.append(min(whole, key=len))

@@ -187,8 +187,7 @@ def _projections(relations: Sequence[Poly], ring: Ring, time: Budget) -> list[Po
             time.check()
             resultant = ring.strip(ring.eliminated(p, g, joint))
             if resultant != 0:
-                time.check_factor(len(resultant), ring.long_to_factor(resultant))
-                found |= {str(f): f for f in ring.factors(resultant)}
+                found |= {str(f): f for f in ring.factors(resultant, time)}
     return sorted(found.values(), key=len)
 
 
@@ -255,7 +254,7 @@ class Search:
             return
         if reduced.room == 0:
             return
-        shared = self._factors(common)
+        shared = self.ring.factors(common, self.time)
         for f in shared:
             fixed = self.ring.joint_value(f)
             at = {} if fixed is None else dict([fixed])
@@ -268,7 +267,7 @@ class Search:
             return
         # Where the determinant of the corner is not zero, what is left has to drop its rank.
         self._rest(found, reduced)
-        self._branches(self._factors(found.determinant), shared, reduced, minors)
+        self._branches(self.ring.factors(found.determinant, self.time), shared, reduced, minors)
 
     def _rest(self, found: SquareCorner, place: SearchPlace) -> None:
         """Components on which the rank of what is left beside a corner drops."""
@@ -302,8 +301,8 @@ class Search:
         place, minors = self._zeroed((p,), place, minors)
         others = []
         proper = (minor for minor in minors if not self.ring.divides(p, minor))
-        for factors in map(self._factors, itertools.islice(proper, 6)):
-            if not factors:
+        for minor in itertools.islice(proper, 6):
+            if not (factors := self.ring.factors(minor, self.time)):
                 return
             others.append(factors)
         if not others:
@@ -328,7 +327,7 @@ class Search:
         """Go on at a place with all factors of what equations become at its ``new`` values."""
         put = self.ring.putting(new)
         became = [self.ring.strip(put(p)) for p in relations]
-        factors = [self._factors(p) for p in became if p != 0]
+        factors = [self.ring.factors(p, self.time) for p in became if p != 0]
         for combination in itertools.product(*factors):
             distinct = tuple({str(h): h for h in combination}.values())
             fixed = next(((h, f) for h in distinct if (f := self.ring.joint_value(h))), None)
@@ -449,14 +448,15 @@ class Search:
         # Largest product of term counts for which a symbolic resultant is tried.
         if not shared or len(p) * len(g) > 2_000:
             return
-        for h in self._factors(self.ring.strip(self.ring.eliminated(p, g, shared[0]))):
+        resultant = self.ring.strip(self.ring.eliminated(p, g, shared[0]))
+        for h in self.ring.factors(resultant, self.time):
             fixed = self.ring.joint_value(h)
             if fixed is not None:
                 at = dict([fixed])
                 put = self.ring.putting(at)
                 common = self.ring.gcd(put(p), put(g))
                 there = self._places.at(place, at)
-                for e in self._factors(self.ring.strip(common)):
+                for e in self.ring.factors(self.ring.strip(common), self.time):
                     self._within((e,), there, {})
             elif len(h) <= len(p) + len(g) and any(s.is_zero(h) for s in singular):
                 for other in sorted((p, g), key=len):
@@ -536,17 +536,17 @@ class Search:
             self.time.check()
             if any(self.ring.divides(r, minor) for r in stated):
                 continue
-            whole = [f for f in minors.factors(minor) if all(s.is_zero(f) for s in singular)]
+            whole = [
+                f
+                for f in self.ring.factors(minor, self.time)
+                if all(s.is_zero(f) for s in singular)
+            ]
             if len(whole) > 1:
                 whole.sort(key=lambda f: (sum(s.is_zero(f) for s in others), len(f)))
             stated.append(whole[0] if whole else minor)
         return tuple(sorted(stated, key=len))
 
     # Pieces -------------------------------------------------------------------------
-
-    def _factors(self, poly: Poly) -> list[Poly]:
-        self.time.check_factor(len(poly), self.ring.long_to_factor(poly))
-        return self.ring.factors(poly)
 
     def _common_factor(self, minors: Minors) -> Poly | None:
         """Greatest common divisor of all minors; None if all of them are zero."""

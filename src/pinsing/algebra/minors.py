@@ -128,9 +128,6 @@ class Minors:
         self._done: list[Poly] = []
         self._expansion = RowExpansion(matrix, ring, time)
 
-    def __len__(self) -> int:
-        return len(self._done) + len(self._left)
-
     def __iter__(self) -> Iterator[Poly]:
         """All minors that are not identically zero."""
         i = 0
@@ -149,16 +146,11 @@ class Minors:
         if minor != 0:
             self._done.append(self.ring.strip(minor))
 
-    def factors(self, poly: Poly) -> list[Poly]:
-        """Irreducible factors of a polynomial of the ring, if there is time for them."""
-        self.time.check_factor(len(poly), self.ring.long_to_factor(poly))
-        return self.ring.factors(poly)
-
     def simplest_cofactor(self, common: Poly) -> list[Poly]:
         """Factors of the minor, over the common factor, that branches into the least work."""
         best: list[Poly] | None = None
         for minor in itertools.islice(self, _LOOKED_AT):
-            factors = self.factors(self.ring.quotient(minor, common))
+            factors = self.ring.factors(self.ring.quotient(minor, common), self.time)
             if not factors:
                 return []
             if best is None or cost(factors) < cost(best):
@@ -169,10 +161,10 @@ class Minors:
         """Factors of a minor that vanishes at none of some points, simple if there is a choice."""
         left = iter(self)
         while batch := list(itertools.islice(left, _LOOKED_AT)):
-            for minor in sorted(batch, key=lambda m: self.effort(self.factors(m))):
+            for minor in sorted(batch, key=lambda m: self.effort(self.ring.factors(m, self.time))):
                 self.time.check()
                 if not any(s.is_zero(minor) for s in regular):
-                    return self.factors(minor)
+                    return self.ring.factors(minor, self.time)
         return None
 
     def effort(self, factors: list[Poly]) -> tuple[int, int]:

@@ -14,10 +14,11 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from fractions import Fraction
-from typing import Any
+from typing import Any, ClassVar
 
 from flint import Ordering, fmpq, fmpq_mpoly_ctx
 
+from pinsing.algebra.budget import Budget
 from pinsing.robot.surd import Exact, Surd
 
 
@@ -95,25 +96,16 @@ class Ring:
         default_factory=dict, init=False, compare=False, repr=False
     )
 
-    @property
-    def one(self) -> Poly:
-        """The constant 1."""
-        return self.context.constant(1)
+    nvars: int = field(init=False, compare=False)  # number of the joints' variables
+    zero: Poly = field(init=False, compare=False, repr=False)
+    one: Poly = field(init=False, compare=False, repr=False)
+    # whether all coefficients are rational
+    rational: ClassVar[bool] = True
 
-    @property
-    def zero(self) -> Poly:
-        """The constant 0."""
-        return self.context.constant(0)
-
-    @property
-    def rational(self) -> bool:
-        """True if all coefficients are rational."""
-        return True
-
-    @property
-    def nvars(self) -> int:
-        """Number of the joints' variables."""
-        return sum(1 if slides else 2 for slides in self.prismatic)
+    def __post_init__(self) -> None:
+        constant = self.context.constant
+        nvars = sum(1 if slides else 2 for slides in self.prismatic)
+        self.__dict__.update(nvars=nvars, zero=constant(0), one=constant(1))
 
     def number(self, value: Exact | int) -> Poly:
         """A constant of the ring."""
@@ -257,8 +249,13 @@ class Ring:
                 poly = divided_by(poly, w)
         return poly
 
-    def factors(self, poly: Poly) -> list[Poly]:
-        """Irreducible factors, without multiplicity and without any x^2 + y^2."""
+    def factors(self, poly: Poly, time: Budget | None = None) -> list[Poly]:
+        """Irreducible factors, without multiplicity and without any x^2 + y^2.
+
+        BudgetExceeded where there is a ``time``, and none for them.
+        """
+        if time is not None:
+            time.check_factor(len(poly), self.long_to_factor(poly))
         alike = self.known.setdefault((len(poly), poly.degrees()), [])
         for other, factors in alike:
             if other == poly:
@@ -354,39 +351,31 @@ class Ring:
         if max(sum(m) for m in terms) != 1:
             return None
 
-        def coefficient(v: int | None) -> Exact:
-            return terms.get(tuple(int(v == k) for k in range(self.nvars)), Fraction(0))
-
+        zero = Fraction(0)
+        by = {m.index(1) if any(m) else None: c for m, c in terms.items()}
         if self.prismatic[j]:
-            return j, (-coefficient(None) / coefficient(variables[0]),)
-        x, y = coefficient(variables[1]), -coefficient(variables[0])
+            return j, (-by.get(None, zero) / by[variables[0]],)
+        x, y = by.get(variables[1], zero), -by.get(variables[0], zero)
         # Canonical representative, so that equal values compare equal.
         lead = x if x != 0 else y
         return j, (x / lead, y / lead)
 
 
-def make_ring(prismatic: Sequence[bool]) -> Ring:
-    """Ring of a chain with these joints, over the rationals."""
-    names, start = variable_names(prismatic)
-    context = fmpq_mpoly_ctx.get(names, Ordering.degrevlex)
-    return Ring(context, tuple(bool(p) for p in prismatic), start, norms(context, prismatic))
-
-
-def variable_names(prismatic: Sequence[bool]) -> tuple[list[str], tuple[int, ...]]:
-    """Names of the variables, and the index of each joint's first."""
+def layout(prismatic: Sequence[bool], roots: Sequence[int] = ()) -> tuple[Any, ...]:
+    """Return the first fields of a chain's ring, whose last variables are square roots."""
     names: list[str] = []
-    start = []
+    start: list[int] = []
     for j, slides in enumerate(prismatic, 1):
         start.append(len(names))
         names += [f"z{j}"] if slides else [f"x{j}", f"y{j}"]
-    return names, tuple(start)
+    order = Ordering.lex if roots else Ordering.degrevlex
+    context = fmpq_mpoly_ctx.get([*names, *(f"s{d}" for d in roots)], order)
+    gens, kinds = context.gens(), tuple(bool(p) for p in prismatic)
+    both = zip(start, kinds, strict=True)
+    norms = tuple(None if slides else gens[s] ** 2 + gens[s + 1] ** 2 for s, slides in both)
+    return context, kinds, tuple(start), norms
 
 
-def norms(context: Any, prismatic: Sequence[bool]) -> tuple[Poly | None, ...]:
-    """x^2 + y^2 of each revolute joint, None for the others."""
-    gens = context.gens()
-    start = variable_names(prismatic)[1]
-    return tuple(
-        None if slides else gens[s] ** 2 + gens[s + 1] ** 2
-        for s, slides in zip(start, prismatic, strict=True)
-    )
+def make_ring(prismatic: Sequence[bool]) -> Ring:
+    """Ring of a chain with these joints, over the rationals."""
+    return Ring(*layout(prismatic))

@@ -18,9 +18,9 @@ import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from fractions import Fraction
-from typing import Any
+from typing import Any, ClassVar
 
-from flint import Ordering, fmpq_mpoly_ctx, fmpz_mat
+from flint import fmpz_mat
 
 from pinsing.algebra.budget import Budget, BudgetExceeded
 from pinsing.algebra.ring import (
@@ -30,11 +30,10 @@ from pinsing.algebra.ring import (
     Value,
     coefficients_by,
     fraction,
+    layout,
     make_ring,
-    norms,
     rational,
     terms_of,
-    variable_names,
     whole_terms,
 )
 from pinsing.algebra.zeros import WORD_PRIME, image, root_modulo
@@ -52,10 +51,7 @@ class SurdRing(Ring):
     roots: tuple[int, ...]  # what the roots are of, (2,), (3,) or (2, 3): flint's last variables
     time: Budget = field(compare=False)  # asked within factors and divisors, which can be long
 
-    @property
-    def rational(self) -> bool:
-        """True if all coefficients are rational."""
-        return False
+    rational: ClassVar[bool] = False
 
     @property
     def basis(self) -> tuple[int, ...]:
@@ -341,10 +337,8 @@ def ring_of(prismatic: Sequence[bool], numbers: Sequence[Exact], time: Budget) -
     if not used:
         return make_ring(prismatic)
     roots = tuple(d for d in (2, 3) if any(SQUARES[k] % d == 0 for k in used))
-    names, start = variable_names(prismatic)
-    context = fmpq_mpoly_ctx.get([*names, *(f"s{d}" for d in roots)], Ordering.lex)
-    slides = tuple(bool(p) for p in prismatic)
-    return SurdRing(context, slides, start, norms(context, prismatic), roots, time)
+    context, slides, start, w = layout(prismatic, roots)
+    return SurdRing(context, slides, start, w, roots, time)
 
 
 def _primes(bits: int) -> Iterator[int]:

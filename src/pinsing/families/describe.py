@@ -56,6 +56,7 @@ from pinsing.measures import ALIKE, SEED, Reachability
 from pinsing.prose import listed
 from pinsing.robot.arm import Arm
 from pinsing.robot.nominal import Nominal
+from pinsing.robot.source import kept
 
 
 def mirror_key(piece: SolvedPiece) -> object:
@@ -284,7 +285,7 @@ Holds = Callable[[JointAxes, float], bool]
 
 def title_of(arm: Arm, points: Array) -> str:
     """Return the name of the family that has these points (N, n), all over it; "" if none."""
-    conditions = arm.once("named conditions", lambda: _conditions(arm))
+    conditions = _conditions(arm)
     if not conditions or not len(points):
         return ""
     axes = [JointAxes.of(J, arm.prismatic, np.zeros(3)) for J in frame_jacobians(arm, points)]
@@ -292,6 +293,7 @@ def title_of(arm: Arm, points: Array) -> str:
     return found[0] if len(found) == 1 else ""
 
 
+@kept
 def _conditions(arm: Arm) -> Mapping[str, Holds]:
     """The conditions that have a name for an arm; none where its geometry does not warrant it."""
     slides = arm.prismatic

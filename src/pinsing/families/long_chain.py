@@ -547,11 +547,7 @@ class LongChain:
                     raise
         if not polys:
             return
-        self._branch(place, [self._factors(p) for p in polys])
-
-    def _factors(self, poly: Poly) -> list[Poly]:
-        self.time.check_factor(len(poly))
-        return self.ring.factors(poly)
+        self._branch(place, [self.ring.factors(p, self.time) for p in polys])
 
     def _branch(self, place: Places, factors: Sequence[list[Poly]]) -> None:
         """Go on at joint values; judge what is left."""
@@ -670,7 +666,7 @@ class LongChain:
         self, place: Places, relations: Relations, more: Relations, told: Relations, rounds: int
     ) -> None:
         """Judge the part of some equations on which others are zero too, factor by factor."""
-        factors = [self._factors(t) for t in told]
+        factors = [self.ring.factors(t, self.time) for t in told]
         # Combinations of factors of these that are judged one by one.
         if math.prod(map(len, factors)) > 16:
             self._judge(place, relations, (*more, *told), rounds + 1)
@@ -699,7 +695,7 @@ class LongChain:
         if not minors:
             self.open_ends["uncut"] += 1
             return
-        for f in self._factors(minors[0]):
+        for f in self.ring.factors(minors[0], self.time):
             if fixed := self.ring.joint_value(f):
                 self._push({**place, fixed[0]: fixed[1]})
             else:

@@ -292,8 +292,7 @@ class SliceSearch:
                     break
                 minor = minors.minor(some, c.values)
                 if minor != 0 and not any(self.ring.divides(r, minor) for r in c.relations):
-                    time.check_factor(len(minor))
-                    found.append(self.ring.factors(minor))
+                    found.append(self.ring.factors(minor, time))
         except (BudgetExceeded, NotSquare):
             pass
         shortest = min(found, key=lambda fs: max(map(len, fs), default=0), default=[])

@@ -46,6 +46,7 @@ from pinsing.measures import PRACTICAL
 from pinsing.prose import PLAIN, Page, Span, listed, measured, unbroken, verdict
 from pinsing.robot.arm import Arm, ArmSummary, summarize
 from pinsing.robot.nominal import nominal
+from pinsing.robot.source import kept
 from pinsing.robot.task import parse_task
 from pinsing.serialization import JsonResult
 
@@ -521,17 +522,14 @@ def loss_at(arm: Arm, q: Array, rtol: float = SINGULAR_RTOL, near_rtol: float = 
     )
 
 
+@kept
 def never_produced(arm: Arm) -> Array:
     """Orthonormal task directions (m, k) that the arm can produce at no configuration."""
-
-    def find() -> Array:
-        exact = nominal(arm).arm
-        Q = random_turns(exact, 6, 77041)
-        J = own_scale(exact).apply(exact, frame_jacobians(exact, Q), Q)
-        U, sigma, _ = np.linalg.svd(np.concatenate(list(J), axis=1))
-        return np.asarray(U[:, int((sigma > SINGULAR_RTOL * sigma[0]).sum()) :])
-
-    return arm.once("never_produced", find)
+    exact = nominal(arm).arm
+    Q = random_turns(exact, 6, 77041)
+    J = own_scale(exact).apply(exact, frame_jacobians(exact, Q), Q)
+    U, sigma, _ = np.linalg.svd(np.concatenate(list(J), axis=1))
+    return np.asarray(U[:, int((sigma > SINGULAR_RTOL * sigma[0]).sum()) :])
 
 
 def _without(U: Array, other: Array) -> Array:

@@ -31,6 +31,7 @@ from pinsing.kinematics.verdict import SINGULAR_RTOL, generic_rank, zero_of
 from pinsing.measures import SEED
 from pinsing.robot.arm import Arm
 from pinsing.robot.nominal import nominal
+from pinsing.robot.source import kept
 from pinsing.robot.task import TOOL_AXES
 
 Ints = NDArray[np.intp]
@@ -196,21 +197,17 @@ def landmarks(arm: Arm, axes: JointAxes) -> dict[str, Array]:
     return found
 
 
+@kept
 def arm_centres(arm: Arm) -> tuple[AxesCentre, ...]:
     """Sets of three turning axes in a row that meet in one point at every configuration."""
-    if arm.coupling is not None:
-        return ()
-    return arm.once("arm_centres", lambda: find_centres(generic_axes(arm)))
+    return () if arm.coupling is not None else find_centres(generic_axes(arm))
 
 
+@kept
 def moving_columns(arm: Arm) -> tuple[int, ...]:
     """Joints (indices) that move the task at some configuration."""
-
-    def find() -> tuple[int, ...]:
-        general = np.linalg.norm(_generic_task(arm), axis=1).max(axis=0)
-        return tuple(int(i) for i in np.flatnonzero(general > SINGULAR_RTOL * general.max()))
-
-    return arm.once("moving_columns", find)
+    general = np.linalg.norm(_generic_task(arm), axis=1).max(axis=0)
+    return tuple(int(i) for i in np.flatnonzero(general > SINGULAR_RTOL * general.max()))
 
 
 def generic_axes(arm: Arm) -> list[JointAxes]:
@@ -218,15 +215,12 @@ def generic_axes(arm: Arm) -> list[JointAxes]:
     return [JointAxes.of(g, arm.prismatic, np.zeros(3)) for g in _generic_jacobians(arm)]
 
 
+@kept
 def _generic_task(arm: Arm) -> Array:
     """Task Jacobians (k, m, n) of the nominal geometry at random configurations, without units."""
     exact = nominal(arm).arm
-
-    def compute() -> Array:
-        Q = random_turns(exact, _SAMPLES, SEED)
-        return own_scale(exact).apply(exact, _generic_jacobians(exact), Q)
-
-    return arm.once("generic_task", compute)
+    Q = random_turns(exact, _SAMPLES, SEED)
+    return own_scale(exact).apply(exact, _generic_jacobians(exact), Q)
 
 
 class _Reasons:
@@ -330,8 +324,7 @@ def _merged(parts: Sequence[tuple[int, ...]]) -> list[tuple[int, ...]]:
     return merged
 
 
+@kept
 def _generic_jacobians(arm: Arm) -> Array:
     """Frame Jacobians (k, 6, n) at random configurations, whole circles."""
-    return arm.once(
-        "generic_jacobians", lambda: frame_jacobians(arm, random_turns(arm, _SAMPLES, SEED))
-    )
+    return frame_jacobians(arm, random_turns(arm, _SAMPLES, SEED))

@@ -24,6 +24,7 @@ from pinsing.errors import EngineError, OptionError
 from pinsing.measures import NOISE, ROUNDING, SEED
 from pinsing.robot.arm import Arm
 from pinsing.robot.chain import flatten
+from pinsing.robot.source import kept
 from pinsing.robot.task import Task
 
 PINOCCHIO = "pinocchio"
@@ -48,7 +49,7 @@ def batch_chain(arm: Arm, engine: str = "auto") -> FlatChain | None:
 def _chain_or_reason(arm: Arm) -> FlatChain | str:
     """The arm's chain for the kernel, or why there is none."""
     # A kernel that does not match the sources cannot be verified.
-    return kernel.unavailable_reason() or arm.once("batch_chain", lambda: _verified(arm))
+    return kernel.unavailable_reason() or _verified(arm)
 
 
 def fixed_engine(arm: Arm, engine: str = "auto") -> str:
@@ -105,6 +106,7 @@ def pinocchio_jacobians(arm: Arm, Q: Array) -> Array:
     return out
 
 
+@kept
 def _verified(arm: Arm) -> FlatChain | str:
     """The flat chain if the kernel agrees with Pinocchio on it, else why it may not be used."""
     plain = flatten(arm)
@@ -134,7 +136,7 @@ def tip_rotations(arm: Arm, Q: Array, engine: str = "auto", threads: int | None 
             found[i] = pin.updateFramePlacement(arm.model, data, arm.tip_id).rotation
         return found
     # Three slides along the tip's axes, behind it: their columns are those axes.
-    chain = arm.once("chain_with_tip_axes", lambda: _with_tip_axes(arm))
+    chain = _with_tip_axes(arm)
     values = np.concatenate([model_values(arm, Q), np.zeros((len(Q), 3))], axis=1)
     return kernel.jacobians(chain, values, threads=threads, isa=engine)[:, :3, -3:]
 
@@ -162,8 +164,11 @@ def picked(task: Task, J: Array, R: Array | None) -> Array:
 
 def in_base(arm: Arm, U: Array, q: Array) -> Array:
     """Wrenches (6, d) in base axes that the task rows U (m, d) at q (n,) are components of."""
-    task = arm.task
-    return np.asarray(task_rows(arm, np.eye(6), q).T @ U) if task.at_tip else _spread(task, U)
+    if arm.task.at_tip:
+        return np.asarray(task_rows(arm, np.eye(6), q).T @ U)
+    out = np.zeros((6, U.shape[1]))
+    out[list(arm.task.rows)] = U
+    return out
 
 
 def turned_slopes(arm: Arm, J: Array, H: Array, Q: Array) -> Array:
@@ -212,12 +217,6 @@ def rotation_vectors(R: Array) -> Array:
     return np.asarray(out)
 
 
-def _spread(task: Task, U: Array) -> Array:
-    out = np.zeros((6, U.shape[1]))
-    out[list(task.rows)] = U
-    return out
-
-
 def each_cross(a: Array, b: Array) -> Array:
     """Products a_j x b_i (..., 3, n, n), entry [:, i, j], of columns of a and b (..., 3, n)."""
     ax, ay, az = (a[..., k, None, :] for k in range(3))
@@ -225,6 +224,7 @@ def each_cross(a: Array, b: Array) -> Array:
     return np.stack([ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx], axis=-3)
 
 
+@kept
 def _with_tip_axes(arm: Arm) -> FlatChain:
     chain = batch_chain(arm, "batch")
     assert chain is not None  # an engine of the kernel was fixed
@@ -258,19 +258,19 @@ class OwnScale:
         return np.asarray(task_rows(arm, J, Q, R) * self.rows[:, None] * self.columns)
 
 
+@kept
 def own_scale(arm: Arm) -> OwnScale:
     """The own scale of ``arm``, which its task rows and length scale leave as it is."""
-    return arm.once("own_scale", lambda: _own_scale(arm))
-
-
-def random_turns(arm: Arm, count: int, seed: int = SEED) -> Array:
-    """Random configurations (count, n): whole circles, and as far as the arm is long."""
-    reach = np.where(arm.prismatic, own_scale(arm).length, np.pi)
-    return np.random.default_rng(seed).uniform(-1, 1, (count, arm.n)) * reach
-
-
-def _own_scale(arm: Arm) -> OwnScale:
-    length = _length(arm)
+    rng = np.random.default_rng(SEED)
+    bounded = arm.prismatic & np.isfinite(arm.lower) & np.isfinite(arm.upper)
+    half = np.where(arm.prismatic, 0.0, np.pi)
+    low, high = np.where(bounded, arm.lower, -half), np.where(bounded, arm.upper, half)
+    J = pinocchio_jacobians(arm, rng.uniform(low, high, (_SAMPLES, arm.n)))
+    chain = flatten(arm)
+    reach = float(np.linalg.norm(J[:, :3, ~chain.prismatic], axis=1).max(initial=0.0))
+    length = 1.0  # if it turns about the tip alone: any length will do
+    if reach > ROUNDING * float(np.abs(chain.t).max()):
+        length = 10.0 ** round(math.log10(reach))
     translation = np.array(arm.task.rows) < 3
     rows = np.where(translation, 1.0 / length, 1.0)
     columns = np.where(arm.prismatic, length, 1.0)
@@ -279,17 +279,10 @@ def _own_scale(arm: Arm) -> OwnScale:
     return OwnScale(length, rows, columns, float(factors[0]) if alike else None)
 
 
-def _length(arm: Arm) -> float:
-    rng = np.random.default_rng(SEED)
-    bounded = arm.prismatic & np.isfinite(arm.lower) & np.isfinite(arm.upper)
-    half = np.where(arm.prismatic, 0.0, np.pi)
-    low, high = np.where(bounded, arm.lower, -half), np.where(bounded, arm.upper, half)
-    J = pinocchio_jacobians(arm, rng.uniform(low, high, (_SAMPLES, arm.n)))
-    chain = flatten(arm)
-    reach = float(np.linalg.norm(J[:, :3, ~chain.prismatic], axis=1).max(initial=0.0))
-    if reach <= ROUNDING * float(np.abs(chain.t).max()):
-        return 1.0  # it turns about the tip alone: any length will do
-    return 10.0 ** round(math.log10(reach))
+def random_turns(arm: Arm, count: int, seed: int = SEED) -> Array:
+    """Random configurations (count, n): whole circles, and as far as the arm is long."""
+    reach = np.where(arm.prismatic, own_scale(arm).length, np.pi)
+    return np.random.default_rng(seed).uniform(-1, 1, (count, arm.n)) * reach
 
 
 @dataclass(frozen=True, eq=False)
@@ -350,12 +343,12 @@ class Batch:
 
     def own_chain(self) -> FlatChain:
         """The kernel's chain of the arm as it is in its own length."""
-        return self.arm.once("own_chain", self._own_chain)
-
-    def _own_chain(self) -> FlatChain:
         chain = self._chain()
         assert chain is not None  # only the kernel has one
-        return FlatChain(chain.R, chain.t / own_scale(self.arm).length, chain.prismatic)
+        length = own_scale(self.arm).length
+        return self.arm.once(
+            "own_chain", lambda: FlatChain(chain.R, chain.t / length, chain.prismatic)
+        )
 
     def _chain(self) -> FlatChain | None:
         if self.engine == PINOCCHIO:

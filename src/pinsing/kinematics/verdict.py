@@ -47,6 +47,7 @@ from pinsing.measures import (
 from pinsing.robot.arm import Arm
 from pinsing.robot.chain import Chain, flatten
 from pinsing.robot.nominal import exact_generic_rank, nominal
+from pinsing.robot.source import kept
 
 _RANK_SAMPLES = 6
 _SIZE_SAMPLES = 15
@@ -60,6 +61,7 @@ class Measured(NamedTuple):
 
 
 @checked
+@kept
 def generic_rank(arm: Arm) -> int:
     """Return the rank of the task Jacobian at almost every configuration.
 
@@ -89,12 +91,36 @@ def generic_rank(arm: Arm) -> int:
     >>> pinsing.kinematics.generic_rank(pinsing.load("planar3r"))
     3
     """
-    return arm.once("generic_rank", lambda: _generic_rank(arm))
+    geometry = nominal(arm)
+    if geometry.arm is not arm:
+        return generic_rank(geometry.arm)
+    # Floats alone prove that the rank is as great as the size of J allows: rounding moves no
+    # singular value by more than about 1e-14 sigma_1 of all six rows (Weyl's inequality), which is
+    # about one at the arm's own scale: the task's rows may be nothing but rounding. So where the
+    # last one is 1e-6 of that, and of the task's sigma_1, at a single configuration, J has full
+    # rank there, and thereby at almost every one.
+    sigma = batch(arm, PINOCCHIO).own_sigma(random_turns(arm, _RANK_SAMPLES))
+    if (sigma[:, -1] > ALIKE * np.maximum(sigma[:, 0], 1.0)).any():
+        rank = min(len(arm.task.rows), arm.n)
+    elif arm.coupling is not None:
+        rank = _sampled_rank(arm)
+    else:
+        rank = exact_generic_rank(geometry, arm.task)
+    OptionError.refuse_if(
+        rank == 0,
+        f"task {arm.task}: no joint of {arm.name} moves tip {arm.tip!r} in any of its "
+        "rows; choose other rows",
+    )
+    return rank
 
 
+@kept
 def task_size(arm: Arm) -> float:
     """Return the median of sigma_1 at the arm's own scale; 0 for ``pose``, which never vanishes."""
-    return arm.once("task_size", lambda: _task_size(arm))
+    if arm.task.name == "pose":
+        return 0.0
+    found = batch(arm, PINOCCHIO).own_sigma(random_turns(arm, _SIZE_SAMPLES))
+    return float(np.median(found[:, 0]))
 
 
 def ratio_of(arm: Arm, own_sigma: ArrayLike) -> Array:
@@ -165,36 +191,6 @@ def scale_notes(arm: Arm) -> Iterator[str]:
         )
 
 
-def _generic_rank(arm: Arm) -> int:
-    geometry = nominal(arm)
-    if geometry.arm is not arm:
-        return generic_rank(geometry.arm)
-    if _is_full(arm):
-        rank = min(len(arm.task.rows), arm.n)
-    elif arm.coupling is not None:
-        rank = _sampled_rank(geometry.arm)
-    else:
-        rank = exact_generic_rank(geometry, arm.task)
-    OptionError.refuse_if(
-        rank == 0,
-        f"task {arm.task}: no joint of {arm.name} moves tip {arm.tip!r} in any of its "
-        "rows; choose other rows",
-    )
-    return rank
-
-
-def _is_full(exact: Arm) -> bool:
-    """Return True if floats alone prove that the rank is as great as the size of J allows.
-
-    Rounding moves no singular value by more than about 1e-14 sigma_1 of all six rows (Weyl's
-    inequality), which is about one at the arm's own scale: the task's rows may be nothing but
-    rounding. So where the last one is 1e-6 of that, and of the task's sigma_1, at a single
-    configuration, J has full rank there, and thereby at almost every one.
-    """
-    sigma = batch(exact, PINOCCHIO).own_sigma(random_turns(exact, _RANK_SAMPLES))
-    return bool((sigma[:, -1] > ALIKE * np.maximum(sigma[:, 0], 1.0)).any())
-
-
 def _sampled_rank(exact: Arm) -> int:
     """The same of an arm with mimic joints, by floats: these may follow by any multiple."""
     # Whole circles, not the limits: an arm whose limits are narrow has a generic rank too.
@@ -206,13 +202,6 @@ def _sampled_rank(exact: Arm) -> int:
     if sigma.max() <= SINGULAR_RTOL * largest:
         return 0
     return int((sigma > SINGULAR_RTOL * sigma[:, :1]).sum(axis=1).max())
-
-
-def _task_size(arm: Arm) -> float:
-    if arm.task.name == "pose":
-        return 0.0
-    found = batch(arm, PINOCCHIO).own_sigma(random_turns(arm, _SIZE_SAMPLES))
-    return float(np.median(found[:, 0]))
 
 
 @dataclass(frozen=True, eq=False)

@@ -6,6 +6,7 @@ Pinocchio's ``RobotWrapper`` (``example_robot_data.load`` and ``robot_descriptio
 
 from __future__ import annotations
 
+import functools
 import os
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
@@ -51,6 +52,19 @@ class Memory:
         if name not in self.known:
             self.known[name] = compute()
         return cast("T", self.known[name])
+
+
+_M = TypeVar("_M", bound=Memory)
+
+
+def kept(compute: Callable[[_M], T]) -> Callable[[_M], T]:
+    """Decorate what depends on one arm alone: each keeps it, under the function's name."""
+
+    @functools.wraps(compute)
+    def once(arm: _M) -> T:
+        return arm.once(compute.__name__, lambda: compute(arm))
+
+    return once
 
 
 @dataclass(frozen=True, eq=False)
