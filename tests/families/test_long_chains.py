@@ -12,7 +12,8 @@ from pinsing.families.long_chain import LongChain
 from pinsing.families.pieces import PieceMaker
 from pinsing.families.solve import joint_symbols
 from pinsing.families.zero_set import draw, peeled, residuals
-from pinsing.kinematics.jacobian import generic_rank
+from pinsing.kinematics.jacobian import generic_rank, task_jacobians
+from pinsing.kinematics.verdict import ratios
 from pinsing.robot.nominal import nominal
 
 
@@ -137,8 +138,8 @@ def test_two_spherical_groups_make_a_larger_set():
     assert larger  # codimension 4 is what six axes and three more give
     # Where the six depend on each other in another way, the equations hold as well.
     points = maker.thrown(maker.branch_of({}, larger[0].relations), 60)
-    singular = points[maker.ratios(points) < 1e-9]
+    singular = points[ratios(maker.geometry.arm, points) < 1e-9]
     assert len(singular) > 4
-    J = maker.jacobians(singular)[..., [0, 1, 2, 6, 7, 8]]
+    J = task_jacobians(maker.geometry.arm, singular)[..., [0, 1, 2, 6, 7, 8]]
     sizes = np.linalg.svd(J, compute_uv=False)
     assert (sizes[:, 4] > 1e-6 * sizes[:, 0]).any()

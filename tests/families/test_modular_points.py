@@ -12,6 +12,7 @@ from pinsing.families.long_chain import LongChain, ModularPoints, solving_order
 from pinsing.families.pieces import PieceMaker
 from pinsing.families.solve import joint_symbols
 from pinsing.kinematics.jacobian import generic_rank
+from pinsing.kinematics.verdict import ratios
 from pinsing.robot.nominal import nominal
 
 
@@ -77,6 +78,6 @@ def test_a_chain_is_stated_by_them_alone(snake, monkeypatch):
     chain = LongChain(geometry, arm.task, generic_rank(geometry.arm), ring, maker, Budget(60))
     assert [c.codimension for c in chain.components] == [5]
     points = maker.thrown(maker.branch_of({}, chain.components[0].relations), 40)
-    ratio = maker.ratios(points)
+    ratio = ratios(maker.geometry.arm, points)
     assert (ratio < 1e-9).sum() >= 3
     assert np.isfinite(ratio).all()

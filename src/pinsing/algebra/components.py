@@ -8,6 +8,7 @@ makes all of the system's polynomials zero. That nothing of the part is lost its
 
 from __future__ import annotations
 
+import contextlib
 import itertools
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -120,7 +121,10 @@ class FoundComponents:
             held = [s for s in backing.points if on_any(earlier, s)]
             own = [s for s in backing.points if s not in held]
             if own or not backing.points:
-                kept.append((_without(c, backing, own, held), own))
+                if held and backing.state is not None:  # stated by its own points only
+                    with contextlib.suppress(BudgetExceeded):
+                        c = replace(c, relations=backing.state(own, [*backing.others, *held]))
+                kept.append((c, own))
         # What could not be told apart from a part of it may hold one that came earlier.
         for entry in tuple(kept):
             c, own = entry
@@ -204,18 +208,6 @@ def on_any(components: Iterable[Component], point: SlicePoint) -> bool:
         and all(point.is_zero(r) for r in c.relations)
         for c in components
     )
-
-
-def _without(
-    c: Component, backing: Backing, own: list[SlicePoint], held: list[SlicePoint]
-) -> Component:
-    """A system stated by those of its points only that no other component holds."""
-    if not held or backing.state is None:
-        return c
-    try:
-        return replace(c, relations=backing.state(own, [*backing.others, *held]))
-    except BudgetExceeded:
-        return c
 
 
 FIRST_SEED = 7

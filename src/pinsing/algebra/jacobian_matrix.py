@@ -84,11 +84,18 @@ class RigidMotion:
     d: Poly
 
 
-class _Products:
-    """Products of polynomials, each asked of the time before it is begun."""
+class _Chain:
+    """Poses along the nominal chain, as polynomials: each product asks the time first."""
 
-    def __init__(self, ring: Ring, time: Budget) -> None:
-        self.ring, self.time = ring, time
+    def __init__(
+        self, geometry: Nominal, ring: Ring, time: Budget, leaders: Sequence[int] | None = None
+    ) -> None:
+        self.ring, self.geometry, self.time = ring, geometry, time
+        self.n = len(geometry.prismatic)
+        self.drives, _ = drives(geometry)
+        self.placed, self.moved = functools.cache(self._placed), functools.cache(self._moved)
+        if leaders is not None:
+            self.drives = tuple(replace(d, leader=leaders[d.leader]) for d in self.drives)
 
     def of(self, x: Poly, y: Poly) -> Poly:
         """X times y."""
@@ -112,21 +119,6 @@ class _Products:
         """A x b."""
         turned = ((1, 2), (2, 0), (0, 1))
         return [self.ring.reduce(self.of(a[i], b[j]) - self.of(a[j], b[i])) for i, j in turned]
-
-
-class _Chain:
-    """Poses along the nominal chain, as polynomials."""
-
-    def __init__(
-        self, geometry: Nominal, ring: Ring, time: Budget, leaders: Sequence[int] | None = None
-    ) -> None:
-        self.ring, self.geometry = ring, geometry
-        self.products = _Products(ring, time)
-        self.n = len(geometry.prismatic)
-        self.drives, _ = drives(geometry)
-        self.placed, self.moved = functools.cache(self._placed), functools.cache(self._moved)
-        if leaders is not None:
-            self.drives = tuple(replace(d, leader=leaders[d.leader]) for d in self.drives)
 
     def _placed(self, i: int) -> RigidMotion:
         """Constant placement C_i."""
@@ -158,15 +150,15 @@ class _Chain:
         return RigidMotion([[c, -s, zero], [s, c, zero], [zero, zero, w]], [zero, zero, zero], w)
 
     def compose(self, a: RigidMotion, b: RigidMotion) -> RigidMotion:
-        dot, of, reduce = self.products.dot, self.products.of, self.ring.reduce
+        dot, of, reduce = self.dot, self.of, self.ring.reduce
         p = [dot(row, b.p) + reduce(of(x, b.d)) for row, x in zip(a.R, a.p, strict=True)]
-        return RigidMotion(self.products.matrix(a.R, b.R), p, of(a.d, b.d))
+        return RigidMotion(self.matrix(a.R, b.R), p, of(a.d, b.d))
 
     def inverse(self, a: RigidMotion) -> RigidMotion:
         Rt = [list(column) for column in zip(*a.R, strict=True)]
-        of = self.products.of
+        of = self.of
         R = [[of(x, a.d) for x in row] for row in Rt]
-        return RigidMotion(R, [-self.products.dot(row, a.p) for row in Rt], of(a.d, a.d))
+        return RigidMotion(R, [-self.dot(row, a.p) for row in Rt], of(a.d, a.d))
 
     def identity(self) -> RigidMotion:
         one, zero = self.ring.one, self.ring.zero
@@ -197,7 +189,7 @@ class _Chain:
     ) -> tuple[list[Poly], list[Poly]]:
         """A screw seen from before poses that follow it on the chain, the nearest first."""
         for pose in poses:
-            v, w = ([self.products.dot(row, x) for row in pose.R] for x in (v, w))
+            v, w = ([self.dot(row, x) for row in pose.R] for x in (v, w))
             v = self._shifted(v, pose.p, w, 1)
         return v, w
 
@@ -207,26 +199,39 @@ class _Chain:
         """A screw seen from behind a pose that goes before it."""
         columns = list(zip(*pose.R, strict=True))
         v = self._shifted(v, pose.p, w, -1)
-        turned = [[self.products.dot(column, x) for column in columns] for x in (v, w)]
+        turned = [[self.dot(column, x) for column in columns] for x in (v, w)]
         return turned[0], turned[1]
 
     def _shifted(self, v: list[Poly], p: list[Poly], w: list[Poly], sign: int) -> list[Poly]:
         """V + p x w, or v - p x w: motions here turn or shift, so that p is over one."""
         if not any(p) or not any(w):
             return v
-        turned = self.products.cross(p, w)
+        turned = self.cross(p, w)
         return [a + b if sign > 0 else a - b for a, b in zip(v, turned, strict=True)]
 
     def summed(self, joints: Sequence[int], middle: int) -> list[Poly]:
         """Screw of a joint and its followers, moving together, in the frame of joint ``middle``."""
         parts = [(self.drives[j], self.screw(j, middle), self._scale(j, middle)) for j in joints]
-        return _summed(parts, self.products)
+        return self.added(parts)
+
+    def added(self, parts: Sequence[tuple[Drive, list[Poly], Poly]]) -> list[Poly]:
+        """Column of a joint and its followers, each over a scale of its own, up to a factor."""
+        if len(parts) == 1:
+            return parts[0][1]
+        total = [self.ring.zero] * len(parts[0][1])
+        for i, (drive, column, _) in enumerate(parts):
+            factor = self.ring.number(drive.multiple)
+            for k, (_, _, scale) in enumerate(parts):
+                factor = self.of(factor, scale) if k != i else factor
+            both = zip(total, column, strict=True)
+            total = [self.ring.reduce(t + self.of(x, factor)) for t, x in both]
+        return total
 
     def _scale(self, j: int, middle: int) -> Poly:
         """What ``screw`` is over: x^2 + y^2 of each joint that turns on the way."""
         scale = self.ring.one
         for k in range(j + 1, middle) if j < middle else range(middle, j):
-            scale = self.products.of(scale, self.moved(k).d)
+            scale = self.of(scale, self.moved(k).d)
         return scale
 
     def joint_frames(self, middle: int) -> tuple[list[RigidMotion], RigidMotion, RigidMotion]:
@@ -260,13 +265,13 @@ class _Chain:
             back = [
                 [number(x) for x in row] for row in zip(*self.geometry.rotation[0], strict=True)
             ]
-            found |= self._columns(self.products.matrix(before.R, back), rows)
+            found |= self._columns(self.matrix(before.R, back), rows)
         if rows := in_axes(task, True):
             turn, whole = tip_axes(self.geometry, task)
             # The last placement does not turn: behind the motion is where the tip is.
             behind = frames[-1] if whole else tip
             last = [[number(x) for x in row] for row in turn]
-            found |= self._columns(self.products.matrix(behind.R, last), rows)
+            found |= self._columns(self.matrix(behind.R, last), rows)
         return found
 
     def _columns(self, R: Matrix, rows: Sequence[int]) -> dict[int, Row]:
@@ -295,7 +300,7 @@ def jacobian_matrix(
     the sum of their columns, by the chain rule; NotFollowed if one is no polynomial.
     """
     chain = _Chain(geometry, ring, time, leaders)
-    of, dot = chain.products.of, chain.products.dot
+    of, dot = chain.of, chain.dot
     if task.name == "pose" and len({drive.leader for drive in chain.drives}) == chain.n:
         screws: dict[int, list[Poly]] = {}
         for j, drive in enumerate(chain.drives):
@@ -320,30 +325,14 @@ def jacobian_matrix(
             else:
                 lever = [-p for p in frame.p]
                 w = [of(x, frame.d) for x in z]
-            v = chain.products.cross(z, lever)
+            v = chain.cross(z, lever)
         six, drive = v + w, chain.drives[j]
         rows = [
             dot(directions[r], v if r < 3 else w) if r in directions else six[r] for r in task.rows
         ]
         by_leader.setdefault(drive.leader, []).append((drive, rows, scale))
-    columns = [primitive(_summed(by_leader[a], chain.products), ring) for a in sorted(by_leader)]
+    columns = [primitive(chain.added(by_leader[a]), ring) for a in sorted(by_leader)]
     return [list(row) for row in zip(*columns, strict=True)]
-
-
-def _summed(parts: Sequence[tuple[Drive, list[Poly], Poly]], products: _Products) -> list[Poly]:
-    """Column of a joint and its followers, each over a scale of its own, up to a factor."""
-    if len(parts) == 1:
-        return parts[0][1]
-    ring = products.ring
-    total = [ring.zero] * len(parts[0][1])
-    for i, (drive, column, _) in enumerate(parts):
-        factor = ring.number(drive.multiple)
-        for k, (_, _, scale) in enumerate(parts):
-            factor = products.of(factor, scale) if k != i else factor
-        total = [
-            ring.reduce(t + products.of(x, factor)) for t, x in zip(total, column, strict=True)
-        ]
-    return total
 
 
 def neighbouring_screws(

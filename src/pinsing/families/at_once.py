@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from itertools import combinations
+from itertools import combinations, product
 
 import numpy as np
 
@@ -66,23 +66,24 @@ def long_form(equation: Equation) -> JointForm | None:
 def solved_for(systems: Iterable[Sequence[Equation]]) -> tuple[SolvedFor, ...]:
     """Return the long equations that stand alone in a system: those leave the other joints free."""
     alone = [system[0] for system in systems if len(system) == 1]
-    found = [form for e in alone if (form := long_form(e)) is not None]
-    return tuple(dict.fromkeys(_stated(form) for form in found))
-
-
-def _stated(form: JointForm) -> SolvedFor:
-    exact = form.parts(exact=True)
-    return SolvedFor(
-        joint=form.equation.joints[form.joint],
-        given=tuple(form.equation.joints[j] for j in form.given),
-        values=form.solutions,
-        condition=form.condition(),
-        solution=form.solution(),
-        where=form.parts(),
-        exact=exact,
-        latex=form.latex(),
-        exact_latex=form.latex(exact=True) if exact else "",
-    )
+    found: dict[SolvedFor, None] = {}
+    for form in map(long_form, alone):
+        if form is None:
+            continue
+        exact = form.parts(exact=True)
+        one = SolvedFor(
+            joint=form.equation.joints[form.joint],
+            given=tuple(form.equation.joints[j] for j in form.given),
+            values=form.solutions,
+            condition=form.condition(),
+            solution=form.solution(),
+            where=form.parts(),
+            exact=exact,
+            latex=form.latex(),
+            exact_latex=form.latex(exact=True) if exact else "",
+        )
+        found[one] = None
+    return tuple(found)
 
 
 _INDEPENDENT = 1e-7
@@ -196,7 +197,9 @@ def _in_turn(
     once = [(e, s, [j for j in e.involved if enters_once(e, j)]) for e, s in rows[:6]]
     tried = 0
     for some in combinations(once, rank):
-        for follow in _choices([joints for _, _, joints in some]):
+        for follow in product(*(joints for _, _, joints in some)):
+            if len({*follow}) < rank:
+                continue
             tried += 1
             # Choices of joints that are tried, at most.
             if tried > 2000:
@@ -240,17 +243,6 @@ def _told(step: Step) -> str:
     given = f" given {listed(others)}" if others else ""
     count = "two solutions" if step.kind == "once" else "one solution"
     return f"{names[step.joint]} has {count}{given} [{len(step.equation.cos)} terms]"
-
-
-def _choices(options: Sequence[Sequence[int]]) -> Iterator[tuple[int, ...]]:
-    """One of each, all different."""
-    if not options:
-        yield ()
-        return
-    for first in options[0]:
-        for rest in _choices(options[1:]):
-            if first not in rest:
-                yield (first, *rest)
 
 
 def _together(

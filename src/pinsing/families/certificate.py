@@ -768,6 +768,12 @@ def _written(
     place: Place, polynomials: dict[str, int], number: Mapping[int, int]
 ) -> dict[str, Any]:
     """A place as it stands in the certificate."""
+
+    def leads(then: Place | None) -> tuple[str, int]:
+        if then is None:
+            return "nowhere", 0
+        return ("place", number[id(then)]) if then.family is None else ("family", then.family)
+
     entry: dict[str, Any] = {
         "forms": [_number(polynomials, p) for p in place.forms],
         **{key: [] for key in ("of_forms", "of_minors", "of_resultants", "cases")},
@@ -781,21 +787,12 @@ def _written(
             free = [_number(polynomials, p) for p in source.get("at", [])]
             entry["of_minors"].append([text, source["minor"], free])
     for f, times, then in place.cases:
-        entry["cases"].append([[_number(polynomials, f)], [], times, *_leads(then, number)])
+        entry["cases"].append([[_number(polynomials, f)], [], times, *leads(then)])
     if place.squares:
         zeros = [_number(polynomials, g) for _, g in place.squares]
         weights = [str(c) for c, _ in place.squares]
-        entry["cases"].append([zeros, weights, 1, *_leads(place.then, number)])
+        entry["cases"].append([zeros, weights, 1, *leads(place.then)])
     return entry
-
-
-def _leads(then: Place | None, number: Mapping[int, int]) -> tuple[str, int]:
-    """Return where a case leads."""
-    if then is None:
-        return "nowhere", 0
-    if then.family is not None:
-        return "family", then.family
-    return "place", number[id(then)]
 
 
 def _number(polynomials: dict[str, int], poly: Any) -> int:

@@ -119,17 +119,16 @@ def _sums_joined(branches: Sequence[Branch], latex: bool) -> list[tuple[Branch, 
             values = tuple((v.joint, round(v.value, 12)) for v in b.values)
             key = (values, rest, sums[0].frequencies.tobytes())
         alike.setdefault(key, []).append(b)
-    return [(members[0], _joined_texts(members, latex)) for members in alike.values()]
-
-
-def _joined_texts(members: Sequence[Branch], latex: bool) -> tuple[str, ...]:
-    equations = members[0].equations
-    if len(members) == 1:
-        return _written(equations, latex)
-    said = next(e for e in equations if e.angle_sum is not None)
-    angles = [e.angle_sum for b in members for e in b.equations if e.angle_sum is not None]
-    rest = [e for e in equations if e is not said]
-    return (said.angle_sum_text(angles, latex), *_written(rest, latex))
+    out = []
+    for members in alike.values():
+        equations, said = members[0].equations, list[str]()
+        if len(members) > 1:
+            one = next(e for e in equations if e.angle_sum is not None)
+            angles = [e.angle_sum for b in members for e in b.equations if e.angle_sum is not None]
+            said = [one.angle_sum_text(angles, latex)]
+            equations = tuple(e for e in equations if e is not one)
+        out.append((members[0], (*said, *_written(equations, latex))))
+    return out
 
 
 def _written(equations: Sequence[Equation], latex: bool) -> tuple[str, ...]:
@@ -477,7 +476,12 @@ def readable(family: Family, branch: Branch, q: Array, arm: Arm, within_limits: 
     # Joints in equations are solved for, one an equation. It is q itself if none was found.
     turned = q - 2 * np.pi * np.round(q / (2 * np.pi))
     inside = (turned >= family.lower) & (turned <= family.upper) | (not within_limits)
-    start, grid = np.where(~family.prismatic & inside, turned, q), _grid(family)
+    start = np.where(~family.prismatic & inside, turned, q)
+    # Steps (n,) of round values are powers of ten: the range of a joint has a hundred at least.
+    lower, upper = family.box(within_limits=True)
+    span = np.where(upper > lower, np.minimum(upper - lower, 2 * np.pi), 1.0)
+    span = np.where(family.prismatic & (upper > lower), upper - lower, span)
+    grid = 10.0 ** np.floor(np.log10(span / 100))
     rounded = np.round(start / grid) * grid
     # Zero is where other families are.
     rounded = np.where(rounded == 0, np.where(start < 0, -1, 1) * grid, rounded)
@@ -491,15 +495,6 @@ def readable(family: Family, branch: Branch, q: Array, arm: Arm, within_limits: 
         if not (within_limits and arm.space.unreachable(found).any()) and _alike(arm, found, q):
             return np.asarray(found)
     return q
-
-
-def _grid(family: Family) -> Array:
-    """Step (n,) of round values: a power of ten."""
-    lower, upper = family.box(within_limits=True)
-    span = np.where(upper > lower, np.minimum(upper - lower, 2 * np.pi), 1.0)
-    span = np.where(family.prismatic & (upper > lower), upper - lower, span)
-    # Round values that the range of a joint has at least.
-    return np.asarray(10.0 ** np.floor(np.log10(span / 100)))
 
 
 def _solved(branch: Branch, start: Array) -> Iterator[Array]:
@@ -561,17 +556,12 @@ def describe(
     points = inside
     if not len(inside):
         points = draft.points(_WITNESSES, rng, rounds=maker.rounds(), stop=maker.time.stop)
-    if draft.confirm is None and _blunt(draft, points, geometry):
+    # Points have half of their digits only where an equation touches zero: sigma_r / sigma_1 of one
+    # that has all is less.
+    drawn = draft.confirm is None and any(b.equations for b in draft.branches)
+    if drawn and (ratios(geometry.arm, points) > 1e-9).any():
         return describe(group, maker, arm, geometry, OwnPoints(geometry.arm, touching=True))
     return _described(draft, reachability, inside, points, arm, geometry, maker)
-
-
-def _blunt(draft: Family, points: Array, geometry: Nominal) -> bool:
-    """Return True if points have half of their digits only, as where an equation touches zero."""
-    if not len(points) or not any(b.equations for b in draft.branches):
-        return False
-    # sigma_r / sigma_1 of a point that has its digits.
-    return bool((ratios(geometry.arm, points) > 1e-9).any())
 
 
 def stated(group: Sequence[SolvedPiece], maker: PieceMaker, arm: Arm) -> Family:
@@ -691,7 +681,7 @@ def _described(
         kind=kinds[0].kind if len(kinds) == 1 else "varies",
         kinds=kinds,
         reason="; ".join(str(d) for d in loss.dependences),
-        raw_ratio=None if geometry.exact else float(maker.ratios(points, arm).max()),
+        raw_ratio=None if geometry.exact else float(ratios(arm, points).max()),
     )
 
 

@@ -48,6 +48,8 @@ from pinsing.families.modular_chain import value_modulo
 from pinsing.families.parts import Branch
 from pinsing.families.pieces import PieceMaker
 from pinsing.families.zero_set import gradients, project, residuals
+from pinsing.kinematics.jacobian import task_jacobians
+from pinsing.kinematics.verdict import ratios
 from pinsing.robot.nominal import PRIMES, Nominal
 from pinsing.robot.task import Task
 
@@ -261,7 +263,9 @@ class RealPoints:
 
     def full(self, columns: Sequence[int]) -> Bool:
         """At which of them (N,) some columns of the Jacobian, as many as the rank, have it."""
-        sizes = np.linalg.svd(self.maker.jacobians(self.q)[..., list(columns)], compute_uv=False)
+        sizes = np.linalg.svd(
+            task_jacobians(self.maker.geometry.arm, self.q)[..., list(columns)], compute_uv=False
+        )
         return np.asarray(sizes[:, self.rank - 1] / np.maximum(sizes[:, 0], 1e-300) >= 1e-5)
 
     def on(self, component: Component) -> bool:
@@ -615,7 +619,7 @@ class LongChain:
         points = np.concatenate(
             [self.maker.find(branch, _POINTS, rounds=3), self.maker.thrown(branch, _POINTS)]
         )
-        ratio = self.maker.ratios(points) if len(points) else np.zeros(0)
+        ratio = ratios(self.geometry.arm, points)
         # sigma_r / sigma_1 of points on a set that are singular, or not; between, they do not
         # count.
         singular, regular = points[ratio <= 1e-8], points[ratio >= 1e-5]

@@ -26,9 +26,6 @@ from pinsing.algebra.ring import MadeOnce, Poly, Ring, Value
 from pinsing.families.nearness import OwnPoints
 from pinsing.families.parts import Branch, JointValue
 from pinsing.families.zero_set import ROUNDS, fix_joint, never_zero, proven_empty, search, thrown
-from pinsing.kinematics.jacobian import task_jacobians
-from pinsing.kinematics.verdict import ratios
-from pinsing.robot.arm import Arm
 from pinsing.robot.nominal import Nominal
 
 
@@ -268,10 +265,6 @@ class PieceMaker:
             off = off - 2 * np.pi * np.round(off / (2 * np.pi))
         return np.abs(off)
 
-    def jacobians(self, points: Array) -> Array:
-        """Task Jacobians (N, rows, n) of the nominal arm at points (N, n)."""
-        return task_jacobians(self.geometry.arm, points)
-
     def rounds(self, wanted: int = ROUNDS) -> int:
         """Batches of random starts that there is time for."""
         return 1 if self.time.over else wanted
@@ -304,10 +297,6 @@ class PieceMaker:
         if any(not e.involved for e in left):
             return []  # far above rounding: this root goes with another one
         return [Branch(tuple(sorted([*fixed, *solved], key=lambda v: v.joint)), tuple(left))]
-
-    def ratios(self, points: Array, arm: Arm | None = None) -> Array:
-        """sigma_r / sigma_1 of the nominal arm (or ``arm``) at points (N, n)."""
-        return ratios(arm or self.geometry.arm, points)
 
     def _has_point(self, branch: Branch) -> bool:
         """Return True if a point of a branch is found; looked for once."""

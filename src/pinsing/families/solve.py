@@ -277,10 +277,11 @@ def _found(
             for c, p in zip(search.components, pieces, strict=True)
         ]
         left_out += [c for c, within in zip(search.components, inside, strict=True) if within]
-        grouped = _join(
-            [p for parts, within in zip(pieces, inside, strict=True) if not within for p in parts]
-        )
-        for i, group in enumerate(grouped, 1):
+        grouped: dict[object, list[SolvedPiece]] = {}
+        for parts, within in zip(pieces, inside, strict=True):
+            for piece in () if within else parts:
+                grouped.setdefault((piece.real, mirror_key(piece)), []).append(piece)
+        for i, group in enumerate(grouped.values(), 1):
             # Most take little; one that takes long leaves as much to the others.
             # Share of what is left for describing families that one of them may take.
             maker.time = describing if i == len(grouped) else describing.part(0.5)
@@ -385,13 +386,6 @@ def _obstacle(geometry: Nominal) -> tuple[str | None, tuple[Snap, ...]]:
 def joint_symbols(arm: Arm) -> tuple[str, ...]:
     """Return q1, q2, d3, ...: the joint's number from the base, d for prismatic joints."""
     return tuple(f"{'d' if s else 'q'}{i}" for i, s in enumerate(arm.prismatic, 1))
-
-
-def _join(pieces: Sequence[SolvedPiece]) -> list[list[SolvedPiece]]:
-    groups: dict[object, list[SolvedPiece]] = {}
-    for piece in pieces:
-        groups.setdefault((piece.real, mirror_key(piece)), []).append(piece)
-    return list(groups.values())
 
 
 def _order(family: Family) -> tuple[int, int, int, tuple[str, ...]]:

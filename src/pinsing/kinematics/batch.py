@@ -73,14 +73,6 @@ def fixed_engine(arm: Arm, engine: str = "auto") -> str:
     return PINOCCHIO if batch_chain(arm, engine) is None else here[-1]
 
 
-def check_threads(threads: int | None) -> int | None:
-    """Return ``threads``, or raise OptionError if it is below 1."""
-    OptionError.refuse_if(
-        threads is not None and threads < 1, f"threads must be at least 1, got {threads}"
-    )
-    return threads
-
-
 def engine_name(arm: Arm) -> str:
     """Say in a few words what computes batches for ``arm`` on this machine."""
     found = _chain_or_reason(arm)
@@ -369,7 +361,10 @@ class Batch:
 
 def batch(arm: Arm, engine: str = "auto", threads: int | None = None) -> Batch:
     """Return a Batch with a `fixed_engine`; OptionError if ``threads`` is below 1."""
-    return Batch(arm, fixed_engine(arm, engine), check_threads(threads))
+    OptionError.refuse_if(
+        threads is not None and threads < 1, f"threads must be at least 1, got {threads}"
+    )
+    return Batch(arm, fixed_engine(arm, engine), threads)
 
 
 def scale_rows(arm: Arm, J: Array, Q: Array, R: Array | None = None) -> Array:
