@@ -15,7 +15,7 @@ from pinsing.errors import ConfigurationError, OptionError
 from pinsing.families import Branch
 from pinsing.families.solve import form_to_measure
 from pinsing.kinematics.batch import task_rows, turn_left
-from pinsing.kinematics.jacobian import frame_jacobian, read_pose
+from pinsing.kinematics.jacobian import read_pose, tip_and_jacobian
 from pinsing.kinematics.tip_speed import check_speeds, limits_of
 from pinsing.kinematics.verdict import SINGULAR_RTOL, ratios
 from pinsing.measures import ALIKE, FLOAT_NOISE
@@ -42,7 +42,7 @@ class Line:
     @classmethod
     def to(cls, arm: Arm, q: Array, target: tuple[Array, Array | None]) -> Line:
         """The line from the tip at q to a target; what the task leaves out is as at q."""
-        here = tip(arm, q)
+        here, R, _ = tip_and_jacobian(arm, q)
         position, rotation = target
         axis, task = np.zeros(3), arm.task
         OptionError.refuse_if(
@@ -50,15 +50,14 @@ class Line:
             f"task {task} only says how the tip moves, not where it is: a line needs all "
             "rows of a translation or rotation, or base axes, or tool-axis",
         )
-        along = position - here.translation
+        along = position - here
         if rotation is not None:
-            R = np.array(here.rotation)
             axis = turn_left(task, R[None], np.asarray(rotation, dtype=float))[0]
         rows = np.isin(np.arange(6).reshape(2, 3), task.rows)
         if task.at_tip:  # it turns about no free axis, and by nothing that is not wanted
             rows = np.any(rows, axis=1, keepdims=True)
         along, axis = np.where(rows, [along, axis], 0.0)
-        return cls(np.array(here.translation), np.array(here.rotation), along, axis)
+        return cls(here, R, along, axis)
 
     @property
     def length(self) -> float:
@@ -66,21 +65,18 @@ class Line:
         moved = float(np.linalg.norm(self.along))
         return moved if moved > 1e-12 else float(np.linalg.norm(self.axis))
 
-    @property
-    def twist(self) -> Array:
-        """Velocity (6,) over the parameter."""
-        return np.concatenate([self.along, self.axis])
-
-    def error(self, arm: Arm, q: Array, s: float) -> Array:
-        """Return what is missing (6,) from the tip at q to the line at s."""
-        here = tip(arm, q)
+    def rows(self, arm: Arm, q: Array, s: float) -> tuple[Array, Array, Array]:
+        """Return task rows: what is missing (m,) at q to s, Jacobian (m, n), velocity (m,) by s."""
+        here, R, J = tip_and_jacobian(arm, q)
         wanted = pin.exp3(self.axis * s) @ self.turn
-        R = np.array(here.rotation)
         if arm.task.at_tip:
             off = turn_left(arm.task, R[None], wanted)[0]
         else:
             off = R @ pin.log3(R.T @ wanted)
-        return np.concatenate([self.start + s * self.along - here.translation, off])
+        error = np.concatenate([self.start + s * self.along - here, off])
+        velocity = np.concatenate([self.along, self.axis])
+        found = task_rows(arm, np.column_stack([error, J, velocity]), q, R)
+        return found[:, 0], found[:, 1:-1], found[:, -1]
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,13 +95,6 @@ class Tracked:
         keep = self.s < s
         Q, rates = np.vstack([self.q[keep], q]), np.vstack([self.rate[keep], rate])
         return Tracked(np.append(self.s[keep], s), Q, rates)
-
-
-def tip(arm: Arm, q: Array) -> pin.SE3:
-    """Placement of the tip at q (n,)."""
-    data = arm.model.createData()
-    pin.framesForwardKinematics(arm.model, data, arm.model_q(q))
-    return pin.SE3(data.oMf[arm.tip_id])
 
 
 def span(arm: Arm) -> float | None:
@@ -128,10 +117,10 @@ def track(arm: Arm, line: Line, q: Array) -> Tracked:
     S, Q = [s], [q]
     rates: list[Array] = []
     while True:
-        J, twist = _rows(arm, frame_jacobian(arm, q), q), _rows(arm, line.twist, q)
+        _, J, twist = line.rows(arm, q, s)
         rate = np.asarray(np.linalg.lstsq(J, twist, rcond=1e-12)[0], dtype=float)
         missed = np.abs((J @ rate - twist) / scale).max()
-        if missed > 1e-6 * max(1.0, float(np.abs(line.twist).max())):
+        if missed > 1e-6 * max(1.0, float(np.abs([line.along, line.axis]).max())):
             if len(S) == 1:
                 few = arm.n < len(arm.task.rows)
                 task = f"{arm.n} joints cannot hold the full pose, so try --task position"
@@ -165,22 +154,13 @@ def _step(arm: Arm, line: Line, scale: Array, q: Array, s: float, ahead: Array) 
     # Correction over step from which on a step is too long to be sure of the branch.
     allowed = 0.3 * float(np.abs(ahead).max()) + 1e-12
     for _ in range(8):
-        error = _rows(arm, line.error(arm, x, s), x)
+        error, J, _ = line.rows(arm, x, s)
         if np.abs(error / scale).max() < FLOAT_NOISE:
             return x
-        x = x + np.linalg.lstsq(_rows(arm, frame_jacobian(arm, x), x), error, rcond=1e-12)[0]
+        x = x + np.linalg.lstsq(J, error, rcond=1e-12)[0]
         if not np.isfinite(x).all() or np.abs(x - q - ahead).max() > allowed:
             return None
-    return (
-        x
-        if np.abs(_rows(arm, line.error(arm, x, s), x) / scale).max() < 100 * FLOAT_NOISE
-        else None
-    )
-
-
-def _rows(arm: Arm, columns: Array, q: Array) -> Array:
-    """Task rows (m,) or (m, k) of columns (6,) or (6, k) in base axes at q (n,)."""
-    return task_rows(arm, columns.reshape(6, -1), q).reshape(-1, *columns.shape[1:])
+    return x if np.abs(line.rows(arm, x, s)[0] / scale).max() < 100 * FLOAT_NOISE else None
 
 
 def landing(arm: Arm, line: Line, branch: Branch, q: Array, s: float) -> tuple[Array, float] | None:
@@ -190,10 +170,10 @@ def landing(arm: Arm, line: Line, branch: Branch, q: Array, s: float) -> tuple[A
     x, at = q.copy(), s
     for _ in range(30):
         values, slopes = _conditions(branch, x, arm)
-        residual = np.concatenate([_rows(arm, line.error(arm, x, at), x), -values])
+        error, J, along = line.rows(arm, x, at)
+        residual = np.concatenate([error, -values])
         if np.abs(residual).max() < 1e-14:
             break
-        J, along = _rows(arm, frame_jacobian(arm, x), x), _rows(arm, line.twist, x)
         A = np.block([[J, -along[:, None]], [slopes, np.zeros((len(values), 1))]])
         delta = np.linalg.lstsq(A, residual, rcond=1e-11)[0]
         delta *= min(1.0, 0.2 / max(float(np.abs(delta[:-1]).max()), 1e-300))
