@@ -11,8 +11,15 @@ import pinsing
 from pinsing._types import Array
 from pinsing.errors import ConfigurationError, OptionError
 from pinsing.postures import line_postures
-from pinsing.proximity.line import LineCheck, check_line, tip
+from pinsing.proximity.line import LineCheck, check_line
 from pinsing.robot.arm import Arm
+
+
+def tip(arm: Arm, q: Array) -> pin.SE3:
+    """Placement of the tip at q (n,), by Pinocchio alone."""
+    data = arm.model.createData()
+    pin.framesForwardKinematics(arm.model, data, arm.model_q(q))
+    return pin.SE3(data.oMf[arm.tip_id])
 
 
 def wrist(arm: Arm, q: Array) -> Array:
