@@ -2,9 +2,9 @@
 // joints, so that a curve runs through type 2 singularities, where the moving input turns back.
 
 import { add, dot, scaled, subtract } from "./linear.mjs";
-import { CLOSED, closure, worst, wrap } from "./loops.mjs";
+import { CLOSED, closure, newton, worst, wrap } from "./loops.mjs";
 import { motions } from "./mechanism.mjs";
-import { leastSquares, nullVector } from "./orthogonal.mjs";
+import { nullVector } from "./orthogonal.mjs";
 
 export const STEP = 0.04; // largest step, radians or length scales
 const MOST = 4000;
@@ -48,16 +48,10 @@ export const moved = (data, q, step) => q.map((v, j) => v + step[j] * data.metri
 
 // Nearest closed configuration with the same held inputs, across the tangent; null if there is none.
 export function correct({ data, held }, guess, along = null) {
-  const rest = along ? [...held, along] : held;
-  let q = guess.slice(), best = Infinity;
-  for (let k = 0; k < 20; k++) {
-    const { residual, G } = closure(data, q), size = worst(residual);
-    if (size <= 1e-14 || (size <= CLOSED && size >= best)) return q;
-    best = size;
-    q = moved(data, q, leastSquares([...G, ...rest], [...residual.map((v) => -v), ...rest.map(() => 0)], 1e-11));
-    if (!q.every(Number.isFinite) || worst(subtract(q, guess)) > 1) break;
-  }
-  return worst(closure(data, q).residual) <= CLOSED ? q : null;
+  const rest = along ? [...held, along] : held, still = rest.map(() => 0);
+  const system = (q) => { const { residual, G } = closure(data, q); return { values: [...residual, ...still], rows: [...G, ...rest] }; };
+  const { q, error } = newton(data, guess, guess.map((_, j) => j), system, 20, 1);
+  return error <= CLOSED ? q : null;
 }
 
 // Points from `start` on, and whether the curve came back to it; null where it has no end.
