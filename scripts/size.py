@@ -12,7 +12,7 @@ ROOT = Path(__file__).resolve().parent.parent
 LIMITS: dict[str, tuple[int, int]] = {
     "Python in src: statements": (40_831, 30_000),
     "Python in src: lines": (75_968, 56_000),
-    "C++, JavaScript, templates, styles: lines": (13_795, 9_500),
+    "C++, JavaScript, templates, styles: lines": (13_789, 9_500),
     "modules": (207, 220),
     "packages directly under pinsing": (16, 16),
     "numbers in module constants": (499, 500),
