@@ -1,4 +1,4 @@
-"""The site: every block of every page does what it shows, and the pages hold together."""
+"""Every block of the README and of the site does what it shows, and the pages hold together."""
 
 import ast
 import re
@@ -7,7 +7,7 @@ import sys
 from pathlib import Path
 
 import pytest
-from pages import NOT_RUN, ROOT, Reader, blocks, reader as reader
+from pages import NOT_RUN, ROOT, Reader, blocks, commands, reader as reader
 from public import REFERENCE, documented
 from tiers import tiered
 
@@ -15,6 +15,7 @@ import pinsing
 from pinsing import kinematics, plot, postures, proximity, robot, sampling
 
 DOCS = ROOT / "docs"
+README = (ROOT / "README.md").read_text(encoding="utf-8")
 # Reports, written by programs: what they quote is what those ran.
 REPORTS = set(re.findall(r"^(\w+)$", (DOCS / "evidence.md").read_text(), re.MULTILINE))
 PAGES = sorted(
@@ -80,3 +81,19 @@ def test_dead_links_and_foreign_files_are_found(tmp_path: Path):
     done = subprocess.run(check, capture_output=True, text=True, timeout=60)
     assert done.returncode == 1
     assert len(done.stdout.splitlines()) == 4
+
+
+def test_the_readme_does_what_it_shows(reader: Reader):
+    """In its order: later commands use files of earlier ones."""
+    reader.read(README)
+
+
+def test_its_session_leaves_nothing_out():
+    shown = [text for b in blocks(README) if b.kind == "console" for *_, text in commands(b.text)]
+    assert "3 families" in shown[2]
+    assert not [text for text in shown if "..." in text]
+
+
+@pytest.mark.parametrize("target", re.findall(r"\]\((?!https?:)([^)#]+)\)", README))
+def test_links_lead_somewhere(target):
+    assert (ROOT / target).exists(), f"README links to {target}"

@@ -12,14 +12,12 @@ from pathlib import Path
 import numpy as np
 import pinocchio as pin
 import pytest
-from click.testing import CliRunner
 from command_line import run
 from kernel import needs_kernel
 from tiers import tiered
 
 import pinsing
 from pinsing._batch import engine
-from pinsing.cli.app import command
 from pinsing.errors import ConfigurationError, EngineError, OptionError, RobotFileError
 from pinsing.kinematics import inverse_batch
 from pinsing.kinematics.inverse_batch import InverseMany
@@ -584,9 +582,7 @@ def test_the_command_writes_a_path_that_check_takes(ur5, tmp_path):
     np.savetxt(poses, rows, delimiter=",", header="x,y,z,qx,qy,qz,qw", comments="")
     tool = "0,0.05,0.15,45,0,0"
     arguments = ["path", "ur5", str(poses), "--free", "roll", "--step", "20deg", "--tool", tool]
-    done = CliRunner().invoke(
-        command, [*arguments, "--deg", "-o", str(out), "-o", str(picture), "-o", "-.json"]
-    )
+    done = run(*arguments, "--deg", "-o", out, "-o", picture, "-o", "-.json")
     assert done.exit_code == 0, done.output
     assert json.loads(done.stdout)["clearance"] > 0.7
     assert out.read_text().splitlines()[0].split(",") == [f"{j} (deg)" for j in arm.joints]

@@ -7,14 +7,13 @@ from pathlib import Path
 import numpy as np
 import pinocchio as pin
 import pytest
-from click.testing import CliRunner
-from node import needs_node, run
+from command_line import run
+from node import needs_node, run as in_node
 from tiers import tiered
 from urdf_text import J, Y, Z, urdf
 
 import pinsing
 from pinsing._batch import engine
-from pinsing.cli.app import command as app
 from pinsing.errors import OptionError
 from pinsing.kinematics.batch import PINOCCHIO, tip_rotations
 from pinsing.kinematics.jacobian import own_jacobians_and_derivatives, tip_placement
@@ -174,7 +173,7 @@ def test_the_page_computes_the_same(task, rng):
     Q = np.concatenate(
         [arm.space.sample(20, rng), *(f.sample(3, rng) for f in pinsing.closed_form(arm).families)]
     )
-    found = run(
+    found = in_node(
         "(m, {data, Q}) => Q.map((q) => m.frameAt(data, q))",
         {"data": engine_data(arm, (), sizes(arm)), "Q": Q.tolist()},
     )
@@ -232,29 +231,28 @@ def test_sweep_map_and_guard_take_it(ur5, form):
 
 @pytest.mark.slow
 def test_the_command_line_takes_it(tmp_path: Path):
-    call = CliRunner().invoke
     for words in (
         ["--tool-axis", "z"],
         ["--task", "tool-axis"],
         ["--task", "tool-axis", "--tool-axis", "z"],
     ):
-        done = call(app, ["families", "puma560", "-v", *words])
+        done = run("families", "puma560", "-v", *words)
         assert done.exit_code == 0
         assert "tool's own z" in done.output
-    done = call(app, ["at", "ur5", "--q", "0,0,0,0,0,0", "--task", "vx@tip,wy@tip"])
+    done = run("at", "ur5", "--q", "0,0,0,0,0,0", "--task", "vx@tip,wy@tip")
     assert done.exit_code == 0
     assert "task vx@tip,wy@tip" in done.output
-    done = call(app, ["families", "ur5", "--task", "pose", "--tool-axis", "x"])
+    done = run("families", "ur5", "--task", "pose", "--tool-axis", "x")
     assert done.exit_code == 2
     assert "Traceback" not in done.output
-    done = call(app, ["families", "ur5", "--tool-axis", "q"])
+    done = run("families", "ur5", "--tool-axis", "q")
     assert done.exit_code == 2
 
 
 def test_the_command_for_welders_keeps_where_the_tool_points() -> None:
     page = (Path(__file__).parents[2] / "docs/how-to/all-singularities.md").read_text("utf-8")
     shown = page.split("welding torch")[1].split("$ pinsing ")[1].split("\n")[0].split()
-    found = json.loads(CliRunner().invoke(app, [*shown, "-o", "-"]).stdout)
+    found = json.loads(run(*shown, "-o", "-").stdout)
     assert found["arm"]["task"] == "tool-axis"
     arm = pinsing.load(shown[1], task="tool-axis")
     assert pinsing.singular_values(arm, np.zeros((1, arm.n))).shape == (1, 5)

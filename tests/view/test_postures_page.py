@@ -1,15 +1,12 @@
 """The postures of a pose in the page: data, and a click in a real browser."""
 
-import base64
-import gzip
-import json
-import re
 from typing import Any
 
 import numpy as np
 import pytest
 from chromium import open_page, text
 from command_line import run
+from pages import baked
 
 import pinsing
 
@@ -86,6 +83,5 @@ def test_the_command_writes_a_page(cuspidal, tmp_path):
     done = run(*words, "-o", str(out))
     assert done.exit_code == 0, done.output
     assert out.stat().st_size > 100_000
-    packed = re.search(r'id="baked-page"[^>]*>([^<]+)<', out.read_text(encoding="utf-8"))
-    shown = json.loads(gzip.decompress(base64.b64decode(packed[1])))
+    shown = baked(out.read_text(encoding="utf-8"))
     assert shown["coverage"].startswith(("Proven", "Probable", "NOT"))
