@@ -51,6 +51,7 @@ def pytest_configure(config: pytest.Config) -> None:
         _share("pinsing.families.solve", "closed_form")
         _share("pinsing.robot.load_mechanism", "load_mechanism")
         _share("pinsing.loops.analysis", "analyze_mechanism")
+        _share("pinsing.postures.aspects", "aspects")
 
 
 _sharing = True
@@ -71,15 +72,15 @@ def there() -> Iterator[pytest.MonkeyPatch]:
 
 
 def _kept(given: Any) -> Any:
-    """An arm, or what comes with pinsing by its name; no text, file or model of a test's own."""
+    """An arm, a form, or what comes with pinsing by its name; no text or file of a test's own."""
     if not isinstance(given, str | Path):
-        return given if type(given).__name__ in ("Arm", "Mechanism") else None
+        return given if type(given).__name__ in ("Arm", "ClosedForm", "Mechanism") else None
     ours = str(given).isidentifier() or os.path.dirname(os.path.abspath(given)) == _URDF
     return str(given) if ours else None
 
 
 def _share(home: str, name: str) -> None:
-    """Keep what a function says of the name of a robot, or of an arm, in one process of tests."""
+    """Keep what a function says of a robot's name, an arm or a form, in one process of tests."""
     module, known = importlib.import_module(home), {}
     compute = getattr(module, name)
     signature = inspect.signature(compute)
