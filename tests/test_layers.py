@@ -250,7 +250,6 @@ def test_a_mechanism_and_poses_in_a_file_need_no_scipy(tmp_path):
 
 # Class names that stand twice, the rooms they stand in, and why.
 TWICE = {
-    "Branch": ["algebra", "families"],  # one meaning: `algebra` says what it asks of a branch
     "Ring": ["algebra", "proof"],  # the checker shares no line with what it checks
 }
 

@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from pinsing.algebra.conditions import Branch
 from pinsing.algebra.equation import Equation
 from pinsing.families.at_once import at_once
 from pinsing.families.describe import statement
-from pinsing.families.parts import Branch
 
 SYMBOLS = ("q1", "q2", "q3", "q4", "q5")
 

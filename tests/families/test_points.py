@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from tiers import tiered_rows
 
+from pinsing.algebra.conditions import Branch
 from pinsing.algebra.equation import equation
 from pinsing.algebra.ring import make_ring
 from pinsing.families import closed_form
 from pinsing.families.nearness import Starts
-from pinsing.families.parts import Branch
 from pinsing.families.zero_set import System, fix_joint, project, search
 from pinsing.robot.joint_space import JointSpace
 from pinsing.robot.load import load

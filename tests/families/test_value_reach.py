@@ -10,8 +10,8 @@ import pytest
 from singular_sets import arm_of, closed
 
 import pinsing
-from pinsing.families import Branch, Family
-from pinsing.families.parts import JointValue, reach_words, values_reached
+from pinsing.families import Branch, Family, JointValue
+from pinsing.families.family import reach_words, values_reached
 from pinsing.measures import Reachability
 from pinsing.proximity.clearance import distance_words, distances
 

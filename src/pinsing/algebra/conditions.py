@@ -20,44 +20,106 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 
 from pinsing._batch import engine
 from pinsing._types import Array, Bool, Ints
 from pinsing.algebra.equation import Equation
+from pinsing.algebra.ring import Value
 from pinsing.algebra.trig_sum import COMBINED, TrigSum
 from pinsing.errors import OptionError
 from pinsing.measures import ROUNDING
+from pinsing.robot.joint_space import JointSpace
 
 NORMS = ("euclidean", "max")
 
 
-class Fixed(Protocol):
-    """A joint at a value."""
+@dataclass(frozen=True)
+class JointValue:
+    """A joint at a fixed value.
+
+    Attributes
+    ----------
+    joint : int
+        Index of the joint.
+    value : float
+        Radians in (-pi, pi], or metres.
+    rational : bool
+        True if its half-angle tangent (or its length) is rational; else an algebraic number.
+    minimal : tuple of int
+        Where it was solved for: coefficients, the constant first, of the irreducible polynomial
+        that the tangent of half the angle (counted from where the nominal geometry has its zero)
+        or the length is a root of.
+    exact : tuple or None
+        The value in the ring of the exact polynomials, where it is in its field: x and y of a
+        revolute joint, metres of a prismatic one; not written to JSON.
+    """
+
+    joint: int
+    value: float
+    rational: bool
+    minimal: tuple[int, ...] = ()
+    exact: Value | None = field(default=None, compare=False, repr=False, metadata={"json": False})
+
+
+@dataclass(frozen=True, eq=False)
+class Branch:
+    """One piece of a family: joints at values, and equations in the others."""
+
+    values: tuple[JointValue, ...]
+    equations: tuple[Equation, ...]
 
     @property
-    def joint(self) -> int:
-        """Index of the joint."""
+    def involved(self) -> tuple[int, ...]:
+        """Indices of the joints that matter, ascending."""
+        joints = {v.joint for v in self.values}
+        return tuple(sorted(joints.union(*(e.involved for e in self.equations))))
 
-    @property
-    def value(self) -> float:
-        """Radians or metres."""
+    def free(self, n: int) -> Bool:
+        """Return which of n joints its equations are about."""
+        mask = np.zeros(n, dtype=bool)
+        mask[[j for e in self.equations for j in e.involved]] = True
+        return mask
 
+    def off(self, q: Array, space: JointSpace) -> Array:
+        """Return the weighted differences (N, k) of the fixed joints of q (N, n)."""
+        if not self.values:
+            return np.zeros((len(q), 0))
+        joints = [v.joint for v in self.values]
+        away = q[:, joints] - np.array([v.value for v in self.values])
+        wrapped = away - 2 * np.pi * np.round(away / (2 * np.pi))
+        away = np.where(space.prismatic[joints], away, wrapped)
+        return np.asarray(away / space.metric[joints])
 
-class Branch(Protocol):
-    """Joints at values, and equations in the others, all of which hold."""
+    def put(self, q: Array, space: JointSpace) -> Array:
+        """Return Q (N, n) with the fixed joints at the nearest copies of their values."""
+        out = q.copy()
+        if self.values:
+            joints = [v.joint for v in self.values]
+            out[:, joints] -= self.off(q, space) * space.metric[joints]
+        return out
 
-    @property
-    def values(self) -> Sequence[Fixed]:
-        """Joints at values."""
-
-    @property
-    def equations(self) -> Sequence[Equation]:
-        """Equations in the other joints."""
+    def held(self, space: JointSpace, box: tuple[Array, Array] | None = None) -> list[Array]:
+        """Return the values of the fixed joints in (n,) arrays: all copies that fit a box."""
+        fixed = [np.zeros(space.n)]
+        for v in self.values:
+            copies = [v.value]
+            if box is not None:
+                low, high = box[0][v.joint] - ROUNDING, box[1][v.joint] + ROUNDING
+                if not space.prismatic[v.joint]:
+                    first, last = (np.array([low, high]) - v.value) / (2 * np.pi)
+                    turns = range(math.ceil(first), math.floor(last) + 1)
+                    copies = [v.value + 2 * np.pi * k for k in turns]
+                elif not low <= v.value <= high:
+                    copies = []
+            fixed = [f.copy() for f in fixed for _ in copies]
+            for k, f in enumerate(fixed):
+                f[v.joint] = copies[k % len(copies)]
+        return fixed
 
 
 @dataclass(frozen=True, eq=False)

@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING
 from pinsing._package import public
 
 if TYPE_CHECKING:
+    from pinsing.algebra.conditions import Branch as Branch, JointValue as JointValue
     from pinsing.algebra.equation import Equation as Equation
     from pinsing.families.certificate import prove as prove
     from pinsing.families.design_form import (
@@ -15,19 +16,18 @@ if TYPE_CHECKING:
     from pinsing.families.family import Family as Family
     from pinsing.families.form import ClosedForm as ClosedForm, Proof as Proof
     from pinsing.families.nearness import Distance as Distance
-    from pinsing.families.parts import Branch as Branch, JointValue as JointValue
     from pinsing.families.solve import closed_form as closed_form, joint_symbols as joint_symbols
 
 public(
     __name__,
     {
+        "pinsing.algebra.conditions": "Branch JointValue",
         "pinsing.algebra.equation": "Equation",
         "certificate": "prove",
         "design_form": "DesignChange DesignFamily DesignForm",
         "family": "Family",
         "form": "ClosedForm Proof",
         "nearness": "Distance",
-        "parts": "Branch JointValue",
         "solve": "closed_form joint_symbols",
     },
     called="pinsing.closed_form(arm).families",

@@ -16,6 +16,7 @@ import numpy as np
 
 from pinsing._types import Array
 from pinsing.algebra.components import Component
+from pinsing.algebra.conditions import Branch
 from pinsing.algebra.equation import equation
 from pinsing.algebra.mimic import own_offsets
 from pinsing.algebra.ring import MadeOnce, Poly, Ring, terms_of
@@ -23,7 +24,6 @@ from pinsing.algebra.trig_sum import TINY
 from pinsing.arguments import typed
 from pinsing.families.family import Family
 from pinsing.families.nearness import BLUNT, OwnPoints
-from pinsing.families.parts import Branch
 from pinsing.families.zero_set import thrown
 from pinsing.measures import ALIKE, FLOAT_NOISE
 from pinsing.robot.nominal import Nominal

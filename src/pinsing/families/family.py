@@ -1,4 +1,4 @@
-"""A family of singular configurations: its equations, and what is known of it.
+"""A family of singular configurations: its equations, and what is known of it; kinds on its parts.
 
 Which configurations belong to a family: tests, distances, samples.
 """
@@ -16,14 +16,13 @@ import numpy as np
 
 from pinsing._types import Array, ArrayLike, Bool
 from pinsing.algebra.components import Component
-from pinsing.algebra.conditions import Conditions
-from pinsing.algebra.equation import PLAIN, Equation, latex_symbol
+from pinsing.algebra.conditions import Branch, Conditions
+from pinsing.algebra.equation import PLAIN, Equation, format_angle, latex_symbol
 from pinsing.algebra.nearest import BOXES, GAP, SearchOptions
 from pinsing.arguments import checked, columns_of, real_numbers, whole_number
 from pinsing.errors import ConfigurationError, OptionError, UnknownNameError
 from pinsing.families.at_once import LONG, AtOnce, SolvedFor, long_form, long_ones
 from pinsing.families.nearness import Distance, OwnPoints, Starts, near, nearest, own_nearest
-from pinsing.families.parts import Branch, KindPart, ValueReach, reach_words
 from pinsing.families.zero_set import ROUNDS, Stop, search
 from pinsing.measures import ROUNDING, Reachability
 from pinsing.notebook import formula, legend, marked, name, table, text
@@ -31,6 +30,126 @@ from pinsing.prose import listed
 from pinsing.robot.arm import Arm
 from pinsing.robot.joint_space import JointSpace, require_values
 from pinsing.serialization import JsonResult
+
+
+@dataclass(frozen=True)
+class KindPart:
+    """Boundary or interior on a part of a family.
+
+    Attributes
+    ----------
+    kind : str
+        "boundary", "interior" or "undecided".
+    where : str
+        The condition of the part; empty if it is all of the family, or just a share of it.
+    share : float
+        Of the points that were looked at.
+    points : int
+        How many were looked at in all.
+    """
+
+    kind: str
+    where: str
+    share: float
+    points: int
+
+    def __str__(self) -> str:
+        if self.where:
+            return f"{self.kind} at {self.where}"
+        count = round(self.share * self.points)
+        return self.kind if count == self.points else f"{self.kind} at {count} of {self.points}"
+
+
+@dataclass(frozen=True)
+class ValueReach:
+    """One value of one joint that a family fixes, and whether the limits allow it.
+
+    Attributes
+    ----------
+    joint : int
+        Index of the joint.
+    value : float
+        Radians in (-pi, pi], or metres.
+    reachability : Reachability
+        As of a family, of its configurations with this value.
+    """
+
+    joint: int
+    value: float
+    reachability: Reachability
+
+
+_BEST_FIRST = (
+    Reachability.INSIDE, Reachability.AT_LIMIT, Reachability.UNKNOWN, Reachability.OUTSIDE
+)  # fmt: skip
+
+
+def values_reached(
+    branches: Sequence[Branch],
+    limits: tuple[Array, Array],
+    prismatic: Bool,
+    reached: Reachability,
+    met: Callable[[Branch], bool],
+) -> tuple[ValueReach, ...]:
+    """Return each value at which branches fix a joint, and whether the limits allow it."""
+    # ``met`` tells if a configuration within the limits was found on such a branch.
+    known: dict[tuple[int, float], Reachability] = {}
+    exact = {(v.joint, round(v.value, 9)): v.value for b in branches for v in b.values}
+    if reached in (Reachability.OUTSIDE, Reachability.UNKNOWN):
+        known |= dict.fromkeys(exact, reached)
+    else:
+        for branch in branches:
+            if not branch.values:
+                continue
+            # A branch is where all its values are, so one that is outside takes it all there.
+            allowed = all(_inside(v.value, v.joint, limits, prismatic) for v in branch.values)
+            found = allowed and (not branch.equations or met(branch))
+            for v in branch.values:
+                inside = _inside(v.value, v.joint, limits, prismatic)
+                here: Reachability = reached if found else Reachability.UNKNOWN
+                if not allowed:
+                    here = Reachability.OUTSIDE
+                key = v.joint, round(v.value, 9)
+                best = min(known.get(key, here), here, key=_BEST_FIRST.index)
+                known[key] = best if inside else Reachability.OUTSIDE
+    return tuple(ValueReach(key[0], exact[key], known[key]) for key in sorted(known))
+
+
+def _inside(value: float, joint: int, limits: tuple[Array, Array], prismatic: Bool) -> bool:
+    """Return True if a value is within a joint's limits, whole turns aside."""
+    low, high = float(limits[0][joint]) - ROUNDING, float(limits[1][joint]) + ROUNDING
+    if prismatic[joint]:
+        return low <= value <= high
+    if not (math.isfinite(low) and math.isfinite(high)):
+        return True
+    turn = 2 * math.pi
+    return value + turn * math.ceil((low - value) / turn) <= high
+
+
+def reach_words(reached: Reachability, values: Sequence[ValueReach], prismatic: Bool) -> str:
+    """Return "within the joint limits", perhaps "with q2 = 0° (not 180°)", and the like."""
+    if reached not in (Reachability.INSIDE, Reachability.AT_LIMIT):
+        return reached.words
+    parts = []
+    for joint in sorted({v.joint for v in values}):
+        of = [v for v in values if v.joint == joint]
+        good = [v for v in of if v.reachability in (Reachability.INSIDE, Reachability.AT_LIMIT)]
+        if len(good) == len(of) or not good:
+            continue
+        never = [v for v in of if v.reachability is Reachability.OUTSIDE]
+        other = [v for v in of if v.reachability is Reachability.UNKNOWN]
+        slides = bool(prismatic[joint])
+        said = [f"not {_listed(never, slides)}"] if never else []
+        said += [f"none found with {_listed(other, slides)}"] if other else []
+        symbol = f"{'d' if slides else 'q'}{joint + 1}"
+        parts.append(f"{symbol} = {_listed(good, slides)} ({', '.join(said)})")
+    return reached.words + (f" with {' and '.join(parts)}" if parts else "")
+
+
+def _listed(values: Sequence[ValueReach], slides: bool) -> str:
+    numbers = sorted((v.value for v in values), key=lambda x: (abs(x), x))
+    said = [f"{x:.6g} m" if slides and x else "0" if slides else format_angle(x) for x in numbers]
+    return " or ".join(said)
 
 
 def spread(

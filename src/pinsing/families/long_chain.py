@@ -40,12 +40,12 @@ from flint import nmod_mat, nmod_poly
 from pinsing._types import Array, Bool
 from pinsing.algebra.budget import Budget, BudgetExceeded
 from pinsing.algebra.components import Component, FoundComponents, inside
+from pinsing.algebra.conditions import Branch
 from pinsing.algebra.generic_points import Powers, Residues
 from pinsing.algebra.mimic import own_jacobian_modulo
 from pinsing.algebra.minors import NearMinors, NotSquare
 from pinsing.algebra.ring import Poly, Ring, Value
 from pinsing.families.modular_chain import value_modulo
-from pinsing.families.parts import Branch
 from pinsing.families.pieces import PieceMaker
 from pinsing.families.zero_set import gradients, project, residuals
 from pinsing.kinematics.jacobian import task_jacobians

@@ -9,9 +9,8 @@ from typing import ClassVar
 import numpy as np
 
 from pinsing._types import Array, Bool
-from pinsing.algebra.conditions import Conditions
+from pinsing.algebra.conditions import Branch, Conditions
 from pinsing.algebra.nearest import SearchOptions, nearest_points
-from pinsing.families.parts import Branch
 from pinsing.families.zero_set import Stop, project, thrown
 from pinsing.kinematics.batch import own_scale
 from pinsing.kinematics.jacobian import own_jacobians_and_derivatives

@@ -12,6 +12,7 @@ import numpy as np
 from pinsing._types import Array, Bool
 from pinsing.algebra.budget import Budget, BudgetExceeded
 from pinsing.algebra.components import Component
+from pinsing.algebra.conditions import Branch, JointValue
 from pinsing.algebra.equation import Equation, equation, scale_to_lengths
 from pinsing.algebra.mimic import own_offsets
 from pinsing.algebra.real_roots import (
@@ -24,7 +25,6 @@ from pinsing.algebra.real_roots import (
 )
 from pinsing.algebra.ring import MadeOnce, Poly, Ring, Value
 from pinsing.families.nearness import OwnPoints
-from pinsing.families.parts import Branch, JointValue
 from pinsing.families.zero_set import ROUNDS, fix_joint, never_zero, proven_empty, search, thrown
 from pinsing.robot.nominal import Nominal
 

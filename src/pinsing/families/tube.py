@@ -34,11 +34,10 @@ import numpy as np
 
 from pinsing._batch import engine
 from pinsing._types import Array, Ints
-from pinsing.algebra.conditions import Margin, weighted_sum
+from pinsing.algebra.conditions import Branch, Margin, weighted_sum
 from pinsing.algebra.nearest import SearchOptions, nearest_points
 from pinsing.algebra.trig_sum import TINY, At, TrigSum, to_zeros
 from pinsing.families.family import Family
-from pinsing.families.parts import Branch
 from pinsing.kinematics.jacobian import frame_jacobians
 from pinsing.kinematics.refine import approach
 from pinsing.measures import ROUNDING
