@@ -500,7 +500,7 @@ PINSING_INLINE void own(const TubeSum& s, const One* x, const One* h, One* at, O
 }
 
 // As tube_box, of an arm of seven joints: its Jacobian has full rank where a minor is not zero. That is a
-// sum in four joints and one in all five that varies little, bounded by its value in the middle.
+// sum in four joints and a small one in all five.
 inline void rank_box(const Tube& p, One* x, One* h, One* far, One& split) {
     constexpr int n = kTubeJoints;
     const int F = p.families;
@@ -516,19 +516,40 @@ inline void rank_box(const Tube& p, One* x, One* h, One* far, One& split) {
         SumOnBox minor(s, at, wide, false);
         const One least = minor.least();
         // Whether the second sum matters: else it is less than its terms.
-        clear = clear | (least > kMore * more.size);
+        clear = clear | (least > more.size * (kMore + more.noise));
         const bool matters = any((least > 0.0) & ~clear);
         if (!matters) minor.noise += spread(more.size * kMore);
+        // To the second order; what it varies by the joint that is not among the minor's own is noise.
+        One slope[n] = {zero, zero, zero, zero, zero}, bend[n][n] = {}, alone[n];
         for (int t = 0; t < more.terms * matters; t++) {
-            const double* term = more.term + kTubeTerm * t;
+            const double *term = more.term + kTubeTerm * t, *rate = term + 2;
             One angle = spread(term[1]), reach = zero, sine, cosine;
             for (int j = 0; j < n; j++) {
-                angle += x[j] * term[2 + j];
-                reach += h[j] * __builtin_fabs(term[2 + j]);
+                angle += x[j] * rate[j];
+                reach += h[j] * __builtin_fabs(rate[j]);
             }
             sincos(angle, sine, cosine);
             minor.columns[0] += cosine * term[0];
-            minor.noise += vmin(reach, spread(2.0)) * (term[0] * kMore);
+            for (int j = 0; j < n; j++) {
+                slope[j] -= sine * (term[0] * rate[j]);
+                for (int k = 0; k <= j; k++) bend[j][k] -= cosine * (term[0] * rate[j] * rate[k]);
+            }
+            minor.noise += reach * reach * reach * (term[0] * kMore / 6.0);
+        }
+        for (int j = 0; j < n; j++) {
+            alone[j] = h[j];
+            for (int k = 0; k < j; k++) bend[k][j] = bend[j][k];
+        }
+        for (int j = 0; j < 4; j++) {
+            alone[s.joint[j]] = zero;
+            minor.columns[16 + j] += slope[s.joint[j]];
+            for (int k = 0; k <= j; k++)
+                minor.columns[1 + kPlaces.second[j][k]] += bend[s.joint[j]][s.joint[k]];
+        }
+        for (int j = 0; j < n; j++) {
+            One steepest = vabs(slope[j]);
+            for (int k = 0; k < n; k++) steepest += vabs(bend[j][k]) * h[k];
+            minor.noise += alone[j] * steepest * kMore;
         }
         minor.noise += spread(more.size * (more.noise + 1e-13));
         minor.finish();

@@ -403,10 +403,12 @@ def _minors(arm: Arm, joints: tuple[int, ...]) -> list[TrigSum]:
         main = np.argsort(own)[max(small.sum(), 1) :]
         rest = np.setdiff1d(np.argsort(-s.amplitude), main, assume_unique=True)
         if s.amplitude[rest].sum() < 0.2 * s.amplitude.sum():
-            every = s.amplitude[main].sum(), s.amplitude[rest[:300]].sum()
-            noise = s.noise * sum(every) + s.amplitude[rest[300:]].sum()
+            # The least of the rest are counted to its noise.
+            sums = np.cumsum(s.amplitude[rest])
+            kept = min(1 + int((sums < 0.995 * sums[-1]).sum()), 300)
+            noise = s.noise * s.amplitude.sum() + sums[-1] - sums[kept - 1]
             out.append(_part(s, main, 1e-12))
-            out.append(_part(s, rest[:300], noise / every[1] * _MORE))
+            out.append(_part(s, rest[:kept], noise / sums[kept - 1] * _MORE))
     return out
 
 
@@ -422,17 +424,17 @@ def _determinants(
     The column ``less`` is left out.
 
     64 n units in the last place bound the error of an entry, a sum of products of at most 2n + 2
-    rotations. Elimination with pivots is exact for a matrix that differs by n^3 2^(n-1) units
-    (Wilkinson), and a determinant is linear in each column.
+    rotations. Elimination of m rows with pivots is exact for a matrix that differs by m^3 2^(m-1)
+    units (Wilkinson), and a determinant is linear in each column.
     """
     n, rows = arm.n, list(arm.task.rows)
     Q = np.zeros((len(x), n))
     Q[:, list(joints)] = x
     J = frame_jacobians(arm, Q)[:, rows] / np.where(np.array(rows) < 3, size, 1.0)[:, None]
     J = J if less is None else np.delete(J, less, axis=2)
-    column = float(np.linalg.norm(J, axis=1).max()) * _MORE
-    change = (64 * n + n**4 * 2 ** (n - 1)) * _UNIT * max(column, 1.0)
-    return np.linalg.det(J), n * column ** (n - 1) * change * _MORE
+    m, column = len(rows), float(np.linalg.norm(J, axis=1).max()) * _MORE
+    change = (64 * n + m**4 * 2 ** (m - 1)) * _UNIT * max(column, 1.0)
+    return np.linalg.det(J), m * column ** (m - 1) * change * _MORE
 
 
 @dataclass(frozen=True)
@@ -485,13 +487,15 @@ def halve(p: Equations, boxes: Array, near: float = NEAR) -> Array:
     Half boxes are cut down to where the determinant may be zero.
     """
     out = np.empty((2 * len(boxes), boxes.shape[1]))
-    sums = [Factor(-1, s, False, 0) for s in p.sums]
+    sums = [Factor(-1, s, False, i) for i, s in enumerate(p.sums)]
     every = [*sums[:3], *p.factors, *sums[3:]]
     terms, about = [], []
     for f in every:
         s = f.sum
-        d = s.rate.shape[1]
-        own = s.used if isinstance(p, JacobianMinors) and len(s.used) < 5 else np.arange(d)
+        own = np.arange(s.rate.shape[1])
+        # What a minor is besides is a sum over all joints.
+        if isinstance(p, JacobianMinors) and (f.family >= 0 or f.branch % 2):
+            own = np.append(s.used, np.setdiff1d(own, s.used))[:4]
         rate = np.zeros((len(s.amplitude), 5))
         rate[:, : len(own)] = s.rate[:, own]
         terms.append(np.column_stack([s.amplitude, s.phase, rate]))
