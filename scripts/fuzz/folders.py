@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import functools
 import json
+import math
 import os
 import random
 import shutil
@@ -132,7 +133,7 @@ def _put_another(rng: random.Random, path: Path) -> None:
 
 
 def _forge(rng: random.Random, path: Path) -> None:
-    """A chunk whose digest is right and whose arrays have other names, types or dimensions."""
+    """A chunk whose digest is right and whose arrays cannot be."""
     import numpy as np
 
     from pinsing.chunk_file import DamagedError, pack, read_arrays
@@ -146,14 +147,21 @@ def _forge(rng: random.Random, path: Path) -> None:
         return
     name = rng.choice(sorted(record))
     array = record[name]
-    way = rng.randrange(5)
+    way = rng.randrange(7)
     if way == 0:
         del record[name]
     elif way == 1:
         record[name] = array.astype(rng.choice([np.float32, np.int8, np.str_, np.bool_]))
     elif way == 2:
         record[name] = array.reshape(1, *array.shape)
-    elif way == 3:
+    elif way == 3 and array.size:
+        bad = np.full_like(array, -1)
+        record[name] = bad
+    elif way == 4 and array.size and array.dtype.kind == "f":
+        array = array.copy()
+        array.flat[rng.randrange(array.size)] = rng.choice([math.nan, math.inf, -1e308])
+        record[name] = array
+    elif way == 5:
         record[rng.choice(["more", "", "../x", "_run "])] = np.zeros(3)
     else:
         index += 1

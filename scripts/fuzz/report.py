@@ -104,8 +104,8 @@ reaches a new line is kept, and others are made from it by further changes: {lat
   through `pinsing list` (every fortieth URDF and xacro through `pinsing analyze` as well), `pinsing
   dh` and then `info`, or the loading and closing of a mechanism.
 - *run*: folders of `pinsing map` and `sweep`: files cut, flipped, exchanged, removed, replaced by
-  links, pipes, folders and 8 GiB of nothing, plans changed, chunks with a right digest and other
-  arrays. The same command must go on to the same bytes, or refuse.
+  links, pipes, folders and 8 GiB of nothing, plans changed, chunks forged with a right digest. The
+  same command must go on to the same bytes, or refuse.
 - *expression*: xacro expressions out of a grammar. The value of an ordinary one must be that of
   Python; a wild one gives plain data, or is refused.
 - *result*, *certificate*: JSON with values, keys and whole branches changed, removed, doubled,

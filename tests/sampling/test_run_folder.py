@@ -9,6 +9,7 @@ from pathlib import Path
 import arms
 import numpy as np
 import pytest
+from tiers import sampled
 
 from pinsing.chunk_file import DamagedError, pack, read_arrays, read_bounded
 from pinsing.errors import OutputError, ResultError
@@ -122,7 +123,7 @@ def test_a_plan_without_end(tmp_path: Path) -> None:
         recorded(tmp_path)
 
 
-# ---- whole files of the right run, with arrays that no chunk has
+# ---- whole files of the right run, with contents that no chunk has
 
 
 def change(record: dict[str, np.ndarray], name: str, value: object) -> dict[str, np.ndarray]:
@@ -130,16 +131,44 @@ def change(record: dict[str, np.ndarray], name: str, value: object) -> dict[str,
 
 
 WRONG: dict[str, Callable[[dict[str, np.ndarray]], dict[str, np.ndarray]]] = {
+    "counts too many": lambda r: change(r, "counts", r["counts"] + [1, 0, 0]),
+    "counts of a whole run": lambda r: change(r, "counts", [COUNT, 0, 0]),
+    "negative": lambda r: change(r, "counts", r["counts"] * [1, -1, -1]),
+    "more singular than seen": lambda r: change(r, "counts", [BLOCK, BLOCK, 1]),
+    "singular ones that are not among the worst": lambda r: change(
+        r, "counts", r["counts"] + [0, 1, 0]
+    ),
     "a count of floats": lambda r: change(r, "counts", r["counts"].astype(float)),
     "a scalar": lambda r: change(r, "counts", 4096),
     "no such array": lambda r: {k: v for k, v in r.items() if k != "value"},
     "an array more": lambda r: change(r, "sigma", [1.0]),
+    "not a number": lambda r: change(r, "value", r["value"] * np.nan),
+    "infinite": lambda r: change(r, "worst_sigma", r["worst_sigma"] + np.inf),
+    "a number of another chunk": lambda r: change(r, "index", r["index"] + BLOCK),
+    "worst of another chunk": lambda r: change(r, "worst_index", r["worst_index"] + BLOCK),
+    "worst twice": lambda r: change(r, "worst_index", r["worst_index"] * 0 + 2 * BLOCK),
+    "worst not in order": lambda r: change(r, "worst_ratio", r["worst_ratio"][::-1].copy()),
+    "fewer of the worst": lambda r: change(r, "worst_ratio", r["worst_ratio"][:-1]),
+    "a better worst": lambda r: change(r, "worst_ratio", r["worst_ratio"] * 0),
+    "bins that are not there": lambda r: change(r, "sigma_bins", r["sigma_bins"] + 10**6),
+    "bins before the first": lambda r: change(r, "sigma_bins", r["sigma_bins"] - 10**6),
+    "bins twice": lambda r: change(r, "ratio_bins", r["ratio_bins"] // 2),
+    "a histogram of more": lambda r: change(r, "ratio_counts", r["ratio_counts"] + 1),
+    "a histogram of nothing": lambda r: change(r, "ratio_counts", r["ratio_counts"] * 0),
+    "a histogram of another shape": lambda r: change(r, "ratio_counts", [BLOCK]),
+    "a histogram elsewhere": lambda r: change(r, "sigma_bins", r["sigma_bins"] + 1),
+    "another worst configuration": lambda r: change(
+        r, "worst_index", np.sort(r["worst_index"]) // BLOCK * BLOCK + np.arange(20)
+    ),
+    "another sigma of the worst": lambda r: change(r, "worst_sigma", r["worst_sigma"] * 1.001),
+    "another place of the largest": lambda r: change(r, "index", r["index"] // BLOCK * BLOCK),
     "text": lambda r: change(r, "worst_sigma", ["a"] * 20),
+    "large numbers": lambda r: change(r, "index", np.full((2, 2), 2**62)),
 }
 
 
-@pytest.mark.parametrize("kind", WRONG)
-def test_arrays_that_no_chunk_has(run: Path, whole: Path, kind: str) -> None:
+@pytest.mark.parametrize("kind", sampled(WRONG))
+def test_contents_that_no_chunk_has(run: Path, whole: Path, kind: str) -> None:
     identity = recorded(run)
     assert identity is not None
     folder = RunFolder(run, identity, 4)
@@ -190,3 +219,6 @@ def test_reading_never_waits(tmp_path: Path) -> None:
             read_bounded(path, 100, follow=True)
         with pytest.raises(ResultError):
             load_npz(path)
+
+
+# ---- sweeps

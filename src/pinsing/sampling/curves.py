@@ -21,10 +21,11 @@ from typing import Any
 import numpy as np
 
 from pinsing._types import Array, ArrayLike, Bool, Ints
-from pinsing.chunk_file import Record
+from pinsing.chunk_file import DamagedError, Record
 from pinsing.kinematics.verdict import SINGULAR_RTOL
 from pinsing.measures import ROUNDING
 from pinsing.sampling.sweep_plan import NOT_ASKED, PlannedLevel, SweepPlan
+from pinsing.sampling.tally import finite, whole
 
 
 @dataclass(frozen=True, eq=False)
@@ -209,10 +210,21 @@ class Pool:
             self._take(number, kind, sigma, ratio)
 
     def join(self, record: Record) -> None:
-        """Take what `record` of another pool gave."""
+        """Take what `record` of another pool gave, which `check` has judged."""
         taken: Any = [record[name] for name in self.names]
         self.found += int(taken[0])
         self._take(*taken[1:])
+
+    def check(self, record: Record, start: int, stop: int, regular: int) -> None:
+        """Judge a pool of Jacobians from ``start`` to ``stop``, so many not of singular curves."""
+        size = (min(int(whole(record, "dips_found", (), 0, regular + 1)), self.most),)
+        DamagedError.refuse_if(
+            (np.diff(whole(record, "dip_number", size, start, stop)) <= 0).any(),
+            "its dips are not in order",
+        )
+        whole(record, "dip_kind", size, 0, 1 << 62)
+        for name in ("dip_sigma", "dip_ratio"):
+            finite(record, name, size)
 
     def record(self) -> Record:
         """Return what is kept, by number, as arrays."""

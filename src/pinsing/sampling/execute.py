@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import contextlib
 import errno
+import functools
 import hashlib
 import json
 import os
@@ -23,7 +24,7 @@ from types import FrameType
 from typing import Any, Protocol
 
 from pinsing._batch.engine import cpu_count
-from pinsing.atomic_write import MEBIBYTE, is_temporary, replace_file, sync_folder
+from pinsing.atomic_write import is_temporary, replace_file, sync_folder
 from pinsing.chunk_file import DamagedError, Record, pack, read_bounded, unpack
 from pinsing.errors import OptionError, OutputError, PinsingError, WorkerError, why
 from pinsing.kinematics.verdict import Evaluator, evaluator, recorded_engine
@@ -34,8 +35,6 @@ _SCHEMA = "pinsing/run/1"
 _PLAN, _CHUNKS, _LOCK = "plan.json", "chunks", "lock"
 _CHUNK = re.compile(r"([0-9]{6}|[1-9][0-9]{6,17})\.npz")
 _ROBOT = "robot"
-# Bytes that the arrays of a chunk take at most, and for each of what it computes.
-_ROOM, _ROOM_OF_ONE = 64 * MEBIBYTE, 64
 _FULL = frozenset({errno.ENOSPC, errno.EDQUOT, errno.EFBIG})
 
 
@@ -60,8 +59,14 @@ class RunFolder:
             make_chunks(self.path)
         self.write_bytes(self.chunk_path(index), data)
 
-    def read(self, index: int, room: int = 256 << 20) -> Record:
-        """Return the record of a chunk, whose arrays take at most ``room`` bytes."""
+    def read(
+        # bytes that the arrays of a chunk take, unless the run says
+        self,
+        index: int,
+        check: Callable[[Record], None] | None = None,
+        room: int = 256 << 20,
+    ) -> Record:
+        """Return the record of a chunk; ``check`` raises DamagedError for what it must not hold."""
         path = self.chunk_path(index)
         try:
             # Arrays that cannot be compressed grow by less than a thousandth.
@@ -70,7 +75,10 @@ class RunFolder:
             if isinstance(error, FileNotFoundError):
                 raise
             raise OutputError(f"cannot read {path}: {why(error)}") from None
-        return unpack(data, self.digest, index, room)
+        record = unpack(data, self.digest, index, room)
+        if check is not None:
+            check(record)
+        return record
 
     def kept(self) -> tuple[int, ...]:
         """Return the numbers of the chunks that have a file, damaged or not."""
@@ -380,16 +388,11 @@ class Job(Protocol):
     def part(self, index: int) -> Callable[[], Record]:
         """Return what computes one chunk: small, able to be pickled, the same anywhere."""
 
-    def empty(self) -> Record:
-        """Return what a chunk of nothing holds: the names and types of all arrays."""
+    def check(self, index: int, record: Record) -> None:
+        """Raise a DamagedError that says why ``record`` cannot be that of a chunk."""
 
-
-def _require_arrays(record: Record, job: Job) -> None:
-    """Raise DamagedError unless a record has the arrays of a job's chunks, of their types."""
-    found, wanted = ({k: (x.dtype, x.ndim) for k, x in r.items()} for r in (record, job.empty()))
-    other = next((k for k in sorted({*found, *wanted}) if found.get(k) != wanted.get(k)), None)
-    if other is not None:
-        raise DamagedError(f"{other[:40]!r} is missing, of another type, or does not belong there")
+    def room(self, index: int) -> int:
+        """Bytes that the arrays of a chunk take at most."""
 
 
 def planned_evaluator(arm: Arm, options: RunOptions) -> Evaluator:
@@ -486,9 +489,8 @@ class Run:
                 raise KeyboardInterrupt
             assert self.folder is not None
             try:
-                start, stop = self.job.span(index)
-                record = self.folder.read(index, _ROOM + _ROOM_OF_ONE * (stop - start))
-                _require_arrays(record, self.job)
+                check = functools.partial(self.job.check, index)
+                record = self.folder.read(index, check, self.job.room(index))
             except FileNotFoundError:
                 damaged.append(f"{index} (it has gone)")
             except DamagedError as error:
@@ -535,7 +537,7 @@ def _outcome(future: Future[Record], job: Job, index: int) -> Record:
     if error is None:
         record = future.result()
         try:
-            _require_arrays(record, job)
+            job.check(index, record)
         except (DamagedError, ValueError, TypeError, AttributeError) as wrong:
             raise WorkerError(
                 f"a worker returned something else for chunk {index}: {wrong} "

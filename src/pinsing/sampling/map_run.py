@@ -34,7 +34,9 @@ from pinsing.sampling.tally import (
     Distribution,
     Tally,
     WorstPoint,
+    check_names,
     distributions,
+    finite,
     worst_points,
 )
 from pinsing.serialization import JsonResult
@@ -302,6 +304,10 @@ class MapJob:
             found.append(self.near.bounds(Q, self.evaluator.engine))
         return sigma, found
 
+    def counted(self, k: int, Q: Array) -> tuple[Array, Array]:
+        """Return what tally ``k`` counts at Q (N, n)."""
+        return self.measure(Q)[1][k]
+
     def identity(self) -> Mapping[str, Any]:
         """Return what decides the numbers, as plain JSON values."""
         values: dict[str, Any] = {"keep_values": self.keep_values}
@@ -318,20 +324,27 @@ class MapJob:
         start = index * self.plan.chunk
         return start, min(self.plan.count, start + self.plan.chunk)
 
-    def record(self, tallies: Sequence[Tally], sigma: Sequence[Array]) -> Record:
-        """Tallies as arrays, with all of ``sigma`` (N, r) if values are kept."""
-        record = {name: array for tally in tallies for name, array in tally.record().items()}
+    def check(self, index: int, record: Record) -> None:
+        """Raise a DamagedError that says why ``record`` cannot be that of a chunk."""
+        start, stop = self.span(index)
+        names = [name for tally in self.tallies() for name in tally.names]
+        check_names(record, (*names, *(["sigma"] if self.keep_values else [])))
         if self.keep_values:
-            record["sigma"] = np.concatenate([np.zeros((0, self.evaluator.rank)), *sigma])
-        return record
+            finite(record, "sigma", (stop - start, self.evaluator.rank))
 
-    def empty(self) -> Record:
-        """Return what a chunk of nothing holds."""
-        return self.record(self.tallies(), ())
+        for k, tally in enumerate(self.tallies()):
+            again = functools.partial(self.counted, k)
+            tally.check(record, stop - start, start, stop, self.plan.configuration, again)
+
+    def room(self, index: int) -> int:
+        """Bytes that the arrays of a chunk take at most."""
+        start, stop = self.span(index)
+        values = 8 * self.evaluator.rank * (stop - start) if self.keep_values else 0
+        return values + sum(tally.room(stop - start) for tally in self.tallies())
 
 
 def compute_map_chunk(job: MapJob, index: int) -> Record:
-    """Return the record of one chunk."""
+    """Return tallies of one chunk as arrays, with ``sigma`` (N, r) if values are kept."""
     # Blocks begin at multiples of BLOCK whatever the chunks: the same operands give the same bits.
     start, stop = job.span(index)
     tallies, kept = job.tallies(), []
@@ -341,7 +354,10 @@ def compute_map_chunk(job: MapJob, index: int) -> Record:
             tally.add(first, *both)
         if job.keep_values:
             kept.append(sigma)
-    return job.record(tallies, kept)
+    record = {name: array for tally in tallies for name, array in tally.record().items()}
+    if job.keep_values:
+        record["sigma"] = np.concatenate(kept)
+    return record
 
 
 @checked

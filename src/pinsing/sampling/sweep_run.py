@@ -54,7 +54,10 @@ from pinsing.sampling.tally import (
     Distribution,
     Tally,
     WorstPoint,
+    check_names,
     distributions,
+    finite,
+    whole,
     worst_points,
 )
 from pinsing.serialization import JsonResult
@@ -415,11 +418,26 @@ class SweepJob:
             self._rows(index),
         )  # fmt: skip
 
-    def empty(self) -> Record:
-        """Return what a chunk of nothing holds."""
-        kept = {name: np.empty(0) for name in VALUES if self.kept.values}
+    def check(self, index: int, record: Record) -> None:
+        """Raise a DamagedError that says why ``record`` cannot be that of a chunk."""
+        start, stop = self.span(index)
         tally, pool = Tally(self.kept.worst), Pool(self.kept.candidates)
-        return tally.record() | pool.record() | {"first": np.array(0)} | kept
+        values = VALUES if self.kept.values else ()
+        check_names(record, (*tally.names, *pool.names, "first", *values))
+        regular = int((~self._rows(index).singular).sum()) * self.plan.samples
+        measure = self.evaluator.last_and_ratio
+        tally.check(record, regular, start, stop, self.table.configuration, measure)
+        whole(record, "first", (), start, start + 1)
+        pool.check(record, start, stop, regular)
+        for name in values:
+            finite(record, name, (stop - start,))
+
+    def room(self, index: int) -> int:
+        """Bytes that the arrays of a chunk take at most."""
+        start, stop = self.span(index)
+        count, kept = stop - start, self.kept
+        dips = 32 * min(kept.candidates, count)
+        return Tally(kept.worst).room(count) + dips + (16 * count if kept.values else 0)
 
 
 def compute_curves(

@@ -1,7 +1,9 @@
 """What a map or sweep keeps of its values: counts, extremes, histograms, the worst few.
 
 Every part can be joined in any order and any grouping with the same outcome to the last bit:
-numbers are counted or compared, never added up as floats, and ties go to the lower index.
+numbers are counted or compared, never added up as floats, and ties go to the lower index. A tally
+that comes from a file or from another machine is judged before it is joined: all that follows
+from the number of configurations, and all that says the same thing twice, is compared.
 """
 
 from __future__ import annotations
@@ -15,8 +17,8 @@ import numpy as np
 
 from pinsing._batch import engine
 from pinsing._batch.engine import ValueCounts
-from pinsing._types import Array, Ints
-from pinsing.chunk_file import Record
+from pinsing._types import Array, Ints, NDArray
+from pinsing.chunk_file import DamagedError, Record
 from pinsing.errors import OptionError
 from pinsing.measures import NEAR_RTOL, SINGULAR_RTOL, Status, status_of
 
@@ -95,6 +97,15 @@ class Tally:
         self.worst_sigma = np.empty(0)
         self.worst_ratio = np.empty(0)
 
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of its arrays in a record."""
+        return tuple(self.prefix + name for name in _ARRAYS)
+
+    def room(self, count: int) -> int:
+        """Bytes that its arrays take at most, of ``count`` configurations, with their headers."""
+        return 24 * min(self.worst, count) + 2 * 16 * min(BINS, count) + 8192
+
     def add(self, start: int, last: Array, ratio: Array, numbers: Counts | None = None) -> None:
         """Count sigma_r (N,) and ratios (N,) from ``start`` on, or of ascending ``numbers``."""
         if not len(last):
@@ -123,10 +134,10 @@ class Tally:
         ]
         for row in self.histogram:
             arrays += [np.flatnonzero(row), row[row > 0]]
-        return dict(zip((self.prefix + name for name in _ARRAYS), arrays, strict=True))
+        return dict(zip(self.names, arrays, strict=True))
 
     def join(self, record: Record) -> None:
-        """Count what the tally of a record has seen."""
+        """Count what the tally of a record has seen, which `check` has judged."""
         part: dict[str, Any] = {name: record[self.prefix + name] for name in _ARRAYS}
         done, singular, near = part["counts"].tolist()
         self.done += done
@@ -153,6 +164,119 @@ class Tally:
         order = np.lexsort((index, ratio))[: self.worst]
         self.worst_index, self.worst_sigma = index[order], sigma[order]
         self.worst_ratio = ratio[order]
+
+    def check(
+        self,
+        record: Record,
+        count: int,
+        start: int,
+        stop: int,
+        locate: Callable[[int], Array],
+        measure: Callable[[Array], tuple[Array, Array]],
+    ) -> None:
+        """Judge a tally of ``count`` configurations; DamagedError says what is wrong."""
+        # ``measure`` computes what stands for sigma_r and the ratio of the worst and the extremes
+        # again.
+        part = {name: record[self.prefix + name] for name in _ARRAYS}
+        done, singular, near = whole(part, "counts", (3,), 0, count + 1).tolist()
+        DamagedError.refuse_if(
+            done != count or singular + near > done, f"it counts {done} configurations, not {count}"
+        )
+        if not count:
+            for name, empty in Tally(self.worst).record().items():
+                DamagedError.refuse_if(
+                    part[name].dtype != empty.dtype or not np.array_equal(part[name], empty),
+                    "it counts nothing, but has extremes",
+                )
+            return
+        value = finite(part, "value", (2, 2), self.ratios)
+        whole(part, "index", (2, 2), start, stop)
+        above = self.ratios and value[1, LARGEST] > 1 + 1e-9  # a ratio that is 1, but for rounding
+        DamagedError.refuse_if(
+            (value[:, SMALLEST] > value[:, LARGEST]).any() or above,
+            "its smallest and largest values contradict each other",
+        )
+        size = min(self.worst, count)
+        index = whole(part, "worst_index", (size,), start, stop)
+        sigma = finite(part, "worst_sigma", (size,), self.ratios)
+        ratio = finite(part, "worst_ratio", (size,), self.ratios)
+        ordered = np.lexsort((index, ratio))
+        DamagedError.refuse_if(
+            len(set(index.tolist())) < size or (ordered != np.arange(size)).any(),
+            "its worst configurations are not in order",
+        )
+        DamagedError.refuse_if(
+            ratio[0] != value[1, SMALLEST] or sigma.min() < value[0, SMALLEST],
+            "its worst configurations and its smallest values differ",
+        )
+        DamagedError.refuse_if(
+            np.count_nonzero(ratio <= SINGULAR_RTOL) != min(singular, self.worst),
+            "its worst configurations and its number of singular ones differ",
+        )
+        for ends, name in zip(value, MEASURES, strict=True):
+            bins = whole(part, f"{name}_bins", (None,), 0, BINS)
+            counts = whole(part, f"{name}_counts", bins.shape, 1, count + 1)
+            DamagedError.refuse_if(
+                not len(bins) or (np.diff(bins) <= 0).any() or int(counts.sum()) != count,
+                f"the histogram of {name} does not count {count} configurations",
+            )
+            DamagedError.refuse_if(
+                bins[[0, -1]].tolist() != bin_numbers(ends).tolist(),
+                f"the histogram of {name} does not end where its values do",
+            )
+        numbers = [*index.tolist(), *part["index"].ravel().tolist()]
+        last, again = measure(np.stack([locate(number) for number in numbers]))
+        found = [last[:size], again[:size], last[size : size + 2], again[size + 2 :]]
+        said = np.concatenate([sigma, ratio, value.ravel()])
+        # Arrays of other lengths are added up in another order.
+        DamagedError.refuse_if(
+            not np.allclose(np.concatenate(found), said, rtol=1e-8, atol=1e-11),
+            "its worst configurations have other values than it says",
+        )
+
+
+def array_of(
+    record: Record, name: str, shape: tuple[int | None, ...], whole: bool
+) -> NDArray[np.generic]:
+    """Return array ``name`` of a record; DamagedError for another type or shape (None: any)."""
+    array = record.get(name)
+    if array is None:
+        raise DamagedError(f"it lacks {name}")
+    DamagedError.refuse_if(
+        array.dtype != (np.int64 if whole else np.float64),
+        f"{name} has numbers of type {array.dtype}",
+    )
+    fits = len(array.shape) == len(shape) and all(
+        want in (None, have) for want, have in zip(shape, array.shape, strict=True)
+    )
+    DamagedError.refuse_if(not fits, f"{name} has the shape {array.shape}")
+    return array
+
+
+def finite(record: Record, name: str, shape: tuple[int | None, ...], bounded: bool = True) -> Array:
+    """Finite numbers of at least 0, or infinite ones too if not ``bounded``; as `array_of`."""
+    array = array_of(record, name, shape, whole=False).astype(np.float64, copy=False)
+    DamagedError.refuse_if(
+        not ((np.isfinite(array).all() or not bounded) and (array >= 0).all()),
+        f"{name} is negative or not finite",
+    )
+    return array
+
+
+def whole(record: Record, name: str, shape: tuple[int | None, ...], low: int, stop: int) -> Ints:
+    """Whole numbers from ``low`` to before ``stop``; as `array_of`."""
+    array = array_of(record, name, shape, whole=True).astype(np.int64, copy=False)
+    DamagedError.refuse_if(
+        ((array < low) | (array >= stop)).any(), f"{name} is outside {low} to {stop - 1}"
+    )
+    return array
+
+
+def check_names(record: Record, names: tuple[str, ...]) -> None:
+    """Compare the names of the arrays."""
+    other = min(set(record) ^ set(names), default=None)
+    if other is not None:
+        raise DamagedError(f"{other[:40]!r} is missing or does not belong there")
 
 
 Locate = Callable[[int], Array]
