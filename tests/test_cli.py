@@ -3,6 +3,7 @@
 import errno
 import json
 import os
+import re
 import shlex
 import signal
 import stat
@@ -316,8 +317,21 @@ class TestList:
     def test_one_word_narrows(self):
         lines = run("list", "PUMA").stdout.splitlines()
         assert len(lines) == 2
-        none = run("list", "nothing-like-this")
-        assert (none.exit_code, none.stdout) == (0, "")
+        assert "gen3_lite" in run("list", "GEN-3").stdout
+
+    @pytest.mark.parametrize("word", ["ur-5e", "ur 5 e", "HC-10", "xArm 850", "Meca 500"])
+    def test_letters_and_digits_of_a_name_are_the_robot(self, word):
+        assert run("list", word).stdout.split()[1] == re.sub("[^a-z0-9]", "", word.lower())
+
+    @pytest.mark.parametrize("word", ["ur5ee", "nothing-like-this", "!!"])
+    def test_an_unknown_name_is_refused(self, word):
+        none = run("list", word, "-o", "-")
+        assert (none.exit_code, none.stdout) == (2, "")
+        assert f"unknown robot {word!r}: " in none.stderr
+        assert ("did you mean 'ur5'" in none.stderr) == (word == "ur5ee")
+
+    def test_a_name_with_a_slash_is_a_path(self):
+        assert run("families", "ur5e/").stderr == "pinsing: error: ur5e/: no such file\n"
 
     def test_json(self):
         data = json.loads(run("list", "-o", "-").stdout)
@@ -326,6 +340,11 @@ class TestList:
 
 
 class TestDh:
+    def test_an_option_of_guards_is_refused(self, tmp_path):
+        done = run("export", "ur5e", "--calibration", "c.yaml", "-o", str(tmp_path / "c.urdf"))
+        assert done.exit_code == 2
+        assert "DH table or the name of one alone, not --calibration" in done.stderr
+
     @pytest.mark.slow
     def test_urdf_is_that_of_the_library(self, tmp_path):
         out = tmp_path / "arm.urdf"

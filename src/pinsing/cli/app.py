@@ -99,11 +99,11 @@ def _is_robot(word: str) -> bool:
         return False
     if os.sep in word or os.path.isfile(word):
         return True
-    from pinsing.description.catalog import described_entries, known_robots
+    from pinsing.description.catalog import canonical, described_entries, known_robots
 
     if word.startswith("rd:"):
         return any(word == entry.name for entry in described_entries())
-    return word in known_robots()
+    return canonical(word) in map(canonical, known_robots())
 
 
 class Commands(MutableMapping[str, click.Command]):
@@ -228,8 +228,10 @@ class PinsingGroup(click.Group):
             formatter.write_dl([(name, COMMANDS[name][1]) for name in self.list_commands(ctx)])
 
 
-def _missing(error: click.UsageError) -> str:
-    """Return what to type where an option or argument is missing; empty for other slips."""
+def _instead(error: click.UsageError) -> str:
+    """Return what to type where an option or argument is missing or of another file; else empty."""
+    if isinstance(error, click.NoSuchOption) and error.ctx and error.ctx.command.name == "dh":
+        return f"-o FILE.urdf takes a DH table or the name of one alone, not {error.option_name}"
     if not isinstance(error, click.MissingParameter) or error.param is None or error.ctx is None:
         return ""
     param, usage = error.param, error.ctx.command.collect_usage_pieces(error.ctx)
@@ -244,7 +246,7 @@ def _usage(error: click.UsageError) -> int:
     if error.ctx is not None and not error.ctx.args and type(error).__name__.startswith("NoArgs"):
         click.echo(error.ctx.get_help())  # no command at all: show what there is
         return BAD_INPUT
-    complain(_missing(error) or error.format_message())
+    complain(_instead(error) or error.format_message())
     if error.ctx is not None:
         say(f"see {error.ctx.command_path} --help")
     return BAD_INPUT

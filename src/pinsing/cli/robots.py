@@ -95,14 +95,22 @@ def list_command(word: str, json_target: str | Path | None) -> None:
     first axis within the limits, computed. Robots of the package robot_descriptions, where it is
     installed, are called rd:NAME.
     """
-    from pinsing.description.catalog import described_entries, known_robots
+    from pinsing.description.catalog import (
+        PREFIX,
+        canonical,
+        described_entries,
+        described_robot,
+        find_robot,
+        known_robots,
+    )
 
-    wanted = word.lower()
+    described = word.startswith(PREFIX)
+    wanted = canonical(word) or word  # of signs alone: in no name
     entries = [
         e
-        for e in (*known_robots().values(), *described_entries())
-        if wanted in e.name.lower() or wanted in e.title.lower()
-    ]
+        for e in (*(() if described else known_robots().values()), *described_entries())
+        if wanted in canonical(e.name) or wanted in canonical(e.title)
+    ] or [described_robot(word) if described else find_robot(word)]
     if json_target is not None:
         robots = [
             {"name": e.name, "title": e.title, "source": e.source, "alias_of": e.alias_of}
@@ -110,10 +118,7 @@ def list_command(word: str, json_target: str | Path | None) -> None:
         ]
         if emit_json_data({"schema": "pinsing/robots/1", "robots": robots}, json_target):
             return
-    if entries:
-        emit(_listed(entries))
-    else:
-        say(f"no known robot has {word!r} in its name")
+    emit(_listed(entries))
 
 
 def _listed(entries: list[CatalogEntry]) -> str:

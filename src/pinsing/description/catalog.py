@@ -326,7 +326,7 @@ def find_robot(name: str) -> CatalogEntry:
     if (at_once := _plain_hit(name)) is not None:
         return at_once
     entries = known_robots()
-    alike = [k for k in entries if k == name or _canonical(k) == _canonical(name)]
+    alike = [k for k in entries if k == name or canonical(k) == canonical(name)]
     if alike:
         return entries[name if name in alike else alike[0]]
     titled = _titled(name, entries)
@@ -354,12 +354,12 @@ def _plain_hit(name: str) -> CatalogEntry | None:
 def _titled(name: str, entries: Mapping[str, CatalogEntry]) -> list[CatalogEntry]:
     """Return the robots of this title; with a digit, of this one without its maker, too."""
     # After a comma a title has another name as sold, in capitals, or says more.
-    wanted, found = _canonical(name), []
+    wanted, found = canonical(name), []
     for entry in entries.values():
         maker, _, sold = entry.title.partition(" ")
         names = [entry.title, *(f"{maker} {s}" for s in sold.split(", ") if s[:1].isupper())]
-        if wanted in map(_canonical, names) or (
-            re.search(r"\d", wanted) and wanted in (_canonical(n.partition(" ")[2]) for n in names)
+        if wanted in map(canonical, names) or (
+            re.search(r"\d", wanted) and wanted in (canonical(n.partition(" ")[2]) for n in names)
         ):
             found.append(entry)
     return found
@@ -367,9 +367,9 @@ def _titled(name: str, entries: Mapping[str, CatalogEntry]) -> list[CatalogEntry
 
 def _meant(name: str, entries: Mapping[str, CatalogEntry]) -> list[str]:
     """Return the robots that have a name, all words of it, or most: "gofa", "Motoman HC10DTP"."""
-    words, whole = re.findall(r"[a-z]{3,}", name.lower()[:100]), _canonical(name[:100])
+    words, whole = re.findall(r"[a-z]{3,}", name.lower()[:100]), canonical(name[:100])
     titled = {k: f"{k} {e.title}" for k, e in entries.items() if e.alias_of is None}
-    plain = {known: _canonical(said) for known, said in titled.items()}
+    plain = {known: canonical(said) for known, said in titled.items()}
     shared = {known: _parts(said) & _parts(name[:100]) for known, said in titled.items()}
     exact = [known for known, said in plain.items() if len(whole) > 2 and whole in said]
     near = [known for known, said in plain.items() if words and all(w in said for w in words)]
@@ -418,7 +418,7 @@ def locate_robot(robot: str | Path) -> CatalogEntry | Path:
             and any("/" in entries[known].title for known in _meant(robot, entries))
         ),
         "no such file",
-        path,
+        robot,  # as typed: a name with a slash is a path
     )
     try:
         return find_robot(str(robot))
@@ -504,5 +504,6 @@ def _entry(name: str, path: Path, source: str) -> CatalogEntry:
     return CatalogEntry(name, path, title, source, note=_NOTES.get(name, ""))
 
 
-def _canonical(name: str) -> str:
+def canonical(name: str) -> str:
+    """Return what of a name matters: its letters and digits, in any case."""
     return re.sub(r"[\W_]", "", unicodedata.normalize("NFKD", name).lower())
