@@ -259,6 +259,11 @@ def test_a_calibrated_file_has_the_families_of_its_design(
     assert "nominal design" not in alone.stdout
     there = run("at", str(file), "--q", "1,1,1,1,1,1").stdout
     assert "3 families of the design" in there
+    near, _, proven = there.replace("\n", " ").partition(" away ")
+    assert near.rpartition(", ")[0].endswith(" of the design")
+    assert proven.startswith("(at least ")
+    on = run("at", str(file), "--q", "0,1,1,1,0,1").stdout.replace("\n  ", " ")
+    assert "on the wrist singularity (q5 = 0°) of the design" in on
     assert (
         "of the design" not in run("at", str(file), "--q", "1,1,1,1,1,1", "--design", "none").stdout
     )

@@ -147,8 +147,10 @@ def _answer(
     from pinsing.proximity.watched import titled, watch
 
     arm, near = state.arm, () if found is None else found[1].families
+    watched = None if found is None else watch(found[0])
+    of = " of the design" * bool(watched and watched.tube)
     on = [d for d in near if d.upper <= ALIKE]
-    called = " and ".join(singularity(d.family, d.title, d.where) for d in on)
+    called = " and ".join(singularity(d.family, d.title, d.where) + of for d in on)
     status = "SINGULAR" if state.singular else state.status
     geometry = None if found is None or state.singular else found[0].geometry
     posture = () if geometry is None else posture_names(geometry, state.q[None])[0]
@@ -170,14 +172,16 @@ def _answer(
             for j, slides in ((j, bool(arm.prismatic[j])) for j in moved)
         )
         turns, slides = not arm.prismatic[moved].any(), arm.prismatic[moved].all()
-        far = _amount(d.upper * (arm.length_scale if slides else 1.0), degrees and turns)
-        far += " m" if slides else " rad" * (turns and not degrees)
-        what = f"{titled(d.family, d.title)}, {far} away: {moves}"
+        unit = " m" if slides else " rad" * (turns and not degrees)
+        scale = arm.length_scale if slides else 1.0
+        far, least = (f"{_amount(x * scale, degrees and turns)}{unit}" for x in (d.upper, d.lower))
+        proven = f" (at least {least}, proven{of * watched.nominal})" if watched and of else ""
+        what = f"{titled(d.family, d.title)}{of}, {far} away{proven}: {moves}"
         lines.append(f"  Nearest {other}singularity{within}: {what}")
     elif others:
         lines.append(f"  No {other}singularity within the joint limits")
-    if found is not None and (geometry_said := watch(found[0]).tube):
-        lines.append(f"  {geometry_said}")
+    if watched is not None and watched.tube:
+        lines.append(f"  {watched.tube}")
     typed_q = typed(state.q, arm.prismatic, degrees, digits=6)
     word = "Other postures" if state.singular else "See it"
     lines.append(f"  {word}: pinsing {'postures' if state.singular else 'view'} {robot} {typed_q}")
@@ -206,7 +210,7 @@ def _nearest(form: ClosedForm, others: list[FamilyDistance], state: State) -> Fa
             if family.is_reachable is False:
                 continue
             within = family.distance(state.q, within_limits=True)
-            d = replace(d, lower=within.lower, upper=within.upper, q=within.q)
+            d = replace(d, upper=within.upper, q=within.q)  # no nearer than without limits
         if math.isfinite(d.upper) and (best is None or d.upper < best.upper):
             best = d
     return best

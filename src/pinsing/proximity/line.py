@@ -572,7 +572,7 @@ def line_summary(line: LineCheck, degrees: bool = True, robot: str = "", same: s
     # What is met matters more; the rest is below.
     if near is not None and not met and not line.family:
         far = f"{angle_text(near.upper, degrees)} at {near.t:.4g} m{OUTSIDE[near.outside]}"
-        out.append(f"Closest approach: {titled(near.family, near.title)}, {far}")
+        out.append(f"Closest approach: {titled(near.family, near.title)}{of}, {far}")
     out.append(f"Joint speeds at {line.speed:g} m/s: {_line_speeds(line)}")
     if good := _clear(line):
         start = typed(good[0].q, line.arm.prismatic, degrees, digits=6)

@@ -56,7 +56,8 @@ def details(check: TrajectoryCheck, degrees: bool = True) -> str:
             where = ", ".join(a.families)
             lines.append(f"  {_when(check, a.t)} ({where}): from {before} to {after}")
         lines += _more(len(check.aspect_changes), False)
-    lines += ["nearest approach to each family:"] * bool(check.approaches)
+    of = " of the design" * bool(check.tube)
+    lines += [f"nearest approach to each family{of}:"] * bool(check.approaches)
     for near in check.approaches:
         far, least = (angle_text(x, degrees) for x in (near.upper, near.lower))
         lines.append(
@@ -200,13 +201,14 @@ def _proven(check: TrajectoryCheck) -> str:
 def _nearest(check: TrajectoryCheck, degrees: bool) -> str:
     met = {c.family for c in check.crossings}
     others = (x for x in check.approaches if x.family not in met and x.upper > 0)
+    of = " of the design" * bool(check.tube)
     if (a := next((x for x in others if x.outside != "family"), None)) is None:
         return ""
-    least = angle_text(a.lower, degrees)
-    where = "elsewhere" if met else f"(at least {least}, {_proven(check)})"
+    least = f" (at least {angle_text(a.lower, degrees)}, {_proven(check)})"
+    where = " elsewhere" * bool(met) + least * bool(of or not met)
     return (
-        f"Closest approach {where}: {_title(check, a.family)}, {angle_text(a.upper, degrees)} "
-        f"{_when(check, a.t)}{OUTSIDE[a.outside]}"
+        f"Closest approach{where}: {_title(check, a.family)}{of}, "
+        f"{angle_text(a.upper, degrees)} {_when(check, a.t)}{OUTSIDE[a.outside]}"
     )
 
 
