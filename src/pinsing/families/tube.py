@@ -584,15 +584,21 @@ _NONE = 1e9
 """A distance where none is known, as in the kernel."""
 
 
-def _first(p: Equations, families: int) -> Array:
+def _first(p: Equations, families: int, goal: float) -> Array:
     """Boxes (N, 12 + F) to begin with: thin where a family is a joint value, as the tube is."""
-    sides = []
+    sides, minors = [], isinstance(p, JacobianMinors)
+    branches = [f.branch for f in p.factors]
     for j, (low, high) in enumerate(p.ranges):
-        values = [-2 * f.sum.phase[0] - np.pi for f in p.factors if f.is_value and f.sum.rate[0, j]]
+        # By minors all within the goal of a value that is a family by itself needs no halving.
+        values = [
+            -2 * f.sum.phase[0] - np.pi
+            for f in p.factors
+            if f.is_value and f.sum.rate[0, j] and not (minors and branches.count(f.branch) > 1)
+        ]
         parts = NEAR * np.array([-4, -1.5, -0.5, 0.5, 1.5, 4])
-        at = np.add.outer(values, parts) if values else np.linspace(0, 2 * np.pi, 7)
-        # One box where minors tell.
-        at = np.array([low]) if isinstance(p, JacobianMinors) else at
+        parts = 0.9999 * goal * np.array([-1, 1]) if minors else parts
+        at = np.array([low]) if minors else np.linspace(0, 2 * np.pi, 7)
+        at = np.add.outer(values, parts) if values else at
         at = np.unique((low + np.mod(at - low, 2 * np.pi)).round(12))
         is_circle = high - low >= 2 * np.pi
         cut = [low, *at[(at > low) & (at < high)], high]
@@ -662,7 +668,8 @@ def find_widths(
         if not wide or minors or near > 2 * NEAR:
             break
         near, found[:last], tried[:last] = 1.5 * near, 0.0, 0.0
-    boxes, level, most = halve(p, _first(p, last), near), 64.0, 3 * MOST if minors else MOST
+    first = _first(p, last, 2 * found[:last].max())
+    boxes, level, most = halve(p, first, near), 64.0, 3 * MOST if minors else MOST
     count = len(boxes)
 
     def left(boxes: Array) -> tuple[Array, Array]:
