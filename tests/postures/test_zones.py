@@ -19,6 +19,7 @@ from pinsing.kinematics.tip_speed import SpeedJudge
 from pinsing.postures import zone_search
 from pinsing.postures.zone_search import Region, parts_of
 from pinsing.proximity.watched import watch
+from pinsing.robot.chain import chain_model, flatten
 
 CASES = [
     ("ur5", {}, None),
@@ -358,6 +359,13 @@ def test_a_monitor_tells_in_which_zones_a_configuration_is():
         pinsing.Monitor(pinsing.closed_form(pinsing.load("planar3r")), zones=found)
     with pytest.raises(OptionError, match="without weights"):
         pinsing.Monitor(form, zones=found, weights=[1, 2, 1, 1])
+    chain = flatten(form.loaded)
+    moved = replace(chain, t=chain.t + 1e-5)  # as another calibration of the same robot
+    other = replace(form.loaded, model=chain_model(moved, form.loaded))
+    with pytest.raises(OptionError, match="in other places, as by another calibration"):
+        pinsing.export_guard(other, zones=found)
+    with pytest.raises(OptionError, match="in other places, as by another calibration"):
+        pinsing.export_guard(other, forms=form)
 
 
 @pytest.mark.parametrize("speed", [0.5, 3.0])

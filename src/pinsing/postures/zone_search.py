@@ -33,6 +33,7 @@ from pinsing.prose import listed
 from pinsing.proximity.watched import Watched, metric_note, titled, watch
 from pinsing.proximity.zones import Zones
 from pinsing.robot.arm import Arm, summarize
+from pinsing.robot.chain import placements_of
 
 if TYPE_CHECKING:
     from scipy.spatial import KDTree
@@ -394,6 +395,7 @@ class _Search:
         length = float(np.linalg.norm(self.judge.limits))
         return Zones(
             arm=summarize(self.arm),
+            placements=placements_of(self.arm),
             tip_speed=self.speeds[0],
             turn_speed=self.speeds[1],
             joint_speeds=self.judge.limits,

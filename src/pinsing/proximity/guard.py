@@ -59,7 +59,7 @@ class GuardSource:
         if self.zones is None:
             return {}
         low, high = self.zones.lower, self.zones.upper
-        far = zone_distances(self.zones, self.zones.arm, [name for name, _ in self.families])
+        far = np.array([self.zones.distances.get(name, 0.0) for name, _ in self.families])
         return {
             "zone": far,
             "zone_middle": (low + high) / 2,
@@ -435,7 +435,7 @@ def make_guard(
         alone = float(taken.alone.max()) if whole else taken.meeting
         margin = (alone, taken.meeting, taken.near, float(taken.limits is not None))
     if zones is not None:
-        zone_distances(zones, every[0].arm, [name for name, _ in kept])
+        zone_distances(zones, every[0].arm, arm, [name for name, _ in kept])
     geometries = [form.geometry or nominal(arm) for form in every]
     source = GuardSource(
         prefix=prefix,

@@ -192,7 +192,7 @@ class Monitor:
                 weights is not None, "zones have their own metric: watch without weights"
             )
             first = forms if isinstance(forms, ClosedForm) else forms[0]
-            self._zones = zone_distances(zones, first.arm, self.names)
+            self._zones = zone_distances(zones, first.arm, watched.arm, self.names)
             self._range = (zones.lower + zones.upper) / 2, (zones.upper - zones.lower) / 2
         self._judge: SpeedJudge | None = None
         if tip_speed is not None:

@@ -21,6 +21,7 @@ from pinsing.families.solve import closed_form
 from pinsing.kinematics.verdict import regular_radius
 from pinsing.measures import ROUNDING
 from pinsing.robot.arm import Arm, summarize
+from pinsing.robot.chain import chain_differs, placements_of
 from pinsing.robot.joint_space import JointSpace, require_values
 
 Forms: TypeAlias = ClosedForm | Sequence[ClosedForm]
@@ -274,6 +275,11 @@ def require_forms_of(forms: Forms, arm: Arm) -> None:
                 f"the closed form is of another arm: {what} of {there.name!r} and of "
                 f"{here.name!r} differ; make one of this arm with closed_form(arm)",
             )
+        OptionError.refuse_if(
+            form.loaded is not None and chain_differs(arm, placements_of(form.loaded)),
+            f"the closed form is of a {there.name!r} with its joints in other places, as by "
+            "another calibration; make one of this arm with closed_form(arm)",
+        )
 
 
 # `clearance` is called often.

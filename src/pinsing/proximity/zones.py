@@ -15,7 +15,8 @@ from pinsing.errors import OptionError
 from pinsing.notebook import one_line
 from pinsing.prose import listed
 from pinsing.proximity.trajectory import angle_text
-from pinsing.robot.arm import ArmSummary
+from pinsing.robot.arm import Arm, ArmSummary
+from pinsing.robot.chain import chain_differs
 from pinsing.serialization import JsonResult
 
 
@@ -27,6 +28,8 @@ class Zones(JsonResult):
     ----------
     arm : ArmSummary
         The arm.
+    placements : (n + 1, 3, 4) array
+        Of each joint in the one before, and of the tip: rotations, and metres.
     tip_speed, turn_speed : float
         m/s and rad/s of the tip, at once and in any directions.
     joint_speeds : (n,) array
@@ -68,6 +71,7 @@ class Zones(JsonResult):
     schema: ClassVar[str] = "pinsing/zones/1"
 
     arm: ArmSummary
+    placements: Array
     tip_speed: float
     turn_speed: float
     joint_speeds: Array
@@ -160,16 +164,20 @@ class Zones(JsonResult):
         return "\n".join([*lines, *(f"note: {n}" for n in self.notes)])
 
 
-def zone_distances(zones: Zones, arm: ArmSummary, names: Sequence[str]) -> Array:
+def zone_distances(
+    zones: Zones, arm: ArmSummary, loaded: Arm | None, names: Sequence[str]
+) -> Array:
     """Return distances (F,) of zones to named families, 0 where none is kept."""
     # OptionError for another arm or families, or zones that depend on a posture or on the tip.
-    require_zones_of(zones, arm, names)
+    require_zones_of(zones, arm, loaded, names)
     if zones.posture or np.isfinite(zones.tip_lower).any():
         raise OptionError(f"zones of {', '.join(zones.within)}: give those of joint ranges")
     return np.array([zones.distances.get(name, 0.0) for name in names])
 
 
-def require_zones_of(zones: Zones, arm: ArmSummary, names: Sequence[str]) -> None:
+def require_zones_of(
+    zones: Zones, arm: ArmSummary, loaded: Arm | None, names: Sequence[str]
+) -> None:
     """Raise OptionError unless zones are of this arm, and of families of these names."""
     mine, other = (
         (a.name, a.joints, a.base, a.tip, a.task, a.length_scale) for a in (zones.arm, arm)
@@ -181,3 +189,8 @@ def require_zones_of(zones: Zones, arm: ArmSummary, names: Sequence[str]) -> Non
             f"{zones.arm.task}, and families {', '.join(sorted(kept))}, not of {arm.name}, base "
             f"{arm.base}, tip {arm.tip}, task {arm.task}, and {', '.join(names)}"
         )
+    OptionError.refuse_if(
+        loaded is not None and chain_differs(loaded, zones.placements),
+        f"zones are of {zones.arm.name} with its joints in other places, as by another "
+        "calibration: make them of this robot, with the options that it has here",
+    )

@@ -700,7 +700,8 @@ def arm_report(
     started = time.monotonic()
     content = gather(arm, forms, poses)
     if zones is not None:
-        require_zones_of(zones, content.forms.arm, [f.name for f in content.forms.families])
+        names = [f.name for f in content.forms.families]
+        require_zones_of(zones, content.forms.arm, arm, names)
     shown = _page(content, skeleton, way, zones) if page or beside is not None else None
     certificate = content.forms.certificate
     written = None if certificate is None else text_of(certificate) + "\n"

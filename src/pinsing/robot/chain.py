@@ -10,6 +10,7 @@ import numpy as np
 import pinocchio as pin
 
 from pinsing._types import Array, Bool
+from pinsing.measures import ROUNDING
 from pinsing.robot.arm import Arm
 from pinsing.robot.joints import axis_rotation, joint_axis
 
@@ -51,6 +52,18 @@ def _flatten(arm: Arm) -> Chain:
     return _frozen(
         Chain(np.array(rotations), np.array(translations), np.array(sliding, dtype=bool))
     )
+
+
+def chain_differs(arm: Arm, placements: Array) -> bool:
+    """Whether joints of an arm are placed otherwise than ``placements`` (k + 1, 3, 4) say."""
+    here = placements_of(arm)
+    return here.shape != placements.shape or bool(np.abs(here - placements).max() > ROUNDING)
+
+
+def placements_of(arm: Arm) -> Array:
+    """Return where joints and tip are in the joint before (k + 1, 3, 4): rotations, and metres."""
+    chain = flatten(arm)
+    return np.concatenate([chain.R, chain.t[..., None]], axis=2)
 
 
 def with_fixed_joints_put(

@@ -397,7 +397,7 @@ def _bands(of: Zones | Tube, arm: Arm, names: Sequence[str]) -> dict[str, Any] |
             "why": f"near the design's families; singular configurations of {of.whose} lie "
             f"{of.where}",
         }
-    zone_distances(of, summarize(arm), names)
+    zone_distances(of, summarize(arm), arm, names)
     return {
         "middle": ((of.lower + of.upper) / 2).tolist(),
         "half": ((of.upper - of.lower) / 2).tolist(),
