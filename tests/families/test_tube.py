@@ -15,10 +15,20 @@ import pinsing
 from pinsing.algebra.trig_sum import TrigSum
 from pinsing.errors import OptionError, RobotFileError
 from pinsing.families import tube as tubes
+from pinsing.families.form import coverage_words, families_text
 from pinsing.proximity.clearance import distances
+from pinsing.proximity.guard import make_guard
+from pinsing.report.arm_report import robot
+from pinsing.report.info import describe, gather
 from pinsing.robot.calibration import LINKS, calibrated, known_like
 from pinsing.robot.chain import chain_model, flatten
-from pinsing.robot.design import _with_equal_lengths, assumed_design, design_of, differences
+from pinsing.robot.design import (
+    _with_equal_lengths,
+    assumed_design,
+    assumptions,
+    design_of,
+    differences,
+)
 
 SCRIPT = Path(__file__).parents[2] / "scripts" / "tube.py"
 Q = np.array([0.0, -1.2, 1.3, -1.0, -1.5, 0.0])
@@ -270,6 +280,43 @@ def test_a_calibrated_file_has_the_families_of_its_design(
     assert "is assumed" not in alone.stderr
     loops = run("families", "delta", "--loops", "delta.loops.yaml", "--design", "ur5e")
     assert (loops.exit_code, "--design" in loops.stderr) == (2, True)
+
+
+def test_list_says_of_the_design_what_families_say(
+    form: pinsing.ClosedForm, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(tubes, "MOST", 5_000)
+    arm = form.loaded
+    assert arm is not None
+    found = replace(arm, design=assumed_design(arm))  # as of a URDF
+    for each in (form, pinsing.closed_form(found, prove=False)):
+        assert each.tube is not None
+        info = describe(each.loaded)
+        by_axis = assumptions(each.tube.assumed)
+        assert info.geometry() == f"families are of {each.deviation}; {by_axis}"
+        assert by_axis in " ".join(families_text(each).split())
+        assert type(info).from_json(info.to_json()).geometry() == info.geometry()
+    same = replace(pinsing.load("ur5e"), design=pinsing.load("ur5e"))
+    assert "families are of" not in describe(same).geometry()
+
+
+def test_a_calibration_is_named_with_the_robot(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(tubes, "MOST", 5_000)
+    file = write(tmp_path / "own.yaml", UR5E)
+    shown = run("list", "ur5e", "--calibration", str(file)).stdout
+    assert f"arms.yaml with calibration {file}" in " ".join(shown.split())
+    assert "moved: " not in shown
+    arm = calibrated(pinsing.load("ur5e"), file)
+    form = pinsing.closed_form(arm, prove=False)
+    for text in (make_guard(arm, "python", forms=form).text, robot(gather(arm, form))[-1]):
+        assert f"ur5e with calibration {file}" in text
+    assert form.arm.typed == f"ur5e --tip tool0 --calibration {file}"
+    with pinsing.Viewer(arm, form.families, coverage=coverage_words(form), skeleton=True) as viewer:
+        page = viewer._stage.page(live=False)
+    assert f"described by ur5e with calibration {file}" in page["notes"]
+    assert str(form.tube) in page["coverage"]
 
 
 @pytest.mark.slow

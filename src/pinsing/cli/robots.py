@@ -55,7 +55,8 @@ def info_command(request: RobotRequest, deg: bool, json_target: str | Path | Non
     page, degrees = Page.of(), in_degrees(deg)
     lines = [info.head(page), "", page.table(info.joints(degrees))]
     said = [f"note: {note}" for note in info.arm.notes]
-    said += [f"moved: {snap}" for snap in info.snaps if snap.size > ROUNDING]
+    if not info.assumed:  # else families are of the design
+        said += [f"moved: {snap}" for snap in info.snaps if snap.size > ROUNDING]
     said += [f"pose: {text}" for text in info.poses(degrees, page.width - 2)]
     if said:
         lines += ["", *(page.paragraph(text, rest="  ") for text in said)]

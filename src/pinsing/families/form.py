@@ -30,6 +30,7 @@ from pinsing.families.tube import Tube
 from pinsing.measures import SINGULAR_RTOL
 from pinsing.prose import PLAIN, Page, Span, caution, formula, good, measured, unbroken, visible
 from pinsing.robot.arm import Arm, ArmSummary
+from pinsing.robot.design import assumptions
 from pinsing.robot.exact_placements import Deviation
 from pinsing.robot.load import LOOPS
 from pinsing.robot.nominal import Nominal
@@ -405,7 +406,7 @@ def families_text(
     lines = [page.paragraph(*_head(forms, brief, undecided))]
     lines += _geometry(forms, page)
     if forms.tube is not None:
-        lines.append(page.paragraph(forms.tube.assumptions, first="  "))
+        lines.append(page.paragraph(assumptions(forms.tube.assumed), first="  "))
     if not undecided and (forms.gaps or not brief):
         lines.append(certainty(forms, page))
     named = [unbroken(f"{symbol} = {name}") for symbol, name in forms.legend if symbol != name]

@@ -32,7 +32,7 @@ from pinsing.kinematics.jacobian import generic_rank
 from pinsing.measures import ROUNDING
 from pinsing.robot.arm import Arm, summarize
 from pinsing.robot.chain import flatten, jacobian_change
-from pinsing.robot.design import ANGLE, LENGTH, design_of
+from pinsing.robot.design import ANGLE, LENGTH, design_of, deviation_of
 from pinsing.robot.exact_placements import Deviation, Snap
 from pinsing.robot.load import load
 from pinsing.robot.nominal import ANGLE_TOL, Nominal, nominal
@@ -232,7 +232,7 @@ def about_robot(found: ClosedForm, robot: Arm, design: Arm) -> ClosedForm:
         loaded=robot,
         jacobian_change=found.jacobian_change + change,
         seconds=found.seconds,
-        deviation=tube.deviation,
+        deviation=deviation_of(tube.assumed),
         tube=tube,
     )
 

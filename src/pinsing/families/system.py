@@ -287,7 +287,7 @@ def _remarks(form: Any, found: Systems, language: str) -> Iterator[str]:
     arm = form.arm
     yield f"Singular configurations of {visible(arm.name)}, as exact equations (pinsing)"
     yield (
-        f"robot {visible(arm.source)}, base {visible(arm.base)}, tip {visible(arm.tip)}, "
+        f"robot {visible(arm.described)}, base {visible(arm.base)}, tip {visible(arm.tip)}, "
         f"task {arm.task}, generic rank {form.generic_rank}"
     )
     yield f"families: {form.word}"

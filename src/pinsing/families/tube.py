@@ -44,7 +44,6 @@ from pinsing.measures import ROUNDING
 from pinsing.robot.arm import Arm
 from pinsing.robot.chain import flatten
 from pinsing.robot.design import AxisDifference, differences
-from pinsing.robot.exact_placements import Deviation
 
 
 @dataclass(frozen=True)
@@ -112,12 +111,6 @@ class Tube:
     within_limits: bool = field(default=False, metadata={"optional": True})
 
     @property
-    def deviation(self) -> Deviation:
-        """How far the robot is from the design."""
-        angle, length = max(a.angle for a in self.assumed), max(a.length for a in self.assumed)
-        return Deviation(angle, length, 0.0)
-
-    @property
     def alone(self) -> float:
         """The width where only one family is near."""
         return max((f.width for f in self.families), default=self.width)
@@ -163,11 +156,6 @@ class Tube:
         if self.width > 2 * self.lower:
             said += f"; the farthest that a search found is {_degrees(self.lower)} away"
         return said
-
-    @property
-    def assumptions(self) -> str:
-        """What was assumed of each joint, in a sentence."""
-        return "axes of this robot differ from the design's by " + ", ".join(map(str, self.assumed))
 
 
 def _degrees(x: float) -> str:

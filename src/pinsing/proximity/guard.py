@@ -25,7 +25,7 @@ from pinsing.measures import ROUNDING
 from pinsing.prose import visible
 from pinsing.proximity.watched import Forms, every_name, require_forms_of, watch
 from pinsing.proximity.zones import Zones, zone_distances
-from pinsing.robot.arm import Arm
+from pinsing.robot.arm import Arm, summarize
 from pinsing.robot.nominal import nominal
 
 
@@ -416,7 +416,7 @@ def make_guard(
     if complete:  # of several forms the less sure one's
         word = "probable" if unproven else "proven"
     if watched.nominal:
-        notes.append(f"distances are not of {arm.source.label} itself. {watched.tube}")
+        notes.append(f"distances are not of {summarize(arm).described} itself. {watched.tube}")
     if word == "probable":
         reasons = ["no certificate was looked for" if p is None else p.reason for p in unproven]
         because = "; ".join(dict.fromkeys(reasons))
@@ -439,7 +439,7 @@ def make_guard(
     geometries = [form.geometry or nominal(arm) for form in every]
     source = GuardSource(
         prefix=prefix,
-        robot=f"{arm.name} ({arm.source.label}), {arm.base} to {arm.tip}",
+        robot=f"{arm.name} ({summarize(arm).described}), {arm.base} to {arm.tip}",
         task=", ".join(dict.fromkeys(form.arm.task for form in every)),
         length_scale=arm.length_scale,
         version=__version__,

@@ -334,7 +334,7 @@ def robot(c: Content) -> Section:
         rank += f", redundant by {arm.n - info.generic_rank}"
     pairs = [
         ("robot", name(arm.name)),
-        ("described by", name(arm.source)),
+        ("described by", name(arm.described)),
         ("chain", f"{name(arm.base)} {text('to')} {name(arm.tip)}"),
         ("task", name(arm.task)),
         ("independent motions of the tool, in general", text(rank)),

@@ -25,11 +25,20 @@ from pinsing.kinematics.at import State, at
 from pinsing.kinematics.batch import engine_name
 from pinsing.kinematics.jacobian import generic_rank
 from pinsing.kinematics.verdict import SINGULAR_RTOL, ratios
+from pinsing.measures import ROUNDING
 from pinsing.prose import PLAIN, Page, Table
 from pinsing.proximity.clearance import Clearance, clearance
 from pinsing.proximity.suggestion import Suggestion, suggest
 from pinsing.proximity.trajectory import TrajectoryCheck, summary
 from pinsing.robot.arm import Arm, ArmSummary, summarize
+from pinsing.robot.chain import flatten, jacobian_change
+from pinsing.robot.design import (
+    AxisDifference,
+    assumptions,
+    design_of,
+    deviation_of,
+    differences,
+)
 from pinsing.robot.exact_placements import Snap
 from pinsing.robot.nominal import nominal
 from pinsing.robot.second_reader import SecondReading
@@ -123,6 +132,8 @@ class ArmInfo(JsonResult):
         What computes batches of Jacobians for this arm on this machine.
     singular_poses : tuple of SingularPose
         Zero, neutral and named poses that are singular, each with a clear one near it.
+    assumed : tuple of AxisDifference
+        How far each axis is from that of the design that families are of; empty without one.
     second_reading : SecondReading or None
         What yourdfpy reads in the same URDF; None where it was not asked, or the arm is from none.
     """
@@ -138,6 +149,7 @@ class ArmInfo(JsonResult):
     jacobian_change: float
     engine: str
     singular_poses: tuple[SingularPose, ...]
+    assumed: tuple[AxisDifference, ...] = field(default=(), metadata={"optional": True})
     second_reading: SecondReading | None = field(default=None, metadata={"optional": True})
 
     def head(self, page: Page = PLAIN) -> str:
@@ -150,7 +162,7 @@ class ArmInfo(JsonResult):
             rank += f"; redundant by {arm.n - self.generic_rank}"
         rows = [
             ("robot", arm.name),
-            ("file", self.file),
+            ("file", replace(arm, source=self.file).described),
             ("base", arm.base),
             ("tip", arm.tip),
             ("task", arm.task),
@@ -163,7 +175,9 @@ class ArmInfo(JsonResult):
         return page.fields([row for row in rows if row[1]])
 
     def geometry(self) -> str:
-        """One sentence on raw and nominal geometry."""
+        """One sentence on raw and nominal geometry, or on the design that is assumed."""
+        if self.assumed:
+            return f"families are of {deviation_of(self.assumed)}; {assumptions(self.assumed)}"
         if not any(snap.size > 1e-12 for snap in self.snaps):
             return "exact: every number of the file is taken as it is"
         sizes = {
@@ -209,6 +223,8 @@ class ArmInfo(JsonResult):
 def describe(arm: Arm) -> ArmInfo:
     """Gather what `ArmInfo` holds; among its notes are meshes that are not there."""
     exact = nominal(arm)
+    made = arm if arm.design is None else design_of(arm, arm.design)
+    off = made is not arm and jacobian_change(flatten(arm), flatten(made), arm) > ROUNDING
     # Without any limit a turning joint is continuous, as a URDF would call it.
     free = ~(np.isfinite(arm.lower) | np.isfinite(arm.upper))
     kinds = np.where(arm.prismatic, "prismatic", np.where(free, "continuous", "revolute"))
@@ -222,6 +238,7 @@ def describe(arm: Arm) -> ArmInfo:
         jacobian_change=exact.jacobian_change,
         engine=engine_name(arm),
         singular_poses=singular_poses(arm),
+        assumed=differences(arm, made) if off else (),
     )
 
 

@@ -442,6 +442,8 @@ class ArmSummary:
         Metres.
     notes : tuple of str
         What was assumed while loading.
+    calibration : str
+        The file that placed the joints of this very robot; empty without one.
     """
 
     name: str
@@ -455,6 +457,12 @@ class ArmSummary:
     upper: Array
     length_scale: float
     notes: tuple[str, ...]
+    calibration: str = field(default="", metadata={"optional": True})
+
+    @property
+    def described(self) -> str:
+        """Its source, with the calibration if there is one."""
+        return self.source + f" with calibration {self.calibration}" * bool(self.calibration)
 
     @property
     def n(self) -> int:
@@ -467,6 +475,7 @@ class ArmSummary:
         chosen = any(note.startswith(f"tip {self.tip} ") for note in self.notes)
         options = [] if chosen else ["--tip", self.tip]
         options += ["--task", self.task] if self.task != "pose" else []
+        options += ["--calibration", self.calibration] if self.calibration else []
         file = "ROBOT" if self.source.startswith(("<", "pin.")) else self.source
         return shlex.join([file, *options])
 
@@ -482,6 +491,7 @@ def summarize(arm: Arm) -> ArmSummary:
         name=arm.name,
         # A name that is no UTF-8 has no place in JSON.
         source=arm.source.label.encode("utf-8", "backslashreplace").decode(),
+        calibration=arm.source.calibration.encode("utf-8", "backslashreplace").decode(),
         tip=arm.tip,
         base=arm.base,
         task=arm.task.name,

@@ -53,7 +53,8 @@ def calibrated(arm: Arm, file: str | os.PathLike[str]) -> Arm:
     R[0], t[0] = turn @ R[0], turn @ t[0]
     R[-1] = np.rint((turn @ flange.rotation).T @ own.rotation)
     chain = Chain(R, t, raw.prismatic)
-    made = replace(arm, model=chain_model(chain, arm), design=arm)
+    source = replace(arm.source, calibration=os.fspath(file))
+    made = replace(arm, model=chain_model(chain, arm), design=arm, source=source)
     keep_chain(made, chain)
     require_same(made, arm, f"{os.fspath(file)}: {arm.name!r}")
     return made

@@ -6,6 +6,7 @@ as well as they can: neither the base nor where a file puts its frames on an axi
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -116,6 +117,16 @@ def differences(robot: Arm, design: Arm | Chain) -> tuple[AxisDifference, ...]:
     angle = np.arctan2(np.linalg.norm(np.cross(d, d0), axis=1), (d * d0).sum(axis=1))
     away = np.linalg.norm(np.cross(p - p0, d0), axis=1) * ~np.asarray(robot.prismatic)
     return tuple(map(AxisDifference, robot.joints, angle.tolist(), away.tolist()))
+
+
+def deviation_of(assumed: Sequence[AxisDifference]) -> Deviation:
+    """Return how far a robot is from its design at most."""
+    return Deviation(max(a.angle for a in assumed), max(a.length for a in assumed), 0.0)
+
+
+def assumptions(assumed: Sequence[AxisDifference]) -> str:
+    """Return what is assumed of each joint, in a sentence."""
+    return "axes of this robot differ from the design's by " + ", ".join(map(str, assumed))
 
 
 def assumed_design(robot: Arm) -> Arm | None:

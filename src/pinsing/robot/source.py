@@ -101,6 +101,8 @@ class Source:
         Its configuration at which they are locked.
     base : str
         Frame of the full model whose axes and origin are the arm's world.
+    calibration : str
+        The file that placed the joints of this very robot; empty without one.
     """
 
     label: str
@@ -111,6 +113,7 @@ class Source:
     kept: tuple[int, ...]
     reference: Array
     base: str
+    calibration: str = ""
 
     def is_by(self, maker: str) -> bool:
         """Return True for an arm of a maker by its name in ``urdf/arms.yaml``: not of a file."""

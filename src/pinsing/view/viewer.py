@@ -86,7 +86,11 @@ class Stage(Scenery):
             "settings": self.settings(self.mode, SIDE),
             "entries": [_entry(e, arm.n) for e in self.entries],
             "engine": engine_data(arm, self.entries, self.sizes),
-            "notes": [*arm.notes, *self.notes],
+            "notes": [
+                *arm.notes,
+                *self.notes,
+                *[f"described by {summarize(arm).described}"] * bool(arm.source.calibration),
+            ],
             "coverage": self.coverage,
             "zones": self.zones,
             "clearest": None
