@@ -143,6 +143,26 @@ def test_bounds_are_about_the_robot(form: pinsing.ClosedForm, attack: ModuleType
     assert guard["clearance"](Q) == pytest.approx(float(same), abs=1e-9)  # type: ignore[operator]
 
 
+def test_a_motion_meets_the_robots_own_singular_configuration(
+    form: pinsing.ClosedForm, attack: ModuleType
+) -> None:
+    assert form.loaded is not None
+    wrist = np.random.default_rng(6).uniform(-3, 3, (60, 6)) * (1, 1, 1, 1, 0, 1)
+    found = attack.find_singular(form.loaded, wrist)
+    # From the singular configuration towards the wrist of the design, which is not met.
+    q = next(q for q in found if 1e-4 < q[4] < 0.02 and abs(q[2]) > 0.5)
+    Q = q + np.outer([2, -0.9], q * (0, 0, 0, 0, 1, 0))
+    check = pinsing.check_trajectory(form.loaded, Q, [0, 2.9], forms=form)
+    (own,) = check.own_crossings
+    assert (check.crossings, own.family) == ((), "F2")
+    assert own.t == pytest.approx(2, abs=1e-3)
+    assert math.isinf(max(e.worst for e in check.costly))
+    said = check.text()
+    assert "crosses a singular configuration of this robot itself at t = 2" in said
+    across = pinsing.check_trajectory(form.loaded, [Q[0], 2 * q - Q[0]], [0, 2.9], forms=form)
+    assert "(this robot itself at t = " in across.text().replace("\n  ", " ")
+
+
 def test_far_from_other_families_the_width_of_the_nearest_is_taken_off(
     form: pinsing.ClosedForm,
 ) -> None:

@@ -19,8 +19,9 @@ import numpy as np
 from pinsing._types import Array, ArrayLike, Bool
 from pinsing.algebra.conditions import Conditions
 from pinsing.algebra.nearest import BOXES, SearchOptions, nearest_points, two_sided
-from pinsing.kinematics.jacobian import singular_values
+from pinsing.kinematics.jacobian import singular_values, task_jacobians
 from pinsing.kinematics.tip_speed import SpeedJudge
+from pinsing.kinematics.verdict import generic_rank
 from pinsing.measures import PRACTICAL, ROUNDING
 from pinsing.proximity.clearance import CLOSE, nearest_family
 from pinsing.proximity.crossings import Crossing, Motion, crossings_of, runs
@@ -132,13 +133,12 @@ class Speeds:
 
     def between(self, passage: Passage) -> None:
         """Take, too, where the motion meets families and is nearest to them, as of ``passage``."""
-        places: list[Crossing | Approach] = [*passage.crossings, *passage.approaches]
+        met = passage.own_crossings if passage.watched.tube else passage.crossings
+        places: list[Crossing | Approach] = [*met, *passage.crossings, *passage.approaches]
         if self.judge.reason or not places:
             return
         share = self.judge.shares(np.array([p.q for p in places]), self.tip_speed, self.turn_speed)
-        met = share[: len(passage.crossings)]
-        if not passage.watched.tube:  # a meeting is singular but for rounding
-            met[met > 1e5] = np.inf
+        share[: len(met)][share[: len(met)] > 1e5] = np.inf  # singular but for rounding
         listed = self._found.setdefault("cost", [])
         for i, j in np.argwhere(share > 1):
             t, joint, limit = places[i].t, self.arm.joints[j], float(self.limits[j])
@@ -342,13 +342,15 @@ class Passage:
     """Gathers how a motion, fed in pieces, passes the watched families; `finish` completes it.
 
     ``cut``: there are more meetings or stretches than are kept. ``trend`` of the clearance at the
-    end: "toward", "away" or "steady".
+    end: "toward", "away" or "steady". ``own_crossings``: where the determinant of a robot that has
+    a design changes its sign from one place looked at to the next, and the family that is nearest.
     """
 
     def __init__(self, watched: Watched, near: float) -> None:
         self.watched, self.near = watched, near
         count = len(watched.families)
         self.crossings: list[Crossing] = []
+        self.own_crossings: list[Crossing] = []
         self._stretches = Stretches(watched, near)
         self.cut = False
         self._plain = watched.conditions.plain
@@ -398,6 +400,9 @@ class Passage:
             return
         way = np.append(0.0, np.cumsum(length)) * (1 + ROUNDING)
         lower, upper = self._bounds(Q, length, way)
+        arm = self.watched.tube and self.watched.arm
+        if arm and generic_rank(arm) == arm.n == len(arm.task.rows):
+            self._change_sign(arm, motion, u, Q)
         for f, conditions in enumerate(self._families):
 
             def bounded(x: Array, c: Conditions = conditions, f: int = f) -> Array:
@@ -416,6 +421,22 @@ class Passage:
             change = float(two[1] - two[0])
             small = 1e-6 * max(float(length[-1]), 1e-12)
             self.trend = "steady" if abs(change) <= small else "away" if change > 0 else "toward"
+
+    def _change_sign(self, arm: Arm, motion: Motion, u: Array, Q: Array) -> None:
+        """Keep where the determinant of the arm's Jacobian changes its sign between places u."""
+        above = np.linalg.det(task_jacobians(arm, Q)) > 0
+        changes = runs(above[1:] != above[:-1])[: 1000 - len(self.own_crossings)]
+        first = np.array([k for k, _ in changes], dtype=np.int64)
+        low, high = u[first], u[first + 1]
+        for _ in range(50):
+            middle = (low + high) / 2
+            same = (np.linalg.det(task_jacobians(arm, motion.at(middle))) > 0) == above[first]
+            low, high = np.where(same, middle, low), np.where(same, high, middle)
+        there = motion.at(high)
+        nearest = nearest_family(self.watched.conditions, there)[0]
+        for t, q, f in zip(motion.time(high).tolist(), there, nearest, strict=True):
+            said = self.watched.names[f], "crossing", self.watched.families[f].title
+            self.own_crossings.append(Crossing(t, t, q, *said))
 
     def _bounds(self, Q: Array, length: Array, way: Array) -> tuple[Array, Array]:
         """Return bounds (M, F) of distances; close ones where these bound the least."""

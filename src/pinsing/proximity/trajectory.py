@@ -41,13 +41,16 @@ def summary(check: TrajectoryCheck, degrees: bool = True, file: str = "", robot:
 def details(check: TrajectoryCheck, degrees: bool = True) -> str:
     """Every meeting, approach and excess, the first of each kind."""
     lines: list[str] = []
-    if check.crossings:
-        lines.append("meetings:")
-        for c in check.crossings[:LISTED]:
+    for said, meetings in (
+        ("meetings:", check.crossings),
+        ("this robot itself is singular, with the nearest family:", check.own_crossings),
+    ):
+        lines += [said] * bool(meetings)
+        for c in meetings[:LISTED]:
             q = ", ".join(_joint(check, j, float(x), degrees) for j, x in enumerate(c.q))
             met = f"{c.kind} {_title(check, c.family)}"
             lines.append(f"  {_when(check, c.t, c.t_end)}: {met}, q = {q}")
-        lines += _more(len(check.crossings), check.cut)
+        lines += _more(len(meetings), check.cut)
     if check.aspect_changes:
         beyond = " --ignore-limits" if check.outside else ""
         lines.append(f"changes of aspect (as `pinsing postures{beyond}` numbers them):")
@@ -71,12 +74,13 @@ def details(check: TrajectoryCheck, degrees: bool = True) -> str:
             lines.append(f"  {_when(check, s.t, s.t_end)}: at least {least}")
         lines += _more(len(check.stretches), False)
     tip = f"{check.tip_speed:g} m/s and {check.turn_speed:g} rad/s of the tip"
+    unbounded = ", no bound is known in between" * bool(check.tube and check.clearance == 0)
     for name, per, found in (
         ("joint speeds above their limits", "/s", check.too_fast),
         ("joint accelerations above the limits given", "/s²", check.too_abrupt),
         (
             f"joint speeds that {tip} would take in the worst directions, at samples and "
-            "nearest to families",
+            f"nearest to families{unbounded}",
             "/s",
             check.costly,
         ),
@@ -125,8 +129,8 @@ def _excess(check: TrajectoryCheck, e: Excess, per: str, degrees: bool) -> str:
     )
     gap = 1e-9 * (1 + abs(e.t_worst))
     met = [c for c in check.crossings if c.t - gap <= e.t_worst <= c.t_end + gap]
-    called = listed([c.title or c.family for c in met])
-    where = f" ({called})" * bool(met and math.isinf(e.worst))
+    called = "this robot itself" if check.tube else listed([c.title or c.family for c in met])
+    where = f" ({called})" * bool(called and math.isinf(e.worst))
     span = f", {_when(check, e.t, e.t_end)}" * (e.t < e.t_end)
     return f"{e.joint}: {worst} {_when(check, e.t_worst)}{where} (limit {limit}){span}"
 
@@ -144,7 +148,7 @@ def _met(check: TrajectoryCheck, degrees: bool) -> str:
         if found
     ]
     left_out = f"; {listed(check.unchecked)} not looked at" if check.unchecked else ""
-    if not check.crossings:
+    if not (met := check.crossings or check.own_crossings):
         none = "meets no singular configuration" if check.complete else "meets no known family"
         if check.unchecked:
             seen = [_title(check, a.family) for a in check.approaches]
@@ -156,16 +160,19 @@ def _met(check: TrajectoryCheck, degrees: bool) -> str:
             sure = "proven between samples" if check.samples > 1 else "1 sample"
             return f"{none} ({sure}){left_out}"
         return f"{none}, but {listed(faults)}{left_out}"
-    first, *rest = check.crossings
+    first, *rest = met
     verb = {"crossing": "crosses", "touch": "touches", "along": "stays on"}[first.kind]
     more = [f"{_times(len(rest), 'more meeting')}"] * bool(rest)
     if len(rest) == 1:
         more = [f"{_title(check, rest[0].family)} {_when(check, rest[0].t)}"]
     also = [*more, *(words for words in faults if not words.startswith("comes"))]
-    singular = f"{verb} {singularity(first.family, first.title, first.where)}"
-    singular += " of the design" * bool(check.tube)
-    end = first.t_end if first.kind == "along" else None
-    when = _when(check, first.t, end)
+    singular = f"{verb} a singular configuration of this robot itself"
+    if check.crossings:
+        singular = f"{verb} {singularity(first.family, first.title, first.where)}"
+        singular += " of the design" * bool(check.tube)
+    when = _when(check, first.t, first.t_end if first.kind == "along" else None)
+    if check.crossings and check.own_crossings:
+        when += f" (this robot itself {_when(check, check.own_crossings[0].t)})"
     return f"{singular} {when}{'; also ' * bool(also)}{listed(also)}{left_out}"
 
 
@@ -252,8 +259,8 @@ def _advice(check: TrajectoryCheck, robot: str, degrees: bool) -> str:
         return f"Look at the jump of {e.joint} {_when(check, e.t)}: " + (
             "is it wrapped by a turn?" if e.worst > math.pi else "are samples missing there?"
         )
-    if check.crossings:
-        c = check.crossings[0]
+    if met := check.crossings or check.own_crossings:
+        c = met[0]
         if any(note.startswith("mimic joints of the chain follow") for note in check.arm.notes):
             away = f"Keep away from {_title(check, c.family)}, {_when(check, c.t)}"
             return f"{away}; other postures are not looked for where joints mimic others"
@@ -371,6 +378,10 @@ class TrajectoryCheck(JsonResult):
         Whether no other posture there was found within the joint limits; likewise.
     tube : str
         What is known of the arm where the families are of its design; else empty.
+    own_crossings : tuple of Crossing
+        Where families are of the design: where the robot's own Jacobian is singular, by a change of
+        sign of its determinant, with the nearest family. Where the sign does not change from one
+        place looked at to the next (0.01 rad, or a 64th of a longer step) none is found.
     nominal : bool
         Whether it is not known how far from those families the arm itself is singular.
     speed_limits : bool
@@ -407,6 +418,7 @@ class TrajectoryCheck(JsonResult):
     speed_limits: bool = field(default=True, metadata={"optional": True})
     turn_speed: float = field(default=TURN_SPEED, metadata={"optional": True})
     tube: str = field(default="", metadata={"optional": True})
+    own_crossings: tuple[Crossing, ...] = field(default=(), metadata={"optional": True})
     nominal: bool = field(default=False, metadata={"optional": True})
     unchecked: tuple[str, ...] = field(default=(), metadata={"optional": True})
 
@@ -571,6 +583,7 @@ def check_trajectory(
         notes=_notes(arm, speeds, limits is not None, watched.gaps),
         start=np.array(samples[0], dtype=float),
         tube=watched.tube,
+        own_crossings=tuple(passage.own_crossings),
         nominal=watched.nominal,
         unchecked=tuple(
             titled(name, f.title)
