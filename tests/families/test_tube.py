@@ -297,6 +297,11 @@ def test_a_calibrated_file_has_the_families_of_its_design(
     assert (
         "of the design" not in run("at", str(file), "--q", "1,1,1,1,1,1", "--design", "none").stdout
     )
+    exact = run("at", str(file), "--q", "0,1,1,1,0,1", "--nominal").stdout
+    assert ": SINGULAR, on the wrist singularity" in exact
+    aspects = run("postures", str(file)).stdout
+    assert "p: 8 aspects within the joint limits, proven for the design" in aspects
+    assert "aspects are of the design" in " ".join(aspects.split())
     assert "is assumed" not in alone.stderr
     loops = run("families", "delta", "--loops", "delta.loops.yaml", "--design", "ur5e")
     assert (loops.exit_code, "--design" in loops.stderr) == (2, True)

@@ -52,7 +52,8 @@ if TYPE_CHECKING:
 @click.option(
     "--nominal/--raw",
     "use_nominal",
-    help="The nominal geometry (rounding taken out), or the numbers of the file.  [default: raw]",
+    help="The nominal geometry (the design if there is one, else without rounding), or the numbers "
+    "of the file.  [default: raw]",
 )
 @click.option(
     "--rtol",
@@ -108,7 +109,7 @@ def at_command(
 
     values = joint_vector(arm, q, "--q", deg)
     state = at(
-        nominal(arm).arm if use_nominal else arm,
+        nominal(arm.design or arm).arm if use_nominal else arm,
         values,
         rtol=SINGULAR_RTOL if rtol is None else rtol,
         near_rtol=NEAR_RTOL if near_rtol is None else near_rtol,

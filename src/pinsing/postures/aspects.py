@@ -53,11 +53,14 @@ def missing(forms: Forms) -> list[str]:
     return []
 
 
+_OF_DESIGN = "aspects are of the design: where two walls meet this robot may pass between them"
+
+
 def of_design(forms: Forms) -> list[str]:
     """Return what is to be said where the families are of a robot's design; empty elsewhere."""
     if all(form.tube is None for form in _each(forms)):
         return []
-    return ["aspects are of the design: where two walls meet this robot may pass between them"]
+    return [_OF_DESIGN]
 
 
 def proven_regular(forms: Forms, path: Array) -> bool:
@@ -282,6 +285,7 @@ class Aspects(JsonResult):
         where = "within the joint limits" if self.within_limits else "without joint limits"
         if self.proven:
             head = f"{self.lower} aspect{'s' * (self.lower != 1)} {where}, proven"
+            head += " for the design" * (_OF_DESIGN in self.notes)
             if self.word != PROVEN:
                 head += " for the families found; that these are all is probable"
         elif self.upper is None:
@@ -357,7 +361,7 @@ def aspects(forms: Forms, limits: bool = True, *, work: float = WORK) -> Aspects
         lower, upper = lower * low, upper * high
         parts.append(PartCount(*_named(chosen, part), low, high))
     form = forms if isinstance(forms, ClosedForm) else forms[0]
-    notes = [*missing(forms), *dict.fromkeys(cut.notes)]
+    notes = [*missing(forms), *of_design(forms), *dict.fromkeys(cut.notes)]
     if lower != upper and budget.over:
         notes.append(f"counting ended after {budget.allowed}")
     return Aspects(
