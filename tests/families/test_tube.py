@@ -141,6 +141,11 @@ def test_bounds_are_about_the_robot(form: pinsing.ClosedForm, attack: ModuleType
     assert not guard["clearance"](found).any()  # type: ignore[operator]
     same = pinsing.clearance(form, Q).lower
     assert guard["clearance"](Q) == pytest.approx(float(same), abs=1e-9)  # type: ignore[operator]
+    there = pinsing.clearance(form, Q)
+    assert (there.nominal, there.of_design) == (False, True)
+    assert " rad from F3 of the design (" in str(there)
+    assert "3 families of the design" in repr(monitor)
+    assert "the nearest family shoulder (F3)" in str(monitor.update(Q))
 
 
 def test_a_motion_meets_the_robots_own_singular_configuration(

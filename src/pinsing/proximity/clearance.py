@@ -45,7 +45,8 @@ class Clearance(JsonResult):
         (``regular_radius``). Radians, or what the weights make of it; infinite where there is no
         family at all, or as far as the Jacobian tells if the closed form is then not complete.
     upper : (...) array
-        A configuration of a family, of the design where there is one, is as near as this; infinite
+        A configuration of a family, of the design where there is one (``of_design``), is as near
+        as this; the nearest singular one of a robot beside its design may be farther. Infinite
         where that was not found out.
     family : (...) array of int
         Index into ``names``: the family that ``lower`` is of, which need not be the nearest (see
@@ -64,6 +65,8 @@ class Clearance(JsonResult):
     nominal : bool
         Whether ``lower`` is proven of the nominal design alone: the file's own numbers differ from
         it, and may be singular nearer.
+    of_design : bool
+        Whether families, and ``upper``, are of a design from which the robot differs.
     bound : callable or None
         ``lower`` at other configurations (N, n); with ``certified`` the distance from the nearest
         ones found. Not written to JSON.
@@ -84,6 +87,7 @@ class Clearance(JsonResult):
     complete: bool
     notes: tuple[str, ...] = field(default=(), metadata={"optional": True})
     nominal: bool = field(default=False, metadata={"optional": True})
+    of_design: bool = field(default=False, metadata={"optional": True})
     bound: Callable[[Array], Array] | None = field(
         default=None, repr=False, metadata={"json": False}
     )
@@ -144,7 +148,7 @@ class Clearance(JsonResult):
         least = int(np.argmin(self.lower))
         lower, upper = float(self.lower.ravel()[least]), float(self.upper.ravel()[least])
         name = str(self.nearest.ravel()[least]) or "no family"
-        name += " of the design" * self.nominal
+        name += " of the design" * self.of_design
         if self.lower.size > 1:
             return f"{self.lower.size} clearances, the least {lower:.6g} rad from {name}{said}"
         return f"{lower:.6g} to {upper:.6g} rad from {name}{said}"
@@ -308,6 +312,7 @@ def _clearance(
         complete=watched.complete,
         notes=watched.notes,
         nominal=watched.nominal,
+        of_design=bool(watched.tube),
     )
 
 
@@ -380,7 +385,7 @@ class FamilyDistance:
 
     family: str
     lower: float  # proven: none is nearer; radians, or metres over the length scale
-    upper: float  # how far ``q`` is
+    upper: float  # how far ``q`` is, on the family: of the design where there is one
     q: Array  # (n,), the nearest that was found
     reachability: str  # words: with which joint values it has points within the limits
     title: str = field(default="", metadata={"optional": True})

@@ -47,7 +47,8 @@ class Verdict(JsonResult):
         Proven, rounding included: no configuration of a family is nearer; of the design alone with
         ``Monitor.nominal``. Radians, or metres over the length scale; infinite without families.
     upper : float
-        A configuration of a family is as near as this; infinite where none was found.
+        A configuration of a family is as near as this; infinite where none was found. Of a copy of
+        a design the family is the design's: its own nearest one may be farther.
     time_to_contact : float or None
         Seconds: going on at ``dq``, no family is met sooner, which is proven; where one lies ahead
         it is the time of contact but for some 1e-6 of it. The work of a call is bounded: far ahead,
@@ -84,7 +85,7 @@ class Verdict(JsonResult):
 
     def __str__(self) -> str:
         said = f"{self.level}: at least {self.lower:.4g} from a singularity"
-        said += f", the nearest on {titled(self.family, self.title)}" * bool(self.family)
+        said += f", the nearest family {titled(self.family, self.title)}" * bool(self.family)
         if self.time_to_contact is not None and math.isfinite(self.time_to_contact):
             said += f", in {self.time_to_contact:.3g} s at the soonest"
         return said
@@ -222,7 +223,7 @@ class Monitor:
         self._connect()
 
     def __repr__(self) -> str:
-        of = " of the design" * self.nominal
+        of = " of the design" * bool(self._watched.tube)
         words = (
             f"{len(self.names)} families{of}, warn {self.warn:g}, stop {self.stop:g}: {self.level}"
         )
