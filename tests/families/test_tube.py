@@ -386,6 +386,8 @@ def test_calibrations_are_read_strictly(tmp_path: Path, monkeypatch: pytest.Monk
         assert known_like(loose)[0] == "ur5e"  # type: ignore[index]
     ignored = said("ur5e", "c.yaml", "--design", "none")
     assert "the design of the calibration is ignored" in ignored
+    with pytest.raises(OptionError, match="is itself off one, as after a calibration"):
+        calibrated(arm, tmp_path / "c.yaml")
     with pytest.raises(OptionError, match="is for a UR robot"):
         calibrated(replace(pinsing.load("panda")), tmp_path / "c.yaml")
 

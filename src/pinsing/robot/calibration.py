@@ -35,6 +35,11 @@ def calibrated(arm: Arm, file: str | os.PathLike[str]) -> Arm:
         f"--calibration is for a UR robot, and {arm.name!r} is none: give the calibrated robot's "
         "own URDF, and its design with --design",
     )
+    OptionError.refuse_if(
+        arm.design is not None,
+        f"--calibration is of a design, and {arm.name!r} is itself off one, as after a "
+        "calibration: give the file alone, or the design by its name, such as ur5e",
+    )
     root = compose(Path(file))
     top = root.mapping(("kinematics",), root.keys())
     links = top["kinematics"].mapping(LINKS, ("hash",))
