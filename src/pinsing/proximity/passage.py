@@ -425,8 +425,7 @@ class Passage:
     def _change_sign(self, arm: Arm, motion: Motion, u: Array, Q: Array) -> None:
         """Keep where the determinant of the arm's Jacobian changes its sign between places u."""
         above = np.linalg.det(task_jacobians(arm, Q)) > 0
-        changes = runs(above[1:] != above[:-1])[: 1000 - len(self.own_crossings)]
-        first = np.array([k for k, _ in changes], dtype=np.int64)
+        first = np.flatnonzero(above[1:] != above[:-1])[: 1000 - len(self.own_crossings)]
         low, high = u[first], u[first + 1]
         for _ in range(50):
             middle = (low + high) / 2
