@@ -68,7 +68,7 @@ class Zones(JsonResult):
         What was assumed, and where the search ended before the gap was reached.
     """
 
-    schema: ClassVar[str] = "pinsing/zones/1"
+    schema: ClassVar[str] = "pinsing/zones/2"
 
     arm: ArmSummary
     placements: Array
