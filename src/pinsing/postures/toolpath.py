@@ -474,7 +474,7 @@ class _Planner:
 
     def _strayed(self, q: Array) -> list[str]:
         """Say how far halfway between poses the tool is from their middle, if by over 1 mm."""
-        position, rotation = tip_poses(self.arm, (q[:-1] + q[1:]) / 2)
+        position, rotation = tip_poses(self.arm, self.arm.space.wrap((q[:-1] + q[1:]) / 2))
         at, off = self.T[:, :3, 3], np.linalg.inv(self.back)[:3, 3]
         far = np.linalg.norm(position + rotation @ off - (at[:-1] + at[1:]) / 2, axis=1)
         k, most = int(far.argmax()), 1e3 * far.max()
