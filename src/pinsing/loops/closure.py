@@ -17,7 +17,8 @@ from pinsing._types import Array, ArrayLike, Bool, NDArray
 from pinsing.errors import OptionError, PinsingError
 from pinsing.loops.structure import Centre, idle_link, structure
 from pinsing.measures import NOISE, SEED, SINGULAR_RTOL, SOLVED
-from pinsing.robot.mechanism import Mechanism, closing, joint_axes, once, path_to
+from pinsing.robot.mechanism import Mechanism, closing, joint_axes, path_to
+from pinsing.robot.source import kept
 
 
 @dataclass(frozen=True, eq=False)
@@ -316,7 +317,7 @@ _STEP = 0.03
 _FAR = 30.0
 
 
-@once
+@kept
 def to_its_size(mechanism: Mechanism) -> Mechanism:
     """Return the mechanism on a length scale of its own size, where that is far from the given."""
     # Newton's steps depend on it: columns of a linkage of millimetres are lost beside those of
@@ -521,7 +522,7 @@ def _rank(M: Array, rtol: float, size: float | None = None) -> int:
     return int((sigma > rtol * (sigma[0] if size is None else size)).sum())
 
 
-@once
+@kept
 def _ranks(mechanism: Mechanism) -> Ranks:
     idle = idle_link(mechanism)
     PinsingError.refuse_if(idle, f"{mechanism.name}: {idle}")

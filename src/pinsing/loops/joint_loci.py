@@ -52,7 +52,8 @@ from pinsing.loops.structure import (
     without_length,
 )
 from pinsing.measures import NOISE, ROUNDING
-from pinsing.robot.mechanism import Mechanism, closing, once, path_to
+from pinsing.robot.mechanism import Mechanism, closing, path_to
+from pinsing.robot.source import kept
 
 if TYPE_CHECKING:
     from pinsing.families import ClosedForm
@@ -90,7 +91,7 @@ class LegWrenches:
     off: float  # by how much numbers of the file were changed to be exact
 
 
-@once
+@kept
 def leg_wrenches(mechanism: Mechanism) -> LegWrenches:
     """The wrenches of all legs."""
     zero = at_zero(mechanism)
@@ -410,7 +411,7 @@ def _parted(steps: Sequence[Step], middle: int) -> tuple[list[Step], list[Step]]
 _AT_REST = "a motion of the joints leaves the output at rest"
 
 
-@once
+@kept
 def joint_forms(mechanism: Mechanism) -> JointForms:
     """Return closed forms in the joint angles.
 

@@ -43,7 +43,8 @@ from pinsing.loops.structure import (
     structure,
 )
 from pinsing.measures import ROUNDING
-from pinsing.robot.mechanism import Mechanism, Sample, once, path_to
+from pinsing.robot.mechanism import Mechanism, Sample, path_to
+from pinsing.robot.source import kept
 
 Condition = tuple[str, float | None]
 """Words, and the distance of C and B there; None: the force does not work on the motion of C."""
@@ -255,7 +256,7 @@ class _Way:
     hanging: tuple[int, ...] = ()  # from the output to the loop, where it is written from there
 
 
-@once
+@kept
 def _recognized(mechanism: Mechanism) -> Rods | str:
     """The rods, or why there are none."""
     try:
@@ -486,7 +487,7 @@ class _Recognizer:
         return f"the leg of {names} {how} {end}, which is not supported over the pose"
 
 
-@once
+@kept
 def sphere_rods(mechanism: Mechanism) -> Rods | None:
     """Return the rods of a spherical mechanism of three legs of three joints; None for another."""
     with suppress(NotThisKind):

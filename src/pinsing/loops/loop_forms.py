@@ -32,7 +32,8 @@ from pinsing.loops.forms import JointForms
 from pinsing.loops.singular_points import SingularPoint, refine_point
 from pinsing.loops.structure import at_zero, bodies, groups, plane_axes, position_in
 from pinsing.measures import NOISE
-from pinsing.robot.mechanism import Mechanism, Sample, closing, once, path_to
+from pinsing.robot.mechanism import Mechanism, Sample, closing, path_to
+from pinsing.robot.source import kept
 from pinsing.serialization import JsonResult
 
 
@@ -185,7 +186,7 @@ class Dyad:
         return tuple(self.reaching([values[j] for j in actuated], point) for values in every)
 
 
-@once
+@kept
 def planar_dyad(mechanism: Mechanism) -> Dyad | None:
     """Return the dyad that closes a single planar loop; None if the mechanism is another."""
     # Asked for: one loop; each of its frames at the end of an actuated crank and a passive link, or

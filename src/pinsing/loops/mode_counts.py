@@ -46,7 +46,8 @@ from pinsing.loops.structure import (
     structure,
 )
 from pinsing.measures import ROUNDING, SEED
-from pinsing.robot.mechanism import Mechanism, Sample, closing, once, path_to
+from pinsing.robot.mechanism import Mechanism, Sample, closing, path_to
+from pinsing.robot.source import kept
 
 Point = tuple[Any, Any]
 
@@ -411,7 +412,7 @@ def count_triangles(mechanism: Mechanism, found: Sequence[Array]) -> int:
     return 1 if height <= 1e-5 * lengths.max() else 2
 
 
-@once
+@kept
 def point_legs(mechanism: Mechanism) -> Rods | None:
     """Return both rods, on cranks or slides, of a five-bar that places its middle pin; or None."""
     ring, plane = _ring(mechanism), plane_axes(mechanism)

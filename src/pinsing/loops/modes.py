@@ -28,7 +28,8 @@ from pinsing.loops.closure import (
 )
 from pinsing.loops.structure import Leg, groups, likeness, structure
 from pinsing.measures import ALIKE, ROUNDING, SEED, SOLVED
-from pinsing.robot.mechanism import Mechanism, Sample, closing, joint_axes, once, path_to
+from pinsing.robot.mechanism import Mechanism, Sample, closing, joint_axes, path_to
+from pinsing.robot.source import kept
 
 _HOME_STARTS = 60
 _MORE_STARTS = 4000
@@ -141,7 +142,7 @@ def elbow_sines(mechanism: Mechanism, q: ArrayLike) -> Array:
     return np.array(out)
 
 
-@once
+@kept
 def assembly_rows(mechanism: Mechanism) -> tuple[list[int] | None, float]:
     """Return closure rows whose determinant tells assemblies apart (or None), and its home sign."""
     loops = Loops(mechanism)
@@ -250,7 +251,7 @@ def _home_starts(mechanism: Mechanism) -> Iterator[tuple[Array, Bool]]:
             yield q, everything
 
 
-@once
+@kept
 def _home(mechanism: Mechanism) -> Array:
     loops, space = Loops(mechanism), mechanism.space
     spare: list[Array] = []

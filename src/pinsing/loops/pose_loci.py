@@ -61,7 +61,8 @@ from pinsing.loops.modes import home
 from pinsing.loops.motion import pose_of
 from pinsing.loops.structure import PLANE, SPACE, SPHERE, in_room, output_pose, structure
 from pinsing.measures import ROUNDING
-from pinsing.robot.mechanism import Mechanism, once
+from pinsing.robot.mechanism import Mechanism
+from pinsing.robot.source import kept
 
 
 @dataclass(frozen=True, eq=False)
@@ -599,7 +600,7 @@ def _size(equation: PoseEquation, most: Array) -> float:
     return float(np.abs(np.prod(most**equation.powers, axis=1) * equation.values).max(initial=0.0))
 
 
-@once
+@kept
 def pose_forms(mechanism: Mechanism) -> PoseForms | None:
     """Return closed forms over the pose; None where a leg passes other things than one force.
 

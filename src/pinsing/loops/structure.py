@@ -13,7 +13,8 @@ from pinsing._types import Array
 from pinsing.errors import Refusal
 from pinsing.loops.exact import Turn, rational_turn, turn_to
 from pinsing.measures import ALIKE, ROUNDING, SEED
-from pinsing.robot.mechanism import Loop, Mechanism, Sample, closing, joint_axes, once, path_to
+from pinsing.robot.mechanism import Loop, Mechanism, Sample, closing, joint_axes, path_to
+from pinsing.robot.source import kept
 
 
 @dataclass(frozen=True)
@@ -154,7 +155,7 @@ def without_length(mechanism: Mechanism) -> str:
     return words if pairs else ""
 
 
-@once
+@kept
 def structure(mechanism: Mechanism) -> Structure:
     """Legs and centres of a mechanism."""
     output = int(mechanism.model.frames[mechanism.output_id].parentJoint)
@@ -307,7 +308,7 @@ SIZE = {kind: len(in_room(kind, [*range(6)])) for kind in (SPACE, PLANE, SPHERE)
 """Dimension of the motions that each kind of mechanism has room for."""
 
 
-@once
+@kept
 def room_of(mechanism: Mechanism) -> tuple[str, Turn, Array]:
     """Return ``space``, ``plane`` or ``sphere``: what the motions of all joints have room in."""
     # And the turn that makes the plane's normal z, and the sphere's centre.

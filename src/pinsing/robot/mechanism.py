@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, field, replace
-from functools import cached_property, wraps
+from functools import cached_property
 from pathlib import Path
-from typing import ClassVar, TypeVar
+from typing import ClassVar
 
 import numpy as np
 import pinocchio as pin
@@ -17,7 +16,7 @@ from pinsing.notebook import one_line
 from pinsing.robot.chains import frame_index
 from pinsing.robot.joint_space import JointSpace, model_q, require_scale, require_values
 from pinsing.robot.joints import joint_axis
-from pinsing.robot.source import Memory, Source
+from pinsing.robot.source import Memory, Source, kept
 from pinsing.robot.task import Task
 
 LOOP_KINDS = {"planar": 2, "3d": 3, "6d": 6}
@@ -291,21 +290,7 @@ def _numbers(values: ArrayLike, names: tuple[str, ...], what: str) -> Array:
     return array
 
 
-T = TypeVar("T")
-
-
-def once(compute: Callable[[Mechanism], T]) -> Callable[[Mechanism], T]:
-    """Keep what a function finds of a mechanism with that mechanism."""
-    key = f"{compute.__module__}.{compute.__name__}"
-
-    @wraps(compute)
-    def known(mechanism: Mechanism) -> T:
-        return mechanism.once(key, lambda: compute(mechanism))
-
-    return known
-
-
-@once
+@kept
 def joint_axes(mechanism: Mechanism) -> Array:
     """Axis (n, 3) of each joint in its own frame."""
     pairs = zip(list(mechanism.model.joints)[1:], mechanism.joints, strict=True)
@@ -341,7 +326,7 @@ def path_to(mechanism: Mechanism, body: int) -> list[int]:
     return [int(j) - 1 for j in mechanism.model.supports[body] if j]
 
 
-@once
+@kept
 def closing(mechanism: Mechanism) -> tuple[list[int], list[int]]:
     """Indices of the first frames of all loops, and of the second ones."""
     numbers = {f.name: k for k, f in enumerate(mechanism.model.frames)}

@@ -58,11 +58,12 @@ _M = TypeVar("_M", bound=Memory)
 
 
 def kept(compute: Callable[[_M], T]) -> Callable[[_M], T]:
-    """Decorate what depends on one arm alone: each keeps it, under the function's name."""
+    """Decorate what depends on one arm or mechanism alone: each keeps it, under its full name."""
+    key = f"{compute.__module__}.{compute.__name__}"
 
     @functools.wraps(compute)
-    def once(arm: _M) -> T:
-        return arm.once(compute.__name__, lambda: compute(arm))
+    def once(of: _M) -> T:
+        return of.once(key, lambda: compute(of))
 
     return once
 
