@@ -156,8 +156,8 @@ class RobotRequest:
         like = known_like(arm) if odd else None
         if like is not None:
             why = "the design keeps offsets below 10 mm" if arm.design else "no design was found"
-            said = f"{why}: --design {like[0]} fits, the axis of {like[1]} away at most"
-            arm = replace(arm, notes=(*arm.notes, said))
+            fits = f"--design {like[0]} fits, the axis of {like[1]} away at most"
+            arm = replace(arm, notes=(*arm.notes, f"{why}: {fits}"))
         if self.design == "none":
             # The exact geometry of all that follows is of the numbers of the file.
             arm.once(f"nominal {USUAL}", lambda: nominal(arm, 0.0))

@@ -58,9 +58,7 @@ _OF_DESIGN = "aspects are of the design: where two walls meet this robot may pas
 
 def of_design(forms: Forms) -> list[str]:
     """Return what is to be said where the families are of a robot's design; empty elsewhere."""
-    if all(form.tube is None for form in _each(forms)):
-        return []
-    return [_OF_DESIGN]
+    return [_OF_DESIGN] * any(form.tube is not None for form in _each(forms))
 
 
 def proven_regular(forms: Forms, path: Array) -> bool:

@@ -425,7 +425,7 @@ class Passage:
     def _change_sign(self, arm: Arm, motion: Motion, u: Array, Q: Array) -> None:
         """Keep where the determinant of the arm's Jacobian changes its sign between places u."""
         above = np.linalg.det(task_jacobians(arm, Q)) > 0
-        first = np.flatnonzero(above[1:] != above[:-1])[: 1000 - len(self.own_crossings)]
+        first = np.flatnonzero(above[1:] != above[:-1])
         low, high = u[first], u[first + 1]
         for _ in range(50):
             middle = (low + high) / 2
@@ -433,9 +433,12 @@ class Passage:
             low, high = np.where(same, middle, low), np.where(same, high, middle)
         there = motion.at(high)
         nearest = nearest_family(self.watched.conditions, there)[0]
-        for t, q, f in zip(motion.time(high).tolist(), there, nearest, strict=True):
-            said = self.watched.names[f], "crossing", self.watched.families[f].title
-            self.own_crossings.append(Crossing(t, t, q, *said))
+        self.own_crossings += [
+            Crossing(t, t, q, self.watched.names[f], "crossing", self.watched.families[f].title)
+            for t, q, f in zip(motion.time(high).tolist(), there, nearest, strict=True)
+        ]
+        self.cut |= len(self.own_crossings) > 1000
+        del self.own_crossings[1000:]
 
     def _bounds(self, Q: Array, length: Array, way: Array) -> tuple[Array, Array]:
         """Return bounds (M, F) of distances; close ones where these bound the least."""
