@@ -2,6 +2,8 @@
 
 import importlib.util
 import math
+import pickle
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 from types import ModuleType, SimpleNamespace
@@ -15,11 +17,13 @@ import pinsing
 from pinsing.algebra.trig_sum import TrigSum
 from pinsing.errors import OptionError, RobotFileError
 from pinsing.families import tube as tubes
+from pinsing.families.family import Family
 from pinsing.families.form import coverage_words, families_text
 from pinsing.proximity.clearance import distances
 from pinsing.proximity.guard import make_guard
 from pinsing.report.arm_report import robot
 from pinsing.report.info import describe, gather
+from pinsing.robot.arm import Arm
 from pinsing.robot.calibration import LINKS, calibrated, known_like
 from pinsing.robot.chain import chain_model, flatten
 from pinsing.robot.design import (
@@ -64,15 +68,28 @@ def attack() -> ModuleType:
     return made
 
 
+@pytest.fixture(scope="module", autouse=True)
+def few_boxes() -> Iterator[None]:
+    """Tubes are wide, and as true; that of a robot about a design is found once."""
+    known: dict[bytes, tubes.Tube] = {}
+
+    def once(robot: Arm, design: Arm, families: Sequence[Family]) -> tubes.Tube:
+        key = pickle.dumps((flatten(robot), flatten(design), *robot.span))
+        if key not in known:
+            known[key] = tubes.find_tube(robot, design, families)
+        return known[key]
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(tubes, "MOST", 40_000)
+        patch.setattr("pinsing.families.solve.find_tube", once)
+        yield
+
+
 @pytest.fixture(scope="module")
 def form(tmp_path_factory: pytest.TempPathFactory) -> pinsing.ClosedForm:
-    """A calibrated UR5e, with a tube from few boxes: wide, and as true."""
+    """A calibrated UR5e."""
     file = write(tmp_path_factory.mktemp("calibration") / "c.yaml", UR5E)
-    few = pytest.MonkeyPatch()
-    few.setattr(tubes, "MOST", 40_000)
-    made = pinsing.closed_form(calibrated(pinsing.load("ur5e"), file))
-    few.undo()
-    return made
+    return pinsing.closed_form(calibrated(pinsing.load("ur5e"), file))
 
 
 def test_tube_is_proven_and_holds_every_singular_configuration(
@@ -273,10 +290,7 @@ def test_the_design_is_found_or_refused() -> None:
         design_of(ur5e, pinsing.load("panda"))
 
 
-def test_a_calibrated_file_has_the_families_of_its_design(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(tubes, "MOST", 5_000)
+def test_a_calibrated_file_has_the_families_of_its_design(tmp_path: Path) -> None:
     rows = ["-90.1 0.0002 0.67", "0.08 0.4321 0", "90.05 -0.0203 0.1501"]
     rows += ["-89.9 0.0001 0.4322", "90.1 0.0003 0", "0 0 0.0562"]
     text = "name: p\nconvention: standard\nunits: {angle: deg, length: m}\nrows:\n"
@@ -312,10 +326,7 @@ def test_a_calibrated_file_has_the_families_of_its_design(
     assert (loops.exit_code, "--design" in loops.stderr) == (2, True)
 
 
-def test_list_says_of_the_design_what_families_say(
-    form: pinsing.ClosedForm, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(tubes, "MOST", 5_000)
+def test_list_says_of_the_design_what_families_say(form: pinsing.ClosedForm) -> None:
     arm = form.loaded
     assert arm is not None
     found = replace(arm, design=assumed_design(arm))  # as of a URDF
@@ -330,10 +341,7 @@ def test_list_says_of_the_design_what_families_say(
     assert "families are of" not in describe(same).geometry()
 
 
-def test_a_calibration_is_named_with_the_robot(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(tubes, "MOST", 5_000)
+def test_a_calibration_is_named_with_the_robot(tmp_path: Path) -> None:
     file = write(tmp_path / "own.yaml", UR5E)
     shown = run("list", "ur5e", "--calibration", str(file)).stdout
     assert f"arms.yaml with calibration {file}" in " ".join(shown.split())
@@ -350,8 +358,7 @@ def test_a_calibration_is_named_with_the_robot(
 
 
 @pytest.mark.slow
-def test_calibrations_are_read_strictly(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(tubes, "MOST", 5_000)
+def test_calibrations_are_read_strictly(tmp_path: Path) -> None:
     ur5e = pinsing.load("ur5e")
     arm = calibrated(ur5e, write(tmp_path / "c.yaml", UR5E))
     assert arm.design is ur5e
