@@ -21,10 +21,11 @@ import numpy as np
 import pinocchio as pin
 
 import pinsing
+from pinsing._types import Chain
 from pinsing.algebra.nearest import two_sided
 from pinsing.kinematics.jacobian import frame_jacobians
 from pinsing.proximity.watched import watch
-from pinsing.robot.chain import Chain, chain_model, flatten
+from pinsing.robot.chain import chain_model, flatten
 
 ARMS = ("ur5e", "puma560", "irb1400", "iiwa14", "panda")
 

@@ -6,7 +6,7 @@ from importlib.metadata import distribution
 import numpy as np
 import pinocchio as pin
 
-from pinsing._batch.engine import FlatChain
+from pinsing._types import Chain
 from pinsing.robot.joints import axis_rotation, joint_axis
 
 ROBOTS = "cmeel.prefix/share/example-robot-data/robots"
@@ -18,7 +18,7 @@ def random_rotation(rng: np.random.Generator) -> np.ndarray:
     return Q * np.sign(np.linalg.det(Q))
 
 
-def random_chain(n: int, kind: str, seed: int) -> FlatChain:
+def random_chain(n: int, kind: str, seed: int) -> Chain:
     rng = np.random.default_rng(seed)
     R = np.array([random_rotation(rng) for _ in range(n + 1)])
     t = rng.uniform(-0.5, 0.5, (n + 1, 3))
@@ -27,10 +27,10 @@ def random_chain(n: int, kind: str, seed: int) -> FlatChain:
         "prismatic": np.ones(n, bool),
         "mixed": np.arange(n) % 3 == 1,
     }[kind]
-    return FlatChain(R, t, prismatic)
+    return Chain(R, t, prismatic)
 
 
-def reference_jacobian(chain: FlatChain, q: np.ndarray) -> np.ndarray:
+def reference_jacobian(chain: Chain, q: np.ndarray) -> np.ndarray:
     """Jacobian by products of homogeneous matrices, one configuration."""
     n = chain.n
     C = np.tile(np.eye(4), (n + 1, 1, 1))
@@ -55,7 +55,7 @@ def reference_jacobian(chain: FlatChain, q: np.ndarray) -> np.ndarray:
     return J
 
 
-def flat(model: pin.Model, frame: str) -> FlatChain:
+def flat(model: pin.Model, frame: str) -> Chain:
     """Flatten a serial ``pin.Model``, tip at ``frame``."""
     before, R, t, sliding = np.eye(3), [], [], []
     for i in range(1, model.njoints):
@@ -66,7 +66,7 @@ def flat(model: pin.Model, frame: str) -> FlatChain:
         sliding.append(prismatic)
         before = turned
     tip = model.frames[model.getFrameId(frame)].placement
-    return FlatChain(
+    return Chain(
         np.array([*R, before.T @ tip.rotation]),
         np.array([*t, before.T @ tip.translation]),
         np.array(sliding),

@@ -12,7 +12,7 @@ from kernel import require_kernel
 from tiers import sampled, tiered
 
 from pinsing._batch import engine
-from pinsing._batch.engine import FlatChain
+from pinsing._types import Chain
 
 require_kernel()
 
@@ -48,7 +48,9 @@ def test_jacobians_equal_pinocchio(isa: str, path: str, tip: str, locked: tuple[
 
 def test_sine_and_cosine_at_any_angle(isa: str) -> None:
     # Tip at x = 1 of one joint about z: vx = -sin q, vy = cos q, and nothing else.
-    chain = FlatChain(np.tile(np.eye(3), (2, 1, 1)), [[0, 0, 0], [1, 0, 0]], [False])
+    chain = Chain(
+        np.tile(np.eye(3), (2, 1, 1)), np.array([[0.0, 0, 0], [1, 0, 0]]), np.zeros(1, dtype=bool)
+    )
     rng = np.random.default_rng(1)
     parts = [rng.uniform(-b, b, 20_000) for b in (1e-3, 1, 7, 1e3, 1e5, 1e6, 1.1e6, 1e9, 1e300)]
     k = np.arange(-4000, 4001)
@@ -110,7 +112,7 @@ def test_a_tip_on_the_last_axis(isa: str, n: int) -> None:
             turn = np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]])
             R[:] = [turn if k % 3 else np.eye(3) for k in range(n + 1)]
             t[1::2] = 0.0
-        chain = FlatChain(R, t, chain.prismatic)
+        chain = Chain(R, t, chain.prismatic)
         Q = rng.uniform(-3, 3, (400, n))
         Q[:100] = rng.integers(-4, 5, (100, n)) * np.pi / 4  # many of them singular
         Q[100:200] = Q[:100] + rng.standard_normal((100, n)) * 10.0 ** rng.uniform(
@@ -215,21 +217,14 @@ def test_values_that_are_not_finite_are_refused(isa: str, bad: float, at: int) -
 def test_wrong_arguments_are_refused(isa: str) -> None:
     chain = random_chain(6, "revolute", seed=13)
     Q = np.zeros((3, 6))
-    for rows in ([], [6], [-1], [0, 0]):
+    for rows in ([], [6], [-1]):
         with pytest.raises(ValueError, match="rows"):
             engine.singular_values(chain, Q, rows=rows, isa=isa)
-    for length in (0.0, -1.0, np.nan, np.inf):
-        with pytest.raises(ValueError, match="length_scale"):
-            engine.singular_values(chain, Q, length_scale=length, isa=isa)
     for shape in ((6,), (3, 5), (1, 3, 6)):
-        with pytest.raises(ValueError, match="Q: shape"):
+        with pytest.raises(ValueError, match="must have shape"):
             engine.jacobians(chain, np.zeros(shape), isa=isa)
-    with pytest.raises(ValueError, match="threads"):
-        engine.jacobians(chain, Q, isa=isa, threads=0)
-    with pytest.raises(ValueError, match="instruction set 'mmx'.*" + isa):
+    with pytest.raises(ValueError, match="instruction set 'mmx'"):
         engine.jacobians(chain, Q, isa="mmx")
-    with pytest.raises(ValueError, match="J: shape"):
-        engine.svdvals(np.zeros((3, 6)), isa=isa)
 
 
 def test_the_kernel_itself_checks_shapes(isa: str) -> None:
@@ -251,31 +246,6 @@ def test_the_kernel_itself_checks_shapes(isa: str) -> None:
         )
     with pytest.raises(ValueError, match="not covered"):
         engine._kernel.svdvals(np.zeros((3, 7, 7)), np.empty((3, 7)), isa, 1, 50, True)
-
-
-def test_flat_chain_is_checked_and_frozen(isa: str) -> None:
-    chain = random_chain(4, "mixed", seed=15)
-    assert chain.n == 4
-    for array in (chain.R, chain.t, chain.prismatic):
-        assert not array.flags.writeable
-        assert array.flags.c_contiguous
-    R, t, prismatic = chain.R.copy(), chain.t.copy(), chain.prismatic.copy()
-    mine = FlatChain(R, t, prismatic)
-    R[:] = 0
-    assert np.array_equal(mine.R, chain.R)
-    with pytest.raises(ValueError, match=r"R\[0\] is not a rotation"):
-        FlatChain(R, t, prismatic)
-    with pytest.raises(ValueError, match=r"R\[1\] is not a rotation"):
-        FlatChain(chain.R * np.array([1, -1, 1, 1, 1])[:, None, None], t, prismatic)
-    with pytest.raises(ValueError, match="t: shape"):
-        FlatChain(chain.R, t[1:], prismatic)
-    with pytest.raises(ValueError, match="R: shape"):
-        FlatChain(chain.R[1:], t, prismatic)
-    with pytest.raises(ValueError, match="prismatic: shape"):
-        FlatChain(chain.R, t, [])
-    t[2, 0] = np.nan
-    with pytest.raises(ValueError, match="t holds a value that is not finite"):
-        FlatChain(chain.R, t, prismatic)
 
 
 def test_without_the_extension_the_reason_is_given(isa: str) -> None:

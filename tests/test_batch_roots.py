@@ -7,7 +7,7 @@ from kernel import require_kernel
 from tiers import sampled
 
 from pinsing._batch import engine
-from pinsing._batch.engine import FlatChain
+from pinsing._types import Chain
 
 require_kernel()
 
@@ -101,6 +101,6 @@ def test_sliding_joints_and_chosen_rows_have_the_values_of_their_jacobian(isa):
     plain = random_chain(6, "revolute", 12)
     Q = np.random.default_rng(13).uniform(-3, 3, (100, 6))
     for size in (1e3, 1e5, 1e150):
-        chain = FlatChain(plain.R, plain.t * size, plain.prismatic)
+        chain = Chain(plain.R, plain.t * size, plain.prismatic)
         J = engine.jacobians(chain, Q, isa=isa)
         assert off(engine.singular_values(chain, Q, isa=isa), lapack(J)) <= FROM_LAPACK

@@ -72,5 +72,3 @@ def test_matrices_that_do_not_converge_go_to_lapack(isa):
         assert unfinished <= (4 if name in ("sparse", "integers", "wild") else 0), name
     A = np.random.default_rng(5).standard_normal((5, 7, 8))
     np.testing.assert_allclose(engine.svdvals(A, isa=isa), lapack(A), rtol=1e-13)
-    with pytest.raises(ValueError, match="not finite"):
-        engine.svdvals(np.full((2, 7, 8), np.nan), isa=isa)

@@ -22,7 +22,6 @@ import pinocchio as pin
 from peers import missing, peers
 
 from pinsing._batch import engine
-from pinsing._batch.engine import FlatChain
 from pinsing.kinematics.verdict import evaluator
 from pinsing.robot.arm import Arm
 from pinsing.robot.chain import flatten
@@ -70,13 +69,12 @@ def rows_of(name: str, count: int, values: bool, with_peers: bool) -> Rows:
     """Name the rows: what to run and how many configurations it treats."""
     arm = arm_named(name)
     flat = flatten(arm)
-    chain = FlatChain(flat.R, flat.t, flat.prismatic)
     data = arm.model.createData()
     Q = np.random.default_rng(0).uniform(-3.0, 3.0, (count, arm.n))
     few = Q[: max(1, count // 10)]
     expected = pinocchio_loop(arm, data, few)
 
-    worst = np.abs(engine.jacobians(chain, few) - expected).max()
+    worst = np.abs(engine.jacobians(flat, few) - expected).max()
     if worst > 1e-12:
         raise SystemExit(f"{name}: the engine differs from Pinocchio by {worst:.1e}")
 
@@ -100,7 +98,7 @@ def rows_of(name: str, count: int, values: bool, with_peers: bool) -> Rows:
     run_engine = engine.singular_values if values else engine.jacobians
     for isa in engine.isa_names():
         for threads in (1, 2):
-            task = functools.partial(run_engine, chain, Q, threads=threads, isa=isa)
+            task = functools.partial(run_engine, flat, Q, threads=threads, isa=isa)
             rows[f"pinsing, {isa}, {threads} thread{'s' * (threads > 1)}"] = (task, count)
     if values:
         plan = plan_map(arm, count=count, joints=arm.joints)

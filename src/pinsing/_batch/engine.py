@@ -12,7 +12,6 @@ Walks lead to rank drops; what is known to second order there is computed likewi
 
 from __future__ import annotations
 
-import math
 import os
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -23,52 +22,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pinsing._batch.built_from import why_stale
-from pinsing.measures import ROUNDING
-
-
-def _frozen(values: ArrayLike, dtype: type[np.generic], name: str) -> NDArray[np.generic]:
-    array: NDArray[np.generic] = np.array(values, dtype=dtype, order="C", copy=True)
-    if not np.isfinite(array).all():
-        raise ValueError(f"{name} holds a value that is not finite")
-    array.flags.writeable = False
-    return array
-
-
-@dataclass(frozen=True, eq=False)
-class FlatChain:
-    """A serial chain whose joints turn about, or slide along, their z axes; arrays are copies.
-
-    ``T(q) = C[0] M[0](q[0]) C[1] ... M[n-1](q[n-1]) C[n]`` places the tip in the base frame, with
-    ``C[i] = [[R[i], t[i]], [0, 1]]`` and ``M[i]`` a rotation about z (revolute) or a translation
-    along z (prismatic). Arrays are C-contiguous and read-only; ValueError if they do not fit, are
-    not finite, or an ``R[i]`` is no rotation.
-    """
-
-    R: NDArray[np.float64]  # (n + 1, 3, 3)
-    t: NDArray[np.float64]  # (n + 1, 3), metres
-    prismatic: NDArray[np.bool_]  # (n,)
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "R", _frozen(self.R, np.float64, "R"))
-        object.__setattr__(self, "t", _frozen(self.t, np.float64, "t"))
-        object.__setattr__(self, "prismatic", _frozen(self.prismatic, np.bool_, "prismatic"))
-        if self.prismatic.ndim != 1 or self.prismatic.size == 0:
-            raise ValueError(f"prismatic: shape {self.prismatic.shape}, not (n,) with n >= 1")
-        n = self.prismatic.size
-        if self.R.shape != (n + 1, 3, 3):
-            raise ValueError(f"R: shape {self.R.shape}, not {(n + 1, 3, 3)}")
-        if self.t.shape != (n + 1, 3):
-            raise ValueError(f"t: shape {self.t.shape}, not {(n + 1, 3)}")
-        defect = np.abs(self.R @ self.R.transpose(0, 2, 1) - np.eye(3)).max(axis=(1, 2))
-        wrong = np.flatnonzero((defect > ROUNDING) | (np.linalg.det(self.R) < 0))
-        if wrong.size:
-            raise ValueError(f"R[{wrong[0]}] is not a rotation")
-
-    @property
-    def n(self) -> int:
-        """Number of joints."""
-        return int(self.prismatic.size)
-
+from pinsing._types import Chain
 
 try:
     import pinsing._batch._kernel as _kernel
@@ -132,7 +86,7 @@ def cpu_count() -> int:
 
 
 def jacobians(
-    chain: FlatChain,
+    chain: Chain,
     Q: ArrayLike,
     *,
     threads: int | None = None,
@@ -143,15 +97,14 @@ def jacobians(
     ``threads`` are by default all, ``isa`` the best instruction set. ValueError for bad arguments,
     RuntimeError without the kernel.
     """
-    isa, threads = _isa(isa), _threads(threads)
-    Q = _configurations(Q, chain.n)
+    Q = np.require(Q, np.float64, ("C", "A"))
     out = np.empty((len(Q), 6, chain.n))
-    _kernel.jacobians(chain.R, chain.t, chain.prismatic, Q, out, isa, threads)
+    module().jacobians(chain.R, chain.t, chain.prismatic, Q, out, *_how(isa, threads))
     return out
 
 
 def singular_values(
-    chain: FlatChain,
+    chain: Chain,
     Q: ArrayLike,
     *,
     rows: Sequence[int] = (0, 1, 2, 3, 4, 5),
@@ -164,23 +117,16 @@ def singular_values(
     ``rows`` are m different ones of 0..5; translations are divided by ``length_scale`` (metres). As
     accurate as LAPACK's, small ones included. Else as `jacobians`.
     """
-    isa, threads = _isa(isa), _threads(threads)
-    rows = [int(row) for row in rows]
-    if not rows or len(set(rows)) != len(rows) or not set(rows) <= set(range(6)):
-        raise ValueError(f"rows: {rows}, not different numbers out of 0..5")
-    if not (math.isfinite(length_scale) and length_scale > 0):
-        raise ValueError(f"length_scale: {length_scale}, not a positive length")
-    Q = _configurations(Q, chain.n)
+    rows, Q = list(rows), np.require(Q, np.float64, ("C", "A"))
     out = np.empty((len(Q), min(len(rows), chain.n)))
     scale = [1.0 / length_scale if row < 3 else 1.0 for row in rows]
-    if chain.n > _kernel.MAX_COLUMNS:
+    if chain.n > module().MAX_COLUMNS:
         J = jacobians(chain, Q, threads=threads, isa=isa)[:, rows] * np.array(scale)[:, None]
         out[:] = np.linalg.svd(J, compute_uv=False)
         return out
-    unfinished = _kernel.singular_values(
-        chain.R, chain.t, chain.prismatic, rows, scale, Q, out, isa, threads, MAX_SWEEPS
-    )
-    if unfinished:
+    if module().singular_values(
+        chain.R, chain.t, chain.prismatic, rows, scale, Q, out, *_how(isa, threads), MAX_SWEEPS
+    ):
         left = np.isnan(out[:, 0])
         J = jacobians(chain, Q[left], threads=threads, isa=isa)[:, rows] * np.array(scale)[:, None]
         out[left] = np.linalg.svd(J, compute_uv=False)
@@ -198,46 +144,20 @@ def svdvals(
     """Return singular values (N, min(m, n)), descending, of matrices J (N, m, n)."""
     # A value that takes over ``max_sweeps`` leaves its matrix to LAPACK. ``by_roots``: all values
     # at once first, dqds where they do not settle; else dqds alone. Else as `jacobians`.
-    isa, threads = _isa(isa), _threads(threads)
-    A = np.ascontiguousarray(J, dtype=np.float64)
-    if A.ndim != 3 or 0 in A.shape[1:]:
-        raise ValueError(f"J: shape {A.shape}, not (N, m, n) with m, n >= 1")
+    A, kernel = np.require(J, np.float64, ("C", "A")), module()
     rank = min(A.shape[1:])
-    if rank > _kernel.MAX_RANK or max(A.shape[1:]) > _kernel.MAX_COLUMNS:
-        if not np.isfinite(A).all():
-            raise ValueError("J holds a value that is not finite")
+    if rank > kernel.MAX_RANK or max(A.shape[1:]) > kernel.MAX_COLUMNS:
         return np.asarray(np.linalg.svd(A, compute_uv=False), dtype=np.float64)
     out = np.empty((len(A), rank))
-    if _kernel.svdvals(A, out, isa, threads, max_sweeps, by_roots):
+    if kernel.svdvals(A, out, *_how(isa, threads), max_sweeps, by_roots):
         left = np.isnan(out[:, 0])
         out[left] = np.linalg.svd(A[left], compute_uv=False)
     return out
 
 
-def _isa(isa: str | None) -> str:
-    if _missing is not None:
-        raise RuntimeError(_missing)
-    names = isa_names()
-    if isa is None:
-        return names[-1]
-    if isa not in names:
-        raise ValueError(f"instruction set {isa!r}: this machine runs {', '.join(names)}")
-    return isa
-
-
-def _threads(threads: int | None) -> int:
-    if threads is None:
-        return cpu_count()
-    if threads < 1:
-        raise ValueError(f"threads: {threads}, not at least 1")
-    return min(int(threads), 1024)
-
-
-def _configurations(Q: ArrayLike, n: int) -> Floats:
-    array = np.ascontiguousarray(Q, dtype=np.float64)
-    if array.ndim != 2 or array.shape[1] != n:
-        raise ValueError(f"Q: shape {array.shape}, not (N, {n})")
-    return array if array.flags.aligned else array.copy()
+def _how(isa: str | None, threads: int | None) -> tuple[str, int]:
+    """An instruction set and a number of threads: the best, and all, where none is given."""
+    return isa or isa_names()[-1], min(threads or cpu_count(), 1024)
 
 
 def condition_set(families: int, flat: dict[str, NDArray[Any]], largest: bool) -> Any | None:
@@ -318,7 +238,7 @@ def walks_covered(n: int, m: int, rank: int) -> bool:
 
 
 def walks(
-    chain: FlatChain,
+    chain: Chain,
     Q: ArrayLike,
     free: NDArray[np.bool_],
     limits: tuple[Floats, Floats],
@@ -357,8 +277,7 @@ def walks(
         np.ascontiguousarray(free, dtype=np.float64),
         X,
         ends,
-        isa or isa_names()[-1],
-        cpu_count() if threads is None else threads,
+        *_how(isa, threads),
         min(max_iterations, 2**31 - 1),
         MAX_SWEEPS,
     )
@@ -371,7 +290,7 @@ def second_orders_covered(n: int, m: int) -> bool:
 
 
 def second_orders(
-    chain: FlatChain,
+    chain: Chain,
     Q: ArrayLike,
     *,
     rows: Sequence[int],
@@ -398,7 +317,6 @@ def second_orders(
         size,
         Q,
         out,
-        isa or isa_names()[-1],
-        cpu_count() if threads is None else threads,
+        *_how(isa, threads),
     )
     return out

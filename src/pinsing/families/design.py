@@ -26,7 +26,7 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from pinsing._types import Array
+from pinsing._types import Array, Chain
 from pinsing.algebra.budget import Budget, BudgetExceeded
 from pinsing.algebra.components import Component
 from pinsing.algebra.decompose import Decomposition
@@ -48,7 +48,6 @@ from pinsing.families.design_form import (
     text_of,
 )
 from pinsing.robot.arm import Arm
-from pinsing.robot.chain import Chain
 from pinsing.robot.exact_placements import ExactPlacements, Length3
 from pinsing.robot.joints import axis_rotation
 from pinsing.robot.load import load

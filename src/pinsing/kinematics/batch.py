@@ -18,8 +18,7 @@ import numpy as np
 import pinocchio as pin
 
 from pinsing._batch import engine as kernel
-from pinsing._batch.engine import FlatChain
-from pinsing._types import Array
+from pinsing._types import Array, Chain
 from pinsing.errors import EngineError, OptionError
 from pinsing.measures import NOISE, ROUNDING, SEED
 from pinsing.robot.arm import Arm
@@ -32,7 +31,7 @@ ENGINES = ("auto", "batch", PINOCCHIO)
 INSTRUCTION_SETS = ("baseline", "avx2", "avx512")
 
 
-def batch_chain(arm: Arm, engine: str = "auto") -> FlatChain | None:
+def batch_chain(arm: Arm, engine: str = "auto") -> Chain | None:
     """Return the arm's chain for the compiled kernel ("auto", "batch"), or None for Pinocchio."""
     # EngineError if "batch" is not installed, or disagrees with Pinocchio.
     OptionError.refuse_if(
@@ -41,12 +40,12 @@ def batch_chain(arm: Arm, engine: str = "auto") -> FlatChain | None:
     if engine == PINOCCHIO:
         return None
     found = _chain_or_reason(arm)
-    if engine == "batch" and not isinstance(found, FlatChain):
+    if engine == "batch" and not isinstance(found, Chain):
         raise EngineError(found)
-    return found if isinstance(found, FlatChain) else None
+    return found if isinstance(found, Chain) else None
 
 
-def _chain_or_reason(arm: Arm) -> FlatChain | str:
+def _chain_or_reason(arm: Arm) -> Chain | str:
     """The arm's chain for the kernel, or why there is none."""
     # A kernel that does not match the sources cannot be verified.
     return kernel.unavailable_reason() or _verified(arm)
@@ -76,7 +75,7 @@ def fixed_engine(arm: Arm, engine: str = "auto") -> str:
 def engine_name(arm: Arm) -> str:
     """Say in a few words what computes batches for ``arm`` on this machine."""
     found = _chain_or_reason(arm)
-    if isinstance(found, FlatChain):
+    if isinstance(found, Chain):
         return f"compiled batch kernel ({kernel.isa_names()[-1]}), checked against Pinocchio"
     return f"Pinocchio and NumPy ({found})"
 
@@ -99,15 +98,10 @@ def pinocchio_jacobians(arm: Arm, Q: Array) -> Array:
 
 
 @kept
-def _verified(arm: Arm) -> FlatChain | str:
+def _verified(arm: Arm) -> Chain | str:
     """The flat chain if the kernel agrees with Pinocchio on it, else why it may not be used."""
-    plain = flatten(arm)
-    try:
-        chain = FlatChain(plain.R, plain.t, plain.prismatic)
-    except ValueError as unfit:
-        return f"the chain does not suit the compiled kernel: {unfit}"
-    rng = np.random.default_rng(SEED)
-    size = float(np.abs(plain.t).max()) or 1.0
+    chain, rng = flatten(arm), np.random.default_rng(SEED)
+    size = float(np.abs(chain.t).max()) or 1.0
     Q = rng.uniform(-1, 1, (_SAMPLES, arm.n)) * np.where(arm.prismatic, size, 2 * np.pi)
     ours, theirs = kernel.jacobians(chain, model_values(arm, Q)), pinocchio_jacobians(arm, Q)
     moved, turned = np.abs(ours - theirs).max(axis=(0, 2)).reshape(2, 3).max(axis=1)
@@ -217,12 +211,12 @@ def each_cross(a: Array, b: Array) -> Array:
 
 
 @kept
-def _with_tip_axes(arm: Arm) -> FlatChain:
+def _with_tip_axes(arm: Arm) -> Chain:
     chain = batch_chain(arm, "batch")
     assert chain is not None  # an engine of the kernel was fixed
     cycle = np.array([[0.0, 0, 1], [1, 0, 0], [0, 1, 0]])  # its z axis is the x axis before it
     steps = [chain.R[-1] @ cycle, cycle, cycle, np.eye(3)]
-    return FlatChain(
+    return Chain(
         np.concatenate([chain.R[:-1], np.array(steps)]),
         np.concatenate([chain.t, np.zeros((3, 3))]),
         np.concatenate([chain.prismatic, np.ones(3, dtype=bool)]),
@@ -333,16 +327,14 @@ class Batch:
             tip_rotations(self.arm, Q, self.engine, self.threads) if self.arm.task.at_tip else None
         )
 
-    def own_chain(self) -> FlatChain:
+    def own_chain(self) -> Chain:
         """The kernel's chain of the arm as it is in its own length."""
         chain = self._chain()
         assert chain is not None  # only the kernel has one
         length = own_scale(self.arm).length
-        return self.arm.once(
-            "own_chain", lambda: FlatChain(chain.R, chain.t / length, chain.prismatic)
-        )
+        return self.arm.once("own_chain", lambda: Chain(chain.R, chain.t / length, chain.prismatic))
 
-    def _chain(self) -> FlatChain | None:
+    def _chain(self) -> Chain | None:
         if self.engine == PINOCCHIO:
             return None
         chain, here = batch_chain(self.arm, "batch"), kernel.isa_names()

@@ -28,8 +28,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from pinsing._batch.engine import FlatChain
-from pinsing._types import Array, Ints
+from pinsing._types import Array, Chain, Ints
 from pinsing.errors import OptionError
 from pinsing.kinematics.batch import picked, turn_left
 from pinsing.kinematics.verdict import generic_rank
@@ -88,7 +87,7 @@ _STEP = 0.7
 class Solver:
     """Damped Newton steps for many configurations at once."""
 
-    chain: FlatChain
+    chain: Chain
     position: Array
     rotation: Array | None
     task: Task
@@ -106,9 +105,7 @@ class Solver:
             f"{arm.name}: inverse solutions are found for arms whose joints are all "
             "revolute or prismatic, none a mimic",
         )
-        plain = flatten(arm)
-        chain = FlatChain(plain.R, plain.t, plain.prismatic)
-        scale = arm.length_scale
+        chain, scale = flatten(arm), arm.length_scale
         weight = np.where(arm.prismatic, 1 / scale, 1.0)[free]
         return cls(chain, position, rotation, arm.task, free, scale, weight)
 

@@ -24,7 +24,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import pinocchio as pin
 
-from pinsing._types import Array, ArrayLike, Bool
+from pinsing._types import Array, ArrayLike, Bool, Chain
 from pinsing._version import __version__
 from pinsing.arguments import checked
 from pinsing.errors import OptionError
@@ -45,7 +45,7 @@ from pinsing.measures import (
     status_of as status_of,
 )
 from pinsing.robot.arm import Arm
-from pinsing.robot.chain import Chain, flatten
+from pinsing.robot.chain import flatten
 from pinsing.robot.nominal import exact_generic_rank, nominal
 from pinsing.robot.source import kept
 

@@ -13,12 +13,13 @@ from pathlib import Path
 import numpy as np
 import pinocchio as pin
 
+from pinsing._types import Chain
 from pinsing.description.catalog import known_arms
 from pinsing.description.dh_table import known_table
 from pinsing.description.yaml_tree import YamlNode, compose
 from pinsing.errors import OptionError, RobotFileError
 from pinsing.robot.arm import Arm
-from pinsing.robot.chain import Chain, chain_model, flatten, keep_chain
+from pinsing.robot.chain import chain_model, flatten, keep_chain
 from pinsing.robot.design import AxisDifference, alignment, axes, differences, require_same
 from pinsing.robot.load import load
 

@@ -4,29 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
 
 import numpy as np
 import pinocchio as pin
 
-from pinsing._types import Array, Bool
+from pinsing._types import Array, Chain
 from pinsing.measures import ROUNDING
 from pinsing.robot.arm import Arm
 from pinsing.robot.joints import axis_rotation, joint_axis
-
-
-@dataclass(frozen=True, eq=False)
-class Chain:
-    """Tip placement C_0 M_0(q_0) C_1 ... C_k; C_i is (R[i], t[i]), M_i turns about z or slides."""
-
-    R: Array  # (k + 1, 3, 3)
-    t: Array  # (k + 1, 3), metres
-    prismatic: Bool  # (k,)
-
-    @property
-    def n(self) -> int:
-        """Number of joints."""
-        return len(self.prismatic)
 
 
 def flatten(arm: Arm) -> Chain:
@@ -100,8 +85,8 @@ def with_fixed_joints_put(
 
 def keep_chain(arm: Arm, chain: Chain) -> None:
     """Tell an arm the chain that its model was made of by ``chain_model``."""
-    plain = Chain(chain.R + 0.0, chain.t + 0.0, chain.prismatic)  # no zero has a sign
-    arm.once("chain", lambda: _frozen(plain))
+    R, t = (np.add(x, 0.0, order="C") for x in (chain.R, chain.t))  # no zero has a sign
+    arm.once("chain", lambda: _frozen(Chain(R, t, chain.prismatic)))
 
 
 def _frozen(chain: Chain) -> Chain:

@@ -12,11 +12,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pinocchio as pin
 
-from pinsing._types import Array
+from pinsing._types import Array, Chain
 from pinsing.errors import OptionError
 from pinsing.measures import FLOAT_NOISE
 from pinsing.robot.arm import Arm
-from pinsing.robot.chain import Chain, chain_model, flatten, keep_chain
+from pinsing.robot.chain import chain_model, flatten, keep_chain
 from pinsing.robot.exact_placements import Deviation
 from pinsing.robot.nominal import nominal
 

@@ -12,10 +12,10 @@ from fractions import Fraction
 
 import numpy as np
 
-from pinsing._types import Array
+from pinsing._types import Array, Chain
 from pinsing.measures import FLOAT_NOISE, ROUNDING
 from pinsing.robot.arm import Arm
-from pinsing.robot.chain import Chain, rotation_angle, with_fixed_joints_put
+from pinsing.robot.chain import rotation_angle, with_fixed_joints_put
 from pinsing.robot.surd import Exact, Surd, cosine, sine
 
 

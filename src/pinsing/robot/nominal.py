@@ -22,14 +22,13 @@ from typing import Any
 
 import numpy as np
 
-from pinsing._types import Array
+from pinsing._types import Array, Chain
 from pinsing.arguments import checked
 from pinsing.errors import OptionError
 from pinsing.measures import SEED
 from pinsing.notebook import one_line
 from pinsing.robot.arm import Arm
 from pinsing.robot.chain import (
-    Chain,
     chain_model,
     flatten,
     jacobian_change,
