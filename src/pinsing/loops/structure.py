@@ -13,7 +13,15 @@ from pinsing._types import Array
 from pinsing.errors import Refusal
 from pinsing.loops.exact import Turn, rational_turn, turn_to
 from pinsing.measures import ALIKE, ROUNDING, SEED
-from pinsing.robot.mechanism import Loop, Mechanism, Sample, closing, joint_axes, path_to
+from pinsing.robot.mechanism import (
+    Loop,
+    Mechanism,
+    Sample,
+    closing,
+    joint_axes,
+    meeting_point,
+    path_to,
+)
 from pinsing.robot.source import kept
 
 
@@ -317,11 +325,7 @@ def room_of(mechanism: Mechanism) -> tuple[str, Turn, Array]:
     normal = plane_normal(mechanism, drawn.axis)
     if normal is not None:
         return PLANE, rational_turn(turn_to(normal).T), none
-    if not mechanism.prismatic.any():
-        across = [np.eye(3) - np.outer(a, a) for a in drawn.axis]
-        rows = np.concatenate(across)
-        right = np.concatenate([P @ p for P, p in zip(across, drawn.origins, strict=True)])
-        centre, _, rank, _ = np.linalg.lstsq(rows, right, rcond=None)
-        if rank == 3 and np.abs(rows @ centre - right).max() <= ROUNDING:
-            return SPHERE, still, centre
+    centre = None if mechanism.prismatic.any() else meeting_point(drawn.axis, drawn.origins)
+    if centre is not None:
+        return SPHERE, still, centre
     return SPACE, still, none

@@ -38,7 +38,7 @@ from pinsing.errors import JointError, OptionError, PinsingError
 from pinsing.measures import ALIKE, ROUNDING
 from pinsing.robot.chains import frame_index
 from pinsing.robot.joints import joint_axis
-from pinsing.robot.mechanism import LOOP_KINDS, Loop, Mechanism, Sample, closing
+from pinsing.robot.mechanism import LOOP_KINDS, Loop, Mechanism, Sample, closing, meeting_point
 from pinsing.robot.source import HasModel, Source, given_file, given_model
 from pinsing.robot.task import ROW_NAMES, Task, parse_task
 
@@ -109,31 +109,25 @@ class _SpanningTree:
             return None
         return self.after[body][0]
 
-    def ball(self, first: int) -> tuple[int, int, int] | None:
-        """Three passive hinges from ``first`` on whose axes meet in a point, none in a plane."""
-        second = self.next(first)
+    def before(self, joint: int | None) -> int | None:
+        """The joint that alone carries this one."""
+        above = -1 if joint is None else int(self.mechanism.model.parents[joint + 1]) - 1
+        return above if above >= 0 and self.next(above) == joint else None
+
+    def ball(self, first: int | None) -> tuple[tuple[int, int, int], Array] | None:
+        """Three passive hinges from ``first`` on, and the points (samples, 3) where axes meet."""
+        second = None if first is None else self.next(first)
         third = None if second is None else self.next(second)
-        if second is None or third is None:
+        if first is None or second is None or third is None:
             return None
         run = (first, second, third)
-        if not all(self.hinge(j) for j in run) or self.centre(run) is None:
+        if not all(map(self.hinge, run)):
             return None
-        return run
-
-    def centre(self, run: tuple[int, int, int]) -> Array | None:
-        """The point (samples, 3) in which three axes meet."""
-        out, apart = [], 0.0
-        for s in self.samples:
-            axes, places = s.axis[list(run)], s.origins[list(run)]
-            rows = np.concatenate([np.eye(3) - np.outer(a, a) for a in axes])
-            right = np.concatenate([p - (a @ p) * a for a, p in zip(axes, places, strict=True)])
-            point, _, rank, _ = np.linalg.lstsq(rows, right, rcond=None)
-            size = max(1.0, float(np.abs(places).max()))
-            if rank < 3 or np.abs(rows @ point - right).max() > ROUNDING * size:
-                return None
-            apart = max(apart, abs(float(np.linalg.det(axes))))
-            out.append(point)
-        return np.array(out) if apart > ALIKE else None
+        axes = [s.axis[list(run)] for s in self.samples]
+        points = [s.origins[list(run)] for s in self.samples]
+        found = [p for p in map(meeting_point, axes, points) if p is not None]
+        met = len(found) == len(axes) and np.abs(np.linalg.det(axes)).max() > ALIKE
+        return (run, np.array(found)) if met else None
 
     def end(self, joint: int, kind: str) -> tuple[int, int] | None:
         """The two frames that a loop of a kind holds, if that is all there is at a leg's end."""
@@ -152,44 +146,38 @@ class _SpanningTree:
             if (welded := self.end(here, "6d")) is not None:
                 return self.across(*welded)
             here = self.next(here)
-            if here is not None and (run := self.ball(here)) is not None:
-                return self.centre(run)
+            if (found := self.ball(here)) is not None:
+                return found[1]
+        return None
+
+    def near(self, joint: int | None) -> Array | None:
+        """Centre (samples, 3) of the next ball inwards, of which ``joint`` may be the last."""
+        while joint is not None:
+            if (found := self.ball(self.before(self.before(joint)))) is not None:
+                return found[1]
+            joint = self.before(joint)
         return None
 
     def across(self, a: int, b: int) -> Array | None:
         """Centre of the first ball on the other side of a weld, seen from this side."""
         here = int(self.mechanism.model.frames[b].parentJoint) - 1
-        if here < 0 or self.end(here, "6d") is None:
+        if here < 0 or self.end(here, "6d") is None or (centre := self.near(here)) is None:
             return None
-        while (above := self.before(here)) is not None:
-            top = self.before(above)
-            run = None if top is None else self.ball(top)
-            if run is not None and (centre := self.centre(run)) is not None:
-                return np.array(
-                    [s.frames[a].act(s.frames[b].actInv(c))
-                     for s, c in zip(self.samples, centre, strict=True)]
-                )  # fmt: skip
-            here = above
-        return None
-
-    def before(self, joint: int) -> int | None:
-        """The joint that alone carries this one."""
-        above = int(self.mechanism.model.parents[joint + 1]) - 1
-        return above if above >= 0 and self.next(above) == joint else None
+        pairs = zip(self.samples, centre, strict=True)
+        return np.array([s.frames[a].act(s.frames[b].actInv(c)) for s, c in pairs])
 
 
 def _idle(mechanism: Mechanism, keep_output: bool) -> int | None:
     """A hinge to hold, or None where no link spins idly."""
     tree = _SpanningTree(mechanism, keep_output)
     for first in range(mechanism.n):
-        if (run := tree.ball(first)) is not None:
-            far, near = tree.far(run[2]), tree.centre(run)
-            if far is not None and near is not None:
+        if (found := tree.ball(first)) is not None:
+            run, near = found
+            if (far := tree.far(run[2])) is not None:
                 return _best(tree, run, near, far)
-    for joint in range(mechanism.n):
-        if tree.hinge(joint) and (
-            _on_line(tree, joint) or _back_on_line(tree, joint) or _twice(tree, joint)
-        ):
+    for joint in filter(tree.hinge, range(mechanism.n)):
+        balls = tree.far(joint), tree.near(tree.before(joint))
+        if any(_through(tree, joint, ball) for ball in balls) or _twice(tree, joint):
             return joint
     return None
 
@@ -230,38 +218,9 @@ def _best(tree: _SpanningTree, run: tuple[int, int, int], near: Array, far: Arra
     return run[max(scores)[2]]
 
 
-def _on_line(tree: _SpanningTree, joint: int) -> bool:
-    """Whether a hinge's axis passes through the ball at the end of its link, slides along it."""
-    here: int | None = joint
-    while here is not None:
-        if (held := tree.end(here, "3d")) is not None:
-            return _through(
-                tree, joint, np.array([s.frames[held[0]].translation for s in tree.samples])
-            )
-        if (here := tree.next(here)) is None:
-            return False
-        if (run := tree.ball(here)) is not None:
-            centre = tree.centre(run)
-            return centre is not None and _through(tree, joint, centre)
-        if tree.hinge(here) or not tree.mechanism.prismatic[here]:
-            return False
-    return False
-
-
-def _back_on_line(tree: _SpanningTree, joint: int) -> bool:
-    """The same with the ball at the inner end of its link."""
-    above = tree.before(joint)
-    while above is not None and tree.mechanism.prismatic[above]:
-        above = tree.before(above)
-    middle = None if above is None else tree.before(above)
-    first = None if middle is None else tree.before(middle)
-    run = None if first is None else tree.ball(first)
-    centre = None if run is None else tree.centre(run)
-    return centre is not None and _through(tree, joint, centre)
-
-
-def _through(tree: _SpanningTree, joint: int, points: Array) -> bool:
-    return all(
+def _through(tree: _SpanningTree, joint: int, points: Array | None) -> bool:
+    """Whether a hinge's axis passes through a ball at an end of its link."""
+    return points is not None and all(
         float(np.linalg.norm(np.cross(p - s.origins[joint], s.axis[joint])))
         <= ROUNDING * max(1.0, float(np.abs(p).max()))
         for s, p in zip(tree.samples, points, strict=True)

@@ -12,6 +12,7 @@ import pinocchio as pin
 
 from pinsing._types import Array, ArrayLike, Bool
 from pinsing.arguments import checked, columns_of, real_numbers
+from pinsing.measures import ROUNDING
 from pinsing.notebook import one_line
 from pinsing.robot.chains import frame_index
 from pinsing.robot.joint_space import JointSpace, model_q, require_scale, require_values
@@ -319,6 +320,15 @@ class Sample:
         along = zip(self.joints[1:], joint_axes(mechanism), strict=True)
         self.axis = np.array([place.rotation @ axis for place, axis in along])
         self.origins = np.array([place.translation for place in self.joints[1:]])
+
+
+def meeting_point(axes: Array, points: Array) -> Array | None:
+    """Return where lines along ``axes`` (k, 3) through ``points`` (k, 3) meet; None if nowhere."""
+    across = np.eye(3) - axes[:, :, None] * axes[:, None]
+    rows, right = across.reshape(-1, 3), (across @ points[:, :, None]).ravel()
+    point, _, rank, _ = np.linalg.lstsq(rows, right, rcond=None)
+    off = np.abs(rows @ point - right).max() / max(1.0, float(np.abs(points).max()))
+    return np.asarray(point) if rank == 3 and off <= ROUNDING else None
 
 
 def path_to(mechanism: Mechanism, body: int) -> list[int]:
