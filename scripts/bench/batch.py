@@ -22,7 +22,7 @@ import pinocchio as pin
 from peers import missing, peers
 
 from pinsing._batch import engine
-from pinsing.kinematics.verdict import evaluator
+from pinsing.kinematics.verdict import fixed_batch
 from pinsing.robot.arm import Arm
 from pinsing.robot.chain import flatten
 from pinsing.robot.load import load
@@ -102,7 +102,7 @@ def rows_of(name: str, count: int, values: bool, with_peers: bool) -> Rows:
             rows[f"pinsing, {isa}, {threads} thread{'s' * (threads > 1)}"] = (task, count)
     if values:
         plan = plan_map(arm, count=count, joints=arm.joints)
-        job = MapJob(plan, evaluator(arm))
+        job = MapJob(plan, fixed_batch(arm))
         rows["pinsing, a Sobol map of all joints, 1 thread"] = (
             lambda: compute_map_chunk(job, 0),
             min(count, plan.chunk),

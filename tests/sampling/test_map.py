@@ -24,7 +24,7 @@ from pinsing.errors import (
     UnknownNameError,
     WorkerError,
 )
-from pinsing.kinematics.verdict import evaluator, fixed_engine
+from pinsing.kinematics.verdict import fixed_batch, fixed_engine
 from pinsing.measures import sigma_ratio
 from pinsing.robot.load import load
 from pinsing.robot.source import Coupling
@@ -393,7 +393,7 @@ def test_a_worker_that_dies_is_an_error_that_says_so(tmp_path) -> None:
 
 
 def test_a_worker_without_the_instruction_set_says_so(monkeypatch) -> None:
-    work = evaluator(arms.ur5(), "auto")
+    work = fixed_batch(arms.ur5(), "auto")
     monkeypatch.setattr(kernel, "isa_names", lambda: ("baseline",))
     if work.engine in ("baseline", "pinocchio"):
         pytest.skip("only one instruction set here")

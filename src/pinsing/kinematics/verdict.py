@@ -204,31 +204,15 @@ def _sampled_rank(exact: Arm) -> int:
     return int((sigma > SINGULAR_RTOL * sigma[:, :1]).sum(axis=1).max())
 
 
-@dataclass(frozen=True, eq=False)
-class Evaluator:
-    """Singular values of the task Jacobian of one arm on one engine, as of `fixed_engine`."""
-
-    arm: Arm  # without what only drawing needs
-    rank: int  # generic
-    engine: str
-
-    def sigma(self, Q: Array) -> Array:
-        """Return singular values (N, r) at Q (N, n), largest first, on this thread alone."""
-        return np.asarray(Batch(self.arm, self.engine, 1).sigma(Q)[:, : self.rank])
-
-    def measure(self, Q: Array) -> Measured:
-        """Singular values, as `sigma`, and what is singular is judged by."""
-        return measured(Batch(self.arm, self.engine, 1), Q)
-
-    def last_and_ratio(self, Q: Array) -> tuple[Array, Array]:
-        """Return sigma_r (N,) of configurations Q (N, n), and the ratio (N,) of verdicts."""
-        found = self.measure(Q)
-        return found.sigma[:, -1], found.ratio
+def fixed_batch(arm: Arm, engine: str = "auto") -> Batch:
+    """Return a Batch on this thread alone, on a `fixed_engine`, without what only drawing needs."""
+    return Batch(_lean(arm), fixed_engine(arm, engine), 1)
 
 
-def evaluator(arm: Arm, engine: str = "auto") -> Evaluator:
-    """Return an Evaluator of ``arm`` on a `fixed_engine`, which says what is raised."""
-    return Evaluator(_lean(arm), generic_rank(arm), fixed_engine(arm, engine))
+def last_and_ratio(on: Batch, Q: Array) -> tuple[Array, Array]:
+    """Return sigma_r (N,) of configurations Q (N, n), and the ratio (N,) of verdicts."""
+    found = measured(on, Q)
+    return found.sigma[:, -1], found.ratio
 
 
 def fingerprint(arm: Arm) -> str:
@@ -246,14 +230,14 @@ def fingerprint(arm: Arm) -> str:
     return digest.hexdigest()
 
 
-def run_identity(kind: str, evaluator: Evaluator) -> dict[str, Any]:
+def run_identity(kind: str, on: Batch) -> dict[str, Any]:
     """Return what a folder records of how a run computes, as plain JSON values."""
     return {
         "kind": kind,
         "pinsing": __version__,
-        "engine": evaluator.engine,
-        "robot": fingerprint(evaluator.arm),
-        "rank": evaluator.rank,
+        "engine": on.engine,
+        "robot": fingerprint(on.arm),
+        "rank": generic_rank(on.arm),
     }
 
 

@@ -27,7 +27,8 @@ from pinsing._batch.engine import cpu_count
 from pinsing.atomic_write import is_temporary, replace_file, sync_folder
 from pinsing.chunk_file import DamagedError, Record, pack, read_bounded, unpack
 from pinsing.errors import OptionError, OutputError, PinsingError, WorkerError, why
-from pinsing.kinematics.verdict import Evaluator, evaluator, recorded_engine
+from pinsing.kinematics.batch import Batch
+from pinsing.kinematics.verdict import fixed_batch, recorded_engine
 from pinsing.prose import LISTED
 from pinsing.robot.arm import Arm
 
@@ -395,10 +396,10 @@ class Job(Protocol):
         """Bytes that the arrays of a chunk take at most."""
 
 
-def planned_evaluator(arm: Arm, options: RunOptions) -> Evaluator:
+def planned_batch(arm: Arm, options: RunOptions) -> Batch:
     """Fix the engine of a run: that which its folder was begun with, if it has been."""
     known = None if options.out is None else recorded(options.out)
-    return evaluator(arm, recorded_engine(known, options.engine))
+    return fixed_batch(arm, recorded_engine(known, options.engine))
 
 
 class Run:

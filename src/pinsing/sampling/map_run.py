@@ -20,14 +20,14 @@ from pinsing.arguments import checked, typed
 from pinsing.chunk_file import Record
 from pinsing.errors import OptionError, UnknownNameError
 from pinsing.families.solve import form_to_measure
-from pinsing.kinematics.batch import PINOCCHIO
-from pinsing.kinematics.verdict import Evaluator, run_identity
+from pinsing.kinematics.batch import PINOCCHIO, Batch
+from pinsing.kinematics.verdict import generic_rank, measured, run_identity
 from pinsing.measures import NEAR_RTOL, SINGULAR_RTOL
 from pinsing.prose import PLAIN, Page, Span, Table, alarm, caution, verdict
 from pinsing.proximity.clearance import nearest_family
 from pinsing.proximity.watched import Forms, require_forms_of, watch
 from pinsing.robot.arm import Arm
-from pinsing.sampling.execute import Progress, RunOptions, Tell, planned_evaluator, running
+from pinsing.sampling.execute import Progress, RunOptions, Tell, planned_batch, running
 from pinsing.sampling.map_plan import BLOCK, WORST, MapPlan, plan_map, rows_of
 from pinsing.sampling.tally import (
     QUANTILE_ERROR,
@@ -280,7 +280,7 @@ class MapJob:
     """A map as work in chunks: small, and able to be pickled."""
 
     plan: MapPlan  # what to do
-    evaluator: Evaluator  # the arm, on a fixed engine
+    batch: Batch  # the arm, on a fixed engine
     keep_values: bool = False  # all singular values are part of the records
     near: Nearness | None = None  # the families, if the clearance is part of the records
 
@@ -298,10 +298,10 @@ class MapJob:
 
     def measure(self, Q: Array) -> tuple[Array, list[tuple[Array, Array]]]:
         """Singular values (N, r) at Q (N, n), and what each tally counts of them."""
-        sigma, ratio = self.evaluator.measure(Q)
+        sigma, ratio = measured(self.batch, Q)
         found = [(sigma[:, -1], ratio)]
         if self.near is not None:
-            found.append(self.near.bounds(Q, self.evaluator.engine))
+            found.append(self.near.bounds(Q, self.batch.engine))
         return sigma, found
 
     def counted(self, k: int, Q: Array) -> tuple[Array, Array]:
@@ -313,7 +313,7 @@ class MapJob:
         values: dict[str, Any] = {"keep_values": self.keep_values}
         if self.near is not None:
             values["clearance"] = self.near.fingerprint()
-        return run_identity("map", self.evaluator) | self.plan.identity() | values
+        return run_identity("map", self.batch) | self.plan.identity() | values
 
     def part(self, index: int) -> Callable[[], Record]:
         """Return what computes one chunk."""
@@ -330,7 +330,7 @@ class MapJob:
         names = [name for tally in self.tallies() for name in tally.names]
         check_names(record, (*names, *(["sigma"] if self.keep_values else [])))
         if self.keep_values:
-            finite(record, "sigma", (stop - start, self.evaluator.rank))
+            finite(record, "sigma", (stop - start, generic_rank(self.batch.arm)))
 
         for k, tally in enumerate(self.tallies()):
             again = functools.partial(self.counted, k)
@@ -339,7 +339,7 @@ class MapJob:
     def room(self, index: int) -> int:
         """Bytes that the arrays of a chunk take at most."""
         start, stop = self.span(index)
-        values = 8 * self.evaluator.rank * (stop - start) if self.keep_values else 0
+        values = 8 * generic_rank(self.batch.arm) * (stop - start) if self.keep_values else 0
         return values + sum(tally.room(stop - start) for tally in self.tallies())
 
 
@@ -495,7 +495,7 @@ def run_map(
     OptionError.refuse_if(
         keep_values and options.out is None, "keep_values needs a folder to keep them in: give out"
     )
-    job = MapJob(plan, planned_evaluator(arm, options), keep_values, near)
+    job = MapJob(plan, planned_batch(arm, options), keep_values, near)
     tally, *distances = tallies = job.tallies()
     notes = plan.notes
     with running(job, options) as run:
@@ -507,7 +507,7 @@ def run_map(
         sigma_min, ratio = distributions(tally, locate)
         result = MapResult(
             plan=plan,
-            engine=job.evaluator.engine,
+            engine=job.batch.engine,
             done=tally.done,
             singular=tally.singular,
             near_singular=tally.near,

@@ -27,7 +27,8 @@ from pinsing.arguments import checked, typed, whole_number
 from pinsing.atomic_write import MEBIBYTE, write_bytes
 from pinsing.chunk_file import DamagedError, Record, read_arrays, read_bounded
 from pinsing.errors import OptionError, ResultError, UnknownNameError
-from pinsing.kinematics.verdict import Evaluator, Status, run_identity, status_of
+from pinsing.kinematics.batch import Batch
+from pinsing.kinematics.verdict import Status, last_and_ratio, measured, run_identity, status_of
 from pinsing.prose import PLAIN, Page, Span, alarm, unbroken, verdict
 from pinsing.robot.arm import Arm, ArmSummary
 from pinsing.sampling.curves import (
@@ -44,7 +45,7 @@ from pinsing.sampling.execute import (
     Progress,
     RunOptions,
     Tell,
-    planned_evaluator,
+    planned_batch,
     running,
 )
 from pinsing.sampling.generalize import Finding, apart, finding_spans, value_text
@@ -371,8 +372,8 @@ class Kept:
 class SweepJob:
     """The curves of a sweep, ``size`` in each chunk; ``table`` has all."""
 
-    def __init__(self, plan: SweepPlan, evaluator: Evaluator, size: int, kept: Kept) -> None:
-        self.plan, self.evaluator, self.kept, self.size = plan, evaluator, kept, size
+    def __init__(self, plan: SweepPlan, batch: Batch, size: int, kept: Kept) -> None:
+        self.plan, self.batch, self.kept, self.size = plan, batch, kept, size
         self.table = CurveTable(plan)
 
     @property
@@ -389,7 +390,7 @@ class SweepJob:
             digest.update(level.joints.astype(np.int64).tobytes())
             digest.update(level.values.tobytes() + level.forced.tobytes())
         digest.update(repr([(e.swept, e.reason) for e in plan.effects]).encode())
-        return run_identity("sweep", self.evaluator) | {
+        return run_identity("sweep", self.batch) | {
             "joints": list(plan.arm.joints),
             "nominal": plan.nominal.tolist(),
             "samples": plan.samples,
@@ -414,7 +415,7 @@ class SweepJob:
     def part(self, index: int) -> Callable[[], Record]:
         """One chunk, with no more than it needs."""
         return functools.partial(
-            compute_curves, self.evaluator, self.kept, self.table.ranges, self.plan.samples,
+            compute_curves, self.batch, self.kept, self.table.ranges, self.plan.samples,
             self._rows(index),
         )  # fmt: skip
 
@@ -425,7 +426,7 @@ class SweepJob:
         values = VALUES if self.kept.values else ()
         check_names(record, (*tally.names, *pool.names, "first", *values))
         regular = int((~self._rows(index).singular).sum()) * self.plan.samples
-        measure = self.evaluator.last_and_ratio
+        measure = functools.partial(last_and_ratio, self.batch)
         tally.check(record, regular, start, stop, self.table.configuration, measure)
         whole(record, "first", (), start, start + 1)
         pool.check(record, start, stop, regular)
@@ -441,7 +442,7 @@ class SweepJob:
 
 
 def compute_curves(
-    evaluator: Evaluator,
+    batch: Batch,
     kept: Kept,
     ranges: Array,
     samples: int,
@@ -462,7 +463,7 @@ def compute_curves(
         Q = np.repeat(rows.base[some, None], samples, axis=1)
         moved = axis_values(ranges[moving], samples, places)
         np.put_along_axis(Q, moving[:, None, None], moved[..., None], axis=2)
-        found = evaluator.measure(Q.reshape(-1, Q.shape[2]))
+        found = measured(batch, Q.reshape(-1, Q.shape[2]))
         last, ratio = (x.reshape(Q.shape[:2]) for x in (found.sigma[:, -1], found.ratio))
         numbers = rows.numbers[some, None] * samples + places
         regular = ~rows.singular[some]
@@ -601,15 +602,15 @@ def run_sweep(
         chunk = max(_CHUNK if out is None else _CHUNK_ON_DISK, min(most, plan.n_jacobians // 256))
     block = _curves_per_block(plan.samples)
     size = max(1, chunk // plan.samples // block) * block
-    job = SweepJob(plan, planned_evaluator(arm, options), int(size), kept)
+    job = SweepJob(plan, planned_batch(arm, options), int(size), kept)
     return _run(job, options, keep)
 
 
 def _run(job: SweepJob, options: RunOptions, keep: bool | None) -> SweepResult:
     """All chunks of a sweep, joined; the curves too if they are kept."""
-    plan, kept, table, evaluator = job.plan, job.kept, job.table, job.evaluator
+    plan, kept, table, batch = job.plan, job.kept, job.table, job.batch
     some = len(plan.uniform) > 0
-    last, ratio = evaluator.last_and_ratio(plan.uniform) if some else (np.empty(0), np.empty(0))
+    last, ratio = last_and_ratio(batch, plan.uniform) if some else (np.empty(0), np.empty(0))
     uniform = tuple(
         UniformRow(value, sigma_min, sigma_ratio, status_of(sigma_ratio))
         for value, sigma_min, sigma_ratio in zip(
@@ -644,7 +645,7 @@ def _run(job: SweepJob, options: RunOptions, keep: bool | None) -> SweepResult:
             curves=() if curves is None else curves.found(),
             complete=run.done == count,
             notes=tuple(notes),
-            engine=evaluator.engine,
+            engine=batch.engine,
             kept=curves is not None,
             done=len(uniform) + run.done,
             summary=summary,
