@@ -178,28 +178,35 @@ def turn_left(task: Task, R: Array, goal: Array) -> Array:
     axis = task.tool_axis
     if axis is None or not task.at_tip:
         return rotation_vectors(np.broadcast_to(goal, R.shape) @ np.swapaxes(R, -1, -2))
-    here, there = R[..., :, axis], np.broadcast_to(goal, R.shape)[..., :, axis]
+    other = R[..., :, (axis + 1) % 3]  # any way out of half a turn will do
+    return least_turns(R[..., :, axis], np.broadcast_to(goal, R.shape)[..., :, axis], other)
+
+
+def least_turns(here: Array, there: Array, other: Array) -> Array:
+    """Least rotation vectors (N, 3) between unit vectors (N, 3); half turns about ``other``."""
     across = np.cross(here, there)
     sine = np.linalg.norm(across, axis=-1)
     angle = np.arctan2(sine, (here * there).sum(axis=-1))
     out = across * np.where(sine > 1e-9, angle / np.maximum(sine, 1e-300), 1.0)[..., None]
-    half = (sine <= 1e-9) & (angle > 1)  # any way out will do
-    out[half] = math.pi * R[half][..., :, (axis + 1) % 3]
+    half = (sine <= 1e-9) & (angle > 1)
+    out[half] = math.pi * other[half]
     return np.asarray(out)
 
 
 def rotation_vectors(R: Array) -> Array:
-    """Rotation vectors (N, 3) of rotations (N, 3, 3)."""
+    """Rotation vectors (N, 3) of rotations (N, 3, 3), of half a turn too."""
     v = np.stack(
         [R[:, 2, 1] - R[:, 1, 2], R[:, 0, 2] - R[:, 2, 0], R[:, 1, 0] - R[:, 0, 1]], axis=1
     )
     sine = np.linalg.norm(v, axis=1) / 2
     angle = np.arctan2(sine, (np.trace(R, axis1=1, axis2=2) - 1) / 2)
     factor = np.where(sine > 1e-9, angle / np.maximum(2 * sine, 1e-300), 0.5)
-    # At half a turn the axis is lost; any way out will do.
-    half = (sine <= 1e-9) & (angle > 1)
     out = v * factor[:, None]
-    out[half] = [math.pi, 0.0, 0.0]
+    half = (sine <= 1e-9) & (angle > 1)
+    if half.any():  # then the axis is each column of R + 1
+        columns = R[half] + np.eye(3)
+        axis = columns[np.arange(len(columns)), :, np.einsum("nii->ni", columns).argmax(axis=1)]
+        out[half] = math.pi * axis / np.linalg.norm(axis, axis=1, keepdims=True)
     return np.asarray(out)
 
 

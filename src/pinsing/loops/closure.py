@@ -15,8 +15,9 @@ import pinocchio as pin
 
 from pinsing._types import Array, ArrayLike, Bool, NDArray
 from pinsing.errors import OptionError, PinsingError
+from pinsing.kinematics.batch import least_turns, rotation_vectors
 from pinsing.loops.structure import Centre, idle_link, structure
-from pinsing.measures import NOISE, SEED, SINGULAR_RTOL, SOLVED
+from pinsing.measures import SEED, SINGULAR_RTOL, SOLVED
 from pinsing.robot.mechanism import Mechanism, closing, joint_axes, path_to
 from pinsing.robot.source import kept
 
@@ -119,7 +120,7 @@ class BatchLoops:
             errors.append(e[:, : min(count, 3)])
             rows.append(J[:, : min(count, 3)])
             if kind == "6d":
-                errors.append(_log(back @ Rb))
+                errors.append(rotation_vectors(back @ Rb))
                 rows.append(back @ (turn_b - turn_a))
         return np.concatenate(errors, axis=1), np.concatenate(rows, axis=1) * self.units
 
@@ -144,7 +145,11 @@ class BatchLoops:
         R, p, J = self.output(Q, placed)
         away = R @ np.swapaxes(rotation, -1, -2)
         free = [k for k in range(3) if k + 3 not in rows]
-        turn = _swing(away, free[0]) if len(free) == 1 else _log(away)
+        if len(free) == 1:
+            k, unit = free[0], np.broadcast_to(np.eye(3), away.shape)
+            turn = least_turns(unit[:, k], away[:, :, k], unit[:, k - 1])
+        else:
+            turn = rotation_vectors(away)
         return np.concatenate([(p - position) / self._scale, turn], axis=1), J
 
 
@@ -244,29 +249,6 @@ def _cross(a: Array, b: Array) -> Array:
     """Vector products over the last axis; NumPy's own takes many times as long for few."""
     (x, y, z), (u, v, w) = np.moveaxis(a, -1, 0), np.moveaxis(b, -1, 0)
     return np.stack([y * w - z * v, z * u - x * w, x * v - y * u], axis=-1)
-
-
-def _swing(R: Array, k: int) -> Array:
-    """The least turns (N, 3) that bring axis k to where R (N, 3, 3) has it."""
-    across = np.cross(np.eye(3)[k], R[:, :, k])
-    size = np.linalg.norm(across, axis=1)
-    angle = np.arctan2(size, R[:, k, k])
-    grown = np.where(size > NOISE, angle / np.where(size > NOISE, size, 1.0), 1.0)
-    return np.asarray(across * grown[:, None])
-
-
-def _log(R: Array) -> Array:
-    """Rotation vectors (N, 3) of rotations (N, 3, 3), of half a turn too."""
-    # Rows are multiples of the quaternion (w, x, y, z); the longest of them has all digits.
-    trace, back = np.trace(R, axis1=1, axis2=2)[:, None, None], np.swapaxes(R, 1, 2)
-    across = np.cross(np.eye(3), R, axisb=1).sum(axis=1)[:, None]
-    inside = R + back + (1 - trace) * np.eye(3)
-    rows = np.block([[1 + trace, across], [np.swapaxes(across, 1, 2), inside]])
-    q = rows[np.arange(len(R)), np.einsum("nii->ni", rows).argmax(axis=1)]
-    w, v = q[:, :1], q[:, 1:]
-    sine = np.linalg.norm(v, axis=1, keepdims=True)
-    angle = 2 * np.arctan2(sine, np.abs(w))
-    return np.asarray(angle * np.copysign(v, v * w) / np.maximum(sine, 1e-300))
 
 
 def locked(loops: BatchLoops, Q: Array) -> Bool:
