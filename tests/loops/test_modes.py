@@ -188,7 +188,7 @@ def test_ranges_have_a_length_and_end_at_limits(platform):
     [
         ([1.0, 2.0], "a pose of platform_center has 6 numbers"),
         (np.eye(3), "got an array"),
-        (np.zeros((4, 4)), "is no pose"),
+        (np.zeros((4, 4)), "is not a rotation"),
         ([0, 0, 1, 0, 0, 0, 0], "quaternion of the pose is zero"),
         ([0, 0, np.nan, 0, 0, 0], "not finite"),
     ],

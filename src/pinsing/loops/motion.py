@@ -33,6 +33,7 @@ import pinocchio as pin
 from pinsing._types import Array, ArrayLike, NDArray
 from pinsing.arguments import real_numbers
 from pinsing.errors import ConfigurationError
+from pinsing.kinematics.jacobian import read_pose as arm_pose
 from pinsing.loops.closure import (
     BatchLoops,
     Loops,
@@ -401,8 +402,8 @@ def read_pose(mechanism: Mechanism, pose: ArrayLike | None) -> pin.SE3:
     ConfigurationError.refuse_if(
         not np.isfinite(values).all(), "pose holds a value that is not finite"
     )
-    if values.shape == (4, 4):
-        return _matrix(values)
+    if values.shape in ((4, 4), (6,)):
+        return pin.SE3(*arm_pose(values)[::-1])
     if values.shape == (7,):
         e = values[3:]
         size = float(np.linalg.norm(e))
@@ -410,8 +411,6 @@ def read_pose(mechanism: Mechanism, pose: ArrayLike | None) -> pin.SE3:
             size <= ALIKE, "the quaternion of the pose is zero: give e0, e1, e2, e3"
         )
         return pin.SE3(pin.Quaternion(*(e / size)).matrix(), values[:3])
-    if values.shape == (6,):
-        return pin.SE3(pin.rpy.rpyToMatrix(*values[3:]), values[:3])
     if values.shape == (len(rows),):
         full = np.concatenate([at_home.translation, pin.rpy.matrixToRpy(at_home.rotation)])
         full[list(rows)] = values
@@ -424,18 +423,6 @@ def read_pose(mechanism: Mechanism, pose: ArrayLike | None) -> pin.SE3:
         f"a pose of {mechanism.output} has {len(rows)} numbers ({names}), 6 (x, y, z, roll, pitch, "
         f"yaw), 7 (x, y, z and a quaternion) or is a matrix (4, 4); got {got}"
     )
-
-
-def _matrix(values: Array) -> pin.SE3:
-    R = values[:3, :3]
-    ConfigurationError.refuse_if(
-        np.abs(R @ R.T - np.eye(3)).max() > ALIKE
-        or np.linalg.det(R) < 0
-        or not np.allclose(values[3], [0, 0, 0, 1], atol=ALIKE),
-        "the matrix (4, 4) is no pose: its rotation is not orthogonal",
-    )
-    U, _, Vt = np.linalg.svd(R)
-    return pin.SE3(U @ Vt, values[:3, 3])
 
 
 def led_pose(mechanism: Mechanism) -> dict[str, Any]:

@@ -39,6 +39,7 @@ from pinsing.loops.solve import (
 from pinsing.loops.structure import groups, likeness, output_pose, plane_axes, same
 from pinsing.measures import ALIKE, ROUNDING
 from pinsing.plot.style import DASHES, pi_ticks, plain, unit
+from pinsing.postures.joint_map import connected
 from pinsing.prose import unbroken
 from pinsing.robot.mechanism import Mechanism, Sample, closing
 
@@ -607,14 +608,10 @@ def regions(
 
 def _joined(numbers: NDArray[np.int_], count: int, turns: tuple[bool, bool]) -> list[Ints]:
     """Numbers of regions, those together that meet across a whole turn."""
-    from scipy.sparse import coo_matrix
-    from scipy.sparse.csgraph import connected_components
-
     sides = [numbers[:, [0, -1]]] * turns[0] + [numbers[[0, -1]].T] * turns[1]
     meet = np.concatenate([np.zeros((0, 2), dtype=int), *sides])
     meet = meet[(meet > 0).all(axis=1)] - 1
-    graph = coo_matrix((np.ones(len(meet)), meet.T), shape=(count, count))
-    group = connected_components(graph, directed=False)[1]
+    group = connected(count, *meet.T)
     return [np.flatnonzero(group == k) + 1 for k in np.unique(group)]
 
 
