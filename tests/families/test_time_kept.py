@@ -15,7 +15,7 @@ from pinsing.algebra import budget
 from pinsing.algebra.budget import PER_SECOND, Budget, BudgetExceeded, in_child
 from pinsing.algebra.equation import Equation
 from pinsing.families import zero_set
-from pinsing.families.proof_forms import roots_in, skeleton, without_dependent_lines
+from pinsing.families.proof_forms import Draft, roots_in, skeleton
 from pinsing.families.zero_set import proven_empty, search, thrown
 from pinsing.proof.checker import Ring
 from pinsing.robot.nominal import nominal
@@ -103,7 +103,7 @@ def test_the_jacobian_of_a_certificate_ends_with_the_time(monkeypatch: pytest.Mo
 
     monkeypatch.setattr(Ring, "spend", counted)
     with pytest.raises(BudgetExceeded):
-        without_dependent_lines(data, Budget(0.0))
+        Draft(data, Budget(0.0))
     assert len(spent) < 10
 
 

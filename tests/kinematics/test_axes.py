@@ -28,7 +28,7 @@ def exact(name: str, task: str = "pose") -> Arm:
 
 def axis_dependences(arm: Arm, q, rtol: float = DEPENDENCE_RTOL):
     J, tip = frame_jacobian(arm, q), np.array(tip_placement(arm, q).translation)
-    axes = JointAxes.of(J, arm.prismatic, tip)
+    (axes,) = JointAxes.each(J[None], arm.prismatic, tip)
     return dependences_of(arm, J, np.asarray(q, dtype=float), axes, rtol)
 
 

@@ -63,6 +63,19 @@ class MadeOnce(dict[int, tuple[Any, Any]]):
         return self[id(given)][1]
 
 
+class MadeOfEqual(dict[object, list[tuple[Any, Any]]]):
+    """What was made of polynomials, once of equal ones: these are found by size and degrees."""
+
+    def of(self, poly: Any, make: Callable[[Any], Any]) -> Any:
+        """Return what was made of a polynomial."""
+        alike = self.setdefault((len(poly), poly.degrees()), [])
+        for other, made in alike:
+            if other == poly:
+                return made
+        alike.append((poly, make(poly)))
+        return alike[-1][1]
+
+
 Poly = Any  # fmpq_mpoly; python-flint ships no types
 Monomial = tuple[int, ...]
 Packed = list[tuple[Monomial, int, int]]
@@ -91,10 +104,8 @@ class Ring:
     prismatic: tuple[bool, ...]  # one entry a joint
     start: tuple[int, ...]  # index of each joint's first variable
     w: tuple[Poly | None, ...]  # x^2 + y^2 of each revolute joint
-    # factors of the polynomials that were asked for before, these by size and degrees
-    known: dict[object, list[tuple[Poly, list[Poly]]]] = field(
-        default_factory=dict, init=False, compare=False, repr=False
-    )
+    # factors of the polynomials that were asked for before
+    known: MadeOfEqual = field(default_factory=MadeOfEqual, init=False, compare=False, repr=False)
 
     nvars: int = field(init=False, compare=False)  # number of the joints' variables
     zero: Poly = field(init=False, compare=False, repr=False)
@@ -256,12 +267,7 @@ class Ring:
         """
         if time is not None:
             time.check_factor(len(poly), self.long_to_factor(poly))
-        alike = self.known.setdefault((len(poly), poly.degrees()), [])
-        for other, factors in alike:
-            if other == poly:
-                return list(factors)
-        alike.append((poly, self._factors(poly)))
-        return list(alike[-1][1])
+        return list(self.known.of(poly, self._factors))
 
     def long_to_factor(self, poly: Poly) -> int | None:
         """Return terms from which on a polynomial may take long to factor; None: as a budget says.

@@ -37,7 +37,7 @@ from pinsing.algebra.ring import (
     whole_terms,
 )
 from pinsing.algebra.zeros import WORD_PRIME, image, root_modulo
-from pinsing.robot.surd import SQUARES, Exact, Surd, parts_of, surd
+from pinsing.robot.surd import SQUARES, Exact, Surd, parts_of, roots_of, surd
 
 _EXPONENTS = (276, 534, 2208, 2816)
 """3 * 2^k + 1 is prime for these k, and 2 and 3 are squares modulo it."""
@@ -333,10 +333,8 @@ class SurdRing(Ring):
 
 def ring_of(prismatic: Sequence[bool], numbers: Sequence[Exact], time: Budget) -> Ring:
     """Ring of a chain, with the square roots that its constants have."""
-    used = {k for x in numbers for k, part in enumerate(parts_of(x)) if k and part}
-    if not used:
+    if not (roots := roots_of(numbers)):
         return make_ring(prismatic)
-    roots = tuple(d for d in (2, 3) if any(SQUARES[k] % d == 0 for k in used))
     context, slides, start, w = layout(prismatic, roots)
     return SurdRing(context, slides, start, w, roots, time)
 

@@ -28,6 +28,7 @@ from flint import fmpq_mat
 from pinsing.algebra.budget import Apart, Budget, BudgetExceeded
 from pinsing.algebra.jacobian_matrix import constants
 from pinsing.algebra.mimic import NotFollowed
+from pinsing.algebra.ring import MadeOfEqual
 from pinsing.algebra.surd_ring import ring_of
 from pinsing.families.faithful import disagreements
 from pinsing.families.form import ClosedForm, Proof
@@ -48,7 +49,6 @@ from pinsing.families.proof_forms import (
     squares,
     top_of,
     vanishes,
-    without_dependent_lines,
 )
 from pinsing.proof.checker import MOST_WORK, Poly, Rejected, Ring, verify
 from pinsing.robot.surd import Surd
@@ -357,21 +357,23 @@ class Tree:
         # Relations, if no family has more, beyond which a place is not split: splits that say
         # nothing new go on for ever.
         self._most = max([8, *map(len, self.families)])
-        self._places: dict[tuple[Any, ...], Place | NotFound | None] = {}
+        self._ids = MadeOfEqual()
+        self._toward = {self._id(draft.tidy(p)) for family in self.families for p in family}
+        self._places: dict[tuple[bool, frozenset[int]], Place | NotFound | None] = {}
 
-    def root(self) -> Place:
-        """The place that is everywhere; NotFound if one could not be closed, or time was over."""
-        place = self._place([])
-        assert place is not None
-        return place
+    def _id(self, form: Poly) -> int:
+        """The same number for equal forms."""
+        return self._ids.of(form, id)  # type: ignore[no-any-return]
 
-    def _place(self, forms: Sequence[Poly], points: bool = False) -> Place | None:
-        """The place where forms vanish, closed or split; None where it is empty."""
+    def place(self, forms: Sequence[Poly], points: bool = False) -> Place | None:
+        """The place where forms vanish, closed or split; None where it is empty.
+
+        NotFound if one could not be closed, or time was over.
+        """
         place = self.draft.without_implied(self.draft.place_of(forms, points))
         if empty(self.ring, place.relations):
             return None
-        texts = [str(f) for f in place.forms]
-        key = (points, *texts)
+        key = points, frozenset(map(self._id, place.forms))
         if key in self._places:
             known = self._places[key]
             if known is None:
@@ -384,9 +386,7 @@ class Tree:
             (
                 other
                 for known, other in self._places.items()
-                if isinstance(other, Place)
-                and other.points == points
-                and {*texts}.issuperset(known[1:])
+                if isinstance(other, Place) and known[0] == points and known[1] <= key[1]
             ),
             None,
         )
@@ -424,7 +424,7 @@ class Tree:
             and sum(map(len, relations)) <= _DENSE
             and self._shown(lambda: self.ring.codimension_at_least(least, relations))
         ):
-            self._leave(place)
+            place.sum, place.cases = [("1", 0)], [(place.forms[0], 1, None)]
             return
         for k, p in enumerate(relations):
             if [times for _, times in self.draft.factors(p)] != [1]:
@@ -478,7 +478,7 @@ class Tree:
         """Follow each factor of a form that vanishes."""
         factors = self.draft.factors(split.form)
         place.cases = [
-            (f, times, self._place([*place.forms, f], place.points)) for f, times in factors
+            (f, times, self.place([*place.forms, f], place.points)) for f, times in factors
         ]
         product = self.ring.one
         for f, times in factors:
@@ -495,7 +495,7 @@ class Tree:
                 continue
             times, parts = found
             try:
-                place.then = self._place([*place.forms, *(g for _, g in parts)], True)
+                place.then = self.place([*place.forms, *(g for _, g in parts)], True)
             except NotFound:
                 continue
             place.squares = parts
@@ -503,10 +503,6 @@ class Tree:
             place.sum = self.draft.scaled([(times, len(place.values) + k)], total, total)
             return True
         return False
-
-    def _leave(self, place: Place) -> None:
-        """Close a place that is too small for a component."""
-        place.sum, place.cases = [("1", 0)], [(place.forms[0], 1, None)]
 
     # Splits ---------------------------------------------------------------------------
 
@@ -522,9 +518,8 @@ class Tree:
             yield from self._plain_resultants(place)[:2]
         minors = list(self._minors(place))
         alone, minors = minors, [*minors, *self._without_a_turn(place, minors)]
-        toward = {str(self.draft.tidy(p)) for family in self.families for p in family}
-        minors.sort(key=lambda m: self._effort(self.draft.factors(m.form), toward))
-        easy = [m for m in minors if self._effort(self.draft.factors(m.form), toward)[0] == 0]
+        minors.sort(key=self._effort)
+        easy = [m for m in minors if self._effort(m)[0] == 0]
         yield from easy
         whole = self.draft.bound - len(values)
         if relations and whole <= len(relations):
@@ -573,47 +568,43 @@ class Tree:
                 )
                 yield Split([(p * v, a), (q * u, b)], ring.times(ones, common))
 
-    def _effort(self, factors: list[tuple[Poly, int]], toward: set[str]) -> tuple[int, int]:
-        long = [len(f) for f, _ in factors if not self.draft.fixes(f) and str(f) not in toward]
+    def _effort(self, split: Split) -> tuple[int, int]:
+        """Return the terms of factors that lead to what is not wanted, and how many there are."""
+        factors, near = self.draft.factors(split.form), self._toward
+        long = [len(f) for f, _ in factors if not (self.draft.fixes(f) or self._id(f) in near)]
         return sum(long), len(factors)
 
     def _at_points(self, place: Place, minors: list[Split]) -> Iterator[Split]:
         """Minors with joints that occur in no relation at points: a component has all of these."""
         bound = {j for p in place.relations for j in self.ring.joints(p)}
-        found: dict[str, Split] = {}
+        zero, one = self.ring.zero, self.ring.one
+        points = (one, zero), (zero, one), (one, one), (one, -one)
+        found: dict[int, Split] = {}
         for split in minors:
             free = [j for j in self.ring.joints(split.form) if j not in bound]
             ((_, source),) = split.sum
-            choices = itertools.product(range(4), repeat=len(free)) if free else ()
+            choices = itertools.product(points, repeat=len(free)) if free else ()
             # Points of free joints that a minor is looked at.
             for choice in itertools.islice(choices, 16):
                 self.draft.require_time()
-                at = [
-                    self.draft.linear(j, self._point(k)) for j, k in zip(free, choice, strict=True)
-                ]
+                at = [self.draft.linear(j, p) for j, p in zip(free, choice, strict=True)]
                 poly = self.ring.put(split.form, self.ring.where(at)[0])
                 if poly != 0 and not any(self.ring.divides(p, poly) for p in place.relations):
                     (poly,) = self.ring.stripped(poly)
                     found.setdefault(
-                        str(self.draft.tidy(poly)),
+                        self._id(self.draft.tidy(poly)),
                         Split([(self.ring.one, {**source, "at": at})], poly),
                     )
         for split in sorted(found.values(), key=lambda s: len(s.form)):
-            if not self._vanishes(split.form, place.relations):
+            self.draft.require_time()
+            vanish = functools.partial(vanishes, self.ring, split.form, place.relations)
+            # No more than trying the form would take.
+            if not shown(self.ring, vanish, most=300_000):
                 # Units are numbers where free joints are at points: the checker has them, too.
                 ((_, source),) = split.sum
                 minor = self.draft.at(place.values)(*map(tuple, source["minor"]))
                 poly = self.ring.put(minor, self.ring.where(source["at"])[0])
                 yield Split(split.sum, self.ring.stripped(poly)[0])
-
-    def _vanishes(self, form: Poly, relations: Sequence[Poly]) -> bool:
-        """Return True if a form is soon seen to vanish where relations do."""
-        self.draft.require_time()
-        return shown(self.ring, functools.partial(vanishes, self.ring, form, relations))
-
-    def _point(self, k: int) -> tuple[Poly, Poly]:
-        zero, one = self.ring.zero, self.ring.one
-        return ((one, zero), (zero, one), (one, one), (one, -one))[k]
 
     def _resultants(self, place: Place, longest: int = _LONG) -> Iterator[Split]:
         ring, first = self.ring, len(place.values)
@@ -655,7 +646,7 @@ class Tree:
         """A relation that is, but for a multiple of another one, that of a family times others."""
         ring, relations = self.ring, place.relations
         wanted = {
-            str(f): f
+            self._id(f): f
             for family in self.families
             for p in family
             for f in ring.stripped(ring.put(p, place.values))
@@ -718,37 +709,35 @@ def certificate(
             raise NotFound(off)
     roots = roots_in(geometry)
     try:
-        data, jacobian = without_dependent_lines(
-            skeleton(geometry, form.generic_rank, roots), budget
-        )
-        budget.check()
-        draft = Draft(data, budget, jacobian)
-        polynomials = dict[str, int]()
+        data = skeleton(geometry, form.generic_rank, roots)
+        draft = Draft(data, budget)
         for name, c in [(f.name, c) for f in form.families for c in f.components]:
             draft.require_time()
             forms = [draft.at_value(j, value) for j, value in c.values.items()]
             forms += [form_of(p, ring, draft.ring.context, roots) for p in c.relations]
             forms = _without_implied(draft, draft.place_of(forms))
             for part in draft.parts(forms) if in_parts else [draft.place_of(forms)]:
-                why = soundness(draft, part, c.codimension)
+                # The search divided all minors by what it calls proven, or saw them vanish.
+                plain = c.proven and len(part.relations) < 2
+                why = Soundness() if plain else soundness(draft, part, c.codimension)
                 data["families"].append(
                     {
                         "name": name,
-                        "forms": [_number(polynomials, f) for f in part.forms],
+                        "forms": [draft.number(f) for f in part.forms],
                         "least_codimension": c.codimension,
                         "pivot": [list(lines) for lines in why.pivot],
-                        "apart": [_number(polynomials, f) for f in why.apart],
+                        "apart": [draft.number(f) for f in why.apart],
                         "multiples": why.multiples,
                     }
                 )
-        draft.polys = [draft.ring.parse(text) for text in polynomials]
-        root = Tree(draft, progress).root()
+        root = Tree(draft, progress).place([])
+        assert root is not None  # without forms it is everywhere
     except Rejected as reason:
         raise NotFound(str(reason)) from None
     order = _ordered(root)
     number = {id(place): k for k, place in enumerate(order)}
-    places = [_written(place, polynomials, number) for place in order]
-    return data | {"polynomials": list(polynomials), "places": places}
+    places = [_written(place, draft, number) for place in order]
+    return data | {"polynomials": [form_text(p) for p in draft.polys], "places": places}
 
 
 def _without_implied(draft: Draft, family: Place) -> list[Any]:
@@ -764,9 +753,7 @@ def _without_implied(draft: Draft, family: Place) -> list[Any]:
     return [*linear, *kept]
 
 
-def _written(
-    place: Place, polynomials: dict[str, int], number: Mapping[int, int]
-) -> dict[str, Any]:
+def _written(place: Place, draft: Draft, number: Mapping[int, int]) -> dict[str, Any]:
     """A place as it stands in the certificate."""
 
     def leads(then: Place | None) -> tuple[str, int]:
@@ -775,7 +762,7 @@ def _written(
         return ("place", number[id(then)]) if then.family is None else ("family", then.family)
 
     entry: dict[str, Any] = {
-        "forms": [_number(polynomials, p) for p in place.forms],
+        "forms": [draft.number(p) for p in place.forms],
         **{key: [] for key in ("of_forms", "of_minors", "of_resultants", "cases")},
     }
     for text, source in place.sum:
@@ -784,20 +771,15 @@ def _written(
         elif "resultant" in source:
             entry["of_resultants"].append([text, *source["resultant"]])
         else:
-            free = [_number(polynomials, p) for p in source.get("at", [])]
+            free = [draft.number(p) for p in source.get("at", [])]
             entry["of_minors"].append([text, source["minor"], free])
     for f, times, then in place.cases:
-        entry["cases"].append([[_number(polynomials, f)], [], times, *leads(then)])
+        entry["cases"].append([[draft.number(f)], [], times, *leads(then)])
     if place.squares:
-        zeros = [_number(polynomials, g) for _, g in place.squares]
+        zeros = [draft.number(g) for _, g in place.squares]
         weights = [str(c) for c, _ in place.squares]
         entry["cases"].append([zeros, weights, 1, *leads(place.then)])
     return entry
-
-
-def _number(polynomials: dict[str, int], poly: Any) -> int:
-    """Number of a polynomial among the texts of those met so far, each once."""
-    return polynomials.setdefault(form_text(poly), len(polynomials))
 
 
 def _ordered(root: Place) -> list[Place]:

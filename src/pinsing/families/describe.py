@@ -45,7 +45,7 @@ from pinsing.families.nearness import OwnPoints, near
 from pinsing.families.pieces import PieceMaker, SolvedPiece
 from pinsing.families.zero_set import Stop, gradients, project, proven_empty, residuals
 from pinsing.kinematics.at import Loss, State, loss_at
-from pinsing.kinematics.axis_dependence import generic_axes
+from pinsing.kinematics.axis_dependence import arm_centres, generic_axes
 from pinsing.kinematics.batch import batch
 from pinsing.kinematics.jacobian import frame_jacobians
 from pinsing.kinematics.lost_motion import STRUCTURE_TOL, JointAxes
@@ -286,7 +286,7 @@ def title_of(arm: Arm, points: Array) -> str:
     conditions = _conditions(arm)
     if not conditions or not len(points):
         return ""
-    axes = [JointAxes.of(J, arm.prismatic, np.zeros(3)) for J in frame_jacobians(arm, points)]
+    axes = JointAxes.each(frame_jacobians(arm, points), arm.prismatic, np.zeros(3))
     found = [name for name, holds in conditions.items() if all(holds(a, ALIKE) for a in axes)]
     return found[0] if len(found) == 1 else ""
 
@@ -298,23 +298,21 @@ def _conditions(arm: Arm) -> Mapping[str, Holds]:
     legs = any(_LEG.search(joint) for joint in arm.joints)
     if arm.task.name != "pose" or arm.coupling is not None or legs or arm.n not in (6, 7):
         return {}
-    samples = generic_axes(arm)
-
-    def meet(*ids: int) -> bool:
-        return all(a.meeting_point(ids, STRUCTURE_TOL) is not None for a in samples)
+    samples, centres = generic_axes(arm), {c.ids for c in arm_centres(arm)}
 
     def parallel(*ids: int) -> bool:
         return all(a.parallel(ids, STRUCTURE_TOL) for a in samples)
 
     if arm.n == 7:
-        if slides.any() or not (meet(0, 1, 2) and meet(4, 5, 6)):
+        if slides.any() or not centres >= {(0, 1, 2), (4, 5, 6)}:
             return {}
         return {"wrist": _flat(4, 5, 6), "elbow": _stretched, "shoulder": _flat(0, 1, 2)}
     if slides[3:].any():
         return {}
-    spherical, offset = meet(3, 4, 5), not slides[1:].any() and parallel(1, 2, 3)
+    spherical, offset = (3, 4, 5) in centres, not slides[1:].any() and parallel(1, 2, 3)
+    crossing = offset and all(a.meeting_point((4, 5), STRUCTURE_TOL) is not None for a in samples)
     found: dict[str, Holds] = {}
-    if spherical or (offset and meet(4, 5)):
+    if spherical or crossing:
         found["wrist"] = _flat(3, 4, 5)
     planar = not slides[:2].any() and not parallel(0, 1)
     if slides[2]:
@@ -326,7 +324,7 @@ def _conditions(arm: Arm) -> Mapping[str, Holds]:
         found["" if slides[2] else "elbow"] = _moves_center_one_way
     elif planar and offset:
         found["elbow"] = lambda a, tol: a.in_one_plane((1, 2, 3), tol)
-        if meet(4, 5):
+        if crossing:
             found["shoulder"] = _above
     return found
 

@@ -19,7 +19,14 @@ from flint import arb, ctx, fmpq, fmpz_poly
 from pinsing.algebra.budget import Budget
 from pinsing.algebra.matrix import dependent
 from pinsing.algebra.mimic import drives
-from pinsing.algebra.ring import Ring as AlgebraRing, Value, coefficients_by, fraction, rational
+from pinsing.algebra.ring import (
+    MadeOfEqual,
+    Ring as AlgebraRing,
+    Value,
+    coefficients_by,
+    fraction,
+    rational,
+)
 from pinsing.algebra.surd_ring import SurdRing
 from pinsing.proof.checker import (
     MOST_WORK,
@@ -33,7 +40,7 @@ from pinsing.proof.checker import (
 )
 from pinsing.robot.exact_placements import IDENTITY, Deviation
 from pinsing.robot.nominal import Nominal
-from pinsing.robot.surd import SQUARES, Exact, parts_of
+from pinsing.robot.surd import SQUARES, Exact, parts_of, roots_of
 
 _ROOTS = ("", "s2", "s3", "s2s3")
 
@@ -68,8 +75,7 @@ def roots_in(geometry: Nominal) -> tuple[int, ...]:
     numbers = [x for R in geometry.rotation for row in R for x in row]
     numbers += [x for row in geometry.tip_rotation for x in row]
     numbers += [x for drive in drives(geometry)[0] for x in drive.turn]
-    used = {k for x in numbers for k, part in enumerate(parts_of(x)) if part}
-    return tuple(d for d in (2, 3) if any(SQUARES[k] % d == 0 for k in used))
+    return roots_of(numbers)
 
 
 def skeleton(geometry: Nominal, rank: int, roots: Sequence[int]) -> dict[str, Any]:
@@ -412,27 +418,15 @@ _ASKED_AFTER = 100_000
 class Draft(Certificate):
     """A certificate in the making: its chain, and forms, in the one way that each is written.
 
-    The Jacobian of the chain is found once for all drafts. All that its ring does is counted, and
-    ends with a budget.
+    All that its ring does is counted, and ends with a budget.
     """
 
-    def __init__(
-        self, data: dict[str, Any], budget: Budget, jacobian: Matrix | None = None
-    ) -> None:
-        self.known_jacobian = jacobian
+    def __init__(self, data: dict[str, Any], budget: Budget) -> None:
         self._budget = budget
         self._unasked = _ASKED_AFTER  # the first product asks: there may be no time at all
         super().__init__(data)
-        self._resultants: dict[tuple[str, str, int], Poly] = {}
         self._kept = 0
-        self._factors: dict[str, list[tuple[Poly, int]]] = {}
-        # The forms' own ring once more, to factor in.
-        flat = tuple(False for _ in self.slides)
-        start = tuple(range(0, 2 * len(self.slides), 2))
-        norms = tuple(None if s else u for s, u in zip(self.slides, self.ring.unit, strict=True))
-        ring = self.ring.context, flat, start, norms
-        roots = tuple(data["square_roots"])
-        self.algebra = SurdRing(*ring, roots, budget) if roots else AlgebraRing(*ring)
+        self._resultants, self._factors, self._numbers = (MadeOfEqual() for _ in range(3))
         self._resultant, self.ring.resultant = self.ring.resultant, self._known_resultant  # type: ignore[method-assign]
 
     def _known_resultant(self, p: Poly, g: Poly, joint: int) -> Poly:
@@ -440,19 +434,39 @@ class Draft(Certificate):
         # Terms of resultants that are kept: some hundred megabytes.
         if self._kept > 1_000_000:
             return self._resultant(p, g, joint)
-        key = (str(p), str(g), joint)
         self.ring.spend(1000)  # finding it again takes time, too
-        if key not in self._resultants:
-            self._resultants[key] = self._resultant(p, g, joint)
-            self._kept += len(p) + len(g) + len(self._resultants[key])
-        return self._resultants[key]
+
+        def make(g: Poly) -> Poly:
+            found = self._resultant(p, g, joint)
+            self._kept += len(p) + len(g) + len(found)
+            return found
+
+        of_p = self._resultants.of(p, lambda _: [MadeOfEqual() for _ in self.slides])
+        return of_p[joint].of(g, make)
 
     def jacobian(self) -> Matrix:
-        """As the checker finds it, which does so by itself in the end."""
+        """As the checker finds it; the steps that make dependent lines zero are stated with it."""
         self.ring.spend = self._in_time  # type: ignore[method-assign]
-        if self.known_jacobian is None:
-            self.known_jacobian = super().jacobian()
-        return self.known_jacobian
+        # The forms' own ring once more, to factor in.
+        flat = tuple(False for _ in self.slides)
+        start = tuple(range(0, 2 * len(self.slides), 2))
+        norms = tuple(None if s else u for s, u in zip(self.slides, self.ring.unit, strict=True))
+        ring = self.ring.context, flat, start, norms
+        roots = tuple(self.data["square_roots"])
+        self.algebra = SurdRing(*ring, roots, self._budget) if roots else AlgebraRing(*ring)
+        lines = super().jacobian()
+        self.data["row_steps"] = self._steps(lines)
+        rows = self.without_dependent(lines, self.data["row_steps"])
+        self.data["column_steps"] = self._steps(flipped(rows))
+        return lines
+
+    def _steps(self, lines: Matrix) -> list[list[Any]]:
+        """Return which multiples of which lines are taken from those that others make up."""
+        if len(lines) == self.rank:
+            return []
+        found = dependent(lines, self.algebra, self._budget.check)
+        text = number_text if self.data["square_roots"] else str
+        return [[i, k, text(c)] for i, terms in found.items() for k, c in terms.items()]
 
     def _in_time(self, work: int) -> None:
         """Count as the checker does, unless the budget has no room for so many products."""
@@ -473,7 +487,7 @@ class Draft(Certificate):
         values, left = self.ring.where(list(forms))
         linear = [self.linear(j, point) for j, point in sorted(values.items())]
         relations: list[Poly] = []
-        for p in sorted(map(self.tidy, left), key=lambda p: (len(p), str(p))):
+        for p in sorted(map(self.tidy, left), key=lambda p: (len(p), p.degrees())):
             if not any(self.ring.divides(r, p) for r in relations):
                 relations.append(p)
         return Place([*linear, *relations], self.ring.where(linear)[0], relations, points)
@@ -497,10 +511,9 @@ class Draft(Certificate):
         return self.place_of([*place.forms[: len(place.values)], *kept], place.points)
 
     def at_value(self, j: int, value: Value) -> Poly:
-        """The form that puts joint ``j`` at an exact value, not tidied."""
-        (x, y), point = self.ring.pairs[j], value if len(value) == 2 else (1, value[0])
-        a, b = (self.ring.number(number_text(c)) for c in point)
-        return self.ring.reduced(b * x - a * y)
+        """The form that puts joint ``j`` at an exact value."""
+        a, b = value if len(value) == 2 else (1, value[0])
+        return self.linear(j, (self.algebra.number(a), self.algebra.number(b)))
 
     def linear(self, j: int, point: tuple[Poly, Poly]) -> Poly:
         """The form that puts joint ``j`` at a point."""
@@ -548,17 +561,24 @@ class Draft(Certificate):
 
     def factors(self, poly: Poly) -> list[tuple[Poly, int]]:
         """Irreducible factors that are no units, and how often each is there."""
-        key = str(poly)
-        if key not in self._factors:
-            (left,) = self.ring.stripped(poly)
-            self._budget.check_factor(len(left))
-            # Products of terms that take as long as factoring a short form does, for each of its
-            # terms.
-            self._budget.spend(30 * len(left) + len(left) ** 2)
-            rooted = isinstance(self.algebra, SurdRing)
-            found = self._with_roots(left) if rooted else left.factor()[1]
-            self._factors[key] = [(f if rooted else self.tidy(f), int(k)) for f, k in found]
-        return self._factors[key]
+        return self._factors.of(poly, self._factored)  # type: ignore[no-any-return]
+
+    def _factored(self, poly: Poly) -> list[tuple[Poly, int]]:
+        (left,) = self.ring.stripped(poly)
+        self._budget.check_factor(len(left))
+        # Products of terms that take as long as factoring a short form does, for each of its terms.
+        self._budget.spend(30 * len(left) + len(left) ** 2)
+        if isinstance(self.algebra, SurdRing):
+            return self._with_roots(left)
+        return [(self.tidy(f), int(k)) for f, k in left.factor()[1]]
+
+    def number(self, form: Poly) -> int:
+        """Return the number of a form among those of the certificate, where each is once."""
+        return self._numbers.of(form, self._numbered)  # type: ignore[no-any-return]
+
+    def _numbered(self, form: Poly) -> int:
+        self.polys.append(form)
+        return len(self.polys) - 1
 
     def _with_roots(self, poly: Poly) -> list[tuple[Poly, int]]:
         found = []
@@ -573,7 +593,8 @@ class Draft(Certificate):
     def scaled(self, terms: list[tuple[Poly, Any]], form: Poly, product: Poly) -> list[Term]:
         """A sum as it is written: scaled so that it is the product, units aside."""
         (form,) = self.ring.stripped(form)
-        scale = self._leading(product) * self._inverse(self._leading(form))
+        (lead,) = self.algebra.terms(self._leading(form)).values()
+        scale = self._leading(product) * self.algebra.number(1 / lead)
         return [(form_text(self.ring.reduced(c * scale)), source) for c, source in terms]
 
     def _leading(self, form: Poly) -> Poly:
@@ -583,27 +604,6 @@ class Draft(Certificate):
         return self.ring.context.from_dict(
             {(*[0] * count, *m[count:]): c for m, c in form.to_dict().items() if m[:count] == first}
         )
-
-    def _inverse(self, number: Poly) -> Poly:
-        (value,) = self.algebra.terms(number).values()
-        return self.algebra.number(1 / value)
-
-
-def without_dependent_lines(
-    data: Mapping[str, Any], budget: Budget
-) -> tuple[dict[str, Any], Matrix]:
-    """The certificate with the steps that make dependent lines zero, and its whole Jacobian."""
-    whole = Draft({**data, "rank": 1, "row_steps": [], "column_steps": []}, budget)
-    text = number_text if data["square_roots"] else str
-
-    def steps(lines: Matrix) -> list[list[Any]]:
-        """Which multiple of which line is taken from which."""
-        found = dependent(lines, whole.algebra, budget.check)
-        return [[i, k, text(c)] for i, terms in found.items() for k, c in terms.items()]
-
-    rows = steps(whole.jacobian())
-    columns = steps(flipped(whole.without_dependent(whole.jacobian(), rows)))
-    return {**data, "row_steps": rows, "column_steps": columns}, whole.jacobian()
 
 
 def content(*polys: Poly) -> Any:

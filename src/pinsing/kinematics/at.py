@@ -510,7 +510,7 @@ def loss_at(arm: Arm, q: Array, rtol: float = SINGULAR_RTOL, near_rtol: float = 
     never = never_produced(arm)
     missing = _in_all_rows(arm, _without(U[:, rank:], never), q)
     hardly = status == NEAR_SINGULAR
-    axes = JointAxes.of(J, arm.prismatic, position)
+    (axes,) = JointAxes.each(J[None], arm.prismatic, position)
     tool = replace(tool, landmarks=landmarks(arm, axes))
     tol = max(PRACTICAL, min(3 * ratio, 0.05)) if hardly else PRACTICAL
     return replace(

@@ -212,7 +212,7 @@ def moving_columns(arm: Arm) -> tuple[int, ...]:
 
 def generic_axes(arm: Arm) -> list[JointAxes]:
     """Joint axes at random configurations, with the base as origin."""
-    return [JointAxes.of(g, arm.prismatic, np.zeros(3)) for g in _generic_jacobians(arm)]
+    return JointAxes.each(_generic_jacobians(arm), arm.prismatic, np.zeros(3))
 
 
 @kept

@@ -47,13 +47,16 @@ class JointAxes:
     size: float  # greatest distance of an axis from the tip, 1 without any
 
     @classmethod
-    def of(cls, J: Array, prismatic: Bool, tip: Array) -> JointAxes:
-        """Axes from a frame Jacobian (6, n): columns (z x (tip - p), z), or (z, 0)."""
-        v, w = J[:3].T, J[3:].T
-        direction = np.where(prismatic[:, None], v, w)
+    def each(cls, J: Array, prismatic: Bool, tip: Array) -> list[JointAxes]:
+        """Axes from frame Jacobians (N, 6, n): columns (z x (tip - p), z), or (z, 0)."""
+        v, w = J[:, :3].swapaxes(1, 2), J[:, 3:].swapaxes(1, 2)
+        directions = np.where(prismatic[:, None], v, w)
         arms = np.where(prismatic[:, None], 0.0, np.cross(v, w))  # from the axis to the tip
-        size = float(np.linalg.norm(arms, axis=1).max(initial=0.0)) or 1.0
-        return cls(direction, tip - arms, prismatic, tip, size)
+        sizes = np.linalg.norm(arms, axis=2).max(axis=1, initial=0.0)
+        return [
+            cls(direction, tip - arm, prismatic, tip, float(size) or 1.0)
+            for direction, arm, size in zip(directions, arms, sizes, strict=True)
+        ]
 
     def parallel(self, ids: Sequence[int], tol: float) -> bool:
         """Return True if all these axes have one direction, up to sign."""

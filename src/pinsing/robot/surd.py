@@ -5,6 +5,7 @@ from __future__ import annotations
 import functools
 import math
 import re
+from collections.abc import Iterable
 from dataclasses import dataclass
 from fractions import Fraction
 from typing import TypeAlias
@@ -75,6 +76,9 @@ Exact: TypeAlias = Fraction | Surd
 """A number of the field: rational ones are Fractions."""
 
 
+_NONE = Fraction()
+
+
 def surd(one: Fraction, two: Fraction, three: Fraction, six: Fraction) -> Exact:
     """The number one + two sqrt(2) + three sqrt(3) + six sqrt(6)."""
     return one if not (two or three or six) else Surd((one, two, three, six))
@@ -84,7 +88,19 @@ def parts_of(value: Exact | int) -> tuple[Fraction, Fraction, Fraction, Fraction
     """Coefficients of 1, sqrt(2), sqrt(3), sqrt(6)."""
     if isinstance(value, Surd):
         return value.parts
-    return Fraction(value), Fraction(), Fraction(), Fraction()
+    return value if type(value) is Fraction else Fraction(value), _NONE, _NONE, _NONE
+
+
+def roots_of(numbers: Iterable[Exact]) -> tuple[int, ...]:
+    """Return what numbers have square roots of: 2 or 3, both or none."""
+    used = {
+        s
+        for x in numbers
+        if isinstance(x, Surd)
+        for s, a in zip(SQUARES, x.parts, strict=True)
+        if a
+    }
+    return tuple(d for d in (2, 3) if any(s % d == 0 for s in used))
 
 
 def cosine(steps: int) -> Exact:
