@@ -13,8 +13,6 @@ WALK_EQUATIONS: int
 SPEED_COLUMNS: int
 SOURCES: str
 MAX_CONDITION_JOINTS: int
-MOST_EXPONENT: int
-MOST_FREE: int
 
 class ConditionSet:
     def __init__(self, families: int, flat: dict[str, NDArray[Any]], largest: bool) -> None: ...
@@ -58,27 +56,6 @@ class ConditionSet:
     def zeros(
         self, pieces: NDArray[np.float64], ends: NDArray[np.float64], threads: int
     ) -> list[float]: ...
-
-class ModularPolynomial:
-    def __init__(
-        self, prime: int, monomials: Sequence[Sequence[int]], coefficients: Sequence[int]
-    ) -> None: ...
-
-class FieldPoint:
-    def __init__(
-        self,
-        prime: int,
-        modulus: Sequence[int],
-        variables: int,
-        fixed: Sequence[tuple[int, int]],
-        free: Sequence[tuple[int, Sequence[int]]],
-    ) -> None: ...
-    def value(self, poly: ModularPolynomial) -> list[int]: ...
-    def line(self, poly: ModularPolynomial, v: int) -> list[list[int]]: ...
-    def is_zero(self, poly: ModularPolynomial) -> bool: ...
-    def rank(self, rows: Sequence[Sequence[ModularPolynomial | None]]) -> int: ...
-    def along(self, x: int, y: int, a: int, b: int) -> bool: ...
-    def equals(self, x: int, a: int) -> bool: ...
 
 class Motions:
     def __init__(

@@ -323,7 +323,6 @@ NB_MODULE(_kernel, m) {
     define(m, "tubes", &tubes);
     define(m, "svdvals", &svdvals);
     pinsing::add_conditions(m);
-    pinsing::add_residues(m);
     pinsing::add_samples(m);
     pinsing::add_poses(m);
     pinsing::add_motions(m);

@@ -69,7 +69,6 @@ void define(nanobind::class_<Self>& type, const char* name, Return (Self::*metho
 }
 
 void add_conditions(nanobind::module_& m);
-void add_residues(nanobind::module_& m);
 void add_samples(nanobind::module_& m);
 void add_poses(nanobind::module_& m);
 void add_motions(nanobind::module_& m);

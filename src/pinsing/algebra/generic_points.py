@@ -21,8 +21,6 @@ from pinsing.algebra.zeros import (
     WORD_PRIME,
     Undecided,
     Zero,
-    engine_point,
-    engine_polynomial,
     image_of,
     modular_context,
     rank_over,
@@ -40,7 +38,7 @@ class Residues:
 
     def __init__(self, ring: Ring, prime: int = WORD_PRIME) -> None:
         self.ring, self.prime = ring, prime
-        self._exponents, self._images, self._terms, self._compiled = (MadeOnce() for _ in range(4))
+        self._exponents, self._images, self._terms = (MadeOnce() for _ in range(3))
 
     def _listed(self, poly: Poly) -> dict[Any, int]:
         """Exponents, and coefficients modulo the prime, some perhaps zero."""
@@ -57,10 +55,6 @@ class Residues:
     def _powers(self, poly: Poly) -> list[tuple[Powers, int]]:
         listed = self._listed(poly).items()
         return [(tuple([(v, e) for v, e in enumerate(m) if e]), c) for m, c in listed if c]
-
-    def compiled(self, poly: Poly) -> Any:
-        """A polynomial of the compiled engine; None where it covers no such one."""
-        return self._compiled.of(poly, lambda p: engine_polynomial(self.prime, self._listed(p)))
 
     def generic_rank(self, matrix: Matrix, rng: np.random.Generator) -> int:
         """Rank of a matrix at a random point: never more than the generic one, over any field."""
@@ -94,9 +88,20 @@ class SlicePoint:
         total = self.field.zero()
         if poly == 0:
             return total
+        if self.field.degree() == 1:
+            return self.field(self.residue(poly))
         for monomial, c in self._terms(poly):
             total = total + self._monomial(monomial) * c
         return total
+
+    def residue(self, poly: Poly) -> int:
+        """Value of a polynomial where all coordinates are residues."""
+        return int(self.residues.of(poly)(*self._residues)) if poly != 0 else 0
+
+    @cached_property
+    def _residues(self) -> list[int]:
+        """All coordinates, where they are residues."""
+        return [int(self._at(v)) for v in range(self.residues.ring.nvars)]
 
     def _monomial(self, monomial: Powers) -> Any:
         """Value of a product of powers (variable, exponent)."""
@@ -133,24 +138,15 @@ class SlicePoint:
         names = self.residues.ring.context.names()
         return {v: self.fixed[name] for v, name in enumerate(names) if name in self.fixed}
 
-    @cached_property
-    def _compiled(self) -> Any:
-        """The point in the compiled engine; None where it is not covered."""
-        return engine_point(self.field, self.residues.ring.nvars, self._known.items(), self.free)
-
     def is_zero(self, poly: Poly) -> bool:
         """Return True if a polynomial vanishes there."""
-        if self._compiled is not None and (made := self.residues.compiled(poly)) is not None:
-            return bool(self._compiled.is_zero(made))
         return bool(self.value(poly).is_zero())
 
     def rank(self, matrix: Matrix) -> int:
         """Rank of a matrix of polynomials there."""
-        if self._compiled is not None:
-            of = self.residues.compiled
-            made = [[of(x) if x else None for x in row] for row in matrix]
-            if sum(m is None for row in made for m in row) == sum(not x for r in matrix for x in r):
-                return int(self._compiled.rank(made))
+        if self.field.degree() == 1:
+            values = [self.residue(x) for row in matrix for x in row]
+            return int(nmod_mat(len(matrix), len(matrix[0]), values, self.residues.prime).rank())
         return rank_over([[self.value(x) for x in row] for row in matrix])
 
     def transversal(self, polys: Sequence[Poly]) -> bool:
@@ -162,12 +158,7 @@ class SlicePoint:
     def has(self, joint: int, value: Value) -> bool:
         """Return True if a joint is at a value there."""
         wanted = [residue(c, self.residues.prime) for c in value]
-        variables = self.residues.ring.variables(joint)
-        if self._compiled is not None:
-            if len(variables) == 1:
-                return bool(self._compiled.equals(*variables, *wanted))
-            return bool(self._compiled.along(*variables, *wanted))
-        x, *y = (self._at(v) for v in variables)
+        x, *y = (self._at(v) for v in self.residues.ring.variables(joint))
         if not y:
             return bool(x == self.field(wanted[0]))
         return bool((x * wanted[1] - y[0] * wanted[0]).is_zero())

@@ -27,8 +27,7 @@ from flint import (
     nmod_poly,
 )
 
-from pinsing._batch import engine
-from pinsing.algebra.ring import MadeOnce, Poly, Ring, divided_by, terms_of
+from pinsing.algebra.ring import Poly, Ring, divided_by, terms_of
 from pinsing.errors import Refusal
 from pinsing.robot.nominal import PRIMES
 from pinsing.robot.surd import residue, root_modulo
@@ -99,40 +98,6 @@ def rank_over(field_rows: Sequence[Sequence[Any]]) -> int:
     return rank
 
 
-def covered(prime: int) -> bool:
-    """Return True if the engine is there, and takes residues modulo a prime."""
-    return engine.available() and prime > 2 and prime.bit_length() <= 62
-
-
-def engine_polynomial(prime: int, terms: Mapping[Any, int]) -> Any:
-    """A polynomial of the engine, of residues by exponents; None where it is not covered."""
-    if not covered(prime):
-        return None
-    module = engine.module()
-    if max(map(max, terms), default=0) > module.MOST_EXPONENT:
-        return None
-    return module.ModularPolynomial(prime, list(terms), list(terms.values()))
-
-
-def engine_point(
-    field: Any, count: int, fixed: Iterable[tuple[int, int]], free: Mapping[int, Any]
-) -> Any:
-    """Return a point of the engine, variables ``fixed`` or ``free``; None where not covered."""
-    prime, degree = int(field.characteristic()), int(field.degree())
-    if not covered(prime) or len(free) > engine.module().MOST_FREE:
-        return None
-    modulus = [int(c) for c in field.modulus().coeffs()] if degree > 1 else [0, 1]
-    given = [(v, [int(c) for c in x.to_list()]) for v, x in free.items()]
-    return engine.module().FieldPoint(prime, modulus, count, list(fixed), given)
-
-
-def field_elements(field: Any, lines: Sequence[Sequence[int]]) -> list[Any]:
-    """Elements of a field, from the coefficients that the engine tells."""
-    if int(field.degree()) == 1:
-        return [field(line[0]) for line in lines]
-    return [field(list(line)) for line in lines]
-
-
 class Undecided(Refusal):
     """The zeros are not finitely many, or more than can be told apart."""
 
@@ -181,15 +146,7 @@ class _Solver:
     prime: int
     orders: bool
     mixing: bool
-    made: MadeOnce = dataclass_field(default_factory=MadeOnce)
     unwanted: dict[int, list[int]] = dataclass_field(default_factory=dict)
-
-    def compiled(self, poly: Any) -> Any:
-        """A polynomial of the compiled engine, made once; None where it covers no such one."""
-        return self.made.of(
-            poly,
-            lambda p: engine_polynomial(self.prime, {m: int(c) for m, c in terms_of(p).items()}),
-        )
 
     def solve(self, polys: Sequence[Any], variables: Sequence[int]) -> list[Zero]:
         """See ``zeros``: all of them."""
@@ -234,7 +191,7 @@ class _Solver:
             below = self._eliminated(polys, having, v, rest)
         for zero in below:
             self.check(0.0)
-            yield from (z for z in _above(zero, having, v, self.compiled) if self._wanted(z, v))
+            yield from (z for z in _above(zero, having, v) if self._wanted(z, v))
 
     def _eliminated(
         self, polys: Sequence[Any], having: Sequence[Any], v: int, rest: Sequence[int]
@@ -288,13 +245,12 @@ class _Solver:
         return not value.is_zero()
 
 
-def _above(zero: Zero, polys: Sequence[Any], v: int, compiled: Callable[[Any], Any]) -> list[Zero]:
+def _above(zero: Zero, polys: Sequence[Any], v: int) -> list[Zero]:
     """The common roots of polynomials in variable v, the others being at a zero."""
     over = fq_default_poly_ctx(zero.field)
-    point = engine_point(zero.field, polys[0].context().nvars(), (), zero.at)
     common: Any = None
     for f in polys:
-        line = _at(f, zero, v, over, point, None if point is None else compiled(f))
+        line = _at(f, zero, v, over)
         common = line if common is None else common.gcd(line)
     # a whole line of zeros
     Undecided.refuse_if(common == 0)
@@ -306,12 +262,9 @@ def _above(zero: Zero, polys: Sequence[Any], v: int, compiled: Callable[[Any], A
     return _extended(zero, common, v)
 
 
-def _at(poly: Any, zero: Zero, v: int, over: Any, point: Any, made: Any) -> Any:
+def _at(poly: Any, zero: Zero, v: int, over: Any) -> Any:
     """Return a polynomial at a zero, as one in the variable v that is left."""
-    # By the compiled engine where it has both: the zero as a point, the polynomial as ``made``.
     field = zero.field
-    if point is not None and made is not None:
-        return over(field_elements(field, point.line(made, v)))
     powers = {
         u: _powers(x, int(poly.degrees()[u])) for u, x in zero.at.items() if poly.degrees()[u]
     }
