@@ -2,50 +2,25 @@
 //
 // The quantities are those of pinsing/kinematics/refine.py, which says what they mean: with u
 // the lost direction, N the self-motions and B_ij = u . dJ_i / dq_j, the form Q = sym(N^T B N). The
-// spaces come from one-sided Jacobi rotations, as those of walks do; eigenvalues of the few rows of Q
-// from two-sided ones (Jacobi 1846; Golub and Van Loan, "Matrix Computations", 8.5). A lane that needs
-// no rotation is turned by the identity, so that none depends on its neighbours.
-constexpr int kEigenSweeps = 16;
-constexpr double kNoRotation = 1.0e-17;  // of the largest entry: what is left beside the diagonal
+// spaces come from one-sided Jacobi rotations, as those of walks do, and so do the eigenvalues of Q.
 
 // What is told of a configuration, in this order.
 constexpr int kToldOfSecondOrder = 6;
 
-// Least and greatest eigenvalue of a symmetric matrix Q (p, p), which is destroyed.
+// Least and greatest eigenvalue of a symmetric matrix Q (p, p), which is destroyed: moved so that none is
+// negative, they are its singular values.
 static void eigenvalue_ends(V* Q, int p, V& least, V& greatest) {
-    for (int sweep = 0; sweep < kEigenSweeps && p > 1; sweep++) {
-        V size = broadcast(0.0);
-        for (int k = 0; k < p * p; k++) size = vmax(size, vabs(Q[k]));
-        Mask turned = none();
-        for (int a = 0; a < p - 1; a++) {
-            for (int b = a + 1; b < p; b++) {
-                const V off = Q[a * p + b];
-                const Mask turn = vabs(off) > size * kNoRotation;
-                if (!any(turn)) continue;
-                turned = turned | turn;
-                const V z = (Q[b * p + b] - Q[a * p + a]) / select(turn, off + off, broadcast(1.0));
-                V t = copysign(1.0 / (vabs(z) + vsqrt(1.0 + z * z)), z);
-                t = select(turn, t, broadcast(0.0));
-                const V c = 1.0 / vsqrt(1.0 + t * t), s = c * t;
-                for (int k = 0; k < p; k++) {
-                    const V x = Q[k * p + a], y = Q[k * p + b];
-                    Q[k * p + a] = c * x - s * y;
-                    Q[k * p + b] = s * x + c * y;
-                }
-                for (int k = 0; k < p; k++) {
-                    const V x = Q[a * p + k], y = Q[b * p + k];
-                    Q[a * p + k] = c * x - s * y;
-                    Q[b * p + k] = s * x + c * y;
-                }
-            }
-        }
-        if (!any(turned)) break;
+    V shift = broadcast(0.0), ends[2] = {shift, shift};
+    for (int k = 0; k < p * p; k++) shift += vabs(Q[k]);
+    for (int a = 0; a < p; a++) Q[a * p + a] += shift;
+    orthogonalise(Q, p, p, 0, p);
+    for (int side = 0; side < 2; side++) {
+        const V* column = Q + side * (p - 1) * p;
+        for (int k = 0; k < p; k++) ends[side] += column[k] * column[k];
+        ends[side] = vsqrt(ends[side]) - shift;
     }
-    least = greatest = Q[0];
-    for (int a = 1; a < p; a++) {
-        least = vmin(least, Q[a * p + a]);
-        greatest = vmax(greatest, Q[a * p + a]);
-    }
+    greatest = ends[0];
+    least = ends[1];
 }
 
 // How many singular values are above `zero` of the larger of sigma_1 and `size`; least and greatest
