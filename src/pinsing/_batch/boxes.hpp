@@ -190,41 +190,4 @@ inline double cube_to_plane(const double* q, const double* lo, const double* hi,
     return low;
 }
 
-// Eigenvectors of a symmetric matrix (columns of V) and its eigenvalues, by Jacobi's rotations.
-inline void eigen(double* A, double* V, double* values, int d) {
-    for (int i = 0; i < d * d; i++) V[i] = i % (d + 1) == 0 ? 1.0 : 0.0;
-    for (int sweep = 0; sweep < 30; sweep++) {
-        double off = 0.0, size = 0.0;
-        for (int i = 0; i < d; i++)
-            for (int j = 0; j < d; j++) (i == j ? size : off) += A[i * d + j] * A[i * d + j];
-        if (off <= 1e-32 * size) break;
-        for (int p = 0; p < d; p++) {
-            for (int q = p + 1; q < d; q++) {
-                const double apq = A[p * d + q];
-                if (apq == 0.0) continue;
-                const double theta = (A[q * d + q] - A[p * d + p]) / (2.0 * apq);
-                const double t = (theta >= 0 ? 1.0 : -1.0) /
-                                 (std::fabs(theta) + std::sqrt(theta * theta + 1.0));
-                const double c = 1.0 / std::sqrt(t * t + 1.0), s = t * c;
-                for (int k = 0; k < d; k++) {
-                    const double x = A[k * d + p], y = A[k * d + q];
-                    A[k * d + p] = c * x - s * y;
-                    A[k * d + q] = s * x + c * y;
-                }
-                for (int k = 0; k < d; k++) {
-                    const double x = A[p * d + k], y = A[q * d + k];
-                    A[p * d + k] = c * x - s * y;
-                    A[q * d + k] = s * x + c * y;
-                }
-                for (int k = 0; k < d; k++) {
-                    const double x = V[k * d + p], y = V[k * d + q];
-                    V[k * d + p] = c * x - s * y;
-                    V[k * d + q] = s * x + c * y;
-                }
-            }
-        }
-    }
-    for (int j = 0; j < d; j++) values[j] = A[j * d + j];
-}
-
 }  // namespace pinsing

@@ -14,6 +14,7 @@
 namespace pinsing {
 
 constexpr double kOn = 1e-12;  // residual, relative to an equation's size, of a point on it
+constexpr double kRidge = 1e-13;  // of a trace: damps directions in which equations do not change
 
 // The equations of one branch, in the joints that occur in them.
 class Branch {
@@ -83,28 +84,25 @@ public:
             }
             return;
         }
-        double A[kJoints * kJoints] = {}, V[kJoints * kJoints], values[kJoints], right[kJoints] = {};
+        double A[kJoints * kJoints] = {}, copy[kJoints * kJoints];
+        std::fill(onto, onto + n, 0.0);
         for (const SumAt& one : at) {
             const double scale = 1.0 / one.size;
             for (int i = 0; i < n; i++) {
-                right[i] -= one.g[i] * one.value * scale * scale;
+                onto[i] -= one.g[i] * one.value * scale * scale;
                 for (int j = 0; j < n; j++) A[i * n + j] += one.g[i] * one.g[j] * scale * scale;
             }
         }
-        eigen(A, V, values, n);
-        const double top = *std::max_element(values, values + n);
-        std::fill(onto, onto + n, 0.0);
-        std::fill(along, along + n, 0.0);
-        for (int m = 0; m < n; m++) {
-            double product = 0.0, move = 0.0;
-            for (int j = 0; j < n; j++)
-                product += V[j * n + m] * right[j], move += V[j * n + m] * delta[j];
-            const bool across = values[m] > 1e-13 * top;
-            for (int j = 0; j < n; j++)
-                (across ? onto : along)[j] += V[j * n + m] * (across ? product / values[m] : move);
+        double across[kJoints] = {};
+        for (int i = 0; i < n; i++)
+            for (int j = 0; j < n; j++) across[i] += A[i * n + j] * delta[j];
+        std::copy(A, A + n * n, copy);
+        solve_spd(A, onto, n, kRidge, 0.1 * kRidge);
+        solve_spd(copy, across, n, kRidge, 0.1 * kRidge);
+        for (int j = 0; j < n; j++) {
+            if (!free[j]) onto[j] = 0.0;
+            along[j] = free[j] ? delta[j] - across[j] : 0.0;
         }
-        for (int j = 0; j < n; j++)
-            if (!free[j]) onto[j] = along[j] = 0.0;
     }
 
     // The step from x, where the equations were evaluated, among joints that do not leave their
