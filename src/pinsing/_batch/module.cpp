@@ -31,33 +31,36 @@ using pinsing::require_shape;
 using pinsing::rows_of;
 using pinsing::share_finite;
 
-// The kernels that this machine can run, best last.
-const std::vector<const Kernel*>& kernels() {
-    static const std::vector<const Kernel*> found = [] {
-        std::vector<const Kernel*> all;
+// The kernels that were compiled, best last (an installation for one machine has one), and whether this
+// machine can run them.
+struct Built {
+    const Kernel* kernel;
+    bool runs;
+};
+
+const std::vector<Built>& built() {
+    static const std::vector<Built> all{
 #if PINSING_HAVE_BASELINE
-        all.push_back(&pinsing::kernel_baseline);
+        {&pinsing::kernel_baseline, true},
 #endif
 #if PINSING_HAVE_AVX2
-        if (__builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma"))
-            all.push_back(&pinsing::kernel_avx2);
+        {&pinsing::kernel_avx2, __builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma")},
 #endif
 #if PINSING_HAVE_AVX512
-        if (__builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512dq") &&
-            __builtin_cpu_supports("avx512vl") && __builtin_cpu_supports("avx512bw") &&
-            __builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma"))
-            all.push_back(&pinsing::kernel_avx512);
+        {&pinsing::kernel_avx512,
+         __builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512dq") &&
+             __builtin_cpu_supports("avx512vl") && __builtin_cpu_supports("avx512bw") &&
+             __builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma")},
 #endif
-        return all;
-    }();
-    return found;
+    };
+    return all;
 }
 
 }  // namespace
 
 const Kernel& pinsing::kernel_named(const std::string& isa) {
-    for (const Kernel* k : kernels())
-        if (isa == k->name) return *k;
+    for (const auto& [kernel, runs] : built())
+        if (runs && isa == kernel->name) return *kernel;
     throw nb::value_error(("this machine cannot run the instruction set '" + isa + "'").c_str());
 }
 
@@ -277,26 +280,15 @@ void tubes(const In& terms, const std::vector<int>& start, const In& about, int 
     });
 }
 
-std::vector<std::string> isa_names() {
-    std::vector<std::string> names;
-    for (const Kernel* k : kernels()) names.emplace_back(k->name);
-    return names;
+std::vector<std::string> names(bool all) {
+    std::vector<std::string> out;
+    for (const auto& [kernel, runs] : built())
+        if (all || runs) out.emplace_back(kernel->name);
+    return out;
 }
 
-// Those that were compiled, best last: an installation for one machine has one.
-std::vector<std::string> built_names() {
-    std::vector<std::string> names;
-#if PINSING_HAVE_BASELINE
-    names.emplace_back("baseline");
-#endif
-#if PINSING_HAVE_AVX2
-    names.emplace_back("avx2");
-#endif
-#if PINSING_HAVE_AVX512
-    names.emplace_back("avx512");
-#endif
-    return names;
-}
+std::vector<std::string> isa_names() { return names(false); }
+std::vector<std::string> built_names() { return names(true); }
 
 }  // namespace
 

@@ -158,40 +158,13 @@ PINSING_INLINE bool lane(Mask m, int i) { return i < kHalf ? lane(m.a, i) : lane
 PINSING_INLINE Mask odd(Bits k) { return Mask{odd(k.a), odd(k.b)}; }
 PINSING_INLINE V select(Mask m, V x, V y) { return V{select(m.a, x.a, y.a), select(m.b, x.b, y.b)}; }
 
+// One instruction each, on every machine that has it.
 PINSING_INLINE One vsqrt(One x) {
-#if defined(__AVX512F__)
-    return One{(Half)_mm512_sqrt_pd((__m512d)x.v)};
-#elif defined(__AVX2__)
-    return One{(Half)_mm256_sqrt_pd((__m256d)x.v)};
-#elif defined(__SSE2__)
-    return One{(Half)_mm_sqrt_pd((__m128d)x.v)};
-#else
     for (int i = 0; i < kHalf; i++) x.v[i] = __builtin_sqrt(x.v[i]);
     return x;
-#endif
 }
-PINSING_INLINE One vmin(One x, One y) {
-#if defined(__AVX512F__)
-    return One{(Half)_mm512_min_pd((__m512d)x.v, (__m512d)y.v)};
-#elif defined(__AVX2__)
-    return One{(Half)_mm256_min_pd((__m256d)x.v, (__m256d)y.v)};
-#elif defined(__SSE2__)
-    return One{(Half)_mm_min_pd((__m128d)x.v, (__m128d)y.v)};
-#else
-    return One{x.v < y.v ? x.v : y.v};
-#endif
-}
-PINSING_INLINE One vmax(One x, One y) {
-#if defined(__AVX512F__)
-    return One{(Half)_mm512_max_pd((__m512d)x.v, (__m512d)y.v)};
-#elif defined(__AVX2__)
-    return One{(Half)_mm256_max_pd((__m256d)x.v, (__m256d)y.v)};
-#elif defined(__SSE2__)
-    return One{(Half)_mm_max_pd((__m128d)x.v, (__m128d)y.v)};
-#else
-    return One{x.v > y.v ? x.v : y.v};
-#endif
-}
+PINSING_INLINE One vmin(One x, One y) { return One{x.v < y.v ? x.v : y.v}; }
+PINSING_INLINE One vmax(One x, One y) { return One{x.v > y.v ? x.v : y.v}; }
 PINSING_INLINE One vmax(One x, double y) { return vmax(x, spread(y)); }
 PINSING_INLINE V vsqrt(V x) { return V{vsqrt(x.a), vsqrt(x.b)}; }
 PINSING_INLINE V vmin(V x, V y) { return V{vmin(x.a, y.a), vmin(x.b, y.b)}; }
