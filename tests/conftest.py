@@ -12,6 +12,7 @@ from collections.abc import Callable, Iterator, Sequence
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
+from unittest.mock import patch
 
 # Each test file, and Hypothesis, is compiled with its assertions rewritten: 7 s of all, kept for
 # the next run and other workers, also where the environment forbids that. Tests have its way.
@@ -52,23 +53,31 @@ def pytest_configure(config: pytest.Config) -> None:
         _share("pinsing.robot.load_mechanism", "load_mechanism")
         _share("pinsing.loops.analysis", "analyze_mechanism")
         _share("pinsing.postures.aspects", "aspects")
+        for name in _CHANGES:
+            setattr(pytest.MonkeyPatch, name, _alone(getattr(pytest.MonkeyPatch, name)))
 
 
 _sharing = True
+_CHANGES = ("setattr", "delattr", "setitem", "delitem")
 _URDF = str(Path(__file__).resolve().parents[1] / "urdf")
 
 
 def pytest_runtest_setup(item: pytest.Function) -> None:
-    """A test that changes the program shares nothing with others."""
+    """A test that changes the program shares nothing with others, from its start on."""
     global _sharing
-    _sharing = "monkeypatch" not in item.fixturenames
+    _sharing = not {*_CHANGES} & {*item.function.__code__.co_names}
 
 
-@pytest.fixture
-def there() -> Iterator[pytest.MonkeyPatch]:
-    """As monkeypatch, for folder and environment alone: the program stays what it is."""
-    with pytest.MonkeyPatch.context() as patch:
-        yield patch
+def _alone(change: Callable[..., None]) -> Callable[..., None]:
+    """A fixture or helper that changes the program ends the sharing, for one test."""
+
+    @functools.wraps(change)
+    def changed(*args: Any, **options: Any) -> None:
+        global _sharing
+        _sharing = False
+        change(*args, **options)
+
+    return changed
 
 
 def _kept(given: Any) -> Any:
@@ -133,11 +142,14 @@ def pytest_sessionfinish() -> None:
 
 
 @pytest.fixture
-def undrawn(monkeypatch: pytest.MonkeyPatch) -> None:
+def undrawn() -> Iterator[None]:
     """Reports whose pictures are empty: drawing takes most of the time of one."""
-    for name in ("arm_report", "document"):
-        module = importlib.import_module(f"pinsing.report.{name}")
-        monkeypatch.setattr(module, "png", lambda figure, only=(): bytes(24))
+    empty = {"new": lambda figure, only=(): bytes(24)}
+    with (
+        patch("pinsing.report.arm_report.png", **empty),
+        patch("pinsing.report.document.png", **empty),
+    ):
+        yield
 
 
 # A shell that runs the tests in the background has them, and all they start, ignore Ctrl-C.

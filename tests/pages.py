@@ -132,10 +132,10 @@ class Reader:
 
 
 @pytest.fixture
-def reader(tmp_path: Path, there: pytest.MonkeyPatch) -> Reader:
+def reader(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Reader:
     """A reader in an empty folder, not in a clone."""
-    there.chdir(tmp_path)
-    there.setenv("COLUMNS", "100")
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("COLUMNS", "100")
     return Reader()
 
 

@@ -186,9 +186,9 @@ EXAMPLES = [n for n in sorted(set(PUBLIC) - SHARED) if ">>>" in PUBLIC[n].doc]
 
 
 @pytest.mark.parametrize("name", tiered(EXAMPLES, set(EXAMPLES) - LONG))
-def test_examples_are_true(name, tmp_path, there):
+def test_examples_are_true(name, tmp_path, monkeypatch):
     """Each by itself, as somebody would paste it: it imports what it needs."""
-    there.chdir(tmp_path)
+    monkeypatch.chdir(tmp_path)
     if name == "suggest" and not engine.available():
         pytest.skip("without the compiled kernel it finds less in its time")
     p = PUBLIC[name]

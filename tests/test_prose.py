@@ -29,10 +29,10 @@ class Terminal(io.StringIO):
 
 
 @pytest.fixture(autouse=True)
-def _own_terminal(there):
+def _own_terminal(monkeypatch):
     for name in ("NO_COLOR", "COLUMNS"):
-        there.delenv(name, raising=False)
-    there.setenv("TERM", "xterm")
+        monkeypatch.delenv(name, raising=False)
+    monkeypatch.setenv("TERM", "xterm")
 
 
 def in_terminal(width: int, *words: str, **environment: str) -> str:

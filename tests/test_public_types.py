@@ -69,8 +69,8 @@ ONCE: dict[str, Callable[[], Any]] = {
 
 
 @pytest.fixture(autouse=True)
-def _somewhere(tmp_path, there):
-    there.chdir(tmp_path)
+def _somewhere(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
 
 
 cached = functools.cache

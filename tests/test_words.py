@@ -43,10 +43,10 @@ def said(line: str) -> str:
 
 
 @pytest.mark.parametrize("name", tiered(NAMES, {*NAMES} - {"check", "families", "line"}))
-def test_words(name, there):
+def test_words(name, monkeypatch):
     path = FOLDER / f"{name}.txt"
-    there.chdir(FOLDER)
-    there.setenv("COLUMNS", "100")
+    monkeypatch.chdir(FOLDER)
+    monkeypatch.setenv("COLUMNS", "100")
     before = path.read_text()
     lines = [line for line in before.splitlines() if line.startswith("$ pinsing")]
     assert lines
