@@ -185,9 +185,11 @@ class Apart:
         return self._to_parent is not None
 
     def tell(self, what: Any) -> None:
-        """Tell the parent something that can be pickled; nothing where there is none."""
+        """Tell the parent something that can be pickled, or ``hear`` where there is no child."""
         if self._to_parent is not None:
             self._to_parent.send(("told", what, self._budget.meter.done))
+        elif self._hear is not None:
+            self._hear(what)
 
     def run(self, work: Callable[[], T], at_once: bool = False) -> Outcome[T]:
         """The result of ``work``, to be pickled if ``child``; forked first if ``at_once``."""

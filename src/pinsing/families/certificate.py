@@ -44,7 +44,6 @@ from pinsing.families.proof_forms import (
     form_text,
     place_text,
     roots_in,
-    shown,
     skeleton,
     squares,
     top_of,
@@ -288,7 +287,6 @@ def _by_division(draft: Draft, family: Place, minor: Poly, found: Soundness) -> 
     """Add a sum that a minor is a multiple of, but for what is zero on no component."""
     ring = draft.ring
     for f, _ in draft.factors(minor):
-        draft.require_time()
         for tops, times, multiples in divisions(ring, f, family.relations):
             if not _is_apart(draft, family, tops):
                 continue
@@ -303,7 +301,7 @@ def _is_apart(draft: Draft, family: Place, form: Poly) -> bool:
     """Return True if a form is seen to be zero on no component of a family."""
     count = len(family.relations) + 1
     forms = [*family.relations, *draft.ring.stripped(form)]
-    return shown(draft.ring, lambda: draft.ring.codimension_at_least(count, forms), most=MOST_WORK)
+    return draft.shown(lambda: draft.ring.codimension_at_least(count, forms), most=MOST_WORK)
 
 
 def _lines(draft: Draft, size: int) -> Iterable[Lines]:
@@ -333,7 +331,6 @@ def _pivot(draft: Draft, family: Place, plain: set[Lines], tried: set[Lines]) ->
             found.append((len(draft.ring.stripped(form)[0]), lines))
     # Pivots that are tried, the shortest first.
     for _, lines in sorted(found)[:12]:
-        draft.require_time()
         tried.add(lines)
         if _is_apart(draft, family, minor(*lines)):
             return lines
@@ -357,6 +354,7 @@ class Tree:
         # Relations, if no family has more, beyond which a place is not split: splits that say
         # nothing new go on for ever.
         self._most = max([8, *map(len, self.families)])
+        self._fixed = [{*self.ring.where(family)[0]} for family in self.families]
         self._ids = MadeOfEqual()
         self._toward = {self._id(draft.tidy(p)) for family in self.families for p in family}
         self._places: dict[tuple[bool, frozenset[int]], Place | NotFound | None] = {}
@@ -404,15 +402,12 @@ class Tree:
         self._places[key] = place
         return place
 
-    def _shown(self, question: Callable[[], bool]) -> bool:
-        """Return True if something is seen, and not only after long."""
-        self.draft.require_time()
-        return shown(self.ring, question)
-
     def _close(self, place: Place) -> None:
         relations = place.relations
         for k, family in enumerate(self.families):
-            if all(self.ring.vanishes(f, (place.values, place.relations)) for f in family):
+            if self._fixed[k] <= place.values.keys() and all(
+                self.ring.vanishes(f, (place.values, place.relations)) for f in family
+            ):
                 place.family = k
                 return
         if any(self._by_division(place, k) for k in range(len(self.families))):
@@ -422,7 +417,7 @@ class Tree:
         if (
             enough
             and sum(map(len, relations)) <= _DENSE
-            and self._shown(lambda: self.ring.codimension_at_least(least, relations))
+            and self.draft.shown(lambda: self.ring.codimension_at_least(least, relations))
         ):
             place.sum, place.cases = [("1", 0)], [(place.forms[0], 1, None)]
             return
@@ -459,7 +454,7 @@ class Tree:
         few = [relations] if len(relations) == 2 else itertools.combinations(relations[:4], 2)
         images = [f for p in family for f in ring.stripped(ring.put(p, place.values))]
         for some in map(list, few):
-            if self._shown(lambda some=some: all(vanishes(ring, f, some) for f in images)):  # type: ignore[misc]
+            if self.draft.shown(lambda some=some: all(vanishes(ring, f, some) for f in images)):  # type: ignore[misc]
                 f = next(f for f in images if not ring.vanishes(f, ({}, relations)))
                 sources = [
                     len(place.values) + next(i for i, p in enumerate(relations) if p is r)
@@ -596,10 +591,9 @@ class Tree:
                         Split([(self.ring.one, {**source, "at": at})], poly),
                     )
         for split in sorted(found.values(), key=lambda s: len(s.form)):
-            self.draft.require_time()
             vanish = functools.partial(vanishes, self.ring, split.form, place.relations)
             # No more than trying the form would take.
-            if not shown(self.ring, vanish, most=300_000):
+            if not self.draft.shown(vanish, most=300_000):
                 # Units are numbers where free joints are at points: the checker has them, too.
                 ((_, source),) = split.sum
                 minor = self.draft.at(place.values)(*map(tuple, source["minor"]))
@@ -748,7 +742,7 @@ def _without_implied(draft: Draft, family: Place) -> list[Any]:
     kept: list[Any] = []
     for p in rest:
         implied = functools.partial(vanishes, draft.ring, p, kept)
-        if not kept or not shown(draft.ring, implied, most=MOST_WORK):
+        if not kept or not draft.shown(implied, most=MOST_WORK):
             kept.append(p)
     return [*linear, *kept]
 
@@ -847,13 +841,6 @@ def prove_briefly(
 def within(form: ClosedForm, budget: Budget, progress: Callable[[str], None] | None) -> ClosedForm:
     """The same, within a budget; what becomes long goes on in a child, which can be stopped."""
     search = Apart(budget, budget.on_clock, progress or (lambda text: None))
-
-    def say(text: str) -> None:
-        if search.child:
-            search.tell(text)
-        elif progress is not None:
-            progress(text)
-
     started = time.monotonic()
     # With square roots one resultant of few terms may take minutes, of which no count warns.
     roots = form.geometry is not None and any(
@@ -861,7 +848,7 @@ def within(form: ClosedForm, budget: Budget, progress: Callable[[str], None] | N
         for part in (*form.geometry.rotation, *form.geometry.translation)
         for x in np.ravel(np.asarray(part, dtype=object))
     )
-    ended = search.run(lambda: _proof(form, budget, say), at_once=roots)
+    ended = search.run(lambda: _proof(form, budget, search.tell), at_once=roots)
     if (proof := ended.result) is None:
         reason = f"none was found: {ended.reason}"
         proof = _none(form, reason, True, time.monotonic() - started)

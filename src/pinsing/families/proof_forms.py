@@ -8,7 +8,7 @@ from __future__ import annotations
 import functools
 import itertools
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from fractions import Fraction
 from typing import Any
@@ -141,10 +141,9 @@ def _placement(motions: Sequence[Any]) -> dict[str, Any]:
 
 def form_of(poly: Poly, own: AlgebraRing, context: Any, roots: Sequence[int]) -> Poly:
     """A polynomial of an arm's ring as a form of a certificate's, z of sliders as y over x."""
-    terms: Mapping[tuple[int, ...], Exact] = own.terms(poly)
     degrees = poly.degrees()
     found: dict[tuple[int, ...], Any] = {}
-    for monomial, c in terms.items():
+    for monomial, c in own.coefficients(poly).items():
         powers: list[int] = []
         for j, slides in enumerate(own.prismatic):
             first = own.start[j]
@@ -152,10 +151,10 @@ def form_of(poly: Poly, own: AlgebraRing, context: Any, roots: Sequence[int]) ->
                 powers += [int(degrees[first]) - monomial[first], monomial[first]]
             else:
                 powers += monomial[first : first + 2]
-        for square, part in zip(SQUARES, parts_of(c), strict=True):
+        parts = [c] if own.rational else map(rational, parts_of(c))
+        for square, part in zip(SQUARES, parts, strict=False):
             if part:
-                key = (*powers, *(int(square % d == 0) for d in roots))
-                found[key] = rational(part)
+                found[(*powers, *(int(square % d == 0) for d in roots))] = part
     return context.from_dict(found)
 
 
@@ -343,18 +342,6 @@ def empty(ring: Ring, forms: Sequence[Poly]) -> bool:
     return any(f != 0 and not ring.joints(f) for f in forms)
 
 
-def shown(ring: Ring, question: Callable[[], bool], most: int = 10_000_000) -> bool:
-    """Return True if something is seen with so many products of terms; they are not counted."""
-    # By default these are a small part of what the checker spends in all.
-    ring.work = MOST_WORK - most
-    try:
-        return question()
-    except Rejected:
-        return False
-    finally:
-        ring.work = 0
-
-
 def vanishes(ring: Ring, form: Poly, forms: Sequence[Poly]) -> bool:
     """Return True if ``form`` is shown to be zero wherever all of ``forms`` are."""
     if ring.vanishes(form, ({}, list(forms))):
@@ -482,15 +469,28 @@ class Draft(Certificate):
         self._budget.check()
         self.ring.work = 0  # the checker counts that of the whole check
 
+    def shown(self, question: Callable[[], bool], most: int = 10_000_000) -> bool:
+        """Return True if something is seen with so many products of terms; they are not counted."""
+        # By default these are a small part of what the checker spends in all.
+        self.require_time()
+        self.ring.work = MOST_WORK - most
+        try:
+            return question()
+        except Rejected:
+            return False
+        finally:
+            self.ring.work = 0
+
     def place_of(self, forms: Sequence[Poly], points: bool = False) -> Place:
         """A place by its forms, in the one way that it is written."""
         values, left = self.ring.where(list(forms))
-        linear = [self.linear(j, point) for j, point in sorted(values.items())]
+        linear = {j: self.linear(j, point) for j, point in sorted(values.items())}
         relations: list[Poly] = []
         for p in sorted(map(self.tidy, left), key=lambda p: (len(p), p.degrees())):
             if not any(self.ring.divides(r, p) for r in relations):
                 relations.append(p)
-        return Place([*linear, *relations], self.ring.where(linear)[0], relations, points)
+        at = {j: (f.derivative(2 * j + 1), -f.derivative(2 * j)) for j, f in linear.items()}
+        return Place([*linear.values(), *relations], at, relations, points)
 
     def without_implied(self, place: Place) -> Place:
         """Return a place without short relations that vanish where two of the shortest ones do.

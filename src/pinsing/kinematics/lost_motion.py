@@ -75,11 +75,11 @@ class JointAxes:
         """Return the point (3,) that all these turning axes pass through, if there is one."""
         z, p = self.direction[list(ids)], self.point[list(ids)] - self.tip
         # The normal equations of least squares: the sum of (1 - z z^T)(x - p) is zero.
-        A = len(z) * np.eye(3) - z.T @ z
-        if np.linalg.eigvalsh(A)[0] <= (10 * tol) ** 2:  # nearly parallel
+        values, V = np.linalg.eigh(len(z) * np.eye(3) - z.T @ z)
+        if values[0] <= (10 * tol) ** 2:  # nearly parallel
             return None
         across = p - (p * z).sum(axis=1, keepdims=True) * z
-        point = self.tip + np.linalg.solve(A, across.sum(axis=0))
+        point = self.tip + V @ (V.T @ across.sum(axis=0) / values)
         return point if all(self.distance(i, point) <= tol * self.size for i in ids) else None
 
     def in_one_plane(self, ids: Sequence[int], tol: float, *points: Array) -> bool:
