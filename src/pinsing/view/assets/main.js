@@ -113,11 +113,12 @@ class App {
     this.view.dress();
   }
 
-  frame(frame, dragged = -1) {
+  // `dragged` and `led` are the sliders of a joint and of the pose that stay where they are.
+  frame(frame, dragged = -1, led = -1) {
     if (this.running || this.wanted) this.view.pace.moved();
     this.view.show(frame);
     $("refused").hidden = true;
-    this.panel.show(frame, dragged);
+    this.panel.show(frame, dragged, led);
     if (dragged >= 0) this.postures.mark(-1);  // moved by hand: at none of them
     this.settle();
   }
@@ -214,9 +215,10 @@ class App {
       : entries.some((e) => e.poses) ? "no singular pose was found" : "none of those listed is within the limits";
   }
 
-  go(q, frame = this.source.compute(q)) {
+  // To a pose, that of an entry or another.
+  go(q, frame = this.source.compute(q), entry = null, pose = 0, scroll = true) {
     ++this.turn;
-    this.select(null, 0);
+    this.select(entry, pose, scroll);
     this.frame(frame);
     if (!this.view.touched) this.view.fit([frame]);
   }
@@ -311,11 +313,7 @@ class App {
   }
 
   async choose(entry, pose) {
-    ++this.turn;
-    this.select(entry, pose);
-    const frame = this.source.compute(this.page.entries[entry].q[pose]);
-    this.frame(frame);
-    if (!this.view.touched) this.view.fit([frame]);
+    this.go(this.page.entries[entry].q[pose], undefined, entry, pose);
     await this.lookForMeetings(entry, pose);
   }
 
@@ -332,12 +330,8 @@ class App {
   meet(entry, found) {
     const here = this.meeting?.found === found ? (this.meeting.k + 1) % found.poses.length : 0;
     this.meeting = { found, k: here };
-    ++this.turn;
-    this.select(entry, -1, false);
-    const frame = this.source.compute(found.poses[here]), { name } = this.page.entries[entry];
-    this.frame(frame);
-    this.say(`where ${name} and ${found.name} meet, pose ${here + 1} of ${found.poses.length}`);
-    if (!this.view.touched) this.view.fit([frame]);
+    this.go(found.poses[here], undefined, entry, -1, false);
+    this.say(`where ${this.page.entries[entry].name} and ${found.name} meet, pose ${here + 1} of ${found.poses.length}`);
   }
 
   reset() { if (this.entry !== null) this.choose(this.entry, Math.max(this.pose, 0)); }
@@ -372,22 +366,27 @@ class App {
     else if (this.entry !== null) this.play(this.page.entries[this.entry].into ? "into" : "along");
   }
 
-  // A slider moved. Of moves that come at once only the last counts.
-  async move(joint, value) {
-    if (this.path) { this.player.clear(); this.panel.playing(null); }
-    this.say("");
+  // A slider moved.
+  move(joint, value) {
     const q = this.wanted ? this.wanted.q.slice() : this.panel.values(this.view.frame);
     q[joint] = value;
+    this.want({ q, joint });
+  }
+
+  // Of moves that come at once only the last counts.
+  async want(wanted) {
+    if (this.path) { this.player.clear(); this.panel.playing(null); }
+    this.say("");
     const idle = this.wanted === null;
-    this.wanted = { q, joint };
+    this.wanted = wanted;
     if (!idle) return;
     const turn = ++this.turn;
     await nextTask();
-    if (turn === this.turn) this.frame(this.moved(this.wanted.q), this.wanted.joint);
+    if (turn === this.turn) this.frame(this.moved(this.wanted), this.wanted.joint, this.wanted.k);
     this.wanted = null;
   }
 
-  moved(q) { return this.source.compute(q); }
+  moved({ q }) { return this.source.compute(q); }
 
   // A value was typed.
   typed(joint, value, text) {

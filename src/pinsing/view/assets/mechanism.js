@@ -65,23 +65,11 @@ class MechanismApp extends App {
     this.known = frame;
   }
 
-  // The output is led: of moves that come at once only the last counts.
-  async lead(k, value) {
-    if (this.path) { this.player.clear(); this.panel.playing(null); }
-    this.say("");
-    const { frame } = this.view, goal = this.wanted?.goal?.slice() ?? this.panel.pose.values(frame), idle = this.wanted === null;
+  // The output is led.
+  lead(k, value) {
+    const { frame } = this.view, goal = this.wanted?.goal?.slice() ?? this.panel.pose.values(frame);
     goal[k] = value;
-    this.wanted = { goal, k, q: this.panel.values(frame) };
-    if (!idle) return;
-    const turn = ++this.turn;
-    await nextTask();
-    if (turn === this.turn) {
-      const { goal: last, k: led, q, joint } = this.wanted;
-      this.panel.led = last ? led : -1;
-      this.frame(last ? this.source.posed(q, last, led) : this.moved(q), joint);
-      this.panel.led = -1;
-    }
-    this.wanted = null;
+    this.want({ goal, k, q: this.panel.values(frame) });
   }
 
   // A pose out of an address: all joints, whose loops are closed, or the inputs alone.
@@ -102,7 +90,9 @@ class MechanismApp extends App {
   }
 
   // The way starts where the mechanism is, in the turn that its sliders show.
-  moved(q) { return this.source.driven(this.panel.values(this.view.frame), this.inputs(q)); }
+  moved({ q, goal, k }) {
+    return goal ? this.source.posed(q, goal, k) : this.source.driven(this.panel.values(this.view.frame), this.inputs(q));
+  }
 
   async reset() {
     if (this.entry !== null) { this.choose(this.entry, this.pose); return; }
@@ -127,7 +117,7 @@ class MechanismApp extends App {
     const count = all.length, step = Math.max(1, Math.ceil(count / 400)), rows = all.filter((_, i) => i % step === 0 || i === count - 1);
     const turn = ++this.turn, { engine } = this.page, begin = this.view.frame.q;
     this.say(`${name}: following the inputs\u2026`);
-    const found = await this.beside("followInputs", begin, rows);
+    const found = await this.source.beside("followInputs", begin, rows);
     if (!found || turn !== this.turn) return;
     const { path, row, beyond, found: last } = found;
     const why = beyond ? Engine.beyondWords(engine, rows[row], beyond)
@@ -138,23 +128,6 @@ class MechanismApp extends App {
     const measure = (f) => Math.min(f.one, f.two, f.constraint), worst = frames.reduce((a, b) => (measure(b) < measure(a) ? b : a));
     this.showWay(frames, measure);
     this.say(`${name}: ${count} samples, smallest measure ${number(measure(worst))}${end}`);
-  }
-
-  async clearest() {
-    const turn = ++this.turn;
-    this.say("looking for the clearest pose\u2026");
-    const found = await this.beside("healthiestPose", [this.view.frame.q]);
-    if (!found || turn !== this.turn) return;
-    const { q, words } = this.source.clearestWords(found);
-    if (q) this.go(q);
-    this.say(words);
-  }
-
-  // Asked of a worker of its own, so that what is looked at around a pose does not end it.
-  beside(name, ...given) {
-    this.long ??= new Aside(this.page.engine);
-    this.long.stop();
-    return this.long.ask(name, ...given);
   }
 
   // Let go, a slider is where the mechanism is.

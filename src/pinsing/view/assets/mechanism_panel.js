@@ -95,9 +95,9 @@ class MechanismPanel extends Panel {
     return low + ((((value - low) % TURN) + TURN) % TURN);
   }
 
-  show(frame, dragged = -1) {
+  show(frame, dragged = -1, led = -1) {
     super.show(frame, dragged);
-    this.pose.show(frame, this.led ?? -1);
+    this.pose.show(frame, led);
   }
 
   verdict(frame) {

@@ -70,12 +70,17 @@ class EngineSource {
              words: `${name}${poses > 1 ? `, pose ${k + 1}` : ""}: the nearest that is listed; between those listed there may be others` };
   }
 
+  // Asked of a worker of its own, so that what is looked at around a pose does not end it.
+  beside(name, ...given) {
+    this.aside ??= new Aside(this.page.engine);
+    this.aside.stop();
+    return this.aside.ask(name, ...given);
+  }
+
   // As good as the pose shown, and as one that was computed before (`page.clearest`).
   async clearest(here) {
     const { engine, clearest: before, coverage } = this.page, degrees = (v) => ((v * 180) / Math.PI).toFixed(1);
-    const aside = this.aside ??= new Aside(engine);
-    aside.stop();
-    const found = await aside.ask("clearestPose", [here, ...(before ? [before.q] : [])]);
+    const found = await this.beside("clearestPose", [here, ...(before ? [before.q] : [])]);
     if (!found) return null; // asked once more meanwhile
     if (found.near) Engine.remember(engine, found.near);
     const every = (coverage ?? "").startsWith("NOT") ? "every family listed (the list is NOT complete)" : "every family";
@@ -134,8 +139,10 @@ class MechanismSource extends EngineSource {
     return found ? { q: found.q, on: false } : this.nearestListed(q);
   }
 
-  // Long, and so asked of a worker: what `healthiestPose` has found, in words.
-  clearestWords({ q, measure }) {
+  async clearest(here) {
+    const found = await this.beside("healthiestPose", [here]);
+    if (!found) return null; // asked once more meanwhile
+    const { q, measure } = found;
     return { q, words: q ? `the clearest pose found: measures of type 1, type 2 and constraint of at least ${number(measure)}` : "no regular pose within the limits was found" };
   }
 }
