@@ -358,27 +358,15 @@ def tree_to_hubs(label: Ints, order: Ints, a: Ints, b: Ints) -> Ints:
     """Return each place's next one on the shortest way to the hub of its component, (N,)."""
     # Components are ``label`` (N,), edges ``a`` and ``b`` (E,). The first place in ``order`` (N,)
     # of a component is its hub; there, and where the label is -1, it is -1.
-    a, b = np.append(a, b), np.append(b, a)
-    rank = np.argsort(a, kind="stable")
-    a, b = a[rank], b[rank]
-    start = np.searchsorted(a, np.arange(len(label) + 1))
-    tree = np.full(len(label), -1, dtype=np.int64)
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import dijkstra
+
     rows = np.lexsort((order, label))
     rows = rows[label[rows] >= 0]
-    front = rows[np.unique(label[rows], return_index=True)[1]]
-    seen = np.zeros(len(label), dtype=bool)
-    seen[front] = True
-    while len(front):
-        count = start[front + 1] - start[front]
-        frm = np.repeat(front, count)
-        within = np.arange(int(count.sum())) - np.repeat(np.cumsum(count) - count, count)
-        to = b[np.repeat(start[front], count) + within]
-        new = ~seen[to]
-        to, one = np.unique(to[new], return_index=True)
-        tree[to] = frm[new][one]
-        seen[to] = True
-        front = to
-    return tree
+    hubs = rows[np.unique(label[rows], return_index=True)[1]]
+    edges = coo_array((np.ones(len(a)), (a, b)), shape=(len(label), len(label)))
+    how = {"directed": False, "unweighted": True, "min_only": True, "return_predecessors": True}
+    return np.asarray(np.maximum(dijkstra(edges.tocsr(), indices=hubs, **how)[1], -1), np.int64)
 
 
 def row_between(tree: Ints, first: int, last: int) -> list[int] | None:
