@@ -69,12 +69,36 @@ class Job:
         return f"{self.file} {self.tip} {self.base or ''}".strip()
 
 
+def all_chains(
+    model: Any, mimics: Collection[str], shortest: int = 2, longest: int = 9
+) -> list[tuple[str, str | None, tuple[str, ...]]]:
+    """Return tip, base and joints of each chain that ends in a leaf or tool frame."""
+    # Each starts at the root and at the last branching; where the root is too far, at all near
+    # ones.
+    from pinsing.robot import chains
+
+    tools = {c.last: c.tip for c in chains.candidates(model, mimics)}
+    children = chains._children(model)
+    leaves = {j for j in range(1, model.njoints) if not children[j]}
+    found = []
+    for end in sorted({*leaves, *tools}):
+        tip = tools.get(end) or chains.choose_tip(model, end)
+        starts = chains._branchings(model, children, end)
+        if len(chains._moving(model, chains.joint_path(model, end))) <= longest:
+            starts = starts[-1:]
+        for start in (0, *starts):
+            joints = chains._moving(model, chains.joint_path(model, end, start))
+            if shortest <= len(joints) <= longest:
+                base = None if start == 0 else chains._link_of(model, start)
+                found.append((tip, base, joints))
+    return found
+
+
 def jobs() -> tuple[list[Job], dict[str, str]]:
     """Return every chain, and why a file has none."""
     from pinsing.description.catalog import data_folder
     from pinsing.description.urdf import read_description
     from pinsing.errors import PinsingError
-    from pinsing.robot.chains import all_chains
     from pinsing.robot.models import build_model
 
     folder = data_folder()
@@ -93,7 +117,7 @@ def jobs() -> tuple[list[Job], dict[str, str]]:
         chains = all_chains(model, mimics)
         if not chains:
             without[file] = f"no chain of 2 to 9 joints ({model.njoints - 1} joints in all)"
-        found += [Job(file, c.tip, c.base) for c in chains]
+        found += [Job(file, tip, base) for tip, base, _ in chains]
     return found, without
 
 

@@ -6,12 +6,12 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 from dh_arms import CRX, dh_arm
+from public import script
 
 import pinsing
 from pinsing.description.catalog import data_folder
 from pinsing.description.urdf import read_description
 from pinsing.errors import PinsingError, ResultError, UnknownNameError
-from pinsing.robot.chains import all_chains
 from pinsing.robot.load import load
 from pinsing.robot.models import build_model
 
@@ -67,8 +67,10 @@ def test_chains_of_example_robot_data() -> None:
     named = {}
     for path in sorted(data_folder().rglob("*.urdf")):
         try:
-            for chain in all_chains(build_model(read_description(path)), []):
-                arm = load(path, tip=chain.tip, base=chain.base)
+            for tip, base, _ in script("oracle.survey").all_chains(
+                build_model(read_description(path)), []
+            ):
+                arm = load(path, tip=tip, base=base)
                 if arm.n in (6, 7) and (found := titles(arm)):
                     named[arm.name, arm.tip] = found
         except PinsingError:

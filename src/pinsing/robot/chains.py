@@ -222,28 +222,6 @@ class Subchain:
         return ("--tip", self.tip, *(() if self.base is None else ("--base", self.base)))
 
 
-def all_chains(
-    model: pin.Model, mimics: Collection[str] = (), shortest: int = SHORTEST, longest: int = LONGEST
-) -> tuple[Subchain, ...]:
-    """Return the chains of ``shortest`` to ``longest`` joints that end in a leaf or tool frame."""
-    # Each starts at the root and at the last branching; where the root is too far, at all near
-    # ones.
-    tools = {c.last: c for c in candidates(model, mimics)}
-    children = _children(model)
-    ends = sorted({j for j in range(1, model.njoints) if not children[j]} | set(tools))
-    found: list[Subchain] = []
-    for end in ends:
-        tool = tools.get(end)
-        tip = choose_tip(model, end) if tool is None else tool.tip
-        beyond = () if tool is None else tool.passed_over
-        for start in _starts(model, children, end, longest):
-            joints = _moving(model, joint_path(model, end, start))
-            if shortest <= len(joints) <= longest:
-                base = None if start == 0 else _link_of(model, start)
-                found.append(Subchain(tip, base, joints, beyond))
-    return tuple(found)
-
-
 def arm_chains(
     model: pin.Model, mimics: Collection[str] = (), longest: int = LONGEST
 ) -> tuple[Subchain, ...]:
@@ -347,13 +325,6 @@ def _children(model: pin.Model) -> list[list[int]]:
 def _branchings(model: pin.Model, children: list[list[int]], end: int) -> list[int]:
     """Joints on the way to ``end`` that carry more than one joint, root side first."""
     return [j for j in joint_path(model, end) if j != end and len(children[j]) > 1]
-
-
-def _starts(model: pin.Model, children: list[list[int]], end: int, longest: int) -> list[int]:
-    branchings = _branchings(model, children, end)
-    if len(_moving(model, joint_path(model, end))) <= longest:
-        branchings = branchings[-1:]
-    return [0, *branchings]
 
 
 def _moving(model: pin.Model, path: Sequence[int]) -> tuple[str, ...]:
