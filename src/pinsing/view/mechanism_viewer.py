@@ -13,7 +13,7 @@ from pinsing._types import Array, ArrayLike
 from pinsing.errors import OptionError
 from pinsing.loops.analysis import MechanismAnalysis, analyze_mechanism
 from pinsing.loops.closure import hinged_balls, random_closed, ranks
-from pinsing.loops.loop_forms import Locus, planar_dyad
+from pinsing.loops.loop_forms import Locus
 from pinsing.loops.modes import assembly_rows, elbow_sines, elbows, home
 from pinsing.loops.motion import led_pose, mechanism_at
 from pinsing.loops.singular_points import SingularPoint
@@ -58,14 +58,12 @@ def mechanism_data(mechanism: Mechanism, sizes: Sizes, normal: Array | None) -> 
     ``home`` (n,), closed; ``assembly``, rows of the closure whose determinant tells assembly modes
     apart, and its sign at home, or None; ``pose``, coordinates that lead the output (see
     `led_pose`); ``balls`` written as three hinges, their centres in the frame of the first;
-    ``legs``, the joints of each; ``elbows``; ``dyad``, where two links in a plane close the loop,
-    or None; ``normal`` (3,) of the plane of a planar mechanism, which is drawn with turning as a
-    ring in it; ``sizes``.
+    ``legs``, the joints of each; ``elbows``; ``normal`` (3,) of the plane of a planar mechanism,
+    which is drawn with turning as a ring in it; ``sizes``.
     """
     m, model = mechanism, mechanism.model
     generic = ranks(m)
     rows, sign = assembly_rows(m)
-    dyad = planar_dyad(m)
     return {
         "schema": SCHEMA,
         "output": m.output,
@@ -105,24 +103,6 @@ def mechanism_data(mechanism: Mechanism, sizes: Sizes, normal: Array | None) -> 
             }
             for e in elbows(m)
         ],
-        "dyad": None
-        if dyad is None
-        else {
-            "sides": [
-                {
-                    "pivot": numbers(side.pivot),
-                    "crank": side.crank,
-                    "crankSign": side.crank_sign,
-                    "crankLength": side.crank_length,
-                    "crankAngle": side.crank_angle,
-                    "pin": side.pin,
-                    "pinSign": side.pin_sign,
-                    "rodLength": side.rod_length,
-                    "rodAngle": side.rod_angle,
-                }
-                for side in dyad.sides
-            ]
-        },
         "normal": None if normal is None else numbers(np.asarray(normal)),
         "sizes": sizes_data(sizes),
     }

@@ -43,7 +43,6 @@ ENGINE = (
     "pose_drive",
     "curve",
     "singular_points",
-    "dyad",
     "working_modes",
     "surroundings",
     "health",

@@ -3,7 +3,7 @@
 // `data` is the "engine" part of a mechanism's page: { chain (its tip is the output), loops:
 // [{ kind, a, b }] of frames { parent, R, t }, task: { rows, lengthScale }, metric (what counts as one
 // radian, per joint), joints, actuated, ranks: { constraint, mobility, output }, judge, home, assembly,
-// balls, elbows, dyad, normal, sizes }. Everything below is without units: lengths over the length scale.
+// balls, elbows, legs, normal, sizes }. Everything below is without units: lengths over the length scale.
 
 import { frameOf, jacobianOf, placements } from "./chain.mjs";
 import { generator } from "./families.mjs";

@@ -1,7 +1,6 @@
 // What surrounds a pose of a mechanism: how far each input can go, and the other modes.
 
 import { trace, STEP } from "./curve.mjs";
-import { dyadAssemblies, workingModes } from "./dyad.mjs";
 import { outside, valueText } from "./limits.mjs";
 import { add, scaled, subtract } from "./linear.mjs";
 import { gapOf, passiveOf, randomClosed, worst, wrap } from "./loops.mjs";
@@ -10,7 +9,8 @@ import { AT_TYPE_2 } from "./pose_drive.mjs";
 import { singularAlong } from "./singular_points.mjs";
 import { workingByLegs } from "./working_modes.mjs";
 
-const FULL = 2 * Math.PI, SAME = 1e-4, HERE = 1e-7, DISTINCT = 1e-7, STARTS = 48;
+const FULL = 2 * Math.PI, SAME = 1e-4, HERE = 1e-7, STARTS = 48;
+const DISTINCT = 1e-5; // at type 2 two modes are one, of which CLOSED leaves 3e-6
 
 // How far input k can go from a closed q before the assembly mode ends, the others held: { lower, upper,
 // whole, points }; at a type 2 singularity both of the modes that meet there count. Null where no curve
@@ -88,16 +88,15 @@ export function aheadOf(data, q, stretches) {
 // Modes [{ name, q, here }]: all ways within the limits to close the loops at these inputs (`assemblies`), and to
 // reach this output (`working`), those of one name numbered; the present one is among them.
 export function modesAt(data, q) {
-  const working = data.dyad ? workingModes(data, q) : workingByLegs(data, q);
-  return { assemblies: named(data, q, assembliesAt(data, q)), working: named(data, q, working, inputsText) };
+  return { assemblies: named(data, q, assembliesAt(data, q)), working: named(data, q, workingByLegs(data, q), inputsText) };
 }
 
 function assembliesAt(data, q) {
   let found = [];
-  if (data.dyad) found = dyadAssemblies(data, q);
-  else for (const other of randomClosed(data, STARTS, 811, passiveOf(data), q)) {
+  for (const other of randomClosed(data, STARTS, 811, passiveOf(data), q)) {
     if (found.every((x) => gapOf(data, x, other) > DISTINCT)) found.push(other);
   }
+  if (found.length > STARTS / 2) return []; // the loops can move with these inputs at rest: no modes to choose
   found = found.filter((x) => !outside(data, x).length);
   const order = found.map((x) => [modeOrder(data, x), x.map((v) => Math.round(v * 1e6))].flat());
   const before = (a, b) => { const k = order[a].findIndex((v, i) => v !== order[b][i]); return k < 0 ? 0 : order[a][k] - order[b][k]; };
