@@ -42,7 +42,7 @@ def stanford() -> Iterator[Viewer]:
 @pytest.fixture(scope="module")
 def static(tmp_path_factory: pytest.TempPathFactory) -> Path:
     file = tmp_path_factory.mktemp("page") / "scara.html"
-    with Viewer(load("scara")) as viewer:
+    with Viewer(replace(load("scara"), name=NAME)) as viewer:
         viewer.save_html(file)
     return file
 
@@ -76,6 +76,8 @@ def test_a_running_robot_is_followed(page: Any) -> None:
             robot.kill()
 
 
+# In the quick tier a mechanism's page is loaded from a server, and an arm's from a file.
+@pytest.mark.slow
 def test_the_page_loads_and_shows_numbers(page: Any, stanford: Viewer) -> None:
     open_page(page, stanford.url)
     assert text(page, "#robot") == NAME
@@ -120,7 +122,8 @@ def test_a_page_whose_program_ends_at_once_says_so(browser: Any, missing: str) -
 
 def test_the_static_page_opens_from_a_file(page: Any, static: Path) -> None:
     open_page(page, static.as_uri())
-    assert text(page, "#robot") == "scara"
+    assert text(page, "#robot") == NAME
+    assert page.evaluate("() => window.hacked") is None
     assert text(page, "#status") == "Singular"
     assert picture(page).std() > 10
     page.locator(".pose").nth(1).click()
@@ -165,6 +168,8 @@ def test_meshes_are_drawn_whole(page: Any) -> None:
         assert (np.abs(picture(page) - with_meshes).sum(axis=-1) > 30).mean() > 0.02
 
 
+# What the server refuses without a browser, test_server.py shows in the quick tier.
+@pytest.mark.slow
 def test_another_site_cannot_reach_the_link(page: Any, stanford: Viewer) -> None:
     class Quiet(http.server.BaseHTTPRequestHandler):
         def do_GET(self) -> None:
