@@ -130,17 +130,14 @@ def _array(content: bytes) -> NDArray[np.generic]:
     version = npy.read_magic(file)
     DamagedError.refuse_if(version not in ((1, 0), (2, 0)), "an array has an unknown format")
     reader = npy.read_array_header_1_0 if version == (1, 0) else npy.read_array_header_2_0
-    shape, fortran, dtype = reader(file)
+    shape, _, dtype = reader(file)
     DamagedError.refuse_if(
         dtype.kind not in _KINDS or dtype.fields is not None,
         f"an array has a content of kind {dtype.kind!r}",
     )
-    begin = file.tell()
+    size = math.prod(shape) * dtype.itemsize
     DamagedError.refuse_if(
-        min(shape, default=0) < 0 or begin + math.prod(shape) * dtype.itemsize != len(content),
+        min(shape, default=0) < 0 or file.tell() + size != len(content) or not dtype.itemsize,
         "an array has another size than it says",
     )
-    flat = np.frombuffer(content, dtype, offset=begin) if dtype.itemsize else np.zeros(0, dtype)
-    DamagedError.refuse_if(len(flat) != math.prod(shape), "an array has another size than it says")
-    array = flat.reshape(shape[::-1]).T if fortran else flat.reshape(shape)
-    return cast("NDArray[np.generic]", array.copy())
+    return cast("NDArray[np.generic]", npy.read_array(io.BytesIO(content), allow_pickle=False))
