@@ -209,11 +209,6 @@ class _Chain:
         turned = self.cross(p, w)
         return [a + b if sign > 0 else a - b for a, b in zip(v, turned, strict=True)]
 
-    def summed(self, joints: Sequence[int], middle: int) -> list[Poly]:
-        """Screw of a joint and its followers, moving together, in the frame of joint ``middle``."""
-        parts = [(self.drives[j], self.screw(j, middle), self._scale(j, middle)) for j in joints]
-        return self.added(parts)
-
     def added(self, parts: Sequence[tuple[Drive, list[Poly], Poly]]) -> list[Poly]:
         """Column of a joint and its followers, each over a scale of its own, up to a factor."""
         if len(parts) == 1:
@@ -227,7 +222,7 @@ class _Chain:
             total = [self.ring.reduce(t + self.of(x, factor)) for t, x in both]
         return total
 
-    def _scale(self, j: int, middle: int) -> Poly:
+    def scale(self, j: int, middle: int) -> Poly:
         """What ``screw`` is over: x^2 + y^2 of each joint that turns on the way."""
         scale = self.ring.one
         for k in range(j + 1, middle) if j < middle else range(middle, j):
@@ -347,5 +342,9 @@ def neighbouring_screws(
     rows = [driven_by(chain.drives, a) for a in joints]
     every = sorted(j for some in rows for j in some)
     middle = every[len(every) // 2]
-    columns = [primitive(chain.summed(some, middle), ring) for some in rows]
+    screws = [
+        [(chain.drives[j], chain.screw(j, middle), chain.scale(j, middle)) for j in some]
+        for some in rows
+    ]
+    columns = [primitive(chain.added(some), ring) for some in screws]
     return [list(row) for row in zip(*columns, strict=True)]

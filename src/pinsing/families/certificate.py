@@ -329,10 +329,13 @@ def _pivot(draft: Draft, family: Place, plain: set[Lines], tried: set[Lines]) ->
             continue
         if (form := minor(*lines)) != 0:
             found.append((len(draft.ring.stripped(form)[0]), lines))
-    # Pivots that are tried, the shortest first.
+    # Pivots that are tried, the shortest first, but for those that division shows to be zero there.
     for _, lines in sorted(found)[:12]:
         tried.add(lines)
-        if _is_apart(draft, family, minor(*lines)):
+        form = minor(*lines)
+        ways = divisions(draft.ring, form, family.relations)
+        zero = any(_is_apart(draft, family, tops) for tops, _, _ in ways)
+        if not zero and _is_apart(draft, family, form):
             return lines
     return None
 
@@ -725,7 +728,6 @@ def certificate(
                     }
                 )
         root = Tree(draft, progress).place([])
-        assert root is not None  # without forms it is everywhere
     except Rejected as reason:
         raise NotFound(str(reason)) from None
     order = _ordered(root)
@@ -776,18 +778,17 @@ def _written(place: Place, draft: Draft, number: Mapping[int, int]) -> dict[str,
     return entry
 
 
-def _ordered(root: Place) -> list[Place]:
+def _ordered(root: Place | None) -> list[Place]:
     """Places so that each stands before those that it leads to."""
     seen: set[int] = set()
     order: list[Place] = []
 
-    def visit(place: Place) -> None:
-        if id(place) in seen or place.family is not None:
+    def visit(place: Place | None) -> None:
+        if place is None or id(place) in seen or place.family is not None:
             return
         seen.add(id(place))
         for then in [*(then for _, _, then in place.cases), place.then]:
-            if then is not None:
-                visit(then)
+            visit(then)
         order.append(place)
 
     visit(root)
