@@ -10,7 +10,7 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
 LIMITS: dict[str, tuple[int, int]] = {
-    "Python in src: statements": (40_767, 30_000),
+    "Python in src: statements": (40_766, 30_000),
     "Python in src: lines": (75_948, 56_000),
     "C++, JavaScript, templates, styles: lines": (13_159, 9_500),
     "modules": (206, 220),
