@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from command_line import and_peak, run
 from hypothesis import given, strategies as st
-from tiers import sampled, tiered
+from tiers import tiered
 
 from pinsing import singular_values
 from pinsing._batch import engine as kernel
@@ -39,10 +39,11 @@ N = 5 * BLOCK + 77
 # ---- where the configurations are
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore:The balance properties")
-@pytest.mark.parametrize("dimension", sampled([1, 2, 3, 7, 21, map_plan.MAX_DIMENSION]))
+@pytest.mark.parametrize("dimension", [1, 2, 3, 7, 21, map_plan.MAX_DIMENSION])
 def test_sobol_points_are_those_of_scipy(dimension: int) -> None:
-    from scipy.stats import qmc  # 1 s, which not every worker need spend
+    from scipy.stats import qmc
 
     expected = qmc.Sobol(dimension, scramble=False, bits=map_plan.BITS).random(5000)
     words = map_plan.sobol(0, 5000, dimension)
