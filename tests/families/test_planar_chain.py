@@ -4,7 +4,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from arms import planar
-from tiers import tiered
+from tiers import sampled, tiered
 
 import pinsing
 from pinsing.kinematics.jacobian import singular_values
@@ -101,7 +101,8 @@ def test_links_that_are_bent_axes_upside_down_and_planes_that_lean(task, tilted,
 
 @pytest.mark.parametrize("task", ["position", "pose"])
 @pytest.mark.parametrize(
-    "kinds", ["RPRRRR", "PRRRRR", "RRRPRR", "RRRRRP", "RPPRRRR", "QRRPRRR", "PPRRRRR", "RRPRQRR"]
+    "kinds",
+    sampled(["RPRRRR", "PRRRRR", "RRRPRR", "RRRRRP", "RPPRRRR", "QRRPRRR", "PPRRRRR", "RRPRQRR"]),
 )
 def test_slides(kinds, task, rng):
     arm = chain(kinds, task)
@@ -119,7 +120,7 @@ def test_two_ways_to_slide_between_two_axes_are_never_lost(kinds, rng):
 
 @pytest.mark.parametrize("task", ["vx", "vy@tip", "vx,wz", "vy@tip,wz", "vy,wx,wz"])
 @pytest.mark.parametrize(
-    "kinds", tiered(["RRRRRRR", "RPRrRRR", "QRRPRRR", "RRRRrRP"], ("RPRrRRR", "RRRRrRP"))
+    "kinds", tiered(["RRRRRRR", "RPRrRRR", "QRRPRRR", "RRRRrRP"], ("RPRrRRR",))
 )
 @pytest.mark.parametrize("tilted", tiered([False, True], {True}))
 def test_one_direction_of_the_plane(kinds, task, tilted, rng):

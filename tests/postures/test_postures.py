@@ -221,7 +221,7 @@ class TestInverse:
         "name",
         tiered(
             ["ur5", "puma560", "stanford", "kinova", "scara", "planar3r"],
-            ("ur5", "stanford", "planar3r"),
+            ("ur5", "planar3r"),
         ),
     )
     def test_the_pose_is_reached_and_the_source_is_among_them(self, name):
@@ -276,7 +276,7 @@ class TestCuspidality:
     @pytest.mark.parametrize("rows", [CRX, _slow(GOFA)])
     def test_offset_wrists_are_cuspidal(self, rows):
         arm = dh_arm(rows)
-        found = pinsing.cuspidality(arm, poses=6)
+        found = pinsing.cuspidality(arm, poses=3)
         assert found.answer == "cuspidal"
         assert found.proven
         assert not any("certificate" in n or "practically singular" in n for n in found.notes)

@@ -138,7 +138,7 @@ def test_the_checker_stands_alone(tmp_path):
 MUTATED = ["ur5", "stanford", "scara", "planar3r position"]
 
 
-@pytest.mark.parametrize("name", tiered([*MUTATED, "surgical7", "iiwa14", "panda"], MUTATED))
+@pytest.mark.parametrize("name", tiered([*MUTATED, "surgical7", "iiwa14", "panda"], MUTATED[1:]))
 def test_nothing_may_change(name):
     for what, data in mutants(name, name in MUTATED):
         assert verdict(data) or "mirrored" in what, what

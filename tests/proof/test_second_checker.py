@@ -19,7 +19,7 @@ def test_both_accept(name):
     assert second_verdict(text_of(certificate(name))) == ""
 
 
-@pytest.mark.parametrize("name", tiered([*SMALL, "planar3r tip", "ur5", "stanford"], SMALL))
+@pytest.mark.parametrize("name", tiered([*SMALL, "planar3r tip", "ur5", "stanford"], SMALL[:1]))
 def test_both_reject(name):
     count = 0
     for what, data in mutants(name):
