@@ -3,7 +3,7 @@
 constexpr double kMore = 1.0 + 1e-9;  // for the rounding of the few operations that a bound is made of
 constexpr double kLeast = 1e-300;
 // Lines aim at this many times what a value has to fall: from a box one that just does proves nothing.
-constexpr double kAims[] = {2.5, 6.0};
+constexpr double kAims[] = {1.2, 4.0};
 constexpr double kFar = 1e9;  // no distance
 constexpr double kPi = 3.14159265358979;  // not more than it
 
@@ -128,16 +128,15 @@ struct SumOnBox {
         for (int j = 0; j < 4; j++) bent = bent - vabs(gradient[j]) * h[j];
     }
 
-    void add(const SumOnBox& other) {
-        for (int i = 0; i < kTubeColumns; i++) columns[i] += other.columns[i];
-        noise += other.noise;
-        finish();
+    void add(const SumOnBox& other, double times) {
+        for (int i = 0; i < kTubeColumns; i++) columns[i] += other.columns[i] * times;
+        noise += other.noise * times;
     }
 
     // Where it is zero each joint is near the value that the others leave to it: whether that is less.
     auto zeros(int j, One& low, One& high) const {
         const One slope = gradient[j], size = vmax(vabs(slope), kLeast);
-        const One other = (swing - vabs(slope) * h[j]) * kMore + noise;
+        const One other = (swing - vabs(slope) * h[j]) * kMore;
         const One to = select(slope > 0.0, -1.0 * value, value);
         low = vmax((to - other) / size, -1.0 * h[j]);
         high = vmin((to + other) / size, h[j]);
@@ -165,9 +164,10 @@ struct SumOnBox {
         return vmax(vabs(value) - off, 0.0);
     }
 
-    // Along a unit direction or its opposite, of values of a sign: from the middle, or from all points,
-    // or those where another sum D is zero, whose gradient's multiple tells of the slope there.
-    Fall along(const One* e, One sign, bool all_points, const SumOnBox* D) const {
+    // Of values of a sign, from the middle, or from all points. Along a unit direction where its third
+    // derivative counts most; else that or its opposite, whichever the value falls along at first: where
+    // another sum D is zero, its gradient's multiple tells of the slope.
+    Fall along(const One* e, One sign, bool all_points, bool cubic, const SumOnBox* D) const {
         const One zero = spread(0.0);
         Fall f;
         One bends[4], curve = zero, jerk = zero, snap = zero, off[5] = {zero, zero, zero, zero, zero};
@@ -213,8 +213,8 @@ struct SumOnBox {
         }
         const double per = all_points ? kMore : 0.0, n = s->reach;
         const One all = off[1] * (per / 24.0) + n * noise;
-        One least = vabs(f.slope) - all;
-        if (D) {
+        One steep = f.slope, least = vabs(steep) - all;
+        if (D && !cubic) {
             One c = zero, size = spread(kLeast), gained = zero;
             for (int j = 0; j < 4; j++) {
                 c += bends[j] * D->gradient[j] * h[j] * h[j];
@@ -226,40 +226,76 @@ struct SumOnBox {
                 gained += less;
                 bends[j] = less;
             }
-            const One there = vabs(f.slope - c * D->value) - all * kMore + gained - vabs(c) * D->bent * kMore;
+            const One other = steep - c * D->value;
+            const One there = vabs(other) - all * kMore + gained - vabs(c) * D->bent * kMore;
             const auto better = there > least;
             least = select(better, there, least);
+            steep = select(better, other, steep);
             for (int j = 0; j < 4; j++) f.turns[j] -= select(better, bends[j], zero);
         }
-        f.slope = vmax(least, 0.0);
         f.curve = sign * curve + off[2] * (per / 6.0) + n * n * noise;
-        f.jerk = vabs(jerk) + off[3] * (per / 2.0) + n * n * n * noise;
         f.snap = sign * snap + off[4] * per + n * n * n * n * noise;
         f.last = f.last * kMore;
+        const One off_third = off[3] * (per / 2.0) + n * n * n * noise;
+        if (cubic) {
+            f.slope = -1.0 * sign * f.slope - all;
+            f.jerk = sign * jerk + off_third;
+            const One root = vsqrt(vmax(f.snap * f.snap - 3.0 * f.jerk * f.last, 0.0));
+            f.top = vmin(2.0 * vmax(root - f.snap, 0.0) / vmax(f.last, kLeast), spread(1.0));
+            return f;
+        }
+        // It goes where the slope is down, if that is known.
+        const One down = select(steep > 0.0, -1.0 * jerk, jerk);
+        f.slope = vmax(least, 0.0);
+        f.jerk = select(least > 0.0, down, vabs(jerk)) + off_third;
         // Where it falls no further, about: a step of any length is true.
         f.top = zero;
-        for (int i = 0; i < 3; i++) {
+        for (int i = 0; i < 4; i++) {
+            const One before = f.top;
             const One third = vmax(f.jerk + f.top * (f.snap + 0.25 * f.top * f.last) * (1.0 / 3.0), 1e-6);
             const One root = vsqrt(f.curve * f.curve + 2.0 * third * f.slope);
             f.top = select(f.curve > 0.0, 2.0 * f.slope / vmax(f.curve + root, kLeast), (root - f.curve) / third);
-            f.top = vmin(f.top, spread(1.0));
+            f.top = vmin(f.top, i < 3 ? spread(1.0) : before);
         }
         return f;
     }
 
     // How far a zero is along a direction at most from the middle; far where none is proven.
-    One within(const One* e) const {
-        const Fall f = along(e, select(value > 0.0, spread(1.0), spread(-1.0)), false, nullptr);
-        const One left = vabs(value) + noise;
-        One step = spread(0.0);
-        for (int i = 0; i < 4; i++) {
-            const One fallen = step * (f.slope - 0.5 * step * f.curve);
-            const One lost = left + vmax(fallen - f.by(step), 0.0);
-            const One root = vsqrt(vmax(f.slope * f.slope - 2.0 * f.curve * lost, 0.0));
-            step = 2.0 * lost / vmax(f.slope + root, kLeast);
+    One within(const One* e, bool cubic) const {
+        const Fall f = along(e, select(value > 0.0, spread(1.0), spread(-1.0)), false, cubic, nullptr);
+        const One left = (vabs(value) + noise) * kMore;
+        One low = spread(0.0), high = select(f.by(f.top) > left, f.top, spread(kFar));
+        for (double step = 1.0; step > 1e-7; step *= 0.5) 
+            high = select(f.by(spread(step)) > left, vmin(spread(step), high), high);
+        for (int i = 0; i < 8; i++) {
+            const One middle = low + 0.5 * (vmin(high, spread(1.0)) - low);
+            const auto enough = f.by(middle) > left;
+            high = select(enough, middle, high);
+            low = select(enough, low, middle);
         }
-        step = step * 1.001;
-        return select(f.by(step) > left * kMore, step, spread(kFar));
+        return high * kMore;
+    }
+
+    // The unit direction in which the third derivative is largest, about: by powers of it.
+    void twisted(One* e) const {
+        One size[4], most = spread(0.0);
+        for (int j = 0; j < 4; j++) {
+            size[j] = spread(0.0);
+            for (int k = 0; k < 4; k++)
+                for (int l = 0; l < 4; l++) size[j] += vabs(third[kPlaces.third[j][k][l]]);
+            most += size[j];
+            e[j] = spread(0.5);
+        }
+        for (int i = 0; i < 8; i++) {
+            One next[4], square = spread(kLeast);
+            for (int j = 0; j < 4; j++) {
+                next[j] = e[j] * most * 0.05;
+                for (int k = 0; k < 4; k++)
+                    for (int l = 0; l < 4; l++) next[j] += third[kPlaces.third[j][k][l]] * e[k] * e[l];
+                square += next[j] * next[j];
+            }
+            for (int j = 0; j < 4; j++) e[j] = next[j] / vsqrt(square);
+        }
     }
 };
 
@@ -294,8 +330,10 @@ PINSING_INLINE void shortest(const SumOnBox& f, const One v[4][4], const One* w,
     for (int i = 0; i < 4; i++) {
         g[i] = spread(0.0);
         for (int j = 0; j < 4; j++) g[i] += v[j][i] * f.gradient[j];
+        // On a ridge either side is a way down: some of the slope that a fall along it has in the end.
+        const One some = 0.01 * vsqrt(drop * vabs(w[i])) + 1e-12;
         g[i] = sign * g[i];
-        g[i] = select(g[i] < 0.0, vmin(g[i], spread(-1e-3)), vmax(g[i], 1e-3));
+        g[i] = select(g[i] < 0.0, vmin(g[i], -1.0 * some), vmax(g[i], some));
         bend[i] = sign * w[i];
         least = vmin(least, bend[i]);
     }
@@ -339,7 +377,7 @@ struct Condition {
     One least, noise, within;  // its least size; how far its zeros are at most from points of the box
     One off;                   // of a joint value: how far it is at least
     One signs;                 // of values where the determinant is zero; 0 where both may be
-    Fall fall[4];              // of values > 0 and < 0, and by the second aim
+    Fall fall[6];  // of values > 0 and < 0; by the second aim; where the third derivative is largest
     One parts[4], sway[4], most;  // most: its largest size
 
     void set(const TubeSum& sum, const SumOnBox* D, const One* x, const One* h, One drop, One sign) {
@@ -363,14 +401,24 @@ struct Condition {
         for (int j = 0; j < 4; j++)
             if (sum.uses[j]) within += h[j] * h[j];
         One reached = spread(kFar);
-        for (int k = 0; k < 4; k++) {
+        One twist[4];
+        // Where one family is all, its singular points may have no second derivatives either.
+        const bool alone = D && any(drop < kFar);
+        if (alone) f.twisted(twist);
+        for (int k = 0; k < (alone ? 6 : 4); k++) {
             const One way = spread(k % 2 ? -1.0 : 1.0);
             const auto other = way * signs < 0.0;
             if (!any(~other)) continue;
-            const One over = select(drop < kFar, f.swing, spread(1e-3));
-            shortest(f, v, w, way, kAims[k / 2] * vmin(drop, vabs(f.value) + over), e);
-            fall[k] = f.along(e, way, true, D);
-            reached = select(other, reached, vmin(reached, f.within(e)));
+            if (k < 4) {
+                const One over = select(drop < kFar, f.swing, spread(1e-3));
+                shortest(f, v, w, way, kAims[k / 2] * vmin(drop, vabs(f.value) + over), e);
+            } else {
+                for (int j = 0; j < 4; j++) e[j] = -1.0 * way * twist[j];
+            }
+            fall[k] = f.along(e, way, true, k > 3, D);
+            if (!alone && k > 1) fall[k + 2] = fall[k];
+            const auto not_its = k < 4 ? other : other | (way * f.value < 0.0);
+            reached = select(not_its, reached, vmin(reached, f.within(e, k > 3)));
             if (k > 1) continue;
             One slope = zero;
             for (int j = 0; j < 4; j++) slope += f.gradient[j] * e[j];
@@ -388,7 +436,9 @@ struct Condition {
             const One u = 0.5 * vmin(vmax(t, off), spread(kPi)), z = u * u;
             far = u * (1.0 - z * (1.0 / 6.0) * (1.0 - z * (1.0 / 20.0) * (1.0 - z * (1.0 / 42.0))));
         } else {
-            const auto falls = [&](int k) { return vmax(fall[k].at(t), fall[k + 2].at(t)); };
+            const auto falls = [&](int k) {
+                return vmax(fall[k].at(t), vmax(fall[k + 2].at(t), fall[k + 4].at(t)));
+            };
             far = select(signs < 0.0, falls(1), falls(0));
             if (any(~((signs < 0.0) | (signs > 0.0))))
                 far = select(vabs(signs) > 0.0, far, vmin(falls(0), falls(1)));
@@ -410,7 +460,11 @@ inline void tube_box(const Tube& p, One* x, One* h, One* far, One& split) {
     const int F = p.families;
     const SumOnBox rest(p.sums[1], x, h, false);
     SumOnBox D(p.sums[0], x, h, true);
-    D.add(rest);
+    const One most = (vabs(rest.value) + rest.swing) * kMore;
+    // Of all robots between the design and this one: P + E/2 within |E|/2.
+    D.add(rest, 0.5);
+    D.noise += 0.5 * most;
+    D.finish();
     const auto clear = D.least() > 0.0;
     split = zero;
     for (int k = 0; k <= F; k++) far[k] = zero;
@@ -424,7 +478,6 @@ inline void tube_box(const Tube& p, One* x, One* h, One* far, One& split) {
         h[j] = select(less, kMore * vmax(high, -1.0 * low) + 1e-13, h[j]);
     }
     const SumOnBox whole(p.sums[2], x, h, false);
-    const One most = (vabs(rest.value) + rest.swing) * kMore;
     const One room = vmax(vabs(whole.value) - whole.swing, 0.0);
     One drop = spread(kFar), sign = zero, score[4];
     if (p.factors == 1 && p.sums[3].power == 1) {

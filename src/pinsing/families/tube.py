@@ -7,10 +7,10 @@ not below at a point farther than t from family k: ``sin(t/2)`` for a joint valu
 ``G t - M t^2/2`` for an equation of slope G at least and curvature M at most, with terms up to
 ``t^5``, along the line on which a value of its sign is zero first. Where
 ``|h| prod max(phi_k(t), min |f_k|) > |E|`` all over the box, no singular configuration in it is
-farther than t from all families. Boxes in which D may be zero are halved until that is near the
-largest distance that a search finds. Outside of the tube neither is zero, so that D has the sign of
-P all over a connected part, or nowhere there; it has it at 20,000 configurations. Then a path from
-one side of a family to the other meets a singular configuration of the robot.
+farther than t from all families. Boxes in which P + s E may be zero for an s from 0 to 1 are halved
+until that is near the largest distance that a search finds. Outside of the tube none of these is
+zero: D has the sign of P there, and a path from one side of a family to the other meets a singular
+configuration of the robot.
 
 The Jacobian of an arm of seven joints has full rank where one of its minors is not zero. Each is a
 trigonometric polynomial of the five inner joints; boxes are halved, and cut down to where all may
@@ -133,10 +133,10 @@ class Tube:
         told = self.alone <= math.radians(20)
         walls = [f.family for f in self.families if f.persists and told]
         which = "Each wall persists" if len(walls) == many else f"{', '.join(walls)} persist"
-        persist = (
-            f" {which}: any path across one of them by more than that, away from the others, meets "
-            "a singular configuration."
-        )
+        one = "one of them by more than that, away from the others,"
+        if many == 1:
+            which, one = "The wall persists", "it by more than that"
+        persist = f" {which}: any path across {one} meets a singular configuration."
         every = f"{count} of the design. Every singular configuration of {self.whose} lies "
         beyond = f" Nothing is proven beyond the limits: on full circles {self.reason}."
         return f"{every}{self.where}.{beyond * self.within_limits}{persist * bool(walls)}"
@@ -189,24 +189,33 @@ def find_tube(robot: Arm, design: Arm, families: Sequence[Family]) -> Tube:
             again = why()
             reason += f"; within the joint limits {again}" * bool(again)
         if isinstance(of, Determinant):
-            powers = [[f.power % 2 for f in of.factors if f.family == k] for k in range(F)]
+            even = {f.family for f in of.factors if f.power % 2 == 0}
             both = _two_sides(of, width, near)
-            persists = [all(odd) and two for odd, two in zip(powers, both, strict=True)]
+            persists = [two and k not in even for k, two in enumerate(both)]
     except Unproven as unproven:
         reason = str(unproven)
     proven = bool(np.isfinite(width).all())
     if not proven:
         width, persists, near = np.full(F + 1, np.inf), [False] * F, NEAR
-    rows = zip(families, width[:F].tolist(), found[:F].tolist(), persists, strict=True)
-    parts = tuple(TubeWidth(f.name, w, low, p) for f, w, low, p in rows)
-    whole = float(width[-1]), float(found[-1])
-    return Tube(*whole, proven, parts, near, reason, assumed, count, proven and limited)
+    names = (f.name for f in families)
+    rows = zip(names, width[:F].tolist(), found[:F].tolist(), persists, strict=True)
+    return Tube(
+        float(width[-1]),
+        float(found[-1]),
+        proven,
+        tuple(TubeWidth(*row) for row in rows),
+        near,
+        reason,
+        assumed,
+        count,
+        proven and limited,
+    )
 
 
 def _limits(robot: Arm, of: Equations) -> Array:
     """Limits (d, 2) of the joints that matter; of those that turn all around, a circle."""
-    inner = list(of.joints)
-    ranges = np.stack([robot.lower[inner] - ROUNDING, robot.upper[inner] + ROUNDING], axis=1)
+    both = np.stack([robot.lower - ROUNDING, robot.upper + ROUNDING], axis=1)
+    ranges = both[list(of.joints)]
     return np.where(np.diff(ranges) < 2 * np.pi, ranges, _CIRCLE)
 
 
@@ -472,7 +481,8 @@ def halve(p: Equations, boxes: Array, near: float = NEAR) -> Array:
     A row is a middle and half widths of five joints, ``far`` (F + 1,), and the joint to halve. No
     singular configuration in the box that is farther than ``near`` from all families but its
     nearest is farther than ``far`` from that one; last, none at all is farther from the nearest.
-    Half boxes are cut down to where the determinant may be zero.
+    Half boxes are cut down to where the determinant may be zero, of the robot or of one between it
+    and the design.
     """
     out = np.empty((2 * len(boxes), boxes.shape[1]))
     sums = [Factor(-1, s, False, i) for i, s in enumerate(p.sums)]
@@ -503,15 +513,14 @@ def halve(p: Equations, boxes: Array, near: float = NEAR) -> Array:
 
 
 def _two_sides(p: Determinant, width: Array, near: float) -> list[bool]:
-    """Return which families have both sides outside of the tubes, where D has the sign of P."""
+    """Return which families have both sides outside of the tubes: configurations at random tell."""
     low, high = p.ranges.T
     x = np.random.default_rng(3).uniform(low, high, (20_000, len(low)))
-    away, found, plain = _away(p, x), [], p.plain.at(x).value
-    alike = plain * (plain + p.rest.at(x).value) > 0
+    away, found = _away(p, x), []
     for k in range(away.shape[1]):
         out = (away[:, k] > width[k]) & (np.delete(away, k, axis=1) > near).all(axis=1)
         side = _product([replace(f, power=1) for f in p.factors if f.family == k], x[out])[0] > 0
-        found.append(bool(alike[out].all() and side.any() and not side.all()))
+        found.append(bool(side.any() and not side.all()))
     return found
 
 
@@ -520,9 +529,15 @@ def _away(p: Equations, x: Array) -> Array:
     return _of_families(p, x, lambda s, at: to_zeros([s], [at], x))
 
 
-def _estimates(p: Equations, x: Array) -> Array:
-    """How far (N, F) configurations (N, d) are from families, as the slopes there say."""
-    return _of_families(p, x, lambda s, at: np.abs(at.value) / s.dual(at.gradient))
+def _on_zeros(s: TrigSum, x: Array) -> Array:
+    """How far (N,) points (N, d) are from zeros of a sum, about: by steps onto its tangents."""
+    y = x
+    for _ in range(20):
+        at = s.at(y)
+        g = at.gradient
+        past = ((y - x) * g).sum(axis=1) - at.value
+        y = x + g * (past / np.maximum((g**2).sum(axis=1), TINY))[:, None]
+    return np.where(np.abs(s.at(y).value) < ROUNDING, np.linalg.norm(y - x, axis=1), np.pi)
 
 
 def _sure(s: TrigSum, x: Array) -> Array:
@@ -562,7 +577,7 @@ def _of_families(p: Equations, x: Array, far: Callable[[TrigSum, At], Array]) ->
     return away
 
 
-MOST = 4_000_000
+MOST = 16_000_000
 """Boxes after which the width is what has been proven till then."""
 SLACK = 1.5
 """A width this much larger than the largest distance found is good enough; in the end twice it."""
@@ -608,63 +623,61 @@ def find_widths(
     an equation. Else, where widths of families alone would be larger than ``near``, it is more.
     """
     last, rng = len(families), np.random.default_rng(2)
-    found, done, tried = np.zeros(last + 1), np.zeros(last + 1), np.zeros(last + 1)
+    found, done = np.zeros(last + 1), np.zeros(last + 1)
     (low, high), minors, near = p.ranges.T, isinstance(p, JacobianMinors), NEAR
     free, few = np.full(families[0].n, np.inf), SearchOptions(gap=1e-3, boxes=100)
 
-    def farthest(away: Array, many: int) -> Ints:
+    def farthest(far: Array, column: Ints, many: int) -> Ints:
         """The farthest from the nearest family: of those near each one alone, and near several."""
-        far, column = columns(away)
         order = np.argsort(-far, kind="stable")
         return np.concatenate([order[column[order] == k][:many] for k in range(last + 1)])
 
-    def columns(away: Array) -> tuple[Array, Ints]:
-        order = np.sort(np.append(away, np.full((len(away), 1), np.inf), axis=1), axis=1)
-        return order[:, 0], np.where(order[:, 1] > near, away.argmin(axis=1), last)
+    def columns(away: Array, apart: float) -> Ints:
+        """Of which family alone (N,) those are that are so far (N, F) from each; or the last."""
+        second = np.sort(np.append(away, np.full((len(away), 1), np.inf), axis=1), axis=1)[:, 1]
+        return np.where(second > apart, away.argmin(axis=1), last)
 
     def look(starts: Array, best: Array) -> Array:
         """Search from starts, and up from the points that are farthest from the families."""
-        size = 10 ** rng.uniform(-3, -0.5, (len(best), 1))
-        beside = best + size * rng.normal(size=best.shape)
+        beside = best + 10 ** rng.uniform(-3, -0.5, (len(best), 1)) * rng.normal(size=best.shape)
         x = low + np.mod(p.search(np.concatenate([starts, best, beside])) - low, 2 * np.pi)
         x = x[(x <= high).all(axis=1)]
-        # Where slopes are large across a family its zeros may be far along it all the same.
-        x = np.concatenate([x[:40], x[farthest(_estimates(p, x), 20 if minors else len(x))]])
-        Q = np.zeros((len(x), families[0].n))
-        Q[:, list(p.joints)] = x
-        each = [nearest_points(f.conditions(), Q, -free, free, few) for f in families]
-        away = np.stack([f.lower for f in each], axis=1)
-        most = np.nan_to_num(np.stack([f.upper for f in each], axis=1), posinf=0.0)
-        # Where bounds are far apart what seems to be farther than all before is proven to be far.
-        far, column = columns(most)
-        top = np.array([i for i in farthest(most, 2) if far[i] > 1.01 * tried[column[i]]], int)
-        np.maximum.at(tried, column[top], far[top])
-        far, column = columns(
-            np.concatenate([away, _of_families(p, x[top], lambda s, at: _sure(s, x[top]))])
-        )
-        np.maximum.at(found, column, far)
+        # How far at most, as of all in a box, which is not halved: slopes may be large across a
+        # family whose zeros are far along it all the same.
+        boxes = np.full((len(x), 12 + last), _NONE)
+        boxes[:, :10], boxes[:, : len(low)], boxes[:, 5 : 5 + len(low)] = 0.0, x, ROUNDING
+        most = halve(p, boxes, near)[::2, 10 + last]
+        about = _of_families(p, x, lambda s, at: _on_zeros(s, x))
+        far, column = np.minimum(most, about.min(axis=1)), columns(about, 1.002 * near)
+        # What may be farther than all before is proven to be far.
+        top = [i for i in farthest(far, column, 3) if far[i] > 1.01 * found[column[i]]]
+        Q = np.zeros((len(top), families[0].n))
+        Q[:, list(p.joints)] = x[top]
+        each = [nearest_points(f.conditions(), Q, -free, free, few).lower for f in families]
+        sure = _of_families(p, x[top], lambda s, at: _sure(s, x[top]))
+        away = np.maximum(sure, np.stack(each, axis=1))
+        np.maximum.at(found, columns(away, near), away.min(axis=1))
         found[last] = found.max()
-        return np.asarray(x[farthest(away, 20)])
+        return np.asarray(x[farthest(far, column, 20)])
 
     while True:
         best = look(rng.uniform(low, high, (2000, len(low))), np.empty((0, len(low))))
         for _ in range(12):
             best = look(best[:0], np.tile(best, (4, 1)))
-        wide = last > 1 and 2 * found[:last].max() > near
+        wide = last > 1 and (2 if minors else 4) * found[:last].max() > near
         if wide and minors and narrow:
             return np.full(last + 1, np.inf), found, near, 0
         if not wide or minors or near > 2 * NEAR:
             break
-        near, found[:last], tried[:last] = 1.5 * near, 0.0, 0.0
-    first = _first(p, last, 2 * found[:last].max())
-    boxes, level, most = halve(p, first, near), 64.0, 3 * MOST if minors else MOST
+        near, found[:last] = 1.5 * near, 0.0
+    boxes, level = halve(p, _first(p, last, 2 * found[:last].max()), near), 64.0
     count = len(boxes)
 
     def left(boxes: Array) -> tuple[Array, Array]:
         """Return boxes that are not good enough, and how many times what is they are."""
         nonlocal done
-        slack, each = (SLACK, not minors) if 5 * count < most else (2.0, False)
-        alone = found[:last] if 4 * count < 3 * most else found
+        slack, each = (SLACK, not minors) if 20 * count < MOST else (2.0, False)
+        alone = found[:last] if 4 * count < 3 * MOST else found
         # Some calibrations leave a family where it is.
         least = alone.max() * (0.03 if each else 1.0)
         goal = slack * np.append(np.maximum(alone, least)[:last], found[last])
@@ -679,7 +692,7 @@ def find_widths(
             np.array_split(boxes, 1 + len(boxes) // 50_000),
             count * 1.5 + 50_000,
         )
-        while todo and count <= min(most, enough):
+        while todo and count <= min(MOST, enough):
             now = [todo.pop()]
             while todo and sum(map(len, now)) < 50_000:
                 now.append(todo.pop())
@@ -690,11 +703,11 @@ def find_widths(
             todo += np.array_split(fresh, 2) if len(fresh) else []
         boxes, worth = left(np.concatenate([*kept, *todo]))
         level = level if todo else max(1.0, level / 1.5)
-        if not len(boxes) or count > most:
+        if not len(boxes) or count > MOST:
             width = np.maximum(done, boxes[:, 10:-1].max(axis=0, initial=0.0))
-            width = np.where(width < _NONE, width, np.inf)
+            width[width >= _NONE] = np.inf
             return width, found, max(near, float(width[:last].max())), count
         # The worst boxes are as good as may be at this level: what is in them may be far.
         worst = boxes[np.argsort(-worth, kind="stable")[:400]]
-        d = len(low)
-        best = look(worst[:, :d] + rng.uniform(-1, 1, (len(worst), d)) * worst[:, 5 : 5 + d], best)
+        off = rng.uniform(-1, 1, (len(worst), 5)) * worst[:, 5:10]
+        best = look((worst[:, :5] + off)[:, : len(low)], best)
