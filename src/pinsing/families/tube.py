@@ -676,7 +676,8 @@ def find_widths(
     def left(boxes: Array) -> tuple[Array, Array]:
         """Return boxes that are not good enough, and how many times what is they are."""
         nonlocal done
-        slack, each = (SLACK, not minors) if 20 * count < MOST else (2.0, False)
+        early = count < (0.15 if minors else 0.05) * MOST
+        slack, each = (SLACK, not minors) if early else (2.0, False)
         alone = found[:last] if 4 * count < 3 * MOST else found
         # Some calibrations leave a family where it is.
         least = alone.max() * (0.03 if each else 1.0)
