@@ -2,7 +2,7 @@
 // see pinsing/families/tube.py. Sums of cosines are bounded by Taylor's theorem to the fifth order.
 constexpr double kMore = 1.0 + 1e-9;  // for the rounding of the few operations that a bound is made of
 constexpr double kLeast = 1e-300;
-// Lines aim at this many times what a value has to fall: from a box one that just does proves nothing.
+// Lines aim at this many times what a value has to fall: in small boxes, and in wide ones, which lose of it.
 constexpr double kAims[] = {1.2, 4.0};
 constexpr double kFar = 1e9;  // no distance
 constexpr double kPi = 3.14159265358979;  // not more than it

@@ -620,7 +620,7 @@ def find_widths(
     """Proven widths (F + 1,) as in `halve`, the largest distances found, near, number of boxes.
 
     By minors ``narrow`` ones alone; boxes know no distance of more than three times ``near`` from
-    an equation. Else, where widths of families alone would be larger than ``near``, it is more.
+    an equation. Else, where widths of families alone may be over half of ``near``, it is more.
     """
     last, rng = len(families), np.random.default_rng(2)
     found, done = np.zeros(last + 1), np.zeros(last + 1)
