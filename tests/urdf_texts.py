@@ -3,6 +3,7 @@
 from pathlib import Path
 
 LIMIT = '<limit lower="-1" upper="2" effort="1" velocity="1"/>'
+XACRO = '<robot name="r" xmlns:xacro="http://www.ros.org/wiki/xacro">\n{}\n</robot>\n'
 
 
 def joint(

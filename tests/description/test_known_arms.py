@@ -7,15 +7,11 @@ import numpy as np
 import pinocchio as pin
 import pytest
 import yaml
+from tiers import tiered
 
 import pinsing
-from pinsing.description.catalog import (
-    data_folder,
-    find_robot,
-    known_arms,
-    known_robots,
-    locate_robot,
-)
+from pinsing.description import catalog
+from pinsing.description.catalog import find_robot, known_arms, known_robots, locate_robot
 from pinsing.description.dh_table import bare_urdf, known_table
 from pinsing.errors import UnknownNameError
 from pinsing.proof.checker import verify
@@ -66,19 +62,16 @@ def test_forward_kinematics_agree_with_another_description(name: str) -> None:
     *xyz, rx, ry, rz = second["base"]
     base = pin.SE3(pin.exp3(np.radians([rx, ry, rz])), np.array(xyz) / 1000)
     prismatic = [row.type == "prismatic" for row in known_table(name).rows]
-    zero, *ends = placements(
-        name, np.vstack([0 * configurations(name, 1), configurations(name, 20)])
-    )
-    for q, end in zip(configurations(name, 20), ends, strict=True):
-        expected = motions(q, prismatic, np.array(second["axes"])) * base * zero
-        assert (
-            np.linalg.norm((base * end).translation - expected.translation)
-            < second["distance"] / 1000
-        )
-        assert np.abs((base * end).rotation - expected.rotation).max() < 1e-3 * second["distance"]
+    Q = np.vstack([0 * configurations(name, 1), configurations(name, 20)])
+    apart = second["distance"]
+    zero, *ends = placements(name, Q)
+    for q, end in zip(Q[1:], ends, strict=True):
+        found, expected = base * end, motions(q, prismatic, np.array(second["axes"])) * base * zero
+        assert np.linalg.norm(found.translation - expected.translation) < apart / 1000
+        assert np.abs(found.rotation - expected.rotation).max() < 1e-3 * apart
     if not name.startswith("dvrk_psm"):  # the description ends with the jaw, the table before it
         tip = (base * zero).translation - np.array(second["tip"]) / 1000
-        assert np.linalg.norm(tip) < second["distance"] / 1000
+        assert np.linalg.norm(tip) < apart / 1000
 
 
 def test_arms_stand_upright():
@@ -96,13 +89,12 @@ def test_entries_are_whole():
     assert set(SECOND) <= set(TABLES)
     assert all(f"\n|{name}|" in PAGE for name in known_arms())
     entry = known_robots()["xarm7"]
-    assert (entry.source == "example-robot-data") == (data_folder() is not None)
+    assert (entry.source == "example-robot-data") == (catalog.data_folder() is not None)
     for name in TABLES:
         reach = known_arms()[name]["reach"]
-        far = [
-            np.hypot(*end.translation[:2]) for end in placements(name, configurations(name, 100))
-        ]
-        assert 0.5 * reach < max(far) < reach + 0.001, name
+        ends = placements(name, configurations(name, 100))
+        far = max(np.hypot(*end.translation[:2]) for end in ends)
+        assert 0.5 * reach < far < reach + 0.001, name
 
 
 def test_a_rebuilt_chain_keeps_names_limits_and_speeds():
@@ -142,9 +134,7 @@ def test_names_of_arms_of_the_same_kind_are_suggested_first(said: str, name: str
     assert error.value.close[0] == name
 
 
-@pytest.mark.parametrize(
-    "name", [n if n in QUICK else pytest.param(n, marks=pytest.mark.slow) for n in TABLES]
-)
+@pytest.mark.parametrize("name", tiered(TABLES, QUICK))
 def test_all_families_are_proven(name: str) -> None:
     arm = pinsing.load(name)
     assert arm.n == len(known_table(name).rows)

@@ -3,13 +3,12 @@
 from pathlib import Path
 
 import pytest
-from urdf_texts import LIMIT, joint, make_package
+from urdf_texts import LIMIT, XACRO, joint, make_package
 
 from pinsing import load
 from pinsing.description.urdf import read_description
 from pinsing.errors import RobotFileError
 
-XACRO = '<robot name="r" xmlns:xacro="http://www.ros.org/wiki/xacro">\n{}\n</robot>\n'
 PART = XACRO.format(
     '<xacro:macro name="arm" params="length:=0.2">\n'
     + "".join(f'<link name="{link}"/>' for link in "abc")
@@ -123,8 +122,10 @@ def test_a_folder_above_needs_a_package_xml_that_names_it(tmp_path):
         manifest.unlink()
 
 
-def test_wildcards_are_bounded_whatever_links_there_are(tmp_path):
+def test_wildcards_are_bounded_and_follow_no_link_out_of_the_folder(tmp_path):
     """Ten links to the folder itself: ten times as many names at every step."""
+    (tmp_path / "robot").mkdir()
+    (tmp_path / "robot" / "link").symlink_to(tmp_path / "a")
     for k in range(10):
         (tmp_path / f"l{k}").symlink_to(".")
     path = tmp_path / "arm.xacro"
@@ -133,20 +134,11 @@ def test_wildcards_are_bounded_whatever_links_there_are(tmp_path):
         read_description(path)
     (tmp_path / "a").mkdir()
     (tmp_path / "a" / "x.xml").write_text('<robot><link name="a"/></robot>')
-    path.write_text(XACRO.format('<xacro:include filename="*/x.xml"/>'))
-    with pytest.raises(RobotFileError, match="has no joints"):
-        read_description(path)
-
-
-def test_wildcards_follow_no_link_out_of_the_folder(tmp_path):
-    (tmp_path / "out").mkdir()
-    (tmp_path / "out" / "x.xml").write_text('<robot><link name="a"/></robot>')
-    (tmp_path / "robot").mkdir()
-    (tmp_path / "robot" / "link").symlink_to(tmp_path / "out")
-    path = tmp_path / "robot" / "arm.xacro"
-    path.write_text(XACRO.format('<xacro:include filename="*/x.xml"/>'))
-    with pytest.raises(RobotFileError, match="has no links"):
-        read_description(path)
+    for name, said in (("arm.xacro", "has no joints"), ("robot/arm.xacro", "has no links")):
+        path = tmp_path / name  # of the second a link leads out of the folder
+        path.write_text(XACRO.format('<xacro:include filename="*/x.xml"/>'))
+        with pytest.raises(RobotFileError, match=said):
+            read_description(path)
 
 
 @pytest.mark.slow
