@@ -1,8 +1,10 @@
 """Arms that the tests share, read by Pinocchio itself: no other part of pinsing is needed."""
 
 import functools
+from collections.abc import Iterable, Sequence
 from importlib.metadata import distribution
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
@@ -32,27 +34,46 @@ def ur5() -> Arm:
     return data_robot("ur_description/urdf/ur5_robot.urdf", tip="tool0")
 
 
+def place(xyz: Sequence[float] = (0.0, 0.0, 0.0), R: np.ndarray | None = None) -> pin.SE3:
+    return pin.SE3(np.eye(3) if R is None else R, np.array(xyz, dtype=float))
+
+
+def serial(
+    joints: Iterable[tuple[Any, ...]],
+    tip: pin.SE3 | None = None,
+    lower: float = -2.0,
+    upper: float = 2.0,
+    name: str = "made",
+    names: str = "j",
+) -> pin.Model:
+    """A chain of joints: Pinocchio's, where each stands, and its own limits where it has some."""
+    model, parent = pin.Model(), 0
+    model.name = name
+    for i, (joint, at, *own) in enumerate(joints, 1):
+        wrapped, (low, high) = pin.JointModel(joint), own or (lower, upper)
+        effort, ones = np.full(wrapped.nv, 1e3), np.ones(wrapped.nq)
+        limits = (effort, effort, low * ones, high * ones)
+        parent = model.addJoint(parent, joint, at, f"{names}{i}", *limits)
+        model.addJointFrame(parent)
+    model.addFrame(pin.Frame("tip", parent, 0, tip or place(), pin.FrameType.OP_FRAME))
+    return model
+
+
 def planar(lengths: tuple[float, ...], task: str = "position", limit: float = np.pi) -> Arm:
     """Planar arm of parallel revolute joints along z."""
-    model = pin.Model()
-    model.name = f"planar{len(lengths)}r"
-    parent, x = 0, 0.0
-    for i, length in enumerate(lengths):
-        place = pin.SE3(np.eye(3), np.array([x, 0.0, 0.0]))
-        parent = model.addJoint(
-            parent,
-            pin.JointModelRZ(),
-            place,
-            f"q{i + 1}",
-            np.full(1, 1e3),
-            np.full(1, 1e3),
-            np.full(1, -limit),
-            np.full(1, limit),
-        )
-        x = length
-    tip = pin.SE3(np.eye(3), np.array([x, 0.0, 0.0]))
-    model.addFrame(pin.Frame("tip", parent, 0, tip, pin.FrameType.OP_FRAME))
+    *places, tip = (place((x, 0, 0)) for x in (0.0, *lengths))
+    joints = [(pin.JointModelRZ(), p) for p in places]
+    model = serial(joints, tip, -limit, limit, f"planar{len(lengths)}r", "q")
     return load(model, tip="tip", task=task)
+
+
+def pinocchio_jacobian(arm: Arm, q: np.ndarray) -> np.ndarray:
+    """By other calls than ours: configuration by integration, all Jacobians, then the frame's."""
+    model, data = arm.model, arm.model.createData()
+    full = pin.integrate(model, pin.neutral(model), np.asarray(q, dtype=float))
+    pin.computeJointJacobians(model, data, full)
+    pin.updateFramePlacements(model, data)
+    return pin.getFrameJacobian(model, data, arm.tip_id, pin.LOCAL_WORLD_ALIGNED)
 
 
 _BY_NAME = [

@@ -209,29 +209,9 @@ def write_urdf(tmp_path: Path) -> WriteUrdf:
 @pytest.fixture
 def make_model() -> MakeModel:
     """Build a pin.Model of a serial chain out of ``(joint model, placement)`` pairs."""
+    from arms import serial
 
-    def make(
-        joints: Sequence[tuple[object, pin.SE3]],
-        tip: pin.SE3 | None = None,
-        lower: float = -2.0,
-        upper: float = 2.0,
-    ) -> pin.Model:
-        model = pin.Model()
-        model.name = "made"
-        parent = 0
-        for i, (joint, placement) in enumerate(joints):
-            wrapped = pin.JointModel(joint)
-            low, high = np.full(wrapped.nq, lower), np.full(wrapped.nq, upper)
-            effort = np.full(wrapped.nv, 1e3)
-            parent = model.addJoint(
-                parent, joint, placement, f"j{i + 1}", effort, effort, low, high
-            )
-            model.addJointFrame(parent)
-        tip = pin.SE3.Identity() if tip is None else tip
-        model.addFrame(pin.Frame("tip", parent, 0, tip, pin.FrameType.OP_FRAME))
-        return model
-
-    return make
+    return serial
 
 
 @pytest.fixture(scope="module")

@@ -6,12 +6,12 @@ whose Jacobian vanishes altogether is judged rightly too.
 """
 
 import functools
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 import pinocchio as pin
+from arms import place, serial
 
 from pinsing._types import Array
 from pinsing.algebra.equation import Equation
@@ -78,26 +78,14 @@ def build(
     length_scale: float = 1.0,
 ) -> Arm:
     """Serial arm of a modified DH table."""
-    model = pin.Model()
-    model.name = "built"
-    parent = 0
-    for i, joint in enumerate(joints, 1):
-        place = pin.SE3(pin.utils.rotate("x", joint.alpha), np.array([joint.a, 0.0, 0.0]))
-        place = place * pin.SE3(pin.utils.rotate("z", joint.theta), np.array([0.0, 0.0, joint.d]))
+    rows = []
+    for joint in joints:
+        at = place((joint.a, 0, 0), pin.utils.rotate("x", joint.alpha))
+        at = at * place((0, 0, joint.d), pin.utils.rotate("z", joint.theta))
         reach = 1.0 if joint.slides else np.pi
-        low, high = joint.limits or (-reach, reach)
-        parent = model.addJoint(
-            parent,
-            pin.JointModelPZ() if joint.slides else pin.JointModelRZ(),
-            place,
-            f"j{i}",
-            np.full(1, 1e3),
-            np.full(1, 1e3),
-            np.full(1, low),
-            np.full(1, high),
-        )
-    place = pin.SE3(np.eye(3), np.array(tip, dtype=float))
-    model.addFrame(pin.Frame("tip", parent, 0, place, pin.FrameType.OP_FRAME))
+        kind = pin.JointModelPZ() if joint.slides else pin.JointModelRZ()
+        rows.append((kind, at, *(joint.limits or (-reach, reach))))
+    model = serial(rows, place(tip), name="built")
     return load(model, tip="tip", task=task, length_scale=length_scale)
 
 
@@ -107,34 +95,18 @@ TILTS = (0.0, RIGHT, -RIGHT, np.arctan2(0.6, 0.8), np.arctan2(0.8, 0.6), -np.arc
 
 def iiwa_with_offset() -> Arm:
     """The KUKA of ROS-Industrial: axes 2 and 4 stand 0.436 mm beside the others."""
-    model = pin.Model()
-    model.name = "lbr_iiwa_14_r820"
     y, z = np.array([0.0, 1.0, 0.0]), np.array([0.0, 0.0, 1.0])
     off = 0.00043624
     rows = [
-        ((0, 0, 0), z, 170),
-        ((-off, 0, 0.36), y, 120),
-        ((0, 0, 0), z, 170),
-        ((off, 0, 0.42), -y, 120),
-        ((0, 0, 0), z, 170),
-        ((0, 0, 0.4), y, 120),
-        ((0, 0, 0), z, 175),
+        ((0, 0, 0), z, 170), ((-off, 0, 0.36), y, 120), ((0, 0, 0), z, 170),
+        ((off, 0, 0.42), -y, 120), ((0, 0, 0), z, 170), ((0, 0, 0.4), y, 120), ((0, 0, 0), z, 175),
+    ]  # fmt: skip
+    joints = [
+        (pin.JointModelRevoluteUnaligned(axis), place(at), *np.radians([-limit, limit]))
+        for at, axis, limit in rows
     ]
-    parent = 0
-    for i, (at, axis, limit) in enumerate(rows, 1):
-        parent = model.addJoint(
-            parent,
-            pin.JointModelRevoluteUnaligned(axis),
-            pin.SE3(np.eye(3), np.array(at, dtype=float)),
-            f"joint_a{i}",
-            np.full(1, 1e3),
-            np.full(1, 1e3),
-            np.full(1, -math.radians(limit)),
-            np.full(1, math.radians(limit)),
-        )
-    place = pin.SE3(np.eye(3), np.array([0, 0, 0.126]))
-    model.addFrame(pin.Frame("tool0", parent, 0, place, pin.FrameType.OP_FRAME))
-    return load(model, tip="tool0")
+    model = serial(joints, place((0, 0, 0.126)), name="lbr_iiwa_14_r820", names="joint_a")
+    return load(model, tip="tip")
 
 
 def random_arm(seed: int, kind: str, task: str = "pose", joints: int | None = None) -> Arm:

@@ -3,21 +3,15 @@
 import numpy as np
 import pinocchio as pin
 import pytest
+from arms import place, serial
 
 import pinsing
 
 
 def _arm(lower: float, upper: float, offset: float) -> pinsing.Arm:
     """A turn and a slide along x; the tip is on the axis where d2 = -offset."""
-    model = pin.Model()
-    model.name = "slide"
-    turn = model.addJoint(0, pin.JointModelRZ(), pin.SE3.Identity(), "j1")
-    slide = model.addJoint(turn, pin.JointModelPX(), pin.SE3.Identity(), "j2")
-    place = pin.SE3(np.eye(3), np.array([offset, 0.0, 0.0]))
-    model.addFrame(pin.Frame("tip", slide, place, pin.FrameType.OP_FRAME))
-    model.lowerPositionLimit[:] = [-3.0, lower]
-    model.upperPositionLimit[:] = [3.0, upper]
-    return pinsing.load(model, tip="tip", task="vx,vy")
+    joints = [(pin.JointModelRZ(), place(), -3, 3), (pin.JointModelPX(), place(), lower, upper)]
+    return pinsing.load(serial(joints, place((offset, 0, 0))), tip="tip", task="vx,vy")
 
 
 @pytest.mark.parametrize(

@@ -5,6 +5,7 @@ import math
 import numpy as np
 import pinocchio as pin
 import pytest
+from arms import place, serial
 from singular_sets import check_all
 from tiers import tiered
 
@@ -21,17 +22,11 @@ JACO += [(0, 60, -0.0856), (0, 180, -0.2028)]
 SEVEN: DHRows = [(0, 90, 0.3), (0, 60, 0), (0, -60, 0.4), (0, 90, 0), (0, -90, 0.4), (0, 90, 0)]
 
 
-def arm_of(rows: DHRows, name: str = "twisted"):
-    model = pin.Model()
-    model.name = name
-    parent, before = 0, pin.SE3.Identity()
-    for i, (a, alpha, d) in enumerate(rows):
-        parent = model.addJoint(parent, pin.JointModelRZ(), before, f"j{i + 1}")
-        model.addJointFrame(parent)
-        model.lowerPositionLimit[i], model.upperPositionLimit[i] = -3, 3
-        before = pin.SE3(pin.utils.rotate("x", math.radians(alpha)), np.array([a, 0, d]))
-    model.addFrame(pin.Frame("tip", parent, 0, before, pin.FrameType.OP_FRAME))
-    return load(model, tip="tip")
+def arm_of(rows: DHRows):
+    turned = [(math.radians(alpha), a, d) for a, alpha, d in rows]
+    places = [place((a, 0, d), pin.utils.rotate("x", alpha)) for alpha, a, d in turned]
+    joints = [(pin.JointModelRZ(), p) for p in (place(), *places[:-1])]
+    return load(serial(joints, places[-1], -3, 3, "twisted"), tip="tip")
 
 
 def swapped(rows: DHRows, new: float) -> DHRows:

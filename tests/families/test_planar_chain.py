@@ -3,7 +3,7 @@
 import numpy as np
 import pinocchio as pin
 import pytest
-from arms import planar
+from arms import place, planar, serial
 from tiers import sampled, tiered
 
 import pinsing
@@ -15,17 +15,13 @@ SIZES = [(0.3, 0.1), (0.2, -0.2), (0.1, 0.4), (0.1, 0.1), (0.3, 0.0), (0.2, 0.1)
 
 def chain(kinds, task, turn=None, tip=(0.4, 0.0, 0.0), sizes=SIZES):
     """Joints R, P along x, Q along y, r about -z, in a plane that ``turn`` (3, 3) tilts."""
-    model = pin.Model()
-    model.name = "planar"
-    parent, place = 0, pin.SE3.Identity() if turn is None else pin.SE3(turn, np.array([1.0, 2, 3]))
-    for i, (kind, (x, y)) in enumerate(zip(kinds, sizes, strict=False)):
+    joints, at = [], place() if turn is None else place((1, 2, 3), turn)
+    for kind, (x, y) in zip(kinds, sizes, strict=False):
         axis = {"R": [0, 0, 1], "r": [0, 0, -1], "P": [1, 0, 0], "Q": [0, 1, 0]}[kind]
         make = pin.JointModelRevoluteUnaligned if kind in "Rr" else pin.JointModelPrismaticUnaligned
-        parent = model.addJoint(parent, make(np.array(axis, dtype=float)), place, f"j{i + 1}")
-        model.lowerPositionLimit[i], model.upperPositionLimit[i] = -3, 3
-        place = pin.SE3(np.eye(3), np.array([x, y, 0.1]))
-    place = place * pin.SE3(np.eye(3), np.array(tip))
-    model.addFrame(pin.Frame("tip", parent, 0, place, pin.FrameType.OP_FRAME))
+        joints.append((make(np.array(axis, dtype=float)), at))
+        at = place((x, y, 0.1))
+    model = serial(joints, at * place(tip), -3, 3, "planar")
     return pinsing.load(model, tip="tip", task=task)
 
 

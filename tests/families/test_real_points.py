@@ -3,8 +3,8 @@
 from dataclasses import replace
 
 import numpy as np
-import pinocchio as pin
 import pytest
+from dh_arms import dh_arm
 
 import pinsing
 from pinsing.algebra.budget import Budget
@@ -78,14 +78,7 @@ def test_a_point_off_by_the_root_of_rounding_is_brought_to_all_digits(search):
 def test_points_that_a_search_turned_beyond_the_limits_are_judged():
     """Six joints, vx,vz,wy: a sample of the search was turned by 1.75 turns, as if in degrees."""
     rows = [(0, 0.05, 0), (0, 0, -90), (-0.1, 0, 0), (0, 0, -90), (-0.1, 0, 90), (0, 0, -90)]
-    model = pin.Model()
-    parent, place = 0, pin.SE3.Identity()
-    for i, (a, d, alpha) in enumerate(rows):
-        parent = model.addJoint(parent, pin.JointModelRZ(), place, f"j{i + 1}")
-        model.lowerPositionLimit[i], model.upperPositionLimit[i] = -np.pi, np.pi
-        place = pin.SE3(pin.utils.rotate("x", np.radians(alpha)), np.array([a, 0, d]))
-    model.addFrame(pin.Frame("tip", parent, 0, place, pin.FrameType.OP_FRAME))
-    arm = pinsing.load(model, tip="tip", task="vx,vz,wy")
+    arm = dh_arm([(alpha, a, d) for a, d, alpha in rows], "vx,vz,wy")
     far = np.full((1, 6), 0.3)
     far[0, 3] += 4 * np.pi
     assert ratios(arm, far) == pytest.approx(ratios(arm, far - [0, 0, 0, 4 * np.pi, 0, 0]))

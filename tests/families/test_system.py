@@ -2,11 +2,12 @@
 
 import functools
 import re
+from dataclasses import replace
 
 import numpy as np
 import pinocchio as pin
 import pytest
-from arms import planar
+from arms import place, planar, serial
 from command_line import run
 from test_closed_form_mimic import finger, follows
 from test_closed_form_twists import HOLLOW, arm_of
@@ -173,15 +174,12 @@ def test_several_systems_for_msolve_are_told_apart_by_a_number(forms):
 
 
 def test_joints_turned_about_their_axes_are_said_to_be(tmp_path):
-    model = pin.Model()
-    model.name = "turned"
-    parent = 0
-    for i, (turn, x) in enumerate([(0.0, 0.0), (0.3, 0.5), (np.pi / 2, 0.4), (0.2, 0.3)]):
-        place = pin.SE3(pin.utils.rotate("z", turn), np.array([x, 0.1 * i, 0.0]))
-        parent = model.addJoint(parent, pin.JointModelRZ(), place, f"j{i + 1}")
-        model.lowerPositionLimit[i], model.upperPositionLimit[i] = -3, 3
-    end = pin.SE3(np.eye(3), np.array([0.2, 0.0, 0.0]))
-    model.addFrame(pin.Frame("tip", parent, 0, end, pin.FrameType.OP_FRAME))
+    turns = [(0.0, 0.0), (0.3, 0.5), (np.pi / 2, 0.4), (0.2, 0.3)]
+    places = [
+        place((x, 0.1 * i, 0), pin.utils.rotate("z", turn)) for i, (turn, x) in enumerate(turns)
+    ]
+    joints = [(pin.JointModelRZ(), at) for at in places]
+    model = serial(joints, place((0.2, 0, 0)), -3, 3, "turned")
     form = pinsing.closed_form(pinsing.load(model, tip="tip", task="vx,vy,wz"))
     agree(form)
     assert re.search(r"cos\(q\d [+-] 0\.\d+\)", form.system())
@@ -204,8 +202,6 @@ def test_half_angles_followers_and_square_roots(tmp_path):
 
 
 def test_names_with_line_breaks_stay_within_their_comment(forms):
-    from dataclasses import replace
-
     form = forms["stanford"]
     odd = replace(form, arm=replace(form.arm, name="a\nideal F1 = 1;", tip="t\rquit;"))
     assert read(odd.system(), "singular") == read(form.system(), "singular")

@@ -2,10 +2,12 @@
 
 import functools
 import itertools
+from dataclasses import replace
 
 import numpy as np
 import pinocchio as pin
 import pytest
+from arms import place, serial
 from scipy.optimize import brentq
 
 from pinsing.kinematics.axis_dependence import DEPENDENCE_RTOL, ColumnRanks, dependences_of
@@ -22,7 +24,6 @@ HALF_PI = np.pi / 2
 
 @functools.cache
 def exact(name: str, task: str = "pose") -> Arm:
-    """An arm on its nominal geometry."""
     return nominal(load(name, task=task)).arm
 
 
@@ -38,17 +39,7 @@ def dependent_axes(arm: Arm, q, rtol: float = DEPENDENCE_RTOL):
 
 def chain(*joints: tuple[object, tuple[float, float, float]], tip: tuple[float, float, float]):
     """A model of given joints, each placed after the one before without turning."""
-    model, parent = pin.Model(), 0
-    model.name = "test"
-    one = np.ones(1)
-    for i, (joint, place) in enumerate(joints):
-        placement = pin.SE3(np.eye(3), np.array(place))
-        parent = model.addJoint(
-            parent, joint, placement, f"j{i + 1}", 9 * one, 9 * one, -3 * one, 3 * one
-        )
-    placement = pin.SE3(np.eye(3), np.array(tip))
-    model.addFrame(pin.Frame("tip", parent, 0, placement, pin.FrameType.OP_FRAME))
-    return model
+    return serial([(joint, place(at)) for joint, at in joints], place(tip), -3, 3)
 
 
 def only(name: str, q: list[float], task: str = "pose"):
@@ -84,37 +75,17 @@ def test_known_reasons(name, q, indices, reason):
 @pytest.mark.parametrize(
     ("name", "q", "joint", "between", "reason"),
     [
-        (
-            "puma560",
-            [0.1, 0.2, 0, 0.4, 0.9, 0.5],
-            2,
-            (-1.7, -1.3),
-            "the wrist centre (where axes 4, 5 and 6 meet) lies in the plane of the parallel "
-            "axes 2 and 3",
-        ),
-        (
-            "puma560",
-            [0.1, 0, 0.3, 0.4, 0.9, 0.5],
-            1,
-            (0.5, 0.8),
-            "the wrist centre (where axes 4, 5 and 6 meet) lies in the plane of axes 1 and 2",
-        ),
-        (
-            "irb1400",
-            [0.1, 0, 0.3, 0.4, 0.9, 0.5],
-            1,
-            (-1.3, -1.0),
-            "the wrist centre (where axes 4, 5 and 6 meet) lies on axis 1",
-        ),
-        (
-            "ur5",
-            [0.1, -1, 0, 0.3, 0.8, 0.2],
-            2,
-            (-1.6, -1.3),
-            "axes 1, 5 and 6 meet a common line, and axes 2, 3 and 4 are parallel to it",
-        ),
+        ("puma560", [0.1, 0.2, 0, 0.4, 0.9, 0.5], 2, (-1.7, -1.3),
+         "the wrist centre (where axes 4, 5 and 6 meet) lies in the plane of the parallel axes 2 "
+         "and 3"),
+        ("puma560", [0.1, 0, 0.3, 0.4, 0.9, 0.5], 1, (0.5, 0.8),
+         "the wrist centre (where axes 4, 5 and 6 meet) lies in the plane of axes 1 and 2"),
+        ("irb1400", [0.1, 0, 0.3, 0.4, 0.9, 0.5], 1, (-1.3, -1.0),
+         "the wrist centre (where axes 4, 5 and 6 meet) lies on axis 1"),
+        ("ur5", [0.1, -1, 0, 0.3, 0.8, 0.2], 2, (-1.6, -1.3),
+         "axes 1, 5 and 6 meet a common line, and axes 2, 3 and 4 are parallel to it"),
     ],
-)
+)  # fmt: skip
 def test_reasons_off_the_special_angles(name, q, joint, between, reason):
     arm = exact(name)
 
@@ -182,37 +153,27 @@ def test_smallest_set_by_brute_force(name, q):
 
 
 RX, RY, RZ = pin.JointModelRX, pin.JointModelRY, pin.JointModelRZ
-PX, PY, PZ = pin.JointModelPX, pin.JointModelPY, pin.JointModelPZ
+PX, PY = pin.JointModelPX, pin.JointModelPY
+
+
+HERE, AWAY = (0, 0, 0), (1, 0, 0)
 
 
 @pytest.mark.parametrize(
     ("joints", "q", "reason"),
     [
         # A slider across two parallel axes, perpendicular to their plane at q2 = pi/2.
-        (
-            [(PX(), (0, 0, 0)), (RZ(), (0, 0, 0)), (RZ(), (1, 0, 0))],
-            [0.1, HALF_PI, 0.3],
-            "prismatic joint 1 is perpendicular to the plane of axes 2 and 3",
-        ),
+        ([(PX(), HERE), (RZ(), HERE), (RZ(), AWAY)], [0.1, HALF_PI, 0.3],
+         "prismatic joint 1 is perpendicular to the plane of axes 2 and 3"),
         # A slider that the second joint turns into the plane of the others.
-        (
-            [(PX(), (0, 0, 0)), (PY(), (0, 0, 0)), (RZ(), (0, 0, 0)), (PX(), (1, 0, 0))],
-            [0.1, 0.2, 0.3, 0.4],
-            None,
-        ),
-        (
-            [(PX(), (0, 0, 0)), (RZ(), (0, 0, 0)), (PX(), (0.4, 0, 0))],
-            [0.1, 0, 0.3],
-            "prismatic joints 1 and 3 are parallel",
-        ),
+        ([(PX(), HERE), (PY(), HERE), (RZ(), HERE), (PX(), AWAY)], [0.1, 0.2, 0.3, 0.4], None),
+        ([(PX(), HERE), (RZ(), HERE), (PX(), (0.4, 0, 0))], [0.1, 0, 0.3],
+         "prismatic joints 1 and 3 are parallel"),
         # Three axes through one point, in one plane at q2 = 0.
-        (
-            [(RZ(), (0, 0, 0)), (RX(), (0, 0, 0)), (RY(), (0, 0, 0))],
-            [0.1, HALF_PI, 0.2],
-            "axes 1 and 3 are collinear",
-        ),
+        ([(RZ(), HERE), (RX(), HERE), (RY(), HERE)], [0.1, HALF_PI, 0.2],
+         "axes 1 and 3 are collinear"),
     ],
-)
+)  # fmt: skip
 def test_reasons_with_sliders_and_short_chains(joints, q, reason):
     arm = load(chain(*joints, tip=(0.3, 0.2, 0.1)))
     found = dependent_axes(arm, q)
@@ -229,22 +190,16 @@ def test_near_a_singularity_the_words_say_nearly():
 
 
 def test_mimic_joints_have_no_axis_of_their_own():
-    free = load(chain((RZ(), (0, 0, 0)), (RZ(), (1, 0, 0)), (RZ(), (1, 0, 0)), tip=(1, 0, 0)))
-    matrix = np.array([[1.0, 0.0], [0.0, 1.0], [0.0, 1.0]])
-    arm = Arm(
-        name="coupled",
-        model=free.model,
-        tip="tip",
-        base="universe",
-        joints=("j1", "j2"),
-        prismatic=free.prismatic[:2],
-        lower=free.lower[:2],
-        upper=free.upper[:2],
-        task=load(free.model, tip="tip", task="position").task,
-        length_scale=1.0,
-        notes=(),
-        source=free.source,
-        coupling=Coupling(matrix, np.zeros(3)),
+    model = chain((RZ(), HERE), (RZ(), AWAY), (RZ(), AWAY), tip=AWAY)
+    free = load(model, tip="tip", task="position")
+    first, follows = slice(0, 2), np.array([[1.0, 0.0], [0.0, 1.0], [0.0, 1.0]])
+    arm = replace(
+        free,
+        joints=free.joints[first],
+        prismatic=free.prismatic[first],
+        lower=free.lower[first],
+        upper=free.upper[first],
+        coupling=Coupling(follows, np.zeros(3)),
     )
     found = dependent_axes(arm, [0.3, 0.0])
     assert found is not None

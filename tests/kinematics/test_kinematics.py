@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pinocchio as pin
 import pytest
-from arms import CATALOGUE, draw
+from arms import CATALOGUE, draw, pinocchio_jacobian
 from dh_arms import dh_arm
 from tiers import sampled
 
@@ -21,20 +21,11 @@ def arm(request) -> Arm:
     return load(name, tip=tip)
 
 
-def by_pinocchio(arm: Arm, q: np.ndarray) -> np.ndarray:
-    """The same by other calls: configuration by integration, all Jacobians, then the frame's."""
-    model, data = arm.model, arm.model.createData()
-    full = pin.integrate(model, pin.neutral(model), q)
-    pin.computeJointJacobians(model, data, full)
-    pin.updateFramePlacements(model, data)
-    return pin.getFrameJacobian(model, data, arm.tip_id, pin.LOCAL_WORLD_ALIGNED)
-
-
 def test_equals_pinocchio(arm, rng):
     Q = draw(arm, rng, 20)
     J = kinematics.frame_jacobians(arm, Q)
     assert J.shape == (20, 6, arm.n)
-    np.testing.assert_allclose(J, [by_pinocchio(arm, q) for q in Q], atol=1e-12)
+    np.testing.assert_allclose(J, [pinocchio_jacobian(arm, q) for q in Q], atol=1e-12)
     np.testing.assert_allclose(kinematics.frame_jacobian(arm, Q[3]), J[3], atol=1e-13)
     loop = kinematics.frame_jacobians(arm, Q, engine="pinocchio")
     np.testing.assert_array_equal(kinematics.frame_jacobian(arm, Q[3]), loop[3])

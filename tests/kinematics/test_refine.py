@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from tiers import sampled
 
-from pinsing._batch import engine as compiled, engine as kernel
+from pinsing._batch import engine as kernel
 from pinsing.errors import ConfigurationError, OptionError, UnknownNameError
 from pinsing.kinematics.batch import batch, own_scale
 from pinsing.kinematics.jacobian import generic_rank, singular_values
@@ -168,25 +168,15 @@ def test_compiled_walks_are_those_in_numpy(name, rng, monkeypatch):
 def test_compiled_walks_refuse_what_does_not_fit():
     chain = batch(arms.ur5()).own_chain()
     ok = {
-        "Q": np.zeros((2, 6)),
-        "free": np.ones((2, 6), bool),
-        "limits": (np.full(6, -1.0), np.ones(6)),
-        "rows": range(6),
-        "rank": 6,
-        "size": 0.0,
+        "Q": np.zeros((2, 6)), "free": np.ones((2, 6), bool), "rows": range(6), "rank": 6,
+        "limits": (np.full(6, -1.0), np.ones(6)), "size": 0.0, "max_iterations": 3,
         "rules": sys.modules["pinsing.kinematics.refine"]._RULES,
-        "max_iterations": 3,
-    }
-    compiled.walks(chain, **ok)
+    }  # fmt: skip
+    kernel.walks(chain, **ok)
     for wrong in (
-        {"Q": np.zeros((2, 5))},
-        {"Q": np.full((2, 6), np.nan)},
-        {"free": np.ones((1, 6), bool)},
-        {"limits": (np.zeros(5), np.ones(5))},
-        {"rows": [7]},
-        {"rank": 7},
+        {"Q": np.zeros((2, 5))}, {"Q": np.full((2, 6), np.nan)}, {"free": np.ones((1, 6), bool)},
+        {"limits": (np.zeros(5), np.ones(5))}, {"rows": [7]}, {"isa": "abacus"}, {"rank": 7},
         {"rank": 1},  # 36 equations
-        {"isa": "abacus"},
-    ):
+    ):  # fmt: skip
         with pytest.raises(ValueError):
-            compiled.walks(chain, **{**ok, **wrong})
+            kernel.walks(chain, **{**ok, **wrong})

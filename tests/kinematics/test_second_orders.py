@@ -6,13 +6,13 @@ import pytest
 from tiers import sampled
 
 from pinsing import closed_form, load
-from pinsing._batch import engine, engine as kernel
+from pinsing._batch import engine as kernel
 from pinsing.kinematics.batch import batch, own_scale
 from pinsing.kinematics.refine import _told, clear_kinds, describe_many
 from pinsing.kinematics.verdict import SINGULAR_RTOL, task_size
 from pinsing.robot.nominal import nominal
 
-pytestmark = pytest.mark.skipif(not engine.available(), reason="needs the compiled kernel")
+pytestmark = pytest.mark.skipif(not kernel.available(), reason="needs the compiled kernel")
 
 CASES = {
     "6 joints": {"robot": "ur5"}, "a slider": {"robot": "stanford"},
@@ -42,7 +42,7 @@ def compiled(arm, Q, isa):
     )
 
 
-@pytest.mark.parametrize("isa", sampled(engine.isa_names() if engine.available() else ()))
+@pytest.mark.parametrize("isa", sampled(kernel.isa_names() if kernel.available() else ()))
 def test_what_is_told_is_what_numpy_says(told, isa):
     arm, Q = told
     ours, theirs = compiled(arm, Q, isa), _told(arm, Q)

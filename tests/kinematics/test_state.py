@@ -5,12 +5,14 @@ import functools
 import numpy as np
 import pinocchio as pin
 import pytest
+from arms import pinocchio_jacobian
 from hypothesis import given, strategies as st
 
 import pinsing
 from pinsing.errors import ResultError
 from pinsing.kinematics.at import State, _short, at
 from pinsing.kinematics.lost_motion import JointAxes, Tool, lost_motions
+from pinsing.kinematics.refine import refine
 from pinsing.robot.arm import Arm
 from pinsing.robot.load import load
 from pinsing.robot.nominal import nominal
@@ -28,15 +30,6 @@ def arm_of(name: str, task: str = "pose", length_scale: float = 1.0, exact: bool
     return nominal(arm).arm if exact else arm
 
 
-def pinocchio_jacobian(arm: Arm, q) -> np.ndarray:
-    """The frame Jacobian by another of Pinocchio's functions than pinsing uses."""
-    data = arm.model.createData()
-    pin.computeJointJacobians(arm.model, data, arm.model_q(q))
-    pin.updateFramePlacements(arm.model, data)
-    frame = arm.model.getFrameId(arm.tip)
-    return np.array(pin.getFrameJacobian(arm.model, data, frame, pin.LOCAL_WORLD_ALIGNED))
-
-
 @pytest.mark.parametrize("name", REGULAR_Q)
 @pytest.mark.parametrize("length_scale", [1.0, 0.25])
 def test_numbers_against_numpy_and_pinocchio(name, length_scale):
@@ -52,10 +45,8 @@ def test_numbers_against_numpy_and_pinocchio(name, length_scale):
     assert state.rank == state.generic_rank == np.linalg.matrix_rank(scaled) == min(6, arm.n)
     det = np.linalg.det(gram)
     assert state.manipulability == pytest.approx(np.sqrt(det), rel=1e-9)
-    if arm.n == 6:
-        assert state.determinant == pytest.approx(np.linalg.det(scaled), rel=1e-9)
-    else:
-        assert state.determinant == pytest.approx(det, rel=1e-9)
+    square = np.linalg.det(scaled) if arm.n == 6 else det
+    assert state.determinant == pytest.approx(square, rel=1e-9)
     assert state.condition_number == pytest.approx(state.sigma[0] / state.sigma[-1])
     own = np.linalg.svd(J, compute_uv=False)  # these arms are as long as the metre
     assert state.sigma_ratio == pytest.approx(own[-1] / own[0])
@@ -170,21 +161,13 @@ def test_what_is_left_of_a_translation_is_one_number():
         ("planar3r", "pose", [0, 0, 0], "cannot translate along tool x (base x)"),
         ("planar3r", "position", [0.3, 0, 0], "cannot translate along tool x"),
         ("ur5", "pose", [0, -np.pi / 2, np.pi / 2, 0, 0, 0.4], "cannot rotate about base x"),
-        (
-            "stanford",
-            "pose",
-            [0, 0, 0.3, 0.4, 0.7, 0.5],
-            "cannot move along the line through the wrist centre (0.000, 0.060, 0.380) m "
-            "in direction base y",
-        ),
-        (
-            "iiwa14",
-            "pose",
-            [0.1, 0.7, 0.3, 0, 0.4, 0.5, 0.6],
-            "cannot move along the line through the shoulder centre and the wrist centre",
-        ),
+        ("stanford", "pose", [0, 0, 0.3, 0.4, 0.7, 0.5],
+         "cannot move along the line through the wrist centre (0.000, 0.060, 0.380) m in direction "
+         "base y"),
+        ("iiwa14", "pose", [0.1, 0.7, 0.3, 0, 0.4, 0.5, 0.6],
+         "cannot move along the line through the shoulder centre and the wrist centre"),
     ],
-)
+)  # fmt: skip
 def test_words_of_what_is_lost(name, task, q, words):
     state = at(arm_of(name, task, exact=True), q)
     assert [motion.words for motion in state.lost] == [words]
@@ -211,8 +194,6 @@ def test_near_singular_says_how_little_is_left():
 
 
 def test_five_joints_always_miss_one_direction():
-    from pinsing.kinematics.refine import refine
-
     arm = arm_of("so101")
     found = refine(arm, [0.0, 0.3, 0.1, -0.2, 0.1])
     state = at(arm, found.q)
@@ -226,26 +207,14 @@ def test_five_joints_always_miss_one_direction():
     assert at(arm_of("planar3r"), [0.1, 0, 0]).always_missing == 0
 
 
-def test_limits_are_told_joint_by_joint():
-    arm = arm_of("puma560")
-    q = np.clip(np.zeros(6), arm.lower, arm.upper)
-    inside = at(arm, q)
-    assert inside.within_limits
-    assert inside.outside == ()
-    q[2] = arm.upper[2] + 0.1
-    state = at(arm, q)
-    assert not state.within_limits
-    assert state.outside == (arm.joints[2],)
-    assert str(state).count("outside its limits") == 1
-
-
 def test_limits_are_the_same_for_all():
     """A bounded value counts as it is: at, trajectories, lines and arms say so alike."""
     arm = arm_of("ur5")
     q = np.array([9.0, -1.2, 1.3, -1, 0.5, 0])  # limits of 2 pi; a whole turn aside it is inside
-    assert at(arm, q).outside == (arm.joints[0],)
-    assert not arm.within_limits(q)
-    assert arm.within_limits(arm.fold(q))
+    state, folded = at(arm, q), at(arm, arm.fold(q))
+    assert (state.within_limits, state.outside) == (False, (arm.joints[0],))
+    assert str(state).count("outside its limits") == 1
+    assert (folded.within_limits, folded.outside) == (True, ())
     form = pinsing.closed_form(arm)
     check = pinsing.check_trajectory(arm, [q, q + 0.01], forms=form)
     assert {e.joint for e in check.outside} == {arm.joints[0]}

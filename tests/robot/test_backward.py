@@ -8,6 +8,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from tiers import sampled
+from urdf_text import J, X, Y, Z, urdf
 
 import pinsing
 from pinsing.errors import ChainError, JointError
@@ -15,31 +16,27 @@ from pinsing.kinematics.jacobian import tip_placement
 from pinsing.view.links import read_links
 from pinsing.view.meshes import read_geometry
 
-TREE = """<robot name="tree">
-<link name="pelvis"/><link name="thigh"/><link name="shank"/><link name="foot"/>
-<link name="chest"/><link name="upper"/><link name="fore"/><link name="hand"/>
-<joint name="hip" type="revolute"><parent link="pelvis"/><child link="thigh"/>
- <origin xyz="0 0.1 -0.2" rpy="0.3 0 0"/><axis xyz="0 1 0"/>
- <limit lower="-1" upper="2" effort="1" velocity="1"/></joint>
-<joint name="knee" type="prismatic"><parent link="thigh"/><child link="shank"/>
- <origin xyz="0.05 0 -0.4" rpy="0 0.2 0.1"/><axis xyz="0 0.6 0.8"/>
- <limit lower="-0.1" upper="0.3" effort="1" velocity="1"/></joint>
-<joint name="ankle" type="continuous"><parent link="shank"/><child link="foot"/>
- <origin xyz="0 0 -0.3"/><axis xyz="1 0 0"/></joint>
-<joint name="waist" type="revolute"><parent link="pelvis"/><child link="chest"/>
- <origin xyz="0 0 0.3"/><axis xyz="0 0 -1"/>
- <limit lower="-0.5" upper="1.5" effort="1" velocity="1"/>{mimic}</joint>
-<joint name="shoulder" type="continuous"><parent link="chest"/><child link="upper"/>
- <origin xyz="0 0.2 0.1" rpy="0 0 0.4"/><axis xyz="0 1 0"/></joint>
-<joint name="elbow" type="revolute"><parent link="upper"/><child link="fore"/>
- <origin xyz="0.3 0 0"/><axis xyz="0 0 1"/>
- <limit lower="-2" upper="2" effort="1" velocity="1"/></joint>
-<joint name="slide" type="prismatic"><parent link="fore"/><child link="hand"/>
- <origin xyz="0.2 0 0.05"/><axis xyz="1 0 0"/>
- <limit lower="0" upper="0.4" effort="1" velocity="1"/></joint>
-</robot>"""
+
+def tree(more: str = "") -> str:
+    """Two chains from a pelvis, to a foot and to a hand; more of the joint between them."""
+    return urdf(
+        [
+            J("hip", "pelvis", "thigh", (0, 0.1, -0.2), Y, "revolute", (-1, 2), (0.3, 0, 0)),
+            J("knee", "thigh", "shank", (0.05, 0, -0.4), (0, 0.6, 0.8), "prismatic", (-0.1, 0.3),
+              (0, 0.2, 0.1)),
+            J("ankle", "shank", "foot", (0, 0, -0.3), X),
+            J("waist", "pelvis", "chest", (0, 0, 0.3), (0, 0, -1), "revolute", (-0.5, 1.5),
+              more=more),
+            J("shoulder", "chest", "upper", (0, 0.2, 0.1), Y, rpy=(0, 0, 0.4)),
+            J("elbow", "upper", "fore", (0.3, 0, 0), Z, "revolute", (-2, 2)),
+            J("slide", "fore", "hand", (0.2, 0, 0.05), X, "prismatic", (0, 0.4)),
+        ],
+        "tree",
+    )  # fmt: skip
+
+
 MIMIC = '<mimic joint="hip" multiplier="-2" offset="0.25"/>'
-TOWARDS = {"tree": TREE.format(mimic=""), "mimic": TREE.format(mimic=MIMIC)}
+TOWARDS = {"tree": tree(), "mimic": tree(MIMIC)}
 
 HUMANOIDS = (
     ("talos", "left_sole_link", "gripper_left_base_link"),
@@ -117,9 +114,8 @@ def test_jacobians_are_those_of_the_tip_seen_from_the_base(name, base, tip, rng)
         np.testing.assert_allclose(J, relative_jacobian(arm, q), atol=1e-12)
         here, there = tip_placement(arm, q).homogeneous, placement(arm, q).homogeneous
         np.testing.assert_allclose(here, there, atol=1e-12)
-        np.testing.assert_allclose(
-            pinsing.kinematics.frame_jacobians(arm, q[None])[0], J, atol=1e-12
-        )
+        many = pinsing.kinematics.frame_jacobians(arm, q[None])
+        np.testing.assert_allclose(many[0], J, atol=1e-12)
 
 
 @pytest.mark.parametrize(("name", "base", "tip"), CHAINS)
@@ -192,8 +188,8 @@ def test_only_some_joints_of_the_way(rng):
 
 def test_links_are_drawn_where_they_are(rng):
     box = '<visual><origin xyz="0.1 0.2 0.3" rpy="1 2 3"/><geometry><box size="1 1 1"/></geometry>'
-    dressed = re.sub(r'<link name="(\w+)"/>', rf'<link name="\1">{box}</visual></link>', TREE)
-    arm = pinsing.load(dressed.format(mimic=""), base="foot", tip="hand")
+    dressed = re.sub(r'<link name="(\w+)"/>', rf'<link name="\1">{box}</visual></link>', tree())
+    arm = pinsing.load(dressed, base="foot", tip="hand")
     geometry = read_links(arm).geometry
     whole, base, _ = frames(arm)
     visual, _, _ = read_geometry(whole, arm.source.xml)

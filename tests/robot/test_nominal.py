@@ -7,9 +7,10 @@ from fractions import Fraction
 import numpy as np
 import pinocchio as pin
 import pytest
-from arms import CATALOGUE, draw
+from arms import CATALOGUE, draw, place
 from hypothesis import given, strategies as st
 from tiers import sampled, tiered_rows
+from urdf_text import J, Y, urdf
 
 from pinsing.kinematics.jacobian import frame_jacobian, frame_jacobians, tip_placement
 from pinsing.kinematics.verdict import generic_rank
@@ -25,10 +26,6 @@ IDENTITY = ((1, 0, 0), (0, 1, 0), (0, 0, 1))
 
 def rotation(axis: str, degrees: float) -> np.ndarray:
     return pin.utils.rotate(axis, math.radians(degrees))
-
-
-def place(xyz=(0.0, 0.0, 0.0), R=None) -> pin.SE3:
-    return pin.SE3(np.eye(3) if R is None else R, np.array(xyz, dtype=float))
 
 
 def rational_jacobian(exact: Nominal, q: np.ndarray) -> np.ndarray:
@@ -123,13 +120,9 @@ def test_rounded_right_angles(make_model, rng, written, quarter):
     assert seen > 0.1 * error
 
 
-def test_angles_beyond_the_tolerance_stay():
-    model = pin.Model()
-    for i, angle in enumerate((0.0, math.pi / 2 + 2 * ANGLE_TOL)):
-        R = pin.utils.rotate("x", angle)
-        model.addJoint(i, pin.JointModelRZ(), place((0.3, 0, 0), R), f"j{i}")
-        model.addJointFrame(i + 1)
-    arm = load(model, tip="j1")
+def test_angles_beyond_the_tolerance_stay(make_model):
+    turned = [pin.utils.rotate("x", a) for a in (0.0, math.pi / 2 + 2 * ANGLE_TOL)]
+    arm = load(make_model([(pin.JointModelRZ(), place((0.3, 0, 0), R)) for R in turned]), tip="tip")
     stays = nominal(arm)
     (twist,) = stays.snaps
     assert twist.what == "twist"
@@ -376,24 +369,16 @@ def test_any_chain_is_within_its_stated_bound(make_model, chain, seed):
     assert exact.jacobian_change < 0.2  # six joints off by 2e-3 each, a few metres of reach
 
 
-def test_a_fixed_joint_of_four_digits_tilts_no_length(tmp_path):
+def test_a_fixed_joint_of_four_digits_tilts_no_length():
     """Flanges and mounts are turned by 1.5708 as well: what is written behind them stays."""
-    path = tmp_path / "fixed.urdf"
-    path.write_text(
-        '<robot name="fixed"><link name="a"/><link name="m"/><link name="b"/><link name="c"/>'
-        '<link name="flange"/><link name="tool"/>'
-        '<joint name="mount" type="fixed"><origin xyz="0 0 0.1" rpy="1.5708 0 0"/>'
-        '<parent link="a"/><child link="m"/></joint>'
-        '<joint name="j1" type="continuous"><origin xyz="0.1 0.2 0.3"/>'
-        '<parent link="m"/><child link="b"/><axis xyz="0 1 0"/></joint>'
-        '<joint name="j2" type="continuous"><origin xyz="0.4 0 0" rpy="1.5708 0 0"/>'
-        '<parent link="b"/><child link="c"/><axis xyz="0 1 0"/></joint>'
-        '<joint name="f1" type="fixed"><origin xyz="0.05 0 0" rpy="0 -1.5708 -1.5708"/>'
-        '<parent link="c"/><child link="flange"/></joint>'
-        '<joint name="f2" type="fixed"><origin xyz="0.01 0.02 0.15"/>'
-        '<parent link="flange"/><child link="tool"/></joint></robot>'
-    )
-    arm = load(path, tip="tool", task="position")
+    joints = [
+        J("mount", "a", "m", (0, 0, 0.1), kind="fixed", rpy=(1.5708, 0, 0)),
+        J("j1", "m", "b", (0.1, 0.2, 0.3), Y),
+        J("j2", "b", "c", (0.4, 0, 0), Y, rpy=(1.5708, 0, 0)),
+        J("f1", "c", "flange", (0.05, 0, 0), kind="fixed", rpy=(0, -1.5708, -1.5708)),
+        J("f2", "flange", "tool", (0.01, 0.02, 0.15), kind="fixed"),
+    ]  # fmt: skip
+    arm = load(urdf(joints), tip="tool", task="position")
     exact = nominal(arm)
     assert exact.translation == (
         (Fraction("0.1"), Fraction("-0.3"), Fraction("0.3")),
