@@ -4,6 +4,7 @@ import sys
 from dataclasses import replace
 
 import numpy as np
+import pinocchio as pin
 import pytest
 from tiers import sampled, tiered
 
@@ -79,8 +80,6 @@ def test_a_wrong_family_is_reported(monkeypatch):
 @pytest.mark.slow
 def test_snap_length_takes_noise_out():
     """An iiwa whose elbow is 0.4 mm off: S-R-S families come back with snap_length."""
-    import pinocchio as pin
-
     model = load("iiwa14").source.full_model.copy()
     shifted = pin.SE3(model.jointPlacements[4])
     shifted.translation = shifted.translation + np.array([0.000436, 0.0, 0.0])

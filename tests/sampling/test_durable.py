@@ -22,7 +22,7 @@ from tiers import tiered
 
 from pinsing import singular_values
 from pinsing._batch import engine as kernel
-from pinsing.chunk_file import DamagedError, pack
+from pinsing.chunk_file import DamagedError
 from pinsing.errors import EngineError, OutputError
 from pinsing.sampling import plan_map, sigma_map
 from pinsing.sampling.execute import RunFolder, ctrl_c_afterwards, open_run, recorded
@@ -87,36 +87,6 @@ def test_any_damage_is_found(tmp_path: Path) -> None:
         assert read(folder, 2) is None
     other = RunFolder(tmp_path, IDENTITY | {"size": 4}, 3)
     assert read(other, 0) is None
-
-
-@pytest.mark.parametrize("step", ["write", "fsync", "replace", "sync_folder"])
-def test_a_crash_at_any_step_of_a_write_leaves_the_old_or_the_new(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, step: str
-) -> None:
-    new = {"a": np.ones(3)}
-    with open_run(tmp_path, IDENTITY, 3) as folder:
-        folder.save(0, RECORD)
-
-        def crash(*_: object) -> None:
-            raise Crash
-
-        with monkeypatch.context() as patch:
-            patch.setattr(os, "unlink", lambda *_, **__: None)  # the dead clean nothing up
-            if step == "write":
-                half = pack(new, folder.digest, 0)[:50]
-                (tmp_path / "chunks" / ".000000.npz.0123456789ab.part").write_bytes(half)
-            else:
-                name = {"fsync": "os.fsync", "replace": "os.replace"}.get(
-                    step, "pinsing.atomic_write.sync_folder"
-                )
-                patch.setattr(name, crash)
-                with pytest.raises(Crash):
-                    folder.save(0, new)
-        expected = new if step == "sync_folder" else RECORD
-    with open_run(tmp_path, IDENTITY, 3) as folder:
-        assert folder.kept() == (0,)
-        assert same(expected, read(folder, 0))
-        assert [p.name for p in (tmp_path / "chunks").iterdir()] == ["000000.npz"]
 
 
 def test_a_crash_while_a_run_starts(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

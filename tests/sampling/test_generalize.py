@@ -9,6 +9,7 @@ from pinsing.kinematics.jacobian import singular_values
 from pinsing.kinematics.refine import refine, refine_many
 from pinsing.measures import sigma_ratio
 from pinsing.robot.load import load
+from pinsing.robot.nominal import nominal
 from pinsing.sampling.generalize import Generalization, generalize, value_text
 
 PI = np.pi
@@ -33,17 +34,11 @@ def texts(arm, q, **options):
         ("surgical7", [0.05, 0.0, PI, 1.0, PI / 2, 1.0, 1.0], {"q2 = 0 and q3 = 180 deg"}),
         ("surgical7", [0.05, 1.0, 1.0, 0.0, 0.0, 1.0, 1.0], {"q4 = 0"}),
         # A value that is not special, which the paper misses.
-        (
-            "surgical7",
-            [0.05, 0.5, 0.3, 0.8, PI / 2, -np.arcsin(0.2), 0.2],
-            {"q5 = 90 deg and q6 = -11.5370 deg (-0.201358 rad)"},
-        ),
+        ("surgical7", [0.05, 0.5, 0.3, 0.8, PI / 2, -np.arcsin(0.2), 0.2],
+         {"q5 = 90 deg and q6 = -11.5370 deg (-0.201358 rad)"}),
         # A special member of a relation of four joints: q2 = 0, and q4, q5, q6.
-        (
-            "surgical7",
-            [0.05, 0.0, 0.3, -PI / 6, PI / 2, 0.7, 0.2],
-            {"q2 = 0 and a relation between q4, q5 and q6"},
-        ),
+        ("surgical7", [0.05, 0.0, 0.3, -PI / 6, PI / 2, 0.7, 0.2],
+         {"q2 = 0 and a relation between q4, q5 and q6"}),
         ("iiwa14", [0.3, 0.5, 0.3, 0.0, 0.9, 0.2, 0.2], {"q4 = 0"}),
         ("iiwa14", [0.3, 0.0, PI / 2, 0.7, 0.9, 0.2, 0.2], {"q2 = 0 and q3 = 90 deg"}),
         ("iiwa14", [0.3, 0.4, 0.5, 0.7, -PI / 2, 0.0, 0.2], {"q5 = -90 deg and q6 = 0"}),
@@ -52,7 +47,7 @@ def texts(arm, q, **options):
         ("planar3r", [0.3, PI, 0.5], {"q2 = 180 deg"}),
         ("scara", [0.3, 0.0, 0.1, 0.5], {"q2 = 0"}),
     ],
-)
+)  # fmt: skip
 def test_known_families(name, q, expected):
     assert texts(arms.textbook(name), q) == expected
 
@@ -119,19 +114,13 @@ def test_snap_to_special_values_is_tested_not_assumed():
 def test_raw_geometry_is_judged_too():
     arm = arms.data_robot("xarm_description/urdf/xarm7.urdf", tip="link7")
     q = np.array([0.3, 0.5, 0.4, 2.7, 0.1, 0.8, 0.2])
-    result = generalize(arm, refine_on_nominal(arm, q))
+    result = generalize(arm, refine(nominal(arm).arm, q))
     assert result.nominal_ratio <= 1e-9
     assert 1e-9 < result.raw_ratio < 1e-5
     assert "the file itself reaches" in str(result)
     exact = generalize(arms.textbook("stanford"), [0.3, 0.0, 0.3, 0.7, 0.9, 0.2])
     assert exact.raw_ratio <= 1e-9
     assert str(exact) == "q2 = 0, whatever the others"
-
-
-def refine_on_nominal(arm, q):
-    from pinsing.robot.nominal import nominal
-
-    return refine(nominal(arm).arm, q)
 
 
 def test_same_seed_same_answer_and_json():

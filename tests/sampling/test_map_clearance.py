@@ -66,9 +66,8 @@ def test_a_map_of_the_clearance_goes_on_in_its_folder(tmp_path: Path) -> None:
 
 
 def test_unknown_bounds_are_said_and_not_counted_as_numbers() -> None:
-    form = closed_form(
-        load("puma560")
-    )  # of its shoulder alone the closed formula knows no upper bound
+    form = closed_form(load("puma560"))
+    # Of its shoulder alone the closed formula knows no upper bound.
     only = dataclasses.replace(form, families=form.families[2:])
     result = sigma_map(load("puma560"), measure="clearance", forms=only, count=BLOCK)
     spread = result.clearance
@@ -94,6 +93,3 @@ def test_a_plane_shows_the_proven_bound_of_each_configuration() -> None:
         assert shown[i, k] == pytest.approx(bound, abs=1e-9)
     with pytest.raises(OptionError, match="measure"):
         plot.sigma_plane(arm, "elbow_joint", "wrist_2_joint", measure="distance")
-
-
-# ---- a trajectory on the page

@@ -219,6 +219,3 @@ def test_reading_never_waits(tmp_path: Path) -> None:
             read_bounded(path, 100, follow=True)
         with pytest.raises(ResultError):
             load_npz(path)
-
-
-# ---- sweeps

@@ -96,19 +96,12 @@ def test_a_singular_stretch_is_one_candidate() -> None:
 def pooled(
     data: tuple[np.ndarray, ...], most: int, order: np.ndarray, cuts: list[int], tree: bool
 ) -> dict[str, np.ndarray]:
-    parts = []
+    whole = Pool(most)
     for rows in np.split(order, cuts):
-        part = Pool(most)
+        part = Pool(most) if tree else whole
         part.add(*(column[rows] for column in data))
-        parts.append(part)
-    if tree:
-        whole = Pool(most)
-        for part in parts:
+        if tree:
             whole.join(part.record())
-    else:
-        whole = Pool(most)
-        for rows in np.split(order, cuts):
-            whole.add(*(column[rows] for column in data))
     return whole.record()
 
 
@@ -228,11 +221,8 @@ def test_curves_that_are_not_kept(tmp_path: Path) -> None:
 def test_killed_and_stopped_sweeps_go_on_to_the_same_result(tmp_path: Path) -> None:
     """kill -9, then Ctrl-C, then to the end: what a run at one stretch gives."""
     special = ",".join(str(a) for a in range(-180, 180, 30))
-    words = [
-        "analyze", "--sweep", "panda", f"--special={special}", "--deg", "--levels", "2",
-        "--no-keep",
-    ]  # fmt: skip
-    words += ["--levels", "2", "--no-keep", "--samples", "1201", "-o"]
+    words = ["analyze", "--sweep", "panda", f"--special={special}", "--deg", "--levels", "2"]
+    words += ["--no-keep", "--samples", "1201", "-o"]
     out = tmp_path / "run"
 
     def chunks() -> int:
@@ -272,13 +262,11 @@ def test_killed_and_stopped_sweeps_go_on_to_the_same_result(tmp_path: Path) -> N
 def count_and_peak(step: int, levels: int, samples: int) -> tuple[int, float]:
     """Jacobians that a child process sweeps a Panda through, and its peak memory in MiB."""
     code = (
-        "import numpy as np\n"
-        "from pinsing.robot.load import load\n"
-        "from pinsing.sampling.sweep_run import run_sweep\n"
-        "from pinsing.sampling.sweep_plan import plan_sweep\n"
-        "arm = load('panda')\n"
-        f"special = tuple(np.deg2rad(np.arange(-180, 180, {step})).tolist())\n"
-        f"plan = plan_sweep(arm, special=special, levels=({levels},), samples={samples})\n"
+        "import math, pinsing\n"
+        "from pinsing.sampling.sweep_run import plan_sweep, run_sweep\n"
+        "arm = pinsing.load('panda')\n"
+        f"special = [math.radians(a) for a in range(-180, 180, {step})]\n"
+        f"plan = plan_sweep(arm, special=special, levels=[{levels}], samples={samples})\n"
         "result = run_sweep(arm, plan, threads=2, keep=False)\n"
         "assert result.complete\n"
         "print(result.done)\n"
