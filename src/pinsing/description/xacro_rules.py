@@ -8,9 +8,8 @@ modules is taken away.
 
 from __future__ import annotations
 
-import os
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from itertools import pairwise
 from pathlib import Path
 from types import SimpleNamespace
@@ -34,29 +33,44 @@ class RefusedAt(Refused):
         super().__init__(problem)
 
 
+class Placed(str):
+    """A name or value of a file that knows where it stands; copies of elements keep it."""
+
+    place: tuple[str, int]  # the file, and the line at which the element starts
+
+
 class Places:
-    """Where in which file the expansion is: elements keep their file and lines."""
+    """Where in which file the expansion is."""
 
     def __init__(self) -> None:
         self.texts: dict[str, str] = {}
-        self.current: tuple[str, int, int] | None = None
+        self.current: Placed | None = None
 
-    def enter(self, node: Any) -> tuple[str, int, int] | None:
-        """Go to an element; return where the expansion was before."""
-        before = self.current
-        self.current = getattr(node, "place", None) or before
+    def enter(self, what: Any) -> Placed | None:
+        """Go to an element or a text, if it knows its place; return where the expansion was."""
+        before, there = self.current, getattr(what, "tagName", what)
+        if isinstance(there, Placed):
+            self.current = there
         return before
 
     def follow(self, function: Callable[..., Any]) -> Callable[..., Any]:
-        """Wrap a function of an element; a failure leaves the place where it happened."""
+        """Wrap a function of an element or text; a failure leaves the place where it happened."""
 
-        def followed(node: Any, *args: Any, **options: Any) -> Any:
-            before = self.enter(node)
-            result = function(node, *args, **options)
+        def followed(what: Any, *args: Any, **options: Any) -> Any:
+            before = self.enter(what)
+            result = function(what, *args, **options)
             self.current = before
             return result
 
         return followed
+
+    def found(self) -> tuple[str | None, int | None]:
+        """Return file and line of the current place; of a tag of several lines, the right one."""
+        if self.current is None:
+            return None, None
+        text, (file, start) = self.current, self.current.place
+        lines = self.texts[file].splitlines()[start - 1 :]
+        return file, start + next((i for i, line in enumerate(lines) if text in line), 0)
 
 
 class Builder(expatbuilder.ExpatBuilderNS):
@@ -68,17 +82,15 @@ class Builder(expatbuilder.ExpatBuilderNS):
 
     def start_element_handler(self, name: str, attributes: Any) -> None:
         """Note the line at which an element starts."""
+        attributes[1::2] = map(self._placed, attributes[1::2])
         super().start_element_handler(name, attributes)
         node: Any = self.curNode
-        line = self.getParser().CurrentLineNumber
-        node.place = (self.file, line, line)
+        node.tagName = node.nodeName = self._placed(node.tagName)
 
-    def end_element_handler(self, name: str) -> None:
-        """Note the line at which an element ends."""
-        node: Any = self.curNode
-        super().end_element_handler(name)
-        file, line, _ = node.place
-        node.place = (file, line, self.getParser().CurrentLineNumber)
+    def _placed(self, text: str) -> Placed:
+        placed = Placed(text)
+        placed.place = self.file, self.getParser().CurrentLineNumber
+        return placed
 
     def start_doctype_decl_handler(self, *_args: Any) -> None:
         """Refuse a document type."""
@@ -90,34 +102,17 @@ class Builder(expatbuilder.ExpatBuilderNS):
         )
 
 
-def keep_places() -> None:
-    """Let copies of an element, as macros make them, know the place of the original."""
-    clone = minidom._clone_node  # type: ignore[attr-defined]
-
-    def placed(node: Any, deep: Any, owner: Any) -> Any:
-        copy = clone(node, deep, owner)
-        if hasattr(node, "place"):
-            copy.place = node.place
-        return copy
-
-    minidom._clone_node = placed  # type: ignore[attr-defined]
-
-
-_QUOTED = re.compile(r"'([^'\n]+)'|\"([^\"\n]+)\"")
 _LONGEST_SHOWN = 120
 
 
 def explain(error: BaseException, xacro: Any, places: Places) -> dict[str, Any]:
     """Turn an exception into problem, file and line."""
-    errors = causes(error)
-    stack = xacro.macrostack or []  # innermost last, with the file that defines each macro
-    macro = stack[-1].history[-1][-1] if stack and stack[-1].history else None
-    files = [*dict.fromkeys(f for f in (macro, (xacro.filestack or [None])[-1]) if f)]
-    problem = ""
-    for found in errors:
+    file = (xacro.filestack or [None])[-1]
+    problem = suffix = said = ""
+    for found in causes(error):
         if isinstance(found, expat.ExpatError):
             problem = f"is not well-formed XML: {expat.ErrorString(found.code)}"
-            return {"problem": problem, "file": files[-1] if files else None, "line": found.lineno}
+            return {"problem": problem, "file": file, "line": found.lineno}
         if isinstance(found, RefusedAt):
             return {"problem": str(found), "file": found.file, "line": found.line}
         if isinstance(found, Refused):
@@ -128,67 +123,21 @@ def explain(error: BaseException, xacro: Any, places: Places) -> dict[str, Any]:
             problem = "an expression needs too much memory"
         elif isinstance(found, OSError) and found.filename:
             problem = f"cannot open {found.filename}: {found.strerror}"
-    if not problem:
-        problem = " ".join(str(errors[-1]).split()) or type(errors[-1]).__name__
-    suffixes = [" ".join(str(getattr(e, "suffix", None) or "").split()) for e in errors]
-    expressions = [suffix for suffix in suffixes if suffix]
-    if expressions and expressions[-1] not in problem:
-        problem += " " + _cut(expressions[-1])
-    wanted = needles(" ".join([str(e) for e in errors] + [problem]), error)
-    file, line = locate(files, wanted, places)
-    return {"problem": f"xacro: {problem}", "file": file, "line": line}
+        said = " ".join(str(found).split()) or type(found).__name__
+        suffix = " ".join(str(getattr(found, "suffix", None) or "").split()) or suffix
+    problem = problem or said
+    if suffix not in problem:
+        cut = len(suffix) > _LONGEST_SHOWN
+        problem += " " + (suffix[: _LONGEST_SHOWN - 4] + "...'" if cut else suffix)
+    there, line = places.found()
+    return {"problem": f"xacro: {problem}", "file": there or file, "line": line}
 
 
-def _cut(text: str) -> str:
-    return text if len(text) <= _LONGEST_SHOWN else text[: _LONGEST_SHOWN - 4] + "...'"
-
-
-def causes(error: BaseException) -> list[BaseException]:
-    """Return an error and what caused it, outermost first (xacro keeps causes in ``exc``)."""
-    errors: list[BaseException] = []
-    current: BaseException | None = error
-    while current is not None and current not in errors:
-        errors.append(current)
-        current = getattr(current, "exc", None) or current.__cause__
-    return errors
-
-
-def needles(message: str, error: BaseException) -> list[str]:
-    """Return what to look for in the source to find the line that a message speaks of."""
-    expressions = re.findall(r"evaluating expression '([^\n]*?)'(?:\s|$)", message)
-    found = [start + text for text in expressions for start in ("${", "$(eval ")]
-    names = re.findall(r"unknown macro name: xacro:(\S+)", message)
-    names += [macro.body.getAttribute("name") for macro in getattr(error, "macros", [])]
-    found += [f"<xacro:{name}{end}" for name in names for end in " />"]
-    found += [
-        f"$({command} {name})" for name in _texts(message) for command in ("arg", "find", "env")
-    ]
-    found += [os.path.basename(m) for m in re.findall(r"cannot open (\S+):", message)]
-    return [n for n in found + _texts(message) if n]
-
-
-def _texts(message: str) -> list[str]:
-    return [a or b for a, b in _QUOTED.findall(message)]
-
-
-def locate(files: list[str], wanted: list[str], places: Places) -> tuple[str | None, int | None]:
-    """Return file and line of the first wanted text that stands on one line only."""
-    # A text that occurs twice is looked for in the element that was being expanded; one that occurs
-    # nowhere stands for that element.
-    current = places.current
-    for needle in wanted:
-        for file in files:
-            lines = places.texts.get(file, "").splitlines()
-            hits = [i for i, line in enumerate(lines, 1) if needle in line]
-            if len(hits) == 1:
-                return file, hits[0]
-            if current is not None and file == current[0]:
-                inside = [i for i in hits if current[1] <= i <= current[2]]
-                if inside:
-                    return file, inside[0]
-    if current is not None:
-        return current[0], current[1]
-    return (files[-1] if files else None), None
+def causes(error: BaseException | None) -> Iterator[BaseException]:
+    """Yield an error and what caused it, outermost first (xacro keeps causes in ``exc``)."""
+    while error is not None:
+        yield error
+        error = getattr(error, "exc", None) or error.__cause__
 
 
 _CHILDREN = frozenset(
@@ -233,10 +182,8 @@ def replaces(slow: Callable[..., None]) -> Callable[..., None]:
     return replace_node
 
 
-def _known(name: str, known: Mapping[str, Any]) -> Any:
-    """Return what a name stands for; a function that refuses, where we have none."""
-    if name in known:  # False is known, too
-        return known[name]
+def _refused(name: str) -> Function:
+    """Return what stands for a function that is not accepted."""
 
     def refuse(*_args: Any, **_options: Any) -> Any:
         raise Refused(f"the function {name!r} is not accepted")
@@ -307,7 +254,7 @@ class Rules:
         """Put everything in its place."""
         from xacro import substitution_args
 
-        xacro = self.xacro
+        xacro, follow = self.xacro, self.places.follow
         xacro.safe_eval, xacro.parse, xacro.load_yaml = self.safe_eval, self.parse, self.load_yaml
         xacro.glob = SimpleNamespace(glob=self.find_files)
         substitution_args._eval = self.eval_argument
@@ -320,16 +267,21 @@ class Rules:
         for unit in xacro.ConstructUnits:
             Loader.add_constructor(unit.value.tag, unit.constructor)
         self.replace_symbols()
+        attributes, lexed = xacro.reqd_attrs, xacro.eval_text
+
+        def required(tag: Any, names: list[str]) -> Any:
+            self.places.enter(tag)  # also for what is said of the element when this is done
+            return attributes(tag, names)
+
+        def evaluated(text: Any, symbols: Any) -> Any:
+            # Most text holds nothing to evaluate, and taking it apart to see that takes time.
+            plain = isinstance(text, str) and "$" not in text
+            return str(text) if plain else lexed(text, symbols)
+
+        xacro.reqd_attrs, xacro.eval_text = required, follow(evaluated)
         for name in ("eval_all", "grab_property", "process_include", "handle_macro_call"):
-            setattr(xacro, name, self.places.follow(getattr(xacro, name)))
-        xacro.check_attrs = self.places.follow(xacro.check_attrs)
+            setattr(xacro, name, follow(getattr(xacro, name)))
         xacro.replace_node = replaces(xacro.replace_node)
-        lexed = xacro.eval_text
-        # Most text holds nothing to evaluate, and taking it apart to see that takes time.
-        xacro.eval_text = lambda text, symbols: (
-            text if type(text) is str and "$" not in text else lexed(text, symbols)
-        )
-        keep_places()
 
     def no_eval(self, *_args: Any, **_options: Any) -> Any:
         """Stand for ``eval`` and its like within xacro."""
@@ -340,25 +292,25 @@ class Rules:
     def replace_symbols(self) -> None:
         """Put our own functions behind xacro's global names, which stay the same."""
         symbols = self.xacro._global_symbols
+        said = ("message", "warning", "error", "print_location")  # they print, and nothing else
+        own = {name: symbols["xacro"][name] for name in said} | self.own_functions()
         spaces: dict[str, Mapping[str, Any]] = {
             "math": MATH,
             "python": {**FUNCTIONS, "True": True, "False": False},
-            "xacro": {n: Function(f"xacro.{n}", f) for n, f in self.own_functions().items()},
+            "xacro": {n: Function(f"xacro.{n}", f) for n, f in own.items()},
         }
         for space, known in spaces.items():
             for name in list(symbols[space]):
-                dict.__setitem__(symbols[space], name, _known(name, known))
-        deprecated = {"sorted": "python", "range": "python"}
-        deprecated |= dict.fromkeys(("load_yaml", "abs_filename", "dotify"), "xacro")
+                dict.__setitem__(symbols[space], name, known.get(name, _refused(name)))
+        known = {**spaces["math"], **spaces["python"]}
+        known |= {n: self.deprecated(n, "python", known[n]) for n in ("sorted", "range")}
+        for name in ("load_yaml", "abs_filename", "dotify"):
+            known[name] = self.deprecated(name, "xacro", spaces["xacro"][name])
         for name in set(symbols) - set(spaces):
-            if name in deprecated:
-                symbols[name] = self.deprecated(name, deprecated[name], spaces)
-            else:
-                symbols[name] = _known(name, {**spaces["math"], **spaces["python"]})
+            symbols[name] = known.get(name, _refused(name))
 
-    def deprecated(self, name: str, space: str, spaces: Mapping[str, Any]) -> Function:
+    def deprecated(self, name: str, space: str, function: Function) -> Function:
         """Return a function that first says what xacro would say."""
-        function = spaces[space][name]
 
         def warned(*args: Any, **options: Any) -> Any:
             self.xacro.warning(
@@ -369,7 +321,7 @@ class Rules:
         return Function(name, warned)
 
     def own_functions(self) -> dict[str, Callable[..., Any]]:
-        """Return the functions of the namespace ``xacro``."""
+        """Return functions of the namespace ``xacro`` that are not its own."""
 
         def dotify(values: Any = ()) -> Any:
             if not isinstance(values, dict):
@@ -379,7 +331,6 @@ class Rules:
         def fatal(*words: Any) -> Any:
             raise self.xacro.XacroException(" ".join(map(str, words)))
 
-        names = ("message", "warning", "error", "print_location")
         return {
             "load_yaml": lambda filename: self.xacro.load_yaml(filename),
             "abs_filename": lambda name: self.xacro.abs_filename_spec(text_of(name)),
@@ -387,22 +338,7 @@ class Rules:
             "arg": lambda name: self.arguments[name],
             "tokenize": tokenize,
             "fatal": fatal,
-            **{name: self.message(name) for name in names},
         }
-
-    def message(self, name: str) -> Callable[..., str]:
-        """Return a function that prints, as xacro does, and gives empty text."""
-        write = getattr(self.xacro, name)
-
-        def said(*words: Any, print_location: Any = None, **looks: Any) -> str:
-            if set(looks) - {"color", "alt_text", "file"}:
-                raise TypeError(f"xacro.{name} got an unexpected keyword argument")
-            write(*words)
-            if name in ("warning", "error") if print_location is None else print_location:
-                self.xacro.print_location()
-            return ""
-
-        return said
 
     # Expressions --------------------------------------------------------------------
 
@@ -439,11 +375,15 @@ class Rules:
 
     # Files --------------------------------------------------------------------------
 
+    def asked(self, kind: str, text: Any) -> dict[str, Any]:
+        """Return what the parent answers; what it does not allow is refused."""
+        answer = self.ask(kind, text_of(text))
+        Refused.refuse_if("problem" in answer, answer.get("problem", ""))
+        return answer
+
     def read(self, filename: str) -> str:
         """Return the text of a file, by the parent's leave."""
-        answer = self.ask("read", filename)
-        if "problem" in answer:
-            raise Refused(answer["problem"])
+        answer = self.asked("read", filename)
         if "missing" in answer:
             raise OSError(answer["errno"], answer["missing"], filename)
         text: str = answer["text"]
@@ -452,14 +392,11 @@ class Rules:
 
     def find_files(self, pattern: str) -> list[str]:
         """Return the files that a pattern with wildcards stands for."""
-        answer = self.ask("glob", pattern)
-        if "problem" in answer:
-            raise Refused(answer["problem"])
-        return list(answer.get("names", ()))
+        return list(self.asked("glob", pattern).get("names", ()))
 
     def find_package(self, name: str) -> str:
         """Return the folder of a package."""
-        if (folder := self.ask("find", text_of(name))["folder"]) is None:
+        if (folder := self.asked("find", name)["folder"]) is None:
             raise Refused(f"package {name!r} not found: give its folder with --package {name}=DIR")
         return str(folder)
 
@@ -471,10 +408,7 @@ class Rules:
 
     def optional_variable(self, name: str, default: Any = "") -> Any:
         """Return an environment variable, or something else where it is not set."""
-        answer = self.ask("env", text_of(name))
-        if "problem" in answer:
-            raise Refused(answer["problem"])
-        return answer.get("value", default)
+        return self.asked("env", name).get("value", default)
 
     def parse(self, content: Any, filename: str | None = None) -> Any:
         """Return the document of a file."""
