@@ -30,6 +30,10 @@ F = TypeVar("F", bound=Callable[..., Any])
 MAX_SEED = int(np.iinfo(np.uint64).max)
 MAX_STARTS = 10_000_000  # that one call draws
 
+_NAMES = {
+    "joints": "such as model.names[i]",
+    **dict.fromkeys(("tip", "base"), "a frame's name, such as model.frames[i].name"),
+}
 _LONGEST = 40
 _NUMBERS = "numbers"
 _MOST_BITS = 1024  # whole numbers beyond it are no floats either
@@ -62,38 +66,27 @@ def checked(function: F) -> F:
     """Make a function compare its arguments with their annotations before it runs."""
     # ArgumentError for another type, or NaN as one number, ConfigurationError where numbers belong.
     # ``Any`` and type variables let everything pass.
-    parameters: list[tuple[str, int | None, bool, _Kind]] | None = None
 
     @functools.wraps(function)
     def call(*args: Any, **kwargs: Any) -> Any:
-        nonlocal parameters
-        if parameters is None:
-            parameters = _parameters(function)
-        for name, position, variadic, kind in parameters:
-            if variadic:
-                given = args[position:] if position is not None else ()
-            elif position is not None and position < len(args):
-                given = (args[position],)
-            elif name in kwargs:
-                given = (kwargs[name],)
-            else:
-                continue
-            for value in given:
+        order, kinds = _parameters(function)
+        given = dict(zip(order, args, strict=False)) | kwargs
+        if len(given) < len(args) + len(kwargs):  # too many, or one twice: Python says which
+            return function(*args, **kwargs)
+        for name, kind in kinds.items():
+            if name in given:
+                value = given[name]
                 if kind.once and isinstance(value, Iterator):
-                    value = tuple(value)  # looked at here, and there for the function still
-                    if position is not None and position < len(args):
-                        args = (*args[:position], value, *args[position + 1 :])
-                    else:
-                        kwargs[name] = value
+                    value = given[name] = tuple(value)  # looked at here, and there for the function
                 if not kind.fits(value):
-                    if (convert := _conversion(kind, value)) is None:
+                    ways = [_CONVERSIONS.get((type(value), wanted)) for wanted in kind.classes]
+                    if not any(ways):
                         raise _refusal(name, kind, value)
-                    bound = inspect.signature(function).bind(*args, **kwargs)
-                    bound.arguments[name] = convert(value)
-                    if name == "arm" and "forms" in bound.signature.parameters:
-                        bound.arguments["forms"] = bound.arguments.get("forms") or value
-                    args, kwargs = bound.args, bound.kwargs
-        return function(*args, **kwargs)
+                    if name == "arm" and "forms" in inspect.signature(function).parameters:
+                        given["forms"] = given.get("forms") or value
+                    given[name] = next(filter(None, ways))(value)
+        first = [given.pop(name) for name in order[: len(args)]]
+        return function(*first, **given)
 
     return typing.cast(F, call)
 
@@ -163,28 +156,20 @@ def _refusal(name: str, kind: _Kind, value: Any) -> ConfigurationError | Argumen
         return _no_numbers(name, value)
     if isinstance(value, Mapping | list | tuple) and _holds(value, _is_nan, False):
         return ConfigurationError(f"{name} holds a value that is not finite")
-    hint = kind.hint
-    if hint.startswith("pinsing.load(") and isinstance(value, str | os.PathLike):
-        hint = f"load it first, {_load_call(os.fspath(value))}"
-    elif hint.startswith("pinsing.load("):
-        kind_of = type(value).__name__
-        if shown(value) == "the class Model":
+    said, called, hint = shown(value), type(value).__name__, kind.hint
+    hint = hint and f"{hint} gives one"
+    if kind.hint.startswith("pinsing.load("):
+        if isinstance(value, str | os.PathLike):
+            hint = f"load it first, {_load_call(os.fspath(value))}"
+        elif said == "the class Model":
             hint = "load a built one, pinsing.load(pin.buildModelFromUrdf(path))"
-        elif kind_of in ("Model", "Data"):
+        elif called in ("Model", "Data"):
             hint = "load it first, pinsing.load(model)" + ": Data is not needed" * (
-                kind_of == "Data"
+                called == "Data"
             )
         elif type(getattr(value, "model", None)).__name__ == "Model":  # a RobotWrapper
             hint = "load it first, pinsing.load(robot)"
-        else:
-            hint = f"{hint} gives one"
-    elif hint:
-        hint = f"{hint} gives one"
-    elif name in ("tip", "base"):
-        hint = "a frame's name, such as model.frames[i].name"
-    elif name == "joints":
-        hint = "such as model.names[i]"
-    return ArgumentError(name, kind.expected, shown(value), hint)
+    return ArgumentError(name, kind.expected, said, hint or _NAMES.get(name, ""))
 
 
 def _no_numbers(name: str, value: Any) -> ConfigurationError:
@@ -225,37 +210,33 @@ def _cut(text: str) -> str:
 # Annotations --------------------------------------------------------------------------
 
 
-def _parameters(function: Callable[..., Any]) -> list[tuple[str, int | None, bool, _Kind]]:
-    """Return the name, position, if several, and kind of parameters annotated with a check."""
+@functools.cache
+def _parameters(function: Callable[..., Any]) -> tuple[list[str], dict[str, _Kind]]:
+    """Return the parameters that go by position, and the kinds of those annotated with a check."""
     names = {**sys.modules[function.__module__].__dict__, "ArrayLike": _ArrayLike}
-    found = []
-    for position, (name, p) in enumerate(inspect.signature(function).parameters.items()):
-        if p.annotation is p.empty or p.kind is p.VAR_KEYWORD:
-            continue
+    order, found = [], {}
+    for name, p in inspect.signature(function).parameters.items():
+        if p.kind is p.POSITIONAL_OR_KEYWORD:
+            order.append(name)
         try:
-            hint = eval(p.annotation, names) if isinstance(p.annotation, str) else p.annotation
+            hint = eval(p.annotation, names) if isinstance(p.annotation, str) else Any
         except NameError:  # imported for type checking only
             continue
         if (kind := _kind_of(hint)) is not None:
-            by_position = p.kind is not p.KEYWORD_ONLY
-            variadic = p.kind is p.VAR_POSITIONAL
-            found.append((name, position if by_position else None, variadic, kind))
-    return found
+            found[name] = kind
+    return order, found
 
 
 def _kind_of(hint: Any) -> _Kind | None:
     """Return the kind of value that an annotation asks for, None if any value may do."""
     origin, args = typing.get_origin(hint), typing.get_args(hint)
-    if hint in _PLAIN:
-        return _PLAIN[hint]
+    for known in (hint, origin):
+        if known in _PLAIN:
+            return _PLAIN[known]
     if origin in (typing.Union, types.UnionType):
         return _union([_kind_of(a) for a in args])
     if origin is Literal:
         return _Kind(" or ".join(map(repr, args)), lambda v: isinstance(v, str) and v in args)
-    if hint == Bool:
-        return _Kind("a mask", _is_mask)
-    if origin is np.ndarray:
-        return _PLAIN[_ArrayLike]
     if origin is tuple and args and Ellipsis not in args:
         every, size = _sequence(_kind_of(args[0])), len(args)
         return _Kind(f"{size} values", lambda v: every.fits(v) and len(v) == size)
@@ -269,37 +250,23 @@ def _kind_of(hint: Any) -> _Kind | None:
                 isinstance(v, Mapping) and all(key.fits(k) and item.fits(x) for k, x in v.items())
             ),
         )
-    if origin is Callable or hint is Callable:
-        return _Kind("a function", callable)
     kind = origin or hint
-    if not isinstance(kind, type) or kind is object:
+    if not isinstance(kind, type) or kind is object or getattr(kind, "_is_protocol", False):
         return None
-    if getattr(kind, "_is_protocol", False) and not getattr(kind, "_is_runtime_protocol", False):
-        return None
-    if kind is os.PathLike:
-        return _Kind("a path", lambda v: isinstance(v, os.PathLike))
     name = kind.__name__.removesuffix("Like")
     article = "an" if name[0] in "AEIOU" else "a"
     made_by = getattr(kind, "made_by", "")
     return _Kind(f"{article} {name}", lambda v: isinstance(v, kind), made_by, classes=(kind,))
 
 
-def _conversion(kind: _Kind, value: Any) -> Callable[[Any], Any] | None:
-    """Return what makes of a value what belongs there, where `stands_for` has said so."""
-    found = (_CONVERSIONS.get((type(value), wanted)) for wanted in kind.classes)
-    return next((convert for convert in found if convert is not None), None)
-
-
 def _union(kinds: list[_Kind | None]) -> _Kind | None:
-    if None in kinds:
-        return None
     some = [k for k in kinds if k is not None]
-    said = list(dict.fromkeys(k.expected for k in some if k.expected != "None"))
-    hint = next((k.hint for k in some if k.hint), "")
+    if len(some) < len(kinds):
+        return None
     return _Kind(
-        " or ".join(said),
+        " or ".join(dict.fromkeys(k.expected for k in some if k.expected != "None")),
         lambda v: any(k.fits(v) for k in some),
-        hint,
+        next((k.hint for k in some if k.hint), ""),
         any(k.once for k in some),
         tuple(c for k in some for c in k.classes),
     )
@@ -312,13 +279,11 @@ def _sequence(item: _Kind | None, once: bool = False) -> _Kind:
     def fits(value: Any) -> bool:
         if isinstance(value, str):
             return text
-        if isinstance(value, bytes | bytearray | Mapping) or not isinstance(value, Iterable):
-            return False
         if isinstance(value, np.ndarray) and (text or not _are_numbers(value) or not value.ndim):
             return False
-        if not isinstance(value, Collection):  # a generator, which is empty the second time
-            return False
-        return item is None or all(map(item.fits, value))
+        # No generator, which is empty the second time.
+        plain = isinstance(value, Collection) and not isinstance(value, bytes | bytearray | Mapping)
+        return plain and (item is None or all(map(item.fits, value)))
 
     return _Kind("names" if text else "a sequence of values", fits, once=once)
 
@@ -398,7 +363,10 @@ _PLAIN: dict[Any, _Kind | None] = {
     int: _Kind("a whole number", _is_count),
     float: _Kind("a number", _is_number),
     str: _Kind("text", lambda v: isinstance(v, str)),
-    _ArrayLike: _Kind(_NUMBERS, lambda v: _are_numbers(v)),
+    **dict.fromkeys((_ArrayLike, np.ndarray), _Kind(_NUMBERS, lambda v: _are_numbers(v))),
+    Bool: _Kind("a mask", _is_mask),
+    Callable: _Kind("a function", callable),
+    os.PathLike: _Kind("a path", lambda v: isinstance(v, os.PathLike)),
 }
 
 

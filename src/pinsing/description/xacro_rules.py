@@ -33,7 +33,7 @@ class RefusedAt(Refused):
         super().__init__(problem)
 
 
-class Placed(str):
+class PlacedText(str):
     """A name or value of a file that knows where it stands; copies of elements keep it."""
 
     place: tuple[str, int]  # the file, and the line at which the element starts
@@ -44,12 +44,12 @@ class Places:
 
     def __init__(self) -> None:
         self.texts: dict[str, str] = {}
-        self.current: Placed | None = None
+        self.current: PlacedText | None = None
 
-    def enter(self, what: Any) -> Placed | None:
+    def enter(self, what: Any) -> PlacedText | None:
         """Go to an element or a text, if it knows its place; return where the expansion was."""
         before, there = self.current, getattr(what, "tagName", what)
-        if isinstance(there, Placed):
+        if isinstance(there, PlacedText):
             self.current = there
         return before
 
@@ -87,8 +87,8 @@ class Builder(expatbuilder.ExpatBuilderNS):
         node: Any = self.curNode
         node.tagName = node.nodeName = self._placed(node.tagName)
 
-    def _placed(self, text: str) -> Placed:
-        placed = Placed(text)
+    def _placed(self, text: str) -> PlacedText:
+        placed = PlacedText(text)
         placed.place = self.file, self.getParser().CurrentLineNumber
         return placed
 

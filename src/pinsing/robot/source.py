@@ -62,7 +62,8 @@ def kept(compute: Callable[[_M], T]) -> Callable[[_M], T]:
     key = f"{compute.__module__}.{compute.__name__}"
 
     @functools.wraps(compute)
-    def once(of: _M) -> T:
+    def once(*args: _M, **named: _M) -> T:
+        (of,) = (*args, *named.values())  # by its place, or by its name
         return of.once(key, lambda: compute(of))
 
     return once
