@@ -8,20 +8,24 @@ whose Jacobian vanishes altogether is judged rightly too.
 import functools
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
 from arms import place, serial
 
 from pinsing._types import Array
+from pinsing.algebra.budget import Budget
 from pinsing.algebra.equation import Equation
+from pinsing.algebra.jacobian_matrix import constants
+from pinsing.algebra.surd_ring import ring_of
 from pinsing.families import ClosedForm, closed_form
 from pinsing.kinematics.jacobian import generic_rank, task_jacobians
 from pinsing.kinematics.refine import approach, walk
 from pinsing.kinematics.verdict import ratios
 from pinsing.robot.arm import Arm
 from pinsing.robot.load import load
-from pinsing.robot.nominal import ANGLE_TOL, nominal
+from pinsing.robot.nominal import ANGLE_TOL, Nominal, nominal
 from pinsing.sampling.curves import minima
 
 RIGHT = np.pi / 2
@@ -216,10 +220,8 @@ def check_apart(form: ClosedForm, count: int, tol: float = 1e-9) -> None:
     for family in form.families:
         Q = family.points(count, rng)
         for other in form.families:
-            assert other is family or not len(Q) or not other.contains(Q, tol).all(), (
-                family,
-                other,
-            )
+            inside = other is not family and len(Q) and other.contains(Q, tol).all()
+            assert not inside, (family, other)
 
 
 def check_all(arm: Arm, form: ClosedForm, tol: float = 1e-8) -> int:
@@ -246,15 +248,24 @@ def dips(values: np.ndarray) -> np.ndarray:
     return np.flatnonzero(minima(values[None], np.ones((1, len(values))))[0])
 
 
+def terms(*rows: tuple[Any, ...], joints: Sequence[str] = (), shift: Any = 0.0) -> Equation:
+    """An equation of terms: doubled frequencies, powers, factors of the cosine and of the sine."""
+    frequencies, powers, cos, sin = (np.array(column) for column in zip(*rows, strict=True))
+    n = frequencies.shape[1]
+    names = tuple(joints) or tuple(f"q{i + 1}" for i in range(n))
+    shift = np.broadcast_to(np.asarray(shift, dtype=float), (n,))
+    return Equation(names, frequencies, powers, cos.astype(float), sin.astype(float), shift)
+
+
 def sliding_equation(form: ClosedForm) -> Equation:
     """d3^2 + 0.5 d3 cos q2 - 0.3, of an arm with six joints."""
-    frequencies, powers = np.zeros((2, 3, 6), dtype=np.int64)
-    powers[:2, 2], frequencies[1, 1] = (2, 1), 2
-    return Equation(
-        joints=form.symbols,
-        frequencies=frequencies,
-        powers=powers,
-        cos=np.array([1.0, 0.5, -0.3]),
-        sin=np.zeros(3),
-        shift=np.zeros(6),
-    )
+    none, q2, d3 = [0] * 6, [0, 2, 0, 0, 0, 0], [0, 0, 1, 0, 0, 0]
+    square = [0, 0, 2, 0, 0, 0]
+    rows = (none, square, 1.0, 0.0), (q2, d3, 0.5, 0.0), (none, none, -0.3, 0.0)
+    return terms(*rows, joints=form.symbols)
+
+
+def ring_for(geometry: Nominal) -> Any:
+    """The ring that an arm's Jacobian is over."""
+    slides = tuple(bool(p) for p in geometry.arm.prismatic)
+    return ring_of(slides, constants(geometry, geometry.arm.task), Budget(60))

@@ -59,7 +59,6 @@ def test_every_public_name_is_in_the_reference():
     for module in (pinsing, kinematics, postures, proximity, robot, sampling):
         assert set(module.__all__) <= documented().keys()
     members = re.search(r"pinsing\.plot\n   :members: (.*)", text)
-    assert members is not None
     assert set(members[1].split(", ")) == set(plot.__all__)
 
 

@@ -1,11 +1,12 @@
 """Equations: values, gradients, and that the printed text says the same as the numbers."""
 
+import math
 import re
 from fractions import Fraction
 
 import numpy as np
 import pytest
-from singular_sets import RIGHT, Array, arm_of, closed
+from singular_sets import RIGHT, Array, arm_of, closed, terms
 from tiers import sampled, tiered
 
 from pinsing.algebra.equation import equation
@@ -213,9 +214,8 @@ def test_a_sum_of_angles_is_solved() -> None:
 def test_lengths_are_metres():
     (e,) = equations("irb1400")
     assert e.text() == "0.6 sin q2 + 0.72 cos(q2+q3) + 0.12 sin(q2+q3) + 0.15 = 0"
-    assert e.latex() == (
-        r"0.6 \sin q_{2} + 0.72 \cos (q_{2}+q_{3}) + 0.12 \sin (q_{2}+q_{3}) + 0.15 = 0"
-    )
+    latex = r"0.6 \sin q_{2} + 0.72 \cos (q_{2}+q_{3}) + 0.12 \sin (q_{2}+q_{3}) + 0.15 = 0"
+    assert e.latex() == latex
     (e,) = equations("ur5")
     assert (e.involved, e.size) == ((1, 2, 3), pytest.approx(0.425 + 0.39225 + 0.09465))
     q = np.random.default_rng(1).uniform(-9, 9, (100, arm_of("ur5").n))
@@ -225,17 +225,28 @@ def test_lengths_are_metres():
 
 def in_one(cos: list[float], sin: list[float], frequencies: list[int]) -> Equation:
     """Equation in q2 of three joints; frequencies are doubled, as in an Equation."""
-    count = len(cos)
-    table = np.zeros((count, 3), dtype=np.int64)
-    table[:, 1] = frequencies
-    return Equation(
-        ("q1", "q2", "q3"),
-        table,
-        np.zeros((count, 3), dtype=np.int64),
-        np.array(cos),
-        np.array(sin),
-        np.zeros(3),
-    )
+    rows = zip(frequencies, cos, sin, strict=True)
+    return terms(*(((0, f, 0), (0, 0, 0), c, s) for f, c, s in rows))
+
+
+def sum_at(angle: float) -> Equation:
+    """q1 + q2 is an angle: sin((q1 + q2 - angle) / 2) = 0."""
+    return terms(((1, 1, 0), (0, 0, 0), -math.sin(angle / 2), math.cos(angle / 2)))
+
+
+def test_the_angle_is_where_the_equation_holds() -> None:
+    for turn in (math.pi, -math.pi, 3 * math.pi):
+        assert sum_at(turn).text() == "q1+q2 = 180° (mod 360°)"
+        assert sum_at(turn).angle_sum == pytest.approx(math.pi)
+    rng = np.random.default_rng(3)
+    for angle in rng.uniform(-math.pi, math.pi, 20):
+        e = sum_at(float(angle))
+        q = rng.uniform(-math.pi, math.pi, 3)
+        q[1] = angle - q[0]
+        assert abs(float(e(q))) < 1e-12
+        assert e.angle_sum == pytest.approx(angle)
+        q[1] += 0.1
+        assert abs(float(e(q))) > 1e-3
 
 
 @pytest.mark.parametrize("seed", range(6))
@@ -257,10 +268,8 @@ def test_fixing_a_joint_is_substitution(seed: int) -> None:
 
 def test_fixing_at_a_root_leaves_nothing() -> None:
     """Also where terms cancel by sine and cosine at a time."""
-    e = in_one([-0.223185, 0.0], [-0.153705, 0.0], [2, 0])
-    e = in_one(
-        [-0.223185, 0.223185 * np.cos(0.6) + 0.153705 * np.sin(0.6)], [-0.153705, 0.0], [2, 0]
-    )
+    constant = 0.223185 * np.cos(0.6) + 0.153705 * np.sin(0.6)
+    e = in_one([-0.223185, constant], [-0.153705, 0.0], [2, 0])
     assert fix_joint(e, 1, 0.6) is None
     left = fix_joint(e, 1, 0.7)
     assert left.involved == ()

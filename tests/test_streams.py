@@ -154,9 +154,7 @@ def read(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
 @pytest.mark.slow
 @pytest.mark.skipif(not FULL.exists(), reason="there is no /dev/full here")
 @pytest.mark.parametrize("name", sorted(PRINTING))
-def test_no_command_ends_with_1_where_nobody_takes_its_output(
-    read: dict[str, str], name: str
-) -> None:
+def test_no_command_ends_with_1_where_nobody_takes_its_output(read, name):
     """Also where 1 is what it would end with: that means something else."""
     for words in ([read.get(word, word) for word in PRINTING[name]], [*name.split(), "--help"]):
         for kind, ending in ENDINGS.items():
@@ -193,9 +191,7 @@ def test_a_memory_limit_is_said_in_one_line(limit: int) -> None:
         ImportError("libcoal.so: failed to map segment from shared object"),
     ],
 )
-def test_running_out_of_memory_is_one_line(
-    error: Exception, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_running_out_of_memory_is_one_line(error, monkeypatch):
     def fail(*_: object, **__: object) -> None:
         raise error
 
@@ -207,9 +203,7 @@ def test_running_out_of_memory_is_one_line(
     ]
 
 
-def test_any_other_error_is_not_taken_for_too_little_memory(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_any_other_error_is_not_taken_for_too_little_memory(monkeypatch):
     def fail(*_: object, **__: object) -> None:
         raise RuntimeError("a fault of ours")
 

@@ -21,9 +21,7 @@ def test_a_long_step_is_said_once_and_a_short_one_never(capsys: pytest.CaptureFi
     assert told.err == "pinsing: long \u2026\n"
 
 
-def test_on_a_terminal_the_line_counts_and_goes(
-    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_on_a_terminal_the_line_counts_and_goes(capsys, monkeypatch):
     monkeypatch.setattr(module, "is_terminal", lambda stream: True)
     with waiting(after=0.05) as at:
         for k in range(26):
@@ -36,9 +34,7 @@ def test_on_a_terminal_the_line_counts_and_goes(
     assert "\n" not in told
 
 
-def test_an_error_takes_the_line_away(
-    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_an_error_takes_the_line_away(capsys, monkeypatch):
     monkeypatch.setattr(module, "is_terminal", lambda stream: True)
 
     def interrupted() -> None:

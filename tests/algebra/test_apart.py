@@ -79,15 +79,12 @@ def test_what_was_told_before_the_end_is_kept():
 
 
 @pytest.mark.slow
-def test_the_families_are_the_same_in_a_child(monkeypatch):
+def test_the_families_are_the_same_in_a_child(forked, monkeypatch):
     arm = pinsing.load("surgical7")
     here = closed_form(arm)
     monkeypatch.setattr(budget, "_LONG", 0.0)
-    forks = []
-    fork = os.fork
-    monkeypatch.setattr(os, "fork", lambda: forks.append(1) or fork())
     there = closed_form(arm)
-    assert forks
+    assert forked
     assert [f.text for f in there.families] == [f.text for f in here.families]
     assert there.complete
     assert there.random_steps == here.random_steps

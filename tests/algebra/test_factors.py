@@ -43,7 +43,6 @@ def test_forms_fall_into_the_same_factors(seed: int) -> None:
         (one * other) * 7 * X4,
     ):
         whole = RING._of_form(poly)
-        assert whole is not None
         found = [f for f in whole if all(w is None or f != w for w in RING.w)]
         assert sorted(map(str, found)) == by_flint(poly) == sorted(map(str, RING.factors(poly)))
         joints = [min(RING.joints_of(f)) for f in found]

@@ -9,65 +9,40 @@ from typing import Any
 
 import numpy as np
 import pytest
-from click.testing import CliRunner
+from command_line import run as pinsing_command
+from dh_arms import CRX, GOFA, dh_arm
 from node import needs_node, run
+from singular_sets import terms
 from tiers import sampled, tiered
 
 import pinsing
 from pinsing.algebra.equation import Equation
 from pinsing.algebra.joint_form import JointForm, expressions, joint_form
-from pinsing.cli.families import families_command
 from pinsing.kinematics.verdict import ratios
 from pinsing.notebook import mathml
 from pinsing.robot.surd import exact_of, exact_text, surd
 from pinsing.view.entries import engine_data, family_entries
 from pinsing.view.scene import sizes
 
-# Offset wrists. FANUC CRX-10iA/L and ABB GoFa 5: a, alpha, d, theta at zero (m, degrees).
 DH = {
-    "crx": [
-        (0, -90, 0.245, 0), (0.71, 0, 0, -90), (0, -90, 0, 0), (0, 90, 0.54, 0), (0, -90, -0.15, 0),
-        (0, 0, 0.16, 0),
-    ],
-    "gofa": [
-        (0, -90, 0.265, 0), (0.444, 0, 0, -90), (0.11, -90, 0, 0), (0, 90, 0.47, 0),
-        (0.08, -90, 0, 0), (0, 0, 0.101, 180),
-    ],
+    "crx": CRX, "gofa": GOFA,
     # Offsets everywhere, and zeros that are no quarter turns.
     "odd": [
-        (0.1, -90, 0.2, 15), (0.5, 0, 0.03, 0), (0.07, -90, 0, 0), (0.02, 90, 0.4, 10),
-        (0.05, -90, 0.06, 0), (0, 0, 0.1, 0),
+        (-90, 0.1, 0.2, 15), (0, 0.5, 0.03), (-90, 0.07, 0), (90, 0.02, 0.4, 10), (-90, 0.05, 0.06),
+        (0, 0, 0.1),
     ],
 }  # fmt: skip
-
-
-@pytest.fixture(scope="module")
-def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return tmp_path_factory.mktemp("dh")
+"""Arms with offset wrists, and others by their names."""
 
 
 @functools.cache
-def arm_of(name: str, folder: Path) -> pinsing.Arm:
-    if name not in DH:
-        return pinsing.load(name)
-    from pinsing.cli.robots import dh_command
-
-    rows = "\n".join(
-        f"  - {{alpha: {al}, a: {a}, d: {d}, theta: {th}, type: revolute, limits: [-180, 180]}}"
-        for a, al, d, th in DH[name]
-    )
-    table = folder / f"{name}.dh.yaml"
-    table.write_text(
-        f"name: {name}\nconvention: standard\nunits: {{angle: deg, length: m}}\nrows:\n{rows}\n"
-    )
-    done = CliRunner().invoke(dh_command, [str(table), "-o", str(folder / f"{name}.urdf")])
-    assert done.exit_code == 0, done.output + repr(done.exception)
-    return pinsing.load(folder / f"{name}.urdf")
+def arm_of(name: str) -> pinsing.Arm:
+    return dh_arm(DH[name]) if name in DH else pinsing.load(name)
 
 
 @functools.cache
-def form_of(name: str, folder: Path) -> pinsing.ClosedForm:
-    return pinsing.closed_form(arm_of(name, folder))
+def form_of(name: str) -> pinsing.ClosedForm:
+    return pinsing.closed_form(arm_of(name))
 
 
 def long_ones(form: pinsing.ClosedForm) -> list[tuple[pinsing.Family, JointForm]]:
@@ -85,8 +60,8 @@ ARMS = ["crx", "gofa", "odd", "panda", "xarm7"]
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", tiered(ARMS, {"odd"}))
-def test_solved_values_are_singular_and_others_are_not(name: str, folder: Path) -> None:
-    form = form_of(name, folder)
+def test_solved_values_are_singular_and_others_are_not(name: str) -> None:
+    form = form_of(name)
     arm = form.geometry.arm
     rng = np.random.default_rng(5)
     found = long_ones(form)
@@ -115,8 +90,8 @@ def test_solved_values_are_singular_and_others_are_not(name: str, folder: Path) 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["crx", "panda"])
-def test_there_are_no_other_values(name: str, folder: Path) -> None:
-    _, solved = long_ones(form_of(name, folder))[0]
+def test_there_are_no_other_values(name: str) -> None:
+    _, solved = long_ones(form_of(name))[0]
     n = len(solved.equation.joints)
     rng = np.random.default_rng(8)
     for q in rng.uniform(-np.pi, np.pi, (40, n)):
@@ -133,13 +108,12 @@ def test_there_are_no_other_values(name: str, folder: Path) -> None:
 
 @pytest.mark.parametrize("name", sampled(["crx", "gofa", "odd", "panda", "ur5", "z1"]))
 @pytest.mark.parametrize("exact", [False, True])
-def test_grouping_changes_nothing(name: str, exact: bool, folder: Path) -> None:
+def test_grouping_changes_nothing(name: str, exact: bool) -> None:
     rng = np.random.default_rng(2)
-    for equation in {e for f in form_of(name, folder).families for e in f.equations}:
+    for equation in {e for f in form_of(name).families for e in f.equations}:
         Q = rng.uniform(-3, 3, (50, len(equation.joints)))
         for joint in equation.involved:
             parts = expressions(equation, joint, exact)
-            assert parts is not None
             angle = Q[:, joint] + equation.shift[joint]
             times = {
                 "cos": lambda k, x=angle: np.cos(k * x), "sin": lambda k, x=angle: np.sin(k * x),
@@ -186,9 +160,8 @@ class _Bracketed(float):
 @pytest.mark.parametrize(
     "name", tiered(["crx", "gofa", "panda", "xarm7"], ("crx", "gofa", "panda"))
 )
-def test_what_is_printed_can_be_typed_in(name: str, folder: Path) -> None:
-    form = form_of(name, folder)
-    assert form.geometry is not None
+def test_what_is_printed_can_be_typed_in(name: str) -> None:
+    form = form_of(name)
     rng = np.random.default_rng(3)
     for family, solved in long_ones(form):
         (one,) = family.solved
@@ -205,8 +178,8 @@ def test_what_is_printed_can_be_typed_in(name: str, folder: Path) -> None:
                 assert ratios(form.geometry.arm, q)[0] < tol
 
 
-def test_the_statement_is_short_and_says_what_it_means(folder: Path) -> None:
-    form = form_of("crx", folder)
+def test_the_statement_is_short_and_says_what_it_means() -> None:
+    form = form_of("crx")
     (family,) = form.families
     assert family.text == "R cos(q2 - φ) = 0, with φ given by q3, q4 and q5"
     assert "linear complex" in family.reason
@@ -219,8 +192,8 @@ def test_the_statement_is_short_and_says_what_it_means(folder: Path) -> None:
     assert max(len(text) for _, text in family.solved[0].where) < 240
 
 
-def test_exact_numbers_survive_json(folder: Path) -> None:
-    form = form_of("gofa", folder)
+def test_exact_numbers_survive_json() -> None:
+    form = form_of("gofa")
     data = json.loads(form.to_json())
     equation = data["families"][0]["branches"][0]["equations"][0]
     assert all(re.fullmatch(r"-?\d+", x) for pair in equation["exact"] for x in pair)
@@ -250,18 +223,18 @@ def test_exact_coefficients_are_those_that_are_proven():
             exact_of(text)
 
 
-def test_the_command_writes_exact_coefficients(folder: Path) -> None:
-    arm_of("crx", folder)
-    file = str(folder / "crx.urdf")
+def test_the_command_writes_exact_coefficients(tmp_path: Path) -> None:
+    file = tmp_path / "crx.urdf"
+    file.write_text(arm_of("crx").source.xml)
 
-    def run(*words: str) -> str:
-        done = CliRunner().invoke(families_command, [file, "--no-prove", *words])
+    def said(*words: str) -> str:
+        done = pinsing_command("families", file, "--no-prove", *words)
         assert done.exit_code == 0, repr(done.exception)
         return done.output
 
-    assert "15552 cos q3" in " ".join(run("--exact").split())
-    assert "15552" not in run()
-    latex = run("--exact", "--latex")
+    assert "15552 cos q3" in " ".join(said("--exact").split())
+    assert "15552" not in said()
+    latex = said("--exact", "--latex")
     assert r"15552 \cos q_{3}" in latex
     assert latex.count(r"\quad &") == 2  # as stated, and exactly
     for row in re.findall(r"& (?:\\qquad )?(.*?)(?: \\\\)?$", latex, re.MULTILINE):
@@ -270,15 +243,7 @@ def test_the_command_writes_exact_coefficients(folder: Path) -> None:
 
 
 def made(rows: list[tuple[tuple[int, ...], tuple[int, ...], float, float]]) -> Equation:
-    frequencies, powers, cos, sin = zip(*rows, strict=True)
-    return Equation(
-        ("q1", "q2", "d3"),
-        np.array(frequencies),
-        np.array(powers),
-        np.array(cos),
-        np.array(sin),
-        np.array([0.2, 0.0, 0.0]),
-    )
+    return terms(*rows, joints=("q1", "q2", "d3"), shift=(0.2, 0, 0))
 
 
 @pytest.mark.parametrize(
@@ -324,8 +289,8 @@ def test_what_enters_twice_is_not_solved() -> None:
 
 @pytest.mark.slow
 @needs_node
-def test_the_page_says_the_pitch_of_the_pose_shown(folder: Path) -> None:
-    form = form_of("crx", folder)
+def test_the_page_says_the_pitch_of_the_pose_shown() -> None:
+    form = form_of("crx")
     arm = form.geometry.arm
     (family,) = form.families
     entries = family_entries(arm, form.families, 1)

@@ -3,14 +3,14 @@
 from fractions import Fraction
 
 import pytest
+from singular_sets import ring_for
 
 from pinsing import load
 from pinsing.algebra.budget import Budget
 from pinsing.algebra.decompose import PlaceMatrices, SearchPlace
-from pinsing.algebra.jacobian_matrix import constants, jacobian_matrix
+from pinsing.algebra.jacobian_matrix import jacobian_matrix
 from pinsing.algebra.matrix import reduce_matrix
 from pinsing.algebra.minors import Minors
-from pinsing.algebra.surd_ring import ring_of
 from pinsing.robot.nominal import nominal
 
 STRAIGHT, BACK = (Fraction(1), Fraction(0)), (Fraction(0), Fraction(1))
@@ -21,7 +21,7 @@ def places():
     """The places of an arm of seven joints, and where all of them are free."""
     arm = load("panda")
     geometry, time = nominal(arm), Budget(60)
-    ring = ring_of(tuple(bool(p) for p in arm.prismatic), constants(geometry, arm.task), time)
+    ring = ring_for(geometry)
     matrix = jacobian_matrix(geometry, ring, arm.task, time)
     return PlaceMatrices(ring, time), SearchPlace({}, matrix, 6, 2)
 

@@ -57,12 +57,9 @@ def test_the_primes(exponent):
 
 def test_numbers_modulo_a_prime():
     for a, b in itertools.product((cosine(1), cosine(2) + 1, ROOT6 / 7), repeat=2):
-        assert residue(a * b, WORD_PRIME) == (
-            residue(a, WORD_PRIME) * residue(b, WORD_PRIME) % WORD_PRIME
-        )
-        assert residue(a + b, WORD_PRIME) == (
-            (residue(a, WORD_PRIME) + residue(b, WORD_PRIME)) % WORD_PRIME
-        )
+        one, other = residue(a, WORD_PRIME), residue(b, WORD_PRIME)
+        assert residue(a * b, WORD_PRIME) == one * other % WORD_PRIME
+        assert residue(a + b, WORD_PRIME) == (one + other) % WORD_PRIME
     r = ring(ROOT2)
     x, y, u, v, z = gens(r)
     assert (r.gcd(y, y * v), r.gcd(x * y * z * z, x * x * u * z)) == (y, x * z)
@@ -180,15 +177,8 @@ def test_real_roots_with_square_roots():
     r = ring(ROOT2, ROOT3)
     x = gens(r)[4]  # of a joint that slides
     wanted = [math.sqrt(2), 1 - math.sqrt(3), math.sqrt(6) / 5]
-    poly = product(
-        r,
-        [
-            x - r.number(ROOT2),
-            x - r.number(1 - ROOT3),
-            x - r.number(ROOT6 / 5),
-            x**2 + r.number(ROOT3),
-        ],
-    )
+    linear = [x - r.number(root) for root in (ROOT2, 1 - ROOT3, ROOT6 / 5)]
+    poly = product(r, [*linear, x**2 + r.number(ROOT3)])
     found = [float(v.ball) for v in real_roots(poly, 2, r)]
     assert sorted(found) == pytest.approx(sorted(wanted), rel=1e-15)
     plain = make_ring((True,))
@@ -219,17 +209,8 @@ def test_what_no_configuration_makes_zero(roots: bool) -> None:
     for poly in (r.one, constant, w1, constant * w1, w1**2 * w2, constant * w1 * w2**3):
         assert r.nowhere_zero(r.reduce(poly)), poly
     for poly in (
-        x1,
-        z,
-        z**2,
-        w1 * z,
-        x1**2 - y1**2,
-        2 * x1**2 + y1**2,
-        w1 + w2,
-        w1 * (x2**2 + 2 * y2**2),
-        x1**2 * y1**2,
-        w1 * x2 * y2,
-        w1**2 + x1**2 * y1**2,
-    ):
+        x1, z, z**2, w1 * z, x1**2 - y1**2, 2 * x1**2 + y1**2, w1 + w2, w1 * (x2**2 + 2 * y2**2),
+        x1**2 * y1**2, w1 * x2 * y2, w1**2 + x1**2 * y1**2,
+    ):  # fmt: skip
         assert not r.nowhere_zero(r.reduce(poly)), poly
         assert not r.nowhere_zero(r.reduce(constant * poly)), poly

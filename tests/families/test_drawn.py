@@ -1,32 +1,21 @@
 """Points of families in closed form: all joints drawn but as many as there are equations."""
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
+from singular_sets import terms
 
 from pinsing.algebra.equation import Equation
 from pinsing.families import zero_set
 from pinsing.families.zero_set import draw, orders, project, residuals, search
 
-
-def equation(*terms: tuple[tuple[int, ...], tuple[int, ...], float, float]) -> Equation:
-    """Of (frequencies, powers, cos, sin) in each term."""
-    n = len(terms[0][0])
-    return Equation(
-        joints=tuple(f"q{i + 1}" for i in range(n)),
-        frequencies=np.array([t[0] for t in terms]),
-        powers=np.array([t[1] for t in terms]),
-        cos=np.array([t[2] for t in terms]),
-        sin=np.array([t[3] for t in terms]),
-        shift=np.linspace(-0.3, 0.4, n),
-    )
-
-
-ONCE = equation(((2, 0, 0), (0, 0, 0), 0.5, 0.2), ((0, 2, 2), (0, 0, 0), 0.3, -0.4))
-HALF = equation(((1, 1, 0), (0, 0, 0), 1.0, 0.3), ((1, -1, 0), (0, 0, 0), 0.2, 0.9))
-LENGTH = equation(((0, 2, 0), (1, 0, 0), 1.0, 0.3), ((0, 2, 2), (0, 0, 0), 0.7, 0.0))
-TWICE = equation(((4, 0, 0), (0, 0, 0), 1.0, 0.0), ((2, 0, 0), (0, 0, 0), 0.0, 0.5))
+SHIFT = (-0.3, 0.05, 0.4)
+ONCE = terms(((2, 0, 0), (0, 0, 0), 0.5, 0.2), ((0, 2, 2), (0, 0, 0), 0.3, -0.4), shift=SHIFT)
+HALF = terms(((1, 1, 0), (0, 0, 0), 1.0, 0.3), ((1, -1, 0), (0, 0, 0), 0.2, 0.9), shift=SHIFT)
+LENGTH = terms(((0, 2, 0), (1, 0, 0), 1.0, 0.3), ((0, 2, 2), (0, 0, 0), 0.7, 0.0), shift=SHIFT)
+TWICE = terms(((4, 0, 0), (0, 0, 0), 1.0, 0.0), ((2, 0, 0), (0, 0, 0), 0.0, 0.5), shift=SHIFT)
 FREE = np.ones(3, dtype=bool)
 ZERO = np.zeros(3)
 WIDE = np.full(3, 3.0)
@@ -36,9 +25,7 @@ RNG = np.random.default_rng
 @pytest.mark.parametrize("e", [ONCE, HALF, LENGTH])
 @pytest.mark.parametrize("width", [2.0, 3.2, 20.0])
 def test_points_are_on_the_set_and_in_the_box(e: Equation, width: float) -> None:
-    e = Equation(
-        e.joints, e.frequencies, e.powers, e.cos, e.sin, np.where(e.powers.any(0), 0, e.shift)
-    )
+    e = replace(e, shift=np.where(e.powers.any(0), 0, e.shift))
     lower, upper = np.full(3, -width), np.full(3, width)
     for order in orders([e], FREE):
         q = draw(order, lower, upper, FREE, ZERO, 4000, np.random.default_rng(1))
@@ -60,7 +47,7 @@ def test_what_is_solved_for_and_in_which_order() -> None:
         q = draw(order, -WIDE, WIDE, FREE, ZERO, 3000, RNG(2))
         assert len(q) > 100
         assert np.abs(residuals([ONCE, HALF], q)).max() < 1e-14
-    both = equation(((2, 2, 2), (0, 0, 0), 0.5, 0.2), ((0, 0, 0), (0, 0, 0), 0.1, 0.0))
+    both = terms(((2, 2, 2), (0, 0, 0), 0.5, 0.2), ((0, 0, 0), (0, 0, 0), 0.1, 0.0), shift=SHIFT)
     assert orders([both, ONCE], FREE) == []  # each joint of the one is in the other
     free, fixed = np.array([True, True, False]), np.array([0.0, 0.0, 1.25])
     (order, *_) = orders([ONCE], free)
@@ -75,14 +62,14 @@ def test_a_box_with_nothing_in_it_is_not_searched_at_random(monkeypatch):
     assert len(q)
     assert np.abs(values).min() > 0.01
     drawn = []
-    for terms, most in ((zero_set._PROOF_TERMS, 0), (1, 400)):
+    for short, most in ((zero_set._PROOF_TERMS, 0), (1, 400)):
         moved: list[int] = []
 
         def counted(*given: Any, moved: list[int] = moved) -> Any:
             moved.append(len(given[1]))
             return project(*given)
 
-        monkeypatch.setattr(zero_set, "_PROOF_TERMS", terms)
+        monkeypatch.setattr(zero_set, "_PROOF_TERMS", short)
         monkeypatch.setattr(zero_set, "project", counted)
         rng = RNG(5)
         assert len(search([ONCE], far - 0.15, far + 0.15, FREE, ZERO, 4, rng)) == 0

@@ -6,13 +6,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from public import script
+from singular_sets import ring_for
+from tiers import tiered_rows
 
 import pinsing
 from pinsing.algebra import real_roots as roots
-from pinsing.algebra.budget import Budget
-from pinsing.algebra.jacobian_matrix import constants
 from pinsing.algebra.ring import make_ring
-from pinsing.algebra.surd_ring import ring_of
 from pinsing.families import pieces
 from pinsing.families.certificate import prove
 from pinsing.families.faithful import disagreements
@@ -91,23 +90,14 @@ def test_a_root_that_is_lost_is_no_complete_answer(monkeypatch):
     assert any("on no family that is stated" in gap for gap in form.gaps)
 
 
-def asked(form):
-    geometry = form.geometry
-    slides = tuple(bool(p) for p in geometry.arm.prismatic)
-    return ring_of(slides, constants(geometry, geometry.arm.task), Budget(60)), geometry
+TOLD = [("ur5", "pose"), ("puma560", "position"), ("panda", "pose")]
 
 
-@pytest.mark.parametrize(
-    ("name", "task"),
-    [
-        ("ur5", "pose"),
-        ("puma560", "position"),
-        pytest.param("panda", "pose", marks=pytest.mark.slow),
-    ],
-)
+@pytest.mark.parametrize(("name", "task"), tiered_rows(TOLD, TOLD[:2]))
 def test_a_branch_that_is_missing_or_another_is_told(name, task):
     form = pinsing.closed_form(pinsing.load(name, task=task), seconds=60)
-    ring, geometry = asked(form)
+    geometry = form.geometry
+    ring = ring_for(geometry)
 
     def said(families):
         return disagreements(families, form.left_out, ring, geometry, form.symbols)

@@ -7,15 +7,14 @@ import random
 import numpy as np
 import pytest
 from flint import nmod_mat
+from singular_sets import ring_for
 from test_closed_form_mimic import finger, follows
 from urdf_text import J, Z, frame, urdf
 
 import pinsing
 from pinsing.algebra.budget import Budget
-from pinsing.algebra.jacobian_matrix import constants
 from pinsing.algebra.mimic import own_jacobian_modulo
 from pinsing.algebra.minors import NearMinors
-from pinsing.algebra.surd_ring import ring_of
 from pinsing.families.nearness import OwnPoints
 from pinsing.families.pieces import PieceMaker
 from pinsing.families.solve import joint_symbols
@@ -41,11 +40,6 @@ def chain(joints, follow, slides=(), limit=2.9):
     return pinsing.load(urdf([*made, frame("tip", f"l{joints}", (0.1, 0, 0.1))], "chain"))
 
 
-def ring_for(arm, geometry):
-    slides = tuple(bool(p) for p in arm.prismatic)
-    return ring_of(slides, constants(geometry, arm.task), Budget(60))
-
-
 @pytest.mark.parametrize(
     ("joints", "follow", "slides"),
     [
@@ -57,7 +51,7 @@ def ring_for(arm, geometry):
 def test_minors_of_own_joints_are_those_of_pinocchios_jacobian(joints, follow, slides):
     arm = chain(joints, follow, slides)
     geometry = nominal(arm)
-    ring = ring_for(arm, geometry)
+    ring = ring_for(geometry)
     maker = PieceMaker(geometry, ring, 6, joint_symbols(arm), 20, Budget(60), 2e-3)
     minors = NearMinors(geometry, ring, arm.task, 6, Budget(60))
     Q = np.random.default_rng(1).uniform(-2, 2, (12, arm.n))

@@ -3,11 +3,10 @@
 import numpy as np
 import pytest
 from dh_arms import snake
+from singular_sets import ring_for
 
 from pinsing.algebra.budget import Budget
-from pinsing.algebra.jacobian_matrix import constants
 from pinsing.algebra.minors import NearMinors
-from pinsing.algebra.surd_ring import ring_of
 from pinsing.families.long_chain import LongChain, ModularPoints, solving_order
 from pinsing.families.pieces import PieceMaker
 from pinsing.families.solve import joint_symbols
@@ -21,7 +20,7 @@ def _snake():
     """Ten axes at right angles; and all minors of neighbours."""
     arm = snake(10)
     geometry = nominal(arm)
-    ring = ring_of((False,) * 10, constants(geometry, arm.task), Budget(60))
+    ring = ring_for(geometry)
     minors = NearMinors(geometry, ring, arm.task, 6, Budget(60))
     return arm, geometry, ring, [minors.minor(range(i, i + 6), {}) for i in range(5)]
 

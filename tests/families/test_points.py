@@ -1,19 +1,30 @@
-"""Systems of equations: values, slopes, and points of their zero sets."""
+"""Points of families: on their zero sets, real where samples show it, singular to all digits."""
 
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from dh_arms import dh_arm
+from singular_sets import RIGHT, Joint, build, drop
 from tiers import tiered_rows
 
+import pinsing
+from pinsing.algebra.budget import Budget
 from pinsing.algebra.conditions import Branch
 from pinsing.algebra.equation import equation
 from pinsing.algebra.ring import make_ring
 from pinsing.families import closed_form
-from pinsing.families.nearness import Starts
+from pinsing.families.describe import describe
+from pinsing.families.form import families_text
+from pinsing.families.nearness import OwnPoints, Starts
+from pinsing.families.solve import joint_symbols
+from pinsing.families.steps import ComponentSearch
 from pinsing.families.zero_set import System, fix_joint, project, search
+from pinsing.kinematics.jacobian import generic_rank
+from pinsing.kinematics.verdict import ratios
 from pinsing.robot.joint_space import JointSpace
 from pinsing.robot.load import load
+from pinsing.robot.nominal import nominal
 
 
 def system(name, **options):
@@ -97,3 +108,112 @@ def test_points_of_a_long_chain_are_on_its_family():
     for family in form.families:
         for seed in range(4):
             assert family.contains(family.sample(40, np.random.default_rng(seed))).all()
+
+
+@pytest.fixture(scope="module")
+def sought():
+    """The arm, its exact geometry, and the components that were found of it."""
+    arm = pinsing.load("ur5")
+    geometry = nominal(arm)
+    rank = generic_rank(geometry.arm)
+    return (
+        arm,
+        geometry,
+        ComponentSearch(geometry, arm, rank, joint_symbols(arm), Budget(60.0), 0.002).run(),
+    )
+
+
+def test_what_a_first_look_missed_is_real_where_samples_are_found(sought):
+    arm, geometry, found = sought
+    with_equations = [c for c in found.components if c.relations]
+    assert with_equations
+    for component in with_equations:
+        pieces = [replace(p, real=False) for p in found.maker.make(component)]
+        family = describe(pieces, found.maker, arm, geometry)
+        assert len(family.sample(4, np.random.default_rng(0))) == 4
+        assert family.real
+        assert family.reachability == "reachable"
+        assert family.witness is not None
+
+
+def test_equations_without_a_real_point_stay_so(sought):
+    arm, geometry, found = sought
+    x, y = (found.ring.context.gens()[v] for v in found.ring.variables(2))
+    component = next(c for c in found.components if c.relations)
+    piece = found.maker.make(component)[0]
+    nowhere = found.maker.branch_of({}, [4 * x * x + 2 * y * y])  # 3 + cos q3, over the circle
+    family = describe([replace(piece, branches=(nowhere,), real=False)], found.maker, arm, geometry)
+    assert not family.real
+    assert family.witness is None
+    assert family.reachability == "none found"
+    assert len(family.sample(4, np.random.default_rng(0))) == 0
+
+
+def test_a_point_off_by_the_root_of_rounding_is_brought_to_all_digits(sought):
+    arm = sought[1].arm
+    own = OwnPoints(arm)
+    elbow = np.array([0.3, -0.7, 2e-7, 0.5, 0.9, 0.1])
+    regular = np.array([0.3, -0.7, 0.8, 0.5, 0.9, 0.1])
+    every = np.ones(6, dtype=bool)
+    blunt = np.stack([elbow, regular])
+    assert own(blunt).tolist() == [True, False]
+    sharp = own.sharpened(blunt, every)
+    assert pinsing.singular_values(arm, blunt[:1])[0, -1] > 1e-9
+    assert pinsing.singular_values(arm, sharp[:1])[0, -1] < 1e-14
+    assert np.abs(sharp[0] - elbow).max() < 1e-6
+    assert np.array_equal(sharp[1], regular)  # the singular ones are far away
+    held = every.copy()
+    held[2] = False
+    assert own.sharpened(blunt, held)[0, 2] == elbow[2]
+
+
+@pytest.mark.slow
+def test_points_that_a_search_turned_beyond_the_limits_are_judged():
+    """Six joints, vx,vz,wy: a sample of the search was turned by 1.75 turns, as if in degrees."""
+    rows = [(0, 0.05, 0), (0, 0, -90), (-0.1, 0, 0), (0, 0, -90), (-0.1, 0, 90), (0, 0, -90)]
+    arm = dh_arm([(alpha, a, d) for a, d, alpha in rows], "vx,vz,wy")
+    far = np.full((1, 6), 0.3)
+    far[0, 3] += 4 * np.pi
+    assert ratios(arm, far) == pytest.approx(ratios(arm, far - [0, 0, 0, 4 * np.pi, 0, 0]))
+    assert pinsing.closed_form(arm, seconds=4, prove=False).families
+
+
+@pytest.fixture(scope="module")
+def touching():
+    """Its equations touch zero, as 1 - sin q3 sin q4 does."""
+    rows = [
+        Joint(-RIGHT, -0.14, -0.16), Joint(a=0.46, d=0.37), Joint(np.pi, 0.15), Joint(RIGHT),
+        Joint(-RIGHT, d=-0.42), Joint(slides=True),
+    ]  # fmt: skip
+    return build(rows, task="vx,vy,wx,wy")
+
+
+@pytest.fixture(scope="module")
+def form(touching):
+    return closed_form(touching, seconds=60)
+
+
+def touched(form):
+    return [f for f in form.families if f.confirm is not None]
+
+
+@pytest.mark.slow
+def test_points_of_touching_equations_are_singular_to_rounding(touching, form, rng):
+    (family,) = touched(form)
+    assert family.confirm.touching
+    for q in (family.sample(20, rng), family.points(20, rng)):
+        assert len(q) == 20
+        assert drop(touching, q).max() < 1e-12  # it was 4e-7
+        assert family.contains(q).all()
+        # At the extremum of sin q3 sin q4, to all digits.
+        assert np.abs(np.abs(np.sin(q[:, 2:4])) - 1).max() < 1e-12
+        assert np.abs(np.cos(q[:, 2:4])).max() < 1e-7
+        q[:, 2] += 0.01
+        assert drop(touching, q).min() > 1e-6
+        assert not family.contains(q).any()
+
+
+@pytest.mark.slow
+def test_touching_equations_are_not_said_to_hold_elsewhere_and_others_are_as_ever(form):
+    assert "regular configurations" not in families_text(form)
+    assert 0 < len(touched(form)) < len(form.families)

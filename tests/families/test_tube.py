@@ -1,16 +1,16 @@
 """Robots that are imperfect copies of a design: the tube about its families, and what is told."""
 
-import importlib.util
 import math
 import pickle
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
-from types import ModuleType, SimpleNamespace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from command_line import run
+from public import script
 from tiers import tiered
 
 import pinsing
@@ -23,18 +23,12 @@ from pinsing.proximity.clearance import distances
 from pinsing.proximity.guard import make_guard
 from pinsing.report.arm_report import robot
 from pinsing.report.info import describe, gather
+from pinsing.robot import design as designs
 from pinsing.robot.arm import Arm
 from pinsing.robot.calibration import LINKS, calibrated, known_like
 from pinsing.robot.chain import chain_model, flatten
-from pinsing.robot.design import (
-    _with_equal_lengths,
-    assumed_design,
-    assumptions,
-    design_of,
-    differences,
-)
+from pinsing.robot.design import assumed_design, assumptions, design_of, differences
 
-SCRIPT = Path(__file__).parents[2] / "scripts" / "tube.py"
 Q = np.array([0.0, -1.2, 1.3, -1.0, -1.5, 0.0])
 UR5E = {
     "shoulder": (0, 0, 0.16271, 0, 0, 0),
@@ -58,14 +52,9 @@ def write(path: Path, links: dict[str, tuple[float, ...]]) -> Path:
 
 
 @pytest.fixture(scope="module")
-def attack() -> ModuleType:
+def attack():
     """The script that attacks tubes."""
-    spec = importlib.util.spec_from_file_location("attack_tubes", SCRIPT)
-    assert spec is not None
-    assert spec.loader is not None
-    made = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(made)
-    return made
+    return script("tube")
 
 
 @pytest.fixture(scope="module", autouse=True)
@@ -92,18 +81,13 @@ def form(tmp_path_factory: pytest.TempPathFactory) -> pinsing.ClosedForm:
     return pinsing.closed_form(calibrated(pinsing.load("ur5e"), file))
 
 
-def test_tube_is_proven_and_holds_every_singular_configuration(
-    form: pinsing.ClosedForm, attack: ModuleType
-) -> None:
-    assert form.tube is not None
+def test_tube_is_proven_and_holds_every_singular_configuration(form, attack):
     assert form.tube.proven
     assert all(f.persists and f.lower < f.width <= form.tube.width for f in form.tube.families)
-    assert form.geometry is not None
     product = tubes.factorize(form.loaded, form.geometry.arm, form.families)
     # None is claimed of tubes that hold every configuration.
     assert tubes._two_sides(product, np.full(4, 0.1), 0.2) == [True] * 3
     assert tubes._two_sides(product, np.full(4, np.pi), np.pi) == [False] * 3
-    assert form.loaded is not None
     found = attack.find_singular(form.loaded, np.random.default_rng(5).uniform(-3, 3, (150, 6)))
     wrong, (_, far) = attack.outside(form, found)
     assert (len(found) > 50, wrong) == (True, 0)
@@ -113,9 +97,7 @@ def test_tube_is_proven_and_holds_every_singular_configuration(
 @pytest.mark.parametrize(
     "name", tiered(["ur5e", "crx10ia", "xarm6", "iiwa14", "panda"], {"xarm6", "iiwa14"})
 )
-def test_boxes_keep_their_zeros_and_none_is_farther_than_told(
-    name: str, attack: ModuleType
-) -> None:
+def test_boxes_keep_their_zeros_and_none_is_farther_than_told(name, attack):
     arm, rng = pinsing.load(name), np.random.default_rng(2)
     families = pinsing.closed_form(arm, prove=False).families
     product, F = tubes.factorize(attack.perturb(arm, rng), arm, families), len(families)
@@ -145,8 +127,7 @@ def test_boxes_keep_their_zeros_and_none_is_farther_than_told(
             assert (far[alone, k] <= found[alone, 10 + k] + 1e-12).all()
 
 
-def test_bounds_are_about_the_robot(form: pinsing.ClosedForm, attack: ModuleType) -> None:
-    assert form.loaded is not None
+def test_bounds_are_about_the_robot(form, attack) -> None:
     found = attack.find_singular(form.loaded, np.random.default_rng(6).uniform(-3, 3, (60, 6)))
     assert not pinsing.clearance(form, found).lower.any()
     assert not pinsing.clearance(form, found, certify=True).lower.any()
@@ -157,9 +138,9 @@ def test_bounds_are_about_the_robot(form: pinsing.ClosedForm, attack: ModuleType
     assert {monitor.update(q).lower for q in found} == {0.0}
     guard: dict[str, object] = {}
     exec(pinsing.export_guard(form.loaded, "python", forms=form), guard)
-    assert not guard["clearance"](found).any()  # type: ignore[operator]
+    assert not guard["clearance"](found).any()
     same = pinsing.clearance(form, Q).lower
-    assert guard["clearance"](Q) == pytest.approx(float(same), abs=1e-9)  # type: ignore[operator]
+    assert guard["clearance"](Q) == pytest.approx(float(same), abs=1e-9)
     there = pinsing.clearance(form, Q)
     assert (there.nominal, there.of_design) == (False, True)
     assert " rad from F3 of the design (" in str(there)
@@ -167,10 +148,7 @@ def test_bounds_are_about_the_robot(form: pinsing.ClosedForm, attack: ModuleType
     assert "the nearest family shoulder (F3)" in str(monitor.update(Q))
 
 
-def test_a_motion_meets_the_robots_own_singular_configuration(
-    form: pinsing.ClosedForm, attack: ModuleType
-) -> None:
-    assert form.loaded is not None
+def test_a_motion_meets_the_robots_own_singular_configuration(form, attack):
     wrist = np.random.default_rng(6).uniform(-3, 3, (60, 6)) * (1, 1, 1, 1, 0, 1)
     found = attack.find_singular(form.loaded, wrist)
     # From the singular configuration towards the wrist of the design, which is not met.
@@ -187,10 +165,7 @@ def test_a_motion_meets_the_robots_own_singular_configuration(
     assert "(this robot itself at t = " in across.text().replace("\n  ", " ")
 
 
-def test_far_from_other_families_the_width_of_the_nearest_is_taken_off(
-    form: pinsing.ClosedForm,
-) -> None:
-    assert form.tube is not None
+def test_far_from_other_families_the_width_of_the_nearest_is_taken_off(form):
     near = np.random.default_rng(1).uniform(-3, 3, (400, 6))
     others = pinsing.clearance(form, near, families=["elbow", "wrist"]).lower
     found = pinsing.clearance(form, near, certify=True)
@@ -199,16 +174,12 @@ def test_far_from_other_families_the_width_of_the_nearest_is_taken_off(
     assert (found.lower >= found.upper - form.tube.alone - 1e-3)[alone].all()
 
 
-def test_paths_across_walls_meet_a_singular_configuration(
-    form: pinsing.ClosedForm, attack: ModuleType
-) -> None:
+def test_paths_across_walls_meet_a_singular_configuration(form, attack):
     wrong, tried = attack.unmet(form, 300, np.random.default_rng(7))
     assert (wrong, tried > 30) == (0, True)
 
 
-def test_without_a_tube_the_robots_jacobian_bounds_its_clearance(
-    attack: ModuleType, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_without_a_tube_the_robots_jacobian_bounds_its_clearance(attack, monkeypatch):
     # As where nothing is compiled.
     nothing = SimpleNamespace(available=lambda: False, unavailable_reason=lambda: "no compiler")
     monkeypatch.setattr(tubes, "engine", nothing)
@@ -216,7 +187,6 @@ def test_without_a_tube_the_robots_jacobian_bounds_its_clearance(
     rng = np.random.default_rng(3)
     robot = attack.perturb(panda, rng)
     assumed = pinsing.load(robot.model).design
-    assert assumed is not None
     # Its elbow's two offsets cancel, as they do not with the lengths of the robot.
     design = pinsing.closed_form(panda, prove=False)
     form = pinsing.closed_form(replace(robot, design=assumed), prove=False)
@@ -225,7 +195,6 @@ def test_without_a_tube_the_robots_jacobian_bounds_its_clearance(
         for of in (form, design)
     ]
     assert each[0] == each[1]
-    assert form.tube is not None
     assert not form.tube.proven
     assert "from these is NOT proven: no compiler." in str(form.tube)
     q = [0, -0.5, 0.3, -2, 0.4, 1.5, 0]
@@ -242,9 +211,7 @@ def test_without_a_tube_the_robots_jacobian_bounds_its_clearance(
     assert (len(found) > 20, np.median(lower) > 0.02) == (True, True)
 
 
-def test_a_tube_within_the_limits_is_not_taken_off_beyond_them(form: pinsing.ClosedForm) -> None:
-    assert form.tube is not None
-    assert form.loaded is not None
+def test_a_tube_within_the_limits_is_not_taken_off_beyond_them(form) -> None:
     upper = np.where(np.arange(6) == 2, np.pi, form.loaded.upper)
     loaded = replace(form.loaded, upper=upper)
     tube = replace(form.tube, within_limits=True, reason="it was too wide")
@@ -264,8 +231,8 @@ def test_a_tube_within_the_limits_is_not_taken_off_beyond_them(form: pinsing.Clo
     assert pinsing.Monitor(of, warn=0.2, stop=0).update(ways[4]).lower == lower[4]
     guard: dict[str, object] = {}
     exec(pinsing.export_guard(loaded, "python", forms=of), guard)
-    assert guard["clearance"](ways)[3:].tolist() == [0.0, 0.0]  # type: ignore[operator]
-    assert guard["clearance"](ways)[0] > 0.4  # type: ignore[operator]
+    assert guard["clearance"](ways)[3:].tolist() == [0.0, 0.0]
+    assert guard["clearance"](ways)[0] > 0.4
     aside = ways + np.array([0.0, 0.0, 0.2, 0.0, 0.0, 0.0])  # ends 0.3 rad beyond
     for way, proven in ((ways[:2], True), (aside[[1, 4]], False)):
         checks = (pinsing.check_trajectory(f, way) for f in (form, of))
@@ -276,7 +243,7 @@ def test_a_tube_within_the_limits_is_not_taken_off_beyond_them(form: pinsing.Clo
 
 def test_lengths_that_may_be_one_are_in_a_found_design() -> None:
     t = np.array([[0.0832, 0, 0.3], [-0.0820, 0.1, 0.0]])  # each within a millimetre of one
-    assert _with_equal_lengths(t, 1e-3)[:, 0].tolist() == [0.0826, -0.0826]
+    assert designs._with_equal_lengths(t, 1e-3)[:, 0].tolist() == [0.0826, -0.0826]
 
 
 @pytest.mark.slow
@@ -318,9 +285,8 @@ def test_a_calibrated_file_has_the_families_of_its_design(tmp_path: Path) -> Non
     assert proven.startswith("(at least ")
     on = run("at", str(file), "--q", "0,1,1,1,0,1").stdout.replace("\n  ", " ")
     assert "on the wrist singularity (q5 = 0°) of the design" in on
-    assert (
-        "of the design" not in run("at", str(file), "--q", "1,1,1,1,1,1", "--design", "none").stdout
-    )
+    plain = run("at", str(file), "--q", "1,1,1,1,1,1", "--design", "none").stdout
+    assert "of the design" not in plain
     exact = run("at", str(file), "--q", "0,1,1,1,0,1", "--nominal").stdout
     assert ": SINGULAR, on the wrist singularity" in exact
     aspects = run("postures", str(file)).stdout
@@ -331,12 +297,10 @@ def test_a_calibrated_file_has_the_families_of_its_design(tmp_path: Path) -> Non
     assert (loops.exit_code, "--design" in loops.stderr) == (2, True)
 
 
-def test_list_says_of_the_design_what_families_say(form: pinsing.ClosedForm) -> None:
+def test_list_says_of_the_design_what_families_say(form) -> None:
     arm = form.loaded
-    assert arm is not None
     found = replace(arm, design=assumed_design(arm))  # as of a URDF
     for each in (form, pinsing.closed_form(found, prove=False)):
-        assert each.tube is not None
         info = describe(each.loaded)
         by_axis = assumptions(each.tube.assumed)
         assert info.geometry() == f"families are of {each.deviation}; {by_axis}"
@@ -394,8 +358,8 @@ def test_calibrations_are_read_strictly(tmp_path: Path) -> None:
         heavy = replace(chain, t=chain.t + much * np.sin(np.arange(21)).reshape(7, 3))
         loose = replace(arm, model=chain_model(heavy, arm), design=None)
         loose = replace(loose, design=assumed_design(loose))
-        assert pinsing.robot.design.is_odd(loose) == odd
-        assert known_like(loose)[0] == "ur5e"  # type: ignore[index]
+        assert designs.is_odd(loose) == odd
+        assert known_like(loose)[0] == "ur5e"
     ignored = said("ur5e", "c.yaml", "--design", "none")
     assert "the design of the calibration is ignored" in ignored
     with pytest.raises(OptionError, match="is itself off one, as after a calibration"):
@@ -405,7 +369,7 @@ def test_calibrations_are_read_strictly(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-def test_two_walls_may_be_passed_where_they_meet(form: pinsing.ClosedForm) -> None:
+def test_two_walls_may_be_passed_where_they_meet(form) -> None:
     assert "across one of them by more than that, away from the others" in str(form.tube)
     ends = [0.9, -0.5, 0.2, 1.1, -0.2, -0.9], [0.9, -0.5, -0.2, 1.1, 0.2, -0.9]
     found = pinsing.postures.connect(form, *ends)

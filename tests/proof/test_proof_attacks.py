@@ -193,17 +193,11 @@ def test_squares_may_not_change(panda):
 @pytest.mark.parametrize(
     "minor",
     [
-        [[0, 1, 2, 3, 4, 4], [0, 1, 2, 3, 4, 5]],
-        [[1, 0, 2, 3, 4, 5], [0, 1, 2, 3, 4, 5]],
-        [[0, 1, 2, 3, 4, -1], [0, 1, 2, 3, 4, 5]],
-        [[0, 1, 2, 3, 4], [0, 1, 2, 3, 4]],
-        [[0, 1, 2, 3, 4, 6], [0, 1, 2, 3, 4, 5]],
-        [[0, 1, 2, 3, 4, True], [0, 1, 2, 3, 4, 5]],
-        [[], []],
-        [[0, 1, 2, 3, 4, 5]],
+        *([[*range(5), last], [*range(6)]] for last in (4, -1, 6, True)),
+        [[1, 0, 2, 3, 4, 5], [*range(6)]], [[*range(5)], [*range(5)]], [[], []], [[*range(6)]],
         None,
     ],
-)
+)  # fmt: skip
 def test_minors_are_minors(ur5, minor):
     assert verdict(changed(ur5, (("places", 0, "of_minors", 0, 1), minor)))
 
@@ -211,16 +205,9 @@ def test_minors_are_minors(ur5, minor):
 def test_other_sources_are_what_they_say(ur5):
     data = copy.deepcopy(ur5)
     a, b, c = (index(data, t) for t in ("1x1 1y1", "1x2 1y2", "1x1x2 1y1y2"))
-    for forms, resultant in (
-        ([a, b], [0, 1, 0]),
-        ([a, b], [0, 1, 1]),
-        ([a, b], [0, 1, 2]),
-        ([a, b], [0, 0, 0]),
-        ([a, c], [0, 1, 1]),
-        ([a, c], [0, 2, 0]),
-        ([a, c], [0, 1, -1]),
-        ([a, c], [0, 1, "0"]),
-    ):
+    odd = [([a, b], [0, 1, joint]) for joint in range(3)] + [([a, b], [0, 0, 0])]
+    odd += [([a, c], of) for of in ([0, 1, 1], [0, 2, 0], [0, 1, -1], [0, 1, "0"])]
+    for forms, resultant in odd:
         place = place_of(forms, of_resultants=[["1", *resultant]])
         assert verdict({**data, "places": [*data["places"], place]}), resultant
     for source in (-1, 7, "0", None, [], {}, {"other": 1}, 0.0, True):
@@ -333,18 +320,8 @@ def test_least_codimension_is_a_bound(ur5, panda):
 
 
 def test_tasks_are_not_others(ur5):
-    for rows in (
-        [0, 1, 2],
-        [3, 4, 5],
-        [0],
-        [*range(5, -1, -1)],
-        [0, 0],
-        [6],
-        [-1],
-        [True],
-        [],
-        None,
-    ):
+    odd = ([*range(5, -1, -1)], [0, 0], [6], [-1], [True], [], None)
+    for rows in ([0, 1, 2], [3, 4, 5], [0], *odd):
         assert verdict({**ur5, "rows": rows}), rows
 
 

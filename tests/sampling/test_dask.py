@@ -105,9 +105,7 @@ def test_the_command(shared: Cluster, tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-def test_a_worker_lost_right_after_its_result_was_fetched(
-    shared: Cluster, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_worker_lost_right_after_its_result_was_fetched(shared, monkeypatch):
     """The result is here, though the cluster no longer has it."""
     fetched = distributed.Future._result
 
@@ -190,9 +188,7 @@ def test_a_bad_address_is_one_line_at_once(address: str, monkeypatch: pytest.Mon
 
 
 @pytest.mark.parametrize("address", ["tls://127.0.0.1:1", "ucxx://127.0.0.1:1", "a..b:1"])
-def test_an_address_that_cannot_be_reached_leaves_no_client_behind(
-    address: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_an_address_that_cannot_be_reached_leaves_no_client_behind(address, monkeypatch):
     """A client that is half made says so 20 s later, in a traceback on stderr."""
     made: list[Any] = []
     monkeypatch.setattr(distributed, "Client", lambda *given, **_: made.append(given))

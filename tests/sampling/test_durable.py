@@ -161,7 +161,6 @@ def test_two_at_once(tmp_path: Path) -> None:
         "    print('in', flush=True); time.sleep(60)"
     )
     with subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE) as child:
-        assert child.stdout is not None
         assert child.stdout.readline() == b"in\n"
         with pytest.raises(OutputError, match="another process is at work"):
             open_run(tmp_path, IDENTITY, 3).__enter__()
@@ -173,9 +172,7 @@ def test_two_at_once(tmp_path: Path) -> None:
 # ---- a full disk
 
 
-def test_a_full_disk_is_an_error_and_loses_nothing(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_full_disk_is_an_error_and_loses_nothing(tmp_path, monkeypatch):
     arm, out = arms.ur5(), tmp_path / "run"
     real, count = os.fsync, 0
 
@@ -237,7 +234,6 @@ def test_workers_do_not_outlive_a_killed_parent(tmp_path: Path) -> None:
     script = tmp_path / "parent.py"
     script.write_text(code)
     with subprocess.Popen([sys.executable, str(script)], stdout=subprocess.PIPE) as parent:
-        assert parent.stdout is not None
         workers = [int(word) for word in parent.stdout.readline().split()]
         assert workers
         parent.kill()
@@ -272,9 +268,7 @@ def test_a_changed_robot_or_plan_or_engine_is_refused(tmp_path: Path) -> None:
 
 
 @pytest.mark.skipif(len(kernel.isa_names()) < 2, reason="one instruction set only")
-def test_a_run_keeps_the_instruction_set_it_began_with(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_run_keeps_the_instruction_set_it_began_with(tmp_path, monkeypatch):
     arm = arms.ur5()
     first = sigma_map(arm, count=BLOCK, engine="baseline", out=tmp_path / "run")
     again = sigma_map(arm, count=BLOCK, out=tmp_path / "run")
@@ -353,9 +347,7 @@ def _ctrl_c_before(function: Callable[..., Any]) -> Callable[..., Any]:
         ("curves.npz", "pinsing.sampling.analyze.singular_configurations"),
     ],
 )
-def test_ctrl_c_after_the_last_chunk_of_a_sweep(
-    name: str, place: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_ctrl_c_after_the_last_chunk_of_a_sweep(name, place, tmp_path, monkeypatch):
     """All that was swept is kept and told; the findings, which come after, are left out."""
     home, _, function = place.rpartition(".")
     module = importlib.import_module(home)
@@ -372,9 +364,7 @@ def test_ctrl_c_after_the_last_chunk_of_a_sweep(
     assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
 
 
-def test_ctrl_c_when_a_map_is_complete_takes_nothing_away(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_ctrl_c_when_a_map_is_complete_takes_nothing_away(tmp_path, monkeypatch):
     module = importlib.import_module("pinsing.sampling.map_run")
     monkeypatch.setattr(module, "distributions", _ctrl_c_before(module.distributions))
     words = ["map", "planar3r", "--count", "4096", "--threads", "1"]

@@ -267,9 +267,7 @@ def brute_force(sigma: np.ndarray, worst: int) -> dict[str, object]:
     cuts=st.sets(st.integers(1, 59)),
     seed=st.integers(0, 99),
 )
-def test_tallies_join_in_any_order(
-    data: list[float], worst: int, cuts: set[int], seed: int
-) -> None:
+def test_tallies_join_in_any_order(data, worst, cuts, seed):
     sigma = np.stack([np.full(len(data), 4.0), np.array(data)], axis=1)
     ends = [0, *sorted(c for c in cuts if c < len(data)), len(data)]
     parts = []

@@ -22,7 +22,6 @@ def test_a_map_of_the_clearance_is_that_of_each_configuration() -> None:
     result = sigma_map(arm, measure="clearance", forms=form, count=3 * BLOCK + 7, worst=9, seed=4)
     found = clearance(form, result.plan.configurations(0, result.done))
     spread = result.clearance
-    assert spread is not None
     assert spread.families == found.names
     assert spread.complete
     order = np.lexsort((np.arange(result.done), found.lower))[:9]
@@ -71,7 +70,6 @@ def test_unknown_bounds_are_said_and_not_counted_as_numbers() -> None:
     only = dataclasses.replace(form, families=form.families[2:])
     result = sigma_map(load("puma560"), measure="clearance", forms=only, count=BLOCK)
     spread = result.clearance
-    assert spread is not None
     assert np.isinf(spread.upper.largest.value)
     assert spread.upper.quantile(1.0) == np.inf
     row = next(line for line in str(result).splitlines() if line.split()[:1] == ["largest"])

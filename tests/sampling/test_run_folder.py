@@ -170,7 +170,6 @@ WRONG: dict[str, Callable[[dict[str, np.ndarray]], dict[str, np.ndarray]]] = {
 @pytest.mark.parametrize("kind", sampled(WRONG))
 def test_contents_that_no_chunk_has(run: Path, whole: Path, kind: str) -> None:
     identity = recorded(run)
-    assert identity is not None
     folder = RunFolder(run, identity, 4)
     record = folder.read(2)
     folder.save(2, WRONG[kind](record))

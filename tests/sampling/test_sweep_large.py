@@ -153,7 +153,6 @@ def test_summary_and_candidates_are_those_of_the_curves(surgical: SweepResult) -
     sigma = np.array([c.sigma_min for c in curves])
     ratio = np.array([c.sigma_ratio for c in curves])
     found = surgical.summary
-    assert found is not None
     assert found.count == ratio.size
     assert found.singular == (ratio <= 1e-9).sum()
     assert found.near_singular == (ratio <= 1e-2).sum() - found.singular
