@@ -15,7 +15,7 @@ from pinsing.errors import ConfigurationError, OptionError, PinsingError, Unknow
 from pinsing.kinematics.jacobian import tip_placement
 from pinsing.kinematics.newton import one_sheet, regular_way
 from pinsing.postures.boxes import Ground, on_boxes, slope, sum_of
-from pinsing.postures.joint_map import Divided, Sectioned, subdivide
+from pinsing.postures.joint_map import Divided, subdivide
 from pinsing.postures.partition import Wheel, partition
 from pinsing.proximity.watched import watch
 
@@ -80,14 +80,14 @@ class TestSubdivision:
     )
     def test_counts_of_pieces(self, equation, corner, circle, count):
         low = [-x for x in corner]
-        found = subdivide(self.box(equation, low, corner, (circle, False)), Budget(5.0))
+        found = subdivide((self.box(equation, low, corner, (circle, False)),), Budget(5.0))
         assert found.proven
         assert found.lower == count
 
     def test_a_crossing_of_sheets_is_not_proven(self):
         # cos q1 = cos q2, as one equation: two lines that cross.
         e = made([[2, 0], [0, 2]], [1.0, -1.0])
-        found = subdivide(self.box(e, [-1.0, -1.0], [1.1, 1.2]), Budget(0.3))
+        found = subdivide((self.box(e, [-1.0, -1.0], [1.1, 1.2]),), Budget(0.3))
         assert not found.proven
         assert found.lower <= 4
 
@@ -128,9 +128,9 @@ def test_an_offset_wrist_has_two_aspects_by_algebra():
     assert isinstance(piece, Wheel)
     assert found.proven
     assert found.lower == 2
-    for name, kind in (("ur5", Sectioned), ("irb1400", Divided)):
-        found = aspects_of(name)
-        assert kind in {type(p) for pieces in found._map.pieces for p in pieces}
+    for name, across in (("ur5", True), ("irb1400", False)):
+        each = [p for pieces in aspects_of(name)._map.pieces for p in pieces]
+        assert across in {p.hub is not None for p in each if isinstance(p, Divided)}
 
 
 class TestConnect:

@@ -12,8 +12,8 @@ import pinsing
 from pinsing.algebra.budget import Budget
 from pinsing.algebra.equation import Equation
 from pinsing.algebra.trig_sum import TrigSum
-from pinsing.postures.boxes import Ground, growing, on_boxes, sum_of
-from pinsing.postures.joint_map import Sectioned, across, sections, subdivide
+from pinsing.postures.boxes import Ground, is_regular, on_boxes, sum_of
+from pinsing.postures.joint_map import across, divided
 from pinsing.postures.partition import Arc, Part, Surface
 
 
@@ -67,9 +67,9 @@ def test_the_components_are_those_of_boxes_and_of_a_flood_fill(seed):
     part, box = random_part(rng, 2, low, high)
     hub = across(part, box)
     assert hub is not None
-    found = sections(part, box, hub, np.ones(2), Budget(5.0))
+    found = divided(part, box, hub, np.ones(2), Budget(5.0)).found
     terms = sum_of(part.surfaces[0].equation, part.joints)
-    whole = subdivide(Ground((terms,), low, high, np.zeros(2, dtype=bool), np.ones(2)), Budget(5.0))
+    whole = divided(part, box, None, np.ones(2), Budget(5.0)).found
     assert found.proven
     assert whole.proven
     assert found.lower == whole.lower
@@ -83,9 +83,8 @@ def test_a_component_has_points_of_its_sign_and_ways_between_them():
     low, high = np.array([-4.0, -3.0, -2.0]), np.array([5.0, 3.0, 2.5])
     part, box = random_part(rng, 3, low, high)
     hub = across(part, box)
-    found = sections(part, box, hub, np.ones(3), Budget(5.0))
-    assert found.proven
-    piece = Sectioned(part, box, hub, found)
+    piece = divided(part, box, hub, np.ones(3), Budget(5.0))
+    assert piece.found.proven
     terms = sum_of(part.surfaces[0].equation, part.joints)
 
     def clear(X):
@@ -114,10 +113,15 @@ def test_a_saddle_on_a_limit_has_no_largest_value_and_a_hill_has_one():
     hill = TrigSum([0.5, 0.5], np.zeros(2), f, power, 1e-12)
     x, h = np.zeros((1, 2)), np.full((1, 2), 0.05)
     side = np.zeros((1, 2))
-    assert growing(crossing, np.ones(2), on_boxes(crossing, x, h), x, h, side).all()
-    assert not growing(hill, np.ones(2), on_boxes(hill, x, h), x, h, side).any()
+
+    def growing(f, side):
+        ground = Ground((f,), -np.ones(2), np.ones(2), np.zeros(2, dtype=bool), np.ones(2))
+        return is_regular(ground, [on_boxes(f, x, h)], [0], x, h, side)
+
+    assert growing(crossing, side).all()
+    assert not growing(hill, side).any()
     # Where both joints are at their ends there is no line left to bend along.
-    assert not growing(crossing, np.ones(2), on_boxes(crossing, x, h), x, h, side + 1).any()
+    assert not growing(crossing, side + 1).any()
 
 
 @pytest.mark.slow

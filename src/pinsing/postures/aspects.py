@@ -19,8 +19,8 @@ from pinsing.families import ClosedForm
 from pinsing.kinematics.ladder import ladder_of, posture_names
 from pinsing.kinematics.newton import columns, regular_way
 from pinsing.measures import PRACTICAL, ROUNDING
-from pinsing.postures.joint_map import Map, make_map, require_same_families
-from pinsing.postures.partition import Part, Piece
+from pinsing.postures.joint_map import Map, Piece, make_map, require_same_families
+from pinsing.postures.partition import Part
 from pinsing.proximity.clearance import quick
 from pinsing.proximity.watched import Forms, watch
 from pinsing.robot.arm import Arm, ArmSummary

@@ -147,13 +147,8 @@ class Leaves:
 
     level: Ints  # (N,): how often each was halved
     index: Ints  # (N, d): place on the grid of its level
-    sign: Ints  # (N, m): of the equations; 0 where unknown
-    regular: Bool  # (N,): whether certain or regular
-
-    @property
-    def certain(self) -> Bool:
-        """True where all signs are known, (N,)."""
-        return np.asarray((self.sign != 0).all(axis=1))
+    sign: Ints  # (N, layers, m): of the equations; 0 where unknown
+    regular: Bool  # (N,): whether certain or regular on every layer
 
     @cached_property
     def _order(self) -> dict[int, tuple[Ints, Ints]]:
@@ -308,15 +303,6 @@ def _by_gradient(
         if not changed:
             break
     return v
-
-
-def growing(terms: TrigSum, scale: Array, known: OnBoxes, x: Array, h: Array, side: Array) -> Bool:
-    """Return whether one equation has no largest |f| of either sign on boxes, (K,)."""
-    # x, h, side (K, d): middles, half widths, and limits that the boxes touch; ``scale`` (d,) is
-    # what counts as one radian.
-    nothing = np.zeros(len(scale))
-    ground = Ground((terms,), nothing, nothing, nothing.astype(bool), scale)
-    return is_regular(ground, [known], [0], x, h, side)
 
 
 def _bends(ground: Ground, s: float, x: Array, h: Array, side: Array) -> Bool:

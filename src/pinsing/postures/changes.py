@@ -28,8 +28,8 @@ from pinsing.kinematics.verdict import generic_rank
 from pinsing.measures import ROUNDING
 from pinsing.postures.aspects import NOT_COMPLETE, aspects, map_of, missing, opposite
 from pinsing.postures.connection import DIFFERENT, SAME, UNDECIDED, Connection, connect
-from pinsing.postures.joint_map import Map
-from pinsing.postures.partition import Part, Piece
+from pinsing.postures.joint_map import Map, Piece
+from pinsing.postures.partition import Part
 from pinsing.proximity.watched import require_forms_of
 from pinsing.robot.arm import Arm, ArmSummary, summarize
 from pinsing.robot.nominal import nominal

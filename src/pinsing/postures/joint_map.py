@@ -33,11 +33,11 @@ from __future__ import annotations
 
 import functools
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from functools import cached_property, partial
+from functools import cached_property
 from itertools import product
-from typing import Any, TypeVar
+from typing import Any, TypeAlias
 
 import numpy as np
 
@@ -46,20 +46,20 @@ from pinsing.algebra.budget import Budget
 from pinsing.algebra.conditions import Conditions
 from pinsing.algebra.trig_sum import TrigSum
 from pinsing.errors import ConfigurationError, OptionError
-from pinsing.postures.boxes import Ground, Leaves, growing, is_regular, on_boxes, sum_of
+from pinsing.postures.boxes import Ground, Leaves, is_regular, on_boxes, sum_of
 from pinsing.postures.partition import (
     Arc,
     Clear,
     Counts,
     Part,
     Partition,
-    Piece,
     Plain,
     Wheel,
     hub_of,
     partition,
     top_of,
     toward,
+    turns_once,
 )
 from pinsing.proximity.clearance import quick
 from pinsing.proximity.crossings import crossings_of, motion_of
@@ -69,32 +69,29 @@ DEEPEST = 14
 """How often boxes are halved at most."""
 _BOX = 100.0
 """Products that a box costs beside those of its terms, of which each takes some five."""
+_ASCENT = 60
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Counted(Counts):
-    """Components of boxes; closed if every box is certain or regular, on every section."""
+    """Components of a ground, or of layers of it; closed if every box is certain or regular."""
 
-    ground: Ground  # what was subdivided; of sections the other joints, an equation for each
-    leaves: Leaves  # its boxes; of sections with the signs of every one
-    # (N,) or for each section (N, m): component of each certain box, from 0; else -1
-    label: Ints
+    layers: tuple[Ground, ...]  # of sections one each, alike but for the equation
+    leaves: Leaves  # their boxes
+    label: Ints  # (N, layers): component of each certain box on each layer, from 0; else -1
     edges: Ints  # (2, E): pairs of boxes that share a face
+    joined: Ints  # (2, P): pairs of places (box + N layer) that are certain, and of one component
 
 
-F = TypeVar("F", bound=Counted)
-Classify = Callable[[Ground, Ints, Ints], Leaves]
-"""Signs on boxes of levels (N,) and indices (N, d), and which are certain or regular."""
-Count = Callable[[Leaves], tuple[F, Bool]]
-"""Both numbers, and which boxes (N,) should be halved where they differ."""
-
-
-def halved(ground: Ground, classify: Classify, count: Count[F], budget: Budget) -> F:
-    """Halve what is neither certain nor regular, count, and halve what keeps the counts apart."""
+def subdivide(layers: tuple[Ground, ...], budget: Budget) -> Counted:
+    """Count components, until both numbers agree or the budget is over."""
+    # Halve what is neither certain nor regular, count, and halve what keeps the counts apart.
+    ground = layers[0]
+    cost = _BOX + 5.0 * sum(len(t.amplitude) for g in layers for t in g.terms)
 
     def looked_at(level: Ints, index: Ints) -> Leaves:
         budget.spend(cost * len(level))
-        return classify(ground, level, index)
+        return _classified(layers, level, index)
 
     def split(which: Bool) -> Leaves:
         left, more = which.copy(), list[Leaves]()
@@ -105,7 +102,6 @@ def halved(ground: Ground, classify: Classify, count: Count[F], budget: Budget) 
             left &= ~some
         return functools.reduce(Leaves.with_more, more, leaves.take(left | ~which))
 
-    cost = _BOX + 5.0 * sum(len(t.amplitude) for t in ground.terms)
     grid = np.stack(
         np.meshgrid(*(np.arange(k) for k in ground.first), indexing="ij"), axis=-1
     ).reshape(-1, ground.d)
@@ -113,82 +109,66 @@ def halved(ground: Ground, classify: Classify, count: Count[F], budget: Budget) 
     while True:
         while (bad := ~leaves.regular & (leaves.level < DEEPEST)).any() and not budget.over:
             leaves = split(bad)
-        found, torn = count(leaves)
+        found, torn = _count(layers, leaves)
         again = torn & (leaves.level < DEEPEST)
         if found.proven or budget.over or not again.any():
             return found
         leaves = split(again)
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
-class Components(Counted):
-    """What a subdivision has found."""
-
-    passable: Bool  # (E,): where both are certain, and all signs are the same through the face
-
-
-def subdivide(ground: Ground, budget: Budget) -> Components:
-    """Count components, until both numbers agree or the budget is over."""
-    return halved(ground, _classified, partial(_count, ground), budget)
-
-
-def _classified(ground: Ground, level: Ints, index: Ints) -> Leaves:
-    x, h = ground.boxes(level, index)
-    known = [on_boxes(t, x, h) for t in ground.terms]
-    sign = np.stack(
-        [np.where(np.abs(k.value) > k.swing, np.sign(k.value), 0) for k in known], axis=1
-    ).astype(np.int8)
-    regular = (sign != 0).all(axis=1)
-    side = ground.sides(level, index)
-    for pattern in {tuple(row) for row in (sign == 0).tolist()}:
-        open_ = [i for i, o in enumerate(pattern) if o]
-        if open_:
-            rows = np.flatnonzero(((sign == 0) == np.array(pattern)).all(axis=1))
-            here = [k.take(rows) for k in known]
-            regular[rows] = is_regular(ground, here, open_, x[rows], h[rows], side[rows])
-    return Leaves(level, index, sign.astype(np.int64), regular)
+def _classified(layers: tuple[Ground, ...], level: Ints, index: Ints) -> Leaves:
+    """Signs on boxes of levels (N,) and indices (N, d), and which are certain or regular."""
+    x, h = layers[0].boxes(level, index)
+    side = layers[0].sides(level, index)
+    sign = np.empty((len(level), len(layers), len(layers[0].terms)), dtype=np.int64)
+    regular = np.ones(len(level), dtype=bool)
+    for i, ground in enumerate(layers):
+        known = [on_boxes(t, x, h) for t in ground.terms]
+        for j, k in enumerate(known):
+            sign[:, i, j] = np.where(np.abs(k.value) > k.swing, np.sign(k.value), 0)
+        unsure = sign[:, i] == 0
+        for pattern in np.unique(unsure[unsure.any(axis=1)], axis=0):
+            rows = np.flatnonzero((unsure == pattern).all(axis=1))
+            here, open_ = [k.take(rows) for k in known], np.flatnonzero(pattern).tolist()
+            regular[rows] &= is_regular(ground, here, open_, x[rows], h[rows], side[rows])
+    return Leaves(level, index, sign, regular)
 
 
-def _count(ground: Ground, leaves: Leaves) -> tuple[Components, Bool]:
+def _count(layers: tuple[Ground, ...], leaves: Leaves) -> tuple[Counted, Bool]:
     """Both numbers, and which boxes should be halved where they differ."""
-    N, m = len(leaves.level), len(ground.terms)
-    a, b, flip = boxes_that_touch(ground, leaves)
-    certain = leaves.certain
-    state = ((leaves.sign > 0).astype(np.int64) << np.arange(m)).sum(axis=1)
-    same = certain[a] & certain[b] & ((state[a] ^ flip) == state[b])
-    label = connected(N, a[same], b[same])
-    label = np.where(certain, label, -1)
-    names, inner = np.unique(label[certain], return_inverse=True)
-    label[certain] = inner
-    # Every box once for each combination of signs that is possible on it.
-    mask = ((leaves.sign != 0).astype(np.int64) << np.arange(m)).sum(axis=1)
-    edges_a, edges_b = [], []
+    N, L, m = leaves.sign.shape
+    places, sign = N * L, leaves.sign.swapaxes(0, 1).reshape(N * L, m)
+    a, b, flip = boxes_that_touch(layers[0], leaves)
+    # Boxes touch on each layer, and from layer to layer.
+    shift, up = N * np.arange(L)[:, None], np.arange(places - N)
+    one, other = np.append(a + shift, up), np.append(b + shift, up + N)
+    flip = np.append(np.tile(flip, L), 0 * up)
+    bit = 1 << np.arange(m)
+    state, mask, certain = (sign > 0) @ bit, (sign != 0) @ bit, (sign != 0).all(axis=1)
+    same = certain[one] & certain[other] & ((state[one] ^ flip) == state[other])
+    joined = np.stack([one[same], other[same]])
+    label = np.where(certain, connected(places, *joined), -1)
+    names, label[certain] = np.unique(label[certain], return_inverse=True)
+    # Every place once for each combination of signs that is possible on it.
+    pairs = []
     for sigma in range(1 << m):
-        both = (((sigma ^ state[a]) & mask[a]) == 0) & (((sigma ^ flip ^ state[b]) & mask[b]) == 0)
-        edges_a.append(a[both] + sigma * N)
-        edges_b.append(b[both] + (sigma ^ flip[both]) * N)
-    outer = connected(N << m, np.concatenate(edges_a), np.concatenate(edges_b))
-    of_box = outer[np.flatnonzero(certain) + state[certain] * N]
-    lower = len(np.unique(of_box))
-    found = Components(
-        ground=ground,
-        leaves=leaves,
-        label=label,
-        lower=lower,
-        upper=len(names),
-        closed=bool(leaves.regular.all()),
-        edges=np.stack([a, b]),
-        passable=same,
-    )
+        both = ((sigma ^ state[one]) & mask[one]) == 0
+        both &= ((sigma ^ flip ^ state[other]) & mask[other]) == 0
+        pairs.append([one[both] + sigma * places, other[both] + (sigma ^ flip[both]) * places])
+    outer = connected(places << m, *np.concatenate(pairs, axis=1))
+    of_place = outer[np.flatnonzero(certain) + state[certain] * places]
     # Halve the uncertain boxes of those that may hang together and are not seen to.
-    pairs = np.unique(np.stack([of_box, label[certain]]), axis=1)
-    torn_ids, times = np.unique(pairs[0], return_counts=True)
-    torn = torn_ids[times > 1]
-    again = np.zeros(N, dtype=bool)
+    seen = np.unique(np.stack([of_place, label[certain]]), axis=1)[0]
+    sets, times = np.unique(seen, return_counts=True)
+    again = np.zeros(places, dtype=bool)
     for sigma in range(1 << m):
-        again |= (((sigma ^ state) & mask) == 0) & np.isin(outer[np.arange(N) + sigma * N], torn)
-    again &= ~certain
-    return found, again
+        possible = ((sigma ^ state) & mask) == 0
+        again |= possible & np.isin(outer[sigma * places :][:places], sets[times > 1])
+    found = Counted(
+        lower=len(sets), upper=len(names), closed=bool(leaves.regular.all()), layers=layers,
+        leaves=leaves, label=label.reshape(L, N).T, edges=np.stack([a, b]), joined=joined,
+    )  # fmt: skip
+    return found, (again & ~certain).reshape(L, N).any(axis=0)
 
 
 def boxes_that_touch(ground: Ground, leaves: Leaves) -> tuple[Ints, Ints, Ints]:
@@ -196,7 +176,7 @@ def boxes_that_touch(ground: Ground, leaves: Leaves) -> tuple[Ints, Ints, Ints]:
     level, index = leaves.level, leaves.index
     count = ground.first * 2 ** level[:, None]
     none = np.zeros(0, dtype=np.int64)  # a single box touches no other
-    froms, tos, flips = [none], [none], [none]
+    found = [(none, none, none)]
     for j in range(ground.d):
         for step in (-1, 1):
             place = index.copy()
@@ -208,29 +188,54 @@ def boxes_that_touch(ground: Ground, leaves: Leaves) -> tuple[Ints, Ints, Ints]:
             while len(todo):
                 hit = leaves.find(at, place)
                 ok = hit >= 0
-                froms.append(todo[ok])
-                tos.append(hit[ok])
-                flips.append(np.where(wraps[ok], ground.flips[j], 0))
+                found.append((todo[ok], hit[ok], np.where(wraps[ok], ground.flips[j], 0)))
                 up = ~ok & (at > 0)
                 todo, place, at, wraps = todo[up], place[up] >> 1, at[up] - 1, wraps[up]
-    return np.concatenate(froms), np.concatenate(tos), np.concatenate(flips)
+    a, b, flip = (np.concatenate(x) for x in zip(*found, strict=True))
+    return a, b, flip
+
+
+def _graph(n: int, a: Ints, b: Ints) -> Any:
+    """A sparse matrix (n, n) of pairs of things."""
+    from scipy.sparse import coo_array
+
+    return coo_array((np.ones(len(a)), (a, b)), shape=(n, n)).tocsr()
 
 
 def connected(n: int, a: Ints, b: Ints) -> Ints:
     """Label (n,) of the connected set of each of n things, its first, given pairs that touch."""
-    from scipy.sparse import coo_array
     from scipy.sparse.csgraph import connected_components
 
-    pairs = coo_array((np.ones(len(a), dtype=np.int8), (a, b)), shape=(n, n))
-    label = connected_components(pairs, directed=False)[1]
+    label = connected_components(_graph(n, a, b), directed=False)[1]
     return np.asarray(np.unique(label, return_index=True)[1][label], dtype=np.int64)
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
-class Sections(Counted):
-    """What sections across a hub have found."""
+def tree_to_hubs(label: Ints, order: Ints, a: Ints, b: Ints) -> Ints:
+    """Return each place's next one on the shortest way to the hub of its component, (N,)."""
+    # Components are ``label`` (N,), edges ``a`` and ``b`` (E,). The first place in ``order`` (N,)
+    # of a component is its hub; there, and where the label is -1, it is -1.
+    from scipy.sparse.csgraph import dijkstra
 
-    cuts: Array  # (m,): values of the hub, ascending: its ends first and last
+    rows = np.lexsort((order, label))
+    rows = rows[label[rows] >= 0]
+    hubs = rows[np.unique(label[rows], return_index=True)[1]]
+    how = {"directed": False, "unweighted": True, "min_only": True, "return_predecessors": True}
+    found = dijkstra(_graph(len(label), a, b), indices=hubs, **how)[1]
+    return np.asarray(np.maximum(found, -1), np.int64)
+
+
+def row_between(tree: Ints, first: int, last: int) -> list[int] | None:
+    """Places from one to another: to the hub and back, less what is common."""
+    there, back = [first], [last]
+    for row in (there, back):
+        while tree[row[-1]] >= 0:
+            row.append(int(tree[row[-1]]))
+    if there[-1] != back[-1]:
+        return None
+    while len(there) > 1 and len(back) > 1 and there[-2] == back[-2]:
+        there.pop()
+        back.pop()
+    return there + back[-2::-1]
 
 
 def across(part: Part, box: tuple[Arc, ...]) -> int | None:
@@ -238,16 +243,16 @@ def across(part: Part, box: tuple[Arc, ...]) -> int | None:
     # None, too, where an equation changes its sign once round another joint.
     if len(part.surfaces) != 1 or len(part.joints) < 2:
         return None
-    equation = part.surfaces[0].equation
-    wide = {}
-    for place, j in enumerate(part.joints):
-        often = np.abs(equation.frequencies[:, j])
-        if box[place].circle and (often % 2 != 0).any():
-            return None
-        width = math.inf if box[place].circle else box[place].high - box[place].low
-        if math.isfinite(width) and (often == 2).all() and not equation.powers[:, j].any():
-            wide[place] = width
-    return min(wide, key=lambda place: wide[place]) if wide else None
+    equation, places = part.surfaces[0].equation, range(len(box))
+    odd = (equation.frequencies[:, list(part.joints)] % 2 != 0).any(axis=0)
+    if any(odd[k] and box[k].circle for k in places):
+        return None
+    wide = [
+        (box[k].high - box[k].low, k)
+        for k in places
+        if not box[k].circle and turns_once(equation, part.joints[k])
+    ]
+    return min(wide)[1] if wide else None
 
 
 def cuts_of(arc: Arc) -> Array:
@@ -277,258 +282,207 @@ def section(full: TrigSum, hub: int, cut: float) -> TrigSum:
     return TrigSum(size, np.angle(wave), rows / 2, np.zeros_like(rows), noise)
 
 
-def sections(part: Part, box: tuple[Arc, ...], hub: int, scale: Array, budget: Budget) -> Sections:
-    """Count components of a box, of one equation, until both numbers agree or the budget is over.
-
-    ``hub`` is of `across`; ``scale`` (d,) what counts as one radian.
-    """
-    cuts = cuts_of(box[hub])
-    full = sum_of(part.surfaces[0].equation, part.joints)
-    others = [a for k, a in enumerate(box) if k != hub]
-    ground = Ground(
-        terms=tuple(section(full, hub, float(c)) for c in cuts),
-        low=np.array([a.low for a in others]),
-        high=np.array([a.high for a in others]),
-        circle=np.array([a.circle for a in others]),
-        scale=np.delete(scale, hub),
-    )
-    return halved(ground, _classified_sections, partial(_count_sections, ground, cuts), budget)
-
-
-def _classified_sections(ground: Ground, level: Ints, index: Ints) -> Leaves:
-    """Signs of every section on boxes, and whether each is certain or regular."""
-    x, h = ground.boxes(level, index)
-    side = ground.sides(level, index)
-    sign = np.empty((len(level), len(ground.terms)), dtype=np.int64)
-    regular = np.ones(len(level), dtype=bool)
-    for i, terms in enumerate(ground.terms):
-        known = on_boxes(terms, x, h)
-        sign[:, i] = np.where(np.abs(known.value) > known.swing, np.sign(known.value), 0)
-        rows = np.flatnonzero(sign[:, i] == 0)
-        regular[rows] &= growing(
-            terms, ground.scale, known.take(rows), x[rows], h[rows], side[rows]
-        )
-    return Leaves(level, index, sign, regular)
-
-
-def _count_sections(ground: Ground, cuts: Array, leaves: Leaves) -> tuple[Sections, Bool]:
-    """Both numbers, and which boxes should be halved where they differ."""
-    N, m = leaves.sign.shape
-    a, b, _ = boxes_that_touch(ground, leaves)
-    sign = leaves.sign
-    # Every box on each section; then the same for each sign that is possible there.
-    inner, outer = [], []
-    place = np.arange(N)
-    for i in range(m):
-        same = (sign[a, i] != 0) & (sign[a, i] == sign[b, i])
-        inner.append(np.stack([a[same], b[same]]) + i * N)
-        for k, s in enumerate((1, -1)):
-            possible = sign[:, i] != -s
-            both = possible[a] & possible[b]
-            outer.append(np.stack([a[both], b[both]]) + (2 * i + k) * N)
-            if i + 1 < m:
-                up = place[possible & (sign[:, i + 1] != -s)]
-                outer.append(np.stack([up + (2 * i + k) * N, up + (2 * i + 2 + k) * N]))
-        if i + 1 < m:
-            up = place[(sign[:, i] != 0) & (sign[:, i] == sign[:, i + 1])]
-            inner.append(np.stack([up + i * N, up + (i + 1) * N]))
-    certain = (sign != 0).T.ravel()
-    label = np.where(certain, connected(N * m, *np.concatenate(inner, axis=1)), -1)
-    names, place_of = np.unique(label[certain], return_inverse=True)
-    label[certain] = place_of
-    wide = connected(2 * N * m, *np.concatenate(outer, axis=1)).reshape(m, 2, N)
-    mine = np.where((sign.T > 0), wide[:, 0], wide[:, 1]).ravel()[certain]
-    lower = len(np.unique(mine))
-    found = Sections(
-        ground=ground,
-        cuts=cuts,
-        leaves=leaves,
-        label=label.reshape(m, N).T.copy(),
-        lower=lower,
-        upper=len(names),
-        closed=bool(leaves.regular.all()),
-        edges=np.stack([a, b]),
-    )
-    pairs = np.unique(np.stack([mine, label[certain]]), axis=1)
-    torn_ids, times = np.unique(pairs[0], return_counts=True)
-    return found, ((sign.T == 0) & np.isin(wide, torn_ids[times > 1]).any(axis=1)).any(axis=0)
-
-
-def tree_to_hubs(label: Ints, order: Ints, a: Ints, b: Ints) -> Ints:
-    """Return each place's next one on the shortest way to the hub of its component, (N,)."""
-    # Components are ``label`` (N,), edges ``a`` and ``b`` (E,). The first place in ``order`` (N,)
-    # of a component is its hub; there, and where the label is -1, it is -1.
-    from scipy.sparse import coo_array
-    from scipy.sparse.csgraph import dijkstra
-
-    rows = np.lexsort((order, label))
-    rows = rows[label[rows] >= 0]
-    hubs = rows[np.unique(label[rows], return_index=True)[1]]
-    edges = coo_array((np.ones(len(a)), (a, b)), shape=(len(label), len(label)))
-    how = {"directed": False, "unweighted": True, "min_only": True, "return_predecessors": True}
-    return np.asarray(np.maximum(dijkstra(edges.tocsr(), indices=hubs, **how)[1], -1), np.int64)
-
-
-def row_between(tree: Ints, first: int, last: int) -> list[int] | None:
-    """Places from one to another: to the hub and back, less what is common."""
-    rows = []
-    for place in (first, last):
-        row = [place]
-        while tree[row[-1]] >= 0:
-            row.append(int(tree[row[-1]]))
-        rows.append(row)
-    there, back = rows
-    if there[-1] != back[-1]:
-        return None
-    while len(there) > 1 and len(back) > 1 and there[-2] == back[-2]:
-        there.pop()
-        back.pop()
-    return there + back[-2::-1]
-
-
-_ASCENT = 60
-
-
 @dataclass(frozen=True, eq=False)
 class Divided:
-    """A box whose components are those of a subdivision."""
+    """A box whose components are those of boxes in it, or on sections across a joint, its hub.
+
+    A place is a box on a section: its number, and N times that of the section. Points of sections
+    have all joints but the hub; without a hub there is one section, all of the box.
+    """
 
     part: Part
     box: tuple[Arc, ...]
-    found: Components
+    hub: int | None
+    cuts: Array  # (m,): values of the hub, ascending: its ends first and last
+    terms: tuple[TrigSum, ...]  # the equations
+    found: Counted
 
     @cached_property
     def middles(self) -> tuple[Array, Array]:
         """Middles and half widths (N, d) of the boxes."""
-        leaves = self.found.leaves
-        return self.found.ground.boxes(leaves.level, leaves.index)
+        return self._ground.boxes(self.found.leaves.level, self.found.leaves.index)
+
+    @property
+    def _ground(self) -> Ground:
+        return self.found.layers[0]
+
+    @cached_property
+    def _label(self) -> Ints:
+        """Component of each place; -1 where it is not certain."""
+        return self.found.label.T.ravel()
+
+    @cached_property
+    def _sign(self) -> Ints:
+        """Of the equations at each place."""
+        sign = self.found.leaves.sign
+        return sign.swapaxes(0, 1).reshape(-1, sign.shape[2])
 
     @cached_property
     def _signs(self) -> Ints:
         """Of the equations on each component, (C, m); 0 where it takes both round a circle."""
-        label, sign = self.found.label, self.found.leaves.sign
-        out = np.zeros((self.found.upper, sign.shape[1]), dtype=np.int64)
-        for c in range(self.found.upper):
-            mine = sign[label == c]
-            out[c] = np.where((mine == mine[0]).all(axis=0), mine[0], 0)
-        return out
-
-    def examples(self, component: int) -> Array:
-        """Middles (K, d) of the largest boxes of a component."""
-        rows = np.flatnonzero(self.found.label == component)
-        size = self.found.leaves.level[rows]
-        x = self.middles[0]
-        terms = self.found.ground.terms
-        value = np.min([np.abs(t(x[rows])) / t.amplitude.sum() for t in terms], axis=0)
-        return np.asarray(x[rows[np.lexsort((-value, size))[:256]]])
+        each = (self._sign[self._label == c] for c in range(self.found.upper))
+        return np.array([np.where((s == s[0]).all(axis=0), s[0], 0) for s in each])
 
     def signs(self, component: int) -> tuple[int, ...]:
         """Sign of each equation there."""
-        return tuple(int(s) for s in self._signs[component])
+        return tuple(self._signs[component].tolist())
+
+    def examples(self, component: int) -> Array:
+        """Points (K, d) of a component: middles of its largest boxes, or points over them."""
+        rows, cuts = np.nonzero(self.found.label == component)
+        size, x = self.found.leaves.level[rows], self.middles[0][rows]
+        if self.hub is None:
+            value = np.min([np.abs(t(x)) / t.amplitude.sum() for t in self.terms], axis=0)
+            return np.asarray(x[np.lexsort((-value, size))[:256]])
+        first = np.argsort(size, kind="stable")[:256]
+        x = self._lifted(x[first], self.cuts[cuts[first]])
+        x[:, self.hub] = np.mean(self._arcs(x), axis=0)
+        return np.asarray(x[np.argsort(-np.abs(self.terms[0](x)), kind="stable")])
+
+    def _lifted(self, x: Array, hub: float | Array) -> Array:
+        """Points (..., d) with the hub where it is given, of points of sections."""
+        return x if self.hub is None else np.insert(x, self.hub, hub, axis=-1)
+
+    def _arcs(self, x: Array) -> tuple[Array, Array]:
+        """Ends (...,) of the hub's values at which f keeps its sign over x, within the limits."""
+        f, hub = self.terms[0], self.hub or 0
+        top = top_of(f, hub, x, np.where(f(x) > 0, 1.0, -1.0))
+        arc = self.box[hub]
+        return np.maximum(arc.low, top - math.pi / 2), np.minimum(arc.high, top + math.pi / 2)
+
+    @cached_property
+    def _inset(self) -> Array:
+        """Sections as ways use them: the ends of the box may lie on families, so just within."""
+        # By a share of the length of the box.
+        inset = 1e-6 * (self.cuts[-1] - self.cuts[0])
+        return np.clip(self.cuts, self.cuts[0] + inset, self.cuts[-1] - inset)
 
     def locate(self, x: Array, clear: Clear) -> int | None:
-        """By the box that it is in; from an uncertain box by a way to a certain one."""
-        box = self.box_of(x)
-        if self.found.label[box] >= 0:
-            return int(self.found.label[box])
-        here = np.array([int(np.sign(t(self._inside(x)))) for t in self.found.ground.terms])
-        alike = [c for c in range(self.found.upper) if (np.abs(self._signs[c] - here) < 2).all()]
-        if self.found.proven and len(alike) == 1:
-            return alike[0]
-        way = self.to_certain(x, clear)
-        return None if way is None else int(self.found.label[way[0]])
+        """By the signs, if they tell it; else by a way to a certain place."""
+        if self.hub is None and self.found.proven:
+            here = [int(np.sign(t(self._inside(x)))) for t in self.terms]
+            alike = np.flatnonzero((np.abs(self._signs - here) < 2).all(axis=1))
+            if len(alike) == 1:
+                return int(alike[0])
+        way = self._to_certain(x, clear)
+        return None if way is None else int(self._label[way[0]])
+
+    def _to_certain(self, x: Array, clear: Clear) -> tuple[int, Array] | None:
+        """A certain place and a way (K, d) from x to a point in it, along the hub first."""
+        if self.hub is None:
+            return self._on_section(0, x, clear)
+        low, high = self._arcs(x)
+        inside = np.flatnonzero((self.cuts >= low) & (self.cuts <= high))
+        flat = np.delete(x, self.hub)
+        for i in inside[np.argsort(np.abs(self.cuts[inside] - (low + high) / 2))].tolist():
+            cut = float(self._inset[i])
+
+            def on_cut(X: Array, cut: float = cut) -> bool:
+                return clear(self._lifted(X, cut))
+
+            if not clear(np.stack([x, self._lifted(flat, cut)])):
+                continue
+            if (way := self._on_section(i, flat, on_cut)) is None:
+                continue
+            place, points = way[0], self._lifted(way[1], cut)
+            # Signs that agree on both sides of the inset belong to one arc of the hub.
+            if np.sign(self.terms[0](points[-1])) == self._sign[place, 0]:
+                return place, np.concatenate([x[None], points])
+        return None
 
     def _inside(self, x: Array) -> Array:
         """The same place with circles within one turn of the box."""
-        low, circle = self.found.ground.low, self.found.ground.circle
+        low, circle = self._ground.low, self._ground.circle
         return np.where(circle, low + np.mod(x - low, 2 * math.pi), x)
 
     def box_of(self, x: Array) -> int:
-        """Return which box a point (d,) is in."""
-        ground, leaves = self.found.ground, self.found.leaves
+        """Return which box a point of a section is in."""
+        ground, leaves = self._ground, self.found.leaves
         share = (self._inside(x) - ground.low) / (ground.high - ground.low)
         levels = np.arange(int(leaves.level.max()) + 1)
         count = ground.first * 2 ** levels[:, None]
         hit = leaves.find(levels, np.clip((share * count).astype(np.int64), 0, count - 1))
         return int(hit[hit >= 0][0])
 
-    def to_certain(self, x: Array, clear: Clear) -> tuple[int, Array] | None:
-        """A certain box and a way (K, d) from x to a point in it."""
-        points = [x]
-        terms = self.found.ground.terms
-        middles, half = self.middles
+    def _on_section(self, i: int, x: Array, clear: Clear) -> tuple[int, Array] | None:
+        """A certain place of section i and a way (K, d) on it from x to a point in it."""
+        points, (middles, half) = [x], self.middles
+        ground, N = self.found.layers[i], len(middles)
+        margin = 1e-9 * (ground.high - ground.low)
         for _ in range(_ASCENT):
             here = self._inside(points[-1])
             box = self.box_of(here)
-            if self.found.label[box] >= 0:
-                return box, np.array(points)
-            signs = np.array([int(np.sign(t(here))) for t in terms])
-            for other in self._near_boxes(box, signs)[:6]:
-                goal = points[-1] + (toward(here, middles[other], self.found.ground.circle) - here)
+            if self.found.label[box, i] >= 0:
+                return box + N * i, np.array(points)
+            signs = np.array([int(np.sign(t(here))) for t in ground.terms])
+            for other in self._near_boxes(i, box, signs)[:6]:
+                goal = points[-1] + (toward(here, middles[other], ground.circle) - here)
                 if clear(np.stack([points[-1], goal])):
-                    return int(other), np.array([*points, goal])
+                    return int(other) + N * i, np.array([*points, goal])
             step = np.zeros(len(x))
-            for t, s in zip(terms, signs, strict=True):
-                g = s * t.at(here[None]).gradient[0] * self.found.ground.scale**2
+            for t, s in zip(ground.terms, signs, strict=True):
+                g = s * t.at(here[None]).gradient[0] * ground.scale**2
                 step += g / max(float(np.linalg.norm(g)), 1e-300)
             length = float(half[box].max()) / max(float(np.linalg.norm(step)), 1e-300)
             for shrink in (1.0, 0.5, 0.25, 0.1, 0.02):
                 goal = points[-1] + step * length * shrink
-                kept = self._kept(goal)
-                if clear(np.stack([points[-1], kept])):
-                    points.append(kept)
+                within = np.clip(goal, ground.low + margin, ground.high - margin)
+                goal = np.where(ground.circle, goal, within)
+                if clear(np.stack([points[-1], goal])):
+                    points.append(goal)
                     break
             else:
                 return None
         return None
 
-    def _kept(self, x: Array) -> Array:
-        """The point within the box of arcs."""
-        ground = self.found.ground
-        margin = 1e-9 * (ground.high - ground.low)
-        return np.where(ground.circle, x, np.clip(x, ground.low + margin, ground.high - margin))
-
-    def _near_boxes(self, box: int, signs: Ints) -> Ints:
-        a, b = self._neighbours
-        start, end = np.searchsorted(a, (box, box + 1))
-        ring = b[start:end]
-        second = [b[slice(*np.searchsorted(a, (r, r + 1)))] for r in ring]
-        every = np.unique(np.concatenate([ring, *second])) if len(ring) else ring
-        good = (self.found.label[every] >= 0) & (self.found.leaves.sign[every] == signs).all(axis=1)
-        every = every[good]
+    def _near_boxes(self, i: int, box: int, signs: Ints) -> Ints:
+        """Certain boxes of section i that are one or two faces away, where signs are the same."""
+        ring = self._touching[[box]].indices
+        every = np.unique(np.append(ring, self._touching[ring].indices))
+        good = self.found.label[every, i] >= 0
+        every = every[good & (self.found.leaves.sign[every, i] == signs).all(axis=1)]
         x = self.middles[0]
-        away = np.linalg.norm(toward(x[box], x[every], self.found.ground.circle) - x[box], axis=1)
+        away = np.linalg.norm(toward(x[box], x[every], self._ground.circle) - x[box], axis=1)
         return np.asarray(every[np.argsort(away)])
 
     @cached_property
-    def _neighbours(self) -> tuple[Ints, Ints]:
-        """Boxes that share a face, both ways, sorted."""
+    def _touching(self) -> Any:
+        """Boxes that share a face, both ways."""
         a, b = self.found.edges
-        count = len(self.found.label)
-        both = np.unique(np.append(a, b) * count + np.append(b, a))  # as numbers: much faster
-        return both // count, both % count
+        return _graph(len(self.found.label), np.append(a, b), np.append(b, a))
+
+    @cached_property
+    def _tree(self) -> Ints:
+        """Of each certain place the next one towards a hub: few boxes, so large and clear ones."""
+        N, m = self.found.label.shape
+        level = np.tile(self.found.leaves.level, m)
+        if self.hub is not None:  # within the limits rather than on one
+            level += 64 * np.repeat(np.isin(np.arange(m), (0, m - 1)), N)
+        return tree_to_hubs(self._label, level, *self.found.joined)
 
     def route(self, component: int, a: Array, b: Array, clear: Clear) -> Array | None:
-        """Through certain boxes, from middle to middle by way of the faces in between."""
-        first_way, last_way = (self.to_certain(p, clear) for p in (a, b))
-        if first_way is None or last_way is None:
+        """To a certain place, through others from middle to middle of boxes, and on from there."""
+        begin, end = self._to_certain(a, clear), self._to_certain(b, clear)
+        if begin is None or end is None:
             return None
-        (first, start), (last, finish) = first_way, last_way
-        if (boxes := row_between(self._tree, first, last)) is None:
+        (first, start), (last, finish) = begin, end
+        if (row := row_between(self._tree, first, last)) is None:
             return None
-        circle = self.found.ground.circle
-        points = [*start]
-        for k, box in enumerate(boxes):
-            points += self.onward(points[-1], boxes[k - 1] if k else box, box)
+        N, points = len(self.found.label), [*start]
+        for k, place in enumerate(row):
+            i, box = divmod(place, N)
+            here = points[-1] if self.hub is None else np.delete(points[-1], self.hub)
+            onward = self._onward(here, row[k - 1] % N if k else box, box)
+            points += [self._lifted(p, self._inset[i]) for p in onward]
+        circle = np.array([arc.circle for arc in self.box])
         shift = toward(points[-1], finish[-1], circle) - finish[-1]
         points += [p + shift for p in finish[::-1]]
         return np.array(points)
 
-    def onward(self, here: Array, before: int, box: int) -> list[Array]:
+    def _onward(self, here: Array, before: int, box: int) -> list[Array]:
         """Points from within a box to the middle of one that touches it, by way of the face."""
         middles, half = self.middles
-        circle = self.found.ground.circle
-        points = []
+        circle, points = self._ground.circle, []
         if before != box:
             small = box if half[box][0] < half[before][0] else before
             face = toward(here, middles[small], circle)
@@ -538,148 +492,27 @@ class Divided:
             here = points[-1]
         return [*points, toward(here, middles[box], circle)]
 
-    @cached_property
-    def _tree(self) -> Ints:
-        """Of each certain box the next one towards a hub: few boxes, so large and clear ones."""
-        a, b = self.found.edges[:, self.found.passable]
-        return tree_to_hubs(self.found.label, self.found.leaves.level, a, b)
+
+Piece: TypeAlias = Plain | Wheel | Divided
+"""A box of arcs: ``examples`` and ``signs`` of its components, ``locate`` and ``route`` in them."""
 
 
-@dataclass(frozen=True, eq=False)
-class Sectioned:
-    """A box whose components are those of sections across a joint, its hub."""
-
-    part: Part
-    box: tuple[Arc, ...]
-    hub: int
-    found: Sections
-
-    @cached_property
-    def _terms(self) -> TrigSum:
-        return sum_of(self.part.surfaces[0].equation, self.part.joints)
-
-    @cached_property
-    def _on(self) -> tuple[Divided, ...]:
-        """Each section as a box of the other joints."""
-        f = self.found
-        out = []
-        for i, terms in enumerate(f.ground.terms):
-            sign = f.leaves.sign[:, [i]]
-            leaves = Leaves(f.leaves.level, f.leaves.index, sign, f.leaves.regular)
-            a, b = f.edges
-            passable = (sign[a, 0] != 0) & (sign[a, 0] == sign[b, 0])
-            ground = type(f.ground)(
-                (terms,), f.ground.low, f.ground.high, f.ground.circle, f.ground.scale
-            )
-            parts = Components(
-                ground=ground, leaves=leaves, label=f.label[:, i], lower=f.lower, upper=f.upper,
-                closed=False, edges=f.edges, passable=passable,
-            )  # fmt: skip
-            out.append(Divided(self.part, self.box, parts))
-        return tuple(out)
-
-    @cached_property
-    def _sign(self) -> Ints:
-        """Of the equation on each component, (C,)."""
-        out = np.zeros(self.found.upper, dtype=np.int64)
-        known = self.found.label >= 0
-        out[self.found.label[known]] = self.found.leaves.sign[known]
-        return out
-
-    def signs(self, component: int) -> tuple[int, ...]:
-        """Sign of the equation there."""
-        return (int(self._sign[component]),)
-
-    def examples(self, component: int) -> Array:
-        """Points (K, d) of a component over the middles of its largest boxes."""
-        rows, cuts = np.nonzero(self.found.label == component)
-        first = np.argsort(self.found.leaves.level[rows], kind="stable")[:256]
-        x = self._lifted(self._on[0].middles[0][rows[first]], self.found.cuts[cuts[first]])
-        x[:, self.hub] = np.mean(self._arcs(x), axis=0)
-        return np.asarray(x[np.argsort(-np.abs(self._terms(x)), kind="stable")])
-
-    def _lifted(self, x: Array, hub: float | Array) -> Array:
-        """Points (..., d) with the hub where it is given, of points (..., d - 1)."""
-        return np.insert(x, self.hub, hub, axis=-1)
-
-    def _arcs(self, x: Array) -> tuple[Array, Array]:
-        """Ends (...,) of the hub's values at which f keeps its sign over x, within the limits."""
-        top = top_of(self._terms, self.hub, x, np.where(self._terms(x) > 0, 1.0, -1.0))
-        arc = self.box[self.hub]
-        return np.maximum(arc.low, top - math.pi / 2), np.minimum(arc.high, top + math.pi / 2)
-
-    @cached_property
-    def _cuts(self) -> Array:
-        """Sections as ways use them: the ends of the box may lie on families, so just within."""
-        arc = self.box[self.hub]
-        # How far ways keep from the ends of a box, as a share of its length.
-        inset = 1e-6 * (arc.high - arc.low)
-        return np.clip(self.found.cuts, arc.low + inset, arc.high - inset)
-
-    def locate(self, x: Array, clear: Clear) -> int | None:
-        """By the section that it is joined with over the same other joints."""
-        at = self._to_section(x, clear)
-        return None if at is None else int(self.found.label[at[0], at[1]])
-
-    def _to_section(self, x: Array, clear: Clear) -> tuple[int, int, Array] | None:
-        """A certain box, its section, and a way (K, d) from x to a point in it."""
-        low, high = self._arcs(x)
-        cuts = self.found.cuts
-        inside = np.flatnonzero((cuts >= low) & (cuts <= high))
-        flat = np.delete(x, self.hub)
-        for i in inside[np.argsort(np.abs(cuts[inside] - (low + high) / 2))]:
-            cut = float(self._cuts[i])
-            if not clear(np.stack([x, self._lifted(flat, cut)])):
-                continue
-            way = self._on[i].to_certain(flat, lambda X, cut=cut: clear(self._lifted(X, cut)))
-            if way is None:
-                continue
-            box, points = way
-            last = self._lifted(points[-1], cut)
-            # Signs that agree on both sides of the inset belong to one arc of the hub.
-            if np.sign(self._terms(last)) == self.found.leaves.sign[box, i]:
-                return box, int(i), np.concatenate([x[None], self._lifted(points, cut)])
-        return None
-
-    @cached_property
-    def _tree(self) -> Ints:
-        """Of each certain place, box + N section, the next one towards a hub."""
-        f = self.found
-        N, m = f.label.shape
-        sign = f.leaves.sign
-        froms, tos = [], []
-        for i in range(m):
-            a, b = f.edges[:, self._on[i].found.passable]
-            froms.append(a + i * N)
-            tos.append(b + i * N)
-            if i + 1 < m:
-                up = np.flatnonzero((sign[:, i] != 0) & (sign[:, i] == sign[:, i + 1]))
-                froms.append(up + i * N)
-                tos.append(up + (i + 1) * N)
-        # A hub within the limits rather than on one.
-        level = np.tile(f.leaves.level, m) + 64 * np.repeat(np.isin(np.arange(m), (0, m - 1)), N)
-        return tree_to_hubs(f.label.T.ravel(), level, np.concatenate(froms), np.concatenate(tos))
-
-    def route(self, component: int, a: Array, b: Array, clear: Clear) -> Array | None:
-        """To a section, through certain boxes from section to section, and down again."""
-        begin, end = self._to_section(a, clear), self._to_section(b, clear)
-        if begin is None or end is None:
-            return None
-        N = len(self.found.label)
-        row = row_between(self._tree, begin[0] + begin[1] * N, end[0] + end[1] * N)
-        if row is None:
-            return None
-        points = [*begin[2]]
-        for k, place in enumerate(row):
-            section, box = divmod(place, N)
-            before = row[k - 1] % N if k else box
-            ways = self._on[section].onward(np.delete(points[-1], self.hub), before, box)
-            points += [self._lifted(p, self._cuts[section]) for p in ways]
-        circle = np.array([arc.circle for arc in self.box])
-        gap = points[-1] - end[2][-1]
-        shift = np.where(circle, 2 * math.pi * np.round(gap / (2 * math.pi)), 0.0)
-        points += [p + shift for p in end[2][::-1]]
-        return np.array(points)
+def divided(
+    part: Part, box: tuple[Arc, ...], hub: int | None, scale: Array, budget: Budget
+) -> Divided:
+    """Count components of a box, by sections across ``hub`` (of `across`) unless it is None."""
+    # ``scale`` (d,) is what counts as one radian.
+    terms = tuple(sum_of(s.equation, part.joints) for s in part.surfaces)
+    cuts, each = np.zeros(1), [terms]
+    if hub is not None:
+        cuts = cuts_of(box[hub])
+        each = [(section(terms[0], hub, float(c)),) for c in cuts]
+    others = [k for k in range(len(box)) if k != hub]
+    low, high, circle = (
+        np.array([getattr(box[k], x) for k in others]) for x in ("low", "high", "circle")
+    )
+    layers = tuple(Ground(t, low, high, circle, scale[others]) for t in each)
+    return Divided(part, box, hub, cuts, terms, subdivide(layers, budget))
 
 
 def make_piece(part: Part, box: tuple[Arc, ...], scale: Array, budget: Budget) -> Piece:
@@ -688,16 +521,7 @@ def make_piece(part: Part, box: tuple[Arc, ...], scale: Array, budget: Budget) -
         return Plain(part, box)
     if len(part.surfaces) == 1 and (hub := hub_of(part, box)) is not None:
         return Wheel(part, box, hub)
-    if (hub := across(part, box)) is not None:
-        return Sectioned(part, box, hub, sections(part, box, hub, scale[list(part.joints)], budget))
-    ground = Ground(
-        terms=tuple(sum_of(s.equation, part.joints) for s in part.surfaces),
-        low=np.array([a.low for a in box]),
-        high=np.array([a.high for a in box]),
-        circle=np.array([a.circle for a in box]),
-        scale=scale[list(part.joints)],
-    )
-    return Divided(part, box, subdivide(ground, budget))
+    return divided(part, box, across(part, box), scale[list(part.joints)], budget)
 
 
 def require_same_families(asked: Watched, given: Watched) -> None:

@@ -12,7 +12,6 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise, product
-from typing import Protocol
 
 import numpy as np
 
@@ -206,34 +205,6 @@ class Counts:
         return self.closed and self.lower == self.upper
 
 
-class Piece(Protocol):
-    """Components of a box of arcs."""
-
-    @property
-    def part(self) -> Part:
-        """Joints and equations."""
-
-    @property
-    def box(self) -> tuple[Arc, ...]:
-        """An arc of each joint."""
-
-    @property
-    def found(self) -> Counts:
-        """How many components it has."""
-
-    def examples(self, component: int) -> Array:
-        """Points (K, d) of a component, well inside first."""
-
-    def signs(self, component: int) -> tuple[int, ...]:
-        """Sign of each equation there; 0 where it takes both."""
-
-    def locate(self, x: Array, clear: Clear) -> int | None:
-        """Component of a point (d,); None where it cannot be told."""
-
-    def route(self, component: int, a: Array, b: Array, clear: Clear) -> Array | None:
-        """Return a polyline (K, d) in a component from a to b, but for whole turns; or None."""
-
-
 def toward(a: Array, b: Array, circle: Bool) -> Array:
     """b, by whole turns of circles as near to a as can be."""
     return np.where(circle, b + 2 * math.pi * np.round((a - b) / (2 * math.pi)), b)
@@ -277,17 +248,19 @@ def top_of(f: TrigSum, hub: int, x: Array, s: Array | float) -> Array:
     return np.asarray(top + 2 * math.pi * np.round((x[..., hub] - top) / (2 * math.pi)))
 
 
+def turns_once(equation: Equation, joint: int) -> bool:
+    """Return True if a joint turns exactly once in every term."""
+    once = (np.abs(equation.frequencies[:, joint]) == 2).all()
+    return bool(once) and not equation.powers[:, joint].any()
+
+
 def hub_of(part: Part, box: tuple[Arc, ...]) -> int | None:
     """Place in the part of a joint that turns endlessly and is in every term exactly once."""
-    surface = part.surfaces[0]
-    equation = surface.equation
-    if not surface.irreducible or len(equation.involved) < 2:
+    equation = part.surfaces[0].equation
+    if not part.surfaces[0].irreducible or len(equation.involved) < 2:
         return None
-    for place, j in enumerate(part.joints):
-        turning = np.abs(equation.frequencies[:, j])
-        if box[place].circle and (turning == 2).all() and not equation.powers[:, j].any():
-            return place
-    return None
+    hubs = (k for k, j in enumerate(part.joints) if box[k].circle and turns_once(equation, j))
+    return next(hubs, None)
 
 
 @dataclass(frozen=True, eq=False)
@@ -314,9 +287,14 @@ class Wheel:
         return np.array([a.circle for a in self.box])
 
     @cached_property
-    def _joined(self) -> bool:
+    def _odd(self) -> Bool:
+        """Joints once round which f changes its sign."""
         odd = np.round(2 * self._terms.rate).astype(np.int64) % 2 != 0
-        return bool((odd.any(axis=0) & self._circle).any())
+        return np.asarray(odd.any(axis=0) & self._circle)
+
+    @property
+    def _joined(self) -> bool:
+        return bool(self._odd.any())
 
     @property
     def found(self) -> Counts:
@@ -349,41 +327,24 @@ class Wheel:
 
     def route(self, component: int, a: Array, b: Array, clear: Clear) -> Array | None:
         """By way of the tops over a line in the other joints, or over lines round R = 0."""
-        return self._half_turn(a, b, clear) if self._joined else self._along_tops(a, b, clear)
-
-    def _half_turn(self, a: Array, b: Array, clear: Clear) -> Array | None:
-        s = float(np.sign(self._terms(a)))
+        s, rng = float(np.sign(self._terms(a))), np.random.default_rng(0)
         goal = toward(a, b, self._circle)
-        if float(self._terms(goal)) * s < 0:
-            odd = (np.round(2 * self._terms.rate).astype(np.int64) % 2 != 0).any(axis=0)
-            goal[int(np.flatnonzero(odd & self._circle)[0])] += 2 * math.pi
-        return self._along_tops(a, goal, clear, wrap=False)
-
-    def _along_tops(self, a: Array, b: Array, clear: Clear, wrap: bool = True) -> Array | None:
-        s = float(np.sign(self._terms(a)))
-        rng = np.random.default_rng(0)
-        goal = toward(a, b, self._circle) if wrap else b
+        if self._terms(goal) * s < 0:  # half a turn of signs away
+            goal[self._odd.argmax()] += 2 * math.pi
         low, high = (np.array([getattr(arc, k) for arc in self.box]) for k in ("low", "high"))
         for attempt in range(12):
-            middle = [] if attempt == 0 else [low + (high - low) * rng.uniform(0.05, 0.95, len(a))]
-            stops = [a, *middle, goal]
-            points, here, lost = [a, self._top(a, s)], self._top(a, s), False
-            for stop in stops[1:]:
-                there = stop.copy()
-                there[self.hub] = here[self.hub]
-                if (way := self._follow(here, there, s, clear, 0)) is None:
-                    lost = True
+            middle = [low + (high - low) * rng.uniform(0.05, 0.95, len(a))] if attempt else []
+            points = [a, self._top(a, s)]
+            for stop in (*middle, goal):
+                if (way := self._follow(points[-1], stop, s, clear, 0)) is None:
                     break
                 points += way
-                here = points[-1]
-            if lost:
-                continue
-            end = goal.copy()
-            end[self.hub] = _near(here[self.hub], goal[self.hub]) if wrap else goal[self.hub]
-            points.append(end)
-            way_points = np.array(points)
-            if clear(way_points):
-                return way_points
+            else:
+                end = goal.copy()
+                end[self.hub] = toward(points[-1], goal, self._circle)[self.hub]
+                path = np.array([*points, end])
+                if clear(path):
+                    return path
         return None
 
     def _follow(
@@ -402,7 +363,3 @@ class Wheel:
             return None
         rest = self._follow(half[-1], there, s, clear, depth + 1)
         return None if rest is None else half + rest
-
-
-def _near(a: float, b: float) -> float:
-    return b + 2 * math.pi * round((a - b) / (2 * math.pi))
