@@ -357,7 +357,8 @@ def aspects(forms: Forms, limits: bool = True, *, work: float = WORK) -> Aspects
         low, high = (sum(getattr(p.found, k) for p in pieces) for k in ("lower", "upper"))
         exact &= all(p.found.closed for p in pieces)
         lower, upper = lower * low, upper * high
-        parts.append(PartCount(*_named(chosen, part), low, high))
+        joints = tuple(chosen.watched.joints[j] for j in part.joints)
+        parts.append(PartCount(joints, part.families, low, high))
     form = forms if isinstance(forms, ClosedForm) else forms[0]
     notes = [*missing(forms), *of_design(forms), *dict.fromkeys(cut.notes)]
     if lower != upper and budget.over:
@@ -368,7 +369,7 @@ def aspects(forms: Forms, limits: bool = True, *, work: float = WORK) -> Aspects
         lower=lower,
         upper=upper if exact else None,
         parts=tuple(parts),
-        listed=tuple(_named_aspects(list(_listed(chosen)), form)),
+        listed=_listed(chosen, form),
         families=cut.cutting,
         notes=tuple(notes),
         seconds=time.monotonic() - begin,
@@ -384,35 +385,14 @@ def map_of(found: Aspects, forms: Forms) -> Map:
     return chosen
 
 
-def _named_aspects(found: list[Aspect], form: ClosedForm) -> Iterator[Aspect]:
-    """The same with the words of the field; an aspect's are those of its representative."""
-    if form.geometry is None or not found:
-        yield from found
-        return
-    words = posture_names(form.geometry, np.array([a.q for a in found]))
-    for aspect, names in zip(found, words, strict=True):
-        yield replace(aspect, names=names)
-
-
-def _named(chosen: Map, part: Part) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    names = chosen.watched.joints
-    families = dict.fromkeys(s.family for s in part.surfaces)
-    for name, family in zip(chosen.watched.names, chosen.watched.families, strict=True):
-        if name in chosen.partition.cutting and any(
-            len(b.values) == 1 and not b.equations and b.values[0].joint in part.joints
-            for b in family.branches
-        ):
-            families[name] = None
-    return tuple(names[j] for j in part.joints), tuple(sorted(families))
-
-
-def _listed(chosen: Map) -> Iterator[Aspect]:
-    rng = np.random.default_rng(0)
+def _listed(chosen: Map, form: ClosedForm) -> tuple[Aspect, ...]:
+    """Aspects with the words of the field, which are those of their representatives."""
+    rng, found = np.random.default_rng(0), []
     for place in islice(chosen.places(), LISTED):
         where: list[str] = []
         signs: dict[str, int] = {}
-        parts = zip(chosen.partition.parts, chosen.pieces, place, strict=True)
         Q = np.zeros((_EXAMPLES, chosen.watched.n))
+        parts = zip(chosen.partition.parts, chosen.pieces, place, strict=True)
         for part, pieces, (box, component) in parts:
             piece = pieces[box]
             x = piece.examples(component)
@@ -425,7 +405,11 @@ def _listed(chosen: Map) -> Iterator[Aspect]:
         if chosen.watched.families:
             clear = quick(chosen.watched, Q).lower
         best = int(np.argmax(clear))
-        yield Aspect(chosen.number(place), Q[best], float(clear[best]), tuple(where), signs)
+        found.append(Aspect(chosen.number(place), Q[best], float(clear[best]), tuple(where), signs))
+    if form.geometry is None or not found:
+        return tuple(found)
+    words = posture_names(form.geometry, np.array([a.q for a in found]))
+    return tuple(replace(a, names=names) for a, names in zip(found, words, strict=True))
 
 
 def _where(chosen: Map, part: Part, piece: Piece, component: int) -> Iterator[str]:

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field
-from functools import partial
 from itertools import pairwise
 from typing import ClassVar
 
@@ -31,7 +30,9 @@ from pinsing.postures.aspects import (
     sureness,
 )
 from pinsing.postures.joint_map import Map
+from pinsing.postures.partition import toward
 from pinsing.proximity.clearance import quick
+from pinsing.proximity.passage import least_along
 from pinsing.proximity.watched import Forms
 from pinsing.robot.arm import ArmSummary
 from pinsing.serialization import JsonResult
@@ -52,11 +53,7 @@ def lowest(chosen: Map, Q: Array) -> float:
 
 
 def shortened(
-    Q: Array,
-    clear: Callable[[Array], bool],
-    room: Callable[[Array], float],
-    lines: Iterator[int],
-    keep: float = 0.7,
+    chosen: Map, Q: Array, clear: Callable[[Array], bool], lines: Iterator[int], keep: float = 0.7
 ) -> Array:
     """Leave out waypoints where the straight line is clear, while there are ``lines`` to try."""
     kept = [0]
@@ -67,42 +64,27 @@ def shortened(
         while i + step <= last + step // 2 and next(lines, None) is not None:
             j = min(i + step, last)
             line = Q[[i, j]]
-            if clear(line) and room(line) >= min(keep * room(Q[i : j + 1]), 0.3):
-                best = j
-                if j == last:
-                    break
-                step *= 2
-            else:
+            enough = clear(line) and lowest(chosen, line) >= min(
+                keep * lowest(chosen, Q[i : j + 1]), 0.3
+            )
+            best = j if enough else best
+            if best == last or not enough:
                 break
+            step *= 2
         kept.append(best)
     return Q[kept]
 
 
 def least(chosen: Map, path: Array) -> float:
     """Return a proven lower bound of the clearance of a polyline."""
-    # Distance changes no faster than the configuration moves: a piece of half-length h has no less
-    # than its middle less h.
+
+    def bounded(Q: Array) -> Array:
+        return quick(chosen.watched, Q).lower
+
+    lower, length = bounded(path), chosen.watched.length
     if not chosen.watched.families:
         return float("inf")
-    high, begin, end, out = float("inf"), path[:-1], path[1:], []
-    for _ in range(14):
-        middle = (begin + end) / 2
-        half = chosen.watched.length(end - begin) / 2
-        at = quick(chosen.watched, middle).lower
-        high = min(high, float(at.min()))
-        bound = at - half
-        fine = bound >= 0.9 * high
-        out.append(bound[fine])
-        begin, end, middle = begin[~fine], end[~fine], middle[~fine]
-        if not len(begin):
-            break
-        begin, end = np.concatenate([begin, middle]), np.concatenate([middle, end])
-        if len(begin) > 200_000:
-            break
-    if len(begin):
-        middle = (begin + end) / 2
-        out.append(quick(chosen.watched, middle).lower - chosen.watched.length(end - begin) / 2)
-    return max(min((float(x.min()) for x in out if len(x)), default=high), 0.0)
+    return least_along(path, lower, float(lower.min()), length, bounded, 200_000, 0.05)[0]
 
 
 def raised(chosen: Map, path: Array, lines: Iterator[int]) -> Array:
@@ -130,7 +112,7 @@ def raised(chosen: Map, path: Array, lines: Iterator[int]) -> Array:
     if best is path:
         return path
     # What was laid in for the push is left out again where that costs nothing.
-    short = shortened(best, chosen.regular, lambda Q: lowest(chosen, Q), lines, keep=0.98)
+    short = shortened(chosen, best, chosen.regular, lines, keep=0.98)
     return short if chosen.regular(short) and least(chosen, short) >= 0.9 * bound else best
 
 
@@ -360,111 +342,80 @@ def connect(
     )
     chosen = map_of(found, forms)
     start, end = chosen.check(qa), chosen.check(qb)
-    places = [chosen.place(q) for q in (start, end)]
-    numbers = [None if p is None else chosen.number(p) for p in places]
-    notes: list[str] = []
+    here, there = (chosen.place(q) for q in (start, end))
+    a, b = (None if p is None else chosen.number(p) for p in (here, there))
     answer, path, sure = UNDECIDED, None, False
-    lines = iter(range(_LINES))
-    singular = [chosen.on(q) for q in (start, end)]
+    singular = (chosen.on(start), chosen.on(end))
+    notes: list[str] = []
     if any(singular):
         which, names = _which(map(bool, singular)), " and ".join(filter(None, singular))
         are, belong = ("are", "belong") if all(singular) else ("is", "belongs")
         notes.append(f"{which} {are} singular, on {names}, and {belong} to no aspect")
-    elif places[0] is None or places[1] is None:
-        which = _which([p is None for p in places])
+    elif here is None or there is None:
+        which = _which((here is None, there is None))
         notes.append(f"the aspect of {which} is undecided: a boundary is near")
+    elif any(map(chosen.apart, chosen.pieces, here, there)):
+        answer = DIFFERENT
+    elif opposite(forms, start, end):
+        answer, notes = DIFFERENT, [_SIGNS]
+    elif (path := _way(chosen, here, start, end, lines := iter(range(_LINES)))) is None:
+        where = f"within aspect {a}" if a == b else f"from aspect {a} to {b}, perhaps one"
+        notes.append(f"no path was found {where}")
     else:
-        if _apart(chosen, places[0], places[1]):
-            answer = DIFFERENT
-        elif opposite(forms, start, end):
-            answer = DIFFERENT
-            notes.append(_SIGNS)
-        else:
-            path = _way(chosen, places[0], start, end, lines)
-            answer = UNDECIDED if path is None else SAME
-            if path is None:
-                a, b = numbers
-                where = f"within aspect {a}" if a == b else f"from aspect {a} to {b}, perhaps one"
-                notes.append(f"no path was found {where}")
-    if path is not None:
-        path = raised(chosen, path, lines)
-        sure, said = _stands(forms, path)
-        notes += said
-        if not sure and sureness(forms) == NOT_COMPLETE:
-            answer, path = UNDECIDED, None
-    notes += of_design(forms) if answer == DIFFERENT else []
-    clearance = length = float("nan")
-    if path is not None:
-        clearance = least(chosen, path)
-        length = float(chosen.watched.length(np.diff(path, axis=0)).sum())
+        answer, path = SAME, raised(chosen, path, lines)
+        sure = sureness(forms) == PROVEN and not of_design(forms)
+        if not sure and (sure := proven_regular(forms, path)):
+            notes.append(_RANK)
+        elif not sure:
+            notes += [_KNOWN, *missing(forms)]
+            if sureness(forms) == NOT_COMPLETE:
+                answer, path = UNDECIDED, None
+    if answer == DIFFERENT:
+        notes += of_design(forms)
+        sure = not of_design(forms)
     return Connection(
         arm=found.arm,
         answer=answer,
         start=start,
         end=end,
-        aspects=(numbers[0], numbers[1]),
+        aspects=(a, b),
         path=path,
-        clearance=clearance,
-        length=length,
+        clearance=np.nan if path is None else least(chosen, path),
+        length=np.nan
+        if path is None
+        else float(chosen.watched.length(np.diff(path, axis=0)).sum()),
         within_limits=limits,
         notes=tuple(notes),
-        proven=(answer == DIFFERENT and not of_design(forms)) or (answer == SAME and sure),
-        singular=(singular[0], singular[1]),
+        proven=sure,
+        singular=singular,
     )
-
-
-def _stands(forms: Forms, path: Array) -> tuple[bool, list[str]]:
-    """Whether it is proven that no configuration on a way is singular, and what that rests on."""
-    if sureness(forms) == PROVEN and not of_design(forms):
-        return True, []
-    if proven_regular(forms, path):
-        return True, [_RANK]
-    return False, [_KNOWN, *missing(forms)]
 
 
 def _which(ends: Iterable[bool]) -> str:
     return " and ".join(w for w, s in zip(("the start", "the end"), ends, strict=True) if s)
 
 
-def _apart(chosen: Map, a: tuple[tuple[int, int], ...], b: tuple[tuple[int, int], ...]) -> bool:
-    """Return True if some part proves that two places are of different aspects."""
-    parts = zip(chosen.pieces, a, b, strict=True)
-    return any(chosen.apart(pieces, one, other) for pieces, one, other in parts)
-
-
 def _way(
     chosen: Map, place: tuple[tuple[int, int], ...], start: Array, end: Array, lines: Iterator[int]
 ) -> Array | None:
     """A polyline from start to end that is clear, part by part where a straight one is not."""
-    goal = end.copy()
-    endless = np.array(chosen.partition.endless)
-    goal = np.where(endless, goal + 2 * np.pi * np.round((start - goal) / (2 * np.pi)), goal)
-    if chosen.clear(np.stack([start, goal])):
-        return beside(chosen, np.stack([start, goal]))
+    goal = toward(start, end, np.array(chosen.partition.endless))
+    path = np.stack([start, goal])
+    if chosen.clear(path):
+        return beside(chosen, path)
     rows = [start]
     parts = zip(chosen.partition.parts, chosen.pieces, place, strict=True)
     for part, pieces, (box, component) in parts:
-        here = rows[-1]
-        piece = pieces[box]
+        here, piece = rows[-1], pieces[box]
         a, b = (chosen.on_arcs(part, piece.box, q) for q in (here, end))
         if a is None or b is None:
             return None
-        columns = list(part.joints)
-        clear = chosen.clear_in(part, here)
         if np.array_equal(a, b):
             continue
-        if (route := piece.route(component, a, b, clear)) is None:
+        if (route := piece.route(component, a, b, chosen.clear_in(part, here))) is None:
             return None
-        route = shortened(route, clear, partial(_room, chosen, columns, here), lines)
-        for x in route[1:]:
-            q = rows[-1].copy()
-            q[columns] = here[columns] + (x - a)
-            rows.append(q)
-    path = shortened(np.array(rows), chosen.clear, partial(lowest, chosen), lines)
+        path = np.repeat(here[None], len(route), axis=0)
+        path[:, list(part.joints)] += route - a
+        rows += list(shortened(chosen, path, chosen.clear, lines)[1:])
+    path = shortened(chosen, np.array(rows), chosen.clear, lines)
     return beside(chosen, path) if chosen.clear(path) else None
-
-
-def _room(chosen: Map, columns: list[int], here: Array, X: Array) -> float:
-    Q = np.repeat(here[None], len(X), axis=0)
-    Q[:, columns] = X
-    return lowest(chosen, Q)

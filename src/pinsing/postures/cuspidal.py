@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from itertools import pairwise
+from dataclasses import dataclass, replace
+from itertools import combinations, pairwise
 from typing import ClassVar
 
 import numpy as np
@@ -19,7 +19,7 @@ from pinsing.kinematics.ladder import ladder_of
 from pinsing.kinematics.newton import one_sheet, regular_way
 from pinsing.kinematics.verdict import generic_rank, ratios
 from pinsing.measures import PRACTICAL, ROUNDING
-from pinsing.postures.aspects import PROVEN, Aspects, aspects, missing, nearly
+from pinsing.postures.aspects import PROVEN, aspects, missing, nearly
 from pinsing.postures.connection import SAME, Connection, connect
 from pinsing.proximity.watched import require_forms_of
 from pinsing.robot.arm import Arm, ArmSummary, summarize
@@ -189,69 +189,72 @@ def cuspidality(
         require_forms_of(forms, arm)
     form = closed_form(arm) if forms is None else forms
     found = aspects(form, limits=False)
-    rng = np.random.default_rng(seed)
-    notes = missing(form)
+    rng, notes = np.random.default_rng(seed), missing(form)
+    sure = form.word == PROVEN
     most, tried, crowded = 0, 0, ""
+    none = Cuspidality(
+        arm=summarize(arm),
+        answer=NO_EVIDENCE,
+        proven=False,
+        reason="no two inverse solutions are known to share an aspect",
+        witness=None,
+        pose_error=np.nan,
+        least_ratio=np.nan,
+        aspects=found.lower if found.proven else None,
+        most_solutions=0,
+        poses=poses,
+        notes=tuple(notes),
+    )
     for k, q in enumerate(arm.space.sample(poses, rng, True)):
         known = inverse(arm, tip_placement(arm, q).homogeneous, seed=seed, near=q)
-        regular = [s for s in known if s.regular]
+        regular = [(found.of(s.q), s.q) for s in known if s.regular]
         most = max(most, len(regular))
-        places = [found.of(s.q) for s in regular]
-        for a, b in _pairs(places):
+        for (place, a), (other, b) in combinations(regular, 2):
+            if place is None or place != other:
+                continue
             tried += 1
-            way = connect(form, regular[a].q, regular[b].q, limits=False, of=found)
-            if way.answer == SAME and way.path is not None:
-                error, least = _checked(arm, way.path)
-                if error <= ROUNDING and _stands(arm, way.path):
-                    said = [_RANK] if arm.n == len(arm.task.rows) else [_RANK, _few(arm, error)]
-                    said += nearly(arm, least)
-                    return _answer(
-                        arm, found, CUSPIDAL, _WITNESS, way, error, least, most, k + 1, said
-                    )
-                if error <= ROUNDING and least < PRACTICAL and _ends(arm, way.path):
-                    # Too thin for the bound: the families stand for it, by their certificate.
-                    sure = form.word == PROVEN
-                    said = [_THIN, *(notes if not sure else []), *nearly(arm, least)]
-                    return _answer(
-                        arm, found, CUSPIDAL, _CLEAR, way, error, least, most, k + 1, said, sure
-                    )
+            way = connect(form, a, b, limits=False, of=found)
+            if way.answer != SAME or way.path is None:
+                continue
+            error, least = _checked(arm, way.path)
+            if error > ROUNDING or not _ends(arm, way.path):
+                continue
+            if proven := regular_way(arm, way.path):
+                reason, said = _WITNESS, [_RANK, *[_few(arm, error)] * (arm.n < len(arm.task.rows))]
+            elif least < PRACTICAL:
+                # Too thin for the bound: the families stand for it, by their certificate.
+                proven, reason, said = sure, _CLEAR, [_THIN, *([] if sure else notes)]
+            else:
+                continue
+            return replace(
+                none, answer=CUSPIDAL, proven=proven, reason=reason, witness=way, pose_error=error,
+                least_ratio=least, most_solutions=most, poses=k + 1,
+                notes=(*said, *nearly(arm, least)),
+            )  # fmt: skip
         if found.proven and nominal(arm).exact and known.certified > found.lower:
             crowded = (
                 f"a pose has {known.certified} regular inverse solutions, each proven to exist, "
                 f"and there are {found.lower} aspects: two of them share one"
             )
-    nan = float("nan")
+    none = replace(none, most_solutions=most)
     if crowded:
-        sure = form.word == PROVEN
         said = [] if sure else notes
-        return _answer(arm, found, CUSPIDAL, crowded, None, nan, nan, most, poses, said, sure)
+        return replace(none, answer=CUSPIDAL, proven=sure, reason=crowded, notes=tuple(said))
     if (ladder := ladder_of(nominal(arm))) is not None:
         # This stands on the chain alone, and not on the closed form.
         said = [] if nominal(arm).exact else ["this is about the nominal geometry"]
-        return _answer(arm, found, NOT_CUSPIDAL, ladder.reason, None, nan, nan, most, poses, said)
+        return replace(
+            none, answer=NOT_CUSPIDAL, proven=True, reason=ladder.reason, notes=tuple(said)
+        )
     if tried:
         reason = f"{tried} pairs of solutions share an aspect, and no path was found"
-    elif found.proven:
+        return replace(none, reason=reason)
+    if found.proven:
         reason = (
             f"of each pose all inverse solutions are in different ones of {found.lower} aspects"
         )
-    else:
-        reason = "no two inverse solutions are known to share an aspect"
-    return _answer(arm, found, NO_EVIDENCE, reason, None, np.nan, np.nan, most, poses, notes)
-
-
-def _pairs(places: list[int | None]) -> list[tuple[int, int]]:
-    return [
-        (a, b)
-        for a in range(len(places))
-        for b in range(a + 1, len(places))
-        if places[a] is not None and places[a] == places[b]
-    ]
-
-
-def _stands(arm: Arm, path: Array) -> bool:
-    """Whether the ends of a way are two solutions, and no configuration on it is singular."""
-    return _ends(arm, path) and regular_way(arm, path)
+        return replace(none, reason=reason)
+    return none
 
 
 def _ends(arm: Arm, path: Array) -> bool:
@@ -279,31 +282,3 @@ def _checked(arm: Arm, path: Array) -> tuple[float, float]:
     share = np.linspace(0, 1, max(2, 400 // len(path)))[:, None]
     fine = np.concatenate([a + share * (b - a) for a, b in pairwise(path)])
     return float(apart.max()), float(ratios(arm, fine).min())
-
-
-def _answer(
-    arm: Arm,
-    found: Aspects,
-    answer: str,
-    reason: str,
-    witness: Connection | None,
-    error: float,
-    least: float,
-    most: int,
-    poses: int,
-    notes: list[str],
-    proven: bool = True,
-) -> Cuspidality:
-    return Cuspidality(
-        arm=summarize(arm),
-        answer=answer,
-        proven=proven and answer != NO_EVIDENCE,
-        reason=reason,
-        witness=witness,
-        pose_error=error,
-        least_ratio=least,
-        aspects=found.lower if found.proven else None,
-        most_solutions=most,
-        poses=poses,
-        notes=tuple(notes),
-    )

@@ -68,6 +68,7 @@ class Part:
     joints: tuple[int, ...]  # their indices, ascending
     arcs: tuple[tuple[Arc, ...], ...]  # what cuts and limits leave of each of them
     surfaces: tuple[Surface, ...]  # equations in these joints
+    families: tuple[str, ...] = ()  # what cuts them, by name
 
     @property
     def boxes(self) -> tuple[tuple[Arc, ...], ...]:
@@ -96,6 +97,7 @@ def partition(watched: Watched, limits: bool) -> Partition:
     high = watched.upper if limits else np.full(n, np.inf)
     endless = tuple(bool(b) for b in ~watched.prismatic & ~(np.isfinite(low) & np.isfinite(high)))
     cuts: list[set[float]] = [set() for _ in range(n)]
+    cut_by: list[set[str]] = [set() for _ in range(n)]
     surfaces: list[Surface] = []
     notes: list[str] = []
     exact = watched.complete
@@ -106,7 +108,9 @@ def partition(watched: Watched, limits: bool) -> Partition:
         cutting.append(name)
         for branch in family.branches:
             if len(branch.values) == 1 and not branch.equations:
-                cuts[branch.values[0].joint].add(branch.values[0].value)
+                (cut,) = branch.values
+                cuts[cut.joint].add(cut.value)
+                cut_by[cut.joint].add(name)
             elif len(branch.equations) == 1 and not branch.values:
                 whole = len(family.branches) == 1 and watched.complete
                 surfaces.append(Surface(name, branch.equations[0], whole))
@@ -136,9 +140,10 @@ def partition(watched: Watched, limits: bool) -> Partition:
             exact = False
             names = ", ".join(watched.joints[j] for j in free)
             notes.append(f"{names} has no limits: what equations separate is not counted")
-            parts += [Part((j,), (arcs[j],), ()) for j in joints]
+            parts += [Part((j,), (arcs[j],), (), tuple(sorted(cut_by[j]))) for j in joints]
             continue
-        parts.append(Part(joints, tuple(arcs[j] for j in joints), mine))
+        families = {s.family for s in mine}.union(*(cut_by[j] for j in joints))
+        parts.append(Part(joints, tuple(arcs[j] for j in joints), mine, tuple(sorted(families))))
     return Partition(
         tuple(parts), low, high, endless, exact, tuple(notes), tuple(dict.fromkeys(cutting))
     )

@@ -268,11 +268,12 @@ def least_along(
     length: Callable[[Array], Array],
     bounded: Callable[[Array], Array],
     most: float = np.inf,
+    share: float = 0.0,
 ) -> tuple[float, float]:
     """Return the least distance along a path (N, n), proven between points too, and at which point.
 
     ``bounded`` gives ``lower`` bounds (N,). Segments are halved where their ends allow much less
-    than is ``known`` of points, up to ``most`` points.
+    than is ``known`` of points, or less by a ``share`` of it, up to ``most`` points.
     """
     lowest, place = float(lower.min()), float(lower.argmin())
     least, step, at = np.inf if len(Q) > 1 else lowest, 1.0, np.arange(len(Q) - 1.0)
@@ -280,7 +281,7 @@ def least_along(
     while True:
         way = length(ends[1] - ends[0])
         bound = np.maximum((low[0] + low[1] - way) / 2, 0.0)
-        wide = np.flatnonzero(bound < known - BISECTED / 2)
+        wide = np.flatnonzero(bound < known - (share * known or BISECTED / 2))
         if not len(wide) or way[wide].max() < PRACTICAL or len(wide) > most:
             return float(bound.min(initial=least)), place
         least = float(np.delete(bound, wide).min(initial=least))

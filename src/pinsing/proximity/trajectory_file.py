@@ -10,7 +10,7 @@ import math
 import os
 import re
 import tokenize
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -79,13 +79,8 @@ _EPOCH = 1e8  # seconds: later times are dates, of which three years are left ou
 _SPOKEN = re.compile(r"(?i)(?:((?:\b|_)(?:deg(?:rees?)?|grad)\b|°)|(?:\b|_)rad(?:ians?)?\b)(?!/)")
 """A unit of angles in a comment, degrees as its first group."""
 _UNITS_LINE = re.compile(r"(?i)\s*[#%]\s*(?:angle[\s_]+)?units?\s*[:=]\s*(.*)")
-_RAGGED = re.compile(
-    r"the number of columns changed from \d+ to (\d+) at row (\d+);.*"
-    r"|invalid column index -?\d+ at row (\d+) with (\d+) columns"
-)
 AROUND = " \t\r\n\"'[]()"
 _QUOTED = re.compile(r'"\s*([-+.\w]+)\s*"')
-_CELL = re.compile(r"could not convert string ('.*') to float64 at row (\d+), column (\d+)\.")
 _SAMPLES = ("q", "Q", "positions", "position", "samples")
 _TIMES = ("t", "time", "times")
 _NAMED = ("joint_names", "names", "name", "joints")
@@ -127,8 +122,8 @@ def read_trajectory(
     `pinsing list`, whose controller counts J3 from the horizontal; ``.script`` the moves to joint
     angles of a UR program; an NPY file an array; an NPZ file ``q`` (N, n) and perhaps ``t``.
     """
+    kind = path.suffix.lower()
     try:
-        kind = path.suffix.lower()
         ConfigurationError.refuse_if(
             path.is_char_device() or path.is_block_device(), f"{path}: is a device: give a file"
         )
@@ -136,76 +131,57 @@ def read_trajectory(
             path.is_fifo() and not os.fspath(path).startswith(_HANDED),
             f"{path}: is a pipe, which nobody may write to: give a file",
         )
-        if kind == ".npy":
-            found = _npy(path, arm, columns)
-        elif kind == ".npz":
-            found = _npz(path, arm, columns)
-        elif kind in (".ls", ".script"):
-            text = read_bounded(path, LARGEST_TEXT, follow=True).decode("utf-8", "replace")
-            found = (_fanuc if kind == ".ls" else _ur)(path, arm, text)
-        elif kind in (".yaml", ".yml", ".json"):
-            found = _yaml(path, arm)
-        else:
-            found = _text(path, arm, columns, degrees is not None)
-    except OSError as error:
-        raise ConfigurationError(f"cannot read {path}: {error.strerror or error}") from None
-    except DamagedError as error:
-        raise ConfigurationError(f"cannot read {path}: {error}") from None
-    except (ValueError, TypeError, OverflowError, MemoryError, RecursionError) as error:
-        if isinstance(error, ConfigurationError):
-            raise
-        reason = " ".join(str(error).split())
+        found = _READERS.get(kind, _text)(path, arm, columns, degrees is not None)
+    except ConfigurationError:
+        raise
+    except (OSError, DamagedError, ValueError, TypeError, ArithmeticError, MemoryError) as error:
+        said = getattr(error, "strerror", None) or error
+        reason = " ".join(str(said).split())
         raise ConfigurationError(f"cannot read {path}: {reason:.200}") from None
+    except RecursionError as error:
+        raise ConfigurationError(f"cannot read {path}: {error}") from None
     ConfigurationError.refuse_if(not len(found.Q), f"{path}: no sample in it")
+    notes, t, leave_out = list(found.notes), found.t, "leave out --units, --deg and --rad"
     if found.degrees is not None:
         unit = "degrees" if found.degrees else "radians"
         ConfigurationError.refuse_if(
             degrees not in (None, found.degrees),
             f"{path}: a comment says units: {unit}, the option the other: correct the comment, "
-            "or leave out --units, --deg and --rad",
+            f"or {leave_out}",
         )
         degrees = found.degrees
-        found = replace(found, notes=(*found.notes, f"a comment says that angles are in {unit}"))
-    scales = np.where(arm.prismatic, 1.0, math.pi / 180 if degrees else 1.0)
-    for j, scale in enumerate(found.scales):
-        if scale is None:
-            continue
-        if degrees is not None and not arm.prismatic[j] and scale != scales[j]:
+        leave_out = "a comment says otherwise: correct one of them"
+        notes.append(f"a comment says that angles are in {unit}")
+    angle, given = math.radians(1) if degrees else 1.0, found.scales or [None] * arm.n
+    for joint, scale, slides in zip(arm.joints, given, arm.prismatic, strict=True):
+        if degrees is not None and not slides and scale not in (None, angle):
             unit = "degrees" if scale != 1 else "radians"
-            fix = (
-                "leave out --units, --deg and --rad"
-                if found.degrees is None
-                else ("a comment says otherwise: correct one of them")
-            )
-            raise ConfigurationError(f"{path}: it says {unit} of {arm.joints[j]!r}: {fix}")
-        scales[j] = scale
-    unsaid = [s is None for s in found.scales] or [True] * arm.n
-    unknown = [u and not p for u, p in zip(unsaid, arm.prismatic, strict=True)]
+            raise ConfigurationError(f"{path}: it says {unit} of {joint!r}: {leave_out}")
+    usual = np.where(arm.prismatic, 1.0, angle).tolist()
+    scales = [u if scale is None else scale for u, scale in zip(usual, given, strict=True)]
+    unknown = [s is None and not slides for s, slides in zip(given, arm.prismatic, strict=True)]
     if degrees is None and any(unknown):
-        found = replace(found, notes=(*found.notes, "no unit is named: angles are in radians"))
+        notes.append("no unit is named: angles are in radians")
     told = bool(degrees) and found.degrees is None and any(unknown)
     if told and np.max(np.abs(found.Q[:, unknown])) <= math.tau:
-        note = "no angle exceeds 6.3°: if the file is in radians, say --units rad"
-        found = replace(found, notes=(*found.notes, note))
-    times = found.t
-    if times is not None and len(times):
-        require_seconds(str(path), float(times[0]))
-    if times is not None and len(times) > 1 and not found.seconds:
-        steps, long = np.diff(times), abs(times[-1] - times[0])
-        if long > 1e3 or (np.median(steps) >= 2 and not np.any(steps % 1)):
+        notes.append("no angle exceeds 6.3°: if the file is in radians, say --units rad")
+    if t is not None and len(t):
+        require_seconds(str(path), float(t[0]))
+        steps, long = np.diff(t), abs(t[-1] - t[0])
+        odd = long > 1e3 or (len(t) > 1 and np.median(steps) >= 2 and not np.any(steps % 1))
+        if odd and not found.seconds:
             note = f"no unit of time is named: t is taken as seconds ({long:.6g} s in all)"
-            fix = "if it is in milliseconds, name its column 't (ms)'"
-            found = replace(found, notes=(*found.notes, f"{note}; {fix}"))
-    if times is not None and len(times) and abs(times[0]) > _EPOCH:
-        note = f"times are counted from the first, {times[0]:.3f} s"
-        found = replace(found, t=times - times[0], notes=(*found.notes, note))
-    table = kind not in (".npy", ".npz", ".yaml", ".yml", ".json", ".script")
-    found = replace(found, Q=found.Q * scales)
+            notes.append(f"{note}; if it is in milliseconds, name its column 't (ms)'")
+        if abs(t[0]) > _EPOCH:
+            notes.append(f"times are counted from the first, {t[0]:.3f} s")
+            t = t - t[0]
+    Q = found.Q * scales
     if kind == ".ls" and arm.n == 6 and arm.source.is_by("Fanuc"):
-        found.Q[:, 2] += found.Q[:, 1]
-        found = replace(found, notes=(_FANUC_SUM, *found.notes))
-    elif arm.n > 2 and (kind == ".ls" or (table and arm.source.is_by("Fanuc"))):
-        found = replace(found, notes=(*found.notes, _FANUC_J3))
+        Q[:, 2] += Q[:, 1]
+        notes.insert(0, _FANUC_SUM)
+    elif arm.n > 2 and (kind == ".ls" or (kind not in _READERS and arm.source.is_by("Fanuc"))):
+        notes.append(_FANUC_J3)
+    found = replace(found, Q=Q, t=t, notes=tuple(notes))
     if found.others:
         _require_others(path, arm, found, bool(degrees))
     return found
@@ -292,7 +268,7 @@ def _floats(array: NDArray[Any]) -> Array:
         return np.asarray(array, dtype=float)
 
 
-def _npy(path: Path, arm: Arm, columns: Sequence[str]) -> TrajectoryFile:
+def _npy(path: Path, arm: Arm, columns: Sequence[str], united: bool) -> TrajectoryFile:
     ConfigurationError.refuse_if(
         path.stat().st_size > _LARGEST,
         f"{path}: has more than {_LARGEST >> 30} GiB: give a part of it",
@@ -310,11 +286,12 @@ def _npy(path: Path, arm: Arm, columns: Sequence[str]) -> TrajectoryFile:
     return _columns(path, arm, array, columns)
 
 
-def _npz(path: Path, arm: Arm, columns: Sequence[str]) -> TrajectoryFile:
+def _npz(path: Path, arm: Arm, columns: Sequence[str], united: bool) -> TrajectoryFile:
     arrays = read_arrays(read_bounded(path, _LARGEST, follow=True), _LARGEST)
-    samples = next((name for name in _SAMPLES if name in arrays), None)
-    times = next((name for name in _TIMES if name in arrays), None)
-    names = next((name for name in _NAMED if name in arrays), None)
+    samples, times, names = (
+        next((name for name in known if name in arrays), None)
+        for known in (_SAMPLES, _TIMES, _NAMED)
+    )
     if samples is None:
         held = ", ".join(arrays) or "nothing"
         raise ConfigurationError(f"{path}: an array 'q' of samples is needed; found {held:.200}")
@@ -363,9 +340,13 @@ _UR_MOVE = re.compile(r"\b(move[a-z]|servo[a-z]+|speed[a-z])\s*\(\s*(\[[^\]]*\])
 _UR_OTHER = re.compile(r"(?m)^\s*(if|elif|else|while|for|thread|call)\b|\bdef\b[\s\S]*\bdef\b")
 
 
-def _fanuc(path: Path, arm: Arm, text: str) -> TrajectoryFile:
+def _program(path: Path) -> str:
+    return read_bounded(path, LARGEST_TEXT, follow=True).decode("utf-8", "replace")
+
+
+def _fanuc(path: Path, arm: Arm, columns: Sequence[str], united: bool) -> TrajectoryFile:
     """Joint moves of a listing in the order of its program, to positions of its /POS."""
-    program, _, positions = text.partition("/POS")
+    program, _, positions = _program(path).partition("/POS")
     points: dict[str, list[tuple[str, str, str]]] = {}
     for number, body in re.findall(r"P\[(\d+)[^\]]*\]\s*\{(.*?)\}", positions, re.S):
         ConfigurationError.refuse_if(number in points, f"{path}: P[{number}] is there twice")
@@ -415,9 +396,9 @@ def _require_kinds(path: Path | str, arm: Arm, heads: Sequence[str], units: Sequ
             )
 
 
-def _ur(path: Path, arm: Arm, text: str) -> TrajectoryFile:
+def _ur(path: Path, arm: Arm, columns: Sequence[str], united: bool) -> TrajectoryFile:
     """Joint moves of a program without branches."""
-    text = re.sub(r"#.*", "", text)
+    text = re.sub(r"#.*", "", _program(path))
     number = r"d2r\(\s*([-+.\deE]+)\s*\)"
     text = re.sub(number, lambda angle: repr(math.radians(float(angle[1]))), text)
     if other := _UR_OTHER.search(text):
@@ -448,7 +429,7 @@ def _moves(
     return TrajectoryFile(np.array(rows).reshape(-1, arm.n), None, notes, scales=scales)
 
 
-def _yaml(path: Path, arm: Arm) -> TrajectoryFile:
+def _yaml(path: Path, arm: Arm, columns: Sequence[str], united: bool) -> TrajectoryFile:
     """A trajectory of ROS or MoveIt, or joint states as ``ros2 topic echo`` prints them."""
     import yaml
 
@@ -511,6 +492,16 @@ def _yaml(path: Path, arm: Arm) -> TrajectoryFile:
     for number, text in enumerate(raw.decode("utf-8", "replace").splitlines(), 1):
         degrees = stated_unit(f"{path}:{number}", text, degrees)
     return TrajectoryFile(Q, t, notes, degrees=degrees, seconds=True)
+
+
+_READERS: Mapping[str, Callable[[Path, Arm, Sequence[str], bool], TrajectoryFile]] = {
+    ".npy": _npy,
+    ".npz": _npz,
+    ".ls": _fanuc,
+    ".script": _ur,
+    **dict.fromkeys((".yaml", ".yml", ".json"), _yaml),
+}
+"""By the end of a file's name; others are tables as text."""
 
 
 def stated_unit(where: str, line: str, before: bool | None) -> bool | None:
@@ -606,11 +597,8 @@ def _text(path: Path, arm: Arm, columns: Sequence[str], united: bool) -> Traject
         table = _NumberTable(path, separator, used, len(words), number - (not named), degrees)
         table.labels = read.labels if read else {}
         table.time = read.time if read else 0 if _CLOCK.fullmatch(words[0]) else None
-        parts = [table.rows(io.StringIO("".join(lines)))]
-        table.line = number + len(lines) - (not named)
-        while len(part := table.rows(file)):
-            parts.append(part)
-    values = np.concatenate(parts) if parts else np.zeros((0, len(used or words)))
+        none = np.zeros((0, len(used or words)))
+        values = np.concatenate([none, *table.rows(itertools.chain(lines, file))])
     said = ["decimal commas"] * table.commas
     if table.clock:
         said.append(f"times are counted from the first, {table.clock}")
@@ -903,63 +891,66 @@ class _NumberTable:
     _start: tuple[bool, float] | None = None
     _last: float = 0.0
 
-    def rows(self, file: io.TextIOBase) -> Array:
-        """The next rows, (K, used), from the line after ``line`` on; none at the end."""
+    def rows(self, source: Iterator[str]) -> Iterator[Array]:
+        """Rows (K, used), some at a time, from the line after ``line`` on."""
         import warnings
 
-        first, lines = self.line + 1, list(itertools.islice(file, _ROWS))
-        self.line += len(lines)
-        for number, line in enumerate(lines, first):
-            if "#" in line:
-                self.degrees = stated_unit(f"{self.path}:{number}", line, self.degrees)
-        for i, name in self.labels.items():
+        while lines := list(itertools.islice(source, _ROWS)):
+            first = self.line + 1
+            self.line += len(lines)
             for number, line in enumerate(lines, first):
-                cells = line.split("#")[0].split(self.separator)
-                if i < len(cells) > 1 and (other := cells[i].strip(AROUND)) != name:
-                    raise ConfigurationError(
-                        f"{self.path}:{number}: column {i + 1} names {other!r:.80}, not "
-                        f"{name!r:.80} as before: say with --columns A,B,... which columns are the "
-                        "joints, base to tip"
+                if "#" in line:
+                    self.degrees = stated_unit(f"{self.path}:{number}", line, self.degrees)
+                cells = line.split("#")[0].split(self.separator) if self.labels else ()
+                for i, name in self.labels.items():
+                    if i < len(cells) > 1 and (other := cells[i].strip(AROUND)) != name:
+                        raise ConfigurationError(
+                            f"{self.path}:{number}: column {i + 1} names {other!r:.80}, not "
+                            f"{name!r:.80} as before: say with --columns A,B,... which columns "
+                            "are the joints, base to tip"
+                        )
+            if not any(line.split("#")[0].strip() for line in lines):
+                continue
+            if self.time is not None:
+                lines = [self._plain(line, n) for n, line in enumerate(lines, first)]
+            if self.separator != "," and any("," in line for line in lines):
+                self.commas = True
+                lines = [line.replace(",", ".") for line in lines]
+            # One by one: for a quote that nothing ends, numpy takes all that follows as one cell.
+            lines = [_QUOTED.sub(r"\1", line) if '"' in line else line for line in lines]
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore")  # an end of file is no surprise
+                try:
+                    table = np.loadtxt(
+                        lines, delimiter=self.separator, ndmin=2, comments="#", usecols=self.used
                     )
-        if lines and not any(line.split("#")[0].strip() for line in lines):
-            return self.rows(file)
-        if self.time is not None:
-            lines = [self._plain(line, n) for n, line in enumerate(lines, first)]
-        if self.separator != "," and any("," in line for line in lines):
-            self.commas = True
-            lines = [line.replace(",", ".") for line in lines]
-        # One by one: for a quote that nothing ends, numpy takes all that follows as one cell.
-        lines = [_QUOTED.sub(r"\1", line) if '"' in line else line for line in lines]
-        width = self.width if self.used is None else len(self.used)
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # an end of file is no surprise
-            try:
-                table = np.loadtxt(
-                    lines, delimiter=self.separator, ndmin=2, comments="#", usecols=self.used
+                except ValueError as error:
+                    raise self._fault(lines, first, " ".join(str(error).split())) from None
+            if table.shape[1] != len(self.used or range(self.width)):
+                raise self._fault(lines, first, "another number of columns than before")
+            yield np.asarray(table, dtype=float)
+
+    def _fault(self, lines: Sequence[str], first: int, words: str) -> ConfigurationError:
+        """Say which of the lines from ``first`` on is no row of numbers, or else ``words``."""
+        used, some = self.used or range(self.width), self.used is not None
+        for number, line in enumerate(lines, first):
+            row = line.split("#")[0]
+            cells = [cell.strip() for cell in row.split(self.separator)]
+            few = not used[-1] < len(cells) if some else len(cells) != self.width
+            odd = [] if few else [i for i in used if not is_number(cells[i])]
+            if few and row.strip():
+                return ConfigurationError(
+                    f"{self.path}:{number}: {len(cells)} columns, and {self.width} in the first "
+                    "line: give each line the same columns"
                 )
-            except ValueError as error:
-                words = " ".join(str(error).split())
-                cell = _CELL.fullmatch(words)
-                if cell and self.separator is not None:
-                    at = _line_of(self.path, first, int(cell[2]))
-                    column = int(cell[3]) if self.used is None else self.used[int(cell[3]) - 1] + 1
-                    alone = ": write numbers alone, and units in the head, as 'J1 (deg)'"
-                    hint = alone * bool(re.search('["°]', cell[1]))
-                    raise ConfigurationError(
-                        f"{self.path}:{at}: column {column}: {cell[1]:.80} is no number{hint}"
-                    ) from None
-                if ragged := _RAGGED.fullmatch(words):
-                    at = _line_of(self.path, first, int(ragged[2] or ragged[3]) - 1)
-                    raise ConfigurationError(
-                        f"{self.path}:{at}: {ragged[1] or ragged[4]} columns, and {self.width} in "
-                        "the first line: give each line the same columns"
-                    ) from None
-                raise ConfigurationError(f"{self.path}: after line {first}: {words:.200}") from None
-        if table.size and table.shape[1] != width:
-            raise ConfigurationError(
-                f"{self.path}: {width} columns at first, {table.shape[1]} from line {first} on"
-            )
-        return np.asarray(table, dtype=float).reshape(-1, width)
+            if odd and row.strip():
+                word = cells[odd[0]]
+                alone = ": write numbers alone, and units in the head, as 'J1 (deg)'"
+                return ConfigurationError(
+                    f"{self.path}:{number}: column {odd[0] + 1}: {word!r:.80} is no number"
+                    + alone * bool(re.search('["°]', word))
+                )
+        return ConfigurationError(f"{self.path}: after line {first}: {words:.200}")
 
     def _plain(self, line: str, number: int) -> str:
         """Return the line with its time in seconds from the first, if that is a time of day."""
@@ -986,19 +977,6 @@ class _NumberTable:
         self._last = seconds
         cells[i] = repr((day + self.days) * 86400 + seconds - self._start[1])
         return (self.separator or " ").join(cells)
-
-
-def _line_of(path: Path, first: int, row: int) -> int:
-    """Line of the ``row``-th sample from line ``first`` on; lines may be empty or comments."""
-    if not path.is_file():  # it cannot be read again
-        return first + row
-    with _opened(path) as file:
-        for number, line in enumerate(file, 1):
-            if number >= first and line.split("#")[0].strip():
-                if row == 0:
-                    return number
-                row -= 1
-    return first
 
 
 def is_number(word: str) -> bool:
