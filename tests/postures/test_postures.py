@@ -62,7 +62,7 @@ def made(frequencies, cos, sin=None, powers=None):
 class TestSubdivision:
     def box(self, equation, low, high, circle=(False, False)):
         terms = sum_of(equation, (0, 1))
-        return Ground((terms,), np.array(low), np.array(high), np.array(circle), np.ones(2))
+        return (Ground((terms,), np.array(low), np.array(high), np.array(circle), np.ones(2)),)
 
     @pytest.mark.parametrize(
         ("equation", "corner", "circle", "count"),
@@ -80,14 +80,14 @@ class TestSubdivision:
     )
     def test_counts_of_pieces(self, equation, corner, circle, count):
         low = [-x for x in corner]
-        found = subdivide((self.box(equation, low, corner, (circle, False)),), Budget(5.0))
+        found = subdivide(self.box(equation, low, corner, (circle, False)), Budget(5.0))
         assert found.proven
         assert found.lower == count
 
     def test_a_crossing_of_sheets_is_not_proven(self):
         # cos q1 = cos q2, as one equation: two lines that cross.
         e = made([[2, 0], [0, 2]], [1.0, -1.0])
-        found = subdivide((self.box(e, [-1.0, -1.0], [1.1, 1.2]),), Budget(0.3))
+        found = subdivide(self.box(e, [-1.0, -1.0], [1.1, 1.2]), Budget(0.3))
         assert not found.proven
         assert found.lower <= 4
 

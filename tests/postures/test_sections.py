@@ -112,16 +112,11 @@ def test_a_saddle_on_a_limit_has_no_largest_value_and_a_hill_has_one():
     crossing = TrigSum([0.5, 0.5], [0.0, math.pi], f, power, 1e-12)
     hill = TrigSum([0.5, 0.5], np.zeros(2), f, power, 1e-12)
     x, h = np.zeros((1, 2)), np.full((1, 2), 0.05)
-    side = np.zeros((1, 2))
-
-    def growing(f, side):
-        ground = Ground((f,), -np.ones(2), np.ones(2), np.zeros(2, dtype=bool), np.ones(2))
-        return is_regular(ground, [on_boxes(f, x, h)], [0], x, h, side)
-
-    assert growing(crossing, side).all()
-    assert not growing(hill, side).any()
     # Where both joints are at their ends there is no line left to bend along.
-    assert not growing(crossing, side + 1).any()
+    for terms, side, regular in ((crossing, 0.0, True), (hill, 0.0, False), (crossing, 1.0, False)):
+        ground = Ground((terms,), x[0], x[0], np.zeros(2, dtype=bool), np.ones(2))
+        known, sides = [on_boxes(terms, x, h)], np.full((1, 2), side)
+        assert is_regular(ground, known, [0], x, h, sides).all() == regular
 
 
 @pytest.mark.slow

@@ -225,8 +225,7 @@ def with_aspects(
     """Return a check with the changes of aspect, where it crosses, and the posture to start in."""
     if all(c.kind != "crossing" for c in check.crossings):
         return check
-    from pinsing.postures.aspects import aspects
-    from pinsing.postures.motions import aspect_changes
+    from pinsing.postures.aspects import aspect_changes, aspects
 
     with doing("counting the aspects"):
         found = aspects(form, not check.outside)

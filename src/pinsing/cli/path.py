@@ -279,7 +279,7 @@ def line_command(
     shown = [*pose[:3], *map(math.degrees, pose[3:])] if degrees else pose
     arm = request.load()
     from pinsing.families.solve import form_to_measure
-    from pinsing.postures.motions import line_postures
+    from pinsing.postures.changes import line_postures
     from pinsing.proximity.line import check_line, left_limits, line_details, line_summary, stopped
 
     start = joint_vector(arm, q, "--q", deg)

@@ -1,4 +1,7 @@
-"""Aspects, the connected pieces that singular configurations cut joint space into, and grounds."""
+"""Aspects, the connected pieces that singular configurations cut joint space into, and grounds.
+
+aspect_changes: where a motion leaves one for another.
+"""
 
 from __future__ import annotations
 
@@ -14,7 +17,7 @@ import numpy as np
 from pinsing._types import Array, ArrayLike
 from pinsing.algebra.budget import Budget
 from pinsing.arguments import checked, typed
-from pinsing.errors import OptionError
+from pinsing.errors import ConfigurationError, OptionError
 from pinsing.families import ClosedForm
 from pinsing.kinematics.ladder import ladder_of, posture_names
 from pinsing.kinematics.newton import columns, regular_way
@@ -22,6 +25,8 @@ from pinsing.measures import PRACTICAL, ROUNDING
 from pinsing.postures.joint_map import Map, Piece, make_map, require_same_families
 from pinsing.postures.partition import Part
 from pinsing.proximity.clearance import quick
+from pinsing.proximity.crossings import check_times, crossings_of, motion_of
+from pinsing.proximity.trajectory import AspectChange
 from pinsing.proximity.watched import Forms, watch
 from pinsing.robot.arm import Arm, ArmSummary
 from pinsing.robot.nominal import nominal
@@ -431,3 +436,90 @@ def _end(x: float, slides: bool) -> str:
     if math.isinf(x):
         return "infinity" if x > 0 else "-infinity"
     return f"{x:.4g} m" if slides else f"{math.degrees(x):.4g}°"
+
+
+@checked
+def aspect_changes(
+    forms: Forms, Q: ArrayLike, t: ArrayLike | None = None, *, of: Aspects | None = None
+) -> tuple[AspectChange, ...]:
+    """Find where a motion changes its aspect.
+
+    It meets families that separate at places none of which is missing (`crossings`); of the
+    configurations halfway between these the aspect is looked up.
+
+    Parameters
+    ----------
+    forms : ClosedForm or sequence of ClosedForm
+        Of the arm.
+    Q : (N, n) or (N, nq) array_like
+        Samples, radians and metres; joints move linearly between them.
+    t : (N,) array_like, optional
+        Seconds, ascending; without them t counts samples from 0.
+    of : Aspects, optional
+        Aspects of the arm, if at hand; by default those within the limits where the motion is
+        within them, else those of joints that turn endlessly. Where their count is not proven,
+        two numbers may be of one aspect.
+
+    Returns
+    -------
+    tuple of AspectChange
+        In the order of time; a family that is met without another aspect behind it is left out.
+
+    Raises
+    ------
+    ConfigurationError
+        If Q has the wrong shape, a value that is not finite, or leaves the limits of ``of``.
+    OptionError
+        If forms are none, or of different arms, or times do not ascend; if ``of``
+        are the aspects of another arm.
+
+    Examples
+    --------
+    >>> import pinsing
+    >>> form = pinsing.closed_form(pinsing.load("scara"))
+    >>> change, = pinsing.postures.aspect_changes(form, [[0, -1, 0, 0], [0, 1, 0, 0]])
+    >>> round(change.t, 9), change.before, change.after
+    (0.5, 1, 2)
+    """
+    OptionError.refuse_if(
+        not isinstance(forms, ClosedForm) and not len(forms),
+        "forms must be a ClosedForm, or several of one arm: see closed_form",
+    )
+    arm = forms.arm if isinstance(forms, ClosedForm) else forms[0].arm
+    samples = watch(forms).check(Q)
+    ConfigurationError.refuse_if(
+        samples.ndim != 2 or not len(samples),
+        f"a trajectory has shape (N, {arm.n}), one column a joint; got {samples.shape}",
+    )
+    times = check_times(t, len(samples))
+    if len(samples) == 1:
+        return ()
+    if of is None:
+        inside = (samples >= arm.lower - 1e-9) & (samples <= arm.upper + 1e-9)
+        of = aspects(forms, bool(inside.all()))
+    chosen = map_of(of, forms)
+    met = crossings_of(chosen.cutting, motion_of(chosen.cutting, samples, times))
+    # Share of the motion within which two meetings are one.
+    alike = 1e-9 * max(float(times[-1] - times[0]), 1e-300)
+    groups: list[tuple[float, float, set[str]]] = []
+    for event in sorted(met, key=lambda e: e.t):
+        start, end, names = event.t, event.t_end, {event.family}
+        if groups and start - groups[-1][1] <= alike:
+            before = groups.pop()
+            start, end, names = before[0], max(before[1], end), before[2] | names
+        groups.append((start, end, names))
+    begin, until = [times[0], *(g[1] for g in groups)], [*(g[0] for g in groups), times[-1]]
+    halfway = np.stack(
+        [np.interp(np.add(begin, until) / 2, times, column) for column in samples.T], axis=1
+    )
+    sides = zip(halfway, begin, until, strict=True)
+    numbers = [of.of(q) if b > a else None for q, a, b in sides]
+    geometry = forms.geometry if isinstance(forms, ClosedForm) else forms[0].geometry
+    words: list[tuple[str, ...]] = [()] * len(halfway)
+    if geometry is not None:
+        words = posture_names(geometry, halfway)
+    changes = (
+        AspectChange(t, tuple(sorted(names)), numbers[k], numbers[k + 1], words[k], words[k + 1])
+        for k, (t, _, names) in enumerate(groups)
+    )
+    return tuple(c for c in changes if None not in (c.before, c.after) and c.before != c.after)

@@ -5,6 +5,8 @@ Whole-turn copies of a configuration within the limits, and which are in the asp
 A joint whose limits are wider than a turn brings the tip to one pose at several values. Such
 copies are singular together, but may be in different aspects. Joint space is a product of parts,
 so copies are told apart part by part: two copies are in one aspect if no part separates them.
+
+line_postures: how far a straight line of the tip is followed from them.
 """
 
 from __future__ import annotations
@@ -12,24 +14,29 @@ from __future__ import annotations
 import math
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field, replace
+from heapq import nsmallest
 from itertools import combinations, islice, product
-from typing import ClassVar
+from operator import itemgetter
+from typing import ClassVar, TypeAlias
 
 import numpy as np
 
 from pinsing._types import Array, ArrayLike
 from pinsing.arguments import checked, typed
+from pinsing.errors import ConfigurationError, OptionError
 from pinsing.families import ClosedForm, closed_form
+from pinsing.families.solve import form_to_measure
 from pinsing.kinematics.inverse import InverseSolution, inverse
 from pinsing.kinematics.jacobian import tip_placement
 from pinsing.kinematics.ladder import posture_names
 from pinsing.kinematics.newton import columns
 from pinsing.kinematics.verdict import generic_rank
-from pinsing.measures import ROUNDING
+from pinsing.measures import ALIKE, ROUNDING
 from pinsing.postures.aspects import NOT_COMPLETE, aspects, map_of, missing, opposite
 from pinsing.postures.connection import DIFFERENT, SAME, UNDECIDED, Connection, connect
 from pinsing.postures.joint_map import Map, Piece
 from pinsing.postures.partition import Part
+from pinsing.proximity.line import LinePosture, check_line
 from pinsing.proximity.watched import require_forms_of
 from pinsing.robot.arm import Arm, ArmSummary, summarize
 from pinsing.robot.nominal import nominal
@@ -56,20 +63,8 @@ class Copies:
     likely: tuple[Array, ...]
 
 
-@dataclass(frozen=True)
-class _Choice:
-    """Values of the joints of some parts. Choices add up part by part, and so does their order."""
-
-    doubts: int
-    far: float
-    values: tuple[tuple[int, float], ...]
-
-    @property
-    def order(self) -> tuple[int, float]:
-        return self.doubts, self.far
-
-    def __add__(self, other: _Choice) -> _Choice:
-        return _Choice(self.doubts + other.doubts, self.far + other.far, self.values + other.values)
+_Choice: TypeAlias = tuple[int, float, tuple[float, ...], tuple[int, ...]]
+"""How many parts are in doubt, how far it is from the start, and values of some joints."""
 
 
 def whole_turns(chosen: Map, q: Array, start: Array, *, held: Collection[int] = ()) -> Copies:
@@ -83,19 +78,17 @@ def whole_turns(chosen: Map, q: Array, start: Array, *, held: Collection[int] = 
     if place is None or chosen.on(nearest):
         return Copies(total, 0, 0, nearest, (nearest,))
     joined, open_ = 1, 1
-    best = [_Choice(0, 0.0, ())]
+    best: list[_Choice] = [(0, 0.0, (), ())]
     for part, pieces, target in zip(chosen.partition.parts, chosen.pieces, place, strict=True):
         some, apart = _told(chosen, part, pieces, target, nearest, start, each)
-        joined *= sum(not choice.doubts for choice in some)
+        joined *= sum(not choice[0] for choice in some)
         open_ *= math.prod(counts[j] for j in part.joints) - apart
-        sums = [a + b for a in best for b in sorted(some, key=lambda c: c.order)[:_TRIED]]
-        best = sorted(sums, key=lambda c: c.order)[:_TRIED]
-    likely = []
-    for choice in best:
-        copy = nearest.copy()
-        for j, x in choice.values:
-            copy[j] = x
-        likely.append(copy)
+        near = nsmallest(_TRIED, some, key=itemgetter(0, 1))
+        sums = [(a[0] + b[0], a[1] + b[1], a[2] + b[2], a[3] + b[3]) for a in best for b in near]
+        best = nsmallest(_TRIED, sums, key=itemgetter(0, 1))
+    likely = [nearest.copy() for _ in best]
+    for copy, (_, _, values, joints) in zip(likely, best, strict=True):
+        copy[list(joints)] = values
     return Copies(total, joined, total - open_, nearest, tuple(likely))
 
 
@@ -149,7 +142,7 @@ def _told(
             apart += 1
             continue
         gap = round(float(np.sum((copy[joints] - start[joints]) ** 2)), 9)  # ties alike everywhere
-        some.append(_Choice(int(at != target), gap, tuple(zip(joints, values, strict=True))))
+        some.append((int(at != target), gap, values, part.joints))
     return some, apart
 
 
@@ -397,9 +390,6 @@ def posture_changes(
     known = inverse(arm, tip_placement(arm, here).homogeneous, fixed=held, near=here)
     chosen, held_at = map_of(found, form), [arm.joints.index(j) for j in held]
 
-    def _tried(copy: Array) -> Connection:
-        return connect(form, here, copy, limits=limits, of=found)
-
     others, itself = [], False
     for s in known:
         if float(abs(arm.space.wrap(s.q - here)).max()) < _ITSELF:
@@ -413,15 +403,12 @@ def posture_changes(
         copies = whole_turns(chosen, s.q, here, held=held_at)
         # The sign of the determinant is that of all copies.
         apart = opposite(form, here, copies.nearest)
-        way = None
-        for copy in () if apart else copies.likely:
-            tried = _tried(copy)
-            if way is None or tried.answer == SAME:
-                way = tried
-            if tried.answer == SAME:
+        ways: list[Connection] = []
+        for copy in (() if apart else copies.likely) or (copies.nearest,):
+            ways.append(connect(form, here, copy, limits=limits, of=found))
+            if ways[-1].answer == SAME:
                 break
-        if way is None:
-            way = _tried(copies.nearest)
+        way = ways[-1] if ways[-1].answer == SAME else ways[0]
         others.append(
             PostureChange(
                 replace(s, q=way.end),
@@ -441,8 +428,8 @@ def posture_changes(
     if start is not None:
         notes += _own(whole_turns(chosen, here, here, held=held_at))
     order = {SAME: 0, UNDECIDED: 1, DIFFERENT: 2}
-    ways = [o.connection for o in others if o.connection is not None]
-    grounds = [n for way in ways if way.answer == SAME for n in way.notes]
+    free = (o.connection for o in others if o.connection and o.connection.answer == SAME)
+    grounds = [n for way in free for n in way.notes]
     if found.word == NOT_COMPLETE:
         grounds += missing(form)
     others.sort(key=lambda o: 3 if o.answer is None else order[o.answer])
@@ -504,3 +491,86 @@ def _spare(arm: Arm, q: Array, more: int) -> tuple[int, ...]:
         if column.max() > _LITTLE:
             return middle if column[0] > _LITTLE else sets[int(np.argmax(column))]
     return middle
+
+
+@checked
+def line_postures(
+    arm: Arm, q0: ArrayLike, pose: ArrayLike, *, forms: ClosedForm | None = None
+) -> tuple[LinePosture, ...]:
+    """Try a straight line of the tip in all other postures of the pose at which it starts.
+
+    Joints that turn start as many whole turns away as keep them within their limits on all of
+    the line, where that is possible; of the given posture, too, if it leaves them without.
+
+    Parameters
+    ----------
+    arm : Arm
+        A serial arm; where it has more joints than conditions there are endlessly many others,
+        and none is tried.
+    q0 : (n,) or (nq,) array_like
+        Where the line starts, radians and metres.
+    pose : (3,), (6,) or (4, 4) array_like
+        Target, as of `check_line`.
+    forms : ClosedForm, optional
+        Of the arm, if at hand.
+
+    Returns
+    -------
+    tuple of LinePosture
+        Those that reach the end within the limits first; of these the clearest first.
+
+    Raises
+    ------
+    ConfigurationError
+        If q0 or the pose make no sense.
+
+    Examples
+    --------
+    >>> import pinsing
+    >>> arm = pinsing.load("scara")
+    >>> [p.outcome for p in pinsing.postures.line_postures(arm, [0, 1.0, 0, 0], [0.4, 0.2, 0.1])]
+    ['reached']
+    """
+    here = arm.check_one(q0, "q0")
+    if arm.n != generic_rank(arm) or arm.coupling is not None:
+        return ()
+    form = form_to_measure(arm) if forms is None else forms
+    try:
+        known = inverse(arm, tip_placement(arm, here).homogeneous)
+    except OptionError:
+        return ()
+    out = []
+    for s in known:
+        itself = bool(np.abs(arm.space.wrap(s.q - here)).max() < ALIKE)
+        if not (s.regular or itself):
+            continue
+        start = here if itself else s.q
+        try:
+            line = check_line(arm, start, pose, forms=form)
+        except ConfigurationError:
+            continue
+        turned = _turned(arm, line.q)
+        inside = not arm.space.outside(line.q + turned).any()
+        if itself and not (inside and turned.any()):
+            continue
+        clear = min((a.lower for a in line.approaches), default=float("inf"))
+        out.append(
+            LinePosture(
+                start + turned * inside,
+                posture_names(nominal(arm), s.q[None])[0],
+                line.outcome,
+                line.s_end,
+                inside,
+                0.0 if line.crossings else clear,
+            )
+        )
+    out.sort(key=lambda p: (p.outcome != "reached", not p.within_limits, -p.clearance, -p.s_end))
+    return tuple(out)
+
+
+def _turned(arm: Arm, Q: Array) -> Array:
+    """Whole turns (n,), as few as possible, that bring each joint of Q (N, n) into its limits."""
+    fewest = np.ceil((arm.lower - 1e-9 - Q.min(axis=0)) / (2 * math.pi))
+    most = np.floor((arm.upper + 1e-9 - Q.max(axis=0)) / (2 * math.pi))
+    usable = ~arm.prismatic & (fewest <= most)
+    return np.where(usable, np.clip(0.0, fewest, most), 0.0) * 2 * math.pi

@@ -56,8 +56,12 @@ _THINNED = 6
 """One value and one pose in so many are looked at first."""
 _ENOUGH = np.radians(0.5)
 """Radians between the path and the bound at which values are no longer divided."""
-_NODES = ("clear", "likely", "highest", "usable", "seen", "between", "off")
-"""What is kept of each node (N, G, S)."""
+_NODES = {
+    **dict.fromkeys(("clear", "likely", "highest"), -np.inf),
+    **{"usable": False, "seen": True},
+    **dict.fromkeys(("between", "off"), np.inf),
+}
+"""What is kept of each node (N, G, S), and where there is none."""
 _HALVED = 6
 """Times that a motion between poses is halved to prove it clear."""
 _LONG = 20_000
@@ -367,11 +371,6 @@ class _Planner:
         self.near: Array = np.empty(0)
         self.scale = np.where(arm.prismatic, 1 / arm.length_scale, 1.0)
         self.whole = np.where(arm.prismatic, 0.0, 2 * np.pi)
-        conditions = self.watched.conditions
-        self.used: Bool = np.zeros((conditions.families, arm.n), dtype=bool)  # by each family
-        for branch in conditions.branches:
-            self.used[branch.family] |= branch.used(arm.n)
-            self.used[branch.family, branch.joints] = True
 
     def moved(self, transform: Array) -> _Planner:
         """Return the planner of poses moved in the base frame."""
@@ -676,7 +675,7 @@ class _Planner:
 
     def _lower(self, k: int, q: Array, family: int) -> None:
         """Bound the clearance of a pose's nodes by a singular configuration (n,) of a family."""
-        off = self.arm.space.wrap(self.Q[k] - q) * self.used[family]
+        off = self.arm.space.wrap(self.Q[k] - q) * self.watched.used[family]
         self.highest[k] = np.fmin(self.highest[k], self._size(off))
 
     def _best_on_a_part(self) -> float:
@@ -978,30 +977,25 @@ class _Planner:
         if not split.any() or not alive.any(axis=1).all():
             return None
         pose, at = np.nonzero(alive)
-        split = split[pose, at]
-        pieces = self._thirds(pose[split], at[split])
-        whole = np.isfinite(pieces[:, 1:4]).all(axis=(1, 2))
-        split[split], pieces = whole, pieces[whole]
-        if not split.any():
+        pieces = np.full((len(pose), 5, n), np.nan)
+        pieces[:, 2] = self.Q.reshape(N, -1, n)[pose, at]
+        some = np.flatnonzero(split[pose, at])
+        thirds = self._thirds(pose[some], at[some])
+        whole = np.isfinite(thirds[:, 1:4]).all(axis=(1, 2))
+        some = some[whole]
+        if not len(some):
             return None
-        parts = np.where(split, 3, 1)
-        parent = np.repeat(np.arange(len(pose)), parts)
-        side = np.arange(len(parent)) - (np.cumsum(parts) - parts + split)[parent]
-        new, row = split[parent], (np.cumsum(split) - 1)[parent]
-        pose, at = pose[parent], at[parent]
+        pieces[some] = thirds[whole]
+        parts = np.isfinite(pieces[:, 1:4, 0])
+        node, third = np.nonzero(parts)
+        new, side, pose, at = parts[node, 0], third - 1, pose[node], at[node]
         slot = np.arange(len(pose)) - np.searchsorted(pose, pose)
         most = int(slot.max()) + 2  # the last one of each pose is none
-        near = self._neighbors(pose, at)
-        q = self.Q.reshape(N, -1, n)[pose, at]
-        value, half = self.values[pose, at // self.Q.shape[2]], self.half[pose, at]
-        moved = np.zeros(len(q))
-        row, beside = row[new], side[new] + 2
-        ends = np.stack([pieces[row, beside - 1], pieces[row, beside + 1]], axis=1)
-        near[new] = np.where(np.isnan(ends), near[new], ends)
-        moved[new] = self._length(pieces[row, beside] - q[new])
-        q[new] = pieces[row, beside]
-        half[new] /= 3
-        value[new] += 2 * side[new] * half[new]
+        q, ends = pieces[node, third + 1], pieces[node[:, None], third[:, None] + [0, 2]]
+        near = np.where(np.isnan(ends), self._neighbors(pose, at), ends)
+        moved = self._length(q - pieces[node, 2])
+        half = self.half[pose, at] / np.where(new, 3, 1)
+        value = self.values[pose, at // self.Q.shape[2]] + 2 * side * half
         if self.held is not None:
             value = q[:, self.held]
             ends = np.nan_to_num(near[..., self.held] - value[:, None])
@@ -1030,15 +1024,13 @@ class _Planner:
         of["between"][new], of["off"] = np.inf, self._beyond(q)
         of["seen"] &= ~new
         of["usable"] = of["off"] <= 0
-        fills = (-np.inf, -np.inf, -np.inf, 0, 1, np.inf, np.inf)
-        for name, fill in zip(_NODES, fills, strict=True):
+        for name, fill in _NODES.items():
             setattr(out, name, laid(of[name], fill)[:, :, None])
         out.first = np.zeros((most, 1), dtype=bool)
         out.first[slot[pose == 0], 0] = self.first.ravel()[at[pose == 0]]
         part = np.full((*alive.shape, 3), -1)
-        for j in (-1, 0, 1):
-            rows = ~new | (side == j)
-            part[pose[rows], at[rows], j + 1] = slot[rows]
+        part[pose, at] = np.where(new[:, None], part[pose, at], slot[:, None])
+        part[pose, at, third] = slot
         out.beside = np.zeros((N, 2, most), dtype=np.int32)
         for j, to in enumerate((-1, 1)):
             other = part[pose, self.beside[pose, j, at], 1 - to]

@@ -17,7 +17,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pinsing._types import Array, ArrayLike, Bool, Ints
-from pinsing.algebra.conditions import Conditions
 from pinsing.algebra.nearest import BOXES as NEAREST, SearchOptions, nearest_points, two_sided
 from pinsing.algebra.trig_sum import TINY, off_values
 from pinsing.arguments import checked
@@ -312,15 +311,11 @@ class _Search:
         progress: Callable[[str, int, int], None] | None,
     ) -> None:
         self.bounds, self.judge, self.region = bounds, bounds.judge, region
-        self.arm, self.speeds = (arm := bounds.judge.arm), (bounds.v, bounds.w)
+        self.arm, self.speeds = bounds.judge.arm, (bounds.v, bounds.w)
         self.low, self.high = region.lower, region.upper
         self.most, self.progress = boxes, progress or (lambda *_: None)
         self.watched: Watched = watch(form)
-        self.each = [
-            Conditions.of([f.branches], self.watched.prismatic, self.watched.weight, "euclidean")
-            for f in self.watched.families
-        ]
-        self.used: Bool = np.array([_used(c) for c in self.each]).reshape(-1, arm.n)
+        self.each, self.used = self.watched.each, self.watched.used
         self.active: Bool = self.bounds.moving | self.used.any(axis=0) | region.moving
         self.surfaces: Bool = np.array(
             [any(b.sums for b in c.branches) for c in self.each], dtype=bool
@@ -761,15 +756,6 @@ class _Search:
         out[maybe] = (self._nearest(Q[maybe], self.finest, most)[0] > far).all(axis=1)
         out[out] = self.region.holds(Q[out])
         return out
-
-
-def _used(conditions: Conditions) -> Bool:
-    """Joints (n,) that the distance depends on."""
-    used = np.zeros(conditions.n, dtype=bool)
-    for branch in conditions.branches:
-        used[branch.joints] = True
-        used |= branch.used(conditions.n)
-    return used
 
 
 def _called(family: Family) -> str:

@@ -7,6 +7,7 @@ import re
 import textwrap
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Any, Literal
 
@@ -30,28 +31,38 @@ from pinsing.robot.nominal import nominal
 
 
 @dataclass(frozen=True, eq=False)
-class GuardSource:
+class Guard:
     """What goes into the file, whatever its language: see the templates."""
 
-    prefix: str
-    robot: str
+    language: str  # "c" or "python"
+    prefix: str  # of its names (C)
+    arm: Arm
     task: str
-    length_scale: float
-    version: str
-    robot_hash: str
     tolerance: float
     change: float
-    radians: bool
-    joints: tuple[str, ...]
-    lower: Array
-    upper: Array
-    families: tuple[tuple[str, str], ...]
+    families: tuple[tuple[str, str], ...]  # names, and in words
     conditions: Conditions
     margin: tuple[float, float, float, float]
-    complete: bool
-    word: str
-    notes: tuple[str, ...]
+    complete: bool  # all singular configurations count; else nothing is ever clear
+    word: str  # "proven", "probable" (perhaps "of the design") or "not complete"
+    notes: tuple[str, ...]  # what is missing, and what was assumed
     zones: Zones | None
+
+    @cached_property
+    def text(self) -> str:
+        """The file, ASCII only."""
+        return _c_text(self) if self.language == "c" else _python_text(self)
+
+    @property
+    def robot(self) -> str:
+        """The robot in words."""
+        arm = self.arm
+        return f"{arm.name} ({summarize(arm).described}), {arm.base} to {arm.tip}"
+
+    @property
+    def robot_hash(self) -> str:
+        """What tells the robot from others."""
+        return f"sha256:{fingerprint(self.arm)}"
 
     @property
     def zone_tables(self) -> dict[str, Array]:
@@ -98,21 +109,21 @@ def _plain(text: str) -> str:
 _WIDTH = 96
 
 
-def _c_text(source: GuardSource) -> str:
+def _c_text(source: Guard) -> str:
     """The header in C99, ASCII only."""
     c, p = source.conditions, source.prefix
     families = [f"{name}: {text}" for name, text in source.families]
     made = [
         f"Guard of {source.robot}; task {source.task}.",
-        f"Made by pinsing {source.version}; do not edit, export it again.",
-        f"Robot hash {source.robot_hash}, length scale {source.length_scale:g} m.",
+        f"Made by pinsing {__version__}; do not edit, export it again.",
+        f"Robot hash {source.robot_hash}, length scale {source.arm.length_scale:g} m.",
     ]
     notes = [
         *(f"Note: {note}" for note in source.notes),
         "Families:" if families else "Families: none.",
         *(f"  {line}" for line in families),
     ]
-    tables = {"lower_limit": source.lower, "upper_limit": source.upper, **c.flat}
+    tables = {"lower_limit": source.arm.lower, "upper_limit": source.arm.upper, **c.flat}
     tables["margin"] = np.array(source.margin)
     tables["branch_family"] = tables.pop("family")
     return _filled(
@@ -120,12 +131,12 @@ def _c_text(source: GuardSource) -> str:
         {
             "head": _comment(made),
             "notes": " *\n" + _comment(notes),
-            "joints": str(len(source.joints)),
+            "joints": str(len(source.arm.joints)),
             "families": str(len(families)),
             "equations": str(len(c.sums)),
             "complete": str(int(source.complete)),
             "word": _string(source.word),
-            "version": _string(source.version),
+            "version": _string(__version__),
             "hash": _string(source.robot_hash),
             "tolerance": repr(source.tolerance),
             "change": repr(source.change),
@@ -133,7 +144,7 @@ def _c_text(source: GuardSource) -> str:
             "branches": str(len(c.branches)),
             "name_tables": "\n".join(
                 [
-                    _strings(f"{p}_joint_name", source.joints),
+                    _strings(f"{p}_joint_name", source.arm.joints),
                     _strings(f"{p}_family_name", [name for name, _ in source.families]),
                     _strings(f"{p}_family_text", [text for _, text in source.families]),
                 ]
@@ -202,19 +213,19 @@ def _table(name: str, values: NDArray[Any]) -> str:
     return f"{head}\n{body}\n}};"
 
 
-def _python_text(source: GuardSource) -> str:
+def _python_text(source: Guard) -> str:
     """The module for NumPy, ASCII only."""
     c = source.conditions
     constants: dict[str, Any] = {
         "ROBOT": source.robot,
         "TASK": source.task,
-        "LENGTH_SCALE": source.length_scale,
-        "VERSION": source.version,
+        "LENGTH_SCALE": source.arm.length_scale,
+        "VERSION": __version__,
         "ROBOT_HASH": source.robot_hash,
-        "RADIANS": source.radians,
-        "JOINTS": source.joints,
-        "LOWER": source.lower.tolist(),
-        "UPPER": source.upper.tolist(),
+        "RADIANS": source.arm.units is not None,
+        "JOINTS": source.arm.joints,
+        "LOWER": source.arm.lower.tolist(),
+        "UPPER": source.arm.upper.tolist(),
         "FAMILIES": [name for name, _ in source.families],
         "TEXTS": [text for _, text in source.families],
         "COMPLETE": source.complete,
@@ -294,17 +305,6 @@ MOST_TERMS = 20_000
 
 _IDENTIFIER = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
 _LONGEST = 31
-
-
-@dataclass(frozen=True)
-class Guard:
-    """The text of a guard."""
-
-    text: str  # ASCII only
-    prefix: str  # of its names (C)
-    complete: bool  # all singular configurations count; else nothing is ever clear
-    word: str  # "proven", "probable" (perhaps "of the design") or "not complete"
-    notes: tuple[str, ...]  # what is missing, and what was assumed
 
 
 @checked
@@ -437,21 +437,15 @@ def make_guard(
     if zones is not None:
         zone_distances(zones, every[0].arm, arm, [name for name, _ in kept])
     geometries = [form.geometry or nominal(arm) for form in every]
-    source = GuardSource(
+    return Guard(
+        language=language,
         prefix=prefix,
-        robot=f"{arm.name} ({summarize(arm).described}), {arm.base} to {arm.tip}",
+        arm=arm,
         task=", ".join(dict.fromkeys(form.arm.task for form in every)),
-        length_scale=arm.length_scale,
-        version=__version__,
-        robot_hash=f"sha256:{fingerprint(arm)}",
         tolerance=max(
             (s.size for g in geometries for s in g.snaps if s.what != "length"), default=0.0
         ),
         change=change,
-        radians=arm.units is not None,
-        joints=arm.joints,
-        lower=arm.lower,
-        upper=arm.upper,
         families=tuple((name, _text(family)) for name, family in kept),
         conditions=Conditions.of([f.branches for _, f in kept], watched.prismatic, watched.weight),
         margin=margin,
@@ -460,8 +454,6 @@ def make_guard(
         notes=tuple(notes),
         zones=zones,
     )
-    text = _c_text(source) if language == "c" else _python_text(source)
-    return Guard(text, prefix, complete, word, tuple(notes))
 
 
 def _text(family: Family) -> str:

@@ -355,10 +355,7 @@ class Passage:
         self._stretches = Stretches(watched, near)
         self.cut = False
         self._plain = watched.conditions.plain
-        self._families = [
-            Conditions.of([f.branches], watched.prismatic, watched.weight, watched.norm)
-            for f in watched.families
-        ]
+        self._families = watched.each
         # Of each family: the least distance proven along the path, found, and proven of a sample.
         self._least, self._nearest, self._proven = np.full((3, count), np.inf)
         # Of each family: a distance, and the samples around a place at which it may be nearest.

@@ -425,7 +425,7 @@ def suggest(
         lower, upper, family = float(at.lower[0]), float(at.upper[0]), str(at.nearest[0])
         # Whether the box that was looked through holds all configurations, whole turns aside.
         endless = arm.prismatic & ~(np.isfinite(arm.lower) & np.isfinite(arm.upper))
-        if not (endless & _involved(watched)).any():
+        if watched.complete and not (endless & watched.used.any(axis=0)).any():
             most = max(search.most, upper) + (0.0 if near is None else _margin(arm, reach))
         if target is not None:  # the clearance changes by no more than one moves
             there = certified(watched, target[None], SearchOptions(gap=1e-3))[0]
@@ -462,13 +462,6 @@ def _usable(arm: Arm, complete: bool) -> Callable[[Array], Bool]:
     return lambda Q: np.asarray(ratios(arm, Q) > NEAR_RTOL)
 
 
-def _involved(watched: Watched) -> Bool:
-    """Joints that some family depends on; all where families are missing."""
-    used = np.full(watched.n, not watched.complete)
-    used[[j for family in watched.families for b in family.branches for j in b.involved]] = True
-    return used
-
-
 def _room(arm: Arm, watched: Watched, near: Array | None, reach: float, notes: list[str]) -> Room:
     low, high = (limit.copy() for limit in arm.space.span)
     if near is None:
@@ -497,7 +490,7 @@ def _room(arm: Arm, watched: Watched, near: Array | None, reach: float, notes: l
             notes.append("the given configuration is outside the joint limits")
         if not np.array_equal(around, near):
             notes.append("whole turns were taken off the given configuration, into the limits")
-    still = ~_involved(watched)
+    still = watched.complete & ~watched.used.any(axis=0)
     low, high = np.where(still, center, low), np.where(still, center, high)
     w = watched.weight
     return Room(low * w, high * w, center * w, around * w, radius)

@@ -134,12 +134,11 @@ def read_trajectory(
         found = _READERS.get(kind, _text)(path, arm, columns, degrees is not None)
     except ConfigurationError:
         raise
-    except (OSError, DamagedError, ValueError, TypeError, ArithmeticError, MemoryError) as error:
-        said = getattr(error, "strerror", None) or error
-        reason = " ".join(str(said).split())
+    except (
+        OSError, DamagedError, ValueError, TypeError, OverflowError, MemoryError, RecursionError,
+    ) as error:  # fmt: skip
+        reason = " ".join(str(getattr(error, "strerror", None) or error).split())
         raise ConfigurationError(f"cannot read {path}: {reason:.200}") from None
-    except RecursionError as error:
-        raise ConfigurationError(f"cannot read {path}: {error}") from None
     ConfigurationError.refuse_if(not len(found.Q), f"{path}: no sample in it")
     notes, t, leave_out = list(found.notes), found.t, "leave out --units, --deg and --rad"
     if found.degrees is not None:

@@ -72,6 +72,20 @@ class Watched:
             return made
         return replace(made, margin=replace(self.margin, own=self.regular))
 
+    @cached_property
+    def each(self) -> tuple[Conditions, ...]:
+        """The same of each family alone, without a margin."""
+        how = self.prismatic, self.weight, self.norm
+        return tuple(Conditions.of([f.branches], *how) for f in self.families)
+
+    @cached_property
+    def used(self) -> Bool:
+        """Which joints each family depends on, (families, n)."""
+        used = np.zeros((len(self.families), self.n), dtype=bool)
+        for i, family in enumerate(self.families):
+            used[i, [j for b in family.branches for j in b.involved]] = True
+        return used
+
     def regular(self, Q: Array) -> Array:
         """No singular configuration, of a family or not, is nearer to Q (N, n) than this (N,)."""
         if (arm := self.arm) is None:
