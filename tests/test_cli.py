@@ -16,12 +16,12 @@ import pytest
 from command_line import run
 from kernel import needs_kernel
 from tiers import sampled, tiered
+from urdf_texts import LIMIT
 
 import pinsing
 from pinsing.atomic_write import check_writable, write_bytes, write_text
 from pinsing.cli.options import parse_numbers
 from pinsing.errors import ConfigurationError, OutputError
-from pinsing.families import ClosedForm
 from pinsing.kinematics.at import State, at
 from pinsing.kinematics.jacobian import task_jacobian
 from pinsing.report.info import ArmInfo
@@ -36,6 +36,11 @@ def process(*words: str, **more) -> subprocess.CompletedProcess[str]:
     return subprocess.run(
         [sys.executable, "-m", "pinsing", *words], capture_output=True, text=True, **more
     )
+
+
+def started(*words: str) -> subprocess.Popen[str]:
+    pipe = subprocess.PIPE
+    return subprocess.Popen([sys.executable, *words], stdout=pipe, stderr=pipe, text=True)
 
 
 class TestProcess:
@@ -59,37 +64,16 @@ class TestProcess:
         assert json.loads(done.stdout)["schema"] == "pinsing/state/1"
         assert "note: tip tool0 (" in done.stderr
 
-    @pytest.mark.slow
-    def test_bad_input_is_one_line_without_traceback(self):
-        done = process("at", "no_such_robot", "--q", "0")
-        assert done.returncode == 2
-        assert done.stdout == ""
-        assert done.stderr.startswith("pinsing: error: unknown robot 'no_such_robot'")
-        assert done.stderr.count("\n") == 1
-
     def test_a_reader_that_leaves_early_is_no_error(self):
-        pipe = subprocess.Popen(
-            [sys.executable, "-m", "pinsing", "list"],
-            stdout=subprocess.PIPE,
-            stderr=subprocess.PIPE,
-        )
-        assert pipe.stdout is not None
+        pipe = started("-m", "pinsing", "list")
         pipe.stdout.close()
         _, said = pipe.communicate()
-        assert b"Traceback" not in said
-        assert b"Broken" not in said
+        assert "Traceback" not in said
+        assert "Broken" not in said
 
     @pytest.mark.slow
     def test_names_that_the_terminal_cannot_show(self, write_urdf):
-        path = write_urdf(
-            [
-                (
-                    "revolute",
-                    '<axis xyz="0 0 1"/><limit lower="-1" upper="1" effort="1" velocity="1"/>',
-                )
-            ],
-            names=["gelenk_ä"],
-        )
+        path = write_urdf([("revolute", '<axis xyz="0 0 1"/>' + LIMIT)], names=["gelenk_ä"])
         done = process("list", str(path), env={**os.environ, "PYTHONIOENCODING": "ascii"})
         assert done.returncode == 0
         assert "gelenk_\\xe4" in done.stdout
@@ -106,25 +90,16 @@ def test_ctrl_c_ends_with_130(monkeypatch):
 
 
 def test_sigint_while_it_runs():
-    child = subprocess.Popen(
-        [
-            sys.executable,
-            "-c",
-            "import time, sys\n"
-            "import importlib\n"
-            "module = importlib.import_module('pinsing.robot.load')\n"
-            "def slow(*a, **k):\n"
-            "    print('ready', flush=True)\n"
-            "    time.sleep(60)\n"
-            "module.load = slow\n"
-            "from pinsing.cli import main\n"
-            "main(['at', 'ur5', '--q', '0,0,0,0,0,0'])",
-        ],
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
+    code = (
+        "import importlib, time\n"
+        "def slow(*a, **k):\n"
+        "    print('ready', flush=True)\n"
+        "    time.sleep(60)\n"
+        "importlib.import_module('pinsing.robot.load').load = slow\n"
+        "from pinsing.cli import main\n"
+        "main(['at', 'ur5', '--q', '0,0,0,0,0,0'])"
     )
-    assert child.stdout is not None
+    child = started("-c", code)
     assert child.stdout.readline() == "ready\n"
     child.send_signal(signal.SIGINT)
     _, said = child.communicate(timeout=30)
@@ -155,12 +130,8 @@ class TestAt:
             assert f["upper"] - f["lower"] <= 1e-6
         far = [f["upper"] for f in found["families"]]
         assert far == sorted(far)
-        text = " ".join(run(*words).stdout.split())
-        assert "F1: 0.8 rad, by elbow_joint -0.8 rad; the family is within" in text
         assert "distance" not in run(*words, "--no-distances").stdout
         assert "distances" not in json.loads(run(*words, "--no-distances", "-o", "-").stdout)
-        slides = " ".join(run("at", "stanford", "--q", "0,1,0.3,1,0.5,0").stdout.split())
-        assert "F2: 0.3 m, by d3 -0.3 m" in slides
         assert "F3: 0°, on it" in run("at", "stanford", "--q", "0,1,0.3,1,0,0").stdout
 
     def test_nominal_geometry(self):
@@ -227,12 +198,6 @@ class TestSweep:
 class TestAnalyze:
     words = ("analyze", "planar3r", "--levels", "1", "--samples", "21", "--random-starts", "20")
 
-    def test_families_first_and_checks_after(self):
-        done = run(*self.words)
-        assert done.exit_code == 0
-        assert done.stdout.index("q2 = 0") < done.stdout.index("Checked")
-        assert "WARNING" not in done.stderr
-
     def test_json_and_exit_code(self):
         done = run(*self.words, "-o", "-", "--fail-if-singular")
         assert done.exit_code == 1
@@ -249,33 +214,15 @@ class TestAnalyze:
         assert run("analyze", "--sweep", *self.words[1:-2], f"--{geometry}").exit_code == 0
 
 
-class TestFamilies:
-    def test_latex_and_json(self):
-        latex = run("families", "puma560", "--latex").stdout
-        assert latex.count("\\begin{align*}") == latex.count("\\end{align*}") == 1
-        assert "q_{5}" in latex
-        found = ClosedForm.from_json(run("families", "puma560", "-o", "-").stdout)
-        assert found.complete
-        assert latex.count("text{F") == len(found.families)
-
-
 class TestInfo:
-    @pytest.mark.slow
     def test_chain_limits_rank_and_notes(self):
         done = run("list", "panda")
-        assert done.exit_code == 0
-        assert "panda_joint4" in done.stdout
-        assert "-176.001" in done.stdout
-        assert "redundant by 1" in done.stdout
-        assert "panda_finger_joint1" in done.stdout
-        assert done.stderr == ""
-
-    def test_degrees_and_continuous_joints(self):
-        out = run("list", "kinova", "--deg").stdout
-        assert "continuous" in out
-        assert "deg" in out
-        row = next(line for line in out.splitlines() if "j2s6s200_joint_2" in line)
-        assert row.split()[-3:] == ["47", "313", "deg"]
+        assert (done.exit_code, done.stderr) == (0, "")
+        for words in ("panda_joint4", "-176.001", "redundant by 1", "panda_finger_joint1"):
+            assert words in done.stdout
+        rows = [line.split() for line in run("list", "kinova", "--deg").stdout.splitlines()]
+        assert ["1", "j2s6s200_joint_1", "continuous", "none", "none", "deg"] in rows
+        assert ["2", "j2s6s200_joint_2", "revolute", "47", "313", "deg"] in rows
 
     def test_the_commands_work_as_they_stand(self, tmp_path):
         """With the options that the file needs, and names that a shell would take apart."""
@@ -315,8 +262,6 @@ class TestInfo:
 
 class TestList:
     def test_one_word_narrows(self):
-        lines = run("list", "PUMA").stdout.splitlines()
-        assert len(lines) == 2
         assert "gen3_lite" in run("list", "GEN-3").stdout
 
     WORDS = ("ur-5e", "ur 5 e", "HC-10", "xArm 850", "Meca 500")
@@ -481,23 +426,18 @@ def test_every_family_option_takes_names_and_titles(words, file, tmp_path):
     ("words", "said"),
     sampled(
         [
-            (("families", "ur5", "-v"), "wrist_2_joint = 0 or pi  "),
-            (("at", "irb120", "--q", "0,0.2,0.3,0,0.05,0"), "0.05 rad away: q5 by -0.05 rad"),
-            (
-                ("zones", "irb120", "--within", "q3=0.5..1.2", "--boxes", "2000"),
-                "between 0.5 rad and 1",
-            ),
-            (("line", "irb120", "--q", "0,0.2,0.3,0,0.05,0", "--to", "0.45,0,0.4"), "(q5 = 0)"),
-            pytest.param(
-                ("analyze", "puma560"), "q3 = -1.524 rad or 1.618 rad", marks=pytest.mark.slow
-            ),
-            (("postures", "irb120", "--q", "0,0.2,0.3,0,0.5,0"), "--q -pi,-1.99105,0.3,-pi"),
+            ("families ur5 -v", "wrist_2_joint = 0 or pi  "),
+            ("at irb120 --q 0,0.2,0.3,0,0.05,0", "0.05 rad away: q5 by -0.05 rad"),
+            ("zones irb120 --within q3=0.5..1.2 --boxes 2000", "between 0.5 rad and 1"),
+            ("line irb120 --q 0,0.2,0.3,0,0.05,0 --to 0.45,0,0.4", "(q5 = 0)"),
+            pytest.param("analyze puma560", "q3 = -1.524 rad or 1.618 rad", marks=pytest.mark.slow),
+            ("postures irb120 --q 0,0.2,0.3,0,0.5,0", "--q -pi,-1.99105,0.3,-pi"),
         ]
     ),
 )
 def test_an_answer_in_radians_has_no_degree(words, said):
     """Conditions of families, which are kept in degrees, too; columns stay in line."""
-    done = run(*words, "--rad")
+    done = run(*words.split(), "--rad")
     assert done.exit_code == 0
     assert "\N{DEGREE SIGN}" not in done.output
     assert said in " ".join(done.stdout.split("\n"))
