@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import contextlib
-import sys
+import functools
 import time
-from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -23,10 +21,10 @@ from pinsing.cli.options import (
     verbose_option,
 )
 from pinsing.cli.output import emit, emit_json, say
-from pinsing.cli.running import REDRAW_SECONDS, redraw, waiting
+from pinsing.cli.running import waiting
 from pinsing.cli.singularities import algebra_options, prove_option
 from pinsing.errors import OptionError, RobotFileError
-from pinsing.prose import Page, is_terminal
+from pinsing.prose import Page
 
 if TYPE_CHECKING:
     from pinsing.families import ClosedForm
@@ -127,8 +125,10 @@ def families_command(
     if json_target is None:
         emit(written(found, undecided=again))
     if again:
-        with _progress() as progress:
-            found = add_proof(found, algebra.get("seconds", LONG), progress)
+        with waiting() as step:
+            told = functools.partial(step, "looking for a certificate")
+            told()
+            found = add_proof(found, algebra.get("seconds", LONG), told)
     if json_target is not None:
         if not emit_json(found, json_target):
             emit(written(found))
@@ -227,25 +227,3 @@ def _verified(file: Path, seconds: float) -> tuple[bool, str]:
         return False, f"not verified within {seconds:g} s, or the memory that is allowed"
     took = 1e3 * (time.perf_counter() - started)
     return True, f"proven ({len(text) / 1e3:.1f} kB, checked in {took:.0f} ms): {statement(data)}"
-
-
-@contextlib.contextmanager
-def _progress() -> Iterator[Callable[[str], None]]:
-    """Callback for a line of text on a terminal, drawn over again; elsewhere nothing is said."""
-    if not is_terminal(sys.stderr):
-        say("looking for a certificate")
-        yield lambda text: None
-        return
-    drawn = 0.0
-
-    def show(text: str) -> None:
-        nonlocal drawn
-        if time.monotonic() - drawn > REDRAW_SECONDS:
-            drawn = time.monotonic()
-            redraw(f"looking for a certificate: {text}")
-
-    try:
-        yield show
-    finally:
-        if drawn:
-            redraw("")

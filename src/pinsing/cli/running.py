@@ -32,7 +32,7 @@ WORDS = "pinsing.words"
 """Where a context has the words of the command line."""
 
 _BAR = 30  # columns
-REDRAW_SECONDS = 0.1
+_REDRAW_SECONDS = 0.1
 _QUIET_SECONDS = 30.0  # between two lines where there is no terminal to draw on
 
 
@@ -163,59 +163,38 @@ def duration(seconds: float) -> str:
 @contextlib.contextmanager
 def run_progress() -> Iterator[Callable[[int, int], None]]:
     """Callback ``(done, total)``: a bar on a terminal, else a line on stderr now and then."""
-    meter = Meter()
-    if not is_terminal(sys.stderr):
-        yield _lines(meter)
-        return
-    bar = _Bar(meter)
+    meter, draws = Meter(), is_terminal(sys.stderr)
+    told = -math.inf if draws else time.monotonic()
+
+    def show(done: int, total: int) -> None:
+        nonlocal told
+        text, now = meter.text(done, total), time.monotonic()
+        if draws and (now - told >= _REDRAW_SECONDS or done >= total):
+            told = now
+            redraw(_bar(min(done / total, 1.0) if total else 1.0, text))
+        elif not draws and now - told >= _QUIET_SECONDS:
+            told = now
+            say(text)
+
     try:
-        yield bar.show
+        yield show
     finally:
-        bar.clear()
-
-
-class _Bar:
-    """One line of a terminal, drawn over again and gone at the end."""
-
-    def __init__(self, meter: Meter) -> None:
-        self._meter = meter
-        self._drawn = -math.inf
-
-    def show(self, done: int, total: int) -> None:
-        text = self._meter.text(done, total)
-        now = time.monotonic()
-        if now - self._drawn < REDRAW_SECONDS and done < total:
-            return
-        self._drawn = now
-        share = min(done / total, 1.0) if total else 1.0
-        full, width = round(_BAR * share), Page.of(sys.stderr).width - 1
-        line = f"{'━' * full}{'─' * (_BAR - full)} {100 * share:3.0f} %  {text}"
-        while len(line) > width and ", " in line:  # no half of a number at the edge
-            line = line.rpartition(", ")[0]
-        redraw(line[:width])
-
-    def clear(self) -> None:
-        if self._drawn > -math.inf:
+        if draws and told > -math.inf:
             redraw("")
+
+
+def _bar(share: float, text: str) -> str:
+    full, width = round(_BAR * share), Page.of(sys.stderr).width - 1
+    line = f"{'━' * full}{'─' * (_BAR - full)} {100 * share:3.0f} %  {text}"
+    while len(line) > width and ", " in line:  # no half of a number at the edge
+        line = line.rpartition(", ")[0]
+    return line[:width]
 
 
 def redraw(line: str) -> None:
     """Write a line of a terminal over again."""
     sys.stderr.write(f"\r\x1b[K{line}")
     sys.stderr.flush()
-
-
-def _lines(meter: Meter) -> Callable[[int, int], None]:
-    said = time.monotonic()
-
-    def show(done: int, total: int) -> None:
-        nonlocal said
-        text = meter.text(done, total)
-        if time.monotonic() - said >= _QUIET_SECONDS:
-            said = time.monotonic()
-            say(text)
-
-    return show
 
 
 @contextlib.contextmanager
@@ -244,14 +223,12 @@ def say_stopped(out: Path | None) -> None:
     say(f"stopped; what is done is in {out}: run the same command to resume{same}")
 
 
-AFTER = 1.0
-"""Seconds that pass in silence."""
-
+_AFTER = 1.0  # seconds that pass in silence
 _AGAIN = 0.25
 
 
 @contextlib.contextmanager
-def waiting(after: float = AFTER) -> Iterator[Callable[..., None]]:
+def waiting(after: float = _AFTER) -> Iterator[Callable[..., None]]:
     """Yield a callback that takes the step a command is at, as ``reading meshes``, and progress."""
     # A step over ``after`` seconds shows: on a terminal as one line with the seconds so far, drawn
     # over again and gone at the end; elsewhere as one line on stderr.
@@ -260,17 +237,17 @@ def waiting(after: float = AFTER) -> Iterator[Callable[..., None]]:
     try:
         yield line.step
     finally:
-        line.end()
+        line.ended.set()
+        line.thread.join()
+        line.clear()
 
 
 @contextlib.contextmanager
 def doing(text: str) -> Iterator[None]:
     """Show on a terminal what is being done, as `waiting` does; elsewhere nothing."""
-    if not is_terminal(sys.stderr):
-        yield
-        return
     with waiting() as step:
-        step(text)
+        if is_terminal(sys.stderr):
+            step(text)
         yield
 
 
@@ -280,40 +257,33 @@ class _Line:
         self._step = self._text = self._far = ""
         self._began = time.monotonic()
         self._redraws = is_terminal(sys.stderr)
-        self._lock, self._ended = threading.Lock(), threading.Event()
+        self._lock, self.ended = threading.Lock(), threading.Event()
         self.thread = threading.Thread(target=self._run, name="pinsing progress", daemon=True)
 
     def step(self, text: str, far: str = "") -> None:
         """The command is at a new step, or farther in the one it was at; an empty text is none."""
         with self._lock:
             if text != self._step:
-                self._clear()
+                self.clear()
                 self._step = self._text = text
                 self._began = time.monotonic()
             self._far = far
 
-    def end(self) -> None:
-        self._ended.set()
-        self.thread.join()
-        self._clear()
-
     def _run(self) -> None:
-        while not self._ended.wait(min(_AGAIN, self._after)):
+        while not self.ended.wait(min(_AGAIN, self._after)):
             with self._lock:
                 taken = time.monotonic() - self._began
-                if self._text and taken >= self._after:
-                    self._show(taken)
+                if not self._text or taken < self._after:
+                    continue
+                if self._redraws:
+                    text = f"pinsing: {self._text} \u2026 {taken:.0f} s {self._far}".rstrip()
+                    redraw(text[: Page.of(sys.stderr).width - 1])
+                    self._drawn = True
+                else:
+                    say(f"{self._text} \u2026")
+                    self._text = ""  # once is enough
 
-    def _show(self, taken: float) -> None:
-        if self._redraws:
-            text = f"pinsing: {self._text} \u2026 {taken:.0f} s {self._far}".rstrip()
-            redraw(text[: Page.of(sys.stderr).width - 1])
-            self._drawn = True
-        else:
-            say(f"{self._text} \u2026")
-            self._text = ""  # once is enough
-
-    def _clear(self) -> None:
+    def clear(self) -> None:
         if self._drawn:
             redraw("")
             self._drawn = False
