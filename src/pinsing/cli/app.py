@@ -11,7 +11,7 @@ import importlib
 import itertools
 import os
 import sys
-from collections.abc import Iterator, MutableMapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, NoReturn
 
 import click
@@ -106,34 +106,22 @@ def _is_robot(word: str) -> bool:
     return canonical(word) in map(canonical, known_robots())
 
 
-class Commands(MutableMapping[str, click.Command]):
+class Commands(Mapping[str, click.Command]):
     """`COMMANDS` as click wants them, imported when looked at; `VARIANTS` as well, by name."""
 
-    def __init__(self) -> None:
-        self._found: dict[str, click.Command | None] = dict.fromkeys(COMMANDS)
-
     def __getitem__(self, name: str) -> click.Command:
-        found = self._found.get(name)
-        if found is None:
-            place, called = VARIANTS.get(name) or (COMMANDS[name][0], name)
-            module = importlib.import_module(f"pinsing.cli.{place}")
-            found = getattr(module, f"{called}_command")
-            if name in COMMANDS:
-                self._found[name] = found
-                found.short_help = COMMANDS[name][1]
+        place, called = VARIANTS.get(name) or (COMMANDS[name][0], name)
+        module = importlib.import_module(f"pinsing.cli.{place}")
+        found: click.Command = getattr(module, f"{called}_command")
+        if name in COMMANDS:
+            found.short_help = COMMANDS[name][1]
         return found
 
-    def __setitem__(self, name: str, command: click.Command) -> None:
-        self._found[name] = command
-
-    def __delitem__(self, name: str) -> None:
-        del self._found[name]
-
     def __iter__(self) -> Iterator[str]:
-        return iter(self._found)
+        return iter(COMMANDS)
 
     def __len__(self) -> int:
-        return len(self._found)
+        return len(COMMANDS)
 
 
 BAD_INPUT = 2
@@ -144,7 +132,7 @@ class PinsingGroup(click.Group):
 
     def __init__(self, *args: Any, **extra: Any) -> None:
         super().__init__(*args, **extra)
-        self.commands = Commands()
+        self.commands = Commands()  # type: ignore[assignment]
 
     def main(self, args: Sequence[str] | None = None, **extra: Any) -> NoReturn:  # type: ignore[override]
         """Run a command line and exit."""

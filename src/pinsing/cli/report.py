@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import functools
 import shlex
-from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -32,8 +30,6 @@ from pinsing.prose import Page
 if TYPE_CHECKING:
     from pinsing._types import Array
     from pinsing.families.solve import Prove
-
-F = TypeVar("F", bound=Callable[..., Any])
 
 PAGES = ("inside", "beside", "none")
 
@@ -72,29 +68,18 @@ def _report_loops(
     _write(mechanism, html, pdf, page, skeleton, given, None)
 
 
-def out_options(command: F) -> F:
-    """Add where a report goes, and what goes with it."""
-
-    @output_option(required=True, html=".html .htm", pdf=".pdf")
-    @click.option(
-        "--page",
-        type=click.Choice(PAGES),
-        default=PAGES[0],
-        show_default=True,
-        help="Where the interactive model goes: inside the report, into FILE-model.html, nowhere.",
-    )
-    @click.option("--skeleton", is_flag=True, help="The model without meshes: under 3 MB.")
-    @functools.wraps(command)
-    def wrapper(*args: Any, **options: Any) -> Any:
-        return command(*args, **options)
-
-    return wrapper  # type: ignore[return-value]
-
-
 @command("report")
 @loops_option(_report_loops)
 @arm_options
-@out_options
+@output_option(required=True, html=".html .htm", pdf=".pdf")
+@click.option(
+    "--page",
+    type=click.Choice(PAGES),
+    default=PAGES[0],
+    show_default=True,
+    help="Where the interactive model goes: inside the report, into FILE-model.html, nowhere.",
+)
+@click.option("--skeleton", is_flag=True, help="The model without meshes: under 3 MB.")
 @click.option(
     "--q",
     "poses",
