@@ -54,12 +54,16 @@ _MESH_SUFFIXES = frozenset(
 _IMAGE_SUFFIXES = frozenset([".png", ".jpg", ".jpeg", ".bmp", ".tga", ".tif", ".tiff", ".gif"])
 
 
-class MeshProblem(Exception):
-    """A mesh that is missing or may not be opened; ``refused`` tells which."""
+class MeshProblem(Refusal):
+    """A mesh that may not be opened."""
 
-    def __init__(self, reason: str, refused: bool) -> None:
-        self.refused = refused
-        super().__init__(reason)
+
+class MissingMesh(MeshProblem):
+    """A mesh that is not there."""
+
+
+class ColladaProblem(MeshProblem):
+    """A file that cannot be judged."""
 
 
 class PackageIndex:
@@ -167,24 +171,35 @@ class PackageIndex:
 
     def mesh(self, uri: str) -> Path:
         """Return the file that a mesh or texture address points to."""
-        if "\0" in uri or not uri.strip():
-            raise MeshProblem("is no file name", refused=True)
+        MeshProblem.refuse_if("\0" in uri or not uri.strip(), "is no file name")
         path = self._locate(uri.strip())
         try:
             real = self._inside(path, "lies outside the robot's folders")
-            if real.suffix.lower() not in _MESH_SUFFIXES | _IMAGE_SUFFIXES:
-                raise MeshProblem("is not of a known mesh format", refused=True)
-            if not real.is_file():
-                raise MeshProblem("no such file", refused=False)
+            suffixes = _MESH_SUFFIXES | _IMAGE_SUFFIXES
+            MeshProblem.refuse_if(
+                real.suffix.lower() not in suffixes, "is not of a known mesh format"
+            )
+            MissingMesh.refuse_if(not real.is_file(), "no such file")
         except (OSError, RuntimeError) as error:
-            raise MeshProblem("cannot be read", refused=False) from error
+            raise MissingMesh("cannot be read") from error
+        return path
+
+    def drawable(self, uri: str) -> Path:
+        """As `mesh`; a Collada mesh may not have the viewer embed a file from elsewhere."""
+        path = self.mesh(uri)
+        if path.suffix.lower() == ".dae":
+            try:
+                for name in image_references(path):
+                    self.image(path.parent / name)  # as the viewer finds it
+            except OSError as error:
+                raise MeshProblem(str(error)) from error
         return path
 
     def _inside(self, path: Path, otherwise: str) -> Path:
         """Return where a path leads, which must be within the robot's folders."""
         real = path.resolve()
-        if not any(real.is_relative_to(root.resolve()) for root in self.roots()):
-            raise MeshProblem(otherwise, refused=True)
+        roots = [root.resolve() for root in self.roots()]
+        MeshProblem.refuse_if(not any(real.is_relative_to(root) for root in roots), otherwise)
         return real
 
     def image(self, path: Path) -> None:
@@ -192,29 +207,28 @@ class PackageIndex:
         try:
             real = self._inside(path, "refers to a file outside the robot's folders")
         except (OSError, RuntimeError, ValueError) as error:
-            raise MeshProblem("refers to a file that cannot be read", refused=True) from error
-        if real.suffix.lower() not in _IMAGE_SUFFIXES:
-            raise MeshProblem("refers to a file that is no image", refused=True)
+            raise MeshProblem("refers to a file that cannot be read") from error
+        MeshProblem.refuse_if(
+            real.suffix.lower() not in _IMAGE_SUFFIXES, "refers to a file that is no image"
+        )
 
     def _locate(self, uri: str) -> Path:
         scheme, separator, rest = uri.partition("://")
         if not separator or scheme == "file":
             place = unquote(rest) if separator else uri
-            if self.file is None:
-                if not os.path.isabs(place):
-                    raise MeshProblem("has no folder to be looked for in", refused=True)
-                return Path(os.path.normpath(place))
-            return Path(os.path.normpath(self.file.parent / place))
-        if scheme not in ("package", "model"):
-            raise MeshProblem(f"{scheme}:// addresses are not opened", refused=True)
+            MeshProblem.refuse_if(
+                self.file is None and not os.path.isabs(place), "has no folder to be looked for in"
+            )
+            return Path(os.path.normpath(os.path.join(self.file or "", "..", place)))
+        MeshProblem.refuse_if(
+            scheme not in ("package", "model"), f"{scheme}:// addresses are not opened"
+        )
         name, _, inner = rest.lstrip("/").partition("/")
+        MeshProblem.refuse_if(not _NAME.fullmatch(name), "is no package name")
         if (folder := self.find(name)) is None:
-            if not _NAME.fullmatch(name):
-                raise MeshProblem("is no package name", refused=True)
-            raise MeshProblem(f"package {name!r} not found", refused=False)
+            raise MissingMesh(f"package {name!r} not found")
         path = Path(os.path.normpath(os.path.join(folder, *inner.split("/")))) if inner else folder
-        if not path.is_relative_to(folder):
-            raise MeshProblem("lies outside its package", refused=True)
+        MeshProblem.refuse_if(not path.is_relative_to(folder), "lies outside its package")
         return path
 
     def roots(self) -> tuple[Path, ...]:
@@ -245,10 +259,6 @@ def _is_package(folder: Path, name: str) -> bool:
 
 LARGEST = 256 << 20
 _END = re.compile(rb"</(?:[\w.-]+:)?COLLADA\s*>\s*\Z")
-
-
-class ColladaProblem(Refusal):
-    """A file that cannot be judged."""
 
 
 def image_references(path: Path) -> tuple[str, ...]:
@@ -327,91 +337,53 @@ class Shapes:
     @cached_property
     def found(self) -> FoundMeshes:
         """The meshes that there are."""
-        return _found(self.text, self.index)
+        from xml.etree import ElementTree  # only what is drawn needs it
+
+        root = ElementTree.fromstring(self.text)
+        seen: dict[str, Path | MeshProblem] = {}
+
+        def located(element: Element) -> bool:
+            """Give an element the file:// address of its file; return False if there is none."""
+            if (uri := element.get("filename", "")) not in seen:
+                try:
+                    seen[uri] = self.index.drawable(uri)
+                except MeshProblem as problem:
+                    seen[uri] = problem
+            path = seen[uri]
+            element.set("filename", f"file://{path}")
+            return isinstance(path, Path)
+
+        def locate_textures(of: Element) -> None:
+            for material in of.iterfind("material"):
+                texture = material.find("texture")
+                if texture is not None and not located(texture):
+                    material.remove(texture)
+
+        for link in root.iterfind("link"):
+            for shape in [child for child in link if child.tag in ("visual", "collision")]:
+                mesh = shape.find("geometry/mesh")
+                if mesh is None or located(mesh):
+                    locate_textures(shape)
+                else:
+                    link.remove(shape)
+        locate_textures(root)
+        for material in root.findall("material"):
+            if not len(material):
+                root.remove(material)
+        missing = {uri: path for uri, path in seen.items() if not isinstance(path, Path)}
+        absent = {uri: path for uri, path in missing.items() if isinstance(path, MissingMesh)}
+        refused = {uri: path for uri, path in missing.items() if uri not in absent}
+        notes = tuple(
+            f"{len(some)} of {len(seen)} mesh files {lead} and not drawn, as "
+            f"{show(next(iter(some)), 90)} ({next(iter(some.values()))})"
+            for lead, some in (("not opened", refused), ("not found", absent))
+            if some
+        )
+        xml = ElementTree.tostring(root, "unicode")
+        return FoundMeshes(xml, tuple(missing), self.index.used(), notes)
 
     def __getstate__(self) -> dict[str, object]:
         return {"text": self.text, "index": self.index, "found": self.found}
 
     def __setstate__(self, state: dict[str, object]) -> None:
         self.__dict__.update(state)
-
-
-def _found(text: str, index: PackageIndex) -> FoundMeshes:
-    from xml.etree import ElementTree  # only what is drawn needs it
-
-    root = ElementTree.fromstring(text)
-    meshes = _Meshes(index)
-    for link in root.iterfind("link"):
-        for shape in [child for child in link if child.tag in ("visual", "collision")]:
-            if (mesh := shape.find("geometry/mesh")) is not None:
-                if (address := meshes.locate(mesh.get("filename", ""))) is None:
-                    link.remove(shape)
-                    continue
-                mesh.set("filename", address)
-            for material in shape.iterfind("material"):
-                _locate_texture(material, meshes)
-    for material in root.findall("material"):
-        _locate_texture(material, meshes)
-        if not len(material):
-            root.remove(material)
-    return FoundMeshes(
-        xml=ElementTree.tostring(root, "unicode"),
-        missing=tuple(meshes.missing),
-        packages=index.used(),
-        notes=tuple(meshes.notes()),
-    )
-
-
-def _locate_texture(material: Element, meshes: _Meshes) -> None:
-    if (texture := material.find("texture")) is None:
-        return
-    if (address := meshes.locate(texture.get("filename", ""))) is None:
-        material.remove(texture)
-    else:
-        texture.set("filename", address)
-
-
-@dataclass
-class _Meshes:
-    """The meshes of one file: which were found, which are missing, which may not be opened."""
-
-    index: PackageIndex
-    _paths: dict[str, str | None] = field(default_factory=dict)
-    missing: dict[str, MeshProblem] = field(default_factory=dict)
-
-    def locate(self, uri: str) -> str | None:
-        """Return the file:// address of a mesh, None if it cannot be had."""
-        if uri not in self._paths:
-            try:
-                path = self.index.mesh(uri)
-                self._check_images(path)
-                self._paths[uri] = f"file://{path}"
-            except MeshProblem as problem:
-                self._paths[uri] = None
-                self.missing[uri] = problem
-        return self._paths[uri]
-
-    def _check_images(self, path: Path) -> None:
-        """Refuse a Collada mesh that would have the viewer embed a file from elsewhere."""
-        if path.suffix.lower() != ".dae":
-            return
-        try:
-            for name in image_references(path):
-                # As the viewer finds it.
-                self.index.image(path.parent / name)
-        except (ColladaProblem, OSError) as error:
-            raise MeshProblem(str(error), refused=True) from error
-
-    def notes(self) -> list[str]:
-        """Return what to say about meshes that are not drawn, in at most two notes."""
-        notes = []
-        for refused in (True, False):
-            found = [(u, p) for u, p in self.missing.items() if p.refused == refused]
-            if found:
-                uri, problem = found[0]
-                lead = "not opened" if refused else "not found"
-                notes.append(
-                    f"{len(found)} of {len(self._paths)} mesh files {lead} and not drawn, as "
-                    f"{show(uri, 90)} ({problem})"
-                )
-        return notes
