@@ -370,11 +370,9 @@ def with_turns(table: DHTable, turning: Collection[int]) -> list[tuple[str, str,
 def bare_urdf(table: DHTable, turning: Collection[int] = ()) -> str:
     """Return the URDF of a table without shapes, as `dh_to_urdf` but without xacro or files."""
     # For chains that nobody looks at. Twists of rows ``turning`` are joints, as in `with_turns`.
-    names, joints = _chain(table)
-    if turning:
-        names, joints = _turned(table, turning, names, joints)
+    joints = _joints(table, turning)
     robot = Element("robot", name=table.name)
-    for name in names:
+    for name in (BASE, *(joint["child"] for joint in joints)):
         SubElement(robot, "link", name=name)
     for joint in joints:
         element = SubElement(robot, "joint", name=joint["name"], type=joint["type"])
@@ -388,22 +386,25 @@ def bare_urdf(table: DHTable, turning: Collection[int] = ()) -> str:
     return tostring(robot, encoding="unicode")
 
 
-def _turned(
-    table: DHTable, turning: Collection[int], names: list[str], joints: list[dict[str, Any]]
-) -> tuple[list[str], list[dict[str, Any]]]:
-    """Links and joints with some twists as joints."""
-    known, links = iter(joints), [names[0]]
-    out: list[dict[str, Any]] = []
-    limits = {"lower": "-4", "upper": "4", "velocity": "1", "effort": "1"}
+def _joints(table: DHTable, turning: Collection[int] = ()) -> list[dict[str, Any]]:
+    """Return the text of the joints, base to tip; placements are written in full (repr)."""
+    rows, ends = iter(table.rows), iter((TIP,) if table.tool is None else (FLANGE, TIP))
+    joints: list[dict[str, Any]] = []
+    parent, count = BASE, 0
     for name, axis, place in with_turns(table, turning):
-        if axis == "x":
+        if axis == "z":
+            row, count = next(rows), count + 1
+            child, joint = f"link{count}", {"name": name, "type": row.type, **_limits(row)}
+        elif axis == "x":
+            limits = {"lower": "-4", "upper": "4", "velocity": "1", "effort": "1"}
+            child = f"{name}_link"
             joint = {"name": name, "type": "revolute", "axis": "1 0 0", **limits}
-            links.append(f"{name}_link")
         else:
-            joint = next(known)
-            links.append(joint["child"])
-        out.append({**joint, **_origin(place), "parent": links[-2], "child": links[-1]})
-    return links, out
+            child = next(ends)
+            joint = {"name": f"{child}_fixed", "type": "fixed"}
+        joints.append({**joint, **_origin(place), "parent": parent, "child": child})
+        parent = child
+    return joints
 
 
 def _banner(table: DHTable) -> str:
@@ -414,42 +415,17 @@ def _banner(table: DHTable) -> str:
     return f"<!--{words}-->"
 
 
-def _chain(table: DHTable) -> tuple[list[str], list[dict[str, Any]]]:
-    """Return names of the links and text of the joints; placements are written in full (repr)."""
-    placements, last = joint_placements(table)
-    count = len(table.rows)
-    names = [BASE, *(f"link{i}" for i in range(1, count + 1))]
-    joints = [
-        {"name": row.name, "type": row.type, **_origin(placement), **_limits(row)}
-        for row, placement in zip(table.rows, placements, strict=True)
-    ]
-    ends = [*placements, last]
-    if table.tool is None:
-        names.append(TIP)
-    else:
-        names += [FLANGE, TIP]
-        ends.append(table.tool)
-    joints += [
-        {"name": f"{child}_fixed", "type": "fixed", **_origin(placement)}
-        for child, placement in zip(names[count + 1 :], ends[count:], strict=True)
-    ]
-    for joint, (parent, child) in zip(joints, pairwise(names), strict=True):
-        joint.update(parent=parent, child=child)
-    return names, joints
-
-
 def _arm(table: DHTable) -> dict[str, Any]:
     """Return the numbers that the xacro reads: text of joints, shapes, and the arm's size [m]."""
     # Shapes are rounded to a nanometre so that no libm shows in the file.
-    names, joints = _chain(table)
-    placements, last = joint_placements(table)
-    count = len(table.rows)
-    ends = [*placements, last, *([] if table.tool is None else [table.tool])]
+    joints, count = _joints(table), len(table.rows)
+    ends = [place for _, _, place in with_turns(table, ())]
+    names = (BASE, *(joint["child"] for joint in joints))
     links: list[dict[str, Any]] = [{"name": name, "bones": []} for name in names]
     for i, end in enumerate(ends):
         knee = _knee(table, i, end) if i <= count else end.xyz
         links[i].update(bones=_bones((0.0, 0.0, 0.0), knee, end.xyz))
-    for i, (row, placement) in enumerate(zip(table.rows, placements, strict=True)):
+    for i, (row, placement) in enumerate(zip(table.rows, ends, strict=False)):
         if row.type == "prismatic":
             links[i].update(sleeve=_origin(placement))
             links[i + 1].update(_rod(row))

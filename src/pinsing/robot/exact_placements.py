@@ -162,20 +162,13 @@ class ExactPlacements:
 
     def _make(self, with_tip: bool) -> None:
         raw, n = self.raw, self.raw.n
-        R, t = [np.array(r) for r in raw.R], [np.array(v) for v in raw.t]
+        R, t = [r + 0.0 for r in raw.R], [np.array(v) for v in raw.t]  # no zero has a sign
         twist: list[Matrix | None] = [self._signed_permutation(i, R[i]) for i in range(n)]
         offset = np.zeros(n)
-        tip_turn = R[n]
-        # Backwards: Rz(a) at the left of C_i goes into the joint before it.
-        carried = np.eye(3)  # rotation that a prismatic joint passes on to the left
-        for i in range(n, -1, -1):
-            if i < n:
-                R[i] = R[i] @ carried
-                if not np.array_equal(carried, np.eye(3)):
-                    twist[i] = self._signed_permutation(i, R[i])
-            carried = np.eye(3)
-            # A turn about z alone is left to the second pass, which keeps t as it was written.
-            if i == n or twist[i] is not None or i == 0 or not self._tilted(R[i]):
+        # Backwards: Rz(a) at the left of C_i goes into the joint before it, or on beyond a slide.
+        # A turn about z alone is left to the second pass, which keeps t as it was written.
+        for i in range(n - 1, 0, -1):
+            if twist[i] is not None or not self._tilted(R[i]):
                 continue
             a = self._snap_angle(i, math.atan2(R[i][0, 2], -R[i][1, 2]))
             if math.cos(a) == 1.0:
@@ -183,16 +176,12 @@ class ExactPlacements:
             turn = turn_about_z(a)
             R[i], t[i] = turn.T @ R[i], turn.T @ t[i]
             if raw.prismatic[i - 1]:
-                carried = turn
+                R[i - 1] = R[i - 1] @ turn
+                twist[i - 1] = self._signed_permutation(i - 1, R[i - 1])
             else:
                 offset[i - 1] += a
-        # Forwards: Rz(b) at the right of C_i goes into the joint after it.
-        carried = np.eye(3)
+        # Forwards: Rz(b) at the right of C_i goes into the joint after it, or on beyond a slide.
         for i in range(n):
-            if not np.array_equal(carried, np.eye(3)):
-                R[i], t[i] = carried @ R[i], carried @ t[i]
-                twist[i] = self._signed_permutation(i, R[i])
-            carried = np.eye(3)
             if twist[i] is not None:
                 continue
             if self._tilted(R[i]):
@@ -202,12 +191,13 @@ class ExactPlacements:
             b = self._snap_angle(i, b)
             turn = turn_about_z(b)
             R[i] = R[i] @ turn.T
-            if raw.prismatic[i]:
-                carried = turn
-            else:
+            if not raw.prismatic[i]:
                 offset[i] += b
-        if not np.array_equal(carried, np.eye(3)):
-            t[n], tip_turn = carried @ t[n], carried @ tip_turn
+            elif b:
+                R[i + 1], t[i + 1] = turn @ R[i + 1], turn @ t[i + 1]
+                if i + 1 < n:
+                    twist[i + 1] = self._signed_permutation(i + 1, R[i + 1])
+        tip_turn = R[n]
         rotation = [
             self._rational_rotation(i, R[i]) if m is None else m for i, m in enumerate(twist)
         ]

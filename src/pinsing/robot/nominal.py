@@ -229,39 +229,27 @@ def turned(x: int, y: int, p: int) -> Motion:
 
 def jacobian_at(geometry: Nominal, task: Task, p: int, motions: Sequence[Motion]) -> list[Vector]:
     """Return the task Jacobian modulo a prime, where joints have (cos, sin) or (metres,)."""
-    R = [[1, 0, 0], [0, 1, 0], [0, 0, 1]]
-    o = [0, 0, 0]
-    axes: list[tuple[Vector, Vector]] = []
-    for j, (C, c) in enumerate(zip(geometry.rotation, geometry.translation, strict=True)):
-        step = [residue(x, p) for x in c]
-        o = [
-            (a + sum(x * y for x, y in zip(row, step, strict=True))) % p
-            for a, row in zip(o, R, strict=True)
-        ]
-        turn = [[residue(x, p) for x in row] for row in C]
-        R = [[sum(row[k] * turn[k][i] for k in range(3)) % p for i in range(3)] for row in R]
-        if j == len(geometry.prismatic):
-            break
-        z = [row[2] for row in R]
-        axes.append((z, o))
-        if geometry.prismatic[j]:
-            t = motions[j][0]
-            o = [(a + t * b) % p for a, b in zip(o, z, strict=True)]
-            continue
-        cos, sin = motions[j]
-        R = [[(a * cos + b * sin) % p, (b * cos - a * sin) % p, d] for a, b, d in R]
+    exact = np.vectorize(lambda x: residue(x, p), otypes=[object])
+    turns, steps = exact(geometry.rotation), exact(geometry.translation)
+    base = np.eye(3, dtype=object)
+    R, o, axes = base, base[0] - base[0], []
+    for slides, motion, C, c in zip(geometry.prismatic, motions, turns, steps, strict=False):
+        R, o = R @ C % p, (o + R @ c) % p
+        axes.append((R[:, 2], o))
+        if slides:
+            o = (o + motion[0] * R[:, 2]) % p
+        else:
+            cos, sin = motion
+            R = R @ np.array([[cos, -sin, 0], [sin, cos, 0], [0, 0, 1]], dtype=object) % p
+    R, o = R @ turns[-1] % p, (o + R @ steps[-1]) % p
     columns = []
     for (z, start), slides in zip(axes, geometry.prismatic, strict=True):
-        if slides:
-            columns.append([*z, 0, 0, 0])
-            continue
-        x, y, w = (a - b for a, b in zip(o, start, strict=True))
-        columns.append([z[1] * w - z[2] * y, z[2] * x - z[0] * w, z[0] * y - z[1] * x, *z])
-    last = [[residue(x, p) for x in row] for row in geometry.tip_rotation]
-    tip = [[sum(row[k] * last[k][i] for k in range(3)) % p for i in range(3)] for row in R]
-    rows = []
-    for r, at_tip in zip(task.rows, task.tip_rows, strict=True):
-        along = [int(r % 3 == k) for k in range(3)] if not at_tip else [row[r % 3] for row in tip]
-        first = r - r % 3
-        rows.append([sum(a * c[first + k] for k, a in enumerate(along)) % p for c in columns])
-    return rows
+        x, y, w = o - start
+        moved = [z[1] * w - z[2] * y, z[2] * x - z[0] * w, z[0] * y - z[1] * x, *z]
+        columns.append([*z, 0, 0, 0] if slides else moved)
+    J = np.array(columns, dtype=object).T.reshape(2, 3, -1)  # translations, then rotations
+    tip = (R @ exact(geometry.tip_rotation)).T
+    return [
+        ((tip if at_tip else base)[r % 3] @ J[r // 3] % p).tolist()
+        for r, at_tip in zip(task.rows, task.tip_rows, strict=True)
+    ]
