@@ -181,6 +181,8 @@ class ChainError(PinsingError, ValueError):
         The joints of the chain, where one was asked for that is not among them.
     base, tip : str or None
         The frames between which there is no chain, where they are the reason.
+    chains : tuple of Subchain
+        Where several could be the arm: all chains of the robot, with their joints.
     """
 
     def __init__(
@@ -193,8 +195,9 @@ class ChainError(PinsingError, ValueError):
         joints: tuple[str, ...] = (),
         base: str | None = None,
         tip: str | None = None,
+        chains: tuple[Any, ...] = (),
     ) -> None:
-        self.tips, self.lengths = tips, lengths
+        self.tips, self.lengths, self.chains = tips, lengths, chains
         self.joint, self.joints, self.base, self.tip = joint, joints, base, tip
         super().__init__(message)
 

@@ -51,7 +51,7 @@ def test_every_leaf_of_a_humanoid_is_a_chain():
 )
 def test_every_offer_loads_as_it_says(robot):
     model, mimics = model_of(robot)
-    text = chains_text(arm_chains(model, mimics), [robot])
+    text = chains_text(arm_chains(model, mimics), robot)
     offers = [line.split(": pinsing analyze ") for line in text.splitlines() if "pinsing" in line]
     assert offers
     for count, command in offers:
@@ -62,7 +62,7 @@ def test_every_offer_loads_as_it_says(robot):
 
 
 def test_the_tree_shows_shared_joints_once_and_locked_ones():
-    text = chains_text(arm_chains(*model_of("tiago_dual")), ["tiago_dual", "--package", "a=b c"])
+    text = chains_text(arm_chains(*model_of("tiago_dual")), "tiago_dual --package 'a=b c'")
     assert text.count("torso_lift_joint\n") == 1
     assert "--tip wrist_left_ft_tool_link --base torso_lift_link" in text
     assert "pinsing analyze tiago_dual --package 'a=b c' --tip" in text

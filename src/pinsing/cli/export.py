@@ -7,10 +7,9 @@ from typing import TYPE_CHECKING
 
 import click
 
-from pinsing.atomic_write import write_text
 from pinsing.cli.grouped import command
 from pinsing.cli.options import RobotRequest, arm_options, output_option
-from pinsing.cli.output import STDOUT, say
+from pinsing.cli.output import STDOUT, put, say
 from pinsing.cli.running import waiting
 from pinsing.cli.singularities import prove_option
 from pinsing.cli.zones import zones_option
@@ -77,8 +76,4 @@ def export_command(
     if guard.word.startswith("probable") and prove is False:
         say("note: --prove looks for a certificate for up to a minute")
     for target, one in made.values():
-        if target == STDOUT:
-            click.echo(one.text, nl=False)
-        else:
-            write_text(target, one.text)
-            say(f"wrote {target}")
+        put(one.text, target)

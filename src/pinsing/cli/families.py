@@ -20,7 +20,7 @@ from pinsing.cli.options import (
     output_option,
     verbose_option,
 )
-from pinsing.cli.output import emit, emit_json, say
+from pinsing.cli.output import emit, emit_json, put, say
 from pinsing.cli.running import waiting
 from pinsing.cli.singularities import algebra_options, prove_option
 from pinsing.errors import OptionError, RobotFileError
@@ -159,26 +159,22 @@ def _symbolic(
 
 
 def _write_system(form: ClosedForm, chosen: tuple[str, ...], path: Path) -> None:
-    from pinsing.atomic_write import write_text
     from pinsing.families.system import language_of, system_text
 
     language = language_of(path)
     text, remarks = system_text(form, language, chosen or None)
-    write_text(path, text)
     if language == "msolve":  # whose files have no comments
         for line in remarks:
             say(line.strip())
-    say(f"wrote {path}")
+    put(text, path)
 
 
 def _write(data: dict[str, Any] | None, reason: str, path: Path) -> None:
-    from pinsing.atomic_write import write_text
     from pinsing.families.certificate import text_of
 
     if data is None:
         raise OptionError(f"no certificate to write: {reason}")
-    write_text(path, text_of(data) + "\n")
-    say(f"wrote {path}")
+    put(text_of(data) + "\n", path)
 
 
 @command("verify")

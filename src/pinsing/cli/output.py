@@ -102,12 +102,17 @@ def emit_json_data(data: Mapping[str, Any], target: str | Path | None) -> bool:
     text = json.dumps(data, indent=2, allow_nan=False, ensure_ascii=False)
     # Marks that turn or hide text have no place in a terminal; JSON has another way to write them.
     text = _NOT_ASCII.sub(lambda c: c[0] if c[0].isprintable() else json.dumps(c[0])[1:-1], text)
+    put(text + "\n", target)
+    return target == STDOUT
+
+
+def put(text: str, target: str | Path) -> None:
+    """Write text to a file, and say so, or to stdout."""
     if target == STDOUT:
-        click.echo(text)
-        return True
-    write_text(target, text + "\n")
-    say(f"wrote {target}")
-    return False
+        click.echo(text, nl=False)
+    else:
+        write_text(target, text)
+        say(f"wrote {target}")
 
 
 READER_GONE = 141

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from pinsing.atomic_write import check_writable, write_text
+from pinsing.atomic_write import check_writable
 from pinsing.cli import completion
 from pinsing.cli.grouped import command
 from pinsing.cli.options import (
@@ -19,7 +19,7 @@ from pinsing.cli.options import (
     json_option,
     output_option,
 )
-from pinsing.cli.output import STDOUT, emit, emit_json, emit_json_data, say
+from pinsing.cli.output import STDOUT, emit, emit_json, emit_json_data, put
 from pinsing.cli.running import doing
 from pinsing.errors import ChainError, OptionError, shown_path
 from pinsing.prose import Page, Table
@@ -39,10 +39,11 @@ def info_command(request: RobotRequest, deg: bool, json_target: str | Path | Non
     """
     try:
         arm = request.load(quiet=True)
-    except ChainError:
-        whole = request.tip is None and request.base is None and request.joints is None
-        if whole and json_target != STDOUT:
-            _show_chains(request)
+    except ChainError as error:
+        if error.chains and request.base is None and json_target != STDOUT:
+            from pinsing.robot.chains import chains_text
+
+            emit(chains_text(error.chains, request.words))
         raise
     from pinsing.measures import ROUNDING
     from pinsing.report.info import describe
@@ -61,29 +62,6 @@ def info_command(request: RobotRequest, deg: bool, json_target: str | Path | Non
     if said:
         lines += ["", *(page.paragraph(text, rest="  ") for text in said)]
     emit("\n".join([*lines, "", page.fitted(f"Next: pinsing families {request.words}")]))
-
-
-def _show_chains(request: RobotRequest) -> None:
-    """List the chains that could be the arm, with the command for each."""
-    from pinsing.description.catalog import CatalogEntry, locate_robot
-    from pinsing.description.urdf import read_description
-    from pinsing.robot.chains import arm_chains, chains_text
-    from pinsing.robot.models import build_model
-
-    found = locate_robot(request.robot)
-    path = found.path if isinstance(found, CatalogEntry) else found
-    if path.suffix.lower() in (".xml", ".mjcf", ".yaml", ".yml"):
-        return  # the error names the chains as well
-    description = read_description(path, packages=request.packages, xacro_args=request.xacro_args)
-    mimics = [j.name for j in description.joints if j.mimic is not None]
-    chains = arm_chains(build_model(description), mimics)
-    if len(chains) > 1:
-        words = [request.robot]
-        for name, folder in request.packages.items():
-            words += ["--package", f"{name}={folder}"]
-        for name, value in request.xacro_args.items():
-            words += ["--xacro-arg", f"{name}:={value}"]
-        emit(chains_text(chains, words))
 
 
 @command("list")
@@ -163,8 +141,4 @@ def dh_command(table: str, urdf: str | Path) -> None:
     )
     named = not isinstance(found, Path) and path.name == "arms.yaml"
     text = dh_to_urdf(known_table(found.name) if named else read_dh(path))
-    if urdf == STDOUT:
-        click.echo(text, nl=False)
-    else:
-        write_text(urdf, text)
-        say(f"wrote {urdf}")
+    put(text, urdf)

@@ -6,9 +6,9 @@ the base are locked, and so are grippers beyond the tip.
 
 from __future__ import annotations
 
+import itertools
 import re
-import shlex
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass, replace
 from shlex import quote
 
@@ -166,7 +166,7 @@ def _best_frame(model: pin.Model, joint: int, frames: list[pin.Frame]) -> str:
 
 
 def choose_chain(
-    found: Sequence[Candidate], label: str, model: pin.Model
+    found: Sequence[Candidate], label: str, model: pin.Model, mimics: Collection[str] = ()
 ) -> tuple[Candidate, list[str]]:
     """Return the only arm among candidates, and notes; ChainError with commands if not one."""
     ChainError.refuse_if(
@@ -181,6 +181,7 @@ def choose_chain(
             f"in Python load(..., tip={arms[0].tip!r})",
             tips=tuple(c.tip for c in arms),
             lengths=tuple(c.length(model) for c in arms),
+            chains=arm_chains(model, mimics),
         )
     chosen = arms[0]
     notes = []
@@ -222,11 +223,9 @@ class Subchain:
         return ("--tip", self.tip, *(() if self.base is None else ("--base", self.base)))
 
 
-def arm_chains(
-    model: pin.Model, mimics: Collection[str] = (), longest: int = LONGEST
-) -> tuple[Subchain, ...]:
+def arm_chains(model: pin.Model, mimics: Collection[str] = ()) -> tuple[Subchain, ...]:
     """Return the chains to offer to a user: arms, legs and heads, without fingers."""
-    # Each from the root; and without joints shared with others, or if longer than ``longest``.
+    # Each from the root; and without joints shared with others.
     children = _children(model)
     found: list[Subchain] = []
     for candidate in candidates(model, mimics):
@@ -238,10 +237,10 @@ def arm_chains(
     return tuple(found)
 
 
-def long_chain_note(model: pin.Model, end: int, start: int = 0, longest: int = LONGEST) -> str:
-    """Return a note on a chain of more than ``longest`` joints, with shorter ones; else ""."""
+def long_chain_note(model: pin.Model, end: int, start: int = 0) -> str:
+    """Return a note on a chain of more than ``LONGEST`` joints, with shorter ones; else ""."""
     count = len(_moving(model, joint_path(model, end, start)))
-    if count <= longest:
+    if count <= LONGEST:
         return ""
     shorter = []
     for joint in _branchings(model, _children(model), end):
@@ -252,60 +251,42 @@ def long_chain_note(model: pin.Model, end: int, start: int = 0, longest: int = L
     return f"{count} joints are many: the closed forms may not be complete in time{offer}"
 
 
-def chains_text(chains: Sequence[Subchain], words: Sequence[str]) -> str:
-    """Return chains as a tree, with commands; ``words``: the robot as named, and common options."""
+def chains_text(chains: Sequence[Subchain], robot: str) -> str:
+    """Return chains as a tree, with commands; ``robot``: as it is typed, with common options."""
     whole = [c for c in chains if c.base is None]
     parts = {c.tip: c for c in chains if c.base is not None}
-    lines = ["(root)"]
-    _branches(whole, parts, 0, "", " ".join(map(shlex.quote, words)), lines)
-    return "\n".join(lines)
+    return "\n".join(["(root)", *_branches(whole, parts, 0, "", robot)])
 
 
 def _branches(
-    chains: Sequence[Subchain],
-    parts: dict[str, Subchain],
-    depth: int,
-    indent: str,
-    robot: str,
-    lines: list[str],
-) -> None:
-    """Append what hangs below the first ``depth`` joints, which the chains share."""
+    chains: Sequence[Subchain], parts: dict[str, Subchain], depth: int, indent: str, robot: str
+) -> Iterator[str]:
+    """Yield what hangs below the first ``depth`` joints, which the chains share."""
     groups: dict[str, list[Subchain]] = {}
     for chain in chains:
-        groups.setdefault(chain.joints[depth] if depth < len(chain.joints) else "", []).append(
-            chain
-        )
-    ordered = list(groups.values())
-    for number, group in enumerate(ordered):
-        last = number == len(ordered) - 1
-        bar, below = ("└─ ", "   ") if last else ("├─ ", "│  ")
-        if len(group) == 1:
-            chain = group[0]
-            lines.append(f"{indent}{bar}{_run(chain.joints[depth:])} -> {chain.tip}")
-            deeper = indent + below
-            lines.append(deeper + _offer(chain, robot, len(chain.joints)))
-            if len(chain.joints) > LONGEST:
-                lines[-1] += (
-                    f"  (more than {LONGEST}: closed forms may not end in time; "
-                    "rather without the shared joints)"
-                )
-            if (part := parts.get(chain.tip)) is not None:
-                lines.append(deeper + _offer(part, robot, len(part.joints)))
-            if chain.passed_over:
-                lines.append(f"{deeper}locked beyond it: {_run(chain.passed_over)}")
+        groups.setdefault("".join(chain.joints[depth : depth + 1]), []).append(chain)
+    for number, group in enumerate(groups.values(), 1):
+        bar, below = ("└─ ", "   ") if number == len(groups) else ("├─ ", "│  ")
+        first, deeper = group[0], indent + below
+        if len(group) > 1:
+            alike = (
+                len(set(names)) == 1 for names in zip(*(c.joints for c in group), strict=False)
+            )
+            shared = sum(itertools.takewhile(bool, alike))
+            yield f"{indent}{bar}{_run(first.joints[depth:shared])}"
+            yield from _branches(group, parts, shared, deeper, robot)
             continue
-        shared = depth
-        while all(len(c.joints) > shared for c in group) and (
-            len({c.joints[shared] for c in group}) == 1
-        ):
-            shared += 1
-        lines.append(f"{indent}{bar}{_run(group[0].joints[depth:shared])}")
-        _branches(group, parts, shared, indent + below, robot, lines)
-
-
-def _offer(chain: Subchain, robot: str, count: int) -> str:
-    options = " ".join(map(shlex.quote, chain.options))
-    return f"{count} joint{'s' if count != 1 else ''}: pinsing analyze {robot} {options}"
+        yield f"{indent}{bar}{_run(first.joints[depth:])} -> {first.tip}"
+        for one in filter(None, (first, parts.get(first.tip))):
+            count, options = len(one.joints), " ".join(map(quote, one.options))
+            long = (
+                f"  (more than {LONGEST}: closed forms may not end in time; "
+                "rather without the shared joints)"
+            ) * (one is first and count > LONGEST)
+            many = "s" * (count != 1)
+            yield f"{deeper}{count} joint{many}: pinsing analyze {robot} {options}{long}"
+        if first.passed_over:
+            yield f"{deeper}locked beyond it: {_run(first.passed_over)}"
 
 
 def _run(names: Sequence[str]) -> str:

@@ -240,7 +240,7 @@ def _choose_tip(
             f"{whole.label}: no joint lies beyond the base; take one nearer the root{other}",
             tips=tuple(c.tip for c in every if base_joint not in c.path),
         )
-    candidate, notes = choose_chain(found, whole.label, model)
+    candidate, notes = choose_chain(found, whole.label, model, whole.mimics)
     return candidate.tip, candidate.last, notes
 
 
