@@ -20,7 +20,7 @@ from typing import Any
 
 import numpy as np
 
-from pinsing._types import Array, ArrayLike, Bool, Ints
+from pinsing._types import Array, ArrayLike, Bool, Ints, NDArray
 from pinsing.chunk_file import DamagedError, Record
 from pinsing.kinematics.verdict import SINGULAR_RTOL
 from pinsing.measures import ROUNDING
@@ -200,20 +200,16 @@ class Pool:
     def __init__(self, most: int) -> None:
         self.most = most
         self.found = 0
-        self._parts: list[tuple[Ints, Ints, Array, Array]] = []
-        self._held = 0
+        self._columns: list[Any] = [np.zeros(0, dtype=kind) for kind in (int, int, float, float)]
 
     def add(self, number: Ints, kind: Ints, sigma: Array, ratio: Array) -> None:
         """Take candidates (P,), all different, by the numbers of their Jacobians."""
-        if len(number):
-            self.found += len(number)
-            self._take(number, kind, sigma, ratio)
+        self._take(len(number), number, kind, sigma, ratio)
 
     def join(self, record: Record) -> None:
         """Take what `record` of another pool gave, which `check` has judged."""
-        taken: Any = [record[name] for name in self.names]
-        self.found += int(taken[0])
-        self._take(*taken[1:])
+        found, *columns = (record[name] for name in self.names)
+        self._take(int(found), *columns)
 
     def check(self, record: Record, start: int, stop: int, regular: int) -> None:
         """Judge a pool of Jacobians from ``start`` to ``stop``, so many not of singular curves."""
@@ -228,24 +224,24 @@ class Pool:
 
     def record(self) -> Record:
         """Return what is kept, by number, as arrays."""
-        return dict(zip(self.names, (np.array(self.found), *self._reduced()), strict=True))
+        self._reduce()
+        return dict(zip(self.names, (np.array(self.found), *self._columns), strict=True))
 
     def candidates(self, samples: int) -> Candidates:
         """Return what is kept, of curves with so many samples."""
-        number, _, sigma, ratio = self._reduced()
-        curve, sample = np.divmod(number, samples)
-        return Candidates(self.found, curve, sample, sigma, ratio)
+        self._reduce()
+        number, _, sigma, ratio = self._columns
+        return Candidates(self.found, number // samples, number % samples, sigma, ratio)
 
-    def _take(self, number: Ints, kind: Ints, sigma: Array, ratio: Array) -> None:
-        self._parts.append((number, kind, sigma, ratio))
-        self._held += len(number)
-        if self._held > 2 * self.most + 4096:
-            self._reduced()
+    def _take(self, found: int, *columns: NDArray[Any]) -> None:
+        self.found += found
+        self._columns = [np.append(*pair) for pair in zip(self._columns, columns, strict=True)]
+        if len(self._columns[0]) > 2 * self.most + 4096:
+            self._reduce()
 
-    def _reduced(self) -> tuple[Ints, Ints, Array, Array]:
-        empty = np.zeros(0, dtype=np.int64)
-        parts = self._parts or [(empty, empty, np.zeros(0), np.zeros(0))]
-        number, kind, sigma, ratio = (np.concatenate(c) for c in zip(*parts, strict=True))
+    def _reduce(self) -> None:
+        """Keep what has the smallest place within its kind, ratio and number; sort by number."""
+        number, kind, _, ratio = self._columns
         chosen = np.argsort(number)
         if len(number) > self.most:
             order = np.lexsort((number, ratio, kind))
@@ -256,6 +252,4 @@ class Pool:
             place[order] = np.arange(len(order)) - np.repeat(starts, sizes)
             first = np.lexsort((number, ratio, place))[: self.most]
             chosen = first[np.argsort(number[first])]
-        kept = (number[chosen], kind[chosen], sigma[chosen], ratio[chosen])
-        self._parts, self._held = [kept], len(chosen)
-        return kept
+        self._columns = [column[chosen] for column in self._columns]

@@ -15,13 +15,14 @@ import re
 import signal
 import stat
 import threading
-from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Generator, Iterator, Mapping
 from concurrent.futures import BrokenExecutor, CancelledError, Executor, Future, ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 from queue import SimpleQueue
 from types import FrameType
-from typing import Any, Protocol
+from typing import Any
 
 from pinsing._batch.engine import cpu_count
 from pinsing.atomic_write import is_temporary, replace_file, sync_folder
@@ -373,25 +374,34 @@ def how_many(asked: int | None, what: str) -> int:
 _AGAIN = "what is kept in a folder is safe: run the same again"
 
 
-class Job(Protocol):
-    """Work that falls into chunks."""
+class Job(ABC):
+    """Work on ``count`` configurations, ``size`` in each chunk."""
+
+    count: int
+    size: int
 
     @property
     def chunks(self) -> int:
         """Number of chunks."""
-
-    def identity(self) -> Mapping[str, Any]:
-        """Return what decides the numbers, as plain JSON values."""
+        return -(-self.count // self.size)
 
     def span(self, index: int) -> tuple[int, int]:
         """Numbers of what one chunk computes: from, and to before."""
+        return index * self.size, min(self.count, (index + 1) * self.size)
 
+    @abstractmethod
+    def identity(self) -> Mapping[str, Any]:
+        """Return what decides the numbers, as plain JSON values."""
+
+    @abstractmethod
     def part(self, index: int) -> Callable[[], Record]:
         """Return what computes one chunk: small, able to be pickled, the same anywhere."""
 
+    @abstractmethod
     def check(self, index: int, record: Record) -> None:
         """Raise a DamagedError that says why ``record`` cannot be that of a chunk."""
 
+    @abstractmethod
     def room(self, index: int) -> int:
         """Bytes that the arrays of a chunk take at most."""
 
@@ -422,18 +432,17 @@ class Run:
         self.limit = 2 * parallel  # chunks handed out at a time: one to work on, one waiting
         self.done = 0
 
-    def reduce(self, parts: Sequence[Callable[[Record], object]], before: int, count: int) -> bool:
-        """Give all chunks to each of ``parts``; False if Ctrl-C has stopped that."""
-        # Progress counts from ``before`` to ``count``.
+    def reduce(self, take: Callable[[int, Record], object], before: int = 0) -> bool:
+        """Give all chunks to ``take``, with their first numbers; False if Ctrl-C has stopped it."""
+        # Progress counts from ``before``.
         try:
             with contextlib.closing(self._chunks()) as chunks:
                 for index, record in chunks:
-                    for part in parts:
-                        part(record)
                     start, stop = self.job.span(index)
+                    take(start, record)
                     self.done += stop - start
                     if self.options.progress is not None:
-                        self.options.progress(before + self.done, count)
+                        self.options.progress(before + self.done, before + self.job.count)
         except KeyboardInterrupt:
             return False
         return True

@@ -27,7 +27,7 @@ from pinsing.prose import PLAIN, Page, Span, Table, alarm, caution, verdict
 from pinsing.proximity.clearance import nearest_family
 from pinsing.proximity.watched import Forms, require_forms_of, watch
 from pinsing.robot.arm import Arm
-from pinsing.sampling.execute import Progress, RunOptions, Tell, planned_batch, running
+from pinsing.sampling.execute import Job, Progress, RunOptions, Tell, planned_batch, running
 from pinsing.sampling.map_plan import BLOCK, WORST, MapPlan, plan_map, rows_of
 from pinsing.sampling.tally import (
     QUANTILE_ERROR,
@@ -275,19 +275,17 @@ class Nearness:
         )
 
 
-@dataclass(frozen=True, eq=False)
-class MapJob:
-    """A map as work in chunks: small, and able to be pickled."""
+class MapJob(Job):
+    """A map as work in chunks: small, and able to be pickled.
 
-    plan: MapPlan  # what to do
-    batch: Batch  # the arm, on a fixed engine
-    keep_values: bool = False  # all singular values are part of the records
-    near: Nearness | None = None  # the families, if the clearance is part of the records
+    ``keep_values``: all singular values are part of the records; ``near``: so is the clearance.
+    """
 
-    @property
-    def chunks(self) -> int:
-        """Number of chunks."""
-        return self.plan.chunks
+    def __init__(
+        self, plan: MapPlan, batch: Batch, keep_values: bool = False, near: Nearness | None = None
+    ) -> None:
+        self.plan, self.batch, self.keep_values, self.near = plan, batch, keep_values, near
+        self.count, self.size = plan.count, plan.chunk
 
     def tallies(self) -> list[Tally]:
         """Empty tallies of what is measured."""
@@ -319,11 +317,6 @@ class MapJob:
         """Return what computes one chunk."""
         return functools.partial(compute_map_chunk, self, index)
 
-    def span(self, index: int) -> tuple[int, int]:
-        """Numbers of the configurations of one chunk: from, and to before."""
-        start = index * self.plan.chunk
-        return start, min(self.plan.count, start + self.plan.chunk)
-
     def check(self, index: int, record: Record) -> None:
         """Raise a DamagedError that says why ``record`` cannot be that of a chunk."""
         start, stop = self.span(index)
@@ -331,7 +324,6 @@ class MapJob:
         check_names(record, (*names, *(["sigma"] if self.keep_values else [])))
         if self.keep_values:
             finite(record, "sigma", (stop - start, generic_rank(self.batch.arm)))
-
         for k, tally in enumerate(self.tallies()):
             again = functools.partial(self.counted, k)
             tally.check(record, stop - start, start, stop, self.plan.configuration, again)
@@ -484,22 +476,20 @@ def sigma_map(
         measure == "sigma" and forms is not None,
         "forms belong to a map of the clearance: give measure='clearance'",
     )
-    near = Nearness.of(arm, forms) if measure == "clearance" else None
-    return run_map(arm, plan, options, keep_values, near)
-
-
-def run_map(
-    arm: Arm, plan: MapPlan, options: RunOptions, keep_values: bool, near: Nearness | None
-) -> MapResult:
-    """Run a plan that was made for ``arm``; see `sigma_map`."""
     OptionError.refuse_if(
-        keep_values and options.out is None, "keep_values needs a folder to keep them in: give out"
+        keep_values and out is None, "keep_values needs a folder to keep them in: give out"
     )
+    near = Nearness.of(arm, forms) if measure == "clearance" else None
     job = MapJob(plan, planned_batch(arm, options), keep_values, near)
     tally, *distances = tallies = job.tallies()
     notes = plan.notes
+
+    def take(start: int, record: Record) -> None:
+        for one in tallies:
+            one.join(record)
+
     with running(job, options) as run:
-        if not run.reduce([t.join for t in tallies], 0, plan.count):
+        if not run.reduce(take):
             notes += (f"stopped after {tally.done:,} of {plan.count:,} configurations",)
         if not tally.done:
             raise KeyboardInterrupt

@@ -42,6 +42,7 @@ from pinsing.sampling.curves import (
     minima,
 )
 from pinsing.sampling.execute import (
+    Job,
     Progress,
     RunOptions,
     Tell,
@@ -58,7 +59,6 @@ from pinsing.sampling.tally import (
     check_names,
     distributions,
     finite,
-    whole,
     worst_points,
 )
 from pinsing.serialization import JsonResult
@@ -331,28 +331,23 @@ def curves_of(
 
 def pack_sweep(result: SweepResult) -> bytes:
     """Bytes of the file that `save_npz` writes."""
-    joints = result.arm.joints
-    samples = result.plan.samples if result.curves else 0
-    fixed = np.full((len(result.curves), len(joints)), np.nan)
-    ranges = np.array([e.range for e in result.plan.effects], dtype=float)
-    for row, curve in zip(fixed, result.curves, strict=True):
-        row[[joints.index(name) for name in curve.fixed]] = list(curve.fixed.values())
+    table = CurveTable(result.plan)
+    rows = table.rows([c.number for c in result.curves])
+    shape = len(result.curves), result.plan.samples if result.curves else 0
     header = replace(result, curves=()).to_dict()
     arrays = {
         "header": np.array(json.dumps(header, allow_nan=False).encode()),
-        "number": np.array([c.number for c in result.curves], dtype=np.int64),
-        "level": np.array([c.level for c in result.curves], dtype=np.int64),
-        "moving": np.array([c.moving for c in result.curves], dtype=np.int64),
-        "forced": np.array([c.forced for c in result.curves], dtype=bool),
-        "fixed": fixed,
-        "x": axis_values(ranges, result.plan.samples, np.arange(samples)[None]),
-        "sigma_min": np.array([c.sigma_min for c in result.curves]).reshape(len(fixed), samples),
-        "sigma_ratio": np.array([c.sigma_ratio for c in result.curves]).reshape(
-            len(fixed), samples
-        ),
+        "number": rows.numbers,
+        "level": rows.fixed.sum(axis=1),
+        "moving": rows.moving,
+        "forced": rows.forced,
+        "fixed": np.where(rows.fixed, rows.base, np.nan),
+        "x": axis_values(table.ranges, result.plan.samples, np.arange(shape[1])[None]),
+        "sigma_min": np.array([c.sigma_min for c in result.curves]).reshape(shape),
+        "sigma_ratio": np.array([c.sigma_ratio for c in result.curves]).reshape(shape),
     }
     packed = io.BytesIO()
-    np.savez_compressed(packed, **arrays)  # type: ignore[arg-type]
+    np.savez_compressed(packed, **arrays)
     return packed.getvalue()
 
 
@@ -369,17 +364,13 @@ class Kept:
     candidates: int  # how many dips at most
 
 
-class SweepJob:
-    """The curves of a sweep, ``size`` in each chunk; ``table`` has all."""
+class SweepJob(Job):
+    """The curves of a sweep, ``curves`` in each chunk; ``table`` has all."""
 
-    def __init__(self, plan: SweepPlan, batch: Batch, size: int, kept: Kept) -> None:
-        self.plan, self.batch, self.kept, self.size = plan, batch, kept, size
+    def __init__(self, plan: SweepPlan, batch: Batch, curves: int, kept: Kept) -> None:
+        self.plan, self.batch, self.kept, self.curves = plan, batch, kept, curves
         self.table = CurveTable(plan)
-
-    @property
-    def chunks(self) -> int:
-        """Number of chunks."""
-        return -(-len(self.table) // self.size)
+        self.count, self.size = len(self.table) * plan.samples, curves * plan.samples
 
     def identity(self) -> Mapping[str, Any]:
         """Return what decides the numbers, as plain JSON values."""
@@ -396,17 +387,12 @@ class SweepJob:
             "samples": plan.samples,
             "curves": len(self.table),
             "chunks": self.chunks,
-            "curves_of_a_chunk": self.size,
+            "curves_of_a_chunk": self.curves,
             "keep": self.kept.values,
             "worst": self.kept.worst,
             "candidates": self.kept.candidates,
             "ranges and special values": digest.hexdigest(),
         }
-
-    def span(self, index: int) -> tuple[int, int]:
-        """Numbers of the Jacobians of one chunk: from, and to before."""
-        start, stop = (min(k * self.size, len(self.table)) for k in (index, index + 1))
-        return start * self.plan.samples, stop * self.plan.samples
 
     def _rows(self, index: int) -> CurveRows:
         start, stop = (number // self.plan.samples for number in self.span(index))
@@ -424,11 +410,10 @@ class SweepJob:
         start, stop = self.span(index)
         tally, pool = Tally(self.kept.worst), Pool(self.kept.candidates)
         values = VALUES if self.kept.values else ()
-        check_names(record, (*tally.names, *pool.names, "first", *values))
+        check_names(record, (*tally.names, *pool.names, *values))
         regular = int((~self._rows(index).singular).sum()) * self.plan.samples
         measure = functools.partial(last_and_ratio, self.batch)
         tally.check(record, regular, start, stop, self.table.configuration, measure)
-        whole(record, "first", (), start, start + 1)
         pool.check(record, start, stop, regular)
         for name in values:
             finite(record, name, (stop - start,))
@@ -475,11 +460,9 @@ def compute_curves(
         if kept.values:
             sigma_min.append(last.ravel())
             sigma_ratios.append(ratio.ravel())
-    start = rows.numbers[0] * samples
-    record = tally.record() | pool.record() | {"first": np.array(start)}
+    record = tally.record() | pool.record()
     if kept.values:
-        for name, parts in zip(VALUES, (sigma_min, sigma_ratios), strict=True):
-            record[name] = np.concatenate(parts)
+        record |= zip(VALUES, map(np.concatenate, (sigma_min, sigma_ratios)), strict=True)
     return record
 
 
@@ -618,12 +601,17 @@ def _run(job: SweepJob, options: RunOptions, keep: bool | None) -> SweepResult:
         )
     )
     tally, pool = Tally(kept.worst), Pool(kept.candidates)
-    curves = _Curves(table) if kept.values else None
+    values = np.full((2, job.count if kept.values else 0), np.nan)  # of curves that have come in
     notes = list(plan.notes)
+
+    def take(start: int, record: Record) -> None:
+        tally.join(record)
+        pool.join(record)
+        for row, name in zip(values, VALUES if kept.values else (), strict=False):
+            row[start : start + len(record[name])] = record[name]
+
     with running(job, options) as run:
-        parts = [tally.join, pool.join, *([] if curves is None else [curves.join])]
-        count = len(table) * plan.samples
-        if not run.reduce(parts, len(uniform), plan.n_jacobians):
+        if not run.reduce(take, len(uniform)):
             notes.append(f"stopped after {run.done // plan.samples} of {len(table)} curves")
         found = pool.candidates(plan.samples)
         if found.found > len(found):
@@ -631,7 +619,7 @@ def _run(job: SweepJob, options: RunOptions, keep: bool | None) -> SweepResult:
                 f"{found.found:,} dips of sigma_min, of which {len(found):,} are refined: "
                 "the smallest of each combination of joints, spread over their ranges"
             )
-        if curves is None and keep is not False:
+        if not kept.values and keep is not False:
             need = _size(16 * plan.n_jacobians)
             notes.append(f"the curves are not part of the result: they take {need}")
         summary = None
@@ -639,14 +627,18 @@ def _run(job: SweepJob, options: RunOptions, keep: bool | None) -> SweepResult:
             spread = distributions(tally, table.configuration)
             worst = worst_points(tally, table.configuration)
             summary = SweepSummary(tally.done, tally.singular, tally.near, *spread, worst)
+        x = axis_values(table.ranges, plan.samples, np.arange(plan.samples)[None])
+        last, ratio = values.reshape(2, -1, plan.samples)
+        there = np.flatnonzero(~np.isnan(last[:, 0]))
+        curves = curves_of(table, there, x, (last[i] for i in there), (ratio[i] for i in there))
         result = SweepResult(
             plan=plan,
             uniform=uniform,
-            curves=() if curves is None else curves.found(),
-            complete=run.done == count,
+            curves=tuple(curves),
+            complete=run.done == job.count,
             notes=tuple(notes),
             engine=batch.engine,
-            kept=curves is not None,
+            kept=kept.values,
             done=len(uniform) + run.done,
             summary=summary,
             candidates=found,
@@ -665,33 +657,6 @@ def check_keep(plan: SweepPlan, keep: bool | None) -> bool:
         f"at most {_size(KEEP_BYTES)}; sweep fewer of them",
     )
     return need <= KEEP_BYTES
-
-
-class _Curves:
-    """The curves that are part of a result, as their chunks come in."""
-
-    def __init__(self, table: CurveTable) -> None:
-        self.table, samples = table, table.plan.samples
-        self.values = np.empty((2, len(table) * samples))
-        self.seen = np.zeros(len(table), dtype=bool)
-
-    def join(self, record: Record) -> None:
-        """Take the values of one chunk."""
-        start = int(record["first"])
-        stop, samples = start + len(record["sigma_min"]), self.table.plan.samples
-        self.values[0, start:stop] = record["sigma_min"]
-        self.values[1, start:stop] = record["sigma_ratio"]
-        self.seen[start // samples : stop // samples] = True
-
-    def found(self) -> tuple[SweepCurve, ...]:
-        """Those that have come in, in the order of the plan."""
-        samples = self.table.plan.samples
-        whole = np.flatnonzero(self.seen)
-        x = axis_values(self.table.ranges, samples, np.arange(samples)[None])
-        last, ratio = self.values.reshape(2, -1, samples)
-        return tuple(
-            curves_of(self.table, whole, x, (last[i] for i in whole), (ratio[i] for i in whole))
-        )
 
 
 def _size(need: int) -> str:

@@ -110,21 +110,17 @@ class Tally:
         """Count sigma_r (N,) and ratios (N,) from ``start`` on, or of ascending ``numbers``."""
         if not len(last):
             return
-        self.done += len(last)
-        for k, values in enumerate((last, ratio)):
-            found = count_values(values, self.histogram[k])
-            for column, at in ((SMALLEST, found.least), (LARGEST, found.greatest)):
-                if at >= 0:
-                    number = start + at if numbers is None else int(numbers[at])
-                    self._extreme(k, column, float(values[at]), number)
-        self.singular += found.low  # of the ratios, which come last
-        self.near += found.high - found.low
+        numbers = np.arange(start, start + len(last)) if numbers is None else numbers
+        both = np.stack([last, ratio])
+        seen = [count_values(row, bins) for row, bins in zip(both, self.histogram, strict=True)]
+        ends = np.array([[one.least, one.greatest] for one in seen])
         full = len(self.worst_ratio) == self.worst
         rows = np.flatnonzero(ratio <= self.worst_ratio[-1]) if full else np.arange(len(ratio))
         if len(rows) > self.worst:  # no sorting of what cannot be among them
             rows = rows[ratio[rows] <= np.partition(ratio[rows], self.worst - 1)[self.worst - 1]]
-        if len(rows):
-            self._worst(start + rows if numbers is None else numbers[rows], last[rows], ratio[rows])
+        counts = np.array([len(last), seen[1].low, seen[1].high - seen[1].low])
+        value = np.take_along_axis(both, ends, axis=1)
+        self._join(counts, value, numbers[ends], numbers[rows], last[rows], ratio[rows])
 
     def record(self) -> Record:
         """Everything as arrays, histograms without their empty bins."""
@@ -138,27 +134,25 @@ class Tally:
 
     def join(self, record: Record) -> None:
         """Count what the tally of a record has seen, which `check` has judged."""
-        part: dict[str, Any] = {name: record[self.prefix + name] for name in _ARRAYS}
-        done, singular, near = part["counts"].tolist()
+        part: Any = [record[name] for name in self.names]
+        self._join(*part[:6])
+        for row, bins, counts in zip(self.histogram, part[6::2], part[7::2], strict=True):
+            row[bins] += counts
+
+    def _join(
+        self, counts: Ints, value: Array, index: Ints, where: Ints, sigma: Array, ratio: Array
+    ) -> None:
+        """Take the numbers, the extremes and the worst of a part."""
+        done, singular, near = counts.tolist()
         self.done += done
         self.singular += singular
         self.near += near
-        for k, name in enumerate(MEASURES):
-            self.histogram[k][part[f"{name}_bins"]] += part[f"{name}_counts"]
-            for column in (SMALLEST, LARGEST):
-                if part["index"][k, column] >= 0:
-                    value, index = part["value"][k, column], part["index"][k, column]
-                    self._extreme(k, column, float(value), int(index))
-        self._worst(part["worst_index"], part["worst_sigma"], part["worst_ratio"])
-
-    def _extreme(self, k: int, column: int, value: float, index: int) -> None:
-        known, at = self.value[k, column], self.index[k, column]
-        better = value < known if column == SMALLEST else value > known
-        if better or (value == known and (at < 0 or index < at)):
-            self.value[k, column], self.index[k, column] = value, index
-
-    def _worst(self, index: Counts, sigma: Array, ratio: Array) -> None:
-        index = np.concatenate([self.worst_index, index])
+        better = np.stack([value[:, 0] < self.value[:, 0], value[:, 1] > self.value[:, 1]], axis=1)
+        first = (value == self.value) & ((self.index < 0) | (index < self.index))
+        taken = (better | first) & (index >= 0)
+        self.value = np.where(taken, value, self.value)
+        self.index = np.where(taken, index, self.index)
+        index = np.concatenate([self.worst_index, where])
         sigma = np.concatenate([self.worst_sigma, sigma])
         ratio = np.concatenate([self.worst_ratio, ratio])
         order = np.lexsort((index, ratio))[: self.worst]
