@@ -76,56 +76,51 @@ def plot_loops(
     tell_of_limits(mechanism)
     inputs = typed_inputs(mechanism, configurations, deg)
     off_screen()
-    figure = _figure(mechanism, kind, inputs, bool(configurations), over, in_degrees(deg))
+    names = None if over is None else [name.strip() for name in over.split(",")]
+    figure = _figure(mechanism, kind, inputs, bool(configurations), names, in_degrees(deg))
     save_figure(figure, out, dpi=dpi, bbox_inches="tight", pad_inches=0.04)
 
 
 def _figure(
-    mechanism: Mechanism, kind: str, inputs: Array, asked: bool, over: str | None, deg: bool
+    mechanism: Mechanism,
+    kind: str,
+    inputs: Array,
+    asked: bool,
+    names: list[str] | None,
+    degrees: bool,
 ) -> Any:
     import matplotlib.pyplot as plt
 
     from pinsing.loops import assemblies, curves, find_singular, ranks
     from pinsing.loops.loop_forms import planar_dyad
-    from pinsing.plot.mechanism import (
-        draw_linkage,
-        input_map,
-        map_legend,
-        measure_curves,
-    )
+    from pinsing.plot import mechanism as draw
 
-    names = None if over is None else [n.strip() for n in over.split(",")]
     if kind == "modes":
-        from pinsing.plot.mechanism import mode_sheet
-
-        return mode_sheet(mechanism, inputs if asked else None, deg)
-    if kind == "map" and ranks(mechanism).mobility == 1:
-        from pinsing.plot.mechanism import motion_curve
-
-        OptionError.refuse_if(asked, "--q does not go with this map: all poses are on one curve")
-        return motion_curve(mechanism, names, deg).figure
-    if kind == "map" and (names is not None or planar_dyad(mechanism) is None):
-        from pinsing.plot.mechanism import pose_maps
-
-        start = assemblies(mechanism, inputs)[0].q if asked else None
-        return pose_maps(mechanism, names, deg, start)
+        return draw.mode_sheet(mechanism, inputs if asked else None, degrees)
     if kind == "map":
-        OptionError.refuse_if(asked, "--q does not go with this map: this map is over all inputs")
+        one_freedom = ranks(mechanism).mobility == 1
+        if not one_freedom and (names is not None or planar_dyad(mechanism) is None):
+            start = assemblies(mechanism, inputs)[0].q if asked else None
+            return draw.pose_maps(mechanism, names, degrees, start)
+        why = "all poses are on one curve" if one_freedom else "this map is over all inputs"
+        OptionError.refuse_if(asked, f"--q does not go with this map: {why}")
+        if one_freedom:
+            return draw.motion_curve(mechanism, names, degrees).figure
         figure, axes = plt.subplots(1, 2, figsize=(11, 6.2))
         for ax, sign in zip(axes, "+-", strict=True):
-            input_map(mechanism, sign, ax, degrees=deg)
-            map_legend(ax, mechanism)
+            draw.input_map(mechanism, sign, ax, degrees=degrees)
+            draw.map_legend(ax, mechanism)
     elif kind == "curves":
         count = len(mechanism.inputs)
         figure, grid = plt.subplots(1, count, figsize=(5.2 * count, 4), squeeze=False)
         for k, ax in enumerate(grid[0]):
             found = curves(mechanism, inputs, k)
-            measure_curves(mechanism, found, find_singular(mechanism, found), ax, deg)
+            draw.measure_curves(mechanism, found, find_singular(mechanism, found), ax, degrees)
     else:
         modes = assemblies(mechanism, inputs)
         figure, grid = plt.subplots(1, len(modes), figsize=(4.8 * len(modes), 4.8), squeeze=False)
         for ax, mode in zip(grid[0], modes, strict=True):
-            draw_linkage(mechanism, mode.q, ax)
+            draw.draw_linkage(mechanism, mode.q, ax)
             ax.set_title(mode.mode)
     figure.tight_layout()
     return figure
@@ -258,78 +253,54 @@ def plot_command(
     joints = None if over is None else list(joint_names(arm, over))
     off_screen()
     vectors = [joint_vector(arm, text, "--q", deg) for text in configurations]
+    q = vectors[0] if vectors else None
     held = dict(_fixed(arm, text, deg) for text in fixed)
-    if kind == "locus":
-        axes = _locus(arm, families[0], vectors, joints, each, ignore_limits, deg)
-    else:
-        shown = _families(arm, families) if families else None
-        drawn = in_degrees(deg)
-        axes = _draw(
-            kind, arm, vectors, joints, held, shown, ignore_limits, motions, measure, drawn
-        )
-    save_figure(axes.figure, out, dpi=dpi, bbox_inches="tight", pad_inches=0.04)
-
-
-def _draw(
-    kind: str,
-    arm: Arm,
-    vectors: list[Array],
-    joints: list[str] | None,
-    held: dict[str, float],
-    families: list[Family] | None,
-    ignore_limits: bool,
-    motions: Any,
-    measure: Any,
-    deg: bool,
-) -> Any:
-    import numpy as np
-
+    shown = _families(arm, families) if families else None
+    degrees = in_degrees(deg)
+    plane: dict[str, Any] = {"q": q, "ignore_limits": ignore_limits, "degrees": degrees}
     from pinsing import plot
 
-    q = vectors[0] if vectors else None
     if kind == "map":
-        assert joints is not None
-        return plot.sigma_plane(
-            arm,
-            joints[0],
-            joints[1],
-            q=q,
-            families=families,
-            measure=measure,
-            ignore_limits=ignore_limits,
-            degrees=deg,
-        )
-    if kind == "aspects":
-        assert joints is not None
-        return plot.aspect_plane(
-            arm, joints[0], joints[1], q=q, ignore_limits=ignore_limits, degrees=deg
-        )
-    if kind == "solutions":
-        return plot.inverse_count(arm, limits=not ignore_limits)
-    if kind == "ellipsoids":
+        axes = plot.sigma_plane(arm, *(joints or ()), families=shown, measure=measure, **plane)  # type: ignore[arg-type]
+    elif kind == "aspects":
+        axes = plot.aspect_plane(arm, *(joints or ()), **plane)
+    elif kind == "locus":
+        third, values = (None, None) if each is None else _joint_values(arm, each, "--each", deg)
+        family = _only(shown or [], families[0])
+        axes = plot.locus(arm, family, *(joints or ()), third=third, values=values, **plane)
+    elif kind == "solutions":
+        axes = plot.inverse_count(arm, limits=not ignore_limits)
+    elif kind == "workspace":
+        axes = plot.workspace(arm, measure=measure)  # type: ignore[arg-type]
+    elif kind == "along":
+        from pinsing.families.solve import form_to_measure
+
+        axes = plot.sigma_along(arm, _way(vectors), forms=form_to_measure(arm), degrees=degrees)
+    elif kind == "ellipsoids":
         from pinsing.kinematics.at import at
         from pinsing.plot.plane import regular_configuration
 
-        return plot.ellipsoids(
-            at(arm, regular_configuration(arm) if q is None else q), motions=motions, arm=arm
-        )
-    if kind == "along":
-        stations = np.array(vectors)
-        part = np.linspace(0, len(stations) - 1, _STEPS)
-        place = np.arange(len(stations))
-        way = np.stack([np.interp(part, place, column) for column in stations.T], axis=1)
-        from pinsing.families.solve import form_to_measure
+        state = at(arm, regular_configuration(arm) if q is None else q)
+        axes = plot.ellipsoids(state, motions=motions, arm=arm)  # type: ignore[arg-type]
+    else:
+        from pinsing.sampling.sweep_run import sweep
 
-        return plot.sigma_along(arm, way, forms=form_to_measure(arm), degrees=deg)
-    if kind == "workspace":
-        return plot.workspace(arm, measure=measure)
-    from pinsing.sampling.sweep_run import sweep
+        chosen: dict[str, Any] = {"levels": (max(len(held), 1),), "ignore_limits": ignore_limits}
+        if held:
+            special = {name: (x,) for name, x in held.items()}
+            chosen |= {"special": special, "joints": tuple(arm.joints)}
+        result = sweep(arm, nominal=q, prune=False, **chosen)
+        axes = plot.sigma_curves(result, fixed=held, moving=joints, degrees=degrees, arm=arm)
+    save_figure(axes.figure, out, dpi=dpi, bbox_inches="tight", pad_inches=0.04)
 
-    chosen: dict[str, Any] = {"levels": (max(len(held), 1),), "ignore_limits": ignore_limits}
-    if held:
-        chosen |= {"special": {name: (x,) for name, x in held.items()}, "joints": tuple(arm.joints)}
-    result = sweep(arm, nominal=q, prune=False, **chosen)
-    return plot.sigma_curves(result, fixed=held, moving=joints, degrees=deg, arm=arm)
+
+def _way(stations: list[Array]) -> Array:
+    """Straight joint motions from each configuration to the next, (N, n)."""
+    import numpy as np
+
+    part = np.linspace(0, len(stations) - 1, _STEPS)
+    columns = np.transpose(stations)
+    return np.stack([np.interp(part, np.arange(len(stations)), x) for x in columns], axis=1)
 
 
 def _families(arm: Arm, names: tuple[str, ...]) -> list[Family]:
@@ -340,32 +311,11 @@ def _families(arm: Arm, names: tuple[str, ...]) -> list[Family]:
     return list(watch(closed_form(arm, prove=False), names).families)
 
 
-def _locus(
-    arm: Arm,
-    name: str,
-    vectors: list[Array],
-    joints: list[str] | None,
-    each: str | None,
-    ignore_limits: bool,
-    deg: bool,
-) -> Any:
-    from pinsing import plot
-
-    family, *more = _families(arm, (name,))
-    if more:
-        names = " or ".join(f.name for f in (family, *more))
-        raise OptionError(f"several families are called {name!r}: choose {names}")
-    third, values = (None, None) if each is None else _joint_values(arm, each, "--each", deg)
-    return plot.locus(
-        arm,
-        family,
-        *(joints or ()),
-        q=vectors[0] if vectors else None,
-        third=third,
-        values=values,
-        ignore_limits=ignore_limits,
-        degrees=in_degrees(deg),
-    )
+def _only(found: list[Family], name: str) -> Family:
+    """The one family of a name or title."""
+    names = " or ".join(family.name for family in found)
+    OptionError.refuse_if(len(found) > 1, f"several families are called {name!r}: choose {names}")
+    return found[0]
 
 
 def _fixed(arm: Arm, text: str, deg: bool) -> tuple[str, float]:
