@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
-from itertools import compress, cycle
+from itertools import compress, cycle, product
 from typing import Any, Literal
 
 import numpy as np
@@ -108,24 +108,20 @@ def sigma_plane(
     >>> axes.get_legend().get_texts()[0].get_text()
     'F1: q2 = 0° or 180°'
     """
-    plane = a, b = two_joints(arm, joint_a, joint_b, samples)
+    plane, Q = two_joints(arm, joint_a, joint_b, q, samples, ignore_limits)
     families = tuple(closed_form(arm, prove=False).families if families is None else families)
-    base = regular_configuration(arm) if q is None else arm.check_one(q)
-    Q = plane_of(arm, plane, base, samples, ignore_limits)
     values, what, unit = _measured(arm, Q.reshape(-1, arm.n), measure, families)
 
     ax = new_axes(3.6) if ax is None else ax
-    shown = values.reshape(samples, samples)
     mesh = ax.pcolormesh(
-        Q[0, :, a], Q[:, 0, b], shown, cmap="cividis", shading="nearest", rasterized=True, vmin=0
-    )
+        *_sides(Q, plane), values.reshape(samples, samples), cmap="cividis", shading="nearest",
+        rasterized=True, vmin=0,
+    )  # fmt: skip
     # Above, where it leaves the map and the legend the whole width.
     bar = ax.figure.colorbar(mesh, ax=ax, location="top", pad=0.02, aspect=34, shrink=0.96)
     bar.set_label(what + unit, fontsize=SMALL + 1)
     bar.ax.tick_params(labelsize=SMALL)
-    styles = zip(cycle(_LINES), cycle(DASHES), strict=False)
-    for family in families:
-        color, dash = next(styles)
+    for family, color, dash in zip(families, cycle(_LINES), cycle(DASHES), strict=False):
         draw_family(ax, family, Q, plane, family_label(family), color=color, dash=dash)
     label_plane(ax, arm, Q, plane, plane, degrees)
     legend_below(ax, 1, left=True)
@@ -154,23 +150,31 @@ def _measured(
     return np.degrees(two_sided(conditions, Q).lower), f"{what}, at least", " [deg]"
 
 
-def two_joints(arm: Arm, joint_a: str, joint_b: str, samples: int) -> tuple[int, int]:
-    """Indices of two joints, which must differ; a number of samples is checked as well."""
-    a, b = arm.space.index(joint_a), arm.space.index(joint_b)
-    OptionError.refuse_if(a == b, "a map needs two different joints")
-    whole_number(samples, "samples", 2, 2000)
-    return a, b
+def two_joints(
+    arm: Arm, joint_a: str, joint_b: str, q: ArrayLike | None, samples: int, ignore_limits: bool
+) -> tuple[tuple[int, int], Array]:
+    """Indices of two joints, which must differ, and `plane_of` them at q or a regular place."""
+    plane = arm.space.index(joint_a), arm.space.index(joint_b)
+    OptionError.refuse_if(plane[0] == plane[1], "a map needs two different joints")
+    base = regular_configuration(arm) if q is None else arm.check_one(q)
+    return plane, plane_of(arm, plane, base, samples, ignore_limits)
 
 
 def plane_of(
     arm: Arm, plane: tuple[int, int], base: Array, samples: int, ignore_limits: bool
 ) -> Array:
     """A grid (k, k, n) over two joints: the first along the second axis, the other at ``base``."""
+    whole_number(samples, "samples", 2, 2000)
     lower, upper = arm.space.range(ignore_limits)
     Q = np.tile(base, (samples, samples, 1))
     x, y = (np.linspace(lower[j], upper[j], samples) for j in plane)
     Q[..., plane[0]], Q[..., plane[1]] = x[None, :], y[:, None]
     return Q
+
+
+def _sides(Q: Array, plane: tuple[int, int]) -> tuple[Array, Array]:
+    """Values (k,) of both joints of a grid."""
+    return Q[0, :, plane[0]], Q[:, 0, plane[1]]
 
 
 def label_plane(
@@ -238,37 +242,43 @@ def _draw_branch(
     ax: Axes, branch: Branch, prismatic: Bool, Q: Array, plane: tuple[int, int], line: Any
 ) -> bool:
     """Draw where a branch meets a plane: a curve, straight lines, or points; tell if it does."""
-    a, b = plane
-    x, y = Q[0, :, a], Q[:, 0, b]
     met = _in_plane(branch, Q, plane, prismatic)
     if met is None:
         return False
     free, equations = met
-    xs, ys = (_copies(free.get(j), axis, bool(prismatic[j])) for j, axis in ((a, x), (b, y)))
-    color, dash = line["color"], line["linestyle"]
-    if xs is None and ys is None:
+    sides = _sides(Q, plane)
+    if not free:
         # Everything, or points, is nothing that a line could show.
         level = equations[0](Q) if len(equations) == 1 else np.ones(1)
         crossed = bool(level.min() * level.max() <= 0)
         if crossed:
-            ax.contour(x, y, level, levels=[0.0], linewidths=1.3, colors=color, linestyles=[dash])
+            dash = [line["linestyle"]]
+            ax.contour(
+                *sides, level, levels=[0.0], linewidths=1.3, colors=line["color"], linestyles=dash
+            )
         return crossed
-    points = np.zeros((0, 2))
-    if xs is not None and ys is not None:
-        points = np.array([(u, v) for u in xs for v in ys if not equations]).reshape(-1, 2)
-    elif not equations:
-        for value in xs or ys or ():
-            (ax.axhline if xs is None else ax.axvline)(value, **line)
-        return bool(xs or ys)
+    at = {
+        k: _copies(free[j], side, bool(prismatic[j]))
+        for k, (j, side) in enumerate(zip(plane, sides, strict=True))
+        if j in free
+    }
+    if len(at) == 2:
+        points = [] if equations else list(product(at[0], at[1]))
     else:
-        fixed, other, axis = (b, a, x) if xs is None else (a, b, y)
-        for value in xs or ys or ():
-            met_at = _zeros(equations[0], Q[0, 0], fixed, value, other, axis)
-            pair = (met_at, np.full(len(met_at), value))
-            points = np.append(points, np.stack(pair if xs is None else pair[::-1], axis=1), axis=0)
-    if len(points):
-        ax.plot(*points.T, "o", color=color, markersize=4)
-    return bool(len(points))
+        ((k, values),) = at.items()
+        if not equations:
+            for value in values:
+                (ax.axhline if k else ax.axvline)(value, **line)
+            return bool(values)
+        other, side = plane[1 - k], sides[1 - k]
+        points = [
+            (x, value) if k else (value, x)
+            for value in values
+            for x in _zeros(equations[0], Q[0, 0], plane[k], value, other, side).tolist()
+        ]
+    if points:
+        ax.plot(*np.transpose(points), "o", color=line["color"], markersize=4)
+    return bool(points)
 
 
 def fills_plane(family: Family, Q: Array, plane: tuple[int, int]) -> bool:
@@ -296,10 +306,8 @@ def _in_plane(
     )
 
 
-def _copies(value: float | None, axis: Array, slides: bool) -> list[float] | None:
-    """A value and its copies a whole turn away, within the axis; None if there is no value."""
-    if value is None:
-        return None
+def _copies(value: float, axis: Array, slides: bool) -> list[float]:
+    """A value and its copies a whole turn away, within the axis."""
     turns = [0.0] if slides else (2 * np.pi * np.arange(-2, 3)).tolist()
     return [value + t for t in turns if axis[0] - 1e-9 <= value + t <= axis[-1] + 1e-9]
 
@@ -499,13 +507,13 @@ def aspect_plane(
     >>> len(axes.get_legend().get_texts())
     2
     """
-    plane = a, b = two_joints(arm, joint_a, joint_b, samples)
+    plane, Q = two_joints(arm, joint_a, joint_b, q, samples, ignore_limits)
     found = aspects_of(closed_form(arm) if forms is None else forms, not ignore_limits)
-    base = regular_configuration(arm) if q is None else arm.check_one(q)
-    Q = plane_of(arm, plane, base, samples, ignore_limits)
-    x, y = Q[0, :, a], Q[:, 0, b]
     numbers = _numbers(found, Q)
-    named, others = _named(numbers)
+    # The largest aspects have a colour of their own.
+    seen, size = np.unique(numbers[numbers > 0], return_counts=True)
+    largest = np.argsort(-size, kind="stable")[: len(_COLOURS)]
+    named, others = np.sort(seen[largest]).tolist(), len(seen) - len(largest)
     names = [", ".join(found[k - 1].names) if k <= len(found) else "" for k in named]
     lines = [f"aspect {k}" + f": {x}" * bool(x) for k, x in zip(named, names, strict=True)]
     lines += [f"and {others} more"] * (others > 0)
@@ -519,28 +527,24 @@ def aspect_plane(
     for k, number in enumerate(named):
         shown[numbers == number] = k
     shown[numbers <= 0] = np.nan
+    sides = _sides(Q, plane)
     ax.pcolormesh(
-        x, y, shown, cmap=ListedColormap(colours), vmin=-0.5, vmax=len(colours) - 0.5,
+        *sides, shown, cmap=ListedColormap(colours), vmin=-0.5, vmax=len(colours) - 0.5,
         shading="nearest", rasterized=True,
     )  # fmt: skip
     edge = (np.diff(numbers, axis=0, append=numbers[-1:]) != 0) | (
         np.diff(numbers, axis=1, append=numbers[:, -1:]) != 0
     )
     line = np.where(edge, 1.0, np.nan)
-    ax.pcolormesh(x, y, line, cmap=ListedColormap(["#222222"]), shading="nearest", rasterized=True)
+    ax.pcolormesh(
+        *sides, line, cmap=ListedColormap(["#222222"]), shading="nearest", rasterized=True
+    )
     label_plane(ax, arm, Q, plane, plane, degrees)
     shades = colours if others else colours[:-1]
     for text, colour in zip(lines, shades + ["white"] * untold, strict=True):
         ax.plot([], [], "s", color=colour, markeredgecolor="#888888", label=text)
     legend_below(ax, columns, left=True)
     return ax
-
-
-def _named(numbers: Ints) -> tuple[list[int], int]:
-    """The aspects that have a colour of their own, the largest ones; and how many others."""
-    seen, size = np.unique(numbers[numbers > 0], return_counts=True)
-    largest = np.argsort(-size, kind="stable")[: len(_COLOURS)]
-    return np.sort(seen[largest]).tolist(), max(0, len(seen) - len(_COLOURS))
 
 
 def _numbers(found: Aspects, Q: Array) -> Ints:
